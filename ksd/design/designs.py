@@ -1,15 +1,20 @@
-"""Many designs in threads: those of equal words are packed together, and solved one after the other in one storage."""
+"""Many designs in threads: those of equal words are packed together, and solved one after the other in one storage.
+
+What is done in Python is done step by step, each of all designs before the next: a tenth faster, as its code is then in the
+cache of the processor.
+"""
 
 from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from ksd.bodies.freedom import check_freedoms
 from ksd.bodies.joints import body_design, check_drawing, layout_of
 from ksd.design.plan import scene_of
 from ksd.design.prepared import Found, Prepared, answer_together
@@ -24,21 +29,34 @@ from ksd.model.template import Template, template_of
 from ksd.scene import Scene
 from ksd.solve.five import FiveSteps
 
+S = TypeVar("S")
+T = TypeVar("T")
 Maker = Callable[[], Scene]
 CHUNK = 64
 """Designs whose numbers are computed together."""
 
 
 class _Design(NamedTuple):
-    """Design `number` of a chunk: as it was described, which effects are simulated, the scene with them, drawing, and shape
+    """A design as it was described, which effects are simulated, the scene with them, drawing, its template, and shape
     parameters of its different joints."""
 
-    number: int
     said: Scene
     choice: Choice
     scene: Scene
     drawing: Drawing
+    template: Template
     shapes: list[Mapping[str, float]]
+
+
+def _each(step: Callable[[S], T], numbered: Iterable[tuple[int, S]], found: list[Any]) -> list[tuple[int, T]]:
+    """What `step` makes of everything numbered; `found` takes the KsdErrors of what it stops at."""
+    made = []
+    for number, item in numbered:
+        try:
+            made.append((number, step(item)))
+        except KsdError as reason:
+            found[number] = reason
+    return made
 
 
 class Designs:
@@ -70,21 +88,20 @@ class Designs:
     def _chunk(self, makers: Sequence[Maker]) -> list[Any]:
         """Some designs in one thread."""
         found: list[Any] = [None] * len(makers)
-        alike: dict[Template, list[_Design]] = {}
-        for number, maker in enumerate(makers):
-            try:
-                said = maker()
-                choice = choose(said, self.mesh)
-                scene, mesh = applied(said, self.mesh, choice)
-                drawing = draw(scene, mesh)
-                shapes = self._shapes(drawing)
-                template = template_of(drawing.words, mesh)
-                alike.setdefault(template, []).append(_Design(number, said, choice, scene, drawing, shapes))
-            except KsdError as reason:
-                found[number] = reason
+        scenes = _each(lambda maker: maker(), enumerate(makers), found)
+        alike: dict[Template, list[tuple[int, _Design]]] = {}
+        for number, design in _each(self._drawn, scenes, found):
+            alike.setdefault(design.template, []).append((number, design))
         for template, designs in alike.items():
             self._solve_alike(template, designs, found)
         return found
+
+    def _drawn(self, said: Scene) -> _Design:
+        """A scene with its effects, drawn."""
+        choice = choose(said, self.mesh)
+        scene, mesh = applied(said, self.mesh, choice)
+        drawing = draw(scene, mesh)
+        return _Design(said, choice, scene, drawing, template_of(drawing.words, mesh), self._shapes(drawing))
 
     def _shapes(self, drawing: Drawing) -> list[Mapping[str, float]]:
         """Shape parameters of the different joints; RangeError outside their trained ranges, RecordError for a joint drawn
@@ -103,33 +120,38 @@ class Designs:
             self._records[family] = find_record(family)
         return self._records[family]
 
-    def _solve_alike(self, template: Template, designs: list[_Design], found: list[Any]) -> None:
+    def _solve_alike(self, template: Template, numbered: list[tuple[int, _Design]], found: list[Any]) -> None:
         """Designs of one template: their numbers together, then one after the other."""
+        designs = [one for _, one in numbered]
         try:
             layout = layout_of(template, designs[0].drawing.joints, self._record)
         except KsdError as reason:
-            for one in designs:
-                found[one.number] = reason
+            for number, _ in numbered:
+                found[number] = reason
             return
         numbers = template.numbers([one.drawing.numbers for one in designs])
         filled = template(numbers)
         shapes = list(zip(*(one.shapes for one in designs), strict=True))
-        bodies = layout(numbers, filled, shapes, extrapolate=self.extrapolate)
+        together = layout(numbers, filled, shapes, extrapolate=self.extrapolate)
+        models = [
+            model_of(one.scene, template, filled, numbers, d, said=one.said, choice=one.choice)
+            for d, one in enumerate(designs)
+        ]
+        bodies = [body_design(layout, together, d) for d in range(len(designs))]
+        places = [(number, d) for d, (number, _) in enumerate(numbered)]
+        fits = _each(lambda d: (d, check_freedoms(models[d], bodies[d])), places, found)
         mine = self._own.__dict__
         state = mine["state"] if mine.get("layout") is layout else None
-        for d, one in enumerate(designs):
+        for number, (d, fit) in fits:
             try:
-                model = model_of(one.scene, template, filled, numbers, d, said=one.said, choice=one.choice)
-                five = FiveSteps(
-                    model, body_design(layout, bodies, d), extrapolate=self.extrapolate, state=state
-                )
+                five = FiveSteps(models[d], bodies[d], extrapolate=self.extrapolate, state=state, fit=fit)
                 state = five.storage.state
-                found[one.number] = Prepared(five, **self.ways)(self.values)
+                found[number] = Prepared(five, **self.ways)(self.values)
             except KsdError as reason:
-                found[one.number] = reason
+                found[number] = reason
         mine.update(layout=layout, state=state)
         if self.ways.get("asked") is not None:
-            good = [found[one.number] for one in designs if isinstance(found[one.number], Found)]
+            good = [found[number] for number, _ in fits if isinstance(found[number], Found)]
             answer_together(good, self.ways["asked"])
 
 

@@ -49,15 +49,16 @@ YIELDING = 0.03
 class FiveSteps:
     """Call with drive values; storage is used again each time, so not from two threads at once.
 
-    fit: how intended motions fit together; where they do not, step 1 leaves a larger gap, which the leaf springs take up.
-    Raises KinematicsError where drives and supports do not hold every freedom once.
+    fit: how intended motions fit together, looked at when None; where they do not, step 1 leaves a larger gap, which the
+    leaf springs take up. Raises KinematicsError where drives and supports do not hold every freedom once.
     """
 
     def __init__(
-        self, model: Model, bodies: JointBodies, *, extrapolate: bool, state: SpaceState | None = None
-    ) -> None:
+        self, model: Model, bodies: JointBodies, *, extrapolate: bool, state: SpaceState | None = None,
+        fit: Fit | None = None,
+    ) -> None:  # fmt: skip
         self.model, self.extrapolate = model, extrapolate
-        self.fit: Fit = check_freedoms(model, bodies)
+        self.fit = check_freedoms(model, bodies) if fit is None else fit
         self.gap = GAP if self.fit.exact else YIELDING
         self.storage = FiveStepsStorage(model, bodies, state)
         self._expected = len(model.drive_names) + len(model.support_names)
