@@ -482,8 +482,11 @@ def _leaf_shape(model: Model, motion: Motion, name: str, members: list[int], poi
         [np.concatenate([line[c][kept[k]] for k, line in enumerate(ls)]) for c in (1, 2)] for ls in lines
     ]
     s = np.concatenate([line[0][kept[k]] + at[k] for k, line in enumerate(lines[0])])
-    sections = [leaf.section if leaf.profile is None else leaf.profile.section(float(x)) for x in s / s[-1]]
-    thickness, width = np.array([extents(q) for q in sections]).T
+    # where the profile has a step both sides take room
+    sections = [
+        (leaf.section,) if leaf.profile is None else leaf.profile.sides(x) for x in (s / s[-1]).tolist()
+    ]
+    thickness, width = np.array([np.max([extents(q) for q in sides], axis=0) for sides in sections]).T
     (rest, rest_axes), (place, axes) = joined
     return LeafShape(name, s, rest, place, rest_axes, axes, width, thickness)
 

@@ -31,7 +31,8 @@ from ksd.properties.forces import SectionForces, forces_along, section_forces, s
 from ksd.properties.leaf_groups import LeafGroup, elastic, leaf_groups, own_gravity
 from ksd.properties.shape import member_ends, member_parts, members_of_leaves, scene_leaves, strain_curves
 from ksd.properties.words import ByName, Named, Shown, number
-from ksd.section.constants import extents
+from ksd.scene.profile import Profile
+from ksd.section.constants import Section, extents
 
 Array = NDArray[np.float64]
 POINTS = 25
@@ -192,12 +193,17 @@ def _stations(sections: tuple[Any, ...]) -> tuple[Array, ...]:
     return y, z, *sizes, *(np.moveaxis(v, 2, 0)[:, None] for v in shear)
 
 
+def _weaker(profile: Profile, s: float) -> Section:
+    """The section at fraction s, on a step that of the side with less to bear bending with."""
+    return min(profile.sides(s), key=lambda q: q.Iz / extents(q)[0])
+
+
 def _leaf_stresses(forces: list[SectionForces], leaf: Any) -> list[LeafStress]:
     """Stress of leaf springs with the section, or the profile, of `leaf`, all with the same stations."""
     profile, s = getattr(leaf, "profile", None), forces[0].s
-    # a station on a step of the profile takes the section just inside
-    at = np.clip(s / s[-1], 1e-9, 1 - 1e-9)
-    sections = (leaf.section,) if profile is None else tuple(profile.section(float(x)) for x in at)
+    sections = (
+        (leaf.section,) if profile is None else tuple(_weaker(profile, x) for x in (s / s[-1]).tolist())
+    )
     stations = _stations(sections)
     outlined = any(q.outline is not None for q in sections)
     parts = _stresses(np.array([f.values for f in forces]), stations, outlined=outlined)

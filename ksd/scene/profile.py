@@ -23,6 +23,8 @@ from ksd.section import Section, rectangle
 
 STEPS = 60
 """Steps by which the line of a curve is integrated, and twice as many."""
+SIDE = 1e-9
+"""Fraction of the length by which a section is beside a step: on it, rounding would choose a side."""
 
 
 class Profile(metaclass=Worded):
@@ -33,6 +35,12 @@ class Profile(metaclass=Worded):
     def section(self, s: float) -> Section:
         """The section at fraction s of the arc length."""
         raise NotImplementedError
+
+    def sides(self, s: float) -> tuple[Section, ...]:
+        """The section at fraction s, just inside the leaf; where it has a kink or a step there those on both sides."""
+        near = any(abs(s - b) < SIDE for b in self.breaks)
+        places = (s - SIDE, s + SIDE) if near else (min(max(s, SIDE), 1.0 - SIDE),)
+        return tuple(map(self.section, places))
 
 
 def _positive(profile: Profile, *lengths: str) -> None:
