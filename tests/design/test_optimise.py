@@ -400,7 +400,7 @@ def test_what_worker_processes_cannot_be_sent_is_told_in_words():
         for call in (
             lambda: ksd.optimise(nameless, starts=2, executor=pool),
             lambda: ksd.choose({"one": nameless}, executor=pool),
-            lambda: ksd.batch(lambda **p: None, designs=[{"length": 0.1}], turn=0.1, executor=pool),
+            lambda: ksd.batch(lambda **p: pivot(**p), designs=[BEST], turn=0.1, executor=pool),
         ):
             with pytest.raises(ksd.SceneError, match=said):
                 call()
