@@ -83,19 +83,19 @@ def make_modes(
         return values if shape is None else values * shape(x)[axis]
 
     edges = np.concatenate([[0.0], s, [1.0]])
-    gaps = np.empty((len(s) + 1, 3, sum(orders)))
-    energy = np.zeros((sum(orders), sum(orders)))
-    for g, (a, b) in enumerate(pairwise(edges)):
-        # a gap across a break is cut there, since modes may jump
-        cuts = [(c - a) / (b - a) for c in breaks if a < c < b]
-        x, w, _ = _quadrature(12, (0.0, *cuts, 1.0))
-        plain = legendre_modes(orders, a + (b - a) * x)
-        values = shaped(a + (b - a) * x, plain) * (b - a)
-        energy += (plain * w) @ values.T
-        # of Legendre's expansion: the mean, and what multiplies t and t^2 from the middle
-        t = 2.0 * x - 1.0
-        gaps[g] = np.stack([w, 6.0 * w * t, 15.0 * w * (3.0 * t * t - 1.0)]) @ values.T
-    return Modes(s, weight, integral, shaped(s, legendre_modes(orders, s)), gaps, energy)
+    # a gap across a break is cut there, since modes may jump
+    cuts = np.unique(np.concatenate([edges, breaks]))
+    x, w, _ = _quadrature(12, (0.0, 1.0))
+    at = (cuts[:-1, None] + np.diff(cuts)[:, None] * x).ravel()
+    plain = legendre_modes(orders, at)
+    values = shaped(at, plain) * (np.diff(cuts)[:, None] * w).ravel()
+    gap = np.searchsorted(edges, at) - 1
+    # of Legendre's expansion over a gap: the mean, and what multiplies t and t^2 from the middle
+    t = 2.0 * (at - edges[gap]) / np.diff(edges)[gap] - 1.0
+    expansion = np.stack([np.ones(len(t)), 6.0 * t, 15.0 * (3.0 * t * t - 1.0)])
+    gaps = np.add.reduceat(expansion * values[:, None], np.searchsorted(gap, np.arange(len(s) + 1)), axis=2)
+    basis = shaped(s, legendre_modes(orders, s))
+    return Modes(s, weight, integral, basis, np.ascontiguousarray(gaps.transpose(2, 1, 0)), plain @ values.T)
 
 
 @lru_cache(maxsize=64)

@@ -33,6 +33,7 @@ from ksd.model.runs import own_factor
 from ksd.scene.leaf import Condition
 from ksd.scene.profile import Curve, CurvePart, ProfilePart
 from ksd.section import Section
+from ksd.section.constants import Sections
 from ksd.section.plate import plate_factor
 
 PANELS = 8
@@ -58,7 +59,7 @@ def leaf_axes(start: np.ndarray, end: np.ndarray, width: np.ndarray) -> np.ndarr
     return axes
 
 
-def factors(section: Section, leaf: Any, mesh: Mesh) -> tuple[float, float]:
+def factors(section: Any, leaf: Any, mesh: Mesh) -> tuple[float, float]:
     """What restrained warping multiplies GJ by, and plate stiffening E Iz, in one section of a leaf."""
     torsion, plate = 1.0, 1.0
     if mesh.warping and section.Iw > 0.0:
@@ -69,10 +70,16 @@ def factors(section: Section, leaf: Any, mesh: Mesh) -> tuple[float, float]:
     return torsion, plate
 
 
-def rigidities(section: Section, leaf: Any, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """(GJ, EIy, EIz) [N m^2] and (1/EA, 1/(ky GA), 1/(kz GA)) [1/N] of one section of a leaf."""
+def rigidities(section: Section | Sections, leaf: Any, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """(GJ, EIy, EIz) [N m^2] and (1/EA, 1/(ky GA), 1/(kz GA)) [1/N] of one section of a leaf; (3, k) each of many."""
     E, G = leaf.material.E, leaf.material.G
-    torsion, plate = factors(section, leaf, mesh)
+    torsion: Any = 1.0
+    plate: Any = 1.0
+    if isinstance(section, Section):
+        torsion, plate = factors(section, leaf, mesh)
+    elif mesh.warping or mesh.plate:
+        each = map(Sections._make, zip(*section, strict=True))
+        torsion, plate = np.array([factors(one, leaf, mesh) for one in each]).T
     stiff = np.array([torsion * G * section.J, E * section.Iy, plate * E * section.Iz])
     shear = np.array([1.0 / (section.ky * G * section.A), 1.0 / (section.kz * G * section.A)])
     return stiff, np.concatenate([[1.0 / (E * section.A)], shear if mesh.shear else 0.0 * shear])
@@ -218,7 +225,7 @@ def leaf_modes(leaf: Any, mesh: Mesh) -> Modes:
     nominal, _ = rigidities(leaf.section, leaf, mesh)
 
     def softness(s: np.ndarray) -> np.ndarray:
-        return np.array([nominal / rigidities(leaf.profile.section(float(x)), leaf, mesh)[0] for x in s]).T
+        return np.asarray(nominal[:, None] / rigidities(leaf.profile.sections(s), leaf, mesh)[0])
 
     return make_modes(orders, max(6, max(orders) // 2), breaks=(0.0, *inner, 1.0), shape=softness)
 
@@ -228,7 +235,7 @@ def line_mass(leaf: Any, s: np.ndarray) -> np.ndarray:
     density = leaf.material.density or 0.0
     if leaf.profile is None:
         return np.full(len(s), density * leaf.section.A)
-    return density * np.array([leaf.profile.section(float(x)).A for x in s])
+    return np.asarray(density * leaf.profile.sections(s).A)
 
 
 @lru_cache(maxsize=512)
@@ -240,7 +247,7 @@ def _strain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
     if leaf.profile is not None or leaf.curve is not None:
         words["modes"] = modes = leaf_modes(leaf, mesh)
         if leaf.profile is not None:
-            soft = np.array([rigidities(leaf.profile.section(float(s)), leaf, mesh)[1] for s in modes.s])
+            soft = rigidities(leaf.profile.sections(modes.s), leaf, mesh)[1].T
         if leaf.curve is not None:
             words["amplitudes"] = _fitted(leaf, modes, orders)
     mass = 0.0

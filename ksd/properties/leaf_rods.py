@@ -159,12 +159,9 @@ def _sampled(leaf: Any, mesh: Any, heavy: bool, count: int) -> tuple[Array, Arra
     rod = np.zeros((len(s), ROD))
     if leaf.curve is not None:
         rod[:, :3] = leaf.curve.curvatures(s)
-    if leaf.profile is None:
-        stiff, soft = rigidities(leaf.section, leaf, mesh)
-        rod[:, 3:6], rod[:, 6:9] = 1.0 / stiff, soft
-    else:
-        pairs = [rigidities(leaf.profile.section(float(x)), leaf, mesh) for x in s]
-        rod[:, 3:6], rod[:, 6:9] = 1.0 / np.array([p[0] for p in pairs]), [p[1] for p in pairs]
+    section = leaf.section if leaf.profile is None else leaf.profile.sections(s)
+    stiff, soft = rigidities(section, leaf, mesh)
+    rod[:, 3:6], rod[:, 6:9] = 1.0 / stiff.T, soft.T
     if heavy:
         rod[:, 9] = line_mass(leaf, s)
     return leaf.length * share, rod.reshape(-1, len(NODES), ROD)

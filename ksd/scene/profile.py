@@ -14,13 +14,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ksd.checks import Worded, between, number, positive, show
 from ksd.errors import SceneError
 from ksd.scene.curves import Bend, Legendre, Sine, Spline, legendre_shape, numbers, sine_shape, spline_shape
 from ksd.section import Section, rectangle
+from ksd.section.closed_forms import rectangles
+from ksd.section.constants import Sections
 
+Array = NDArray[np.float64]
 STEPS = 60
 """Steps by which the line of a curve is integrated, and twice as many."""
 SIDE = 1e-9
@@ -42,6 +45,27 @@ class Profile(metaclass=Worded):
         places = (s - SIDE, s + SIDE) if near else (min(max(s, SIDE), 1.0 - SIDE),)
         return tuple(map(self.section, places))
 
+    def sections(self, s: Array) -> Sections:
+        """Those at fractions s (k,)."""
+        found = [self.section(x) for x in s.tolist()]
+        return Sections(*np.array([[getattr(q, name) for q in found] for name in Sections._fields]))
+
+
+class _Rectangles(Profile):
+    """Base of profiles whose sections are rectangles: `sizes(s)`, thickness and width [m] at fractions s (k,)."""
+
+    def sizes(self, s: Array) -> tuple[Array, Array]:
+        raise NotImplementedError
+
+    def section(self, s: float) -> Section:
+        """The rectangle at fraction s of the arc length."""
+        t, w = self.sizes(np.array([s]))
+        return rectangle(float(t[0]), float(w[0]))
+
+    def sections(self, s: Array) -> Sections:
+        """Those at fractions s (k,)."""
+        return rectangles(*self.sizes(s))
+
 
 def _positive(profile: Profile, *lengths: str) -> None:
     """Check and clean lengths of a profile [m]. Raises SceneError."""
@@ -50,7 +74,7 @@ def _positive(profile: Profile, *lengths: str) -> None:
 
 
 @dataclass(frozen=True)
-class Taper(Profile):
+class Taper(_Rectangles):
     """Thickness and width [m], two numbers each, running linearly from start to end. Raises SceneError for what is not
     positive."""
 
@@ -65,14 +89,14 @@ class Taper(Profile):
                 )
             object.__setattr__(self, name, tuple(positive(v, name, owner="Taper", unit="m") for v in pair))
 
-    def section(self, s: float) -> Section:
-        """Rectangle of the interpolated sizes."""
+    def sizes(self, s: Array) -> tuple[Array, Array]:
+        """Between those at the ends."""
         t, w = ((1 - s) * a + s * b for a, b in (self.thickness, self.width))
-        return rectangle(t, w)
+        return t, w
 
 
 @dataclass(frozen=True)
-class CircularNotch(Profile):
+class CircularNotch(_Rectangles):
     """Circular notch hinge of length 2 radius: t(x) = minimum + 2 (R - sqrt(R^2 - x^2)) about the middle.
 
     radius, minimum thickness, width [m]. A full semicircle; the leaf that carries it is 2 radius long. Source:
@@ -86,15 +110,15 @@ class CircularNotch(Profile):
     def __post_init__(self) -> None:
         _positive(self, "radius", "minimum", "width")
 
-    def section(self, s: float) -> Section:
-        """Rectangle as thick as the notch is at s."""
+    def sizes(self, s: Array) -> tuple[Array, Array]:
+        """As thick as the notch is at s."""
         x = (2 * s - 1) * self.radius
-        rise = self.radius - math.sqrt(max(self.radius**2 - x**2, 0.0))
-        return rectangle(self.minimum + 2 * rise, self.width)
+        rise = self.radius - np.sqrt(np.maximum(self.radius**2 - x**2, 0.0))
+        return self.minimum + 2 * rise, np.full(len(s), self.width)
 
 
 @dataclass(frozen=True)
-class FilletedNotch(Profile):
+class FilletedNotch(_Rectangles):
     """Corner-filleted notch hinge: a straight leaf of `minimum` thickness with quarter-circle fillets at its ends.
 
     length [m] of leaf and both fillets together, radius of the fillets, minimum thickness, width [m].
@@ -116,16 +140,15 @@ class FilletedNotch(Profile):
         part = self.radius / self.length
         object.__setattr__(self, "breaks", (part, 1 - part))
 
-    def section(self, s: float) -> Section:
-        """Rectangle as thick as the notch is at s."""
-        x = min(s, 1 - s) * self.length
-        gap = self.radius - x
-        rise = self.radius - math.sqrt(max(self.radius**2 - gap**2, 0.0)) if gap > 0 else 0.0
-        return rectangle(self.minimum + 2 * rise, self.width)
+    def sizes(self, s: Array) -> tuple[Array, Array]:
+        """As thick as the notch is at s."""
+        gap = np.maximum(self.radius - np.minimum(s, 1 - s) * self.length, 0.0)
+        rise = self.radius - np.sqrt(np.maximum(self.radius**2 - gap**2, 0.0))
+        return self.minimum + 2 * rise, np.full(len(s), self.width)
 
 
 @dataclass(frozen=True)
-class StiffenedMiddle(Profile):
+class StiffenedMiddle(_Rectangles):
     """A leaf of one `width` [m] with a thicker middle: `thickness` [m] at both ends, `middle` [m] over the middle `part`
     (fraction). Raises SceneError for what is not positive, and another fraction than between 0 and 1."""
 
@@ -139,10 +162,10 @@ class StiffenedMiddle(Profile):
         part = between(self.part, "part", 0.0, 1.0, owner="StiffenedMiddle")
         self.__dict__.update(part=part, breaks=(0.5 - 0.5 * part, 0.5 + 0.5 * part))
 
-    def section(self, s: float) -> Section:
+    def sizes(self, s: Array) -> tuple[Array, Array]:
         """Thick inside the middle part, thin outside."""
-        inside = abs(s - 0.5) < 0.5 * self.part
-        return rectangle(self.middle if inside else self.thickness, self.width)
+        inside = np.abs(s - 0.5) < 0.5 * self.part
+        return np.where(inside, self.middle, self.thickness), np.full(len(s), self.width)
 
 
 @dataclass(frozen=True)
@@ -262,6 +285,10 @@ class ProfilePart(Profile):
     def section(self, s: float) -> Section:
         """That of the whole."""
         return self.whole.section(self.part[0] + s * (self.part[1] - self.part[0]))
+
+    def sections(self, s: Array) -> Sections:
+        """Those of the whole."""
+        return self.whole.sections(self.part[0] + s * (self.part[1] - self.part[0]))
 
 
 @dataclass(frozen=True)

@@ -3,46 +3,49 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ksd.checks import LARGEST, SMALLEST, between, positive, show, worded
 from ksd.errors import SceneError
-from ksd.section.constants import Section
+from ksd.section.constants import Section, Sections
 
-_TERMS = 40
-"""Odd terms kept in the series of the rectangle; the rest is below 1e-12."""
 _ODD_FIFTHS = 31 / 32 * 1.0369277551433699
 """Sum of 1/n^5 over odd n, 31/32 zeta(5)."""
 _ODD_SIXTHS, _ODD_SEVENTHS = math.pi**6 / 960, 127 / 128 * 1.0083492773819228
 """Those of 1/n^6 and, 127/128 zeta(7), of 1/n^7."""
+Array = NDArray[np.float64]
 
 
-@lru_cache(maxsize=1024)
-def _torsion_rectangle(short: float, long: float) -> float:
+def _terms(ratio: Any) -> range:
+    """Odd numbers n of the terms of the series of the rectangle in which exp(-n ratio) is more than rounding."""
+    return range(1, int(40.0 / (ratio if isinstance(ratio, float) else ratio.min())) + 1, 2)
+
+
+def _torsion(short: Any, long: Any, exp: Callable[[Any], Any] = math.exp) -> Any:
     """Saint-Venant constant, exact series (Timoshenko and Goodier, Theory of Elasticity, art. 109)."""
-    total = _ODD_FIFTHS
-    for n in range(1, 2 * _TERMS, 2):
+    ratio, total = math.pi * long / short, _ODD_FIFTHS
+    for n in _terms(ratio):
         # 1 - tanh x = 2 / (exp(2 x) + 1): what is left after the sum of 1/n^5 dies out exponentially
-        if n * math.pi * long / short > 40.0:
-            break
-        total -= 2 / (math.exp(n * math.pi * long / short) + 1) / n**5
+        left = exp(-n * ratio)
+        total = total - 2 * left / (1 + left) / n**5
     return long * short**3 * (1 / 3 - 64 / math.pi**5 * short / long * total)
 
 
-@lru_cache(maxsize=1024)
-def _warping_rectangle(t: float, w: float) -> float:
+def _warping(short: Any, long: Any, exp: Callable[[Any], Any] = math.exp) -> Any:
     """int omega^2 dA, omega = y z + sum A_n sin(k_n y) sinh(k_n z), k_n = n pi/t, n odd, summed term by term."""
-    if t > w:
-        t, w = w, t
-    slender, square = w * t**5 / math.pi**6, t**6 / math.pi**7
+    ratio, slender, square = math.pi * long / short, long * short**5 / math.pi**6, short**6 / math.pi**7
     # all terms with T = tanh(k w / 2) = 1, then what T < 1 changes in the first few
     total = 96 * square * _ODD_SEVENTHS - 32 * slender * _ODD_SIXTHS
-    for n in range(1, 2 * _TERMS, 2):
-        T = math.tanh(0.5 * n * math.pi * w / t)
-        if T == 1.0:
-            break
-        total -= 96 * square * (1 - T) / n**7 + 16 * slender * (1 - T * T) / n**6
-    return (t * w) ** 3 / 144 + total
+    for n in _terms(ratio):
+        left = exp(-n * ratio)
+        missing = 2 * left / (1 + left)
+        total = total - 96 * square * missing / n**7 - 16 * slender * missing * (2 - missing) / n**6
+    return (short * long) ** 3 / 144 + total
 
 
 def _poisson(nu: float | None, owner: str) -> float | None:
@@ -70,13 +73,29 @@ def rectangle(
 @lru_cache(maxsize=256)
 def _rectangle(t: float, w: float, nu: float | None, name: str) -> Section:
     k = 5 / 6 if nu is None else 10 * (1 + nu) / (12 + 11 * nu)
-    J, Iw = _torsion_rectangle(min(t, w), max(t, w)), _warping_rectangle(t, w)
+    sides = min(t, w), max(t, w)
+    J, Iw = _torsion(*sides), _warping(*sides)
     A, Iy, Iz = t * w, t * w**3 / 12, w * t**3 / 12
     if not (min(A, J, Iy, Iz) >= SMALLEST and max(A, J, Iy, Iz, Iw) <= LARGEST and Iw >= 0.0):
         return Section(A, J, Iy, Iz, k, k, Iw, width=w, thickness=t, name=name)  # says what is wrong
     # past the checks of a section: a profile asks for many, and a design loop anew for every design
     found = object.__new__(Section)
     found.__dict__.update(A=A, J=J, Iy=Iy, Iz=Iz, ky=k, kz=k, Iw=Iw, width=w, thickness=t, name=name)
+    return found
+
+
+def rectangles(thickness: Array, width: Array) -> Sections:
+    """`rectangle` of many thicknesses and widths (k,) [m]. Raises SceneError for numbers beyond those of a section."""
+    t, w = thickness, width
+    sides = np.minimum(t, w), np.maximum(t, w)
+    k = np.full(len(t), 5 / 6)
+    found = Sections(
+        t * w, _torsion(*sides, np.exp), t * w**3 / 12, w * t**3 / 12, k, k, _warping(*sides, np.exp), w, t
+    )
+    least, most = (end([found.A, found.J, found.Iy, found.Iz], axis=0) for end in (np.min, np.max))
+    for i in np.flatnonzero(~((least >= SMALLEST) & (most <= LARGEST))):
+        # says what is wrong
+        rectangle(float(t[i]), float(w[i]))
     return found
 
 
@@ -117,7 +136,8 @@ def is_rectangle(section: Section) -> bool:
     """Whether the warping constant is that of a rectangle of the section's width and thickness."""
     if not min(section.width, section.thickness) > 0.0:
         return False
-    return math.isclose(section.Iw, _warping_rectangle(section.thickness, section.width), rel_tol=1e-9)
+    sides = section.thickness, section.width
+    return math.isclose(section.Iw, _warping(min(sides), max(sides)), rel_tol=1e-9)
 
 
 def restrained_warping_factor(length: float, width: float, nu: float) -> float:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ksd.checks import not_negative, number, positive, show, worded
 from ksd.errors import SceneError
@@ -73,6 +76,20 @@ class Section:
     def compliance(self, E: float, G: float) -> tuple[float, float, float]:
         """(1/EA, 1/(ky GA), 1/(kz GA)) [1/N] for moduli E, G [Pa]: stretch, shear along y, shear along z."""
         return 1.0 / (E * self.A), 1.0 / (self.ky * G * self.A), 1.0 / (self.kz * G * self.A)
+
+
+class Sections(NamedTuple):
+    """Numbers (k,) of many sections, see `Section`."""
+
+    A: NDArray[np.float64]
+    J: NDArray[np.float64]
+    Iy: NDArray[np.float64]
+    Iz: NDArray[np.float64]
+    ky: NDArray[np.float64]
+    kz: NDArray[np.float64]
+    Iw: NDArray[np.float64]
+    width: NDArray[np.float64]
+    thickness: NDArray[np.float64]
 
 
 def _outline(value: Any, owner: str) -> tuple[tuple[Point, ...], ...]:
