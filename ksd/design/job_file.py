@@ -122,6 +122,12 @@ def load_job(path: str | os.PathLike[str], *, drives: Mapping[str, str] | None =
         return mechanism, targets
 
     mechanism, targets = first_built(built, bounds)
+    for key in ("effects", "with", "without", "elements"):
+        if key in tables.get("options", {}):
+            raise SceneError(
+                f"{place.name}, [options]: {key} = {show(tables['options'][key])} changes what is simulated, and a job "
+                "takes none of it: say consider = ['warping', 'plate'] in the scene, elements in its leaves, or leave it out"
+            )
     found = {d.name: d for d in mechanism.scene().drives}
     values = _drive_values(said.table("drives"), found, targets, drives or {})
     loads = _loads(said.table("loads"))

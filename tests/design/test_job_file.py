@@ -147,6 +147,7 @@ def test_what_varies_may_stand_as_a_formula_in_the_scene(tmp_path):
         ("[optimise]", "[optimise]\nstrats = 3", r"\[optimise\]: key 'strats' is unknown; did you mean \"starts\""),
         ("[optimise.spread]", "[optimise.spred]", r"key 'spred' is unknown; did you mean \"spread\""),
         ("[job]\n", '[job]\nscene = "cross_flexure.toml"\n', r"names the scene file .*, but 'name' stands"),
+        ("[job]\n", '[options]\nwith = "warping"\n[job]\n', r"\[options\]: with = 'warping' changes what is simulated"),
     ],
 )  # fmt: skip
 def test_mistakes_are_told_in_one_sentence(old, new, sentence, tmp_path, capsys):
