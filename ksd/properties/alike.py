@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from ksd.model.arrays import MEMBERS, STRAIN, VALUE, WEIGHT, Arrays, Bare, Flat, Motion, make_work
 from ksd.model.compile import Model
+from ksd.model.drawing import draw
 from ksd.model.mesh import Mesh
 from ksd.model.pack import revalued_floats
-from ksd.model.template import Leaves, Template
+from ksd.model.template import Leaves, Template, design, template_of
 from ksd.properties.unfold import opened_mesh, step_to_equilibrium, widened
 
 Array = NDArray[np.float64]
@@ -57,17 +58,26 @@ class Alike:
 
     def finer(self) -> Alike | None:
         """The equilibria next to the states with one mode more per axis in every leaf, see `ksd.properties.unfold`. None
-        where leaf springs bring their constants."""
+        where leaf springs bring constants of unlike make."""
         mesh, m = opened_mesh(self.models[0]), self.motion
         if mesh == self.template.mesh:
             return self
         fine = self.template.on(mesh)
         if fine is None:
-            return None
-        known = [model.derived["leaves"] for model in self.models]
-        leaves = Leaves(*(np.concatenate(field) for field in zip(*(k[1] for k in known), strict=True)))
-        value, _ = fine.packed.values(leaves, np.concatenate([k[2] for k in known]))
-        floats = revalued_floats(self.topology.flat.ints, self.floats, value)
+            # leaf springs that bring their constants are drawn with more modes
+            drawn = [draw(model.scene, mesh) for model in self.models]
+            fine = template_of(drawn[0].words, mesh)
+            if any(other.words != drawn[0].words for other in drawn):
+                return None
+            filled = fine(fine.numbers([own.numbers for own in drawn]))
+            floats = np.stack(
+                [design(filled.arrays, fine.topology, u).flat.floats for u in range(len(drawn))]
+            )
+        else:
+            known = [model.derived["leaves"] for model in self.models]
+            leaves = Leaves(*(np.concatenate(field) for field in zip(*(k[1] for k in known), strict=True)))
+            value, _ = fine.packed.values(leaves, np.concatenate([k[2] for k in known]))
+            floats = revalued_floats(self.topology.flat.ints, self.floats, value)
         inner = np.zeros((len(self.which), int(fine.topology.members.inner_at[-1])))
         number, wider = (b.members.number.tobytes() for b in (self.topology, fine.topology))
         inner[:, widened(number, wider)] = m.inner

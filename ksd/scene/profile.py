@@ -52,19 +52,19 @@ class Profile(metaclass=Worded):
 
 
 class _Rectangles(Profile):
-    """Base of profiles whose sections are rectangles: `sizes(s)`, thickness and width [m] at fractions s (k,)."""
+    """Base of profiles whose sections are rectangles: `sizes(s)`, thickness and width [m] at a fraction or many (k,)."""
 
-    def sizes(self, s: Array) -> tuple[Array, Array]:
+    def sizes(self, s: Any) -> tuple[Any, Any]:
         raise NotImplementedError
 
     def section(self, s: float) -> Section:
         """The rectangle at fraction s of the arc length."""
-        t, w = self.sizes(np.array([s]))
-        return rectangle(float(t[0]), float(w[0]))
+        t, w = self.sizes(s)
+        return rectangle(float(t), float(w))
 
     def sections(self, s: Array) -> Sections:
         """Those at fractions s (k,)."""
-        return rectangles(*self.sizes(s))
+        return rectangles(*np.broadcast_arrays(*self.sizes(s)))
 
 
 def _positive(profile: Profile, *lengths: str) -> None:
@@ -89,7 +89,7 @@ class Taper(_Rectangles):
                 )
             object.__setattr__(self, name, tuple(positive(v, name, owner="Taper", unit="m") for v in pair))
 
-    def sizes(self, s: Array) -> tuple[Array, Array]:
+    def sizes(self, s: Any) -> tuple[Any, Any]:
         """Between those at the ends."""
         t, w = ((1 - s) * a + s * b for a, b in (self.thickness, self.width))
         return t, w
@@ -110,11 +110,11 @@ class CircularNotch(_Rectangles):
     def __post_init__(self) -> None:
         _positive(self, "radius", "minimum", "width")
 
-    def sizes(self, s: Array) -> tuple[Array, Array]:
+    def sizes(self, s: Any) -> tuple[Any, Any]:
         """As thick as the notch is at s."""
         x = (2 * s - 1) * self.radius
         rise = self.radius - np.sqrt(np.maximum(self.radius**2 - x**2, 0.0))
-        return self.minimum + 2 * rise, np.full(len(s), self.width)
+        return self.minimum + 2 * rise, self.width
 
 
 @dataclass(frozen=True)
@@ -140,11 +140,11 @@ class FilletedNotch(_Rectangles):
         part = self.radius / self.length
         object.__setattr__(self, "breaks", (part, 1 - part))
 
-    def sizes(self, s: Array) -> tuple[Array, Array]:
+    def sizes(self, s: Any) -> tuple[Any, Any]:
         """As thick as the notch is at s."""
         gap = np.maximum(self.radius - np.minimum(s, 1 - s) * self.length, 0.0)
         rise = self.radius - np.sqrt(np.maximum(self.radius**2 - gap**2, 0.0))
-        return self.minimum + 2 * rise, np.full(len(s), self.width)
+        return self.minimum + 2 * rise, self.width
 
 
 @dataclass(frozen=True)
@@ -162,10 +162,10 @@ class StiffenedMiddle(_Rectangles):
         part = between(self.part, "part", 0.0, 1.0, owner="StiffenedMiddle")
         self.__dict__.update(part=part, breaks=(0.5 - 0.5 * part, 0.5 + 0.5 * part))
 
-    def sizes(self, s: Array) -> tuple[Array, Array]:
+    def sizes(self, s: Any) -> tuple[Any, Any]:
         """Thick inside the middle part, thin outside."""
         inside = np.abs(s - 0.5) < 0.5 * self.part
-        return np.where(inside, self.middle, self.thickness), np.full(len(s), self.width)
+        return np.where(inside, self.middle, self.thickness), self.width
 
 
 @dataclass(frozen=True)

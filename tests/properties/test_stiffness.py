@@ -198,7 +198,7 @@ def test_what_a_drive_holds_is_held_to_the_last_digit(rng):
 
 
 def test_curved_leaves_together_have_the_stiffness_and_stress_of_each():
-    """Arcs of several radii, and one of them twice; a leaf with a profile is asked alone."""
+    """Arcs of several radii, and one of them twice; stress of a leaf with a profile is asked alone."""
 
     def arc(radius, **words):
         scene = ksd.Mechanism("arc")
@@ -217,9 +217,14 @@ def test_curved_leaves_together_have_the_stiffness_and_stress_of_each():
         assert found.compliance[k] == pytest.approx(pose.stiffness("tip").compliance, rel=1e-9, abs=1e-12)
         assert found.drives[k] == pytest.approx(pose.drive_stiffness().matrix, rel=1e-9)
         assert peak[k]["leaf"].largest_Pa == pytest.approx(pose.stress().largest_Pa, rel=1e-12)
-    tapered = ksd.solve(arc(0.05, profile=ksd.Taper((5e-4, 4e-4), (1e-2, 1e-2))), d=1e-3)
-    ((_, group),) = alike([(tapered.model, tapered.motion, 1.0)])
-    assert peaks(group) is None and not stiffnesses(group, "tip", at=[None]).good.any()
+    profile = ksd.Taper((5e-4, 4e-4), (1e-2, 1e-2))
+    tapered = [ksd.solve(arc(r, profile=profile), d=d) for r, d in ((0.05, 1e-3), (0.06, -3e-3))]
+    ((_, group),) = alike([(p.model, p.motion, 1.0) for p in tapered])
+    found = stiffnesses(group, "tip", at=[None] * 2, drives=True)
+    assert peaks(group) is None and found.good.all()
+    for k, pose in enumerate(tapered):
+        assert found.compliance[k] == pytest.approx(pose.stiffness("tip").compliance, rel=1e-9, abs=1e-12)
+        assert found.drives[k] == pytest.approx(pose.drive_stiffness().matrix, rel=1e-9)
 
 
 @pytest.mark.parametrize("points", [(), (0.04,)])

@@ -11,19 +11,25 @@ import pytest
 from ksd.errors import SceneError
 from ksd.scene import (
     Butterfly,
+    CircularNotch,
     CrossFlexure,
     DrawnJoint,
+    FilletedNotch,
     FreeCurve,
     Joint,
     Leaf,
     Material,
     Mechanism,
     Motion,
+    StiffenedMiddle,
+    Taper,
+    Varying,
     joint_families,
     joint_family,
     make_joint,
     wire,
 )
+from ksd.scene.profile import ProfilePart
 from ksd.section import circle, rectangle
 from ksd.train.catalogue import ENTRIES
 from ksd.units import GPa, deg, mm
@@ -300,3 +306,34 @@ def test_a_drawn_joint_and_a_link_print_as_what_they_are():
         "motion angle: rotation, -57.2958 to 57.2958 deg",
         "leaf spring strip: A to B, 100 mm",
     ]
+
+
+@pytest.mark.parametrize(
+    "profile",
+    [
+        Taper((1 * mm, 0.3 * mm), (40 * mm, 0.6 * mm)), CircularNotch(5 * mm, 0.2 * mm, 8 * mm),
+        FilletedNotch(20 * mm, 3 * mm, 0.5 * mm, 8 * mm), StiffenedMiddle(0.4 * mm, 20 * mm, 2 * mm, 0.6),
+        Varying(lambda s: rectangle((1 + s) * mm, 5 * mm) if s < 0.5 else circle(2 * mm), (0.5,)),
+        ProfilePart(FilletedNotch(20 * mm, 3 * mm, 0.5 * mm, 8 * mm), (0.1, 0.7)),
+    ],
+    ids=lambda profile: type(profile).__name__,
+)  # fmt: skip
+def test_sections_of_a_profile_are_those_at_each_place(profile):
+    places = np.linspace(0.013, 0.987, 37)
+    found, each = profile.sections(places), [profile.section(s) for s in places.tolist()]
+    for name, values in found._asdict().items():
+        assert values == pytest.approx([getattr(q, name) for q in each], rel=1e-12), name
+
+
+def test_sizes_of_notches():
+    """At their middle, where a fillet ends, and at their ends, by hand."""
+    round_, filleted = (
+        CircularNotch(5 * mm, 0.2 * mm, 8 * mm),
+        FilletedNotch(20 * mm, 3 * mm, 0.5 * mm, 8 * mm),
+    )
+    assert round_.sections(np.array([0.0, 0.2, 0.5])).thickness == pytest.approx(
+        [10.2 * mm, 2.2 * mm, 0.2 * mm]
+    )
+    assert filleted.sections(np.array([0.0, 0.06, 0.15, 0.5])).thickness == pytest.approx(
+        [6.5 * mm, 0.5 * mm + 6 * mm * (1 - math.sqrt(0.64)), 0.5 * mm, 0.5 * mm]
+    )

@@ -3,11 +3,13 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import ksd.section as section
 from ksd.errors import SceneError
 from ksd.section import circle, numbers, rectangle, restrained_warping_factor, tube
+from ksd.section.closed_forms import rectangles
 
 
 def test_rectangle_moments_follow_the_stated_axes():
@@ -162,3 +164,18 @@ def test_a_rectangle_passes_the_checks_of_a_section(thickness, width):
 def test_a_rectangle_out_of_all_bounds_is_refused(thickness, width, words):
     with pytest.raises(SceneError, match=words):
         rectangle(thickness, width)
+
+
+def test_many_rectangles_are_those_made_one_by_one(rng):
+    thickness = 10.0 ** rng.uniform(-5, -2, 50)
+    width = thickness * 10.0 ** rng.uniform(-2, 2, 50)
+    found = rectangles(thickness, width)
+    each = [rectangle(t, w) for t, w in zip(thickness.tolist(), width.tolist(), strict=True)]
+    for name, values in found._asdict().items():
+        assert values == pytest.approx([getattr(q, name) for q in each], rel=1e-12), name
+    # a square by its series written out
+    series = sum(math.tanh(0.5 * n * math.pi) / n**5 for n in range(1, 2000, 2))
+    ((square,),) = rectangles(np.ones(1), np.ones(1))[1:2]
+    assert square == pytest.approx(1 / 3 - 64 / math.pi**5 * series, rel=1e-12)
+    with pytest.raises(SceneError, match=r"Iy = 8\.33333"):
+        rectangles(np.array([1e-3, 1e-3]), np.array([1.0, 1e29]))
