@@ -14,7 +14,7 @@ import numpy as np
 from common import interleaved, machine, options, write_json
 
 from ksd.beam import corotational, corotational_values, planar_leaf, strain
-from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS, strain_scratch, strain_sizes, strain_values
+from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS, strain_sizes, strain_values
 from ksd.numerics.kernel import kernel
 
 LENGTH = 0.1
@@ -27,38 +27,38 @@ CALLS = 2000
 
 
 @kernel
-def _strain(value, number, inner, store, scratch, d, Q, lam, K, xi, calls):
-    f = strain.leaf_room(number[0] + number[1] + number[2], number[3], scratch)
+def _strain(value, number, inner, store, d, Q, lam, K, xi, calls):
+    f = strain.leaf_room(number[0] + number[1] + number[2], number[3])
     for _ in range(calls):
         strain.strain_condense(value, number, inner, store, f, d, Q, lam, K)
         strain.strain_recover(value, number, inner, store, xi, 1e-12, f.gap[0])
 
 
 @kernel
-def _chain(value, number, inner, store, scratch, d, Q, lam, K, xi, calls):
+def _chain(value, number, inner, store, d, Q, lam, K, xi, calls):
     for _ in range(calls):
         corotational.condense(value, number, inner, store, d, Q, lam, K)
         corotational.recover(value, number, inner, store, xi, 1e-12)
 
 
 @kernel
-def _planar(value, number, inner, store, scratch, d, Q, lam, K, xi, calls):
+def _planar(value, number, inner, store, d, Q, lam, K, xi, calls):
     for _ in range(calls):
         planar_leaf.condense(value, number, inner, store, d, Q, lam, K)
         planar_leaf.recover(value, number, inner, store, xi, 1e-12)
 
 
 def _case(
-    call: Any, value: np.ndarray, number: np.ndarray, inner: np.ndarray, store: int, scratch: int
+    call: Any, value: np.ndarray, number: np.ndarray, inner: np.ndarray, store: int
 ) -> Callable[[], None]:
     """`CALLS` iterations of one leaf."""
     number = np.array([*number, 0, 0, 0, 0][:4], np.int64)
-    kept, room = np.zeros(store), np.zeros(scratch)
+    kept = np.zeros(store)
     d, Q = np.array([0.99 * LENGTH, 0.003, 1e-4]), np.eye(3)
     K, xi, lam = np.zeros((6, 6)), np.full(6, 1e-3), np.zeros(12)
 
     def run() -> None:
-        call(value, number, inner, kept, room, d, Q, lam, K, xi, CALLS)
+        call(value, number, inner, kept, d, Q, lam, K, xi, CALLS)
         if not np.isfinite(K).all():
             raise RuntimeError("the leaf did not condense")
 
@@ -81,13 +81,13 @@ def _modes(orders: Sequence[int]) -> Callable[[], None]:
     value, number = _constants(orders)
     state, store = strain_sizes(number)
     inner = np.random.default_rng(1).normal(size=state)
-    return _case(_strain, value, number, inner, store, strain_scratch(number))
+    return _case(_strain, value, number, inner, store)
 
 
 def _elements(count: int) -> Callable[[], None]:
     value, number = corotational_values.chain_values(SECTION, LENGTH, count), np.array([count, 1])
     inner = corotational_values.start_inner(value, number)
-    return _case(_chain, value, number, inner, corotational_values.sizes(count).store, 1)
+    return _case(_chain, value, number, inner, corotational_values.sizes(count).store)
 
 
 def _flat_modes(orders: Sequence[int]) -> Callable[[], None]:
@@ -95,7 +95,7 @@ def _flat_modes(orders: Sequence[int]) -> Callable[[], None]:
     value, number = _constants(orders)
     inner = np.random.default_rng(1).normal(size=strain_sizes(number)[0])
     value, number = planar_leaf.planar_values(value, number)
-    return _case(_planar, value, number, inner, planar_leaf.store_size(orders[2]), 1)
+    return _case(_planar, value, number, inner, planar_leaf.store_size(orders[2]))
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:

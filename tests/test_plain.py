@@ -196,7 +196,7 @@ def test_without_weight_or_springs_nothing_happens():
     assert no_weight(None, None, None, None, None) is no_weight_added(None, None, None, None, None) is None
     assert no_weight_followed(*[None] * 8) is None
     assert _no_weight_turned(None, None, None) is None
-    assert _no_turn_step(*[None] * 9) is None
+    assert _no_turn_step(*[None] * 8) is None
     assert _no_springs(*[None] * 11) == 0
 
 

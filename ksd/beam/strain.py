@@ -41,7 +41,7 @@ TINY_PIVOT = 1e-15
 
 class Fields(NamedTuple):
     """Room for leaf springs of up to N modes and ng points, one at a time at one inner state: at its quadrature points; at
-    end p, the points and end q (ng+2); of the gaps between these (ng+1). Views opened once serve all leaf springs.
+    end p, the points and end q (ng+2); of the gaps between these (ng+1).
 
     Of a gap, see `ksd.beam.strain_gap`: gap (ng+1, 9): moments of its curvature; turn (ng+1, 3) and J (ng+1, 3, 9); T
     (ng+1, 3, 3): from a change of turn to the rotation of all behind; G = T J. R (ng+2, 3, 3): orientation; psi (ng+2, 3,
@@ -86,56 +86,22 @@ def constants_at(number):
     return rest, weight, soft, gap, gap + 3 * N * (ng + 1)
 
 
-def open_room(N, ng, scratch):  # type: ignore[no-untyped-def]
-    """`Fields` for N modes and ng points over `strain_values.room_size` numbers or more; compiled, `leaf_room`."""
-    turn = 9 * (ng + 1)
-    J = turn + 3 * (ng + 1)
-    T = J + 27 * (ng + 1)
-    G = T + 9 * (ng + 1)
-    R = G + 27 * (ng + 1)
-    psi = R + 9 * (ng + 2)
-    n = psi + 3 * N * (ng + 2)
-    v = n + 3 * ng
-    S = v + 3 * ng
-    slope = S + 9 * ng
-    end = slope + 3 * N * ng
-    rho = end + 3
-    eta = rho + 3 * N
-    W = eta + 3 * N
-    Y = W + N * N
-    X = Y + 8 * N
-    Z = X + 3 * N
-    M = Z + 9 * N
+def open_room(N, ng):  # type: ignore[no-untyped-def]
+    """`Fields` for N modes and ng points; compiled, `leaf_room`."""
     return Fields(
-        scratch[:turn].reshape(ng + 1, 9),
-        scratch[turn:J].reshape(ng + 1, 3),
-        scratch[J:T].reshape(ng + 1, 3, 9),
-        scratch[T:G].reshape(ng + 1, 3, 3),
-        scratch[G:R].reshape(ng + 1, 3, 9),
-        scratch[R:psi].reshape(ng + 2, 3, 3),
-        scratch[psi:n].reshape(ng + 2, 3, N),
-        scratch[n:v].reshape(ng, 3),
-        scratch[v:S].reshape(ng, 3),
-        scratch[S:slope].reshape(ng, 3, 3),
-        scratch[slope:end].reshape(ng, 3, N),
-        scratch[end:rho],
-        scratch[rho:eta].reshape(3, N),
-        scratch[eta:W].reshape(3, N),
-        scratch[W:Y].reshape(N, N),
-        scratch[Y:X].reshape(N, 8),
-        scratch[X:Z].reshape(3, N),
-        scratch[Z:M].reshape(N, 9),
-        scratch[M : M + 81].reshape(9, 9),
-        scratch[M + 81 : M + 90].reshape(3, 3),
-    )
+        np.empty((ng + 1, 9)), np.empty((ng + 1, 3)), np.empty((ng + 1, 3, 9)), np.empty((ng + 1, 3, 3)),
+        np.empty((ng + 1, 3, 9)), np.empty((ng + 2, 3, 3)), np.empty((ng + 2, 3, N)), np.empty((ng, 3)),
+        np.empty((ng, 3)), np.empty((ng, 3, 3)), np.empty((ng, 3, N)), np.empty(3), np.empty((3, N)), np.empty((3, N)),
+        np.empty((N, N)), np.empty((N, 8)), np.empty((3, N)), np.empty((N, 9)), np.empty((9, 9)), np.empty((3, 3)),
+    )  # fmt: skip
 
 
 leaf_room = kernel(inline="always")(open_room)
 
 
-def fields_of(number: np.ndarray, scratch: np.ndarray) -> Fields:
-    """`Fields` of one leaf over `strain_values.strain_scratch` numbers or more."""
-    return open_room(int(number[:3].sum()), int(number[3]), scratch)
+def fields_of(number: np.ndarray) -> Fields:
+    """`Fields` of one leaf."""
+    return open_room(int(number[:3].sum()), int(number[3]))
 
 
 @kernel(inline="late")
@@ -494,7 +460,9 @@ def strain_condense(value, number, inner, store, f, d, Q, lam, K):
     gap = tail + 36
     heavy = len(store) > tail + 42
     pull = store[len(store) - PULL if heavy else len(store) :]
-    strain_fields(value, number, inner, pull, f)
+    # as `strain_fields`, of which so nothing is compiled
+    _orientations(value, number, inner, f)
+    _slopes(value, number, inner, pull, f)
     strain_tangent(value, number, inner, f)
     W, Y, R = f.W, f.Y, f.R
     rho, psi = f.rho, f.psi

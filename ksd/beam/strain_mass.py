@@ -10,14 +10,12 @@ negative. Everything in frame p.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.beam.strain import constants_at, fields_of, leaf_room, strain_fields, strain_tangent
-from ksd.beam.strain_values import masses_beyond, strain_scratch
-from ksd.numerics.kernel import kernel
+from ksd.beam.strain import Fields, constants_at, fields_of, strain_fields, strain_tangent
+from ksd.beam.strain_values import masses_beyond
 
 Array = NDArray[np.float64]
 
@@ -81,30 +79,27 @@ def many_pulls(value: Array, number: NDArray[np.int64], inner: Array, gravity: A
     return StrainPull(np.einsum("kg,kgi->ki", amount, v), eta, B, D)
 
 
-@kernel
-def _every_leaf(value, number, inner, pull, scratch, tangent):
-    """Fields and, where tangent is 1, tangent of every leaf, rows of all arrays but number."""
+def _every_leaf(
+    value: Array, number: NDArray[np.int64], inner: Array, pull: Array, *, tangent: bool
+) -> Fields:
+    """`Fields` of k leaf springs, every array with a leading axis (k,), with W and Y for their tangents."""
+    value, inner = np.ascontiguousarray(value), np.ascontiguousarray(inner)
+    every = Fields(*(np.empty((len(value), *part.shape)) for part in fields_of(number)))
     for i in range(len(value)):
-        f = leaf_room(number[0] + number[1] + number[2], number[3], scratch[i])
+        f = Fields(*(part[i] for part in every))
         strain_fields(value[i], number, inner[i], pull[i], f)
-        if tangent == 1:
+        if tangent:
             strain_tangent(value[i], number, inner[i], f)
-
-
-def _every_field(number: NDArray[np.int64], scratch: Array) -> Any:
-    """`Fields` of k leaf springs in rows of `scratch`, every array with a leading axis (k,)."""
-    rows = [fields_of(number, row) for row in scratch]
-    return type(rows[0])(*(np.stack(arrays) for arrays in zip(*rows, strict=True)))
+    return every
 
 
 def many_slacks(value: Array, number: NDArray[np.int64], inner: Array) -> Array:
     """S (k, 3, 3) [m/N] of k leaf springs, without the rest of `many_parts`."""
     _, first, _, _, _ = constants_at(number)
     ng = int(number[3])
-    scratch, none = np.zeros((len(value), strain_scratch(number))), np.zeros((len(value), 0))
-    _every_leaf(np.ascontiguousarray(value), number, np.ascontiguousarray(inner), none, scratch, 0)
+    f = _every_leaf(value, number, inner, np.zeros((len(value), 0)), tangent=False)
     weight = value[:, :1] * value[:, first : first + ng]
-    found: Array = np.einsum("kg,kgij->kij", weight, _every_field(number, scratch).S)
+    found: Array = np.einsum("kg,kgij->kij", weight, f.S)
     return found
 
 
@@ -116,10 +111,8 @@ def _many(
     k, ng = len(value), int(number[3])
     L, weight = value[:, 0], value[:, at : at + ng]
     integral = value[:, at + ng : at + ng + ng * ng].reshape(k, ng, ng)
-    scratch = np.zeros((k, strain_scratch(number)))
     pull = np.zeros((k, 0)) if gravity is None else np.ascontiguousarray(gravity)
-    _every_leaf(np.ascontiguousarray(value), number, np.ascontiguousarray(inner), pull, scratch, 1)
-    f = _every_field(number, scratch)
+    f = _every_leaf(value, number, inner, pull, tangent=True)
     inside = L[:, None, None] * integral
     parts = StrainParts(
         W=f.W,

@@ -149,16 +149,6 @@ def strain_sizes(number: np.ndarray, *, heavy: bool = False) -> tuple[int, int]:
     return total + 6, 8 * total + 42 + heavy * (3 * total + PULL)
 
 
-def room_size(N: int, ng: int) -> int:
-    """Numbers that `ksd.beam.strain.open_room` lays out."""
-    return 75 * (ng + 1) + (9 + 3 * N) * (ng + 2) + (15 + 3 * N) * ng + 3 + N * (N + 26) + 90
-
-
-def strain_scratch(number: np.ndarray) -> int:
-    """Those of `ksd.beam.strain.fields_of`, for one leaf."""
-    return room_size(int(number[:3].sum()), int(number[3]))
-
-
 def strain_constants(number: np.ndarray, *, heavy: bool = False) -> int:
     """How many numbers `strain_values` lays out."""
     nx, ny, nz, ng = (int(n) for n in number[:4])

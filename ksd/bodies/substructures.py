@@ -100,18 +100,19 @@ def condense_joints(
     near: see `ksd.model.newton.assemble`. Returns (negative pivots inside, smallest relative pivot, status).
     """
     _, _, inside, status = assemble(substructures, motion, np.zeros(0), 1.0, work, 1e-8, near, GRAIN)
-    negatives, pivot = _condense_blocks(
-        substructures.plan.ints,
-        substructures.start,
-        joints,
-        motion.x,
-        motion.R,
-        work.value,
-        work.spare,
-        work.rhs,
-        reduced_inner,
-    )
+    negatives, pivot = condense_assembled(substructures, joints, motion, work, reduced_inner)
     return negatives + inside, pivot, status
+
+
+def condense_assembled(
+    substructures: Arrays, joints: int, motion: Motion, work: Work, reduced_inner: np.ndarray
+) -> tuple[int, float]:
+    """The second half of `condense_joints`. Returns (negative pivots of the nodes inside, smallest relative pivot)."""
+    found: tuple[int, float] = _condense_blocks(
+        substructures.plan.ints, substructures.start, joints, motion.x, motion.R, work.value, work.spare, work.rhs,
+        reduced_inner,
+    )  # fmt: skip
+    return found
 
 
 @kernel
@@ -166,21 +167,25 @@ def recover_joints(
 
     Returns the largest unintended displacement of an interface B from its reference, (m, rad).
     """
-    shift, twist = _recover_blocks(
-        *loops.flat,
-        substructures.plan.ints,
-        substructures.start,
-        reduced_motion.x,
-        reduced_motion.R,
-        relative,
-        motion.x,
-        motion.R,
-        work.value,
-        work.spare,
-        work.rhs,
-    )
+    unintended = find_step(substructures, loops, reduced_motion, motion, work, relative)
     take_step(substructures, motion, work.rhs, work, 1.0)
-    return shift, twist
+    return unintended
+
+
+def find_step(
+    substructures: Arrays,
+    loops: Loops,
+    reduced_motion: Motion,
+    motion: Motion,
+    work: Work,
+    relative: np.ndarray,
+) -> tuple[float, float]:
+    """The first half of `recover_joints`: the step, into work.rhs. Returns what that does."""
+    found: tuple[float, float] = _recover_blocks(
+        *loops.flat, substructures.plan.ints, substructures.start, reduced_motion.x, reduced_motion.R, relative, motion.x,
+        motion.R, work.value, work.spare, work.rhs,
+    )  # fmt: skip
+    return found
 
 
 @kernel

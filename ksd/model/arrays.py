@@ -83,10 +83,9 @@ class Fields(NamedTuple):
 
     springs: what resists without inner unknowns, packed as members: kind COIL with value (stiffness [N/m], free length
     [m]), TURN with (stiffness [Nm/rad], rest angle [rad]) about e3 of end p, LINEAR with the constants of
-    `ksd.beam.linear`. Their rows of Work.lam and Work.pose follow those of the members. scratch: how many numbers the
-    kernel of the largest member needs. keep (w,): which of x, y, z, rx, ry, rz of every node are unknown: all six, or three
-    in a plane (`ksd.model.plane`). weight (m, 4): mass of every member [kg], 0 where it weighs nothing, and the
-    gravity that pulls at it [m/s^2]; (0, 4) where no member has weight.
+    `ksd.beam.linear`. Their rows of Work.lam and Work.pose follow those of the members. keep (w,): which of x, y, z, rx,
+    ry, rz of every node are unknown: all six, or three in a plane (`ksd.model.plane`). weight (m, 4): mass of every member
+    [kg], 0 where it weighs nothing, and the gravity that pulls at it [m/s^2]; (0, 4) where no member has weight.
     """
 
     plan: Blocks
@@ -96,7 +95,6 @@ class Fields(NamedTuple):
     loads: Loads
     size: float
     springs: Members
-    scratch: int
     weight: np.ndarray
     keep: np.ndarray
 
@@ -141,13 +139,13 @@ class Bare(NamedTuple):
     weight: np.ndarray
 
 
-SCRATCH, NODES, MEMBER_COUNT, ROWS, LOADS, SPRING_COUNT, WIDTH, PLAN, START, MEMBERS = range(10)
+NODES, MEMBER_COUNT, ROWS, LOADS, SPRING_COUNT, WIDTH, PLAN, START, MEMBERS = range(9)
 KIND, NODE, OFFSET, FRAME, NUMBER, VALUE_AT, VALUE, INNER_AT, STORE_AT, LENGTH, FLOOR, BLOCK = range(12)
 """Fields of members, counted from MEMBERS, and of springs, from SPRINGS."""
-TERM_FIRST, TERM_START, TERM_COEFFICIENT, TERM_KIND, TERM_NODE = range(21, 26)
-TERM_DIRECTION, TERM_POINT, TERM_BLOCK, TERM_FLIP = range(26, 30)
-LOAD_NODE, LOAD_POINT, LOAD_FORCE, LOAD_MOMENT, LOAD_FOLLOWING, LOAD_SKEW, LOAD_BLOCK = range(30, 37)
-SPRINGS, WEIGHT, KEEP, FLOATS = 37, 49, 50, 51
+TERM_FIRST, TERM_START, TERM_COEFFICIENT, TERM_KIND, TERM_NODE = range(20, 25)
+TERM_DIRECTION, TERM_POINT, TERM_BLOCK, TERM_FLIP = range(25, 29)
+LOAD_NODE, LOAD_POINT, LOAD_FORCE, LOAD_MOMENT, LOAD_FOLLOWING, LOAD_SKEW, LOAD_BLOCK = range(29, 36)
+SPRINGS, WEIGHT, KEEP, FLOATS = 36, 48, 49, 50
 """Where, in `Flat.ints`, counts stand, the places of fields and, last, how many floats there are."""
 
 
@@ -184,7 +182,7 @@ def join_fields(
 def flatten(arrays: Fields) -> Flat:
     """A copy of the fields, one after the other."""
     counts = (
-        arrays.scratch, len(arrays.start), len(arrays.members.kind), len(arrays.terms.start), len(arrays.loads.node),
+        len(arrays.start), len(arrays.members.kind), len(arrays.terms.start), len(arrays.loads.node),
         len(arrays.springs.kind), len(arrays.keep),
     )  # fmt: skip
     return Flat(*join_fields(counts, (arrays.size,), _leaves(arrays)), _members_of(arrays))
@@ -236,7 +234,6 @@ def opened(flat: Flat) -> Arrays:
         Loads(*views[loads:springs]),
         float(flat.floats[0]),
         Members(*views[springs:-2]),
-        int(flat.ints[SCRATCH]),
         *views[-2:],
     )
     arrays.flat = flat
@@ -272,8 +269,8 @@ class Work(NamedTuple):
     value, spare: block matrix and its scaled rows; rhs (n,): residual, then the step; store: what members keep
     from assembly to update; lam (m, 12): end wrenches; pose (m, 18): frame p (9), lever of q about node p, lever
     of q, d; scale (k, 2): sums of force and moment norms at each node. near (flat), from near_at (m+1,): element
-    and node rotation vectors of the near configuration of paper 1, empty except in the substructures. scratch: of
-    the member at work. weight: as in `Arrays`, with the gravity of every substructure in the axes of its A.
+    and node rotation vectors of the near configuration of paper 1, empty except in the substructures. weight: as in
+    `Arrays`, with the gravity of every substructure in the axes of its A.
     """
 
     value: np.ndarray
@@ -285,7 +282,6 @@ class Work(NamedTuple):
     scale: np.ndarray
     near: np.ndarray
     near_at: np.ndarray
-    scratch: np.ndarray
     weight: np.ndarray
     flat: np.ndarray
     at: np.ndarray
@@ -296,21 +292,12 @@ def open_work(flat, at):  # type: ignore[no-untyped-def]
     return Work(
         flat[: at[0]], flat[at[0] : at[1]], flat[at[1] : at[2]], flat[at[2] : at[3]],
         flat[at[3] : at[4]].reshape(-1, 12), flat[at[4] : at[5]].reshape(-1, 18), flat[at[5] : at[6]].reshape(-1, 2),
-        flat[at[6] : at[7]], at[10:], flat[at[7] : at[8]], flat[at[8] : at[9]].reshape(-1, 4), flat, at,
+        flat[at[6] : at[7]], at[9:], flat[at[7] : at[8]].reshape(-1, 4), flat, at,
     )  # fmt: skip
 
 
 compiled_open_work = kernel(open_work)
 """`open_work` for kernels."""
-
-
-def turning_room(arrays: Arrays) -> int:
-    """Scratch that loads with a skew tangent take in a Newton step (`ksd.model.nonconservative`)."""
-    loads = arrays.loads
-    if not len(loads.node):
-        return 0
-    rows = len(arrays.keep) * int(np.sum((loads.skew == 1) & (arrays.start[loads.node] >= 0)))
-    return rows * (arrays.plan.unknowns + rows + 1)
 
 
 def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
@@ -320,9 +307,9 @@ def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
     rows = count + len(arrays.springs.kind)
     sizes = (
         arrays.plan.values, arrays.plan.values, arrays.plan.unknowns, int(members.store_at[-1]), 12 * rows, 18 * rows,
-        2 * len(arrays.start), near_at[-1], max(arrays.scratch, turning_room(arrays)), arrays.weight.size,
+        2 * len(arrays.start), near_at[-1], arrays.weight.size,
     )  # fmt: skip
     at = np.array([*accumulate(sizes), *near_at], np.int64)
-    work = open_work(np.zeros(at[9]), at)
+    work = open_work(np.zeros(at[8]), at)
     work.weight[:] = arrays.weight
     return work

@@ -176,8 +176,17 @@ class Room(NamedTuple):
 
 
 @kernel
-def open_member_room(ints, scratch):
-    """`Room` for a member, and `Fields` for the strain-mode leaves there are."""
+def open_member_room():
+    """`Room` for a member."""
+    return Room(
+        np.empty(18), np.empty((3, 3)), np.empty(3), np.empty(12), np.empty((6, 6)), np.empty((12, 12)), np.empty(12),
+        np.empty(6), np.empty(12), np.empty((6, 6)), np.empty((6, 12)),
+    )  # fmt: skip
+
+
+@kernel
+def open_leaf_room(ints):
+    """`ksd.beam.strain.Fields` for the strain-mode leaves there are."""
     # no literals, for which numba would compile twice
     modes = points = ints[0] * 0
     for i in range(ints[MEMBER_COUNT]):
@@ -185,11 +194,7 @@ def open_member_room(ints, scratch):
             number = ints[MEMBERS + NUMBER] + 4 * i
             modes = max(modes, ints[number] + ints[number + 1] + ints[number + 2])
             points = max(points, ints[number + 3])
-    room = Room(
-        np.empty(18), np.empty((3, 3)), np.empty(3), np.empty(12), np.empty((6, 6)), np.empty((12, 12)), np.empty(12),
-        np.empty(6), np.empty(12), np.empty((6, 6)), np.empty((6, 12)),
-    )  # fmt: skip
-    return room, leaf_room(modes, points, scratch)
+    return leaf_room(modes, points)
 
 
 @kernel(inline="always")

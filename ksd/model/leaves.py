@@ -20,7 +20,6 @@ from ksd.beam.strain import fields_of, strain_fields
 from ksd.beam.strain_values import (
     Modes,
     make_modes,
-    strain_scratch,
     strain_sizes,
     strain_values,
     uniform_modes,
@@ -269,7 +268,7 @@ def _undeformed_end(
     value: np.ndarray, number: np.ndarray, inner: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pose of end q by the leaf's own integration, so that a curved leaf is free of stress at rest."""
-    fields = fields_of(number, np.zeros(strain_scratch(number)))
+    fields = fields_of(number)
     strain_fields(value, number, inner, np.zeros(0), fields)
     return fields.end.copy(), fields.R[-1].copy()
 

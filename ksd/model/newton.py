@@ -52,6 +52,7 @@ from ksd.model.assembly import (
     no_weight,
     no_weight_added,
     no_weight_followed,
+    open_leaf_room,
     open_member_room,
     recover_any,
     recover_beam,
@@ -71,7 +72,7 @@ LOOSE = 1000.0
 STALLED = 0.1
 """Residual over that before the step from which on steps no longer lower it."""
 
-CONVERGED, TOO_MANY, LOCAL_ANGLE, SINGULAR, DIVERGED, NOT_FINITE = 0, 1, 2, 3, 4, 5
+GOING, CONVERGED, TOO_MANY, LOCAL_ANGLE, SINGULAR, DIVERGED, NOT_FINITE = -1, 0, 1, 2, 3, 4, 5
 SOLVE, LOOK, ASSEMBLE, NODES_ALONE, STEP, TAKE = 0, 1, 2, 3, 4, 5
 """Tasks of `newton`: iterate; assemble and find the Newton step; assemble; assemble without members; find the step of what
 was assembled; take the step."""
@@ -209,12 +210,13 @@ def _take(
 
 @kernel(inline="always")
 def _newton(
-    condense, pull, follow, weigh, springs, recover, turn_weight, turn_rest,
+    members, condense, pull, follow, weigh, springs, recover, turn_weight, turn_rest,
     ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
 ):  # fmt: skip
-    """See `newton`; the first eight: what to do with the members, springs and loads there are."""
+    """See `newton`; the first nine: what to do with the members, springs and loads there are. Members is `add_members`:
+    called by its name it would be inlined here first, and copied once more with all of this."""
     work, plan = compiled_open_work(flat, at), ints[ints[PLAN] :]
-    room, leaf = open_member_room(ints, work.scratch)
+    room, leaf = open_member_room(), open_leaf_room(ints)
     # by names of their own: every look into a named tuple counts the users of an array
     matrix, spare, rhs = work.value, work.spare, work.rhs
     scales, poses, lams = work.scale, work.pose, work.lam
@@ -222,8 +224,9 @@ def _newton(
     move, xi = room.force, room.norms
     negatives, inside, status, pivot = 0, 0, 0, 1.0
     worst, before, moved, gap = math.inf, math.inf, math.inf, 0.0
-    n, polished, reason = 0, False, TOO_MANY
-    while True:
+    n, polished, reason = 0, False, GOING
+    # one way out: at every other one all arrays would be let go anew, a third of the kernel
+    while reason == GOING:
         done = False
         if task <= NODES_ALONE:
             # a load too small to rise above rounding still gets one step: at first the bounds have no grain
@@ -235,7 +238,7 @@ def _newton(
             scales[:, :] = 0.0
             inside, worst, status = 0, 0.0, 0
             if task != NODES_ALONE:
-                inside, worst, status = add_members(
+                inside, worst, status = members(
                     condense, pull, follow, weigh, ints, floats, x, R, inner, work, room, leaf, factor, rtol, noise, near
                 )  # fmt: skip
             gap, told = _add_others(
@@ -245,72 +248,63 @@ def _newton(
             status = max(status, told)
             if not math.isfinite(worst) or status == 2:
                 worst, status = math.inf, 2
-        if task in (ASSEMBLE, NODES_ALONE):
+        if LOOK < task <= NODES_ALONE:
             reason, negatives, pivot = status, inside, gap
-            break
-        if task == SOLVE:
+        elif task == SOLVE:
             if not math.isfinite(worst):
                 reason = NOT_FINITE
-                break
-            if polished:
-                if _settled(worst, before, moved):
-                    # a leaf with a replaced tiny pivot or a folded angle is no answer, however small the residual
-                    reason = LOCAL_ANGLE if status == 1 else (SINGULAR if status == 2 else CONVERGED)
-                    negatives += inside
-                    break
-                polished = False
-                n += 1
-                if n > most:
-                    break
-            done = worst <= 1.0 or (worst <= LOOSE and moved <= 1.0)
-            if not done:
-                if n >= most:
-                    break
-                if n > 0 and math.isfinite(blow_up):
+            elif polished and _settled(worst, before, moved):
+                reason = CONVERGED
+                negatives += inside
+            else:
+                # a rest of the way that did not settle it was a step
+                n += polished
+                done = worst <= 1.0 or (worst <= LOOSE and moved <= 1.0)
+                if n > most or (n == most and not done):
+                    reason = TOO_MANY
+                elif n > 0 and not done and math.isfinite(blow_up):
                     s = 0.0
                     for i in range(len(rhs)):
                         s += rhs[i] * rhs[i]
                     if math.sqrt(s) > blow_up:
                         reason = DIVERGED
-                        break
-        if task != TAKE:
+        if reason == GOING and task != TAKE:
             # the inertia belongs to the state before the step
             negatives, pivot = factor_blocks(plan, matrix, spare, plan[BLOCKS])
             for i in range(len(rhs)):
                 rhs[i] = -rhs[i]
             solve_blocks(plan, matrix, spare, rhs)
-            if done and not (worst > 1.0 and pivot > 0.0):
-                reason = LOCAL_ANGLE if status == 1 else (SINGULAR if status == 2 else CONVERGED)
-                negatives += inside
-                break
-            if task == SOLVE and not done:
-                negatives += inside
-                if not pivot > 0.0:
-                    reason = SINGULAR
-                    break
-            if task != STEP:
-                turn_rest(ints, floats, plan, R, matrix, spare, rhs, work.scratch, factor)
-        if task in (LOOK, STEP):
-            reason, negatives = status, negatives + inside
-            break
-        scale = cap if task == TAKE else 1.0
-        before = worst
-        if done:
             # the factors made for the inertia also lead the rest of the way, too short to count as a step
-            polished = True
-        elif task == SOLVE:
-            turned = _largest(ints, rhs, 3 + 0 * n)
-            if n > 0 and turned > cap:
-                scale = cap / turned
-            # a variable, not the literal 0, for which numba would compile the function once more
-            moved = max(turned / 1e-6, _largest(ints, rhs, 0 * n) / (1e-7 * floats[0]))
-            n += 1
-        _take(
-            recover, turn_weight, ints, floats, x, R, inner, multiplier, rhs, store, poses, weight, move, xi, scale
-        )  # fmt: skip
-        if task == TAKE:
-            reason, worst = CONVERGED, 0.0
-            break
+            polished = done and worst > 1.0 and pivot > 0.0
+            if not polished:
+                negatives += inside
+            if task == SOLVE and not done and not pivot > 0.0:
+                reason = SINGULAR
+            elif done and not polished:
+                reason = CONVERGED
+            else:
+                if task != STEP:
+                    turn_rest(ints, floats, plan, R, matrix, spare, rhs, factor)
+                if task != SOLVE:
+                    reason = status
+        if reason == GOING:
+            scale = cap if task == TAKE else 1.0
+            before = worst
+            if task == TAKE:
+                reason, worst = CONVERGED, 0.0
+            elif not polished:
+                turned = _largest(ints, rhs, 3 + 0 * n)
+                if n > 0 and turned > cap:
+                    scale = cap / turned
+                # a variable, not the literal 0, for which numba would compile the function once more
+                moved = max(turned / 1e-6, _largest(ints, rhs, 0 * n) / (1e-7 * floats[0]))
+                n += 1
+            _take(
+                recover, turn_weight, ints, floats, x, R, inner, multiplier, rhs, store, poses, weight, move, xi, scale
+            )  # fmt: skip
+    if task == SOLVE and reason == CONVERGED and status > 0:
+        # a leaf with a replaced tiny pivot or a folded angle is no answer, however small the residual
+        reason = LOCAL_ANGLE if status == 1 else SINGULAR
     return reason, min(n, most), worst, negatives, pivot
 
 
@@ -326,7 +320,7 @@ def _no_weight_turned(pose, move, store):
 
 
 @kernel(inline="always")
-def _no_turn_step(ints, floats, plan, R, matrix, spare, rhs, scratch, factor):
+def _no_turn_step(ints, floats, plan, R, matrix, spare, rhs, factor):
     """`turn_step` where no load has a skew tangent."""
 
 
@@ -341,8 +335,8 @@ def newton(
     [m] for the pivot.
     """
     return _newton(
-        condense_linear, no_weight, no_weight_followed, no_weight_added, _no_springs, recover_leaf, _no_weight_turned,
-        _no_turn_step,
+        add_members, condense_linear, no_weight, no_weight_followed, no_weight_added, _no_springs, recover_leaf,
+        _no_weight_turned, _no_turn_step,
         ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
     )  # fmt: skip
 
@@ -353,7 +347,8 @@ def newton_beams(
 ):  # fmt: skip
     """`newton` for chains too, springs, weight, and loads that are not conservative."""
     return _newton(
-        condense_beam, pull_member, follow_leaf, weigh_member, add_springs, recover_beam, turn_pull, turn_step,
+        add_members, condense_beam, pull_member, follow_leaf, weigh_member, add_springs, recover_beam, turn_pull,
+        turn_step,
         ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
     )  # fmt: skip
 
@@ -364,7 +359,7 @@ def newton_any(
 ):  # fmt: skip
     """`newton_beams` for members of every kind."""
     return _newton(
-        condense_any, pull_member, follow_leaf, weigh_member, add_springs, recover_any, turn_pull, turn_step,
+        add_members, condense_any, pull_member, follow_leaf, weigh_member, add_springs, recover_any, turn_pull, turn_step,
         ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
     )  # fmt: skip
 

@@ -66,7 +66,7 @@ def _rest(ints, floats, i, R, factor, B):
 
 
 @kernel
-def turn_step(ints, floats, plan, R, matrix, spare, rhs, scratch, factor):
+def turn_step(ints, floats, plan, R, matrix, spare, rhs, factor):
     """Correct the step in rhs of a system whose matrix is factored; R (k, 3, 3): rotations of the nodes."""
     n, keep, width = len(rhs), ints[KEEP], ints[WIDTH]
     count, i = 0, _next(ints, 0 * n)
@@ -76,8 +76,7 @@ def turn_step(ints, floats, plan, R, matrix, spare, rhs, scratch, factor):
     k = width * count
     if k == 0:
         return
-    X, B = scratch[: k * n].reshape(k, n), np.empty((6, 6))
-    G, z = scratch[k * n : k * (n + k)].reshape(k, k), scratch[k * (n + k) : k * (n + k + 1)].reshape(k, 1)
+    X, B, G, z = np.empty((k, n)), np.empty((6, 6)), np.empty((k, k)), np.empty((k, 1))
     # X: K^-1 for every unknown of the loaded nodes
     row, i = 0, _next(ints, 0 * n)
     while i < ints[LOADS]:

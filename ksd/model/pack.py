@@ -13,12 +13,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ksd.beam.strain_values import room_size
 from ksd.model.arrays import (
     LENGTH,
     LINEAR,
     MEMBERS,
-    STRAIN,
     VALUE,
     Arrays,
     Flat,
@@ -189,12 +187,6 @@ def _loads(shapes: Sequence[LoadShape], places: Places) -> Loads:
     )
 
 
-def _leaf_room(members: Sequence[Shape]) -> int:
-    """Scratch that serves every strain-mode leaf."""
-    sizes = [(sum(m.number[:3]), m.number[3]) for m in members if m.kind == STRAIN]
-    return room_size(*(max(of) for of in zip(*sizes, strict=True))) if sizes else room_size(0, 0)
-
-
 def topology_arrays(
     nodes: int,
     members: Sequence[Shape],
@@ -216,7 +208,6 @@ def topology_arrays(
         _loads(loads, places),
         0.0,
         _members(springs, places) if springs else NO_SPRINGS,
-        _leaf_room(members),
         np.zeros((0, 4)),
         np.arange(6),
     )

@@ -1,9 +1,8 @@
 """The first answer on a machine: a second process compiles what the first comes to late, and both find it in the cache.
 
-Nearly all of that answer is compiling, a kernel at a time: step 1, then what `ksd.model.newton.newton` calls, in that order,
-and itself. The process beside it begins with the longest, a leaf spring in space, and takes the others from the last on,
-until they meet. A kernel both are at is compiled twice, alike; one that is not there, as when the second process was
-ended, is compiled as ever.
+Nearly all of that answer is compiling, a kernel at a time: step 1, then what `ksd.model.newton.newton` calls, itself, and
+the rest. The process beside it takes what `newton` calls, the longest first, then the rest. A kernel both are at is
+compiled twice, alike; one that is not there, as when the second process was ended, is compiled as ever.
 """
 
 from __future__ import annotations
@@ -17,10 +16,11 @@ from pathlib import Path
 import numpy as np
 
 from ksd.beam.levers import member_tangent
-from ksd.beam.strain import strain_condense, strain_recover, strain_tangent
+from ksd.beam.strain import fields_of, strain_condense, strain_recover, strain_tangent
+from ksd.bodies.joints import joint_bodies
+from ksd.bodies.substructures import condense_assembled, find_step
 from ksd.library import find_record
 from ksd.model.arrays import make_work
-from ksd.model.assembly import open_member_room
 from ksd.model.compile import compile_scene
 from ksd.model.loading import add_loads, add_terms
 from ksd.model.newton import move_nodes
@@ -32,6 +32,7 @@ from ksd.scene.families.cross_flexure import CrossFlexure
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
 from ksd.solve.pipeline import JointReader
+from ksd.solve.space_steps import FiveStepsStorage, place_space
 
 
 @cache
@@ -60,18 +61,29 @@ def compile_late() -> None:
     (ints, floats, _), members, plan = arrays.flat, arrays.members, arrays.plan.ints
     inner, store = motion.inner[: members.inner_at[1]], work.store[: members.store_at[1]]
     value, number, target = members.value, members.number[0], np.zeros(len(motion.multiplier))
-    room, leaf = open_member_room(ints, work.scratch)
-    # its longest part first, which an answer without step 1 comes to early
+    leaf, lam, K, A = fields_of(number), np.zeros(12), np.zeros((6, 6)), np.zeros((6, 6))
     strain_tangent(value, number, inner, leaf)
-    strain_condense(value, number, inner, store, leaf, np.zeros(3), np.eye(3), room.lam, room.K)
-    move_nodes(arrays, motion, work.rhs, 1.0)
-    strain_recover(value, number, inner, store, np.zeros(6), 1.0, np.zeros(6))
-    solve_blocks(plan, work.value, work.spare, work.rhs)
+    strain_condense(value, number, inner, store, leaf, np.zeros(3), np.eye(3), lam, K)
     factor_blocks(plan, work.value, work.spare, plan[BLOCKS])
     add_terms(
         ints, floats, motion.x, motion.R, motion.multiplier, target, 1e-8, work.value, work.rhs, work.scale
     )
+    solve_blocks(plan, work.value, work.spare, work.rhs)
+    move_nodes(arrays, motion, work.rhs, 1.0)
+    strain_recover(value, number, inner, store, np.zeros(6), 1.0, np.zeros(6))
     add_loads(ints, floats, motion.R, 1.0, 1e-8, work.value, work.rhs, work.scale)
-    member_tangent(work.pose[0], room.lam, room.K, room.T, room.force, room.A, room.M)
+    member_tangent(work.pose[0], lam, K, np.zeros((12, 12)), np.zeros(12), A, np.zeros((6, 12)))
+    # after `newton`, while the first process is at that itself
     JointReader(model, find_record, extrapolate=False)(motion)
     look_at_modes(model, motion)
+    b = FiveStepsStorage(model, joint_bodies(model, find_record))
+    condense_assembled(b.bodies.substructures, 1, b.substructures, b.substructure_work, b.reduced.inner)
+    find_step(
+        b.bodies.substructures,
+        b.bodies.loops,
+        b.reduced,
+        b.substructures,
+        b.substructure_work,
+        b.state.relative,
+    )
+    place_space(b)

@@ -15,7 +15,6 @@ from ksd.beam.strain_values import (
     DEFAULT_ORDERS,
     DEFAULT_POINTS,
     PULL,
-    strain_scratch,
     strain_sizes,
     strain_values,
 )
@@ -165,7 +164,7 @@ class Spatial:
         strain_recover(*args, np.empty(6))
 
     def __init__(self, number):
-        self.fields = fields_of(number, np.zeros(strain_scratch(number)))
+        self.fields = fields_of(number)
 
     def condense(self, value, number, inner, store, *rest):
         return strain_condense(value, number, inner, store, self.fields, *rest)

@@ -5,7 +5,7 @@ import pytest
 
 from ksd.beam.strain import fields_of, strain_condense, strain_fields, strain_recover, strain_tangent
 from ksd.beam.strain_flat import is_flat
-from ksd.beam.strain_values import PULL, make_modes, strain_scratch, strain_sizes, strain_values
+from ksd.beam.strain_values import PULL, make_modes, strain_sizes, strain_values
 from ksd.numerics.rotations import rotation_exp
 
 L, EA, KGA = 0.1, 6e6, 1.9e6
@@ -41,7 +41,7 @@ class Leaf:
         )
         size, store = strain_sizes(self.number, heavy=kind == "weight")
         self.inner, self.store = np.zeros(size), np.zeros(store)
-        self.fields = fields_of(self.number, np.zeros(strain_scratch(self.number)))
+        self.fields = fields_of(self.number)
         self.size = 0.3 if kind == "profile" else 1.0
         self.pull = np.array(gravity) if kind == "weight" else np.zeros(0)
         self.lam, self.K = np.zeros(12), np.zeros((6, 6))

@@ -12,7 +12,6 @@ from ksd.beam.strain_values import (
     PULL,
     make_modes,
     masses_beyond,
-    strain_scratch,
     strain_sizes,
     strain_values,
 )
@@ -40,7 +39,7 @@ class Space:
             assert masses_beyond(self.value, self.number) == pytest.approx(MU * L * (1 - table.s))
             inner, store = strain_sizes(self.number, heavy=True)
             self.inner = np.zeros(inner)
-            fields = strain.fields_of(self.number, np.zeros(strain_scratch(self.number)))
+            fields = strain.fields_of(self.number)
 
             def condense(value, number, inner, store, *rest):
                 found = strain.strain_condense(value, number, inner, store, fields, *rest)

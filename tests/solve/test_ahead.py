@@ -20,7 +20,7 @@ SECOND = "from ksd.solve.ahead import compile_late; compile_late()"
 FIRST = """
 from scenes import fourbar
 import ksd
-print(ksd.solve(fourbar(), top=0.1).forces["top"])
+print(ksd.solve(fourbar(), top=0.1, method="full").forces["top"])
 """
 STARTED = """
 import multiprocessing, sys
@@ -36,8 +36,8 @@ if sys.argv[1] == "wait":
 print(child.pid, child.exitcode)
 """
 KERNELS = (
-    "open_member_room", "strain_condense", "strain_tangent", "_move_nodes", "strain_recover", "solve_blocks",
-    "factor_blocks", "add_terms", "add_loads", "member_tangent", "read_joints", "_worst",
+    "strain_condense", "strain_tangent", "_move_nodes", "strain_recover", "solve_blocks", "factor_blocks", "add_terms",
+    "add_loads", "member_tangent", "read_joints", "_worst", "_condense_blocks", "_recover_blocks", "place_insides",
 )  # fmt: skip
 
 

@@ -386,6 +386,7 @@ def test_the_assembly_calls_nothing_for_what_is_absent(monkeypatch):
         model = ksd.compile_scene(scene)
         arrays, rest, work = model.arrays, model.rest, make_work(model.arrays)
         newton._newton.py_func(
+            newton.add_members,
             *4 * [None],
             newton.add_springs,
             *3 * [None],
