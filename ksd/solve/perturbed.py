@@ -196,13 +196,18 @@ class Perturbed:
             self._made = pose.model, self._models(pose.model, parameters)
         work = _Storage()
         start = pose.motion if pose.method == "conventional" else settled(pose)
-        here = self._at(pose, pose.model, start, pose.targets, work)
+        here, _ = self._at(pose, pose.model, start, pose.targets, work)
         sides = []
         for parameter, models in zip(parameters, self._made[1], strict=True):
-            own = []
+            own: list[Configuration] = []
+            first = 0.0
             for share, model in zip(self.shares, models, strict=True):
                 values = parameter.at(pose.targets, parameter.value + share * parameter.size)
-                own.append(self._at(pose, model, here.motion, values, work, parameter.name))
+                # shares come in pairs: opposite to a side a step less is to go
+                opposite = len(own) % 2 == 1 and model.kinds <= {STRAIN}
+                start = _mirrored(here.motion, own[-1].motion) if opposite else here.motion
+                found, first = self._at(pose, model, start, values, work, parameter.name, first * opposite)
+                own.append(found)
             sides.append(own)
         return here, sides
 
@@ -222,12 +227,14 @@ class Perturbed:
         targets: Mapping[str, float],
         storage: _Storage,
         name: str = "",
-    ) -> Configuration:
-        """The equilibrium of a model Newton steps from a state; name: of the parameter that was changed."""
+        first: float = 0.0,
+    ) -> tuple[Configuration, float]:
+        """The equilibrium of a model Newton steps from a state, and the size of the first; name: of the parameter that was
+        changed; first: of the step to the opposite side, which spares it here."""
         arrays, motion, target = exact_arrays(model), start.copy(), model.targets(targets)
         work = storage.of(arrays)
-        moved = []
-        for _ in range(NEWTON):
+        moved = [first] * (first > 0.0)
+        while len(moved) < NEWTON:
             look(arrays, motion, target, pose.load_factor, work, RTOL)
             step = work.rhs
             moved.append(largest_move(arrays, step) / arrays.size + largest_turn(arrays, step))
@@ -237,10 +244,17 @@ class Perturbed:
             raise ConvergenceError(
                 f"no gradient: Newton steps do not reach the equilibrium {where}; it is near the end of its branch"
             )
-        return type(pose)(
+        found = type(pose)(
             model, motion, "conventional", dict(targets), pose.steps, negatives=pose.negatives,
             expected=pose.expected, load_factor=pose.load_factor, intended=pose.intended,
         )  # fmt: skip
+        return found, moved[0]
+
+
+def _mirrored(here: Motion, side: Motion) -> Motion:
+    """The state of strain-mode leaf springs that is as far from one as `side`, the other way."""
+    R = here.R @ side.R.swapaxes(1, 2) @ here.R
+    return Motion(2 * here.x - side.x, R, 2 * here.inner - side.inner, 2 * here.multiplier - side.multiplier)
 
 
 class _Storage:
