@@ -3,7 +3,8 @@
 At the equilibrium x0 of a pose, for a parameter p at p0 +- h: the arrays of that design with the effects, mesh, orders
 and plate curvatures of p0, Newton steps from x0, the question asked of that state, a central difference. One step N(x,
 p) = x - K^-1 R has dN/dp = -K^-1 dR/dp, the exact derivative of the equilibrium, inner unknowns and multipliers
-included; those that follow are iterative refinement. Nothing is chosen anew beside the pose, so nothing jumps: a curved
+included; a second one takes away its rounding and what it leaves of the bend of that path. The other side of a parameter
+starts opposite to the first, where one step does both. Nothing is chosen anew beside the pose, so nothing jumps: a curved
 leaf that would take more modes on one side keeps those it has.
 """
 
@@ -39,7 +40,8 @@ STEP = 3e-5
 WIDE = 3e-4
 """The same where differences at one and two steps are combined to fourth order: ten times less rounding."""
 NEWTON = 2
-"""Newton steps to the equilibrium beside the pose: one would do but for rounding, 1e-6 of a slope of the arm's forces."""
+"""Newton steps to the equilibrium beside the pose. After one, even refined, stresses of a butterfly hinge are 2 % off at a step
+of WIDE and stiffnesses .2 %; 3e-5 at STEP."""
 LEFT = 0.05
 """Part of the first Newton step up to which the last one may be as large."""
 AXES = "xyz"
