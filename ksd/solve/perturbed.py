@@ -40,8 +40,8 @@ STEP = 3e-5
 WIDE = 3e-4
 """The same where differences at one and two steps are combined to fourth order: ten times less rounding."""
 NEWTON = 2
-"""Newton steps to the equilibrium beside the pose. After one, even refined, stresses of a butterfly hinge are 2 % off at a step
-of WIDE and stiffnesses .2 %; 3e-5 at STEP."""
+"""Newton steps to the equilibrium beside the pose. After one, even refined, stresses of a butterfly hinge are 2 % off
+at a step of WIDE, stiffnesses .2 %; 3e-5 at STEP."""
 LEFT = 0.05
 """Part of the first Newton step up to which the last one may be as large."""
 AXES = "xyz"
