@@ -221,7 +221,7 @@ def _leaving_member(model: Model, k: np.ndarray) -> str:
     e3, kind = members.frame[..., 2], members.kind
     off = e3 - (e3 @ k)[..., None] * k
     tilt = np.sqrt((off * off).sum(axis=-1))
-    leaves = (tilt > PARALLEL).any(axis=1)
+    leaves = tilt.max(axis=1) > PARALLEL
     if not model.kinds <= {STRAIN, COROTATIONAL}:
         linear = np.flatnonzero(kind == LINEAR)
         leaves |= (kind == MODAL) | (kind == SOLID)

@@ -11,6 +11,7 @@ about the axes asked for).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -230,7 +231,7 @@ def rest_arm(model: Model, node: int, at: Any) -> Array:
     if at is None:
         return np.zeros(3)
     point = np.asarray(at, float)
-    if point.shape != (3,) or not np.isfinite(point).all():
+    if point.shape != (3,) or not all(map(math.isfinite, point.tolist())):
         raise SceneError(f"at = {at!r}: three finite coordinates [m] of a point at rest are needed")
     return np.asarray(point - model.rest.x[node])
 
