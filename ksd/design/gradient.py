@@ -44,7 +44,7 @@ from ksd.properties.words import Shown, listed
 from ksd.properties.words import number as written
 from ksd.scene.links import Link
 from ksd.solve.configuration import Configuration
-from ksd.solve.perturbed import STEP, WIDE, Perturbed, parameters_of
+from ksd.solve.perturbed import STEP, WIDE, Parameter, Perturbed, parameters_of
 from ksd.solve.solver import Method
 
 Array = np.ndarray
@@ -220,10 +220,14 @@ def gradient_at(
     at_zero: dict[str, float] = {}
     for scene, found, said in solved:
         perturbed = Perturbed(shares)
+        parameters: tuple[Parameter, ...] = ()
         for pose in found:
-            parameters = parameters_of(
-                scene, pose.targets, size=pose.model.arrays.size, at_design=at_design, by=by, sizes=sizes, design=design
-            )  # fmt: skip
+            # values of drives alone change from pose to pose
+            if not parameters or any(p.scene is None for p in parameters):
+                parameters = parameters_of(
+                    scene, pose.targets, size=pose.model.arrays.size, at_design=at_design, by=by, sizes=sizes,
+                    design=design,
+                )  # fmt: skip
             here, sides = perturbed(pose, parameters)
             poses.append([here, *(side for own in sides for side in own)])
             steps.append(np.array([p.size * shares[0] for p in parameters])[:, None])

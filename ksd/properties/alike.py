@@ -54,7 +54,7 @@ class Alike:
     def constants(self, members: NDArray[np.int64], size: int) -> Array:
         """The first `size` constants (D, k, size) of members (k,)."""
         at = self.topology.flat.ints[MEMBERS + VALUE] + self.topology.members.value_at[members]
-        return self.floats[self.which[:, None, None], at[:, None] + np.arange(size)]
+        return np.take(self.floats, at[:, None] + np.arange(size), axis=1)[self.which]
 
     def finer(self) -> Alike | None:
         """The equilibria next to the states with one mode more per axis in every leaf, see `ksd.properties.unfold`. None

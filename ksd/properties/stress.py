@@ -372,11 +372,13 @@ def stress_followed(
         # of that station, and of the end its lever is measured to
         both = every.reshape(-1, 1), np.column_stack([station, np.full(len(number), -1)])
         forces = forces_along(r[both], R[both], wrench)[:, :1]
-        rows = np.array([tables[n].rows[p] for n, p in zip(number.tolist(), point.tolist(), strict=True)])
-        stations = _at_points(rows[:, None])
+        rows = np.array([[tables[n].rows[p]] for n, p in zip(number.tolist(), point.tolist(), strict=True)])
         outlined = np.array([table.outlined for table in tables])[number]
-        either = (_stresses(forces, stations, outlined=o)[2].ravel() for o in (True, False))
-        found[:, group.members] = np.where(outlined, *either).reshape(every.shape)
+        largest = np.empty(len(number))
+        for kind in set(outlined.tolist()):
+            pick = outlined == kind
+            largest[pick] = _stresses(forces[pick], _at_points(rows[pick]), outlined=kind)[2].ravel()
+        found[:, group.members] = largest.reshape(every.shape)
     return dict(zip(model.member_names, found.T, strict=True))
 
 
