@@ -6,22 +6,24 @@ missing to equilibrium on a link is the load it needs. Fewer actuators than moti
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from ksd.checks import nearest, show, worded
 from ksd.checks import number as checked
-from ksd.errors import ConvergenceError, KsdError, SceneError
+from ksd.errors import ConvergenceError, KsdError, SceneError, TrustError
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model, compile_chosen, compile_given
 from ksd.model.mesh import Mesh
 from ksd.model.orders import raised
 from ksd.model.plane import Plane, plane_of
-from ksd.numerics.rotations import rotation_exp, rotation_log
+from ksd.numerics.rotations import rotation_exp
 from ksd.properties.words import Shown, listed, number
 from ksd.scene.contents import Scene
 from ksd.scene.drive import GROUND, Drive, DriveTerm
@@ -31,6 +33,7 @@ from ksd.scene.mechanism import Mechanism
 from ksd.solve.actuation import Actuation
 from ksd.solve.configuration import Configuration
 from ksd.solve.solver import DEFAULT_ACCURACY, MOST_RISES, Solver, prepare
+from ksd.solve.verdict import is_solved, solved
 
 Array = NDArray[np.float64]
 Wanted = dict[int, tuple[Array, Array]]
@@ -103,7 +106,7 @@ def required_loads(
     takes leaf springs of constant stiffness, one evaluation where all poses are given; without it they are exact. The
     drives of the scene are the actuators: their forces, and those of the supports, balance the rest in the least-squares
     sense, moments over the size of the mechanism. mesh: as in `ksd.solve`. Raises SceneError for poses that no leaf can
-    take.
+    take, ConvergenceError for those not reached, TrustError where what is found there is not stable.
     """
     if method not in (None, "constant", "conventional"):
         raise SceneError(f"method = {show(method)}: give 'constant', or nothing for exact leaf springs")
@@ -125,6 +128,8 @@ def required_loads(
             solver = prepare(mechanism, mesh=raised(model.mesh, axis))
             model = solver.constant[0] if method == "constant" else solver.model
             pose = _held_pose(solver, model, wanted, method or "conventional")
+        if not is_solved(pose):
+            raise TrustError(f"poses: what is found there is {solved(pose)}", reached=1.0, result=pose)
         state = model.rest.copy()
         state.x[:], state.R[:], state.inner[:] = pose.motion.x, pose.motion.R, pose.motion.inner
     state.multiplier[:] = 0.0
@@ -280,10 +285,12 @@ def _holding(solver: Solver, model: Model, wanted: Wanted) -> tuple[Solver, dict
     scene, found = model.said or model.scene, plane_of(model)
     axis = found.axis if isinstance(found, Plane) else None
     names = {model.node_names[i] for i in wanted} | {GROUND}
-    drives, targets, turn = [], {}, np.empty(3)
+    drives, targets = [], {}
     for i, (x, R) in wanted.items():
         link, rest = model.node_names[i], tuple(model.rest.x[i].tolist())
-        rotation_log(R, turn)
+        # a drive tells the twist about its axis, which is no component of the rotation vector
+        *q, q0 = Rotation.from_matrix(R).as_quat().tolist()
+        turn = np.array([2.0 * math.atan2(math.copysign(1.0, q0) * own, abs(q0)) for own in q])
         for kind, values in (("translation", x - model.rest.x[i]), ("rotation", turn)):
             for k, value in enumerate(values.tolist()):
                 if axis is not None and (k == axis) != (kind == "rotation"):

@@ -203,6 +203,42 @@ def test_required_loads_give_the_loads_back(paper):
         assert np.abs(list(rest.values())).max() < 1e-8
 
 
+def test_required_loads_in_space_give_the_drive_force_back():
+    """Rotations about several axes: components of the rotation vector were taken for twists about the axes, which stiff leaf
+    springs told as forces of several times the drive force."""
+    scene = ksd.Mechanism("space")
+    body, blade = scene.link("body"), ksd.rectangle(5e-4, 0.01)
+    stuff = ksd.Material(E=200e9, nu=0.3)
+    scene.leaf(
+        "ground", body, start=(0, 0, 0), end=(0.1, 0, 0), section=blade, material=stuff, width_axis="z"
+    )
+    scene.leaf(
+        "ground",
+        body,
+        start=(0, 0.03, 0.02),
+        end=(0.1, 0.03, 0.05),
+        section=blade,
+        material=stuff,
+        width_axis="y",
+    )
+    scene.actuate(body, along=(1, 2, 3), at=(0.1, 0.05, 0), name="push")
+    pose = ksd.solve(scene, push=4e-3)
+    assert (np.abs(pose.rotation("body")) > 1e-3).all()
+    need = ksd.required_loads(scene, pose.links)
+    assert need.balanced and need.forces["push"] == pytest.approx(pose.forces["push"], rel=1e-5)
+
+
+def test_required_loads_of_a_state_that_is_not_stable():
+    """A leaf spring pressed end to end beyond its buckling load: its straight state holds the pose, and would not stay."""
+    scene = ksd.Mechanism("column", plane="xy")
+    tip = scene.link("tip")
+    scene.leaf("ground", tip, start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(5e-4, 0.01),
+               material=ksd.Material(E=200e9, nu=0.3))  # fmt: skip
+    with pytest.raises(ksd.TrustError, match="poses: what is found there is not to be trusted: UNSTABLE"):
+        ksd.required_loads(scene, {"tip": ((-1e-4, 0, 0), 0.0)})
+    assert ksd.required_loads(scene, {"tip": ((-1e-5 / 4, 0, 0), 0.0)}).loads["tip"][0] < 0
+
+
 def test_required_forces_of_a_control_loop(paper):
     """Arrays in and out, by matrices, rotation vectors and angles: what `required_loads` says by names."""
     scene = paper.gripper(driven=True)
