@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 STEPS, SHAPED = 4, 16
 """Least steps along a leaf; along every part between the breaks of a profile, and of a curve. Those of a profile are shorter
 towards the ends: there the thickness of a fillet runs like a root."""
-TURN = 0.5
+TURN = 0.35
 """Turning of a rod by its curvature, and growth of its changes, in one step."""
 VARIES = 1.5
 """Turning [rad] that a section counts for whose stiffness varies by e."""
