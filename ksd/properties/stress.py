@@ -293,19 +293,28 @@ def _mises_by_kind(
 
 
 def _leaves_alike(
-    states: Alike, group: LeafGroup
+    states: Alike, group: LeafGroup, *, profiles: bool = False
 ) -> tuple[Array, Array, NDArray[np.int64], list[Any]] | None:
     """Constants (n, v) and inner states of the leaves of a group in all states, one state after the other, the number (n,)
-    of the section of each, and the sections; None as of `stress_alike`."""
+    of the section of each, and the sections; None as of `stress_alike`; profiles: not of leaf springs that have one."""
     names = [states.models[0].member_names[i] for i in group.members.tolist()]
     leaves = scene_leaves(states.models[0])
-    if group.heavy or any(n not in leaves or leaves[n].profile is not None for n in names):
+    if group.heavy or any(n not in leaves or not (profiles or leaves[n].profile is None) for n in names):
         return None
     value = states.constants(group.members, group.value.shape[1])
     inner = np.take(states.motion.inner, group.places, axis=1)
     count = len(value) * len(names)
     number, sections = _sections(states, names)
     return value.reshape(count, -1), inner.reshape(count, -1), number.ravel(), sections
+
+
+def _shaped(states: Alike, group: LeafGroup) -> list[Any]:
+    """The leaf springs of a group in all states, one state after the other, where they have profiles; else none."""
+    names = [states.models[0].member_names[i] for i in group.members.tolist()]
+    each = [[scene_leaves(model)[n] for n in names] for model in states.models]
+    if any(leaf.profile is None for leaf in each[0]):
+        return []
+    return [leaf for u in states.which.tolist() for leaf in each[u]]
 
 
 def _sections(states: Alike, names: list[str]) -> tuple[NDArray[np.int64], list[Any]]:
@@ -352,22 +361,33 @@ def stress_followed(
     model = states.models[0]
     found = np.empty((len(first), len(model.member_names)))
     for group in leaf_groups(model):
-        known = _leaves_alike(states, group)
+        known = _leaves_alike(states, group, profiles=True)
         if known is None:
             return None
         value, inner, number, sections = known
-        _, r, R = strain_curves(value, group.number, inner, points)
+        s, r, R = strain_curves(value, group.number, inner, points)
         wrench = inner[:, None, group.modes :]
         # where it is largest in the leaves of the first states, and which of these each leaf goes by
         own, of = np.unique(first, return_inverse=True)
         every = np.arange(len(number)).reshape(len(first), -1)
         lead, of = every[own].ravel(), every[: len(own)][of].ravel()
         worst, tables = np.empty((2, len(lead)), np.int64), [_point_table(q) for q in sections]
-        for pick, mises in _mises_by_kind(forces_along(r[lead], R[lead], wrench[lead]), number[lead], tables):
+        forces, shaped = forces_along(r[lead], R[lead], wrench[lead]), _shaped(states, group)
+        looked = _mises_by_kind(forces, number[lead], tables)
+        if shaped:
+            along = (SectionForces("", s[i], own) for i, own in zip(lead.tolist(), forces, strict=True))
+            each = (_leaf_stresses([f], shaped[i])[0] for i, f in zip(lead.tolist(), along, strict=True))
+            looked = ((np.array([k]), leaf.von_mises_Pa[None]) for k, leaf in enumerate(each))
+        for pick, mises in looked:
             worst[:, pick] = np.divmod(mises.reshape(len(mises), -1).argmax(axis=1), mises.shape[2])
         station, point = worst[:, of]
+        if shaped:
+            # the section of every leaf spring at that station
+            at = (s[np.arange(len(s)), station] / s[:, -1]).tolist()
+            tables = [_point_table(_weaker(f.profile, x)) for f, x in zip(shaped, at, strict=True)]
+            number = np.arange(len(tables))
         count = np.array([len(table.rows) for table in tables])[number]
-        if (count != count[lead][of]).any():
+        if (count != count[lead][of]).any() or (point >= count).any():
             return None
         # of that station, and of the end its lever is measured to
         both = every.reshape(-1, 1), np.column_stack([station, np.full(len(number), -1)])

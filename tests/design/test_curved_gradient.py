@@ -33,14 +33,38 @@ def test_gradient_by_rest_shape_and_sizes(seed):
         "c1": rng.uniform(0.4, 1.0), "c2": rng.uniform(-0.4, 0.4), "length": rng.uniform(0.05, 0.1),
         "thickness": rng.uniform(3e-4, 6e-4), "width": rng.uniform(5e-3, 15e-3), "load": rng.uniform(-0.5, 0.5),
     }  # fmt: skip
+    compare(link, design, {"mesh": MESH, "at": (0.05, 0, 0)})
+
+
+def tapered(length, start, end, width, load):
+    """A straight link that runs from one thickness to another, over a step in the middle, moved as `link`."""
+    scene = ksd.Mechanism("link", plane="xy")
+    tip, area = scene.link("tip"), ksd.rectangle
+    profile = ksd.Varying(lambda s: area(start + (end - start) * s + (s > 0.5) * 1e-4, width), (0.5,))
+    for k, shape in enumerate((ksd.Taper((start, end), (width, width)), profile)):
+        scene.leaf("ground", tip, start=(0, k * length, 0), end=(length, k * length, 0), name=f"leaf {k}",
+                   section=area(start, width), profile=shape, material=STEEL)  # fmt: skip
+    scene.load(tip, force=(load, 0, 0), at=(length, 0, 0))
+    scene.actuate(tip, along="y", at=(length, 0, 0), name="d")
+    return scene
+
+
+def test_gradient_by_sizes_of_profiles():
+    """The same of leaf springs with profiles, whose stresses are followed at a section of their own each."""
+    design = {"length": 0.08, "start": 5e-4, "end": 4e-4, "width": 0.01, "load": 0.4}
+    compare(tapered, design, {"at": (0.08, 0.04, 0)})
+
+
+def compare(make, design, words):
+    """Gradients of a design against central differences of solves of fourth order: 1e-6."""
     words = {
-        "questions": ("force", "support_stiffness", "drive_stiffness", "stress"), "mesh": MESH, "link": "tip",
-        "at": (0.05, 0, 0), "d": 0.006,
+        "questions": ("force", "support_stiffness", "drive_stiffness", "stress"), "link": "tip",
+        "d": 0.006, **words,
     }  # fmt: skip
-    found = ksd.gradient(link, design, method="conventional", **words)
+    found = ksd.gradient(make, design, method="conventional", **words)
 
     def answers(name, value):
-        row = ksd.gradient(link, {**design, name: value}, by="d", method="conventional", **words).values
+        row = ksd.gradient(make, {**design, name: value}, by="d", method="conventional", **words).values
         return np.array([row[c][0] for c in COLUMNS])
 
     for name, value in design.items():
