@@ -184,7 +184,7 @@ class Optimum(Shown):
             (n, written(self.answers[n], 6) if n in self.answers else "", written(w, 4))
             for n, w in self.held.items()
         ]
-        parts = [listed(("parameter", "value", "least", "most"), rows, head)]
+        parts = [listed(("parameter", "value [SI]", "least", "most"), rows, head)]
         parts.append(listed(("held by", "value", "worth [%/%]"), held) if held else NOT_KNOWN)
         for name, side in self.job.held_by:
             if f"{name} at its {side}" in self.held:

@@ -59,6 +59,7 @@ def test_the_job_of_the_specification_from_five_random_starts():
     assert held == {*GOALS, "stress_MPa", "length", "rule 'wide'"}
     assert sum(best.held[n] for n in best.held if n.startswith("support")) == pytest.approx(1.0)
     assert not best.flat and "5 of 5 starts end here" in str(best) and "worth" in str(best)
+    assert "value [SI]" in str(best)
     assert best.mechanism.scene().name == "pivot"
 
 
