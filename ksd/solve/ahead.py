@@ -19,6 +19,7 @@ from ksd.beam.levers import member_tangent
 from ksd.beam.strain import fields_of, strain_condense, strain_recover, strain_tangent
 from ksd.bodies.joints import joint_bodies
 from ksd.bodies.substructures import condense_assembled, find_step
+from ksd.errors import KsdError
 from ksd.library import find_record
 from ksd.model.arrays import make_work
 from ksd.model.compile import compile_scene
@@ -76,14 +77,10 @@ def compile_late() -> None:
     # after `newton`, while the first process is at that itself
     JointReader(model, find_record, extrapolate=False)(motion)
     look_at_modes(model, motion)
-    b = FiveStepsStorage(model, joint_bodies(model, find_record))
-    condense_assembled(b.bodies.substructures, 1, b.substructures, b.substructure_work, b.reduced.inner)
-    find_step(
-        b.bodies.substructures,
-        b.bodies.loops,
-        b.reduced,
-        b.substructures,
-        b.substructure_work,
-        b.state.relative,
-    )
-    place_space(b)
+    # without records there are no five steps
+    with suppress(KsdError):
+        b = FiveStepsStorage(model, joint_bodies(model, find_record))
+        inside, state, room = b.bodies.substructures, b.substructures, b.substructure_work
+        condense_assembled(inside, 1, state, room, b.reduced.inner)
+        find_step(inside, b.bodies.loops, b.reduced, state, room, b.state.relative)
+        place_space(b)

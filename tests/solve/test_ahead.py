@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from processes import environment
 
+from ksd.errors import RecordError
 from ksd.numerics.cache import source_hash
 from ksd.solve import ahead
 
@@ -128,6 +129,20 @@ def test_it_is_not_started_where_it_does_not_belong(where, monkeypatch):
     monkeypatch.setattr(sys, "executable", program)
     ahead.compile_ahead.__wrapped__()
     assert begun == ([ahead.compile_late] if where == "wanted" else [])
+
+
+def test_it_says_nothing_of_records_that_are_not_there(monkeypatch):
+    """They are the business of the first process; the second would print a traceback."""
+    asked = []
+
+    def missing(family):
+        asked.append(family)
+        raise RecordError("no record")
+
+    monkeypatch.setattr(ahead, "follow_parent", lambda: None)
+    monkeypatch.setattr(ahead, "find_record", missing)
+    ahead.compile_late()
+    assert asked == ["cross_flexure", "cross_flexure"]
 
 
 @pytest.mark.parametrize(("interpreted", "kept"), [("0", True), ("1", True), ("0", False)])
