@@ -237,7 +237,10 @@ def record_in_use(family: str) -> tuple[str, tuple[int, ...]] | None:
 
 
 def find_record(family: str) -> Record:
-    """The record of `family`. Raises RecordError when there is none or the first found is damaged."""
+    """The trained record of a joint family by its name, the first found in `record_folders`.
+
+    Raises RecordError when there is none or the first found is damaged.
+    """
     for folder in record_folders():
         path = folder / f"{family}{SUFFIX}"
         if path.is_file():

@@ -98,7 +98,7 @@ def write_answer(numbers: Mapping[str, Any], path: str | os.PathLike[str]) -> Pa
 
 
 def read_answer(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """The JSON object `write_answer` wrote, without its checksum (`ksd.read_result`).
+    """What `--json FILE` of the command line wrote, without its checksum (`ksd.read_result`).
 
     Raises RecordError when the file is missing, no such answer, truncated or altered in any bit.
     """

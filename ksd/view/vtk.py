@@ -118,7 +118,7 @@ def vtu_text(configuration: Any) -> str:
 
 
 def write_vtu(configuration: Configuration, path: str | os.PathLike[str]) -> Path:
-    """Write the deformed mechanism to `path`, which it returns. SceneError if not .vtu or not writable."""
+    """Write a `Configuration` for ParaView to `path` (.vtu), which it returns. SceneError if not .vtu or not writable."""
     target = Path(path)
     if target.suffix.lower() != ".vtu":
         raise SceneError(f"'{target}': VTK files of this kind end in .vtu")
