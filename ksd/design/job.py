@@ -33,7 +33,8 @@ from ksd.design.words import check_drives, check_executor, check_parameters, che
 from ksd.errors import KsdError, RecordError, SceneError
 from ksd.library import find_record
 from ksd.model.compile import compile_scene
-from ksd.model.mesh import Mesh
+from ksd.model.effects import mentioned
+from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.properties.words import Shown
 from ksd.properties.words import number as written
 from ksd.scene import Joint, Mechanism, Scene
@@ -177,7 +178,7 @@ class Job(Shown, metaclass=Worded):
         )  # fmt: skip
         scene = self._first
         check_drives(scene, tuple(values), Job)
-        self.__dict__["method"] = method or self._usual_method(scene)
+        self.__dict__["method"] = method or self._usual_method(scene, mesh or DEFAULT_MESH)
         for extra in self.cases.values():
             if loaded(scene, extra)[1]:
                 raise SceneError(loaded(scene, extra)[1])
@@ -335,9 +336,10 @@ class Job(Shown, metaclass=Worded):
         except SceneError:
             return []
 
-    def _usual_method(self, scene: Scene) -> Literal["full", "conventional"]:
-        """ "full" where links are rigid and all joints have records, of joints drawn as they are by any parameters."""
-        if not scene.joints or scene.compliances:
+    def _usual_method(self, scene: Scene, mesh: Mesh) -> Literal["full", "conventional"]:
+        """ "full" where links are rigid, plate factors left out and all joints have records, of joints drawn as they are by
+        any parameters."""
+        if not scene.joints or scene.compliances or "plate" in mentioned(scene, mesh):
             return "conventional"
         elsewhere = self._joints_at(np.full(len(self.vary), 0.37))
         try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ksd.checks import Vector, direction, number, show, vector, word
+from ksd.checks import Vector, direction, number, show, truth, vector, word
 from ksd.errors import SceneError
 
 GROUND = "ground"
@@ -120,8 +120,7 @@ class Load:
             raise SceneError(f"{owner}: it acts on the ground, which does not move; name another link.")
         for key, unit in {"force": "N", "moment": "Nm", "at": "m"}.items():
             object.__setattr__(self, key, vector(getattr(self, key), key, owner=owner, unit=unit))
-        if not isinstance(self.following, bool):
-            raise SceneError(f"{owner}: following = {show(self.following)} must be true or false.")
+        object.__setattr__(self, "following", truth(self.following, "following", owner=owner))
 
 
 @dataclass(frozen=True)

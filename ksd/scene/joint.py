@@ -19,6 +19,7 @@ from ksd.checks import (
     numbered,
     positive,
     show,
+    truth,
     vector,
     word,
 )
@@ -212,9 +213,8 @@ class DrawnJoint(Joint):
             for k, v in blocks.items()
         }
         _check_blocks(points, leaves, owner)
-        for key, said in (("windows", windows), ("held_by_others", held_by_others)):
-            if not isinstance(said, bool):
-                raise SceneError(f"{owner}: {key} = {show(said)} must be true or false.")
+        windows = truth(windows, "windows", owner=owner)
+        held_by_others = truth(held_by_others, "held_by_others", owner=owner)
         if not windows:
             check_clear(leaves, owner=owner, advice=_ADVICE)
         if not motions or not all(isinstance(m, Motion) for m in motions):

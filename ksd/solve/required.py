@@ -20,6 +20,7 @@ from ksd.checks import number as checked
 from ksd.errors import ConvergenceError, KsdError, SceneError, TrustError
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model, compile_chosen, compile_given
+from ksd.model.effects import with_conditions
 from ksd.model.mesh import Mesh
 from ksd.model.orders import raised
 from ksd.model.plane import Plane, plane_of
@@ -105,8 +106,10 @@ def required_loads(
     a mechanism with a plane the angle [rad]. Links without a pose find their own, without actuation. method: "constant"
     takes leaf springs of constant stiffness, one evaluation where all poses are given; without it they are exact. The
     drives of the scene are the actuators: their forces, and those of the supports, balance the rest in the least-squares
-    sense, moments over the size of the mechanism. mesh: as in `ksd.solve`. Raises SceneError for poses that no leaf can
-    take, ConvergenceError for those not reached, TrustError where what is found there is not stable.
+    sense, moments over the size of the mechanism. The equilibrium is the one found with the
+    links led straight to their poses: where a leaf spring can snap, it may be another than that of the pose they were taken
+    from. mesh: as in `ksd.solve`. Raises SceneError for poses that no leaf can take, ConvergenceError for those not
+    reached, TrustError where what is found there is not stable.
     """
     if method not in (None, "constant", "conventional"):
         raise SceneError(f"method = {show(method)}: give 'constant', or nothing for exact leaf springs")
@@ -130,6 +133,11 @@ def required_loads(
             pose = _held_pose(solver, model, wanted, method or "conventional")
         if not is_solved(pose):
             raise TrustError(f"poses: what is found there is {solved(pose)}", reached=1.0, result=pose)
+        if method != "constant" and model.mesh.plate:
+            # the plate factors belong to how much the leaf springs are bent there
+            bent = {n: leaf.condition for n, leaf in pose.model.scene.leaf_names().items() if leaf.condition}
+            scene = with_conditions(model.scene, bent)
+            model = compile_given(scene, model.mesh, model.said, model.choice)
         state = model.rest.copy()
         state.x[:], state.R[:], state.inner[:] = pose.motion.x, pose.motion.R, pose.motion.inner
     state.multiplier[:] = 0.0

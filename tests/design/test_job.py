@@ -488,8 +488,15 @@ def elastic(lean):
     return scene
 
 
-@pytest.mark.parametrize("function", [leaning, strip, elastic])
-def test_without_records_or_with_elastic_links_a_job_is_conventional(function, plain):
+def plated(lean):
+    """A pivot whose leaf springs stiffen as plates."""
+    scene = pivot(60 * mm, 45 * deg, 0.3 * mm, 20 * mm, 10 * mm + lean)
+    scene.consider("plate")
+    return scene
+
+
+@pytest.mark.parametrize("function", [leaning, strip, elastic, plated])
+def test_without_records_with_elastic_links_or_plates_a_job_is_conventional(function, plain):
     assert plain.method == "full"
     own = ksd.Job(function, vary={"lean": (4 * mm, 8 * mm)}, turn=0.05, maximise="turn_stiffness_Nm_per_rad")
     swept = ksd.sweep(

@@ -54,6 +54,11 @@ def drawn(**words):
     return DrawnJoint("mine", **{**given, **words})
 
 
+def test_a_truth_of_numpy_counts_in_a_drawn_joint():
+    joint = drawn(windows=np.True_, held_by_others=np.False_)
+    assert joint.windows is True and joint.held_by_others is False
+
+
 def sentence(call):
     with pytest.raises(SceneError) as caught:
         call()

@@ -214,6 +214,21 @@ def test_sensitivity_keeps_the_plate_factors():
     assert seen == pytest.approx([pose.forces["top"]] * 2, rel=1e-6)
 
 
+def test_required_loads_have_the_plate_factors_of_the_pose():
+    """They kept those of rest: 7 % less here."""
+    scene = ksd.Mechanism("strip", plane="xy")
+    arm = scene.link("arm")
+    scene.leaf(
+        scene.ground, arm, start=(0, 0, 0), end=(0.06, 0, 0), section=ksd.rectangle(3e-4, 0.03),
+        material=ksd.Material(E=200e9, nu=0.3),
+    )  # fmt: skip
+    scene.actuate(arm, about="z", name="turn")
+    scene.consider("plate")
+    pose = ksd.solve(scene, turn=0.5, method="conventional")
+    need = ksd.required_loads(scene, pose.links)
+    assert need.forces["turn"] == pytest.approx(pose.forces["turn"], rel=1e-6)
+
+
 def test_questions_out_of_the_plane_have_the_warping_considered():
     """Nothing twists in a plane: the same state with and without restrained warping, but not the same support stiffness."""
     scene = fourbar()
