@@ -10,7 +10,8 @@ import numpy as np
 from ksd.design.lines import spoken
 from ksd.design.questions import Asked, Before, Pose, Row, answered, answered_together
 from ksd.errors import SceneError
-from ksd.model.arrays import Motion
+from ksd.model.arrays import Motion, Work, make_work
+from ksd.model.compile import Model
 from ksd.properties.stiffness import node_of
 from ksd.properties.tangent import row_numbers
 from ksd.solve.configuration import Configuration
@@ -23,12 +24,18 @@ from ksd.solve.tables import joint_tables
 
 SOLVED = (Step("in a batch", 0, 0.0, 0.0, Stop.CONVERGED),)
 """Steps of a pose that questions are asked of; one without an equilibrium is asked nothing."""
+STIFF = {"support_stiffness", "drive_stiffness"}
+"""Questions that are answered on the finer mesh, where it is also seen whether the state there is settled and stable."""
+ALONG = 1e-4
+"""Unintended motion of joints, in rad and over their length, up to which the Newton step to the finer mesh is tried from the
+reduced state itself, which is off by the square of it."""
 
 
 @dataclass
 class Found:
     """Numbers of one design; rows (N): answers by column; reasons: why a question has none, by pose; waiting: poses that are
-    asked together with those of other designs, see `answer_together`; poses: those that were solved, where they are kept."""
+    asked together with those of other designs, see `answer_together`, and whether they are settled; poses: those that were
+    solved, where they are kept."""
 
     links: tuple[str, ...]
     drives: tuple[str, ...]
@@ -42,7 +49,7 @@ class Found:
     rows: list[Row] = field(default_factory=list)
     reasons: dict[int, str] = field(default_factory=dict)
     compliance: np.ndarray | None = None
-    waiting: list[tuple[int, Pose]] = field(default_factory=list)
+    waiting: list[tuple[int, Pose, bool]] = field(default_factory=list)
     poses: list[Configuration] = field(default_factory=list)
 
     @property
@@ -119,6 +126,7 @@ class _Questions:
         self.design, self.targets, self.found = design, targets, found
         self.asked, self.later = asked.alone, len(asked.alone.questions) < len(asked.questions)
         self.before = Before()
+        self.stiff = STIFF.issuperset(asked.questions) and not (design.keep or design.settled)
         found.rows = [{} for _ in targets]
         if "support_stiffness" in asked.questions:
             found.compliance = np.full((len(targets), 6, 6), np.nan)
@@ -126,22 +134,26 @@ class _Questions:
     def __call__(self, n: int) -> int:
         """The answers of pose n, of the equilibrium next to it where the method leads to none; returns the status."""
         b, target = self.design.five.storage, self.targets[n]
-        full, reduced = b.full, self.design.method == REDUCED
-        motion = full.copy()
-        if reduced:
-            stop, negatives = settle_fast(b.model, full, target, 1.0, b.full_work)
-            if stop is not Stop.CONVERGED:
-                return int(stop)
-            if negatives != len(target):
-                return UNSTABLE
-        answering = full.copy() if reduced else motion
+        motion = answering = b.full.copy()
+        settled = self.design.method != REDUCED or not (self.stiff and self._along())
+        if self.design.method == REDUCED and settled:
+            status, answering = _beside(b.model, motion, target, b.full_work)
+            if status:
+                return status
         pose = Pose(self._posed(answering if self.design.settled else motion, answering, target), self.before)
         self.found.rows[n], self.before, failed = answered(pose, self.asked)
         if self.design.keep:
             self.found.poses.append(pose.configuration)
         if self.later:
-            self.found.waiting.append((n, pose))
+            self.found.waiting.append((n, pose, settled))
         return _note(self.found, n, failed)
+
+    def _along(self) -> bool:
+        """Whether all joints are next to their intended motions."""
+        b = self.design.five.storage
+        off = np.abs(b.off)
+        off[:, :3] /= b.bodies.loops.length[:, None]
+        return bool(off.max(initial=0.0) <= ALONG)
 
     def _posed(self, motion: Motion, answering: Motion, target: np.ndarray) -> Configuration:
         """The state as a configuration; answering: the state that questions beyond forces and poses are asked of."""
@@ -153,6 +165,15 @@ class _Questions:
         )  # fmt: skip
         pose.__dict__["answering"] = answering
         return pose
+
+
+def _beside(model: Model, motion: Motion, target: np.ndarray, work: Work) -> tuple[int, Motion]:
+    """Status and state of the equilibrium next to the state of a fast method."""
+    state = motion.copy()
+    stop, negatives = settle_fast(model, state, target, 1.0, work)
+    if stop is not Stop.CONVERGED:
+        return int(stop), state
+    return (0 if negatives == len(target) else UNSTABLE), state
 
 
 def spoken_status(code: int) -> str:
@@ -170,16 +191,26 @@ def _note(found: Found, n: int, failed: Mapping[str, Exception]) -> int:
 
 def answer_together(designs: Sequence[Found], asked: Asked) -> None:
     """Stiffness and stress of all poses of several designs."""
-    waiting = [(found, n, pose) for found in designs for n, pose in found.waiting]
+    waiting = [(found, *one) for found in designs for one in found.waiting]
     asked = asked.together
-    for (found, n, pose), known in zip(
-        waiting, answered_together([p for *_, p in waiting], asked), strict=True
-    ):
-        row, _, failed = answered(pose, asked, known.rows)
-        found.rows[n] |= row
-        if found.compliance is not None and "support_stiffness" not in failed:
-            alone = known.compliance is None
-            found.compliance[n] = pose.stiffness_at(asked).compliance if alone else known.compliance
-        found.status[n] = _note(found, n, failed)
+    while waiting:
+        again = []
+        together = answered_together([pose for *_, pose, _ in waiting], asked)
+        for (found, n, pose, settled), known in zip(waiting, together, strict=True):
+            if not (settled or known.stable):
+                # no Newton step to the finer mesh: once more, of the equilibrium next to it
+                model = pose.model
+                target, work = model.targets(pose.targets), make_work(model.arrays)
+                found.status[n], state = _beside(model, pose.motion, target, work)
+                pose.configuration.__dict__["answering"] = state
+                again += [(found, n, pose, True)] if found.status[n] == 0 else []
+                continue
+            row, _, failed = answered(pose, asked, known.rows)
+            found.rows[n] |= row
+            if found.compliance is not None and "support_stiffness" not in failed:
+                alone = known.compliance is None
+                found.compliance[n] = pose.stiffness_at(asked).compliance if alone else known.compliance
+            found.status[n] = _note(found, n, failed)
+        waiting = again
     for found in designs:
         found.waiting.clear()

@@ -395,10 +395,12 @@ def frequency_row(pose: Pose, asked: Asked) -> tuple[Row, Tracks]:
 
 
 class Together(NamedTuple):
-    """What was answered of a pose together with others: rows by question; compliance (6, 6) of the point asked about."""
+    """What was answered of a pose together with others: rows by question; compliance (6, 6) of the point asked about;
+    stable: whether its stiffness is that of a stable equilibrium, wherever the Newton step to the finer mesh began."""
 
     rows: dict[str, Row]
     compliance: np.ndarray | None
+    stable: bool = False
 
 
 NOTHING = Together({}, None)
@@ -425,6 +427,7 @@ def answered_alike(states: Alike, asked: Asked) -> list[Together]:
     """`answered_together` of states that are alike."""
     rows: list[dict[str, Row]] = [{} for _ in states.which]
     compliance: Any = None
+    stable = np.zeros(len(rows), bool)
     point, drives = ("support_stiffness" in asked.questions, "drive_stiffness" in asked.questions)
     if point or drives:
         # what is wrong with the point is told where the pose is asked alone
@@ -432,13 +435,14 @@ def answered_alike(states: Alike, asked: Asked) -> list[Together]:
             # by default the point is where the drive of each design acts
             places = [asked.point(model.scene) for model in states.models] if point else [(None, None)]
             stiff = stiffnesses(states, places[0][0], at=[at for _, at in places], drives=drives)
-            compliance = stiff.compliance
+            compliance, stable = stiff.compliance, stiff.good & stiff.stable
             _note_stiffness(stiff, states, asked, rows)
     found = peaks(states, points=asked.points) if "stress" in asked.questions else None
     for row, mine in zip(rows, found or (), strict=False):
         row["stress"] = stress_row(mine, asked)
     return [
-        Together(row, compliance[n] if "support_stiffness" in row else None) for n, row in enumerate(rows)
+        Together(row, compliance[n] if "support_stiffness" in row else None, bool(stable[n]))
+        for n, row in enumerate(rows)
     ]
 
 

@@ -246,11 +246,13 @@ def motion_of_point(lever: Array) -> Array:
 
 class Stiffnesses(NamedTuple):
     """What `point_stiffness` and `drive_stiffness` answer of D states: compliance (D, 6, 6) of a point, global axes, matrix
-    (D, d, d) between the drives; None for what was not asked. good (D,): where there is an answer; ask others alone."""
+    (D, d, d) between the drives; None for what was not asked. good (D,): where there is an answer; ask others alone. stable
+    (D,): where the Newton step to the finer mesh led to a stable equilibrium."""
 
     compliance: Array | None
     drives: Array | None
     good: NDArray[np.bool_]
+    stable: NDArray[np.bool_]
 
 
 def stiffnesses(
@@ -263,7 +265,7 @@ def stiffnesses(
     """
     fine, model = states.finer(), states.models[0]
     if fine is None:
-        return Stiffnesses(None, None, np.zeros(len(states.which), bool))
+        return Stiffnesses(None, None, *np.zeros((2, len(states.which)), bool))
     topology, x = fine.topology, fine.motion.x
     rows, count, unknowns = range(len(topology.terms.start)), len(model.drive_names), topology.plan.unknowns
     loads = np.zeros((len(x), 6 * (link is not None) + count * drives, unknowns))
@@ -280,7 +282,7 @@ def stiffnesses(
     first = loads.shape[1] - count * drives
     if drives:
         loads[:, first:, topology.terms.start[:count]] = np.eye(count)
-    found, good = responses(fine, loads)
+    found, good, stable = responses(fine, loads)
     if topology.loads.skew.any():
         # not conservative: the tangent has a skew part
         good[:] = False
@@ -291,7 +293,7 @@ def stiffnesses(
     if drives:
         matrix = -found[:, first:, topology.terms.start[:count]]
         matrix = 0.5 * (matrix + matrix.swapaxes(1, 2))
-    return Stiffnesses(C, matrix, good)
+    return Stiffnesses(C, matrix, good, stable)
 
 
 def finer_tangent(

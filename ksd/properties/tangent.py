@@ -20,8 +20,8 @@ from ksd.errors import KinematicsError, SceneError
 from ksd.model.arrays import COROTATIONAL, LINEAR, SOLID, Arrays, Flat, Motion, Work, make_work
 from ksd.model.compile import Model
 from ksd.model.loading import term_slope
-from ksd.model.newton import assemble
-from ksd.numerics.blocks import factor_blocks, refined_rows, residual_blocks
+from ksd.model.newton import assemble, largest_move, largest_turn
+from ksd.numerics.blocks import factor_blocks, refined_rows, residual_blocks, solve_blocks
 from ksd.numerics.indefinite import inertia, scaling, solve_scaled
 from ksd.properties.alike import Alike
 from ksd.properties.cache import per_model
@@ -33,6 +33,8 @@ SAME = 1e-9
 """Share of a load below which what rows do not take of it is rounding."""
 LOST = 1e-6
 """Change by the last refinement, over the whole solution, beyond which its digits count as lost."""
+LEFT = 1e-9
+"""Next Newton step, in rad, sizes of the mechanism, shares of the largest drive force, up to which none is left to take."""
 
 
 def exact(arrays: Arrays) -> Arrays:
@@ -120,21 +122,27 @@ def beyond_rows(arrays: Arrays, size: Any, gradients: Array, loads: Array) -> tu
     return np.where(none, 0.0, left) * turns, share / norm.swapaxes(-1, -2)
 
 
-def responses(states: Alike, loads: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Response (D, k, unknowns) of D states to `loads` (D, k, unknowns), all drives held, and where it is one (D,): where
-    the tangent is regular and rounding leaves digits, see `Tangent.solve`."""
-    topology, found = states.topology, np.empty(loads.shape)
-    work, good = make_work(topology), np.zeros(len(loads), bool)
-    plan, stored, held = topology.plan.ints, np.empty_like(work.value), np.zeros(len(topology.terms.start))
+def responses(states: Alike, loads: Array) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
+    """Response (D, k, unknowns) of D states to `loads` (D, k, unknowns), all drives held; where it is one (D,): where
+    the tangent is regular and rounding leaves digits, see `Tangent.solve`; and where the state is at a stable equilibrium
+    (D,), drives and supports where they are."""
+    topology, found, rows = states.topology, np.empty(loads.shape), states.topology.terms.start
+    work, (good, stable) = make_work(topology), np.zeros((2, len(loads)), bool)
+    plan, stored, held = topology.plan.ints, np.empty_like(work.value), np.zeros(len(rows))
     for d, ((arrays, motion), factor) in enumerate(zip(states.states, states.factor.tolist(), strict=True)):
         if len(work.weight):
             work.weight[:] = arrays.weight
-        assemble(arrays, motion, held, factor, work, 1e-8, 0, 10.0)
+        _, _, inside, status = assemble(arrays, motion, held, factor, work, 1e-8, 0, 10.0)
         stored[:] = work.value
-        _, pivot = factor_blocks(plan, work.value, work.spare, len(topology.plan.size))
+        negatives, pivot = factor_blocks(plan, work.value, work.spare, len(topology.plan.size))
         if pivot > SINGULAR:
             good[d] = refined_rows(plan, stored, work.value, work.spare, loads[d], found[d]) <= LOST
-    return found, good
+            work.rhs[rows] = 0.0
+            solve_blocks(plan, work.value, work.spare, work.rhs)
+            moved = max(largest_turn(topology, work.rhs), largest_move(topology, work.rhs) / states.size[d])
+            pulled = np.abs(work.rhs[rows]) <= LEFT * np.abs(motion.multiplier).max(initial=0.0)
+            stable[d] = status == 0 and negatives + inside == len(rows) and moved <= LEFT and pulled.all()
+    return found, good, stable
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from ksd.design.batch import NOT_BUILT
 from ksd.design.prepared import Prepared
 from ksd.design.questions import KNOWN
 from ksd.model.mesh import Mesh
+from ksd.solve.many import UNSTABLE
 from ksd.solve.solver import Solver
 from ksd.solve.space_steps import FULL, REDUCED
 from ksd.units import GPa, deg, mm
@@ -276,6 +277,45 @@ def test_a_compliance_of_an_unstable_equilibrium_is_refused(monkeypatch):
     found = ksd.batch(bar(), drive=0.01, questions="support_stiffness", threads=1)
     assert found.solved == 0 and np.isnan(found.compliance).all()
     assert "not a minimum of energy" in str(found.failures)
+
+
+def test_a_stiffness_is_that_of_a_settled_stable_state(monkeypatch):
+    """By one Newton step to the finer mesh where that was the last; else by way of the equilibrium next to the answer, with
+    the same numbers, and refused where that is unstable."""
+
+    def drawn_anew(thickness):
+        return fourbar(joint=cross_flexure(thickness=thickness))
+
+    calls, honest, usual = [], prepared.settle_fast, prepared.ALONG
+
+    def counted(model, motion, *words):
+        calls.append(motion)
+        return honest(model, motion, *words)
+
+    def asked(along):
+        calls.clear()
+        monkeypatch.setattr(prepared, "ALONG", along)
+        found = ksd.batch(
+            drawn_anew, top=[1e-3, 0.02, 0.1, 0.25], designs={"thickness": [1 * mm, 1.1 * mm]}, threads=1,
+            questions=("support_stiffness", "drive_stiffness"),
+        )  # fmt: skip
+        return found, len(calls)
+
+    monkeypatch.setattr(prepared, "settle_fast", counted)
+    wanted, all_settled = asked(-1.0)
+    near, fewer = asked(usual)
+    hasty, turned_back = asked(np.inf)
+    # the far ones are settled in any case
+    assert (all_settled, fewer, turned_back) == (8, 4, 2)
+    for found in (near, hasty):
+        assert found.status.tolist() == wanted.status.tolist() == [[0] * 4] * 2
+        assert np.abs(found.compliance - wanted.compliance).max() < 1e-8 * np.abs(wanted.compliance).max()
+        for column, value in wanted.answers.items():
+            assert found[column] == pytest.approx(value, rel=1e-7, nan_ok=True), column
+    monkeypatch.setattr(prepared, "settle_fast", lambda *words: (honest(*words)[0], 99))
+    unstable, _ = asked(np.inf)
+    assert unstable.status[0, 3] == UNSTABLE and np.isnan(unstable.compliance[0, 3]).all()
+    assert not any(np.isfinite(value[0, 3]) for value in unstable.answers.values())
 
 
 def test_a_compliance_is_asked_of_a_link_that_is_there():

@@ -21,6 +21,7 @@ from ksd.properties.stiffness import (
 from ksd.properties.stress import peaks
 from ksd.properties.unfold import unfolded
 from ksd.solve.conventional import conventional
+from ksd.solve.error import equilibrium
 
 AT = (0.02, 0.31, 0.01)
 MESHES = [Mesh(), Mesh("corotational", elements=3), Mesh("corotational", elements=3, nodal=True)]
@@ -179,6 +180,29 @@ def test_many_states_together_have_the_stiffness_of_each(gravity):
         assert row[5] > 1e9
         assert row[:5] == pytest.approx(1.0 / np.diagonal(C)[:5])
         assert own[0] == pytest.approx(1.0 / np.linalg.eigvalsh(C[:3, :3])[::-1])
+
+
+def test_it_is_told_where_many_states_are_at_a_stable_equilibrium():
+    """Not on the straight way of a buckled strut, nor where a Newton step is left to take."""
+    scene = ksd.Mechanism("strut")
+    tip = scene.link("tip")
+    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(1e-3, 1e-2), material=STEEL,
+               width_axis="z")  # fmt: skip
+    scene.actuate(tip, along="z", at=(0.1, 0, 0), name="d")
+    critical = np.pi**2 * STEEL.E * (1e-2 * 1e-9 / 12) / (4 * 0.1**2)
+    scene.load(tip, force=(-critical, 0, 0), at=(0.1, 0, 0))
+    model = compile_scene(scene)
+    states = []
+    for factor in (0.9, 1.1):
+        straight = model.rest.copy()
+        equilibrium(model.arrays, straight, model.targets({"d": 0.0}), factor)
+        states.append((model, straight, factor))
+    turned = states[0][1].copy()
+    turned.R[1] = Rotation.from_rotvec([0.0, 0.0, 0.5]).as_matrix() @ turned.R[1]
+    ((_, group),) = alike([*states, (model, turned, 0.9)])
+    found = stiffnesses(group, "tip", at=[None])
+    assert found.good.all() and found.stable.tolist() == [True, False, False]
+    assert found.compliance[0, 1, 1] > 0 > found.compliance[1, 1, 1]
 
 
 def test_what_a_drive_holds_is_held_to_the_last_digit(rng):

@@ -21,7 +21,7 @@ def cantilever():
     return scene
 
 
-@pytest.mark.parametrize(("turn", "left"), [(0.05, 2e-3), (0.2, 0.2)])
+@pytest.mark.parametrize(("turn", "left"), [(0.05, 0.0), (0.2, 0.2)])
 def test_a_node_is_led_to_equilibrium_unless_it_is_far(turn, left):
     """The tip of an unloaded leaf spring, turned out of equilibrium: back to rest, or left where it is."""
     model = compile_scene(cantilever())
