@@ -44,6 +44,8 @@ Piece = tuple[str, str, str, Leaf]
 """A leaf spring, or its piece between points: name, links at its start and end, and how it lies."""
 RETURNED = 1e-4
 """Distance from the wanted shape, over the size, up to which the forward solution has come back to it."""
+SNAPPED = 0.1
+"""Difference of the moments at the ends of a leaf spring, over the largest, from which on it is bent otherwise."""
 UNSAID = {
     "joints": "joints (put their leaf springs in with mechanism.constrain)",
     "springs": "springs",
@@ -399,7 +401,21 @@ def _checked(made: RestShape, moves: Mapping[str, Move], mesh: Mesh) -> RestShap
         words = f"{_in_equilibrium(made, moves, mesh)}solved forward from rest it ends elsewhere, {said} off"
     elif not pose.stable:
         words += ", where it is not stable"
+    elif snapped := _snapped(made, pose):
+        words = f"solved forward its links come back to the wanted shape within {said}, but {snapped}"
     return replace(made, displacement=shift, rotation=rotation, checked=words)
+
+
+def _snapped(made: RestShape, pose: Configuration) -> str:
+    """What is said of the leaf spring that is bent otherwise than wanted, with its links in place; empty where none is."""
+    for name, forces in pose.section_forces().items():
+        wanted, found = made.leaf_forces[name][2:], forces.values[[0, -1], 5]
+        if np.abs(found - wanted).max() > SNAPPED * max(np.abs(found).max(), np.abs(wanted).max()):
+            return (
+                f"leaf spring '{name}' snaps into another shape, {number(float(found[-1]), 2)} Nm at its end instead of "
+                f"{number(float(wanted[-1]), 2)}: from rest it has to be led there by hand"
+            )
+    return ""
 
 
 def _back(move: Move, point: Array) -> Array:

@@ -383,3 +383,35 @@ def test_a_mechanism_that_moves_by_itself_is_refused():
     scene.load(tip, force=(1, 0, 0), at=(0.1, 0, 0))
     with pytest.raises(ksd.KsdError, match=r"can move without any force.*hold it by a drive or support"):
         ksd.rest_shape(scene)
+
+
+@pytest.mark.parametrize("values", [{"d": 2.573e-3, "e": 0.012865}, {"d": 3e-3, "e": -0.01}])
+def test_a_leaf_spring_that_snaps_on_the_way_from_rest_is_told(values):
+    """Both links are held: the forward solution brings them back, whichever way the slender leaf spring buckles."""
+    scene = ksd.Mechanism("pressed", plane="xy")
+    body, stuff = scene.link("body"), ksd.Material(E=200e9, G=77e9)
+    stiffened = ksd.StiffenedMiddle(0.74e-3, 18.5e-3, 2.22e-3, 0.5)
+    scene.leaf(
+        "ground", body, start=(1e-3, -16e-3, 0), end=(14.5e-3, 65e-3, 0), section=ksd.rectangle(0.74e-3, 18.5e-3),
+        material=stuff, profile=stiffened, name="guide",
+    )  # fmt: skip
+    scene.leaf(
+        "ground", body, start=(33e-3, -29.6e-3, 0), end=(68e-3, 45.2e-3, 0), section=ksd.rectangle(0.6e-3, 12e-3),
+        material=stuff, name="slender",
+    )  # fmt: skip
+    push = scene.displacement(body, (-0.7596, 0.6504, 0), at=(0.1, 0.1, 0))
+    push += scene.displacement(body, (0.3637, -0.9315, 0), at=(0.1, 0.1, 0), coefficient=0.5)
+    scene.actuate(terms=push, name="d")
+    scene.actuate(body, about="z", name="e")
+    pose = ksd.solve(scene, values, method="conventional")
+    found = ksd.rest_shape(scene, pose)
+    forward = ksd.solve(found, values, method="conventional", mesh=FINE)
+    wanted, reached = (p.section_forces()["slender"].values[-1, 5] for p in (pose, forward))
+    assert found.leaf_forces["slender"][3] == pytest.approx(wanted, rel=1e-2)
+    if wanted * reached > 0.0:
+        assert found.checked.startswith("solved forward it comes back to the wanted shape")
+    else:
+        assert (
+            "links come back" in found.checked
+            and "leaf spring 'slender' snaps into another shape" in found.checked
+        )
