@@ -37,6 +37,13 @@ class LeafGroup:
         return int(self.number[:3].sum())
 
 
+def panel_tables(number: NDArray[np.int64]) -> slice:
+    """Where, in the constants of a leaf spring, weights and integrals of its points stand: alike where its panels are."""
+    nx, ny, nz, ng = (int(n) for n in number[:4])
+    first = 1 + nx * nx + ny * ny + nz * nz + nx + ny + nz
+    return slice(first, first + ng * (ng + 1))
+
+
 @per_model
 def leaf_groups(model: Model) -> tuple[LeafGroup, ...]:
     """All strain-mode members of a model by make, in order of first appearance."""
@@ -45,9 +52,8 @@ def leaf_groups(model: Model) -> tuple[LeafGroup, ...]:
     heavy = np.zeros(len(members.kind), bool)
     heavy[: len(model.arrays.weight)] = model.arrays.weight[:, 0] > 0.0
     for i in np.flatnonzero(members.kind == STRAIN).tolist():
-        nx, ny, nz, ng = (int(n) for n in members.number[i, :4])
-        panels = int(members.value_at[i]) + 1 + nx * nx + ny * ny + nz * nz + nx + ny + nz
-        made = members.number[i].tobytes(), members.value[panels : panels + ng * (ng + 1)].tobytes()
+        own = members.value[members.value_at[i] :]
+        made = members.number[i].tobytes(), own[panel_tables(members.number[i])].tobytes()
         found.setdefault((*made, bool(heavy[i])), []).append(i)
     groups = []
     for (*_, weighs), same in found.items():

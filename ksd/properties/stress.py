@@ -28,7 +28,7 @@ from ksd.model.arrays import SOLID, Motion
 from ksd.model.compile import Model
 from ksd.properties.alike import Alike
 from ksd.properties.forces import SectionForces, forces_along, section_forces, spring_energy, strain_forces
-from ksd.properties.leaf_groups import LeafGroup, elastic, leaf_groups, own_gravity
+from ksd.properties.leaf_groups import LeafGroup, elastic, leaf_groups, own_gravity, panel_tables
 from ksd.properties.shape import member_ends, member_parts, members_of_leaves, scene_leaves, strain_curves
 from ksd.properties.words import ByName, Named, Shown, number
 from ksd.scene.profile import Profile
@@ -296,12 +296,16 @@ def _leaves_alike(
     states: Alike, group: LeafGroup, *, profiles: bool = False
 ) -> tuple[Array, Array, NDArray[np.int64], list[Any]] | None:
     """Constants (n, v) and inner states of the leaves of a group in all states, one state after the other, the number (n,)
-    of the section of each, and the sections; None as of `stress_alike`; profiles: not of leaf springs that have one."""
+    of the section of each, and the sections; None as of `stress_alike`, and where steps and kinks of a profile are not at
+    the same fractions in all; profiles: not of leaf springs that have one."""
     names = [states.models[0].member_names[i] for i in group.members.tolist()]
     leaves = scene_leaves(states.models[0])
     if group.heavy or any(n not in leaves or not (profiles or leaves[n].profile is None) for n in names):
         return None
     value = states.constants(group.members, group.value.shape[1])
+    panels = panel_tables(group.number)
+    if not np.allclose(value[..., panels], group.value[:, panels], rtol=0.0, atol=1e-12):
+        return None
     inner = np.take(states.motion.inner, group.places, axis=1)
     count = len(value) * len(names)
     number, sections = _sections(states, names)

@@ -55,7 +55,24 @@ def test_gradient_by_sizes_of_profiles():
     compare(tapered, design, {"at": (0.08, 0.04, 0)})
 
 
-def compare(make, design, words):
+def filleted(length, radius, thickness, load):
+    """A leaf spring with fillets at its ends, whose stress is largest where one of them begins."""
+    scene = ksd.Mechanism("link", plane="xy")
+    tip, notch = scene.link("tip"), ksd.FilletedNotch(length, radius, thickness, 0.01)
+    scene.leaf("ground", tip, start=(0, 0, 0), end=(length, 0, 0), name="leaf",
+               section=ksd.rectangle(thickness, 0.01), profile=notch, material=STEEL)  # fmt: skip
+    scene.load(tip, force=(load, 0, 0), at=(length, 0, 0))
+    scene.actuate(tip, along="y", at=(length, 0, 0), name="d")
+    return scene
+
+
+def test_gradient_by_what_moves_a_kink():
+    """The same by sizes that move the kinks of a profile, and with them the places its stress is told at."""
+    compare(filleted, {"length": 0.06, "radius": 0.006, "thickness": 4e-4, "load": 0.4}, {"at": (0.06, 0, 0)},
+            (COLUMNS[0], COLUMNS[3]))  # fmt: skip
+
+
+def compare(make, design, words, columns=COLUMNS):
     """Gradients of a design against central differences of solves of fourth order: 1e-6."""
     words = {
         "questions": ("force", "support_stiffness", "drive_stiffness", "stress"), "link": "tip",
@@ -65,12 +82,12 @@ def compare(make, design, words):
 
     def answers(name, value):
         row = ksd.gradient(make, {**design, name: value}, by="d", method="conventional", **words).values
-        return np.array([row[c][0] for c in COLUMNS])
+        return np.array([row[c][0] for c in columns])
 
     for name, value in design.items():
         h = 4e-3 * abs(value)
         pairs = [(answers(name, value + k * h) - answers(name, value - k * h)) / (2 * k * h) for k in (1, 2)]
         want = (4 * pairs[0] - pairs[1]) / 3
-        got = np.array([found[c, name][0] for c in COLUMNS])
-        size = np.maximum(np.abs(want), 0.05 * np.abs([found.values[c][0] for c in COLUMNS]) / abs(value))
+        got = np.array([found[c, name][0] for c in columns])
+        size = np.maximum(np.abs(want), 0.05 * np.abs([found.values[c][0] for c in columns]) / abs(value))
         assert np.abs(got - want) / size == pytest.approx(0.0, abs=1e-6), (name, got, want)
