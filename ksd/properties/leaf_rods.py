@@ -205,11 +205,13 @@ def cut_rods(model: Model, wrench: Array) -> RodParts:
     power = 2.0 ** np.floor(np.log2(times))
     counts = (0.5 * least * power * np.maximum(2.0, np.ceil(2.0 * times / power))).astype(int)
     known, ways = _known(model), (counts.tobytes(), parts.tobytes())
-    if ways not in known:
+    # other threads may forget what is known at any time
+    found = known.get(ways)
+    if found is None:
         if len(known) >= KEPT:
             known.clear()
-        known[ways] = _cut(model, counts.tolist(), parts.tolist())
-    return known[ways]
+        found = known[ways] = _cut(model, counts.tolist(), parts.tolist())
+    return found
 
 
 @per_model

@@ -272,6 +272,19 @@ def test_taut_leaf_is_cut_at_stations(mesh, monkeypatch):
     assert abs(pose.verify().gaps.values[0, 1]) > 10 * abs(told.gaps.values[0, 1])
 
 
+def test_what_another_thread_forgets_meanwhile_is_no_error(monkeypatch):
+    """Threads that ask of one model share the ways it was cut in, and any of them lets them go when there are many."""
+
+    class Forgotten(dict):
+        def __setitem__(self, key, value):
+            """As if another thread had come between."""
+
+    pose, known = ksd.solve(bent(), {}), Forgotten()
+    told = pose.verify()
+    monkeypatch.setattr(leaf_rods, "_known", lambda model: known)
+    assert pose.verify().relative == told.relative
+
+
 def test_state_too_far_from_rods_is_reached_from_a_finer_mesh():
     """Two elements a leaf, a third off: rods do not come to their ends from there, only from the equilibrium beside it."""
     scene, targets = fourbar(), {"top": 0.3}
