@@ -348,7 +348,8 @@ def test_5_a_held_direction_has_no_gradient(of_pivot):
 
 def test_6_points_of_links_move_not_the_reference_points_of_nodes():
     where = (20 * mm, 5 * mm, 0)
-    found = ksd.gradient(pivot, PIVOT, by="length", turn=0.4, questions="force", link="tip", at=where)
+    words = {"by": "length", "turn": 0.4, "questions": "force", "link": "tip", "at": where}
+    found, judged = (ksd.gradient(pivot, PIVOT, errors=errors, **words) for errors in (False, True))
     h = 1e-3 * PIVOT["length"]
     sides = [
         ksd.solve(pivot(**{**PIVOT, "length": PIVOT["length"] + s}), turn=0.4, method="full") for s in (h, -h)
@@ -356,6 +357,7 @@ def test_6_points_of_links_move_not_the_reference_points_of_nodes():
     moved = (sides[0].displacement("tip", where) - sides[1].displacement("tip", where)) / (2 * h)
     np.testing.assert_allclose(found.point["length"][0, :3], moved, rtol=1e-4, atol=1e-6)
     np.testing.assert_allclose(found.point["length"][0, 3:], 0.0, atol=1e-6)
+    np.testing.assert_allclose(judged.point["length"], found.point["length"], rtol=1e-6, atol=1e-6)
     nodes = [side.motion.x[side.model.node_names.index("tip")] for side in sides]
     assert not np.allclose((nodes[0] - nodes[1]) / (2 * h), moved, rtol=1e-2)
 
