@@ -36,8 +36,10 @@ MOST_STRAY = 0.15
 """Largest correction of a step, over its arc: a longer one may lead to another path."""
 SHORT = 1e-5
 """An arc below which its bend is accepted, whatever it is."""
-LEAST = 1e-8
+LEAST = 3e-7
 """An arc below which two paths are one."""
+SAME = 1e-6
+"""Largest distance, rad or over the size of the mechanism, of a state found again."""
 CLOSE = 1e-3
 """Largest rate of the factor where it stands still, over its change in the step."""
 BISECTIONS = 16
@@ -213,6 +215,11 @@ def _crossed(before: Place, direction: Array, after: Place, ahead: Array) -> boo
 
 REACHED = "the end was reached"
 """Why a walk stopped that came to the end asked for."""
+RETURNED = (
+    "it came back to its start, over another path that passes closely, as where a small imperfection takes a bifurcation "
+    "apart: leave that out and switch at the bifurcation (ksd.follow, branch=), or make it larger"
+)
+"""Why a walk stopped that would go on from its start backwards."""
 
 
 class Walk:
@@ -327,6 +334,21 @@ class Walk:
             return min(arc, abs((until - at.f) / slope))
         return arc
 
+    def _returned(self, at: Place, found: Place) -> bool:
+        """Whether the start lies between two places."""
+        home = self.places[0]
+        if (
+            len(self.places) == 1
+            or not (at.f - home.f) * (found.f - home.f) < 0.0
+            or found.negatives != home.negatives
+        ):
+            return False
+        back = self.tracer.correct(found.motion.copy(), home.f, None)
+        if back is None:
+            return False
+        apart = np.abs(back.motion.x - home.motion.x).max() / self.model.arrays.size
+        return bool(max(apart, np.abs(back.motion.R - home.motion.R).max()) < SAME)
+
     def go(
         self, at: Place, ahead: Array, *, until: float, arc: float, most: int, turns: float = math.inf
     ) -> None:
@@ -359,6 +381,8 @@ class Walk:
                 continue
             if len(self.turns) >= turns:
                 return "it turns"
+            if self._returned(at, found):
+                return RETURNED
             at, ahead = found, onward
             if abs(at.f - until) <= 2e-6 * abs(until):
                 self.keep(self.tracer.correct(at.motion, until, None) or at)
