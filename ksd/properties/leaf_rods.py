@@ -203,7 +203,7 @@ def cut_rods(model: Model, wrench: Array) -> RodParts:
     # the least, one and a half, two, three, four ... times it
     times = np.maximum(turning / TURN / least, 1.0)
     power = 2.0 ** np.floor(np.log2(times))
-    counts = (0.5 * least * power * np.maximum(2.0, np.ceil(2.0 * times / power))).astype(int)
+    counts = (0.5 * least * power * np.ceil(2.0 * times / power)).astype(int)
     known, ways = _known(model), (counts.tobytes(), parts.tobytes())
     # other threads may forget what is known at any time
     found = known.get(ways)
