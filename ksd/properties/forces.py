@@ -22,21 +22,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.beam import corotational
-from ksd.beam.modal import modal_condense
-from ksd.beam.polynomial import polynomial_condense
-from ksd.beam.weight import PULL
 from ksd.errors import SceneError
-from ksd.model.arrays import COIL, COROTATIONAL, MODAL, SOLID, STRAIN, TURN, Motion, Work, make_work
+from ksd.model.arrays import COIL, STRAIN, TURN, Motion, Work, make_work
 from ksd.model.compile import Model
 from ksd.model.loading import twist
-from ksd.model.newton import assemble_nodes
+from ksd.model.newton import assemble, assemble_nodes
 from ksd.model.poses import member_pose
-from ksd.properties.leaf_groups import leaf_groups, own_gravity
+from ksd.properties.leaf_groups import LeafGroup, chain_groups, leaf_groups, own_gravity
 from ksd.properties.shape import (
-    Ends,
-    chain_axes,
-    chain_nodes,
+    chain_lines,
     crossed,
     member_ends,
     member_parts,
@@ -91,24 +85,35 @@ def section_forces(
     model: Model, motion: Motion, *, points: int = POINTS, load_factor: float = 1.0
 ) -> Named[SectionForces]:
     """Section forces of all leaves by full name; `points` stations in a strain-mode leaf; their weight times load_factor."""
+    found = forces_of_members(model, motion, members_of_leaves(model), points, load_factor)
+    said = "Section forces, the largest along every leaf"
+    units = [f"{c} [{'N' if c in COMPONENTS[:3] else 'Nm'}]" for c in COMPONENTS]
+    return Named(found, said, ("leaf", *units), _most)
+
+
+def forces_of_members(
+    model: Model, motion: Motion, lines: dict[str, list[int]], points: int, load_factor: float
+) -> dict[str, SectionForces]:
+    """The same along lines of members, by name."""
     parts: dict[int, tuple[Array, Array]] = {}
-    for group in leaf_groups(model):
+    wrenches = end_wrenches(model, motion, load_factor=load_factor)
+    for group in (*leaf_groups(model), *chain_groups(model)):
         gravity = own_gravity(model, motion, group, load_factor)
-        made = strain_forces(group.value, motion.inner[group.places], group.number, points, gravity)
+        if model.arrays.members.kind[group.members[0]] == STRAIN:
+            made = strain_forces(group.value, motion.inner[group.places], group.number, points, gravity)
+        else:
+            made = _chain_forces(model, motion, group, wrenches, gravity)
         parts |= zip(group.members.tolist(), zip(*made, strict=True), strict=True)
-    found, how = {}, (make_work(model.arrays), load_factor)
-    for name, members in members_of_leaves(model).items():
+    found = {}
+    for name, members in lines.items():
         at, stations, values = 0.0, [], []
         for i in members:
-            other = _solid_forces if model.arrays.members.kind[i] == SOLID else _chain_forces
-            s, forces = parts[i] if i in parts else other(model, motion, i, how)
+            s, forces = parts[i] if i in parts else _solid_forces(model, motion, i, wrenches)
             stations.append(at + s)
             values.append(forces)
             at += s[-1]
         found[name] = SectionForces(name, np.concatenate(stations), np.concatenate(values))
-    said = "Section forces, the largest along every leaf"
-    units = [f"{c} [{'N' if c in COMPONENTS[:3] else 'Nm'}]" for c in COMPONENTS]
-    return Named(found, said, ("leaf", *units), _most)
+    return found
 
 
 def _most(forces: SectionForces) -> list[str]:
@@ -119,12 +124,14 @@ def _most(forces: SectionForces) -> list[str]:
 
 def end_wrenches(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Array:
     """Force and moment (members, 6) [N, Nm] on end q of every member, in the frame of its end p."""
-    kind, how = model.arrays.members.kind, (make_work(model.arrays), load_factor)
-    found = np.empty((len(kind), 6))
+    found = np.empty((len(model.member_names), 6))
+    if model.kinds - {STRAIN}:
+        # what is left inside is condensed out
+        held, work = np.zeros(len(motion.multiplier)), make_work(model.arrays)
+        assemble(model.arrays, motion, held, load_factor, work, 1e-8, 0, 10.0)
+        found[:] = work.lam[: len(found), :6]
     for group in leaf_groups(model):
         found[group.members] = motion.inner[group.places][:, group.modes :]
-    for i in np.flatnonzero(kind != STRAIN).tolist():
-        found[i] = _chain_wrench(model, motion, i, member_ends(model, motion, i), how)[1]
     return found
 
 
@@ -138,40 +145,37 @@ def strain_forces(
     return s, forces_along(r, R, inner[:, None, int(number[:3].sum()) :], *weight)
 
 
-def _chain_forces(model: Model, motion: Motion, i: int, how: tuple[Work, float]) -> tuple[Array, Array]:
-    """Stations (k,) and section forces (k, 6) of a chain, at its nodes; how: storage and load factor."""
-    value, number, inner = member_parts(model, motion, i)
-    ends = member_ends(model, motion, i)
-    lengths = value[: 16 * int(number[0])].reshape(-1, 16)[:, 0]
-    r, turned = chain_nodes(value, number, inner, ends.d, ends.Q)
-    gravity, wrench = _chain_wrench(model, motion, i, ends, how)
-    weight = () if gravity is None else (gravity, *_chain_masses(value, int(number[0]), r))
-    forces = forces_along(r[None], (turned @ chain_axes(value, number))[None], wrench[None, None], *weight)
-    return np.concatenate([[0.0], np.cumsum(lengths)]), forces[0]
+def _chain_forces(
+    model: Model, motion: Motion, group: LeafGroup, wrenches: Array, gravity: Array | None
+) -> tuple[Array, Array]:
+    """Stations (chains, k) and section forces (chains, k, 6) of chains of one number of elements, at their nodes, from the
+    wrenches (members, 6) on end q of all members; gravity (chains, 3) in their frames p."""
+    _, r, axes = chain_lines(model, motion, group)
+    count = int(group.number[0])
+    s = np.zeros(r.shape[:2])
+    np.cumsum(group.value[:, : 16 * count : 16], axis=1, out=s[:, 1:])
+    weight = () if gravity is None else (gravity[:, None], *_chain_masses(group.value, count, r))
+    return s, forces_along(r, axes, wrenches[group.members, None], *weight)
 
 
-def _solid_forces(model: Model, motion: Motion, i: int, how: tuple[Work, float]) -> tuple[Array, Array]:
+def _solid_forces(model: Model, motion: Motion, i: int, wrenches: Array) -> tuple[Array, Array]:
     """Stations (k,) and section forces (k, 6) along the middle of a reduced solid."""
     ends = member_ends(model, motion, i)
     solid = model.bodies[model.member_names[i]]
     s, r, R = solid.line(ends.d, ends.Q, member_parts(model, motion, i)[2])
-    _, wrench = _chain_wrench(model, motion, i, ends, how)
-    return s, forces_along(r[None], R[None], wrench[None, None])[0]
+    return s, forces_along(r[None], R[None], wrenches[None, i : i + 1])[0]
 
 
 def _chain_masses(value: Array, count: int, r: Array) -> tuple[Array, Array]:
-    """Mass (1, k) [kg] beyond every node of a chain, and its first moment up to there (1, k, 3) [kg m]: int M dr."""
-    lumps = value[16 * count + 9 : 17 * count + 10]
-    # half of the first element at node 0, so the elements follow one by one
-    masses = np.empty(count)
-    carried = 0.0
-    for k in range(count):
-        masses[k] = 2 * (lumps[k] - carried)
-        carried = 0.5 * masses[k]
-    mass = np.append(np.cumsum(masses[::-1])[::-1], 0.0)
-    middle = 0.5 * (mass[1:] + mass[:-1])[:, None]
-    first = np.concatenate([np.zeros((1, 3)), np.cumsum(middle * np.diff(r, axis=0), axis=0)])
-    return mass[None], first[None]
+    """Mass (chains, k) [kg] beyond every node, and its first moment up to there (chains, k, 3) [kg m]: int M dr."""
+    lumps = value[:, 16 * count + 9 : 17 * count + 10]
+    mass, first = np.zeros(r.shape[:2]), np.zeros_like(r)
+    for k in reversed(range(count)):
+        # half of an element is carried by each of its nodes
+        mass[:, k] = 2 * lumps[:, k + 1 :].sum(axis=1) - mass[:, k + 1]
+    middle = 0.5 * (mass[:, 1:] + mass[:, :-1])[..., None]
+    np.cumsum(middle * np.diff(r, axis=1), axis=1, out=first[:, 1:])
+    return mass, first
 
 
 def forces_along(r: Array, R: Array, wrench: Array, *weight: Array) -> Array:
@@ -187,28 +191,6 @@ def forces_along(r: Array, R: Array, wrench: Array, *weight: Array) -> Array:
         moment = moment + crossed(first[:, -1:] - first, gravity)
     found: Array = np.concatenate([forces, moment], axis=2).reshape(*r.shape[:2], 2, 3) @ R
     return found.reshape(*r.shape[:2], 6)
-
-
-_CONDENSE = {COROTATIONAL: corotational.condense, MODAL: modal_condense, SOLID: polynomial_condense}
-
-
-def _chain_wrench(
-    model: Model, motion: Motion, i: int, ends: Ends, how: tuple[Work, float]
-) -> tuple[Array | None, Array]:
-    """Gravity (3,) on a chain, None without weight, and force and moment (6,) on its end q, inner residual condensed out;
-    frame p."""
-    members, stiffness, gravity, (work, factor) = model.arrays.members, np.empty((6, 6)), None, how
-    if len(work.weight) and work.weight[i, 0] > 0.0:
-        gravity = factor * (work.weight[i, 1:] @ ends.frame)
-        at = int(members.store_at[i + 1]) - PULL
-        work.store[at : at + 3] = gravity
-    store = work.store[members.store_at[i] : members.store_at[i + 1]]
-    state = motion.inner[members.inner_at[i] : members.inner_at[i + 1]]
-    _CONDENSE[members.kind[i]](
-        members.value[members.value_at[i] :], members.number[i], state, store, ends.d, np.ascontiguousarray(ends.Q),
-        work.lam[i], stiffness,
-    )  # fmt: skip
-    return gravity, work.lam[i, :6]
 
 
 NOISE = 1e-9

@@ -44,13 +44,19 @@ def panel_tables(number: NDArray[np.int64]) -> slice:
     return slice(first, first + ng * (ng + 1))
 
 
+def _heavy(model: Model) -> NDArray[np.bool_]:
+    """Whether each member (k,) has weight."""
+    heavy = np.zeros(len(model.arrays.members.kind), bool)
+    heavy[: len(model.arrays.weight)] = model.arrays.weight[:, 0] > 0.0
+    return heavy
+
+
 @per_model
 def leaf_groups(model: Model) -> tuple[LeafGroup, ...]:
     """All strain-mode members of a model by make, in order of first appearance."""
     members = model.arrays.members
     found: dict[tuple[bytes, bytes, bool], list[int]] = {}
-    heavy = np.zeros(len(members.kind), bool)
-    heavy[: len(model.arrays.weight)] = model.arrays.weight[:, 0] > 0.0
+    heavy = _heavy(model)
     for i in np.flatnonzero(members.kind == STRAIN).tolist():
         own = members.value[members.value_at[i] :]
         made = members.number[i].tobytes(), own[panel_tables(members.number[i])].tobytes()
@@ -66,16 +72,18 @@ def leaf_groups(model: Model) -> tuple[LeafGroup, ...]:
 
 @per_model
 def chain_groups(model: Model) -> tuple[LeafGroup, ...]:
-    """All chains of a model by their number of elements; of their constants those of the elements and the clamped end."""
-    members = model.arrays.members
-    found: dict[int, list[int]] = {}
+    """All chains of a model by their number of elements; of their constants those of the elements and the clamped end, and
+    masses."""
+    members, heavy = model.arrays.members, _heavy(model)
+    found: dict[tuple[int, bool], list[int]] = {}
     for i in np.flatnonzero(members.kind == COROTATIONAL).tolist():
-        found.setdefault(int(members.number[i, 0]), []).append(i)
+        found.setdefault((int(members.number[i, 0]), bool(heavy[i])), []).append(i)
     groups = []
-    for count, same in found.items():
-        value = np.stack([members.value[members.value_at[i] :][: 16 * count + 9] for i in same])
+    for (count, weighs), same in found.items():
+        size = 16 * count + 9 + weighs * (count + 1)
+        value = np.stack([members.value[members.value_at[i] :][:size] for i in same])
         places = members.inner_at[same][:, None] + np.arange(12 * (count - 1))
-        groups.append(LeafGroup(np.array(same), members.number[same[0]], value, places))
+        groups.append(LeafGroup(np.array(same), members.number[same[0]], value, places, weighs))
     return tuple(groups)
 
 
@@ -101,6 +109,13 @@ def end_frames(model: Model, motion: Motion, which: NDArray[np.int64] | slice) -
     start, end = (motion.x[nodes[:, e]] + arms[:, e] for e in (0, 1))
     d = ((end - start)[:, None] @ frame)[:, 0]
     return EndFrames(start, frame, d, arms, end - motion.x[nodes[:, 0]])
+
+
+def end_axes(model: Model, motion: Motion, which: NDArray[np.int64], ends: EndFrames) -> Array:
+    """Axes (k, 3, 3) of end q of the members `which` (k,) in frame p, from their end frames."""
+    members = model.arrays.members
+    axes: Array = ends.frame.swapaxes(1, 2) @ motion.R[members.node[which, 1]] @ members.frame[which, 1]
+    return axes
 
 
 def end_levers(ends: EndFrames) -> tuple[Array, Array]:

@@ -26,7 +26,7 @@ from ksd.model.leaves import leaf_of
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import straighten
 from ksd.properties.cache import per_model
-from ksd.properties.leaf_groups import LeafGroup, end_frames
+from ksd.properties.leaf_groups import EndFrames, LeafGroup, end_axes, end_frames
 from ksd.scene.effects import Spring
 from ksd.scene.joint import leaves_of
 from ksd.section.constants import extents
@@ -423,14 +423,22 @@ def places_along(
     return ends.start[k] + (frame @ local[..., None])[..., 0], frame @ axes
 
 
+def chain_lines(
+    model: Model, motion: Motion, group: LeafGroup, which: NDArray[np.int64] | slice = slice(None)
+) -> tuple[EndFrames, Array, Array]:
+    """End frames of chains `which` of a group; positions (k, n+1, 3) and axes (k, n+1, 3, 3) of their nodes, in frame p."""
+    value, members = group.value[which], group.members[which]
+    ends = end_frames(model, motion, members)
+    Q = end_axes(model, motion, members, ends)
+    x, R = chain_nodes(value, group.number, motion.inner[group.places[which]], ends.d, Q)
+    return ends, x, R @ chain_axes(value, group.number)
+
+
 def _along_chains(
     model: Model, motion: Motion, group: LeafGroup, which: NDArray[np.int64], share: Array
 ) -> tuple[Array, Array]:
-    n, value, members = int(group.number[0]), group.value[which], group.members[which]
-    ends, node = end_frames(model, motion, members), model.arrays.members.node[members, 1]
-    Q = ends.frame.swapaxes(1, 2) @ motion.R[node] @ model.arrays.members.frame[members, 1]
-    x, R = chain_nodes(value, group.number, motion.inner[group.places[which]], ends.d, Q)
-    turned, lengths = R @ chain_axes(value, group.number), value[:, : 16 * n : 16]
+    n = int(group.number[0])
+    (ends, x, turned), lengths = chain_lines(model, motion, group, which), group.value[which, : 16 * n : 16]
     edges, each = np.cumsum(lengths, axis=1), np.arange(len(which))
     at = share * edges[:, -1]
     e = np.minimum((edges < at[:, None]).sum(axis=1), n - 1)

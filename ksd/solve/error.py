@@ -21,12 +21,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ksd.errors import ConvergenceError
-from ksd.model.arrays import STRAIN, Arrays, Motion, Work, make_work
+from ksd.model.arrays import COROTATIONAL, STRAIN, Arrays, Motion, Work, make_work
 from ksd.model.compile import Model, compile_given
+from ksd.model.leaves import leaf_of
 from ksd.model.newton import iterate, look, take_step
 from ksd.properties.cache import per_model
-from ksd.properties.forces import section_forces
-from ksd.properties.shape import member_ends
+from ksd.properties.forces import SectionForces, forces_of_members
+from ksd.properties.leaf_groups import LeafGroup, elastic, end_axes, end_frames, leaf_groups, panel_tables
 from ksd.properties.tangent import exact
 from ksd.properties.unfold import finer, pad
 from ksd.solve.estimate import relative_error, size_of_step
@@ -231,46 +232,40 @@ def refined(model: Model) -> Model:
 
 
 def _started(model: Model, motion: Motion, fine: Model, load_factor: float) -> Motion:
-    """The state on the finer model: same nodes and multipliers; amplitudes taken over, or from the moments along a chain."""
+    """The state on the finer model: same nodes and multipliers; amplitudes taken over, or from the moments along chains."""
     state, members, more = fine.rest.copy(), model.arrays.members, fine.arrays.members
     node = {name: k for k, name in enumerate(model.node_names)}
     same = [node[name] for name in fine.node_names]
     state.x[:], state.R[:], state.multiplier[:] = motion.x[same], motion.R[same], motion.multiplier
-    own = {name: i for i, name in enumerate(model.member_names)}
-    moments = None
-    for k, name in enumerate(fine.member_names):
-        inner = state.inner[more.inner_at[k] : more.inner_at[k + 1]]
-        if name in model.solids:
+    place = {name: k for k, name in enumerate(fine.member_names)}
+    chains: dict[str, list[int]] = {}
+    for i, name in enumerate(model.member_names):
+        if members.kind[i] == STRAIN:
+            k, inner = place[name], motion.inner[members.inner_at[i] : members.inner_at[i + 1]]
+            pad(members.number[i], inner, more.number[k], state.inner[more.inner_at[k] :])
+        elif members.kind[i] == COROTATIONAL:
+            chains.setdefault(leaf_of(name, place), []).append(i)
+    forces = forces_of_members(model, motion, chains, STATIONS, load_factor) if chains else {}
+    for group in leaf_groups(fine):
+        rows = [r for r, k in enumerate(group.members) if fine.member_names[k] in chains]
+        if not rows:
             continue
-        i = own.get(name)
-        if i is not None and members.kind[i] == STRAIN:
-            pad(
-                members.number[i],
-                motion.inner[members.inner_at[i] : members.inner_at[i + 1]],
-                more.number[k],
-                inner,
-            )
-            continue
-        if moments is None:
-            moments = section_forces(model, motion, points=STATIONS, load_factor=load_factor)
-        _bend(fine, k, moments[name], member_ends(fine, state, k).Q, inner)
+        which, value, places = group.members[rows], group.value[rows], group.places[rows]
+        along = [forces[fine.member_names[k]] for k in which]
+        Q = end_axes(fine, state, which, end_frames(fine, state, which))
+        wrench = np.array([f.end for f in along]).reshape(-1, 2, 3) @ Q.swapaxes(1, 2)
+        state.inner[places[:, : group.modes]] += _bent(replace(group, value=value), along)
+        state.inner[places[:, group.modes :]] = wrench.reshape(-1, 6)
     return state
 
 
-def _bend(fine: Model, k: int, forces: Any, Q: np.ndarray, inner: np.ndarray) -> None:
-    """Amplitudes that the section forces along leaf k call for, and its end wrench, in place; Q (3, 3): axes of its end."""
-    members = fine.arrays.members
+def _bent(group: LeafGroup, forces: list[SectionForces]) -> np.ndarray:
+    """Amplitudes (k, N) that the section forces along the leaf springs of a group call for."""
+    value, N, (*orders, ng) = group.value, group.modes, group.number[:4].tolist()
     # as `ksd.beam.strain_values` lays it out
-    value, (*orders, ng) = members.value[members.value_at[k] :], members.number[k, :4].tolist()
-    N, at = sum(orders), 1
-    table = at + sum(n * n for n in orders) + N
-    weight = value[table : table + ng]
-    s = value[table + ng : table + ng * (1 + ng)].reshape(ng, ng).sum(axis=1)
-    basis = value[table + ng * (1 + ng) :][: N * ng].reshape(N, ng)
-    first = 0
-    for axis, n in enumerate(orders):
-        moment = np.interp(s, forces.s / forces.s[-1], forces.values[:, 3 + axis])
-        weighted = value[0] * (basis[first : first + n] * weight) @ moment
-        inner[first : first + n] += np.linalg.solve(value[at : at + n * n].reshape(n, n), weighted)
-        first, at = first + n, at + n * n
-    inner[N : N + 3], inner[N + 3 : N + 6] = Q @ forces.end[:3], Q @ forces.end[3:]
+    at = panel_tables(group.number).start
+    weight, integral, basis = np.split(value[:, at : at + ng * (1 + ng + N)], [ng, ng + ng * ng], axis=1)
+    s = integral[0].reshape(ng, ng).sum(axis=1)
+    moment = np.array([[np.interp(s, f.s / f.s[-1], m) for m in f.values.T[3:]] for f in forces])
+    weighted = (basis.reshape(-1, N, ng) * weight[:, None] * np.repeat(moment, orders, axis=1)).sum(axis=2)
+    return np.asarray(np.linalg.solve(elastic(group), (value[:, :1] * weighted)[..., None])[..., 0])

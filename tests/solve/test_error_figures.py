@@ -60,6 +60,26 @@ def test_the_error_of_the_mesh_is_told(mesh, method):
     assert said in str(pose) and "Not in the model: plate stiffening" in str(pose)
 
 
+@pytest.mark.parametrize("nodal", [False, True])
+def test_chains_of_a_leaf_with_a_point(nodal):
+    """Against the force of strain-mode leaves; the pieces between points are no leaves of the scene."""
+    scene = ksd.Mechanism("blade")
+    scene.leaf(
+        scene.ground, scene.link("tip"), start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(0.3e-3, 0.02),
+        material=STEEL, width_axis=(0, 0, 1), name="leaf",
+    )  # fmt: skip
+    scene.load(scene.point("leaf", 0.04), force=(0, 2, 0), at=(0.04, 0, 0))
+    scene.actuate("tip", along="y", at=(0.1, 0, 0), name="drive")
+    mesh = ksd.Mesh(leaf="corotational", elements=3, nodal=nodal)
+    pose, truth = (
+        ksd.solve(scene, drive=0.02, method="conventional", mesh=m)
+        for m in (mesh, ksd.Mesh(orders=(5, 4, 9), points=12))
+    )
+    true = abs(pose.forces["drive"] - truth.forces["drive"])
+    assert true > 1e-4 * abs(truth.forces["drive"])
+    assert pose.error.force[0] == pytest.approx(true, rel=1e-3)
+
+
 def test_modal_bodies_tell_the_error_of_their_elements():
     """A circular notch as a chain of ten elements is .4 % off; the basis next to its own chain was told alone."""
     notch = ksd.CircularNotchHinge(STEEL, radius=5e-3, minimum=5e-4, width=0.01)
