@@ -236,6 +236,8 @@ def crossed(a: Array, b: Array) -> Array:
 
 
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
+FEWEST = 8
+"""Steps in which a leaf is walked along at least, fewer stations being asked for or not."""
 
 
 def strain_curve(value: Array, number: NDArray[np.int64], inner: Array, points: int) -> tuple[Array, ...]:
@@ -259,9 +261,12 @@ def strain_curves(
     tables, n = _tables(value, number, inner[:, :total]), inner[:, None, total : total + 3]
     R = np.broadcast_to(np.eye(3), (len(value), 1, 3, 3)).copy()
     s, r, turned = [np.zeros((len(value), 1))], [np.zeros((len(value), 1, 3))], [R]
-    weight = _Beyond(value, number, gravity)
+    weight, kept = _Beyond(value, number, gravity), [0]
     for k, (a, b) in enumerate(pairwise(tables.edges)):
-        half = 2 * max(1, round((points - 1) * (b - a)))
+        steps = max(1, round((points - 1) * (b - a)))
+        finer = max(1, round(FEWEST * (b - a) / steps))
+        kept += range(kept[-1] + finer, kept[-1] + finer * steps + 1, finer)
+        half = 2 * steps * finer
         x = np.linspace(a, b, half + 1)
         middle, reach = 0.5 * (x[1:] + x[:-1]), (b - a) / (2 * math.sqrt(3) * half)
         h = (L * (b - a) / half)[:, None, None]
@@ -274,7 +279,8 @@ def strain_curves(
         s.append(L[:, None] * x[2::2])
         r.append(r[-1][:, -1:] + np.cumsum(pieces, axis=1))
         turned.append(R[:, 2::2])
-    return *(np.concatenate(found, axis=1) for found in (s, r, turned)), *weight.found()
+    found = *(np.concatenate(parts, axis=1) for parts in (s, r, turned)), *weight.found()
+    return tuple(along[:, kept] for along in found)
 
 
 class _Beyond:

@@ -116,3 +116,27 @@ def test_end_moments_agree_with_the_curvature():
 
 def test_components_are_named():
     assert COMPONENTS == ("N", "Vy", "Vz", "T", "My", "Mz")
+
+
+@pytest.mark.parametrize("profile", [None, ksd.StiffenedMiddle(0.5e-3, 0.01, 1.5e-3, 0.4)])
+def test_few_stations_have_the_forces_of_many(profile):
+    """The line between two stations was walked in one step."""
+    scene = ksd.Mechanism("strip", plane="xy")
+    tip, shaped = scene.link("tip"), {"profile": profile} if profile else {}
+    scene.leaf(
+        "ground", tip, start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(0.5e-3, 0.01),
+        material=ksd.Material(E=200e9, G=77e9, density=7800), name="strip", **shaped,
+    )  # fmt: skip
+    scene.gravity = (0, -9.81, 0)
+    scene.actuate(tip, along="y", at=(0.1, 0, 0), name="lift")
+    scene.load(tip, force=(40, 0, 0), at=(0.1, 0, 0))
+    pose = ksd.solve(scene, lift=0.02)
+    many = pose.section_forces(points=101)["strip"]
+    scale = np.abs(many.values).max(axis=0) + 1e-9
+    for points in (2, 3, 5):
+        few = pose.section_forces(points=points)["strip"]
+        at = np.searchsorted(many.s, few.s - 1e-9)
+        known = np.isclose(many.s[at], few.s)
+        assert known[[0, -1]].all()
+        assert (np.abs(few.values[known] - many.values[at[known]]) < 5e-3 * scale).all()
+        assert len(few.s) == points or profile
