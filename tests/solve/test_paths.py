@@ -83,3 +83,22 @@ def test_a_path_that_comes_back_to_its_start_stops_there():
     # another state without load is no way back
     perfect = ksd.follow(arch(0.0))
     assert perfect.ended and (np.diff(np.sign(perfect.factor[1:])) != 0).sum() == 2
+
+
+def test_a_double_bifurcation_is_told():
+    """A square column buckles in two directions at once: the determinant keeps its sign."""
+    scene = ksd.Mechanism("column")
+    tip, at = scene.link("tip"), (0.1, 0, 0)
+    scene.leaf(
+        "ground",
+        tip,
+        start=(0, 0, 0),
+        end=at,
+        section=ksd.rectangle(1e-3, 1e-3),
+        material=STEEL,
+        width_axis="z",
+    )
+    scene.load(tip, force=(-20, 0, 0), at=at)
+    (only,) = ksd.follow(scene).bifurcations
+    # source: Euler's column, clamped and free
+    assert 20 * only.factor == pytest.approx(np.pi**2 * STEEL.E * 1e-12 / 12 / (4 * 0.1**2), rel=2e-3)
