@@ -130,8 +130,12 @@ def parts(designs: list[dict[str, float]], stroke: np.ndarray) -> dict[str, floa
     one = stroke[:1]
 
     def batch(poses: np.ndarray) -> None:
-        made = iter([scenes[0], *scenes])
-        ksd.batch(lambda **_: next(made), designs=[designs[0], *designs], top=poses, threads=1)
+        ksd.batch(
+            lambda number: scenes[number],
+            designs=[{"number": k} for k in range(len(scenes))],
+            top=poses,
+            threads=1,
+        )
 
     # threads of a batch are not this one, so process time is what tells
     spent = {
