@@ -68,8 +68,9 @@ def test_a_mechanism_that_can_move_freely_is_refused():
     for axis in "xyz":
         scene.support(a, at=(0, 0, 0), along=axis)
     scene.load(b, force=(0, 1.0, 0), at=(L, 0, 0))
-    with pytest.raises(ksd.ConvergenceError):
-        conventional(compile_scene(scene), {})
+    # a pivot that is zero but for rounding stops it at once, or it swings round until it hangs along the force
+    with pytest.raises((ksd.ConvergenceError, ksd.TrustError)):
+        ksd.solve(scene)
 
 
 def test_following_tip_force():
