@@ -32,7 +32,7 @@ from ksd.bodies.flat import (
 from ksd.bodies.kinematics import interface_pose
 from ksd.bodies.series import monomials, pose_from
 from ksd.model.arrays import Arrays, Motion, Work
-from ksd.model.newton import GRAIN, assemble, take_step
+from ksd.model.newton import GRAIN, assemble
 from ksd.numerics.blocks import BLOCKS, DIAGONAL, START, backward_blocks, factor_blocks, forward_blocks
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_log
@@ -155,7 +155,7 @@ def relative_poses(loops, shapes, x, R, relative):
                 relative[j, 3 + 3 * r + c] = p * frames[1, 0, c] + q * frames[1, 1, c] + s * frames[1, 2, c]
 
 
-def recover_joints(
+def interface_step(
     substructures: Arrays,
     loops: Loops,
     reduced_motion: Motion,
@@ -163,24 +163,11 @@ def recover_joints(
     work: Work,
     relative: np.ndarray,
 ) -> tuple[float, float]:
-    """Step 4: substructures at the interface poses of step 3, relative (J, 12), by the factors of `condense_joints`.
+    """Step 4: what leads the substructures to the interface poses of step 3, relative (J, 12), by the factors of
+    `condense_joints`, into work.rhs, to be taken.
 
     Returns the largest unintended displacement of an interface B from its reference, (m, rad).
     """
-    unintended = find_step(substructures, loops, reduced_motion, motion, work, relative)
-    take_step(substructures, motion, work.rhs, work, 1.0)
-    return unintended
-
-
-def find_step(
-    substructures: Arrays,
-    loops: Loops,
-    reduced_motion: Motion,
-    motion: Motion,
-    work: Work,
-    relative: np.ndarray,
-) -> tuple[float, float]:
-    """The first half of `recover_joints`: the step, into work.rhs. Returns what that does."""
     found: tuple[float, float] = _recover_blocks(
         *loops.flat, substructures.plan.ints, substructures.start, reduced_motion.x, reduced_motion.R, relative, motion.x,
         motion.R, work.value, work.spare, work.rhs,

@@ -18,7 +18,7 @@ import numpy as np
 from ksd.beam.levers import member_tangent
 from ksd.beam.strain import fields_of, strain_condense, strain_recover, strain_tangent
 from ksd.bodies.joints import joint_bodies
-from ksd.bodies.substructures import condense_assembled, find_step
+from ksd.bodies.substructures import condense_assembled, interface_step
 from ksd.errors import KsdError
 from ksd.library import find_record
 from ksd.model.arrays import make_work
@@ -82,5 +82,5 @@ def compile_late() -> None:
         b = FiveStepsStorage(model, joint_bodies(model, find_record))
         inside, state, room = b.bodies.substructures, b.substructures, b.substructure_work
         condense_assembled(inside, 1, state, room, b.reduced.inner)
-        find_step(inside, b.bodies.loops, b.reduced, state, room, b.state.relative)
+        interface_step(inside, b.bodies.loops, b.reduced, state, room, b.state.relative)
         place_space(b)

@@ -40,8 +40,6 @@ LEAST = 3e-7
 """An arc below which two paths are one."""
 SAME = 1e-6
 """Largest distance, rad or over the size of the mechanism, of a state found again."""
-CLOSE = 1e-3
-"""Largest rate of the factor where it stands still, over its change in the step."""
 BISECTIONS = 16
 """Halvings of an arc."""
 
@@ -208,7 +206,8 @@ class Turn:
 
 def _crossed(before: Place, direction: Array, after: Place, ahead: Array) -> bool:
     """Whether the determinant of the bordered tangent has another sign: it keeps its sign along a path and changes where
-    another one crosses (Allgower and Georg, Introduction to numerical continuation methods, 2003, chapter 8)."""
+    another one crosses (Allgower and Georg, Introduction to numerical continuation methods, 2003, chapter 8). That sign is
+    (-1)^negatives times that of the rate of the factor."""
     turned = direction[-1] * ahead[-1] < 0.0
     return turned != ((after.negatives - before.negatives) % 2 == 1)
 
@@ -254,10 +253,7 @@ class Walk:
             ends = self._bisected(before, direction, arc, lambda at, _: at.negatives != before.negatives)
             branches = after if ends is None or ends[1] is None else ends[1]
         if limit:
-            top = self._limit(before, direction, after, ahead, arc)
-            if top is None:
-                return False
-            self._record("limit", top)
+            self._record("limit", self._limit(before, direction, after, ahead, arc))
         if branches is not None:
             self._record("bifurcation", branches)
         return True
@@ -272,8 +268,8 @@ class Walk:
         inside = kind == "bifurcation" and abs(values[least]) > WITHIN
         self.turns.append(Turn(kind, at, np.zeros_like(mode) if inside else mode))
 
-    def _limit(self, before: Place, direction: Array, after: Place, ahead: Array, arc: float) -> Place | None:
-        """Where d(factor)/ds vanishes, by the false position (Illinois) on the arc; None where it jumps."""
+    def _limit(self, before: Place, direction: Array, after: Place, ahead: Array, arc: float) -> Place:
+        """Where d(factor)/ds vanishes, by the false position (Illinois) on the arc."""
         low, high, g_low, g_high = 0.0, arc, float(direction[-1]), float(ahead[-1])
         best, smallest = after, abs(g_high)
         for _ in range(12):
@@ -290,7 +286,7 @@ class Walk:
                 high, g_high, g_low = s, g, 0.5 * g_low
             else:
                 low, g_low, g_high = s, g, 0.5 * g_high
-        return best if smallest < CLOSE * abs(direction[-1] - ahead[-1]) or arc < LEAST else None
+        return best
 
     def _crossing(self, before: Place, direction: Array, ahead: Array, arc: float) -> Place | None:
         """Where the path crosses another one, None where there are two that do not meet."""

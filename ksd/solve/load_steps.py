@@ -375,6 +375,11 @@ def _drive_in_plane(
         return found
 
     driven = drive_to(motion, newton, way, begin=begin)
+    if driven.shortest < 0.9 / way.steps:
+        # a step was cut: what nothing holds at the start swings to and fro where its pivot of zero is rounded up
+        assemble(plane.arrays, begin, *way.at(driven.shortest), work, way.rtol, 0, 0.0)
+        if moves_freely(plane.arrays, work):
+            return driven._replace(stop=Stop.SINGULAR, reached=0.0), begin.copy()
     if _is_held(model):
         return driven._replace(negatives=driven.negatives + len(motion.multiplier) - len(plane.rows)), motion
     values, factor = way.at(driven.reached)

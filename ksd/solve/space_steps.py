@@ -15,15 +15,15 @@ from ksd.bodies.kinematics import close_loops
 from ksd.bodies.readout import intended_motions
 from ksd.bodies.substructures import (
     condense_joints,
+    interface_step,
     place_insides,
-    recover_joints,
     relative_poses,
     set_near,
 )
 from ksd.bodies.weight import hang_joints, turn_gravity
 from ksd.model.arrays import Motion, Work, flatten, make_work, opened
 from ksd.model.compile import Model
-from ksd.model.newton import iterate
+from ksd.model.newton import iterate, take_step
 from ksd.numerics.kernel import kernel
 from ksd.solve.joint_range import look_at_joints, motion_limits
 from ksd.solve.steps import CAP, RTOL
@@ -158,10 +158,10 @@ def condense_space(b: FiveStepsStorage, near: int) -> int:
 
 def recover_space(b: FiveStepsStorage) -> tuple[float, float]:
     """Step 4. Returns the largest displacement [m] and rotation [rad] of an interface off its near pose."""
-    bodies, relative = b.bodies, b.state.relative
-    return recover_joints(
-        bodies.substructures, bodies.loops, b.reduced, b.substructures, b.substructure_work, relative
-    )
+    inside, state, work = b.bodies.substructures, b.substructures, b.substructure_work
+    unintended = interface_step(inside, b.bodies.loops, b.reduced, state, work, b.state.relative)
+    take_step(inside, state, work.rhs, work, 1.0)
+    return unintended
 
 
 @kernel

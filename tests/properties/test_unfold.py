@@ -28,7 +28,7 @@ def test_a_node_is_led_to_equilibrium_unless_it_is_far(turn, left):
     motion = model.rest.copy()
     rotation_exp(np.array([0.0, 0.0, turn]), motion.R[1])
     _, state = unfolded(model, motion)
-    assert np.arcsin(state.R[1][1, 0]) == pytest.approx(left, abs=2e-3)
+    assert np.arcsin(state.R[1][1, 0]) == pytest.approx(left, abs=1e-12)
 
 
 def test_a_node_that_would_be_moved_far_stays():

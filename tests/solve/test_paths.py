@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scenes import fourbar
 
 import ksd
 import ksd.solve.arc as arc
@@ -102,3 +103,12 @@ def test_a_double_bifurcation_is_told():
     (only,) = ksd.follow(scene).bifurcations
     # source: Euler's column, clamped and free
     assert 20 * only.factor == pytest.approx(np.pi**2 * STEEL.E * 1e-12 / 12 / (4 * 0.1**2), rel=2e-3)
+
+
+def test_a_path_does_not_hang_on_its_first_step():
+    """A fourbar whose two bifurcations, close to each other, are taken apart: long corrections led over both at once."""
+    scene = fourbar()
+    scene.load("top", force=(-456.9, 753.7, -982.5), moment=(50.68, -4.94, -30.2), at=(0, 0.37, 0))
+    ends = [ksd.follow(scene, {"top": 1e-4}, first=first).states[-1] for first in (0.02, 0.005)]
+    assert ends[0].stable and ends[1].stable
+    assert ends[0].displacement("top") == pytest.approx(ends[1].displacement("top"), rel=1e-6)
