@@ -131,11 +131,11 @@ def batch(
     parameters that returns one. Drive values [m or rad] by name, numbers or arrays of one length. tabulated: take the
     condensed joints from tables over their stroke, made once per design; it pays from some hundred poses on. questions,
     link, at, freed, modes: as in `ksd.sweep`, answered in `Batch.answers`; of "reduced" they are asked of the equilibrium
-    next to the answer, as of a pose of `ksd.solve`. mesh: when None the usual one, with the curvature modes that are
-    enough for the first design at its farthest pose. relinearisations, extrapolate: as in `ksd.solve`. targets: drive
-    values as a mapping. threads: cores when None. executor: any concurrent.futures executor instead of threads; with
-    processes, where Python works in parallel too, `mechanism` must be a function they can import. Raises SceneError for
-    bad input; designs, poses and questions that fail are in the result.
+    next to the answer, as of a pose of `ksd.solve`; modes are numbered at every pose from the lowest. mesh: when None the
+    usual one, with the curvature modes that are enough for the first design at its farthest pose. relinearisations,
+    extrapolate: as in `ksd.solve`. targets: drive values as a mapping. threads: cores when None. executor: any
+    concurrent.futures executor instead of threads; with processes, where Python works in parallel too, `mechanism` must be a
+    function they can import. Raises SceneError for bad input; designs, poses and questions that fail are in the result.
     """
     check_ways(
         mesh=mesh, relinearisations=relinearisations, method=method, methods=("reduced", "full"),

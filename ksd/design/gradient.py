@@ -167,7 +167,8 @@ def gradient(
     numbers of `at_design`, without one all drives. sizes: typical sizes of parameters that are zero. errors:
     differences of fourth order with an error figure for each, at twice the cost. The other words, and drive values [m
     or rad] by name, are those of `ksd.sweep`. Values and derivatives are those of the equilibrium, whatever `method`
-    leads there; modes, orders, effects and plate curvatures are held beside it.
+    leads there; modes, orders, effects and plate curvatures are held beside it. Modes are numbered at every pose from the
+    lowest.
 
     Raises SceneError for unknown words, a parameter that changes more than numbers, and reduced bodies; KsdError of the
     pose that fails.

@@ -102,17 +102,17 @@ class Job(Shown, metaclass=Worded):
     """What to vary, what to make large or small, and what limits it; see `ksd.optimise`.
 
     function: of the parameters, returns a mechanism. vary: least and most of every parameter, SI. maximise or minimise:
-    columns of `ksd.sweep`, several with the scale each is measured in: the worst of them over their scales, over all
-    poses and load cases, counts; of forces, moments and parasitic motion that are minimised it is their size. limits: the
-    most by column, or (least, most), None for neither, in units of the column; without a target they are enough for
-    `ksd.tolerance`; "size_mm" takes the most along x, y and z. rules: functions of the parameters by name that must not be
-    negative, told before anything is solved. link, at, freed, modes, loads, together: as in `ksd.sweep`, and so the drive
-    values [m or rad]. method: "full", "reduced", or "conventional", which knows no trained ranges; by the others these are
-    bounds; when None "full" where every joint has a record (a joint of one's own: of it as all parameters draw it), else
-    "conventional". mesh: when None the usual one, with the curvature modes that are enough in the middle of the bounds; that
-    they are few at an optimum is printed with it. extrapolate: as in `ksd.solve`; targets: drive values as a mapping. All
-    answers are those of the equilibrium, whichever method leads there, so that slopes are theirs. A design that is not
-    stable at a pose has no answers.
+    columns of `ksd.sweep`, several with the scale each is measured in: the worst of them over their scales, over all poses
+    and load cases, counts; of forces, moments and parasitic motion that are minimised it is their size. limits: the most by
+    column, or (least, most), None for neither, in units of the column; without a target they are enough for `ksd.tolerance`;
+    "size_mm" takes the most along x, y and z. rules: functions of the parameters by name that must not be negative, told
+    before anything is solved. link, at, freed, modes, loads, together: as in `ksd.sweep`, and so the drive values [m or
+    rad]; but modes are numbered at every pose from the lowest. method: "full", "reduced", or "conventional", which knows no
+    trained ranges; by the others these are bounds; when None "full" where every joint has a record (a joint of one's own: of
+    it as all parameters draw it), else "conventional". mesh: when None the usual one, with the curvature modes that are
+    enough in the middle of the bounds; that they are few at an optimum is printed with it. extrapolate: as in `ksd.solve`;
+    targets: drive values as a mapping. All answers are those of the equilibrium, whichever method leads there, so that
+    slopes are theirs. A design that is not stable at a pose has no answers.
 
     Raises SceneError for everything that is wrong before a solve.
     """

@@ -38,7 +38,8 @@ CHUNK = 32
 @dataclass(frozen=True)
 class Recipe:
     """How every pose is solved and what it is asked; see `ksd.sweep`. judged: rows say whether it is stable, by which method
-    it was found, and what is warned of; without, one that is not stable has no answers."""
+    it was found, and what is warned of, and modes keep their names along a line; without, a pose that is not stable has no
+    answers, and its modes have the names of `Modes.names`."""
 
     asked: Asked
     method: Method | None = None
@@ -195,7 +196,8 @@ def run_line(
                 rows.append(row | {STATUS: SPOKEN[UNSTABLE]})
                 continue
             walk.go_on_from(pose)
-            told, before, troubles = answered(Pose(pose, before), recipe.asked, next(known).rows)
+            own = Pose(pose, before if recipe.judged else Before())
+            told, before, troubles = answered(own, recipe.asked, next(known).rows)
             row |= told
             if recipe.judged:
                 row |= {

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ksd.design.lines import spoken
-from ksd.design.questions import Asked, Before, Pose, Row, answered, answered_together
+from ksd.design.questions import Asked, Pose, Row, answered, answered_together
 from ksd.errors import SceneError
 from ksd.model.arrays import Motion, Work, make_work
 from ksd.model.compile import Model
@@ -120,12 +120,11 @@ class Prepared:
 
 
 class _Questions:
-    """Asks the questions of the states in storage, one pose after the other; modes keep their names from pose to pose."""
+    """Asks the questions of the states in storage, every pose for itself."""
 
     def __init__(self, design: Prepared, asked: Asked, targets: np.ndarray, found: Found) -> None:
         self.design, self.targets, self.found = design, targets, found
         self.asked, self.later = asked.alone, len(asked.alone.questions) < len(asked.questions)
-        self.before = Before()
         self.stiff = STIFF.issuperset(asked.questions) and not (design.keep or design.settled)
         found.rows = [{} for _ in targets]
         if "support_stiffness" in asked.questions:
@@ -140,8 +139,8 @@ class _Questions:
             status, answering = _beside(b.model, motion, target, b.full_work)
             if status:
                 return status
-        pose = Pose(self._posed(answering if self.design.settled else motion, answering, target), self.before)
-        self.found.rows[n], self.before, failed = answered(pose, self.asked)
+        pose = Pose(self._posed(answering if self.design.settled else motion, answering, target))
+        self.found.rows[n], _, failed = answered(pose, self.asked)
         if self.design.keep:
             self.found.poses.append(pose.configuration)
         if self.later:

@@ -75,18 +75,18 @@ def sweep(
 
     mechanism: Mechanism, Scene, or a function of the parameters in `designs` that returns one. Drive values [m or rad] by
     name, numbers or arrays: ``top=np.linspace(0, 0.3, 31)``. All combinations are walked, the array named last along the
-    stroke (conventional poses start from the one before; modes are followed); together=True moves all arrays in step.
-    designs: {"thickness": [...], ...} for all combinations, or a list of such mappings. loads: cases by name, each a list
-    of dict(link=, force=, moment=, at=) added to the scene's own. questions: of "force", "drive_stiffness",
-    "support_stiffness", "frequencies", "stress", "parasitic", "energy", "buckling", "size", "clearance", "distance"
-    (those of `Mechanism.distance`); when None all that the mechanism has an answer to, as `ksd report` shows. link, at:
-    the point asked about, link and point of the first drive when None (`Configuration.stiffness` takes the reference
-    point of the link). freed: drives let go for frequencies (all when None), modes: how many are followed besides the
-    intended, more where modes cross. errors: a column per question with the error of its answers, that of method and
-    mesh, at several times the cost. executor: any concurrent.futures.Executor; without one, this process or, for many
-    poses, a pool of processes. method, accuracy, mesh, relinearisations, extrapolate, effects, with_, without: as in
-    `ksd.solve`. targets: drive values as a mapping. resume: a file that keeps finished lines; give it again to go on.
-    progress: whether a bar tells how far it is. A pose that fails is a row whose `status` says why.
+    stroke (conventional poses start from the one before; modes keep the names of the first pose); together=True moves all
+    arrays in step. designs: {"thickness": [...], ...} for all combinations, or a list of such mappings. loads: cases by
+    name, each a list of dict(link=, force=, moment=, at=) added to the scene's own. questions: of "force",
+    "drive_stiffness", "support_stiffness", "frequencies", "stress", "parasitic", "energy", "buckling", "size", "clearance",
+    "distance" (those of `Mechanism.distance`); when None all that the mechanism has an answer to, as `ksd report` shows.
+    link, at: the point asked about, link and point of the first drive when None (`Configuration.stiffness` takes the
+    reference point of the link). freed: drives let go for frequencies (all when None), modes: how many are followed besides
+    the intended, more where modes cross. errors: a column per question with the error of its answers, that of method and
+    mesh, at several times the cost. executor: any concurrent.futures.Executor; without one, this process or, for many poses,
+    a pool of processes. method, accuracy, mesh, relinearisations, extrapolate, effects, with_, without: as in `ksd.solve`.
+    targets: drive values as a mapping. resume: a file that keeps finished lines; give it again to go on. progress: whether a
+    bar tells how far it is. A pose that fails is a row whose `status` says why.
 
     Raises SceneError for what is wrong before any solve; SweepInterrupted (a KeyboardInterrupt with `.table`) on Ctrl-C.
     """

@@ -1,5 +1,6 @@
 """Modes keep their name through a crossing; the three-configuration curve; state space against the full tangent."""
 
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -227,3 +228,36 @@ def test_a_curve_of_a_fast_method_tells_the_error_of_its_configurations(method):
     off = max(abs(a / b - 1) for a, b in zip(curve.frequency_Hz, exact.frequency_Hz, strict=True))
     assert exact.solved_error < 1e-5 and 0.7 * off < curve.solved_error < 1.5 * off
     assert curve.solved_error < 0.06
+
+
+def test_sweeps_name_modes_along_the_stroke_and_batches_jobs_and_gradients_at_every_pose():
+    """Names of a sweep are those that partners by MAC of neighbouring shapes, in steps of 1 degree, hand on; elsewhere they
+    are by size."""
+    turn = np.deg2rad([0.0, 20.0, 40.0])
+    name, columns = "parasitic_1", [f"parasitic_{k}_Hz" for k in (1, 2, 3)]
+    words = {"questions": "frequencies", "method": "full", "mesh": ksd.Mesh(orders=(4, 5, 9), points=12)}
+    solver = ksd.prepare(single_joint(), mesh=words["mesh"])
+    poses = [
+        solver(turn=a, method="full").frequencies(count=10, freed="turn") for a in np.deg2rad(np.arange(41.0))
+    ]
+    k, handed_on = poses[0].names.index(name), []
+    for one, two in pairwise(poses):
+        k = int(one.mac(two)[k].argmax())
+        handed_on.append(two.frequency_Hz[k])
+    by_size = np.array([[p.frequency_Hz[p.names.index(c[:-3])] for p in poses[::20]] for c in columns])
+    swept = ksd.sweep(single_joint(), turn=turn, progress=False, **words)
+    assert swept[columns[0]][1:] == pytest.approx(handed_on[19::20], rel=1e-6)
+    assert swept[columns[0]][1] > 1.01 * by_size[0, 1]
+    batch = ksd.batch(single_joint(), turn=turn, **words)
+    design = lambda width: single_joint(cross_flexure(widths=(width, 0.02)))  # noqa: E731
+    found = ksd.gradient(design, {"width": 0.04}, turn=turn, **words)
+    for column, own in zip(columns, by_size, strict=True):
+        assert batch[column][0] == pytest.approx(own, rel=1e-6)
+        assert found.values[column] == pytest.approx(own, rel=1e-6)
+    for method in ("full", "conventional"):
+        job = ksd.Job(
+            design, vary={"width": (0.039, 0.041)}, maximise=columns[0], turn=turn, method=method,
+            mesh=words["mesh"],
+        )  # fmt: skip
+        assert job.values([0.04]) == pytest.approx(by_size[0], rel=1e-6)
+        assert job.slopes([0.04])[0] == pytest.approx(by_size[0], rel=1e-6)
