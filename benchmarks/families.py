@@ -27,8 +27,7 @@ from ksd.library.files import shipped_folder
 from ksd.model.mesh import Mesh
 from ksd.scene import Joint
 from ksd.solve.conventional import conventional
-from ksd.train.catalogue import ENTRIES
-from ksd.train.designs import design_of
+from ksd.train.catalogue import ENTRIES, design_of
 from ksd.train.portrait import ORIGINS, TYPICAL, counted
 from ksd.view import plot_mechanism
 from ksd.view.figure import new_figure

@@ -4,7 +4,8 @@ Called, `ksd.train(...)`, it is the function `train`.
 """
 
 from ksd.packages import make_callable
-from ksd.train.designs import Design, design_of, known_designs
+from ksd.train.catalogue import design_of, known_designs
+from ksd.train.designs import Design
 from ksd.train.probes import check_probes
 from ksd.train.run import train, up_to_date
 

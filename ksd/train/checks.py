@@ -160,7 +160,7 @@ def check_stays_soft(joint: Joint, model: Model, states: list[Configuration]) ->
     rest."""
     if joint.held_by_others or len(joint.motions) > 5:
         return
-    own = max(stiffness for _, stiffness in intended_stiffness(joint))
+    own = intended_stiffness(joint)
     scale = scaling(joint)
     for state in states:
         found = point_stiffness(model, state.motion, "B", at=joint.pose_B, axes="link")

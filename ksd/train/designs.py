@@ -7,14 +7,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ksd.checks import Vector, nearest, show
-from ksd.errors import SceneError
+from ksd.checks import Vector
 from ksd.library import Mesh, Parameter
 from ksd.scene import DrawnJoint, Joint, Leaf, Material
-from ksd.scene.joint import proportions
 from ksd.scene.profile import Curve, Profile
 from ksd.section import Section
-from ksd.train.catalogue import ENTRIES, FULL
+
+FULL: tuple[Mesh, ...] = ("strain", 1, 2, 3, 4, 5, 6, 7, 8)
+"""Meshes that families are trained on, unless others are asked for."""
 
 
 @dataclass(frozen=True)
@@ -71,68 +71,6 @@ def redrawn(joint: Joint, leaves: tuple[Leaf, ...], *, windows: bool | None = No
         windows=joint.windows if windows is None else windows,
         held_by_others=joint.held_by_others,
     )
-
-
-def known_designs() -> tuple[str, ...]:
-    """Families `train` knows by name."""
-    return tuple(ENTRIES)
-
-
-def design_of(
-    family_or_joint: str | Joint | Design, shapes: Mapping[str, tuple[float, float]] | None = None
-) -> Design:
-    """The design of a family by name, of one joint as drawn (its shape fixed), or as given.
-
-    shapes: other ranges {parameter: (low, high)}, SI. Raises SceneError for unknown names and what is no range.
-    """
-    if isinstance(family_or_joint, Joint):
-        design = _fixed(family_or_joint)
-    elif isinstance(family_or_joint, Design):
-        design = family_or_joint
-    elif isinstance(family_or_joint, str) and family_or_joint in ENTRIES:
-        entry = ENTRIES[family_or_joint]
-        design = Design(
-            family_or_joint,
-            entry.parameters,
-            entry.make,
-            entry.numbers,
-            meshes=entry.meshes,
-            loose=entry.loose,
-            others=entry.others,
-        )
-    else:
-        raise SceneError(
-            f"joint family {family_or_joint!r} cannot be trained{nearest(family_or_joint, ENTRIES)}"
-        )
-    return _with_ranges(design, shapes or {})
-
-
-def _with_ranges(design: Design, shapes: Mapping[str, tuple[float, float]]) -> Design:
-    known = {p.name: p for p in design.parameters}
-    for name, ends in shapes.items():
-        if name not in known:
-            raise SceneError(f"{design.family}: shape parameter {name!r} is unknown{nearest(name, known)}")
-        if not isinstance(ends, tuple | list) or len(ends) != 2:
-            raise SceneError(f"{design.family}: {name} = {show(ends)} must be a range (low, high).")
-        known[name] = replace(known[name], low=ends[0], high=ends[1])
-    return replace(design, parameters=tuple(known.values()))
-
-
-@dataclass(frozen=True)
-class Fixed:
-    """A maker that ignores the shape: one joint as drawn."""
-
-    joint: Joint
-
-    def __call__(self, **_: float) -> Joint:
-        return self.joint
-
-
-def _fixed(joint: Joint) -> Design:
-    single = tuple(Parameter(name, value, value) for name, value in joint.shape().items())
-    # a family is told by its shape parameters, a drawing by all of it
-    drawing = proportions(joint) if isinstance(joint, DrawnJoint) else {}
-    return Design(joint.family, single, Fixed(joint), {"length": joint.length, **drawing})
 
 
 def _thin(section: Section, factor: float) -> Section:

@@ -10,7 +10,6 @@ import numpy as np
 from ksd.library import Record
 from ksd.scene import Joint, joint_families
 from ksd.train.catalogue import ENTRIES
-from ksd.train.designs import design_of
 
 _PAPER1 = "Dwarshuis, Aarts, Ellenbroek and Brouwer, Mechanism and Machine Theory (2020)"
 _EVEN = "the other sense of rotation is the mirror image"
@@ -127,7 +126,7 @@ def described(family: str) -> list[tuple[str, str]]:
     if family in ORIGINS:
         found += [("source", ORIGINS[family].source), ("symmetry", ORIGINS[family].symmetry)]
     if family in ENTRIES:
-        design = design_of(family)
+        design = ENTRIES[family]
         joint = design.make(**design.shape(np.zeros(len(design.parameters))))
         found += closed_form(joint)
         if design.numbers:

@@ -26,7 +26,8 @@ from ksd.model.leaves import raised_orders
 from ksd.model.mesh import Mesh as LeafMesh
 from ksd.scene import DrawnJoint, Joint
 from ksd.train.asked import check_design, check_meshes
-from ksd.train.designs import Design, changes, design_of
+from ksd.train.catalogue import design_of
+from ksd.train.designs import Design, changes
 from ksd.train.fit import Fit, fit_functions
 from ksd.train.jobs import Job, Jobs
 from ksd.train.probes import check_probes, probes_of

@@ -75,9 +75,9 @@ def check_soft(joint: DrawnJoint) -> None:
     """Raise SceneError when an intended motion of `joint` is not softer than all others by MARGIN, or when the joint has a
     freedom that is not declared."""
     whole, soft = rest_stiffness(joint), rest_stiffness(softened(joint, SOFTENED))
-    other = _undeclared(joint, whole, soft)
+    other = undeclared(joint, whole, soft)
     for (motion, own, left), (_, fallen, _) in zip(
-        _softness(joint, whole), _softness(joint, soft), strict=True
+        softness(joint, whole), softness(joint, soft), strict=True
     ):
         if 0 < own < MARGIN * left or (
             other is not None and not joint.held_by_others and own > FREE * fallen
@@ -103,21 +103,16 @@ def in_shape(joint: Joint) -> str:
     return f" in the shape {shape}" if shape else ""
 
 
-def softness(joint: DrawnJoint) -> list[tuple[Motion, float, float]]:
-    """Every intended motion, its stiffness with all else free, and that of the softest of what is left [Nm]."""
-    return _softness(joint, rest_stiffness(joint))
+def intended_stiffness(joint: Joint) -> float:
+    """That of the stiffest intended motion at rest with all else free [Nm, over the joint length]."""
+    return max(own for _, own, _ in softness(joint, rest_stiffness(softened(joint, 1.0))))
 
 
-def intended_stiffness(joint: Joint) -> list[tuple[Motion, float]]:
-    """Every intended motion and its stiffness at rest with all else free [Nm, over the joint length]."""
-    return [(motion, own) for motion, own, _ in softness(_drawn(joint))]
+def softness(joint: Joint, stiffness: Array) -> list[tuple[Motion, float, float]]:
+    """Every intended motion, its stiffness with all else free, and that of the softest of what is left [Nm].
 
-
-def _drawn(joint: Joint) -> DrawnJoint:
-    return softened(joint, 1.0)
-
-
-def _softness(joint: Joint, stiffness: Array) -> list[tuple[Motion, float, float]]:
+    stiffness (6, 6): at rest, as of `rest_stiffness`.
+    """
     flexible = np.linalg.inv(stiffness)
     left = np.linalg.eigvalsh(stiffness)[len(joint.motions)] if len(joint.motions) < 6 else np.inf
     return [
@@ -139,13 +134,11 @@ def _declared(joint: Joint) -> Array:
     return np.array(rows)
 
 
-def undeclared(joint: DrawnJoint) -> Freedom | None:
-    """The softest freedom of `joint` with its intended motions held, up to STIFF times theirs; None when there is none."""
-    return _undeclared(joint, rest_stiffness(joint), rest_stiffness(softened(joint, SOFTENED)))
+def undeclared(joint: DrawnJoint, whole: Array, soft: Array) -> Freedom | None:
+    """The softest freedom of `joint` with its intended motions held, up to STIFF times theirs; None when there is none.
 
-
-def _undeclared(joint: DrawnJoint, whole: Array, soft: Array) -> Freedom | None:
-    """`undeclared` from the stiffness (6, 6) at rest and that of the softened joint."""
+    whole, soft (6, 6): its stiffness at rest, and that of the joint softened to SOFTENED.
+    """
     held = null_space(_declared(joint))
     if held.shape[1] == 0:
         return None
@@ -156,7 +149,7 @@ def _undeclared(joint: DrawnJoint, whole: Array, soft: Array) -> Freedom | None:
         return None
     basis, _ = np.linalg.qr(free)
     values, vectors = np.linalg.eigh(basis.T @ kept @ basis)
-    own = max(stiff for _, stiff, _ in _softness(joint, whole))
+    own = max(stiff for _, stiff, _ in softness(joint, whole))
     if values[0] > STIFF * own:
         return None
     direction = held @ basis @ vectors[:, 0]

@@ -23,8 +23,9 @@ from ksd.scene.joint import proportions
 from ksd.section import rectangle
 from ksd.train import Design, train
 from ksd.train import jobs as jobs_module
+from ksd.train.catalogue import design_of
 from ksd.train.checks import check_clear
-from ksd.train.designs import bare, design_of
+from ksd.train.designs import bare
 from ksd.train.softness import rest_stiffness
 from ksd.train.sweep import Plan, _looked_at, _model, _walk, even_line, sample_joint
 

@@ -8,8 +8,8 @@ import pytest
 import ksd
 from ksd.errors import SceneError
 from ksd.scene import DrawnJoint, Material
+from ksd.train.catalogue import design_of
 from ksd.train.checks import WINDOW, Openings
-from ksd.train.designs import design_of
 from ksd.train.sweep import Plan, _model, _walk, even_line, sample_joint
 
 STEEL = Material(E=200e9, G=76.9e9)

@@ -22,8 +22,7 @@ from ksd.scene.families.notch import ArcHinge, CircularNotchHinge, FilletedNotch
 from ksd.scene.families.universal import UniversalJoint
 from ksd.solve.conventional import conventional
 from ksd.solve.joint_range import SLACK
-from ksd.train.catalogue import ENTRIES
-from ksd.train.designs import design_of
+from ksd.train.catalogue import ENTRIES, design_of
 from ksd.train.softness import rest_stiffness
 from ksd.units import deg
 
