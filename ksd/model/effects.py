@@ -18,6 +18,7 @@ from typing import Any
 
 from ksd.checks import nearest, show
 from ksd.errors import SceneError
+from ksd.model.drawing import pulls
 from ksd.model.elastic_links import with_elastic_links
 from ksd.model.mesh import Mesh
 from ksd.model.runs import run_factors
@@ -93,7 +94,7 @@ def mentioned(scene: Any, mesh: Mesh) -> dict[str, str]:
     found = {"spatial": "where the scene leaves its plane", "shear": "of every leaf, by its nature"}
     found |= {n: "the mesh has it" for n in ("warping", "plate") if getattr(mesh, n)}
     found |= dict.fromkeys(scene.consider, "the scene considers it")
-    if _gravity(scene):
+    if pulls(scene):
         heavy = [bool(leaf.material.density) for leaf in scene.leaf_names().values()]
         pulled = [_count(len(scene.masses), "mass", "masses")] if scene.masses else []
         if any(heavy):
@@ -115,10 +116,6 @@ def mentioned(scene: Any, mesh: Mesh) -> dict[str, str]:
     if scene.fits:
         found["fit"] = f"of {_listed([fit.leaf for fit in scene.fits])}"
     return found
-
-
-def _gravity(scene: Any) -> bool:
-    return scene.gravity is not None and any(scene.gravity)
 
 
 def _vector(values: Any) -> str:
@@ -165,7 +162,7 @@ def choose(
         raise SceneError(f"effect '{name}' is asked for, but the scene says nothing of it; {_HOW[name]}")
 
     everything = named is None and effects == "all"
-    return _decided(tuple(said.items()), on, off, named, everything, mesh.shear, _gravity(scene))
+    return _decided(tuple(said.items()), on, off, named, everything, mesh.shear, pulls(scene))
 
 
 @lru_cache(maxsize=64)

@@ -262,15 +262,9 @@ class Mechanism(InNotebooks, metaclass=Worded):
     # Elastic connections
 
     def _new_name(self, name: str | None, default: str) -> str:
-        """A name not yet used by a joint or leaf; the default is numbered until it is free."""
+        """A name not yet used by a joint or leaf."""
         used = {j.name for j in self._joints} | {leaf.name for leaf in self._leaves}
-        if name is not None:
-            if word(name, "name", owner=self.name) in used:
-                raise SceneError(
-                    f"the name '{name}' is used already; every joint and leaf needs its own name."
-                )
-            return name
-        return numbered(default, used)
+        return _free_name(name, default, used, self.name, each="joint and leaf")
 
     def join(
         self,
@@ -487,10 +481,8 @@ class Mechanism(InNotebooks, metaclass=Worded):
     def _hinge(self, kind: str, pair: tuple[Any, Any], at: Any, axis: Any, name: str | None) -> Hinge:
         used = {*self._hinges, *(d.name for d in (*self._drives, *self._supports))}
         default = f"{spoken(pair[0])}-{spoken(pair[1])}"
-        label = numbered(default, used) if name is None else word(name, "name", owner=kind)
+        label = _free_name(name, default, used, kind, each="pin and slider")
         owner = f"{kind} '{label}'"
-        if label in used:
-            raise SceneError(f"the name '{label}' is used already; every pin and slider needs its own name.")
         first, second = self._pair(*pair, owner)
         own = {n: p for n in (first, second) if (p := self._links[n].at) is not None}
         place = next(iter(own.values()), None) if at is None else as_given(at)
@@ -671,14 +663,8 @@ class Mechanism(InNotebooks, metaclass=Worded):
     def _drive_name(self, name: str | None, default: str, parts: tuple[DriveTerm, ...]) -> str:
         used = {d.name for d in (*self._drives, *self._supports)}
         used |= {d.name for _, held in self._hinges.values() for d in held}
-        if name is not None:
-            if word(name, "name", owner="drive") in used:
-                raise SceneError(f"the drive name '{name}' is used already; every drive needs its own name.")
-            return name
-        if default not in used:
-            return default
-        suffix = axis_word(parts[0]) if len(parts) == 1 else ""
-        return numbered(f"{default}.{suffix}" if suffix else default, used)
+        suffix = axis_word(parts[0]) if default in used and len(parts) == 1 else ""
+        return _free_name(name, f"{default}.{suffix}" if suffix else default, used, "drive")
 
     # Loads
 
@@ -696,12 +682,9 @@ class Mechanism(InNotebooks, metaclass=Worded):
 
         following=True turns both with the link. The default name is "link.load". Raises SceneError.
         """
-        used = {load.name for load in self._loads}
-        label = numbered(f"{spoken(link)}.load", used) if name is None else word(name, "name", owner="load")
+        label = _free_name(name, f"{spoken(link)}.load", {load.name for load in self._loads}, "load")
         owner = f"load '{label}'"
         known = self._known(link, owner)
-        if label in used:
-            raise SceneError(f"the load name '{label}' is used already; every load needs its own name.")
         if force is None and moment is None:
             raise SceneError(f"{owner}: give force, moment, or both.")
         at = self._spot(known, at)
@@ -791,12 +774,7 @@ class Mechanism(InNotebooks, metaclass=Worded):
         return made
 
     def _spring_name(self, name: str | None, default: str) -> str:
-        used = {s.name for s in self._springs}
-        if name is None:
-            return numbered(default, used)
-        if word(name, "name", owner="spring") in used:
-            raise SceneError(f"the spring name '{name}' is used already; every spring needs its own name.")
-        return name
+        return _free_name(name, default, {s.name for s in self._springs}, "spring")
 
     def heat(
         self, temperature: float = 0.0, *, through: float = 0.0, leaves: str | Sequence[str] | None = None
@@ -911,6 +889,16 @@ class Mechanism(InNotebooks, metaclass=Worded):
             "consider": self._consider,
             "gravity": self._gravity,
         }
+
+
+def _free_name(name: str | None, default: str, used: set[str], kind: str, *, each: str = "") -> str:
+    """A name that is not used yet; the default is numbered until it is free. Raises SceneError."""
+    if name is None:
+        return numbered(default, used)
+    if word(name, "name", owner=kind) in used:
+        what, each = ("name", each) if each else (f"{kind} name", kind)
+        raise SceneError(f"the {what} '{name}' is used already; every {each} needs its own name.")
+    return name
 
 
 def _unplaced(given: Any) -> str:
