@@ -39,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
     share = np.linspace(-1.0 if options.both else 0.0, 1.0, options.poses)
     with interrupted("interrupted; no report was written"):
         table = sweep(
-            scene, {n: v * share for n, v in targets.items()}, together=True, mesh=mesh, progress=not options.quiet,
+            scene, {n: v * share for n, v in targets.items()}, together=True, progress=not options.quiet,
             questions=_possible(scene, pose), extrapolate=bool(asked["extrapolate"]),
             effects=solver.model.choice.present, **how,
         )  # fmt: skip

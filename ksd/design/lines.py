@@ -87,7 +87,8 @@ class Walk:
     def __init__(self, solver: Solver, recipe: Recipe) -> None:
         self.solver, self.recipe = solver, recipe
         self.before: Configuration | None = None
-        self._known: tuple[Mapping[str, float], Configuration] | None = None
+        # of the poses that say whether the mesh is fine enough, which come again
+        self.known: dict[frozenset[tuple[str, float]], Configuration] = {}
 
     def pose(self, values: Mapping[str, float]) -> Configuration:
         """The configuration at drive values; errors as in `ksd.solve`."""
@@ -95,14 +96,9 @@ class Walk:
         if r.method == "conventional":
             self.before = self._continued(values)
             return self.before
-        if self._known is not None and self._known[0] == values:
-            return self._known[1]
-        found = self.solver(
+        return self.known.get(frozenset(values.items())) or self.solver(
             values, method=r.method, accuracy=r.accuracy, relinearisations=r.relinearisations, strict=False
         )
-        # of the pose that says whether the mesh is fine enough, which comes again
-        self._known = self._known or (values, found)
-        return found
 
     def go_on_from(self, pose: Configuration | None) -> None:
         """What comes next starts from this pose, or from rest."""
@@ -134,20 +130,26 @@ class Walk:
 
 def fine_enough(line: Line, recipe: Recipe, solver: Solver | None) -> Walk:
     """A walk with the solver given, or a new one; without a mesh asked for, its curvature modes raised until they are enough
-    at the farthest pose of the line, as `ksd.solve` does. Errors of `Solver`; a pose that fails says so when walked."""
+    at the farthest pose of the line and at the nearest, as `ksd.solve` does. Errors of `Solver`; a pose that fails says so
+    when walked."""
     words = {"extrapolate": recipe.extrapolate, **dict(recipe.effects)}
     solver = solver or Solver(line.scene, mesh=recipe.mesh, **words)
-    farthest = max(line.poses, key=lambda pose: sum(v * v for v in pose.values()))
-    walk = Walk(solver, recipe)
-    for _ in range(MOST_RISES if recipe.mesh is None else 0):
-        try:
-            found = walk.aside(farthest)
-        except CAUGHT:
-            break
-        share, _, axis, _ = look_at_modes(found.model, found.motion)
-        if share <= (recipe.accuracy or DEFAULT_ACCURACY):
-            break
-        walk = Walk(Solver(line.scene, mesh=raised(walk.solver.model.mesh, axis), **words), recipe)
+    walk, rises = Walk(solver, recipe), MOST_RISES if recipe.mesh is None else 0
+    farthest, nearest = (
+        end(line.poses, key=lambda pose: sum(v * v for v in pose.values())) for end in (max, min)
+    )
+    for values in (farthest,) if nearest is farthest else (farthest, nearest):
+        while rises:
+            try:
+                found = walk.aside(values)
+            except CAUGHT:
+                break
+            walk.known[frozenset(values.items())] = found
+            share, _, axis, _ = look_at_modes(found.model, found.motion)
+            if share <= (recipe.accuracy or DEFAULT_ACCURACY):
+                break
+            walk = Walk(Solver(line.scene, mesh=raised(walk.solver.model.mesh, axis), **words), recipe)
+            rises -= 1
     return walk
 
 

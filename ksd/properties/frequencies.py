@@ -39,6 +39,8 @@ BUSY = 0.25
 """Share of the largest kinetic energy from which a leaf or a link may give a mode its name."""
 DEPENDENT = 1e-10
 """Share of the largest compliance below which freed drives move one thing."""
+AMONG = 60
+"""Modes among which the intended motions are looked for where those asked for do not tell."""
 EMPTY = 1e-13
 """Modes with 1/omega^2 below this fraction of the largest are rounding of the constraints."""
 
@@ -51,10 +53,12 @@ class Modes(Shown):
     comes first. omega_squared (k,) [1/s^2]. shape (k, nodes, 6): displacement [m] and rotation [rad] of every node of
     `model` for unit modal mass [kg m^2]; vector (k, size): all unknowns, inner ones included. drive_motion (k, drives):
     what every drive's coordinate does in each mode [m or rad]; zero where it is held. drive_compliance (d, d) [m/N,
-    rad/Nm]: static, of the freed drives. growth_per_s (k,): rate at which a mode grows by itself: of an unstable one, or,
-    where loads are not conservative, of the two that flutter at one frequency, which come first too. freed: names let go.
-    motion, mass: the state and its masses. massless: materials without a density; their leaves took part without mass.
-    backward_error: what one more inverse iteration changes of a mode, over the response of the softest one.
+    rad/Nm]: static, of the freed drives. intended: rows of the modes that are intended motions, ascending, at most one per
+    freed drive (see `intended_modes`), however few modes were asked for. growth_per_s (k,): rate at which a mode grows by
+    itself: of an unstable one, or, where loads are not conservative, of the two that flutter at one frequency, which come
+    first too. freed: names let go. motion, mass: the state and its masses. massless: materials without a density; their
+    leaves took part without mass. backward_error: what one more inverse iteration changes of a mode, over the response of
+    the softest one.
     """
 
     model: Model
@@ -64,6 +68,7 @@ class Modes(Shown):
     vector: Array
     drive_motion: Array
     drive_compliance: Array
+    intended: NDArray[np.intp]
     growth_per_s: Array
     freed: tuple[str, ...]
     massless: tuple[str, ...]
@@ -179,12 +184,6 @@ class Modes(Shown):
             state.inner[group.places[:, : group.modes]] += bent
         move_nodes(self.model.arrays, state, x[: self.model.arrays.plan.unknowns], 1.0)
         return state
-
-    @cached_property
-    def intended(self) -> NDArray[np.intp]:
-        """Rows of the modes that are intended motions, ascending: at most one per freed drive, see `intended_modes`."""
-        own = [i for i, n in enumerate(self.model.drive_names) if n in self.freed]
-        return intended_modes(self.drive_motion[:, own], self.omega_squared, self.drive_compliance)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -397,17 +396,21 @@ def frequencies(
     # of an unsymmetric tangent whose symmetric part is not positive definite all are wanted
     most = MOST_SKEW if tangent.skew is not None and tangent.unstable else DENSE
     small = np.count_nonzero(mass.matrix.diagonal()) <= most if dense is None else dense
-    found = (_dense_pairs if small else _iterated_pairs)(tangent, mass, count)
-    squared, vectors, grown = _lowest(*found, count)
-    vectors = vectors / np.sqrt(np.sum(mass.rooted(vectors) ** 2, axis=0))
+    pairs = _dense_pairs if small else _iterated_pairs
+    gradient = row_gradients(fine, state, range(len(fine.drive_names)))
+    own = gradient[:, [i for i, n in enumerate(fine.drive_names) if n in freed]]
+    compliance = own.T @ tangent.solve(own)
+    compliance = 0.5 * (compliance + compliance.T)
+    for wanted in (count, max(count, AMONG)):
+        squared, vectors, grown = _lowest(*pairs(tangent, mass, wanted), wanted)
+        vectors = vectors / np.sqrt(np.sum(mass.rooted(vectors) ** 2, axis=0))
+        intended = intended_modes(vectors[: len(own)].T @ own, squared, compliance)
+        if len(intended) == own.shape[1]:
+            break
+    squared, vectors, grown = squared[:count], vectors[:, :count], grown[:count]
     # those that flutter are parts of complex ones
     real = (grown == 0.0) | (squared < 0.0)
     error = _backward_error(tangent, mass, squared[real], vectors[:, real])
-    gradient = np.zeros((len(vectors), len(fine.drive_names)))
-    nodes = fine.arrays.plan.unknowns
-    gradient[:nodes] = row_gradients(fine, state, range(len(fine.drive_names)))
-    own = gradient[:nodes, [i for i, n in enumerate(fine.drive_names) if n in freed]]
-    compliance = own.T @ tangent.solve(own)
     shape = np.zeros((len(squared), len(fine.node_names), 6))
     for k in range(1, len(fine.node_names)):
         shape[:, k] = vectors[int(fine.arrays.start[k]) :][:6].T
@@ -417,8 +420,9 @@ def frequencies(
         omega_squared=squared,
         shape=shape,
         vector=vectors.T.copy(),
-        drive_motion=vectors.T @ gradient,
-        drive_compliance=0.5 * (compliance + compliance.T),
+        drive_motion=vectors[: len(gradient)].T @ gradient,
+        drive_compliance=compliance,
+        intended=intended[intended < count],
         growth_per_s=grown,
         freed=freed,
         massless=mass.massless,

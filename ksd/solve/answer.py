@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ksd.properties.forces import section_forces
 from ksd.solve.steps import Stop
 from ksd.solve.validity import carried
 from ksd.solve.verdict import stability
@@ -312,5 +311,5 @@ def _leaves(c: Configuration) -> dict[str, dict[str, Any]]:
             "end_force_N": _list(f.end[:3]),
             "end_moment_Nm": _list(f.end[3:]),
         }
-        for name, f in section_forces(*c.insides, load_factor=c.load_factor).items()
+        for name, f in c.section_forces(points=2).items()
     }

@@ -354,3 +354,22 @@ def test_a_sweep_raises_the_curvature_modes_as_solve_does():
     for method in (None, "conventional"):
         words = {"questions": "force", "mesh": ksd.Mesh(), "method": method}
         assert "curvature modes" in sweep(mechanism, values, together=True, **words, **QUIET)["warnings"][1]
+
+
+def test_a_sweep_raises_the_curvature_modes_for_its_nearest_pose_too():
+    """A strip stretched by cold at rest, slack at the end of the stroke: its clamps bend it within 4 of 100 mm."""
+    scene = ksd.Mechanism("strip")
+    tip = scene.link("tip")
+    steel = ksd.Material(E=200e9, G=77e9, expansion=12e-6)
+    strip = {"section": ksd.rectangle(3e-4, 0.01), "material": steel, "width_axis": "z"}
+    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), **strip)
+    scene.load(tip, force=(0, 0.3, 0), at=(0.1, 0, 0))
+    scene.support(tip, about="z")
+    scene.heat(-50)
+    scene.actuate(tip, along="x", at=(0.1, 0, 0), name="slack")
+    values = np.array([0.0, -60e-6])
+    table = sweep(scene, slack=values, questions="support_stiffness", **QUIET)
+    fine = [ksd.solve(scene, slack=v, mesh=ksd.Mesh(orders=(4, 3, 24), points=26)) for v in values]
+    truth = [p.stiffness("tip", at=(0.1, 0, 0)).supports["y"] for p in fine]
+    assert table["support_y_N_per_m"] == pytest.approx(truth, rel=2e-6)
+    assert not any(table["warnings"])

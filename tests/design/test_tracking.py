@@ -29,6 +29,11 @@ class Made(Modes):
         self.drive_motion = (self.vector[:, :1] > 0).astype(float)
         self.drive_compliance = self.drive_motion.T @ (self.drive_motion / self.omega_squared[:, None])
 
+    @property
+    def intended(self):
+        own = self.drive_motion[:, : len(self.freed)]
+        return intended_modes(own, self.omega_squared, self.drive_compliance)
+
     def __len__(self):
         return len(self.frequency_Hz)
 

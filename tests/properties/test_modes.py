@@ -152,6 +152,25 @@ def test_rigid_mass_is_that_of_the_leaves():
     assert energy > 0.0
 
 
+@pytest.mark.parametrize("count", [1, 2, 12])
+def test_the_intended_mode_does_not_hang_on_how_many_are_asked_for(count):
+    """A drive that gets .49, .16 and .34 of its compliance from three modes: one asked for alone does not tell that the
+    others have less."""
+    scene = ksd.Mechanism("rod")
+    E, G, L, b, h = STEEL.E, STEEL.G, 0.1, 1e-3, 1.3e-3
+    tip = scene.link("tip", mass=0.2, inertia=(1e-5, 1e-5, 1e-5), at=(L, 0, 0))
+    rod = {"section": rectangle(b, h), "material": STEEL, "width_axis": "z"}
+    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=(L, 0, 0), **rod)
+    moved = [scene.displacement(tip, axis, at=(L, 0, 0)) for axis in "yz"]
+    scene.actuate(terms=1.6 * moved[0] + 1.2 * moved[1] + 0.07 * scene.rotation(tip, "x"), name="drive")
+    # by beam theory, torsion of a rectangle with Saint-Venant's factor
+    weak, strong, torsion = h * b**3 / 12, b * h**3 / 12, 0.178 * h * b**3
+    share = [1.6**2 * L**3 / (3 * E * weak), 1.2**2 * L**3 / (3 * E * strong), 0.07**2 * L / (G * torsion)]
+    assert share[2] < share[0] < share[1] + share[2]
+    modes = ksd.solve(scene, drive=0.0).frequencies(count=count, freed="drive")
+    assert modes.names == ("intended", *(f"parasitic_{k}" for k in range(1, count)))
+
+
 def test_a_rigid_payload_on_a_soft_leaf_is_a_pendulum_of_one_freedom():
     """omega^2 = k/m for a heavy block guided by two leaf springs; leaf springs without density carry no mass and are
     named."""
