@@ -30,15 +30,13 @@ from ksd.model.mesh import Mesh
 from ksd.model.pack import Member
 from ksd.model.runs import own_factor
 from ksd.scene.leaf import Condition
-from ksd.scene.profile import Curve, CurvePart, ProfilePart
+from ksd.scene.profile import Curve, CurvePart, ProfilePart, line_of
 from ksd.section import Section
 from ksd.section.constants import Sections
 from ksd.section.plate import plate_factor
 
 PANELS = 8
 """Quadrature panels of a leaf with a profile, between its breaks."""
-FINE = 400
-"""Steps by which a curve is integrated for the nodes of a chain."""
 
 
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
@@ -283,30 +281,12 @@ def _numbers(section: Section, leaf: Any, mesh: Mesh) -> chains.ElementSection:
     )
 
 
-def integrate_curve(curve: Any, stations: int) -> tuple[np.ndarray, np.ndarray]:
-    """Positions (k+1, 3) [m] and orientations (k+1, 3, 3) of a stress-free curve at k equal steps from its start.
-
-    Midpoint exponentials of fine steps (second order; R' = R [kappa]x, r' = R e1).
-    """
-    from scipy.spatial.transform import Rotation
-
-    steps = -(-FINE // stations) * stations
-    h = curve.length / steps
-    positions, orientations = np.zeros((stations + 1, 3)), np.tile(np.eye(3), (stations + 1, 1, 1))
-    x, R = np.zeros(3), np.eye(3)
-    for k, turn in enumerate(h * curve.curvatures((np.arange(steps) + 0.5) / steps)):
-        half = R @ Rotation.from_rotvec(0.5 * turn).as_matrix()
-        R = R @ Rotation.from_rotvec(turn).as_matrix()
-        x = x + h * (1 - turn @ turn / 24) * half[:, 0]
-        if (k + 1) % (steps // stations) == 0:
-            at = (k + 1) * stations // steps
-            positions[at], orientations[at] = x, R
-    return positions, orientations
-
-
 def _chain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
     count = leaf.elements or mesh.elements
-    curve = None if leaf.curve is None else integrate_curve(leaf.curve, count)
+    curve = None
+    if leaf.curve is not None:
+        nodes = [line_of(leaf.curve, k / count) for k in range(count + 1)]
+        curve = np.array([place for place, _ in nodes]), np.array([axes for _, axes in nodes])
     value = chains.chain_values(_numbers(leaf.section, leaf, mesh), leaf.length, count, curve)
     if leaf.profile is not None:
         for k in range(count):
