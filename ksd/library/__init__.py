@@ -11,7 +11,7 @@ from ksd.library.files import (
 )
 from ksd.library.functions import Functions, JointFunctions, Mesh, monomials
 from ksd.library.record import Evidence, Parameter, Probes, Record, Residual, Stroke
-from ksd.library.tables import read_answer as read_result
+from ksd.library.tables import read_result
 
 __all__ = [
     "FORMAT",

@@ -18,7 +18,7 @@ POINTS = 4
 """Gauss points per element when curvature is integrated."""
 
 
-def _exp(v: Array) -> Array:
+def rotation_matrices(v: Array) -> Array:
     """Rotation matrices (..., 3, 3) of rotation vectors (..., 3)."""
     from scipy.spatial.transform import Rotation
 
@@ -46,14 +46,15 @@ def chain_rotations(amplitudes: Array, orders: tuple[int, int, int], n: int) -> 
     nodes, chords = [R], []
     chord = np.zeros((*amplitudes.shape[:-1], 3))
     for g, (a, b) in enumerate(itertools.pairwise(stops)):
-        R = R @ _exp(_magnus(amplitudes, orders, a, b))
+        R = R @ rotation_matrices(_magnus(amplitudes, orders, a, b))
         if (g + 1) % (POINTS + 1):
             chord = chord + w[g % (POINTS + 1)] * R[..., 0]
         else:
             nodes.append(R)
             chords.append(chord)
             chord = np.zeros_like(chord)
-    turned = [_element_axes(c, p, q) for c, p, q in zip(chords, nodes[:-1], nodes[1:], strict=True)]
+    across = [p[..., 1] + q[..., 1] for p, q in itertools.pairwise(nodes)]
+    turned = map(element_axes, chords, across)
     return np.stack([rotation_vectors(T) for T in (*turned, *nodes[1:-1])], axis=-2)
 
 
@@ -73,10 +74,10 @@ def _curvature(amplitudes: Array, orders: tuple[int, int, int], s: float) -> Arr
     return np.stack(parts, axis=-1)
 
 
-def _element_axes(chord: Array, p: Array, q: Array) -> Array:
+def element_axes(chord: Array, across: Array) -> Array:
+    """Axes (..., 3, 3) of elements along chords (..., 3), their y in the plane of the chord and of `across` (..., 3)."""
     x = chord / np.linalg.norm(chord, axis=-1, keepdims=True)
-    y = p[..., 1] + q[..., 1]
-    y = y - np.sum(x * y, axis=-1, keepdims=True) * x
+    y = across - np.sum(x * across, axis=-1, keepdims=True) * x
     y = y / np.linalg.norm(y, axis=-1, keepdims=True)
     return np.stack([x, y, np.cross(x, y)], axis=-1)
 

@@ -97,7 +97,7 @@ def write_answer(numbers: Mapping[str, Any], path: str | os.PathLike[str]) -> Pa
     return write_file(path, _text({**numbers, SEAL: seal}), what="result")
 
 
-def read_answer(path: str | os.PathLike[str]) -> dict[str, Any]:
+def read_result(path: str | os.PathLike[str]) -> dict[str, Any]:
     """What `--json FILE` of the command line wrote, without its checksum (`ksd.read_result`).
 
     Raises RecordError when the file is missing, no such answer, truncated or altered in any bit.

@@ -139,6 +139,3 @@ def inside(model: Model, motion: Motion) -> tuple[Model, Motion]:
             nodes = inner_state(model.full, state, i)[: 12 * (len(x) - 2)]
             nodes[:] = np.hstack([x[1:-1], R[1:-1].reshape(-1, 9)]).ravel()
     return model.full, state
-
-
-__all__ = ["chain_shape", "inside", "with_chains", "with_modal_bodies"]

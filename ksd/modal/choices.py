@@ -89,6 +89,3 @@ class ModalBasis(metaclass=Worded):
 def _among(name: str, value: object, known: tuple[str, ...]) -> None:
     if not isinstance(value, str) or value not in known:
         raise SceneError(f"{name} = {show(value)}: choose one of {', '.join(known)}")
-
-
-__all__ = ["ModalBasis"]

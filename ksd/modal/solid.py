@@ -258,6 +258,3 @@ def _dofs(basis: Any) -> tuple[np.ndarray, np.ndarray]:
     place = np.zeros((basis.N, 3))
     place[:, : basis.doflocs.shape[0]] = basis.doflocs.T
     return component, place
-
-
-__all__ = ["Solid", "block"]

@@ -311,6 +311,3 @@ def _fit(model: Model, solids: Mapping[str, SolidBasis]) -> None:
             raise SceneError(
                 f"leaf '{name}' is {members.length[i]:.6g} m long, its solid {body.solid.length:.6g} m; make them equal"
             )
-
-
-__all__ = ["SolidBasis", "energy_tensors", "reduce_solid", "with_solids"]

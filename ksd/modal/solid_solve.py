@@ -127,6 +127,3 @@ def press(solid: Solid, force: np.ndarray, moment: np.ndarray, *, steps: int = 4
                 f"the solid did not come to rest within {MOST} iterations at {100 * k / steps:.3g} %"
             )
     return Pressed(full.shift, full.R, full.stiffness, count, spent / count, full.u)
-
-
-__all__ = ["FullSolid", "Pressed", "press"]

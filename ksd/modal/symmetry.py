@@ -60,6 +60,3 @@ def conditioned_by_parity(columns: np.ndarray, planes: Mirrors, *, cut: float) -
     return Basis(every, rank, condition, len(size) - rank), np.repeat(
         [code for _, code in made], [b.rank for b, _ in made]
     ).astype(np.int64)
-
-
-__all__ = ["Mirrors", "conditioned_by_parity", "mirrors", "sorted_by_parity"]

@@ -153,6 +153,3 @@ def _formula(kind: type[Joint]) -> str:
     """The first sentence on the closed-form stiffness."""
     method = getattr(kind, "stiffness_at_rest", None)
     return " ".join((inspect.getdoc(method) or "").split("\n\n")[0].split()) if method else ""
-
-
-__all__ = ["ORIGINS", "TYPICAL", "Origin", "closed_form", "counted", "described"]

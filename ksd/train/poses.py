@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ksd.library.chains import rotation_vectors
+from ksd.library.chains import rotation_matrices, rotation_vectors
 from ksd.library.functions import Array
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
@@ -12,10 +12,8 @@ from ksd.model.compile import Model
 
 def pose(model: Model, states: list[Motion], node: int, point: Array, length: float) -> Array:
     """(g, 6): rotation vector and chord of a block about its `point` at rest."""
-    from scipy.spatial.transform import Rotation
-
     R = np.array([s.R[node] for s in states])
     x = np.array([s.x[node] for s in states]) + R @ (point - model.rest.x[node])
     turned = rotation_vectors(R)
-    half = Rotation.from_rotvec(-0.5 * turned).as_matrix()
+    half = rotation_matrices(-0.5 * turned)
     return np.concatenate([turned, np.einsum("gij,gj->gi", half, x) / length], axis=1)

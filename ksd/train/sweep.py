@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ksd.beam.corotational_values import NODE, RECORD
 from ksd.errors import ConvergenceError, SceneError
-from ksd.library.chains import rotation_vectors
+from ksd.library.chains import element_axes, rotation_vectors
 from ksd.library.functions import Array, Mesh
 from ksd.model.arrays import COROTATIONAL, Motion
 from ksd.model.compile import Model, compile_given
@@ -190,12 +190,8 @@ def _chain_rotations(model: Model, states: list[Motion], i: int) -> Array:
     last = (Q @ value[RECORD * n :].reshape(3, 3).T)[:, None]
     turned = np.concatenate([first, nodes[:, :, 3:].reshape(len(d), n - 1, 3, 3), last], axis=1)
     rest = value[: RECORD * n].reshape(n, RECORD)[:, 7:].reshape(n, 3, 3)
-    x = np.diff(place, axis=1)
-    x /= np.linalg.norm(x, axis=-1, keepdims=True)
-    y = np.einsum("gnij,nj->gni", turned[:, :-1] + turned[:, 1:], rest[:, :, 1])
-    y -= np.sum(x * y, axis=-1, keepdims=True) * x
-    y /= np.linalg.norm(y, axis=-1, keepdims=True)
-    axes = np.stack([x, y, np.cross(x, y)], axis=-1)
+    across = np.einsum("gnij,nj->gni", turned[:, :-1] + turned[:, 1:], rest[:, :, 1])
+    axes = element_axes(np.diff(place, axis=1), across)
     elements = axes @ np.swapaxes(rest, 1, 2)
     return rotation_vectors(np.concatenate([elements, turned[:, 1:-1]], axis=1))
 
