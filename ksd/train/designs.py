@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -59,18 +60,13 @@ def bare(joint: Joint) -> DrawnJoint:
     return redrawn(joint, leaves)
 
 
-def redrawn(joint: Joint, leaves: tuple[Leaf, ...], *, windows: bool | None = None) -> DrawnJoint:
-    """The same joint as a drawing with other leaf springs between its blocks."""
-    return DrawnJoint(
-        joint.family,
-        blocks=joint.blocks(),
-        leaves=leaves,
-        motions=joint.motions,
-        length=joint.length,
-        shape=joint.shape(),
-        windows=joint.windows if windows is None else windows,
-        held_by_others=joint.held_by_others,
-    )
+def redrawn(joint: Joint, leaves: tuple[Leaf, ...], **changed: Any) -> DrawnJoint:
+    """The same joint as a drawing with other leaf springs between its blocks; changed: other words of `DrawnJoint`."""
+    words: dict[str, Any] = {
+        "blocks": joint.blocks(), "motions": joint.motions, "length": joint.length, "shape": joint.shape(),
+        "windows": joint.windows, "held_by_others": joint.held_by_others,
+    }  # fmt: skip
+    return DrawnJoint(joint.family, leaves=leaves, **(words | changed))
 
 
 def _thin(section: Section, factor: float) -> Section:
@@ -167,16 +163,7 @@ def _longer(joint: Joint, factor: float) -> DrawnJoint:
         else m
         for m in joint.motions
     )
-    return DrawnJoint(
-        joint.family,
-        blocks=blocks,
-        leaves=leaves,
-        motions=motions,
-        length=factor * joint.length,
-        shape=joint.shape(),
-        windows=True,
-        held_by_others=joint.held_by_others,
-    )
+    return redrawn(joint, leaves, blocks=blocks, motions=motions, length=factor * joint.length, windows=True)
 
 
 def changes(joint: Joint) -> dict[tuple[str, str], DrawnJoint]:

@@ -12,11 +12,10 @@ from typing import Any, ClassVar
 
 from ksd.checks import Vector, between
 from ksd.errors import SceneError
-from ksd.scene.families.sheet import Family, check_lengths, measured
+from ksd.scene.families.sheet import Family, check_lengths, measured, strip
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.scene.profile import Arc, CircularNotch, FilletedNotch
-from ksd.section import rectangle
 
 _NOTCH = math.radians(10)
 _ARC = math.radians(30)
@@ -136,17 +135,8 @@ class FilletedNotchHinge(_Notch):
 
 def _neck(joint: Any, profile: CircularNotch | FilletedNotch) -> Leaf:
     """The notch as one leaf of varying thickness."""
-    return Leaf(
-        start=(0.0, 0.0, 0.0),
-        end=joint.pose_B,
-        width_axis=(0.0, 0.0, 1.0),
-        section=rectangle(joint.minimum, joint.width),
-        material=joint.material,
-        name="neck",
-        elements=joint.elements,
-        orders=joint.orders,
-        profile=profile,
-    )
+    ends = (0.0, 0.0), (joint.length, 0.0)
+    return strip(joint, "neck", ends, joint.width, thickness=joint.minimum, profile=profile)
 
 
 @dataclass(frozen=True)
@@ -195,18 +185,8 @@ class ArcHinge(Family):
         return (2 * self.radius * math.sin(0.5 * self.angle), 0.0, 0.0)
 
     def leaves(self) -> tuple[Leaf, ...]:
-        arc = Leaf(
-            start=(0.0, 0.0, 0.0),
-            end=self.pose_B,
-            width_axis=(0.0, 0.0, 1.0),
-            section=rectangle(self.thickness, self.width),
-            material=self.material,
-            name="arc",
-            elements=self.elements,
-            orders=self.orders,
-            curve=Arc(self.radius, self.angle),
-        )
-        return (arc,)
+        ends = (0.0, 0.0), self.pose_B[:2]
+        return (strip(self, "arc", ends, self.width, curve=Arc(self.radius, self.angle)),)
 
     def shape(self) -> dict[str, float]:
         """angle of the arc [rad]."""

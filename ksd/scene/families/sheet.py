@@ -12,6 +12,7 @@ from ksd.errors import SceneError
 from ksd.scene.joint import Joint, Motion
 from ksd.scene.leaf import Leaf, mesh
 from ksd.scene.material import Material
+from ksd.scene.profile import Curve, Profile
 from ksd.section import rectangle
 
 Point = tuple[float, float]
@@ -96,13 +97,18 @@ def strip(
     *,
     blocks: tuple[str, str] = ("A", "B"),
     z: float = 0.0,
+    thickness: float | None = None,
+    profile: Profile | None = None,
+    curve: Curve | None = None,
 ) -> Leaf:
-    """A leaf of `joint` between two points (x, y) [m] at height z [m], its middle plane there."""
+    """A leaf of `joint` between two points (x, y) [m] at height z [m], its middle plane there; of another thickness [m] than
+    that of the joint where said."""
     start, end = (*ends[0], z), (*ends[1], z)
+    section = _rectangle(joint.thickness if thickness is None else thickness, width)
     words: dict[str, Any] = {
-        "start": start, "end": end, "width_axis": (0.0, 0.0, 1.0), "section": _rectangle(joint.thickness, width),
-        "material": joint.material, "start_block": blocks[0], "end_block": blocks[1], "name": name,
-        "elements": joint.elements, "orders": joint.orders, "profile": None, "curve": None, "condition": None,
+        "start": start, "end": end, "width_axis": (0.0, 0.0, 1.0), "section": section, "material": joint.material,
+        "start_block": blocks[0], "end_block": blocks[1], "name": name, "elements": joint.elements,
+        "orders": joint.orders, "profile": profile, "curve": curve, "condition": None,
     }  # fmt: skip
     if not 0.0 < math.dist(start, end) < LARGEST:
         return Leaf(**words)  # says what is wrong
