@@ -5,19 +5,19 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
 import numpy as np
 
-from ksd.bench.measure import in_turns, quartiles, rounds_of
-from ksd.bench.suite import FINEST, Way
+from ksd.bench.measure import converged, in_turns, quartiles, rounds_of
+from ksd.bench.suite import FINEST, Way, not_run
 from ksd.checks import names_of, nearest, show, truth, whole, worded
 from ksd.design.questions import EFFORT
 from ksd.design.table import OK, STATUS, Table
 from ksd.design.words import check_ways
-from ksd.errors import ConvergenceError, KsdError, SceneError
+from ksd.errors import KsdError, SceneError
 from ksd.modal.choices import ModalBasis
 from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
@@ -135,7 +135,8 @@ def compare(
     )
     chosen = [a for a in found if a.method in wanted]
     if methods is None and len(model.said.leaf_names()) > MODAL_LEAVES:
-        chosen = [a if a.method != "modal" else Approach(a.method, a.leaves, _not_run) for a in chosen]
+        why = f"not run: modal bodies of more than {MODAL_LEAVES} leaf springs take long; name it in methods to wait for it"
+        chosen = [a if a.method != "modal" else replace(a, solve=lambda _: not_run(why)) for a in chosen]
     return as_table(
         model,
         reference,
@@ -147,10 +148,7 @@ def finest(mechanism: Any, targets: Mapping[str, float], **how: Any) -> tuple[Re
     """The reference by the finest strain-mode leaves, and its model. Errors of `ksd.solve`."""
     extrapolate = how.pop("extrapolate")
     model = compile_scene(mechanism, mesh=FINEST, **how)
-    try:
-        pose = conventional(model, targets)
-    except ConvergenceError:
-        pose = Solver(model, extrapolate=extrapolate)(targets, method="full", relinearisations=1)
+    pose = converged(model, targets, extrapolate=extrapolate)
     told, orders = _told(pose), ", ".join(map(str, FINEST.orders))
     own = "" if told is None or not told < 1.0 else f" (their own error {percent(told)} %)"
     return reference_of(pose, f"strain-mode leaves of order {orders} by method {pose.method}{own}"), model
@@ -210,12 +208,6 @@ def approaches(
         Approach("conventional", coarse, by("conventional", chains)),
         Approach("conventional, Newton", coarse, lambda _: conventional(solver(nodal).model, targets)),
     ]
-
-
-def _not_run(estimate: bool) -> Configuration:
-    raise ConvergenceError(
-        f"not run: modal bodies of more than {MODAL_LEAVES} leaf springs take long; name it in methods to wait for it"
-    )
 
 
 def measured(

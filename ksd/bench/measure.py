@@ -21,7 +21,7 @@ from rich.table import Table
 import ksd
 from ksd.bench.suite import FINEST, Case, Way, ways_of
 from ksd.errors import ConvergenceError, KsdError
-from ksd.model.compile import compile_scene
+from ksd.model.compile import Model, compile_scene
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
 from ksd.solve.solver import Solver
@@ -97,7 +97,7 @@ def measure(case: Case, *, quick: bool = False, repeats: int = 15) -> Measured:
     """
     ways = list(ways_of(case, quick=quick))
     scene, targets = case.build()
-    exact = _converged(scene, targets)
+    exact = converged(compile_scene(scene, mesh=FINEST), targets, extrapolate=True)
     right = _supports(exact, case)
     rows: list[Row | None] = [None] * len(ways)
     results: dict[int, Configuration] = {}
@@ -117,12 +117,12 @@ def measure(case: Case, *, quick: bool = False, repeats: int = 15) -> Measured:
     return Measured(case.name, repeats, tuple(r for r in rows if r is not None), dict(exact.forces))
 
 
-def _converged(scene: Any, targets: dict[str, float]) -> Configuration:
-    """The state errors are counted from: finest leaf springs, conventional, or full where that does not arrive."""
+def converged(model: Model, targets: Mapping[str, float], *, extrapolate: bool) -> Configuration:
+    """The state errors are counted from: conventional, or full where that does not arrive."""
     try:
-        return conventional(compile_scene(scene, mesh=FINEST), targets)
+        return conventional(model, targets)
     except ConvergenceError:
-        return Solver(scene, mesh=FINEST, extrapolate=True)(targets, method="full", relinearisations=1)
+        return Solver(model, extrapolate=extrapolate)(targets, method="full", relinearisations=1)
 
 
 def rounds_of(took: float, repeats: int) -> int:

@@ -332,7 +332,8 @@ def modal_way(scene: Any, targets: Mapping[str, float], basis: Any, *, extrapola
     )
 
 
-def _not_run(why: str) -> Configuration:
+def not_run(why: str) -> Configuration:
+    """The way that is not gone, for this reason. Raises ConvergenceError."""
     raise ConvergenceError(why)
 
 
@@ -344,7 +345,7 @@ def ways_of(case: Case, *, quick: bool) -> Iterator[Way]:
     printed = ModalBasis(coordinates="angle", frame="node", internal=0)
     for basis in (ModalBasis(),) if quick else (ModalBasis(), ModalBasis(order=3), printed):
         if case.no_modal:
-            yield Way("modal", "modal", basis.order, lambda: _not_run(case.no_modal))
+            yield Way("modal", "modal", basis.order, lambda: not_run(case.no_modal))
             break
         yield modal_way(scene, targets, basis, extrapolate=case.extrapolate)
     for n in case.baseline:

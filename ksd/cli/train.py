@@ -15,7 +15,7 @@ import numpy as np
 from ksd.cli.output import console, interrupted
 from ksd.errors import RecordError
 from ksd.library import find_record
-from ksd.library.files import SUFFIX, record_folders, where_looked_for
+from ksd.library.files import SUFFIX, record_in_use, where_looked_for
 from ksd.train import known_designs, train, up_to_date
 from ksd.train.run import target_of
 
@@ -64,8 +64,8 @@ def _check(family: str, options: argparse.Namespace) -> None:
     with TemporaryDirectory() as folder:
         made = train(family, out=Path(folder), trained=kept.trained, resume=False, progress=not options.quiet)
         file = Path(folder) / f"{family}{SUFFIX}"
-        in_use = next(f / file.name for f in record_folders() if (f / file.name).is_file())
-        same = file.read_bytes() == in_use.read_bytes()
+        in_use = record_in_use(family)
+        same = in_use is not None and file.read_bytes() == Path(in_use[0]).read_bytes()
     said = "the record is, byte for byte, what the sources give" if same else _difference(kept, made)
     console().print(f"{family}: {said}", soft_wrap=True)
 

@@ -241,27 +241,25 @@ def find_record(family: str) -> Record:
 
     Raises RecordError when there is none or the first found is damaged.
     """
-    for folder in record_folders():
-        path = folder / f"{family}{SUFFIX}"
-        if path.is_file():
-            record = read_record(path)
-            if record.family != family:
-                raise RecordError(f"{path} holds the record of {record.family!r}; {train_again(family)}.")
-            return record
-    places = ", ".join(str(f) for f in record_folders())
-    raise RecordError(
-        f"No joint record of family {family!r} in {places}; {train_again(family)}, or name the folder it was trained into "
-        "by the environment variable KSD_DATABASE."
-    )
+    found = record_in_use(family)
+    if found is None:
+        places = ", ".join(str(f) for f in record_folders())
+        raise RecordError(
+            f"No joint record of family {family!r} in {places}; {train_again(family)}, or name the folder it was trained "
+            "into by the environment variable KSD_DATABASE."
+        )
+    record = read_record(found[0])
+    if record.family != family:
+        raise RecordError(f"{found[0]} holds the record of {record.family!r}; {train_again(family)}.")
+    return record
 
 
 def where_looked_for(path: Path, family: str) -> str:
     """How to make `find_record` use the record of `family` at `path`, in words; empty where it does."""
     if path.name != f"{family}{SUFFIX}":
         return f"a record is looked for by the name of its family: rename it {family}{SUFFIX}"
-    named = [folder / path.name for folder in record_folders()]
-    first = next((p for p in named if p.is_file()), None)
-    if first is not None and first.resolve() == path.resolve():
+    found = record_in_use(family)
+    if found is not None and Path(found[0]).resolve() == path.resolve():
         return ""
     return f"it is used where the environment variable KSD_DATABASE names its folder: KSD_DATABASE={path.parent.resolve()}"
 
