@@ -73,9 +73,12 @@ STALLED = 0.1
 """Residual over that before the step from which on steps no longer lower it."""
 
 GOING, CONVERGED, TOO_MANY, LOCAL_ANGLE, SINGULAR, DIVERGED, NOT_FINITE = -1, 0, 1, 2, 3, 4, 5
-SOLVE, LOOK, ASSEMBLE, NODES_ALONE, STEP, TAKE = 0, 1, 2, 3, 4, 5
-"""Tasks of `newton`: iterate; assemble and find the Newton step; assemble; assemble without members; find the step of what
-was assembled; take the step."""
+SOLVE, WHOLE, HELD, LOOK, ASSEMBLE, NODES_ALONE, TAKE = 0, 1, 2, 3, 4, 5, 6
+"""Tasks of `newton`: iterate; assemble, find the Newton step and take it; the same, drives and supports where they are, and
+the nodes too where one would go further than `cap`; assemble and find it; assemble; assemble without members; take the
+step."""
+LEAST_PIVOT = 1e-14
+"""Relative pivot below which the tangent counts as singular."""
 
 
 def settled(worst: float, before: float, moved: float) -> bool:
@@ -248,6 +251,11 @@ def _newton(
             status = max(status, told)
             if not math.isfinite(worst) or status == 2:
                 worst, status = math.inf, 2
+            if task == HELD:
+                for i in range(len(multiplier)):
+                    row = ints[ints[TERM_START] + i]
+                    if row >= 0:
+                        rhs[row] = 0.0
         if LOOK < task <= NODES_ALONE:
             reason, negatives, pivot = status, inside, gap
         elif task == SOLVE:
@@ -283,9 +291,8 @@ def _newton(
             elif done and not polished:
                 reason = CONVERGED
             else:
-                if task != STEP:
-                    turn_rest(ints, floats, plan, R, matrix, spare, rhs, factor)
-                if task != SOLVE:
+                turn_rest(ints, floats, plan, R, matrix, spare, rhs, factor)
+                if task == LOOK:
                     reason = status
         if reason == GOING:
             scale = cap if task == TAKE else 1.0
@@ -297,8 +304,13 @@ def _newton(
                 if n > 0 and turned > cap:
                     scale = cap / turned
                 # a variable, not the literal 0, for which numba would compile the function once more
-                moved = max(turned / 1e-6, _largest(ints, rhs, 0 * n) / (1e-7 * floats[0]))
+                shift = _largest(ints, rhs, 0 * n) / floats[0]
+                moved = max(turned / 1e-6, shift / 1e-7)
                 n += 1
+                if task == HELD and (max(turned, shift) > cap or not pivot > LEAST_PIVOT):
+                    rhs[:] = 0.0
+                if task != SOLVE:
+                    reason, worst = status, moved
             _take(
                 recover, turn_weight, ints, floats, x, R, inner, multiplier, rhs, store, poses, weight, move, xi, scale
             )  # fmt: skip
@@ -332,7 +344,7 @@ def newton(
 
     Returns (reason, steps taken, residual over its bound, negative pivots, smallest relative pivot); of LOOK, ASSEMBLE and
     NODES_ALONE the status of the members for the reason, of the last two those of the members alone, and the largest gap
-    [m] for the pivot.
+    [m] for the pivot; of WHOLE and HELD that status, and the size of the step (see `newton_step`) for the residual.
     """
     return _newton(
         add_members, condense_linear, no_weight, no_weight_followed, no_weight_added, _no_springs, recover_leaf,
@@ -437,11 +449,18 @@ def look(
     return worst, negatives, status
 
 
-def solve_step(arrays: Arrays | Bare, work: Work) -> tuple[int, float]:
-    """Factor work.value and turn work.rhs into the Newton step. Returns (negatives, smallest relative pivot)."""
-    none = np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0), np.zeros(0)
-    *_, negatives, pivot = _run(arrays, Motion(*none), none[2], work, STEP)
-    return negatives, pivot
+def newton_step(
+    arrays: Arrays | Bare, motion: Motion, target: np.ndarray, factor: float, work: Work, rtol: float
+) -> float:
+    """A whole Newton step from `motion`, in place. Returns its size: the larger of 1e6 times the largest rotation of a node
+    [rad], and 1e7 times the largest displacement over the size of the mechanism."""
+    return _run(arrays, motion, target, work, WHOLE, factor=factor, rtol=rtol)[2]
+
+
+def held_step(arrays: Arrays | Bare, motion: Motion, factor: float, work: Work, most: float) -> None:
+    """A Newton step from `motion`, in place, drives and supports where they are. Inside the members alone where a node would
+    turn by more than `most` [rad], or go further than that, over the size of the mechanism: what hardly anything resists."""
+    _run(arrays, motion, np.zeros(len(motion.multiplier)), work, HELD, factor=factor, cap=most)
 
 
 def take_step(arrays: Arrays | Bare, motion: Motion, step: np.ndarray, work: Work, scale: float) -> None:

@@ -17,9 +17,10 @@ from ksd.model.arrays import MEMBERS, STRAIN, VALUE, WEIGHT, Arrays, Bare, Flat,
 from ksd.model.compile import Model
 from ksd.model.drawing import draw
 from ksd.model.mesh import Mesh
+from ksd.model.newton import held_step
 from ksd.model.pack import revalued_floats
 from ksd.model.template import Leaves, Template, design, template_of
-from ksd.properties.unfold import opened_mesh, step_to_equilibrium, widened
+from ksd.properties.unfold import FAR, opened_mesh, widened
 
 Array = NDArray[np.float64]
 State = tuple[Model, Motion, float]
@@ -83,10 +84,10 @@ class Alike:
         inner[:, widened(number, wider)] = m.inner
         motion = Motion(m.x.copy(), m.R.copy(), inner, m.multiplier.copy())
         found = replace(self, template=fine, topology=fine.topology, floats=floats, motion=motion)
-        work, rows = make_work(fine.topology), fine.topology.terms.start
+        work = make_work(fine.topology)
         for (arrays, own), factor in zip(found.states, self.factor.tolist(), strict=True):
             work.weight[:] = arrays.weight
-            step_to_equilibrium(arrays, own, rows, work, factor)
+            held_step(arrays, own, factor, work, FAR)
         return found
 
 

@@ -18,7 +18,7 @@ from ksd.checks import positive, show
 from ksd.errors import SceneError
 from ksd.model.arrays import STRAIN, Motion, make_work
 from ksd.model.compile import Model
-from ksd.model.newton import assemble, assemble_nodes, solve_step, take_step
+from ksd.model.newton import assemble_nodes, newton_step
 from ksd.properties.forces import SectionForces, section_forces
 from ksd.properties.leaf_groups import Flexible, flexible_leaves, inner_unknowns, leaf_groups
 from ksd.properties.shape import members_of_leaves
@@ -146,10 +146,8 @@ def _of_chains(model: Model, motion: Motion, load_factor: float, points: int) ->
         offset[member, 1] += frame[member, 1] @ misplaced[:3]
         frame[member, 1] = frame[member, 1] @ Rotation.from_rotvec(misplaced[3:]).as_matrix()
         moved = arrays._replace(members=members._replace(offset=offset, frame=frame))
-        state, work = motion.copy(), make_work(moved)
-        assemble(moved, state, target, load_factor, work, 1e-8, 0, 10.0)
-        solve_step(moved, work)
-        take_step(moved, state, work.rhs.copy(), work, 1.0)
+        state = motion.copy()
+        newton_step(moved, state, target, load_factor, make_work(moved), 1e-8)
         return section_forces(replace(model, arrays=moved), state, **told)  # type: ignore[arg-type]
 
     # a state that is not quite an equilibrium of the chains takes the step to it on both sides

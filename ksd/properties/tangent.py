@@ -20,13 +20,12 @@ from ksd.errors import KinematicsError, SceneError
 from ksd.model.arrays import COROTATIONAL, LINEAR, SOLID, Arrays, Flat, Motion, Work, make_work
 from ksd.model.compile import Model
 from ksd.model.loading import term_slope
-from ksd.model.newton import assemble, largest_move, largest_turn
+from ksd.model.newton import LEAST_PIVOT, assemble
 from ksd.numerics.blocks import factor_blocks, refined_rows, residual_blocks, solve_blocks
 from ksd.numerics.indefinite import inertia, scaling, solve_scaled
 from ksd.properties.alike import Alike
 from ksd.properties.cache import per_model
 from ksd.properties.nonconservative import skew_tangent
-from ksd.properties.unfold import SINGULAR
 
 Array = NDArray[np.float64]
 SAME = 1e-9
@@ -129,20 +128,30 @@ def responses(states: Alike, loads: Array) -> tuple[Array, NDArray[np.bool_], ND
     topology, found, rows = states.topology, np.empty(loads.shape), states.topology.terms.start
     work, (good, stable) = make_work(topology), np.zeros((2, len(loads)), bool)
     plan, stored, held = topology.plan.ints, np.empty_like(work.value), np.zeros(len(rows))
+    step = np.full((len(loads), topology.plan.unknowns), np.inf)
     for d, ((arrays, motion), factor) in enumerate(zip(states.states, states.factor.tolist(), strict=True)):
         if len(work.weight):
             work.weight[:] = arrays.weight
         _, _, inside, status = assemble(arrays, motion, held, factor, work, 1e-8, 0, 10.0)
         stored[:] = work.value
         negatives, pivot = factor_blocks(plan, work.value, work.spare, len(topology.plan.size))
-        if pivot > SINGULAR:
+        if pivot > LEAST_PIVOT:
             good[d] = refined_rows(plan, stored, work.value, work.spare, loads[d], found[d]) <= LOST
+            stable[d] = status == 0 and negatives + inside == len(rows)
             work.rhs[rows] = 0.0
             solve_blocks(plan, work.value, work.spare, work.rhs)
-            moved = max(largest_turn(topology, work.rhs), largest_move(topology, work.rhs) / states.size[d])
-            pulled = np.abs(work.rhs[rows]) <= LEFT * np.abs(motion.multiplier).max(initial=0.0)
-            stable[d] = status == 0 and negatives + inside == len(rows) and moved <= LEFT and pulled.all()
-    return found, good, stable
+            step[d] = work.rhs
+    return found, good, stable & _none_left(states, step)
+
+
+def _none_left(states: Alike, step: Array) -> NDArray[np.bool_]:
+    """Whether Newton steps (D, unknowns) are none that is left to take (D,), see LEFT."""
+    start, rows = states.topology.start, states.topology.terms.start
+    moves = step[:, start[start >= 0, None] + np.arange(6)].reshape(len(step), -1, 2, 3)
+    moved, turned = np.sqrt((moves * moves).sum(axis=3).max(axis=1, initial=0.0)).T
+    pulled = np.abs(step[:, rows]).max(axis=1, initial=0.0)
+    most = np.abs(states.motion.multiplier).max(axis=1, initial=0.0)
+    return (np.maximum(moved / states.size, turned) <= LEFT) & (pulled <= LEFT * most)
 
 
 @dataclass(frozen=True)
@@ -332,7 +341,7 @@ def factored(assembled: Assembled, freed: Iterable[str] = ()) -> Tangent:
     free_rows(arrays, value, row_numbers(assembled.model, freed))
     stored = value.copy()
     negatives, pivot = factor_blocks(arrays.plan.ints, value, spare, len(arrays.plan.size))
-    if not pivot > SINGULAR:
+    if not pivot > LEAST_PIVOT:
         raise KinematicsError(
             f"the tangent is singular (relative pivot {pivot:.1e}): a motion is left that nothing resists, or the "
             "state is exactly at its critical load; hold more drives"
@@ -347,7 +356,7 @@ def _dense(assembled: Assembled, freed: tuple[str, ...]) -> Tangent:
     """`factored` with pivoting: a solid meshed in 2D has zeros on its diagonal, which no bound on pivots sees."""
     K, arrays = assembled.matrix(freed), assembled.arrays
     _, condition = solve_scaled(K, np.zeros((len(K), 1)), scaling(K))
-    if not condition > SINGULAR:
+    if not condition > LEAST_PIVOT:
         raise KinematicsError(
             f"the tangent is singular (reciprocal condition {condition:.1e}): a motion is left that nothing resists, or the "
             "state is exactly at its critical load; hold more drives, and by supports what a solid meshed in 2D cannot"

@@ -18,11 +18,11 @@ from functools import lru_cache
 import numpy as np
 
 from ksd.errors import SceneError
-from ksd.model.arrays import COROTATIONAL, STRAIN, Arrays, Bare, Motion, Work, make_work
+from ksd.model.arrays import COROTATIONAL, STRAIN, Motion, make_work
 from ksd.model.compile import Model, remeshed
 from ksd.model.leaves import piece_name
 from ksd.model.mesh import MOST_ORDER, Mesh, MixedMesh
-from ksd.model.newton import assemble, largest_move, largest_turn, solve_step, take_step
+from ksd.model.newton import held_step
 from ksd.model.reduced import with_bodies
 from ksd.properties.cache import per_model
 from ksd.properties.shape import scene_leaves
@@ -30,8 +30,6 @@ from ksd.properties.shape import scene_leaves
 FAR = 0.1
 """Rotation [rad], or way over the size of the mechanism, that neither a mesh nor a fast method is off: of a four-bar by
 method='kinematic', steps of .02 to .05 rad leave .3 to 2 % of a drive stiffness that is off by half without."""
-SINGULAR = 1e-14
-"""Relative pivot below which the tangent counts as singular."""
 
 
 @per_model
@@ -83,25 +81,8 @@ def unfolded(model: Model, motion: Motion, *, load_factor: float = 1.0) -> tuple
         return model, motion
     state = _open_chains(model, motion, fine)
     if STRAIN in model.kinds:
-        step_to_equilibrium(fine.arrays, state, fine.arrays.terms.start, make_work(fine.arrays), load_factor)
+        held_step(fine.arrays, state, load_factor, make_work(fine.arrays), FAR)
     return fine, state
-
-
-def step_to_equilibrium(
-    arrays: Arrays | Bare, motion: Motion, rows: np.ndarray, work: Work, load_factor: float
-) -> None:
-    """A Newton step to the equilibrium on the finer mesh, in place, drives and supports where they are; rows: theirs.
-
-    Inside the leaf springs alone where a node would go further than FAR, which is what hardly anything resists.
-    """
-    assemble(arrays, motion, np.zeros(len(motion.multiplier)), load_factor, work, 1e-8, 0, 10.0)
-    work.rhs[rows] = 0.0
-    _, pivot = solve_step(arrays, work)
-    step = work.rhs.copy()
-    size = float(arrays.flat.floats[0])
-    if not pivot > SINGULAR or max(largest_turn(arrays, step), largest_move(arrays, step) / size) > FAR:
-        step[:] = 0.0
-    take_step(arrays, motion, step, work, 1.0)
 
 
 def pad(number: np.ndarray, inner: np.ndarray, wider: np.ndarray, state: np.ndarray) -> None:

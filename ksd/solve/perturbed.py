@@ -25,12 +25,12 @@ from ksd.model.compile import Model, model_of
 from ksd.model.drawing import draw
 from ksd.model.effects import applied, with_conditions
 from ksd.model.mesh import Mesh, MixedMesh
-from ksd.model.newton import largest_move, largest_turn, look, take_step
+from ksd.model.newton import newton_step
 from ksd.model.template import Template, template_of
 from ksd.properties.tangent import exact_arrays
 from ksd.scene.leaf import Condition
 from ksd.solve.error import settled
-from ksd.solve.steps import RTOL
+from ksd.solve.steps import FAST, RTOL
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
@@ -59,7 +59,7 @@ class Parameter:
 
     def at(self, targets: Mapping[str, float], value: float) -> dict[str, float]:
         """Drive values where it has this value."""
-        return {**targets, **({self.name: value} if self.scene is None else {})}
+        return {**targets, self.name: value} if self.scene is None else dict(targets)
 
 
 @dataclass(frozen=True)
@@ -197,7 +197,7 @@ class Perturbed:
         if self._made is None or self._made[0] is not pose.model:
             self._made = pose.model, self._models(pose.model, parameters)
         work = _Storage()
-        start = pose.motion if pose.method == "conventional" else settled(pose)
+        start = settled(pose) if pose.method in FAST else pose.motion
         here, _ = self._at(pose, pose.model, start, pose.targets, work)
         sides = []
         for parameter, models in zip(parameters, self._made[1], strict=True):
@@ -237,11 +237,9 @@ class Perturbed:
         work = storage.of(arrays)
         moved = [first] * (first > 0.0)
         while len(moved) < NEWTON:
-            look(arrays, motion, target, pose.load_factor, work, RTOL)
-            step = work.rhs
-            moved.append(largest_move(arrays, step) / arrays.size + largest_turn(arrays, step))
-            take_step(arrays, motion, step, work, 1.0)
-        if not moved[-1] <= LEFT * moved[0] + 1e-8:
+            moved.append(newton_step(arrays, motion, target, pose.load_factor, work, RTOL))
+        # a hundredth of what is negligible is rounding
+        if not moved[-1] <= LEFT * moved[0] + 0.01:
             where = f"beside this pose, at another '{name}'" if name else "of this pose"
             raise ConvergenceError(
                 f"no gradient: Newton steps do not reach the equilibrium {where}; it is near the end of its branch"
