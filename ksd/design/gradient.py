@@ -20,6 +20,8 @@ from ksd.checks import nearest, truth, worded
 from ksd.design.lines import fine_enough
 from ksd.design.plan import Drawn, plan_lines
 from ksd.design.questions import (
+    ANSWERS,
+    CAUGHT,
     MANY,
     NOTHING,
     TOGETHER,
@@ -27,7 +29,6 @@ from ksd.design.questions import (
     Before,
     Pose,
     Row,
-    answered,
     answered_alike,
     asked_of,
     frequency_row,
@@ -52,6 +53,7 @@ FOLLOWED = ("stress", "frequencies")
 """Questions of which the pose says what is followed."""
 NO_ANSWER = ("error", "_s_mm", "mac", "stable")
 """Parts of the names of columns that are no answers."""
+ABSENT = "this pose has no such answer"
 KINK = 1e-3
 """Difference of the slopes to both sides, over the slope or the answer by the parameter, from which on it is a kink."""
 
@@ -216,12 +218,11 @@ def gradient_at(
     """`gradient` at poses that are solved; design: None for a mechanism."""
     shares = (WIDE, -WIDE, 2 * WIDE, -2 * WIDE) if errors else (STEP, -STEP)
     poses: list[list[Configuration]] = []
-    steps: list[Array] = []
     labels: list[Mapping[str, Any]] = []
-    at_zero: dict[str, float] = {}
+    parameters: tuple[Parameter, ...] = ()
+    steps: list[list[float]] = []
     for scene, found, said in solved:
-        perturbed = Perturbed(shares)
-        parameters: tuple[Parameter, ...] = ()
+        perturbed, parameters = Perturbed(shares), ()
         for pose in found:
             # values of drives alone change from pose to pose
             if not parameters or any(p.scene is None for p in parameters):
@@ -230,63 +231,50 @@ def gradient_at(
                     design=design,
                 )  # fmt: skip
             here, sides = perturbed(pose, parameters)
-            poses.append([here, *(side for own in sides for side in own)])
-            steps.append(np.array([p.size * shares[0] for p in parameters])[:, None])
-            at_zero |= {p.name: p.value for p in parameters}
+            poses.append([here, *chain(*sides)])
+            steps.append([p.size * shares[0] for p in parameters])
         labels += said
     rows = _rows(poses, asked, len(shares))
-    at_poses = [
-        _AtPose(own, asked, told, step, len(shares))
-        for own, told, step in zip(poses, rows, steps, strict=True)
-    ]
-    return _gathered(at_poses, labels, at_zero)
+    numbers = dict.fromkeys(c for own in rows for c, v in own[0].items() if isinstance(v, float))
+    columns = tuple(c for c in numbers if not any(n in c for n in NO_ANSWER))
+    names, h = tuple(p.name for p in parameters), np.array(steps)[..., None]
+    answers = np.array([[[row.get(c, np.nan) for c in columns] for row in own] for own in rows])
+    now, q = answers[:, :1], answers[:, 1:].reshape(*h.shape[:2], len(shares), len(columns))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slopes, error_slopes = _differences(columns, now, np.moveaxis(q, 2, 0), h)
+    scene = poses[0][0].model.scene
+    point = asked.point(scene) if asked.link is not None or scene.drives else None
+    reasons: dict[tuple[str, int], str] = {}
+    for n, i in np.argwhere(~np.isfinite(slopes).all(axis=1)).tolist():
+        column, value = columns[i], float(now[n, 0, i])
+        there = column in rows[n][0]
+        reasons[column, n] = _why(column, value, point[0] if point else "") if there else ABSENT
+        slopes[n, :, i] = np.nan
+    moved = _moved(poses, len(shares), point) / (2 * h)
+    return Gradient(
+        columns, names, dict(zip(columns, now[:, 0].T, strict=True)), slopes.T,
+        dict(zip(names, moved.swapaxes(0, 1), strict=True)), tuple(labels),
+        {p.name: p.value for p in parameters}, reasons, None if error_slopes is None else error_slopes.T,
+    )  # fmt: skip
 
 
-class _AtPose:
-    """Answers at a pose, `values` by column, and their slopes (columns, parameters), `errors` alike, None without; moved
-    (parameters, 6): displacement and rotation of the point asked about.
-
-    poses: this one, then those at the sides of every parameter; rows: their answers; step (parameters, 1): to the first.
-    """
-
-    def __init__(
-        self, poses: list[Configuration], asked: Asked, rows: list[Row], step: Array, sides: int
-    ) -> None:
-        first = rows[0]
-        self.columns = tuple(
-            c for c, v in first.items() if isinstance(v, float) and not any(n in c for n in NO_ANSWER)
-        )
-        self.values = np.array([first[c] for c in self.columns], float)
-        found = np.array([[row.get(c, np.nan) for c in self.columns] for row in rows[1:]])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            self._difference(found.reshape(len(step), sides, -1).swapaxes(0, 1), step)
-        scene = poses[0].model.scene
-        point = asked.point(scene) if asked.link is not None or scene.drives else None
-        beside = [poses[k] for k in range(1, len(poses)) if (k - 1) % sides < 2]
-        self.moved = _moved(beside, point) / (2 * step)
-        self.reasons: dict[str, str] = {}
-        for i in np.flatnonzero(~np.isfinite(self.slopes).all(axis=1)).tolist():
-            column = self.columns[i]
-            self.reasons[column] = _why(column, float(self.values[i]), point[0] if point else "")
-            self.slopes[i] = np.nan
-
-    def _difference(self, q: Array, h: Array) -> None:
-        """Central differences of answers q (sides, parameters, columns); with four sides to fourth order, and their
-        errors."""
-        inverse = np.array([c.startswith("buckling") for c in self.columns])
-        # of critical load factors 1/mu
-        outer = np.where(inverse, -(self.values**2), 1.0)
-        q, now = (np.where(inverse, 1.0 / a, a) for a in (q, self.values))
-        slope, self.errors = (q[0] - q[1]) / (2 * h), None
-        if len(q) > 2:
-            wide = (q[2] - q[3]) / (4 * h)
-            # half the difference of the slopes to both sides: falls with h unless there is a kink
-            bends = (q[0] + q[1] - 2 * now) / (2 * h), (q[2] + q[3] - 2 * now) / (4 * h)
-            kink = np.abs(2 * bends[0] - bends[1])
-            kink[~(kink > KINK * np.maximum(np.abs(slope), np.abs(now) * WIDE / h))] = 0.0
-            self.errors = (np.abs(outer) * np.maximum(np.abs(slope - wide) / 3, kink)).T
-            slope = slope + (slope - wide) / 3
-        self.slopes = (outer * slope).T
+def _differences(columns: Sequence[str], now: Array, q: Array, h: Array) -> tuple[Array, Array | None]:
+    """Central differences (poses, parameters, columns) of answers q (sides, poses, parameters, columns) beside `now` (poses,
+    1, columns), of steps h (poses, parameters, 1); with four sides to fourth order, and their errors."""
+    inverse = np.array([c.startswith("buckling") for c in columns], bool)
+    # of critical load factors 1/mu
+    outer = np.where(inverse, -(now**2), 1.0)
+    q, now = (np.where(inverse, 1.0 / a, a) for a in (q, now))
+    slope, errors = (q[0] - q[1]) / (2 * h), None
+    if len(q) > 2:
+        wide = (q[2] - q[3]) / (4 * h)
+        # half the difference of the slopes to both sides: falls with h unless there is a kink
+        bends = (q[0] + q[1] - 2 * now) / (2 * h), (q[2] + q[3] - 2 * now) / (4 * h)
+        kink = np.abs(2 * bends[0] - bends[1])
+        kink[~(kink > KINK * np.maximum(np.abs(slope), np.abs(now) * WIDE / h))] = 0.0
+        errors = np.abs(outer) * np.maximum(np.abs(slope - wide) / 3, kink)
+        slope = slope + (slope - wide) / 3
+    return outer * slope, errors
 
 
 def _why(column: str, value: float, link: str) -> str:
@@ -333,14 +321,17 @@ def _rows_together(poses: list[list[Configuration]], asked: Asked, sides: int) -
 
 
 def _alike(poses: Sequence[Configuration]) -> list[tuple[list[int], Alike]]:
-    return alike([(*pose.questioned, pose.load_factor) for pose in poses])
+    return alike([(pose.model, pose.motion, pose.load_factor) for pose in poses])
 
 
 def _plain(pose: Configuration, asked: Asked, known: Mapping[str, Row]) -> Row:
     """Row of the questions that need not be followed; raises what a question raises."""
-    row, _, failed = answered(Pose(pose), asked, known)
-    for name, reason in failed.items():
-        raise type(reason)(f"no gradient of {name}: {reason}") from reason
+    row, posed = Row(), Pose(pose)
+    for name in asked.questions:
+        try:
+            row |= known[name] if name in known else ANSWERS[name](posed, asked)
+        except CAUGHT as reason:
+            raise type(reason)(f"no gradient of {name}: {reason}") from reason
     return row
 
 
@@ -387,40 +378,17 @@ def _follow_modes(poses: list[Configuration], asked: Asked, rows: list[Row], sid
         to |= row
 
 
-def _moved(poses: Sequence[Configuration], point: tuple[str, Any] | None) -> Array:
-    """Displacement and rotation (n, 6) of the point of a link from the second to the first of every two poses."""
-    found = np.full((len(poses) // 2, 6), np.nan)
+def _moved(poses: list[list[Configuration]], sides: int, point: tuple[str, Any] | None) -> Array:
+    """Displacement and rotation (poses, parameters, 6) of the point of a link from the second of the sides to the first."""
+    found = np.full((len(poses), (len(poses[0]) - 1) // sides, 6), np.nan)
     if point is not None:
-        node = poses[0].model.node_names.index(point[0])
-        rest = np.array([pose.model.rest.x[node] for pose in poses])
-        x, R = (np.array([getattr(pose.motion, of)[node] for pose in poses]) for of in ("x", "R"))
+        node = poses[0][0].model.node_names.index(point[0])
+        beside = [own[k + side] for own in poses for k in range(1, len(own), sides) for side in (0, 1)]
+        rest = np.array([pose.model.rest.x[node] for pose in beside])
+        x, R = (np.array([getattr(pose.motion, of)[node] for pose in beside]) for of in ("x", "R"))
         s = np.zeros_like(rest) if point[1] is None else np.asarray(point[1], float) - rest
         moved = x - rest + (R @ s[..., None])[..., 0] - s
-        found[:, :3] = moved[::2] - moved[1::2]
-        for own, turned in zip(found, R[::2] @ R[1::2].swapaxes(1, 2), strict=True):
+        found[..., :3] = (moved[::2] - moved[1::2]).reshape(found[..., :3].shape)
+        for own, turned in zip(found.reshape(-1, 6), R[::2] @ R[1::2].swapaxes(1, 2), strict=True):
             rotation_log(turned, own[3:])
     return found
-
-
-def _gathered(
-    found: list[_AtPose], labels: list[Mapping[str, Any]], at_design: Mapping[str, float]
-) -> Gradient:
-    """One result of all poses; a column that some poses do not have is nan there."""
-    columns = tuple(dict.fromkeys(c for one in found for c in one.columns))
-    names = tuple(at_design)
-    size = len(columns), len(names), len(found)
-    values, slopes = np.full((size[0], size[2]), np.nan), np.full(size, np.nan)
-    errors = np.full(size, np.nan) if found[0].errors is not None else None
-    reasons: dict[tuple[str, int], str] = {}
-    for n, one in enumerate(found):
-        rows = [columns.index(c) for c in one.columns]
-        values[rows, n], slopes[rows, :, n] = one.values, one.slopes
-        if errors is not None and one.errors is not None:
-            errors[rows, :, n] = one.errors
-        reasons |= {(c, n): why for c, why in one.reasons.items()}
-        reasons |= {(c, n): "this pose has no such answer" for c in columns if c not in one.columns}
-    point = {p: np.array([one.moved[k] for one in found]) for k, p in enumerate(names)}
-    return Gradient(
-        columns, names, dict(zip(columns, values, strict=True)), slopes, point, tuple(labels), dict(at_design),
-        reasons, errors,
-    )  # fmt: skip

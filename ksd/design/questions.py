@@ -200,16 +200,13 @@ class Pose:
 
 
 def _force(pose: Any, asked: Asked) -> Row:
-    row: Row = {}
-    forces = pose.forces
-    for i, drive in enumerate(pose.model.scene.drives):
-        column = f"{drive.name}_{EFFORT[drive_kind(drive)]}"
-        row[column] = forces[drive.name]
-        if pose.method_error is not None:
-            row[f"{drive.name}_error_{EFFORT[drive_kind(drive)].rsplit('_', 1)[1]}"] = float(
-                pose.error.force[i]
-            )
-    if pose.method_error is not None:
+    row, known = Row(), pose.method_error is not None
+    for i, (drive, force) in enumerate(zip(pose.model.scene.drives, pose.forces.values(), strict=True)):
+        effort = EFFORT[drive_kind(drive)]
+        row[f"{drive.name}_{effort}"] = force
+        if known:
+            row[f"{drive.name}_error_{effort.rsplit('_', 1)[1]}"] = float(pose.error.force[i])
+    if known:
         row["error_percent"] = 100.0 * float(pose.error.relative)
     return row
 
@@ -325,7 +322,7 @@ def _clearance(pose: Any, asked: Asked) -> Row:
     return {"clearance_mm": 1e3 * found.distance, "clearance_leaves": " and ".join(found.leaves)}
 
 
-_ANSWERS: dict[str, Callable[[Any, Asked], Row]] = {
+ANSWERS: dict[str, Callable[[Any, Asked], Row]] = {
     "force": _force,
     "drive_stiffness": _drive_stiffness,
     "support_stiffness": _support_stiffness,
@@ -480,13 +477,13 @@ def answered(
             elif name == "frequencies":
                 found, tracks = frequency_row(pose, asked)
             else:
-                found = _ANSWERS[name](pose, asked)
+                found = ANSWERS[name](pose, asked)
             row |= found
             if truth is not None:
                 if name == "frequencies":
                     again, followed = frequency_row(truth, asked)
                 else:
-                    again = _ANSWERS[name](truth, asked)
+                    again = ANSWERS[name](truth, asked)
                 row[f"{name}_error_percent"] = _error_percent(found, again)
         except CAUGHT as reason:
             if asked.usual and name == "buckling":

@@ -272,7 +272,8 @@ def strain_curves(
         h = (L * (b - a) / half)[:, None, None]
         bends = _between(tables, tables.kappa, np.concatenate([middle - reach, middle + reach]), k)
         before, R, v = R[:, -1], np.empty((len(value), len(x), 3, 3)), np.empty((len(value), len(x), 3))
-        pulled = np.broadcast_to(n + weight.pull(tables, x, k), v.shape).copy()
+        pulled = np.empty(v.shape)
+        pulled[:] = n + weight.pull(tables, x, k)
         walk(bends, _between(tables, tables.soft, x, k), pulled, h[:, 0, 0], before, R, v)
         weight.add(h, v)
         pieces = h / 3 * (v[:, :-2:2] + 4 * v[:, 1::2] + v[:, 2::2])
@@ -280,7 +281,7 @@ def strain_curves(
         r.append(r[-1][:, -1:] + np.cumsum(pieces, axis=1))
         turned.append(R[:, 2::2])
     found = *(np.concatenate(parts, axis=1) for parts in (s, r, turned)), *weight.found()
-    return tuple(along[:, kept] for along in found)
+    return found if len(kept) == found[0].shape[1] else tuple(along[:, kept] for along in found)
 
 
 class _Beyond:

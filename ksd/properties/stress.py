@@ -206,7 +206,10 @@ def _leaf_stresses(forces: list[SectionForces], leaf: Any) -> list[LeafStress]:
     )
     stations = _stations(sections)
     outlined = any(q.outline is not None for q in sections)
-    parts = _stresses(np.array([f.values for f in forces]), stations, outlined=outlined)
+    values = np.array([f.values for f in forces])
+    *parts, bending, axial, twist, across = _stresses(values, stations, outlined=outlined)
+    parts += [np.abs(bending).max(axis=2), axial[..., 0]]
+    parts += [np.hypot(*shear).max(axis=2) for shear in (twist, across)]
     places = [np.broadcast_to(v, (len(s), v.shape[1])) for v in stations[:2]]
     # of sections of several kinds a point has the names it has in each
     kinds = list(dict.fromkeys(stress_points(q).names for q in sections))
@@ -218,22 +221,20 @@ def _leaf_stresses(forces: list[SectionForces], leaf: Any) -> list[LeafStress]:
 
 
 def _stresses(values: Array, stations: tuple[Array, ...], *, outlined: bool) -> tuple[Array, ...]:
-    """Normal, shear and von Mises stress (leaves, s, p), and bending, axial, torsion and transverse stress (leaves, s) of
-    section forces (leaves, s, 6); stations: as of `_stations`, with an axis over leaves before that over stations where
-    each has its own."""
+    """Normal, shear, von Mises and bending stress (leaves, s, p), axial (leaves, s, 1), and of torsion and transverse forces
+    (2, leaves, s, p) along y and z, of section forces (leaves, s, 6); stations: as of `_stations`, with an axis over leaves
+    before that over stations where each has its own."""
     y, z, A, Iy, Iz, torsion, along_y, along_z = stations
     N, Vy, Vz, T, My, Mz = np.moveaxis(values, 2, 0)[..., None]
     axial = N / A
     bending = My * z / Iy - Mz * y / Iz
-    # first axis: the shear stress along y and z
     twist, across = T * torsion, Vy * along_y + Vz * along_z
     shear = (
         np.abs(twist).sum(axis=0) + np.abs(across).sum(axis=0) if outlined else np.hypot(*(twist + across))
     )
     normal = axial + bending
     mises = np.sqrt(normal**2 + 3 * shear**2)
-    parts: tuple[Array, ...] = (normal, shear, mises, np.abs(bending).max(axis=2), axial[..., 0])
-    return (*parts, np.hypot(*twist).max(axis=2), np.hypot(*across).max(axis=2))
+    return normal, shear, mises, bending, axial, twist, across
 
 
 class Peak(NamedTuple):
@@ -304,7 +305,7 @@ def _leaves_alike(
         return None
     value = states.constants(group.members, group.value.shape[1])
     panels = panel_tables(group.number)
-    if not np.allclose(value[..., panels], group.value[:, panels], rtol=0.0, atol=1e-12):
+    if not (np.abs(value[..., panels] - group.value[:, panels]) <= 1e-12).all():
         return None
     inner = np.take(states.motion.inner, group.places, axis=1)
     count = len(value) * len(names)
@@ -417,8 +418,9 @@ class _PointTable(NamedTuple):
 @lru_cache(maxsize=1024)
 def _point_table(section: Any) -> _PointTable:
     at = stress_points(section)
-    sizes = np.broadcast_to([section.A, section.Iy, section.Iz], (len(at.y), 3))
-    rows = np.column_stack([at.y, at.z, sizes, at.torsion, at.along_y, at.along_z])
+    rows = np.empty((len(at.y), 11))
+    rows[:, 0], rows[:, 1], rows[:, 2:5] = at.y, at.z, (section.A, section.Iy, section.Iz)
+    rows[:, 5:7], rows[:, 7:9], rows[:, 9:] = at.torsion, at.along_y, at.along_z
     return _PointTable(rows, section.outline is not None)
 
 
