@@ -21,7 +21,7 @@ from ksd.bodies.weight import NOTHING_HUNG, Hung
 from ksd.errors import KinematicsError, RecordError, SceneError
 from ksd.library import Record
 from ksd.model.arrays import COROTATIONAL, LINEAR, Arrays, Motion
-from ksd.model.compile import Drawn, Model, drawn
+from ksd.model.compile import Model, drawn
 from ksd.model.drawing import Numbers
 from ksd.model.pack import LOAD_FLOATS, MEMBER_FLOATS, TERM_FLOATS, Shape, spread, topology_arrays
 from ksd.model.template import (
@@ -70,16 +70,6 @@ class JointBodies:
     motion_names: tuple[str, ...]
     hung: Hung
     hanging: tuple[tuple[int, np.ndarray], ...] = ()
-
-
-@dataclass(frozen=True)
-class JointLoops:
-    """The kinematics of the joints of a model, and their motions; as in `JointBodies`."""
-
-    loops: Loops
-    motion_range: np.ndarray
-    motion_scale: np.ndarray
-    motion_names: tuple[str, ...]
 
 
 def _spanning_tree(nodes: list[tuple[int, int]]) -> tuple[list[list[int]], list[int]]:
@@ -306,18 +296,12 @@ class Layout:
             template.leaf_words, template.leaf[len(self.leaf) :], self.reduced.members, joints
         )
 
-    def _stack(
-        self, n: Numbers, shapes: Sequence[Sequence[Any]], *, extrapolate: bool, first: int | None = None
-    ) -> tuple[np.ndarray, list[int]]:
-        """All functions (D, rows, P) of the different joints, the `first` of each alone where that is said, and where those
-        of each begin."""
-        size = max(len(p.powers) for p in self.polynomials)
-        counts = [first or p.rows for p in self.polynomials]
-        begin = np.cumsum([0, *counts]).tolist()
-        stack = np.zeros((len(n.leaf), begin[-1], size))
-        for p, at, count, own in zip(self.polynomials, begin, counts, shapes, strict=False):
-            stack[:, at : at + count, : len(p.powers)] = p(own, extrapolate=extrapolate, first=first)
-        return stack, begin
+    def _stack(self, n: Numbers, shapes: Sequence[Sequence[Any]], *, extrapolate: bool) -> np.ndarray:
+        """All functions (D, rows, P) of the different joints."""
+        stack = np.zeros((len(n.leaf), self.rows[-1], max(len(p.powers) for p in self.polynomials)))
+        for p, at, own in zip(self.polynomials, self.rows, shapes, strict=False):
+            stack[:, at : at + p.rows, : len(p.powers)] = p(own, extrapolate=extrapolate)
+        return stack
 
     def _fill_loops(self, n: Numbers, filled: Filled, pose: np.ndarray) -> Loops:
         """The kinematics of D designs; pose (D, J, 6, P): functions of the interfaces."""
@@ -326,15 +310,6 @@ class Layout:
         return self.loops._replace(
             anchor=anchor, frame=n.rotation[:, :joints], length=n.length[:, self.different], pose=pose
         )
-
-    def loops_alone(
-        self, n: Numbers, filled: Filled, shapes: Sequence[Sequence[Any]], *, extrapolate: bool = False
-    ) -> JointLoops:
-        """The kinematics of one design and no more; as `__call__`."""
-        stack, begin = self._stack(n, shapes, extrapolate=extrapolate, first=6)
-        rows = np.array([begin[u] for u in self.different])[:, None] + np.arange(6)
-        loops = of_design(self._fill_loops(n, filled, stack[:, rows]), LOOP_FLOATS, 0)
-        return JointLoops(loops, self.motion_range, self._motion_scale(n)[0], self.motion_names)
 
     def _motion_scale(self, n: Numbers) -> np.ndarray:
         """(D, motions): theta to rad or m."""
@@ -345,7 +320,7 @@ class Layout:
     ) -> JointBodies:
         """Joint bodies of D designs, every float with a leading axis over them; shapes: shape parameters of all designs for
         each of the different joints. Raises RangeError, see `Polynomials`."""
-        stack, _ = self._stack(n, shapes, extrapolate=extrapolate)
+        stack = self._stack(n, shapes, extrapolate=extrapolate)
         loops = self._fill_loops(n, filled, stack.take(self.pose_rows, axis=1))
         scale = _scales(n, filled.leaves)
         inside = self.inside._replace(
@@ -538,24 +513,13 @@ def layout_of(template: Template, joints: Sequence[Any], records: Callable[[str]
     return last
 
 
-def _laid_out(model: Model, records: Callable[[str], Record]) -> tuple[Layout, Drawn, list[list[Any]]]:
-    """Layout, what the model was made of, and the shapes of its different joints."""
-    made = drawn(model)
-    joints = made.drawing.joints
-    return layout_of(made.template, joints, records), made, [[joint.shape()] for joint in joints]
-
-
-def joint_loops(model: Model, records: Callable[[str], Record], *, extrapolate: bool = False) -> JointLoops:
-    """The kinematics of every joint of `model`; arguments and errors as of `joint_bodies`."""
-    layout, made, shapes = _laid_out(model, records)
-    return layout.loops_alone(made.numbers, made.filled, shapes, extrapolate=extrapolate)
-
-
 def joint_bodies(model: Model, records: Callable[[str], Record], *, extrapolate: bool = False) -> JointBodies:
     """Bodies of every joint of `model`; `records(family)` returns the trained record.
 
     Raises SceneError without joints, RangeError for a shape outside the trained range (unless `extrapolate`),
     KinematicsError when joints alone do not place every link.
     """
-    layout, made, shapes = _laid_out(model, records)
+    made = drawn(model)
+    joints = made.drawing.joints
+    layout, shapes = layout_of(made.template, joints, records), [[joint.shape()] for joint in joints]
     return body_design(layout, layout(made.numbers, made.filled, shapes, extrapolate=extrapolate), 0)

@@ -322,13 +322,13 @@ def close_loops(
     motion: Motion,
     place: np.ndarray,
     most: int,
-) -> tuple[int, int, float, float]:
-    """Solve step 1 in place. Returns (reason 0 closed / 1 too many / 3 singular, iterations, gap left [m], pivot).
+) -> tuple[int, int, float]:
+    """Solve step 1 in place. Returns (reason 0 closed / 1 too many / 3 singular, iterations, gap left [m]).
 
     A step of theta is limited to 0.5 (rad, or stroke over joint length); converged when it falls below 1e-6, which leaves
     the square of that.
     """
-    found: tuple[int, int, float, float] = _close(
+    found: tuple[int, int, float] = _close(
         *arrays.flat[:2], *loops.flat, theta, target, motion.x, motion.R, place, most
     )
     return found
@@ -340,22 +340,21 @@ def _close(ints, floats, loops, shapes, theta, target, x, R, place, most):
     W, J, series = np.zeros((links, motions, 6)), np.zeros((rows, motions)), np.empty((3, loops[MONOMIALS]))
     residual, step, reach = np.zeros(rows), np.zeros(motions), np.empty((2, links), np.int64)
     room, frames, slope = room_for(rows, motions), np.empty((4, 4, 3)), np.empty((8, 3))
-    pivot, gap, closed, n = 1.0, 0.0, False, 0
+    gap, closed, n = 0.0, False, 0
     while True:
         joint_places(loops, shapes, theta, place, series)
         loop_equations(ints, floats, loops, shapes, target, x, R, place, reach, W, J, residual, frames, slope)
         if closed:
             for r in range(len(residual)):
                 gap = max(gap, abs(residual[r]))
-            return 0, n, gap, pivot
+            return 0, n, gap
         if n == most:
-            return 1, most, math.inf, pivot
-        pivot = least_squares(J, residual, step, room)
-        if not pivot > 1e-13:
-            return 3, n, math.inf, pivot
+            return 1, most, math.inf
+        if not least_squares(J, residual, step, room) > 1e-13:
+            return 3, n, math.inf
         largest = stride(theta, step)
         if not math.isfinite(largest):
-            return 5, n, math.inf, pivot
+            return 5, n, math.inf
         # quadratic: the error left is the square of this step; poses follow it
         closed = largest < 1e-6
         n += 1

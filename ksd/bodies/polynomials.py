@@ -42,10 +42,8 @@ class Polynomials:
             self.there = np.ones(6 + 6 * len(record.blocks) + leaves * 3 * (2 * int(mesh) - 1), bool)
         self.rows = len(self.there)
 
-    def __call__(
-        self, shapes: Sequence[Mapping[str, float]], *, extrapolate: bool, first: int | None = None
-    ) -> np.ndarray:
-        """(D, rows, P) at the shape parameters of D designs, the `first` rows alone where that is said.
+    def __call__(self, shapes: Sequence[Mapping[str, float]], *, extrapolate: bool) -> np.ndarray:
+        """(D, rows, P) at the shape parameters of D designs.
 
         Raises RangeError outside the trained range unless `extrapolate`, SceneError for parameters that are not the
         record's.
@@ -53,10 +51,10 @@ class Polynomials:
         record = self.record
         if not self.table:
             found = [record.contract(shape, self.mesh, extrapolate=extrapolate) for shape in shapes]
-            return np.array([_stacked(f.functions) for f in found])[:, :first]
+            return np.array([_stacked(f.functions) for f in found])
         places = np.array([record.places(shape, extrapolate=extrapolate)[0] for shape in shapes])
         weight = legendre_products(record.powers[:, len(record.motions) :], places) * self.reach
-        out = np.empty((len(shapes), first or self.rows, len(self.powers)))
+        out = np.empty((len(shapes), self.rows, len(self.powers)))
         for p, (terms, rows) in enumerate(self.table):
-            np.matmul(weight[:, terms], rows[:, :first], out=out[:, :, p])
+            np.matmul(weight[:, terms], rows, out=out[:, :, p])
         return out

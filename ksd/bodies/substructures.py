@@ -94,31 +94,30 @@ def _set_near(loops, shapes, inside, functions, theta, place, x, R, inner, near)
 
 def condense_joints(
     substructures: Arrays, joints: int, motion: Motion, work: Work, near: int, reduced_inner: np.ndarray
-) -> tuple[int, float, int]:
+) -> int:
     """Linearise all joints at `motion` and condense them; writes the linear bodies (d0, R0, F, K) of step 3.
 
-    near: see `ksd.model.newton.assemble`. Returns (negative pivots inside, smallest relative pivot, status).
+    near: see `ksd.model.newton.assemble`. Returns the worst status of a leaf.
     """
-    _, _, inside, status = assemble(substructures, motion, np.zeros(0), 1.0, work, 1e-8, near, GRAIN)
-    negatives, pivot = condense_assembled(substructures, joints, motion, work, reduced_inner)
-    return negatives + inside, pivot, status
+    *_, status = assemble(substructures, motion, np.zeros(0), 1.0, work, 1e-8, near, GRAIN)
+    condense_assembled(substructures, joints, motion, work, reduced_inner)
+    return status
 
 
 def condense_assembled(
     substructures: Arrays, joints: int, motion: Motion, work: Work, reduced_inner: np.ndarray
-) -> tuple[int, float]:
-    """The second half of `condense_joints`. Returns (negative pivots of the nodes inside, smallest relative pivot)."""
-    found: tuple[int, float] = _condense_blocks(
+) -> None:
+    """The second half of `condense_joints`."""
+    _condense_blocks(
         substructures.plan.ints, substructures.start, joints, motion.x, motion.R, work.value, work.spare, work.rhs,
         reduced_inner,
     )  # fmt: skip
-    return found
 
 
 @kernel
 def _condense_blocks(plan, start, joints, x, R, value, spare, rhs, inner):
     stop, nodes = plan[BLOCKS] - joints, len(start)
-    negatives, pivot = factor_blocks(plan, value, spare, stop)
+    factor_blocks(plan, value, spare, stop)
     forward_blocks(plan, spare, rhs, stop)
     for j in range(joints):
         B, at, o = nodes - joints + j, plan[plan[DIAGONAL] + stop + j], 54 * j
@@ -132,7 +131,6 @@ def _condense_blocks(plan, start, joints, x, R, value, spare, rhs, inner):
             for c in range(6):
                 # the lower triangle is the one a factorisation reads
                 inner[o + 18 + 6 * r + c] = value[at + 6 * max(r, c) + min(r, c)]
-    return negatives, pivot
 
 
 @kernel

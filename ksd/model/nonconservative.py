@@ -33,16 +33,6 @@ from ksd.numerics.kernel import kernel
 
 
 @kernel
-def _next(ints, i):
-    """The first load from i on with a skew tangent on a node that can move; the number of loads where there is none."""
-    while i < ints[LOADS] and (
-        ints[ints[LOAD_SKEW] + i] != 1 or ints[ints[START] + ints[ints[LOAD_NODE] + i]] < 0
-    ):
-        i += 1
-    return i
-
-
-@kernel
 def _rest(ints, floats, i, R, factor, B):
     """B (6, 6) of load i: see the module docstring."""
     node = ints[ints[LOAD_NODE] + i]
@@ -69,29 +59,28 @@ def _rest(ints, floats, i, R, factor, B):
 def turn_step(ints, floats, plan, R, matrix, spare, rhs, factor):
     """Correct the step in rhs of a system whose matrix is factored; R (k, 3, 3): rotations of the nodes."""
     n, keep, width = len(rhs), ints[KEEP], ints[WIDTH]
-    count, i = 0, _next(ints, 0 * n)
-    while i < ints[LOADS]:
-        count += 1
-        i = _next(ints, i + 1)
+    # loads with a skew tangent on nodes that can move, and their first unknowns
+    on, start, count = np.empty(ints[LOADS], np.int64), np.empty(ints[LOADS], np.int64), 0
+    for i in range(ints[LOADS]):
+        u = ints[ints[START] + ints[ints[LOAD_NODE] + i]]
+        if ints[ints[LOAD_SKEW] + i] == 1 and u >= 0:
+            on[count], start[count] = i, u
+            count += 1
     k = width * count
     if k == 0:
         return
     X, B, G, z = np.empty((k, n)), np.empty((6, 6)), np.empty((k, k)), np.empty((k, 1))
     # X: K^-1 for every unknown of the loaded nodes
-    row, i = 0, _next(ints, 0 * n)
-    while i < ints[LOADS]:
-        for c in range(width):
-            X[row, :] = 0.0
-            X[row, ints[ints[START] + ints[ints[LOAD_NODE] + i]] + c] = 1.0
-            solve_blocks(plan, matrix, spare, X[row])
-            row += 1
-        i = _next(ints, i + 1)
+    for row in range(k):
+        X[row, :] = 0.0
+        X[row, start[row // width] + row % width] = 1.0
+        solve_blocks(plan, matrix, spare, X[row])
     # G = 1 + B E'X, z = B E'y
-    row, i = 0, _next(ints, 0 * n)
-    while i < ints[LOADS]:
-        u = ints[ints[START] + ints[ints[LOAD_NODE] + i]]
-        _rest(ints, floats, i, R, factor, B)
+    for load in range(count):
+        u = start[load]
+        _rest(ints, floats, on[load], R, factor, B)
         for r in range(width):
+            row = width * load + r
             z[row, 0] = 0.0
             for q in range(k):
                 G[row, q] = 1.0 if row == q else 0.0
@@ -100,8 +89,6 @@ def turn_step(ints, floats, plan, R, matrix, spare, rhs, factor):
                 z[row, 0] += b * rhs[u + c]
                 for q in range(k):
                     G[row, q] += b * X[q, u + c]
-            row += 1
-        i = _next(ints, i + 1)
     solve_small(G, z)
     for q in range(k):
         for c in range(n):

@@ -212,7 +212,7 @@ def _of_node(ints, step, node, motion):
 
 
 @kernel
-def _move_rods(ints, x, R, at_part, offset, frame, place, axes, wrench, gap, back, kept, moved, step, scale):
+def _move_rods(ints, x, R, at_part, offset, frame, place, axes, wrench, gap, back, kept, moved, step):
     pose, Q, d = np.empty(18), np.empty((3, 3)), np.empty(3)
     start, here, beyond, way = np.empty(6), np.empty(6), np.empty(6), np.empty(3)
     for i in range(len(at_part) - 1):
@@ -242,14 +242,13 @@ def _move_rods(ints, x, R, at_part, offset, frame, place, axes, wrench, gap, bac
                 change = back[j, r, 6]
                 for c in range(6):
                     change += back[j, r, c] * moved[j, c]
-                wrench[j, r] += scale * change
+                wrench[j, r] += change
             for r in range(6):
                 moved[j, r] += gap[j, r]
             if j < last - 1:
                 for r in range(3):
-                    place[j + 1, r] += scale * beyond[r]
-                    way[r] = scale * beyond[3 + r]
-                turn(way, axes[j + 1])
+                    place[j + 1, r] += beyond[r]
+                turn(beyond[3:], axes[j + 1])
                 straighten(axes[j + 1])
             beyond[:] = here
 
@@ -260,7 +259,7 @@ def add_rods(ints: np.ndarray, x: np.ndarray, R: np.ndarray, rods: Rods, state: 
     _add_rods(ints, x, R, *rods, *state[:-1], matrix, rhs)
 
 
-def move_rods(ints: np.ndarray, x: np.ndarray, R: np.ndarray, rods: Rods, state: RodState, step: np.ndarray,
-              scale: float) -> None:  # fmt: skip
-    """Take a Newton step (unknowns,) times `scale` in the rods, in place, before the nodes take it."""
-    _move_rods(ints, x, R, rods.at_part, rods.offset, rods.frame, *state[1:], step, scale)
+def move_rods(ints: np.ndarray, x: np.ndarray, R: np.ndarray, rods: Rods, state: RodState, step: np.ndarray
+              ) -> None:  # fmt: skip
+    """Take a Newton step (unknowns,) in the rods, in place, before the nodes take it."""
+    _move_rods(ints, x, R, rods.at_part, rods.offset, rods.frame, *state[1:], step)

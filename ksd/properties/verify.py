@@ -224,7 +224,7 @@ class _Rods:
                 if k == 0:
                     raise
                 return False
-            move_rods(arrays.flat.ints, motion.x, motion.R, self.cut.rods, self.state, step, 1.0)
+            move_rods(arrays.flat.ints, motion.x, motion.R, self.cut.rods, self.state, step)
             move_nodes(arrays, motion, step, 1.0)
             ways = _misses(self.state.moved, self.cut.length)
             way = float(ways.max())

@@ -32,7 +32,7 @@ from ksd.properties.resolution import look_at_modes
 from ksd.scene.families.cross_flexure import CrossFlexure
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
-from ksd.solve.pipeline import JointReader
+from ksd.solve.joint_motions import JointReader
 from ksd.solve.space_steps import FiveStepsStorage, place_space
 
 

@@ -39,12 +39,13 @@ from ksd.scene.links import Link
 from ksd.solve.answer import as_dict, drive_kind
 from ksd.solve.error import error_of, goes_on_alone, settled, truth_of, with_error
 from ksd.solve.following import keeps_still
+from ksd.solve.joint_motions import JointMotions
 from ksd.solve.left_out import left_out
 from ksd.solve.perturbed import parameters_of, slopes
 from ksd.solve.report import tables
 from ksd.solve.rest import minimum_taken
 from ksd.solve.sensitivity import sensitivity
-from ksd.solve.steps import FAST, ErrorEstimate, FiveStepRecord, JointMotions, Step, Stop
+from ksd.solve.steps import FAST, ErrorEstimate, FiveStepRecord, Step, Stop
 from ksd.solve.validity import Validity, validity
 from ksd.solve.verdict import Trust, judge
 from ksd.view import plot_mechanism, save_figure, show_mechanism, write_vtu

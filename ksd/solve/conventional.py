@@ -19,8 +19,8 @@ from ksd.errors import ConvergenceError, KsdError, SceneError
 from ksd.model.arrays import Arrays, Loads, carries_load
 from ksd.model.compile import Model
 from ksd.solve.configuration import Configuration
+from ksd.solve.joint_motions import JointReader
 from ksd.solve.load_steps import Way, load_steps, step_of, stopped
-from ksd.solve.pipeline import JointReader
 from ksd.solve.steps import CAP, RTOL, Stop
 from ksd.solve.storage import Storage, storage_of
 from ksd.solve.verdict import is_solved

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,25 +17,25 @@ from ksd.bodies.joints import JointBodies
 from ksd.errors import ConvergenceError, KinematicsError
 from ksd.model.compile import Model
 from ksd.numerics.stopwatch import Stopwatch
-from ksd.solve import pipeline
 from ksd.solve.configuration import Configuration
 from ksd.solve.estimate import distance, estimate_error
 from ksd.solve.following import counted
+from ksd.solve.joint_motions import read_motions
 from ksd.solve.load_steps import WANDERED, wandered
-from ksd.solve.space_steps import FULL, KINEMATIC, REDUCED, FiveStepsStorage, SpaceState, space_steps
+from ksd.solve.space_steps import (
+    FULL,
+    KINEMATIC,
+    REDUCED,
+    FiveStepsStorage,
+    SpaceState,
+    close_joints,
+    kinematic_forces,
+    space_steps,
+)
 from ksd.solve.steps import FiveStepRecord, Step, Stop
 from ksd.solve.verdict import trained_range
 
 _CODES = {"kinematic": KINEMATIC, "reduced": REDUCED, "full": FULL}
-
-
-class _Moved(NamedTuple):
-    """Intended motions theta (q,), what is left off (J, 6), found (J,), of every joint; intended: all are seen near them."""
-
-    theta: np.ndarray
-    off: np.ndarray
-    found: np.ndarray
-    intended: bool
 
 
 GAP = 2e-3
@@ -79,28 +78,36 @@ class FiveSteps:
         record, negatives = space_steps(b, target, code, relinearisations, self.gap)
         first = None
         if record[0][0] != 0 or not record[0][2] < self.gap * b.bodies.reduced.size:
-            first = _closed(b, target, self.gap)
+            first = _closed_along(b, target, self.gap, record[0])
             record, negatives = space_steps(b, target, code, relinearisations, self.gap, closed=True)
         inside, intended = b.seen.tolist()
         arrived = record[-1][0] == 0
-        warnings = [] if arrived and inside else trained_range(b, b.theta, extrapolate=self.extrapolate)
+        notes = [] if arrived and inside else trained_range(b, b.theta, extrapolate=self.extrapolate)
         steps = FiveStepRecord(record, relinearisations, first=first)
         if not arrived or first is not None:
             _insist(steps)
         error = None
-        moved = _Moved(b.found.copy(), b.off.copy(), b.known, intended=intended == 1)
+        joint_motions = read_motions(
+            b.bodies, b.joint_names, b.found.copy(), b.off.copy(), b.known, intended=intended == 1
+        )
         if method == "kinematic":
             clock = Stopwatch()
-            pipeline.kinematic_forces(b, target)
+            kinematic_forces(b, target)
             steps.rows[-1][3] += clock()
-            return self._kinematic((values, target, steps), moved, warnings, estimate=estimate)
-        if estimate and method == "reduced":
+            negatives = len(target)
+        elif estimate and method == "reduced":
             # condensed joints cannot buckle: the inertia is that of the full model at the recovered state
             error, step, negatives = estimate_error(b, target, relinearised=relinearisations > 0)
             steps.more = (step,)
-        return self._configuration(
-            (dict(values), method, steps), moved, negatives=negatives, error=error, warnings=warnings
-        )
+        if method != "kinematic" and steps.last is Stop.CONVERGED:
+            negatives = counted(self.model, b.full, 1.0, negatives)
+        doubts = wandered(s for s in steps if s.name[0] in "35") if steps.wandered(WANDERED) else ()
+        found = Configuration(
+            self.model, b.full.copy(), method, dict(values), steps, negatives=negatives, expected=self._expected,
+            joint_motions=joint_motions, method_error=error, notes=(*notes, *self._said(steps)), doubts=doubts,
+            intended=intended == 1,
+        )  # fmt: skip
+        return self._with_error(found, target, steps) if estimate and method == "kinematic" else found
 
     def insist_on_motions(self) -> None:
         """KinematicsError where intended motions alone say nothing of a drive or support."""
@@ -123,72 +130,28 @@ class FiveSteps:
             f"{said}: step 1 left a gap of {1e3 * steps[0].residual:.2g} mm, which the leaf springs take up by force",
         )
 
-    def _kinematic(
-        self,
-        solved: tuple[Mapping[str, float], np.ndarray, FiveStepRecord],
-        moved: _Moved,
-        warnings: list[str],
-        *,
-        estimate: bool,
-    ) -> Configuration:
-        """The kinematic answer; its error is its distance to the reduced one plus the estimate of that."""
-        values, target, steps = solved
-        b = self.storage
-        answer = self._configuration(
-            (dict(values), "kinematic", steps),
-            moved,
-            negatives=len(target),
-            error=None,
-            warnings=warnings,
-        )
-        if not estimate:
-            return answer
-        reduced = self(values, target, method="reduced", relinearisations=0, estimate=True)
+    def _with_error(self, answer: Configuration, target: np.ndarray, steps: FiveStepRecord) -> Configuration:
+        """The kinematic answer, whose error is its distance to the reduced one plus the estimate of that."""
+        reduced = self(answer.targets, target, method="reduced", relinearisations=0, estimate=True)
         assert reduced.method_error is not None
-        error = distance(answer.motion, b, reduced.method_error)
+        error = distance(answer.motion, self.storage, reduced.method_error)
         extra = reduced.steps[2:]
         spent, counted = sum(s.time for s in extra), sum(s.iterations for s in extra)
         last = Step("error estimate", counted, spent, extra[-1].residual, extra[-1].stop, "by steps 3 and 4")
         steps.more = (last,)
         return replace(answer, method_error=error, negatives=reduced.negatives)
 
-    def _configuration(
-        self,
-        solved: tuple[dict[str, float], str, FiveStepRecord],
-        moved: _Moved,
-        *,
-        negatives: int,
-        error: Any,
-        warnings: list[str],
-    ) -> Configuration:
-        b, (values, method, steps) = self.storage, solved
-        theta, off, found, intended = moved
-        joint_motions = pipeline.read_motions(b.bodies, b.joint_names, theta, off, found, intended=intended)
-        if method != "kinematic" and steps.last is Stop.CONVERGED:
-            negatives = counted(self.model, b.full, 1.0, negatives)
-        doubts = wandered(s for s in steps if s.name[0] in "35") if steps.wandered(WANDERED) else ()
-        return Configuration(
-            self.model, b.full.copy(), method, values, steps, negatives=negatives, expected=self._expected,
-            joint_motions=joint_motions,
-            method_error=error, notes=(*warnings, *self._said(steps)), doubts=doubts,
-            intended=intended,
-        )  # fmt: skip
 
-
-def _closed(b: FiveStepsStorage, target: np.ndarray, gap: float) -> Step:
-    """Step 1, in one go or, failing that, along the drive; ConvergenceError says how far it got. gap: as GAP."""
+def _closed_along(b: FiveStepsStorage, target: np.ndarray, gap: float, tried: list[float]) -> Step:
+    """Step 1 along the drive, after the whole of it was `tried`; ConvergenceError says how far it got. gap: as GAP."""
     b.restart()
-    step = pipeline.close(b, target)
-    if step.stop is Stop.CONVERGED and step.residual < gap * b.bodies.reduced.size:
-        return step
-    b.restart()
-    done, size, count, spent = 0.0, 0.25, step.iterations, step.time
+    clock, done, size, count, left = Stopwatch(), 0.0, 0.25, int(tried[1]), 0.0
     while done < 1.0 and size > 1e-3:
         theta, safe = b.theta.copy(), b.reduced.copy()
         goal = min(1.0, done + size)
-        step = pipeline.close(b, goal * target)
-        count, spent = count + step.iterations, spent + step.time
-        if step.stop is Stop.CONVERGED and step.residual < gap * b.bodies.reduced.size:
+        reason, more, left = close_joints(b, goal * target)
+        count += more
+        if reason == 0 and left < gap * b.bodies.reduced.size:
             done = goal
             continue
         b.theta[:] = theta
@@ -200,7 +163,7 @@ def _closed(b: FiveStepsStorage, target: np.ndarray, gap: float) -> Step:
             "the way, where the linkage locks; ask for less, or use method='conventional'",
             reached=done,
         )
-    return Step(step.name, count, spent, step.residual, step.stop, "in steps along the drive")
+    return Step("1 close loops", count, tried[3] + clock(), left, Stop.CONVERGED, "in steps along the drive")
 
 
 def _insist(steps: FiveStepRecord) -> None:

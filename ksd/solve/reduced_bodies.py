@@ -31,11 +31,11 @@ from ksd.model.newton import assemble, iterate
 from ksd.model.reduced import inner_state, member_pose, same_state
 from ksd.numerics.blocks import factor_blocks
 from ksd.numerics.stopwatch import Stopwatch
-from ksd.solve import pipeline
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import by_load_steps
 from ksd.solve.five import FiveSteps
 from ksd.solve.full_bodies import indicator
+from ksd.solve.joint_motions import read_motions
 from ksd.solve.load_steps import Way, drive_to
 from ksd.solve.space_steps import condense_space, place_space, read_space, recover_space
 from ksd.solve.steps import CAP, RTOL, Step, Stop
@@ -312,7 +312,7 @@ class _Placed:
         negatives, _ = factor_blocks(plan.ints, work.value, work.spare, len(plan.size))
         read_space(b)
         intended = bool(b.seen[1])
-        joint_motions = pipeline.read_motions(
+        joint_motions = read_motions(
             b.bodies, b.joint_names, b.found.copy(), b.off.copy(), b.known, intended=intended
         )
         expected = len(model.drive_names) + len(model.support_names)

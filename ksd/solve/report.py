@@ -23,7 +23,6 @@ _STOPS = {
     "singular": "singular stiffness",
     "diverged": "residual over eps_max",
     "not_finite": "numbers overflowed",
-    "smallest_step": "smallest drive step",
 }
 LITTLE = 1e-3
 """Percent below which the weight of an effect is none."""

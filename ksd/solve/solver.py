@@ -33,7 +33,7 @@ from ksd.solve.conventional import bare, by_load_steps, conventional
 from ksd.solve.estimate import relative_error
 from ksd.solve.five import FiveSteps
 from ksd.solve.full_bodies import indicator
-from ksd.solve.pipeline import JointReader
+from ksd.solve.joint_motions import JointReader
 from ksd.solve.plates import settled
 from ksd.solve.reduced_bodies import ReducedBodies, by_steps, has_solids, judged
 from ksd.solve.storage import Storage

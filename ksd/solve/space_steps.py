@@ -12,7 +12,7 @@ import numpy as np
 from ksd.bodies.flat import JOINT_LENGTH, JOINTS
 from ksd.bodies.joints import JointBodies, hang_links
 from ksd.bodies.kinematics import close_loops
-from ksd.bodies.readout import intended_motions
+from ksd.bodies.readout import drive_forces, intended_motions
 from ksd.bodies.substructures import (
     condense_joints,
     interface_step,
@@ -108,12 +108,10 @@ def _taken_over(state: SpaceState, model: Model, bodies: JointBodies) -> SpaceSt
 
 def close_joints(b: FiveStepsStorage, target: np.ndarray) -> tuple[int, int, float]:
     """Step 1 from where the joints are, and links that hang on leaves alone. Returns (reason, iterations, gap left [m])."""
-    reason, count, gap, _ = close_loops(
-        b.bodies.reduced, b.bodies.loops, b.theta, target, b.reduced, b.place, MOST_CLOSING
-    )
+    found = close_loops(b.bodies.reduced, b.bodies.loops, b.theta, target, b.reduced, b.place, MOST_CLOSING)
     if b.bodies.hanging:
         hang_links(b.bodies, b.reduced)
-    return reason, count, gap
+    return found
 
 
 def place_space(b: FiveStepsStorage) -> None:
@@ -127,6 +125,20 @@ def place_space(b: FiveStepsStorage) -> None:
     place_insides(
         *bodies.loops.flat, bodies.inside.flat.ints, bodies.full_node, substructures.x, substructures.R, full.x, full.R,
     )  # fmt: skip
+
+
+def kinematic_forces(b: FiveStepsStorage, target: np.ndarray) -> None:
+    """Drive forces of the kinematic answer by virtual work, into the multipliers.
+
+    The joints' moments in pure intended motion (wrench F of the condensed joints along the motion) and the external
+    loads are balanced by the loop and drive equations.
+    """
+    reduced = b.reduced
+    drive_forces(
+        *b.bodies.reduced.flat[:2], *b.bodies.loops.flat, b.theta, target, reduced.x.copy(), reduced.R.copy(), b.place,
+        reduced.inner, reduced.multiplier,
+    )  # fmt: skip
+    b.full.multiplier[:] = reduced.multiplier
 
 
 def near_space(b: FiveStepsStorage) -> None:
@@ -145,9 +157,7 @@ def condense_space(b: FiveStepsStorage, near: int) -> int:
     members = substructures.members
     if len(hung.owner):
         turn_gravity(hung.owner, loops.node, b.reduced.R, loops.frame, substructures.weight, work.weight)
-    _, _, status = condense_joints(
-        substructures, len(loops.node), b.substructures, work, near, b.reduced.inner
-    )
+    status = condense_joints(substructures, len(loops.node), b.substructures, work, near, b.reduced.inner)
     if len(hung.owner):
         hang_joints(
             hung.owner, hung.load, members.node, members.store_at, b.substructures.x, work.pose, work.store,

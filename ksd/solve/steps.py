@@ -1,4 +1,4 @@
-"""What a solve writes down: its steps, why each stopped, error estimates and joint motions; and the bounds it works to."""
+"""What a solve writes down: its steps, why each stopped, error estimates; and the bounds it works to."""
 
 from __future__ import annotations
 
@@ -24,7 +24,6 @@ class Stop(IntEnum):
     SINGULAR = 3
     DIVERGED = 4
     NOT_FINITE = 5
-    SMALLEST_STEP = 6
 
     @property
     def sentence(self) -> str:
@@ -40,7 +39,6 @@ _SENTENCES = {
     Stop.SINGULAR: "the stiffness matrix is singular: something can move without resistance at this state",
     Stop.DIVERGED: "the residual exceeded eps_max, so the step was given up",
     Stop.NOT_FINITE: "a number overflowed: the last step left the region where the equations make sense",
-    Stop.SMALLEST_STEP: "the drive step was halved to its smallest size without reaching equilibrium",
 }
 
 
@@ -117,25 +115,14 @@ class FiveStepRecord(Sequence[Step]):
     """What the five steps wrote down, one row per step, as `Step`s; a row is put in words when it is looked at.
 
     rows: see `ksd.solve.space_steps.Rows`; relinearisations: rounds after the first. first: step 1 where it was done apart,
-    without a row; more: steps after the five.
+    without a row; more: steps after the five, put there when they are done.
     """
 
-    def __init__(
-        self,
-        rows: list[list[float]],
-        relinearisations: int,
-        *,
-        first: Step | None = None,
-        more: tuple[Step, ...] = (),
-    ) -> None:
+    def __init__(self, rows: list[list[float]], relinearisations: int, *, first: Step | None = None) -> None:
         # a row that `_step` leaves alone
         alone = [] if first is None else [[0.0, first.iterations, first.residual, first.time, 0.0]]
-        self.rows, self.relinearisations, self.first, self.more = (
-            [*alone, *rows],
-            relinearisations,
-            first,
-            more,
-        )
+        self.rows, self.relinearisations, self.first = [*alone, *rows], relinearisations, first
+        self.more: tuple[Step, ...] = ()
 
     def __len__(self) -> int:
         return len(self.rows) + len(self.more)
@@ -179,26 +166,3 @@ class FiveStepRecord(Sequence[Step]):
         if name is _NAMES[3]:
             note, residual = f"moved {residual:.1e} m, {twist:.1e} rad", 0.0
         return Step(name, int(count), spent, residual, Stop(int(reason)), note)
-
-
-class JointMotions(NamedTuple):
-    """Intended motions theta (q,) [rad, or stroke over joint length] and what is left, off (J, 6) [m, rad], of all joints.
-
-    motions, joints: their names; scale (q,): from theta to rad or m. unknown: motions that are not known, nan, a sentence
-    each.
-    """
-
-    motions: tuple[str, ...]
-    joints: tuple[str, ...]
-    scale: np.ndarray
-    theta: np.ndarray
-    off: np.ndarray
-    unknown: tuple[str, ...] = ()
-
-    def by_motion(self) -> dict[str, float]:
-        """Intended motion [rad or m] by name."""
-        return dict(zip(self.motions, (self.theta * self.scale).tolist(), strict=True))
-
-    def by_joint(self) -> dict[str, np.ndarray]:
-        """(6,) displacement [m] and rotation [rad] of interface B off its intended pose, by joint."""
-        return dict(zip(self.joints, self.off, strict=True))

@@ -5,7 +5,7 @@ import pytest
 from scenes import STEEL, cross_flexure
 
 import ksd
-from ksd.bodies.joints import joint_loops
+from ksd.bodies.joints import joint_bodies
 from ksd.bodies.series import joint_places
 from ksd.library import find_record
 from ksd.numerics.rotations import rotation_log
@@ -26,7 +26,7 @@ def test_derivatives_of_places_are_their_differences(theta):
     scene.join(scene.ground, middle, cross_flexure(), at=(0, 0, 0), axis="z", toward="x")
     universal = ksd.UniversalJoint(STEEL, length=0.1, thickness=5e-4, width=0.04)
     scene.join(middle, tip, universal, at=(0.2, 0, 0), axis="z", toward="x")
-    loops = joint_loops(ksd.compile_scene(scene), find_record).loops
+    loops = joint_bodies(ksd.compile_scene(scene), find_record).loops
     assert loops.first.tolist() == [0, 1, 3]
     theta, step, turn = np.array(theta), 1e-5, np.empty(3)
     found = places(loops, theta)

@@ -15,8 +15,9 @@ import ksd
 from ksd.model.compile import compile_scene
 from ksd.properties.words import signed
 from ksd.solve.conventional import conventional
+from ksd.solve.joint_motions import JointMotions
 from ksd.solve.report import SCHEMA, WIDTH, as_dict, error_sentence, number
-from ksd.solve.steps import ErrorEstimate, JointMotions
+from ksd.solve.steps import ErrorEstimate
 
 SCENES = Path(ksd.__file__).parent / "scenes"
 

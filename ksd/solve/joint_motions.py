@@ -1,10 +1,4 @@
-"""Around the compiled five steps: step 1 along the drive, forces of a kinematic answer, error estimates.
-
-The steps of the KSD method (paper 1, section 2) themselves are in `ksd.solve.space_steps`:
-1 close the loops by the database constraints; 2 near configuration and condensed stiffness of every joint; 3 equilibrium
-of links and condensed joints; 4 recovery of the insides; 5 equilibrium of everything. `relinearisations` extra rounds of 2-4
-relinearise every joint, geometric stiffness included, at the state recovered before.
-"""
+"""Where the joints of an answer are: their intended motions, what is left beside them, and what is not known of them."""
 
 from __future__ import annotations
 
@@ -12,44 +6,44 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from ksd.bodies.joints import JointBodies, JointLoops, joint_loops
-from ksd.bodies.readout import drive_forces
+from ksd.bodies.joints import JointBodies, joint_bodies
 from ksd.errors import KsdError
 from ksd.library import Record
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
-from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve.joint_range import motion_limits
-from ksd.solve.space_steps import FiveStepsStorage, close_joints, read_joints
-from ksd.solve.steps import JointMotions, Step, Stop
+from ksd.solve.space_steps import read_joints
 
 
-def close(b: FiveStepsStorage, target: np.ndarray) -> Step:
-    """Step 1: intended motions and link poses, from the constraint functions alone."""
-    clock = Stopwatch()
-    reason, count, gap = close_joints(b, target)
-    return Step("1 close loops", count, clock(), gap, Stop(reason), note=f"gap {gap:.1e} m")
+class JointMotions(NamedTuple):
+    """Intended motions theta (q,) [rad, or stroke over joint length] and what is left, off (J, 6) [m, rad], of all joints.
 
-
-def kinematic_forces(b: FiveStepsStorage, target: np.ndarray) -> None:
-    """Drive forces of the kinematic answer by virtual work, into the multipliers.
-
-    The joints' moments in pure intended motion (wrench F of the condensed joints along the motion) and the external
-    loads are balanced by the loop and drive equations.
+    motions, joints: their names; scale (q,): from theta to rad or m. unknown: motions that are not known, nan, a sentence
+    each.
     """
-    reduced = b.reduced
-    drive_forces(
-        *b.bodies.reduced.flat[:2], *b.bodies.loops.flat, b.theta, target, reduced.x.copy(), reduced.R.copy(), b.place,
-        reduced.inner, reduced.multiplier,
-    )  # fmt: skip
-    b.full.multiplier[:] = reduced.multiplier
+
+    motions: tuple[str, ...]
+    joints: tuple[str, ...]
+    scale: np.ndarray
+    theta: np.ndarray
+    off: np.ndarray
+    unknown: tuple[str, ...] = ()
+
+    def by_motion(self) -> dict[str, float]:
+        """Intended motion [rad or m] by name."""
+        return dict(zip(self.motions, (self.theta * self.scale).tolist(), strict=True))
+
+    def by_joint(self) -> dict[str, np.ndarray]:
+        """(6,) displacement [m] and rotation [rad] of interface B off its intended pose, by joint."""
+        return dict(zip(self.joints, self.off, strict=True))
 
 
 def read_motions(
-    bodies: JointBodies | JointLoops,
+    bodies: JointBodies,
     names: tuple[str, ...],
     theta: np.ndarray,
     off: np.ndarray,
@@ -90,10 +84,10 @@ class JointReader:
     extrapolate: bool
 
     @cached_property
-    def _loops(self) -> JointLoops | None:
-        """The kinematics of the joints; None where a record is missing or does not fit."""
+    def _bodies(self) -> JointBodies | None:
+        """The joints; None where a record is missing or does not fit."""
         try:
-            return joint_loops(self.model, self.records, extrapolate=self.extrapolate)
+            return joint_bodies(self.model, self.records, extrapolate=self.extrapolate)
         except KsdError:
             return None
 
@@ -103,9 +97,10 @@ class JointReader:
         Unintended: (6,) per joint, displacement [m] and rotation vector [rad] in the axes of interface A. Both are nan for
         a joint whose nearest intended motion was not found, or lies far outside its trained range.
         """
-        if self._loops is None:
+        bodies = self._bodies
+        if bodies is None:
             return None
-        loops, limits = self._loops.loops, motion_limits(self._loops.motion_range)
+        loops, limits = bodies.loops, motion_limits(bodies.motion_range)
         joints, start, found = len(loops.node), np.zeros(len(limits)), np.zeros(len(limits))
         off, known, seen = np.zeros((joints, 6)), np.zeros(joints, np.int64), np.zeros(2, np.int64)
         read_joints(
@@ -113,4 +108,4 @@ class JointReader:
             np.zeros((3, loops.pose.shape[2])), off, known, limits, seen,
         )  # fmt: skip
         names = tuple(placed.name for placed in self.model.scene.joints)
-        return read_motions(self._loops, names, found, off, known, intended=bool(seen[1]))
+        return read_motions(bodies, names, found, off, known, intended=bool(seen[1]))
