@@ -70,12 +70,6 @@ def describe_motion(model: Model, twist: np.ndarray) -> str:
     return f"link '{name}' can slide along {_AXES[int(np.argmax(slide))]}"
 
 
-def freedoms(model: Model, bodies: JointBodies) -> int:
-    """How many freedoms the joints leave to the mechanism, at rest."""
-    J, _ = _jacobian(bodies, np.zeros(len(bodies.motion_names)))
-    return _null_space(J[: 6 * len(bodies.loops.closing)]).shape[1]
-
-
 class Fit(NamedTuple):
     """How well intended motions alone fit together.
 

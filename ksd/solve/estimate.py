@@ -26,7 +26,7 @@ MOST = 5
 
 
 def estimate_error(
-    b: FiveStepsStorage, target: np.ndarray, *, relinearised: bool = False
+    b: FiveStepsStorage, target: np.ndarray, *, relinearised: bool
 ) -> tuple[ErrorEstimate, Step, int]:
     """Error estimate and inertia of the full state in storage from a Newton step, or a few.
 

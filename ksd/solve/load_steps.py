@@ -209,8 +209,6 @@ def doubt(
     model: Model, motion: Motion, driven: Driven, target: np.ndarray, *, fresh: bool, steps: int
 ) -> str:
     """Why the state reached in `steps` may not be the one meant, or nothing. fresh: the mechanism was at rest before."""
-    if driven.stop is not Stop.CONVERGED:
-        return ""
     if driven.negatives != len(target):
         return SADDLE
     if driven.longest > WANDERED:
@@ -219,10 +217,9 @@ def doubt(
         return f"a load step had to be cut to {100 * driven.shortest:.2g} % of the way"
     if not fresh:
         return ""
-    loaded = carries_load(model.arrays)
-    if (sum(works(model, motion, target)) if loaded else -motion.multiplier.dot(target)) < 0.0:
+    if sum(works(model, motion, target)) < 0.0:
         return "drives and loads did negative work on it"
-    if loaded and laden(model, motion, target, driven.longest):
+    if laden(model, motion, target, driven.longest):
         return f"loads do much of the work, and a load step took {driven.longest} iterations"
     return ""
 

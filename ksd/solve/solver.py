@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from numpy.typing import ArrayLike
 
-from ksd.bodies.joints import JointBodies, joint_bodies
+from ksd.bodies.joints import joint_bodies
 from ksd.checks import nearest, number, show, truth, whole, worded
 from ksd.errors import ConvergenceError, KinematicsError, RangeError, RecordError, SceneError
 from ksd.library import Record, find_record
@@ -201,18 +201,14 @@ class Solver:
         self.basis, self.accuracy = basis, wanted_accuracy(accuracy)
         self._drives = frozenset(mechanism.drive_names)
         self._reduced: dict[bool, ReducedBodies] = {}
-        self._five: FiveSteps | None = None
         self._joints = JointReader(mechanism, records, extrapolate)
-        self._storage: Storage | None = None
         self.lock = threading.RLock()
 
-    @property
+    @cached_property
     def five_steps(self) -> FiveSteps:
         """The five steps, prepared on first use. Raises RecordError, RangeError, KinematicsError, SceneError."""
-        if self._five is None:
-            bodies: JointBodies = joint_bodies(self.model, self.records, extrapolate=self.extrapolate)
-            self._five = FiveSteps(self.model, bodies, extrapolate=self.extrapolate)
-        return self._five
+        bodies = joint_bodies(self.model, self.records, extrapolate=self.extrapolate)
+        return FiveSteps(self.model, bodies, extrapolate=self.extrapolate)
 
     @property
     def in_plane(self) -> Literal["auto", False]:
@@ -222,12 +218,10 @@ class Solver:
     def __repr__(self) -> str:
         return f"<Solver of {self.model!r}>"
 
-    @property
+    @cached_property
     def storage(self) -> Storage:
         """Storage of the conventional solver, prepared on first use."""
-        if self._storage is None:
-            self._storage = Storage(self.model)
-        return self._storage
+        return Storage(self.model)
 
     def of(self, model: Model) -> Solver:
         """A solver of another model of the same scene, with the options of this one."""
@@ -275,20 +269,16 @@ class Solver:
         """The answer as it is, whether the mesh resolves it or not, trusted or not."""
         try:
             with self.lock:
-                if method is not None:
-                    _check_words(method, relinearisations)
+                _check_words(method, relinearisations)
                 if method == "constant":
                     return self._by_constant_leaves(values, estimate)
                 if self._has_bodies():
                     return self._of_bodies(values, method, relinearisations, estimate)
-                if self.model.mesh.plate:
-                    found, used = settled(
-                        self,
-                        lambda s: s._solve(values, method, accuracy, relinearisations, estimate),
-                        0.1 * accuracy,
-                    )
-                else:
-                    found, used = self._solve(values, method, accuracy, relinearisations, estimate), self
+                found, used = settled(
+                    self,
+                    lambda s: s._solve(values, method, accuracy, relinearisations, estimate),
+                    0.1 * accuracy,
+                )
                 if method is None or not needs_load_step_check(found):
                     return found
                 against, other = load_step_check(found, lambda: used._by_load_steps(values))
@@ -424,11 +414,12 @@ class Solver:
         except (RecordError, KinematicsError, ConvergenceError, RangeError) as reason:
             if isinstance(reason, KinematicsError) and "same freedom" in str(reason):
                 raise
-            return self._load_steps(values, f"conventional solver used: {reason}")
+            found = self._by_load_steps(values)
+            return replace(found, notes=(*found.notes, f"conventional solver used: {reason}"))
         except SceneError:
             if self.model.scene.joints:
                 raise
-            return self._load_steps(values, "")
+            return self._by_load_steps(values)
 
     def _with_load_step_check(self, found: Configuration, values: Mapping[str, float]) -> Configuration:
         """An answer of the five steps, or that of load steps where loads are large and it is another."""
@@ -464,15 +455,12 @@ class Solver:
             joints=self._joints,
         )
 
-    def _load_steps(self, values: Mapping[str, float], note: str) -> Configuration:
-        """The conventional solver in all its ways."""
-        result = self._by_load_steps(values)
-        return replace(result, notes=(*result.notes, note)) if note else result
-
 
 def _check_words(method: object, relinearisations: object) -> None:
     """SceneError for what is no method, or no number of relinearisation steps of one that has them."""
-    if method is not None and (not isinstance(method, str) or method not in METHODS):
+    if method is None:
+        return
+    if not isinstance(method, str) or method not in METHODS:
         raise SceneError(f"method = {show(method)}: choose one of {', '.join(METHODS)}")
     if method != "conventional" and whole(relinearisations, "relinearisations", least=0) > 50:
         raise SceneError(

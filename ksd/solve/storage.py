@@ -13,14 +13,10 @@ from ksd.model.plane import Plane
 
 
 class Storage:
-    """What the Newton of one model writes into, in space and in its plane. Not for two threads at once.
+    """What the Newton of one model writes into, in space and in its plane. Not for two threads at once."""
 
-    work: made here unless given.
-    """
-
-    def __init__(self, model: Model, work: Work | None = None) -> None:
-        self.model = model
-        self.work = make_work(model.arrays) if work is None else work
+    def __init__(self, model: Model) -> None:
+        self.model, self.work = model, make_work(model.arrays)
         self._planar: Work | None = None
 
     def newton(

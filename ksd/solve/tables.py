@@ -17,6 +17,8 @@ from ksd.solve.space_steps import LINEAR_SIZE, FiveStepsStorage, condense_space,
 
 FIRST, MOST = 32, 2048
 """Pieces tried first, and most."""
+ACCURACY = 1e-6
+"""Interpolation error below which there are pieces enough."""
 _UPPER = np.triu_indices(6)
 
 
@@ -39,27 +41,20 @@ class JointTables:
         return f"{count} table{'s' * (count > 1)} of {pieces} pieces, interpolation error {self.error:.1e}"
 
 
-def condense_along(b: FiveStepsStorage, thetas: np.ndarray, found: np.ndarray) -> int:
-    """Condensed joints at thetas (N, q): found (N, J, 42), wrench and stiffness. Returns the worst status."""
-    worst = 0
-    for n, theta in enumerate(thetas):
-        b.theta[:] = theta
-        joint_places(*b.bodies.loops.flat, b.theta, b.place, b.state.series)
-        near_space(b)
-        worst = max(worst, condense_space(b, 1))
-        found[n] = b.reduced.inner[: LINEAR_SIZE * found.shape[1]].reshape(-1, LINEAR_SIZE)[:, 12:]
-    return worst
-
-
 def _sampled(b: FiveStepsStorage, shares: np.ndarray) -> np.ndarray:
     """(N, J, 27): all joints at `shares` (N,) of their trained ranges."""
     low, high = b.bodies.motion_range.T
-    thetas = low + shares[:, None] * (high - low)
-    found = np.empty((len(shares), len(b.bodies.loops.node), 42))
-    if condense_along(b, thetas, found) != 0:
-        raise SceneError(
-            "tabulated = True: a joint cannot be condensed over its whole trained range; leave it out"
-        )
+    joints = len(b.bodies.loops.node)
+    found = np.empty((len(shares), joints, 42))
+    for n, share in enumerate(shares):
+        b.theta[:] = low + share * (high - low)
+        joint_places(*b.bodies.loops.flat, b.theta, b.place, b.state.series)
+        near_space(b)
+        if condense_space(b, 1) != 0:
+            raise SceneError(
+                "tabulated = True: a joint cannot be condensed over its whole trained range; leave it out"
+            )
+        found[n] = b.reduced.inner[: LINEAR_SIZE * joints].reshape(joints, LINEAR_SIZE)[:, 12:]
     matrix = found[:, :, 6:].reshape(*found.shape[:2], 6, 6)
     return np.concatenate([found[:, :, :6], matrix[:, :, _UPPER[0], _UPPER[1]]], axis=2)
 
@@ -76,8 +71,8 @@ def _error(exact: np.ndarray, near: np.ndarray) -> float:
     return float(max(stiffness.max(initial=0.0), wrench.max(initial=0.0)))
 
 
-def joint_tables(b: FiveStepsStorage, *, accuracy: float = 1e-6) -> JointTables:
-    """Tables of all joints of a design, refined until the interpolation error is below `accuracy` or pieces run out.
+def joint_tables(b: FiveStepsStorage) -> JointTables:
+    """Tables of all joints of a design, refined until the interpolation error is below ACCURACY or pieces run out.
 
     Raises SceneError for joints of more than one intended motion, and for leaf springs with weight.
     """
@@ -101,7 +96,7 @@ def joint_tables(b: FiveStepsStorage, *, accuracy: float = 1e-6) -> JointTables:
         between = _sampled(b, halves)
         spline = CubicSpline(grid, values, axis=0)
         error = _error(between, spline(halves))
-        if error <= accuracy or pieces >= MOST:
+        if error <= ACCURACY or pieces >= MOST:
             break
         merged = np.empty((2 * pieces + 1, *values.shape[1:]))
         merged[::2], merged[1::2] = values, between
