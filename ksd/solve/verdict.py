@@ -210,8 +210,6 @@ def mesh_check(found: Configuration, wanted: float) -> Configuration:
 
 def trained_range(b: FiveStepsStorage, theta: np.ndarray, *, extrapolate: bool) -> list[str]:
     """Refuse motions theta (q,) outside the trained range, or warn when extrapolation was asked for."""
-    if np.all((theta >= b.lowest) & (theta <= b.highest)):
-        return []
     warnings = []
     for k, (name, value, scale) in enumerate(
         zip(b.bodies.motion_names, theta, b.bodies.motion_scale, strict=True)

@@ -102,6 +102,11 @@ def test_the_error_told_includes_the_mesh_of_the_solid(monkeypatch, cells, load,
     share = 100 * pose.error.mesh
     assert f"of which mesh {share:.2g} %" in str(pose)
     assert pose.error.displacement == pytest.approx(np.linalg.norm(full.shift - moved(pose)), rel=1.0)
+    if not large:
+        size = lambda p: float(np.linalg.norm(moved(p)))  # noqa: E731
+        value, told = pose.with_error(size)
+        # what cells of half the size change: they leave a quarter, a half where they are few
+        assert 0.45 < told / (np.linalg.norm(full.shift) - value) < 1.0
 
 
 def test_of_a_solid_that_cannot_be_meshed_again_the_method_alone_is_told(plane):

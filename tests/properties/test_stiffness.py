@@ -297,3 +297,15 @@ def test_at_rest_leaf_springs_of_constant_stiffness_are_the_others(top):
     assert found.drive_stiffness()["top"] == pytest.approx(exact.drive_stiffness()["top"], rel=1e-6)
     lowest = exact.frequencies(count=1).frequency_Hz
     assert found.frequencies(count=1).frequency_Hz == pytest.approx(lowest, rel=1e-6)
+
+
+def test_what_a_direction_is_most_coupled_with():
+    """C_ij / sqrt(C_ii C_jj) of a slender leaf spring's end: L^2 / 2 over the root of L^3 / 3 times L."""
+    scene = ksd.Mechanism("cantilever")
+    scene.leaf(
+        scene.ground, scene.link("tip"), start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(5e-4, 0.01), material=STEEL,
+        width_axis="z", name="leaf",
+    )  # fmt: skip
+    said = [line.split() for line in str(ksd.solve(scene).stiffness("tip", at=(0.1, 0, 0))).splitlines()]
+    assert [line[-2:] for line in said if line[:1] == ["y"]] == [["rz", f"({0.75**0.5:.2f})"]]
+    assert [line[-1] for line in said if line[:1] == ["rx"]] == ["rad/Nm"]

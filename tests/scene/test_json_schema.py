@@ -155,6 +155,12 @@ def test_texts_with_units_fit_as_they_are_read(kind, number, space, unit):
     assert fits(text, SCHEMA["definitions"][dimension]) == read, text
 
 
+@pytest.mark.parametrize("said", ["x", "-z", "w", [0, 0.6, 0.8], [1, 0], [1, 0, 0, 0], ["x", 0, 0]])
+def test_directions_fit_as_they_are_read(said):
+    fine = said in ("x", "-z") or said == [0, 0.6, 0.8]
+    assert fits(said, SCHEMA["definitions"]["direction"]) == fine
+
+
 def test_the_command_prints_or_writes_it(capsys, tmp_path):
     assert main(["schema"]) == 0
     assert json.loads(capsys.readouterr().out) == SCHEMA

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scenes import cross_flexure, fourbar, guided_leaf, single_joint
+from scenes import cross_flexure, fourbar, guided_leaf, single_joint, slider
 
 import ksd
 from ksd.model.orders import mesh_for, raised
@@ -138,6 +138,15 @@ def test_stroke_outside_the_trained_range_is_refused_and_can_be_extrapolated():
     chosen = ksd.solve(scene, turn=80 * deg)
     assert chosen.method == "conventional"
     assert any("80 degrees" in w for w in chosen.warnings)
+
+
+def test_one_joint_outside_its_trained_range_among_others():
+    drives = {"stroke": 1e-3, "turn": 1.5}
+    with pytest.raises(ksd.RangeError, match="joint 'wheel' would turn"):
+        ksd.solve(slider(), drives, method="reduced")
+    found = ksd.solve(slider(), drives, method="reduced", extrapolate=True, strict=False)
+    assert [w for w in found.warnings if "joint 'guide'" in w and "extrapolated" in w] == []
+    assert len([w for w in found.warnings if "extrapolated" in w]) == 1
 
 
 def test_shape_outside_the_trained_range_is_refused():
