@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal
 
@@ -86,19 +86,23 @@ def loads_last(
     model: Model,
     targets: Mapping[str, float],
     *,
-    steps: int = 4,
-    unloaded: Configuration | None = None,
     planar: bool | Literal["auto"] = "auto",
     joints: JointReader | None = None,
 ) -> Configuration:
     """Solve at `targets` by moving the drives without the loads first, and putting the loads on there.
 
-    The way of a designer who thinks of the intended motion first. unloaded: the state without loads, where it is known;
-    planar, joints: see `conventional`. Raises ConvergenceError as `conventional`.
+    The way of a designer who thinks of the intended motion first. planar, joints: see `conventional`. Raises
+    ConvergenceError as `conventional`.
     """
-    moved = unloaded or conventional(bare(model), targets, planar=planar)
-    start = replace(moved, model=model, load_factor=0.0)
-    return conventional(model, targets, start=start, steps=steps, planar=planar, joints=joints)
+    start = unloaded(model, targets, planar=planar)
+    return conventional(model, targets, start=start, steps=4, planar=planar, joints=joints)
+
+
+def unloaded(
+    model: Model, targets: Mapping[str, float], *, planar: bool | Literal["auto"] = "auto"
+) -> Configuration:
+    """The equilibrium at `targets` before the loads come on, to start from. Raises ConvergenceError."""
+    return replace(conventional(bare(model), targets, planar=planar), model=model, load_factor=0.0)
 
 
 def by_load_steps(
@@ -106,13 +110,11 @@ def by_load_steps(
     targets: Mapping[str, float],
     *,
     storage: Storage | None = None,
-    kinematic: Callable[[], Configuration] | None = None,
     planar: bool | Literal["auto"] = "auto",
     joints: JointReader | None = None,
     method: str = "conventional",
 ) -> Configuration:
-    """Drives and loads together; where that fails or cannot be trusted, the drives first and the loads on top of them; at
-    last the loads on top of the unloaded state of the five steps, that of `kinematic`.
+    """Drives and loads together; where that fails or cannot be trusted, the drives first and the loads on top of them.
 
     storage, planar, joints, method: see `conventional`. Raises ConvergenceError.
     """
@@ -121,16 +123,11 @@ def by_load_steps(
         result = conventional(model, targets, storage=storage, planar=planar, joints=joints, method=method)
     except ConvergenceError as reason:
         stopped = reason
-    ways: dict[str, Callable[[], Configuration | None]] = {"loads put on after the drives": lambda: None}
-    if kinematic is not None:
-        ways["loads put on the unloaded state of the five steps"] = kinematic
-    for said, begin in ways.items() if carries_load(model.arrays) else ():
-        if result is not None and is_solved(result):
-            break
+    if carries_load(model.arrays) and not (result is not None and is_solved(result)):
         with contextlib.suppress(KsdError):
-            other = loads_last(model, targets, unloaded=begin(), planar=planar, joints=joints)
+            other = loads_last(model, targets, planar=planar, joints=joints)
             if is_solved(other) or result is None:
-                result = replace(other, notes=(*other.notes, said), method=method)
+                result = replace(other, notes=(*other.notes, "loads put on after the drives"), method=method)
     if result is None:
         assert stopped is not None
         raise stopped

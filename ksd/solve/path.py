@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -21,7 +21,7 @@ from ksd.scene.contents import Scene
 from ksd.scene.mechanism import Mechanism
 from ksd.solve.arc import REACHED, Course, Place, Walk, starting_place, switched
 from ksd.solve.configuration import Configuration
-from ksd.solve.conventional import bare, conventional
+from ksd.solve.conventional import unloaded
 from ksd.solve.solver import COMPILED, DEFAULT_ACCURACY
 from ksd.solve.steps import Step, Stop
 from ksd.solve.verdict import mesh_check
@@ -123,7 +123,7 @@ def follow(
     model = scene if isinstance(scene, Model) else compile_scene(scene, mesh=mesh)
     begin = start or (branch.configuration if branch else None)
     if begin is None and control == "load" and any((targets or {}).values()):
-        begin = _unloaded(model, targets or {})
+        begin = unloaded(model, targets or {})
     course, f = _course(model, targets, control, start=begin, branched=branch is not None)
     walk = Walk(model, course)
     clock = Stopwatch()
@@ -152,11 +152,6 @@ def _shown(walk: Walk, at: Place) -> Configuration:
         negatives=at.negatives, expected=len(target), load_factor=factor,
     )  # fmt: skip
     return mesh_check(found, DEFAULT_ACCURACY)
-
-
-def _unloaded(model: Model, targets: Mapping[str, float]) -> Configuration:
-    """The equilibrium at drive values `targets` before the loads come on."""
-    return replace(conventional(bare(model), targets), model=model, load_factor=0.0)
 
 
 def _course(

@@ -29,7 +29,7 @@ from ksd.scene.mechanism import Mechanism
 from ksd.solve.actuation import Actuation, RequiredForces
 from ksd.solve.ahead import compile_ahead
 from ksd.solve.configuration import Configuration
-from ksd.solve.conventional import bare, by_load_steps, conventional
+from ksd.solve.conventional import by_load_steps, conventional
 from ksd.solve.estimate import relative_error
 from ksd.solve.five import FiveSteps
 from ksd.solve.full_bodies import indicator
@@ -436,23 +436,8 @@ class Solver:
 
     def _by_load_steps(self, values: Mapping[str, float]) -> Configuration:
         """The conventional solver, in the fixed order of its ways."""
-
-        def unloaded() -> Configuration:
-            model = bare(self.model)
-            bodies = joint_bodies(model, self.records, extrapolate=self.extrapolate)
-            five = FiveSteps(model, bodies, extrapolate=self.extrapolate)
-            return five(values, model.targets(values), method="full", relinearisations=0, estimate=False)
-
-        # the storage of leaf springs with weight is another one
-        light = self.model.scene.joints and not len(self.model.arrays.weight)
-        kinematic = unloaded if light else None
         return by_load_steps(
-            self.model,
-            values,
-            storage=self.storage,
-            kinematic=kinematic,
-            planar=self.in_plane,
-            joints=self._joints,
+            self.model, values, storage=self.storage, planar=self.in_plane, joints=self._joints
         )
 
 

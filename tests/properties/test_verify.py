@@ -12,10 +12,10 @@ import ksd
 from ksd.errors import ConvergenceError, SceneError
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import reduce_solid
-from ksd.model.leaves import integrate_curve
 from ksd.properties import leaf_rods
 from ksd.properties.shape import member_ends
 from ksd.properties.verify import verify
+from ksd.scene.profile import line_of
 from ksd.solve.estimate import relative_error
 from ksd.solve.steps import Stop
 
@@ -90,7 +90,7 @@ def wavy(s):
 def free_curve():
     """`wavy`, drawn between START and END; its chord sets its length."""
     unit = ksd.FreeCurve(1e-1, wavy)
-    reach = float(np.linalg.norm(integrate_curve(unit, 400)[0][-1]))
+    reach = float(np.linalg.norm(line_of(unit, 1.0)[0]))
     length = 1e-1 * float(np.linalg.norm(END - START)) / reach
     return ksd.FreeCurve(length, lambda s: np.asarray(wavy(s)) * (1e-1 / length))
 

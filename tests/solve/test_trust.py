@@ -235,8 +235,8 @@ def test_an_error_that_one_corrector_step_does_not_see(planar):
     assert "not known" in str(lax) and lax.as_dict()["error"]["relative_percent"] is None
 
 
-def test_loads_on_the_unloaded_state_of_the_five_steps(monkeypatch):
-    """The last of the ways of load steps, after the two before it have failed, and recorded as such."""
+def test_loads_put_on_after_the_drives(monkeypatch):
+    """The second way of load steps, after the first has failed, and recorded as such; where both fail the first says why."""
     module = importlib.import_module("ksd.solve.conventional")
 
     scene = fourbar()
@@ -246,16 +246,20 @@ def test_loads_on_the_unloaded_state_of_the_five_steps(monkeypatch):
     assert not right.notes
     own = module.conventional
 
-    def from_a_state_alone(model, targets, **ways):
-        if ways.get("start") is None:
+    def not_with_loads(model, targets, **ways):
+        if ways.get("start") is None and model.scene.loads:
             raise ConvergenceError("not from rest", reached=0.0)
         return own(model, targets, **ways)
 
-    monkeypatch.setattr(module, "conventional", from_a_state_alone)
+    monkeypatch.setattr(module, "conventional", not_with_loads)
     found = ksd.prepare(scene, mesh=fine)(top=0.3, method="conventional")
-    assert found.notes == ("loads put on the unloaded state of the five steps",)
+    assert found.notes == ("loads put on after the drives",)
     assert found.forces["top"] == pytest.approx(right.forces["top"], rel=1e-8)
-    monkeypatch.setattr(module, "loads_last", lambda *a, **k: from_a_state_alone(*a))
+
+    def never(*_, **__):
+        raise ConvergenceError("not on top of them", reached=0.0)
+
+    monkeypatch.setattr(module, "loads_last", never)
     with pytest.raises(ConvergenceError, match="not from rest"):
         ksd.prepare(scene)(top=0.3, method="conventional")
 
