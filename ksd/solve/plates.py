@@ -80,11 +80,11 @@ def settled(solver: Any, solve: Callable[[Any], Configuration], bound: float) ->
     if not solver.model.mesh.plate:
         return found, solver
     for _ in range(MOST):
-        conditions, moved = bent(found.model, found.motion)
+        conditions, moved = bent(*found.insides)
         if moved <= bound:
             break
-        scene = with_conditions(found.model.scene, conditions)
         model = solver.model
-        solver = solver.of(compile_given(scene, found.model.mesh, model.said, model.choice))
+        scene = with_conditions(model.scene, conditions)
+        solver = solver.of(compile_given(scene, model.mesh, model.said, model.choice))
         found = solve(solver)
     return found, solver
