@@ -336,8 +336,6 @@ def _drive(storage: Storage, begin: Motion, way: Way, planar: bool | Literal["au
 
 AT_START = 1e-3
 """Share of a way up to which a stop is one of the start."""
-POLISH = 3
-"""Spatial iterations allowed to bring the rounding of a planar answer within the spatial bounds."""
 
 
 @per_model
@@ -392,14 +390,9 @@ def _drive_in_plane(
             return said
     if driven.stop is not Stop.CONVERGED:
         return driven, motion
-    count = 0
     if residual > max(1.0, 2.0 * driven.residual) or status != 0:
-        reason, count, residual, negatives, _ = storage.newton(
-            motion, values, factor, way.rtol, POLISH, math.inf, math.inf
-        )
-        if reason != CONVERGED:
-            return "what was found is no equilibrium in space"
-    return driven._replace(solves=driven.solves + count, residual=residual, negatives=negatives), motion
+        return "what was found is no equilibrium in space"
+    return driven._replace(residual=residual, negatives=negatives), motion
 
 
 def _counted(model: Model, motion: Motion, driven: Driven, way: Way) -> Driven:

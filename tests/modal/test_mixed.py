@@ -172,7 +172,7 @@ def test_large_bases_start_from_smaller_ones(basis):
 
 
 def test_plate_factors_settle_with_modal_leaves():
-    """Plate stiffening is 4.3 % of the force here, a basis of the lower left joint 0.1 %, bases of all leaf springs 0.03 %."""
+    """Plate stiffening is 4.3 % of the force here, a basis of the lower left joint 0.1 %, of all leaf springs 0.03 %."""
     scene = fourbar()
     scene.consider("plate")
     right = ksd.solve(scene, top=0.2, method="conventional").forces["top"]
