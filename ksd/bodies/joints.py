@@ -458,8 +458,8 @@ def _check_record(joint: Any, record: Record, mesh: str | int) -> None:
     counts = [
         (len(leaves), len(record.leaves), "leaf springs"),
         (len(inner), len(record.blocks), "internal blocks"),
+        (len(joint.motions), len(record.motions), "motions"),
     ]
-    counts.append((len(joint.motions), len(record.motions), "motions"))
     for here, there, what in counts:
         if here != there:
             raise RecordError(

@@ -22,9 +22,9 @@ from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.numerics.processes import process_pool, spawning
+from ksd.properties.words import number
 from ksd.scene.toml_file import load_scene
 from ksd.solve.conventional import conventional
-from ksd.solve.report import number
 from ksd.solve.solver import solve
 from ksd.view import plot_mechanism, save_figure
 from ksd.view.compare import Mark, plot_cost

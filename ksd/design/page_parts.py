@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import ksd
-from ksd.solve.report import number
+from ksd.properties.words import number
 from ksd.view.figure import picture
 
 STYLE = """

@@ -105,6 +105,3 @@ def process_pool(context: SpawnContext) -> Iterator[ProcessPoolExecutor]:
         raise
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
-
-
-__all__ = ["follow_parent", "process_pool", "spawning"]

@@ -250,18 +250,3 @@ def split_boundary(columns: Array, rows: Sequence[int]) -> tuple[Array, Array]:
     rank = int(np.sum(values > 1e-9 * values[0]))
     inverse = (right[:rank].T / values[:rank]) @ left[:, :rank].T
     return unit @ inverse, unit @ right[rank:].T
-
-
-__all__ = [
-    "Basis",
-    "Derivatives",
-    "Modes",
-    "QuadraticManifold",
-    "conditioned",
-    "craig_bampton",
-    "extended",
-    "modal_derivatives",
-    "quadratic_manifold",
-    "split_boundary",
-    "tangent_derivative",
-]

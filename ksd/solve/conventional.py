@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import time
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal
@@ -18,6 +17,7 @@ import numpy as np
 from ksd.errors import ConvergenceError, KsdError, SceneError
 from ksd.model.arrays import Arrays, Loads, carries_load
 from ksd.model.compile import Model
+from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve.configuration import Configuration
 from ksd.solve.joint_motions import JointReader
 from ksd.solve.load_steps import Way, load_steps, step_of, stopped
@@ -57,14 +57,14 @@ def conventional(
         raise SceneError(f"planar = {planar!r}: choose 'auto', True or False")
     target = model.targets(targets)
     model.refuse_turns(target)
-    storage, clock = storage or storage_of(model), time.thread_time_ns()
+    storage, clock = storage or storage_of(model), Stopwatch()
     begin = model.targets(start.targets) if start else np.zeros(len(target))
     low = start.load_factor if start else 0.0
     way = Way(begin, target, (low, 1.0), steps, rtol, most, cap, eps_max, smallest)
     driven, how, found, doubts = load_steps(
         storage, start.motion if start else model.rest, way, fresh=start is None, planar=planar
     )
-    spent = 1e-9 * (time.thread_time_ns() - clock)
+    spent = clock()
     values, factor = way.at(driven.reached)
     result = Configuration(
         model, found, method,

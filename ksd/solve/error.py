@@ -31,7 +31,7 @@ from ksd.properties.leaf_groups import LeafGroup, elastic, end_axes, end_frames,
 from ksd.properties.tangent import exact
 from ksd.properties.unfold import finer, pad
 from ksd.solve.estimate import relative_error, size_of_step
-from ksd.solve.full_bodies import settled as settled_solids
+from ksd.solve.full_bodies import full_equilibrium
 from ksd.solve.steps import CAP, FAST, RTOL, ErrorEstimate, Stop
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def _whole(pose: Configuration, *, times: float = 1.0) -> tuple[Model, Motion]:
     if times != 1.0:
         fine = refined(model)
         leaves = fine, _started(model, motion, fine, factor)
-    return settled_solids(model, motion, model.targets(pose.targets), factor, leaves=leaves, times=times)
+    return full_equilibrium(model, motion, model.targets(pose.targets), factor, leaves=leaves, times=times)
 
 
 def truth_of(pose: Configuration) -> tuple[Model, Motion | None, int]:

@@ -133,7 +133,7 @@ def indicator(
     return estimate, Step("error estimate", taken, clock(), full.residual, Stop.CONVERGED, note)
 
 
-def settled(
+def full_equilibrium(
     model: Model,
     motion: Motion,
     target: np.ndarray,
@@ -155,6 +155,3 @@ def settled(
             return full.model, full.state
         before = error
     raise ConvergenceError("the full solids find no equilibrium next to this state; ask for less")
-
-
-__all__ = ["FullBodies", "indicator", "settled"]

@@ -165,20 +165,17 @@ def _course(
     """What is driven, and the parameter at the start."""
     held = dict(start.targets) if start else dict.fromkeys(model.drive_names, 0.0)
     level = start.load_factor if start else 0.0
-    if control == "load":
-        if not carries_load(model.arrays):
-            raise SceneError("control = 'load': this mechanism carries no load; use control = 'drives'")
-        target = model.targets({**held, **(targets or {})})
-        model.refuse_turns(target)
-        return Course(target, np.zeros(len(target)), 0.0, 1.0), level
-    if control != "drives":
+    if control not in ("load", "drives"):
         raise SceneError(f"control = {control!r}: choose 'load' or 'drives'")
+    if control == "load" and not carries_load(model.arrays):
+        raise SceneError("control = 'load': this mechanism carries no load; use control = 'drives'")
     goal = model.targets({**held, **(targets or {})})
     model.refuse_turns(goal)
-    begin = np.zeros(len(goal)) if branched else model.targets(held)
-    if not np.any(goal != begin):
+    if control == "load":
+        return Course(goal, np.zeros(len(goal)), 0.0, 1.0), level
+    here = model.targets(held)
+    begin = np.zeros(len(goal)) if branched else here
+    way = goal - begin
+    if not way.any():
         raise SceneError("control = 'drives': give targets that differ from where the path starts")
-    f = 0.0
-    if branched and start is not None:
-        f = float((model.targets(held) - begin) @ (goal - begin) / ((goal - begin) @ (goal - begin)))
-    return Course(begin, goal - begin, level if start else 1.0, 0.0), f
+    return Course(begin, way, level if start else 1.0, 0.0), float((here - begin) @ way / (way @ way))

@@ -190,7 +190,7 @@ class _Placed:
         if not self.trained:
             return self.at_rest
         state = same_state(self.model, self.storage.full, self._untrained)
-        settle(self._untrained, state)
+        settle_bodies(self._untrained, state)
         return self._made(inside(self._untrained, state)[1])
 
     def _made(self, about: Motion | None) -> _Prepared:
@@ -276,7 +276,7 @@ class _Placed:
         """Where steps 1 and 2 put everything, the bodies settled there."""
         clock, mix, model = Stopwatch(), ready.mix, ready.model
         state = same_state(self.model, self.storage.full, model)
-        count = settle(model, state)
+        count = settle_bodies(model, state)
         motion = mix.rest.copy()
         motion.x[:], motion.R[:] = state.x[mix.nodes], state.R[mix.nodes]
         for m in np.flatnonzero(mix.member >= 0).tolist():
@@ -375,7 +375,7 @@ class _Prepared:
         return motion
 
 
-def settle(model: Model, state: Motion) -> int:
+def settle_bodies(model: Model, state: Motion) -> int:
     """Find the inner coordinates of all bodies at the poses their ends have in a state, in place; Newton steps taken."""
     members, count = model.arrays.members, 0
     known: dict[tuple[int, bytes], np.ndarray] = {}
@@ -385,13 +385,13 @@ def settle(model: Model, state: Motion) -> int:
         pose = np.round(np.concatenate([d / model.arrays.size, Q.ravel()]), 10) + 0.0
         key = int(members.value_at[i]), pose.tobytes()
         if key not in known:
-            known[key], taken = settled(model, i, d, Q)
+            known[key], taken = inner_at(model, i, d, Q)
             count += taken
         inner_state(model, state, i)[:] = known[key]
     return count
 
 
-def settled(model: Model, i: int, d: np.ndarray, Q: np.ndarray) -> tuple[np.ndarray, int]:
+def inner_at(model: Model, i: int, d: np.ndarray, Q: np.ndarray) -> tuple[np.ndarray, int]:
     """Inner coordinates of member i with its end q held at d (3,) m, Q (3, 3) in the frame of end p; and Newton steps taken.
 
     In one go or along the way there; those of rest where none are found: the equilibrium of the mechanism may yet find them.
@@ -471,6 +471,3 @@ def judged(found: Configuration) -> Configuration:
     good = "" if model.bodies[name].trained else f" ({validity(model, leaf=name).sentence})"
     doubt = f"basis no longer successful: its estimated error is {said}, with {where}{good}; {advice}"
     return replace(found, doubts=(*found.doubts, doubt))
-
-
-__all__ = ["SUCCESSFUL", "ReducedBodies", "by_steps", "has_solids", "judged"]

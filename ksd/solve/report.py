@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ksd.properties.strength import LAW, NOTABLE
-from ksd.properties.words import WIDTH, number, signed
+from ksd.properties.words import number, signed
 from ksd.properties.words import table as _table
-from ksd.solve.answer import SCHEMA, as_dict
+from ksd.solve.answer import as_dict
 from ksd.solve.steps import FAST, RTOL, percent
 
 if TYPE_CHECKING:
@@ -191,6 +191,3 @@ def _links(d: dict[str, Any]) -> list[Any]:
             name, *[number(v, 5, zero=1e-9) for v in (*link["displacement_mm"], *link["rotation_deg"])]
         )
     return [_title("Links: displacement of the reference point and rotation"), table]
-
-
-__all__ = ["SCHEMA", "WIDTH", "as_dict", "number", "tables"]

@@ -193,6 +193,3 @@ def furthest(model: Model, motion: Motion) -> tuple[str, float, float]:
         if turn >= worst[2]:
             worst = (name, stroke, turn)
     return worst
-
-
-__all__ = ["WAYS", "Carried", "Validity", "carried", "furthest", "validity"]

@@ -13,10 +13,11 @@ from scenes import fourbar, single_joint
 
 import ksd
 from ksd.model.compile import compile_scene
-from ksd.properties.words import signed
+from ksd.properties.words import WIDTH, number, signed
+from ksd.solve.answer import SCHEMA, as_dict
 from ksd.solve.conventional import conventional
 from ksd.solve.joint_motions import JointMotions
-from ksd.solve.report import SCHEMA, WIDTH, as_dict, error_sentence, number
+from ksd.solve.report import error_sentence
 from ksd.solve.steps import ErrorEstimate
 
 SCENES = Path(ksd.__file__).parent / "scenes"
