@@ -350,7 +350,6 @@ def _strain_rates(model: Model, motion: Motion) -> Array:
     for k in range(6):
         state.inner[:] = 0.0
         state.inner[members.inner_at[:-1] + k] = 1.0
-        work.value[:] = 0.0
         assemble(arrays, state, target, 0.0, work, 1e-8, 0, 10.0)
         D[:, k] = work.lam[: len(number), 6:]
     relative = end_levers(end_frames(model, motion, np.arange(len(number))))[1]
@@ -570,14 +569,6 @@ def _mesh_error(model: Model, K: Any, change: Any, factor: Array, vectors: Array
     return MESH_SHARE * np.abs(found / factor - 1.0)
 
 
-def _refuse_mixture(model: Model) -> None:
-    kinds = set(model.arrays.members.kind.tolist())
-    if STRAIN in kinds and len(kinds) > 1:
-        raise SceneError(
-            "buckling of strain-mode leaves beside chains of elements is not known; give all leaves of the model one mesh"
-        )
-
-
 def buckling(
     model: Model,
     motion: Motion,
@@ -599,7 +590,6 @@ def buckling(
     grows. Factors beyond `reach` are left out. Raises SceneError for unknown names, a load that is zero, or a state without
     stress, ConvergenceError where none were found.
     """
-    _refuse_mixture(model)
     freed = names_of(freed, "freed")
     fine, state = twice_unfolded(model, motion, load_factor)
     load = None if link is None else (link, at, (force, moment), following)

@@ -7,6 +7,7 @@ from test_job import BEST, job, pivot, strip
 import ksd
 from ksd.design import log as room
 from ksd.design.log import Log
+from ksd.design.tolerance import check_spread
 from ksd.units import deg, mm
 
 SPREAD = {"length": 20e-6, "inner": 20e-6, "outer": 20e-6, "angle": 0.1 * deg, "thickness": 4e-6}
@@ -133,3 +134,8 @@ def test_what_is_minimised_is_told_and_drawn_as_it_is():
     )
     made = ksd.tolerance(one, best, spread={"lean": 1e-5}, samples=4)
     assert (made.merits < 0.0).all() and "worst target 0." in str(made)
+
+
+def test_parameters_without_a_spread_stay_as_they_are():
+    one = job()
+    assert check_spread(one, {"inner": 2e-5}).tolist() == [2e-5 * (n == "inner") for n in one.parameters]

@@ -13,7 +13,7 @@ from ksd.beam.modal import SCRATCH, modal_condense, modal_energy, modal_recover,
 from ksd.beam.modal_jets import JET, boundary_jets
 from ksd.beam.modal_nodes import element_values
 from ksd.modal import with_modal_bodies
-from ksd.modal.basis import chain_records, rest_basis
+from ksd.modal.basis import chain_records, rest_basis, shortest_turn
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.solve.conventional import conventional
@@ -259,3 +259,10 @@ def test_a_basis_is_asked_for_by_name():
     with pytest.raises(ksd.SceneError, match=r"give a ksd\.ModalBasis"):
         ksd.solve(single_joint(), turn=0.1, method="modal", basis="director")
     assert replace(ksd.ModalBasis(), order=3).order == 3
+
+
+def test_the_shortest_turn_takes_x_there_without_roll(rng):
+    for d in rng.normal(size=(4, 3)):
+        axis = np.cross([1.0, 0.0, 0.0], d)
+        turn = np.arctan2(np.linalg.norm(axis), d[0]) * axis / np.linalg.norm(axis)
+        assert shortest_turn(d) == pytest.approx(Rotation.from_rotvec(turn).as_matrix(), abs=1e-12)

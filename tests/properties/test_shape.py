@@ -180,3 +180,17 @@ def test_elements_of_a_leaf_are_not_taken_for_a_second_one(following):
     assert other == pytest.approx(one, rel=1e-6) and one["leaf"] > 2 * one["leaf.2"]
     one, other = (pose.frequencies(count=3).frequency_Hz for pose in poses)
     assert other == pytest.approx(one, rel=1e-6)
+
+
+@pytest.mark.parametrize("following", [False, True])
+def test_loads_are_drawn_as_they_act(following):
+    scene = ksd.Mechanism("leaf")
+    tip = scene.link("tip")
+    scene.leaf(scene.ground, tip, **BLADE)
+    scene.actuate(tip, about="z", name="turn")
+    scene.load(tip, force=(0, 0.2, 0), at=(LENGTH, 0, 0), following=following)
+    pose = ksd.solve(scene, turn=TURN)
+    (load,) = pose.shape().loads
+    angle = TURN if following else 0.0
+    assert load.value == pytest.approx([-0.2 * np.sin(angle), 0.2 * np.cos(angle), 0], abs=1e-9)
+    assert load.place == pytest.approx(np.array([LENGTH, 0, 0]) + pose.displacement("tip", (LENGTH, 0, 0)))

@@ -342,3 +342,8 @@ def test_sizes_of_notches():
     assert filleted.sections(np.array([0.0, 0.06, 0.15, 0.5])).thickness == pytest.approx(
         [6.5 * mm, 0.5 * mm + 6 * mm * (1 - math.sqrt(0.64)), 0.5 * mm, 0.5 * mm]
     )
+
+
+def test_a_part_of_a_profile_breaks_where_the_whole_does():
+    whole = Varying(lambda s: rectangle(1e-3 * (1 + s), 0.01), breaks=(0.2, 0.5, 0.8))
+    assert ProfilePart(whole, (0.25, 0.85)).breaks == pytest.approx([5 / 12, 11 / 12])

@@ -579,3 +579,11 @@ def test_designs_with_points_have_gradients_and_sweeps():
         assert found["d_force_N", name][0] == pytest.approx((ends[0] - ends[1]) / 2e-5, rel=1e-5)
     table = ksd.sweep(design(), d=[0.0, 0.005], link="there", questions=("force", "support_stiffness"))
     assert table["d_force_N"][1] == pytest.approx(ksd.solve(design(), d=0.005).forces["d"], rel=1e-6)
+
+
+def test_a_leaf_beside_the_plane_through_the_origin_is_in_the_plane():
+    scene = ksd.Mechanism("beside", plane="xy")
+    tip, words = scene.link("tip"), {"section": THIN, "material": STEEL}
+    scene.leaf("ground", tip, start=(0, 0, 0.02), end=(0.1, 0, 0.02), **words)
+    with pytest.raises(ksd.SceneError, match="40 mm apart"):
+        scene.leaf("ground", tip, start=(0, 0.1, -0.02), end=(0.1, 0.1, 0.02), **words)

@@ -4,9 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from scenes import fourbar
 from scipy.optimize import brentq
 
 import ksd
+from ksd.bodies.freedom import describe_motion
+from ksd.model.compile import compile_scene
 
 # corners of a four-bar in its plane [m]: pins on ground, crank, rocker, ground; where a coil spring and a mass are
 A, B, C, D = (np.array(p) for p in ((0.0, 0.0), (0.03, 0.1), (0.25, 0.15), (0.3, 0.0)))
@@ -186,3 +189,12 @@ def driven():
     m = linkage()
     m.actuate("crank", about="z", name="q")
     return m
+
+
+def test_the_motion_that_is_named_is_the_largest():
+    model = compile_scene(fourbar())
+    twist = np.zeros((model.links, 6))
+    twist[1, 0], twist[2, 5] = model.arrays.size, 2.0
+    assert describe_motion(model, twist) == f"link '{model.node_names[2]}' can turn about z"
+    twist[1, 0] *= 3.0
+    assert describe_motion(model, twist) == f"link '{model.node_names[1]}' can slide along x"
