@@ -415,3 +415,13 @@ def test_a_leaf_spring_that_snaps_on_the_way_from_rest_is_told(values):
             "links come back" in found.checked
             and "leaf spring 'slender' snaps into another shape" in found.checked
         )
+
+
+def test_drives_the_other_way_about_and_along():
+    scene = ksd.Mechanism("turned", plane="xy")
+    tip = scene.link("tip")
+    section = ksd.rectangle(5e-4, 0.01)
+    scene.leaf("ground", tip, start=(0, 0, 0), end=(0.1, 0, 0), section=section, material=STEEL, name="leaf")
+    scene.actuate(tip, about=(0, 0, -1), name="turn")
+    scene.actuate(tip, along=(0, -1, 0), at=(0.1, 0, 0), name="lift")
+    round_trip(scene, turn=0.2, lift=0.01)

@@ -71,3 +71,11 @@ def test_tabulated_poses_do_not_depend_on_those_before_them(rng):
         if alone.status[0] == 0:
             assert along.force[n] == pytest.approx(alone.force[0], rel=1e-7, abs=1e-7)
             assert along.x[n] == pytest.approx(alone.x[0], abs=1e-9)
+
+
+@pytest.mark.parametrize("more", [0, 1])
+def test_every_step_is_written_down(more):
+    pose = ksd.solve(fourbar(), top=0.1, method="reduced", relinearisations=more)
+    again = ["2 joint stiffness", "3 reduced equilibrium", "4 recovery"] * (1 + more)
+    assert [step.name for step in pose.steps] == ["1 close loops", *again, "error estimate"]
+    assert len(pose.steps) == 5 + 3 * more and pose.steps[-1].name == "error estimate"

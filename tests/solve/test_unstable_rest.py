@@ -148,3 +148,11 @@ def test_what_buckles_within_leaves():
         assert (
             "heat makes the undeformed configuration unstable in one direction (within leaf springs)" in said
         ) == unstable
+
+
+def test_preload_is_looked_at_without_the_loads_that_hold_it():
+    """Pulled twice as hard as its spring pushes the column is straight and stable; without that load it is not."""
+    scene = column(1000.0)
+    scene.load("tip", force=(20.0, 0, 0), at=(L, 0, 0))
+    found = ksd.solve(scene)
+    assert found.stable and [rest.count for rest in unstable_rest(found.model)] == [1]
