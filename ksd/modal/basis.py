@@ -23,7 +23,7 @@ from ksd.numerics.reduction import (
     conditioned,
     craig_bampton,
     modal_derivatives,
-    quadratic_manifold,
+    second_derivatives,
     split_boundary,
 )
 
@@ -327,12 +327,11 @@ def _manifold(
     n = len(shape.record)
     rows = _boundary_rows(choices, n)
     nb, m = len(rows), modes.shapes.shape[1] - modes.boundary
-    curve = quadratic_manifold(modes, derived)
     place = [*(rows.index(b) for b in boundary), *range(nb, nb + m)]
     columns = np.zeros((6 * (n + 1), nb + m))
     columns[:, place] = modes.shapes
     tied = np.zeros((6 * (n + 1), nb + m, nb + m))
-    tied[:, np.array(place)[:, None], place] = np.moveaxis(curve.theta, 2, 0)
+    tied[:, np.array(place)[:, None], place] = np.moveaxis(second_derivatives(modes, derived), 2, 0)
     z0 = _expansion(choices, shape.x, shape.R)
     unit = conditioned(modes.shapes / np.tile([shape.length] * 3 + [1.0] * 3, n + 1)[:, None])
     return LeafBasis(

@@ -57,6 +57,6 @@ def conditioned_by_parity(columns: np.ndarray, planes: Mirrors, *, cut: float) -
     made = [(conditioned(pure[:, parity == code], cut=cut), code) for code in np.unique(parity)]
     every = np.hstack([np.zeros((len(columns), 0)), *(b.columns for b, _ in made)])
     rank, condition = every.shape[1], max((b.condition for b, _ in made), default=1.0)
-    return Basis(every, rank, condition, len(size) - rank), np.repeat(
+    return Basis(every, rank, condition), np.repeat(
         [code for _, code in made], [b.rank for b, _ in made]
     ).astype(np.int64)

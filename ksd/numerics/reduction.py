@@ -183,44 +183,28 @@ def _third(
     return np.array(found), triples
 
 
-class QuadraticManifold(NamedTuple):
-    """q = shapes eta + 1/2 sum theta_ij eta_i eta_j: the derivatives tied to the modes (paper 2, eq. 5, with the 1/2).
+def second_derivatives(modes: Modes, derived: Derivatives) -> Array:
+    """theta (k, k, n), symmetric, of all pairs of modes; third-order derivatives are left out.
 
-    shapes (n, k), theta (k, k, n), symmetric. For comparison: few unknowns, but stiffer than the subspace in which
-    modes and derivatives move freely, and sensitive to what the path leaves out.
+    Tied to the modes they make the quadratic manifold q = shapes eta + 1/2 sum theta_ij eta_i eta_j (paper 2, eq. 5, with
+    the 1/2): few unknowns, but stiffer than the subspace in which modes and derivatives move freely, and sensitive to what
+    the path leaves out.
     """
-
-    shapes: Array
-    theta: Array
-
-    def at(self, eta: Array) -> tuple[Array, Array]:
-        """Coordinates q (n,) and their derivatives (n, k) at eta (k,)."""
-        bent = np.einsum("ijn,j->in", self.theta, eta)
-        return self.shapes @ eta + 0.5 * bent.T @ eta, self.shapes + bent.T
-
-    def curved(self, force: Array) -> Array:
-        """Second derivatives (k, k) of force . q, for the tangent of a system with `force` (n,) along q."""
-        return np.asarray(self.theta @ force)
-
-
-def quadratic_manifold(modes: Modes, derived: Derivatives) -> QuadraticManifold:
-    """The manifold of modes and their second-order derivatives; third-order ones are left out."""
     k, n = modes.shapes.shape[1], len(modes.shapes)
     theta = np.zeros((k, k, n))
     for pair, shape in zip(derived.pairs, derived.shapes.T, strict=True):
         if len(pair) == 2:
             theta[pair[0], pair[1]] = theta[pair[1], pair[0]] = shape
-    return QuadraticManifold(modes.shapes, theta)
+    return theta
 
 
 class Basis(NamedTuple):
     """A conditioned basis: columns (n, r) orthonormal in the scaled coordinates, rank r, condition of what was kept
-    (of the unit columns before they were made orthonormal), dropped: zero and dependent columns left out."""
+    (of the unit columns before they were made orthonormal)."""
 
     columns: Array
     rank: int
     condition: float
-    dropped: int
 
 
 def conditioned(columns: Array, *, scale: Array | None = None, cut: float = 1e-8) -> Basis:
@@ -232,11 +216,11 @@ def conditioned(columns: Array, *, scale: Array | None = None, cut: float = 1e-8
     size = np.linalg.norm(scaled, axis=0)
     keep = size > 1e-9 * size.max(initial=0.0)
     if not np.any(keep):
-        return Basis(np.zeros((len(columns), 0)), 0, 1.0, columns.shape[1])
+        return Basis(np.zeros((len(columns), 0)), 0, 1.0)
     left, values, _ = np.linalg.svd(scaled[:, keep] / size[keep], full_matrices=False)
     rank = int(np.sum(values > cut * values[0]))
     found = left[:, :rank] if scale is None else left[:, :rank] * scale[:, None]
-    return Basis(found, rank, float(values[0] / values[rank - 1]), columns.shape[1] - rank)
+    return Basis(found, rank, float(values[0] / values[rank - 1]))
 
 
 def split_boundary(columns: Array, rows: Sequence[int]) -> tuple[Array, Array]:

@@ -16,6 +16,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ksd.bodies.joints import joint_bodies
 from ksd.bodies.mixture import alone, mixture
@@ -399,8 +400,6 @@ def inner_at(model: Model, i: int, d: np.ndarray, Q: np.ndarray) -> tuple[np.nda
     A Newton step of a whole mechanism from inner coordinates of rest and ends turned by tens of degrees is lost at once: the
     directors between the ends are far from unit length, and that energy is membrane energy.
     """
-    from scipy.spatial.transform import Rotation
-
     arrays, rest = alone(model, i)
     work, taken = make_work(arrays), 0
     d0, Q0 = member_pose(model.arrays.members, i, model.rest)
