@@ -127,8 +127,15 @@ def _with_pivoting(
     return iterate_pivoted(arrays, motion, *aim[:2], work, *aim[2:])
 
 
-Arrived = tuple[Driven, str, Motion]
-"""How driving went, in what, and where it ended."""
+class Arrived(NamedTuple):
+    """How driving went, in what, in words, where it ended, and the doubts that remain."""
+
+    driven: Driven
+    how: str
+    motion: Motion
+    doubts: tuple[str, ...] = ()
+
+
 WANDERED = 12
 """Iterations of an accepted load step above which its branch is confirmed."""
 EASY, LADEN = 5, 0.1
@@ -237,77 +244,74 @@ def difference(model: Model, one: Motion, other: Motion) -> float:
 
 def confirmed(
     model: Model, first: Arrived, again: Callable[[int], Arrived], arc: Callable[[], Walk], reason: str
-) -> tuple[Driven, str, Motion, tuple[str, ...]]:
-    """The state that two rounds of load steps agree on, what was done in words, and the doubts that remain.
+) -> Arrived:
+    """The state that two rounds of load steps agree on.
 
     first: how the doubtful round went; again: goes the same way in so many steps; arc: goes it by arc length, which is
     asked last, when smaller steps do not settle it or end in a state that is no minimum.
     """
-    solves, taken = first[0].solves, first[0].taken
-    last, size = first, max(4, int(np.ceil(2.0 / first[0].shortest)))
-    end, settled, doubts = max(FINE, 4 * size), False, (reason,)
+    solves, taken = first.driven.solves, first.driven.taken
+    last, size = first, max(4, int(np.ceil(2.0 / first.driven.shortest)))
+    end, settled, said = max(FINE, 4 * size), False, reason
     while size <= end and not settled:
         fresh = again(size)
-        solves, taken = solves + fresh[0].solves, taken + fresh[0].taken
-        if fresh[0].stop is not Stop.CONVERGED:
-            doubts = (f"{reason}, and smaller load steps stop at {100 * fresh[0].reached:.3g} % of the way",)
+        solves, taken = solves + fresh.driven.solves, taken + fresh.driven.taken
+        if fresh.driven.stop is not Stop.CONVERGED:
+            said = f"{reason}, and smaller load steps stop at {100 * fresh.driven.reached:.3g} % of the way"
             break
-        same = difference(model, fresh[2], last[2]) < SAME
-        settled = same and reason != SADDLE and fresh[0].negatives == len(model.arrays.terms.start)
+        same = difference(model, fresh.motion, last.motion) < SAME
+        settled = same and reason != SADDLE and fresh.driven.negatives == len(model.arrays.terms.start)
         last, size = fresh, 2 * size
         if same and not settled:
             break
-    how = ", ".join(filter(None, [last[1], f"walked again in smaller steps: {reason}"]))
-    driven = last[0]._replace(solves=solves, taken=taken)
-    if settled:
-        return driven, how, last[2], ()
-    return by_arc(model, (driven, how, last[2]), arc, doubts)
+    how = ", ".join(filter(None, [last.how, f"walked again in smaller steps: {reason}"]))
+    found = Arrived(last.driven._replace(solves=solves, taken=taken), how, last.motion)
+    return found if settled else by_arc(found._replace(doubts=(said,)), arc)
 
 
-def by_arc(
-    model: Model, last: Arrived, arc: Callable[[], Walk], doubts: tuple[str, ...]
-) -> tuple[Driven, str, Motion, tuple[str, ...]]:
-    """The last resort: what the path followed by arc length says of the state `last` and its `doubts`."""
-    driven, how, motion = last
+def _gone(last: Arrived, arc: Callable[[], Walk]) -> tuple[Arrived, Walk | None]:
+    """The path by arc length, None where it does not begin, and `last` with its factorisations."""
     try:
         path = arc()
     except (ConvergenceError, np.linalg.LinAlgError):
-        return driven, how, motion, doubts
-    driven = driven._replace(solves=driven.solves + path.iterations)
-    how = f"{how}, then by arc length"
-    at = "; ".join(f"a {t.kind} point at {100 * t.at.f:.3g} % of the way" for t in path.turns[:1])
-    at += f", and {len(path.turns) - 1} more" * (len(path.turns) > 1)
-    if path.stop != REACHED or path.turns:
-        return (
-            driven,
-            how,
-            motion,
-            (f"{doubts[0]}; the path from its start has {at or 'no end: ' + path.stop}",),
-        )
-    state = path.places[-1]
-    return driven._replace(negatives=state.negatives), how, state.motion, ()
+        return last, None
+    return last._replace(driven=last.driven._replace(solves=last.driven.solves + path.iterations)), path
 
 
-def rescued(first: Arrived, arc: Callable[[], Walk]) -> tuple[Driven, str, Motion, tuple[str, ...]]:
+def by_arc(last: Arrived, arc: Callable[[], Walk]) -> Arrived:
+    """The last resort: what the path followed by arc length says of the state `last` and of what is doubted about it."""
+    last, path = _gone(last, arc)
+    if path is None:
+        return last
+    last = last._replace(how=f"{last.how}, then by arc length")
+    if path.stop == REACHED and not path.turns:
+        end = path.places[-1]
+        return Arrived(last.driven._replace(negatives=end.negatives), last.how, end.motion)
+    at = f"no end: {path.stop}"
+    if path.turns:
+        turn, more = path.turns[0], len(path.turns) - 1
+        at = f"a {turn.kind} point at {100 * turn.at.f:.3g} % of the way" + f", and {more} more" * (more > 0)
+    return last._replace(doubts=(f"{last.doubts[0]}; the path from its start has {at}",))
+
+
+def rescued(first: Arrived, arc: Callable[[], Walk]) -> Arrived:
     """Where load steps end before the way does: what the path followed by arc length finds at its end, or why there is
     none. A path that turns on the way is not gone along: the mechanism would snap."""
-    driven, how, motion = first
-    try:
-        path = arc()
-    except (ConvergenceError, np.linalg.LinAlgError):
-        return driven, how, motion, ()
-    driven = driven._replace(solves=driven.solves + path.iterations)
+    first, path = _gone(first, arc)
+    if path is None:
+        return first
     if path.turns:
         turn = path.turns[0]
         kind = "turns back at a limit" if turn.kind == "limit" else "branches at a bifurcation"
         said = f"the path from its start {kind} point at {100 * turn.at.f:.3g} % of the way, where the mechanism snaps or"
-        said = f"{said} buckles; ksd.follow goes along the path, here on {path.model.mesh}"
-        return driven, how, motion, (said,)
+        return first._replace(
+            doubts=(f"{said} buckles; ksd.follow goes along the path, here on {path.model.mesh}",)
+        )
     if path.stop != REACHED:
-        return driven, how, motion, ()
-    state = path.places[-1]
-    driven = driven._replace(stop=Stop.CONVERGED, residual=1.0, negatives=state.negatives, reached=1.0)
-    return driven, ", ".join(filter(None, [how, "by arc length"])), state.motion, ()
+        return first
+    end = path.places[-1]
+    driven = first.driven._replace(stop=Stop.CONVERGED, residual=1.0, negatives=end.negatives, reached=1.0)
+    return Arrived(driven, ", ".join(filter(None, [first.how, "by arc length"])), end.motion)
 
 
 def _drive(storage: Storage, begin: Motion, way: Way, planar: bool | Literal["auto"], fresh: bool) -> Arrived:
@@ -319,7 +323,8 @@ def _drive(storage: Storage, begin: Motion, way: Way, planar: bool | Literal["au
         if not isinstance(found, str):
             driven, arrived = found
             if planar is True or driven.stop in (Stop.CONVERGED, Stop.LOCAL_ANGLE):
-                return _counted(storage.model, arrived, driven, way), "planar, 3 unknowns per node", arrived
+                how = "planar, 3 unknowns per node"
+                return Arrived(_counted(storage.model, arrived, driven, way), how, arrived)
             # space has the Newton with pivoting
             found = f"in the plane {driven.stop.sentence}"
         elif planar is True:
@@ -331,7 +336,7 @@ def _drive(storage: Storage, begin: Motion, way: Way, planar: bool | Literal["au
     driven = drive_to(
         arrived, storage.newton, way, begin=begin, pivoting=(storage.model.arrays, storage.work)
     )
-    return _counted(storage.model, arrived, driven, way), why, arrived
+    return Arrived(_counted(storage.model, arrived, driven, way), why, arrived)
 
 
 AT_START = 1e-3
@@ -404,15 +409,15 @@ def _counted(model: Model, motion: Motion, driven: Driven, way: Way) -> Driven:
 
 def load_steps(
     storage: Storage, begin: Motion, way: Way, *, fresh: bool, planar: bool | Literal["auto"] = "auto"
-) -> tuple[Driven, str, Motion, tuple[str, ...]]:
-    """Go a way from the equilibrium `begin`, confirming what is doubtful: how it went, in words, where to, and the doubts
-    that remain. fresh: `begin` is the rest state; planar: as of `conventional`.
+) -> Arrived:
+    """Go a way from the equilibrium `begin`, confirming what is doubtful. fresh: `begin` is the rest state; planar: as of
+    `conventional`.
     """
     model = storage.model
     first = _drive(storage, begin, way, planar, fresh)
     # with eps_max it is the paper's own program, which believes whatever converged
     if way.eps_max < math.inf:
-        return *first, ()
+        return first
 
     def again(size: int) -> Arrived:
         finer = way._replace(steps=size, smallest=min(way.smallest, 0.25 / size))
@@ -422,13 +427,13 @@ def load_steps(
         low, high = way.factors
         return trace(model, Course(way.start, way.target - way.start, low, high - low), begin, turns=turns)
 
-    if first[0].stop is Stop.SINGULAR and first[0].reached == 0.0:
+    if first.driven.stop is Stop.SINGULAR and first.driven.reached == 0.0:
         # what nothing holds from the start on has no path
-        return *first, ()
-    if first[0].stop is not Stop.CONVERGED:
+        return first
+    if first.driven.stop is not Stop.CONVERGED:
         return rescued(first, lambda: arc(turns=1))
-    reason = doubt(model, first[2], first[0], way.target, fresh=fresh, steps=way.steps)
-    return confirmed(model, first, again, arc, reason) if reason else (*first, ())
+    reason = doubt(model, first.motion, first.driven, way.target, fresh=fresh, steps=way.steps)
+    return confirmed(model, first, again, arc, reason) if reason else first
 
 
 def _rigid_fights(model: Model) -> Iterator[str]:
