@@ -2,6 +2,7 @@
 
 import json
 from importlib.resources import files
+from itertools import count
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from scenes import fourbar
 
 import ksd
 from ksd.cli import main
-from ksd.design.effect_cost import effect_cost, unknowns
+from ksd.design.effect_cost import _times, effect_cost, unknowns
 
 FOURBAR = str(files("ksd") / "scenes" / "fourbar.toml")
 
@@ -44,6 +45,12 @@ def test_every_effect_has_its_price(priced):
         )
         assert by_name[name].changes()["force top"] == pytest.approx((with_ - without) / with_, rel=1e-6)
     assert all(min(r.times) > 0 for r in rows)
+
+
+def test_times_are_seconds(monkeypatch):
+    clock = count(0, 2_000_000)
+    monkeypatch.setattr("ksd.design.effect_cost.time.thread_time_ns", lambda: next(clock))
+    assert _times((lambda *_, **__: None,) * 2, {}, 3) == pytest.approx((2e-3, 2e-3))
 
 
 def test_unknowns_are_those_solved_for():

@@ -59,6 +59,8 @@ def test_a_limit_there_is_only_gets_tighter():
     assert (own.low, own.high) == (-1, 1)
     assert [a.high for a in job.limited(MOMENT, 5.0).answers if a.column == MOMENT] == [2]
     assert job.limited("strain_energy_J", 0.1).names[-1] == "strain_energy_J"
+    above = small(limits={"strain_energy_J": (0.05, None)}).limited("strain_energy_J", 0.1)
+    assert above.limits["strain_energy_J"] == (0.05, 0.1)
     with pytest.raises(ksd.SceneError, match="there is no answer 'turn_moment_nm'"):
         job.limited("turn_moment_nm", 1.0)
 

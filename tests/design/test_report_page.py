@@ -73,6 +73,7 @@ def test_page_holds_the_numbers(written):
         "Estimated error: 6.4e-06 %, all of it mesh",
         "Not in the model: plate stiffening (force +5.8 %",
         "lower left",
+        "ground to left</td><td>100.00",
         "orders (6, 5, 8)",
         "reduced",
         "left out",
