@@ -328,7 +328,7 @@ def _inside(scene: Scene) -> list[Fight]:
     found = []
     for equal in groups.values():
         joint, names = equal[0].joint, [p.name for p in equal]
-        blocks = {"A": (0.0, 0.0, 0.0), **joint.blocks(), "B": joint.pose_B}
+        blocks = joint.blocks()
         index = {block: i for i, block in enumerate(["A", *(b for b in blocks if b != "A")])}
         places = np.array([blocks[b] for b in index], float)
         leaves = [(f.name, f.start_block, f.end_block, f) for f in joint.leaves()]

@@ -34,6 +34,8 @@ def parted(pose):
 def test_distance_of_a_pose():
     pose = ksd.solve(tweezers(), close=-4 * mm)
     assert pose.distance("opening") == pytest.approx(np.linalg.norm(parted(pose)), rel=1e-12)
+    (drawn,) = pose.shape().distances
+    assert drawn.direction == pytest.approx(parted(pose) / np.linalg.norm(parted(pose)), abs=1e-12)
     across = ksd.solve(tweezers(along="y"), close=-4 * mm)
     # the direction turns with the link at start
     turn = across.rotation("low")[2]

@@ -190,3 +190,28 @@ def test_a_joint_placed_from_behind_is_planar_too():
     one, other = (conventional(model, {"tip": 1 * mm}, planar=p) for p in (True, False))
     assert one.forces["tip"] == pytest.approx(other.forces["tip"], rel=1e-10)
     assert np.abs(one.motion.inner - other.motion.inner).max() < 1e-9 * np.abs(other.motion.inner).max()
+
+
+@pytest.mark.parametrize("apart", [0.0, 0.01])
+def test_a_spring_is_in_the_plane_where_its_ends_are_level(apart):
+    """Wherever the reference points of its links are."""
+    scene = ksd.Mechanism("beside")
+    tip = scene.link("tip", at=(0.1, 0, 0.03))
+    scene.leaf(
+        scene.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(0.5 * mm, 10 * mm), material=STEEL,
+        width_axis="z",
+    )  # fmt: skip
+    scene.spring(
+        scene.ground,
+        tip,
+        start=(0.1, -0.1, 0),
+        end=(0.1, 0, apart),
+        stiffness=10.0,
+        free_length=0.1,
+        name="coil",
+    )
+    plane = plane_of(compile_scene(scene))
+    if apart:
+        assert "spring 'coil' pulls out of the plane, its ends being 10 mm apart" in plane
+    else:
+        assert isinstance(plane, Plane)

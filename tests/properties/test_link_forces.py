@@ -36,6 +36,8 @@ def test_on_links_everything_balances(pinned):
     rows = {(r.at, r.of): r for r in pinned.link_forces().rows if r.part == "link"}
     load, guide = rows["one", "applied"], rows["slider", "applied"]
     assert load.force == pytest.approx((1.5, -0.5, 0), abs=1e-9)
+    lever = pinned.displacement("one", (0.1, 0, 0)) - load.point + np.array([0.1, 0, 0])
+    assert load.moment == pytest.approx(np.cross(lever, (1.5, -0.5, 0)), abs=1e-9)
     assert guide.force[0] == pytest.approx(pinned.forces["d"], rel=1e-9)
     total = sum(r.force for (_, of), r in rows.items() if of == "applied")
     assert total == pytest.approx(np.zeros(3), abs=1e-9)
