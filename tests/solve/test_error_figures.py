@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import ksd
+from ksd.solve.estimate import _followed
+from ksd.solve.steps import ErrorEstimate
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
@@ -112,3 +114,11 @@ def test_what_the_model_is_without():
     stiff = [p.stiffness("top").worst[0] for p in (pose, warping)]
     assert pose.left_out["warping"]["support_stiffness"] == pytest.approx(stiff[1] / stiff[0] - 1, rel=0.02)
     assert "plate" not in plates.left_out and "warping" not in warping.left_out
+
+
+def test_newton_steps_that_shrink_lead_as_far_as_their_geometric_series():
+    """A step and a quarter of it: four thirds of the first in all."""
+    made = lambda x: ErrorEstimate(np.array([x, 2.0 * x]), 3.0 * x, 4.0 * x, x)  # noqa: E731
+    found, count = _followed(made(0.012), iter([(made(0.003), made(0.015))]))
+    assert count == 2 and found.force == pytest.approx([0.016, 0.032])
+    assert (found.displacement, found.rotation, found.relative) == pytest.approx((0.048, 0.064, 0.016))
