@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 import ksd
-from ksd.solve.estimate import _followed
+from ksd.model.compile import compile_scene
+from ksd.solve.estimate import _followed, size_of_step
+from ksd.solve.load_steps import difference
 from ksd.solve.steps import ErrorEstimate
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "benchmarks"))
@@ -122,3 +124,16 @@ def test_newton_steps_that_shrink_lead_as_far_as_their_geometric_series():
     found, count = _followed(made(0.012), iter([(made(0.003), made(0.015))]))
     assert count == 2 and found.force == pytest.approx([0.016, 0.032])
     assert (found.displacement, found.rotation, found.relative) == pytest.approx((0.048, 0.064, 0.016))
+
+
+def test_sizes_of_steps_and_differences_are_the_largest_of_all_links():
+    model = compile_scene(fourbar())
+    step, moved, turned = np.zeros(model.arrays.plan.unknowns), model.rest.copy(), model.rest.copy()
+    first, last = model.arrays.start[1], model.arrays.start[model.links - 1]
+    step[first : first + 6] = 0.003, 0.004, 0.0, 0.03, 0.0, 0.04
+    step[last : last + 6] = 0.0, 0.001, 0.0, 0.045, 0.0, 0.0
+    found = size_of_step(model, model.rest, step)
+    assert (found.displacement, found.rotation) == pytest.approx((0.005, 0.05))
+    moved.x[2, 1] += 0.5 * model.arrays.size
+    turned.R[1] = np.diag([1.0, -1.0, -1.0])
+    assert [difference(model, model.rest, m) for m in (moved, turned)] == pytest.approx([0.5, 2.0])
