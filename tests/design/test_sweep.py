@@ -13,6 +13,7 @@ from processes import environment
 from scenes import cross_flexure, fourbar, single_joint
 
 import ksd
+from ksd.design.lines import spoken
 from ksd.design.questions import KNOWN
 from ksd.design.sweep import sweep
 from ksd.library.tables import read_columns
@@ -373,3 +374,8 @@ def test_a_sweep_raises_the_curvature_modes_for_its_nearest_pose_too():
     truth = [p.stiffness("tip", at=(0.1, 0, 0)).supports["y"] for p in fine]
     assert table["support_y_N_per_m"] == pytest.approx(truth, rel=2e-6)
     assert not any(table["warnings"])
+
+
+def test_a_failure_says_how_far_it_came():
+    failed = ksd.ConvergenceError("no\n equilibrium", reached=0.25)
+    assert spoken(failed) == "no equilibrium (reached 25 % of the motion)"
