@@ -141,15 +141,15 @@ class Designs:
         places = [(number, d) for d, (number, _) in enumerate(numbered)]
         fits = _each(lambda d: (d, check_freedoms(models[d], bodies[d])), places, found)
         mine = self._own.__dict__
-        state = mine["state"] if mine.get("layout") is layout else None
+        storage = mine["storage"] if mine.get("layout") is layout else None
         for number, (d, fit) in fits:
             try:
-                five = FiveSteps(models[d], bodies[d], extrapolate=self.extrapolate, state=state, fit=fit)
-                state = five.storage.state
+                five = FiveSteps(models[d], bodies[d], extrapolate=self.extrapolate, storage=storage, fit=fit)
+                storage = five.storage
                 found[number] = Prepared(five, **self.ways)(self.values)
             except KsdError as reason:
                 found[number] = reason
-        mine.update(layout=layout, state=state)
+        mine.update(layout=layout, storage=storage)
         if self.ways.get("asked") is not None:
             good = [found[number] for number, _ in fits if isinstance(found[number], Found)]
             answer_together(good, self.ways["asked"])

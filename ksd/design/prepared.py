@@ -92,7 +92,7 @@ class Prepared:
                 node_of(model, self.asked.point(model.scene)[0])
         b = five.storage
         self.tables = joint_tables(b) if tabulated else None
-        self._limits = b.state.limits[:, :2] + ((-np.inf, np.inf) if five.extrapolate else 0.0)
+        self._limits = b.limits[:, :2] + ((-np.inf, np.inf) if five.extrapolate else 0.0)
 
     def __call__(self, values: Mapping[str, np.ndarray]) -> Found:
         """All poses, from rest each. Raises SceneError for drives that are not there."""

@@ -82,5 +82,5 @@ def compile_late() -> None:
         b = FiveStepsStorage(model, joint_bodies(model, find_record))
         inside, state, room = b.bodies.substructures, b.substructures, b.substructure_work
         condense_assembled(inside, 1, state, room, b.reduced.inner)
-        interface_step(inside, b.bodies.loops, b.reduced, state, room, b.state.relative)
+        interface_step(inside, b.bodies.loops, b.reduced, state, room, b.relative)
         place_space(b)

@@ -27,7 +27,6 @@ from ksd.solve.space_steps import (
     KINEMATIC,
     REDUCED,
     FiveStepsStorage,
-    SpaceState,
     close_joints,
     kinematic_forces,
     space_steps,
@@ -48,18 +47,19 @@ YIELDING = 0.03
 class FiveSteps:
     """Call with drive values; storage is used again each time, so not from two threads at once.
 
-    fit: how intended motions fit together, looked at when None; where they do not, step 1 leaves a larger gap, which the
-    leaf springs take up. Raises KinematicsError where drives and supports do not hold every freedom once.
+    storage: that of a design of the same words, taken over. fit: how intended motions fit together, looked at when None;
+    where they do not, step 1 leaves a larger gap, which the leaf springs take up. Raises KinematicsError where drives and
+    supports do not hold every freedom once.
     """
 
     def __init__(
-        self, model: Model, bodies: JointBodies, *, extrapolate: bool, state: SpaceState | None = None,
+        self, model: Model, bodies: JointBodies, *, extrapolate: bool, storage: FiveStepsStorage | None = None,
         fit: Fit | None = None,
     ) -> None:  # fmt: skip
         self.model, self.extrapolate = model, extrapolate
         self.fit = check_freedoms(model, bodies) if fit is None else fit
         self.gap = GAP if self.fit.exact else YIELDING
-        self.storage = FiveStepsStorage(model, bodies, state)
+        self.storage = FiveStepsStorage(model, bodies) if storage is None else storage.of(model, bodies)
         self._expected = len(model.drive_names) + len(model.support_names)
 
     def __call__(

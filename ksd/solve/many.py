@@ -189,9 +189,9 @@ def tabulated_many(
         inner[:, :3], inner[:, 3:12] = b.place[:, 9:12], b.place[:, :9]
         _from_table(cubic, which, (theta[first] - low) / span, inner)
         status[n], negatives = _settle(b, target, shift)
-        relative_poses(*loops.flat, reduced.x, reduced.R, b.state.relative)
+        relative_poses(*loops.flat, reduced.x, reduced.R, b.relative)
         b.found[:] = theta
-        intended_motions(*loops.flat, b.state.relative, b.found, b.place, b.state.series, b.off, b.known)
+        intended_motions(*loops.flat, b.relative, b.found, b.place, b.series, b.off, b.known)
         if status[n] == 0 and negatives != len(target):
             status[n] = UNSTABLE
         elif status[n] == 0 and far(b.off, 3, loops.length, 0):

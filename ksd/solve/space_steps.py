@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import time
+from copy import copy
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from ksd.bodies.substructures import (
     set_near,
 )
 from ksd.bodies.weight import hang_joints, turn_gravity
-from ksd.model.arrays import Motion, Work, flatten, make_work, opened
+from ksd.model.arrays import flatten, make_work, opened
 from ksd.model.compile import Model
 from ksd.model.newton import iterate, take_step
 from ksd.numerics.kernel import kernel
@@ -34,76 +34,58 @@ MOST_CLOSING = 40
 """Iterations of step 1 at the most."""
 
 
-class SpaceState(NamedTuple):
-    """Storage of one thread: the states and storage of substructures, reduced and full mechanism.
-
-    theta (q,), place (J, 24), relative (J, 12), series (3, M): of the joints; found (q,), off (J, 6), known
-    (J,): intended motions of the answer and what is left, see `ksd.bodies.readout.intended_motions`; limits (q, 4),
-    seen (2,): see `ksd.solve.joint_range`.
-    """
-
-    theta: np.ndarray
-    place: np.ndarray
-    relative: np.ndarray
-    series: np.ndarray
-    found: np.ndarray
-    off: np.ndarray
-    known: np.ndarray
-    substructures: Motion
-    reduced: Motion
-    full: Motion
-    substructure_work: Work
-    reduced_work: Work
-    full_work: Work
-    limits: np.ndarray
-    seen: np.ndarray
-
-
 class FiveStepsStorage:
     """Storage for repeated solves of one model in space: what the five steps read and write. Not for two threads at once.
 
-    state: that of a design of the same words, taken over. lowest, highest (motions,): trained ranges with their slack.
+    theta (q,), place (J, 24), relative (J, 12), series (3, M): of the joints; found (q,), off (J, 6), known (J,): intended
+    motions of the answer and what is left, see `ksd.bodies.readout.intended_motions`; limits (q, 4), seen (2,): see
+    `ksd.solve.joint_range`; lowest, highest (q,): trained ranges with their slack. substructures, reduced, full: states.
     """
 
-    def __init__(self, model: Model, bodies: JointBodies, state: SpaceState | None = None) -> None:
+    def __init__(self, model: Model, bodies: JointBodies) -> None:
+        joints, motions = len(bodies.loops.node), len(bodies.motion_names)
+        self.theta, self.place, self.relative = (
+            np.zeros(motions),
+            np.zeros((joints, 24)),
+            np.zeros((joints, 12)),
+        )
+        self.series = np.zeros((3, bodies.loops.pose.shape[2]))
+        self.found, self.off, self.known = (
+            np.zeros(motions),
+            np.zeros((joints, 6)),
+            np.zeros(joints, np.int64),
+        )
+        self.limits, self.seen = motion_limits(bodies.motion_range), np.zeros(2, np.int64)
+        self.lowest, self.highest, _, _ = self.limits.T
+        self.joint_names = tuple(p.name for p in model.scene.joints)
+        self.substructures, self.reduced = bodies.substructure_rest.copy(), bodies.reduced_rest.copy()
+        self.full = model.rest.copy()
+        self.substructure_work = make_work(bodies.substructures, near=bodies.near)
+        self.reduced_work, self.full_work = make_work(bodies.reduced), make_work(model.arrays)
+        self._hold(model, bodies)
+
+    def of(self, model: Model, bodies: JointBodies) -> FiveStepsStorage:
+        """The same arrays for a design of the same words: only one of both can be used at a time."""
+        made = copy(self)
+        made.full.assign(model.rest)
+        made.substructure_work.weight[...] = bodies.substructures.weight
+        made.reduced_work.weight[...] = bodies.reduced.weight
+        made.full_work.weight[...] = model.arrays.weight
+        made._hold(model, bodies)
+        return made
+
+    def _hold(self, model: Model, bodies: JointBodies) -> None:
+        """Be of this design."""
         if len(bodies.hung.owner):
             # step 2 sets where the weight of the joints pulls; another thread has its own
             bodies = replace(bodies, reduced=opened(flatten(bodies.reduced)))
         self.model, self.bodies = model, bodies
-        state = _new_state(model, bodies) if state is None else _taken_over(state, model, bodies)
-        self.state, self.joint_names = state, tuple(p.name for p in model.scene.joints)
-        self.full, self.full_work = state.full, state.full_work
-        self.reduced, self.reduced_work = state.reduced, state.reduced_work
-        self.substructures, self.substructure_work = state.substructures, state.substructure_work
-        self.theta, self.place, self.found, self.off = state.theta, state.place, state.found, state.off
-        self.known, self.seen = state.known, state.seen
-        self.lowest, self.highest, _, _ = state.limits.T
 
     def restart(self) -> None:
         """Back to rest, in place."""
         self.reduced.assign(self.bodies.reduced_rest)
         self.substructures.assign(self.bodies.substructure_rest)
         self.theta[:] = 0.0
-
-
-def _new_state(model: Model, bodies: JointBodies) -> SpaceState:
-    joints, motions = len(bodies.loops.node), len(bodies.motion_names)
-    return SpaceState(
-        np.zeros(motions), np.zeros((joints, 24)), np.zeros((joints, 12)),
-        np.zeros((3, bodies.loops.pose.shape[2])), np.zeros(motions), np.zeros((joints, 6)),
-        np.zeros(joints, np.int64),
-        bodies.substructure_rest.copy(), bodies.reduced_rest.copy(), model.rest.copy(),
-        make_work(bodies.substructures, near=bodies.near), make_work(bodies.reduced), make_work(model.arrays),
-        motion_limits(bodies.motion_range), np.zeros(2, np.int64),
-    )  # fmt: skip
-
-
-def _taken_over(state: SpaceState, model: Model, bodies: JointBodies) -> SpaceState:
-    state.full.assign(model.rest)
-    state.substructure_work.weight[...] = bodies.substructures.weight
-    state.reduced_work.weight[...] = bodies.reduced.weight
-    state.full_work.weight[...] = model.arrays.weight
-    return state
 
 
 def close_joints(b: FiveStepsStorage, target: np.ndarray) -> tuple[int, int, float]:
@@ -169,7 +151,7 @@ def condense_space(b: FiveStepsStorage, near: int) -> int:
 def recover_space(b: FiveStepsStorage) -> tuple[float, float]:
     """Step 4. Returns the largest displacement [m] and rotation [rad] of an interface off its near pose."""
     inside, state, work = b.bodies.substructures, b.substructures, b.substructure_work
-    unintended = interface_step(inside, b.bodies.loops, b.reduced, state, work, b.state.relative)
+    unintended = interface_step(inside, b.bodies.loops, b.reduced, state, work, b.relative)
     take_step(inside, state, work.rhs, work, 1.0)
     return unintended
 
@@ -177,7 +159,7 @@ def recover_space(b: FiveStepsStorage) -> tuple[float, float]:
 @kernel
 def read_joints(loops, shapes, x, R, theta, found, relative, place, series, off, known, limits, seen):
     """Intended motions found (q,) of all joints where links are at x, R, their search begun at theta (q,); loops, shapes: as
-    in `ksd.bodies.flat`; the rest as in `SpaceState`."""
+    in `ksd.bodies.flat`; the rest as in `FiveStepsStorage`."""
     relative_poses(loops, shapes, x, R, relative)
     for q in range(len(theta)):
         found[q] = theta[q]
@@ -189,10 +171,9 @@ def read_joints(loops, shapes, x, R, theta, found, relative, place, series, off,
 
 def read_space(b: FiveStepsStorage) -> None:
     """Intended motions of the answer."""
-    state = b.state
     read_joints(
-        *b.bodies.loops.flat, b.full.x, b.full.R, b.theta, b.found, state.relative, b.place, state.series, b.off, b.known,
-        state.limits, b.seen,
+        *b.bodies.loops.flat, b.full.x, b.full.R, b.theta, b.found, b.relative, b.place, b.series, b.off, b.known, b.limits,
+        b.seen,
     )  # fmt: skip
 
 

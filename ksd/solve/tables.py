@@ -48,7 +48,7 @@ def _sampled(b: FiveStepsStorage, shares: np.ndarray) -> np.ndarray:
     found = np.empty((len(shares), joints, 42))
     for n, share in enumerate(shares):
         b.theta[:] = low + share * (high - low)
-        joint_places(*b.bodies.loops.flat, b.theta, b.place, b.state.series)
+        joint_places(*b.bodies.loops.flat, b.theta, b.place, b.series)
         near_space(b)
         if condense_space(b, 1) != 0:
             raise SceneError(
