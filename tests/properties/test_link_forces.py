@@ -5,7 +5,7 @@ import csv
 import numpy as np
 import pytest
 from planar_scenes import FINE, slider
-from scenes import fourbar
+from scenes import cross_flexure, fourbar
 
 import ksd
 
@@ -77,3 +77,9 @@ def test_joints_in_space():
     own = [found.inside(n)[0] for n in inside if n.startswith(f"{joint.name}/")]
     ends = [r.force * (1 if joint.link in r.at else 0) for r in own]
     assert sum(ends) == pytest.approx(joint.force, abs=1e-9)
+    # the drive alone holds the top link against both of its joints
+    (held,) = (r for r in found.rows if (r.part, r.at, r.of) == ("link", "top", "applied"))
+    at = (0.0, 0.3 + cross_flexure().length_AB, 0.0)
+    lever = pose.displacement("top", at) - held.point + np.array(at)
+    assert held.force == pytest.approx((pose.forces["top"], 0, 0), abs=1e-6)
+    assert held.moment == pytest.approx(np.cross(lever, held.force), abs=1e-6)
