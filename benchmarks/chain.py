@@ -42,7 +42,7 @@ class Case:
         self.count = max(3, 300 // joints)
         self.values = {n: np.linspace(0.5, 1.0, self.count) * v for n, v in targets.items()}
         b = self.prepared.five.storage
-        self.bytes = stored((*vars(b.bodies).values(), b.model.arrays, b.model.rest, b.state))
+        self.bytes = stored((*vars(b).values(), *vars(b.bodies).values(), b.model.arrays, b.model.rest))
         self.solved = bool((self.prepared(self.values).status == 0).all())
 
     def __call__(self) -> None:
