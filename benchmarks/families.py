@@ -23,7 +23,7 @@ from common import machine, options, save_picture, write_json
 
 import ksd
 from ksd.library import find_record
-from ksd.library.files import shipped_folder
+from ksd.library.record_files import shipped_folder
 from ksd.model.mesh import Mesh
 from ksd.scene import Joint
 from ksd.solve.conventional import conventional

@@ -30,8 +30,8 @@ from ksd.design import Table  # noqa: E402
 from ksd.design.resume import ResumeFile  # noqa: E402
 from ksd.errors import KsdError  # noqa: E402
 from ksd.library import read_record, read_result  # noqa: E402
-from ksd.library.files import shipped_folder  # noqa: E402
-from ksd.library.tables import write_answer  # noqa: E402
+from ksd.library.record_files import shipped_folder  # noqa: E402
+from ksd.library.result_files import write_answer  # noqa: E402
 
 SEALED = {"record", "table", "result"}
 

@@ -21,7 +21,7 @@ from test_damage import SMALLEST, all_refused, killed_training  # noqa: E402
 
 from ksd.design import Table  # noqa: E402
 from ksd.library import read_record, read_result  # noqa: E402
-from ksd.library.tables import write_answer  # noqa: E402
+from ksd.library.result_files import write_answer  # noqa: E402
 
 
 def main() -> int:

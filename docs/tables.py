@@ -20,7 +20,7 @@ from ksd.cli.solve import OPTIONS
 from ksd.design import job_file
 from ksd.properties.words import Shown
 from ksd.scene import toml_schema as schema
-from ksd.scene.profile import NAMED
+from ksd.scene.toml_schema import SHAPE_CLASSES
 from ksd.solve.configuration import INSIDE
 from ksd.units import DIMENSIONS
 
@@ -192,7 +192,11 @@ def scene_tables() -> Iterator[tuple[str, schema.Schema, tuple[object, ...]]]:
         if word == "wire":
             for key, shapes in schema.SHAPES.items():
                 for kind, own in shapes.items():
-                    yield f'[leaf.{key}] or [wire.{key}], kind = "{kind}"', own, (NAMED[key][kind][1],)
+                    yield (
+                        f'[leaf.{key}] or [wire.{key}], kind = "{kind}"',
+                        own,
+                        (SHAPE_CLASSES[key][kind][1],),
+                    )
         if word == "support":
             yield "[[actuate.terms]] or [[support.terms]]", schema.TERM, (ksd.Mechanism.displacement,)
     for name, family in sorted(ksd.joint_families().items()):

@@ -12,7 +12,7 @@ from typing import Any
 from rich.console import Console
 
 from ksd.files import check_target
-from ksd.library.tables import write_answer
+from ksd.library.result_files import write_answer
 from ksd.properties.words import WIDTH
 from ksd.view.figure import check_picture
 

@@ -13,7 +13,7 @@ from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.errors import SceneError, SceneWarning
 from ksd.model.mesh import Mesh
 from ksd.scene import Scene
-from ksd.scene.plausible import meant_in
+from ksd.scene.plausibility import meant_in
 from ksd.scene.toml_file import load_scene
 from ksd.scene.toml_table import quantity
 from ksd.solve.solver import solve

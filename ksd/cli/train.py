@@ -15,7 +15,7 @@ import numpy as np
 from ksd.cli.output import console, interrupted
 from ksd.errors import RecordError
 from ksd.library import find_record
-from ksd.library.files import SUFFIX, record_in_use, where_looked_for
+from ksd.library.record_files import SUFFIX, record_in_use, where_looked_for
 from ksd.train import known_designs, train, up_to_date
 from ksd.train.run import target_of
 

@@ -27,7 +27,7 @@ from ksd.design.words import check_drives, check_executor, check_ways, drive_row
 from ksd.errors import SceneError
 from ksd.model.mesh import Mesh
 from ksd.properties.words import Shown
-from ksd.scene.links import Link
+from ksd.scene.link import Link
 from ksd.solve.many import UNANSWERED
 from ksd.solve.space_steps import FULL, REDUCED
 

@@ -43,7 +43,7 @@ from ksd.properties.alike import Alike, alike
 from ksd.properties.stress import stress_followed
 from ksd.properties.words import Shown, listed
 from ksd.properties.words import number as written
-from ksd.scene.links import Link
+from ksd.scene.link import Link
 from ksd.solve.configuration import Configuration
 from ksd.solve.perturbed import STEP, WIDE, Parameter, Perturbed, parameters_of
 from ksd.solve.solver import Method

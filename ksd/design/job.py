@@ -38,8 +38,8 @@ from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.properties.words import Shown
 from ksd.properties.words import number as written
 from ksd.scene import Joint, Mechanism, Scene
-from ksd.scene.drive import Load
-from ksd.scene.links import Link
+from ksd.scene.link import Link
+from ksd.scene.load import Load
 from ksd.solve.configuration import Configuration
 from ksd.solve.perturbed import STEP
 from ksd.solve.solver import DEFAULT_ACCURACY

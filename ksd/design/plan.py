@@ -17,8 +17,8 @@ from ksd.design.resume import records_of
 from ksd.design.words import check_drives, check_parameters
 from ksd.errors import SceneError
 from ksd.scene import Mechanism, Scene
-from ksd.scene.contents import WANTED
-from ksd.scene.drive import Load
+from ksd.scene.load import Load
+from ksd.scene.scene import WANTED
 
 Drawn = Mechanism | Scene | Callable[..., Mechanism | Scene]
 """A mechanism, or a function of its parameters that draws one."""

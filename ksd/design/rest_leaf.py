@@ -23,9 +23,9 @@ from ksd.model.compile import Model
 from ksd.model.leaves import line_mass, rigidities
 from ksd.model.mesh import Mesh
 from ksd.properties.shape import curvature, member_ends, member_parts
-from ksd.scene.curves import Legendre
 from ksd.scene.hinges import PLANES
 from ksd.scene.leaf import Leaf
+from ksd.scene.plane_curves import Legendre
 
 Array = NDArray[np.float64]
 PANELS, POINTS = 8, 10

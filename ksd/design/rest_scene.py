@@ -20,7 +20,7 @@ from ksd.files import write_file
 from ksd.model.leaves import cut_leaves
 from ksd.model.mesh import Mesh
 from ksd.properties.words import Shown, listed, number, printed
-from ksd.scene.contents import Scene
+from ksd.scene.scene import Scene
 
 Array = NDArray[np.float64]
 FINE = Mesh(orders=(3, 2, 12), points=16)

@@ -28,13 +28,13 @@ from ksd.numerics.rotations import rotation_log
 from ksd.properties.words import number
 from ksd.scene.clearance import FINE as BOXES
 from ksd.scene.clearance import TOUCH, leaf_body, meetings, meets_itself
-from ksd.scene.contents import Scene
-from ksd.scene.curves import Legendre
+from ksd.scene.curve import FreeCurve
 from ksd.scene.drive import Drive
 from ksd.scene.leaf import Leaf
 from ksd.scene.mechanism import Mechanism
-from ksd.scene.profile import FreeCurve
-from ksd.scene.redraw import Move, redrawn
+from ksd.scene.move_links import Move, redrawn
+from ksd.scene.plane_curves import Legendre
+from ksd.scene.scene import Scene
 from ksd.solve.configuration import Configuration
 from ksd.solve.required import held_pose, required_loads
 from ksd.solve.solver import given_values, prepare, solve

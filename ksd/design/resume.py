@@ -15,7 +15,7 @@ from typing import Any
 from ksd.checks import show
 from ksd.errors import RecordError, SceneError
 from ksd.files import check_target, read_file, write_file
-from ksd.library.files import find_record, record_bytes
+from ksd.library.record_files import find_record, record_bytes
 
 Rows = list[dict[str, Any]]
 

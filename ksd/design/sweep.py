@@ -24,7 +24,7 @@ from ksd.errors import KsdError
 from ksd.model.mesh import Mesh
 from ksd.numerics.processes import process_pool, spawning
 from ksd.properties.words import progress_bar
-from ksd.scene.links import Link
+from ksd.scene.link import Link
 from ksd.solve.solver import METHODS, Method
 
 PER_PROCESS = 4

@@ -23,7 +23,7 @@ from ksd.checks import names_of, nearest, show, worded
 from ksd.errors import RecordError, SceneError
 from ksd.files import write_file
 from ksd.html import InNotebooks
-from ksd.library.tables import read_columns, write_columns
+from ksd.library.result_files import read_columns, write_columns
 from ksd.properties.words import WIDTH, number, printed
 from ksd.view import plot_stroke, save_figure
 

@@ -1,6 +1,8 @@
 """Joint records: what training found out about a joint family, read and written as one HDF5 file each."""
 
-from ksd.library.files import (
+from ksd.library.functions import Functions, JointFunctions, Mesh, monomials
+from ksd.library.record import Evidence, Parameter, Probes, Record, Residual, Stroke
+from ksd.library.record_files import (
     FORMAT,
     Listing,
     describe_database,
@@ -9,9 +11,7 @@ from ksd.library.files import (
     record_folders,
     write_record,
 )
-from ksd.library.functions import Functions, JointFunctions, Mesh, monomials
-from ksd.library.record import Evidence, Parameter, Probes, Record, Residual, Stroke
-from ksd.library.tables import read_result
+from ksd.library.result_files import read_result
 
 __all__ = [
     "FORMAT",

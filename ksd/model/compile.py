@@ -25,8 +25,8 @@ from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.model.pack import revalued
 from ksd.model.plane import refuse_plane
 from ksd.model.template import Filled, Leaves, Template, design, motion_design, template_of
-from ksd.scene.contents import WANTED
-from ksd.scene.plausible import far_drives
+from ksd.scene.plausibility import far_drives
+from ksd.scene.scene import WANTED
 
 
 @dataclass(frozen=True, repr=False)

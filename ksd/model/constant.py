@@ -21,8 +21,8 @@ from ksd.model.mesh import Mesh
 from ksd.model.newton import assemble, take_step
 from ksd.model.reduced import inner_state, member_pose, same_state, with_bodies
 from ksd.numerics.rotations import rotation_exp, rotation_log
-from ksd.scene.contents import PlacedLeaf, Scene
 from ksd.scene.drive import GROUND
+from ksd.scene.scene import PlacedLeaf, Scene
 
 MOST = 40
 """Newton steps inside the leaf springs at held end poses."""

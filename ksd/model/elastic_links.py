@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from ksd.errors import SceneError
-from ksd.scene.contents import PlacedLeaf
 from ksd.scene.effects import Compliance
 from ksd.scene.leaf import Leaf
+from ksd.scene.scene import PlacedLeaf
 
 NEAR = 1e-6
 """Distance [m] below which an attachment sits at a place."""

@@ -29,8 +29,9 @@ from ksd.model.arrays import COROTATIONAL, STRAIN
 from ksd.model.mesh import Mesh
 from ksd.model.pack import Member
 from ksd.model.runs import own_factor
+from ksd.scene.curve import Curve, CurvePart, line_of
 from ksd.scene.leaf import Condition
-from ksd.scene.profile import Curve, CurvePart, ProfilePart, line_of
+from ksd.scene.profile import ProfilePart
 from ksd.section import Section
 from ksd.section.constants import Sections
 from ksd.section.plate import plate_factor

@@ -28,12 +28,12 @@ from ksd.model.newton import assemble
 from ksd.properties.nonconservative import cross_matrix
 from ksd.properties.tangent import exact, stored_matrix
 from ksd.properties.words import Shown
-from ksd.scene.contents import WANTED, PlacedLeaf, Scene
 from ksd.scene.drive import GROUND
 from ksd.scene.hinges import PLANES
 from ksd.scene.mechanism import Mechanism
-from ksd.scene.plausible import implausible
+from ksd.scene.plausibility import implausible
 from ksd.scene.rules import plane_hint
+from ksd.scene.scene import WANTED, PlacedLeaf, Scene
 
 Array = NDArray[np.float64]
 RANK = 1e-2
@@ -82,8 +82,8 @@ class Diagnosis(Shown):
     """What the doctor found. freedoms: left by joints, leaf springs and supports, for drives to move; held: those the drives
     hold; constraints, independent: rows of joints, leaf springs and supports, and their rank; free: motions left with
     all drives held; fights: redundant constraints, of the mechanism and then inside joints; singular_values: of all
-    rows, descending; unusual: sizes and materials that hardly any flexure has (`ksd.scene.plausible`); hint: where links can
-    leave a plane that the scene does not name."""
+    rows, descending; unusual: sizes and materials that hardly any flexure has (`ksd.scene.plausibility`); hint: where
+    links can leave a plane that the scene does not name."""
 
     mechanism: str
     freedoms: int

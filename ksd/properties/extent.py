@@ -20,7 +20,7 @@ from ksd.model.compile import Model
 from ksd.properties.cache import per_model
 from ksd.properties.shape import POINTS, LeafShape, mechanism_shape, members_of_leaves
 from ksd.properties.words import Shown, number
-from ksd.scene.contents import Scene
+from ksd.scene.scene import Scene
 
 Array = NDArray[np.float64]
 _CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])

@@ -20,8 +20,8 @@ from ksd.properties.shape import place_of
 from ksd.properties.stiffness import drive_coupling, node_of, point_motion
 from ksd.properties.tangent import SAME, beyond_rows, row_gradients
 from ksd.properties.words import Shown, number
-from ksd.scene.contents import reached
 from ksd.scene.drive import GROUND
+from ksd.scene.scene import reached
 
 Array = NDArray[np.float64]
 STRAINED = 1e-2

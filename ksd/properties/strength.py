@@ -20,7 +20,7 @@ from ksd.properties.shape import scene_leaves
 from ksd.properties.stress import LeafStress, stress_of
 from ksd.properties.words import Shown, number
 from ksd.scene.material import Material
-from ksd.scene.plausible import implausible
+from ksd.scene.plausibility import implausible
 
 NOTABLE = 0.01
 """Strain from which a warning says that the linear law is no longer a small error."""
@@ -135,7 +135,7 @@ def _strain(stress: LeafStress, material: Material) -> float:
 
 @per_model
 def unusual(model: Model) -> tuple[str, ...]:
-    """What is unusual about the scene that a model was made of, see `ksd.scene.plausible`."""
+    """What is unusual about the scene that a model was made of, see `ksd.scene.plausibility`."""
     return implausible(model.said or model.scene)
 
 

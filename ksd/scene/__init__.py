@@ -1,7 +1,7 @@
 """What the engineer says: materials, joints, links, drives, loads. Imports numpy alone."""
 
-from ksd.scene.contents import PlacedJoint, PlacedLeaf, Scene, joint_angle
-from ksd.scene.drive import GROUND, Drive, DriveTerm, Load, PointMass
+from ksd.scene.curve import Arc, Curve, FreeCurve
+from ksd.scene.drive import GROUND, Drive, DriveTerm
 from ksd.scene.families import joint_families, joint_family, make_joint
 from ksd.scene.families.cartwheel import Butterfly, Cartwheel
 from ksd.scene.families.constraints import FoldedLeaf, WireFlexure
@@ -13,20 +13,12 @@ from ksd.scene.families.notch import ArcHinge, CircularNotchHinge, FilletedNotch
 from ksd.scene.families.universal import UniversalJoint
 from ksd.scene.joint import DrawnJoint, Joint, Motion
 from ksd.scene.leaf import Leaf, wire
-from ksd.scene.links import Link
+from ksd.scene.link import Link
+from ksd.scene.load import Load, PointMass
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
-from ksd.scene.profile import (
-    Arc,
-    CircularNotch,
-    Curve,
-    FilletedNotch,
-    FreeCurve,
-    Profile,
-    StiffenedMiddle,
-    Taper,
-    Varying,
-)
+from ksd.scene.profile import CircularNotch, FilletedNotch, Profile, StiffenedMiddle, Taper, Varying
+from ksd.scene.scene import PlacedJoint, PlacedLeaf, Scene, joint_angle
 
 __all__ = [
     "GROUND",

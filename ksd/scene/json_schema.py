@@ -16,7 +16,7 @@ from ksd.scene.hinges import PLANES
 from ksd.scene.joint import DrawnJoint
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
-from ksd.scene.profile import NAMED
+from ksd.scene.toml_schema import SHAPE_CLASSES
 from ksd.scene.toml_table import spelling
 from ksd.units import DIMENSIONS
 
@@ -141,7 +141,7 @@ def _one_of(key: str, tables: Mapping[str, tuple[Any, schema.Schema]], **more: T
 def _sized(kind: str, keys: schema.Schema, about: Any, **more: Tree) -> Tree:
     """A wire with its diameter, or a leaf with its section or thickness and width; either with its curve and profile."""
     more |= {
-        key: _one_of("kind", {word: (NAMED[key][word][1], own) for word, own in shapes.items()})
+        key: _one_of("kind", {word: (SHAPE_CLASSES[key][word][1], own) for word, own in shapes.items()})
         for key, shapes in schema.SHAPES.items()
     }
     if kind == "wire":

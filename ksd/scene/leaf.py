@@ -26,8 +26,9 @@ from ksd.checks import (
     worded,
 )
 from ksd.errors import SceneError
+from ksd.scene.curve import Curve, line_of
 from ksd.scene.material import Material
-from ksd.scene.profile import Curve, Profile, line_of
+from ksd.scene.profile import Profile
 from ksd.section import Section, circle
 
 

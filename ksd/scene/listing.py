@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from ksd.html import Printed
 
 if TYPE_CHECKING:
-    from ksd.scene.contents import Scene
+    from ksd.scene.scene import Scene
 
 
 def printed_scene(scene: Scene) -> Printed:

@@ -27,7 +27,21 @@ from ksd.checks import (
 )
 from ksd.errors import SceneError, UnknownNameError, UnknownWordError
 from ksd.html import InNotebooks
-from ksd.scene.contents import (
+from ksd.scene.curve import Curve
+from ksd.scene.drive import GROUND, Drive, DriveTerm
+from ksd.scene.effects import CONSIDERED, Compliance, Distance, Fit, Heat, LinkMatrix, Spring, TurnSpring
+from ksd.scene.hinges import Hinge, checked_drive, checked_hinge, checked_plane, normal_of
+from ksd.scene.joint import Joint
+from ksd.scene.leaf import Leaf
+from ksd.scene.leaf import wire as make_wire
+from ksd.scene.link import Link, spoken
+from ksd.scene.link_matrix import link_matrix
+from ksd.scene.load import Load, PointMass
+from ksd.scene.material import Material
+from ksd.scene.placement import axis_word, rotation_at
+from ksd.scene.profile import Profile
+from ksd.scene.rules import check_scene
+from ksd.scene.scene import (
     LeafPoint,
     PlacedJoint,
     PlacedLeaf,
@@ -36,18 +50,6 @@ from ksd.scene.contents import (
     placed_leaf,
     same_parts,
 )
-from ksd.scene.drive import GROUND, Drive, DriveTerm, Load, PointMass
-from ksd.scene.effects import CONSIDERED, Compliance, Distance, Fit, Heat, LinkMatrix, Spring, TurnSpring
-from ksd.scene.hinges import Hinge, checked_drive, checked_hinge, checked_plane, normal_of
-from ksd.scene.joint import Joint
-from ksd.scene.leaf import Leaf
-from ksd.scene.leaf import wire as make_wire
-from ksd.scene.link_matrix import link_matrix
-from ksd.scene.links import Link, spoken
-from ksd.scene.material import Material
-from ksd.scene.placing import axis_word, rotation_at
-from ksd.scene.profile import Curve, Profile
-from ksd.scene.rules import check_scene
 from ksd.section import Section
 
 SETTABLE = ("name", "plane", "gravity")

@@ -9,11 +9,11 @@ from typing import Any
 
 from ksd.checks import as_given, nearest
 from ksd.errors import SceneError
-from ksd.scene.contents import Scene, reached
 from ksd.scene.drive import GROUND, Drive
 from ksd.scene.effects import leaf_conditions
 from ksd.scene.hinges import PLANES
 from ksd.scene.joint import leaves_of
+from ksd.scene.scene import Scene, reached
 
 
 def check_scene(scene: Scene) -> None:

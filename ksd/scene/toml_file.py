@@ -46,9 +46,9 @@ from ksd.scene.leaf import Leaf
 from ksd.scene.leaf import wire as make_wire
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
-from ksd.scene.profile import NAMED
 from ksd.scene.rules import broken_rules
 from ksd.scene.toml_lines import Lines
+from ksd.scene.toml_schema import SHAPE_CLASSES
 from ksd.scene.toml_table import ANY, Noted, Table, Unsaid, each
 from ksd.scene.toml_writer import save_scene
 from ksd.section import Section, rectangle
@@ -355,7 +355,7 @@ def _shapes(table: Table) -> dict[str, Any]:
         own = table.table(key)
         with table.judged():
             kind = _one_of(own, "kind", schema.SHAPES[key], key)
-            found[key] = own.say(NAMED[key][kind][1], own.read(schema.SHAPES[key][kind]))
+            found[key] = own.say(SHAPE_CLASSES[key][kind][1], own.read(schema.SHAPES[key][kind]))
     return found
 
 

@@ -11,8 +11,13 @@ family. Bounds are checked there.
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable
+from typing import Any
 
+from ksd.scene.curve import Arc, FreeCurve
 from ksd.scene.joint import Joint
+from ksd.scene.plane_curves import Legendre, Sine, Spline
+from ksd.scene.profile import CircularNotch, FilletedNotch, StiffenedMiddle, Taper
 
 Schema = dict[str, str]
 
@@ -81,7 +86,19 @@ SHAPES: dict[str, dict[str, Schema]] = {
         },
     },
 }  # fmt: skip
-"""Tables of a leaf, such as [leaf.curve], by their kind: see `ksd.scene.profile.NAMED`."""
+"""Keys of the tables [leaf.curve] and [leaf.profile], by their `kind`."""
+
+SHAPE_CLASSES: dict[str, dict[str, tuple[type[Any], Callable[..., Any]]]] = {
+    "curve": {
+        "arc": (Arc, Arc), "sine": (Sine, FreeCurve.sine), "legendre": (Legendre, FreeCurve.legendre),
+        "spline": (Spline, FreeCurve.spline),
+    },
+    "profile": {
+        "taper": (Taper, Taper), "circular_notch": (CircularNotch, CircularNotch),
+        "filleted_notch": (FilletedNotch, FilletedNotch), "stiffened_middle": (StiffenedMiddle, StiffenedMiddle),
+    },
+}  # fmt: skip
+"""By the same keys and kinds: the class whose attributes are those keys, and the callable that makes the shape from them."""
 
 BLOCKS: Schema = {"start_block": "text!", "end_block": "text!"}
 """Where a leaf of a drawn joint hangs; a free-form one has `PAIR`."""

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from ksd.checks import NUMBER, direction, nearest, number, show, similar
 from ksd.errors import SceneError
-from ksd.scene.plausible import meant_in
+from ksd.scene.plausibility import meant_in
 from ksd.units import DIMENSIONS
 
 T = TypeVar("T")

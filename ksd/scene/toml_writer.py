@@ -11,7 +11,7 @@ import numpy as np
 from ksd.checks import number, numbered, show, worded
 from ksd.errors import SceneError
 from ksd.files import write_file
-from ksd.scene.contents import PlacedJoint, Scene
+from ksd.scene.curve import FreeCurve
 from ksd.scene.drive import GROUND, Drive, DriveTerm
 from ksd.scene.effects import Compliance, Spring, TurnSpring
 from ksd.scene.families import joint_families
@@ -20,7 +20,7 @@ from ksd.scene.joint import DrawnJoint, Joint
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
-from ksd.scene.profile import NAMED, FreeCurve
+from ksd.scene.scene import PlacedJoint, Scene
 from ksd.scene.toml_schema import (
     BLOCKS,
     DRAWN,
@@ -29,6 +29,7 @@ from ksd.scene.toml_schema import (
     MOTIONS,
     SECTIONS,
     SENTENCES,
+    SHAPE_CLASSES,
     SHAPES,
     SIZES,
     of_family,
@@ -187,7 +188,7 @@ def _leaf(leaf: Leaf, names: _Names, ends: Tree) -> Tree:
 def _shape(key: str, value: Any, leaf: str) -> Tree:
     """The table of a curve or profile; empty for none."""
     own = value.function if isinstance(value, FreeCurve) else value
-    for kind, (made, _) in NAMED[key].items():
+    for kind, (made, _) in SHAPE_CLASSES[key].items():
         if type(own) is made:
             tree = {word: getattr(own, word, None) for word in SHAPES[key][kind]}
             return {"kind": kind} | {word: v for word, v in tree.items() if v not in (None, ())}
@@ -195,7 +196,7 @@ def _shape(key: str, value: Any, leaf: str) -> Tree:
         return {}
     raise SceneError(
         f"leaf '{leaf}': its {key} is a function, which cannot be written to a file; make it of numbers ({key} of kind "
-        f"{', '.join(NAMED[key])}), or keep it in Python."
+        f"{', '.join(SHAPE_CLASSES[key])}), or keep it in Python."
     )
 
 

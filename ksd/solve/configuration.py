@@ -34,8 +34,8 @@ from ksd.properties.strength import Strength, strength, unusual
 from ksd.properties.stress import Stress, strain_energy, stress
 from ksd.properties.verify import Verification, verify
 from ksd.properties.words import ByName, printed
-from ksd.scene.contents import PlacedJoint
-from ksd.scene.links import Link
+from ksd.scene.link import Link
+from ksd.scene.scene import PlacedJoint
 from ksd.solve.answer import as_dict, drive_kind
 from ksd.solve.error import error_of, goes_on_alone, settled, truth_of, with_error
 from ksd.solve.following import keeps_still
@@ -206,7 +206,7 @@ class Configuration(InNotebooks):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """What the user should know: of the solve, of the scene (`ksd.scene.plausible`), and of strain and stress."""
+        """What the user should know: of the solve, of the scene (`ksd.scene.plausibility`), and of strain and stress."""
         strain = () if self.strength is None else self.strength.warnings
         joints = () if self._joints is None else self._joints.unknown
         own = (*self.far_drives, *unusual(self.model))

@@ -17,8 +17,8 @@ from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.properties.words import Shown, listed, number
-from ksd.scene.contents import Scene
 from ksd.scene.mechanism import Mechanism
+from ksd.scene.scene import Scene
 from ksd.solve.arc import REACHED, Course, Place, Walk, starting_place, switched
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import unloaded

@@ -26,11 +26,11 @@ from ksd.model.orders import raised
 from ksd.model.plane import Plane, plane_of
 from ksd.numerics.rotations import rotation_exp
 from ksd.properties.words import Shown, listed, number
-from ksd.scene.contents import Scene
 from ksd.scene.drive import GROUND, Drive, DriveTerm
 from ksd.scene.hinges import normal_of
-from ksd.scene.links import Link, spoken
+from ksd.scene.link import Link, spoken
 from ksd.scene.mechanism import Mechanism
+from ksd.scene.scene import Scene
 from ksd.solve.actuation import Actuation
 from ksd.solve.configuration import Configuration
 from ksd.solve.solver import DEFAULT_ACCURACY, MOST_RISES, Solver, prepare

@@ -21,7 +21,7 @@ from ksd.model.newton import take_step
 from ksd.numerics.rotations import rotation_log
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.properties.tangent import assembled_tangent, factored
-from ksd.scene.drive import Load
+from ksd.scene.load import Load
 from ksd.solve.load_steps import Way, load_steps, step_of, stopped
 from ksd.solve.steps import Stop
 from ksd.solve.storage import storage_of

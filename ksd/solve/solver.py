@@ -16,7 +16,7 @@ from ksd.bodies.joints import joint_bodies
 from ksd.checks import nearest, number, show, truth, whole, worded
 from ksd.errors import ConvergenceError, KinematicsError, RangeError, RecordError, SceneError
 from ksd.library import Record, find_record
-from ksd.library.files import record_in_use
+from ksd.library.record_files import record_in_use
 from ksd.modal.choices import ModalBasis
 from ksd.modal.solid_basis import SolidBasis
 from ksd.model.compile import Model, compile_scene
@@ -24,8 +24,8 @@ from ksd.model.constant import with_constant_leaves
 from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.model.orders import mesh_for, raised
 from ksd.model.plane import Plane, plane_of
-from ksd.scene.contents import Scene
 from ksd.scene.mechanism import Mechanism
+from ksd.scene.scene import Scene
 from ksd.solve.actuation import Actuation, RequiredForces
 from ksd.solve.ahead import compile_ahead
 from ksd.solve.configuration import Configuration

@@ -11,7 +11,8 @@ import numpy as np
 from ksd.checks import Vector
 from ksd.library import Mesh, Parameter
 from ksd.scene import DrawnJoint, Joint, Leaf, Material
-from ksd.scene.profile import Curve, Profile
+from ksd.scene.curve import Curve
+from ksd.scene.profile import Profile
 from ksd.section import Section
 
 FULL: tuple[Mesh, ...] = ("strain", 1, 2, 3, 4, 5, 6, 7, 8)

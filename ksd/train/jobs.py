@@ -18,11 +18,11 @@ import numpy as np
 
 from ksd.errors import KsdError, RecordError, SceneError
 from ksd.files import read_file, write_file
-from ksd.library.files import in_folder
+from ksd.library.record_files import in_folder
 from ksd.numerics.processes import follow_parent, spawning
 from ksd.properties.words import progress_bar
 from ksd.scene import DrawnJoint
-from ksd.scene.contents import fingerprint
+from ksd.scene.scene import fingerprint
 from ksd.train.sweep import Plan, Samples, sample_joint
 
 WORKERS = 2

@@ -9,8 +9,8 @@ import numpy as np
 
 from ksd.errors import RecordError
 from ksd.library import Mesh, Probes, Record
-from ksd.library.files import train_again
 from ksd.library.functions import Array
+from ksd.library.record_files import train_again
 from ksd.train.designs import Design, bare
 from ksd.train.fit import DIGITS
 from ksd.train.sweep import Plan, Samples, sample_joint

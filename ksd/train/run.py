@@ -20,8 +20,8 @@ import ksd
 from ksd.checks import worded
 from ksd.errors import ConvergenceError, RecordError, SceneError
 from ksd.library import Evidence, Functions, Mesh, Record, Residual, Stroke, read_record, write_record
-from ksd.library.files import SUFFIX
 from ksd.library.functions import Array, legendre_products, monomials
+from ksd.library.record_files import SUFFIX
 from ksd.model.leaves import raised_orders
 from ksd.model.mesh import Mesh as LeafMesh
 from ksd.scene import DrawnJoint, Joint

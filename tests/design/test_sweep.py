@@ -16,7 +16,7 @@ import ksd
 from ksd.design.lines import spoken
 from ksd.design.questions import KNOWN
 from ksd.design.sweep import sweep
-from ksd.library.tables import read_columns
+from ksd.library.result_files import read_columns
 
 QUIET = {"progress": False}
 ROOT = Path(__file__).resolve().parents[2]

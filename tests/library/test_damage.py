@@ -16,12 +16,12 @@ import numpy as np
 import pytest
 from processes import environment
 
-import ksd.library.files as files
+import ksd.library.record_files as files
 from ksd.design import Table
 from ksd.design.resume import ResumeFile
 from ksd.errors import RecordError
 from ksd.library import read_record, read_result, write_record
-from ksd.library.tables import write_answer
+from ksd.library.result_files import write_answer
 
 FLIPS, CUTS = 5000, 1000
 SMALLEST = files.shipped_folder() / "filleted_notch.h5"

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 
-import ksd.library.files as files
+import ksd.library.record_files as files
 from ksd.errors import RangeError, RecordError
 from ksd.library import describe_database, find_record, read_record, write_record
 

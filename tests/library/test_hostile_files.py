@@ -23,7 +23,7 @@ from ksd.design.resume import ResumeFile, _hash
 from ksd.errors import KsdError, RecordError, SceneError
 from ksd.files import read_file, write_file
 from ksd.library import describe_database, files, find_record, read_record, read_result, write_record
-from ksd.library.tables import _seal, write_answer
+from ksd.library.result_files import _seal, write_answer
 
 POINTS = np.array([[0.0, 0, 0], [0.2, 0, 0]])
 needs_posix = pytest.mark.skipif(os.name != "posix", reason="pipes and devices of POSIX")

@@ -214,7 +214,7 @@ def test_buckled_state_has_a_negative_frequency():
 def _loaded(scene, force):
     from dataclasses import replace
 
-    from ksd.scene.drive import Load
+    from ksd.scene.load import Load
 
     frozen = scene.scene()
     return replace(frozen, loads=(Load("push", "tip", (force, 0.0, 0.0), (0.0, 0.0, 0.0), (0.1, 0.0, 0.0)),))

@@ -15,7 +15,7 @@ from ksd.model.mesh import Mesh
 from ksd.properties.buckling import buckling, critical_factors, full_tangents, with_stresses
 from ksd.properties.tangent import factored_tangent
 from ksd.properties.unfold import unfolded
-from ksd.scene.drive import Load
+from ksd.scene.load import Load
 from ksd.section import rectangle
 from ksd.solve.conventional import conventional
 

@@ -15,7 +15,7 @@ from ksd.modal.solid_basis import reduce_solid
 from ksd.properties import leaf_rods
 from ksd.properties.shape import member_ends
 from ksd.properties.verify import verify
-from ksd.scene.profile import line_of
+from ksd.scene.curve import line_of
 from ksd.solve.estimate import relative_error
 from ksd.solve.steps import Stop
 

@@ -4,7 +4,7 @@ import pytest
 
 import ksd
 from ksd.errors import SceneWarning
-from ksd.scene.plausible import far_drives, implausible, meant_in
+from ksd.scene.plausibility import far_drives, implausible, meant_in
 from ksd.scene.profile import CircularNotch
 
 

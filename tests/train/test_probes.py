@@ -7,7 +7,7 @@ import pytest
 
 from ksd.errors import RecordError
 from ksd.library import Probes, find_record, read_record, write_record
-from ksd.library.files import record_bytes, shipped_folder
+from ksd.library.record_files import record_bytes, shipped_folder
 from ksd.train import check_probes, design_of, up_to_date
 from ksd.train import probes as module
 from ksd.train.catalogue import ENTRIES

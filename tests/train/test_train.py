@@ -17,7 +17,7 @@ from processes import environment
 import ksd
 from ksd.errors import SceneError
 from ksd.library import Parameter, read_record
-from ksd.library.files import shipped_folder
+from ksd.library.record_files import shipped_folder
 from ksd.scene import CrossFlexure, DrawnJoint, Material, Motion
 from ksd.scene.joint import proportions
 from ksd.section import rectangle

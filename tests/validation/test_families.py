@@ -290,7 +290,7 @@ def test_the_slack_of_a_range_is_rounding(name):
 
 @pytest.mark.parametrize("name", list(ENTRIES))
 def test_records_are_small_and_the_same_in_both_places(name):
-    from ksd.library.files import shipped_folder
+    from ksd.library.record_files import shipped_folder
 
     shipped = (shipped_folder() / f"{name}.h5").read_bytes()
     assert len(shipped) < 2e6

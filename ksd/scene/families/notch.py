@@ -12,10 +12,11 @@ from typing import Any, ClassVar
 
 from ksd.checks import Vector, between
 from ksd.errors import SceneError
+from ksd.scene.curve import Arc
 from ksd.scene.families.sheet import Family, check_lengths, measured, strip
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
-from ksd.scene.profile import Arc, CircularNotch, FilletedNotch
+from ksd.scene.profile import CircularNotch, FilletedNotch
 
 _NOTCH = math.radians(10)
 _ARC = math.radians(30)

@@ -9,10 +9,11 @@ from typing import Any, ClassVar
 
 from ksd.checks import LARGEST, Vector, between, number, positive, show
 from ksd.errors import SceneError
+from ksd.scene.curve import Curve
 from ksd.scene.joint import Joint, Motion
 from ksd.scene.leaf import Leaf, mesh
 from ksd.scene.material import Material
-from ksd.scene.profile import Curve, Profile
+from ksd.scene.profile import Profile
 from ksd.section import rectangle
 
 Point = tuple[float, float]

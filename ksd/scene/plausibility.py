@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 
 from ksd.checks import show
-from ksd.scene.contents import Scene
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
+from ksd.scene.scene import Scene
 from ksd.section import Section
 from ksd.section.constants import extents
 

@@ -19,7 +19,7 @@ import numpy as np
 from ksd.errors import RecordError, SceneError
 from ksd.files import read_file, write_file
 from ksd.hdf5 import Contents, contents
-from ksd.library.files import BLOCK, _seal
+from ksd.library.record_files import BLOCK, _seal
 
 SIGNATURE, FORMAT = b"ksd table\n", 1
 """First bytes of a table, and the format this version writes and reads."""

@@ -8,8 +8,8 @@ import numpy as np
 
 from ksd.checks import cross, direction, dot, show, unit
 from ksd.errors import SceneError
-from ksd.scene.contents import Matrix
 from ksd.scene.drive import DriveTerm
+from ksd.scene.scene import Matrix
 
 
 def axis_word(term: DriveTerm) -> str:

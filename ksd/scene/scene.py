@@ -16,13 +16,15 @@ from numpy.typing import ArrayLike
 
 from ksd.checks import Vector, as_given, dot, triple
 from ksd.html import InNotebooks
-from ksd.scene.drive import GROUND, Drive, Load, PointMass
+from ksd.scene.curve import Curve
+from ksd.scene.drive import GROUND, Drive
 from ksd.scene.effects import Compliance, Distance, Fit, Heat, Spring, TurnSpring
 from ksd.scene.hinges import Hinge
 from ksd.scene.joint import Joint, Motion, leaves_of
 from ksd.scene.leaf import Condition, Leaf
 from ksd.scene.listing import in_millimetres, printed_scene
-from ksd.scene.profile import Curve, Profile
+from ksd.scene.load import Load, PointMass
+from ksd.scene.profile import Profile
 
 Matrix = tuple[Vector, Vector, Vector]
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ksd.checks import Vector, triple
-from ksd.scene.contents import LeafPoint, PlacedLeaf, Scene
-from ksd.scene.curves import Legendre
+from ksd.scene.curve import Curve, FreeCurve
 from ksd.scene.drive import GROUND, Drive
-from ksd.scene.profile import Curve, FreeCurve
+from ksd.scene.plane_curves import Legendre
+from ksd.scene.scene import LeafPoint, PlacedLeaf, Scene
 
 
 class Move(NamedTuple):
