@@ -37,7 +37,7 @@ from scenes import single_joint  # noqa: E402
 import ksd  # noqa: E402
 from ksd.errors import KsdError  # noqa: E402
 from ksd.solve.conventional import conventional, loads_last, without_loads  # noqa: E402
-from ksd.solve.load_steps import difference, works  # noqa: E402
+from ksd.solve.load_steps import secant_work, state_difference  # noqa: E402
 
 BATCH = 250
 """Examples drawn, tried and written down together."""
@@ -123,7 +123,7 @@ def looked_over(found: Any, targets: dict[str, float]) -> tuple[str, str]:
             except (KsdError, np.linalg.LinAlgError) as reason:
                 said.append(f"{named}: {reason}"[:160])
                 continue
-            far = difference(found.model, walk.motion, found.motion)
+            far = state_difference(found.model, walk.motion, found.motion)
             if far < (EXACT if found.error is None else NEAR) and walk.stable:
                 return "same", ""
             verdict = "elsewhere" if walk.stable else verdict
@@ -139,7 +139,7 @@ def pushed(found: Any) -> bool:
         or not np.abs(found.motion.x - model.rest.x).max() > 1e-6 * model.arrays.size
     ):
         return False
-    driving, loading = works(model, found.motion, model.targets(found.targets))
+    driving, loading = secant_work(model, found.motion, model.targets(found.targets))
     return not abs(loading) <= 1e-6 * (abs(driving) + abs(loading))
 
 

@@ -26,7 +26,7 @@ from ksd.beam.polynomial import polynomial_condense
 from ksd.modal import ModalBasis, with_modal_bodies
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import SolidBasis, reduce_solid
-from ksd.modal.solid_solve import Pressed, press
+from ksd.modal.solid_solve import LoadedFace, load_face
 from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
 from ksd.solve.configuration import Configuration
@@ -107,7 +107,7 @@ def _answers(found: Configuration) -> list[float]:
 def calls(repeats: int) -> list[dict[str, Any]]:
     """Whole calls of a prepared solver, fourbar at 0.3 m: the first with its bases, the median of later ones without
     and with the error indicator [ms]."""
-    from ksd.modal.basis import _remembered
+    from ksd.modal.leaf_basis import _cached_undeformed_basis
 
     trained = ModalBasis(expansion="trained", frame="node", internal=0)
     chains, names = Mesh("corotational", elements=10), ("lower left", "upper right")
@@ -128,7 +128,7 @@ def calls(repeats: int) -> list[dict[str, Any]]:
     for name, (words, method) in ways.items():
         # compiled before, its bases made anew
         ksd.prepare(fourbar(), **words)(top=0.3, method=method)
-        _remembered.cache_clear()
+        _cached_undeformed_basis.cache_clear()
         clock = time.thread_time_ns()
         found = solvers[name](top=0.3, method=method)
         first = 1e-6 * (time.thread_time_ns() - clock)
@@ -156,11 +156,11 @@ def notch(s: np.ndarray) -> np.ndarray:
     return 1.0 - 0.6 * np.exp(-(((s - 0.5) / 0.15) ** 2)) * (1.0 - (2.0 * s - 1.0) ** 8)
 
 
-def timed(body: SolidBasis, at: Pressed) -> Callable[[], float]:
+def timed(body: SolidBasis, at: LoadedFace) -> Callable[[], float]:
     """What times one iteration [s] of a reduced solid at a state: force, tangent, condensation, step and recovery."""
     d, inner = at.shift + np.array([body.solid.length, 0.0, 0.0]), at.state.copy()
     store, lam, K = np.zeros(modal_sizes(len(inner))[1]), np.empty(12), np.empty((6, 6))
-    free = np.array([0, 1, 5] if body.solid.flat else range(6))
+    free = np.array([0, 1, 5] if body.solid.is_2d else range(6))
     still, rounds, block = np.zeros(6), 20, np.ix_(free, free)
 
     def iteration() -> float:
@@ -196,17 +196,17 @@ def solids(*, quick: bool) -> list[dict[str, Any]]:
         body = reduce_solid(solid)
         made = time.thread_time() - clock
         force = np.array([0.0, load * STEEL.E * 0.02 * thickness**3 / 12 / LENGTH**2, 0.0])
-        full = press(solid, force, np.zeros(3))
+        full = load_face(solid, force, np.zeros(3))
         fast = press_reduced(body, force, np.zeros(3))
         iteration = timed(body, fast)
-        pairs = [(iteration(), press(solid, 1e-3 * force, np.zeros(3), steps=1).time) for _ in range(8)]
+        pairs = [(iteration(), load_face(solid, 1e-3 * force, np.zeros(3), steps=1).time) for _ in range(8)]
         spent, whole = (statistics.median(p[k] for p in pairs[1:]) for k in (0, 1))
         free = [0, 1, 5]
         axial = [np.linalg.inv(p.stiffness[np.ix_(free, free)]) for p in (full, fast)]
         # along x with the stroke y held
         held = [C[0, 0] - C[0, 1] ** 2 / C[1, 1] for C in axial]
         rows.append(
-            {"solid": name, "dofs": solid.size, "unknowns": body.unknowns, "basis_s": made,
+            {"solid": name, "dofs": solid.dof_count, "unknowns": body.unknowns, "basis_s": made,
              "stroke": full.shift[1] / LENGTH, "full_us": 1e6 * whole, "reduced_us": 1e6 * spent,
              "faster": whole / spent,
              "told": fast.error, "tip_error": float(np.linalg.norm(fast.shift - full.shift) / np.linalg.norm(full.shift)),

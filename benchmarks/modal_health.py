@@ -24,7 +24,7 @@ import ksd
 from ksd.modal import ModalBasis, with_modal_bodies
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import SolidBasis, reduce_solid
-from ksd.modal.solid_solve import press
+from ksd.modal.solid_solve import load_face
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.section import rectangle
@@ -152,7 +152,7 @@ def solid_state(rng: np.random.Generator) -> dict[str, Any] | None:
     for axis in "xy":
         scene.support(tip, about=axis)
     try:
-        truth = press(body.solid, force, moment)
+        truth = load_face(body.solid, force, moment)
         found = ksd.solve(scene, basis={"solid": body}, strict=False)
     except ksd.ConvergenceError:
         return None

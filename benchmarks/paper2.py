@@ -35,8 +35,8 @@ from paper2_cases import (
 from paper2_tangent import around, in_space, space_acceptance, space_table
 
 from ksd.modal import with_modal_bodies
-from ksd.modal.basis import chain_records, rest_shape, tangent_function
-from ksd.modal.bodies import chain_shape
+from ksd.modal.leaf_basis import chain_records, tangent_function, undeformed_shape
+from ksd.modal.leaf_bodies import chain_shape
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.numerics.reduction import craig_bampton, modal_derivatives
@@ -55,7 +55,7 @@ def chain() -> tuple[np.ndarray, Any]:
 
     model = full_model("cantilever", 0.0, 10)
     record = chain_records(model.arrays.members.value, 10)
-    shape = rest_shape(record)
+    shape = undeformed_shape(record)
     return record, tangent_function(record, shape.x, np.tile(np.eye(3).ravel(), (11, 1)))
 
 
@@ -89,7 +89,7 @@ def projected(basis: np.ndarray, load: float) -> np.ndarray:
 
     record, _ = chain()
     orientation, first = np.tile(np.eye(3).ravel(), (11, 1)), np.arange(10)
-    z0 = np.hstack([rest_shape(record).x, np.zeros((11, 3))])
+    z0 = np.hstack([undeformed_shape(record).x, np.zeros((11, 3))])
     R = basis / np.linalg.norm(basis, axis=0)
     left, size, _ = np.linalg.svd(R, full_matrices=False)
     R = left[:, size > 1e-10 * size[0]]

@@ -20,7 +20,7 @@ from ksd.model.mesh import Mesh
 from ksd.model.newton import Newton, iterate
 from ksd.model.plane import Plane, plane_of
 from ksd.solve.conventional import conventional
-from ksd.solve.load_steps import Way, drive_to
+from ksd.solve.load_steps import LoadPath, take_load_steps
 from ksd.solve.storage import Storage
 
 MESHES = {
@@ -34,16 +34,16 @@ def equilibria(model: ksd.Model, plane: Plane) -> tuple[Callable[[], object], Ca
     """The Newton solves alone: (spatial, planar)."""
     target, zero = model.targets({"top": STROKE}), model.targets({"top": 0.0})
     storage = Storage(model)
-    way, work = Way(zero, target), make_work(plane.arrays)
+    way, work = LoadPath(zero, target), make_work(plane.arrays)
 
     def spatial() -> object:
-        return drive_to(model.rest.copy(), storage.newton, way, begin=model.rest)
+        return take_load_steps(model.rest.copy(), storage.newton, way, begin=model.rest)
 
     def in_plane(motion: Motion, values: np.ndarray, factor: float, *bounds: Any) -> Newton:
         return iterate(plane.arrays, motion, values, factor, work, *bounds)
 
     def planar() -> object:
-        return drive_to(model.rest.copy(), in_plane, way, begin=model.rest)
+        return take_load_steps(model.rest.copy(), in_plane, way, begin=model.rest)
 
     return spatial, planar
 

@@ -1,4 +1,4 @@
-"""A reduced solid alone under a load on face B, solved apart from any mechanism: beside `ksd.modal.solid_solve.press`."""
+"""A reduced solid alone under a load on face B, without a mechanism; compare `ksd.modal.solid_solve.load_face`."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from ksd.beam.modal import modal_recover, modal_sizes
 from ksd.beam.polynomial import polynomial_condense
 from ksd.errors import ConvergenceError
 from ksd.modal.solid_basis import SolidBasis
-from ksd.modal.solid_solve import FullSolid, Pressed
+from ksd.modal.solid_solve import FullSolid, LoadedFace
 
 MOST, CORRECTORS, SETTLED = 40, 12, 0.02
 """Iterations of a load step; corrector steps of the full solid, and their relative change at which they are believed."""
 
 
 @dataclass(frozen=True)
-class PressedReduced(Pressed):
-    """As `Pressed`, the state being inner coordinates; error: relative, of the shift, by `indicator`."""
+class PressedReduced(LoadedFace):
+    """As `LoadedFace`, the state being inner coordinates; error: relative, of the shift, by `indicator`."""
 
     error: float
 
@@ -34,7 +34,7 @@ def press_reduced(
     steps: int = 4,
 ) -> PressedReduced:
     """Face B of a reduced solid under `force` (3,) [N] and `moment` (3,) [Nm], in load steps. Raises ConvergenceError."""
-    free = [0, 1, 5] if body.solid.flat else [0, 1, 2, 3, 4, 5]
+    free = [0, 1, 5] if body.solid.is_2d else [0, 1, 2, 3, 4, 5]
     m = int(body.number[1])
     d, R, inner = np.array([body.solid.length, 0.0, 0.0]), np.eye(3), np.zeros(m)
     store, lam, K = np.zeros(modal_sizes(m)[1]), np.zeros(12), np.zeros((6, 6))
@@ -68,7 +68,7 @@ def indicator(body: SolidBasis, d: np.ndarray, R: np.ndarray, eta: np.ndarray, w
     Infinite where they do not. For a solid in a mechanism the wrench is what its member exerts.
     """
     length = np.array([body.solid.length, 0.0, 0.0])
-    full = FullSolid(body.solid, body.displaced(d, R, eta), d - length, R)
+    full = FullSolid(body.solid, body.displacements(d, R, eta), d - length, R)
     moved, last = np.linalg.norm(d - length) + 1e-12 * body.solid.length, math.inf
     for k in range(CORRECTORS):
         rests = full.step(wrench)

@@ -16,7 +16,7 @@ from scipy.optimize import nnls
 from ksd.beam.modal import SCRATCH
 from ksd.beam.modal_nodes import element_values
 from ksd.errors import SceneError
-from ksd.modal.basis import LeafBasis
+from ksd.modal.leaf_basis import LeafBasis
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.model.reduced import inner_state, member_pose, with_bodies
@@ -110,7 +110,7 @@ def with_samples(model: Model, states: Sequence[Motion], *, tolerance: float = 1
     bodies = {}
     for name, body in model.bodies.items():
         i = model.member_names.index(name)
-        if body.tied is not None:
+        if body.second_derivatives is not None:
             raise SceneError(
                 f"leaf '{name}' is on a quadratic manifold: only bodies of free derivatives are sampled"
             )

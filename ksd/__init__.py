@@ -44,7 +44,7 @@ _HOMES = {
     "ksd.solve.solver": ("Solver", "prepare"),
     "ksd.solve.configuration": ("Configuration",),
     "ksd.solve.path": ("Path", "follow"),
-    "ksd.solve.required": ("RequiredLoads", "required_loads"),
+    "ksd.solve.required_loads": ("RequiredLoads", "required_loads"),
     "ksd.properties.doctor": ("doctor",),
     "ksd.train.designs": ("Design",),
     "ksd.design": ("Batch", "SweepInterrupted", "Table", "batch", "frequency_curve", "state_space", "sweep"),
@@ -135,7 +135,7 @@ if TYPE_CHECKING:
     from ksd.section import Section, circle, numbers, polygon, rectangle, tube
     from ksd.solve.configuration import Configuration
     from ksd.solve.path import Path, follow
-    from ksd.solve.required import RequiredLoads, required_loads
+    from ksd.solve.required_loads import RequiredLoads, required_loads
     from ksd.solve.solver import Solver, prepare, solve
     from ksd.train import train
     from ksd.train.designs import Design

@@ -45,7 +45,13 @@ from ksd.properties.words import Shown, listed
 from ksd.properties.words import number as written
 from ksd.scene.link import Link
 from ksd.solve.configuration import Configuration
-from ksd.solve.perturbed import STEP, WIDE, Parameter, Perturbed, parameters_of
+from ksd.solve.perturbed import (
+    FOURTH_ORDER_STEP,
+    RELATIVE_STEP,
+    GradientParameter,
+    PerturbedEquilibria,
+    parameters_of,
+)
 from ksd.solve.solver import Method
 
 Array = np.ndarray
@@ -216,13 +222,17 @@ def gradient_at(
     errors: bool = False,
 ) -> Gradient:
     """`gradient` at poses that are solved; design: None for a mechanism."""
-    shares = (WIDE, -WIDE, 2 * WIDE, -2 * WIDE) if errors else (STEP, -STEP)
+    shares = (
+        (FOURTH_ORDER_STEP, -FOURTH_ORDER_STEP, 2 * FOURTH_ORDER_STEP, -2 * FOURTH_ORDER_STEP)
+        if errors
+        else (RELATIVE_STEP, -RELATIVE_STEP)
+    )
     poses: list[list[Configuration]] = []
     labels: list[Mapping[str, Any]] = []
-    parameters: tuple[Parameter, ...] = ()
+    parameters: tuple[GradientParameter, ...] = ()
     steps: list[list[float]] = []
     for scene, found, said in solved:
-        perturbed, parameters = Perturbed(shares), ()
+        perturbed, parameters = PerturbedEquilibria(shares), ()
         for pose in found:
             # values of drives alone change from pose to pose
             if not parameters or any(p.scene is None for p in parameters):
@@ -271,7 +281,7 @@ def _differences(columns: Sequence[str], now: Array, q: Array, h: Array) -> tupl
         # half the difference of the slopes to both sides: falls with h unless there is a kink
         bends = (q[0] + q[1] - 2 * now) / (2 * h), (q[2] + q[3] - 2 * now) / (4 * h)
         kink = np.abs(2 * bends[0] - bends[1])
-        kink[~(kink > KINK * np.maximum(np.abs(slope), np.abs(now) * WIDE / h))] = 0.0
+        kink[~(kink > KINK * np.maximum(np.abs(slope), np.abs(now) * FOURTH_ORDER_STEP / h))] = 0.0
         errors = np.abs(outer) * np.maximum(np.abs(slope - wide) / 3, kink)
         slope = slope + (slope - wide) / 3
     return outer * slope, errors

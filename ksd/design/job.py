@@ -41,7 +41,7 @@ from ksd.scene import Joint, Mechanism, Scene
 from ksd.scene.link import Link
 from ksd.scene.load import Load
 from ksd.solve.configuration import Configuration
-from ksd.solve.perturbed import STEP
+from ksd.solve.perturbed import RELATIVE_STEP
 from ksd.solve.solver import DEFAULT_ACCURACY
 from ksd.solve.space_steps import FULL, REDUCED
 from ksd.solve.verdict import mesh_check
@@ -466,7 +466,7 @@ class Job(Shown, metaclass=Worded):
         """Slopes (ranges, P) of the last rules, by the designs that `slopes` draws too."""
         parameters, found = self.design_at(x), np.zeros((len(self.ranges), len(self.vary)))
         for i, (name, value) in enumerate(parameters.items() if self.ranges else ()):
-            h = STEP * (abs(value) or 1.0)
+            h = RELATIVE_STEP * (abs(value) or 1.0)
             with unchecked():
                 plus, minus = (self._range_margins({**parameters, name: value + s}) for s in (h, -h))
             found[:, i] = (np.array(plus) - minus) / (2 * h)

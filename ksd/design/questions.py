@@ -15,7 +15,7 @@ from ksd.checks import names_of, nearest, show, similar, truth, vector, whole, w
 from ksd.design.table import spoken_column
 from ksd.design.tracking import SPARE, Between, Tracks, follow_through
 from ksd.errors import ConvergenceError, KsdError, SceneError
-from ksd.modal.bodies import inside
+from ksd.modal.leaf_bodies import full_model_state
 from ksd.properties.alike import Alike, State, alike
 from ksd.properties.extent import clearance, extent, why_no_clearance
 from ksd.properties.frequencies import Modes, frequencies
@@ -359,7 +359,7 @@ def _modes(pose: Pose, asked: Asked, *, more: int = 0) -> Modes:
     count = asked.modes + len(freed) + SPARE + more
     pose._of_leaves("frequencies")
     return frequencies(
-        *inside(pose.model, pose.unfolding), count=count, freed=freed, load_factor=pose.load_factor
+        *full_model_state(pose.model, pose.unfolding), count=count, freed=freed, load_factor=pose.load_factor
     )
 
 

@@ -36,7 +36,7 @@ from ksd.scene.move_links import Move, redrawn
 from ksd.scene.plane_curves import Legendre
 from ksd.scene.scene import Scene
 from ksd.solve.configuration import Configuration
-from ksd.solve.required import held_pose, required_loads
+from ksd.solve.required_loads import prescribed_pose, required_loads
 from ksd.solve.solver import given_values, prepare, solve
 
 Array = NDArray[np.float64]
@@ -129,7 +129,7 @@ def _drawn(
     if wanted is None:
         return scene, cut_leaves(scene), values
     if isinstance(wanted, Mapping):
-        wanted = held_pose(prepare(scene, mesh=mesh or FINE), wanted)
+        wanted = prescribed_pose(prepare(scene, mesh=mesh or FINE), wanted)
     elif isinstance(wanted, Configuration):
         values = {n: v for n, v in wanted.targets.items() if n in {d.name for d in scene.drives}} | values
     else:

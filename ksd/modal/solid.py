@@ -23,8 +23,8 @@ from ksd.scene.material import Material
 class Solid:
     """A meshed solid. basis: scikit-fem basis; moduli (lambda, mu) [Pa]; width [m] of a 2D solid (1 in 3D); length [m].
 
-    component, place: component and coordinates (3,) m of every degree of freedom; face_a, face_b: those on the faces.
-    remeshed: makes the same solid with so many times the cells along every axis, which tells the error of its mesh; None
+    component, position: component and coordinates (3,) m of every degree of freedom; face_a, face_b: those on the faces.
+    refine: makes the same solid with so many times the cells along every axis, which tells the error of its mesh; None
     where nobody knows how.
     """
 
@@ -33,25 +33,25 @@ class Solid:
     width: float
     length: float
     component: np.ndarray
-    place: np.ndarray
+    position: np.ndarray
     face_a: np.ndarray
     face_b: np.ndarray
-    remeshed: Callable[[float], Solid] | None = None
+    refine: Callable[[float], Solid] | None = None
 
     @property
-    def size(self) -> int:
+    def dof_count(self) -> int:
         """Degrees of freedom."""
         return len(self.component)
 
     @property
-    def flat(self) -> bool:
+    def is_2d(self) -> bool:
         """Whether it is meshed in 2D."""
         return int(self.component.max()) == 1
 
     @property
     def inner(self) -> Any:
         """Degrees of freedom that are on neither face."""
-        return np.setdiff1d(np.arange(self.size), np.concatenate([self.face_a, self.face_b]))
+        return np.setdiff1d(np.arange(self.dof_count), np.concatenate([self.face_a, self.face_b]))
 
     def tangent(self, u: np.ndarray) -> Any:
         """Sparse tangent stiffness (size, size) [N/m] at the displacements u (size,) m."""
@@ -87,7 +87,7 @@ class Solid:
         S = 2.0 * mu * E + lam * np.trace(E) * np.eye(dim)[:, :, None, None]
         P = np.einsum("ikeq,kjeq->ijeq", F, S) * w
         force = np.einsum("ijeq,ijaeq->ea", P, G, optimize=True)
-        total = np.bincount(places.ravel(), force.ravel(), self.size)
+        total = np.bincount(places.ravel(), force.ravel(), self.dof_count)
         if not tangent:
             return total, None
         # rows (elements, shapes, entries x points) of strain variations, turned by the root of the elasticity
@@ -115,16 +115,16 @@ class Solid:
 
         entry, columns, starts = self._pattern
         summed = np.bincount(entry, K.ravel(), len(columns))
-        return csr_matrix((summed, columns, starts), shape=(self.size, self.size))
+        return csr_matrix((summed, columns, starts), shape=(self.dof_count, self.dof_count))
 
     @cached_property
     def _pattern(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of the sparse matrices: place of every entry of the element matrices, columns, starts of the rows."""
         places = self._shapes[2]
-        spots = (places[:, :, None] * self.size + places[:, None, :]).ravel()
+        spots = (places[:, :, None] * self.dof_count + places[:, None, :]).ravel()
         used, entry = np.unique(spots, return_inverse=True)
-        starts = np.searchsorted(used // self.size, np.arange(self.size + 1))
-        return entry, used % self.size, starts
+        starts = np.searchsorted(used // self.dof_count, np.arange(self.dof_count + 1))
+        return entry, used % self.dof_count, starts
 
     @cached_property
     def _scalars(self) -> tuple[np.ndarray, list[np.ndarray]]:
@@ -137,7 +137,7 @@ class Solid:
     def elastic_root(self) -> np.ndarray:
         """C^1/2 (upper triangular) in the components 11, 22, (33,) 12, (13, 23), shear times sqrt 2."""
         lam, mu = self.moduli
-        dim = 2 if self.flat else 3
+        dim = 2 if self.is_2d else 3
         C = 2.0 * mu * np.eye(dim * (dim + 1) // 2)
         C[:dim, :dim] += lam
         return np.asarray(np.linalg.cholesky(C).T)
@@ -175,16 +175,16 @@ class Solid:
     def on_grid(self, component: int) -> np.ndarray:
         """Degrees of freedom of a component in the order of their places (nx, ny, nz), of a solid of `block`."""
         at = np.flatnonzero(self.component == component)
-        x, y, z = np.round(self.place[at] / (1e-9 * self.length)).T
+        x, y, z = np.round(self.position[at] / (1e-9 * self.length)).T
         nx, nz = len(np.unique(x)), len(np.unique(z))
         return at[np.lexsort((z, y, x))].reshape(nx, -1, nz)
 
     def pattern(self, end: str, row: int, column: int) -> np.ndarray:
         """Displacement (size,) of one face by a unit entry (row, column) of its rotation matrix; column -1: unit shift."""
         dofs, at = (self.face_a, 0.0) if end == "a" else (self.face_b, self.length)
-        u = np.zeros(self.size)
+        u = np.zeros(self.dof_count)
         mine = dofs[self.component[dofs] == row]
-        u[mine] = 1.0 if column < 0 else self.place[mine, column] - (at if column == 0 else 0.0)
+        u[mine] = 1.0 if column < 0 else self.position[mine, column] - (at if column == 0 else 0.0)
         return u
 
 
@@ -223,7 +223,7 @@ def block(
         mesh = type(mesh)(p, mesh.t)
     element = skfem.ElementVector(skfem.ElementQuad2() if flat else skfem.ElementHex2())
     basis = skfem.Basis(mesh, element, intorder=4)
-    component, place = _dofs(basis)
+    component, position = _dofs(basis)
     tiny = 1e-9 * length
     # moduli that no isotropic material has together tell a ratio of their own
     nu = material.E / (2 * material.G) - 1
@@ -235,14 +235,14 @@ def block(
         )
     lam = material.E * nu / (1 - nu**2 if flat else (1 + nu) * (1 - 2 * nu))
 
-    def remeshed(times: float) -> Solid:
+    def refine(times: float) -> Solid:
         more = tuple(math.ceil(times * n) for n in cells)
         return block(material, length, thickness, width=width, cells=more, outline=outline)
 
     return Solid(
         basis, (lam, material.G), width if flat else 1.0, length,
-        component, place, np.flatnonzero(place[:, 0] < tiny), np.flatnonzero(place[:, 0] > length - tiny),
-        remeshed,
+        component, position, np.flatnonzero(position[:, 0] < tiny), np.flatnonzero(position[:, 0] > length - tiny),
+        refine,
     )  # fmt: skip
 
 
@@ -255,6 +255,6 @@ def _dofs(basis: Any) -> tuple[np.ndarray, np.ndarray]:
         dim = basis.mesh.dim()
         for row in range(table.shape[0]):
             component[np.asarray(table[row]).ravel()] = row % dim
-    place = np.zeros((basis.N, 3))
-    place[:, : basis.doflocs.shape[0]] = basis.doflocs.T
-    return component, place
+    position = np.zeros((basis.N, 3))
+    position[:, : basis.doflocs.shape[0]] = basis.doflocs.T
+    return component, position

@@ -20,7 +20,7 @@ from ksd.checks import show
 from ksd.errors import SceneError
 from ksd.modal.choices import ModalBasis
 from ksd.modal.solid import Solid
-from ksd.modal.symmetry import Mirrors, conditioned_by_parity, mirrors, sorted_by_parity
+from ksd.modal.symmetry import MirrorPlanes, condition_by_parity, mirror_planes, split_by_parity
 from ksd.model.arrays import SOLID
 from ksd.model.compile import Model
 from ksd.model.reduced import with_bodies
@@ -37,7 +37,7 @@ class SolidBasis:
 
     solid: Solid
     frame: str
-    chosen: tuple[int, ...]
+    pose_indices: tuple[int, ...]
     b0: np.ndarray
     patterns: np.ndarray
     inner: np.ndarray
@@ -59,46 +59,46 @@ class SolidBasis:
         """`value` and `number` of `ksd.beam.polynomial`."""
         return self.value, self.number
 
-    def bend(self, d: np.ndarray, R: np.ndarray, eta: np.ndarray) -> tuple[float, float]:
+    def stroke_and_rotation(self, d: np.ndarray, R: np.ndarray, eta: np.ndarray) -> tuple[float, float]:
         """Displacement of face B over the length, and its rotation [rad], in the frame of face A."""
         stroke = float(np.linalg.norm(d - [self.solid.length, 0.0, 0.0])) / self.solid.length
         return stroke, float(np.arccos(np.clip(0.5 * (np.trace(R) - 1.0), -1.0, 1.0)))
 
     def energy(self, d: np.ndarray, R: np.ndarray, eta: np.ndarray) -> float:
         """Strain energy [J]."""
-        return self.solid.energy(self.displaced(d, R, eta))
+        return self.solid.energy(self.displacements(d, R, eta))
 
-    def displaced(self, d: np.ndarray, R: np.ndarray, eta: np.ndarray) -> np.ndarray:
+    def displacements(self, d: np.ndarray, R: np.ndarray, eta: np.ndarray) -> np.ndarray:
         """Displacements u (size,) m of the full model at a state of the reduced one: face B at d (3,) m, R (3, 3)."""
         solid, jets = self.solid, np.empty((19, JET))
         face_jets(int(self.frame == "chord"), d, R, jets)
-        u = self.patterns @ (jets[list(self.chosen), 0] - self.b0) + self.inner @ eta
+        u = self.patterns @ (jets[list(self.pose_indices), 0] - self.b0) + self.inner @ eta
         if self.frame == "node":
             return np.asarray(u)
         # turned from the frame of the chord into that of face A
         turn, found = jets[1:10, 0].reshape(3, 3), np.empty_like(u)
-        dim = 2 if solid.flat else 3
+        dim = 2 if solid.is_2d else 3
         at = [np.flatnonzero(solid.component == c) for c in range(dim)]
-        at = [a[np.lexsort(solid.place[a].T)] for a in at]
+        at = [a[np.lexsort(solid.position[a].T)] for a in at]
         spots = np.zeros((3, len(at[0])))
         for c in range(dim):
-            spots[c] = solid.place[at[c], c] + u[at[c]]
+            spots[c] = solid.position[at[c], c] + u[at[c]]
         spots = turn @ spots
         for c in range(dim):
-            found[at[c]] = spots[c] - solid.place[at[c], c]
+            found[at[c]] = spots[c] - solid.position[at[c], c]
         return found
 
-    def line(
+    def middle_line(
         self, d: np.ndarray, R: np.ndarray, eta: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Stations (k,) m, positions (k, 3) m and axes (k, 3, 3) along the middle of the solid, in the frame of face A.
 
         The middle of a section is the mean of what is on it at rest; its axes follow the line and the width.
         """
-        solid, u = self.solid, self.displaced(d, R, eta)
-        dim = 2 if solid.flat else 3
+        solid, u = self.solid, self.displacements(d, R, eta)
+        dim = 2 if solid.is_2d else 3
         grain = 1e-9 * solid.length
-        ends = solid.place[:, 0]
+        ends = solid.position[:, 0]
         s, section = np.unique(np.round(ends / grain), return_inverse=True)
         s, count = grain * s, len(s)
         place = np.zeros((count, 3))
@@ -120,7 +120,7 @@ class SolidBasis:
 
 def _faces(solid: Solid, frame: str) -> tuple[list[int], list[float], list[np.ndarray]]:
     """Places among the pose values, values at rest, and patterns of the faces; rotation columns along x act on nothing."""
-    flat = solid.flat
+    flat = solid.is_2d
     dim, length = (2, solid.length) if flat else (3, solid.length)
     found: list[tuple[int, float, np.ndarray]] = []
     ends = [("b", 3 if frame == "node" else 10)] + ([("a", 1)] if frame == "chord" else [])
@@ -138,11 +138,11 @@ def _faces(solid: Solid, frame: str) -> tuple[list[int], list[float], list[np.nd
 
 def _turning(solid: Solid, frame: str) -> list[np.ndarray]:
     """First-order motions (size,) of the faces: the boundary modes that are followed to second order."""
-    flat = solid.flat
+    flat = solid.is_2d
     axes = [2] if flat else [1, 2]
 
     def turn(end: str, axis: int) -> np.ndarray:
-        u = np.zeros(solid.size)
+        u = np.zeros(solid.dof_count)
         # unit rotation about `axis`: u_i = x_j, u_j = -x_i with (i, j, axis) cyclic reversed
         i, j = (axis + 1) % 3, (axis + 2) % 3
         for row, column, sign in ((j, i, 1.0), (i, j, -1.0)):
@@ -181,17 +181,17 @@ def reduce_solid(
     frame, internal, order, cut: as in `ksd.ModalBasis`. Raises SceneError for words that are not choices.
     """
     ModalBasis(frame=frame, internal=internal, order=order, cut=cut)
-    rest, inner, planes = solid.tangent(np.zeros(solid.size)), solid.inner, mirrors(solid)
+    rest, inner, planes = solid.tangent(np.zeros(solid.dof_count)), solid.inner, mirror_planes(solid)
     at, b0, faces = _faces(solid, frame)
     patterns = np.array(faces).T + extended(rest, np.array(faces).T, inner)
-    patterns, sides = sorted_by_parity(patterns, planes)
+    patterns, sides = split_by_parity(patterns, planes)
     first = np.array(_turning(solid, frame)).T
     first = first + extended(rest, first, inner)
     vibration = _vibration(solid, rest, internal, planes)
     columns = [*vibration.T]
     if order > 1:
         columns += _derivatives(solid, np.hstack([first, vibration * solid.length]), inner, order)
-    basis, parity = conditioned_by_parity(np.array(columns).T.reshape(solid.size, -1), planes, cut=cut)
+    basis, parity = condition_by_parity(np.array(columns).T.reshape(solid.dof_count, -1), planes, cut=cut)
     every, parity = np.hstack([patterns, basis.columns]), np.concatenate([sides, parity])
     value = np.concatenate([at, b0, energy_tensors(solid, every, parity)])
     number = np.array([0, basis.columns.shape[1], len(at), int(frame == "chord")], np.int64)
@@ -200,14 +200,14 @@ def reduce_solid(
     )
 
 
-def _vibration(solid: Solid, rest: Any, internal: int, planes: Mirrors) -> np.ndarray:
+def _vibration(solid: Solid, rest: Any, internal: int, planes: MirrorPlanes) -> np.ndarray:
     """Fixed-interface modes (size, internal); of two of one frequency, which may mix, those that are even or odd."""
     mass = solid.mass()
     found = craig_bampton(rest, [], solid.inner, M=mass, internal=internal).shapes
-    pure, _ = sorted_by_parity(found, planes)
+    pure, _ = split_by_parity(found, planes)
     if pure.shape[1] == internal:
         return pure
-    single = conditioned_by_parity(found, planes, cut=1e-3)[0].columns
+    single = condition_by_parity(found, planes, cut=1e-3)[0].columns
     square = np.einsum("ik,ik->k", single, rest @ single) / np.einsum("ik,ik->k", single, mass @ single)
     chosen = single[:, np.argsort(square, kind="stable")[:internal]]
     return np.asarray(chosen / np.abs(chosen).max(axis=0))

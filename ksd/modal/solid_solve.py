@@ -19,7 +19,7 @@ MOST = 40
 
 
 @dataclass(frozen=True)
-class Pressed:
+class LoadedFace:
     """Face B under load: shift (3,) m, rotation R (3, 3), stiffness (6, 6) of force and moment about it with the
     inside condensed (rows out of the plane zero for 2D), iterations, thread time [s] of one iteration, and the state
     (displacements)."""
@@ -39,16 +39,16 @@ class FullSolid:
         self.solid, self.u, self.shift, self.R = solid, u.copy(), shift, R
         self.inner, self.face = solid.inner, solid.face_b
         # motions of face B that exist
-        self.free = [0, 1, 5] if solid.flat else [0, 1, 2, 3, 4, 5]
-        self.arm = solid.place[self.face] - np.array([solid.length, 0.0, 0.0])
+        self.free = [0, 1, 5] if solid.is_2d else [0, 1, 2, 3, 4, 5]
+        self.arm = solid.position[self.face] - np.array([solid.length, 0.0, 0.0])
         self.row = solid.component[self.face]
         self.stiffness, self.wrench, self.held = np.zeros((6, 6)), np.zeros(6), np.zeros(6)
         self._inside = np.zeros((len(self.inner), 7))
 
-    def on(self, solid: Solid) -> FullSolid:
+    def on_mesh(self, solid: Solid) -> FullSolid:
         """This state on another mesh of the same solid, displacements linear between the places known."""
-        u = np.zeros(solid.size)
-        for component in range(2 if solid.flat else 3):
+        u = np.zeros(solid.dof_count)
+        for component in range(2 if solid.is_2d else 3):
             own, theirs = self.solid.on_grid(component), solid.on_grid(component)
             at = [np.linspace(0.0, n - 1.0, m) for n, m in zip(own.shape, theirs.shape, strict=True)]
             places = np.meshgrid(*at, indexing="ij")
@@ -111,9 +111,9 @@ class FullSolid:
         return float(np.abs(f[inner]).max()), X, float(np.abs(f).max())
 
 
-def press(solid: Solid, force: np.ndarray, moment: np.ndarray, *, steps: int = 4) -> Pressed:
+def load_face(solid: Solid, force: np.ndarray, moment: np.ndarray, *, steps: int = 4) -> LoadedFace:
     """The full model under `force` (3,) [N] and `moment` (3,) [Nm], in load steps. Raises ConvergenceError."""
-    full = FullSolid(solid, np.zeros(solid.size), np.zeros(3), np.eye(3))
+    full = FullSolid(solid, np.zeros(solid.dof_count), np.zeros(3), np.eye(3))
     count, spent, wrench = 0, 0.0, np.concatenate([force, moment])
     for k in range(1, steps + 1):
         for _ in range(MOST):
@@ -126,4 +126,4 @@ def press(solid: Solid, force: np.ndarray, moment: np.ndarray, *, steps: int = 4
             raise ConvergenceError(
                 f"the solid did not come to rest within {MOST} iterations at {100 * k / steps:.3g} %"
             )
-    return Pressed(full.shift, full.R, full.stiffness, count, spent / count, full.u)
+    return LoadedFace(full.shift, full.R, full.stiffness, count, spent / count, full.u)

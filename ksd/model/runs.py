@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ksd.section.closed_forms import held_plane
-from ksd.section.warping import SLICES, Slice, decay, twist_factors
+from ksd.section.closed_forms import clamped_ends_factor
+from ksd.section.warping import SLICES_PER_PIECE, Slice, twist_factors, warping_decay
 
 IN_LINE = -1.0 + 1e-6
 """Product of the directions out of two leaf springs below which one goes on where the other ends."""
@@ -94,14 +94,16 @@ def run_factors(scene: Any) -> dict[str, float]:
 def own_factor(leaf: Any) -> float:
     """Factor on GJ of one leaf clamped at both ends, where it cannot warp."""
     slices = _slices(leaf)
-    return held_plane(slices[0].decay * leaf.length) if len(slices) == 1 else twist_factors([slices])[0]
+    return (
+        clamped_ends_factor(slices[0].decay * leaf.length) if len(slices) == 1 else twist_factors([slices])[0]
+    )
 
 
 def half_held_factor(leaf: Any) -> float:
     """Factor on GJ of one leaf that cannot warp at one end and is free to at the other: as if it went on in its mirror."""
     slices = _slices(leaf)
     if len(slices) == 1:
-        return held_plane(2.0 * slices[0].decay * leaf.length)
+        return clamped_ends_factor(2.0 * slices[0].decay * leaf.length)
     return twist_factors([slices + slices[::-1]])[0]
 
 
@@ -124,11 +126,11 @@ def _slices(leaf: Any) -> list[Slice]:
     if leaf.profile is None:
         sections, cuts = [leaf.section], [0.0, 1.0]
     else:
-        edges = sorted({*np.linspace(0.0, 1.0, SLICES + 1).tolist(), *leaf.profile.breaks})
+        edges = sorted({*np.linspace(0.0, 1.0, SLICES_PER_PIECE + 1).tolist(), *leaf.profile.breaks})
         sections = [leaf.profile.section(0.5 * (a + b)) for a, b in pairwise(edges)]
         cuts = edges
     return [
-        Slice((b - a) * leaf.length, m.G * q.J, decay(q, m.E, m.nu, m.G))
+        Slice((b - a) * leaf.length, m.G * q.J, warping_decay(q, m.E, m.nu, m.G))
         for q, (a, b) in zip(sections, pairwise(cuts), strict=True)
     ]
 

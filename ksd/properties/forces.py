@@ -162,7 +162,7 @@ def _solid_forces(model: Model, motion: Motion, i: int, wrenches: Array) -> tupl
     """Stations (k,) and section forces (k, 6) along the middle of a reduced solid."""
     ends = member_ends(model, motion, i)
     solid = model.bodies[model.member_names[i]]
-    s, r, R = solid.line(ends.d, ends.Q, member_parts(model, motion, i)[2])
+    s, r, R = solid.middle_line(ends.d, ends.Q, member_parts(model, motion, i)[2])
     return s, forces_along(r[None], R[None], wrenches[None, i : i + 1])[0]
 
 

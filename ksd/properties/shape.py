@@ -402,7 +402,7 @@ def member_line(model: Model, motion: Motion, i: int, points: int) -> tuple[Arra
     elif kind == COROTATIONAL:
         s, r, R = _chain_curve(value, number, inner, ends, points)
     elif kind == SOLID:
-        s, r, R = model.bodies[model.member_names[i]].line(ends.d, ends.Q, inner)
+        s, r, R = model.bodies[model.member_names[i]].middle_line(ends.d, ends.Q, inner)
     else:
         raise ValueError(f"member '{model.member_names[i]}' is a condensed joint, which has no centreline")
     return s, ends.start + r @ ends.frame.T, ends.frame @ R

@@ -149,10 +149,10 @@ def restrained_warping_factor(length: float, width: float, nu: float) -> float:
     a = positive(length, "length", owner="warping factor", unit="m")
     a /= positive(width, "width", owner="warping factor", unit="m")
     x = a * math.sqrt(24 / (1 + between(nu, "nu", -1.0, 0.500001, owner="warping factor")))
-    return held_plane(x)
+    return clamped_ends_factor(x)
 
 
-def held_plane(x: float) -> float:
+def clamped_ends_factor(x: float) -> float:
     """Factor on GJ of a uniform piece that cannot warp at its ends; x: its length times the decay of warping along it."""
     if x < 1e-2:
         # x - 2 tanh(x/2) = x^3/12 (1 - x^2/10 + ..): the difference would lose its digits

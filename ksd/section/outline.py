@@ -23,7 +23,7 @@ import numpy as np
 from ksd.checks import LARGEST, between, label, positive, show, worded
 from ksd.errors import SceneError
 from ksd.section.constants import Section
-from ksd.section.outline_mesh import edges_of, inside, triangulate
+from ksd.section.outline_mesh import edges_of, points_inside, triangulate
 
 
 @worded
@@ -152,10 +152,10 @@ def _rings(points: Sequence[Any], holes: Sequence[Any], name: str) -> list[np.nd
     _refuse_crossings(rings, name)
     outline = edges_of(rings[:1])
     for i, hole in enumerate(rings[1:]):
-        if not inside(hole, outline).all():
+        if not points_inside(hole, outline).all():
             raise SceneError(f"{name}: holes[{i}] must lie inside the outline.")
         for j, other in enumerate(rings[1:]):
-            if i != j and inside(hole[:1], edges_of([other])).any():
+            if i != j and points_inside(hole[:1], edges_of([other])).any():
                 raise SceneError(f"{name}: holes[{i}] lies inside holes[{j}]; draw only the larger one.")
     return rings
 

@@ -50,7 +50,7 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
-def inside(points: np.ndarray, edges: Edges) -> np.ndarray:
+def points_inside(points: np.ndarray, edges: Edges) -> np.ndarray:
     """Which points (n, 2) lie inside: an odd number of edges crosses the ray to the right."""
     result = np.zeros(len(points), bool)
     for (y0, z0), (y1, z1) in zip(edges.tail, edges.head, strict=True):
@@ -173,7 +173,7 @@ def _interior_points(edges: Edges, sizes: Sizes) -> np.ndarray:
     grid = np.stack(np.meshgrid(*(np.arange(k) + 0.5 for k in n), indexing="ij"), -1).reshape(-1, 2)
     cells, kept = low + side * grid, []
     while len(cells):
-        cells = cells[inside(cells, edges) | (distance(cells, edges) < 0.75 * side)]
+        cells = cells[points_inside(cells, edges) | (distance(cells, edges) < 0.75 * side)]
         size = sizes.at(cells)
         split = side > 1.1 * size
         kept.append(np.column_stack([cells[~split], size[~split]]))
@@ -184,7 +184,7 @@ def _interior_points(edges: Edges, sizes: Sizes) -> np.ndarray:
     points = np.concatenate(kept)
     # a fixed small shake: four points on one circle have no unique triangulation
     points[:, :2] += 0.05 * points[:, 2:] * np.random.default_rng(0).uniform(-1, 1, (len(points), 2))
-    points = points[inside(points[:, :2], edges)]
+    points = points[points_inside(points[:, :2], edges)]
     return points[distance(points[:, :2], edges) > 0.5 * points[:, 2], :2]
 
 
@@ -196,7 +196,7 @@ def _triangles(points: np.ndarray, edges: Edges) -> np.ndarray:
     corner = points[found]
     area = 0.5 * _cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     longest = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(axis=1)
-    return found[(np.abs(area) > 1e-9 * longest**2) & inside(corner.mean(axis=1), edges)]
+    return found[(np.abs(area) > 1e-9 * longest**2) & points_inside(corner.mean(axis=1), edges)]
 
 
 def _missing(segments: np.ndarray, triangles: np.ndarray, count: int) -> np.ndarray:

@@ -18,7 +18,7 @@ import numpy as np
 from ksd.section.closed_forms import is_rectangle
 from ksd.section.constants import Section
 
-SLICES = 128
+SLICES_PER_PIECE = 128
 """Uniform slices that stand for a piece whose section varies."""
 
 
@@ -30,7 +30,7 @@ class Slice(NamedTuple):
     decay: float
 
 
-def decay(section: Section, E: float, nu: float, G: float) -> float:
+def warping_decay(section: Section, E: float, nu: float, G: float) -> float:
     """sqrt(GJ/EG) [1/m]; of a rectangle that of a thin one, sqrt(24/(1 + nu))/w, on which the published factor stands."""
     if is_rectangle(section):
         return math.sqrt(24.0 / (1.0 + nu)) / max(section.width, section.thickness)

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from ksd.checks import all_worded, names_of, nearest, question_of, show, vector, whole
 from ksd.errors import ConvergenceError, SceneError
 from ksd.html import InNotebooks
-from ksd.modal.bodies import inside
+from ksd.modal.leaf_bodies import full_model_state
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.model.newton import GRAIN
@@ -41,11 +41,11 @@ from ksd.solve.error import error_of, goes_on_alone, settled, truth_of, with_err
 from ksd.solve.following import keeps_still
 from ksd.solve.joint_motions import JointMotions
 from ksd.solve.left_out import left_out
-from ksd.solve.perturbed import parameters_of, slopes
+from ksd.solve.perturbed import answer_derivatives, parameters_of
 from ksd.solve.report import tables
-from ksd.solve.rest import minimum_taken
 from ksd.solve.sensitivity import sensitivity
 from ksd.solve.steps import FAST, ErrorEstimate, FiveStepRecord, Step, Stop
+from ksd.solve.undeformed_stability import multiple_minima_note
 from ksd.solve.validity import Validity, validity
 from ksd.solve.verdict import Trust, judge
 from ksd.view import plot_mechanism, save_figure, show_mechanism, write_vtu
@@ -221,7 +221,7 @@ class Configuration(InNotebooks):
     def minimum(self) -> str:
         """Which of several minima this is, where the undeformed configuration is unstable under what strains it (preload,
         heat, assembly error, loads); else nothing."""
-        return "" if self.model.solids else minimum_taken(*self.insides, self.stable)
+        return "" if self.model.solids else multiple_minima_note(*self.insides, self.stable)
 
     @property
     def iterations(self) -> int:
@@ -316,7 +316,7 @@ class Configuration(InNotebooks):
     def insides(self) -> tuple[Model, Motion]:
         """Model and state with every leaf's own insides: those of the configuration, or, of modal bodies, the chains they
         reduce at the nodes they have."""
-        return inside(self.model, self.motion)
+        return full_model_state(self.model, self.motion)
 
     @property
     def questioned(self) -> tuple[Model, Motion]:
@@ -333,7 +333,7 @@ class Configuration(InNotebooks):
     def unreduced(self) -> tuple[Model, Motion]:
         """As `questioned`, with every leaf's own insides (see `insides`). Stress, energy, mass and buckling are asked of
         these."""
-        return inside(*self.questioned)
+        return full_model_state(*self.questioned)
 
     def _of_leaves(self, question: str) -> None:
         """Raises SceneError where the leaf springs that a question is asked of are reduced solids."""
@@ -394,7 +394,7 @@ class Configuration(InNotebooks):
         self._of_leaves("frequencies")
         whole(count, "count")
         return frequencies(
-            *inside(self.model, self.unfolding),
+            *full_model_state(self.model, self.unfolding),
             count=count,
             freed=freed,
             load_factor=self.load_factor,
@@ -423,8 +423,8 @@ class Configuration(InNotebooks):
         self._of_leaves("buckling")
         whole(count, "count")
         return buckling(
-            *inside(self.model, self.unfolding), link, at=at, force=force, moment=moment, following=following, count=count,
-            freed=freed, load_factor=self.load_factor,
+            *full_model_state(self.model, self.unfolding), link, at=at, force=force, moment=moment,
+            following=following, count=count, freed=freed, load_factor=self.load_factor,
         )  # fmt: skip
 
     def stress(self, *, points: int = 25) -> Stress:
@@ -512,7 +512,7 @@ class Configuration(InNotebooks):
         parameters = parameters_of(
             scene, self.targets, size=self.model.arrays.size, design=design, at_design=at_design, by=by, sizes=sizes
         )  # fmt: skip
-        return slopes(self, question, parameters)
+        return answer_derivatives(self, question, parameters)
 
     def internal_stress(
         self, *, offset: float = 1e-5, rotation: float = 1e-4, leaves: Iterable[str] = (), points: int = 13

@@ -20,7 +20,7 @@ from ksd.model.compile import Model
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve.configuration import Configuration
 from ksd.solve.joint_motions import JointReader
-from ksd.solve.load_steps import Way, load_steps, step_of, stopped
+from ksd.solve.load_steps import LoadPath, as_step, solve_by_load_steps, stop_sentence
 from ksd.solve.steps import CAP, RTOL, Stop
 from ksd.solve.storage import Storage, storage_of
 from ksd.solve.verdict import is_solved
@@ -60,23 +60,23 @@ def conventional(
     storage, clock = storage or storage_of(model), Stopwatch()
     begin = model.targets(start.targets) if start else np.zeros(len(target))
     low = start.load_factor if start else 0.0
-    way = Way(begin, target, (low, 1.0), steps, rtol, most, cap, eps_max, smallest)
-    driven, how, found, doubts = load_steps(
+    way = LoadPath(begin, target, (low, 1.0), steps, rtol, most, cap, eps_max, smallest)
+    driven, how, found, doubts = solve_by_load_steps(
         storage, start.motion if start else model.rest, way, fresh=start is None, planar=planar
     )
     spent = clock()
-    values, factor = way.at(driven.reached)
+    values, factor = way.values_at(driven.fraction_reached)
     result = Configuration(
         model, found, method,
         # supports follow the drives
         dict(zip(model.drive_names, values.tolist(), strict=False)),
-        (step_of(driven, how, spent),),
+        (as_step(driven, how, spent),),
         negatives=driven.negatives, expected=len(target), load_factor=factor, doubts=doubts, joint_motions=joints,
     )  # fmt: skip
     if driven.stop is not Stop.CONVERGED:
         raise ConvergenceError(
-            stopped(model, driven, doubts),
-            reached=driven.reached,
+            stop_sentence(model, driven, doubts),
+            reached=driven.fraction_reached,
             result=result,
         )
     return result

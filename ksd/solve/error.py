@@ -62,7 +62,7 @@ def error_of(pose: Configuration) -> ErrorEstimate | None:
         return own
     if pose.model.solids:
         assert own is not None
-        known = all(pose.model.bodies[name].solid.remeshed for name in pose.model.solids)
+        known = all(pose.model.bodies[name].solid.refine for name in pose.model.solids)
         return _of_solids(pose, own) if known else replace(own, mesh=math.nan)
     model, motion = pose.insides
     target, factor = model.targets(pose.targets), pose.load_factor
@@ -81,7 +81,7 @@ def error_of(pose: Configuration) -> ErrorEstimate | None:
 def _finer(model: Model) -> bool:
     """Whether all solids of a model are small enough to be solved with twice the cells along every axis."""
     solids = [model.bodies[name].solid for name in model.solids]
-    return all(s.remeshed and s.size * (4 if s.flat else 8) <= FINE_SOLID for s in solids)
+    return all(s.refine and s.dof_count * (4 if s.is_2d else 8) <= FINE_SOLID for s in solids)
 
 
 def _of_solids(pose: Configuration, own: ErrorEstimate) -> ErrorEstimate:

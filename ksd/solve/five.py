@@ -21,7 +21,7 @@ from ksd.solve.configuration import Configuration
 from ksd.solve.estimate import distance, estimate_error
 from ksd.solve.following import counted
 from ksd.solve.joint_motions import read_motions
-from ksd.solve.load_steps import WANDERED, wandered
+from ksd.solve.load_steps import MANY_ITERATIONS, slow_step_doubts
 from ksd.solve.space_steps import (
     FULL,
     KINEMATIC,
@@ -101,7 +101,9 @@ class FiveSteps:
             steps.more = (step,)
         if method != "kinematic" and steps.last is Stop.CONVERGED:
             negatives = counted(self.model, b.full, 1.0, negatives)
-        doubts = wandered(s for s in steps if s.name[0] in "35") if steps.wandered(WANDERED) else ()
+        doubts = (
+            slow_step_doubts(s for s in steps if s.name[0] in "35") if steps.wandered(MANY_ITERATIONS) else ()
+        )
         found = Configuration(
             self.model, b.full.copy(), method, dict(values), steps, negatives=negatives, expected=self._expected,
             joint_motions=joint_motions, method_error=error, notes=(*notes, *self._said(steps)), doubts=doubts,

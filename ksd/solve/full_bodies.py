@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from ksd.errors import ConvergenceError
-from ksd.modal.bodies import inside
+from ksd.modal.leaf_bodies import full_model_state
 from ksd.modal.solid_solve import FullSolid
 from ksd.model.arrays import LINEAR, Motion, make_work
 from ksd.model.compile import Model
@@ -56,16 +56,16 @@ class FullBodies:
         leaves: tuple[Model, Motion] | None = None,
         times: float = 1.0,
     ) -> None:
-        chains, state = leaves or inside(reduced, motion)
+        chains, state = leaves or full_model_state(reduced, motion)
         self.model = with_bodies(chains, {name: Condensed() for name in reduced.solids})
         self.state, self.wholes = same_state(chains, state, self.model), {}
         for name in reduced.solids:
             i, body = reduced.member_names.index(name), reduced.bodies[name]
             d, R = member_pose(reduced.arrays.members, i, motion)
-            u = body.displaced(d, R, inner_state(reduced, motion, i))
+            u = body.displacements(d, R, inner_state(reduced, motion, i))
             whole = FullSolid(body.solid, u, d - np.array([body.solid.length, 0.0, 0.0]), R)
             self.wholes[self.model.member_names.index(name)] = (
-                whole if times == 1.0 else whole.on(body.solid.remeshed(times))
+                whole if times == 1.0 else whole.on_mesh(body.solid.refine(times))
             )
         self.arrays, self.residual, self.negatives = exact(self.model.arrays), math.inf, 0
         self.work = make_work(self.arrays)

@@ -1,6 +1,6 @@
 """Equilibrium by load steps from a given state, in the plane where the scene is planar, and on the branch meant.
 
-The whole step is tried first and halved on failure (`drive_to`). A residual of zero does not tell the branch: 75
+The whole step is tried first and halved on failure (`take_load_steps`). A residual of zero does not tell the branch: 75
 degrees in one step can end at a moment of the wrong sign. What gives a jump away, at no cost: an inertia that is not that of
 a minimum, loads and drives that together did no positive work on a mechanism that was at rest (the strain energy they should
 have become is positive), an iteration that wandered, or loads that do much of the work and did not come in easily. Then 4,
@@ -25,9 +25,9 @@ from ksd.numerics.rotations import rotation_log
 from ksd.properties.cache import per_model
 from ksd.properties.doctor import doctor
 from ksd.scene.hinges import plane_holds
-from ksd.solve.arc import REACHED, Course, Walk, trace
+from ksd.solve.arc_length import END_REACHED, PathContinuation, PathParameter, follow_by_arc_length
 from ksd.solve.following import counted
-from ksd.solve.pivoted import iterate_pivoted, moves_freely
+from ksd.solve.pivoted_newton import iterate_pivoted, moves_freely
 from ksd.solve.steps import CAP, RTOL, Step, Stop
 from ksd.solve.storage import Storage
 
@@ -35,23 +35,23 @@ WEAK_PIVOT = 1e-9
 """Relative pivot below which a load step is done again, or its inertia counted again, with pivoting."""
 
 
-class Driven(NamedTuple):
+class LoadStepRecord(NamedTuple):
     """How driving went: why it stopped, factorisations including failed attempts, residual over its bound, negative
     pivots, fraction of the drive motion reached, load steps tried, load steps that needed pivoting, most iterations of a
     load step, the smallest one (fraction of the way)."""
 
     stop: Stop
-    solves: int
+    factorisations: int
     residual: float
     negatives: int
-    reached: float
-    taken: int
-    pivoted: int = 0
-    longest: int = 0
-    shortest: float = 1.0
+    fraction_reached: float
+    steps_tried: int
+    steps_with_pivoting: int = 0
+    most_iterations: int = 0
+    smallest_step: float = 1.0
 
 
-class Way(NamedTuple):
+class LoadPath(NamedTuple):
     """Drives from `start` to `target` (c,) and loads between two factors, and how to go: steps: equal ones tried first;
     rtol, most, cap, eps_max: of every Newton solve (`ksd.model.newton.iterate`); smallest: fraction of the way below which
     steps are not halved any more."""
@@ -66,7 +66,7 @@ class Way(NamedTuple):
     eps_max: float = math.inf
     smallest: float = 1e-4
 
-    def at(self, share: float) -> tuple[np.ndarray, float]:
+    def values_at(self, share: float) -> tuple[np.ndarray, float]:
         """Drive values and load factor at a fraction of the way."""
         low, high = self.factors
         if share == 1.0:
@@ -75,14 +75,14 @@ class Way(NamedTuple):
         return self.start + share * (self.target - self.start), low + share * (high - low)
 
 
-def drive_to(
+def take_load_steps(
     motion: Motion,
     newton: Callable[..., Newton],
-    way: Way,
+    way: LoadPath,
     *,
     begin: Motion | None = None,
     pivoting: tuple[Arrays, Work] | None = None,
-) -> Driven:
+) -> LoadStepRecord:
     """Go a way, halving its steps on failure; `motion` ends at the last equilibrium.
 
     newton: brings a state to equilibrium in place, as `ksd.solve.storage.Storage.newton`. begin: what `motion` starts from,
@@ -94,7 +94,7 @@ def drive_to(
     bounds = way.rtol, way.most, way.cap, way.eps_max
     while done < 1.0:
         goal = 1.0 if done + size > 1.0 - 1e-9 else done + size
-        aim = (*way.at(goal), *bounds)
+        aim = (*way.values_at(goal), *bounds)
         safe = motion.copy() if safe is None else safe
         reason, count, residual, negatives, pivot = newton(motion, *aim)
         solves, taken = solves + count, taken + 1
@@ -107,8 +107,10 @@ def drive_to(
         motion.assign(safe)
         size *= 0.5
         if size < way.smallest:
-            return Driven(Stop(reason), solves, residual, negatives, done, taken, pivoted, longest, shortest)
-    return Driven(Stop.CONVERGED, solves, residual, negatives, 1.0, taken, pivoted, longest, shortest)
+            return LoadStepRecord(
+                Stop(reason), solves, residual, negatives, done, taken, pivoted, longest, shortest
+            )
+    return LoadStepRecord(Stop.CONVERGED, solves, residual, negatives, 1.0, taken, pivoted, longest, shortest)
 
 
 def _weak(arrays: Arrays, reason: int, pivot: float) -> bool:
@@ -127,16 +129,16 @@ def _with_pivoting(
     return iterate_pivoted(arrays, motion, *aim[:2], work, *aim[2:])
 
 
-class Arrived(NamedTuple):
+class LoadStepResult(NamedTuple):
     """How driving went, in what, in words, where it ended, and the doubts that remain."""
 
-    driven: Driven
+    record: LoadStepRecord
     how: str
     motion: Motion
     doubts: tuple[str, ...] = ()
 
 
-WANDERED = 12
+MANY_ITERATIONS = 12
 """Iterations of an accepted load step above which its branch is confirmed."""
 EASY, LADEN = 5, 0.1
 """Iterations of a step, and share of the loads in the work done, above both of which its branch is confirmed."""
@@ -150,7 +152,7 @@ SADDLE = "its inertia is not that of a minimum"
 """The doubt that only a path by arc length settles: the way there may lead over a limit point or a bifurcation."""
 
 
-def works(model: Model, motion: Motion, target: np.ndarray) -> tuple[float, float]:
+def secant_work(model: Model, motion: Motion, target: np.ndarray) -> tuple[float, float]:
     """Secant work [J] of the drives, and of dead loads, from rest to `motion`; their sum becomes strain energy.
 
     That of the loads is nan where following loads make it depend on the path.
@@ -203,118 +205,134 @@ def _dead_loads(model: Model) -> _DeadLoads:
     return _DeadLoads(force, lever, at_rest, moments, bool(np.any(loads.following == 1)))
 
 
-def laden(model: Model, motion: Motion, target: np.ndarray, longest: int) -> bool:
+def loads_dominate(model: Model, motion: Motion, target: np.ndarray, longest: int) -> bool:
     """Whether loads do so much of the work, and a step took so many iterations, that one step proves little."""
     if longest <= EASY or not carries_load(model.arrays):
         return False
-    driving, loading = works(model, motion, target)
+    driving, loading = secant_work(model, motion, target)
     # work that depends on the path is not small
     return not abs(loading) <= LADEN * (abs(driving) + abs(loading))
 
 
 def doubt(
-    model: Model, motion: Motion, driven: Driven, target: np.ndarray, *, fresh: bool, steps: int
+    model: Model, motion: Motion, driven: LoadStepRecord, target: np.ndarray, *, fresh: bool, steps: int
 ) -> str:
     """Why the state reached in `steps` may not be the one meant, or nothing. fresh: the mechanism was at rest before."""
     if driven.negatives != len(target):
         return SADDLE
-    if driven.longest > WANDERED:
-        return f"a load step took {driven.longest} iterations"
-    if driven.shortest < min(CUT, 0.9 / steps):
-        return f"a load step had to be cut to {100 * driven.shortest:.2g} % of the way"
+    if driven.most_iterations > MANY_ITERATIONS:
+        return f"a load step took {driven.most_iterations} iterations"
+    if driven.smallest_step < min(CUT, 0.9 / steps):
+        return f"a load step had to be cut to {100 * driven.smallest_step:.2g} % of the way"
     if not fresh:
         return ""
-    if sum(works(model, motion, target)) < 0.0:
+    if sum(secant_work(model, motion, target)) < 0.0:
         return "drives and loads did negative work on it"
-    if laden(model, motion, target, driven.longest):
-        return f"loads do much of the work, and a load step took {driven.longest} iterations"
+    if loads_dominate(model, motion, target, driven.most_iterations):
+        return f"loads do much of the work, and a load step took {driven.most_iterations} iterations"
     return ""
 
 
-def wandered(steps: Iterable[Step]) -> tuple[str, ...]:
+def slow_step_doubts(steps: Iterable[Step]) -> tuple[str, ...]:
     """Doubts about equilibrium steps of a kinematic start that took long: they may have wandered to another branch."""
-    return tuple(f"step '{s.name}' took {s.iterations} iterations" for s in steps if s.iterations > WANDERED)
+    return tuple(
+        f"step '{s.name}' took {s.iterations} iterations" for s in steps if s.iterations > MANY_ITERATIONS
+    )
 
 
-def difference(model: Model, one: Motion, other: Motion) -> float:
+def state_difference(model: Model, one: Motion, other: Motion) -> float:
     """Largest difference of two states over the size of the mechanism (rotations as they are)."""
     shift = np.abs(one.x - other.x).max(initial=0.0) / model.arrays.size
     return float(max(shift, np.abs(one.R - other.R).max(initial=0.0)))
 
 
 def confirmed(
-    model: Model, first: Arrived, again: Callable[[int], Arrived], arc: Callable[[], Walk], reason: str
-) -> Arrived:
+    model: Model,
+    first: LoadStepResult,
+    again: Callable[[int], LoadStepResult],
+    arc: Callable[[], PathContinuation],
+    reason: str,
+) -> LoadStepResult:
     """The state that two rounds of load steps agree on.
 
     first: how the doubtful round went; again: goes the same way in so many steps; arc: goes it by arc length, which is
     asked last, when smaller steps do not settle it or end in a state that is no minimum.
     """
-    solves, taken = first.driven.solves, first.driven.taken
-    last, size = first, max(4, int(np.ceil(2.0 / first.driven.shortest)))
+    solves, taken = first.record.factorisations, first.record.steps_tried
+    last, size = first, max(4, int(np.ceil(2.0 / first.record.smallest_step)))
     end, settled, said = max(FINE, 4 * size), False, reason
     while size <= end and not settled:
         fresh = again(size)
-        solves, taken = solves + fresh.driven.solves, taken + fresh.driven.taken
-        if fresh.driven.stop is not Stop.CONVERGED:
-            said = f"{reason}, and smaller load steps stop at {100 * fresh.driven.reached:.3g} % of the way"
+        solves, taken = solves + fresh.record.factorisations, taken + fresh.record.steps_tried
+        if fresh.record.stop is not Stop.CONVERGED:
+            said = f"{reason}, and smaller load steps stop at {100 * fresh.record.fraction_reached:.3g} % of the way"
             break
-        same = difference(model, fresh.motion, last.motion) < SAME
-        settled = same and reason != SADDLE and fresh.driven.negatives == len(model.arrays.terms.start)
+        same = state_difference(model, fresh.motion, last.motion) < SAME
+        settled = same and reason != SADDLE and fresh.record.negatives == len(model.arrays.terms.start)
         last, size = fresh, 2 * size
         if same and not settled:
             break
     how = ", ".join(filter(None, [last.how, f"walked again in smaller steps: {reason}"]))
-    found = Arrived(last.driven._replace(solves=solves, taken=taken), how, last.motion)
+    found = LoadStepResult(last.record._replace(factorisations=solves, steps_tried=taken), how, last.motion)
     return found if settled else by_arc(found._replace(doubts=(said,)), arc)
 
 
-def _gone(last: Arrived, arc: Callable[[], Walk]) -> tuple[Arrived, Walk | None]:
+def _gone(
+    last: LoadStepResult, arc: Callable[[], PathContinuation]
+) -> tuple[LoadStepResult, PathContinuation | None]:
     """The path by arc length, None where it does not begin, and `last` with its factorisations."""
     try:
         path = arc()
     except (ConvergenceError, np.linalg.LinAlgError):
         return last, None
-    return last._replace(driven=last.driven._replace(solves=last.driven.solves + path.iterations)), path
+    return last._replace(
+        record=last.record._replace(factorisations=last.record.factorisations + path.factorisations)
+    ), path
 
 
-def by_arc(last: Arrived, arc: Callable[[], Walk]) -> Arrived:
+def by_arc(last: LoadStepResult, arc: Callable[[], PathContinuation]) -> LoadStepResult:
     """The last resort: what the path followed by arc length says of the state `last` and of what is doubted about it."""
     last, path = _gone(last, arc)
     if path is None:
         return last
     last = last._replace(how=f"{last.how}, then by arc length")
-    if path.stop == REACHED and not path.turns:
-        end = path.places[-1]
-        return Arrived(last.driven._replace(negatives=end.negatives), last.how, end.motion)
-    at = f"no end: {path.stop}"
-    if path.turns:
-        turn, more = path.turns[0], len(path.turns) - 1
-        at = f"a {turn.kind} point at {100 * turn.at.f:.3g} % of the way" + f", and {more} more" * (more > 0)
+    if path.stop_reason == END_REACHED and not path.singular_points:
+        end = path.points[-1]
+        return LoadStepResult(last.record._replace(negatives=end.negatives), last.how, end.motion)
+    at = f"no end: {path.stop_reason}"
+    if path.singular_points:
+        turn, more = path.singular_points[0], len(path.singular_points) - 1
+        at = f"a {turn.kind} point at {100 * turn.point.f:.3g} % of the way" + f", and {more} more" * (
+            more > 0
+        )
     return last._replace(doubts=(f"{last.doubts[0]}; the path from its start has {at}",))
 
 
-def rescued(first: Arrived, arc: Callable[[], Walk]) -> Arrived:
+def rescued(first: LoadStepResult, arc: Callable[[], PathContinuation]) -> LoadStepResult:
     """Where load steps end before the way does: what the path followed by arc length finds at its end, or why there is
     none. A path that turns on the way is not gone along: the mechanism would snap."""
     first, path = _gone(first, arc)
     if path is None:
         return first
-    if path.turns:
-        turn = path.turns[0]
+    if path.singular_points:
+        turn = path.singular_points[0]
         kind = "turns back at a limit" if turn.kind == "limit" else "branches at a bifurcation"
-        said = f"the path from its start {kind} point at {100 * turn.at.f:.3g} % of the way, where the mechanism snaps or"
+        said = f"the path from its start {kind} point at {100 * turn.point.f:.3g} % of the way, where the mechanism snaps or"
         return first._replace(
             doubts=(f"{said} buckles; ksd.follow goes along the path, here on {path.model.mesh}",)
         )
-    if path.stop != REACHED:
+    if path.stop_reason != END_REACHED:
         return first
-    end = path.places[-1]
-    driven = first.driven._replace(stop=Stop.CONVERGED, residual=1.0, negatives=end.negatives, reached=1.0)
-    return Arrived(driven, ", ".join(filter(None, [first.how, "by arc length"])), end.motion)
+    end = path.points[-1]
+    record = first.record._replace(
+        stop=Stop.CONVERGED, residual=1.0, negatives=end.negatives, fraction_reached=1.0
+    )
+    return LoadStepResult(record, ", ".join(filter(None, [first.how, "by arc length"])), end.motion)
 
 
-def _drive(storage: Storage, begin: Motion, way: Way, planar: bool | Literal["auto"], fresh: bool) -> Arrived:
+def _drive(
+    storage: Storage, begin: Motion, way: LoadPath, planar: bool | Literal["auto"], fresh: bool
+) -> LoadStepResult:
     """Drive from `begin` in the plane where the scene is planar, else in space. fresh: it is the rest state."""
     why = ""
     if planar is not False:
@@ -324,7 +342,7 @@ def _drive(storage: Storage, begin: Motion, way: Way, planar: bool | Literal["au
             driven, arrived = found
             if planar is True or driven.stop in (Stop.CONVERGED, Stop.LOCAL_ANGLE):
                 how = "planar, 3 unknowns per node"
-                return Arrived(_counted(storage.model, arrived, driven, way), how, arrived)
+                return LoadStepResult(_counted(storage.model, arrived, driven, way), how, arrived)
             # space has the Newton with pivoting
             found = f"in the plane {driven.stop.sentence}"
         elif planar is True:
@@ -333,10 +351,10 @@ def _drive(storage: Storage, begin: Motion, way: Way, planar: bool | Literal["au
             )
         why = f"spatial: {found}"
     arrived = begin.copy()
-    driven = drive_to(
+    driven = take_load_steps(
         arrived, storage.newton, way, begin=begin, pivoting=(storage.model.arrays, storage.work)
     )
-    return Arrived(_counted(storage.model, arrived, driven, way), why, arrived)
+    return LoadStepResult(_counted(storage.model, arrived, driven, way), why, arrived)
 
 
 AT_START = 1e-3
@@ -352,9 +370,9 @@ def _is_held(model: Model) -> bool:
 
 
 def _drive_in_plane(
-    storage: Storage, plane: Plane, begin: Motion, way: Way, fresh: bool
-) -> tuple[Driven, Motion] | str:
-    """`drive_to` with three unknowns per node and where it led, or the reason why that is not possible.
+    storage: Storage, plane: Plane, begin: Motion, way: LoadPath, fresh: bool
+) -> tuple[LoadStepRecord, Motion] | str:
+    """`take_load_steps` with three unknowns per node and where it led, or the reason why that is not possible.
 
     What it arrives at is looked at in space: a residual out of the plane refuses it, and the residual and the negative
     pivots told are those of the spatial tangent, so that buckling out of the plane is seen.
@@ -374,15 +392,15 @@ def _drive_in_plane(
             return (SINGULAR, *found[1:]) if moves_freely(plane.arrays, work) else found
         return found
 
-    driven = drive_to(motion, newton, way, begin=begin)
-    if driven.shortest < 0.9 / way.steps:
+    driven = take_load_steps(motion, newton, way, begin=begin)
+    if driven.smallest_step < 0.9 / way.steps:
         # a step was cut: what nothing holds at the start swings to and fro where its pivot of zero is rounded up
-        assemble(plane.arrays, begin, *way.at(driven.shortest), work, way.rtol, 0, 0.0)
+        assemble(plane.arrays, begin, *way.values_at(driven.smallest_step), work, way.rtol, 0, 0.0)
         if moves_freely(plane.arrays, work):
-            return driven._replace(stop=Stop.SINGULAR, reached=0.0), begin.copy()
+            return driven._replace(stop=Stop.SINGULAR, fraction_reached=0.0), begin.copy()
     if _is_held(model):
         return driven._replace(negatives=driven.negatives + len(motion.multiplier) - len(plane.rows)), motion
-    values, factor = way.at(driven.reached)
+    values, factor = way.values_at(driven.fraction_reached)
     residual, negatives, status = storage.look(motion, values, way.rtol, factor)
     if residual > 1.0:
         share, node, force, moment = plane.imbalance(storage.work)
@@ -400,16 +418,16 @@ def _drive_in_plane(
     return driven._replace(residual=residual, negatives=negatives), motion
 
 
-def _counted(model: Model, motion: Motion, driven: Driven, way: Way) -> Driven:
+def _counted(model: Model, motion: Motion, driven: LoadStepRecord, way: LoadPath) -> LoadStepRecord:
     """With what stands for negative pivots where loads are not conservative."""
     if driven.stop is not Stop.CONVERGED or model.conservative:
         return driven
     return driven._replace(negatives=counted(model, motion, way.factors[1], driven.negatives))
 
 
-def load_steps(
-    storage: Storage, begin: Motion, way: Way, *, fresh: bool, planar: bool | Literal["auto"] = "auto"
-) -> Arrived:
+def solve_by_load_steps(
+    storage: Storage, begin: Motion, way: LoadPath, *, fresh: bool, planar: bool | Literal["auto"] = "auto"
+) -> LoadStepResult:
     """Go a way from the equilibrium `begin`, confirming what is doubtful. fresh: `begin` is the rest state; planar: as of
     `conventional`.
     """
@@ -419,20 +437,22 @@ def load_steps(
     if way.eps_max < math.inf:
         return first
 
-    def again(size: int) -> Arrived:
+    def again(size: int) -> LoadStepResult:
         finer = way._replace(steps=size, smallest=min(way.smallest, 0.25 / size))
         return _drive(storage, begin, finer, planar, fresh)
 
-    def arc(turns: float = math.inf) -> Walk:
+    def arc(turns: float = math.inf) -> PathContinuation:
         low, high = way.factors
-        return trace(model, Course(way.start, way.target - way.start, low, high - low), begin, turns=turns)
+        return follow_by_arc_length(
+            model, PathParameter(way.start, way.target - way.start, low, high - low), begin, turns=turns
+        )
 
-    if first.driven.stop is Stop.SINGULAR and first.driven.reached == 0.0:
+    if first.record.stop is Stop.SINGULAR and first.record.fraction_reached == 0.0:
         # what nothing holds from the start on has no path
         return first
-    if first.driven.stop is not Stop.CONVERGED:
+    if first.record.stop is not Stop.CONVERGED:
         return rescued(first, lambda: arc(turns=1))
-    reason = doubt(model, first.motion, first.driven, way.target, fresh=fresh, steps=way.steps)
+    reason = doubt(model, first.motion, first.record, way.target, fresh=fresh, steps=way.steps)
     return confirmed(model, first, again, arc, reason) if reason else first
 
 
@@ -445,17 +465,19 @@ def _rigid_fights(model: Model) -> Iterator[str]:
             yield fight.sentence
 
 
-def step_of(driven: Driven, how: str, time: float) -> Step:
-    """The record of load steps that took `time` [s]; how: as of `load_steps`."""
-    note = f"{driven.taken} load step{'s' * (driven.taken != 1)}{', ' * bool(how)}{how}"
-    if driven.pivoted:
+def as_step(driven: LoadStepRecord, how: str, time: float) -> Step:
+    """The record of load steps that took `time` [s]; how: as of `solve_by_load_steps`."""
+    note = f"{driven.steps_tried} load step{'s' * (driven.steps_tried != 1)}{', ' * bool(how)}{how}"
+    if driven.steps_with_pivoting:
         note += ", with pivoting"
-    return Step("equilibrium", driven.solves, time, driven.residual, driven.stop, note)
+    return Step("equilibrium", driven.factorisations, time, driven.residual, driven.stop, note)
 
 
-def stopped(model: Model, driven: Driven, doubts: tuple[str, ...]) -> str:
+def stop_sentence(model: Model, driven: LoadStepRecord, doubts: tuple[str, ...]) -> str:
     """Where and why load steps stopped, a sentence."""
     why = doubts[0] if doubts else driven.stop.sentence
-    if driven.reached < AT_START:
+    if driven.fraction_reached < AT_START:
         why = next(_rigid_fights(model), why)
-    return f"the conventional solver stopped at {100 * driven.reached:.3g} % of the drive motion: {why}"
+    return (
+        f"the conventional solver stopped at {100 * driven.fraction_reached:.3g} % of the drive motion: {why}"
+    )

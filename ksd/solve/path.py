@@ -19,7 +19,14 @@ from ksd.numerics.stopwatch import Stopwatch
 from ksd.properties.words import Shown, listed, number
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.scene import Scene
-from ksd.solve.arc import REACHED, Course, Place, Walk, starting_place, switched
+from ksd.solve.arc_length import (
+    END_REACHED,
+    ArcLengthPoint,
+    PathContinuation,
+    PathParameter,
+    require_start,
+    switch_branch,
+)
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import unloaded
 from ksd.solve.solver import COMPILED, DEFAULT_ACCURACY
@@ -82,7 +89,7 @@ class Path(Shown):
     @property
     def ended(self) -> bool:
         """Whether the end asked for was reached."""
-        return self.stop.startswith(REACHED)
+        return self.stop.startswith(END_REACHED)
 
     @property
     def bifurcations(self) -> tuple[Turning, ...]:
@@ -125,26 +132,26 @@ def follow(
     if begin is None and control == "load" and any((targets or {}).values()):
         begin = unloaded(model, targets or {})
     course, f = _course(model, targets, control, start=begin, branched=branch is not None)
-    walk = Walk(model, course)
+    walk = PathContinuation(model, course)
     clock = Stopwatch()
     motion = (begin.motion if begin else model.rest).copy()
     if branch is not None:
-        at, ahead = switched(walk.tracer, motion, f, branch.mode * side)
+        at, ahead = switch_branch(walk.newton, motion, f, branch.mode * side)
     else:
-        at = starting_place(walk.tracer.correct(motion, f, None, most=40))
-        ahead = walk.tracer.tangent(at, None)
+        at = require_start(walk.newton.correct(motion, f, None, most=40))
+        ahead = walk.newton.tangent(at, None)
         ahead = ahead if until >= at.f else -ahead
     arc = first / max(abs(float(ahead[-1])), 1e-9) if branch is None else 0.01
-    walk.go(at, ahead, until=until, arc=arc, most=most)
-    turnings = tuple(Turning(t.kind, t.at.f, _shown(walk, t.at), t.mode) for t in walk.turns)
-    states = tuple(_shown(walk, place) for place in walk.places)
-    factors = np.array([place.f for place in walk.places])
-    return Path(factors, states, turnings, f"{walk.stop} ({clock():.2f} s)")
+    walk.follow(at, ahead, until=until, arc=arc, most=most)
+    turnings = tuple(Turning(t.kind, t.point.f, _shown(walk, t.point), t.mode) for t in walk.singular_points)
+    states = tuple(_shown(walk, place) for place in walk.points)
+    factors = np.array([place.f for place in walk.points])
+    return Path(factors, states, turnings, f"{walk.stop_reason} ({clock():.2f} s)")
 
 
-def _shown(walk: Walk, at: Place) -> Configuration:
+def _shown(walk: PathContinuation, at: ArcLengthPoint) -> Configuration:
     """A place as a configuration."""
-    target, factor = walk.course.aim(at.f)
+    target, factor = walk.parameter.values_at(at.f)
     names = zip(walk.model.drive_names, target, strict=False)
     step = Step("path", at.iterations, 0.0, at.residual, Stop.CONVERGED if at.fits else Stop.LOCAL_ANGLE)
     found = Configuration(
@@ -161,7 +168,7 @@ def _course(
     *,
     start: Configuration | None,
     branched: bool,
-) -> tuple[Course, float]:
+) -> tuple[PathParameter, float]:
     """What is driven, and the parameter at the start."""
     held = dict(start.targets) if start else dict.fromkeys(model.drive_names, 0.0)
     level = start.load_factor if start else 0.0
@@ -172,10 +179,10 @@ def _course(
     goal = model.targets({**held, **(targets or {})})
     model.refuse_turns(goal)
     if control == "load":
-        return Course(goal, np.zeros(len(goal)), 0.0, 1.0), level
+        return PathParameter(goal, np.zeros(len(goal)), 0.0, 1.0), level
     here = model.targets(held)
     begin = np.zeros(len(goal)) if branched else here
     way = goal - begin
     if not way.any():
         raise SceneError("control = 'drives': give targets that differ from where the path starts")
-    return Course(begin, way, level if start else 1.0, 0.0), float((here - begin) @ way / (way @ way))
+    return PathParameter(begin, way, level if start else 1.0, 0.0), float((here - begin) @ way / (way @ way))

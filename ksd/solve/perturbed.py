@@ -35,20 +35,20 @@ from ksd.solve.steps import FAST, RTOL
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
 
-STEP = 3e-5
+RELATIVE_STEP = 3e-5
 """Step of a parameter, over its value, of central differences."""
-WIDE = 3e-4
+FOURTH_ORDER_STEP = 3e-4
 """The same where differences at one and two steps are combined to fourth order: ten times less rounding."""
 NEWTON = 2
 """Newton steps to the equilibrium beside the pose. After one, even refined, stresses of a butterfly hinge are 2 % off
-at a step of WIDE, stiffnesses .2 %; 3e-5 at STEP."""
+at a step of FOURTH_ORDER_STEP, stiffnesses .2 %; 3e-5 at RELATIVE_STEP."""
 LEFT = 0.05
 """Part of the first Newton step up to which the last one may be as large."""
 AXES = "xyz"
 
 
 @dataclass(frozen=True)
-class Parameter:
+class GradientParameter:
     """A number that a pose depends on: its value, the size its step is measured by, and the scene where it has another
     value; without one it is the value of the drive of its name."""
 
@@ -80,14 +80,14 @@ def parameters_of(
     at_design: Mapping[str, Any] | None = None,
     by: Iterable[str] | str | None = None,
     sizes: Mapping[str, float] | None = None,
-) -> tuple[Parameter, ...]:
+) -> tuple[GradientParameter, ...]:
     """The parameters `by`: names in `at_design`, of drives, and of components of loads ("payload_force_z",
     "payload_moment_x").
 
     Without `by` all numbers of the design, without a design all drives. scene, targets: where they are; size [m]: of the
     mechanism, that of the step of a parameter of zero that `sizes` does not name. SceneError for names that are not known.
     """
-    found: dict[str, Parameter] = {}
+    found: dict[str, GradientParameter] = {}
     given = {} if at_design is None else dict(at_design)
     if given and design is None:
         raise SceneError(
@@ -97,7 +97,7 @@ def parameters_of(
 
     def add(name: str, value: float, usual: float, made: Callable[[float], Any] | None) -> None:
         own = abs(number(sizes[name], f"sizes: {name}")) if name in sizes else abs(value) or usual
-        found[name] = Parameter(name, value, own or usual, made)
+        found[name] = GradientParameter(name, value, own or usual, made)
 
     # counts are no numbers to vary, unless they are asked for
     counts = [n for n, v in given.items() if isinstance(v, int | np.integer)]
@@ -175,15 +175,15 @@ def _loaded_at(scene: Any, k: int, kind: str, axis: int, value: float) -> Any:
     return replace(scene, loads=(*scene.loads[:k], load, *scene.loads[k + 1 :]))
 
 
-class Perturbed:
+class PerturbedEquilibria:
     """Perturbed poses of one scene: every parameter at its value + share * its size, for every one of `shares`."""
 
-    def __init__(self, shares: Sequence[float] = (STEP, -STEP)) -> None:
+    def __init__(self, shares: Sequence[float] = (RELATIVE_STEP, -RELATIVE_STEP)) -> None:
         self.shares = tuple(shares)
         self._made: tuple[Model, list[list[Model]]] | None = None
 
     def __call__(
-        self, pose: Configuration, parameters: Sequence[Parameter]
+        self, pose: Configuration, parameters: Sequence[GradientParameter]
     ) -> tuple[Configuration, list[list[Configuration]]]:
         """The equilibrium of a pose, and those beside it by parameter and share. Only values of drives may differ from those
         of the call before.
@@ -213,7 +213,7 @@ class Perturbed:
             sides.append(own)
         return here, sides
 
-    def _models(self, model: Model, parameters: Sequence[Parameter]) -> list[list[Model]]:
+    def _models(self, model: Model, parameters: Sequence[GradientParameter]) -> list[list[Model]]:
         """The models beside a model, by parameter and share."""
         scenes = [
             p.scene(p.value + s * p.size) for p in parameters if p.scene is not None for s in self.shares
@@ -347,16 +347,16 @@ def _held_mesh(model: Model) -> Mesh:
     return MixedMesh(**words, others=(*held, *getattr(model.mesh, "others", ())))
 
 
-def slopes(
+def answer_derivatives(
     pose: Configuration,
     question: Callable[[Configuration], Any],
-    parameters: Sequence[Parameter],
+    parameters: Sequence[GradientParameter],
 ) -> dict[str, Any]:
     """How the answer of question(pose) (number, array, or mapping of them; in the same shape) changes with every
     parameter."""
-    _, sides = Perturbed()(pose, parameters)
+    _, sides = PerturbedEquilibria()(pose, parameters)
     return {
-        p.name: _difference(question(own[0]), question(own[1]), 2 * STEP * p.size)
+        p.name: _difference(question(own[0]), question(own[1]), 2 * RELATIVE_STEP * p.size)
         for p, own in zip(parameters, sides, strict=True)
     }
 

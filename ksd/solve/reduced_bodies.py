@@ -22,9 +22,9 @@ from ksd.bodies.joints import joint_bodies
 from ksd.bodies.mixture import alone, mixture
 from ksd.checks import show
 from ksd.errors import ConvergenceError, KinematicsError, RangeError, RecordError, SceneError
-from ksd.modal.basis import LeafBasis
-from ksd.modal.bodies import inside, with_chains, with_modal_bodies
 from ksd.modal.choices import ModalBasis
+from ksd.modal.leaf_basis import LeafBasis
+from ksd.modal.leaf_bodies import full_model_state, with_chains, with_modal_bodies
 from ksd.modal.solid_basis import SolidBasis, with_solids
 from ksd.model.arrays import Arrays, Motion, make_work
 from ksd.model.compile import Model
@@ -37,7 +37,7 @@ from ksd.solve.conventional import by_load_steps
 from ksd.solve.five import FiveSteps
 from ksd.solve.full_bodies import indicator
 from ksd.solve.joint_motions import read_motions
-from ksd.solve.load_steps import Way, drive_to
+from ksd.solve.load_steps import LoadPath, take_load_steps
 from ksd.solve.space_steps import condense_space, place_space, read_space, recover_space
 from ksd.solve.steps import CAP, RTOL, Step, Stop
 from ksd.solve.validity import furthest, validity
@@ -192,7 +192,7 @@ class _Placed:
             return self.at_rest
         state = same_state(self.model, self.storage.full, self._untrained)
         settle_bodies(self._untrained, state)
-        return self._made(inside(self._untrained, state)[1])
+        return self._made(full_model_state(self._untrained, state)[1])
 
     def _made(self, about: Motion | None) -> _Prepared:
         """Bodies and storage, trained ones expanded at a state of `full`, with those of smaller bases where one is large."""
@@ -347,18 +347,23 @@ class _Prepared:
         def newton(state: Motion, want: np.ndarray, level: float, *bounds: Any) -> Any:
             return iterate(arrays, state, want, level, self.work, *bounds)
 
-        way = Way(target, target, (0.0, factor), smallest=1.0)
-        driven = drive_to(motion, newton, way, pivoting=(arrays, self.work))
+        way = LoadPath(target, target, (0.0, factor), smallest=1.0)
+        driven = take_load_steps(motion, newton, way, pivoting=(arrays, self.work))
         if driven.stop is not Stop.CONVERGED and smallest < 1.0:
             # without loads first: the place records give is no equilibrium of theirs
             reason, count, *_ = newton(motion, target, 0.0, RTOL, 30, CAP, math.inf)
             if reason == Stop.CONVERGED:
                 way = way._replace(smallest=smallest)
-                more = drive_to(motion, newton, way, pivoting=(arrays, self.work))
-                driven = more._replace(solves=driven.solves + count + more.solves, taken=more.taken + 1)
-        parts = f"{driven.taken} load steps" if driven.taken > 1 else ""
-        step = Step("3 reduced equilibrium", driven.solves, clock(), driven.residual, driven.stop, parts)
-        return step, driven.reached
+                more = take_load_steps(motion, newton, way, pivoting=(arrays, self.work))
+                driven = more._replace(
+                    factorisations=driven.factorisations + count + more.factorisations,
+                    steps_tried=more.steps_tried + 1,
+                )
+        parts = f"{driven.steps_tried} load steps" if driven.steps_tried > 1 else ""
+        step = Step(
+            "3 reduced equilibrium", driven.factorisations, clock(), driven.residual, driven.stop, parts
+        )
+        return step, driven.fraction_reached
 
     def like(self, other: _Prepared, near: Motion) -> Motion:
         """The state of another basis of the same bodies, nodes of leaf springs as near as this one has them."""
@@ -370,7 +375,7 @@ class _Prepared:
             body = self.model.bodies.get(name)
             if isinstance(body, LeafBasis):
                 pose = member_pose(self.mix.arrays.members, m, motion)
-                own[:] = body.like(other.model.bodies[name], *pose, theirs)
+                own[:] = body.nearest_coordinates(other.model.bodies[name], *pose, theirs)
             else:
                 own[:] = theirs
         return motion
@@ -431,7 +436,7 @@ def by_steps(model: Model, values: Mapping[str, float]) -> Configuration:
     try:
         return by_load_steps(model, values)
     except ConvergenceError as reason:
-        loose = reason.reached == 0.0 and any(model.bodies[n].solid.flat for n in model.solids)
+        loose = reason.reached == 0.0 and any(model.bodies[n].solid.is_2d for n in model.solids)
         flat = (
             "; a solid meshed in 2D resists nothing out of its plane: hold that by supports" if loose else ""
         )

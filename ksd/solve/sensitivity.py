@@ -22,7 +22,7 @@ from ksd.numerics.rotations import rotation_log
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.properties.tangent import assembled_tangent, factored
 from ksd.scene.load import Load
-from ksd.solve.load_steps import Way, load_steps, step_of, stopped
+from ksd.solve.load_steps import LoadPath, as_step, solve_by_load_steps, stop_sentence
 from ksd.solve.steps import Stop
 from ksd.solve.storage import storage_of
 
@@ -102,16 +102,18 @@ def _acting(scene: Any, factor: float) -> Any:
 def _beside(pose: Configuration, loaded: Model, state: Motion) -> Configuration:
     """The equilibrium of the loaded model next to `state`, drives as they are."""
     target, clock = loaded.targets(pose.targets), Stopwatch()
-    driven, how, motion, doubts = load_steps(
-        storage_of(loaded), state, Way(target, target, (1.0, 1.0), rtol=RTOL), fresh=False, planar=False
+    driven, how, motion, doubts = solve_by_load_steps(
+        storage_of(loaded), state, LoadPath(target, target, (1.0, 1.0), rtol=RTOL), fresh=False, planar=False
     )  # fmt: skip
     found = replace(
         pose, model=loaded, motion=motion, method="conventional", method_error=None, chosen=False, load_factor=1.0,
-        steps=(step_of(driven, how, clock()),), negatives=driven.negatives, expected=len(target), doubts=doubts,
+        steps=(as_step(driven, how, clock()),), negatives=driven.negatives, expected=len(target), doubts=doubts,
         joint_motions=None, notes=(), intended=False,
     )  # fmt: skip
     if driven.stop is not Stop.CONVERGED:
-        raise ConvergenceError(stopped(loaded, driven, doubts), reached=driven.reached, result=found)
+        raise ConvergenceError(
+            stop_sentence(loaded, driven, doubts), reached=driven.fraction_reached, result=found
+        )
     return found
 
 

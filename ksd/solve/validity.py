@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ksd.errors import SceneError
-from ksd.modal.bodies import with_modal_bodies
+from ksd.modal.leaf_bodies import with_modal_bodies
 from ksd.modal.solid_basis import SolidBasis, with_solids
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model, compile_given
@@ -22,7 +22,7 @@ from ksd.model.reduced import inner_state, member_pose
 from ksd.properties.shape import scene_leaves
 from ksd.scene.mechanism import Mechanism
 from ksd.solve.full_bodies import indicator
-from ksd.solve.load_steps import Way, load_steps
+from ksd.solve.load_steps import LoadPath, solve_by_load_steps
 from ksd.solve.steps import Stop
 from ksd.solve.storage import Storage
 
@@ -85,7 +85,7 @@ def _limit(model: Model, name: str, way: str, error: float) -> tuple[float, floa
     """Stroke and rotation at which the indicator passes `error` in one way, and whether it was further than tried."""
     leaf, body = scene_leaves(model)[name], model.bodies[name]
     if isinstance(body, SolidBasis):
-        scene = _alone(leaf, way, flat=body.solid.flat).scene()
+        scene = _alone(leaf, way, flat=body.solid.is_2d).scene()
         model = with_solids(compile_given(scene, model.mesh), {"leaf": body})
     else:
         mesh = replace(model.mesh, leaf="corotational", elements=body.choices.elements)
@@ -96,8 +96,8 @@ def _limit(model: Model, name: str, way: str, error: float) -> tuple[float, floa
     def tried(share: float) -> tuple[Any, tuple[float, float] | None]:
         target = model.targets({"way": share * size})
         begin, state = start
-        driven, _, motion, _ = load_steps(
-            storage, state, Way(begin, target), fresh=state is model.rest, planar=False
+        driven, _, motion, _ = solve_by_load_steps(
+            storage, state, LoadPath(begin, target), fresh=state is model.rest, planar=False
         )
         if driven.stop is not Stop.CONVERGED:
             return None, None
@@ -189,7 +189,9 @@ def furthest(model: Model, motion: Motion) -> tuple[str, float, float]:
     worst = ("", 0.0, -1.0)
     for name, body in model.bodies.items():
         i = model.member_names.index(name)
-        stroke, turn = body.bend(*member_pose(model.arrays.members, i, motion), inner_state(model, motion, i))
+        stroke, turn = body.stroke_and_rotation(
+            *member_pose(model.arrays.members, i, motion), inner_state(model, motion, i)
+        )
         if turn >= worst[2]:
             worst = (name, stroke, turn)
     return worst

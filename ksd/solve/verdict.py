@@ -27,7 +27,7 @@ from ksd.properties.doctor import doctor
 from ksd.properties.words import number
 from ksd.scene.rules import plane_hint
 from ksd.solve.joint_range import FAR_SHIFT, FAR_TURN
-from ksd.solve.load_steps import difference, laden
+from ksd.solve.load_steps import loads_dominate, state_difference
 from ksd.solve.steps import ErrorEstimate, percent
 
 if TYPE_CHECKING:
@@ -159,7 +159,7 @@ def needs_load_step_check(found: Configuration) -> bool:
     if found.method not in ("reduced", "full") or not carries_load(found.model.arrays):
         return False
     longest = max((s.iterations for s in found.steps if s.name[0] in "35"), default=0)
-    return laden(found.model, found.motion, found.model.targets(found.targets), longest)
+    return loads_dominate(found.model, found.motion, found.model.targets(found.targets), longest)
 
 
 def load_step_check(
@@ -173,7 +173,7 @@ def load_step_check(
     verdict = solved(other)
     if not verdict:
         return f"loads do much of the work, and load steps do not confirm it: {verdict}", None
-    far = difference(found.model, found.motion, other.motion)
+    far = state_difference(found.model, found.motion, other.motion)
     error, size = found.method_error, found.model.arrays.size
     own = 0.0 if error is None else 3.0 * max(error.displacement / size, error.rotation)
     own = own if own < math.inf else 0.0

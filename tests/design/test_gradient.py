@@ -517,4 +517,4 @@ def test_what_is_no_equilibrium_has_no_gradient(monkeypatch):
     far = perturbed.parameters_of(pose.model.scene, pose.targets, size=0.1, by="turn")
     monkeypatch.setattr(perturbed, "NEWTON", 1)
     with pytest.raises(ksd.ConvergenceError, match=r"no gradient.*beside this pose, at another 'turn'"):
-        perturbed.Perturbed()(pose, far)
+        perturbed.PerturbedEquilibria()(pose, far)

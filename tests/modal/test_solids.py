@@ -11,8 +11,8 @@ import ksd
 from ksd.beam.polynomial import quartic
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import reduce_solid, with_solids
-from ksd.modal.solid_solve import press
-from ksd.modal.symmetry import mirrors, sorted_by_parity
+from ksd.modal.solid_solve import load_face
+from ksd.modal.symmetry import mirror_planes, split_by_parity
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.section import rectangle
@@ -69,7 +69,7 @@ def test_tensors_are_the_energy(which, request):
     )
     y *= 0.1 * LENGTH
     g, G = np.empty(M), np.empty((M, M))
-    quartic(body.value[2 * len(body.chosen) :], M, y, g, G)
+    quartic(body.value[2 * len(body.pose_indices) :], M, y, g, G)
     near, tangent = projected(body, y)
     assert g == pytest.approx(near, abs=1e-9 * np.abs(near).max())
     assert np.tril(G) == pytest.approx(np.tril(tangent), abs=1e-9 * np.abs(tangent).max())
@@ -77,11 +77,11 @@ def test_tensors_are_the_energy(which, request):
 
 def test_products_that_do_not_meet_are_kept_apart(press_reduced, spatial, reduced, monkeypatch):
     """Half of the largest tensor is left with one plane of symmetry; without it the same energy stands in one family."""
-    assert len(mirrors(spatial)) == 2
-    assert len(mirrors(replace(spatial, place=spatial.place + np.array([0.0, 1e-4, 0.0])))) == 1
+    assert len(mirror_planes(spatial)) == 2
+    assert len(mirror_planes(replace(spatial, position=spatial.position + np.array([0.0, 1e-4, 0.0])))) == 1
     force = np.array([0.0, 0.5 * EI / LENGTH**2, 0.0])
     fast = press_reduced(reduced, force, np.zeros(3))
-    monkeypatch.setattr("ksd.modal.solid_basis.mirrors", lambda solid: [])
+    monkeypatch.setattr("ksd.modal.solid_basis.mirror_planes", lambda solid: [])
     whole = reduce_solid(reduced.solid)
     assert whole.unknowns == reduced.unknowns
     assert len(reduced.value) < 0.6 * len(whole.value)
@@ -94,8 +94,8 @@ def test_a_square_rod_keeps_its_planes(press_reduced):
     """Two bending modes of one frequency: made even and odd, whatever mixture the eigenvalues come with."""
     rod = block(STEEL, LENGTH, THICK, width=THICK, cells=(3, 1, 1))
     body = reduce_solid(rod, internal=2, order=1)
-    planes = mirrors(rod)
-    found = sorted_by_parity(np.hstack([body.patterns, body.inner]), planes)[0]
+    planes = mirror_planes(rod)
+    found = split_by_parity(np.hstack([body.patterns, body.inner]), planes)[0]
     assert found.shape[1] == body.unknowns
     both = [
         press_reduced(body, f * EI / LENGTH**2, np.zeros(3)).shift
@@ -107,7 +107,7 @@ def test_a_square_rod_keeps_its_planes(press_reduced):
 def test_small_load_is_beam_theory(flat):
     """F L^3 / 3 EI + F L / kGA, plane stress, clamped face."""
     force = 1e-4 * EI / LENGTH**2
-    found = press(flat, np.array([0.0, force, 0.0]), np.zeros(3), steps=1)
+    found = load_face(flat, np.array([0.0, force, 0.0]), np.zeros(3), steps=1)
     shear = 1.2 * LENGTH / (STEEL.G * THICK * WIDTH)
     assert found.shift[1] == pytest.approx(force * (LENGTH**3 / (3 * EI) + shear), rel=1e-2)
 
@@ -117,7 +117,7 @@ def test_reduced_beside_full(press_reduced, flat, frame):
     """0.2 L: tip within 0.01 % in the chord frame, within 0.1 % in the node frame; axial compliance at that stroke."""
     body = reduce_solid(flat, frame=frame)
     force = np.array([0.0, 0.63 * EI / LENGTH**2, 0.0])
-    full, fast = press(flat, force, np.zeros(3)), press_reduced(body, force, np.zeros(3))
+    full, fast = load_face(flat, force, np.zeros(3)), press_reduced(body, force, np.zeros(3))
     assert full.shift[1] > 0.19 * LENGTH
     off = np.linalg.norm(fast.shift - full.shift) / np.linalg.norm(full.shift)
     assert off < (1e-4 if frame == "chord" else 1e-3)
@@ -130,7 +130,7 @@ def test_reduced_beside_full(press_reduced, flat, frame):
 def test_without_derivatives_it_is_too_stiff(press_reduced, flat):
     """The linear modes alone."""
     force = np.array([0.0, 0.3 * EI / LENGTH**2, 0.0])
-    full = press(flat, force, np.zeros(3))
+    full = load_face(flat, force, np.zeros(3))
     stiff = reduce_solid(flat, order=1)
     linear = press_reduced(stiff, force, np.zeros(3))
     assert linear.shift[1] < 0.95 * full.shift[1]
@@ -145,7 +145,7 @@ def test_the_error_told_is_the_true_one(press_reduced, flat, frame):
         body = reduce_solid(flat, frame=frame, **words)
         for load in (0.1, 3.0) if words == {} else (0.05,):
             force = np.array([0.2, 1.0, 0.0]) * load * EI / LENGTH**2
-            full = press(flat, force, np.zeros(3))
+            full = load_face(flat, force, np.zeros(3))
             fast = press_reduced(body, force, np.zeros(3))
             errors.append(np.linalg.norm(fast.shift - full.shift) / np.linalg.norm(fast.shift))
             assert fast.error == pytest.approx(errors[-1], rel=0.05)
@@ -186,7 +186,7 @@ def test_a_solid_in_a_mechanism(press_reduced, spatial):
     moved = found.displacement("tip", (0.1, 0.2 + LENGTH, 0))
     assert moved == pytest.approx([-alone.shift[1], alone.shift[0], 0.0], abs=1e-9)
     assert found.stable
-    full = press(spatial, np.array([0.0, load, 0.0]), np.zeros(3))
+    full = load_face(spatial, np.array([0.0, load, 0.0]), np.zeros(3))
     told = indicator(found.model, found.motion, np.zeros(0))[0].relative
     true = np.linalg.norm(alone.shift - full.shift) / np.linalg.norm(alone.shift)
     assert told == pytest.approx(true, rel=0.05) and 1e-6 < true < 2e-3

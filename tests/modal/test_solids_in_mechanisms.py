@@ -9,7 +9,7 @@ import ksd
 from ksd.modal import with_modal_bodies
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import reduce_solid, with_solids
-from ksd.modal.solid_solve import press
+from ksd.modal.solid_solve import load_face
 from ksd.section import rectangle
 from ksd.solve.conventional import conventional
 from ksd.solve.validity import furthest
@@ -63,7 +63,7 @@ def moved(pose):
 def test_the_error_told_is_that_against_the_full_solid(plane, coarse, load):
     """Against the solid pressed on its own, 0.3 and 3 %."""
     pose = ksd.solve(spring(load=load, flat=True), basis={"spring": coarse}, strict=False)
-    full = press(plane, np.array([0.0, load * EI / LENGTH**2, 0.0]), np.zeros(3))
+    full = load_face(plane, np.array([0.0, load * EI / LENGTH**2, 0.0]), np.zeros(3))
     true = np.linalg.norm(full.shift - moved(pose)) / np.linalg.norm(full.shift)
     assert 1e-3 < true < 0.05
     assert pose.method_error.relative == pytest.approx(true, rel=0.1)
@@ -93,7 +93,7 @@ def test_the_error_told_includes_the_mesh_of_the_solid(monkeypatch, cells, load,
     bodies = [block(STEEL, LENGTH, THICK, width=WIDTH, cells=c, **shape) for c in (cells, best)]
     words = {"basis": {"spring": reduce_solid(bodies[0])}, "strict": False}
     pose = ksd.solve(spring(load=load, flat=len(cells) == 2), **words)
-    full = press(bodies[1], np.array([0.0, load * EI / LENGTH**2, 0.0]), np.zeros(3))
+    full = load_face(bodies[1], np.array([0.0, load * EI / LENGTH**2, 0.0]), np.zeros(3))
     true = np.linalg.norm(full.shift - moved(pose)) / np.linalg.norm(full.shift)
     assert true > 100 * pose.method_error.relative and true > 1e-3
     near = 2.0 if large else 1.3
@@ -110,7 +110,7 @@ def test_the_error_told_includes_the_mesh_of_the_solid(monkeypatch, cells, load,
 
 
 def test_of_a_solid_that_cannot_be_meshed_again_the_method_alone_is_told(plane):
-    body = reduce_solid(replace(plane, remeshed=None))
+    body = reduce_solid(replace(plane, refine=None))
     pose = ksd.solve(spring(load=0.1, flat=True), basis={"spring": body})
     assert np.isnan(pose.error.mesh) and pose.error.relative == pose.method_error.relative
     assert "that of its mesh is not known" in str(pose)
@@ -126,7 +126,7 @@ def test_a_driven_solid_tells_the_error_of_its_force(plane, coarse, fine):
     assert good.method_error.relative < 1e-4 < off / good.forces["across"]
     assert poor.method_error.force[0] == pytest.approx(off, rel=0.02)
     value, error = poor.with_error(lambda p: p.drive_stiffness()["across"])
-    finer = reduce_solid(plane.remeshed(2))
+    finer = reduce_solid(plane.refine(2))
     best = ksd.solve(scene, across=0.1 * LENGTH, basis={"spring": finer}, strict=False)
     true = abs(value - best.drive_stiffness()["across"])
     assert error == pytest.approx(true, rel=0.1) and error > 1e-3 * value
@@ -230,7 +230,7 @@ def test_support_stiffness_of_a_flat_solid(fine):
     pose = ksd.solve(spring(load=0.3, flat=True), basis={"spring": fine})
     found = pose.stiffness("tip", at=END)
     assert all(np.isinf(found.support(d)) for d in ("z", "rx", "ry"))
-    full = press(fine.solid, np.array([0.0, 0.3 * EI / LENGTH**2, 0.0]), np.zeros(3))
+    full = load_face(fine.solid, np.array([0.0, 0.3 * EI / LENGTH**2, 0.0]), np.zeros(3))
     free = [0, 1, 5]
     flexible = np.linalg.inv(full.stiffness[np.ix_(free, free)])
     assert found.compliance[np.ix_(free, free)] == pytest.approx(flexible, abs=1e-3 * np.abs(flexible).max())

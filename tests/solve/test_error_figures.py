@@ -9,7 +9,7 @@ import pytest
 import ksd
 from ksd.model.compile import compile_scene
 from ksd.solve.estimate import _followed, size_of_step
-from ksd.solve.load_steps import difference
+from ksd.solve.load_steps import state_difference
 from ksd.solve.steps import ErrorEstimate
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "benchmarks"))
@@ -136,4 +136,4 @@ def test_sizes_of_steps_and_differences_are_the_largest_of_all_links():
     assert (found.displacement, found.rotation) == pytest.approx((0.005, 0.05))
     moved.x[2, 1] += 0.5 * model.arrays.size
     turned.R[1] = np.diag([1.0, -1.0, -1.0])
-    assert [difference(model, model.rest, m) for m in (moved, turned)] == pytest.approx([0.5, 2.0])
+    assert [state_difference(model, model.rest, m) for m in (moved, turned)] == pytest.approx([0.5, 2.0])

@@ -59,8 +59,8 @@ def test_a_step_onto_another_branch_is_walked_again(made, said, monkeypatch):
 
 def test_a_path_of_many_turns_is_said_by_its_first():
     """A path that wanders off has dozens, some before its start."""
-    driven = SimpleNamespace(solves=1, _replace=lambda **_: driven)
-    turns = [SimpleNamespace(kind="limit", at=SimpleNamespace(f=f)) for f in (0.5, 0.1, -3.0)]
-    path = SimpleNamespace(iterations=3, turns=turns, stop=load_steps.REACHED)
-    *_, doubts = load_steps.by_arc(load_steps.Arrived(driven, "", None, ("why",)), lambda: path)
+    driven = SimpleNamespace(factorisations=1, _replace=lambda **_: driven)
+    turns = [SimpleNamespace(kind="limit", point=SimpleNamespace(f=f)) for f in (0.5, 0.1, -3.0)]
+    path = SimpleNamespace(factorisations=3, singular_points=turns, stop_reason=load_steps.END_REACHED)
+    *_, doubts = load_steps.by_arc(load_steps.LoadStepResult(driven, "", None, ("why",)), lambda: path)
     assert doubts == ("why; the path from its start has a limit point at 50 % of the way, and 2 more",)

@@ -5,9 +5,9 @@ import pytest
 from scenes import fourbar
 
 import ksd
-import ksd.solve.arc as arc
+import ksd.solve.arc_length as arc
 from ksd.bench.suite import STEEL
-from ksd.solve.arc import _crossed
+from ksd.solve.arc_length import _another_path_crosses
 
 
 def arch(side, *, push=40.0):
@@ -64,11 +64,13 @@ def test_both_bifurcations_of_one_step_are_found():
 def test_orientation_changes_where_paths_cross_alone():
     """At limit points both the inertia and the rate of the factor change; where one changes alone another path crosses."""
     path = ksd.follow(arch(0.0), until=0.3)
-    place = arc.Place(None, 0.0, 0, None, None, 0)
+    place = arc.ArcLengthPoint(None, 0.0, 0, None, None, 0)
     up, down = np.array([0.0, 1.0]), np.array([0.0, -1.0])
-    more = arc.Place(None, 0.0, 1, None, None, 0)
-    assert not _crossed(place, up, place, up) and not _crossed(place, up, more, down)
-    assert _crossed(place, up, more, up) and _crossed(place, up, place, down)
+    more = arc.ArcLengthPoint(None, 0.0, 1, None, None, 0)
+    assert not _another_path_crosses(place, up, place, up) and not _another_path_crosses(
+        place, up, more, down
+    )
+    assert _another_path_crosses(place, up, more, up) and _another_path_crosses(place, up, place, down)
     assert [t.kind for t in path.turnings] == ["bifurcation"]
 
 

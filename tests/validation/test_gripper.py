@@ -17,7 +17,7 @@ from ksd.model.newton import assemble, take_step
 from ksd.model.plane import Plane, plane_of
 from ksd.properties.tangent import stored_matrix
 from ksd.solve import load_steps
-from ksd.solve.arc import trace
+from ksd.solve.arc_length import follow_by_arc_length
 
 FINE = ksd.Mesh(orders=(3, 2, 16), points=20)
 
@@ -334,7 +334,11 @@ def test_poses_beyond_a_dead_centre(monkeypatch):
     them are left where they turn."""
     scene, most = slider_crank(0.6)
     walks = []
-    monkeypatch.setattr(load_steps, "trace", lambda *a, **k: walks.append(trace(*a, **k)) or walks[-1])
+    monkeypatch.setattr(
+        load_steps,
+        "follow_by_arc_length",
+        lambda *a, **k: walks.append(follow_by_arc_length(*a, **k)) or walks[-1],
+    )
     for far in (most + 1e-4, 2 * most):
         share = f"{100 * most / far:.3g} % of its way, 9.1"
         with pytest.raises(
@@ -342,7 +346,7 @@ def test_poses_beyond_a_dead_centre(monkeypatch):
             match=rf"'slider' is led no further than {share}.* 'crank' and 'rod' are at a dead",
         ):
             ksd.required_loads(scene, {"slider": ((far, 0, 0), 0.0)})
-    assert {walk.stop for walk in walks if walk.turns} == {"it turns"}
+    assert {walk.stop_reason for walk in walks if walk.singular_points} == {"it turns"}
     # the pose of the crank leads through it, and at rest nothing is needed
     through = ksd.required_loads(scene, {"crank": ((0, 0, 0), -1.2, (0, 0, 0))})
     assert through.balanced and through.forces["push"] == pytest.approx(0.0, abs=1e-6)

@@ -209,7 +209,7 @@ def _check_lengths(model: Model, wanted: Wanted) -> None:
         )
 
 
-def held_pose(solver: Solver, poses: Mapping[str, Any]) -> Configuration:
+def prescribed_pose(solver: Solver, poses: Mapping[str, Any]) -> Configuration:
     """The equilibrium of a mechanism with links held in wanted poses, said as in `required_loads`. Raises SceneError for
     poses that no leaf can take."""
     wanted = _wanted(solver.model, poses)
@@ -332,4 +332,4 @@ def _balance(model: Model, state: Motion, actuation: Actuation) -> RequiredLoads
     )
 
 
-__all__ = ["RequiredLoads", "held_pose", "required_loads"]
+__all__ = ["RequiredLoads", "prescribed_pose", "required_loads"]

@@ -11,7 +11,7 @@ import ksd
 from ksd.model.arrays import Motion
 from ksd.section import rectangle
 from ksd.solve.conventional import conventional
-from ksd.solve.rest import minimum_taken, unstable_rest
+from ksd.solve.undeformed_stability import multiple_minima_note, undeformed_instability
 
 L = 0.1
 
@@ -71,8 +71,8 @@ def test_springs_that_leave_rest_stable_are_not_spoken_of():
         found = ksd.solve(scene)
         assert (
             found.trusted
-            and not unstable_rest(found.model)
-            and minimum_taken(found.model, found.motion, True) == ""
+            and not undeformed_instability(found.model)
+            and multiple_minima_note(found.model, found.motion, True) == ""
         )
 
 
@@ -81,7 +81,7 @@ def test_rest_is_unstable_from_the_load_on_where_the_tangent_loses_its_sign():
     for stiffness in np.linspace(200.0, 1400.0, 7):
         straight = ksd.solve(column(float(stiffness)), strict=False)
         lowest = straight.frequencies(count=1).frequency_Hz[0]
-        assert bool(unstable_rest(straight.model)) == (lowest < 0.0)
+        assert bool(undeformed_instability(straight.model)) == (lowest < 0.0)
 
 
 IRON = ksd.Material(E=200e9, G=76.9e9, density=7800, expansion=12e-6)
@@ -155,4 +155,4 @@ def test_preload_is_looked_at_without_the_loads_that_hold_it():
     scene = column(1000.0)
     scene.load("tip", force=(20.0, 0, 0), at=(L, 0, 0))
     found = ksd.solve(scene)
-    assert found.stable and [rest.count for rest in unstable_rest(found.model)] == [1]
+    assert found.stable and [rest.count for rest in undeformed_instability(found.model)] == [1]

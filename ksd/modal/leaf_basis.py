@@ -65,10 +65,10 @@ class LeafBasis:
     z0: np.ndarray
     boundary: np.ndarray
     inner: np.ndarray
-    hold: np.ndarray
+    hold_stiffness: np.ndarray
     b0: np.ndarray
     condition: float
-    tied: np.ndarray | None = None
+    second_derivatives: np.ndarray | None = None
 
     kind, word = MODAL, "leaf"
 
@@ -92,7 +92,7 @@ class LeafBasis:
         """Values z ((n+1) q,) of all nodes with end q at d, Q and inner coordinates eta (m,)."""
         y = np.concatenate([self.boundary_values(d, Q) - self.b0, eta])
         z = self.z0 + np.hstack([self.boundary, self.inner]) @ y
-        return z if self.tied is None else z + 0.5 * (self.tied @ y) @ y
+        return z if self.second_derivatives is None else z + 0.5 * (self.second_derivatives @ y) @ y
 
     def nodes(self, d: np.ndarray, Q: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Positions (n+1, 3) and rotations from rest (n+1, 3, 3) of all nodes, in the frame of end p."""
@@ -106,15 +106,17 @@ class LeafBasis:
             R = _frames(z[:, 3:6], z[:, 6:])
         return (z[:, :3] - z[0, :3]) @ R[0], np.einsum("ji,kjl->kil", R[0], R)
 
-    def bend(self, d: np.ndarray, Q: np.ndarray, eta: np.ndarray) -> tuple[float, float]:
+    def stroke_and_rotation(self, d: np.ndarray, Q: np.ndarray, eta: np.ndarray) -> tuple[float, float]:
         """Displacement of end q over the length, and the largest rotation [rad] of a node against the chord."""
         x, R = self.nodes(d, Q, eta)
-        rest = rest_shape(self.record)
-        cosine = np.einsum("i,ki->k", shortest_turn(x[-1])[:, 0], R[:, :, 0]).min()
+        rest = undeformed_shape(self.record)
+        cosine = np.einsum("i,ki->k", rotation_without_roll(x[-1])[:, 0], R[:, :, 0]).min()
         turn = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
         return float(np.linalg.norm(x[-1] - rest.x[-1])) / rest.length, turn
 
-    def like(self, other: LeafBasis, d: np.ndarray, Q: np.ndarray, eta: np.ndarray) -> np.ndarray:
+    def nearest_coordinates(
+        self, other: LeafBasis, d: np.ndarray, Q: np.ndarray, eta: np.ndarray
+    ) -> np.ndarray:
         """Inner coordinates (m,) with the nodes nearest to those of another basis of the same leaf at its eta."""
         left = other.values(d, Q, eta) - self.values(d, Q, np.zeros(self.inner.shape[1]))
         return np.asarray(np.linalg.lstsq(self.inner, left, rcond=None)[0])
@@ -134,15 +136,15 @@ class LeafBasis:
         q, n = self.values_per_node, len(self.record)
         w = np.ones(n) if weights is None else weights
         columns = np.hstack([self.boundary, self.inner])
-        parts = [self.orientation[0], self.orientation[-1], self.b0, self.hold]
+        parts = [self.orientation[0], self.orientation[-1], self.b0, self.hold_stiffness]
         for e in np.flatnonzero(w):
             rows = slice(q * e, q * (e + 2))
             parts += [[w[e]], self.record[e], self.orientation[e : e + 2].ravel(), self.z0[rows]]
             parts.append(columns[rows].ravel())
-            if self.tied is not None:
-                parts.append(self.tied[rows].ravel())
+            if self.second_derivatives is not None:
+                parts.append(self.second_derivatives[rows].ravel())
         flags = (self.choices.frame == "chord") + 2 * (self.choices.coordinates == "angle")
-        flags += 4 * (self.tied is not None)
+        flags += 4 * (self.second_derivatives is not None)
         number = np.array([np.count_nonzero(w), self.inner.shape[1], len(self.b0), flags], np.int64)
         return np.concatenate([np.asarray(p, float).ravel() for p in parts]), number
 
@@ -152,14 +154,14 @@ def chain_records(value: np.ndarray, n: int) -> np.ndarray:
     return np.hstack([value[: RECORD * n].reshape(n, RECORD), np.tile(np.eye(3).ravel(), (n, 1))])
 
 
-def rest_shape(record: np.ndarray) -> LeafShape:
+def undeformed_shape(record: np.ndarray) -> LeafShape:
     """The undeformed leaf."""
     steps = record[:, :1] * record[:, [7, 10, 13]]
     x = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
     return LeafShape(record, x, np.tile(np.eye(3), (len(x), 1, 1)))
 
 
-def shortest_turn(d: np.ndarray) -> np.ndarray:
+def rotation_without_roll(d: np.ndarray) -> np.ndarray:
     """The rotation (3, 3) that takes e1 onto the direction of d without roll."""
     u = d / np.linalg.norm(d)
     k = 1.0 / (1.0 + u[0])
@@ -296,7 +298,7 @@ def _modes(K0, boundary, inner, mass, choices: ModalBasis) -> Modes:
 def make_basis(shape: LeafShape, choices: ModalBasis) -> LeafBasis:
     """The basis of a leaf about `shape`. Raises ValueError where the leaf has a singular tangent there."""
     n = len(shape.record)
-    turn = np.eye(3) if choices.frame == "node" else shortest_turn(shape.x[-1])
+    turn = np.eye(3) if choices.frame == "node" else rotation_without_roll(shape.x[-1])
     x, R = shape.x @ turn, np.einsum("ji,kjl->kil", turn, shape.R)
     # the element constants are in the frame of end p; rotations from rest carry them along
     orientation = R.transpose(0, 2, 1).reshape(n + 1, 9)
@@ -354,8 +356,8 @@ def _separated(
     energy, turn = np.linalg.eigh(columns.T @ (0.5 * (H + H.T)) @ columns)
     softest = record[:, [2, 3, 5]].min() * record[0, 0] ** 3 / record[:, 0].sum()
     idle = np.abs(energy) < 1e-6 * softest
-    hold = np.where(idle, HOLD * softest, 0.0)
-    return (columns @ turn, hold) if np.any(idle) else (columns, hold)
+    hold_stiffness = np.where(idle, HOLD * softest, 0.0)
+    return (columns @ turn, hold_stiffness) if np.any(idle) else (columns, hold_stiffness)
 
 
 def _derived(K, modes: Modes, inner: list[int], choices: ModalBasis, length: float) -> Derivatives:
@@ -369,11 +371,11 @@ def _derived(K, modes: Modes, inner: list[int], choices: ModalBasis, length: flo
 
 
 @lru_cache(maxsize=64)
-def _remembered(record: bytes, n: int, choices: ModalBasis) -> LeafBasis:
+def _cached_undeformed_basis(record: bytes, n: int, choices: ModalBasis) -> LeafBasis:
     # a copy: for an array that cannot be written all kernels below would be compiled once more
-    return make_basis(rest_shape(np.frombuffer(record).reshape(n, 25).copy()), choices)
+    return make_basis(undeformed_shape(np.frombuffer(record).reshape(n, 25).copy()), choices)
 
 
-def rest_basis(record: np.ndarray, choices: ModalBasis) -> LeafBasis:
+def undeformed_basis(record: np.ndarray, choices: ModalBasis) -> LeafBasis:
     """The basis of an undeformed leaf; the last ones are kept, equal leaf springs share one."""
-    return _remembered(np.ascontiguousarray(record).tobytes(), len(record), choices)
+    return _cached_undeformed_basis(np.ascontiguousarray(record).tobytes(), len(record), choices)

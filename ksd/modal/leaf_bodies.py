@@ -12,8 +12,8 @@ import numpy as np
 
 from ksd.beam.corotational_values import sizes as chain_sizes
 from ksd.errors import SceneError
-from ksd.modal.basis import LeafBasis, LeafShape, chain_records, make_basis, rest_basis
 from ksd.modal.choices import ModalBasis
+from ksd.modal.leaf_basis import LeafBasis, LeafShape, chain_records, make_basis, undeformed_basis
 from ksd.model.arrays import COROTATIONAL, Motion
 from ksd.model.compile import Model, compile_given
 from ksd.model.constant import bent_leaves, is_constant
@@ -110,7 +110,7 @@ def _body(
     shape = chain_shape(model, model.member_names.index(name), model.rest if about is None else about)
     try:
         if about is None:
-            return rest_basis(shape.record, choices)
+            return undeformed_basis(shape.record, choices)
         places = np.round(np.hstack([shape.x / shape.length, shape.R.reshape(-1, 9)]), ALIKE)
         # -0.0 and 0.0 are alike
         key = shape.record.tobytes(), (places + 0.0).tobytes(), choices
@@ -121,7 +121,7 @@ def _body(
         raise SceneError(f"leaf '{name}' has no modal basis: {reason}") from reason
 
 
-def inside(model: Model, motion: Motion) -> tuple[Model, Motion]:
+def full_model_state(model: Model, motion: Motion) -> tuple[Model, Motion]:
     """Model and state with the chains that modal bodies reduce, at the nodes they have, and with leaf springs of constant
     stiffness as they bend at their end poses; a model without such as it is.
 

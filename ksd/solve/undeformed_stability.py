@@ -31,7 +31,7 @@ NEXT = 0.05
 
 
 @dataclass(frozen=True)
-class UnstableRest:
+class UndeformedInstability:
     """The equilibrium next to the undeformed configuration, where it is no minimum: causes, in words: what of the scene
     strains it; count: its unstable directions; shape (nodes, 6) [m, rad]: the one of the most negative stiffness."""
 
@@ -42,7 +42,7 @@ class UnstableRest:
 
 
 @per_model
-def unstable_rest(model: Model) -> tuple[UnstableRest, ...]:
+def undeformed_instability(model: Model) -> tuple[UndeformedInstability, ...]:
     """The equilibrium, drives at zero, under preload, heat, assembly error, where unstable, or else under loads too, where
     that is: one, or none."""
     inner, loads = _causes(model)
@@ -50,8 +50,8 @@ def unstable_rest(model: Model) -> tuple[UnstableRest, ...]:
     return found or (_unstable(model, (*inner, *loads), 1.0) if loads and model.conservative else ())
 
 
-def _unstable(model: Model, causes: tuple[str, ...], factor: float) -> tuple[UnstableRest, ...]:
-    """See `unstable_rest`; loads times factor."""
+def _unstable(model: Model, causes: tuple[str, ...], factor: float) -> tuple[UndeformedInstability, ...]:
+    """See `undeformed_instability`; loads times factor."""
     motion, held = model.rest.copy(), np.zeros(len(model.arrays.terms.start))
     stop, *_ = iterate(
         model.arrays, motion, held, factor, make_work(model.arrays), RTOL, PASSES, CAP, math.inf
@@ -73,7 +73,7 @@ def _unstable(model: Model, causes: tuple[str, ...], factor: float) -> tuple[Uns
         return ()
     still = value.min(initial=0.0) >= 0.0
     shape = np.zeros((len(starts), 6)) if still else (free @ vector[:, 0]).reshape(-1, 6)
-    return (UnstableRest(causes, motion, count, np.vstack([np.zeros((1, 6)), shape])),)
+    return (UndeformedInstability(causes, motion, count, np.vstack([np.zeros((1, 6)), shape])),)
 
 
 def _causes(model: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -101,10 +101,10 @@ def _preloaded(model: Model) -> tuple[str, ...]:
     return tuple(found)
 
 
-def minimum_taken(model: Model, motion: Motion, stable: bool) -> str:
+def multiple_minima_note(model: Model, motion: Motion, stable: bool) -> str:
     """That several minima are near because the undeformed configuration is unstable, why, and which one `motion` is where
     it is one, in one sentence; nothing where the undeformed configuration is stable."""
-    for rest in unstable_rest(model):
+    for rest in undeformed_instability(model):
         node = int(np.argmax(ways(model, rest.shape)))
         name, does = model.node_names[node], movement_of(model, rest.shape[node])
         many = "one direction" if rest.count == 1 else f"{rest.count} directions"
@@ -120,7 +120,7 @@ def minimum_taken(model: Model, motion: Motion, stable: bool) -> str:
     return ""
 
 
-def _way(rest: UnstableRest, motion: Motion, node: int, does: str) -> str:
+def _way(rest: UndeformedInstability, motion: Motion, node: int, does: str) -> str:
     """How far and in which sense a node is from the unstable equilibrium along its unstable direction, in words."""
     moved, axis = motion.x[node] - rest.motion.x[node], rest.shape[node, :3]
     turns = does.startswith("turns")

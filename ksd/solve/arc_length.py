@@ -45,7 +45,7 @@ BISECTIONS = 16
 
 
 @dataclass(frozen=True)
-class Course:
+class PathParameter:
     """What the path parameter means: drive values begin + f * span (c,), load factor base + f * rise."""
 
     begin: Array
@@ -53,13 +53,13 @@ class Course:
     base: float
     rise: float
 
-    def aim(self, f: float) -> tuple[Array, float]:
+    def values_at(self, f: float) -> tuple[Array, float]:
         """Drive values and load factor at f."""
         return self.begin + f * self.span, self.base + f * self.rise
 
 
 @dataclass(frozen=True)
-class Place:
+class ArcLengthPoint:
     """An equilibrium on the path: state, parameter, inertia, exact tangent K (n, n), dR/df b (n,), local angles small,
     residual over its bound, arc from where it was predicted."""
 
@@ -74,21 +74,21 @@ class Place:
     strayed: float = 0.0
 
 
-def factor_force(model: Model, motion: Motion, course: Course, work: Work) -> Array:
+def residual_rate(model: Model, motion: Motion, parameter: PathParameter, work: Work) -> Array:
     """Derivative (n,) of the residual by the path parameter; work: as assembled at `motion`."""
     arrays = model.arrays
     b = np.zeros(arrays.plan.unknowns)
-    b[arrays.terms.start] = -course.span
+    b[arrays.terms.start] = -parameter.span
     loads = arrays.loads
-    for i, node in enumerate(loads.node if course.rise else ()):
+    for i, node in enumerate(loads.node if parameter.rise else ()):
         u, T = int(arrays.start[node]), motion.R[node]
         turn = T if loads.following[i] else np.eye(3)
         force = turn @ loads.force[i]
         moment = turn @ loads.moment[i] + np.cross(T @ loads.point[i], force)
-        b[u : u + 3] -= course.rise * force
-        b[u + 3 : u + 6] -= course.rise * moment
-    if course.rise and len(arrays.weight):
-        b += course.rise * weight_force(arrays, work)
+        b[u : u + 3] -= parameter.rise * force
+        b[u + 3 : u + 6] -= parameter.rise * moment
+    if parameter.rise and len(arrays.weight):
+        b += parameter.rise * weight_force(arrays, work)
     return b
 
 
@@ -106,11 +106,11 @@ def bordered(K: Array, b: Array, c: Array, right: Array) -> Array:
     return columns * np.linalg.solve(A, rows * right)
 
 
-class Tracer:
+class ArcLengthNewton:
     """Newton with arc length for one model and course; storage of one thread."""
 
-    def __init__(self, model: Model, course: Course, work: Work) -> None:
-        self.model, self.course, self.work = model, course, work
+    def __init__(self, model: Model, parameter: PathParameter, work: Work) -> None:
+        self.model, self.parameter, self.work = model, parameter, work
         self.metric = np.zeros(model.arrays.plan.unknowns + 1)
         for u in (int(s) for s in model.arrays.start if s >= 0):
             self.metric[u : u + 3] = model.arrays.size**-2
@@ -124,7 +124,7 @@ class Tracer:
         """Angle [rad] between two unit directions (n + 1,)."""
         return math.acos(min(1.0, float(one @ (self.metric * other))))
 
-    def tangent(self, at: Place, before: Array | None) -> Array:
+    def tangent(self, at: ArcLengthPoint, before: Array | None) -> Array:
         """Unit direction (n + 1,) of the path, forward in the sense of `before` (rising parameter when None)."""
         n = len(at.b)
         c = np.append(np.zeros(n), 1.0) if before is None else self.metric * before
@@ -136,7 +136,7 @@ class Tracer:
 
     def correct(
         self, motion: Motion, f: float, normal: Array | None, *, first: Array | None = None, most: int = 14
-    ) -> Place | None:
+    ) -> ArcLengthPoint | None:
         """Equilibrium in the plane normal to `normal` through the predicted point, at fixed f when None.
 
         motion is changed in place; first (n + 1,): the predictor step, taken before. None when it fails.
@@ -147,22 +147,26 @@ class Tracer:
         moved = math.inf
         step, strayed = first, np.zeros(n + 1)
         for count in range(most + 1):
-            worst, _, inside, status = assemble(arrays, motion, *self.course.aim(f), work, RTOL, 0, GRAIN)
+            worst, _, inside, status = assemble(
+                arrays, motion, *self.parameter.values_at(f), work, RTOL, 0, GRAIN
+            )
             if not math.isfinite(worst):
                 return None
-            K, b = stored_matrix(arrays, work.value), factor_force(self.model, motion, self.course, work)
+            K, b = stored_matrix(arrays, work.value), residual_rate(self.model, motion, self.parameter, work)
             # looser than `ksd.model.newton.settled`: places of a path are passed, and chains close in on them slowly
             if step is None and (worst <= 1.0 or (worst <= LOOSE and moved <= 1.0)):
                 if status == 2:
                     return None
                 # chains carry stresses extrapolated from the step before; at equilibrium they are the true ones
-                rest = skew_tangent(self.model.arrays, motion, self.course.aim(f)[1])
+                rest = skew_tangent(self.model.arrays, motion, self.parameter.values_at(f)[1])
                 below = inertia(K)
                 if rest is not None and below != len(arrays.terms.start):
                     below = divergences(arrays, K, rest)
                 full = K if rest is None else K + rest
                 away = self.length(strayed)
-                return Place(motion, f, below + int(inside), full, b, count, status == 0, worst, away)
+                return ArcLengthPoint(
+                    motion, f, below + int(inside), full, b, count, status == 0, worst, away
+                )
             if step is None:
                 right = np.append(-work.rhs, 0.0)
                 try:
@@ -183,28 +187,30 @@ class Tracer:
         return None
 
     def _full(self, K: Array, motion: Motion, f: float) -> Array:
-        rest = skew_tangent(self.model.arrays, motion, self.course.aim(f)[1])
+        rest = skew_tangent(self.model.arrays, motion, self.parameter.values_at(f)[1])
         return K if rest is None else K + rest
 
-    def advance(self, at: Place, direction: Array, length: float) -> Place | None:
+    def advance(self, at: ArcLengthPoint, direction: Array, length: float) -> ArcLengthPoint | None:
         """The place an arc `length` further along `direction`; None when Newton fails there."""
         motion = at.motion.copy()
         # the members keep scratch of their last assembly, which must be that of this state
-        assemble(self.model.arrays, motion, *self.course.aim(at.f), self.work, RTOL, 0, GRAIN)
+        assemble(self.model.arrays, motion, *self.parameter.values_at(at.f), self.work, RTOL, 0, GRAIN)
         return self.correct(motion, at.f, direction, first=length * direction)
 
 
 @dataclass(frozen=True)
-class Turn:
+class SingularPoint:
     """Where the path turns or branches: the kind, the place, and the null vector (n,) of its tangent; zeros where what
     buckles is inside a leaf spring, whose nodes stay."""
 
     kind: Literal["limit", "bifurcation"]
-    at: Place
+    point: ArcLengthPoint
     mode: Array
 
 
-def _crossed(before: Place, direction: Array, after: Place, ahead: Array) -> bool:
+def _another_path_crosses(
+    before: ArcLengthPoint, direction: Array, after: ArcLengthPoint, ahead: Array
+) -> bool:
     """Whether the determinant of the bordered tangent has another sign: it keeps its sign along a path and changes where
     another one crosses (Allgower and Georg, Introduction to numerical continuation methods, 2003, chapter 8). That sign is
     (-1)^negatives times that of the rate of the factor."""
@@ -212,40 +218,42 @@ def _crossed(before: Place, direction: Array, after: Place, ahead: Array) -> boo
     return turned != ((after.negatives - before.negatives) % 2 == 1)
 
 
-REACHED = "the end was reached"
+END_REACHED = "the end was reached"
 """Why a walk stopped that came to the end asked for."""
-RETURNED = (
+RETURNED_TO_START = (
     "it came back to its start, over another path that passes closely, as where a small imperfection takes a bifurcation "
     "apart: leave that out and switch at the bifurcation (ksd.follow, branch=), or make it larger"
 )
 """Why a walk stopped that would go on from its start backwards."""
 
 
-class Walk:
+class PathContinuation:
     """A path while it is followed: places passed (without their tangents), turns found, and why it stopped."""
 
-    def __init__(self, model: Model, course: Course) -> None:
-        self.model, self.course = model, course
-        self.tracer = Tracer(model, course, make_work(model.arrays))
-        self.places: list[Place] = []
-        self.turns: list[Turn] = []
-        self.stop = ""
+    def __init__(self, model: Model, parameter: PathParameter) -> None:
+        self.model, self.parameter = model, parameter
+        self.newton = ArcLengthNewton(model, parameter, make_work(model.arrays))
+        self.points: list[ArcLengthPoint] = []
+        self.singular_points: list[SingularPoint] = []
+        self.stop_reason = ""
 
     @property
-    def iterations(self) -> int:
+    def factorisations(self) -> int:
         """Factorisations of all places together."""
-        return sum(at.iterations for at in self.places)
+        return sum(at.iterations for at in self.points)
 
-    def keep(self, at: Place) -> None:
+    def keep(self, at: ArcLengthPoint) -> None:
         """Record a place; its dense tangent would fill the memory on a long path."""
-        self.places.append(replace(at, K=np.zeros((0, 0)), b=np.zeros(0)))
+        self.points.append(replace(at, K=np.zeros((0, 0)), b=np.zeros(0)))
 
-    def turn(self, before: Place, direction: Array, after: Place, ahead: Array, arc: float) -> bool:
+    def turn(
+        self, before: ArcLengthPoint, direction: Array, after: ArcLengthPoint, ahead: Array, arc: float
+    ) -> bool:
         """Locate and record what lies between two places, if anything does; False, and nothing recorded, where they are of
         two paths, as beside a bifurcation that an imperfection has taken apart."""
         limit = direction[-1] * ahead[-1] < 0.0
         branches = None
-        if _crossed(before, direction, after, ahead):
+        if _another_path_crosses(before, direction, after, ahead):
             branches = after if arc < LEAST else self._crossing(before, direction, ahead, arc)
             if branches is None:
                 return False
@@ -258,26 +266,28 @@ class Walk:
             self._record("bifurcation", branches)
         return True
 
-    def _record(self, kind: Literal["limit", "bifurcation"], at: Place) -> None:
+    def _record(self, kind: Literal["limit", "bifurcation"], at: ArcLengthPoint) -> None:
         scale = scaling(0.5 * (at.K + at.K.T))
         values, vectors = np.linalg.eigh(0.5 * (at.K + at.K.T) * np.outer(scale, scale))
         least = int(np.argmin(np.abs(values)))
         mode = scale * vectors[:, least]
-        mode = mode / self.tracer.length(np.append(mode, 0.0))
+        mode = mode / self.newton.length(np.append(mode, 0.0))
         # a tangent of the nodes that is regular there: what is singular is condensed inside the leaf springs
         inside = kind == "bifurcation" and abs(values[least]) > WITHIN
-        self.turns.append(Turn(kind, at, np.zeros_like(mode) if inside else mode))
+        self.singular_points.append(SingularPoint(kind, at, np.zeros_like(mode) if inside else mode))
 
-    def _limit(self, before: Place, direction: Array, after: Place, ahead: Array, arc: float) -> Place:
+    def _limit(
+        self, before: ArcLengthPoint, direction: Array, after: ArcLengthPoint, ahead: Array, arc: float
+    ) -> ArcLengthPoint:
         """Where d(factor)/ds vanishes, by the false position (Illinois) on the arc."""
         low, high, g_low, g_high = 0.0, arc, float(direction[-1]), float(ahead[-1])
         best, smallest = after, abs(g_high)
         for _ in range(12):
             s = (low * g_high - high * g_low) / (g_high - g_low)
-            at = self.tracer.advance(before, direction, s)
+            at = self.newton.advance(before, direction, s)
             if at is None:
                 break
-            g = float(self.tracer.tangent(at, direction)[-1])
+            g = float(self.newton.tangent(at, direction)[-1])
             if abs(g) < smallest:
                 best, smallest = at, abs(g)
             if abs(g) < 1e-6 * abs(direction[-1] - ahead[-1]):
@@ -288,10 +298,12 @@ class Walk:
                 low, g_low, g_high = s, g, 0.5 * g_high
         return best
 
-    def _crossing(self, before: Place, direction: Array, ahead: Array, arc: float) -> Place | None:
+    def _crossing(
+        self, before: ArcLengthPoint, direction: Array, ahead: Array, arc: float
+    ) -> ArcLengthPoint | None:
         """Where the path crosses another one, None where there are two that do not meet."""
         ends = self._bisected(
-            before, direction, arc, lambda at, onward: _crossed(before, direction, at, onward)
+            before, direction, arc, lambda at, onward: _another_path_crosses(before, direction, at, onward)
         )
         one, other = ends or (before, None)
         if other is None:
@@ -304,18 +316,22 @@ class Walk:
         return other if apart < wide and abs(one.f - other.f) < steep * wide + 1e-9 else None
 
     def _bisected(
-        self, before: Place, direction: Array, arc: float, beyond: Callable[[Place, Array], bool]
-    ) -> tuple[Place, Place | None] | None:
+        self,
+        before: ArcLengthPoint,
+        direction: Array,
+        arc: float,
+        beyond: Callable[[ArcLengthPoint, Array], bool],
+    ) -> tuple[ArcLengthPoint, ArcLengthPoint | None] | None:
         """The last place before and the first one beyond what lies on an arc, which is halved; None past a sharp turn."""
         low, high = 0.0, arc
-        ends: tuple[Place, Place | None] = before, None
+        ends: tuple[ArcLengthPoint, ArcLengthPoint | None] = before, None
         for _ in range(BISECTIONS):
             s = 0.5 * (low + high)
-            at = self.tracer.advance(before, direction, s)
+            at = self.newton.advance(before, direction, s)
             if at is None:
                 return None
-            onward = self.tracer.tangent(at, direction)
-            if self.tracer.bend(direction, onward) > MOST_BEND:
+            onward = self.newton.tangent(at, direction)
+            if self.newton.bend(direction, onward) > MOST_BEND:
                 return None
             if beyond(at, onward):
                 high, ends = s, (ends[0], at)
@@ -323,50 +339,59 @@ class Walk:
                 low, ends = s, (at, ends[1])
         return ends
 
-    def _arc(self, at: Place, ahead: Array, arc: float, until: float) -> float:
+    def _arc(self, at: ArcLengthPoint, ahead: Array, arc: float, until: float) -> float:
         """Not past the end: the arc that would just reach `until`, if that is shorter."""
         slope = float(ahead[-1])
         if slope * (until - at.f) > 0.0:
             return min(arc, abs((until - at.f) / slope))
         return arc
 
-    def _returned(self, at: Place, found: Place) -> bool:
+    def _returned(self, at: ArcLengthPoint, found: ArcLengthPoint) -> bool:
         """Whether the start lies between two places."""
-        home = self.places[0]
+        home = self.points[0]
         if (
-            len(self.places) == 1
+            len(self.points) == 1
             or not (at.f - home.f) * (found.f - home.f) < 0.0
             or found.negatives != home.negatives
         ):
             return False
-        back = self.tracer.correct(found.motion.copy(), home.f, None)
+        back = self.newton.correct(found.motion.copy(), home.f, None)
         if back is None:
             return False
         apart = np.abs(back.motion.x - home.motion.x).max() / self.model.arrays.size
         return bool(max(apart, np.abs(back.motion.R - home.motion.R).max()) < SAME)
 
-    def go(
-        self, at: Place, ahead: Array, *, until: float, arc: float, most: int, turns: float = math.inf
+    def follow(
+        self,
+        at: ArcLengthPoint,
+        ahead: Array,
+        *,
+        until: float,
+        arc: float,
+        most: int,
+        turns: float = math.inf,
     ) -> None:
         """Follow from `at` in direction `ahead`, through so many turning points at most."""
-        self.stop = self._go(at, ahead, until=until, arc=arc, most=most, turns=turns)
+        self.stop_reason = self._follow(at, ahead, until=until, arc=arc, most=most, turns=turns)
 
-    def _go(self, at: Place, ahead: Array, *, until: float, arc: float, most: int, turns: float) -> str:
+    def _follow(
+        self, at: ArcLengthPoint, ahead: Array, *, until: float, arc: float, most: int, turns: float
+    ) -> str:
         self.keep(at)
         if at.f == until:
-            return REACHED
+            return END_REACHED
         sign, largest = (1.0 if until >= at.f else -1.0), LARGEST * np.sqrt(len(self.model.node_names))
         for _ in range(most):
             length = self._arc(at, ahead, min(arc, largest), until)
-            found = self.tracer.advance(at, ahead, length)
+            found = self.newton.advance(at, ahead, length)
             if found is None or (found.f - until) * sign > 1e-6 * abs(until):
                 # too far, or no equilibrium in that plane
                 arc = 0.5 * length
                 if arc < 1e-9:
                     return "the arc was halved to its smallest size without reaching equilibrium"
                 continue
-            onward = self.tracer.tangent(found, ahead)
-            bend = self.tracer.bend(ahead, onward)
+            onward = self.newton.tangent(found, ahead)
+            bend = self.newton.bend(ahead, onward)
             if (bend > MOST_BEND or found.strayed > MOST_STRAY * length) and length > SHORT:
                 # a sharp turn: closer, lest a limit point and the next one both lie in one step
                 arc = 0.5 * length
@@ -375,14 +400,14 @@ class Walk:
                 # closer, where the path itself turns
                 arc = 0.5 * length
                 continue
-            if len(self.turns) >= turns:
+            if len(self.singular_points) >= turns:
                 return "it turns"
             if self._returned(at, found):
-                return RETURNED
+                return RETURNED_TO_START
             at, ahead = found, onward
             if abs(at.f - until) <= 2e-6 * abs(until):
-                self.keep(self.tracer.correct(at.motion, until, None) or at)
-                return REACHED
+                self.keep(self.newton.correct(at.motion, until, None) or at)
+                return END_REACHED
             self.keep(at)
             if not at.fits:
                 return Stop.LOCAL_ANGLE.sentence
@@ -391,7 +416,7 @@ class Walk:
         return f"{most} steps were taken"
 
 
-def starting_place(at: Place | None) -> Place:
+def require_start(at: ArcLengthPoint | None) -> ArcLengthPoint:
     """The place; ConvergenceError where there is none."""
     if at is None:
         raise ConvergenceError(
@@ -400,45 +425,47 @@ def starting_place(at: Place | None) -> Place:
     return at
 
 
-def trace(
+def follow_by_arc_length(
     model: Model,
-    course: Course,
+    parameter: PathParameter,
     motion: Motion,
     *,
     f: float = 0.0,
     first: float = 0.02,
     most: int = 300,
     turns: float = math.inf,
-) -> Walk:
+) -> PathContinuation:
     """Follow a course of drives and loads from the equilibrium `motion` at parameter f to 1, by arc length, or until it has
     turned so many times.
 
     Raises ConvergenceError where the start is no equilibrium.
     """
-    walk = Walk(model, course)
-    at = starting_place(walk.tracer.correct(motion.copy(), f, None, most=40))
-    ahead = walk.tracer.tangent(at, None)
-    walk.go(at, ahead, until=1.0, arc=first / max(abs(float(ahead[-1])), 1e-9), most=most, turns=turns)
+    walk = PathContinuation(model, parameter)
+    at = require_start(walk.newton.correct(motion.copy(), f, None, most=40))
+    ahead = walk.newton.tangent(at, None)
+    walk.follow(at, ahead, until=1.0, arc=first / max(abs(float(ahead[-1])), 1e-9), most=most, turns=turns)
     return walk
 
 
-def switched(tracer: Tracer, motion: Motion, f: float, mode: Array) -> tuple[Place, Array]:
+def switch_branch(
+    newton: ArcLengthNewton, motion: Motion, f: float, mode: Array
+) -> tuple[ArcLengthPoint, Array]:
     """A place on the other branch, 0.01 along `mode`, and the direction away from the bifurcation."""
     n = len(mode)
     if not mode.any():
-        names = ", ".join(f"'{name}'" for name in tracer.model.member_names[:3])
+        names = ", ".join(f"'{name}'" for name in newton.model.member_names[:3])
         raise ConvergenceError(
             "at this bifurcation a leaf spring buckles between its ends, where the path has no node to leave along: draw a "
             f"point on it, mechanism.point(leaf, s) with s [m] off its middle (leaf springs: {names}), and follow that "
             "mechanism"
         )
-    at = starting_place(tracer.correct(motion, f, None))
-    tracer.tangent(at, None)
+    at = require_start(newton.correct(motion, f, None))
+    newton.tangent(at, None)
     away = np.append(mode, 0.0)
     for size in (0.01, 0.003, 0.03, 0.001):
-        found = tracer.advance(at, away, size)
-        if found is not None and tracer.length(np.append(np.zeros(n), found.f - f)) < 50 * size:
-            return found, tracer.tangent(found, away)
+        found = newton.advance(at, away, size)
+        if found is not None and newton.length(np.append(np.zeros(n), found.f - f)) < 50 * size:
+            return found, newton.tangent(found, away)
     raise ConvergenceError(
         "the other branch was not found along the mode of this bifurcation; follow the mechanism with a small imperfection "
         "of that shape instead (mechanism.fit, or a curve)"
