@@ -27,8 +27,8 @@ from ksd.library.record_files import shipped_folder
 from ksd.model.mesh import Mesh
 from ksd.scene import Joint
 from ksd.solve.conventional import conventional
-from ksd.train.catalogue import ENTRIES, design_of
-from ksd.train.portrait import ORIGINS, TYPICAL, counted
+from ksd.train.catalogue import FAMILY_DESIGNS, design_of
+from ksd.train.family_description import FAMILY_ORIGINS, TYPICAL_RANGES, count_function_parities
 from ksd.view import plot_mechanism
 from ksd.view.figure import new_figure
 
@@ -77,14 +77,14 @@ def resized(joint: Joint, rng: np.random.Generator) -> Joint:
 
 def measured(name: str, *, shapes: int) -> dict[str, float]:
     """Largest errors over random shapes, four motions each."""
-    force, place = errors(name, shapes if ENTRIES[name].parameters else 1)
+    force, place = errors(name, shapes if FAMILY_DESIGNS[name].parameters else 1)
     # the filleted notch is trained with one element alone
-    mesh = Mesh("corotational", elements=4 if 4 in ENTRIES[name].meshes else 1)
+    mesh = Mesh("corotational", elements=4 if 4 in FAMILY_DESIGNS[name].meshes else 1)
     sizes = errors(name, shapes, other_sizes=True)
     return {
         "force_error": force,
         "interface_error": place,
-        "chain_force_error": errors(name, shapes if ENTRIES[name].parameters else 1, mesh=mesh)[0],
+        "chain_force_error": errors(name, shapes if FAMILY_DESIGNS[name].parameters else 1, mesh=mesh)[0],
         "sizes_force_error": sizes[0],
         "sizes_interface_error": sizes[1],
     }
@@ -134,8 +134,8 @@ def facts(name: str) -> dict[str, Any]:
         "motions": ", ".join(motions),
         "shape": ", ".join(shapes) or "fixed",
         "closed_form": "yes" if closed else "-",
-        "symmetry": ", ".join(f"{n} {word}" for word, n in counted(record).items()),
-        "source": ORIGINS[name].short,
+        "symmetry": ", ".join(f"{n} {word}" for word, n in count_function_parities(record).items()),
+        "source": FAMILY_ORIGINS[name].short,
         "record_kB": round((shipped_folder() / f"{name}.h5").stat().st_size / 1000),
         "fresh_interface": record.worst("strain"),
     }
@@ -223,7 +223,7 @@ def constraint_facts(name: str, *, shapes: int) -> dict[str, Any]:
         for share in left:
             left[share] = min(left[share], _stiffness(joint, share).support(axis, held=turns) / k)
     return {
-        "source": ORIGINS[family].short, "holds": along, "shapes": TYPICAL[family], "closed_form_error": off,
+        "source": FAMILY_ORIGINS[family].short, "holds": along, "shapes": TYPICAL_RANGES[family], "closed_form_error": off,
         "times_stiffer": soft, "left": {f"{100 * share:g} %": value for share, value in left.items()},
     }  # fmt: skip
 
@@ -282,7 +282,7 @@ def picture(names: Iterable[str], path: Path) -> None:
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Measure, print the table, draw the gallery; returns every number."""
     chosen = options(__doc__, argv)
-    names = tuple(ENTRIES)
+    names = tuple(FAMILY_DESIGNS)
     found = {name: facts(name) | measured(name, shapes=2 if chosen.quick else 10) for name in names}
     held = {name: constraint_facts(name, shapes=2 if chosen.quick else 10) for name in CONSTRAINTS}
     text = table(found) + constraint_table(held)

@@ -28,7 +28,7 @@ CALLS = 2000
 
 @kernel
 def _strain(value, number, inner, store, d, Q, lam, K, xi, calls):
-    f = strain.leaf_room(number[0] + number[1] + number[2], number[3])
+    f = strain.allocate_leaf_fields_compiled(number[0] + number[1] + number[2], number[3])
     for _ in range(calls):
         strain.strain_condense(value, number, inner, store, f, d, Q, lam, K)
         strain.strain_recover(value, number, inner, store, xi, 1e-12, f.gap[0])

@@ -22,7 +22,7 @@ from reduced_solids import press_reduced
 
 import ksd
 from ksd.beam.modal import factor_dense, modal_recover, modal_sizes, solve_dense
-from ksd.beam.polynomial import polynomial_condense
+from ksd.beam.polynomial_solid import polynomial_condense
 from ksd.modal import ModalBasis, with_modal_bodies
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import SolidBasis, reduce_solid

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ksd.beam.modal import modal_recover, modal_sizes
-from ksd.beam.polynomial import polynomial_condense
+from ksd.beam.polynomial_solid import polynomial_condense
 from ksd.errors import ConvergenceError
 from ksd.modal.solid_basis import SolidBasis
 from ksd.modal.solid_solve import FullSolid, LoadedFace

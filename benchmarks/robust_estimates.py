@@ -22,7 +22,7 @@ import ksd
 from ksd.errors import KsdError
 from ksd.modal import ModalBasis
 from ksd.solve.estimate import relative_error
-from ksd.train.catalogue import ENTRIES
+from ksd.train.catalogue import FAMILY_DESIGNS
 
 HINGES = (
     "cross_flexure", "crossed_pivot", "balanced_crossed_pivot", "cartwheel", "butterfly", "infinity_hinge",
@@ -36,7 +36,7 @@ SMALL = 1e-4
 
 def random_hinge(rng: np.random.Generator, names: tuple[str, ...] = HINGES) -> Any:
     """A hinge of any trained family, of any trained shape."""
-    entry = ENTRIES[str(rng.choice(names))]
+    entry = FAMILY_DESIGNS[str(rng.choice(names))]
     return entry.make(**{p.name: float(rng.uniform(p.low, p.high)) for p in entry.parameters})
 
 

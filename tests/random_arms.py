@@ -15,10 +15,10 @@ from ksd.properties.tangent import assembled_tangent, factored, factored_tangent
 from ksd.properties.unfold import unfolded
 from ksd.scene.families.universal import UniversalJoint
 from ksd.solve.conventional import conventional
-from ksd.train.catalogue import ENTRIES, design_of
+from ksd.train.catalogue import FAMILY_DESIGNS, design_of
 
 STEEL = ksd.Material(E=200e9, G=76.9e9, density=7850.0)
-FAMILIES = tuple(ENTRIES)
+FAMILIES = tuple(FAMILY_DESIGNS)
 
 
 class Arm(NamedTuple):

@@ -233,15 +233,15 @@ def test_info_of_every_family(capsys):
     """Source, symmetry, closed form, ranges, evidence and errors on fresh shapes are printed for all that ships."""
     from ksd.library import describe_database
     from ksd.scene import joint_families
-    from ksd.train.catalogue import ENTRIES
+    from ksd.train.catalogue import FAMILY_DESIGNS
 
     shipped = {entry.family for entry in describe_database()}
-    assert shipped >= set(ENTRIES)
+    assert shipped >= set(FAMILY_DESIGNS)
     for family in joint_families():
         assert main(["info", family]) == 0
         out = " ".join(capsys.readouterr().out.split())
         rows = ["source", "symmetry", "closed form"]
-        if family in ENTRIES:
+        if family in FAMILY_DESIGNS:
             rows += [
                 "motion",
                 "fresh ones that the fit has not seen",
@@ -249,11 +249,11 @@ def test_info_of_every_family(capsys):
                 "fresh shapes rms",
                 "trained at",
             ]
-            rows += [f"shape {p.name}" for p in ENTRIES[family].parameters]
+            rows += [f"shape {p.name}" for p in FAMILY_DESIGNS[family].parameters]
             rows += [] if family in ("infinity_hinge", "triple_infinity_hinge") else ["Here"]
-        rows += [] if family in ENTRIES else ["typical ranges"]
+        rows += [] if family in FAMILY_DESIGNS else ["typical ranges"]
         assert all(row in out for row in rows), (family, [row for row in rows if row not in out])
-        assert ("flexible constraint" in out) == (family not in ENTRIES)
+        assert ("flexible constraint" in out) == (family not in FAMILY_DESIGNS)
 
 
 def test_info_of_an_unknown_family(capsys):

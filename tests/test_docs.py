@@ -18,7 +18,7 @@ from ksd.cli.schema import schema_text
 from ksd.solve.five import YIELDING
 from ksd.solve.following import MILD
 from ksd.solve.solver import DEFAULT_ACCURACY
-from ksd.train.softness import SOFTENED
+from ksd.train.softness import SOFTENING_FACTOR
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGES = sorted(
@@ -74,7 +74,7 @@ BOUNDS = {
     "limits.md": [f"beyond {100 * YIELDING:g} % of the size the five steps refuse"],
     "how_to/method_and_accuracy.md": ["one part in a thousand"] * (DEFAULT_ACCURACY == 1e-3),
     "theory/non_conservative.md": [rf"\rho = 10^{{{round(math.log10(MILD))}}}$"],
-    "theory/element_orientations.md": ["a quarter of their stiffness"] * (SOFTENED == 0.25),
+    "theory/element_orientations.md": ["a quarter of their stiffness"] * (SOFTENING_FACTOR == 0.25),
 }
 """Sentences of pages that tell a bound of the package, made from the bound."""
 

@@ -15,7 +15,7 @@ import pytest
 from scenes import STEEL, fourbar, guided_leaf, single_joint
 
 import ksd
-from ksd.bodies.series import pose_from
+from ksd.bodies.joint_poses import pose_from_polynomials
 from ksd.modal import ModalBasis, with_modal_bodies
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import reduce_solid
@@ -170,7 +170,7 @@ def test_joints_that_move_out_of_their_plane():
 
     def place(t):
         series, put = np.array([[1.0, t, t * t], [0.0, 1.0, 2.0 * t], [0.0, 0.0, 0.0]]), np.zeros((1, 24))
-        pose_from(coefficient, 0, 3, 0.1, series, 3, 1, np.empty((3, 6)), put, 0)
+        pose_from_polynomials(coefficient, 0, 3, 0.1, series, 3, 1, np.empty((3, 6)), put, 0)
         return put[0]
 
     change = (place(at + 1e-6) - place(at - 1e-6)) / 2e-6

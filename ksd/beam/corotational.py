@@ -45,7 +45,7 @@ from ksd.beam.corotational_element import (
     stresses,
     tangent,
 )
-from ksd.beam.weight import PULL, eliminate_inner, finish_chain, load_inner, start_chain
+from ksd.beam.weight import GRAVITY_BLOCK_SIZE, eliminate_inner, finish_chain, load_inner, start_chain
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_factors
 
@@ -84,7 +84,7 @@ def end_rotation(value, n, Q, R):
 def weight_from(n, store):
     """Where the couplings and the pull of a chain with weight begin in its store; of one without, its end."""
     at = KEPT * n + TAIL
-    return at, len(store) - PULL if len(store) > at else at
+    return at, len(store) - GRAVITY_BLOCK_SIZE if len(store) > at else at
 
 
 @kernel(inline="late")

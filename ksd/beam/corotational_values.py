@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.beam.strain_values import PULL
+from ksd.beam.strain_values import GRAVITY_BLOCK_SIZE
 
 Array = NDArray[np.float64]
 RECORD = 16
@@ -43,10 +43,10 @@ class ChainSizes(NamedTuple):
     store: int
 
 
-def sizes(n: int, *, heavy: bool = False) -> ChainSizes:
-    """Lengths of `value`, `inner` and `store` for a chain of n elements; heavy: with weight."""
-    more = 18 * (n + 1) + PULL if heavy else 0
-    return ChainSizes(RECORD * n + 9 + heavy * (n + 7), NODE * (n - 1) + 6 * n, KEPT * n + TAIL + more)
+def sizes(n: int, *, has_weight: bool = False) -> ChainSizes:
+    """Lengths of `value`, `inner` and `store` for a chain of n elements; has_weight: with weight."""
+    more = 18 * (n + 1) + GRAVITY_BLOCK_SIZE if has_weight else 0
+    return ChainSizes(RECORD * n + 9 + has_weight * (n + 7), NODE * (n - 1) + 6 * n, KEPT * n + TAIL + more)
 
 
 def lumped_masses(value: Array, n: int, line_mass: Array) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ksd.beam.corotational import condense
 from ksd.beam.corotational_element import KEPT, TAIL
-from ksd.beam.levers import member_tangent
+from ksd.beam.member_tangent import member_tangent
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import exp_tangent, rotation_exp, tangent_factors
 

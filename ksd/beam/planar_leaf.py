@@ -24,7 +24,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ksd.beam.strain_values import PULL, masses_beyond
+from ksd.beam.strain_values import GRAVITY_BLOCK_SIZE, masses_beyond
 from ksd.numerics.kernel import kernel
 
 TINY_PIVOT = 1e-15
@@ -37,7 +37,7 @@ def _gather(value, number, inner, store):
     nz, points, first, wrench = number[0], number[1], number[2], number[3]
     J, W = 4 * nz, 8 * nz
     nx, ny, moment = inner[wrench], inner[wrench + 1], inner[wrench + 5]
-    width, pull = 3 + nz, len(store) - PULL
+    width, pull = 3 + nz, len(store) - GRAVITY_BLOCK_SIZE
     end = nz * nz + nz + points * width
     heavy = len(store) > W + nz * nz + 9
     angle, fx, fy = 0.0, nx, ny
@@ -193,15 +193,15 @@ def condense(value, number, inner, store, d, Q, lam, K):
 
 
 @kernel
-def follow(value, number, inner, store, lam):
-    """After `condense`: the pull of a leaf with weight as in `ksd.beam.strain.strain_follow`, zero out of the plane; nothing
-    for one without.
+def gravity_block(value, number, inner, store, lam):
+    """After `condense`: the gravity block of a leaf with weight as in `ksd.beam.strain.strain_gravity_block`, zero out
+    of the plane; nothing for one without.
 
     With B = int M S, S = R C R^T, and Z = J W^-1 eta + B (force rows): V_xi,g = -K Z, V_g,g = Z^T K Z - eta W^-1 eta
     - int M^2 S.
     """
     nz, points, first, wrench = number[0], number[1], number[2], number[3]
-    J, W, kept, o = 4 * nz, 8 * nz, 8 * nz + nz * nz, len(store) - PULL
+    J, W, kept, o = 4 * nz, 8 * nz, 8 * nz + nz * nz, len(store) - GRAVITY_BLOCK_SIZE
     eta, end = kept + 9, nz * nz + nz + points * (3 + nz)
     if len(store) == eta:
         return
@@ -241,7 +241,7 @@ def follow(value, number, inner, store, lam):
             for c in range(i + 1, nz):
                 t -= store[W + c * nz + i] * store[eta + 4 * c + 2 + e]
             store[eta + 4 * i + 2 + e] = t
-    for r in range(3, PULL):
+    for r in range(3, GRAVITY_BLOCK_SIZE):
         store[o + r] = 0.0
     K = np.empty((3, 3))
     for r in range(3):
@@ -282,7 +282,7 @@ def recover(value, number, inner, store, xi, scale):
     """dlam = K (xi + gap), da = W^-1 (J^T dlam - g), both times `scale`, after end q moved by xi (6,) in frame p."""
     nz, first, wrench = number[0], number[2], number[3]
     kept = 8 * nz + nz * nz
-    heavy, o = len(store) > kept + 9, len(store) - PULL
+    heavy, o = len(store) > kept + 9, len(store) - GRAVITY_BLOCK_SIZE
     x, y, turn = xi[0] + store[kept], xi[1] + store[kept + 1], xi[5] + store[kept + 2]
     k00, k01, k02 = store[kept + 3], store[kept + 4], store[kept + 5]
     k11, k12, k22 = store[kept + 6], store[kept + 7], store[kept + 8]
@@ -308,16 +308,16 @@ def recover(value, number, inner, store, xi, scale):
     inner[wrench + 5] += scale * d2
 
 
-def store_size(nz: int, *, heavy: bool = False) -> int:
-    """Length of the `store` of a leaf with nz modes of weak bending; heavy: with weight."""
-    return 8 * nz + nz * nz + 9 + heavy * (4 * nz + PULL)
+def store_size(nz: int, *, has_weight: bool = False) -> int:
+    """Length of the `store` of a leaf with nz modes of weak bending; has_weight: with weight."""
+    return 8 * nz + nz * nz + 9 + has_weight * (4 * nz + GRAVITY_BLOCK_SIZE)
 
 
 def planar_values(
-    value: np.ndarray, number: np.ndarray, *, heavy: bool = False
+    value: np.ndarray, number: np.ndarray, *, has_weight: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     """Constants and settings from those of the spatial leaf (`ksd.beam.strain_values`), neither curved nor twisted out of
-    its plane at rest; heavy: of a leaf with weight."""
+    its plane at rest; has_weight: of a leaf with weight."""
     nx, ny, nz, ng = (int(n) for n in number[:4])
     total, first = nx + ny + nz, nx + ny
     sizes = [1, nx * nx, ny * ny, nz * nz, total, ng, ng * ng, total * ng, 3 * ng, 3 * (ng + 1) * total]
@@ -327,6 +327,6 @@ def planar_values(
     psi = length * np.cumsum(parts[9].reshape(ng + 1, 3, total)[:, 0, first:], axis=0)
     table = np.column_stack([length * parts[5], slack[:, 0], slack[:, 1], psi[:-1]])
     flat = [parts[3], rest[first:], table.ravel(), psi[-1]]
-    if heavy:
+    if has_weight:
         flat.append(masses_beyond(value, number))
     return np.concatenate(flat), np.array([nz, ng, first, total], np.int64)

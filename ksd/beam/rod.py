@@ -142,7 +142,7 @@ def _walk(first, last, step, rod, gravity, slope, at, y, R, S, A):
             y[r] /= length
 
 
-class RodRoom(NamedTuple):
+class RodScratch(NamedTuple):
     """Storage for one rod at a time: slopes of the stages, the state of one, the state walked, and (3, 3) four times."""
 
     slope: np.ndarray
@@ -155,10 +155,10 @@ class RodRoom(NamedTuple):
 
 
 @kernel
-def open_rod_room():
-    """`RodRoom`."""
+def allocate_rod_scratch():
+    """`RodScratch`."""
     size = STATE + CHANGES
-    return RodRoom(
+    return RodScratch(
         np.empty((STAGES, size)), np.empty(size), np.empty(size), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)),
         np.empty((3, 3)),
     )  # fmt: skip
@@ -191,9 +191,9 @@ def integrate_rod(first, last, step, rod, gravity, wrench, d, Q, gap, room):
 
 
 @kernel
-def free_rod(step, rod):
+def unloaded_rod_end(step, rod):
     """Place (3,) and axes (3, 3) of end q of a rod that nothing loads, see `integrate_rod`; frame p."""
-    room, gap, none = open_rod_room(), np.empty(6), np.zeros(6)
+    room, gap, none = allocate_rod_scratch(), np.empty(6), np.zeros(6)
     place, axes = np.empty(3), np.eye(3)
     integrate_rod(0, len(step), step, rod, none[:3], none, none[:3], axes, gap, room)
     for r in range(3):

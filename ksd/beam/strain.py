@@ -2,7 +2,7 @@
 
 Unknowns of a leaf: amplitudes a of its curvature modes (nx torsion, ny strong, nz weak bending; 1/m) and lam = (n, m),
 force and moment on end q (N, Nm). Curvature kappa_c = sum_i a_i B_i(s) over the modes of axis c; orientation
-R' = R [kappa]x by a sixth-order Magnus step over every gap between quadrature points (`ksd.beam.strain_gap`);
+R' = R [kappa]x by a sixth-order Magnus step over every gap between quadrature points (`ksd.beam.magnus`);
 r' = v = R (e1 + C R^T n) with C = diag(1/EA, 1/kGA, 1/kGA), so stretch and shear are exact without unknowns. All vectors
 in the frame of end p.
 Interface of all members: see `ksd.model.assembly`; constants: `ksd.beam.strain_values`.
@@ -30,20 +30,20 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ksd.beam.magnus import gap_second, gap_turn
 from ksd.beam.strain_flat import flat_tangent, is_flat
-from ksd.beam.strain_gap import gap_second, gap_turn
-from ksd.beam.weight import PULL
+from ksd.beam.weight import GRAVITY_BLOCK_SIZE
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_log, tangent_factors
 
 TINY_PIVOT = 1e-15
 
 
-class Fields(NamedTuple):
+class LeafFields(NamedTuple):
     """Room for leaf springs of up to N modes and ng points, one at a time at one inner state: at its quadrature points; at
     end p, the points and end q (ng+2); of the gaps between these (ng+1).
 
-    Of a gap, see `ksd.beam.strain_gap`: gap (ng+1, 9): moments of its curvature; turn (ng+1, 3) and J (ng+1, 3, 9); T
+    Of a gap, see `ksd.beam.magnus`: gap (ng+1, 9): moments of its curvature; turn (ng+1, 3) and J (ng+1, 3, 9); T
     (ng+1, 3, 3): from a change of turn to the rotation of all behind; G = T J. R (ng+2, 3, 3): orientation; psi (ng+2, 3,
     N): rotation by the amplitudes. n (ng, 3): force; v (ng, 3) = r'; S (ng, 3, 3) = R C R^T [1/N]; slope (ng, 3, N): v by
     the amplitudes, at fixed n. end (3,) [m]: place of end q; rho, eta (3, N): that place, and the first moment of the mass,
@@ -74,7 +74,7 @@ class Fields(NamedTuple):
 
 
 @kernel
-def constants_at(number):
+def constant_offsets(number):
     """Where the stress-free amplitudes, weights, compliances, moments over the gaps and masses beyond begin among the
     constants, see `ksd.beam.strain_values`."""
     nx, ny, nz, ng = number[0], number[1], number[2], number[3]
@@ -86,9 +86,9 @@ def constants_at(number):
     return rest, weight, soft, gap, gap + 3 * N * (ng + 1)
 
 
-def open_room(N, ng):  # type: ignore[no-untyped-def]
-    """`Fields` for N modes and ng points; compiled, `leaf_room`."""
-    return Fields(
+def allocate_leaf_fields(N, ng):  # type: ignore[no-untyped-def]
+    """`LeafFields` for N modes and ng points; compiled, `allocate_leaf_fields_compiled`."""
+    return LeafFields(
         np.empty((ng + 1, 9)), np.empty((ng + 1, 3)), np.empty((ng + 1, 3, 9)), np.empty((ng + 1, 3, 3)),
         np.empty((ng + 1, 3, 9)), np.empty((ng + 2, 3, 3)), np.empty((ng + 2, 3, N)), np.empty((ng, 3)),
         np.empty((ng, 3)), np.empty((ng, 3, 3)), np.empty((ng, 3, N)), np.empty(3), np.empty((3, N)), np.empty((3, N)),
@@ -96,12 +96,12 @@ def open_room(N, ng):  # type: ignore[no-untyped-def]
     )  # fmt: skip
 
 
-leaf_room = kernel(inline="always")(open_room)
+allocate_leaf_fields_compiled = kernel(inline="always")(allocate_leaf_fields)
 
 
-def fields_of(number: np.ndarray) -> Fields:
-    """`Fields` of one leaf."""
-    return open_room(int(number[:3].sum()), int(number[3]))
+def leaf_fields(number: np.ndarray) -> LeafFields:
+    """`LeafFields` of one leaf."""
+    return allocate_leaf_fields(int(number[:3].sum()), int(number[3]))
 
 
 @kernel(inline="late")
@@ -112,7 +112,7 @@ def _orientations(value, number, a, f):
     T, G = f.T, f.G
     R, psi = f.R, f.psi
     N, length = number[0] + number[1] + number[2], value[0]
-    _, _, _, modes, _ = constants_at(number)
+    _, _, _, modes, _ = constant_offsets(number)
     for r in range(3):
         for e in range(3):
             R[0, r, e] = 1.0 if r == e else 0.0
@@ -164,7 +164,7 @@ def _slopes(value, number, inner, pull, f):
     v, S, slope = f.v, f.S, f.slope
     end, rho, eta = f.end, f.rho, f.eta
     N, heavy = number[0] + number[1] + number[2], len(pull) > 0
-    _, weight, soft, _, beyond = constants_at(number)
+    _, weight, soft, _, beyond = constant_offsets(number)
     for r in range(3):
         end[r] = 0.0
         for i in range(N):
@@ -205,15 +205,15 @@ def _slopes(value, number, inner, pull, f):
 
 
 @kernel(inline="late")
-def strain_fields(value, number, inner, pull, f):
-    """`Fields` f of a leaf with inner state `inner` = (a (N,), n (3,), m (3,)), without W and Y."""
+def fill_leaf_fields(value, number, inner, pull, f):
+    """`LeafFields` f of a leaf with inner state `inner` = (a (N,), n (3,), m (3,)), without W and Y."""
     _orientations(value, number, inner, f)
     _slopes(value, number, inner, pull, f)
 
 
 @kernel(inline="late")
 def strain_tangent(value, number, inner, f):
-    """W and residual g of the amplitudes at fixed end wrench and gravity, into the fields f as left by `strain_fields`:
+    """W and residual g of the amplitudes at fixed end wrench and gravity, into the fields f as left by `fill_leaf_fields`:
 
     g_i = K (a - a0) - dH/da_i - m.psi_i(L), and W_ij the symmetric part of its derivative. The skew part, a half of
     m.(psi_i(L) x psi_j(L)), is that of a moment that is fixed in space, on end q alone: no matter of the leaf.
@@ -226,7 +226,7 @@ def strain_tangent(value, number, inner, f):
     M, V, W = f.M, f.V, f.W
     Y, X, Z = f.Y, f.X, f.Z
     N, ng, length = number[0] + number[1] + number[2], number[3], value[0]
-    rest, weight, _, modes, _ = constants_at(number)
+    rest, weight, _, modes, _ = constant_offsets(number)
     M0, M1, M2 = inner[N + 3], inner[N + 4], inner[N + 5]
     for i in range(N):
         # a moment fixed in space is no gradient: half of what turns with the end makes W its symmetric part
@@ -392,7 +392,7 @@ def _half_turned(m, x, y, z, r):
 
 
 @kernel
-def strain_follow(value, number, inner, store, f, lam, K):
+def strain_gravity_block(value, number, inner, store, f, lam, K):
     """After `strain_condense`: the pull (39,) of a leaf with weight, see `ksd.beam.weight`, and before it X (N, 3)
     = W^-1 eta(L)^T, which is kept for `strain_recover`, both at the end of its store; nothing for one without weight.
 
@@ -400,10 +400,10 @@ def strain_follow(value, number, inner, store, f, lam, K):
     first moment int M v is predicted with the step K (c + J W^-1 g) of the wrench: lam[0:6] - lam[6:12] and what m turns by.
     """
     N, ng = number[0] + number[1] + number[2], number[3]
-    _, weight, _, _, beyond = constants_at(number)
+    _, weight, _, _, beyond = constant_offsets(number)
     if len(store) == 8 * N + 42:
         return
-    o, v, S, rho, psi, eta = len(store) - PULL, f.v, f.S, f.rho, f.psi, f.eta
+    o, v, S, rho, psi, eta = len(store) - GRAVITY_BLOCK_SIZE, f.v, f.S, f.rho, f.psi, f.eta
     X, Z, G, step = store[o - 3 * N : o].reshape(N, 3), np.zeros((6, 3)), np.zeros((3, 3)), np.empty(6)
     for r in range(3):
         step[r] = lam[r] - lam[6 + r]
@@ -450,17 +450,18 @@ def strain_condense(value, number, inner, store, f, d, Q, lam, K):
 
     inner = (a (N,), lam (6,)). Writes lam[0:6] condensed end wrench, lam[6:12] the wrench the geometric terms
     use (the one before this step), K (6, 6). store keeps W^-1 J^T and W^-1 g (N, 8; the last of the first three rows: the
-    rotation c that is left to close), K (6, 6) and c + J W^-1 g (6,); a leaf with weight also what `strain_follow` adds.
-    f: `Fields` with room for the leaf, left undefined.
+    rotation c that is left to close), K (6, 6) and c + J W^-1 g (6,); of a leaf with weight also what
+    `strain_gravity_block` adds.
+    f: `LeafFields` with room for the leaf, left undefined.
     Returns (negative pivots of W minus those of F, |change of n| [N], |change of m| [Nm], status).
     """
     N, ng = number[0] + number[1] + number[2], number[3]
-    _, weight, _, _, _ = constants_at(number)
+    _, weight, _, _, _ = constant_offsets(number)
     tail = N * 8
     gap = tail + 36
     heavy = len(store) > tail + 42
-    pull = store[len(store) - PULL if heavy else len(store) :]
-    # as `strain_fields`, of which so nothing is compiled
+    pull = store[len(store) - GRAVITY_BLOCK_SIZE if heavy else len(store) :]
+    # as `fill_leaf_fields`, of which so nothing is compiled
     _orientations(value, number, inner, f)
     _slopes(value, number, inner, pull, f)
     strain_tangent(value, number, inner, f)
@@ -532,7 +533,7 @@ def strain_recover(value, number, inner, store, xi, scale, step):
     tail = N * 8
     gap = tail + 36
     heavy = len(store) > tail + 42
-    o = len(store) - PULL
+    o = len(store) - GRAVITY_BLOCK_SIZE
     m0, m1, m2 = inner[N + 3], inner[N + 4], inner[N + 5]
     for r in range(6):
         s = 0.0

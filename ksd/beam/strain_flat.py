@@ -2,12 +2,12 @@
 
 Motions out of the plane are vectors in it, here complex numbers x + i y: e3 x (..) is i (..), the curvature of torsion is
 real, that of strong bending imaginary. The moments of a gap are (0, 0, p), (0, 0, s), (0, 0, q), its turn is p about e3, and
-of J and G, see `ksd.beam.strain_gap`, the three columns of torsion are enough: those of strong bending are i times as much.
+of J and G, see `ksd.beam.magnus`, the three columns of torsion are enough: those of strong bending are i times as much.
 """
 
 from __future__ import annotations
 
-from ksd.beam.strain_gap import PART_360
+from ksd.beam.magnus import PART_360
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import tangent_factors
 

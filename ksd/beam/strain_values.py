@@ -19,13 +19,13 @@ DEFAULT_ORDERS = (4, 3, 6)
 DEFAULT_POINTS = 7
 """One mode of weak bending more than support stiffness to 1e-4 asks for: with five the elastica at PL^2/EI = 5 is 1.7e-6
 off, with six 1.3e-7."""
-PULL = 39
+GRAVITY_BLOCK_SIZE = 39
 """Numbers of the pull of a leaf with weight, see `ksd.beam.weight`."""
 
 
 class Modes(NamedTuple):
     """Unit-length tables of a set of curvature modes: points s, weights, integration, modes, their moments over the gaps
-    (ng+1, 3, N) as `ksd.beam.strain_gap` takes them, and the energy (N, N) of unit rigidity, integrals of products of modes
+    (ng+1, 3, N) as `ksd.beam.magnus` takes them, and the energy (N, N) of unit rigidity, integrals of products of modes
     over their shape."""
 
     s: np.ndarray
@@ -143,21 +143,21 @@ def strain_values(
     return np.concatenate(parts).astype(float), np.array([nx, ny, nz, ng], np.int64)
 
 
-def strain_sizes(number: np.ndarray, *, heavy: bool = False) -> tuple[int, int]:
-    """Lengths of the inner state and of the `store` of one leaf; heavy: with weight."""
+def strain_sizes(number: np.ndarray, *, has_weight: bool = False) -> tuple[int, int]:
+    """Lengths of the inner state and of the `store` of one leaf; has_weight: with weight."""
     total = int(number[0] + number[1] + number[2])
-    return total + 6, 8 * total + 42 + heavy * (3 * total + PULL)
+    return total + 6, 8 * total + 42 + has_weight * (3 * total + GRAVITY_BLOCK_SIZE)
 
 
-def strain_constants(number: np.ndarray, *, heavy: bool = False) -> int:
+def strain_value_count(number: np.ndarray, *, has_weight: bool = False) -> int:
     """How many numbers `strain_values` lays out."""
     nx, ny, nz, ng = (int(n) for n in number[:4])
     N = nx + ny + nz
     own = 1 + nx * nx + ny * ny + nz * nz + N + ng * (1 + ng + N + 3)
-    return own + 3 * N * (ng + 1) + heavy * ng
+    return own + 3 * N * (ng + 1) + has_weight * ng
 
 
 def masses_beyond(value: np.ndarray, number: np.ndarray) -> np.ndarray:
     """Mass (ng,) [kg] of a leaf with weight between every quadrature point and end q."""
-    at = strain_constants(number)
+    at = strain_value_count(number)
     return value[at : at + int(number[3])]

@@ -16,7 +16,7 @@ place  meaning
 36:39  change of g by the step, set before `recover`
 =====  ======================================================================================
 
-The weight itself, mass times g, acts at end p with the moment s x g (`ksd.beam.weight_entry`). Here: the inner nodes of
+The weight itself, mass times g, acts at end p with the moment s x g (`ksd.beam.weight_assembly`). Here: the inner nodes of
 Appendix A chains, which carry half the mass of both their elements. The elements' end moments g m L/12 (work-equivalent
 to cubic deflection) cancel at the inner nodes of a uniform leaf; at both ends they act as the half masses' levers L/6.
 """
@@ -24,7 +24,7 @@ to cubic deflection) cancel at the inner nodes of a uniform leaf; at both ends t
 from __future__ import annotations
 
 from ksd.beam.corotational_element import A_AT, B_AT, C_AT, P_AT
-from ksd.beam.strain_values import PULL
+from ksd.beam.strain_values import GRAVITY_BLOCK_SIZE
 from ksd.numerics.kernel import kernel
 
 
@@ -117,4 +117,4 @@ def finish_chain(mass, n, pull, carried, d, Q, lam, K):
     pull[25] -= x
 
 
-__all__ = ["PULL", "eliminate_inner", "finish_chain", "load_inner", "start_chain"]
+__all__ = ["GRAVITY_BLOCK_SIZE", "eliminate_inner", "finish_chain", "load_inner", "start_chain"]

@@ -2,7 +2,7 @@
 
 Everything is frozen arrays; a solve only brings its own `Motion` and `Work`. The database enters here and nowhere
 else: records are contracted with the shape of each joint, leaving polynomials in the intended motions. Integers are laid out
-once for all models of the same words (`Layout`), numbers come for many designs at once.
+once for all models of the same words (`JointLayout`), numbers come for many designs at once.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ksd.beam.linear import LINEAR_INNER
-from ksd.bodies.flat import FlatFields, Inside, Loops
+from ksd.bodies.joint_arrays import FlatArrays, InteriorFunctions, JointKinematics
 from ksd.bodies.polynomials import Polynomials
-from ksd.bodies.weight import NOTHING_HUNG, Hung
+from ksd.bodies.weight import NO_JOINT_WEIGHTS, JointWeights
 from ksd.errors import KinematicsError, RecordError, SceneError
 from ksd.library import Record
 from ksd.model.arrays import COROTATIONAL, LINEAR, Arrays, Motion
@@ -36,7 +36,7 @@ from ksd.model.template import (
 )
 from ksd.scene.joint import DrawnJoint, leaves_of, proportions
 
-T = TypeVar("T", Loops, Inside)
+T = TypeVar("T", JointKinematics, InteriorFunctions)
 LOOP_FLOATS = ("anchor", "frame", "length", "pose")
 INSIDE_FLOATS = ("block_pose", "coefficient", "near_coefficient")
 """Their fields of numbers, in order."""
@@ -54,22 +54,22 @@ class JointBodies:
     near (members of the substructures,): lengths of the near data. full_node (K,): internal blocks in the full model.
     motion_range (motions, 2): trained range, rad or stroke over joint length, as theta; motion_scale (motions,):
     theta to rad or m; motion_names. hung: the weight of the joints. hanging: links on leaves alone, each with the nodes
-    that place it (`hang_links`).
+    that place it (`place_leaf_links`).
     """
 
-    loops: Loops
-    inside: Inside
+    kinematics: JointKinematics
+    interior: InteriorFunctions
     substructures: Arrays
     substructure_rest: Motion
     reduced: Arrays
     reduced_rest: Motion
-    near: np.ndarray
+    near_lengths: np.ndarray
     full_node: np.ndarray
     motion_range: np.ndarray
     motion_scale: np.ndarray
     motion_names: tuple[str, ...]
-    hung: Hung
-    hanging: tuple[tuple[int, np.ndarray], ...] = ()
+    joint_weights: JointWeights
+    leaf_links: tuple[tuple[int, np.ndarray], ...] = ()
 
 
 def _spanning_tree(nodes: list[tuple[int, int]]) -> tuple[list[list[int]], list[int]]:
@@ -96,7 +96,7 @@ def _spanning_tree(nodes: list[tuple[int, int]]) -> tuple[list[list[int]], list[
     return tree, [j for j in range(len(nodes)) if j not in used]
 
 
-def _hanging(
+def _leaf_links(
     template: Template, tree: list[list[int]], nodes: list[tuple[int, int]]
 ) -> tuple[tuple[int, np.ndarray], ...]:
     """Links that hang on leaf springs alone, each with the nodes next to it that are placed before, in order of placing.
@@ -127,10 +127,10 @@ def _hanging(
     return tuple(found)
 
 
-def hang_links(bodies: JointBodies, motion: Motion) -> None:
+def place_leaf_links(bodies: JointBodies, motion: Motion) -> None:
     """Place links that hang on leaves alone where their neighbours, moved as one body each, would have them in the mean."""
     rest = bodies.reduced_rest
-    for link, near in bodies.hanging:
+    for link, near in bodies.leaf_links:
         turned = motion.R[near].sum(axis=0)
         moved = np.einsum("kij,kj->ki", motion.R[near], rest.x[link] - rest.x[near])
         motion.x[link] = (motion.x[near] + moved).mean(axis=0)
@@ -139,7 +139,7 @@ def hang_links(bodies: JointBodies, motion: Motion) -> None:
         motion.R[link] = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
 
 
-class Layout:
+class JointLayout:
     """Integers of the joint bodies of all models of a template, with the records of its different joints; call it with
     numbers of D designs. Raises KinematicsError when joints alone do not place every link."""
 
@@ -174,7 +174,7 @@ class Layout:
         tree, closing = _spanning_tree(self.nodes)
         power = [self.polynomials[u].powers for u in self.different]
         none = np.zeros(0)
-        self.loops = Loops(
+        self.kinematics = JointKinematics(
             node=np.array(self.nodes, np.int64).reshape(-1, 2), anchor=none, frame=none, length=none,
             first=np.cumsum([0] + [p.shape[1] for p in power]).astype(np.int64),
             tree=np.array(tree, np.int64).reshape(-1, 2), closing=np.array(closing, np.int64),
@@ -184,7 +184,7 @@ class Layout:
         )  # fmt: skip
         first = np.array([self.rows[u] for u in self.different])
         self.pose_rows = first[:, None] + np.arange(6)
-        self.hanging = _hanging(self.template, tree, self.nodes)
+        self.leaf_links = _leaf_links(self.template, tree, self.nodes)
 
     def _lay_substructures(self) -> None:
         """Integers of the joints apart: nodes are ground, internal blocks, then the interfaces B of all joints."""
@@ -238,11 +238,11 @@ class Layout:
                 if chain:
                     near_length[i] = 3 * (2 * int(members.number[i, 0]) - 1)
                     base += int(near_length[i])
-        self.near = near_length
+        self.near_lengths = near_length
         self.inner_rows, self.near_rows = np.concatenate(inner, axis=1), np.concatenate(near, axis=1)
         block_node = np.arange(1, 1 + len(block_joint))
         none = np.zeros(0)
-        self.inside = Inside(
+        self.interior = InteriorFunctions(
             block_node, block_joint, none, self.inner_rows[0], self.inner_rows[1], none, self.near_rows[0],
             self.near_rows[1], none,
         )  # fmt: skip
@@ -286,8 +286,8 @@ class Layout:
                 if a > 0 and template.heavy[template.leaf[own_members]].any():
                     load[j] = len(loads)
                     loads.append((a, False, False))
-        hung = Hung(template.part[:held].astype(np.int64), load)
-        self.hung = hung if weigh else NOTHING_HUNG
+        hung = JointWeights(template.part[:held].astype(np.int64), load)
+        self.joint_weights = hung if weigh else NO_JOINT_WEIGHTS
         springs = template.spring_shapes
         self.reduced = topology_arrays(links, [*own, *free], words.rows, loads, springs)
         if words.pulls and template.heavy[template.leaf[held:]].any():
@@ -303,11 +303,11 @@ class Layout:
             stack[:, at : at + p.rows, : len(p.powers)] = p(own, extrapolate=extrapolate)
         return stack
 
-    def _fill_loops(self, n: Numbers, filled: Filled, pose: np.ndarray) -> Loops:
+    def _fill_loops(self, n: Numbers, filled: Filled, pose: np.ndarray) -> JointKinematics:
         """The kinematics of D designs; pose (D, J, 6, P): functions of the interfaces."""
         joints = len(self.nodes)
-        anchor = filled.points[:, :joints] - filled.rest.x[:, self.loops.node]
-        return self.loops._replace(
+        anchor = filled.points[:, :joints] - filled.rest.x[:, self.kinematics.node]
+        return self.kinematics._replace(
             anchor=anchor, frame=n.rotation[:, :joints], length=n.length[:, self.different], pose=pose
         )
 
@@ -323,7 +323,7 @@ class Layout:
         stack = self._stack(n, shapes, extrapolate=extrapolate)
         loops = self._fill_loops(n, filled, stack.take(self.pose_rows, axis=1))
         scale = _scales(n, filled.leaves)
-        inside = self.inside._replace(
+        inside = self.interior._replace(
             block_pose=stack.take(self.block_rows, axis=1),
             coefficient=stack.take(self.inner_rows[2], axis=1)
             * scale[:, self.inner_rows[3], self.inner_rows[4], None],
@@ -332,8 +332,8 @@ class Layout:
         substructures, substructure_rest = self._fill_substructures(n, filled)
         reduced, reduced_rest = self._fill_reduced(n, filled, loops)
         return JointBodies(
-            loops, inside, substructures, substructure_rest, reduced, reduced_rest, self.near, self.full_node,
-            self.motion_range, self._motion_scale(n), self.motion_names, self.hung, self.hanging,
+            loops, inside, substructures, substructure_rest, reduced, reduced_rest, self.near_lengths, self.full_node,
+            self.motion_range, self._motion_scale(n), self.motion_names, self.joint_weights, self.leaf_links,
         )  # fmt: skip
 
     def _fill_substructures(self, n: Numbers, filled: Filled) -> tuple[Arrays, Motion]:
@@ -370,7 +370,7 @@ class Layout:
         )
         return arrays, Motion(x, np.tile(np.eye(3), (count, nodes, 1, 1)), inner, np.zeros((count, 0)))
 
-    def _fill_reduced(self, n: Numbers, filled: Filled, loops: Loops) -> tuple[Arrays, Motion]:
+    def _fill_reduced(self, n: Numbers, filled: Filled, loops: JointKinematics) -> tuple[Arrays, Motion]:
         """The reduced mechanism of D designs and its rest state."""
         count, links, held = len(n.leaf), len(self.template.words.links), len(self.leaf)
         full, topology = filled.arrays, self.reduced
@@ -388,7 +388,7 @@ class Layout:
             length=lengths, floor=joined(joint_floor, members.floor),
         )  # fmt: skip
         loads = full.loads
-        if len(self.hung.owner):
+        if len(self.joint_weights.owner):
             loads = self._hang(n, filled)
         weight = full.weight
         if weight.shape[1]:
@@ -412,7 +412,7 @@ class Layout:
     def _hang(self, n: Numbers, filled: Filled) -> Any:
         """Loads with those that stand for the weight of the joints, at points that step 2 sets."""
         loads, mass = filled.arrays.loads, filled.arrays.weight[:, : len(self.leaf), 0]
-        joint_mass = np.add.reduceat(mass, self.first_member, axis=1)[:, self.hung.load >= 0]
+        joint_mass = np.add.reduceat(mass, self.first_member, axis=1)[:, self.joint_weights.load >= 0]
         force = joint_mass[..., None] * n.gravity[:, None]
         none = np.zeros_like(force)
         return loads._replace(
@@ -428,18 +428,19 @@ def _scales(n: Numbers, leaves: Leaves) -> np.ndarray:
     return np.stack([np.ones_like(L), 1.0 / L, bending / L**2, bending / L], axis=2)
 
 
-def body_design(layout: Layout, bodies: JointBodies, d: int) -> JointBodies:
+def joint_bodies_of_design(layout: JointLayout, bodies: JointBodies, d: int) -> JointBodies:
     """Joint bodies of design d of many that were made by `layout`."""
     return JointBodies(
-        _of_design(bodies.loops, LOOP_FLOATS, d), _of_design(bodies.inside, INSIDE_FLOATS, d),
+        _of_design(bodies.kinematics, LOOP_FLOATS, d), _of_design(bodies.interior, INSIDE_FLOATS, d),
         design(bodies.substructures, layout.substructures, d), motion_design(bodies.substructure_rest, d),
-        design(bodies.reduced, layout.reduced, d), motion_design(bodies.reduced_rest, d), bodies.near, bodies.full_node,
-        bodies.motion_range, bodies.motion_scale[d], bodies.motion_names, bodies.hung, bodies.hanging,
+        design(bodies.reduced, layout.reduced, d), motion_design(bodies.reduced_rest, d), bodies.near_lengths,
+        bodies.full_node, bodies.motion_range, bodies.motion_scale[d], bodies.motion_names, bodies.joint_weights,
+        bodies.leaf_links,
     )  # fmt: skip
 
 
 def _of_design(part: T, names: Sequence[str], d: int) -> T:
-    """Loops, or insides, of design d of many, the numbers that kernels read joined for all designs at once."""
+    """JointKinematics, or insides, of design d of many, the numbers that kernels read joined for all designs at once."""
     many: Any = part
     found = of_design(many, names, d)
     joined = many.__dict__.get("joined")
@@ -447,7 +448,7 @@ def _of_design(part: T, names: Sequence[str], d: int) -> T:
         fields = [getattr(many, name) for name in names]
         floats = np.concatenate([field.reshape(len(field), -1) for field in fields], axis=1)
         joined = many.__dict__["joined"] = found.flat.ints, floats
-    found.flat = FlatFields(joined[0], joined[1][d])
+    found.flat = FlatArrays(joined[0], joined[1][d])
     return found
 
 
@@ -466,7 +467,7 @@ def _check_record(joint: Any, record: Record, mesh: str | int) -> None:
                 f"the record of {joint.family} is of a joint with {there} {what}, this one has {here}; give your joint a "
                 "family name of its own and train it with ksd.train(joint)"
             )
-    check_drawing(joint, record)
+    check_proportions(joint, record)
     if mesh in record.functions or all(leaf.profile is None and leaf.curve is None for leaf in leaves):
         return
     known = ", ".join(str(n) for n in record.functions)
@@ -476,7 +477,7 @@ def _check_record(joint: Any, record: Record, mesh: str | int) -> None:
     )
 
 
-def check_drawing(joint: Any, record: Record) -> None:
+def check_proportions(joint: Any, record: Record) -> None:
     """RecordError for a joint drawn in other proportions than the one its record is of."""
     for what, own in proportions(joint).items() if isinstance(joint, DrawnJoint) else ():
         theirs = record.design.get(what, own)
@@ -488,10 +489,10 @@ def check_drawing(joint: Any, record: Record) -> None:
             )
 
 
-def layout_of(template: Template, joints: Sequence[Any], records: Callable[[str], Record]) -> Layout:
+def joint_layout(template: Template, joints: Sequence[Any], records: Callable[[str], Record]) -> JointLayout:
     """The layout of a template with the records of its different joints, that of the last call where they are the same.
 
-    Raises SceneError without joints, RecordError for a record of another joint and for a nodal mesh, and what `Layout`
+    Raises SceneError without joints, RecordError for a record of another joint and for a nodal mesh, and what `JointLayout`
     raises.
     """
     if template.mesh.nodal:
@@ -509,7 +510,7 @@ def layout_of(template: Template, joints: Sequence[Any], records: Callable[[str]
         _check_record(joint, record, mesh)
     last = template.layout
     if last is None or any(a is not b for a, b in zip(last.records, found, strict=True)):
-        last = template.layout = Layout(template, found)
+        last = template.layout = JointLayout(template, found)
     return last
 
 
@@ -521,5 +522,7 @@ def joint_bodies(model: Model, records: Callable[[str], Record], *, extrapolate:
     """
     made = drawn(model)
     joints = made.drawing.joints
-    layout, shapes = layout_of(made.template, joints, records), [[joint.shape()] for joint in joints]
-    return body_design(layout, layout(made.numbers, made.filled, shapes, extrapolate=extrapolate), 0)
+    layout, shapes = joint_layout(made.template, joints, records), [[joint.shape()] for joint in joints]
+    return joint_bodies_of_design(
+        layout, layout(made.numbers, made.filled, shapes, extrapolate=extrapolate), 0
+    )

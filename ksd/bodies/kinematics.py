@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from ksd.bodies.flat import (
+from ksd.bodies.joint_arrays import (
     ANCHOR,
     AXES,
     BRANCHES,
@@ -21,9 +21,9 @@ from ksd.bodies.flat import (
     JOINT_NODE,
     MONOMIALS,
     TREE,
-    Loops,
+    JointKinematics,
 )
-from ksd.bodies.series import joint_places
+from ksd.bodies.joint_poses import joint_poses
 from ksd.model.arrays import (
     ROWS,
     TERM_COEFFICIENT,
@@ -179,9 +179,10 @@ def _close_joint(loops, shapes, place, c, size, x, R, W, J, residual, frames):
 def loop_equations(ints, floats, loops, shapes, target, x, R, place, reach, W, J, residual, frames, slope):
     """Link poses for the joints' places (into x, R), residual (E,) and Jacobian J (E, motions); rotations times the size.
 
-    ints, floats: of a model with the links, as in `ksd.model.arrays.Flat`; loops, shapes: as in `ksd.bodies.flat`. Rows: six
-    per closing joint, then one per constraint row of the model. W and J hold zeros at the first call; what stays zero is not
-    written, so that a joint of a long chain costs little more. reach (2, k), frames (4, 4, 3), slope (8, 3): scratch.
+    ints, floats: of a model with the links, as in `ksd.model.arrays.Flat`; loops, shapes: as in
+    `ksd.bodies.joint_arrays`. Rows: six per closing joint, then one per constraint row of the model. W and J hold zeros
+    at the first call; what stays zero is not written, so that a joint of a long chain costs little more. reach (2, k),
+    frames (4, 4, 3), slope (8, 3): scratch.
     """
     for k in range(reach.shape[1]):
         reach[0, k], reach[1, k] = 0, -1
@@ -251,7 +252,7 @@ def _constraint_equations(ints, floats, target, x, R, reach, W, J, residual, row
 
 
 @kernel
-def room_for(rows, motions):
+def least_squares_scratch(rows, motions):
     """Scratch of `least_squares`."""
     return np.empty((motions + 4, max(rows, motions)))
 
@@ -261,7 +262,7 @@ def least_squares(J, residual, step, room):
     """step (q,) minimising |J step + residual| by normal equations and LDL^T; returns the smallest relative pivot.
 
     A row of the factor begins where that of the normal equations does (skyline), so that a chain of joints costs each of
-    them the same. room: scratch of `room_for`.
+    them the same. room: scratch of `least_squares_scratch`.
     """
     rows, n = J.shape
     A, before, low, begin, end = room, room[n], room[n + 1], room[n + 2], room[n + 3]
@@ -316,7 +317,7 @@ def least_squares(J, residual, step, room):
 
 def close_loops(
     arrays: Arrays,
-    loops: Loops,
+    loops: JointKinematics,
     theta: np.ndarray,
     target: np.ndarray,
     motion: Motion,
@@ -339,10 +340,10 @@ def _close(ints, floats, loops, shapes, theta, target, x, R, place, most):
     rows, motions, links = 6 * loops[CLOSINGS] + ints[ROWS], len(theta), len(x)
     W, J, series = np.zeros((links, motions, 6)), np.zeros((rows, motions)), np.empty((3, loops[MONOMIALS]))
     residual, step, reach = np.zeros(rows), np.zeros(motions), np.empty((2, links), np.int64)
-    room, frames, slope = room_for(rows, motions), np.empty((4, 4, 3)), np.empty((8, 3))
+    room, frames, slope = least_squares_scratch(rows, motions), np.empty((4, 4, 3)), np.empty((8, 3))
     gap, closed, n = 0.0, False, 0
     while True:
-        joint_places(loops, shapes, theta, place, series)
+        joint_poses(loops, shapes, theta, place, series)
         loop_equations(ints, floats, loops, shapes, target, x, R, place, reach, W, J, residual, frames, slope)
         if closed:
             for r in range(len(residual)):

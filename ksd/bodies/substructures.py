@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ksd.bodies.flat import (
+from ksd.bodies.joint_arrays import (
     AXES,
     BLOCK_JOINT,
     BLOCK_NODE,
@@ -26,11 +26,11 @@ from ksd.bodies.flat import (
     NEAR_TARGET,
     OWNER,
     TARGET,
-    Inside,
-    Loops,
+    InteriorFunctions,
+    JointKinematics,
 )
+from ksd.bodies.joint_poses import monomials, pose_from_polynomials
 from ksd.bodies.kinematics import interface_pose
-from ksd.bodies.series import monomials, pose_from
 from ksd.model.arrays import Arrays, Motion, Work
 from ksd.model.newton import GRAIN, assemble
 from ksd.numerics.blocks import BLOCKS, DIAGONAL, START, backward_blocks, factor_blocks, forward_blocks
@@ -38,12 +38,18 @@ from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_log
 
 
-def set_near(
-    loops: Loops, inside: Inside, theta: np.ndarray, place: np.ndarray, motion: Motion, work: Work
+def set_near_configuration(
+    loops: JointKinematics,
+    inside: InteriorFunctions,
+    theta: np.ndarray,
+    place: np.ndarray,
+    motion: Motion,
+    work: Work,
 ) -> None:
     """Step 2, first half: state of the substructures of the intended motion theta, from the database functions alone.
 
-    place (J, 24): interface poses of step 1. Node 1 + .. of the substructures: see `Inside`; node `last J` are the Bs.
+    place (J, 24): interface poses of step 1. Node 1 + .. of the substructures: see `InteriorFunctions`; the last J
+    nodes are the interfaces B.
     """
     _set_near(*loops.flat, *inside.flat, theta, place, motion.x, motion.R, motion.inner, work.near)
 
@@ -76,12 +82,12 @@ def _set_near(loops, shapes, inside, functions, theta, place, x, R, inner, near)
     for j in range(joints):
         counts[j] = monomials(loops, theta, j, series[j])
         _put(place, j, x, R, len(x) - joints + j)
-    # no derivatives wanted; a variable, since a literal 0 would compile `pose_from` a second time
+    # no derivatives wanted; a variable, since a literal 0 would compile `pose_from_polynomials` a second time
     first = 0 * joints
     for k in range(inside[INNER_BLOCKS]):
         j = inside[inside[BLOCK_JOINT] + k]
         at, length = inside[BLOCK_POSE] + 6 * size * k, shapes[loops[JOINT_LENGTH] + j]
-        pose_from(functions, at, size, length, series[j], counts[j], first, f, put, first)
+        pose_from_polynomials(functions, at, size, length, series[j], counts[j], first, f, put, first)
         _put(put, first, x, R, inside[inside[BLOCK_NODE] + k])
     _functions(
         inside, functions, inside[OWNER], inside[TARGET], inside[COEFFICIENT], inside[FUNCTIONS], series, counts, inner
@@ -155,7 +161,7 @@ def relative_poses(loops, shapes, x, R, relative):
 
 def interface_step(
     substructures: Arrays,
-    loops: Loops,
+    loops: JointKinematics,
     reduced_motion: Motion,
     motion: Motion,
     work: Work,
@@ -204,7 +210,7 @@ def _recover_blocks(loops, shapes, plan, start, link_x, link_R, relative, x, R, 
 
 
 @kernel
-def place_insides(loops, shapes, inside, full_node, own_x, own_R, x, R):
+def place_internal_blocks(loops, shapes, inside, full_node, own_x, own_R, x, R):
     """Internal blocks of the substructures (A axes) into the full model's nodes (global), links already in place.
 
     A block's frame is identity at rest in both, so R_full = R_a F R_own F^T with F the joint axes at rest.

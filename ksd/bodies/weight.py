@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ksd.beam.weight import PULL
+from ksd.beam.weight import GRAVITY_BLOCK_SIZE
 from ksd.numerics.kernel import kernel
 
 
-class Hung(NamedTuple):
+class JointWeights(NamedTuple):
     """owner (m,): joint of every substructure member; load (J,): the load of the reduced mechanism that stands for the
     weight of a joint, -1 where A is on ground. Both empty without weight."""
 
@@ -23,11 +23,11 @@ class Hung(NamedTuple):
     load: np.ndarray
 
 
-NOTHING_HUNG = Hung(np.zeros(0, np.int64), np.zeros(0, np.int64))
+NO_JOINT_WEIGHTS = JointWeights(np.zeros(0, np.int64), np.zeros(0, np.int64))
 
 
 @kernel
-def turn_gravity(owner, node, R, frame, given, weight):
+def gravity_in_joint_axes(owner, node, R, frame, given, weight):
     """Gravity of the substructures' members `given` (m, 4), global, into `weight` (m, 4), in the axes of A of their joint.
 
     node (J, 2): links of the joints, R (k, 3, 3): their rotations, frame (J, 3, 3): joint axes at rest.
@@ -44,7 +44,7 @@ def turn_gravity(owner, node, R, frame, given, weight):
 
 
 @kernel
-def hang_joints(owner, load, node, store_at, x, pose, store, weight, anchor, frame, point):
+def place_joint_weights(owner, load, node, store_at, x, pose, store, weight, anchor, frame, point):
     """Centres of mass of the joints, as condensed, into the points (l, 3) of their loads, axes of link A.
 
     node (m, 2), store_at (m + 1,): of the substructures' members; x (k, 3): of their nodes; anchor (J, 2, 3), frame
@@ -53,7 +53,7 @@ def hang_joints(owner, load, node, store_at, x, pose, store, weight, anchor, fra
     total = np.zeros((len(load), 4))
     for i in range(len(owner)):
         if weight[i, 0] > 0.0:
-            j, mass, p, o = owner[i], weight[i, 0], pose[i], store_at[i + 1] - PULL
+            j, mass, p, o = owner[i], weight[i, 0], pose[i], store_at[i + 1] - GRAVITY_BLOCK_SIZE
             total[j, 0] += mass
             for r in range(3):
                 start = x[node[i, 0], r] + p[9 + r] - p[15 + r]

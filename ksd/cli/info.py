@@ -16,7 +16,7 @@ from ksd.errors import RecordError, SceneError
 from ksd.library import describe_database, read_record, record_folders
 from ksd.scene import joint_families
 from ksd.train import check_probes, design_of, known_designs
-from ksd.train.portrait import counted, described
+from ksd.train.family_description import count_function_parities, describe_family
 
 _PER_RADIAN = 180 / math.pi
 _UNITS = {
@@ -61,7 +61,7 @@ def _one(family: str, *, check: bool) -> int:
     known = sorted({*listings, *joint_families()})
     if family not in known:
         raise SceneError(f"joint family {family!r} is unknown{nearest(family, known)}")
-    screen, rows = console(), described(family)
+    screen, rows = console(), describe_family(family)
     listing = listings.get(family)
     if listing is None:
         none = "none, and none needed: a flexible constraint, said with Mechanism.constrain"
@@ -71,7 +71,7 @@ def _one(family: str, *, check: bool) -> int:
     if listing.problem:
         raise RecordError(listing.problem)
     record = read_record(listing.path)
-    signs = ", ".join(f"{n} {word}" for word, n in counted(record).items())
+    signs = ", ".join(f"{n} {word}" for word, n in count_function_parities(record).items())
     rows.append(("so its functions", f"in the (first) motion {signs}"))
     fitted, fresh = record.samples
     rows.append(("shapes", f"{fitted} fitted, {fresh} fresh ones that the fit has not seen"))

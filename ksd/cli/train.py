@@ -17,7 +17,7 @@ from ksd.errors import RecordError
 from ksd.library import find_record
 from ksd.library.record_files import SUFFIX, record_in_use, where_looked_for
 from ksd.train import known_designs, train, up_to_date
-from ksd.train.run import target_of
+from ksd.train.run import record_path
 
 ROUNDING = 2e-9
 """Difference of a coefficient, of ten decimals, that another machine or another order of sums may make."""
@@ -54,7 +54,7 @@ def _train(family: str, options: argparse.Namespace) -> None:
         screen.print(f"  {group}: largest error {worst.fresh_max:.2g} on fresh shapes, mesh {worst.mesh}")
     for message in told:
         screen.print(f"  warning: {message.message}", soft_wrap=True)
-    if unused := where_looked_for(target_of(family, options.out), family):
+    if unused := where_looked_for(record_path(family, options.out), family):
         screen.print(f"  {unused}", soft_wrap=True)
 
 

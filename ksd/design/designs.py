@@ -14,8 +14,8 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from ksd.bodies.freedom import check_freedoms
-from ksd.bodies.joints import body_design, check_drawing, layout_of
+from ksd.bodies.joints import check_proportions, joint_bodies_of_design, joint_layout
+from ksd.bodies.mobility import check_mobility
 from ksd.design.plan import scene_of
 from ksd.design.prepared import Found, Prepared, answer_together
 from ksd.design.words import submitted
@@ -109,7 +109,7 @@ class Designs:
         found = []
         for joint in drawing.joints:
             record = self._record(joint.family)
-            check_drawing(joint, record)
+            check_proportions(joint, record)
             found.append(joint.shape())
             record.places(found[-1], extrapolate=self.extrapolate)
         return found
@@ -124,7 +124,7 @@ class Designs:
         """Designs of one template: their numbers together, then one after the other."""
         designs = [one for _, one in numbered]
         try:
-            layout = layout_of(template, designs[0].drawing.joints, self._record)
+            layout = joint_layout(template, designs[0].drawing.joints, self._record)
         except KsdError as reason:
             for number, _ in numbered:
                 found[number] = reason
@@ -137,9 +137,9 @@ class Designs:
             model_of(one.scene, template, filled, numbers, d, said=one.said, choice=one.choice)
             for d, one in enumerate(designs)
         ]
-        bodies = [body_design(layout, together, d) for d in range(len(designs))]
+        bodies = [joint_bodies_of_design(layout, together, d) for d in range(len(designs))]
         places = [(number, d) for d, (number, _) in enumerate(numbered)]
-        fits = _each(lambda d: (d, check_freedoms(models[d], bodies[d])), places, found)
+        fits = _each(lambda d: (d, check_mobility(models[d], bodies[d])), places, found)
         mine = self._own.__dict__
         storage = mine["storage"] if mine.get("layout") is layout else None
         for number, (d, fit) in fits:

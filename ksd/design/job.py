@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from ksd.bodies.joints import check_drawing
+from ksd.bodies.joints import check_proportions
 from ksd.checks import LARGEST, Worded, checked, nearest, number, show, truth, unchecked
 from ksd.design.designs import Designs, in_blocks, makers_of
 from ksd.design.goals import AMOUNTS, Answer, goals_of
@@ -344,7 +344,7 @@ class Job(Shown, metaclass=Worded):
         elsewhere = self._joints_at(np.full(len(self.vary), 0.37))
         try:
             for joint in (*(placed.joint for placed in scene.joints), *elsewhere):
-                check_drawing(joint, find_record(joint.family))
+                check_proportions(joint, find_record(joint.family))
         except RecordError:
             return "conventional"
         return "full"

@@ -151,7 +151,7 @@ class _Questions:
         """Whether all joints are next to their intended motions."""
         b = self.design.five.storage
         off = np.abs(b.off)
-        off[:, :3] /= b.bodies.loops.length[:, None]
+        off[:, :3] /= b.bodies.kinematics.length[:, None]
         return bool(off.max(initial=0.0) <= ALONG)
 
     def _posed(self, motion: Motion, answering: Motion, target: np.ndarray) -> Configuration:

@@ -1,4 +1,4 @@
-"""Compiled assembly: members add force and tangent into one prepared storage (`ksd.beam.levers`)."""
+"""Compiled assembly: members add force and tangent into one prepared storage (`ksd.beam.member_tangent`)."""
 
 from __future__ import annotations
 
@@ -7,12 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 from ksd.beam import corotational, planar_leaf
-from ksd.beam.corotational_near import near_condense
-from ksd.beam.levers import member_norms, member_tangent
+from ksd.beam.corotational_linearised import condense_linearised
 from ksd.beam.linear import linear_condense
+from ksd.beam.member_tangent import member_norms, member_tangent
 from ksd.beam.modal import modal_condense, modal_recover
-from ksd.beam.polynomial import polynomial_condense
-from ksd.beam.strain import leaf_room, strain_condense, strain_follow, strain_recover
+from ksd.beam.polynomial_solid import polynomial_condense
+from ksd.beam.strain import (
+    allocate_leaf_fields_compiled,
+    strain_condense,
+    strain_gravity_block,
+    strain_recover,
+)
 from ksd.model.arrays import (
     BLOCK,
     COROTATIONAL,
@@ -61,7 +66,7 @@ def condense_any(kind, value, number, state, store, near, d, Q, lam, K, A, M):
 def condense_beam(kind, value, number, state, store, near, d, Q, lam, K, A, M):
     """`condense_any` but of modal bodies and solids, which take as long to compile as the others together."""
     if len(near) > 0:
-        told = near_condense(value, number, state, store, near, d, Q, lam, K, A, M)
+        told = condense_linearised(value, number, state, store, near, d, Q, lam, K, A, M)
     elif kind == COROTATIONAL:
         told = corotational.condense(value, number, state, store, d, Q, lam, K)
     else:
@@ -79,9 +84,9 @@ def condense_linear(kind, value, number, state, store, near, d, Q, lam, K, A, M)
 def follow_leaf(kind, value, number, state, store, leaf, lam, K):
     """What the weight of a strain-mode leaf does, after it was condensed."""
     if kind == STRAIN:
-        strain_follow(value, number, state, store, leaf, lam, K)
+        strain_gravity_block(value, number, state, store, leaf, lam, K)
     elif kind == PLANAR:
-        planar_leaf.follow(value, number, state, store, lam)
+        planar_leaf.gravity_block(value, number, state, store, lam)
 
 
 @kernel(inline="always")
@@ -118,12 +123,12 @@ def recover_any(kind, value, number, state, store, xi, scale, step):
 
 @kernel(inline="always")
 def no_weight(pose, weight, i, factor, store):
-    """`ksd.beam.weight_entry.pull_member` where nothing weighs anything."""
+    """`ksd.beam.weight_assembly.set_member_gravity` where nothing weighs anything."""
 
 
 @kernel(inline="always")
 def no_weight_added(pose, store, mass, T, force):
-    """`ksd.beam.weight_entry.weigh_member` where nothing weighs anything."""
+    """`ksd.beam.weight_assembly.add_member_weight` where nothing weighs anything."""
 
 
 @kernel(inline="late")
@@ -186,7 +191,7 @@ def open_member_room():
 
 @kernel
 def open_leaf_room(ints):
-    """`ksd.beam.strain.Fields` for the strain-mode leaves there are."""
+    """`ksd.beam.strain.LeafFields` for the strain-mode leaves there are."""
     # no literals, for which numba would compile twice
     modes = points = ints[0] * 0
     for i in range(ints[MEMBER_COUNT]):
@@ -194,7 +199,7 @@ def open_leaf_room(ints):
             number = ints[MEMBERS + NUMBER] + 4 * i
             modes = max(modes, ints[number] + ints[number + 1] + ints[number + 2])
             points = max(points, ints[number + 3])
-    return leaf_room(modes, points)
+    return allocate_leaf_fields_compiled(modes, points)
 
 
 @kernel(inline="always")

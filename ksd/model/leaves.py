@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ksd.beam import corotational_values as chains
-from ksd.beam.strain import fields_of, strain_fields
+from ksd.beam.strain import fill_leaf_fields, leaf_fields
 from ksd.beam.strain_values import (
     Modes,
     make_modes,
@@ -254,7 +254,7 @@ def _strain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
         words["line_mass"] = line_mass(leaf, modes.s)
         mass = leaf.length * float(modes.weight @ words["line_mass"])
     value, number = strain_values(rigidity=stiff, compliance=soft, **words)
-    size, store = strain_sizes(number, heavy=heavy)
+    size, store = strain_sizes(number, has_weight=heavy)
     inner = np.zeros(size)
     if leaf.curve is None:
         return _Body(STRAIN, value, number, inner, store, np.array([leaf.length, 0, 0]), np.eye(3), mass)
@@ -267,8 +267,8 @@ def _undeformed_end(
     value: np.ndarray, number: np.ndarray, inner: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pose of end q by the leaf's own integration, so that a curved leaf is free of stress at rest."""
-    fields = fields_of(number)
-    strain_fields(value, number, inner, np.zeros(0), fields)
+    fields = leaf_fields(number)
+    fill_leaf_fields(value, number, inner, np.zeros(0), fields)
     return fields.end.copy(), fields.R[-1].copy()
 
 
@@ -297,7 +297,7 @@ def _chain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
             value[at + 1 : at + 7] = chains.stiffness_numbers(_numbers(section, leaf, mesh), value[at])
     number = np.array([count, int(mesh.mip)], np.int64)
     d, Q = chains.undeformed_end(value, number)
-    inner, store, mass = chains.start_inner(value, number), chains.sizes(count, heavy=heavy).store, 0.0
+    inner, store, mass = chains.start_inner(value, number), chains.sizes(count, has_weight=heavy).store, 0.0
     if heavy:
         lumps = chains.lumped_masses(value, count, line_mass(leaf, (np.arange(count) + 0.5) / count))
         value, mass = np.concatenate([value, lumps]), float(lumps[: count + 1].sum())

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ksd.beam.levers import geometric_tangent
+from ksd.beam.member_tangent import geometric_tangent
 from ksd.model.arrays import (
     KEEP,
     LOAD_BLOCK,

@@ -18,7 +18,7 @@ import math
 
 import numpy as np
 
-from ksd.beam.weight_entry import pull_member, turn_pull, weigh_member
+from ksd.beam.weight_assembly import add_member_weight, rotate_member_gravity, set_member_gravity
 from ksd.model.arrays import (
     INNER_AT,
     KEEP,
@@ -328,7 +328,7 @@ def _no_springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, poses, lams
 
 @kernel(inline="always")
 def _no_weight_turned(pose, move, store):
-    """`turn_pull` where nothing weighs anything."""
+    """`rotate_member_gravity` where nothing weighs anything."""
 
 
 @kernel(inline="always")
@@ -359,8 +359,8 @@ def newton_beams(
 ):  # fmt: skip
     """`newton` for chains too, springs, weight, and loads that are not conservative."""
     return _newton(
-        add_members, condense_beam, pull_member, follow_leaf, weigh_member, add_springs, recover_beam, turn_pull,
-        turn_step,
+        add_members, condense_beam, set_member_gravity, follow_leaf, add_member_weight, add_springs, recover_beam,
+        rotate_member_gravity, turn_step,
         ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
     )  # fmt: skip
 
@@ -371,7 +371,8 @@ def newton_any(
 ):  # fmt: skip
     """`newton_beams` for members of every kind."""
     return _newton(
-        add_members, condense_any, pull_member, follow_leaf, weigh_member, add_springs, recover_any, turn_pull, turn_step,
+        add_members, condense_any, set_member_gravity, follow_leaf, add_member_weight, add_springs, recover_any,
+        rotate_member_gravity, turn_step,
         ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
     )  # fmt: skip
 

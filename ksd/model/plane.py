@@ -158,7 +158,7 @@ def _members(members: Members, heavy: np.ndarray) -> tuple[Members, list[tuple[i
         own = (members.kind == STRAIN) & np.all(constants == row, axis=1)
         _, _, planar, of, _ = _unit(tuple(settings))
         kind[own], number[own], value_at[own] = PLANAR, planar, end
-        store[own] = store_size(int(planar[0]), heavy=bool(weighs))
+        store[own] = store_size(int(planar[0]), has_weight=bool(weighs))
         leaves.append((at, bool(weighs), tuple(settings)))
         end += len(of) + weighs * settings[3]
     planar_members = members._replace(
@@ -198,7 +198,7 @@ def _constants(value: np.ndarray, weighs: bool, settings: tuple[int, ...]) -> np
     """Planar constants of a leaf, with or without weight, from its spatial ones."""
     tables, known, _, of, multiple = _unit(settings)
     if not np.array_equal(value[tables], known):
-        return planar_values(value, np.array(settings), heavy=weighs)[0]
+        return planar_values(value, np.array(settings), has_weight=weighs)[0]
     made = multiple * value[of]
     return np.concatenate([made, masses_beyond(value, np.array(settings))]) if weighs else made
 

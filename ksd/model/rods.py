@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ksd.beam.levers import member_tangent
-from ksd.beam.rod import STATE, integrate_rod, open_rod_room
+from ksd.beam.member_tangent import member_tangent
+from ksd.beam.rod import STATE, allocate_rod_scratch, integrate_rod
 from ksd.model.arrays import BLOCK, KEEP, MEMBERS, NODE, START, WIDTH
 from ksd.model.tangents import scatter
 from ksd.numerics.elimination import solve_small
@@ -165,7 +165,7 @@ def _join(E, g, T, force, kept, A):
 @kernel
 def _add_rods(ints, x, R, at_part, at_step, step, rod, offset, frame, gravity, place, axes, wrench, gap, back, kept,
               matrix, rhs):  # fmt: skip
-    room, pose, Q, d, g0 = open_rod_room(), np.empty(18), np.empty((3, 3)), np.empty(3), np.empty(3)
+    room, pose, Q, d, g0 = allocate_rod_scratch(), np.empty(18), np.empty((3, 3)), np.empty(3), np.empty(3)
     K, lam, A, M = np.empty((6, 6)), np.empty(12), np.empty((6, 6)), np.empty((6, 12))
     T, force, E, g = np.empty((12, 12)), np.empty(12), np.empty((12, 12)), np.empty(12)
     for i in range(len(at_part) - 1):

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ksd.beam.levers import member_norms, member_tangent
 from ksd.beam.linear import linear_condense
+from ksd.beam.member_tangent import member_norms, member_tangent
 from ksd.beam.spring import coil_condense
 from ksd.model.arrays import (
     BLOCK,

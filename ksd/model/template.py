@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ksd.beam import corotational_values as chains
-from ksd.beam.strain_values import strain_constants, strain_sizes, strain_values
+from ksd.beam.strain_values import strain_sizes, strain_value_count, strain_values
 from ksd.model.arrays import STRAIN, Arrays, Members, Motion
 from ksd.model.drawing import GIVEN, LEAF, SPRING, LeafWords, Numbers, Words, places_of
 from ksd.model.leaves import leaf_axes
@@ -57,7 +57,7 @@ def _constants(kind: int, number: tuple[int, ...], heavy: bool) -> Unit:
                 length=1.0, rigidity=ones, compliance=ones, orders=(orders[0], orders[1], orders[2]),
                 points=points, line_mass=np.ones(points),
             )  # fmt: skip
-            more = len(ready) - strain_constants(settings)
+            more = len(ready) - strain_value_count(settings)
             value, scale = ready, np.append(scale, np.full(more, 8))
         return Unit(value, scale)
     n = number[0]
@@ -75,10 +75,10 @@ def _sizes(leaf: LeafWords) -> tuple[int, int, int]:
     """How many constants, inner states and stored numbers a leaf has."""
     number = np.array(leaf.number, np.int64)
     if leaf.kind == STRAIN:
-        inner, store = strain_sizes(number, heavy=leaf.heavy)
-        constants = strain_constants(number, heavy=leaf.heavy)
+        inner, store = strain_sizes(number, has_weight=leaf.heavy)
+        constants = strain_value_count(number, has_weight=leaf.heavy)
     else:
-        constants, inner, store = chains.sizes(leaf.number[0], heavy=leaf.heavy)
+        constants, inner, store = chains.sizes(leaf.number[0], has_weight=leaf.heavy)
     return (*leaf.given, store) if leaf.given else (constants, inner, store)
 
 

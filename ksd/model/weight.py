@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ksd.beam.weight import PULL
+from ksd.beam.weight import GRAVITY_BLOCK_SIZE
 from ksd.model.arrays import Arrays, Work
 
 
@@ -15,7 +15,7 @@ def weight_force(arrays: Arrays, work: Work) -> np.ndarray:
     """
     found, members = np.zeros(arrays.plan.unknowns), arrays.members
     for i in np.flatnonzero(work.weight[:, 0]):
-        pull = work.store[: members.store_at[i + 1]][-PULL:]
+        pull = work.store[: members.store_at[i + 1]][-GRAVITY_BLOCK_SIZE:]
         pose, mass, gravity = work.pose[i], work.weight[i, 0], work.weight[i, 1:]
         frame, w, s, d = pose[:9].reshape(3, 3), pose[9:12], pose[12:15], pose[15:18]
         own = frame.T @ gravity

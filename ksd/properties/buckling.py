@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.beam.levers import geometric_tangent
+from ksd.beam.member_tangent import geometric_tangent
 from ksd.checks import names_of, wrench_of
 from ksd.errors import ConvergenceError, SceneError
 from ksd.model.arrays import COIL, STRAIN, TURN, Motion, make_work

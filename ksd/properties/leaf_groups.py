@@ -10,8 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.beam.strain_mass import StrainParts, StrainPull, many_parts, many_pulls, strain_flexibility
-from ksd.beam.strain_values import strain_constants
+from ksd.beam.strain_uncondensed import (
+    GravityDerivatives,
+    UncondensedLeaves,
+    gravity_derivatives,
+    strain_flexibility,
+    uncondensed_leaves,
+)
+from ksd.beam.strain_values import strain_value_count
 from ksd.model.arrays import COROTATIONAL, STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.properties.cache import per_model
@@ -63,7 +69,7 @@ def leaf_groups(model: Model) -> tuple[LeafGroup, ...]:
         found.setdefault((*made, bool(heavy[i])), []).append(i)
     groups = []
     for (*_, weighs), same in found.items():
-        size = strain_constants(members.number[same[0]], heavy=weighs)
+        size = strain_value_count(members.number[same[0]], has_weight=weighs)
         value = np.stack([members.value[members.value_at[i] :][:size] for i in same])
         places = np.stack([np.arange(members.inner_at[i], members.inner_at[i + 1]) for i in same])
         groups.append(LeafGroup(np.array(same), members.number[same[0]], value, places, weighs))
@@ -141,10 +147,10 @@ def own_gravity(model: Model, motion: Motion, group: LeafGroup, load_factor: flo
     return found
 
 
-def group_parts(model: Model, motion: Motion, group: LeafGroup, load_factor: float) -> StrainParts:
-    """Tangent blocks and mode fields of all leaf springs of a group, stacked (k, ...), see `ksd.beam.strain_mass`."""
+def group_parts(model: Model, motion: Motion, group: LeafGroup, load_factor: float) -> UncondensedLeaves:
+    """Tangent blocks and mode fields of all leaf springs of a group, stacked (k, ...), see `ksd.beam.strain_uncondensed`."""
     gravity = own_gravity(model, motion, group, load_factor)
-    return many_parts(group.value, group.number, motion.inner[group.places], gravity)
+    return uncondensed_leaves(group.value, group.number, motion.inner[group.places], gravity)
 
 
 @dataclass(frozen=True)
@@ -152,17 +158,17 @@ class LeafWeight:
     """The weight of k leaves: pull, turn (k, 3, 12): change of gravity in frame p by the motions of both nodes; corner
     (k, 12, 12): second derivatives of the weight itself, which acts at end p with the first moment of the leaf."""
 
-    pull: StrainPull
+    pull: GravityDerivatives
     turn: Array
     corner: Array
 
 
 def leaf_weight(model: Model, motion: Motion, group: LeafGroup, load_factor: float) -> LeafWeight | None:
-    """What the weight of a group of leaves adds to their tangents, see `ksd.beam.weight_entry`; None without weight."""
+    """What the weight of a group of leaves adds to their tangents, see `ksd.beam.weight_assembly`; None without weight."""
     gravity = own_gravity(model, motion, group, load_factor)
     if gravity is None:
         return None
-    pull = many_pulls(group.value, group.number, motion.inner[group.places], gravity)
+    pull = gravity_derivatives(group.value, group.number, motion.inner[group.places], gravity)
     ends = end_frames(model, motion, group.members)
     turn, corner = np.zeros((len(gravity), 3, 12)), np.zeros((len(gravity), 12, 12))
     turn[:, :, 3:6] = np.cross(gravity[:, None], ends.frame).swapaxes(1, 2)
@@ -216,7 +222,7 @@ class Flexible:
     end p, and xi of end q relative to it, from the motions of both nodes; inner (k, N): the unknowns of b.
     """
 
-    parts: StrainParts
+    parts: UncondensedLeaves
     stiffness: Array
     P: Array
     Z: Array

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.beam.rod import NODES, ROD, WEIGHTS, free_rod
+from ksd.beam.rod import NODES, ROD, WEIGHTS, unloaded_rod_end
 from ksd.model.compile import Model
 from ksd.model.leaves import (
     cut_leaves,
@@ -171,7 +171,7 @@ def _moved(leaf: Any, mesh: Any, count: int) -> tuple[Array, Array, Array] | Non
     """`_Sampled.moved` of one leaf."""
     if leaf.curve is None:
         return None
-    end, Q = free_rod(*_sampled(leaf, mesh, False, count))
+    end, Q = unloaded_rod_end(*_sampled(leaf, mesh, False, count))
     place, axes = leaf_ends(leaf, end, Q, leaf.name)
     made = leaf_member(leaf, mesh, name=leaf.name)
     clamp = made.frame[1].T

@@ -1,7 +1,7 @@
 """Mass matrix of a model at a state: consistent mass of its leaf springs, point masses and inertias of its links.
 
 Unknowns: those of the node tangent (six per node, one per constraint row, in elimination order), then for
-every strain-mode leaf the inner coordinates b of `ksd.beam.strain_mass` (a = P xi + b). In these the
+every strain-mode leaf the inner coordinates b of `ksd.beam.strain_uncondensed` (a = P xi + b). In these the
 stiffness is the node tangent beside the inverse of a small flexibility Z per leaf, so nothing is condensed
 away and nothing factored twice. Chains are taken with all their nodes in the open (`ksd.properties.unfold`),
 so that they have no inner coordinates.
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.beam.corotational_values import ElementSection, element_mass, shear_ratios
-from ksd.beam.strain_mass import strain_mass_root, strain_stations
+from ksd.beam.strain_uncondensed import quadrature_points, strain_mass_root
 from ksd.errors import SceneError
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
@@ -118,7 +118,7 @@ def _leaves_and_lines(model: Model) -> dict[int, tuple[Any, Array]]:
         for i, (first, last) in zip(numbers, pairwise(ends), strict=True):
             at = np.array([0.5])
             if members.kind[i] == STRAIN:
-                at = strain_stations(members.value[members.value_at[i] :], members.number[i])
+                at = quadrature_points(members.value[members.value_at[i] :], members.number[i])
             at = first + (last - first) * at
             found[i] = leaves[name], leaf_line_mass(leaves[name], at)
     return found

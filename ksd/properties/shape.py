@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ksd.beam.strain_centreline import integrate_centrelines
 from ksd.beam.strain_values import masses_beyond
-from ksd.beam.strain_walk import walk
 from ksd.model.arrays import COROTATIONAL, SOLID, STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.model.leaves import leaf_of
@@ -274,7 +274,7 @@ def strain_curves(
         before, R, v = R[:, -1], np.empty((len(value), len(x), 3, 3)), np.empty((len(value), len(x), 3))
         pulled = np.empty(v.shape)
         pulled[:] = n + weight.pull(tables, x, k)
-        walk(bends, _between(tables, tables.soft, x, k), pulled, h[:, 0, 0], before, R, v)
+        integrate_centrelines(bends, _between(tables, tables.soft, x, k), pulled, h[:, 0, 0], before, R, v)
         weight.add(h, v)
         pieces = h / 3 * (v[:, :-2:2] + 4 * v[:, 1::2] + v[:, 2::2])
         s.append(L[:, None] * x[2::2])

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.beam import corotational
-from ksd.beam.strain_mass import many_pulls, many_slacks
+from ksd.beam.strain_uncondensed import gravity_derivatives, stretch_shear_compliances
 from ksd.model.arrays import SOLID, Motion
 from ksd.model.compile import Model
 from ksd.properties.alike import Alike
@@ -501,13 +501,13 @@ def _strain_energies(model: Model, motion: Motion, group: LeafGroup, load_factor
     rest = 1 + sum(int(n) ** 2 for n in group.number[:3])
     bent = inner[:, :N] - group.value[:, rest : rest + N]
     force = inner[:, N : N + 3]
-    soft = many_slacks(group.value, group.number, inner)
+    soft = stretch_shear_compliances(group.value, group.number, inner)
     gravity = own_gravity(model, motion, group, load_factor)
     found: Array = 0.5 * np.einsum("ki,kij,kj->k", bent, elastic(group), bent)
     found += 0.5 * np.einsum("ki,kij,kj->k", force, soft, force)
     if gravity is not None:
         # n(s) = n + M(s) g
-        pull = many_pulls(group.value, group.number, inner, gravity)
+        pull = gravity_derivatives(group.value, group.number, inner, gravity)
         found += np.einsum("ki,kij,kj->k", force, pull.B, gravity)
         found += 0.5 * np.einsum("ki,kij,kj->k", gravity, pull.D, gravity)
     return found

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.beam.weight import PULL
+from ksd.beam.weight import GRAVITY_BLOCK_SIZE
 from ksd.errors import KinematicsError
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
@@ -137,7 +137,9 @@ def _wrenches(assembled: Assembled, mass: Array, load_factor: float) -> tuple[En
     if len(heavy):
         gravity[heavy] = load_factor * weight[heavy, 1:]
         own = (gravity[heavy, None] @ ends.frame[heavy])[:, 0]
-        pull = work.store[(members.store_at[heavy + 1] - PULL)[:, None] + np.arange(PULL)]
+        pull = work.store[
+            (members.store_at[heavy + 1] - GRAVITY_BLOCK_SIZE)[:, None] + np.arange(GRAVITY_BLOCK_SIZE)
+        ]
         at_p[heavy] += np.hstack([mass[heavy, None] * own, crossed(pull[:, 3:6], own)])
     return ends, at_p, gravity
 

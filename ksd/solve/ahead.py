@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ksd.beam.levers import member_tangent
-from ksd.beam.strain import fields_of, strain_condense, strain_recover, strain_tangent
+from ksd.beam.member_tangent import member_tangent
+from ksd.beam.strain import leaf_fields, strain_condense, strain_recover, strain_tangent
 from ksd.bodies.joints import joint_bodies
 from ksd.bodies.substructures import condense_assembled, interface_step
 from ksd.errors import KsdError
@@ -62,7 +62,7 @@ def compile_late() -> None:
     (ints, floats, _), members, plan = arrays.flat, arrays.members, arrays.plan.ints
     inner, store = motion.inner[: members.inner_at[1]], work.store[: members.store_at[1]]
     value, number, target = members.value, members.number[0], np.zeros(len(motion.multiplier))
-    leaf, lam, K, A = fields_of(number), np.zeros(12), np.zeros((6, 6)), np.zeros((6, 6))
+    leaf, lam, K, A = leaf_fields(number), np.zeros(12), np.zeros((6, 6)), np.zeros((6, 6))
     strain_tangent(value, number, inner, leaf)
     strain_condense(value, number, inner, store, leaf, np.zeros(3), np.eye(3), lam, K)
     factor_blocks(plan, work.value, work.spare, plan[BLOCKS])
@@ -82,5 +82,5 @@ def compile_late() -> None:
         b = FiveStepsStorage(model, joint_bodies(model, find_record))
         inside, state, room = b.bodies.substructures, b.substructures, b.substructure_work
         condense_assembled(inside, 1, state, room, b.reduced.inner)
-        interface_step(inside, b.bodies.loops, b.reduced, state, room, b.relative)
+        interface_step(inside, b.bodies.kinematics, b.reduced, state, room, b.relative)
         place_space(b)

@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ksd.bodies.freedom import Fit, check_freedoms
 from ksd.bodies.joints import JointBodies
+from ksd.bodies.mobility import MotionCompatibility, check_mobility
 from ksd.errors import ConvergenceError, KinematicsError
 from ksd.model.compile import Model
 from ksd.numerics.stopwatch import Stopwatch
@@ -54,11 +54,11 @@ class FiveSteps:
 
     def __init__(
         self, model: Model, bodies: JointBodies, *, extrapolate: bool, storage: FiveStepsStorage | None = None,
-        fit: Fit | None = None,
+        fit: MotionCompatibility | None = None,
     ) -> None:  # fmt: skip
         self.model, self.extrapolate = model, extrapolate
-        self.fit = check_freedoms(model, bodies) if fit is None else fit
-        self.gap = GAP if self.fit.exact else YIELDING
+        self.fit = check_mobility(model, bodies) if fit is None else fit
+        self.gap = GAP if self.fit.is_exact else YIELDING
         self.storage = FiveStepsStorage(model, bodies) if storage is None else storage.of(model, bodies)
         self._expected = len(model.drive_names) + len(model.support_names)
 
@@ -113,20 +113,20 @@ class FiveSteps:
 
     def insist_on_motions(self) -> None:
         """KinematicsError where intended motions alone say nothing of a drive or support."""
-        if self.fit.yielding:
+        if self.fit.unmet_drives:
             raise KinematicsError(
-                f"method 'kinematic' knows no force of '{self.fit.yielding[0]}': no intended motion of the joints meets "
+                f"method 'kinematic' knows no force of '{self.fit.unmet_drives[0]}': no intended motion of the joints meets "
                 "it, elasticity alone does; use method='reduced' or 'full'"
             )
 
     def _said(self, steps: FiveStepRecord) -> tuple[str, ...]:
         """What the leaf springs had to take up, as a warning."""
-        if self.fit.exact:
+        if self.fit.is_exact:
             return ()
-        why = [f"the joints are overconstrained and misaligned by {1e3 * self.fit.off:.2g} mrad"] * (
-            self.fit.off > 0
+        why = [f"the joints are overconstrained and misaligned by {1e3 * self.fit.misalignment:.2g} mrad"] * (
+            self.fit.misalignment > 0
         )
-        why += [f"no intended motion meets '{n}'" for n in self.fit.yielding]
+        why += [f"no intended motion meets '{n}'" for n in self.fit.unmet_drives]
         said = "; ".join(why)
         return (
             f"{said}: step 1 left a gap of {1e3 * steps[0].residual:.2g} mm, which the leaf springs take up by force",

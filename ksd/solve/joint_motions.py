@@ -53,13 +53,14 @@ def read_motions(
 ) -> JointMotions:
     """Intended motion of every joint, by `names`, what is left, and what is not known, in words.
 
-    theta (q,), off (J, 6) and found (J,) as of `ksd.bodies.readout.intended_motions`; they are changed where a motion
-    was not found or lies far outside its trained range: nan, and a sentence. intended: it was seen that there is none such.
+    theta (q,), off (J, 6) and found (J,) as of `ksd.bodies.intended_motions.intended_motions`; they are changed where a
+    motion was not found or lies far outside its trained range: nan, and a sentence. intended: it was seen that there is
+    none such.
     """
     unknown = []
     if not intended:
         _, _, low, high = motion_limits(bodies.motion_range).T
-        inside, first = (theta >= low) & (theta <= high), bodies.loops.first
+        inside, first = (theta >= low) & (theta <= high), bodies.kinematics.first
         for j, name in enumerate(names):
             own = slice(first[j], first[j + 1])
             if found[j] and inside[own].all():
@@ -100,7 +101,7 @@ class JointReader:
         bodies = self._bodies
         if bodies is None:
             return None
-        loops, limits = bodies.loops, motion_limits(bodies.motion_range)
+        loops, limits = bodies.kinematics, motion_limits(bodies.motion_range)
         joints, start, found = len(loops.node), np.zeros(len(limits)), np.zeros(len(limits))
         off, known, seen = np.zeros((joints, 6)), np.zeros(joints, np.int64), np.zeros(2, np.int64)
         read_joints(

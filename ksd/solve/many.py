@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ksd.bodies.readout import intended_motions
+from ksd.bodies.intended_motions import intended_motions
 from ksd.bodies.substructures import relative_poses
 from ksd.model.newton import CONVERGED, iterate
 from ksd.numerics.kernel import kernel
@@ -53,7 +53,7 @@ def space_many(
 
     ask: asks more of every pose that was solved, whose state is in the storage, and returns its status.
     """
-    full, links, length = b.full, found.x.shape[1], b.bodies.loops.length
+    full, links, length = b.full, found.x.shape[1], b.bodies.kinematics.length
     for n, target in enumerate(targets):
         rows, negatives = space_steps(b, target, method, relinearisations, gap)
         status = int(rows[-1][0])
@@ -161,7 +161,7 @@ def tabulated_many(
     limits (q, 4): trained ranges with slack, then as they are. A pose much nearer to the one before than to rest starts
     where the last two lead to, and from rest if that fails. Otherwise as `space_many`.
     """
-    loops, reduced, theta, status = b.bodies.loops, b.reduced, b.theta, found.status
+    loops, reduced, theta, status = b.bodies.kinematics, b.reduced, b.theta, found.status
     joints, wide = len(loops.node), gap * b.bodies.reduced.size
     then, shift, first = theta.copy(), np.zeros((len(reduced.x), 6)), loops.first[:-1]
     low, span = limits[first, 2], limits[first, 3] - limits[first, 2]

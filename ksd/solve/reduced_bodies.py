@@ -19,7 +19,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ksd.bodies.joints import joint_bodies
-from ksd.bodies.mixture import alone, mixture
+from ksd.bodies.partly_condensed import condense_some_joints, single_member
 from ksd.checks import show
 from ksd.errors import ConvergenceError, KinematicsError, RangeError, RecordError, SceneError
 from ksd.modal.choices import ModalBasis
@@ -332,7 +332,7 @@ class _Prepared:
     def __init__(
         self, model: Model, linear: Arrays, condensed: Sequence[bool], smaller: _Prepared | None = None
     ) -> None:
-        self.model, self.smaller, self.mix = model, smaller, mixture(model, linear, condensed)
+        self.model, self.smaller, self.mix = model, smaller, condense_some_joints(model, linear, condensed)
         self.work = make_work(self.mix.arrays)
 
     def loaded(
@@ -405,7 +405,7 @@ def inner_at(model: Model, i: int, d: np.ndarray, Q: np.ndarray) -> tuple[np.nda
     A Newton step of a whole mechanism from inner coordinates of rest and ends turned by tens of degrees is lost at once: the
     directors between the ends are far from unit length, and that energy is membrane energy.
     """
-    arrays, rest = alone(model, i)
+    arrays, rest = single_member(model, i)
     work, taken = make_work(arrays), 0
     d0, Q0 = member_pose(model.arrays.members, i, model.rest)
     turn = Rotation.from_matrix(Q @ Q0.T).as_rotvec()

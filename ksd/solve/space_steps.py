@@ -9,18 +9,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from ksd.bodies.flat import JOINT_LENGTH, JOINTS
-from ksd.bodies.joints import JointBodies, hang_links
+from ksd.bodies.intended_motions import drive_forces, intended_motions
+from ksd.bodies.joint_arrays import JOINT_LENGTH, JOINTS
+from ksd.bodies.joints import JointBodies, place_leaf_links
 from ksd.bodies.kinematics import close_loops
-from ksd.bodies.readout import drive_forces, intended_motions
 from ksd.bodies.substructures import (
     condense_joints,
     interface_step,
-    place_insides,
+    place_internal_blocks,
     relative_poses,
-    set_near,
+    set_near_configuration,
 )
-from ksd.bodies.weight import hang_joints, turn_gravity
+from ksd.bodies.weight import gravity_in_joint_axes, place_joint_weights
 from ksd.model.arrays import flatten, make_work, opened
 from ksd.model.compile import Model
 from ksd.model.newton import iterate, take_step
@@ -38,18 +38,18 @@ class FiveStepsStorage:
     """Storage for repeated solves of one model in space: what the five steps read and write. Not for two threads at once.
 
     theta (q,), place (J, 24), relative (J, 12), series (3, M): of the joints; found (q,), off (J, 6), known (J,): intended
-    motions of the answer and what is left, see `ksd.bodies.readout.intended_motions`; limits (q, 4), seen (2,): see
+    motions of the answer and what is left, see `ksd.bodies.intended_motions.intended_motions`; limits (q, 4), seen (2,): see
     `ksd.solve.joint_range`; lowest, highest (q,): trained ranges with their slack. substructures, reduced, full: states.
     """
 
     def __init__(self, model: Model, bodies: JointBodies) -> None:
-        joints, motions = len(bodies.loops.node), len(bodies.motion_names)
+        joints, motions = len(bodies.kinematics.node), len(bodies.motion_names)
         self.theta, self.place, self.relative = (
             np.zeros(motions),
             np.zeros((joints, 24)),
             np.zeros((joints, 12)),
         )
-        self.series = np.zeros((3, bodies.loops.pose.shape[2]))
+        self.series = np.zeros((3, bodies.kinematics.pose.shape[2]))
         self.found, self.off, self.known = (
             np.zeros(motions),
             np.zeros((joints, 6)),
@@ -60,7 +60,7 @@ class FiveStepsStorage:
         self.joint_names = tuple(p.name for p in model.scene.joints)
         self.substructures, self.reduced = bodies.substructure_rest.copy(), bodies.reduced_rest.copy()
         self.full = model.rest.copy()
-        self.substructure_work = make_work(bodies.substructures, near=bodies.near)
+        self.substructure_work = make_work(bodies.substructures, near=bodies.near_lengths)
         self.reduced_work, self.full_work = make_work(bodies.reduced), make_work(model.arrays)
         self._hold(model, bodies)
 
@@ -76,7 +76,7 @@ class FiveStepsStorage:
 
     def _hold(self, model: Model, bodies: JointBodies) -> None:
         """Be of this design."""
-        if len(bodies.hung.owner):
+        if len(bodies.joint_weights.owner):
             # step 2 sets where the weight of the joints pulls; another thread has its own
             bodies = replace(bodies, reduced=opened(flatten(bodies.reduced)))
         self.model, self.bodies = model, bodies
@@ -90,9 +90,11 @@ class FiveStepsStorage:
 
 def close_joints(b: FiveStepsStorage, target: np.ndarray) -> tuple[int, int, float]:
     """Step 1 from where the joints are, and links that hang on leaves alone. Returns (reason, iterations, gap left [m])."""
-    found = close_loops(b.bodies.reduced, b.bodies.loops, b.theta, target, b.reduced, b.place, MOST_CLOSING)
-    if b.bodies.hanging:
-        hang_links(b.bodies, b.reduced)
+    found = close_loops(
+        b.bodies.reduced, b.bodies.kinematics, b.theta, target, b.reduced, b.place, MOST_CLOSING
+    )
+    if b.bodies.leaf_links:
+        place_leaf_links(b.bodies, b.reduced)
     return found
 
 
@@ -101,11 +103,12 @@ def place_space(b: FiveStepsStorage) -> None:
     bodies, full, reduced, substructures = b.bodies, b.full, b.reduced, b.substructures
     links, inner = len(reduced.x), len(substructures.inner)
     full.x[:links], full.R[:links] = reduced.x, reduced.R
-    free = reduced.inner[LINEAR_SIZE * len(bodies.loops.node) :]
+    free = reduced.inner[LINEAR_SIZE * len(bodies.kinematics.node) :]
     full.inner[:inner], full.inner[inner : inner + len(free)] = substructures.inner, free
     full.multiplier[:] = reduced.multiplier
-    place_insides(
-        *bodies.loops.flat, bodies.inside.flat.ints, bodies.full_node, substructures.x, substructures.R, full.x, full.R,
+    place_internal_blocks(
+        *bodies.kinematics.flat, bodies.interior.flat.ints, bodies.full_node, substructures.x, substructures.R,
+        full.x, full.R,
     )  # fmt: skip
 
 
@@ -117,7 +120,7 @@ def kinematic_forces(b: FiveStepsStorage, target: np.ndarray) -> None:
     """
     reduced = b.reduced
     drive_forces(
-        *b.bodies.reduced.flat[:2], *b.bodies.loops.flat, b.theta, target, reduced.x.copy(), reduced.R.copy(), b.place,
+        *b.bodies.reduced.flat[:2], *b.bodies.kinematics.flat, b.theta, target, reduced.x.copy(), reduced.R.copy(), b.place,
         reduced.inner, reduced.multiplier,
     )  # fmt: skip
     b.full.multiplier[:] = reduced.multiplier
@@ -125,23 +128,27 @@ def kinematic_forces(b: FiveStepsStorage, target: np.ndarray) -> None:
 
 def near_space(b: FiveStepsStorage) -> None:
     """Step 2, first half: the near configuration of all joints."""
-    set_near(b.bodies.loops, b.bodies.inside, b.theta, b.place, b.substructures, b.substructure_work)
+    set_near_configuration(
+        b.bodies.kinematics, b.bodies.interior, b.theta, b.place, b.substructures, b.substructure_work
+    )
 
 
 def condense_space(b: FiveStepsStorage, near: int) -> int:
     """Step 2, second half: the joints condensed. Returns the worst status of a leaf."""
     loops, hung, substructures, work = (
-        b.bodies.loops,
-        b.bodies.hung,
+        b.bodies.kinematics,
+        b.bodies.joint_weights,
         b.bodies.substructures,
         b.substructure_work,
     )
     members = substructures.members
     if len(hung.owner):
-        turn_gravity(hung.owner, loops.node, b.reduced.R, loops.frame, substructures.weight, work.weight)
+        gravity_in_joint_axes(
+            hung.owner, loops.node, b.reduced.R, loops.frame, substructures.weight, work.weight
+        )
     status = condense_joints(substructures, len(loops.node), b.substructures, work, near, b.reduced.inner)
     if len(hung.owner):
-        hang_joints(
+        place_joint_weights(
             hung.owner, hung.load, members.node, members.store_at, b.substructures.x, work.pose, work.store,
             work.weight, loops.anchor, loops.frame, b.bodies.reduced.loads.point,
         )  # fmt: skip
@@ -151,7 +158,7 @@ def condense_space(b: FiveStepsStorage, near: int) -> int:
 def recover_space(b: FiveStepsStorage) -> tuple[float, float]:
     """Step 4. Returns the largest displacement [m] and rotation [rad] of an interface off its near pose."""
     inside, state, work = b.bodies.substructures, b.substructures, b.substructure_work
-    unintended = interface_step(inside, b.bodies.loops, b.reduced, state, work, b.relative)
+    unintended = interface_step(inside, b.bodies.kinematics, b.reduced, state, work, b.relative)
     take_step(inside, state, work.rhs, work, 1.0)
     return unintended
 
@@ -159,7 +166,7 @@ def recover_space(b: FiveStepsStorage) -> tuple[float, float]:
 @kernel
 def read_joints(loops, shapes, x, R, theta, found, relative, place, series, off, known, limits, seen):
     """Intended motions found (q,) of all joints where links are at x, R, their search begun at theta (q,); loops, shapes: as
-    in `ksd.bodies.flat`; the rest as in `FiveStepsStorage`."""
+    in `ksd.bodies.joint_arrays`; the rest as in `FiveStepsStorage`."""
     relative_poses(loops, shapes, x, R, relative)
     for q in range(len(theta)):
         found[q] = theta[q]
@@ -172,8 +179,8 @@ def read_joints(loops, shapes, x, R, theta, found, relative, place, series, off,
 def read_space(b: FiveStepsStorage) -> None:
     """Intended motions of the answer."""
     read_joints(
-        *b.bodies.loops.flat, b.full.x, b.full.R, b.theta, b.found, b.relative, b.place, b.series, b.off, b.known, b.limits,
-        b.seen,
+        *b.bodies.kinematics.flat, b.full.x, b.full.R, b.theta, b.found, b.relative, b.place, b.series, b.off, b.known,
+        b.limits, b.seen,
     )  # fmt: skip
 
 

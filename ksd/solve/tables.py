@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ksd.bodies.series import joint_places
+from ksd.bodies.joint_poses import joint_poses
 from ksd.errors import SceneError
 from ksd.solve.many import PIECES
 from ksd.solve.space_steps import LINEAR_SIZE, FiveStepsStorage, condense_space, near_space
@@ -44,11 +44,11 @@ class JointTables:
 def _sampled(b: FiveStepsStorage, shares: np.ndarray) -> np.ndarray:
     """(N, J, 27): all joints at `shares` (N,) of their trained ranges."""
     low, high = b.bodies.motion_range.T
-    joints = len(b.bodies.loops.node)
+    joints = len(b.bodies.kinematics.node)
     found = np.empty((len(shares), joints, 42))
     for n, share in enumerate(shares):
         b.theta[:] = low + share * (high - low)
-        joint_places(*b.bodies.loops.flat, b.theta, b.place, b.series)
+        joint_poses(*b.bodies.kinematics.flat, b.theta, b.place, b.series)
         near_space(b)
         if condense_space(b, 1) != 0:
             raise SceneError(
@@ -78,12 +78,12 @@ def joint_tables(b: FiveStepsStorage) -> JointTables:
     """
     from scipy.interpolate import CubicSpline
 
-    loops = b.bodies.loops
+    loops = b.bodies.kinematics
     if np.any(np.diff(loops.first) != 1):
         raise SceneError(
             "tabulated = True: only joints of one intended motion can be tabulated; leave it out"
         )
-    if len(b.bodies.hung.owner):
+    if len(b.bodies.joint_weights.owner):
         raise SceneError(
             "tabulated = True: joints whose leaves have weight depend on how they stand, not on the stroke alone; leave it "
             "out, or compile without='gravity'"

@@ -113,7 +113,7 @@ _ANGLE = _range("angle", 30, 60, degrees=True)
 # closer leaf springs let B tilt as easily as move at the end of the stroke
 _SPACING = _range("spacing", 0.3, 3.0, scale="log")
 
-ENTRIES: dict[str, Design] = {
+FAMILY_DESIGNS: dict[str, Design] = {
     design.family: design
     for design in (
         Design(
@@ -164,7 +164,7 @@ ENTRIES: dict[str, Design] = {
 
 def known_designs() -> tuple[str, ...]:
     """Families `train` knows by name."""
-    return tuple(ENTRIES)
+    return tuple(FAMILY_DESIGNS)
 
 
 def design_of(
@@ -178,11 +178,11 @@ def design_of(
         design = _fixed(family_or_joint)
     elif isinstance(family_or_joint, Design):
         design = family_or_joint
-    elif isinstance(family_or_joint, str) and family_or_joint in ENTRIES:
-        design = ENTRIES[family_or_joint]
+    elif isinstance(family_or_joint, str) and family_or_joint in FAMILY_DESIGNS:
+        design = FAMILY_DESIGNS[family_or_joint]
     else:
         raise SceneError(
-            f"joint family {family_or_joint!r} cannot be trained{nearest(family_or_joint, ENTRIES)}"
+            f"joint family {family_or_joint!r} cannot be trained{nearest(family_or_joint, FAMILY_DESIGNS)}"
         )
     return _with_ranges(design, shapes or {})
 

@@ -41,27 +41,27 @@ class Design:
         """(parameter, change in words): the joint in the middle of its shapes with one of `others` changed."""
         middle = self.shape(np.zeros(len(self.parameters)))
         return {
-            (name, f"{value:.6g}"): bare(self.make(**middle, **{name: value}))
+            (name, f"{value:.6g}"): without_mesh_choices(self.make(**middle, **{name: value}))
             for name, values in self.others.items()
             for value in values
         }
 
     def joint(self, places: np.ndarray) -> DrawnJoint:
         """The joint at places (s,) in [-1, 1], without mesh choices of its own."""
-        return bare(self.make(**self.shape(places)))
+        return without_mesh_choices(self.make(**self.shape(places)))
 
     def shape(self, places: np.ndarray) -> dict[str, float]:
         """Shape parameters at places (s,) in [-1, 1]."""
         return {p.name: p.value(float(x)) for p, x in zip(self.parameters, places, strict=True)}
 
 
-def bare(joint: Joint) -> DrawnJoint:
+def without_mesh_choices(joint: Joint) -> DrawnJoint:
     """The same joint as a drawing whose leaf springs leave the mesh to the trainer."""
     leaves = tuple(replace(leaf, elements=None, orders=None) for leaf in joint.leaves())
-    return redrawn(joint, leaves)
+    return redraw_joint(joint, leaves)
 
 
-def redrawn(joint: Joint, leaves: tuple[Leaf, ...], **changed: Any) -> DrawnJoint:
+def redraw_joint(joint: Joint, leaves: tuple[Leaf, ...], **changed: Any) -> DrawnJoint:
     """The same joint as a drawing with other leaf springs between its blocks; changed: other words of `DrawnJoint`."""
     words: dict[str, Any] = {
         "blocks": joint.blocks(), "motions": joint.motions, "length": joint.length, "shape": joint.shape(),
@@ -104,7 +104,7 @@ def _changed(joint: Joint, change: Callable[[Section, float], Section], factor: 
     for leaf in joint.leaves():
         profile = None if leaf.profile is None else _Changed(leaf.profile, change, factor)
         leaves.append(replace(leaf, section=change(leaf.section, factor), profile=profile))
-    return redrawn(joint, tuple(leaves), windows=True)
+    return redraw_joint(joint, tuple(leaves), windows=True)
 
 
 def _soft(section: Section, factor: float) -> Section:
@@ -115,7 +115,7 @@ def _soft(section: Section, factor: float) -> Section:
     return replace(section, J=factor * section.J, Iy=Iy, Iz=factor * section.Iz)
 
 
-def softened(joint: Joint, factor: float) -> DrawnJoint:
+def soften_leaves(joint: Joint, factor: float) -> DrawnJoint:
     """The joint with `factor` times the weak bending and torsion of every leaf, all else as it is."""
     return _changed(joint, _soft, factor)
 
@@ -164,10 +164,12 @@ def _longer(joint: Joint, factor: float) -> DrawnJoint:
         else m
         for m in joint.motions
     )
-    return redrawn(joint, leaves, blocks=blocks, motions=motions, length=factor * joint.length, windows=True)
+    return redraw_joint(
+        joint, leaves, blocks=blocks, motions=motions, length=factor * joint.length, windows=True
+    )
 
 
-def changes(joint: Joint) -> dict[tuple[str, str], DrawnJoint]:
+def irrelevant_changes(joint: Joint) -> dict[tuple[str, str], DrawnJoint]:
     """(parameter, change in words): the joint with one thing changed that records take to be irrelevant."""
     found = {}
     for factor, words in ((0.5, "half"), (2.0, "twice")):
@@ -175,5 +177,5 @@ def changes(joint: Joint) -> dict[tuple[str, str], DrawnJoint]:
         found["width", words] = _changed(joint, _wide, factor)
         found["length", words] = _longer(joint, factor)
     aluminium = tuple(_material(leaf) for leaf in joint.leaves())
-    found["material", "aluminium for steel"] = redrawn(joint, aluminium)
+    found["material", "aluminium for steel"] = redraw_joint(joint, aluminium)
     return found

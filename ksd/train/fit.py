@@ -38,7 +38,7 @@ class Fit:
         return max(self.motion_error, self.shape_error) <= 1.0
 
 
-def total_degree(variables: int, degree: int) -> NDArray[np.int64]:
+def exponents_up_to(variables: int, degree: int) -> NDArray[np.int64]:
     """(M, variables): all exponents whose sum is at most `degree`, in rising order of the sum."""
     found = [p for p in itertools.product(range(degree + 1), repeat=variables) if sum(p) <= degree]
     found.sort(key=lambda p: (sum(p), p))
@@ -56,10 +56,10 @@ def fit_functions(
     """
     classes = _classes(values, grid)
     motion_degree, motion_error = _motion_degree(values, grid, classes, tolerance, degrees[0])
-    powers = total_degree(grid.shape[1], motion_degree)
+    powers = exponents_up_to(grid.shape[1], motion_degree)
     by_shape, basis = _motion_fit(values, grid, classes, powers)
     degree, shape_error = _shape_degree(by_shape, basis, places, tolerance, degrees[1])
-    terms = total_degree(places.shape[1], degree)
+    terms = exponents_up_to(places.shape[1], degree)
     table = np.linalg.pinv(legendre_products(terms, places))
     both = np.einsum("qk,kpr->rpq", table, by_shape)
     every = np.array([[*p, *t] for p in powers for t in terms], np.int64).reshape(
@@ -112,7 +112,7 @@ def _motion_degree(
     """
     errors = []
     for degree in range(1, most + 1):
-        powers = total_degree(grid.shape[1], degree)
+        powers = exponents_up_to(grid.shape[1], degree)
         if len(powers) > 0.7 * len(grid):
             break
         basis = monomials(powers, grid)
@@ -163,7 +163,7 @@ def _shape_degree(
     gram = basis.T @ basis / len(basis)
     errors = []
     for degree in range(most + 1):
-        terms = total_degree(places.shape[1], degree)
+        terms = exponents_up_to(places.shape[1], degree)
         if len(terms) > 0.6 * len(places):
             break
         q, _ = np.linalg.qr(legendre_products(terms, places))

@@ -23,7 +23,7 @@ from ksd.numerics.processes import follow_parent, spawning
 from ksd.properties.words import progress_bar
 from ksd.scene import DrawnJoint
 from ksd.scene.scene import fingerprint
-from ksd.train.sweep import Plan, Samples, sample_joint
+from ksd.train.sampling import Samples, SamplingPlan, sample_joint
 
 WORKERS = 2
 ROUNDING = 1e-7
@@ -37,7 +37,7 @@ class Job:
     """One joint to be sampled as planned; `tried`: it is no part of the family and may turn out impossible."""
 
     joint: DrawnJoint
-    plan: Plan
+    plan: SamplingPlan
     tried: bool = False
 
     def key(self) -> str:
@@ -45,7 +45,7 @@ class Job:
         return fingerprint((self.joint, self.plan))[:20]
 
 
-def perform(job: Job) -> Samples:
+def run_job(job: Job) -> Samples:
     """Sample the joint of a job; what other processes are asked to do. Nothing for one tried that is impossible."""
     try:
         return sample_joint(job.joint, job.plan)
@@ -117,7 +117,7 @@ class Jobs:
         if not missing:
             return
         executor = self._executor(jobs[missing[0]])
-        waiting: dict[Future[Samples], int] = {executor.submit(perform, jobs[i]): i for i in missing}
+        waiting: dict[Future[Samples], int] = {executor.submit(run_job, jobs[i]): i for i in missing}
         try:
             for done in as_completed(waiting):
                 i = waiting[done]

@@ -10,7 +10,7 @@ from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 
 
-def pose(model: Model, states: list[Motion], node: int, point: Array, length: float) -> Array:
+def block_poses(model: Model, states: list[Motion], node: int, point: Array, length: float) -> Array:
     """(g, 6): rotation vector and chord of a block about its `point` at rest."""
     R = np.array([s.R[node] for s in states])
     x = np.array([s.x[node] for s in states]) + R @ (point - model.rest.x[node])

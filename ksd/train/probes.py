@@ -11,9 +11,9 @@ from ksd.errors import RecordError
 from ksd.library import Mesh, Probes, Record
 from ksd.library.functions import Array
 from ksd.library.record_files import train_again
-from ksd.train.designs import Design, bare
+from ksd.train.designs import Design, without_mesh_choices
 from ksd.train.fit import DIGITS
-from ksd.train.sweep import Plan, Samples, sample_joint
+from ksd.train.sampling import Samples, SamplingPlan, sample_joint
 
 STATES = 4
 """States kept with a record."""
@@ -94,8 +94,10 @@ def _solved(record: Record, design: Design) -> list[Samples]:
     found = []
     for shape, motion in zip(record.probes.shapes, record.probes.motions, strict=True):
         # by name: the ranges of the design may be others than those of the record
-        joint = bare(design.make(**dict(zip(record.shape_names, shape.tolist(), strict=True))))
+        joint = without_mesh_choices(
+            design.make(**dict(zip(record.shape_names, shape.tolist(), strict=True)))
+        )
         point = tuple((float(x),) for x in motion / reach)
-        plan = Plan(point, tuple(record.functions), record.orders)
+        plan = SamplingPlan(point, tuple(record.functions), record.orders)
         found.append(sample_joint(joint, plan))
     return found

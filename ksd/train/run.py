@@ -25,14 +25,14 @@ from ksd.library.record_files import SUFFIX
 from ksd.model.leaves import raised_orders
 from ksd.model.mesh import Mesh as LeafMesh
 from ksd.scene import DrawnJoint, Joint
-from ksd.train.asked import check_design, check_meshes
 from ksd.train.catalogue import design_of
-from ksd.train.designs import Design, changes
+from ksd.train.designs import Design, irrelevant_changes
 from ksd.train.fit import Fit, fit_functions
 from ksd.train.jobs import Job, Jobs
 from ksd.train.probes import check_probes, probes_of
+from ksd.train.request_checks import check_design, check_meshes
+from ksd.train.sampling import Samples, SamplingPlan, chebyshev_line, even_line
 from ksd.train.softness import check_soft
-from ksd.train.sweep import Plan, Samples, chebyshev_line, even_line
 
 ORDERS = (4, 3, 5)
 TOLERANCE = {"interface": 8e-7, "blocks": 8e-7, "rotations": 4e-6, "amplitudes": 8e-6, "wrench": 2e-4}
@@ -72,13 +72,13 @@ def train(
     written into the record, ISO, today when None; same inputs give the same bytes. most_shapes: limit of the adaptive
     sampling. tolerance: wanted errors by group, see TOLERANCE.
 
-    Raises SceneError for unknown names and for joints that cannot be represented (see `ksd.train.sweep`),
+    Raises SceneError for unknown names and for joints that cannot be represented (see `ksd.train.sampling`),
     RecordError when the record cannot be written. Warns (UserWarning) when the wanted errors are missed.
     """
     design = design_of(family_or_joint, shapes)
     check_design(design)
     asked = design.meshes if meshes is None else check_meshes(design.family, meshes)
-    target = target_of(design.family, out)
+    target = record_path(design.family, out)
     folder = target.with_name(f".{target.stem}.partial")
     title = f"train {design.family}"
     with Jobs(folder, executor=executor, resume=resume, progress=progress, title=title) as jobs:
@@ -96,7 +96,7 @@ def _trained(
 ) -> Record:
     """Sample, fit, check on fresh shapes and gather evidence; the record lacks only its date."""
     middle = design.joint(np.zeros(len(design.parameters)))
-    corners = _corners(design)
+    corners = _corner_joints(design)
     for joint in corners if len(corners) == 1 else (middle, *corners):
         check_soft(joint)
     plan, check = _plans(middle, meshes, _orders(corners))
@@ -133,10 +133,10 @@ def up_to_date(family_or_joint: str | Joint | Design, *, out: str | os.PathLike[
     where its probe states come out otherwise than told.
     """
     design = design_of(family_or_joint)
-    target = target_of(design.family, out)
+    target = record_path(design.family, out)
     if not target.is_file():
         return ""
-    corners = _corners(design)
+    corners = _corner_joints(design)
     asked = _skeleton(design, design.joint(np.zeros(len(design.parameters))), _orders(corners))
     try:
         record = read_record(target)
@@ -171,7 +171,7 @@ def _warn_of_others(design: Design, evidence: tuple[Evidence, ...]) -> None:
             )
 
 
-def target_of(family: str, out: str | os.PathLike[str] | None) -> Path:
+def record_path(family: str, out: str | os.PathLike[str] | None) -> Path:
     """Where the record of `family` goes: into folder or .h5 file `out`, $KSD_DATABASE or ./database when None."""
     folder = Path(out or os.environ.get("KSD_DATABASE") or "database")
     return folder if folder.suffix == SUFFIX else folder / f"{family}{SUFFIX}"
@@ -186,7 +186,7 @@ def _strokes(joint: Joint) -> tuple[Stroke, ...]:
     return tuple(found)
 
 
-def _corners(design: Design) -> list[DrawnJoint]:
+def _corner_joints(design: Design) -> list[DrawnJoint]:
     """The joint at every corner of the shapes. Raises SceneError, naming the shape, where it cannot be drawn."""
     ends = [(-1.0, 1.0) if p.high > p.low else (0.0,) for p in design.parameters]
     found = []
@@ -213,20 +213,20 @@ def _orders(corners: list[DrawnJoint]) -> tuple[int, int, int]:
 
 def _plans(
     joint: Joint, meshes: tuple[Mesh, ...], orders: tuple[int, int, int] = ORDERS
-) -> tuple[Plan, Plan]:
+) -> tuple[SamplingPlan, SamplingPlan]:
     """How shapes are sampled for the fit, and for the check at other points of the stroke."""
     ranges = [motion.range for motion in joint.motions]
     count = POINTS.get(len(ranges), 7)
     fitted = tuple(chebyshev_line(low, high, count) for low, high in ranges)
     checked = tuple(even_line(low, high, count - 2) for low, high in ranges)
-    return Plan(fitted, meshes, orders), Plan(checked, meshes, orders)
+    return SamplingPlan(fitted, meshes, orders), SamplingPlan(checked, meshes, orders)
 
 
-def _walk(corners: list[DrawnJoint], plan: Plan, jobs: Jobs) -> None:
+def _walk(corners: list[DrawnJoint], plan: SamplingPlan, jobs: Jobs) -> None:
     """Take the joint at every corner of the shapes over its whole stroke. Raises SceneError, naming shape and motion, where
     it buckles, leaves its plane or runs into itself: between the corners the sampled shapes are looked at."""
     lines = tuple(even_line(*motion.range, WALKED) for motion in corners[0].motions)
-    walk = Plan(lines, ("strain",), plan.orders, whole=True)
+    walk = SamplingPlan(lines, ("strain",), plan.orders, whole=True)
     jobs.run([Job(joint, walk) for joint in corners])
 
 
@@ -279,7 +279,7 @@ def _fresh_places(design: Design) -> Array:
 
 
 def _rounds(
-    design: Design, plan: Plan, jobs: Jobs, wanted: Mapping[str, float], most: int
+    design: Design, plan: SamplingPlan, jobs: Jobs, wanted: Mapping[str, float], most: int
 ) -> tuple[Array, list[Samples], Fit]:
     """Double the shapes until the leave-one-out errors are within tolerance."""
     samples: list[Samples] = []
@@ -329,7 +329,11 @@ def _predict(fit: Fit, grid: Array, places: Array) -> Array:
 
 
 def _residuals(
-    fit: Fit, plan: Plan, check: Plan, fitted: tuple[Array, list[Samples]], fresh: tuple[Array, list[Samples]]
+    fit: Fit,
+    plan: SamplingPlan,
+    check: SamplingPlan,
+    fitted: tuple[Array, list[Samples]],
+    fresh: tuple[Array, list[Samples]],
 ) -> tuple[Residual, ...]:
     """Errors by mesh and group on the fitted shapes and on fresh ones at other points of the stroke."""
     errors = []
@@ -350,14 +354,14 @@ def _residuals(
     return tuple(found)
 
 
-def _evidence(design: Design, middle: DrawnJoint, plan: Plan, jobs: Jobs) -> tuple[Evidence, ...]:
+def _evidence(design: Design, middle: DrawnJoint, plan: SamplingPlan, jobs: Jobs) -> tuple[Evidence, ...]:
     """Change of the functions, poses of B, of blocks and leaves, when thickness, width, length, material, another
     parameter or one of the shape changes, from the middle; inf where the changed joint cannot make the motion.
     """
     chains = [mesh for mesh in plan.meshes if isinstance(mesh, int)]
     chain = min(chains, key=lambda n: abs(n - 4)) if chains else None
     seen: tuple[Mesh, ...] = tuple(mesh for mesh in ("strain", chain) if mesh in plan.meshes)
-    cases = {**changes(middle), **design.other_joints()}
+    cases = {**irrelevant_changes(middle), **design.other_joints()}
     for i in _ranging(design):
         for end in (-1.0, 1.0):
             places = np.zeros(len(design.parameters))
@@ -365,9 +369,9 @@ def _evidence(design: Design, middle: DrawnJoint, plan: Plan, jobs: Jobs) -> tup
             p = design.parameters[i]
             cases[p.name, f"{p.value(end):.6g} for {p.value(0.0):.6g}"] = design.joint(places)
     # the joint itself first: what is wrong with it is said of it, not of a changed one
-    (base,) = jobs.run([Job(middle, Plan(plan.lines, seen, plan.orders))])
+    (base,) = jobs.run([Job(middle, SamplingPlan(plan.lines, seen, plan.orders))])
     # leaf springs twice as wide may overlap: no matter to how they bend
-    changed = Plan(plan.lines, seen, plan.orders, apart=False)
+    changed = SamplingPlan(plan.lines, seen, plan.orders, apart=False)
     others = jobs.run([Job(j, changed, tried=True) for j in cases.values()])
     found = []
     for (parameter, words), other in zip(cases, others, strict=True):
@@ -382,7 +386,7 @@ def _evidence(design: Design, middle: DrawnJoint, plan: Plan, jobs: Jobs) -> tup
     return tuple(found)
 
 
-def _record(design: Design, joint: DrawnJoint, plan: Plan, fit: Fit, sample: Samples) -> Record:
+def _record(design: Design, joint: DrawnJoint, plan: SamplingPlan, fit: Fit, sample: Samples) -> Record:
     """The record without its evidence."""
     tables: dict[Mesh, dict[str, Array]] = {}
     for (mesh, group), rows in _slices(sample).items():

@@ -17,21 +17,21 @@ from ksd.library.functions import Array
 from ksd.model.compile import compile_scene
 from ksd.scene import DrawnJoint, Joint, Mechanism, Motion
 from ksd.solve.conventional import conventional
-from ksd.train.designs import softened
+from ksd.train.designs import soften_leaves
 
 STEP = 1e-6
 """Displacement over joint length, or rotation in rad, small enough for the linear stiffness."""
-MARGIN = 0.95
+MAX_STIFFNESS_RATIO = 0.95
 """Largest stiffness of an intended motion over the softest of what is left. At 1 the two change places, as in a square bar,
 which bends as readily either way; what is left free is a Poisson's ratio or a fillet. Hinges of several leaves have 0.03 at
 most, one leaf against its own torsion (1 + nu)/2 when wide, .94 three times as wide as thick with nu = .49; circular notches
 up to .87 (`tests/train/test_softness.py`)."""
-SOFTENED = 0.25
-FREE = 2.0
-"""Fall of stiffness, where bending and torsion fall to SOFTENED, from which a motion is a freedom: midway (in ratio) between
-4 for a freedom and 1 for a constraint. Intended motions of all families of several leaves have 3.8 or more, all others 1.02
-or less."""
-STIFF = 1e3
+SOFTENING_FACTOR = 0.25
+FREEDOM_FALL = 2.0
+"""Fall of stiffness, where bending and torsion fall to SOFTENING_FACTOR, from which a motion is a freedom: midway (in
+ratio) between 4 for a freedom and 1 for a constraint. Intended motions of all families of several leaves have 3.8 or
+more, all others 1.02 or less."""
+MAX_FREEDOM_RATIO = 1e3
 """A freedom this many times as stiff as the intended motion counts as none: leaves ten times as thick, drawn for what holds
 the thin ones."""
 
@@ -72,32 +72,32 @@ def rest_stiffness(joint: DrawnJoint) -> Array:
 
 
 def check_soft(joint: DrawnJoint) -> None:
-    """Raise SceneError when an intended motion of `joint` is not softer than all others by MARGIN, or when the joint has a
-    freedom that is not declared."""
-    whole, soft = rest_stiffness(joint), rest_stiffness(softened(joint, SOFTENED))
-    other = undeclared(joint, whole, soft)
+    """Raise SceneError when an intended motion of `joint` is not softer than all others by MAX_STIFFNESS_RATIO, or when the
+    joint has a freedom that is not declared."""
+    whole, soft = rest_stiffness(joint), rest_stiffness(soften_leaves(joint, SOFTENING_FACTOR))
+    other = undeclared_freedom(joint, whole, soft)
     for (motion, own, left), (_, fallen, _) in zip(
         softness(joint, whole), softness(joint, soft), strict=True
     ):
-        if 0 < own < MARGIN * left or (
-            other is not None and not joint.held_by_others and own > FREE * fallen
+        if 0 < own < MAX_STIFFNESS_RATIO * left or (
+            other is not None and not joint.held_by_others and own > FREEDOM_FALL * fallen
         ):
             continue
         raise SceneError(
-            f"{joint.family}: the intended motion '{motion.name}' is not the soft one{in_shape(joint)}"
-            f": its stiffness {own:.3g} Nm (over the joint length) is not below {MARGIN:g} of the softest other, "
-            f"{left:.3g} Nm; declare the motion the leaf springs allow{'' if other is None else ', ' + other.words}."
+            f"{joint.family}: the intended motion '{motion.name}' is not the soft one{shape_phrase(joint)}"
+            f": its stiffness {own:.3g} Nm (over the joint length) is not below {MAX_STIFFNESS_RATIO:g} of the softest "
+            f"other, {left:.3g} Nm; declare the motion the leaf springs allow{'' if other is None else ', ' + other.words}."
         )
     if other is not None and not joint.held_by_others:
         declare = "declare it as an intended motion, " if len(joint.motions) < 2 else ""
         raise SceneError(
-            f"{joint.family}: its leaf springs leave another motion free that is not declared{in_shape(joint)}: "
+            f"{joint.family}: its leaf springs leave another motion free that is not declared{shape_phrase(joint)}: "
             f"{other.words}, {other.ratio:.3g} times the intended one (over the joint length); {declare}hold it by another "
             "leaf, or say held_by_others=True where the mechanism around the joint holds it."
         )
 
 
-def in_shape(joint: Joint) -> str:
+def shape_phrase(joint: Joint) -> str:
     """Words that name the shape of a joint, none where it has no parameters."""
     shape = ", ".join(f"{name} = {value:.4g}" for name, value in joint.shape().items())
     return f" in the shape {shape}" if shape else ""
@@ -105,7 +105,7 @@ def in_shape(joint: Joint) -> str:
 
 def intended_stiffness(joint: Joint) -> float:
     """That of the stiffest intended motion at rest with all else free [Nm, over the joint length]."""
-    return max(own for _, own, _ in softness(joint, rest_stiffness(softened(joint, 1.0))))
+    return max(own for _, own, _ in softness(joint, rest_stiffness(soften_leaves(joint, 1.0))))
 
 
 def softness(joint: Joint, stiffness: Array) -> list[tuple[Motion, float, float]]:
@@ -134,29 +134,31 @@ def _declared(joint: Joint) -> Array:
     return np.array(rows)
 
 
-def undeclared(joint: DrawnJoint, whole: Array, soft: Array) -> Freedom | None:
-    """The softest freedom of `joint` with its intended motions held, up to STIFF times theirs; None when there is none.
+def undeclared_freedom(joint: DrawnJoint, whole: Array, soft: Array) -> Freedom | None:
+    """The softest freedom of `joint` with its intended motions held, up to MAX_FREEDOM_RATIO times theirs; None without one.
 
-    whole, soft (6, 6): its stiffness at rest, and that of the joint softened to SOFTENED.
+    whole, soft (6, 6): its stiffness at rest, and that of the joint softened to SOFTENING_FACTOR.
     """
     held = null_space(_declared(joint))
     if held.shape[1] == 0:
         return None
     kept, fallen = (held.T @ K @ held for K in (whole, soft))
     falls, motions = eigh(kept, fallen)
-    free = motions[:, falls > FREE]
+    free = motions[:, falls > FREEDOM_FALL]
     if free.shape[1] == 0:
         return None
     basis, _ = np.linalg.qr(free)
     values, vectors = np.linalg.eigh(basis.T @ kept @ basis)
     own = max(stiff for _, stiff, _ in softness(joint, whole))
-    if values[0] > STIFF * own:
+    if values[0] > MAX_FREEDOM_RATIO * own:
         return None
     direction = held @ basis @ vectors[:, 0]
-    return Freedom(direction, float(values[0] / own), aside(joint, direction, float(values[0])))
+    return Freedom(
+        direction, float(values[0] / own), describe_soft_motion(joint, direction, float(values[0]))
+    )
 
 
-def aside(joint: Joint, direction: Array, stiffness: float) -> str:
+def describe_soft_motion(joint: Joint, direction: Array, stiffness: float) -> str:
     """A motion (6,) of B in words, a rotation about a line or a translation, with its stiffness [Nm over the length] as one
     of its own kind."""
     shift, turn = joint.length * direction[:3], direction[3:]

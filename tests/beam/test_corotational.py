@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from ksd.beam import corotational as chain
 from ksd.beam import corotational_values as setup
-from ksd.beam.corotational_near import near_condense
+from ksd.beam.corotational_linearised import condense_linearised
 from ksd.numerics.rotations import rotation_exp, rotation_log
 
 L = 0.1
@@ -304,7 +304,7 @@ def near(leaf, rotations, *, folded=0):
         leaf.K,
         *SCRATCH,
     )
-    assert near_condense(*args)[3] == folded
+    assert condense_linearised(*args)[3] == folded
 
 
 def bent(n=4, angle=0.7):
@@ -404,4 +404,4 @@ def test_a_chain_that_resists_nothing_is_told():
         leaf.value[16 * k + 1 : 16 * k + 7] = 0.0
     leaf.condense(status=2)
     args = leaf.value, leaf.number, leaf.inner, leaf.store, np.zeros(15), leaf.d, leaf.Q, leaf.lam, leaf.K
-    assert near_condense(*args, *SCRATCH)[3] == 2
+    assert condense_linearised(*args, *SCRATCH)[3] == 2

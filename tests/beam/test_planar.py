@@ -10,11 +10,11 @@ import pytest
 from ksd.beam import corotational as chain
 from ksd.beam import corotational_values as chain_setup
 from ksd.beam import planar_leaf
-from ksd.beam.strain import fields_of, strain_condense, strain_follow, strain_recover
+from ksd.beam.strain import leaf_fields, strain_condense, strain_gravity_block, strain_recover
 from ksd.beam.strain_values import (
     DEFAULT_ORDERS,
     DEFAULT_POINTS,
-    PULL,
+    GRAVITY_BLOCK_SIZE,
     strain_sizes,
     strain_values,
 )
@@ -164,7 +164,7 @@ class Spatial:
         strain_recover(*args, np.empty(6))
 
     def __init__(self, number):
-        self.fields = fields_of(number)
+        self.fields = leaf_fields(number)
 
     def condense(self, value, number, inner, store, *rest):
         return strain_condense(value, number, inner, store, self.fields, *rest)
@@ -199,7 +199,7 @@ class Heavy(Leaf):
 
     @property
     def pull(self):
-        return self.store[-PULL:]
+        return self.store[-GRAVITY_BLOCK_SIZE:]
 
     def condense(self, status=0):
         self.pull[:3] = self.g
@@ -209,7 +209,7 @@ class Heavy(Leaf):
             if self.kind is not planar_leaf
             else (self.wrench,)
         )
-        follow = planar_leaf.follow if self.kind is planar_leaf else strain_follow
+        follow = planar_leaf.gravity_block if self.kind is planar_leaf else strain_gravity_block
         follow(self.value, self.number, self.inner, self.store, *args)
         self.pull[36:] = 0.0
         return found
@@ -239,9 +239,9 @@ def heavy_pair():
         points=7,
         line_mass=MU,
     )
-    inner, store = strain_sizes(number, heavy=True)
-    flat, settings = planar_leaf.planar_values(value, number, heavy=True)
-    size = planar_leaf.store_size(6, heavy=True)
+    inner, store = strain_sizes(number, has_weight=True)
+    flat, settings = planar_leaf.planar_values(value, number, has_weight=True)
+    size = planar_leaf.store_size(6, has_weight=True)
     return (
         Heavy(planar_leaf, flat, settings, np.zeros(inner), size, (L, 0, 0), L),
         Heavy(Spatial(number), value, number, np.zeros(inner), store, (L, 0, 0), L),

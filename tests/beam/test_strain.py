@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from ksd.beam.strain import fields_of, strain_condense, strain_fields, strain_recover, strain_tangent
+from ksd.beam.strain import fill_leaf_fields, leaf_fields, strain_condense, strain_recover, strain_tangent
 from ksd.beam.strain_flat import is_flat
-from ksd.beam.strain_values import PULL, make_modes, strain_sizes, strain_values
+from ksd.beam.strain_values import GRAVITY_BLOCK_SIZE, make_modes, strain_sizes, strain_values
 from ksd.numerics.rotations import rotation_exp
 
 L, EA, KGA = 0.1, 6e6, 1.9e6
@@ -39,9 +39,9 @@ class Leaf:
             modes=table,
             line_mass=np.full(ng, 3.0) if kind == "weight" else None,
         )
-        size, store = strain_sizes(self.number, heavy=kind == "weight")
+        size, store = strain_sizes(self.number, has_weight=kind == "weight")
         self.inner, self.store = np.zeros(size), np.zeros(store)
-        self.fields = fields_of(self.number)
+        self.fields = leaf_fields(self.number)
         self.size = 0.3 if kind == "profile" else 1.0
         self.pull = np.array(gravity) if kind == "weight" else np.zeros(0)
         self.lam, self.K = np.zeros(12), np.zeros((6, 6))
@@ -51,7 +51,7 @@ class Leaf:
         """Wrench (6,) with end q at d, Q, the leaf in equilibrium to rounding."""
         for _ in range(iterations):
             if len(self.pull):
-                self.store[-PULL:][:3], self.store[-3:] = self.pull, 0.0
+                self.store[-GRAVITY_BLOCK_SIZE:][:3], self.store[-3:] = self.pull, 0.0
             found = strain_condense(
                 self.value, self.number, self.inner, self.store, self.fields, d, Q, self.lam, self.K
             )
@@ -66,7 +66,7 @@ class Leaf:
             [rng.normal(size=n) * a / (1 + np.arange(n)) ** 2 for a, n in axes]
         )
         f = self.fields
-        strain_fields(self.value, self.number, self.inner, self.pull, f)
+        fill_leaf_fields(self.value, self.number, self.inner, self.pull, f)
         d, Q = f.end.copy(), f.R[-1].copy()
         start, more = self.settle(d, Q), np.zeros(6)
         more[:3] = f.R[-1] @ (rng.uniform(0.5, 1.0, 3) * self.size * [1500.0, 20.0, 100.0])
@@ -135,7 +135,7 @@ def test_tangent_of_the_amplitudes_is_the_derivative_of_their_residual(kind, rng
     f = leaf.fields
 
     def residual(state):
-        strain_fields(leaf.value, leaf.number, state, leaf.pull, f)
+        fill_leaf_fields(leaf.value, leaf.number, state, leaf.pull, f)
         strain_tangent(leaf.value, leaf.number, state, f)
         return f.Y[:, 6].copy()
 
@@ -173,7 +173,7 @@ def test_a_leaf_bent_in_its_plane_is_worked_on_as_one_that_is_not(kind, rng):
     found = []
     for twist in (0.0, 1e-200):
         inner[0] = twist
-        strain_fields(leaf.value, leaf.number, inner, leaf.pull, f)
+        fill_leaf_fields(leaf.value, leaf.number, inner, leaf.pull, f)
         strain_tangent(leaf.value, leaf.number, inner, f)
         found.append((f.W.copy(), f.Y[:, 6].copy()))
     own = leaf.number[:2].sum()
@@ -182,7 +182,7 @@ def test_a_leaf_bent_in_its_plane_is_worked_on_as_one_that_is_not(kind, rng):
     assert np.abs((found[0][0] - found[1][0]) / np.outer(scale, scale)).max() < 1e-13
     assert found[0][1] == pytest.approx(found[1][1], rel=1e-12, abs=1e-12 * np.abs(found[1][1]).max())
     # far from what the leaf is without a load
-    strain_fields(leaf.value, leaf.number, np.zeros(N + 6), leaf.pull, f)
+    fill_leaf_fields(leaf.value, leaf.number, np.zeros(N + 6), leaf.pull, f)
     leaf.fields.n[:] = 0.0
     strain_tangent(leaf.value, leaf.number, np.zeros(N + 6), f)
     assert np.abs((found[0][0] - f.W) / np.outer(scale, scale))[:own, :own].max() > 0.1

@@ -9,7 +9,7 @@ from ksd.beam.corotational_values import ElementSection
 from ksd.beam.strain_values import (
     DEFAULT_ORDERS,
     DEFAULT_POINTS,
-    PULL,
+    GRAVITY_BLOCK_SIZE,
     make_modes,
     masses_beyond,
     strain_sizes,
@@ -29,7 +29,7 @@ class Space:
         self.d = np.array([0.99958, 0.025, 1e-4]) * L
         (c, s), (a, b) = (np.cos(0.05), np.sin(0.05)), (np.cos(0.02), np.sin(0.02))
         self.Q = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]]) @ np.array([[1, 0, 0], [0, a, -b], [0, b, a]])
-        self.lam, self.K, self.at = np.zeros(12), np.zeros((6, 6)), PULL
+        self.lam, self.K, self.at = np.zeros(12), np.zeros((6, 6)), GRAVITY_BLOCK_SIZE
         if kind == "modes":
             table = make_modes(DEFAULT_ORDERS, DEFAULT_POINTS)
             rigidity = np.array([LEAF.G * LEAF.J, LEAF.E * LEAF.Iy, LEAF.E * LEAF.Iz])
@@ -37,13 +37,13 @@ class Space:
                 length=L, rigidity=rigidity, compliance=COMPLIANCE, modes=table, line_mass=np.full(7, MU)
             )
             assert masses_beyond(self.value, self.number) == pytest.approx(MU * L * (1 - table.s))
-            inner, store = strain_sizes(self.number, heavy=True)
+            inner, store = strain_sizes(self.number, has_weight=True)
             self.inner = np.zeros(inner)
-            fields = strain.fields_of(self.number)
+            fields = strain.leaf_fields(self.number)
 
             def condense(value, number, inner, store, *rest):
                 found = strain.strain_condense(value, number, inner, store, fields, *rest)
-                strain.strain_follow(value, number, inner, store, fields, *rest[2:])
+                strain.strain_gravity_block(value, number, inner, store, fields, *rest[2:])
                 return found
 
             self.condense = condense
@@ -51,7 +51,7 @@ class Space:
         else:
             value = chains.chain_values(LEAF, L, 4)
             self.value = np.concatenate([value, chains.lumped_masses(value, 4, np.full(4, MU))])
-            self.number, store = np.array([4, 0]), chains.sizes(4, heavy=True).store
+            self.number, store = np.array([4, 0]), chains.sizes(4, has_weight=True).store
             self.inner = chains.start_inner(self.value, self.number)
             self.condense, self.recover = corotational.condense, corotational.recover
         self.store = np.zeros(store)

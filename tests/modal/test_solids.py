@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import ksd
-from ksd.beam.polynomial import quartic
+from ksd.beam.polynomial_solid import quartic
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import reduce_solid, with_solids
 from ksd.modal.solid_solve import load_face

@@ -5,8 +5,8 @@ import pytest
 from scenes import STEEL, cross_flexure
 
 import ksd
+from ksd.bodies.joint_poses import joint_poses
 from ksd.bodies.joints import joint_bodies
-from ksd.bodies.series import joint_places
 from ksd.library import find_record
 from ksd.numerics.rotations import rotation_log
 
@@ -14,7 +14,7 @@ from ksd.numerics.rotations import rotation_log
 def places(loops, theta):
     """(J, 24)."""
     place, series = np.zeros((len(loops.node), 24)), np.zeros((3, loops.pose.shape[2]))
-    joint_places(*loops.flat, theta, place, series)
+    joint_poses(*loops.flat, theta, place, series)
     return place
 
 
@@ -26,7 +26,7 @@ def test_derivatives_of_places_are_their_differences(theta):
     scene.join(scene.ground, middle, cross_flexure(), at=(0, 0, 0), axis="z", toward="x")
     universal = ksd.UniversalJoint(STEEL, length=0.1, thickness=5e-4, width=0.04)
     scene.join(middle, tip, universal, at=(0.2, 0, 0), axis="z", toward="x")
-    loops = joint_bodies(ksd.compile_scene(scene), find_record).loops
+    loops = joint_bodies(ksd.compile_scene(scene), find_record).kinematics
     assert loops.first.tolist() == [0, 1, 3]
     theta, step, turn = np.array(theta), 1e-5, np.empty(3)
     found = places(loops, theta)

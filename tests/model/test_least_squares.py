@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ksd.bodies.kinematics import least_squares, room_for
+from ksd.bodies.kinematics import least_squares, least_squares_scratch
 
 
 @pytest.mark.parametrize("share", [1.0, 0.5, 0.15])
@@ -14,7 +14,7 @@ def test_steps_are_those_of_numpy(rows, motions, share, rng):
         # whole rank: every motion has a row of its own
         J[:motions] += 3.0 * np.eye(motions)
         residual, step = rng.normal(size=rows), np.full(motions, np.nan)
-        pivot = least_squares(J, residual, step, np.full_like(room_for(rows, motions), np.nan))
+        pivot = least_squares(J, residual, step, np.full_like(least_squares_scratch(rows, motions), np.nan))
         assert 0.0 < pivot <= 1.0
         assert step == pytest.approx(np.linalg.lstsq(J, -residual, rcond=None)[0], rel=1e-7, abs=1e-9)
 
@@ -22,4 +22,4 @@ def test_steps_are_those_of_numpy(rows, motions, share, rng):
 def test_a_motion_that_nothing_holds_has_no_pivot():
     J, step = np.zeros((3, 2)), np.zeros(2)
     J[:, 0] = 1.0
-    assert least_squares(J, np.ones(3), step, room_for(3, 2)) == 0.0
+    assert least_squares(J, np.ones(3), step, least_squares_scratch(3, 2)) == 0.0

@@ -6,8 +6,8 @@ from scenes import fourbar
 
 import ksd
 from ksd.beam.corotational import recover
-from ksd.beam.corotational_near import near_condense
-from ksd.bodies.substructures import set_near
+from ksd.beam.corotational_linearised import condense_linearised
+from ksd.bodies.substructures import set_near_configuration
 from ksd.model.newton import assemble, take_step
 from ksd.model.poses import member_pose
 from ksd.units import GPa, deg, mm
@@ -44,7 +44,7 @@ def test_wrenches_and_inner_nodes_are_those_of_each(scene, elements, drives, rng
     given, state, work = b.bodies.substructures, b.substructures, b.substructure_work
     members = given.members
     state.assign(b.bodies.substructure_rest)
-    set_near(b.bodies.loops, b.bodies.inside, b.theta, b.place, state, work)
+    set_near_configuration(b.bodies.kinematics, b.bodies.interior, b.theta, b.place, state, work)
     assemble(given, state, np.zeros(0), 1.0, work, 1e-8, 1, 10.0)
     alone, kept = [], []
     pose, Q = np.zeros(18), np.zeros((3, 3))
@@ -58,7 +58,7 @@ def test_wrenches_and_inner_nodes_are_those_of_each(scene, elements, drives, rng
         value, number = members.value[members.value_at[i] :], members.number[i]
         lam, K = np.zeros(12), np.zeros((6, 6))
         near = work.near[work.near_at[i] : work.near_at[i + 1]]
-        assert near_condense(value, number, inner, store, near, d, Q, lam, K, *scratch)[3] == 0
+        assert condense_linearised(value, number, inner, store, near, d, Q, lam, K, *scratch)[3] == 0
         assert work.lam[i] == pytest.approx(lam, rel=1e-8, abs=1e-9 * np.abs(work.lam).max())
         alone.append((value, number, inner, store))
         kept.append(pose.copy())

@@ -5,7 +5,7 @@ import pytest
 from hard_scenes import STEEL
 
 import ksd
-from ksd.bodies.joints import body_design, joint_bodies, layout_of
+from ksd.bodies.joints import joint_bodies, joint_bodies_of_design, joint_layout
 from ksd.model.compile import compile_given
 from ksd.model.drawing import draw
 from ksd.model.template import Template, design, motion_design, template_of
@@ -129,20 +129,20 @@ def test_designs_in_one_call_are_those_made_one_by_one(name, mesh, rng):
         _same((model.arrays, model.rest), several)
     if mesh.nodal or not drawings[0].joints:
         return
-    layout = layout_of(template, drawings[0].joints, ksd.find_record)
+    layout = joint_layout(template, drawings[0].joints, ksd.find_record)
     shapes = [[d.joints[u].shape() for d in drawings] for u in range(len(drawings[0].joints))]
     bodies = layout(numbers, filled, shapes, extrapolate=True)
     for d, scene in enumerate(scenes):
         alone = joint_bodies(compile_given(scene, mesh), ksd.find_record, extrapolate=True)
-        several = body_design(layout, bodies, d)
+        several = joint_bodies_of_design(layout, bodies, d)
         for field in (
-            "loops",
-            "inside",
+            "kinematics",
+            "interior",
             "substructures",
             "substructure_rest",
             "reduced",
             "reduced_rest",
-            "hung",
+            "joint_weights",
             "motion_scale",
         ):
             _same(getattr(alone, field), getattr(several, field))

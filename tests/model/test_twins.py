@@ -5,7 +5,7 @@ import pytest
 from scenes import fourbar
 
 import ksd
-from ksd.bodies.substructures import condense_joints, set_near
+from ksd.bodies.substructures import condense_joints, set_near_configuration
 from ksd.model.arrays import make_work
 from ksd.model.newton import assemble, newton_step
 
@@ -55,13 +55,13 @@ def test_condensed_joints_are_those_of_leaves_worked_on_one_by_one(mesh):
     found = []
     for change in (0.0, SLIGHT):
         state.assign(b.substructure_rest)
-        set_near(b.loops, b.inside, storage.theta, storage.place, state, work)
+        set_near_configuration(b.kinematics, b.interior, storage.theta, storage.place, state, work)
         if mesh.leaf == "strain":
             state.inner[given.inner_at[2]] += change
         else:
             work.near[work.near_at[2]] += change
         inner = np.zeros_like(storage.reduced.inner)
-        condense_joints(b.substructures, len(b.loops.node), state, work, 1, inner)
+        condense_joints(b.substructures, len(b.kinematics.node), state, work, 1, inner)
         found.append((inner, state.inner.copy()))
     (once, inside), (each, other) = found
     assert once == pytest.approx(each, rel=1e-9, abs=1e-10 * np.abs(each).max())

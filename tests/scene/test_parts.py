@@ -31,7 +31,7 @@ from ksd.scene import (
 )
 from ksd.scene.profile import ProfilePart
 from ksd.section import circle, rectangle
-from ksd.train.catalogue import ENTRIES
+from ksd.train.catalogue import FAMILY_DESIGNS
 from ksd.units import GPa, deg, mm
 
 STEEL = Material(200 * GPa, 76.9 * GPa, density=7800)
@@ -219,10 +219,10 @@ def test_families_by_name():
         assert family.family == name and issubclass(family, Joint)
 
 
-@pytest.mark.parametrize("family", sorted(ENTRIES))
+@pytest.mark.parametrize("family", sorted(FAMILY_DESIGNS))
 def test_leaves_of_families_pass_the_checks_of_a_leaf(family):
     """They are drawn past them, being right by the bounds of their family: made anew with all checks they are the same."""
-    entry = ENTRIES[family]
+    entry = FAMILY_DESIGNS[family]
     for end in ("low", "high"):
         joint = entry.make(**{p.name: getattr(p, end) for p in entry.parameters})
         for leaf in joint.leaves():

@@ -38,7 +38,7 @@ print(child.pid, child.exitcode)
 """
 KERNELS = (
     "strain_condense", "strain_tangent", "_move_nodes", "strain_recover", "solve_blocks", "factor_blocks", "add_terms",
-    "add_loads", "member_tangent", "read_joints", "_worst", "_condense_blocks", "_recover_blocks", "place_insides",
+    "add_loads", "member_tangent", "read_joints", "_worst", "_condense_blocks", "_recover_blocks", "place_internal_blocks",
 )  # fmt: skip
 
 

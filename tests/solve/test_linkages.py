@@ -8,7 +8,7 @@ from scenes import fourbar
 from scipy.optimize import brentq
 
 import ksd
-from ksd.bodies.freedom import describe_motion
+from ksd.bodies.mobility import describe_motion
 from ksd.model.compile import compile_scene
 
 # corners of a four-bar in its plane [m]: pins on ground, crank, rocker, ground; where a coil spring and a mass are

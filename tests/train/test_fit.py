@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ksd.library.functions import legendre_products, monomials
-from ksd.train.fit import _leave_one_out, _shape_degree, fit_functions, total_degree
+from ksd.train.fit import _leave_one_out, _shape_degree, exponents_up_to, fit_functions
 
 
 def sampled(function, shapes=40, seed=0):
@@ -20,9 +20,9 @@ def evaluate(fit, grid, places):
 
 
 def test_total_degree_counts():
-    assert len(total_degree(2, 3)) == 10 and len(total_degree(3, 2)) == 10
-    np.testing.assert_array_equal(total_degree(0, 4), np.zeros((1, 0)))
-    np.testing.assert_array_equal(total_degree(1, 2), [[0], [1], [2]])
+    assert len(exponents_up_to(2, 3)) == 10 and len(exponents_up_to(3, 2)) == 10
+    np.testing.assert_array_equal(exponents_up_to(0, 4), np.zeros((1, 0)))
+    np.testing.assert_array_equal(exponents_up_to(1, 2), [[0], [1], [2]])
 
 
 def test_polynomials_are_recovered_with_their_degrees():
@@ -86,5 +86,5 @@ def test_shape_errors_are_those_of_fits_that_left_a_shape_out():
     places = rng.uniform(-1, 1, (30, 2))
     values = 1 + places[:, 0] * places[:, 1] + 0.01 * rng.standard_normal(30)
     degree, error = _shape_degree(values[:, None, None], np.ones((1, 1)), places, np.full(1, 1e-9), 2)
-    left = refitted_without_each(legendre_products(total_degree(2, 2), places), values)
+    left = refitted_without_each(legendre_products(exponents_up_to(2, 2), places), values)
     assert degree == 2 and 1e-9 * error == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-9)

@@ -10,8 +10,8 @@ from ksd.library import Probes, find_record, read_record, write_record
 from ksd.library.record_files import record_bytes, shipped_folder
 from ksd.train import check_probes, design_of, up_to_date
 from ksd.train import probes as module
-from ksd.train.catalogue import ENTRIES
-from ksd.train.sweep import sample_joint
+from ksd.train.catalogue import FAMILY_DESIGNS
+from ksd.train.sampling import sample_joint
 
 SHIPPED = sorted(shipped_folder().glob("*.h5"))
 
@@ -25,7 +25,7 @@ def test_shipped_records_agree_with_the_solver(path):
 
 
 def test_every_family_of_the_catalogue_ships():
-    assert {path.stem for path in SHIPPED} == set(ENTRIES)
+    assert {path.stem for path in SHIPPED} == set(FAMILY_DESIGNS)
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)

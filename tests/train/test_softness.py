@@ -11,11 +11,19 @@ import ksd
 from ksd.errors import SceneError
 from ksd.scene import DrawnJoint, Material, Motion
 from ksd.scene.families.universal import UniversalJoint
-from ksd.train.catalogue import ENTRIES, design_of
-from ksd.train.designs import softened
-from ksd.train.run import _corners
-from ksd.train.softness import FREE, MARGIN, SOFTENED, check_soft, rest_stiffness, softness, undeclared
-from ksd.train.sweep import Plan, even_line, sample_joint
+from ksd.train.catalogue import FAMILY_DESIGNS, design_of
+from ksd.train.designs import soften_leaves
+from ksd.train.run import _corner_joints
+from ksd.train.sampling import SamplingPlan, even_line, sample_joint
+from ksd.train.softness import (
+    FREEDOM_FALL,
+    MAX_STIFFNESS_RATIO,
+    SOFTENING_FACTOR,
+    check_soft,
+    rest_stiffness,
+    softness,
+    undeclared_freedom,
+)
 
 SINGLE = {"circular_notch": 0.87, "filleted_notch": 0.76, "arc_hinge": 0.66}
 
@@ -37,17 +45,17 @@ def leaf(nu, width, *, held=True):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("name", list(ENTRIES))
+@pytest.mark.parametrize("name", list(FAMILY_DESIGNS))
 def test_every_family_at_every_corner_of_its_shapes(name):
-    most = max(share(joint) for joint in _corners(design_of(name)))
-    assert most < SINGLE.get(name, 0.03) < MARGIN
+    most = max(share(joint) for joint in _corner_joints(design_of(name)))
+    assert most < SINGLE.get(name, 0.03) < MAX_STIFFNESS_RATIO
 
 
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.49])
 def test_a_single_leaf_against_its_torsion(nu):
     """Wide: EI over GJ is (1 + nu)/2, raised a little by the finite width; below the margin from three to one on."""
     assert share(leaf(nu, 1.0)) == pytest.approx(0.5 * (1 + nu), rel=2e-3)
-    assert share(leaf(nu, 3e-3)) < MARGIN
+    assert share(leaf(nu, 3e-3)) < MAX_STIFFNESS_RATIO
     check_soft(leaf(nu, 3e-3))
 
 
@@ -70,20 +78,20 @@ def test_a_shape_at_the_end_of_its_range_is_named(tmp_path):
         )  # fmt: skip
 
     design = ksd.Design("strip", (ksd.library.Parameter("width", 0.5e-3, 10e-3),), drawn)
-    assert share(drawn(width=5e-3)) < MARGIN
+    assert share(drawn(width=5e-3)) < MAX_STIFFNESS_RATIO
     with pytest.raises(SceneError, match=r"not the soft one in the shape width = 0.0005"):
         ksd.train(design, out=tmp_path, progress=False)
 
 
-@pytest.mark.parametrize("name", [name for name in ENTRIES if name not in SINGLE])
+@pytest.mark.parametrize("name", [name for name in FAMILY_DESIGNS if name not in SINGLE])
 def test_every_family_of_several_leaves_has_the_freedoms_it_declares(name):
     """Softened to a quarter, freedoms fall to a quarter and constraints stay: there is nothing in between."""
-    for joint in _corners(design_of(name)):
-        whole, soft = rest_stiffness(joint), rest_stiffness(softened(joint, SOFTENED))
+    for joint in _corner_joints(design_of(name)):
+        whole, soft = rest_stiffness(joint), rest_stiffness(soften_leaves(joint, SOFTENING_FACTOR))
         falls = np.sort(eigh(whole, soft, eigvals_only=True))[::-1]
         count = len(joint.motions)
-        assert falls[:count].min() > 3.75 > FREE > 1.02 > falls[count:].max()
-        assert undeclared(joint, whole, soft) is None
+        assert falls[:count].min() > 3.75 > FREEDOM_FALL > 1.02 > falls[count:].max()
+        assert undeclared_freedom(joint, whole, soft) is None
 
 
 def universal(keep, *, scale=1.0):
@@ -117,7 +125,9 @@ def test_how_much_stiffer_the_second_freedom_is_told():
 
     def second(scale):
         joint = universal(["about_z"], scale=scale)
-        return undeclared(joint, rest_stiffness(joint), rest_stiffness(softened(joint, SOFTENED)))
+        return undeclared_freedom(
+            joint, rest_stiffness(joint), rest_stiffness(soften_leaves(joint, SOFTENING_FACTOR))
+        )
 
     for scale in (2, 4):
         assert second(scale).ratio == pytest.approx(scale**3, rel=0.15)
@@ -182,7 +192,7 @@ def test_a_motion_that_turns_soft_on_the_way_is_refused():
         "wide", blocks=joint.blocks(), leaves=joint.leaves(), length=joint.length,
         motions=[replace(joint.motions[0], range=(-reach, reach))],
     )  # fmt: skip
-    plan = Plan((even_line(-1, 1, 9),), ("strain",), (4, 3, 5), whole=True, apart=False)
+    plan = SamplingPlan((even_line(-1, 1, 9),), ("strain",), (4, 3, 5), whole=True, apart=False)
     with pytest.raises(
         SceneError, match=r"at angle = -0.6981 a rotation about .* is as soft as the intended motion"
     ):

@@ -24,10 +24,10 @@ from ksd.section import rectangle
 from ksd.train import Design, train
 from ksd.train import jobs as jobs_module
 from ksd.train.catalogue import design_of
-from ksd.train.checks import check_clear
-from ksd.train.designs import bare
+from ksd.train.designs import without_mesh_choices
+from ksd.train.sampling import SamplingPlan, _contact_points, _model, _walk, even_line, sample_joint
 from ksd.train.softness import rest_stiffness
-from ksd.train.sweep import Plan, _looked_at, _model, _walk, even_line, sample_joint
+from ksd.train.stroke_checks import check_clear
 
 ROOT = Path(__file__).resolve().parents[2]
 STEEL = Material(E=200e9, G=76.9e9)
@@ -112,7 +112,7 @@ def test_errors_on_fresh_shapes_are_stored_and_small(trained):
 def test_a_shape_inside_the_range_equals_its_own_model(trained):
     shape = {"angle": math.radians(45.7), "width_ratio": 0.94}
     joint = cross(angle=shape["angle"], widths=(0.04, 0.5 * 0.94 * 0.04))
-    plan = Plan((even_line(-1.3, 1.3, 5),), ("strain", 4), (4, 3, 5))
+    plan = SamplingPlan((even_line(-1.3, 1.3, 5),), ("strain", 4), (4, 3, 5))
     design = Design("cross_flexure", (), design_of(joint).make)
     for (mesh, group), values in sample_joint(design.joint(np.zeros(0)), plan).items():
         at = trained.contract(shape, mesh).at(plan.grid * math.radians(75), group)
@@ -159,7 +159,7 @@ def test_a_broken_run_keeps_what_is_done(tmp_path, threads, monkeypatch):
     def counted(into):
         return lambda job: into.append(job) or sample_joint(job.joint, job.plan)
 
-    monkeypatch.setattr(jobs_module, "perform", counted(calls_of_a_whole_run))
+    monkeypatch.setattr(jobs_module, "run_job", counted(calls_of_a_whole_run))
     train("cross_flexure", out=tmp_path / "whole.h5", **options)
 
     def broken(job):
@@ -168,14 +168,14 @@ def test_a_broken_run_keeps_what_is_done(tmp_path, threads, monkeypatch):
             raise KeyboardInterrupt
         return sample_joint(job.joint, job.plan)
 
-    monkeypatch.setattr(jobs_module, "perform", broken)
+    monkeypatch.setattr(jobs_module, "run_job", broken)
     with pytest.raises(KeyboardInterrupt):
         train("cross_flexure", out=tmp_path / "part.h5", **options)
     kept = list((tmp_path / ".part.partial").glob("*.npz"))
     assert not (tmp_path / "part.h5").exists() and 15 <= len(kept) <= 20
     # a damaged piece is computed again
     kept[0].write_bytes(kept[0].read_bytes()[:-40])
-    monkeypatch.setattr(jobs_module, "perform", counted(again))
+    monkeypatch.setattr(jobs_module, "run_job", counted(again))
     train("cross_flexure", out=tmp_path / "part.h5", **options)
     assert (tmp_path / "part.h5").read_bytes() == (tmp_path / "whole.h5").read_bytes()
     # besides the damaged one, one that shows that the code still gives what is kept
@@ -195,7 +195,7 @@ def test_what_is_kept_is_not_used_when_the_code_gives_something_else(tmp_path, t
         return {key: values + 1e-6 for key, values in samples.items()}
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(jobs_module, "perform", broken_and_otherwise)
+        patch.setattr(jobs_module, "run_job", broken_and_otherwise)
         train(guide(), out=tmp_path / "part.h5", **options)
     assert list((tmp_path / ".part.partial").glob("*.npz"))
     train(guide(), out=tmp_path / "part.h5", **options)
@@ -366,7 +366,7 @@ def test_a_motion_that_is_not_the_soft_one_is_refused(tmp_path):
 
 def test_stiffness_at_rest():
     """acceptance B: K0 = 13.33333 Nm/rad about the axis; kx = 8.0008e7 N/m with all else held."""
-    stiffness = rest_stiffness(bare(cross()))
+    stiffness = rest_stiffness(without_mesh_choices(cross()))
     assert stiffness[0, 0] / 0.1**2 == pytest.approx(8.0008e7, rel=1e-3)
     assert 1 / np.linalg.inv(stiffness)[5, 5] == pytest.approx(13.33333, rel=1e-4)
 
@@ -456,11 +456,11 @@ def test_leaves_that_meet_at_a_corner_of_shapes_and_stroke_are_refused(tmp_path,
 def test_leaves_that_meet_between_the_ends_of_the_stroke_are_seen():
     """The state at the end of the stroke put in the middle of one: at the corners alone nothing is seen."""
     joint = twins(near=1.0)
-    plan = Plan(((0.0, -1.0),), ("strain",), (4, 3, 5))
+    plan = SamplingPlan(((0.0, -1.0),), ("strain",), (4, 3, 5))
     rest, bent = _walk(joint, _model(joint, "strain", plan), plan, "strain")
-    between = Plan(((-1.0, 0.0, 1.0),), ("strain",), (4, 3, 5))
-    assert _looked_at(between).tolist() == [True, False, True]
-    assert _looked_at(replace(between, whole=True)).all()
+    between = SamplingPlan(((-1.0, 0.0, 1.0),), ("strain",), (4, 3, 5))
+    assert _contact_points(between).tolist() == [True, False, True]
+    assert _contact_points(replace(between, whole=True)).all()
     check_clear(joint, [rest, rest])
     with pytest.raises(SceneError, match="'high' and 'twin' run into each other"):
         check_clear(joint, [rest, bent, rest])
@@ -571,7 +571,7 @@ def test_every_kind_of_family_gives_the_same_bytes(name, tmp_path, threads, monk
         return sample_joint(job.joint, job.plan)
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(jobs_module, "perform", broken)
+        patch.setattr(jobs_module, "run_job", broken)
         train(name, shapes=narrow, out=tmp_path / "part.h5", **options)
     train(name, shapes=narrow, out=tmp_path / "part.h5", **options)
     assert (tmp_path / "part.h5").read_bytes() == (tmp_path / "whole.h5").read_bytes()

@@ -9,19 +9,21 @@ import ksd
 from ksd.errors import SceneError
 from ksd.scene import DrawnJoint, Material
 from ksd.train.catalogue import design_of
-from ksd.train.checks import WINDOW, Openings
-from ksd.train.sweep import Plan, _model, _walk, even_line, sample_joint
+from ksd.train.sampling import SamplingPlan, _model, _walk, even_line, sample_joint
+from ksd.train.stroke_checks import MAX_WINDOW_SHARE, LeafWindows
 
 STEEL = Material(E=200e9, G=76.9e9)
 
 
 def plan_of(joint, count=5):
-    return Plan(tuple(even_line(*m.range, count) for m in joint.motions), ("strain",), (4, 3, 5), whole=True)
+    return SamplingPlan(
+        tuple(even_line(*m.range, count) for m in joint.motions), ("strain",), (4, 3, 5), whole=True
+    )
 
 
 def openings(joint):
     plan = plan_of(joint)
-    return Openings.of(joint, _walk(joint, _model(joint, "strain", plan), plan, "strain"))
+    return LeafWindows.of(joint, _walk(joint, _model(joint, "strain", plan), plan, "strain"))
 
 
 def pivot(*, angle=60, ratio=0.5):
@@ -44,14 +46,14 @@ def drawn(joint, *, degrees=30, change=lambda leaf: leaf):
 def test_the_windows_of_crossed_pivots_are_small(angle, ratio):
     """Half the width over the length the crossing wanders; none where the leaves meet in the clamp or on their extension."""
     found = openings(pivot(angle=angle, ratio=ratio))
-    assert found.largest()[1] < 0.16 < WINDOW
+    assert found.largest()[1] < 0.16 < MAX_WINDOW_SHARE
     assert bool(found.shares) == (0.05 < ratio < 0.95)
 
 
 def test_the_windows_of_the_3x_infinity_hinge_are_small():
     leaf, share, others = openings(design_of("triple_infinity_hinge").make()).largest()
     assert leaf.startswith("fold_2") and "bar" in others
-    assert 0.1 < share < 0.2 < WINDOW
+    assert 0.1 < share < 0.2 < MAX_WINDOW_SHARE
 
 
 def test_windows_that_take_much_of_a_leaf_are_refused():

@@ -8,14 +8,14 @@ from hard_cases import Case
 from scenes import STEEL, guided_leaf
 
 import ksd
-from ksd.train.catalogue import ENTRIES
+from ksd.train.catalogue import FAMILY_DESIGNS
 
 CHAINS = "chains of 200 and 400 elements, extrapolated"
 
 
 def arm(family: str, count: int) -> ksd.Mechanism:
     """Joints of a family in series about z, y, z, ..., every motion driven, a force across and along at the end."""
-    entry = ENTRIES[family]
+    entry = FAMILY_DESIGNS[family]
     joint = entry.make(**{p.name: 0.5 * (p.low + p.high) for p in entry.parameters})
     soft = min(f.material.E * f.section.Iz / f.length**2 for f in joint.leaves())
     scene, base, size = ksd.Mechanism(f"arm of {family}"), "ground", joint.length
@@ -32,7 +32,7 @@ def arm(family: str, count: int) -> ksd.Mechanism:
 
 def moved(family: str, count: int) -> dict[str, float]:
     """Drive values of `arm`: rotations of .2 to .4 rad, strokes of a tenth of the length, of either sign."""
-    entry = ENTRIES[family]
+    entry = FAMILY_DESIGNS[family]
     joint = entry.make(**{p.name: 0.5 * (p.low + p.high) for p in entry.parameters})
     notch = 0.25 if "notch" in family else 1.0
     found = {}

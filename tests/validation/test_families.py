@@ -22,7 +22,7 @@ from ksd.scene.families.notch import ArcHinge, CircularNotchHinge, FilletedNotch
 from ksd.scene.families.universal import UniversalJoint
 from ksd.solve.conventional import conventional
 from ksd.solve.joint_range import SLACK
-from ksd.train.catalogue import ENTRIES, design_of
+from ksd.train.catalogue import FAMILY_DESIGNS, design_of
 from ksd.train.softness import rest_stiffness
 from ksd.units import deg
 
@@ -30,7 +30,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 STEEL = Material(E=200e9, G=76.9e9)
 THIN = {"length": 0.1, "thickness": 1e-4, "width": 0.04}
-SHAPED = [name for name, entry in ENTRIES.items() if entry.parameters]
+SHAPED = [name for name, entry in FAMILY_DESIGNS.items() if entry.parameters]
 
 
 def alone(joint):
@@ -170,8 +170,8 @@ def test_triple_infinity_hinge_is_a_rotation_joint():
 
 
 def test_every_family_is_named_and_reachable():
-    assert set(ENTRIES) <= set(joint_families())
-    for name in ENTRIES:
+    assert set(FAMILY_DESIGNS) <= set(joint_families())
+    for name in FAMILY_DESIGNS:
         made = design_of(name)
         joint = made.make(**made.shape(np.zeros(len(made.parameters))))
         assert joint.family == name
@@ -218,7 +218,7 @@ def errors(joint, solver, share):
 
 
 @pytest.mark.parametrize("mesh", [Mesh(), Mesh("corotational", elements=3)], ids=["strain", "n=3"])
-@pytest.mark.parametrize("name", list(ENTRIES))
+@pytest.mark.parametrize("name", list(FAMILY_DESIGNS))
 def test_reduced_equals_conventional(name, mesh, rng):
     """Issue of the families: below 0.1 % over the trained range at ten random shapes, pivot shift 1e-4 L."""
     if mesh.leaf == "corotational" and mesh.elements not in find_record(name).functions:
@@ -234,7 +234,7 @@ def test_reduced_equals_conventional(name, mesh, rng):
             assert place < (1e-6 if exact else 1e-4)
 
 
-@pytest.mark.parametrize("name", list(ENTRIES))
+@pytest.mark.parametrize("name", list(FAMILY_DESIGNS))
 def test_pivot_shift_of_the_record(name, rng):
     """The interface functions alone, against the element model: below 1e-4 L at the thickness trained on."""
     design = design_of(name)
@@ -265,7 +265,7 @@ def test_shapes_outside_the_range_are_refused(name):
                 ksd.prepare(alone(joint))({m.name: 0.0 for m in joint.motions}, method="reduced")
 
 
-@pytest.mark.parametrize("name", list(ENTRIES))
+@pytest.mark.parametrize("name", list(FAMILY_DESIGNS))
 def test_motions_outside_the_range_are_refused(name):
     design = design_of(name)
     joint = design.make(**design.shape(np.zeros(len(design.parameters))))
@@ -278,7 +278,7 @@ def test_motions_outside_the_range_are_refused(name):
             solver({**values, motion.name: end}, method="reduced")
 
 
-@pytest.mark.parametrize("name", list(ENTRIES))
+@pytest.mark.parametrize("name", list(FAMILY_DESIGNS))
 def test_the_slack_of_a_range_is_rounding(name):
     """Wider than a joint driven to the very end may be found beyond it; by Markov's inequality no residual grows there."""
     record = find_record(name)
@@ -288,7 +288,7 @@ def test_the_slack_of_a_range_is_rounding(name):
     assert 2 * degree**2 * SLACK < 3e-3
 
 
-@pytest.mark.parametrize("name", list(ENTRIES))
+@pytest.mark.parametrize("name", list(FAMILY_DESIGNS))
 def test_records_are_small_and_the_same_in_both_places(name):
     from ksd.library.record_files import shipped_folder
 
@@ -407,7 +407,7 @@ def test_the_one_of_two_motions_is_named():
         scene.actuate(joint="joint", motion="about_x")
 
 
-@pytest.mark.parametrize("name", list(ENTRIES))
+@pytest.mark.parametrize("name", list(FAMILY_DESIGNS))
 def test_every_family_in_scene_files(name, tmp_path):
     design = design_of(name)
     scene = alone(design.make(**design.shape(np.zeros(len(design.parameters)))))
@@ -416,7 +416,7 @@ def test_every_family_in_scene_files(name, tmp_path):
     assert again.scene().fingerprint() == scene.scene().fingerprint()
 
 
-@pytest.mark.parametrize("name", list(ENTRIES))
+@pytest.mark.parametrize("name", list(FAMILY_DESIGNS))
 def test_internal_blocks_and_leaves_fit_together(name):
     """Leaf ends on a block lie in one rigid body: the joint turned at random as a whole gives the same force."""
     design = design_of(name)

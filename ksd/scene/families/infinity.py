@@ -112,8 +112,8 @@ class TripleInfinityHinge(Family):
       Each acts as a pivot where its bars cross, so both together as a rod from A to B across the main leaf.
 
     Widths overlap in the drawing where folded leaf springs and bars pass: the folded leaf springs have windows there, left
-    out of the model: over the stroke up to 0.19 of the area of a leaf (`ksd.train.checks.Openings`; rigid blocks have no
-    shape here and are not looked at). length [m] scales all dimensions but thickness [m], which is free like the
+    out of the model: over the stroke up to 0.19 of the area of a leaf (`ksd.train.stroke_checks.LeafWindows`; rigid blocks
+    have no shape here and are not looked at). length [m] scales all dimensions but thickness [m], which is free like the
     material. Raises SceneError naming the parameter out of bounds.
     """
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ksd.bodies.flat import FIRST, JOINT_LENGTH, JOINTS, MONOMIALS, POSE, POWER, POWER_FIRST
+from ksd.bodies.joint_arrays import FIRST, JOINT_LENGTH, JOINTS, MONOMIALS, POSE, POWER, POWER_FIRST
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import exp_tangent, rotation_exp
 
@@ -60,7 +60,7 @@ def _in_plane(f, length, motions, place, j):
 
 @kernel
 def _in_space(f, length, motions, place, j):
-    """place[j] of `pose_from`; f (3, 6): rotation vector and chord, and their derivatives."""
+    """place[j] of `pose_from_polynomials`; f (3, 6): rotation vector and chord, and their derivatives."""
     R, H, T, S = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     half, spin = np.empty(3), np.empty(3)
     for r in range(3):
@@ -87,7 +87,7 @@ def _in_space(f, length, motions, place, j):
 
 
 @kernel(inline="late")
-def pose_from(shapes, at, size, length, series, count, motions, f, place, j):
+def pose_from_polynomials(shapes, at, size, length, series, count, motions, f, place, j):
     """Pose and its derivatives from rotation-vector and chord polynomials, (6, size) from shapes[at] on, and the `count`
     monomials and their derivatives in series, into place[j]; f (3, 6): scratch.
 
@@ -107,11 +107,13 @@ def pose_from(shapes, at, size, length, series, count, motions, f, place, j):
 
 
 @kernel
-def joint_places(loops, shapes, theta, place, series):
+def joint_poses(loops, shapes, theta, place, series):
     """place (J, 24): pose of interface B of every joint and its derivatives, in the axes of interface A; series (3, M):
     scratch."""
     size, f = loops[MONOMIALS], np.empty((3, 6))
     for j in range(loops[JOINTS]):
         count, length = monomials(loops, theta, j, series), shapes[loops[JOINT_LENGTH] + j]
         motions = loops[loops[FIRST] + j + 1] - loops[loops[FIRST] + j]
-        pose_from(shapes, loops[POSE] + 6 * size * j, size, length, series, count, motions, f, place, j)
+        pose_from_polynomials(
+            shapes, loops[POSE] + 6 * size * j, size, length, series, count, motions, f, place, j
+        )

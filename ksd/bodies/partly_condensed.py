@@ -19,7 +19,7 @@ from ksd.model.pack import Member, pack
 from ksd.model.reduced import inner_state
 
 
-class Mixture(NamedTuple):
+class PartlyCondensed(NamedTuple):
     """A mechanism of condensed joints and of the members of a model that are in none of them.
 
     nodes (k,): nodes of the model it has, the links and the blocks of joints that are not condensed. joint (m,): the
@@ -38,7 +38,7 @@ class Mixture(NamedTuple):
         return motion.inner[at[m] : at[m + 1]]
 
 
-def mixture(model: Model, linear: Arrays, condensed: Sequence[bool]) -> Mixture:
+def condense_some_joints(model: Model, linear: Arrays, condensed: Sequence[bool]) -> PartlyCondensed:
     """The mechanism of `model` with some joints condensed; linear: that of all joints condensed, its first members."""
     scene = model.scene
     blocks = [f"{p.name}/" for p, c in zip(scene.joints, condensed, strict=True) if c]
@@ -59,7 +59,7 @@ def mixture(model: Model, linear: Arrays, condensed: Sequence[bool]) -> Mixture:
     # links, which rows and loads are of, have the same numbers
     arrays, rest = pack(places, parts, springs=elastic_parts(scene, places), like=model.arrays)
     away = np.full(len(member), -1), np.full(len(joint), -1)
-    return Mixture(
+    return PartlyCondensed(
         arrays,
         rest,
         np.array(nodes),
@@ -68,7 +68,7 @@ def mixture(model: Model, linear: Arrays, condensed: Sequence[bool]) -> Mixture:
     )
 
 
-def alone(model: Model, i: int) -> tuple[Arrays, Motion]:
+def single_member(model: Model, i: int) -> tuple[Arrays, Motion]:
     """Member i between two fixed ends, end p at the origin along the axes; end q is where its offset and frame put it."""
     made = _member(model, i, dict.fromkeys(range(len(model.node_names)), 0))
     arrays, rest = pack(np.zeros((1, 3)), [made])

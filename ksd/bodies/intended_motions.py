@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from ksd.bodies.flat import CLOSINGS, FIRST, JOINT_LENGTH, JOINTS, MONOMIALS
-from ksd.bodies.kinematics import least_squares, loop_equations, room_for
-from ksd.bodies.series import joint_places
+from ksd.bodies.joint_arrays import CLOSINGS, FIRST, JOINT_LENGTH, JOINTS, MONOMIALS
+from ksd.bodies.joint_poses import joint_poses
+from ksd.bodies.kinematics import least_squares, least_squares_scratch, loop_equations
 from ksd.model.arrays import (
     LOAD_FOLLOWING,
     LOAD_FORCE,
@@ -32,15 +32,15 @@ MATCHES = 1e-9
 def intended_motions(loops, shapes, relative, theta, place, series, off, found):
     """Split the relative poses of all joints into intended motion theta and the rest, in place (Gauss-Newton).
 
-    loops, shapes: as in `ksd.bodies.flat`. relative (J, 12): d and rotation (row-major) of B in the axes of A. theta is
-    matched to the rotation of B where the motion turns it, else to its displacement; a correction is limited to 0.3. off
+    loops, shapes: as in `ksd.bodies.joint_arrays`. relative (J, 12): d and rotation (row-major) of B in the axes of A. theta
+    is matched to the rotation of B where the motion turns it, else to its displacement; a correction is limited to 0.3. off
     (J, 6): displacement and rotation vector of B off its intended pose. found (J,): 1 where the corrections died out, 0
     where theta means nothing. series (3, M): scratch.
     """
     rel, v, A, b, step = np.empty((3, 3)), np.empty(3), np.empty((2, 2)), np.empty(2), np.empty(2)
     found[:] = 0
     for _ in range(40):
-        joint_places(loops, shapes, theta, place, series)
+        joint_poses(loops, shapes, theta, place, series)
         missing = 0
         for j in range(loops[JOINTS]):
             if found[j] == 1:
@@ -110,9 +110,9 @@ def drive_forces(ints, floats, loops, shapes, theta, target, x, R, place, wrench
     rows, size = closing + ints[ROWS], floats[0]
     W, J, series = np.zeros((links, motions, 6)), np.zeros((rows, motions)), np.empty((3, loops[MONOMIALS]))
     residual, Q, rate = np.zeros(rows), np.zeros(motions), np.zeros(motions)
-    reach, room = np.empty((2, links), np.int64), room_for(rows, motions)
+    reach, room = np.empty((2, links), np.int64), least_squares_scratch(rows, motions)
     frames, slope = np.empty((4, 4, 3)), np.empty((8, 3))
-    joint_places(loops, shapes, theta, place, series)
+    joint_poses(loops, shapes, theta, place, series)
     loop_equations(ints, floats, loops, shapes, target, x, R, place, reach, W, J, residual, frames, slope)
     for j in range(loops[JOINTS]):
         first = loops[loops[FIRST] + j]

@@ -16,15 +16,21 @@ from ksd.scene import Joint, Leaf
 from ksd.scene.clearance import BENT, FINE, PIECES, Body, meetings, pieces
 from ksd.section.constants import extents
 from ksd.solve.configuration import Configuration
-from ksd.train.poses import pose
-from ksd.train.softness import MARGIN, aside, in_shape, intended_stiffness, scaling
+from ksd.train.poses import block_poses
+from ksd.train.softness import (
+    MAX_STIFFNESS_RATIO,
+    describe_soft_motion,
+    intended_stiffness,
+    scaling,
+    shape_phrase,
+)
 
-WINDOW = 0.25
+MAX_WINDOW_SHARE = 0.25
 """Largest part of a leaf's area that windows may take. The window is left out of the model, so it has to be small; crossed
 pivots need 0.15 at most, the 3x-infinity hinge 0.19 (`tests/train/test_windows.py`)."""
 
 
-def where(joint: Joint, values: Mapping[str, float]) -> str:
+def state_phrase(joint: Joint, values: Mapping[str, float]) -> str:
     """The motions, and the shape they are made in, in words."""
     motion, shape = (
         ", ".join(f"{name} = {value:.4g}" for name, value in told.items()) for told in (values, joint.shape())
@@ -53,7 +59,7 @@ def check_plane(joint: Joint, model: Model, states: list[Configuration], most: f
     axis = _normal(joint)
     if axis is None:
         return
-    found = pose(model, [s.motion for s in states], 1, np.asarray(joint.pose_B, float), joint.length)
+    found = block_poses(model, [s.motion for s in states], 1, np.asarray(joint.pose_B, float), joint.length)
     turn = found[:, :3] - np.outer(found[:, :3] @ axis, axis)
     rest = np.asarray(joint.pose_B, float) / joint.length
     chord = (found[:, 3:] - rest) @ axis
@@ -69,20 +75,20 @@ def check_plane(joint: Joint, model: Model, states: list[Configuration], most: f
 def check_clear(joint: Joint, states: list[Configuration]) -> None:
     """No leaf runs through another in any of the states, but for windows where the joint has them."""
     if joint.windows:
-        needed = Openings.of(joint, states)
+        needed = LeafWindows.of(joint, states)
         leaf, share, others = needed.largest()
-        if share > WINDOW:
+        if share > MAX_WINDOW_SHARE:
             raise SceneError(
                 f"{joint.family}: the windows of leaf '{leaf}' for {others} would take {share:.0%} of its area over the "
-                f"stroke{in_shape(joint)}, at most {WINDOW:.0%} may be left out of the model; reduce the range of motion or "
-                "of the shape, or let narrower leaf springs pass."
+                f"stroke{shape_phrase(joint)}, at most {MAX_WINDOW_SHARE:.0%} may be left out of the model; reduce the "
+                "range of motion or of the shape, or let narrower leaf springs pass."
             )
         return
     for state in states:
         for (one, two), _ in meetings(_bodies(joint, state, PIECES), touch=BENT):
             raise SceneError(
                 f"{joint.family}: leaf springs '{one}' and '{two}' run into each other at "
-                f"{where(joint, state.targets)}; reduce the range of "
+                f"{state_phrase(joint, state.targets)}; reduce the range of "
                 "motion or of the shape, or say windows=True where one passes through a window of the other."
             )
 
@@ -99,13 +105,13 @@ def _bodies(joint: Joint, state: Configuration, count: int) -> list[Body]:
 
 
 @dataclass(frozen=True)
-class Openings:
+class LeafWindows:
     """Windows a joint needs: part of the area of a leaf, by its name and that of the leaf that passes."""
 
     shares: dict[tuple[str, str], float]
 
     @classmethod
-    def of(cls, joint: Joint, states: list[Configuration]) -> Openings:
+    def of(cls, joint: Joint, states: list[Configuration]) -> LeafWindows:
         """From where leaves overlap in all states. The wider of two has the window; one as wide passes as a tongue of half
         its width. Raises SceneError where a leaf sticks out at an edge of the other, which no window makes way for."""
         leaves = {leaf.name: leaf for leaf in joint.leaves()}
@@ -118,7 +124,7 @@ class Openings:
                 if not _within(narrow, wide):
                     raise SceneError(
                         f"{joint.family}: leaves '{one}' and '{two}' run into each other at an edge, where no window makes "
-                        f"way, at {where(joint, state.targets)}; move them apart."
+                        f"way, at {state_phrase(joint, state.targets)}; move them apart."
                     )
         shares = {}
         for (one, two), boxes in seen.items():
@@ -165,9 +171,9 @@ def check_stays_soft(joint: Joint, model: Model, states: list[Configuration]) ->
     for state in states:
         found = point_stiffness(model, state.motion, "B", at=joint.pose_B, axes="link")
         values, vectors = np.linalg.eigh(found.compliance / np.outer(scale, scale))
-        if own > MARGIN / values[-1]:
-            motion = aside(joint, vectors[:, -1], 1.0 / values[-1])
+        if own > MAX_STIFFNESS_RATIO / values[-1]:
+            motion = describe_soft_motion(joint, vectors[:, -1], 1.0 / values[-1])
             raise SceneError(
-                f"{joint.family}: at {where(joint, state.targets)} {motion} is as soft as the intended motion, "
+                f"{joint.family}: at {state_phrase(joint, state.targets)} {motion} is as soft as the intended motion, "
                 f"{1.0 / values[-1] / own:.2g} times its stiffness at rest; reduce the range of motion."
             )

@@ -91,7 +91,7 @@ def _place_nodes(value, n, inner, store, near, d, H, x):
 
 
 @kernel
-def near_condense(value, number, inner, store, near, d, Q, lam, K, A, M):
+def condense_linearised(value, number, inner, store, near, d, Q, lam, K, A, M):
     """Condensed stiffness linearised in the near configuration (element orientations; paper 1, section 3).
 
     `near` (3 (2n-1),): rotation vectors from the undeformed state of the n elements, then of the n-1 inner

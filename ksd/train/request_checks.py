@@ -12,7 +12,7 @@ from ksd.checks import show
 from ksd.errors import SceneError
 from ksd.library import Mesh
 from ksd.scene import DrawnJoint, Joint
-from ksd.train.catalogue import ENTRIES
+from ksd.train.catalogue import FAMILY_DESIGNS
 from ksd.train.designs import Design
 
 MOST = 2
@@ -34,7 +34,7 @@ def check_design(design: Design) -> None:
         raise SceneError(
             f"{design.family}: make returned {show(joint)}; it must return a Joint, as drawn at its shape."
         )
-    if isinstance(joint, DrawnJoint) and design.family in ENTRIES:
+    if isinstance(joint, DrawnJoint) and design.family in FAMILY_DESIGNS:
         raise SceneError(
             f"joint '{design.family}' has the name of a family of the catalogue, whose record it would stand in for; "
             "give it another name."

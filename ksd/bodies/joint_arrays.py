@@ -14,15 +14,15 @@ import numpy as np
 from ksd.model.arrays import join_fields
 
 
-class FlatFields(NamedTuple):
-    """See `ksd.model.arrays.join_fields`. Of `Loops` kernels call them `loops` and `shapes`, of `Inside` `inside` and
-    `functions`."""
+class FlatArrays(NamedTuple):
+    """See `ksd.model.arrays.join_fields`. Of `JointKinematics` kernels call them `loops` and `shapes`, of
+    `InteriorFunctions` `inside` and `functions`."""
 
     ints: np.ndarray
     floats: np.ndarray
 
 
-class LoopFields(NamedTuple):
+class JointKinematicsFields(NamedTuple):
     """Kinematics of J joints between nodes (0 ground, links 1..), all polynomials already for this design.
 
     node (J, 2); anchor (J, 2, 3): interface points A, B at rest from the nodes' reference points [m]; frame
@@ -43,23 +43,23 @@ class LoopFields(NamedTuple):
     pose: np.ndarray
 
 
-class Loops(LoopFields):
-    """`LoopFields`, also as kernels read them."""
+class JointKinematics(JointKinematicsFields):
+    """`JointKinematicsFields`, also as kernels read them."""
 
     @cached_property
-    def flat(self) -> FlatFields:
+    def flat(self) -> FlatArrays:
         """All fields, of one design."""
         counts = len(self.node), len(self.tree), len(self.closing), self.pose.shape[2]
-        return FlatFields(*join_fields(counts, (), self))
+        return FlatArrays(*join_fields(counts, (), self))
 
 
 JOINTS, BRANCHES, CLOSINGS, MONOMIALS = range(4)
 JOINT_NODE, ANCHOR, AXES, JOINT_LENGTH, FIRST, TREE, CLOSING, POWER_FIRST, POWER, POSE = range(4, 14)
-"""Where, in the ints of `Loops`, counts stand: of joints, of those in the tree and of those that close loops, of monomials
-at the most; and the places of fields."""
+"""Where, in the ints of `JointKinematics`, counts stand: of joints, of those in the tree and of those that close loops, of
+monomials at the most; and the places of fields."""
 
 
-class InsideFields(NamedTuple):
+class InteriorFunctionsFields(NamedTuple):
     """Database functions of the insides of J joints, flattened; polynomials in the motions of their joint.
 
     block_node (K,), block_joint (K,): substructure node and joint of every internal block; block_pose (K, 6, M): rotation
@@ -78,17 +78,17 @@ class InsideFields(NamedTuple):
     near_coefficient: np.ndarray
 
 
-class Inside(InsideFields):
-    """`InsideFields`, also as kernels read them."""
+class InteriorFunctions(InteriorFunctionsFields):
+    """`InteriorFunctionsFields`, also as kernels read them."""
 
     @cached_property
-    def flat(self) -> FlatFields:
+    def flat(self) -> FlatArrays:
         """All fields, of one design."""
         counts = len(self.block_node), len(self.joint), len(self.near_joint)
-        return FlatFields(*join_fields(counts, (), self))
+        return FlatArrays(*join_fields(counts, (), self))
 
 
 INNER_BLOCKS, FUNCTIONS, NEAR_FUNCTIONS = range(3)
 BLOCK_NODE, BLOCK_JOINT, BLOCK_POSE, OWNER, TARGET, COEFFICIENT = range(3, 9)
 NEAR_OWNER, NEAR_TARGET, NEAR_COEFFICIENT = range(9, 12)
-"""The same in the ints of `Inside`: counts of internal blocks, of functions and of those of near data."""
+"""The same in the ints of `InteriorFunctions`: counts of internal blocks, of functions and of those of near data."""

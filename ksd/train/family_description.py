@@ -9,7 +9,7 @@ import numpy as np
 
 from ksd.library import Record
 from ksd.scene import Joint, joint_families
-from ksd.train.catalogue import ENTRIES
+from ksd.train.catalogue import FAMILY_DESIGNS
 
 _PAPER1 = "Dwarshuis, Aarts, Ellenbroek and Brouwer, Mechanism and Machine Theory (2020)"
 _EVEN = "the other sense of rotation is the mirror image"
@@ -24,7 +24,7 @@ class Origin:
     symmetry: str
 
 
-ORIGINS: dict[str, Origin] = {
+FAMILY_ORIGINS: dict[str, Origin] = {
     "cross_flexure": Origin(
         f"{_PAPER1}, section 4.1, table 1",
         "paper 1, 4.1",
@@ -99,14 +99,14 @@ ORIGINS: dict[str, Origin] = {
 }
 
 
-TYPICAL: dict[str, str] = {
+TYPICAL_RANGES: dict[str, str] = {
     "folded_leaf": "t/L 1/400 to 1/50, w/L 0.2 to 1",
     "wire_flexure": "d/L 1/200 to 1/25",
 }
 """Typical ranges of families without a record, which no training bounds."""
 
 
-def counted(record: Record) -> dict[str, int]:
+def count_function_parities(record: Record) -> dict[str, int]:
     """How many strain-mode functions of a record are zero, even, odd, or neither in the (first) motion, over all shapes."""
     counts = dict.fromkeys(("zero", "even", "odd", "neither"), 0)
     power = record.powers[:, 0]
@@ -118,15 +118,15 @@ def counted(record: Record) -> dict[str, int]:
     return {word: n for word, n in counts.items() if n}
 
 
-def described(family: str) -> list[tuple[str, str]]:
+def describe_family(family: str) -> list[tuple[str, str]]:
     """What a family is, its source and symmetry, and its closed-form stiffness with its value, row by row."""
     kind, found = joint_families().get(family), []
     if kind is not None:
         found.append(("is", " ".join((inspect.getdoc(kind) or "").split("\n\n")[0].split())))
-    if family in ORIGINS:
-        found += [("source", ORIGINS[family].source), ("symmetry", ORIGINS[family].symmetry)]
-    if family in ENTRIES:
-        design = ENTRIES[family]
+    if family in FAMILY_ORIGINS:
+        found += [("source", FAMILY_ORIGINS[family].source), ("symmetry", FAMILY_ORIGINS[family].symmetry)]
+    if family in FAMILY_DESIGNS:
+        design = FAMILY_DESIGNS[family]
         joint = design.make(**design.shape(np.zeros(len(design.parameters))))
         found += closed_form(joint)
         if design.numbers:
@@ -135,7 +135,7 @@ def described(family: str) -> list[tuple[str, str]]:
             )
     elif kind is not None:
         found += [("closed form", _formula(kind) or "none")]
-        found += [("typical ranges", TYPICAL[family])] if family in TYPICAL else []
+        found += [("typical ranges", TYPICAL_RANGES[family])] if family in TYPICAL_RANGES else []
     return found
 
 

@@ -23,9 +23,9 @@ from ksd.scene import Joint, Leaf, Mechanism
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
 from ksd.solve.storage import Storage
-from ksd.train.checks import check_clear, check_plane, check_stays_soft, where
-from ksd.train.designs import redrawn
-from ksd.train.poses import pose
+from ksd.train.designs import redraw_joint
+from ksd.train.poses import block_poses
+from ksd.train.stroke_checks import check_clear, check_plane, check_stays_soft, state_phrase
 
 Samples = dict[tuple[Mesh, str], Array]
 """Values (grid points, *group shape) by mesh and group, groups as in `ksd.library.Functions`."""
@@ -33,7 +33,7 @@ RTOL = 1e-9
 
 
 @dataclass(frozen=True)
-class Plan:
+class SamplingPlan:
     """How a joint is sampled: points of each motion as fractions of its reach, meshes, curvature modes of a
     leaf.
 
@@ -71,7 +71,7 @@ def _fractions(low: float, high: float, x: Array) -> tuple[float, ...]:
     return tuple(float(v) for v in (0.5 * (low + high) + 0.5 * (high - low) * x) / reach)
 
 
-def sample_joint(joint: Joint, plan: Plan) -> Samples:
+def sample_joint(joint: Joint, plan: SamplingPlan) -> Samples:
     """Everything a record needs of `joint` at all grid points, for the meshes of `plan`.
 
     Raises SceneError when the joint cannot be represented: a state is not reached, is not the stable one, or
@@ -84,18 +84,18 @@ def sample_joint(joint: Joint, plan: Plan) -> Samples:
         states = _walk(joint, model, plan, mesh)
         check_plane(joint, model, states, plan.plane)
         if plan.apart and mesh == plan.meshes[0]:
-            check_clear(joint, [states[k] for k in np.flatnonzero(_looked_at(plan))])
+            check_clear(joint, [states[k] for k in np.flatnonzero(_contact_points(plan))])
         if plan.whole:
             check_stays_soft(joint, model, states)
         found |= {(mesh, group): values for group, values in _read(joint, model, states).items()}
     return found
 
 
-def _model(joint: Joint, mesh: Mesh, plan: Plan) -> Model:
+def _model(joint: Joint, mesh: Mesh, plan: SamplingPlan) -> Model:
     """The joint between ground (A) and one driven link (B), joint axes global."""
     if mesh == "strain":
         # said leaf by leaf, so that a curved leaf does not choose its own
-        joint = redrawn(joint, tuple(replace(leaf, orders=plan.orders) for leaf in joint.leaves()))
+        joint = redraw_joint(joint, tuple(replace(leaf, orders=plan.orders) for leaf in joint.leaves()))
     scene = Mechanism(joint.family)
     link = scene.link("B")
     scene.join(scene.ground, link, joint, at=(0, 0, 0), axis="z", toward="x", name="joint")
@@ -110,7 +110,7 @@ def _model(joint: Joint, mesh: Mesh, plan: Plan) -> Model:
     return compile_given(scene.scene(), LeafMesh("corotational", elements=int(mesh)))
 
 
-def _walk(joint: Joint, model: Model, plan: Plan, mesh: Mesh) -> list[Configuration]:
+def _walk(joint: Joint, model: Model, plan: SamplingPlan, mesh: Mesh) -> list[Configuration]:
     """Equilibrium at every grid point, each reached from the nearest one solved before, outward from rest."""
     reach = np.array([max(abs(low), abs(high)) for low, high in (m.range for m in joint.motions)])
     grid = plan.grid
@@ -121,7 +121,7 @@ def _walk(joint: Joint, model: Model, plan: Plan, mesh: Mesh) -> list[Configurat
         near = min(known, key=lambda k: float(np.linalg.norm(grid[k] - grid[i]))) if known else None
         use = near is not None and np.linalg.norm(grid[near] - grid[i]) < np.linalg.norm(grid[i])
         values = {m.name: float(v) for m, v in zip(joint.motions, grid[i] * reach, strict=True)}
-        state = f"{joint.family} ({mesh} mesh) at {where(joint, values)}"
+        state = f"{joint.family} ({mesh} mesh) at {state_phrase(joint, values)}"
         try:
             found = conventional(
                 model,
@@ -140,7 +140,7 @@ def _walk(joint: Joint, model: Model, plan: Plan, mesh: Mesh) -> list[Configurat
     return [solved[i] for i in range(len(grid))]
 
 
-def _looked_at(plan: Plan) -> NDArray[np.bool_]:
+def _contact_points(plan: SamplingPlan) -> NDArray[np.bool_]:
     """(g,): points where leaf springs are looked for that meet: the corners of the motions, or all."""
     low, high = plan.grid.min(axis=0), plan.grid.max(axis=0)
     ends = np.isclose(plan.grid, low, atol=1e-12) | np.isclose(plan.grid, high, atol=1e-12)
@@ -153,9 +153,9 @@ def _read(joint: Joint, model: Model, configurations: list[Configuration]) -> di
     inner = [name for name in joint.blocks() if name not in ("A", "B")]
     nodes = [model.node_names.index(f"joint/{name}") for name in inner]
     points = [np.asarray(joint.blocks()[name], float) for name in inner]
-    blocks = [pose(model, states, n, p, joint.length) for n, p in zip(nodes, points, strict=True)]
+    blocks = [block_poses(model, states, n, p, joint.length) for n, p in zip(nodes, points, strict=True)]
     found = {
-        "interface": pose(model, states, 1, np.asarray(joint.pose_B, float), joint.length),
+        "interface": block_poses(model, states, 1, np.asarray(joint.pose_B, float), joint.length),
         "blocks": np.stack(blocks, axis=1) if blocks else np.zeros((len(states), 0, 6)),
     }
     if model.arrays.members.kind[0] == COROTATIONAL:

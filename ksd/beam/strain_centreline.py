@@ -11,7 +11,7 @@ from ksd.numerics.rotations import rotation_exp
 
 
 @kernel
-def walk(kappa, soft, force, step, start, R, v):
+def integrate_centrelines(kappa, soft, force, step, start, R, v):
     """R (k, m+1, 3, 3) and v = r' (k, m+1, 3) after every one of m steps of length step (k,) [m] along k leaf springs.
 
     kappa (k, 2 m, 3) [1/m]: curvature at the first Gauss point of every step, then at the second; soft (k, m+1, 3) [1/N]:

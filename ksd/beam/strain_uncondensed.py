@@ -14,14 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.beam.strain import Fields, constants_at, fields_of, strain_fields, strain_tangent
+from ksd.beam.strain import LeafFields, constant_offsets, fill_leaf_fields, leaf_fields, strain_tangent
 from ksd.beam.strain_values import masses_beyond
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class StrainParts:
+class UncondensedLeaves:
     """Leaf springs at one state each, k of them: W (k, N, N), J (k, 6, N), S (k, 3, 3) of the uncondensed tangent, and the
     mode fields.
 
@@ -43,15 +43,15 @@ class StrainParts:
     psi: Array
 
 
-def strain_stations(value: Array, number: NDArray[np.int64]) -> Array:
+def quadrature_points(value: Array, number: NDArray[np.int64]) -> Array:
     """Quadrature points (ng,) of a leaf in units of its length."""
-    _, weight, _, _, _ = constants_at(number)
+    _, weight, _, _, _ = constant_offsets(number)
     ng = int(number[3])
     return value[weight + ng : weight + ng + ng * ng].reshape(ng, ng).sum(axis=1)
 
 
 @dataclass(frozen=True)
-class StrainPull:
+class GravityDerivatives:
     """How the uncondensed leaf follows gravity g in frame p, see `ksd.beam.weight`: first moment s (3,) [kg m] and its
     derivatives eta (3, N) by a, B (3, 3) by n and D (3, 3) by g."""
 
@@ -61,41 +61,43 @@ class StrainPull:
     D: Array
 
 
-def many_parts(
+def uncondensed_leaves(
     value: Array, number: NDArray[np.int64], inner: Array, gravity: Array | None = None
-) -> StrainParts:
+) -> UncondensedLeaves:
     """Those of k leaf springs of equal settings `number`, from constants (k, v) and inner states (k, N + 6); every array has
     a leading axis (k,), so that all are worked on in one call. gravity (k, 3) [m/s^2] in frames p of leaves with weight.
     """
     return _many(value, number, inner, gravity)[0]
 
 
-def many_pulls(value: Array, number: NDArray[np.int64], inner: Array, gravity: Array) -> StrainPull:
-    """How k leaf springs with weight follow gravity (k, 3) [m/s^2], frames p; arrays as in `many_parts`."""
+def gravity_derivatives(
+    value: Array, number: NDArray[np.int64], inner: Array, gravity: Array
+) -> GravityDerivatives:
+    """How k leaf springs with weight follow gravity (k, 3) [m/s^2], frames p; arrays as in `uncondensed_leaves`."""
     parts, v, S, eta = _many(value, number, inner, gravity)
     M = np.stack([masses_beyond(leaf, number) for leaf in value])
     amount = parts.length[:, None] * parts.weight * M
     B, D = (np.einsum("kg,kgij->kij", a, S) for a in (amount, amount * M))
-    return StrainPull(np.einsum("kg,kgi->ki", amount, v), eta, B, D)
+    return GravityDerivatives(np.einsum("kg,kgi->ki", amount, v), eta, B, D)
 
 
 def _every_leaf(
     value: Array, number: NDArray[np.int64], inner: Array, pull: Array, *, tangent: bool
-) -> Fields:
-    """`Fields` of k leaf springs, every array with a leading axis (k,), with W and Y for their tangents."""
+) -> LeafFields:
+    """`LeafFields` of k leaf springs, every array with a leading axis (k,), with W and Y for their tangents."""
     value, inner = np.ascontiguousarray(value), np.ascontiguousarray(inner)
-    every = Fields(*(np.empty((len(value), *part.shape)) for part in fields_of(number)))
+    every = LeafFields(*(np.empty((len(value), *part.shape)) for part in leaf_fields(number)))
     for i in range(len(value)):
-        f = Fields(*(part[i] for part in every))
-        strain_fields(value[i], number, inner[i], pull[i], f)
+        f = LeafFields(*(part[i] for part in every))
+        fill_leaf_fields(value[i], number, inner[i], pull[i], f)
         if tangent:
             strain_tangent(value[i], number, inner[i], f)
     return every
 
 
-def many_slacks(value: Array, number: NDArray[np.int64], inner: Array) -> Array:
-    """S (k, 3, 3) [m/N] of k leaf springs, without the rest of `many_parts`."""
-    _, first, _, _, _ = constants_at(number)
+def stretch_shear_compliances(value: Array, number: NDArray[np.int64], inner: Array) -> Array:
+    """S (k, 3, 3) [m/N] of k leaf springs, without the rest of `uncondensed_leaves`."""
+    _, first, _, _, _ = constant_offsets(number)
     ng = int(number[3])
     f = _every_leaf(value, number, inner, np.zeros((len(value), 0)), tangent=False)
     weight = value[:, :1] * value[:, first : first + ng]
@@ -105,16 +107,16 @@ def many_slacks(value: Array, number: NDArray[np.int64], inner: Array) -> Array:
 
 def _many(
     value: Array, number: NDArray[np.int64], inner: Array, gravity: Array | None
-) -> tuple[StrainParts, Array, Array, Array]:
-    """The parts, and v (k, ng, 3), S (k, ng, 3, 3), eta (k, 3, N) of `ksd.beam.strain.Fields`."""
-    _, at, _, _, _ = constants_at(number)
+) -> tuple[UncondensedLeaves, Array, Array, Array]:
+    """The parts, and v (k, ng, 3), S (k, ng, 3, 3), eta (k, 3, N) of `ksd.beam.strain.LeafFields`."""
+    _, at, _, _, _ = constant_offsets(number)
     k, ng = len(value), int(number[3])
     L, weight = value[:, 0], value[:, at : at + ng]
     integral = value[:, at + ng : at + ng + ng * ng].reshape(k, ng, ng)
     pull = np.zeros((k, 0)) if gravity is None else np.ascontiguousarray(gravity)
     f = _every_leaf(value, number, inner, pull, tangent=True)
     inside = L[:, None, None] * integral
-    parts = StrainParts(
+    parts = UncondensedLeaves(
         W=f.W,
         J=np.concatenate([f.rho, f.psi[:, -1]], axis=1),
         S=np.einsum("k,kg,kgij->kij", L, weight, f.S),
@@ -130,7 +132,7 @@ def _many(
     return parts, f.v, f.S, f.eta
 
 
-def strain_flexibility(parts: StrainParts) -> tuple[Array, Array, Array]:
+def strain_flexibility(parts: UncondensedLeaves) -> tuple[Array, Array, Array]:
     """(P (N, 6), Z (N, N), K (6, 6)): a = P xi + b, with b = Z f under inner loads f while the ends are held, and K xi the
     wrench at end q; of stacked parts (k, N, 6), (k, N, N) and (k, 6, 6).
 
@@ -148,7 +150,7 @@ def strain_flexibility(parts: StrainParts) -> tuple[Array, Array, Array]:
     return P, 0.5 * (Z + Z.swapaxes(-1, -2)), K
 
 
-def strain_mass_root(parts: StrainParts, P: Array, line: Array) -> Array:
+def strain_mass_root(parts: UncondensedLeaves, P: Array, line: Array) -> Array:
     """B (6 ng, 12 + N) with the mass matrix B^T B of a leaf in (motion of p, xi, b), frame p; of stacked parts
     (k, 6 ng, 12 + N).
 

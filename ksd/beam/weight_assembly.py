@@ -13,14 +13,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ksd.beam.weight import PULL
+from ksd.beam.weight import GRAVITY_BLOCK_SIZE
 from ksd.numerics.kernel import kernel
 
 
 @kernel
-def pull_member(pose, weight, i, factor, store):
+def set_member_gravity(pose, weight, i, factor, store):
     """Gravity, weight (m, 4) = mass and acceleration, times `factor` into the pull of leaf i, in its frame p."""
-    o = len(store) - PULL
+    o = len(store) - GRAVITY_BLOCK_SIZE
     for r in range(3):
         store[o + r] = factor * (
             pose[r] * weight[i, 1] + pose[3 + r] * weight[i, 2] + pose[6 + r] * weight[i, 3]
@@ -28,9 +28,9 @@ def pull_member(pose, weight, i, factor, store):
 
 
 @kernel
-def turn_pull(pose, move, store):
+def rotate_member_gravity(pose, move, store):
     """Change of gravity in frame p when node a turns by move[3:6] (rad), into the pull, for `recover`."""
-    o = len(store) - PULL
+    o = len(store) - GRAVITY_BLOCK_SIZE
     x = pose[0] * move[3] + pose[3] * move[4] + pose[6] * move[5]
     y = pose[1] * move[3] + pose[4] * move[4] + pose[7] * move[5]
     z = pose[2] * move[3] + pose[5] * move[4] + pose[8] * move[5]
@@ -58,10 +58,10 @@ def _swung(pose, pull, at, g, U):
 
 
 @kernel
-def weigh_member(pose, store, mass, T, force):
+def add_member_weight(pose, store, mass, T, force):
     """Add the weight of a leaf of `mass` [kg], as condensed, to its tangent T (12, 12) and forces (12,) on both nodes: the
     terms of the module docstring."""
-    pull = store[len(store) - PULL :]
+    pull = store[len(store) - GRAVITY_BLOCK_SIZE :]
     U, M = np.empty((3, 3)), np.empty((3, 3))
     g, P, O, column = np.empty(3), np.empty(3), np.empty(3), np.empty(12)
     for r in range(3):

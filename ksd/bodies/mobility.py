@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ksd.bodies.joint_poses import joint_poses
 from ksd.bodies.joints import JointBodies
 from ksd.bodies.kinematics import loop_equations
-from ksd.bodies.series import joint_places
 from ksd.errors import KinematicsError
 from ksd.model.compile import Model
 
@@ -25,7 +25,7 @@ _AXES = ("x", "y", "z")
 
 def _jacobian(bodies: JointBodies, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Loop and row Jacobian J (E, motions) at theta, and the twists of all nodes W (nodes, motions, 6)."""
-    arrays, loops = bodies.reduced, bodies.loops
+    arrays, loops = bodies.reduced, bodies.kinematics
     rows = 6 * len(loops.closing) + len(arrays.terms.start)
     motions = len(theta)
     J, residual = np.zeros((rows, motions)), np.zeros(rows)
@@ -33,7 +33,7 @@ def _jacobian(bodies: JointBodies, theta: np.ndarray) -> tuple[np.ndarray, np.nd
     place, series = np.zeros((len(loops.node), 24)), np.zeros((3, loops.pose.shape[2]))
     target, reach = np.zeros(len(arrays.terms.start)), np.zeros((2, len(arrays.start)), np.int64)
     x, R = bodies.reduced_rest.x.copy(), bodies.reduced_rest.R.copy()
-    joint_places(*loops.flat, theta, place, series)
+    joint_poses(*loops.flat, theta, place, series)
     frames, slope = np.zeros((4, 4, 3)), np.zeros((8, 3))
     loop_equations(
         *arrays.flat[:2], *loops.flat, target, x, R, place, reach, W, J, residual, frames, slope
@@ -70,7 +70,7 @@ def describe_motion(model: Model, twist: np.ndarray) -> str:
     return f"link '{name}' can slide along {_AXES[int(np.argmax(slide))]}"
 
 
-class Fit(NamedTuple):
+class MotionCompatibility(NamedTuple):
     """How well intended motions alone fit together.
 
     off: how far the joints of closed loops contradict each other for lack of alignment, over the largest of their
@@ -78,16 +78,16 @@ class Fit(NamedTuple):
     both cases step 1 finds the best compromise, and the leaf springs take up the rest from step 3 on.
     """
 
-    off: float = 0.0
-    yielding: tuple[str, ...] = ()
+    misalignment: float = 0.0
+    unmet_drives: tuple[str, ...] = ()
 
     @property
-    def exact(self) -> bool:
+    def is_exact(self) -> bool:
         """Whether intended motions alone close every loop and meet every drive."""
-        return not self.off and not self.yielding
+        return not self.misalignment and not self.unmet_drives
 
 
-def check_freedoms(model: Model, bodies: JointBodies) -> Fit:
+def check_mobility(model: Model, bodies: JointBodies) -> MotionCompatibility:
     """How loops, drives and supports fit together; KinematicsError, saying which, where drives and supports do not hold
     every freedom exactly once.
 
@@ -96,28 +96,30 @@ def check_freedoms(model: Model, bodies: JointBodies) -> Fit:
     """
     theta = np.zeros(len(bodies.motion_names))
     J, W = _jacobian(bodies, theta)
-    loops = 6 * len(bodies.loops.closing)
+    loops = 6 * len(bodies.kinematics.closing)
     free, loose = _null_spaces(J[:loops], RANK, LOOSE)
     try:
-        fit = Fit(0.0, _yielding(model, J, W, loops, free))
+        fit = MotionCompatibility(0.0, _unmet_drives(model, J, W, loops, free))
     except KinematicsError:
         if loose.shape[1] == free.shape[1]:
             raise
-        return Fit(_off(J[:loops]), _yielding(model, J, W, loops, loose))
-    if fit.yielding and loose.shape[1] > free.shape[1]:
+        return MotionCompatibility(_misalignment(J[:loops]), _unmet_drives(model, J, W, loops, loose))
+    if fit.unmet_drives and loose.shape[1] > free.shape[1]:
         with contextlib.suppress(KinematicsError):
-            other = Fit(_off(J[:loops]), _yielding(model, J, W, loops, loose))
-            fit = other if len(other.yielding) < len(fit.yielding) else fit
+            other = MotionCompatibility(_misalignment(J[:loops]), _unmet_drives(model, J, W, loops, loose))
+            fit = other if len(other.unmet_drives) < len(fit.unmet_drives) else fit
     return fit
 
 
-def _off(J: np.ndarray) -> float:
+def _misalignment(J: np.ndarray) -> float:
     """Largest contradiction of the loops (E, q) that is small enough to be misalignment, over their largest entry."""
     s = np.linalg.svd(J, compute_uv=False)
     return float(s[s < LOOSE * s[0]].max() / s[0])
 
 
-def _yielding(model: Model, J: np.ndarray, W: np.ndarray, loops: int, free: np.ndarray) -> tuple[str, ...]:
+def _unmet_drives(
+    model: Model, J: np.ndarray, W: np.ndarray, loops: int, free: np.ndarray
+) -> tuple[str, ...]:
     """Drives and supports that move nothing, where the others hold the freedoms `free` (q, f) exactly once."""
     held = J[loops:] @ free
     names = (*model.drive_names, *model.support_names)
