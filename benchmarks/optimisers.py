@@ -23,9 +23,9 @@ from gradients import SIDES, fourbar, pivot
 from scipy.optimize import minimize
 
 import ksd
-from ksd.design.log import Log
-from ksd.design.optimise import optimum_of
-from ksd.design.search import Search
+from ksd.design.design_log import DesignLog
+from ksd.design.optimise import optimise_from
+from ksd.design.scaled_problem import ScaledProblem
 from ksd.units import deg, mm
 from ksd.view.figure import LINES
 
@@ -79,17 +79,17 @@ def by_gradients(job: ksd.Job, x: np.ndarray) -> tuple[Told, int, int]:
     """Course, values and gradients of `ksd.optimise` from one start."""
     told = Told()
 
-    def heard(search: Search, _: int) -> None:
+    def heard(search: ScaledProblem, _: int) -> None:
         for margins in list(search.asked.values())[-1:]:
             told(float(np.exp(search.level(margins))), search.met(margins))
 
-    found = optimum_of(job, Log(job), [x], "gradient", told=heard)
+    found = optimise_from(job, DesignLog(job), [x], "gradient", told=heard)
     return told, found.evaluations, found.gradients
 
 
-def fitness_of(job: ksd.Job, told: Told) -> tuple[Search, Callable[[Sequence[np.ndarray]], list[float]]]:
+def fitness_of(job: ksd.Job, told: Told) -> tuple[ScaledProblem, Callable[[Sequence[np.ndarray]], list[float]]]:
     """The job in scaled parameters, and what evolution minimises for some of them; designs that fail are the worst."""
-    search = Search(job, Log(job), "")
+    search = ScaledProblem(job, DesignLog(job), "")
 
     def cost(Y: Sequence[np.ndarray]) -> list[float]:
         X = [search.x(y) for y in Y]

@@ -75,7 +75,7 @@ def kinds(folder: Path) -> dict:
             file.create_dataset(name, data=values, chunks=(2, 3))
     scene = folder / "scene.toml"
     scene.write_bytes((ROOT / "ksd" / "scenes" / "fourbar.toml").read_bytes())
-    ResumeFile(folder / "sweep.jsonl", lambda: "x").keep(0, [{"force_N": 1.0}] * 20)
+    ResumeFile(folder / "sweep.jsonl", lambda: "x").add(0, [{"force_N": 1.0}] * 20)
     return {
         "record": (record, read_record),
         "table": (table, Table.from_hdf5),

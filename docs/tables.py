@@ -57,7 +57,7 @@ REFERENCE = {
         "properties.forces.InterfaceForces properties.forces.InterfaceForce properties.link_forces.LinkForces "
         "properties.link_forces.LinkForce properties.internal_stress.Misplaced properties.extent.Clearance "
         "properties.verify.Verification properties.doctor.Diagnosis "
-        "design.curve.FrequencyCurve design.state_space.StateSpace",
+        "design.frequency_curve.FrequencyCurve design.state_space.StateSpace",
     ),
     "Pictures": (
         "Drawn with matplotlib, without a display; `Configuration.plot`, `Table.plot` and `Configuration.view` call them.",
@@ -222,7 +222,7 @@ def scene_format(folder: Path) -> None:
         said.rpartition("\n\n")[2],
         "",
     ]
-    jobs += keys("[job]", job_file.JOB) + keys("[optimise]", job_file.OPTIMISE)
+    jobs += keys("[job]", job_file.JOB_KEYS) + keys("[optimise]", job_file.OPTIMISE_KEYS)
     (folder / "job_tables.md").write_text("\n".join(jobs))
     units = ["| quantity | units |", "|---|---|"]
     units += [

@@ -78,8 +78,9 @@ __all__ = [
 
 if TYPE_CHECKING:
     from ksd.bench.compare import compare
-    from ksd.design import Batch, SweepInterrupted, Table, frequency_curve
+    from ksd.design import Batch, SweepInterrupted, Table
     from ksd.design.batch import batch
+    from ksd.design.frequency_curve import frequency_curve
     from ksd.design.gradient import Gradient, gradient
     from ksd.design.job import Job
     from ksd.design.job_file import JobFile, load_job

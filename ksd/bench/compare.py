@@ -14,9 +14,9 @@ import numpy as np
 from ksd.bench.measure import converged, in_turns, quartiles, rounds_of
 from ksd.bench.suite import FINEST, Way, not_run
 from ksd.checks import names_of, nearest, show, truth, whole, worded
+from ksd.design.arguments import check_solve_options
 from ksd.design.questions import EFFORT
 from ksd.design.table import OK, STATUS, Table
-from ksd.design.words import check_ways
 from ksd.errors import KsdError, SceneError
 from ksd.modal.choices import ModalBasis
 from ksd.model.compile import Model, compile_scene
@@ -120,7 +120,7 @@ def compare(
     method alone, and with its mesh). A method that cannot do this scene is a row whose `status` says why. Raises
     SceneError for wrong words, ConvergenceError where the reference has no equilibrium there.
     """
-    check_ways(mesh=None, relinearisations=0, extrapolate=extrapolate, progress=progress)
+    check_solve_options(mesh=None, relinearisations=0, extrapolate=extrapolate, progress=progress)
     wanted = METHODS if methods is None else names_of(methods, "methods")
     for name in wanted:
         if name not in METHODS:

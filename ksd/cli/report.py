@@ -11,8 +11,8 @@ import numpy as np
 
 from ksd.cli.output import console, interrupted
 from ksd.cli.solve import effect_words, scene_of, settings, solved
-from ksd.design.page import Compared, page
 from ksd.design.questions import KNOWN, unanswerable
+from ksd.design.report_page import ComparedSolve, report_page
 from ksd.design.sweep import sweep
 from ksd.errors import KsdError, SceneError
 from ksd.files import check_target, write_file
@@ -44,7 +44,7 @@ def run(options: argparse.Namespace) -> int:
             effects=solver.model.choice.present, **how,
         )  # fmt: skip
     compared = [_compared(f"{pose.method} (this report)", lambda: pose), *_other_ways(solver, targets, pose)]
-    write_file(target, page(pose, table, compared), what="--out")
+    write_file(target, report_page(pose, table, compared), what="--out")
     console().print(
         f"{target}: {len(table)} poses, {len(table.failures)} without full answer", soft_wrap=True
     )
@@ -66,9 +66,9 @@ def _compared(name: str, solve: Any) -> Any:
     try:
         pose = solve()
         force = next(iter(pose.forces.values()), float("nan"))
-        return Compared(name, force, _first_parasitic(pose), 1e-6 * pose.stress().largest_Pa)
+        return ComparedSolve(name, force, _first_parasitic(pose), 1e-6 * pose.stress().largest_Pa)
     except KsdError as reason:
-        return Compared(name, failed=str(reason))
+        return ComparedSolve(name, failed=str(reason))
 
 
 def _first_parasitic(pose: Any) -> float:

@@ -7,7 +7,7 @@ import json
 import sys
 
 from ksd.cli.solve import OPTIONS
-from ksd.design.job_file import JOB, OPTIMISE
+from ksd.design.job_file import JOB_KEYS, OPTIMISE_KEYS
 from ksd.files import write_file
 from ksd.scene.json_schema import json_schema
 
@@ -24,5 +24,5 @@ def run(options: argparse.Namespace) -> int:
 
 def schema_text(*, jobs: bool = False) -> str:
     """The schema of scene files with the options of the command line, or of job files."""
-    tree = json_schema(OPTIONS, (JOB, OPTIMISE) if jobs else None)
+    tree = json_schema(OPTIONS, (JOB_KEYS, OPTIMISE_KEYS) if jobs else None)
     return json.dumps(tree, indent=1, ensure_ascii=False) + "\n"

@@ -2,7 +2,7 @@
 configurations, state-space models, and the HTML report."""
 
 from ksd.design.batch import Batch, batch
-from ksd.design.curve import FrequencyCurve, frequency_curve
+from ksd.design.frequency_curve import FrequencyCurve, frequency_curve
 from ksd.design.state_space import StateSpace, state_space
 from ksd.design.sweep import SweepInterrupted, sweep
 from ksd.design.table import Table

@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ksd.checks import similar, whole, worded
+from ksd.design.arguments import check_drives, check_executor, check_solve_options, drive_value_arrays
 from ksd.design.designs import Designs, makers_of
 from ksd.design.lines import Line, Recipe, enough_modes
 from ksd.design.plan import Designs as Shapes
 from ksd.design.plan import Drawn, built, design_points, scene_of
 from ksd.design.prepared import Found, spoken_status
 from ksd.design.questions import Row, asked_of
-from ksd.design.words import check_drives, check_executor, check_ways, drive_rows
 from ksd.errors import SceneError
 from ksd.model.mesh import Mesh
 from ksd.properties.words import Shown
@@ -137,7 +137,7 @@ def batch(
     concurrent.futures executor instead of threads; with processes, where Python works in parallel too, `mechanism` must be a
     function they can import. Raises SceneError for bad input; designs, poses and questions that fail are in the result.
     """
-    check_ways(
+    check_solve_options(
         mesh=mesh, relinearisations=relinearisations, method=method, methods=("reduced", "full"),
         tabulated=tabulated, extrapolate=extrapolate,
     )  # fmt: skip
@@ -152,7 +152,7 @@ def batch(
         )
     check_executor(executor)
     workers = (os.cpu_count() or 1) if threads is None else whole(threads, "threads")
-    values = _poses(drive_rows(targets, drives, batch))
+    values = _poses(drive_value_arrays(targets, drives, batch))
     ways: dict[str, Any] = {
         "method": FULL if method == "full" else REDUCED,
         "relinearisations": relinearisations,

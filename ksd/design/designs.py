@@ -16,9 +16,9 @@ import numpy as np
 
 from ksd.bodies.joints import check_proportions, joint_bodies_of_design, joint_layout
 from ksd.bodies.mobility import check_mobility
+from ksd.design.arguments import submit_task
 from ksd.design.plan import scene_of
 from ksd.design.prepared import Found, Prepared, answer_together
-from ksd.design.words import submitted
 from ksd.errors import KsdError
 from ksd.library import Record, find_record
 from ksd.model.compile import model_of
@@ -166,7 +166,7 @@ def in_blocks(
     workers = int(getattr(executor, "_max_workers", None) or os.cpu_count() or 1)
     size = max(least, -(-len(designs) // (2 * workers)))
     parts = [list(designs[k : k + size]) for k in range(0, len(designs), size)]
-    waiting = [submitted(executor, function, *said, part) for part in parts]
+    waiting = [submit_task(executor, function, *said, part) for part in parts]
     return [found for job in waiting for found in job.result()]
 
 

@@ -24,12 +24,12 @@ from ksd.model.mesh import Mesh
 from ksd.model.plane import plane_of
 from ksd.solve.solver import Solver
 
-ROUNDS = 9
+TIMED_SOLVES = 9
 """Timed solves of every variant, interleaved; their median is shown."""
 
 
 @dataclass(frozen=True)
-class Price:
+class EffectCost:
     """One effect with and without: answers by quantity, thread time of a solve [s], unknowns solved for.
 
     kept: is it simulated when nobody says otherwise; why: the reason. failed says why there are no numbers.
@@ -54,7 +54,7 @@ class Price:
         return found
 
 
-def unknowns(model: Model) -> int:
+def unknown_count(model: Model) -> int:
     """Unknowns a solve of this model has, those condensed inside the leaves included: in its plane where it has one."""
     plane = plane_of(model)
     arrays = model.arrays if isinstance(plane, str) else plane.arrays
@@ -89,11 +89,11 @@ def effect_cost(
     *,
     mesh: Mesh | None = None,
     rounds: int | None = None,
-) -> tuple[Choice, list[Price]]:
+) -> tuple[Choice, list[EffectCost]]:
     """What is simulated, and the price of every effect the scene can have.
 
     scene: a Mechanism or Scene; targets: drive values [m or rad]. Raises SceneError for what is wrong with the scene;
-    a variant that fails says so in its row. rounds: timed solves of each, `ROUNDS` when None.
+    a variant that fails says so in its row. rounds: timed solves of each, `TIMED_SOLVES` when None.
     """
     frozen = scene.scene() if hasattr(scene, "scene") else scene
     grid = mesh or Mesh()
@@ -110,14 +110,14 @@ def effect_cost(
 
     chosen = set(choice.present)
     return choice, [
-        _price(choice, name, (variant(chosen | {name}), variant(chosen - {name})), targets, rounds or ROUNDS)
+        _price(choice, name, (variant(chosen | {name}), variant(chosen - {name})), targets, rounds or TIMED_SOLVES)
         for name in names
     ]
 
 
 def _price(
     choice: Choice, name: str, pair: tuple[Solver, Solver], targets: Mapping[str, float], rounds: int
-) -> Price:
+) -> EffectCost:
     """What one effect changes and costs: `pair` solves with and without it."""
     kept, why = choice[name].present, choice[name].reason
     try:
@@ -127,9 +127,9 @@ def _price(
     except SceneError:
         raise
     except KsdError as reason:
-        return Price(name, kept, why, {}, {}, failed=str(reason))
-    counts = (unknowns(pair[0].model), unknowns(pair[1].model))
-    return Price(name, kept, why, answers[0], answers[1], times, counts)
+        return EffectCost(name, kept, why, {}, {}, failed=str(reason))
+    counts = (unknown_count(pair[0].model), unknown_count(pair[1].model))
+    return EffectCost(name, kept, why, answers[0], answers[1], times, counts)
 
 
 def _times(pair: tuple[Solver, Solver], targets: Mapping[str, float], rounds: int) -> tuple[float, float]:

@@ -14,7 +14,7 @@ from ksd.errors import SceneError
 
 INFINITE = {"support": np.inf, "buckling_positive": np.inf, "buckling_negative": -np.inf}
 """What an answer that is no number stands for, by the beginning of its column: nothing moves, or nothing buckles."""
-AMOUNTS = {"force", "parasitic"}
+SIGNED_QUESTIONS = {"force", "parasitic"}
 """Questions whose answers have a sign: of what is minimised their size counts."""
 
 

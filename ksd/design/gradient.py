@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ksd.checks import nearest, truth, worded
+from ksd.design.arguments import drive_value_arrays
 from ksd.design.lines import fine_enough
 from ksd.design.plan import Drawn, plan_lines
 from ksd.design.questions import (
@@ -34,7 +35,6 @@ from ksd.design.questions import (
     frequency_row,
 )
 from ksd.design.sweep import recipe_of
-from ksd.design.words import drive_rows
 from ksd.errors import KinematicsError, SceneError
 from ksd.html import joined
 from ksd.model.mesh import Mesh
@@ -187,23 +187,23 @@ def gradient(
         effects=(("effects", effects), ("with_", with_), ("without", without)),
     )  # fmt: skip
     truth(errors, "errors")
-    values = drive_rows(targets, drives, gradient)
+    values = drive_value_arrays(targets, drives, gradient)
     designs = None if at_design is None else [at_design]
     lines, _ = plan_lines(design, values, designs, loads, together=truth(together, "together"), call=gradient)
 
-    def solved() -> Iterator[Solved]:
+    def solved() -> Iterator[SolvedPoses]:
         for line in lines:
             if line.scene is None:
                 raise SceneError(line.failure)
             walk = fine_enough(line, recipe, None)
             case = {"load_case": line.labels["load_case"]} if loads else {}
-            yield Solved(line.scene, [walk.pose(v) for v in line.poses], [{**case, **v} for v in line.poses])
+            yield SolvedPoses(line.scene, [walk.pose(v) for v in line.poses], [{**case, **v} for v in line.poses])
 
     made = design if callable(design) else None
     return gradient_at(solved(), asked, made, at_design, by=by, sizes=sizes, errors=errors)
 
 
-class Solved(NamedTuple):
+class SolvedPoses(NamedTuple):
     """Poses of a scene with their labels: drive values by name, and load case."""
 
     scene: Any
@@ -212,7 +212,7 @@ class Solved(NamedTuple):
 
 
 def gradient_at(
-    solved: Iterable[Solved],
+    solved: Iterable[SolvedPoses],
     asked: Asked,
     design: Callable[..., Any] | None,
     at_design: Mapping[str, Any] | None,

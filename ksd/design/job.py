@@ -20,16 +20,22 @@ from scipy.optimize import brentq
 
 from ksd.bodies.joints import check_proportions
 from ksd.checks import LARGEST, Worded, checked, nearest, number, show, truth, unchecked
+from ksd.design.arguments import (
+    check_design_parameters,
+    check_drives,
+    check_executor,
+    check_solve_options,
+    drive_value_arrays,
+)
 from ksd.design.designs import Designs, in_blocks, makers_of
-from ksd.design.goals import AMOUNTS, Answer, goals_of
-from ksd.design.gradient import Solved, gradient_at
+from ksd.design.goals import SIGNED_QUESTIONS, Answer, goals_of
+from ksd.design.gradient import SolvedPoses, gradient_at
 from ksd.design.lines import Line, Recipe, enough_modes, run_line
 from ksd.design.plan import Paths, built, drive_paths, load_cases, loaded, scene_of
 from ksd.design.prepared import Found, spoken_status
 from ksd.design.questions import Asked, Row, asked_of, check_asked, columns_of_drives, known_columns
-from ksd.design.resume import records_of
+from ksd.design.resume import record_hashes
 from ksd.design.table import OK
-from ksd.design.words import check_drives, check_executor, check_parameters, check_ways, drive_rows
 from ksd.errors import KsdError, RecordError, SceneError
 from ksd.library import find_record
 from ksd.model.compile import compile_scene
@@ -133,7 +139,7 @@ class Job(Shown, metaclass=Worded):
     paths: Paths
     method: Literal["full", "reduced", "conventional"]
     extrapolate: bool
-    last: tuple[bytes, list[Solved]] | None
+    last: tuple[bytes, list[SolvedPoses]] | None
 
     def __init__(
         self,
@@ -162,14 +168,14 @@ class Job(Shown, metaclass=Worded):
             "extrapolate": extrapolate, "together": together, "targets": targets, **drives,
         }  # fmt: skip
         ways = ("full", "reduced", "conventional")
-        check_ways(mesh=mesh, relinearisations=0, method=method, methods=ways, extrapolate=extrapolate)
+        check_solve_options(mesh=mesh, relinearisations=0, method=method, methods=ways, extrapolate=extrapolate)
         if not callable(function):
             raise SceneError("a job needs a function of the parameters it varies that returns a mechanism")
-        values = drive_rows(targets, drives, Job)
+        values = drive_value_arrays(targets, drives, Job)
         if not values:
             raise SceneError("a job needs drive values, for example turn=[0, 0.3]")
         given = _given_bounds(vary)
-        check_parameters(function, [given], "vary")
+        check_design_parameters(function, [given], "vary")
         self.__dict__.update(
             function=function, drawn=_Drawn(function, 2 * len(given) + SPARE), vary=given, loads=loads,
             extrapolate=extrapolate, last=None, **({} if mesh is None else {"mesh": mesh}),
@@ -187,7 +193,7 @@ class Job(Shown, metaclass=Worded):
         questions = tuple(dict.fromkeys(known[goal.column] for goal in goals))
         asked = replace(asked_of(questions, link, at, freed, modes=modes), every=True)
         check_asked(asked, scene)
-        signed = {column for column, question in known.items() if question in AMOUNTS}
+        signed = {column for column, question in known.items() if question in SIGNED_QUESTIONS}
         self.__dict__.update(asked=asked, answers=self._listed(goals, scene, signed))
         self.__dict__.update(zip(("bounds", "held_by", "ranges"), self._trained(scene), strict=True))
         self.random(1)
@@ -486,19 +492,19 @@ class Job(Shown, metaclass=Worded):
         self.__dict__["last"] = (X[0].tobytes(), solved) if solved else None
         return judged
 
-    def _judged(self, X: Array, executor: Executor | None = None) -> tuple[Judged, list[Solved]]:
+    def _judged(self, X: Array, executor: Executor | None = None) -> tuple[Judged, list[SolvedPoses]]:
         """`batch`, and the poses of a single design that has all answers."""
         designs = [self.design_at(x) for x in X]
         rows: list[list[Row]] = [[] for _ in designs]
         status: list[str] = [OK] * len(designs)
         steps = self.steps
-        solved: list[Solved] = []
+        solved: list[SolvedPoses] = []
         for extra in self.cases.values():
             function = _Loaded(self.drawn, extra)
             for d, (mine, why, poses) in enumerate(self._solved(function, designs, steps, executor)):
                 rows[d] += mine
                 status[d] = why if status[d] == OK else status[d]
-                solved += [Solved(poses[0].model.said, poses, steps)] if poses else []
+                solved += [SolvedPoses(poses[0].model.said, poses, steps)] if poses else []
         good = status == [OK] and len(solved) == len(self.cases)
         return Judged(np.array([self._of(mine) for mine in rows]), tuple(status)), solved if good else []
 
@@ -671,7 +677,7 @@ class Job(Shown, metaclass=Worded):
         said = (
             self.asked, self.method, self.mesh, self.extrapolate, self.poses, self.loads, self.names,
             [a.amount for a in self.answers], [scene.fingerprint() for scene in scenes],
-            records_of(scenes, self.method), failed,
+            record_hashes(scenes, self.method), failed,
         )  # fmt: skip
         return f"{self.parameters} {said!r}"
 

@@ -34,12 +34,12 @@ from ksd.scene.mechanism import Mechanism
 from ksd.scene.toml_file import parsed_file, scene_of_tables
 from ksd.scene.toml_table import Table, placed_at, quantity
 
-JOB = {
+JOB_KEYS = {
     "scene": "text", "link": "text", "at": "length[3]", "maximise": "any", "minimise": "any", "limits": "any",
     "rules": "any", "freed": "any", "modes": "any", "method": "text", "extrapolate": "flag", "together": "flag",
 }  # fmt: skip
 """Keys of [job], beside its tables vary, drives and loads."""
-OPTIMISE = {"starts": "any", "method": "text", "robust": "number", "seed": "any"}
+OPTIMISE_KEYS = {"starts": "any", "method": "text", "robust": "number", "seed": "any"}
 """Keys of [optimise], beside its tables start and spread."""
 MOST_POSES = 1000
 
@@ -108,7 +108,7 @@ def load_job(path: str | os.PathLike[str], *, drives: Mapping[str, str] | None =
         raise SceneError(
             f"{file.name}: [job] is missing: say there what to vary, and what to maximise or to limit"
         )
-    words = said.read(JOB)
+    words = said.read(JOB_KEYS)
     tables, place = _scene_tables(tables, file, words.pop("scene", None))
     varied, bounds, fixed = _varied(said.table("vary"), tables)
     for keys, value in fixed:
@@ -335,7 +335,7 @@ def _limits(given: Any) -> Any:
 
 def _optimise_words(table: Table, varied: Mapping[str, Keys]) -> dict[str, Any]:
     """The words of `ksd.optimise` in [optimise]."""
-    words = table.read(OPTIMISE)
+    words = table.read(OPTIMISE_KEYS)
     for key in ("start", "spread"):
         inside = table.table(key)
         own: dict[str, float] = {}

@@ -1,11 +1,11 @@
-"""`ksd.optimise`: the design of a `ksd.Job` whose worst answer is best, by exact gradients, without derivatives, or by
-evolution.
+"""`ksd.optimise`: the design of a `ksd.Job` whose worst target is best.
 
 Epigraph form: the largest t with t <= log(answer / scale) for every target at every pose, limits and rules as constraints,
-in logarithms of parameters and answers (`ksd.design.search`). Minimax kinks are harmless as constraints and fatal in a
-penalty. SLSQP (Kraft 1988, `scipy.optimize`) needs about ten values and gradients; several starts tell whether there is
-one optimum. Where a design fails the step is halved from the last one that did not: no number is invented. A robust optimum
-has limits moved in, and targets lowered, by standard deviations of its answers, again and again until these are its own.
+in logarithms of parameters and answers (`ksd.design.scaled_problem`). The kinks of a minimax objective do no harm as
+constraints, but stall a penalty method. SLSQP (Kraft 1988, `scipy.optimize`) needs about ten values and gradients; several
+starts show whether there is one optimum. Where a design fails, the step from the last design with answers is halved; no
+value is substituted. For a robust optimum, limits are moved in and targets lowered by standard deviations of the answers;
+this is repeated until the standard deviations are those of the optimum itself.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from numpy.typing import ArrayLike
 from scipy.optimize import BFGS, Bounds, NonlinearConstraint, minimize, nnls
 
 from ksd.checks import number, show, similar, truth, whole, worded
+from ksd.design.arguments import check_executor, submit_task
+from ksd.design.design_log import DesignLog
 from ksd.design.job import Job, check_job
-from ksd.design.log import Log
-from ksd.design.optimum import Ended, Optimum
-from ksd.design.search import BINDING, Failed, Search
+from ksd.design.optimum import Optimum, StartResult
+from ksd.design.scaled_problem import BINDING, DesignFailed, ScaledProblem
 from ksd.design.table import OK
 from ksd.design.tolerance import check_spread, first_order
-from ksd.design.words import check_executor, submitted
 from ksd.errors import ConvergenceError, SceneError
 from ksd.properties.words import number as written
 from ksd.properties.words import progress_bar
@@ -68,13 +68,13 @@ class _Stalled(Exception):
 class _Way(NamedTuple):
     """One start: how it ended, where in scaled parameters, its search, and CPU time [s]."""
 
-    ended: Ended
+    ended: StartResult
     y: Array
-    search: Search
+    search: ScaledProblem
     seconds: float
 
 
-Told = Callable[[Search, int], None]
+Told = Callable[[ScaledProblem, int], None]
 """Called after every new design of a search, with the count of starts that are done."""
 
 
@@ -115,20 +115,20 @@ def optimise(
     count = whole(starts, "starts")
     X = [job.point(start), *job.random(count, whole(seed, "seed", least=0) + 1)[: count - 1]]
     check_executor(executor)
-    log = Log(job, resume=resume, executor=None if count > 1 else executor)
+    log = DesignLog(job, resume=resume, executor=None if count > 1 else executor)
     with log.interruptible(), progress_bar(truth(progress, "progress")) as bar:
         task = bar.add_task("starts", total=count)
 
-        def told(search: Search, done: int) -> None:
-            bar.update(task, description=so_far(search, "starts"), completed=done)
+        def told(search: ScaledProblem, done: int) -> None:
+            bar.update(task, description=progress_text(search, "starts"), completed=done)
 
         elsewhere = executor if count > 1 else None
-        return optimum_of(job, log, X, method, executor=elsewhere, times=times, scatter=scatter, told=told)
+        return optimise_from(job, log, X, method, executor=elsewhere, times=times, scatter=scatter, told=told)
 
 
-def optimum_of(
+def optimise_from(
     job: Job,
-    log: Log,
+    log: DesignLog,
     X: list[Array],
     method: str,
     *,
@@ -141,7 +141,7 @@ def optimum_of(
     of `robust`, `scatter` (P,) those of the parameters. Raises ConvergenceError."""
     ways: list[_Way] = []
 
-    def heard(search: Search) -> None:
+    def heard(search: ScaledProblem) -> None:
         told(search, min(len(ways), len(X)))
 
     for way in _all_ways(job, X, method, log, executor, heard):
@@ -193,7 +193,7 @@ def _scatter(job: Job, robust: float, spread: Mapping[str, float] | None) -> tup
     return times, np.zeros(len(job.parameters)) if spread is None else check_spread(job, spread)
 
 
-def so_far(search: Search, of: str) -> str:
+def progress_text(search: ScaledProblem, of: str) -> str:
     """What a progress bar of starts, or points, says."""
     at = search.best[1].tobytes()
     t = np.exp(search.level(search.asked[at])) if at in search.asked else np.nan
@@ -201,18 +201,18 @@ def so_far(search: Search, of: str) -> str:
 
 
 def _all_ways(
-    job: Job, X: list[Array], method: str, log: Log, executor: Executor | None, told: Callable[[Search], None]
+    job: Job, X: list[Array], method: str, log: DesignLog, executor: Executor | None, told: Callable[[ScaledProblem], None]
 ) -> Iterator[_Way]:
     """Every start, one after the other or in the workers of an executor, in order; designs go into the log as they are
     done."""
     names = [f"{method}, start {k + 1}" for k in range(len(X))]
     if executor is None:
         for x, name in zip(X, names, strict=True):
-            yield _way(Search(job, log, name, told=told), x, method)
+            yield _way(ScaledProblem(job, log, name, told=told), x, method)
         return
-    known = dict(log.kept.found)
+    known = dict(log.file.entries)
     waiting = [
-        submitted(executor, _elsewhere, job, x, method, name, known) for x, name in zip(X, names, strict=True)
+        submit_task(executor, _elsewhere, job, x, method, name, known) for x, name in zip(X, names, strict=True)
     ]
     taken: list[Future[Any]] = []
     try:
@@ -230,24 +230,24 @@ def _all_ways(
 def _elsewhere(job: Job, x: Array, method: str, by: str, known: Mapping[Any, Any]) -> Any:
     """One start in a worker, to which designs and slopes are `known`: how it ended, where, what its search found, and what
     its log holds of it."""
-    log = Log(job)
-    log.kept.found |= known
-    way = _way(Search(job, log, by), x, method, time.thread_time)
-    mine = {k: rows for k, rows in log.kept.found.items() if k in log.rows or k not in known}
+    log = DesignLog(job)
+    log.file.entries |= known
+    way = _way(ScaledProblem(job, log, by), x, method, time.thread_time)
+    mine = {k: rows for k, rows in log.file.entries.items() if k in log.rows or k not in known}
     s = way.search
     return way.ended, way.y, way.seconds, (s.asked, s.sloped, s.best, s.met_best), mine
 
 
-def _taken(job: Job, one: Future[Any], log: Log, by: str) -> _Way:
+def _taken(job: Job, one: Future[Any], log: DesignLog, by: str) -> _Way:
     """A start done by a worker, as if it had been done here."""
     ended, y, seconds, found, kept = one.result()
-    log.take(kept)
-    search = Search(job, log, by)
+    log.add_from_worker(kept)
+    search = ScaledProblem(job, log, by)
     search.asked, search.sloped, search.best, search.met_best = found
     return _Way(ended, y, search, seconds)
 
 
-def _way(search: Search, x: Array, method: str, clock: Callable[[], float] = time.process_time) -> _Way:
+def _way(search: ScaledProblem, x: Array, method: str, clock: Callable[[], float] = time.process_time) -> _Way:
     """From a start (P,) to where it ends."""
     began, job = clock(), search.job
     merit, y = np.nan, search.scaled(x)
@@ -258,15 +258,15 @@ def _way(search: Search, x: Array, method: str, clock: Callable[[], float] = tim
         status = OK if met else f"the limits are not met, farthest from it is {search.farthest(y)}"
         if met and np.isinf(merit):
             status = f"{job.merit_name} is infinite there: nothing moves that it asks for, or nothing buckles"
-    except Failed as failed:
+    except DesignFailed as failed:
         y, status = failed.y, str(failed)
     first, last = job.design_at(x), job.design_at(search.x(y))
-    ended = Ended(first, last, merit, len(search.asked), len(search.sloped), status)
+    ended = StartResult(first, last, merit, len(search.asked), len(search.sloped), status)
     return _Way(ended, y, search, clock() - began)
 
 
 def _robust(
-    job: Job, best: _Way, log: Log, times: float, scatter: Array, method: str, told: Callable[[Search], None]
+    job: Job, best: _Way, log: DesignLog, times: float, scatter: Array, method: str, told: Callable[[ScaledProblem], None]
 ) -> tuple[list[_Way], dict[str, float]]:
     """Optima with ever other margins, the last one with `times` its own standard deviations, from the one without; and these
     margins by answer."""
@@ -279,7 +279,7 @@ def _robust(
             break
         # where rounds do not settle of themselves the wider of two margins is kept
         by = np.maximum(wanted, by) if k > AGAIN // 2 else wanted
-        search = Search(job.moved(by, values), log, f"{method}, robust {k + 1}", told=told)
+        search = ScaledProblem(job.moved(by, values), log, f"{method}, robust {k + 1}", told=told)
         best = _way(search, search.x(best.y), "gradient" if method == "cma" else method)
         found.append(best)
         if best.ended.status != OK:
@@ -312,7 +312,7 @@ def _cma() -> Any:
         raise SceneError("method = 'cma' needs the package cma: pip install cma") from None
 
 
-def _descended(search: Search, y: Array, method: str) -> Array:
+def _descended(search: ScaledProblem, y: Array, method: str) -> Array:
     """The end of SLSQP or COBYLA from y; where designs fail, within half the step that led there, and twice that again
     where it went well."""
     reach, box = np.inf, search.bounds
@@ -320,7 +320,7 @@ def _descended(search: Search, y: Array, method: str) -> Array:
     for _ in range(ROUNDS):
         try:
             found = _minimised(search, y, box, method)
-        except Failed as failed:
+        except DesignFailed as failed:
             assert search.good is not None
             if np.array_equal(failed.y, search.good):
                 # it has answers, but no gradient: no shorter step helps
@@ -340,7 +340,7 @@ def _descended(search: Search, y: Array, method: str) -> Array:
     return y
 
 
-def _minimised(search: Search, y: Array, box: Array, method: str) -> Array:
+def _minimised(search: ScaledProblem, y: Array, box: Array, method: str) -> Array:
     """The end within a box (P, 2)."""
     targets = search.targets.astype(float)
 
@@ -411,7 +411,7 @@ def _inside(y: Array, box: Array) -> Array:
     return np.ascontiguousarray(np.clip(y, *box.T))
 
 
-def _evolved(search: Search, y: Array) -> Array:
+def _evolved(search: ScaledProblem, y: Array) -> Array:
     """The best of an evolution from y, polished by gradients; designs that fail are the worst."""
     low, spread = search.bounds[:, 0], np.diff(search.bounds)[:, 0]
     options = {"bounds": [0.0, 1.0], "seed": 1, "verbose": -9, "tolfun": EVOLVED, "maxiter": MOST["cma"]}
@@ -433,18 +433,18 @@ def _evolved(search: Search, y: Array) -> Array:
         es.tell(places, [c if np.isfinite(c) else 1e6 for c in cost])
     try:
         return _descended(search, _inside(low + spread * es.result.xbest, search.bounds), "gradient")
-    except Failed:
+    except DesignFailed:
         if search.met_best is None:
             raise
         # evolution needs no gradient where there is none
         return search.met_best[1]
 
 
-def _holds(search: Search, y: Array) -> tuple[dict[str, float], dict[str, float]]:
+def _holds(search: ScaledProblem, y: Array) -> tuple[dict[str, float], dict[str, float]]:
     """What holds an optimum, with its multiplier, and a flat direction; nothing where there is no gradient."""
     try:
         job, margins, slopes = search.job, search.margins(y), search.slopes(y)
-    except Failed:
+    except DesignFailed:
         return {}, {}
     level = search.level(margins)
     names = [job.names[s.answer] for s in search.sides] + [f"rule {n}" for n in job.rule_names]
@@ -468,14 +468,14 @@ def _holds(search: Search, y: Array) -> tuple[dict[str, float], dict[str, float]
     return held, _flat(search, y, ways[-1], close)
 
 
-def _flat(search: Search, y: Array, way: Array, close: Array) -> dict[str, float]:
+def _flat(search: ScaledProblem, y: Array, way: Array, close: Array) -> dict[str, float]:
     """The direction `way` (P,) by name, where a step along it changes nothing that is `close`; else nothing."""
     way = way / np.abs(way).max()
     here = search.margins(y)
     for s in (1.0, -1.0):
         try:
             end = search.margins(_inside(y + s * TRIED * way, search.bounds))
-        except Failed:
+        except DesignFailed:
             return {}
         if np.abs(end - here)[close].max() > BINDING * TRIED * 10:
             return {}

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ksd.checks import nearest
+from ksd.design.design_log import DesignLog
 from ksd.design.job import Job
-from ksd.design.log import Log
 from ksd.design.optimum_page import NOT_KNOWN, optimum_page
-from ksd.design.search import BINDING, Search
+from ksd.design.scaled_problem import BINDING, ScaledProblem
 from ksd.design.table import OK, Table
 from ksd.errors import SceneError
 from ksd.files import check_target, write_file
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 
-class Ended(NamedTuple):
+class StartResult(NamedTuple):
     """How a start ended: its first and last design, the merit there, values and gradients asked for, and "ok" or why not."""
 
     start: dict[str, float]
@@ -44,7 +44,7 @@ class Ended(NamedTuple):
     status: str
 
 
-class Tried(NamedTuple):
+class TriedDesigns(NamedTuple):
     """Designs in the order they were asked for: who asked (n,), parameters (n, P), worst target over its scale (n,), and the
     share, in logarithms, by which a limit or rule is exceeded most (n,); `met`: whether none is."""
 
@@ -79,7 +79,7 @@ class Optimum(Shown):
     answers: Mapping[str, float]
     held: Mapping[str, float]
     flat: Mapping[str, float]
-    starts: tuple[Ended, ...]
+    starts: tuple[StartResult, ...]
     table: Table
     seconds: float
     robust: float = 0.0
@@ -130,15 +130,15 @@ class Optimum(Shown):
         return self.job.few_modes(list(self.design.values()))
 
     @cached_property
-    def tried(self) -> Tried:
+    def tried(self) -> TriedDesigns:
         """All designs of the table that have answers."""
         rows = [row for row in self.table.rows() if row["status"] == OK]
         X = np.array([[row[n] for n in self.job.parameters] for row in rows])
         values = np.array([[row[n] for n in self.job.names] for row in rows])
-        search = Search(self.job, Log(self.job), "")
+        search = ScaledProblem(self.job, DesignLog(self.job), "")
         pairs = zip(X, values, strict=True)
         beyond = [search.exceeded(search.margins_of(v, self.job.rule_values(x))) for x, v in pairs]
-        return Tried(
+        return TriedDesigns(
             tuple(row["by"] for row in rows), X, np.array([self.job.merit(v) for v in values]),
             np.array(beyond),
         )  # fmt: skip

@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ksd.checks import number, show, truth, whole, worded
+from ksd.design.arguments import check_executor, submit_task
+from ksd.design.design_log import DesignLog
 from ksd.design.job import Job, check_job
-from ksd.design.log import Log
-from ksd.design.optimise import optimise, optimum_of, so_far
+from ksd.design.optimise import optimise, optimise_from, progress_text
 from ksd.design.optimum import Optimum
-from ksd.design.search import Search
+from ksd.design.scaled_problem import ScaledProblem
 from ksd.design.sweep import SweepInterrupted
 from ksd.design.table import OK, Table
-from ksd.design.words import check_executor, submitted
 from ksd.errors import KsdError, SceneError
 from ksd.properties.words import Shown, listed, progress_bar
 from ksd.properties.words import number as written
@@ -121,7 +121,7 @@ def pareto(
     wide = job.limited(against, high)
     several = whole(starts, "starts")
     X = [wide.point(start), *wide.random(several, whole(seed, "seed", least=0) + 1)[: several - 1]]
-    log = Log(wide, resume=resume)
+    log = DesignLog(wide, resume=resume)
     found: list[Optimum | None] = []
     status: list[str] = []
 
@@ -131,10 +131,10 @@ def pareto(
     with log.interruptible(done), progress_bar(truth(progress, "progress")) as bar:
         task = bar.add_task("points", total=count)
 
-        def told(search: Search, _: int) -> None:
-            bar.update(task, description=so_far(search, "points"), completed=len(found))
+        def told(search: ScaledProblem, _: int) -> None:
+            bar.update(task, description=progress_text(search, "points"), completed=len(found))
 
-        best = optimum_of(wide, log, X, "gradient", told=told)
+        best = optimise_from(wide, log, X, "gradient", told=told)
         found.append(best)
         status.append(OK)
         if span is None:
@@ -146,11 +146,11 @@ def pareto(
                 raise SceneError(f"{against} is {written(most)} at the optimum: give a span of limits for it")
             span = most / SPAN, most
         limits = np.geomspace(span[1], span[0], count)
-        way = Search(wide, log, "gradient, start 1")
+        way = ScaledProblem(wide, log, "gradient, start 1")
         for limit in limits[1:].tolist():
             try:
                 near = _ahead(way, found)
-                found.append(optimum_of(job.limited(against, limit), log, [near], "gradient", told=told))
+                found.append(optimise_from(job.limited(against, limit), log, [near], "gradient", told=told))
                 status.append(OK)
             except KsdError as why:
                 found.append(None)
@@ -158,7 +158,7 @@ def pareto(
     return Front(job, against, limits, tuple(found), tuple(status))
 
 
-def _ahead(search: Search, found: list[Optimum | None]) -> Array:
+def _ahead(search: ScaledProblem, found: list[Optimum | None]) -> Array:
     """Where the next point is looked for (P,): as far beyond the last one as that is from the one before, if designs there
     have answers; else at the last one."""
     good = [search.scaled(np.array(list(p.design.values()))) for p in found if p is not None]
@@ -240,7 +240,7 @@ def choose(
     check_executor(executor)
     files = _files(resume, list(jobs))
     said = [(job, starts, seed, file) for job, file in zip(jobs.values(), files, strict=True)]
-    waiting = [None if executor is None else submitted(executor, _one, *own) for own in said]
+    waiting = [None if executor is None else submit_task(executor, _one, *own) for own in said]
     found: dict[str, Any] = {}
     with progress_bar(truth(progress, "progress")) as bar:
         task = bar.add_task("jobs", total=len(jobs))

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from ksd.checks import show
+from ksd.design.arguments import check_design_parameters, check_drives
 from ksd.design.lines import Line, Recipe
-from ksd.design.resume import records_of
-from ksd.design.words import check_drives, check_parameters
+from ksd.design.resume import record_hashes
 from ksd.errors import SceneError
 from ksd.scene import Mechanism, Scene
 from ksd.scene.load import Load
@@ -86,7 +86,7 @@ def design_points(mechanism: Any, designs: Any) -> list[dict[str, Any]]:
         )
     if not len(found):
         raise SceneError("designs is empty: give at least one set of parameters")
-    check_parameters(mechanism, found)
+    check_design_parameters(mechanism, found)
     return [dict(d) for d in found]
 
 
@@ -207,7 +207,7 @@ def loaded(scene: Scene | None, extra: tuple[Load, ...]) -> tuple[Scene | None, 
 
 def fingerprint(lines: Sequence[Line], recipe: Recipe) -> str:
     """Hash of everything the rows depend on."""
-    records = records_of((line.scene for line in lines if line.scene is not None), recipe.method)
+    records = record_hashes((line.scene for line in lines if line.scene is not None), recipe.method)
     digest = hashlib.sha256(f"{recipe!r} {records}".encode())
     for line in lines:
         scene = line.failure if line.scene is None else line.scene.fingerprint()

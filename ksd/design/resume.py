@@ -33,7 +33,7 @@ class ResumeFile:
             raise SceneError(f"resume = {show(path)}: give the name of a file")
         self.path = None if path is None else Path(path)
         self.what = what
-        self.found: dict[Any, Rows] = {}
+        self.entries: dict[Any, Rows] = {}
         if self.path is None:
             return
         check_target(self.path, what="resume")
@@ -57,13 +57,13 @@ class ResumeFile:
             entry = _entry(body, int if self.what == "sweep" else str) if mark == _hash(body) else None
             if entry is None:
                 break
-            self.found[entry["line"]] = entry["rows"]
+            self.entries[entry["line"]] = entry["rows"]
             intact.append(text)
         return intact
 
-    def keep(self, number: int | str, rows: Rows) -> None:
+    def add(self, number: int | str, rows: Rows) -> None:
         """Add a finished line, on disk when this returns."""
-        self.found[number] = rows
+        self.entries[number] = rows
         if self.path is None:
             return
         body = json.dumps({"line": number, "rows": rows})
@@ -79,7 +79,7 @@ class ResumeFile:
             ) from error
 
 
-def records_of(scenes: Iterable[Any], method: str | None) -> list[str]:
+def record_hashes(scenes: Iterable[Any], method: str | None) -> list[str]:
     """What the joint records hold that answers of scenes by this method come from: family and hash of each, or of why there
     is none."""
     found = []
@@ -94,7 +94,7 @@ def records_of(scenes: Iterable[Any], method: str | None) -> list[str]:
 
 
 def _entry(body: str, kind: type) -> dict[str, Any] | None:
-    """What `keep` wrote under a number or name of this kind; None for anything else."""
+    """What `add` wrote under a number or name of this kind; None for anything else."""
     try:
         entry = json.loads(body)
         values = [value for row in entry["rows"] for value in row.values()]

@@ -14,12 +14,12 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from ksd.checks import truth, worded
+from ksd.design.arguments import check_executor, check_solve_options, drive_value_arrays
 from ksd.design.lines import Line, Recipe, blank_rows, run_block, run_line
 from ksd.design.plan import Designs, Drawn, fingerprint, plan_lines
 from ksd.design.questions import KNOWN, Asked, asked_of, check_asked, unanswerable
 from ksd.design.resume import ResumeFile
 from ksd.design.table import Table
-from ksd.design.words import check_executor, check_ways, drive_rows
 from ksd.errors import KsdError
 from ksd.model.mesh import Mesh
 from ksd.numerics.processes import process_pool, spawning
@@ -98,7 +98,7 @@ def sweep(
     check_executor(executor)
     truth(together, "together")
     truth(progress, "progress")
-    values = drive_rows(targets, drives, sweep)
+    values = drive_value_arrays(targets, drives, sweep)
     lines, name = plan_lines(mechanism, values, designs, loads, together=together, call=sweep)
     drawn = next((line.scene for line in lines if line.scene is not None), None)
     if drawn is not None:
@@ -120,19 +120,19 @@ def _collected(
     facts = {"method": recipe.method or "cheapest", "questions": ", ".join(recipe.asked.questions)}
     try:
         with _bar(f"sweep {name}", sum(len(line.poses) for line in lines), how[1]) as done:
-            missing = [line for line in lines if line.number not in kept.found]
-            done(sum(len(rows) for rows in kept.found.values()))
+            missing = [line for line in lines if line.number not in kept.entries]
+            done(sum(len(rows) for rows in kept.entries.values()))
             _run(missing, recipe, how[0], (kept, partial, done))
     except KeyboardInterrupt:
-        table = _table(lines, kept.found | partial, name, facts)
+        table = _table(lines, kept.entries | partial, name, facts)
         raise SweepInterrupted("the rows done are", table, kept.path) from None
-    return _table(lines, kept.found, name, facts)
+    return _table(lines, kept.entries, name, facts)
 
 
 def recipe_of(asked: Asked, **how: Any) -> Recipe:
     """How the poses of a sweep are solved; raises SceneError."""
     said = {n: how[n] for n in ("mesh", "relinearisations", "accuracy", "method", "extrapolate")}
-    check_ways(methods=METHODS, **said)
+    check_solve_options(methods=METHODS, **said)
     return Recipe(asked, **how)
 
 
@@ -180,7 +180,7 @@ def _run_here(missing: list[Line], recipe: Recipe, where: Any) -> None:
         rows = partial[line.number] = _Counted(done)
         solver = run_line(line, recipe, solver if line.scene is scene else None, rows)
         scene = line.scene
-        kept.keep(line.number, list(partial.pop(line.number)))
+        kept.add(line.number, list(partial.pop(line.number)))
 
 
 class _Counted(list[Any]):
@@ -211,7 +211,7 @@ def _run_on(executor: Executor, missing: list[Line], recipe: Recipe, where: Any)
     try:
         for future in as_completed(waiting):
             for line, rows in zip(waiting[future], future.result(), strict=True):
-                kept.keep(line.number, rows)
+                kept.add(line.number, rows)
                 done(len(rows))
     except BrokenProcessPool as error:
         raise KsdError(

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from ksd.checks import nearest, number, show, whole, worded
+from ksd.design.design_log import DesignLog
 from ksd.design.job import Job, check_job
-from ksd.design.log import Log
 from ksd.design.table import OK, Table
 from ksd.errors import KsdError, SceneError
 from ksd.properties.words import Shown, listed
@@ -97,7 +97,7 @@ def tolerance(
     the design itself has no answers.
     """
     x, sd, count = *_given(job, design, spread), whole(samples, "samples", least=2)
-    log = Log(job, resume=resume, executor=executor, progress=progress)
+    log = DesignLog(job, resume=resume, executor=executor, progress=progress)
     X = x + sd * np.random.default_rng(whole(seed, "seed", least=0)).normal(size=(count, len(x)))
     with log.interruptible():
         nominal, slopes = log.slopes(x, by="tolerance")

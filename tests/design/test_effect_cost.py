@@ -10,7 +10,7 @@ from scenes import fourbar
 
 import ksd
 from ksd.cli import main
-from ksd.design.effect_cost import _times, effect_cost, unknowns
+from ksd.design.effect_cost import _times, effect_cost, unknown_count
 
 FOURBAR = str(files("ksd") / "scenes" / "fourbar.toml")
 
@@ -57,12 +57,12 @@ def test_unknowns_are_those_solved_for():
     model = ksd.compile_scene(fourbar())
     spatial = ksd.compile_scene(fourbar(), with_="spatial")
     inner = model.arrays.members.inner_at[-1]
-    assert unknowns(spatial) == 18 + 1 + inner == 247
-    assert unknowns(model) == 9 + 1 + 12 * 9
+    assert unknown_count(spatial) == 18 + 1 + inner == 247
+    assert unknown_count(model) == 9 + 1 + 12 * 9
 
 
 def test_the_command(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("ksd.design.effect_cost.ROUNDS", 1)
+    monkeypatch.setattr("ksd.design.effect_cost.TIMED_SOLVES", 1)
     out, picture = tmp_path / "prices.json", tmp_path / "prices.png"
     assert main(["effects", FOURBAR, "--set", "top=50mm", "--json", str(out), "--plot", str(picture)]) == 0
     said = capsys.readouterr().out

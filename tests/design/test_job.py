@@ -10,9 +10,9 @@ import pytest
 from scenes import STEEL, fourbar
 
 import ksd
-from ksd.design import log as room
-from ksd.design.log import Log
-from ksd.design.search import Search
+from ksd.design import design_log
+from ksd.design.design_log import DesignLog
+from ksd.design.scaled_problem import ScaledProblem
 from ksd.library import find_record, write_record
 from ksd.units import deg, mm
 
@@ -219,7 +219,7 @@ def test_a_design_is_drawn_once_for_rules_answers_and_slopes():
         return pivot(**parameters)
 
     asked = job(function=counted)
-    search = Search(asked, Log(asked), "")
+    search = ScaledProblem(asked, DesignLog(asked), "")
     assert asked.ranges and len(search.rule_sizes) == 2
     y = search.scaled(asked.point(BEST)) - 0.01
     drawn.clear()
@@ -262,7 +262,7 @@ def test_loads_size_and_conventional_poses():
 
 def test_designs_that_fail_are_rows_with_the_reason_and_replayed(tmp_path, monkeypatch, plain):
     file = tmp_path / "pivot.jsonl"
-    log = Log(plain, resume=file)
+    log = DesignLog(plain, resume=file)
     good = plain.point(BEST)
     bad = good * (1, 1, 1, 1, 20)
     judged = log.batch([good, bad], by="me")
@@ -276,7 +276,7 @@ def test_designs_that_fail_are_rows_with_the_reason_and_replayed(tmp_path, monke
     # a kill in the middle of a line costs that line alone
     file.write_text("\n".join(lines[:-1]) + "\n" + lines[-1][:40])
     counted = []
-    again = Log(job(), resume=file)
+    again = DesignLog(job(), resume=file)
     monkeypatch.setattr(ksd.Job, "batch", lambda *a, **k: counted.append(a))
     same = again.batch([good, bad])
     assert np.array_equal(same.values, judged.values, equal_nan=True) and same.status == judged.status
@@ -284,7 +284,7 @@ def test_designs_that_fail_are_rows_with_the_reason_and_replayed(tmp_path, monke
     again_slopes = again.slopes(good)
     assert all(np.array_equal(a, b) for a, b in zip(again_slopes, slopes, strict=True))
     with pytest.raises(ksd.SceneError, match="belongs to another job"):
-        Log(job(turn=[0.1]), resume=file)
+        DesignLog(job(turn=[0.1]), resume=file)
 
 
 def test_a_design_without_slopes_keeps_its_answers(tmp_path):
@@ -300,11 +300,11 @@ def test_a_design_without_slopes_keeps_its_answers(tmp_path):
         "vary": {"length": (40 * mm, 80 * mm), "thickness": (0.3 * mm, 0.8 * mm)},
     }  # fmt: skip
     asked, path = job(**words), tmp_path / "job.jsonl"
-    first, x = Log(asked, resume=path), np.array([70 * mm, 0.5 * mm])
+    first, x = DesignLog(asked, resume=path), np.array([70 * mm, 0.5 * mm])
     for at, why in ((x, "no gradient by 'length'"), (1.1 * x, "no gradient: .*longer than the stock")):
         with pytest.raises(ksd.KsdError, match=why):
             first.slopes(at)
-    later = Log(asked, resume=path)
+    later = DesignLog(asked, resume=path)
     known = later.batch([x, 1.1 * x])
     assert known.status[0] == "ok" and known.values[0] == pytest.approx(asked.values(x), rel=1e-12)
     assert "longer than the stock" in known.status[1] and np.isnan(known.values[1]).all()
@@ -318,7 +318,7 @@ def test_a_design_without_slopes_keeps_its_answers(tmp_path):
 
 
 def test_ctrl_c_keeps_the_blocks_that_are_done(tmp_path, monkeypatch, plain):
-    monkeypatch.setattr(room, "BLOCK", 2)
+    monkeypatch.setattr(design_log, "BLOCK_SIZE", 2)
     honest, calls = ksd.Job.batch, []
 
     def interrupted(self, X, **how):
@@ -329,10 +329,10 @@ def test_ctrl_c_keeps_the_blocks_that_are_done(tmp_path, monkeypatch, plain):
 
     monkeypatch.setattr(ksd.Job, "batch", interrupted)
     X = plain.random(3)
-    log = Log(plain, resume=tmp_path / "rows.jsonl")
+    log = DesignLog(plain, resume=tmp_path / "rows.jsonl")
     with pytest.raises(KeyboardInterrupt):
         log.batch(X)
-    assert len(Log(plain, resume=tmp_path / "rows.jsonl").kept.found) == 2
+    assert len(DesignLog(plain, resume=tmp_path / "rows.jsonl").file.entries) == 2
 
 
 def test_trained_ranges_are_bounds_or_rules():
@@ -526,7 +526,7 @@ def test_a_limit_of_what_is_minimised_by_its_size_has_a_name_of_its_own():
     """A log keeps answers by name: both must come back as they are, and no file of sizes is one of signed numbers."""
     words = {"vary": {"lean": (4 * mm, 8 * mm)}, "turn": [-0.05]}
     own = ksd.Job(leaning, minimise="turn_moment_Nm", limits={"turn_moment_Nm": (-9, 9)}, **words)
-    x, log = [6 * mm], Log(own)
+    x, log = [6 * mm], DesignLog(own)
     assert len(set(own.names)) == 2
     size, signed = log.values(x)
     assert size == -signed > 0
@@ -558,7 +558,7 @@ def test_poses_close_together_have_names_of_their_own():
     close = job(turn=[0.3, 0.3 + 1e-7, 0.3 + 2e-7], limits=None, method="conventional")
     assert len(set(close.names)) == len(close.names) and "17.1887339 deg" in close.names[0]
     x = close.point(BEST)
-    log = Log(close)
+    log = DesignLog(close)
     # by equal names one would be taken for the other
     assert np.array_equal(log.values(x), close.values(x)) and len(set(log.values(x)[:9:3].tolist())) == 3
 
@@ -566,21 +566,21 @@ def test_poses_close_together_have_names_of_their_own():
 def test_kept_designs_of_other_joint_records_are_not_taken_for_those_of_these(tmp_path, monkeypatch, plain):
     file, words = tmp_path / "pivot.jsonl", {"questions": "force", "turn": [0.2], "progress": False}
     design = [{**BEST}]
-    Log(plain, resume=file).values(plain.point(BEST))
+    DesignLog(plain, resume=file).values(plain.point(BEST))
     ksd.sweep(pivot, designs=design, resume=tmp_path / "sweep.jsonl", **words)
     record = find_record("cross_flexure")
     write_record(replace(record, trained="2001-01-01"), tmp_path / "cross_flexure.h5")
     monkeypatch.setenv("KSD_DATABASE", str(tmp_path))
     with pytest.raises(ksd.SceneError, match=r"another job .* or joint records"):
-        Log(plain, resume=file)
+        DesignLog(plain, resume=file)
     with pytest.raises(ksd.SceneError, match=r"another sweep .* or joint records"):
         ksd.sweep(pivot, designs=design, resume=tmp_path / "sweep.jsonl", **words)
     # what knows no records goes on
     free = job(method="conventional", turn=[0.2])
-    Log(free, resume=tmp_path / "free.jsonl").values(free.point(BEST))
+    DesignLog(free, resume=tmp_path / "free.jsonl").values(free.point(BEST))
     monkeypatch.delenv("KSD_DATABASE")
-    assert len(Log(free, resume=tmp_path / "free.jsonl").kept.found) == 1
-    assert len(Log(plain, resume=file).kept.found) == 1
+    assert len(DesignLog(free, resume=tmp_path / "free.jsonl").file.entries) == 1
+    assert len(DesignLog(plain, resume=file).file.entries) == 1
 
 
 def test_a_moment_needs_no_point():

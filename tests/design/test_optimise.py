@@ -16,8 +16,8 @@ from test_tolerance import SPREAD
 import ksd
 from ksd.design import job as rooms
 from ksd.design import optimise as room
-from ksd.design import search
-from ksd.design.search import _logs
+from ksd.design import scaled_problem
+from ksd.design.scaled_problem import _logs
 from ksd.units import mm
 
 LIMITS = {"stress_MPa": 500, "turn_moment_Nm": (-3, 3)}
@@ -304,7 +304,7 @@ def test_margins_of_limits_of_either_sign():
     value, slope = _logs(np.array([2.0, 0.1, 0.0, -1.0]))
     assert value[0] == pytest.approx(np.log(2)) and value[2] == pytest.approx(np.log(0.1) - 1)
     assert np.all(np.diff(value) < 0) and slope == pytest.approx([0.5, 10, 10, 10])
-    at = search.Search(small(limits={"turn_moment_Nm": (-3, 2)}), None, "")
+    at = scaled_problem.ScaledProblem(small(limits={"turn_moment_Nm": (-3, 2)}), None, "")
     of = dict(
         zip(
             [(s.sign, s.reference) for s in at.sides],
@@ -316,7 +316,7 @@ def test_margins_of_limits_of_either_sign():
     beyond = at._of_answers(np.array([1e5, np.inf, np.inf, -6.0]))[0]
     assert beyond[-1] == pytest.approx(-np.log(2)) and beyond[-2] > 0
     held = at._of_answers(np.array([np.inf, np.inf, np.inf, 0.0]))[0]
-    assert held[0] == search.FREE
+    assert held[0] == scaled_problem.FREE
 
 
 @pytest.mark.parametrize(

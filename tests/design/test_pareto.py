@@ -76,7 +76,7 @@ def test_the_best_of_several_jobs():
 
 
 def test_progress_and_ctrl_c_across_the_points_of_a_front(front, monkeypatch, tmp_path):
-    said, honest, calls = [], room.optimum_of, []
+    said, honest, calls = [], room.optimise_from, []
 
     class Bar:
         def __enter__(self):
@@ -98,7 +98,7 @@ def test_progress_and_ctrl_c_across_the_points_of_a_front(front, monkeypatch, tm
         return honest(*given, **how)
 
     monkeypatch.setattr(room, "progress_bar", lambda shown: Bar() if shown else words.progress_bar(False))
-    monkeypatch.setattr(room, "optimum_of", interrupted)
+    monkeypatch.setattr(room, "optimise_from", interrupted)
     file = tmp_path / "front.jsonl"
     with pytest.raises(ksd.SweepInterrupted, match=r"2 of 3 points are done.*front.jsonl") as caught:
         ksd.pareto(small(), against=MOMENT, points=3, resume=file, progress=True)

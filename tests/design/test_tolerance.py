@@ -5,8 +5,8 @@ import pytest
 from test_job import BEST, job, pivot, strip
 
 import ksd
-from ksd.design import log as room
-from ksd.design.log import Log
+from ksd.design import design_log
+from ksd.design.design_log import DesignLog
 from ksd.design.tolerance import check_spread
 from ksd.units import deg, mm
 
@@ -87,7 +87,7 @@ def test_limits_are_moved_in_on_both_sides():
 
 
 def test_ctrl_c_keeps_the_samples_that_are_done(monkeypatch, tmp_path):
-    monkeypatch.setattr(room, "BLOCK", 2)
+    monkeypatch.setattr(design_log, "BLOCK_SIZE", 2)
     honest, calls = ksd.Job.batch, []
 
     def interrupted(self, X, **how):
@@ -117,7 +117,7 @@ def test_wrong_words_of_tolerance():
         with pytest.raises(ksd.SceneError, match=sentence):
             ksd.tolerance(one, words.pop("design", BEST), **words)
     with pytest.raises(ksd.SceneError, match="is no job"):
-        ksd.tolerance(Log, BEST, spread=SPREAD)
+        ksd.tolerance(DesignLog, BEST, spread=SPREAD)
 
 
 def test_what_is_minimised_is_told_and_drawn_as_it_is():

@@ -8,7 +8,7 @@ import pytest
 from scenes import cross_flexure, fourbar, single_joint
 
 import ksd
-from ksd.design.curve import even_curve, frequency_curve
+from ksd.design.frequency_curve import even_curve, frequency_curve
 from ksd.design.state_space import state_space
 from ksd.design.sweep import sweep
 from ksd.design.tracking import first_tracks, follow, follow_through

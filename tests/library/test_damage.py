@@ -157,10 +157,10 @@ def writers(record, table, folder):
         "csv": lambda: table.to_csv(folder / "table.csv"),
         "mat": lambda: table.to_mat(folder / "table.mat"),
         "answer": lambda: write_answer({"a": list(range(1000))}, folder / "answer.json"),
-        "sweep": lambda: ResumeFile(folder / "sweep.jsonl", lambda: "x").keep(
+        "sweep": lambda: ResumeFile(folder / "sweep.jsonl", lambda: "x").add(
             0, [{"force_N": float(n)} for n in range(1000)]
         ),
-        "new sweep": lambda: ResumeFile(folder / f"new sweep {os.getpid()}", lambda: "x").keep(
+        "new sweep": lambda: ResumeFile(folder / f"new sweep {os.getpid()}", lambda: "x").add(
             0, [{"force_N": 1.0}] * 50
         ),
     }
@@ -197,7 +197,7 @@ def sentences(record, table, folder, prepare):
     assert {n: h for n, h in before.items() if "sweep" not in n} == after
     # of the sweep, finished lines stay and the one that did not fit is left out
 
-    assert len(ResumeFile(folder / "sweep.jsonl", lambda: "x").found) == 1
+    assert len(ResumeFile(folder / "sweep.jsonl", lambda: "x").entries) == 1
     return found
 
 

@@ -18,7 +18,7 @@ import pytest
 import ksd
 import ksd.files
 from ksd.design import Table
-from ksd.design.log import Log
+from ksd.design.design_log import DesignLog
 from ksd.design.resume import ResumeFile, _hash
 from ksd.errors import KsdError, RecordError, SceneError
 from ksd.files import read_file, write_file
@@ -353,10 +353,10 @@ def test_kept_lines_with_a_right_hash_and_wrong_content_are_computed_again(tmp_p
     bodies = ("3", "[]", "{", '{"line": 0}', '{"line": "a", "rows": []}', '{"line": 1, "rows": [3]}')
     for body in (*bodies, '{"line": 1, "rows": [{"force_N": [1]}]}', "[" * 100_000):
         path.unlink(missing_ok=True)
-        ResumeFile(path, lambda: "x").keep(0, [{"force_N": 1.0}])
+        ResumeFile(path, lambda: "x").add(0, [{"force_N": 1.0}])
         with open(path, "a") as file:
             file.write(f"{_hash(body)} {body}\n")
-        assert ResumeFile(path, lambda: "x").found == {0: [{"force_N": 1.0}]}
+        assert ResumeFile(path, lambda: "x").entries == {0: [{"force_N": 1.0}]}
 
 
 def test_kept_designs_with_a_right_hash_and_wrong_content_are_computed_again(tmp_path):
@@ -368,9 +368,9 @@ def test_kept_designs_with_a_right_hash_and_wrong_content_are_computed_again(tmp
     for key, rows in (("a", []), ("b", [{"t": 1.0}]), ("slopes a", [good, good]), ("slopes b", [{"t": 1.0}])):
         path.unlink(missing_ok=True)
         kept = ResumeFile(path, lambda: "x", what="job")
-        kept.keep("0x1p+0", [good])
-        kept.keep(key, rows)
-        assert Log(job, resume=path).kept.found == {"0x1p+0": [good]}
+        kept.add("0x1p+0", [good])
+        kept.add(key, rows)
+        assert DesignLog(job, resume=path).file.entries == {"0x1p+0": [good]}
 
 
 def test_an_answer_that_is_no_json_is_refused_before_it_is_written(tmp_path):

@@ -17,7 +17,7 @@ from ksd.scene import Scene
 from ksd.solve.solver import given_values, wanted_accuracy
 
 
-def drive_rows(targets: Any, drives: Mapping[str, Any], call: Callable[..., Any]) -> dict[str, np.ndarray]:
+def drive_value_arrays(targets: Any, drives: Mapping[str, Any], call: Callable[..., Any]) -> dict[str, np.ndarray]:
     """Drive values [m or rad] by name as arrays (N,); call: `sweep` or `batch`, for which a name may have been meant."""
     return {n: _row(n, v, call) for n, v in given_values(targets, drives).items()}
 
@@ -59,7 +59,7 @@ def _words_of(function: Callable[..., Any]) -> list[str]:
     return [p.name for p in inspect.signature(function).parameters.values() if p.kind in kinds]
 
 
-def check_parameters(mechanism: Callable[..., Any], designs: Sequence[Any], word: str = "designs") -> None:
+def check_design_parameters(mechanism: Callable[..., Any], designs: Sequence[Any], word: str = "designs") -> None:
     """SceneError where a set of parameters, of this word of a call, does not fit the function that draws the mechanism."""
     try:
         signature = inspect.signature(mechanism)
@@ -93,7 +93,7 @@ def check_executor(executor: Any) -> None:
         raise SceneError(f"executor = {show(executor)}: give a concurrent.futures.Executor, or None")
 
 
-def submitted(executor: Executor, function: Callable[..., Any], *said: Any) -> Future[Any]:
+def submit_task(executor: Executor, function: Callable[..., Any], *said: Any) -> Future[Any]:
     """function(*said) in a worker. SceneError where processes cannot be sent what it takes: the pool would tell as an error
     of pickle, when its answer is asked for."""
     if isinstance(executor, ProcessPoolExecutor):
@@ -107,7 +107,7 @@ def submitted(executor: Executor, function: Callable[..., Any], *said: Any) -> F
     return executor.submit(function, *said)
 
 
-def check_ways(
+def check_solve_options(
     *,
     mesh: Any,
     relinearisations: Any,

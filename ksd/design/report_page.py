@@ -27,7 +27,7 @@ WIDE = 10
 
 
 @dataclass(frozen=True)
-class Compared:
+class ComparedSolve:
     """One other way to the same pose: its name, drive force, first parasitic frequency [Hz], stress [MPa]; nan where
     it has none; `failed` says why there are no numbers."""
 
@@ -38,7 +38,7 @@ class Compared:
     failed: str = ""
 
 
-def page(pose: Any, table: Table, compared: Sequence[Compared]) -> str:
+def report_page(pose: Any, table: Table, compared: Sequence[ComparedSolve]) -> str:
     """The report as HTML text: `pose` a Configuration, `table` its stroke, compared[0] the pose itself."""
     scene, facts = pose.model.scene, as_dict(pose)
     parts = [
@@ -210,7 +210,7 @@ def _head(column: str) -> tuple[str, str]:
     return (column.replace("_", " "), "factor") if column in BUCKLING else spoken_column(column)
 
 
-def _error(pose: Any, facts: dict[str, Any], compared: Sequence[Compared]) -> list[str]:
+def _error(pose: Any, facts: dict[str, Any], compared: Sequence[ComparedSolve]) -> list[str]:
     heads = (
         ("step", ""),
         ("iterations", ""),

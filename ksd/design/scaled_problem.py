@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ksd.design.design_log import DesignLog
 from ksd.design.job import Job
-from ksd.design.log import Log
 from ksd.design.table import OK
 from ksd.errors import KsdError
 from ksd.properties.words import number as written
@@ -29,7 +29,7 @@ PENALTY = 10.0
 """Of what is beyond its limit, in logarithms, in the fitness of a design."""
 
 
-class Failed(Exception):
+class DesignFailed(Exception):
     """A design at scaled parameters y that has no answers."""
 
     def __init__(self, y: Array, reason: str) -> None:
@@ -53,7 +53,7 @@ def _logs(r: Array) -> tuple[Array, Array]:
     return np.log(far) + np.minimum(r - LINEAR, 0.0) / LINEAR, 1.0 / far
 
 
-class Search:
+class ScaledProblem:
     """A job in scaled parameters y (P,): margins (m,) of all sides of answers, then of rules, and their slopes (m, P).
 
     y: logarithms of parameters whose bounds are positive, others over their range. Margins of targets are log(answer /
@@ -62,7 +62,7 @@ class Search:
     """
 
     def __init__(
-        self, job: Job, log: Log, by: str, *, told: Callable[[Search], None] = lambda search: None
+        self, job: Job, log: DesignLog, by: str, *, told: Callable[[ScaledProblem], None] = lambda search: None
     ) -> None:
         self.job, self.log, self.by, self.told = job, log, by, told
         low, high = job.bounds.T
@@ -110,13 +110,13 @@ class Search:
         return np.where(found > 0.0, found, 1.0)
 
     def margins(self, y: Array) -> Array:
-        """Margins (m,) at y. Raises Failed where the design has no answers."""
+        """Margins (m,) at y. raises DesignFailed where the design has no answers."""
         key, new = y.tobytes(), False
         if key not in self.asked:
             x = self.x(y)
             values, status = self.log.batch(x, by=self.by)
             if status[0] != OK or np.isnan(values[0]).any():
-                raise Failed(y, self._why(values[0], status[0]))
+                raise DesignFailed(y, self._why(values[0], status[0]))
             self.asked[key] = self.margins_of(values[0], self.job.rule_values(x))
             new = True
         self.good = y.copy()
@@ -135,21 +135,21 @@ class Search:
         return f"there is no {self.job.names[int(np.argmax(np.isnan(values)))]}"
 
     def slopes(self, y: Array) -> Array:
-        """Slopes (m, P) at y, rules by central differences. Raises Failed."""
+        """Slopes (m, P) at y, rules by central differences. raises DesignFailed."""
         key = y.tobytes()
         if key not in self.sloped:
             x = self.x(y)
             try:
                 values, slopes = self.log.slopes(x, by=self.by)
             except KsdError as reason:
-                raise Failed(y, str(reason)) from reason
+                raise DesignFailed(y, str(reason)) from reason
             inner = np.where(self.positive, x, self.size)
             _, outer = self._of_answers(values)
             rows = outer[:, None] * slopes[[s.answer for s in self.sides]] * inner
             bad = np.isnan(rows).any(axis=1)
             if bad.any():
                 name = self.job.names[self.sides[int(np.argmax(bad))].answer]
-                raise Failed(y, f"there is no gradient of {name}")
+                raise DesignFailed(y, f"there is no gradient of {name}")
             ranges = self.job.range_slopes(x) * inner / self.rule_sizes[len(self.job.rules) :, None]
             self.sloped[key] = np.vstack([rows, self._rule_slopes(y), ranges])
         return self.sloped[key]
