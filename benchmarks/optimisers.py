@@ -87,7 +87,9 @@ def by_gradients(job: ksd.Job, x: np.ndarray) -> tuple[Told, int, int]:
     return told, found.evaluations, found.gradients
 
 
-def fitness_of(job: ksd.Job, told: Told) -> tuple[ScaledProblem, Callable[[Sequence[np.ndarray]], list[float]]]:
+def fitness_of(
+    job: ksd.Job, told: Told
+) -> tuple[ScaledProblem, Callable[[Sequence[np.ndarray]], list[float]]]:
     """The job in scaled parameters, and what evolution minimises for some of them; designs that fail are the worst."""
     search = ScaledProblem(job, DesignLog(job), "")
 

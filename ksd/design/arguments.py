@@ -17,7 +17,9 @@ from ksd.scene import Scene
 from ksd.solve.solver import given_values, wanted_accuracy
 
 
-def drive_value_arrays(targets: Any, drives: Mapping[str, Any], call: Callable[..., Any]) -> dict[str, np.ndarray]:
+def drive_value_arrays(
+    targets: Any, drives: Mapping[str, Any], call: Callable[..., Any]
+) -> dict[str, np.ndarray]:
     """Drive values [m or rad] by name as arrays (N,); call: `sweep` or `batch`, for which a name may have been meant."""
     return {n: _row(n, v, call) for n, v in given_values(targets, drives).items()}
 
@@ -59,7 +61,9 @@ def _words_of(function: Callable[..., Any]) -> list[str]:
     return [p.name for p in inspect.signature(function).parameters.values() if p.kind in kinds]
 
 
-def check_design_parameters(mechanism: Callable[..., Any], designs: Sequence[Any], word: str = "designs") -> None:
+def check_design_parameters(
+    mechanism: Callable[..., Any], designs: Sequence[Any], word: str = "designs"
+) -> None:
     """SceneError where a set of parameters, of this word of a call, does not fit the function that draws the mechanism."""
     try:
         signature = inspect.signature(mechanism)

@@ -110,7 +110,13 @@ def effect_cost(
 
     chosen = set(choice.present)
     return choice, [
-        _price(choice, name, (variant(chosen | {name}), variant(chosen - {name})), targets, rounds or TIMED_SOLVES)
+        _price(
+            choice,
+            name,
+            (variant(chosen | {name}), variant(chosen - {name})),
+            targets,
+            rounds or TIMED_SOLVES,
+        )
         for name in names
     ]
 

@@ -197,7 +197,9 @@ def gradient(
                 raise SceneError(line.failure)
             walk = fine_enough(line, recipe, None)
             case = {"load_case": line.labels["load_case"]} if loads else {}
-            yield SolvedPoses(line.scene, [walk.pose(v) for v in line.poses], [{**case, **v} for v in line.poses])
+            yield SolvedPoses(
+                line.scene, [walk.pose(v) for v in line.poses], [{**case, **v} for v in line.poses]
+            )
 
     made = design if callable(design) else None
     return gradient_at(solved(), asked, made, at_design, by=by, sizes=sizes, errors=errors)

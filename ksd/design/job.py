@@ -168,7 +168,9 @@ class Job(Shown, metaclass=Worded):
             "extrapolate": extrapolate, "together": together, "targets": targets, **drives,
         }  # fmt: skip
         ways = ("full", "reduced", "conventional")
-        check_solve_options(mesh=mesh, relinearisations=0, method=method, methods=ways, extrapolate=extrapolate)
+        check_solve_options(
+            mesh=mesh, relinearisations=0, method=method, methods=ways, extrapolate=extrapolate
+        )
         if not callable(function):
             raise SceneError("a job needs a function of the parameters it varies that returns a mechanism")
         values = drive_value_arrays(targets, drives, Job)

@@ -201,7 +201,12 @@ def progress_text(search: ScaledProblem, of: str) -> str:
 
 
 def _all_ways(
-    job: Job, X: list[Array], method: str, log: DesignLog, executor: Executor | None, told: Callable[[ScaledProblem], None]
+    job: Job,
+    X: list[Array],
+    method: str,
+    log: DesignLog,
+    executor: Executor | None,
+    told: Callable[[ScaledProblem], None],
 ) -> Iterator[_Way]:
     """Every start, one after the other or in the workers of an executor, in order; designs go into the log as they are
     done."""
@@ -212,7 +217,8 @@ def _all_ways(
         return
     known = dict(log.file.entries)
     waiting = [
-        submit_task(executor, _elsewhere, job, x, method, name, known) for x, name in zip(X, names, strict=True)
+        submit_task(executor, _elsewhere, job, x, method, name, known)
+        for x, name in zip(X, names, strict=True)
     ]
     taken: list[Future[Any]] = []
     try:
@@ -247,7 +253,9 @@ def _taken(job: Job, one: Future[Any], log: DesignLog, by: str) -> _Way:
     return _Way(ended, y, search, seconds)
 
 
-def _way(search: ScaledProblem, x: Array, method: str, clock: Callable[[], float] = time.process_time) -> _Way:
+def _way(
+    search: ScaledProblem, x: Array, method: str, clock: Callable[[], float] = time.process_time
+) -> _Way:
     """From a start (P,) to where it ends."""
     began, job = clock(), search.job
     merit, y = np.nan, search.scaled(x)
@@ -266,7 +274,13 @@ def _way(search: ScaledProblem, x: Array, method: str, clock: Callable[[], float
 
 
 def _robust(
-    job: Job, best: _Way, log: DesignLog, times: float, scatter: Array, method: str, told: Callable[[ScaledProblem], None]
+    job: Job,
+    best: _Way,
+    log: DesignLog,
+    times: float,
+    scatter: Array,
+    method: str,
+    told: Callable[[ScaledProblem], None],
 ) -> tuple[list[_Way], dict[str, float]]:
     """Optima with ever other margins, the last one with `times` its own standard deviations, from the one without; and these
     margins by answer."""

@@ -62,7 +62,12 @@ class ScaledProblem:
     """
 
     def __init__(
-        self, job: Job, log: DesignLog, by: str, *, told: Callable[[ScaledProblem], None] = lambda search: None
+        self,
+        job: Job,
+        log: DesignLog,
+        by: str,
+        *,
+        told: Callable[[ScaledProblem], None] = lambda search: None,
     ) -> None:
         self.job, self.log, self.by, self.told = job, log, by, told
         low, high = job.bounds.T
