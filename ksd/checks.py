@@ -29,20 +29,20 @@ T = TypeVar("T")
 Vector = tuple[float, float, float]
 Axis = str | ArrayLike
 """A direction: "x", "-y", ... or three numbers of any length."""
-LARGEST = 1e30
-"""The largest size of a number in SI units."""
-SMALLEST = 1e-90
+MAX_MAGNITUDE = 1e30
+"""Largest absolute value of a number in SI units."""
+MIN_POSITIVE = 1e-90
 """The smallest number above zero (the warping constant of a micrometre leaf is 1e-50 m^6)."""
-NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+NUMBER_PATTERN = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 """Regular expression of a number in text."""
 
 
-_checked = ContextVar("checked", default=True)
+_checked = ContextVar("whole_checks_enabled", default=True)
 
 
 @contextmanager
-def unchecked() -> Iterator[None]:
-    """Inside, what only the whole shows is not checked: for designs all but equal to one that was."""
+def without_whole_checks() -> Iterator[None]:
+    """Context in which checks of a whole scene (such as clearance) are skipped, for designs next to one that passed them."""
     before = _checked.set(False)
     try:
         yield
@@ -50,27 +50,27 @@ def unchecked() -> Iterator[None]:
         _checked.reset(before)
 
 
-def checked() -> bool:
-    """Whether the whole is checked, see `unchecked`."""
+def whole_checks_enabled() -> bool:
+    """Whether checks of a whole scene are made, see `without_whole_checks`."""
     return _checked.get()
 
 
 @lru_cache(maxsize=256)
-def _bound(method: Any) -> inspect.Signature:
-    """The signature of a method without the object it is of."""
+def _signature_without_self(method: Any) -> inspect.Signature:
+    """The signature of a method without `self`."""
     whole = inspect.signature(method)
     return whole.replace(parameters=list(whole.parameters.values())[1:])
 
 
-class Worded(type):
-    """Class of the things a user describes: an unknown or missing parameter raises SceneError, not TypeError."""
+class ClearArgumentErrors(type):
+    """Metaclass: an unknown or missing argument of the constructor raises SceneError with one sentence, not TypeError."""
 
     if not TYPE_CHECKING:  # hidden, so that checkers and editors go on reading the constructors
 
         @property
         def __signature__(cls):
-            """That of the constructor, for help texts and whoever asks which parameters there are."""
-            return _bound(cls.__init__)
+            """The signature of the constructor, as `inspect.signature` and help texts show it."""
+            return _signature_without_self(cls.__init__)
 
         def __call__(cls, *args, **kwargs):
             try:
@@ -79,20 +79,20 @@ class Worded(type):
                 try:
                     cls.__signature__.bind(*args, **kwargs)
                 except TypeError as reason:
-                    raise SceneError(_unfit(cls, kwargs, str(reason))) from None
+                    raise SceneError(_argument_error(cls, kwargs, str(reason))) from None
                 raise
 
 
-def all_worded(cls: type[T]) -> type[T]:
-    """A class whose public methods are `worded`."""
+def clear_argument_errors_of_methods(cls: type[T]) -> type[T]:
+    """Class decorator: `clear_argument_errors` for every public method."""
     for name, method in list(vars(cls).items()):
         if inspect.isfunction(method) and not name.startswith("_"):
-            setattr(cls, name, worded(method))
+            setattr(cls, name, clear_argument_errors(method))
     return cls
 
 
-def worded(function: Callable[P, R]) -> Callable[P, R]:
-    """A function a user calls: an unknown or missing parameter raises SceneError, not TypeError."""
+def clear_argument_errors(function: Callable[P, R]) -> Callable[P, R]:
+    """Decorator: an unknown or missing argument raises SceneError with one sentence, not TypeError."""
 
     @wraps(function)
     def called(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -102,21 +102,21 @@ def worded(function: Callable[P, R]) -> Callable[P, R]:
             try:
                 inspect.signature(function).bind(*args, **kwargs)
             except TypeError as reason:
-                raise SceneError(_unfit(function, kwargs, str(reason))) from None
+                raise SceneError(_argument_error(function, kwargs, str(reason))) from None
             raise
 
     return called
 
 
-def _unfit(called: Callable[..., Any], given: dict[str, Any], reason: str) -> str:
-    """The sentence for parameters that do not fit a function, or the constructor of a class."""
+def _argument_error(called: Callable[..., Any], given: dict[str, Any], reason: str) -> str:
+    """The sentence for arguments that do not match the signature of a function or constructor."""
     known = [name for name in inspect.signature(called).parameters if name != "self"]
     name_of = called.__name__
     what = "parameter" if isinstance(called, type) else "option"
     for name in given:
         if name not in known:
-            meant = _ELSEWHERE.get((name_of, name))
-            return f"{name_of}: it has no {what} '{name}'{f'; {meant}.' if meant else nearest(name, known)}"
+            meant = _MISPLACED_ARGUMENTS.get((name_of, name))
+            return f"{name_of}: it has no {what} '{name}'{f'; {meant}.' if meant else name_hint(name, known)}"
     if "too many positional" in reason:
         # what must have its name, or what there is
         kinds = {n: p.kind for n, p in inspect.signature(called).parameters.items() if n != "self"}
@@ -129,18 +129,18 @@ def _unfit(called: Callable[..., Any], given: dict[str, Any], reason: str) -> st
 
 
 _SECTION = "give section=ksd.rectangle(thickness, width)"
-_ELSEWHERE = {
+_MISPLACED_ARGUMENTS = {
     ("leaf", "thickness"): _SECTION,
     ("leaf", "width"): _SECTION,
     ("actuate", "value"): "its value is given when it is solved, ksd.solve(mechanism, name=value)",
     ("actuate_joint", "value"): "its value is given when it is solved, ksd.solve(mechanism, name=value)",
     ("Mechanism", "gravity"): "say mechanism.gravity = (0, 0, -9.81)",
 }
-"""What to say instead of a word that belongs elsewhere, by function and word."""
+"""What to do instead of giving an argument that belongs elsewhere, by function and argument."""
 
 
 def as_given(value: object) -> Any:
-    """What a user gave, on its way to a constructor that checks it."""
+    """The value itself, typed as Any: the constructor that receives it checks it."""
     return value
 
 
@@ -162,31 +162,31 @@ def show(value: Any) -> str:
 
 def number(value: Any, what: str, *, owner: str = "", unit: str = "") -> float:
     """Any finite real number as float. Raises SceneError for NaN, infinity, text, booleans, arrays."""
-    if type(value) is float and -LARGEST <= value <= LARGEST:
+    if type(value) is float and -MAX_MAGNITUDE <= value <= MAX_MAGNITUDE:
         return value
     in_unit = f" in {unit}" if unit else ""
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value.item()
     if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
-        meant = in_python(value, unit) or f"give one number{in_unit}"
+        meant = python_unit_hint(value, unit) or f"give one number{in_unit}"
         raise SceneError(f"{label(what, owner)} = {show(value)} is not a number; {meant}.")
     result = _as_float(value)
     if not math.isfinite(result):
         raise SceneError(
             f"{label(what, owner)} = {show(value)} is not finite; give a finite number{in_unit}."
         )
-    if abs(result) > LARGEST:
+    if abs(result) > MAX_MAGNITUDE:
         # powers of it would leave the range of floating point numbers
         raise SceneError(
-            f"{label(what, owner)} = {show(value)} is too large; at most {LARGEST:g} can be used."
+            f"{label(what, owner)} = {show(value)} is too large; at most {MAX_MAGNITUDE:g} can be used."
         )
     return result
 
 
-def in_python(said: Any, unit: str = "") -> str:
+def python_unit_hint(given: Any, unit: str = "") -> str:
     """How a number with its unit, as scene files have it, is written in Python: "50 mm" is 50 * ksd.units.mm; "" for
     anything else, and for a unit that is not one of the SI unit `unit`, where that is known."""
-    match = re.fullmatch(rf"\s*({NUMBER})\s*(.*?)\s*", said) if isinstance(said, str) else None
+    match = re.fullmatch(rf"\s*({NUMBER_PATTERN})\s*(.*?)\s*", given) if isinstance(given, str) else None
     if match is None:
         return ""
     value, name = match.groups()
@@ -214,14 +214,14 @@ def positive(value: Any, what: str, *, owner: str = "", unit: str = "") -> float
     if result <= 0.0:
         in_unit = f" {unit}" if unit else ""
         raise SceneError(f"{label(what, owner)} = {show(value)}{in_unit} must be positive.")
-    if result < SMALLEST:
+    if result < MIN_POSITIVE:
         raise SceneError(
-            f"{label(what, owner)} = {show(value)} is too small; at least {SMALLEST:g} can be used."
+            f"{label(what, owner)} = {show(value)} is too small; at least {MIN_POSITIVE:g} can be used."
         )
     return result
 
 
-def truth(value: Any, what: str, *, owner: str = "") -> bool:
+def boolean(value: Any, what: str, *, owner: str = "") -> bool:
     """True or False, and nothing that merely counts as one of them."""
     if value is not True and value is not False and not isinstance(value, np.bool_):
         raise SceneError(f"{label(what, owner)} = {show(value)} must be True or False.")
@@ -259,9 +259,14 @@ def vector(value: Any, what: str, *, owner: str = "", unit: str = "") -> Vector:
     if type(value) is tuple and len(value) == 3:
         x, y, z = value
         plain = type(x) is type(y) is type(z) is float
-        if plain and -LARGEST <= x <= LARGEST and -LARGEST <= y <= LARGEST and -LARGEST <= z <= LARGEST:
+        if (
+            plain
+            and -MAX_MAGNITUDE <= x <= MAX_MAGNITUDE
+            and -MAX_MAGNITUDE <= y <= MAX_MAGNITUDE
+            and -MAX_MAGNITUDE <= z <= MAX_MAGNITUDE
+        ):
             return value
-        if all(type(v) in (int, float) and -LARGEST <= v <= LARGEST for v in value):
+        if all(type(v) in (int, float) and -MAX_MAGNITUDE <= v <= MAX_MAGNITUDE for v in value):
             return float(x), float(y), float(z)
     in_unit = f" in {unit}" if unit else ""
     is_array = isinstance(value, np.ndarray) and value.ndim == 1
@@ -282,7 +287,7 @@ def wrench_of(force: Any, moment: Any, owner: str) -> np.ndarray:
     return found
 
 
-def question_of(question: Any) -> Callable[[Any], Any]:
+def checked_question(question: Any) -> Callable[[Any], Any]:
     """A function of a pose, checked to be one."""
     if not callable(question):
         raise SceneError(
@@ -321,7 +326,7 @@ def direction(value: Any, what: str, *, owner: str = "") -> Vector:
     return x / length, y / length, z / length
 
 
-def triple(values: Iterable[Any]) -> Vector:
+def as_vector(values: Iterable[Any]) -> Vector:
     """Three numbers as plain floats."""
     x, y, z = (float(v) for v in values)
     return x, y, z
@@ -361,7 +366,7 @@ def names_of(given: Any, what: str) -> tuple[str, ...]:
     return tuple(word(getattr(name, "name", name), what) for name in given)
 
 
-def numbered(default: str, used: set[str]) -> str:
+def unused_name(default: str, used: set[str]) -> str:
     """`default`, or default.2, default.3 ... whichever is free first."""
     name, count = default, 1
     while name in used:
@@ -370,14 +375,14 @@ def numbered(default: str, used: set[str]) -> str:
     return name
 
 
-def whole(value: Any, what: str, *, least: int = 1, owner: str = "") -> int:
+def whole_number(value: Any, what: str, *, least: int = 1, owner: str = "") -> int:
     """A whole number of at least `least`."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
         raise SceneError(f"{label(what, owner)} = {show(value)} must be a whole number of at least {least}.")
     return int(value)
 
 
-def similar(name: Any, known: Iterable[str], *, cutoff: float = 0.6) -> str:
+def similar_name_hint(name: Any, known: Iterable[str], *, cutoff: float = 0.6) -> str:
     """'; did you mean "..."?' with the known name that is nearest, whole or in a word of it, or '.' when none is near."""
     names = sorted(known)
     words = {part: whole for whole in reversed(names) for part in whole.split("_")} | {n: n for n in names}
@@ -385,10 +390,10 @@ def similar(name: Any, known: Iterable[str], *, cutoff: float = 0.6) -> str:
     return f'; did you mean "{words[close[0]]}"?' if close else "."
 
 
-def nearest(name: Any, known: Iterable[str]) -> str:
+def name_hint(name: Any, known: Iterable[str]) -> str:
     """'; did you mean "..."?' with the nearest known name, else the list of all known names."""
     names = sorted(known)
-    hint = similar(name, names)
+    hint = similar_name_hint(name, names)
     if hint != ".":
         return hint
     return f"; known: {', '.join(names)}." if names else "; none is known."

@@ -1,8 +1,8 @@
-"""The one way files are written, and the one way they are read: whole or not at all, regular files only, bounded.
+"""Atomic writing and bounded reading of files; every file of the package goes through here.
 
-What is written goes to a temporary file beside its target, onto the disk (fsync), and then takes the target's place, so
-that a reader, a crash or a full disk leaves the old file or the new one. What is read is a regular file of limited size, so
-that a pipe nobody writes to, a device without end or a file of 80 GB is a sentence and not a wait.
+Writing goes to a temporary file in the target's folder, is flushed to disk (fsync) and then renamed onto the target, so that
+a crash or a full disk leaves either the old file or the new one. Only regular files of limited size are read, so that a pipe
+without a writer, an endless device or a file of 80 GB raises an error at once.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from pathlib import Path
 
 from ksd.errors import KsdError, SceneError
 
-LARGEST = 1 << 28
-"""Bytes read from one file at most, 256 MiB; the same limit holds for what it unpacks to."""
+MAX_READ_BYTES = 1 << 28
+"""Largest file that is read [bytes], 256 MiB; the same limit holds for its unpacked content."""
 Name = str | os.PathLike[str]
 
 
 def named_file(path: Name, what: str) -> Path:
-    """The path as such. Raises SceneError, calling the file `what`, for what is no name of a file."""
+    """`path` as a Path. Raises SceneError, calling the file `what`, for anything but a file name."""
     if not isinstance(path, str | os.PathLike):
         raise SceneError(f"{what}: {' '.join(repr(path).split())[:80]} is no name of a file.")
     return Path(path)
@@ -64,7 +64,7 @@ def check_target(path: Name, *, what: str = "file", error: type[KsdError] = Scen
     """
     try:
         place = Path(os.path.realpath(path))
-        found = place.stat()
+        status = place.stat()
     except FileNotFoundError:
         if not place.parent.is_dir():
             folder = Path(path).parent
@@ -75,10 +75,10 @@ def check_target(path: Name, *, what: str = "file", error: type[KsdError] = Scen
     except (OSError, ValueError, TypeError) as reason:
         # a null character, half a character, or no name at all
         raise error(_cannot_write(what, path, getattr(reason, "strerror", None) or str(reason))) from None
-    if _is_output(found):
+    if _is_output(status):
         raise error(_cannot_write(what, path, "it is where standard output goes"))
-    if not stat.S_ISREG(found.st_mode):
-        raise error(_cannot_write(what, path, f"it is {_kind(found.st_mode)}, no file"))
+    if not stat.S_ISREG(status.st_mode):
+        raise error(_cannot_write(what, path, f"it is {_kind(status.st_mode)}, no file"))
     if not os.access(place, os.W_OK):
         raise error(_cannot_write(what, path, "Permission denied"))
     return place
@@ -89,21 +89,26 @@ def _cannot_write(what: str, path: Name, reason: str) -> str:
 
 
 def _named(path: Name) -> str:
-    """A path as it is said in a sentence of one line."""
+    """A path as quoted in a one-line message."""
     text = str(path)
     return f"'{text}'" if text.isprintable() else repr(text)
 
 
-def _is_output(found: os.stat_result) -> bool:
-    """Whether a regular file is the one standard output goes to, whose tables a replacement would lose."""
+def _is_output(status: os.stat_result) -> bool:
+    """Whether a regular file is the one standard output is redirected to; replacing it would lose the output."""
     try:
-        return os.path.samestat(found, os.fstat(sys.stdout.fileno())) and stat.S_ISREG(found.st_mode)
+        return os.path.samestat(status, os.fstat(sys.stdout.fileno())) and stat.S_ISREG(status.st_mode)
     except (OSError, ValueError, AttributeError):
         return False
 
 
 def read_file(
-    path: Name, *, what: str = "file", most: int = LARGEST, error: type[KsdError] = SceneError, hint: str = ""
+    path: Name,
+    *,
+    what: str = "file",
+    most: int = MAX_READ_BYTES,
+    error: type[KsdError] = SceneError,
+    hint: str = "",
 ) -> bytes:
     """All bytes of a regular file of at most `most` bytes.
 
@@ -128,10 +133,10 @@ def read_file(
 
 
 def _without_waiting(path: str, flags: int) -> int:
-    """Opens a pipe though nobody is at its other end; it is refused then."""
+    """Opener that does not block on a pipe without a writer; the pipe is refused afterwards."""
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
 
 
 def _kind(mode: int) -> str:
     kinds = ((stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a pipe"), (stat.S_ISSOCK, "a socket"))
-    return next((said for test, said in kinds if test(mode)), "a device")
+    return next((name for test, name in kinds if test(mode)), "a device")

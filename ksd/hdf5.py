@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.files import LARGEST
+from ksd.files import MAX_READ_BYTES
 
 T = TypeVar("T")
 GZIP, SHUFFLE, FLETCHER32 = 1, 2, 3
@@ -37,7 +37,7 @@ class Contents:
 
     def __init__(self, file: Any, h5py: Any) -> None:
         self.file, self._h5py = file, h5py
-        self._left = LARGEST
+        self._left = MAX_READ_BYTES
 
     def items(self, group: Any) -> dict[str, Any]:
         """Datasets and groups by name. Links that may lead elsewhere are refused."""
@@ -89,7 +89,7 @@ class Contents:
     def _spend(self, size: int) -> None:
         self._left -= size
         if self._left < 0:
-            raise ValueError(f"it holds more than the {LARGEST >> 20} MiB that are read")
+            raise ValueError(f"it holds more than the {MAX_READ_BYTES >> 20} MiB that are read")
 
     def _take(self, data: Any) -> None:
         """Refuses a dataset that cannot be read within bounds from this file alone."""
@@ -104,7 +104,7 @@ class Contents:
             raise ValueError(f"'{data.name}' uses filters {filters} that are not read")
         if data.chunks is not None:
             size = math.prod(data.chunks) * data.dtype.itemsize
-            if size > LARGEST:
+            if size > MAX_READ_BYTES:
                 raise ValueError(f"'{data.name}' is in pieces of {size} bytes")
             data.id.chunk_iter(lambda piece: self._fits(data, piece, size, filters))
 

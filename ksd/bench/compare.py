@@ -13,7 +13,7 @@ import numpy as np
 
 from ksd.bench.measure import converged, in_turns, quartiles, rounds_of
 from ksd.bench.suite import FINEST, Way, not_run
-from ksd.checks import names_of, nearest, show, truth, whole, worded
+from ksd.checks import boolean, clear_argument_errors, name_hint, names_of, show, whole_number
 from ksd.design.arguments import check_solve_options
 from ksd.design.questions import EFFORT
 from ksd.design.table import OK, STATUS, Table
@@ -92,7 +92,7 @@ class Compared:
         )
 
 
-@worded
+@clear_argument_errors
 def compare(
     mechanism: Mechanism | Scene,
     targets: Mapping[str, float] | None = None,
@@ -124,8 +124,8 @@ def compare(
     wanted = METHODS if methods is None else names_of(methods, "methods")
     for name in wanted:
         if name not in METHODS:
-            raise SceneError(f"method {show(name)} is not compared{nearest(name, METHODS)}")
-    count, times = whole(elements, "elements"), whole(repeats, "repeats")
+            raise SceneError(f"method {show(name)} is not compared{name_hint(name, METHODS)}")
+    count, times = whole_number(elements, "elements"), whole_number(repeats, "repeats")
     values = given_values(targets, drives)
     words: dict[str, Any] = {"effects": effects, "with_": with_, "without": without}
     reference, model = finest(mechanism, values, extrapolate=extrapolate, **words)
@@ -140,7 +140,7 @@ def compare(
     return as_table(
         model,
         reference,
-        measured(chosen, model.said.name, reference, times, progress=truth(progress, "progress")),
+        measured(chosen, model.said.name, reference, times, progress=boolean(progress, "progress")),
     )
 
 

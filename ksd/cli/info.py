@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 import ksd
-from ksd.checks import nearest
+from ksd.checks import name_hint
 from ksd.cli.output import console
 from ksd.errors import RecordError, SceneError
 from ksd.library import describe_database, read_record, record_folders
@@ -60,7 +60,7 @@ def _one(family: str, *, check: bool) -> int:
     listings = {entry.family: entry for entry in describe_database()}
     known = sorted({*listings, *joint_families()})
     if family not in known:
-        raise SceneError(f"joint family {family!r} is unknown{nearest(family, known)}")
+        raise SceneError(f"joint family {family!r} is unknown{name_hint(family, known)}")
     screen, rows = console(), describe_family(family)
     listing = listings.get(family)
     if listing is None:

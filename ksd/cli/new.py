@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ksd.checks import nearest, word
+from ksd.checks import name_hint, word
 from ksd.cli.output import console
 from ksd.cli.schema import schema_text
 from ksd.errors import SceneError
@@ -21,7 +21,7 @@ def run(options: argparse.Namespace) -> int:
     """Write the file. Raises SceneError where there is one already, or for a scene to start from that does not exist."""
     shipped = shipped_scenes()
     if options.like not in shipped:
-        raise SceneError(f"--like {options.like}: there is no such scene{nearest(options.like, shipped)}")
+        raise SceneError(f"--like {options.like}: there is no such scene{name_hint(options.like, shipped)}")
     file = Path(options.name)
     file = file if file.suffix == ".toml" else file.with_name(f"{file.name}.toml")
     is_job = options.like.endswith("_job")

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ksd.checks import nearest
+from ksd.checks import name_hint
 from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.errors import SceneError, SceneWarning
 from ksd.model.mesh import Mesh
@@ -109,7 +109,7 @@ def drive_value(scene: Any, text: str) -> tuple[str, float]:
     if not equals or not name:
         raise SceneError(f"--set {text}: write it as DRIVE=VALUE, for example --set top=300mm")
     if name not in drives:
-        raise SceneError(f"--set {text}: there is no drive '{name}'{nearest(name, drives)}")
+        raise SceneError(f"--set {text}: there is no drive '{name}'{name_hint(name, drives)}")
     try:
         plain: float | str = float(value)
     except ValueError:

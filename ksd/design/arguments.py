@@ -10,7 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from ksd.checks import LARGEST, in_python, nearest, show, similar, truth, whole
+from ksd.checks import (
+    MAX_MAGNITUDE,
+    boolean,
+    name_hint,
+    python_unit_hint,
+    show,
+    similar_name_hint,
+    whole_number,
+)
 from ksd.errors import SceneError
 from ksd.model.mesh import Mesh
 from ksd.scene import Scene
@@ -32,9 +40,9 @@ def _row(name: str, given: Any, call: Callable[..., Any]) -> np.ndarray:
         # rows of several lengths
         found = np.empty((0, 0))
     usual = found.dtype.kind in "iuf" and found.ndim == 1 and found.size > 0
-    if not usual or not np.all(np.abs(found.astype(float)) <= LARGEST):
-        meant = in_python(given)
-        hint = f"; {meant}" if meant else similar(name, _words_of(call), cutoff=0.8)
+    if not usual or not np.all(np.abs(found.astype(float)) <= MAX_MAGNITUDE):
+        meant = python_unit_hint(given)
+        hint = f"; {meant}" if meant else similar_name_hint(name, _words_of(call), cutoff=0.8)
         raise SceneError(
             f"drive values {name} = {show(given)}: give finite numbers in a row [m or rad]{hint}"
         )
@@ -48,7 +56,7 @@ def check_drives(scene: Scene, names: Sequence[str], call: Callable[..., Any]) -
         if n not in known:
             raise SceneError(
                 f"'{n}' is not a drive of '{scene.name}', whose drives are {', '.join(known) or 'none'}"
-                f"{similar(n, [*known, *_words_of(call)])}"
+                f"{similar_name_hint(n, [*known, *_words_of(call)])}"
             )
     for n in known:
         if n not in names:
@@ -85,7 +93,7 @@ def check_design_parameters(
             )
         for said in design:
             if said not in known and not takes_all:
-                raise SceneError(f"{word}: {name} has no parameter '{said}'{nearest(said, known)}")
+                raise SceneError(f"{word}: {name} has no parameter '{said}'{name_hint(said, known)}")
         for said in needed:
             if said not in design:
                 raise SceneError(f"{word}: parameter '{said}' of {name} has no value in {show(dict(design))}")
@@ -123,16 +131,16 @@ def check_solve_options(
     """SceneError for a mesh, number of passes, accuracy, method or truth value that is none."""
     if method is not None and method not in methods:
         raise SceneError(
-            f"method = {show(method)}: choose one of {', '.join(methods)}{similar(method, methods)}"
+            f"method = {show(method)}: choose one of {', '.join(methods)}{similar_name_hint(method, methods)}"
         )
     if mesh is not None and not isinstance(mesh, Mesh):
         raise SceneError(
             f"mesh = {show(mesh)}: give a ksd.Mesh, for example ksd.Mesh('corotational', elements=5)."
         )
-    if whole(relinearisations, "relinearisations", least=0) > 50:
+    if whole_number(relinearisations, "relinearisations", least=0) > 50:
         raise SceneError(
             f"relinearisations = {relinearisations}: between 0 and 50 relinearisation steps are possible"
         )
     wanted_accuracy(accuracy)
     for what, value in truths.items():
-        truth(value, what)
+        boolean(value, what)

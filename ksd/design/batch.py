@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ksd.checks import similar, whole, worded
+from ksd.checks import clear_argument_errors, similar_name_hint, whole_number
 from ksd.design.arguments import check_drives, check_executor, check_solve_options, drive_value_arrays
 from ksd.design.designs import Designs, makers_of
 from ksd.design.lines import Line, Recipe, enough_modes
@@ -67,7 +67,7 @@ class Batch(Shown):
             none = "none: ask with questions=(...)" if self.solved else "none, as nothing was solved"
             known = ", ".join(self.answers) or none
             raise SceneError(
-                f"there is no answer '{column}'; there are {known}{similar(column, self.answers)}"
+                f"there is no answer '{column}'; there are {known}{similar_name_hint(column, self.answers)}"
             )
         return self.answers[column]
 
@@ -105,7 +105,7 @@ class Batch(Shown):
         return "\n".join(lines)
 
 
-@worded
+@clear_argument_errors
 def batch(
     mechanism: Drawn,
     targets: Mapping[str, ArrayLike] | None = None,
@@ -151,7 +151,7 @@ def batch(
             "tabulated = True: tables know nothing of the insides of joints, so they answer no questions"
         )
     check_executor(executor)
-    workers = (os.cpu_count() or 1) if threads is None else whole(threads, "threads")
+    workers = (os.cpu_count() or 1) if threads is None else whole_number(threads, "threads")
     values = _poses(drive_value_arrays(targets, drives, batch))
     ways: dict[str, Any] = {
         "method": FULL if method == "full" else REDUCED,

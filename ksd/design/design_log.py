@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ksd.checks import truth
+from ksd.checks import boolean
 from ksd.design.arguments import check_executor
 from ksd.design.job import Job, Judged
 from ksd.design.questions import Row
@@ -41,7 +41,7 @@ class DesignLog:
         progress: bool = False,
     ) -> None:
         check_executor(executor)
-        truth(progress, "progress")
+        boolean(progress, "progress")
         self.job, self.executor, self.progress = job, executor, progress
         self.file = ResumeFile(resume, job.fingerprint, what="job")
         sizes = {key: len(job.parameters) if key.startswith("slopes") else 1 for key in self.file.entries}

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ksd.checks import worded
+from ksd.checks import clear_argument_errors
 from ksd.design.tracking import SPARE, Tracks, first_tracks, follow_through
 from ksd.errors import SceneError
 from ksd.model.compile import Model
@@ -86,7 +86,7 @@ STEPS = 24
 """Poses over half the stroke walked to keep the mode in sight from one configuration to the next."""
 
 
-@worded
+@clear_argument_errors
 def frequency_curve(
     mechanism: Mechanism | Scene | Model | Solver,
     drive: str,

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ksd.checks import number, show, similar
+from ksd.checks import number, show, similar_name_hint
 from ksd.design.questions import others
 from ksd.errors import SceneError
 
@@ -131,7 +131,7 @@ def goals_of(maximise: Any, minimise: Any, limits: Any, known: Mapping[str, str]
 def _column(column: Any, known: Mapping[str, str]) -> str:
     if column not in known:
         raise SceneError(
-            f"there is no answer {show(column)}; there are {', '.join(known)}{similar(column, known)}"
+            f"there is no answer {show(column)}; there are {', '.join(known)}{similar_name_hint(column, known)}"
         )
     return str(column)
 

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ksd.checks import nearest, truth, worded
+from ksd.checks import boolean, clear_argument_errors, name_hint
 from ksd.design.arguments import drive_value_arrays
 from ksd.design.lines import fine_enough
 from ksd.design.plan import Drawn, plan_lines
@@ -94,9 +94,9 @@ class Gradient(Shown):
         ):
             if name not in known:
                 raise SceneError(
-                    f"there is no gradient of {what} '{name}'; {what}s are {', '.join(known)}{nearest(str(name), known)}"
+                    f"there is no gradient of {what} '{name}'; {what}s are {', '.join(known)}{name_hint(str(name), known)}"
                     if what == "column"
-                    else f"there is no gradient by '{name}'; parameters are {', '.join(known)}{nearest(str(name), known)}"
+                    else f"there is no gradient by '{name}'; parameters are {', '.join(known)}{name_hint(str(name), known)}"
                 )
         reasons = [self.reasons.get((key[0], n)) for n in range(len(self.poses))]
         if all(reasons):
@@ -143,7 +143,7 @@ class Gradient(Shown):
         return joined(lines)
 
 
-@worded
+@clear_argument_errors
 def gradient(
     design: Drawn,
     at_design: Mapping[str, Any] | None = None,
@@ -186,10 +186,12 @@ def gradient(
         asked, method=method, accuracy=accuracy, relinearisations=0, mesh=mesh, extrapolate=extrapolate,
         effects=(("effects", effects), ("with_", with_), ("without", without)),
     )  # fmt: skip
-    truth(errors, "errors")
+    boolean(errors, "errors")
     values = drive_value_arrays(targets, drives, gradient)
     designs = None if at_design is None else [at_design]
-    lines, _ = plan_lines(design, values, designs, loads, together=truth(together, "together"), call=gradient)
+    lines, _ = plan_lines(
+        design, values, designs, loads, together=boolean(together, "together"), call=gradient
+    )
 
     def solved() -> Iterator[SolvedPoses]:
         for line in lines:

@@ -19,7 +19,16 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from ksd.bodies.joints import check_proportions
-from ksd.checks import LARGEST, Worded, checked, nearest, number, show, truth, unchecked
+from ksd.checks import (
+    MAX_MAGNITUDE,
+    ClearArgumentErrors,
+    boolean,
+    name_hint,
+    number,
+    show,
+    whole_checks_enabled,
+    without_whole_checks,
+)
 from ksd.design.arguments import (
     check_design_parameters,
     check_drives,
@@ -82,7 +91,7 @@ class _Drawn:
         return _Drawn, (self.function, self.most)
 
     def __call__(self, **parameters: Any) -> Any:
-        return self.kept(checked(), tuple(parameters.items()))
+        return self.kept(whole_checks_enabled(), tuple(parameters.items()))
 
     def _drawn(self, _: bool, given: tuple[tuple[str, Any], ...]) -> Any:
         made = self.function(**dict(given))
@@ -104,7 +113,7 @@ class _Loaded:
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
-class Job(Shown, metaclass=Worded):
+class Job(Shown, metaclass=ClearArgumentErrors):
     """What to vary, what to make large or small, and what limits it; see `ksd.optimise`.
 
     function: of the parameters, returns a mechanism. vary: least and most of every parameter, SI. maximise or minimise:
@@ -182,7 +191,7 @@ class Job(Shown, metaclass=Worded):
             function=function, drawn=_Drawn(function, 2 * len(given) + SPARE), vary=given, loads=loads,
             extrapolate=extrapolate, last=None, **({} if mesh is None else {"mesh": mesh}),
             drives=values, cases=load_cases(loads), rules=_checked(rules),
-            paths=drive_paths(values, together=truth(together, "together")),
+            paths=drive_paths(values, together=boolean(together, "together")),
         )  # fmt: skip
         scene = self._first
         check_drives(scene, tuple(values), Job)
@@ -392,7 +401,7 @@ class Job(Shown, metaclass=Worded):
         if isinstance(start, Mapping):
             for name in (*start, *self.vary):
                 if name not in self.vary:
-                    raise SceneError(f"start: '{name}' is not varied{nearest(name, self.parameters)}")
+                    raise SceneError(f"start: '{name}' is not varied{name_hint(name, self.parameters)}")
                 if name not in start:
                     raise SceneError(f"start: parameter '{name}' has no value")
             start = [number(start[n], f"start: {n}") for n in self.vary]
@@ -456,7 +465,9 @@ class Job(Shown, metaclass=Worded):
                 found.append(float(value))
             except (KeyError, TypeError, ValueError, ArithmeticError) as why:
                 missing = isinstance(why, KeyError)
-                words = f"no parameter {why}{nearest(why.args[0], self.parameters)}" if missing else str(why)
+                words = (
+                    f"no parameter {why}{name_hint(why.args[0], self.parameters)}" if missing else str(why)
+                )
                 raise SceneError(f"rule {_spoken_rule(k, rule)} gives no number: {words}") from None
         if self.ranges and shapes:
             found += self._range_margins(parameters)
@@ -475,7 +486,7 @@ class Job(Shown, metaclass=Worded):
         parameters, found = self.design_at(x), np.zeros((len(self.ranges), len(self.vary)))
         for i, (name, value) in enumerate(parameters.items() if self.ranges else ()):
             h = RELATIVE_STEP * (abs(value) or 1.0)
-            with unchecked():
+            with without_whole_checks():
                 plus, minus = (self._range_margins({**parameters, name: value + s}) for s in (h, -h))
             found[:, i] = (np.array(plus) - minus) / (2 * h)
         return found
@@ -664,7 +675,7 @@ class Job(Shown, metaclass=Worded):
             )
             return found
         low = self.limits.get(column, (-np.inf, np.inf))[0]
-        both = (low if np.isfinite(low) else None, min(high, LARGEST))
+        both = (low if np.isfinite(low) else None, min(high, MAX_MAGNITUDE))
         limits = {**(self.words["limits"] or {}), column: both}
         return Job(self.function, **{**self.words, "limits": limits})
 

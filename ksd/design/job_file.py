@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ksd.checks import nearest, show
+from ksd.checks import name_hint, show
 from ksd.design.job import Job, first_built
 from ksd.errors import SceneError
 from ksd.files import named_file
@@ -217,7 +217,7 @@ def _place(tables: Any, way: Sequence[str]) -> Keys:
         if at is None or (isinstance(here, dict) and at not in here and not new):
             inside = f" in {spoken(place)}" if place else ""
             raise SceneError(
-                f"{'.'.join(way)}: there is no '{key}'{inside} in the scene{nearest(key, names_in(here))}"
+                f"{'.'.join(way)}: there is no '{key}'{inside} in the scene{name_hint(key, names_in(here))}"
             )
         # arrays of tables are counted from 1
         place = (*place, key if isinstance(at, str) or not key.isdecimal() else int(key))
@@ -274,7 +274,7 @@ def _drive_values(
     for name, value in said.items():
         with placed_at(drives.where):
             if name not in known:
-                raise SceneError(f"there is no drive '{name}'{nearest(name, known)}")
+                raise SceneError(f"there is no drive '{name}'{name_hint(name, known)}")
             found[name] = _stroke(value, known[name].dimension, name)
     return {**targets, **found}
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import BFGS, Bounds, NonlinearConstraint, minimize, nnls
 
-from ksd.checks import number, show, similar, truth, whole, worded
+from ksd.checks import boolean, clear_argument_errors, number, show, similar_name_hint, whole_number
 from ksd.design.arguments import check_executor, submit_task
 from ksd.design.design_log import DesignLog
 from ksd.design.job import Job, check_job
@@ -78,7 +78,7 @@ Told = Callable[[ScaledProblem, int], None]
 """Called after every new design of a search, with the count of starts that are done."""
 
 
-@worded
+@clear_argument_errors
 def optimise(
     job: Job,
     *,
@@ -107,16 +107,16 @@ def optimise(
     check_job(job)
     if not isinstance(method, str) or method not in METHODS:
         raise SceneError(
-            f"method = {show(method)}: choose one of {', '.join(METHODS)}{similar(method, METHODS)}"
+            f"method = {show(method)}: choose one of {', '.join(METHODS)}{similar_name_hint(method, METHODS)}"
         )
     if method == "cma":
         _cma()
     times, scatter = _scatter(job, robust, spread)
-    count = whole(starts, "starts")
-    X = [job.point(start), *job.random(count, whole(seed, "seed", least=0) + 1)[: count - 1]]
+    count = whole_number(starts, "starts")
+    X = [job.point(start), *job.random(count, whole_number(seed, "seed", least=0) + 1)[: count - 1]]
     check_executor(executor)
     log = DesignLog(job, resume=resume, executor=None if count > 1 else executor)
-    with log.interruptible(), progress_bar(truth(progress, "progress")) as bar:
+    with log.interruptible(), progress_bar(boolean(progress, "progress")) as bar:
         task = bar.add_task("starts", total=count)
 
         def told(search: ScaledProblem, done: int) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ksd.checks import nearest
+from ksd.checks import name_hint
 from ksd.design.design_log import DesignLog
 from ksd.design.job import Job
 from ksd.design.optimum_page import NOT_KNOWN, optimum_page
@@ -118,7 +118,7 @@ class Optimum(Shown):
         one, what `ksd.solve` raises where it cannot be solved."""
         name = self.worst if answer is None else answer
         if name not in self.answers:
-            raise SceneError(f"there is no answer '{name}'{nearest(str(name), self.answers)}")
+            raise SceneError(f"there is no answer '{name}'{name_hint(str(name), self.answers)}")
         job = self.job
         case, step = job.poses[job.answers[job.names.index(name)].pose or 0]
         solver = prepare(job.scene_at(self.design, case), mesh=job.mesh, extrapolate=job.extrapolate)

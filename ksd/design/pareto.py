@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ksd.checks import number, show, truth, whole, worded
+from ksd.checks import boolean, clear_argument_errors, number, show, whole_number
 from ksd.design.arguments import check_executor, submit_task
 from ksd.design.design_log import DesignLog
 from ksd.design.job import Job, check_job
@@ -94,7 +94,7 @@ class Front(Shown):
         return figure if path is None else save_figure(figure, path)
 
 
-@worded
+@clear_argument_errors
 def pareto(
     job: Job,
     *,
@@ -116,11 +116,11 @@ def pareto(
     `.table`. Raises SceneError for wrong words and what the first optimum raises.
     """
     check_job(job)
-    count = whole(points, "points", least=2)
+    count = whole_number(points, "points", least=2)
     high = np.inf if span is None else _ends(span)[1]
     wide = job.limited(against, high)
-    several = whole(starts, "starts")
-    X = [wide.point(start), *wide.random(several, whole(seed, "seed", least=0) + 1)[: several - 1]]
+    several = whole_number(starts, "starts")
+    X = [wide.point(start), *wide.random(several, whole_number(seed, "seed", least=0) + 1)[: several - 1]]
     log = DesignLog(wide, resume=resume)
     found: list[Optimum | None] = []
     status: list[str] = []
@@ -128,7 +128,7 @@ def pareto(
     def done() -> str:
         return f"{len(found)} of {count} points are done, "
 
-    with log.interruptible(done), progress_bar(truth(progress, "progress")) as bar:
+    with log.interruptible(done), progress_bar(boolean(progress, "progress")) as bar:
         task = bar.add_task("points", total=count)
 
         def told(search: ScaledProblem, _: int) -> None:
@@ -219,7 +219,7 @@ class Choice(Shown):
         return listed(("job", "worst target", "values", "<held by"), rows, best)
 
 
-@worded
+@clear_argument_errors
 def choose(
     jobs: Mapping[str, Job],
     *,
@@ -242,7 +242,7 @@ def choose(
     said = [(job, starts, seed, file) for job, file in zip(jobs.values(), files, strict=True)]
     waiting = [None if executor is None else submit_task(executor, _one, *own) for own in said]
     found: dict[str, Any] = {}
-    with progress_bar(truth(progress, "progress")) as bar:
+    with progress_bar(boolean(progress, "progress")) as bar:
         task = bar.add_task("jobs", total=len(jobs))
         try:
             for name, own, waited in zip(jobs, said, waiting, strict=True):

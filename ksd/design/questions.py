@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ksd.checks import names_of, nearest, show, similar, truth, vector, whole, word
+from ksd.checks import boolean, name_hint, names_of, show, similar_name_hint, vector, whole_number, word
 from ksd.design.table import spoken_column
 from ksd.design.tracking import SPARE, Between, Tracks, follow_through
 from ksd.errors import ConvergenceError, KsdError, SceneError
@@ -96,7 +96,7 @@ def check_asked(asked: Asked, scene: Any) -> None:
             if name not in known:
                 kind = "link" if what == "link" else "drive or support"
                 raise SceneError(
-                    f"{what} = {show(name)}: there is no such {kind} in '{scene.name}'{nearest(name, known)}"
+                    f"{what} = {show(name)}: there is no such {kind} in '{scene.name}'{name_hint(name, known)}"
                 )
 
 
@@ -107,13 +107,15 @@ def asked_of(
     names = names_of(questions, "questions")
     for q in names:
         if q not in KNOWN:
-            raise SceneError(f"question {q!r} is not known; ask {', '.join(KNOWN)}{similar(q, KNOWN)}")
-    if whole(modes, "modes") > 50:
+            raise SceneError(
+                f"question {q!r} is not known; ask {', '.join(KNOWN)}{similar_name_hint(q, KNOWN)}"
+            )
+    if whole_number(modes, "modes") > 50:
         raise SceneError(f"modes = {modes}: between 1 and 50 modes can be followed")
     point = None if at is None else vector(at, "at", unit="m")
     let_go = None if freed is None else names_of(freed, "freed")
     name = None if link is None else word(getattr(link, "name", link), "link")
-    return Asked(names, name, point, let_go, modes, errors=truth(errors, "errors"))
+    return Asked(names, name, point, let_go, modes, errors=boolean(errors, "errors"))
 
 
 def unanswerable(scene: Any, link: str | None = None) -> dict[str, str]:

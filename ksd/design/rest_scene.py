@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.checks import nearest, show, whole
+from ksd.checks import name_hint, show, whole_number
 from ksd.design.rest_leaf import DrawnLeaf, axes_of
 from ksd.errors import SceneError
 from ksd.files import write_file
@@ -94,9 +94,9 @@ class RestShape(Shown, Scene):
         known = [f.name for f in self.leaves]
         if leaf not in known:
             raise SceneError(
-                f"there is no leaf {show(leaf)}; there are {', '.join(known)}{nearest(leaf, known)}"
+                f"there is no leaf {show(leaf)}; there are {', '.join(known)}{name_hint(leaf, known)}"
             )
-        axes, count = axes_of(str(self.plane)), whole(points, "points", least=2)
+        axes, count = axes_of(str(self.plane)), whole_number(points, "points", least=2)
         drawn = [
             DrawnLeaf(name, ("", ""), piece, axes, np.zeros(2), FINE)
             for name, of, piece in pieces_of(self)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.checks import nearest, show, truth, worded
+from ksd.checks import boolean, clear_argument_errors, name_hint, show
 from ksd.checks import number as checked
 from ksd.design.rest_equations import Equations, Found, Row, Said, Term, solved
 from ksd.design.rest_leaf import Axes, DrawnLeaf, axes_of, deformed_curve, rotated
@@ -56,7 +56,7 @@ UNSAID = {
 """What a scene may not mention, in words."""
 
 
-@worded
+@clear_argument_errors
 def rest_shape(
     mechanism: Mechanism | Scene,
     wanted: Configuration | Mapping[str, Any] | None = None,
@@ -88,7 +88,7 @@ def rest_shape(
     if not isinstance(scene, Scene):
         raise SceneError(f"rest_shape: {show(mechanism)} is no mechanism; give a ksd.Mechanism or its scene.")
     for key, value in (("beyond_fold", beyond_fold), ("check", check)):
-        truth(value, key)
+        boolean(value, key)
     _refuse(scene)
     axes, values = axes_of(str(scene.plane)), given_values(targets, drives)
     drawn, pieces, values = _drawn(scene, wanted, axes, values, mesh)
@@ -215,7 +215,7 @@ class _Problem:
             if name not in known:
                 raise SceneError(
                     f"rest_shape: free = {show(name)} is neither a load nor a drive; there are {', '.join(known) or 'none'}"
-                    f"{nearest(name, known)}"
+                    f"{name_hint(name, known)}"
                 )
         for name in self.free:
             if name in self.loads and not any((*self.loads[name].force, *self.loads[name].moment)):
@@ -226,7 +226,7 @@ class _Problem:
             if name not in drives:
                 raise SceneError(
                     f"rest_shape: there is no drive {show(name)}; there are {', '.join(drives) or 'none'}"
-                    f"{nearest(name, drives)}"
+                    f"{name_hint(name, drives)}"
                 )
         for name in drives:
             if name not in values and name not in self.free:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.checks import names_of, not_negative, show, whole, worded
+from ksd.checks import clear_argument_errors, names_of, not_negative, show, whole_number
 from ksd.design.questions import VALUE
 from ksd.design.table import write_mat
 from ksd.errors import SceneError
@@ -81,7 +81,7 @@ class StateSpace(Shown):
         return write_mat(path, {**numbers, **named, "pose": values})
 
 
-@worded
+@clear_argument_errors
 def state_space(
     pose: Configuration, *, modes: int = 6, damping: float = 0.01, drives: Iterable[str] | None = None
 ) -> StateSpace:
@@ -99,7 +99,7 @@ def state_space(
         raise SceneError(f"drives = {freed}: name drives to be let go, out of {', '.join(known) or 'none'}")
     if not not_negative(damping, "damping") < 1.0:
         raise SceneError(f"damping = {damping}: a ratio from 0 to below 1 is needed")
-    found = pose.frequencies(count=whole(modes, "modes"), freed=freed)
+    found = pose.frequencies(count=whole_number(modes, "modes"), freed=freed)
     if (
         not found.conservative
         and factored_tangent(*pose.insides, load_factor=pose.load_factor).skew_share() > MILD

@@ -13,7 +13,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from ksd.checks import truth, worded
+from ksd.checks import boolean, clear_argument_errors
 from ksd.design.arguments import check_executor, check_solve_options, drive_value_arrays
 from ksd.design.lines import Line, Recipe, blank_rows, run_block, run_line
 from ksd.design.plan import Designs, Drawn, fingerprint, plan_lines
@@ -44,7 +44,7 @@ class SweepInterrupted(KeyboardInterrupt):
         self.table = table
 
 
-@worded
+@clear_argument_errors
 def sweep(
     mechanism: Drawn,
     targets: Mapping[str, ArrayLike] | None = None,
@@ -96,8 +96,8 @@ def sweep(
         effects=(("effects", effects), ("with_", with_), ("without", without)),
     )  # fmt: skip
     check_executor(executor)
-    truth(together, "together")
-    truth(progress, "progress")
+    boolean(together, "together")
+    boolean(progress, "progress")
     values = drive_value_arrays(targets, drives, sweep)
     lines, name = plan_lines(mechanism, values, designs, loads, together=together, call=sweep)
     drawn = next((line.scene for line in lines if line.scene is not None), None)

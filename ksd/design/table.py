@@ -19,7 +19,7 @@ from rich import box
 from rich.table import Table as Grid
 from rich.text import Text
 
-from ksd.checks import names_of, nearest, show, worded
+from ksd.checks import clear_argument_errors, name_hint, names_of, show
 from ksd.errors import RecordError, SceneError
 from ksd.files import write_file
 from ksd.html import InNotebooks
@@ -95,7 +95,7 @@ class Table(InNotebooks):
     def __getitem__(self, name: str) -> Any:
         """One column: a float array (rows,), or a list of texts. SceneError names the columns there are."""
         if name not in self.columns:
-            raise SceneError(f"there is no column {show(name)}{nearest(name, self.columns)}")
+            raise SceneError(f"there is no column {show(name)}{name_hint(name, self.columns)}")
         values = self.columns[name]
         return list(values) if any(isinstance(v, str) for v in values) else np.array(values, float)
 
@@ -213,7 +213,7 @@ class Table(InNotebooks):
         keep = (*self.labels, STATUS)
         return [{k: row[k] for k in keep} for row in self.rows() if row[STATUS] != OK]
 
-    @worded
+    @clear_argument_errors
     def where(self, **labels: float | str) -> Table:
         """The rows whose label columns have these values (numbers to 1e-9), an empty table when there are none.
 
@@ -221,7 +221,7 @@ class Table(InNotebooks):
         """
         for name in labels:
             if name not in self.columns:
-                raise SceneError(f"there is no column {show(name)}{nearest(name, self.columns)}")
+                raise SceneError(f"there is no column {show(name)}{name_hint(name, self.columns)}")
         kept = [i for i, row in enumerate(self.rows()) if all(_same(row[k], v) for k, v in labels.items())]
         return replace(self, columns={n: tuple(v[i] for i in kept) for n, v in self.columns.items()})
 

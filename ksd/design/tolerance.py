@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ksd.checks import nearest, number, show, whole, worded
+from ksd.checks import clear_argument_errors, name_hint, number, show, whole_number
 from ksd.design.design_log import DesignLog
 from ksd.design.job import Job, check_job
 from ksd.design.table import OK, Table
@@ -50,7 +50,7 @@ class Tolerance(Shown):
         """Share of every parameter in the first-order variance of an answer, the largest first. SceneError for an
         unknown name."""
         if name not in self.names:
-            raise SceneError(f"there is no answer '{name}'{nearest(name, self.names)}")
+            raise SceneError(f"there is no answer '{name}'{name_hint(name, self.names)}")
         shares = dict(zip(self.spread, self.blame[self.names.index(name)].tolist(), strict=True))
         return dict(sorted(shares.items(), key=lambda pair: -pair[1]))
 
@@ -76,7 +76,7 @@ class Tolerance(Shown):
         )
 
 
-@worded
+@clear_argument_errors
 def tolerance(
     job: Job,
     design: Any,
@@ -96,9 +96,9 @@ def tolerance(
     is made. executor, resume, progress: as in `ksd.optimise`, Ctrl-C too. Raises SceneError for wrong words, KsdError where
     the design itself has no answers.
     """
-    x, sd, count = *_given(job, design, spread), whole(samples, "samples", least=2)
+    x, sd, count = *_given(job, design, spread), whole_number(samples, "samples", least=2)
     log = DesignLog(job, resume=resume, executor=executor, progress=progress)
-    X = x + sd * np.random.default_rng(whole(seed, "seed", least=0)).normal(size=(count, len(x)))
+    X = x + sd * np.random.default_rng(whole_number(seed, "seed", least=0)).normal(size=(count, len(x)))
     with log.interruptible():
         nominal, slopes = log.slopes(x, by="tolerance")
         values, status = log.batch(X, by="tolerance")
@@ -136,7 +136,7 @@ def check_spread(job: Job, spread: Any) -> Array:
         raise SceneError("spread: give standard deviations by parameter, such as spread={'thickness': 4e-6}")
     for name, value in spread.items():
         if name not in job.parameters:
-            raise SceneError(f"spread: '{name}' is not varied{nearest(name, job.parameters)}")
+            raise SceneError(f"spread: '{name}' is not varied{name_hint(name, job.parameters)}")
         if number(value, f"spread: {name}") <= 0.0:
             raise SceneError(f"spread: {name} = {show(value)}: a standard deviation must be positive")
     return np.array([float(spread.get(n, 0.0)) for n in job.parameters])

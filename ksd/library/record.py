@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.checks import nearest, number, show
+from ksd.checks import name_hint, number, show
 from ksd.errors import RangeError, SceneError
 from ksd.library.chains import longer_chain
 from ksd.library.functions import Array, Functions, JointFunctions, Mesh, legendre_products
@@ -211,7 +211,7 @@ class Record:
         `contract`."""
         for name in shape:
             if name not in self.shape_names:
-                hint = nearest(name, self.shape_names)
+                hint = name_hint(name, self.shape_names)
                 raise SceneError(f"The record of {self.family} has no shape parameter {name!r}{hint}")
         places, outside = [], []
         for p in self.parameters:

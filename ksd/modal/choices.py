@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from ksd.checks import Worded, number, show, truth, whole
+from ksd.checks import ClearArgumentErrors, boolean, number, show, whole_number
 from ksd.errors import SceneError
 
 FEW = 2
@@ -12,7 +12,7 @@ FEW = 2
 
 
 @dataclass(frozen=True)
-class ModalBasis(metaclass=Worded):
+class ModalBasis(metaclass=ClearArgumentErrors):
     """How the basis of a leaf is made.
 
     coordinates: "director" (position and two directors of every node; r' = director is linear, so a linear span can
@@ -52,8 +52,8 @@ class ModalBasis(metaclass=Worded):
                 "mode has one amplitude"
             )
         for name in ("order", "internal", "elements"):
-            whole(getattr(self, name), name, least=0)
-        truth(self.plane, "plane")
+            whole_number(getattr(self, name), name, least=0)
+        boolean(self.plane, "plane")
         if self.order not in (1, 2, 3):
             raise SceneError(f"order = {self.order}: 1 (no derivatives), 2 or 3 are possible")
         if not 0 <= self.internal <= 12:

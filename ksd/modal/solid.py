@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ksd.checks import positive, show, whole
+from ksd.checks import positive, show, whole_number
 from ksd.errors import SceneError
 from ksd.scene.material import Material
 
@@ -211,7 +211,7 @@ def block(
     if not isinstance(cells, tuple | list) or len(cells) not in (2, 3):
         raise SceneError(f"solid: cells = {show(cells)}: give (nx, ny) for 2D or (nx, ny, nz) for 3D.")
     for n in cells:
-        whole(n, "cells", owner="solid")
+        whole_number(n, "cells", owner="solid")
     lines = [np.linspace(0.0, length, cells[0] + 1), np.linspace(-thickness / 2, thickness / 2, cells[1] + 1)]
     if len(cells) == 3:
         lines.append(np.linspace(-width / 2, width / 2, cells[2] + 1))

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ksd.checks import LARGEST, number, show, similar, worded
+from ksd.checks import MAX_MAGNITUDE, clear_argument_errors, number, show, similar_name_hint
 from ksd.errors import SceneError
 from ksd.html import InNotebooks, Printed
 from ksd.model.arrays import LINEAR, MODAL, ROTATION, SOLID, Arrays, Motion
@@ -131,13 +131,13 @@ class Model(InNotebooks):
 
     def targets(self, values: Mapping[str, float]) -> np.ndarray:
         """Right-hand sides of all rows for drive values by name [m or rad]; SceneError for unknown or missing ones."""
-        found = [v for n in self.drive_names if type(v := values.get(n)) is float and abs(v) <= LARGEST]
+        found = [v for n in self.drive_names if type(v := values.get(n)) is float and abs(v) <= MAX_MAGNITUDE]
         if len(values) == len(found) == len(self.drive_names):
             return np.array(found + [0.0] * len(self.support_names))
         for name in values:
             if name not in self.drive_names:
                 known = ", ".join(self.drive_names) or "none"
-                hint = similar(name, self.drive_names)
+                hint = similar_name_hint(name, self.drive_names)
                 raise SceneError(f"drive '{name}' is not in this mechanism; its drives are: {known}{hint}")
         missing = [n for n in self.drive_names if n not in values]
         if missing:
@@ -231,7 +231,7 @@ def remeshed(model: Model, mesh: Mesh) -> Model:
     return found
 
 
-@worded
+@clear_argument_errors
 def compile_scene(
     scene: Any,
     *,

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
-from ksd.checks import nearest, show
+from ksd.checks import name_hint, show
 from ksd.errors import SceneError
 from ksd.model.drawing import pulls
 from ksd.model.elastic_links import with_elastic_links
@@ -85,7 +85,7 @@ def _names(words: Any, what: str) -> tuple[str, ...]:
     for name in found:
         if not isinstance(name, str) or name not in WORDS:
             known = (*WORDS, "auto", "all") if what == "effects" else WORDS
-            raise SceneError(f"{what}: there is no effect {show(name)}{nearest(name, known)}")
+            raise SceneError(f"{what}: there is no effect {show(name)}{name_hint(name, known)}")
     return found
 
 

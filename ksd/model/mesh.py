@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 
 from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS
-from ksd.checks import Worded, show, truth, whole
+from ksd.checks import ClearArgumentErrors, boolean, show, whole_number
 from ksd.errors import SceneError
 
 MOST_ORDER = 24
@@ -13,7 +13,7 @@ MOST_ORDER = 24
 
 
 @dataclass(frozen=True)
-class Mesh(metaclass=Worded):
+class Mesh(metaclass=ClearArgumentErrors):
     """Which leaf model, and how fine.
 
     leaf: "strain" (one strain-mode body per leaf, `orders` curvature modes about x, y, z and `points` quadrature
@@ -41,15 +41,15 @@ class Mesh(metaclass=Worded):
         if not isinstance(self.leaf, str) or self.leaf not in ("strain", "corotational"):
             raise SceneError(f"leaf = {show(self.leaf)}: the leaf models are 'strain' and 'corotational'")
         for name in ("mip", "nodal", "warping"):
-            truth(getattr(self, name), name, owner="Mesh")
+            boolean(getattr(self, name), name, owner="Mesh")
         for name, value in (("points", self.points), ("elements", self.elements)):
-            object.__setattr__(self, name, whole(value, name, owner="Mesh"))
+            object.__setattr__(self, name, whole_number(value, name, owner="Mesh"))
         if self.elements > 500:
             raise SceneError(f"elements = {self.elements}: between 1 and 500 elements per leaf are possible")
         low = (3, 2, 4)
         if not isinstance(self.orders, list | tuple):
             raise SceneError(f"Mesh: orders = {show(self.orders)} must be three numbers, about x, y and z.")
-        orders = tuple(whole(n, "orders", owner="Mesh") for n in self.orders)
+        orders = tuple(whole_number(n, "orders", owner="Mesh") for n in self.orders)
         object.__setattr__(self, "orders", orders)
         if len(orders) != 3 or any(n < m or n > MOST_ORDER for n, m in zip(orders, low, strict=True)):
             raise SceneError(

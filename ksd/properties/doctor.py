@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.checks import worded
+from ksd.checks import clear_argument_errors
 from ksd.errors import SceneError
 from ksd.model.arrays import make_work
 from ksd.model.compile import Model, compile_scene, reference_points
@@ -149,7 +149,7 @@ class Diagnosis(Shown):
         }  # fmt: skip
 
 
-@worded
+@clear_argument_errors
 def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
     """Count the freedoms and constraints of a mechanism (or Scene, or Model) at rest, and say what is free, what is
     redundant, and which release would make it exact.

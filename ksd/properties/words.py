@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.checks import nearest, show
+from ksd.checks import name_hint, show
 from ksd.errors import UnknownNameError
 from ksd.html import InNotebooks, Printed
 from ksd.model.compile import Model
@@ -167,7 +167,7 @@ class ByName(dict[str, T]):
 
     def __missing__(self, name: object) -> T:
         raise UnknownNameError(
-            f"there is no {self.what} {show(name)}{nearest(name, self)}", kind=self.what, name=str(name)
+            f"there is no {self.what} {show(name)}{name_hint(name, self)}", kind=self.what, name=str(name)
         )
 
 

@@ -10,7 +10,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.checks import Vector, checked, dot
+from ksd.checks import Vector, dot, whole_checks_enabled
 from ksd.errors import SceneError
 from ksd.scene.leaf import Leaf
 from ksd.section.constants import extents
@@ -96,7 +96,7 @@ def _clash(leaves: tuple[Leaf, ...]) -> tuple[str, str] | None:
 
 def check_clear(leaves: Sequence[Leaf], *, owner: str, advice: str = "move them apart") -> None:
     """Raise SceneError naming two leaf springs of `owner` that run through each other at rest."""
-    found = _clash(tuple(leaves)) if checked() else None
+    found = _clash(tuple(leaves)) if whole_checks_enabled() else None
     if found is not None:
         raise SceneError(
             f"{owner}: leaf springs '{found[0]}' and '{found[1]}' run through each other at rest; {advice}."

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ksd.checks import Worded, number, positive, show
+from ksd.checks import ClearArgumentErrors, number, positive, show
 from ksd.errors import SceneError
 from ksd.scene.plane_curves import Bend, legendre_shape, sine_shape, spline_shape
 
@@ -19,7 +19,7 @@ STEPS = 60
 """Steps by which the line of a curve is integrated, and twice as many."""
 
 
-class Curve(metaclass=Worded):
+class Curve(metaclass=ClearArgumentErrors):
     """Base of all stress-free shapes: arc `length` [m] and `curvature(s)` (3,) [1/m] about e1, e2, e3, s in [0, 1]."""
 
     length: float

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from ksd.checks import (
+    ClearArgumentErrors,
     Vector,
-    Worded,
     direction,
-    nearest,
+    name_hint,
     not_negative,
     number,
     positive,
@@ -127,7 +127,7 @@ HUGE = 1e30
 
 
 @dataclass(frozen=True)
-class LinkMatrix(metaclass=Worded):
+class LinkMatrix(metaclass=ClearArgumentErrors):
     """Stiffness of a flexible link between its two interfaces, as a Craig-Bampton reduction gives it.
 
     points (2, 3) [m]: the interfaces, global at rest; stiffness (12, 12): forces and moments on both interfaces by
@@ -303,7 +303,7 @@ def _sum(a: Vector, b: Vector) -> Vector:
 
 def _known(name: str, leaves: Mapping[str, Any], what: str) -> Any:
     if name not in leaves:
-        raise SceneError(f"{what}: leaf '{name}' does not exist{nearest(name, leaves)}")
+        raise SceneError(f"{what}: leaf '{name}' does not exist{name_hint(name, leaves)}")
     return leaves[name]
 
 

@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ksd.checks import nearest, number, show
+from ksd.checks import name_hint, number, show
 from ksd.errors import SceneError
 from ksd.scene.toml_table import measured
 
@@ -79,7 +79,7 @@ def _value(node: ast.expr, tables: Mapping[str, Any], where: str) -> float:
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords and node.args:
         if node.func.id not in FUNCTIONS:
             raise SceneError(
-                f"{where}: there is no function {node.func.id}{nearest(node.func.id, FUNCTIONS)}"
+                f"{where}: there is no function {node.func.id}{name_hint(node.func.id, FUNCTIONS)}"
             )
         try:
             return FUNCTIONS[node.func.id](*(_value(a, tables, where) for a in node.args))
@@ -128,7 +128,7 @@ def item_at(tables: Any, keys: Keys, where: str) -> Any:
         if place is None or (isinstance(found, dict) and place not in found):
             known = names_in(found)
             inside = f" in {spoken(keys[:k])}" if k else ""
-            raise SceneError(f"{where}: there is no {spoken(keys[k:])}{inside}{nearest(key, known)}")
+            raise SceneError(f"{where}: there is no {spoken(keys[k:])}{inside}{name_hint(key, known)}")
         found = found[place]
     return found
 

@@ -11,15 +11,15 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ksd.checks import (
+    ClearArgumentErrors,
     Vector,
-    Worded,
+    boolean,
     direction,
-    nearest,
+    name_hint,
     number,
-    numbered,
     positive,
     show,
-    truth,
+    unused_name,
     vector,
     word,
 )
@@ -29,7 +29,7 @@ from ksd.scene.leaf import Leaf
 
 
 @dataclass(frozen=True)
-class Motion(metaclass=Worded):
+class Motion(metaclass=ClearArgumentErrors):
     """One intended motion of interface B relative to A.
 
     name: by which it is driven. kind "rotation" [rad] or "translation" [m]; axis (3,) unit, in joint axes; range (low,
@@ -61,7 +61,7 @@ class Motion(metaclass=Worded):
             object.__setattr__(self, "point", vector(self.point, "point", owner=owner, unit="m"))
 
 
-class Joint(metaclass=Worded):
+class Joint(metaclass=ClearArgumentErrors):
     """Base of all joints, drawn in joint axes: interface A at the origin, x from A to B, z the intended axis.
 
     A family is a frozen dataclass with a `family` name that answers the questions below; all lengths in m,
@@ -213,8 +213,8 @@ class DrawnJoint(Joint):
             for k, v in blocks.items()
         }
         _check_blocks(points, leaves, owner)
-        windows = truth(windows, "windows", owner=owner)
-        held_by_others = truth(held_by_others, "held_by_others", owner=owner)
+        windows = boolean(windows, "windows", owner=owner)
+        held_by_others = boolean(held_by_others, "held_by_others", owner=owner)
         if not windows:
             check_clear(leaves, owner=owner, advice=_ADVICE)
         if not motions or not all(isinstance(m, Motion) for m in motions):
@@ -226,7 +226,7 @@ class DrawnJoint(Joint):
             )
         leaves, named = list(leaves), set[str]()
         for k, leaf in enumerate(leaves):
-            own = numbered(leaf.name, named)
+            own = unused_name(leaf.name, named)
             named.add(own)
             leaves[k] = leaf if own == leaf.name else replace(leaf, name=own)
         given = np.linalg.norm(points["B"]) if length is None else length
@@ -289,7 +289,7 @@ def _check_blocks(points: Mapping[str, Vector], leaves: Sequence[Leaf], owner: s
         for block in (leaf.start_block, leaf.end_block):
             if block not in points:
                 raise SceneError(
-                    f"{owner}: leaf '{leaf.name}' hangs on block '{block}'" + nearest(block, points)
+                    f"{owner}: leaf '{leaf.name}' hangs on block '{block}'" + name_hint(block, points)
                 )
         if leaf.start_block == leaf.end_block:
             raise SceneError(

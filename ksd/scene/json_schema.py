@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ksd import section
-from ksd.checks import NUMBER
+from ksd.checks import NUMBER_PATTERN
 from ksd.scene import toml_schema as schema
 from ksd.scene.effects import CONSIDERED
 from ksd.scene.families import joint_families
@@ -87,7 +87,10 @@ def _definitions() -> Tree:
         si, *others = units
         found[dimension] = {
             "description": f"{dimension}: a number in {si}, or text with a unit: {', '.join([si, *others])}",
-            "anyOf": [{"type": "number"}, {"type": "string", "pattern": rf"^\s*{NUMBER}\s*(?:{ways})\s*$"}],
+            "anyOf": [
+                {"type": "number"},
+                {"type": "string", "pattern": rf"^\s*{NUMBER_PATTERN}\s*(?:{ways})\s*$"},
+            ],
         }
         lists = {"type": "array", "items": {"$ref": f"#/definitions/{dimension}[]"}}
         found[f"{dimension}[]"] = {"anyOf": [{"$ref": f"#/definitions/{dimension}"}, lists]}

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 
 from ksd.checks import (
     Axis,
+    ClearArgumentErrors,
     Vector,
-    Worded,
     as_given,
+    clear_argument_errors,
     cross,
     direction,
     dot,
@@ -21,9 +22,8 @@ from ksd.checks import (
     show,
     unit,
     vector,
-    whole,
+    whole_number,
     word,
-    worded,
 )
 from ksd.errors import SceneError
 from ksd.scene.curve import Curve, line_of
@@ -50,7 +50,7 @@ class Condition:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Leaf(metaclass=Worded):
+class Leaf(metaclass=ClearArgumentErrors):
     """A flexible leaf between a point on one rigid block and a point on another, clamped at both.
 
     start, end [m], (3,): its ends at rest, in the frame of the joint it belongs to (global for a free-form
@@ -156,7 +156,7 @@ class Leaf(metaclass=Worded):
         return start + frame @ place, frame @ axes
 
 
-@worded
+@clear_argument_errors
 def wire(
     *,
     diameter: float,
@@ -184,11 +184,11 @@ def wire(
 def mesh(elements: Any, orders: Any, *, owner: str) -> dict[str, Any]:
     """Checked `elements` and `orders` of a leaf or a joint."""
     if elements is not None:
-        elements = whole(elements, "elements", owner=owner)
+        elements = whole_number(elements, "elements", owner=owner)
     if orders is not None:
         if not isinstance(orders, tuple | list) or len(orders) != 3:
             raise SceneError(
                 f"{owner}: orders = {show(orders)} must be three whole numbers, modes about e1, e2, e3."
             )
-        orders = tuple(whole(n, "orders", owner=owner) for n in orders)
+        orders = tuple(whole_number(n, "orders", owner=owner) for n in orders)
     return {"elements": elements, "orders": orders}

@@ -9,9 +9,9 @@ import zipfile
 
 import numpy as np
 
-from ksd.checks import worded
+from ksd.checks import clear_argument_errors
 from ksd.errors import SceneError
-from ksd.files import LARGEST, named_file, read_file
+from ksd.files import MAX_READ_BYTES, named_file, read_file
 from ksd.hdf5 import Contents, contents
 from ksd.scene.effects import LinkMatrix
 
@@ -28,10 +28,10 @@ def _of_npz(content: bytes) -> dict[str, np.ndarray]:
 
 def _array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
     """One array of a numpy file, its size compared with what it declares before anything is made of it."""
-    if archive.getinfo(name).file_size > LARGEST:
-        raise ValueError(f"{name} is larger than the {LARGEST >> 20} MiB that are read")
+    if archive.getinfo(name).file_size > MAX_READ_BYTES:
+        raise ValueError(f"{name} is larger than the {MAX_READ_BYTES >> 20} MiB that are read")
     with archive.open(name) as member:
-        content = io.BytesIO(member.read(LARGEST + 1))
+        content = io.BytesIO(member.read(MAX_READ_BYTES + 1))
     version = np.lib.format.read_magic(content)
     header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     shape, _, kind = header(content)
@@ -59,7 +59,7 @@ READERS = {".npz": _of_npz, ".h5": _of_hdf5}
 """Who reads a link matrix, by the end of the file name."""
 
 
-@worded
+@clear_argument_errors
 def link_matrix(path: str | os.PathLike[str]) -> LinkMatrix:
     """The stiffness of a flexible link from a file, `.npz` or `.h5`.
 

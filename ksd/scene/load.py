@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from ksd.checks import Vector, number, show, truth, vector, word
+from ksd.checks import Vector, boolean, number, show, vector, word
 from ksd.errors import SceneError
 from ksd.scene.drive import GROUND
 
@@ -31,7 +31,7 @@ class Load:
             raise SceneError(f"{owner}: it acts on the ground, which does not move; name another link.")
         for key, unit in {"force": "N", "moment": "Nm", "at": "m"}.items():
             object.__setattr__(self, key, vector(getattr(self, key), key, owner=owner, unit=unit))
-        object.__setattr__(self, "following", truth(self.following, "following", owner=owner))
+        object.__setattr__(self, "following", boolean(self.following, "following", owner=owner))
 
 
 @dataclass(frozen=True)

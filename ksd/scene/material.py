@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from ksd.checks import Worded, between, number, positive, show
+from ksd.checks import ClearArgumentErrors, between, number, positive, show
 from ksd.errors import SceneError
 
 
 @dataclass(frozen=True, init=False)
-class Material(metaclass=Worded):
+class Material(metaclass=ClearArgumentErrors):
     """Linear elastic material: two of E, G [Pa] and Poisson's ratio nu; density [kg/m^3] when masses matter,
     expansion [1/K] (linear, thermal) when temperatures do.
 

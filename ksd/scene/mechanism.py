@@ -12,17 +12,17 @@ from numpy.typing import ArrayLike
 
 from ksd.checks import (
     Axis,
+    ClearArgumentErrors,
     Vector,
-    Worded,
-    all_worded,
     as_given,
-    checked,
+    clear_argument_errors_of_methods,
     direction,
-    nearest,
+    name_hint,
     number,
-    numbered,
     show,
+    unused_name,
     vector,
+    whole_checks_enabled,
     word,
 )
 from ksd.errors import SceneError, UnknownNameError, UnknownWordError
@@ -64,8 +64,8 @@ SYNONYMS = {
 """Methods by other words for what they say."""
 
 
-@all_worded
-class Mechanism(InNotebooks, metaclass=Worded):
+@clear_argument_errors_of_methods
+class Mechanism(InNotebooks, metaclass=ClearArgumentErrors):
     """A mechanism under construction: links, joints between them, drives, supports and loads.
 
     All positions [m] and directions are global, in the undeformed configuration, where every link is at zero
@@ -109,7 +109,7 @@ class Mechanism(InNotebooks, metaclass=Worded):
     def __setattr__(self, name: str, value: Any) -> None:
         # a misspelt one would be taken in silence, and the scene solved without it
         if not name.startswith("_") and name not in SETTABLE:
-            raise SceneError(f"a mechanism has no '{name}' to be set{nearest(name, SETTABLE)}")
+            raise SceneError(f"a mechanism has no '{name}' to be set{name_hint(name, SETTABLE)}")
         if name == "plane":
             value = checked_plane(value)
             for kind, said in (("drive", self._drives), ("support", self._supports)):
@@ -125,7 +125,7 @@ class Mechanism(InNotebooks, metaclass=Worded):
             # a property that fails comes by here too
             if name.startswith("_") or hasattr(type(self), name):
                 raise AttributeError(name)
-            hint = nearest(name, (word for word in dir(self) if not word.startswith("_")))
+            hint = name_hint(name, (word for word in dir(self) if not word.startswith("_")))
             if name in ASKED:
                 hint = f"; ask it by ksd.{name}(mechanism, ...)."
             elif name in SYNONYMS:
@@ -206,7 +206,7 @@ class Mechanism(InNotebooks, metaclass=Worded):
             )
         if link not in self._links:
             raise UnknownNameError(
-                f"{owner}: link '{link}' does not exist{nearest(link, self._links)}", kind="link", name=link
+                f"{owner}: link '{link}' does not exist{name_hint(link, self._links)}", kind="link", name=link
             )
         return link
 
@@ -416,7 +416,7 @@ class Mechanism(InNotebooks, metaclass=Worded):
             known = [f.name for f in self._leaves]
             raise UnknownNameError(
                 f"point: there is no free-form leaf {show(label)} (leaf springs of a joint are free-form by "
-                f"mechanism.constrain){nearest(label, known)}",
+                f"mechanism.constrain){name_hint(label, known)}",
                 kind="leaf",
                 name=str(label),
             )
@@ -433,7 +433,7 @@ class Mechanism(InNotebooks, metaclass=Worded):
                 )
         # not by its place, which a design may vary
         count = 1 + sum(other.leaf == label for other in self._points)
-        default = numbered(f"{label} point {count}", set(self._links))
+        default = unused_name(f"{label} point {count}", set(self._links))
         made = LeafPoint(default if name is None else name, label, at)
         place, _ = placed.leaf.section_at(at / length)
         self.link(made.name)
@@ -657,7 +657,7 @@ class Mechanism(InNotebooks, metaclass=Worded):
         if not isinstance(name, str):
             raise SceneError(f"{_unplaced(joint)}.")
         raise UnknownNameError(
-            f"joint {show(name)} does not exist{nearest(name, [j.name for j in self._joints])}",
+            f"joint {show(name)} does not exist{name_hint(name, [j.name for j in self._joints])}",
             kind="joint",
             name=str(name),
         )
@@ -816,7 +816,7 @@ class Mechanism(InNotebooks, metaclass=Worded):
         """
         for effect in effects:
             if effect not in CONSIDERED:
-                raise SceneError(f"consider: {show(effect)} is unknown{nearest(effect, CONSIDERED)}")
+                raise SceneError(f"consider: {show(effect)} is unknown{name_hint(effect, CONSIDERED)}")
         self._consider = tuple(sorted({*self._consider, *effects}))
 
     # Questions
@@ -857,7 +857,7 @@ class Mechanism(InNotebooks, metaclass=Worded):
         if last is not None and last[0].unchangeable and same_parts(parts, last[1]):
             return last[0]
         frozen = Scene(**parts)
-        if checked():
+        if whole_checks_enabled():
             check_scene(frozen)
             self._last = frozen, parts
         return frozen
@@ -896,7 +896,7 @@ class Mechanism(InNotebooks, metaclass=Worded):
 def _free_name(name: str | None, default: str, used: set[str], kind: str, *, each: str = "") -> str:
     """A name that is not used yet; the default is numbered until it is free. Raises SceneError."""
     if name is None:
-        return numbered(default, used)
+        return unused_name(default, used)
     if word(name, "name", owner=kind) in used:
         what, each = ("name", each) if each else (f"{kind} name", kind)
         raise SceneError(f"the {what} '{name}' is used already; every {each} needs its own name.")

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ksd.checks import Vector, triple
+from ksd.checks import Vector, as_vector
 from ksd.scene.curve import Curve, FreeCurve
 from ksd.scene.drive import GROUND, Drive
 from ksd.scene.plane_curves import Legendre
@@ -24,11 +24,11 @@ class Move(NamedTuple):
 
     def point(self, p: ArrayLike) -> Vector:
         """Where the point p (3,) [m] goes."""
-        return triple(self.shift + self.turn @ np.asarray(p, float))
+        return as_vector(self.shift + self.turn @ np.asarray(p, float))
 
     def way(self, e: ArrayLike) -> Vector:
         """Where a direction (3,) of the link turns to."""
-        return triple(self.turn @ np.asarray(e, float))
+        return as_vector(self.turn @ np.asarray(e, float))
 
 
 STILL = Move(np.eye(3), np.zeros(3))
@@ -107,4 +107,4 @@ def _drive(drive: Drive, go: Mapping[str, Move]) -> Drive:
 
 
 def _turned(R: np.ndarray, inertia: Any) -> Any:
-    return tuple(map(triple, R @ np.asarray(inertia) @ R.T))
+    return tuple(map(as_vector, R @ np.asarray(inertia) @ R.T))

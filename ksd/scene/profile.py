@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.checks import Worded, between, positive, show
+from ksd.checks import ClearArgumentErrors, between, positive, show
 from ksd.errors import SceneError
 from ksd.scene.plane_curves import numbers
 from ksd.section import Section, rectangle
@@ -26,7 +26,7 @@ SIDE = 1e-9
 """Fraction of the length by which a section is beside a step: on it, rounding would choose a side."""
 
 
-class Profile(metaclass=Worded):
+class Profile(metaclass=ClearArgumentErrors):
     """Base of all profiles: `section(s)` and `breaks`, fractions strictly between 0 and 1 in rising order."""
 
     breaks: tuple[float, ...] = ()

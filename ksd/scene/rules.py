@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
-from ksd.checks import as_given, nearest
+from ksd.checks import as_given, name_hint
 from ksd.errors import SceneError
 from ksd.scene.drive import GROUND, Drive
 from ksd.scene.effects import leaf_conditions
@@ -80,7 +80,7 @@ def _unknown(scene: Scene) -> Iterator[str]:
     for kind, name, link in spoken:
         if link not in scene.links:
             owner = f"{kind} '{name}'" if name else kind
-            yield f"{owner}: link '{link}' does not exist{nearest(link, scene.links)}"
+            yield f"{owner}: link '{link}' does not exist{name_hint(link, scene.links)}"
 
 
 def _loose(scene: Scene) -> Iterator[str]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ksd.checks import Vector, as_given, dot, triple
+from ksd.checks import Vector, as_given, as_vector, dot
 from ksd.html import InNotebooks
 from ksd.scene.curve import Curve
 from ksd.scene.drive import GROUND, Drive
@@ -223,9 +223,9 @@ def placed_leaf(joint: PlacedJoint, leaf: Leaf, links: Mapping[str, str]) -> Pla
     label = f"{joint.name}/{leaf.name}"
     moved = replace(
         leaf,
-        start=triple(joint.place(leaf.start)),
-        end=triple(joint.place(leaf.end)),
-        width_axis=triple(joint.turn(as_given(leaf.width_axis))),
+        start=as_vector(joint.place(leaf.start)),
+        end=as_vector(joint.place(leaf.end)),
+        width_axis=as_vector(joint.turn(as_given(leaf.width_axis))),
         start_block=links[leaf.start_block],
         end_block=links[leaf.end_block],
         name=label,
@@ -276,5 +276,5 @@ def _sampled(value: Curve | Profile) -> Any:
     """A curve or profile at 17 stations: a function in it has no contents that could be hashed."""
     stations = [float(s) for s in np.linspace(0.0, 1.0, 17)]
     if isinstance(value, Curve):
-        return tuple(map(triple, value.curvatures(stations)))
+        return tuple(map(as_vector, value.curvatures(stations)))
     return tuple(value.section(s) for s in stations)

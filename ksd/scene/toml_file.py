@@ -34,7 +34,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ksd import section
-from ksd.checks import nearest, show, similar
+from ksd.checks import name_hint, show, similar_name_hint
 from ksd.errors import SceneError, SceneFileError, SceneWarning, UnknownNameError
 from ksd.files import named_file, read_file
 from ksd.scene import toml_schema as schema
@@ -185,7 +185,10 @@ class _Reader:
         self.parts: dict[str, dict[str, Any]] = {kind: {} for kind in defined}
         for kind, make in (("material", _material), ("section", _section), ("joint", self._joint)):
             # [materials.steel] is one mistake, not one more for each leaf that is of steel
-            if any(f'"{kind}"' in similar(key, defined) for key in misspelt) or not defined[kind].sound:
+            if (
+                any(f'"{kind}"' in similar_name_hint(key, defined) for key in misspelt)
+                or not defined[kind].sound
+            ):
                 self.parts[kind][ANY] = None
             self.parts[kind] |= {n: _made(make, t, n) for n, t in defined[kind].children().items()}
 
@@ -342,7 +345,7 @@ def _one_of(table: Table, key: str, known: Collection[str], what: str) -> str:
     """The word that says what else a table holds. Raises Unsaid."""
     found = table.read({key: "text!"}, known=known).get(key, "")
     if table.sound and found not in known:
-        table.note(f"{table.where}: {what} {show(found)} is unknown{nearest(found, known)}")
+        table.note(f"{table.where}: {what} {show(found)} is unknown{name_hint(found, known)}")
     if not table.sound:
         raise Unsaid(f"{table.where}: what it is, is not known")
     return str(found)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, TypeVar
 
-from ksd.checks import NUMBER, direction, nearest, number, show, similar
+from ksd.checks import NUMBER_PATTERN, direction, name_hint, number, show, similar_name_hint
 from ksd.errors import SceneError
 from ksd.scene.plausibility import meant_in
 from ksd.units import DIMENSIONS
@@ -21,7 +21,7 @@ _EXAMPLES = {
     "inertia": "3 kg mm^2", "temperature": "20 K", "expansion": "12e-6 1/K", "area": "40 mm^2",
     "second moment": "3 mm^4", "warping constant": "2 mm^6",
 }  # fmt: skip
-_QUANTITY = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*", re.DOTALL)
+_QUANTITY = re.compile(rf"\s*({NUMBER_PATTERN})\s*(.*?)\s*", re.DOTALL)
 ANY = ""
 """Stands for all names where it is not known which are wrong."""
 Parts = Mapping[str, Mapping[str, Any]]
@@ -70,7 +70,7 @@ def quantity(value: Any, dimension: str, what: str) -> float:
     found, units = unit_named(match[2]), DIMENSIONS[dimension]
     if found is None:
         raise SceneError(
-            f"{what} = {show(value)}: the unit '{match[2]}' is unknown{nearest(match[2], units)}"
+            f"{what} = {show(value)}: the unit '{match[2]}' is unknown{name_hint(match[2], units)}"
         )
     if found not in units:
         raise SceneError(f"{what} = {show(value)}: {expected}.")
@@ -170,7 +170,7 @@ class Table:
                     self._doubt(key, kind, self.values[key])
             elif kind.endswith("!") and self._is_table:
                 # a present key of a similar name is probably this one misspelt: one mistake, not two
-                meant = [k for k in self.unknown() if similar(key, [k], cutoff=0.7) != "."][:1]
+                meant = [k for k in self.unknown() if similar_name_hint(key, [k], cutoff=0.7) != "."][:1]
                 self._known |= set(meant)
                 wrong = (
                     f"key '{meant[0]}' is unknown; did you mean \"{key}\"?"
@@ -232,7 +232,7 @@ class Table:
     def finish(self) -> None:
         """Note every key that was never taken, with the nearest known one."""
         for key in self.unknown():
-            self.note(f"{self.where}: key '{key}' is unknown{nearest(key, self._known)}")
+            self.note(f"{self.where}: key '{key}' is unknown{name_hint(key, self._known)}")
 
     def _taken(self, key: str, default: Any) -> Any:
         self._known.add(key)
@@ -290,7 +290,7 @@ def _value(value: Any, kind: str, key: str, parts: Parts) -> Any:
         return value
     known = parts[kind]
     if value not in known and ANY not in known:
-        raise SceneError(f"{key} = {show(value)}: there is no {kind} of that name{nearest(value, known)}")
+        raise SceneError(f"{key} = {show(value)}: there is no {kind} of that name{name_hint(value, known)}")
     if known.get(value) is None:
         raise Unsaid(f"the {kind} '{value}' has a mistake of its own")
     return known[value]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ksd.checks import number, numbered, show, worded
+from ksd.checks import clear_argument_errors, number, show, unused_name
 from ksd.errors import SceneError
 from ksd.files import write_file
 from ksd.scene.curve import FreeCurve
@@ -39,7 +39,7 @@ from ksd.section import Section, circle, rectangle
 Tree = dict[str, Any]
 
 
-@worded
+@clear_argument_errors
 def save_scene(
     mechanism: Mechanism | Scene,
     path: str | os.PathLike[str],
@@ -121,7 +121,7 @@ class _Names:
                 met = self._met[kind]
                 if value not in met:
                     wish = value.family if isinstance(value, Joint) else value.name
-                    label = numbered(wish or kind, {name for name, _ in met.values()})
+                    label = unused_name(wish or kind, {name for name, _ in met.values()})
                     met[value] = (label, tree(value, self, label))
                 return met[value][0]
         return value

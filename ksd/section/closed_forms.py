@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.checks import LARGEST, SMALLEST, between, positive, show, worded
+from ksd.checks import MAX_MAGNITUDE, MIN_POSITIVE, between, clear_argument_errors, positive, show
 from ksd.errors import SceneError
 from ksd.section.constants import Section, Sections
 
@@ -52,7 +52,7 @@ def _poisson(nu: float | None, owner: str) -> float | None:
     return None if nu is None else between(nu, "cowper (Poisson's ratio)", -1.0, 0.500001, owner=owner)
 
 
-@worded
+@clear_argument_errors
 def rectangle(
     thickness: float, width: float, *, cowper: float | None = None, name: str = "rectangle"
 ) -> Section:
@@ -76,7 +76,7 @@ def _rectangle(t: float, w: float, nu: float | None, name: str) -> Section:
     sides = min(t, w), max(t, w)
     J, Iw = _torsion(*sides), _warping(*sides)
     A, Iy, Iz = t * w, t * w**3 / 12, w * t**3 / 12
-    if not (min(A, J, Iy, Iz) >= SMALLEST and max(A, J, Iy, Iz, Iw) <= LARGEST and Iw >= 0.0):
+    if not (min(A, J, Iy, Iz) >= MIN_POSITIVE and max(A, J, Iy, Iz, Iw) <= MAX_MAGNITUDE and Iw >= 0.0):
         return Section(A, J, Iy, Iz, k, k, Iw, width=w, thickness=t, name=name)  # says what is wrong
     # past the checks of a section: a profile asks for many, and a design loop anew for every design
     found = object.__new__(Section)
@@ -93,13 +93,13 @@ def rectangles(thickness: Array, width: Array) -> Sections:
         t * w, _torsion(*sides, np.exp), t * w**3 / 12, w * t**3 / 12, k, k, _warping(*sides, np.exp), w, t
     )
     least, most = (end([found.A, found.J, found.Iy, found.Iz], axis=0) for end in (np.min, np.max))
-    for i in np.flatnonzero(~((least >= SMALLEST) & (most <= LARGEST))):
+    for i in np.flatnonzero(~((least >= MIN_POSITIVE) & (most <= MAX_MAGNITUDE))):
         # says what is wrong
         rectangle(float(t[i]), float(w[i]))
     return found
 
 
-@worded
+@clear_argument_errors
 def circle(diameter: float, *, cowper: float | None = None, name: str = "circle") -> Section:
     """Full circle of `diameter` [m], the section of a wire.
 
@@ -112,7 +112,7 @@ def circle(diameter: float, *, cowper: float | None = None, name: str = "circle"
     return Section(math.pi * d**2 / 4, 2 * moment, moment, moment, k, k, width=d, thickness=d, name=name)
 
 
-@worded
+@clear_argument_errors
 def tube(outer: float, inner: float, *, cowper: float | None = None, name: str = "tube") -> Section:
     """Circular tube of `outer` and `inner` diameter [m].
 

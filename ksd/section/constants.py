@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.checks import not_negative, number, positive, show, worded
+from ksd.checks import clear_argument_errors, not_negative, number, positive, show
 from ksd.errors import SceneError
 
 Point = tuple[float, float]
@@ -120,7 +120,7 @@ def extents(section: Section) -> tuple[float, float]:
     )
 
 
-@worded
+@clear_argument_errors
 def numbers(
     *,
     A: float,

@@ -20,13 +20,13 @@ from typing import Any
 
 import numpy as np
 
-from ksd.checks import LARGEST, between, label, positive, show, worded
+from ksd.checks import MAX_MAGNITUDE, between, clear_argument_errors, label, positive, show
 from ksd.errors import SceneError
 from ksd.section.constants import Section
 from ksd.section.outline_mesh import edges_of, points_inside, triangulate
 
 
-@worded
+@clear_argument_errors
 def polygon(
     points: Sequence[Any],
     holes: Sequence[Sequence[Any]] = (),
@@ -170,9 +170,9 @@ def _ring(points: Sequence[Any], what: str, name: str) -> np.ndarray:
         raise SceneError(
             f"{label(what, name)} has a coordinate that is not finite; give finite numbers in m."
         )
-    if len(ring) and np.abs(ring).max() > LARGEST:
+    if len(ring) and np.abs(ring).max() > MAX_MAGNITUDE:
         raise SceneError(
-            f"{label(what, name)} has a coordinate that is too large; at most {LARGEST:g} can be used."
+            f"{label(what, name)} has a coordinate that is too large; at most {MAX_MAGNITUDE:g} can be used."
         )
     if len(ring):
         ring = ring[np.linalg.norm(ring - np.roll(ring, 1, axis=0), axis=1) > 1e-12 * np.abs(ring).max()]

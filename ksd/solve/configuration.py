@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ksd.checks import all_worded, names_of, nearest, question_of, show, vector, whole
+from ksd.checks import (
+    checked_question,
+    clear_argument_errors_of_methods,
+    name_hint,
+    names_of,
+    show,
+    vector,
+    whole_number,
+)
 from ksd.errors import ConvergenceError, SceneError
 from ksd.html import InNotebooks
 from ksd.modal.leaf_bodies import full_model_state
@@ -61,7 +69,7 @@ Answer = TypeVar("Answer")
 """What a question asked of a configuration returns: a number, an array, or a mapping of them."""
 
 
-@all_worded
+@clear_argument_errors_of_methods
 @dataclass(frozen=True, repr=False, init=False)
 class Configuration(InNotebooks):
     """A deformed configuration: the model, its state, and the record of the solve that found it.
@@ -287,7 +295,7 @@ class Configuration(InNotebooks):
         known = {d.name: d for d in self.model.scene.distances}
         if name not in known:
             raise SceneError(
-                f"distance {show(name)} is not asked for in this mechanism{nearest(name, known)}"
+                f"distance {show(name)} is not asked for in this mechanism{name_hint(name, known)}"
             )
         asked = known[name]
         i, j = self._node(asked.a), self._node(asked.b)
@@ -392,7 +400,7 @@ class Configuration(InNotebooks):
         solids, KinematicsError when nothing resists a motion.
         """
         self._of_leaves("frequencies")
-        whole(count, "count")
+        whole_number(count, "count")
         return frequencies(
             *full_model_state(self.model, self.unfolding),
             count=count,
@@ -421,7 +429,7 @@ class Configuration(InNotebooks):
         stress and reduced solids, ConvergenceError where none were found.
         """
         self._of_leaves("buckling")
-        whole(count, "count")
+        whole_number(count, "count")
         return buckling(
             *full_model_state(self.model, self.unfolding), link, at=at, force=force, moment=moment,
             following=following, count=count, freed=freed, load_factor=self.load_factor,
@@ -433,7 +441,7 @@ class Configuration(InNotebooks):
         Raises SceneError of reduced solids.
         """
         self._of_leaves("stress")
-        return stress(*self.unreduced, points=whole(points, "points"), load_factor=self.load_factor)
+        return stress(*self.unreduced, points=whole_number(points, "points"), load_factor=self.load_factor)
 
     def strain_energy(self) -> dict[str, float]:
         """Strain energy [J] of every leaf by full name, and of springs; the sum is what the mechanism stores."""
@@ -507,7 +515,7 @@ class Configuration(InNotebooks):
         names, and where a parameter changes more than numbers, ConvergenceError at the end of a branch. Method:
         `ksd.solve.perturbed`.
         """
-        question_of(question)
+        checked_question(question)
         scene = self.model.said or self.model.scene
         parameters = parameters_of(
             scene, self.targets, size=self.model.arrays.size, design=design, at_design=at_design, by=by, sizes=sizes
@@ -526,7 +534,7 @@ class Configuration(InNotebooks):
         self._of_leaves("internal stress")
         return internal_stress(
             *self.unreduced, offset=offset, rotation=rotation, leaves=names_of(leaves, "leaves"),
-            load_factor=self.load_factor, points=whole(points, "points"),
+            load_factor=self.load_factor, points=whole_number(points, "points"),
         )  # fmt: skip
 
     def interface_forces(self) -> InterfaceForces:
@@ -569,13 +577,13 @@ class Configuration(InNotebooks):
         """Normal and shear forces [N], torsion and bending moments [Nm] along every leaf by full name, at `points`
         stations (of a chain at its nodes)."""
         return section_forces(
-            *self.unreduced, points=whole(points, "points", least=2), load_factor=self.load_factor
+            *self.unreduced, points=whole_number(points, "points", least=2), load_factor=self.load_factor
         )
 
     def shape(self, *, points: int = 25) -> Shape:
         """Centrelines [m] of all leaves at `points` stations or more, outlines of all links, and driven points, global."""
         return mechanism_shape(
-            *self.insides, points=whole(points, "points", least=2), load_factor=self.load_factor
+            *self.insides, points=whole_number(points, "points", least=2), load_factor=self.load_factor
         )
 
     def as_dict(self) -> dict[str, Any]:

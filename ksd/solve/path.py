@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.checks import clear_argument_errors, positive, whole_number
 from ksd.checks import number as checked_number
-from ksd.checks import positive, whole, worded
 from ksd.errors import SceneError
 from ksd.model.arrays import carries_load
 from ksd.model.compile import Model, compile_scene
@@ -97,7 +97,7 @@ class Path(Shown):
         return tuple(t for t in self.turnings if t.kind == "bifurcation")
 
 
-@worded
+@clear_argument_errors
 def follow(
     scene: Mechanism | Scene | Model,
     targets: Mapping[str, float] | None = None,
@@ -124,7 +124,7 @@ def follow(
     for value, name in ((until, "until"), (side, "side")):
         checked_number(value, name)
     positive(first, "first")
-    whole(most, "most")
+    whole_number(most, "most")
     if isinstance(scene, Model) and mesh is not None:
         raise SceneError(COMPILED)
     model = scene if isinstance(scene, Model) else compile_scene(scene, mesh=mesh)

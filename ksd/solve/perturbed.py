@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ksd.checks import nearest, number, show, unchecked
+from ksd.checks import name_hint, number, show, without_whole_checks
 from ksd.errors import ConvergenceError, SceneError
 from ksd.model.arrays import STRAIN, Arrays, Motion, Work, make_work
 from ksd.model.compile import Model, model_of
@@ -132,7 +132,7 @@ def parameters_of(
             )
         if name not in found:
             raise SceneError(
-                f"there is no gradient by '{name}'; parameters are {', '.join(known) or 'none'}{nearest(str(name), known)}"
+                f"there is no gradient by '{name}'; parameters are {', '.join(known) or 'none'}{name_hint(str(name), known)}"
             )
     return tuple(found[n] for n in names)
 
@@ -152,7 +152,7 @@ def _drawn_at(
     """The scene of the design with another value of a parameter, under the loads of the scene `like` that are not its
     own."""
     try:
-        with unchecked():
+        with without_whole_checks():
             made = design(**{**given, name: value})
             scene = made.scene() if hasattr(made, "scene") else made
             if not hasattr(scene, "fingerprint"):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ksd.checks import nearest, show, worded
+from ksd.checks import clear_argument_errors, name_hint, show
 from ksd.checks import number as checked
 from ksd.errors import ConvergenceError, KsdError, SceneError, TrustError
 from ksd.model.arrays import Motion
@@ -91,7 +91,7 @@ class RequiredLoads(Shown):
         return listed(("", "<link", *columns), rows, said)
 
 
-@worded
+@clear_argument_errors
 def required_loads(
     mechanism: Mechanism | Scene | Solver,
     poses: Mapping[str, Any],
@@ -154,7 +154,7 @@ def _wanted(model: Model, poses: Mapping[str, Any]) -> Wanted:
     for link, said in poses.items():
         name = spoken(link) if isinstance(link, Link) else link
         if name not in links:
-            raise SceneError(f"poses: link {show(name)} does not exist{nearest(name, links)}")
+            raise SceneError(f"poses: link {show(name)} does not exist{name_hint(name, links)}")
         if name == GROUND:
             continue
         try:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.checks import question_of, vector, wrench_of
+from ksd.checks import checked_question, vector, wrench_of
 from ksd.errors import ConvergenceError, KinematicsError, SceneError
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model, compile_given
@@ -61,7 +61,7 @@ def sensitivity(
         raise SceneError(
             f"link '{name}' is not part of '{scene.name}'; its links are {', '.join(scene.links)}"
         )
-    question_of(question)
+    checked_question(question)
     load, place = (
         wrench_of(force, moment, f"load on '{name}'"),
         vector(at, "at", owner="sensitivity", unit="m"),

@@ -13,7 +13,7 @@ from typing import Any, Literal
 from numpy.typing import ArrayLike
 
 from ksd.bodies.joints import joint_bodies
-from ksd.checks import nearest, number, show, truth, whole, worded
+from ksd.checks import boolean, clear_argument_errors, name_hint, number, show, whole_number
 from ksd.errors import ConvergenceError, KinematicsError, RangeError, RecordError, SceneError
 from ksd.library import Record, find_record
 from ksd.library.record_files import record_in_use
@@ -59,7 +59,7 @@ _recent: OrderedDict[tuple[Any, ...], Solver] = OrderedDict()
 _turn = threading.Lock()
 
 
-@worded
+@clear_argument_errors
 def prepare(
     mechanism: Mechanism | Scene | Model,
     *,
@@ -85,7 +85,7 @@ def prepare(
     )  # fmt: skip
 
 
-@worded
+@clear_argument_errors
 def solve(
     mechanism: Mechanism | Scene | Model,
     targets: Mapping[str, float] | None = None,
@@ -128,7 +128,7 @@ def solve(
         ("estimate", estimate),
         ("planar", planar),
     ):
-        truth(given, word)
+        boolean(given, word)
     if isinstance(mechanism, Model):
         refuse_unknown(drives, mechanism.drive_names, solve)
         made = Solver(
@@ -197,7 +197,7 @@ class Solver:
         elif mesh is not None or effects != "auto" or with_ or without:
             raise SceneError(COMPILED)
         self.model: Model = mechanism
-        self.records, self.extrapolate, self.planar = records, extrapolate, truth(planar, "planar")
+        self.records, self.extrapolate, self.planar = records, extrapolate, boolean(planar, "planar")
         self.basis, self.accuracy = basis, wanted_accuracy(accuracy)
         self._drives = frozenset(mechanism.drive_names)
         self._reduced: dict[bool, ReducedBodies] = {}
@@ -249,7 +249,7 @@ class Solver:
         if not drives.keys() <= self._drives:
             refuse_unknown(drives, self.model.drive_names, self.__call__)
         values = drives if targets is None else given_values(targets, drives)
-        truth(strict, "strict")
+        boolean(strict, "strict")
         wanted = self.accuracy if accuracy is None else wanted_accuracy(accuracy)
         found = self.answer(
             values, method=method, accuracy=wanted, relinearisations=relinearisations, estimate=estimate
@@ -447,7 +447,7 @@ def _check_words(method: object, relinearisations: object) -> None:
         return
     if not isinstance(method, str) or method not in METHODS:
         raise SceneError(f"method = {show(method)}: choose one of {', '.join(METHODS)}")
-    if method != "conventional" and whole(relinearisations, "relinearisations", least=0) > 50:
+    if method != "conventional" and whole_number(relinearisations, "relinearisations", least=0) > 50:
         raise SceneError(
             f"relinearisations = {relinearisations}: between 0 and 50 relinearisation steps are possible"
         )
@@ -478,7 +478,7 @@ def refuse_unknown(given: Iterable[str], drives: Iterable[str], call: Callable[.
         if name not in known:
             raise SceneError(
                 f"drive '{name}' is not in this mechanism; its drives are: {', '.join(known) or 'none'}; nor is it an "
-                f"option{nearest(name, (*known, *options))}"
+                f"option{name_hint(name, (*known, *options))}"
             )
 
 

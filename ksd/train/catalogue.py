@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from ksd.checks import nearest, show
+from ksd.checks import name_hint, show
 from ksd.errors import SceneError
 from ksd.library import Mesh, Parameter
 from ksd.scene import CrossFlexure, DrawnJoint, Joint, Material
@@ -182,7 +182,7 @@ def design_of(
         design = FAMILY_DESIGNS[family_or_joint]
     else:
         raise SceneError(
-            f"joint family {family_or_joint!r} cannot be trained{nearest(family_or_joint, FAMILY_DESIGNS)}"
+            f"joint family {family_or_joint!r} cannot be trained{name_hint(family_or_joint, FAMILY_DESIGNS)}"
         )
     return _with_ranges(design, shapes or {})
 
@@ -191,7 +191,7 @@ def _with_ranges(design: Design, shapes: Mapping[str, tuple[float, float]]) -> D
     known = {p.name: p for p in design.parameters}
     for name, ends in shapes.items():
         if name not in known:
-            raise SceneError(f"{design.family}: shape parameter {name!r} is unknown{nearest(name, known)}")
+            raise SceneError(f"{design.family}: shape parameter {name!r} is unknown{name_hint(name, known)}")
         if not isinstance(ends, tuple | list) or len(ends) != 2:
             raise SceneError(f"{design.family}: {name} = {show(ends)} must be a range (low, high).")
         known[name] = replace(known[name], low=ends[0], high=ends[1])

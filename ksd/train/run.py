@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import ksd
-from ksd.checks import worded
+from ksd.checks import clear_argument_errors
 from ksd.errors import ConvergenceError, RecordError, SceneError
 from ksd.library import Evidence, Functions, Mesh, Record, Residual, Stroke, read_record, write_record
 from ksd.library.functions import Array, legendre_products, monomials
@@ -47,7 +47,7 @@ FIRST, FRESH = 16, 8
 """Shapes of the first round (doubled from round to round), and shapes kept out of the fit."""
 
 
-@worded
+@clear_argument_errors
 def train(
     family_or_joint: str | Joint | Design,
     *,

@@ -158,7 +158,7 @@ def test_numpy_files_that_lie(case, tmp_path):
         "complex": npy("<c16", (12, 6), body),
         "text": b"text",
         "nothing": b"",
-        "unpacks": npy("<f8", (12, 12), body) + bytes(ksd.files.LARGEST),
+        "unpacks": npy("<f8", (12, 12), body) + bytes(ksd.files.MAX_READ_BYTES),
     }[case]
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("points.npy", npy("<f8", (2, 3), POINTS.tobytes()))

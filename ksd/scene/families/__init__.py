@@ -7,7 +7,7 @@ import inspect
 import pkgutil
 from functools import cache
 
-from ksd.checks import nearest, show
+from ksd.checks import name_hint, show
 from ksd.errors import SceneError
 from ksd.scene.joint import Joint
 
@@ -33,7 +33,7 @@ def joint_family(name: str) -> type[Joint]:
     """
     families = joint_families()
     if not isinstance(name, str) or name not in families:
-        raise SceneError(f"joint family {show(name)} is unknown{nearest(name, families)}")
+        raise SceneError(f"joint family {show(name)} is unknown{name_hint(name, families)}")
     return families[name]
 
 
@@ -47,7 +47,7 @@ def make_joint(family: str, /, **parameters: object) -> Joint:
     known = inspect.signature(kind).parameters
     for key in parameters:
         if key not in known:
-            raise SceneError(f"{family}: parameter '{key}' is unknown{nearest(key, known)}")
+            raise SceneError(f"{family}: parameter '{key}' is unknown{name_hint(key, known)}")
     for key, parameter in known.items():
         if parameter.default is parameter.empty and key not in parameters:
             raise SceneError(f"{family}: parameter '{key}' is missing.")

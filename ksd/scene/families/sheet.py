@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any, ClassVar
 
-from ksd.checks import LARGEST, Vector, between, number, positive, show
+from ksd.checks import MAX_MAGNITUDE, Vector, between, number, positive, show
 from ksd.errors import SceneError
 from ksd.scene.curve import Curve
 from ksd.scene.joint import Joint, Motion
@@ -111,7 +111,7 @@ def strip(
         "start_block": blocks[0], "end_block": blocks[1], "name": name, "elements": joint.elements,
         "orders": joint.orders, "profile": profile, "curve": curve, "condition": None,
     }  # fmt: skip
-    if not 0.0 < math.dist(start, end) < LARGEST:
+    if not 0.0 < math.dist(start, end) < MAX_MAGNITUDE:
         return Leaf(**words)  # says what is wrong
     # all else that a leaf checks is so in a sheet, and a design loop draws hundreds of them
     leaf = object.__new__(Leaf)
