@@ -22,7 +22,7 @@ from ksd.design.design_log import DesignLog
 from ksd.design.resume import ResumeFile, _hash
 from ksd.errors import KsdError, RecordError, SceneError
 from ksd.files import read_file, write_file
-from ksd.library import describe_database, files, find_record, read_record, read_result, write_record
+from ksd.library import describe_database, find_record, record_files, read_record, read_result, write_record
 from ksd.library.result_files import _seal, write_answer
 
 POINTS = np.array([[0.0, 0, 0], [0.2, 0, 0]])
@@ -230,11 +230,11 @@ def test_hdf5_files_that_lie(case, tmp_path):
     refused(ksd.link_matrix, path, SceneError)
 
 
-def resealed(path, spoil, number=files.FORMAT, signature=files.SIGNATURE):
+def resealed(path, spoil, number=record_files.FORMAT, signature=record_files.SIGNATURE):
     """Alter the HDF5 image of a sealed file and seal it again, as anyone can."""
     with h5py.File(path, "r+") as file:
         spoil(file)
-    body = path.read_bytes()[files.BLOCK :]
+    body = path.read_bytes()[record_files.BLOCK :]
     path.write_bytes(_seal(body, number, signature) + body)
 
 
@@ -316,7 +316,7 @@ def test_a_record_under_another_name_is_refused(record, tmp_path, monkeypatch):
 def test_a_record_of_another_joint_is_refused(record, tmp_path, monkeypatch):
     """Two leaf springs in the record, three in the joint: no index error later."""
     monkeypatch.setenv("KSD_DATABASE", str(tmp_path))
-    kept = read_record(files.shipped_folder() / "cross_flexure.h5")
+    kept = read_record(record_files.shipped_folder() / "cross_flexure.h5")
     names = tuple(p.name for p in kept.parameters)
     parameters = tuple(replace(record.parameters[0], name=n, low=0.01, high=10.0) for n in names)
     write_record(
@@ -423,7 +423,7 @@ def test_names_that_are_none_are_sentences(tmp_path):
 def test_a_record_replaced_while_a_process_runs_serves_the_next_solve(tmp_path, monkeypatch):
     """The next solve of the scene uses the new record, or says that it is damaged; a prepared solver stays as it was."""
     monkeypatch.setenv("KSD_DATABASE", str(tmp_path))
-    kept = read_record(files.shipped_folder() / "cross_flexure.h5")
+    kept = read_record(record_files.shipped_folder() / "cross_flexure.h5")
     path = write_record(kept, tmp_path / "cross_flexure.h5")
     mechanism, targets, _ = ksd.load_scene(Path(ksd.__file__).parent / "scenes" / "cross_flexure.toml")
     how = {"method": "kinematic", "strict": False}
