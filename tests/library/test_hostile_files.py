@@ -22,7 +22,7 @@ from ksd.design.design_log import DesignLog
 from ksd.design.resume import ResumeFile, _hash
 from ksd.errors import KsdError, RecordError, SceneError
 from ksd.files import read_file, write_file
-from ksd.library import describe_database, find_record, record_files, read_record, read_result, write_record
+from ksd.library import describe_database, find_record, read_record, read_result, record_files, write_record
 from ksd.library.result_files import _seal, write_answer
 
 POINTS = np.array([[0.0, 0, 0], [0.2, 0, 0]])
