@@ -18,7 +18,7 @@ import ksd.view
 from ksd.cli.commands import parser
 from ksd.cli.solve import OPTIONS
 from ksd.design import job_file
-from ksd.properties.words import Shown
+from ksd.properties.printing import PrintableAnswer
 from ksd.scene import toml_schema as schema
 from ksd.scene.toml_schema import SHAPE_CLASSES
 from ksd.solve.configuration import INSIDE
@@ -98,7 +98,9 @@ def without_page() -> set[str]:
         if module.name.startswith(("ksd.properties", "ksd.design", "ksd.solve")):
             import_module(module.name)
     own = {pkgutil.resolve_name(f"ksd.{name}") for name in named}
-    answers = {f"{kind.__module__}.{kind.__name__}" for kind in Shown.__subclasses__() if kind not in own}
+    answers = {
+        f"{kind.__module__}.{kind.__name__}" for kind in PrintableAnswer.__subclasses__() if kind not in own
+    }
     pictures = {f"view.{name}" for name in ksd.view.__all__}
     return ((set(ksd.__all__) | pictures) - named - {"errors", "units"}) | answers
 

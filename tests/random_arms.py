@@ -7,12 +7,12 @@ import numpy as np
 import ksd
 from ksd.errors import KsdError
 from ksd.numerics.indefinite import inertia, scaling, solve_scaled
-from ksd.properties.buckling import buckling, full_tangents, twice_unfolded
+from ksd.properties.buckling import buckling, full_tangents, twice_finer_state
+from ksd.properties.finer_model import finer_state
 from ksd.properties.frequencies import frequencies
 from ksd.properties.mass import inertia as inertia_of
 from ksd.properties.stiffness import drive_stiffness, point_stiffness
-from ksd.properties.tangent import assembled_tangent, factored, factored_tangent
-from ksd.properties.unfold import unfolded
+from ksd.properties.tangent import assemble_and_factor, assemble_tangent, factor_tangent
 from ksd.scene.families.universal import UniversalJoint
 from ksd.solve.conventional import conventional
 from ksd.train.catalogue import FAMILY_DESIGNS, design_of
@@ -113,7 +113,7 @@ def differences(found, step=4e-3):
 def stiffness_error(found, steps=(4e-3, 5e-4)):
     """Error of the drive stiffness of a configuration (mesh as it is), over the diagonal entries beside it, against
     differences: the largest of the better of the steps, one spoilt by what they leave out, the other by rounding."""
-    tangent = factored_tangent(found.model, found.motion)
+    tangent = assemble_and_factor(found.model, found.motion)
     own = drive_stiffness(found.model, found.motion, tangent=tangent).matrix
     errors = []
     for step in steps:
@@ -126,16 +126,16 @@ def stiffness_error(found, steps=(4e-3, 5e-4)):
 def no_minimum(refusal):
     """Whether the state of a TrustError has as many negative eigenvalues as it says, counted with pivoting, and too many."""
     state = refusal.result
-    assembled = assembled_tangent(state.model, state.motion)
+    assembled = assemble_tangent(state.model, state.motion)
     return inertia(assembled.matrix()) + assembled.inside == state.negatives > state.expected
 
 
 def pivoted_errors(found, tip):
     """Largest errors of drive stiffness and of the compliance of `tip`, over their own diagonal, against partial pivoting
     with two refinements."""
-    model, motion = unfolded(*found.insides)
-    assembled = assembled_tangent(model, motion)
-    tangent, K = factored(assembled), assembled.matrix()
+    model, motion = finer_state(*found.insides)
+    assembled = assemble_tangent(model, motion)
+    tangent, K = factor_tangent(assembled), assembled.matrix()
     rows, node = model.arrays.terms.start, model.node_names.index(tip)
     columns = np.concatenate([rows, model.arrays.start[node] + np.arange(6)])
     loads, scale = np.zeros((len(K), len(columns))), scaling(K)
@@ -173,8 +173,8 @@ def frequency_error(found, count=4):
     """Largest relative error of the lowest frequencies, drives held, against all eigenvalues in the span of free motions."""
     from scipy.linalg import block_diag, eigh
 
-    model, motion = unfolded(*found.insides)
-    mass, K = inertia_of(model, motion), assembled_tangent(model, motion).matrix()
+    model, motion = finer_state(*found.insides)
+    mass, K = inertia_of(model, motion), assemble_tangent(model, motion).matrix()
     free = _free(model, K)
     # G with K^-1 = G G^T: of the free motions, and of every leaf
     roots = [np.linalg.solve(np.linalg.cholesky(free.T @ K @ free), free.T).T]
@@ -195,7 +195,7 @@ def frequency_error(found, count=4):
 def buckling_error(found, count=2):
     """Largest relative error of the smallest critical load factors on the state's own stresses, against all eigenvalues of
     -C K', C the flexibility without stress of the motions and amplitudes that stress acts on."""
-    model, motion = twice_unfolded(*found.insides)
+    model, motion = twice_finer_state(*found.insides)
     stressed, K = (part.toarray() for part in full_tangents(model, motion))
     change = stressed - K
     used = np.flatnonzero(change.any(axis=0))

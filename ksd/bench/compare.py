@@ -21,7 +21,7 @@ from ksd.errors import KsdError, SceneError
 from ksd.modal.choices import ModalBasis
 from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
-from ksd.properties.words import progress_bar
+from ksd.properties.printing import progress_bar
 from ksd.scene import Mechanism, Scene
 from ksd.solve.answer import drive_kind
 from ksd.solve.configuration import Configuration

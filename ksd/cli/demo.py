@@ -22,7 +22,7 @@ from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.numerics.processes import process_pool, spawning
-from ksd.properties.words import number
+from ksd.properties.printing import format_number
 from ksd.scene.toml_file import load_scene
 from ksd.solve.conventional import conventional
 from ksd.solve.solver import solve
@@ -124,16 +124,16 @@ def _print(shown: Any, rows: list[Compared]) -> None:
     for before, r in zip([rows[0], *rows[:-1]], rows, strict=True):
         if before.leaves != r.leaves:
             table.add_section()
-        estimate = "-" if r.estimate is None else f"{number(100 * r.estimate, 2)} %"
+        estimate = "-" if r.estimate is None else f"{format_number(100 * r.estimate, 2)} %"
         table.add_row(
             r.method,
             r.leaves,
-            number(1e6 * r.time, 3),
+            format_number(1e6 * r.time, 3),
             str(r.iterations),
             f"{_force(r.forces):.3f}",
-            f"{number(100 * r.error, 2)} %",
+            f"{format_number(100 * r.error, 2)} %",
             estimate,
-            "-" if r.estimate is None else number(1e6 * r.check, 3),
+            "-" if r.estimate is None else format_number(1e6 * r.check, 3),
         )
     screen.print(table)
     screen.print(

@@ -13,7 +13,7 @@ from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.cli.solve import scene_of
 from ksd.design.effect_cost import effect_cost
 from ksd.model.listing import reason
-from ksd.properties.words import signed
+from ksd.properties.printing import format_signed_percent
 from ksd.view.effect_cost import plot_effect_cost
 from ksd.view.figure import new_figure, save_figure
 
@@ -66,7 +66,7 @@ def _change(value: float) -> str:
     """A relative change in percent, its sign that of putting the effect on."""
     if not math.isfinite(value):
         return "-"
-    return "0" if abs(value) < 1e-9 else f"{signed(100 * value)} %"
+    return "0" if abs(value) < 1e-9 else f"{format_signed_percent(100 * value)} %"
 
 
 def _draw(rows: list[Any], why: dict[str, str], accuracy: float, path: str) -> None:

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from ksd.files import check_target
 from ksd.library.result_files import write_answer
-from ksd.properties.words import WIDTH
+from ksd.properties.printing import TABLE_WIDTH
 from ksd.view.figure import check_picture
 
 STDOUT = "-"
@@ -31,7 +31,7 @@ def console() -> Any:
     # names are the user's: brackets in them are no markup
     plain: dict[str, Any] = {"highlight": False, "markup": False, "emoji": False}
     screen = Screen(**plain)
-    return screen if screen.is_terminal else Screen(**plain, width=WIDTH)
+    return screen if screen.is_terminal else Screen(**plain, width=TABLE_WIDTH)
 
 
 @contextmanager

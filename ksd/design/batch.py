@@ -26,7 +26,7 @@ from ksd.design.prepared import Found, spoken_status
 from ksd.design.questions import Row, asked_of
 from ksd.errors import SceneError
 from ksd.model.mesh import Mesh
-from ksd.properties.words import Shown
+from ksd.properties.printing import PrintableAnswer
 from ksd.scene.link import Link
 from ksd.solve.many import UNANSWERED
 from ksd.solve.space_steps import FULL, REDUCED
@@ -38,7 +38,7 @@ UNLIKE = "it has other links, drives or joints than the first design, or in anot
 
 
 @dataclass(frozen=True, repr=False)
-class Batch(Shown):
+class Batch(PrintableAnswer):
     """D designs at N poses: what was found, and what was not.
 
     forces: drive force or moment by drive name (D, N) [N, Nm]; positions (D, N, links, 3) [m] and rotations (D, N, links,

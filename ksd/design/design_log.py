@@ -18,7 +18,7 @@ from ksd.design.questions import Row
 from ksd.design.resume import ResumeFile
 from ksd.design.sweep import SweepInterrupted
 from ksd.design.table import Table
-from ksd.properties.words import progress_bar
+from ksd.properties.printing import progress_bar
 
 Array = np.ndarray
 BLOCK_SIZE = 32

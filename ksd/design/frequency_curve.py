@@ -17,14 +17,14 @@ from ksd.checks import clear_argument_errors
 from ksd.design.tracking import SPARE, Tracks, first_tracks, follow_through
 from ksd.errors import SceneError
 from ksd.model.compile import Model
-from ksd.properties.words import Shown, listed, number
+from ksd.properties.printing import PrintableAnswer, format_number, format_table
 from ksd.scene import Mechanism, Scene
 from ksd.solve.error import corrected
 from ksd.solve.solver import Method, Solver
 
 
 @dataclass(frozen=True, repr=False)
-class FrequencyCurve(Shown):
+class FrequencyCurve(PrintableAnswer):
     """A frequency over the stroke from three configurations: 1/omega^2 = c0 + c2 d^2 + c4 d^4.
 
     drive: name; values (3,) [m or rad] and frequency_Hz (3,): the configurations; coefficients (3,); stroke [m or
@@ -40,17 +40,19 @@ class FrequencyCurve(Shown):
     solved_error: float = 0.0
 
     def _line(self) -> str:
-        return f"{number(self.frequency_Hz[0])} to {number(self.frequency_Hz[-1])} Hz over '{self.drive}'"
+        return f"{format_number(self.frequency_Hz[0])} to {format_number(self.frequency_Hz[-1])} Hz over '{self.drive}'"
 
     def __str__(self) -> str:
         rows = [
-            (number(d, 6), number(f, 6), "used") for d, f in zip(self.values, self.frequency_Hz, strict=True)
+            (format_number(d, 6), format_number(f, 6), "used")
+            for d, f in zip(self.values, self.frequency_Hz, strict=True)
         ]
         rows += [
-            (number(d, 6), number(f, 6), f"curve {100 * e:+.2g} % off") for d, (f, e) in self.checked.items()
+            (format_number(d, 6), format_number(f, 6), f"curve {100 * e:+.2g} % off")
+            for d, (f, e) in self.checked.items()
         ]
         said = f"Frequency over drive '{self.drive}' [m or rad], from three configurations"
-        return listed(("drive", "[Hz]", "<"), rows, said)
+        return format_table(("drive", "[Hz]", "<"), rows, said)
 
     @property
     def error(self) -> float:

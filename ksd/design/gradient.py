@@ -39,10 +39,9 @@ from ksd.errors import KinematicsError, SceneError
 from ksd.html import joined
 from ksd.model.mesh import Mesh
 from ksd.numerics.rotations import rotation_log
-from ksd.properties.alike import Alike, alike
-from ksd.properties.stress import stress_followed
-from ksd.properties.words import Shown, listed
-from ksd.properties.words import number as written
+from ksd.properties.printing import PrintableAnswer, format_number, format_table
+from ksd.properties.state_batch import StateBatch, group_states
+from ksd.properties.stress import batch_stress_at_peaks
 from ksd.scene.link import Link
 from ksd.solve.configuration import Configuration
 from ksd.solve.perturbed import (
@@ -65,7 +64,7 @@ KINK = 1e-3
 
 
 @dataclass(frozen=True, repr=False)
-class Gradient(Shown):
+class Gradient(PrintableAnswer):
     """Derivatives of answers at poses: ``gradient[column, parameter]`` (poses,), in units of the column per SI unit of
     the parameter.
 
@@ -133,13 +132,19 @@ class Gradient(Shown):
     def __str__(self) -> str:
         lines = []
         for n, pose in enumerate(self.poses):
-            where = ", ".join(f"{k} {written(v) if isinstance(v, float) else v}" for k, v in pose.items())
+            where = ", ".join(
+                f"{k} {format_number(v) if isinstance(v, float) else v}" for k, v in pose.items()
+            )
             rows = [
-                (c, written(float(self.values[c][n])), *(written(float(v)) for v in self.slopes[i, :, n]))
+                (
+                    c,
+                    format_number(float(self.values[c][n])),
+                    *(format_number(float(v)) for v in self.slopes[i, :, n]),
+                )
                 for i, c in enumerate(self.columns)
             ]
             said = f"Gradient per SI unit{' at ' if where else ''}{where}"
-            lines.append(listed(("answer", "value", *self.parameters), rows, said))
+            lines.append(format_table(("answer", "value", *self.parameters), rows, said))
         return joined(lines)
 
 
@@ -334,8 +339,8 @@ def _rows_together(poses: list[list[Configuration]], asked: Asked, sides: int) -
     return rows
 
 
-def _alike(poses: Sequence[Configuration]) -> list[tuple[list[int], Alike]]:
-    return alike([(pose.model, pose.motion, pose.load_factor) for pose in poses])
+def _alike(poses: Sequence[Configuration]) -> list[tuple[list[int], StateBatch]]:
+    return group_states([(pose.model, pose.motion, pose.load_factor) for pose in poses])
 
 
 def _plain(pose: Configuration, asked: Asked, known: Mapping[str, Row]) -> Row:
@@ -350,7 +355,7 @@ def _plain(pose: Configuration, asked: Asked, known: Mapping[str, Row]) -> Row:
 
 
 def _stresses(
-    poses: list[list[Configuration]], groups: list[tuple[list[int], Alike]], points: int
+    poses: list[list[Configuration]], groups: list[tuple[list[int], StateBatch]], points: int
 ) -> list[list[Row]]:
     """Of poses and those beside each, `groups` of which are alike: stress of every leaf where it is largest in the first of
     its pose, and that of the leaf that is worst there."""
@@ -358,7 +363,7 @@ def _stresses(
     followed: Mapping[str, Array] | None = None
     at = np.cumsum([0, *(len(own) for own in poses)])
     if len(groups) == 1 and len(groups[0][0]) == len(every):
-        followed = stress_followed(groups[0][1], np.repeat(at[:-1], np.diff(at)), points=points)
+        followed = batch_stress_at_peaks(groups[0][1], np.repeat(at[:-1], np.diff(at)), points=points)
     if followed is None:
         if len(poses) > 1:
             return [row for own in poses for row in _stresses([own], _alike(own), points)]

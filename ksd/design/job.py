@@ -50,8 +50,7 @@ from ksd.library import find_record
 from ksd.model.compile import compile_scene
 from ksd.model.effects import mentioned
 from ksd.model.mesh import DEFAULT_MESH, Mesh
-from ksd.properties.words import Shown
-from ksd.properties.words import number as written
+from ksd.properties.printing import PrintableAnswer, format_number
 from ksd.scene import Joint, Mechanism, Scene
 from ksd.scene.link import Link
 from ksd.scene.load import Load
@@ -113,7 +112,7 @@ class _Loaded:
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
-class Job(Shown, metaclass=ClearArgumentErrors):
+class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     """What to vary, what to make large or small, and what limits it; see `ksd.optimise`.
 
     function: of the parameters, returns a mechanism. vary: least and most of every parameter, SI. maximise or minimise:
@@ -260,9 +259,9 @@ class Job(Shown, metaclass=ClearArgumentErrors):
             cut = "".join(
                 f", {self.held_by[name, s]}" for s in ("least", "most") if (name, s) in self.held_by
             )
-            lines.append(f"  {name}: {written(low)} to {written(high)}{cut}")
+            lines.append(f"  {name}: {format_number(low)} to {format_number(high)}{cut}")
         for column, (low, high) in self.limits.items():
-            least, most = (f"{side} {written(v)}" for side, v in (("at least", low), ("at most", high)))
+            least, most = (f"{side} {format_number(v)}" for side, v in (("at least", low), ("at most", high)))
             lines.append(
                 f"  {column} {' and '.join(t for t, v in ((least, low), (most, high)) if np.isfinite(v))}"
             )
@@ -295,7 +294,7 @@ class Job(Shown, metaclass=ClearArgumentErrors):
         units = columns_of_drives(scene)
         moving = [n for n, v in self.drives.items() if len(v) > 1 or len(self.steps) == 1]
         found: list[str] = []
-        for say in (written, "{:.6g}".format, "{:.9g}".format, "{:.12g}".format, repr):
+        for say in (format_number, "{:.6g}".format, "{:.9g}".format, "{:.12g}".format, repr):
             found = []
             for case, step in self.poses:
                 said = [f"{n} {say(units[n][1] * step[n])} {units[n][0].rsplit('_', 1)[1]}" for n in moving]
@@ -330,7 +329,7 @@ class Job(Shown, metaclass=ClearArgumentErrors):
                 continue
             i = own.pop()
             name, low, high = self.parameters[i], *self._within(r, i)
-            said = f"the trained range {written(r.shape.low)} to {written(r.shape.high)} of {r.words}"
+            said = f"the trained range {format_number(r.shape.low)} to {format_number(r.shape.high)} of {r.words}"
             if not low < high:
                 raise SceneError(
                     f"vary: {name} = {show(self.vary[name])} lies outside {said}; vary it within, or give "
@@ -410,7 +409,7 @@ class Job(Shown, metaclass=ClearArgumentErrors):
             # a bound in other digits is no start outside
             if not low - 1e-9 * abs(low) <= value <= high + 1e-9 * abs(high):
                 raise SceneError(
-                    f"start: {name} = {written(value)} lies outside {written(low)} to {written(high)}"
+                    f"start: {name} = {format_number(value)} lies outside {format_number(low)} to {format_number(high)}"
                 )
         return np.clip(x, *self.bounds.T)
 
@@ -596,7 +595,7 @@ class Job(Shown, metaclass=ClearArgumentErrors):
     def few_modes(self, x: ArrayLike) -> str:
         """That the curvature modes of the mesh are few for the leaf springs of a design; nothing where they are enough."""
         poses = [pose for one in self._judged(np.asarray(x, float)[None])[1] for pose in one.poses]
-        worst = max(poses, key=lambda pose: pose.resolution.share, default=None)
+        worst = max(poses, key=lambda pose: pose.resolution.missed_share, default=None)
         return "" if worst is None else "".join(mesh_check(worst, DEFAULT_ACCURACY).notes[len(worst.notes) :])
 
     def merit(self, values: ArrayLike) -> float:
@@ -609,7 +608,7 @@ class Job(Shown, metaclass=ClearArgumentErrors):
         """The worst target in words, at one design or from one to another: over its scale, or where there is
         but one and no scale, by its column."""
         name = self.merit_name
-        said = " to ".join(written(self.merit_sign * m, digits) for m in merits)
+        said = " to ".join(format_number(self.merit_sign * m, digits) for m in merits)
         if name.endswith("scale"):
             return f"worst target {said} of its scale"
         return f"{name} {said}"

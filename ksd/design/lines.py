@@ -22,7 +22,7 @@ from ksd.design.table import OK, STATUS
 from ksd.errors import ConvergenceError
 from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.model.orders import raised
-from ksd.properties.resolution import look_at_modes
+from ksd.properties.mesh_adequacy import mode_adequacy
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import conventional
 from ksd.solve.many import SPOKEN, UNSTABLE
@@ -145,7 +145,7 @@ def fine_enough(line: Line, recipe: Recipe, solver: Solver | None) -> Walk:
             except CAUGHT:
                 break
             walk.known[frozenset(values.items())] = found
-            share, _, axis, _ = look_at_modes(found.model, found.motion)
+            share, _, axis, _ = mode_adequacy(found.model, found.motion)
             if share <= (recipe.accuracy or DEFAULT_ACCURACY):
                 break
             walk = Walk(Solver(line.scene, mesh=raised(walk.solver.model.mesh, axis), **words), recipe)

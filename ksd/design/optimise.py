@@ -31,8 +31,7 @@ from ksd.design.scaled_problem import BINDING, DesignFailed, ScaledProblem
 from ksd.design.table import OK
 from ksd.design.tolerance import check_spread, first_order
 from ksd.errors import ConvergenceError, SceneError
-from ksd.properties.words import number as written
-from ksd.properties.words import progress_bar
+from ksd.properties.printing import format_number, progress_bar
 
 Array = np.ndarray
 METHODS = ("gradient", "trust-constr", "cobyla", "cma")
@@ -197,7 +196,7 @@ def progress_text(search: ScaledProblem, of: str) -> str:
     """What a progress bar of starts, or points, says."""
     at = search.best[1].tobytes()
     t = np.exp(search.level(search.asked[at])) if at in search.asked else np.nan
-    return f"{search.by}: {len(search.asked)} designs, worst target {written(float(t))}, {of} done"
+    return f"{search.by}: {len(search.asked)} designs, worst target {format_number(float(t))}, {of} done"
 
 
 def _all_ways(
@@ -308,7 +307,7 @@ def _tightest(job: Job, by: Array) -> str:
     """The limit that is moved in farthest over its size, in words."""
     limits = np.array([a.role == "limit" for a in job.answers])
     k = int(np.argmax(np.where(limits, by / _sizes(job, by), 0.0)))
-    return f"moved in farthest is {job.names[k]}, by {written(float(by[k]))}"
+    return f"moved in farthest is {job.names[k]}, by {format_number(float(by[k]))}"
 
 
 def _sizes(job: Job, values: Array) -> Array:

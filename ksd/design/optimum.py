@@ -20,8 +20,7 @@ from ksd.design.table import OK, Table
 from ksd.errors import SceneError
 from ksd.files import check_target, write_file
 from ksd.html import joined
-from ksd.properties.words import Shown, listed
-from ksd.properties.words import number as written
+from ksd.properties.printing import PrintableAnswer, format_number, format_table
 from ksd.solve.configuration import Configuration
 from ksd.solve.solver import prepare
 from ksd.view import save_figure
@@ -60,7 +59,7 @@ class TriedDesigns(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Optimum(Shown):
+class Optimum(PrintableAnswer):
     """The best design that was found, and what holds it.
 
     job: with the limits that were held; method: of the search; design: parameters by name, SI; merit: the worst target
@@ -181,16 +180,16 @@ class Optimum(Shown):
             f"{self.seconds:.2f} s"
         )
         held = [
-            (n, written(self.answers[n], 6) if n in self.answers else "", written(w, 4))
+            (n, format_number(self.answers[n], 6) if n in self.answers else "", format_number(w, 4))
             for n, w in self.held.items()
         ]
-        parts = [listed(("parameter", "value [SI]", "least", "most"), rows, head)]
-        parts.append(listed(("held by", "value", "worth [%/%]"), held) if held else NOT_KNOWN)
+        parts = [format_table(("parameter", "value [SI]", "least", "most"), rows, head)]
+        parts.append(format_table(("held by", "value", "worth [%/%]"), held) if held else NOT_KNOWN)
         for name, side in self.job.held_by:
             if f"{name} at its {side}" in self.held:
                 parts.append(f"{name}: {self.job.held_by[name, side]}")
         if self.robust:
-            moved = [f"{n} by {written(by)}" for n, by in self.margins.items() if n in self.held]
+            moved = [f"{n} by {format_number(by)}" for n, by in self.margins.items() if n in self.held]
             parts.append(f"For {self.robust:g} standard deviations: {', '.join(moved)}")
         if self.flat:
             said = ", ".join(f"{n} {100 * v:+.3g} %" for n, v in self.flat.items())

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import ksd
-from ksd.properties.words import number
+from ksd.properties.printing import format_number
 from ksd.view.figure import picture
 
 STYLE = """
@@ -58,7 +58,7 @@ def written(value: Any, digits: int = 5) -> str:
         return text(value)
     if isinstance(value, int):
         return str(value)
-    return "&ndash;" if value is None or not math.isfinite(value) else number(value, digits, zero=1e-9)
+    return "&ndash;" if value is None or not math.isfinite(value) else format_number(value, digits, zero=1e-9)
 
 
 def grid(heads: Iterable[tuple[str, str]], rows: Iterable[Iterable[Any]]) -> str:

@@ -23,8 +23,7 @@ from ksd.design.scaled_problem import ScaledProblem
 from ksd.design.sweep import SweepInterrupted
 from ksd.design.table import OK, Table
 from ksd.errors import KsdError, SceneError
-from ksd.properties.words import Shown, listed, progress_bar
-from ksd.properties.words import number as written
+from ksd.properties.printing import PrintableAnswer, format_number, format_table, progress_bar
 from ksd.view import save_figure
 from ksd.view.front import plot_front
 
@@ -37,7 +36,7 @@ SPAN = 10.0
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Front(Shown):
+class Front(PrintableAnswer):
     """Optima of a job under ever tighter limits of one answer.
 
     against: its column; limits (n,): of the points, the widest first; points: their optima, None where there is none, and
@@ -74,15 +73,20 @@ class Front(Shown):
     def _line(self) -> str:
         good = self.merits[np.isfinite(self.merits)]
         said = self.job.merit_spoken(float(good.min()), float(good.max()))
-        most = f"{written(float(self.limits.min()))} to {written(float(self.limits.max()))}"
+        most = f"{format_number(float(self.limits.min()))} to {format_number(float(self.limits.max()))}"
         return f"{len(good)} of {len(self.points)} points, {said} against {self.against} {most}"
 
     def __str__(self) -> str:
         rows = [
-            (written(limit), written(merit, 5), *map(written, x), "" if status == OK else status)
+            (
+                format_number(limit),
+                format_number(merit, 5),
+                *map(format_number, x),
+                "" if status == OK else status,
+            )
             for limit, merit, *x, status in (row.values() for row in self.table.rows())
         ]
-        return listed(
+        return format_table(
             (f"most {self.against}", "worst target", *self.job.parameters, "<"),
             rows,
             f"Front: {self._line()}",
@@ -143,7 +147,9 @@ def pareto(
                 if a.role == "limit" and a.column.split("[")[0] == against and np.isfinite(a.high)
             )  # fmt: skip
             if most <= 0.0:
-                raise SceneError(f"{against} is {written(most)} at the optimum: give a span of limits for it")
+                raise SceneError(
+                    f"{against} is {format_number(most)} at the optimum: give a span of limits for it"
+                )
             span = most / SPAN, most
         limits = np.geomspace(span[1], span[0], count)
         way = ScaledProblem(wide, log, "gradient, start 1")
@@ -177,7 +183,7 @@ def _ends(span: Any) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Choice(Shown):
+class Choice(PrintableAnswer):
     """What `ksd.choose` found.
 
     optima: of the jobs by name, the best first, None where there is none; status: "ok" or why there is none.
@@ -200,7 +206,7 @@ class Choice(Shown):
         return found
 
     def _line(self) -> str:
-        merits = (f"{n} {'-' if o is None else written(o.merit)}" for n, o in self.optima.items())
+        merits = (f"{n} {'-' if o is None else format_number(o.merit)}" for n, o in self.optima.items())
         return f"worst target over its scale: {', '.join(merits)}"
 
     def __str__(self) -> str:
@@ -208,7 +214,7 @@ class Choice(Shown):
             (
                 name,
                 *(
-                    (written(o.merit, 5), str(o.evaluations), ", ".join(o.held))
+                    (format_number(o.merit, 5), str(o.evaluations), ", ".join(o.held))
                     if o
                     else ("", "", self.status[name])
                 ),
@@ -216,7 +222,7 @@ class Choice(Shown):
             for name, o in self.optima.items()
         ]
         best = "No job has an optimum" if self.optima[self.best] is None else f"Best: {self.best}"
-        return listed(("job", "worst target", "values", "<held by"), rows, best)
+        return format_table(("job", "worst target", "values", "<held by"), rows, best)
 
 
 @clear_argument_errors

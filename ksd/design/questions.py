@@ -16,23 +16,23 @@ from ksd.design.table import spoken_column
 from ksd.design.tracking import SPARE, Between, Tracks, follow_through
 from ksd.errors import ConvergenceError, KsdError, SceneError
 from ksd.modal.leaf_bodies import full_model_state
-from ksd.properties.alike import Alike, State, alike
 from ksd.properties.extent import clearance, extent, why_no_clearance
 from ksd.properties.frequencies import Modes, frequencies
 from ksd.properties.parasitic import default_point, parasitic
+from ksd.properties.state_batch import State, StateBatch, group_states
 from ksd.properties.stiffness import (
     DIRECTIONS,
+    BatchStiffness,
     PointStiffness,
-    Stiffnesses,
+    batch_stiffness,
     drive_stiffness,
     drive_units,
     finer_tangent,
     point_stiffness,
     principal_stiffness,
-    stiffnesses,
     support_stiffness,
 )
-from ksd.properties.stress import Peak, peaks
+from ksd.properties.stress import PeakStress, batch_peak_stress
 from ksd.solve.answer import drive_kind
 from ksd.solve.error import corrected
 
@@ -262,11 +262,11 @@ def _finite(value: float, most: float = np.inf) -> float:
 def _stress(pose: Any, asked: Asked) -> Row:
     found = pose.stress(points=asked.points)
     return stress_row(
-        {name: Peak(leaf.largest_Pa, *leaf.where) for name, leaf in found.leaves.items()}, asked
+        {name: PeakStress(leaf.largest_Pa, *leaf.where) for name, leaf in found.leaves.items()}, asked
     )
 
 
-def stress_row(found: Mapping[str, Peak], asked: Asked) -> Row:
+def stress_row(found: Mapping[str, PeakStress], asked: Asked) -> Row:
     """Row of the largest stress of every leaf."""
     worst = max(found, key=lambda name: found[name].largest_Pa)
     every = {f"stress_MPa[{n}]": 1e-6 * peak.largest_Pa for n, peak in found.items()} if asked.every else {}
@@ -416,15 +416,15 @@ def answered_together(poses: Sequence[Any], asked: Asked) -> list[Together]:
             every.append((*pose.questioned, pose.load_factor))
             places.append(k)
     for first in range(0, len(every), MANY):
-        for numbers, states in alike(every[first : first + MANY]):
+        for numbers, states in group_states(every[first : first + MANY]):
             for n, own in zip(numbers, answered_alike(states, asked), strict=True):
                 found[places[first + n]] = own
     return found
 
 
-def answered_alike(states: Alike, asked: Asked) -> list[Together]:
+def answered_alike(states: StateBatch, asked: Asked) -> list[Together]:
     """`answered_together` of states that are alike."""
-    rows: list[dict[str, Row]] = [{} for _ in states.which]
+    rows: list[dict[str, Row]] = [{} for _ in states.model_index]
     compliance: Any = None
     stable = np.zeros(len(rows), bool)
     point, drives = ("support_stiffness" in asked.questions, "drive_stiffness" in asked.questions)
@@ -433,10 +433,10 @@ def answered_alike(states: Alike, asked: Asked) -> list[Together]:
         with suppress(SceneError):
             # by default the point is where the drive of each design acts
             places = [asked.point(model.scene) for model in states.models] if point else [(None, None)]
-            stiff = stiffnesses(states, places[0][0], at=[at for _, at in places], drives=drives)
-            compliance, stable = stiff.compliance, stiff.good & stiff.stable
+            stiff = batch_stiffness(states, places[0][0], at=[at for _, at in places], drives=drives)
+            compliance, stable = stiff.compliance, stiff.valid & stiff.stable
             _note_stiffness(stiff, states, asked, rows)
-    found = peaks(states, points=asked.points) if "stress" in asked.questions else None
+    found = batch_peak_stress(states, points=asked.points) if "stress" in asked.questions else None
     for row, mine in zip(rows, found or (), strict=False):
         row["stress"] = stress_row(mine, asked)
     return [
@@ -445,12 +445,14 @@ def answered_alike(states: Alike, asked: Asked) -> list[Together]:
     ]
 
 
-def _note_stiffness(stiff: Stiffnesses, states: Alike, asked: Asked, rows: list[dict[str, Row]]) -> None:
+def _note_stiffness(
+    stiff: BatchStiffness, states: StateBatch, asked: Asked, rows: list[dict[str, Row]]
+) -> None:
     """Rows of stiffness, by question, of the states that have an answer."""
-    good = np.flatnonzero(stiff.good).tolist()
+    good = np.flatnonzero(stiff.valid).tolist()
     if stiff.compliance is not None:
-        supports = support_stiffness(stiff.compliance, states.size)
-        principal = principal_stiffness(stiff.compliance, states.size)
+        supports = support_stiffness(stiff.compliance, states.sizes)
+        principal = principal_stiffness(stiff.compliance, states.sizes)
         found = _supports_rows(supports, principal, asked)
         for n in good:
             rows[n]["support_stiffness"] = found[n]

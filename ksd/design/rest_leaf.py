@@ -22,7 +22,7 @@ from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.model.leaves import line_mass, rigidities
 from ksd.model.mesh import Mesh
-from ksd.properties.shape import curvature, member_ends, member_parts
+from ksd.properties.shape import curvature, member_arrays, member_ends
 from ksd.scene.hinges import PLANES
 from ksd.scene.leaf import Leaf
 from ksd.scene.plane_curves import Legendre
@@ -273,7 +273,7 @@ def deformed_curve(
     """The line that a leaf has as member i of a state (model, motion, i), as the curve of one drawn there; gravity (2,)."""
     model, motion, i = state
     own, ends = Sections(leaf, mesh), member_ends(model, motion, i)
-    value, number, inner = member_parts(model, motion, i)
+    value, number, inner = member_arrays(model, motion, i)
     s, length = own.stations, leaf.length
     side = np.sign(float(np.asarray(leaf.width_axis)[axes.normal]))
     kappa = side * curvature(value, number, inner, s.u.ravel())[:, 2].reshape(s.u.shape)

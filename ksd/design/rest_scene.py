@@ -19,7 +19,7 @@ from ksd.errors import SceneError
 from ksd.files import write_file
 from ksd.model.leaves import cut_leaves
 from ksd.model.mesh import Mesh
-from ksd.properties.words import Shown, listed, number, printed
+from ksd.properties.printing import PrintableAnswer, format_number, format_table, render_text
 from ksd.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ def pieces_of(scene: Scene) -> list[tuple[str, str, Any]]:
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
-class RestShape(Shown, Scene):
+class RestShape(PrintableAnswer, Scene):
     """A scene, drawn undeformed, that takes a wanted shape under its loads; solve it as any other.
 
     wanted: the scene as it is wanted; targets: drive values by name [m or rad] that belong to it; forces: of the drives [N
@@ -68,13 +68,14 @@ class RestShape(Shown, Scene):
             chord = float(np.linalg.norm(np.subtract(placed.leaf.end, placed.leaf.start)))
             noise = 1e-9 * float(np.abs(self.leaf_forces[placed.name]).max())
             rows.append((
-                placed.name, number(1e3 * placed.leaf.length, 6), number(1e3 * chord, 6),
-                *(number(float(f), 5, zero=noise) for f in (h, v, first, last)),
+                placed.name, format_number(1e3 * placed.leaf.length, 6), format_number(1e3 * chord, 6),
+                *(format_number(float(f), 5, zero=noise) for f in (h, v, first, last)),
             ))  # fmt: skip
         sides = [f"F{a} [N]" for a in axes[:2]]
         columns = ("leaf", "length [mm]", "chord [mm]", *sides, "M start [Nm]", "M end [Nm]")
         drives = [
-            f"{n} = {number(v, 6)}, {number(self.forces[n], 6)} N or Nm" for n, v in self.targets.items()
+            f"{n} = {format_number(v, 6)}, {format_number(self.forces[n], 6)} N or Nm"
+            for n, v in self.targets.items()
         ]
         said = [f"Rest shape of '{self.name}': {self.checked}."]
         said += [f"Drives: {'; '.join(drives)}."] if drives else []
@@ -84,9 +85,11 @@ class RestShape(Shown, Scene):
             else f"'{a}' and '{b}' run through each other at rest."
             for a, b in self.crossings
         ]
-        return printed(
+        return render_text(
             *said,
-            listed(columns, rows, "Leaf springs: undeformed, and the forces in them in the wanted shape"),
+            format_table(
+                columns, rows, "Leaf springs: undeformed, and the forces in them in the wanted shape"
+            ),
         )
 
     def line(self, leaf: str, *, points: int = STATIONS) -> Array:

@@ -25,7 +25,7 @@ from ksd.model.arrays import STRAIN
 from ksd.model.leaves import cut_leaves
 from ksd.model.mesh import Mesh
 from ksd.numerics.rotations import rotation_log
-from ksd.properties.words import number
+from ksd.properties.printing import format_number
 from ksd.scene.clearance import FINE as BOXES
 from ksd.scene.clearance import TOUCH, leaf_body, meetings, meets_itself
 from ksd.scene.curve import FreeCurve
@@ -395,7 +395,7 @@ def _checked(made: RestShape, moves: Mapping[str, Move], mesh: Mesh) -> RestShap
         rotation_log(pose.motion.R[i] @ move.turn, turn)
         rotation = max(rotation, float(np.linalg.norm(turn)))
     size = pose.model.arrays.size
-    said = f"{number(1e3 * shift, 2, zero=1e-9 * size)} mm and {number(rotation, 2, zero=1e-12)} rad"
+    said = f"{format_number(1e3 * shift, 2, zero=1e-9 * size)} mm and {format_number(rotation, 2, zero=1e-12)} rad"
     words = f"solved forward it comes back to the wanted shape within {said}"
     if shift > RETURNED * size or rotation > 10 * RETURNED:
         words = f"{_in_equilibrium(made, moves, mesh)}solved forward from rest it ends elsewhere, {said} off"
@@ -412,8 +412,8 @@ def _snapped(made: RestShape, pose: Configuration) -> str:
         wanted, found = made.leaf_forces[name][2:], forces.values[[0, -1], 5]
         if np.abs(found - wanted).max() > SNAPPED * max(np.abs(found).max(), np.abs(wanted).max()):
             return (
-                f"leaf spring '{name}' snaps into another shape, {number(float(found[-1]), 2)} Nm at its end instead of "
-                f"{number(float(wanted[-1]), 2)}: from rest it has to be led there by hand"
+                f"leaf spring '{name}' snaps into another shape, {format_number(float(found[-1]), 2)} Nm at its end instead "
+                f"of {format_number(float(wanted[-1]), 2)}: from rest it has to be led there by hand"
             )
     return ""
 
@@ -435,7 +435,7 @@ def _in_equilibrium(made: RestShape, moves: Mapping[str, Move], mesh: Mesh) -> s
     left = max(float(np.abs(w[:3]).max()) for w in need.unbalanced.values())
     inside = max(float(np.hypot(*f[:2])) for f in made.leaf_forces.values())
     if left > RETURNED * inside:
-        return f"held in the wanted shape {number(left, 2)} N are missing to equilibrium; "
+        return f"held in the wanted shape {format_number(left, 2)} N are missing to equilibrium; "
     return "in equilibrium in the wanted shape, where it has to be led by hand or is not stable: "
 
 

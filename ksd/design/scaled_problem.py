@@ -16,7 +16,7 @@ from ksd.design.design_log import DesignLog
 from ksd.design.job import Job
 from ksd.design.table import OK
 from ksd.errors import KsdError
-from ksd.properties.words import number as written
+from ksd.properties.printing import format_number
 
 Array = np.ndarray
 BINDING = 1e-5
@@ -190,7 +190,7 @@ class ScaledProblem:
             return f"rule {self.job.rule_names[k - len(self.sides)]}"
         side = self.sides[k]
         value = float(self.log.values(self.x(y))[side.answer])
-        return f"{self.job.names[side.answer]}: {written(value)}, the limit is {written(side.reference)}"
+        return f"{self.job.names[side.answer]}: {format_number(value)}, the limit is {format_number(side.reference)}"
 
     def met(self, margins: Array) -> bool:
         """Whether limits and rules are met."""

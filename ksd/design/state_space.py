@@ -20,8 +20,8 @@ from ksd.checks import clear_argument_errors, names_of, not_negative, show, whol
 from ksd.design.questions import VALUE
 from ksd.design.table import write_mat
 from ksd.errors import SceneError
-from ksd.properties.tangent import factored_tangent
-from ksd.properties.words import Shown, listed, number
+from ksd.properties.printing import PrintableAnswer, format_number, format_table
+from ksd.properties.tangent import assemble_and_factor
 from ksd.solve.answer import drive_kind
 from ksd.solve.configuration import Configuration
 from ksd.solve.following import MILD
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)
-class StateSpace(Shown):
+class StateSpace(PrintableAnswer):
     """x' = A x + B u, y = C x + D u. u: force or moment of every freed drive beyond its present one [N or Nm]; y: its
     motion from the pose [m or rad]; x (2k,): modal amplitudes [m kg^0.5] and their rates. drives, input_units,
     output_units name the entries of u and y; frequency_Hz (k,): of the modes; pose: drive values [m or rad]."""
@@ -51,17 +51,17 @@ class StateSpace(Shown):
     def __str__(self) -> str:
         gain = self.C @ np.linalg.solve(-self.A, self.B) + self.D
         rows = [
-            (f"{n} [{o}]", *(number(g, 5) for g in row))
+            (f"{n} [{o}]", *(format_number(g, 5) for g in row))
             for n, o, row in zip(self.drives, self.output_units, gain, strict=True)
         ]
         at = ", ".join(
             f"{n} = {v:.6g} {u}" for (n, v), u in zip(self.pose.items(), self.output_units, strict=False)
         )
-        return listed(
+        return format_table(
             ("motion", *(f"{n} [{u}]" for n, u in zip(self.drives, self.input_units, strict=True))),
             rows,
             f"State-space model about {at}: {len(self.A)} states",
-            f"Modes of {', '.join(number(f) for f in self.frequency_Hz)} Hz",
+            f"Modes of {', '.join(format_number(f) for f in self.frequency_Hz)} Hz",
             "Gain at zero frequency, motion of a row per force or moment of a column:",
         )
 
@@ -102,7 +102,7 @@ def state_space(
     found = pose.frequencies(count=whole_number(modes, "modes"), freed=freed)
     if (
         not found.conservative
-        and factored_tangent(*pose.insides, load_factor=pose.load_factor).skew_share() > MILD
+        and assemble_and_factor(*pose.insides, load_factor=pose.load_factor).skew_share() > MILD
     ):
         raise SceneError(
             "state_space: the loads follow their link or are moments fixed in space, and not conservative: modes are "

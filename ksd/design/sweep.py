@@ -23,7 +23,7 @@ from ksd.design.table import Table
 from ksd.errors import KsdError
 from ksd.model.mesh import Mesh
 from ksd.numerics.processes import process_pool, spawning
-from ksd.properties.words import progress_bar
+from ksd.properties.printing import progress_bar
 from ksd.scene.link import Link
 from ksd.solve.solver import METHODS, Method
 

@@ -24,7 +24,7 @@ from ksd.errors import RecordError, SceneError
 from ksd.files import write_file
 from ksd.html import InNotebooks
 from ksd.library.result_files import read_columns, write_columns
-from ksd.properties.words import WIDTH, number, printed
+from ksd.properties.printing import TABLE_WIDTH, format_number, render_text
 from ksd.view import plot_stroke, save_figure
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ class Table(InNotebooks):
         return f"<Table of '{self.name}': {len(self)} rows, {len(self.columns)} columns, {bad} failed>"
 
     def __str__(self) -> str:
-        return printed(*self._excerpt())
+        return render_text(*self._excerpt())
 
     def _excerpt(self) -> Iterator[Any]:
         """What is printed: the columns that matter, first and last rows, what is wrong with which rows, all column names."""
@@ -139,7 +139,7 @@ class Table(InNotebooks):
     def _folded(self) -> list[list[str]]:
         """The columns shown, as many beside the labels as fit the width, the others in tables below."""
         aside = [*self.labels, *([STATUS] if self.failures else [])]
-        room = WIDTH - sum(self._width(n) for n in aside) - 4
+        room = TABLE_WIDTH - sum(self._width(n) for n in aside) - 4
         folds: list[list[str]] = [[]]
         for name in self._shown():
             if folds[-1] and sum(map(self._width, [*folds[-1], name])) > room:
@@ -168,7 +168,7 @@ class Table(InNotebooks):
             return value if value == OK else f"({said.index(value) + 1})"
         if isinstance(value, str):
             return value
-        return "-" if math.isnan(value) else number(value, 5, zero=self._noise(name))
+        return "-" if math.isnan(value) else format_number(value, 5, zero=self._noise(name))
 
     def _noise(self, name: str) -> float:
         """What is rounding in a column."""

@@ -15,8 +15,7 @@ from ksd.design.design_log import DesignLog
 from ksd.design.job import Job, check_job
 from ksd.design.table import OK, Table
 from ksd.errors import KsdError, SceneError
-from ksd.properties.words import Shown, listed
-from ksd.properties.words import number as written
+from ksd.properties.printing import PrintableAnswer, format_number, format_table
 
 Array = np.ndarray
 TOLD = 12
@@ -24,7 +23,7 @@ TOLD = 12
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Tolerance(Shown):
+class Tolerance(PrintableAnswer):
     """Answers of a design whose parameters scatter independently, normally, by `spread` (standard deviations, SI).
 
     names: of the answers; nominal, first_order, sampled (answers,): values, and standard deviations to first order and of
@@ -57,7 +56,7 @@ class Tolerance(Shown):
     def _line(self) -> str:
         merits = self.merits[np.isfinite(self.merits)]
         worst = (
-            f", worst target {written(self.sign * float(merits.mean()))} +- {written(float(merits.std()))}"
+            f", worst target {format_number(self.sign * float(merits.mean()))} +- {format_number(float(merits.std()))}"
             if len(merits)
             else ""
         )
@@ -70,8 +69,10 @@ class Tolerance(Shown):
         for k in np.argsort(self.reach)[:TOLD].tolist():
             name, share = next(iter(self.to_blame(self.names[k]).items()))
             numbers = (self.nominal[k], self.first_order[k], self.sampled[k])
-            rows.append((self.names[k], *(written(float(v)) for v in numbers), f"{name} {100 * share:.0f} %"))
-        return listed(
+            rows.append(
+                (self.names[k], *(format_number(float(v)) for v in numbers), f"{name} {100 * share:.0f} %")
+            )
+        return format_table(
             ("answer", "nominal", "sd, first order", "sd, sampled", "<to blame"), rows, self._line()
         )
 

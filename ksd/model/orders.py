@@ -2,7 +2,7 @@
 
 The choice follows measured errors of moment, support stiffness and buckling (see the validation tests); never below
 the hard minima nz 4, nx 3, ny 2, under which support stiffness is off by factors. Whether they were enough is seen in the
-answer: `ksd.properties.resolution`.
+answer: `ksd.properties.mesh_adequacy`.
 """
 
 from __future__ import annotations

@@ -36,33 +36,33 @@ from ksd.model.arrays import COIL, STRAIN, TURN, Motion, make_work
 from ksd.model.compile import Model
 from ksd.model.loading import twist
 from ksd.model.newton import assemble, assemble_nodes, move_nodes
+from ksd.properties.finer_model import finer_state
 from ksd.properties.leaf_groups import (
     EndFrames,
     LeafGroup,
-    assembled_blocks,
-    elastic,
+    assemble_blocks,
+    elastic_stiffness,
     end_frames,
-    end_levers,
+    end_jacobians,
     group_parts,
     inner_unknowns,
     leaf_groups,
     leaf_weight,
 )
-from ksd.properties.nonconservative import divergences, load_tangent, skew_tangent
+from ksd.properties.nonconservative import count_negative_eigenvalues, load_tangent, skew_tangent
+from ksd.properties.printing import PrintableAnswer, describe_motion, format_number, format_table
 from ksd.properties.stiffness import node_of, point_motion
 from ksd.properties.tangent import (
-    LOST,
+    MAX_BACKWARD_ERROR,
     Tangent,
-    assembled_tangent,
-    exact,
-    factored,
-    factored_tangent,
-    free_rows,
+    assemble_and_factor,
+    assemble_tangent,
+    exact_tangent_arrays,
+    factor_tangent,
+    release_rows,
     row_numbers,
     stored_matrix,
 )
-from ksd.properties.unfold import unfolded
-from ksd.properties.words import Shown, listed, movement, number
 
 Array = NDArray[np.float64]
 DENSE, MOST_DENSE = 80, 1000
@@ -90,7 +90,7 @@ STRESSLESS = 1e-9
 
 
 @dataclass(frozen=True, repr=False)
-class Buckling(Shown):
+class Buckling(PrintableAnswer):
     """Critical load factors, signed, smallest magnitude first: as many as were asked for, and the smallest of either sign.
 
     factor (k,): how many times the load is to be added (or all stresses multiplied) to the loss of stability; negative:
@@ -116,7 +116,7 @@ class Buckling(Shown):
     backward_error: float = 0.0
 
     def _line(self) -> str:
-        return ", ".join(number(m) for m in self.factor) or self.reason
+        return ", ".join(format_number(m) for m in self.factor) or self.reason
 
     @property
     def criterion(self) -> str:
@@ -138,15 +138,15 @@ class Buckling(Shown):
             return ""
         if not np.isfinite(self.reach):
             return "no critical load factor: linear theory has no real one"
-        left = f" (it would say {number(self.beyond)})" if np.isfinite(self.beyond) else ""
+        left = f" (it would say {format_number(self.beyond)})" if np.isfinite(self.beyond) else ""
         far = f"a link has moved by {FAR:g} rad or {100 * FAR:g} % of the size and linear theory ends"
-        upto = f"no critical load factor up to {number(self.reach)}, where {far}{left}"
+        upto = f"no critical load factor up to {format_number(self.reach)}, where {far}{left}"
         return f"{upto}; put the load on, or follow it (ksd.follow)"
 
     def __str__(self) -> str:
         between = "leaf springs between ends that stand still"
         rows = [
-            (number(m), _percent(e), movement(self.model, v) or between)
+            (format_number(m), _percent(e), describe_motion(self.model, v) or between)
             for m, e, v in zip(self.factor, self.mesh_error, self.shape, strict=True)
         ]
         count = "1 direction" if self.unstable == 1 else f"{self.unstable} directions"
@@ -158,7 +158,7 @@ class Buckling(Shown):
         bad += [self.criterion[:1].upper() + self.criterion[1:]] * (not self.conservative)
         none = [self.reason[:1].upper() + self.reason[1:]] * bool(self.reason)
         said = "Critical load factors: times the load is added, or stresses grow, all else held; negative: reversed"
-        return listed(("factor", "mesh error", "<link that moves most"), rows, said, *none, *bad)
+        return format_table(("factor", "mesh error", "<link that moves most"), rows, said, *none, *bad)
 
     @property
     def positive(self) -> float:
@@ -178,7 +178,7 @@ def _percent(error: float) -> str:
     return (
         f"under {100.0 * LEAST_MESH_ERROR:g} %"
         if error < LEAST_MESH_ERROR
-        else f"{number(100.0 * error, 1)} %"
+        else f"{format_number(100.0 * error, 1)} %"
     )
 
 
@@ -207,10 +207,10 @@ def full_tangents(
     every = np.arange(nodes)
     places, blocks = [every[None]], [(whole[None], still[None])]
     for group, unknowns in zip(leaf_groups(model), inner_unknowns(model), strict=True):
-        places.append(np.hstack([unknowns[:, :12], nodes + group.places]))
+        places.append(np.hstack([unknowns[:, :12], nodes + group.inner_index]))
         blocks.append(_leaf_tangents(model, motion, group, load_factor))
     size = nodes + int(arrays.members.inner_at[-1])
-    one, other = (assembled_blocks(places, [b[k] for b in blocks], size) for k in range(2))
+    one, other = (assemble_blocks(places, [b[k] for b in blocks], size) for k in range(2))
     return one.tocsc(), other.tocsc()
 
 
@@ -219,7 +219,7 @@ def _node_terms(model: Model, motion: Motion, rows: Iterable[int], load_factor: 
     arrays = model.arrays
     work = make_work(arrays)
     assemble_nodes(arrays, motion, load_factor, work)
-    free_rows(arrays, work.value, rows)
+    release_rows(arrays, work.value, rows)
     return stored_matrix(arrays, work.value)
 
 
@@ -248,7 +248,7 @@ def _relaxed(model: Model, motion: Motion) -> Model:
 def _corners(motion: Motion, group: LeafGroup, ends: EndFrames) -> Array:
     """(k, 12, 12): how the end wrench of every leaf turns with its nodes."""
     found = np.zeros((len(group.members), 12, 12))
-    wrench = motion.inner[group.places[:, group.modes :]].reshape(-1, 2, 3) @ ends.frame.swapaxes(1, 2)
+    wrench = motion.inner[group.inner_index[:, group.modes :]].reshape(-1, 2, 3) @ ends.frame.swapaxes(1, 2)
     for k in range(len(found)):
         geometric_tangent(np.array([*wrench[k], ends.reach[k], ends.arms[k, 1]]), found[k])
     return found
@@ -264,10 +264,10 @@ def _leaf_tangents(model: Model, motion: Motion, group: LeafGroup, load_factor: 
     parts, ends = group_parts(model, motion, group, load_factor), end_frames(model, motion, group.members)
     N = group.modes
     still = np.zeros((len(group.members), 18 + N, 18 + N))
-    still[:, 12 : 12 + N, 12 : 12 + N] = elastic(group)
+    still[:, 12 : 12 + N, 12 : 12 + N] = elastic_stiffness(group)
     still[:, 12 + N :, 12 : 12 + N] = -parts.J
     still[:, 12 + N : 15 + N, 12 + N : 15 + N] = -parts.S
-    still[:, 12 + N :, :12] = end_levers(ends)[1]
+    still[:, 12 + N :, :12] = end_jacobians(ends)[1]
     whole = still.copy()
     whole[:, 12 : 12 + N, 12 : 12 + N] = parts.W
     whole[:, :12, :12] = _corners(motion, group, ends)
@@ -287,7 +287,7 @@ def _chain_tangent(model: Model, motion: Motion, rows: Iterable[int], load_facto
     arrays = model.arrays
     work = make_work(arrays)
     assemble(arrays, motion, np.zeros(len(arrays.terms.start)), load_factor, work, 1e-8, 0, 10.0)
-    free_rows(arrays, work.value, rows)
+    release_rows(arrays, work.value, rows)
     return stored_matrix(arrays, work.value)
 
 
@@ -352,7 +352,7 @@ def _strain_rates(model: Model, motion: Motion) -> Array:
         state.inner[members.inner_at[:-1] + k] = 1.0
         assemble(arrays, state, target, 0.0, work, 1e-8, 0, 10.0)
         D[:, k] = work.lam[: len(number), 6:]
-    relative = end_levers(end_frames(model, motion, np.arange(len(number))))[1]
+    relative = end_jacobians(end_frames(model, motion, np.arange(len(number))))[1]
     found: Array = D @ relative
     return found
 
@@ -422,7 +422,7 @@ def critical_factors(
     resisted, pushed = A @ shape, B @ (shape * factor)
     off, whole = (np.linalg.norm(part, axis=0) for part in (resisted + pushed, shape))
     error = np.max(off / (np.linalg.norm(A.data) * whole + np.linalg.norm(pushed, axis=0)), initial=0.0)
-    if not error <= LOST:
+    if not error <= MAX_BACKWARD_ERROR:
         raise ConvergenceError(
             "buckling: rounding left no digits of the critical load factors: a motion is left that hardly anything resists; "
             "hold more drives"
@@ -530,24 +530,24 @@ def _matrices(
     """K and K' of the state of a tangent, and how many times the load moves a link FAR; load: link, point, force and
     moment, whether it follows; None: all stresses grow."""
     model, state, rows = tangent.model, tangent.motion, row_numbers(tangent.model, tangent.freed)
-    whole = replace(model, arrays=exact(model.arrays))
+    whole = replace(model, arrays=exact_tangent_arrays(model))
     if load is None:
         stressed, K = full_tangents(whole, state, rows=rows, load_factor=load_factor)
         return K, stressed - K, np.inf
     added, own = _load(tangent, *load)
     K, change, reach = _derivative(replace(tangent, model=whole), added, rows, load_factor)
     start = tangent.unknowns(node_of(model, load[0])).start
-    return K, change + assembled_blocks([start + np.arange(6)[None]], [own[None]], K.shape[0]), reach
+    return K, change + assemble_blocks([start + np.arange(6)[None]], [own[None]], K.shape[0]), reach
 
 
-def twice_unfolded(model: Model, motion: Motion, load_factor: float = 1.0) -> tuple[Model, Motion]:
+def twice_finer_state(model: Model, motion: Motion, load_factor: float = 1.0) -> tuple[Model, Motion]:
     """The model with two more modes per axis, or chain nodes in the open, and the equilibrium there next to the state.
 
     A leaf spring that buckles between its ends has more waves than one that is bent: with one more mode the least factor of
     one mechanism in thirty is 2 % too high, of the worst 7 %, with two .4 and .7 %.
     """
     for _ in range(2):
-        model, motion = unfolded(model, motion, load_factor=load_factor)
+        model, motion = finer_state(model, motion, load_factor=load_factor)
     return model, motion
 
 
@@ -591,10 +591,10 @@ def buckling(
     stress, ConvergenceError where none were found.
     """
     freed = names_of(freed, "freed")
-    fine, state = twice_unfolded(model, motion, load_factor)
+    fine, state = twice_finer_state(model, motion, load_factor)
     load = None if link is None else (link, at, (force, moment), following)
-    assembled = assembled_tangent(fine, state, load_factor=load_factor)
-    tangent = factored(assembled, freed)
+    assembled = assemble_tangent(fine, state, load_factor=load_factor)
+    tangent = factor_tangent(assembled, freed)
     conservative = tangent.skew is None and not following and not np.any(moment)
     K, change, reach = _matrices(tangent, load, load_factor)
     if conservative:
@@ -609,9 +609,9 @@ def buckling(
     if conservative and STRAIN in fine.kinds:
         mesh_error = _mesh_error(fine, K, change, factor, vectors)
     elif len(factor):
-        finer, settled = twice_unfolded(fine, state, load_factor)
+        finer, settled = twice_finer_state(fine, state, load_factor)
         if finer is not fine:
-            again = factored_tangent(finer, settled, freed=freed, load_factor=load_factor)
+            again = assemble_and_factor(finer, settled, freed=freed, load_factor=load_factor)
             found = critical_factors(*_matrices(again, load, load_factor)[:2], 3 * count, symmetric=False)[0]
             mesh_error = np.abs(np.divide.outer(found, factor) - 1.0).min(axis=0, initial=np.inf)
             stays = mesh_error < OF_MESH
@@ -627,5 +627,5 @@ def buckling(
     loads = skew_tangent(fine.arrays, state, load_factor)
     if loads is not None and unstable:
         rest = len(fine.arrays.terms.start) - assembled.inside
-        unstable = divergences(fine.arrays, assembled.matrix(freed), loads) - rest
+        unstable = count_negative_eigenvalues(fine.arrays, assembled.matrix(freed), loads) - rest
     return Buckling(fine, factor, shape, vectors.T, mesh_error, unstable, reach, beyond, conservative, error)

@@ -12,7 +12,7 @@ from ksd.model.compile import Model
 T = TypeVar("T")
 
 
-def per_model(function: Callable[[Model], T]) -> Callable[[Model], T]:
+def cached_per_model(function: Callable[[Model], T]) -> Callable[[Model], T]:
     """Call `function(model)` once per model object; models are frozen, so the answer stays right.
 
     It is kept in the model, or it would keep alive every model that it refers to.

@@ -26,8 +26,8 @@ from ksd.model.compile import Model, compile_scene, reference_points
 from ksd.model.leaves import cut_leaves
 from ksd.model.newton import assemble
 from ksd.properties.nonconservative import cross_matrix
-from ksd.properties.tangent import exact, stored_matrix
-from ksd.properties.words import Shown
+from ksd.properties.printing import PrintableAnswer
+from ksd.properties.tangent import exact_tangent_arrays, stored_matrix
 from ksd.scene.drive import GROUND
 from ksd.scene.hinges import PLANES
 from ksd.scene.mechanism import Mechanism
@@ -78,7 +78,7 @@ class Fight:
 
 
 @dataclass(frozen=True, repr=False)
-class Diagnosis(Shown):
+class Diagnosis(PrintableAnswer):
     """What the doctor found. freedoms: left by joints, leaf springs and supports, for drives to move; held: those the drives
     hold; constraints, independent: rows of joints, leaf springs and supports, and their rank; free: motions left with
     all drives held; fights: redundant constraints, of the mechanism and then inside joints; singular_values: of all
@@ -410,7 +410,7 @@ def stiffness_at_rest(scene: Scene, point: Array, axes: Array, length: float) ->
 
 def rest_matrix(model: Model) -> Array:
     """The tangent (n, n) of a model at rest, without loads, in the order of its unknowns."""
-    arrays = exact(model.arrays)
+    arrays = exact_tangent_arrays(model)
     work = make_work(arrays)
     assemble(arrays, model.rest, np.zeros(len(arrays.terms.start)), 0.0, work, 1e-8, 0, 10.0)
     return stored_matrix(arrays, work.value)

@@ -17,9 +17,9 @@ from scipy.spatial.distance import cdist
 from ksd.errors import SceneError
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
-from ksd.properties.cache import per_model
-from ksd.properties.shape import POINTS, LeafShape, mechanism_shape, members_of_leaves
-from ksd.properties.words import Shown, number
+from ksd.properties.cache import cached_per_model
+from ksd.properties.printing import PrintableAnswer, format_number
+from ksd.properties.shape import DEFAULT_STATIONS, LeafShape, leaf_members, mechanism_shape
 from ksd.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ def why_no_clearance(scene: Scene) -> str:
 
 
 @dataclass(frozen=True, repr=False)
-class Clearance(Shown):
+class Clearance(PrintableAnswer):
     """Smallest distance [m] between two leaf springs that share no block and are not in one joint with windows, half the
     thickness of both taken off; leaves: their names. Not positive where they touch."""
 
@@ -48,13 +48,13 @@ class Clearance(Shown):
     leaves: tuple[str, str]
 
     def _line(self) -> str:
-        return f"{number(1e3 * self.distance)} mm, '{self.leaves[0]}' and '{self.leaves[1]}'"
+        return f"{format_number(1e3 * self.distance)} mm, '{self.leaves[0]}' and '{self.leaves[1]}'"
 
     def __str__(self) -> str:
         return f"Smallest clearance: {self._line()}"
 
 
-def extent(model: Model, motion: Motion, *, points: int = POINTS) -> Array:
+def extent(model: Model, motion: Motion, *, points: int = DEFAULT_STATIONS) -> Array:
     """Lowest and highest coordinates (2, 3) [m, global] of all leaf springs, width and thickness included."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for leaf in mechanism_shape(model, motion, points=points).leaves:
@@ -67,7 +67,7 @@ def extent(model: Model, motion: Motion, *, points: int = POINTS) -> Array:
     return np.array([low, high])
 
 
-def clearance(model: Model, motion: Motion, *, points: int = POINTS) -> Clearance:
+def clearance(model: Model, motion: Motion, *, points: int = DEFAULT_STATIONS) -> Clearance:
     """The nearest two leaf springs without a common block, but for those in one joint with windows. Raises SceneError where
     there are none."""
     leaves = mechanism_shape(model, motion, points=points).leaves
@@ -91,10 +91,10 @@ def clearance(model: Model, motion: Motion, *, points: int = POINTS) -> Clearanc
     return Clearance(float(best), (leaves[where[0]].name, leaves[where[1]].name))
 
 
-@per_model
+@cached_per_model
 def _apart(model: Model) -> NDArray[np.int64]:
     """Leaf springs (2, k) of the shape, of every two that have a clearance."""
-    index = {name: k for k, name in enumerate(members_of_leaves(model))}
+    index = {name: k for k, name in enumerate(leaf_members(model))}
     pairs = [(index[a], index[b]) for a, b in model.scene.leaves_apart()]
     return np.array(pairs, dtype=np.int64).reshape(-1, 2).T
 

@@ -28,17 +28,17 @@ from ksd.model.compile import Model
 from ksd.model.loading import twist
 from ksd.model.newton import assemble, assemble_nodes
 from ksd.model.poses import member_pose
-from ksd.properties.leaf_groups import LeafGroup, chain_groups, leaf_groups, own_gravity
+from ksd.properties.leaf_groups import LeafGroup, chain_groups, leaf_groups, local_gravity
+from ksd.properties.printing import NamedAnswerTable, PrintableAnswer, format_number, format_table
 from ksd.properties.shape import (
     chain_lines,
-    crossed,
+    cross_rows,
+    leaf_members,
+    member_arrays,
     member_ends,
-    member_parts,
-    members_of_leaves,
-    place_of,
+    point_position,
     strain_curves,
 )
-from ksd.properties.words import Named, Shown, listed, number
 
 Array = NDArray[np.float64]
 COMPONENTS = ("N", "Vy", "Vz", "T", "My", "Mz")
@@ -47,7 +47,7 @@ POINTS = 25
 
 
 @dataclass(frozen=True, repr=False)
-class SectionForces(Shown):
+class SectionForces(PrintableAnswer):
     """Section forces of one leaf: stations s (k,) [m] from its start, values (k, 6), columns N, Vy, Vz [N] and T, My, Mz
     [Nm].
 
@@ -60,15 +60,18 @@ class SectionForces(Shown):
 
     def _line(self) -> str:
         most = np.abs(self.values).max(axis=0)
-        said = ", ".join(f"{c} {number(v, 3)}" for c, v in zip(COMPONENTS, most, strict=True))
+        said = ", ".join(f"{c} {format_number(v, 3)}" for c, v in zip(COMPONENTS, most, strict=True))
         return f"'{self.name}', at most {said} [N, Nm]"
 
     def __str__(self) -> str:
         rows = [
-            (number(1e3 * s, 4), *(number(v, 4, zero=1e-9 * float(np.abs(self.values).max())) for v in row))
+            (
+                format_number(1e3 * s, 4),
+                *(format_number(v, 4, zero=1e-9 * float(np.abs(self.values).max())) for v in row),
+            )
             for s, row in zip(self.s, self.values, strict=True)
         ]
-        return listed(("s [mm]", *COMPONENTS), rows, f"Section forces [N, Nm] along leaf '{self.name}'")
+        return format_table(("s [mm]", *COMPONENTS), rows, f"Section forces [N, Nm] along leaf '{self.name}'")
 
     @property
     def start(self) -> Array:
@@ -83,12 +86,12 @@ class SectionForces(Shown):
 
 def section_forces(
     model: Model, motion: Motion, *, points: int = POINTS, load_factor: float = 1.0
-) -> Named[SectionForces]:
+) -> NamedAnswerTable[SectionForces]:
     """Section forces of all leaves by full name; `points` stations in a strain-mode leaf; their weight times load_factor."""
-    found = forces_of_members(model, motion, members_of_leaves(model), points, load_factor)
+    found = forces_of_members(model, motion, leaf_members(model), points, load_factor)
     said = "Section forces, the largest along every leaf"
     units = [f"{c} [{'N' if c in COMPONENTS[:3] else 'Nm'}]" for c in COMPONENTS]
-    return Named(found, said, ("leaf", *units), _most)
+    return NamedAnswerTable(found, said, ("leaf", *units), _most)
 
 
 def forces_of_members(
@@ -98,9 +101,9 @@ def forces_of_members(
     parts: dict[int, tuple[Array, Array]] = {}
     wrenches = end_wrenches(model, motion, load_factor=load_factor)
     for group in (*leaf_groups(model), *chain_groups(model)):
-        gravity = own_gravity(model, motion, group, load_factor)
+        gravity = local_gravity(model, motion, group, load_factor)
         if model.arrays.members.kind[group.members[0]] == STRAIN:
-            made = strain_forces(group.value, motion.inner[group.places], group.number, points, gravity)
+            made = strain_forces(group.value, motion.inner[group.inner_index], group.number, points, gravity)
         else:
             made = _chain_forces(model, motion, group, wrenches, gravity)
         parts |= zip(group.members.tolist(), zip(*made, strict=True), strict=True)
@@ -119,7 +122,7 @@ def forces_of_members(
 def _most(forces: SectionForces) -> list[str]:
     """Largest amounts of the six components, in words."""
     most = np.abs(forces.values).max(axis=0)
-    return [number(float(v), 4, zero=1e-9 * float(most.max())) for v in most]
+    return [format_number(float(v), 4, zero=1e-9 * float(most.max())) for v in most]
 
 
 def end_wrenches(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Array:
@@ -131,7 +134,7 @@ def end_wrenches(model: Model, motion: Motion, *, load_factor: float = 1.0) -> A
         assemble(model.arrays, motion, held, load_factor, work, 1e-8, 0, 10.0)
         found[:] = work.lam[: len(found), :6]
     for group in leaf_groups(model):
-        found[group.members] = motion.inner[group.places][:, group.modes :]
+        found[group.members] = motion.inner[group.inner_index][:, group.modes :]
     return found
 
 
@@ -162,7 +165,7 @@ def _solid_forces(model: Model, motion: Motion, i: int, wrenches: Array) -> tupl
     """Stations (k,) and section forces (k, 6) along the middle of a reduced solid."""
     ends = member_ends(model, motion, i)
     solid = model.bodies[model.member_names[i]]
-    s, r, R = solid.middle_line(ends.d, ends.Q, member_parts(model, motion, i)[2])
+    s, r, R = solid.middle_line(ends.d, ends.Q, member_arrays(model, motion, i)[2])
     return s, forces_along(r[None], R[None], wrenches[None, i : i + 1])[0]
 
 
@@ -184,11 +187,11 @@ def forces_along(r: Array, R: Array, wrench: Array, *weight: Array) -> Array:
     weight: gravity (leaves, 1, 3), mass beyond every station (leaves, k), and int M dr up to there (leaves, k, 3).
     """
     n = wrench[..., :3]
-    moment, forces = wrench[..., 3:] + crossed(r[:, -1:] - r, n), np.broadcast_to(n, r.shape)
+    moment, forces = wrench[..., 3:] + cross_rows(r[:, -1:] - r, n), np.broadcast_to(n, r.shape)
     if weight:
         gravity, mass, first = weight
         forces = forces + mass[..., None] * gravity
-        moment = moment + crossed(first[:, -1:] - first, gravity)
+        moment = moment + cross_rows(first[:, -1:] - first, gravity)
     found: Array = np.concatenate([forces, moment], axis=2).reshape(*r.shape[:2], 2, 3) @ R
     return found.reshape(*r.shape[:2], 6)
 
@@ -200,7 +203,7 @@ LIGHT = 1e-6
 
 
 @dataclass(frozen=True, repr=False)
-class InterfaceForce(Shown):
+class InterfaceForce(PrintableAnswer):
     """What one joint, leaf, spring, pin or slider exerts on one link: force (3,) [N], moment (3,) [Nm] about `point` (3,)
     [m], the place of the interface or end now; global axes."""
 
@@ -212,14 +215,14 @@ class InterfaceForce(Shown):
 
     def _line(self) -> str:
         force, moment = (
-            " ".join(number(float(v), 4, zero=NOISE * float(np.abs(part).max())) for v in part)
+            " ".join(format_number(float(v), 4, zero=NOISE * float(np.abs(part).max())) for v in part)
             for part in (self.force, self.moment)
         )
         return f"'{self.name}' on '{self.link}': {force} N, {moment} Nm"
 
 
 @dataclass(frozen=True, repr=False)
-class InterfaceForces(Shown):
+class InterfaceForces(PrintableAnswer):
     """All of them, in the order of the scene: joints, free leaf springs, springs, pins and sliders; two rows each.
 
     size [m]: length by which moments and forces are compared.
@@ -230,7 +233,7 @@ class InterfaceForces(Shown):
 
     def _line(self) -> str:
         most = max(self.rows, key=lambda row: float(np.linalg.norm(row.force)))
-        return f"{len(self.rows)} interfaces, at most {number(float(np.linalg.norm(most.force)))} N, of '{most.name}'"
+        return f"{len(self.rows)} interfaces, at most {format_number(float(np.linalg.norm(most.force)))} N, of '{most.name}'"
 
     @property
     def listing(self) -> list[tuple[str, str, list[float]]]:
@@ -242,10 +245,10 @@ class InterfaceForces(Shown):
         return [(r.name, r.link, wrench) for r, wrench in zip(self.rows, cleaned, strict=True)]
 
     def __str__(self) -> str:
-        rows = [(name, link, *(number(v, 4) for v in wrench)) for name, link, wrench in self.listing]
+        rows = [(name, link, *(format_number(v, 4) for v in wrench)) for name, link, wrench in self.listing]
         columns = (*(f"F{a} [N]" for a in "xyz"), *(f"M{a} [Nm]" for a in "xyz"))
         said = "Interface forces: on the link, moments about the interface, global axes"
-        return listed(("of", "<on link", *columns), rows, said)
+        return format_table(("of", "<on link", *columns), rows, said)
 
     def of(self, name: str, link: str) -> InterfaceForce:
         """What one joint, leaf or spring exerts on one of its links. Raises SceneError for names without a row."""
@@ -275,7 +278,7 @@ def interface_forces(model: Model, motion: Motion, *, load_factor: float = 1.0) 
         mine = [e for e in ends if e.name.startswith(f"{placed.name}/")]
         for link, point in ((placed.a, placed.origin), (placed.b, placed.place(placed.joint.pose_B))):
             node = model.node_names.index(link)
-            here = place_of(model, motion, node, point)
+            here = point_position(model, motion, node, point)
             theirs = [e for e in mine if e.link == link]
             force = sum((e.force for e in theirs), np.zeros(3))
             moment = sum((e.moment + np.cross(e.point - here, e.force) for e in theirs), np.zeros(3))
@@ -295,7 +298,7 @@ def leaf_end_forces(model: Model, motion: Motion, load_factor: float) -> list[In
     found, members = [], model.arrays.members
     forces = section_forces(model, motion, load_factor=load_factor)
     wrenches = end_wrenches(model, motion, load_factor=load_factor)
-    for name, parts in members_of_leaves(model).items():
+    for name, parts in leaf_members(model).items():
         first, last = member_ends(model, motion, parts[0]), member_ends(model, motion, parts[-1])
         n, m = wrenches[parts[0], :3], wrenches[parts[0], 3:]
         force, moment = n, m + np.cross(first.d, n)
@@ -323,7 +326,7 @@ def _hinge(model: Model, motion: Motion, hinge: Any) -> list[InterfaceForce]:
             force = force + share
         else:
             moment = moment + share
-    place = place_of(model, motion, nodes[1], hinge.at)
+    place = point_position(model, motion, nodes[1], hinge.at)
     return [
         InterfaceForce(hinge.name, hinge.a, place, -force, -moment),
         InterfaceForce(hinge.name, hinge.b, place, force, moment),
@@ -350,10 +353,10 @@ def _spring(model: Model, motion: Motion, i: int, work: Work) -> list[InterfaceF
 
 def spring_energy(model: Model, motion: Motion) -> dict[str, float]:
     """Energy [J] of every spring and link with a matrix, by name; empty where the model has none."""
-    return {name: energy_of_spring(model, motion, i) for i, name in enumerate(model.spring_names)}
+    return {name: energy_of_one_spring(model, motion, i) for i, name in enumerate(model.spring_names)}
 
 
-def energy_of_spring(model: Model, motion: Motion, i: int) -> float:
+def energy_of_one_spring(model: Model, motion: Motion, i: int) -> float:
     """k (l - l0)^2 / 2, k (angle - rest)^2 / 2, or xi K xi / 2 of spring i."""
     springs = model.arrays.springs
     value, pose, Q = springs.value[springs.value_at[i] :], np.empty(18), np.empty((3, 3))

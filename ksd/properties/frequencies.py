@@ -23,12 +23,19 @@ from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.model.leaves import leaf_of
 from ksd.model.newton import move_nodes
+from ksd.properties.finer_model import finer_state
 from ksd.properties.leaf_groups import leaf_groups
 from ksd.properties.mass import Inertia, inertia
+from ksd.properties.printing import (
+    PrintableAnswer,
+    describe_node_motion,
+    format_number,
+    format_table,
+    node_travel,
+    released_text,
+)
 from ksd.properties.shape import scene_leaves
-from ksd.properties.tangent import Tangent, factored_tangent, refuse_lost, row_gradients
-from ksd.properties.unfold import unfolded
-from ksd.properties.words import Shown, held, listed, movement_of, number, ways
+from ksd.properties.tangent import Tangent, assemble_and_factor, check_backward_error, row_gradients
 
 Array = NDArray[np.float64]
 DENSE = 300
@@ -46,7 +53,7 @@ EMPTY = 1e-13
 
 
 @dataclass(frozen=True, repr=False)
-class Modes(Shown):
+class Modes(PrintableAnswer):
     """Eigenfrequencies about a state, lowest first, and their shapes.
 
     frequency_Hz (k,): omega / 2 pi; an unstable mode (omega^2 < 0) has the negative number -sqrt(-omega^2) / 2 pi and
@@ -81,8 +88,12 @@ class Modes(Shown):
         return len(self.frequency_Hz)
 
     def _line(self) -> str:
-        first, last = (number(f) for f in self.frequency_Hz[[0, -1]])
-        return f"{len(self)} modes, {first} to {last} Hz, {held(self.freed)}" if len(self) else "no modes"
+        first, last = (format_number(f) for f in self.frequency_Hz[[0, -1]])
+        return (
+            f"{len(self)} modes, {first} to {last} Hz, {released_text(self.freed)}"
+            if len(self)
+            else "no modes"
+        )
 
     def __str__(self) -> str:
         rows = []
@@ -92,12 +103,16 @@ class Modes(Shown):
                 + [self.names[k]] * (k in self.intended)
                 + ["unstable"] * bool(self.omega_squared[k] < 0.0)
             )
-            rows.append((str(k + 1), number(f, 5), ", ".join(said)))
+            rows.append((str(k + 1), format_number(f, 5), ", ".join(said)))
         skew = "Loads that follow their link, or moments fixed in space, are not conservative: from the unsymmetric tangent"
         grows = [f"{skew}; {self._growth()}"] * (not self.conservative)
         bare = [f"Without mass, for want of a density: {', '.join(self.massless)}"] * bool(self.massless)
-        return listed(
-            ("mode", "[Hz]", "<what moves"), rows, f"Eigenfrequencies, {held(self.freed)}", *grows, *bare
+        return format_table(
+            ("mode", "[Hz]", "<what moves"),
+            rows,
+            f"Eigenfrequencies, {released_text(self.freed)}",
+            *grows,
+            *bare,
         )
 
     def _growth(self) -> str:
@@ -107,7 +122,7 @@ class Modes(Shown):
             return "none of these grows, neither by itself (divergence) nor in oscillations (flutter)"
         kinds = {True: "divergence", False: "flutter"}
         named = (
-            f"{k + 1} by {number(self.growth_per_s[k])} ({kinds[bool(self.omega_squared[k] < 0.0)]})"
+            f"{k + 1} by {format_number(self.growth_per_s[k])} ({kinds[bool(self.omega_squared[k] < 0.0)]})"
             for k in growing
         )
         return f"modes that grow, per second and without damping: {', '.join(named)}"
@@ -128,7 +143,7 @@ class Modes(Shown):
                 continue
             busy = energy[:, k] > BUSY * energy[:, k].max()
             busy = busy & own if np.any(busy & own) else busy
-            node = int(np.argmax(np.where(busy, ways(self.model, shape), -1.0)))
+            node = int(np.argmax(np.where(busy, node_travel(self.model, shape), -1.0)))
             said.append(_spoken(self.model, node, shape[node], bool(own[node])))
         return tuple(said)
 
@@ -136,7 +151,7 @@ class Modes(Shown):
         """(nodes, k): kinetic energy of every node's own mass and of the leaves that end there, shared between their ends by
         how these move."""
         found = np.zeros((len(self.model.node_names), len(self)))
-        moves = ways(self.model, self.shape).T ** 2
+        moves = node_travel(self.model, self.shape).T ** 2
         members = self.model.arrays.members
         chains = np.flatnonzero(members.kind != STRAIN)
         ends = [members.node[group.members] for group in leaf_groups(self.model)]
@@ -181,7 +196,7 @@ class Modes(Shown):
             leaf_groups(self.model), self.mass.leaves, self.mass.stacks, strict=False
         ):
             bent = x[leaf.inner] + (leaf.P @ (leaf.relative @ x[at[:, :12], None]))[..., 0]
-            state.inner[group.places[:, : group.modes]] += bent
+            state.inner[group.inner_index[:, : group.modes]] += bent
         move_nodes(self.model.arrays, state, x[: self.model.arrays.plan.unknowns], 1.0)
         return state
 
@@ -254,7 +269,7 @@ def _bodies(model: Model) -> Any:
 
 def _spoken(model: Model, node: int, shape: Array, body: bool) -> str:
     """What the farthest node does, in words; shape (6,)."""
-    name, does = model.node_names[node], movement_of(model, shape)
+    name, does = model.node_names[node], describe_node_motion(model, shape)
     if body or not does:
         return f"'{name}' {does}" if does else "the leaf springs"
     leaves = scene_leaves(model)
@@ -370,7 +385,7 @@ def _backward_error(tangent: Tangent, mass: Inertia, squared: Array, vectors: Ar
     again = squared * _flexible(tangent, mass, mass.matrix @ vectors)
     change = np.linalg.norm(mass.rooted(again - vectors), axis=0)
     error = float(np.max(change * np.abs(squared).min() / np.abs(squared)))
-    refuse_lost(error)
+    check_backward_error(error)
     return error
 
 
@@ -390,14 +405,14 @@ def frequencies(
     has mass, KinematicsError when nothing resists a motion.
     """
     freed = names_of(freed, "freed")
-    fine, state = unfolded(model, motion, load_factor=load_factor)
+    fine, state = finer_state(model, motion, load_factor=load_factor)
     mass = inertia(fine, state, load_factor=load_factor)
-    tangent = factored_tangent(fine, state, freed=freed, load_factor=load_factor)
+    tangent = assemble_and_factor(fine, state, freed=freed, load_factor=load_factor)
     # of an unsymmetric tangent whose symmetric part is not positive definite all are wanted
     most = MOST_SKEW if tangent.skew is not None and tangent.unstable else DENSE
     small = np.count_nonzero(mass.matrix.diagonal()) <= most if dense is None else dense
     pairs = _dense_pairs if small else _iterated_pairs
-    gradient = row_gradients(fine, state, range(len(fine.drive_names)))
+    gradient = row_gradients(fine.arrays, state, range(len(fine.drive_names)))
     own = gradient[:, [i for i, n in enumerate(fine.drive_names) if n in freed]]
     compliance = own.T @ tangent.solve(own)
     compliance = 0.5 * (compliance + compliance.T)

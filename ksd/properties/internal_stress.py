@@ -20,11 +20,11 @@ from ksd.model.arrays import STRAIN, Motion, make_work
 from ksd.model.compile import Model
 from ksd.model.newton import assemble_nodes, newton_step
 from ksd.properties.forces import SectionForces, section_forces
-from ksd.properties.leaf_groups import Flexible, flexible_leaves, inner_unknowns, leaf_groups
-from ksd.properties.shape import members_of_leaves
+from ksd.properties.leaf_groups import LeafFlexibility, inner_unknowns, leaf_flexibilities, leaf_groups
+from ksd.properties.printing import PrintableAnswer
+from ksd.properties.shape import leaf_members
 from ksd.properties.stress import stress_of
-from ksd.properties.tangent import Tangent, exact, factored_tangent
-from ksd.properties.words import Shown
+from ksd.properties.tangent import Tangent, assemble_and_factor, exact_tangent_arrays
 
 Array = NDArray[np.float64]
 DIRECTIONS = ("along", "across", "sideways", "twist", "tilt", "yaw")
@@ -43,7 +43,7 @@ class _Misplacements(dict[tuple[str, str], Any]):
 
 
 @dataclass(frozen=True, repr=False)
-class Misplaced(Shown):
+class Misplaced(PrintableAnswer):
     """What misplacements of leaf ends do. stress_Pa: by (leaf, direction) the largest von Mises stress anywhere of the
     change; worst_leaf: the leaf it is in. offset [m] and rotation [rad] are the misplacements asked about."""
 
@@ -93,7 +93,7 @@ def internal_stress(
     offset [m] and rotation [rad] of the end in the leaf's own axes, see DIRECTIONS; leaves: full names, all when empty.
     Linear in both. Raises SceneError for unknown names or sizes that are not positive.
     """
-    names = members_of_leaves(model)
+    names = leaf_members(model)
     asked = tuple(leaves) or tuple(names)
     for name in asked:
         if name not in names:
@@ -118,8 +118,8 @@ Change = Callable[[int, Array], dict[str, SectionForces]]
 
 def _of_strain(model: Model, motion: Motion, load_factor: float, points: int) -> Change:
     told: dict[str, Any] = {"points": points, "load_factor": load_factor}
-    tangent = factored_tangent(model, motion, load_factor=load_factor)
-    flexible = flexible_leaves(model, motion, load_factor=load_factor)
+    tangent = assemble_and_factor(model, motion, load_factor=load_factor)
+    flexible = leaf_flexibilities(model, motion, load_factor=load_factor)
     before = section_forces(model, motion, **told)
 
     def change(member: int, misplaced: Array) -> dict[str, SectionForces]:
@@ -135,7 +135,7 @@ large enough for the rounding of the step (a one-sided 1e-4 left 1e-5 of the ans
 
 
 def _of_chains(model: Model, motion: Motion, load_factor: float, points: int) -> Change:
-    arrays, told = exact(model.arrays), {"points": points, "load_factor": load_factor}
+    arrays, told = exact_tangent_arrays(model), {"points": points, "load_factor": load_factor}
     target = _present(model, motion)
 
     def forces(member: int, misplaced: Array) -> dict[str, SectionForces]:
@@ -166,7 +166,7 @@ def _present(model: Model, motion: Motion) -> Array:
     return found
 
 
-def _change(tangent: Tangent, flexible: list[Flexible], member: int, misplaced: Array) -> Motion:
+def _change(tangent: Tangent, flexible: list[LeafFlexibility], member: int, misplaced: Array) -> Motion:
     """The leaf springs after the linear response to end q of `member` moved (6,) in its axes; nodes stay where they were."""
     model, motion = tangent.model, tangent.motion
     loads = np.zeros(model.arrays.plan.unknowns + 1)
@@ -188,7 +188,7 @@ def _change(tangent: Tangent, flexible: list[Flexible], member: int, misplaced: 
     for group, leaf, at, xi, K in moved:
         total = xi + (leaf.relative @ nodes[at][..., None])[..., 0]
         bent, wrench = (leaf.P @ total[..., None])[..., 0], (K @ total[..., None])[..., 0]
-        state.inner[group.places] += np.hstack([bent, wrench])
+        state.inner[group.inner_index] += np.hstack([bent, wrench])
     return state
 
 

@@ -20,7 +20,7 @@ from ksd.beam.strain_uncondensed import (
 from ksd.beam.strain_values import strain_value_count
 from ksd.model.arrays import COROTATIONAL, STRAIN, Motion
 from ksd.model.compile import Model
-from ksd.properties.cache import per_model
+from ksd.properties.cache import cached_per_model
 from ksd.properties.nonconservative import cross_matrix
 
 Array = NDArray[np.float64]
@@ -28,14 +28,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class LeafGroup:
-    """k leaf springs of one make: members (k,), number (4,), value (k, v): their constants, places (k, N + 6): their inner
-    states in the flat inner state of the model; heavy: whether they have weight."""
+    """k leaf springs of one make: members (k,), number (4,), value (k, v): their constants; inner_index (k, N + 6): of
+    their inner states in the flat inner state of the model; has_weight: whether they have weight."""
 
     members: NDArray[np.int64]
     number: NDArray[np.int64]
     value: Array
-    places: NDArray[np.int64]
-    heavy: bool = False
+    inner_index: NDArray[np.int64]
+    has_weight: bool = False
 
     @property
     def modes(self) -> int:
@@ -43,7 +43,7 @@ class LeafGroup:
         return int(self.number[:3].sum())
 
 
-def panel_tables(number: NDArray[np.int64]) -> slice:
+def panel_table_slice(number: NDArray[np.int64]) -> slice:
     """Where, in the constants of a leaf spring, weights and integrals of its points stand: alike where its panels are."""
     nx, ny, nz, ng = (int(n) for n in number[:4])
     first = 1 + nx * nx + ny * ny + nz * nz + nx + ny + nz
@@ -57,7 +57,7 @@ def _heavy(model: Model) -> NDArray[np.bool_]:
     return heavy
 
 
-@per_model
+@cached_per_model
 def leaf_groups(model: Model) -> tuple[LeafGroup, ...]:
     """All strain-mode members of a model by make, in order of first appearance."""
     members = model.arrays.members
@@ -65,18 +65,18 @@ def leaf_groups(model: Model) -> tuple[LeafGroup, ...]:
     heavy = _heavy(model)
     for i in np.flatnonzero(members.kind == STRAIN).tolist():
         own = members.value[members.value_at[i] :]
-        made = members.number[i].tobytes(), own[panel_tables(members.number[i])].tobytes()
+        made = members.number[i].tobytes(), own[panel_table_slice(members.number[i])].tobytes()
         found.setdefault((*made, bool(heavy[i])), []).append(i)
     groups = []
     for (*_, weighs), same in found.items():
         size = strain_value_count(members.number[same[0]], has_weight=weighs)
         value = np.stack([members.value[members.value_at[i] :][:size] for i in same])
-        places = np.stack([np.arange(members.inner_at[i], members.inner_at[i + 1]) for i in same])
-        groups.append(LeafGroup(np.array(same), members.number[same[0]], value, places, weighs))
+        inner_index = np.stack([np.arange(members.inner_at[i], members.inner_at[i + 1]) for i in same])
+        groups.append(LeafGroup(np.array(same), members.number[same[0]], value, inner_index, weighs))
     return tuple(groups)
 
 
-@per_model
+@cached_per_model
 def chain_groups(model: Model) -> tuple[LeafGroup, ...]:
     """All chains of a model by their number of elements; of their constants those of the elements and the clamped end, and
     masses."""
@@ -124,7 +124,7 @@ def end_axes(model: Model, motion: Motion, which: NDArray[np.int64], ends: EndFr
     return axes
 
 
-def end_levers(ends: EndFrames) -> tuple[Array, Array]:
+def end_jacobians(ends: EndFrames) -> tuple[Array, Array]:
     """(k, 6, 12) each: motion of end p, and of end q relative to it, in frame p, from the motion of both nodes."""
     count = len(ends.start)
     own, relative = np.zeros((count, 6, 12)), np.zeros((count, 6, 12))
@@ -137,9 +137,9 @@ def end_levers(ends: EndFrames) -> tuple[Array, Array]:
     return own, relative
 
 
-def own_gravity(model: Model, motion: Motion, group: LeafGroup, load_factor: float) -> Array | None:
+def local_gravity(model: Model, motion: Motion, group: LeafGroup, load_factor: float) -> Array | None:
     """Gravity (k, 3) [m/s^2] times the load factor in the frames p of a group of leaf springs; None without weight."""
-    if not group.heavy:
+    if not group.has_weight:
         return None
     members, weight = model.arrays.members, model.arrays.weight[group.members]
     frame = motion.R[members.node[group.members, 0]] @ members.frame[group.members, 0]
@@ -149,8 +149,8 @@ def own_gravity(model: Model, motion: Motion, group: LeafGroup, load_factor: flo
 
 def group_parts(model: Model, motion: Motion, group: LeafGroup, load_factor: float) -> UncondensedLeaves:
     """Tangent blocks and mode fields of all leaf springs of a group, stacked (k, ...), see `ksd.beam.strain_uncondensed`."""
-    gravity = own_gravity(model, motion, group, load_factor)
-    return uncondensed_leaves(group.value, group.number, motion.inner[group.places], gravity)
+    gravity = local_gravity(model, motion, group, load_factor)
+    return uncondensed_leaves(group.value, group.number, motion.inner[group.inner_index], gravity)
 
 
 @dataclass(frozen=True)
@@ -165,10 +165,10 @@ class LeafWeight:
 
 def leaf_weight(model: Model, motion: Motion, group: LeafGroup, load_factor: float) -> LeafWeight | None:
     """What the weight of a group of leaves adds to their tangents, see `ksd.beam.weight_assembly`; None without weight."""
-    gravity = own_gravity(model, motion, group, load_factor)
+    gravity = local_gravity(model, motion, group, load_factor)
     if gravity is None:
         return None
-    pull = gravity_derivatives(group.value, group.number, motion.inner[group.places], gravity)
+    pull = gravity_derivatives(group.value, group.number, motion.inner[group.inner_index], gravity)
     ends = end_frames(model, motion, group.members)
     turn, corner = np.zeros((len(gravity), 3, 12)), np.zeros((len(gravity), 12, 12))
     turn[:, :, 3:6] = np.cross(gravity[:, None], ends.frame).swapaxes(1, 2)
@@ -187,19 +187,19 @@ def node_unknowns(model: Model, nodes: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.where(first < 0, -1, first + np.arange(6)).reshape(len(nodes), -1)
 
 
-@per_model
+@cached_per_model
 def inner_unknowns(model: Model) -> tuple[NDArray[np.int64], ...]:
     """Unknowns (k, 12 + N) of the leaves of every group: the motions of both nodes in elimination order, -1 where a node
     is fixed, then inner coordinates of their own behind all node unknowns."""
     at, found = model.arrays.plan.unknowns, []
     for group in leaf_groups(model):
-        own = at + np.arange(group.places[:, : group.modes].size).reshape(-1, group.modes)
+        own = at + np.arange(group.inner_index[:, : group.modes].size).reshape(-1, group.modes)
         found.append(np.hstack([node_unknowns(model, model.arrays.members.node[group.members]), own]))
         at += own.size
     return tuple(found)
 
 
-def assembled_blocks(places: Sequence[NDArray[np.int64]], blocks: Sequence[Array], size: int) -> Any:
+def assemble_blocks(places: Sequence[NDArray[np.int64]], blocks: Sequence[Array], size: int) -> Any:
     """The sum (size, size), scipy CSR, of stacks of matrices (k, m, m), given the unknowns (k, m) of each, -1 for none."""
     from scipy.sparse import coo_matrix
 
@@ -214,7 +214,7 @@ def assembled_blocks(places: Sequence[NDArray[np.int64]], blocks: Sequence[Array
 
 
 @dataclass(frozen=True)
-class Flexible:
+class LeafFlexibility:
     """The leaf springs of one group at one state, in (motions of both nodes, b) with a = P xi + b.
 
     parts: tangent blocks and fields; stiffness (k, N, N): of the amplitudes, parts.W or without its stress; P (k, N, 6);
@@ -232,18 +232,18 @@ class Flexible:
     inner: NDArray[np.int64]
 
 
-def flexible_leaves(model: Model, motion: Motion, *, load_factor: float = 1.0) -> list[Flexible]:
+def leaf_flexibilities(model: Model, motion: Motion, *, load_factor: float = 1.0) -> list[LeafFlexibility]:
     """Every group of leaf springs at `motion`."""
     found = []
     for group, unknowns in zip(leaf_groups(model), inner_unknowns(model), strict=True):
         parts = group_parts(model, motion, group, load_factor)
         P, Z, K = strain_flexibility(parts)
-        own, relative = end_levers(end_frames(model, motion, group.members))
-        found.append(Flexible(parts, parts.W, P, Z, K, own, relative, unknowns[:, 12:]))
+        own, relative = end_jacobians(end_frames(model, motion, group.members))
+        found.append(LeafFlexibility(parts, parts.W, P, Z, K, own, relative, unknowns[:, 12:]))
     return found
 
 
-def elastic(group: LeafGroup) -> Array:
+def elastic_stiffness(group: LeafGroup) -> Array:
     """(k, N, N): stiffness of the amplitudes without stress."""
     K, at, first = np.zeros((len(group.value), group.modes, group.modes)), 1, 0
     for n in (int(n) for n in group.number[:3]):

@@ -23,7 +23,7 @@ from ksd.model.leaves import (
     rigidities,
 )
 from ksd.model.rods import Rods
-from ksd.properties.cache import per_model
+from ksd.properties.cache import cached_per_model
 
 Array = NDArray[np.float64]
 STEPS, SHAPED = 4, 16
@@ -85,18 +85,18 @@ class RodSizes(NamedTuple):
     least: NDArray[np.int64]
 
 
-@per_model
+@cached_per_model
 def rod_sizes(model: Model) -> RodSizes:
     """`RodSizes` of a model."""
-    leaves = leaves_as_rods(model)
+    leaves = leaf_rods(model)
     plain = [leaf.leaf.profile is None and leaf.leaf.curve is None for leaf in leaves]
     sizes = np.array([(leaf.length, leaf.soft, leaf.bent, leaf.mass) for leaf in leaves])
     length, soft, bent, mass = sizes.T.copy()
     return RodSizes(length, soft, bent, mass, np.where(plain, STEPS, SHAPED))
 
 
-@per_model
-def leaves_as_rods(model: Model) -> tuple[LeafRod, ...]:
+@cached_per_model
+def leaf_rods(model: Model) -> tuple[LeafRod, ...]:
     """What the members of a model stand for."""
     weight = model.arrays.weight
     made: list[LeafRod] = []
@@ -134,7 +134,7 @@ def _leaf(model: Model, name: str) -> tuple[Any, Any]:
     return (leaf if name == piece else element_leaves(leaf, leaf.elements or mesh.elements)[0]), mesh
 
 
-@per_model
+@cached_per_model
 def _pieces(model: Model) -> tuple[dict[str, Any], dict[str, Any]]:
     """All leaves of a model by full name, cut at the points on them; and whole."""
     scene = model.scene
@@ -214,7 +214,7 @@ def cut_rods(model: Model, wrench: Array) -> RodParts:
     return found
 
 
-@per_model
+@cached_per_model
 def _known(model: Model) -> dict[tuple[bytes, bytes], RodParts]:
     """Ways to cut the leaves of a model, by steps and parts of every leaf."""
     return {}
@@ -222,7 +222,7 @@ def _known(model: Model) -> dict[tuple[bytes, bytes], RodParts]:
 
 def _cut(model: Model, counts: list[int], parts: list[int]) -> RodParts:
     """All leaves in so many steps and parts each."""
-    leaves, members = leaves_as_rods(model), model.arrays.members
+    leaves, members = leaf_rods(model), model.arrays.members
     samples = [leaf.sampled(n) for leaf, n in zip(leaves, counts, strict=True)]
     at_part, at_step, of = [0], [0], []
     offset, frame = members.offset.copy(), members.frame.copy()

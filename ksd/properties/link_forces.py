@@ -16,7 +16,7 @@ from ksd.files import write_file
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.properties.forces import NOISE, InterfaceForce, interface_forces, leaf_end_forces
-from ksd.properties.words import Shown, listed, number
+from ksd.properties.printing import PrintableAnswer, format_number, format_table
 from ksd.scene.hinges import PLANES
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ class LinkForce:
 
 
 @dataclass(frozen=True, repr=False)
-class LinkForces(Shown):
+class LinkForces(PrintableAnswer):
     """All of them in `rows`: leaf springs in the order of the model, then link by link, ground first. plane: the one whose
     components are printed, None for all; size [m]: by which moments and forces are compared."""
 
@@ -55,7 +55,8 @@ class LinkForces(Shown):
         most = max(inside, key=lambda r: float(np.linalg.norm(r.force)), default=None)
         if most is None:
             return "no leaf springs"
-        return f"{len(inside) // 2} leaf springs, at most {number(float(np.linalg.norm(most.force)))} N, in '{most.of}'"
+        largest = format_number(float(np.linalg.norm(most.force)))
+        return f"{len(inside) // 2} leaf springs, at most {largest} N, in '{most.of}'"
 
     def inside(self, leaf: str) -> tuple[LinkForce, LinkForce]:
         """What a leaf, by full name, hands on at its start and at its end. Raises SceneError for an unknown leaf."""
@@ -74,14 +75,14 @@ class LinkForces(Shown):
             (
                 f"in '{r.of}'" if r.part == "inside" else f"on '{r.at}'",
                 r.at if r.part == "inside" else r.of if r.of == "applied" else f"of '{r.of}'",
-                *(number(float(r.force[k]), 5, zero=noise) for k in forces),
-                *(number(float(r.moment[k]), 5, zero=noise * self.size) for k in moments),
+                *(format_number(float(r.force[k]), 5, zero=noise) for k in forces),
+                *(format_number(float(r.moment[k]), 5, zero=noise * self.size) for k in moments),
             )
             for r in self.rows
         ]
         columns = (*(f"F{'xyz'[k]} [N]" for k in forces), *(f"M{'xyz'[k]} [Nm]" for k in moments))
         said = "Forces in every leaf spring, of the part beyond on the part before, and on every link; global axes"
-        return listed(("", "<", *columns), rows, said)
+        return format_table(("", "<", *columns), rows, said)
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write comma-separated values (UTF-8, full precision, one header line, COLUMNS). Returns the path."""

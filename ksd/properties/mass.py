@@ -3,7 +3,7 @@
 Unknowns: those of the node tangent (six per node, one per constraint row, in elimination order), then for
 every strain-mode leaf the inner coordinates b of `ksd.beam.strain_uncondensed` (a = P xi + b). In these the
 stiffness is the node tangent beside the inverse of a small flexibility Z per leaf, so nothing is condensed
-away and nothing factored twice. Chains are taken with all their nodes in the open (`ksd.properties.unfold`),
+away and nothing factored twice. Chains are taken with all their nodes in the open (`ksd.properties.finer_model`),
 so that they have no inner coordinates.
 """
 
@@ -22,17 +22,17 @@ from ksd.beam.strain_uncondensed import quadrature_points, strain_mass_root
 from ksd.errors import SceneError
 from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
-from ksd.properties.cache import per_model
+from ksd.properties.cache import cached_per_model
 from ksd.properties.leaf_groups import (
-    Flexible,
-    assembled_blocks,
-    flexible_leaves,
+    LeafFlexibility,
+    assemble_blocks,
     inner_unknowns,
+    leaf_flexibilities,
     leaf_groups,
     node_unknowns,
 )
 from ksd.properties.nonconservative import cross_matrix
-from ksd.properties.shape import member_ends, member_parts, members_of_leaves, scene_leaves
+from ksd.properties.shape import leaf_members, member_arrays, member_ends, scene_leaves
 
 Array = NDArray[np.float64]
 
@@ -48,14 +48,14 @@ class Inertia:
 
     stacks: tuple[tuple[NDArray[np.int64], Array], ...]
     size: int
-    leaves: tuple[Flexible, ...]
+    leaves: tuple[LeafFlexibility, ...]
     massless: tuple[str, ...]
 
     @cached_property
     def matrix(self) -> Any:
         """The mass matrix (size, size), scipy CSR."""
         blocks = [B.swapaxes(1, 2) @ B for _, B in self.stacks]
-        return assembled_blocks([places for places, _ in self.stacks], blocks, self.size)
+        return assemble_blocks([places for places, _ in self.stacks], blocks, self.size)
 
     def rooted(self, vectors: Array) -> Array:
         """B times vectors (size, k)."""
@@ -75,7 +75,7 @@ def _chain_element(model: Model, motion: Motion, i: int, leaf: Any, line: Array)
     """Mass (12, 12) of one Appendix A element in the motions of its two nodes, in its deformed axes."""
     members = model.arrays.members
     ends = member_ends(model, motion, i)
-    value, _, _ = member_parts(model, motion, i)
+    value, _, _ = member_arrays(model, motion, i)
     T, Q0 = value[7:16].reshape(3, 3), value[16:25].reshape(3, 3)
     length = float(value[0])
     q, stuff = leaf.section, leaf.material
@@ -107,12 +107,12 @@ def _link_mass(model: Model, motion: Motion, mass: Any) -> tuple[int, Array]:
     return node, levers.T @ own @ levers
 
 
-@per_model
+@cached_per_model
 def _leaves_and_lines(model: Model) -> dict[int, tuple[Any, Array]]:
     """The leaf of the scene every member belongs to, and its mass per length at the points of the member."""
     members, leaves = model.arrays.members, scene_leaves(model)
     found = {}
-    for name, numbers in members_of_leaves(model).items():
+    for name, numbers in leaf_members(model).items():
         # a leaf may be cut at points, and into elements
         ends = np.cumsum([0.0, *members.length[numbers]]) / members.length[numbers].sum()
         for i, (first, last) in zip(numbers, pairwise(ends), strict=True):
@@ -124,7 +124,7 @@ def _leaves_and_lines(model: Model) -> dict[int, tuple[Any, Array]]:
     return found
 
 
-def _leaf_roots(leaf: Flexible, line: Array) -> Array:
+def _leaf_roots(leaf: LeafFlexibility, line: Array) -> Array:
     """B (k, 6 ng, 12 + N) of leaf springs of one make in (motions of both nodes, b)."""
     root = strain_mass_root(leaf.parts, leaf.P, line)
     return np.concatenate(
@@ -142,7 +142,7 @@ def _root(M: Array) -> Array:
 def inertia(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Inertia:
     """Mass of an unfolded model at a state; SceneError when nothing in the scene has mass."""
     members, owner = model.arrays.members, _leaves_and_lines(model)
-    leaves, stacks = tuple(flexible_leaves(model, motion, load_factor=load_factor)), []
+    leaves, stacks = tuple(leaf_flexibilities(model, motion, load_factor=load_factor)), []
     for group, leaf, places in zip(leaf_groups(model), leaves, inner_unknowns(model), strict=True):
         line = np.stack([owner[i][1] for i in group.members.tolist()])
         stacks.append((places, _leaf_roots(leaf, line)))

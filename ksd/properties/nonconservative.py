@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ksd.model.arrays import Arrays, Motion
 
 Array = NDArray[np.float64]
-REAL = 1e-9
+REAL_TOLERANCE = 1e-9
 """Imaginary part of an eigenvalue, over its size, below which it is real."""
 
 _CROSS = np.cross(np.eye(3)[:, None], np.eye(3)[None]).swapaxes(1, 2).reshape(3, 9)
@@ -48,7 +48,7 @@ def skew_tangent(arrays: Arrays, motion: Motion, factor: float) -> Array | None:
     return rest
 
 
-def divergences(arrays: Arrays, K: Array, rest: Array) -> int:
+def count_negative_eigenvalues(arrays: Arrays, K: Array, rest: Array) -> int:
     """Real negative eigenvalues of the tangent K + rest (n, n) on the motions that the constraint rows leave, and one for
     every row, as the inertia of K counts them. K: symmetric, multipliers included; rest: skew. Displacements count over the
     size of the mechanism."""
@@ -68,5 +68,5 @@ def divergences(arrays: Arrays, K: Array, rest: Array) -> int:
         Z = null_space(C / np.where(size > 0.0, size, 1.0))
         A = Z.T @ A @ Z
     values = np.linalg.eigvals(A) if A.size else np.zeros(0)
-    negative = (values.real < 0.0) & (np.abs(values.imag) <= REAL * np.abs(values))
+    negative = (values.real < 0.0) & (np.abs(values.imag) <= REAL_TOLERANCE * np.abs(values))
     return len(rows) + int(negative.sum())

@@ -16,10 +16,10 @@ from ksd.model.arrays import ROTATION, Motion
 from ksd.model.compile import Model
 from ksd.numerics.rotations import rotation_exp, rotation_log
 from ksd.properties.nonconservative import cross_matrix
-from ksd.properties.shape import place_of
+from ksd.properties.printing import PrintableAnswer, format_number
+from ksd.properties.shape import point_position
 from ksd.properties.stiffness import drive_coupling, node_of, point_motion
-from ksd.properties.tangent import SAME, beyond_rows, row_gradients
-from ksd.properties.words import Shown, number
+from ksd.properties.tangent import ROW_SHARE_TOLERANCE, remove_row_components, row_gradients
 from ksd.scene.drive import GROUND
 from ksd.scene.scene import reached
 
@@ -33,7 +33,7 @@ SAME_PLACE = 1e-7
 
 
 @dataclass(frozen=True, repr=False)
-class Parasitic(Shown):
+class Parasitic(PrintableAnswer):
     """Motion of a point of a link from rest that its drives do not prescribe: shift (3,) [m] and turn (3,) [rad, rotation
     vector], global axes, at `point` (3,) [m] at rest. drives: what they prescribe is taken out."""
 
@@ -53,7 +53,7 @@ class Parasitic(Shown):
 
 
 @dataclass(frozen=True, repr=False)
-class PivotShift(Shown):
+class PivotShift(PrintableAnswer):
     """How far the pivot of a joint has moved: shift (3,) [m] of the point of interface B that is at `pivot` (3,) [m] at
     rest, seen from interface A, in joint axes; turn (3,) [rad], rotation vector of B in A."""
 
@@ -70,7 +70,7 @@ class PivotShift(Shown):
 
 
 def _told(values: Array, factor: float) -> str:
-    return "(" + " ".join(number(factor * float(v), 4, zero=1e-9) for v in values) + ")"
+    return "(" + " ".join(format_number(factor * float(v), 4, zero=1e-9) for v in values) + ")"
 
 
 def default_point(scene: Any) -> tuple[str, Any]:
@@ -121,14 +121,14 @@ def parasitic(model: Model, motion: Motion, link: Any = None, *, at: Any = None)
     drives: set[str] = set()
     shift, turn, before = np.zeros(3), np.zeros(3), point
     for base, end in pairwise(frames):
-        now = place_of(model, motion, end, point)
+        now = point_position(model, motion, end, point)
         moved, turned = now - before, np.empty(3)
         rotation_log(motion.R[end] @ motion.R[base].T, turned)
         along, about, acting = _prescribed(model, motion, base, end, now)
         own = about @ (about.T @ turned)
         pivot = _pivot(model.scene, acting, carried=end != node)
         if pivot is not None:
-            arm = before - place_of(model, motion, base, pivot)
+            arm = before - point_position(model, motion, base, pivot)
             Q = np.empty((3, 3))
             rotation_exp(own, Q)
             moved -= Q @ arm - arm
@@ -203,13 +203,15 @@ def _prescribed(
             loads[start + 3 : start + 6, :3] = sign * cross_matrix(s)
     rows = len(model.drive_names) + len(model.support_names)
     scale = np.array([1.0] * 3 + [1.0 / model.arrays.size] * 3)
-    gradients = row_gradients(model, motion, range(rows))
-    left, share = beyond_rows(model.arrays, model.arrays.size, gradients, loads * scale)
+    gradients = row_gradients(model.arrays, motion, range(rows))
+    left, share = remove_row_components(model.arrays, model.arrays.size, gradients, loads * scale)
     # combinations of forces and moments that rows take whole: their motion is prescribed
     _, size, axes = np.linalg.svd(left / np.linalg.norm(loads * scale, axis=0).max())
-    taken = axes[np.append(size, np.zeros(6 - len(size))) < SAME].T
+    taken = axes[np.append(size, np.zeros(6 - len(size))) < ROW_SHARE_TOLERANCE].T
     acts = np.abs(share @ taken).max(axis=1, initial=0.0)
-    drives = tuple(n for n, a in zip(model.drive_names, acts, strict=False) if a > SAME * acts.max())
+    drives = tuple(
+        n for n, a in zip(model.drive_names, acts, strict=False) if a > ROW_SHARE_TOLERANCE * acts.max()
+    )
     return _span(taken[:3]), _span(taken[3:] @ _null(taken[:3])), drives
 
 
@@ -227,13 +229,13 @@ def _pivot(scene: Any, drives: tuple[str, ...], *, carried: bool) -> Array | Non
 def _null(A: Array) -> Array:
     """Orthonormal columns of the null space of A (3, k)."""
     _, size, axes = np.linalg.svd(A)
-    return axes[int(np.sum(size > SAME)) :].T
+    return axes[int(np.sum(size > ROW_SHARE_TOLERANCE)) :].T
 
 
 def _span(A: Array) -> Array:
     """Orthonormal columns of the span of the columns of A (3, k)."""
     axes, size, _ = np.linalg.svd(A)
-    return np.asarray(axes[:, : int(np.sum(size > SAME))])
+    return np.asarray(axes[:, : int(np.sum(size > ROW_SHARE_TOLERANCE))])
 
 
 def pivot_shift(model: Model, motion: Motion, joint: Any, *, at: Any = None) -> PivotShift:
@@ -255,7 +257,7 @@ def pivot_shift(model: Model, motion: Motion, joint: Any, *, at: Any = None) -> 
     turned = np.asarray(placed.rotation)
     rest = _centre(placed) if at is None else np.asarray(at, float)
     a, b = (model.node_names.index(link) for link in (placed.a, placed.b))
-    moved = [place_of(model, motion, k, rest) for k in (a, b)]
+    moved = [point_position(model, motion, k, rest) for k in (a, b)]
     turn = np.empty(3)
     rotation_log(motion.R[a].T @ motion.R[b], turn)
     shift = turned.T @ motion.R[a].T @ (moved[1] - moved[0])

@@ -25,16 +25,16 @@ from ksd.model.compile import Model
 from ksd.model.leaves import leaf_of
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import straighten
-from ksd.properties.cache import per_model
+from ksd.properties.cache import cached_per_model
 from ksd.properties.leaf_groups import EndFrames, LeafGroup, end_axes, end_frames
 from ksd.scene.effects import Spring
 from ksd.scene.joint import leaves_of
 from ksd.section.constants import extents
 
 Array = NDArray[np.float64]
-POINTS = 25
+DEFAULT_STATIONS = 25
 """Stations per leaf when nothing else is asked."""
-STRAIGHT = 9
+ORTHONORMALISATION_STEPS = 9
 """Newton steps from between two rotations, of up to 120 degrees apart, to the nearest rotation."""
 
 
@@ -156,7 +156,7 @@ def member_ends(model: Model, motion: Motion, i: int) -> Ends:
     return Ends(start, frame, frame.T @ (end - start), frame.T @ motion.R[b] @ members.frame[i, 1])
 
 
-def member_parts(model: Model, motion: Motion, i: int) -> tuple[Array, NDArray[np.int64], Array]:
+def member_arrays(model: Model, motion: Motion, i: int) -> tuple[Array, NDArray[np.int64], Array]:
     """Constants, settings and inner state (value, number, inner) of member `i`."""
     members = model.arrays.members
     inner = motion.inner[members.inner_at[i] : members.inner_at[i + 1]]
@@ -230,13 +230,13 @@ def curvature(value: Array, number: NDArray[np.int64], inner: Array, s: Array) -
     )
 
 
-def crossed(a: Array, b: Array) -> Array:
+def cross_rows(a: Array, b: Array) -> Array:
     """Cross products (k, 3) of rows, a tenth of the time of `np.cross` for few rows; b may be one row (3,)."""
     return a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]
 
 
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
-FEWEST = 8
+MIN_INTEGRATION_STEPS = 8
 """Steps in which a leaf is walked along at least, fewer stations being asked for or not."""
 
 
@@ -264,7 +264,7 @@ def strain_curves(
     weight, kept = _Beyond(value, number, gravity), [0]
     for k, (a, b) in enumerate(pairwise(tables.edges)):
         steps = max(1, round((points - 1) * (b - a)))
-        finer = max(1, round(FEWEST * (b - a) / steps))
+        finer = max(1, round(MIN_INTEGRATION_STEPS * (b - a) / steps))
         kept += range(kept[-1] + finer, kept[-1] + finer * steps + 1, finer)
         half = 2 * steps * finer
         x = np.linspace(a, b, half + 1)
@@ -336,22 +336,22 @@ def chain_axes(value: Array, number: NDArray[np.int64]) -> Array:
     T = value[..., : 16 * n].reshape(*chains, n, 16)[..., 7:].reshape(*chains, n, 3, 3)
     axes = np.empty((*chains, n + 1, 3, 3))
     axes[..., 0, :, :] = np.eye(3)
-    axes[..., 1:n, :, :] = straightened(0.5 * (T[..., :-1, :, :] + T[..., 1:, :, :]))
+    axes[..., 1:n, :, :] = nearest_rotations(0.5 * (T[..., :-1, :, :] + T[..., 1:, :, :]))
     axes[..., n, :, :] = value[..., 16 * n : 16 * n + 9].reshape(*chains, 3, 3)
     return axes
 
 
 @kernel
-def _straighten(A: Array) -> None:
+def _make_rotations(A: Array) -> None:
     for k in range(len(A)):
-        for _ in range(STRAIGHT):
+        for _ in range(ORTHONORMALISATION_STEPS):
             straighten(A[k])
 
 
-def straightened(A: Array) -> Array:
+def nearest_rotations(A: Array) -> Array:
     """The nearest rotations to matrices (..., 3, 3) that lie between rotations."""
     found = A.reshape(-1, 3, 3).copy()
-    _straighten(found)
+    _make_rotations(found)
     return found.reshape(A.shape)
 
 
@@ -379,7 +379,7 @@ def _chain_curve(
     slopes = lengths[:, None] * axes[:-1, :, 0], lengths[:, None] * axes[1:, :, 0]
     place = np.einsum("wk,wni->nki", weights, np.array([x[:-1], x[1:], *slopes]))
     between = u[:, None, None]
-    turned = straightened(((1 - between) * axes[:-1, None] + between * axes[1:, None]).reshape(-1, 3, 3))
+    turned = nearest_rotations(((1 - between) * axes[:-1, None] + between * axes[1:, None]).reshape(-1, 3, 3))
     s = (np.cumsum(lengths) - lengths)[:, None] + lengths[:, None] * u
     return (
         np.append(0.0, s),
@@ -388,13 +388,13 @@ def _chain_curve(
     )
 
 
-def member_line(model: Model, motion: Motion, i: int, points: int) -> tuple[Array, Array, Array]:
+def member_centreline(model: Model, motion: Motion, i: int, points: int) -> tuple[Array, Array, Array]:
     """Stations (k,) [m], positions (k, 3), axes (k, 3, 3) of member `i`, global.
 
     The curve of a fast method ends a little off its clamp (its error); the gap is spread along the leaf.
     """
     ends = member_ends(model, motion, i)
-    value, number, inner = member_parts(model, motion, i)
+    value, number, inner = member_arrays(model, motion, i)
     kind = model.arrays.members.kind[i]
     if kind == STRAIN:
         s, r, R = strain_curve(value, number, inner, points)
@@ -408,7 +408,7 @@ def member_line(model: Model, motion: Motion, i: int, points: int) -> tuple[Arra
     return s, ends.start + r @ ends.frame.T, ends.frame @ R
 
 
-def places_along(
+def poses_along(
     model: Model, motion: Motion, group: LeafGroup, which: NDArray[np.int64], share: Array, points: int
 ) -> tuple[Array, Array]:
     """Positions (s, 3) and axes (s, 3, 3), global, at shares (s,) of the lengths of members `which` (s,) of a group: between
@@ -417,7 +417,7 @@ def places_along(
         return _along_chains(model, motion, group, which, share)
     own, k = np.unique(which, return_inverse=True)
     ends = end_frames(model, motion, group.members[own])
-    s, r, R = strain_curves(group.value[own], group.number, motion.inner[group.places[own]], points)
+    s, r, R = strain_curves(group.value[own], group.number, motion.inner[group.inner_index[own]], points)
     along = (s / s[:, -1:])[..., None]
     r = r + along * (ends.d - r[:, -1])[:, None]
     after = np.maximum((along[k, :, 0] < share[:, None]).sum(axis=1), 1)
@@ -425,7 +425,7 @@ def places_along(
     part = (share[:, None] - near[0]) / (near[1] - near[0])
     local = (1.0 - part) * r[k, after - 1] + part * r[k, after]
     part = part[..., None]
-    axes = straightened((1.0 - part) * R[k, after - 1] + part * R[k, after])
+    axes = nearest_rotations((1.0 - part) * R[k, after - 1] + part * R[k, after])
     frame = ends.frame[k]
     return ends.start[k] + (frame @ local[..., None])[..., 0], frame @ axes
 
@@ -437,7 +437,7 @@ def chain_lines(
     value, members = group.value[which], group.members[which]
     ends = end_frames(model, motion, members)
     Q = end_axes(model, motion, members, ends)
-    x, R = chain_nodes(value, group.number, motion.inner[group.places[which]], ends.d, Q)
+    x, R = chain_nodes(value, group.number, motion.inner[group.inner_index[which]], ends.d, Q)
     return ends, x, R @ chain_axes(value, group.number)
 
 
@@ -454,19 +454,19 @@ def _along_chains(
     before, after = turned[each, e], turned[each, e + 1]
     weights, slopes = _cubic(u), (length[:, None] * axes[:, :, 0] for axes in (before, after))
     local = (weights * np.array([x[each, e], x[each, e + 1], *slopes])).sum(axis=0)
-    axes = straightened((1.0 - u[..., None]) * before + u[..., None] * after)
+    axes = nearest_rotations((1.0 - u[..., None]) * before + u[..., None] * after)
     return ends.start + (ends.frame @ local[..., None])[..., 0], ends.frame @ axes
 
 
-@per_model
+@cached_per_model
 def scene_leaves(model: Model) -> dict[str, Any]:
     """Leaf springs of the scene by full name: "joint/leaf" inside joints, the plain name for free-form ones."""
     inside = {f"{j.name}/{leaf.name}": leaf for j in model.scene.joints for leaf in leaves_of(j.joint)}
     return inside | {leaf.name: leaf.leaf for leaf in model.scene.leaves}
 
 
-@per_model
-def members_of_leaves(model: Model) -> dict[str, list[int]]:
+@cached_per_model
+def leaf_members(model: Model) -> dict[str, list[int]]:
     """Members of every leaf, by full name: one, or in order its pieces between points, and its elements where the mesh is
     nodal."""
     leaves = scene_leaves(model)
@@ -476,7 +476,7 @@ def members_of_leaves(model: Model) -> dict[str, list[int]]:
     return found
 
 
-@per_model
+@cached_per_model
 def _rest_lines(model: Model) -> dict[tuple[int, int], tuple[Array, Array, Array]]:
     """`member_line` at rest, by member and stations, of those asked for so far."""
     return {}
@@ -488,8 +488,11 @@ def _leaf_shape(model: Model, motion: Motion, name: str, members: list[int], poi
     known = _rest_lines(model)
     for i in members:
         if (i, count) not in known:
-            known[i, count] = member_line(model, model.rest, i, count)
-    lines = [[known[i, count] for i in members], [member_line(model, motion, i, count) for i in members]]
+            known[i, count] = member_centreline(model, model.rest, i, count)
+    lines = [
+        [known[i, count] for i in members],
+        [member_centreline(model, motion, i, count) for i in members],
+    ]
     at = np.cumsum([0.0] + [line[0][-1] for line in lines[0]])
     # where two elements meet, the station is kept once
     kept = [slice(int(k > 0), None) for k in range(len(members))]
@@ -515,14 +518,14 @@ def _driven(model: Model, motion: Motion) -> tuple[DrivenPoint, ...]:
         if term.kind == "rotation" and not rest.any():
             # said without a place: it turns the whole link
             rest = model.rest.x[node]
-        place = place_of(model, motion, node, rest)
+        place = point_position(model, motion, node, rest)
         along = motion.R[index[term.base]] @ np.asarray(term.direction, float)
         found.append(DrivenPoint(drive.name, term.kind, rest, place, along))
     return tuple(found)
 
 
 def _blocks(model: Model, motion: Motion) -> tuple[BlockShape, ...]:
-    members, leaves = model.arrays.members, members_of_leaves(model)
+    members, leaves = model.arrays.members, leaf_members(model)
     # of every block: arms, owners, leaf and station of what is clamped to it
     found: list[list[tuple[Array, str, int, int]]] = [[] for _ in model.node_names]
     for k, (name, parts) in enumerate(leaves.items()):
@@ -575,7 +578,7 @@ def _hinges(model: Model, motion: Motion) -> tuple[HingeShape, ...]:
     found = []
     for hinge in model.scene.hinges:
         a, b, rest = index[hinge.a], index[hinge.b], np.asarray(hinge.at)
-        place = place_of(model, motion, b, rest)
+        place = point_position(model, motion, b, rest)
         found.append(HingeShape(hinge.name, hinge.kind, rest, place, motion.R[a] @ np.asarray(hinge.axis)))
     return tuple(found)
 
@@ -591,10 +594,10 @@ def _loads(model: Model, motion: Motion, *, factor: float) -> tuple[LoadShape, .
             if value.any():
                 # a moment said without a place turns the whole link
                 whole = not any(load.force) and not any(load.at)
-                place = place_of(model, motion, node, model.rest.x[node] if whole else load.at)
+                place = point_position(model, motion, node, model.rest.x[node] if whole else load.at)
                 found.append(LoadShape(load.name, kind, place, turned @ value))
     for mass in model.scene.masses:
-        place = place_of(model, motion, index[mass.link], mass.at)
+        place = point_position(model, motion, index[mass.link], mass.at)
         found.append(LoadShape(mass.link, "mass", place, np.array([mass.mass])))
     return tuple(found)
 
@@ -607,7 +610,7 @@ def _springs(model: Model, motion: Motion) -> tuple[SpringShape, ...]:
             if isinstance(spring, Spring)
             else ((spring.b, spring.at),)
         )
-        places = [place_of(model, motion, index[link], at) for link, at in ends]
+        places = [point_position(model, motion, index[link], at) for link, at in ends]
         found.append(SpringShape(spring.name, np.array(places)))
     return tuple(found)
 
@@ -617,7 +620,7 @@ def _distances(model: Model, motion: Motion) -> tuple[DistanceShape, ...]:
     for asked in model.scene.distances:
         ends = np.array(
             [
-                place_of(model, motion, index[n], at)
+                point_position(model, motion, index[n], at)
                 for n, at in ((asked.a, asked.start), (asked.b, asked.end))
             ]
         )
@@ -626,17 +629,19 @@ def _distances(model: Model, motion: Motion) -> tuple[DistanceShape, ...]:
     return tuple(found)
 
 
-def place_of(model: Model, motion: Motion, node: int, at: ArrayLike) -> Array:
+def point_position(model: Model, motion: Motion, node: int, at: ArrayLike) -> Array:
     """Where the point at (3,) [m] at rest of a node is now (3,)."""
     arm = np.asarray(at, float) - model.rest.x[node]
     place: Array = motion.x[node] + motion.R[node] @ arm
     return place
 
 
-def mechanism_shape(model: Model, motion: Motion, *, points: int = POINTS, load_factor: float = 1.0) -> Shape:
+def mechanism_shape(
+    model: Model, motion: Motion, *, points: int = DEFAULT_STATIONS, load_factor: float = 1.0
+) -> Shape:
     """Leaf springs at `points` stations or more, blocks, driven points, hinges, loads, springs and distances of `model`
     at `motion`."""
-    leaves = tuple(_leaf_shape(model, motion, n, m, points) for n, m in members_of_leaves(model).items())
+    leaves = tuple(_leaf_shape(model, motion, n, m, points) for n, m in leaf_members(model).items())
     return Shape(
         leaves, _blocks(model, motion), _driven(model, motion), _hinges(model, motion),
         _loads(model, motion, factor=load_factor), _springs(model, motion), _distances(model, motion),

@@ -23,18 +23,17 @@ from ksd.checks import names_of
 from ksd.errors import KinematicsError, SceneError
 from ksd.model.arrays import ROTATION, STRAIN, Motion
 from ksd.model.compile import Model
-from ksd.properties.alike import Alike
+from ksd.properties.finer_model import finer_state
 from ksd.properties.nonconservative import cross_matrix
+from ksd.properties.printing import PrintableAnswer, format_number, format_table, released_text
+from ksd.properties.state_batch import StateBatch
 from ksd.properties.tangent import (
     Tangent,
-    beyond_rows,
-    factored_tangent,
-    gradients_of_rows,
-    responses,
+    assemble_and_factor,
+    batch_responses,
+    remove_row_components,
     row_gradients,
 )
-from ksd.properties.unfold import unfolded
-from ksd.properties.words import Shown, held, listed, number
 
 Array = NDArray[np.float64]
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
@@ -54,7 +53,7 @@ RIGID_ALONE = 1e-25
 
 
 @dataclass(frozen=True, repr=False)
-class PointStiffness(Shown):
+class PointStiffness(PrintableAnswer):
     """Compliance of one point of a link, and every stiffness that follows from it.
 
     compliance (6, 6): motion of the point (m, rad) per unit force and moment (N, Nm) on it, rows and columns
@@ -75,8 +74,8 @@ class PointStiffness(Shown):
     backward_error: float = 0.0
 
     def _line(self) -> str:
-        rows = (f"{d} {number(k)}" for d, k in self.supports.items())
-        return f"'{self.link}', {', '.join(rows)} [N/m, Nm/rad], {held(self.freed)}"
+        rows = (f"{d} {format_number(k)}" for d, k in self.supports.items())
+        return f"'{self.link}', {', '.join(rows)} [N/m, Nm/rad], {released_text(self.freed)}"
 
     def __str__(self) -> str:
         rows = []
@@ -85,10 +84,11 @@ class PointStiffness(Shown):
             known = (f"{k:.5g}", unit, f"{1.0 / k:.4e}", inverse)
             rows.append((d, *(known if np.isfinite(k) else ("held", "", "0", inverse)), self._coupled(d)))
         at = ", ".join(f"{1e3 * v:.6g}" for v in np.round(self.point, 12))
-        return listed(
+        return format_table(
             ("direction", "stiffness", "<", "compliance", "<", "<most coupled with"),
             rows,
-            f"Stiffness of link '{self.link}' at ({at}) mm, each direction with the others free; {held(self.freed)}",
+            f"Stiffness of link '{self.link}' at ({at}) mm, each direction with the others free; "
+            + released_text(self.freed),
             *_UNSYMMETRIC[self.conservative],
         )
 
@@ -122,13 +122,17 @@ class PointStiffness(Shown):
             )
         return np.asarray((loads.T / values) @ moves.T * np.outer(scale, scale))
 
-    def support(self, direction: str, *, held: Sequence[str] = ()) -> float:
+    def support(self, direction: str, *, released_text: Sequence[str] = ()) -> float:
         """Stiffness [N/m or Nm/rad] in one direction: unit force over its motion, the others free but for
         `held`.
 
         inf where the held drives and supports leave no compliance.
         """
-        C, i, fixed = self._scaled(), _number(direction), [_number(d) for d in held if d != direction]
+        C, i, fixed = (
+            self._scaled(),
+            _number(direction),
+            [_number(d) for d in released_text if d != direction],
+        )
         value = C[i, i]
         if fixed:
             value -= C[i, fixed] @ np.linalg.pinv(C[np.ix_(fixed, fixed)], rcond=RIGID) @ C[fixed, i]
@@ -222,11 +226,11 @@ def _axes(axes: Any, R: Array) -> Array:
 def point_motion(model: Model, motion: Motion, node: int, at: Any) -> tuple[Array, Array]:
     """Where the rest point `at` (3,) of a node is now (3,), and B (6, 6): its motion = B times that of the
     node."""
-    s = motion.R[node] @ rest_arm(model, node, at)
-    return motion.x[node] + s, motion_of_point(s)
+    s = motion.R[node] @ arm_at_rest(model, node, at)
+    return motion.x[node] + s, point_jacobian(s)
 
 
-def rest_arm(model: Model, node: int, at: Any) -> Array:
+def arm_at_rest(model: Model, node: int, at: Any) -> Array:
     """From a node to its rest point `at` (3,) [m], at rest; none where it is None."""
     if at is None:
         return np.zeros(3)
@@ -236,7 +240,7 @@ def rest_arm(model: Model, node: int, at: Any) -> Array:
     return np.asarray(point - model.rest.x[node])
 
 
-def motion_of_point(lever: Array) -> Array:
+def point_jacobian(lever: Array) -> Array:
     """B (..., 6, 6): the motion of a point at `lever` (..., 3) from its node = B times that of the node."""
     B = np.zeros((*lever.shape[:-1], 6, 6))
     B[...] = np.eye(6)
@@ -244,45 +248,49 @@ def motion_of_point(lever: Array) -> Array:
     return B
 
 
-class Stiffnesses(NamedTuple):
+class BatchStiffness(NamedTuple):
     """What `point_stiffness` and `drive_stiffness` answer of D states: compliance (D, 6, 6) of a point, global axes, matrix
     (D, d, d) between the drives; None for what was not asked. good (D,): where there is an answer; ask others alone. stable
     (D,): where the Newton step to the finer mesh led to a stable equilibrium."""
 
     compliance: Array | None
     drives: Array | None
-    good: NDArray[np.bool_]
+    valid: NDArray[np.bool_]
     stable: NDArray[np.bool_]
 
 
-def stiffnesses(
-    states: Alike, link: Any = None, *, at: Sequence[Any] = (), drives: bool = False
-) -> Stiffnesses:
+def batch_stiffness(
+    states: StateBatch, link: Any = None, *, at: Sequence[Any] = (), drives: bool = False
+) -> BatchStiffness:
     """Stiffness, in every state, of the point of `link` (none where None) that is at its model's own of `at` (U,) at rest,
     and of the drives; all drives and supports held.
 
     Raises SceneError as `point_stiffness`.
     """
-    fine, model = states.finer(), states.models[0]
+    fine, model = states.on_finer_mesh(), states.models[0]
     if fine is None:
-        return Stiffnesses(None, None, *np.zeros((2, len(states.which)), bool))
+        return BatchStiffness(None, None, *np.zeros((2, len(states.model_index)), bool))
     topology, x = fine.topology, fine.motion.x
     rows, count, unknowns = range(len(topology.terms.start)), len(model.drive_names), topology.plan.unknowns
     loads = np.zeros((len(x), 6 * (link is not None) + count * drives, unknowns))
     if link is not None:
         node = node_of(model, link)
         start = int(topology.start[node])
-        arms = np.array([rest_arm(own, node, point) for own, point in zip(states.models, at, strict=False)])
-        lever = fine.motion.R[:, node] @ arms[states.which, :, None]
-        loads[:, :6, start : start + 6] = motion_of_point(lever[..., 0])
+        arms = np.array(
+            [arm_at_rest(own, node, point) for own, point in zip(states.models, at, strict=False)]
+        )
+        lever = fine.motion.R[:, node] @ arms[states.model_index, :, None]
+        loads[:, :6, start : start + 6] = point_jacobian(lever[..., 0])
         if rows:
-            held = [gradients_of_rows(topology, arrays.flat, motion, rows) for arrays, motion in fine.states]
-            left, _ = beyond_rows(topology, states.size, np.stack(held), loads[:, :6].swapaxes(1, 2))
+            held = [row_gradients(topology, motion, rows, flat=arrays.flat) for arrays, motion in fine.states]
+            left, _ = remove_row_components(
+                topology, states.sizes, np.stack(held), loads[:, :6].swapaxes(1, 2)
+            )
             loads[:, :6] = left.swapaxes(1, 2)
     first = loads.shape[1] - count * drives
     if drives:
         loads[:, first:, topology.terms.start[:count]] = np.eye(count)
-    found, good, stable = responses(fine, loads)
+    found, good, stable = batch_responses(fine, loads)
     if topology.loads.skew.any():
         # not conservative: the tangent has a skew part
         good[:] = False
@@ -293,17 +301,17 @@ def stiffnesses(
     if drives:
         matrix = -found[:, first:, topology.terms.start[:count]]
         matrix = 0.5 * (matrix + matrix.swapaxes(1, 2))
-    return Stiffnesses(C, matrix, good, stable)
+    return BatchStiffness(C, matrix, good, stable)
 
 
 def finer_tangent(
     model: Model, motion: Motion, *, freed: Iterable[str] = (), load_factor: float = 1.0, finer: bool = True
 ) -> Tangent:
     """The factored tangent these questions stand on; with `finer`, strain-mode leaves take part with one more
-    mode per axis than in the state (see `ksd.properties.unfold`), chains and mixtures as they are."""
+    mode per axis than in the state (see `ksd.properties.finer_model`), chains and mixtures as they are."""
     if finer and model.kinds <= {STRAIN}:
-        model, motion = unfolded(model, motion, load_factor=load_factor)
-    return factored_tangent(model, motion, freed=freed, load_factor=load_factor)
+        model, motion = finer_state(model, motion, load_factor=load_factor)
+    return assemble_and_factor(model, motion, freed=freed, load_factor=load_factor)
 
 
 def point_stiffness(
@@ -336,8 +344,8 @@ def point_stiffness(
     loads[here] = B.T @ turn
     rows = [i for i, n in enumerate((*model.drive_names, *model.support_names)) if n not in found.freed]
     # what held rows take leaves rounding only where it is left out before
-    gradients = row_gradients(found.model, found.motion, rows)
-    loads = beyond_rows(found.arrays, found.arrays.size, gradients, loads)[0]
+    gradients = row_gradients(found.model.arrays, found.motion, rows)
+    loads = remove_row_components(found.arrays, found.arrays.size, gradients, loads)[0]
     response, error = found.solve_with_error(loads)
     C = loads.T @ response
     return PointStiffness(
@@ -358,7 +366,7 @@ def _halved(C: Array, found: Tangent) -> Array:
 
 
 @dataclass(frozen=True, repr=False)
-class DriveStiffness(Shown):
+class DriveStiffness(PrintableAnswer):
     """Stiffness between drives: matrix (d, d), force of drive i [N or Nm] per motion of drive j [m or rad],
     others held; names, units: of the drives and of the diagonal. conservative, backward_error: see `PointStiffness`."""
 
@@ -369,15 +377,17 @@ class DriveStiffness(Shown):
     backward_error: float = 0.0
 
     def _line(self) -> str:
-        return ", ".join(f"{n} {number(self[n])} {u}" for n, u in zip(self.names, self.units, strict=True))
+        return ", ".join(
+            f"{n} {format_number(self[n])} {u}" for n, u in zip(self.names, self.units, strict=True)
+        )
 
     def __str__(self) -> str:
         rows = [
-            (n, u, *(number(k, 5) for k in row))
+            (n, u, *(format_number(k, 5) for k in row))
             for n, u, row in zip(self.names, self.units, self.matrix, strict=True)
         ]
         said = "Stiffness of the drives: force or moment of a row's drive per motion of a column's, the others held"
-        return listed(("drive", "<", *self.names), rows, said, *_UNSYMMETRIC[self.conservative])
+        return format_table(("drive", "<", *self.names), rows, said, *_UNSYMMETRIC[self.conservative])
 
     def __getitem__(self, name: str) -> float:
         """Stiffness of one drive, the others held: N/m for a translation, Nm/rad for a rotation."""

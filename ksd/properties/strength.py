@@ -14,24 +14,24 @@ import numpy as np
 
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
-from ksd.properties.cache import per_model
+from ksd.properties.cache import cached_per_model
 from ksd.properties.forces import section_forces
+from ksd.properties.printing import PrintableAnswer, format_number
 from ksd.properties.shape import scene_leaves
 from ksd.properties.stress import LeafStress, stress_of
-from ksd.properties.words import Shown, number
 from ksd.scene.material import Material
 from ksd.scene.plausibility import implausible
 
-NOTABLE = 0.01
+WARNING_STRAIN = 0.01
 """Strain from which a warning says that the linear law is no longer a small error."""
-MOST = 0.05
+MAX_STRAIN = 0.05
 """Strain beyond which no answer of a linear law is to be trusted: metals are torn, and the law alone is 7 % of a force."""
-LAW = 1.5
+LAW_ERROR_PER_STRAIN = 1.5
 """Difference of a force between common laws of elasticity, over the strain."""
 
 
 @dataclass(frozen=True, repr=False)
-class Strength(Shown):
+class Strength(PrintableAnswer):
     """strain: the largest of all leaves, in `strain_leaf`; stress_Pa: the largest, in `stress_leaf` at s [m] and `point`.
 
     yield_share, fatigue_share: largest stress over the limit of its own material, in yield_leaf and fatigue_leaf; None
@@ -52,10 +52,10 @@ class Strength(Shown):
     @property
     def beyond(self) -> str:
         """Why no beam of this material can be in this state, in words; nothing where it can."""
-        if not self.strain <= MOST:
+        if not self.strain <= MAX_STRAIN:
             return (
                 f"leaf '{self.strain_leaf}' is strained by {100 * self.strain:.3g} %, where a linear elastic beam is "
-                f"trusted to {100 * MOST:g} %"
+                f"trusted to {100 * MAX_STRAIN:g} %"
             )
         if self.yield_share is not None and self.yield_share > 1.0:
             return f"leaf '{self.yield_leaf}' yields: its stress is {self.yield_share:.3g} times its yield stress"
@@ -65,10 +65,10 @@ class Strength(Shown):
     def warnings(self) -> tuple[str, ...]:
         """A sentence for every limit that is passed."""
         found = []
-        if self.strain > NOTABLE:
+        if self.strain > WARNING_STRAIN:
             found.append(
                 f"leaf '{self.strain_leaf}' is strained by {100 * self.strain:.3g} %; forces then depend on the law of "
-                f"elasticity by about {100 * LAW * self.strain:.2g} %, and few materials stay elastic"
+                f"elasticity by about {100 * LAW_ERROR_PER_STRAIN * self.strain:.2g} %, and few materials stay elastic"
             )
         for share, leaf, what in (
             (self.yield_share, self.yield_leaf, "yield stress"),
@@ -83,7 +83,7 @@ class Strength(Shown):
 
     def __str__(self) -> str:
         shares = [
-            f"{number(100 * share, 3)} % of the {what}" + f" in '{leaf}'" * (leaf != self.stress_leaf)
+            f"{format_number(100 * share, 3)} % of the {what}" + f" in '{leaf}'" * (leaf != self.stress_leaf)
             for share, leaf, what in (
                 (self.yield_share, self.yield_leaf, "yield stress"),
                 (self.fatigue_share, self.fatigue_leaf, "fatigue limit"),
@@ -91,10 +91,10 @@ class Strength(Shown):
             if share is not None
         ]
         limits = ", ".join(shares) or "the material gives no yield_stress or fatigue_limit"
-        place = f"'{self.stress_leaf}' at s = {number(1e3 * self.s, 4, zero=1e-9)} mm, {self.point}"
+        place = f"'{self.stress_leaf}' at s = {format_number(1e3 * self.s, 4, zero=1e-9)} mm, {self.point}"
         strained = "" if self.strain_leaf == self.stress_leaf else f" in '{self.strain_leaf}'"
-        stress = f"{number(1e-6 * self.stress_Pa, 4)} MPa in {place}"
-        return f"strain at most {number(100 * self.strain, 3)} %{strained}, stress {stress}: {limits}"
+        stress = f"{format_number(1e-6 * self.stress_Pa, 4)} MPa in {place}"
+        return f"strain at most {format_number(100 * self.strain, 3)} %{strained}, stress {stress}: {limits}"
 
 
 def strength(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Strength | None:
@@ -133,10 +133,10 @@ def _strain(stress: LeafStress, material: Material) -> float:
     return float(np.max(0.5 * ((1 - nu) * e + np.hypot((1 + nu) * e, g))))
 
 
-@per_model
-def unusual(model: Model) -> tuple[str, ...]:
+@cached_per_model
+def unusual_values(model: Model) -> tuple[str, ...]:
     """What is unusual about the scene that a model was made of, see `ksd.scene.plausibility`."""
     return implausible(model.said or model.scene)
 
 
-__all__ = ["Strength", "strength", "unusual"]
+__all__ = ["Strength", "strength", "unusual_values"]

@@ -26,11 +26,17 @@ from ksd.beam import corotational
 from ksd.beam.strain_uncondensed import gravity_derivatives, stretch_shear_compliances
 from ksd.model.arrays import SOLID, Motion
 from ksd.model.compile import Model
-from ksd.properties.alike import Alike
 from ksd.properties.forces import SectionForces, forces_along, section_forces, spring_energy, strain_forces
-from ksd.properties.leaf_groups import LeafGroup, elastic, leaf_groups, own_gravity, panel_tables
-from ksd.properties.shape import member_ends, member_parts, members_of_leaves, scene_leaves, strain_curves
-from ksd.properties.words import ByName, Named, Shown, number
+from ksd.properties.leaf_groups import (
+    LeafGroup,
+    elastic_stiffness,
+    leaf_groups,
+    local_gravity,
+    panel_table_slice,
+)
+from ksd.properties.printing import NamedAnswers, NamedAnswerTable, PrintableAnswer, format_number
+from ksd.properties.shape import leaf_members, member_arrays, member_ends, scene_leaves, strain_curves
+from ksd.properties.state_batch import StateBatch
 from ksd.scene.profile import Profile
 from ksd.section.constants import Section, extents
 
@@ -52,7 +58,7 @@ class StressPoints:
 
 
 @dataclass(frozen=True, repr=False)
-class LeafStress(Shown):
+class LeafStress(PrintableAnswer):
     """Stress of one leaf at k stations s (k,) [m] and p points of its section (points: where they are).
 
     y, z (k, p) [m]: the points in section axes. normal_Pa, shear_Pa, von_mises_Pa (k, p). bending_Pa,
@@ -237,7 +243,7 @@ def _stresses(values: Array, stations: tuple[Array, ...], *, outlined: bool) -> 
     return normal, shear, mises, bending, axial, twist, across
 
 
-class Peak(NamedTuple):
+class PeakStress(NamedTuple):
     """Largest von Mises stress [Pa] of a leaf, at station s [m] and a point of its section."""
 
     largest_Pa: float
@@ -245,7 +251,7 @@ class Peak(NamedTuple):
     point: str
 
 
-class LeavesStress(NamedTuple):
+class BatchLeafStress(NamedTuple):
     """Von Mises stress of n leaf springs of one make, the points of whose sections are alike, among those of D states.
 
     state, member (n,): which they are; section (n,): number in `sections`; s (n, S): stations [m]; mises (n, S, P) [Pa] at
@@ -260,7 +266,7 @@ class LeavesStress(NamedTuple):
     mises: Array
 
 
-def stress_alike(states: Alike, *, points: int = POINTS) -> list[LeavesStress] | None:
+def batch_stress(states: StateBatch, *, points: int = POINTS) -> list[BatchLeafStress] | None:
     """Stress of every leaf in all states; None where leaf springs have weight or points of their own, which `stress`
     answers one by one."""
     found, model = [], states.models[0]
@@ -273,7 +279,7 @@ def stress_alike(states: Alike, *, points: int = POINTS) -> list[LeavesStress] |
         state, k = np.divmod(np.arange(len(s)), len(group.members))
         for pick, mises in _mises_by_kind(forces, number, [_point_table(q) for q in sections]):
             found.append(
-                LeavesStress(state[pick], group.members[k[pick]], number[pick], sections, s[pick], mises)
+                BatchLeafStress(state[pick], group.members[k[pick]], number[pick], sections, s[pick], mises)
             )
     return found
 
@@ -294,35 +300,35 @@ def _mises_by_kind(
 
 
 def _leaves_alike(
-    states: Alike, group: LeafGroup, *, profiles: bool = False
+    states: StateBatch, group: LeafGroup, *, profiles: bool = False
 ) -> tuple[Array, Array, NDArray[np.int64], list[Any]] | None:
     """Constants (n, v) and inner states of the leaves of a group in all states, one state after the other, the number (n,)
     of the section of each, and the sections; None as of `stress_alike`, and where steps and kinks of a profile are not at
     the same fractions in all; profiles: not of leaf springs that have one."""
     names = [states.models[0].member_names[i] for i in group.members.tolist()]
     leaves = scene_leaves(states.models[0])
-    if group.heavy or any(n not in leaves or not (profiles or leaves[n].profile is None) for n in names):
+    if group.has_weight or any(n not in leaves or not (profiles or leaves[n].profile is None) for n in names):
         return None
-    value = states.constants(group.members, group.value.shape[1])
-    panels = panel_tables(group.number)
+    value = states.member_constants(group.members, group.value.shape[1])
+    panels = panel_table_slice(group.number)
     if not (np.abs(value[..., panels] - group.value[:, panels]) <= 1e-12).all():
         return None
-    inner = np.take(states.motion.inner, group.places, axis=1)
+    inner = np.take(states.motion.inner, group.inner_index, axis=1)
     count = len(value) * len(names)
     number, sections = _sections(states, names)
     return value.reshape(count, -1), inner.reshape(count, -1), number.ravel(), sections
 
 
-def _shaped(states: Alike, group: LeafGroup) -> list[Any]:
+def _shaped(states: StateBatch, group: LeafGroup) -> list[Any]:
     """The leaf springs of a group in all states, one state after the other, where they have profiles; else none."""
     names = [states.models[0].member_names[i] for i in group.members.tolist()]
     each = [[scene_leaves(model)[n] for n in names] for model in states.models]
     if any(leaf.profile is None for leaf in each[0]):
         return []
-    return [leaf for u in states.which.tolist() for leaf in each[u]]
+    return [leaf for u in states.model_index.tolist() for leaf in each[u]]
 
 
-def _sections(states: Alike, names: list[str]) -> tuple[NDArray[np.int64], list[Any]]:
+def _sections(states: StateBatch, names: list[str]) -> tuple[NDArray[np.int64], list[Any]]:
     """Number (D, k) of the section of every leaf in every state, and the different sections."""
     sections: list[Any] = []
     known: dict[int, int] = {}
@@ -335,21 +341,21 @@ def _sections(states: Alike, names: list[str]) -> tuple[NDArray[np.int64], list[
                 known[id(q)] = len(sections)
                 sections.append(q)
             row[k] = known[id(q)]
-    return number[states.which], sections
+    return number[states.model_index], sections
 
 
-def peaks(states: Alike, *, points: int = POINTS) -> list[dict[str, Peak]] | None:
+def batch_peak_stress(states: StateBatch, *, points: int = POINTS) -> list[dict[str, PeakStress]] | None:
     """The largest stress of every leaf by full name, of every state; None as of `stress_alike`."""
-    every = stress_alike(states, points=points)
+    every = batch_stress(states, points=points)
     if every is None:
         return None
     names = states.models[0].member_names
-    found: list[dict[str, Any]] = [dict.fromkeys(names) for _ in states.which]
+    found: list[dict[str, Any]] = [dict.fromkeys(names) for _ in states.model_index]
     for part in every:
         at = part.mises.reshape(len(part.mises), -1).argmax(axis=1)
         for j, (d, i, n) in enumerate(zip(*(v.tolist() for v in part[:3]), strict=True)):
             station, point = divmod(int(at[j]), part.mises.shape[2])
-            found[d][names[i]] = Peak(
+            found[d][names[i]] = PeakStress(
                 float(part.mises[j, station, point]),
                 float(part.s[j, station]),
                 stress_points(part.sections[n]).names[point],
@@ -357,8 +363,8 @@ def peaks(states: Alike, *, points: int = POINTS) -> list[dict[str, Peak]] | Non
     return found
 
 
-def stress_followed(
-    states: Alike, first: NDArray[np.int64], *, points: int = POINTS
+def batch_stress_at_peaks(
+    states: StateBatch, first: NDArray[np.int64], *, points: int = POINTS
 ) -> dict[str, Array] | None:
     """Von Mises stress (D,) [Pa] of every leaf by full name, at the station and point of its section where it is largest in
     state first[d] (D,): what gradients are differences of. None as of `stress_alike`, and where sections of a leaf have
@@ -431,7 +437,7 @@ def _at_points(rows: Array) -> tuple[Array, ...]:
 
 
 @dataclass(frozen=True, repr=False)
-class Stress(Shown):
+class Stress(PrintableAnswer):
     """Stress of all leaf springs; leaves: by full name, which is the index too: ``stress["guide/low"]``."""
 
     leaves: dict[str, LeafStress]
@@ -475,10 +481,10 @@ def stress_of(model: Model, found: dict[str, SectionForces]) -> Stress:
     known: dict[str, LeafStress] = {}
     for names in alike.values():
         known |= zip(names, _leaf_stresses([found[n] for n in names], leaves[names[0]]), strict=True)
-    return Stress(ByName({name: known[name] for name in found}, "leaf"))
+    return Stress(NamedAnswers({name: known[name] for name in found}, "leaf"))
 
 
-def strain_energy(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Named[float]:
+def strain_energy(model: Model, motion: Motion, *, load_factor: float = 1.0) -> NamedAnswerTable[float]:
     """Strain energy [J] of every leaf by full name, and of springs; their sum is what the mechanism stores."""
     stored: dict[int, float] = {}
     for group in leaf_groups(model):
@@ -487,23 +493,25 @@ def strain_energy(model: Model, motion: Motion, *, load_factor: float = 1.0) -> 
         )
     leaves = {
         n: sum(stored[i] if i in stored else _chain_energy(model, motion, i) for i in found)
-        for n, found in members_of_leaves(model).items()
+        for n, found in leaf_members(model).items()
     }
     if model.spring_names:
         leaves |= spring_energy(model, motion)
-    said = f"Strain energy: {number(sum(leaves.values()), 5)} J in all"
-    return Named(leaves, said, ("leaf or spring", "energy [J]"), lambda energy: (number(energy, 5),))
+    said = f"Strain energy: {format_number(sum(leaves.values()), 5)} J in all"
+    return NamedAnswerTable(
+        leaves, said, ("leaf or spring", "energy [J]"), lambda energy: (format_number(energy, 5),)
+    )
 
 
 def _strain_energies(model: Model, motion: Motion, group: LeafGroup, load_factor: float) -> Array:
     """(k,): 1/2 (a - a0) K (a - a0) + 1/2 int n(s).(R C R^T n(s)) of every leaf of a group."""
-    N, inner = group.modes, motion.inner[group.places]
+    N, inner = group.modes, motion.inner[group.inner_index]
     rest = 1 + sum(int(n) ** 2 for n in group.number[:3])
     bent = inner[:, :N] - group.value[:, rest : rest + N]
     force = inner[:, N : N + 3]
     soft = stretch_shear_compliances(group.value, group.number, inner)
-    gravity = own_gravity(model, motion, group, load_factor)
-    found: Array = 0.5 * np.einsum("ki,kij,kj->k", bent, elastic(group), bent)
+    gravity = local_gravity(model, motion, group, load_factor)
+    found: Array = 0.5 * np.einsum("ki,kij,kj->k", bent, elastic_stiffness(group), bent)
     found += 0.5 * np.einsum("ki,kij,kj->k", force, soft, force)
     if gravity is not None:
         # n(s) = n + M(s) g
@@ -515,7 +523,7 @@ def _strain_energies(model: Model, motion: Motion, group: LeafGroup, load_factor
 
 def _chain_energy(model: Model, motion: Motion, i: int) -> float:
     """Sum of S eps^2/2 of the elements of a chain."""
-    value, number, inner = member_parts(model, motion, i)
+    value, number, inner = member_arrays(model, motion, i)
     ends = member_ends(model, motion, i)
     if model.arrays.members.kind[i] == SOLID:
         return float(model.bodies[model.member_names[i]].energy(ends.d, ends.Q, inner))

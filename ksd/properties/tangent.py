@@ -23,34 +23,29 @@ from ksd.model.loading import term_slope
 from ksd.model.newton import LEAST_PIVOT, assemble
 from ksd.numerics.blocks import factor_blocks, refined_rows, residual_blocks, solve_blocks
 from ksd.numerics.indefinite import inertia, scaling, solve_scaled
-from ksd.properties.alike import Alike
-from ksd.properties.cache import per_model
+from ksd.properties.cache import cached_per_model
 from ksd.properties.nonconservative import skew_tangent
+from ksd.properties.state_batch import StateBatch
 
 Array = NDArray[np.float64]
-SAME = 1e-9
+ROW_SHARE_TOLERANCE = 1e-9
 """Share of a load below which what rows do not take of it is rounding."""
-LOST = 1e-6
+MAX_BACKWARD_ERROR = 1e-6
 """Change by the last refinement, over the whole solution, beyond which its digits count as lost."""
-LEFT = 1e-9
+CONVERGED_STEP = 1e-9
 """Next Newton step, in rad, sizes of the mechanism, shares of the largest drive force, up to which none is left to take."""
 
 
-def exact(arrays: Arrays) -> Arrays:
-    """The same arrays with Appendix A chains on their own stresses, not on extrapolated ones: the exact
-    tangent."""
-    members = arrays.members
-    if not np.any(members.kind == COROTATIONAL):
+@cached_per_model
+def exact_tangent_arrays(model: Model) -> Arrays:
+    """Arrays of a model with the stresses of Appendix A chains taken from the state instead of extrapolated, as the exact
+    tangent requires."""
+    arrays = model.arrays
+    if COROTATIONAL not in model.kinds:
         return arrays
-    number = members.number.copy()
-    number[members.kind == COROTATIONAL, 1] = 0
-    return arrays._replace(members=members._replace(number=number))
-
-
-@per_model
-def exact_arrays(model: Model) -> Arrays:
-    """`exact` of the arrays of a model."""
-    return exact(model.arrays) if COROTATIONAL in model.kinds else model.arrays
+    number = arrays.members.number.copy()
+    number[arrays.members.kind == COROTATIONAL, 1] = 0
+    return arrays._replace(members=arrays.members._replace(number=number))
 
 
 def row_numbers(model: Model, names: Iterable[str]) -> list[int]:
@@ -66,7 +61,7 @@ def row_numbers(model: Model, names: Iterable[str]) -> list[int]:
     return [known.index(name) for name in names]
 
 
-def free_rows(arrays: Arrays, value: Array, rows: Iterable[int]) -> None:
+def release_rows(arrays: Arrays, value: Array, rows: Iterable[int]) -> None:
     """Take constraint rows out of the stored matrix `value`, in place (see the module docstring)."""
     terms, plan = arrays.terms, arrays.plan
     for row in rows:
@@ -76,13 +71,12 @@ def free_rows(arrays: Arrays, value: Array, rows: Iterable[int]) -> None:
         value[plan.diagonal[int(np.searchsorted(plan.start, terms.start[row]))]] = -1.0
 
 
-def row_gradients(model: Model, motion: Motion, rows: Iterable[int]) -> Array:
-    """(unknowns, len(rows)): how the coordinates of drives and supports change with the motion of the nodes."""
-    return gradients_of_rows(model.arrays, model.arrays.flat, motion, rows)
+def row_gradients(arrays: Arrays, motion: Motion, rows: Iterable[int], *, flat: Flat | None = None) -> Array:
+    """Derivatives (unknowns, len(rows)) of the coordinates of drives and supports with respect to the node motions.
 
-
-def gradients_of_rows(arrays: Arrays, flat: Flat, motion: Motion, rows: Iterable[int]) -> Array:
-    """The same of a model with the integers of `arrays` and the numbers of `flat`."""
+    flat: numbers of the model, where they are not those of `arrays`.
+    """
+    flat = arrays.flat if flat is None else flat
     terms, rows = arrays.terms, list(rows)
     found = np.zeros((arrays.plan.unknowns, len(rows)))
     slope = np.empty((8, 3))
@@ -99,7 +93,7 @@ def gradients_of_rows(arrays: Arrays, flat: Flat, motion: Motion, rows: Iterable
 _TURNS = np.arange(3, 6)
 
 
-def beyond_rows(arrays: Arrays, size: Any, gradients: Array, loads: Array) -> tuple[Array, Array]:
+def remove_row_components(arrays: Arrays, size: Any, gradients: Array, loads: Array) -> tuple[Array, Array]:
     """`loads` (unknowns, k) less what is a combination of the `gradients` (unknowns, r) of held rows, and the combinations
     (r, k). Rows take their part without a motion, so a load that is nothing else is on a held direction: exactly zero.
 
@@ -114,14 +108,16 @@ def beyond_rows(arrays: Arrays, size: Any, gradients: Array, loads: Array) -> tu
     norm = np.sqrt((A * A).sum(axis=-2, keepdims=True))
     norm[norm == 0.0] = 1.0
     A = A / norm
-    share = (A.swapaxes(-1, -2) if A.shape[-1] == 1 else np.linalg.pinv(A, rcond=SAME)) @ left[..., own, :]
-    least = SAME**2 * (left * left).sum(axis=-2, keepdims=True)
+    share = (A.swapaxes(-1, -2) if A.shape[-1] == 1 else np.linalg.pinv(A, rcond=ROW_SHARE_TOLERANCE)) @ left[
+        ..., own, :
+    ]
+    least = ROW_SHARE_TOLERANCE**2 * (left * left).sum(axis=-2, keepdims=True)
     left[..., own, :] -= A @ share
     none = (left * left).sum(axis=-2, keepdims=True) <= least
     return np.where(none, 0.0, left) * turns, share / norm.swapaxes(-1, -2)
 
 
-def responses(states: Alike, loads: Array) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
+def batch_responses(states: StateBatch, loads: Array) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
     """Response (D, k, unknowns) of D states to `loads` (D, k, unknowns), all drives held; where it is one (D,): where
     the tangent is regular and rounding leaves digits, see `Tangent.solve`; and where the state is at a stable equilibrium
     (D,), drives and supports where they are."""
@@ -136,7 +132,9 @@ def responses(states: Alike, loads: Array) -> tuple[Array, NDArray[np.bool_], ND
         stored[:] = work.value
         negatives, pivot = factor_blocks(plan, work.value, work.spare, len(topology.plan.size))
         if pivot > LEAST_PIVOT:
-            good[d] = refined_rows(plan, stored, work.value, work.spare, loads[d], found[d]) <= LOST
+            good[d] = (
+                refined_rows(plan, stored, work.value, work.spare, loads[d], found[d]) <= MAX_BACKWARD_ERROR
+            )
             stable[d] = status == 0 and negatives + inside == len(rows)
             work.rhs[rows] = 0.0
             solve_blocks(plan, work.value, work.spare, work.rhs)
@@ -144,18 +142,18 @@ def responses(states: Alike, loads: Array) -> tuple[Array, NDArray[np.bool_], ND
     return found, good, stable & _none_left(states, step)
 
 
-def _none_left(states: Alike, step: Array) -> NDArray[np.bool_]:
+def _none_left(states: StateBatch, step: Array) -> NDArray[np.bool_]:
     """Whether Newton steps (D, unknowns) are none that is left to take (D,), see LEFT."""
     start, rows = states.topology.start, states.topology.terms.start
     moves = step[:, start[start >= 0, None] + np.arange(6)].reshape(len(step), -1, 2, 3)
     moved, turned = np.sqrt((moves * moves).sum(axis=3).max(axis=1, initial=0.0)).T
     pulled = np.abs(step[:, rows]).max(axis=1, initial=0.0)
     most = np.abs(states.motion.multiplier).max(axis=1, initial=0.0)
-    return (np.maximum(moved / states.size, turned) <= LEFT) & (pulled <= LEFT * most)
+    return (np.maximum(moved / states.sizes, turned) <= CONVERGED_STEP) & (pulled <= CONVERGED_STEP * most)
 
 
 @dataclass(frozen=True)
-class Assembled:
+class AssembledTangent:
     """The exact tangent of a model at a state before it is factored: value in the storage of the plan; inside: negative
     pivots met inside the members; skew: see `Tangent`. work: as assembled, the residual in its `rhs`."""
 
@@ -170,13 +168,13 @@ class Assembled:
     def matrix(self, freed: Iterable[str] = ()) -> Array:
         """The symmetric matrix (unknowns, unknowns), with the drives and supports in `freed` let go."""
         value = self.value.copy()
-        free_rows(self.arrays, value, row_numbers(self.model, freed))
+        release_rows(self.arrays, value, row_numbers(self.model, freed))
         return stored_matrix(self.arrays, value)
 
 
-def refuse_lost(error: float) -> None:
+def check_backward_error(error: float) -> None:
     """Raise KinematicsError where the backward error of an answer says that its digits are lost."""
-    if not error <= LOST:
+    if not error <= MAX_BACKWARD_ERROR:
         raise KinematicsError(
             f"the tangent is all but singular (a refined solution still changes by {error:.1e} of itself): a motion is left "
             "that hardly anything resists, or the state is at its critical load; hold more drives"
@@ -211,7 +209,7 @@ class Tangent:
         """The same, and its backward error: the largest share of a solution, in the norm of the diagonal, that its last
         refinement changed: an estimate of its error before that, a bound for what is left."""
         found, error = self._symmetric(loads)
-        refuse_lost(error)
+        check_backward_error(error)
         if self.skew is None:
             return found, error
         places, rest = self.skew
@@ -223,7 +221,7 @@ class Tangent:
         weight = self.weight()[:, None]
         moved, whole = (np.linalg.norm(part * weight, axis=0) for part in (change, found))
         error = max(error, float(np.max(moved / np.maximum(whole, 1e-300), initial=0.0)))
-        refuse_lost(error)
+        check_backward_error(error)
         return found + change, error
 
     def _with_skew(self, found: Array) -> Array:
@@ -307,16 +305,16 @@ class DenseTangent(Tangent):
         return np.asarray(1.0 / scaling(self.matrix))
 
 
-def assembled_tangent(
+def assemble_tangent(
     model: Model, motion: Motion, *, load_factor: float = 1.0, target: Array | None = None
-) -> Assembled:
+) -> AssembledTangent:
     """The exact tangent at `motion`, drives held; target (c,): their values, where the residual is of use."""
-    arrays = exact_arrays(model)
+    arrays = exact_tangent_arrays(model)
     work = make_work(arrays)
     held = np.zeros(len(arrays.terms.start)) if target is None else target
     _, _, inside, _ = assemble(arrays, motion, held, load_factor, work, 1e-8, 0, 10.0)
     skew = skew_block(arrays, motion, load_factor)
-    return Assembled(model, motion, arrays, work.value.copy(), int(inside), skew, work)
+    return AssembledTangent(model, motion, arrays, work.value.copy(), int(inside), skew, work)
 
 
 def skew_block(arrays: Arrays, motion: Motion, load_factor: float) -> tuple[NDArray[np.int64], Array] | None:
@@ -328,7 +326,7 @@ def skew_block(arrays: Arrays, motion: Motion, load_factor: float) -> tuple[NDAr
     return places, rest[np.ix_(places, places)]
 
 
-def factored(assembled: Assembled, freed: Iterable[str] = ()) -> Tangent:
+def factor_tangent(assembled: AssembledTangent, freed: Iterable[str] = ()) -> Tangent:
     """Factor a copy of a tangent, with the drives and supports named in `freed` let go at constant force.
 
     Raises SceneError for an unknown name, KinematicsError where a motion is left that nothing resists.
@@ -338,7 +336,7 @@ def factored(assembled: Assembled, freed: Iterable[str] = ()) -> Tangent:
     if not assembled.model.kinds.isdisjoint((SOLID, LINEAR)):
         return _dense(assembled, freed)
     spare = np.zeros(len(value))
-    free_rows(arrays, value, row_numbers(assembled.model, freed))
+    release_rows(arrays, value, row_numbers(assembled.model, freed))
     stored = value.copy()
     negatives, pivot = factor_blocks(arrays.plan.ints, value, spare, len(arrays.plan.size))
     if not pivot > LEAST_PIVOT:
@@ -352,7 +350,7 @@ def factored(assembled: Assembled, freed: Iterable[str] = ()) -> Tangent:
     )
 
 
-def _dense(assembled: Assembled, freed: tuple[str, ...]) -> Tangent:
+def _dense(assembled: AssembledTangent, freed: tuple[str, ...]) -> Tangent:
     """`factored` with pivoting: a solid meshed in 2D has zeros on its diagonal, which no bound on pivots sees."""
     K, arrays = assembled.matrix(freed), assembled.arrays
     _, condition = solve_scaled(K, np.zeros((len(K), 1)), scaling(K))
@@ -368,14 +366,14 @@ def _dense(assembled: Assembled, freed: tuple[str, ...]) -> Tangent:
     )  # fmt: skip
 
 
-def factored_tangent(
+def assemble_and_factor(
     model: Model, motion: Motion, *, freed: Iterable[str] = (), load_factor: float = 1.0
 ) -> Tangent:
     """Assemble and factor the exact tangent at `motion` in one go, see `factored`."""
     freed = names_of(freed, "freed")
     # wrong names are told before any work is done
     row_numbers(model, freed)
-    return factored(assembled_tangent(model, motion, load_factor=load_factor), freed)
+    return factor_tangent(assemble_tangent(model, motion, load_factor=load_factor), freed)
 
 
 def stored_matrix(arrays: Arrays, value: Array) -> Array:

@@ -27,9 +27,9 @@ from ksd.model.newton import assemble_nodes, largest_turn, move_nodes
 from ksd.model.rods import RodState, add_rods, move_rods
 from ksd.properties.leaf_groups import EndFrames, chain_groups, end_frames, leaf_groups
 from ksd.properties.leaf_rods import RodParts, cut_rods, rod_sizes
-from ksd.properties.shape import crossed, places_along
-from ksd.properties.tangent import Assembled, assembled_tangent, factored, skew_block
-from ksd.properties.words import Shown, listed, number, printed
+from ksd.properties.printing import PrintableAnswer, format_number, format_table, render_text
+from ksd.properties.shape import cross_rows, poses_along
+from ksd.properties.tangent import AssembledTangent, assemble_tangent, factor_tangent, skew_block
 
 Array = NDArray[np.float64]
 WIDE = 0.01
@@ -65,7 +65,7 @@ class Gaps(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class Verification(Shown):
+class Verification(PrintableAnswer):
     """What integration of every leaf spring says of a state, and the state that it corrects this to.
 
     gaps: of all leaves. forces: of the drives, corrected [N or Nm], force_errors: by how much; reactions: of the supports,
@@ -88,7 +88,7 @@ class Verification(Shown):
     def _line(self) -> str:
         if self.unclosed:
             return f"not known, '{self.unclosed[0]}' cannot be integrated to its end"
-        return f"{number(100 * self.relative, 2, zero=1e-9)} % by integration of {len(self.gaps.names)} leaf springs"
+        return f"{format_number(100 * self.relative, 2, zero=1e-9)} % by integration of {len(self.gaps.names)} leaf springs"
 
     @property
     def sentence(self) -> str:
@@ -99,14 +99,21 @@ class Verification(Shown):
                 f"Not verified: integration of {names} does not lead to the end it has; the state is too far from one of "
                 "exact rods, or strained beyond what they bear"
             )
-        shift, turn = number(1e6 * self.displacement, 2, zero=1e-6), number(1e3 * self.rotation, 2, zero=1e-6)
+        shift, turn = (
+            format_number(1e6 * self.displacement, 2, zero=1e-6),
+            format_number(1e3 * self.rotation, 2, zero=1e-6),
+        )
         worst = ""
         if self.gaps.names:
             miss = _misses(self.gaps.values, self.gaps.lengths)
-            name, most = self.gaps.names[int(np.argmax(miss))], number(100 * float(miss.max()), 2, zero=1e-12)
+            name, most = (
+                self.gaps.names[int(np.argmax(miss))],
+                format_number(100 * float(miss.max()), 2, zero=1e-12),
+            )
             worst = f"; '{name}' misses its end most, by {most} % of its length"
+        error = format_number(100 * self.relative, 2, zero=1e-9)
         return (
-            f"Verified by integration of every leaf spring: {number(100 * self.relative, 2, zero=1e-9)} % off (links within "
+            f"Verified by integration of every leaf spring: {error} % off (links within "
             f"{shift} um and {turn} mrad{worst})"
         )
 
@@ -115,24 +122,24 @@ class Verification(Shown):
             np.linalg.norm(part, axis=1) for part in (self.gaps.values[:, :3], self.gaps.values[:, 3:])
         )
         rows = [
-            (name, number(1e6 * a, 3, zero=1e-9), number(1e3 * b, 3, zero=1e-9))
+            (name, format_number(1e6 * a, 3, zero=1e-9), format_number(1e3 * b, 3, zero=1e-9))
             for name, a, b in zip(self.gaps.names, shift.tolist(), turn.tolist(), strict=True)
         ]
         forces = [
-            (name, number(value, 6, zero=1e-12), number(self.force_errors[name], 2, zero=1e-12))
+            (name, format_number(value, 6, zero=1e-12), format_number(self.force_errors[name], 2, zero=1e-12))
             for name, value in self.forces.items()
         ]
-        drives = [listed(("drive", "corrected [N, Nm]", "error [N, Nm]"), forces)] if forces else []
-        return printed(self.sentence, listed(("leaf", "gap [um]", "turned [mrad]"), rows), *drives)
+        drives = [format_table(("drive", "corrected [N, Nm]", "error [N, Nm]"), forces)] if forces else []
+        return render_text(self.sentence, format_table(("leaf", "gap [um]", "turned [mrad]"), rows), *drives)
 
 
-def _wrenches(assembled: Assembled, mass: Array, load_factor: float) -> tuple[EndFrames, Array, Array]:
+def _wrenches(assembled: AssembledTangent, mass: Array, load_factor: float) -> tuple[EndFrames, Array, Array]:
     """End frames of all leaves; wrenches (k, 6) at end p that a state holds, in its axes; gravity (k, 3), global."""
     model, motion, arrays, work = assembled.model, assembled.motion, assembled.arrays, assembled.work
     members, weight, count = arrays.members, arrays.weight, len(mass)
     ends = end_frames(model, motion, slice(count))
     at_p, gravity = work.lam[:count, :6].copy(), np.zeros((count, 3))
-    at_p[:, 3:] += crossed(ends.d, at_p[:, :3])
+    at_p[:, 3:] += cross_rows(ends.d, at_p[:, :3])
     heavy = np.flatnonzero(mass > 0.0)
     if len(heavy):
         gravity[heavy] = load_factor * weight[heavy, 1:]
@@ -140,7 +147,7 @@ def _wrenches(assembled: Assembled, mass: Array, load_factor: float) -> tuple[En
         pull = work.store[
             (members.store_at[heavy + 1] - GRAVITY_BLOCK_SIZE)[:, None] + np.arange(GRAVITY_BLOCK_SIZE)
         ]
-        at_p[heavy] += np.hstack([mass[heavy, None] * own, crossed(pull[:, 3:6], own)])
+        at_p[heavy] += np.hstack([mass[heavy, None] * own, cross_rows(pull[:, 3:6], own)])
     return ends, at_p, gravity
 
 
@@ -160,7 +167,7 @@ def _begun(
             own = np.flatnonzero((cut.share > 0.0) & (row[cut.of] >= 0))
             if len(own):
                 where = row[cut.of[own]], cut.share[own]
-                place[own], axes[own] = places_along(model, motion, group, *where, BETWEEN * most)
+                place[own], axes[own] = poses_along(model, motion, group, *where, BETWEEN * most)
         start, held = ends.start.copy(), ends.frame[:, None] @ at_p.reshape(-1, 2, 3, 1)
         n, m = held[:, 0, :, 0], held[:, 1, :, 0]
         for k in range(1, most):
@@ -169,7 +176,7 @@ def _begun(
             at = first[own] + k
             weight = cut.mass[at - 1, None] * gravity[own]
             n[own] -= weight
-            m[own] += crossed(n[own] + 0.5 * weight, place[at] - start[own])
+            m[own] += cross_rows(n[own] + 0.5 * weight, place[at] - start[own])
             start[own] = place[at]
             wrench[at] = (np.stack([n[own], m[own]], axis=1) @ axes[at]).reshape(-1, 6)
     sizes = (6,), (6, 7), (6, 13), (6,)
@@ -181,7 +188,11 @@ class _Rods:
     distance they are close enough, and its scale."""
 
     def __init__(
-        self, assembled: Assembled, target: Array, load_factor: float, judged: tuple[Model, Motion, _Scale]
+        self,
+        assembled: AssembledTangent,
+        target: Array,
+        load_factor: float,
+        judged: tuple[Model, Motion, _Scale],
     ) -> None:
         self.model, self.work, self.judged = assembled.model, assembled.work, judged
         self.target, self.load_factor = target, load_factor
@@ -207,7 +218,7 @@ class _Rods:
     def _step(self) -> Array:
         arrays, motion, work = self.model.arrays, self.motion, self.work
         skew = skew_block(arrays, motion, self.load_factor)
-        tangent = factored(Assembled(self.model, motion, arrays, work.value, 0, skew, work))
+        tangent = factor_tangent(AssembledTangent(self.model, motion, arrays, work.value, 0, skew, work))
         return tangent.solve(-work.rhs[:, None])[:, 0]
 
     def close(self) -> bool:
@@ -316,11 +327,11 @@ def verify(
 
     Raises KinematicsError where a motion is left that nothing resists.
     """
-    assembled = assembled_tangent(model, motion, load_factor=load_factor, target=target)
+    assembled = assemble_tangent(model, motion, load_factor=load_factor, target=target)
     begin = of or (model, motion)
     judged = (*begin, _scale(*begin))
     if not len(model.member_names):
-        step, now = factored(assembled).solve(-assembled.work.rhs[:, None])[:, 0], motion.copy()
+        step, now = factor_tangent(assembled).solve(-assembled.work.rhs[:, None])[:, 0], motion.copy()
         move_nodes(model.arrays, now, step, 1.0)
         return _answer(*judged, now, Gaps((), np.zeros((0, 6)), np.zeros(0)), ())
     rods = _Rods(assembled, target, load_factor, judged)

@@ -28,7 +28,7 @@ from ksd.model.newton import move_nodes
 from ksd.numerics.blocks import BLOCKS, factor_blocks, solve_blocks
 from ksd.numerics.kernel import COMPILES, SPARE_CORE
 from ksd.numerics.processes import follow_parent, spawning
-from ksd.properties.resolution import look_at_modes
+from ksd.properties.mesh_adequacy import mode_adequacy
 from ksd.scene.families.cross_flexure import CrossFlexure
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
@@ -76,7 +76,7 @@ def compile_late() -> None:
     member_tangent(work.pose[0], lam, K, np.zeros((12, 12)), np.zeros(12), A, np.zeros((6, 12)))
     # after `newton`, while the first process is at that itself
     JointReader(model, find_record, extrapolate=False)(motion)
-    look_at_modes(model, motion)
+    mode_adequacy(model, motion)
     # without records there are no five steps
     with suppress(KsdError):
         b = FiveStepsStorage(model, joint_bodies(model, find_record))

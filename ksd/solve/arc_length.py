@@ -21,7 +21,7 @@ from ksd.model.compile import Model
 from ksd.model.newton import GRAIN, LOOSE, assemble, largest_move, largest_turn, take_step
 from ksd.model.weight import weight_force
 from ksd.numerics.indefinite import inertia, scaling
-from ksd.properties.nonconservative import divergences, skew_tangent
+from ksd.properties.nonconservative import count_negative_eigenvalues, skew_tangent
 from ksd.properties.tangent import stored_matrix
 from ksd.solve.steps import RTOL, Stop
 
@@ -161,7 +161,7 @@ class ArcLengthNewton:
                 rest = skew_tangent(self.model.arrays, motion, self.parameter.values_at(f)[1])
                 below = inertia(K)
                 if rest is not None and below != len(arrays.terms.start):
-                    below = divergences(arrays, K, rest)
+                    below = count_negative_eigenvalues(arrays, K, rest)
                 full = K if rest is None else K + rest
                 away = self.length(strayed)
                 return ArcLengthPoint(

@@ -34,14 +34,14 @@ from ksd.properties.forces import InterfaceForces, SectionForces, interface_forc
 from ksd.properties.frequencies import Modes, frequencies
 from ksd.properties.internal_stress import Misplaced, internal_stress
 from ksd.properties.link_forces import LinkForces, link_forces
+from ksd.properties.mesh_adequacy import ModeAdequacy, mode_adequacy
 from ksd.properties.parasitic import Parasitic, PivotShift, parasitic, pivot_shift
-from ksd.properties.resolution import Look, look_at_modes
-from ksd.properties.shape import Shape, mechanism_shape, place_of
+from ksd.properties.printing import NamedAnswers, render_text
+from ksd.properties.shape import Shape, mechanism_shape, point_position
 from ksd.properties.stiffness import DriveStiffness, PointStiffness, drive_stiffness, point_stiffness
-from ksd.properties.strength import Strength, strength, unusual
+from ksd.properties.strength import Strength, strength, unusual_values
 from ksd.properties.stress import Stress, strain_energy, stress
 from ksd.properties.verify import Verification, verify
-from ksd.properties.words import ByName, printed
 from ksd.scene.link import Link
 from ksd.scene.scene import PlacedJoint
 from ksd.solve.answer import as_dict, drive_kind
@@ -137,13 +137,13 @@ class Configuration(InNotebooks):
     @cached_property
     def motions(self) -> dict[str, float]:
         """Intended motion of every joint by name [rad or m]; empty where the joints have no records."""
-        return ByName({} if self._joints is None else self._joints.by_motion(), "joint motion")
+        return NamedAnswers({} if self._joints is None else self._joints.by_motion(), "joint motion")
 
     @cached_property
     def unintended(self) -> dict[str, np.ndarray]:
         """Displacement [m] and rotation [rad] (6,) of interface B off its intended pose, in joint axes, by joint; empty
         as `motions`."""
-        return ByName({} if self._joints is None else self._joints.by_joint(), "joint")
+        return NamedAnswers({} if self._joints is None else self._joints.by_joint(), "joint")
 
     @cached_property
     def _joints(self) -> JointMotions | None:
@@ -173,9 +173,9 @@ class Configuration(InNotebooks):
         return keeps_still(*self.insides, self.load_factor)
 
     @cached_property
-    def resolution(self) -> Look:
+    def resolution(self) -> ModeAdequacy:
         """What its curvature modes may miss, and how far its leaf springs turn per quadrature point."""
-        return look_at_modes(self.model, self.motion)
+        return mode_adequacy(self.model, self.motion)
 
     @property
     def trust(self) -> Trust:
@@ -217,7 +217,7 @@ class Configuration(InNotebooks):
         """What the user should know: of the solve, of the scene (`ksd.scene.plausibility`), and of strain and stress."""
         strain = () if self.strength is None else self.strength.warnings
         joints = () if self._joints is None else self._joints.unknown
-        own = (*self.far_drives, *unusual(self.model))
+        own = (*self.far_drives, *unusual_values(self.model))
         return (*self.notes, *joints, *filter(None, [self.minimum]), *own, *strain)
 
     @property
@@ -246,7 +246,7 @@ class Configuration(InNotebooks):
         """Drive force [N] or moment [Nm] by drive name: what the drive exerts on its link, positive along the drive."""
         count = len(self.model.drive_names)
         efforts = zip(self.model.drive_names, self.motion.multiplier[:count], strict=True)
-        return ByName({n: -float(m) for n, m in efforts}, "drive")
+        return NamedAnswers({n: -float(m) for n, m in efforts}, "drive")
 
     @property
     def told_forces(self) -> dict[str, float]:
@@ -264,7 +264,7 @@ class Configuration(InNotebooks):
         """What every support exerts [N or Nm], by support name; not what holds the mechanism in its plane."""
         count, said = len(self.model.drive_names), (self.model.said or self.model.scene).supports
         efforts = zip(said, self.motion.multiplier[count:], strict=False)
-        return ByName({s.name: -float(m) for s, m in efforts}, "support")
+        return NamedAnswers({s.name: -float(m) for s, m in efforts}, "support")
 
     @property
     def links(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -274,7 +274,7 @@ class Configuration(InNotebooks):
             link: (self.motion.x[i] - rest.x[i], self.motion.R[i].copy())
             for i, link in enumerate(self.model.scene.links)
         }
-        return ByName(moved, "link")
+        return NamedAnswers(moved, "link")
 
     def rotation(self, link: Link | str) -> np.ndarray:
         """Rotation vector (3,) [rad] of a link from rest, global axes. Raises SceneError for an unknown name."""
@@ -287,7 +287,7 @@ class Configuration(InNotebooks):
         itself, of a point of a leaf) when None. Raises SceneError for an unknown name."""
         i = self._node(link)
         point = self.model.rest.x[i] if at is None else np.array(vector(at, "at", unit="m"))
-        return place_of(self.model, self.motion, i, point) - point
+        return point_position(self.model, self.motion, i, point) - point
 
     def distance(self, name: str) -> float:
         """The distance [m] of two points that the scene asks for by this name (`Mechanism.distance`); along a direction, its
@@ -299,7 +299,7 @@ class Configuration(InNotebooks):
             )
         asked = known[name]
         i, j = self._node(asked.a), self._node(asked.b)
-        way = place_of(self.model, self.motion, j, asked.end) - place_of(
+        way = point_position(self.model, self.motion, j, asked.end) - point_position(
             self.model, self.motion, i, asked.start
         )
         return float(
@@ -623,7 +623,7 @@ class Configuration(InNotebooks):
         return tables(self)
 
     def __str__(self) -> str:
-        return printed(*self.tables())
+        return render_text(*self.tables())
 
 
 INSIDE = frozenset(

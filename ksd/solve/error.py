@@ -25,11 +25,18 @@ from ksd.model.arrays import COROTATIONAL, STRAIN, Arrays, Motion, Work, make_wo
 from ksd.model.compile import Model, compile_given
 from ksd.model.leaves import leaf_of
 from ksd.model.newton import iterate, look, take_step
-from ksd.properties.cache import per_model
+from ksd.properties.cache import cached_per_model
+from ksd.properties.finer_model import finer_model, pad_amplitudes
 from ksd.properties.forces import SectionForces, forces_of_members
-from ksd.properties.leaf_groups import LeafGroup, elastic, end_axes, end_frames, leaf_groups, panel_tables
-from ksd.properties.tangent import exact
-from ksd.properties.unfold import finer, pad
+from ksd.properties.leaf_groups import (
+    LeafGroup,
+    elastic_stiffness,
+    end_axes,
+    end_frames,
+    leaf_groups,
+    panel_table_slice,
+)
+from ksd.properties.tangent import exact_tangent_arrays
 from ksd.solve.estimate import relative_error, size_of_step
 from ksd.solve.full_bodies import full_equilibrium
 from ksd.solve.steps import CAP, FAST, RTOL, ErrorEstimate, Stop
@@ -72,7 +79,7 @@ def error_of(pose: Configuration) -> ErrorEstimate | None:
     found = relative_error(pose.model, pose.motion, truth)
     if pose.method not in FAST:
         return replace(found, mesh=found.relative)
-    settled = equilibrium(exact(model.arrays), motion.copy(), target, factor)
+    settled = equilibrium(exact_tangent_arrays(model), motion.copy(), target, factor)
     return replace(
         found, mesh=math.inf if settled is None else relative_error(model, settled, truth).relative
     )
@@ -190,10 +197,15 @@ def settle_fast(
 
 
 def goes_on_alone(pose: Configuration) -> bool:
-    """Whether the Newton step that questions on a finer mesh take themselves (`ksd.properties.unfold`) leads from the state
-    of a fast method as far as from the equilibrium next to it."""
+    """Whether the Newton step that questions on a finer mesh take themselves (`ksd.properties.finer_model`) leads from the
+    state of a fast method as far as from the equilibrium next to it."""
     own, model = pose.method_error, pose.model
-    return own is not None and own.relative <= NEAR and model.kinds <= {STRAIN} and finer(model) is not model
+    return (
+        own is not None
+        and own.relative <= NEAR
+        and model.kinds <= {STRAIN}
+        and finer_model(model) is not model
+    )
 
 
 def with_error(pose: Configuration, question: Callable[[Configuration], Any]) -> tuple[Any, Any]:
@@ -225,7 +237,7 @@ def settle(
     return Stop(reason), int(negatives)
 
 
-@per_model
+@cached_per_model
 def refined(model: Model) -> Model:
     """The model with every leaf as a strain-mode leaf of more modes; its nodes are those of `model` but for chain nodes."""
     return compile_given(model.scene, model.mesh.refined())
@@ -242,7 +254,7 @@ def _started(model: Model, motion: Motion, fine: Model, load_factor: float) -> M
     for i, name in enumerate(model.member_names):
         if members.kind[i] == STRAIN:
             k, inner = place[name], motion.inner[members.inner_at[i] : members.inner_at[i + 1]]
-            pad(members.number[i], inner, more.number[k], state.inner[more.inner_at[k] :])
+            pad_amplitudes(members.number[i], inner, more.number[k], state.inner[more.inner_at[k] :])
         elif members.kind[i] == COROTATIONAL:
             chains.setdefault(leaf_of(name, place), []).append(i)
     forces = forces_of_members(model, motion, chains, STATIONS, load_factor) if chains else {}
@@ -250,7 +262,7 @@ def _started(model: Model, motion: Motion, fine: Model, load_factor: float) -> M
         rows = [r for r, k in enumerate(group.members) if fine.member_names[k] in chains]
         if not rows:
             continue
-        which, value, places = group.members[rows], group.value[rows], group.places[rows]
+        which, value, places = group.members[rows], group.value[rows], group.inner_index[rows]
         along = [forces[fine.member_names[k]] for k in which]
         Q = end_axes(fine, state, which, end_frames(fine, state, which))
         wrench = np.array([f.end for f in along]).reshape(-1, 2, 3) @ Q.swapaxes(1, 2)
@@ -263,9 +275,9 @@ def _bent(group: LeafGroup, forces: list[SectionForces]) -> np.ndarray:
     """Amplitudes (k, N) that the section forces along the leaf springs of a group call for."""
     value, N, (*orders, ng) = group.value, group.modes, group.number[:4].tolist()
     # as `ksd.beam.strain_values` lays it out
-    at = panel_tables(group.number).start
+    at = panel_table_slice(group.number).start
     weight, integral, basis = np.split(value[:, at : at + ng * (1 + ng + N)], [ng, ng + ng * ng], axis=1)
     s = integral[0].reshape(ng, ng).sum(axis=1)
     moment = np.array([[np.interp(s, f.s / f.s[-1], m) for m in f.values.T[3:]] for f in forces])
     weighted = (basis.reshape(-1, N, ng) * weight[:, None] * np.repeat(moment, orders, axis=1)).sum(axis=2)
-    return np.asarray(np.linalg.solve(elastic(group), (value[:, :1] * weighted)[..., None])[..., 0])
+    return np.asarray(np.linalg.solve(elastic_stiffness(group), (value[:, :1] * weighted)[..., None])[..., 0])

@@ -19,8 +19,8 @@ from ksd.model.arrays import Motion, make_work
 from ksd.model.compile import Model
 from ksd.model.newton import GRAIN, assemble
 from ksd.properties.frequencies import frequencies
-from ksd.properties.nonconservative import divergences, skew_tangent
-from ksd.properties.tangent import exact, factored_tangent, stored_matrix
+from ksd.properties.nonconservative import count_negative_eigenvalues, skew_tangent
+from ksd.properties.tangent import assemble_and_factor, exact_tangent_arrays, stored_matrix
 
 MILD = 1e-3
 """Share rho of the skew part up to which flutter is left to damping: half of it, as a ratio, is less than flexures have."""
@@ -31,7 +31,7 @@ def keeps_still(model: Model, motion: Motion, load_factor: float) -> tuple[bool,
     in words that name the criterion."""
     loads = "loads follow" if model.arrays.loads.following.any() else "moments are not conservative"
     try:
-        tangent = factored_tangent(model, motion, load_factor=load_factor)
+        tangent = assemble_and_factor(model, motion, load_factor=load_factor)
     except KinematicsError as reason:
         return False, f"NOT CERTAIN: {reason}"
     still = "stable: no slow motion leaves it"
@@ -60,14 +60,14 @@ def keeps_still(model: Model, motion: Motion, load_factor: float) -> tuple[bool,
 
 def counted(model: Model, motion: Motion, factor: float, negatives: int) -> int:
     """The negative pivots of a state, or, where loads are not conservative and the symmetric part of the tangent is not
-    positive definite, what stands for them: see `divergences`."""
+    positive definite, what stands for them: see `count_negative_eigenvalues`."""
     if model.conservative or negatives == len(model.arrays.terms.start):
         return negatives
-    arrays = exact(model.arrays)
+    arrays = exact_tangent_arrays(model)
     work = make_work(arrays)
     _, _, inside, _ = assemble(
         arrays, motion, np.zeros(len(arrays.terms.start)), factor, work, 1e-8, 0, GRAIN
     )
     rest = skew_tangent(arrays, motion, factor)
     assert rest is not None
-    return divergences(arrays, stored_matrix(arrays, work.value), rest) + int(inside)
+    return count_negative_eigenvalues(arrays, stored_matrix(arrays, work.value), rest) + int(inside)

@@ -19,7 +19,7 @@ from ksd.model.compile import Model
 from ksd.model.newton import iterate
 from ksd.model.reduced import inner_state, member_pose, same_state, with_bodies
 from ksd.numerics.stopwatch import Stopwatch
-from ksd.properties.tangent import exact
+from ksd.properties.tangent import exact_tangent_arrays
 from ksd.solve.estimate import relative_error
 from ksd.solve.steps import CAP, RTOL, ErrorEstimate, Step, Stop
 
@@ -67,7 +67,7 @@ class FullBodies:
             self.wholes[self.model.member_names.index(name)] = (
                 whole if times == 1.0 else whole.on_mesh(body.solid.refine(times))
             )
-        self.arrays, self.residual, self.negatives = exact(self.model.arrays), math.inf, 0
+        self.arrays, self.residual, self.negatives = exact_tangent_arrays(self.model), math.inf, 0
         self.work = make_work(self.arrays)
 
     def step(self, target: np.ndarray, factor: float, *, most: int) -> int | None:

@@ -16,10 +16,10 @@ from ksd.model.arrays import SOLID, Motion
 from ksd.model.compile import Model, compile_given
 from ksd.model.effects import with_conditions, with_torsion
 from ksd.model.runs import run_factors
-from ksd.properties.cache import per_model
+from ksd.properties.cache import cached_per_model
+from ksd.properties.printing import NamedAnswerTable, format_signed_percent
 from ksd.properties.stiffness import point_stiffness
-from ksd.properties.tangent import exact
-from ksd.properties.words import Named, signed
+from ksd.properties.tangent import exact_tangent_arrays
 from ksd.solve.error import equilibrium
 from ksd.solve.plates import bent
 
@@ -31,7 +31,7 @@ CHANGED = ("force", "displacement", "support_stiffness")
 """What is compared."""
 
 
-class LeftOut(Named[dict[str, float]]):
+class LeftOut(NamedAnswerTable[dict[str, float]]):
     """What `left_out` finds, by effect; prints as a table."""
 
     def __init__(self, found: Mapping[str, dict[str, float]]) -> None:
@@ -41,14 +41,14 @@ class LeftOut(Named[dict[str, float]]):
 
     def __repr__(self) -> str:
         said = (
-            f"{name} {{{', '.join(f'{k}: {signed(100 * v)} %' for k, v in row.items())}}}"
+            f"{name} {{{', '.join(f'{k}: {format_signed_percent(100 * v)} %' for k, v in row.items())}}}"
             for name, row in self.items()
         )
         return f"<LeftOut: {', '.join(said) or 'nothing'}>"
 
 
 def _percents(changes: Mapping[str, float]) -> list[str]:
-    return [signed(100.0 * changes[what]) if what in changes else "-" for what in CHANGED]
+    return [format_signed_percent(100.0 * changes[what]) if what in changes else "-" for what in CHANGED]
 
 
 def left_out(pose: Configuration) -> LeftOut:
@@ -58,12 +58,14 @@ def left_out(pose: Configuration) -> LeftOut:
     if not pose.converged or SOLID in model.kinds:
         return LeftOut({})
     target, factor = model.targets(pose.targets), pose.load_factor
-    own = equilibrium(exact(model.arrays), motion.copy(), target, factor)
+    own = equilibrium(exact_tangent_arrays(model), motion.copy(), target, factor)
     if own is None:
         return LeftOut({})
     found = {}
     for name, other in (("plate", _with_plates(model, own)), ("warping", _with_warping(model))):
-        there = None if other is model else equilibrium(exact(other.arrays), own.copy(), target, factor)
+        there = (
+            None if other is model else equilibrium(exact_tangent_arrays(other), own.copy(), target, factor)
+        )
         if there is not None:
             found[name] = _changes((model, own), (other, there), factor)
     return LeftOut(found)
@@ -78,7 +80,7 @@ def _with_plates(model: Model, motion: Motion) -> Model:
     return compile_given(with_conditions(model.scene, conditions), model.mesh.with_effect("plate"))
 
 
-@per_model
+@cached_per_model
 def _with_warping(model: Model) -> Model:
     """The model with restrained warping; itself where it has it, or no leaf warps."""
     warps = [leaf.section.Iw > 0.0 for _, leaf in model.scene.leaf_names().items()]

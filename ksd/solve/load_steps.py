@@ -22,7 +22,7 @@ from ksd.model.compile import Model
 from ksd.model.newton import CONVERGED, SINGULAR, Newton, assemble, iterate
 from ksd.model.plane import Plane, plane_of, refuse_plane
 from ksd.numerics.rotations import rotation_log
-from ksd.properties.cache import per_model
+from ksd.properties.cache import cached_per_model
 from ksd.properties.doctor import doctor
 from ksd.scene.hinges import plane_holds
 from ksd.solve.arc_length import END_REACHED, PathContinuation, PathParameter, follow_by_arc_length
@@ -188,7 +188,7 @@ class _DeadLoads(NamedTuple):
     follow: bool
 
 
-@per_model
+@cached_per_model
 def _dead_loads(model: Model) -> _DeadLoads:
     """The loads and weight of a model; half the weight of a leaf at each end, since its centre moves about as their mean."""
     loads, weight, members = model.arrays.loads, model.arrays.weight, model.arrays.members
@@ -361,7 +361,7 @@ AT_START = 1e-3
 """Share of a way up to which a stop is one of the start."""
 
 
-@per_model
+@cached_per_model
 def _is_held(model: Model) -> bool:
     """Whether all nodes are held in the plane that a mechanism names, on members of constant stiffness, which have nothing
     inside that could leave it."""

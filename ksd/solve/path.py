@@ -16,7 +16,7 @@ from ksd.model.arrays import carries_load
 from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
 from ksd.numerics.stopwatch import Stopwatch
-from ksd.properties.words import Shown, listed, number
+from ksd.properties.printing import PrintableAnswer, format_number, format_table
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.scene import Scene
 from ksd.solve.arc_length import (
@@ -51,7 +51,7 @@ class Turning:
 
 
 @dataclass(frozen=True, repr=False)
-class Path(Shown):
+class Path(PrintableAnswer):
     """Equilibria in order along the path: factor (k,) of the loads or of the drive motion; states: one for each.
 
     turnings: limit points and bifurcations passed; stop: why it ended, in words.
@@ -63,16 +63,17 @@ class Path(Shown):
     stop: str
 
     def _line(self) -> str:
-        return f"{len(self.states)} states to {number(self.factor[-1])}, {len(self.turnings)} turning points; {self.stop}"
+        last = format_number(self.factor[-1])
+        return f"{len(self.states)} states to {last}, {len(self.turnings)} turning points; {self.stop}"
 
     def __str__(self) -> str:
-        rows = [(number(f), *(number(v) for v in s.forces.values()), "yes" if s.stable else "no")
+        rows = [(format_number(f), *(format_number(v) for v in s.forces.values()), "yes" if s.stable else "no")
                 for f, s in zip(self.factor, self.states, strict=True)]  # fmt: skip
-        turns = [f"A {t.kind} point at factor {number(t.factor)}" for t in self.turnings] + list(
+        turns = [f"A {t.kind} point at factor {format_number(t.factor)}" for t in self.turnings] + list(
             self.warnings
         )
         forces = (f"force or moment of {n}" for n in self.states[0].forces)
-        return listed(
+        return format_table(
             ("factor", *forces, "<stable"), rows, f"Path of {len(rows)} equilibria: {self.stop}", *turns
         )
 
@@ -84,7 +85,7 @@ class Path(Shown):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What the user should know of the mesh: the warning of the state it resolves least."""
-        return max(self.states, key=lambda s: s.resolution.share).notes
+        return max(self.states, key=lambda s: s.resolution.missed_share).notes
 
     @property
     def ended(self) -> bool:

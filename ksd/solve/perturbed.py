@@ -27,7 +27,7 @@ from ksd.model.effects import applied, with_conditions
 from ksd.model.mesh import Mesh, MixedMesh
 from ksd.model.newton import newton_step
 from ksd.model.template import Template, template_of
-from ksd.properties.tangent import exact_arrays
+from ksd.properties.tangent import exact_tangent_arrays
 from ksd.scene.leaf import Condition
 from ksd.solve.error import settled
 from ksd.solve.steps import FAST, RTOL
@@ -233,7 +233,7 @@ class PerturbedEquilibria:
     ) -> tuple[Configuration, float]:
         """The equilibrium of a model Newton steps from a state, and the size of the first; name: of the parameter that was
         changed; first: of the step to the opposite side, which spares it here."""
-        arrays, motion, target = exact_arrays(model), start.copy(), model.targets(targets)
+        arrays, motion, target = exact_tangent_arrays(model), start.copy(), model.targets(targets)
         work = storage.of(arrays)
         moved = [first] * (first > 0.0)
         while len(moved) < NEWTON:

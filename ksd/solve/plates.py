@@ -18,7 +18,7 @@ from ksd.model.arrays import Motion
 from ksd.model.compile import Model, compile_given
 from ksd.model.effects import with_conditions
 from ksd.model.leaves import rigidities
-from ksd.properties.cache import per_model
+from ksd.properties.cache import cached_per_model
 from ksd.properties.forces import section_forces
 from ksd.scene.leaf import Condition
 from ksd.section.plate import plate_factor
@@ -41,13 +41,13 @@ def curvatures(model: Model, motion: Motion) -> dict[str, float]:
     return found
 
 
-@per_model
+@cached_per_model
 def _leaves(model: Model) -> dict[str, Any]:
     """All leaf springs by full name, with their conditions."""
     return dict(model.scene.leaf_names())
 
 
-@per_model
+@cached_per_model
 def _bending_stiffness(model: Model) -> dict[str, float]:
     """E Iz [N m^2] of every leaf, with its factor."""
     return {

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ksd.properties.strength import LAW, NOTABLE
-from ksd.properties.words import number, signed
-from ksd.properties.words import table as _table
+from ksd.properties.printing import empty_table as _table
+from ksd.properties.printing import format_number, format_signed_percent
+from ksd.properties.strength import LAW_ERROR_PER_STRAIN, WARNING_STRAIN
 from ksd.solve.answer import as_dict
 from ksd.solve.steps import FAST, RTOL, percent
 
@@ -76,10 +76,10 @@ def _steps(d: dict[str, Any]) -> Any:
         if s["name"] == "error estimate":
             why = "not iterated"
         count = "-" if s["iterations"] is None else str(s["iterations"])
-        residual = number(s["residual_over_bound"], 2)
-        table.add_row(s["name"], count, number(s["time_us"], 3), residual, why, s["note"])
+        residual = format_number(s["residual_over_bound"], 2)
+        table.add_row(s["name"], count, format_number(s["time_us"], 3), residual, why, s["note"])
     table.add_section()
-    table.add_row("total", str(d["iterations"]), number(d["time_us"], 3), "", "", "")
+    table.add_row("total", str(d["iterations"]), format_number(d["time_us"], 3), "", "", "")
     return table
 
 
@@ -89,14 +89,19 @@ def _drives(d: dict[str, Any]) -> Any:
         (at, value), (effort, force), (_, error) = row.items()
         least = RTOL * abs(force)
         seen = error is not None and (error > least or not force)
-        told = number(error, 2) if seen else f"under {number(least, 2)}"
+        told = format_number(error, 2) if seen else f"under {format_number(least, 2)}"
         said = "-" if error is None else f"{told} {_UNITS[effort]}"
         table.add_row(
-            name, number(value, 6, zero=1e-12), _UNITS[at], number(force, 6, zero=1e-12), _UNITS[effort], said
+            name,
+            format_number(value, 6, zero=1e-12),
+            _UNITS[at],
+            format_number(force, 6, zero=1e-12),
+            _UNITS[effort],
+            said,
         )
     for name, row in d["supports"].items():
         ((effort, force),) = row.items()
-        table.add_row(f"{name} (support)", "0", "", number(force, 6, zero=1e-12), _UNITS[effort], "-")
+        table.add_row(f"{name} (support)", "0", "", format_number(force, 6, zero=1e-12), _UNITS[effort], "-")
     return table
 
 
@@ -122,7 +127,7 @@ def error_sentence(d: dict[str, Any]) -> str:
         return "Estimated error: not known, a finer mesh has no equilibrium next to this one"
     if error["relative_percent"] is None:
         return "Estimated error: not known, corrector steps grow; do not use this result"
-    shift, turn = (number(error[k], 2, zero=1e-6) for k in ("displacement_um", "rotation_mrad"))
+    shift, turn = (format_number(error[k], 2, zero=1e-6) for k in ("displacement_um", "rotation_mrad"))
     off = percent(0.01 * error["relative_percent"])
     mesh = "that of its mesh is not known"
     if error["mesh_percent"] is not None:
@@ -132,8 +137,9 @@ def error_sentence(d: dict[str, Any]) -> str:
         )
     within = f" (links within {shift} um and {turn} mrad)" if error["relative_percent"] > 100 * RTOL else ""
     strain = (d["strength"] or {}).get("largest_strain_percent") or 0.0
-    law = f"; beside it, other laws of elasticity differ by about {LAW * strain:.2g} % in force at its strain"
-    return f"Estimated error: {off} %, {mesh}{within}{law if strain > 100 * NOTABLE else ''}"
+    law_error = LAW_ERROR_PER_STRAIN * strain
+    law = f"; beside it, other laws of elasticity differ by about {law_error:.2g} % in force at its strain"
+    return f"Estimated error: {off} %, {mesh}{within}{law if strain > 100 * WARNING_STRAIN else ''}"
 
 
 def _missing(left_out: dict[str, dict[str, float | None]]) -> list[str]:
@@ -141,7 +147,7 @@ def _missing(left_out: dict[str, dict[str, float | None]]) -> list[str]:
     said = []
     for name, changes in left_out.items():
         weights = [
-            f"{what.removesuffix('_percent').replace('_', ' ')} {signed(value)} %"
+            f"{what.removesuffix('_percent').replace('_', ' ')} {format_signed_percent(value)} %"
             for what, value in changes.items()
             if value is not None and abs(value) >= LITTLE
         ]
@@ -155,10 +161,12 @@ def _range(basis: dict[str, Any] | None) -> list[str]:
         return []
     good = "good about the trained configuration alone"
     if basis["within_percent"] is not None:
-        limits = f"{number(basis['most_stroke'], 2)} L and {number(basis['most_turn_deg'], 2)} deg"
+        limits = (
+            f"{format_number(basis['most_stroke'], 2)} L and {format_number(basis['most_turn_deg'], 2)} deg"
+        )
         good = f"within {basis['within_percent']:g} % to {limits}"
-    at = f"{number(basis['stroke'], 2)} L and {number(basis['turn_deg'], 2)} deg"
-    size = f"{basis['coordinates']} coordinates, condition {number(basis['condition'], 2)}"
+    at = f"{format_number(basis['stroke'], 2)} L and {format_number(basis['turn_deg'], 2)} deg"
+    size = f"{basis['coordinates']} coordinates, condition {format_number(basis['condition'], 2)}"
     return [f"Basis of '{basis['of']}', bent furthest, to {at}: {good} ({size})"]
 
 
@@ -171,12 +179,12 @@ def _joints(d: dict[str, Any]) -> list[Any]:
         said = []
         for key, value in j["intended"].items():
             motion, unit = key.rsplit("_", 1)
-            said.append(f"{motion + ' ' if several else ''}{number(value, 5, zero=1e-9)} {unit}")
+            said.append(f"{motion + ' ' if several else ''}{format_number(value, 5, zero=1e-9)} {unit}")
         row = [
             *(j["unintended_displacement_um"] or [None] * 3),
             *(j["unintended_rotation_mrad"] or [None] * 3),
         ]
-        table.add_row(name, "\n".join(said), *[number(v, 3, zero=1e-6) for v in row[: len(off)]])
+        table.add_row(name, "\n".join(said), *[format_number(v, 3, zero=1e-6) for v in row[: len(off)]])
     title = "Joints: intended motion" + (
         ", and unintended displacement and rotation of interface B" if known else ""
     )
@@ -188,6 +196,6 @@ def _links(d: dict[str, Any]) -> list[Any]:
     table = _table("link", *columns)
     for name, link in d["links"].items():
         table.add_row(
-            name, *[number(v, 5, zero=1e-9) for v in (*link["displacement_mm"], *link["rotation_deg"])]
+            name, *[format_number(v, 5, zero=1e-9) for v in (*link["displacement_mm"], *link["rotation_deg"])]
         )
     return [_title("Links: displacement of the reference point and rotation"), table]

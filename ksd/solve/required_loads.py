@@ -25,7 +25,7 @@ from ksd.model.mesh import Mesh
 from ksd.model.orders import raised
 from ksd.model.plane import Plane, plane_of
 from ksd.numerics.rotations import rotation_exp
-from ksd.properties.words import Shown, listed, number
+from ksd.properties.printing import PrintableAnswer, format_number, format_table
 from ksd.scene.drive import GROUND, Drive, DriveTerm
 from ksd.scene.hinges import normal_of
 from ksd.scene.link import Link, spoken
@@ -51,7 +51,7 @@ STRETCH = 1.05
 
 
 @dataclass(frozen=True, repr=False)
-class RequiredLoads(Shown):
+class RequiredLoads(PrintableAnswer):
     """What holds a mechanism in wanted poses, global axes.
 
     loads: force and moment (6,) [N, Nm] that every link needs beside the loads of the scene, about its reference point;
@@ -76,19 +76,19 @@ class RequiredLoads(Shown):
         return float(max(np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:]) / self.size))
 
     def _line(self) -> str:
-        said = ", ".join(f"{n} {number(v)}" for n, v in self.forces.items()) or "no drives"
+        said = ", ".join(f"{n} {format_number(v)}" for n, v in self.forces.items()) or "no drives"
         return f"{said}; {'balanced' if self.balanced else 'not balanced by them'} [N, Nm]"
 
     def __str__(self) -> str:
         columns = (*(f"F{a} [N]" for a in "xyz"), *(f"M{a} [Nm]" for a in "xyz"))
         most = max((self._amount(w) for w in self.loads.values()), default=0.0)
         rows = [
-            (what, n, *(number(float(v), 4, zero=1e-9 * most) for v in wrench))
+            (what, n, *(format_number(float(v), 4, zero=1e-9 * most) for v in wrench))
             for n in self.loads
             for what, wrench in (("needs", self.loads[n]), ("unbalanced", self.unbalanced[n]))
         ]
         said = f"Required loads, about the reference points; drives: {self._line()}"
-        return listed(("", "<link", *columns), rows, said)
+        return format_table(("", "<link", *columns), rows, said)
 
 
 @clear_argument_errors

@@ -20,7 +20,7 @@ from ksd.model.compile import Model, compile_given
 from ksd.model.newton import take_step
 from ksd.numerics.rotations import rotation_log
 from ksd.numerics.stopwatch import Stopwatch
-from ksd.properties.tangent import assembled_tangent, factored
+from ksd.properties.tangent import assemble_tangent, factor_tangent
 from ksd.scene.load import Load
 from ksd.solve.load_steps import LoadPath, as_step, solve_by_load_steps, stop_sentence
 from ksd.solve.steps import Stop
@@ -121,8 +121,8 @@ def _refine(found: Configuration) -> tuple[Array, Array]:
     """Two Newton steps more, in place: the last one (unknowns,), and the weights of its entries."""
     model, motion = found.model, found.motion
     for _ in range(2):
-        assembled = assembled_tangent(model, motion, target=model.targets(found.targets))
-        tangent = factored(assembled)
+        assembled = assemble_tangent(model, motion, target=model.targets(found.targets))
+        tangent = factor_tangent(assembled)
         step = tangent.solve(-assembled.work.rhs[:, None])[:, 0]
         take_step(assembled.arrays, motion, np.ascontiguousarray(step), assembled.work, 1.0)
     return step, tangent.weight()

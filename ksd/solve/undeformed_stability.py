@@ -13,10 +13,10 @@ from ksd.model.arrays import COIL, TURN, Motion, make_work
 from ksd.model.compile import Model
 from ksd.model.newton import iterate
 from ksd.numerics.rotations import rotation_log
-from ksd.properties.cache import per_model
-from ksd.properties.forces import energy_of_spring
-from ksd.properties.tangent import assembled_tangent, row_gradients
-from ksd.properties.words import axis_in_words, movement_of, ways
+from ksd.properties.cache import cached_per_model
+from ksd.properties.forces import energy_of_one_spring
+from ksd.properties.printing import axis_in_words, describe_node_motion, node_travel
+from ksd.properties.tangent import assemble_tangent, row_gradients
 from ksd.solve.steps import CAP, RTOL, Stop
 
 Array = NDArray[np.float64]
@@ -41,7 +41,7 @@ class UndeformedInstability:
     shape: Array
 
 
-@per_model
+@cached_per_model
 def undeformed_instability(model: Model) -> tuple[UndeformedInstability, ...]:
     """The equilibrium, drives at zero, under preload, heat, assembly error, where unstable, or else under loads too, where
     that is: one, or none."""
@@ -59,12 +59,12 @@ def _unstable(model: Model, causes: tuple[str, ...], factor: float) -> tuple[Und
     moved = np.abs(motion.x - model.rest.x).max(initial=0.0)
     if Stop(stop) is not Stop.CONVERGED or not moved < NEXT * model.arrays.size:
         return ()
-    tangent = assembled_tangent(model, motion, load_factor=factor)
+    tangent = assemble_tangent(model, motion, load_factor=factor)
     starts = model.arrays.start[1:]
     scale = np.array([1.0] * 3 + [1.0 / model.arrays.size] * 3)
     moves = (starts[:, None] + np.arange(6)).ravel()
     scales = np.tile(scale, len(starts))[:, None]
-    rows = scales * row_gradients(model, motion, range(len(model.arrays.terms.start)))[moves]
+    rows = scales * row_gradients(model.arrays, motion, range(len(model.arrays.terms.start)))[moves]
     _, size, axes = np.linalg.svd(rows.T)
     free = scales * axes[int(np.sum(size > NEGATIVE * size.max(initial=0.0))) :].T
     value, vector = np.linalg.eigh(free.T @ tangent.matrix()[np.ix_(moves, moves)] @ free)
@@ -96,7 +96,7 @@ def _preloaded(model: Model) -> tuple[str, ...]:
     for i, name in enumerate(model.spring_names):
         unit = {COIL: model.arrays.size**2, TURN: 1.0}.get(int(springs.kind[i]))
         stiffness = float(springs.value[springs.value_at[i]])
-        if unit is not None and energy_of_spring(model, model.rest, i) > FREE * stiffness * unit:
+        if unit is not None and energy_of_one_spring(model, model.rest, i) > FREE * stiffness * unit:
             found.append(name)
     return tuple(found)
 
@@ -105,8 +105,8 @@ def multiple_minima_note(model: Model, motion: Motion, stable: bool) -> str:
     """That several minima are near because the undeformed configuration is unstable, why, and which one `motion` is where
     it is one, in one sentence; nothing where the undeformed configuration is stable."""
     for rest in undeformed_instability(model):
-        node = int(np.argmax(ways(model, rest.shape)))
-        name, does = model.node_names[node], movement_of(model, rest.shape[node])
+        node = int(np.argmax(node_travel(model, rest.shape)))
+        name, does = model.node_names[node], describe_node_motion(model, rest.shape[node])
         many = "one direction" if rest.count == 1 else f"{rest.count} directions"
         why = " and ".join(filter(None, [", ".join(rest.causes[:-1]), rest.causes[-1]]))
         makes = "make" if len(rest.causes) > 1 or why == "loads" else "makes"

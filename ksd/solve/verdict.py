@@ -24,7 +24,7 @@ from ksd.errors import ConvergenceError, RangeError, TrustError
 from ksd.model.arrays import STRAIN, carries_load
 from ksd.model.mesh import MOST_ORDER
 from ksd.properties.doctor import doctor
-from ksd.properties.words import number
+from ksd.properties.printing import format_number
 from ksd.scene.rules import plane_hint
 from ksd.solve.joint_range import FAR_SHIFT, FAR_TURN
 from ksd.solve.load_steps import loads_dominate, state_difference
@@ -104,7 +104,7 @@ def _rolled(c: Configuration) -> str:
 
     Two full turns on 7 points counted as a minimum what finer leaf springs and chains of 40 elements know to be a saddle.
     """
-    if c.resolution.turned < MOST_GAP:
+    if c.resolution.turn_per_point < MOST_GAP:
         return ""
     members, inner, worst = c.model.arrays.members, c.motion.inner, ("", 0.0, 1)
     for i in np.flatnonzero(members.kind == STRAIN).tolist():
@@ -125,7 +125,7 @@ def intended_branch(c: Configuration) -> Verdict:
     if c.doubts:
         return Verdict(False, "another branch is possible: " + "; ".join(c.doubts))
     name, share, shift, turn = _furthest(c)
-    turned = number(float(np.rad2deg(turn)), 3, zero=1e-9)
+    turned = format_number(float(np.rad2deg(turn)), 3, zero=1e-9)
     off = f"joint '{name}' is {1e3 * shift:.3g} mm and {turned} degrees off its intended motion"
     if share > 1.0 and c.method not in ("conventional", "constant"):
         return Verdict(False, f"{off}: too far to be the state its record describes")

@@ -20,7 +20,7 @@ from ksd.errors import KsdError, RecordError, SceneError
 from ksd.files import read_file, write_file
 from ksd.library.record_files import in_folder
 from ksd.numerics.processes import follow_parent, spawning
-from ksd.properties.words import progress_bar
+from ksd.properties.printing import progress_bar
 from ksd.scene import DrawnJoint
 from ksd.scene.scene import fingerprint
 from ksd.train.sampling import Samples, SamplingPlan, sample_joint

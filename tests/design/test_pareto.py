@@ -9,7 +9,7 @@ from test_optimise import sheet, small
 
 import ksd
 from ksd.design import pareto as room
-from ksd.properties import words
+from ksd.properties import printing
 
 MOMENT = "turn_moment_Nm"
 
@@ -97,7 +97,7 @@ def test_progress_and_ctrl_c_across_the_points_of_a_front(front, monkeypatch, tm
             raise KeyboardInterrupt
         return honest(*given, **how)
 
-    monkeypatch.setattr(room, "progress_bar", lambda shown: Bar() if shown else words.progress_bar(False))
+    monkeypatch.setattr(room, "progress_bar", lambda shown: Bar() if shown else printing.progress_bar(False))
     monkeypatch.setattr(room, "optimise_from", interrupted)
     file = tmp_path / "front.jsonl"
     with pytest.raises(ksd.SweepInterrupted, match=r"2 of 3 points are done.*front.jsonl") as caught:

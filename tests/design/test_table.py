@@ -11,7 +11,7 @@ import ksd
 from ksd.design import Table
 from ksd.design.questions import KNOWN, unanswerable
 from ksd.design.table import LEADING, spoken_column
-from ksd.properties.words import WIDTH
+from ksd.properties.printing import TABLE_WIDTH
 
 QUIET = {"progress": False}
 
@@ -68,7 +68,7 @@ def test_wide_tables_are_folded_with_their_labels_and_every_number_is_there():
     more = {f"support_worst_{k}": float(k) for k in range(1, 30)}
     of = table(rows(4, **more))
     said = lines(of)
-    assert max(map(len, said)) <= WIDTH
+    assert max(map(len, said)) <= TABLE_WIDTH
     assert sum(line.split()[0] == "10.000" for line in said) > 1
     cells = [cell for line in said if line.split()[0] == "10.000" for cell in line.split()[1:]]
     assert [float(c) for c in cells if c != "0"] == [1.5, *more.values()]

@@ -16,7 +16,7 @@ from random_arms import (
 import ksd
 from ksd.errors import KinematicsError
 from ksd.properties.stiffness import drive_stiffness
-from ksd.properties.tangent import assembled_tangent, factored
+from ksd.properties.tangent import assemble_tangent, factor_tangent
 
 INNER = ("universal", "cartwheel", "butterfly", "infinity_hinge")
 
@@ -63,7 +63,7 @@ def test_an_answer_without_digits_is_refused():
     """A factorisation that is not that of its matrix stands for one that lost them."""
     scene = three_universal()
     found = ksd.solve(scene, {drive.name: 0.1 for drive in scene.scene().drives}, method="full")
-    tangent = factored(assembled_tangent(found.model, found.motion))
+    tangent = factor_tangent(assemble_tangent(found.model, found.motion))
     tangent.assembled[tangent.arrays.plan.diagonal[0]] *= 3.0
     with pytest.raises(KinematicsError, match="all but singular"):
         drive_stiffness(found.model, found.motion, tangent=tangent)
@@ -80,8 +80,8 @@ def test_the_part_of_moments_fixed_in_space_is_refined_and_guarded():
     scene = three_universal()
     scene.load("three", moment=(0.3, -0.2, 0.4), at=(0.6, 0, 0))
     found = ksd.solve(scene, {drive.name: 0.2 for drive in scene.scene().drives}, method="conventional")
-    assembled = assembled_tangent(found.model, found.motion)
-    tangent = factored(assembled)
+    assembled = assemble_tangent(found.model, found.motion)
+    tangent = factor_tangent(assembled)
     loads = np.zeros((assembled.arrays.plan.unknowns, 6))
     loads[tangent.unknowns(found.model.node_names.index("three"))] = np.eye(6)
     right = tangent.solve(loads)

@@ -10,7 +10,7 @@ from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.numerics.rotations import rotation_exp
-from ksd.properties.forces import energy_of_spring
+from ksd.properties.forces import energy_of_one_spring
 from ksd.solve.conventional import conventional
 from ksd.units import deg, mm
 
@@ -67,7 +67,7 @@ def test_springs_pull_by_the_gradient_of_their_energy():
         rotation_exp(np.array(step[3:]), T)
         x, R = motion.x.copy(), motion.R.copy()
         x[node], R[node] = point + step[:3] + T @ (x[node] - point), T @ R[node]
-        return energy_of_spring(model, motion._replace(x=x, R=R), i)
+        return energy_of_one_spring(model, motion._replace(x=x, R=R), i)
 
     assert len(model.spring_names) == 4
     for i, name in enumerate(model.spring_names):

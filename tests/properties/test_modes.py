@@ -11,11 +11,11 @@ from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.properties.buckling import full_tangents
+from ksd.properties.finer_model import finer_state
 from ksd.properties.frequencies import frequencies
 from ksd.properties.leaf_groups import leaf_groups
 from ksd.properties.mass import inertia
 from ksd.properties.tangent import row_numbers
-from ksd.properties.unfold import unfolded
 from ksd.section import rectangle
 from ksd.solve.conventional import conventional
 
@@ -35,7 +35,7 @@ def bent():
 def uncondensed(model, motion, freed=()):
     """(K, M) in all unknowns: nodes, multipliers, and (a, lam) of every leaf; a = P xi + b makes b = a - P
     xi."""
-    fine, state = unfolded(model, motion)
+    fine, state = finer_state(model, motion)
     K = full_tangents(fine, state, rows=row_numbers(fine, freed))[0].toarray()
     mass = inertia(fine, state)
     members, nodes = fine.arrays.members, fine.arrays.plan.unknowns

@@ -13,8 +13,8 @@ from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.properties.buckling import buckling, critical_factors, full_tangents, with_stresses
-from ksd.properties.tangent import factored_tangent
-from ksd.properties.unfold import unfolded
+from ksd.properties.finer_model import finer_state
+from ksd.properties.tangent import assemble_and_factor
 from ksd.scene.load import Load
 from ksd.section import rectangle
 from ksd.solve.conventional import conventional
@@ -78,14 +78,14 @@ def test_stiffness_is_lost_where_the_multiplier_says(mesh):
 def test_uncondensed_tangent_condenses_to_the_solver_s(mesh):
     scene = fourbar()
     scene.load("top", force=(0, -30.0, 20.0), at=(0, 0.35, 0))
-    fine, state = unfolded(*_of(conventional(compile_scene(scene, mesh=mesh), {"top": 0.1}, steps=4)))
+    fine, state = finer_state(*_of(conventional(compile_scene(scene, mesh=mesh), {"top": 0.1}, steps=4)))
     K = full_tangents(fine, state)[0].toarray()
     assert pytest.approx(K.T, abs=1e-9 * np.abs(K).max()) == K
     n = fine.arrays.plan.unknowns
     loads = np.zeros((n, 2))
     loads[[0, 7], [0, 1]] = 1.0
     expected = np.linalg.solve(K, np.vstack([loads, np.zeros((len(K) - n, 2))]))[:n]
-    found = factored_tangent(fine, state).solve(loads)
+    found = assemble_and_factor(fine, state).solve(loads)
     if mesh.leaf == "strain":
         assert found == pytest.approx(expected, rel=1e-6, abs=1e-12)
     values = np.linalg.eigvalsh(K)
@@ -149,13 +149,13 @@ def test_multipliers_beyond_linear_theory_are_left_out(mesh):
 
 def test_stresses_eliminated_give_back_the_tangent_of_chains():
     mesh = Mesh("corotational", elements=3)
-    fine, state = unfolded(*_of(conventional(compile_scene(fourbar(), mesh=mesh), {"top": 0.1}, steps=4)))
+    fine, state = finer_state(*_of(conventional(compile_scene(fourbar(), mesh=mesh), {"top": 0.1}, steps=4)))
     K = full_tangents(fine, state)[0].toarray()
     mixed, n = with_stresses(fine, state, K).toarray(), len(K)
     back = mixed[:n, :n] - mixed[:n, n:] @ np.linalg.solve(mixed[n:, n:], mixed[n:, :n])
     assert back == pytest.approx(K, abs=1e-9 * np.abs(K).max())
     # without stress the motions are stiff through B alone
-    free = unfolded(compile_scene(fourbar(), mesh=mesh), compile_scene(fourbar(), mesh=mesh).rest)
+    free = finer_state(compile_scene(fourbar(), mesh=mesh), compile_scene(fourbar(), mesh=mesh).rest)
     still = full_tangents(*free)[0].toarray()
     left = with_stresses(*free, still).toarray()[:n, :n]
     rows = fine.arrays.terms.start

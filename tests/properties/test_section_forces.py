@@ -7,7 +7,7 @@ import ksd
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.properties.forces import COMPONENTS, section_forces
-from ksd.properties.shape import curvature, member_ends, member_parts
+from ksd.properties.shape import curvature, member_arrays, member_ends
 from ksd.solve.conventional import conventional
 from ksd.units import GPa, mm
 
@@ -109,7 +109,7 @@ def test_leaf_models_agree_in_a_twisted_leaf():
 def test_end_moments_agree_with_the_curvature():
     """D kappa of the strain-mode leaf, the other way to the moment, agrees where both are good."""
     c = cantilever(STRAIN, {"y": 0.02}, y={"along": "y", "at": (LENGTH, 0, 0)})
-    kappa = curvature(*member_parts(c.model, c.motion, 0), np.array([0.0]))[0, 2]
+    kappa = curvature(*member_arrays(c.model, c.motion, 0), np.array([0.0]))[0, 2]
     moment = section_forces(c.model, c.motion)["blade"].start[5]
     assert STEEL.E * SECTION.Iz * kappa == pytest.approx(moment, rel=1e-3)
 

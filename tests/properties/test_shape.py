@@ -10,10 +10,10 @@ from ksd.properties.leaf_groups import chain_groups, leaf_groups
 from ksd.properties.shape import (
     curvature,
     mechanism_shape,
+    member_arrays,
+    member_centreline,
     member_ends,
-    member_line,
-    member_parts,
-    places_along,
+    poses_along,
     strain_curve,
 )
 from ksd.solve.conventional import conventional
@@ -129,7 +129,7 @@ def test_a_tapered_leaf_meets_its_clamp_and_shows_its_width():
     scene.leaf(scene.ground, tip, profile=taper, **{**BLADE, "section": ksd.rectangle(0.4 * mm, 15 * mm)})
     scene.actuate(tip, about="z", name="turn")
     c = conventional(compile_scene(scene), {"turn": 0.5})
-    value, number, inner = member_parts(c.model, c.motion, 0)
+    value, number, inner = member_arrays(c.model, c.motion, 0)
     _, r, R = strain_curve(value, number, inner, 25)
     ends = member_ends(c.model, c.motion, 0)
     assert r[-1] == pytest.approx(ends.d, abs=1e-6 * LENGTH) and R[-1] == pytest.approx(ends.Q, abs=1e-5)
@@ -152,9 +152,9 @@ def test_places_along_leaf_springs_are_those_of_their_lines(mesh):
     pose = ksd.solve(scene, turn=0.5, mesh=mesh)
     (group,) = (leaf_groups if mesh.leaf == "strain" else chain_groups)(pose.model)
     which, share = np.array([0, 1, 1]), np.array([0.25, 0.5, 0.7])
-    place, axes = places_along(pose.model, pose.motion, group, which, share, 200)
+    place, axes = poses_along(pose.model, pose.motion, group, which, share, 200)
     for i, x, r, R in zip(which, share, place, axes, strict=True):
-        s, line, turns = member_line(pose.model, pose.motion, int(i), 2401)
+        s, line, turns = member_centreline(pose.model, pose.motion, int(i), 2401)
         k = int(np.argmin(np.abs(s - x * s[-1])))
         assert s[k] == pytest.approx(x * s[-1], rel=1e-9)
         assert r == pytest.approx(line[k], abs=1e-5 * LENGTH)

@@ -9,17 +9,17 @@ import ksd
 from ksd.errors import KinematicsError, SceneError
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.properties.alike import alike
+from ksd.properties.finer_model import finer_state
+from ksd.properties.state_batch import group_states
 from ksd.properties.stiffness import (
+    batch_stiffness,
     drive_coupling,
     drive_stiffness,
     point_stiffness,
     principal_stiffness,
-    stiffnesses,
     support_stiffness,
 )
-from ksd.properties.stress import peaks
-from ksd.properties.unfold import unfolded
+from ksd.properties.stress import batch_peak_stress
 from ksd.solve.conventional import conventional
 from ksd.solve.error import equilibrium
 
@@ -162,11 +162,11 @@ def test_many_states_together_have_the_stiffness_of_each(gravity):
         states.append((pose.model, pose.motion, 1.0))
         at.append((length, 0.0, 0.03))
     chain = compile_scene(single_joint(), mesh=MESHES[1])
-    ((numbers, group),) = alike([*states, (chain, chain.rest, 1.0)])
+    ((numbers, group),) = group_states([*states, (chain, chain.rest, 1.0)])
     assert numbers == [0, 1, 2]
     assert (len(states[0][0].arrays.weight) > 0) == (gravity is not None)
-    found = stiffnesses(group, "tip", at=at, drives=True)
-    assert found.good.all()
+    found = batch_stiffness(group, "tip", at=at, drives=True)
+    assert found.valid.all()
     for (model, motion, _), point, C, K in zip(states, at, found.compliance, found.drives, strict=True):
         alone = point_stiffness(model, motion, "tip", at=point)
         size = np.sqrt(np.diagonal(alone.compliance))
@@ -199,9 +199,9 @@ def test_it_is_told_where_many_states_are_at_a_stable_equilibrium():
         states.append((model, straight, factor))
     turned = states[0][1].copy()
     turned.R[1] = Rotation.from_rotvec([0.0, 0.0, 0.5]).as_matrix() @ turned.R[1]
-    ((_, group),) = alike([*states, (model, turned, 0.9)])
-    found = stiffnesses(group, "tip", at=[None])
-    assert found.good.all() and found.stable.tolist() == [True, False, False]
+    ((_, group),) = group_states([*states, (model, turned, 0.9)])
+    found = batch_stiffness(group, "tip", at=[None])
+    assert found.valid.all() and found.stable.tolist() == [True, False, False]
     assert found.compliance[0, 1, 1] > 0 > found.compliance[1, 1, 1]
 
 
@@ -216,8 +216,8 @@ def test_what_a_drive_holds_is_held_to_the_last_digit(rng):
     pose = conventional(compile_scene(scene), {"d": 3e-3})
     C = pose.stiffness("stage", at=end).compliance
     assert not C[2].any() and not C[:, 2].any()
-    ((_, group),) = alike([(pose.model, pose.motion, 1.0)])
-    together = stiffnesses(group, "stage", at=[end]).compliance[0]
+    ((_, group),) = group_states([(pose.model, pose.motion, 1.0)])
+    together = batch_stiffness(group, "stage", at=[end]).compliance[0]
     assert abs(together[2, 2]) < 1e-20 * C[1, 1] and together == pytest.approx(C, rel=1e-9, abs=1e-18)
 
 
@@ -234,18 +234,18 @@ def test_curved_leaves_together_have_the_stiffness_and_stress_of_each():
 
     poses = [ksd.solve(arc(r), d=d) for r, d in ((0.05, 2e-3), (0.06, -3e-3))]
     poses.append(ksd.prepare(poses[0].model)(d=1e-3))
-    ((numbers, group),) = alike([(p.model, p.motion, 1.0) for p in poses])
-    found, peak = stiffnesses(group, "tip", at=[None] * 3, drives=True), peaks(group)
-    assert numbers == [0, 1, 2] and found.good.all()
+    ((numbers, group),) = group_states([(p.model, p.motion, 1.0) for p in poses])
+    found, peak = batch_stiffness(group, "tip", at=[None] * 3, drives=True), batch_peak_stress(group)
+    assert numbers == [0, 1, 2] and found.valid.all()
     for k, pose in enumerate(poses):
         assert found.compliance[k] == pytest.approx(pose.stiffness("tip").compliance, rel=1e-9, abs=1e-12)
         assert found.drives[k] == pytest.approx(pose.drive_stiffness().matrix, rel=1e-9)
         assert peak[k]["leaf"].largest_Pa == pytest.approx(pose.stress().largest_Pa, rel=1e-12)
     profile = ksd.Taper((5e-4, 4e-4), (1e-2, 1e-2))
     tapered = [ksd.solve(arc(r, profile=profile), d=d) for r, d in ((0.05, 1e-3), (0.06, -3e-3))]
-    ((_, group),) = alike([(p.model, p.motion, 1.0) for p in tapered])
-    found = stiffnesses(group, "tip", at=[None] * 2, drives=True)
-    assert peaks(group) is None and found.good.all()
+    ((_, group),) = group_states([(p.model, p.motion, 1.0) for p in tapered])
+    found = batch_stiffness(group, "tip", at=[None] * 2, drives=True)
+    assert batch_peak_stress(group) is None and found.valid.all()
     for k, pose in enumerate(tapered):
         assert found.compliance[k] == pytest.approx(pose.stiffness("tip").compliance, rel=1e-9, abs=1e-12)
         assert found.drives[k] == pytest.approx(pose.drive_stiffness().matrix, rel=1e-9)
@@ -263,7 +263,7 @@ def test_a_wavy_leaf_keeps_its_shape_on_the_finer_mesh(points):
     for s in points:
         scene.point("leaf", s)
     pose = ksd.solve(scene)
-    _, finer = unfolded(*unfolded(pose.model, pose.motion))
+    _, finer = finer_state(*finer_state(pose.model, pose.motion))
     assert np.abs(finer.inner).max() == pytest.approx(np.abs(pose.model.rest.inner).max(), rel=1e-12)
     turned = pose.stiffness("tip").compliance[5, 5]
     assert turned == pytest.approx(wavy.length / (steel.E * section.Iz), rel=1e-10)
@@ -273,8 +273,8 @@ def test_states_under_loads_that_are_not_conservative_are_asked_alone():
     scene = single_joint()
     scene.load("tip", force=(0.0, 2.0, 0.0), at=(0.1, 0, 0), following=True)
     pose = conventional(compile_scene(scene), {"turn": 0.1})
-    ((_, group),) = alike([(pose.model, pose.motion, 1.0)])
-    assert not stiffnesses(group, "tip", at=[None]).good.any()
+    ((_, group),) = group_states([(pose.model, pose.motion, 1.0)])
+    assert not batch_stiffness(group, "tip", at=[None]).valid.any()
 
 
 def test_freed_drives_by_a_generator():

@@ -10,8 +10,8 @@ import ksd
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.properties import stress as stresses
-from ksd.properties.alike import alike
 from ksd.properties.shape import scene_leaves
+from ksd.properties.state_batch import group_states
 from ksd.properties.stress import stress_points, torsion_factors
 from ksd.section import circle, numbers, polygon, rectangle
 from ksd.solve.conventional import conventional
@@ -128,9 +128,13 @@ def test_largest_stresses_of_many_states_together_are_those_one_by_one():
     poses = [
         ksd.solve(s, turn=t, method="full" if s is scenes[0] else None) for s in scenes for t in (0.1, 0.2)
     ]
-    groups = alike([(*p.unreduced, p.load_factor) for p in poses])
+    groups = group_states([(*p.unreduced, p.load_factor) for p in poses])
     assert sorted(k for those, _ in groups for k in those) == list(range(len(poses)))
-    found = {k: own for those, group in groups for k, own in zip(those, stresses.peaks(group), strict=True)}
+    found = {
+        k: own
+        for those, group in groups
+        for k, own in zip(those, stresses.batch_peak_stress(group), strict=True)
+    }
     for k, pose in enumerate(poses):
         one, own = pose.stress(), found[k]
         assert list(own) == list(one.leaves)
@@ -139,19 +143,19 @@ def test_largest_stresses_of_many_states_together_are_those_one_by_one():
             assert (peak.s, peak.point) == one[name].where
     for those, group in groups:
         mixed = len({len(stress_points(q).names) for k in those for q in sections_of(poses[k])}) > 1
-        together = stresses.stress_followed(group, np.zeros(len(those), int))
+        together = stresses.batch_stress_at_peaks(group, np.zeros(len(those), int))
         assert (together is None) == mixed, "unlike sections have unlike points"
         for name, followed in (together or {}).items():
             every = [poses[k].stress()[name].von_mises_Pa for k in those]
             mark = np.unravel_index(np.argmax(every[0]), every[0].shape)
             assert followed == pytest.approx([own[mark] for own in every], rel=1e-12)
-        alone = stresses.stress_followed(group, np.arange(len(those)))
-        for k, own in enumerate(stresses.peaks(group)):
+        alone = stresses.batch_stress_at_peaks(group, np.arange(len(those)))
+        for k, own in enumerate(stresses.batch_peak_stress(group)):
             assert {n: v[k] for n, v in alone.items()} == pytest.approx(
                 {n: p.largest_Pa for n, p in own.items()}
             )
     chain = ksd.solve(single_joint(), turn=0.1, mesh=ksd.Mesh("corotational", elements=3))
-    assert not alike([(*chain.unreduced, 1.0)])
+    assert not group_states([(*chain.unreduced, 1.0)])
 
 
 @pytest.mark.parametrize("inner", [0.0, 6e-3, 9.8e-3])

@@ -6,7 +6,7 @@ from scenes import cross_flexure, fourbar, guided_leaf, single_joint, slider
 
 import ksd
 from ksd.model.orders import mesh_for, raised
-from ksd.properties.resolution import look_at_modes
+from ksd.properties.mesh_adequacy import mode_adequacy
 from ksd.units import deg
 
 
@@ -31,12 +31,12 @@ def test_orders_are_raised_where_the_highest_modes_carry_energy():
     scene = fourbar()
     scene.load("top", force=(0, 0, 500), at=(0, 0.37, 0))
     plain = ksd.solve(scene, top=0.3, mesh=ksd.Mesh())
-    share, where, _, _ = look_at_modes(plain.model, plain.motion)
+    share, where, _, _ = mode_adequacy(plain.model, plain.motion)
     assert share > 5e-3
     assert any(where in w and "highest" in w for w in plain.warnings)
     better = ksd.solve(scene, top=0.3)
     assert better.model.mesh.orders > (4, 3, 6)
-    assert look_at_modes(better.model, better.motion).share <= 1e-3
+    assert mode_adequacy(better.model, better.motion).missed_share <= 1e-3
     fine = ksd.solve(scene, top=0.3, mesh=ksd.Mesh(orders=(7, 6, 9), points=12), method="full").forces["top"]
     assert abs(better.forces["top"] / fine - 1) < 1e-3 < abs(plain.forces["top"] / fine - 1)
     assert raised(ksd.Mesh(), 2).orders == (4, 3, 8)
@@ -81,7 +81,7 @@ def test_the_share_counts_every_pair_of_modes():
         more = energy[-2] * min(1.0, energy[-2] / energy[-4]) if n > 3 and energy[-4] > 0 else 0.0
         last.append(max(energy[-1], more))
         at, first = at + n * n, first + n
-    share, where, axis, _ = look_at_modes(found.model, found.motion)
+    share, where, axis, _ = mode_adequacy(found.model, found.motion)
     assert (share, where, axis) == (
         pytest.approx(max(last) / total, rel=1e-12),
         "notch",

@@ -13,7 +13,7 @@ from scenes import fourbar, single_joint
 
 import ksd
 from ksd.model.compile import compile_scene
-from ksd.properties.words import WIDTH, number, signed
+from ksd.properties.printing import TABLE_WIDTH, format_number, format_signed_percent
 from ksd.solve.answer import SCHEMA, as_dict
 from ksd.solve.conventional import conventional
 from ksd.solve.joint_motions import JointMotions
@@ -113,7 +113,7 @@ def test_a_reduced_answer_carries_its_range():
 
 @pytest.mark.parametrize("which", ["exact", "estimated"])
 def test_tables_fit_their_width(which, request):
-    assert max(len(line) for line in str(request.getfixturevalue(which)).splitlines()) <= WIDTH
+    assert max(len(line) for line in str(request.getfixturevalue(which)).splitlines()) <= TABLE_WIDTH
 
 
 def test_the_numbers_of_the_tables_are_in_the_json(estimated):
@@ -180,7 +180,7 @@ def test_a_number_that_is_not_finite_is_null_and_said(exact):
      (-521.1952, 6, "-521.195"), (2.5e7, 4, "2.50e+07")],
 )  # fmt: skip
 def test_number(value, digits, text):
-    assert number(value, digits) == text
+    assert format_number(value, digits) == text
 
 
 def test_mixed_drive_has_a_value_without_unit():
@@ -239,4 +239,4 @@ def test_without_drives_there_is_no_table_of_drives():
     [(203.4, "+203"), (-99.6, "-100"), (12.34, "+12"), (-0.0123, "-0.012"), (99.4, "+99")],
 )
 def test_changes_have_a_sign_and_no_exponent_where_they_are_large(percent, text):
-    assert signed(percent) == text
+    assert format_signed_percent(percent) == text

@@ -21,7 +21,7 @@ import ksd
 from ksd.model.compile import compile_scene
 from ksd.properties.buckling import buckling
 from ksd.properties.nonconservative import load_tangent, skew_tangent
-from ksd.properties.tangent import assembled_tangent
+from ksd.properties.tangent import assemble_tangent
 from ksd.section import rectangle
 
 MESHES = pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_a_column_under_a_force_that_follows(mesh, error, spring):
 
 def smallest(pose, factor):
     """Smallest over largest singular value of the scaled unsymmetric tangent of a state."""
-    found = assembled_tangent(pose.model, pose.motion, load_factor=factor)
+    found = assemble_tangent(pose.model, pose.motion, load_factor=factor)
     K = found.matrix() + skew_tangent(found.arrays, pose.motion, factor)
     scale = 1 / np.sqrt(np.abs(K).max(axis=0))
     values = np.linalg.svd(K * np.outer(scale, scale), compute_uv=False)

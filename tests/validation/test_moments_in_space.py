@@ -13,7 +13,7 @@ from ksd.model.arrays import make_work
 from ksd.model.compile import compile_scene
 from ksd.model.newton import assemble, move_nodes, take_step
 from ksd.properties.nonconservative import skew_tangent
-from ksd.properties.tangent import exact, factored_tangent, stored_matrix
+from ksd.properties.tangent import assemble_and_factor, exact_tangent_arrays, stored_matrix
 from ksd.section import rectangle
 from ksd.solve.conventional import conventional
 from ksd.solve.following import MILD
@@ -129,7 +129,7 @@ def test_a_moment_across_the_plane_and_a_force_are_those_of_the_rod():
 def test_the_tangent_is_the_derivative_of_the_residual(following):
     """K and its skew part together, against differences of the residual, at an equilibrium with turned links."""
     model = turned_arm(following)
-    state, arrays = conventional(model, {"turn": 0.4}).motion, exact(model.arrays)
+    state, arrays = conventional(model, {"turn": 0.4}).motion, exact_tangent_arrays(model)
     work = make_work(arrays)
     aim = np.array([0.4]), 1.0, work, 1e-8, 0, 10.0
     assemble(arrays, state, *aim)
@@ -217,7 +217,7 @@ def test_the_answer_names_its_criterion():
         assert pose.stable and pose.trusted
         said = str(pose.trust.stable)
         assert words in said and "not conservative" in said and "positive definite" in said
-        share = factored_tangent(*pose.insides).skew_share()
+        share = assemble_and_factor(*pose.insides).skew_share()
         assert (share <= MILD) == (words == "damping ratio")
     assert "not conservative" in " ".join(str(pose.frequencies(count=2)).split())
 

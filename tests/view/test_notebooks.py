@@ -15,7 +15,7 @@ from scenes import fourbar
 
 import ksd
 from ksd.html import as_html
-from ksd.properties.words import printed, table
+from ksd.properties.printing import empty_table, render_text
 
 
 class Page(HTMLParser):
@@ -71,9 +71,9 @@ def test_the_numbers_of_print_are_those_of_the_page(pose):
 
 
 def test_names_are_no_markup():
-    grid = table("name", "[x]")
+    grid = empty_table("name", "[x]")
     grid.add_row("<b>&", "1")
-    text = as_html(printed("a < b", grid))
+    text = as_html(render_text("a < b", grid))
     assert Page(text).tables == [[["name", "[x]"], ["<b>&", "1"]]] and "<b>" not in text
 
 

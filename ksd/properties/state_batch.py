@@ -20,7 +20,7 @@ from ksd.model.mesh import Mesh
 from ksd.model.newton import held_step
 from ksd.model.pack import revalued_floats
 from ksd.model.template import Leaves, Template, design, template_of
-from ksd.properties.unfold import FAR, opened_mesh, widened
+from ksd.properties.finer_model import MAX_STEP, finer_inner_index, finer_mesh
 
 Array = NDArray[np.float64]
 State = tuple[Model, Motion, float]
@@ -28,12 +28,12 @@ State = tuple[Model, Motion, float]
 
 
 @dataclass(frozen=True)
-class Alike:
+class StateBatch:
     """D states of U models. which (D,): the model of each among models (U,); template: what they have in common, topology:
     its integers; floats (U, f): as in `Flat`; motion: with a leading axis over states; factor (D,): of the loads."""
 
     models: tuple[Model, ...]
-    which: NDArray[np.int64]
+    model_index: NDArray[np.int64]
     template: Template
     topology: Arrays
     floats: Array
@@ -41,26 +41,28 @@ class Alike:
     factor: Array
 
     @property
-    def size(self) -> Array:
+    def sizes(self) -> Array:
         """Sizes (D,) of the mechanisms [m]."""
-        return self.floats[self.which, 0]
+        return self.floats[self.model_index, 0]
 
     @cached_property
     def states(self) -> list[tuple[Bare, Motion]]:
         """Numbers and state of each, views of what is here."""
         ints, kinds = self.topology.flat.ints, self.topology.flat.members
         bare = [Bare(Flat(ints, own, kinds), own[ints[WEIGHT] :].reshape(-1, 4)) for own in self.floats]
-        return [(bare[u], Motion(*own)) for u, *own in zip(self.which.tolist(), *self.motion, strict=True)]
+        return [
+            (bare[u], Motion(*own)) for u, *own in zip(self.model_index.tolist(), *self.motion, strict=True)
+        ]
 
-    def constants(self, members: NDArray[np.int64], size: int) -> Array:
+    def member_constants(self, members: NDArray[np.int64], size: int) -> Array:
         """The first `size` constants (D, k, size) of members (k,)."""
         at = self.topology.flat.ints[MEMBERS + VALUE] + self.topology.members.value_at[members]
-        return np.take(self.floats, at[:, None] + np.arange(size), axis=1)[self.which]
+        return np.take(self.floats, at[:, None] + np.arange(size), axis=1)[self.model_index]
 
-    def finer(self) -> Alike | None:
-        """The equilibria next to the states with one mode more per axis in every leaf, see `ksd.properties.unfold`. None
-        where leaf springs bring constants of unlike make."""
-        mesh, m = opened_mesh(self.models[0]), self.motion
+    def on_finer_mesh(self) -> StateBatch | None:
+        """The equilibria next to the states with one mode more per axis in every leaf, see `ksd.properties.finer_model`.
+        None where leaf springs bring constants of unlike make."""
+        mesh, m = finer_mesh(self.models[0]), self.motion
         if mesh == self.template.mesh:
             return self
         fine = self.template.on(mesh)
@@ -79,19 +81,19 @@ class Alike:
             leaves = Leaves(*(np.concatenate(field) for field in zip(*(k[1] for k in known), strict=True)))
             value, _ = fine.packed.values(leaves, np.concatenate([k[2] for k in known]))
             floats = revalued_floats(self.topology.flat.ints, self.floats, value)
-        inner = np.zeros((len(self.which), int(fine.topology.members.inner_at[-1])))
+        inner = np.zeros((len(self.model_index), int(fine.topology.members.inner_at[-1])))
         number, wider = (b.members.number.tobytes() for b in (self.topology, fine.topology))
-        inner[:, widened(number, wider)] = m.inner
+        inner[:, finer_inner_index(number, wider)] = m.inner
         motion = Motion(m.x.copy(), m.R.copy(), inner, m.multiplier.copy())
         found = replace(self, template=fine, topology=fine.topology, floats=floats, motion=motion)
         work = make_work(fine.topology)
         for (arrays, own), factor in zip(found.states, self.factor.tolist(), strict=True):
             work.weight[:] = arrays.weight
-            held_step(arrays, own, factor, work, FAR)
+            held_step(arrays, own, factor, work, MAX_STEP)
         return found
 
 
-def alike(states: Sequence[State]) -> list[tuple[list[int], Alike]]:
+def group_states(states: Sequence[State]) -> list[tuple[list[int], StateBatch]]:
     """The states that can be asked together, with their numbers in the list: those of strain-mode leaves on one mesh."""
     groups: dict[int, list[int]] = {}
     for k, (model, _, _) in enumerate(states):
@@ -113,5 +115,7 @@ def alike(states: Sequence[State]) -> list[tuple[list[int], Alike]]:
         motion = Motion(*(np.array(field) for field in zip(*(states[k][1] for k in numbers), strict=True)))
         floats = np.array([model.arrays.flat.floats for model in models])
         factor = np.array([states[k][2] for k in numbers])
-        found.append((numbers, Alike(models, which, template, template.topology, floats, motion, factor)))
+        found.append(
+            (numbers, StateBatch(models, which, template, template.topology, floats, motion, factor))
+        )
     return found

@@ -5,7 +5,7 @@ import pytest
 from scenes import STEEL, fourbar
 
 import ksd
-from ksd.properties.words import axis_in_words, movement, number
+from ksd.properties.printing import axis_in_words, describe_motion, format_number
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +51,7 @@ def test_stiffness_in_print(pose):
         assert float(said[d][1]) == pytest.approx(found.supports[d], rel=1e-4)
     assert "'top'" in repr(found) and "x inf" in repr(found)
     drives = pose.drive_stiffness()
-    assert number(drives["top"], 5) in str(drives) and "N/m" in repr(drives)
+    assert format_number(drives["top"], 5) in str(drives) and "N/m" in repr(drives)
 
 
 @pytest.mark.parametrize(
@@ -87,7 +87,7 @@ def test_a_path_prints_its_states_and_turnings():
     scene.load("top", moment=(0, 0, 250), at=(0, 0.37, 0))
     path = ksd.follow(scene, {"top": 0.3}, first=0.2)
     assert path.limits and str(path).startswith(f"Path of {len(path.states)} equilibria")
-    assert f"A limit point at factor {number(path.limits[0])}" in str(path)
+    assert f"A limit point at factor {format_number(path.limits[0])}" in str(path)
     assert f"{len(path.states)} states" in repr(path)
 
 
@@ -95,8 +95,12 @@ def test_words_of_directions_and_numbers():
     assert axis_in_words(np.array([0.0, -2.0, 0.01])) == "y"
     assert axis_in_words(np.array([-1.0, 1.0, 0.0])) == "(0.71, -0.71, 0.00)"
     model = ksd.compile_scene(fourbar())
-    assert movement(model, np.zeros((len(model.node_names), 6))) == ""
-    assert number(float("inf")) == "inf" and number(None) == "-" and number(1e-15, zero=1e-12) == "0"
+    assert describe_motion(model, np.zeros((len(model.node_names), 6))) == ""
+    assert (
+        format_number(float("inf")) == "inf"
+        and format_number(None) == "-"
+        and format_number(1e-15, zero=1e-12) == "0"
+    )
 
 
 def test_mappings_of_answers_print_their_numbers(pose):
@@ -107,6 +111,6 @@ def test_mappings_of_answers_print_their_numbers(pose):
         if line
     }
     assert {n.strip(): float(v) for n, v in rows.items()} == pytest.approx(energy, rel=1e-4)
-    assert number(sum(energy.values()), 5) in str(energy).splitlines()[0]
+    assert format_number(sum(energy.values()), 5) in str(energy).splitlines()[0]
     largest = str(pose.section_forces())
     assert "Mz [Nm]" in largest and all(name in largest for name in pose.section_forces())

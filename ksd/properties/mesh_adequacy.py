@@ -15,7 +15,7 @@ from ksd.model.arrays import STRAIN, Motion
 from ksd.model.compile import Model
 from ksd.numerics.kernel import kernel
 
-IDLE = 1e-6
+MIN_ENERGY_SHARE = 1e-6
 """Energy of a leaf, over the largest of any, below which it hardly takes part and does not decide."""
 
 
@@ -51,7 +51,7 @@ def _worst(kind, number, value_at, value, inner_at, length, inner):
         turned = max(turned, math.sqrt(constant) * length[i] / number[i, 3])
     share, member, about = 0.0, 0, 0
     for i in range(len(kind)):
-        if kind[i] != STRAIN or not energy[i] > IDLE * most:
+        if kind[i] != STRAIN or not energy[i] > MIN_ENERGY_SHARE * most:
             continue
         K, state = value_at[i] + 1, inner_at[i]
         rest = K + number[i, 0] ** 2 + number[i, 1] ** 2 + number[i, 2] ** 2
@@ -69,25 +69,25 @@ def _worst(kind, number, value_at, value, inner_at, length, inner):
     return share, member, about, turned
 
 
-class Look(NamedTuple):
+class ModeAdequacy(NamedTuple):
     """Largest share of a leaf's bending and torsion energy that its modes may miss about an axis, member name, axis 0, 1, 2.
 
     Missed is what the highest mode has, or what the series of the other parity, even or odd, would give the next: a guided
     leaf has nothing in every other mode. turned: largest turn of a leaf per quadrature point [rad].
     """
 
-    share: float
+    missed_share: float
     member: str
     axis: int
-    turned: float
+    turn_per_point: float
 
 
-def look_at_modes(model: Model, motion: Motion) -> Look:
+def mode_adequacy(model: Model, motion: Motion) -> ModeAdequacy:
     """What the strain-mode leaves of a state say of their modes and points."""
     if STRAIN not in model.kinds:
-        return Look(0.0, "", 0, 0.0)
+        return ModeAdequacy(0.0, "", 0, 0.0)
     m = model.arrays.members
     share, member, axis, turned = _worst(
         m.kind, m.number, m.value_at, m.value, m.inner_at, m.length, motion.inner
     )
-    return Look(share, model.member_names[member] if share > 0.0 else "", axis, turned)
+    return ModeAdequacy(share, model.member_names[member] if share > 0.0 else "", axis, turned)

@@ -24,32 +24,32 @@ from ksd.model.leaves import piece_name
 from ksd.model.mesh import MOST_ORDER, Mesh, MixedMesh
 from ksd.model.newton import held_step
 from ksd.model.reduced import with_bodies
-from ksd.properties.cache import per_model
+from ksd.properties.cache import cached_per_model
 from ksd.properties.shape import scene_leaves
 
-FAR = 0.1
+MAX_STEP = 0.1
 """Rotation [rad], or way over the size of the mechanism, that neither a mesh nor a fast method is off: of a four-bar by
 method='kinematic', steps of .02 to .05 rad leave .3 to 2 % of a drive stiffness that is off by half without."""
 
 
-@per_model
-def finer(model: Model) -> Model:
+@cached_per_model
+def finer_model(model: Model) -> Model:
     """The model with chain nodes in the open and one more mode per axis in strain-mode leaves."""
     if COROTATIONAL in model.kinds:
-        _insist_on_straight(model)
-    opened = opened_mesh(model)
+        _check_chains_are_straight(model)
+    opened = finer_mesh(model)
     if opened == model.mesh:
         return model
     # bodies are no part of the scene
     return with_bodies(remeshed(model, opened), model.bodies)
 
 
-def opened_mesh(model: Model) -> Mesh:
+def finer_mesh(model: Model) -> Mesh:
     """The mesh of `finer`."""
-    return _opened(model.mesh, STRAIN in model.kinds)
+    return _finer_mesh(model.mesh, STRAIN in model.kinds)
 
 
-def _insist_on_straight(model: Model) -> None:
+def _check_chains_are_straight(model: Model) -> None:
     """SceneError for a chain that cannot be cut into nodes."""
     for name, leaf in scene_leaves(model).items():
         mesh = model.mesh.of(name)
@@ -61,10 +61,10 @@ def _insist_on_straight(model: Model) -> None:
 
 
 @lru_cache(maxsize=64)
-def _opened(mesh: Mesh, strain: bool) -> Mesh:
+def _finer_mesh(mesh: Mesh, strain: bool) -> Mesh:
     """The finer mesh, part by part."""
     if isinstance(mesh, MixedMesh):
-        others = tuple((_opened(other, strain), names) for other, names in mesh.others)
+        others = tuple((_finer_mesh(other, strain), names) for other, names in mesh.others)
         mesh = replace(mesh, others=others)
     if mesh.leaf != "strain":
         return mesh if mesh.nodal else replace(mesh, nodal=True)
@@ -74,18 +74,18 @@ def _opened(mesh: Mesh, strain: bool) -> Mesh:
     return replace(mesh, orders=(nx + 1, ny + 1, nz + 1), points=max(mesh.points, nz + 2) + 1)
 
 
-def unfolded(model: Model, motion: Motion, *, load_factor: float = 1.0) -> tuple[Model, Motion]:
+def finer_state(model: Model, motion: Motion, *, load_factor: float = 1.0) -> tuple[Model, Motion]:
     """The finer model and the equilibrium there next to the state, drives and supports where they are."""
-    fine = finer(model)
+    fine = finer_model(model)
     if fine is model:
         return model, motion
-    state = _open_chains(model, motion, fine)
+    state = _expand_state(model, motion, fine)
     if STRAIN in model.kinds:
-        held_step(fine.arrays, state, load_factor, make_work(fine.arrays), FAR)
+        held_step(fine.arrays, state, load_factor, make_work(fine.arrays), MAX_STEP)
     return fine, state
 
 
-def pad(number: np.ndarray, inner: np.ndarray, wider: np.ndarray, state: np.ndarray) -> None:
+def pad_amplitudes(number: np.ndarray, inner: np.ndarray, wider: np.ndarray, state: np.ndarray) -> None:
     """The inner state of a strain-mode leaf in one of more modes per axis, zeros for these; numbers (3,) of both."""
     read, write = 0, 0
     for axis in range(3):
@@ -96,7 +96,7 @@ def pad(number: np.ndarray, inner: np.ndarray, wider: np.ndarray, state: np.ndar
 
 
 @lru_cache(maxsize=64)
-def widened(number: bytes, wider: bytes) -> np.ndarray:
+def finer_inner_index(number: bytes, wider: bytes) -> np.ndarray:
     """Where `pad` puts the inner states of all members; settings (m, 4) of both."""
     places, first = [], 0
     for own, theirs in zip(
@@ -105,18 +105,18 @@ def widened(number: bytes, wider: bytes) -> np.ndarray:
         strict=True,
     ):
         marks, at = np.arange(1.0, own[:3].sum() + 7), np.zeros(int(theirs[:3].sum()) + 6)
-        pad(own, marks, theirs, at)
+        pad_amplitudes(own, marks, theirs, at)
         places.append(first + np.flatnonzero(at))
         first += len(at)
     return np.concatenate(places)
 
 
-def _open_chains(model: Model, motion: Motion, fine: Model) -> Motion:
+def _expand_state(model: Model, motion: Motion, fine: Model) -> Motion:
     """State of the finer model: strain-mode leaves with more modes, the inner nodes and stresses of chains in the open."""
     members, more = model.arrays.members, fine.arrays.members
     state = fine.rest.copy()
     if model.member_names == fine.member_names and model.kinds <= {STRAIN}:
-        state.inner[widened(members.number.tobytes(), more.number.tobytes())] = motion.inner
+        state.inner[finer_inner_index(members.number.tobytes(), more.number.tobytes())] = motion.inner
         return Motion(motion.x.copy(), motion.R.copy(), state.inner, motion.multiplier.copy())
     index = {name: k for k, name in enumerate(fine.node_names)}
     member = {name: i for i, name in enumerate(fine.member_names)}
@@ -128,19 +128,21 @@ def _open_chains(model: Model, motion: Motion, fine: Model) -> Motion:
         if name in member:
             own = state.inner[more.inner_at[member[name]] : more.inner_at[member[name] + 1]]
             if members.kind[i] == STRAIN:
-                pad(members.number[i], inner, more.number[member[name]], own)
+                pad_amplitudes(members.number[i], inner, more.number[member[name]], own)
             else:
                 own[:] = inner
             continue
         nodes = int(members.number[i, 0]) - 1
-        _open_chain(model, motion, i, inner, [index[piece_name(name, k)] for k in range(nodes)], state)
+        _expand_chain(model, motion, i, inner, [index[piece_name(name, k)] for k in range(nodes)], state)
         for k, stress in enumerate(inner[12 * nodes :].reshape(-1, 6)):
             at = more.inner_at[member[piece_name(name, k)]]
             state.inner[at : at + 6] = stress
     return state
 
 
-def _open_chain(model: Model, motion: Motion, i: int, inner: np.ndarray, nodes: list, state: Motion) -> None:
+def _expand_chain(
+    model: Model, motion: Motion, i: int, inner: np.ndarray, nodes: list, state: Motion
+) -> None:
     """Write the inner nodes of chain `i` into `state`: r in frame p, R from the undeformed state in frame
     p."""
     members = model.arrays.members

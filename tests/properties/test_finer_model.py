@@ -9,7 +9,7 @@ from scenes import STEEL, fourbar
 import ksd
 from ksd.model.compile import compile_scene
 from ksd.numerics.rotations import rotation_exp
-from ksd.properties.unfold import unfolded
+from ksd.properties.finer_model import finer_state
 from ksd.solve.error import equilibrium
 
 
@@ -27,7 +27,7 @@ def test_a_node_is_led_to_equilibrium_unless_it_is_far(turn, left):
     model = compile_scene(cantilever())
     motion = model.rest.copy()
     rotation_exp(np.array([0.0, 0.0, turn]), motion.R[1])
-    _, state = unfolded(model, motion)
+    _, state = finer_state(model, motion)
     assert np.arcsin(state.R[1][1, 0]) == pytest.approx(left, abs=1e-12)
 
 
@@ -40,7 +40,7 @@ def test_a_node_that_would_be_moved_far_stays():
         scene.ground, "loose", start=(-0.05, 0.02, 0), end=(0, 0.02, 0), stiffness=1e-3, free_length=0.3
     )
     model = compile_scene(scene)
-    _, state = unfolded(model, model.rest)
+    _, state = finer_state(model, model.rest)
     loose = model.node_names.index("loose")
     assert np.array_equal(state.x[loose], model.rest.x[loose])
 
@@ -51,7 +51,7 @@ def test_drives_and_supports_stay_where_they_are():
     scene.actuate("tip", along="y", at=(0.1, 0, 0), name="d")
     scene.support("tip", about="z", name="turn")
     pose = ksd.solve(scene, d=2e-4)
-    _, state = unfolded(pose.model, pose.motion)
+    _, state = finer_state(pose.model, pose.motion)
     assert state.x[1, 1] == pytest.approx(2e-4, rel=1e-9)
     assert pose.stiffness("tip", freed="d").supports["y"] == pytest.approx(
         pose.drive_stiffness()["d"], rel=1e-6

@@ -20,16 +20,16 @@ from ksd.model.compile import Model
 
 T = TypeVar("T")
 Array = NDArray[np.float64]
-WIDTH = 100
+TABLE_WIDTH = 100
 """Columns all tables fit in."""
 AXES = "xyz"
-LEVER = 0.25
+ROTATION_LEVER = 0.25
 """Lever, over the size of the mechanism, at which the turn of a link is compared with its way."""
-PLAIN = 0.97
+MIN_AXIS_COSINE = 0.97
 """Share of one axis in a direction from which on that axis names it."""
 
 
-def number(value: float | None, digits: int = 4, *, zero: float = 0.0) -> str:
+def format_number(value: float | None, digits: int = 4, *, zero: float = 0.0) -> str:
     """`value` to significant digits, without an exponent where readable; up to `zero` it is noise: 0."""
     if value is None:
         return "-"
@@ -43,12 +43,12 @@ def number(value: float | None, digits: int = 4, *, zero: float = 0.0) -> str:
     return f"{value:.{places}f}"
 
 
-def signed(percent: float) -> str:
+def format_signed_percent(percent: float) -> str:
     """A change with its sign, in two digits, or without an exponent where it is large."""
     return f"{percent:+.2g}" if abs(percent) < 99.5 else f"{percent:+.0f}"
 
 
-def table(*columns: str) -> Any:
+def empty_table(*columns: str) -> Any:
     """An empty table: the first column is text, the others are numbers on the right unless marked by '<'."""
     from rich import box
     from rich.table import Table
@@ -62,7 +62,7 @@ def table(*columns: str) -> Any:
     return grid
 
 
-def printed(*parts: Any, width: int = WIDTH) -> Printed:
+def render_text(*parts: Any, width: int = TABLE_WIDTH) -> Printed:
     """Rich renderables and plain text as text of so many columns, which notebooks show as the tables it is of."""
     from rich.console import Console
 
@@ -104,17 +104,17 @@ def progress_bar(shown: bool) -> Any:
     return Progress(*columns, console=console, disable=not shown, transient=True)
 
 
-def listed(columns: Sequence[str], rows: Sequence[Sequence[str]], *said: str) -> str:
+def format_table(columns: Sequence[str], rows: Sequence[Sequence[str]], *said: str) -> str:
     """Lines `said`, then a table of texts."""
     from rich.text import Text
 
-    grid = table(*columns)
+    grid = empty_table(*columns)
     for row in rows:
         grid.add_row(*(Text(cell) for cell in row))
-    return printed(*said, grid)
+    return render_text(*said, grid)
 
 
-def held(freed: Sequence[str]) -> str:
+def released_text(freed: Sequence[str]) -> str:
     """Which drives and supports are let go, in words."""
     return f"freed: {', '.join(freed)}" if freed else "drives and supports held"
 
@@ -124,21 +124,21 @@ def axis_in_words(direction: Array) -> str:
     size = float(np.linalg.norm(direction))
     unit = direction / size if size > 0.0 else direction
     largest = int(np.argmax(np.abs(unit)))
-    if abs(unit[largest]) >= PLAIN:
+    if abs(unit[largest]) >= MIN_AXIS_COSINE:
         return AXES[largest]
     # a mode has no sense: its largest component is shown positive
     return "(" + ", ".join(f"{v:.2f}" for v in np.round(unit * np.sign(unit[largest]), 2) + 0.0) + ")"
 
 
-def ways(model: Model, shape: Array) -> Array:
+def node_travel(model: Model, shape: Array) -> Array:
     """(..., nodes) [m]: how far every node moves in fields, shape (..., nodes, 6) [m, rad], rotations counted by LEVER."""
-    turn = np.linalg.norm(shape[..., 3:], axis=-1) * LEVER * model.arrays.size
+    turn = np.linalg.norm(shape[..., 3:], axis=-1) * ROTATION_LEVER * model.arrays.size
     return np.asarray(np.maximum(turn, np.linalg.norm(shape[..., :3], axis=-1)))
 
 
-def movement_of(model: Model, shape: Array) -> str:
+def describe_node_motion(model: Model, shape: Array) -> str:
     """What a node does most, shape (6,) [m, rad]; nothing where it does not move."""
-    turn, shift = np.linalg.norm(shape[3:]) * LEVER * model.arrays.size, np.linalg.norm(shape[:3])
+    turn, shift = np.linalg.norm(shape[3:]) * ROTATION_LEVER * model.arrays.size, np.linalg.norm(shape[:3])
     if max(turn, shift) == 0.0:
         return ""
     return (
@@ -148,15 +148,15 @@ def movement_of(model: Model, shape: Array) -> str:
     )
 
 
-def movement(model: Model, shape: Array) -> str:
+def describe_motion(model: Model, shape: Array) -> str:
     """What a displacement field, shape (nodes, 6) [m, rad], does most: the link or block that moves farthest; nothing where
     no link moves."""
-    node = int(np.argmax(ways(model, shape)))
-    does = movement_of(model, shape[node])
+    node = int(np.argmax(node_travel(model, shape)))
+    does = describe_node_motion(model, shape[node])
     return does and f"'{model.node_names[node]}' {does}"
 
 
-class ByName(dict[str, T]):
+class NamedAnswers(dict[str, T]):
     """Answers by name; a name there is not raises UnknownNameError with those there are. what: they are, in a word."""
 
     what = "answer"
@@ -171,7 +171,7 @@ class ByName(dict[str, T]):
         )
 
 
-class Named(InNotebooks, ByName[T]):
+class NamedAnswerTable(InNotebooks, NamedAnswers[T]):
     """Answers by name, a mapping that prints as a table: one row per name, made by `row` of the answer."""
 
     def __init__(
@@ -185,12 +185,12 @@ class Named(InNotebooks, ByName[T]):
         return f"<{self._said}: of {names}{' ...' * (len(self) > 4)}>"
 
     def __str__(self) -> str:
-        return listed(
+        return format_table(
             self._columns, [(name, *self._row(answer)) for name, answer in self.items()], self._said
         )
 
 
-class Shown(InNotebooks):
+class PrintableAnswer(InNotebooks):
     """Mixed into answers: one line of `_line` and, in angle brackets, the name of the class where lists show them."""
 
     def _line(self) -> str:
