@@ -1,8 +1,8 @@
-"""An equilibrium path followed by arc length, as states: Newton with the load factor as one more unknown.
+"""Equilibrium paths by arc length: Newton with the path parameter as one more unknown.
 
 Bordered system of Riks (Int. J. Solids Structures 15, 1979) and Keller (1977): the correction stays in the plane normal to
-the predictor, in a metric of displacements over the size of the mechanism, rotations and the scaled factor. The bordered
-matrix is regular at limit points, where the tangent itself is not.
+the predictor, in a metric of displacements over the size of the mechanism, rotations and the scaled parameter. The bordered
+matrix is regular at limit points, where the tangent itself is singular.
 """
 
 from __future__ import annotations
@@ -26,42 +26,46 @@ from ksd.properties.tangent import stored_matrix
 from ksd.solve.steps import RTOL, Stop
 
 Array = NDArray[np.float64]
-LARGEST = 0.15
-"""Largest arc of a step: rad, or displacement over the size of the mechanism, summed over the nodes."""
-MOST_BEND = 0.5
-"""Largest turn [rad] of the path's tangent in a step."""
-WITHIN = 1e-2
-"""Smallest eigenvalue, scaled by the diagonal, of a tangent that is not singular."""
-MOST_STRAY = 0.15
-"""Largest correction of a step, over its arc: a longer one may lead to another path."""
-SHORT = 1e-5
-"""An arc below which its bend is accepted, whatever it is."""
-LEAST = 3e-7
-"""An arc below which two paths are one."""
-SAME = 1e-6
-"""Largest distance, rad or over the size of the mechanism, of a state found again."""
+MAX_ARC = 0.15
+"""Largest arc of a step per square root of the number of nodes: rad, or displacement over the size of the mechanism."""
+MAX_ANGLE = 0.5
+"""Largest angle [rad] between the path tangents at both ends of a step."""
+MAX_CORRECTION = 0.15
+"""Largest Newton correction of a step relative to its arc; a longer one may end on another path."""
+MIN_CHECKED_ARC = 1e-5
+"""Arc below which a step is accepted whatever its angle and correction."""
+MIN_SEPARATION = 3e-7
+"""Arc below which two paths are not distinguished."""
+SAME_STATE_TOLERANCE = 1e-6
+"""Largest distance of two equal states: rotation matrices, and positions over the size of the mechanism."""
+MIN_REGULAR_EIGENVALUE = 1e-2
+"""Smallest absolute eigenvalue of an equilibrated tangent that counts as regular."""
 BISECTIONS = 16
-"""Halvings of an arc."""
+"""Bisections of an arc on which a singular point is located."""
 
 
 @dataclass(frozen=True)
 class PathParameter:
-    """What the path parameter means: drive values begin + f * span (c,), load factor base + f * rise."""
+    """Meaning of the path parameter f: drive values drives + f drive_rate (c,), load factor factor + f factor_rate."""
 
-    begin: Array
-    span: Array
-    base: float
-    rise: float
+    drives: Array
+    drive_rate: Array
+    factor: float
+    factor_rate: float
 
     def values_at(self, f: float) -> tuple[Array, float]:
         """Drive values and load factor at f."""
-        return self.begin + f * self.span, self.base + f * self.rise
+        return self.drives + f * self.drive_rate, self.factor + f * self.factor_rate
 
 
 @dataclass(frozen=True)
 class ArcLengthPoint:
-    """An equilibrium on the path: state, parameter, inertia, exact tangent K (n, n), dR/df b (n,), local angles small,
-    residual over its bound, arc from where it was predicted."""
+    """An equilibrium on the path.
+
+    f: path parameter; negatives: negative eigenvalues of the symmetric tangent, one per constraint row included; K (n, n):
+    tangent with its skew part; b (n,): derivative of the residual by f; residual: over its bound; correction: arc length of
+    the Newton steps after the predictor. local_angles_small: whether all elements are within their range.
+    """
 
     motion: Motion
     f: float
@@ -69,31 +73,31 @@ class ArcLengthPoint:
     K: Array
     b: Array
     iterations: int
-    fits: bool = True
+    local_angles_small: bool = True
     residual: float = 0.0
-    strayed: float = 0.0
+    correction: float = 0.0
 
 
 def residual_rate(model: Model, motion: Motion, parameter: PathParameter, work: Work) -> Array:
     """Derivative (n,) of the residual by the path parameter; work: as assembled at `motion`."""
     arrays = model.arrays
     b = np.zeros(arrays.plan.unknowns)
-    b[arrays.terms.start] = -parameter.span
+    b[arrays.terms.start] = -parameter.drive_rate
     loads = arrays.loads
-    for i, node in enumerate(loads.node if parameter.rise else ()):
+    for i, node in enumerate(loads.node if parameter.factor_rate else ()):
         u, T = int(arrays.start[node]), motion.R[node]
         turn = T if loads.following[i] else np.eye(3)
         force = turn @ loads.force[i]
         moment = turn @ loads.moment[i] + np.cross(T @ loads.point[i], force)
-        b[u : u + 3] -= parameter.rise * force
-        b[u + 3 : u + 6] -= parameter.rise * moment
-    if parameter.rise and len(arrays.weight):
-        b += parameter.rise * weight_force(arrays, work)
+        b[u : u + 3] -= parameter.factor_rate * force
+        b[u + 3 : u + 6] -= parameter.factor_rate * moment
+    if parameter.factor_rate and len(arrays.weight):
+        b += parameter.factor_rate * weight_force(arrays, work)
     return b
 
 
-def bordered(K: Array, b: Array, c: Array, right: Array) -> Array:
-    """z (n + 1,) of [K b; c] z = right, equilibrated."""
+def solve_bordered(K: Array, b: Array, c: Array, right: Array) -> Array:
+    """z (n + 1,) of [K b; c] z = right, equilibrated. Raises numpy.linalg.LinAlgError for a singular matrix."""
     n = len(K)
     A = np.zeros((n + 1, n + 1))
     A[:n, :n], A[:n, n], A[n] = K, b, c
@@ -107,7 +111,10 @@ def bordered(K: Array, b: Array, c: Array, right: Array) -> Array:
 
 
 class ArcLengthNewton:
-    """Newton with arc length for one model and course; storage of one thread."""
+    """Newton with arc length for one model and path parameter; not for two threads at once.
+
+    Steps and directions are arrays (n + 1,): the unknowns of the model, and the path parameter.
+    """
 
     def __init__(self, model: Model, parameter: PathParameter, work: Work) -> None:
         self.model, self.parameter, self.work = model, parameter, work
@@ -116,92 +123,93 @@ class ArcLengthNewton:
             self.metric[u : u + 3] = model.arrays.size**-2
             self.metric[u + 3 : u + 6] = 1.0
 
-    def length(self, z: Array) -> float:
-        """Arc length of a step z (n + 1,)."""
+    def arc_length(self, z: Array) -> float:
+        """Arc length of a step z."""
         return math.sqrt(float(z @ (self.metric * z)))
 
-    def bend(self, one: Array, other: Array) -> float:
-        """Angle [rad] between two unit directions (n + 1,)."""
+    def angle(self, one: Array, other: Array) -> float:
+        """Angle [rad] between two unit directions."""
         return math.acos(min(1.0, float(one @ (self.metric * other))))
 
-    def tangent(self, at: ArcLengthPoint, before: Array | None) -> Array:
-        """Unit direction (n + 1,) of the path, forward in the sense of `before` (rising parameter when None)."""
+    def direction(self, at: ArcLengthPoint, before: Array | None) -> Array:
+        """Unit direction of the path, at an acute angle to the direction `before`; of rising parameter when None."""
         n = len(at.b)
         c = np.append(np.zeros(n), 1.0) if before is None else self.metric * before
-        t = bordered(at.K, at.b, c, np.append(np.zeros(n), 1.0))
+        t = solve_bordered(at.K, at.b, c, np.append(np.zeros(n), 1.0))
         if before is None:
             # one unit of the parameter counts as much as the displacement it causes at first
             self.metric[n] = max(float(t[:n] @ (self.metric[:n] * t[:n])), 1e-12)
-        return t / self.length(t)
+        return t / self.arc_length(t)
 
     def correct(
-        self, motion: Motion, f: float, normal: Array | None, *, first: Array | None = None, most: int = 14
+        self,
+        motion: Motion,
+        f: float,
+        normal: Array | None,
+        *,
+        predictor: Array | None = None,
+        max_iterations: int = 14,
     ) -> ArcLengthPoint | None:
-        """Equilibrium in the plane normal to `normal` through the predicted point, at fixed f when None.
+        """Equilibrium in the plane normal to `normal` through the predicted point, or at fixed f when None.
 
-        motion is changed in place; first (n + 1,): the predictor step, taken before. None when it fails.
+        motion is changed in place; predictor (n + 1,): a step taken first. None where Newton fails.
         """
         arrays, work = self.model.arrays, self.work
         n = arrays.plan.unknowns
         c = np.append(np.zeros(n), 1.0) if normal is None else self.metric * normal
         moved = math.inf
-        step, strayed = first, np.zeros(n + 1)
-        for count in range(most + 1):
+        step, corrections = predictor, np.zeros(n + 1)
+        for count in range(max_iterations + 1):
             worst, _, inside, status = assemble(
                 arrays, motion, *self.parameter.values_at(f), work, RTOL, 0, GRAIN
             )
             if not math.isfinite(worst):
                 return None
             K, b = stored_matrix(arrays, work.value), residual_rate(self.model, motion, self.parameter, work)
-            # looser than `ksd.model.newton.settled`: places of a path are passed, and chains close in on them slowly
+            # looser than `ksd.model.newton.settled`: points are only passed, and chains converge to them slowly
             if step is None and (worst <= 1.0 or (worst <= LOOSE and moved <= 1.0)):
                 if status == 2:
                     return None
                 # chains carry stresses extrapolated from the step before; at equilibrium they are the true ones
-                rest = skew_tangent(self.model.arrays, motion, self.parameter.values_at(f)[1])
+                skew = skew_tangent(self.model.arrays, motion, self.parameter.values_at(f)[1])
                 below = inertia(K)
-                if rest is not None and below != len(arrays.terms.start):
-                    below = count_negative_eigenvalues(arrays, K, rest)
-                full = K if rest is None else K + rest
-                away = self.length(strayed)
+                if skew is not None and below != len(arrays.terms.start):
+                    below = count_negative_eigenvalues(arrays, K, skew)
+                full = K if skew is None else K + skew
+                correction = self.arc_length(corrections)
                 return ArcLengthPoint(
-                    motion, f, below + int(inside), full, b, count, status == 0, worst, away
+                    motion, f, below + int(inside), full, b, count, status == 0, worst, correction
                 )
             if step is None:
+                skew = skew_tangent(self.model.arrays, motion, self.parameter.values_at(f)[1])
                 right = np.append(-work.rhs, 0.0)
                 try:
-                    step = bordered(self._full(K, motion, f), b, c, right)
+                    step = solve_bordered(K if skew is None else K + skew, b, c, right)
                 except np.linalg.LinAlgError:
                     return None
-            size = max(largest_turn(arrays, step[:n]), largest_move(arrays, step[:n]) / arrays.size)
-            if not size < (0.5 if first is None or count > 0 else 2.0):
+            turn, move = largest_turn(arrays, step[:n]), largest_move(arrays, step[:n])
+            if not max(turn, move / arrays.size) < (0.5 if predictor is None or count > 0 else 2.0):
                 return None
-            moved = max(
-                largest_turn(arrays, step[:n]) / 1e-6, largest_move(arrays, step[:n]) / (1e-7 * arrays.size)
-            )
+            moved = max(turn / 1e-6, move / (1e-7 * arrays.size))
             take_step(arrays, motion, np.ascontiguousarray(step[:n]), work, 1.0)
             f += float(step[n])
-            if step is not first:
-                strayed += step
+            if step is not predictor:
+                corrections += step
             step = None
         return None
 
-    def _full(self, K: Array, motion: Motion, f: float) -> Array:
-        rest = skew_tangent(self.model.arrays, motion, self.parameter.values_at(f)[1])
-        return K if rest is None else K + rest
-
-    def advance(self, at: ArcLengthPoint, direction: Array, length: float) -> ArcLengthPoint | None:
-        """The place an arc `length` further along `direction`; None when Newton fails there."""
+    def advance(self, at: ArcLengthPoint, direction: Array, arc: float) -> ArcLengthPoint | None:
+        """The point an arc further along `direction`; None where Newton fails."""
         motion = at.motion.copy()
-        # the members keep scratch of their last assembly, which must be that of this state
+        # the members store results of their last assembly, which must be that of this state
         assemble(self.model.arrays, motion, *self.parameter.values_at(at.f), self.work, RTOL, 0, GRAIN)
-        return self.correct(motion, at.f, direction, first=length * direction)
+        return self.correct(motion, at.f, direction, predictor=arc * direction)
 
 
 @dataclass(frozen=True)
 class SingularPoint:
-    """Where the path turns or branches: the kind, the place, and the null vector (n,) of its tangent; zeros where what
-    buckles is inside a leaf spring, whose nodes stay."""
+    """A limit point or bifurcation, and the null vector (n,) of the tangent there; zeros where a leaf spring buckles between
+    its nodes, which stay."""
 
     kind: Literal["limit", "bifurcation"]
     point: ArcLengthPoint
@@ -209,26 +217,28 @@ class SingularPoint:
 
 
 def _another_path_crosses(
-    before: ArcLengthPoint, direction: Array, after: ArcLengthPoint, ahead: Array
+    before: ArcLengthPoint, direction: Array, after: ArcLengthPoint, next_direction: Array
 ) -> bool:
-    """Whether the determinant of the bordered tangent has another sign: it keeps its sign along a path and changes where
-    another one crosses (Allgower and Georg, Introduction to numerical continuation methods, 2003, chapter 8). That sign is
-    (-1)^negatives times that of the rate of the factor."""
-    turned = direction[-1] * ahead[-1] < 0.0
-    return turned != ((after.negatives - before.negatives) % 2 == 1)
+    """Whether the determinant of the bordered tangent has opposite signs at two points.
+
+    It keeps its sign along a path and changes it where another path crosses (Allgower and Georg, Introduction to numerical
+    continuation methods, 2003, chapter 8). The sign is (-1)^negatives times that of the rate of the parameter.
+    """
+    reversed_ = direction[-1] * next_direction[-1] < 0.0
+    return reversed_ != ((after.negatives - before.negatives) % 2 == 1)
 
 
 END_REACHED = "the end was reached"
-"""Why a walk stopped that came to the end asked for."""
+"""Stop reason of a path that was followed to its end."""
 RETURNED_TO_START = (
     "it came back to its start, over another path that passes closely, as where a small imperfection takes a bifurcation "
     "apart: leave that out and switch at the bifurcation (ksd.follow, branch=), or make it larger"
 )
-"""Why a walk stopped that would go on from its start backwards."""
+"""Stop reason of a path that would continue from its start backwards."""
 
 
 class PathContinuation:
-    """A path while it is followed: places passed (without their tangents), turns found, and why it stopped."""
+    """A path while it is followed: its points (without their tangents), its singular points, and why it stopped."""
 
     def __init__(self, model: Model, parameter: PathParameter) -> None:
         self.model, self.parameter = model, parameter
@@ -239,29 +249,39 @@ class PathContinuation:
 
     @property
     def factorisations(self) -> int:
-        """Factorisations of all places together."""
+        """Factorisations for all points together."""
         return sum(at.iterations for at in self.points)
 
-    def keep(self, at: ArcLengthPoint) -> None:
-        """Record a place; its dense tangent would fill the memory on a long path."""
+    def _store(self, at: ArcLengthPoint) -> None:
+        """Append a point without its dense tangent, which would fill the memory on a long path."""
         self.points.append(replace(at, K=np.zeros((0, 0)), b=np.zeros(0)))
 
-    def turn(
-        self, before: ArcLengthPoint, direction: Array, after: ArcLengthPoint, ahead: Array, arc: float
+    def _find_singular_points(
+        self,
+        before: ArcLengthPoint,
+        direction: Array,
+        after: ArcLengthPoint,
+        next_direction: Array,
+        arc: float,
     ) -> bool:
-        """Locate and record what lies between two places, if anything does; False, and nothing recorded, where they are of
-        two paths, as beside a bifurcation that an imperfection has taken apart."""
-        limit = direction[-1] * ahead[-1] < 0.0
+        """Locate and record the singular points between two points, if any.
+
+        Returns False, and records nothing, where the points are on two different paths, as near a bifurcation that an
+        imperfection has taken apart.
+        """
+        limit = direction[-1] * next_direction[-1] < 0.0
         branches = None
-        if _another_path_crosses(before, direction, after, ahead):
-            branches = after if arc < LEAST else self._crossing(before, direction, ahead, arc)
+        if _another_path_crosses(before, direction, after, next_direction):
+            branches = (
+                after if arc < MIN_SEPARATION else self._crossing(before, direction, next_direction, arc)
+            )
             if branches is None:
                 return False
         elif abs(after.negatives - before.negatives) > int(limit):
-            ends = self._bisected(before, direction, arc, lambda at, _: at.negatives != before.negatives)
+            ends = self._bisect(before, direction, arc, lambda at, _: at.negatives != before.negatives)
             branches = after if ends is None or ends[1] is None else ends[1]
         if limit:
-            self._record("limit", self._limit(before, direction, after, ahead, arc))
+            self._record("limit", self._limit_point(before, direction, after, next_direction, arc))
         if branches is not None:
             self._record("bifurcation", branches)
         return True
@@ -271,26 +291,31 @@ class PathContinuation:
         values, vectors = np.linalg.eigh(0.5 * (at.K + at.K.T) * np.outer(scale, scale))
         least = int(np.argmin(np.abs(values)))
         mode = scale * vectors[:, least]
-        mode = mode / self.newton.length(np.append(mode, 0.0))
-        # a tangent of the nodes that is regular there: what is singular is condensed inside the leaf springs
-        inside = kind == "bifurcation" and abs(values[least]) > WITHIN
+        mode = mode / self.newton.arc_length(np.append(mode, 0.0))
+        # a tangent of the nodes that is regular there: the singular part is condensed inside the leaf springs
+        inside = kind == "bifurcation" and abs(values[least]) > MIN_REGULAR_EIGENVALUE
         self.singular_points.append(SingularPoint(kind, at, np.zeros_like(mode) if inside else mode))
 
-    def _limit(
-        self, before: ArcLengthPoint, direction: Array, after: ArcLengthPoint, ahead: Array, arc: float
+    def _limit_point(
+        self,
+        before: ArcLengthPoint,
+        direction: Array,
+        after: ArcLengthPoint,
+        next_direction: Array,
+        arc: float,
     ) -> ArcLengthPoint:
-        """Where d(factor)/ds vanishes, by the false position (Illinois) on the arc."""
-        low, high, g_low, g_high = 0.0, arc, float(direction[-1]), float(ahead[-1])
+        """The point on an arc where df/ds vanishes, by regula falsi (Illinois)."""
+        low, high, g_low, g_high = 0.0, arc, float(direction[-1]), float(next_direction[-1])
         best, smallest = after, abs(g_high)
         for _ in range(12):
             s = (low * g_high - high * g_low) / (g_high - g_low)
             at = self.newton.advance(before, direction, s)
             if at is None:
                 break
-            g = float(self.newton.tangent(at, direction)[-1])
+            g = float(self.newton.direction(at, direction)[-1])
             if abs(g) < smallest:
                 best, smallest = at, abs(g)
-            if abs(g) < 1e-6 * abs(direction[-1] - ahead[-1]):
+            if abs(g) < 1e-6 * abs(direction[-1] - next_direction[-1]):
                 break
             if g * g_high > 0.0:
                 high, g_high, g_low = s, g, 0.5 * g_low
@@ -299,30 +324,32 @@ class PathContinuation:
         return best
 
     def _crossing(
-        self, before: ArcLengthPoint, direction: Array, ahead: Array, arc: float
+        self, before: ArcLengthPoint, direction: Array, next_direction: Array, arc: float
     ) -> ArcLengthPoint | None:
-        """Where the path crosses another one, None where there are two that do not meet."""
-        ends = self._bisected(
+        """The point on an arc where another path crosses; None where two paths pass each other without meeting."""
+        ends = self._bisect(
             before, direction, arc, lambda at, onward: _another_path_crosses(before, direction, at, onward)
         )
         one, other = ends or (before, None)
         if other is None:
             return None
-        size, wide = self.model.arrays.size, 5.0 * arc * 0.5**BISECTIONS + LEAST
-        apart = max(
-            np.abs(one.motion.x - other.motion.x).max() / size, np.abs(one.motion.R - other.motion.R).max()
+        tolerance = 5.0 * arc * 0.5**BISECTIONS + MIN_SEPARATION
+        steepest = max(abs(direction[-1]), abs(next_direction[-1]))
+        meets = (
+            self._distance(one.motion, other.motion) < tolerance
+            and abs(one.f - other.f) < steepest * tolerance + 1e-9
         )
-        steep = max(abs(direction[-1]), abs(ahead[-1]))
-        return other if apart < wide and abs(one.f - other.f) < steep * wide + 1e-9 else None
+        return other if meets else None
 
-    def _bisected(
+    def _bisect(
         self,
         before: ArcLengthPoint,
         direction: Array,
         arc: float,
         beyond: Callable[[ArcLengthPoint, Array], bool],
     ) -> tuple[ArcLengthPoint, ArcLengthPoint | None] | None:
-        """The last place before and the first one beyond what lies on an arc, which is halved; None past a sharp turn."""
+        """The last point of an arc that is not, and the first one that is, `beyond` what is located; None past a sharp
+        turn of the path."""
         low, high = 0.0, arc
         ends: tuple[ArcLengthPoint, ArcLengthPoint | None] = before, None
         for _ in range(BISECTIONS):
@@ -330,8 +357,8 @@ class PathContinuation:
             at = self.newton.advance(before, direction, s)
             if at is None:
                 return None
-            onward = self.newton.tangent(at, direction)
-            if self.newton.bend(direction, onward) > MOST_BEND:
+            onward = self.newton.direction(at, direction)
+            if self.newton.angle(direction, onward) > MAX_ANGLE:
                 return None
             if beyond(at, onward):
                 high, ends = s, (ends[0], at)
@@ -339,15 +366,13 @@ class PathContinuation:
                 low, ends = s, (at, ends[1])
         return ends
 
-    def _arc(self, at: ArcLengthPoint, ahead: Array, arc: float, until: float) -> float:
-        """Not past the end: the arc that would just reach `until`, if that is shorter."""
-        slope = float(ahead[-1])
-        if slope * (until - at.f) > 0.0:
-            return min(arc, abs((until - at.f) / slope))
-        return arc
+    def _distance(self, one: Motion, other: Motion) -> float:
+        """Largest difference of rotation matrices, and of positions over the size of the mechanism."""
+        shift = np.abs(one.x - other.x).max() / self.model.arrays.size
+        return float(max(shift, np.abs(one.R - other.R).max()))
 
     def _returned(self, at: ArcLengthPoint, found: ArcLengthPoint) -> bool:
-        """Whether the start lies between two places."""
+        """Whether the start of the path lies between two points."""
         home = self.points[0]
         if (
             len(self.points) == 1
@@ -356,68 +381,77 @@ class PathContinuation:
         ):
             return False
         back = self.newton.correct(found.motion.copy(), home.f, None)
-        if back is None:
-            return False
-        apart = np.abs(back.motion.x - home.motion.x).max() / self.model.arrays.size
-        return bool(max(apart, np.abs(back.motion.R - home.motion.R).max()) < SAME)
+        return back is not None and self._distance(back.motion, home.motion) < SAME_STATE_TOLERANCE
 
     def follow(
         self,
         at: ArcLengthPoint,
-        ahead: Array,
+        direction: Array,
         *,
         until: float,
         arc: float,
-        most: int,
-        turns: float = math.inf,
+        max_steps: int,
+        max_singular_points: float = math.inf,
     ) -> None:
-        """Follow from `at` in direction `ahead`, through so many turning points at most."""
-        self.stop_reason = self._follow(at, ahead, until=until, arc=arc, most=most, turns=turns)
+        """Follow the path from `at` along `direction` to the parameter `until`, with a first step of length `arc`.
+
+        It stops at the singular point that makes them `max_singular_points`.
+        """
+        self.stop_reason = self._follow(at, direction, until, arc, max_steps, max_singular_points)
 
     def _follow(
-        self, at: ArcLengthPoint, ahead: Array, *, until: float, arc: float, most: int, turns: float
+        self,
+        at: ArcLengthPoint,
+        direction: Array,
+        until: float,
+        arc: float,
+        max_steps: int,
+        max_singular_points: float,
     ) -> str:
-        self.keep(at)
+        """Follow the path and return the stop reason."""
+        self._store(at)
         if at.f == until:
             return END_REACHED
-        sign, largest = (1.0 if until >= at.f else -1.0), LARGEST * np.sqrt(len(self.model.node_names))
-        for _ in range(most):
-            length = self._arc(at, ahead, min(arc, largest), until)
-            found = self.newton.advance(at, ahead, length)
+        sign, max_arc = (1.0 if until >= at.f else -1.0), MAX_ARC * np.sqrt(len(self.model.node_names))
+        for _ in range(max_steps):
+            length, slope = min(arc, max_arc), float(direction[-1])
+            if slope * (until - at.f) > 0.0:
+                # not past the end
+                length = min(length, abs((until - at.f) / slope))
+            found = self.newton.advance(at, direction, length)
             if found is None or (found.f - until) * sign > 1e-6 * abs(until):
-                # too far, or no equilibrium in that plane
+                # no equilibrium in that plane, or past the end
                 arc = 0.5 * length
                 if arc < 1e-9:
                     return "the arc was halved to its smallest size without reaching equilibrium"
                 continue
-            onward = self.newton.tangent(found, ahead)
-            bend = self.newton.bend(ahead, onward)
-            if (bend > MOST_BEND or found.strayed > MOST_STRAY * length) and length > SHORT:
-                # a sharp turn: closer, lest a limit point and the next one both lie in one step
+            onward = self.newton.direction(found, direction)
+            angle = self.newton.angle(direction, onward)
+            if (angle > MAX_ANGLE or found.correction > MAX_CORRECTION * length) and length > MIN_CHECKED_ARC:
+                # a sharp turn: smaller steps, lest a limit point and the next one both lie in one step
                 arc = 0.5 * length
                 continue
-            if not self.turn(at, ahead, found, onward, length):
-                # closer, where the path itself turns
+            if not self._find_singular_points(at, direction, found, onward, length):
                 arc = 0.5 * length
                 continue
-            if len(self.singular_points) >= turns:
+            if len(self.singular_points) >= max_singular_points:
                 return "it turns"
             if self._returned(at, found):
                 return RETURNED_TO_START
-            at, ahead = found, onward
+            at, direction = found, onward
             if abs(at.f - until) <= 2e-6 * abs(until):
-                self.keep(self.newton.correct(at.motion, until, None) or at)
+                self._store(self.newton.correct(at.motion, until, None) or at)
                 return END_REACHED
-            self.keep(at)
-            if not at.fits:
+            self._store(at)
+            if not at.local_angles_small:
                 return Stop.LOCAL_ANGLE.sentence
-            growth = min((4.0 / max(at.iterations, 1)) ** 0.5, 0.5 * MOST_BEND / max(bend, 1e-9))
+            growth = min((4.0 / max(at.iterations, 1)) ** 0.5, 0.5 * MAX_ANGLE / max(angle, 1e-9))
             arc = max(arc, length) * float(np.clip(growth, 0.5, 1.5))
-        return f"{most} steps were taken"
+        return f"{max_steps} steps were taken"
 
 
 def require_start(at: ArcLengthPoint | None) -> ArcLengthPoint:
-    """The place; ConvergenceError where there is none."""
+    """The start of a path; raises ConvergenceError where Newton found none."""
     if at is None:
         raise ConvergenceError(
             "the start of the path is no equilibrium; solve it first and pass it as start=..."
@@ -426,31 +460,28 @@ def require_start(at: ArcLengthPoint | None) -> ArcLengthPoint:
 
 
 def follow_by_arc_length(
-    model: Model,
-    parameter: PathParameter,
-    motion: Motion,
-    *,
-    f: float = 0.0,
-    first: float = 0.02,
-    most: int = 300,
-    turns: float = math.inf,
+    model: Model, parameter: PathParameter, motion: Motion, *, max_singular_points: float = math.inf
 ) -> PathContinuation:
-    """Follow a course of drives and loads from the equilibrium `motion` at parameter f to 1, by arc length, or until it has
-    turned so many times.
+    """Follow the path from the equilibrium `motion` at parameter 0 to 1, or to the singular point that makes them
+    `max_singular_points`.
 
     Raises ConvergenceError where the start is no equilibrium.
     """
-    walk = PathContinuation(model, parameter)
-    at = require_start(walk.newton.correct(motion.copy(), f, None, most=40))
-    ahead = walk.newton.tangent(at, None)
-    walk.follow(at, ahead, until=1.0, arc=first / max(abs(float(ahead[-1])), 1e-9), most=most, turns=turns)
-    return walk
+    path = PathContinuation(model, parameter)
+    at = require_start(path.newton.correct(motion.copy(), 0.0, None, max_iterations=40))
+    direction = path.newton.direction(at, None)
+    arc = 0.02 / max(abs(float(direction[-1])), 1e-9)
+    path.follow(at, direction, until=1.0, arc=arc, max_steps=300, max_singular_points=max_singular_points)
+    return path
 
 
 def switch_branch(
     newton: ArcLengthNewton, motion: Motion, f: float, mode: Array
 ) -> tuple[ArcLengthPoint, Array]:
-    """A place on the other branch, 0.01 along `mode`, and the direction away from the bifurcation."""
+    """A point of the other branch, 0.01 along `mode`, and its direction away from the bifurcation.
+
+    Raises ConvergenceError where the other branch is not found, and for a mode of zero.
+    """
     n = len(mode)
     if not mode.any():
         names = ", ".join(f"'{name}'" for name in newton.model.member_names[:3])
@@ -460,12 +491,12 @@ def switch_branch(
             "mechanism"
         )
     at = require_start(newton.correct(motion, f, None))
-    newton.tangent(at, None)
+    newton.direction(at, None)
     away = np.append(mode, 0.0)
-    for size in (0.01, 0.003, 0.03, 0.001):
-        found = newton.advance(at, away, size)
-        if found is not None and newton.length(np.append(np.zeros(n), found.f - f)) < 50 * size:
-            return found, newton.tangent(found, away)
+    for arc in (0.01, 0.003, 0.03, 0.001):
+        found = newton.advance(at, away, arc)
+        if found is not None and newton.arc_length(np.append(np.zeros(n), found.f - f)) < 50 * arc:
+            return found, newton.direction(found, away)
     raise ConvergenceError(
         "the other branch was not found along the mode of this bifurcation; follow the mechanism with a small imperfection "
         "of that shape instead (mechanism.fit, or a curve)"

@@ -20,7 +20,7 @@ from ksd.model.compile import Model
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve.configuration import Configuration
 from ksd.solve.joint_motions import JointReader
-from ksd.solve.load_steps import LoadPath, as_step, solve_by_load_steps, stop_sentence
+from ksd.solve.load_steps import LoadPath, as_step, follow_load_path, stop_sentence
 from ksd.solve.steps import CAP, RTOL, Stop
 from ksd.solve.storage import Storage, storage_of
 from ksd.solve.verdict import is_solved
@@ -61,8 +61,8 @@ def conventional(
     begin = model.targets(start.targets) if start else np.zeros(len(target))
     low = start.load_factor if start else 0.0
     way = LoadPath(begin, target, (low, 1.0), steps, rtol, most, cap, eps_max, smallest)
-    driven, how, found, doubts = solve_by_load_steps(
-        storage, start.motion if start else model.rest, way, fresh=start is None, planar=planar
+    driven, how, found, doubts = follow_load_path(
+        storage, start.motion if start else model.rest, way, from_rest=start is None, planar=planar
     )
     spent = clock()
     values, factor = way.values_at(driven.fraction_reached)

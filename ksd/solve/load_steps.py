@@ -1,11 +1,11 @@
-"""Equilibrium by load steps from a given state, in the plane where the scene is planar, and on the branch meant.
+"""Equilibrium by load steps from a given state, in the plane where the scene is planar, on the intended branch.
 
-The whole step is tried first and halved on failure (`take_load_steps`). A residual of zero does not tell the branch: 75
-degrees in one step can end at a moment of the wrong sign. What gives a jump away, at no cost: an inertia that is not that of
-a minimum, loads and drives that together did no positive work on a mechanism that was at rest (the strain energy they should
-have become is positive), an iteration that wandered, or loads that do much of the work and did not come in easily. Then 4,
-8, ... load steps are tried until two rounds end in the same minimum; failing that, the path is followed by arc length, which
-tells limit points and bifurcations on the way.
+The whole load path is tried as one step first, and steps are halved on failure (`take_load_steps`). A residual of zero does
+not identify the branch: 75 degrees in one step can end at a moment of the wrong sign. Signs of a jump that cost nothing: an
+inertia that is not that of a minimum; negative work of loads and drives together on a mechanism that was undeformed (the
+strain energy that it becomes is positive); an iteration that took long; loads that do much of the work and did not converge
+easily. Then 4, 8, ... load steps are tried until two rounds end in the same minimum; failing that, the path is followed by
+arc length, which detects limit points and bifurcations on it.
 """
 
 from __future__ import annotations
@@ -32,13 +32,32 @@ from ksd.solve.steps import CAP, RTOL, Step, Stop
 from ksd.solve.storage import Storage
 
 WEAK_PIVOT = 1e-9
-"""Relative pivot below which a load step is done again, or its inertia counted again, with pivoting."""
+"""Relative pivot below which a load step, or the count of its negative pivots, is repeated with pivoting."""
+MANY_ITERATIONS = 12
+"""Iterations of an accepted load step above which its branch is confirmed."""
+FEW_ITERATIONS = 5
+"""Iterations of a step up to which its branch is not doubted for its loads."""
+DOMINANT_LOAD_SHARE = 0.1
+"""Share of the loads in the work done above which the branch of a step with more iterations is confirmed."""
+SMALL_STEP = 0.2
+"""Fraction of the load path; a solve that needed a smaller step is confirmed."""
+MIN_CONFIRMING_STEPS = 16
+"""Number of load steps up to which an answer is confirmed at least."""
+SAME_STATE_TOLERANCE = 1e-6
+"""Largest difference of two equal states: rotation matrices, and positions over the size of the mechanism."""
+START_FRACTION = 1e-3
+"""Fraction of the load path up to which a solve counts as stopped at its start."""
+NOT_A_MINIMUM = "its inertia is not that of a minimum"
+"""The doubt that only a path by arc length settles: load steps may have passed a limit point or a bifurcation."""
 
 
 class LoadStepRecord(NamedTuple):
-    """How driving went: why it stopped, factorisations including failed attempts, residual over its bound, negative
-    pivots, fraction of the drive motion reached, load steps tried, load steps that needed pivoting, most iterations of a
-    load step, the smallest one (fraction of the way)."""
+    """Outcome of a sequence of load steps.
+
+    factorisations: failed attempts included; residual: over its bound; negatives: negative pivots; fraction_reached: of the
+    load path; steps_tried, steps_with_pivoting: numbers of load steps; most_iterations: of an accepted load step;
+    smallest_step: fraction of the load path.
+    """
 
     stop: Stop
     factorisations: int
@@ -51,86 +70,8 @@ class LoadStepRecord(NamedTuple):
     smallest_step: float = 1.0
 
 
-class LoadPath(NamedTuple):
-    """Drives from `start` to `target` (c,) and loads between two factors, and how to go: steps: equal ones tried first;
-    rtol, most, cap, eps_max: of every Newton solve (`ksd.model.newton.iterate`); smallest: fraction of the way below which
-    steps are not halved any more."""
-
-    start: np.ndarray
-    target: np.ndarray
-    factors: tuple[float, float] = (0.0, 1.0)
-    steps: int = 1
-    rtol: float = RTOL
-    most: int = 30
-    cap: float = CAP
-    eps_max: float = math.inf
-    smallest: float = 1e-4
-
-    def values_at(self, share: float) -> tuple[np.ndarray, float]:
-        """Drive values and load factor at a fraction of the way."""
-        low, high = self.factors
-        if share == 1.0:
-            # land on the end exactly
-            return self.target, high
-        return self.start + share * (self.target - self.start), low + share * (high - low)
-
-
-def take_load_steps(
-    motion: Motion,
-    newton: Callable[..., Newton],
-    way: LoadPath,
-    *,
-    begin: Motion | None = None,
-    pivoting: tuple[Arrays, Work] | None = None,
-) -> LoadStepRecord:
-    """Go a way, halving its steps on failure; `motion` ends at the last equilibrium.
-
-    newton: brings a state to equilibrium in place, as `ksd.solve.storage.Storage.newton`. begin: what `motion` starts from,
-    where that is kept elsewhere. pivoting: spatial arrays and storage with which a step of weak pivots is done again.
-    """
-    done, solves, taken, pivoted, longest, residual, negatives = 0.0, 0, 0, 0, 0, math.inf, 0
-    size = shortest = 1.0 / way.steps
-    safe = begin
-    bounds = way.rtol, way.most, way.cap, way.eps_max
-    while done < 1.0:
-        goal = 1.0 if done + size > 1.0 - 1e-9 else done + size
-        aim = (*way.values_at(goal), *bounds)
-        safe = motion.copy() if safe is None else safe
-        reason, count, residual, negatives, pivot = newton(motion, *aim)
-        solves, taken = solves + count, taken + 1
-        if pivoting is not None and _weak(pivoting[0], reason, pivot):
-            reason, count, residual, negatives, _ = _with_pivoting(pivoting, motion, safe, aim, reason)
-            solves, pivoted = solves + count, pivoted + 1
-        if reason == CONVERGED:
-            done, longest, shortest, safe = goal, max(longest, count), min(shortest, size), None
-            continue
-        motion.assign(safe)
-        size *= 0.5
-        if size < way.smallest:
-            return LoadStepRecord(
-                Stop(reason), solves, residual, negatives, done, taken, pivoted, longest, shortest
-            )
-    return LoadStepRecord(Stop.CONVERGED, solves, residual, negatives, 1.0, taken, pivoted, longest, shortest)
-
-
-def _weak(arrays: Arrays, reason: int, pivot: float) -> bool:
-    """Whether pivoting may do better: a pivot of rounding, or a step that failed under loads with a skew tangent."""
-    failed = reason != Stop.CONVERGED
-    return reason == Stop.SINGULAR or pivot < WEAK_PIVOT or (failed and bool(arrays.loads.skew.any()))
-
-
-def _with_pivoting(
-    storage: tuple[Arrays, Work], motion: Motion, safe: Motion, aim: tuple, reason: int
-) -> tuple[int, int, float, int, float]:
-    """The load step again with pivoting, from `safe`; a step that converged is only looked over (no iteration)."""
-    if reason != Stop.CONVERGED:
-        motion.assign(safe)
-    arrays, work = storage
-    return iterate_pivoted(arrays, motion, *aim[:2], work, *aim[2:])
-
-
 class LoadStepResult(NamedTuple):
-    """How driving went, in what, in words, where it ended, and the doubts that remain."""
+    """Outcome of load steps, how they were taken (in words), the state they ended in, and the doubts that remain."""
 
     record: LoadStepRecord
     how: str
@@ -138,24 +79,87 @@ class LoadStepResult(NamedTuple):
     doubts: tuple[str, ...] = ()
 
 
-MANY_ITERATIONS = 12
-"""Iterations of an accepted load step above which its branch is confirmed."""
-EASY, LADEN = 5, 0.1
-"""Iterations of a step, and share of the loads in the work done, above both of which its branch is confirmed."""
-FINE = 16
-"""Load steps up to which an answer is confirmed, at least."""
-CUT = 0.2
-"""A load step that had to be cut below this fraction of the way is confirmed."""
-SAME = 1e-6
-"""Largest difference of two equal states, over the size of the mechanism."""
-SADDLE = "its inertia is not that of a minimum"
-"""The doubt that only a path by arc length settles: the way there may lead over a limit point or a bifurcation."""
+class LoadPath(NamedTuple):
+    """Drive values from `start` to `target` (c,), loads between two factors, and the settings of the steps.
+
+    steps: number of equal steps tried first; rtol, max_iterations, max_turn, eps_max: of every Newton solve, see
+    `ksd.model.newton.iterate`; smallest_step: fraction of the path below which steps are not halved any more.
+    """
+
+    start: np.ndarray
+    target: np.ndarray
+    factors: tuple[float, float] = (0.0, 1.0)
+    steps: int = 1
+    rtol: float = RTOL
+    max_iterations: int = 30
+    max_turn: float = CAP
+    eps_max: float = math.inf
+    smallest_step: float = 1e-4
+
+    def values_at(self, fraction: float) -> tuple[np.ndarray, float]:
+        """Drive values and load factor at a fraction of the path."""
+        low, high = self.factors
+        if fraction == 1.0:
+            # the end exactly
+            return self.target, high
+        return self.start + fraction * (self.target - self.start), low + fraction * (high - low)
+
+
+def take_load_steps(
+    motion: Motion,
+    newton: Callable[..., Newton],
+    path: LoadPath,
+    *,
+    begin: Motion | None = None,
+    pivoting: tuple[Arrays, Work] | None = None,
+) -> LoadStepRecord:
+    """Take load steps along a path, halving them on failure; `motion` ends at the last equilibrium.
+
+    newton: brings a state to equilibrium in place, as `ksd.solve.storage.Storage.newton`. begin: a copy of the state that
+    `motion` starts from, where there is one. pivoting: spatial arrays and storage with which steps of weak pivots are
+    repeated.
+    """
+    done, solves, tried, pivoted, most, residual, negatives = 0.0, 0, 0, 0, 0, math.inf, 0
+    size = smallest = 1.0 / path.steps
+    safe = begin
+    settings = path.rtol, path.max_iterations, path.max_turn, path.eps_max
+    while done < 1.0:
+        goal = 1.0 if done + size > 1.0 - 1e-9 else done + size
+        arguments = (*path.values_at(goal), *settings)
+        safe = motion.copy() if safe is None else safe
+        reason, count, residual, negatives, pivot = newton(motion, *arguments)
+        solves, tried = solves + count, tried + 1
+        if pivoting is not None and _needs_pivoting(pivoting[0], reason, pivot):
+            arrays, work = pivoting
+            if reason != CONVERGED:
+                motion.assign(safe)
+            # a step that has converged is assembled once, without an iteration
+            reason, count, residual, negatives, _ = iterate_pivoted(
+                arrays, motion, *arguments[:2], work, *arguments[2:]
+            )
+            solves, pivoted = solves + count, pivoted + 1
+        if reason == CONVERGED:
+            done, most, smallest, safe = goal, max(most, count), min(smallest, size), None
+            continue
+        motion.assign(safe)
+        size *= 0.5
+        if size < path.smallest_step:
+            return LoadStepRecord(
+                Stop(reason), solves, residual, negatives, done, tried, pivoted, most, smallest
+            )
+    return LoadStepRecord(Stop.CONVERGED, solves, residual, negatives, 1.0, tried, pivoted, most, smallest)
+
+
+def _needs_pivoting(arrays: Arrays, reason: int, pivot: float) -> bool:
+    """Whether pivoting may help: a pivot of rounding, or a step that failed under loads with a skew tangent."""
+    failed = reason != Stop.CONVERGED
+    return reason == Stop.SINGULAR or pivot < WEAK_PIVOT or (failed and bool(arrays.loads.skew.any()))
 
 
 def secant_work(model: Model, motion: Motion, target: np.ndarray) -> tuple[float, float]:
-    """Secant work [J] of the drives, and of dead loads, from rest to `motion`; their sum becomes strain energy.
+    """Secant work [J] of the drives, and of dead loads, from the undeformed state; their sum becomes strain energy.
 
-    That of the loads is nan where following loads make it depend on the path.
+    That of the loads is nan where follower loads make it depend on the path.
     """
     loads = model.arrays.loads
     driving = -0.5 * float(motion.multiplier.dot(target))
@@ -175,10 +179,10 @@ def secant_work(model: Model, motion: Motion, target: np.ndarray) -> tuple[float
 
 
 class _DeadLoads(NamedTuple):
-    """Dead loads and weight as forces on nodes: force (n, 3) on their places, lever (n, 3, 3) on their rotation matrices.
+    """Dead loads and weight as factors of a potential linear in the poses of the nodes.
 
-    Their potential is linear in both; at_rest: what it is there. moments: numbers of the loads with one; follow: whether
-    any load follows its link.
+    force (n, 3) [N]: on positions; lever (n, 3, 3) [Nm]: on rotation matrices; at_rest [J]: their sum in the undeformed
+    state. moments: indices of the loads with a moment; follow: whether any load follows its link.
     """
 
     force: np.ndarray
@@ -190,7 +194,7 @@ class _DeadLoads(NamedTuple):
 
 @cached_per_model
 def _dead_loads(model: Model) -> _DeadLoads:
-    """The loads and weight of a model; half the weight of a leaf at each end, since its centre moves about as their mean."""
+    """Loads and weight of a model; half the weight of a leaf at each end, as its centre moves about like their mean."""
     loads, weight, members = model.arrays.loads, model.arrays.weight, model.arrays.members
     force, lever = np.zeros_like(model.rest.x), np.zeros_like(model.rest.R)
     np.add.at(force, loads.node, loads.force)
@@ -205,122 +209,136 @@ def _dead_loads(model: Model) -> _DeadLoads:
     return _DeadLoads(force, lever, at_rest, moments, bool(np.any(loads.following == 1)))
 
 
-def loads_dominate(model: Model, motion: Motion, target: np.ndarray, longest: int) -> bool:
-    """Whether loads do so much of the work, and a step took so many iterations, that one step proves little."""
-    if longest <= EASY or not carries_load(model.arrays):
+def loads_dominate(model: Model, motion: Motion, target: np.ndarray, most_iterations: int) -> bool:
+    """Whether loads do much of the work and a step took more than a few iterations, so that one step proves little."""
+    if most_iterations <= FEW_ITERATIONS or not carries_load(model.arrays):
         return False
     driving, loading = secant_work(model, motion, target)
-    # work that depends on the path is not small
-    return not abs(loading) <= LADEN * (abs(driving) + abs(loading))
+    # negated, so that work that depends on the path (nan) counts as large
+    return not abs(loading) <= DOMINANT_LOAD_SHARE * (abs(driving) + abs(loading))
 
 
-def doubt(
-    model: Model, motion: Motion, driven: LoadStepRecord, target: np.ndarray, *, fresh: bool, steps: int
+def branch_doubt(
+    model: Model, motion: Motion, record: LoadStepRecord, target: np.ndarray, *, from_rest: bool, steps: int
 ) -> str:
-    """Why the state reached in `steps` may not be the one meant, or nothing. fresh: the mechanism was at rest before."""
-    if driven.negatives != len(target):
-        return SADDLE
-    if driven.most_iterations > MANY_ITERATIONS:
-        return f"a load step took {driven.most_iterations} iterations"
-    if driven.smallest_step < min(CUT, 0.9 / steps):
-        return f"a load step had to be cut to {100 * driven.smallest_step:.2g} % of the way"
-    if not fresh:
+    """Why the state may be on another branch than the intended one; empty without a doubt.
+
+    from_rest: the load path began at the undeformed state; steps: number of equal steps tried first.
+    """
+    if record.negatives != len(target):
+        return NOT_A_MINIMUM
+    if record.most_iterations > MANY_ITERATIONS:
+        return f"a load step took {record.most_iterations} iterations"
+    if record.smallest_step < min(SMALL_STEP, 0.9 / steps):
+        return f"a load step had to be cut to {100 * record.smallest_step:.2g} % of the way"
+    if not from_rest:
         return ""
     if sum(secant_work(model, motion, target)) < 0.0:
         return "drives and loads did negative work on it"
-    if loads_dominate(model, motion, target, driven.most_iterations):
-        return f"loads do much of the work, and a load step took {driven.most_iterations} iterations"
+    if loads_dominate(model, motion, target, record.most_iterations):
+        return f"loads do much of the work, and a load step took {record.most_iterations} iterations"
     return ""
 
 
 def slow_step_doubts(steps: Iterable[Step]) -> tuple[str, ...]:
-    """Doubts about equilibrium steps of a kinematic start that took long: they may have wandered to another branch."""
+    """Doubts about equilibrium steps from a kinematic start that took long: they may have ended on another branch."""
     return tuple(
         f"step '{s.name}' took {s.iterations} iterations" for s in steps if s.iterations > MANY_ITERATIONS
     )
 
 
 def state_difference(model: Model, one: Motion, other: Motion) -> float:
-    """Largest difference of two states over the size of the mechanism (rotations as they are)."""
+    """Largest difference of two states: positions over the size of the mechanism, and rotation matrices."""
     shift = np.abs(one.x - other.x).max(initial=0.0) / model.arrays.size
     return float(max(shift, np.abs(one.R - other.R).max(initial=0.0)))
 
 
-def confirmed(
+def confirm_by_smaller_steps(
     model: Model,
     first: LoadStepResult,
-    again: Callable[[int], LoadStepResult],
-    arc: Callable[[], PathContinuation],
-    reason: str,
+    repeat: Callable[[int], LoadStepResult],
+    continuation: Callable[[], PathContinuation],
+    doubt: str,
 ) -> LoadStepResult:
-    """The state that two rounds of load steps agree on.
+    """The state in which two rounds of load steps agree.
 
-    first: how the doubtful round went; again: goes the same way in so many steps; arc: goes it by arc length, which is
-    asked last, when smaller steps do not settle it or end in a state that is no minimum.
+    first: the doubtful result; repeat: takes the same path in so many steps; continuation: follows it by arc length, last,
+    where smaller steps do not agree or end in a state that is no minimum.
     """
-    solves, taken = first.record.factorisations, first.record.steps_tried
+    solves, tried = first.record.factorisations, first.record.steps_tried
     last, size = first, max(4, int(np.ceil(2.0 / first.record.smallest_step)))
-    end, settled, said = max(FINE, 4 * size), False, reason
-    while size <= end and not settled:
-        fresh = again(size)
-        solves, taken = solves + fresh.record.factorisations, taken + fresh.record.steps_tried
-        if fresh.record.stop is not Stop.CONVERGED:
-            said = f"{reason}, and smaller load steps stop at {100 * fresh.record.fraction_reached:.3g} % of the way"
+    end, confirmed, reason = max(MIN_CONFIRMING_STEPS, 4 * size), False, doubt
+    while size <= end and not confirmed:
+        finer = repeat(size)
+        solves, tried = solves + finer.record.factorisations, tried + finer.record.steps_tried
+        if finer.record.stop is not Stop.CONVERGED:
+            reason = f"{doubt}, and smaller load steps stop at {100 * finer.record.fraction_reached:.3g} % of the way"
             break
-        same = state_difference(model, fresh.motion, last.motion) < SAME
-        settled = same and reason != SADDLE and fresh.record.negatives == len(model.arrays.terms.start)
-        last, size = fresh, 2 * size
-        if same and not settled:
+        same = state_difference(model, finer.motion, last.motion) < SAME_STATE_TOLERANCE
+        confirmed = (
+            same and doubt != NOT_A_MINIMUM and finer.record.negatives == len(model.arrays.terms.start)
+        )
+        last, size = finer, 2 * size
+        if same and not confirmed:
             break
-    how = ", ".join(filter(None, [last.how, f"walked again in smaller steps: {reason}"]))
-    found = LoadStepResult(last.record._replace(factorisations=solves, steps_tried=taken), how, last.motion)
-    return found if settled else by_arc(found._replace(doubts=(said,)), arc)
+    how = ", ".join(filter(None, [last.how, f"walked again in smaller steps: {doubt}"]))
+    result = LoadStepResult(last.record._replace(factorisations=solves, steps_tried=tried), how, last.motion)
+    return result if confirmed else confirm_by_arc_length(result._replace(doubts=(reason,)), continuation)
 
 
-def _gone(
-    last: LoadStepResult, arc: Callable[[], PathContinuation]
+def _continue(
+    last: LoadStepResult, continuation: Callable[[], PathContinuation]
 ) -> tuple[LoadStepResult, PathContinuation | None]:
-    """The path by arc length, None where it does not begin, and `last` with its factorisations."""
+    """The path by arc length, None where it has no start; and `last` with its factorisations added."""
     try:
-        path = arc()
+        path = continuation()
     except (ConvergenceError, np.linalg.LinAlgError):
         return last, None
-    return last._replace(
-        record=last.record._replace(factorisations=last.record.factorisations + path.factorisations)
-    ), path
+    factorisations = last.record.factorisations + path.factorisations
+    return last._replace(record=last.record._replace(factorisations=factorisations)), path
 
 
-def by_arc(last: LoadStepResult, arc: Callable[[], PathContinuation]) -> LoadStepResult:
-    """The last resort: what the path followed by arc length says of the state `last` and of what is doubted about it."""
-    last, path = _gone(last, arc)
+def confirm_by_arc_length(
+    last: LoadStepResult, continuation: Callable[[], PathContinuation]
+) -> LoadStepResult:
+    """The end of the path followed by arc length; where that has singular points or no end, `last` with its first doubt and
+    these."""
+    last, path = _continue(last, continuation)
     if path is None:
         return last
     last = last._replace(how=f"{last.how}, then by arc length")
     if path.stop_reason == END_REACHED and not path.singular_points:
         end = path.points[-1]
         return LoadStepResult(last.record._replace(negatives=end.negatives), last.how, end.motion)
-    at = f"no end: {path.stop_reason}"
+    obstacle = f"no end: {path.stop_reason}"
     if path.singular_points:
-        turn, more = path.singular_points[0], len(path.singular_points) - 1
-        at = f"a {turn.kind} point at {100 * turn.point.f:.3g} % of the way" + f", and {more} more" * (
-            more > 0
+        first, more = path.singular_points[0], len(path.singular_points) - 1
+        obstacle = (
+            f"a {first.kind} point at {100 * first.point.f:.3g} % of the way"
+            + f", and {more} more" * (more > 0)
         )
-    return last._replace(doubts=(f"{last.doubts[0]}; the path from its start has {at}",))
+    return last._replace(doubts=(f"{last.doubts[0]}; the path from its start has {obstacle}",))
 
 
-def rescued(first: LoadStepResult, arc: Callable[[], PathContinuation]) -> LoadStepResult:
-    """Where load steps end before the way does: what the path followed by arc length finds at its end, or why there is
-    none. A path that turns on the way is not gone along: the mechanism would snap."""
-    first, path = _gone(first, arc)
+def complete_by_arc_length(
+    first: LoadStepResult, continuation: Callable[[], PathContinuation]
+) -> LoadStepResult:
+    """The end of the path followed by arc length, where load steps have stopped before it; without one `first`.
+
+    A path with a singular point is not followed past it, since the mechanism would snap there; a doubt names the point.
+    """
+    first, path = _continue(first, continuation)
     if path is None:
         return first
     if path.singular_points:
-        turn = path.singular_points[0]
-        kind = "turns back at a limit" if turn.kind == "limit" else "branches at a bifurcation"
-        said = f"the path from its start {kind} point at {100 * turn.point.f:.3g} % of the way, where the mechanism snaps or"
-        return first._replace(
-            doubts=(f"{said} buckles; ksd.follow goes along the path, here on {path.model.mesh}",)
+        singular = path.singular_points[0]
+        kind = "turns back at a limit" if singular.kind == "limit" else "branches at a bifurcation"
+        at = f"{100 * singular.point.f:.3g} % of the way"
+        doubt = (
+            f"the path from its start {kind} point at {at}, where the mechanism snaps or buckles; ksd.follow goes along "
+            f"the path, here on {path.model.mesh}"
         )
+        return first._replace(doubts=(doubt,))
     if path.stop_reason != END_REACHED:
         return first
     end = path.points[-1]
@@ -330,134 +348,139 @@ def rescued(first: LoadStepResult, arc: Callable[[], PathContinuation]) -> LoadS
     return LoadStepResult(record, ", ".join(filter(None, [first.how, "by arc length"])), end.motion)
 
 
-def _drive(
-    storage: Storage, begin: Motion, way: LoadPath, planar: bool | Literal["auto"], fresh: bool
+def _take_path(
+    storage: Storage, begin: Motion, path: LoadPath, planar: bool | Literal["auto"], from_rest: bool
 ) -> LoadStepResult:
-    """Drive from `begin` in the plane where the scene is planar, else in space. fresh: it is the rest state."""
-    why = ""
+    """Take load steps from `begin`, in the plane where the scene is planar, else in space."""
+    reason = ""
     if planar is not False:
         plane = plane_of(storage.model)
-        found = plane if isinstance(plane, str) else _drive_in_plane(storage, plane, begin, way, fresh)
+        found = (
+            plane if isinstance(plane, str) else _take_path_in_plane(storage, plane, begin, path, from_rest)
+        )
         if not isinstance(found, str):
-            driven, arrived = found
-            if planar is True or driven.stop in (Stop.CONVERGED, Stop.LOCAL_ANGLE):
+            record, motion = found
+            if planar is True or record.stop in (Stop.CONVERGED, Stop.LOCAL_ANGLE):
                 how = "planar, 3 unknowns per node"
-                return LoadStepResult(_counted(storage.model, arrived, driven, way), how, arrived)
-            # space has the Newton with pivoting
-            found = f"in the plane {driven.stop.sentence}"
+                return LoadStepResult(_with_divergences(storage.model, motion, record, path), how, motion)
+            # in space there is the Newton with pivoting
+            found = f"in the plane {record.stop.sentence}"
         elif planar is True:
             raise SceneError(
                 f"planar = True: this mechanism is not planar: {found}; use planar = 'auto' or False"
             )
-        why = f"spatial: {found}"
-    arrived = begin.copy()
-    driven = take_load_steps(
-        arrived, storage.newton, way, begin=begin, pivoting=(storage.model.arrays, storage.work)
+        reason = f"spatial: {found}"
+    motion = begin.copy()
+    record = take_load_steps(
+        motion, storage.newton, path, begin=begin, pivoting=(storage.model.arrays, storage.work)
     )
-    return LoadStepResult(_counted(storage.model, arrived, driven, way), why, arrived)
-
-
-AT_START = 1e-3
-"""Share of a way up to which a stop is one of the start."""
+    return LoadStepResult(_with_divergences(storage.model, motion, record, path), reason, motion)
 
 
 @cached_per_model
-def _is_held(model: Model) -> bool:
-    """Whether all nodes are held in the plane that a mechanism names, on members of constant stiffness, which have nothing
-    inside that could leave it."""
+def _cannot_leave_plane(model: Model) -> bool:
+    """Whether the plane that a mechanism names holds all its nodes, and its members have constant stiffness, so that nothing
+    inside them could leave the plane."""
     held = {term.link for hold in plane_holds(model.scene) for term in hold.terms}
     return held.issuperset(model.node_names[1:]) and model.kinds <= {LINEAR}
 
 
-def _drive_in_plane(
-    storage: Storage, plane: Plane, begin: Motion, way: LoadPath, fresh: bool
+def _take_path_in_plane(
+    storage: Storage, plane: Plane, begin: Motion, path: LoadPath, from_rest: bool
 ) -> tuple[LoadStepRecord, Motion] | str:
-    """`take_load_steps` with three unknowns per node and where it led, or the reason why that is not possible.
+    """`take_load_steps` with three unknowns per node, and the state reached; or the reason why that is not possible.
 
-    What it arrives at is looked at in space: a residual out of the plane refuses it, and the residual and the negative
-    pivots told are those of the spatial tangent, so that buckling out of the plane is seen.
+    The state is checked in space: a residual out of the plane refuses it, and the residual and the negative pivots returned
+    are those of the spatial tangent, so that buckling out of the plane is detected.
     """
     model, motion, work = storage.model, begin.copy(), storage.planar(plane)
-    if not fresh:
+    if not from_rest:
         if not plane.holds(begin):
             return "the configuration to start from is not in the plane"
         # forces that only hold the mechanism in its plane
         motion.multiplier[np.setdiff1d(np.arange(len(motion.multiplier)), plane.rows)] = 0.0
 
-    def newton(motion: Motion, values: np.ndarray, factor: float, *bounds: Any) -> Newton:
-        found = iterate(plane.arrays, motion, values, factor, work, *bounds)
+    def newton(motion: Motion, values: np.ndarray, factor: float, *settings: Any) -> Newton:
+        found = iterate(plane.arrays, motion, values, factor, work, *settings)
         if found[0] == CONVERGED and found[4] < WEAK_PIVOT:
-            # what nothing holds has converged too, at rest and where no force goes against it
-            assemble(plane.arrays, motion, values, factor, work, bounds[0], 0, 0.0)
+            # a part that nothing holds has converged too, at rest and where no force acts against it
+            assemble(plane.arrays, motion, values, factor, work, settings[0], 0, 0.0)
             return (SINGULAR, *found[1:]) if moves_freely(plane.arrays, work) else found
         return found
 
-    driven = take_load_steps(motion, newton, way, begin=begin)
-    if driven.smallest_step < 0.9 / way.steps:
-        # a step was cut: what nothing holds at the start swings to and fro where its pivot of zero is rounded up
-        assemble(plane.arrays, begin, *way.values_at(driven.smallest_step), work, way.rtol, 0, 0.0)
+    record = take_load_steps(motion, newton, path, begin=begin)
+    if record.smallest_step < 0.9 / path.steps:
+        # a step was halved: a part that nothing holds at the start swings to and fro where its pivot of zero is rounded up
+        assemble(plane.arrays, begin, *path.values_at(record.smallest_step), work, path.rtol, 0, 0.0)
         if moves_freely(plane.arrays, work):
-            return driven._replace(stop=Stop.SINGULAR, fraction_reached=0.0), begin.copy()
-    if _is_held(model):
-        return driven._replace(negatives=driven.negatives + len(motion.multiplier) - len(plane.rows)), motion
-    values, factor = way.values_at(driven.fraction_reached)
-    residual, negatives, status = storage.look(motion, values, way.rtol, factor)
+            return record._replace(stop=Stop.SINGULAR, fraction_reached=0.0), begin.copy()
+    if _cannot_leave_plane(model):
+        return record._replace(negatives=record.negatives + len(motion.multiplier) - len(plane.rows)), motion
+    values, factor = path.values_at(record.fraction_reached)
+    residual, negatives, status = storage.look(motion, values, path.rtol, factor)
     if residual > 1.0:
         share, node, force, moment = plane.imbalance(storage.work)
         if share > 1.0:
-            said = (
+            reason = (
                 f"its leaf springs and loads do not balance out of the plane: {force:.3g} N along its normal and "
                 f"{moment:.3g} Nm across it are left on '{model.node_names[node]}'"
             )
-            refuse_plane(model, said)
-            return said
-    if driven.stop is not Stop.CONVERGED:
-        return driven, motion
-    if residual > max(1.0, 2.0 * driven.residual) or status != 0:
+            refuse_plane(model, reason)
+            return reason
+    if record.stop is not Stop.CONVERGED:
+        return record, motion
+    if residual > max(1.0, 2.0 * record.residual) or status != 0:
         return "what was found is no equilibrium in space"
-    return driven._replace(residual=residual, negatives=negatives), motion
+    return record._replace(residual=residual, negatives=negatives), motion
 
 
-def _counted(model: Model, motion: Motion, driven: LoadStepRecord, way: LoadPath) -> LoadStepRecord:
-    """With what stands for negative pivots where loads are not conservative."""
-    if driven.stop is not Stop.CONVERGED or model.conservative:
-        return driven
-    return driven._replace(negatives=counted(model, motion, way.factors[1], driven.negatives))
+def _with_divergences(model: Model, motion: Motion, record: LoadStepRecord, path: LoadPath) -> LoadStepRecord:
+    """The record with the count that replaces negative pivots where loads are not conservative."""
+    if record.stop is not Stop.CONVERGED or model.conservative:
+        return record
+    return record._replace(negatives=counted(model, motion, path.factors[1], record.negatives))
 
 
-def solve_by_load_steps(
-    storage: Storage, begin: Motion, way: LoadPath, *, fresh: bool, planar: bool | Literal["auto"] = "auto"
+def follow_load_path(
+    storage: Storage,
+    begin: Motion,
+    path: LoadPath,
+    *,
+    from_rest: bool,
+    planar: bool | Literal["auto"] = "auto",
 ) -> LoadStepResult:
-    """Go a way from the equilibrium `begin`, confirming what is doubtful. fresh: `begin` is the rest state; planar: as of
-    `conventional`.
+    """Follow a load path from the equilibrium `begin` by load steps, and confirm a doubtful result.
+
+    from_rest: whether `begin` is the undeformed state; planar: see `ksd.solve.conventional.conventional`.
     """
     model = storage.model
-    first = _drive(storage, begin, way, planar, fresh)
-    # with eps_max it is the paper's own program, which believes whatever converged
-    if way.eps_max < math.inf:
+    first = _take_path(storage, begin, path, planar, from_rest)
+    # with eps_max it is the paper's own program, which accepts every converged state
+    if path.eps_max < math.inf:
         return first
 
-    def again(size: int) -> LoadStepResult:
-        finer = way._replace(steps=size, smallest=min(way.smallest, 0.25 / size))
-        return _drive(storage, begin, finer, planar, fresh)
+    def repeat(steps: int) -> LoadStepResult:
+        finer = path._replace(steps=steps, smallest_step=min(path.smallest_step, 0.25 / steps))
+        return _take_path(storage, begin, finer, planar, from_rest)
 
-    def arc(turns: float = math.inf) -> PathContinuation:
-        low, high = way.factors
-        return follow_by_arc_length(
-            model, PathParameter(way.start, way.target - way.start, low, high - low), begin, turns=turns
-        )
+    def continuation(max_singular_points: float = math.inf) -> PathContinuation:
+        low, high = path.factors
+        parameter = PathParameter(path.start, path.target - path.start, low, high - low)
+        return follow_by_arc_length(model, parameter, begin, max_singular_points=max_singular_points)
 
     if first.record.stop is Stop.SINGULAR and first.record.fraction_reached == 0.0:
-        # what nothing holds from the start on has no path
+        # a part that nothing holds from the start on has no path
         return first
     if first.record.stop is not Stop.CONVERGED:
-        return rescued(first, lambda: arc(turns=1))
-    reason = doubt(model, first.motion, first.record, way.target, fresh=fresh, steps=way.steps)
-    return confirmed(model, first, again, arc, reason) if reason else first
+        return complete_by_arc_length(first, lambda: continuation(max_singular_points=1))
+    doubt = branch_doubt(
+        model, first.motion, first.record, path.target, from_rest=from_rest, steps=path.steps
+    )
+    return confirm_by_smaller_steps(model, first, repeat, continuation, doubt) if doubt else first
 
 
-def _rigid_fights(model: Model) -> Iterator[str]:
-    """Sentences of the doctor on drives that fight what is rigid as they are, so that no leaf spring can give way."""
+def _rigid_conflicts(model: Model) -> Iterator[str]:
+    """Sentences of the doctor on drives that contradict rigid parts alone, so that no leaf spring can give way."""
     for fight in doctor(model.said or model.scene).fights:
         if fight.what.startswith("drive ") and all(
             o.startswith(("drive ", "support ")) for o in fight.others
@@ -465,19 +488,17 @@ def _rigid_fights(model: Model) -> Iterator[str]:
             yield fight.sentence
 
 
-def as_step(driven: LoadStepRecord, how: str, time: float) -> Step:
-    """The record of load steps that took `time` [s]; how: as of `solve_by_load_steps`."""
-    note = f"{driven.steps_tried} load step{'s' * (driven.steps_tried != 1)}{', ' * bool(how)}{how}"
-    if driven.steps_with_pivoting:
+def as_step(record: LoadStepRecord, how: str, time: float) -> Step:
+    """Load steps that took `time` [s] as one step of a solve; how: see `LoadStepResult`."""
+    note = f"{record.steps_tried} load step{'s' * (record.steps_tried != 1)}{', ' * bool(how)}{how}"
+    if record.steps_with_pivoting:
         note += ", with pivoting"
-    return Step("equilibrium", driven.factorisations, time, driven.residual, driven.stop, note)
+    return Step("equilibrium", record.factorisations, time, record.residual, record.stop, note)
 
 
-def stop_sentence(model: Model, driven: LoadStepRecord, doubts: tuple[str, ...]) -> str:
-    """Where and why load steps stopped, a sentence."""
-    why = doubts[0] if doubts else driven.stop.sentence
-    if driven.fraction_reached < AT_START:
-        why = next(_rigid_fights(model), why)
-    return (
-        f"the conventional solver stopped at {100 * driven.fraction_reached:.3g} % of the drive motion: {why}"
-    )
+def stop_sentence(model: Model, record: LoadStepRecord, doubts: tuple[str, ...]) -> str:
+    """Where and why load steps stopped, as a sentence."""
+    reason = doubts[0] if doubts else record.stop.sentence
+    if record.fraction_reached < START_FRACTION:
+        reason = next(_rigid_conflicts(model), reason)
+    return f"the conventional solver stopped at {100 * record.fraction_reached:.3g} % of the drive motion: {reason}"

@@ -41,7 +41,8 @@ class Turning:
     """A point where the path turns or branches.
 
     kind: "limit" (the parameter has an extremum) or "bifurcation" (another path crosses). factor: parameter there;
-    configuration: the state; mode (n,): null vector of the tangent in the order of the unknowns, to switch branches by.
+    configuration: the state there; mode (n,): null vector of the tangent in the order of the unknowns, used to switch
+    branches.
     """
 
     kind: Literal["limit", "bifurcation"]
@@ -52,9 +53,10 @@ class Turning:
 
 @dataclass(frozen=True, repr=False)
 class Path(PrintableAnswer):
-    """Equilibria in order along the path: factor (k,) of the loads or of the drive motion; states: one for each.
+    """Equilibria in order along a path.
 
-    turnings: limit points and bifurcations passed; stop: why it ended, in words.
+    factor (k,): of the loads or of the drive motion; states: one configuration for each; turnings: limit points and
+    bifurcations passed; stop: why the path ended, in words.
     """
 
     factor: Array
@@ -84,17 +86,17 @@ class Path(PrintableAnswer):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the user should know of the mesh: the warning of the state it resolves least."""
+        """Warnings about the mesh, those of the state for which it is least adequate."""
         return max(self.states, key=lambda s: s.resolution.missed_share).notes
 
     @property
     def ended(self) -> bool:
-        """Whether the end asked for was reached."""
+        """Whether the requested end was reached."""
         return self.stop.startswith(END_REACHED)
 
     @property
     def bifurcations(self) -> tuple[Turning, ...]:
-        """The points where another branch crosses."""
+        """The points where another branch crosses, in order."""
         return tuple(t for t in self.turnings if t.kind == "bifurcation")
 
 
@@ -114,13 +116,13 @@ def follow(
 ) -> Path:
     """Follow the equilibrium path by arc length, through limit points.
 
-    scene: a Mechanism, Scene or Model. control "load": the loads times a factor from 0 (that of `start`) to `until`, the
-    drives held at `targets`, brought there first. control "drives": the fraction of the way to `targets`, from 0 (`start`)
-    to `until`, loads held. branch: switch to the other branch at this bifurcation of an earlier path, on the `side` (+-1,
-    times 0.01 rad or size) of its mode. first: first step in the parameter; most: largest number of steps. until < 0 goes
-    backward. mesh: stays as given, where `ksd.solve` raises it; states it is too coarse for warn of it, and so does the
-    path (`Path.warnings`). Raises SceneError for a path without a parameter (no load, no drive motion), ConvergenceError
-    where its start is no equilibrium.
+    scene: a Mechanism, Scene or Model. control "load": the parameter is a factor on the loads, from 0 (or that of `start`)
+    to `until`, with the drives held at `targets`, to which they are moved first. control "drives": the parameter is the
+    fraction of the drive motion to `targets`, from 0 (or `start`) to `until`, with the loads held. branch: switch to the
+    other branch at this bifurcation of an earlier path, on the `side` (+-1, times 0.01 rad or size) of its mode. until < 0
+    goes backward. first: first step in the parameter; most: largest number of steps. mesh: stays as given, where
+    `ksd.solve` refines it; states for which it is too coarse carry a warning, and so does the path (`Path.warnings`). Raises
+    SceneError for a path without a parameter (no load, no drive motion), ConvergenceError where its start is no equilibrium.
     """
     for value, name in ((until, "until"), (side, "side")):
         checked_number(value, name)
@@ -132,37 +134,40 @@ def follow(
     begin = start or (branch.configuration if branch else None)
     if begin is None and control == "load" and any((targets or {}).values()):
         begin = unloaded(model, targets or {})
-    course, f = _course(model, targets, control, start=begin, branched=branch is not None)
-    walk = PathContinuation(model, course)
+    parameter, f = _path_parameter(model, targets, control, start=begin, branched=branch is not None)
+    path = PathContinuation(model, parameter)
     clock = Stopwatch()
     motion = (begin.motion if begin else model.rest).copy()
     if branch is not None:
-        at, ahead = switch_branch(walk.newton, motion, f, branch.mode * side)
+        at, direction = switch_branch(path.newton, motion, f, branch.mode * side)
     else:
-        at = require_start(walk.newton.correct(motion, f, None, most=40))
-        ahead = walk.newton.tangent(at, None)
-        ahead = ahead if until >= at.f else -ahead
-    arc = first / max(abs(float(ahead[-1])), 1e-9) if branch is None else 0.01
-    walk.follow(at, ahead, until=until, arc=arc, most=most)
-    turnings = tuple(Turning(t.kind, t.point.f, _shown(walk, t.point), t.mode) for t in walk.singular_points)
-    states = tuple(_shown(walk, place) for place in walk.points)
-    factors = np.array([place.f for place in walk.points])
-    return Path(factors, states, turnings, f"{walk.stop_reason} ({clock():.2f} s)")
+        at = require_start(path.newton.correct(motion, f, None, max_iterations=40))
+        direction = path.newton.direction(at, None)
+        direction = direction if until >= at.f else -direction
+    arc = first / max(abs(float(direction[-1])), 1e-9) if branch is None else 0.01
+    path.follow(at, direction, until=until, arc=arc, max_steps=most)
+    turnings = tuple(
+        Turning(t.kind, t.point.f, _configuration(path, t.point), t.mode) for t in path.singular_points
+    )
+    states = tuple(_configuration(path, point) for point in path.points)
+    factors = np.array([point.f for point in path.points])
+    return Path(factors, states, turnings, f"{path.stop_reason} ({clock():.2f} s)")
 
 
-def _shown(walk: PathContinuation, at: ArcLengthPoint) -> Configuration:
-    """A place as a configuration."""
-    target, factor = walk.parameter.values_at(at.f)
-    names = zip(walk.model.drive_names, target, strict=False)
-    step = Step("path", at.iterations, 0.0, at.residual, Stop.CONVERGED if at.fits else Stop.LOCAL_ANGLE)
+def _configuration(path: PathContinuation, at: ArcLengthPoint) -> Configuration:
+    """A point of the path as a configuration."""
+    target, factor = path.parameter.values_at(at.f)
+    names = zip(path.model.drive_names, target, strict=False)
+    stop = Stop.CONVERGED if at.local_angles_small else Stop.LOCAL_ANGLE
+    step = Step("path", at.iterations, 0.0, at.residual, stop)
     found = Configuration(
-        walk.model, at.motion, "path", {n: float(v) for n, v in names}, (step,),
+        path.model, at.motion, "path", {n: float(v) for n, v in names}, (step,),
         negatives=at.negatives, expected=len(target), load_factor=factor,
     )  # fmt: skip
     return mesh_check(found, DEFAULT_ACCURACY)
 
 
-def _course(
+def _path_parameter(
     model: Model,
     targets: Mapping[str, float] | None,
     control: str,
@@ -170,20 +175,21 @@ def _course(
     start: Configuration | None,
     branched: bool,
 ) -> tuple[PathParameter, float]:
-    """What is driven, and the parameter at the start."""
-    held = dict(start.targets) if start else dict.fromkeys(model.drive_names, 0.0)
-    level = start.load_factor if start else 0.0
+    """The path parameter of `follow`, and its value at the start."""
+    start_values = dict(start.targets) if start else dict.fromkeys(model.drive_names, 0.0)
+    start_factor = start.load_factor if start else 0.0
     if control not in ("load", "drives"):
         raise SceneError(f"control = {control!r}: choose 'load' or 'drives'")
     if control == "load" and not carries_load(model.arrays):
         raise SceneError("control = 'load': this mechanism carries no load; use control = 'drives'")
-    goal = model.targets({**held, **(targets or {})})
+    goal = model.targets({**start_values, **(targets or {})})
     model.refuse_turns(goal)
     if control == "load":
-        return PathParameter(goal, np.zeros(len(goal)), 0.0, 1.0), level
-    here = model.targets(held)
+        return PathParameter(goal, np.zeros(len(goal)), 0.0, 1.0), start_factor
+    here = model.targets(start_values)
     begin = np.zeros(len(goal)) if branched else here
-    way = goal - begin
-    if not way.any():
+    change = goal - begin
+    if not change.any():
         raise SceneError("control = 'drives': give targets that differ from where the path starts")
-    return PathParameter(begin, way, level if start else 1.0, 0.0), float((here - begin) @ way / (way @ way))
+    f = float((here - begin) @ change / (change @ change))
+    return PathParameter(begin, change, start_factor if start else 1.0, 0.0), f

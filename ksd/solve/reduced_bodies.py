@@ -347,13 +347,13 @@ class _Prepared:
         def newton(state: Motion, want: np.ndarray, level: float, *bounds: Any) -> Any:
             return iterate(arrays, state, want, level, self.work, *bounds)
 
-        way = LoadPath(target, target, (0.0, factor), smallest=1.0)
+        way = LoadPath(target, target, (0.0, factor), smallest_step=1.0)
         driven = take_load_steps(motion, newton, way, pivoting=(arrays, self.work))
         if driven.stop is not Stop.CONVERGED and smallest < 1.0:
             # without loads first: the place records give is no equilibrium of theirs
             reason, count, *_ = newton(motion, target, 0.0, RTOL, 30, CAP, math.inf)
             if reason == Stop.CONVERGED:
-                way = way._replace(smallest=smallest)
+                way = way._replace(smallest_step=smallest)
                 more = take_load_steps(motion, newton, way, pivoting=(arrays, self.work))
                 driven = more._replace(
                     factorisations=driven.factorisations + count + more.factorisations,

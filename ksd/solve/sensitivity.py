@@ -22,7 +22,7 @@ from ksd.numerics.rotations import rotation_log
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.properties.tangent import assemble_tangent, factor_tangent
 from ksd.scene.load import Load
-from ksd.solve.load_steps import LoadPath, as_step, solve_by_load_steps, stop_sentence
+from ksd.solve.load_steps import LoadPath, as_step, follow_load_path, stop_sentence
 from ksd.solve.steps import Stop
 from ksd.solve.storage import storage_of
 
@@ -102,8 +102,8 @@ def _acting(scene: Any, factor: float) -> Any:
 def _beside(pose: Configuration, loaded: Model, state: Motion) -> Configuration:
     """The equilibrium of the loaded model next to `state`, drives as they are."""
     target, clock = loaded.targets(pose.targets), Stopwatch()
-    driven, how, motion, doubts = solve_by_load_steps(
-        storage_of(loaded), state, LoadPath(target, target, (1.0, 1.0), rtol=RTOL), fresh=False, planar=False
+    driven, how, motion, doubts = follow_load_path(
+        storage_of(loaded), state, LoadPath(target, target, (1.0, 1.0), rtol=RTOL), from_rest=False, planar=False
     )  # fmt: skip
     found = replace(
         pose, model=loaded, motion=motion, method="conventional", method_error=None, chosen=False, load_factor=1.0,

@@ -22,7 +22,7 @@ from ksd.model.reduced import inner_state, member_pose
 from ksd.properties.shape import scene_leaves
 from ksd.scene.mechanism import Mechanism
 from ksd.solve.full_bodies import indicator
-from ksd.solve.load_steps import LoadPath, solve_by_load_steps
+from ksd.solve.load_steps import LoadPath, follow_load_path
 from ksd.solve.steps import Stop
 from ksd.solve.storage import Storage
 
@@ -96,8 +96,8 @@ def _limit(model: Model, name: str, way: str, error: float) -> tuple[float, floa
     def tried(share: float) -> tuple[Any, tuple[float, float] | None]:
         target = model.targets({"way": share * size})
         begin, state = start
-        driven, _, motion, _ = solve_by_load_steps(
-            storage, state, LoadPath(begin, target), fresh=state is model.rest, planar=False
+        driven, _, motion, _ = follow_load_path(
+            storage, state, LoadPath(begin, target), from_rest=state is model.rest, planar=False
         )
         if driven.stop is not Stop.CONVERGED:
             return None, None

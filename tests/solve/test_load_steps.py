@@ -51,7 +51,7 @@ def test_a_step_onto_another_branch_is_walked_again(made, said, monkeypatch):
     assert found.trusted and said in found.steps[-1].note
     fine = conventional(model, targets, steps=64)
     assert fine.trusted and found.forces == pytest.approx(fine.forces, rel=1e-6)
-    monkeypatch.setattr(load_steps, "confirmed", lambda model, first, *_: first)
+    monkeypatch.setattr(load_steps, "confirm_by_smaller_steps", lambda model, first, *_: first)
     jumped = conventional(model, targets)
     last = model.drive_names[-1]
     assert jumped.converged and abs(jumped.forces[last] / found.forces[last] - 1) > 0.5
@@ -62,5 +62,7 @@ def test_a_path_of_many_turns_is_said_by_its_first():
     driven = SimpleNamespace(factorisations=1, _replace=lambda **_: driven)
     turns = [SimpleNamespace(kind="limit", point=SimpleNamespace(f=f)) for f in (0.5, 0.1, -3.0)]
     path = SimpleNamespace(factorisations=3, singular_points=turns, stop_reason=load_steps.END_REACHED)
-    *_, doubts = load_steps.by_arc(load_steps.LoadStepResult(driven, "", None, ("why",)), lambda: path)
+    *_, doubts = load_steps.confirm_by_arc_length(
+        load_steps.LoadStepResult(driven, "", None, ("why",)), lambda: path
+    )
     assert doubts == ("why; the path from its start has a limit point at 50 % of the way, and 2 more",)

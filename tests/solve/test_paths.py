@@ -38,7 +38,7 @@ def test_an_arch_pushed_beside_its_middle_snaps_through(side):
         assert sunk(path) == pytest.approx(sunk(perfect), rel=2e-4)
     # every state is one step from the last
     for one, other in zip(paths[0].states, paths[0].states[1:], strict=False):
-        assert np.abs(other.motion.x - one.motion.x).max() < 2 * arc.LARGEST * one.model.arrays.size
+        assert np.abs(other.motion.x - one.motion.x).max() < 2 * arc.MAX_ARC * one.model.arrays.size
 
 
 def test_less_is_carried_the_further_aside_an_arch_is_pushed():

@@ -284,7 +284,7 @@ def test_load_steps_confirm_a_fast_answer_within_three_of_its_own_errors(error, 
     model = compile_scene(single_joint())
     other = conventional(model, {"turn": 0.4})
     size = model.arrays.size
-    monkeypatch.setattr(verdict, "difference", lambda *_: far)
+    monkeypatch.setattr(verdict, "state_difference", lambda *_: far)
     for estimate in (
         ErrorEstimate(np.zeros(1), size * error, 0.0, 0.0),
         ErrorEstimate(np.zeros(1), 0.0, error, 0.0),
