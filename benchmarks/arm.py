@@ -31,7 +31,7 @@ from common import PlainNewton, chain, machine, options, write_json
 from scipy.interpolate import CubicSpline
 
 import ksd
-from ksd.design.prepared import Prepared
+from ksd.design.prepared_design import PreparedDesign
 from ksd.model.mesh import Mesh
 from ksd.units import deg
 
@@ -107,7 +107,7 @@ class Case:
         given = np.linspace(0.0, 1.0, len(next(iter(targets.values()))))
         # three positions of --quick are too few: straight lines between them leave the reach of the arm
         fine = {n: CubicSpline(given, v)(at) for n, v in targets.items()}
-        solver = Prepared(self.solver.five_steps, tabulated=True)
+        solver = PreparedDesign(self.solver.five_steps, tabulated=True)
         spent = []
         for _ in range(3):
             begin = time.thread_time_ns()

@@ -24,7 +24,7 @@ from floor import one_pass
 import ksd
 from ksd.bench.suite import TIP, arm_by_joints, arm_by_location
 from ksd.design.batch import NOT_BUILT
-from ksd.design.prepared import Prepared
+from ksd.design.prepared_design import PreparedDesign
 from ksd.solve.solver import Solver
 from ksd.units import GPa, deg, mm
 
@@ -116,7 +116,7 @@ def difference(found: ksd.Batch, designs: Sequence[Mapping[str, float]], stroke:
     for d, design in enumerate(designs):
         if found.status[d, 0] != NOT_BUILT:
             five = Solver(fourbar(**design)).five_steps
-            force = Prepared(five)({"top": np.asarray(stroke, float)}).force[:, 0]
+            force = PreparedDesign(five)({"top": np.asarray(stroke, float)}).force[:, 0]
             good = found.status[d] == 0
             off = max(
                 off, float(np.abs(found.forces["top"][d] - force)[good].max() / np.abs(force[good]).max())
@@ -149,7 +149,7 @@ def parts(designs: list[dict[str, float]], stroke: np.ndarray) -> dict[str, floa
         "in a batch, one pose": lambda: batch(one),
         f"in a batch, {POSES} poses": lambda: batch(stroke),
         "alone, one pose": lambda: [
-            Prepared(Solver(s).five_steps)({"top": one}) for s in scenes if _trained(s)
+            PreparedDesign(Solver(s).five_steps)({"top": one}) for s in scenes if _trained(s)
         ],
     }
     for name, call in calls.items():
@@ -173,7 +173,9 @@ def tabulated(count: int) -> list[dict[str, Any]]:
             "strain-mode": ksd.Mesh(),
             "5 elements": ksd.Mesh("corotational", elements=5),
         }.items():
-            near, exact = (Prepared(Solver(scene, mesh=mesh).five_steps, tabulated=t) for t in (True, False))
+            near, exact = (
+                PreparedDesign(Solver(scene, mesh=mesh).five_steps, tabulated=t) for t in (True, False)
+            )
             values = positions(case, targets, count)
             few = {name: v[:: max(1, count // 20)] for name, v in values.items()}
             times = interleaved(
@@ -200,7 +202,7 @@ def tabulated(count: int) -> list[dict[str, Any]]:
     return rows
 
 
-def floor(prepared: Prepared, values: Mapping[str, float]) -> str:
+def floor(prepared: PreparedDesign, values: Mapping[str, float]) -> str:
     """What one tabulated configuration must do at least, counted."""
     five = prepared.five
     found = five(values, five.model.targets(values), method="reduced", relinearisations=0, estimate=False)
@@ -220,7 +222,7 @@ def positions(case: str, targets: Mapping[str, float], count: int) -> dict[str, 
     by_joints = {name: shares * value for name, value in angles.items()}
     if case == "by joints":
         return by_joints
-    found = Prepared(Solver(scene).five_steps, tabulated=True)(by_joints)
+    found = PreparedDesign(Solver(scene).five_steps, tabulated=True)(by_joints)
     rest = Solver(scene).model.rest.x
     link, end = found.links.index("third"), np.array(TIP)
     moved = found.x[:, link] + found.R[:, link] @ (end - rest[link]) - end

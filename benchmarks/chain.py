@@ -16,7 +16,7 @@ from common import interleaved, machine, options, write_json
 
 import ksd
 from ksd.bench.suite import chain
-from ksd.design.prepared import Prepared
+from ksd.design.prepared_design import PreparedDesign
 from ksd.solve.solver import Solver
 from ksd.solve.space_steps import FULL, REDUCED
 
@@ -38,7 +38,7 @@ class Case:
 
     def __init__(self, joints: int, method: int, mesh: ksd.Mesh) -> None:
         scene, targets = chain(joints)
-        self.prepared = Prepared(Solver(scene, mesh=mesh).five_steps, method=method)
+        self.prepared = PreparedDesign(Solver(scene, mesh=mesh).five_steps, method=method)
         self.count = max(3, 300 // joints)
         self.values = {n: np.linspace(0.5, 1.0, self.count) * v for n, v in targets.items()}
         b = self.prepared.five.storage

@@ -21,11 +21,11 @@ from common import STEEL, interleaved, machine, options, write_json
 
 import ksd
 from ksd.bench.suite import TIP
-from ksd.design.questions import KNOWN
+from ksd.design.questions import ALL_QUESTIONS
 from ksd.errors import KsdError
 from ksd.units import deg, mm
 
-QUESTIONS = tuple(q for q in KNOWN if q not in ("clearance", "buckling"))
+QUESTIONS = tuple(q for q in ALL_QUESTIONS if q not in ("clearance", "buckling"))
 """Of one joint, whose leaf springs share their blocks; critical load factors are looked at apart."""
 SHARE = (1.0, -1.0, 0.5, -0.5, 0.25, -0.25, 0.125, -0.125)
 """Steps of the re-solves, over the largest: two references of sixth order, whose difference is their error."""

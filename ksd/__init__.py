@@ -55,7 +55,7 @@ _HOMES = {
     "ksd.design.optimise": ("optimise",),
     "ksd.design.optimum": ("Optimum",),
     "ksd.design.pareto": ("Choice", "Front", "choose", "pareto"),
-    "ksd.design.rest_scene": ("RestShape",),
+    "ksd.design.rest_result": ("RestShape",),
     "ksd.design.rest_shape": ("rest_shape",),
     "ksd.design.tolerance": ("Tolerance", "tolerance"),
     "ksd.library": ("Parameter", "Record", "find_record", "read_result"),
@@ -87,7 +87,7 @@ if TYPE_CHECKING:
     from ksd.design.optimise import optimise
     from ksd.design.optimum import Optimum
     from ksd.design.pareto import Choice, Front, choose, pareto
-    from ksd.design.rest_scene import RestShape
+    from ksd.design.rest_result import RestShape
     from ksd.design.rest_shape import rest_shape
     from ksd.design.state_space import state_space
     from ksd.design.sweep import sweep

@@ -568,7 +568,7 @@ def test_interrupting_a_sweep_says_how_to_go_on(scene, capsys, monkeypatch, tmp_
     def stop(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(sys.modules["ksd.design.sweep"], "run_line", stop)
+    monkeypatch.setattr(sys.modules["ksd.design.sweep"], "run_path", stop)
     argv = ["sweep", scene(), "--set", "turn=0deg:5deg:3", "--out", "a.csv", "--quiet", *resume]
     said = ("kept.jsonl", "same command") if resume else ("--resume",)
     assert main(argv) == 130

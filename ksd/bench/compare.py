@@ -15,7 +15,7 @@ from ksd.bench.measure import converged, in_turns, quartiles, rounds_of
 from ksd.bench.suite import FINEST, Way, not_run
 from ksd.checks import boolean, clear_argument_errors, name_hint, names_of, show, whole_number
 from ksd.design.arguments import check_solve_options
-from ksd.design.questions import EFFORT
+from ksd.design.questions import EFFORT_SUFFIX
 from ksd.design.table import OK, STATUS, Table
 from ksd.errors import KsdError, SceneError
 from ksd.modal.choices import ModalBasis
@@ -37,7 +37,7 @@ METHODS = (
     "constant", "kinematic", "reduced", "relinearised once", "full", "modal", "conventional", "conventional, Newton",
 )  # fmt: skip
 """What is compared, the last one by plain Newton iterations, as in Appendix B of paper 1."""
-CAUGHT = (KsdError, ArithmeticError, np.linalg.LinAlgError)
+POSE_ERRORS = (KsdError, ArithmeticError, np.linalg.LinAlgError)
 """What a method may raise that cannot do a scene."""
 
 
@@ -168,7 +168,7 @@ def _usual_mesh(mechanism: Any, targets: Mapping[str, float], **how: Any) -> Mes
     """The strain-mode leaves `ksd.solve` takes for this pose; the default ones where it has no answer."""
     try:
         return solve(mechanism, targets, estimate=False, strict=False, **how).model.mesh
-    except CAUGHT:
+    except POSE_ERRORS:
         return Mesh()
 
 
@@ -229,7 +229,7 @@ def measured(
             try:
                 # kernels are loaded in the first call
                 poses[k] = [way.solve(True) for _ in range(2)]
-            except CAUGHT as reason:
+            except POSE_ERRORS as reason:
                 said = " ".join(str(reason).split()) or type(reason).__name__
                 rows[k] = Compared(way.method, way.leaves, failed=said)
             bar.advance(task)
@@ -285,13 +285,13 @@ def _told(pose: Configuration) -> float | None:
     """The error an answer tells of itself, mesh included; None where it knows none."""
     try:
         return None if pose.error is None else float(pose.error.relative)
-    except CAUGHT:
+    except POSE_ERRORS:
         return None
 
 
 def as_table(model: Model, reference: Reference, rows: Sequence[Compared]) -> Table:
     """The rows as a table; see `compare` for its columns."""
-    efforts = {d.name: f"{d.name}_{EFFORT[drive_kind(d)]}" for d in model.said.drives}
+    efforts = {d.name: f"{d.name}_{EFFORT_SUFFIX[drive_kind(d)]}" for d in model.said.drives}
     facts = {
         "about": "Times: median thread time of a call with all prepared; the error figure of fast methods (estimate_us) "
         "comes on top. Errors: the larger of force and displacement error, mesh included, against "

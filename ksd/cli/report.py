@@ -11,7 +11,7 @@ import numpy as np
 
 from ksd.cli.output import console, interrupted
 from ksd.cli.solve import effect_words, scene_of, settings, solved
-from ksd.design.questions import KNOWN, unanswerable
+from ksd.design.questions import ALL_QUESTIONS, unanswerable_questions
 from ksd.design.report_page import ComparedSolve, report_page
 from ksd.design.sweep import sweep
 from ksd.errors import KsdError, SceneError
@@ -53,12 +53,12 @@ def run(options: argparse.Namespace) -> int:
 
 def _possible(scene: Any, pose: Any) -> tuple[str, ...]:
     """All questions the scene has an answer to, without buckling where `pose` has none."""
-    missing = set(unanswerable(scene))
+    missing = set(unanswerable_questions(scene))
     try:
         pose.buckling(count=1)
     except KsdError:
         missing.add("buckling")
-    return tuple(q for q in KNOWN if q not in missing)
+    return tuple(q for q in ALL_QUESTIONS if q not in missing)
 
 
 def _compared(name: str, solve: Any) -> Any:

@@ -18,12 +18,17 @@ from numpy.typing import ArrayLike
 
 from ksd.checks import clear_argument_errors, similar_name_hint, whole_number
 from ksd.design.arguments import check_drives, check_executor, check_solve_options, drive_value_arrays
-from ksd.design.designs import Designs, makers_of
-from ksd.design.lines import Line, Recipe, enough_modes
-from ksd.design.plan import Designs as Shapes
-from ksd.design.plan import Drawn, built, design_points, scene_of
-from ksd.design.prepared import Found, spoken_status
-from ksd.design.questions import Row, asked_of
+from ksd.design.batch_solver import BatchSolver, scene_factories
+from ksd.design.design_scene import (
+    DesignsLike,
+    MechanismLike,
+    build_scene,
+    design_parameters,
+    scene_or_reason,
+)
+from ksd.design.prepared_design import DesignResult, status_sentence
+from ksd.design.questions import Row, parse_questions
+from ksd.design.sweep_path import Recipe, SweepPath, adequate_mesh
 from ksd.errors import SceneError
 from ksd.model.mesh import Mesh
 from ksd.properties.printing import PrintableAnswer
@@ -86,7 +91,7 @@ class Batch(PrintableAnswer):
         code = int(self.status[design, pose])
         if code == NOT_BUILT:
             return self.reasons[int(design)]
-        return self.reasons.get((int(design), int(pose))) or spoken_status(code)
+        return self.reasons.get((int(design), int(pose))) or status_sentence(code)
 
     def _line(self) -> str:
         designs, poses = self.status.shape
@@ -107,10 +112,10 @@ class Batch(PrintableAnswer):
 
 @clear_argument_errors
 def batch(
-    mechanism: Drawn,
+    mechanism: MechanismLike,
     targets: Mapping[str, ArrayLike] | None = None,
     *,
-    designs: Shapes | None = None,
+    designs: DesignsLike | None = None,
     method: Literal["reduced", "full"] = "reduced",
     relinearisations: int = 0,
     tabulated: bool = False,
@@ -145,29 +150,29 @@ def batch(
         raise SceneError(
             "tabulated = True: tabulated joints serve method='reduced' without relinearisation steps"
         )
-    asked = asked_of(questions, link, at, freed, modes=modes)
-    if tabulated and asked.questions:
+    asked = parse_questions(questions, link, at, freed, modes=modes)
+    if tabulated and asked.names:
         raise SceneError(
             "tabulated = True: tables know nothing of the insides of joints, so they answer no questions"
         )
     check_executor(executor)
     workers = (os.cpu_count() or 1) if threads is None else whole_number(threads, "threads")
     values = _poses(drive_value_arrays(targets, drives, batch))
-    ways: dict[str, Any] = {
+    options: dict[str, Any] = {
         "method": FULL if method == "full" else REDUCED,
         "relinearisations": relinearisations,
         "tabulated": tabulated,
-        "asked": asked,
+        "questions": asked,
     }
-    points = design_points(mechanism, designs)
+    points = design_parameters(mechanism, designs)
     if designs is None:
-        check_drives(scene_of(mechanism, {}), tuple(values), batch)
+        check_drives(build_scene(mechanism, {}), tuple(values), batch)
     if mesh is None:
         recipe = Recipe(asked, method=method, relinearisations=relinearisations, extrapolate=extrapolate)
-        mesh = enough_modes([_farthest(mechanism, points[0], values)], recipe)
-    solver = Designs(values, ways, mesh, extrapolate)
+        mesh = adequate_mesh([_farthest(mechanism, points[0], values)], recipe)
+    solver = BatchSolver(values, options, mesh, extrapolate)
     if executor is None or designs is None:
-        found = solver.solve(makers_of(mechanism, points), workers)
+        found = solver.solve(scene_factories(mechanism, points), workers)
     else:
         found = solver.solve_in(executor, mechanism, points)
     return _together(found, len(next(iter(values.values()))))
@@ -184,36 +189,38 @@ def _poses(found: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {n: np.broadcast_to(v, size) for n, v in found.items()}
 
 
-def _farthest(mechanism: Drawn, point: Mapping[str, Any], values: Mapping[str, np.ndarray]) -> Line:
+def _farthest(
+    mechanism: MechanismLike, point: Mapping[str, Any], values: Mapping[str, np.ndarray]
+) -> SweepPath:
     """The first design at the pose farthest from rest."""
-    scene, failure = built(mechanism, point)
+    scene, failure = scene_or_reason(mechanism, point)
     far = int(np.argmax(sum(v * v for v in values.values())))
-    return Line(0, {}, scene, ({n: float(v[far]) for n, v in values.items()},), failure)
+    return SweepPath(0, {}, scene, ({n: float(v[far]) for n, v in values.items()},), failure)
 
 
 def _together(found: list[Any], count: int) -> Batch:
     """One result of all designs; those that failed are nan."""
-    like = next((f for f in found if isinstance(f, Found)), None)
+    like = next((f for f in found if isinstance(f, DesignResult)), None)
     if like is None:
         raise SceneError(
             f"no design could be prepared; the first: {found[0]}; ksd.sweep takes every mechanism"
         )
-    found = [UNLIKE if isinstance(f, Found) and f.names != like.names else f for f in found]
-    reasons: dict[Any, str] = {d: str(f) for d, f in enumerate(found) if not isinstance(f, Found)}
+    found = [UNLIKE if isinstance(f, DesignResult) and f.names != like.names else f for f in found]
+    reasons: dict[Any, str] = {d: str(f) for d, f in enumerate(found) if not isinstance(f, DesignResult)}
 
     def stacked(field: str) -> np.ndarray:
         blank = np.full(getattr(like, field).shape, np.nan)
-        parts = [getattr(f, field) if isinstance(f, Found) else blank for f in found]
+        parts = [getattr(f, field) if isinstance(f, DesignResult) else blank for f in found]
         return np.array(parts, float)
 
-    status = np.array([f.status if isinstance(f, Found) else np.full(count, NOT_BUILT) for f in found])
+    status = np.array([f.status if isinstance(f, DesignResult) else np.full(count, NOT_BUILT) for f in found])
     fields = ("force", "x", "R", "motion", *(("compliance",) if like.compliance is not None else ()))
     numbers = {field: stacked(field) for field in fields}
     lost = (status != 0) & (status != UNANSWERED)
     for array in numbers.values():
         array[lost] = np.nan
     for d, f in enumerate(found):
-        if isinstance(f, Found):
+        if isinstance(f, DesignResult):
             reasons |= {(d, n): why for n, why in f.reasons.items()}
     force, motion = numbers["force"], numbers["motion"]
     return Batch(
@@ -223,9 +230,9 @@ def _together(found: list[Any], count: int) -> Batch:
         numbers["R"],
         {n: motion[:, :, k] for k, n in enumerate(like.joints)},
         status,
-        np.array([f.error if isinstance(f, Found) else np.nan for f in found]),
+        np.array([f.error if isinstance(f, DesignResult) else np.nan for f in found]),
         reasons,
-        _columns([f.rows if isinstance(f, Found) else [] for f in found], count),
+        _columns([f.rows if isinstance(f, DesignResult) else [] for f in found], count),
         numbers.get("compliance"),
     )
 

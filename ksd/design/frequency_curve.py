@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ksd.checks import clear_argument_errors
-from ksd.design.tracking import SPARE, Tracks, first_tracks, follow_through
+from ksd.design.tracking import SPARE_MODES, Tracks, follow_with_bisection, start_tracks
 from ksd.errors import SceneError
 from ksd.model.compile import Model
 from ksd.properties.printing import PrintableAnswer, format_number, format_table
@@ -141,13 +141,13 @@ def _frequencies(
     def modes(d: float, more: int = 0) -> Any:
         pose = solver({**held, drive: d}, method=method, estimate=False)
         pose = corrected(pose) if better else pose
-        return pose.frequencies(count=4 + len(freed) + SPARE + more, freed=freed)
+        return pose.frequencies(count=4 + len(freed) + SPARE_MODES + more, freed=freed)
 
     if mode in ("intended", "first_parasitic"):
-        tracks = [first_tracks(modes(d), 1) for d in values]
+        tracks = [start_tracks(modes(d), 1) for d in values]
         return [t.frequency_Hz(_track(t, mode)) for t in tracks]
     largest = max(abs(d) for d in values)
-    start = first_tracks(modes(0.0), 4)
+    start = start_tracks(modes(0.0), 4)
     if mode not in start.names:
         raise SceneError(f"mode = {mode!r}: choose first_parasitic or one of {', '.join(start.names)}")
     by: dict[float, float] = {}
@@ -162,7 +162,7 @@ def _frequencies(
             def between(share: float, more: int, a: float = sign * last, b: float = sign * d) -> Any:
                 return modes((1.0 - share) * a + share * b, more)
 
-            now = follow_through(now, modes(sign * d), 4, between)
+            now = follow_with_bisection(now, modes(sign * d), 4, between)
             by[sign * d], last = now.frequency_Hz(start.names.index(mode)), d
     return [by[d] for d in values]
 

@@ -18,23 +18,23 @@ from numpy.typing import ArrayLike
 
 from ksd.checks import boolean, clear_argument_errors, name_hint
 from ksd.design.arguments import drive_value_arrays
-from ksd.design.lines import fine_enough
-from ksd.design.plan import Drawn, plan_lines
+from ksd.design.design_scene import MechanismLike
 from ksd.design.questions import (
-    ANSWERS,
-    CAUGHT,
-    MANY,
-    NOTHING,
-    TOGETHER,
-    Asked,
-    Before,
-    Pose,
+    ANSWER_FUNCTIONS,
+    BATCH_QUESTIONS,
+    BATCH_SIZE,
+    NOT_ANSWERED,
+    POSE_ERRORS,
+    PoseAnalysis,
+    PreviousPose,
+    Questions,
     Row,
-    answered_alike,
-    asked_of,
+    answer_group,
     frequency_row,
+    parse_questions,
 )
-from ksd.design.sweep import recipe_of
+from ksd.design.sweep import make_recipe, sweep_paths
+from ksd.design.sweep_path import adequate_solver
 from ksd.errors import KinematicsError, SceneError
 from ksd.html import joined
 from ksd.model.mesh import Mesh
@@ -150,7 +150,7 @@ class Gradient(PrintableAnswer):
 
 @clear_argument_errors
 def gradient(
-    design: Drawn,
+    design: MechanismLike,
     at_design: Mapping[str, Any] | None = None,
     *,
     by: str | Iterable[str] | None = None,
@@ -186,15 +186,15 @@ def gradient(
     Raises SceneError for unknown words, a parameter that changes more than numbers, and reduced bodies; KsdError of the
     pose that fails.
     """
-    asked = replace(asked_of(questions, link, at, freed, modes=modes, errors=False), every=True)
-    recipe = recipe_of(
+    asked = replace(parse_questions(questions, link, at, freed, modes=modes, errors=False), detailed=True)
+    recipe = make_recipe(
         asked, method=method, accuracy=accuracy, relinearisations=0, mesh=mesh, extrapolate=extrapolate,
         effects=(("effects", effects), ("with_", with_), ("without", without)),
     )  # fmt: skip
     boolean(errors, "errors")
     values = drive_value_arrays(targets, drives, gradient)
     designs = None if at_design is None else [at_design]
-    lines, _ = plan_lines(
+    lines, _ = sweep_paths(
         design, values, designs, loads, together=boolean(together, "together"), call=gradient
     )
 
@@ -202,10 +202,12 @@ def gradient(
         for line in lines:
             if line.scene is None:
                 raise SceneError(line.failure)
-            walk = fine_enough(line, recipe, None)
+            walk = adequate_solver(line, recipe, None)
             case = {"load_case": line.labels["load_case"]} if loads else {}
             yield SolvedPoses(
-                line.scene, [walk.pose(v) for v in line.poses], [{**case, **v} for v in line.poses]
+                line.scene,
+                [walk.pose(v) for v in line.drive_values],
+                [{**case, **v} for v in line.drive_values],
             )
 
     made = design if callable(design) else None
@@ -222,7 +224,7 @@ class SolvedPoses(NamedTuple):
 
 def gradient_at(
     solved: Iterable[SolvedPoses],
-    asked: Asked,
+    asked: Questions,
     design: Callable[..., Any] | None,
     at_design: Mapping[str, Any] | None,
     *,
@@ -310,30 +312,30 @@ def _why(column: str, value: float, link: str) -> str:
     )
 
 
-def _rows(poses: list[list[Configuration]], asked: Asked, sides: int) -> list[list[Row]]:
+def _rows(poses: list[list[Configuration]], asked: Questions, sides: int) -> list[list[Row]]:
     """Answers of poses, each with those beside it: what is followed is what it is at the pose."""
     # as many poses at once as leave the stresses of their states in memory
-    size = max(1, MANY // len(poses[0]))
+    size = max(1, BATCH_SIZE // len(poses[0]))
     return [
         row for k in range(0, len(poses), size) for row in _rows_together(poses[k : k + size], asked, sides)
     ]
 
 
-def _rows_together(poses: list[list[Configuration]], asked: Asked, sides: int) -> list[list[Row]]:
+def _rows_together(poses: list[list[Configuration]], asked: Questions, sides: int) -> list[list[Row]]:
     """`_rows` of poses whose states are asked together as far as they are alike."""
-    plain = replace(asked, questions=tuple(q for q in asked.questions if q not in FOLLOWED))
+    plain = replace(asked, names=tuple(q for q in asked.names if q not in FOLLOWED))
     every = [side for own in poses for side in own]
-    groups = _alike(every) if TOGETHER & set(asked.questions) else []
-    known = [NOTHING] * len(every)
-    for numbers, states in groups if TOGETHER & set(plain.questions) else []:
-        for n, together in zip(numbers, answered_alike(states, plain), strict=True):
+    groups = _alike(every) if BATCH_QUESTIONS & set(asked.names) else []
+    known = [NOT_ANSWERED] * len(every)
+    for numbers, states in groups if BATCH_QUESTIONS & set(plain.names) else []:
+        for n, together in zip(numbers, answer_group(states, plain), strict=True):
             known[n] = together
     answers = iter([_plain(pose, plain, one.rows) for pose, one in zip(every, known, strict=True)])
     rows = [[next(answers) for _ in own] for own in poses]
-    if "stress" in asked.questions:
+    if "stress" in asked.names:
         for row, more in zip(chain(*rows), chain(*_stresses(poses, groups, asked.points)), strict=True):
             row |= more
-    if "frequencies" in asked.questions:
+    if "frequencies" in asked.names:
         for own, told in zip(poses, rows, strict=True):
             _follow_modes(own, asked, told, sides)
     return rows
@@ -343,13 +345,13 @@ def _alike(poses: Sequence[Configuration]) -> list[tuple[list[int], StateBatch]]
     return group_states([(pose.model, pose.motion, pose.load_factor) for pose in poses])
 
 
-def _plain(pose: Configuration, asked: Asked, known: Mapping[str, Row]) -> Row:
+def _plain(pose: Configuration, asked: Questions, known: Mapping[str, Row]) -> Row:
     """Row of the questions that need not be followed; raises what a question raises."""
-    row, posed = Row(), Pose(pose)
-    for name in asked.questions:
+    row, posed = Row(), PoseAnalysis(pose)
+    for name in asked.names:
         try:
-            row |= known[name] if name in known else ANSWERS[name](posed, asked)
-        except CAUGHT as reason:
+            row |= known[name] if name in known else ANSWER_FUNCTIONS[name](posed, asked)
+        except POSE_ERRORS as reason:
             raise type(reason)(f"no gradient of {name}: {reason}") from reason
     return row
 
@@ -384,15 +386,15 @@ def _stresses(
     return rows
 
 
-def _follow_modes(poses: list[Configuration], asked: Asked, rows: list[Row], sides: int) -> None:
+def _follow_modes(poses: list[Configuration], asked: Questions, rows: list[Row], sides: int) -> None:
     """Frequencies, added to the rows: of the modes of the first pose. What one side of a parameter finds its modes to be is
     known to the next, so that both sides of a mixture of equal frequencies are of one mode."""
-    row, tracks = frequency_row(Pose(poses[0]), asked)
+    row, tracks = frequency_row(PoseAnalysis(poses[0]), asked)
     rows[0] |= row
     before, worst = tracks, tracks.first_parasitic
     for k, (pose, to) in enumerate(zip(poses[1:], rows[1:], strict=True)):
         before = before if k % sides else tracks
-        row, before = frequency_row(Pose(pose, Before(tracks=before)), asked)
+        row, before = frequency_row(PoseAnalysis(pose, PreviousPose(tracks=before)), asked)
         row["first_parasitic_Hz"] = np.nan if worst is None else before.frequency_Hz(worst)
         to |= row
 

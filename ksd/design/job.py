@@ -2,7 +2,7 @@
 
 Targets and limits are columns of `ksd.sweep`, at every pose and load case; the worst counts. Stress is answered for every
 leaf and the worst support stiffness with all principal ones, as the worst of several has kinks; size for all poses together.
-Values and derivatives are of the same equilibria on the same mesh. Designs go through the batch (`ksd.design.designs`).
+Values and derivatives are of the same equilibria on the same mesh. Designs go through the batch (`ksd.design.batch_solver`).
 """
 
 from __future__ import annotations
@@ -36,14 +36,21 @@ from ksd.design.arguments import (
     check_solve_options,
     drive_value_arrays,
 )
-from ksd.design.designs import Designs, in_blocks, makers_of
+from ksd.design.batch_solver import BatchSolver, run_in_blocks, scene_factories
+from ksd.design.design_scene import add_loads, build_scene, load_cases, scene_or_reason
 from ksd.design.goals import SIGNED_QUESTIONS, Answer, goals_of
 from ksd.design.gradient import SolvedPoses, gradient_at
-from ksd.design.lines import Line, Recipe, enough_modes, run_line
-from ksd.design.plan import Paths, built, drive_paths, load_cases, loaded, scene_of
-from ksd.design.prepared import Found, spoken_status
-from ksd.design.questions import Asked, Row, asked_of, check_asked, columns_of_drives, known_columns
+from ksd.design.prepared_design import DesignResult, status_sentence
+from ksd.design.questions import (
+    Questions,
+    Row,
+    check_questions,
+    column_questions,
+    drive_columns,
+    parse_questions,
+)
 from ksd.design.resume import record_hashes
+from ksd.design.sweep_path import DrivePaths, Recipe, SweepPath, adequate_mesh, drive_paths, run_path
 from ksd.design.table import OK
 from ksd.errors import KsdError, RecordError, SceneError
 from ksd.library import find_record
@@ -105,7 +112,7 @@ class _Loaded:
     loads: tuple[Any, ...]
 
     def __call__(self, **parameters: Any) -> Scene:
-        scene, failure = loaded(scene_of(self.function, parameters), self.loads)
+        scene, failure = add_loads(build_scene(self.function, parameters), self.loads)
         if scene is None:
             raise SceneError(failure)
         return scene
@@ -140,11 +147,11 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     held_by: Mapping[tuple[str, str], str]
     words: Mapping[str, Any]
     ranges: tuple[_Range, ...]
-    asked: Asked
+    asked: Questions
     loads: Any
     cases: Mapping[str, tuple[Load, ...]]
     drives: Mapping[str, Array]
-    paths: Paths
+    paths: DrivePaths
     method: Literal["full", "reduced", "conventional"]
     extrapolate: bool
     last: tuple[bytes, list[SolvedPoses]] | None
@@ -196,13 +203,13 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         check_drives(scene, tuple(values), Job)
         self.__dict__["method"] = method or self._usual_method(scene, mesh or DEFAULT_MESH)
         for extra in self.cases.values():
-            if loaded(scene, extra)[1]:
-                raise SceneError(loaded(scene, extra)[1])
-        known = known_columns(scene, modes)
+            if add_loads(scene, extra)[1]:
+                raise SceneError(add_loads(scene, extra)[1])
+        known = column_questions(scene, modes)
         goals = goals_of(maximise, minimise, limits, known)
         questions = tuple(dict.fromkeys(known[goal.column] for goal in goals))
-        asked = replace(asked_of(questions, link, at, freed, modes=modes), every=True)
-        check_asked(asked, scene)
+        asked = replace(parse_questions(questions, link, at, freed, modes=modes), detailed=True)
+        check_questions(asked, scene)
         signed = {column for column, question in known.items() if question in SIGNED_QUESTIONS}
         self.__dict__.update(asked=asked, answers=self._listed(goals, scene, signed))
         self.__dict__.update(zip(("bounds", "held_by", "ranges"), self._trained(scene), strict=True))
@@ -234,9 +241,11 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     @cached_property
     def mesh(self) -> Mesh:
         """As given, or with the curvature modes that are enough in the middle of the bounds, for all designs."""
-        scenes = (loaded(self._first, extra)[0] for extra in self.cases.values())
+        scenes = (add_loads(self._first, extra)[0] for extra in self.cases.values())
         recipe = Recipe(self.asked, method=self.method, extrapolate=self.extrapolate)
-        return enough_modes((Line(k, {}, scene, tuple(self.steps)) for k, scene in enumerate(scenes)), recipe)
+        return adequate_mesh(
+            (SweepPath(k, {}, scene, tuple(self.steps)) for k, scene in enumerate(scenes)), recipe
+        )
 
     @property
     def limits(self) -> dict[str, tuple[float, float]]:
@@ -291,7 +300,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         """Which pose each is, in words and in as many digits as tell them apart; nothing where there is only one."""
         if len(self.poses) == 1:
             return [""]
-        units = columns_of_drives(scene)
+        units = drive_columns(scene)
         moving = [n for n, v in self.drives.items() if len(v) > 1 or len(self.steps) == 1]
         found: list[str] = []
         for say in (format_number, "{:.6g}".format, "{:.9g}".format, "{:.12g}".format, repr):
@@ -348,7 +357,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     def _joints_at(self, place: Array) -> list[Joint]:
         """Every joint at places (P,) in 0..1 of the bounds given; none where it cannot be drawn."""
         try:
-            return [p.joint for p in scene_of(self.drawn, _design_between(self.vary, place)).joints]
+            return [p.joint for p in build_scene(self.drawn, _design_between(self.vary, place)).joints]
         except SceneError:
             return []
 
@@ -436,7 +445,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
                 return np.array(found)
         if self.ranges and (least[len(self.rules) :] <= -1.0).all():
             try:
-                scene_of(self.drawn, self.design_at(x))
+                build_scene(self.drawn, self.design_at(x))
             except SceneError as why:
                 raise SceneError(
                     f"no design within the bounds and rules could be built; the last one: {why}"
@@ -475,7 +484,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     def _range_margins(self, parameters: Mapping[str, float]) -> list[float]:
         """How far a design is within the trained ranges that hang on several parameters."""
         try:
-            drawn = [placed.joint.shape() for placed in scene_of(self.drawn, parameters).joints]
+            drawn = [placed.joint.shape() for placed in build_scene(self.drawn, parameters).joints]
         except SceneError:
             drawn = []
         return [r.margin(drawn) for r in self.ranges]
@@ -526,24 +535,27 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         """Rows of every design, "ok" or the first reason why not, and of a single one its poses."""
         single = len(designs) == 1 and executor is None
         if self.method == "conventional":
-            recipe = Recipe(self.asked, method="conventional", mesh=self.mesh, judged=False)
+            recipe = Recipe(self.asked, method="conventional", mesh=self.mesh, with_verdict=False)
             if executor is not None:
-                return in_blocks(executor, designs, 1, _walked_all, function, recipe, self.paths)
+                return run_in_blocks(executor, designs, 1, _walked_all, function, recipe, self.paths)
             return _walked_all(function, recipe, self.paths, designs, keep=single)
         solver = self._solvers[single]
         if executor is not None:
             found = solver.solve_in(executor, function, designs)
         else:
-            found = solver.solve(makers_of(function, designs), 1)
-        return [(*_rows_of(f, len(steps)), f.poses if isinstance(f, Found) else []) for f in found]
+            found = solver.solve(scene_factories(function, designs), 1)
+        return [(*_rows_of(f, len(steps)), f.poses if isinstance(f, DesignResult) else []) for f in found]
 
     @cached_property
-    def _solvers(self) -> dict[bool, Designs]:
+    def _solvers(self) -> dict[bool, BatchSolver]:
         """What solves designs, keeping their poses or not."""
         values = {n: np.array([step[n] for step in self.steps]) for n in self.drives}
         method = FULL if self.method == "full" else REDUCED
-        ways = {"method": method, "asked": self.asked, "settled": True}
-        return {k: Designs(values, {**ways, "keep": k}, self.mesh, self.extrapolate) for k in (False, True)}
+        ways = {"method": method, "questions": self.asked, "equilibrate": True}
+        return {
+            k: BatchSolver(values, {**ways, "keep_configurations": k}, self.mesh, self.extrapolate)
+            for k in (False, True)
+        }
 
     def _of(self, rows: list[Row]) -> Array:
         """Answers (answers,) from the rows of all poses."""
@@ -637,7 +649,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     @cached_property
     def _first(self) -> Scene:
         """The scene in the middle of the bounds, or of another design within them."""
-        return first_built(lambda **parameters: scene_of(self.drawn, parameters), self.vary)
+        return first_built(lambda **parameters: build_scene(self.drawn, parameters), self.vary)
 
     def far_drives(self) -> tuple[str, ...]:
         """Drive values that were probably meant in another unit, a sentence each."""
@@ -683,7 +695,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         scenes, failed = [], []
         for x in self.random(2):
             try:
-                scenes.append(scene_of(self.drawn, self.design_at(x)))
+                scenes.append(build_scene(self.drawn, self.design_at(x)))
             except SceneError as why:
                 failed.append(str(why))
         said = (
@@ -778,15 +790,15 @@ def check_job(job: Any, *, target: bool = True) -> None:
         )
 
 
-def _rows_of(found: Found | KsdError, count: int) -> tuple[list[Row], str]:
+def _rows_of(found: DesignResult | KsdError, count: int) -> tuple[list[Row], str]:
     """Rows of the poses of a design, and "ok" or the first reason why not."""
-    if not isinstance(found, Found):
+    if not isinstance(found, DesignResult):
         return [{}] * count, str(found)
     bad = np.flatnonzero(found.status)
     if not len(bad):
         return found.rows, OK
     n = int(bad[0])
-    return found.rows, found.reasons.get(n) or spoken_status(int(found.status[n]))
+    return found.rows, found.reasons.get(n) or status_sentence(int(found.status[n]))
 
 
 def _walked_all(
@@ -798,9 +810,9 @@ def _walked_all(
     for design in designs:
         rows: list[Row] = []
         poses: list[Configuration] = []
-        solver, (scene, failure) = None, built(function, design)
+        solver, (scene, failure) = None, scene_or_reason(function, design)
         for k, path in enumerate(paths):
-            line = Line(k, {}, scene, path, failure)
-            solver = run_line(line, recipe, solver, rows, poses if keep else None)
+            line = SweepPath(k, {}, scene, path, failure)
+            solver = run_path(line, recipe, solver, rows, poses if keep else None)
         found.append((rows, next((str(row["status"]) for row in rows if row["status"] != OK), OK), poses))
     return found

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ksd.design.page_parts import cards, document, figure, grid, text, written
-from ksd.design.table import OK, STATUS, Table, spoken_column
+from ksd.design.table import OK, STATUS, Table, label_and_unit
 from ksd.errors import KsdError
 from ksd.solve.answer import as_dict
 from ksd.solve.report import verdict_lines
@@ -73,7 +73,7 @@ def _cards(pose: Any, table: Table) -> str:
     said: list[tuple[str, str]] = []
     for name, row in as_dict(pose)["drives"].items():
         effort = next(k for k in row if k.startswith(("force_", "moment_", "effort")) and "error" not in k)
-        unit = spoken_column(f"x_{effort}")[1]
+        unit = label_and_unit(f"x_{effort}")[1]
         said.append((f"{written(row[effort])} {unit}", f"{name}: drive {effort.split('_')[0]} at the pose"))
     for column, what, least in (
         ("stress_MPa", "largest stress over the stroke", False),
@@ -82,7 +82,7 @@ def _cards(pose: Any, table: Table) -> str:
         values = [v for v in table.columns.get(column, ()) if math.isfinite(v)]
         if values:
             said.append(
-                (f"{written(min(values) if least else max(values), 4)} {spoken_column(column)[1]}", what)
+                (f"{written(min(values) if least else max(values), 4)} {label_and_unit(column)[1]}", what)
             )
     factors = [v for c in BUCKLING for v in table.columns.get(c, ()) if math.isfinite(v)]
     if factors:
@@ -140,7 +140,7 @@ def _pose(facts: dict[str, Any]) -> list[str]:
     for name, row in facts["drives"].items():
         kinds.setdefault(tuple(row), []).append([name, *row.values()])
     for keys, rows in kinds.items():
-        parts.append(grid([("drive", ""), *(spoken_column(k) for k in keys)], rows))
+        parts.append(grid([("drive", ""), *(label_and_unit(k) for k in keys)], rows))
     links = facts["links"]
     heads = [("link", ""), *((f"{a}", "mm") for a in "xyz"), *((f"r{a}", "deg") for a in "xyz")]
     parts.append("<h3>Displacement and rotation of the links</h3>")
@@ -207,7 +207,7 @@ def _stroke(table: Table) -> list[str]:
 
 
 def _head(column: str) -> tuple[str, str]:
-    return (column.replace("_", " "), "factor") if column in BUCKLING else spoken_column(column)
+    return (column.replace("_", " "), "factor") if column in BUCKLING else label_and_unit(column)
 
 
 def _error(pose: Any, facts: dict[str, Any], compared: Sequence[ComparedSolve]) -> list[str]:

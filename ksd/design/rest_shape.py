@@ -19,7 +19,7 @@ from ksd.checks import boolean, clear_argument_errors, name_hint, show
 from ksd.checks import number as checked
 from ksd.design.rest_equations import Equations, Found, Row, Said, Term, solved
 from ksd.design.rest_leaf import Axes, DrawnLeaf, axes_of, deformed_curve, rotated
-from ksd.design.rest_scene import FINE, RestShape, pieces_of
+from ksd.design.rest_result import FINE, RestShape, pieces_of
 from ksd.errors import ConvergenceError, KsdError, SceneError
 from ksd.model.arrays import STRAIN
 from ksd.model.leaves import cut_leaves

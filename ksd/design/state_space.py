@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.checks import clear_argument_errors, names_of, not_negative, show, whole_number
-from ksd.design.questions import VALUE
+from ksd.design.questions import DRIVE_VALUE_UNITS
 from ksd.design.table import write_mat
 from ksd.errors import SceneError
 from ksd.properties.printing import PrintableAnswer, format_number, format_table
@@ -120,7 +120,7 @@ def state_space(
     D = _static(pose, freed) - (phi / squared) @ phi.T
     by = {d.name: drive_kind(d) for d in pose.model.scene.drives}
     inputs = tuple({"translation": "N", "rotation": "Nm"}.get(by[d], "SI") for d in freed)
-    outputs = tuple({"mm": "m", "deg": "rad"}.get(VALUE[by[d]][0], "SI") for d in freed)
+    outputs = tuple({"mm": "m", "deg": "rad"}.get(DRIVE_VALUE_UNITS[by[d]][0], "SI") for d in freed)
     return StateSpace(
         A, B, C, 0.5 * (D + D.T), freed, inputs, outputs, found.frequency_Hz.copy(), dict(pose.targets)
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -11,14 +12,28 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from ksd.checks import boolean, clear_argument_errors
-from ksd.design.arguments import check_executor, check_solve_options, drive_value_arrays
-from ksd.design.lines import Line, Recipe, blank_rows, run_block, run_line
-from ksd.design.plan import Designs, Drawn, fingerprint, plan_lines
-from ksd.design.questions import KNOWN, Asked, asked_of, check_asked, unanswerable
-from ksd.design.resume import ResumeFile
+from ksd.design.arguments import check_drives, check_executor, check_solve_options, drive_value_arrays
+from ksd.design.design_scene import (
+    DesignsLike,
+    MechanismLike,
+    add_loads,
+    design_parameters,
+    load_cases,
+    scene_or_reason,
+)
+from ksd.design.questions import (
+    ALL_QUESTIONS,
+    Questions,
+    check_questions,
+    parse_questions,
+    unanswerable_questions,
+)
+from ksd.design.resume import ResumeFile, record_hashes
+from ksd.design.sweep_path import Recipe, SweepPath, drive_paths, run_path, run_paths, unanswered_rows
 from ksd.design.table import Table
 from ksd.errors import KsdError
 from ksd.model.mesh import Mesh
@@ -46,10 +61,10 @@ class SweepInterrupted(KeyboardInterrupt):
 
 @clear_argument_errors
 def sweep(
-    mechanism: Drawn,
+    mechanism: MechanismLike,
     targets: Mapping[str, ArrayLike] | None = None,
     *,
-    designs: Designs | None = None,
+    designs: DesignsLike | None = None,
     loads: Mapping[str, Sequence[Mapping[str, Any]]] | None = None,
     questions: str | Iterable[str] | None = None,
     link: Link | str | None = None,
@@ -90,8 +105,8 @@ def sweep(
 
     Raises SceneError for what is wrong before any solve; SweepInterrupted (a KeyboardInterrupt with `.table`) on Ctrl-C.
     """
-    recipe = recipe_of(
-        asked_of(KNOWN if questions is None else questions, link, at, freed, modes=modes, errors=errors),
+    recipe = make_recipe(
+        parse_questions(ALL_QUESTIONS if questions is None else questions, link, at, freed, modes=modes, errors=errors),
         method=method, accuracy=accuracy, relinearisations=relinearisations, mesh=mesh, extrapolate=extrapolate,
         effects=(("effects", effects), ("with_", with_), ("without", without)),
     )  # fmt: skip
@@ -99,68 +114,111 @@ def sweep(
     boolean(together, "together")
     boolean(progress, "progress")
     values = drive_value_arrays(targets, drives, sweep)
-    lines, name = plan_lines(mechanism, values, designs, loads, together=together, call=sweep)
-    drawn = next((line.scene for line in lines if line.scene is not None), None)
+    paths, name = sweep_paths(mechanism, values, designs, loads, together=together, call=sweep)
+    drawn = next((path.scene for path in paths if path.scene is not None), None)
     if drawn is not None:
-        check_asked(recipe.asked, drawn)
-    missing = unanswerable(drawn, recipe.asked.link) if questions is None and drawn is not None else {}
-    possible = tuple(q for q in recipe.asked.questions if q not in missing)
-    recipe = replace(recipe, asked=replace(recipe.asked, questions=possible, usual=questions is None))
-    kept = ResumeFile(resume, lambda: fingerprint(lines, recipe))
-    table = _collected(lines, recipe, kept, name, how=(executor, progress))
+        check_questions(recipe.questions, drawn)
+    missing = (
+        unanswerable_questions(drawn, recipe.questions.link)
+        if questions is None and drawn is not None
+        else {}
+    )
+    possible = tuple(q for q in recipe.questions.names if q not in missing)
+    recipe = replace(
+        recipe, questions=replace(recipe.questions, names=possible, is_default=questions is None)
+    )
+    kept = ResumeFile(resume, lambda: fingerprint(paths, recipe))
+    table = _collected(paths, recipe, kept, name, how=(executor, progress))
     said = ", ".join(f"{question} ({reason})" for question, reason in missing.items())
     return replace(table, facts={**table.facts, "left_out": said}) if said else table
 
 
+def sweep_paths(
+    mechanism: Any, values: Mapping[str, np.ndarray], designs: Any, loads: Any, *, together: bool, call: Any
+) -> tuple[list[SweepPath], str]:
+    """All paths of a sweep, and the name of the mechanism.
+
+    call: the public function whose parameter names are suggested for a misspelt drive. Raises SceneError.
+    """
+    drives = drive_paths(values, together=together)
+    cases = load_cases(loads)
+    paths: list[SweepPath] = []
+    name = ""
+    for parameters in design_parameters(mechanism, designs):
+        scene, failure = scene_or_reason(mechanism, parameters)
+        name = name or getattr(scene, "name", "")
+        if scene is not None and designs is None:
+            check_drives(scene, tuple(values), call)
+        for case, extra in cases.items():
+            loaded, load_failure = add_loads(scene, extra)
+            labels = dict(parameters) | ({} if loads is None else {"load_case": case})
+            paths += [
+                SweepPath(len(paths) + k, labels, loaded, p, failure or load_failure)
+                for k, p in enumerate(drives)
+            ]
+    reference = next((path.scene for path in paths if path.scene is not None), None)
+    return [p if p.scene is not None else replace(p, reference_scene=reference) for p in paths], name
+
+
+def fingerprint(paths: Sequence[SweepPath], recipe: Recipe) -> str:
+    """Hash of everything the rows depend on."""
+    records = record_hashes((path.scene for path in paths if path.scene is not None), recipe.method)
+    digest = hashlib.sha256(f"{recipe!r} {records}".encode())
+    for path in paths:
+        scene = path.failure if path.scene is None else path.scene.fingerprint()
+        digest.update(f"{path.number} {dict(path.labels)} {scene} {path.drive_values}".encode())
+    return digest.hexdigest()
+
+
 def _collected(
-    lines: list[Line], recipe: Recipe, kept: ResumeFile, name: str, *, how: tuple[Executor | None, bool]
+    paths: list[SweepPath], recipe: Recipe, kept: ResumeFile, name: str, *, how: tuple[Executor | None, bool]
 ) -> Table:
     """The table of all lines, those kept and those computed now."""
     partial: dict[int, list[dict[str, Any]]] = {}
-    facts = {"method": recipe.method or "cheapest", "questions": ", ".join(recipe.asked.questions)}
+    facts = {"method": recipe.method or "cheapest", "questions": ", ".join(recipe.questions.names)}
     try:
-        with _bar(f"sweep {name}", sum(len(line.poses) for line in lines), how[1]) as done:
-            missing = [line for line in lines if line.number not in kept.entries]
+        with _bar(f"sweep {name}", sum(len(path.drive_values) for path in paths), how[1]) as done:
+            missing = [path for path in paths if path.number not in kept.entries]
             done(sum(len(rows) for rows in kept.entries.values()))
             _run(missing, recipe, how[0], (kept, partial, done))
     except KeyboardInterrupt:
-        table = _table(lines, kept.entries | partial, name, facts)
+        table = _table(paths, kept.entries | partial, name, facts)
         raise SweepInterrupted("the rows done are", table, kept.path) from None
-    return _table(lines, kept.entries, name, facts)
+    return _table(paths, kept.entries, name, facts)
 
 
-def recipe_of(asked: Asked, **how: Any) -> Recipe:
+def make_recipe(questions: Questions, **how: Any) -> Recipe:
     """How the poses of a sweep are solved; raises SceneError."""
     said = {n: how[n] for n in ("mesh", "relinearisations", "accuracy", "method", "extrapolate")}
     check_solve_options(methods=METHODS, **said)
-    return Recipe(asked, **how)
+    return Recipe(questions, **how)
 
 
-def _table(lines: list[Line], found: Mapping[Any, Any], name: str, facts: dict[str, str]) -> Table:
+def _table(paths: list[SweepPath], found: Mapping[Any, Any], name: str, facts: dict[str, str]) -> Table:
     """Rows in the order of the sweep; poses not reached say so."""
     rows: list[dict[str, Any]] = []
     labels: dict[str, None] = {}
-    for line in lines:
-        mine = list(found.get(line.number, ()))
-        mine += blank_rows(line, "not reached: the sweep was interrupted", first=len(mine))
+    for path in paths:
+        mine = list(found.get(path.number, ()))
+        mine += unanswered_rows(path, "not reached: the sweep was interrupted", first=len(mine))
         rows += mine
-        labels |= dict.fromkeys(k for k in blank_rows(line, "")[0] if k != "status")
-    return Table.of_rows(rows, tuple(labels), moving=_moving(lines), name=name, facts=facts)
+        labels |= dict.fromkeys(k for k in unanswered_rows(path, "")[0] if k != "status")
+    return Table.of_rows(rows, tuple(labels), moving=_moving(paths), name=name, facts=facts)
 
 
-def _moving(lines: list[Line]) -> tuple[str, ...]:
+def _moving(paths: list[SweepPath]) -> tuple[str, ...]:
     """Label columns that change along a line."""
-    for line in lines:
-        rows = [row for row in blank_rows(line, "") if line.scene is not None]
+    for path in paths:
+        rows = [row for row in unanswered_rows(path, "") if path.scene is not None]
         found = tuple(k for k in (rows[0] if rows else ()) if len({row[k] for row in rows}) > 1)
         if found:
             return found
     return ()
 
 
-def _run(missing: list[Line], recipe: Recipe, executor: Executor | None, where: Any) -> None:
+def _run(missing: list[SweepPath], recipe: Recipe, executor: Executor | None, where: Any) -> None:
     """Compute the missing lines, here or elsewhere, keeping each as it is finished."""
-    poses = sum(len(line.poses) for line in missing)
+    poses = sum(len(path.drive_values) for path in missing)
     if executor is not None:
         _run_on(executor, missing, recipe, where)
         return
@@ -173,14 +231,14 @@ def _run(missing: list[Line], recipe: Recipe, executor: Executor | None, where: 
         _run_on(pool, missing, recipe, where)
 
 
-def _run_here(missing: list[Line], recipe: Recipe, where: Any) -> None:
+def _run_here(missing: list[SweepPath], recipe: Recipe, where: Any) -> None:
     kept, partial, done = where
     solver, scene = None, None
-    for line in missing:
-        rows = partial[line.number] = _Counted(done)
-        solver = run_line(line, recipe, solver if line.scene is scene else None, rows)
-        scene = line.scene
-        kept.add(line.number, list(partial.pop(line.number)))
+    for path in missing:
+        rows = partial[path.number] = _Counted(done)
+        solver = run_path(path, recipe, solver if path.scene is scene else None, rows)
+        scene = path.scene
+        kept.add(path.number, list(partial.pop(path.number)))
 
 
 class _Counted(list[Any]):
@@ -201,17 +259,21 @@ class _Counted(list[Any]):
             self.append(row)
 
 
-def _run_on(executor: Executor, missing: list[Line], recipe: Recipe, where: Any) -> None:
+def _run_on(executor: Executor, missing: list[SweepPath], recipe: Recipe, where: Any) -> None:
     kept, _, done = where
     workers = getattr(executor, "_max_workers", None) or os.cpu_count() or 1
     size = math.ceil(len(missing) / (PER_PROCESS * workers))
-    size = max(1, min(size, PER_BLOCK * len(missing) // max(1, sum(len(line.poses) for line in missing))))
+    size = max(
+        1, min(size, PER_BLOCK * len(missing) // max(1, sum(len(path.drive_values) for path in missing)))
+    )
     blocks = [tuple(missing[i : i + size]) for i in range(0, len(missing), size)]
-    waiting: dict[Future[Any], tuple[Line, ...]] = {executor.submit(run_block, b, recipe): b for b in blocks}
+    waiting: dict[Future[Any], tuple[SweepPath, ...]] = {
+        executor.submit(run_paths, b, recipe): b for b in blocks
+    }
     try:
         for future in as_completed(waiting):
-            for line, rows in zip(waiting[future], future.result(), strict=True):
-                kept.add(line.number, rows)
+            for path, rows in zip(waiting[future], future.result(), strict=True):
+                kept.add(path.number, rows)
                 done(len(rows))
     except BrokenProcessPool as error:
         raise KsdError(

@@ -34,11 +34,11 @@ STATUS = "status"
 """The column that says "ok", or why a row has no numbers."""
 OK = "ok"
 
-ENDS = 5
+ROWS_PER_END = 5
 """Rows printed of each end of a long table."""
-ZERO = 1e-9
+ROUNDING_TOLERANCE = 1e-9
 """Numbers below this share of the largest with their unit are rounding."""
-LEADING = (
+LEADING_COLUMNS = (
     r".+_(force_N|moment_Nm|effort_SI)", r"error_percent", r"(?!support_).+_stiffness_Nm?_per_\w+", r"support_worst_.*\w",
     r"intended(_\d+)?_Hz", r"first_parasitic_Hz", r"stress_MPa", r"distance_.+_mm", r"buckling_(positive|negative)",
     r"clearance_mm", r".+_error_percent",
@@ -53,7 +53,7 @@ class Table(InNotebooks):
     columns: values (rows,) by column name; numbers are floats (nan where a row failed), texts are str. labels: the
     columns that say where a row belongs: design parameters, load case, drives; moving: the drives that change along a
     stroke. name: of the mechanism. facts: how the rows were made, as text; "about": what to know of the columns, "left_out":
-    what was not asked and why. leading: the columns that are printed, those of `LEADING` when empty.
+    what was not asked and why. leading: the columns that are printed, those of `LEADING_COLUMNS` when empty.
     """
 
     columns: Mapping[str, tuple[Any, ...]]
@@ -130,7 +130,7 @@ class Table(InNotebooks):
         if self.leading:
             return [n for n in self.leading if n in self.columns]
         own = [n for n in self.columns if n not in (*self.labels, STATUS)]
-        said = [n for pattern in LEADING for n in own if re.fullmatch(pattern, n)]
+        said = [n for pattern in LEADING_COLUMNS for n in own if re.fullmatch(pattern, n)]
         return [
             n for n in said
             if any(isinstance(v, str) or abs(v) > (self._noise(n) if len(self) > 1 else -1.0) for v in self.columns[n])
@@ -157,9 +157,9 @@ class Table(InNotebooks):
     def _picked(self) -> list[int | None]:
         """Rows shown: all of few, else the first and the last, None standing for those between."""
         count = len(self)
-        if count <= 2 * ENDS + 2:
+        if count <= 2 * ROWS_PER_END + 2:
             return list(range(count))
-        return [*range(ENDS), None, *range(count - ENDS, count)]
+        return [*range(ROWS_PER_END), None, *range(count - ROWS_PER_END, count)]
 
     def _cell(self, name: str, row: int) -> str:
         value = self.columns[name][row]
@@ -172,7 +172,7 @@ class Table(InNotebooks):
 
     def _noise(self, name: str) -> float:
         """What is rounding in a column."""
-        return ZERO * self._largest[_unit_or_name(name)]
+        return ROUNDING_TOLERANCE * self._largest[_unit_or_name(name)]
 
     @cached_property
     def _largest(self) -> dict[str, float]:
@@ -295,7 +295,7 @@ _UNITS = (
 )  # fmt: skip
 
 
-def spoken_column(name: str) -> tuple[str, str]:
+def label_and_unit(name: str) -> tuple[str, str]:
     """Words and unit of a column: "support_y_N_per_m" is ("support y", "N/m"); no unit is ""."""
     for unit in _UNITS:
         if name.endswith(f"_{unit}"):
@@ -305,12 +305,12 @@ def spoken_column(name: str) -> tuple[str, str]:
 
 
 def _unit_or_name(name: str) -> str:
-    return spoken_column(name.partition("[")[0])[1] or name
+    return label_and_unit(name.partition("[")[0])[1] or name
 
 
 def _head(name: str) -> str:
     """Words of a column over its unit, long ones on two lines."""
-    words, unit = spoken_column(name)
+    words, unit = label_and_unit(name)
     if len(words) > 9 and " " in words:
         cuts = [k for k, c in enumerate(words) if c == " "]
         cut = min(cuts, key=lambda k: max(k, len(words) - k - 1))

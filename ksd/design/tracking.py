@@ -1,11 +1,11 @@
 """Modes followed along a stroke by the modal assurance criterion (MAC), so that a name stays with its mode.
 
-Between neighbouring poses the modes are paired so that the sum of their MAC (mass-weighted, in 0..1) is largest
+IntermediateModes neighbouring poses the modes are paired so that the sum of their MAC (mass-weighted, in 0..1) is largest
 (Allemang and Brown 1982; the assignment is solved exactly). Crossing frequencies then swap rank and keep their name. Where
-one of the lowest tracks has no partner of MAC SURE or more, the way between the poses is halved, and halved again:
+one of the lowest tracks has no partner of MAC RELIABLE_MAC or more, the way between the poses is halved, and halved again:
 modes that veer exchange their shapes within a small part of the stroke. Modes of nearly equal frequency (at rest all leaves
 of one size vibrate alike, and any mixture of them is a mode) are in the end compared by what they span together. A track
-without a partner of MAC LOST or more even so ends. Of the lowest modes every one without a track begins a new one.
+without a partner of MAC MIN_MAC or more even so ends. Of the lowest modes every one without a track begins a new one.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ import numpy as np
 from ksd.errors import KsdError
 from ksd.properties.frequencies import Modes
 
-SPARE = 2
+SPARE_MODES = 2
 """Modes computed beyond those followed, so that one which rises in rank is still there."""
-LOST = 0.5
+MIN_MAC = 0.5
 """MAC below which two modes are not the same one."""
-SURE = 0.8
+RELIABLE_MAC = 0.8
 """MAC below which poses in between are looked at."""
-NEAR = 0.01
+EQUAL_FREQUENCY_TOLERANCE = 0.01
 """Relative distance of neighbouring frequencies below which modes are compared by what they span together."""
-MORE = 10
+ADDITIONAL_MODES = 10
 """Modes computed besides where a track is lost: as many may be nearly equal."""
-HALVES = 5
+MAX_BISECTIONS = 5
 """How often the way between two poses is halved at the most."""
 
 
-Between = Callable[[float, int], Modes]
+IntermediateModes = Callable[[float, int], Modes]
 """Modes at a share 0..1 of the way between two poses, and so many more than usual."""
 
 
@@ -58,7 +58,7 @@ class Tracks:
         return self.rank.index(first) if first in self.rank else None
 
 
-def first_tracks(modes: Modes, count: int) -> Tracks:
+def start_tracks(modes: Modes, count: int) -> Tracks:
     """Tracks of the intended motions and of the `count` lowest modes besides, named as `Modes.names`."""
     others = [k for k in range(len(modes)) if k not in modes.intended][:count]
     ranks = sorted([*modes.intended.tolist(), *others])
@@ -73,7 +73,7 @@ def follow(before: Tracks | None, modes: Modes, count: int, *, together: bool = 
     from scipy.optimize import linear_sum_assignment
 
     if before is None:
-        return first_tracks(modes, count)
+        return start_tracks(modes, count)
     alive = [t for t, k in enumerate(before.rank) if k >= 0]
     ranks = [before.rank[t] for t in alive]
     own = before.modes.mac(modes)
@@ -82,7 +82,7 @@ def follow(before: Tracks | None, modes: Modes, count: int, *, together: bool = 
     rows, columns = linear_sum_assignment(mac + own[ranks] if together else mac, maximize=True)
     rank, sure = [-1] * len(before.rank), [0.0] * len(before.rank)
     for i, k in zip(rows.tolist(), columns.tolist(), strict=True):
-        if mac[i, k] >= LOST:
+        if mac[i, k] >= MIN_MAC:
             rank[alive[i]], sure[alive[i]] = k, float(mac[i, k])
     names = list(before.names)
     _settle_intended(names, rank, sure, modes.intended.tolist())
@@ -130,11 +130,13 @@ def _spanned(mac: np.ndarray, one: Modes, two: Modes) -> np.ndarray:
 def _groups(modes: Modes) -> list[np.ndarray]:
     """Numbers of modes, ascending, in groups of nearly equal frequency."""
     f = modes.frequency_Hz
-    apart = np.flatnonzero(np.diff(f) > NEAR * np.abs(f[1:])) + 1
+    apart = np.flatnonzero(np.diff(f) > EQUAL_FREQUENCY_TOLERANCE * np.abs(f[1:])) + 1
     return np.split(np.arange(len(f)), apart)
 
 
-def follow_through(before: Tracks | None, modes: Modes, count: int, between: Between | None) -> Tracks:
+def follow_with_bisection(
+    before: Tracks | None, modes: Modes, count: int, between: IntermediateModes | None
+) -> Tracks:
     """As `follow`; where one of the lowest tracks is in doubt, by the modes of poses in between.
 
     between(share, more) (None where there is no way): modes at a share 0..1 of the way from the pose before to this one,
@@ -144,13 +146,13 @@ def follow_through(before: Tracks | None, modes: Modes, count: int, between: Bet
     if before is None or between is None or not _in_doubt(before, found, count):
         return found
     try:
-        return _halved(before, modes, count, between, way=(0.0, 1.0, HALVES))
+        return _halved(before, modes, count, between, way=(0.0, 1.0, MAX_BISECTIONS))
     except (KsdError, ArithmeticError, np.linalg.LinAlgError):
         return found
 
 
 def _halved(
-    before: Tracks, modes: Modes, count: int, between: Between, *, way: tuple[float, float, int]
+    before: Tracks, modes: Modes, count: int, between: IntermediateModes, *, way: tuple[float, float, int]
 ) -> Tracks:
     """Modes named from those before; where a partner is in doubt from a pose half way, `left` more times. way: pose before,
     pose, left."""
@@ -159,16 +161,21 @@ def _halved(
     if not _in_doubt(before, found, count):
         return found
     if left == 0:
-        if not _in_doubt(before, found, count, sure=LOST):
+        if not _in_doubt(before, found, count, sure=MIN_MAC):
             return found
         # the same modes come first among more of them
-        return follow(replace(before, modes=between(start, MORE)), between(end, MORE), count, together=True)
+        return follow(
+            replace(before, modes=between(start, ADDITIONAL_MODES)),
+            between(end, ADDITIONAL_MODES),
+            count,
+            together=True,
+        )
     middle = 0.5 * (start + end)
     half = _halved(before, between(middle, 0), count, between, way=(start, middle, left - 1))
     return _halved(half, modes, count, between, way=(middle, end, left - 1))
 
 
-def _in_doubt(before: Tracks, found: Tracks, count: int, *, sure: float = SURE) -> bool:
+def _in_doubt(before: Tracks, found: Tracks, count: int, *, sure: float = RELIABLE_MAC) -> bool:
     """Whether one of the lowest tracks of the pose before has no partner, or none that is `sure`."""
     lowest = count + sum(n.startswith("intended") for n in before.names)
     return any(0 <= k < lowest and found.mac[t] < sure for t, k in enumerate(before.rank))

@@ -7,10 +7,10 @@ import pytest
 from scenes import STEEL, cross_flexure, fourbar, single_joint
 
 import ksd
-from ksd.design import prepared
+from ksd.design import prepared_design
 from ksd.design.batch import NOT_BUILT
-from ksd.design.prepared import Prepared
-from ksd.design.questions import KNOWN
+from ksd.design.prepared_design import PreparedDesign
+from ksd.design.questions import ALL_QUESTIONS
 from ksd.model.mesh import Mesh
 from ksd.solve.many import UNSTABLE
 from ksd.solve.solver import Solver
@@ -90,7 +90,7 @@ def test_batches_answer_as_designs_prepared_one_by_one(name):
         for d, size in enumerate(sizes):
             five = Solver(maker(**size), mesh=mesh).five_steps
             method = FULL if ways else REDUCED
-            alone = Prepared(five, method=method)(
+            alone = PreparedDesign(five, method=method)(
                 {"drive": stroke, **{n: np.full(3, v) for n, v in more.items()}}
             )
             assert found.status[d].tolist() == alone.status.tolist()
@@ -117,7 +117,7 @@ def test_joints_with_weight_in_one_storage_answer_as_alone():
     shares = [1.0, 30.0, 0.5, 10.0]
     found = ksd.batch(heavy, designs=[{"share": s} for s in shares], top=[0.05, 0.1], threads=1)
     for d, share in enumerate(shares):
-        alone = Prepared(Solver(heavy(share)).five_steps)({"top": np.array([0.05, 0.1])})
+        alone = PreparedDesign(Solver(heavy(share)).five_steps)({"top": np.array([0.05, 0.1])})
         assert found.forces["top"][d] == pytest.approx(alone.force[:, 0], rel=1e-10)
     assert found.forces["top"][0] != pytest.approx(found.forces["top"][1], rel=1e-6)
 
@@ -148,7 +148,7 @@ def test_designs_of_other_kinds_in_one_batch_and_failures_told():
             assert (found.status[d] == NOT_BUILT).all()
             assert ("angle" if size["kind"] == "steep" else "thickness") in found.why(d, 0)
             continue
-        single = Prepared(Solver(odd(**size)).five_steps)({"top": np.array([0.05, 0.1])})
+        single = PreparedDesign(Solver(odd(**size)).five_steps)({"top": np.array([0.05, 0.1])})
         assert found.forces["top"][d] == pytest.approx(single.force[:, 0], rel=1e-12)
     assert len(found.failures) == 4
 
@@ -189,7 +189,7 @@ def test_shear_is_there_in_every_design_however_little_it_is():
     assert all(Solver(thin(**s)).model.mesh.shear for s in sizes)
     found = ksd.batch(thin, designs=[sizes[0], *sizes], top=0.05, threads=1)
     for d, size in enumerate(sizes, start=1):
-        single = Prepared(Solver(thin(**size)).five_steps)({"top": np.array([0.05])})
+        single = PreparedDesign(Solver(thin(**size)).five_steps)({"top": np.array([0.05])})
         assert found.forces["top"][d] == pytest.approx(single.force[:, 0], rel=1e-12)
 
 
@@ -231,7 +231,7 @@ def test_the_compliance_is_that_of_poses_one_by_one(name, method):
 def test_questions_are_answered_as_of_poses_one_by_one(name, method):
     make, held = SCENES[name]
     designs, values = drawn(3), {"drive": [0.01, 0.02], **held}
-    known = tuple(q for q in KNOWN if q not in ("force", "clearance"))
+    known = tuple(q for q in ALL_QUESTIONS if q not in ("force", "clearance"))
     found = ksd.batch(make, values, designs=designs, method=method, questions=known, modes=2, threads=1)
     assert found.solved == 6
     # without a method, as of "reduced" here, questions are asked of the equilibrium next to what was found
@@ -268,13 +268,13 @@ def test_a_question_without_an_answer_says_why_and_leaves_the_pose():
 
 def test_a_compliance_of_an_unstable_equilibrium_is_refused(monkeypatch):
     """Next to a reduced state that is stable."""
-    honest = prepared.settle_fast
+    honest = prepared_design.settle_fast
 
     def one_more(*words):
         stop, negatives = honest(*words)
         return stop, negatives + 1
 
-    monkeypatch.setattr(prepared, "settle_fast", one_more)
+    monkeypatch.setattr(prepared_design, "settle_fast", one_more)
     found = ksd.batch(bar(), drive=0.01, questions="support_stiffness", threads=1)
     assert found.solved == 0 and np.isnan(found.compliance).all()
     assert "not a minimum of energy" in str(found.failures)
@@ -287,7 +287,7 @@ def test_a_stiffness_is_that_of_a_settled_stable_state(monkeypatch):
     def drawn_anew(thickness):
         return fourbar(joint=cross_flexure(thickness=thickness))
 
-    calls, honest, usual = [], prepared.settle_fast, prepared.ALONG
+    calls, honest, usual = [], prepared_design.settle_fast, prepared_design.MAX_UNINTENDED_MOTION
 
     def counted(model, motion, *words):
         calls.append(motion)
@@ -295,14 +295,14 @@ def test_a_stiffness_is_that_of_a_settled_stable_state(monkeypatch):
 
     def asked(along):
         calls.clear()
-        monkeypatch.setattr(prepared, "ALONG", along)
+        monkeypatch.setattr(prepared_design, "MAX_UNINTENDED_MOTION", along)
         found = ksd.batch(
             drawn_anew, top=[1e-3, 0.02, 0.1, 0.25], designs={"thickness": [1 * mm, 1.1 * mm]}, threads=1,
             questions=("support_stiffness", "drive_stiffness"),
         )  # fmt: skip
         return found, len(calls)
 
-    monkeypatch.setattr(prepared, "settle_fast", counted)
+    monkeypatch.setattr(prepared_design, "settle_fast", counted)
     wanted, all_settled = asked(-1.0)
     near, fewer = asked(usual)
     hasty, turned_back = asked(np.inf)
@@ -313,7 +313,7 @@ def test_a_stiffness_is_that_of_a_settled_stable_state(monkeypatch):
         assert np.abs(found.compliance - wanted.compliance).max() < 1e-8 * np.abs(wanted.compliance).max()
         for column, value in wanted.answers.items():
             assert found[column] == pytest.approx(value, rel=1e-7, nan_ok=True), column
-    monkeypatch.setattr(prepared, "settle_fast", lambda *words: (honest(*words)[0], 99))
+    monkeypatch.setattr(prepared_design, "settle_fast", lambda *words: (honest(*words)[0], 99))
     unstable, _ = asked(np.inf)
     assert unstable.status[0, 3] == UNSTABLE and np.isnan(unstable.compliance[0, 3]).all()
     assert not any(np.isfinite(value[0, 3]) for value in unstable.answers.values())

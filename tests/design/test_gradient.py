@@ -6,12 +6,12 @@ from scenes import STEEL, single_joint
 
 import ksd
 from ksd.checks import without_whole_checks
-from ksd.design.questions import KNOWN, ROUNDING
+from ksd.design.questions import ALL_QUESTIONS, ROUNDING_TOLERANCE
 from ksd.model.effects import choose
 from ksd.solve import perturbed
 from ksd.units import deg, mm
 
-ASKED = tuple(q for q in KNOWN if q != "clearance")
+ASKED = tuple(q for q in ALL_QUESTIONS if q != "clearance")
 """Of one joint, whose leaf springs share their blocks."""
 DENSITY = 7850.0
 """Of the material whose modulus is a parameter."""
@@ -110,7 +110,7 @@ def compare(gradient, reference, name, at_design, *, bound=1e-6, columns=None):
         if (column, 0) in gradient.reasons or not np.isfinite(slope).all():
             continue
         floor = 1e-3 * np.abs(gradient.values[column]) / at_design[name]
-        if np.any(np.abs(gradient.values[column]) < ROUNDING):
+        if np.any(np.abs(gradient.values[column]) < ROUNDING_TOLERANCE):
             continue
         off = np.abs(gradient[column, name] - slope)
         # rounding of critical load factors, in the reference as in the gradient
@@ -184,7 +184,7 @@ def test_work_of_the_drive_and_stiffness_of_the_drive_are_derivatives_by_its_val
     ],
 )
 def test_all_answers_are_those_of_solves_beside(design, at_design, drives, names):
-    words = {"questions": KNOWN if design is fourbar else ASKED, **drives}
+    words = {"questions": ALL_QUESTIONS if design is fourbar else ASKED, **drives}
     found = ksd.gradient(design, at_design, by=names, errors=True, **words)
     for name in names:
         assert compare(found, resolved(design, at_design, name, **words), name, at_design) > 8

@@ -13,9 +13,9 @@ from processes import environment
 from scenes import cross_flexure, fourbar, single_joint
 
 import ksd
-from ksd.design.lines import spoken
-from ksd.design.questions import KNOWN
+from ksd.design.questions import ALL_QUESTIONS
 from ksd.design.sweep import sweep
+from ksd.design.sweep_path import error_sentence
 from ksd.library.result_files import read_columns
 
 QUIET = {"progress": False}
@@ -30,7 +30,7 @@ def thin(thickness, length=0.1):
 @pytest.fixture(scope="module")
 def stroke():
     """Eleven poses of the fourbar with every question."""
-    return sweep(fourbar(), method="full", questions=KNOWN, top=np.linspace(0, 0.3, 11), **QUIET)
+    return sweep(fourbar(), method="full", questions=ALL_QUESTIONS, top=np.linspace(0, 0.3, 11), **QUIET)
 
 
 def test_answers_are_those_of_single_configurations(stroke):
@@ -204,7 +204,7 @@ def test_interrupted_sweep_keeps_its_rows_and_goes_on(tmp_path, monkeypatch):
         **QUIET,
     }
     kept = tmp_path / "sweep.jsonl"
-    monkeypatch.setattr("ksd.design.lines.Solver", Impatient)
+    monkeypatch.setattr("ksd.design.sweep_path.Solver", Impatient)
     with pytest.raises(KeyboardInterrupt) as stop:
         sweep(thin, resume=kept, **how)
     table = stop.value.table
@@ -260,14 +260,14 @@ def test_a_stroke_with_all_standard_questions(method):
 def test_error_figures_of_a_fast_method():
     """Every question of `reduced`, with and without a relinearised pass, against `full`: the estimate is the error."""
     at = {"top": np.array([0.0, 0.15, 0.28])}
-    exact = sweep(fourbar(), method="full", questions=KNOWN, **at, **QUIET)
+    exact = sweep(fourbar(), method="full", questions=ALL_QUESTIONS, **at, **QUIET)
     assert not [c for c in exact.columns if c.endswith("_error_percent")]
     for relinearisations, least in ((0, 1e-3), (1, 1e-7)):
         fast = sweep(
             fourbar(),
             method="reduced",
             relinearisations=relinearisations,
-            questions=KNOWN,
+            questions=ALL_QUESTIONS,
             errors=True,
             **at,
             **QUIET,
@@ -378,4 +378,4 @@ def test_a_sweep_raises_the_curvature_modes_for_its_nearest_pose_too():
 
 def test_a_failure_says_how_far_it_came():
     failed = ksd.ConvergenceError("no\n equilibrium", reached=0.25)
-    assert spoken(failed) == "no equilibrium (reached 25 % of the motion)"
+    assert error_sentence(failed) == "no equilibrium (reached 25 % of the motion)"

@@ -9,8 +9,8 @@ from scenes import fourbar, single_joint
 
 import ksd
 from ksd.design import Table
-from ksd.design.questions import KNOWN, unanswerable
-from ksd.design.table import LEADING, spoken_column
+from ksd.design.questions import ALL_QUESTIONS, unanswerable_questions
+from ksd.design.table import LEADING_COLUMNS, label_and_unit
 from ksd.properties.printing import TABLE_WIDTH
 
 QUIET = {"progress": False}
@@ -114,15 +114,17 @@ def test_columns_only_later_rows_have_stand_beside_their_like():
 
 
 def test_every_answer_of_a_sweep_has_words_and_unit():
-    assert spoken_column("time_us") == ("time", "us") and spoken_column("error_percent") == ("error", "%")
-    known = ksd.design.questions.known_columns(fourbar().scene(), 2)
-    shown = {q for column, q in known.items() if any(re.fullmatch(pattern, column) for pattern in LEADING)}
-    assert shown == set(KNOWN) - {"parasitic", "energy", "size", "distance"}
+    assert label_and_unit("time_us") == ("time", "us") and label_and_unit("error_percent") == ("error", "%")
+    known = ksd.design.questions.column_questions(fourbar().scene(), 2)
+    shown = {
+        q for column, q in known.items() if any(re.fullmatch(pattern, column) for pattern in LEADING_COLUMNS)
+    }
+    assert shown == set(ALL_QUESTIONS) - {"parasitic", "energy", "size", "distance"}
 
 
 def test_a_sweep_asks_all_that_has_an_answer():
     found = ksd.sweep(fourbar(), top=[0.1], method="full", **QUIET)
-    named = ksd.sweep(fourbar(), top=[0.1], method="full", questions=KNOWN, **QUIET)
+    named = ksd.sweep(fourbar(), top=[0.1], method="full", questions=ALL_QUESTIONS, **QUIET)
     assert found.columns.keys() == named.columns.keys() and found.failures == []
     assert all(
         np.array_equal(found[c], named[c], equal_nan=found[c].__class__ is not list) for c in found.columns
@@ -141,7 +143,7 @@ def test_what_a_mechanism_has_no_answer_to_is_said_and_not_asked():
         "frequencies": "nothing has mass",
         "clearance": "every two leaf springs share a block or are in one joint with windows",
     }
-    assert unanswerable(m.scene()) == reasons
+    assert unanswerable_questions(m.scene()) == reasons
     found = ksd.sweep(m, drive=[0.0, 2e-3], **QUIET)
     assert found.failures == [] and "first_parasitic_Hz" not in found.columns
     assert "not asked: frequencies (nothing has mass), clearance (" in str(found)
@@ -149,9 +151,9 @@ def test_what_a_mechanism_has_no_answer_to_is_said_and_not_asked():
     named = ksd.sweep(m, drive=[2e-3], questions=tuple(reasons), **QUIET)
     assert all(f"{q}: " in named.failures[0]["status"] for q in reasons)
     m.mass(table_, mass=1.0, at=(0, 0.1, 0))
-    assert "frequencies" not in unanswerable(m.scene())
-    assert unanswerable(single_joint().scene()) == {"clearance": reasons["clearance"]}
-    assert unanswerable(fourbar().scene()) == {}
+    assert "frequencies" not in unanswerable_questions(m.scene())
+    assert unanswerable_questions(single_joint().scene()) == {"clearance": reasons["clearance"]}
+    assert unanswerable_questions(fourbar().scene()) == {}
 
 
 def test_without_critical_load_factors_the_usual_questions_have_not_failed(monkeypatch):

@@ -11,7 +11,7 @@ import ksd
 from ksd.design.frequency_curve import even_curve, frequency_curve
 from ksd.design.state_space import state_space
 from ksd.design.sweep import sweep
-from ksd.design.tracking import first_tracks, follow, follow_through
+from ksd.design.tracking import follow, follow_with_bisection, start_tracks
 from ksd.properties.frequencies import Modes, intended_modes
 
 
@@ -143,8 +143,8 @@ def test_the_way_is_halved_where_modes_exchange_their_shapes():
     assert follow(start, at(1.0), 2).rank == (0, 2, 1)
     asked = []
     between = lambda share, more: asked.append(share) or at(share)  # noqa: E731
-    assert follow_through(start, at(0.6), 2, lambda s, m: at(0.6 * s)).rank == (0, 1, 2)
-    assert follow_through(start, at(0.2), 2, between).rank == (0, 1, 2) and not asked
+    assert follow_with_bisection(start, at(0.6), 2, lambda s, m: at(0.6 * s)).rank == (0, 1, 2)
+    assert follow_with_bisection(start, at(0.2), 2, between).rank == (0, 1, 2) and not asked
 
 
 def test_modes_of_the_fourbar_are_followed_from_rest():
@@ -219,7 +219,7 @@ def test_state_space_refuses_what_it_cannot():
 
 def test_first_tracks_of_held_drives_are_all_parasitic():
     modes = Made([1, 2, 3], [10, 20, 30], freed=())
-    assert first_tracks(modes, 2).names == ("parasitic_1", "parasitic_2")
+    assert start_tracks(modes, 2).names == ("parasitic_1", "parasitic_2")
 
 
 @pytest.mark.parametrize("method", ["reduced", "modal"])

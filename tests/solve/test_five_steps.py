@@ -6,7 +6,7 @@ from scenes import cross_flexure, fourbar, single_joint
 
 import ksd
 from ksd.design.batch import NOT_BUILT
-from ksd.design.prepared import Prepared
+from ksd.design.prepared_design import PreparedDesign
 from ksd.model.mesh import Mesh
 from ksd.solve.many import LOCKED, OUT_OF_RANGE
 from ksd.units import deg
@@ -62,7 +62,7 @@ def test_tabulated_poses_do_not_depend_on_those_before_them(rng):
     tops = np.concatenate(
         [fine, fine[::-1], [0.9, -0.2, 0.29, 0.9, 0.9], fine[:7], rng.permutation(fine), [0.1, 0.1]]
     )
-    design = Prepared(ksd.prepare(fourbar()).five_steps, tabulated=True)
+    design = PreparedDesign(ksd.prepare(fourbar()).five_steps, tabulated=True)
     along = design({"top": tops})
     assert (along.status != 0).sum() == 3
     for n, top in enumerate(tops):

@@ -5,11 +5,11 @@ import pytest
 from scenes import fourbar
 
 import ksd
-from ksd.design.questions import KNOWN
+from ksd.design.questions import ALL_QUESTIONS
 
 
 @pytest.fixture(scope="session")
 def table():
     """Nine poses of the fourbar, the last out of reach."""
     values = [*np.linspace(0, 0.3, 8), 0.6]
-    return ksd.sweep(fourbar(), method="full", questions=KNOWN, top=values, progress=False)
+    return ksd.sweep(fourbar(), method="full", questions=ALL_QUESTIONS, top=values, progress=False)

@@ -9,7 +9,7 @@ from readable import assert_readable
 from scenes import cross_flexure, single_joint
 
 import ksd
-from ksd.design.questions import KNOWN
+from ksd.design.questions import ALL_QUESTIONS
 from ksd.units import mm
 from ksd.view import figure as palette
 from ksd.view.compare import Mark, plot_cost
@@ -70,8 +70,8 @@ def test_small_and_slender_mechanisms():
 def test_strokes(table):
     assert_readable(table.plot())
     assert_readable(table.plot(wide=3))
-    assert KNOWN[-1] == "distance"  # of which the scene says none
-    for question in KNOWN[:-1]:
+    assert ALL_QUESTIONS[-1] == "distance"  # of which the scene says none
+    for question in ALL_QUESTIONS[:-1]:
         assert_readable(table.plot(question))
     designs = ksd.sweep(
         lambda thickness: single_joint(cross_flexure(thickness=thickness)),

@@ -1,8 +1,7 @@
-"""What a sweep consists of: every design with every load case over every path of the drives, as lines."""
+"""Scenes of designs: parameters of a function that returns a mechanism, and the loads of a load case added."""
 
 from __future__ import annotations
 
-import hashlib
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -12,66 +11,21 @@ from typing import Any
 import numpy as np
 
 from ksd.checks import show
-from ksd.design.arguments import check_design_parameters, check_drives
-from ksd.design.lines import Line, Recipe
-from ksd.design.resume import record_hashes
+from ksd.design.arguments import check_design_parameters
 from ksd.errors import SceneError
 from ksd.scene import Mechanism, Scene
 from ksd.scene.load import Load
 from ksd.scene.scene import WANTED
 
-Drawn = Mechanism | Scene | Callable[..., Mechanism | Scene]
+MechanismLike = Mechanism | Scene | Callable[..., Mechanism | Scene]
 """A mechanism, or a function of its parameters that draws one."""
-Designs = Mapping[str, Sequence[Any] | np.ndarray] | Sequence[Mapping[str, Any]]
+DesignsLike = Mapping[str, Sequence[Any] | np.ndarray] | Sequence[Mapping[str, Any]]
 """Parameters of such a function: values by name for all combinations, or one mapping for every design."""
-Paths = list[tuple[dict[str, float], ...]]
 
-UNBUILT = "this design cannot be built: "
-
-
-def plan_lines(
-    mechanism: Any, values: Mapping[str, np.ndarray], designs: Any, loads: Any, *, together: bool, call: Any
-) -> tuple[list[Line], str]:
-    """All lines, and the name of the mechanism. SceneError for what does not fit together; call: who asks."""
-    paths = drive_paths(values, together=together)
-    cases = load_cases(loads)
-    lines: list[Line] = []
-    name = ""
-    for parameters in design_points(mechanism, designs):
-        scene, failure = built(mechanism, parameters)
-        name = name or getattr(scene, "name", "")
-        if scene is not None and designs is None:
-            check_drives(scene, tuple(values), call)
-        for case, extra in cases.items():
-            laden, trouble = loaded(scene, extra)
-            labels = dict(parameters) | ({} if loads is None else {"load_case": case})
-            lines += [Line(len(lines) + k, labels, laden, p, failure or trouble) for k, p in enumerate(paths)]
-    like = next((line.scene for line in lines if line.scene is not None), None)
-    return [line if line.scene is not None else replace(line, like=like) for line in lines], name
+CANNOT_BE_BUILT = "this design cannot be built: "
 
 
-def drive_paths(arrays: Mapping[str, np.ndarray], *, together: bool) -> Paths:
-    """Paths through drive values: the drive named last moves along a path; together: all arrays move in step."""
-    moving = [n for n, v in arrays.items() if len(v) > 1]
-    if not together:
-        outer, last = moving[:-1], moving[-1:]
-    else:
-        outer, last = [], moving
-        if len({len(arrays[n]) for n in moving}) > 1:
-            sizes = ", ".join(f"{n}: {len(arrays[n])}" for n in moving)
-            raise SceneError(f"together=True needs as many values for every drive, not {sizes}")
-    fixed = {n: float(v[0]) for n, v in arrays.items() if n not in moving}
-    steps = [
-        dict(zip(last, row, strict=True)) for row in zip(*(arrays[n].tolist() for n in last), strict=True)
-    ]
-    found: Paths = []
-    for combination in product(*(arrays[n].tolist() for n in outer)):
-        held = dict(zip(outer, combination, strict=True))
-        found.append(tuple({n: {**fixed, **held, **s}[n] for n in arrays} for s in steps or [{}]))
-    return found
-
-
-def design_points(mechanism: Any, designs: Any) -> list[dict[str, Any]]:
+def design_parameters(mechanism: Any, designs: Any) -> list[dict[str, Any]]:
     """Parameters of every design: all combinations of a mapping of values, or a sequence of mappings as it is."""
     if designs is None:
         return [{}]
@@ -101,35 +55,35 @@ def _combinations(designs: Mapping[str, Any]) -> list[dict[str, Any]]:
     return [dict(zip(designs, row, strict=True)) for row in product(*rows)]
 
 
-def scene_of(mechanism: Any, parameters: Mapping[str, Any]) -> Scene:
-    """The scene of a design. SceneError where it cannot be built, NoMechanism for what never will be one."""
+def build_scene(mechanism: Any, parameters: Mapping[str, Any]) -> Scene:
+    """The scene of a design. SceneError where it cannot be built, NotAMechanism for what never will be one."""
     if not callable(mechanism):
         made = mechanism
     elif not parameters and _needs_arguments(mechanism):
-        raise NoMechanism("the mechanism is a function of parameters: give their values with designs={...}")
+        raise NotAMechanism("the mechanism is a function of parameters: give their values with designs={...}")
     else:
         try:
             made = mechanism(**parameters)
             made = made.scene() if isinstance(made, Mechanism) else made
         except (SceneError, ArithmeticError, ValueError) as reason:
-            raise SceneError(f"{UNBUILT}{str(reason).removeprefix(UNBUILT)}") from reason
+            raise SceneError(f"{CANNOT_BE_BUILT}{str(reason).removeprefix(CANNOT_BE_BUILT)}") from reason
     scene = made.scene() if isinstance(made, Mechanism) else made
     if not isinstance(scene, Scene):
-        raise NoMechanism(
+        raise NotAMechanism(
             f"{show(made)} is not a mechanism: give a function returning a mechanism, or {WANTED}."
         )
     return scene
 
 
-class NoMechanism(SceneError):
+class NotAMechanism(SceneError):
     """What was given is no mechanism, and no function that returns one."""
 
 
-def built(mechanism: Any, parameters: Mapping[str, Any]) -> tuple[Scene | None, str]:
+def scene_or_reason(mechanism: Any, parameters: Mapping[str, Any]) -> tuple[Scene | None, str]:
     """The scene of a design, or None and why it could not be built."""
     try:
-        return scene_of(mechanism, parameters), ""
-    except NoMechanism:
+        return build_scene(mechanism, parameters), ""
+    except NotAMechanism:
         raise
     except SceneError as reason:
         if not callable(mechanism):
@@ -195,7 +149,7 @@ def _load(entry: Any, name: str) -> Any:
     return Load(said["name"], link, said["force"], said["moment"], said["at"], said["following"])
 
 
-def loaded(scene: Scene | None, extra: tuple[Load, ...]) -> tuple[Scene | None, str]:
+def add_loads(scene: Scene | None, extra: tuple[Load, ...]) -> tuple[Scene | None, str]:
     """The scene with more loads, or None and why there is none."""
     if scene is None or not extra:
         return scene, ""
@@ -203,13 +157,3 @@ def loaded(scene: Scene | None, extra: tuple[Load, ...]) -> tuple[Scene | None, 
         if load.link not in scene.links:
             return None, f"load '{load.name}' acts on link '{load.link}', which is not part of '{scene.name}'"
     return replace(scene, loads=(*scene.loads, *extra)), ""
-
-
-def fingerprint(lines: Sequence[Line], recipe: Recipe) -> str:
-    """Hash of everything the rows depend on."""
-    records = record_hashes((line.scene for line in lines if line.scene is not None), recipe.method)
-    digest = hashlib.sha256(f"{recipe!r} {records}".encode())
-    for line in lines:
-        scene = line.failure if line.scene is None else line.scene.fingerprint()
-        digest.update(f"{line.number} {dict(line.labels)} {scene} {line.poses}".encode())
-    return digest.hexdigest()

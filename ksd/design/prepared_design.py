@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ksd.design.lines import spoken
-from ksd.design.questions import Asked, Pose, Row, answered, answered_together
+from ksd.design.questions import PoseAnalysis, Questions, Row, answer_batch, answer_questions
+from ksd.design.sweep_path import error_sentence
 from ksd.errors import SceneError
 from ksd.model.arrays import Motion, Work, make_work
 from ksd.model.compile import Model
@@ -26,15 +26,15 @@ SOLVED = (Step("in a batch", 0, 0.0, 0.0, Stop.CONVERGED),)
 """Steps of a pose that questions are asked of; one without an equilibrium is asked nothing."""
 STIFF = {"support_stiffness", "drive_stiffness"}
 """Questions that are answered on the finer mesh, where it is also seen whether the state there is settled and stable."""
-ALONG = 1e-4
+MAX_UNINTENDED_MOTION = 1e-4
 """Unintended motion of joints, in rad and over their length, up to which the Newton step to the finer mesh is tried from the
 reduced state itself, which is off by the square of it."""
 
 
 @dataclass
-class Found:
+class DesignResult:
     """Numbers of one design; rows (N): answers by column; reasons: why a question has none, by pose; waiting: poses that are
-    asked together with those of other designs, see `answer_together`, and whether they are settled; poses: those that were
+    asked together with those of other designs, see `answer_deferred`, and whether they are settled; poses: those that were
     solved, where they are kept."""
 
     links: tuple[str, ...]
@@ -49,7 +49,7 @@ class Found:
     rows: list[Row] = field(default_factory=list)
     reasons: dict[int, str] = field(default_factory=dict)
     compliance: np.ndarray | None = None
-    waiting: list[tuple[int, Pose, bool]] = field(default_factory=list)
+    deferred: list[tuple[int, PoseAnalysis, bool]] = field(default_factory=list)
     poses: list[Configuration] = field(default_factory=list)
 
     @property
@@ -58,7 +58,7 @@ class Found:
         return self.links, self.drives, self.joints
 
 
-class Prepared:
+class PreparedDesign:
     """One design prepared for batches: call it with drive values, arrays of one length by name.
 
     keep: the configurations too; settled: forces and poses asked for are of the equilibrium next to the answer, too.
@@ -71,9 +71,9 @@ class Prepared:
         method: int = REDUCED,
         relinearisations: int = 0,
         tabulated: bool = False,
-        asked: Asked | None = None,
-        keep: bool = False,
-        settled: bool = False,
+        questions: Questions | None = None,
+        keep_configurations: bool = False,
+        equilibrate: bool = False,
     ) -> None:
         if five.model.mesh.plate:
             raise SceneError(
@@ -81,20 +81,20 @@ class Prepared:
                 "ksd.sweep, or leave 'plate' out of what the scene considers"
             )
         self.five, self.method, self.relinearisations = five, method, relinearisations
-        self.keep, self.settled = keep, settled
-        self.asked = asked if asked is not None and asked.questions else None
-        if self.asked is not None:
+        self.keep_configurations, self.equilibrate = keep_configurations, equilibrate
+        self.questions = questions if questions is not None and questions.names else None
+        if self.questions is not None:
             # what is wrong with it is told before anything is solved
             model = five.model
-            if self.asked.freed:
-                row_numbers(model, self.asked.freed)
-            if self.asked.pointed:
-                node_of(model, self.asked.point(model.scene)[0])
+            if self.questions.freed:
+                row_numbers(model, self.questions.freed)
+            if self.questions.has_point_question:
+                node_of(model, self.questions.point(model.scene)[0])
         b = five.storage
         self.tables = joint_tables(b) if tabulated else None
         self._limits = b.limits[:, :2] + ((-np.inf, np.inf) if five.extrapolate else 0.0)
 
-    def __call__(self, values: Mapping[str, np.ndarray]) -> Found:
+    def __call__(self, values: Mapping[str, np.ndarray]) -> DesignResult:
         """All poses, from rest each. Raises SceneError for drives that are not there."""
         model, b = self.five.model, self.five.storage
         model.targets({n: float(v[0]) for n, v in values.items()})
@@ -107,8 +107,8 @@ class Prepared:
         put = Poses(force, x, R, motion, status)
         names = (model.scene.links, model.drive_names, b.bodies.motion_names)
         error = self.tables.error if self.tables else np.nan
-        found = Found(*names, force, x, R, motion, status, error)
-        ask = None if self.asked is None else _Questions(self, self.asked, targets, found)
+        found = DesignResult(*names, force, x, R, motion, status, error)
+        ask = None if self.questions is None else _Questions(self, self.questions, targets, found)
         if self.tables is None:
             space_many(b, targets, self.method, self.relinearisations, self.five.gap, self._limits, put, ask)
         else:
@@ -122,29 +122,36 @@ class Prepared:
 class _Questions:
     """Asks the questions of the states in storage, every pose for itself."""
 
-    def __init__(self, design: Prepared, asked: Asked, targets: np.ndarray, found: Found) -> None:
+    def __init__(
+        self, design: PreparedDesign, questions: Questions, targets: np.ndarray, found: DesignResult
+    ) -> None:
         self.design, self.targets, self.found = design, targets, found
-        self.asked, self.later = asked.alone, len(asked.alone.questions) < len(asked.questions)
-        self.stiff = STIFF.issuperset(asked.questions) and not (design.keep or design.settled)
+        self.questions, self.has_deferred = (
+            questions.single_part,
+            len(questions.single_part.names) < len(questions.names),
+        )
+        self.stiff = STIFF.issuperset(questions.names) and not (
+            design.keep_configurations or design.equilibrate
+        )
         found.rows = [{} for _ in targets]
-        if "support_stiffness" in asked.questions:
+        if "support_stiffness" in questions.names:
             found.compliance = np.full((len(targets), 6, 6), np.nan)
 
     def __call__(self, n: int) -> int:
         """The answers of pose n, of the equilibrium next to it where the method leads to none; returns the status."""
         b, target = self.design.five.storage, self.targets[n]
         motion = answering = b.full.copy()
-        settled = self.design.method != REDUCED or not (self.stiff and self._along())
-        if self.design.method == REDUCED and settled:
+        equilibrate = self.design.method != REDUCED or not (self.stiff and self._along())
+        if self.design.method == REDUCED and equilibrate:
             status, answering = _beside(b.model, motion, target, b.full_work)
             if status:
                 return status
-        pose = Pose(self._posed(answering if self.design.settled else motion, answering, target))
-        self.found.rows[n], _, failed = answered(pose, self.asked)
-        if self.design.keep:
+        pose = PoseAnalysis(self._posed(answering if self.design.equilibrate else motion, answering, target))
+        self.found.rows[n], _, failed = answer_questions(pose, self.questions)
+        if self.design.keep_configurations:
             self.found.poses.append(pose.configuration)
-        if self.later:
-            self.found.waiting.append((n, pose, settled))
+        if self.has_deferred:
+            self.found.deferred.append((n, pose, equilibrate))
         return _note(self.found, n, failed)
 
     def _along(self) -> bool:
@@ -152,7 +159,7 @@ class _Questions:
         b = self.design.five.storage
         off = np.abs(b.off)
         off[:, :3] /= b.bodies.kinematics.length[:, None]
-        return bool(off.max(initial=0.0) <= ALONG)
+        return bool(off.max(initial=0.0) <= MAX_UNINTENDED_MOTION)
 
     def _posed(self, motion: Motion, answering: Motion, target: np.ndarray) -> Configuration:
         """The state as a configuration; answering: the state that questions beyond forces and poses are asked of."""
@@ -175,28 +182,28 @@ def _beside(model: Model, motion: Motion, target: np.ndarray, work: Work) -> tup
     return (0 if negatives == len(target) else UNSTABLE), state
 
 
-def spoken_status(code: int) -> str:
+def status_sentence(code: int) -> str:
     """The status of a pose in words."""
     return SPOKEN[code] if code in SPOKEN else Stop(code).sentence
 
 
-def _note(found: Found, n: int, failed: Mapping[str, Exception]) -> int:
+def _note(found: DesignResult, n: int, failed: Mapping[str, Exception]) -> int:
     """Why questions of pose n were not answered; returns its status."""
     if failed:
         before = [found.reasons[n]] if n in found.reasons else []
-        found.reasons[n] = "; ".join([*before, *(f"{q}: {spoken(why)}" for q, why in failed.items())])
+        found.reasons[n] = "; ".join([*before, *(f"{q}: {error_sentence(why)}" for q, why in failed.items())])
     return UNANSWERED if n in found.reasons else 0
 
 
-def answer_together(designs: Sequence[Found], asked: Asked) -> None:
+def answer_deferred(designs: Sequence[DesignResult], questions: Questions) -> None:
     """Stiffness and stress of all poses of several designs."""
-    waiting = [(found, *one) for found in designs for one in found.waiting]
-    asked = asked.together
-    while waiting:
+    deferred = [(found, *one) for found in designs for one in found.deferred]
+    questions = questions.batch_part
+    while deferred:
         again = []
-        together = answered_together([pose for *_, pose, _ in waiting], asked)
-        for (found, n, pose, settled), known in zip(waiting, together, strict=True):
-            if not (settled or known.stable):
+        together = answer_batch([pose for *_, pose, _ in deferred], questions)
+        for (found, n, pose, equilibrate), known in zip(deferred, together, strict=True):
+            if not (equilibrate or known.stable):
                 # no Newton step to the finer mesh: once more, of the equilibrium next to it
                 model = pose.model
                 target, work = model.targets(pose.targets), make_work(model.arrays)
@@ -204,12 +211,12 @@ def answer_together(designs: Sequence[Found], asked: Asked) -> None:
                 pose.configuration.__dict__["answering"] = state
                 again += [(found, n, pose, True)] if found.status[n] == 0 else []
                 continue
-            row, _, failed = answered(pose, asked, known.rows)
+            row, _, failed = answer_questions(pose, questions, known.rows)
             found.rows[n] |= row
             if found.compliance is not None and "support_stiffness" not in failed:
                 alone = known.compliance is None
-                found.compliance[n] = pose.stiffness_at(asked).compliance if alone else known.compliance
+                found.compliance[n] = pose.stiffness_at(questions).compliance if alone else known.compliance
             found.status[n] = _note(found, n, failed)
-        waiting = again
+        deferred = again
     for found in designs:
-        found.waiting.clear()
+        found.deferred.clear()

@@ -6,20 +6,23 @@ import math
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
+import numpy as np
+
 from ksd.design.questions import (
-    CAUGHT,
-    NOTHING,
-    Asked,
-    Before,
-    Pose,
-    answered,
-    answered_together,
-    columns_of_drives,
+    NOT_ANSWERED,
+    POSE_ERRORS,
+    PoseAnalysis,
+    PreviousPose,
+    Questions,
+    answer_batch,
+    answer_questions,
+    drive_columns,
 )
 from ksd.design.table import OK, STATUS
-from ksd.errors import ConvergenceError
+from ksd.errors import ConvergenceError, SceneError
 from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.model.orders import raised
 from ksd.properties.mesh_adequacy import mode_adequacy
@@ -31,6 +34,8 @@ from ksd.solve.solver import DEFAULT_ACCURACY, MOST_RISES, Method, Solver
 from ksd.solve.verdict import mesh_check
 
 Row = dict[str, Any]
+DrivePaths = list[tuple[dict[str, float], ...]]
+"""Drive values by name [m or rad] of the poses of every path."""
 CHUNK = 32
 """Poses of a line that are solved before they are asked."""
 
@@ -41,18 +46,18 @@ class Recipe:
     it was found, and what is warned of, and modes keep their names along a line; without, a pose that is not stable has no
     answers, and its modes have the names of `Modes.names`."""
 
-    asked: Asked
+    questions: Questions
     method: Method | None = None
     accuracy: float | None = None
     relinearisations: int = 0
     mesh: Mesh | None = None
     extrapolate: bool = False
     effects: tuple[tuple[str, Any], ...] = ()
-    judged: bool = True
+    with_verdict: bool = True
 
 
 @dataclass(frozen=True)
-class Line:
+class SweepPath:
     """number: place in the sweep; labels: design parameters and load case; scene: None where the design could not be
     built, `failure` says why; poses: drive values by name [m or rad], in the order they are walked. like: a design that
     could be built, whose drives name the columns of this one."""
@@ -60,28 +65,49 @@ class Line:
     number: int
     labels: Mapping[str, Any]
     scene: Any
-    poses: tuple[Mapping[str, float], ...]
+    drive_values: tuple[Mapping[str, float], ...]
     failure: str = ""
-    like: Any = None
+    reference_scene: Any = None
 
 
-def blank_rows(line: Line, reason: str, *, first: int = 0) -> list[Row]:
+def drive_paths(arrays: Mapping[str, np.ndarray], *, together: bool) -> DrivePaths:
+    """Paths through drive values: the drive named last moves along a path; together: all arrays move in step."""
+    moving = [n for n, v in arrays.items() if len(v) > 1]
+    if not together:
+        outer, last = moving[:-1], moving[-1:]
+    else:
+        outer, last = [], moving
+        if len({len(arrays[n]) for n in moving}) > 1:
+            sizes = ", ".join(f"{n}: {len(arrays[n])}" for n in moving)
+            raise SceneError(f"together=True needs as many values for every drive, not {sizes}")
+    fixed = {n: float(v[0]) for n, v in arrays.items() if n not in moving}
+    steps = [
+        dict(zip(last, row, strict=True)) for row in zip(*(arrays[n].tolist() for n in last), strict=True)
+    ]
+    found: DrivePaths = []
+    for combination in product(*(arrays[n].tolist() for n in outer)):
+        held = dict(zip(outer, combination, strict=True))
+        found.append(tuple({n: {**fixed, **held, **s}[n] for n in arrays} for s in steps or [{}]))
+    return found
+
+
+def unanswered_rows(path: SweepPath, reason: str, *, first: int = 0) -> list[Row]:
     """Rows that say why there are no numbers, from pose `first` on."""
-    return [_labels(line, values) | {STATUS: reason} for values in line.poses[first:]]
+    return [_labels(path, values) | {STATUS: reason} for values in path.drive_values[first:]]
 
 
-def _labels(line: Line, values: Mapping[str, float]) -> Row:
+def _labels(path: SweepPath, values: Mapping[str, float]) -> Row:
     """Labels of a row: those of its line, and drive values in the units of their columns."""
-    scene = line.like if line.scene is None else line.scene
-    known = {} if scene is None else columns_of_drives(scene)
-    row: Row = dict(line.labels)
+    scene = path.reference_scene if path.scene is None else path.scene
+    known = {} if scene is None else drive_columns(scene)
+    row: Row = dict(path.labels)
     for name, value in values.items():
         column, factor = known.get(name, (name, 1.0))
         row[column] = factor * value
     return row
 
 
-class Walk:
+class PathSolver:
     """Solves the poses of a line one after another; conventional poses start from the one before."""
 
     def __init__(self, solver: Solver, recipe: Recipe) -> None:
@@ -128,44 +154,44 @@ class Walk:
         return mesh_check(settled(self.solver, walked, 0.1 * accuracy)[0], accuracy)
 
 
-def fine_enough(line: Line, recipe: Recipe, solver: Solver | None) -> Walk:
+def adequate_solver(path: SweepPath, recipe: Recipe, solver: Solver | None) -> PathSolver:
     """A walk with the solver given, or a new one; without a mesh asked for, its curvature modes raised until they are enough
     at the farthest pose of the line and at the nearest, as `ksd.solve` does. Errors of `Solver`; a pose that fails says so
     when walked."""
     words = {"extrapolate": recipe.extrapolate, **dict(recipe.effects)}
-    solver = solver or Solver(line.scene, mesh=recipe.mesh, **words)
-    walk, rises = Walk(solver, recipe), MOST_RISES if recipe.mesh is None else 0
+    solver = solver or Solver(path.scene, mesh=recipe.mesh, **words)
+    walk, rises = PathSolver(solver, recipe), MOST_RISES if recipe.mesh is None else 0
     farthest, nearest = (
-        end(line.poses, key=lambda pose: sum(v * v for v in pose.values())) for end in (max, min)
+        end(path.drive_values, key=lambda pose: sum(v * v for v in pose.values())) for end in (max, min)
     )
     for values in (farthest,) if nearest is farthest else (farthest, nearest):
         while rises:
             try:
                 found = walk.aside(values)
-            except CAUGHT:
+            except POSE_ERRORS:
                 break
             walk.known[frozenset(values.items())] = found
             share, _, axis, _ = mode_adequacy(found.model, found.motion)
             if share <= (recipe.accuracy or DEFAULT_ACCURACY):
                 break
-            walk = Walk(Solver(line.scene, mesh=raised(walk.solver.model.mesh, axis), **words), recipe)
+            walk = PathSolver(Solver(path.scene, mesh=raised(walk.solver.model.mesh, axis), **words), recipe)
             rises -= 1
     return walk
 
 
-def enough_modes(lines: Iterable[Line], recipe: Recipe) -> Mesh:
+def adequate_mesh(paths: Iterable[SweepPath], recipe: Recipe) -> Mesh:
     """The usual mesh with the curvature modes that are enough at the farthest poses of all lines; those that fail say so
     when walked."""
     found = [DEFAULT_MESH]
-    for line in (line for line in lines if line.scene is not None):
-        with suppress(*CAUGHT):
-            found.append(fine_enough(line, recipe, None).solver.model.mesh)
+    for path in (path for path in paths if path.scene is not None):
+        with suppress(*POSE_ERRORS):
+            found.append(adequate_solver(path, recipe, None).solver.model.mesh)
     nx, ny, nz = (max(mesh.orders[axis] for mesh in found) for axis in range(3))
     return replace(DEFAULT_MESH, orders=(nx, ny, nz), points=max(mesh.points for mesh in found))
 
 
-def run_line(
-    line: Line,
+def run_path(
+    path: SweepPath,
     recipe: Recipe,
     solver: Solver | None,
     rows: list[Row],
@@ -173,68 +199,74 @@ def run_line(
 ) -> Solver | None:
     """Walk a line, appending a row per pose to `rows` and what was found to `poses`, if given; returns the solver for a next
     line of the same scene."""
-    if line.scene is None:
-        rows.extend(blank_rows(line, line.failure))
+    if path.scene is None:
+        rows.extend(unanswered_rows(path, path.failure))
         return None
     try:
-        walk = fine_enough(line, recipe, solver)
-    except CAUGHT as reason:
-        rows.extend(blank_rows(line, spoken(reason)))
+        walk = adequate_solver(path, recipe, solver)
+    except POSE_ERRORS as reason:
+        rows.extend(unanswered_rows(path, error_sentence(reason)))
         return None
-    before = Before(between=walk.aside)
-    for first in range(0, len(line.poses), CHUNK):
-        found = [_walked(walk, values) for values in line.poses[first : first + CHUNK]]
+    before = PreviousPose(between=walk.aside)
+    for first in range(0, len(path.drive_values), CHUNK):
+        found = [_walked(walk, values) for values in path.drive_values[first : first + CHUNK]]
         good, last = [pose for pose in found if not isinstance(pose, str)], walk.before
         if poses is not None:
             poses += good
         # an error figure is asked question by question
-        known = iter([NOTHING] * len(good) if recipe.asked.errors else answered_together(good, recipe.asked))
-        for values, pose in zip(line.poses[first:], found, strict=False):
-            row = _labels(line, values)
+        known = iter(
+            [NOT_ANSWERED] * len(good) if recipe.questions.errors else answer_batch(good, recipe.questions)
+        )
+        for values, pose in zip(path.drive_values[first:], found, strict=False):
+            row = _labels(path, values)
             if isinstance(pose, str):
                 rows.append(row | {STATUS: pose})
                 continue
-            if not recipe.judged and pose.negatives != pose.expected:
+            if not recipe.with_verdict and pose.negatives != pose.expected:
                 rows.append(row | {STATUS: SPOKEN[UNSTABLE]})
                 continue
             walk.go_on_from(pose)
-            own = Pose(pose, before if recipe.judged else Before())
-            told, before, troubles = answered(own, recipe.asked, next(known).rows)
+            own = PoseAnalysis(pose, before if recipe.with_verdict else PreviousPose())
+            told, before, troubles = answer_questions(own, recipe.questions, next(known).rows)
             row |= told
-            if recipe.judged:
+            if recipe.with_verdict:
                 row |= {
                     "stable": float(pose.stable),
                     "method": pose.method,
                     "warnings": "; ".join(pose.warnings),
                 }
             rows.append(
-                row | {STATUS: "; ".join(f"{name}: {spoken(why)}" for name, why in troubles.items()) or OK}
+                row
+                | {
+                    STATUS: "; ".join(f"{name}: {error_sentence(why)}" for name, why in troubles.items())
+                    or OK
+                }
             )
         walk.go_on_from(last)
     return walk.solver
 
 
-def _walked(walk: Walk, values: Mapping[str, float]) -> Configuration | str:
+def _walked(walk: PathSolver, values: Mapping[str, float]) -> Configuration | str:
     """The pose at drive values, or why there is none."""
     try:
         return walk.pose(values)
-    except CAUGHT as reason:
-        return spoken(reason)
+    except POSE_ERRORS as reason:
+        return error_sentence(reason)
 
 
-def run_block(lines: tuple[Line, ...], recipe: Recipe) -> list[list[Row]]:
+def run_paths(paths: tuple[SweepPath, ...], recipe: Recipe) -> list[list[Row]]:
     """Rows of every line of a block; what a worker process is asked to do."""
     found: list[list[Row]] = []
     solver, scene = None, None
-    for line in lines:
+    for path in paths:
         rows: list[Row] = []
-        solver = run_line(line, recipe, solver if line.scene is scene else None, rows)
-        scene = line.scene
+        solver = run_path(path, recipe, solver if path.scene is scene else None, rows)
+        scene = path.scene
         found.append(rows)
     return found
 
 
-def spoken(reason: Exception) -> str:
+def error_sentence(reason: Exception) -> str:
     """One sentence for a table."""
     text = " ".join(str(reason).split()) or type(reason).__name__
     reached = getattr(reason, "reached", None)

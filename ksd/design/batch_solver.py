@@ -17,8 +17,8 @@ import numpy as np
 from ksd.bodies.joints import check_proportions, joint_bodies_of_design, joint_layout
 from ksd.bodies.mobility import check_mobility
 from ksd.design.arguments import submit_task
-from ksd.design.plan import scene_of
-from ksd.design.prepared import Found, Prepared, answer_together
+from ksd.design.design_scene import build_scene
+from ksd.design.prepared_design import DesignResult, PreparedDesign, answer_deferred
 from ksd.errors import KsdError
 from ksd.library import Record, find_record
 from ksd.model.compile import model_of
@@ -31,7 +31,7 @@ from ksd.solve.five import FiveSteps
 
 S = TypeVar("S")
 T = TypeVar("T")
-Maker = Callable[[], Scene]
+SceneFactory = Callable[[], Scene]
 CHUNK = 64
 """Designs whose numbers are computed together."""
 
@@ -59,17 +59,29 @@ def _each(step: Callable[[S], T], numbered: Iterable[tuple[int, S]], found: list
     return made
 
 
-class Designs:
-    """Solves designs at drive values; ways: method, relinearisations, tabulated (`Prepared`); mesh: the usual when None."""
+class BatchSolver:
+    """Solves designs at drive values.
+
+    options: keyword arguments of `PreparedDesign`; mesh: `DEFAULT_MESH` when None.
+    """
 
     def __init__(
-        self, values: Mapping[str, np.ndarray], ways: Mapping[str, Any], mesh: Mesh | None, extrapolate: bool
+        self,
+        values: Mapping[str, np.ndarray],
+        options: Mapping[str, Any],
+        mesh: Mesh | None,
+        extrapolate: bool,
     ) -> None:
-        self.values, self.ways, self.mesh, self.extrapolate = values, ways, mesh or DEFAULT_MESH, extrapolate
+        self.values, self.options, self.mesh, self.extrapolate = (
+            values,
+            options,
+            mesh or DEFAULT_MESH,
+            extrapolate,
+        )
         self._own = threading.local()
         self._records: dict[str, Record] = {}
 
-    def solve(self, makers: Sequence[Maker], threads: int) -> list[Any]:
+    def solve(self, makers: Sequence[SceneFactory], threads: int) -> list[Any]:
         """What was found of every design, or the KsdError that stopped it."""
         # the first one alone, so that kernels are compiled once
         found = self._chunk(makers[:1])
@@ -82,10 +94,10 @@ class Designs:
 
     def solve_in(self, executor: Any, mechanism: Any, designs: Sequence[Mapping[str, Any]]) -> list[Any]:
         """As `solve`, in the workers of a concurrent.futures executor; `mechanism` must be known there by name."""
-        said = (mechanism, self.values, self.ways, self.mesh, self.extrapolate)
-        return in_blocks(executor, designs, CHUNK, _elsewhere, said)
+        said = (mechanism, self.values, self.options, self.mesh, self.extrapolate)
+        return run_in_blocks(executor, designs, CHUNK, _elsewhere, said)
 
-    def _chunk(self, makers: Sequence[Maker]) -> list[Any]:
+    def _chunk(self, makers: Sequence[SceneFactory]) -> list[Any]:
         """Some designs in one thread."""
         found: list[Any] = [None] * len(makers)
         scenes = _each(lambda maker: maker(), enumerate(makers), found)
@@ -146,16 +158,16 @@ class Designs:
             try:
                 five = FiveSteps(models[d], bodies[d], extrapolate=self.extrapolate, storage=storage, fit=fit)
                 storage = five.storage
-                found[number] = Prepared(five, **self.ways)(self.values)
+                found[number] = PreparedDesign(five, **self.options)(self.values)
             except KsdError as reason:
                 found[number] = reason
         mine.update(layout=layout, storage=storage)
-        if self.ways.get("asked") is not None:
-            good = [found[number] for number, _ in fits if isinstance(found[number], Found)]
-            answer_together(good, self.ways["asked"])
+        if self.options.get("questions") is not None:
+            good = [found[number] for number, _ in fits if isinstance(found[number], DesignResult)]
+            answer_deferred(good, self.options["questions"])
 
 
-def in_blocks(
+def run_in_blocks(
     executor: Any,
     designs: Sequence[Mapping[str, Any]],
     least: int,
@@ -170,12 +182,12 @@ def in_blocks(
     return [found for job in waiting for found in job.result()]
 
 
-def makers_of(mechanism: Any, designs: Sequence[Mapping[str, Any]]) -> list[Maker]:
+def scene_factories(mechanism: Any, designs: Sequence[Mapping[str, Any]]) -> list[SceneFactory]:
     """What makes each design."""
-    return [lambda d=d: scene_of(mechanism, d) for d in designs]  # type: ignore[misc]
+    return [lambda d=d: build_scene(mechanism, d) for d in designs]  # type: ignore[misc]
 
 
 def _elsewhere(said: tuple[Any, ...], designs: list[Mapping[str, Any]]) -> list[Any]:
     """Some designs in a worker of an executor."""
     mechanism, *words = said
-    return Designs(*words).solve(makers_of(mechanism, designs), 1)
+    return BatchSolver(*words).solve(scene_factories(mechanism, designs), 1)
