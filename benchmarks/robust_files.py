@@ -31,7 +31,7 @@ from ksd.design.resume import ResumeFile  # noqa: E402
 from ksd.errors import KsdError  # noqa: E402
 from ksd.library import read_record, read_result  # noqa: E402
 from ksd.library.record_files import shipped_folder  # noqa: E402
-from ksd.library.result_files import write_answer  # noqa: E402
+from ksd.library.result_files import write_result  # noqa: E402
 
 SEALED = {"record", "table", "result"}
 
@@ -63,7 +63,7 @@ def kinds(folder: Path) -> dict:
     record.write_bytes((shipped_folder() / record.name).read_bytes())
     columns = {n: tuple(float(k) for k in range(31)) for n in ("top_mm", "force_N")}
     table = Table({**columns, "status": ("ok",) * 31}, ("top_mm",)).to_hdf5(folder / "table.h5")
-    answer = write_answer({n: list(v) for n, v in columns.items()}, folder / "answer.json")
+    answer = write_result({n: list(v) for n, v in columns.items()}, folder / "answer.json")
     np.savez(folder / "arm.npz", K=stiffness(), points=POINTS)
     with h5py.File(folder / "arm.h5", "w") as file:
         file["K"], file["points"] = stiffness(), POINTS

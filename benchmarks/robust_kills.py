@@ -21,7 +21,7 @@ from test_damage import SMALLEST, all_refused, killed_training  # noqa: E402
 
 from ksd.design import Table  # noqa: E402
 from ksd.library import read_record, read_result  # noqa: E402
-from ksd.library.result_files import write_answer  # noqa: E402
+from ksd.library.result_files import write_result  # noqa: E402
 
 
 def main() -> int:
@@ -38,7 +38,7 @@ def main() -> int:
         record.write_bytes(SMALLEST.read_bytes())
         columns = {n: tuple(rng.normal(size=31).tolist()) for n in ("top_mm", "force_N")}
         table = Table({**columns, "status": ("ok",) * 31}, ("top_mm",)).to_hdf5(folder / "table.h5")
-        answer = write_answer({n: list(v) for n, v in columns.items()}, folder / "answer.json")
+        answer = write_result({n: list(v) for n, v in columns.items()}, folder / "answer.json")
         for path, read in ((record, read_record), (table, Table.from_hdf5), (answer, read_result)):
             got = all_refused(path, read, rng, **many)
             through += got

@@ -158,7 +158,7 @@ def of_family(family: type[ksd.Joint]) -> schema.Schema:
     given = inspect.signature(family).parameters
     return {
         key: kind.replace("[]", "") if str(given[key].annotation).startswith("float") else kind
-        for key, kind in schema.of_family(family).items()
+        for key, kind in schema.family_schema(family).items()
     }
 
 

@@ -54,7 +54,7 @@ def record(monkeypatch):
 @pytest.fixture
 def no_record(monkeypatch, tmp_path):
     """A place without any joint record."""
-    monkeypatch.setattr("ksd.library.record_files._folders", lambda: [str(tmp_path / "none")])
+    monkeypatch.setattr("ksd.library.record_files._folder_names", lambda: [str(tmp_path / "none")])
 
 
 @pytest.fixture

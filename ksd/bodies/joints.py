@@ -34,7 +34,7 @@ from ksd.model.template import (
     motion_design,
     of_design,
 )
-from ksd.scene.joint import DrawnJoint, leaves_of, proportions
+from ksd.scene.joint import DrawnJoint, joint_leaves, joint_proportions
 
 T = TypeVar("T", JointKinematics, InteriorFunctions)
 LOOP_FLOATS = ("anchor", "frame", "length", "pose")
@@ -454,7 +454,7 @@ def _of_design(part: T, names: Sequence[str], d: int) -> T:
 
 def _check_record(joint: Any, record: Record, mesh: str | int) -> None:
     """RecordError for a record of another joint, and for a chain it cannot stand for."""
-    leaves = leaves_of(joint)
+    leaves = joint_leaves(joint)
     inner = [name for name in joint.blocks() if name not in ("A", "B")]
     counts = [
         (len(leaves), len(record.leaves), "leaf springs"),
@@ -479,7 +479,7 @@ def _check_record(joint: Any, record: Record, mesh: str | int) -> None:
 
 def check_proportions(joint: Any, record: Record) -> None:
     """RecordError for a joint drawn in other proportions than the one its record is of."""
-    for what, own in proportions(joint).items() if isinstance(joint, DrawnJoint) else ():
+    for what, own in joint_proportions(joint).items() if isinstance(joint, DrawnJoint) else ():
         theirs = record.design.get(what, own)
         if abs(own - theirs) > REDRAWN * max(1.0, abs(own)):
             raise RecordError(

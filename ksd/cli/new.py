@@ -11,7 +11,7 @@ from ksd.cli.schema import schema_text
 from ksd.errors import SceneError
 from ksd.files import write_file
 from ksd.scene.toml_file import shipped_scenes
-from ksd.scene.toml_writer import quoted
+from ksd.scene.toml_writer import toml_string
 
 SCHEMA, JOB_SCHEMA = "ksd.schema.json", "ksd.job.schema.json"
 """Names of the schema beside a scene and beside a job."""
@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
 def started(text: str, like: str, name: str) -> str:
     """The shipped scene `like` under another name, its comments too, with the line by which editors find the schema."""
     # a job is named like its scene
-    text = text.replace(f'\nname = "{like.removesuffix("_job")}"\n', f"\nname = {quoted(name)}\n", 1)
+    text = text.replace(f'\nname = "{like.removesuffix("_job")}"\n', f"\nname = {toml_string(name)}\n", 1)
     schema = JOB_SCHEMA if like.endswith("_job") else SCHEMA
     lines = [s.replace(f"{like}.", f"{name}.") if s.startswith("#") else s for s in text.splitlines()]
     return "\n".join([f"#:schema ./{schema}", *lines]) + "\n"

@@ -12,7 +12,7 @@ from ksd.design.job_file import load_job
 from ksd.design.optimise import optimise
 from ksd.errors import SceneError
 from ksd.files import check_target
-from ksd.scene.formula import amount
+from ksd.scene.formula import si_value
 from ksd.scene.toml_file import save_scene
 
 
@@ -28,7 +28,7 @@ def run(options: argparse.Namespace) -> int:
     words |= {k: v for k in ("starts", "method", "robust", "seed") if (v := getattr(options, k)) is not None}
     if options.start:
         said = dict(_pair(text, "--start") for text in options.start)
-        words["start"] = {n: amount(_plain(v), f"--start {n}") for n, v in said.items()}
+        words["start"] = {n: si_value(_plain(v), f"--start {n}") for n, v in said.items()}
     if not words.get("robust", 0.0):
         # the file may hold the scatter of a robust optimum that is not asked for now
         words = {k: v for k, v in words.items() if k not in ("robust", "spread")}

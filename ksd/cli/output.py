@@ -12,7 +12,7 @@ from typing import Any
 from rich.console import Console
 
 from ksd.files import check_target
-from ksd.library.result_files import write_answer
+from ksd.library.result_files import write_result
 from ksd.properties.printing import TABLE_WIDTH
 from ksd.view.figure import check_picture
 
@@ -67,4 +67,4 @@ def write_json(numbers: dict[str, Any], path: str) -> None:
     if path == STDOUT:
         sys.stdout.write(json.dumps(numbers, indent=1, allow_nan=False) + "\n")
         return
-    write_answer(numbers, path)
+    write_result(numbers, path)

@@ -13,7 +13,7 @@ from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.errors import SceneError, SceneWarning
 from ksd.model.mesh import Mesh
 from ksd.scene import Scene
-from ksd.scene.plausibility import meant_in
+from ksd.scene.plausibility import likely_unit
 from ksd.scene.toml_file import load_scene
 from ksd.scene.toml_table import quantity
 from ksd.solve.solver import solve
@@ -116,7 +116,7 @@ def drive_value(scene: Any, text: str) -> tuple[str, float]:
         plain = value
     dimension = drives[name].dimension
     found = quantity(plain, dimension, f"--set {name}")
-    unit = meant_in(found, dimension, name) if isinstance(plain, float) else ""
+    unit = likely_unit(found, dimension, name) if isinstance(plain, float) else ""
     if unit:
         si = next(iter(DIMENSIONS[dimension]))
         warnings.warn(

@@ -15,7 +15,7 @@ import numpy as np
 from ksd.cli.output import console, interrupted
 from ksd.errors import RecordError
 from ksd.library import find_record
-from ksd.library.record_files import SUFFIX, record_in_use, where_looked_for
+from ksd.library.record_files import RECORD_SUFFIX, find_record_file, lookup_hint
 from ksd.train import known_designs, train, up_to_date
 from ksd.train.run import record_path
 
@@ -54,7 +54,7 @@ def _train(family: str, options: argparse.Namespace) -> None:
         screen.print(f"  {group}: largest error {worst.fresh_max:.2g} on fresh shapes, mesh {worst.mesh}")
     for message in told:
         screen.print(f"  warning: {message.message}", soft_wrap=True)
-    if unused := where_looked_for(record_path(family, options.out), family):
+    if unused := lookup_hint(record_path(family, options.out), family):
         screen.print(f"  {unused}", soft_wrap=True)
 
 
@@ -63,8 +63,8 @@ def _check(family: str, options: argparse.Namespace) -> None:
     kept = find_record(family)
     with TemporaryDirectory() as folder:
         made = train(family, out=Path(folder), trained=kept.trained, resume=False, progress=not options.quiet)
-        file = Path(folder) / f"{family}{SUFFIX}"
-        in_use = record_in_use(family)
+        file = Path(folder) / f"{family}{RECORD_SUFFIX}"
+        in_use = find_record_file(family)
         same = in_use is not None and file.read_bytes() == Path(in_use[0]).read_bytes()
     said = "the record is, byte for byte, what the sources give" if same else _difference(kept, made)
     console().print(f"{family}: {said}", soft_wrap=True)

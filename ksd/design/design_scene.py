@@ -15,7 +15,7 @@ from ksd.design.arguments import check_design_parameters
 from ksd.errors import SceneError
 from ksd.scene import Mechanism, Scene
 from ksd.scene.load import Load
-from ksd.scene.scene import WANTED
+from ksd.scene.scene import MECHANISM_HINT
 
 MechanismLike = Mechanism | Scene | Callable[..., Mechanism | Scene]
 """A mechanism, or a function of its parameters that draws one."""
@@ -70,7 +70,7 @@ def build_scene(mechanism: Any, parameters: Mapping[str, Any]) -> Scene:
     scene = made.scene() if isinstance(made, Mechanism) else made
     if not isinstance(scene, Scene):
         raise NotAMechanism(
-            f"{show(made)} is not a mechanism: give a function returning a mechanism, or {WANTED}."
+            f"{show(made)} is not a mechanism: give a function returning a mechanism, or {MECHANISM_HINT}."
         )
     return scene
 

@@ -29,10 +29,19 @@ from ksd.errors import SceneError
 from ksd.files import named_file
 from ksd.scene import toml_schema as schema
 from ksd.scene.drive import Drive
-from ksd.scene.formula import Keys, amount, dimension_of, evaluated, item_at, names_in, slot, spoken
+from ksd.scene.formula import (
+    Keys,
+    dimension_of,
+    evaluate_formula,
+    format_keys,
+    index_of,
+    known_keys,
+    si_value,
+    value_at,
+)
 from ksd.scene.mechanism import Mechanism
-from ksd.scene.toml_file import parsed_file, scene_of_tables
-from ksd.scene.toml_table import Table, placed_at, quantity
+from ksd.scene.toml_file import read_tables, scene_from_tables
+from ksd.scene.toml_table import Table, error_location, quantity
 
 JOB_KEYS = {
     "scene": "text", "link": "text", "at": "length[3]", "maximise": "any", "minimise": "any", "limits": "any",
@@ -65,16 +74,16 @@ class VariedScene:
         return self.file.name
 
     def __call__(self, **parameters: float) -> Mechanism:
-        return scene_of_tables(self.filled(parameters), self.file)[0]
+        return scene_from_tables(self.filled(parameters), self.file)[0]
 
     def filled(self, parameters: Mapping[str, float]) -> dict[str, Any]:
         """The tables with these numbers, formulas worked out."""
         tables: dict[str, Any] = _copied(self.tables)
         for name, keys in self.varied:
             _put(tables, keys, parameters[name])
-        worked = [(keys, item_at(tables, keys, self.file.name)) for keys in self.formulas]
-        with placed_at(self.file.name):
-            for keys, value in [(k, evaluated(v.lstrip()[1:], tables)) for k, v in worked]:
+        worked = [(keys, value_at(tables, keys, self.file.name)) for keys in self.formulas]
+        with error_location(self.file.name):
+            for keys, value in [(k, evaluate_formula(v.lstrip()[1:], tables)) for k, v in worked]:
                 _put(tables, keys, value)
         return tables
 
@@ -91,7 +100,7 @@ class WrittenRule:
         return self.formula
 
     def __call__(self, parameters: Mapping[str, float]) -> float:
-        return evaluated(self.formula, self.scene.filled(parameters))
+        return evaluate_formula(self.formula, self.scene.filled(parameters))
 
 
 def load_job(path: str | os.PathLike[str], *, drives: Mapping[str, str] | None = None) -> JobFile:
@@ -101,7 +110,7 @@ def load_job(path: str | os.PathLike[str], *, drives: Mapping[str, str] | None =
     file, table and key, for what is wrong in it, and what `ksd.Job` raises.
     """
     file = named_file(path, "job file")
-    tables = parsed_file(file)
+    tables = read_tables(file)
     top = Table({k: tables.pop(k) for k in ("job", "optimise") if k in tables}, file.name)
     said, optimise = top.table("job"), top.table("optimise")
     if "job" not in top:
@@ -117,7 +126,7 @@ def load_job(path: str | os.PathLike[str], *, drives: Mapping[str, str] | None =
     function = VariedScene(tables, place, tuple(varied.items()), formulas)
 
     def built(**parameters: float) -> tuple[Mechanism, dict[str, float]]:
-        mechanism, targets, *_ = scene_of_tables(function.filled(parameters), place)
+        mechanism, targets, *_ = scene_from_tables(function.filled(parameters), place)
         mechanism.scene()
         return mechanism, targets
 
@@ -136,7 +145,7 @@ def load_job(path: str | os.PathLike[str], *, drives: Mapping[str, str] | None =
         "rules": tuple(WrittenRule(function, rule) for rule in _texts(words.get("rules", []), said.where))
     }
     words |= {"limits": _limits(words.get("limits")), "loads": loads}
-    with placed_at(file.name):
+    with error_location(file.name):
         job = Job(function, vary=bounds, targets=values, **words)
     return JobFile(job, _optimise_words(optimise, varied))
 
@@ -160,7 +169,7 @@ def _scene_tables(tables: dict[str, Any], file: Path, name: str | None) -> tuple
         raise SceneError(
             f"{file.name}: [job] names the scene file '{name}', but '{next(iter(tables))}' stands here too; keep one of them"
         )
-    return parsed_file(file.parent / name), file.parent / name
+    return read_tables(file.parent / name), file.parent / name
 
 
 def _varied(
@@ -171,11 +180,14 @@ def _varied(
     bounds: dict[str, tuple[float, float]] = {}
     fixed: list[tuple[Keys, float]] = []
     for way, given in _leaves(vary.values, ()):
-        with placed_at(vary.where):
+        with error_location(vary.where):
             place = _place(tables, way)
             here = _there(tables, place)
             if not isinstance(here, list):
-                keys[spoken(place)], bounds[spoken(place)] = place, _range(given, spoken(place), here)
+                keys[format_keys(place)], bounds[format_keys(place)] = (
+                    place,
+                    _range(given, format_keys(place), here),
+                )
                 continue
             if (
                 not isinstance(given, list)
@@ -183,15 +195,15 @@ def _varied(
                 or not any(isinstance(g, list) for g in given)
             ):
                 raise SceneError(
-                    f"{spoken(place)} = {show(given)}: it is a list of {len(here)} in the scene; give least and most of "
-                    'every item that varies and a value of the others, such as [["10 mm", "60 mm"], "20 mm"]'
+                    f"{format_keys(place)} = {show(given)}: it is a list of {len(here)} in the scene; give least and most "
+                    'of every item that varies and a value of the others, such as [["10 mm", "60 mm"], "20 mm"]'
                 )
             for k, (item, old) in enumerate(zip(given, here, strict=True)):
-                name = spoken((*place, k))
+                name = format_keys((*place, k))
                 if isinstance(item, list):
                     keys[name], bounds[name] = (*place, k), _range(item, name, old)
                 else:
-                    fixed.append(((*place, k), amount(item, name)))
+                    fixed.append(((*place, k), si_value(item, name)))
     if not keys:
         raise SceneError(
             f"{vary.where}: give least and most of what varies, joint.cross.thickness = ['0.2 mm', '1 mm']"
@@ -212,12 +224,12 @@ def _place(tables: Any, way: Sequence[str]) -> Keys:
     place: Keys = ()
     here = tables
     for k, key in enumerate(way):
-        at = slot(here, key)
+        at = index_of(here, key)
         new = k == len(way) - 1 and isinstance(here, dict)
         if at is None or (isinstance(here, dict) and at not in here and not new):
-            inside = f" in {spoken(place)}" if place else ""
+            inside = f" in {format_keys(place)}" if place else ""
             raise SceneError(
-                f"{'.'.join(way)}: there is no '{key}'{inside} in the scene{name_hint(key, names_in(here))}"
+                f"{'.'.join(way)}: there is no '{key}'{inside} in the scene{name_hint(key, known_keys(here))}"
             )
         # arrays of tables are counted from 1
         place = (*place, key if isinstance(at, str) or not key.isdecimal() else int(key))
@@ -227,8 +239,8 @@ def _place(tables: Any, way: Sequence[str]) -> Keys:
 
 def _there(tables: Any, place: Keys) -> Any:
     """What stands at a place, None where it is new."""
-    parent = item_at(tables, place[:-1], "")
-    return parent.get(place[-1]) if isinstance(parent, dict) else item_at(tables, place, "")
+    parent = value_at(tables, place[:-1], "")
+    return parent.get(place[-1]) if isinstance(parent, dict) else value_at(tables, place, "")
 
 
 def _range(given: Any, name: str, old: Any) -> tuple[float, float]:
@@ -239,14 +251,14 @@ def _range(given: Any, name: str, old: Any) -> tuple[float, float]:
     for end in given:
         if wanted is not None and isinstance(end, str):
             quantity(end, wanted, name)
-    low, high = (amount(end, name) for end in given)
+    low, high = (si_value(end, name) for end in given)
     return low, high
 
 
 def _put(tables: Any, keys: Keys, value: float) -> None:
     """Write a number at its place."""
-    parent = item_at(tables, keys[:-1], "")
-    parent[slot(parent, keys[-1])] = value
+    parent = value_at(tables, keys[:-1], "")
+    parent[index_of(parent, keys[-1])] = value
 
 
 def _formulas(values: Any, way: Keys) -> list[Keys]:
@@ -272,7 +284,7 @@ def _drive_values(
         )
     found = {}
     for name, value in said.items():
-        with placed_at(drives.where):
+        with error_location(drives.where):
             if name not in known:
                 raise SceneError(f"there is no drive '{name}'{name_hint(name, known)}")
             found[name] = _stroke(value, known[name].dimension, name)
@@ -340,14 +352,14 @@ def _optimise_words(table: Table, varied: Mapping[str, Keys]) -> dict[str, Any]:
         inside = table.table(key)
         own: dict[str, float] = {}
         for way, value in _leaves(inside.values, ()):
-            name = next((n for n, keys in varied.items() if _same(keys, way)), spoken(way))
-            with placed_at(inside.where):
+            name = next((n for n, keys in varied.items() if _same(keys, way)), format_keys(way))
+            with error_location(inside.where):
                 if isinstance(value, list):
                     # items that do not vary have a place in the list, and nothing to be said of
                     items = {f"{name}[{k}]": v for k, v in enumerate(value)}
-                    own |= {n: amount(v, n) for n, v in items.items() if n in varied}
+                    own |= {n: si_value(v, n) for n, v in items.items() if n in varied}
                 else:
-                    own[name] = amount(value, name)
+                    own[name] = si_value(value, name)
         if own:
             words[key] = own
     table.finish()

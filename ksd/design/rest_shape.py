@@ -26,13 +26,18 @@ from ksd.model.leaves import cut_leaves
 from ksd.model.mesh import Mesh
 from ksd.numerics.rotations import rotation_log
 from ksd.properties.printing import format_number
-from ksd.scene.clearance import FINE as BOXES
-from ksd.scene.clearance import TOUCH, leaf_body, meetings, meets_itself
+from ksd.scene.clearance import (
+    FINE_BOX_COUNT,
+    OVERLAP_TOLERANCE,
+    leaf_boxes,
+    overlapping_leaves,
+    overlaps_itself,
+)
 from ksd.scene.curve import FreeCurve
 from ksd.scene.drive import Drive
 from ksd.scene.leaf import Leaf
 from ksd.scene.mechanism import Mechanism
-from ksd.scene.move_links import Move, redrawn
+from ksd.scene.move_links import RigidMove, scene_with_moved_links
 from ksd.scene.plane_curves import Legendre
 from ksd.scene.scene import Scene
 from ksd.solve.configuration import Configuration
@@ -149,7 +154,7 @@ def _drawn(
         )
     gravity = wanted.load_factor * _gravity(model.scene, axes)
     moves = {
-        link: Move(motion.R[i], motion.x[i] - motion.R[i] @ model.rest.x[i])
+        link: RigidMove(motion.R[i], motion.x[i] - motion.R[i] @ model.rest.x[i])
         for i, link in enumerate(model.node_names)
     }
     curves: dict[str, list[Legendre]] = {}
@@ -161,7 +166,7 @@ def _drawn(
         # a force at a point turns the line there against its sections, by shear: each piece is drawn by itself
         ends = moves[a].point(leaf.start), moves[b].point(leaf.end)
         drawn.append((name, a, b, replace(leaf, start=ends[0], end=ends[1], curve=FreeCurve.of(curve))))
-    return Scene(**redrawn(scene, moves, curves)), drawn, values
+    return Scene(**scene_with_moved_links(scene, moves, curves)), drawn, values
 
 
 def _gravity(scene: Scene, axes: Axes) -> Array:
@@ -336,7 +341,7 @@ class _Problem:
             inside[whole] = np.array(
                 [*w[:2], _moment(rested[0].start[0], first.first), _moment(w, last.last)]
             )
-        words = redrawn(self.scene, self.moves, curves)
+        words = scene_with_moved_links(self.scene, self.moves, curves)
         sizes = dict(
             zip(
                 [p.name for p in self.scene.loads if p.name in self.free],
@@ -351,22 +356,22 @@ class _Problem:
         named = dict(zip([r.name for r in equations.rows], z[at[2] : at[3]].tolist(), strict=True))
         drives = [d.name for d in self.scene.drives]
         scene = Scene(**words)
-        bodies = [leaf_body(_named(f), count=BOXES) for f in scene.leaves]
-        met = [pair for pair, _ in meetings(bodies, touch=TOUCH)]
+        bodies = [leaf_boxes(_named(f), count=FINE_BOX_COUNT) for f in scene.leaves]
+        met = [pair for pair, _ in overlapping_leaves(bodies, touch=OVERLAP_TOLERANCE)]
         return RestShape(
             **{f.name: getattr(scene, f.name) for f in fields(Scene)}, wanted=self.scene,
             targets={n: opened.get(n, float(self.values.get(n, 0.0))) for n in drives},
             forces={n: named[n] for n in drives}, leaf_forces=inside, folds=found.folds,
-            crossings=(*met, *((b.name, b.name) for b in bodies if meets_itself(b))),
+            crossings=(*met, *((b.name, b.name) for b in bodies if overlaps_itself(b))),
         )  # fmt: skip
 
-    def _move(self, pose: Array) -> Move:
+    def _move(self, pose: Array) -> RigidMove:
         """Where a link is at rest, from its pose (3,) about the origin."""
         own, turn, shift = list(self.axes.own), np.eye(3), np.zeros(3)
         R = rotated(pose[2])
         turn[np.ix_(own, own)] = R
         shift[own] = self.origin + pose[:2] - R @ self.origin
-        return Move(turn, shift)
+        return RigidMove(turn, shift)
 
 
 def _moment(wrench: Array, at: Array) -> float:
@@ -382,7 +387,7 @@ def _named(placed: Any) -> Any:
     return replace(placed.leaf, name=placed.name, start_block=placed.a, end_block=placed.b)
 
 
-def _checked(made: RestShape, moves: Mapping[str, Move], mesh: Mesh) -> RestShape:
+def _checked(made: RestShape, moves: Mapping[str, RigidMove], mesh: Mesh) -> RestShape:
     """The rest shape, solved forward."""
     try:
         pose = solve(made, dict(made.targets), mesh=mesh, strict=False, estimate=False, method="conventional")
@@ -418,12 +423,12 @@ def _snapped(made: RestShape, pose: Configuration) -> str:
     return ""
 
 
-def _back(move: Move, point: Array) -> Array:
+def _back(move: RigidMove, point: Array) -> Array:
     """Where a point (3,) of a link at rest is wanted."""
     return np.asarray(move.turn.T @ (point - move.shift))
 
 
-def _in_equilibrium(made: RestShape, moves: Mapping[str, Move], mesh: Mesh) -> str:
+def _in_equilibrium(made: RestShape, moves: Mapping[str, RigidMove], mesh: Mesh) -> str:
     """What holding it in the wanted shape says, where the forward solution does not come there; empty where that fails."""
     try:
         solver = prepare(made, mesh=mesh)

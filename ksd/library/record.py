@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from ksd.checks import name_hint, number, show
 from ksd.errors import RangeError, SceneError
-from ksd.library.chains import longer_chain
+from ksd.library.chains import extend_chain
 from ksd.library.functions import Array, Functions, JointFunctions, Mesh, legendre_products
 
-EDGE = 1e-9
+RANGE_TOLERANCE = 1e-9
 """Overshoot of a range, relative to its width, that counts as rounding."""
 
 
@@ -202,7 +202,7 @@ class Record:
             )
         longest = max((n for n in self.functions if isinstance(n, int)), default=0)
         known = self._contract(places, longest, outside) if 1 < longest < mesh else None
-        return longer_chain(self._contract(places, "strain", outside), mesh, known=known)
+        return extend_chain(self._contract(places, "strain", outside), mesh, known=known)
 
     def places(
         self, shape: Mapping[str, float], *, extrapolate: bool = False
@@ -221,7 +221,7 @@ class Record:
                 )
             value = float(shape[p.name])
             known = math.isfinite(value) and (p.scale != "log" or value > 0)
-            if not known or not abs(p.place(value)) <= 1 + EDGE:
+            if not known or not abs(p.place(value)) <= 1 + RANGE_TOLERANCE:
                 if not (extrapolate and known):
                     raise RangeError(
                         f"Shape parameter {p.name} = {value:.6g} of {self.family} is outside "

@@ -10,7 +10,7 @@ import numpy as np
 from ksd.library.functions import Mesh
 from ksd.library.record import Record, Stroke
 
-MOST_TERMS, HIGHEST_DEGREE, MOST_ELEMENTS = 8192, 64, 1000
+MAX_TERMS, MAX_DEGREE, MAX_ELEMENTS = 8192, 64, 1000
 """Product terms of a function, degrees, and elements of a leaf's chain; several times what training makes."""
 
 
@@ -23,51 +23,55 @@ def check_record(record: Record) -> None:
     }
     texts |= {"leaves": record.leaves, "blocks": record.blocks, "history": record.history}
     for name, values in texts.items():
-        _insist(all(isinstance(v, str) for v in values), f"{name} are no texts")
-    _insist(bool(record.leaves), "it has no leaf springs")
+        _require(all(isinstance(v, str) for v in values), f"{name} are no texts")
+    _require(bool(record.leaves), "it has no leaf springs")
     for what, given in (("orders", record.orders), ("samples", record.samples)):
         fits = all(isinstance(n, int) and 0 <= n <= 10**6 for n in given)
-        _insist(fits and len(given) == (3 if what == "orders" else 2), f"{what} = {given}")
-    _insist(isinstance(record.design, dict) and _numbers(record.design.values()), "design holds no numbers")
-    _insist(bool(record.motions), "it has no motion")
+        _require(fits and len(given) == (3 if what == "orders" else 2), f"{what} = {given}")
+    _require(
+        isinstance(record.design, dict) and _all_numbers(record.design.values()), "design holds no numbers"
+    )
+    _require(bool(record.motions), "it has no motion")
     for stroke in record.motions:
         _check_stroke(stroke)
     for names in ([m.name for m in record.motions], [p.name for p in record.parameters]):
-        _insist(len(set(names)) == len(names), f"a name is given twice in {names}")
+        _require(len(set(names)) == len(names), f"a name is given twice in {names}")
     _check_powers(record)
-    _insist(bool(record.functions), "it has no functions")
+    _require(bool(record.functions), "it has no functions")
     for mesh in record.functions:
         _check_functions(record, mesh)
-    _check_told(record)
+    _check_residuals_and_evidence(record)
     _check_probes(record)
 
 
-def _insist(fits: bool, otherwise: str) -> None:
+def _require(fits: bool, otherwise: str) -> None:
     if not fits:
         raise ValueError(otherwise)
 
 
-def _numbers(values: Any) -> bool:
+def _all_numbers(values: Any) -> bool:
     """Whether all are numbers; those that were not measured are nan or infinite."""
     return all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in values)
 
 
 def _check_stroke(stroke: Stroke) -> None:
     known = isinstance(stroke.name, str) and stroke.kind in ("rotation", "translation")
-    fits = known and _numbers((stroke.low, stroke.high)) and -math.inf < stroke.low < stroke.high < math.inf
-    _insist(fits, f"motion {stroke}")
+    fits = (
+        known and _all_numbers((stroke.low, stroke.high)) and -math.inf < stroke.low < stroke.high < math.inf
+    )
+    _require(fits, f"motion {stroke}")
 
 
 def _check_powers(record: Record) -> None:
     powers, m = record.powers, len(record.motions)
-    _insist(
-        powers.ndim == 2 and powers.shape[1] == m + len(record.parameters) and 0 < len(powers) <= MOST_TERMS,
+    _require(
+        powers.ndim == 2 and powers.shape[1] == m + len(record.parameters) and 0 < len(powers) <= MAX_TERMS,
         f"powers {powers.shape} do not fit {m} motions and {len(record.parameters)} parameters",
     )
-    _insist(powers.min() >= 0 and powers.max() <= HIGHEST_DEGREE, "degrees out of bounds")
+    _require(powers.min() >= 0 and powers.max() <= MAX_DEGREE, "degrees out of bounds")
     with np.errstate(all="ignore"):
         scale = np.prod(np.array([s.reach for s in record.motions]) ** -powers[:, :m].astype(float), axis=1)
-    _insist(bool(np.all(np.isfinite(scale))), "a stroke is too small for its degree")
+    _require(bool(np.all(np.isfinite(scale))), "a stroke is too small for its degree")
 
 
 def _check_functions(record: Record, mesh: Mesh) -> None:
@@ -76,25 +80,25 @@ def _check_functions(record: Record, mesh: Mesh) -> None:
     if mesh == "strain":
         shapes |= {"amplitudes": (leaves, sum(record.orders), M), "wrench": (leaves, 6, M)}
     else:
-        _insist(isinstance(mesh, int) and 1 <= mesh <= MOST_ELEMENTS, f"mesh {mesh!r}")
+        _require(isinstance(mesh, int) and 1 <= mesh <= MAX_ELEMENTS, f"mesh {mesh!r}")
         shapes |= {"rotations": (leaves, 2 * int(mesh) - 1, 3, M)}
     groups = record.functions[mesh].groups()
-    _insist(
+    _require(
         {name: table.shape for name, table in groups.items()} == shapes,
         f"functions of mesh {mesh} have shapes {[table.shape for table in groups.values()]}",
     )
     for name, table in groups.items():
-        _insist(bool(np.all(np.isfinite(table))), f"{name} of mesh {mesh} are not finite")
+        _require(bool(np.all(np.isfinite(table))), f"{name} of mesh {mesh} are not finite")
 
 
-def _check_told(record: Record) -> None:
+def _check_residuals_and_evidence(record: Record) -> None:
     """Residuals and evidence, which are printed."""
     for r in record.residuals:
         known = isinstance(r.group, str) and isinstance(r.mesh, (int, str))
-        _insist(known and _numbers((r.fit_max, r.fit_rms, r.fresh_max, r.fresh_rms)), f"residual {r}")
+        _require(known and _all_numbers((r.fit_max, r.fit_rms, r.fresh_max, r.fresh_rms)), f"residual {r}")
     for e in record.evidence:
         known = isinstance(e.parameter, str) and isinstance(e.change, str)
-        _insist(known and _numbers((e.interface, e.rotations)), f"evidence {e}")
+        _require(known and _all_numbers((e.interface, e.rotations)), f"evidence {e}")
 
 
 def _check_probes(record: Record) -> None:
@@ -110,4 +114,4 @@ def _check_probes(record: Record) -> None:
     ):
         table = getattr(probes, name)
         fits = table.shape == (len(probes.values), columns) and bool(np.all(np.isfinite(table)))
-        _insist(fits, f"probes: {name} of shape {table.shape}")
+        _require(fits, f"probes: {name} of shape {table.shape}")

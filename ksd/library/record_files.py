@@ -31,8 +31,8 @@ from ksd.scene.families import joint_families
 FORMAT = 3
 """Format this version writes, and the newest it reads."""
 SIGNATURE = b"ksd joint record\n"
-BLOCK = 512
-SUFFIX = ".h5"
+HEADER_BYTES = 512
+RECORD_SUFFIX = ".h5"
 _UNITS = {
     "interface": "rad (0:3), joint length (3:6)",
     "blocks": "rad (0:3), joint length (3:6)",
@@ -40,21 +40,23 @@ _UNITS = {
     "wrench": "EIz/leaf length^2 (0:3), EIz/leaf length (3:6)",
     "rotations": "rad",
 }
-_PROBES = {
+_PROBE_UNITS = {
     "shapes": "SI, as the parameters",
     "motions": "rad, or joint lengths",
     "values": "as the functions, side by side",
 }
-_TEXTS = ("family", "trained", "version")
-_LISTS = ("leaves", "blocks", "orders", "samples", "history")
-_TABLES = {"motions": Stroke, "parameters": Parameter, "residuals": Residual, "evidence": Evidence}
-_cache: dict[str, tuple[tuple[int, ...], Record]] = {}
+_TEXT_FIELDS = ("family", "trained", "version")
+_LIST_FIELDS = ("leaves", "blocks", "orders", "samples", "history")
+_TABLE_FIELDS = {"motions": Stroke, "parameters": Parameter, "residuals": Residual, "evidence": Evidence}
+_record_cache: dict[str, tuple[tuple[int, ...], Record]] = {}
 
 
-def _seal(body: bytes, number: int, signature: bytes = SIGNATURE) -> bytes:
+def sealed_header(body: bytes, number: int, signature: bytes = SIGNATURE) -> bytes:
     """The 512 bytes in front of `body`."""
     first = signature + f"format {number}\n".encode()
-    return (first + f"sha256 {hashlib.sha256(first + body).hexdigest()}\n".encode()).ljust(BLOCK, b"\0")
+    return (first + f"sha256 {hashlib.sha256(first + body).hexdigest()}\n".encode()).ljust(
+        HEADER_BYTES, b"\0"
+    )
 
 
 def write_record(record: Record, path: str | os.PathLike[str]) -> Path:
@@ -62,10 +64,10 @@ def write_record(record: Record, path: str | os.PathLike[str]) -> Path:
 
     Raises RecordError when it cannot be written.
     """
-    return write_file(in_folder(path), record_bytes(record), what="joint record", error=RecordError)
+    return write_file(make_parent_folder(path), record_bytes(record), what="joint record", error=RecordError)
 
 
-def in_folder(path: str | os.PathLike[str]) -> Path:
+def make_parent_folder(path: str | os.PathLike[str]) -> Path:
     """The path, its folder made where it is missing. Raises RecordError when that is not possible."""
     target = Path(path)
     try:
@@ -79,39 +81,39 @@ def in_folder(path: str | os.PathLike[str]) -> Path:
 
 def record_bytes(record: Record) -> bytes:
     """The file of `record`, byte for byte: the same record gives the same bytes."""
-    body = _encode(record)[BLOCK:]
-    return _seal(body, FORMAT) + body
+    body = _hdf5_image(record)[HEADER_BYTES:]
+    return sealed_header(body, FORMAT) + body
 
 
-def _encode(record: Record) -> bytes:
+def _hdf5_image(record: Record) -> bytes:
     """The HDF5 image of a record, with an empty user block."""
     import h5py
 
     buffer = io.BytesIO()
-    with h5py.File(buffer, "w", libver=("v110", "v110"), userblock_size=BLOCK) as file:
+    with h5py.File(buffer, "w", libver=("v110", "v110"), userblock_size=HEADER_BYTES) as file:
         file.attrs["format"] = FORMAT
         file.attrs["creator"] = f"ksd {record.version}"
-        for name in _TEXTS:
+        for name in _TEXT_FIELDS:
             file.attrs[name] = getattr(record, name)
-        for name in _LISTS:
+        for name in _LIST_FIELDS:
             file.attrs[name] = json.dumps(list(getattr(record, name)))
         file.attrs["design"] = json.dumps(dict(sorted(record.design.items())))
-        for name in _TABLES:
+        for name in _TABLE_FIELDS:
             file.attrs[name] = json.dumps([asdict(item) for item in getattr(record, name)])
-        _store(file, "powers", np.asarray(record.powers, np.int16), "1")
+        _store_array(file, "powers", np.asarray(record.powers, np.int16), "1")
         # in the order they are read back, so that a record read and written is the same file
         for mesh, functions in sorted(record.functions.items(), key=lambda item: str(item[0])):
             for group, array in sorted(functions.groups().items()):
                 if array.size == 0:
                     continue
-                _store(file, f"functions/{mesh}/{group}", np.asarray(array, float), _UNITS[group])
+                _store_array(file, f"functions/{mesh}/{group}", np.asarray(array, float), _UNITS[group])
         if record.probes is not None:
-            for name, units in _PROBES.items():
-                _store(file, f"probes/{name}", np.asarray(getattr(record.probes, name), float), units)
+            for name, units in _PROBE_UNITS.items():
+                _store_array(file, f"probes/{name}", np.asarray(getattr(record.probes, name), float), units)
     return buffer.getvalue()
 
 
-def _store(file: Any, name: str, array: np.ndarray, units: str) -> None:
+def _store_array(file: Any, name: str, array: np.ndarray, units: str) -> None:
     filters = {"compression": "gzip", "compression_opts": 6, "shuffle": True, "fletcher32": True}
     made = file.create_dataset(name, data=array, **filters)
     made.attrs["units"] = units
@@ -123,24 +125,24 @@ def read_record(path: str | os.PathLike[str]) -> Record:
     Raises RecordError when the file is missing, foreign, truncated, altered in any bit, or of a newer format.
     """
     place = Path(path)
-    key, stamp = str(place.resolve()), record_stamp(place)
-    if stamp is not None and key in _cache and _cache[key][0] == stamp:
-        return _cache[key][1]
-    again = train_again(place.stem)
-    body = _unseal(read_file(place, what="joint record", error=RecordError, hint=again), place)
+    key, stamp = str(place.resolve()), file_stamp(place)
+    if stamp is not None and key in _record_cache and _record_cache[key][0] == stamp:
+        return _record_cache[key][1]
+    again = training_hint(place.stem)
+    body = _check_seal(read_file(place, what="joint record", error=RecordError, hint=again), place)
     try:
-        record = contents(body, _decode)
+        record = contents(body, _record_of_hdf5)
         check_record(record)
     except Exception as error:
         # a seal says that nothing was altered since, not that it was right: h5py, json and numpy raise what they like
         said = " ".join(str(error).split()).rstrip(".") or type(error).__name__
         raise RecordError(f"{place} is sealed but not a readable joint record ({said}); {again}.") from error
     if stamp is not None:
-        _cache[key] = (stamp, record)
+        _record_cache[key] = (stamp, record)
     return record
 
 
-def record_stamp(path: str | os.PathLike[str]) -> tuple[int, ...] | None:
+def file_stamp(path: str | os.PathLike[str]) -> tuple[int, ...] | None:
     """What changes when a file is replaced or altered; None where there is none."""
     try:
         status = os.stat(path)
@@ -150,21 +152,21 @@ def record_stamp(path: str | os.PathLike[str]) -> tuple[int, ...] | None:
     return status.st_mtime_ns, status.st_ctime_ns, status.st_size, status.st_ino
 
 
-def train_again(family: str) -> str:
+def training_hint(family: str) -> str:
     """What to do about a record that is missing or damaged, in words."""
     if family in joint_families():
         return f"run `ksd train {family}`"
     return f"make it with ksd.train(joint), or ksd.train(ksd.Design({family!r}, ...)) for a family with ranges of shape"
 
 
-def _unseal(content: bytes, place: Path) -> bytes:
+def _check_seal(content: bytes, place: Path) -> bytes:
     """The HDF5 image, after every byte was checked."""
-    again = train_again(place.stem)
-    head, body = content[:BLOCK], content[BLOCK:]
+    again = training_hint(place.stem)
+    head, body = content[:HEADER_BYTES], content[HEADER_BYTES:]
     if not head.startswith(SIGNATURE):
         raise RecordError(f"{place} is not a ksd joint record; remove it, or {again}.")
     number = _format_number(head)
-    if head != _seal(body, number):
+    if head != sealed_header(body, number):
         raise RecordError(
             f"{place} is damaged (its content does not match its checksum: truncated or altered); "
             f"restore it, or {again}."
@@ -183,14 +185,14 @@ def _format_number(head: bytes) -> int:
     return int(word) if word.isdigit() and len(word) < 10 else -1
 
 
-def _decode(found: Contents) -> Record:
+def _record_of_hdf5(found: Contents) -> Record:
     """A record as the file says it, its numbers in float64; see `check_record` for whether it makes sense."""
     items, attributes = found.items(found.file), found.file.attrs
     # before format 3 the leaves were called leafs
-    named = {k: "leafs" if k == "leaves" and k not in attributes else k for k in _LISTS}
+    named = {k: "leafs" if k == "leaves" and k not in attributes else k for k in _LIST_FIELDS}
     words: dict[str, Any] = {k: tuple(json.loads(found.text(attributes, name))) for k, name in named.items()}
-    words |= {k: found.text(attributes, k) for k in _TEXTS}
-    for name, kind in _TABLES.items():
+    words |= {k: found.text(attributes, k) for k in _TEXT_FIELDS}
+    for name, kind in _TABLE_FIELDS.items():
         words[name] = tuple(kind(**item) for item in json.loads(found.text(attributes, name)))
     words["design"] = json.loads(found.text(attributes, "design"))
     powers = found.numbers(items["powers"]).astype(np.int64)
@@ -201,7 +203,7 @@ def _decode(found: Contents) -> Record:
         functions[int(name) if name.isdigit() else name] = Functions(**{**none, **stored})
     if "probes" in items:
         probes = found.items(items["probes"])
-        words["probes"] = Probes(*(found.numbers(probes[name]) for name in _PROBES))
+        words["probes"] = Probes(*(found.numbers(probes[name]) for name in _PROBE_UNITS))
     return Record(powers=powers, functions=functions, **words)
 
 
@@ -213,7 +215,7 @@ def shipped_folder() -> Path:
     return installed if installed.is_dir() else package.parent / "database"
 
 
-def _folders() -> list[str]:
+def _folder_names() -> list[str]:
     """`record_folders` as text: asked by every solve, and paths are slow to make and join."""
     named = os.environ.get("KSD_DATABASE")
     return [*([named] if named else []), "database", str(shipped_folder())]
@@ -223,14 +225,14 @@ def record_folders() -> list[Path]:
     """Where records are looked for, first hit wins: $KSD_DATABASE, ./database, those shipped with the
     package.
     """
-    return [Path(folder) for folder in _folders()]
+    return [Path(folder) for folder in _folder_names()]
 
 
-def record_in_use(family: str) -> tuple[str, tuple[int, ...]] | None:
+def find_record_file(family: str) -> tuple[str, tuple[int, ...]] | None:
     """Path and stamp of the record `find_record` takes for `family`; another one once that is replaced. None for none."""
-    for folder in _folders():
-        path = f"{folder}{os.sep}{family}{SUFFIX}"
-        stamp = record_stamp(path)
+    for folder in _folder_names():
+        path = f"{folder}{os.sep}{family}{RECORD_SUFFIX}"
+        stamp = file_stamp(path)
         if stamp is not None:
             return path, stamp
     return None
@@ -241,24 +243,24 @@ def find_record(family: str) -> Record:
 
     Raises RecordError when there is none or the first found is damaged.
     """
-    found = record_in_use(family)
+    found = find_record_file(family)
     if found is None:
         places = ", ".join(str(f) for f in record_folders())
         raise RecordError(
-            f"No joint record of family {family!r} in {places}; {train_again(family)}, or name the folder it was trained "
+            f"No joint record of family {family!r} in {places}; {training_hint(family)}, or name the folder it was trained "
             "into by the environment variable KSD_DATABASE."
         )
     record = read_record(found[0])
     if record.family != family:
-        raise RecordError(f"{found[0]} holds the record of {record.family!r}; {train_again(family)}.")
+        raise RecordError(f"{found[0]} holds the record of {record.family!r}; {training_hint(family)}.")
     return record
 
 
-def where_looked_for(path: Path, family: str) -> str:
+def lookup_hint(path: Path, family: str) -> str:
     """How to make `find_record` use the record of `family` at `path`, in words; empty where it does."""
-    if path.name != f"{family}{SUFFIX}":
-        return f"a record is looked for by the name of its family: rename it {family}{SUFFIX}"
-    found = record_in_use(family)
+    if path.name != f"{family}{RECORD_SUFFIX}":
+        return f"a record is looked for by the name of its family: rename it {family}{RECORD_SUFFIX}"
+    found = find_record_file(family)
     if found is not None and Path(found[0]).resolve() == path.resolve():
         return ""
     return f"it is used where the environment variable KSD_DATABASE names its folder: KSD_DATABASE={path.parent.resolve()}"
@@ -292,7 +294,7 @@ def describe_database(today: datetime.date | None = None) -> list[Listing]:
     """All records that `find_record` would use, by family; damaged ones are listed with their problem."""
     seen: dict[str, Listing] = {}
     for folder in record_folders():
-        for path in sorted(folder.glob(f"*{SUFFIX}")):
+        for path in sorted(folder.glob(f"*{RECORD_SUFFIX}")):
             seen.setdefault(path.stem, _describe(path, today or datetime.date.today()))
     return [seen[name] for name in sorted(seen)]
 
@@ -301,7 +303,7 @@ def _describe(path: Path, today: datetime.date) -> Listing:
     """What is listed of a record file, or why it cannot be read."""
     size, checksum = 0, ""
     try:
-        content = read_file(path, what="joint record", error=RecordError, hint=train_again(path.stem))
+        content = read_file(path, what="joint record", error=RecordError, hint=training_hint(path.stem))
         size, checksum = len(content), hashlib.sha256(content).hexdigest()
         record = read_record(path)
     except RecordError as error:

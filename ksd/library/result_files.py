@@ -19,13 +19,13 @@ import numpy as np
 from ksd.errors import RecordError, SceneError
 from ksd.files import read_file, write_file
 from ksd.hdf5 import Contents, contents
-from ksd.library.record_files import BLOCK, _seal
+from ksd.library.record_files import HEADER_BYTES, sealed_header
 
 SIGNATURE, FORMAT = b"ksd table\n", 1
 """First bytes of a table, and the format this version writes and reads."""
-LARGEST = 1 << 26
+MAX_RESULT_BYTES = 1 << 26
 """Bytes of an answer that is read, 64 MiB; as Python objects it takes several times that."""
-SEAL = "sha256"
+CHECKSUM_KEY = "sha256"
 """The key of a JSON answer that holds its checksum."""
 
 
@@ -34,7 +34,7 @@ def write_columns(columns: Mapping[str, Any], path: Path, *, about: Mapping[str,
     import h5py
 
     body = io.BytesIO()
-    with h5py.File(body, "w", libver=("earliest", "v110"), userblock_size=BLOCK) as file:
+    with h5py.File(body, "w", libver=("earliest", "v110"), userblock_size=HEADER_BYTES) as file:
         for key, text in about.items():
             file.attrs[key] = text
         for n, (name, values) in enumerate(columns.items()):
@@ -45,8 +45,8 @@ def write_columns(columns: Mapping[str, Any], path: Path, *, about: Mapping[str,
             else:
                 made = file.create_dataset(place, data=np.asarray(values, float), fletcher32=len(values) > 0)
             made.attrs["name"], made.attrs["column"] = name, n
-    content = body.getvalue()[BLOCK:]
-    return write_file(path, _seal(content, FORMAT, SIGNATURE) + content, what="table")
+    content = body.getvalue()[HEADER_BYTES:]
+    return write_file(path, sealed_header(content, FORMAT, SIGNATURE) + content, what="table")
 
 
 def read_columns(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, str]]:
@@ -63,7 +63,7 @@ def read_columns(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str
         return columns, {key: found.text(found.file.attrs, key) for key in found.file.attrs}
 
     content = read_file(path, what="table", error=RecordError)
-    if content[:BLOCK] != _seal(content[BLOCK:], FORMAT, SIGNATURE):
+    if content[:HEADER_BYTES] != sealed_header(content[HEADER_BYTES:], FORMAT, SIGNATURE):
         raise RecordError(f"{path} is damaged or no ksd table (checksum); make it again or restore it.")
     try:
         found, about = contents(content, read)
@@ -79,22 +79,22 @@ def read_columns(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str
         raise RecordError(f"{path} is sealed but no ksd table ({said}); make it again.") from error
 
 
-def _text(numbers: Mapping[str, Any]) -> str:
+def _json_text(numbers: Mapping[str, Any]) -> str:
     return json.dumps(numbers, indent=1, allow_nan=False) + "\n"
 
 
-def write_answer(numbers: Mapping[str, Any], path: str | os.PathLike[str]) -> Path:
+def write_result(numbers: Mapping[str, Any], path: str | os.PathLike[str]) -> Path:
     """Write a JSON object to `path` with its checksum as last entry, whole or not at all. Returns the path.
 
     Raises SceneError when it cannot be written, or holds what is no JSON, such as numbers that are not finite.
     """
     try:
-        seal = hashlib.sha256(_text(numbers).encode()).hexdigest()
+        seal = hashlib.sha256(_json_text(numbers).encode()).hexdigest()
     except (ValueError, TypeError) as error:
         raise SceneError(
             f"result '{path}' cannot be written: {error}; give finite numbers, texts and lists."
         ) from error
-    return write_file(path, _text({**numbers, SEAL: seal}), what="result")
+    return write_file(path, _json_text({**numbers, CHECKSUM_KEY: seal}), what="result")
 
 
 def read_result(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -102,16 +102,16 @@ def read_result(path: str | os.PathLike[str]) -> dict[str, Any]:
 
     Raises RecordError when the file is missing, no such answer, truncated or altered in any bit.
     """
-    content = read_file(path, what="result", error=RecordError, most=LARGEST)
+    content = read_file(path, what="result", error=RecordError, most=MAX_RESULT_BYTES)
     damaged = f"{path} is damaged or no ksd result (checksum); solve again or restore it."
     try:
         numbers = json.loads(content)
-        seal = numbers.pop(SEAL)
-        plain = _text(numbers)
+        seal = numbers.pop(CHECKSUM_KEY)
+        plain = _json_text(numbers)
     except (ValueError, KeyError, AttributeError, TypeError, RecursionError, MemoryError) as error:
         raise RecordError(damaged) from error
     # the bytes, not only the numbers: written again they must be the same
-    same = content == _text({**numbers, SEAL: seal}).encode()
+    same = content == _json_text({**numbers, CHECKSUM_KEY: seal}).encode()
     if not same or seal != hashlib.sha256(plain.encode()).hexdigest():
         raise RecordError(damaged)
     return dict(numbers)

@@ -25,8 +25,8 @@ from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.model.pack import revalued
 from ksd.model.plane import refuse_plane
 from ksd.model.template import Filled, Leaves, Template, design, motion_design, template_of
-from ksd.scene.plausibility import far_drives
-from ksd.scene.scene import WANTED
+from ksd.scene.plausibility import drive_value_warnings
+from ksd.scene.scene import MECHANISM_HINT
 
 
 @dataclass(frozen=True, repr=False)
@@ -111,7 +111,7 @@ class Model(InNotebooks):
 
     def far_drives(self, values: Mapping[str, float]) -> tuple[str, ...]:
         """Drive values [m or rad] by name that were probably meant in another unit, a sentence each."""
-        return far_drives(self.scene, values, self.arrays.size)
+        return drive_value_warnings(self.scene, values, self.arrays.size)
 
     def refuse_turns(self, target: np.ndarray) -> None:
         """SceneError for a drive that is to turn by more than the half turn either way that a pose tells."""
@@ -248,7 +248,7 @@ def compile_scene(
     """
     scene = scene.scene() if hasattr(scene, "scene") else scene
     if not hasattr(scene, "fingerprint"):
-        raise SceneError(f"{show(scene)} is no mechanism; {WANTED}.")
+        raise SceneError(f"{show(scene)} is no mechanism; {MECHANISM_HINT}.")
     mesh = DEFAULT_MESH if mesh is None else mesh
     if not isinstance(mesh, Mesh):
         raise SceneError(

@@ -28,8 +28,8 @@ from ksd.model.leaves import (
 from ksd.model.mesh import Mesh
 from ksd.model.pack import Member
 from ksd.model.springs import matrix_member, spring_members
-from ksd.scene.hinges import PLANES, plane_holds
-from ksd.scene.leaf import Condition
+from ksd.scene.hinges import PLANES, plane_supports
+from ksd.scene.leaf import LeafCondition
 
 LEAF = 21
 """Numbers of a leaf: start, end, width axis (3 each), length, E, G, A, J, Iy, Iz, ky, kz, density, factors on GJ, E Iz."""
@@ -229,7 +229,7 @@ class _Parts:
         return self.groups.setdefault(constants, len(self.groups))
 
 
-def _as_drawn(state: Condition) -> bool:
+def _as_drawn(state: LeafCondition) -> bool:
     """Whether a leaf in this condition is free of stress as drawn."""
     return state.stretch == 1.0 and state.bow == 0.0 and not any(state.shift) and not any(state.turn)
 
@@ -306,7 +306,7 @@ def _loads(scene: Any, index: dict[str, int]) -> tuple[tuple[Any, ...], list[flo
     words: list[tuple[int, bool, bool]] = []
     numbers: list[float] = []
     # a link that only turns about the normal of its plane stores what a moment about it does
-    flat = {t.link for s in plane_holds(scene) for t in s.terms}
+    flat = {t.link for s in plane_supports(scene) for t in s.terms}
     across = [k for k in range(3) if scene.plane is None or k != PLANES[scene.plane]]
     for load in scene.loads:
         node = index[load.link]

@@ -23,8 +23,8 @@ from ksd.model.elastic_links import with_elastic_links
 from ksd.model.mesh import Mesh
 from ksd.model.runs import run_factors
 from ksd.scene.effects import leaf_conditions
-from ksd.scene.hinges import plane_holds
-from ksd.scene.leaf import Condition
+from ksd.scene.hinges import plane_supports
+from ksd.scene.leaf import LeafCondition
 
 WORDS = {
     "spatial": "six unknowns per node",
@@ -233,7 +233,7 @@ def applied(scene: Any, mesh: Mesh, choice: Choice) -> tuple[Any, Mesh]:
         plain = with_conditions(plain, leaf_conditions(scene.leaf_names(), heats, fits))
     if "warping" in there:
         plain = with_torsion(plain, run_factors(scene))
-    holds = plane_holds(plain)
+    holds = plane_supports(plain)
     if holds and holds[0].name not in {s.name for s in plain.supports}:
         plain = replace(plain, supports=(*plain.supports, *holds))
     if scene.compliances:
@@ -247,12 +247,12 @@ def applied(scene: Any, mesh: Mesh, choice: Choice) -> tuple[Any, Mesh]:
 def with_torsion(scene: Any, factors: Mapping[str, float]) -> Any:
     """The scene whose leaf springs, by full name, know the factor on GJ of the run they are part of."""
     leaves = scene.leaf_names()
-    own = {name: leaves[name].condition or Condition() for name in factors}
+    own = {name: leaves[name].condition or LeafCondition() for name in factors}
     known = {n: replace(own[n], torsion=factor) for n, factor in factors.items()}
     return with_conditions(scene, known) if known else scene
 
 
-def with_conditions(scene: Any, conditions: Mapping[str, Condition]) -> Any:
+def with_conditions(scene: Any, conditions: Mapping[str, LeafCondition]) -> Any:
     """The scene whose leaf springs, by full name, are in these conditions."""
     joints = []
     for placed in scene.joints:

@@ -29,8 +29,8 @@ from ksd.model.arrays import COROTATIONAL, STRAIN
 from ksd.model.mesh import Mesh
 from ksd.model.pack import Member
 from ksd.model.runs import own_factor
-from ksd.scene.curve import Curve, CurvePart, line_of
-from ksd.scene.leaf import Condition
+from ksd.scene.curve import Curve, CurvePart, cached_line
+from ksd.scene.leaf import LeafCondition
 from ksd.scene.profile import ProfilePart
 from ksd.section import Section
 from ksd.section.constants import Sections
@@ -286,7 +286,7 @@ def _chain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
     count = leaf.elements or mesh.elements
     curve = None
     if leaf.curve is not None:
-        nodes = [line_of(leaf.curve, k / count) for k in range(count + 1)]
+        nodes = [cached_line(leaf.curve, k / count) for k in range(count + 1)]
         curve = np.array([place for place, _ in nodes]), np.array([axes for _, axes in nodes])
     value = chains.chain_values(_numbers(leaf.section, leaf, mesh), leaf.length, count, curve)
     if leaf.profile is not None:
@@ -351,7 +351,7 @@ def leaf_ends(leaf: Any, d: np.ndarray, Q: np.ndarray, name: str) -> tuple[np.nd
 
 
 def _assembly_error(
-    state: Condition, axes: np.ndarray, tip: np.ndarray, clamp: np.ndarray
+    state: LeafCondition, axes: np.ndarray, tip: np.ndarray, clamp: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Where end q is clamped, and its axes there, when the clamp is off what is drawn."""
     from scipy.spatial.transform import Rotation
@@ -411,7 +411,7 @@ def split_leaf(leaf: Any, cuts: Sequence[float]) -> list[Any]:
 
     Raises SceneError for a curved leaf with an assembly error, whose axes are not those of its pieces.
     """
-    state = leaf.condition or Condition()
+    state = leaf.condition or LeafCondition()
     misplaced = any(state.shift) or any(state.turn)
     if misplaced and leaf.curve is not None:
         raise SceneError(
@@ -435,7 +435,7 @@ def split_leaf(leaf: Any, cuts: Sequence[float]) -> list[Any]:
                 end=tuple(end.tolist()),
                 width_axis=tuple((width / np.linalg.norm(width)).tolist()),
                 name=piece_name(leaf.name, k),
-                condition=None if own == Condition() else own,
+                condition=None if own == LeafCondition() else own,
                 curve=None if leaf.curve is None else CurvePart(leaf.curve, part),
                 profile=None if leaf.profile is None else ProfilePart(leaf.profile, part),
             )
@@ -449,7 +449,7 @@ def element_leaves(leaf: Any, elements: int) -> list[Any]:
         raise SceneError(
             f"leaf '{leaf.name}': nodal meshes are for straight uniform leaf springs; leave nodal out"
         )
-    if replace(leaf.condition or Condition(), bend=0.0, torsion=0.0) != Condition():
+    if replace(leaf.condition or LeafCondition(), bend=0.0, torsion=0.0) != LeafCondition():
         raise SceneError(
             f"leaf '{leaf.name}': nodal meshes are for leaves without heat, prestress and assembly error; leave nodal out"
         )

@@ -31,9 +31,9 @@ from ksd.properties.tangent import exact_tangent_arrays, stored_matrix
 from ksd.scene.drive import GROUND
 from ksd.scene.hinges import PLANES
 from ksd.scene.mechanism import Mechanism
-from ksd.scene.plausibility import implausible
+from ksd.scene.plausibility import plausibility_warnings
 from ksd.scene.rules import plane_hint
-from ksd.scene.scene import WANTED, PlacedLeaf, Scene
+from ksd.scene.scene import MECHANISM_HINT, PlacedLeaf, Scene
 
 Array = NDArray[np.float64]
 RANK = 1e-2
@@ -179,7 +179,7 @@ def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
         free=tuple(_free(everything, total, springs, (scene.links, places, size))),
         fights=(*fights, *_inside(scene)),
         singular_values=_singular(everything),
-        unusual=implausible(scene),
+        unusual=plausibility_warnings(scene),
         hint=plane_hint(scene),
     )
 
@@ -208,7 +208,7 @@ def _described(mechanism: Any) -> Scene:
         return mechanism.scene
     scene = mechanism.draft() if hasattr(mechanism, "draft") else mechanism
     if not isinstance(scene, Scene):
-        raise SceneError(f"{type(mechanism).__name__} is not a mechanism; {WANTED}.")
+        raise SceneError(f"{type(mechanism).__name__} is not a mechanism; {MECHANISM_HINT}.")
     if len(scene.links) < 2:
         raise SceneError(f"mechanism '{scene.name}' has no link; add one with mechanism.link(name).")
     return scene

@@ -21,7 +21,7 @@ from ksd.properties.shape import point_position
 from ksd.properties.stiffness import drive_coupling, node_of, point_motion
 from ksd.properties.tangent import ROW_SHARE_TOLERANCE, remove_row_components, row_gradients
 from ksd.scene.drive import GROUND
-from ksd.scene.scene import reached
+from ksd.scene.scene import connected_links
 
 Array = NDArray[np.float64]
 STRAINED = 1e-2
@@ -154,7 +154,7 @@ def _cuts(scene: Any, link: str) -> list[str]:
     # what hangs on both sides, through a slider too, is carried by neither
     next_to, after = scene.neighbours(hinges=True), {}
     for one in set(scene.links) - {GROUND, link}:
-        found = reached(next_to, GROUND, [one])
+        found = connected_links(next_to, GROUND, [one])
         if link in next_to and link not in found:
             # the fewer links are left without it, the farther out it is
             after[one] = len(found)
@@ -164,7 +164,7 @@ def _cuts(scene: Any, link: str) -> list[str]:
 def _leg_drives(scene: Any, cuts: list[str], link: str) -> set[str]:
     """Drives of links between `link` and what carries it that hang there without it too."""
     next_to = scene.neighbours(hinges=True)
-    legs = reached(next_to, link, [GROUND, *cuts]) & reached(next_to, GROUND, [link])
+    legs = connected_links(next_to, link, [GROUND, *cuts]) & connected_links(next_to, GROUND, [link])
     return {d.name for d in scene.drives if any({t.base, t.link} & legs for t in d.terms)}
 
 

@@ -28,7 +28,7 @@ from ksd.numerics.rotations import straighten
 from ksd.properties.cache import cached_per_model
 from ksd.properties.leaf_groups import EndFrames, LeafGroup, end_axes, end_frames
 from ksd.scene.effects import Spring
-from ksd.scene.joint import leaves_of
+from ksd.scene.joint import joint_leaves
 from ksd.section.constants import extents
 
 Array = NDArray[np.float64]
@@ -461,7 +461,7 @@ def _along_chains(
 @cached_per_model
 def scene_leaves(model: Model) -> dict[str, Any]:
     """Leaf springs of the scene by full name: "joint/leaf" inside joints, the plain name for free-form ones."""
-    inside = {f"{j.name}/{leaf.name}": leaf for j in model.scene.joints for leaf in leaves_of(j.joint)}
+    inside = {f"{j.name}/{leaf.name}": leaf for j in model.scene.joints for leaf in joint_leaves(j.joint)}
     return inside | {leaf.name: leaf.leaf for leaf in model.scene.leaves}
 
 

@@ -20,7 +20,7 @@ from ksd.properties.printing import PrintableAnswer, format_number
 from ksd.properties.shape import scene_leaves
 from ksd.properties.stress import LeafStress, stress_of
 from ksd.scene.material import Material
-from ksd.scene.plausibility import implausible
+from ksd.scene.plausibility import plausibility_warnings
 
 WARNING_STRAIN = 0.01
 """Strain from which a warning says that the linear law is no longer a small error."""
@@ -136,7 +136,7 @@ def _strain(stress: LeafStress, material: Material) -> float:
 @cached_per_model
 def unusual_values(model: Model) -> tuple[str, ...]:
     """What is unusual about the scene that a model was made of, see `ksd.scene.plausibility`."""
-    return implausible(model.said or model.scene)
+    return plausibility_warnings(model.said or model.scene)
 
 
 __all__ = ["Strength", "strength", "unusual_values"]

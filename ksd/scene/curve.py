@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 
 from ksd.checks import ClearArgumentErrors, number, positive, show
 from ksd.errors import SceneError
-from ksd.scene.plane_curves import Bend, legendre_shape, sine_shape, spline_shape
+from ksd.scene.plane_curves import PlaneCurvature, legendre_shape, sine_shape, spline_shape
 
-STEPS = 60
+COARSE_STEPS = 60
 """Steps by which the line of a curve is integrated, and twice as many."""
 
 
@@ -59,18 +59,18 @@ class Curve(metaclass=ClearArgumentErrors):
 
         if s == 0.0:
             return np.zeros(3), np.eye(3)
-        fine = end(2 * STEPS)
-        found = fine + (fine - end(STEPS)) / 15
+        fine = end(2 * COARSE_STEPS)
+        found = fine + (fine - end(COARSE_STEPS)) / 15
         return found[:3, 3], found[:3, :3]
 
 
-_line = functools.lru_cache(maxsize=64)(Curve.line)
+_hashable_line = functools.lru_cache(maxsize=64)(Curve.line)
 
 
-def line_of(curve: Curve, s: float) -> tuple[np.ndarray, np.ndarray]:
+def cached_line(curve: Curve, s: float) -> tuple[np.ndarray, np.ndarray]:
     """`Curve.line`, remembered where the curve can be: points and pieces of a leaf ask for the same places."""
     try:
-        return curve.line(s) if type(curve).line is not Curve.line else _line(curve, s)
+        return curve.line(s) if type(curve).line is not Curve.line else _hashable_line(curve, s)
     except TypeError:
         # a curve of the user's own that cannot be remembered
         return curve.line(s)
@@ -187,7 +187,7 @@ class FreeCurve(Curve):
         return cls.of(spline_shape(points, start, end))
 
     @classmethod
-    def of(cls, bend: Bend) -> FreeCurve:
+    def of(cls, bend: PlaneCurvature) -> FreeCurve:
         """Of a named shape."""
         return cls(bend.length, bend)
 
@@ -209,4 +209,4 @@ class FreeCurve(Curve):
 
     def curvatures(self, s: ArrayLike) -> np.ndarray:
         """All at once of a named shape."""
-        return self.function(s) if isinstance(self.function, Bend) else super().curvatures(s)
+        return self.function(s) if isinstance(self.function, PlaneCurvature) else super().curvatures(s)

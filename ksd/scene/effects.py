@@ -26,11 +26,11 @@ from ksd.checks import (
     word,
 )
 from ksd.errors import SceneError
-from ksd.scene.leaf import Condition
+from ksd.scene.leaf import LeafCondition
 from ksd.scene.material import Material
 from ksd.section import Section
 
-CONSIDERED = ("warping", "plate")
+OPTIONAL_EFFECTS = ("warping", "plate")
 """Effects of the leaf that a scene may ask to be considered; see `ksd.model.effects`."""
 
 
@@ -122,7 +122,7 @@ class TurnSpring:
         )
 
 
-HUGE = 1e30
+MAX_STIFFNESS = 1e30
 """Stiffness [N/m] beyond which a link matrix is damage: squares and products of it would overflow."""
 
 
@@ -170,7 +170,7 @@ class LinkMatrix(metaclass=ClearArgumentErrors):
         with np.errstate(all="ignore"):
             S = K * np.outer(scale, scale)
         largest = np.abs(S).max()
-        if not largest < HUGE:
+        if not largest < MAX_STIFFNESS:
             raise SceneError(
                 f"{owner}: stiffness holds {largest:.3g} N/m; check its units and the distance {size:.3g} m."
             )
@@ -267,47 +267,47 @@ class Fit:
 
 def leaf_conditions(
     leaves: Mapping[str, Any], heats: tuple[Heat, ...], fits: tuple[Fit, ...]
-) -> dict[str, Condition]:
+) -> dict[str, LeafCondition]:
     """What heat and fits make of every leaf (by full name) they touch.
 
     Raises SceneError for an unknown leaf, a material without expansion, a section without thickness, or a natural
     length that is not within 10 % of the drawn one.
     """
-    found: dict[str, Condition] = {}
+    found: dict[str, LeafCondition] = {}
     for heat in heats:
         for name in leaves if heat.leaves is None else heat.leaves:
-            _known(name, leaves, "heat")
-            found[name] = _warmed(found.get(name, Condition()), leaves[name], heat, name)
+            _leaf_of(name, leaves, "heat")
+            found[name] = _add_heat(found.get(name, LeafCondition()), leaves[name], heat, name)
     for fit in fits:
-        leaf = _known(fit.leaf, leaves, "fit")
-        before = found.get(fit.leaf, Condition())
+        leaf = _leaf_of(fit.leaf, leaves, "fit")
+        before = found.get(fit.leaf, LeafCondition())
         stretch = 1.0 if fit.natural_length is None else fit.natural_length / leaf.length
         if not 0.9 < stretch < 1.1:
             raise SceneError(
                 f"fit of leaf '{fit.leaf}': natural_length = {fit.natural_length:g} m is more than 10 % off its drawn "
                 f"length of {leaf.length:g} m; redraw the leaf."
             )
-        found[fit.leaf] = Condition(
+        found[fit.leaf] = LeafCondition(
             before.stretch * stretch,
             before.bow,
-            _sum(before.shift, fit.shift),
-            _sum(before.turn, fit.turn),
+            _add(before.shift, fit.shift),
+            _add(before.turn, fit.turn),
         )
     return found
 
 
-def _sum(a: Vector, b: Vector) -> Vector:
+def _add(a: Vector, b: Vector) -> Vector:
     x, y, z = (float(p + q) for p, q in zip(a, b, strict=True))
     return x, y, z
 
 
-def _known(name: str, leaves: Mapping[str, Any], what: str) -> Any:
+def _leaf_of(name: str, leaves: Mapping[str, Any], what: str) -> Any:
     if name not in leaves:
         raise SceneError(f"{what}: leaf '{name}' does not exist{name_hint(name, leaves)}")
     return leaves[name]
 
 
-def _warmed(before: Condition, leaf: Any, heat: Heat, name: str) -> Condition:
+def _add_heat(before: LeafCondition, leaf: Any, heat: Heat, name: str) -> LeafCondition:
     """Stress-free shape of a leaf with heat added to what it had before; raises SceneError."""
     alpha, thickness = leaf.material.expansion, leaf.section.thickness
     if alpha is None:
@@ -316,6 +316,6 @@ def _warmed(before: Condition, leaf: Any, heat: Heat, name: str) -> Condition:
     if heat.through != 0.0 and not thickness > 0.0:
         raise SceneError(f"heat: leaf '{name}': its section has no thickness, which 'through' needs.")
     bow = -alpha * heat.through / thickness if heat.through != 0.0 else 0.0
-    return Condition(
+    return LeafCondition(
         before.stretch * (1.0 + alpha * heat.temperature), before.bow + bow, before.shift, before.turn
     )

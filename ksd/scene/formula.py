@@ -15,27 +15,27 @@ from typing import Any
 
 from ksd.checks import name_hint, number, show
 from ksd.errors import SceneError
-from ksd.scene.toml_table import measured
+from ksd.scene.toml_table import parse_quantity
 
 Keys = tuple[str | int, ...]
 FUNCTIONS: Mapping[str, Callable[..., float]] = {
     "sin": math.sin, "cos": math.cos, "tan": math.tan, "atan": math.atan, "sqrt": math.sqrt, "exp": math.exp,
     "log": math.log, "abs": abs, "min": min, "max": max,
 }  # fmt: skip
-SIGNS: Mapping[type, Callable[..., float]] = {
+OPERATORS: Mapping[type, Callable[..., float]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv, ast.Pow: operator.pow,
     ast.USub: operator.neg, ast.UAdd: operator.pos,
 }  # fmt: skip
-LONGEST = 1000
+MAX_FORMULA_LENGTH = 1000
 """Letters of a formula."""
-_AMOUNT = re.compile(r"(?<![\w.\"'])((?>\d+\.?\d*(?:[eE][+-]?\d+)?))\s*([A-Za-z]+)(?![\w(\[])")
+_NUMBER_WITH_UNIT = re.compile(r"(?<![\w.\"'])((?>\d+\.?\d*(?:[eE][+-]?\d+)?))\s*([A-Za-z]+)(?![\w(\[])")
 
 
-def amount(value: Any, what: str) -> float:
+def si_value(value: Any, what: str) -> float:
     """A number (SI), or text with a unit of any dimension, in SI. Raises SceneError, naming `what`, for anything else."""
     if not isinstance(value, str):
         return number(value, what)
-    found = measured(value)
+    found = parse_quantity(value)
     if found is None:
         raise SceneError(f"{what} = {show(value)}: give a number in SI, or text with a unit such as '100 mm'")
     return number(found[0], what)
@@ -43,23 +43,23 @@ def amount(value: Any, what: str) -> float:
 
 def dimension_of(value: Any) -> str | None:
     """The dimension of text with a unit; None for plain numbers and other text."""
-    found = measured(value) if isinstance(value, str) else None
+    found = parse_quantity(value) if isinstance(value, str) else None
     return None if found is None else found[1]
 
 
-def evaluated(formula: str, tables: Mapping[str, Any]) -> float:
+def evaluate_formula(formula: str, tables: Mapping[str, Any]) -> float:
     """The value of a formula of the numbers in `tables`, SI. Raises SceneError for what is none, an unknown name with the
     nearest."""
     where = f"formula '{formula.strip()}'"
-    if len(formula) > LONGEST:
-        raise SceneError(f"formula '{formula[:40]}...' is longer than {LONGEST} letters")
-    plain = _AMOUNT.sub(lambda m: repr(amount(f"{m[1]} {m[2]}", where)), formula.strip())
+    if len(formula) > MAX_FORMULA_LENGTH:
+        raise SceneError(f"formula '{formula[:40]}...' is longer than {MAX_FORMULA_LENGTH} letters")
+    plain = _NUMBER_WITH_UNIT.sub(lambda m: repr(si_value(f"{m[1]} {m[2]}", where)), formula.strip())
     try:
         tree = ast.parse(plain, mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise SceneError(f"{where} cannot be read: write it as '70 mm - 2 * joint.cross.thickness'") from None
     try:
-        found = _value(tree, tables, where)
+        found = _evaluate_node(tree, tables, where)
     except ArithmeticError as why:
         raise SceneError(f"{where} has no value: {why}") from None
     if isinstance(found, complex) or not math.isfinite(found):
@@ -67,47 +67,47 @@ def evaluated(formula: str, tables: Mapping[str, Any]) -> float:
     return float(found)
 
 
-def _value(node: ast.expr, tables: Mapping[str, Any], where: str) -> float:
+def _evaluate_node(node: ast.expr, tables: Mapping[str, Any], where: str) -> float:
     """The value of a part of a formula."""
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
         return float(node.value)
-    if isinstance(node, ast.BinOp) and type(node.op) in SIGNS:
-        left, right = (_value(side, tables, where) for side in (node.left, node.right))
-        return SIGNS[type(node.op)](left, right)
-    if isinstance(node, ast.UnaryOp) and type(node.op) in SIGNS:
-        return SIGNS[type(node.op)](_value(node.operand, tables, where))
+    if isinstance(node, ast.BinOp) and type(node.op) in OPERATORS:
+        left, right = (_evaluate_node(side, tables, where) for side in (node.left, node.right))
+        return OPERATORS[type(node.op)](left, right)
+    if isinstance(node, ast.UnaryOp) and type(node.op) in OPERATORS:
+        return OPERATORS[type(node.op)](_evaluate_node(node.operand, tables, where))
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords and node.args:
         if node.func.id not in FUNCTIONS:
             raise SceneError(
                 f"{where}: there is no function {node.func.id}{name_hint(node.func.id, FUNCTIONS)}"
             )
         try:
-            return FUNCTIONS[node.func.id](*(_value(a, tables, where) for a in node.args))
+            return FUNCTIONS[node.func.id](*(_evaluate_node(a, tables, where) for a in node.args))
         except TypeError:
             raise SceneError(f"{where}: {node.func.id} of {len(node.args)} numbers is none") from None
     if isinstance(node, ast.Name) and node.id == "pi":
         return math.pi
-    keys = _keys(node, where)
-    found = item_at(tables, keys, where)
+    keys = _node_keys(node, where)
+    found = value_at(tables, keys, where)
     if isinstance(found, str) and found.lstrip().startswith("="):
-        raise SceneError(f"{where}: {spoken(keys)} is a formula itself; write out what it stands for")
-    return amount(found, f"{where}: {spoken(keys)}")
+        raise SceneError(f"{where}: {format_keys(keys)} is a formula itself; write out what it stands for")
+    return si_value(found, f"{where}: {format_keys(keys)}")
 
 
-def _keys(node: ast.expr, where: str) -> Keys:
+def _node_keys(node: ast.expr, where: str) -> Keys:
     """The keys of a name."""
     if isinstance(node, ast.Name):
         return (node.id,)
     if isinstance(node, ast.Attribute):
-        return (*_keys(node.value, where), node.attr)
+        return (*_node_keys(node.value, where), node.attr)
     if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Constant):
         key = node.slice.value
         if isinstance(key, str) or (isinstance(key, int) and not isinstance(key, bool)):
-            return (*_keys(node.value, where), key)
+            return (*_node_keys(node.value, where), key)
     raise SceneError(f"{where}: '{ast.unparse(node)}' is no number, name or sum of them")
 
 
-def spoken(keys: Keys) -> str:
+def format_keys(keys: Keys) -> str:
     """Keys as formulas write them: joint.cross.widths[1]."""
     said = ""
     for key in keys:
@@ -120,20 +120,20 @@ def spoken(keys: Keys) -> str:
     return said
 
 
-def item_at(tables: Any, keys: Keys, where: str) -> Any:
+def value_at(tables: Any, keys: Keys, where: str) -> Any:
     """What stands at keys. Raises SceneError, naming `where` and the nearest key, where nothing does."""
     found = tables
     for k, key in enumerate(keys):
-        place = slot(found, key)
+        place = index_of(found, key)
         if place is None or (isinstance(found, dict) and place not in found):
-            known = names_in(found)
-            inside = f" in {spoken(keys[:k])}" if k else ""
-            raise SceneError(f"{where}: there is no {spoken(keys[k:])}{inside}{name_hint(key, known)}")
+            known = known_keys(found)
+            inside = f" in {format_keys(keys[:k])}" if k else ""
+            raise SceneError(f"{where}: there is no {format_keys(keys[k:])}{inside}{name_hint(key, known)}")
         found = found[place]
     return found
 
 
-def slot(values: Any, key: str | int) -> Any:
+def index_of(values: Any, key: str | int) -> Any:
     """Where a key is in a table, a list of numbers, or an array of tables; None where it cannot be."""
     if isinstance(values, dict):
         return key if isinstance(key, str) else None
@@ -152,7 +152,7 @@ def slot(values: Any, key: str | int) -> Any:
     return place if 0 <= place < len(values) else None
 
 
-def names_in(values: Any) -> list[str]:
+def known_keys(values: Any) -> list[str]:
     """Keys by which parts of a table or list are known."""
     if isinstance(values, dict):
         return list(values)

@@ -18,19 +18,19 @@ from ksd.scene.drive import GROUND, Drive, DriveTerm
 
 PLANES = {"xy": 2, "xz": 1, "yz": 0}
 """Planes a mechanism can live in, and the axis across each."""
-_AXES = (((1.0, 0.0, 0.0), "x"), ((0.0, 1.0, 0.0), "y"), ((0.0, 0.0, 1.0), "z"))
+_GLOBAL_AXES = (((1.0, 0.0, 0.0), "x"), ((0.0, 1.0, 0.0), "y"), ((0.0, 0.0, 1.0), "z"))
 
 
-def checked_plane(plane: Any) -> str | None:
+def check_plane(plane: Any) -> str | None:
     """A word of PLANES, or None. Raises SceneError."""
     if plane is None or (isinstance(plane, str) and plane in PLANES):
         return plane
     raise SceneError(f'plane = {show(plane)} must be "xy", "xz" or "yz".')
 
 
-def normal_of(plane: str) -> Vector:
+def plane_normal(plane: str) -> Vector:
     """Unit vector (3,) across a plane."""
-    return _AXES[PLANES[plane]][0]
+    return _GLOBAL_AXES[PLANES[plane]][0]
 
 
 @dataclass(frozen=True)
@@ -55,9 +55,11 @@ class Hinge:
 
     def supports(self, plane: str | None) -> tuple[Drive, ...]:
         """The supports it stands for, "name.x" ... "name.rz"; those of a mechanism that lives in `plane`."""
-        across = _across(self.axis)
-        moves, turns = ([*across, (self.axis, "along")], across) if self.kind == "pin" else (across, _AXES)
-        normal = np.zeros(3) if plane is None else np.array(normal_of(plane))
+        across = _perpendicular_directions(self.axis)
+        moves, turns = (
+            ([*across, (self.axis, "along")], across) if self.kind == "pin" else (across, _GLOBAL_AXES)
+        )
+        normal = np.zeros(3) if plane is None else np.array(plane_normal(plane))
         held = [("translation", e, n) for e, n in moves if abs(float(normal @ e)) < 0.5]
         held += [("rotation", e, f"r{n}") for e, n in turns if plane is None or abs(float(normal @ e)) > 0.5]
         return tuple(
@@ -67,10 +69,10 @@ class Hinge:
 
 
 @lru_cache(maxsize=256)
-def _across(axis: Vector) -> tuple[tuple[Vector, str], ...]:
+def _perpendicular_directions(axis: Vector) -> tuple[tuple[Vector, str], ...]:
     """Two directions across an axis with their names: global axes where they are across it."""
     way = np.array(axis)
-    found = [(np.array(e), n) for e, n in _AXES if abs(float(way @ e)) < 1e-12]
+    found = [(np.array(e), n) for e, n in _GLOBAL_AXES if abs(float(way @ e)) < 1e-12]
     if not found:
         one = np.cross(way, np.eye(3)[int(np.argmin(np.abs(way)))])
         found = [(one / np.linalg.norm(one), "u")]
@@ -79,11 +81,11 @@ def _across(axis: Vector) -> tuple[tuple[Vector, str], ...]:
     return tuple((tuple(e.tolist()), n) for e, n in found)
 
 
-def checked_hinge(hinge: Hinge, plane: str | None) -> Hinge:
+def check_hinge_in_plane(hinge: Hinge, plane: str | None) -> Hinge:
     """The hinge, its axis seen to fit the plane. Raises SceneError."""
     if plane is None:
         return hinge
-    lean = abs(float(np.dot(hinge.axis, normal_of(plane))))
+    lean = abs(float(np.dot(hinge.axis, plane_normal(plane))))
     if hinge.kind == "pin" and lean < 1.0 - 1e-9:
         raise SceneError(
             f"pin '{hinge.name}': its axis {show(hinge.axis)} must be across the plane {plane}; leave axis out."
@@ -96,10 +98,10 @@ def checked_hinge(hinge: Hinge, plane: str | None) -> Hinge:
     return hinge
 
 
-def checked_drive(drive: Drive, plane: str | None, kind: str = "drive") -> Drive:
+def check_drive_in_plane(drive: Drive, plane: str | None, kind: str = "drive") -> Drive:
     """The drive or support, seen to be of the plane in all of its terms. Raises SceneError."""
     for term in drive.terms if plane else ():
-        lean = abs(float(np.dot(term.direction, normal_of(str(plane)))))
+        lean = abs(float(np.dot(term.direction, plane_normal(str(plane)))))
         held = lean > 1.0 - 1e-9 if term.kind == "translation" else lean < 1e-9
         if kind == "support" and held:
             # the plane holds it already
@@ -108,12 +110,12 @@ def checked_drive(drive: Drive, plane: str | None, kind: str = "drive") -> Drive
             word = "along" if term.kind == "translation" else "about"
             raise SceneError(
                 f"{kind} '{drive.name}' leaves the plane {plane}, in which the mechanism lives: {word} = "
-                f'{show(term.direction)}; give along a direction in it, or about="{_AXES[PLANES[str(plane)]][1]}".'
+                f'{show(term.direction)}; give along a direction in it, or about="{_GLOBAL_AXES[PLANES[str(plane)]][1]}".'
             )
     return drive
 
 
-def plane_holds(scene: Any) -> tuple[Drive, ...]:
+def plane_supports(scene: Any) -> tuple[Drive, ...]:
     """Supports that hold a scene in its plane: one link of every group that joints tie together, none of ground's."""
     if scene.plane is None:
         return ()
@@ -129,18 +131,18 @@ def plane_holds(scene: Any) -> tuple[Drive, ...]:
         group[two] = one
     points = {p.name for p in scene.points}
     loose = [link for link in scene.links[1:] if group[link] == link and link not in points]
-    return tuple(hold for link in loose for hold in _holds(link, scene.plane))
+    return tuple(hold for link in loose for hold in _link_plane_supports(link, scene.plane))
 
 
 @lru_cache(maxsize=256)
-def _holds(link: str, plane: str) -> tuple[Drive, ...]:
+def _link_plane_supports(link: str, plane: str) -> tuple[Drive, ...]:
     """Supports that hold a link in a plane."""
     across = PLANES[plane]
     held = [("translation", across), *(("rotation", k) for k in range(3) if k != across)]
     return tuple(
         Drive(
-            f"{link} in {plane}: {'r' * (kind == 'rotation')}{_AXES[k][1]}",
-            (DriveTerm(1.0, kind, GROUND, link, _AXES[k][0], (0.0, 0.0, 0.0)),),
+            f"{link} in {plane}: {'r' * (kind == 'rotation')}{_GLOBAL_AXES[k][1]}",
+            (DriveTerm(1.0, kind, GROUND, link, _GLOBAL_AXES[k][0], (0.0, 0.0, 0.0)),),
         )
         for kind, k in held
     )

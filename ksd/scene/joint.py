@@ -117,28 +117,28 @@ class Joint(metaclass=ClearArgumentErrors):
         raise NotImplementedError
 
 
-def leaves_of(joint: Joint) -> tuple[Leaf, ...]:
+def joint_leaves(joint: Joint) -> tuple[Leaf, ...]:
     """`joint.leaves()`, made once for equal joints: a mechanism asks several times, and mostly of the same joint."""
     try:
-        return _leaves_of(joint)
+        return _cached_leaves(joint)
     except TypeError:  # a family of the user's own that is not hashable
         return joint.leaves()
 
 
 @lru_cache(maxsize=256)
-def _leaves_of(joint: Joint) -> tuple[Leaf, ...]:
+def _cached_leaves(joint: Joint) -> tuple[Leaf, ...]:
     return joint.leaves()
 
 
-ALONG = (0.05, 0.2, 0.45, 0.7, 0.95)
+COMPARED_STATIONS = (0.05, 0.2, 0.45, 0.7, 0.95)
 """Where along a leaf spring drawings are compared: fractions of its length, apart from what is even or periodic."""
 
 
-def proportions(joint: Joint) -> dict[str, float]:
+def joint_proportions(joint: Joint) -> dict[str, float]:
     """How a joint is drawn, over its `length`: blocks, ends and lengths of leaf springs, which way they are wide, and, with
     what varies along them, their soft bending stiffness over the least and their curvature at rest times their length. A
     record of one joint as drawn holds for those alone."""
-    leaves, L = leaves_of(joint), joint.length
+    leaves, L = joint_leaves(joint), joint.length
     places = {f"block {n}": np.divide(point, L) for n, point in enumerate(joint.blocks().values())}
     for n, leaf in enumerate(leaves, 1):
         places |= {
@@ -158,8 +158,12 @@ def proportions(joint: Joint) -> dict[str, float]:
             f"bending stiffness of leaf {n}": bending[n - 1] / min(bending),
         }
         curve, profile = leaf.curve, leaf.profile
-        bends = np.zeros((len(ALONG), 3)) if curve is None else leaf.length * curve.curvatures(ALONG)
-        for s, turns in zip(ALONG, bends.tolist(), strict=True):
+        bends = (
+            np.zeros((len(COMPARED_STATIONS), 3))
+            if curve is None
+            else leaf.length * curve.curvatures(COMPARED_STATIONS)
+        )
+        for s, turns in zip(COMPARED_STATIONS, bends.tolist(), strict=True):
             section = leaf.section if profile is None else profile.section(s)
             found[f"bending stiffness of leaf {n} at {s:g}"] = leaf.material.E * section.Iz / min(bending)
             found |= {
@@ -216,7 +220,7 @@ class DrawnJoint(Joint):
         windows = boolean(windows, "windows", owner=owner)
         held_by_others = boolean(held_by_others, "held_by_others", owner=owner)
         if not windows:
-            check_clear(leaves, owner=owner, advice=_ADVICE)
+            check_clear(leaves, owner=owner, advice=_OVERLAP_ADVICE)
         if not motions or not all(isinstance(m, Motion) for m in motions):
             raise SceneError(f"{owner}: motions = {show(motions)} must be at least one Motion.")
         twice = [m for k, m in enumerate(motions) if m.name in {other.name for other in motions[:k]}]
@@ -272,7 +276,7 @@ class DrawnJoint(Joint):
         return dict(self.shape_numbers)
 
 
-_ADVICE = "move them apart, or say windows=True where one passes through a window of the other"
+_OVERLAP_ADVICE = "move them apart, or say windows=True where one passes through a window of the other"
 
 
 def _check_blocks(points: Mapping[str, Vector], leaves: Sequence[Leaf], owner: str) -> None:

@@ -10,14 +10,14 @@ from typing import Any
 from ksd import section
 from ksd.checks import NUMBER_PATTERN
 from ksd.scene import toml_schema as schema
-from ksd.scene.effects import CONSIDERED
+from ksd.scene.effects import OPTIONAL_EFFECTS
 from ksd.scene.families import joint_families
 from ksd.scene.hinges import PLANES
 from ksd.scene.joint import DrawnJoint
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.toml_schema import SHAPE_CLASSES
-from ksd.scene.toml_table import spelling
+from ksd.scene.toml_table import unit_pattern
 from ksd.units import DIMENSIONS
 
 Tree = dict[str, Any]
@@ -38,7 +38,7 @@ def json_schema(
     top = _table(
         schema.TOP,
         plane={"enum": list(PLANES)},
-        consider={"type": "array", "items": {"enum": list(CONSIDERED)}},
+        consider={"type": "array", "items": {"enum": list(OPTIONAL_EFFECTS)}},
         material=_by_name(_table(schema.MATERIAL, about=Material)),
         section=_by_name(
             _one_of("kind", {k: (getattr(section, k), keys) for k, keys in schema.SECTIONS.items()})
@@ -83,7 +83,7 @@ def _definitions() -> Tree:
     """Quantities by dimension, one of each or lists of any depth, and directions."""
     found: Tree = {}
     for dimension, units in DIMENSIONS.items():
-        ways = "|".join(spelling(unit) for unit in units)
+        ways = "|".join(unit_pattern(unit) for unit in units)
         si, *others = units
         found[dimension] = {
             "description": f"{dimension}: a number in {si}, or text with a unit: {', '.join([si, *others])}",
@@ -169,7 +169,7 @@ def _sentence(name: str) -> Tree:
 
 def _joints() -> Tree:
     """A [joint.NAME] of any family, and one that is drawn leaf by leaf."""
-    families = {name: (family, schema.of_family(family)) for name, family in joint_families().items()}
+    families = {name: (family, schema.family_schema(family)) for name, family in joint_families().items()}
     leaves = {
         kind: {"type": "array", "items": _sized(kind, schema.LEAF | schema.BLOCKS, None)}
         for kind in ("leaf", "wire")

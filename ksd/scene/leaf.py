@@ -26,14 +26,14 @@ from ksd.checks import (
     word,
 )
 from ksd.errors import SceneError
-from ksd.scene.curve import Curve, line_of
+from ksd.scene.curve import Curve, cached_line
 from ksd.scene.material import Material
 from ksd.scene.profile import Profile
 from ksd.section import Section, circle
 
 
 @dataclass(frozen=True)
-class Condition:
+class LeafCondition:
     """How a leaf differs from what is drawn when nothing loads it; made from the heats and fits of a scene.
 
     stretch: natural over drawn length; bow [1/m]: natural curvature about e3 on top of the drawn one; shift (3,) [m]
@@ -77,7 +77,7 @@ class Leaf(metaclass=ClearArgumentErrors):
     orders: tuple[int, int, int] | None = None
     profile: Profile | None = None
     curve: Curve | None = None
-    condition: Condition | None = None
+    condition: LeafCondition | None = None
 
     def __post_init__(self) -> None:
         # in few calls: a scene may have hundreds of them, made anew for every design
@@ -87,7 +87,7 @@ class Leaf(metaclass=ClearArgumentErrors):
         own["start"] = vector(self.start, "start", owner=owner, unit="m")
         own["end"] = vector(self.end, "end", owner=owner, unit="m")
         if self.elements is not None or self.orders is not None:
-            own.update(mesh(self.elements, self.orders, owner=owner))
+            own.update(checked_mesh(self.elements, self.orders, owner=owner))
         if not isinstance(self.section, Section):
             raise SceneError(f"{owner}: section = {show(self.section)} must be a Section.")
         if not isinstance(self.material, Material):
@@ -147,12 +147,12 @@ class Leaf(metaclass=ClearArgumentErrors):
         if self.curve is None:
             return start + s * (np.asarray(self.end, float) - start), chord
         # its line from the end p, whose chord is turned onto that of the leaf with the widths in one plane
-        end, _ = line_of(self.curve, 1.0)
+        end, _ = cached_line(self.curve, 1.0)
         e1 = end / np.linalg.norm(end)
         e3 = np.array([0.0, 0.0, 1.0]) - e1[2] * e1
         e3 /= np.linalg.norm(e3)
         frame = chord @ np.array([e1, np.cross(e3, e1), e3])
-        place, axes = line_of(self.curve, s)
+        place, axes = cached_line(self.curve, s)
         return start + frame @ place, frame @ axes
 
 
@@ -181,7 +181,7 @@ def wire(
     )  # fmt: skip
 
 
-def mesh(elements: Any, orders: Any, *, owner: str) -> dict[str, Any]:
+def checked_mesh(elements: Any, orders: Any, *, owner: str) -> dict[str, Any]:
     """Checked `elements` and `orders` of a leaf or a joint."""
     if elements is not None:
         elements = whole_number(elements, "elements", owner=owner)

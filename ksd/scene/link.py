@@ -20,6 +20,6 @@ class Link:
         return self.name
 
 
-def spoken(link: Any) -> str:
+def link_name(link: Any) -> str:
     """A link's name for messages and default names."""
     return link.name if isinstance(link, Link) else str(link)

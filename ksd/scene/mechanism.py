@@ -29,16 +29,25 @@ from ksd.errors import SceneError, UnknownNameError, UnknownWordError
 from ksd.html import InNotebooks
 from ksd.scene.curve import Curve
 from ksd.scene.drive import GROUND, Drive, DriveTerm
-from ksd.scene.effects import CONSIDERED, Compliance, Distance, Fit, Heat, LinkMatrix, Spring, TurnSpring
-from ksd.scene.hinges import Hinge, checked_drive, checked_hinge, checked_plane, normal_of
+from ksd.scene.effects import (
+    OPTIONAL_EFFECTS,
+    Compliance,
+    Distance,
+    Fit,
+    Heat,
+    LinkMatrix,
+    Spring,
+    TurnSpring,
+)
+from ksd.scene.hinges import Hinge, check_drive_in_plane, check_hinge_in_plane, check_plane, plane_normal
 from ksd.scene.joint import Joint
 from ksd.scene.leaf import Leaf
 from ksd.scene.leaf import wire as make_wire
-from ksd.scene.link import Link, spoken
+from ksd.scene.link import Link, link_name
 from ksd.scene.link_matrix import link_matrix
 from ksd.scene.load import Load, PointMass
 from ksd.scene.material import Material
-from ksd.scene.placement import axis_word, rotation_at
+from ksd.scene.placement import direction_suffix, joint_rotation
 from ksd.scene.profile import Profile
 from ksd.scene.rules import check_scene
 from ksd.scene.scene import (
@@ -46,9 +55,9 @@ from ksd.scene.scene import (
     PlacedJoint,
     PlacedLeaf,
     Scene,
+    global_leaf,
+    hold_same_objects,
     joint_angle,
-    placed_leaf,
-    same_parts,
 )
 from ksd.section import Section
 
@@ -111,11 +120,11 @@ class Mechanism(InNotebooks, metaclass=ClearArgumentErrors):
         if not name.startswith("_") and name not in SETTABLE:
             raise SceneError(f"a mechanism has no '{name}' to be set{name_hint(name, SETTABLE)}")
         if name == "plane":
-            value = checked_plane(value)
+            value = check_plane(value)
             for kind, said in (("drive", self._drives), ("support", self._supports)):
                 for drive in said:
-                    checked_drive(drive, value, kind)
-            hinges = {n: checked_hinge(h, value) for n, (h, _) in self._hinges.items()}
+                    check_drive_in_plane(drive, value, kind)
+            hinges = {n: check_hinge_in_plane(h, value) for n, (h, _) in self._hinges.items()}
             self._hinges = {n: (h, h.supports(value)) for n, h in hinges.items()}
         super().__setattr__(name, word(value, "name", owner="Mechanism") if name == "name" else value)
 
@@ -296,14 +305,14 @@ class Mechanism(InNotebooks, metaclass=ClearArgumentErrors):
 
     def _place(self, kind: str, pair: Any, joint: Any, where: Any, name: str | None) -> PlacedJoint:
         """A joint between a pair of links, where = (at, axis, toward)."""
-        label = self._new_name(name, f"{spoken(pair[0])}-{spoken(pair[1])}")
+        label = self._new_name(name, f"{link_name(pair[0])}-{link_name(pair[1])}")
         owner = f"{kind} '{label}'"
         first, second = self._pair(pair[0], pair[1], owner)
         if not isinstance(joint, Joint):
             said = getattr(joint, "__name__", None) or show(joint)
             raise SceneError(f"{owner}: {said} is not a joint; make one, e.g. ksd.CrossFlexure(...).")
         origin = vector(where[0], "at", owner=owner, unit="m")
-        return PlacedJoint(label, first, second, joint, origin, rotation_at(where[1], where[2], owner))
+        return PlacedJoint(label, first, second, joint, origin, joint_rotation(where[1], where[2], owner))
 
     def constrain(
         self,
@@ -326,7 +335,7 @@ class Mechanism(InNotebooks, metaclass=ClearArgumentErrors):
         for block in joint.blocks():
             if block not in links:
                 links[block] = self.link(f"{placed.name}/{block}").name
-        found = tuple(placed_leaf(placed, leaf, links) for leaf in joint.leaves())
+        found = tuple(global_leaf(placed, leaf, links) for leaf in joint.leaves())
         self._leaves += found
         return found
 
@@ -350,7 +359,7 @@ class Mechanism(InNotebooks, metaclass=ClearArgumentErrors):
         label = self._new_name(name, "leaf")
         first, second = self._pair(a, b, f"leaf '{label}'")
         if width_axis is None and self.plane is not None:
-            width_axis = normal_of(self.plane)
+            width_axis = plane_normal(self.plane)
             ends = (
                 vector(start, "start", owner=f"leaf '{label}'"),
                 vector(end, "end", owner=f"leaf '{label}'"),
@@ -463,7 +472,7 @@ class Mechanism(InNotebooks, metaclass=ClearArgumentErrors):
                 "a pin needs its axis: give axis=, or say the plane of the mechanism, "
                 f'ksd.Mechanism("{self.name}", plane="xy").'
             )
-        return self._hinge("pin", (a, b), at, normal_of(str(self.plane)) if axis is None else axis, name)
+        return self._hinge("pin", (a, b), at, plane_normal(str(self.plane)) if axis is None else axis, name)
 
     def slider(
         self,
@@ -482,7 +491,7 @@ class Mechanism(InNotebooks, metaclass=ClearArgumentErrors):
 
     def _hinge(self, kind: str, pair: tuple[Any, Any], at: Any, axis: Any, name: str | None) -> Hinge:
         used = {*self._hinges, *(d.name for d in (*self._drives, *self._supports))}
-        default = f"{spoken(pair[0])}-{spoken(pair[1])}"
+        default = f"{link_name(pair[0])}-{link_name(pair[1])}"
         label = _free_name(name, default, used, kind, each="pin and slider")
         owner = f"{kind} '{label}'"
         first, second = self._pair(*pair, owner)
@@ -490,7 +499,7 @@ class Mechanism(InNotebooks, metaclass=ClearArgumentErrors):
         place = next(iter(own.values()), None) if at is None else as_given(at)
         if place is None:
             raise SceneError(f"{owner}: 'at' is missing; give the point (x, y, z) in m where it is.")
-        made = checked_hinge(Hinge(label, kind, first, second, place, as_given(axis)), self.plane)
+        made = check_hinge_in_plane(Hinge(label, kind, first, second, place, as_given(axis)), self.plane)
         for point, there in own.items():
             apart = math.dist(there, made.at)
             if kind == "pin" and apart > 1e-6 * max(f.leaf.length for f in self._leaves):
@@ -532,7 +541,7 @@ class Mechanism(InNotebooks, metaclass=ClearArgumentErrors):
     def _term(
         self, link: Link | str, along: Any, kind: str, at: Any, relative_to: Link | str | None
     ) -> DriveTerm:
-        owner = f"drive of '{spoken(link)}'"
+        owner = f"drive of '{link_name(link)}'"
         name = self._known(link, owner)
         base = GROUND if relative_to is None else self._known(relative_to, owner)
         if name == base:
@@ -569,7 +578,7 @@ class Mechanism(InNotebooks, metaclass=ClearArgumentErrors):
         """
         said = {"along": along, "about": about, "at": at, "relative_to": relative_to}
         parts, default = self._parts(link, **said, joint=joint, motion=motion, terms=terms)
-        drive = checked_drive(Drive(self._drive_name(name, default, parts), parts), self.plane)
+        drive = check_drive_in_plane(Drive(self._drive_name(name, default, parts), parts), self.plane)
         self._drives.append(drive)
         return drive
 
@@ -599,7 +608,7 @@ class Mechanism(InNotebooks, metaclass=ClearArgumentErrors):
         `actuate`. Its force is in `Configuration.reactions`. Raises SceneError."""
         said = {"along": along, "about": about, "at": at, "relative_to": relative_to}
         parts, default = self._parts(link, **said, joint=joint, motion=motion, terms=terms)
-        held = checked_drive(
+        held = check_drive_in_plane(
             Drive(self._drive_name(name, f"{default}.held", parts), parts), self.plane, "support"
         )
         self._supports.append(held)
@@ -630,13 +639,13 @@ class Mechanism(InNotebooks, metaclass=ClearArgumentErrors):
             return (DriveTerm(1.0, kind, placed.a, placed.b, axis, point),), placed.name
         if (along is None) == (about is None):
             raise SceneError(
-                f"drive of '{spoken(link)}': give one of along=direction (a displacement) "
+                f"drive of '{link_name(link)}': give one of along=direction (a displacement) "
                 "and about=axis (a rotation)."
             )
         if along is not None:
-            return (self._term(link, along, "translation", at, relative_to),), spoken(link)
+            return (self._term(link, along, "translation", at, relative_to),), link_name(link)
         at = (0.0, 0.0, 0.0) if at is None else at
-        return (self._term(link, about, "rotation", at, relative_to),), spoken(link)
+        return (self._term(link, about, "rotation", at, relative_to),), link_name(link)
 
     def _checked_terms(self, terms: Any) -> tuple[tuple[DriveTerm, ...], str]:
         parts = (terms,) if isinstance(terms, DriveTerm) else terms
@@ -665,7 +674,7 @@ class Mechanism(InNotebooks, metaclass=ClearArgumentErrors):
     def _drive_name(self, name: str | None, default: str, parts: tuple[DriveTerm, ...]) -> str:
         used = {d.name for d in (*self._drives, *self._supports)}
         used |= {d.name for _, held in self._hinges.values() for d in held}
-        suffix = axis_word(parts[0]) if default in used and len(parts) == 1 else ""
+        suffix = direction_suffix(parts[0]) if default in used and len(parts) == 1 else ""
         return _free_name(name, f"{default}.{suffix}" if suffix else default, used, "drive")
 
     # Loads
@@ -684,7 +693,7 @@ class Mechanism(InNotebooks, metaclass=ClearArgumentErrors):
 
         following=True turns both with the link. The default name is "link.load". Raises SceneError.
         """
-        label = _free_name(name, f"{spoken(link)}.load", {load.name for load in self._loads}, "load")
+        label = _free_name(name, f"{link_name(link)}.load", {load.name for load in self._loads}, "load")
         owner = f"load '{label}'"
         known = self._known(link, owner)
         if force is None and moment is None:
@@ -815,8 +824,8 @@ class Mechanism(InNotebooks, metaclass=ClearArgumentErrors):
         Without this sentence leaf springs are standard beams, as in the literature they are compared with.
         """
         for effect in effects:
-            if effect not in CONSIDERED:
-                raise SceneError(f"consider: {show(effect)} is unknown{name_hint(effect, CONSIDERED)}")
+            if effect not in OPTIONAL_EFFECTS:
+                raise SceneError(f"consider: {show(effect)} is unknown{name_hint(effect, OPTIONAL_EFFECTS)}")
         self._consider = tuple(sorted({*self._consider, *effects}))
 
     # Questions
@@ -854,7 +863,7 @@ class Mechanism(InNotebooks, metaclass=ClearArgumentErrors):
     def scene(self) -> Scene:
         """The frozen, validated description; the same value again while nothing was changed."""
         last, parts = self._last, self._words()
-        if last is not None and last[0].unchangeable and same_parts(parts, last[1]):
+        if last is not None and last[0].unchangeable and hold_same_objects(parts, last[1]):
             return last[0]
         frozen = Scene(**parts)
         if whole_checks_enabled():

@@ -12,7 +12,7 @@ from ksd.scene.drive import DriveTerm
 from ksd.scene.scene import Matrix
 
 
-def axis_word(term: DriveTerm) -> str:
+def direction_suffix(term: DriveTerm) -> str:
     """x, y, z for a displacement along an axis, rx, ry, rz for a rotation; empty for other directions."""
     for axis, e in zip("xyz", np.eye(3), strict=True):
         if abs(abs(float(e @ np.asarray(term.direction))) - 1.0) < 1e-9:
@@ -20,7 +20,7 @@ def axis_word(term: DriveTerm) -> str:
     return ""
 
 
-def rotation_at(axis: Any, toward: Any, owner: str) -> Matrix:
+def joint_rotation(axis: Any, toward: Any, owner: str) -> Matrix:
     """Columns x = toward, y = axis x toward, z = axis, after a check that the two are perpendicular."""
     # plain numbers: a design loop comes by here for every joint, and arrays of three cost ten times as much
     z = direction(axis, "axis", owner=owner)

@@ -16,14 +16,14 @@ from numpy.polynomial import legendre
 from ksd.checks import number, positive, show
 from ksd.errors import SceneError
 
-MOST = 30
+MAX_NEWTON_STEPS = 30
 """Most Newton steps to where a spline has a given length."""
-GAUSS, FEW = legendre.leggauss(128), legendre.leggauss(16)
+CHORD_QUADRATURE, LENGTH_QUADRATURE = legendre.leggauss(128), legendre.leggauss(16)
 """Points and weights by which chords are measured, and the lengths of splines."""
 Points = tuple[tuple[float, ...], ...]
 
 
-class Bend:
+class PlaneCurvature:
     """Curvature about e3 [1/m] at fractions s, of any shape, of a curve of this `length` [m]; kind: its name in files."""
 
     kind: ClassVar[str]
@@ -42,7 +42,7 @@ class Bend:
 
 
 @dataclass(frozen=True)
-class Sine(Bend):
+class Sine(PlaneCurvature):
     """Angle sum_i c_i sin(2 pi i s)."""
 
     amplitudes: tuple[float, ...]
@@ -64,7 +64,7 @@ class Sine(Bend):
 
 
 @dataclass(frozen=True)
-class Legendre(Bend):
+class Legendre(PlaneCurvature):
     """Curvature times length sum_i c_ki P_i(x), x from -1 to 1 along piece k; breaks: where pieces meet."""
 
     pieces: Points
@@ -98,7 +98,7 @@ class Legendre(Bend):
 
 
 @dataclass(frozen=True)
-class Spline(Bend):
+class Spline(PlaneCurvature):
     """Cubic spline through points (x, y) [m], over the distances between them, of these angles [rad] at its ends."""
 
     points: Points
@@ -112,7 +112,7 @@ class Spline(Bend):
         r = np.array(self.points)
         apart = np.hypot(*np.diff(r, axis=0).T)
         ways = [None if a is None else np.array([np.cos(a), np.sin(a)]) for a in (self.start, self.end)]
-        bends = _second(r, apart, ways)
+        bends = _second_derivatives(r, apart, ways)
         k = np.arange(len(apart))
         own = self._gone((r, apart, bends), k, np.ones(len(k)))
         return r, apart, bends, np.cumsum([0.0, *own.tolist()])
@@ -133,7 +133,7 @@ class Spline(Bend):
     @classmethod
     def _gone(cls, parts: Any, k: np.ndarray, t: np.ndarray) -> np.ndarray:
         """Lengths from the start of segments k."""
-        x, w = FEW
+        x, w = LENGTH_QUADRATURE
         first, _ = cls._line(parts, k[..., None], 0.5 * t[..., None] * (x + 1.0))
         return np.asarray(0.5 * t * parts[1][k] * (np.hypot(first[..., 0], first[..., 1]) @ w))
 
@@ -143,7 +143,7 @@ class Spline(Bend):
         at = s * ends[-1]
         k = np.clip(np.searchsorted(ends, at, side="right") - 1, 0, len(ends) - 2)
         t = (at - ends[k]) / (ends[k + 1] - ends[k])
-        for _ in range(MOST):
+        for _ in range(MAX_NEWTON_STEPS):
             first, _ = self._line(parts, k, t)
             step = (at - ends[k] - self._gone(parts, k, t)) / (
                 parts[1][k] * np.hypot(first[..., 0], first[..., 1])
@@ -156,7 +156,7 @@ class Spline(Bend):
         return np.asarray(turn / np.hypot(first[..., 0], first[..., 1]) ** 3)
 
 
-def numbers(values: Any, what: str, owner: str) -> tuple[float, ...]:
+def finite_numbers(values: Any, what: str, owner: str) -> tuple[float, ...]:
     """One or more finite numbers. Raises SceneError."""
     try:
         found = np.atleast_1d(np.asarray(values, float))
@@ -173,7 +173,7 @@ def length_of(length: Any, chord: Any, angle: Callable[[np.ndarray], np.ndarray]
         raise SceneError(f"{owner}: give one of length and chord [m].")
     if chord is None:
         return positive(length, "length", owner=owner, unit="m")
-    x, w = GAUSS
+    x, w = CHORD_QUADRATURE
     turned = angle(0.5 * (x + 1.0))
     share = float(np.hypot(0.5 * w @ np.cos(turned), 0.5 * w @ np.sin(turned)))
     if share < 1e-6:
@@ -183,7 +183,7 @@ def length_of(length: Any, chord: Any, angle: Callable[[np.ndarray], np.ndarray]
 
 def sine_shape(amplitudes: Any, length: Any, chord: Any) -> Sine:
     """By its length or chord. Raises SceneError."""
-    c = numbers(amplitudes, "amplitudes", "FreeCurve.sine")
+    c = finite_numbers(amplitudes, "amplitudes", "FreeCurve.sine")
     return Sine(c, length_of(length, chord, Sine(c, 1.0).angle, "FreeCurve.sine"))
 
 
@@ -191,9 +191,9 @@ def legendre_shape(coefficients: Any, length: Any, chord: Any, breaks: Any) -> L
     """By its length, or without breaks its chord. Raises SceneError."""
     owner = "FreeCurve.legendre"
     if not np.size(breaks):
-        whole = (numbers(coefficients, "coefficients", owner),)
+        whole = (finite_numbers(coefficients, "coefficients", owner),)
         return Legendre(whole, length_of(length, chord, Legendre(whole, 1.0).angle, owner))
-    ends = numbers(breaks, "breaks", owner)
+    ends = finite_numbers(breaks, "breaks", owner)
     if chord is not None:
         raise SceneError(f"{owner}: with breaks, give its length instead of a chord.")
     if not all(a < b for a, b in zip((0.0, *ends), (*ends, 1.0), strict=True)):
@@ -203,7 +203,7 @@ def legendre_shape(coefficients: Any, length: Any, chord: Any, breaks: Any) -> L
             f"{owner}: coefficients = {show(coefficients)}: {len(ends)} breaks make {len(ends) + 1} pieces; give a list for "
             "each."
         )
-    pieces = tuple(numbers(own, "coefficients", owner) for own in coefficients)
+    pieces = tuple(finite_numbers(own, "coefficients", owner) for own in coefficients)
     return Legendre(pieces, positive(length, "length", owner=owner, unit="m"), ends)
 
 
@@ -227,7 +227,7 @@ def spline_shape(points: Any, start: float | None, end: float | None) -> Spline:
     return Spline(tuple(map(tuple, r.tolist())), *ends)
 
 
-def _second(r: np.ndarray, h: np.ndarray, ways: list[np.ndarray | None]) -> np.ndarray:
+def _second_derivatives(r: np.ndarray, h: np.ndarray, ways: list[np.ndarray | None]) -> np.ndarray:
     """Second derivatives (k, 2) of a cubic spline at its points; none at ends without a direction."""
     n = len(r)
     A, b = np.zeros((n, n)), np.zeros((n, 2))

@@ -17,46 +17,57 @@ from ksd.scene.scene import Scene
 from ksd.section import Section
 from ksd.section.constants import extents
 
-STOUT = 5.0
+MIN_SLENDERNESS = 5.0
 """Length over thickness below which a leaf is a block: plane sections and clamps without compliance do not hold."""
-LENGTHS = (1e-6, 5.0)
+LENGTH_RANGE = (1e-6, 5.0)
 """Leaf springs [m] from micromachined to as long as a room."""
-MODULI = (1e6, 1.3e12)
+MODULUS_RANGE = (1e6, 1.3e12)
 """Young's and shear moduli [Pa] from rubber to diamond."""
-DENSE, METAL = 2500.0, 5e9
+MIN_METAL_DENSITY, MIN_METAL_MODULUS = 2500.0, 5e9
 """Density [kg/m^3] from which a solid is a metal or a ceramic, and Young's modulus [Pa] that each of those has at least."""
-METALS = ("steel", "alumin", "titan", "brass", "bronze", "copper", "invar", "nickel", "tungsten", "magnesium")
+METAL_NAME_PARTS = (
+    "steel",
+    "alumin",
+    "titan",
+    "brass",
+    "bronze",
+    "copper",
+    "invar",
+    "nickel",
+    "tungsten",
+    "magnesium",
+)
 """What is in the names of metals."""
-LARGEST = 10.0
+MAX_MECHANISM_SIZE = 10.0
 """Distance [m] of parts of one mechanism."""
-DENSITIES = (10.0, 23e3)
+DENSITY_RANGE = (10.0, 23e3)
 """Densities [kg/m^3] from foam to osmium."""
-ACCELERATION, MASS = 1e3, 100.0
+MAX_ACCELERATION, MAX_MASS = 1e3, 100.0
 """Weight of a hundred g [m/s^2], and a mass [kg] that no flexure carries; a plain number above was probably meant in another
 unit."""
-LIMITS = (1e-5, 0.5)
+STRENGTH_RATIO_RANGE = (1e-5, 0.5)
 """Stress limits over Young's modulus."""
 
 
-def meant_in(value: float, dimension: str, key: str) -> str:
+def likely_unit(value: float, dimension: str, key: str) -> str:
     """The unit in which a plain number of a scene file was probably meant, where in SI it is that of no flexure; else ""."""
     size = abs(value)
     if dimension == "length":
-        return "mm" if size > LENGTHS[1] else ""
+        return "mm" if size > LENGTH_RANGE[1] else ""
     if dimension == "angle":
         return "deg" if size > 2 * math.pi else ""
-    if dimension == "stress" and 0.0 < size < MODULI[0]:
+    if dimension == "stress" and 0.0 < size < MODULUS_RANGE[0]:
         return "GPa" if size < 1e3 and key in ("E", "G") else "MPa"
     if dimension == "density":
-        return "g/cm^3" if 0.0 < size < DENSITIES[0] else ""
+        return "g/cm^3" if 0.0 < size < DENSITY_RANGE[0] else ""
     if dimension == "acceleration":
-        return "mm/s^2" if size > ACCELERATION else ""
+        return "mm/s^2" if size > MAX_ACCELERATION else ""
     if dimension == "mass":
-        return "g" if size > MASS else ""
+        return "g" if size > MAX_MASS else ""
     return ""
 
 
-def far_drives(scene: Scene, values: Mapping[str, float], size: float) -> tuple[str, ...]:
+def drive_value_warnings(scene: Scene, values: Mapping[str, float], size: float) -> tuple[str, ...]:
     """A sentence for every drive value [m or rad] that was probably meant in another unit: over twice the size [m] of the
     mechanism, or more than a turn."""
     found = []
@@ -73,79 +84,86 @@ def far_drives(scene: Scene, values: Mapping[str, float], size: float) -> tuple[
     return tuple(found)
 
 
-def implausible(scene: Scene) -> tuple[str, ...]:
+def plausibility_warnings(scene: Scene) -> tuple[str, ...]:
     """One sentence for everything that is unusual, equal leaf springs together; nothing where all is as flexures are."""
     leaves = scene.leaf_names()
     materials = dict.fromkeys(leaf.material for leaf in leaves.values())
-    found = [said for material in materials for said in _of_material(material)]
-    for judge in (_of_length, _of_thickness, _of_width):
-        found += _together(leaves, judge)
-    return (*found, *_of_places(scene))
+    found = [said for material in materials for said in _material_warnings(material)]
+    for judge in (_length_warning, _thickness_warning, _width_warning):
+        found += _grouped_warnings(leaves, judge)
+    return (*found, *_size_warnings(scene))
 
 
-def _of_places(scene: Scene) -> Iterator[str]:
+def _size_warnings(scene: Scene) -> Iterator[str]:
     """Of the sizes of joints (the leaf springs in them are judged each), and of how far all parts are apart."""
     for placed in scene.joints:
         for key, dimension in placed.joint.quantities.items():
             said = getattr(placed.joint, key, None)
-            if dimension == "length" and key != "length" and said is not None and np.max(said) > LENGTHS[1]:
+            if (
+                dimension == "length"
+                and key != "length"
+                and said is not None
+                and np.max(said) > LENGTH_RANGE[1]
+            ):
                 yield f"joint '{placed.name}': {key} = {show(said)} is in m, and that of no flexure; did you mean mm?"
     places = [j.origin for j in scene.joints] + [
         end for f in scene.leaves for end in (f.leaf.start, f.leaf.end)
     ]
     apart = np.ptp([*places, *(m.at for m in scene.masses)] or [(0.0, 0.0, 0.0)], axis=0)
     k = int(np.argmax(apart))
-    if apart[k] > LARGEST:
+    if apart[k] > MAX_MECHANISM_SIZE:
         yield f"its joints, leaf springs and masses are {apart[k]:g} m apart along {'xyz'[k]}; lengths are in m"
 
 
-def thinnest(leaf: Leaf) -> Section:
+def thinnest_section(leaf: Leaf) -> Section:
     """The section of a leaf, of one with a profile where it is thinnest (at 33 stations)."""
     if leaf.profile is None:
         return leaf.section
     return min((leaf.profile.section(k / 32) for k in range(33)), key=lambda q: q.Iz)
 
 
-def _of_material(m: Material) -> Iterator[str]:
+def _material_warnings(m: Material) -> Iterator[str]:
     name = f"material '{m.name}'" if m.name else "a material"
     # a shear modulus that follows from E needs no sentence of its own
-    key, value = ("E", m.E) if not MODULI[0] <= m.E <= MODULI[1] else ("G", m.G)
-    if value < MODULI[0]:
+    key, value = ("E", m.E) if not MODULUS_RANGE[0] <= m.E <= MODULUS_RANGE[1] else ("G", m.G)
+    if value < MODULUS_RANGE[0]:
         yield (
             f"{name}: {key} = {value:g} Pa is softer than rubber; if it is meant in MPa, write {value:g}e6 in Python or "
             f"'{value:g} MPa' in a scene file"
         )
-    elif m.E < METAL and ((m.density or 0.0) > DENSE or any(metal in m.name.lower() for metal in METALS)):
+    elif m.E < MIN_METAL_MODULUS and (
+        (m.density or 0.0) > MIN_METAL_DENSITY or any(metal in m.name.lower() for metal in METAL_NAME_PARTS)
+    ):
         thousand = f": did you mean {m.E / 1e6:g} GPa?" if m.E < 1e9 else "; moduli are in Pa"
-        why = f" of {m.density:g} kg/m^3" if (m.density or 0.0) > DENSE else ""
+        why = f" of {m.density:g} kg/m^3" if (m.density or 0.0) > MIN_METAL_DENSITY else ""
         yield f"{name}: E = {m.E:g} Pa is softer than any metal{why}{thousand}"
-    elif value > MODULI[1]:
+    elif value > MODULUS_RANGE[1]:
         yield f"{name}: {key} = {value:g} Pa is stiffer than diamond (1.2e12 Pa); moduli are in Pa"
-    if m.density is not None and not DENSITIES[0] <= m.density <= DENSITIES[1]:
+    if m.density is not None and not DENSITY_RANGE[0] <= m.density <= DENSITY_RANGE[1]:
         yield f"{name}: density = {m.density:g} kg/m^3 is that of no solid; steel has 7800"
     for key in ("yield_stress", "fatigue_limit"):
         limit = getattr(m, key)
-        if limit is not None and not LIMITS[0] <= limit / m.E <= LIMITS[1]:
+        if limit is not None and not STRENGTH_RATIO_RANGE[0] <= limit / m.E <= STRENGTH_RATIO_RANGE[1]:
             yield f"{name}: {key} = {limit:g} Pa is {100 * limit / m.E:.2g} % of E; stresses are in Pa"
 
 
-def _of_length(leaf: Leaf) -> str:
-    if LENGTHS[0] <= leaf.length <= LENGTHS[1]:
+def _length_warning(leaf: Leaf) -> str:
+    if LENGTH_RANGE[0] <= leaf.length <= LENGTH_RANGE[1]:
         return ""
     return f"length {leaf.length:g} m is that of no flexure; lengths are in m"
 
 
-def _of_thickness(leaf: Leaf) -> str:
-    thickness = extents(thinnest(leaf))[0]
-    if leaf.length >= STOUT * thickness:
+def _thickness_warning(leaf: Leaf) -> str:
+    thickness = extents(thinnest_section(leaf))[0]
+    if leaf.length >= MIN_SLENDERNESS * thickness:
         return ""
     return (
-        f"length {1e3 * leaf.length:.4g} mm is only {leaf.length / thickness:.2g} thicknesses; below {STOUT:g} a beam "
-        "clamped in rigid blocks is a poor model, and the real one is softer"
+        f"length {1e3 * leaf.length:.4g} mm is only {leaf.length / thickness:.2g} thicknesses; below {MIN_SLENDERNESS:g} a "
+        "beam clamped in rigid blocks is a poor model, and the real one is softer"
     )
 
 
-def _of_width(leaf: Leaf) -> str:
+def _width_warning(leaf: Leaf) -> str:
     width, nu = extents(leaf.section)[1], leaf.material.nu
     if leaf.length >= width or leaf.profile is not None:
         return ""
@@ -156,17 +174,17 @@ def _of_width(leaf: Leaf) -> str:
     )
 
 
-def _together(leaves: dict[str, Leaf], judge: Callable[[Leaf], str]) -> list[str]:
+def _grouped_warnings(leaves: dict[str, Leaf], judge: Callable[[Leaf], str]) -> list[str]:
     """The sentences of all leaf springs, each once, with the names of those it holds for."""
     said: dict[str, list[str]] = {}
     for name, leaf in leaves.items():
         sentence = judge(leaf)
         if sentence:
             said.setdefault(sentence, []).append(name)
-    return [f"{_names(names)}: {sentence}" for sentence, names in said.items()]
+    return [f"{_leaf_list(names)}: {sentence}" for sentence, names in said.items()]
 
 
-def _names(names: Sequence[str]) -> str:
+def _leaf_list(names: Sequence[str]) -> str:
     shown = ", ".join(f"'{name}'" for name in names[:3])
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
     return f"{'leaf springs' if len(names) > 1 else 'leaf'} {shown}{more}"

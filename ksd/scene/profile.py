@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from ksd.checks import ClearArgumentErrors, between, positive, show
 from ksd.errors import SceneError
-from ksd.scene.plane_curves import numbers
+from ksd.scene.plane_curves import finite_numbers
 from ksd.section import Section, rectangle
 from ksd.section.closed_forms import rectangles
 from ksd.section.constants import Sections
 
 Array = NDArray[np.float64]
-SIDE = 1e-9
+KINK_OFFSET = 1e-9
 """Fraction of the length by which a section is beside a step: on it, rounding would choose a side."""
 
 
@@ -37,8 +37,10 @@ class Profile(metaclass=ClearArgumentErrors):
 
     def sides(self, s: float) -> tuple[Section, ...]:
         """The section at fraction s, just inside the leaf; where it has a kink or a step there those on both sides."""
-        near = any(abs(s - b) < SIDE for b in self.breaks)
-        places = (s - SIDE, s + SIDE) if near else (min(max(s, SIDE), 1.0 - SIDE),)
+        near = any(abs(s - b) < KINK_OFFSET for b in self.breaks)
+        places = (
+            (s - KINK_OFFSET, s + KINK_OFFSET) if near else (min(max(s, KINK_OFFSET), 1.0 - KINK_OFFSET),)
+        )
         return tuple(map(self.section, places))
 
     def sections(self, s: Array) -> Sections:
@@ -63,7 +65,7 @@ class _Rectangles(Profile):
         return rectangles(*np.broadcast_arrays(*self.sizes(s)))
 
 
-def _positive(profile: Profile, *lengths: str) -> None:
+def _check_positive(profile: Profile, *lengths: str) -> None:
     """Check and clean lengths of a profile [m]. Raises SceneError."""
     owner, own = type(profile).__name__, profile.__dict__
     own.update({name: positive(own[name], name, owner=owner, unit="m") for name in lengths})
@@ -104,7 +106,7 @@ class CircularNotch(_Rectangles):
     width: float
 
     def __post_init__(self) -> None:
-        _positive(self, "radius", "minimum", "width")
+        _check_positive(self, "radius", "minimum", "width")
 
     def sizes(self, s: Any) -> tuple[Any, Any]:
         """As thick as the notch is at s."""
@@ -128,7 +130,7 @@ class FilletedNotch(_Rectangles):
     width: float
 
     def __post_init__(self) -> None:
-        _positive(self, "length", "radius", "minimum", "width")
+        _check_positive(self, "length", "radius", "minimum", "width")
         if 2 * self.radius >= self.length:
             raise SceneError(
                 f"FilletedNotch: radius = {self.radius:g} m must be less than half its length = {self.length:g} m."
@@ -154,7 +156,7 @@ class StiffenedMiddle(_Rectangles):
     part: float
 
     def __post_init__(self) -> None:
-        _positive(self, "thickness", "width", "middle")
+        _check_positive(self, "thickness", "width", "middle")
         part = between(self.part, "part", 0.0, 1.0, owner="StiffenedMiddle")
         self.__dict__.update(part=part, breaks=(0.5 - 0.5 * part, 0.5 + 0.5 * part))
 
@@ -175,7 +177,7 @@ class Varying(Profile):
     def __post_init__(self) -> None:
         if not callable(self.function):
             raise SceneError(f"Varying: function = {show(self.function)} must be a function of s in [0, 1].")
-        breaks = numbers(self.breaks, "breaks", "Varying") if np.size(self.breaks) else ()
+        breaks = finite_numbers(self.breaks, "breaks", "Varying") if np.size(self.breaks) else ()
         if not all(a < b for a, b in zip((0.0, *breaks), (*breaks, 1.0), strict=True)):
             raise SceneError(f"Varying: breaks = {show(self.breaks)} must rise between 0 and 1.")
         object.__setattr__(self, "breaks", breaks)

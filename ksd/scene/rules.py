@@ -12,8 +12,8 @@ from ksd.errors import SceneError
 from ksd.scene.drive import GROUND, Drive
 from ksd.scene.effects import leaf_conditions
 from ksd.scene.hinges import PLANES
-from ksd.scene.joint import leaves_of
-from ksd.scene.scene import Scene, reached
+from ksd.scene.joint import joint_leaves
+from ksd.scene.scene import Scene, connected_links
 
 
 def check_scene(scene: Scene) -> None:
@@ -33,21 +33,21 @@ def broken_rules(scene: Scene) -> Iterator[str]:
     slashed = any("/" in name for name in (*scene.links, *(f.name for f in scene.leaves)))
     joints = scene.joints if slashed else ()
     blocks = [f"{j.name}/{block}" for j in joints for block in j.joint.blocks()]
-    inside = [f"{j.name}/{leaf.name}" for j in joints for leaf in leaves_of(j.joint)]
+    inside = [f"{j.name}/{leaf.name}" for j in joints for leaf in joint_leaves(j.joint)]
     named = {
         "link": [*scene.links, *blocks],
         "joint or leaf": [*(j.name for j in scene.joints), *(f.name for f in scene.leaves), *inside],
         "drive or support": [d.name for d in (*scene.drives, *scene.supports)],
         "load": [load.name for load in scene.loads],
     }
-    wrong = [said for kind, names in named.items() for said in _shared(kind, names)]
-    wrong += _unknown(scene)
+    wrong = [said for kind, names in named.items() for said in _duplicate_names(kind, names)]
+    wrong += _unknown_links(scene)
     yield from wrong
     if wrong or len(scene.links) < 2:
         return
-    yield from _loose(scene)
-    yield from _same_freedoms(scene)
-    yield from _apart(scene)
+    yield from _unattached_links(scene)
+    yield from _duplicate_freedoms(scene)
+    yield from _distant_hinges(scene)
     if scene.heats or scene.fits:
         try:
             leaf_conditions(scene.leaf_names(), scene.heats, scene.fits)
@@ -55,13 +55,13 @@ def broken_rules(scene: Scene) -> Iterator[str]:
             yield str(error)
 
 
-def _shared(kind: str, names: list[str]) -> Iterator[str]:
+def _duplicate_names(kind: str, names: list[str]) -> Iterator[str]:
     for name, count in Counter(names).items() if len(set(names)) < len(names) else ():
         if count > 1:
             yield f"the name '{name}' is used for {count} {kind}s; every {kind} needs its own name."
 
 
-def _unknown(scene: Scene) -> Iterator[str]:
+def _unknown_links(scene: Scene) -> Iterator[str]:
     """Every link that is spoken of exists, and nothing connects a link with itself."""
     spoken: list[tuple[str, str, str]] = []
     for kind, placed in (("joint", scene.joints), ("leaf", scene.leaves)):
@@ -83,7 +83,7 @@ def _unknown(scene: Scene) -> Iterator[str]:
             yield f"{owner}: link '{link}' does not exist{name_hint(link, scene.links)}"
 
 
-def _loose(scene: Scene) -> Iterator[str]:
+def _unattached_links(scene: Scene) -> Iterator[str]:
     """Each link carries a joint, leaf, pin or spring, and a chain of joints, leaves or supports leads to ground."""
     hung = {link for part in (*scene.hinges, *scene.springs) for link in (part.a, part.b)}
     next_to = scene.neighbours()
@@ -92,20 +92,20 @@ def _loose(scene: Scene) -> Iterator[str]:
         yield (
             f"link '{link}' is attached to nothing; connect it with mechanism.join or mechanism.leaf, or remove it."
         )
-    tied = reached(scene.neighbours(supports=True) if scene.supports else next_to)
+    tied = connected_links(scene.neighbours(supports=True) if scene.supports else next_to)
     adrift = [link for link in scene.links if link not in (*tied, *loose)]
     if adrift:
         names = ", ".join(f"'{link}'" for link in adrift)
         yield f"no chain of joints leads from {names} to ground; join one of them to ground."
 
 
-FAR = 200.0
+FAR_RATIO = 200.0
 """How many times the size of everything else a pin may be from what hangs on its link: a thousand is millimetres for m."""
-LONG = 30.0
+UNIT_SLIP_RATIO = 30.0
 """The same from which it is refused where in millimetres it would be within what its link is attached to."""
 
 
-def _apart(scene: Scene) -> Iterator[str]:
+def _distant_hinges(scene: Scene) -> Iterator[str]:
     """Pins and sliders are where their links can be, not a thousand times further away."""
     if not scene.hinges:
         return
@@ -123,11 +123,11 @@ def _apart(scene: Scene) -> Iterator[str]:
         for link in (hinge.a, hinge.b):
             far = {place: math.dist(place, hinge.at) for place in hung[link]}
             place = min(far, key=lambda p: far[p], default=None)
-            if link == GROUND or place is None or far[place] <= LONG * size:
+            if link == GROUND or place is None or far[place] <= UNIT_SLIP_RATIO * size:
                 continue
             meant = tuple(1e-3 * x for x in hinge.at)
             slip = min(math.dist(p, meant) for p in others) <= size
-            if slip or far[place] > FAR * size:
+            if slip or far[place] > FAR_RATIO * size:
                 hint = f"at={meant} if that was in mm" if slip else f"the nearest is at={place}"
                 yield (
                     f"{hinge.kind} '{hinge.name}' does not meet link '{link}': at = {hinge.at} is {far[place]:.4g} m from "
@@ -135,7 +135,7 @@ def _apart(scene: Scene) -> Iterator[str]:
                 )
 
 
-def _same_freedoms(scene: Scene) -> Iterator[str]:
+def _duplicate_freedoms(scene: Scene) -> Iterator[str]:
     """No two drives or supports prescribe the very same component."""
     if len(scene.drives) + len(scene.supports) < 2:
         return
@@ -158,7 +158,7 @@ def plane_hint(scene: Scene) -> str:
     said = "leaf springs have their width" if across else "pins turn about an axis"
     across += [h.axis for h in scene.hinges if h.kind == "pin"]
     plane = next((p for p, k in PLANES.items() if all(abs(e[k]) > 1.0 - 1e-9 for e in across)), None)
-    if scene.plane or plane is None or not across or reached(scene.neighbours()) == set(scene.links):
+    if scene.plane or plane is None or not across or connected_links(scene.neighbours()) == set(scene.links):
         return ""
     return (
         f"all {said} across the plane {plane}: if the mechanism lives in it, say "

@@ -20,8 +20,8 @@ from ksd.scene.curve import Curve
 from ksd.scene.drive import GROUND, Drive
 from ksd.scene.effects import Compliance, Distance, Fit, Heat, Spring, TurnSpring
 from ksd.scene.hinges import Hinge
-from ksd.scene.joint import Joint, Motion, leaves_of
-from ksd.scene.leaf import Condition, Leaf
+from ksd.scene.joint import Joint, Motion, joint_leaves
+from ksd.scene.leaf import Leaf, LeafCondition
 from ksd.scene.listing import in_millimetres, printed_scene
 from ksd.scene.load import Load, PointMass
 from ksd.scene.profile import Profile
@@ -29,7 +29,7 @@ from ksd.scene.profile import Profile
 Matrix = tuple[Vector, Vector, Vector]
 
 
-WANTED = (
+MECHANISM_HINT = (
     "give a ksd.Mechanism or its scene; of a file: mechanism, targets, options = ksd.load_scene(file), then "
     "ksd.solve(mechanism, targets)"
 )
@@ -50,7 +50,7 @@ class PlacedJoint:
     joint: Joint
     origin: Vector
     rotation: Matrix
-    conditions: tuple[tuple[str, Condition], ...] = ()
+    conditions: tuple[tuple[str, LeafCondition], ...] = ()
 
     def __repr__(self) -> str:
         at, length = in_millimetres(self.origin), 1e3 * self.joint.length
@@ -58,7 +58,7 @@ class PlacedJoint:
 
     def leaves(self) -> tuple[Leaf, ...]:
         """The leaf springs of the joint, in joint axes, with their conditions."""
-        leaves = leaves_of(self.joint)
+        leaves = joint_leaves(self.joint)
         if not self.conditions:
             return leaves
         found = dict(self.conditions)
@@ -141,7 +141,7 @@ class Scene(InNotebooks):
         blocks: dict[str, set[str]] = {}
         for j in self.joints:
             ends = {"A": j.a, "B": j.b}
-            for leaf in leaves_of(j.joint):
+            for leaf in joint_leaves(j.joint):
                 both = (leaf.start_block, leaf.end_block)
                 found = blocks[f"{j.name}/{leaf.name}"] = {ends.get(e, f"{j.name}/{e}") for e in both}
                 # what passes through windows of one another shares the joint as if it were a block
@@ -185,7 +185,9 @@ class Scene(InNotebooks):
         return found
 
 
-def reached(next_to: Mapping[str, set[str]], start: str = GROUND, without: Collection[str] = ()) -> set[str]:
+def connected_links(
+    next_to: Mapping[str, set[str]], start: str = GROUND, without: Collection[str] = ()
+) -> set[str]:
     """Links that hang together with `start`, see `Scene.neighbours`, when others are taken away."""
     found, rest = {start}, [start]
     while rest:
@@ -195,7 +197,7 @@ def reached(next_to: Mapping[str, set[str]], start: str = GROUND, without: Colle
     return found
 
 
-def same_parts(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+def hold_same_objects(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
     """Whether the words of two scenes hold the very same objects: as fast as it is strict."""
     for key, mine in one.items():
         theirs = other[key]
@@ -218,7 +220,7 @@ def joint_angle(joint: PlacedJoint, motion: Motion) -> tuple[str, Vector, Vector
     return motion.kind, axis, (x + dot(e, place), y + dot(f, place), z + dot(g, place))
 
 
-def placed_leaf(joint: PlacedJoint, leaf: Leaf, links: Mapping[str, str]) -> PlacedLeaf:
+def global_leaf(joint: PlacedJoint, leaf: Leaf, links: Mapping[str, str]) -> PlacedLeaf:
     """A leaf of a placed joint as a free-form leaf in global coordinates; links: link by block."""
     label = f"{joint.name}/{leaf.name}"
     moved = replace(
@@ -236,13 +238,13 @@ def placed_leaf(joint: PlacedJoint, leaf: Leaf, links: Mapping[str, str]) -> Pla
 def fingerprint(value: Any) -> str:
     """SHA-256 (hexadecimal) of all that a value of numbers, texts, tuples and frozen sentences holds."""
     digest = hashlib.sha256()
-    for piece in _pieces(value):
+    for piece in _canonical_text(value):
         digest.update(piece.encode())
         digest.update(b"\n")
     return digest.hexdigest()
 
 
-def _pieces(value: Any) -> Iterator[str]:
+def _canonical_text(value: Any) -> Iterator[str]:
     """Unambiguous text of a value, part by part: types, field names, exact floats."""
     if isinstance(value, np.ndarray):
         value = value.tolist()
@@ -252,14 +254,14 @@ def _pieces(value: Any) -> Iterator[str]:
         for field in dataclasses.fields(value) if own else ():
             if field.compare:
                 yield field.name
-                yield from _pieces(getattr(value, field.name))
+                yield from _canonical_text(getattr(value, field.name))
         if isinstance(value, Curve | Profile):
-            yield from _pieces(_sampled(value))
+            yield from _canonical_text(_curve_samples(value))
         yield ">"
     elif isinstance(value, tuple | list):
         yield f"({len(value)}"
         for item in value:
-            yield from _pieces(item)
+            yield from _canonical_text(item)
         yield ")"
     elif isinstance(value, bool | int | str) or value is None:
         yield f"{type(value).__name__} {value!r}"
@@ -272,7 +274,7 @@ def _pieces(value: Any) -> Iterator[str]:
         raise TypeError(f"a scene holds numbers, text and tuples, not {type(value).__name__}")
 
 
-def _sampled(value: Curve | Profile) -> Any:
+def _curve_samples(value: Curve | Profile) -> Any:
     """A curve or profile at 17 stations: a function in it has no contents that could be hashed."""
     stations = [float(s) for s in np.linspace(0.0, 1.0, 17)]
     if isinstance(value, Curve):

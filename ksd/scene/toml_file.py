@@ -47,18 +47,18 @@ from ksd.scene.leaf import wire as make_wire
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.rules import broken_rules
-from ksd.scene.toml_lines import Lines
+from ksd.scene.toml_lines import LineNumbers
 from ksd.scene.toml_schema import SHAPE_CLASSES
-from ksd.scene.toml_table import ANY, Noted, Table, Unsaid, each
+from ksd.scene.toml_table import ANY_NAME, FileMistakes, InvalidTable, Table, make_each
 from ksd.scene.toml_writer import save_scene
 from ksd.section import Section, rectangle
 
 __all__ = ["load_scene", "save_scene"]
 
 T = TypeVar("T")
-MOST = 30
+MAX_LISTED_MISTAKES = 30
 """Mistakes that are listed."""
-LARGEST = 1 << 22
+MAX_FILE_BYTES = 1 << 22
 """Bytes of a scene file that is read, 4 MiB."""
 Loaded = tuple[Mechanism, dict[str, float], dict[str, Any]]
 
@@ -72,51 +72,51 @@ def load_scene(path: str | os.PathLike[str], *, option_names: Collection[str] | 
     unit.
     """
     file = named_file(path, "scene file")
-    text = _text_of(file)
-    return scene_of_tables(_parsed(text, file.name), file, option_names=option_names, text=text)
+    text = _read_text(file)
+    return scene_from_tables(_parse_toml(text, file.name), file, option_names=option_names, text=text)
 
 
-def scene_of_tables(
+def scene_from_tables(
     tables: dict[str, Any], file: Path, *, option_names: Collection[str] | None = None, text: str = ""
 ) -> Loaded:
     """The same from the tables of a file, as read or changed; file: whose name errors tell, whose folder holds others; text:
     of the file as it was read, in which errors tell the line."""
-    noted = Noted()
+    noted = FileMistakes()
     top = Table(tables, file.name, noted=noted)
-    options = _options(top, option_names)
-    reader = _Reader(top, file)
+    options = _read_options(top, option_names)
+    reader = _SceneReader(top, file)
     reader.say_all()
     if not noted.mistakes:
         noted.mistakes += [
             f"{reader.place_of(rule)}: {rule}" for rule in broken_rules(reader.mechanism.draft())
         ]
-    lines = Lines(file.name, text)
+    lines = LineNumbers(file.name, text)
     mistakes = [lines.at(said) for said in noted.mistakes]
     # what was refused tells its own
     doubts = [
         lines.at(f"{where}: {said}") for where, said in noted.doubts if not any(said in m for m in mistakes)
     ]
     if mistakes:
-        raise SceneFileError(_listed(file.name, mistakes, doubts), mistakes=tuple(mistakes))
+        raise SceneFileError(_mistake_list(file.name, mistakes, doubts), mistakes=tuple(mistakes))
     if doubts:
         more = f" So for {len(doubts) - 1} more." if len(doubts) > 1 else ""
         warnings.warn(f"{doubts[0]} Plain numbers are in SI.{more}", SceneWarning, stacklevel=3)
     return reader.mechanism, reader.targets, options
 
 
-def _listed(name: str, mistakes: list[str], doubts: list[str]) -> str:
+def _mistake_list(name: str, mistakes: list[str], doubts: list[str]) -> str:
     """The sentence of one mistake, or a list of several, with the first plain number that was probably meant otherwise."""
-    lines = [said.removeprefix(name).lstrip(",: ") for said in (*mistakes[:MOST], *doubts[:1])]
+    lines = [said.removeprefix(name).lstrip(",: ") for said in (*mistakes[:MAX_LISTED_MISTAKES], *doubts[:1])]
     if len(mistakes) == 1:
         return "\n  ".join([mistakes[0], *lines[1:]])
-    if len(mistakes) > MOST:
-        lines.insert(MOST, f"and {len(mistakes) - MOST} more.")
+    if len(mistakes) > MAX_LISTED_MISTAKES:
+        lines.insert(MAX_LISTED_MISTAKES, f"and {len(mistakes) - MAX_LISTED_MISTAKES} more.")
     return "\n  ".join([f"{name} has {len(mistakes)} mistakes:", *lines])
 
 
-def parsed_file(file: Path) -> dict[str, Any]:
+def read_tables(file: Path) -> dict[str, Any]:
     """The tables of a TOML file as they are written. Raises SceneError for a file that cannot be read or is no TOML."""
-    return _parsed(_text_of(file), file.name)
+    return _parse_toml(_read_text(file), file.name)
 
 
 def shipped_scenes() -> dict[str, Traversable]:
@@ -124,12 +124,12 @@ def shipped_scenes() -> dict[str, Traversable]:
     return {Path(f.name).stem: f for f in (files("ksd") / "scenes").iterdir() if f.name.endswith(".toml")}
 
 
-def _text_of(file: Path) -> str:
+def _read_text(file: Path) -> str:
     ships = file.stem in shipped_scenes() and not os.path.lexists(file)
     meant = (
         f"check the path; `ksd new NAME --like {file.stem}` writes the scene of that name" if ships else ""
     )
-    content = read_file(file, what="scene file", most=LARGEST, hint=meant or "check the path")
+    content = read_file(file, what="scene file", most=MAX_FILE_BYTES, hint=meant or "check the path")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -138,7 +138,7 @@ def _text_of(file: Path) -> str:
         ) from None
 
 
-def _parsed(text: str, name: str) -> dict[str, Any]:
+def _parse_toml(text: str, name: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except RecursionError:
@@ -149,7 +149,7 @@ def _parsed(text: str, name: str) -> dict[str, Any]:
         raise SceneError(f"{name} is not valid TOML: it holds a number of thousands of digits.") from None
 
 
-_NAMES = {
+_NAME_KINDS = {
     "join": ("joint",),
     "constrain": ("leaf", "link"),
     "leaf": ("leaf",),
@@ -157,11 +157,11 @@ _NAMES = {
     "point": ("link",),
 }
 """What kinds of names a sentence brings into a mechanism."""
-_CALLED = {"join": "joint", "wire": "leaf", "actuate": "drive"}
+_NAMES_IN_RULES = {"join": "joint", "wire": "leaf", "actuate": "drive"}
 """What mistakes call that of a sentence, where not by its name."""
 
 
-class _Reader:
+class _SceneReader:
     """Materials, sections and joints a scene file defines, by name, and what it says with them about a mechanism.
 
     A mistake hides what its table would have named; sentences that speak of it have no mistake of their own. lost: such
@@ -180,17 +180,17 @@ class _Reader:
         misspelt = [key for key in top.unknown() if isinstance(top.values[key], dict | list)]
         top.finish()
         if misspelt:
-            self.lost = {kind: {ANY} for kind in self.lost}
+            self.lost = {kind: {ANY_NAME} for kind in self.lost}
         self._begin(top, said)
         self.parts: dict[str, dict[str, Any]] = {kind: {} for kind in defined}
-        for kind, make in (("material", _material), ("section", _section), ("joint", self._joint)):
+        for kind, make in (("material", _make_material), ("section", _make_section), ("joint", self._joint)):
             # [materials.steel] is one mistake, not one more for each leaf that is of steel
             if (
                 any(f'"{kind}"' in similar_name_hint(key, defined) for key in misspelt)
                 or not defined[kind].sound
             ):
-                self.parts[kind][ANY] = None
-            self.parts[kind] |= {n: _made(make, t, n) for n, t in defined[kind].children().items()}
+                self.parts[kind][ANY_NAME] = None
+            self.parts[kind] |= {n: _make_part(make, t, n) for n, t in defined[kind].children().items()}
 
     def _begin(self, top: Table, said: dict[str, Any]) -> None:
         """What stands above all tables."""
@@ -205,7 +205,7 @@ class _Reader:
             with top.judged():
                 self.mechanism.consider(effect)
         if "links" not in said:
-            self.lost["link"] = {ANY}
+            self.lost["link"] = {ANY_NAME}
 
     def say_all(self) -> None:
         """All tables, in the order of `schema.SENTENCES`."""
@@ -213,10 +213,10 @@ class _Reader:
             for table in tables:
                 try:
                     self._say(sentence, table)
-                except Unsaid:
+                except InvalidTable:
                     name = table.values.get("name")
-                    for kind in _NAMES.get(sentence, ()):
-                        self.lost[kind].add(name if isinstance(name, str) else ANY)
+                    for kind in _NAME_KINDS.get(sentence, ()):
+                        self.lost[kind].add(name if isinstance(name, str) else ANY_NAME)
 
     def place_of(self, rule: str) -> str:
         """File and table of what a broken rule begins with."""
@@ -227,12 +227,12 @@ class _Reader:
 
         def said(**words: Any) -> T:
             if not self.planned:
-                raise Unsaid("without its plane nothing can be said of a mechanism")
+                raise InvalidTable("without its plane nothing can be said of a mechanism")
             try:
                 return sentence(**words)
             except UnknownNameError as error:
-                if {ANY, error.name, error.name.partition("/")[0]} & self.lost[error.kind]:
-                    raise Unsaid(str(error)) from None
+                if {ANY_NAME, error.name, error.name.partition("/")[0]} & self.lost[error.kind]:
+                    raise InvalidTable(str(error)) from None
                 raise
 
         return said
@@ -240,7 +240,7 @@ class _Reader:
     def _say(self, sentence: str, table: Table) -> None:
         """One table of `schema.SENTENCES`, said to the mechanism."""
         words = table.read(schema.SENTENCES[sentence], self.parts)
-        for key in schema.LINKS:
+        for key in schema.LINK_KEYS:
             with table.judged():
                 if key in words:
                     self._heard(self.mechanism._known)(link=words[key], owner=key)
@@ -250,11 +250,11 @@ class _Reader:
         if sentence == "support":
             words |= self._terms(table)
         elif sentence in ("leaf", "wire"):
-            words |= self._sizes(table, sentence) | _shapes(table)
+            words |= self._sizes(table, sentence) | _read_shapes(table)
         elif sentence == "compliance":
             words = self._with_matrix(table, words)
         made = table.say(self._heard(getattr(self.mechanism, sentence)), words)
-        self.places[f"{_CALLED.get(sentence, sentence)} '{getattr(made, 'name', '')}'"] = table.where
+        self.places[f"{_NAMES_IN_RULES.get(sentence, sentence)} '{getattr(made, 'name', '')}'"] = table.where
 
     def _sizes(self, table: Table, kind: str) -> dict[str, Any]:
         """The diameter of a wire, or the section of a leaf, by name or from thickness and width."""
@@ -288,7 +288,7 @@ class _Reader:
         self.places[f"drive '{drive.name}'"] = table.where
 
     def _terms(self, table: Table) -> dict[str, list[DriveTerm]]:
-        terms = each(self._term, table.tables("terms"))
+        terms = make_each(self._term, table.tables("terms"))
         return {"terms": terms} if "terms" in table else {}
 
     def _term(self, table: Table) -> DriveTerm:
@@ -305,10 +305,10 @@ class _Reader:
 
     def _joint(self, table: Table, name: str) -> Joint:
         families = joint_families()
-        family = _one_of(table, "family", [*families, "drawn"], "joint family")
+        family = _read_kind(table, "family", [*families, "drawn"], "joint family")
         if family == "drawn":
             return self._drawn(table)
-        words = table.read(schema.of_family(families[family]), self.parts)
+        words = table.read(schema.family_schema(families[family]), self.parts)
         return table.say(partial(make_joint, family), words)
 
     def _drawn(self, table: Table) -> DrawnJoint:
@@ -320,64 +320,64 @@ class _Reader:
         hung = [(t, kind) for kind in ("leaf", "wire") for t in table.tables(kind)]
         motions = table.tables("motion")
         with table.judged():
-            words["leaves"] = each(self._drawn_leaf, hung)
+            words["leaves"] = make_each(self._drawn_leaf, hung)
         with table.judged():
-            words["motions"] = each(_motion, motions)
+            words["motions"] = make_each(_make_motion, motions)
         table.sound &= blocks.sound and shape.sound
         return table.say(DrawnJoint, words)
 
     def _drawn_leaf(self, hung: tuple[Table, str]) -> Leaf:
         table, kind = hung
         words = {"name": kind, "width_axis": None} | table.read(schema.LEAF, self.parts)
-        words |= self._sizes(table, kind) | _shapes(table) | table.read(schema.BLOCKS)
+        words |= self._sizes(table, kind) | _read_shapes(table) | table.read(schema.BLOCKS)
         return table.say(make_wire if kind == "wire" else Leaf, words)
 
 
-def _made(make: Callable[[Table, str], T], table: Table, name: str) -> T | None:
+def _make_part(make: Callable[[Table, str], T], table: Table, name: str) -> T | None:
     """A part of the file; None where it has a mistake."""
     try:
         return make(table, name)
-    except Unsaid:
+    except InvalidTable:
         return None
 
 
-def _one_of(table: Table, key: str, known: Collection[str], what: str) -> str:
+def _read_kind(table: Table, key: str, known: Collection[str], what: str) -> str:
     """The word that says what else a table holds. Raises Unsaid."""
     found = table.read({key: "text!"}, known=known).get(key, "")
     if table.sound and found not in known:
         table.note(f"{table.where}: {what} {show(found)} is unknown{name_hint(found, known)}")
     if not table.sound:
-        raise Unsaid(f"{table.where}: what it is, is not known")
+        raise InvalidTable(f"{table.where}: what it is, is not known")
     return str(found)
 
 
-def _shapes(table: Table) -> dict[str, Any]:
+def _read_shapes(table: Table) -> dict[str, Any]:
     """The curve and the profile of a leaf, where it has them."""
     found = {}
     for key in [key for key in schema.SHAPES if key in table]:
         own = table.table(key)
         with table.judged():
-            kind = _one_of(own, "kind", schema.SHAPES[key], key)
+            kind = _read_kind(own, "kind", schema.SHAPES[key], key)
             found[key] = own.say(SHAPE_CLASSES[key][kind][1], own.read(schema.SHAPES[key][kind]))
     return found
 
 
-def _material(table: Table, name: str) -> Material:
+def _make_material(table: Table, name: str) -> Material:
     return table.say(Material, {"name": name} | table.read(schema.MATERIAL))
 
 
-def _section(table: Table, name: str) -> Section:
-    kind = _one_of(table, "kind", schema.SECTIONS, "section kind")
+def _make_section(table: Table, name: str) -> Section:
+    kind = _read_kind(table, "kind", schema.SECTIONS, "section kind")
     made: Section = table.say(getattr(section, kind), table.read(schema.SECTIONS[kind]))
     return made
 
 
-def _motion(table: Table) -> Motion:
+def _make_motion(table: Table) -> Motion:
     kind = table.read({"kind": "text!"}).get("kind")
     return table.say(Motion, table.read(schema.MOTIONS.get(str(kind), schema.MOTIONS["rotation"])))
 
 
-def _options(top: Table, names: Collection[str] | None) -> dict[str, Any]:
+def _read_options(top: Table, names: Collection[str] | None) -> dict[str, Any]:
     table = top.table("options")
     options = table.read(dict.fromkeys(table.values if names is None else names, "any"))
     table.finish()

@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 
 _HEADER = re.compile(r"""\s*(\[\[?)([\w.\-"' ]+)\]\]?\s*(?:\#.*)?""")
-_PLACE = re.compile(
+_LOCATION = re.compile(
     r"(?:, \[\[?(?P<path>[^\]]+)\]\]?(?: (?P<row>\d+))?(?:, \[(?P<part>[^\]]+)\])?)?"
     r"(?: = |: (?:key '(?P<unknown>[^']+)' is unknown|(?P<key>\w+)(?:\S* = |: link '))?)"
 )
 
 
-class Lines:
+class LineNumbers:
     """The lines of a file; `at` says "line 12" into a sentence that names its table and key, where they are found."""
 
     def __init__(self, name: str, text: str) -> None:
@@ -25,7 +25,7 @@ class Lines:
 
     def at(self, sentence: str) -> str:
         """The sentence, "file, [table]: ...", as "file, line 12, [table]: ..."; as it is where the place is not found."""
-        match = _PLACE.match(sentence, len(self.name))
+        match = _LOCATION.match(sentence, len(self.name))
         number = self._line(match) if match and sentence.startswith(self.name) else 0
         if not number:
             return sentence

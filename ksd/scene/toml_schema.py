@@ -103,26 +103,32 @@ SHAPE_CLASSES: dict[str, dict[str, tuple[type[Any], Callable[..., Any]]]] = {
 BLOCKS: Schema = {"start_block": "text!", "end_block": "text!"}
 """Where a leaf of a drawn joint hangs; a free-form one has `PAIR`."""
 
-PAIR: Schema = {"a": "text!", "b": "text!"}
+LINK_PAIR: Schema = {"a": "text!", "b": "text!"}
 
-_PLACED = PAIR | {
+_PLACEMENT = LINK_PAIR | {
     "joint": "joint!", "at": "length[3]!", "axis": "direction!", "toward": "direction!", "name": "text",
 }  # fmt: skip
-_WAY = {"link": "text", "along": "direction", "about": "direction", "at": "length[3]", "relative_to": "text"}
-_MOTION = _WAY | {"name": "text", "joint": "text", "motion": "text"}
+_COMPONENT = {
+    "link": "text",
+    "along": "direction",
+    "about": "direction",
+    "at": "length[3]",
+    "relative_to": "text",
+}
+_MOTION = _COMPONENT | {"name": "text", "joint": "text", "motion": "text"}
 
-TERM: Schema = _WAY | {"link": "text!", "coefficient": "number"}
+TERM: Schema = _COMPONENT | {"link": "text!", "coefficient": "number"}
 """An item of the `terms` of [[actuate]] or [[support]]."""
 
 SENTENCES: dict[str, Schema] = {
-    "join": _PLACED,
-    "constrain": _PLACED,
-    "leaf": PAIR | LEAF,
-    "wire": PAIR | LEAF,
+    "join": _PLACEMENT,
+    "constrain": _PLACEMENT,
+    "leaf": LINK_PAIR | LEAF,
+    "wire": LINK_PAIR | LEAF,
     "point": {"leaf": "text!", "s": "length!", "name": "text"},
     "actuate": _MOTION,
     "support": _MOTION,
-    "pin": PAIR | {"at": "length[3]", "axis": "direction", "name": "text"},
+    "pin": LINK_PAIR | {"at": "length[3]", "axis": "direction", "name": "text"},
     "slider": {
         "link": "text!", "along": "direction!", "at": "length[3]", "relative_to": "text", "name": "text",
     },
@@ -131,14 +137,14 @@ SENTENCES: dict[str, Schema] = {
         "name": "text",
     },
     "mass": {"link": "text!", "mass": "mass!", "inertia": "inertia[]", "at": "length[3]"},
-    "spring": PAIR | {
+    "spring": LINK_PAIR | {
         "start": "length[3]!", "end": "length[3]!", "stiffness": "stiffness!", "free_length": "length", "name": "text",
     },
-    "distance": PAIR | {"start": "length[3]!", "end": "length[3]!", "along": "direction", "name": "text!"},
+    "distance": LINK_PAIR | {"start": "length[3]!", "end": "length[3]!", "along": "direction", "name": "text!"},
     "joint_spring": {
         "joint": "text!", "stiffness": "torsional stiffness!", "rest_angle": "angle", "motion": "text", "name": "text",
     },
-    "turn_spring": PAIR | {
+    "turn_spring": LINK_PAIR | {
         "at": "length[3]!", "axis": "direction!", "stiffness": "torsional stiffness!", "rest_angle": "angle", "name": "text",
     },
     "compliance": {
@@ -150,11 +156,11 @@ SENTENCES: dict[str, Schema] = {
 }  # fmt: skip
 """[[tables]] in the order in which they are said, each by the method of `Mechanism` of that name."""
 
-LINKS = ("a", "b", "link", "relative_to")
+LINK_KEYS = ("a", "b", "link", "relative_to")
 """Keys that name a link."""
 
 
-def of_family(family: type[Joint]) -> Schema:
+def family_schema(family: type[Joint]) -> Schema:
     """The keys of a [joint.NAME]: what its class takes, in the dimensions it declares."""
     given = {key: f"{dimension}[]" for key, dimension in family.quantities.items()}
     keys = inspect.signature(family).parameters

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from ksd.checks import NUMBER_PATTERN, direction, name_hint, number, show, similar_name_hint
 from ksd.errors import SceneError
-from ksd.scene.plausibility import meant_in
+from ksd.scene.plausibility import likely_unit
 from ksd.units import DIMENSIONS
 
 T = TypeVar("T")
@@ -22,31 +22,31 @@ _EXAMPLES = {
     "second moment": "3 mm^4", "warping constant": "2 mm^6",
 }  # fmt: skip
 _QUANTITY = re.compile(rf"\s*({NUMBER_PATTERN})\s*(.*?)\s*", re.DOTALL)
-ANY = ""
+ANY_NAME = ""
 """Stands for all names where it is not known which are wrong."""
 Parts = Mapping[str, Mapping[str, Any]]
 
 
-_WAYS = {
+_UNIT_SPELLINGS = {
     " ": r"\s*[ *·]\s*", "_": r"\s*[*·]?\s*", "1/": "1?/", "/": r"\s*/\s*", "^2": "(?:\\^?2|²)", "^3": "(?:\\^?3|³)",
     "^4": "\\^?4", "^6": "\\^?6", "deg": "(?:deg|°)", "um": "[uµμ]m",
 }  # fmt: skip
 """How parts of a unit may be written; "_" stands between force and length of a moment."""
 
 
-def spelling(unit: str) -> str:
+def unit_pattern(unit: str) -> str:
     """Regular expression, as of JavaScript too, of the ways to write a unit: Nm is "N m" too, kg/m^3 is "kg/m3"."""
     said = re.sub(r"N(?=m)", "N_", unit)
-    for plain, ways in _WAYS.items():
+    for plain, ways in _UNIT_SPELLINGS.items():
         said = said.replace(plain, ways)
     return said
 
 
 @cache
-def unit_named(said: str) -> str | None:
+def find_unit(said: str) -> str | None:
     """The unit of `DIMENSIONS` that is meant by what stands behind a number; None where none is."""
     units = (unit for units in DIMENSIONS.values() for unit in units)
-    return next((unit for unit in units if re.fullmatch(spelling(unit), said)), None)
+    return next((unit for unit in units if re.fullmatch(unit_pattern(unit), said)), None)
 
 
 def quantity(value: Any, dimension: str, what: str) -> float:
@@ -67,7 +67,7 @@ def quantity(value: Any, dimension: str, what: str) -> float:
         raise SceneError(f"{what} = {show(value)}: {expected}.")
     if re.match(r",\s*\d", match[2]):
         raise SceneError(f"{what} = {show(value)}: write a decimal point; {expected}.")
-    found, units = unit_named(match[2]), DIMENSIONS[dimension]
+    found, units = find_unit(match[2]), DIMENSIONS[dimension]
     if found is None:
         raise SceneError(
             f"{what} = {show(value)}: the unit '{match[2]}' is unknown{name_hint(match[2], units)}"
@@ -77,10 +77,10 @@ def quantity(value: Any, dimension: str, what: str) -> float:
     return number(float(match[1]) * units[found], what)
 
 
-def measured(said: str) -> tuple[float, str] | None:
+def parse_quantity(said: str) -> tuple[float, str] | None:
     """The number (SI) that text such as "100 mm" tells, and its dimension; None for other text."""
     match = _QUANTITY.fullmatch(said)
-    unit = unit_named(match[2]) if match else None
+    unit = find_unit(match[2]) if match else None
     if match is None or unit is None:
         return None
     dimension = next(name for name, units in DIMENSIONS.items() if unit in units)
@@ -88,7 +88,7 @@ def measured(said: str) -> tuple[float, str] | None:
 
 
 @contextmanager
-def placed_at(where: str) -> Iterator[None]:
+def error_location(where: str) -> Iterator[None]:
     """Put file and table before the message of any SceneError raised inside."""
     try:
         yield
@@ -96,12 +96,12 @@ def placed_at(where: str) -> Iterator[None]:
         raise type(error)(f"{where}: {error}") from None
 
 
-class Unsaid(SceneError):
+class InvalidTable(SceneError):
     """A table that cannot be said, or a mistake that only follows from another: why stands among the mistakes noted."""
 
 
 @dataclass
-class Noted:
+class FileMistakes:
     """What is wrong in a file, a sentence each, and plain numbers that were probably meant otherwise: where and what."""
 
     mistakes: list[str] = field(default_factory=list)
@@ -116,7 +116,7 @@ class Table:
     """
 
     def __init__(
-        self, values: Any, file: str, path: str = "", row: int = 0, *, noted: Noted | None = None
+        self, values: Any, file: str, path: str = "", row: int = 0, *, noted: FileMistakes | None = None
     ) -> None:
         self.where = f"{file}, [[{path}]] {row}" if row else f"{file}, [{path}]" if path else file
         self.sound, self._noted, self._doubts = True, noted, list[str]()
@@ -146,7 +146,7 @@ class Table:
         """Note what is refused inside as a mistake of this table; doubting: with the plain numbers that may be why."""
         try:
             yield
-        except Unsaid:
+        except InvalidTable:
             self.sound = False
         except SceneError as error:
             doubts = " ".join(self._doubts if doubting else ())
@@ -183,8 +183,8 @@ class Table:
     def _doubt(self, key: str, kind: str, value: Any) -> None:
         """Keep in mind that a plain number was probably meant in another unit."""
         dimension = kind.rstrip("!").partition("[")[0]
-        for plain in _numbers(value) if dimension in DIMENSIONS else ():
-            unit = meant_in(plain, dimension, key)
+        for plain in _plain_numbers(value) if dimension in DIMENSIONS else ():
+            unit = likely_unit(plain, dimension, key)
             if unit:
                 si = next(iter(DIMENSIONS[dimension]))
                 said = f"{key} = {plain:g} is {plain:g} {si}: did you mean '{plain:g} {unit}'?"
@@ -200,7 +200,7 @@ class Table:
         if self.sound:
             with self.judged():
                 return sentence(**words)
-        raise Unsaid(f"{self.where}: see above")
+        raise InvalidTable(f"{self.where}: see above")
 
     def table(self, key: str) -> Table:
         """A table inside this one, empty when absent."""
@@ -239,24 +239,24 @@ class Table:
         return self.values.get(key, default)
 
 
-def each(make: Callable[[Any], T], tables: Iterable[Any]) -> list[T]:
+def make_each(make: Callable[[Any], T], tables: Iterable[Any]) -> list[T]:
     """What is made of every table; raises Unsaid once all were read, where one of them cannot be said."""
     found, unsaid = [], None
     for table in tables:
         try:
             found.append(make(table))
-        except Unsaid as error:
+        except InvalidTable as error:
             unsaid = error
     if unsaid is not None:
         raise unsaid
     return found
 
 
-def _numbers(value: Any) -> Iterator[float]:
+def _plain_numbers(value: Any) -> Iterator[float]:
     """All plain numbers in a value."""
     if isinstance(value, list):
         for item in value:
-            yield from _numbers(item)
+            yield from _plain_numbers(item)
     elif isinstance(value, int | float) and not isinstance(value, bool):
         yield float(value)
 
@@ -289,8 +289,8 @@ def _value(value: Any, kind: str, key: str, parts: Parts) -> Any:
     if kind == "text":
         return value
     known = parts[kind]
-    if value not in known and ANY not in known:
+    if value not in known and ANY_NAME not in known:
         raise SceneError(f"{key} = {show(value)}: there is no {kind} of that name{name_hint(value, known)}")
     if known.get(value) is None:
-        raise Unsaid(f"the {kind} '{value}' has a mistake of its own")
+        raise InvalidTable(f"the {kind} '{value}' has a mistake of its own")
     return known[value]

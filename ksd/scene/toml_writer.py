@@ -32,7 +32,7 @@ from ksd.scene.toml_schema import (
     SHAPE_CLASSES,
     SHAPES,
     SIZES,
-    of_family,
+    family_schema,
 )
 from ksd.section import Section, circle, rectangle
 
@@ -61,21 +61,21 @@ def save_scene(
     tree = _scene_tree(scene, dict(targets or {}))
     if options:
         tree["options"] = dict(options)
-    text = "\n".join(_lines(tree, ""))
+    text = "\n".join(_toml_lines(tree, ""))
     write_file(path, text.lstrip("\n") + "\n", what="scene file")
 
 
 def _scene_tree(scene: Scene, targets: dict[str, float]) -> Tree:
-    names = _Names()
+    names = _PartNames()
     hung = {s.name for h in scene.hinges for s in h.supports(scene.plane)}
     said = {
-        "join": [_join(j, names) for j in scene.joints],
-        "leaf": [_leaf(p.leaf, names, {"a": p.a, "b": p.b}) for p in scene.leaves],
-        "actuate": [_drive(d) | _value(d.name, targets) for d in scene.drives],
-        "support": [_drive(s) for s in scene.supports if s.name not in hung],
-        "pin": [_hinge(h) for h in scene.hinges if h.kind == "pin"],
-        "slider": [_hinge(h) for h in scene.hinges if h.kind == "slider"],
-        "compliance": [_compliance(c, names) for c in scene.compliances],
+        "join": [_join_tree(j, names) for j in scene.joints],
+        "leaf": [_leaf_tree(p.leaf, names, {"a": p.a, "b": p.b}) for p in scene.leaves],
+        "actuate": [_drive_tree(d) | _target_value(d.name, targets) for d in scene.drives],
+        "support": [_drive_tree(s) for s in scene.supports if s.name not in hung],
+        "pin": [_hinge_tree(h) for h in scene.hinges if h.kind == "pin"],
+        "slider": [_hinge_tree(h) for h in scene.hinges if h.kind == "slider"],
+        "compliance": [_compliance_tree(c, names) for c in scene.compliances],
     }
     plain: dict[str, Iterable[Any]] = {
         "point": scene.points,
@@ -87,7 +87,7 @@ def _scene_tree(scene: Scene, targets: dict[str, float]) -> Tree:
         "heat": scene.heats,
         "fit": scene.fits,
     }
-    said |= {key: [_keys(part, SENTENCES[key], names) for part in parts] for key, parts in plain.items()}
+    said |= {key: [_keys_tree(part, SENTENCES[key], names) for part in parts] for key, parts in plain.items()}
     if targets:
         raise SceneError(f"target '{next(iter(targets))}' belongs to no drive of '{scene.name}'.")
     tree: Tree = {
@@ -101,11 +101,11 @@ def _scene_tree(scene: Scene, targets: dict[str, float]) -> Tree:
     return {key: value for key, value in tree.items() if value not in ({}, [])}
 
 
-def _value(name: str, targets: dict[str, float]) -> Tree:
+def _target_value(name: str, targets: dict[str, float]) -> Tree:
     return {"value": number(targets.pop(name), f"target '{name}'")} if name in targets else {}
 
 
-class _Names:
+class _PartNames:
     """Materials, sections and joints met so far, each written once under its own name."""
 
     def __init__(self) -> None:
@@ -116,7 +116,7 @@ class _Names:
 
     def of(self, value: Any) -> Any:
         """The name of a material, section or joint; anything else as it is."""
-        for kind, (parts, tree) in _NAMED.items():
+        for kind, (parts, tree) in _PART_KINDS.items():
             if isinstance(value, parts):
                 met = self._met[kind]
                 if value not in met:
@@ -127,19 +127,19 @@ class _Names:
         return value
 
 
-def _keys(value: Any, schema: Iterable[str], names: _Names, own: Tree | None = None) -> Tree:
+def _keys_tree(value: Any, schema: Iterable[str], names: _PartNames, own: Tree | None = None) -> Tree:
     """What a value holds under the keys of a schema, or `own` says instead; without what is None."""
     tree = {key: getattr(value, key, None) for key in schema} | (own or {})
     return {key: names.of(v) for key, v in tree.items() if v is not None}
 
 
-def _material(material: Material, names: _Names, label: str) -> Tree:
-    return _keys(
+def _material_tree(material: Material, names: _PartNames, label: str) -> Tree:
+    return _keys_tree(
         material, MATERIAL, names, {"nu": None, "name": None if material.name == label else material.name}
     )
 
 
-def _section(section: Section, names: _Names, label: str) -> Tree:
+def _section_tree(section: Section, names: _PartNames, label: str) -> Tree:
     """Short where a closed form gives exactly this section, else all its numbers."""
     t, w, name = section.thickness, section.width, section.name
     if t > 0.0 and w > 0.0:
@@ -147,45 +147,45 @@ def _section(section: Section, names: _Names, label: str) -> Tree:
             return {"kind": "rectangle", "thickness": t, "width": w, "name": name}
         if section == circle(w, name=name):
             return {"kind": "circle", "diameter": w, "name": name}
-    return {"kind": "numbers"} | _keys(section, SECTIONS["numbers"], names)
+    return {"kind": "numbers"} | _keys_tree(section, SECTIONS["numbers"], names)
 
 
-def _joint(joint: Joint, names: _Names, label: str) -> Tree:
+def _joint_tree(joint: Joint, names: _PartNames, label: str) -> Tree:
     if isinstance(joint, DrawnJoint):
-        return _drawn(joint, names)
+        return _drawn_joint_tree(joint, names)
     family = joint_families().get(joint.family)
     if family is not type(joint):
         raise SceneError(
             f"joint family '{joint.family}' is not registered, so it cannot be written to a file."
         )
-    return {"family": joint.family} | _keys(joint, of_family(family), names)
+    return {"family": joint.family} | _keys_tree(joint, family_schema(family), names)
 
 
-_NAMED: dict[str, tuple[type[Any], Callable[[Any, _Names, str], Tree]]] = {
-    "material": (Material, _material),
-    "section": (Section, _section),
-    "joint": (Joint, _joint),
+_PART_KINDS: dict[str, tuple[type[Any], Callable[[Any, _PartNames, str], Tree]]] = {
+    "material": (Material, _material_tree),
+    "section": (Section, _section_tree),
+    "joint": (Joint, _joint_tree),
 }
 
 
-def _drawn(joint: DrawnJoint, names: _Names) -> Tree:
+def _drawn_joint_tree(joint: DrawnJoint, names: _PartNames) -> Tree:
     flags = {key: getattr(joint, key) or None for key in ("windows", "held_by_others")}
-    tree: Tree = {"family": "drawn"} | _keys(joint, DRAWN, names, flags) | {"blocks": joint.blocks()}
+    tree: Tree = {"family": "drawn"} | _keys_tree(joint, DRAWN, names, flags) | {"blocks": joint.blocks()}
     if joint.shape():
         tree["shape"] = joint.shape()
     hung = [(leaf, {key: getattr(leaf, key) for key in BLOCKS}) for leaf in joint.leaves()]
-    tree["leaf"] = [_leaf(leaf, names, blocks) for leaf, blocks in hung]
-    tree["motion"] = [_keys(m, MOTIONS[m.kind], names) for m in joint.motions]
+    tree["leaf"] = [_leaf_tree(leaf, names, blocks) for leaf, blocks in hung]
+    tree["motion"] = [_keys_tree(m, MOTIONS[m.kind], names) for m in joint.motions]
     return tree
 
 
-def _leaf(leaf: Leaf, names: _Names, ends: Tree) -> Tree:
-    shapes = {key: _shape(key, getattr(leaf, key), leaf.name) for key in SHAPES}
+def _leaf_tree(leaf: Leaf, names: _PartNames, ends: Tree) -> Tree:
+    shapes = {key: _shape_tree(key, getattr(leaf, key), leaf.name) for key in SHAPES}
     said = {key: tree for key, tree in shapes.items() if tree}
-    return ends | _keys(leaf, LEAF | SIZES["leaf"], names) | said
+    return ends | _keys_tree(leaf, LEAF | SIZES["leaf"], names) | said
 
 
-def _shape(key: str, value: Any, leaf: str) -> Tree:
+def _shape_tree(key: str, value: Any, leaf: str) -> Tree:
     """The table of a curve or profile; empty for none."""
     own = value.function if isinstance(value, FreeCurve) else value
     for kind, (made, _) in SHAPE_CLASSES[key].items():
@@ -200,27 +200,29 @@ def _shape(key: str, value: Any, leaf: str) -> Tree:
     )
 
 
-def _join(placed: PlacedJoint, names: _Names) -> Tree:
+def _join_tree(placed: PlacedJoint, names: _PartNames) -> Tree:
     axes = np.asarray(placed.rotation).T.tolist()
-    return _keys(placed, SENTENCES["join"], names, {"at": placed.origin, "axis": axes[2], "toward": axes[0]})
+    return _keys_tree(
+        placed, SENTENCES["join"], names, {"at": placed.origin, "axis": axes[2], "toward": axes[0]}
+    )
 
 
-def _compliance(said: Compliance, names: _Names) -> Tree:
+def _compliance_tree(said: Compliance, names: _PartNames) -> Tree:
     matrix = said.matrix
     own = {"points": matrix.points, "stiffness": matrix.stiffness} if matrix is not None else {}
-    return _keys(said, SENTENCES["compliance"], names, {"matrix": None, **own})
+    return _keys_tree(said, SENTENCES["compliance"], names, {"matrix": None, **own})
 
 
-def _drive(drive: Drive) -> Tree:
+def _drive_tree(drive: Drive) -> Tree:
     if len(drive.terms) == 1 and drive.terms[0].coefficient == 1.0:
-        return {"name": drive.name} | _term(drive.terms[0])
+        return {"name": drive.name} | _term_tree(drive.terms[0])
     return {
         "name": drive.name,
-        "terms": [{"coefficient": t.coefficient} | _term(t) for t in drive.terms],
+        "terms": [{"coefficient": t.coefficient} | _term_tree(t) for t in drive.terms],
     }
 
 
-def _hinge(hinge: Hinge) -> Tree:
+def _hinge_tree(hinge: Hinge) -> Tree:
     tree: Tree = {"name": hinge.name, "at": hinge.at}
     if hinge.kind == "pin":
         return tree | {"a": hinge.a, "b": hinge.b, "axis": hinge.axis}
@@ -228,49 +230,49 @@ def _hinge(hinge: Hinge) -> Tree:
     return tree | {"link": hinge.b, "along": hinge.axis} | base
 
 
-def _term(term: DriveTerm) -> Tree:
+def _term_tree(term: DriveTerm) -> Tree:
     key = "along" if term.kind == "translation" else "about"
     tree = {"link": term.link, key: term.direction, "at": term.point}
     return tree if term.base == GROUND else tree | {"relative_to": term.base}
 
 
-def _lines(tree: Tree, path: str) -> list[str]:
+def _toml_lines(tree: Tree, path: str) -> list[str]:
     """TOML of a table: plain values first, then [tables], then [[arrays of tables]]."""
     lines, tables, arrays = [], [], []
     for key, value in tree.items():
-        inside = f"{path}.{_key(key)}" if path else _key(key)
+        inside = f"{path}.{_toml_key(key)}" if path else _toml_key(key)
         if isinstance(value, dict):
-            body = _lines(value, inside)
+            body = _toml_lines(value, inside)
             # a table that holds nothing but tables needs no heading of its own
             only_tables = bool(value) and all(isinstance(v, dict) for v in value.values())
             tables += body if only_tables else ["", f"[{inside}]", *body]
         elif isinstance(value, list) and value and all(isinstance(v, dict) for v in value):
             for item in value:
-                arrays += ["", f"[[{inside}]]", *_lines(item, inside)]
+                arrays += ["", f"[[{inside}]]", *_toml_lines(item, inside)]
         else:
-            lines.append(f"{_key(key)} = {_plain(value, key)}")
+            lines.append(f"{_toml_key(key)} = {_toml_value(value, key)}")
     return lines + tables + arrays
 
 
-def _key(key: str) -> str:
+def _toml_key(key: str) -> str:
     bare = key.isascii() and key.replace("_", "").replace("-", "").isalnum()
-    return key if bare else quoted(key)
+    return key if bare else toml_string(key)
 
 
-def _plain(value: Any, key: str) -> str:
+def _toml_value(value: Any, key: str) -> str:
     """A value in TOML; raises SceneError."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
-        return quoted(value)
+        return toml_string(value)
     if isinstance(value, int | float):
         return repr(value)
     if isinstance(value, tuple | list):
-        return f"[{', '.join(_plain(v, key) for v in value)}]"
+        return f"[{', '.join(_toml_value(v, key) for v in value)}]"
     raise SceneError(f"'{key}' = {show(value)} cannot be written to a scene file.")
 
 
-def quoted(text: str) -> str:
+def toml_string(text: str) -> str:
     """A TOML basic string."""
     if any("\ud800" <= c <= "\udfff" for c in text):
         raise SceneError(f"the name {show(text)} holds half a character and cannot be written to a file.")

@@ -14,7 +14,7 @@ from ksd.model.arrays import Motion, make_work
 from ksd.model.compile import Model
 from ksd.model.newton import assemble
 from ksd.numerics.rotations import rotation_exp
-from ksd.scene.hinges import normal_of
+from ksd.scene.hinges import plane_normal
 
 Array = NDArray[np.float64]
 BALANCED = 1e-6
@@ -51,7 +51,7 @@ class Actuation:
         self.share[:, 3:] /= arrays.size
         self.state = model.rest.copy()
         self.state.multiplier[:] = 0.0
-        self.normal = None if model.scene.plane is None else np.asarray(normal_of(model.scene.plane))
+        self.normal = None if model.scene.plane is None else np.asarray(plane_normal(model.scene.plane))
         self._places()
 
     def _places(self) -> None:

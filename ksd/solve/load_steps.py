@@ -24,7 +24,7 @@ from ksd.model.plane import Plane, plane_of, refuse_plane
 from ksd.numerics.rotations import rotation_log
 from ksd.properties.cache import cached_per_model
 from ksd.properties.doctor import doctor
-from ksd.scene.hinges import plane_holds
+from ksd.scene.hinges import plane_supports
 from ksd.solve.arc_length import END_REACHED, PathContinuation, PathParameter, follow_by_arc_length
 from ksd.solve.following import counted
 from ksd.solve.pivoted_newton import iterate_pivoted, moves_freely
@@ -381,7 +381,7 @@ def _take_path(
 def _cannot_leave_plane(model: Model) -> bool:
     """Whether the plane that a mechanism names holds all its nodes, and its members have constant stiffness, so that nothing
     inside them could leave the plane."""
-    held = {term.link for hold in plane_holds(model.scene) for term in hold.terms}
+    held = {term.link for hold in plane_supports(model.scene) for term in hold.terms}
     return held.issuperset(model.node_names[1:]) and model.kinds <= {LINEAR}
 
 

@@ -28,7 +28,7 @@ from ksd.model.mesh import Mesh, MixedMesh
 from ksd.model.newton import newton_step
 from ksd.model.template import Template, template_of
 from ksd.properties.tangent import exact_tangent_arrays
-from ksd.scene.leaf import Condition
+from ksd.scene.leaf import LeafCondition
 from ksd.solve.error import settled
 from ksd.solve.steps import FAST, RTOL
 
@@ -311,7 +311,9 @@ def _as_bent(scene: Any, model: Model) -> Any:
     """The scene whose plate factors are those of the curvatures that a model has."""
     leaves = scene.leaf_names()
     bends = {n: leaf.condition.bend for n, leaf in model.scene.leaf_names().items() if leaf.condition}
-    own = {n: replace(leaves[n].condition or Condition(), bend=b) for n, b in bends.items() if n in leaves}
+    own = {
+        n: replace(leaves[n].condition or LeafCondition(), bend=b) for n, b in bends.items() if n in leaves
+    }
     return with_conditions(scene, own) if own else scene
 
 

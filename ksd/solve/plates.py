@@ -20,7 +20,7 @@ from ksd.model.effects import with_conditions
 from ksd.model.leaves import rigidities
 from ksd.properties.cache import cached_per_model
 from ksd.properties.forces import section_forces
-from ksd.scene.leaf import Condition
+from ksd.scene.leaf import LeafCondition
 from ksd.section.plate import plate_factor
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def _bending_stiffness(model: Model) -> dict[str, float]:
     }
 
 
-def bent(model: Model, motion: Motion) -> tuple[dict[str, Condition], float]:
+def bent(model: Model, motion: Motion) -> tuple[dict[str, LeafCondition], float]:
     """Conditions of all wide leaf springs at their present curvature, and the largest relative change of their factors."""
     known = curvatures(model, motion)
     conditions, worst = {}, 0.0
@@ -63,7 +63,7 @@ def bent(model: Model, motion: Motion) -> tuple[dict[str, Condition], float]:
         q = leaf.section
         if not (q.width > q.thickness > 0.0 and name in known):
             continue
-        state = leaf.condition or Condition()
+        state = leaf.condition or LeafCondition()
         factors = [plate_factor(q.width, q.thickness, b, leaf.material.nu) for b in (state.bend, known[name])]
         worst = max(worst, abs(factors[1] / factors[0] - 1.0))
         conditions[name] = replace(state, bend=known[name])

@@ -27,8 +27,8 @@ from ksd.model.plane import Plane, plane_of
 from ksd.numerics.rotations import rotation_exp
 from ksd.properties.printing import PrintableAnswer, format_number, format_table
 from ksd.scene.drive import GROUND, Drive, DriveTerm
-from ksd.scene.hinges import normal_of
-from ksd.scene.link import Link, spoken
+from ksd.scene.hinges import plane_normal
+from ksd.scene.link import Link, link_name
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.scene import Scene
 from ksd.solve.actuation import Actuation
@@ -152,7 +152,7 @@ def _wanted(model: Model, poses: Mapping[str, Any]) -> Wanted:
         raise SceneError(f"poses = {show(poses)}: give (displacement, rotation) by link, as in pose.links")
     found, links = {}, model.scene.links
     for link, said in poses.items():
-        name = spoken(link) if isinstance(link, Link) else link
+        name = link_name(link) if isinstance(link, Link) else link
         if name not in links:
             raise SceneError(f"poses: link {show(name)} does not exist{name_hint(name, links)}")
         if name == GROUND:
@@ -168,7 +168,7 @@ def _wanted(model: Model, poses: Mapping[str, Any]) -> Wanted:
                 f"poses: {show(name)}: {show(said)} must be (displacement (3,), rotation), or (displacement, rotation, at)."
             ) from None
         if model.scene.plane is not None:
-            normal = np.asarray(normal_of(model.scene.plane))
+            normal = np.asarray(plane_normal(model.scene.plane))
             if abs(normal @ shift) > FLAT * model.arrays.size or np.abs(R @ normal - normal).max() > FLAT:
                 raise SceneError(
                     f"poses: {show(name)}: {show(said)} leaves the plane {model.scene.plane} of the mechanism; give a "
@@ -184,7 +184,7 @@ def _rotation(model: Model, said: Any) -> Array:
     if given.shape == (3, 3):
         return given
     if given.shape == () and model.scene.plane is not None:
-        given = float(given) * np.asarray(normal_of(model.scene.plane))
+        given = float(given) * np.asarray(plane_normal(model.scene.plane))
     R = np.empty((3, 3))
     rotation_exp(given.reshape(3), R)
     return R
@@ -278,7 +278,7 @@ def _dead_centre(model: Model, state: Motion) -> tuple[str, ...]:
         return ()
     own = np.ones(6, bool)
     if model.scene.plane is not None:
-        normal = np.asarray(normal_of(model.scene.plane)) != 0.0
+        normal = np.asarray(plane_normal(model.scene.plane)) != 0.0
         own = np.append(~normal, normal)
     held = ways[free][:, own].reshape(len(free) * int(own.sum()), -1).T
     _, sizes, motions = np.linalg.svd(held)

@@ -16,7 +16,7 @@ from ksd.bodies.joints import joint_bodies
 from ksd.checks import boolean, clear_argument_errors, name_hint, number, show, whole_number
 from ksd.errors import ConvergenceError, KinematicsError, RangeError, RecordError, SceneError
 from ksd.library import Record, find_record
-from ksd.library.record_files import record_in_use
+from ksd.library.record_files import find_record_file
 from ksd.modal.choices import ModalBasis
 from ksd.modal.solid_basis import SolidBasis
 from ksd.model.compile import Model, compile_scene
@@ -495,7 +495,7 @@ def _recent_solver(scene: Any, mesh: Mesh, words: dict[str, Any]) -> Solver:
     if not hasattr(scene, "fingerprint") or not isinstance(mesh, Mesh):
         return Solver(scene, mesh=mesh)  # says what is wrong
     # another record in the place of one makes another solver
-    records = tuple(record_in_use(f) for f in sorted({placed.joint.family for placed in scene.joints}))
+    records = tuple(find_record_file(f) for f in sorted({placed.joint.family for placed in scene.joints}))
     key = threading.get_ident(), scene.fingerprint(), records, mesh, repr(words)
     with _turn:
         if key in _recent:

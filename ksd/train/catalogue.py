@@ -22,7 +22,7 @@ from ksd.scene.families.guide import ParallelGuide, StiffenedGuide
 from ksd.scene.families.infinity import InfinityHinge, TripleInfinityHinge
 from ksd.scene.families.notch import ArcHinge, CircularNotchHinge, FilletedNotchHinge
 from ksd.scene.families.universal import UniversalJoint
-from ksd.scene.joint import proportions
+from ksd.scene.joint import joint_proportions
 from ksd.train.designs import Design
 
 STEEL = {"E": 200e9, "G": 76.9e9}
@@ -211,5 +211,5 @@ class Fixed:
 def _fixed(joint: Joint) -> Design:
     single = tuple(Parameter(name, value, value) for name, value in joint.shape().items())
     # a family is told by its shape parameters, a drawing by all of it
-    drawing = proportions(joint) if isinstance(joint, DrawnJoint) else {}
+    drawing = joint_proportions(joint) if isinstance(joint, DrawnJoint) else {}
     return Design(joint.family, single, Fixed(joint), {"length": joint.length, **drawing})

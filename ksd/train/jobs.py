@@ -18,7 +18,7 @@ import numpy as np
 
 from ksd.errors import KsdError, RecordError, SceneError
 from ksd.files import read_file, write_file
-from ksd.library.record_files import in_folder
+from ksd.library.record_files import make_parent_folder
 from ksd.numerics.processes import follow_parent, spawning
 from ksd.properties.printing import progress_bar
 from ksd.scene import DrawnJoint
@@ -154,7 +154,7 @@ class Jobs:
         named: dict[str, Any] = {f"{mesh}|{group}": values for (mesh, group), values in samples.items()}
         np.savez(buffer, **named)
         body = buffer.getvalue()
-        place = in_folder(self._path(job))
+        place = make_parent_folder(self._path(job))
         write_file(place, hashlib.sha256(body).digest() + body, what="finished shape", error=RecordError)
         self._made.add(place)
 

@@ -10,7 +10,7 @@ import numpy as np
 from ksd.errors import RecordError
 from ksd.library import Mesh, Probes, Record
 from ksd.library.functions import Array
-from ksd.library.record_files import train_again
+from ksd.library.record_files import training_hint
 from ksd.train.designs import Design, without_mesh_choices
 from ksd.train.fit import DIGITS
 from ksd.train.sampling import Samples, SamplingPlan, sample_joint
@@ -43,7 +43,7 @@ def check_probes(record: Record, design: Design | None = None) -> str:
     or where a probe solved again differs from them by more than the error on fresh shapes that the record tells;
     SceneError and ConvergenceError where a probe cannot be solved.
     """
-    again = train_again(record.family)
+    again = training_hint(record.family)
     if record.probes is None or len(record.probes.motions) == 0:
         raise RecordError(
             f"record '{record.family}' holds no probe states (an older version wrote it); {again}"
@@ -82,7 +82,7 @@ def _furthest(
     if not apart <= limit:
         raise RecordError(
             f"record '{record.family}' does not agree with this version of ksd: {key[1]} of mesh {key[0]!r} by {what} "
-            f"differ from the probe states kept by {apart:.2g}, with {limit:.2g} allowed; {train_again(record.family)}"
+            f"differ from the probe states kept by {apart:.2g}, with {limit:.2g} allowed; {training_hint(record.family)}"
         )
     return apart
 

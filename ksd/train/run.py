@@ -21,7 +21,7 @@ from ksd.checks import clear_argument_errors
 from ksd.errors import ConvergenceError, RecordError, SceneError
 from ksd.library import Evidence, Functions, Mesh, Record, Residual, Stroke, read_record, write_record
 from ksd.library.functions import Array, legendre_products, monomials
-from ksd.library.record_files import SUFFIX
+from ksd.library.record_files import RECORD_SUFFIX
 from ksd.model.leaves import raised_orders
 from ksd.model.mesh import Mesh as LeafMesh
 from ksd.scene import DrawnJoint, Joint
@@ -174,7 +174,7 @@ def _warn_of_others(design: Design, evidence: tuple[Evidence, ...]) -> None:
 def record_path(family: str, out: str | os.PathLike[str] | None) -> Path:
     """Where the record of `family` goes: into folder or .h5 file `out`, $KSD_DATABASE or ./database when None."""
     folder = Path(out or os.environ.get("KSD_DATABASE") or "database")
-    return folder if folder.suffix == SUFFIX else folder / f"{family}{SUFFIX}"
+    return folder if folder.suffix == RECORD_SUFFIX else folder / f"{family}{RECORD_SUFFIX}"
 
 
 def _strokes(joint: Joint) -> tuple[Stroke, ...]:

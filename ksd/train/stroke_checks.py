@@ -13,7 +13,14 @@ from ksd.library.functions import Array
 from ksd.model.compile import Model
 from ksd.properties.stiffness import point_stiffness
 from ksd.scene import Joint, Leaf
-from ksd.scene.clearance import BENT, FINE, PIECES, Body, meetings, pieces
+from ksd.scene.clearance import (
+    BOX_COUNT,
+    DEFORMED_OVERLAP_TOLERANCE,
+    FINE_BOX_COUNT,
+    LeafBoxes,
+    boxes_along_line,
+    overlapping_leaves,
+)
 from ksd.section.constants import extents
 from ksd.solve.configuration import Configuration
 from ksd.train.poses import block_poses
@@ -85,7 +92,9 @@ def check_clear(joint: Joint, states: list[Configuration]) -> None:
             )
         return
     for state in states:
-        for (one, two), _ in meetings(_bodies(joint, state, PIECES), touch=BENT):
+        for (one, two), _ in overlapping_leaves(
+            _bodies(joint, state, BOX_COUNT), touch=DEFORMED_OVERLAP_TOLERANCE
+        ):
             raise SceneError(
                 f"{joint.family}: leaf springs '{one}' and '{two}' run into each other at "
                 f"{state_phrase(joint, state.targets)}; reduce the range of "
@@ -93,14 +102,16 @@ def check_clear(joint: Joint, states: list[Configuration]) -> None:
             )
 
 
-def _bodies(joint: Joint, state: Configuration, count: int) -> list[Body]:
+def _bodies(joint: Joint, state: Configuration, count: int) -> list[LeafBoxes]:
     """The leaf springs as `count` boxes each."""
     leaves = {f"joint/{leaf.name}": leaf for leaf in joint.leaves()}
     found = []
     for line in state.shape(points=count + 1).leaves:
         leaf = leaves[line.name]
         width = 0.5 * (line.axes[1:, :, 2] + line.axes[:-1, :, 2])
-        found.append(pieces(leaf.name, (leaf.start_block, leaf.end_block), line.place, leaf, width=width))
+        found.append(
+            boxes_along_line(leaf.name, (leaf.start_block, leaf.end_block), line.place, leaf, width=width)
+        )
     return found
 
 
@@ -117,9 +128,13 @@ class LeafWindows:
         leaves = {leaf.name: leaf for leaf in joint.leaves()}
         seen: dict[tuple[str, str], set[int]] = {}
         for state in states:
-            for (one, two), stations in meetings(_bodies(joint, state, FINE), touch=BENT):
+            for (one, two), stations in overlapping_leaves(
+                _bodies(joint, state, FINE_BOX_COUNT), touch=DEFORMED_OVERLAP_TOLERANCE
+            ):
                 for k, pair in enumerate(((one, two), (two, one))):
-                    seen.setdefault(pair, set()).update((FINE * stations[:, k]).astype(int).tolist())
+                    seen.setdefault(pair, set()).update(
+                        (FINE_BOX_COUNT * stations[:, k]).astype(int).tolist()
+                    )
                 wide, narrow = sorted((leaves[one], leaves[two]), key=lambda leaf: -_width(leaf))
                 if not _within(narrow, wide):
                     raise SceneError(
@@ -146,7 +161,7 @@ class LeafWindows:
 
 def _reach(boxes: set[int]) -> float:
     """Part of a leaf from the first to the last of its boxes: between two states the place of crossing wanders."""
-    return (max(boxes) - min(boxes) + 1) / FINE
+    return (max(boxes) - min(boxes) + 1) / FINE_BOX_COUNT
 
 
 def _width(leaf: Leaf) -> float:

@@ -21,7 +21,7 @@ from ksd.design import Table
 from ksd.design.resume import ResumeFile
 from ksd.errors import RecordError
 from ksd.library import read_record, read_result, write_record
-from ksd.library.result_files import write_answer
+from ksd.library.result_files import write_result
 
 FLIPS, CUTS = 5000, 1000
 SMALLEST = files.shipped_folder() / "filleted_notch.h5"
@@ -100,7 +100,7 @@ def test_every_damage_to_an_answer_is_refused(memory, rng):
         "force_N": [1.0 / 3.0, -0.0, 5e-324],
         "steps": [{"name": "1", "time_us": None}] * 20,
     }
-    path = write_answer(numbers, memory / "answer.json")
+    path = write_result(numbers, memory / "answer.json")
     assert read_result(path) == numbers
     assert json.loads(path.read_text())["force_N"] == numbers["force_N"]
     assert all_refused(path, read_result, rng) == 0
@@ -156,7 +156,7 @@ def writers(record, table, folder):
         "table": lambda: table.to_hdf5(folder / "table.h5"),
         "csv": lambda: table.to_csv(folder / "table.csv"),
         "mat": lambda: table.to_mat(folder / "table.mat"),
-        "answer": lambda: write_answer({"a": list(range(1000))}, folder / "answer.json"),
+        "answer": lambda: write_result({"a": list(range(1000))}, folder / "answer.json"),
         "sweep": lambda: ResumeFile(folder / "sweep.jsonl", lambda: "x").add(
             0, [{"force_N": float(n)} for n in range(1000)]
         ),

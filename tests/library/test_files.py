@@ -35,8 +35,8 @@ def test_round_trip_keeps_every_number(record, tmp_path):
 
 def test_a_file_of_format_1_is_read_and_holds_no_probes(record, tmp_path):
     path = tmp_path / "toy.h5"
-    body = files.record_bytes(replace(record, probes=None))[files.BLOCK :]
-    path.write_bytes(files._seal(body, 1) + body)
+    body = files.record_bytes(replace(record, probes=None))[files.HEADER_BYTES :]
+    path.write_bytes(files.sealed_header(body, 1) + body)
     back = read_record(path)
     assert back.probes is None and back.history == record.history
 
@@ -75,7 +75,7 @@ def test_each_flipped_bit_is_refused(record, tmp_path):
         altered = bytearray(content)
         altered[bit // 8] ^= 1 << (bit % 8)
         path.write_bytes(altered)
-        files._cache.clear()
+        files._record_cache.clear()
         refused(path, "damaged|not a ksd joint record")
 
 
@@ -107,7 +107,7 @@ def test_foreign_missing_and_newer_files_are_refused(record, tmp_path, monkeypat
 def test_sealed_but_incomplete_content_is_refused(tmp_path):
     path = tmp_path / "toy.h5"
     body = b"\0" * 100
-    path.write_bytes(files._seal(body, 1) + body)
+    path.write_bytes(files.sealed_header(body, 1) + body)
     refused(path, "not a readable joint record")
 
 

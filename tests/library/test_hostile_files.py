@@ -23,7 +23,7 @@ from ksd.design.resume import ResumeFile, _hash
 from ksd.errors import KsdError, RecordError, SceneError
 from ksd.files import read_file, write_file
 from ksd.library import describe_database, find_record, read_record, read_result, record_files, write_record
-from ksd.library.result_files import _seal, write_answer
+from ksd.library.result_files import sealed_header, write_result
 
 POINTS = np.array([[0.0, 0, 0], [0.2, 0, 0]])
 needs_posix = pytest.mark.skipif(os.name != "posix", reason="pipes and devices of POSIX")
@@ -234,8 +234,8 @@ def resealed(path, spoil, number=record_files.FORMAT, signature=record_files.SIG
     """Alter the HDF5 image of a sealed file and seal it again, as anyone can."""
     with h5py.File(path, "r+") as file:
         spoil(file)
-    body = path.read_bytes()[record_files.BLOCK :]
-    path.write_bytes(_seal(body, number, signature) + body)
+    body = path.read_bytes()[record_files.HEADER_BYTES :]
+    path.write_bytes(sealed_header(body, number, signature) + body)
 
 
 def put(name, values):
@@ -376,7 +376,7 @@ def test_kept_designs_with_a_right_hash_and_wrong_content_are_computed_again(tmp
 def test_an_answer_that_is_no_json_is_refused_before_it_is_written(tmp_path):
     for numbers in ({"a": math.nan}, {"a": {1, 2}}):
         with pytest.raises(SceneError, match="cannot be written"):
-            write_answer(numbers, tmp_path / "a.json")
+            write_result(numbers, tmp_path / "a.json")
     assert list(tmp_path.iterdir()) == []
 
 

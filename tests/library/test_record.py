@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from ksd.errors import RangeError, RecordError, SceneError
-from ksd.library.chains import chain_rotations, longer_chain, rotation_vectors
+from ksd.library.chains import chain_rotations, extend_chain, rotation_vectors
 from ksd.library.functions import Functions, JointFunctions
 from ksd.library.record import Parameter
 
@@ -128,7 +128,7 @@ def test_longer_chain_takes_integrals_and_the_known_difference():
     strain = JointFunctions(
         "strain", functions=Functions(interface, np.zeros((0, 6, 5)), amplitudes=amplitudes), **base
     )
-    long = longer_chain(strain, 10)
+    long = extend_chain(strain, 10)
     np.testing.assert_allclose(long.at([0.8], "rotations")[0, 10:, 2], 0.08 * np.arange(1, 10), atol=1e-12)
     # a trained chain of 2 elements off by a known amount: a quarter of it remains with 4 elements
     rotations = np.zeros((1, 3, 3, 5))
@@ -137,7 +137,7 @@ def test_longer_chain_takes_integrals_and_the_known_difference():
     other = interface.copy()
     other[3, 2] = 0.02
     known = JointFunctions(2, functions=Functions(other, np.zeros((0, 6, 5)), rotations=rotations), **base)
-    corrected = longer_chain(strain, 4, known=known)
+    corrected = extend_chain(strain, 4, known=known)
     assert corrected.at([1.0])[3] == pytest.approx(0.005)
     np.testing.assert_allclose(
         corrected.at([1.0], "rotations")[0, 4:, 2], [0.25 + 0.0075, 0.5 + 0.01, 0.75 + 0.0075], atol=1e-12

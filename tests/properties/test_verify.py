@@ -15,7 +15,7 @@ from ksd.modal.solid_basis import reduce_solid
 from ksd.properties import leaf_rods
 from ksd.properties.shape import member_ends
 from ksd.properties.verify import verify
-from ksd.scene.curve import line_of
+from ksd.scene.curve import cached_line
 from ksd.solve.estimate import relative_error
 from ksd.solve.steps import Stop
 
@@ -90,7 +90,7 @@ def wavy(s):
 def free_curve():
     """`wavy`, drawn between START and END; its chord sets its length."""
     unit = ksd.FreeCurve(1e-1, wavy)
-    reach = float(np.linalg.norm(line_of(unit, 1.0)[0]))
+    reach = float(np.linalg.norm(cached_line(unit, 1.0)[0]))
     length = 1e-1 * float(np.linalg.norm(END - START)) / reach
     return ksd.FreeCurve(length, lambda s: np.asarray(wavy(s)) * (1e-1 / length))
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from test_json_schema import SCHEMA, fits
 
 import ksd
-from ksd.scene.clearance import leaf_body
+from ksd.scene.clearance import leaf_boxes
 
 
 def angles(curve, s):
@@ -269,7 +269,7 @@ def test_boxes_of_a_curve_in_space_follow_it():
         start=(0, 0, 0), end=(chord, 0, 0), width_axis="z", section=ksd.rectangle(5e-4, 3e-3), curve=curve,
         material=ksd.Material(200e9, nu=0.3),
     )  # fmt: skip
-    body = leaf_body(leaf, count=64)
+    body = leaf_boxes(leaf, count=64)
     a = turn * (np.arange(64) + 0.5) / 64
     line = np.column_stack([r * (np.cos(a) - 1), r * np.sin(a), climb * a])
     # distances from both ends tell a point but for a turn about the chord

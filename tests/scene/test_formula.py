@@ -5,7 +5,7 @@ import math
 import pytest
 
 from ksd import SceneError
-from ksd.scene.formula import amount, evaluated
+from ksd.scene.formula import evaluate_formula, si_value
 
 TABLES = {
     "joint": {"cross": {"length": "100 mm", "angle": "45 deg", "widths": ["40 mm", 0.02], "half": "= 1"}},
@@ -25,7 +25,7 @@ TABLES = {
     ],
 )
 def test_values(formula, value):
-    assert evaluated(formula, TABLES) == pytest.approx(value, rel=1e-15)
+    assert evaluate_formula(formula, TABLES) == pytest.approx(value, rel=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -51,14 +51,14 @@ def test_values(formula, value):
 )
 def test_what_is_no_formula_is_told(formula, sentence):
     with pytest.raises(SceneError, match=sentence):
-        evaluated(formula, TABLES)
+        evaluate_formula(formula, TABLES)
 
 
 def test_amounts_of_any_dimension():
     assert (
-        amount("4 um", "spread") == pytest.approx(4e-6)
-        and amount("500 MPa", "") == 5e8
-        and amount(3, "") == 3
+        si_value("4 um", "spread") == pytest.approx(4e-6)
+        and si_value("500 MPa", "") == 5e8
+        and si_value(3, "") == 3
     )
     with pytest.raises(SceneError, match=r"spread = '4 ells': give a number"):
-        amount("4 ells", "spread")
+        si_value("4 ells", "spread")

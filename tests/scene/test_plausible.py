@@ -4,7 +4,7 @@ import pytest
 
 import ksd
 from ksd.errors import SceneWarning
-from ksd.scene.plausibility import far_drives, implausible, meant_in
+from ksd.scene.plausibility import drive_value_warnings, likely_unit, plausibility_warnings
 from ksd.scene.profile import CircularNotch
 
 
@@ -42,7 +42,7 @@ def scene(*, length=0.1, thickness=1e-3, width=0.04, profile=None, **material):
 )
 def test_what_no_flexure_has_is_said_once_everywhere(words, said):
     made = scene(**words)
-    found = implausible(made.scene())
+    found = plausibility_warnings(made.scene())
     assert sum(said in sentence for sentence in found) == 1
     assert all("\n" not in sentence and not sentence.endswith(".") for sentence in found)
     diagnosis = ksd.doctor(made)
@@ -54,7 +54,7 @@ def test_what_no_flexure_has_is_said_once_everywhere(words, said):
 
 def test_flexures_are_silent():
     made = scene(density=7800.0, yield_stress=1.2e9, fatigue_limit=0.5e9)
-    assert implausible(made.scene()) == ()
+    assert plausibility_warnings(made.scene()) == ()
     assert ksd.solve(made, {"drive": 0.1}).warnings == ()
 
 
@@ -63,7 +63,7 @@ def test_flexures_are_silent():
     [("rubber", 5e6, 1100.0), ("PTFE", 0.5e9, 2200.0), ("lead", 16e9, 11340.0), ("", 2e9, None)],
 )
 def test_soft_materials_are_silent(name, E, density):
-    assert implausible(scene(name=name, E=E, density=density).scene()) == ()
+    assert plausibility_warnings(scene(name=name, E=E, density=density).scene()) == ()
 
 
 def far_apart(spacing, off):
@@ -76,17 +76,19 @@ def far_apart(spacing, off):
 
 
 def test_parts_too_far_apart_are_doubted_once():
-    assert implausible(far_apart(0.06, 0.5)) == ()
-    assert implausible(far_apart(60.0, 0.5))[0] == (
+    assert plausibility_warnings(far_apart(0.06, 0.5)) == ()
+    assert plausibility_warnings(far_apart(60.0, 0.5))[0] == (
         "joint 'ground-stage': spacing = 60.0 is in m, and that of no flexure; did you mean mm?"
     )
-    (said,) = implausible(far_apart(0.06, 60.0))
+    (said,) = plausibility_warnings(far_apart(0.06, 60.0))
     assert said == "its joints, leaf springs and masses are 60 m apart along y; lengths are in m"
 
 
 def test_a_notch_is_judged_where_it_is_thinnest():
     notch = CircularNotch(5e-3, 5e-4, 0.01)
-    assert implausible(scene(length=0.01, thickness=0.0105, width=0.01, profile=notch).scene()) == ()
+    assert (
+        plausibility_warnings(scene(length=0.01, thickness=0.0105, width=0.01, profile=notch).scene()) == ()
+    )
 
 
 def test_equal_leaves_share_a_sentence():
@@ -98,7 +100,7 @@ def test_equal_leaves_share_a_sentence():
             material=ksd.Material(200e9, nu=0.3), width_axis="z", name=f"leaf {k}",
         )  # fmt: skip
     m.actuate(tip, about="z", name="drive")
-    (found,) = implausible(m.scene())
+    (found,) = plausibility_warnings(m.scene())
     assert found.startswith("leaf springs 'leaf 0', 'leaf 1', 'leaf 2' and 2 more: ")
 
 
@@ -189,7 +191,7 @@ material = "steel"
     ],
 )
 def test_the_unit_a_plain_number_was_meant_in(value, dimension, key, unit):
-    assert meant_in(value, dimension, key) == unit
+    assert likely_unit(value, dimension, key) == unit
 
 
 def guide():
@@ -209,7 +211,7 @@ def test_a_drive_value_in_another_unit_is_doubted_where_the_solve_stops_and_wher
     assert str(caught.value).endswith(said)
     assert said in ksd.solve(guide(), push=2, strict=False).warnings
     assert "did you mean" not in " ".join(ksd.solve(guide(), push=2e-3).warnings)
-    assert far_drives(guide().scene(), {"push": 0.15}, 0.1) == ()
+    assert drive_value_warnings(guide().scene(), {"push": 0.15}, 0.1) == ()
     turned = scene()
     with pytest.raises(ksd.SceneError) as caught:
         ksd.solve(turned, drive=20)
@@ -228,4 +230,4 @@ def test_a_drive_value_in_another_unit_is_doubted_where_the_solve_stops_and_wher
     ],
 )
 def test_plain_gravity_and_masses_in_another_unit(value, dimension, unit):
-    assert meant_in(value, dimension, "") == unit
+    assert likely_unit(value, dimension, "") == unit

@@ -15,8 +15,8 @@ import ksd.scene
 from ksd.errors import SceneError, SceneFileError, SceneWarning
 from ksd.scene import CrossFlexure, DrawnJoint, FreeCurve, Leaf, Material, Mechanism, Motion
 from ksd.scene.toml_file import load_scene, save_scene
-from ksd.scene.toml_lines import Lines
-from ksd.scene.toml_table import quantity, unit_named
+from ksd.scene.toml_lines import LineNumbers
+from ksd.scene.toml_table import find_unit, quantity
 from ksd.section import circle, numbers, polygon, rectangle, tube
 from ksd.units import DIMENSIONS, deg
 
@@ -392,9 +392,9 @@ def test_mistakes_tell_the_line_of_their_key_or_table(read):
 @given(st.text(max_size=40), st.text(max_size=200))
 def test_lines_of_any_text_leave_the_sentence(place, text):
     sentence = f"a.toml, [{place}]: E = 3 is wrong."
-    told = Lines("a.toml", text).at(sentence)
+    told = LineNumbers("a.toml", text).at(sentence)
     assert re.sub(r"^a\.toml, line \d+", "a.toml", told) == sentence
-    assert Lines("b", text).at(sentence) == sentence
+    assert LineNumbers("b", text).at(sentence) == sentence
 
 
 def test_of_very_many_mistakes_the_first_are_listed(read):
@@ -423,7 +423,7 @@ def test_a_plain_number_in_another_unit_stands_at_the_end_of_the_mistakes(read):
     ],
 )  # fmt: skip
 def test_units_as_engineers_write_them(text, unit):
-    assert unit_named(text) == unit
+    assert find_unit(text) == unit
 
 
 UNITS = [(dimension, unit) for dimension, units in DIMENSIONS.items() for unit in units]

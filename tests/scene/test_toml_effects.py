@@ -278,7 +278,7 @@ def test_the_schema_holds_words_of_python_only():
     for kind, keys in schema.SECTIONS.items():
         assert keys.keys() == {*inspect.signature(made[kind]).parameters}, kind
     assert schema.MATERIAL.keys() == {*inspect.signature(ksd.Material).parameters}
-    families = [schema.of_family(family) for family in ksd.joint_families().values()]
+    families = [schema.family_schema(family) for family in ksd.joint_families().values()]
     tables = [
         *schema.SENTENCES.values(),
         *schema.SECTIONS.values(),

@@ -19,7 +19,7 @@ from ksd.errors import SceneError
 from ksd.library import Parameter, read_record
 from ksd.library.record_files import shipped_folder
 from ksd.scene import CrossFlexure, DrawnJoint, Material, Motion
-from ksd.scene.joint import proportions
+from ksd.scene.joint import joint_proportions
 from ksd.section import rectangle
 from ksd.train import Design, train
 from ksd.train import jobs as jobs_module
@@ -315,7 +315,7 @@ def test_a_record_of_a_joint_as_drawn_is_refused_by_one_drawn_otherwise(tmp_path
         # records of before hold no drawing: the error figure tells
         solved(other, replace(record, design={"length": 0.1}))
     # small beside the stiffness of the first leaf spring, and four times as stiff as drawn
-    thin = replace(record, design=record.design | proportions(guide(thicker=0.05)))
+    thin = replace(record, design=record.design | joint_proportions(guide(thicker=0.05)))
     with pytest.raises(ksd.RecordError, match=r"bending stiffness of leaf 1: 8000 there, 1953\.1\d here"):
         solved(guide(thicker=0.08), thin)
 

@@ -9,7 +9,16 @@ from typing import ClassVar
 from ksd.checks import Vector, between
 from ksd.errors import SceneError
 from ksd.scene.families.crossed_pivot import pivot_stiffness
-from ksd.scene.families.sheet import Family, Leaning, Point, bending, check_sheet, flat, measured, strip
+from ksd.scene.families.sheet import (
+    InclinedLeaves,
+    JointFamily,
+    Point,
+    bending_stiffness,
+    check_sheet,
+    in_plane_blocks,
+    parameter_dimensions,
+    sheet_leaf,
+)
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 
@@ -18,7 +27,7 @@ _BUTTERFLY = math.radians(30)
 
 
 @dataclass(frozen=True)
-class Cartwheel(Leaning):
+class Cartwheel(InclinedLeaves):
     """Two leaf springs crossing in their middle and joined there by a hub; B turns about z, +-20 degrees.
 
     Joint axes: A at the origin, B at (L cos(angle), 0, 0), the hub (internal block) at the middle; the four
@@ -31,7 +40,7 @@ class Cartwheel(Leaning):
 
     family: ClassVar[str] = "cartwheel"
     stroke = _CARTWHEEL
-    quantities = measured("length", "thickness", "width", angle="angle")
+    quantities = parameter_dimensions("length", "thickness", "width", angle="angle")
 
     material: Material
     _: KW_ONLY
@@ -53,8 +62,8 @@ class Cartwheel(Leaning):
         hub = (0.5 * x, 0.0)
         spokes = []
         for name, y in (("low", -h), ("high", h)):
-            spokes.append(strip(self, f"A_{name}", ((0.0, y), hub), self.width, blocks=("A", "hub")))
-            spokes.append(strip(self, f"B_{name}", (hub, (x, y)), self.width, blocks=("hub", "B")))
+            spokes.append(sheet_leaf(self, f"A_{name}", ((0.0, y), hub), self.width, blocks=("A", "hub")))
+            spokes.append(sheet_leaf(self, f"B_{name}", (hub, (x, y)), self.width, blocks=("hub", "B")))
         return tuple(spokes)
 
     def shape(self) -> dict[str, float]:
@@ -63,7 +72,7 @@ class Cartwheel(Leaning):
 
     def stiffness_at_rest(self) -> float:
         """Drive stiffness at rest [Nm/rad], inextensible leaves: 8 E I / L, four times the crossed pair's."""
-        return 0.5 * pivot_stiffness(1.0, bending(self, self.width) / (0.5 * self.length))
+        return 0.5 * pivot_stiffness(1.0, bending_stiffness(self, self.width) / (0.5 * self.length))
 
 
 _RAYS = (("A", "left", math.pi), ("left", "top", math.radians(120)))
@@ -71,7 +80,7 @@ _MIRRORED = (("top", "right", math.radians(60)), ("right", "B", 0.0))
 
 
 @dataclass(frozen=True)
-class Butterfly(Family):
+class Butterfly(JointFamily):
     """Four remote-centre pivots in series around one centre O; B turns about z, +-30 degrees.
 
     Joint axes: A at the origin, O at (R, 0, 0) with R = inner + L, B at (2R, 0, 0). Eight leaf springs lie on rays
@@ -86,7 +95,7 @@ class Butterfly(Family):
 
     family: ClassVar[str] = "butterfly"
     stroke = _BUTTERFLY
-    quantities = measured("length", "inner", "thickness", "width", half_angle="angle")
+    quantities = parameter_dimensions("length", "inner", "thickness", "width", half_angle="angle")
 
     material: Material
     _: KW_ONLY
@@ -121,13 +130,13 @@ class Butterfly(Family):
         return self._outer + radius * math.cos(angle), radius * math.sin(angle)
 
     def blocks(self) -> dict[str, Vector]:
-        inner = flat(
+        inner = in_plane_blocks(
             {
                 "left": self._on_ray(self.inner, math.radians(150)),
                 "top": self._on_ray(self._outer, math.pi / 2),
             }
         )
-        right = flat({"right": self._on_ray(self.inner, math.radians(30))})
+        right = in_plane_blocks({"right": self._on_ray(self.inner, math.radians(30))})
         return {**super().blocks(), **inner, **right}
 
     def leaves(self) -> tuple[Leaf, ...]:
@@ -138,7 +147,9 @@ class Butterfly(Family):
             for k, side in ((1, -1.0), (2, 1.0)):
                 angle = middle + side * self.half_angle
                 ends = self._on_ray(radii[0], angle), self._on_ray(radii[1], angle)
-                found.append(strip(self, f"{first}_{second}_{k}", ends, self.width, blocks=(first, second)))
+                found.append(
+                    sheet_leaf(self, f"{first}_{second}_{k}", ends, self.width, blocks=(first, second))
+                )
         return tuple(found)
 
     def shape(self) -> dict[str, float]:
@@ -148,4 +159,4 @@ class Butterfly(Family):
     def stiffness_at_rest(self) -> float:
         """Drive stiffness at rest [Nm/rad]: a quarter of an inverted crossed pivot's, ratio -inner / L."""
         ratio = -self.inner / self.length
-        return 0.25 * pivot_stiffness(ratio, bending(self, self.width) / self.length)
+        return 0.25 * pivot_stiffness(ratio, bending_stiffness(self, self.width) / self.length)

@@ -10,14 +10,14 @@ from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
 from ksd.checks import Vector
-from ksd.scene.families.sheet import Family, check_sheet, measured, strip
+from ksd.scene.families.sheet import JointFamily, check_sheet, parameter_dimensions, sheet_leaf
 from ksd.scene.leaf import Leaf
 from ksd.scene.leaf import wire as make_wire
 from ksd.scene.material import Material
 
 
 @dataclass(frozen=True)
-class FoldedLeaf(Family):
+class FoldedLeaf(JointFamily):
     """A leaf spring folded at a right angle: stiff along its fold line only, soft in all other directions.
 
     Joint axes: A at the origin, the fold (internal block) at (c, c, 0), B at (2c, 0, 0) with c = L cos(45 deg); the
@@ -27,7 +27,7 @@ class FoldedLeaf(Family):
     """
 
     family: ClassVar[str] = "folded_leaf"
-    quantities = measured("length", "thickness", "width")
+    quantities = parameter_dimensions("length", "thickness", "width")
 
     material: Material
     _: KW_ONLY
@@ -54,8 +54,8 @@ class FoldedLeaf(Family):
     def leaves(self) -> tuple[Leaf, ...]:
         c = self._reach
         return (
-            strip(self, "A_fold", ((0.0, 0.0), (c, c)), self.width, blocks=("A", "fold")),
-            strip(self, "fold_B", ((c, c), (2 * c, 0.0)), self.width, blocks=("fold", "B")),
+            sheet_leaf(self, "A_fold", ((0.0, 0.0), (c, c)), self.width, blocks=("A", "fold")),
+            sheet_leaf(self, "fold_B", ((c, c), (2 * c, 0.0)), self.width, blocks=("fold", "B")),
         )
 
     def stiffness_at_rest(self) -> float:
@@ -70,7 +70,7 @@ class FoldedLeaf(Family):
 
 
 @dataclass(frozen=True)
-class WireFlexure(Family):
+class WireFlexure(JointFamily):
     """A round wire, clamped at both ends: stiff along its axis, soft in the five other directions.
 
     Joint axes: A at the origin, B at (L, 0, 0). length L, diameter [m]. Raises SceneError naming the parameter out of
@@ -78,7 +78,7 @@ class WireFlexure(Family):
     """
 
     family: ClassVar[str] = "wire_flexure"
-    quantities = measured("length", "diameter")
+    quantities = parameter_dimensions("length", "diameter")
 
     material: Material
     _: KW_ONLY

@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 from ksd.checks import not_negative, positive, show
 from ksd.errors import SceneError
 from ksd.scene.clearance import check_clear
-from ksd.scene.families.sheet import Leaning, measured, strip
-from ksd.scene.joint import leaves_of
+from ksd.scene.families.sheet import InclinedLeaves, parameter_dimensions, sheet_leaf
+from ksd.scene.joint import joint_leaves
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 
@@ -19,7 +19,7 @@ _NAME = "CrossFlexure"
 
 
 @dataclass(frozen=True)
-class CrossFlexure(Leaning):
+class CrossFlexure(InclinedLeaves):
     """Three leaf springs crossing in their middle; B turns about z relative to A, +-75 degrees.
 
     Joint axes: A at the origin, B at (L cos(angle), 0, 0), z along the widths. With h = L sin(angle)/2 the
@@ -34,7 +34,7 @@ class CrossFlexure(Leaning):
 
     family: ClassVar[str] = "cross_flexure"
     stroke = _STROKE
-    quantities = measured("length", "thickness", "widths", "gap", "spacing", angle="angle")
+    quantities = parameter_dimensions("length", "thickness", "widths", "gap", "spacing", angle="angle")
 
     material: Material
     length: float
@@ -64,13 +64,13 @@ class CrossFlexure(Leaning):
             spacing=_spacing(pair, gap, spacing), elements=elements, orders=orders,
         )  # fmt: skip
         self.check_leaning()
-        check_clear(leaves_of(self), owner=_NAME, advice="raise the spacing to half the sum of the widths")
+        check_clear(joint_leaves(self), owner=_NAME, advice="raise the spacing to half the sum of the widths")
 
     def leaves(self) -> tuple[Leaf, ...]:
         x, h, c = self.pose_B[0], 0.5 * self.length * math.sin(self.angle), self.spacing
         inner, outer = self.widths
         places = (("inner", inner, -h, 0.0), ("outer_low", outer, h, -c), ("outer_high", outer, h, c))
-        return tuple(strip(self, name, ((0.0, y), (x, -y)), width, z=z) for name, width, y, z in places)
+        return tuple(sheet_leaf(self, name, ((0.0, y), (x, -y)), width, z=z) for name, width, y, z in places)
 
     def shape(self) -> dict[str, float]:
         """angle [rad] and width_ratio = both outer widths over the inner one."""

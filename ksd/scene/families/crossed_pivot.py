@@ -7,7 +7,13 @@ from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar
 
 from ksd.checks import not_negative
-from ksd.scene.families.sheet import Leaning, bending, inside, measured, strip
+from ksd.scene.families.sheet import (
+    InclinedLeaves,
+    bending_stiffness,
+    number_within,
+    parameter_dimensions,
+    sheet_leaf,
+)
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 
@@ -24,7 +30,7 @@ def pivot_stiffness(ratio: float, bending_per_length: float) -> float:
     return 8 * (1 - 3 * ratio + 3 * ratio**2) * bending_per_length
 
 
-class _Crossed(Leaning):
+class _Crossed(InclinedLeaves):
     """What crossed pivots share: the motion, and where their leaf springs may cross."""
 
     stroke = _STROKE
@@ -33,7 +39,9 @@ class _Crossed(Leaning):
     def check_crossed(self, *lengths: str) -> None:
         """`check_leaning`, and the ratio within its bounds."""
         self.check_leaning(*lengths)
-        object.__setattr__(self, "ratio", inside(self.ratio, "ratio", _RATIOS, owner=type(self).__name__))
+        object.__setattr__(
+            self, "ratio", number_within(self.ratio, "ratio", _RATIOS, owner=type(self).__name__)
+        )
 
 
 @dataclass(frozen=True)
@@ -53,7 +61,7 @@ class CrossedPivot(_Crossed):
 
     family: ClassVar[str] = "crossed_pivot"
     windows = True
-    quantities = measured("length", "thickness", "width", angle="angle", ratio="number")
+    quantities = parameter_dimensions("length", "thickness", "width", angle="angle", ratio="number")
 
     material: Material
     _: KW_ONLY
@@ -71,8 +79,8 @@ class CrossedPivot(_Crossed):
     def leaves(self) -> tuple[Leaf, ...]:
         x, s = self.pose_B[0], self.length * math.sin(self.angle)
         low, high = -self.ratio * s, (1 - self.ratio) * s
-        rising = strip(self, "rising", ((0.0, low), (x, high)), self.width)
-        return rising, strip(self, "falling", ((0.0, -low), (x, -high)), self.width)
+        rising = sheet_leaf(self, "rising", ((0.0, low), (x, high)), self.width)
+        return rising, sheet_leaf(self, "falling", ((0.0, -low), (x, -high)), self.width)
 
     def shape(self) -> dict[str, float]:
         """angle [rad] and ratio."""
@@ -80,7 +88,7 @@ class CrossedPivot(_Crossed):
 
     def stiffness_at_rest(self) -> float:
         """Drive stiffness at rest [Nm/rad], inextensible leaves: 8 (1 - 3 ratio + 3 ratio^2) E I / L (Haringx 1949)."""
-        return pivot_stiffness(self.ratio, bending(self, self.width) / self.length)
+        return pivot_stiffness(self.ratio, bending_stiffness(self, self.width) / self.length)
 
 
 @dataclass(frozen=True)
@@ -96,7 +104,7 @@ class BalancedCrossedPivot(_Crossed):
     """
 
     family: ClassVar[str] = "balanced_crossed_pivot"
-    quantities = measured(
+    quantities = parameter_dimensions(
         "length", "thickness", "inner_width", "outer_width", "gap", angle="angle", ratio="number"
     )
 
@@ -123,9 +131,9 @@ class BalancedCrossedPivot(_Crossed):
         c = 0.5 * (self.inner_width + self.outer_width) + self.gap
         falling = ((0.0, -low), (x, -high))
         return (
-            strip(self, "inner", ((0.0, low), (x, high)), self.inner_width),
-            strip(self, "outer_low", falling, self.outer_width, z=-c),
-            strip(self, "outer_high", falling, self.outer_width, z=c),
+            sheet_leaf(self, "inner", ((0.0, low), (x, high)), self.inner_width),
+            sheet_leaf(self, "outer_low", falling, self.outer_width, z=-c),
+            sheet_leaf(self, "outer_high", falling, self.outer_width, z=c),
         )
 
     def shape(self) -> dict[str, float]:
@@ -136,4 +144,4 @@ class BalancedCrossedPivot(_Crossed):
     def stiffness_at_rest(self) -> float:
         """Drive stiffness at rest [Nm/rad] of inextensible leaves: both leaf planes share one end rotation."""
         mean = 0.5 * (self.inner_width + 2 * self.outer_width)
-        return pivot_stiffness(self.ratio, bending(self, mean) / self.length)
+        return pivot_stiffness(self.ratio, bending_stiffness(self, mean) / self.length)

@@ -6,7 +6,14 @@ from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar
 
 from ksd.checks import Vector
-from ksd.scene.families.sheet import Family, bending, check_sheet, inside, measured, strip
+from ksd.scene.families.sheet import (
+    JointFamily,
+    bending_stiffness,
+    check_sheet,
+    number_within,
+    parameter_dimensions,
+    sheet_leaf,
+)
 from ksd.scene.joint import Motion
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
@@ -14,7 +21,7 @@ from ksd.scene.material import Material
 _STROKE = 0.25
 
 
-class _Guide(Family):
+class _Guide(JointFamily):
     """What guides share: where B is, and its motion, driven level with the middle of the leaves, where a force meets no
     moment."""
 
@@ -39,7 +46,7 @@ class ParallelGuide(_Guide):
     """
 
     family: ClassVar[str] = "parallel_guide"
-    quantities = measured("length", "thickness", "width", "spacing")
+    quantities = parameter_dimensions("length", "thickness", "width", "spacing")
 
     material: Material
     _: KW_ONLY
@@ -55,7 +62,7 @@ class ParallelGuide(_Guide):
 
     def leaves(self) -> tuple[Leaf, ...]:
         return tuple(
-            strip(self, name, ((0.0, y), (self.length, y)), self.width)
+            sheet_leaf(self, name, ((0.0, y), (self.length, y)), self.width)
             for name, y in (("low", -0.5 * self.spacing), ("high", 0.5 * self.spacing))
         )
 
@@ -65,7 +72,7 @@ class ParallelGuide(_Guide):
 
     def stiffness_at_rest(self) -> float:
         """Drive stiffness at rest [N/m], two clamped-guided leaves: 24 E I / L^3."""
-        return 24 * bending(self, self.width) / self.length**3
+        return 24 * bending_stiffness(self, self.width) / self.length**3
 
 
 @dataclass(frozen=True)
@@ -80,7 +87,7 @@ class StiffenedGuide(_Guide):
     """
 
     family: ClassVar[str] = "stiffened_guide"
-    quantities = measured("length", "thickness", "width", "spacing", flexible="number")
+    quantities = parameter_dimensions("length", "thickness", "width", "spacing", flexible="number")
 
     material: Material
     _: KW_ONLY
@@ -94,7 +101,7 @@ class StiffenedGuide(_Guide):
 
     def __post_init__(self) -> None:
         check_sheet(self, "width", "spacing")
-        share = inside(self.flexible, "flexible", (0.05, 0.45), owner=type(self).__name__)
+        share = number_within(self.flexible, "flexible", (0.05, 0.45), owner=type(self).__name__)
         object.__setattr__(self, "flexible", share)
 
     def _sides(self) -> tuple[tuple[str, float], ...]:
@@ -108,8 +115,8 @@ class StiffenedGuide(_Guide):
         a, L = self.flexible * self.length, self.length
         found = []
         for name, y in self._sides():
-            found.append(strip(self, f"{name}_A", ((0.0, y), (a, y)), self.width, blocks=("A", name)))
-            found.append(strip(self, f"{name}_B", ((L - a, y), (L, y)), self.width, blocks=(name, "B")))
+            found.append(sheet_leaf(self, f"{name}_A", ((0.0, y), (a, y)), self.width, blocks=("A", name)))
+            found.append(sheet_leaf(self, f"{name}_B", ((L - a, y), (L, y)), self.width, blocks=(name, "B")))
         return tuple(found)
 
     def shape(self) -> dict[str, float]:
@@ -119,4 +126,4 @@ class StiffenedGuide(_Guide):
     def stiffness_at_rest(self) -> float:
         """Drive stiffness at rest [N/m]: 24 E I / (L^3 (1 - (1 - 2 flexible)^3))."""
         stiff = 1 - (1 - 2 * self.flexible) ** 3
-        return 24 * bending(self, self.width) / (self.length**3 * stiff)
+        return 24 * bending_stiffness(self, self.width) / (self.length**3 * stiff)

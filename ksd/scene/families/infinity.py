@@ -14,8 +14,16 @@ from typing import ClassVar
 
 from ksd.checks import Vector
 from ksd.scene.clearance import check_clear
-from ksd.scene.families.sheet import Family, Point, check_sheet, flat, inside, measured, strip
-from ksd.scene.joint import leaves_of
+from ksd.scene.families.sheet import (
+    JointFamily,
+    Point,
+    check_sheet,
+    in_plane_blocks,
+    number_within,
+    parameter_dimensions,
+    sheet_leaf,
+)
+from ksd.scene.joint import joint_leaves
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 
@@ -26,7 +34,7 @@ _TRIPLE = math.radians(45)
 
 
 @dataclass(frozen=True)
-class InfinityHinge(Family):
+class InfinityHinge(JointFamily):
     """A main leaf with two folded leaf springs against its torsion and a strut against its lateral motion; +-30 degrees.
 
     Joint axes: A at the origin, B at (L, 0, 0), everything symmetric in z and, but for the strut, in y. The
@@ -41,7 +49,7 @@ class InfinityHinge(Family):
 
     family: ClassVar[str] = "infinity_hinge"
     stroke = _INFINITY
-    quantities = measured("length", "thickness", "width", reach="number", strut="number")
+    quantities = parameter_dimensions("length", "thickness", "width", reach="number", strut="number")
 
     material: Material
     _: KW_ONLY
@@ -56,27 +64,27 @@ class InfinityHinge(Family):
     def __post_init__(self) -> None:
         check_sheet(self, "width")
         name = type(self).__name__
-        object.__setattr__(self, "reach", inside(self.reach, "reach", (0.25, 0.6), owner=name))
-        object.__setattr__(self, "strut", inside(self.strut, "strut", (0.1, 0.6), owner=name))
-        check_clear(leaves_of(self), owner=name, advice="raise reach or reduce strut")
+        object.__setattr__(self, "reach", number_within(self.reach, "reach", (0.25, 0.6), owner=name))
+        object.__setattr__(self, "strut", number_within(self.strut, "strut", (0.1, 0.6), owner=name))
+        check_clear(joint_leaves(self), owner=name, advice="raise reach or reduce strut")
 
     def blocks(self) -> dict[str, Vector]:
         L, y = self.length, self.reach * self.length
-        folds = flat({"fold_low": (0.5 * L, -y), "fold_high": (0.5 * L, y)})
+        folds = in_plane_blocks({"fold_low": (0.5 * L, -y), "fold_high": (0.5 * L, y)})
         return {**super().blocks(), **folds}
 
     def leaves(self) -> tuple[Leaf, ...]:
         L, w = self.length, self.width
         z = (0.5 + _GAP) * w
         main = ((0.0, 0.0), (L, 0.0))
-        found = [strip(self, "main_low", main, w, z=-z), strip(self, "main_high", main, w, z=z)]
+        found = [sheet_leaf(self, "main_low", main, w, z=-z), sheet_leaf(self, "main_high", main, w, z=z)]
         for side, sign in (("low", -1.0), ("high", 1.0)):
             foot, fold = sign * _FOOT * L, (0.5 * L, sign * self.reach * L)
             name = f"fold_{side}"
-            found.append(strip(self, f"{name}_A", ((0.0, foot), fold), 2 * w, blocks=("A", name)))
-            found.append(strip(self, f"{name}_B", (fold, (L, foot)), 2 * w, blocks=(name, "B")))
+            found.append(sheet_leaf(self, f"{name}_A", ((0.0, foot), fold), 2 * w, blocks=("A", name)))
+            found.append(sheet_leaf(self, f"{name}_B", (fold, (L, foot)), 2 * w, blocks=(name, "B")))
         half = 0.5 * self.strut * L
-        found.append(strip(self, "strut", ((0.5 * L, -half), (0.5 * L, half)), 0.2 * w))
+        found.append(sheet_leaf(self, "strut", ((0.5 * L, -half), (0.5 * L, half)), 0.2 * w))
         return tuple(found)
 
     def shape(self) -> dict[str, float]:
@@ -95,7 +103,7 @@ _BARS = (("inner", 1.0, 0.0, 4.0), ("outer_low", -1.0, -4.0, 2.0), ("outer_high"
 
 
 @dataclass(frozen=True)
-class TripleInfinityHinge(Family):
+class TripleInfinityHinge(JointFamily):
     """The 3x-infinity hinge: 30 flexible leaf springs of 0.45 mm, B turns about z, +-45 degrees.
 
     Joint axes: A at the origin, B at (60, 0, 0) mm, everything symmetric in z. Our own dimensions, in mm at
@@ -120,7 +128,7 @@ class TripleInfinityHinge(Family):
     family: ClassVar[str] = "triple_infinity_hinge"
     windows = True
     stroke = _TRIPLE
-    quantities = measured("thickness", "length")
+    quantities = parameter_dimensions("thickness", "length")
 
     material: Material
     _: KW_ONLY
@@ -150,7 +158,7 @@ class TripleInfinityHinge(Family):
         y = 0.5 * (_BAR_FROM + _BAR_TO)
         for name, *_ in _BARS:
             points |= {f"bar_1_{name}": (0.5 * _LENGTH, -y), f"bar_2_{name}": (0.5 * _LENGTH, y)}
-        return flat({name: (self._unit * x, self._unit * y) for name, (x, y) in points.items()})
+        return in_plane_blocks({name: (self._unit * x, self._unit * y) for name, (x, y) in points.items()})
 
     def leaves(self) -> tuple[Leaf, ...]:
         return (*self._main(), *self._folds(), *self._bars())
@@ -161,7 +169,7 @@ class TripleInfinityHinge(Family):
         """A leaf from the drawing, all in mm."""
         u = self._unit
         (x0, y0), (x1, y1) = ends
-        return strip(self, name, ((u * x0, u * y0), (u * x1, u * y1)), u * width, blocks=blocks, z=u * z)
+        return sheet_leaf(self, name, ((u * x0, u * y0), (u * x1, u * y1)), u * width, blocks=blocks, z=u * z)
 
     def _main(self) -> list[Leaf]:
         found = []

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 from ksd.checks import Vector, between
 from ksd.errors import SceneError
 from ksd.scene.curve import Arc
-from ksd.scene.families.sheet import Family, check_lengths, measured, strip
+from ksd.scene.families.sheet import JointFamily, check_lengths, parameter_dimensions, sheet_leaf
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.scene.profile import CircularNotch, FilletedNotch
@@ -22,7 +22,7 @@ _NOTCH = math.radians(10)
 _ARC = math.radians(30)
 
 
-class _Notch(Family):
+class _Notch(JointFamily):
     """What notch hinges share: B at the end of the neck, and the motion."""
 
     held_by_others = True
@@ -40,7 +40,7 @@ class CircularNotchHinge(_Notch):
     """
 
     family: ClassVar[str] = "circular_notch"
-    quantities = measured("radius", "minimum", "width")
+    quantities = parameter_dimensions("radius", "minimum", "width")
 
     material: Material
     _: KW_ONLY
@@ -101,7 +101,7 @@ class FilletedNotchHinge(_Notch):
     """
 
     family: ClassVar[str] = "filleted_notch"
-    quantities = measured("length", "radius", "minimum", "width")
+    quantities = parameter_dimensions("length", "radius", "minimum", "width")
 
     material: Material
     _: KW_ONLY
@@ -137,11 +137,11 @@ class FilletedNotchHinge(_Notch):
 def _neck(joint: Any, profile: CircularNotch | FilletedNotch) -> Leaf:
     """The notch as one leaf of varying thickness."""
     ends = (0.0, 0.0), (joint.length, 0.0)
-    return strip(joint, "neck", ends, joint.width, thickness=joint.minimum, profile=profile)
+    return sheet_leaf(joint, "neck", ends, joint.width, thickness=joint.minimum, profile=profile)
 
 
 @dataclass(frozen=True)
-class ArcHinge(Family):
+class ArcHinge(JointFamily):
     """A leaf bent to a circular arc at rest, the curved beam of paper 3; B turns about z, +-30 degrees.
 
     Joint axes: A at the origin, B at (2 r sin(angle/2), 0, 0), the chord; the arc lies at y < 0 and curves about +z,
@@ -153,7 +153,7 @@ class ArcHinge(Family):
     family: ClassVar[str] = "arc_hinge"
     held_by_others = True
     stroke = _ARC
-    quantities = measured("radius", "thickness", "width", angle="angle")
+    quantities = parameter_dimensions("radius", "thickness", "width", angle="angle")
 
     material: Material
     _: KW_ONLY
@@ -187,7 +187,7 @@ class ArcHinge(Family):
 
     def leaves(self) -> tuple[Leaf, ...]:
         ends = (0.0, 0.0), self.pose_B[:2]
-        return (strip(self, "arc", ends, self.width, curve=Arc(self.radius, self.angle)),)
+        return (sheet_leaf(self, "arc", ends, self.width, curve=Arc(self.radius, self.angle)),)
 
     def shape(self) -> dict[str, float]:
         """angle of the arc [rad]."""

@@ -11,7 +11,7 @@ from ksd.checks import MAX_MAGNITUDE, Vector, between, number, positive, show
 from ksd.errors import SceneError
 from ksd.scene.curve import Curve
 from ksd.scene.joint import Joint, Motion
-from ksd.scene.leaf import Leaf, mesh
+from ksd.scene.leaf import Leaf, checked_mesh
 from ksd.scene.material import Material
 from ksd.scene.profile import Profile
 from ksd.section import rectangle
@@ -19,7 +19,7 @@ from ksd.section import rectangle
 Point = tuple[float, float]
 
 
-class Family(Joint):
+class JointFamily(Joint):
     """What families do unless they say otherwise: B on the x axis at `length`, and no shape parameter.
 
     B turns about z by +-`stroke` [rad]; without one there is no intended motion.
@@ -33,14 +33,14 @@ class Family(Joint):
 
     @property
     def motions(self) -> tuple[Motion, ...]:
-        return turns(self.stroke) if self.stroke else ()
+        return rotation_about_z(self.stroke) if self.stroke else ()
 
     def shape(self) -> dict[str, float]:
         """No parameter."""
         return {}
 
 
-class Leaning(Family):
+class InclinedLeaves(JointFamily):
     """Joints whose leaf springs lean by `angle` [rad] from the line AB, from the height of A to that of B."""
 
     angle: float
@@ -57,7 +57,7 @@ class Leaning(Family):
         object.__setattr__(self, "angle", angle)
 
 
-def measured(*lengths: str, **others: str) -> dict[str, str]:
+def parameter_dimensions(*lengths: str, **others: str) -> dict[str, str]:
     """The `quantities` of a family: its lengths, and others by dimension."""
     return dict.fromkeys(lengths, "length") | others
 
@@ -68,7 +68,7 @@ def check_lengths(joint: Any, *lengths: str) -> None:
     if not isinstance(joint.material, Material):
         raise SceneError(f"{owner}: material = {show(joint.material)} must be a Material.")
     own = joint.__dict__
-    own.update(mesh(joint.elements, joint.orders, owner=owner))
+    own.update(checked_mesh(joint.elements, joint.orders, owner=owner))
     own.update({key: positive(own[key], key, owner=owner, unit="m") for key in lengths})
 
 
@@ -86,11 +86,11 @@ def check_sheet(joint: Any, *lengths: str, slender: str = "thickness") -> None:
         )
 
 
-_rectangle = lru_cache(maxsize=256)(rectangle)
+_cached_rectangle = lru_cache(maxsize=256)(rectangle)
 """Most leaf springs of a joint have the section of another."""
 
 
-def strip(
+def sheet_leaf(
     joint: Any,
     name: str,
     ends: tuple[Point, Point],
@@ -105,7 +105,7 @@ def strip(
     """A leaf of `joint` between two points (x, y) [m] at height z [m], its middle plane there; of another thickness [m] than
     that of the joint where said."""
     start, end = (*ends[0], z), (*ends[1], z)
-    section = _rectangle(joint.thickness if thickness is None else thickness, width)
+    section = _cached_rectangle(joint.thickness if thickness is None else thickness, width)
     words: dict[str, Any] = {
         "start": start, "end": end, "width_axis": (0.0, 0.0, 1.0), "section": section, "material": joint.material,
         "start_block": blocks[0], "end_block": blocks[1], "name": name, "elements": joint.elements,
@@ -120,17 +120,17 @@ def strip(
 
 
 @lru_cache(maxsize=64)
-def turns(reach: float) -> tuple[Motion, ...]:
+def rotation_about_z(reach: float) -> tuple[Motion, ...]:
     """The intended rotation of a hinge about z, +-reach [rad]."""
     return (Motion("angle", "rotation", (0.0, 0.0, 1.0), (-reach, reach)),)
 
 
-def bending(joint: Any, width: float) -> float:
+def bending_stiffness(joint: Any, width: float) -> float:
     """E I [N m^2] of a leaf of `joint` with `width` [m]."""
     return float(joint.material.E * width * joint.thickness**3 / 12)
 
 
-def inside(value: float, name: str, bounds: tuple[float, float], *, owner: str) -> float:
+def number_within(value: float, name: str, bounds: tuple[float, float], *, owner: str) -> float:
     """A dimensionless number within `bounds`, ends included. Raises SceneError."""
     (low, high), found = bounds, number(value, name, owner=owner)
     if not low <= found <= high:
@@ -138,6 +138,6 @@ def inside(value: float, name: str, bounds: tuple[float, float], *, owner: str) 
     return found
 
 
-def flat(points: Mapping[str, Point]) -> dict[str, Vector]:
+def in_plane_blocks(points: Mapping[str, Point]) -> dict[str, Vector]:
     """Blocks at points (x, y), all at z = 0."""
     return {name: (float(x), float(y), 0.0) for name, (x, y) in points.items()}

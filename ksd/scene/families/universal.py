@@ -7,7 +7,7 @@ from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar
 
 from ksd.checks import Vector
-from ksd.scene.families.sheet import Family, bending, check_sheet, measured
+from ksd.scene.families.sheet import JointFamily, bending_stiffness, check_sheet, parameter_dimensions
 from ksd.scene.joint import Motion
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
@@ -18,7 +18,7 @@ _ANGLE = math.radians(45)
 
 
 @dataclass(frozen=True)
-class UniversalJoint(Family):
+class UniversalJoint(JointFamily):
     """Two cross flexures in series; B turns about z and about y, +-25 degrees each.
 
     Joint axes: A at the origin, the middle block at (D, 0, 0) with D = L cos(45 deg), B at (2D, 0, 0). The
@@ -31,7 +31,7 @@ class UniversalJoint(Family):
     """
 
     family: ClassVar[str] = "universal"
-    quantities = measured("length", "thickness", "width")
+    quantities = parameter_dimensions("length", "thickness", "width")
 
     material: Material
     _: KW_ONLY
@@ -98,4 +98,4 @@ class UniversalJoint(Family):
 
     def stiffness_at_rest(self) -> float:
         """Drive stiffness at rest [Nm/rad] about either axis, the other free: E I_sum / L (errata, eq. 4.3)."""
-        return 2 * bending(self, self.width) / self.length
+        return 2 * bending_stiffness(self, self.width) / self.length
