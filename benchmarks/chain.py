@@ -17,8 +17,8 @@ from common import interleaved, machine, options, write_json
 import ksd
 from ksd.bench.suite import chain
 from ksd.design.prepared_design import PreparedDesign
+from ksd.solve.five_steps import FULL, REDUCED
 from ksd.solve.solver import Solver
-from ksd.solve.space_steps import FULL, REDUCED
 
 JOINTS = (3, 10, 30, 100)
 BOUND = 0.25

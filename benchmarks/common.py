@@ -25,8 +25,8 @@ import ksd
 from ksd.bench.measure import machine as processor
 from ksd.files import write_file
 from ksd.model.mesh import Mesh
-from ksd.solve.conventional import conventional
-from ksd.solve.storage import Storage
+from ksd.solve.conventional import solve_conventional
+from ksd.solve.storage import NewtonStorage
 from ksd.units import GPa, deg, mm
 from ksd.view.figure import plain_axes
 
@@ -117,7 +117,7 @@ class PlainNewton:
         self.planar = planar
         compiled = isinstance(scene, ksd.Model)
         self.model = scene if compiled else ksd.compile_scene(scene, mesh=chain(n, mip=mip, nodal=nodal))
-        self.targets, self.storage = dict(targets), Storage(self.model)
+        self.targets, self.storage = dict(targets), NewtonStorage(self.model)
         self.tried: dict[float, int | None] = {}
         first: np.ndarray | None = None
         for eps_max in EPS_MAX:
@@ -141,7 +141,7 @@ class PlainNewton:
         """Solve from rest; `most` and `cap` leave the decisions to eps_max, as in the paper."""
         limit = self.eps_max if eps_max is None else eps_max
         # a finite limit also switches off the walk that confirms a doubtful branch, which the paper has not
-        return conventional(
+        return solve_conventional(
             self.model,
             self.targets if targets is None else targets,
             eps_max=min(limit, 1e300),

@@ -20,7 +20,7 @@ from common import STEEL, machine, options, save_picture, write_json
 import ksd
 from ksd.model.mesh import Mesh
 from ksd.properties.buckling import buckling
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.units import deg
 from ksd.view.figure import GROUND, INK, new_figure, plain_axes, shades
 
@@ -30,7 +30,7 @@ THIN = ksd.rectangle(0.5e-3, 20e-3)
 
 
 def _state(scene: ksd.Mechanism, mesh: Mesh, steps: int = 1, **drives: float) -> ksd.Configuration:
-    return conventional(ksd.compile_scene(scene, mesh=mesh), drives, steps=steps)
+    return solve_conventional(ksd.compile_scene(scene, mesh=mesh), drives, steps=steps)
 
 
 def hinge_moment(mesh: Mesh) -> float:

@@ -26,7 +26,7 @@ from ksd.library import find_record
 from ksd.library.record_files import shipped_folder
 from ksd.model.mesh import Mesh
 from ksd.scene import Joint
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.train.catalogue import FAMILY_DESIGNS, design_of
 from ksd.train.family_description import FAMILY_ORIGINS, TYPICAL_RANGES, count_function_parities
 from ksd.view import plot_mechanism
@@ -104,7 +104,7 @@ def errors(
         count = len(joint.motions)
         for share in (np.ones(count), -np.ones(count), *rng.uniform(-1, 1, (2, count))):
             values = {m.name: float(s * m.range[1]) for m, s in zip(joint.motions, share, strict=True)}
-            exact = conventional(solve.model, values)
+            exact = solve_conventional(solve.model, values)
             reduced = solve(values, method="reduced", estimate=False)
             shape = solve(values, method="kinematic", estimate=False)
             size = max(abs(f) for f in exact.forces.values())

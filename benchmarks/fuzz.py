@@ -36,7 +36,7 @@ from scenes import single_joint  # noqa: E402
 
 import ksd  # noqa: E402
 from ksd.errors import KsdError  # noqa: E402
-from ksd.solve.conventional import conventional, loads_last, without_loads  # noqa: E402
+from ksd.solve.conventional import solve_conventional, solve_drives_first, without_loads_arrays  # noqa: E402
 from ksd.solve.load_steps import secant_work, state_difference  # noqa: E402
 
 BATCH = 250
@@ -100,7 +100,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
 
 def by_arc(model: Any, targets: dict[str, float], steps: int) -> Any:
     """The state at the end of the path of the loads, followed by arc length; KsdError where it turns before."""
-    bare = conventional(replace(model, arrays=without_loads(model.arrays)), targets, steps=steps)
+    bare = solve_conventional(replace(model, arrays=without_loads_arrays(model.arrays)), targets, steps=steps)
     start = replace(bare, model=model, load_factor=0.0)
     path = ksd.follow(model, targets, control="load", start=start, first=1.0 / steps)
     if path.turnings or not path.ended:
@@ -116,7 +116,7 @@ def looked_over(found: Any, targets: dict[str, float]) -> tuple[str, str]:
     """
     said, verdict = [], "unsettled"
     for steps in (32, 128):
-        for way in (conventional, loads_last, by_arc):
+        for way in (solve_conventional, solve_drives_first, by_arc):
             named = f"{way.__name__}, {steps} steps"
             try:
                 walk = way(found.model, targets, steps=steps)

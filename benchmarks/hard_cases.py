@@ -28,7 +28,7 @@ import ksd  # noqa: E402
 from ksd.errors import ConvergenceError, KsdError  # noqa: E402
 from ksd.model.compile import compile_scene  # noqa: E402
 from ksd.model.mesh import Mesh  # noqa: E402
-from ksd.solve.conventional import conventional  # noqa: E402
+from ksd.solve.conventional import solve_conventional  # noqa: E402
 
 METHODS: dict[str, dict[str, Any]] = {
     "default": {},
@@ -133,7 +133,7 @@ def walked(case: Case, mesh: Mesh | None = None) -> np.ndarray:
     if case.path is not None:
         return case.value(ksd.follow(case.build(), dict(case.targets), mesh=mesh, **case.path))
     model = compile_scene(case.build(), mesh=mesh)
-    found = conventional(model, dict(case.targets), planar=False, steps=96)
+    found = solve_conventional(model, dict(case.targets), planar=False, steps=96)
     if not found.stable:
         raise ConvergenceError("the walk ends in a state that is no minimum")
     return case.value(found)

@@ -30,7 +30,7 @@ from ksd.modal.solid_solve import LoadedFace, load_face
 from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
 from ksd.solve.configuration import Configuration
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 
 LENGTH, STROKE = 0.1, np.deg2rad(45.0)
 DIRECTIONS = ("x", "y", "z", "rx", "ry")
@@ -46,7 +46,7 @@ def ways() -> dict[str, Callable[[], Configuration]]:
         return compile_scene(scene, mesh=Mesh(**words))
 
     def solving(made: Model) -> Callable[[], Configuration]:
-        return lambda: conventional(made, {"turn": STROKE}, planar=False)
+        return lambda: solve_conventional(made, {"turn": STROKE}, planar=False)
 
     found = {f"full, {n} elements": solving(model(leaf="corotational", elements=n)) for n in (4, 10, 48)}
     for orders, points in (((4, 2, 4), 6), ((4, 3, 6), 7), ((5, 3, 6), 8)):
@@ -60,7 +60,7 @@ def ways() -> dict[str, Callable[[], Configuration]]:
     }
     for name, basis in bases.items():
         found[name] = solving(with_modal_bodies(chains, basis))
-    about = conventional(chains, {"turn": STROKE - np.deg2rad(5.0)}, planar=False)
+    about = solve_conventional(chains, {"turn": STROKE - np.deg2rad(5.0)}, planar=False)
     tangent = ModalBasis(frame="node", internal=0)
     found["modal, tangent basis 5 deg away"] = lambda: tangent_solve(chains, tangent, {"turn": STROKE}, about)
     return found
@@ -68,7 +68,7 @@ def ways() -> dict[str, Callable[[], Configuration]]:
 
 def measure(repeats: int) -> list[dict[str, Any]]:
     """One row per way: time of an iteration and of a solve [us], errors of moment and support stiffness."""
-    best = conventional(compile_scene(hinge(), mesh=FINEST), {"turn": STROKE}, planar=False)
+    best = solve_conventional(compile_scene(hinge(), mesh=FINEST), {"turn": STROKE}, planar=False)
     aim = _answers(best)
     prepared = ways()
     times: dict[str, list[tuple[float, float]]] = {n: [] for n in prepared}

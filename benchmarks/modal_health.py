@@ -28,9 +28,9 @@ from ksd.modal.solid_solve import load_face
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.section import rectangle
-from ksd.solve.conventional import conventional
-from ksd.solve.estimate import relative_error
-from ksd.solve.full_bodies import indicator
+from ksd.solve.conventional import solve_conventional
+from ksd.solve.full_bodies import error_indicator
+from ksd.solve.method_error import relative_error
 
 BASES = (PRINTED, replace(PRINTED, internal=1), replace(PRINTED, frame="chord"), replace(DEFAULT, internal=0))
 CORRECTORS = (1, 2, 3, 4, None)
@@ -98,15 +98,15 @@ def state(name: str, rng: np.random.Generator) -> dict[str, Any] | None:
     basis: ModalBasis = BASES[rng.integers(len(BASES))]
     reduced = with_modal_bodies(model, basis)
     try:
-        truth = conventional(model, {}, planar=False, steps=4)
-        found = conventional(reduced, {}, planar=False, steps=4)
+        truth = solve_conventional(model, {}, planar=False, steps=4)
+        found = solve_conventional(reduced, {}, planar=False, steps=4)
     except ksd.ConvergenceError:
         return None
     if not (truth.stable and found.stable) or truth.doubts or found.doubts:
         return None
     error = relative_error(reduced, found.motion, truth.motion)
     target = reduced.targets({})
-    told = {k: indicator(reduced, found.motion, target, correctors=k) for k in CORRECTORS}
+    told = {k: error_indicator(reduced, found.motion, target, correctors=k) for k in CORRECTORS}
     ratios = {k: estimate.relative / error.relative for k, (estimate, _) in told.items()}
     taken = told[None][1].iterations
     return {"body": name, "basis": str(basis), "true": error.relative, "ratio": ratios, "taken": taken}

@@ -13,7 +13,7 @@ import numpy as np
 from common import FINEST, bending_stiffness, canvas, chain, cross_flexure, hinge, label
 
 import ksd
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.units import deg, mm
 from ksd.view.figure import FAINT, INK, shades
 
@@ -43,9 +43,9 @@ class DefaultShape:
 def walk(scene: Any, mesh: ksd.Mesh) -> list[ksd.Configuration]:
     """Finite element model over ANGLES, each configuration started from the one before."""
     model = ksd.compile_scene(scene, mesh=mesh)
-    found, last = [], conventional(model, {"turn": 0.0}, planar=False)
+    found, last = [], solve_conventional(model, {"turn": 0.0}, planar=False)
     for angle in ANGLES:
-        last = conventional(model, {"turn": angle * deg}, start=last, planar=False)
+        last = solve_conventional(model, {"turn": angle * deg}, start=last, planar=False)
         found.append(last)
     return found
 

@@ -26,7 +26,7 @@ from common import (
 )
 
 import ksd
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.view.figure import GROUND, LEAF, LINES, shades
 
 COLORS = {"plain": GROUND, "mip": LINES[3], "step 3": LINES[2], "step 5": LEAF}
@@ -100,7 +100,7 @@ def effort(reading: int, n: int, *, repeats: int) -> dict[str, Any]:
     totals: dict[str, list[float]] = {name: [] for name in ("plain", "mip", "reduced", "full")}
     counts: dict[str, int] = {}
     for turn in range(repeats + 2):
-        old, mip = plain(), conventional(solver.model, targets, planar=False)
+        old, mip = plain(), solve_conventional(solver.model, targets, planar=False)
         reduced = solver(targets, method="reduced", estimate=False)
         full = solver(targets, method="full")
         steps = {s.name[0]: s for s in full.steps}
@@ -179,7 +179,7 @@ def under_moment(reading: int, moment: float, n: int, *, repeats: int) -> dict[s
     ways = {
         "step 5": lambda: solver(targets, method="full"),
         "reduced": lambda: solver(targets, method="reduced", estimate=False),
-        "mip": lambda: conventional(solver.model, targets, planar=False),
+        "mip": lambda: solve_conventional(solver.model, targets, planar=False),
         "plain": plain or (lambda: None),
     }
     states = {name: attempt(way) for name, way in ways.items()}

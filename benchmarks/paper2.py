@@ -107,7 +107,7 @@ def projected(basis: np.ndarray, load: float) -> np.ndarray:
 
 def lines(found: Configuration) -> list[np.ndarray]:
     """Nodes (n+1, 2) m of every leaf at a state."""
-    model, motion = found.unreduced
+    model, motion = found.unreduced_equilibrium
     members = model.arrays.members
     drawn = []
     for i in range(len(members.kind)):

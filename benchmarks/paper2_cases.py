@@ -18,7 +18,7 @@ from ksd.model.mesh import Mesh
 from ksd.properties.stiffness import point_stiffness
 from ksd.section import rectangle
 from ksd.solve.configuration import Configuration
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 
 STEEL = ksd.Material(E=200e9, G=76.9e9, density=7800)
 L, W, T = 0.1, 0.02, 0.5e-3
@@ -101,7 +101,7 @@ def full_model(case: str, load: float, elements: int) -> Model:
 
 def solved(model: Model, *, planar: bool = False) -> Configuration:
     """Equilibrium under the loads of the scene, in four load steps."""
-    return conventional(model, {}, planar=planar, steps=4)
+    return solve_conventional(model, {}, planar=planar, steps=4)
 
 
 def measured(case: str, load: float, basis: ModalBasis) -> dict[str, float]:

@@ -20,7 +20,7 @@ from ksd.model.mesh import Mesh
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.properties.stiffness import point_stiffness
 from ksd.solve.configuration import Configuration
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.solve.steps import Step, Stop
 
 BASIS = ModalBasis(frame="node", internal=0)
@@ -53,7 +53,7 @@ def tangent_solve(
     made = Step("tangent bases", 0, clock(), 0.0, Stop.CONVERGED)
     start = reduced.rest.copy()
     start.x[:], start.R[:], start.multiplier[:] = about.motion.x, about.motion.R, about.motion.multiplier
-    found = conventional(reduced, goal, start=replace(about, model=reduced, motion=start), planar=False)
+    found = solve_conventional(reduced, goal, start=replace(about, model=reduced, motion=start), planar=False)
     return replace(found, steps=(made, *found.steps))
 
 
@@ -68,12 +68,12 @@ def around(case: str) -> list[dict[str, Any]]:
     model, rows = driven(case), []
     unit = 1.0 if case == "cross flexure" else L
     for place in PLACES[case]:
-        about = conventional(model, {"stroke": place * unit}, steps=4)
+        about = solve_conventional(model, {"stroke": place * unit}, steps=4)
         said = f"{np.rad2deg(place):.0f} degrees" if unit == 1.0 else f"{place:g} L"
         worst = 0.0
         for step in (-1, -0.5, 0, 0.5, 1):
             goal = {"stroke": (place + step * AWAY[case]) * unit}
-            full = conventional(model, goal, start=about)
+            full = solve_conventional(model, goal, start=about)
             found = tangent_solve(model, BASIS, goal, about)
             off = found.forces["stroke"] / full.forces["stroke"] - 1.0
             worst = max(worst, off, key=abs)

@@ -1,6 +1,6 @@
 """What the plane saves: fourbar of paper 1 from straight to d = 0.3 m, three unknowns per node against six.
 
-Thread CPU time, medians of interleaved runs. "whole call": `conventional` with residual and inertia in space.
+Thread CPU time, medians of interleaved runs. "whole call": `solve_conventional` with residual and inertia in space.
 "equilibrium": the compiled Newton alone.
 Run: python benchmarks/planar.py
 """
@@ -19,9 +19,9 @@ from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.model.newton import Newton, iterate
 from ksd.model.plane import Plane, plane_of
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.solve.load_steps import LoadPath, take_load_steps
-from ksd.solve.storage import Storage
+from ksd.solve.storage import NewtonStorage
 
 MESHES = {
     "strain-mode leaves": Mesh(),
@@ -33,7 +33,7 @@ MESHES = {
 def equilibria(model: ksd.Model, plane: Plane) -> tuple[Callable[[], object], Callable[[], object]]:
     """The Newton solves alone: (spatial, planar)."""
     target, zero = model.targets({"top": STROKE}), model.targets({"top": 0.0})
-    storage = Storage(model)
+    storage = NewtonStorage(model)
     way, work = LoadPath(zero, target), make_work(plane.arrays)
 
     def spatial() -> object:
@@ -57,9 +57,9 @@ def main(rounds: int = 200) -> None:
         model = compile_scene(fourbar(), mesh=mesh)
         plane = plane_of(model)
         assert isinstance(plane, Plane)
-        room = Storage(model)
+        room = NewtonStorage(model)
         whole = [
-            lambda m=model, r=room, p=p: conventional(m, {"top": STROKE}, planar=p, storage=r)
+            lambda m=model, r=room, p=p: solve_conventional(m, {"top": STROKE}, planar=p, storage=r)
             for p in (False, True)
         ]
         calls = {str(k): call for k, call in enumerate([*whole, *equilibria(model, plane)])}

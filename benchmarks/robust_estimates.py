@@ -21,7 +21,7 @@ import numpy as np
 import ksd
 from ksd.errors import KsdError
 from ksd.modal import ModalBasis
-from ksd.solve.estimate import relative_error
+from ksd.solve.method_error import relative_error
 from ksd.train.catalogue import FAMILY_DESIGNS
 
 HINGES = (

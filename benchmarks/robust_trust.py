@@ -119,17 +119,17 @@ def units(count: int, rng: np.random.Generator) -> int:
 
 def residuals(count: int, rng: np.random.Generator) -> int:
     """Residuals beyond their bound beside "within its bound", and forces changed by one more Newton step."""
-    from ksd.solve.conventional import conventional
+    from ksd.solve.conventional import solve_conventional
 
     wrong, solved, most = 0, 0, 0.0
     for _ in range(count):
         slenderness, way = 10 ** rng.uniform(1.3, 3.2), 10 ** rng.uniform(-3.0, -0.5)
         model = ksd.compile_scene(leaf(0.1, 0.1 / slenderness, 0.02, held=True).scene())
         try:
-            pose = conventional(model, {"drive": 0.1 * way})
+            pose = solve_conventional(model, {"drive": 0.1 * way})
         except KsdError:
             continue
-        again = conventional(model, {"drive": 0.1 * way}, start=pose)
+        again = solve_conventional(model, {"drive": 0.1 * way}, start=pose)
         solved += 1
         wrong += pose.steps[-1].residual > 1.0 and "within its bound" in pose.steps[-1].reason
         most = max(most, abs(again.forces["drive"] / pose.forces["drive"] - 1))

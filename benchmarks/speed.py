@@ -22,7 +22,7 @@ from speed_report import insert_table, markdown, picture, readme_table
 from start_up import start_up
 
 import ksd
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 
 TARGETS = {"top": STROKE}
 WARM = 2
@@ -49,7 +49,7 @@ def five_steps(scene: Any, mesh: ksd.Mesh, leaves: str, elements: int) -> list[C
             name,
             leaves,
             elements,
-            lambda: conventional(solver.model, TARGETS, planar=planar, storage=solver.storage),
+            lambda: solve_conventional(solver.model, TARGETS, planar=planar, storage=solver.storage),
         )
 
     return [
@@ -76,7 +76,9 @@ def cases_of(reading: int, meshes: Sequence[int]) -> list[Case]:
     found.append(Case("plain Newton, condensed leaf springs", leaves, n, condensed))
     nodal = ksd.compile_scene(fourbar(reading), mesh=chain(n, mip=False, nodal=True))
     found.append(
-        Case("plain Newton, turns capped", leaves, n, lambda: conventional(nodal, TARGETS, planar=False))
+        Case(
+            "plain Newton, turns capped", leaves, n, lambda: solve_conventional(nodal, TARGETS, planar=False)
+        )
     )
     planar = PlainNewton(fourbar(reading), n, TARGETS, planar=True)
     found.append(Case("plain Newton, planar", leaves, n, planar))
@@ -85,7 +87,7 @@ def cases_of(reading: int, meshes: Sequence[int]) -> list[Case]:
 
 def whole_solves(reading: int, meshes: Sequence[int], *, repeats: int) -> dict[str, Any]:
     """Time of the steps and of the whole call of every case, measured in turns, and errors beside them."""
-    exact = conventional(ksd.compile_scene(fourbar(reading), mesh=FINEST), TARGETS, planar=False)
+    exact = solve_conventional(ksd.compile_scene(fourbar(reading), mesh=FINEST), TARGETS, planar=False)
     cases = cases_of(reading, meshes)
     steps: list[list[float]] = [[] for _ in cases]
     calls: list[list[float]] = [[] for _ in cases]

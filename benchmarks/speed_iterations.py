@@ -16,9 +16,9 @@ import ksd
 from ksd.model.arrays import Arrays, Motion, Work, make_work
 from ksd.model.newton import assemble, iterate, take_step
 from ksd.numerics.blocks import backward_blocks, factor_blocks, solve_blocks
-from ksd.solve.five import GAP
-from ksd.solve.space_steps import KINEMATIC, space_steps
-from ksd.solve.steps import CAP, RTOL
+from ksd.solve.five_step_solver import CLOSURE_TOLERANCE
+from ksd.solve.five_steps import KINEMATIC, run_five_steps
+from ksd.solve.steps import MAX_TURN_PER_STEP, RTOL
 
 TARGET = np.array([STROKE])
 WARM = 3
@@ -44,7 +44,7 @@ def systems() -> dict[str, System]:
         solver = ksd.prepare(fourbar(1), mesh=mesh)
         b = solver.five_steps.storage
         # steps 1 and 2
-        space_steps(b, TARGET, KINEMATIC, 0, GAP)
+        run_five_steps(b, TARGET, KINEMATIC, 0, CLOSURE_TOLERANCE)
         arrays, reduced = b.model.arrays, b.bodies.reduced
         found[f"full, {name}"] = System(arrays, b.model.rest.copy(), b.full_work, (1, 4))
         found[f"reduced, {name}"] = System(reduced, b.reduced.copy(), b.reduced_work, (0, 2))
@@ -73,7 +73,7 @@ def _run(system: System, motion: Motion, most: int) -> float:
     for _ in range(ROW + 1):
         motion.assign(system.start)
         begin = time.thread_time_ns()
-        iterate(system.arrays, motion, TARGET, 1.0, system.work, RTOL, most, CAP, math.inf)
+        iterate(system.arrays, motion, TARGET, 1.0, system.work, RTOL, most, MAX_TURN_PER_STEP, math.inf)
         spent.append(1e-3 * (time.thread_time_ns() - begin))
     return statistics.median(spent[1:])
 

@@ -21,7 +21,7 @@ from robust_estimates import JOINTED, any_mesh, equilibrium_near, frame, report,
 
 import ksd
 from ksd.errors import KsdError
-from ksd.solve.estimate import relative_error
+from ksd.solve.method_error import relative_error
 
 TRUTH = ksd.Mesh(orders=(8, 7, 12), points=16)
 REPEATS = 5

@@ -14,7 +14,7 @@ from ksd.properties.mass import inertia as inertia_of
 from ksd.properties.stiffness import drive_stiffness, point_stiffness
 from ksd.properties.tangent import assemble_and_factor, assemble_tangent, factor_tangent
 from ksd.scene.families.universal import UniversalJoint
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.train.catalogue import FAMILY_DESIGNS, design_of
 
 STEEL = ksd.Material(E=200e9, G=76.9e9, density=7850.0)
@@ -102,7 +102,7 @@ def differences(found, step=4e-3):
 
         def forces(times, name=name, size=size):
             values = {**found.targets, name: found.targets[name] + times * size}
-            moved = conventional(model, values, start=found, planar=False, rtol=1e-12)
+            moved = solve_conventional(model, values, start=found, planar=False, rtol=1e-12)
             return np.array([moved.forces[n] for n in names])
 
         near, far = forces(1) - forces(-1), forces(2) - forces(-2)
@@ -127,13 +127,13 @@ def no_minimum(refusal):
     """Whether the state of a TrustError has as many negative eigenvalues as it says, counted with pivoting, and too many."""
     state = refusal.result
     assembled = assemble_tangent(state.model, state.motion)
-    return inertia(assembled.matrix()) + assembled.inside == state.negatives > state.expected
+    return inertia(assembled.matrix()) + assembled.inside == state.negatives > state.expected_negatives
 
 
 def pivoted_errors(found, tip):
     """Largest errors of drive stiffness and of the compliance of `tip`, over their own diagonal, against partial pivoting
     with two refinements."""
-    model, motion = finer_state(*found.insides)
+    model, motion = finer_state(*found.unreduced_state)
     assembled = assemble_tangent(model, motion)
     tangent, K = factor_tangent(assembled), assembled.matrix()
     rows, node = model.arrays.terms.start, model.node_names.index(tip)
@@ -173,7 +173,7 @@ def frequency_error(found, count=4):
     """Largest relative error of the lowest frequencies, drives held, against all eigenvalues in the span of free motions."""
     from scipy.linalg import block_diag, eigh
 
-    model, motion = finer_state(*found.insides)
+    model, motion = finer_state(*found.unreduced_state)
     mass, K = inertia_of(model, motion), assemble_tangent(model, motion).matrix()
     free = _free(model, K)
     # G with K^-1 = G G^T: of the free motions, and of every leaf
@@ -188,14 +188,14 @@ def frequency_error(found, count=4):
     size = len(moved)
     largest = eigh(moved, eigvals_only=True, subset_by_index=(size - count, size - 1))[::-1]
     exact = 1.0 / np.sqrt(largest) / (2 * np.pi)
-    own = frequencies(*found.insides, count=count).frequency_Hz
+    own = frequencies(*found.unreduced_state, count=count).frequency_Hz
     return float(np.abs(own / exact - 1.0).max())
 
 
 def buckling_error(found, count=2):
     """Largest relative error of the smallest critical load factors on the state's own stresses, against all eigenvalues of
     -C K', C the flexibility without stress of the motions and amplitudes that stress acts on."""
-    model, motion = twice_finer_state(*found.insides)
+    model, motion = twice_finer_state(*found.unreduced_state)
     stressed, K = (part.toarray() for part in full_tangents(model, motion))
     change = stressed - K
     used = np.flatnonzero(change.any(axis=0))
@@ -203,7 +203,7 @@ def buckling_error(found, count=2):
     flexible = solve_scaled(K, np.eye(len(K))[:, used], scale)[0][used] / scale[used, None]
     values = np.linalg.eigvals(-flexible @ change[np.ix_(used, used)] * scale[used])
     exact = 1.0 / values[np.argsort(-np.abs(values))[: 2 * count]]
-    own = buckling(*found.insides, count=count).factor
+    own = buckling(*found.unreduced_state, count=count).factor
     own = own[np.argsort(np.abs(own))][:count]
     # factors of the same size and either sign come in any order
     nearest = np.abs(own[:, None] / exact - 1.0).min(axis=1)

@@ -15,8 +15,8 @@ from readable import assert_readable
 import ksd
 from ksd.cli.commands import parser
 from ksd.cli.schema import schema_text
-from ksd.solve.five import YIELDING
-from ksd.solve.following import MILD
+from ksd.solve.five_step_solver import LOOSE_CLOSURE_TOLERANCE
+from ksd.solve.nonconservative_stability import MAX_DAMPED_SKEW_SHARE
 from ksd.solve.solver import DEFAULT_ACCURACY
 from ksd.train.softness import SOFTENING_FACTOR
 
@@ -71,9 +71,9 @@ def test_what_a_page_points_at_exists(page):
 
 
 BOUNDS = {
-    "limits.md": [f"beyond {100 * YIELDING:g} % of the size the five steps refuse"],
+    "limits.md": [f"beyond {100 * LOOSE_CLOSURE_TOLERANCE:g} % of the size the five steps refuse"],
     "how_to/method_and_accuracy.md": ["one part in a thousand"] * (DEFAULT_ACCURACY == 1e-3),
-    "theory/non_conservative.md": [rf"\rho = 10^{{{round(math.log10(MILD))}}}$"],
+    "theory/non_conservative.md": [rf"\rho = 10^{{{round(math.log10(MAX_DAMPED_SKEW_SHARE))}}}$"],
     "theory/element_orientations.md": ["a quarter of their stiffness"] * (SOFTENING_FACTOR == 0.25),
 }
 """Sentences of pages that tell a bound of the package, made from the bound."""

@@ -22,8 +22,8 @@ from ksd.modal.solid_basis import reduce_solid
 from ksd.model.assembly import no_weight, no_weight_added, no_weight_followed
 from ksd.model.compile import compile_scene
 from ksd.model.newton import _no_springs, _no_turn_step, _no_weight_turned
-from ksd.solve import tables
-from ksd.solve.conventional import conventional
+from ksd.solve import joint_tables
+from ksd.solve.conventional import solve_conventional
 
 pytestmark = pytest.mark.plain
 INTERPRETED = os.environ.get("NUMBA_DISABLE_JIT") == "1"
@@ -80,7 +80,7 @@ def test_methods(method):
 
 def test_chains_in_plane_and_space():
     model = compile_scene(single_joint(), mesh=CHAIN)
-    one, other = (conventional(model, {"turn": 0.2}, planar=p) for p in (True, False))
+    one, other = (solve_conventional(model, {"turn": 0.2}, planar=p) for p in (True, False))
     assert one.forces["turn"] == pytest.approx(other.forces["turn"], rel=1e-8)
     ksd.solve(single_joint(), {"turn": 0.2}, method="reduced", mesh=CHAIN)
 
@@ -91,11 +91,11 @@ def test_weight_and_loads_of_every_kind(chain):
     scene, _ = blade(load=loads)
     scene.gravity = (0, -9.81, 0)
     model = compile_scene(scene, mesh=CHAIN if chain else None, with_="gravity")
-    assert conventional(model, {}, planar=False).converged
+    assert solve_conventional(model, {}, planar=False).converged
     scene, _ = blade()
     scene.gravity = (0, -9.81, 0)
     model = compile_scene(scene, mesh=CHAIN if chain else None, with_="gravity")
-    one, other = (conventional(model, {}, planar=p).motion.x[1] for p in (True, False))
+    one, other = (solve_conventional(model, {}, planar=p).motion.x[1] for p in (True, False))
     assert one == pytest.approx(other, abs=1e-12)
 
 
@@ -104,7 +104,7 @@ def test_springs_and_constraints_of_every_kind():
     scene.spring("ground", "tip", start=(0.1, -0.1, 0), end=(0.1, 0, 0), stiffness=10.0, free_length=0.08)
     scene.turn_spring("ground", "tip", at=(0.1, 0, 0), axis="z", stiffness=1e-2)
     scene.support("tip", about="x")
-    assert conventional(compile_scene(scene), {}, planar=False).converged
+    assert solve_conventional(compile_scene(scene), {}, planar=False).converged
 
 
 def test_leaves_curved_at_rest():
@@ -151,8 +151,8 @@ def test_verification_of_a_curved_leaf():
 
 
 def test_batches(monkeypatch):
-    monkeypatch.setattr(tables, "FIRST", 8)
-    monkeypatch.setattr(tables, "MOST", 8)
+    monkeypatch.setattr(joint_tables, "INITIAL_PIECES", 8)
+    monkeypatch.setattr(joint_tables, "MAX_PIECES", 8)
     turns = {"turn": np.linspace(0.2, 0.25, 4)}
     one, other = (ksd.batch(single_joint(), turns, tabulated=t) for t in (False, True))
     assert one.forces["turn"] == pytest.approx(other.forces["turn"], rel=0.01)
@@ -180,7 +180,7 @@ def test_joints_that_move_out_of_their_plane():
 def test_modal_bodies():
     for basis in (ModalBasis(elements=3), ModalBasis(coordinates="angle", derivatives="tied", elements=3)):
         _, model = blade(load=({"force": (0, 0.05, 0)},), chain=True)
-        assert conventional(with_modal_bodies(model, basis), {}, planar=False).converged
+        assert solve_conventional(with_modal_bodies(model, basis), {}, planar=False).converged
 
 
 def test_solids():

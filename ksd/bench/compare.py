@@ -25,7 +25,7 @@ from ksd.properties.printing import progress_bar
 from ksd.scene import Mechanism, Scene
 from ksd.solve.answer import drive_kind
 from ksd.solve.configuration import Configuration
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.solve.solver import Solver, given_values, solve
 from ksd.solve.steps import percent
 
@@ -206,7 +206,7 @@ def approaches(
         Approach("reduced", coarse, by("reduced", chains)),
         Approach("full", coarse, by("full", chains)),
         Approach("conventional", coarse, by("conventional", chains)),
-        Approach("conventional, Newton", coarse, lambda _: conventional(solver(nodal).model, targets)),
+        Approach("conventional, Newton", coarse, lambda _: solve_conventional(solver(nodal).model, targets)),
     ]
 
 

@@ -23,7 +23,7 @@ from ksd.bench.suite import FINEST, Case, Way, ways_of
 from ksd.errors import ConvergenceError, KsdError
 from ksd.model.compile import Model, compile_scene
 from ksd.solve.configuration import Configuration
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.solve.solver import Solver
 from ksd.solve.steps import percent
 
@@ -120,7 +120,7 @@ def measure(case: Case, *, quick: bool = False, repeats: int = 15) -> Measured:
 def converged(model: Model, targets: Mapping[str, float], *, extrapolate: bool) -> Configuration:
     """The state errors are counted from: conventional, or full where that does not arrive."""
     try:
-        return conventional(model, targets)
+        return solve_conventional(model, targets)
     except ConvergenceError:
         return Solver(model, extrapolate=extrapolate)(targets, method="full", relinearisations=1)
 

@@ -23,9 +23,9 @@ from ksd.scene import CrossFlexure, Material, Mechanism
 from ksd.scene.families.guide import ParallelGuide
 from ksd.scene.toml_file import load_scene
 from ksd.solve.configuration import Configuration
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.solve.solver import Method, Solver
-from ksd.solve.storage import Storage
+from ksd.solve.storage import NewtonStorage
 from ksd.units import GPa, deg, mm
 
 Targets = dict[str, float]
@@ -124,7 +124,7 @@ def arm_by_joints() -> tuple[Mechanism, Targets]:
 def arm_by_location() -> tuple[Mechanism, Targets]:
     """The same arm, its end driven along x, y, z to where 45 degrees in every joint take it."""
     by_joints, angles = arm_by_joints()
-    found = conventional(compile_scene(by_joints), angles)
+    found = solve_conventional(compile_scene(by_joints), angles)
     place = found.displacement("third", TIP)
     return _brought("arm")[0], {axis: float(v) for axis, v in zip("xyz", place, strict=True)}
 
@@ -261,7 +261,7 @@ def five_step_ways(
         return Way(name, leaves, size, lambda: solver(targets, method=method, **more))
 
     def in_space(planar: bool) -> Configuration:
-        return conventional(solver.model, targets, planar=planar, storage=solver.storage)
+        return solve_conventional(solver.model, targets, planar=planar, storage=solver.storage)
 
     found = [way("kinematic", "kinematic", estimate=False)]
     for relinearisations in range(3):
@@ -276,7 +276,7 @@ def five_step_ways(
 def _is_planar(solver: Solver, targets: Mapping[str, float]) -> bool:
     """Whether the conventional solver finds that the scene stays in its plane."""
     try:
-        conventional(solver.model, targets, planar=True, storage=solver.storage)
+        solve_conventional(solver.model, targets, planar=True, storage=solver.storage)
     except KsdError:
         return False
     return True
@@ -298,10 +298,10 @@ def baseline(scene: Any, targets: Mapping[str, float], elements: int, *, name: s
     """
     mip, nodal = BASELINES[name]
     model = compile_scene(scene, mesh=Mesh("corotational", elements=elements, mip=mip, nodal=nodal))
-    storage = Storage(model)
+    storage = NewtonStorage(model)
 
     def solve(eps_max: float) -> Configuration:
-        return conventional(
+        return solve_conventional(
             model, targets, eps_max=eps_max, most=60, cap=math.inf, planar=False, storage=storage
         )
 

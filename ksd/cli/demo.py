@@ -24,7 +24,7 @@ from ksd.model.mesh import Mesh
 from ksd.numerics.processes import process_pool, spawning
 from ksd.properties.printing import format_number
 from ksd.scene.toml_file import load_scene
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.solve.solver import solve
 from ksd.view import plot_mechanism, save_figure
 from ksd.view.compare import Mark, plot_cost
@@ -60,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
 def limit(scene: Any, targets: dict[str, float]) -> Reference:
     """Where ever finer chains lead to: their error, of second order, taken out by two meshes."""
     meshes = (Mesh(leaf="corotational", elements=n) for n in (FINER, 2 * FINER))
-    coarse, fine = (conventional(compile_scene(scene, mesh=m), targets) for m in meshes)
+    coarse, fine = (solve_conventional(compile_scene(scene, mesh=m), targets) for m in meshes)
     forces = {n: f + (f - coarse.forces[n]) / 3.0 for n, f in fine.forces.items()}
     one, two = reference_of(coarse, ""), reference_of(fine, "")
     places = two.places + (two.places - one.places) / 3.0

@@ -22,7 +22,7 @@ from ksd.checks import (
 from ksd.errors import SceneError
 from ksd.model.mesh import Mesh
 from ksd.scene import Scene
-from ksd.solve.solver import given_values, wanted_accuracy
+from ksd.solve.solver import checked_accuracy, given_values
 
 
 def drive_value_arrays(
@@ -141,6 +141,6 @@ def check_solve_options(
         raise SceneError(
             f"relinearisations = {relinearisations}: between 0 and 50 relinearisation steps are possible"
         )
-    wanted_accuracy(accuracy)
+    checked_accuracy(accuracy)
     for what, value in truths.items():
         boolean(value, what)

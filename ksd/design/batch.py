@@ -33,8 +33,8 @@ from ksd.errors import SceneError
 from ksd.model.mesh import Mesh
 from ksd.properties.printing import PrintableAnswer
 from ksd.scene.link import Link
-from ksd.solve.many import UNANSWERED
-from ksd.solve.space_steps import FULL, REDUCED
+from ksd.solve.five_steps import FULL, REDUCED
+from ksd.solve.pose_batch import UNANSWERED
 
 NOT_BUILT = 20
 """Status of all poses of a design that could not be prepared."""

@@ -27,7 +27,7 @@ from ksd.model.effects import Choice, applied, choose
 from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.model.template import Template, template_of
 from ksd.scene import Scene
-from ksd.solve.five import FiveSteps
+from ksd.solve.five_step_solver import FiveStepSolver
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -156,7 +156,9 @@ class BatchSolver:
         storage = mine["storage"] if mine.get("layout") is layout else None
         for number, (d, fit) in fits:
             try:
-                five = FiveSteps(models[d], bodies[d], extrapolate=self.extrapolate, storage=storage, fit=fit)
+                five = FiveStepSolver(
+                    models[d], bodies[d], extrapolate=self.extrapolate, storage=storage, fit=fit
+                )
                 storage = five.storage
                 found[number] = PreparedDesign(five, **self.options)(self.values)
             except KsdError as reason:

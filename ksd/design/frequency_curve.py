@@ -19,7 +19,7 @@ from ksd.errors import SceneError
 from ksd.model.compile import Model
 from ksd.properties.printing import PrintableAnswer, format_number, format_table
 from ksd.scene import Mechanism, Scene
-from ksd.solve.error import corrected
+from ksd.solve.error import refined_configuration
 from ksd.solve.solver import Method, Solver
 
 
@@ -140,7 +140,7 @@ def _frequencies(
 
     def modes(d: float, more: int = 0) -> Any:
         pose = solver({**held, drive: d}, method=method, estimate=False)
-        pose = corrected(pose) if better else pose
+        pose = refined_configuration(pose) if better else pose
         return pose.frequencies(count=4 + len(freed) + SPARE_MODES + more, freed=freed)
 
     if mode in ("intended", "first_parasitic"):

@@ -62,10 +62,10 @@ from ksd.scene import Joint, Mechanism, Scene
 from ksd.scene.link import Link
 from ksd.scene.load import Load
 from ksd.solve.configuration import Configuration
+from ksd.solve.five_steps import FULL, REDUCED
 from ksd.solve.perturbed import RELATIVE_STEP
 from ksd.solve.solver import DEFAULT_ACCURACY
-from ksd.solve.space_steps import FULL, REDUCED
-from ksd.solve.verdict import mesh_check
+from ksd.solve.verdict import with_mesh_check
 
 Array = np.ndarray
 SPARE = 8
@@ -607,8 +607,8 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     def few_modes(self, x: ArrayLike) -> str:
         """That the curvature modes of the mesh are few for the leaf springs of a design; nothing where they are enough."""
         poses = [pose for one in self._judged(np.asarray(x, float)[None])[1] for pose in one.poses]
-        worst = max(poses, key=lambda pose: pose.resolution.missed_share, default=None)
-        return "" if worst is None else "".join(mesh_check(worst, DEFAULT_ACCURACY).notes[len(worst.notes) :])
+        worst = max(poses, key=lambda pose: pose.mesh_adequacy.missed_share, default=None)
+        return "" if worst is None else "".join(with_mesh_check(worst, DEFAULT_ACCURACY).notes[len(worst.notes) :])
 
     def merit(self, values: ArrayLike) -> float:
         """The worst target over its scale, larger is better: of what is minimised the largest with a minus; nan of a job

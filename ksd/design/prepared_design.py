@@ -15,12 +15,19 @@ from ksd.model.compile import Model
 from ksd.properties.stiffness import node_of
 from ksd.properties.tangent import row_numbers
 from ksd.solve.configuration import Configuration
-from ksd.solve.error import settle_fast
-from ksd.solve.five import FiveSteps
-from ksd.solve.many import SPOKEN, UNANSWERED, UNSTABLE, Poses, space_many, tabulated_many
-from ksd.solve.space_steps import REDUCED
+from ksd.solve.error import converge_fast_state
+from ksd.solve.five_step_solver import FiveStepSolver
+from ksd.solve.five_steps import REDUCED
+from ksd.solve.joint_tables import joint_tables
+from ksd.solve.pose_batch import (
+    STATUS_MESSAGES,
+    UNANSWERED,
+    UNSTABLE,
+    PoseArrays,
+    solve_poses,
+    solve_tabulated_poses,
+)
 from ksd.solve.steps import Step, Stop
-from ksd.solve.tables import joint_tables
 
 SOLVED = (Step("in a batch", 0, 0.0, 0.0, Stop.CONVERGED),)
 """Steps of a pose that questions are asked of; one without an equilibrium is asked nothing."""
@@ -66,7 +73,7 @@ class PreparedDesign:
 
     def __init__(
         self,
-        five: FiveSteps,
+        five: FiveStepSolver,
         *,
         method: int = REDUCED,
         relinearisations: int = 0,
@@ -104,17 +111,17 @@ class PreparedDesign:
             targets[:, k] = values[name]
         motion, status = np.zeros((count, len(b.theta))), np.zeros(count, np.int64)
         force, x, R = np.zeros((count, rows)), np.zeros((count, links, 3)), np.zeros((count, links, 3, 3))
-        put = Poses(force, x, R, motion, status)
+        put = PoseArrays(force, x, R, motion, status)
         names = (model.scene.links, model.drive_names, b.bodies.motion_names)
         error = self.tables.error if self.tables else np.nan
         found = DesignResult(*names, force, x, R, motion, status, error)
         ask = None if self.questions is None else _Questions(self, self.questions, targets, found)
         if self.tables is None:
-            space_many(b, targets, self.method, self.relinearisations, self.five.gap, self._limits, put, ask)
+            solve_poses(b, targets, self.method, self.relinearisations, self.five.gap, self._limits, put, ask)
         else:
             t = self.tables
             limits = np.column_stack([self._limits, t.limits])
-            tabulated_many(b, t.cubic, t.which, targets, self.five.gap, limits, put)
+            solve_tabulated_poses(b, t.cubic, t.which, targets, self.five.gap, limits, put)
         found.motion = motion * b.bodies.motion_scale
         return found
 
@@ -167,16 +174,17 @@ class _Questions:
         values = dict(zip(model.drive_names, target.tolist(), strict=False))
         count = len(target)
         pose = Configuration(
-            model, motion, "reduced" if reduced else "full", values, SOLVED, negatives=count, expected=count, chosen=reduced
+            model, motion, "reduced" if reduced else "full", values, SOLVED, negatives=count,
+            expected_negatives=count, method_was_chosen=reduced,
         )  # fmt: skip
-        pose.__dict__["answering"] = answering
+        pose.__dict__["equilibrium"] = answering
         return pose
 
 
 def _beside(model: Model, motion: Motion, target: np.ndarray, work: Work) -> tuple[int, Motion]:
     """Status and state of the equilibrium next to the state of a fast method."""
     state = motion.copy()
-    stop, negatives = settle_fast(model, state, target, 1.0, work)
+    stop, negatives = converge_fast_state(model, state, target, 1.0, work)
     if stop is not Stop.CONVERGED:
         return int(stop), state
     return (0 if negatives == len(target) else UNSTABLE), state
@@ -184,7 +192,7 @@ def _beside(model: Model, motion: Motion, target: np.ndarray, work: Work) -> tup
 
 def status_sentence(code: int) -> str:
     """The status of a pose in words."""
-    return SPOKEN[code] if code in SPOKEN else Stop(code).sentence
+    return STATUS_MESSAGES[code] if code in STATUS_MESSAGES else Stop(code).sentence
 
 
 def _note(found: DesignResult, n: int, failed: Mapping[str, Exception]) -> int:
@@ -208,7 +216,7 @@ def answer_deferred(designs: Sequence[DesignResult], questions: Questions) -> No
                 model = pose.model
                 target, work = model.targets(pose.targets), make_work(model.arrays)
                 found.status[n], state = _beside(model, pose.motion, target, work)
-                pose.configuration.__dict__["answering"] = state
+                pose.configuration.__dict__["equilibrium"] = state
                 again += [(found, n, pose, True)] if found.status[n] == 0 else []
                 continue
             row, _, failed = answer_questions(pose, questions, known.rows)

@@ -34,7 +34,7 @@ from ksd.properties.stiffness import (
 )
 from ksd.properties.stress import PeakStress, batch_peak_stress
 from ksd.solve.answer import drive_kind
-from ksd.solve.error import corrected
+from ksd.solve.error import refined_configuration
 
 Row = dict[str, Any]
 DRIVE_VALUE_UNITS = {"translation": ("mm", 1e3), "rotation": ("deg", 180 / np.pi), "mixed": ("SI", 1.0)}
@@ -187,7 +187,7 @@ class PoseAnalysis:
     @cached_property
     def tangent(self) -> Any:
         """`finer_tangent` with all drives held."""
-        return finer_tangent(self.model, self.unfolding, load_factor=self.load_factor)
+        return finer_tangent(self.model, self.refinement_start, load_factor=self.load_factor)
 
     def stiffness_at(self, questions: Questions) -> PointStiffness:
         """Stiffness of the point asked about."""
@@ -195,7 +195,7 @@ class PoseAnalysis:
         if known is None:
             model = self.model
             link, at = questions.point(model.scene)
-            known = point_stiffness(model, self.unfolding, link, at=at, tangent=self.tangent)
+            known = point_stiffness(model, self.refinement_start, link, at=at, tangent=self.tangent)
             self.__dict__["point"] = known
         found: PointStiffness = known
         return found
@@ -219,7 +219,7 @@ WORST_SUPPORT_COLUMNS = ("support_worst_N_per_m", "support_worst_Nm_per_rad")
 
 
 def _drive_stiffness(pose: Any, questions: Questions) -> Row:
-    found = drive_stiffness(pose.model, pose.unfolding, tangent=pose.tangent)
+    found = drive_stiffness(pose.model, pose.refinement_start, tangent=pose.tangent)
     return _drives_row(found.names, found.units, np.diagonal(found.matrix))
 
 
@@ -312,7 +312,7 @@ def _buckling(pose: Any, questions: Questions) -> Row:
 
 def _size(pose: Any, questions: Questions) -> Row:
     """Extent of the leaf springs, and where it begins and ends: over several poses it is the highest end less the lowest."""
-    low, high = 1e3 * extent(*pose.insides)
+    low, high = 1e3 * extent(*pose.unreduced_state)
     row: Row = {}
     for a, begin, end in zip("xyz", low.tolist(), high.tolist(), strict=True):
         row |= {f"size_{a}_mm": end - begin, f"lowest_{a}_mm": begin, f"highest_{a}_mm": end}
@@ -324,7 +324,7 @@ def _distance(pose: Any, questions: Questions) -> Row:
 
 
 def _clearance(pose: Any, questions: Questions) -> Row:
-    found = clearance(*pose.insides)
+    found = clearance(*pose.unreduced_state)
     return {"clearance_mm": 1e3 * found.distance, "clearance_leaves": " and ".join(found.leaves)}
 
 
@@ -365,7 +365,10 @@ def _modes(pose: PoseAnalysis, questions: Questions, *, more: int = 0) -> Modes:
     count = questions.modes + len(freed) + SPARE_MODES + more
     pose._of_leaves("frequencies")
     return frequencies(
-        *full_model_state(pose.model, pose.unfolding), count=count, freed=freed, load_factor=pose.load_factor
+        *full_model_state(pose.model, pose.refinement_start),
+        count=count,
+        freed=freed,
+        load_factor=pose.load_factor,
     )
 
 
@@ -410,14 +413,14 @@ NOT_ANSWERED = BatchAnswer({}, None)
 
 
 def answer_batch(poses: Sequence[Any], questions: Questions) -> list[BatchAnswer]:
-    """What of stiffness and stress can be answered of many poses at once; anything that has a model and a state `questioned`
+    """What of stiffness and stress can be answered of many poses at once; anything that has a `model`, an `equilibrium`
     and a load factor will do. What is missing is asked of the pose alone, which also says why it has no answer."""
     found = [NOT_ANSWERED] * len(poses)
     places: list[int] = []
     every: list[State] = []
     for k, pose in enumerate(poses if BATCH_QUESTIONS & set(questions.names) else []):
         with suppress(ConvergenceError):
-            every.append((*pose.questioned, pose.load_factor))
+            every.append((pose.model, pose.equilibrium, pose.load_factor))
             places.append(k)
     for first in range(0, len(every), BATCH_SIZE):
         for numbers, states in group_states(every[first : first + BATCH_SIZE]):
@@ -505,8 +508,8 @@ def answer_questions(
 def _truth(configuration: Any, before: PreviousPose) -> PoseAnalysis:
     """The equilibrium next to a state on a finer mesh, which goes on from that of the pose before."""
     solve = before.between
-    between = None if solve is None else lambda values: corrected(solve(values))
-    return PoseAnalysis(corrected(configuration), before.truth or PreviousPose(between=between))
+    between = None if solve is None else lambda values: refined_configuration(solve(values))
+    return PoseAnalysis(refined_configuration(configuration), before.truth or PreviousPose(between=between))
 
 
 def _error_percent(one: Row, other: Row) -> float:

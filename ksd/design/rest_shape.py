@@ -141,7 +141,7 @@ def _drawn(
         raise SceneError(
             f"rest_shape: wanted = {show(wanted)}: give a pose (ksd.solve), poses by link, or nothing for the drawing."
         )
-    model, motion = wanted.unreduced
+    model, motion = wanted.unreduced_equilibrium
     pieces = {name: (f, leaf) for name, f, leaf in pieces_of(scene)}
     if not set(scene.links) <= set(model.node_names) or set(pieces) != set(model.member_names):
         raise SceneError(

@@ -24,7 +24,7 @@ from ksd.properties.printing import PrintableAnswer, format_number, format_table
 from ksd.properties.tangent import assemble_and_factor
 from ksd.solve.answer import drive_kind
 from ksd.solve.configuration import Configuration
-from ksd.solve.following import MILD
+from ksd.solve.nonconservative_stability import MAX_DAMPED_SKEW_SHARE
 
 Array = NDArray[np.float64]
 
@@ -102,7 +102,7 @@ def state_space(
     found = pose.frequencies(count=whole_number(modes, "modes"), freed=freed)
     if (
         not found.conservative
-        and assemble_and_factor(*pose.insides, load_factor=pose.load_factor).skew_share() > MILD
+        and assemble_and_factor(*pose.unreduced_state, load_factor=pose.load_factor).skew_share() > MAX_DAMPED_SKEW_SHARE
     ):
         raise SceneError(
             "state_space: the loads follow their link or are moments fixed in space, and not conservative: modes are "

@@ -27,11 +27,11 @@ from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.model.orders import raised
 from ksd.properties.mesh_adequacy import mode_adequacy
 from ksd.solve.configuration import Configuration
-from ksd.solve.conventional import conventional
-from ksd.solve.many import SPOKEN, UNSTABLE
-from ksd.solve.plates import settled
-from ksd.solve.solver import DEFAULT_ACCURACY, MOST_RISES, Method, Solver
-from ksd.solve.verdict import mesh_check
+from ksd.solve.conventional import solve_conventional
+from ksd.solve.plate_stiffening import solve_with_plate_factors
+from ksd.solve.pose_batch import STATUS_MESSAGES, UNSTABLE
+from ksd.solve.solver import DEFAULT_ACCURACY, MAX_RISES, Method, Solver
+from ksd.solve.verdict import with_mesh_check
 
 Row = dict[str, Any]
 DrivePaths = list[tuple[dict[str, float], ...]]
@@ -145,13 +145,13 @@ class PathSolver:
         def walked(solver: Solver) -> Configuration:
             if self.before is not None:
                 try:
-                    return conventional(solver.model, values, start=self.before, planar=solver.in_plane)
+                    return solve_conventional(solver.model, values, start=self.before, planar=solver.in_plane)
                 except ConvergenceError:
                     self.before = None
-            return conventional(solver.model, values, planar=solver.in_plane)
+            return solve_conventional(solver.model, values, planar=solver.in_plane)
 
         accuracy = self.recipe.accuracy or DEFAULT_ACCURACY
-        return mesh_check(settled(self.solver, walked, 0.1 * accuracy)[0], accuracy)
+        return with_mesh_check(solve_with_plate_factors(self.solver, walked, 0.1 * accuracy)[0], accuracy)
 
 
 def adequate_solver(path: SweepPath, recipe: Recipe, solver: Solver | None) -> PathSolver:
@@ -160,7 +160,7 @@ def adequate_solver(path: SweepPath, recipe: Recipe, solver: Solver | None) -> P
     when walked."""
     words = {"extrapolate": recipe.extrapolate, **dict(recipe.effects)}
     solver = solver or Solver(path.scene, mesh=recipe.mesh, **words)
-    walk, rises = PathSolver(solver, recipe), MOST_RISES if recipe.mesh is None else 0
+    walk, rises = PathSolver(solver, recipe), MAX_RISES if recipe.mesh is None else 0
     farthest, nearest = (
         end(path.drive_values, key=lambda pose: sum(v * v for v in pose.values())) for end in (max, min)
     )
@@ -222,8 +222,8 @@ def run_path(
             if isinstance(pose, str):
                 rows.append(row | {STATUS: pose})
                 continue
-            if not recipe.with_verdict and pose.negatives != pose.expected:
-                rows.append(row | {STATUS: SPOKEN[UNSTABLE]})
+            if not recipe.with_verdict and pose.negatives != pose.expected_negatives:
+                rows.append(row | {STATUS: STATUS_MESSAGES[UNSTABLE]})
                 continue
             walk.go_on_from(pose)
             own = PoseAnalysis(pose, before if recipe.with_verdict else PreviousPose())

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ksd.solve.steps import Stop
-from ksd.solve.validity import carried
-from ksd.solve.verdict import stability
+from ksd.solve.validity import basis_use
+from ksd.solve.verdict import stability_sentence
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
@@ -114,11 +114,11 @@ def as_dict(configuration: Configuration) -> dict[str, Any]:
         "leaf_model": c.model.leaf_models,
         "converged": c.converged,
         "stable": c.stable,
-        "stability": stability(c),
+        "stability": stability_sentence(c),
         "trust": _trust(c),
         "doubts": list(c.doubts),
         "negative_pivots": int(c.negatives),
-        "expected_negative_pivots": int(c.expected),
+        "expected_negative_pivots": int(c.expected_negatives),
         "iterations": c.iterations,
         "time_us": _finite(1e6 * c.time),
         "load_factor": _finite(c.load_factor),
@@ -219,7 +219,7 @@ def _left_out(c: Configuration) -> dict[str, dict[str, float | None]]:
 
 
 def _basis(c: Configuration) -> dict[str, Any] | None:
-    found = carried(c.model, c.motion)
+    found = basis_use(c.model, c.motion)
     if found is None:
         return None
     return {

@@ -45,17 +45,23 @@ from ksd.properties.verify import Verification, verify
 from ksd.scene.link import Link
 from ksd.scene.scene import PlacedJoint
 from ksd.solve.answer import as_dict, drive_kind
-from ksd.solve.error import error_of, goes_on_alone, settled, truth_of, with_error
-from ksd.solve.following import keeps_still
+from ksd.solve.error import (
+    equilibrium_near,
+    error_estimate,
+    refined_equilibrium,
+    refinement_step_suffices,
+    with_error,
+)
 from ksd.solve.joint_motions import JointMotions
 from ksd.solve.left_out import left_out
+from ksd.solve.nonconservative_stability import nonconservative_stability
 from ksd.solve.perturbed import answer_derivatives, parameters_of
 from ksd.solve.report import tables
 from ksd.solve.sensitivity import sensitivity
-from ksd.solve.steps import FAST, ErrorEstimate, FiveStepRecord, Step, Stop
+from ksd.solve.steps import FAST_METHODS, ErrorEstimate, FiveStepRecord, Step, Stop, Verdict
 from ksd.solve.undeformed_stability import multiple_minima_note
 from ksd.solve.validity import Validity, validity
-from ksd.solve.verdict import Trust, judge
+from ksd.solve.verdict import Trust, trust_verdicts
 from ksd.view import plot_mechanism, save_figure, show_mechanism, write_vtu
 from ksd.view.camera import View
 
@@ -91,14 +97,14 @@ class Configuration(InNotebooks):
     targets: Mapping[str, float]
     steps: Sequence[Step]
     negatives: int
-    expected: int
+    expected_negatives: int
     joint_motions: JointMotions | Callable[[Motion], JointMotions | None] | None
     method_error: ErrorEstimate | None
     notes: tuple[str, ...]
     load_factor: float
     doubts: tuple[str, ...]
-    chosen: bool
-    intended: bool
+    method_was_chosen: bool
+    joints_near_intended: bool
 
     def __init__(
         self,
@@ -109,27 +115,28 @@ class Configuration(InNotebooks):
         steps: Sequence[Step],
         *,
         negatives: int,
-        expected: int,
+        expected_negatives: int,
         joint_motions: JointMotions | Callable[[Motion], JointMotions | None] | None = None,
         method_error: ErrorEstimate | None = None,
         notes: tuple[str, ...] = (),
         load_factor: float = 1.0,
         doubts: tuple[str, ...] = (),
-        chosen: bool = False,
-        intended: bool = False,
+        method_was_chosen: bool = False,
+        joints_near_intended: bool = False,
     ) -> None:
         # at once: a frozen dataclass of its own takes 5 us for so many fields, a tenth of a planar solve
         self.__dict__.update(
             model=model, motion=motion, method=method, targets=targets, steps=steps, negatives=negatives,
-            expected=expected, method_error=method_error, notes=notes, load_factor=load_factor,
-            doubts=doubts, chosen=chosen, intended=intended, joint_motions=joint_motions,
+            expected_negatives=expected_negatives, method_error=method_error, notes=notes, load_factor=load_factor,
+            doubts=doubts, method_was_chosen=method_was_chosen, joints_near_intended=joints_near_intended,
+            joint_motions=joint_motions,
         )  # fmt: skip
 
     def __dir__(self) -> list[str]:
         return sorted(set(super().__dir__()) - INSIDE)
 
     def __repr__(self) -> str:
-        forces = ", ".join(f"{n} {v:.6g}" for n, v in self.told_forces.items())
+        forces = ", ".join(f"{n} {v:.6g}" for n, v in self.reported_forces.items())
         return (
             f"<Configuration of '{self.model.scene.name}' by {self.method}: {self.targets}, forces {forces}>"
         )
@@ -155,37 +162,38 @@ class Configuration(InNotebooks):
     def converged(self) -> bool:
         """Whether the last step reached equilibrium (or, for kinematic, closed all loops)."""
         steps = self.steps
-        return (steps.last if isinstance(steps, FiveStepRecord) else steps[-1].stop) is Stop.CONVERGED
+        return (steps.last_stop if isinstance(steps, FiveStepRecord) else steps[-1].stop) is Stop.CONVERGED
 
     @property
     def stable(self) -> bool:
         """No negative pivots beyond those of the constraint rows: a minimum of energy under the held drives; where loads
         are not conservative, no divergence and no flutter."""
-        if self.negatives != self.expected:
+        if self.negatives != self.expected_negatives:
             return False
-        return self.model.conservative or self.still is None or self.still[0]
+        found = self.nonconservative_stability
+        return self.model.conservative or found is None or found.yes
 
     @cached_property
-    def still(self) -> tuple[bool, str] | None:
+    def nonconservative_stability(self) -> Verdict | None:
         """Whether it flutters, in words, where loads follow their links or are moments; else None."""
         if self.model.conservative or not self.converged:
             return None
-        return keeps_still(*self.insides, self.load_factor)
+        return nonconservative_stability(*self.unreduced_state, self.load_factor)
 
     @cached_property
-    def resolution(self) -> ModeAdequacy:
+    def mesh_adequacy(self) -> ModeAdequacy:
         """What its curvature modes may miss, and how far its leaf springs turn per quadrature point."""
         return mode_adequacy(self.model, self.motion)
 
     @property
     def trust(self) -> Trust:
         """Verdicts `stable`, `branch`, `strength`, `trusted`, each a truth value with its sentence."""
-        return judge(self)
+        return trust_verdicts(self)
 
     @cached_property
     def error(self) -> ErrorEstimate | None:
-        """What it is off the truth, the error of its mesh included, found when asked for: `ksd.solve.error.error_of`."""
-        return error_of(self)
+        """Estimated total error, that of the mesh included, computed when first read: `ksd.solve.error.error_estimate`."""
+        return error_estimate(self)
 
     @cached_property
     def left_out(self) -> dict[str, dict[str, float]]:
@@ -210,7 +218,7 @@ class Configuration(InNotebooks):
         """Largest strain and stress of all leaves, and the share of their limits; None where leaves are reduced solids."""
         if self.model.solids:
             return None
-        return strength(*self.insides, load_factor=self.load_factor)
+        return strength(*self.unreduced_state, load_factor=self.load_factor)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -229,7 +237,7 @@ class Configuration(InNotebooks):
     def minimum(self) -> str:
         """Which of several minima this is, where the undeformed configuration is unstable under what strains it (preload,
         heat, assembly error, loads); else nothing."""
-        return "" if self.model.solids else multiple_minima_note(*self.insides, self.stable)
+        return "" if self.model.solids else multiple_minima_note(*self.unreduced_state, self.stable)
 
     @property
     def iterations(self) -> int:
@@ -249,7 +257,7 @@ class Configuration(InNotebooks):
         return NamedAnswers({n: -float(m) for n, m in efforts}, "drive")
 
     @property
-    def told_forces(self) -> dict[str, float]:
+    def reported_forces(self) -> dict[str, float]:
         """`forces` as they are told in words: 0 where no more than rounding leaves in the equilibrium, which is GRAIN times
         that of EA/L at the farthest place. A small force beyond it is true, however small beside others."""
         arrays, drives = self.model.arrays, self.model.scene.drives
@@ -315,33 +323,34 @@ class Configuration(InNotebooks):
         return known.index(link)
 
     @cached_property
-    def answering(self) -> Motion:
+    def equilibrium(self) -> Motion:
         """The state that questions beyond forces and poses are asked of: its own, or, where `solve` chose a fast method
         itself, the equilibrium next to it. Raises ConvergenceError where that is not found."""
-        return settled(self) if self.chosen and self.method in FAST else self.motion
+        return (
+            equilibrium_near(self) if self.method_was_chosen and self.method in FAST_METHODS else self.motion
+        )
 
     @cached_property
-    def insides(self) -> tuple[Model, Motion]:
+    def unreduced_state(self) -> tuple[Model, Motion]:
         """Model and state with every leaf's own insides: those of the configuration, or, of modal bodies, the chains they
         reduce at the nodes they have."""
         return full_model_state(self.model, self.motion)
 
     @property
-    def questioned(self) -> tuple[Model, Motion]:
-        """Model and state that questions are asked of: that of the configuration, and the state `answering`."""
-        return self.model, self.answering
-
-    @property
-    def unfolding(self) -> Motion:
-        """The state from which questions go on to a finer mesh, by a Newton step: `answering`, or its own where that step is
+    def refinement_start(self) -> Motion:
+        """The state from which questions go on to a finer mesh, by a Newton step: `equilibrium`, or its own where that step is
         all it takes."""
-        return self.motion if self.chosen and self.method in FAST and goes_on_alone(self) else self.answering
+        return (
+            self.motion
+            if self.method_was_chosen and self.method in FAST_METHODS and refinement_step_suffices(self)
+            else self.equilibrium
+        )
 
     @property
-    def unreduced(self) -> tuple[Model, Motion]:
-        """As `questioned`, with every leaf's own insides (see `insides`). Stress, energy, mass and buckling are asked of
+    def unreduced_equilibrium(self) -> tuple[Model, Motion]:
+        """As `equilibrium`, with every leaf's own insides (see `unreduced_state`). Stress, energy, mass and buckling are asked of
         these."""
-        return full_model_state(*self.questioned)
+        return full_model_state(self.model, self.equilibrium)
 
     def _of_leaves(self, question: str) -> None:
         """Raises SceneError where the leaf springs that a question is asked of are reduced solids."""
@@ -375,7 +384,13 @@ class Configuration(InNotebooks):
         KinematicsError where nothing resists a motion.
         """
         return point_stiffness(
-            self.model, self.unfolding, link, at=at, axes=axes, freed=freed, load_factor=self.load_factor
+            self.model,
+            self.refinement_start,
+            link,
+            at=at,
+            axes=axes,
+            freed=freed,
+            load_factor=self.load_factor,
         )
 
     def drive_stiffness(self, *, freed: Iterable[str] = ()) -> DriveStiffness:
@@ -384,7 +399,7 @@ class Configuration(InNotebooks):
 
         Raises SceneError for unknown names, KinematicsError where nothing resists a motion.
         """
-        return drive_stiffness(self.model, self.unfolding, freed=freed, load_factor=self.load_factor)
+        return drive_stiffness(self.model, self.refinement_start, freed=freed, load_factor=self.load_factor)
 
     def frequencies(
         self,
@@ -402,7 +417,7 @@ class Configuration(InNotebooks):
         self._of_leaves("frequencies")
         whole_number(count, "count")
         return frequencies(
-            *full_model_state(self.model, self.unfolding),
+            *full_model_state(self.model, self.refinement_start),
             count=count,
             freed=freed,
             load_factor=self.load_factor,
@@ -431,7 +446,7 @@ class Configuration(InNotebooks):
         self._of_leaves("buckling")
         whole_number(count, "count")
         return buckling(
-            *full_model_state(self.model, self.unfolding), link, at=at, force=force, moment=moment,
+            *full_model_state(self.model, self.refinement_start), link, at=at, force=force, moment=moment,
             following=following, count=count, freed=freed, load_factor=self.load_factor,
         )  # fmt: skip
 
@@ -441,11 +456,11 @@ class Configuration(InNotebooks):
         Raises SceneError of reduced solids.
         """
         self._of_leaves("stress")
-        return stress(*self.unreduced, points=whole_number(points, "points"), load_factor=self.load_factor)
+        return stress(*self.unreduced_equilibrium, points=whole_number(points, "points"), load_factor=self.load_factor)
 
     def strain_energy(self) -> dict[str, float]:
         """Strain energy [J] of every leaf by full name, and of springs; the sum is what the mechanism stores."""
-        return strain_energy(*self.unreduced, load_factor=self.load_factor)
+        return strain_energy(*self.unreduced_equilibrium, load_factor=self.load_factor)
 
     def with_error(self, question: Callable[[Configuration], Answer]) -> tuple[Answer, Any]:
         """Answer of ``question(pose)`` (number, array, or mapping of them) and its error in the same shape, that of
@@ -467,12 +482,12 @@ class Configuration(InNotebooks):
             raise ConvergenceError(
                 f"only an equilibrium can be verified, and this is none: {self.trust.trusted.sentence}"
             )
-        (model, motion), factor = self.insides, self.load_factor
+        (model, motion), factor = self.unreduced_state, self.load_factor
         found = verify(model, motion, model.targets(self.targets), load_factor=factor)
         if not found.unclosed:
             return found
         # too far off for rods to be led from here: from the equilibrium on a finer mesh
-        finer, state, _ = truth_of(self)
+        finer, state, _ = refined_equilibrium(self)
         if state is None:
             return found
         again = verify(finer, state, finer.targets(self.targets), load_factor=factor, of=(model, motion))
@@ -533,19 +548,19 @@ class Configuration(InNotebooks):
         """
         self._of_leaves("internal stress")
         return internal_stress(
-            *self.unreduced, offset=offset, rotation=rotation, leaves=names_of(leaves, "leaves"),
+            *self.unreduced_equilibrium, offset=offset, rotation=rotation, leaves=names_of(leaves, "leaves"),
             load_factor=self.load_factor, points=whole_number(points, "points"),
         )  # fmt: skip
 
     def interface_forces(self) -> InterfaceForces:
         """Force [N] and moment [Nm], global, that joints, free leaf springs, springs, pins and sliders exert on the links
         and on ground, each at its own interface."""
-        return interface_forces(*self.unreduced, load_factor=self.load_factor)
+        return interface_forces(*self.unreduced_equilibrium, load_factor=self.load_factor)
 
     def link_forces(self) -> LinkForces:
         """Force [N] and moment [Nm], global, inside every leaf spring at both its ends, and on every link with what is
         applied there; prints, `to_csv` writes them."""
-        return link_forces(*self.unreduced, load_factor=self.load_factor)
+        return link_forces(*self.unreduced_equilibrium, load_factor=self.load_factor)
 
     def parasitic(self, link: Link | str | None = None, *, at: ArrayLike | None = None) -> Parasitic:
         """Motion from rest, shift [m] and turn [rad], that no drive or support prescribes, of the point of `link` at
@@ -559,11 +574,11 @@ class Configuration(InNotebooks):
 
     def extent(self) -> np.ndarray:
         """Lowest and highest coordinates (2, 3) [m, global] of its leaf springs, width and thickness included."""
-        return extent(*self.insides)
+        return extent(*self.unreduced_state)
 
     def clearance(self) -> Clearance:
         """Smallest distance of two leaf springs that share no block. Raises SceneError where all of them do."""
-        return clearance(*self.insides)
+        return clearance(*self.unreduced_state)
 
     def pivot_shift(self, joint: PlacedJoint | str, *, at: ArrayLike | None = None) -> PivotShift:
         """How far the pivot of a joint has moved [m, joint axes]: the point of interface B at `at` (3,) [m, global] at
@@ -577,13 +592,13 @@ class Configuration(InNotebooks):
         """Normal and shear forces [N], torsion and bending moments [Nm] along every leaf by full name, at `points`
         stations (of a chain at its nodes)."""
         return section_forces(
-            *self.unreduced, points=whole_number(points, "points", least=2), load_factor=self.load_factor
+            *self.unreduced_equilibrium, points=whole_number(points, "points", least=2), load_factor=self.load_factor
         )
 
     def shape(self, *, points: int = 25) -> Shape:
         """Centrelines [m] of all leaves at `points` stations or more, outlines of all links, and driven points, global."""
         return mechanism_shape(
-            *self.insides, points=whole_number(points, "points", least=2), load_factor=self.load_factor
+            *self.unreduced_state, points=whole_number(points, "points", least=2), load_factor=self.load_factor
         )
 
     def as_dict(self) -> dict[str, Any]:
@@ -628,8 +643,9 @@ class Configuration(InNotebooks):
 
 INSIDE = frozenset(
     (
-        "answering", "chosen", "doubts", "expected", "insides", "intended", "negatives", "notes", "questioned",
-        "joint_motions", "resolution", "still", "told_forces", "unfolding", "unreduced", "_joints", "_node", "_of_leaves",
+        "doubts", "equilibrium", "expected_negatives", "joint_motions", "joints_near_intended", "mesh_adequacy",
+        "method_was_chosen", "negatives", "nonconservative_stability", "notes", "refinement_start", "reported_forces",
+        "unreduced_equilibrium", "unreduced_state", "_joints", "_node", "_of_leaves",
     )
 )  # fmt: skip
-"""What other rooms of the package ask a configuration for; `dir` leaves it out."""
+"""Attributes of a configuration for other modules of the package only; `dir` leaves them out."""

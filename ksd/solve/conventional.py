@@ -19,14 +19,14 @@ from ksd.model.arrays import Arrays, Loads, carries_load
 from ksd.model.compile import Model
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve.configuration import Configuration
-from ksd.solve.joint_motions import JointReader
+from ksd.solve.joint_motions import JointMotionReader
 from ksd.solve.load_steps import LoadPath, as_step, follow_load_path, stop_sentence
-from ksd.solve.steps import CAP, RTOL, Stop
-from ksd.solve.storage import Storage, storage_of
+from ksd.solve.steps import MAX_TURN_PER_STEP, RTOL, Stop
+from ksd.solve.storage import NewtonStorage, thread_storage
 from ksd.solve.verdict import is_solved
 
 
-def conventional(
+def solve_conventional(
     model: Model,
     targets: Mapping[str, float],
     *,
@@ -34,13 +34,13 @@ def conventional(
     planar: bool | Literal["auto"] = "auto",
     steps: int = 1,
     rtol: float = RTOL,
-    cap: float = CAP,
+    cap: float = MAX_TURN_PER_STEP,
     eps_max: float = math.inf,
     most: int = 30,
     smallest: float = 1e-4,
-    storage: Storage | None = None,
-    joints: JointReader | None = None,
-    method: str = "conventional",
+    storage: NewtonStorage | None = None,
+    joints: JointMotionReader | None = None,
+    method: str = "solve_conventional",
 ) -> Configuration:
     """Solve `model` at the drive values `targets` [m or rad] by load stepping.
 
@@ -57,7 +57,7 @@ def conventional(
         raise SceneError(f"planar = {planar!r}: choose 'auto', True or False")
     target = model.targets(targets)
     model.refuse_turns(target)
-    storage, clock = storage or storage_of(model), Stopwatch()
+    storage, clock = storage or thread_storage(model), Stopwatch()
     begin = model.targets(start.targets) if start else np.zeros(len(target))
     low = start.load_factor if start else 0.0
     way = LoadPath(begin, target, (low, 1.0), steps, rtol, most, cap, eps_max, smallest)
@@ -71,7 +71,7 @@ def conventional(
         # supports follow the drives
         dict(zip(model.drive_names, values.tolist(), strict=False)),
         (as_step(driven, how, spent),),
-        negatives=driven.negatives, expected=len(target), load_factor=factor, doubts=doubts, joint_motions=joints,
+        negatives=driven.negatives, expected_negatives=len(target), load_factor=factor, doubts=doubts, joint_motions=joints,
     )  # fmt: skip
     if driven.stop is not Stop.CONVERGED:
         raise ConvergenceError(
@@ -82,50 +82,54 @@ def conventional(
     return result
 
 
-def loads_last(
+def solve_drives_first(
     model: Model,
     targets: Mapping[str, float],
     *,
     planar: bool | Literal["auto"] = "auto",
-    joints: JointReader | None = None,
+    joints: JointMotionReader | None = None,
 ) -> Configuration:
     """Solve at `targets` by moving the drives without the loads first, and putting the loads on there.
 
-    The way of a designer who thinks of the intended motion first. planar, joints: see `conventional`. Raises
-    ConvergenceError as `conventional`.
+    The way of a designer who thinks of the intended motion first. planar, joints: see `solve_conventional`. Raises
+    ConvergenceError as `solve_conventional`.
     """
-    start = unloaded(model, targets, planar=planar)
-    return conventional(model, targets, start=start, steps=4, planar=planar, joints=joints)
+    start = solve_without_loads(model, targets, planar=planar)
+    return solve_conventional(model, targets, start=start, steps=4, planar=planar, joints=joints)
 
 
-def unloaded(
+def solve_without_loads(
     model: Model, targets: Mapping[str, float], *, planar: bool | Literal["auto"] = "auto"
 ) -> Configuration:
     """The equilibrium at `targets` before the loads come on, to start from. Raises ConvergenceError."""
-    return replace(conventional(bare(model), targets, planar=planar), model=model, load_factor=0.0)
+    return replace(
+        solve_conventional(without_loads_model(model), targets, planar=planar), model=model, load_factor=0.0
+    )
 
 
-def by_load_steps(
+def solve_in_either_order(
     model: Model,
     targets: Mapping[str, float],
     *,
-    storage: Storage | None = None,
+    storage: NewtonStorage | None = None,
     planar: bool | Literal["auto"] = "auto",
-    joints: JointReader | None = None,
-    method: str = "conventional",
+    joints: JointMotionReader | None = None,
+    method: str = "solve_conventional",
 ) -> Configuration:
     """Drives and loads together; where that fails or cannot be trusted, the drives first and the loads on top of them.
 
-    storage, planar, joints, method: see `conventional`. Raises ConvergenceError.
+    storage, planar, joints, method: see `solve_conventional`. Raises ConvergenceError.
     """
     result, stopped = None, None
     try:
-        result = conventional(model, targets, storage=storage, planar=planar, joints=joints, method=method)
+        result = solve_conventional(
+            model, targets, storage=storage, planar=planar, joints=joints, method=method
+        )
     except ConvergenceError as reason:
         stopped = reason
     if carries_load(model.arrays) and not (result is not None and is_solved(result)):
         with contextlib.suppress(KsdError):
-            other = loads_last(model, targets, planar=planar, joints=joints)
+            other = solve_drives_first(model, targets, planar=planar, joints=joints)
             if is_solved(other) or result is None:
                 result = replace(other, notes=(*other.notes, "loads put on after the drives"), method=method)
     if result is None:
@@ -134,13 +138,13 @@ def by_load_steps(
     return result
 
 
-def bare(model: Model) -> Model:
+def without_loads_model(model: Model) -> Model:
     """The same mechanism without loads and weight, in arrays of the same kind."""
     scene = replace(model.scene, loads=(), gravity=None)
-    return replace(model, scene=scene, arrays=without_loads(model.arrays))
+    return replace(model, scene=scene, arrays=without_loads_arrays(model.arrays))
 
 
-def without_loads(arrays: Arrays) -> Arrays:
+def without_loads_arrays(arrays: Arrays) -> Arrays:
     """The same mechanism without loads and weight, in arrays of the same kind."""
     loads = Loads(*(a[:0] for a in arrays.loads))
     return arrays._replace(loads=loads, weight=arrays.weight[:0])

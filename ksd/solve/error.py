@@ -37,25 +37,26 @@ from ksd.properties.leaf_groups import (
     panel_table_slice,
 )
 from ksd.properties.tangent import exact_tangent_arrays
-from ksd.solve.estimate import relative_error, size_of_step
+from ksd.solve.method_error import relative_error, newton_step_error
 from ksd.solve.full_bodies import full_equilibrium
-from ksd.solve.steps import CAP, FAST, RTOL, ErrorEstimate, Stop
+from ksd.solve.method_error import newton_step_error, relative_error
+from ksd.solve.steps import FAST_METHODS, MAX_TURN_PER_STEP, RTOL, ErrorEstimate, Stop
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
 
-MOST = 20
+MAX_ITERATIONS = 20
 """Newton steps to the equilibrium on the finer mesh; three or four are usual."""
 FINE_SOLID = 10_000
 """Degrees of freedom up to which solids are solved on a finer mesh: about 4 s in 3D."""
-NEAR = 1e-5
+NEGLIGIBLE_METHOD_ERROR = 1e-5
 """Relative error of a fast method of which a Newton step leaves nothing: 3e-8 of a compliance or frequency at most in random
 arms and closed loops; 5e-6 of an error of 1e-4."""
 STATIONS = 25
 """Stations along a leaf at which its moments are taken where another leaf model asks for them."""
 
 
-def error_of(pose: Configuration) -> ErrorEstimate | None:
+def error_estimate(pose: Configuration) -> ErrorEstimate | None:
     """The distance of an answer to the equilibrium next to it on a finer mesh.
 
     None where the method's own error was not estimated, and of what did not converge; without bound where no equilibrium
@@ -63,7 +64,7 @@ def error_of(pose: Configuration) -> ErrorEstimate | None:
     cannot be meshed again the method's alone, and `mesh` is nan.
     """
     own = pose.method_error
-    if not pose.converged or (own is None and (pose.method in FAST or pose.model.solids)):
+    if not pose.converged or (own is None and (pose.method in FAST_METHODS or pose.model.solids)):
         return None
     if own is not None and not math.isfinite(own.relative):
         return own
@@ -71,13 +72,13 @@ def error_of(pose: Configuration) -> ErrorEstimate | None:
         assert own is not None
         known = all(pose.model.bodies[name].solid.refine for name in pose.model.solids)
         return _of_solids(pose, own) if known else replace(own, mesh=math.nan)
-    model, motion = pose.insides
+    model, motion = pose.unreduced_state
     target, factor = model.targets(pose.targets), pose.load_factor
-    _, truth, _ = truth_of(pose)
+    _, truth, _ = refined_equilibrium(pose)
     if truth is None:
         return _lost(pose)
     found = relative_error(pose.model, pose.motion, truth)
-    if pose.method not in FAST:
+    if pose.method not in FAST_METHODS:
         return replace(found, mesh=found.relative)
     settled = equilibrium(exact_tangent_arrays(model), motion.copy(), target, factor)
     return replace(
@@ -132,17 +133,17 @@ def _whole(pose: Configuration, *, times: float = 1.0) -> tuple[Model, Motion]:
     return full_equilibrium(model, motion, model.targets(pose.targets), factor, leaves=leaves, times=times)
 
 
-def truth_of(pose: Configuration) -> tuple[Model, Motion | None, int]:
+def refined_equilibrium(pose: Configuration) -> tuple[Model, Motion | None, int]:
     """The model on the finer mesh, the equilibrium next to the state of `pose` on it (None where none is found), and its
     negative pivots."""
-    model, motion = pose.insides
+    model, motion = pose.unreduced_state
     fine, factor = refined(model), pose.load_factor
     state = _started(model, motion, fine, factor)
-    stop, negatives = settle(fine.arrays, state, model.targets(pose.targets), factor)
+    stop, negatives = converge(fine.arrays, state, model.targets(pose.targets), factor)
     return fine, state if stop is Stop.CONVERGED else None, negatives
 
 
-def corrected(pose: Configuration) -> Configuration:
+def refined_configuration(pose: Configuration) -> Configuration:
     """The equilibrium next to the state on the finer mesh of `ksd.solve.error.refined`; of reduced solids that of the whole
     solids, with twice the cells where they are small enough.
 
@@ -151,7 +152,7 @@ def corrected(pose: Configuration) -> Configuration:
     if pose.model.solids:
         model, motion = _whole(pose, times=2.0 if _finer(pose.model) else 1.0)
         return replace(pose, model=model, motion=motion, method="conventional", method_error=None)
-    fine, state, negatives = truth_of(pose)
+    fine, state, negatives = refined_equilibrium(pose)
     if state is None:
         raise ConvergenceError(
             "the error of this answer cannot be told: Newton steps find no equilibrium next to it on a finer mesh; ask the "
@@ -164,17 +165,17 @@ def corrected(pose: Configuration) -> Configuration:
         negatives=negatives,
         method="conventional",
         method_error=None,
-        chosen=False,
+        method_was_chosen=False,
     )
 
 
-def settled(pose: Configuration) -> Motion:
+def equilibrium_near(pose: Configuration) -> Motion:
     """The equilibrium of the full model next to the state of a fast method.
 
     Raises ConvergenceError where Newton steps from there do not reach one.
     """
     model, motion, target = pose.model, pose.motion.copy(), pose.model.targets(pose.targets)
-    stop, _ = settle_fast(model, motion, target, pose.load_factor, make_work(model.arrays))
+    stop, _ = converge_fast_state(model, motion, target, pose.load_factor, make_work(model.arrays))
     if stop is not Stop.CONVERGED:
         raise ConvergenceError(
             f"no equilibrium found next to the {pose.method} answer ({stop.sentence}); ask the question of "
@@ -183,26 +184,26 @@ def settled(pose: Configuration) -> Motion:
     return motion
 
 
-def settle_fast(
+def converge_fast_state(
     model: Model, state: Motion, target: np.ndarray, factor: float, work: Work
 ) -> tuple[Stop, int]:
     """`settle` from the state of a fast method, in place: a first step below NEAR is the last, not looked at again."""
     _, negatives, status = look(model.arrays, state, target, factor, work, RTOL)
-    size = size_of_step(model, state, work.rhs).relative
+    size = newton_step_error(model, state, work.rhs).relative
     if math.isfinite(size):
         take_step(model.arrays, state, work.rhs, work, 1.0)
-    if size <= NEAR and status == 0:
+    if size <= NEGLIGIBLE_METHOD_ERROR and status == 0:
         return Stop.CONVERGED, negatives
-    return settle(model.arrays, state, target, factor, work)
+    return converge(model.arrays, state, target, factor, work)
 
 
-def goes_on_alone(pose: Configuration) -> bool:
+def refinement_step_suffices(pose: Configuration) -> bool:
     """Whether the Newton step that questions on a finer mesh take themselves (`ksd.properties.finer_model`) leads from the
     state of a fast method as far as from the equilibrium next to it."""
     own, model = pose.method_error, pose.model
     return (
         own is not None
-        and own.relative <= NEAR
+        and own.relative <= NEGLIGIBLE_METHOD_ERROR
         and model.kinds <= {STRAIN}
         and finer_model(model) is not model
     )
@@ -211,7 +212,7 @@ def goes_on_alone(pose: Configuration) -> bool:
 def with_error(pose: Configuration, question: Callable[[Configuration], Any]) -> tuple[Any, Any]:
     """The answer of question(pose) and its error, that of method and mesh: |change| to the answer of `corrected`, in the
     shape of the answer (number, array, or mapping of them)."""
-    answer, better = question(pose), question(corrected(pose))
+    answer, better = question(pose), question(refined_configuration(pose))
     if isinstance(answer, Mapping):
         return answer, {k: _change(v, better[k]) for k, v in answer.items()}
     return answer, _change(answer, better)
@@ -224,16 +225,18 @@ def _change(one: Any, other: Any) -> Any:
 
 def equilibrium(arrays: Arrays, state: Motion, target: np.ndarray, factor: float) -> Motion | None:
     """The equilibrium next to a state, in place, drives at target (c,) and loads times factor; None where none is found."""
-    return state if settle(arrays, state, target, factor)[0] is Stop.CONVERGED else None
+    return state if converge(arrays, state, target, factor)[0] is Stop.CONVERGED else None
 
 
-def settle(
+def converge(
     arrays: Arrays, state: Motion, target: np.ndarray, factor: float, work: Work | None = None
 ) -> tuple[Stop, int]:
     """Newton steps from `state`, in place, drives at target (c,) and loads times factor: how they ended, and negative
     pivots. work: storage, made when None."""
     work = make_work(arrays) if work is None else work
-    reason, *_, negatives, _ = iterate(arrays, state, target, factor, work, RTOL, MOST, CAP, math.inf)
+    reason, *_, negatives, _ = iterate(
+        arrays, state, target, factor, work, RTOL, MAX_ITERATIONS, MAX_TURN_PER_STEP, math.inf
+    )
     return Stop(reason), int(negatives)
 
 

@@ -20,8 +20,8 @@ from ksd.model.newton import iterate
 from ksd.model.reduced import inner_state, member_pose, same_state, with_bodies
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.properties.tangent import exact_tangent_arrays
-from ksd.solve.estimate import relative_error
-from ksd.solve.steps import CAP, RTOL, ErrorEstimate, Step, Stop
+from ksd.solve.method_error import relative_error
+from ksd.solve.steps import MAX_TURN_PER_STEP, RTOL, ErrorEstimate, Step, Stop
 
 CORRECTORS, MORE, MOST = 3, 2, 20
 """Corrector steps of chains at first, each time again, and at most: far from equilibrium the first ones lead astray."""
@@ -77,7 +77,7 @@ class FullBodies:
             _condense(inner_state(self.model, self.state, i), whole)
         rtol, most = (TIGHT, 30) if self.wholes else (RTOL, most)
         reason, count, self.residual, self.negatives, _ = iterate(
-            self.arrays, self.state, target, factor, self.work, rtol, most, CAP, math.inf
+            self.arrays, self.state, target, factor, self.work, rtol, most, MAX_TURN_PER_STEP, math.inf
         )
         if reason in (Stop.NOT_FINITE, Stop.SINGULAR) or not np.isfinite(self.state.x).all():
             return None
@@ -97,7 +97,7 @@ def _condense(inner: np.ndarray, whole: FullSolid) -> None:
     inner[3:12], inner[12:18], inner[18:] = whole.R.ravel(), whole.wrench, K.ravel()
 
 
-def indicator(
+def error_indicator(
     model: Model,
     motion: Motion,
     target: np.ndarray,

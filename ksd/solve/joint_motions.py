@@ -15,8 +15,8 @@ from ksd.errors import KsdError
 from ksd.library import Record
 from ksd.model.arrays import Motion
 from ksd.model.compile import Model
+from ksd.solve.five_steps import read_joint_motions
 from ksd.solve.joint_range import motion_limits
-from ksd.solve.space_steps import read_joints
 
 
 class JointMotions(NamedTuple):
@@ -42,14 +42,14 @@ class JointMotions(NamedTuple):
         return dict(zip(self.joints, self.off, strict=True))
 
 
-def read_motions(
+def checked_joint_motions(
     bodies: JointBodies,
     names: tuple[str, ...],
     theta: np.ndarray,
     off: np.ndarray,
     found: np.ndarray,
     *,
-    intended: bool,
+    near_intended: bool,
 ) -> JointMotions:
     """Intended motion of every joint, by `names`, what is left, and what is not known, in words.
 
@@ -58,7 +58,7 @@ def read_motions(
     none such.
     """
     unknown = []
-    if not intended:
+    if not near_intended:
         _, _, low, high = motion_limits(bodies.motion_range).T
         inside, first = (theta >= low) & (theta <= high), bodies.kinematics.first
         for j, name in enumerate(names):
@@ -74,7 +74,7 @@ def read_motions(
 
 
 @dataclass(frozen=True, eq=False)
-class JointReader:
+class JointMotionReader:
     """Where the joints of states of one model are, from their kinematics alone; call it with a state of the full model.
 
     Records are read when it is first called.
@@ -93,7 +93,7 @@ class JointReader:
             return None
 
     def __call__(self, motion: Motion) -> JointMotions | None:
-        """As `read_motions`; None where the records of the joints are not there, or do not fit.
+        """As `checked_joint_motions`; None where the records of the joints are not there, or do not fit.
 
         Unintended: (6,) per joint, displacement [m] and rotation vector [rad] in the axes of interface A. Both are nan for
         a joint whose nearest intended motion was not found, or lies far outside its trained range.
@@ -104,9 +104,9 @@ class JointReader:
         loops, limits = bodies.kinematics, motion_limits(bodies.motion_range)
         joints, start, found = len(loops.node), np.zeros(len(limits)), np.zeros(len(limits))
         off, known, seen = np.zeros((joints, 6)), np.zeros(joints, np.int64), np.zeros(2, np.int64)
-        read_joints(
+        read_joint_motions(
             *loops.flat, motion.x, motion.R, start, found, np.zeros((joints, 12)), np.zeros((joints, 24)),
             np.zeros((3, loops.pose.shape[2])), off, known, limits, seen,
         )  # fmt: skip
         names = tuple(placed.name for placed in self.model.scene.joints)
-        return read_motions(bodies, names, found, off, known, intended=bool(seen[1]))
+        return checked_joint_motions(bodies, names, found, off, known, near_intended=bool(seen[1]))

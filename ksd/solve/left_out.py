@@ -21,7 +21,7 @@ from ksd.properties.printing import NamedAnswerTable, format_signed_percent
 from ksd.properties.stiffness import point_stiffness
 from ksd.properties.tangent import exact_tangent_arrays
 from ksd.solve.error import equilibrium
-from ksd.solve.plates import bent
+from ksd.solve.plate_stiffening import plate_conditions
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
@@ -54,7 +54,7 @@ def _percents(changes: Mapping[str, float]) -> list[str]:
 def left_out(pose: Configuration) -> LeftOut:
     """Relative changes of "force" (of the largest), "displacement" (of the largest) and "support_stiffness" (the softest, of
     the first driven link), signed, by effect that is left out and that some leaf could have."""
-    model, motion = pose.insides
+    model, motion = pose.unreduced_state
     if not pose.converged or SOLID in model.kinds:
         return LeftOut({})
     target, factor = model.targets(pose.targets), pose.load_factor
@@ -76,7 +76,7 @@ def _with_plates(model: Model, motion: Motion) -> Model:
     wide = [leaf.section.width > leaf.section.thickness > 0.0 for _, leaf in model.scene.leaf_names().items()]
     if model.mesh.plate or not any(wide):
         return model
-    conditions, _ = bent(model, motion)
+    conditions, _ = plate_conditions(model, motion)
     return compile_given(with_conditions(model.scene, conditions), model.mesh.with_effect("plate"))
 
 

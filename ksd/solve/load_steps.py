@@ -26,10 +26,10 @@ from ksd.properties.cache import cached_per_model
 from ksd.properties.doctor import doctor
 from ksd.scene.hinges import plane_supports
 from ksd.solve.arc_length import END_REACHED, PathContinuation, PathParameter, follow_by_arc_length
-from ksd.solve.following import counted
+from ksd.solve.nonconservative_stability import count_unstable_directions
 from ksd.solve.pivoted_newton import iterate_pivoted, moves_freely
-from ksd.solve.steps import CAP, RTOL, Step, Stop
-from ksd.solve.storage import Storage
+from ksd.solve.steps import MAX_TURN_PER_STEP, RTOL, Step, Stop
+from ksd.solve.storage import NewtonStorage
 
 WEAK_PIVOT = 1e-9
 """Relative pivot below which a load step, or the count of its negative pivots, is repeated with pivoting."""
@@ -349,7 +349,7 @@ def complete_by_arc_length(
 
 
 def _take_path(
-    storage: Storage, begin: Motion, path: LoadPath, planar: bool | Literal["auto"], from_rest: bool
+    storage: NewtonStorage, begin: Motion, path: LoadPath, planar: bool | Literal["auto"], from_rest: bool
 ) -> LoadStepResult:
     """Take load steps from `begin`, in the plane where the scene is planar, else in space."""
     reason = ""
@@ -386,7 +386,7 @@ def _cannot_leave_plane(model: Model) -> bool:
 
 
 def _take_path_in_plane(
-    storage: Storage, plane: Plane, begin: Motion, path: LoadPath, from_rest: bool
+    storage: NewtonStorage, plane: Plane, begin: Motion, path: LoadPath, from_rest: bool
 ) -> tuple[LoadStepRecord, Motion] | str:
     """`take_load_steps` with three unknowns per node, and the state reached; or the reason why that is not possible.
 
@@ -438,11 +438,11 @@ def _with_divergences(model: Model, motion: Motion, record: LoadStepRecord, path
     """The record with the count that replaces negative pivots where loads are not conservative."""
     if record.stop is not Stop.CONVERGED or model.conservative:
         return record
-    return record._replace(negatives=counted(model, motion, path.factors[1], record.negatives))
+    return record._replace(negatives=count_unstable_directions(model, motion, path.factors[1], record.negatives))
 
 
 def follow_load_path(
-    storage: Storage,
+    storage: NewtonStorage,
     begin: Motion,
     path: LoadPath,
     *,

@@ -28,10 +28,10 @@ from ksd.solve.arc_length import (
     switch_branch,
 )
 from ksd.solve.configuration import Configuration
-from ksd.solve.conventional import unloaded
+from ksd.solve.conventional import solve_without_loads
 from ksd.solve.solver import COMPILED, DEFAULT_ACCURACY
 from ksd.solve.steps import Step, Stop
-from ksd.solve.verdict import mesh_check
+from ksd.solve.verdict import with_mesh_check
 
 Array = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ class Path(PrintableAnswer):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about the mesh, those of the state for which it is least adequate."""
-        return max(self.states, key=lambda s: s.resolution.missed_share).notes
+        return max(self.states, key=lambda s: s.mesh_adequacy.missed_share).notes
 
     @property
     def ended(self) -> bool:
@@ -133,7 +133,7 @@ def follow(
     model = scene if isinstance(scene, Model) else compile_scene(scene, mesh=mesh)
     begin = start or (branch.configuration if branch else None)
     if begin is None and control == "load" and any((targets or {}).values()):
-        begin = unloaded(model, targets or {})
+        begin = solve_without_loads(model, targets or {})
     parameter, f = _path_parameter(model, targets, control, start=begin, branched=branch is not None)
     path = PathContinuation(model, parameter)
     clock = Stopwatch()
@@ -162,9 +162,9 @@ def _configuration(path: PathContinuation, at: ArcLengthPoint) -> Configuration:
     step = Step("path", at.iterations, 0.0, at.residual, stop)
     found = Configuration(
         path.model, at.motion, "path", {n: float(v) for n, v in names}, (step,),
-        negatives=at.negatives, expected=len(target), load_factor=factor,
+        negatives=at.negatives, expected_negatives=len(target), load_factor=factor,
     )  # fmt: skip
-    return mesh_check(found, DEFAULT_ACCURACY)
+    return with_mesh_check(found, DEFAULT_ACCURACY)
 
 
 def _path_parameter(

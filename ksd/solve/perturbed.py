@@ -29,8 +29,8 @@ from ksd.model.newton import newton_step
 from ksd.model.template import Template, template_of
 from ksd.properties.tangent import exact_tangent_arrays
 from ksd.scene.leaf import LeafCondition
-from ksd.solve.error import settled
-from ksd.solve.steps import FAST, RTOL
+from ksd.solve.error import equilibrium_near
+from ksd.solve.steps import FAST_METHODS, RTOL
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
@@ -197,7 +197,7 @@ class PerturbedEquilibria:
         if self._made is None or self._made[0] is not pose.model:
             self._made = pose.model, self._models(pose.model, parameters)
         work = _Storage()
-        start = settled(pose) if pose.method in FAST else pose.motion
+        start = equilibrium_near(pose) if pose.method in FAST_METHODS else pose.motion
         here, _ = self._at(pose, pose.model, start, pose.targets, work)
         sides = []
         for parameter, models in zip(parameters, self._made[1], strict=True):
@@ -246,7 +246,8 @@ class PerturbedEquilibria:
             )
         found = type(pose)(
             model, motion, "conventional", dict(targets), pose.steps, negatives=pose.negatives,
-            expected=pose.expected, load_factor=pose.load_factor, intended=pose.intended,
+            expected_negatives=pose.expected_negatives, load_factor=pose.load_factor,
+            joints_near_intended=pose.joints_near_intended,
         )  # fmt: skip
         return found, moved[0]
 

@@ -33,14 +33,19 @@ from ksd.model.reduced import inner_state, member_pose, same_state
 from ksd.numerics.blocks import factor_blocks
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve.configuration import Configuration
-from ksd.solve.conventional import by_load_steps
-from ksd.solve.five import FiveSteps
-from ksd.solve.full_bodies import indicator
-from ksd.solve.joint_motions import read_motions
+from ksd.solve.conventional import solve_in_either_order
+from ksd.solve.five_step_solver import FiveStepSolver
+from ksd.solve.five_steps import (
+    assemble_full_state,
+    condense_joint_bodies,
+    read_answer_motions,
+    recover_substructures,
+)
+from ksd.solve.full_bodies import error_indicator
+from ksd.solve.joint_motions import checked_joint_motions
 from ksd.solve.load_steps import LoadPath, take_load_steps
-from ksd.solve.space_steps import condense_space, place_space, read_space, recover_space
-from ksd.solve.steps import CAP, RTOL, Step, Stop
-from ksd.solve.validity import furthest, validity
+from ksd.solve.steps import MAX_TURN_PER_STEP, RTOL, Step, Stop
+from ksd.solve.validity import most_bent_body, validity
 
 SUCCESSFUL = 0.05
 """Estimated relative error beyond which a basis is no longer successful."""
@@ -143,16 +148,18 @@ class ReducedBodies:
             # a few iterations from there, tens of them from rest
             with contextlib.suppress(ConvergenceError, RangeError):
                 return self.placed(values, 0)
-        return by_steps(self.at_rest, values)
+        return solve_by_steps(self.at_rest, values)
 
 
-def _steps(model: Model, records: Any, extrapolate: bool) -> FiveSteps:
+def _steps(model: Model, records: Any, extrapolate: bool) -> FiveStepSolver:
     """The KSD steps of a model whose leaf springs are in full. Raises SceneError for leaf springs with weight."""
     if len(model.arrays.weight):
         raise SceneError(
             "leaves with weight beside modal bodies are not possible: compile without='gravity', or use another method"
         )
-    return FiveSteps(model, joint_bodies(model, records, extrapolate=extrapolate), extrapolate=extrapolate)
+    return FiveStepSolver(
+        model, joint_bodies(model, records, extrapolate=extrapolate), extrapolate=extrapolate
+    )
 
 
 class _Placed:
@@ -164,7 +171,7 @@ class _Placed:
 
     def __init__(
         self,
-        steps: FiveSteps,
+        steps: FiveStepSolver,
         full: Model,
         modal: Mapping[str, ModalBasis],
         condensed: Sequence[bool],
@@ -215,7 +222,7 @@ class _Placed:
         steps += more
         for n in range(relinearisations + 1):
             if n > 0:
-                condense_space(self.storage, 0)
+                condense_joint_bodies(self.storage, 0)
                 self._condense(ready, motion)
                 step, _ = ready.loaded(motion, target, 1.0, smallest=1.0)
                 if step.stop is not Stop.CONVERGED:
@@ -226,7 +233,7 @@ class _Placed:
                 steps.append(step)
             self.storage.reduced.x[:], self.storage.reduced.R[:] = motion.x[:links], motion.R[:links]
             clock()
-            shift, _ = recover_space(self.storage)
+            shift, _ = recover_substructures(self.storage)
             steps.append(Step("4 recovery", 0, clock(), shift, Stop.CONVERGED))
         return self._answer(ready, motion, values, steps, placed.notes)
 
@@ -301,7 +308,7 @@ class _Placed:
     ) -> Configuration:
         """The state of all leaf springs, and what the joints' records say of it."""
         b, mix, model = self.storage, ready.mix, ready.model
-        place_space(b)
+        assemble_full_state(b)
         state = same_state(self.model, b.full, model)
         state.x[mix.nodes], state.R[mix.nodes] = motion.x, motion.R
         state.multiplier[:] = motion.multiplier
@@ -311,15 +318,15 @@ class _Placed:
         work, plan = make_work(model.arrays), model.arrays.plan
         _, _, own, _ = assemble(model.arrays, state, model.targets(values), 1.0, work, RTOL, 0, 10.0)
         negatives, _ = factor_blocks(plan.ints, work.value, work.spare, len(plan.size))
-        read_space(b)
-        intended = bool(b.seen[1])
-        joint_motions = read_motions(
-            b.bodies, b.joint_names, b.found.copy(), b.off.copy(), b.known, intended=intended
+        read_answer_motions(b)
+        near_intended = bool(b.seen[1])
+        joint_motions = checked_joint_motions(
+            b.bodies, b.joint_names, b.found.copy(), b.off.copy(), b.known, near_intended=near_intended
         )
         expected = len(model.drive_names) + len(model.support_names)
         return Configuration(
             model, state, "modal", dict(values), tuple(steps), negatives=int(negatives + own),
-            expected=expected, joint_motions=joint_motions, notes=notes, intended=intended,
+            expected_negatives=expected, joint_motions=joint_motions, notes=notes, joints_near_intended=near_intended,
         )  # fmt: skip
 
 
@@ -351,7 +358,7 @@ class _Prepared:
         driven = take_load_steps(motion, newton, way, pivoting=(arrays, self.work))
         if driven.stop is not Stop.CONVERGED and smallest < 1.0:
             # without loads first: the place records give is no equilibrium of theirs
-            reason, count, *_ = newton(motion, target, 0.0, RTOL, 30, CAP, math.inf)
+            reason, count, *_ = newton(motion, target, 0.0, RTOL, 30, MAX_TURN_PER_STEP, math.inf)
             if reason == Stop.CONVERGED:
                 way = way._replace(smallest_step=smallest)
                 more = take_load_steps(motion, newton, way, pivoting=(arrays, self.work))
@@ -418,7 +425,7 @@ def inner_at(model: Model, i: int, d: np.ndarray, Q: np.ndarray) -> tuple[np.nda
             arrays.members.offset[0, 1] = Rotation.from_rotvec(0.5 * share * turn).apply(chord)
             arrays.members.frame[0, 1] = Rotation.from_rotvec(share * turn).as_matrix() @ Q0
             reason, count, *_ = iterate(
-                arrays, motion, np.zeros(0), 1.0, work, 1e-6, MOST_SETTLING, CAP, math.inf
+                arrays, motion, np.zeros(0), 1.0, work, 1e-6, MOST_SETTLING, MAX_TURN_PER_STEP, math.inf
             )
             taken += count
             if reason != Stop.CONVERGED:
@@ -428,13 +435,13 @@ def inner_at(model: Model, i: int, d: np.ndarray, Q: np.ndarray) -> tuple[np.nda
     return rest.inner, taken
 
 
-def by_steps(model: Model, values: Mapping[str, float]) -> Configuration:
+def solve_by_steps(model: Model, values: Mapping[str, float]) -> Configuration:
     """Equilibrium of a model with reduced bodies at drive values by name [m or rad], by load steps.
 
     Raises ConvergenceError.
     """
     try:
-        return by_load_steps(model, values)
+        return solve_in_either_order(model, values)
     except ConvergenceError as reason:
         loose = reason.reached == 0.0 and any(model.bodies[n].solid.is_2d for n in model.solids)
         flat = (
@@ -449,15 +456,15 @@ def by_steps(model: Model, values: Mapping[str, float]) -> Configuration:
         ) from reason
 
 
-def judged(found: Configuration) -> Configuration:
+def with_error_indicator(found: Configuration) -> Configuration:
     """The configuration with its error estimate, and a doubt where a basis was no longer successful."""
     model = found.model
-    estimate, step = indicator(model, found.motion, model.targets(found.targets), found.load_factor)
+    estimate, step = error_indicator(model, found.motion, model.targets(found.targets), found.load_factor)
     # the last step is the one that says whether it converged
     found = replace(found, method_error=estimate, steps=(*found.steps[:-1], step, found.steps[-1]))
     if estimate.relative <= SUCCESSFUL:
         return found
-    name, stroke, turn = furthest(model, found.motion)
+    name, stroke, turn = most_bent_body(model, found.motion)
     said = f"{100 * estimate.relative:.2g} %" if math.isfinite(estimate.relative) else "beyond measure"
     if name in model.solids:
         where = (

@@ -11,7 +11,7 @@ from ksd.properties.printing import empty_table as _table
 from ksd.properties.printing import format_number, format_signed_percent
 from ksd.properties.strength import LAW_ERROR_PER_STRAIN, WARNING_STRAIN
 from ksd.solve.answer import as_dict
-from ksd.solve.steps import FAST, RTOL, percent
+from ksd.solve.steps import FAST_METHODS, RTOL, percent
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
@@ -24,7 +24,7 @@ _STOPS = {
     "diverged": "residual over eps_max",
     "not_finite": "numbers overflowed",
 }
-LITTLE = 1e-3
+NEGLIGIBLE_CHANGE = 1e-3
 """Percent below which the weight of an effect is none."""
 EFFECTS = {"plate": "plate stiffening", "warping": "restrained warping"}
 _UNITS = {
@@ -123,7 +123,11 @@ def error_sentence(d: dict[str, Any]) -> str:
         return "Error: not estimated"
     if error is None:
         return "Error: not known, it is not solved"
-    if error["relative_percent"] is None and error["mesh_percent"] is None and d["method"] not in FAST:
+    if (
+        error["relative_percent"] is None
+        and error["mesh_percent"] is None
+        and d["method"] not in FAST_METHODS
+    ):
         return "Estimated error: not known, a finer mesh has no equilibrium next to this one"
     if error["relative_percent"] is None:
         return "Estimated error: not known, corrector steps grow; do not use this result"
@@ -133,7 +137,9 @@ def error_sentence(d: dict[str, Any]) -> str:
     if error["mesh_percent"] is not None:
         share = percent(0.01 * error["mesh_percent"])
         mesh = (
-            f"of which mesh {share} %" if d["method"] in FAST or d["basis"] is not None else "all of it mesh"
+            f"of which mesh {share} %"
+            if d["method"] in FAST_METHODS or d["basis"] is not None
+            else "all of it mesh"
         )
     within = f" (links within {shift} um and {turn} mrad)" if error["relative_percent"] > 100 * RTOL else ""
     strain = (d["strength"] or {}).get("largest_strain_percent") or 0.0
@@ -149,7 +155,7 @@ def _missing(left_out: dict[str, dict[str, float | None]]) -> list[str]:
         weights = [
             f"{what.removesuffix('_percent').replace('_', ' ')} {format_signed_percent(value)} %"
             for what, value in changes.items()
-            if value is not None and abs(value) >= LITTLE
+            if value is not None and abs(value) >= NEGLIGIBLE_CHANGE
         ]
         said.append(f"{EFFECTS[name]} ({', '.join(weights) or 'changes nothing here'})")
     return [f"Not in the model: {', '.join(said)}"] if said else []

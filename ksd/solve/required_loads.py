@@ -33,8 +33,8 @@ from ksd.scene.mechanism import Mechanism
 from ksd.scene.scene import Scene
 from ksd.solve.actuation import Actuation
 from ksd.solve.configuration import Configuration
-from ksd.solve.solver import DEFAULT_ACCURACY, MOST_RISES, Solver, prepare
-from ksd.solve.verdict import is_solved, solved
+from ksd.solve.solver import DEFAULT_ACCURACY, MAX_RISES, Solver, prepare
+from ksd.solve.verdict import is_solved, solved_verdict
 
 Array = NDArray[np.float64]
 Wanted = dict[int, tuple[Array, Array]]
@@ -124,15 +124,17 @@ def required_loads(
     else:
         pose = _held_pose(solver, model, wanted, method or "conventional")
         # as finely as `solve` would
-        for _ in range(MOST_RISES):
-            share, _, axis, _ = pose.resolution
+        for _ in range(MAX_RISES):
+            share, _, axis, _ = pose.mesh_adequacy
             if share <= DEFAULT_ACCURACY or mesh is not None or isinstance(mechanism, Solver):
                 break
             solver = prepare(mechanism, mesh=raised(model.mesh, axis))
             model = solver.constant[0] if method == "constant" else solver.model
             pose = _held_pose(solver, model, wanted, method or "conventional")
         if not is_solved(pose):
-            raise TrustError(f"poses: what is found there is {solved(pose)}", reached=1.0, result=pose)
+            raise TrustError(
+                f"poses: what is found there is {solved_verdict(pose)}", reached=1.0, result=pose
+            )
         if method != "constant" and model.mesh.plate:
             # the plate factors belong to how much the leaf springs are bent there
             bent = {n: leaf.condition for n, leaf in pose.model.scene.leaf_names().items() if leaf.condition}

@@ -24,7 +24,7 @@ from ksd.properties.tangent import assemble_tangent, factor_tangent
 from ksd.scene.load import Load
 from ksd.solve.load_steps import LoadPath, as_step, follow_load_path, stop_sentence
 from ksd.solve.steps import Stop
-from ksd.solve.storage import storage_of
+from ksd.solve.storage import thread_storage
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
@@ -55,7 +55,7 @@ def sensitivity(
     this one is not found, KinematicsError where rounding leaves no four digits of how far the two lie apart.
     """
     name = getattr(link, "name", link)
-    model, state = pose.insides
+    model, state = pose.unreduced_state
     scene = model.said or model.scene
     if name not in scene.links:
         raise SceneError(
@@ -103,12 +103,12 @@ def _beside(pose: Configuration, loaded: Model, state: Motion) -> Configuration:
     """The equilibrium of the loaded model next to `state`, drives as they are."""
     target, clock = loaded.targets(pose.targets), Stopwatch()
     driven, how, motion, doubts = follow_load_path(
-        storage_of(loaded), state, LoadPath(target, target, (1.0, 1.0), rtol=RTOL), from_rest=False, planar=False
+        thread_storage(loaded), state, LoadPath(target, target, (1.0, 1.0), rtol=RTOL), from_rest=False, planar=False
     )  # fmt: skip
     found = replace(
-        pose, model=loaded, motion=motion, method="conventional", method_error=None, chosen=False, load_factor=1.0,
-        steps=(as_step(driven, how, clock()),), negatives=driven.negatives, expected=len(target), doubts=doubts,
-        joint_motions=None, notes=(), intended=False,
+        pose, model=loaded, motion=motion, method="conventional", method_error=None, method_was_chosen=False,
+        load_factor=1.0, steps=(as_step(driven, how, clock()),), negatives=driven.negatives, expected_negatives=len(target),
+        doubts=doubts, joint_motions=None, notes=(), joints_near_intended=False,
     )  # fmt: skip
     if driven.stop is not Stop.CONVERGED:
         raise ConvergenceError(

@@ -27,22 +27,22 @@ from ksd.model.plane import Plane, plane_of
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.scene import Scene
 from ksd.solve.actuation import Actuation, RequiredForces
-from ksd.solve.ahead import compile_ahead
 from ksd.solve.configuration import Configuration
-from ksd.solve.conventional import by_load_steps, conventional
-from ksd.solve.estimate import relative_error
-from ksd.solve.five import FiveSteps
-from ksd.solve.full_bodies import indicator
-from ksd.solve.joint_motions import JointReader
-from ksd.solve.plates import settled
-from ksd.solve.reduced_bodies import ReducedBodies, by_steps, has_solids, judged
-from ksd.solve.storage import Storage
+from ksd.solve.conventional import solve_conventional, solve_in_either_order
+from ksd.solve.five_step_solver import FiveStepSolver
+from ksd.solve.full_bodies import error_indicator
+from ksd.solve.joint_motions import JointMotionReader
+from ksd.solve.method_error import relative_error
+from ksd.solve.plate_stiffening import solve_with_plate_factors
+from ksd.solve.precompile import start_precompiling
+from ksd.solve.reduced_bodies import ReducedBodies, has_solids, solve_by_steps, with_error_indicator
+from ksd.solve.storage import NewtonStorage
 from ksd.solve.verdict import (
-    insist,
-    load_step_check,
-    mesh_check,
+    compare_with_load_steps,
     needs_load_step_check,
-    solved,
+    require_solved,
+    solved_verdict,
+    with_mesh_check,
 )
 
 Basis = ModalBasis | Mapping[str, ModalBasis | SolidBasis]
@@ -50,10 +50,10 @@ Basis = ModalBasis | Mapping[str, ModalBasis | SolidBasis]
 Method = Literal["kinematic", "reduced", "full", "conventional", "modal", "constant"]
 METHODS = ("kinematic", "reduced", "full", "conventional", "modal", "constant")
 DEFAULT_ACCURACY = 1e-3
-MOST_RISES = 5
+MAX_RISES = 5
 """How often `solve` raises the orders of the strain-mode leaves when their highest modes are not negligible."""
 COMPILED = "mesh and effects are chosen when a model is compiled: pass them to ksd.compile_scene"
-KEPT = 16
+MAX_SOLVERS = 16
 """Solvers that `solve` keeps."""
 _recent: OrderedDict[tuple[Any, ...], Solver] = OrderedDict()
 _turn = threading.Lock()
@@ -130,7 +130,7 @@ def solve(
     ):
         boolean(given, word)
     if isinstance(mechanism, Model):
-        refuse_unknown(drives, mechanism.drive_names, solve)
+        refuse_unknown_drives(drives, mechanism.drive_names, solve)
         made = Solver(
             mechanism, mesh=mesh, extrapolate=extrapolate, basis=basis, planar=planar, effects=effects, with_=with_,
             without=without,
@@ -145,27 +145,27 @@ def solve(
         )
     scene = mechanism.scene() if hasattr(mechanism, "scene") else mechanism
     if hasattr(scene, "drives"):
-        refuse_unknown(drives, (d.name for d in scene.drives), solve)
-    wanted = DEFAULT_ACCURACY if accuracy is None else wanted_accuracy(accuracy)
+        refuse_unknown_drives(drives, (d.name for d in scene.drives), solve)
+    wanted = DEFAULT_ACCURACY if accuracy is None else checked_accuracy(accuracy)
     grid = mesh if mesh is not None else (DEFAULT_MESH if accuracy is None else mesh_for(wanted))
     words: dict[str, Any] = {
         "extrapolate": extrapolate, "effects": effects, "with_": with_, "without": without, "basis": basis,
         "planar": planar,
     }  # fmt: skip
-    for rise in range(MOST_RISES + 1):
+    for rise in range(MAX_RISES + 1):
         solver = _recent_solver(scene, grid, words)
         found = solver.answer(
             values, method=method, accuracy=wanted, relinearisations=relinearisations, estimate=estimate
         )
         # judged on the mesh it ends on: on a coarse one a state may be unstable, or its way branch, that is neither
-        share, _, axis, _ = found.resolution
+        share, _, axis, _ = found.mesh_adequacy
         if share <= wanted:
-            return insist(found) if strict else found
-        if mesh is not None or rise == MOST_RISES:
+            return require_solved(found) if strict else found
+        if mesh is not None or rise == MAX_RISES:
             break
         grid = raised(grid, axis)
-    found = mesh_check(found, wanted)
-    return insist(found) if strict else found
+    found = with_mesh_check(found, wanted)
+    return require_solved(found) if strict else found
 
 
 class Solver:
@@ -191,37 +191,37 @@ class Solver:
         without: str | Iterable[str] = (),
         accuracy: float | None = None,
     ) -> None:
-        compile_ahead()
+        start_precompiling()
         if not isinstance(mechanism, Model):
             mechanism = compile_scene(mechanism, mesh=mesh, effects=effects, with_=with_, without=without)
         elif mesh is not None or effects != "auto" or with_ or without:
             raise SceneError(COMPILED)
         self.model: Model = mechanism
         self.records, self.extrapolate, self.planar = records, extrapolate, boolean(planar, "planar")
-        self.basis, self.accuracy = basis, wanted_accuracy(accuracy)
+        self.basis, self.accuracy = basis, checked_accuracy(accuracy)
         self._drives = frozenset(mechanism.drive_names)
         self._reduced: dict[bool, ReducedBodies] = {}
-        self._joints = JointReader(mechanism, records, extrapolate)
+        self._joints = JointMotionReader(mechanism, records, extrapolate)
         self.lock = threading.RLock()
 
     @cached_property
-    def five_steps(self) -> FiveSteps:
+    def five_steps(self) -> FiveStepSolver:
         """The five steps, prepared on first use. Raises RecordError, RangeError, KinematicsError, SceneError."""
         bodies = joint_bodies(self.model, self.records, extrapolate=self.extrapolate)
-        return FiveSteps(self.model, bodies, extrapolate=self.extrapolate)
+        return FiveStepSolver(self.model, bodies, extrapolate=self.extrapolate)
 
     @property
     def in_plane(self) -> Literal["auto", False]:
-        """Word `planar` of `conventional`: "auto", or never."""
+        """Word `planar` of `solve_conventional`: "auto", or never."""
         return "auto" if self.planar else False
 
     def __repr__(self) -> str:
         return f"<Solver of {self.model!r}>"
 
     @cached_property
-    def storage(self) -> Storage:
+    def storage(self) -> NewtonStorage:
         """Storage of the conventional solver, prepared on first use."""
-        return Storage(self.model)
+        return NewtonStorage(self.model)
 
     def of(self, model: Model) -> Solver:
         """A solver of another model of the same scene, with the options of this one."""
@@ -247,15 +247,15 @@ class Solver:
         leaf that is not resolved at all is refused.
         """
         if not drives.keys() <= self._drives:
-            refuse_unknown(drives, self.model.drive_names, self.__call__)
+            refuse_unknown_drives(drives, self.model.drive_names, self.__call__)
         values = drives if targets is None else given_values(targets, drives)
         boolean(strict, "strict")
-        wanted = self.accuracy if accuracy is None else wanted_accuracy(accuracy)
+        wanted = self.accuracy if accuracy is None else checked_accuracy(accuracy)
         found = self.answer(
             values, method=method, accuracy=wanted, relinearisations=relinearisations, estimate=estimate
         )
-        found = mesh_check(found, wanted)
-        return insist(found) if strict else found
+        found = with_mesh_check(found, wanted)
+        return require_solved(found) if strict else found
 
     def answer(
         self,
@@ -274,14 +274,14 @@ class Solver:
                     return self._by_constant_leaves(values, estimate)
                 if self._has_bodies():
                     return self._of_bodies(values, method, relinearisations, estimate)
-                found, used = settled(
+                found, used = solve_with_plate_factors(
                     self,
                     lambda s: s._solve(values, method, accuracy, relinearisations, estimate),
                     0.1 * accuracy,
                 )
                 if method is None or not needs_load_step_check(found):
                     return found
-                against, other = load_step_check(found, lambda: used._by_load_steps(values))
+                against, other = compare_with_load_steps(found, lambda: used._by_load_steps(values))
                 error = found.method_error
                 if error is not None and other is not None:
                     # the distance to the exact state is the error, no longer an estimate of it
@@ -295,10 +295,10 @@ class Solver:
             raise
 
     @cached_property
-    def constant(self) -> tuple[Model, Storage]:
+    def constant(self) -> tuple[Model, NewtonStorage]:
         """The model with leaf springs of constant stiffness, and what its solves write into."""
         model = with_constant_leaves(self.model)
-        return model, Storage(model)
+        return model, NewtonStorage(model)
 
     def required_forces(self, displacement: ArrayLike, rotation: ArrayLike) -> RequiredForces:
         """The forces of drives and supports that hold all links in wanted poses, leaf springs of constant stiffness: the
@@ -321,12 +321,12 @@ class Solver:
     def _by_constant_leaves(self, values: Mapping[str, float], estimate: bool) -> Configuration:
         """The mechanism with leaf springs of constant stiffness; its error by corrector steps of the full model."""
         model, storage = self.constant
-        found = by_load_steps(
+        found = solve_in_either_order(
             model, values, storage=storage, planar=self.in_plane, joints=self._joints, method="constant"
         )
         if not estimate:
             return found
-        error, step = indicator(
+        error, step = error_indicator(
             model, found.motion, model.targets(found.targets), found.load_factor, negatives=found.negatives
         )
         return replace(found, method_error=error, steps=(*found.steps[:-1], step, found.steps[-1]))
@@ -345,7 +345,7 @@ class Solver:
                 "'conventional'"
             )
         if self.model.bodies:
-            found = by_steps(self.model, values)
+            found = solve_by_steps(self.model, values)
         else:
             condensing = method == "modal"
             if condensing not in self._reduced:
@@ -354,7 +354,7 @@ class Solver:
                 )  # fmt: skip
             found = self._reduced[condensing](values, relinearisations=relinearisations)
         found = replace(found, method=method or "conventional")
-        return judged(found) if estimate else found
+        return with_error_indicator(found) if estimate else found
 
     def _solve(
         self,
@@ -383,7 +383,7 @@ class Solver:
         """
         try:
             if self.planar and isinstance(plane_of(self.model), Plane):
-                found = conventional(
+                found = solve_conventional(
                     self.model,
                     values,
                     planar=True,
@@ -404,10 +404,10 @@ class Solver:
                     values, target, method="reduced", relinearisations=relinearisations, estimate=True
                 )
                 own = result.method_error
-                if own is not None and own.relative <= accuracy and solved(result):
-                    return self._with_load_step_check(replace(result, chosen=True), values)
+                if own is not None and own.relative <= accuracy and solved_verdict(result):
+                    return self._with_load_step_check(replace(result, method_was_chosen=True), values)
             found = self.five_steps(values, target, method="full", relinearisations=1, estimate=False)
-            verdict = solved(found)
+            verdict = solved_verdict(found)
             if verdict:
                 return self._with_load_step_check(found, values)
             raise ConvergenceError(str(verdict))
@@ -425,7 +425,7 @@ class Solver:
         """An answer of the five steps, or that of load steps where loads are large and it is another."""
         if not needs_load_step_check(found):
             return found
-        against, other = load_step_check(found, lambda: self._by_load_steps(values))
+        against, other = compare_with_load_steps(found, lambda: self._by_load_steps(values))
         if not against:
             return found
         if other is None:
@@ -436,7 +436,7 @@ class Solver:
 
     def _by_load_steps(self, values: Mapping[str, float]) -> Configuration:
         """The conventional solver, in the fixed order of its ways."""
-        return by_load_steps(
+        return solve_in_either_order(
             self.model, values, storage=self.storage, planar=self.in_plane, joints=self._joints
         )
 
@@ -468,7 +468,7 @@ def given_values(targets: Any, drives: Mapping[str, float]) -> dict[str, float]:
     return {**said, **drives}
 
 
-def refuse_unknown(given: Iterable[str], drives: Iterable[str], call: Callable[..., Any]) -> None:
+def refuse_unknown_drives(given: Iterable[str], drives: Iterable[str], call: Callable[..., Any]) -> None:
     """Raise SceneError for the first word `given` that is neither a drive nor an option of `call`, with the nearest ones."""
     known = tuple(drives)
     if set(given) <= set(known):
@@ -482,7 +482,7 @@ def refuse_unknown(given: Iterable[str], drives: Iterable[str], call: Callable[.
             )
 
 
-def wanted_accuracy(value: float | None) -> float:
+def checked_accuracy(value: float | None) -> float:
     """The relative accuracy asked for, DEFAULT_ACCURACY where none is. Raises SceneError for what is none."""
     accuracy = DEFAULT_ACCURACY if value is None else number(value, "accuracy")
     if not 0.0 < accuracy < 1.0:
@@ -504,6 +504,6 @@ def _recent_solver(scene: Any, mesh: Mesh, words: dict[str, Any]) -> Solver:
     made = Solver(scene, mesh=mesh, **words)
     with _turn:
         _recent[key] = made
-        while len(_recent) > KEPT:
+        while len(_recent) > MAX_SOLVERS:
             _recent.popitem(last=False)
     return made

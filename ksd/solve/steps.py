@@ -1,4 +1,4 @@
-"""What a solve writes down: its steps, why each stopped, error estimates; and the bounds it works to."""
+"""The record of a solve: steps, stop reasons, error estimate and verdict; and the tolerances of the Newton iterations."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 RTOL = 1e-8
-"""Residual of a node over the sum of the element forces on it (design section 5)."""
-CAP = 0.3
-"""Largest rotation [rad] of a node in one iteration after the predictor."""
+"""Residual of a node, relative to the sum of the element forces on it, at which Newton has converged."""
+MAX_TURN_PER_STEP = 0.3
+"""Largest rotation [rad] of a node in one Newton iteration after the predictor."""
 
 
 class Stop(IntEnum):
-    """Stop reasons of the compiled solvers; the numbers are those the kernels return."""
+    """Stop reasons of the compiled solvers; the numbers are those that the kernels return."""
 
     CONVERGED = 0
     TOO_MANY = 1
@@ -27,7 +27,7 @@ class Stop(IntEnum):
 
     @property
     def sentence(self) -> str:
-        """The reason in words."""
+        """The reason as a sentence."""
         return _SENTENCES[self]
 
 
@@ -43,7 +43,11 @@ _SENTENCES = {
 
 
 class Step(NamedTuple):
-    """One step of a solve: name, Newton iterations (factorisations), thread time [s], residual over its bound, reason."""
+    """One step of a solve.
+
+    iterations: Newton iterations (factorisations); time: thread time [s]; residual: largest residual over its bound (of step
+    1: largest loop gap [m]); stop: stop reason; note: remark printed with the step.
+    """
 
     name: str
     iterations: int
@@ -54,7 +58,7 @@ class Step(NamedTuple):
 
     @property
     def reason(self) -> str:
-        """Why it stopped, a sentence that fits its residual."""
+        """Why the step stopped, in one sentence."""
         if self.stop != Stop.CONVERGED:
             return Stop(self.stop).sentence
         if self.name.startswith("1 "):
@@ -69,17 +73,18 @@ class Step(NamedTuple):
         )
 
 
-FAST = ("kinematic", "reduced", "modal", "constant")
+FAST_METHODS = ("kinematic", "reduced", "modal", "constant")
 """Methods whose states are not equilibria of the full model."""
 
 
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """Estimated error of an answer: what a fast method adds, by corrector steps of the full model, or all of it.
+    """Estimated error of a result: that of a fast method, by corrector steps of the full model, or the total error.
 
-    force (drives,): N or Nm; displacement [m] and rotation [rad]: largest of any link; relative: the larger of force error
-    over force and displacement error over displacement; mesh: that of the mesh alone, relative alike, 0 where it was not
-    looked at. All inf where it is not known: corrector steps grow, or there is no equilibrium on a finer mesh.
+    force (drives,): error of the drive forces [N or Nm]; displacement [m], rotation [rad]: largest error of any link;
+    relative: the larger of force error over force and displacement error over displacement; mesh: the same of the mesh
+    alone, 0 where it was not estimated. All are inf where the error is not known: corrector steps grow, or no equilibrium is
+    found on a finer mesh.
     """
 
     force: np.ndarray
@@ -93,39 +98,72 @@ class ErrorEstimate:
             return "not known"
         if self.relative <= RTOL:
             return f"{percent(self.relative)} %"
-        links = f"links within {_two(1e6 * self.displacement)} um and {_two(1e3 * self.rotation)} mrad"
+        links = f"links within {_two_digits(1e6 * self.displacement)} um and {_two_digits(1e3 * self.rotation)} mrad"
         of_mesh = f", of which mesh {percent(self.mesh)} %" if self.mesh > 0.0 else ""
         return f"{percent(self.relative)} %{of_mesh} ({links})"
 
 
 def percent(error: float) -> str:
-    """A relative error in percent; the bound of a residual where it is less, and cannot be seen."""
-    return _two(100 * error) if error > RTOL else f"under {100 * RTOL:.0e}"
+    """A relative error in percent; below the tolerance RTOL of the residual, "under" that tolerance."""
+    return _two_digits(100 * error) if error > RTOL else f"under {100 * RTOL:.0e}"
 
 
-def _two(value: float) -> str:
-    """Two digits, or without an exponent where it is large."""
+def _two_digits(value: float) -> str:
+    """A number with two significant digits, without an exponent where it is large."""
     return f"{value:.2g}" if value < 99.5 else f"{value:.0f}"
 
 
-_NAMES = ("1 close loops", "2 joint stiffness", "3 reduced equilibrium", "4 recovery")
+@dataclass(frozen=True)
+class Verdict:
+    """Yes or no, and why in one sentence."""
+
+    yes: bool
+    sentence: str
+
+    def __bool__(self) -> bool:
+        return self.yes
+
+    def __str__(self) -> str:
+        return self.sentence
+
+
+_STEP_NAMES = ("1 close loops", "2 joint stiffness", "3 reduced equilibrium", "4 recovery")
+
+
+class StepRow(NamedTuple):
+    """Numbers of one of the five steps: stop reason, iterations, residual over its bound (step 1: loop gap [m]; step 4:
+    largest unintended displacement [m]), thread time [s], and largest unintended rotation [rad] (step 4)."""
+
+    stop: int
+    iterations: int
+    residual: float
+    time: float
+    rotation: float = 0.0
 
 
 class FiveStepRecord(Sequence[Step]):
-    """What the five steps wrote down, one row per step, as `Step`s; a row is put in words when it is looked at.
+    """The steps of a solve by the five-step method; each row is made a `Step` when it is read.
 
-    rows: see `ksd.solve.space_steps.Rows`; relinearisations: rounds after the first. first: step 1 where it was done apart,
-    without a row; more: steps after the five, put there when they are done.
+    rows: one for each step, in order; relinearisations: relinearisation steps. closing_step: step 1 where it was solved
+    along the drive, for which `rows` has no row; later_steps: steps after the five, assigned when they are done.
     """
 
-    def __init__(self, rows: list[list[float]], relinearisations: int, *, first: Step | None = None) -> None:
-        # a row that `_step` leaves alone
-        alone = [] if first is None else [[0.0, first.iterations, first.residual, first.time, 0.0]]
-        self.rows, self.relinearisations, self.first = [*alone, *rows], relinearisations, first
-        self.more: tuple[Step, ...] = ()
+    def __init__(
+        self, rows: list[StepRow], relinearisations: int, *, closing_step: Step | None = None
+    ) -> None:
+        # a placeholder, for which `_step` returns `closing_step`
+        first = closing_step and [
+            StepRow(0, closing_step.iterations, closing_step.residual, closing_step.time)
+        ]
+        self.rows, self.relinearisations, self.closing_step = (
+            [*(first or []), *rows],
+            relinearisations,
+            closing_step,
+        )
+        self.later_steps: tuple[Step, ...] = ()
 
     def __len__(self) -> int:
-        return len(self.rows) + len(self.more)
+        return len(self.rows) + len(self.later_steps)
 
     def __getitem__(self, k: Any) -> Any:
         if isinstance(k, slice):
@@ -144,25 +182,25 @@ class FiveStepRecord(Sequence[Step]):
         return repr(self[:])
 
     @property
-    def last(self) -> Stop:
-        """Why the last step stopped."""
-        if self.more:
-            return self.more[-1].stop
-        return Stop.CONVERGED if self.rows[-1][0] == 0.0 else Stop(int(self.rows[-1][0]))
+    def last_stop(self) -> Stop:
+        """Stop reason of the last step."""
+        return self.later_steps[-1].stop if self.later_steps else Stop(self.rows[-1].stop)
 
-    def wandered(self, most: int) -> bool:
-        """Whether an equilibrium took more than `most` iterations."""
-        return max([row[1] for row in self.rows]) > most
+    def exceeded_iterations(self, limit: int) -> bool:
+        """Whether any of the five steps took more than `limit` iterations."""
+        return max([row.iterations for row in self.rows]) > limit
 
     def _step(self, k: int) -> Step:
         if k >= len(self.rows):
-            return self.more[k - len(self.rows)]
-        if k == 0 and self.first is not None:
-            return self.first
-        reason, count, residual, spent, twist = self.rows[k]
+            return self.later_steps[k - len(self.rows)]
+        if k == 0 and self.closing_step is not None:
+            return self.closing_step
+        row = self.rows[k]
         kind = 0 if k == 0 else 1 + (k - 1) % 3
-        name = _NAMES[kind] if k <= 3 * (self.relinearisations + 1) else "5 full equilibrium"
-        note = f"gap {residual:.1e} m" if kind == 0 else ""
-        if name is _NAMES[3]:
-            note, residual = f"moved {residual:.1e} m, {twist:.1e} rad", 0.0
-        return Step(name, int(count), spent, residual, Stop(int(reason)), note)
+        name = _STEP_NAMES[kind] if k <= 3 * (self.relinearisations + 1) else "5 full equilibrium"
+        residual, note = row.residual, ""
+        if name is _STEP_NAMES[0]:
+            note = f"gap {residual:.1e} m"
+        elif name is _STEP_NAMES[3]:
+            note, residual = f"moved {residual:.1e} m, {row.rotation:.1e} rad", 0.0
+        return Step(name, int(row.iterations), row.time, residual, Stop(row.stop), note)

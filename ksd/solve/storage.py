@@ -12,7 +12,7 @@ from ksd.model.newton import Newton, iterate, look
 from ksd.model.plane import Plane
 
 
-class Storage:
+class NewtonStorage:
     """What the Newton of one model writes into, in space and in its plane. Not for two threads at once."""
 
     def __init__(self, model: Model) -> None:
@@ -38,17 +38,17 @@ class Storage:
         return self._planar
 
 
-KEPT = 4
-"""Storages that `storage_of` keeps in each thread."""
+MAX_STORAGES = 4
+"""Storages that `thread_storage` keeps in each thread."""
 _kept = threading.local()
 
 
-def storage_of(model: Model) -> Storage:
+def thread_storage(model: Model) -> NewtonStorage:
     """Storage of `model` for this thread, that of the last call where the model is one of the last few."""
-    recent: dict[int, Storage] = _kept.__dict__.setdefault("recent", {})
+    recent: dict[int, NewtonStorage] = _kept.__dict__.setdefault("recent", {})
     # a storage holds its model, so the number is not given to another meanwhile
-    found = recent.pop(id(model), None) or Storage(model)
+    found = recent.pop(id(model), None) or NewtonStorage(model)
     recent[id(model)] = found
-    while len(recent) > KEPT:
+    while len(recent) > MAX_STORAGES:
         del recent[next(iter(recent))]
     return found

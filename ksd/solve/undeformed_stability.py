@@ -17,7 +17,7 @@ from ksd.properties.cache import cached_per_model
 from ksd.properties.forces import energy_of_one_spring
 from ksd.properties.printing import axis_in_words, describe_node_motion, node_travel
 from ksd.properties.tangent import assemble_tangent, row_gradients
-from ksd.solve.steps import CAP, RTOL, Stop
+from ksd.solve.steps import MAX_TURN_PER_STEP, RTOL, Stop
 
 Array = NDArray[np.float64]
 FREE = 1e-15
@@ -54,7 +54,7 @@ def _unstable(model: Model, causes: tuple[str, ...], factor: float) -> tuple[Und
     """See `undeformed_instability`; loads times factor."""
     motion, held = model.rest.copy(), np.zeros(len(model.arrays.terms.start))
     stop, *_ = iterate(
-        model.arrays, motion, held, factor, make_work(model.arrays), RTOL, PASSES, CAP, math.inf
+        model.arrays, motion, held, factor, make_work(model.arrays), RTOL, PASSES, MAX_TURN_PER_STEP, math.inf
     )
     moved = np.abs(motion.x - model.rest.x).max(initial=0.0)
     if Stop(stop) is not Stop.CONVERGED or not moved < NEXT * model.arrays.size:

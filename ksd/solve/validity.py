@@ -21,24 +21,24 @@ from ksd.model.constant import is_constant
 from ksd.model.reduced import inner_state, member_pose
 from ksd.properties.shape import scene_leaves
 from ksd.scene.mechanism import Mechanism
-from ksd.solve.full_bodies import indicator
+from ksd.solve.full_bodies import error_indicator
 from ksd.solve.load_steps import LoadPath, follow_load_path
 from ksd.solve.steps import Stop
-from ksd.solve.storage import Storage
+from ksd.solve.storage import NewtonStorage
 
-WAYS = ("across", "guided", "turned")
+BENDING_MODES = ("across", "guided", "turned")
 """Tip driven across, across without turning, and turned."""
-FAR = {"across": 0.6, "guided": 0.6, "turned": np.deg2rad(75.0)}
+MAX_TRIED = {"across": 0.6, "guided": 0.6, "turned": np.deg2rad(75.0)}
 """As far as is tried: strokes over the length, and a rotation [rad]."""
 STEPS, HALVINGS = 8, 4
 
 
 @dataclass(frozen=True)
 class Validity:
-    """How far the basis of `leaf`, a leaf or a solid as `word` says, stays within `error`, by way of bending (`WAYS`).
+    """Range in which the basis of a modal leaf or reduced solid stays within a relative `error`, by bending mode.
 
-    stroke: displacement of its end over its length; turn: largest rotation [rad] against its chord (of a solid: of face B);
-    beyond: ways in which the limit lies further than was tried (`FAR`).
+    leaf: its name; word: "leaf" or "solid"; stroke: displacement of its end over its length; turn: largest rotation [rad]
+    against its chord (of a solid: of face B); beyond: bending modes whose limit lies beyond what was tried (`MAX_TRIED`).
     """
 
     leaf: str
@@ -90,8 +90,8 @@ def _limit(model: Model, name: str, way: str, error: float) -> tuple[float, floa
     else:
         mesh = replace(model.mesh, leaf="corotational", elements=body.choices.elements)
         model = with_modal_bodies(compile_given(_alone(leaf, way, flat=False).scene(), mesh), body.choices)
-    size = FAR[way] * (1.0 if way == "turned" else leaf.length)
-    good, start, storage = (0.0, 0.0), (model.targets({"way": 0.0}), model.rest), Storage(model)
+    size = MAX_TRIED[way] * (1.0 if way == "turned" else leaf.length)
+    good, start, storage = (0.0, 0.0), (model.targets({"way": 0.0}), model.rest), NewtonStorage(model)
 
     def tried(share: float) -> tuple[Any, tuple[float, float] | None]:
         target = model.targets({"way": share * size})
@@ -101,8 +101,8 @@ def _limit(model: Model, name: str, way: str, error: float) -> tuple[float, floa
         )
         if driven.stop is not Stop.CONVERGED:
             return None, None
-        estimate, _ = indicator(model, motion, target)
-        _, stroke, turn = furthest(model, motion)
+        estimate, _ = error_indicator(model, motion, target)
+        _, stroke, turn = most_bent_body(model, motion)
         return (target, motion), (stroke, turn) if estimate.relative <= error else None
 
     low, high = 0.0, 1.0
@@ -142,7 +142,7 @@ def validity(model: Model, *, leaf: str | None = None, error: float = 0.01) -> V
     key = "validity", name, error
     if key not in model.derived:
         # the face of a guided solid does not turn
-        ways = [way for way in WAYS if way != "guided" or name not in model.solids]
+        ways = [way for way in BENDING_MODES if way != "guided" or name not in model.solids]
         found = {way: _limit(model, name, way, error) for way in ways}
         stroke, turn = ({way: f[k] for way, f in found.items()} for k in (0, 1))
         beyond = tuple(way for way in ways if found[way][2])
@@ -151,7 +151,7 @@ def validity(model: Model, *, leaf: str | None = None, error: float = 0.01) -> V
 
 
 @dataclass(frozen=True)
-class Carried:
+class BasisUse:
     """The reduced body bent furthest in a state, and how far its basis is good.
 
     name: of the leaf or solid; coordinates: independent ones of its basis, condition: of their columns; stroke: displacement
@@ -169,21 +169,21 @@ class Carried:
     most_turn: float
 
 
-def carried(model: Model, motion: Motion) -> Carried | None:
+def basis_use(model: Model, motion: Motion) -> BasisUse | None:
     """What an answer of reduced bodies says of its bases; None where there are none."""
     if not model.bodies or is_constant(model):
         return None
-    name, stroke, turn = furthest(model, motion)
+    name, stroke, turn = most_bent_body(model, motion)
     body = model.bodies[name]
     size, condition = body.unknowns, body.condition
     if body.trained:
-        return Carried(name, size, condition, stroke, turn, math.nan, math.nan, math.nan)
+        return BasisUse(name, size, condition, stroke, turn, math.nan, math.nan, math.nan)
     found = validity(model, leaf=name)
     limits = min(found.stroke.values()), min(found.turn.values())
-    return Carried(name, size, condition, stroke, turn, found.error, *limits)
+    return BasisUse(name, size, condition, stroke, turn, found.error, *limits)
 
 
-def furthest(model: Model, motion: Motion) -> tuple[str, float, float]:
+def most_bent_body(model: Model, motion: Motion) -> tuple[str, float, float]:
     """The reduced body bent furthest: its name, displacement of its end over its length, and largest rotation [rad] against
     its chord (of a solid: of face B)."""
     worst = ("", 0.0, -1.0)

@@ -1,14 +1,16 @@
-"""Whether an answer can be believed: all that is checked, in this order.
+"""Whether a result can be trusted: all checks of it, in this order.
 
-1. `stable`: a minimum of energy, as far as the inertia of the tangent and the quadrature points of the leaf springs tell.
-2. `intended_branch`: load steps left no doubt (`ksd.solve.load_steps`), every joint is near the motion its record describes.
-3. `load_step_check`: where loads do much of the work, load steps end in the same state as the five steps.
-4. `mesh_check`: the curvature modes of the mesh are enough for the state.
-5. `trained_range`: every joint is within the range its record was trained on.
-6. `solved`: the equations converged, 1 and 2 hold, and the error is smaller than the answer.
-7. `strength`: strain and stress are within what a linear elastic beam and its material allow.
+1. `stability_verdict`: the state is a minimum of energy, judged by the inertia of the tangent and by how far the leaf springs
+   turn per quadrature point.
+2. `branch_verdict`: the load steps left no doubt (`ksd.solve.load_steps`), and every joint is near the motion that its record
+   describes.
+3. `compare_with_load_steps`: where loads do much of the work, load steps end in the same state as the five steps.
+4. `with_mesh_check`: the curvature modes of the mesh suffice for the state.
+5. `check_trained_range`: every joint is within the range its record was trained on.
+6. `solved_verdict`: the equations converged, 1 and 2 hold, and the error is smaller than the result.
+7. `strength_verdict`: strain and stress are within what a linear elastic beam and its material allow.
 
-`judge` puts them into words (`Configuration.trust`); `insist` refuses what is not solved.
+`trust_verdicts` collects the verdicts (`Configuration.trust`); `require_solved` raises TrustError for what is not solved.
 """
 
 from __future__ import annotations
@@ -26,38 +28,24 @@ from ksd.model.mesh import MOST_ORDER
 from ksd.properties.doctor import doctor
 from ksd.properties.printing import format_number
 from ksd.scene.rules import plane_hint
-from ksd.solve.joint_range import FAR_SHIFT, FAR_TURN
+from ksd.solve.joint_range import MAX_UNINTENDED_DISPLACEMENT, MAX_UNINTENDED_ROTATION
 from ksd.solve.load_steps import loads_dominate, state_difference
-from ksd.solve.steps import ErrorEstimate, percent
+from ksd.solve.steps import ErrorEstimate, Verdict, percent
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
-    from ksd.solve.space_steps import FiveStepsStorage
+    from ksd.solve.five_steps import FiveStepsStorage
 
-SLIGHT = 1e-3
+NEGLIGIBLE_DISPLACEMENT = 1e-3
 """Error of a link position, over the size of the mechanism, that is small however small the answer."""
-MOST_GAP = np.deg2rad(60.0)
+MAX_TURN_PER_POINT = np.deg2rad(60.0)
 """Turn of a strain-mode leaf per quadrature point [rad] beyond which its inertia is not to be relied on."""
-EXACT, NEAR = 1e-5, 0.02
+EQUAL_STATE_TOLERANCE, REDUCED_STATE_TOLERANCE = 1e-5, 0.02
 """Largest difference (of positions over the size, of rotations as they are) of equal states: exact, or reduced."""
-UNRESOLVED = 0.05
+MAX_HIGHEST_MODE_SHARE = 0.05
 """Share of the energy of a leaf in its highest mode beyond which its curvature is not resolved at all."""
-UNIMPORTANT = 1e-3
+NEGLIGIBLE_ENERGY_SHARE = 1e-3
 """Share of that mode in the energy of the whole mechanism below which it does not matter."""
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """Yes or no, and why in one sentence."""
-
-    yes: bool
-    sentence: str
-
-    def __bool__(self) -> bool:
-        return self.yes
-
-    def __str__(self) -> str:
-        return self.sentence
 
 
 @dataclass(frozen=True)
@@ -75,17 +63,18 @@ class Trust:
         return "\n".join(name + sentence.removeprefix(name) for name, sentence in said)
 
 
-def stable(c: Configuration) -> Verdict:
+def stability_verdict(c: Configuration) -> Verdict:
     """Whether it is a minimum of energy under the held drives."""
     rolled = _rolled(c)
-    return Verdict(False, f"NOT CERTAIN: {rolled}") if rolled else Verdict(c.stable, stability(c))
+    return Verdict(False, f"NOT CERTAIN: {rolled}") if rolled else Verdict(c.stable, stability_sentence(c))
 
 
-def stability(c: Configuration) -> str:
+def stability_sentence(c: Configuration) -> str:
     """Whether the configuration stays where it is, in words."""
-    surplus = c.negatives - c.expected
-    if c.still is not None and (surplus == 0 or (surplus > 0 and not c.still[0])):
-        return c.still[1]
+    surplus = c.negatives - c.expected_negatives
+    found = c.nonconservative_stability
+    if found is not None and (surplus == 0 or (surplus > 0 and not found)):
+        return found.sentence
     if surplus == 0:
         return "stable: a minimum of energy under the held drives"
     hint = plane_hint(c.model.scene)
@@ -94,7 +83,7 @@ def stability(c: Configuration) -> str:
         ways = "one direction" if surplus == 1 else f"{surplus} directions"
         return f"UNSTABLE: the mechanism would leave this state by itself in {ways}{hint}"
     return (
-        f"NOT CERTAIN: {c.negatives} negative pivots where the drives and supports explain {c.expected}; "
+        f"NOT CERTAIN: {c.negatives} negative pivots where the drives and supports explain {c.expected_negatives}; "
         f"two of them may prescribe the same freedom{hint}"
     )
 
@@ -104,7 +93,7 @@ def _rolled(c: Configuration) -> str:
 
     Two full turns on 7 points counted as a minimum what finer leaf springs and chains of 40 elements know to be a saddle.
     """
-    if c.resolution.turn_per_point < MOST_GAP:
+    if c.mesh_adequacy.turn_per_point < MAX_TURN_PER_POINT:
         return ""
     members, inner, worst = c.model.arrays.members, c.motion.inner, ("", 0.0, 1)
     for i in np.flatnonzero(members.kind == STRAIN).tolist():
@@ -116,11 +105,11 @@ def _rolled(c: Configuration) -> str:
     name, turn, points = worst
     return (
         f"leaf '{name}' turns {np.rad2deg(turn):.0f} degrees from end to end, too much for {points} quadrature points; "
-        f"give a mesh with {int(np.ceil(turn / MOST_GAP)) + 1} or more"
+        f"give a mesh with {int(np.ceil(turn / MAX_TURN_PER_POINT)) + 1} or more"
     )
 
 
-def intended_branch(c: Configuration) -> Verdict:
+def branch_verdict(c: Configuration) -> Verdict:
     """Whether it is the branch that leads here from rest by the intended motions of the joints."""
     if c.doubts:
         return Verdict(False, "another branch is possible: " + "; ".join(c.doubts))
@@ -148,7 +137,9 @@ def _furthest(c: Configuration) -> tuple[str, float, float, float]:
         if not shift < placed.joint.length:
             # the nearest intended motion was not found: nothing is known of this joint
             continue
-        share = max(shift / (FAR_SHIFT * placed.joint.length), turn / FAR_TURN)
+        share = max(
+            shift / (MAX_UNINTENDED_DISPLACEMENT * placed.joint.length), turn / MAX_UNINTENDED_ROTATION
+        )
         if share > worst[1] or not worst[0]:
             worst = (placed.name, share, shift, turn)
     return worst
@@ -162,7 +153,7 @@ def needs_load_step_check(found: Configuration) -> bool:
     return loads_dominate(found.model, found.motion, found.model.targets(found.targets), longest)
 
 
-def load_step_check(
+def compare_with_load_steps(
     found: Configuration, walk: Callable[[], Configuration]
 ) -> tuple[str, Configuration | None]:
     """What load steps say against `found`, nothing if they end in the same state; and their answer where it is trusted."""
@@ -170,14 +161,14 @@ def load_step_check(
         other = walk()
     except ConvergenceError as reason:
         return f"loads do much of the work, and load steps do not confirm it: {reason}", None
-    verdict = solved(other)
+    verdict = solved_verdict(other)
     if not verdict:
         return f"loads do much of the work, and load steps do not confirm it: {verdict}", None
     far = state_difference(found.model, found.motion, other.motion)
     error, size = found.method_error, found.model.arrays.size
     own = 0.0 if error is None else 3.0 * max(error.displacement / size, error.rotation)
     own = own if own < math.inf else 0.0
-    if far <= (EXACT if error is None else max(NEAR, own)):
+    if far <= (EQUAL_STATE_TOLERANCE if error is None else max(REDUCED_STATE_TOLERANCE, own)):
         return "", other
     energy, theirs = (sum(c.strain_energy().values()) for c in (found, other))
     return (
@@ -186,10 +177,10 @@ def load_step_check(
     ), other
 
 
-def mesh_check(found: Configuration, wanted: float) -> Configuration:
+def with_mesh_check(found: Configuration, wanted: float) -> Configuration:
     """The answer, with a warning where a leaf has more than `wanted` of its energy in its highest modes, and a doubt where
     that is much and matters."""
-    share, where, axis, _ = found.resolution
+    share, where, axis, _ = found.mesh_adequacy
     if share <= wanted:
         return found
     more = "raise the orders of the mesh"
@@ -201,14 +192,14 @@ def mesh_check(found: Configuration, wanted: float) -> Configuration:
         f"the curvature modes {found.model.mesh.orders} are few for this state: {more}"
     )
     found = replace(found, notes=(*found.notes, note))
-    if share > UNRESOLVED:
+    if share > MAX_HIGHEST_MODE_SHARE:
         energy = found.strain_energy()
-        if share * energy[where] > UNIMPORTANT * sum(energy.values()):
+        if share * energy[where] > NEGLIGIBLE_ENERGY_SHARE * sum(energy.values()):
             found = replace(found, doubts=(*found.doubts, note))
     return found
 
 
-def trained_range(b: FiveStepsStorage, theta: np.ndarray, *, extrapolate: bool) -> list[str]:
+def check_trained_range(b: FiveStepsStorage, theta: np.ndarray, *, extrapolate: bool) -> list[str]:
     """Refuse motions theta (q,) outside the trained range, or warn when extrapolation was asked for."""
     warnings = []
     for k, (name, value, scale) in enumerate(
@@ -234,18 +225,18 @@ def _spoken_range(name: str, value: float, low: float, high: float, *, scale: fl
 
 
 def is_solved(c: Configuration) -> bool:
-    """Whether it is `solved`, in words only where numbers at hand do not tell."""
-    return _evident(c) or bool(solved(c))
+    """Whether it is `solved_verdict`, in words only where numbers at hand do not tell."""
+    return _evident(c) or bool(solved_verdict(c))
 
 
-def solved(c: Configuration) -> Verdict:
+def solved_verdict(c: Configuration) -> Verdict:
     """Whether the equations are solved, at a minimum and on the branch meant, whatever the leaves are strained by and the
     mesh is off."""
-    return _solved(c, stable(c), intended_branch(c), c.method_error)
+    return _solved(c, stability_verdict(c), branch_verdict(c), c.method_error)
 
 
 def _solved(c: Configuration, minimum: Verdict, branch: Verdict, error: ErrorEstimate | None) -> Verdict:
-    """See `solved`; error: all of it, or what the method adds to that of the mesh."""
+    """See `solved_verdict`; error: all of it, or what the method adds to that of the mesh."""
     if not c.converged:
         return Verdict(False, f"not solved: {c.steps[-1].stop.sentence}")
     if not minimum:
@@ -279,11 +270,11 @@ def _solved(c: Configuration, minimum: Verdict, branch: Verdict, error: ErrorEst
 
 def _worthless(c: Configuration, e: ErrorEstimate) -> bool:
     """Whether the error is larger than the answer, and not only because the answer is next to nothing."""
-    slight = e.displacement <= SLIGHT * c.model.arrays.size and c.method != "constant"
+    slight = e.displacement <= NEGLIGIBLE_DISPLACEMENT * c.model.arrays.size and c.method != "constant"
     return not (e.relative <= 1.0 or slight)
 
 
-def strength(c: Configuration) -> Verdict:
+def strength_verdict(c: Configuration) -> Verdict:
     """Whether a linear elastic beam can be in this state."""
     found = c.strength if c.converged else None
     if found is None:
@@ -291,23 +282,23 @@ def strength(c: Configuration) -> Verdict:
     return Verdict(not found.beyond, "; ".join(filter(None, [str(found), found.beyond])))
 
 
-def judge(c: Configuration) -> Trust:
+def trust_verdicts(c: Configuration) -> Trust:
     """All verdicts on a configuration."""
-    minimum, branch, beam = stable(c), intended_branch(c), strength(c)
+    minimum, branch, beam = stability_verdict(c), branch_verdict(c), strength_verdict(c)
     trusted = _solved(c, minimum, branch, c.error)
     if trusted and not beam and c.strength is not None:
         trusted = Verdict(False, f"not to be trusted: {c.strength.beyond}")
     return Trust(minimum, branch, beam, trusted)
 
 
-def insist(c: Configuration) -> Configuration:
-    """The configuration itself if it is `solved`, else TrustError with the reason; its `result` is `c`.
+def require_solved(c: Configuration) -> Configuration:
+    """The configuration itself if it is `solved_verdict`, else TrustError with the reason; its `result` is `c`.
 
     Strain and stress are not looked at: they would cost a prepared solve more than its Newton steps.
     """
     if _evident(c):
         return c
-    trusted = solved(c)
+    trusted = solved_verdict(c)
     if not trusted:
         minima = f"; {c.minimum}" * bool(c.minimum)
         meant = "".join(f"; {said}" for said in c.far_drives)
@@ -317,9 +308,9 @@ def insist(c: Configuration) -> Configuration:
 
 
 def _evident(c: Configuration) -> bool:
-    """Whether it is `solved`, as far as numbers at hand tell: verdicts are put in words when they are read."""
+    """Whether it is `solved_verdict`, as far as numbers at hand tell: verdicts are put in words when they are read."""
     # the conventional solver does not lean on the records of the joints
-    near = c.intended or c.method in ("conventional", "constant")
+    near = c.joints_near_intended or c.method in ("conventional", "constant")
     at_hand = near and c.stable and not c.doubts and c.converged
     return at_hand and (c.method_error is None or c.method_error.relative <= 1.0) and not _rolled(c)
 

@@ -21,8 +21,8 @@ from ksd.model.compile import Model, compile_given
 from ksd.model.mesh import Mesh as LeafMesh
 from ksd.scene import Joint, Leaf, Mechanism
 from ksd.solve.configuration import Configuration
-from ksd.solve.conventional import conventional
-from ksd.solve.storage import Storage
+from ksd.solve.conventional import solve_conventional
+from ksd.solve.storage import NewtonStorage
 from ksd.train.designs import redraw_joint
 from ksd.train.poses import block_poses
 from ksd.train.stroke_checks import check_clear, check_plane, check_stays_soft, state_phrase
@@ -114,7 +114,7 @@ def _walk(joint: Joint, model: Model, plan: SamplingPlan, mesh: Mesh) -> list[Co
     """Equilibrium at every grid point, each reached from the nearest one solved before, outward from rest."""
     reach = np.array([max(abs(low), abs(high)) for low, high in (m.range for m in joint.motions)])
     grid = plan.grid
-    storage = Storage(model)
+    storage = NewtonStorage(model)
     solved: dict[int, Configuration] = {}
     for i in np.argsort(np.linalg.norm(grid, axis=1), kind="stable"):
         known = list(solved)
@@ -123,7 +123,7 @@ def _walk(joint: Joint, model: Model, plan: SamplingPlan, mesh: Mesh) -> list[Co
         values = {m.name: float(v) for m, v in zip(joint.motions, grid[i] * reach, strict=True)}
         state = f"{joint.family} ({mesh} mesh) at {state_phrase(joint, values)}"
         try:
-            found = conventional(
+            found = solve_conventional(
                 model,
                 values,
                 start=solved[near] if near is not None and use else None,

@@ -16,7 +16,7 @@ from ksd.errors import SceneError
 from ksd.library.functions import Array
 from ksd.model.compile import compile_scene
 from ksd.scene import DrawnJoint, Joint, Mechanism, Motion
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.train.designs import soften_leaves
 
 STEP = 1e-6
@@ -65,7 +65,7 @@ def rest_stiffness(joint: DrawnJoint) -> Array:
     columns = []
     for i in range(6):
         wanted = {name: float(STEP * scale[i] * (i == j)) for j, name in enumerate(model.drive_names)}
-        forces = conventional(model, wanted).forces
+        forces = solve_conventional(model, wanted).forces
         columns.append(np.array([forces[name] for name in model.drive_names]) * scale / STEP)
     stiffness = np.array(columns)
     return np.asarray(0.5 * (stiffness + stiffness.T))

@@ -102,7 +102,7 @@ def _swing(
     if plane is not None:
         across = "xyz".index(({*"xyz"} - {*plane}).pop())
         view = view or ("3d" if moved.max(axis=0).argmax() == across else plane)  # type: ignore[assignment]
-    still = replace(pose, model=found.model, chosen=False)
+    still = replace(pose, model=found.model, method_was_chosen=False)
 
     def swing(share: float) -> Configuration:
         return replace(still, motion=found.moved(row, unit * share))

@@ -51,7 +51,7 @@ def draw_arrows(
         busy.append(place[None])
         if labels:
             unit = "N" if driven.kind == "translation" else "Nm"
-            force = spoken_amount(configuration.told_forces[driven.name], unit)
+            force = spoken_amount(configuration.reported_forces[driven.name], unit)
             _label(axes, f"{driven.name}: {spoken_value(value, driven.kind)}, {force}", tip, DRIVE)
     busy += [_load(axes, load, camera, size, labels=labels) for load in shape.loads]
     return np.concatenate(busy)

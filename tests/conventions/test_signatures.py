@@ -97,7 +97,14 @@ def test_what_completion_shows_of_an_answer():
     own = {n for n in shown if n in ("stiffness", "frequencies", "buckling", "stress", "forces", "trust")}
     assert len(own) == 6
     pose = object.__new__(Configuration)
-    inside = {"insides", "questioned", "unreduced", "unfolding", "answering", "joint_motions", "intended"}
+    inside = {
+        "unreduced_state",
+        "unreduced_equilibrium",
+        "refinement_start",
+        "equilibrium",
+        "joint_motions",
+        "joints_near_intended",
+    }
     assert not inside & set(dir(pose))
     assert {f.name for f in fields(Configuration)} & set(dir(pose)) == set()  # an empty one holds none
     assert not hasattr(Configuration, "__getattr__")

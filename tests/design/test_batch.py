@@ -12,9 +12,9 @@ from ksd.design.batch import NOT_BUILT
 from ksd.design.prepared_design import PreparedDesign
 from ksd.design.questions import ALL_QUESTIONS
 from ksd.model.mesh import Mesh
-from ksd.solve.many import UNSTABLE
+from ksd.solve.five_steps import FULL, REDUCED
+from ksd.solve.pose_batch import UNSTABLE
 from ksd.solve.solver import Solver
-from ksd.solve.space_steps import FULL, REDUCED
 from ksd.units import GPa, deg, mm
 
 MESHES = {"strain": Mesh(), "chain": Mesh("corotational", elements=3)}
@@ -268,13 +268,13 @@ def test_a_question_without_an_answer_says_why_and_leaves_the_pose():
 
 def test_a_compliance_of_an_unstable_equilibrium_is_refused(monkeypatch):
     """Next to a reduced state that is stable."""
-    honest = prepared_design.settle_fast
+    honest = prepared_design.converge_fast_state
 
     def one_more(*words):
         stop, negatives = honest(*words)
         return stop, negatives + 1
 
-    monkeypatch.setattr(prepared_design, "settle_fast", one_more)
+    monkeypatch.setattr(prepared_design, "converge_fast_state", one_more)
     found = ksd.batch(bar(), drive=0.01, questions="support_stiffness", threads=1)
     assert found.solved == 0 and np.isnan(found.compliance).all()
     assert "not a minimum of energy" in str(found.failures)
@@ -287,7 +287,7 @@ def test_a_stiffness_is_that_of_a_settled_stable_state(monkeypatch):
     def drawn_anew(thickness):
         return fourbar(joint=cross_flexure(thickness=thickness))
 
-    calls, honest, usual = [], prepared_design.settle_fast, prepared_design.MAX_UNINTENDED_MOTION
+    calls, honest, usual = [], prepared_design.converge_fast_state, prepared_design.MAX_UNINTENDED_MOTION
 
     def counted(model, motion, *words):
         calls.append(motion)
@@ -302,7 +302,7 @@ def test_a_stiffness_is_that_of_a_settled_stable_state(monkeypatch):
         )  # fmt: skip
         return found, len(calls)
 
-    monkeypatch.setattr(prepared_design, "settle_fast", counted)
+    monkeypatch.setattr(prepared_design, "converge_fast_state", counted)
     wanted, all_settled = asked(-1.0)
     near, fewer = asked(usual)
     hasty, turned_back = asked(np.inf)
@@ -313,7 +313,7 @@ def test_a_stiffness_is_that_of_a_settled_stable_state(monkeypatch):
         assert np.abs(found.compliance - wanted.compliance).max() < 1e-8 * np.abs(wanted.compliance).max()
         for column, value in wanted.answers.items():
             assert found[column] == pytest.approx(value, rel=1e-7, nan_ok=True), column
-    monkeypatch.setattr(prepared_design, "settle_fast", lambda *words: (honest(*words)[0], 99))
+    monkeypatch.setattr(prepared_design, "converge_fast_state", lambda *words: (honest(*words)[0], 99))
     unstable, _ = asked(np.inf)
     assert unstable.status[0, 3] == UNSTABLE and np.isnan(unstable.compliance[0, 3]).all()
     assert not any(np.isfinite(value[0, 3]) for value in unstable.answers.values())

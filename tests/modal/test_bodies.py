@@ -16,7 +16,7 @@ from ksd.modal import with_modal_bodies
 from ksd.modal.leaf_basis import chain_records, rotation_without_roll, undeformed_basis
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.units import deg
 
 CHAINS = Mesh("corotational", elements=6)
@@ -131,7 +131,7 @@ def chains():
 def test_rigid_motion_costs_nothing(chains):
     """A mechanism turned at random gives the same moment and the same links, turned."""
     model = with_modal_bodies(chains, ksd.ModalBasis(elements=6))
-    found = conventional(model, {"turn": 25 * deg}, planar=False)
+    found = solve_conventional(model, {"turn": 25 * deg}, planar=False)
     scene = ksd.Mechanism("turned")
     tip, turn = scene.link("tip"), TURN([0.4, -1.0, 0.7]).as_matrix()
     placed = scene.join(
@@ -145,7 +145,7 @@ def test_rigid_motion_costs_nothing(chains):
     )
     scene.actuate_joint(placed, name="turn")
     other = with_modal_bodies(compile_scene(scene, mesh=CHAINS), ksd.ModalBasis(elements=6))
-    moved = conventional(other, {"turn": 25 * deg}, planar=False)
+    moved = solve_conventional(other, {"turn": 25 * deg}, planar=False)
     assert moved.forces["turn"] == pytest.approx(found.forces["turn"], rel=1e-8)
     assert turn.T @ moved.links["tip"][0] == pytest.approx(found.links["tip"][0], abs=1e-10)
 
@@ -162,18 +162,18 @@ def test_nothing_happens_without_load():
     scene.actuate(tip, along="y", at=(0.125, 0, 0), name="across")
     chains = compile_scene(scene, mesh=Mesh("corotational", elements=4))
     model = with_modal_bodies(chains, ksd.ModalBasis(elements=4))
-    found = conventional(model, {"across": 0.0}, planar=False)
+    found = solve_conventional(model, {"across": 0.0}, planar=False)
     assert found.forces["across"] == pytest.approx(0.0, abs=1e-12)
     assert found.iterations == 0
 
 
 def test_inside_places_the_nodes_of_the_full_model(chains):
     """The recovered nodes are those of the full model; stress and shape are asked of them."""
-    reduced = conventional(
+    reduced = solve_conventional(
         with_modal_bodies(chains, ksd.ModalBasis(elements=6)), {"turn": 30 * deg}, planar=False
     )
-    full = conventional(chains, {"turn": 30 * deg}, planar=False)
-    _, state = reduced.insides
+    full = solve_conventional(chains, {"turn": 30 * deg}, planar=False)
+    _, state = reduced.unreduced_state
     for i in range(3):
         at = chains.arrays.members.inner_at[i]
         mine, theirs = (m.inner[at : at + 60].reshape(5, 12) for m in (state, full.motion))
@@ -188,8 +188,8 @@ def test_modal_bodies_beside_chains(chains):
     names = chains.member_names
     mixed = with_modal_bodies(chains, ksd.ModalBasis(elements=6), only=[names[0]])
     assert list(mixed.bodies) == [names[0]]
-    full = conventional(chains, {"turn": 30 * deg}, planar=False)
-    found = conventional(mixed, {"turn": 30 * deg}, planar=False)
+    full = solve_conventional(chains, {"turn": 30 * deg}, planar=False)
+    found = solve_conventional(mixed, {"turn": 30 * deg}, planar=False)
     assert found.forces["turn"] == pytest.approx(full.forces["turn"], rel=1e-5)
     with pytest.raises(ksd.SceneError, match="there is no leaf 'spring'"):
         with_modal_bodies(chains, ksd.ModalBasis(), only=["spring"])

@@ -10,7 +10,7 @@ from ksd.beam.modal import modal_condense, modal_recover
 from ksd.modal import ModalBasis, with_modal_bodies
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 
 L, SPREAD = 0.1, 0.06
 SECTION = ksd.rectangle(0.5e-3, 0.02)
@@ -101,11 +101,11 @@ def test_shared_nodes_and_multipliers_are_one_equilibrium():
     beside them."""
     chains = compile_scene(guide(), mesh=Mesh("corotational", elements=10))
     model = with_modal_bodies(chains, ModalBasis())
-    shared = conventional(model, {}, planar=False, steps=4)
+    shared = solve_conventional(model, {}, planar=False, steps=4)
     shift, R, multiplier = joined_by_multipliers(model)
     assert shift[1] > 0.15 * L
     assert shift == pytest.approx(shared.displacement("tip", (L, 0, 0)), abs=1e-8 * L)
     assert Rotation.from_matrix(R).as_rotvec() == pytest.approx(shared.rotation("tip"), abs=1e-8)
     assert -multiplier[:, :3].sum(axis=0) == pytest.approx(FORCE, abs=1e-8 * np.abs(multiplier).max())
-    full = conventional(chains, {}, planar=False, steps=4)
+    full = solve_conventional(chains, {}, planar=False, steps=4)
     assert shift == pytest.approx(full.displacement("tip", (L, 0, 0)), abs=1e-4 * L)

@@ -47,7 +47,9 @@ def test_sensitivity_to_a_load(pair):
     load = {"at": (0, 0.1, 0), "moment": (0, 0, 1.0)}
     found = [c.sensitivity(lambda p: p.drive_stiffness()["turn"], "tip", **load) for c in pair[:2]]
     assert found[0] == pytest.approx(found[1], rel=1e-3, abs=1e-6)
-    assert modal.unreduced[0] is modal.model.full and chains.unreduced[0] is chains.model
+    assert (
+        modal.unreduced_equilibrium[0] is modal.model.full and chains.unreduced_equilibrium[0] is chains.model
+    )
 
 
 def test_a_sweep_with_errors(pair):

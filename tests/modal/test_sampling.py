@@ -11,7 +11,7 @@ import ksd
 from ksd.modal import ModalBasis, with_modal_bodies
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.units import deg
 
 BASIS = ModalBasis(elements=40, plane=True)
@@ -32,11 +32,13 @@ def model():
 
 def test_sampled_bodies(sampling, model):
     """Trained at four angles on each side, asked between them: moment and support stiffness within 1e-4."""
-    states = [conventional(model, {"turn": a * deg}, planar=False).motion for a in (-40, -20, 0.1, 20, 40)]
+    states = [
+        solve_conventional(model, {"turn": a * deg}, planar=False).motion for a in (-40, -20, 0.1, 20, 40)
+    ]
     sampled = sampling.with_samples(model, states, tolerance=1e-4)
     count = sampled.arrays.members.number[:, 0]
     assert np.all(count < 30) and np.all(count > 8)
-    a, b = (conventional(m, {"turn": 31 * deg}, planar=False) for m in (model, sampled))
+    a, b = (solve_conventional(m, {"turn": 31 * deg}, planar=False) for m in (model, sampled))
     assert b.forces["turn"] == pytest.approx(a.forces["turn"], rel=1e-4)
     stiff = [c.stiffness("tip", at=(0.035, 0, 0)).supports for c in (a, b)]
     assert [stiff[1][d] for d in "xy"] == pytest.approx([stiff[0][d] for d in "xy"], rel=1e-4)

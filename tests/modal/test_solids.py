@@ -16,8 +16,8 @@ from ksd.modal.symmetry import mirror_planes, split_by_parity
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.section import rectangle
-from ksd.solve.conventional import conventional
-from ksd.solve.full_bodies import indicator
+from ksd.solve.conventional import solve_conventional
+from ksd.solve.full_bodies import error_indicator
 from ksd.solve.validity import validity
 
 STEEL = ksd.Material(E=200e9, G=76.9e9, density=7800)
@@ -181,13 +181,13 @@ def test_a_solid_in_a_mechanism(press_reduced, spatial):
     body = reduce_solid(spatial, internal=0)
     load = 0.3 * EI / LENGTH**2
     model = with_solids(compile_scene(leaf_scene(load), mesh=Mesh()), {"spring": body})
-    found = conventional(model, {}, planar=False)
+    found = solve_conventional(model, {}, planar=False)
     alone = press_reduced(body, np.array([0.0, load, 0.0]), np.zeros(3))
     moved = found.displacement("tip", (0.1, 0.2 + LENGTH, 0))
     assert moved == pytest.approx([-alone.shift[1], alone.shift[0], 0.0], abs=1e-9)
     assert found.stable
     full = load_face(spatial, np.array([0.0, load, 0.0]), np.zeros(3))
-    told = indicator(found.model, found.motion, np.zeros(0))[0].relative
+    told = error_indicator(found.model, found.motion, np.zeros(0))[0].relative
     true = np.linalg.norm(alone.shift - full.shift) / np.linalg.norm(alone.shift)
     assert told == pytest.approx(true, rel=0.05) and 1e-6 < true < 2e-3
     assert alone.shift == pytest.approx(full.shift, rel=2e-3, abs=1e-9)

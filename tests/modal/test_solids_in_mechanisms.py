@@ -11,8 +11,8 @@ from ksd.modal.solid import block
 from ksd.modal.solid_basis import reduce_solid, with_solids
 from ksd.modal.solid_solve import load_face
 from ksd.section import rectangle
-from ksd.solve.conventional import conventional
-from ksd.solve.validity import furthest
+from ksd.solve.conventional import solve_conventional
+from ksd.solve.validity import most_bent_body
 
 STEEL = ksd.Material(E=200e9, G=76.9e9, density=7800)
 LENGTH, THICK, WIDTH = 0.1, 0.01, 0.02
@@ -146,8 +146,8 @@ def test_beyond_its_range_it_is_refused(coarse):
     assert not ksd.solve(model, strict=False).trusted
     unknown = ksd.solve(model, estimate=False)
     assert unknown.error is None and "not estimated" in str(unknown.trust.trusted)
-    assert "not estimated" in str(conventional(model, {}).trust.trusted)
-    name, stroke, turn = furthest(model, unknown.motion)
+    assert "not estimated" in str(solve_conventional(model, {}).trust.trusted)
+    name, stroke, turn = most_bent_body(model, unknown.motion)
     assert name == "spring" and 0.05 < stroke < 0.3 and 0.1 < turn < 0.4
 
 

@@ -15,7 +15,7 @@ from ksd.model.compile import compile_given, compile_scene
 from ksd.model.effects import WORDS
 from ksd.model.newton import assemble
 from ksd.properties.tangent import assemble_and_factor
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 
 HOT = ksd.Material(E=200e9, G=76.9e9, density=7800, expansion=12e-6, name="hot steel")
 BLADE = ksd.rectangle(0.5e-3, 20e-3)
@@ -103,7 +103,7 @@ AIM = {"x": 1e-5, "y": 1e-5, "z": 3e-5, "a": 2e-4, "b": -1e-4, "c": 0.15}
 
 def forces(scene, aim=AIM, *, mesh=None, **options):
     model = ksd.compile_scene(scene, mesh=mesh, **options)
-    found = conventional(model, aim, rtol=1e-11)
+    found = solve_conventional(model, aim, rtol=1e-11)
     return np.array([found.forces[name] for name in "xyzabc"]), found
 
 
@@ -126,12 +126,14 @@ def test_the_tangent_is_the_derivative_of_the_forces(effect):
     at = model.arrays.terms.start
     pull = np.zeros((model.arrays.plan.unknowns, 6))
     pull[at, range(6)] = 1.0
-    found = conventional(model, AIM, rtol=1e-11)
+    found = solve_conventional(model, AIM, rtol=1e-11)
     exact = -assemble_and_factor(model, found.motion).solve(pull)[at]
     columns = []
     for name in "xyzabc":
         step = 1e-6 if name in "xyz" else 1e-5
-        pair = [conventional(model, AIM | {name: AIM[name] + s * step}, rtol=1e-11).forces for s in (1, -1)]
+        pair = [
+            solve_conventional(model, AIM | {name: AIM[name] + s * step}, rtol=1e-11).forces for s in (1, -1)
+        ]
         columns.append([(pair[0][n] - pair[1][n]) / (2 * step) for n in "xyzabc"])
     measured = np.array(columns).T
     size = np.sqrt(np.abs(np.diag(measured)))
@@ -196,7 +198,7 @@ def test_a_spring_across_the_plane_is_seen():
     scene = fourbar()
     scene.spring("ground", "top", start=(0, 0, 0.1), end=(0, 0.37, 0), stiffness=10.0, name="slanted")
     with pytest.raises(ksd.SceneError, match=r"slanted.*out of the plane"):
-        conventional(ksd.compile_scene(scene), {"top": 0.1}, planar=True)
+        solve_conventional(ksd.compile_scene(scene), {"top": 0.1}, planar=True)
 
 
 def test_every_word_is_there():

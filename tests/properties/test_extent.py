@@ -56,7 +56,7 @@ def test_clearance_of_bent_sheets_is_that_of_many_points():
         scene.actuate_joint(scene.join(a, b, hinge, at=at, axis=axis, toward="x", name=name), name=name)
     pose = ksd.solve(scene, base=0.4, middle=0.3, last=-0.5, method="full")
     points, blocks = {}, {}
-    for f in mechanism_shape(*pose.insides, points=201).leaves:
+    for f in mechanism_shape(*pose.unreduced_state, points=201).leaves:
         v = np.linspace(-0.5, 0.5, 81)[None, :, None] * f.width[:, None, None]
         points[f.name] = (f.place[:, None] + v * f.axes[:, None, :, 2]).reshape(-1, 3)
         blocks[f.name] = f.name.split("/")[0]
@@ -109,7 +109,7 @@ def test_leaf_springs_in_windows_of_one_joint_are_not_what_is_near():
     pose = ksd.solve(scene, targets, method="reduced")
     found = pose.clearance()
     places = {}
-    for f in mechanism_shape(*pose.insides, points=41).leaves:
+    for f in mechanism_shape(*pose.unreduced_state, points=41).leaves:
         v = np.linspace(-0.5, 0.5, 21)[None, :, None] * f.width[:, None, None]
         places[f.name] = (f.place[:, None] + v * f.axes[:, None, :, 2]).reshape(-1, 3)
     trees = {name: cKDTree(p) for name, p in places.items()}

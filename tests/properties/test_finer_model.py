@@ -69,11 +69,11 @@ def test_a_stiffness_by_a_fast_method_is_that_of_a_newton_step_beside_it(method,
 def test_a_fast_answer_beside_equilibrium_goes_to_the_finer_mesh_at_once(drive, alone):
     """With the answers of that equilibrium; one further off is led there first."""
     pose = ksd.prepare(fourbar(), planar=False)(top=drive)
-    assert (pose.method_error.relative < 1e-5) == (pose.unfolding is pose.motion) == alone
+    assert (pose.method_error.relative < 1e-5) == (pose.refinement_start is pose.motion) == alone
     led = replace(pose, method_error=None)
-    assert led.unfolding is led.answering
+    assert led.refinement_start is led.equilibrium
     assert pose.drive_stiffness()["top"] == pytest.approx(led.drive_stiffness()["top"], rel=1e-9)
     assert pose.frequencies().frequency_Hz == pytest.approx(led.frequencies().frequency_Hz, rel=1e-9)
     model = pose.model
     exact = equilibrium(model.arrays, pose.motion.copy(), model.targets(pose.targets), 1.0)
-    assert pose.answering.multiplier == pytest.approx(exact.multiplier, rel=1e-9, abs=1e-9)
+    assert pose.equilibrium.multiplier == pytest.approx(exact.multiplier, rel=1e-9, abs=1e-9)

@@ -11,7 +11,7 @@ from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.numerics.rotations import rotation_exp
 from ksd.properties.forces import energy_of_one_spring
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.units import deg, mm
 
 PUSH, TORQUE, AT = (30.0, -20.0, 5.0), (0.4, -0.2, 1.5), (0.05, 0.4, 0.02)
@@ -35,7 +35,7 @@ def loaded():
     ids=["strain", "chain", "nodal"],
 )
 def test_every_link_is_in_balance(mesh):
-    pose = conventional(compile_scene(loaded(), mesh=mesh, effects="all"), {"top": 0.15}, steps=3)
+    pose = solve_conventional(compile_scene(loaded(), mesh=mesh, effects="all"), {"top": 0.15}, steps=3)
     found = pose.interface_forces()
     scale = np.linalg.norm(found.on("ground")[:3])
     weights = {"left": np.zeros(6), "right": np.zeros(6), "top": np.zeros(6)}
@@ -122,7 +122,9 @@ def test_pivot_shift_of_a_crossed_pivot():
         joint = ksd.CrossedPivot(
             STEEL, length=length, angle=angle, thickness=0.05 * mm, width=20 * mm, ratio=ratio
         )
-        found = conventional(compile_scene(single_joint(joint)), {"turn": turn}, steps=1).pivot_shift("hinge")
+        found = solve_conventional(compile_scene(single_joint(joint)), {"turn": turn}, steps=1).pivot_shift(
+            "hinge"
+        )
         wanted = abs(9 * ratio**2 - 9 * ratio + 1) * turn**2 * length / (15 * np.cos(angle))
         assert found.pivot == pytest.approx([ratio * length * np.cos(angle), 0, 0], abs=1e-12)
         assert np.linalg.norm(found.shift) == pytest.approx(wanted, abs=2e-3 * turn**2 * length)

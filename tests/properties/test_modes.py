@@ -17,7 +17,7 @@ from ksd.properties.leaf_groups import leaf_groups
 from ksd.properties.mass import inertia
 from ksd.properties.tangent import row_numbers
 from ksd.section import rectangle
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 
 
 def heavy_fourbar():
@@ -29,7 +29,7 @@ def heavy_fourbar():
 
 @pytest.fixture(scope="module")
 def bent():
-    return conventional(compile_scene(heavy_fourbar()), {"top": 0.15})
+    return solve_conventional(compile_scene(heavy_fourbar()), {"top": 0.15})
 
 
 def uncondensed(model, motion, freed=()):
@@ -98,7 +98,7 @@ def test_every_unstable_mode_is_found():
         )  # fmt: skip
         critical = np.pi**2 * 200e9 * 0.02 * 0.5e-3**3 / 12 / (4 * 0.1**2)
         scene.load(tip, force=(-share * critical, 0, 0), at=(0.1, 0, k))
-    state = conventional(compile_scene(scene), {})
+    state = solve_conventional(compile_scene(scene), {})
     assert not state.stable
     one, other = (state.frequencies(count=6, dense=dense).frequency_Hz for dense in (True, False))
     assert np.sum(one < 0) == 3 and other == pytest.approx(one, rel=1e-7)
@@ -108,7 +108,7 @@ def test_chain_of_elements_converges_to_the_strain_leaf(bent):
     exact = bent.frequencies(count=3).frequency_Hz
     error = []
     for n in (6, 12):
-        chain = conventional(
+        chain = solve_conventional(
             compile_scene(heavy_fourbar(), mesh=Mesh("corotational", elements=n)), {"top": 0.15}
         )
         found = chain.frequencies(count=3)
@@ -119,7 +119,7 @@ def test_chain_of_elements_converges_to_the_strain_leaf(bent):
 
 def test_nodal_and_condensed_chains_are_the_same():
     pair = [
-        conventional(
+        solve_conventional(
             compile_scene(heavy_fourbar(), mesh=Mesh("corotational", elements=4, nodal=n)),
             {"top": 0.1},
             steps=4,
@@ -136,7 +136,7 @@ def test_rigid_mass_is_that_of_the_leaves():
     from ksd.properties.mass import _leaf_roots, _leaves_and_lines
 
     model = compile_scene(single_joint())
-    state = conventional(model, {"turn": 0.7}).motion
+    state = solve_conventional(model, {"turn": 0.7}).motion
     lines, total, energy = _leaves_and_lines(model), 0.0, 0.0
     spin = np.array([0.3, -0.2, 0.5])
     for group, leaf in zip(leaf_groups(model), inertia(model, state).leaves, strict=True):
@@ -184,7 +184,7 @@ def test_a_rigid_payload_on_a_soft_leaf_is_a_pendulum_of_one_freedom():
         )  # fmt: skip
     scene.actuate(table, along="y", at=(0.1, 0, 0), name="stroke")
     model = compile_scene(scene)
-    rest = conventional(model, {"stroke": 0.0})
+    rest = solve_conventional(model, {"stroke": 0.0})
     found = rest.frequencies(freed="stroke")
     k = rest.drive_stiffness()["stroke"]
     # the block turns a little as it moves, so its own stiffness is met to that order
@@ -205,7 +205,7 @@ def test_buckled_state_has_a_negative_frequency():
     )  # fmt: skip
     critical = np.pi**2 * 200e9 * 0.02 * 0.5e-3**3 / 12 / (4 * 0.1**2)
     for share, unstable in ((0.98, False), (1.02, True)):
-        scene_loaded = conventional(compile_scene(_loaded(scene, -share * critical)), {})
+        scene_loaded = solve_conventional(compile_scene(_loaded(scene, -share * critical)), {})
         found = scene_loaded.frequencies(count=2)
         assert (found.frequency_Hz[0] < 0) == unstable
         assert scene_loaded.stable != unstable
@@ -233,7 +233,7 @@ def test_modes_follow_each_other_along_a_stroke():
     model = compile_scene(single_joint(cross_flexure()))
     last, before = None, None
     for turn in np.linspace(0.05, 0.6, 8):
-        last = conventional(model, {"turn": float(turn)}, start=last)
+        last = solve_conventional(model, {"turn": float(turn)}, start=last)
         now = last.frequencies(count=4)
         if before is not None:
             assert before.mac(now)[0].max() > 0.8

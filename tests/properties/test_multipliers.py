@@ -17,7 +17,7 @@ from ksd.properties.finer_model import finer_state
 from ksd.properties.tangent import assemble_and_factor
 from ksd.scene.load import Load
 from ksd.section import rectangle
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 
 L, T, W = 0.1, 0.5e-3, 0.02
 EULER = np.pi**2 * STEEL.E * W * T**3 / 12 / (4 * L**2)
@@ -40,7 +40,7 @@ def column(force=0.0):
 
 def test_multiplier_counts_what_may_be_added():
     """A cantilever under 60 % of its load: 40 % may be added, or the stress multiplied by 1/0.6."""
-    state = conventional(compile_scene(column(-0.6 * EULER)), {})
+    state = solve_conventional(compile_scene(column(-0.6 * EULER)), {})
     added = state.buckling("tip", force=(-1, 0, 0), at=(L, 0, 0))
     assert added.positive == pytest.approx(0.4 * EULER, rel=2e-3)
     assert added.unstable == 0
@@ -64,11 +64,13 @@ def test_stiffness_is_lost_where_the_multiplier_says(mesh):
     """A fourbar pressed down sways sideways once its drive is let go: there its drive stiffness passes
     zero."""
     scene, at = fourbar(), (0, 0.35, 0)
-    rest = conventional(compile_scene(scene, mesh=mesh), {"top": 0.0})
+    rest = solve_conventional(compile_scene(scene, mesh=mesh), {"top": 0.0})
     critical = rest.buckling("top", force=(0, -1, 0), at=at, freed="top").positive
     for share in (0.97, 1.03):
         load = Load("p", "top", (0.0, -share * critical, 0.0), (0.0, 0.0, 0.0), at)
-        pressed = conventional(compile_scene(replace(scene.scene(), loads=(load,)), mesh=mesh), {"top": 0.0})
+        pressed = solve_conventional(
+            compile_scene(replace(scene.scene(), loads=(load,)), mesh=mesh), {"top": 0.0}
+        )
         assert pressed.stable
         assert (pressed.drive_stiffness()["top"] > 0.0) == (share < 1.0)
         assert pressed.buckling("top", force=(0, -1, 0), at=at, freed="top").unstable == int(share > 1.0)
@@ -78,7 +80,7 @@ def test_stiffness_is_lost_where_the_multiplier_says(mesh):
 def test_uncondensed_tangent_condenses_to_the_solver_s(mesh):
     scene = fourbar()
     scene.load("top", force=(0, -30.0, 20.0), at=(0, 0.35, 0))
-    fine, state = finer_state(*_of(conventional(compile_scene(scene, mesh=mesh), {"top": 0.1}, steps=4)))
+    fine, state = finer_state(*_of(solve_conventional(compile_scene(scene, mesh=mesh), {"top": 0.1}, steps=4)))
     K = full_tangents(fine, state)[0].toarray()
     assert pytest.approx(K.T, abs=1e-9 * np.abs(K).max()) == K
     n = fine.arrays.plan.unknowns
@@ -104,13 +106,13 @@ def test_what_may_be_added_to_a_deformed_pose(mesh):
     converge from above; taken in motions alone they would buckle at 1609 N, strain-mode leaves say 4581. Without the tangent
     of the added force at its lever both were 4 % less.)"""
     scene, at = fourbar(), (0, 0.35, 0)
-    bent = conventional(compile_scene(scene, mesh=mesh), {"top": 0.1}, steps=4)
+    bent = solve_conventional(compile_scene(scene, mesh=mesh), {"top": 0.1}, steps=4)
     critical = bent.buckling("top", at=at, force=(0, -1, 0), count=1).positive
     assert critical == pytest.approx(4581.0 if mesh.leaf == "strain" else 4892.0, rel=5e-3)
     for share in (0.5, 1.0):
         load = Load("p", "top", (0.0, -share * critical, 0.0), (0.0, 0.0, 0.0), at)
         model = compile_scene(replace(scene.scene(), loads=(load,)), mesh=mesh)
-        bent = conventional(model, {"top": 0.1}, start=replace(bent, model=model), planar=False)
+        bent = solve_conventional(model, {"top": 0.1}, start=replace(bent, model=model), planar=False)
         assert bent.stable == (share < 1.0)
 
 
@@ -119,7 +121,7 @@ def test_multipliers_beyond_linear_theory_are_left_out(mesh):
     """With its drive let go the fourbar at mid-stroke gives way to a load from above long before it buckles: of the
     linear theory chains had made 190 to 230 N, under which it is stable when the load is really put on."""
     scene, at = fourbar(), (0, 0.35, 0)
-    bent = conventional(compile_scene(scene, mesh=mesh), {"top": 0.1}, steps=4)
+    bent = solve_conventional(compile_scene(scene, mesh=mesh), {"top": 0.1}, steps=4)
     found = bent.buckling("top", at=at, force=(0, -1, 0), freed="top")
     assert len(found.factor) == 0 and np.isinf(found.positive)
     assert found.reach == pytest.approx(72.0, rel=0.05)
@@ -141,7 +143,7 @@ def test_multipliers_beyond_linear_theory_are_left_out(mesh):
         Load("press", "top", (0.0, -230.0, 0.0), (0.0, 0.0, 0.0), at),
     )
     model = compile_scene(replace(described, drives=(), loads=loads), mesh=mesh)
-    pressed = conventional(model, {}, steps=16)
+    pressed = solve_conventional(model, {}, steps=16)
     assert pressed.stable and pressed.links["top"][0][0] > 0.25
     # where links hardly move, nothing is left out
     assert bent.buckling("top", at=at, force=(0, -1, 0), count=1).reach > 1e4
@@ -149,7 +151,7 @@ def test_multipliers_beyond_linear_theory_are_left_out(mesh):
 
 def test_stresses_eliminated_give_back_the_tangent_of_chains():
     mesh = Mesh("corotational", elements=3)
-    fine, state = finer_state(*_of(conventional(compile_scene(fourbar(), mesh=mesh), {"top": 0.1}, steps=4)))
+    fine, state = finer_state(*_of(solve_conventional(compile_scene(fourbar(), mesh=mesh), {"top": 0.1}, steps=4)))
     K = full_tangents(fine, state)[0].toarray()
     mixed, n = with_stresses(fine, state, K).toarray(), len(K)
     back = mixed[:n, :n] - mixed[:n, n:] @ np.linalg.solve(mixed[n:, n:], mixed[n:, :n])
@@ -190,20 +192,20 @@ def test_springs_take_part(kind):
         scene.ground, tip, start=(L, 100 * L, 0), end=(L, 0, 0), stiffness=5 * EI / L**3, free_length=100 * L
     )
     mesh = Mesh() if kind == "strain" else Mesh("corotational", elements=16)
-    state = conventional(compile_scene(scene.scene(), mesh=mesh), {})
+    state = solve_conventional(compile_scene(scene.scene(), mesh=mesh), {})
     found = state.buckling("tip", at=(L, 0, 0), force=(-1, 0, 0))
     kL = brentq(lambda x: np.sin(x) - np.cos(x) * (x - x**3 / 5), 0.5 * np.pi + 1e-6, np.pi)
     assert found.positive == pytest.approx(kL**2 * EI / L**2, rel=2e-3)
     # and under 60 % of that, from the stresses of the state
     scene.load(tip, force=(-0.6 * kL**2 * EI / L**2, 0, 0), at=(L, 0, 0))
-    state = conventional(compile_scene(scene.scene(), mesh=mesh), {})
+    state = solve_conventional(compile_scene(scene.scene(), mesh=mesh), {})
     assert state.buckling().positive == pytest.approx(1 / 0.6, rel=2e-3)
 
 
 @pytest.mark.parametrize("mesh", [Mesh(), Mesh("corotational", elements=3)], ids=("strain", "chain"))
 def test_the_smallest_of_either_sign_is_found(mesh):
     """At a large stroke the smallest multipliers are all negative; the positive one is the same however many are asked."""
-    state = conventional(compile_scene(fourbar(), mesh=mesh), {"top": 0.28}, steps=3)
+    state = solve_conventional(compile_scene(fourbar(), mesh=mesh), {"top": 0.28}, steps=3)
     few, many = state.buckling(count=2), state.buckling(count=24)
     assert np.all(many.factor[:2] < 0.0) and np.isfinite(few.positive)
     assert few.positive == pytest.approx(many.positive, rel=1e-6)

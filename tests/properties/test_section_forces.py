@@ -8,7 +8,7 @@ from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.properties.forces import COMPONENTS, section_forces
 from ksd.properties.shape import curvature, member_arrays, member_ends
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.units import GPa, mm
 
 LENGTH = 0.1
@@ -27,7 +27,7 @@ def cantilever(mesh, values, **drives):
                material=STEEL, name="blade")  # fmt: skip
     for name, words in drives.items():
         scene.actuate(tip, name=name, **words)
-    return conventional(compile_scene(scene, mesh=mesh), values, steps=2)
+    return solve_conventional(compile_scene(scene, mesh=mesh), values, steps=2)
 
 
 @pytest.mark.parametrize("mesh", [STRAIN, CHAIN, NODAL], ids=["strain", "chain", "nodal"])

@@ -16,7 +16,7 @@ from ksd.properties.shape import (
     poses_along,
     strain_curve,
 )
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.units import GPa, mm
 
 MESHES = [Mesh(), Mesh(leaf="corotational", elements=6), Mesh(leaf="corotational", elements=6, nodal=True)]
@@ -35,7 +35,7 @@ def bent_leaf(mesh, *, turn=TURN):
     tip = scene.link("tip")
     scene.leaf(scene.ground, tip, **BLADE)
     scene.actuate(tip, about="z", name="turn")
-    return conventional(compile_scene(scene, mesh=mesh), {"turn": turn}, steps=3)
+    return solve_conventional(compile_scene(scene, mesh=mesh), {"turn": turn}, steps=3)
 
 
 @pytest.mark.parametrize("mesh", MESHES, ids=IDS)
@@ -83,7 +83,7 @@ def test_twist_turns_the_width_axis_evenly():
     tip = scene.link("tip")
     scene.leaf(scene.ground, tip, **BLADE)
     scene.actuate(tip, about="x", name="turn")
-    c = conventional(compile_scene(scene), {"turn": 0.8})
+    c = solve_conventional(compile_scene(scene), {"turn": 0.8})
     (leaf,) = mechanism_shape(c.model, c.motion).leaves
     angle = 0.8 * leaf.s / LENGTH
     assert leaf.axes[:, :, 2] == pytest.approx(
@@ -99,7 +99,7 @@ def test_driven_point_moves_as_prescribed():
         scene.leaf(scene.ground, table, start=(0, y, 0), end=(LENGTH, y, 0), width_axis="z",
                    section=ksd.rectangle(0.5 * mm, 20 * mm), material=steel)  # fmt: skip
     scene.actuate(table, along="y", at=(LENGTH, 0, 0), name="stroke")
-    c = conventional(compile_scene(scene), {"stroke": 0.01})
+    c = solve_conventional(compile_scene(scene), {"stroke": 0.01})
     shape = mechanism_shape(c.model, c.motion)
     (driven,) = shape.driven
     assert driven.place[1] - driven.rest[1] == pytest.approx(0.01, abs=1e-12)
@@ -113,7 +113,7 @@ def test_a_curved_leaf_is_drawn_curved_at_rest(mesh):
     tip = scene.link("tip")
     scene.leaf(scene.ground, tip, curve=arc, **{**BLADE, "end": (arc.chord, 0, 0)})
     scene.actuate(tip, about="z", name="turn")
-    c = conventional(compile_scene(scene, mesh=mesh), {"turn": 0.1})
+    c = solve_conventional(compile_scene(scene, mesh=mesh), {"turn": 0.1})
     (leaf,) = mechanism_shape(c.model, c.motion).leaves
     centre = np.array([0.5 * arc.chord, 0.05 * np.cos(0.6), 0])
     assert np.linalg.norm(leaf.rest - centre, axis=1) == pytest.approx(
@@ -128,7 +128,7 @@ def test_a_tapered_leaf_meets_its_clamp_and_shows_its_width():
     tip = scene.link("tip")
     scene.leaf(scene.ground, tip, profile=taper, **{**BLADE, "section": ksd.rectangle(0.4 * mm, 15 * mm)})
     scene.actuate(tip, about="z", name="turn")
-    c = conventional(compile_scene(scene), {"turn": 0.5})
+    c = solve_conventional(compile_scene(scene), {"turn": 0.5})
     value, number, inner = member_arrays(c.model, c.motion, 0)
     _, r, R = strain_curve(value, number, inner, 25)
     ends = member_ends(c.model, c.motion, 0)

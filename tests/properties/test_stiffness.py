@@ -20,7 +20,7 @@ from ksd.properties.stiffness import (
     support_stiffness,
 )
 from ksd.properties.stress import batch_peak_stress
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.solve.error import equilibrium
 
 AT = (0.02, 0.31, 0.01)
@@ -32,7 +32,7 @@ def state(mesh=None, force=None, moment=None):
     scene.load("top", force=(30.0, -20.0, 10.0), at=(0, 0.3, 0.02))
     if force is not None:
         scene.load("top", force=force, moment=moment, at=AT)
-    return conventional(compile_scene(scene, mesh=mesh), {"top": 0.12}, steps=4)
+    return solve_conventional(compile_scene(scene, mesh=mesh), {"top": 0.12}, steps=4)
 
 
 @pytest.mark.parametrize("mesh", MESHES, ids=("strain", "chain", "nodal"))
@@ -59,14 +59,15 @@ def test_compliance_is_the_derivative_of_the_motion_by_the_load(mesh):
 
 def test_drive_stiffness_is_the_derivative_of_the_drive_force():
     model = compile_scene(fourbar())
-    base = conventional(model, {"top": 0.12})
+    base = solve_conventional(model, {"top": 0.12})
     step = 1e-5
-    force = [conventional(model, {"top": 0.12 + s * step}, start=base).forces["top"] for s in (1, -1)]
+    force = [solve_conventional(model, {"top": 0.12 + s * step}, start=base).forces["top"] for s in (1, -1)]
     found = drive_stiffness(model, base.motion)
     assert found.units == ("N/m",)
     assert found["top"] == pytest.approx((force[0] - force[1]) / (2 * step), rel=1e-6)
     moved = [
-        conventional(model, {"top": 0.12 + s * step}, start=base).displacement("top", AT) for s in (1, -1)
+        solve_conventional(model, {"top": 0.12 + s * step}, start=base).displacement("top", AT)
+        for s in (1, -1)
     ]
     along = drive_coupling(model, base.motion, "top", at=AT)["top"]
     assert along[:3] == pytest.approx((moved[0] - moved[1]) / (2 * step), abs=1e-5)
@@ -95,7 +96,7 @@ def test_axes_turn_the_matrix():
 
 
 def test_a_held_drive_is_rigid_and_says_so():
-    base = conventional(compile_scene(single_joint()), {"turn": 0.3})
+    base = solve_conventional(compile_scene(single_joint()), {"turn": 0.3})
     found = point_stiffness(base.model, base.motion, "tip", at=(0.035, 0, 0))
     assert found.support("rz") == np.inf
     with pytest.raises(KinematicsError, match="cannot move along rz"):
@@ -139,7 +140,7 @@ def test_wrong_words_are_refused(ask, words):
 
 
 def test_methods_of_the_configuration():
-    base = conventional(compile_scene(single_joint()), {"turn": 0.3})
+    base = solve_conventional(compile_scene(single_joint()), {"turn": 0.3})
     at = (0.5 * cross_flexure().length_AB, 0, 0)
     assert base.stiffness("tip", at=at).supports["x"] > 1e6
     assert base.drive_stiffness()["turn"] > 13.3
@@ -158,7 +159,7 @@ def test_many_states_together_have_the_stiffness_of_each(gravity):
         scene = single_joint(cross_flexure(length=length))
         scene.load("tip", force=(3.0, 2.0, 40.0), at=(length, 0.01, 0.02))
         scene.gravity = gravity
-        pose = conventional(compile_scene(scene), {"turn": turn}, steps=2)
+        pose = solve_conventional(compile_scene(scene), {"turn": turn}, steps=2)
         states.append((pose.model, pose.motion, 1.0))
         at.append((length, 0.0, 0.03))
     chain = compile_scene(single_joint(), mesh=MESHES[1])
@@ -213,7 +214,7 @@ def test_what_a_drive_holds_is_held_to_the_last_digit(rng):
         scene.leaf(scene.ground, stage, start=start, end=end + 0.5 * start, section=section, material=STEEL,
                    width_axis=np.cross(end - 0.5 * start, rng.normal(size=3)))  # fmt: skip
     scene.actuate(stage, along="z", at=end, name="d")
-    pose = conventional(compile_scene(scene), {"d": 3e-3})
+    pose = solve_conventional(compile_scene(scene), {"d": 3e-3})
     C = pose.stiffness("stage", at=end).compliance
     assert not C[2].any() and not C[:, 2].any()
     ((_, group),) = group_states([(pose.model, pose.motion, 1.0)])
@@ -272,7 +273,7 @@ def test_a_wavy_leaf_keeps_its_shape_on_the_finer_mesh(points):
 def test_states_under_loads_that_are_not_conservative_are_asked_alone():
     scene = single_joint()
     scene.load("tip", force=(0.0, 2.0, 0.0), at=(0.1, 0, 0), following=True)
-    pose = conventional(compile_scene(scene), {"turn": 0.1})
+    pose = solve_conventional(compile_scene(scene), {"turn": 0.1})
     ((_, group),) = group_states([(pose.model, pose.motion, 1.0)])
     assert not batch_stiffness(group, "tip", at=[None]).valid.any()
 

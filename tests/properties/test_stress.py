@@ -14,7 +14,7 @@ from ksd.properties.shape import scene_leaves
 from ksd.properties.state_batch import group_states
 from ksd.properties.stress import stress_points, torsion_factors
 from ksd.section import circle, numbers, polygon, rectangle
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 
 L, T, W = 0.1, 1e-3, 0.02
 
@@ -27,7 +27,7 @@ def tip_loaded(section=None, **load):
         width_axis=(0, 0, 1), name="leaf",
     )  # fmt: skip
     scene.load(tip, at=(L, 0, 0), **load)
-    return conventional(compile_scene(scene), {})
+    return solve_conventional(compile_scene(scene), {})
 
 
 @pytest.mark.parametrize("mesh", [Mesh(), Mesh("corotational", elements=8)], ids=("strain", "chain"))
@@ -35,7 +35,7 @@ def test_cross_flexure_bends_as_circles(mesh):
     """Symmetric cross flexure: sigma = E t theta / (2 L), exact for small angles (acceptance and paper 1,
     4.1)."""
     theta = 1e-4
-    found = conventional(compile_scene(single_joint(), mesh=mesh), {"turn": theta}).stress()
+    found = solve_conventional(compile_scene(single_joint(), mesh=mesh), {"turn": theta}).stress()
     expected = STEEL.E * 1e-3 * theta / (2 * 0.1)
     for leaf in found.leaves.values():
         assert leaf.largest_Pa == pytest.approx(expected, rel=1e-4)
@@ -98,15 +98,15 @@ def test_energy_is_the_work_of_the_drive(mesh):
     x, w = np.polynomial.legendre.leggauss(8)
     stroke, last, work = 0.2, None, 0.0
     for at, weight in zip(0.5 * stroke * (1 + x), 0.5 * stroke * w, strict=True):
-        last = conventional(model, {"top": float(at)}, start=last)
+        last = solve_conventional(model, {"top": float(at)}, start=last)
         work += weight * last.forces["top"]
-    stored = conventional(model, {"top": stroke}, start=last).strain_energy()
+    stored = solve_conventional(model, {"top": stroke}, start=last).strain_energy()
     assert len(stored) == 12
     assert sum(stored.values()) == pytest.approx(work, rel=1e-6)
 
 
 def test_it_reads_as_a_sentence():
-    text = str(conventional(compile_scene(single_joint()), {"turn": 0.2}).stress())
+    text = str(solve_conventional(compile_scene(single_joint()), {"turn": 0.2}).stress())
     assert "hinge/inner:" in text and "MPa at s =" in text
 
 
@@ -128,7 +128,7 @@ def test_largest_stresses_of_many_states_together_are_those_one_by_one():
     poses = [
         ksd.solve(s, turn=t, method="full" if s is scenes[0] else None) for s in scenes for t in (0.1, 0.2)
     ]
-    groups = group_states([(*p.unreduced, p.load_factor) for p in poses])
+    groups = group_states([(*p.unreduced_equilibrium, p.load_factor) for p in poses])
     assert sorted(k for those, _ in groups for k in those) == list(range(len(poses)))
     found = {
         k: own
@@ -155,7 +155,7 @@ def test_largest_stresses_of_many_states_together_are_those_one_by_one():
                 {n: p.largest_Pa for n, p in own.items()}
             )
     chain = ksd.solve(single_joint(), turn=0.1, mesh=ksd.Mesh("corotational", elements=3))
-    assert not group_states([(*chain.unreduced, 1.0)])
+    assert not group_states([(*chain.unreduced_equilibrium, 1.0)])
 
 
 @pytest.mark.parametrize("inner", [0.0, 6e-3, 9.8e-3])

@@ -16,7 +16,7 @@ from ksd.properties import leaf_rods
 from ksd.properties.shape import member_ends
 from ksd.properties.verify import verify
 from ksd.scene.curve import cached_line
-from ksd.solve.estimate import relative_error
+from ksd.solve.method_error import relative_error
 from ksd.solve.steps import Stop
 
 COARSE = ksd.Mesh("corotational", elements=8)
@@ -44,7 +44,7 @@ def bent(*, curve=None, profile=None, material=STEEL, name="bent leaf"):
 
 def integrated(pose):
     """Gap (6,) of the only leaf of `bent`, integrated by scipy from its start under the loads of its tip."""
-    model, motion = pose.insides
+    model, motion = pose.unreduced_state
     ends = member_ends(model, motion, 0)
     leaf, frame = model.scene.leaves[0].leaf, ends.frame
     at = motion.x[1] + motion.R[1] @ (TIP - model.rest.x[1])
@@ -289,7 +289,7 @@ def test_state_too_far_from_rods_is_reached_from_a_finer_mesh():
     """Two elements a leaf, a third off: rods do not come to their ends from there, only from the equilibrium beside it."""
     scene, targets = fourbar(), {"top": 0.3}
     pose = ksd.solve(scene, targets, method="full", mesh=ksd.Mesh("corotational", elements=1), strict=False)
-    model, motion = pose.insides
+    model, motion = pose.unreduced_state
     alone = verify(model, motion, model.targets(pose.targets))
     truth = ksd.solve(scene, targets, method="conventional", mesh=FINE)
     error = abs(pose.forces["top"] - truth.forces["top"])

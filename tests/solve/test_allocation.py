@@ -11,8 +11,8 @@ from ksd.model.arrays import make_work
 from ksd.model.compile import compile_scene
 from ksd.model.newton import iterate
 from ksd.model.plane import plane_of
-from ksd.solve.conventional import conventional
-from ksd.solve.storage import KEPT, storage_of
+from ksd.solve.conventional import solve_conventional
+from ksd.solve.storage import MAX_STORAGES, thread_storage
 
 TARGET = np.array([0.05])
 
@@ -48,20 +48,20 @@ def test_no_python_runs_inside_the_iteration(space):
 def test_bare_calls_keep_their_storage_in_each_thread():
     """The second bare call prepares nothing, threads do not share, and answers are not overwritten by later ones."""
     model = compile_scene(fourbar())
-    first = conventional(model, {"top": 0.1})
-    before, mine = first.motion.copy(), storage_of(model)
-    second = conventional(model, {"top": 0.2})
-    assert storage_of(model) is mine
+    first = solve_conventional(model, {"top": 0.1})
+    before, mine = first.motion.copy(), thread_storage(model)
+    second = solve_conventional(model, {"top": 0.2})
+    assert thread_storage(model) is mine
     np.testing.assert_array_equal(first.motion.x, before.x)
     np.testing.assert_array_equal(first.motion.inner, before.inner)
     with ThreadPoolExecutor(1) as pool:
-        assert pool.submit(storage_of, model).result() is not mine
-        others = pool.submit(conventional, model, {"top": 0.2}).result()
+        assert pool.submit(thread_storage, model).result() is not mine
+        others = pool.submit(solve_conventional, model, {"top": 0.2}).result()
     np.testing.assert_array_equal(others.motion.x, second.motion.x)
 
 
 def test_only_the_last_few_storages_are_kept():
-    models = [compile_scene(single_joint()) for _ in range(KEPT + 1)]
-    kept = [storage_of(m) for m in models]
-    assert [storage_of(m) for m in models[1:]] == kept[1:]
-    assert storage_of(models[0]) is not kept[0]
+    models = [compile_scene(single_joint()) for _ in range(MAX_STORAGES + 1)]
+    kept = [thread_storage(m) for m in models]
+    assert [thread_storage(m) for m in models[1:]] == kept[1:]
+    assert thread_storage(models[0]) is not kept[0]

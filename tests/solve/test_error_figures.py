@@ -8,8 +8,8 @@ import pytest
 
 import ksd
 from ksd.model.compile import compile_scene
-from ksd.solve.estimate import _followed, size_of_step
 from ksd.solve.load_steps import state_difference
+from ksd.solve.method_error import _followed, newton_step_error
 from ksd.solve.steps import ErrorEstimate
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "benchmarks"))
@@ -132,7 +132,7 @@ def test_sizes_of_steps_and_differences_are_the_largest_of_all_links():
     first, last = model.arrays.start[1], model.arrays.start[model.links - 1]
     step[first : first + 6] = 0.003, 0.004, 0.0, 0.03, 0.0, 0.04
     step[last : last + 6] = 0.0, 0.001, 0.0, 0.045, 0.0, 0.0
-    found = size_of_step(model, model.rest, step)
+    found = newton_step_error(model, model.rest, step)
     assert (found.displacement, found.rotation) == pytest.approx((0.005, 0.05))
     moved.x[2, 1] += 0.5 * model.arrays.size
     turned.R[1] = np.diag([1.0, -1.0, -1.0])

@@ -8,7 +8,7 @@ import ksd
 from ksd.design.batch import NOT_BUILT
 from ksd.design.prepared_design import PreparedDesign
 from ksd.model.mesh import Mesh
-from ksd.solve.many import LOCKED, OUT_OF_RANGE
+from ksd.solve.pose_batch import LOCKED, OUT_OF_RANGE
 from ksd.units import deg
 
 MESHES = {"strain": Mesh(), "chain": Mesh("corotational", elements=3)}

@@ -14,7 +14,7 @@ from ksd.numerics.blocks import factor_blocks
 from ksd.properties.nonconservative import skew_tangent
 from ksd.properties.tangent import stored_matrix
 from ksd.section import rectangle
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 
 L, SECTION = 0.1, rectangle(0.5e-3, 0.02)
 EI = STEEL.E * SECTION.Iz
@@ -43,7 +43,7 @@ def test_the_step_is_that_of_the_unsymmetric_tangent():
     """One iteration of the compiled Newton against a dense solve with K + rest."""
     model = compile_scene(pushed())
     arrays, work, target = model.arrays, make_work(model.arrays), np.array([0.1])
-    state = conventional(model, {"top": 0.05}).motion
+    state = solve_conventional(model, {"top": 0.05}).motion
     one = state.copy()
     iterate(arrays, one, target, 1.3, work, 1e-8, 1, np.inf, np.inf)
     other = state.copy()
@@ -72,7 +72,7 @@ def test_the_step_in_the_plane_is_that_in_space():
 @pytest.mark.parametrize("planar", ["auto", False])
 def test_newton_converges_quadratically(planar):
     """With the symmetric part alone the force that stays normal to the tip took 14 iterations and more."""
-    found = conventional(cantilever((0, 2.0, 0)), {}, planar=planar)
+    found = solve_conventional(cantilever((0, 2.0, 0)), {}, planar=planar)
     assert found.iterations <= 4 and found.steps[0].note.startswith("1 load step")
 
 
@@ -86,14 +86,16 @@ def test_the_five_steps_with_following_loads():
 
 
 def flutters(p, **ways):
-    return conventional(cantilever((-p, 0, 0), **ways), {}).frequencies(count=8).growth_per_s.max() > 0.0
+    return (
+        solve_conventional(cantilever((-p, 0, 0), **ways), {}).frequencies(count=8).growth_per_s.max() > 0.0
+    )
 
 
 @pytest.mark.parametrize("mesh", [None, ksd.Mesh("corotational", elements=8)])
 def test_becks_column(mesh):
     """Beck 1952: flutter at 20.0510 EI/L^2 (here with shear and rotary inertia, t/L = 1/200), divergence never."""
     for p in (5.0, 15.0, 19.9):
-        found = conventional(cantilever((-p, 0, 0), mesh=mesh), {})
+        found = solve_conventional(cantilever((-p, 0, 0), mesh=mesh), {})
         assert found.stable and found.trusted and "no mode of its masses flutters" in str(found.trust.stable)
         assert found.iterations <= 2
     low, high = 18.0, 22.0
@@ -133,7 +135,9 @@ def test_divergence_under_a_following_load_is_seen():
 
 
 def test_modes_of_a_following_load_of_nothing_are_those_without():
-    bare, idle = (conventional(cantilever((0, 1e-9 * k, 0)), {}).frequencies(count=5) for k in (0.0, 1.0))
+    bare, idle = (
+        solve_conventional(cantilever((0, 1e-9 * k, 0)), {}).frequencies(count=5) for k in (0.0, 1.0)
+    )
     assert idle.frequency_Hz == pytest.approx(bare.frequency_Hz, rel=1e-6)
     assert not idle.growth_per_s.any()
 

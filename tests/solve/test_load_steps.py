@@ -7,7 +7,7 @@ from scenes import STEEL, cross_flexure
 
 import ksd
 from ksd.solve import load_steps
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 
 
 def strut():
@@ -47,12 +47,12 @@ def test_a_step_onto_another_branch_is_walked_again(made, said, monkeypatch):
     """The forces are those of 64 steps; what converged first is far from them."""
     scene, targets, mesh = made()
     model = ksd.compile_scene(scene.scene(), mesh=mesh)
-    found = conventional(model, targets)
+    found = solve_conventional(model, targets)
     assert found.trusted and said in found.steps[-1].note
-    fine = conventional(model, targets, steps=64)
+    fine = solve_conventional(model, targets, steps=64)
     assert fine.trusted and found.forces == pytest.approx(fine.forces, rel=1e-6)
     monkeypatch.setattr(load_steps, "confirm_by_smaller_steps", lambda model, first, *_: first)
-    jumped = conventional(model, targets)
+    jumped = solve_conventional(model, targets)
     last = model.drive_names[-1]
     assert jumped.converged and abs(jumped.forces[last] / found.forces[last] - 1) > 0.5
 

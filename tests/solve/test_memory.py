@@ -32,6 +32,6 @@ def test_models_of_scenes_solved_before_are_freed():
         _model_of(number, asked=True)
     choose._recent.clear()
     models = [_model_of(number, asked=number % 8 == 0) for number in range(2, 42)]
-    assert _alive(models) <= choose.KEPT
+    assert _alive(models) <= choose.MAX_SOLVERS
     choose._recent.clear()
     assert _alive(models) <= 4

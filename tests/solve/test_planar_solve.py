@@ -11,7 +11,7 @@ import ksd
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.model.plane import plane_of
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.units import deg, mm
 
 MESHES = {
@@ -56,12 +56,12 @@ def test_fourbar(mesh, reading):
     model = compile_scene(fourbar(reading=reading), mesh=MESHES[mesh])
     last = None
     for d in (0.1, 0.3):
-        one, other = (conventional(model, {"top": d}, planar=p) for p in (True, False))
+        one, other = (solve_conventional(model, {"top": d}, planar=p) for p in (True, False))
         same(one, other)
         assert one.iterations == other.iterations
         last = one
     # a planar result is an ordinary one: go on from it in space, and in the plane
-    on, over = (conventional(model, {"top": 0.2}, start=last, planar=p) for p in (True, False))
+    on, over = (solve_conventional(model, {"top": 0.2}, start=last, planar=p) for p in (True, False))
     same(on, over)
 
 
@@ -70,7 +70,7 @@ def test_cross_flexure(mesh):
     model = compile_scene(single_joint(), mesh=MESHES[mesh])
     pair = [None, None]
     for angle in (-75, -40, 20, 50, 75):
-        pair = [conventional(model, {"turn": angle * deg}, planar=p, steps=2) for p in ("auto", False)]
+        pair = [solve_conventional(model, {"turn": angle * deg}, planar=p, steps=2) for p in ("auto", False)]
         same(*pair)
 
 
@@ -83,12 +83,12 @@ def test_parallel_guide_in_any_plane(mesh):
         # turned from one global plane to the next, and about its normal
         tilt = np.roll(np.eye(3), order, axis=0) @ Rotation.from_rotvec([0, 0, 0.3 * order]).as_matrix()
         model = compile_scene(guide(tilt=tilt), mesh=MESHES[mesh])
-        pair = [conventional(model, {"stroke": 15 * mm}, planar=p) for p in (True, False)]
+        pair = [solve_conventional(model, {"stroke": 15 * mm}, planar=p) for p in (True, False)]
         same(*pair)
         forces.append(pair[0].forces["stroke"])
     oblique = compile_scene(guide(tilt=Rotation.random(random_state=3).as_matrix()), mesh=MESHES[mesh])
     assert "none of the global axes" in plane_of(oblique)
-    forces.append(conventional(oblique, {"stroke": 15 * mm}).forces["stroke"])
+    forces.append(solve_conventional(oblique, {"stroke": 15 * mm}).forces["stroke"])
     assert forces == pytest.approx([forces[0]] * 4, rel=1e-9)
 
 
@@ -98,46 +98,50 @@ def test_dead_and_following_loads_and_rows_seen_from_a_link(mesh):
     scene.load("top", force=(30.0, -40.0, 0.0), moment=(0, 0, 2.0), at=(0.05, 0.4, 0.0))
     scene.load("left", force=(-20.0, 15.0, 0.0), at=(-0.25, 0.2, 0.0), following=True)
     model = compile_scene(scene, mesh=MESHES[mesh])
-    same(*(conventional(model, {"top": 0.15}, planar=p, most=60) for p in (True, False)), tolerance=1e-8)
+    same(
+        *(solve_conventional(model, {"top": 0.15}, planar=p, most=60) for p in (True, False)), tolerance=1e-8
+    )
     scene = fourbar()
     seen = scene.displacement("right", (0.6, 0.8, 0), at=(0.3, 0.2, 0), relative_to="top")
     scene = fourbar()
     scene.actuate(terms=[seen, 0.3 * scene.rotation("left", "z")], name="mixed")
     model = compile_scene(scene, mesh=MESHES[mesh])
     values = dict.fromkeys(model.drive_names, 1e-5)
-    same(*(conventional(model, values, planar=p) for p in (True, False)), tolerance=1e-8)
+    same(*(solve_conventional(model, values, planar=p) for p in (True, False)), tolerance=1e-8)
 
 
 def test_leaves_that_do_not_balance_across_the_plane_are_solved_in_space():
     model = compile_scene(guide(spread=50 * mm))
-    found = conventional(model, {"stroke": 5 * mm})
+    found = solve_conventional(model, {"stroke": 5 * mm})
     assert "spatial: its leaf springs and loads do not balance out of the plane" in found.steps[0].note
-    assert found.motion.x == pytest.approx(conventional(model, {"stroke": 5 * mm}, planar=False).motion.x)
+    assert found.motion.x == pytest.approx(
+        solve_conventional(model, {"stroke": 5 * mm}, planar=False).motion.x
+    )
     assert "do not balance" in plane_of(model)
     with pytest.raises(
         ksd.SceneError,
         match=r"not planar: its leaf springs and loads .* 'stage'; use planar = 'auto' or False",
     ):
-        conventional(model, {"stroke": 5 * mm}, planar=True)
+        solve_conventional(model, {"stroke": 5 * mm}, planar=True)
 
 
 def test_a_load_that_leaves_the_plane_is_solved_in_space():
     scene = single_joint()
     scene.load("tip", force=(0, 0, 3.0), at=(0.07, 0, 0))
     model = compile_scene(scene)
-    found = conventional(model, {"turn": 10 * deg})
+    found = solve_conventional(model, {"turn": 10 * deg})
     assert "spatial: load 'tip.load' pushes along" in found.steps[0].note
     assert abs(found.displacement("tip", (0.07, 0, 0))[2]) > 1e-9
 
 
 def test_a_start_out_of_the_plane_is_followed_in_space():
     model = compile_scene(single_joint())
-    start = conventional(model, {"turn": 10 * deg})
+    start = solve_conventional(model, {"turn": 10 * deg})
     start.motion.x[1, 2] += 1e-5
-    found = conventional(model, {"turn": 12 * deg}, start=start)
+    found = solve_conventional(model, {"turn": 12 * deg}, start=start)
     assert "spatial: the configuration to start from is not in the plane" in found.steps[0].note
     # the model stays planar
-    same(conventional(model, {"turn": 12 * deg}), found)
+    same(solve_conventional(model, {"turn": 12 * deg}), found)
 
 
 def test_tipping_out_of_the_plane_is_seen():
@@ -151,7 +155,7 @@ def test_tipping_out_of_the_plane_is_seen():
     scene.actuate(tip, along="y", at=(0.3, 0, 0), name="push")
     model, stable = compile_scene(scene), []
     for push in np.geomspace(1e-6, 2e-2, 12):
-        plane, space = (conventional(model, {"push": push}, planar=p) for p in (True, False))
+        plane, space = (solve_conventional(model, {"push": push}, planar=p) for p in (True, False))
         assert plane.negatives == space.negatives
         stable.append(plane.stable)
     assert stable[0] and not stable[-1]
@@ -160,16 +164,16 @@ def test_tipping_out_of_the_plane_is_seen():
 def test_stopping_says_how_far_it_got():
     model = compile_scene(single_joint(), mesh=Mesh("corotational", elements=1))
     with pytest.raises(ksd.ConvergenceError, match="60 degrees") as one:
-        conventional(model, {"turn": 170 * deg})
+        solve_conventional(model, {"turn": 170 * deg})
     with pytest.raises(ksd.ConvergenceError) as other:
-        conventional(model, {"turn": 170 * deg}, planar=False)
+        solve_conventional(model, {"turn": 170 * deg}, planar=False)
     assert one.value.reached == pytest.approx(other.value.reached, abs=1e-3)
     assert one.value.result.motion.x == pytest.approx(other.value.result.motion.x, abs=1e-4)
 
 
 def test_the_option_is_checked():
     with pytest.raises(ksd.SceneError, match="planar = 'yes': choose 'auto', True or False"):
-        conventional(compile_scene(single_joint()), {"turn": 0.1}, planar="yes")
+        solve_conventional(compile_scene(single_joint()), {"turn": 0.1}, planar="yes")
 
 
 def test_the_benchmark_runs(capsys, monkeypatch):
@@ -203,6 +207,6 @@ def test_leaves_with_a_profile_are_solved_in_the_plane(profile):
     scene.actuate(stage, along="y", at=(0.1, 0, 0), name="stroke")
     scene.load(stage, force=(-5.0, 0, 0), at=(0.1, 0.01, 0))
     model = compile_scene(scene)
-    one, other = (conventional(model, {"stroke": 2 * mm}, planar=p, rtol=1e-11) for p in (True, False))
+    one, other = (solve_conventional(model, {"stroke": 2 * mm}, planar=p, rtol=1e-11) for p in (True, False))
     same(one, other, 1e-8)
     assert one.steps[0].iterations <= other.steps[0].iterations + 1

@@ -8,7 +8,7 @@ from scenes import STEEL, single_joint
 import ksd
 from ksd.model.compile import compile_scene
 from ksd.section import rectangle
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 
 
 @pytest.mark.parametrize("degrees", [185.0, -270.0])
@@ -49,8 +49,8 @@ def test_a_path_that_goes_on_is_gone_along():
     # from the state before, and by chains
     before = ksd.solve(scene, push=-1.8 * rise)
     model = compile_scene(scene, mesh=ksd.Mesh("corotational", elements=40))
-    near = conventional(model, {"push": -1.8 * rise})
+    near = solve_conventional(model, {"push": -1.8 * rise})
     assert near.forces["push"] == pytest.approx(before.forces["push"], rel=5e-3)
-    chains = conventional(model, {"push": -1.95 * rise}, start=near, steps=8)
+    chains = solve_conventional(model, {"push": -1.95 * rise}, start=near, steps=8)
     assert found.forces["push"] == pytest.approx(chains.forces["push"], rel=5e-3)
     assert abs(found.forces["push"]) > unit

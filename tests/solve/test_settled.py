@@ -6,7 +6,7 @@ import pytest
 import ksd
 from ksd.model.mesh import Mesh
 from ksd.model.newton import LOOSE, STALLED, settled
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.solve.steps import Step, Stop
 
 
@@ -30,8 +30,8 @@ def test_one_more_step_changes_no_force(mesh, planar):
     for slenderness in (40.0, 230.0):
         model = taut(slenderness, mesh)
         for way in np.geomspace(1e-4, 3e-3, 9):
-            pose = conventional(model, {"drive": way}, planar=planar)
-            again = conventional(model, {"drive": way}, start=pose, planar=planar)
+            pose = solve_conventional(model, {"drive": way}, planar=planar)
+            again = solve_conventional(model, {"drive": way}, start=pose, planar=planar)
             moved.append(abs(again.forces["drive"] / pose.forces["drive"] - 1))
             residuals.append(pose.steps[-1].residual)
     assert max(moved) < 1e-8

@@ -12,7 +12,7 @@ from ksd.errors import ConvergenceError, TrustError
 from ksd.model.compile import compile_scene
 from ksd.section import rectangle
 from ksd.solve import verdict
-from ksd.solve.conventional import conventional, loads_last
+from ksd.solve.conventional import solve_conventional, solve_drives_first
 from ksd.solve.load_steps import MANY_ITERATIONS, slow_step_doubts
 from ksd.solve.steps import ErrorEstimate, Step, Stop
 from ksd.units import deg
@@ -40,9 +40,9 @@ def column(share):
 def test_a_large_turn_ends_on_the_right_branch(n, angle, moment):
     """In one step these can end at a negative moment; 24 steps of either solver end at the one given."""
     model = compile_scene(single_joint(), mesh=ksd.Mesh("corotational", elements=n))
-    found = conventional(model, {"turn": angle * deg})
+    found = solve_conventional(model, {"turn": angle * deg})
     assert found.forces["turn"] == pytest.approx(moment, rel=1e-5)
-    walk = conventional(model, {"turn": angle * deg}, steps=24)
+    walk = solve_conventional(model, {"turn": angle * deg}, steps=24)
     assert found.forces["turn"] == pytest.approx(walk.forces["turn"], rel=1e-8)
     assert not found.doubts
 
@@ -52,7 +52,7 @@ def test_75_degrees_in_one_step(n):
     """Issue: a spurious equilibrium at -60 Nm exists; the answer is +21.5."""
     model = compile_scene(single_joint(), mesh=ksd.Mesh("corotational", elements=n))
     for planar in (False, "auto"):
-        found = conventional(model, {"turn": 75 * deg}, planar=planar)
+        found = solve_conventional(model, {"turn": 75 * deg}, planar=planar)
         assert found.forces["turn"] == pytest.approx(21.48, rel=3e-3)
 
 
@@ -80,7 +80,7 @@ def test_loads_last_and_loads_along_agree():
     scene = single_joint()
     scene.load("tip", force=(3.0, -2.0, 4.0), at=cross_flexure().pose_B)
     model = compile_scene(scene)
-    one, other = conventional(model, {"turn": 1.0}), loads_last(model, {"turn": 1.0})
+    one, other = solve_conventional(model, {"turn": 1.0}), solve_drives_first(model, {"turn": 1.0})
     assert other.motion.x == pytest.approx(one.motion.x, abs=1e-9)
     assert other.load_factor == 1.0
 
@@ -92,7 +92,7 @@ def test_out_of_plane_force_on_the_fourbar(force):
     scene.load("top", force=(0, 0, force), at=(0, 0.3 + 0.1 * np.cos(np.pi / 4), 0))
     solver = ksd.prepare(scene)
     found = solver(top=0.3)
-    walk = conventional(solver.model, {"top": 0.3}, steps=16)
+    walk = solve_conventional(solver.model, {"top": 0.3}, steps=16)
     assert found.trusted
     assert found.forces["top"] == pytest.approx(walk.forces["top"], rel=1e-6)
     if force <= 500:
@@ -247,14 +247,14 @@ def test_loads_put_on_after_the_drives(monkeypatch):
     fine = ksd.Mesh(orders=(8, 3, 7), points=10)
     right = ksd.prepare(scene, mesh=fine)(top=0.3, method="conventional")
     assert not right.notes
-    own = module.conventional
+    own = module.solve_conventional
 
     def not_with_loads(model, targets, **ways):
         if ways.get("start") is None and model.scene.loads:
             raise ConvergenceError("not from rest", reached=0.0)
         return own(model, targets, **ways)
 
-    monkeypatch.setattr(module, "conventional", not_with_loads)
+    monkeypatch.setattr(module, "solve_conventional", not_with_loads)
     found = ksd.prepare(scene, mesh=fine)(top=0.3, method="conventional")
     assert found.notes == ("loads put on after the drives",)
     assert found.forces["top"] == pytest.approx(right.forces["top"], rel=1e-8)
@@ -262,7 +262,7 @@ def test_loads_put_on_after_the_drives(monkeypatch):
     def never(*_, **__):
         raise ConvergenceError("not on top of them", reached=0.0)
 
-    monkeypatch.setattr(module, "loads_last", never)
+    monkeypatch.setattr(module, "solve_drives_first", never)
     with pytest.raises(ConvergenceError, match="not from rest"):
         ksd.prepare(scene)(top=0.3, method="conventional")
 
@@ -282,14 +282,14 @@ def test_drives_that_tear_at_one_freedom_are_named_where_that_makes_it_unstable(
 def test_load_steps_confirm_a_fast_answer_within_three_of_its_own_errors(error, far, same, monkeypatch):
     """And within two hundredths whatever it tells."""
     model = compile_scene(single_joint())
-    other = conventional(model, {"turn": 0.4})
+    other = solve_conventional(model, {"turn": 0.4})
     size = model.arrays.size
     monkeypatch.setattr(verdict, "state_difference", lambda *_: far)
     for estimate in (
         ErrorEstimate(np.zeros(1), size * error, 0.0, 0.0),
         ErrorEstimate(np.zeros(1), 0.0, error, 0.0),
     ):
-        said, kept = verdict.load_step_check(replace(other, method_error=estimate), lambda: other)
+        said, kept = verdict.compare_with_load_steps(replace(other, method_error=estimate), lambda: other)
         assert (said == "") is same and kept is other
 
 

@@ -10,7 +10,7 @@ from scenes import STEEL
 import ksd
 from ksd.model.arrays import Motion
 from ksd.section import rectangle
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.solve.undeformed_stability import multiple_minima_note, undeformed_instability
 
 L = 0.1
@@ -44,7 +44,7 @@ def test_the_answer_says_which_of_several_minima_it_is(way):
     bent = ksd.solve(led, aside=way, method="conventional").motion
     between = ksd.solve(free, strict=False)
     start = replace(between, motion=Motion(bent.x, bent.R, bent.inner, np.zeros(0)))
-    found = conventional(between.model, {}, start=start)
+    found = solve_conventional(between.model, {}, start=start)
     aside = 1e3 * found.links["tip"][0][1]
     assert found.trusted and aside * way > 0 and abs(aside) > 10
     said = [w for w in found.warnings if "several minima are near" in w]
@@ -129,7 +129,7 @@ def test_of_heat_assembly_error_and_loads_too(cause, share, far, side):
     between = ksd.solve(scene, strict=False, **words)
     rows = driven.motion.multiplier[1:]
     start = replace(between, motion=Motion(driven.motion.x, driven.motion.R, driven.motion.inner, rows))
-    found = conventional(between.model, {}, start=start)
+    found = solve_conventional(between.model, {}, start=start)
     aside = 1e3 * found.links["tip"][0][1]
     said = [w for w in found.warnings if "several minima are near" in w]
     assert found.stable and aside * side > 0.3 * 1e3 * far

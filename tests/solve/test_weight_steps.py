@@ -7,7 +7,7 @@ from scenes import STEEL, fourbar, slider
 import ksd
 from ksd.model.compile import compile_scene
 from ksd.solve.arc_length import PathParameter, residual_rate
-from ksd.solve.conventional import conventional, loads_last
+from ksd.solve.conventional import solve_conventional, solve_drives_first
 
 MESHES = {"modes": ksd.Mesh(), "chain": ksd.Mesh("corotational", elements=3)}
 
@@ -23,8 +23,8 @@ def heavy(strength):
 def test_the_five_steps_carry_the_weight(mesh):
     """Gravity 100 times the earth's moves the drive force by a fifth; full agrees with conventional to 1e-8."""
     scene, words = heavy(100.0), {"mesh": MESHES[mesh]}
-    exact = conventional(compile_scene(scene, **words), {"top": 0.1}, planar=False)
-    bare = conventional(compile_scene(fourbar(), **words), {"top": 0.1}, planar=False)
+    exact = solve_conventional(compile_scene(scene, **words), {"top": 0.1}, planar=False)
+    bare = solve_conventional(compile_scene(fourbar(), **words), {"top": 0.1}, planar=False)
     change = exact.forces["top"] - bare.forces["top"]
     assert abs(change) > 0.1 * bare.forces["top"]
     found = {
@@ -96,7 +96,7 @@ def test_derivative_of_the_residual_by_the_load_factor(mesh):
     model = compile_scene(heavy(100.0), mesh=MESHES[mesh])
     arrays, motion = (
         model.arrays,
-        conventional(
+        solve_conventional(
             compile_scene(heavy(100.0), mesh=MESHES[mesh]), {"top": 0.1}, planar=False
         ).motion.copy(),
     )
@@ -117,7 +117,10 @@ def test_derivative_of_the_residual_by_the_load_factor(mesh):
 
 def test_weight_put_on_after_the_drives():
     model = compile_scene(heavy(100.0))
-    last, exact = loads_last(model, {"top": 0.1}), conventional(model, {"top": 0.1}, planar=False)
+    last, exact = (
+        solve_drives_first(model, {"top": 0.1}),
+        solve_conventional(model, {"top": 0.1}, planar=False),
+    )
     assert last.forces["top"] == pytest.approx(exact.forces["top"], rel=1e-8)
 
 
@@ -138,6 +141,6 @@ def test_a_path_with_weight_that_grows():
     scene.gravity = (-20.0, 0.5, 0)
     model = compile_scene(scene)
     path = ksd.follow(scene)
-    steps = conventional(model, {}, steps=10)
+    steps = solve_conventional(model, {}, steps=10)
     assert path.ended
     assert np.abs(path.states[-1].motion.x - steps.motion.x).max() < 1e-8

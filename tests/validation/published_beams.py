@@ -12,7 +12,7 @@ from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.properties.buckling import buckling
 from ksd.section import rectangle, restrained_warping_factor
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.solve.path import follow
 from ksd.units import deg
 
@@ -43,7 +43,7 @@ def cantilever(*, length=L, load=None, mesh=None, steps=1, **leaf):
     scene.leaf(scene.ground, tip, start=(0, 0, 0), end=end, **words)
     if load:
         scene.load("tip", at=end, **load)
-    return conventional(compile_scene(scene, mesh=mesh), {}, steps=steps)
+    return solve_conventional(compile_scene(scene, mesh=mesh), {}, steps=steps)
 
 
 def elastica(alpha, mesh=None):
@@ -89,7 +89,7 @@ def guided():
                width_axis=(0, 0, 1))  # fmt: skip
     scene.support(tip, about="z")
     scene.actuate(tip, along="y", at=(L, 0, 0), name="push")
-    found = conventional(compile_scene(scene), {"push": 0.1 * L})
+    found = solve_conventional(compile_scene(scene), {"push": 0.1 * L})
     return found.forces["push"] / (12 * EI / L**3 * 0.1 * L), found.links["tip"][0][0] / L
 
 
@@ -156,7 +156,7 @@ def right_angle():
     small = 1e-3
     scene.load(left, moment=(0, 0, small))
     scene.load(right, moment=(0, 0, -small))
-    found = conventional(compile_scene(scene), {}).buckling()
+    found = solve_conventional(compile_scene(scene), {}).buckling()
     unit = np.sqrt(stuff.E * q.Iz * stuff.G * q.J) / leg
     thin = np.sqrt(30e-3 * 0.6e-3**3 / 3 / q.J)
     return found.positive * small / unit, found.negative * small / unit, 1e3 * found.positive * small * thin

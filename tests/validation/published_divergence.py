@@ -11,7 +11,7 @@ import ksd
 from ksd.model.compile import compile_scene
 from ksd.properties.buckling import buckling
 from ksd.section import rectangle
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 
 DIVERGENCE = "Divergence: critical load factors of rods"
 L, ROD = 0.1, rectangle(1e-3, 1e-3)
@@ -38,7 +38,7 @@ def clamped(section=ROD):
 
 def own_factors(scene, mesh=None):
     """Critical load factors of all loads of a scene, which are SMALL of their unit."""
-    found = conventional(compile_scene(scene, mesh=mesh), {}).buckling()
+    found = solve_conventional(compile_scene(scene, mesh=mesh), {}).buckling()
     return found, SMALL * found.factor
 
 

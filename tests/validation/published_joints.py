@@ -12,7 +12,7 @@ from ksd.model.mesh import Mesh
 from ksd.scene.joint import Motion
 from ksd.scene.leaf import Leaf
 from ksd.section import rectangle
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.units import deg, mm
 
 RODS = "exact planar rods"
@@ -50,30 +50,32 @@ def moments(n):
     """M / (E I_sum theta / L) at 15, 45, 75 degrees, and the length there over that at rest."""
     model, last, found = compile_scene(single_joint(), mesh=chain(n)), None, []
     for angle in (15, 45, 75):
-        last = conventional(model, {"turn": angle * deg}, start=last)
+        last = solve_conventional(model, {"turn": angle * deg}, start=last)
         found.append(last.forces["turn"] / (M_UNIT * angle * deg))
     return *found, np.linalg.norm(last.motion.x[1]) / cross_flexure().length_AB
 
 
 def stiffness_at_rest():
-    return (conventional(compile_scene(single_joint()), {"turn": 1e-4}).forces["turn"] / 1e-4,)
+    return (solve_conventional(compile_scene(single_joint()), {"turn": 1e-4}).forces["turn"] / 1e-4,)
 
 
 def moment_at_30():
-    return (conventional(compile_scene(single_joint()), {"turn": 30 * deg}).forces["turn"],)
+    return (solve_conventional(compile_scene(single_joint()), {"turn": 30 * deg}).forces["turn"],)
 
 
 def other_crossing(angle):
     """Thin leaf springs stand for inextensible ones."""
     model = compile_scene(single_joint(cross_flexure(angle=angle * deg, thickness=1e-4)))
     unit = 1e-3 * M_UNIT * deg
-    return [conventional(model, {"turn": turn * deg}).forces["turn"] / (unit * turn) for turn in (30, 60)]
+    return [
+        solve_conventional(model, {"turn": turn * deg}).forces["turn"] / (unit * turn) for turn in (30, 60)
+    ]
 
 
 def crossed(ratio, turn, mesh=None):
     """A crossed pivot of thin leaf springs, turned by a moment alone."""
     joint = ksd.CrossedPivot(STEEL, length=0.1, angle=45 * deg, thickness=1e-4, width=0.02, ratio=ratio)
-    return conventional(compile_scene(single_joint(joint), mesh=mesh), {"turn": turn})
+    return solve_conventional(compile_scene(single_joint(joint), mesh=mesh), {"turn": turn})
 
 
 def crossed_stiffness(ratio):
@@ -90,7 +92,7 @@ def crossed_shift(ratio, turn=2 * deg):
 def wheel():
     """Stiffness of a cartwheel over that of the crossed pivot of the same leaf springs."""
     joint = ksd.Cartwheel(STEEL, length=0.1, angle=45 * deg, thickness=1e-4, width=0.02)
-    moment = conventional(compile_scene(single_joint(joint)), {"turn": 1e-4}).forces["turn"]
+    moment = solve_conventional(compile_scene(single_joint(joint)), {"turn": 1e-4}).forces["turn"]
     return (moment / crossed(0.5, 1e-4).forces["turn"],)
 
 
@@ -142,7 +144,7 @@ def at_crossing(configuration):
 
 
 def support(angle):
-    return at_crossing(conventional(hinge(), {"turn": angle * deg}))
+    return at_crossing(solve_conventional(hinge(), {"turn": angle * deg}))
 
 
 def guide(mesh=None):
@@ -160,7 +162,7 @@ def guide(mesh=None):
 
 def guided(stroke):
     """Rotation held by a moment while moving, then freed; stroke held, the other five free."""
-    found = conventional(guide(), {"stroke": stroke * mm}).stiffness(
+    found = solve_conventional(guide(), {"stroke": stroke * mm}).stiffness(
         "shuttle", at=(0.1, 0, 0), freed=["level"]
     )
     return [found.support(d) for d in "xz"]
@@ -180,7 +182,7 @@ def payload():
 
 
 def parasitic(angle):
-    return (conventional(payload(), {"turn": angle * deg}).frequencies(count=3).first_parasitic_Hz,)
+    return (solve_conventional(payload(), {"turn": angle * deg}).frequencies(count=3).first_parasitic_Hz,)
 
 
 def notch(ratio):
@@ -188,7 +190,7 @@ def notch(ratio):
     scene = ksd.Mechanism("notch")
     tip = scene.link("tip")
     scene.actuate_joint(scene.join(scene.ground, tip, joint, at=(0, 0, 0), axis="z", toward="x"), name="turn")
-    moment = conventional(compile_scene(scene), {"turn": 1e-4}).forces["turn"]
+    moment = solve_conventional(compile_scene(scene), {"turn": 1e-4}).forces["turn"]
     return (1e-4 / moment * STEEL.E * 0.005 * 0.01**2,)
 
 

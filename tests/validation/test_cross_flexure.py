@@ -8,7 +8,7 @@ from scenes import cross_flexure, single_joint
 import ksd
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.units import deg
 
 
@@ -17,7 +17,7 @@ def states(request):
     model = compile_scene(single_joint(), mesh=chain(request.param))
     found, last = {}, None
     for angle in (15, 30, 45, 60, 75):
-        last = conventional(model, {"turn": angle * deg}, start=last)
+        last = solve_conventional(model, {"turn": angle * deg}, start=last)
         found[angle] = last
     return request.param, found
 
@@ -39,14 +39,14 @@ def test_every_state_is_stable_and_on_the_branch(states):
 
 def test_both_signs_are_equal_in_plane():
     model = compile_scene(single_joint())
-    plus, minus = (conventional(model, {"turn": s * 60 * deg}) for s in (1, -1))
+    plus, minus = (solve_conventional(model, {"turn": s * 60 * deg}) for s in (1, -1))
     assert plus.forces["turn"] == pytest.approx(-minus.forces["turn"], rel=1e-9)
     assert np.linalg.norm(plus.motion.x[1]) == pytest.approx(np.linalg.norm(minus.motion.x[1]), rel=1e-9)
 
 
 def test_chord_rotations_of_crossing_leaves_sum_to_theta():
     model = compile_scene(single_joint(), mesh=Mesh("corotational", elements=6))
-    found = conventional(model, {"turn": 60 * deg}, steps=4)
+    found = solve_conventional(model, {"turn": 60 * deg}, steps=4)
     members = model.arrays.members
 
     def chords(i):
@@ -68,7 +68,7 @@ def test_four_iterations_per_step_at_any_thickness(thickness):
     )
     last = None
     for angle in (15, 30, 45, 60, 75):
-        last = conventional(model, {"turn": angle * deg}, start=last)
+        last = solve_conventional(model, {"turn": angle * deg}, start=last)
         assert last.steps[0].note.startswith("1 load step,")
         assert last.iterations <= 4
 
@@ -81,8 +81,8 @@ def test_sixty_random_jumps_end_on_the_right_branch(rng):
         scene = single_joint()
         scene.load("tip", force=tuple(force), at=cross_flexure().pose_B)
         model = compile_scene(scene)
-        jump = conventional(model, {"turn": turn})
-        walk = conventional(model, {"turn": turn}, steps=12)
+        jump = solve_conventional(model, {"turn": turn})
+        walk = solve_conventional(model, {"turn": turn}, steps=12)
         assert jump.stable
         assert jump.forces["turn"] == pytest.approx(walk.forces["turn"], rel=1e-6, abs=1e-6)
         assert jump.motion.x == pytest.approx(walk.motion.x, abs=1e-9)
@@ -98,7 +98,7 @@ def test_published_fit_of_the_length():
     angles = np.arange(0, 80, 5) * deg
     last, lengths = None, []
     for angle in angles:
-        last = conventional(model, {"turn": angle}, start=last)
+        last = solve_conventional(model, {"turn": angle}, start=last)
         lengths.append(np.linalg.norm(last.motion.x[1]) / cross_flexure().length_AB)
     basis = np.array([angles**2, angles**4, angles**6]).T
     found = np.linalg.lstsq(basis, np.array(lengths) - 1, rcond=None)[0]
@@ -113,7 +113,7 @@ def test_moment_of_the_element_orientation_body(n):
     for angle in (15, -40, 60, -75, 75):
         reduced = solve(turn=angle * deg, method="reduced", estimate=False).forces["turn"]
         assert reduced == pytest.approx(
-            conventional(solve.model, {"turn": angle * deg}, steps=5).forces["turn"], rel=2.5e-5
+            solve_conventional(solve.model, {"turn": angle * deg}, steps=5).forces["turn"], rel=2.5e-5
         )
 
 
@@ -122,7 +122,7 @@ def test_half_turn_relation_of_the_length():
     model = compile_scene(single_joint(cross_flexure(thickness=1e-4)))
     angle = 4 * deg
     length = [
-        np.linalg.norm(conventional(model, {"turn": s * angle}).motion.x[1]) / cross_flexure().length_AB
+        np.linalg.norm(solve_conventional(model, {"turn": s * angle}).motion.x[1]) / cross_flexure().length_AB
         for s in (1, -1)
     ]
     assert length[0] == pytest.approx(length[1], abs=1e-12)

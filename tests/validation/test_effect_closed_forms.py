@@ -10,7 +10,7 @@ import ksd
 from ksd.model.compile import compile_given
 from ksd.section import restrained_warping_factor
 from ksd.section.plate import plate_factor
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 
 MESHES = {"strain": ksd.Mesh(), "chain": ksd.Mesh("corotational", elements=8)}
 
@@ -20,11 +20,11 @@ def test_thermal_growth_and_bow(mesh):
     # a free leaf grows by alpha dT L and bends to the circle of curvature alpha dT_through / t
     scene = blade()
     scene.heat(50.0)
-    shift, _ = moved(conventional(ksd.compile_scene(scene, mesh=MESHES[mesh]), {}))
+    shift, _ = moved(solve_conventional(ksd.compile_scene(scene, mesh=MESHES[mesh]), {}))
     assert shift == pytest.approx([ALPHA * 50 * L, 0, 0], abs=1e-12)
     scene = blade()
     scene.heat(through=400.0)
-    shift, turn = moved(conventional(ksd.compile_scene(scene, mesh=MESHES[mesh]), {}))
+    shift, turn = moved(solve_conventional(ksd.compile_scene(scene, mesh=MESHES[mesh]), {}))
     kappa = -ALPHA * 400.0 / T
     circle = [np.sin(kappa * L) / kappa - L, (1 - np.cos(kappa * L)) / kappa, 0]
     # a chain is a polygon whose corners lie on the circle to fourth order
@@ -33,7 +33,7 @@ def test_thermal_growth_and_bow(mesh):
     # by 137 degrees at once: what a clamp is off the natural shape is spread over the nodes of a chain
     scene = blade()
     scene.heat(through=1000.0)
-    _, turn = moved(conventional(ksd.compile_scene(scene, mesh=MESHES[mesh]), {}))
+    _, turn = moved(solve_conventional(ksd.compile_scene(scene, mesh=MESHES[mesh]), {}))
     assert turn == pytest.approx(2.5 * kappa * L, rel=1e-9)
 
 
@@ -41,12 +41,12 @@ def test_thermal_growth_and_bow(mesh):
 def test_thermal_force_between_clamps(mesh):
     scene = held(blade(), *"xyzabc")
     scene.heat(20.0)
-    found = conventional(ksd.compile_scene(scene, mesh=MESHES[mesh]), dict.fromkeys("xyzabc", 0.0))
+    found = solve_conventional(ksd.compile_scene(scene, mesh=MESHES[mesh]), dict.fromkeys("xyzabc", 0.0))
     # the clamp holds a leaf that wants to grow by E A alpha dT, less the part its own length takes (1 + alpha dT)
     assert found.forces["x"] == pytest.approx(-200e9 * A * ALPHA * 20 / (1 + ALPHA * 20), rel=1e-9)
     scene = held(blade(), *"xyzabc")
     scene.heat(through=30.0)
-    found = conventional(ksd.compile_scene(scene, mesh=MESHES[mesh]), dict.fromkeys("xyzabc", 0.0))
+    found = solve_conventional(ksd.compile_scene(scene, mesh=MESHES[mesh]), dict.fromkeys("xyzabc", 0.0))
     assert found.forces["c"] == pytest.approx(200e9 * INERTIA * ALPHA * 30 / T, rel=1e-5)
 
 
@@ -56,7 +56,7 @@ def test_sag_under_a_payload_and_its_own_weight_in_any_direction():
         scene = blade()
         scene.mass("tip", mass=1e-4, at=(L, 0, 0))
         scene.gravity = gravity
-        found = conventional(ksd.compile_scene(scene), {})
+        found = solve_conventional(ksd.compile_scene(scene), {})
         P, own = 1e-4 * np.array(gravity), STEEL.density * A * L * np.array(gravity)
         G, k = STEEL.G, 5 / 6
         strong = T * W**3 / 12
@@ -72,7 +72,7 @@ def test_assembly_error_of_a_clamp():
     # a clamp 10 um too far out stretches the leaf; one turned by 1 mrad bends it
     scene = held(blade(), *"xyzabc")
     scene.fit("blade", shift=(10e-6, 0, 0), turn=(0, 0, 1e-3))
-    found = conventional(ksd.compile_scene(scene), dict.fromkeys("xyzabc", 0.0))
+    found = solve_conventional(ksd.compile_scene(scene), dict.fromkeys("xyzabc", 0.0))
     stretched = 200e9 * A * 10e-6 / L
     assert found.forces["x"] == pytest.approx(stretched, rel=2e-3)
     # tension stiffens the end moment: 4EI/L and more
@@ -83,7 +83,7 @@ def test_assembly_error_of_a_clamp():
     assert found.forces["c"] == pytest.approx(moment, rel=5e-3)
     free = blade()
     free.fit("blade", shift=(1e-4, 2e-4, 3e-4), turn=(0, 0, 2e-3))
-    shift, turn = moved(conventional(ksd.compile_scene(free), {}))
+    shift, turn = moved(solve_conventional(ksd.compile_scene(free), {}))
     # nothing holds the tip: the leaf stays straight, the link sits off
     assert turn == pytest.approx(-2e-3, rel=1e-9)
     assert np.linalg.norm(shift) == pytest.approx(np.linalg.norm([1e-4, 2e-4, 3e-4]), rel=0.01)
@@ -122,7 +122,7 @@ def test_restrained_warping_multiplies_the_torsional_stiffness(aspect, factor, m
     def twisted(**words):
         scene = held(blade(width=L / aspect), "a", "b", "c", "y", "z")
         model = ksd.compile_scene(scene, mesh=mesh, **words)
-        return conventional(model, dict.fromkeys("bcyz", 0.0) | {"a": 1e-4}).forces["a"]
+        return solve_conventional(model, dict.fromkeys("bcyz", 0.0) | {"a": 1e-4}).forces["a"]
 
     assert twisted(with_="warping") / twisted() == pytest.approx(factor, rel=1e-6)
     assert restrained_warping_factor(aspect, 1.0, 0.3) == pytest.approx(factor, abs=5e-7)
@@ -189,7 +189,7 @@ def test_a_matrix_from_a_file_is_the_beam_it_was_made_of(tmp_path, kind):
         )  # fmt: skip
         scene.load("tip", force=(0, 0.5, 0.3), at=(0.02, 0, 0))
         scene.compliance("tip", **compliance)
-        return conventional(ksd.compile_scene(scene, without="shear"), {}).motion.x[1]
+        return solve_conventional(ksd.compile_scene(scene, without="shear"), {}).motion.x[1]
 
     rod = {
         "section": ksd.circle(6e-3),
@@ -220,7 +220,7 @@ def test_a_model_compiled_as_given_takes_the_scene_literally():
     scene.heat(50.0)
     model = compile_given(scene.scene(), ksd.Mesh())
     # heat is applied where effects are chosen
-    assert moved(conventional(model, {}))[0] == pytest.approx([0, 0, 0], abs=1e-15)
+    assert moved(solve_conventional(model, {}))[0] == pytest.approx([0, 0, 0], abs=1e-15)
 
 
 def test_plate_stiffening_of_very_wide_strips_goes_on_past_the_closed_form():

@@ -20,8 +20,8 @@ from ksd.scene.families.guide import ParallelGuide, StiffenedGuide
 from ksd.scene.families.infinity import TripleInfinityHinge
 from ksd.scene.families.notch import ArcHinge, CircularNotchHinge, FilletedNotchHinge
 from ksd.scene.families.universal import UniversalJoint
-from ksd.solve.conventional import conventional
-from ksd.solve.joint_range import SLACK
+from ksd.solve.conventional import solve_conventional
+from ksd.solve.joint_range import RANGE_TOLERANCE
 from ksd.train.catalogue import FAMILY_DESIGNS, design_of
 from ksd.train.softness import rest_stiffness
 from ksd.units import deg
@@ -46,7 +46,7 @@ def alone(joint):
 def driven(joint, value, **others):
     """Conventional solution of the joint alone at its first motion = value."""
     model = ksd.compile_scene(alone(joint))
-    return conventional(model, {joint.motions[0].name: value, **others})
+    return solve_conventional(model, {joint.motions[0].name: value, **others})
 
 
 # Closed forms and tables
@@ -140,7 +140,7 @@ def guide_pulled(joint, stroke, moment, force):
     scene.join(scene.ground, tip, joint, at=(0, 0, 0), axis="z", toward="x")
     scene.actuate(tip, along="y", at=joint.pose_B, name="stroke")
     scene.load(tip, force=(force, 0, 0), moment=(0, 0, moment), at=joint.pose_B)
-    return conventional(ksd.compile_scene(scene), {"stroke": stroke}, rtol=1e-10).motion.x[1, 0]
+    return solve_conventional(ksd.compile_scene(scene), {"stroke": stroke}, rtol=1e-10).motion.x[1, 0]
 
 
 def test_parallel_guide_support_stiffness():
@@ -152,7 +152,7 @@ def test_parallel_guide_support_stiffness():
     held.actuate(tip, along="y", at=joint.pose_B, name="stroke")
     held.actuate(tip, about="z", name="turn")
     for stroke, expected in ((0.0, 6.0000e7), (5e-3, 2.2013e7), (20e-3, 1.98244e6)):
-        moment = conventional(ksd.compile_scene(held), {"stroke": stroke, "turn": 0.0}).forces["turn"]
+        moment = solve_conventional(ksd.compile_scene(held), {"stroke": stroke, "turn": 0.0}).forces["turn"]
         pull, push = (guide_pulled(joint, stroke, moment, force) for force in (1.0, -1.0))
         assert 2.0 / (pull - push) == pytest.approx(expected, rel=5e-4)
 
@@ -210,7 +210,7 @@ def random_joints(name, rng, count=10):
 def errors(joint, solver, share):
     """Error of the reduced drive forces (over the largest), and of the position of B over the joint length."""
     values = {m.name: s * m.range[1] for m, s in zip(joint.motions, np.atleast_1d(share), strict=False)}
-    exact = conventional(solver.model, values)
+    exact = solve_conventional(solver.model, values)
     reduced = solver(values, method="reduced", estimate=False)
     size = max(abs(f) for f in exact.forces.values())
     force = max(abs(reduced.forces[n] - exact.forces[n]) for n in values) / size
@@ -247,7 +247,7 @@ def test_pivot_shift_of_the_record(name, rng):
             values = {m.name: share * m.range[1] for m in joint.motions}
             shape, exact = (
                 solver(values, method="kinematic", estimate=False),
-                conventional(solver.model, values),
+                solve_conventional(solver.model, values),
             )
             assert shape.motion.x == pytest.approx(exact.motion.x, abs=1e-4 * joint.length)
 
@@ -283,9 +283,9 @@ def test_the_slack_of_a_range_is_rounding(name):
     """Wider than a joint driven to the very end may be found beyond it; by Markov's inequality no residual grows there."""
     record = find_record(name)
     found = max(r.fresh_max for r in record.residuals if r.group == "interface")
-    assert found < 0.25 * SLACK * min(m.high - m.low for m in record.motions)
+    assert found < 0.25 * RANGE_TOLERANCE * min(m.high - m.low for m in record.motions)
     degree = record.powers[:, : len(record.motions)].sum(axis=1).max()
-    assert 2 * degree**2 * SLACK < 3e-3
+    assert 2 * degree**2 * RANGE_TOLERANCE < 3e-3
 
 
 @pytest.mark.parametrize("name", list(FAMILY_DESIGNS))
@@ -352,7 +352,7 @@ def test_constraint_is_stiff_in_one_direction(joint, along):
     stiffness = {}
     for axis in "xyz":
         values = dict.fromkeys(model.drive_names, 0.0) | {axis: 1e-7}
-        stiffness[axis] = conventional(model, values).forces[axis] / 1e-7
+        stiffness[axis] = solve_conventional(model, values).forces[axis] / 1e-7
     assert stiffness[along] == pytest.approx(joint.stiffness_at_rest(), rel=5e-4)
     assert stiffness[along] > 100 * max(k for axis, k in stiffness.items() if axis != along)
 

@@ -6,7 +6,7 @@ from published_vibrations import CLAMPED, FREE, beam, nearest
 
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.units import deg
 
 
@@ -21,7 +21,7 @@ def test_chain_converges_to_the_same():
 
 @pytest.mark.parametrize("angle", list(PARASITIC))
 def test_parasitic_frequencies_with_the_drive_held_and_freed(angle):
-    state = conventional(payload(), {"turn": angle * deg})
+    state = solve_conventional(payload(), {"turn": angle * deg})
     held = state.frequencies(count=3)
     # with the drive freed the intended motion comes first and is known as such
     free = state.frequencies(count=3, freed="turn")
@@ -32,5 +32,8 @@ def test_parasitic_frequencies_with_the_drive_held_and_freed(angle):
 
 def test_a_finer_leaf_does_not_move_them():
     fine = compile_scene(payload().scene, mesh=Mesh(orders=(6, 5, 8), points=11))
-    pair = [conventional(m, {"turn": -45 * deg}).frequencies(count=3).frequency_Hz for m in (payload(), fine)]
+    pair = [
+        solve_conventional(m, {"turn": -45 * deg}).frequencies(count=3).frequency_Hz
+        for m in (payload(), fine)
+    ]
     assert pair[0] == pytest.approx(pair[1], rel=2e-4)

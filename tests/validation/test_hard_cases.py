@@ -13,7 +13,7 @@ from scenes import fourbar
 import ksd
 from ksd.errors import ConvergenceError
 from ksd.model.compile import compile_scene
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 
 QUICK = [c for c in CASES if c.quick]
 
@@ -65,7 +65,7 @@ def test_zero_load_for_200_steps():
     state = None
     model = compile_scene(fourbar())
     for _ in range(200):
-        state = conventional(model, {"top": 0.0}, start=state)
+        state = solve_conventional(model, {"top": 0.0}, start=state)
     assert state.motion.x == pytest.approx(model.rest.x, abs=1e-15)
     assert np.abs(state.motion.inner).max() < 1e-12
 

@@ -14,7 +14,7 @@ from ksd.modal import with_modal_bodies
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.properties.stiffness import point_stiffness
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.units import deg
 
 
@@ -125,9 +125,9 @@ def test_tangent_basis(cases, hinge):
         ksd.ModalBasis(frame="node", internal=0),
         import_module("paper2_tangent").tangent_solve,
     )
-    about = conventional(hinge, {"turn": 30 * deg}, planar=False)
+    about = solve_conventional(hinge, {"turn": 30 * deg}, planar=False)
     for angle in (25, 30, 35):
-        full = conventional(hinge, {"turn": angle * deg}, planar=False)
+        full = solve_conventional(hinge, {"turn": angle * deg}, planar=False)
         found = cases_tangent(hinge, basis, {"turn": angle * deg}, about)
         assert found.forces["turn"] == pytest.approx(full.forces["turn"], rel=2e-4)
         a, b = (point_stiffness(c.model, c.motion, "tip", at=(0.035, 0, 0)).supports for c in (found, full))
@@ -172,8 +172,8 @@ def test_trained_basis_in_space():
 
 def test_reduced_stiffness_of_the_default_in_space(hinge):
     """Undeformed expansion, 45 degrees: within 4 % out of the plane, where it is worst, and 0.01 % in it."""
-    full = conventional(hinge, {"turn": 45 * deg}, planar=False)
-    found = conventional(with_modal_bodies(hinge, ksd.ModalBasis()), {"turn": 45 * deg}, planar=False)
+    full = solve_conventional(hinge, {"turn": 45 * deg}, planar=False)
+    found = solve_conventional(with_modal_bodies(hinge, ksd.ModalBasis()), {"turn": 45 * deg}, planar=False)
     a, b = (c.stiffness("tip", at=(0.035, 0, 0)).supports for c in (found, full))
     assert [a["x"], a["y"]] == pytest.approx([b["x"], b["y"]], rel=1e-4)
     assert a["z"] == pytest.approx(b["z"], rel=0.04)

@@ -8,7 +8,7 @@ from random_arms import three_universal
 import ksd
 from ksd.errors import ConvergenceError, SceneError
 from ksd.model.compile import compile_scene
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.solve.path import follow
 from ksd.units import deg
 
@@ -143,7 +143,7 @@ def test_path_and_load_steps_agree():
     model = compile_scene(column(1e-2))
     state = follow(model, until=1.0, first=0.1).states[-1]
     assert 0.0 < state.steps[-1].residual <= 1.0
-    step = conventional(model, {}, steps=20)
+    step = solve_conventional(model, {}, steps=20)
     assert state.motion.x == pytest.approx(step.motion.x, abs=1e-9)
 
 

@@ -11,12 +11,12 @@ from published_joints import D0, SUPPORT, at_crossing, hinge
 
 from ksd.model.mesh import Mesh
 from ksd.properties.stiffness import finer_tangent, point_stiffness
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.units import deg
 
 
 def test_out_of_plane_stiffness_depends_on_the_sign():
-    plus, minus = (conventional(hinge(), {"turn": s * 30 * deg}) for s in (1, -1))
+    plus, minus = (solve_conventional(hinge(), {"turn": s * 30 * deg}) for s in (1, -1))
     assert plus.forces["turn"] == pytest.approx(7.28587, rel=2e-6)
     there, back = at_crossing(plus), at_crossing(minus)
     assert there[:2] == pytest.approx(back[:2], rel=1e-8)
@@ -28,8 +28,8 @@ def test_out_of_plane_stiffness_depends_on_the_sign():
 def test_higher_orders_do_not_move_the_result(angle):
     """Default orders against twice as many: 6e-6; without the extra mode of the question kz would be 1.9e-4
     off."""
-    plain = conventional(hinge(), {"turn": angle * deg})
-    fine = at_crossing(conventional(hinge(Mesh(orders=(8, 7, 9), points=13)), {"turn": angle * deg}))
+    plain = solve_conventional(hinge(), {"turn": angle * deg})
+    fine = at_crossing(solve_conventional(hinge(Mesh(orders=(8, 7, 9), points=13)), {"turn": angle * deg}))
     assert at_crossing(plain) == pytest.approx(fine, rel=1e-5)
     bare = finer_tangent(plain.model, plain.motion, finer=False)
     rough = point_stiffness(plain.model, plain.motion, "tip", at=(0, D0 / 2, 0), tangent=bare)
@@ -39,7 +39,7 @@ def test_higher_orders_do_not_move_the_result(angle):
 def test_holding_the_moment_instead_of_the_rotation():
     """Rotation freed and held again by the point's own rz gives the same: the moment's curvature is in the
     tangent."""
-    state = conventional(hinge(), {"turn": -30 * deg})
+    state = solve_conventional(hinge(), {"turn": -30 * deg})
     free = state.stiffness("tip", at=(0, D0 / 2, 0), freed=["turn"])
     assert [free.support(d, held=["rz"]) for d in "xyz"] == pytest.approx(at_crossing(state), rel=1e-7)
 
@@ -50,7 +50,7 @@ def test_the_baseline_converges_to_it_slowly():
     error = []
     for n in (4, 8, 16, 10, 30):
         found = at_crossing(
-            conventional(hinge(Mesh("corotational", elements=n)), {"turn": -30 * deg}, steps=2)
+            solve_conventional(hinge(Mesh("corotational", elements=n)), {"turn": -30 * deg}, steps=2)
         )
         error.append(np.abs(np.array(found) / SUPPORT[-30] - 1).max())
     assert error[0] > 0.02 and error[2] > 1e-3

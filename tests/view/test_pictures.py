@@ -18,7 +18,7 @@ import ksd
 from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.solve.conventional import conventional
+from ksd.solve.conventional import solve_conventional
 from ksd.view import plot_mechanism, write_pvd
 from ksd.view.bodies import THICK, Polygon, body, facing, hatches, hull, pads, parts, ribbon, size_of
 from ksd.view.camera import camera_of
@@ -33,7 +33,7 @@ SCENES = Path(ksd.__file__).parent / "scenes"
 
 @pytest.fixture(scope="module")
 def bent():
-    return conventional(compile_scene(fourbar()), {"top": 0.3})
+    return solve_conventional(compile_scene(fourbar()), {"top": 0.3})
 
 
 def texts(figure):
@@ -62,7 +62,7 @@ def test_plane_picture(bent, tmp_path):
     "scene,value", [(fourbar, {"top": 0.3}), (fourbar, {"top": 0.1}), (single_joint, {"turn": 0.8})]
 )
 def test_labels_do_not_overlap(scene, value):
-    figure = plot_mechanism(conventional(compile_scene(scene()), value))
+    figure = plot_mechanism(solve_conventional(compile_scene(scene()), value))
     for (one, a), (two, b) in combinations(boxes(figure), 2):
         assert not a.overlaps(b), f"'{one}' on '{two}'"
     inside = figure.bbox
@@ -76,7 +76,7 @@ def test_labels_do_not_overlap(scene, value):
 def test_labels_of_crowded_mechanisms_are_parted(name):
     """Three drives at one point, links on top of each other: every label whole, and apart from all others."""
     mechanism, targets, _ = ksd.load_scene(SCENES / f"{name}.toml")
-    figure = plot_mechanism(conventional(compile_scene(mechanism), targets))
+    figure = plot_mechanism(solve_conventional(compile_scene(mechanism), targets))
     named = boxes(figure)
     for (one, a), (two, b) in combinations(named, 2):
         assert not a.overlaps(b), f"'{one}' on '{two}'"
@@ -119,7 +119,7 @@ def test_a_view_in_space(bent):
 def test_planar_mechanisms_are_seen_onto_their_plane_and_spatial_ones_in_space(bent):
     assert plot_mechanism(bent).axes[0].get_xlabel() == "x [mm]"
     mechanism, targets, _ = ksd.load_scene(SCENES / "arm.toml")
-    figure = plot_mechanism(conventional(compile_scene(mechanism), targets))
+    figure = plot_mechanism(solve_conventional(compile_scene(mechanism), targets))
     assert not figure.axes[0].axison and {"x", "y", "z", "axes: 50 mm"} <= set(texts(figure))
 
 
@@ -453,7 +453,7 @@ def test_impossible_files_are_refused(bent, tmp_path):
     "mesh", [Mesh(), Mesh(leaf="corotational", elements=3, nodal=True)], ids=["strain", "nodal"]
 )
 def test_vtu(mesh, tmp_path):
-    c = conventional(compile_scene(single_joint(), mesh=mesh), {"turn": 0.5})
+    c = solve_conventional(compile_scene(single_joint(), mesh=mesh), {"turn": 0.5})
     c.view(tmp_path / "joint.vtu")
     root = ElementTree.parse(tmp_path / "joint.vtu").getroot()
     piece = root.find("UnstructuredGrid/Piece")
@@ -483,7 +483,7 @@ def test_vtu_is_read_by_vtk(bent, tmp_path):
 def test_a_stroke_for_paraview(bent, tmp_path):
     """One file per pose, listed with the drive value as time, which VTK reads back."""
     pyvista = pytest.importorskip("pyvista")
-    rest = conventional(bent.model, {"top": 0.1})
+    rest = solve_conventional(bent.model, {"top": 0.1})
     write_pvd([rest, bent], tmp_path / "stroke.pvd")
     reader = pyvista.get_reader(str(tmp_path / "stroke.pvd"))
     assert reader.time_values == pytest.approx([0.1, 0.3])

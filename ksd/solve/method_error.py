@@ -12,7 +12,7 @@ from ksd.model.arrays import Motion
 from ksd.model.compile import Model
 from ksd.model.newton import look, take_step
 from ksd.numerics.stopwatch import Stopwatch
-from ksd.solve.space_steps import FiveStepsStorage
+from ksd.solve.five_steps import FiveStepsStorage
 from ksd.solve.steps import RTOL, ErrorEstimate, Step, Stop
 
 COARSE = 0.01
@@ -35,7 +35,7 @@ def estimate_error(
     """
     clock = Stopwatch()
     residual, negatives, status = look(b.model.arrays, b.full, target, 1.0, b.full_work, RTOL)
-    error, count = size_of_step(b.model, b.full, b.full_work.rhs), 1
+    error, count = newton_step_error(b.model, b.full, b.full_work.rhs), 1
     stop = Stop.CONVERGED if status == 0 else (Stop.LOCAL_ANGLE if status == 1 else Stop.NOT_FINITE)
     if (NEGLIGIBLE if relinearised else COARSE) < error.relative < math.inf and _moved(b):
         steps = _later_steps(b, target)
@@ -94,14 +94,14 @@ def _later_steps(b: FiveStepsStorage, target: np.ndarray) -> Steps:
         take_step(b.model.arrays, b.full, b.full_work.rhs, b.full_work, 1.0)
         while True:
             look(b.model.arrays, b.full, target, 1.0, b.full_work, RTOL)
-            step = size_of_step(b.model, b.full, b.full_work.rhs)
+            step = newton_step_error(b.model, b.full, b.full_work.rhs)
             take_step(b.model.arrays, b.full, b.full_work.rhs, b.full_work, 1.0)
-            yield step, distance(kept, b, nothing)
+            yield step, error_to_stored_state(kept, b, nothing)
     finally:
         b.full.assign(kept)
 
 
-def size_of_step(model: Model, motion: Motion, step: np.ndarray) -> ErrorEstimate:
+def newton_step_error(model: Model, motion: Motion, step: np.ndarray) -> ErrorEstimate:
     """A Newton step (n,) as an error of the state it is to be taken from."""
     arrays, links = model.arrays, model.links
     force = np.abs(step[arrays.terms.start])
@@ -126,7 +126,7 @@ def _made_relative(
     return ErrorEstimate(force.copy(), shift, turn, relative if math.isfinite(relative) else math.inf)
 
 
-def distance(motion: Motion, b: FiveStepsStorage, rest: ErrorEstimate) -> ErrorEstimate:
+def error_to_stored_state(motion: Motion, b: FiveStepsStorage, rest: ErrorEstimate) -> ErrorEstimate:
     """Distance of a state to the one in storage, plus the estimate `rest` of the latter's own error."""
     force, shift, turn = _difference(b.model, motion, b.full)
     return _made_relative(

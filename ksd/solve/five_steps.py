@@ -25,12 +25,12 @@ from ksd.model.arrays import flatten, make_work, opened
 from ksd.model.compile import Model
 from ksd.model.newton import iterate, take_step
 from ksd.numerics.kernel import kernel
-from ksd.solve.joint_range import look_at_joints, motion_limits
-from ksd.solve.steps import CAP, RTOL
+from ksd.solve.joint_range import check_joints, motion_limits
+from ksd.solve.steps import MAX_TURN_PER_STEP, RTOL, StepRow
 
 KINEMATIC, REDUCED, FULL = 0, 1, 2
 LINEAR_SIZE = 54
-MOST_CLOSING = 40
+MAX_CLOSURE_ITERATIONS = 40
 """Iterations of step 1 at the most."""
 
 
@@ -91,14 +91,14 @@ class FiveStepsStorage:
 def close_joints(b: FiveStepsStorage, target: np.ndarray) -> tuple[int, int, float]:
     """Step 1 from where the joints are, and links that hang on leaves alone. Returns (reason, iterations, gap left [m])."""
     found = close_loops(
-        b.bodies.reduced, b.bodies.kinematics, b.theta, target, b.reduced, b.place, MOST_CLOSING
+        b.bodies.reduced, b.bodies.kinematics, b.theta, target, b.reduced, b.place, MAX_CLOSURE_ITERATIONS
     )
     if b.bodies.leaf_links:
         place_leaf_links(b.bodies, b.reduced)
     return found
 
 
-def place_space(b: FiveStepsStorage) -> None:
+def assemble_full_state(b: FiveStepsStorage) -> None:
     """Links, internal blocks, inner states and multipliers into the full state."""
     bodies, full, reduced, substructures = b.bodies, b.full, b.reduced, b.substructures
     links, inner = len(reduced.x), len(substructures.inner)
@@ -126,14 +126,14 @@ def kinematic_forces(b: FiveStepsStorage, target: np.ndarray) -> None:
     b.full.multiplier[:] = reduced.multiplier
 
 
-def near_space(b: FiveStepsStorage) -> None:
+def set_linearisation_point(b: FiveStepsStorage) -> None:
     """Step 2, first half: the near configuration of all joints."""
     set_near_configuration(
         b.bodies.kinematics, b.bodies.interior, b.theta, b.place, b.substructures, b.substructure_work
     )
 
 
-def condense_space(b: FiveStepsStorage, near: int) -> int:
+def condense_joint_bodies(b: FiveStepsStorage, near: int) -> int:
     """Step 2, second half: the joints condensed. Returns the worst status of a leaf."""
     loops, hung, substructures, work = (
         b.bodies.kinematics,
@@ -155,7 +155,7 @@ def condense_space(b: FiveStepsStorage, near: int) -> int:
     return status
 
 
-def recover_space(b: FiveStepsStorage) -> tuple[float, float]:
+def recover_substructures(b: FiveStepsStorage) -> tuple[float, float]:
     """Step 4. Returns the largest displacement [m] and rotation [rad] of an interface off its near pose."""
     inside, state, work = b.bodies.substructures, b.substructures, b.substructure_work
     unintended = interface_step(inside, b.bodies.kinematics, b.reduced, state, work, b.relative)
@@ -164,7 +164,7 @@ def recover_space(b: FiveStepsStorage) -> tuple[float, float]:
 
 
 @kernel
-def read_joints(loops, shapes, x, R, theta, found, relative, place, series, off, known, limits, seen):
+def read_joint_motions(loops, shapes, x, R, theta, found, relative, place, series, off, known, limits, seen):
     """Intended motions found (q,) of all joints where links are at x, R, their search begun at theta (q,); loops, shapes: as
     in `ksd.bodies.joint_arrays`; the rest as in `FiveStepsStorage`."""
     relative_poses(loops, shapes, x, R, relative)
@@ -173,62 +173,59 @@ def read_joints(loops, shapes, x, R, theta, found, relative, place, series, off,
     intended_motions(loops, shapes, relative, found, place, series, off, known)
     length = shapes[loops[JOINT_LENGTH] : loops[JOINT_LENGTH] + loops[JOINTS]]
     # a variable, not the literal 3
-    look_at_joints(theta, found, off, known, 3 + 0 * len(theta), limits, length, seen)
+    check_joints(theta, found, off, known, 3 + 0 * len(theta), limits, length, seen)
 
 
-def read_space(b: FiveStepsStorage) -> None:
+def read_answer_motions(b: FiveStepsStorage) -> None:
     """Intended motions of the answer."""
-    read_joints(
+    read_joint_motions(
         *b.bodies.kinematics.flat, b.full.x, b.full.R, b.theta, b.found, b.relative, b.place, b.series, b.off, b.known,
         b.limits, b.seen,
     )  # fmt: skip
 
 
-Rows = list[list[float]]
-"""Of every step: reason, iterations, residual or gap, seconds of this thread, largest unintended angle [rad]."""
-
-
-class _Record:
-    """The rows of a solve while it goes on."""
+class _Recorder:
+    """Collects the rows of a solve and the thread time of each step."""
 
     def __init__(self) -> None:
-        self.rows: Rows = []
-        self.at = time.thread_time_ns()
+        self.rows: list[StepRow] = []
+        self._time_ns = time.thread_time_ns()
 
-    def step(self, reason: int, count: int, residual: float, twist: float = 0.0) -> None:
-        before, self.at = self.at, time.thread_time_ns()
-        self.rows.append([reason, count, residual, 1e-9 * (self.at - before), twist])
+    def add(self, stop: int, iterations: int, residual: float, rotation: float = 0.0) -> None:
+        """Add the row of the step that has just ended."""
+        before, self._time_ns = self._time_ns, time.thread_time_ns()
+        self.rows.append(StepRow(stop, iterations, residual, 1e-9 * (self._time_ns - before), rotation))
 
 
 def _reduce(
-    b: FiveStepsStorage, target: np.ndarray, relinearisations: int, kinematic: bool, record: _Record
+    b: FiveStepsStorage, target: np.ndarray, relinearisations: int, kinematic: bool, record: _Recorder
 ) -> tuple[int, bool]:
     """Steps 2 to 4 from the closed loops on, with `relinearisations` relinearised rounds; kinematic: step 2 alone.
 
     Returns (negative pivots, whether all went well).
     """
     negatives = 0
-    near_space(b)
+    set_linearisation_point(b)
     for n in range(relinearisations + 1):
-        status = condense_space(b, 1 if n == 0 else 0)
+        status = condense_joint_bodies(b, 1 if n == 0 else 0)
         # stops of leaves: 1 a local angle, 2 singular
-        record.step(status + (status > 0), 0, 0.0)
+        record.add(status + (status > 0), 0, 0.0)
         if status != 0 or kinematic:
             return negatives, status == 0
         reason, count, worst, negatives, _ = iterate(
             b.bodies.reduced, b.reduced, target, 1.0, b.reduced_work, RTOL, 25, math.inf, math.inf
         )
-        record.step(reason, count, worst)
+        record.add(reason, count, worst)
         if reason != 0:
             return negatives, False
-        shift, twist = recover_space(b)
+        shift, twist = recover_substructures(b)
         if n == relinearisations:
-            place_space(b)
-        record.step(0, 0, shift, twist)
+            assemble_full_state(b)
+        record.add(0, 0, shift, twist)
     return negatives, True
 
 
-def space_steps(
+def run_five_steps(
     b: FiveStepsStorage,
     target: np.ndarray,
     method: int,
@@ -236,28 +233,28 @@ def space_steps(
     gap: float,
     *,
     closed: bool = False,
-) -> tuple[Rows, int]:
+) -> tuple[list[StepRow], int]:
     """Steps 1 to 4, and 5 when `method` is FULL, at the drive values target (c,).
 
     gap: largest one of the closed loops over the size; closed: step 1 is done already, in the storage. Returns the rows of
     the steps done, and the negative pivots of the last equilibrium.
     """
-    record = _Record()
+    record = _Recorder()
     if not closed:
         b.restart()
         reason, count, left = close_joints(b, target)
-        record.step(reason, count, left)
+        record.add(reason, count, left)
         if reason != 0 or not left < gap * b.bodies.reduced.size:
             return record.rows, 0
     negatives, sound = _reduce(b, target, relinearisations, method == KINEMATIC, record)
     if not sound:
         return record.rows, negatives
     if method == KINEMATIC:
-        place_space(b)
+        assemble_full_state(b)
     if method == FULL:
         reason, count, worst, negatives, _ = iterate(
-            b.model.arrays, b.full, target, 1.0, b.full_work, RTOL, 30, CAP, math.inf
+            b.model.arrays, b.full, target, 1.0, b.full_work, RTOL, 30, MAX_TURN_PER_STEP, math.inf
         )
-        record.step(reason, count, worst)
-    read_space(b)
+        record.add(reason, count, worst)
+    read_answer_motions(b)
     return record.rows, negatives

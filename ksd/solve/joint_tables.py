@@ -12,12 +12,12 @@ import numpy as np
 
 from ksd.bodies.joint_poses import joint_poses
 from ksd.errors import SceneError
-from ksd.solve.many import PIECES
-from ksd.solve.space_steps import LINEAR_SIZE, FiveStepsStorage, condense_space, near_space
+from ksd.solve.five_steps import LINEAR_SIZE, FiveStepsStorage, condense_joint_bodies, set_linearisation_point
+from ksd.solve.pose_batch import NUMBERS_PER_JOINT
 
-FIRST, MOST = 32, 2048
+INITIAL_PIECES, MAX_PIECES = 32, 2048
 """Pieces tried first, and most."""
-ACCURACY = 1e-6
+INTERPOLATION_TOLERANCE = 1e-6
 """Interpolation error below which there are pieces enough."""
 _UPPER = np.triu_indices(6)
 
@@ -49,8 +49,8 @@ def _sampled(b: FiveStepsStorage, shares: np.ndarray) -> np.ndarray:
     for n, share in enumerate(shares):
         b.theta[:] = low + share * (high - low)
         joint_poses(*b.bodies.kinematics.flat, b.theta, b.place, b.series)
-        near_space(b)
-        if condense_space(b, 1) != 0:
+        set_linearisation_point(b)
+        if condense_joint_bodies(b, 1) != 0:
             raise SceneError(
                 "tabulated = True: a joint cannot be condensed over its whole trained range; leave it out"
             )
@@ -88,7 +88,7 @@ def joint_tables(b: FiveStepsStorage) -> JointTables:
             "tabulated = True: joints whose leaves have weight depend on how they stand, not on the stroke alone; leave it "
             "out, or compile without='gravity'"
         )
-    pieces = FIRST
+    pieces = INITIAL_PIECES
     grid = np.linspace(0.0, 1.0, pieces + 1)
     values = _sampled(b, grid)
     while True:
@@ -96,7 +96,7 @@ def joint_tables(b: FiveStepsStorage) -> JointTables:
         between = _sampled(b, halves)
         spline = CubicSpline(grid, values, axis=0)
         error = _error(between, spline(halves))
-        if error <= ACCURACY or pieces >= MOST:
+        if error <= INTERPOLATION_TOLERANCE or pieces >= MAX_PIECES:
             break
         merged = np.empty((2 * pieces + 1, *values.shape[1:]))
         merged[::2], merged[1::2] = values, between
@@ -108,6 +108,6 @@ def joint_tables(b: FiveStepsStorage) -> JointTables:
     keys = [cubic[j].tobytes() for j in range(len(loops.node))]
     distinct = list(dict.fromkeys(keys))
     first = [keys.index(k) for k in distinct]
-    assert cubic.shape[-1] == PIECES
+    assert cubic.shape[-1] == NUMBERS_PER_JOINT
     which = np.array([distinct.index(k) for k in keys], np.int64)
     return JointTables(np.ascontiguousarray(cubic[first]), which, b.bodies.motion_range, error)

@@ -2,7 +2,7 @@
 
 Every configuration starts from rest, as a single solve does (tabulated ones from their neighbour where that is near), and
 gets a status: solved, or why not. `tabulated_many` takes the condensed matrices of the joints from a table over their
-stroke (`ksd.solve.tables`) instead of step 2, and leaves the insides alone.
+stroke (`ksd.solve.joint_tables`) instead of step 2, and leaves the insides alone.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from ksd.bodies.substructures import relative_poses
 from ksd.model.newton import CONVERGED, iterate
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_log, turn
-from ksd.solve.joint_range import far, outside
-from ksd.solve.space_steps import LINEAR_SIZE, FiveStepsStorage, close_joints, space_steps
+from ksd.solve.five_steps import LINEAR_SIZE, FiveStepsStorage, close_joints, run_five_steps
+from ksd.solve.joint_range import is_far_off, is_outside
 from ksd.solve.steps import RTOL
 
 LOCKED, OUT_OF_RANGE, UNSTABLE, FAR, UNANSWERED = 10, 11, 12, 13, 14
 """Statuses beyond those of `ksd.solve.steps.Stop`."""
-SPOKEN = {
+STATUS_MESSAGES = {
     LOCKED: "the joints cannot reach this pose by their intended motions",
     OUT_OF_RANGE: "a joint would leave its trained range",
     UNSTABLE: "the state found is not a minimum of energy",
     UNANSWERED: "a question was not answered",
     FAR: "a joint is too far off its intended motion to be the state its record describes",
 }
-PIECES = 27
+NUMBERS_PER_JOINT = 27
 """Numbers of a condensed joint: wrench (6), then the upper triangle of its stiffness (21)."""
 
 
-class Poses(NamedTuple):
+class PoseArrays(NamedTuple):
     """Numbers of N poses: force (N, c), x (N, links, 3), R (N, links, 3, 3), motion (N, q), status (N,)."""
 
     force: np.ndarray
@@ -45,9 +45,9 @@ class Poses(NamedTuple):
     status: np.ndarray
 
 
-def space_many(
+def solve_poses(
     b: FiveStepsStorage, targets: np.ndarray, method: int, relinearisations: int, gap: float, limits: np.ndarray,
-    found: Poses, ask: Callable[[int], int] | None = None,
+    found: PoseArrays, ask: Callable[[int], int] | None = None,
 ) -> None:  # fmt: skip
     """Solve at targets (N, c) into `found`; gap: see `space_steps`; limits (q, 2): trained ranges with slack.
 
@@ -55,15 +55,15 @@ def space_many(
     """
     full, links, length = b.full, found.x.shape[1], b.bodies.kinematics.length
     for n, target in enumerate(targets):
-        rows, negatives = space_steps(b, target, method, relinearisations, gap)
-        status = int(rows[-1][0])
-        if rows[0][0] != 0 or not rows[0][2] < gap * b.bodies.reduced.size:
+        rows, negatives = run_five_steps(b, target, method, relinearisations, gap)
+        status = int(rows[-1].stop)
+        if rows[0].stop != 0 or not rows[0].residual < gap * b.bodies.reduced.size:
             status = LOCKED
-        elif outside(b.theta, limits, 0):
+        elif is_outside(b.theta, limits, 0):
             status = OUT_OF_RANGE
         elif status == 0 and negatives != len(target):
             status = UNSTABLE
-        elif status == 0 and far(b.off, 3, length, 0):
+        elif status == 0 and is_far_off(b.off, 3, length, 0):
             status = FAR
         found.force[n], found.motion[n] = -full.multiplier, b.found
         found.x[n], found.R[n] = full.x[:links], full.R[:links]
@@ -152,9 +152,9 @@ def _settle(b: FiveStepsStorage, target: np.ndarray, off: np.ndarray) -> tuple[i
     return reason, negatives
 
 
-def tabulated_many(
+def solve_tabulated_poses(
     b: FiveStepsStorage, cubic: np.ndarray, which: np.ndarray, targets: np.ndarray, gap: float, limits: np.ndarray,
-    found: Poses,
+    found: PoseArrays,
 ) -> None:  # fmt: skip
     """Steps 1 and 3 at targets (N, c), the joints from cubic (T, pieces, 4, 27); which (J,): table of every joint.
 
@@ -174,7 +174,7 @@ def tabulated_many(
             else:
                 then[:] = theta
             reason, _, left = close_joints(b, target)
-            closed = reason == 0 and left < wide and not outside(theta, limits, 0)
+            closed = reason == 0 and left < wide and not is_outside(theta, limits, 0)
         else:
             then[:] = theta
             shift[:] = 0.0
@@ -183,7 +183,7 @@ def tabulated_many(
             reason, _, left = close_joints(b, target)
             closed = reason == 0 and left < wide
         found.motion[n] = theta
-        if not closed or outside(theta, limits, 0):
+        if not closed or is_outside(theta, limits, 0):
             status[n] = OUT_OF_RANGE if closed else LOCKED
             continue
         inner[:, :3], inner[:, 3:12] = b.place[:, 9:12], b.place[:, :9]
@@ -194,7 +194,7 @@ def tabulated_many(
         intended_motions(*loops.flat, b.relative, b.found, b.place, b.series, b.off, b.known)
         if status[n] == 0 and negatives != len(target):
             status[n] = UNSTABLE
-        elif status[n] == 0 and far(b.off, 3, loops.length, 0):
+        elif status[n] == 0 and is_far_off(b.off, 3, loops.length, 0):
             status[n] = FAR
         found.force[n], found.motion[n] = -reduced.multiplier, b.found
         found.x[n], found.R[n] = reduced.x, reduced.R

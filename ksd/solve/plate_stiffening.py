@@ -32,7 +32,7 @@ MOST = 8
 """Rounds; the change shrinks at least tenfold in each."""
 
 
-def curvatures(model: Model, motion: Motion) -> dict[str, float]:
+def rms_curvatures(model: Model, motion: Motion) -> dict[str, float]:
     """Root mean square of M / (E Iz), the elastic curvature about e3 [1/m], of every leaf by full name."""
     stiff, found = _bending_stiffness(model), {}
     for name, forces in section_forces(model, motion, points=POINTS).items():
@@ -55,9 +55,9 @@ def _bending_stiffness(model: Model) -> dict[str, float]:
     }
 
 
-def bent(model: Model, motion: Motion) -> tuple[dict[str, LeafCondition], float]:
+def plate_conditions(model: Model, motion: Motion) -> tuple[dict[str, LeafCondition], float]:
     """Conditions of all wide leaf springs at their present curvature, and the largest relative change of their factors."""
-    known = curvatures(model, motion)
+    known = rms_curvatures(model, motion)
     conditions, worst = {}, 0.0
     for name, leaf in _leaves(model).items():
         q = leaf.section
@@ -70,7 +70,9 @@ def bent(model: Model, motion: Motion) -> tuple[dict[str, LeafCondition], float]
     return conditions, worst
 
 
-def settled(solver: Any, solve: Callable[[Any], Configuration], bound: float) -> tuple[Configuration, Any]:
+def solve_with_plate_factors(
+    solver: Any, solve: Callable[[Any], Configuration], bound: float
+) -> tuple[Configuration, Any]:
     """The answer of `solve(solver)` with plate factors that fit it to `bound`, relative, and the solver that gave it.
 
     Each round has a solver of its own: what `solver` holds stays as it was made, and no answer depends on those before
@@ -80,7 +82,7 @@ def settled(solver: Any, solve: Callable[[Any], Configuration], bound: float) ->
     if not solver.model.mesh.plate:
         return found, solver
     for _ in range(MOST):
-        conditions, moved = bent(*found.insides)
+        conditions, moved = plate_conditions(*found.unreduced_state)
         if moved <= bound:
             break
         model = solver.model

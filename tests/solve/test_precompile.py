@@ -14,10 +14,10 @@ from processes import environment
 
 from ksd.errors import RecordError
 from ksd.numerics.cache import source_hash
-from ksd.solve import ahead
+from ksd.solve import precompile
 
 TESTS = Path(__file__).parents[1]
-SECOND = "from ksd.solve.ahead import compile_late; compile_late()"
+SECOND = "from ksd.solve.precompile import precompile_kernels; precompile_kernels()"
 FIRST = """
 from scenes import fourbar
 import ksd
@@ -25,12 +25,12 @@ print(ksd.solve(fourbar(), top=0.1, method="full").forces["top"])
 """
 STARTED = """
 import multiprocessing, sys
-from ksd.solve import ahead
+from ksd.solve import precompile
 
 print("the script runs")
-ahead.COMPILES = ahead.SPARE_CORE = True
+precompile.COMPILES = precompile.SPARE_CORE = True
 for _ in range(2):
-    ahead.compile_ahead()
+    precompile.start_precompiling()
 (child,) = multiprocessing.active_children()
 if sys.argv[1] == "wait":
     child.join()
@@ -38,7 +38,7 @@ print(child.pid, child.exitcode)
 """
 KERNELS = (
     "strain_condense", "strain_tangent", "_move_nodes", "strain_recover", "solve_blocks", "factor_blocks", "add_terms",
-    "add_loads", "member_tangent", "read_joints", "_worst", "_condense_blocks", "_recover_blocks", "place_internal_blocks",
+    "add_loads", "member_tangent", "read_joint_motions", "_worst", "_condense_blocks", "_recover_blocks", "place_internal_blocks",
 )  # fmt: skip
 
 
@@ -119,16 +119,16 @@ def test_it_is_not_started_where_it_does_not_belong(where, monkeypatch):
                     raise BlockingIOError
                 begun.append(self.target)
 
-    monkeypatch.setattr(ahead, "spawning", lambda *_: Context)
-    monkeypatch.setattr(ahead, "COMPILES", where != "compiled")
-    monkeypatch.setattr(ahead, "SPARE_CORE", where != "one core")
+    monkeypatch.setattr(precompile, "spawning", lambda *_: Context)
+    monkeypatch.setattr(precompile, "COMPILES", where != "compiled")
+    monkeypatch.setattr(precompile, "SPARE_CORE", where != "one core")
     monkeypatch.setattr(
         current_process(), "name", "SpawnPoolWorker-1" if where == "a pool" else "MainProcess"
     )
     program = {"inside": "/opt/drawing/bin/draw", "unknown": None}.get(where, sys.executable)
     monkeypatch.setattr(sys, "executable", program)
-    ahead.compile_ahead.__wrapped__()
-    assert begun == ([ahead.compile_late] if where == "wanted" else [])
+    precompile.start_precompiling.__wrapped__()
+    assert begun == ([precompile.precompile_kernels] if where == "wanted" else [])
 
 
 def test_it_says_nothing_of_records_that_are_not_there(monkeypatch):
@@ -139,9 +139,9 @@ def test_it_says_nothing_of_records_that_are_not_there(monkeypatch):
         asked.append(family)
         raise RecordError("no record")
 
-    monkeypatch.setattr(ahead, "follow_parent", lambda: None)
-    monkeypatch.setattr(ahead, "find_record", missing)
-    ahead.compile_late()
+    monkeypatch.setattr(precompile, "follow_parent", lambda: None)
+    monkeypatch.setattr(precompile, "find_record", missing)
+    precompile.precompile_kernels()
     assert asked == ["cross_flexure", "cross_flexure"]
 
 

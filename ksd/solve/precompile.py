@@ -32,23 +32,23 @@ from ksd.properties.mesh_adequacy import mode_adequacy
 from ksd.scene.families.cross_flexure import CrossFlexure
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
-from ksd.solve.joint_motions import JointReader
-from ksd.solve.space_steps import FiveStepsStorage, place_space
+from ksd.solve.five_steps import FiveStepsStorage, assemble_full_state
+from ksd.solve.joint_motions import JointMotionReader
 
 
 @cache
-def compile_ahead() -> None:
+def start_precompiling() -> None:
     """Start the second process: once, where the cache was empty, and neither in a process that another one started, nor with
     one core, nor where the program that runs is not Python but has it inside."""
-    context, python = spawning(compile_late), "python" in Path(sys.executable or "").name
+    context, python = spawning(precompile_kernels), "python" in Path(sys.executable or "").name
     first = python and current_process().name == "MainProcess"
     if COMPILES and SPARE_CORE and first and context is not None:
         # a daemon: ended with this process
         with suppress(OSError):
-            context.Process(target=compile_late, daemon=True).start()
+            context.Process(target=precompile_kernels, daemon=True).start()
 
 
-def compile_late() -> None:
+def precompile_kernels() -> None:
     """What the second process does: every kernel is called as `newton` calls it, for a cross flexure at rest."""
     follow_parent()
     mechanism = Mechanism("hinge")
@@ -75,7 +75,7 @@ def compile_late() -> None:
     add_loads(ints, floats, motion.R, 1.0, 1e-8, work.value, work.rhs, work.scale)
     member_tangent(work.pose[0], lam, K, np.zeros((12, 12)), np.zeros(12), A, np.zeros((6, 12)))
     # after `newton`, while the first process is at that itself
-    JointReader(model, find_record, extrapolate=False)(motion)
+    JointMotionReader(model, find_record, extrapolate=False)(motion)
     mode_adequacy(model, motion)
     # without records there are no five steps
     with suppress(KsdError):
@@ -83,4 +83,4 @@ def compile_late() -> None:
         inside, state, room = b.bodies.substructures, b.substructures, b.substructure_work
         condense_assembled(inside, 1, state, room, b.reduced.inner)
         interface_step(inside, b.bodies.kinematics, b.reduced, state, room, b.relative)
-        place_space(b)
+        assemble_full_state(b)
