@@ -324,32 +324,29 @@ class Configuration(InNotebooks):
 
     @cached_property
     def equilibrium(self) -> Motion:
-        """The state that questions beyond forces and poses are asked of: its own, or, where `solve` chose a fast method
-        itself, the equilibrium next to it. Raises ConvergenceError where that is not found."""
-        return (
-            equilibrium_near(self) if self.method_was_chosen and self.method in FAST_METHODS else self.motion
-        )
+        """State at which questions beyond forces and poses are answered: `motion`, or, where `solve` itself chose a fast
+        method, the equilibrium of the full model next to it. Raises ConvergenceError where that is not found."""
+        if self.method_was_chosen and self.method in FAST_METHODS:
+            return equilibrium_near(self)
+        return self.motion
 
     @cached_property
     def unreduced_state(self) -> tuple[Model, Motion]:
-        """Model and state with every leaf's own insides: those of the configuration, or, of modal bodies, the chains they
-        reduce at the nodes they have."""
+        """Model and state with every modal body replaced by the chain of elements that it reduces; without modal bodies those
+        of the configuration."""
         return full_model_state(self.model, self.motion)
 
     @property
     def refinement_start(self) -> Motion:
-        """The state from which questions go on to a finer mesh, by a Newton step: `equilibrium`, or its own where that step is
-        all it takes."""
-        return (
-            self.motion
-            if self.method_was_chosen and self.method in FAST_METHODS and refinement_step_suffices(self)
-            else self.equilibrium
-        )
+        """State from which questions on a finer mesh take their Newton step: `equilibrium`, or `motion` where that step
+        alone suffices."""
+        if self.method_was_chosen and self.method in FAST_METHODS and refinement_step_suffices(self):
+            return self.motion
+        return self.equilibrium
 
     @property
     def unreduced_equilibrium(self) -> tuple[Model, Motion]:
-        """As `equilibrium`, with every leaf's own insides (see `unreduced_state`). Stress, energy, mass and buckling are asked of
-        these."""
+        """Model and `equilibrium` with modal bodies replaced as in `unreduced_state`, for stress, energy and section forces."""
         return full_model_state(self.model, self.equilibrium)
 
     def _of_leaves(self, question: str) -> None:

@@ -1,9 +1,9 @@
 """Whether a result can be trusted: all checks of it, in this order.
 
-1. `stability_verdict`: the state is a minimum of energy, judged by the inertia of the tangent and by how far the leaf springs
+1. `stability_verdict`: the state is a minimum of energy, judged by the inertia of the tangent and by how far leaf springs
    turn per quadrature point.
-2. `branch_verdict`: the load steps left no doubt (`ksd.solve.load_steps`), and every joint is near the motion that its record
-   describes.
+2. `branch_verdict`: load steps left no doubt (`ksd.solve.load_steps`), and every joint is near the motion that its
+   record describes.
 3. `compare_with_load_steps`: where loads do much of the work, load steps end in the same state as the five steps.
 4. `with_mesh_check`: the curvature modes of the mesh suffice for the state.
 5. `check_trained_range`: every joint is within the range its record was trained on.
