@@ -608,7 +608,11 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         """That the curvature modes of the mesh are few for the leaf springs of a design; nothing where they are enough."""
         poses = [pose for one in self._judged(np.asarray(x, float)[None])[1] for pose in one.poses]
         worst = max(poses, key=lambda pose: pose.mesh_adequacy.missed_share, default=None)
-        return "" if worst is None else "".join(with_mesh_check(worst, DEFAULT_ACCURACY).notes[len(worst.notes) :])
+        return (
+            ""
+            if worst is None
+            else "".join(with_mesh_check(worst, DEFAULT_ACCURACY).notes[len(worst.notes) :])
+        )
 
     def merit(self, values: ArrayLike) -> float:
         """The worst target over its scale, larger is better: of what is minimised the largest with a minus; nan of a job

@@ -102,7 +102,8 @@ def state_space(
     found = pose.frequencies(count=whole_number(modes, "modes"), freed=freed)
     if (
         not found.conservative
-        and assemble_and_factor(*pose.unreduced_state, load_factor=pose.load_factor).skew_share() > MAX_DAMPED_SKEW_SHARE
+        and assemble_and_factor(*pose.unreduced_state, load_factor=pose.load_factor).skew_share()
+        > MAX_DAMPED_SKEW_SHARE
     ):
         raise SceneError(
             "state_space: the loads follow their link or are moments fixed in space, and not conservative: modes are "

@@ -332,8 +332,8 @@ class Configuration(InNotebooks):
 
     @cached_property
     def unreduced_state(self) -> tuple[Model, Motion]:
-        """Model and state with every modal body replaced by the chain of elements that it reduces; without modal bodies those
-        of the configuration."""
+        """Model and state with every modal body replaced by the chain of elements that it reduces; without modal bodies
+        those of the configuration."""
         return full_model_state(self.model, self.motion)
 
     @property
@@ -346,7 +346,7 @@ class Configuration(InNotebooks):
 
     @property
     def unreduced_equilibrium(self) -> tuple[Model, Motion]:
-        """Model and `equilibrium` with modal bodies replaced as in `unreduced_state`, for stress, energy and section forces."""
+        """Model and `equilibrium` with modal bodies replaced as in `unreduced_state`: for stress, energy and forces."""
         return full_model_state(self.model, self.equilibrium)
 
     def _of_leaves(self, question: str) -> None:
@@ -453,7 +453,9 @@ class Configuration(InNotebooks):
         Raises SceneError of reduced solids.
         """
         self._of_leaves("stress")
-        return stress(*self.unreduced_equilibrium, points=whole_number(points, "points"), load_factor=self.load_factor)
+        return stress(
+            *self.unreduced_equilibrium, points=whole_number(points, "points"), load_factor=self.load_factor
+        )
 
     def strain_energy(self) -> dict[str, float]:
         """Strain energy [J] of every leaf by full name, and of springs; the sum is what the mechanism stores."""
@@ -589,13 +591,17 @@ class Configuration(InNotebooks):
         """Normal and shear forces [N], torsion and bending moments [Nm] along every leaf by full name, at `points`
         stations (of a chain at its nodes)."""
         return section_forces(
-            *self.unreduced_equilibrium, points=whole_number(points, "points", least=2), load_factor=self.load_factor
+            *self.unreduced_equilibrium,
+            points=whole_number(points, "points", least=2),
+            load_factor=self.load_factor,
         )
 
     def shape(self, *, points: int = 25) -> Shape:
         """Centrelines [m] of all leaves at `points` stations or more, outlines of all links, and driven points, global."""
         return mechanism_shape(
-            *self.unreduced_state, points=whole_number(points, "points", least=2), load_factor=self.load_factor
+            *self.unreduced_state,
+            points=whole_number(points, "points", least=2),
+            load_factor=self.load_factor,
         )
 
     def as_dict(self) -> dict[str, Any]:

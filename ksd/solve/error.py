@@ -37,7 +37,6 @@ from ksd.properties.leaf_groups import (
     panel_table_slice,
 )
 from ksd.properties.tangent import exact_tangent_arrays
-from ksd.solve.method_error import relative_error, newton_step_error
 from ksd.solve.full_bodies import full_equilibrium
 from ksd.solve.method_error import newton_step_error, relative_error
 from ksd.solve.steps import FAST_METHODS, MAX_TURN_PER_STEP, RTOL, ErrorEstimate, Stop

@@ -80,7 +80,9 @@ def test_stiffness_is_lost_where_the_multiplier_says(mesh):
 def test_uncondensed_tangent_condenses_to_the_solver_s(mesh):
     scene = fourbar()
     scene.load("top", force=(0, -30.0, 20.0), at=(0, 0.35, 0))
-    fine, state = finer_state(*_of(solve_conventional(compile_scene(scene, mesh=mesh), {"top": 0.1}, steps=4)))
+    fine, state = finer_state(
+        *_of(solve_conventional(compile_scene(scene, mesh=mesh), {"top": 0.1}, steps=4))
+    )
     K = full_tangents(fine, state)[0].toarray()
     assert pytest.approx(K.T, abs=1e-9 * np.abs(K).max()) == K
     n = fine.arrays.plan.unknowns
@@ -151,7 +153,9 @@ def test_multipliers_beyond_linear_theory_are_left_out(mesh):
 
 def test_stresses_eliminated_give_back_the_tangent_of_chains():
     mesh = Mesh("corotational", elements=3)
-    fine, state = finer_state(*_of(solve_conventional(compile_scene(fourbar(), mesh=mesh), {"top": 0.1}, steps=4)))
+    fine, state = finer_state(
+        *_of(solve_conventional(compile_scene(fourbar(), mesh=mesh), {"top": 0.1}, steps=4))
+    )
     K = full_tangents(fine, state)[0].toarray()
     mixed, n = with_stresses(fine, state, K).toarray(), len(K)
     back = mixed[:n, :n] - mixed[:n, n:] @ np.linalg.solve(mixed[n:, n:], mixed[n:, :n])

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from ksd.properties.resolution import look_at_modes
 from scenes import cross_flexure, fourbar, guided_leaf, single_joint, slider
 
 import ksd
