@@ -92,7 +92,7 @@ class LoadPath(NamedTuple):
     steps: int = 1
     rtol: float = RTOL
     max_iterations: int = 30
-    max_turn: float = CAP
+    max_turn: float = MAX_TURN_PER_STEP
     eps_max: float = math.inf
     smallest_step: float = 1e-4
 
@@ -115,7 +115,7 @@ def take_load_steps(
 ) -> LoadStepRecord:
     """Take load steps along a path, halving them on failure; `motion` ends at the last equilibrium.
 
-    newton: brings a state to equilibrium in place, as `ksd.solve.storage.Storage.newton`. begin: a copy of the state that
+    newton: brings a state to equilibrium in place, as `ksd.solve.storage.NewtonStorage.newton`. begin: a copy of the state that
     `motion` starts from, where there is one. pivoting: spatial arrays and storage with which steps of weak pivots are
     repeated.
     """
@@ -438,7 +438,9 @@ def _with_divergences(model: Model, motion: Motion, record: LoadStepRecord, path
     """The record with the count that replaces negative pivots where loads are not conservative."""
     if record.stop is not Stop.CONVERGED or model.conservative:
         return record
-    return record._replace(negatives=count_unstable_directions(model, motion, path.factors[1], record.negatives))
+    return record._replace(
+        negatives=count_unstable_directions(model, motion, path.factors[1], record.negatives)
+    )
 
 
 def follow_load_path(
