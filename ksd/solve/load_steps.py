@@ -115,8 +115,8 @@ def take_load_steps(
 ) -> LoadStepRecord:
     """Take load steps along a path, halving them on failure; `motion` ends at the last equilibrium.
 
-    newton: brings a state to equilibrium in place, as `ksd.solve.storage.NewtonStorage.newton`. begin: a copy of the state that
-    `motion` starts from, where there is one. pivoting: spatial arrays and storage with which steps of weak pivots are
+    newton: brings a state to equilibrium in place, as `ksd.solve.storage.NewtonStorage.newton`. begin: a copy of the state
+    that `motion` starts from, where there is one. pivoting: spatial arrays and storage with which steps of weak pivots are
     repeated.
     """
     done, solves, tried, pivoted, most, residual, negatives = 0.0, 0, 0, 0, 0, math.inf, 0
