@@ -253,7 +253,7 @@ def gradient_at(
                 )  # fmt: skip
             here, sides = perturbed(pose, parameters)
             poses.append([here, *chain(*sides)])
-            steps.append([p.size * shares[0] for p in parameters])
+            steps.append([p.scale * shares[0] for p in parameters])
         labels += said
     rows = _rows(poses, asked, len(shares))
     numbers = dict.fromkeys(c for own in rows for c, v in own[0].items() if isinstance(v, float))

@@ -1,11 +1,11 @@
-"""Equilibria beside a pose, and how what is asked of them changes: gradients by parameters of a design, drives and loads.
+"""Equilibria at slightly changed parameters: gradients of answers by parameters of a design, drives and loads.
 
-At the equilibrium x0 of a pose, for a parameter p at p0 +- h: the arrays of that design with the effects, mesh, orders
-and plate curvatures of p0, Newton steps from x0, the question asked of that state, a central difference. One step N(x,
-p) = x - K^-1 R has dN/dp = -K^-1 dR/dp, the exact derivative of the equilibrium, inner unknowns and multipliers
-included; a second one takes away its rounding and what it leaves of the bend of that path. The other side of a parameter
-starts opposite to the first, where one step does both. Nothing is chosen anew beside the pose, so nothing jumps: a curved
-leaf that would take more modes on one side keeps those it has.
+At the equilibrium x0 of a pose, for a parameter p at p0 +- h: pack the arrays of the changed design with the effects, mesh,
+orders and plate curvatures of p0, take Newton steps from x0, evaluate the question there, and take the central difference.
+One step N(x, p) = x - K^-1 R has dN/dp = -K^-1 dR/dp, the exact derivative of the equilibrium, inner unknowns and
+multipliers included; a second one removes its rounding and the error left by the curvature of that path. The second side of
+a parameter starts opposite to the first, where one step does both. No effect, mesh or order is chosen anew at p0 +- h, so
+answers do not jump: a curved leaf that would take more modes on one side keeps those it has.
 """
 
 from __future__ import annotations
@@ -36,38 +36,41 @@ if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
 
 RELATIVE_STEP = 3e-5
-"""Step of a parameter, over its value, of central differences."""
+"""Step of a parameter relative to its value, for central differences."""
 FOURTH_ORDER_STEP = 3e-4
 """The same where differences at one and two steps are combined to fourth order: ten times less rounding."""
-NEWTON = 2
-"""Newton steps to the equilibrium beside the pose. After one, even refined, stresses of a butterfly hinge are 2 % off
+NEWTON_STEPS = 2
+"""Newton steps to the equilibrium at a changed parameter. After one, even refined, stresses of a butterfly hinge are 2 % off
 at a step of FOURTH_ORDER_STEP, stiffnesses .2 %; 3e-5 at RELATIVE_STEP."""
-LEFT = 0.05
-"""Part of the first Newton step up to which the last one may be as large."""
+MAX_STEP_RATIO = 0.05
+"""Largest size of the last Newton step relative to the first."""
 AXES = "xyz"
 
 
 @dataclass(frozen=True)
 class GradientParameter:
-    """A number that a pose depends on: its value, the size its step is measured by, and the scene where it has another
-    value; without one it is the value of the drive of its name."""
+    """A number that a pose depends on.
+
+    scale: magnitude to which its steps are relative; scene: makes the scene at another value; None for the value of the
+    drive `name`.
+    """
 
     name: str
     value: float
-    size: float
+    scale: float
     scene: Callable[[float], Any] | None = None
 
-    def at(self, targets: Mapping[str, float], value: float) -> dict[str, float]:
-        """Drive values where it has this value."""
+    def targets_at(self, targets: Mapping[str, float], value: float) -> dict[str, float]:
+        """Drive values where the parameter has this value."""
         return {**targets, self.name: value} if self.scene is None else dict(targets)
 
 
 @dataclass(frozen=True)
-class _Held(Mesh):
-    """Orders and points that no leaf raises."""
+class _FixedOrdersMesh(Mesh):
+    """A mesh whose orders and points no leaf raises."""
 
     def modes(self, orders: tuple[int, int, int], points: int) -> tuple[tuple[int, int, int], int]:
-        """Its own."""
+        """The orders and points of the mesh, whatever the leaf asks for."""
         return self.orders, self.points
 
 
@@ -81,11 +84,10 @@ def parameters_of(
     by: Iterable[str] | str | None = None,
     sizes: Mapping[str, float] | None = None,
 ) -> tuple[GradientParameter, ...]:
-    """The parameters `by`: names in `at_design`, of drives, and of components of loads ("payload_force_z",
-    "payload_moment_x").
+    """The parameters named in `by`: of `at_design`, drives, and components of loads ("payload_force_z", "payload_moment_x").
 
-    Without `by` all numbers of the design, without a design all drives. scene, targets: where they are; size [m]: of the
-    mechanism, that of the step of a parameter of zero that `sizes` does not name. SceneError for names that are not known.
+    Without `by` all numbers of the design, without a design all drives. scene, targets: at which gradients are taken; size
+    [m]: of the mechanism, the scale of a length of zero that `sizes` does not name. Raises SceneError for unknown names.
     """
     found: dict[str, GradientParameter] = {}
     given = {} if at_design is None else dict(at_design)
@@ -95,28 +97,28 @@ def parameters_of(
         )
     sizes = {} if sizes is None else dict(sizes)
 
-    def add(name: str, value: float, usual: float, made: Callable[[float], Any] | None) -> None:
-        own = abs(number(sizes[name], f"sizes: {name}")) if name in sizes else abs(value) or usual
-        found[name] = GradientParameter(name, value, own or usual, made)
+    def add(name: str, value: float, default: float, scene_at: Callable[[float], Any] | None) -> None:
+        scale = abs(number(sizes[name], f"sizes: {name}")) if name in sizes else abs(value) or default
+        found[name] = GradientParameter(name, value, scale or default, scene_at)
 
-    # counts are no numbers to vary, unless they are asked for
+    # counts are varied only where they are named
     counts = [n for n, v in given.items() if isinstance(v, int | np.integer)]
     numbers = {n: float(v) for n, v in given.items() if _is_number(v)}
     for name, value in numbers.items():
         assert design is not None
-        add(name, value, size, partial(_drawn_at, design, given, scene, name))
+        add(name, value, size, partial(_design_scene, design, given, scene, name))
     drives = [d.name for d in scene.drives]
     for name in drives:
         if name not in found:
-            add(name, float(targets[name]), size if _moves(scene, name) else 1.0, None)
+            add(name, float(targets[name]), size if _is_displacement(scene, name) else 1.0, None)
     loads = []
     for k, load in enumerate(scene.loads):
         for kind in ("force", "moment"):
             for axis, letter in enumerate(AXES):
                 value = getattr(load, kind)[axis]
-                usual = math.hypot(*getattr(load, kind)) or 1.0
+                magnitude = math.hypot(*getattr(load, kind)) or 1.0
                 loads.append(f"{load.name}_{kind}_{letter}")
-                add(loads[-1], value, usual, partial(_loaded_at, scene, k, kind, axis))
+                add(loads[-1], value, magnitude, partial(_load_scene, scene, k, kind, axis))
     names = (by,) if isinstance(by, str) else by
     if names is None:
         names = [n for n in numbers if n not in counts] or drives
@@ -141,34 +143,33 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
 
 
-def _moves(scene: Any, drive: str) -> bool:
+def _is_displacement(scene: Any, drive: str) -> bool:
     """Whether a drive prescribes a displacement."""
     return any(t.kind == "translation" for d in scene.drives if d.name == drive for t in d.terms)
 
 
-def _drawn_at(
-    design: Callable[..., Any], given: Mapping[str, Any], like: Any, name: str, value: float
+def _design_scene(
+    design: Callable[..., Any], given: Mapping[str, Any], loaded: Any, name: str, value: float
 ) -> Any:
-    """The scene of the design with another value of a parameter, under the loads of the scene `like` that are not its
-    own."""
+    """The scene of the design with another value of a parameter, with the loads that the scene `loaded` has in addition."""
     try:
         with without_whole_checks():
-            made = design(**{**given, name: value})
-            scene = made.scene() if hasattr(made, "scene") else made
+            drawn = design(**{**given, name: value})
+            scene = drawn.scene() if hasattr(drawn, "scene") else drawn
             if not hasattr(scene, "fingerprint"):
-                raise SceneError(f"{show(made)} is no mechanism")
+                raise SceneError(f"{show(drawn)} is no mechanism")
     except (SceneError, ArithmeticError, ValueError) as reason:
         raise SceneError(
             f"there is no gradient by '{name}': the design cannot be built at {value:.9g}, beside the value asked about: "
             f"{reason}"
         ) from reason
     # load cases come after the loads of the design itself
-    extra = like.loads[len(scene.loads) :]
+    extra = loaded.loads[len(scene.loads) :]
     return replace(scene, loads=(*scene.loads, *extra)) if extra else scene
 
 
-def _loaded_at(scene: Any, k: int, kind: str, axis: int, value: float) -> Any:
-    """The scene with another component of load k."""
+def _load_scene(scene: Any, k: int, kind: str, axis: int, value: float) -> Any:
+    """The scene with another value of one component of load k."""
     vector = list(getattr(scene.loads[k], kind))
     vector[axis] = value
     load = replace(scene.loads[k], **{kind: tuple(vector)})
@@ -176,70 +177,73 @@ def _loaded_at(scene: Any, k: int, kind: str, axis: int, value: float) -> Any:
 
 
 class PerturbedEquilibria:
-    """Perturbed poses of one scene: every parameter at its value + share * its size, for every one of `shares`."""
+    """Equilibria of one scene with each parameter at value + step * scale, for every one of the relative `steps`."""
 
-    def __init__(self, shares: Sequence[float] = (RELATIVE_STEP, -RELATIVE_STEP)) -> None:
-        self.shares = tuple(shares)
-        self._made: tuple[Model, list[list[Model]]] | None = None
+    def __init__(self, steps: Sequence[float] = (RELATIVE_STEP, -RELATIVE_STEP)) -> None:
+        self.steps = tuple(steps)
+        self._cached_models: tuple[Model, list[list[Model]]] | None = None
 
     def __call__(
         self, pose: Configuration, parameters: Sequence[GradientParameter]
     ) -> tuple[Configuration, list[list[Configuration]]]:
-        """The equilibrium of a pose, and those beside it by parameter and share. Only values of drives may differ from those
-        of the call before.
+        """The equilibrium of a pose, and the perturbed ones by parameter and step.
 
-        Raises ConvergenceError where there is none, SceneError for poses of reduced bodies and for parameters that
-        change more than numbers.
+        Only values of drives may differ from those of the previous call. Raises ConvergenceError where there is no
+        equilibrium, SceneError for poses of reduced bodies and for parameters that change more than numbers.
         """
         if not pose.converged or pose.model.bodies:
             why = "holds reduced bodies" if pose.converged else "did not converge"
             raise SceneError(f"this pose {why}: gradients are those of equilibria of leaf springs")
-        if self._made is None or self._made[0] is not pose.model:
-            self._made = pose.model, self._models(pose.model, parameters)
-        work = _Storage()
+        if self._cached_models is None or self._cached_models[0] is not pose.model:
+            self._cached_models = pose.model, self._models(pose.model, parameters)
+        work = _WorkCache()
         start = equilibrium_near(pose) if pose.method in FAST_METHODS else pose.motion
-        here, _ = self._at(pose, pose.model, start, pose.targets, work)
+        here, _ = self._equilibrium(pose, pose.model, start, pose.targets, work)
         sides = []
-        for parameter, models in zip(parameters, self._made[1], strict=True):
+        for parameter, models in zip(parameters, self._cached_models[1], strict=True):
             own: list[Configuration] = []
             first = 0.0
-            for share, model in zip(self.shares, models, strict=True):
-                values = parameter.at(pose.targets, parameter.value + share * parameter.size)
-                # shares come in pairs: opposite to a side a step less is to go
+            for step, model in zip(self.steps, models, strict=True):
+                values = parameter.targets_at(pose.targets, parameter.value + step * parameter.scale)
+                # steps come in pairs of opposite sign: the second one starts opposite to the first, a Newton step closer
                 opposite = len(own) % 2 == 1 and model.kinds <= {STRAIN}
-                start = _mirrored(here.motion, own[-1].motion) if opposite else here.motion
-                found, first = self._at(pose, model, start, values, work, parameter.name, first * opposite)
+                start = _opposite_state(here.motion, own[-1].motion) if opposite else here.motion
+                found, first = self._equilibrium(
+                    pose, model, start, values, work, parameter.name, first * opposite
+                )
                 own.append(found)
             sides.append(own)
         return here, sides
 
     def _models(self, model: Model, parameters: Sequence[GradientParameter]) -> list[list[Model]]:
-        """The models beside a model, by parameter and share."""
+        """The models with changed parameters, by parameter and step."""
         scenes = [
-            p.scene(p.value + s * p.size) for p in parameters if p.scene is not None for s in self.shares
+            p.scene(p.value + s * p.scale) for p in parameters if p.scene is not None for s in self.steps
         ]
-        made = iter(perturbed_models(model, scenes))
-        return [[model if p.scene is None else next(made) for _ in self.shares] for p in parameters]
+        perturbed = iter(perturbed_models(model, scenes))
+        return [[model if p.scene is None else next(perturbed) for _ in self.steps] for p in parameters]
 
-    def _at(
+    def _equilibrium(
         self,
         pose: Configuration,
         model: Model,
         start: Motion,
         targets: Mapping[str, float],
-        storage: _Storage,
+        cache: _WorkCache,
         name: str = "",
         first: float = 0.0,
     ) -> tuple[Configuration, float]:
-        """The equilibrium of a model Newton steps from a state, and the size of the first; name: of the parameter that was
-        changed; first: of the step to the opposite side, which spares it here."""
+        """The equilibrium of a model after Newton steps from a state, and the size of the first one.
+
+        name: of the changed parameter; first: size of the first step to the opposite side, which replaces the one here.
+        """
         arrays, motion, target = exact_tangent_arrays(model), start.copy(), model.targets(targets)
-        work = storage.of(arrays)
-        moved = [first] * (first > 0.0)
-        while len(moved) < NEWTON:
-            moved.append(newton_step(arrays, motion, target, pose.load_factor, work, RTOL))
-        # a hundredth of what is negligible is rounding
-        if not moved[-1] <= LEFT * moved[0] + 0.01:
+        work = cache.work_for(arrays)
+        sizes = [first] * (first > 0.0)
+        while len(sizes) < NEWTON_STEPS:
+            sizes.append(newton_step(arrays, motion, target, pose.load_factor, work, RTOL))
+        # a hundredth of the negligible size is rounding
+        if not sizes[-1] <= MAX_STEP_RATIO * sizes[0] + 0.01:
             where = f"beside this pose, at another '{name}'" if name else "of this pose"
             raise ConvergenceError(
                 f"no gradient: Newton steps do not reach the equilibrium {where}; it is near the end of its branch"
@@ -249,24 +253,24 @@ class PerturbedEquilibria:
             expected_negatives=pose.expected_negatives, load_factor=pose.load_factor,
             joints_near_intended=pose.joints_near_intended,
         )  # fmt: skip
-        return found, moved[0]
+        return found, sizes[0]
 
 
-def _mirrored(here: Motion, side: Motion) -> Motion:
-    """The state of strain-mode leaf springs that is as far from one as `side`, the other way."""
+def _opposite_state(here: Motion, side: Motion) -> Motion:
+    """The state of strain-mode leaf springs as far from `here` as `side`, on the opposite side."""
     R = here.R @ side.R.swapaxes(1, 2) @ here.R
     return Motion(2 * here.x - side.x, R, 2 * here.inner - side.inner, 2 * here.multiplier - side.multiplier)
 
 
-class _Storage:
-    """Storage for models of one make, which follow on one another."""
+class _WorkCache:
+    """Storage shared by consecutive models of the same layout."""
 
     def __init__(self) -> None:
         self.ints: Any = None
         self.work: Any = None
 
-    def of(self, arrays: Arrays) -> Work:
-        """That of a model."""
+    def work_for(self, arrays: Arrays) -> Work:
+        """Storage for these arrays: that of the previous ones where their layout is the same."""
         if arrays.flat.ints is not self.ints:
             self.ints, self.work = arrays.flat.ints, make_work(arrays)
         work: Work = self.work
@@ -275,16 +279,15 @@ class _Storage:
 
 
 def perturbed_models(model: Model, scenes: Sequence[Any]) -> list[Model]:
-    """Models of other scenes with the effects, mesh, orders and plate curvatures of a model; packed together where they
-    can be.
+    """Models of changed scenes with the effects, mesh, orders and curvatures of a model, packed together where possible.
 
     Raises SceneError for a scene that differs in more than numbers.
     """
-    found = _compiled(model, model.mesh, scenes)
-    if all(_alike(model, other) for other in found):
+    found = _compile_scenes(model, model.mesh, scenes)
+    if all(_same_layout(model, other) for other in found):
         return found
-    found = _compiled(model, _held_mesh(model), scenes)
-    if not all(_alike(model, other) for other in found):
+    found = _compile_scenes(model, _fixed_orders_mesh(model), scenes)
+    if not all(_same_layout(model, other) for other in found):
         raise SceneError(
             "no gradient: a small change of a parameter changes what the mechanism consists of (links, leaf springs, drives "
             "or orders of its leaf springs), not only its numbers"
@@ -292,11 +295,12 @@ def perturbed_models(model: Model, scenes: Sequence[Any]) -> list[Model]:
     return found
 
 
-def _compiled(model: Model, mesh: Mesh, scenes: Sequence[Any]) -> list[Model]:
+def _compile_scenes(model: Model, mesh: Mesh, scenes: Sequence[Any]) -> list[Model]:
+    """Models of scenes with the effects and plate curvatures of `model`; those of one template are packed together."""
     groups: dict[Template, list[tuple[int, Any, list[float]]]] = {}
     for k, scene in enumerate(scenes):
         plain = scene if model.choice is None else applied(scene, mesh, model.choice)[0]
-        plain = _as_bent(plain, model) if mesh.plate else plain
+        plain = _with_curvatures(plain, model) if mesh.plate else plain
         drawing = draw(plain, mesh)
         groups.setdefault(template_of(drawing.words, mesh), []).append((k, plain, drawing.numbers))
     found: dict[int, Model] = {}
@@ -308,8 +312,8 @@ def _compiled(model: Model, mesh: Mesh, scenes: Sequence[Any]) -> list[Model]:
     return [found[k] for k in range(len(scenes))]
 
 
-def _as_bent(scene: Any, model: Model) -> Any:
-    """The scene whose plate factors are those of the curvatures that a model has."""
+def _with_curvatures(scene: Any, model: Model) -> Any:
+    """The scene with the curvatures of a model as those of its plate factors."""
     leaves = scene.leaf_names()
     bends = {n: leaf.condition.bend for n, leaf in model.scene.leaf_names().items() if leaf.condition}
     own = {
@@ -318,11 +322,11 @@ def _as_bent(scene: Any, model: Model) -> Any:
     return with_conditions(scene, own) if own else scene
 
 
-def _alike(one: Model, other: Model) -> bool:
-    """Whether two models have the same unknowns."""
+def _same_layout(one: Model, other: Model) -> bool:
+    """Whether two models have the same parts and unknowns."""
     a, b = one.arrays, other.arrays
     if a.flat.ints is b.flat.ints and one.node_names is other.node_names:
-        # of one template
+        # of the same template
         return True
     pairs = ((a.members.number, b.members.number), (a.members.inner_at, b.members.inner_at),
              (a.members.kind, b.members.kind), (a.members.node, b.members.node), (a.start, b.start),
@@ -337,15 +341,16 @@ def _alike(one: Model, other: Model) -> bool:
     return names and all(np.array_equal(x, y) for x, y in pairs)
 
 
-def _held_mesh(model: Model) -> Mesh:
-    """The mesh of a model with the orders that its leaf springs have by now."""
+def _fixed_orders_mesh(model: Model) -> Mesh:
+    """The mesh of a model with the orders that its leaf springs have at present."""
     words = {f.name: getattr(model.mesh, f.name) for f in fields(Mesh)}
     members = model.arrays.members
     names: dict[tuple[int, ...], list[str]] = {}
     for i in np.flatnonzero(members.kind == STRAIN).tolist():
         names.setdefault(tuple(members.number[i].tolist()), []).append(model.member_names[i])
     held = tuple(
-        (_Held(**{**words, "orders": own[:3], "points": own[3]}), tuple(of)) for own, of in names.items()
+        (_FixedOrdersMesh(**{**words, "orders": own[:3], "points": own[3]}), tuple(of))
+        for own, of in names.items()
     )
     return MixedMesh(**words, others=(*held, *getattr(model.mesh, "others", ())))
 
@@ -355,11 +360,10 @@ def answer_derivatives(
     question: Callable[[Configuration], Any],
     parameters: Sequence[GradientParameter],
 ) -> dict[str, Any]:
-    """How the answer of question(pose) (number, array, or mapping of them; in the same shape) changes with every
-    parameter."""
+    """Derivatives of question(pose) (number, array, or mapping of them; in the same shape), by name of the parameter."""
     _, sides = PerturbedEquilibria()(pose, parameters)
     return {
-        p.name: _difference(question(own[0]), question(own[1]), 2 * RELATIVE_STEP * p.size)
+        p.name: _difference(question(own[0]), question(own[1]), 2 * RELATIVE_STEP * p.scale)
         for p, own in zip(parameters, sides, strict=True)
     }
 

@@ -1,10 +1,10 @@
 """Newton with pivoting, for states at which the block factorisation without pivoting breaks down.
 
-The fixed elimination order is right as long as every link rests on leaves that lead to ground. A link held by drives or
-supports alone, or a state close to a critical one, gives a pivot of pure rounding although the whole matrix is
-regular. Here the same assembled matrix is equilibrated and solved densely with partial pivoting; its inertia comes from
-Bunch-Kaufman LDL^T. Following loads enter with their full, unsymmetric tangent, so convergence stays quadratic.
-Slower by a factor of ten or more, and used only after the block factorisation has failed.
+The fixed elimination order is right as long as every link rests on leaf springs that lead to ground. A link held by drives
+or supports alone, or a state close to a critical one, gives a pivot of pure rounding although the whole matrix is regular.
+Here the same assembled matrix is equilibrated and solved densely with partial pivoting; its inertia comes from Bunch-Kaufman
+LDL^T. Follower loads enter with their full, unsymmetric tangent, so convergence stays quadratic. It is slower by a factor of
+ten or more, and used only after the block factorisation has failed.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from ksd.properties.nonconservative import skew_tangent
 from ksd.properties.tangent import stored_matrix
 from ksd.solve.steps import Stop
 
-SINGULAR = 1e-15
-"""Reciprocal condition of the equilibrated matrix below which it counts as singular."""
-LOOSE = 1e-14
+MIN_RECIPROCAL_CONDITION = 1e-15
+"""Reciprocal condition number of the equilibrated matrix below which it counts as singular."""
+ZERO_EIGENVALUE = 1e-14
 """Eigenvalue of the equilibrated matrix below which it is rounding."""
 
 
-def iterate_pivoted(arrays: Arrays, motion: Motion, *aim: Any) -> tuple[int, int, float, int, float]:
-    """The Newton of `ksd.model.newton.iterate` with pivoting: same arguments, rules and returns, motion in place.
+def iterate_pivoted(arrays: Arrays, motion: Motion, *arguments: Any) -> tuple[int, int, float, int, float]:
+    """`ksd.model.newton.iterate` with pivoting: the same arguments, rules and returns; motion is changed in place.
 
-    aim: target, factor, work, rtol, most, cap, blow_up. The last number returned is the reciprocal condition of the
-    equilibrated matrix.
+    arguments: target, factor, work, rtol, most, cap, blow_up. The last number returned is the reciprocal condition number of
+    the equilibrated matrix.
     """
-    target, factor, work, rtol, most, cap, blow_up = aim
+    target, factor, work, rtol, most, cap, blow_up = arguments
     worst, before, moved, condition = math.inf, math.inf, math.inf, 1.0
     for n in range(most + 1):
         worst, _, inside, status = assemble(
@@ -53,9 +53,9 @@ def iterate_pivoted(arrays: Arrays, motion: Motion, *aim: Any) -> tuple[int, int
             break
         if n > 0 and np.linalg.norm(work.rhs) > blow_up:
             return Stop.DIVERGED, n, worst, 0, condition
-        rest = skew_tangent(arrays, motion, factor)
-        step, condition = solve_scaled(K if rest is None else K + rest, -work.rhs[:, None], scaling(K))
-        if not condition > SINGULAR:
+        skew = skew_tangent(arrays, motion, factor)
+        step, condition = solve_scaled(K if skew is None else K + skew, -work.rhs[:, None], scaling(K))
+        if not condition > MIN_RECIPROCAL_CONDITION:
             return Stop.SINGULAR, n, worst, 0, condition
         work.rhs[:] = step[:, 0]
         before = worst
@@ -66,10 +66,12 @@ def iterate_pivoted(arrays: Arrays, motion: Motion, *aim: Any) -> tuple[int, int
 
 
 def moves_freely(arrays: Arrays, work: Work) -> bool:
-    """Whether something moves at the state assembled in `work` without any force: the kernel of its tangent holds more than
-    the forces of supports that are said twice."""
+    """Whether some motion of the state assembled in `work` meets no resistance.
+
+    The null space of its tangent then contains more than forces of redundant supports.
+    """
     K = stored_matrix(arrays, work.value)
     scale = scaling(K)
     values, vectors = np.linalg.eigh(K * np.outer(scale, scale))
-    kernel = np.delete(vectors[:, np.abs(values) < LOOSE], arrays.terms.start, axis=0)
-    return bool((np.linalg.norm(kernel, axis=0) > 1e-3).any())
+    motions = np.delete(vectors[:, np.abs(values) < ZERO_EIGENVALUE], arrays.terms.start, axis=0)
+    return bool((np.linalg.norm(motions, axis=0) > 1e-3).any())

@@ -1,7 +1,7 @@
-"""How the answer to any question changes with a load: central difference of two equilibria beside the present one.
+"""Sensitivity of any answer to a load: central difference of two equilibria with the load added and taken away.
 
-Both are refined by Newton steps with the guarded tangent. What the last of these still changes, over the distance of the two
-in the norm of the diagonal, forces of drives and supports included, is the backward error of the difference.
+Both equilibria are refined by Newton steps with the guarded tangent. The last of these steps relative to the distance of the
+two states, in the norm of the diagonal, forces of drives and supports included, is the backward error of the difference.
 """
 
 from __future__ import annotations
@@ -30,11 +30,12 @@ if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
 
 Array = NDArray[np.float64]
-STEP = 1e-3
-"""Part of the load that is added and taken away."""
+LOAD_FRACTION = 1e-3
+"""Fraction of the load that is added and taken away."""
 RTOL = 1e-11
-LOST = 1e-4
-"""Backward error of the difference of the two equilibria beyond which its digits count as lost."""
+"""Residual of a node relative to the sum of the element forces on it."""
+MAX_BACKWARD_ERROR = 1e-4
+"""Largest backward error of the difference of the two equilibria: four digits."""
 
 
 def sensitivity(
@@ -48,11 +49,11 @@ def sensitivity(
 ) -> Any:
     """Change of ``question(pose)`` (number, array, or mapping of numbers) per whole of a dead load, to first order.
 
-    The load: force (3,) [N], moment (3,) [Nm], global, on the point of `link` that is at `at` (3,) [m] at rest; it
-    is added to those of the scene while the drives stay. A thousandth of it either way is solved for with the full
-    model (of modal bodies the chains they stand for) from the present state, so anything may be asked: a stiffness,
-    a frequency, a stress. Raises SceneError for wrong names or a load of zero, ConvergenceError where a state beside
-    this one is not found, KinematicsError where rounding leaves no four digits of how far the two lie apart.
+    The load: force (3,) [N], moment (3,) [Nm], global, on the point of `link` that is at `at` (3,) [m] at rest; it is added
+    to those of the scene while the drives stay. Equilibria with plus and minus a thousandth of it are solved with the full
+    model (chains in place of modal bodies) from the present state, so the question may be any: a stiffness, a frequency, a
+    stress. Raises SceneError for wrong names or a load of zero, ConvergenceError where one of the equilibria is not found,
+    KinematicsError where rounding leaves fewer than four digits of their difference.
     """
     name = getattr(link, "name", link)
     model, state = pose.unreduced_state
@@ -66,30 +67,30 @@ def sensitivity(
         wrench_of(force, moment, f"load on '{name}'"),
         vector(at, "at", owner="sensitivity", unit="m"),
     )
-    acting = _acting(model.scene, pose.load_factor)
+    scaled = _scale_loads(model.scene, pose.load_factor)
     states: list[Configuration] = []
-    rest: list[tuple[Array, Array]] = []
+    refinements: list[tuple[Array, Array]] = []
     for sign in (1.0, -1.0):
-        f, m = (tuple((sign * STEP * part).tolist()) for part in (load[:3], load[3:]))
+        f, m = (tuple((sign * LOAD_FRACTION * part).tolist()) for part in (load[:3], load[3:]))
         extra = Load("sensitivity", name, f, m, place)
-        more = replace(acting, loads=(*acting.loads, extra))
-        loaded = compile_given(more, model.mesh, scene, model.choice)
-        states.append(_beside(pose, loaded, state))
-        rest.append(_refine(states[-1]))
-    error = _backward_error(states[0], states[1], rest)
-    if not error <= LOST:
+        loaded_scene = replace(scaled, loads=(*scaled.loads, extra))
+        loaded = compile_given(loaded_scene, model.mesh, scene, model.choice)
+        states.append(_loaded_equilibrium(pose, loaded, state))
+        refinements.append(_refine(states[-1]))
+    error = _backward_error(states[0], states[1], refinements)
+    if not error <= MAX_BACKWARD_ERROR:
         raise KinematicsError(
             f"sensitivity: rounding leaves fewer than four digits of what a thousandth of the load on '{name}' changes "
             f"(backward error {error:.1e}): give a larger load, or hold what hardly anything resists"
         )
-    plus, minus = (question(beside) for beside in states)
+    plus, minus = (question(loaded_pose) for loaded_pose in states)
     if isinstance(plus, Mapping):
-        return {k: (v - minus[k]) / (2 * STEP) for k, v in plus.items()}
-    found = (np.asarray(plus, float) - np.asarray(minus, float)) / (2 * STEP)
+        return {k: (v - minus[k]) / (2 * LOAD_FRACTION) for k, v in plus.items()}
+    found = (np.asarray(plus, float) - np.asarray(minus, float)) / (2 * LOAD_FRACTION)
     return float(found) if found.ndim == 0 else found
 
 
-def _acting(scene: Any, factor: float) -> Any:
+def _scale_loads(scene: Any, factor: float) -> Any:
     """The scene with its loads and gravity times a load factor."""
 
     def times(vector: Any) -> Any:
@@ -99,8 +100,8 @@ def _acting(scene: Any, factor: float) -> Any:
     return replace(scene, loads=loads, gravity=None if scene.gravity is None else times(scene.gravity))
 
 
-def _beside(pose: Configuration, loaded: Model, state: Motion) -> Configuration:
-    """The equilibrium of the loaded model next to `state`, drives as they are."""
+def _loaded_equilibrium(pose: Configuration, loaded: Model, state: Motion) -> Configuration:
+    """The equilibrium of the loaded model next to `state`, at the drive values of the pose."""
     target, clock = loaded.targets(pose.targets), Stopwatch()
     driven, how, motion, doubts = follow_load_path(
         thread_storage(loaded), state, LoadPath(target, target, (1.0, 1.0), rtol=RTOL), from_rest=False, planar=False
@@ -118,7 +119,7 @@ def _beside(pose: Configuration, loaded: Model, state: Motion) -> Configuration:
 
 
 def _refine(found: Configuration) -> tuple[Array, Array]:
-    """Two Newton steps more, in place: the last one (unknowns,), and the weights of its entries."""
+    """Two more Newton steps, in place; returns the last one (unknowns,) and the weights of its entries."""
     model, motion = found.model, found.motion
     for _ in range(2):
         assembled = assemble_tangent(model, motion, target=model.targets(found.targets))
@@ -129,7 +130,7 @@ def _refine(found: Configuration) -> tuple[Array, Array]:
 
 
 def _backward_error(plus: Configuration, minus: Configuration, last: list[tuple[Array, Array]]) -> float:
-    """What the last refinements of two states change, over half their distance."""
+    """Largest weighted norm of the last Newton steps of two states, over half that of their difference."""
     arrays, one, other = plus.model.arrays, plus.motion, minus.motion
     apart, turned = np.zeros(arrays.plan.unknowns), np.empty(3)
     for k in np.flatnonzero(arrays.start >= 0):

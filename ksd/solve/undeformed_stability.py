@@ -1,5 +1,7 @@
-"""Whether preload, heat, assembly error or loads make the undeformed state unstable: then several minima are near, and
-which is taken."""
+"""Stability of the undeformed configuration under preload, heat, assembly error or loads.
+
+Where it is unstable, several minima are near, and the answer names the one that was reached.
+"""
 
 from __future__ import annotations
 
@@ -20,20 +22,23 @@ from ksd.properties.tangent import assemble_tangent, row_gradients
 from ksd.solve.steps import MAX_TURN_PER_STEP, RTOL, Stop
 
 Array = NDArray[np.float64]
-FREE = 1e-15
-"""Energy of a spring, over its stiffness (and the size squared, of a coil spring), up to which it is free of force."""
-NEGATIVE = 1e-9
-"""Negative stiffness, over the largest one, that is no rounding."""
-PASSES = 10
-"""Newton steps from the undeformed configuration to the equilibrium next to it, minimum or not."""
-NEXT = 0.05
-"""Displacement of a link, over the size of the mechanism, up to which an equilibrium is next to the undeformed one."""
+ZERO_ENERGY = 1e-15
+"""Energy of a spring relative to its stiffness (of a coil spring, times the size squared) up to which it has no preload."""
+ROUNDING_TOLERANCE = 1e-9
+"""Stiffness relative to the largest one below which it is rounding."""
+MAX_ITERATIONS = 10
+"""Newton steps from the undeformed configuration to the equilibrium next to it, whether a minimum or not."""
+MAX_DISPLACEMENT = 0.05
+"""Displacement over the size of the mechanism up to which an equilibrium is next to the undeformed configuration."""
 
 
 @dataclass(frozen=True)
 class UndeformedInstability:
-    """The equilibrium next to the undeformed configuration, where it is no minimum: causes, in words: what of the scene
-    strains it; count: its unstable directions; shape (nodes, 6) [m, rad]: the one of the most negative stiffness."""
+    """The equilibrium next to the undeformed configuration, where it is no minimum.
+
+    causes: preload, heat, ... in words; count: number of unstable directions; shape (nodes, 6) [m, rad]: that of the most
+    negative stiffness, zeros where it is within leaf springs.
+    """
 
     causes: tuple[str, ...]
     motion: Motion
@@ -43,21 +48,31 @@ class UndeformedInstability:
 
 @cached_per_model
 def undeformed_instability(model: Model) -> tuple[UndeformedInstability, ...]:
-    """The equilibrium, drives at zero, under preload, heat, assembly error, where unstable, or else under loads too, where
-    that is: one, or none."""
+    """The unstable equilibrium at zero drive values under preload, heat and assembly error, or else under loads too.
+
+    A tuple of one, or empty where both are stable or the scene has nothing of these.
+    """
     inner, loads = _causes(model)
-    found = _unstable(model, inner, 0.0) if inner else ()
-    return found or (_unstable(model, (*inner, *loads), 1.0) if loads and model.conservative else ())
+    found = _instability(model, inner, 0.0) if inner else ()
+    return found or (_instability(model, (*inner, *loads), 1.0) if loads and model.conservative else ())
 
 
-def _unstable(model: Model, causes: tuple[str, ...], factor: float) -> tuple[UndeformedInstability, ...]:
-    """See `undeformed_instability`; loads times factor."""
-    motion, held = model.rest.copy(), np.zeros(len(model.arrays.terms.start))
+def _instability(model: Model, causes: tuple[str, ...], factor: float) -> tuple[UndeformedInstability, ...]:
+    """See `undeformed_instability`; factor: of the loads."""
+    motion, target = model.rest.copy(), np.zeros(len(model.arrays.terms.start))
     stop, *_ = iterate(
-        model.arrays, motion, held, factor, make_work(model.arrays), RTOL, PASSES, MAX_TURN_PER_STEP, math.inf
+        model.arrays,
+        motion,
+        target,
+        factor,
+        make_work(model.arrays),
+        RTOL,
+        MAX_ITERATIONS,
+        MAX_TURN_PER_STEP,
+        math.inf,
     )
     moved = np.abs(motion.x - model.rest.x).max(initial=0.0)
-    if Stop(stop) is not Stop.CONVERGED or not moved < NEXT * model.arrays.size:
+    if Stop(stop) is not Stop.CONVERGED or not moved < MAX_DISPLACEMENT * model.arrays.size:
         return ()
     tangent = assemble_tangent(model, motion, load_factor=factor)
     starts = model.arrays.start[1:]
@@ -66,9 +81,9 @@ def _unstable(model: Model, causes: tuple[str, ...], factor: float) -> tuple[Und
     scales = np.tile(scale, len(starts))[:, None]
     rows = scales * row_gradients(model.arrays, motion, range(len(model.arrays.terms.start)))[moves]
     _, size, axes = np.linalg.svd(rows.T)
-    free = scales * axes[int(np.sum(size > NEGATIVE * size.max(initial=0.0))) :].T
+    free = scales * axes[int(np.sum(size > ROUNDING_TOLERANCE * size.max(initial=0.0))) :].T
     value, vector = np.linalg.eigh(free.T @ tangent.matrix()[np.ix_(moves, moves)] @ free)
-    count = tangent.inside + int(np.sum(value < -NEGATIVE * np.abs(value).max(initial=0.0)))
+    count = tangent.inside + int(np.sum(value < -ROUNDING_TOLERANCE * np.abs(value).max(initial=0.0)))
     if not count:
         return ()
     still = value.min(initial=0.0) >= 0.0
@@ -77,8 +92,8 @@ def _unstable(model: Model, causes: tuple[str, ...], factor: float) -> tuple[Und
 
 
 def _causes(model: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """What of the scene strains the undeformed configuration, in words: what is inside it, and loads."""
-    springs, said = _preloaded(model), model.said or model.scene
+    """Causes of strain in the undeformed configuration, in words: internal ones, and loads."""
+    springs, said = _preloaded_springs(model), model.said or model.scene
     stressed = any(f.condition is not None for f in model.scene.leaf_names().values())
     inner = {
         f"the preload of {', '.join(springs)}": springs,
@@ -89,41 +104,45 @@ def _causes(model: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return tuple(c for c, there in inner.items() if there), tuple(c for c, there in loads.items() if there)
 
 
-def _preloaded(model: Model) -> tuple[str, ...]:
-    """Springs that exert a force in the undeformed configuration."""
+def _preloaded_springs(model: Model) -> tuple[str, ...]:
+    """Names of the springs that exert a force in the undeformed configuration."""
     springs = model.arrays.springs
     found = []
     for i, name in enumerate(model.spring_names):
         unit = {COIL: model.arrays.size**2, TURN: 1.0}.get(int(springs.kind[i]))
         stiffness = float(springs.value[springs.value_at[i]])
-        if unit is not None and energy_of_one_spring(model, model.rest, i) > FREE * stiffness * unit:
+        if unit is not None and energy_of_one_spring(model, model.rest, i) > ZERO_ENERGY * stiffness * unit:
             found.append(name)
     return tuple(found)
 
 
 def multiple_minima_note(model: Model, motion: Motion, stable: bool) -> str:
-    """That several minima are near because the undeformed configuration is unstable, why, and which one `motion` is where
-    it is one, in one sentence; nothing where the undeformed configuration is stable."""
+    """A sentence on the minima near an unstable undeformed configuration: the cause, and which one `motion` is if it is one.
+
+    stable: whether `motion` is a minimum. Empty where the undeformed configuration is stable.
+    """
     for rest in undeformed_instability(model):
         node = int(np.argmax(node_travel(model, rest.shape)))
-        name, does = model.node_names[node], describe_node_motion(model, rest.shape[node])
+        name, movement = model.node_names[node], describe_node_motion(model, rest.shape[node])
         many = "one direction" if rest.count == 1 else f"{rest.count} directions"
         why = " and ".join(filter(None, [", ".join(rest.causes[:-1]), rest.causes[-1]]))
         makes = "make" if len(rest.causes) > 1 or why == "loads" else "makes"
-        where = f"'{name}' {does}" if does else "within leaf springs"
-        said = f"{why} {makes} the undeformed configuration unstable in {many} ({where}): several minima are near"
+        where = f"'{name}' {movement}" if movement else "within leaf springs"
+        instability = f"{why} {makes} the undeformed configuration unstable in {many} ({where}): several minima are near"
         if not stable:
-            return f"{said}, and this state is between them; a load or another path leads to one (ksd.follow)"
-        return f"{said}; taken is " + (
-            f"the one with '{name}' {_way(rest, motion, node, does)}" if does else "one of them"
+            return f"{instability}, and this state is between them; a load or another path leads to one (ksd.follow)"
+        return f"{instability}; taken is " + (
+            f"the one with '{name}' {_displacement(rest, motion, node, movement)}"
+            if movement
+            else "one of them"
         )
     return ""
 
 
-def _way(rest: UndeformedInstability, motion: Motion, node: int, does: str) -> str:
-    """How far and in which sense a node is from the unstable equilibrium along its unstable direction, in words."""
+def _displacement(rest: UndeformedInstability, motion: Motion, node: int, movement: str) -> str:
+    """Signed displacement of a node from the unstable equilibrium along the unstable direction, in words."""
     moved, axis = motion.x[node] - rest.motion.x[node], rest.shape[node, :3]
-    turns = does.startswith("turns")
+    turns = movement.startswith("turns")
     if turns:
         moved, axis = np.empty(3), rest.shape[node, 3:]
         rotation_log(motion.R[node] @ rest.motion.R[node].T, moved)

@@ -515,6 +515,6 @@ def test_what_is_no_equilibrium_has_no_gradient(monkeypatch):
         pose.gradient(lambda p: p.forces["turn"], by="turn")
     pose = ksd.solve(pivot(**PIVOT), turn=0.3)
     far = perturbed.parameters_of(pose.model.scene, pose.targets, size=0.1, by="turn")
-    monkeypatch.setattr(perturbed, "NEWTON", 1)
+    monkeypatch.setattr(perturbed, "NEWTON_STEPS", 1)
     with pytest.raises(ksd.ConvergenceError, match=r"no gradient.*beside this pose, at another 'turn'"):
         perturbed.PerturbedEquilibria()(pose, far)
