@@ -94,7 +94,7 @@ def frame_of(scene: Any, targets: Mapping[str, float], elements: int) -> Frame:
     if not isinstance(plane, Plane):
         raise SceneError(f"other engines are given planar scenes; {scene.name}: {plane}")
     arrays, members, found = plane.arrays, plane.arrays.members, _Points()
-    axes = plane.arrays.keep[:2]
+    axes = plane.arrays.active_dofs[:2]
     places = plane.rest.x[:, axes]
     centre = [found.add(p) for p in places]
     found.fixed.append(centre[0])

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ksd.model.arrays import LINEAR, STRAIN, Arrays, make_work
+from ksd.model.arrays import LINEAR, STRAIN, Arrays, make_workspace
 from ksd.numerics.blocks import Blocks
 
 ELEMENT = 1700
@@ -74,7 +74,7 @@ def one_pass(arrays: Arrays) -> Pass:
     """Of one assembly and factorisation of a mechanism in space."""
     members = arrays.members
     leaves = sum(leaf_operations(int(k), n) for k, n in zip(members.kind, members.number, strict=True))
-    work = make_work(arrays)
+    work = make_workspace(arrays)
     touched = (*work, members.value, members.frame, members.offset)
     size = sum(int(a.nbytes) for a in touched)
     return Pass(leaves, CONDENSED * len(members.kind), factor_operations(arrays.plan), size)

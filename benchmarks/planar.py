@@ -14,10 +14,10 @@ import numpy as np
 from common import STROKE, fourbar, interleaved
 
 import ksd
-from ksd.model.arrays import Motion, make_work
+from ksd.model.arrays import State, make_workspace
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.model.newton import Newton, iterate
+from ksd.model.newton import NewtonResult, solve_equilibrium
 from ksd.model.plane import Plane, plane_of
 from ksd.solve.conventional import solve_conventional
 from ksd.solve.load_steps import LoadPath, take_load_steps
@@ -34,13 +34,13 @@ def equilibria(model: ksd.Model, plane: Plane) -> tuple[Callable[[], object], Ca
     """The Newton solves alone: (spatial, planar)."""
     target, zero = model.targets({"top": STROKE}), model.targets({"top": 0.0})
     storage = NewtonStorage(model)
-    way, work = LoadPath(zero, target), make_work(plane.arrays)
+    way, work = LoadPath(zero, target), make_workspace(plane.arrays)
 
     def spatial() -> object:
         return take_load_steps(model.rest.copy(), storage.newton, way, begin=model.rest)
 
-    def in_plane(motion: Motion, values: np.ndarray, factor: float, *bounds: Any) -> Newton:
-        return iterate(plane.arrays, motion, values, factor, work, *bounds)
+    def in_plane(motion: State, values: np.ndarray, factor: float, *bounds: Any) -> NewtonResult:
+        return solve_equilibrium(plane.arrays, motion, values, factor, work, *bounds)
 
     def planar() -> object:
         return take_load_steps(model.rest.copy(), in_plane, way, begin=model.rest)

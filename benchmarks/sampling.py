@@ -17,9 +17,9 @@ from ksd.beam.modal import SCRATCH
 from ksd.beam.modal_nodes import element_values
 from ksd.errors import SceneError
 from ksd.modal.leaf_basis import LeafBasis
-from ksd.model.arrays import Motion
+from ksd.model.arrays import State
 from ksd.model.compile import Model
-from ksd.model.reduced import inner_state, member_pose, with_bodies
+from ksd.model.reduced_bodies import inner_state, relative_end_pose, with_bodies
 
 
 def sampled_weights(training: np.ndarray, total: np.ndarray, *, tolerance: float = 1e-4) -> np.ndarray:
@@ -101,7 +101,7 @@ def training(body: LeafBasis, states: list[tuple[np.ndarray, np.ndarray, np.ndar
     return np.vstack(rows)
 
 
-def with_samples(model: Model, states: Sequence[Motion], *, tolerance: float = 1e-4) -> Model:
+def with_samples(model: Model, states: Sequence[State], *, tolerance: float = 1e-4) -> Model:
     """`model` with every body sampled so that its forces and tangents at `states` (of `model`) are kept.
 
     tolerance: of the norm of all of them, each scaled by its own size. Raises SceneError without states, or where the
@@ -114,7 +114,7 @@ def with_samples(model: Model, states: Sequence[Motion], *, tolerance: float = 1
             raise SceneError(
                 f"leaf '{name}' is on a quadratic manifold: only bodies of free derivatives are sampled"
             )
-        parts = [(*member_pose(model.arrays.members, i, s), inner_state(model, s, i)) for s in states]
+        parts = [(*relative_end_pose(model.arrays.members, i, s), inner_state(model, s, i)) for s in states]
         if not parts:
             raise SceneError("there are no training states: give deformed states of the modal model")
         G = training(body, parts)

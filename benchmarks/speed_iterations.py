@@ -13,8 +13,8 @@ import numpy as np
 from common import STROKE, chain, fourbar, times_of
 
 import ksd
-from ksd.model.arrays import Arrays, Motion, Work, make_work
-from ksd.model.newton import assemble, iterate, take_step
+from ksd.model.arrays import Arrays, State, Workspace, make_workspace
+from ksd.model.newton import assemble, solve_equilibrium, take_step
 from ksd.numerics.blocks import backward_blocks, factor_blocks, solve_blocks
 from ksd.solve.five_step_solver import CLOSURE_TOLERANCE
 from ksd.solve.five_steps import KINEMATIC, run_five_steps
@@ -32,8 +32,8 @@ class System(NamedTuple):
     """
 
     arrays: Arrays
-    start: Motion
-    work: Work
+    start: State
+    work: Workspace
     counts: tuple[int, int]
 
 
@@ -49,7 +49,7 @@ def systems() -> dict[str, System]:
         found[f"full, {name}"] = System(arrays, b.model.rest.copy(), b.full_work, (1, 4))
         found[f"reduced, {name}"] = System(reduced, b.reduced.copy(), b.reduced_work, (0, 2))
     model = ksd.compile_scene(fourbar(1), mesh=chain(5, mip=False, nodal=True))
-    baseline = System(model.arrays, model.rest.copy(), make_work(model.arrays), (1, 4))
+    baseline = System(model.arrays, model.rest.copy(), make_workspace(model.arrays), (1, 4))
     found["full, 5 elements, nodal plain Newton"] = baseline
     return found
 
@@ -66,29 +66,31 @@ class _Clock:
         self.spent.setdefault(name, []).append(1e-3 * (time.thread_time_ns() - begin))
 
 
-def _run(system: System, motion: Motion, most: int) -> float:
+def _run(system: System, motion: State, most: int) -> float:
     """Thread time [us], the median of several in a row after one that is not looked at: the call itself costs more than an
     iteration of the reduced mechanism, and its first one more still."""
     spent = []
     for _ in range(ROW + 1):
         motion.assign(system.start)
         begin = time.thread_time_ns()
-        iterate(system.arrays, motion, TARGET, 1.0, system.work, RTOL, most, MAX_TURN_PER_STEP, math.inf)
+        solve_equilibrium(
+            system.arrays, motion, TARGET, 1.0, system.work, RTOL, most, MAX_TURN_PER_STEP, math.inf
+        )
         spent.append(1e-3 * (time.thread_time_ns() - begin))
     return statistics.median(spent[1:])
 
 
-def _pieces(system: System, motion: Motion, clock: _Clock) -> None:
+def _pieces(system: System, motion: State, clock: _Clock) -> None:
     arrays, work = system.arrays, system.work
     plan, blocks = arrays.plan, len(arrays.plan.size)
     motion.assign(system.start)
-    nothing = partial(backward_blocks, plan.ints, work.value, work.spare, work.rhs, 0)
+    nothing = partial(backward_blocks, plan.ints, work.matrix, work.scaled_rows, work.rhs, 0)
     nothing()  # the first of a kind finds the caches cold
     clock("call", nothing)
     clock("assembly", lambda: assemble(arrays, motion, TARGET, 1.0, work, RTOL, 0, 10.0))
-    clock("factorisation", lambda: factor_blocks(plan.ints, work.value, work.spare, blocks))
+    clock("factorisation", lambda: factor_blocks(plan.ints, work.matrix, work.scaled_rows, blocks))
     np.negative(work.rhs, out=work.rhs)
-    clock("solve", lambda: solve_blocks(plan.ints, work.value, work.spare, work.rhs))
+    clock("solve", lambda: solve_blocks(plan.ints, work.matrix, work.scaled_rows, work.rhs))
     clock("update", lambda: take_step(arrays, motion, work.rhs, work, 1.0))
 
 

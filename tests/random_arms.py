@@ -6,7 +6,7 @@ import numpy as np
 
 import ksd
 from ksd.errors import KsdError
-from ksd.numerics.indefinite import inertia, scaling, solve_scaled
+from ksd.numerics.indefinite import equilibration, negative_inertia, solve_scaled
 from ksd.properties.buckling import buckling, full_tangents, twice_finer_state
 from ksd.properties.finer_model import finer_state
 from ksd.properties.frequencies import frequencies
@@ -127,7 +127,9 @@ def no_minimum(refusal):
     """Whether the state of a TrustError has as many negative eigenvalues as it says, counted with pivoting, and too many."""
     state = refusal.result
     assembled = assemble_tangent(state.model, state.motion)
-    return inertia(assembled.matrix()) + assembled.inside == state.negatives > state.expected_negatives
+    return (
+        negative_inertia(assembled.matrix()) + assembled.inside == state.negatives > state.expected_negatives
+    )
 
 
 def pivoted_errors(found, tip):
@@ -138,7 +140,7 @@ def pivoted_errors(found, tip):
     tangent, K = factor_tangent(assembled), assembled.matrix()
     rows, node = model.arrays.terms.start, model.node_names.index(tip)
     columns = np.concatenate([rows, model.arrays.start[node] + np.arange(6)])
-    loads, scale = np.zeros((len(K), len(columns))), scaling(K)
+    loads, scale = np.zeros((len(K), len(columns))), equilibration(K)
     loads[columns, np.arange(len(columns))] = 1.0
     x = np.zeros_like(loads)
     for _ in range(3):
@@ -199,7 +201,7 @@ def buckling_error(found, count=2):
     stressed, K = (part.toarray() for part in full_tangents(model, motion))
     change = stressed - K
     used = np.flatnonzero(change.any(axis=0))
-    scale = scaling(K)
+    scale = equilibration(K)
     flexible = solve_scaled(K, np.eye(len(K))[:, used], scale)[0][used] / scale[used, None]
     values = np.linalg.eigvals(-flexible @ change[np.ix_(used, used)] * scale[used])
     exact = 1.0 / values[np.argsort(-np.abs(values))[: 2 * count]]

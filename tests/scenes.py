@@ -83,7 +83,7 @@ def dense(arrays, work):
         places = [(k, plan.diagonal[k])]
         places += [(plan.row[e], plan.place[e]) for e in range(plan.first[k], plan.first[k + 1])]
         for i, at in places:
-            block = work.value[at : at + plan.size[i] * plan.size[k]].reshape(plan.size[i], plan.size[k])
+            block = work.matrix[at : at + plan.size[i] * plan.size[k]].reshape(plan.size[i], plan.size[k])
             rows, columns = (slice(plan.start[b], plan.start[b] + plan.size[b]) for b in (i, k))
             found[rows, columns] = block
             found[columns, rows] = block.T

@@ -28,7 +28,7 @@ from ksd.beam.corotational_element import (
 )
 from ksd.beam.weight import eliminate_inner, finish_chain, load_inner, start_chain
 from ksd.numerics.kernel import kernel
-from ksd.numerics.rotations import rotation_exp, rotation_log_below
+from ksd.numerics.rotations import rotation_exp, rotation_log_below_150
 
 
 @kernel(inline="late")
@@ -50,7 +50,7 @@ def _flexible_strains(v, s, tail, H, R, move):
             for j in range(3):
                 b = 12 * e + 3 + 3 * i
                 R[i, j] = tail[b] * H[j, 0] + tail[b + 1] * H[j, 1] + tail[b + 2] * H[j, 2]
-        rotation_log_below(R, move[6 * e + 3 :])
+        rotation_log_below_150(R, move[6 * e + 3 :])
     for i in range(6):
         s[i] = 0.0
     for i in range(3):

@@ -102,9 +102,9 @@ def intended_motions(loops, shapes, relative, theta, place, series, off, found):
 def drive_forces(ints, floats, loops, shapes, theta, target, x, R, place, wrench, mu):
     """mu (c,): multipliers of drives and supports in step 1 by virtual work, the links left where theta puts them.
 
-    ints, floats: of the reduced mechanism, as in `ksd.model.arrays.Flat`; x, R: of its links. wrench (.., 54 per joint):
-    condensed joints, F at 12. With Q the joints' moments in pure intended motion minus the loads' work, mu_i = -Q . J^+ e_i:
-    what theta does per unit of row i while the loops stay closed.
+    ints, floats: of the reduced mechanism, as in `ksd.model.arrays.FlatArrays`; x, R: of its links. wrench (.., 54 per
+    joint): condensed joints, F at 12. With Q the joints' moments in pure intended motion minus the loads' work, mu_i = -Q .
+    J^+ e_i: what theta does per unit of row i while the loops stay closed.
     """
     closing, motions, links = 6 * loops[CLOSINGS], len(theta), len(x)
     rows, size = closing + ints[ROWS], floats[0]

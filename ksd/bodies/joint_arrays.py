@@ -1,7 +1,7 @@
 """The kinematics of the joints of a model and the functions of their insides, as Python holds them and as kernels read them.
 
-Kernels take two arrays in place of many, as with `ksd.model.arrays.Flat`: entry c of row i of a field F of w columns is
-loops[loops[F] + w i + c] where it is a whole number, shapes[loops[F] + w i + c] otherwise.
+Kernels take two arrays in place of many, as with `ksd.model.arrays.FlatArrays`: entry c of row i of a field F of w columns
+is loops[loops[F] + w i + c] where it is a whole number, shapes[loops[F] + w i + c] otherwise.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class InteriorFunctionsFields(NamedTuple):
 
     block_node (K,), block_joint (K,): substructure node and joint of every internal block; block_pose (K, 6, M): rotation
     vector and chord by monomial. joint (F,), target (F,), coefficient (F, M): entry `target` of the inner states (amplitudes
-    1/m, wrenches N and Nm). near_joint, near_target, near_coefficient: the same for work.near (rotation vectors).
+    1/m, wrenches N and Nm). near_joint, near_target, near_coefficient: the same for work.linearisation (rotation vectors).
     """
 
     block_node: np.ndarray

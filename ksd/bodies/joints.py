@@ -20,19 +20,26 @@ from ksd.bodies.polynomials import Polynomials
 from ksd.bodies.weight import NO_JOINT_WEIGHTS, JointWeights
 from ksd.errors import KinematicsError, RecordError, SceneError
 from ksd.library import Record
-from ksd.model.arrays import COROTATIONAL, LINEAR, Arrays, Motion
-from ksd.model.compile import Model, drawn
-from ksd.model.drawing import Numbers
-from ksd.model.pack import LOAD_FLOATS, MEMBER_FLOATS, TERM_FLOATS, Shape, spread, topology_arrays
+from ksd.model.arrays import COROTATIONAL, LINEAR, Arrays, State
+from ksd.model.compile import Model, model_source
+from ksd.model.pack import (
+    LOAD_FLOATS,
+    MEMBER_FLOATS,
+    TERM_FLOATS,
+    MemberTopology,
+    largest_extent,
+    topology_arrays,
+)
+from ksd.model.scene_layout import SceneNumbers
 from ksd.model.template import (
-    Filled,
-    Leaves,
-    Packed,
+    DesignArrays,
+    LeafGeometry,
+    LeafPacking,
     Template,
-    design,
-    many,
-    motion_design,
-    of_design,
+    arrays_of_design,
+    fields_of_design,
+    repeat_fields,
+    state_of_design,
 )
 from ksd.scene.joint import DrawnJoint, joint_leaves, joint_proportions
 
@@ -60,9 +67,9 @@ class JointBodies:
     kinematics: JointKinematics
     interior: InteriorFunctions
     substructures: Arrays
-    substructure_rest: Motion
+    substructure_rest: State
     reduced: Arrays
-    reduced_rest: Motion
+    reduced_rest: State
     near_lengths: np.ndarray
     full_node: np.ndarray
     motion_range: np.ndarray
@@ -103,7 +110,7 @@ def _leaf_links(
 
     Raises KinematicsError for a link nothing leads to.
     """
-    words = template.words
+    words = template.scene_layout
     reached = {0, *(nodes[j][forward] for j, forward in tree)}
     pairs = [(a, b) for _, a, b, _ in words.parts[len(words.joints) :]]
     found = []
@@ -127,7 +134,7 @@ def _leaf_links(
     return tuple(found)
 
 
-def place_leaf_links(bodies: JointBodies, motion: Motion) -> None:
+def place_leaf_links(bodies: JointBodies, motion: State) -> None:
     """Place links that hang on leaves alone where their neighbours, moved as one body each, would have them in the mean."""
     rest = bodies.reduced_rest
     for link, near in bodies.leaf_links:
@@ -145,14 +152,14 @@ class JointLayout:
 
     def __init__(self, template: Template, records: Sequence[Record]) -> None:
         self.template, self.records = template, tuple(records)
-        words, mesh = template.words, template.mesh
+        words, mesh = template.scene_layout, template.mesh
         joints = words.parts[: len(words.joints)]
         self.nodes = [(a, b) for _, a, b, _ in joints]
         self.different = [u for *_, u in joints]
         trained = "strain" if mesh.leaf == "strain" else mesh.elements
         self.polynomials = [
             Polynomials(record, trained, len(part.leaves))
-            for record, part in zip(records, words.different, strict=False)
+            for record, part in zip(records, words.distinct_parts, strict=False)
         ]
         self.rows = np.cumsum([0] + [p.rows for p in self.polynomials]).tolist()
         self._lay_loops()
@@ -160,7 +167,7 @@ class JointLayout:
         self._lay_reduced()
         names, ranges, lengths = [], [], []
         for name, u in zip(words.joints, self.different, strict=True):
-            motions = words.different[u].motions
+            motions = words.distinct_parts[u].motions
             for motion, kind in motions:
                 names.append(name if len(motions) == 1 else f"{name}.{motion}")
                 lengths.append(u if kind == "translation" else -1)
@@ -188,12 +195,12 @@ class JointLayout:
 
     def _lay_substructures(self) -> None:
         """Integers of the joints apart: nodes are ground, internal blocks, then the interfaces B of all joints."""
-        template, words = self.template, self.template.words
-        blocks = sum(len(words.different[u].blocks) for u in self.different)
+        template, words = self.template, self.template.scene_layout
+        blocks = sum(len(words.distinct_parts[u].blocks) for u in self.different)
         shapes, joint, rows, full_node = [], [], [], []
         node = 1
         for j, u in enumerate(self.different):
-            part, nodes = words.different[u], {"A": 0, "B": 1 + blocks + j}
+            part, nodes = words.distinct_parts[u], {"A": 0, "B": 1 + blocks + j}
             for k, block in enumerate(part.blocks):
                 nodes[block] = node
                 node += 1
@@ -206,12 +213,12 @@ class JointLayout:
                 shapes.append(template.shapes[first + n]._replace(nodes=ends))
         self.substructures = topology_arrays(1 + blocks + len(self.nodes), shapes, last=len(self.nodes))
         self.leaf = template.leaf[: len(shapes)]
-        if words.pulls and template.heavy[self.leaf].any():
+        if words.has_gravity and template.heavy[self.leaf].any():
             self.substructures = self.substructures._replace(weight=np.zeros((len(shapes), 4)))
         same = len(shapes) == len(template.shapes)
         # the constants of the full model where it has no other members
         self.substructure_packed = (
-            None if same else Packed(template.leaf_words, self.leaf, self.substructures.members)
+            None if same else LeafPacking(template.leaf_layouts, self.leaf, self.substructures.members)
         )
         self.full_node = np.array(full_node, np.int64)
         self.block_rows = np.array(rows, np.int64).reshape(-1, 6)
@@ -219,14 +226,14 @@ class JointLayout:
 
     def _lay_inside(self, block_joint: np.ndarray) -> None:
         """Which functions go where in the states of the substructures, and with which scale of which leaf."""
-        template, words = self.template, self.template.words
+        template, words = self.template, self.template.scene_layout
         members = self.substructures.members
         made: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         inner, near = [np.zeros((5, 0), np.int64)], [np.zeros((5, 0), np.int64)]
         near_length = np.zeros(len(self.leaf), np.int64)
         base = 0
         for j, u in enumerate(self.different):
-            first, count = template.joint_members[j].start, len(words.different[u].leaves)
+            first, count = template.joint_members[j].start, len(words.distinct_parts[u].leaves)
             for i, f in enumerate(self.leaf[first : first + count].tolist(), start=first):
                 if f not in made:
                     made[f] = self._functions(u, i - first, int(members.kind[i]), members.number[i].tolist())
@@ -251,7 +258,7 @@ class JointLayout:
         self, u: int, n: int, kind: int, number: list[int]
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(row, place in its inner state, or near rotations of a chain, scale) of the functions of leaf n of joint u."""
-        functions, part = self.polynomials[u], self.template.words.different[u]
+        functions, part = self.polynomials[u], self.template.scene_layout.distinct_parts[u]
         first, scales = self.rows[u] + 6 + 6 * len(part.blocks), []
         if kind == COROTATIONAL:
             size = 3 * (2 * number[0] - 1)
@@ -273,12 +280,15 @@ class JointLayout:
 
     def _lay_reduced(self) -> None:
         """Integers of the reduced mechanism: every joint one linear body and its weight a load, free leaves as they are."""
-        template, words = self.template, self.template.words
+        template, words = self.template, self.template.scene_layout
         links, joints = len(words.links), len(self.nodes)
-        own = [Shape(LINEAR, pair, (0,), 0, LINEAR_INNER, 0, -1 - j) for j, pair in enumerate(self.nodes)]
+        own = [
+            MemberTopology(LINEAR, pair, (0,), 0, LINEAR_INNER, 0, -1 - j)
+            for j, pair in enumerate(self.nodes)
+        ]
         free = template.shapes[len(self.leaf) :]
         loads = list(words.loads)
-        weigh = words.pulls and bool(template.heavy[self.leaf].any())
+        weigh = words.has_gravity and bool(template.heavy[self.leaf].any())
         load, held = np.full(joints, -1), len(self.leaf)
         if weigh:
             for j, own_members in enumerate(template.joint_members):
@@ -290,20 +300,20 @@ class JointLayout:
         self.joint_weights = hung if weigh else NO_JOINT_WEIGHTS
         springs = template.spring_shapes
         self.reduced = topology_arrays(links, [*own, *free], words.rows, loads, springs)
-        if words.pulls and template.heavy[template.leaf[held:]].any():
+        if words.has_gravity and template.heavy[template.leaf[held:]].any():
             self.reduced = self.reduced._replace(weight=np.zeros((joints + len(free), 4)))
-        self.reduced_packed = Packed(
-            template.leaf_words, template.leaf[len(self.leaf) :], self.reduced.members, joints
+        self.reduced_packed = LeafPacking(
+            template.leaf_layouts, template.leaf[len(self.leaf) :], self.reduced.members, joints
         )
 
-    def _stack(self, n: Numbers, shapes: Sequence[Sequence[Any]], *, extrapolate: bool) -> np.ndarray:
+    def _stack(self, n: SceneNumbers, shapes: Sequence[Sequence[Any]], *, extrapolate: bool) -> np.ndarray:
         """All functions (D, rows, P) of the different joints."""
         stack = np.zeros((len(n.leaf), self.rows[-1], max(len(p.powers) for p in self.polynomials)))
         for p, at, own in zip(self.polynomials, self.rows, shapes, strict=False):
             stack[:, at : at + p.rows, : len(p.powers)] = p(own, extrapolate=extrapolate)
         return stack
 
-    def _fill_loops(self, n: Numbers, filled: Filled, pose: np.ndarray) -> JointKinematics:
+    def _fill_loops(self, n: SceneNumbers, filled: DesignArrays, pose: np.ndarray) -> JointKinematics:
         """The kinematics of D designs; pose (D, J, 6, P): functions of the interfaces."""
         joints = len(self.nodes)
         anchor = filled.points[:, :joints] - filled.rest.x[:, self.kinematics.node]
@@ -311,12 +321,17 @@ class JointLayout:
             anchor=anchor, frame=n.rotation[:, :joints], length=n.length[:, self.different], pose=pose
         )
 
-    def _motion_scale(self, n: Numbers) -> np.ndarray:
+    def _motion_scale(self, n: SceneNumbers) -> np.ndarray:
         """(D, motions): theta to rad or m."""
         return np.where(self.motion_length < 0, 1.0, n.length[:, np.maximum(self.motion_length, 0)])
 
     def __call__(
-        self, n: Numbers, filled: Filled, shapes: Sequence[Sequence[Any]], *, extrapolate: bool = False
+        self,
+        n: SceneNumbers,
+        filled: DesignArrays,
+        shapes: Sequence[Sequence[Any]],
+        *,
+        extrapolate: bool = False,
     ) -> JointBodies:
         """Joint bodies of D designs, every float with a leading axis over them; shapes: shape parameters of all designs for
         each of the different joints. Raises RangeError, see `Polynomials`."""
@@ -336,7 +351,7 @@ class JointLayout:
             self.motion_range, self._motion_scale(n), self.motion_names, self.joint_weights, self.leaf_links,
         )  # fmt: skip
 
-    def _fill_substructures(self, n: Numbers, filled: Filled) -> tuple[Arrays, Motion]:
+    def _fill_substructures(self, n: SceneNumbers, filled: DesignArrays) -> tuple[Arrays, State]:
         """The substructures of D designs and their undeformed state."""
         count, joints, leaf = len(n.leaf), len(self.nodes), self.leaf
         nodes, leaves, full = len(self.substructures.start), filled.leaves, filled.arrays.members
@@ -356,23 +371,25 @@ class JointLayout:
             length=length,
             floor=leaves.floor[:, leaf],
         )
-        extent = np.maximum(spread(x, ends), length.max(axis=1, initial=0.0))
+        extent = np.maximum(largest_extent(x, ends), length.max(axis=1, initial=0.0))
         # gravity as given; turned into the axes of every joint before it is condensed
         weight = filled.arrays.weight[:, : len(leaf)]
         topology = self.substructures
         arrays = topology._replace(
             members=members,
-            terms=many(topology.terms, TERM_FLOATS, count),
-            loads=many(topology.loads, LOAD_FLOATS, count),
+            terms=repeat_fields(topology.terms, TERM_FLOATS, count),
+            loads=repeat_fields(topology.loads, LOAD_FLOATS, count),
             size=extent,
-            springs=many(topology.springs, MEMBER_FLOATS, count),
+            springs=repeat_fields(topology.springs, MEMBER_FLOATS, count),
             weight=weight if len(topology.weight) else weight[:, :0],
         )
-        return arrays, Motion(x, np.tile(np.eye(3), (count, nodes, 1, 1)), inner, np.zeros((count, 0)))
+        return arrays, State(x, np.tile(np.eye(3), (count, nodes, 1, 1)), inner, np.zeros((count, 0)))
 
-    def _fill_reduced(self, n: Numbers, filled: Filled, loops: JointKinematics) -> tuple[Arrays, Motion]:
+    def _fill_reduced(
+        self, n: SceneNumbers, filled: DesignArrays, loops: JointKinematics
+    ) -> tuple[Arrays, State]:
         """The reduced mechanism of D designs and its rest state."""
-        count, links, held = len(n.leaf), len(self.template.words.links), len(self.leaf)
+        count, links, held = len(n.leaf), len(self.template.scene_layout.links), len(self.leaf)
         full, topology = filled.arrays, self.reduced
         members = full.members
         value, inner = self.reduced_packed.values(filled.leaves, n.given)
@@ -402,14 +419,14 @@ class JointLayout:
                 coefficient=full.terms.coefficient, direction=full.terms.direction, point=full.terms.point
             ),
             loads=topology.loads._replace(point=loads.point, force=loads.force, moment=loads.moment),
-            size=np.maximum(spread(x, x[:, made.node] + offset), lengths.max(axis=1, initial=0.0)),
+            size=np.maximum(largest_extent(x, x[:, made.node] + offset), lengths.max(axis=1, initial=0.0)),
             springs=full.springs,
             weight=weight,
         )  # fmt: skip
         turned = np.tile(np.eye(3), (count, links, 1, 1))
-        return arrays, Motion(x, turned, inner, np.zeros((count, len(topology.terms.start))))
+        return arrays, State(x, turned, inner, np.zeros((count, len(topology.terms.start))))
 
-    def _hang(self, n: Numbers, filled: Filled) -> Any:
+    def _hang(self, n: SceneNumbers, filled: DesignArrays) -> Any:
         """Loads with those that stand for the weight of the joints, at points that step 2 sets."""
         loads, mass = filled.arrays.loads, filled.arrays.weight[:, : len(self.leaf), 0]
         joint_mass = np.add.reduceat(mass, self.first_member, axis=1)[:, self.joint_weights.load >= 0]
@@ -422,7 +439,7 @@ class JointLayout:
         )
 
 
-def _scales(n: Numbers, leaves: Leaves) -> np.ndarray:
+def _scales(n: SceneNumbers, leaves: LeafGeometry) -> np.ndarray:
     """(D, F, 4): what functions of the insides are multiplied by, see ONE .. MOMENT."""
     L, bending = leaves.length, n.leaf[..., 10] * n.leaf[..., 15]
     return np.stack([np.ones_like(L), 1.0 / L, bending / L**2, bending / L], axis=2)
@@ -432,8 +449,8 @@ def joint_bodies_of_design(layout: JointLayout, bodies: JointBodies, d: int) -> 
     """Joint bodies of design d of many that were made by `layout`."""
     return JointBodies(
         _of_design(bodies.kinematics, LOOP_FLOATS, d), _of_design(bodies.interior, INSIDE_FLOATS, d),
-        design(bodies.substructures, layout.substructures, d), motion_design(bodies.substructure_rest, d),
-        design(bodies.reduced, layout.reduced, d), motion_design(bodies.reduced_rest, d), bodies.near_lengths,
+        arrays_of_design(bodies.substructures, layout.substructures, d), state_of_design(bodies.substructure_rest, d),
+        arrays_of_design(bodies.reduced, layout.reduced, d), state_of_design(bodies.reduced_rest, d), bodies.near_lengths,
         bodies.full_node, bodies.motion_range, bodies.motion_scale[d], bodies.motion_names, bodies.joint_weights,
         bodies.leaf_links,
     )  # fmt: skip
@@ -441,13 +458,13 @@ def joint_bodies_of_design(layout: JointLayout, bodies: JointBodies, d: int) -> 
 
 def _of_design(part: T, names: Sequence[str], d: int) -> T:
     """JointKinematics, or insides, of design d of many, the numbers that kernels read joined for all designs at once."""
-    many: Any = part
-    found = of_design(many, names, d)
-    joined = many.__dict__.get("joined")
+    repeat_fields: Any = part
+    found = fields_of_design(repeat_fields, names, d)
+    joined = repeat_fields.__dict__.get("joined")
     if joined is None:
-        fields = [getattr(many, name) for name in names]
+        fields = [getattr(repeat_fields, name) for name in names]
         floats = np.concatenate([field.reshape(len(field), -1) for field in fields], axis=1)
-        joined = many.__dict__["joined"] = found.flat.ints, floats
+        joined = repeat_fields.__dict__["joined"] = found.flat.ints, floats
     found.flat = FlatArrays(joined[0], joined[1][d])
     return found
 
@@ -508,9 +525,9 @@ def joint_layout(template: Template, joints: Sequence[Any], records: Callable[[s
     found = [records(joint.family) for joint in joints]
     for joint, record in zip(joints, found, strict=True):
         _check_record(joint, record, mesh)
-    last = template.layout
+    last = template.joint_layout
     if last is None or any(a is not b for a, b in zip(last.records, found, strict=True)):
-        last = template.layout = JointLayout(template, found)
+        last = template.joint_layout = JointLayout(template, found)
     return last
 
 
@@ -520,7 +537,7 @@ def joint_bodies(model: Model, records: Callable[[str], Record], *, extrapolate:
     Raises SceneError without joints, RangeError for a shape outside the trained range (unless `extrapolate`),
     KinematicsError when joints alone do not place every link.
     """
-    made = drawn(model)
+    made = model_source(model)
     joints = made.drawing.joints
     layout, shapes = joint_layout(made.template, joints, records), [[joint.shape()] for joint in joints]
     return joint_bodies_of_design(

@@ -32,7 +32,7 @@ from ksd.model.arrays import (
     TERM_NODE,
     TRANSLATION,
     Arrays,
-    Motion,
+    State,
 )
 from ksd.model.loading import term_slope
 from ksd.numerics.kernel import kernel
@@ -179,7 +179,7 @@ def _close_joint(loops, shapes, place, c, size, x, R, W, J, residual, frames):
 def loop_equations(ints, floats, loops, shapes, target, x, R, place, reach, W, J, residual, frames, slope):
     """Link poses for the joints' places (into x, R), residual (E,) and Jacobian J (E, motions); rotations times the size.
 
-    ints, floats: of a model with the links, as in `ksd.model.arrays.Flat`; loops, shapes: as in
+    ints, floats: of a model with the links, as in `ksd.model.arrays.FlatArrays`; loops, shapes: as in
     `ksd.bodies.joint_arrays`. Rows: six per closing joint, then one per constraint row of the model. W and J hold zeros
     at the first call; what stays zero is not written, so that a joint of a long chain costs little more. reach (2, k),
     frames (4, 4, 3), slope (8, 3): scratch.
@@ -320,7 +320,7 @@ def close_loops(
     loops: JointKinematics,
     theta: np.ndarray,
     target: np.ndarray,
-    motion: Motion,
+    motion: State,
     place: np.ndarray,
     most: int,
 ) -> tuple[int, int, float]:

@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ksd.beam.linear import LINEAR_INNER
-from ksd.model.arrays import LINEAR, Arrays, Motion, flatten, opened
+from ksd.model.arrays import LINEAR, Arrays, State, flatten_arrays, unflatten_arrays
 from ksd.model.compile import Model
-from ksd.model.drawing import elastic_parts
-from ksd.model.pack import Member, pack
-from ksd.model.reduced import inner_state
+from ksd.model.pack import Member, pack_members
+from ksd.model.reduced_bodies import inner_state
+from ksd.model.scene_layout import elastic_members
 
 
 class PartlyCondensed(NamedTuple):
@@ -27,12 +27,12 @@ class PartlyCondensed(NamedTuple):
     """
 
     arrays: Arrays
-    rest: Motion
+    rest: State
     nodes: np.ndarray
     joint: np.ndarray
     member: np.ndarray
 
-    def inner(self, motion: Motion, m: int) -> np.ndarray:
+    def inner(self, motion: State, m: int) -> np.ndarray:
         """Inner state of member m, a view."""
         at = self.arrays.members.inner_at
         return motion.inner[at[m] : at[m + 1]]
@@ -57,7 +57,7 @@ def condense_some_joints(model: Model, linear: Arrays, condensed: Sequence[bool]
     ]
     places = model.rest.x[nodes]
     # links, which rows and loads are of, have the same numbers
-    arrays, rest = pack(places, parts, springs=elastic_parts(scene, places), like=model.arrays)
+    arrays, rest = pack_members(places, parts, springs=elastic_members(scene, places), like=model.arrays)
     away = np.full(len(member), -1), np.full(len(joint), -1)
     return PartlyCondensed(
         arrays,
@@ -68,13 +68,13 @@ def condense_some_joints(model: Model, linear: Arrays, condensed: Sequence[bool]
     )
 
 
-def single_member(model: Model, i: int) -> tuple[Arrays, Motion]:
+def single_member(model: Model, i: int) -> tuple[Arrays, State]:
     """Member i between two fixed ends, end p at the origin along the axes; end q is where its offset and frame put it."""
     made = _member(model, i, dict.fromkeys(range(len(model.node_names)), 0))
-    arrays, rest = pack(np.zeros((1, 3)), [made])
+    arrays, rest = pack_members(np.zeros((1, 3)), [made])
     arrays.members.offset[:], arrays.members.frame[:] = 0.0, np.eye(3)
     # end q is moved in place
-    return opened(flatten(arrays)), rest
+    return unflatten_arrays(flatten_arrays(arrays)), rest
 
 
 def _linear(linear: Arrays, j: int, name: str) -> Member:

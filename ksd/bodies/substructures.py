@@ -31,8 +31,8 @@ from ksd.bodies.joint_arrays import (
 )
 from ksd.bodies.joint_poses import monomials, pose_from_polynomials
 from ksd.bodies.kinematics import interface_pose
-from ksd.model.arrays import Arrays, Motion, Work
-from ksd.model.newton import GRAIN, assemble
+from ksd.model.arrays import Arrays, State, Workspace
+from ksd.model.newton import ROUNDING_MULTIPLE, assemble
 from ksd.numerics.blocks import BLOCKS, DIAGONAL, START, backward_blocks, factor_blocks, forward_blocks
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_log
@@ -43,15 +43,15 @@ def set_near_configuration(
     inside: InteriorFunctions,
     theta: np.ndarray,
     place: np.ndarray,
-    motion: Motion,
-    work: Work,
+    motion: State,
+    work: Workspace,
 ) -> None:
     """Step 2, first half: state of the substructures of the intended motion theta, from the database functions alone.
 
     place (J, 24): interface poses of step 1. Node 1 + .. of the substructures: see `InteriorFunctions`; the last J
     nodes are the interfaces B.
     """
-    _set_near(*loops.flat, *inside.flat, theta, place, motion.x, motion.R, motion.inner, work.near)
+    _set_near(*loops.flat, *inside.flat, theta, place, motion.x, motion.R, motion.inner, work.linearisation)
 
 
 @kernel(inline="late")
@@ -99,23 +99,23 @@ def _set_near(loops, shapes, inside, functions, theta, place, x, R, inner, near)
 
 
 def condense_joints(
-    substructures: Arrays, joints: int, motion: Motion, work: Work, near: int, reduced_inner: np.ndarray
+    substructures: Arrays, joints: int, motion: State, work: Workspace, near: int, reduced_inner: np.ndarray
 ) -> int:
     """Linearise all joints at `motion` and condense them; writes the linear bodies (d0, R0, F, K) of step 3.
 
     near: see `ksd.model.newton.assemble`. Returns the worst status of a leaf.
     """
-    *_, status = assemble(substructures, motion, np.zeros(0), 1.0, work, 1e-8, near, GRAIN)
+    *_, status = assemble(substructures, motion, np.zeros(0), 1.0, work, 1e-8, near, ROUNDING_MULTIPLE)
     condense_assembled(substructures, joints, motion, work, reduced_inner)
     return status
 
 
 def condense_assembled(
-    substructures: Arrays, joints: int, motion: Motion, work: Work, reduced_inner: np.ndarray
+    substructures: Arrays, joints: int, motion: State, work: Workspace, reduced_inner: np.ndarray
 ) -> None:
     """The second half of `condense_joints`."""
     _condense_blocks(
-        substructures.plan.ints, substructures.start, joints, motion.x, motion.R, work.value, work.spare, work.rhs,
+        substructures.plan.ints, substructures.start, joints, motion.x, motion.R, work.matrix, work.scaled_rows, work.rhs,
         reduced_inner,
     )  # fmt: skip
 
@@ -162,9 +162,9 @@ def relative_poses(loops, shapes, x, R, relative):
 def interface_step(
     substructures: Arrays,
     loops: JointKinematics,
-    reduced_motion: Motion,
-    motion: Motion,
-    work: Work,
+    reduced_motion: State,
+    motion: State,
+    work: Workspace,
     relative: np.ndarray,
 ) -> tuple[float, float]:
     """Step 4: what leads the substructures to the interface poses of step 3, relative (J, 12), by the factors of
@@ -174,7 +174,7 @@ def interface_step(
     """
     found: tuple[float, float] = _recover_blocks(
         *loops.flat, substructures.plan.ints, substructures.start, reduced_motion.x, reduced_motion.R, relative, motion.x,
-        motion.R, work.value, work.spare, work.rhs,
+        motion.R, work.matrix, work.scaled_rows, work.rhs,
     )  # fmt: skip
     return found
 

@@ -21,7 +21,7 @@ from ksd.bench.compare import Approach, Compared, Reference, approaches, measure
 from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.numerics.processes import process_pool, spawning
+from ksd.numerics.processes import process_pool, spawn_context
 from ksd.properties.printing import format_number
 from ksd.scene.toml_file import load_scene
 from ksd.solve.conventional import solve_conventional
@@ -73,7 +73,7 @@ def compare(scene: Any, targets: dict[str, float]) -> tuple[Reference, Any, list
     ways: list[Approach] = approaches(scene, targets, Mesh(), ELEMENTS)
     shown = [way for way in ways if way.method not in LEFT_OUT]
     # where nothing is compiled yet, chains and strain-mode leaves are so at the same time
-    with process_pool(spawning(scene, targets) or SpawnContext()) as others:
+    with process_pool(spawn_context(scene, targets) or SpawnContext()) as others:
         found = others.submit(limit, scene, targets)
         full = solve(scene, targets, method="full")
         reference = found.result()

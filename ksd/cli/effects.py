@@ -12,7 +12,7 @@ from rich.table import Table
 from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.cli.solve import scene_of
 from ksd.design.effect_cost import effect_cost
-from ksd.model.listing import reason
+from ksd.model.description import effect_reason
 from ksd.properties.printing import format_signed_percent
 from ksd.view.effect_cost import plot_effect_cost
 from ksd.view.figure import new_figure, save_figure
@@ -30,7 +30,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json != STDOUT:
         _print(scene, choice, rows)
     if options.plot:
-        why = {effect.name: reason(effect, scene) for effect in choice.effects}
+        why = {effect.name: effect_reason(effect, scene) for effect in choice.effects}
         _draw(rows, why, accuracy, options.plot)
     return 0
 
@@ -57,7 +57,7 @@ def _print(scene: Any, choice: Any, rows: list[Any]) -> None:
             screen.print(f"{row.name}: no numbers, {row.failed}", soft_wrap=True)
     for effect in choice.effects:
         screen.print(
-            f"{'with' if effect.present else 'without'} {effect.name}: {reason(effect, scene)}",
+            f"{'with' if effect.present else 'without'} {effect.name}: {effect_reason(effect, scene)}",
             soft_wrap=True,
         )
 

@@ -21,10 +21,10 @@ from ksd.design.design_scene import build_scene
 from ksd.design.prepared_design import DesignResult, PreparedDesign, answer_deferred
 from ksd.errors import KsdError
 from ksd.library import Record, find_record
-from ksd.model.compile import model_of
-from ksd.model.drawing import Drawing, draw
-from ksd.model.effects import Choice, applied, choose
+from ksd.model.compile import model_of_design
+from ksd.model.effects import EffectChoice, apply_effects, choose_effects
 from ksd.model.mesh import DEFAULT_MESH, Mesh
+from ksd.model.scene_layout import SplitScene, split_scene
 from ksd.model.template import Template, template_of
 from ksd.scene import Scene
 from ksd.solve.five_step_solver import FiveStepSolver
@@ -41,9 +41,9 @@ class _Design(NamedTuple):
     parameters of its different joints."""
 
     said: Scene
-    choice: Choice
+    choice: EffectChoice
     scene: Scene
-    drawing: Drawing
+    drawing: SplitScene
     template: Template
     shapes: list[Mapping[str, float]]
 
@@ -110,12 +110,12 @@ class BatchSolver:
 
     def _drawn(self, said: Scene) -> _Design:
         """A scene with its effects, drawn."""
-        choice = choose(said, self.mesh)
-        scene, mesh = applied(said, self.mesh, choice)
-        drawing = draw(scene, mesh)
-        return _Design(said, choice, scene, drawing, template_of(drawing.words, mesh), self._shapes(drawing))
+        choice = choose_effects(said, self.mesh)
+        scene, mesh = apply_effects(said, self.mesh, choice)
+        drawing = split_scene(scene, mesh)
+        return _Design(said, choice, scene, drawing, template_of(drawing.layout, mesh), self._shapes(drawing))
 
-    def _shapes(self, drawing: Drawing) -> list[Mapping[str, float]]:
+    def _shapes(self, drawing: SplitScene) -> list[Mapping[str, float]]:
         """Shape parameters of the different joints; RangeError outside their trained ranges, RecordError for a joint drawn
         otherwise than that of its record."""
         found = []
@@ -146,7 +146,7 @@ class BatchSolver:
         shapes = list(zip(*(one.shapes for one in designs), strict=True))
         together = layout(numbers, filled, shapes, extrapolate=self.extrapolate)
         models = [
-            model_of(one.scene, template, filled, numbers, d, said=one.said, choice=one.choice)
+            model_of_design(one.scene, template, filled, numbers, d, said=one.said, choice=one.choice)
             for d, one in enumerate(designs)
         ]
         bodies = [joint_bodies_of_design(layout, together, d) for d in range(len(designs))]

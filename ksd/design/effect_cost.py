@@ -19,7 +19,7 @@ import numpy as np
 from ksd.errors import KsdError, SceneError
 from ksd.model.arrays import PLANAR
 from ksd.model.compile import Model
-from ksd.model.effects import NATURE, Choice, choose, mentioned
+from ksd.model.effects import INTRINSIC_EFFECTS, EffectChoice, choose_effects, mentioned_effects
 from ksd.model.mesh import Mesh
 from ksd.model.plane import plane_of
 from ksd.solve.solver import Solver
@@ -89,7 +89,7 @@ def effect_cost(
     *,
     mesh: Mesh | None = None,
     rounds: int | None = None,
-) -> tuple[Choice, list[EffectCost]]:
+) -> tuple[EffectChoice, list[EffectCost]]:
     """What is simulated, and the price of every effect the scene can have.
 
     scene: a Mechanism or Scene; targets: drive values [m or rad]. Raises SceneError for what is wrong with the scene;
@@ -97,9 +97,9 @@ def effect_cost(
     """
     frozen = scene.scene() if hasattr(scene, "scene") else scene
     grid = mesh or Mesh()
-    choice = choose(frozen, grid)
-    spoken = mentioned(frozen, grid)
-    names = [e.name for e in choice.effects if e.name in spoken or e.name in NATURE]
+    choice = choose_effects(frozen, grid)
+    spoken = mentioned_effects(frozen, grid)
+    names = [e.name for e in choice.effects if e.name in spoken or e.name in INTRINSIC_EFFECTS]
     solvers: dict[tuple[str, ...], Solver] = {}
 
     def variant(present: set[str]) -> Solver:
@@ -122,7 +122,7 @@ def effect_cost(
 
 
 def _price(
-    choice: Choice, name: str, pair: tuple[Solver, Solver], targets: Mapping[str, float], rounds: int
+    choice: EffectChoice, name: str, pair: tuple[Solver, Solver], targets: Mapping[str, float], rounds: int
 ) -> EffectCost:
     """What one effect changes and costs: `pair` solves with and without it."""
     kept, why = choice[name].present, choice[name].reason

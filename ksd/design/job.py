@@ -55,7 +55,7 @@ from ksd.design.table import OK
 from ksd.errors import KsdError, RecordError, SceneError
 from ksd.library import find_record
 from ksd.model.compile import compile_scene
-from ksd.model.effects import mentioned
+from ksd.model.effects import mentioned_effects
 from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.properties.printing import PrintableAnswer, format_number
 from ksd.scene import Joint, Mechanism, Scene
@@ -364,7 +364,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     def _usual_method(self, scene: Scene, mesh: Mesh) -> Literal["full", "conventional"]:
         """ "full" where links are rigid, plate factors left out and all joints have records, of joints drawn as they are by
         any parameters."""
-        if not scene.joints or scene.compliances or "plate" in mentioned(scene, mesh):
+        if not scene.joints or scene.compliances or "plate" in mentioned_effects(scene, mesh):
             return "conventional"
         elsewhere = self._joints_at(np.full(len(self.vary), 0.37))
         try:

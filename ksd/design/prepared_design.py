@@ -10,7 +10,7 @@ import numpy as np
 from ksd.design.questions import PoseAnalysis, Questions, Row, answer_batch, answer_questions
 from ksd.design.sweep_path import error_sentence
 from ksd.errors import SceneError
-from ksd.model.arrays import Motion, Work, make_work
+from ksd.model.arrays import State, Workspace, make_workspace
 from ksd.model.compile import Model
 from ksd.properties.stiffness import node_of
 from ksd.properties.tangent import row_numbers
@@ -168,7 +168,7 @@ class _Questions:
         off[:, :3] /= b.bodies.kinematics.length[:, None]
         return bool(off.max(initial=0.0) <= MAX_UNINTENDED_MOTION)
 
-    def _posed(self, motion: Motion, answering: Motion, target: np.ndarray) -> Configuration:
+    def _posed(self, motion: State, answering: State, target: np.ndarray) -> Configuration:
         """The state as a configuration; answering: the state that questions beyond forces and poses are asked of."""
         model, reduced = self.design.five.model, self.design.method == REDUCED
         values = dict(zip(model.drive_names, target.tolist(), strict=False))
@@ -181,7 +181,7 @@ class _Questions:
         return pose
 
 
-def _beside(model: Model, motion: Motion, target: np.ndarray, work: Work) -> tuple[int, Motion]:
+def _beside(model: Model, motion: State, target: np.ndarray, work: Workspace) -> tuple[int, State]:
     """Status and state of the equilibrium next to the state of a fast method."""
     state = motion.copy()
     stop, negatives = converge_fast_state(model, state, target, 1.0, work)
@@ -214,7 +214,7 @@ def answer_deferred(designs: Sequence[DesignResult], questions: Questions) -> No
             if not (equilibrate or known.stable):
                 # no Newton step to the finer mesh: once more, of the equilibrium next to it
                 model = pose.model
-                target, work = model.targets(pose.targets), make_work(model.arrays)
+                target, work = model.targets(pose.targets), make_workspace(model.arrays)
                 found.status[n], state = _beside(model, pose.motion, target, work)
                 pose.configuration.__dict__["equilibrium"] = state
                 again += [(found, n, pose, True)] if found.status[n] == 0 else []

@@ -19,7 +19,7 @@ from ksd.modal.leaf_bodies import full_model_state
 from ksd.properties.extent import clearance, extent, why_no_clearance
 from ksd.properties.frequencies import Modes, frequencies
 from ksd.properties.parasitic import default_point, parasitic
-from ksd.properties.state_batch import State, StateBatch, group_states
+from ksd.properties.state_batch import LoadedState, StateBatch, group_states
 from ksd.properties.stiffness import (
     DIRECTIONS,
     BatchStiffness,
@@ -417,7 +417,7 @@ def answer_batch(poses: Sequence[Any], questions: Questions) -> list[BatchAnswer
     and a load factor will do. What is missing is asked of the pose alone, which also says why it has no answer."""
     found = [NOT_ANSWERED] * len(poses)
     places: list[int] = []
-    every: list[State] = []
+    every: list[LoadedState] = []
     for k, pose in enumerate(poses if BATCH_QUESTIONS & set(questions.names) else []):
         with suppress(ConvergenceError):
             every.append((pose.model, pose.equilibrium, pose.load_factor))

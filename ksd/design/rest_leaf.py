@@ -18,7 +18,7 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from ksd.errors import SceneError
-from ksd.model.arrays import Motion
+from ksd.model.arrays import State
 from ksd.model.compile import Model
 from ksd.model.leaves import line_mass, rigidities
 from ksd.model.mesh import Mesh
@@ -268,7 +268,7 @@ def _edge(s: Stations, f: Any) -> Any:
 
 
 def deformed_curve(
-    leaf: Leaf, mesh: Mesh, axes: Axes, state: tuple[Model, Motion, int], gravity: Array
+    leaf: Leaf, mesh: Mesh, axes: Axes, state: tuple[Model, State, int], gravity: Array
 ) -> Legendre:
     """The line that a leaf has as member i of a state (model, motion, i), as the curve of one drawn there; gravity (2,)."""
     model, motion, i = state

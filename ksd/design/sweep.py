@@ -37,7 +37,7 @@ from ksd.design.sweep_path import Recipe, SweepPath, drive_paths, run_path, run_
 from ksd.design.table import Table
 from ksd.errors import KsdError
 from ksd.model.mesh import Mesh
-from ksd.numerics.processes import process_pool, spawning
+from ksd.numerics.processes import process_pool, spawn_context
 from ksd.properties.printing import progress_bar
 from ksd.scene.link import Link
 from ksd.solve.solver import METHODS, Method
@@ -223,7 +223,7 @@ def _run(missing: list[SweepPath], recipe: Recipe, executor: Executor | None, wh
         _run_on(executor, missing, recipe, where)
         return
     # spawned, not forked: compiled kernels and threads do not survive a fork safely
-    context = spawning(missing[0], recipe) if len(missing) > 1 and poses >= WORTH else None
+    context = spawn_context(missing[0], recipe) if len(missing) > 1 and poses >= WORTH else None
     if context is None:
         _run_here(missing, recipe, where)
         return

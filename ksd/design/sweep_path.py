@@ -24,7 +24,7 @@ from ksd.design.questions import (
 from ksd.design.table import OK, STATUS
 from ksd.errors import ConvergenceError, SceneError
 from ksd.model.mesh import DEFAULT_MESH, Mesh
-from ksd.model.orders import raised
+from ksd.model.orders import raise_order
 from ksd.properties.mesh_adequacy import mode_adequacy
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import solve_conventional
@@ -174,7 +174,9 @@ def adequate_solver(path: SweepPath, recipe: Recipe, solver: Solver | None) -> P
             share, _, axis, _ = mode_adequacy(found.model, found.motion)
             if share <= (recipe.accuracy or DEFAULT_ACCURACY):
                 break
-            walk = PathSolver(Solver(path.scene, mesh=raised(walk.solver.model.mesh, axis), **words), recipe)
+            walk = PathSolver(
+                Solver(path.scene, mesh=raise_order(walk.solver.model.mesh, axis), **words), recipe
+            )
             rises -= 1
     return walk
 

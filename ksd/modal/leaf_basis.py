@@ -20,7 +20,7 @@ from ksd.model.arrays import MODAL
 from ksd.numerics.reduction import (
     Derivatives,
     Modes,
-    conditioned,
+    condition_basis,
     craig_bampton,
     modal_derivatives,
     second_derivatives,
@@ -316,7 +316,7 @@ def make_basis(shape: LeafShape, choices: ModalBasis) -> LeafBasis:
     q = 6 if choices.coordinates == "angle" else 9
     for r in range(3):
         scale[r::q] = shape.length
-    basis = conditioned(rest, scale=scale, cut=choices.cut)
+    basis = condition_basis(rest, scale=scale, cut=choices.cut)
     z0 = _expansion(choices, x, R)
     columns, hold = _separated(shape.record, orientation, z0, basis.columns, choices)
     return LeafBasis(choices, shape.record, orientation, z0, edge, columns, hold, z0[rows], basis.condition)
@@ -335,7 +335,7 @@ def _manifold(
     tied = np.zeros((6 * (n + 1), nb + m, nb + m))
     tied[:, np.array(place)[:, None], place] = np.moveaxis(second_derivatives(modes, derived), 2, 0)
     z0 = _expansion(choices, shape.x, shape.R)
-    unit = conditioned(modes.shapes / np.tile([shape.length] * 3 + [1.0] * 3, n + 1)[:, None])
+    unit = condition_basis(modes.shapes / np.tile([shape.length] * 3 + [1.0] * 3, n + 1)[:, None])
     return LeafBasis(
         choices, shape.record, shape.R.transpose(0, 2, 1).reshape(n + 1, 9), z0, columns[:, :nb], columns[:, nb:],
         np.zeros(m), z0[rows], unit.condition, tied,

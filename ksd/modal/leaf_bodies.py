@@ -14,11 +14,11 @@ from ksd.beam.corotational_values import sizes as chain_sizes
 from ksd.errors import SceneError
 from ksd.modal.choices import ModalBasis
 from ksd.modal.leaf_basis import LeafBasis, LeafShape, chain_records, make_basis, undeformed_basis
-from ksd.model.arrays import COROTATIONAL, Motion
-from ksd.model.compile import Model, compile_given
-from ksd.model.constant import bent_leaves, is_constant
+from ksd.model.arrays import COROTATIONAL, State
+from ksd.model.compile import Model, compile_as_is
+from ksd.model.constant_leaves import equilibrate_bent_leaves, is_constant
 from ksd.model.mesh import Mesh, MixedMesh
-from ksd.model.reduced import inner_state, member_pose, same_state, with_bodies
+from ksd.model.reduced_bodies import inner_state, relative_end_pose, transfer_state, with_bodies
 
 ALIKE = 10
 """Decimals of positions over length, and of rotations, to which leaf springs of one shape share their basis."""
@@ -38,16 +38,16 @@ def with_chains(model: Model, leaves: Mapping[str, ModalBasis]) -> Model:
     elif chains:
         words = {k: getattr(mesh, k) for k in Mesh.__dataclass_fields__}
         mesh = MixedMesh(**words, others=tuple(chains.items()))
-    return model if mesh == model.mesh else compile_given(model.scene, mesh, model.said, model.choice)
+    return model if mesh == model.mesh else compile_as_is(model.scene, mesh, model.said, model.choice)
 
 
-def chain_shape(model: Model, i: int, motion: Motion) -> LeafShape:
+def chain_shape(model: Model, i: int, motion: State) -> LeafShape:
     """Nodes of the chain that is member i of `model`, at `motion`, in the frame of its end p."""
     members = model.arrays.members
     n = int(members.number[i, 0])
     value = members.value[members.value_at[i] : members.value_at[i] + 16 * n + 9]
     nodes = inner_state(model, motion, i)[: 12 * (n - 1)].reshape(-1, 12)
-    d, Q = member_pose(members, i, motion)
+    d, Q = relative_end_pose(members, i, motion)
     x = np.vstack([np.zeros(3), nodes[:, :3], d])
     R = np.concatenate(
         [np.eye(3)[None], nodes[:, 3:].reshape(-1, 3, 3), (Q @ value[16 * n :].reshape(3, 3).T)[None]]
@@ -59,7 +59,7 @@ def with_modal_bodies(
     model: Model,
     choices: ModalBasis | Mapping[str, ModalBasis],
     *,
-    about: Motion | None = None,
+    about: State | None = None,
     only: Collection[str] | None = None,
     at_rest: Collection[str] = (),
 ) -> Model:
@@ -104,7 +104,7 @@ def _order(model: Model, names: Collection[str]) -> Callable[[str], int]:
 
 
 def _body(
-    model: Model, name: str, choices: ModalBasis, about: Motion | None, alike: dict[tuple, LeafBasis]
+    model: Model, name: str, choices: ModalBasis, about: State | None, alike: dict[tuple, LeafBasis]
 ) -> LeafBasis:
     """The basis of a leaf, about the state `about` or at rest; alike: those made so far, by shape to rounding."""
     shape = chain_shape(model, model.member_names.index(name), model.rest if about is None else about)
@@ -121,7 +121,7 @@ def _body(
         raise SceneError(f"leaf '{name}' has no modal basis: {reason}") from reason
 
 
-def full_model_state(model: Model, motion: Motion) -> tuple[Model, Motion]:
+def full_model_state(model: Model, motion: State) -> tuple[Model, State]:
     """Model and state with the chains that modal bodies reduce, at the nodes they have, and with leaf springs of constant
     stiffness as they bend at their end poses; a model without such as it is.
 
@@ -130,12 +130,14 @@ def full_model_state(model: Model, motion: Motion) -> tuple[Model, Motion]:
     if model.full is None:
         return model, motion
     if is_constant(model):
-        return model.full, bent_leaves(model, motion)
-    state = same_state(model, motion, model.full)
+        return model.full, equilibrate_bent_leaves(model, motion)
+    state = transfer_state(model, motion, model.full)
     for i, name in enumerate(model.member_names):
         body = model.bodies.get(name)
         if isinstance(body, LeafBasis):
-            x, R = body.nodes(*member_pose(model.arrays.members, i, motion), inner_state(model, motion, i))
+            x, R = body.nodes(
+                *relative_end_pose(model.arrays.members, i, motion), inner_state(model, motion, i)
+            )
             nodes = inner_state(model.full, state, i)[: 12 * (len(x) - 2)]
             nodes[:] = np.hstack([x[1:-1], R[1:-1].reshape(-1, 9)]).ravel()
     return model.full, state

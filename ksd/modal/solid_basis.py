@@ -23,8 +23,8 @@ from ksd.modal.solid import Solid
 from ksd.modal.symmetry import MirrorPlanes, condition_by_parity, mirror_planes, split_by_parity
 from ksd.model.arrays import SOLID
 from ksd.model.compile import Model
-from ksd.model.reduced import with_bodies
-from ksd.numerics.reduction import Modes, craig_bampton, extended, modal_derivatives
+from ksd.model.reduced_bodies import with_bodies
+from ksd.numerics.reduction import Modes, craig_bampton, modal_derivatives, static_extension
 
 
 @dataclass(frozen=True, repr=False)
@@ -183,10 +183,10 @@ def reduce_solid(
     ModalBasis(frame=frame, internal=internal, order=order, cut=cut)
     rest, inner, planes = solid.tangent(np.zeros(solid.dof_count)), solid.inner, mirror_planes(solid)
     at, b0, faces = _faces(solid, frame)
-    patterns = np.array(faces).T + extended(rest, np.array(faces).T, inner)
+    patterns = np.array(faces).T + static_extension(rest, np.array(faces).T, inner)
     patterns, sides = split_by_parity(patterns, planes)
     first = np.array(_turning(solid, frame)).T
-    first = first + extended(rest, first, inner)
+    first = first + static_extension(rest, first, inner)
     vibration = _vibration(solid, rest, internal, planes)
     columns = [*vibration.T]
     if order > 1:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ksd.modal.solid import Solid
-from ksd.numerics.reduction import Basis, conditioned
+from ksd.numerics.reduction import Basis, condition_basis
 
 IMPURE = 1e-6
 """Part of a column beyond which it is not rounding: the column is split into both."""
@@ -54,7 +54,7 @@ def condition_by_parity(columns: np.ndarray, planes: MirrorPlanes, *, cut: float
     size = np.linalg.norm(columns, axis=0)
     columns = columns[:, size > 1e-9 * size.max(initial=0.0)]
     pure, parity = split_by_parity(columns, planes)
-    made = [(conditioned(pure[:, parity == code], cut=cut), code) for code in np.unique(parity)]
+    made = [(condition_basis(pure[:, parity == code], cut=cut), code) for code in np.unique(parity)]
     every = np.hstack([np.zeros((len(columns), 0)), *(b.columns for b, _ in made)])
     rank, condition = every.shape[1], max((b.condition for b, _ in made), default=1.0)
     return Basis(every, rank, condition), np.repeat(

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ksd.numerics.blocks import Blocks, open_blocks
+from ksd.numerics.blocks import Blocks, unflatten_blocks
 from ksd.numerics.kernel import kernel
 
-STRAIN, COROTATIONAL, LINEAR, COIL, TURN, MODAL, SOLID, PLANAR = 0, 1, 2, 3, 4, 5, 6, 7
+STRAIN, COROTATIONAL, LINEAR, COIL, TORSION, MODAL, SOLID, PLANAR = 0, 1, 2, 3, 4, 5, 6, 7
 TRANSLATION, ROTATION = 0, 1
 
 
@@ -78,7 +78,7 @@ class Loads(NamedTuple):
     block: np.ndarray
 
 
-class Fields(NamedTuple):
+class ArrayFields(NamedTuple):
     """One mechanism as numbers. start (k,): first unknown of each node, -1 when fixed; size: length scale [m].
 
     springs: what resists without inner unknowns, packed as members: kind COIL with value (stiffness [N/m], free length
@@ -96,29 +96,29 @@ class Fields(NamedTuple):
     size: float
     springs: Members
     weight: np.ndarray
-    keep: np.ndarray
+    active_dofs: np.ndarray
 
 
-class Arrays(Fields):
-    """`Fields` as Python holds them. flat: all of them as compiled code takes them, see `Flat`."""
+class Arrays(ArrayFields):
+    """`Fields` as Python holds them. flat: all of them as compiled code takes them, see `FlatArrays`."""
 
-    flat: Flat
+    flat: FlatArrays
 
     def __getattr__(self, name: str) -> Any:
         # made when first asked for; fields that were replaced since make another one
         if name != "flat":
             raise AttributeError(name)
-        self.flat = flatten(self)
+        self.flat = flatten_arrays(self)
         return self.flat
 
     def __reduce__(self) -> Any:
-        return opened, (self.flat,)
+        return unflatten_arrays, (self.flat,)
 
 
-LEAVES, BEAMS, ANY = range(3)
+LEAF_MEMBERS, BEAM_MEMBERS, ALL_MEMBERS = range(3)
 
 
-class Flat(NamedTuple):
+class FlatArrays(NamedTuple):
     """`Arrays` in two, for compiled code: ints = counts, then where every field begins, and the fields of whole numbers;
     floats = size and the other fields. members: LEAVES where all members are strain-mode leaves or linear, without weight,
     there are no springs, and no load has a skew tangent; ANY where one is a modal body or a solid; else BEAMS.
@@ -129,24 +129,24 @@ class Flat(NamedTuple):
 
     ints: np.ndarray
     floats: np.ndarray
-    members: int
+    member_kinds: int
 
 
-class Bare(NamedTuple):
+class KernelArrays(NamedTuple):
     """`Arrays` of which there is nothing but what compiled code takes, and the weight of its members."""
 
-    flat: Flat
+    flat: FlatArrays
     weight: np.ndarray
 
 
-NODES, MEMBER_COUNT, ROWS, LOADS, SPRING_COUNT, WIDTH, PLAN, START, MEMBERS = range(9)
+NODES, MEMBER_COUNT, ROWS, LOADS, SPRING_COUNT, DOFS_PER_NODE, PLAN, START, MEMBERS = range(9)
 KIND, NODE, OFFSET, FRAME, NUMBER, VALUE_AT, VALUE, INNER_AT, STORE_AT, LENGTH, FLOOR, BLOCK = range(12)
 """Fields of members, counted from MEMBERS, and of springs, from SPRINGS."""
 TERM_FIRST, TERM_START, TERM_COEFFICIENT, TERM_KIND, TERM_NODE = range(20, 25)
 TERM_DIRECTION, TERM_POINT, TERM_BLOCK, TERM_FLIP = range(25, 29)
 LOAD_NODE, LOAD_POINT, LOAD_FORCE, LOAD_MOMENT, LOAD_FOLLOWING, LOAD_SKEW, LOAD_BLOCK = range(29, 36)
-SPRINGS, WEIGHT, KEEP, FLOATS = 36, 48, 49, 50
-"""Where, in `Flat.ints`, counts stand, the places of fields and, last, how many floats there are."""
+SPRINGS, WEIGHT, ACTIVE_DOFS, FLOATS = 36, 48, 49, 50
+"""Where, in `FlatArrays.ints`, counts stand, the places of fields and, last, how many floats there are."""
 
 
 def _leaves(part: Any) -> Iterator[np.ndarray]:
@@ -179,23 +179,23 @@ def join_fields(
     return np.concatenate([np.array([*counts, *places, to], np.int64), *ints]), np.concatenate(floats)
 
 
-def flatten(arrays: Fields) -> Flat:
+def flatten_arrays(arrays: ArrayFields) -> FlatArrays:
     """A copy of the fields, one after the other."""
     counts = (
         len(arrays.start), len(arrays.members.kind), len(arrays.terms.start), len(arrays.loads.node),
-        len(arrays.springs.kind), len(arrays.keep),
+        len(arrays.springs.kind), len(arrays.active_dofs),
     )  # fmt: skip
-    return Flat(*join_fields(counts, (arrays.size,), _leaves(arrays)), _members_of(arrays))
+    return FlatArrays(*join_fields(counts, (arrays.size,), _leaves(arrays)), _members_of(arrays))
 
 
-def _members_of(arrays: Fields) -> int:
-    """`Flat.members`."""
+def _members_of(arrays: ArrayFields) -> int:
+    """`FlatArrays.member_kinds`."""
     kind = arrays.members.kind
     if np.isin(kind, (MODAL, SOLID)).any():
-        return ANY
+        return ALL_MEMBERS
     leaves = np.isin(kind, (STRAIN, PLANAR, LINEAR)).all()
     more = len(arrays.weight) or len(arrays.springs.kind) or arrays.loads.skew.any()
-    return LEAVES if leaves and not more else BEAMS
+    return LEAF_MEMBERS if leaves and not more else BEAM_MEMBERS
 
 
 _INT, _FLOAT = 0, 1
@@ -216,7 +216,7 @@ _ROWS = (
 """Of every field its kind of number and the shape of its rows."""
 
 
-def opened(flat: Flat) -> Arrays:
+def unflatten_arrays(flat: FlatArrays) -> Arrays:
     """Arrays whose fields are views of `flat`: what is written into them is what compiled code reads."""
     sources, ends = (flat.ints, flat.floats), [len(flat.ints), len(flat.floats)]
     views: list[np.ndarray] = []
@@ -227,7 +227,7 @@ def opened(flat: Flat) -> Arrays:
     views.reverse()
     members, terms, loads, springs = 2, 14, 23, 30
     arrays = Arrays(
-        open_blocks(views[0]),
+        unflatten_blocks(views[0]),
         views[1],
         Members(*views[members:terms]),
         Terms(*views[terms:loads]),
@@ -245,7 +245,7 @@ def carries_load(arrays: Arrays) -> bool:
     return len(arrays.loads.node) > 0 or len(arrays.weight) > 0
 
 
-class Motion(NamedTuple):
+class State(NamedTuple):
     """Where a mechanism is: positions (k, 3) [m], rotations (k, 3, 3), inner states (flat), multipliers (c,)."""
 
     x: np.ndarray
@@ -253,17 +253,17 @@ class Motion(NamedTuple):
     inner: np.ndarray
     multiplier: np.ndarray
 
-    def copy(self) -> Motion:
+    def copy(self) -> State:
         """An independent copy."""
-        return Motion(self.x.copy(), self.R.copy(), self.inner.copy(), self.multiplier.copy())
+        return State(self.x.copy(), self.R.copy(), self.inner.copy(), self.multiplier.copy())
 
-    def assign(self, other: Motion) -> None:
+    def assign(self, other: State) -> None:
         """Take over the numbers of `other`, in place."""
         for mine, theirs in zip(self, other, strict=True):
             mine[...] = theirs
 
 
-class Work(NamedTuple):
+class Workspace(NamedTuple):
     """Storage prepared once per model: views of one array of numbers, `flat`; at: where each begins in it, and near_at.
 
     value, spare: block matrix and its scaled rows; rhs (n,): residual, then the step; store: what members keep
@@ -273,43 +273,43 @@ class Work(NamedTuple):
     `Arrays`, with the gravity of every substructure in the axes of its A.
     """
 
-    value: np.ndarray
-    spare: np.ndarray
+    matrix: np.ndarray
+    scaled_rows: np.ndarray
     rhs: np.ndarray
     store: np.ndarray
     lam: np.ndarray
     pose: np.ndarray
     scale: np.ndarray
-    near: np.ndarray
-    near_at: np.ndarray
+    linearisation: np.ndarray
+    linearisation_at: np.ndarray
     weight: np.ndarray
     flat: np.ndarray
     at: np.ndarray
 
 
-def open_work(flat, at):  # type: ignore[no-untyped-def]
-    """The fields of `Work`."""
-    return Work(
+def unflatten_workspace(flat, at):  # type: ignore[no-untyped-def]
+    """The fields of `Workspace`."""
+    return Workspace(
         flat[: at[0]], flat[at[0] : at[1]], flat[at[1] : at[2]], flat[at[2] : at[3]],
         flat[at[3] : at[4]].reshape(-1, 12), flat[at[4] : at[5]].reshape(-1, 18), flat[at[5] : at[6]].reshape(-1, 2),
         flat[at[6] : at[7]], at[9:], flat[at[7] : at[8]].reshape(-1, 4), flat, at,
     )  # fmt: skip
 
 
-compiled_open_work = kernel(open_work)
+unflatten_workspace_kernel = kernel(unflatten_workspace)
 """`open_work` for kernels."""
 
 
-def make_work(arrays: Arrays, *, near: np.ndarray | None = None) -> Work:
+def make_workspace(arrays: Arrays, *, near: np.ndarray | None = None) -> Workspace:
     """Storage for one thread working on `arrays`; `near` (m,) lengths of the near configurations, if any."""
     members, count = arrays.members, len(arrays.members.kind)
-    near_at = [0] * (count + 1) if near is None else [0, *accumulate(near.tolist())]
+    linearisation_at = [0] * (count + 1) if near is None else [0, *accumulate(near.tolist())]
     rows = count + len(arrays.springs.kind)
     sizes = (
         arrays.plan.values, arrays.plan.values, arrays.plan.unknowns, int(members.store_at[-1]), 12 * rows, 18 * rows,
-        2 * len(arrays.start), near_at[-1], arrays.weight.size,
+        2 * len(arrays.start), linearisation_at[-1], arrays.weight.size,
     )  # fmt: skip
-    at = np.array([*accumulate(sizes), *near_at], np.int64)
-    work = open_work(np.zeros(at[8]), at)
+    at = np.array([*accumulate(sizes), *linearisation_at], np.int64)
+    work = unflatten_workspace(np.zeros(at[8]), at)
     work.weight[:] = arrays.weight
     return work

@@ -206,11 +206,11 @@ def open_leaf_room(ints):
 def add_members(
     condense, pull, follow, weigh, ints, floats, x, R, inner, work, room, leaf, factor, rtol, noise, near
 ):
-    """All members, their weight times `factor`, into work.value and work.rhs; condense, pull, follow, weigh: for what there
+    """All members, their weight times `factor`, into work.matrix and work.rhs; condense, pull, follow, weigh: for what there
     is.
 
-    near 0: exact tangents at the state; 1: Appendix A chains are linearised about the element orientations in work.near
-    (paper 1, section 3), their inner state is set. Of neighbours that are in the same state, as the two
+    near 0: exact tangents at the state; 1: Appendix A chains are linearised about the element orientations in
+    work.linearisation (paper 1, section 3), their inner state is set. Of neighbours that are in the same state, as the two
     outer leaves of a cross flexure in its plane, one is worked on. Returns (negatives, worst inner residual over its bound,
     status).
     """
@@ -220,8 +220,8 @@ def add_members(
     force, norms, before = room.force, room.norms, room.before
     A, M = room.A, room.M
     store, weight = work.store, work.weight
-    near_at, close = work.near_at, work.near
-    matrix, rhs, scale = work.value, work.rhs, work.scale
+    near_at, close = work.linearisation_at, work.linearisation
+    matrix, rhs, scale = work.matrix, work.rhs, work.scale
     poses, lams = work.pose, work.lam
     node, value_at, number_at = ints[MEMBERS + NODE], ints[MEMBERS + VALUE_AT], ints[MEMBERS + NUMBER]
     inner_at, store_at, block = ints[MEMBERS + INNER_AT], ints[MEMBERS + STORE_AT], ints[MEMBERS + BLOCK]

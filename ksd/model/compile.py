@@ -16,15 +16,22 @@ import numpy as np
 from ksd.checks import MAX_MAGNITUDE, clear_argument_errors, number, show, similar_name_hint
 from ksd.errors import SceneError
 from ksd.html import InNotebooks, Printed
-from ksd.model.arrays import LINEAR, MODAL, ROTATION, SOLID, Arrays, Motion
-from ksd.model.drawing import Drawing, Numbers, draw
-from ksd.model.effects import Choice, applied, choose
+from ksd.model.arrays import LINEAR, MODAL, ROTATION, SOLID, Arrays, State
+from ksd.model.description import description_lines
+from ksd.model.effects import EffectChoice, apply_effects, choose_effects
 from ksd.model.leaves import cut_leaves
-from ksd.model.listing import listing
 from ksd.model.mesh import DEFAULT_MESH, Mesh
-from ksd.model.pack import revalued
+from ksd.model.pack import replace_constants
 from ksd.model.plane import refuse_plane
-from ksd.model.template import Filled, Leaves, Template, design, motion_design, template_of
+from ksd.model.scene_layout import SceneNumbers, SplitScene, split_scene
+from ksd.model.template import (
+    DesignArrays,
+    LeafGeometry,
+    Template,
+    arrays_of_design,
+    state_of_design,
+    template_of,
+)
 from ksd.scene.plausibility import drive_value_warnings
 from ksd.scene.scene import MECHANISM_HINT
 
@@ -37,14 +44,14 @@ class Model(InNotebooks):
     is the slice of members of joint j. drive_names: the first rows; support_names: those after them, held at zero.
     spring_names: of `arrays.springs`. scene: what is simulated, so without the effects left out and with elastic links
     taken apart; said: the scene as it was described. choice: the effects and why, None when the scene was compiled as
-    given. bodies: reduced bodies in the place of leaves, by name (`ksd.model.reduced`); full: the model whose chains the
-    modal ones among them reduce, None without.
+    given. bodies: reduced bodies in the place of leaves, by name (`ksd.model.reduced_bodies`); full: the model whose chains
+    the modal ones among them reduce, None without.
     """
 
     scene: Any
     mesh: Mesh
     arrays: Arrays
-    rest: Motion
+    rest: State
     node_names: tuple[str, ...]
     member_names: tuple[str, ...]
     joint_members: tuple[slice, ...]
@@ -91,7 +98,7 @@ class Model(InNotebooks):
 
     def __str__(self) -> str:
         """What is simulated and what is left out, with the reason, in a few lines."""
-        lines = listing(self)
+        lines = description_lines(self)
         return Printed("\n".join(f"{head}: {said}" for head, said in lines), [lines])
 
     @property
@@ -161,69 +168,69 @@ def reference_points(scene: Any) -> np.ndarray:
     return places
 
 
-class Drawn(NamedTuple):
+class ModelSource(NamedTuple):
     """What a model was made of: its drawing, the template of its words, its numbers and, D = 1, its arrays."""
 
-    drawing: Drawing
+    drawing: SplitScene
     template: Template
-    numbers: Numbers
-    filled: Filled
+    numbers: SceneNumbers
+    filled: DesignArrays
 
 
-def _drawn(scene: Any, mesh: Mesh) -> Drawn:
-    drawing = draw(scene, mesh)
-    template = template_of(drawing.words, mesh)
+def _compile_source(scene: Any, mesh: Mesh) -> ModelSource:
+    drawing = split_scene(scene, mesh)
+    template = template_of(drawing.layout, mesh)
     numbers = template.numbers([drawing.numbers])
-    return Drawn(drawing, template, numbers, template(numbers))
+    return ModelSource(drawing, template, numbers, template(numbers))
 
 
-def drawn(model: Model) -> Drawn:
+def model_source(model: Model) -> ModelSource:
     """What the model of this scene and mesh is made of."""
-    found: Drawn | None = model.derived.get("drawn")
+    found: ModelSource | None = model.derived.get("source")
     if found is None:
-        found = model.derived["drawn"] = _drawn(model.scene, model.mesh)
+        found = model.derived["source"] = _compile_source(model.scene, model.mesh)
     return found
 
 
-def compile_given(scene: Any, mesh: Mesh, said: Any = None, choice: Choice | None = None) -> Model:
+def compile_as_is(scene: Any, mesh: Mesh, said: Any = None, choice: EffectChoice | None = None) -> Model:
     """The full model of a frozen scene exactly as it stands, no effect chosen: every leaf a member, every block a node.
 
     said, choice: see `Model`; the scene itself, and none, where they are None.
     """
-    made = _drawn(scene, mesh)
-    model = model_of(scene, made.template, made.filled, made.numbers, said=said, choice=choice)
-    model.derived["drawn"] = made
+    made = _compile_source(scene, mesh)
+    model = model_of_design(scene, made.template, made.filled, made.numbers, said=said, choice=choice)
+    model.derived["source"] = made
     return model
 
 
-def model_of(
-    scene: Any, template: Template, filled: Filled, numbers: Numbers, d: int = 0, *, said: Any = None,
-    choice: Choice | None = None,
+def model_of_design(
+    scene: Any, template: Template, filled: DesignArrays, numbers: SceneNumbers, d: int = 0, *, said: Any = None,
+    choice: EffectChoice | None = None,
 ) -> Model:  # fmt: skip
     """The model of design d of those packed together; scene: its frozen scene; said, choice: as in `compile_given`."""
-    words = template.words
+    layout = template.scene_layout
     model = Model(
-        scene, template.mesh, design(filled.arrays, template.topology, d), motion_design(filled.rest, d),
-        template.node_names, template.member_names, template.joint_members, words.drives, words.supports,
+        scene, template.mesh, arrays_of_design(filled.arrays, template.topology, d), state_of_design(filled.rest, d),
+        template.node_names, template.member_names, template.joint_members, layout.drives, layout.supports,
         template.spring_names, scene if said is None else said, choice,
     )  # fmt: skip
     if choice is not None and choice["spatial"].present:
         refuse_plane(model, f"six unknowns per node are wanted: {choice['spatial'].reason}")
-    leaves = Leaves(*(a[d : d + 1] for a in filled.leaves))
+    leaves = LeafGeometry(*(a[d : d + 1] for a in filled.leaves))
     model.derived["leaves"] = template, leaves, numbers.given[d : d + 1]
     return model
 
 
-def remeshed(model: Model, mesh: Mesh) -> Model:
+def remesh_model(model: Model, mesh: Mesh) -> Model:
     """The model of the same scene on another mesh, no effect chosen anew."""
     made, leaves, given = model.derived.get("leaves", (None, None, None))
     template = None if made is None else made.on(mesh)
     if template is None or model.bodies:
-        return compile_given(model.scene, mesh)
+        return compile_as_is(model.scene, mesh)
     # what is drawn is the same, but for the constants of leaf springs
     value, inner = template.packed.values(leaves, given)
     found = Model(
-        model.scene, mesh, revalued(model.arrays, template.topology, value[0]), model.rest._replace(inner=inner[0]),
+        model.scene, mesh, replace_constants(model.arrays, template.topology, value[0]), model.rest._replace(inner=inner[0]),
         model.node_names, model.member_names, model.joint_members, model.drive_names, model.support_names,
         model.spring_names, model.scene,
     )  # fmt: skip
@@ -254,9 +261,11 @@ def compile_scene(
         raise SceneError(
             f"mesh = {show(mesh)}: give a ksd.Mesh, for example ksd.Mesh('corotational', elements=5)."
         )
-    return compile_chosen(scene, mesh, choose(scene, mesh, effects=effects, with_=with_, without=without))
+    return compile_with_effects(
+        scene, mesh, choose_effects(scene, mesh, effects=effects, with_=with_, without=without)
+    )
 
 
-def compile_chosen(scene: Any, mesh: Mesh, choice: Choice) -> Model:
+def compile_with_effects(scene: Any, mesh: Mesh, choice: EffectChoice) -> Model:
     """The model of a frozen scene with the effects of `choice`."""
-    return compile_given(*applied(scene, mesh, choice), scene, choice)
+    return compile_as_is(*apply_effects(scene, mesh, choice), scene, choice)

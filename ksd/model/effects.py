@@ -18,15 +18,15 @@ from typing import Any
 
 from ksd.checks import name_hint, show
 from ksd.errors import SceneError
-from ksd.model.drawing import pulls
 from ksd.model.elastic_links import with_elastic_links
 from ksd.model.mesh import Mesh
-from ksd.model.runs import run_factors
+from ksd.model.scene_layout import has_gravity
+from ksd.model.warping_runs import run_torsion_factors
 from ksd.scene.effects import leaf_conditions
 from ksd.scene.hinges import plane_supports
 from ksd.scene.leaf import LeafCondition
 
-WORDS = {
+EFFECT_MEANINGS = {
     "spatial": "six unknowns per node",
     "shear": "Timoshenko shear of the leaf springs",
     "warping": "warping restrained at clamped ends",
@@ -39,7 +39,7 @@ WORDS = {
     "fit": "prestress and assembly error of leaf springs",
 }
 """The effects that can be switched, with what they are."""
-NATURE = ("spatial", "shear", "warping", "plate")
+INTRINSIC_EFFECTS = ("spatial", "shear", "warping", "plate")
 """Effects that need no sentence of the scene: any leaf can have them."""
 
 
@@ -56,7 +56,7 @@ class Effect:
 
 
 @dataclass(frozen=True)
-class Choice:
+class EffectChoice:
     """The effects of one model, in the order of `WORDS`."""
 
     effects: tuple[Effect, ...]
@@ -83,18 +83,18 @@ def _names(words: Any, what: str) -> tuple[str, ...]:
         raise SceneError(f"{what} = {show(words)}: name effects, such as {what}='shear'{also}.")
     found = tuple(found)
     for name in found:
-        if not isinstance(name, str) or name not in WORDS:
-            known = (*WORDS, "auto", "all") if what == "effects" else WORDS
+        if not isinstance(name, str) or name not in EFFECT_MEANINGS:
+            known = (*EFFECT_MEANINGS, "auto", "all") if what == "effects" else EFFECT_MEANINGS
             raise SceneError(f"{what}: there is no effect {show(name)}{name_hint(name, known)}")
     return found
 
 
-def mentioned(scene: Any, mesh: Mesh) -> dict[str, str]:
+def mentioned_effects(scene: Any, mesh: Mesh) -> dict[str, str]:
     """The effects the scene or the mesh speaks of, with what is said; a leaf always has shear, and a place in space."""
     found = {"spatial": "where the scene leaves its plane", "shear": "of every leaf, by its nature"}
     found |= {n: "the mesh has it" for n in ("warping", "plate") if getattr(mesh, n)}
     found |= dict.fromkeys(scene.consider, "the scene considers it")
-    if pulls(scene):
+    if has_gravity(scene):
         heavy = [bool(leaf.material.density) for leaf in scene.leaf_names().values()]
         pulled = [_count(len(scene.masses), "mass", "masses")] if scene.masses else []
         if any(heavy):
@@ -138,14 +138,14 @@ def _warmed(heat: Any) -> str:
     return f"{heat.temperature:.4g} K{through} on {of}"
 
 
-def choose(
+def choose_effects(
     scene: Any,
     mesh: Mesh,
     *,
     effects: str | Iterable[str] = "auto",
     with_: str | Iterable[str] = (),
     without: str | Iterable[str] = (),
-) -> Choice:
+) -> EffectChoice:
     """Decide about every effect; see the module for the rule.
 
     effects: "auto" (what the scene mentions), "all" (that, and all a leaf can have), or the names wanted; with_ and
@@ -157,25 +157,25 @@ def choose(
     if both:
         raise SceneError(f"'{min(both)}' is both in with_ and in without; keep one of them")
     named = None if isinstance(effects, str) and effects in ("auto", "all") else _names(effects, "effects")
-    said = mentioned(scene, mesh)
-    for name in {*on, *(named or ())} - {*said, *NATURE}:
+    said = mentioned_effects(scene, mesh)
+    for name in {*on, *(named or ())} - {*said, *INTRINSIC_EFFECTS}:
         raise SceneError(f"effect '{name}' is asked for, but the scene says nothing of it; {_HOW[name]}")
 
     everything = named is None and effects == "all"
-    return _decided(tuple(said.items()), on, off, named, everything, mesh.shear, pulls(scene))
+    return _decided(tuple(said.items()), on, off, named, everything, mesh.shear, has_gravity(scene))
 
 
 @lru_cache(maxsize=64)
 def _decided(
     mentioned: tuple[tuple[str, str], ...], on: tuple[str, ...], off: tuple[str, ...], named: tuple[str, ...] | None,
     everything: bool, shear: bool, pulled: bool,
-) -> Choice:  # fmt: skip
+) -> EffectChoice:  # fmt: skip
     """`choose` by what is mentioned; pulled: the scene has gravity. Most designs of a loop decide the same."""
     said = dict(mentioned)
 
     def decided(name: str) -> Effect:
-        known = name in said or name in NATURE
-        because = f"; {said[name]}" if name in said and name not in NATURE else ""
+        known = name in said or name in INTRINSIC_EFFECTS
+        because = f"; {said[name]}" if name in said and name not in INTRINSIC_EFFECTS else ""
         if name in on:
             return Effect(name, True, f"asked for{because}")
         if name in off and known:
@@ -194,12 +194,12 @@ def _decided(
             return Effect(name, True, said[name])
         if name == "gravity" and pulled:
             return Effect(name, False, "no link has a mass and no leaf a density for it to pull at")
-        return Effect(name, False, "not mentioned" if name in NATURE else SILENT)
+        return Effect(name, False, "not mentioned" if name in INTRINSIC_EFFECTS else NOT_MENTIONED)
 
-    return Choice(tuple(map(decided, WORDS)))
+    return EffectChoice(tuple(map(decided, EFFECT_MEANINGS)))
 
 
-SILENT = "the scene says nothing of it"
+NOT_MENTIONED = "the scene says nothing of it"
 _HOW = {
     "gravity": "say mechanism.gravity = (0, -9.81, 0) and give links a mass or materials a density",
     "following": "say following=True of a load",
@@ -210,7 +210,7 @@ _HOW = {
 }
 
 
-def applied(scene: Any, mesh: Mesh, choice: Choice) -> tuple[Any, Mesh]:
+def apply_effects(scene: Any, mesh: Mesh, choice: EffectChoice) -> tuple[Any, Mesh]:
     """The scene with only the effects chosen, and the mesh that goes with them: what is compiled.
 
     What is left out is not there any more: no unknown, no array, no call.
@@ -232,7 +232,7 @@ def applied(scene: Any, mesh: Mesh, choice: Choice) -> tuple[Any, Mesh]:
     if heats or fits:
         plain = with_conditions(plain, leaf_conditions(scene.leaf_names(), heats, fits))
     if "warping" in there:
-        plain = with_torsion(plain, run_factors(scene))
+        plain = with_torsion(plain, run_torsion_factors(scene))
     holds = plane_supports(plain)
     if holds and holds[0].name not in {s.name for s in plain.supports}:
         plain = replace(plain, supports=(*plain.supports, *holds))

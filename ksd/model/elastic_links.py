@@ -16,7 +16,7 @@ from ksd.scene.effects import Compliance
 from ksd.scene.leaf import Leaf
 from ksd.scene.scene import PlacedLeaf
 
-NEAR = 1e-6
+ATTACHMENT_TOLERANCE = 1e-6
 """Distance [m] below which an attachment sits at a place."""
 
 
@@ -82,7 +82,7 @@ def beams_of(scene: Any, said: Compliance) -> list[tuple[np.ndarray, np.ndarray]
     hub = np.mean(places, axis=0) if said.hub is None else np.asarray(said.hub, float)
     seen: list[np.ndarray] = []
     for place in places:
-        if all(np.linalg.norm(place - p) > NEAR for p in (*seen, hub)):
+        if all(np.linalg.norm(place - p) > ATTACHMENT_TOLERANCE for p in (*seen, hub)):
             seen.append(place)
     return [(hub, place) for place in seen]
 
@@ -95,7 +95,7 @@ def _by_section(scene: Any, made: _Rewritten, said: Compliance) -> None:
         made.links.append(part)
         made.beam(said, (hub, place), axis, part)
         for kind, i, end, at in _attachments(scene, said.link):
-            if np.linalg.norm(at - place) <= NEAR:
+            if np.linalg.norm(at - place) <= ATTACHMENT_TOLERANCE:
                 made.move(kind, i, end, part)
 
 
@@ -106,7 +106,7 @@ def _by_matrix(scene: Any, made: _Rewritten, said: Compliance) -> None:
     made.links.append(f"{said.link}/2")
     for kind, i, end, at in _attachments(scene, said.link):
         off = np.linalg.norm(points - at, axis=1)
-        if off.min() > NEAR:
+        if off.min() > ATTACHMENT_TOLERANCE:
             name = getattr(scene, kind)[i].name
             raise SceneError(
                 f"compliance of link '{said.link}': '{name}' is attached at {tuple(at.tolist())}, {1e3 * off.min():.3g} mm "

@@ -28,7 +28,7 @@ from ksd.errors import SceneError
 from ksd.model.arrays import COROTATIONAL, STRAIN
 from ksd.model.mesh import Mesh
 from ksd.model.pack import Member
-from ksd.model.runs import own_factor
+from ksd.model.warping_runs import clamped_torsion_factor
 from ksd.scene.curve import Curve, CurvePart, cached_line
 from ksd.scene.leaf import LeafCondition
 from ksd.scene.profile import ProfilePart
@@ -57,7 +57,7 @@ def leaf_axes(start: np.ndarray, end: np.ndarray, width: np.ndarray) -> np.ndarr
     return axes
 
 
-def factors(section: Any, leaf: Any, mesh: Mesh) -> tuple[float, float]:
+def rigidity_factors(section: Any, leaf: Any, mesh: Mesh) -> tuple[float, float]:
     """What restrained warping multiplies GJ by, and plate stiffening E Iz, in one section of a leaf."""
     torsion, plate = 1.0, 1.0
     if mesh.warping and section.Iw > 0.0:
@@ -74,10 +74,10 @@ def rigidities(section: Section | Sections, leaf: Any, mesh: Mesh) -> tuple[np.n
     torsion: Any = 1.0
     plate: Any = 1.0
     if isinstance(section, Section):
-        torsion, plate = factors(section, leaf, mesh)
+        torsion, plate = rigidity_factors(section, leaf, mesh)
     elif mesh.warping or mesh.plate:
         each = map(Sections._make, zip(*section, strict=True))
-        torsion, plate = np.array([factors(one, leaf, mesh) for one in each]).T
+        torsion, plate = np.array([rigidity_factors(one, leaf, mesh) for one in each]).T
     stiff = np.array([torsion * G * section.J, E * section.Iy, plate * E * section.Iz])
     shear = np.array([1.0 / (section.ky * G * section.A), 1.0 / (section.kz * G * section.A)])
     return stiff, np.concatenate([[1.0 / (E * section.A)], shear if mesh.shear else 0.0 * shear])
@@ -85,7 +85,7 @@ def rigidities(section: Section | Sections, leaf: Any, mesh: Mesh) -> tuple[np.n
 
 @lru_cache(maxsize=256)
 def _remembered(leaf: Any) -> float:
-    return own_factor(leaf)
+    return clamped_torsion_factor(leaf)
 
 
 def _own_torsion(leaf: Any) -> float:
@@ -94,7 +94,7 @@ def _own_torsion(leaf: Any) -> float:
         return _remembered(leaf)
     except TypeError:
         # a profile of the user's own that cannot be remembered
-        return own_factor(leaf)
+        return clamped_torsion_factor(leaf)
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ class _Natural(Curve):
         return own / self.leaf.condition.stretch + np.array([0.0, 0.0, self.leaf.condition.bow])
 
 
-def natural(leaf: Any) -> Any:
+def stress_free_leaf(leaf: Any) -> Any:
     """The leaf as it is when nothing loads it: as drawn, unless heat or prestress have changed that."""
     state = leaf.condition
     if state is None or (state.stretch == 1.0 and state.bow == 0.0):
@@ -140,11 +140,11 @@ class _Body:
     mass: float = 0.0
 
 
-MOST_MODES = 16
+MAX_CURVE_MODES = 16
 """Most curvature modes about an axis that a curve at rest asks for."""
-ASTRAY = 1e-4
+CURVE_TURN_TOLERANCE = 1e-4
 """Turning [rad], root mean square over a leaf, of what its modes may miss of its curve at rest."""
-COILED = 5.0
+MIN_FOLLOWED_TURN = 5.0
 """Turning of a curve to and fro [rad] that the modes of one leaf follow in any case."""
 
 
@@ -153,8 +153,8 @@ def _projector() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Gauss points (64,) in [-1, 1], roots of their weights (64, 1), Legendre polynomials of norm 1 there (64, modes)."""
     x, w = np.polynomial.legendre.leggauss(64)
     root = np.sqrt(w)[:, None]
-    norm = np.sqrt(np.arange(MOST_MODES) + 0.5)
-    return x, root, root * np.polynomial.legendre.legvander(x, MOST_MODES - 1) * norm
+    norm = np.sqrt(np.arange(MAX_CURVE_MODES) + 0.5)
+    return x, root, root * np.polynomial.legendre.legvander(x, MAX_CURVE_MODES - 1) * norm
 
 
 def _missed(curve: Any, pieces: int = 1) -> np.ndarray:
@@ -166,7 +166,7 @@ def _missed(curve: Any, pieces: int = 1) -> np.ndarray:
     return np.asarray(1.0 - followed / max((kappa**2).sum(), 1e-300))
 
 
-def raised_orders(leaf: Any, mesh: Mesh) -> tuple[tuple[int, int, int], int]:
+def leaf_orders(leaf: Any, mesh: Mesh) -> tuple[tuple[int, int, int], int]:
     """Curvature modes and quadrature points of a leaf: those asked for, more for a leaf that is curved at rest.
 
     A moment that is constant in space varies like a sine along an arc; one more mode per 30 degrees of total turning
@@ -193,12 +193,12 @@ def _curved_orders(length: float, curve: Any, mesh: Mesh) -> tuple[tuple[int, in
     orders, points = mesh.orders, max(mesh.points, max(mesh.orders) + 1)
     kappa = length * curve.curvatures(np.linspace(0.0, 1.0, 65))
     more = int(np.ceil(np.rad2deg(np.sqrt((kappa**2).sum(axis=1)).mean()) / 30.0))
-    astray = (ASTRAY / max(np.sqrt((kappa**2).mean(axis=0).sum()), ASTRAY)) ** 2
-    wavy = min(1 + int((_missed(curve) > astray).sum()), MOST_MODES)
+    astray = (CURVE_TURN_TOLERANCE / max(np.sqrt((kappa**2).mean(axis=0).sum()), CURVE_TURN_TOLERANCE)) ** 2
+    wavy = min(1 + int((_missed(curve) > astray).sum()), MAX_CURVE_MODES)
     # across a bend moments become torsion, about a twist all axes mix
     turns = kappa.any(axis=0)
     least = np.where([turns.any(), *(turns[1:] | turns[0])], wavy, 0).tolist()
-    orders = tuple(max(n, min(max(n + more, m), MOST_MODES)) for n, m in zip(orders, least, strict=True))
+    orders = tuple(max(n, min(max(n + more, m), MAX_CURVE_MODES)) for n, m in zip(orders, least, strict=True))
     return mesh.modes(orders, max(points, max(orders) + 3))
 
 
@@ -216,7 +216,7 @@ def _fitted(leaf: Any, modes: Modes, orders: tuple[int, int, int]) -> np.ndarray
 
 def leaf_modes(leaf: Any, mesh: Mesh) -> Modes:
     """Tables of the curvature modes of a strain-mode leaf: Legendre, or weighted by its compliance if it has a profile."""
-    orders, points = raised_orders(leaf, mesh)
+    orders, points = leaf_orders(leaf, mesh)
     if leaf.profile is None:
         return uniform_modes(orders, points)
     inner = sorted({*np.linspace(0, 1, PANELS + 1)[1:-1].tolist(), *leaf.profile.breaks})
@@ -239,7 +239,7 @@ def line_mass(leaf: Any, s: np.ndarray) -> np.ndarray:
 @lru_cache(maxsize=512)
 def _strain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
     # the full model, the substructures and every equal joint ask for the same leaf; its arrays are copied when packed
-    orders, points = raised_orders(leaf, mesh)
+    orders, points = leaf_orders(leaf, mesh)
     stiff, soft = rigidities(leaf.section, leaf, mesh)
     words: dict[str, Any] = {"length": leaf.length, "orders": orders, "points": points}
     if leaf.profile is not None or leaf.curve is not None:
@@ -307,7 +307,7 @@ def _chain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
 def _too_wavy(leaf: Any, name: str) -> SceneError:
     """What to say of a leaf whose modes do not follow its curve."""
     turning = leaf.length * np.abs(leaf.curve.curvatures(np.linspace(0.0, 1.0, 65))).sum(axis=1).mean()
-    pieces = max(2, math.ceil(turning / COILED))
+    pieces = max(2, math.ceil(turning / MIN_FOLLOWED_TURN))
     pieces = next((n for n in range(pieces, pieces + 64) if _missed(leaf.curve, n)[11] < 1e-6), pieces)
     return SceneError(
         f"leaf '{name}': its curve bends to and fro more often than the curvature modes of a leaf; put points on it, "
@@ -370,7 +370,7 @@ def leaf_member(leaf: Any, mesh: Mesh, *, name: str, heavy: bool = False) -> Mem
     make = _strain_body if mesh.leaf == "strain" else _chain_body
     drawn = make(leaf, mesh, heavy)
     offset, frame = leaf_ends(leaf, drawn.d, drawn.Q, name)
-    loose = natural(leaf)
+    loose = stress_free_leaf(leaf)
     body = drawn if loose is leaf else make(loose, mesh, heavy)
     if leaf.condition is not None:
         strained = body is not drawn or any(leaf.condition.shift) or any(leaf.condition.turn)
@@ -398,7 +398,7 @@ def piece_name(leaf: str, k: int) -> str:
     return f"{leaf}:{k + 1}"
 
 
-def leaf_of(piece: str, leaves: Container[str]) -> str:
+def whole_leaf_name(piece: str, leaves: Container[str]) -> str:
     """The leaf of `leaves` that a piece is of, or a whole leaf itself; else the name without its last mark."""
     found = piece
     while found not in leaves and ":" in found:

@@ -8,7 +8,8 @@ import numpy as np
 
 from ksd.beam.member_tangent import geometric_tangent
 from ksd.model.arrays import (
-    KEEP,
+    ACTIVE_DOFS,
+    DOFS_PER_NODE,
     LOAD_BLOCK,
     LOAD_FOLLOWING,
     LOAD_FORCE,
@@ -28,7 +29,6 @@ from ksd.model.arrays import (
     TERM_POINT,
     TERM_START,
     TRANSLATION,
-    WIDTH,
 )
 from ksd.model.tangents import couple
 from ksd.numerics.kernel import kernel
@@ -42,7 +42,7 @@ def add_loads(ints, floats, R, factor, rtol, matrix, rhs, scale):
     Tangent of a dead force at lever s: -[(s F' + F s')/2 - (s.F) I]. A following load and a moment have an unsymmetric
     tangent; its symmetric part is what is added, the rest is for the solve (`ksd.model.nonconservative`).
     """
-    keep, w = ints[KEEP], ints[WIDTH]
+    keep, w = ints[ACTIVE_DOFS], ints[DOFS_PER_NODE]
     F, M, s, force, tangent = np.empty(3), np.empty(3), np.empty(3), np.empty(6), np.empty((6, 6))
     for i in range(ints[LOADS]):
         node = ints[ints[LOAD_NODE] + i]
@@ -181,7 +181,7 @@ def add_terms(ints, floats, x, R, multiplier, target, rtol, matrix, rhs, scale):
     Returns the largest gap, in metres (rotations times the model's length scale).
     """
     slope, tangent = np.empty((8, 3)), np.empty((12, 12))
-    largest, keep, w, size = 0.0, ints[KEEP], ints[WIDTH], floats[0]
+    largest, keep, w, size = 0.0, ints[ACTIVE_DOFS], ints[DOFS_PER_NODE], floats[0]
     for i in range(ints[ROWS]):
         row, mu = ints[ints[TERM_START] + i], multiplier[i]
         if row < 0:

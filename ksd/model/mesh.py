@@ -8,7 +8,7 @@ from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS
 from ksd.checks import ClearArgumentErrors, boolean, show, whole_number
 from ksd.errors import SceneError
 
-MOST_ORDER = 24
+MAX_ORDER = 24
 """Curvature modes about an axis that a mesh has at most: ends of taut leaf springs bend within a hundredth of the length."""
 
 
@@ -51,9 +51,9 @@ class Mesh(metaclass=ClearArgumentErrors):
             raise SceneError(f"Mesh: orders = {show(self.orders)} must be three numbers, about x, y and z.")
         orders = tuple(whole_number(n, "orders", owner="Mesh") for n in self.orders)
         object.__setattr__(self, "orders", orders)
-        if len(orders) != 3 or any(n < m or n > MOST_ORDER for n, m in zip(orders, low, strict=True)):
+        if len(orders) != 3 or any(n < m or n > MAX_ORDER for n, m in zip(orders, low, strict=True)):
             raise SceneError(
-                f"Mesh: orders = {orders}: three numbers, at least {low} and at most {MOST_ORDER} each"
+                f"Mesh: orders = {orders}: three numbers, at least {low} and at most {MAX_ORDER} each"
             )
         if self.nodal and self.leaf != "corotational":
             raise SceneError("nodal = True: only leaf = 'corotational' has element nodes; leave nodal out")

@@ -4,9 +4,9 @@ The same function serves the full model, the reduced one (condensed joints), tra
 solver. Convergence is scale-free (design section 5): at every node |R| <= rtol sum |f_e| + 10 eps (EA/L) max|x|,
 for forces and moments apart, the same for the inner residual of every member, and constraint gaps to rounding.
 In the stiff directions of thin leaves rounding may exceed that bound: a residual up to a thousand times larger is accepted
-(`settled`) when the last Newton step moved nothing by more than 1e-7 of the size, turned nothing by more than 1e-6 rad, and
-no longer lowered the residual. Without the last condition forces of taut leaves were off by 5e-5: nodes that stand still say
-nothing of the insides of leaf springs, and what leaves positions right to 1e-14 is still a force in a stiff one.
+(`has_converged`) when the last Newton step moved nothing by more than 1e-7 of the size, turned nothing by more than 1e-6
+rad, and no longer lowered the residual. Without the last condition forces of taut leaves were off by 5e-5: nodes that stand
+still say nothing of the insides of leaf springs, and what leaves positions right to 1e-14 is still a force in a stiff one.
 
 Every compiled caller of the leaf kernels contains them and takes as long to compile, so there is one, `newton`, with a
 task, `newton_beams` and `newton_any` for what fewer mechanisms have; the functions below them are what Python calls.
@@ -20,8 +20,9 @@ import numpy as np
 
 from ksd.beam.weight_assembly import add_member_weight, rotate_member_gravity, set_member_gravity
 from ksd.model.arrays import (
+    ACTIVE_DOFS,
+    DOFS_PER_NODE,
     INNER_AT,
-    KEEP,
     KIND,
     LOADS,
     MEMBER_COUNT,
@@ -36,12 +37,11 @@ from ksd.model.arrays import (
     TERM_START,
     VALUE,
     VALUE_AT,
-    WIDTH,
     Arrays,
-    Bare,
-    Motion,
-    Work,
-    compiled_open_work,
+    KernelArrays,
+    State,
+    Workspace,
+    unflatten_workspace_kernel,
 )
 from ksd.model.assembly import (
     add_members,
@@ -63,31 +63,33 @@ from ksd.model.nonconservative import turn_step
 from ksd.model.springs import add_springs
 from ksd.numerics.blocks import BLOCKS, factor_blocks, solve_blocks
 from ksd.numerics.kernel import kernel
-from ksd.numerics.rotations import straighten, turn
+from ksd.numerics.rotations import reorthonormalise, rotate
 
-GRAIN = 10.0
+ROUNDING_MULTIPLE = 10.0
 """Multiples of rounding in the residual bounds."""
-LOOSE = 1000.0
+STALLED_RESIDUAL_LIMIT = 1000.0
 """How far the residual may exceed its bound when the last step was negligible."""
-STALLED = 0.1
+STALLED_RATIO = 0.1
 """Residual over that before the step from which on steps no longer lower it."""
 
-GOING, CONVERGED, TOO_MANY, LOCAL_ANGLE, SINGULAR, DIVERGED, NOT_FINITE = -1, 0, 1, 2, 3, 4, 5
+RUNNING, CONVERGED, STEP_LIMIT, LOCAL_ANGLE_LIMIT, SINGULAR, DIVERGED, NOT_FINITE = -1, 0, 1, 2, 3, 4, 5
 SOLVE, WHOLE, HELD, LOOK, ASSEMBLE, NODES_ALONE, TAKE = 0, 1, 2, 3, 4, 5, 6
 """Tasks of `newton`: iterate; assemble, find the Newton step and take it; the same, drives and supports where they are, and
 the nodes too where one would go further than `cap`; assemble and find it; assemble; assemble without members; take the
 step."""
-LEAST_PIVOT = 1e-14
+SINGULAR_PIVOT = 1e-14
 """Relative pivot below which the tangent counts as singular."""
 
 
-def settled(worst: float, before: float, moved: float) -> bool:
+def has_converged(worst: float, before: float, moved: float) -> bool:
     """Whether Newton is done. worst, before: residual over its bound now and before the last step; moved: that step over
     what is negligible."""
-    return worst <= 1.0 or (worst <= LOOSE and moved <= 1.0 and worst > STALLED * before)
+    return worst <= 1.0 or (
+        worst <= STALLED_RESIDUAL_LIMIT and moved <= 1.0 and worst > STALLED_RATIO * before
+    )
 
 
-_settled = kernel(inline="always")(settled)
+_settled = kernel(inline="always")(has_converged)
 
 
 @kernel(inline="late")
@@ -98,8 +100,8 @@ def _worst_node(ints, rhs, scale):
         u = ints[ints[START] + k]
         if u >= 0:
             f, m = 0.0, 0.0
-            for r in range(ints[WIDTH]):
-                if ints[ints[KEEP] + r] < 3:
+            for r in range(ints[DOFS_PER_NODE]):
+                if ints[ints[ACTIVE_DOFS] + r] < 3:
                     f += rhs[u + r] ** 2
                 else:
                     m += rhs[u + r] ** 2
@@ -138,8 +140,8 @@ def _largest(ints, step, first):
         u = ints[ints[START] + k]
         if u >= 0:
             s = 0.0
-            for r in range(ints[WIDTH]):
-                if first <= ints[ints[KEEP] + r] < first + 3:
+            for r in range(ints[DOFS_PER_NODE]):
+                if first <= ints[ints[ACTIVE_DOFS] + r] < first + 3:
                     s += step[u + r] ** 2
             largest = max(largest, s)
     return math.sqrt(largest)
@@ -155,8 +157,8 @@ def _relative_motion(ints, poses, i, step, move, xi):
         for r in range(6):
             move[6 * e + r] = 0.0
         if u >= 0:
-            for r in range(ints[WIDTH]):
-                move[6 * e + ints[ints[KEEP] + r]] = step[u + r]
+            for r in range(ints[DOFS_PER_NODE]):
+                move[6 * e + ints[ints[ACTIVE_DOFS] + r]] = step[u + r]
     for r in range(6):
         xi[r] = 0.0
     for r in range(3):
@@ -179,12 +181,12 @@ def _move_nodes(ints, x, R, multiplier, step, scale, v):
     for k in range(ints[NODES]):
         u = ints[ints[START] + k]
         if u >= 0:
-            for r in range(ints[WIDTH]):
-                v[ints[ints[KEEP] + r]] = scale * step[u + r]
+            for r in range(ints[DOFS_PER_NODE]):
+                v[ints[ints[ACTIVE_DOFS] + r]] = scale * step[u + r]
             for r in range(3):
                 x[k, r] += v[r]
-            turn(v[3:], R[k])
-            straighten(R[k])
+            rotate(v[3:], R[k])
+            reorthonormalise(R[k])
     for i in range(len(multiplier)):
         row = ints[ints[TERM_START] + i]
         if row >= 0:
@@ -218,22 +220,22 @@ def _newton(
 ):  # fmt: skip
     """See `newton`; the first nine: what to do with the members, springs and loads there are. Members is `add_members`:
     called by its name it would be inlined here first, and copied once more with all of this."""
-    work, plan = compiled_open_work(flat, at), ints[ints[PLAN] :]
+    work, plan = unflatten_workspace_kernel(flat, at), ints[ints[PLAN] :]
     room, leaf = open_member_room(), open_leaf_room(ints)
     # by names of their own: every look into a named tuple counts the users of an array
-    matrix, spare, rhs = work.value, work.spare, work.rhs
+    matrix, spare, rhs = work.matrix, work.scaled_rows, work.rhs
     scales, poses, lams = work.scale, work.pose, work.lam
     store, weight = work.store, work.weight
     move, xi = room.force, room.norms
     negatives, inside, status, pivot = 0, 0, 0, 1.0
     worst, before, moved, gap = math.inf, math.inf, math.inf, 0.0
-    n, polished, reason = 0, False, GOING
+    n, polished, reason = 0, False, RUNNING
     # one way out: at every other one all arrays would be let go anew, a third of the kernel
-    while reason == GOING:
+    while reason == RUNNING:
         done = False
         if task <= NODES_ALONE:
             # a load too small to rise above rounding still gets one step: at first the bounds have no grain
-            bound = GRAIN if n > 0 or polished else grain
+            bound = ROUNDING_MULTIPLE if n > 0 or polished else grain
             reach = _reach(ints, floats, x)
             noise = bound * 2.220446049250313e-16 * reach
             matrix[:] = 0.0
@@ -267,16 +269,16 @@ def _newton(
             else:
                 # a rest of the way that did not settle it was a step
                 n += polished
-                done = worst <= 1.0 or (worst <= LOOSE and moved <= 1.0)
+                done = worst <= 1.0 or (worst <= STALLED_RESIDUAL_LIMIT and moved <= 1.0)
                 if n > most or (n == most and not done):
-                    reason = TOO_MANY
+                    reason = STEP_LIMIT
                 elif n > 0 and not done and math.isfinite(blow_up):
                     s = 0.0
                     for i in range(len(rhs)):
                         s += rhs[i] * rhs[i]
                     if math.sqrt(s) > blow_up:
                         reason = DIVERGED
-        if reason == GOING and task != TAKE:
+        if reason == RUNNING and task != TAKE:
             # the inertia belongs to the state before the step
             negatives, pivot = factor_blocks(plan, matrix, spare, plan[BLOCKS])
             for i in range(len(rhs)):
@@ -294,7 +296,7 @@ def _newton(
                 turn_rest(ints, floats, plan, R, matrix, spare, rhs, factor)
                 if task == LOOK:
                     reason = status
-        if reason == GOING:
+        if reason == RUNNING:
             scale = cap if task == TAKE else 1.0
             before = worst
             if task == TAKE:
@@ -307,7 +309,7 @@ def _newton(
                 shift = _largest(ints, rhs, 0 * n) / floats[0]
                 moved = max(turned / 1e-6, shift / 1e-7)
                 n += 1
-                if task == HELD and (max(turned, shift) > cap or not pivot > LEAST_PIVOT):
+                if task == HELD and (max(turned, shift) > cap or not pivot > SINGULAR_PIVOT):
                     rhs[:] = 0.0
                 if task != SOLVE:
                     reason, worst = status, moved
@@ -316,7 +318,7 @@ def _newton(
             )  # fmt: skip
     if task == SOLVE and reason == CONVERGED and status > 0:
         # a leaf with a replaced tiny pivot or a folded angle is no answer, however small the residual
-        reason = LOCAL_ANGLE if status == 1 else SINGULAR
+        reason = LOCAL_ANGLE_LIMIT if status == 1 else SINGULAR
     return reason, min(n, most), worst, negatives, pivot
 
 
@@ -340,7 +342,7 @@ def _no_turn_step(ints, floats, plan, R, matrix, spare, rhs, factor):
 def newton(
     ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up
 ):  # fmt: skip
-    """A task on a system: see `iterate`; ints, floats as in `Flat`, flat, at as in `Work`.
+    """A task on a system: see `solve_equilibrium`; ints, floats as in `FlatArrays`, flat, at as in `Workspace`.
 
     Returns (reason, steps taken, residual over its bound, negative pivots, smallest relative pivot); of LOOK, ASSEMBLE and
     NODES_ALONE the status of the members for the reason, of the last two those of the members alone, and the largest gap
@@ -378,29 +380,30 @@ def newton_any(
 
 
 _ENTRIES = (newton, newton_beams, newton_any)
-"""By `Flat.members`."""
+"""By `FlatArrays.member_kinds`."""
 
-Newton = tuple[int, int, float, int, float]
-"""Reason, steps taken, residual over its bound, negative pivots, smallest relative pivot: see `iterate`."""
+NewtonResult = tuple[int, int, float, int, float]
+"""Reason, steps taken, residual over its bound, negative pivots, smallest relative pivot: see `solve_equilibrium`."""
 
 
 def _run(
-    arrays: Arrays | Bare, motion: Motion, target: np.ndarray, work: Work, task: int, *, near: int = 0, most: int = 0,
-    factor: float = 1.0, rtol: float = 1e-8, grain: float = GRAIN, cap: float = math.inf, blow_up: float = math.inf,
-) -> Newton:  # fmt: skip
+    arrays: Arrays | KernelArrays, motion: State, target: np.ndarray, work: Workspace, task: int, *, near: int = 0,
+    most: int = 0, factor: float = 1.0, rtol: float = 1e-8, grain: float = ROUNDING_MULTIPLE, cap: float = math.inf,
+    blow_up: float = math.inf,
+) -> NewtonResult:  # fmt: skip
     # one type of every argument: for another one all would be compiled again
     flat = arrays.flat
-    found: Newton = _ENTRIES[flat.members](
+    found: NewtonResult = _ENTRIES[flat.member_kinds](
         flat.ints, flat.floats, *motion, np.ascontiguousarray(target, np.float64), work.flat, work.at,
         task, int(near), int(most), float(factor), float(rtol), float(grain), float(cap), float(blow_up),
     )  # fmt: skip
     return found
 
 
-def iterate(
-    arrays: Arrays, motion: Motion, target: np.ndarray, factor: float, work: Work, rtol: float, most: int, cap: float,
+def solve_equilibrium(
+    arrays: Arrays, motion: State, target: np.ndarray, factor: float, work: Workspace, rtol: float, most: int, cap: float,
     blow_up: float,
-) -> Newton:  # fmt: skip
+) -> NewtonResult:  # fmt: skip
     """Newton to equilibrium at the drive values `target` (c,) and load `factor`, in place.
 
     The first step (the predictor) is taken whole; later ones are scaled so that no node turns more than `cap` rad.
@@ -414,11 +417,11 @@ def iterate(
 
 
 def assemble(
-    arrays: Arrays | Bare,
-    motion: Motion,
+    arrays: Arrays | KernelArrays,
+    motion: State,
     target: np.ndarray,
     factor: float,
-    work: Work,
+    work: Workspace,
     rtol: float,
     near: int,
     grain: float,
@@ -435,52 +438,66 @@ def assemble(
 
 
 def assemble_nodes(
-    arrays: Arrays, motion: Motion, factor: float, work: Work, *, target: np.ndarray | None = None
+    arrays: Arrays, motion: State, factor: float, work: Workspace, *, target: np.ndarray | None = None
 ) -> None:
     """Residual and tangent of constraint rows, at the drive values `target` (c,) or zero, loads and springs alone."""
     values = np.zeros(len(motion.multiplier)) if target is None else target
     _run(arrays, motion, values, work, NODES_ALONE, factor=factor, grain=0.0)
 
 
-def look(
-    arrays: Arrays | Bare, motion: Motion, target: np.ndarray, factor: float, work: Work, rtol: float
+def check_residual(
+    arrays: Arrays | KernelArrays,
+    motion: State,
+    target: np.ndarray,
+    factor: float,
+    work: Workspace,
+    rtol: float,
 ) -> tuple[float, int, int]:
     """Residual over its bound, negative pivots and status at `motion`; the Newton step is left in work.rhs."""
     status, _, worst, negatives, _ = _run(arrays, motion, target, work, LOOK, factor=factor, rtol=rtol)
     return worst, negatives, status
 
 
-def newton_step(
-    arrays: Arrays | Bare, motion: Motion, target: np.ndarray, factor: float, work: Work, rtol: float
+def take_newton_step(
+    arrays: Arrays | KernelArrays,
+    motion: State,
+    target: np.ndarray,
+    factor: float,
+    work: Workspace,
+    rtol: float,
 ) -> float:
     """A whole Newton step from `motion`, in place. Returns its size: the larger of 1e6 times the largest rotation of a node
     [rad], and 1e7 times the largest displacement over the size of the mechanism."""
     return _run(arrays, motion, target, work, WHOLE, factor=factor, rtol=rtol)[2]
 
 
-def held_step(arrays: Arrays | Bare, motion: Motion, factor: float, work: Work, most: float) -> None:
+def take_step_at_fixed_rows(
+    arrays: Arrays | KernelArrays, motion: State, factor: float, work: Workspace, most: float
+) -> None:
     """A Newton step from `motion`, in place, drives and supports where they are. Inside the members alone where a node would
     turn by more than `most` [rad], or go further than that, over the size of the mechanism: what hardly anything resists."""
     _run(arrays, motion, np.zeros(len(motion.multiplier)), work, HELD, factor=factor, cap=most)
 
 
-def take_step(arrays: Arrays | Bare, motion: Motion, step: np.ndarray, work: Work, scale: float) -> None:
+def take_step(
+    arrays: Arrays | KernelArrays, motion: State, step: np.ndarray, work: Workspace, scale: float
+) -> None:
     """motion <- motion + scale * step (n,), which is left in work.rhs; `work` as assembled at `motion`."""
     work.rhs[:] = step
     _run(arrays, motion, np.zeros(0), work, TAKE, cap=scale)
 
 
-def move_nodes(arrays: Arrays, motion: Motion, step: np.ndarray, scale: float) -> None:
+def move_nodes(arrays: Arrays, motion: State, step: np.ndarray, scale: float) -> None:
     """Positions, rotations and multipliers of `take_step`, members left alone."""
     x, R, _, multiplier = motion
     _move_nodes(arrays.flat.ints, x, R, multiplier, np.ascontiguousarray(step), float(scale), np.empty(6))
 
 
-def largest_turn(arrays: Arrays | Bare, step: np.ndarray) -> float:
+def largest_rotation(arrays: Arrays | KernelArrays, step: np.ndarray) -> float:
     """Largest rotation of any node in `step` (n,), rad."""
     return float(_largest(arrays.flat.ints, np.ascontiguousarray(step), 3))
 
 
-def largest_move(arrays: Arrays | Bare, step: np.ndarray) -> float:
+def largest_displacement(arrays: Arrays | KernelArrays, step: np.ndarray) -> float:
     """Largest displacement of any node in `step` (n,), m."""
     return float(_largest(arrays.flat.ints, np.ascontiguousarray(step), 0))

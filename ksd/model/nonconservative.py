@@ -16,7 +16,8 @@ from __future__ import annotations
 import numpy as np
 
 from ksd.model.arrays import (
-    KEEP,
+    ACTIVE_DOFS,
+    DOFS_PER_NODE,
     LOAD_FOLLOWING,
     LOAD_FORCE,
     LOAD_MOMENT,
@@ -25,7 +26,6 @@ from ksd.model.arrays import (
     LOAD_SKEW,
     LOADS,
     START,
-    WIDTH,
 )
 from ksd.numerics.blocks import solve_blocks
 from ksd.numerics.elimination import solve_small
@@ -58,7 +58,7 @@ def _rest(ints, floats, i, R, factor, B):
 @kernel
 def turn_step(ints, floats, plan, R, matrix, spare, rhs, factor):
     """Correct the step in rhs of a system whose matrix is factored; R (k, 3, 3): rotations of the nodes."""
-    n, keep, width = len(rhs), ints[KEEP], ints[WIDTH]
+    n, keep, width = len(rhs), ints[ACTIVE_DOFS], ints[DOFS_PER_NODE]
     # loads with a skew tangent on nodes that can move, and their first unknowns
     on, start, count = np.empty(ints[LOADS], np.int64), np.empty(ints[LOADS], np.int64), 0
     for i in range(ints[LOADS]):

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ksd.model.mesh import MOST_ORDER, Mesh
+from ksd.model.mesh import MAX_ORDER, Mesh
 
-LADDER = (
+ORDERS_BY_ACCURACY = (
     (1e-4, (4, 3, 6), 7),
     (1e-5, (5, 3, 6), 8),
     (0.0, (6, 4, 8), 10),
@@ -20,17 +20,19 @@ LADDER = (
 `benchmarks/results/leaf_cost.json`)."""
 
 
-def mesh_for(accuracy: float) -> Mesh:
+def mesh_for_accuracy(accuracy: float) -> Mesh:
     """The strain-mode mesh for a relative accuracy of forces and support stiffness."""
-    orders, points = next((orders, points) for reached, orders, points in LADDER if accuracy >= reached)
+    orders, points = next(
+        (orders, points) for reached, orders, points in ORDERS_BY_ACCURACY if accuracy >= reached
+    )
     return Mesh(orders=orders, points=points)
 
 
-def raised(mesh: Mesh, axis: int) -> Mesh:
+def raise_order(mesh: Mesh, axis: int) -> Mesh:
     """The same mesh with half as many modes more (two at least) about `axis` (0 torsion, 1 strong, 2 weak bending) and
     points to match."""
     nx, ny, nz = (
-        min(n + max(2, n // 4 * 2), MOST_ORDER) if k == axis else n for k, n in enumerate(mesh.orders)
+        min(n + max(2, n // 4 * 2), MAX_ORDER) if k == axis else n for k, n in enumerate(mesh.orders)
     )
     orders = (nx, ny, nz)
     return replace(mesh, orders=orders, points=max(mesh.points, max(orders) + 2))

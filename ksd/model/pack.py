@@ -19,10 +19,10 @@ from ksd.model.arrays import (
     MEMBERS,
     VALUE,
     Arrays,
-    Flat,
+    FlatArrays,
     Loads,
     Members,
-    Motion,
+    State,
     Terms,
 )
 from ksd.numerics.blocks import Blocks, plan_blocks
@@ -49,7 +49,7 @@ class Member:
     mass: float = 0.0
 
 
-class Shape(NamedTuple):
+class MemberTopology(NamedTuple):
     """What of a member does not depend on numbers: kind, nodes, settings, how many constants, inner states and stored
     numbers, and its group: members of one group have the same constants."""
 
@@ -62,13 +62,13 @@ class Shape(NamedTuple):
     group: int
 
 
-TermShape = tuple[int, int, int]
+TermTopology = tuple[int, int, int]
 """Kind, base node and node of a term of a constraint row."""
-LoadShape = tuple[int, bool, bool]
+LoadTopology = tuple[int, bool, bool]
 """Node of a load, whether it turns with it, and whether its tangent has a skew part."""
 
 
-class Places:
+class BlockOffsets:
     """Offsets of stored blocks by (node or row) pairs; -1 where an end is fixed."""
 
     def __init__(self, offsets: dict[tuple[int, int], int], position: np.ndarray) -> None:
@@ -98,8 +98,8 @@ class Places:
         return [*ends, self.diagonal(a), self.diagonal(b), offset], turned
 
 
-def coupled(
-    nodes: int, members: Iterable[Sequence[int]], rows: Iterable[Sequence[TermShape]]
+def coupled_blocks(
+    nodes: int, members: Iterable[Sequence[int]], rows: Iterable[Sequence[TermTopology]]
 ) -> list[tuple[int, int]]:
     """Coupled blocks: block b of node k is k - 1, constraint i is nodes - 1 + i; ground has none."""
     found = [(a - 1, b - 1) for a, b in members if a > 0 and b > 0]
@@ -111,9 +111,9 @@ def coupled(
     return found
 
 
-def numbering(
+def number_unknowns(
     nodes: int, width: int, pairs: list[tuple[int, int]], rows: int, last: int = 0
-) -> tuple[Blocks, Places, np.ndarray, np.ndarray]:
+) -> tuple[Blocks, BlockOffsets, np.ndarray, np.ndarray]:
     """Plan of `width` unknowns per node and one multiplier per row, offsets of its blocks, first unknown of every node, -1
     for ground, and of every row."""
     size = np.array([width] * (nodes - 1) + [1] * rows, np.int64)
@@ -121,10 +121,10 @@ def numbering(
     plan, position, offsets = plan_blocks(size, pairs, waits=waits, last=last)
     start = np.full(nodes, -1, np.int64)
     start[1:] = plan.start[position[: nodes - 1]]
-    return plan, Places(offsets, position), start, plan.start[position[nodes - 1 :]]
+    return plan, BlockOffsets(offsets, position), start, plan.start[position[nodes - 1 :]]
 
 
-def _members(shapes: Sequence[Shape], places: Places) -> Members:
+def _members(shapes: Sequence[MemberTopology], places: BlockOffsets) -> Members:
     """Integers of members; the floats are zero."""
     first: dict[int, int] = {}
     at, total, count = [], 0, len(shapes)
@@ -152,11 +152,13 @@ def _members(shapes: Sequence[Shape], places: Places) -> Members:
     )
 
 
-NO_SPRINGS = _members((), Places({}, np.zeros(0, np.int64)))
+NO_SPRINGS = _members((), BlockOffsets({}, np.zeros(0, np.int64)))
 """What all models without springs share."""
 
 
-def _terms(rows: Sequence[Sequence[TermShape]], places: Places, nodes: int, start: np.ndarray) -> Terms:
+def _terms(
+    rows: Sequence[Sequence[TermTopology]], places: BlockOffsets, nodes: int, start: np.ndarray
+) -> Terms:
     """Integers of constraint rows; the floats are zero."""
     found = [places.term(nodes - 1 + i, a, b) for i, row in enumerate(rows) for _, a, b in row]
     flat = [term for row in rows for term in row]
@@ -173,7 +175,7 @@ def _terms(rows: Sequence[Sequence[TermShape]], places: Places, nodes: int, star
     )
 
 
-def _loads(shapes: Sequence[LoadShape], places: Places) -> Loads:
+def _loads(shapes: Sequence[LoadTopology], places: BlockOffsets) -> Loads:
     """Integers of loads; the floats are zero."""
     count = len(shapes)
     return Loads(
@@ -189,17 +191,17 @@ def _loads(shapes: Sequence[LoadShape], places: Places) -> Loads:
 
 def topology_arrays(
     nodes: int,
-    members: Sequence[Shape],
-    rows: Sequence[Sequence[TermShape]] = (),
-    loads: Sequence[LoadShape] = (),
-    springs: Sequence[Shape] = (),
+    members: Sequence[MemberTopology],
+    rows: Sequence[Sequence[TermTopology]] = (),
+    loads: Sequence[LoadTopology] = (),
+    springs: Sequence[MemberTopology] = (),
     *,
     last: int = 0,
 ) -> Arrays:
     """Arrays of the topology of a mechanism, whose floats are all still zero. Nodes 1.. get six unknowns each, every row one
     multiplier; the `last` nodes are eliminated last."""
-    pairs = coupled(nodes, (m.nodes for m in (*members, *springs)), rows)
-    plan, places, start, row_start = numbering(nodes, 6, pairs, len(rows), last)
+    pairs = coupled_blocks(nodes, (m.nodes for m in (*members, *springs)), rows)
+    plan, places, start, row_start = number_unknowns(nodes, 6, pairs, len(rows), last)
     return Arrays(
         plan,
         start,
@@ -221,14 +223,14 @@ _FLOATS = {"members": MEMBER_FLOATS, "terms": TERM_FLOATS, "loads": LOAD_FLOATS,
 
 
 def float_fields(arrays: Arrays) -> list[np.ndarray]:
-    """The fields of numbers, in the order of `Flat.floats` behind the size."""
+    """The fields of numbers, in the order of `FlatArrays.floats` behind the size."""
     found = [getattr(getattr(arrays, part), name) for part, names in _FLOATS.items() for name in names]
     return [*found, arrays.weight]
 
 
 def _places(topology: Arrays) -> list[tuple[int, list[tuple[int, slice, tuple[int, ...]]]]]:
-    """Of the parts with numbers, by their places in `Arrays`: number in its part, place in `Flat.floats` and shape of the
-    fields that are not empty."""
+    """Of the parts with numbers, by their places in `Arrays`: number in its part, place in `FlatArrays.floats` and shape of
+    the fields that are not empty."""
     at, found = 1, []
     for part, names in _FLOATS.items():
         own = getattr(topology, part)
@@ -245,9 +247,9 @@ def _places(topology: Arrays) -> list[tuple[int, list[tuple[int, slice, tuple[in
     return found
 
 
-def refilled(topology: Arrays, floats: np.ndarray) -> Arrays:
-    """Arrays with the integers of `topology`, which are shared, and other numbers, laid out as `Flat.floats`: a third of
-    the time of `opened`, which makes views of the integers too."""
+def replace_floats(topology: Arrays, floats: np.ndarray) -> Arrays:
+    """Arrays with the integers of `topology`, which are shared, and other numbers, laid out as `FlatArrays.floats`: a third
+    of the time of `opened`, which makes views of the integers too."""
     places = topology.__dict__.get("places")
     if places is None:
         places = topology.__dict__["places"] = _places(topology)
@@ -261,32 +263,34 @@ def refilled(topology: Arrays, floats: np.ndarray) -> Arrays:
     if topology.weight.size:
         made[_PART["weight"]] = floats[-topology.weight.size :].reshape(-1, 4)
     arrays = Arrays._make(made)
-    arrays.flat = Flat(topology.flat.ints, floats, topology.flat.members)
+    arrays.flat = FlatArrays(topology.flat.ints, floats, topology.flat.member_kinds)
     return arrays
 
 
-def revalued(arrays: Arrays, topology: Arrays, value: np.ndarray) -> Arrays:
+def replace_constants(arrays: Arrays, topology: Arrays, value: np.ndarray) -> Arrays:
     """The arrays with the integers of `topology`, and the constants `value` (v,) in the place of those of their members;
     what else there is of numbers is the same in both."""
-    return refilled(topology, revalued_floats(arrays.flat.ints, arrays.flat.floats[None], value[None])[0])
+    return replace_floats(
+        topology, floats_with_constants(arrays.flat.ints, arrays.flat.floats[None], value[None])[0]
+    )
 
 
-def revalued_floats(ints: np.ndarray, floats: np.ndarray, value: np.ndarray) -> np.ndarray:
-    """Numbers (D, f) of D designs, as in `Flat` with these ints, with the constants `value` (D, v) in the place of those of
-    their members."""
+def floats_with_constants(ints: np.ndarray, floats: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """Numbers (D, f) of D designs, as in `FlatArrays` with these ints, with the constants `value` (D, v) in the place of
+    those of their members."""
     # of the fields of numbers, lengths come next
     first, end = ints[MEMBERS + VALUE], ints[MEMBERS + LENGTH]
     return np.concatenate([floats[:, :first], value, floats[:, end:]], axis=1)
 
 
-def spread(places: np.ndarray, ends: np.ndarray) -> np.ndarray:
+def largest_extent(places: np.ndarray, ends: np.ndarray) -> np.ndarray:
     """(D,): largest extent along an axis of the nodes at places (D, k, 3) and of the ends of members (D, m, 2, 3); ground,
     node 0, counts by those alone: a mechanism far from its origin is no larger."""
     seen = np.concatenate([ends.reshape(len(places), -1, 3), places[:, 1:]], axis=1)
     return (seen.max(axis=1) - seen.min(axis=1)).max(axis=1) if seen.shape[1] else np.zeros(len(places))
 
 
-def _shapes(members: Sequence[Member]) -> list[Shape]:
+def _shapes(members: Sequence[Member]) -> list[MemberTopology]:
     """Shapes of members; those of equal constants are a group."""
     known: dict[bytes, int] = {}
     found = []
@@ -294,7 +298,7 @@ def _shapes(members: Sequence[Member]) -> list[Shape]:
         key = str(i).encode() if m.kind == LINEAR else m.value.tobytes()
         number = tuple(m.number.tolist())
         group = known.setdefault(key, i)
-        found.append(Shape(m.kind, m.nodes, number, len(m.value), len(m.inner), m.store, group))
+        found.append(MemberTopology(m.kind, m.nodes, number, len(m.value), len(m.inner), m.store, group))
     return found
 
 
@@ -312,16 +316,16 @@ def _filled(packed: Members, members: Sequence[Member]) -> Members:
     )
 
 
-def pack(
+def pack_members(
     reference: np.ndarray, members: Sequence[Member], *, springs: Sequence[Member] = (), like: Arrays | None = None
-) -> tuple[Arrays, Motion]:  # fmt: skip
+) -> tuple[Arrays, State]:  # fmt: skip
     """Arrays of a mechanism given by its members and springs, without weight, and its rest state.
 
     reference (k, 3): positions of all nodes, node 0 fixed; like: of a model whose constraint rows and loads it has, on nodes
     of the same numbers.
     """
-    rows: list[list[TermShape]] = []
-    pushes: list[LoadShape] = []
+    rows: list[list[TermTopology]] = []
+    pushes: list[LoadTopology] = []
     if like is not None:
         flat = list(zip(like.terms.kind.tolist(), *like.terms.node.T.tolist(), strict=True))
         rows = [flat[a:b] for a, b in pairwise(like.terms.first.tolist())]
@@ -331,7 +335,7 @@ def pack(
     nodes = len(reference)
     laid = topology_arrays(nodes, _shapes(members), rows, pushes, _shapes(springs))
     filled = _filled(laid.members, members)
-    extent = spread(reference[None], (reference[filled.node] + filled.offset)[None])[0]
+    extent = largest_extent(reference[None], (reference[filled.node] + filled.offset)[None])[0]
     arrays = laid._replace(
         members=filled,
         size=float(max(extent, filled.length.max(initial=0.0))),
@@ -343,4 +347,4 @@ def pack(
             loads=laid.loads._replace(**{name: getattr(like.loads, name) for name in LOAD_FLOATS}),
         )
     inner = np.concatenate([np.zeros(0), *[m.inner for m in members]])
-    return arrays, Motion(reference, np.tile(np.eye(3), (nodes, 1, 1)), inner, np.zeros(len(rows)))
+    return arrays, State(reference, np.tile(np.eye(3), (nodes, 1, 1)), inner, np.zeros(len(rows)))

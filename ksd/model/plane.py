@@ -4,9 +4,9 @@ Looked at here: the leaf springs' width axes, drives and supports, loads. Symmet
 the leaf springs balance out of it is seen when the spatial residual is evaluated at a planar answer (`Plane.imbalance`). A
 planar scene is thus checked, never trusted (design section 4).
 
-A planar model is the spatial one with z, rx and ry left out of the numbering (`Arrays.keep`), for a plane normal to one
-of the global axes: same members, same state, same rows; strain-mode leaves condense in closed form in the angle
-(`ksd.beam.planar_leaf`). An oblique plane is solved in space.
+A planar model is the spatial one with z, rx and ry left out of the numbering (`Arrays.active_dofs`), for a
+plane normal to one of the global axes: same members, same state, same rows; strain-mode leaves condense in closed form
+in the angle (`ksd.beam.planar_leaf`). An oblique plane is solved in space.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from ksd.model.arrays import (
     COIL,
     COROTATIONAL,
     FLOATS,
-    LEAVES,
+    LEAF_MEMBERS,
     LINEAR,
     MODAL,
     PLANAR,
     ROTATION,
     SOLID,
     STRAIN,
-    TURN,
+    TORSION,
     Arrays,
-    Flat,
+    FlatArrays,
     Members,
-    Motion,
-    Work,
-    opened,
+    State,
+    Workspace,
+    unflatten_arrays,
 )
-from ksd.model.pack import coupled, numbering, revalued
+from ksd.model.pack import coupled_blocks, number_unknowns, replace_constants
 
 if TYPE_CHECKING:
     from ksd.model.compile import Model
@@ -55,7 +55,7 @@ class Plane:
     """The plane of a spatial model `space`: across global axis `axis`; rows (r,): constraint rows that act in it."""
 
     space: Arrays
-    rest: Motion
+    rest: State
     axis: int
     rows: np.ndarray
 
@@ -69,13 +69,13 @@ class Plane:
         """The spatial arrays with three unknowns per node."""
         return _masked(self.space, self.axis, self.rows)
 
-    def holds(self, motion: Motion) -> bool:
+    def holds(self, motion: State) -> bool:
         """Whether the nodes of a state are in the plane."""
         k, size = self.normal, self.space.size
         off = np.abs((motion.x - self.rest.x) @ k).max(initial=0.0)
         return bool(off <= 1e-9 * size and np.abs(motion.R @ k - k).max(initial=0.0) <= 1e-9)
 
-    def imbalance(self, work: Work) -> tuple[float, int, float, float]:
+    def imbalance(self, work: Workspace) -> tuple[float, int, float, float]:
         """Residual out of the plane in `work`, as assembled in space by `ksd.model.newton.assemble` at a planar state.
 
         Returns (the largest over its bound, the node it acts on, its force [N] along k, its moment [Nm] across k).
@@ -100,16 +100,16 @@ class _Planar(NamedTuple):
 
 @lru_cache(maxsize=64)
 def _planar(ints: bytes, axis: int, rows: tuple[int, ...], heavy: bytes) -> _Planar:
-    """See `_masked`; ints: as in `Flat`, heavy: whether each member has weight."""
+    """See `_masked`; ints: as in `FlatArrays`, heavy: whether each member has weight."""
     flat = np.frombuffer(ints, np.int64)
-    space = opened(Flat(flat, np.zeros(int(flat[FLOATS])), LEAVES))
-    keep = np.array([*(c for c in range(3) if c != axis), 3 + axis])
+    space = unflatten_arrays(FlatArrays(flat, np.zeros(int(flat[FLOATS])), LEAF_MEMBERS))
+    active = np.array([*(c for c in range(3) if c != axis), 3 + axis])
     terms, loads, springs, nodes = space.terms, space.loads, space.springs, len(space.start)
     node, first = terms.node.tolist(), terms.first.tolist()
     own = [[(0, a, b) for a, b in node[first[row] : first[row + 1]]] for row in rows]
     ends = [m.node.tolist() for m in (space.members, springs)]
-    plan, places, start, start_of_rows = numbering(
-        nodes, len(keep), coupled(nodes, [*ends[0], *ends[1]], own), len(rows)
+    plan, places, start, start_of_rows = number_unknowns(
+        nodes, len(active), coupled_blocks(nodes, [*ends[0], *ends[1]], own), len(rows)
     )
     row_start = np.full(len(first) - 1, -1, np.int64)
     row_start[list(rows)] = start_of_rows
@@ -130,7 +130,7 @@ def _planar(ints: bytes, axis: int, rows: tuple[int, ...], heavy: bytes) -> _Pla
         # a moment along the normal has an energy in the plane
         loads=loads._replace(block=load_block, skew=loads.following.copy()),
         springs=springs._replace(block=spring_block),
-        keep=keep,
+        active_dofs=active,
     )
     return _Planar(topology, leaves)
 
@@ -144,7 +144,7 @@ def _masked(arrays: Arrays, axis: int, rows: np.ndarray) -> Arrays:
     topology, leaves = _planar(arrays.flat.ints.tobytes(), axis, tuple(rows.tolist()), heavy.tobytes())
     value = arrays.members.value
     made = [_constants(value[at:], weighs, settings) for at, weighs, settings in leaves]
-    return revalued(arrays, topology, np.concatenate([value, *made]))
+    return replace_constants(arrays, topology, np.concatenate([value, *made]))
 
 
 def _members(members: Members, heavy: np.ndarray) -> tuple[Members, list[tuple[int, bool, tuple[int, ...]]]]:
@@ -272,7 +272,7 @@ def _leaving_spring(model: Model, k: np.ndarray) -> str:
             if abs(across) > PARALLEL * springs.length[i]:
                 return f"{name} pulls out of the plane, its ends being {1e3 * across:.3g} mm apart along the normal"
         elif np.linalg.norm(np.cross(springs.frame[i, :, :, 2], k), axis=1).max() > PARALLEL:
-            return f"{name} has its {'axis' if kind == TURN else 'width axis'} in the plane"
+            return f"{name} has its {'axis' if kind == TORSION else 'width axis'} in the plane"
         elif kind == LINEAR and _couples(springs.value[springs.value_at[i] :]):
             return f"{name} couples in-plane with out-of-plane motions"
     return ""

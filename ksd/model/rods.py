@@ -13,11 +13,11 @@ import numpy as np
 
 from ksd.beam.member_tangent import member_tangent
 from ksd.beam.rod import STATE, allocate_rod_scratch, integrate_rod
-from ksd.model.arrays import BLOCK, KEEP, MEMBERS, NODE, START, WIDTH
+from ksd.model.arrays import ACTIVE_DOFS, BLOCK, DOFS_PER_NODE, MEMBERS, NODE, START
 from ksd.model.tangents import scatter
 from ksd.numerics.elimination import solve_small
 from ksd.numerics.kernel import kernel
-from ksd.numerics.rotations import straighten, turn
+from ksd.numerics.rotations import reorthonormalise, rotate
 
 
 class Rods(NamedTuple):
@@ -207,8 +207,8 @@ def _of_node(ints, step, node, motion):
     u = ints[ints[START] + node]
     motion[:] = 0.0
     if u >= 0:
-        for r in range(ints[WIDTH]):
-            motion[ints[ints[KEEP] + r]] = step[u + r]
+        for r in range(ints[DOFS_PER_NODE]):
+            motion[ints[ints[ACTIVE_DOFS] + r]] = step[u + r]
 
 
 @kernel
@@ -248,8 +248,8 @@ def _move_rods(ints, x, R, at_part, offset, frame, place, axes, wrench, gap, bac
             if j < last - 1:
                 for r in range(3):
                     place[j + 1, r] += beyond[r]
-                turn(beyond[3:], axes[j + 1])
-                straighten(axes[j + 1])
+                rotate(beyond[3:], axes[j + 1])
+                reorthonormalise(axes[j + 1])
             beyond[:] = here
 
 

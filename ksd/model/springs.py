@@ -27,7 +27,7 @@ from ksd.model.arrays import (
     SPRING_COUNT,
     SPRINGS,
     START,
-    TURN,
+    TORSION,
     VALUE,
     VALUE_AT,
 )
@@ -43,7 +43,7 @@ from ksd.scene.effects import LinkMatrix, Spring, TurnSpring
 def add_springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, poses, lams):
     """All springs into the matrix and the residual, as `add_members` does without inner unknowns. Returns the status.
 
-    Their rows of poses and lams (`Work`) follow those of the members.
+    Their rows of poses and lams (`Workspace`) follow those of the members.
 
     A torsion spring, about u = e3 of end p turning with its node, has the moment M = k (angle - rest) and adds
     k g g^T + M (second derivatives of the angle), g its gradient; see `ksd.model.loading.twist`.
@@ -62,7 +62,7 @@ def add_springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, poses, lams
         for c in range(3):
             d[c] = pose[c] * pose[15] + pose[3 + c] * pose[16] + pose[6 + c] * pose[17]
         value = floats[ints[SPRINGS + VALUE] + ints[value_at + i] :]
-        if kind == TURN:
+        if kind == TORSION:
             for c in range(3):
                 d[c] = pose[3 * c + 2]
             T[:, :] = 0.0
@@ -101,7 +101,7 @@ def add_springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, poses, lams
     return status
 
 
-def perpendicular(axis: np.ndarray) -> np.ndarray:
+def axes_along(axis: np.ndarray) -> np.ndarray:
     """Axes (3, 3), columns e1, e2, e3, with e3 along `axis`."""
     e3 = axis / np.linalg.norm(axis)
     e1 = np.cross(np.eye(3)[int(np.argmin(np.abs(e3)))], e3)
@@ -132,10 +132,10 @@ def spring_members(
             found.append(_member(f"spring '{s.name}'", COIL, nodes, ends - places[list(nodes)], **words))
         else:
             at = np.array([s.at, s.at]) - places[list(nodes)]
-            words = {"value": (s.stiffness, s.rest_angle), "axes": perpendicular(np.asarray(s.axis))}
+            words = {"value": (s.stiffness, s.rest_angle), "axes": axes_along(np.asarray(s.axis))}
             # as stiff as a pair of unit arm: only the bound of rounding needs it
             words |= {"length": 1.0, "floor": s.stiffness}
-            found.append(_member(f"spring '{s.name}'", TURN, nodes, at, **words))
+            found.append(_member(f"spring '{s.name}'", TORSION, nodes, at, **words))
     return found
 
 
@@ -146,7 +146,7 @@ def matrix_member(
     points = np.asarray(matrix.points)
     arm = points[1] - points[0]
     along = arm - (arm @ axis) * axis
-    axes = perpendicular(axis)
+    axes = axes_along(axis)
     if np.linalg.norm(along) > 1e-6 * np.linalg.norm(arm):
         e1 = along / np.linalg.norm(along)
         axes = np.column_stack([e1, np.cross(axis, e1), axis])

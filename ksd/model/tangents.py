@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ksd.model.arrays import KEEP, WIDTH
+from ksd.model.arrays import ACTIVE_DOFS, DOFS_PER_NODE
 from ksd.numerics.kernel import kernel
 
 
@@ -10,7 +10,7 @@ from ksd.numerics.kernel import kernel
 def scatter(ints, block, T, force, a, b, matrix, rhs):
     """Add T (12, 12) to the stored blocks (pp, qq, coupling, flipped) at ints[block:] and force (12,) to the residual, of
     the unknowns that are kept of every node; a, b: the first of each end."""
-    keep, w = ints[KEEP], ints[WIDTH]
+    keep, w = ints[ACTIVE_DOFS], ints[DOFS_PER_NODE]
     for e in range(2):
         at, u = ints[block + e], a if e == 0 else b
         if at >= 0:
@@ -25,7 +25,7 @@ def scatter(ints, block, T, force, a, b, matrix, rhs):
 @kernel(inline="late")
 def couple(ints, at, flipped, T, matrix):
     """Add the coupling of T (12, 12) to the block stored from `at` on, whose rows are of the first node where flipped."""
-    keep, w = ints[KEEP], ints[WIDTH]
+    keep, w = ints[ACTIVE_DOFS], ints[DOFS_PER_NODE]
     if at >= 0:
         for r in range(w):
             i = ints[keep + r]

@@ -16,11 +16,19 @@ import numpy as np
 
 from ksd.beam import corotational_values as chains
 from ksd.beam.strain_values import strain_sizes, strain_value_count, strain_values
-from ksd.model.arrays import STRAIN, Arrays, Members, Motion
-from ksd.model.drawing import GIVEN, LEAF, SPRING, LeafWords, Numbers, Words, places_of
+from ksd.model.arrays import STRAIN, Arrays, Members, State
 from ksd.model.leaves import leaf_axes
 from ksd.model.mesh import Mesh
-from ksd.model.pack import Shape, float_fields, refilled, spread, topology_arrays
+from ksd.model.pack import MemberTopology, float_fields, largest_extent, replace_floats, topology_arrays
+from ksd.model.scene_layout import (
+    GEOMETRY_NUMBERS,
+    LEAF_NUMBERS,
+    SPRING_NUMBERS,
+    LeafLayout,
+    SceneLayout,
+    SceneNumbers,
+    number_slices,
+)
 
 Array = np.ndarray
 SCALES = 19
@@ -28,7 +36,7 @@ SCALES = 19
 stiffness numbers, rho A l and rho A l^2 of an element of a chain; 1/L."""
 
 
-class Unit(NamedTuple):
+class UnitConstants(NamedTuple):
     """Constants, or rest inner state, of a leaf of unit scales: which entries are numbers times one of its scales."""
 
     value: Array
@@ -36,7 +44,7 @@ class Unit(NamedTuple):
 
 
 @lru_cache(maxsize=256)
-def _constants(kind: int, number: tuple[int, ...], heavy: bool) -> Unit:
+def _constants(kind: int, number: tuple[int, ...], heavy: bool) -> UnitConstants:
     """Constants of a straight uniform leaf."""
     if kind == STRAIN:
         orders, points = number[:3], number[3]
@@ -59,7 +67,7 @@ def _constants(kind: int, number: tuple[int, ...], heavy: bool) -> Unit:
             )  # fmt: skip
             more = len(ready) - strain_value_count(settings)
             value, scale = ready, np.append(scale, np.full(more, 8))
-        return Unit(value, scale)
+        return UnitConstants(value, scale)
     n = number[0]
     value = np.concatenate([np.tile(np.append(np.ones(7), np.eye(3)), n), np.eye(3).ravel()])
     scale = np.concatenate([np.tile(np.append(np.arange(9, 16), np.zeros(9)), n), np.zeros(9)])
@@ -68,21 +76,21 @@ def _constants(kind: int, number: tuple[int, ...], heavy: bool) -> Unit:
         lever = np.array([1.0, 0.0, 0.0]) / 12
         value = np.concatenate([value, half, lever, -lever])
         scale = np.concatenate([scale, np.full(n + 1, 16), np.full(6, 17)])
-    return Unit(value, scale.astype(np.int64))
+    return UnitConstants(value, scale.astype(np.int64))
 
 
-def _sizes(leaf: LeafWords) -> tuple[int, int, int]:
+def _sizes(leaf: LeafLayout) -> tuple[int, int, int]:
     """How many constants, inner states and stored numbers a leaf has."""
     number = np.array(leaf.number, np.int64)
     if leaf.kind == STRAIN:
-        inner, store = strain_sizes(number, has_weight=leaf.heavy)
-        constants = strain_value_count(number, has_weight=leaf.heavy)
+        inner, store = strain_sizes(number, has_weight=leaf.has_weight)
+        constants = strain_value_count(number, has_weight=leaf.has_weight)
     else:
-        constants, inner, store = chains.sizes(leaf.number[0], has_weight=leaf.heavy)
-    return (*leaf.given, store) if leaf.given else (constants, inner, store)
+        constants, inner, store = chains.sizes(leaf.number[0], has_weight=leaf.has_weight)
+    return (*leaf.explicit, store) if leaf.explicit else (constants, inner, store)
 
 
-class Leaves(NamedTuple):
+class LeafGeometry(NamedTuple):
     """Geometry of all different leaves, in the axes of their part: ends (D, F, 2, 3), end frames (D, F, 2, 3, 3); their
     scales (D, F, SCALES), mass (D, F), floor EA/L (D, F), length (D, F)."""
 
@@ -94,32 +102,34 @@ class Leaves(NamedTuple):
     length: Array
 
 
-class Packed:
+class LeafPacking:
     """Members that are leaves: where they are, and how their numbers follow from those of the leaves.
 
     words (F,): of all leaves; leaf (m,): which of them each member is, from member `start` on.
     """
 
-    def __init__(self, words: Sequence[LeafWords], leaf: Array, members: Members, start: int = 0) -> None:
+    def __init__(self, words: Sequence[LeafLayout], leaf: Array, members: Members, start: int = 0) -> None:
         at, scale = [], []
         seen = set()
         given: list[tuple[Array, Array]] = []
-        first = np.cumsum([0] + [w.brings for w in words])
+        first = np.cumsum([0] + [w.explicit_count for w in words])
         rest, inner_at, inner_scale = np.zeros(int(members.inner_at[-1])), [], []
         given_rest: list[tuple[Array, Array]] = []
         self.value = np.zeros(len(members.value))
         for i, f in enumerate(leaf.tolist(), start=start):
             w, to, own = words[f], int(members.value_at[i]), int(members.inner_at[i])
-            new, brought = to not in seen, int(first[f]) + GIVEN
+            new, brought = to not in seen, int(first[f]) + GEOMETRY_NUMBERS
             seen.add(to)
-            if w.given is not None:
-                given_rest.append((own + np.arange(w.given[1]), brought + np.arange(w.given[1])))
+            if w.explicit is not None:
+                given_rest.append((own + np.arange(w.explicit[1]), brought + np.arange(w.explicit[1])))
                 if new:
-                    given.append((to + np.arange(w.given[0]), brought + w.given[1] + np.arange(w.given[0])))
+                    given.append(
+                        (to + np.arange(w.explicit[0]), brought + w.explicit[1] + np.arange(w.explicit[0]))
+                    )
                 continue
-            if w.bent:
-                amplitudes = brought + np.arange(sum(w.bent))
-                axes = zip(np.cumsum([0, *w.number[:2]]), w.bent, strict=True)
+            if w.amplitudes:
+                amplitudes = brought + np.arange(sum(w.amplitudes))
+                axes = zip(np.cumsum([0, *w.number[:2]]), w.amplitudes, strict=True)
                 bent = np.concatenate([k + np.arange(n) for k, n in axes])
                 given_rest.append((own + bent, amplitudes))
                 if new:
@@ -134,7 +144,7 @@ class Packed:
                 inner_scale.append(np.full(n - 1, f * SCALES + 9))
             if not new:
                 continue
-            unit = _constants(w.kind, w.number, w.heavy)
+            unit = _constants(w.kind, w.number, w.has_weight)
             self.value[to : to + len(unit.value)] = unit.value
             varies = np.flatnonzero(unit.scale)
             at.append(to + varies)
@@ -144,7 +154,7 @@ class Packed:
         self.given = _joined([a for a, _ in given]), _joined([b for _, b in given])
         self.given_inner = _joined([a for a, _ in given_rest]), _joined([b for _, b in given_rest])
 
-    def values(self, leaves: Leaves, given: Array) -> tuple[Array, Array]:
+    def values(self, leaves: LeafGeometry, given: Array) -> tuple[Array, Array]:
         """Constants (D, v) and rest inner states (D, s)."""
         count = len(leaves.scale)
         scale = leaves.scale.reshape(count, -1)
@@ -162,57 +172,57 @@ def _joined(parts: list[Array]) -> Array:
     return np.concatenate([np.zeros(0, np.int64), *parts])
 
 
-class Filled(NamedTuple):
+class DesignArrays(NamedTuple):
     """Models of D designs: arrays and rest state with a leading axis over designs in every float, and what joint bodies take
     over: the leaves, and points A and B of all parts (D, P, 2, 3), global."""
 
     arrays: Arrays
-    rest: Motion
-    leaves: Leaves
+    rest: State
+    leaves: LeafGeometry
     points: Array
 
 
 class Template:
     """What models of the same words and mesh have in common; call it with the numbers of D designs."""
 
-    def __init__(self, words: Words, mesh: Mesh) -> None:
-        self.words, self.mesh = words, mesh
-        self.leaf_words = [leaf for part in words.different for leaf in part.leaves]
+    def __init__(self, layout: SceneLayout, mesh: Mesh) -> None:
+        self.scene_layout, self.mesh = layout, mesh
+        self.leaf_layouts = [leaf for part in layout.distinct_parts for leaf in part.leaves]
         self._name_nodes()
         self.shapes = self._list_members()
         self.spring_shapes = [
-            Shape(kind, nodes, (0,), values, 0, 0, i)
-            for i, (_, kind, nodes, values) in enumerate(words.springs)
+            MemberTopology(kind, nodes, (0,), values, 0, 0, i)
+            for i, (_, kind, nodes, values) in enumerate(layout.springs)
         ]
         self.topology = topology_arrays(
-            len(self.node_names), self.shapes, words.rows, words.loads, self.spring_shapes
+            len(self.node_names), self.shapes, layout.rows, layout.loads, self.spring_shapes
         )
-        self.packed = Packed(self.leaf_words, self.leaf, self.topology.members)
-        self.heavy = np.array([w.heavy for w in self.leaf_words], bool)
-        self.elements = np.array([float(w.number[0]) for w in self.leaf_words])
+        self.packed = LeafPacking(self.leaf_layouts, self.leaf, self.topology.members)
+        self.heavy = np.array([w.has_weight for w in self.leaf_layouts], bool)
+        self.elements = np.array([float(w.number[0]) for w in self.leaf_layouts])
         self.unturned = np.tile(np.eye(3), (len(self.node_names), 1, 1))
-        self.given_leaves = [f for f, w in enumerate(self.leaf_words) if w.brings]
-        if words.pulls and self.heavy.any():
+        self.given_leaves = [f for f, w in enumerate(self.leaf_layouts) if w.explicit_count]
+        if layout.has_gravity and self.heavy.any():
             self.topology = self.topology._replace(weight=np.zeros((len(self.leaf), 4)))
         self._attach()
         terms, loads = self.topology.terms, self.topology.loads
         self.term_nodes, self.load_nodes = terms.node, loads.node
-        sizes = [SPRING + s[3] for s in words.springs]
+        sizes = [SPRING_NUMBERS + s[3] for s in layout.springs]
         self.spring_first = np.cumsum([0, *sizes])
         # integers of the joint bodies, of `ksd.bodies.joints`
-        self.layout: Any = None
-        self._places = places_of(words)
+        self.joint_layout: Any = None
+        self._places = number_slices(layout)
         self._others: dict[Mesh, Template | None] = {}
 
     def _name_nodes(self) -> None:
         """Nodes: links, then the blocks of every part; their names, and where they are drawn."""
-        words = self.words
-        names, block_part, block_point = list(words.links), [], []
-        first = np.cumsum([0] + [len(p.blocks) for p in words.different]).tolist()
+        layout = self.scene_layout
+        names, block_part, block_point = list(layout.links), [], []
+        first = np.cumsum([0] + [len(p.blocks) for p in layout.distinct_parts]).tolist()
         self.node_of: list[dict[str, int]] = []
-        for p, (before, a, b, u) in enumerate(words.parts):
+        for p, (before, a, b, u) in enumerate(layout.parts):
             nodes = {"A": a, "B": b}
-            for k, block in enumerate(words.different[u].blocks):
+            for k, block in enumerate(layout.distinct_parts[u].blocks):
                 nodes[block] = len(names)
                 names.append(before + block)
                 block_part.append(p)
@@ -220,28 +230,28 @@ class Template:
             self.node_of.append(nodes)
         self.node_names = tuple(names)
         self.block_part, self.block_point = np.array(block_part, int), np.array(block_point, int)
-        self.part_different = np.array([p[3] for p in words.parts], int)
+        self.part_different = np.array([p[3] for p in layout.parts], int)
 
-    def _list_members(self) -> list[Shape]:
+    def _list_members(self) -> list[MemberTopology]:
         """Members: the leaves of every part."""
-        words = self.words
-        shapes: list[Shape] = []
+        layout = self.scene_layout
+        shapes: list[MemberTopology] = []
         names, leaf, part, slices = [], [], [], []
-        first = np.cumsum([0] + [len(p.leaves) for p in words.different]).tolist()
-        sizes = [_sizes(w) for w in self.leaf_words]
-        for p, (before, _, _, u) in enumerate(words.parts):
+        first = np.cumsum([0] + [len(p.leaves) for p in layout.distinct_parts]).tolist()
+        sizes = [_sizes(w) for w in self.leaf_layouts]
+        for p, (before, _, _, u) in enumerate(layout.parts):
             nodes, start = self.node_of[p], len(shapes)
-            for n, w in enumerate(words.different[u].leaves):
+            for n, w in enumerate(layout.distinct_parts[u].leaves):
                 f = first[u] + n
                 constants, inner, store = sizes[f]
                 pair = nodes[w.ends[0]], nodes[w.ends[1]]
-                shapes.append(Shape(w.kind, pair, w.number, constants, inner, store, w.group))
+                shapes.append(MemberTopology(w.kind, pair, w.number, constants, inner, store, w.group))
                 names.append(before + w.name)
                 leaf.append(f)
                 part.append(p)
             slices.append(slice(start, len(shapes)))
         self.member_names = tuple(names)
-        self.joint_members = tuple(slices[: len(words.joints)])
+        self.joint_members = tuple(slices[: len(layout.joints)])
         self.leaf, self.part = np.array(leaf, int), np.array(part, int)
         return shapes
 
@@ -249,7 +259,7 @@ class Template:
         """Which points of parts hang on each link, whose mean is its reference point; ground stays at the origin."""
         links = [
             (link, 2 * p + e)
-            for p, (_, *ends, _) in enumerate(self.words.parts)
+            for p, (_, *ends, _) in enumerate(self.scene_layout.parts)
             for e, link in enumerate(ends)
         ]
         links = sorted(pair for pair in links if pair[0] > 0)
@@ -259,10 +269,10 @@ class Template:
         )
         self.hung_count = count[:, None].astype(float)
 
-    def __call__(self, n: Numbers) -> Filled:
+    def __call__(self, n: SceneNumbers) -> DesignArrays:
         """Models of D designs."""
         leaves = self.leaves(n)
-        count, links = len(n.leaf), len(self.words.links)
+        count, links = len(n.leaf), len(self.scene_layout.links)
         points = n.origin[:, :, None] + n.ends[:, self.part_different] @ n.rotation.swapaxes(2, 3)
         places = np.zeros((count, len(self.node_names), 3))
         if len(self.hung):
@@ -291,7 +301,7 @@ class Template:
             moment=n.loads[..., 6:9],
         )
         if len(self.leaf):
-            size = np.maximum(spread(places, ends), length.max(axis=1))
+            size = np.maximum(largest_extent(places, ends), length.max(axis=1))
         else:
             # a linkage of pins and springs is as large as the places its sentences name
             named = np.concatenate([at, n.loads[..., :3], *self._spring_ends(n)], axis=1)
@@ -302,14 +312,14 @@ class Template:
             weight=self._weight(leaves.mass[:, self.leaf], n),
         )  # fmt: skip
         turned = self.unturned[None].repeat(count, axis=0)
-        rest = Motion(places, turned, inner, np.zeros((count, len(topology.terms.start))))
-        return Filled(arrays, rest, leaves, points)
+        rest = State(places, turned, inner, np.zeros((count, len(topology.terms.start))))
+        return DesignArrays(arrays, rest, leaves, points)
 
-    def leaves(self, n: Numbers) -> Leaves:
+    def leaves(self, n: SceneNumbers) -> LeafGeometry:
         """Geometry and scales of all different leaves."""
         leaf = n.leaf
         start, width, L = leaf[..., :3], leaf[..., 6:9], leaf[..., 9]
-        E, G, A, J, Iy, Iz, ky, kz, density, torsion, plate = (leaf[..., k] for k in range(10, LEAF))
+        E, G, A, J, Iy, Iz, ky, kz, density, torsion, plate = (leaf[..., k] for k in range(10, LEAF_NUMBERS))
         axes = leaf_axes(start, leaf[..., 3:6], width)
         ends, frame = np.empty((*L.shape, 2, 3)), axes[:, :, None].repeat(2, axis=2)
         ends[:, :, 0], ends[:, :, 1] = start, start + L[..., None] * axes[..., 0]
@@ -325,7 +335,7 @@ class Template:
             self._chains(scale, L, soft, shear, stiff, line)
         mass = self.heavy * (L * line)
         self._given(n, ends, frame, mass)
-        return Leaves(ends, frame, scale, mass, 1.0 / (soft * L), L)
+        return LeafGeometry(ends, frame, scale, mass, 1.0 / (soft * L), L)
 
     def _chains(
         self, scale: Array, L: Array, soft: Array, shear: list[Array], stiff: tuple[Array, ...], line: Array
@@ -341,35 +351,35 @@ class Template:
         for k, value in enumerate(found):
             scale[..., 9 + k] = value
 
-    def _given(self, n: Numbers, ends: Array, frame: Array, mass: Array) -> None:
+    def _given(self, n: SceneNumbers, ends: Array, frame: Array, mass: Array) -> None:
         """Geometry and mass of the leaves that bring them."""
         at = 0
         for f in self.given_leaves:
             ends[:, f] = n.given[:, at : at + 6].reshape(-1, 2, 3)
             frame[:, f] = n.given[:, at + 6 : at + 24].reshape(-1, 2, 3, 3)
             mass[:, f] = n.given[:, at + 24]
-            at += self.leaf_words[f].brings
+            at += self.leaf_layouts[f].explicit_count
 
-    def _weight(self, mass: Array, n: Numbers) -> Array:
+    def _weight(self, mass: Array, n: SceneNumbers) -> Array:
         """Mass of every member and the gravity that pulls at it (D, m, 4); (D, 0, 4) where none weighs anything."""
-        if not (self.words.pulls and self.heavy.any()):
+        if not (self.scene_layout.has_gravity and self.heavy.any()):
             return np.zeros((len(mass), 0, 4))
         gravity = np.broadcast_to(n.gravity[:, None], (*mass.shape, 3))
         return np.concatenate([mass[..., None], gravity], axis=2)
 
-    def _spring_ends(self, n: Numbers) -> list[Array]:
+    def _spring_ends(self, n: SceneNumbers) -> list[Array]:
         """Both ends (D, 2, 3) of every spring [m]."""
         return [n.springs[:, a : a + 6].reshape(-1, 2, 3) for a in self.spring_first[:-1]]
 
-    def _springs(self, n: Numbers, places: Array) -> Members:
+    def _springs(self, n: SceneNumbers, places: Array) -> Members:
         """Springs with their numbers."""
         springs, count, first = self.topology.springs, len(places), self.spring_first
         if not len(springs.kind):
             # all else is empty
             return springs._replace(value=np.zeros((count, 1)))
-        rows = [n.springs[:, a : a + SPRING] for a in first[:-1]]
+        rows = [n.springs[:, a : a + SPRING_NUMBERS] for a in first[:-1]]
         fixed = np.stack(rows, axis=1)
-        value = [n.springs[:, a + SPRING : b] for a, b in pairwise(first)]
+        value = [n.springs[:, a + SPRING_NUMBERS : b] for a, b in pairwise(first)]
         return springs._replace(
             offset=fixed[..., :6].reshape(count, -1, 2, 3) - places[:, springs.node],
             frame=fixed[..., 6:24].reshape(count, -1, 2, 3, 3),
@@ -383,15 +393,15 @@ class Template:
         chains and mixed meshes, and where leaves bring their constants."""
         if mesh not in self._others:
             same = type(mesh) is Mesh and mesh == replace(self.mesh, orders=mesh.orders, points=mesh.points)
-            words = self._remeshed(mesh) if self.plain and same else None
-            self._others[mesh] = None if words is None else template_of(words, mesh)
+            layout = self._remeshed(mesh) if self.plain and same else None
+            self._others[mesh] = None if layout is None else template_of(layout, mesh)
         return self._others[mesh]
 
-    def _remeshed(self, mesh: Mesh) -> Words:
+    def _remeshed(self, mesh: Mesh) -> SceneLayout:
         """The words with the orders of `mesh` for all leaves that have not their own."""
 
-        def number(leaf: LeafWords) -> tuple[int, ...]:
-            if leaf.bent:
+        def number(leaf: LeafLayout) -> tuple[int, ...]:
+            if leaf.amplitudes:
                 # at the same points, by which its shape at rest is the same to the last digit
                 now = zip(leaf.number, mesh.orders, self.mesh.orders, strict=False)
                 orders = tuple(n + new - old for n, new, old in now)
@@ -401,37 +411,39 @@ class Template:
 
         parts = (
             part._replace(leaves=tuple(leaf._replace(number=number(leaf)) for leaf in part.leaves))
-            for part in self.words.different
+            for part in self.scene_layout.distinct_parts
         )
-        return self.words._replace(different=tuple(parts))
+        return self.scene_layout._replace(distinct_parts=tuple(parts))
 
     @cached_property
     def plain(self) -> bool:
         """Whether all leaves are strain-mode leaves of one mesh whose constants follow from their lengths and sections."""
-        return type(self.mesh) is Mesh and all(w.kind == STRAIN and w.given is None for w in self.leaf_words)
+        return type(self.mesh) is Mesh and all(
+            w.kind == STRAIN and w.explicit is None for w in self.leaf_layouts
+        )
 
     @cached_property
     def spring_names(self) -> tuple[str, ...]:
         """Names of the springs."""
-        return tuple(s[0] for s in self.words.springs)
+        return tuple(s[0] for s in self.scene_layout.springs)
 
-    def numbers(self, rows: Sequence[Sequence[float]]) -> Numbers:
+    def numbers(self, rows: Sequence[Sequence[float]]) -> SceneNumbers:
         """The numbers of designs of these words, by what they are of."""
         flat = np.array(rows, float).reshape(len(rows), -1)
-        return Numbers(*(flat[:, at].reshape(len(rows), *shape) for at, shape in self._places))
+        return SceneNumbers(*(flat[:, at].reshape(len(rows), *shape) for at, shape in self._places))
 
 
-def many(part: Any, names: Sequence[str], count: int) -> Any:
+def repeat_fields(part: Any, names: Sequence[str], count: int) -> Any:
     """A named tuple of arrays whose fields `names` are repeated along a leading axis."""
     return part._replace(**{n: getattr(part, n)[None].repeat(count, axis=0) for n in names})
 
 
-def of_design(part: Any, names: Sequence[str], d: int) -> Any:
+def fields_of_design(part: Any, names: Sequence[str], d: int) -> Any:
     """A named tuple of arrays whose fields `names` have a leading axis over designs, for design d."""
     return part._replace(**{name: np.ascontiguousarray(getattr(part, name)[d]) for name in names})
 
 
-def design(arrays: Arrays, topology: Arrays, d: int) -> Arrays:
+def arrays_of_design(arrays: Arrays, topology: Arrays, d: int) -> Arrays:
     """Arrays of design d of many; topology: arrays of the same integers, which are shared."""
     joined = arrays.__dict__.get("joined")
     if joined is None:
@@ -439,15 +451,15 @@ def design(arrays: Arrays, topology: Arrays, d: int) -> Arrays:
         floats = [field.reshape(len(size), -1) for field in float_fields(arrays)]
         # of all designs at once, for the others
         joined = arrays.__dict__["joined"] = np.concatenate([size[:, None], *floats], axis=1)
-    return refilled(topology, joined[d].copy())
+    return replace_floats(topology, joined[d].copy())
 
 
-def motion_design(motion: Motion, d: int) -> Motion:
+def state_of_design(motion: State, d: int) -> State:
     """State of design d of many."""
-    return Motion(*(np.ascontiguousarray(field[d]) for field in motion))
+    return State(*(np.ascontiguousarray(field[d]) for field in motion))
 
 
 @lru_cache(maxsize=64)
-def template_of(words: Words, mesh: Mesh) -> Template:
+def template_of(layout: SceneLayout, mesh: Mesh) -> Template:
     """The template of these words and mesh, of the last few."""
-    return Template(words, mesh)
+    return Template(layout, mesh)

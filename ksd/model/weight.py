@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ksd.beam.weight import GRAVITY_BLOCK_SIZE
-from ksd.model.arrays import Arrays, Work
+from ksd.model.arrays import Arrays, Workspace
 
 
-def weight_force(arrays: Arrays, work: Work) -> np.ndarray:
+def weight_force(arrays: Arrays, work: Workspace) -> np.ndarray:
     """Derivative (n,) of the residual by the load factor, of the weight of all leaf springs; work: as assembled.
 
     With V(xi, g) of `ksd.beam.weight`: mass g on end p with its moment, and V_xi,g g through the levers.

@@ -25,15 +25,15 @@ from ksd.numerics.kernel import kernel
 
 TINY_PIVOT = 1e-14
 """A pivot below this fraction of its diagonal before elimination counts as zero."""
-REFINEMENTS, SMALL = 3, 1e-10
+MAX_REFINEMENTS, REFINEMENT_TOLERANCE = 3, 1e-10
 """Refinements of a solution at the most, and the share of it below which one is the last: what it leaves is rounding."""
-SOFTEST = 1e-2
+MIN_DIAGONAL_SHARE = 1e-2
 """Share of the largest diagonal entry of its kind that a smaller one of a node counts as where a row's stiffness is set."""
 
 
 VALUES, UNKNOWNS, BLOCKS, ROWS = range(4)
 SIZE, START, DIAGONAL, FIRST, ROW, PLACE, FIRST_TARGET, TARGET = range(4, 12)
-HELD, FIRST_NODE, NODE, LEVER, FIRST_PAIR, PAIR, END = range(12, 19)
+ROW_BLOCK, FIRST_NODE, NODE, LEVER, FIRST_PAIR, PAIR, END = range(12, 19)
 """What stands at the head of `Blocks.ints`: counts, then where every array of the plan begins and the last one ends."""
 
 
@@ -66,7 +66,7 @@ class Blocks(NamedTuple):
     ints: np.ndarray
 
 
-def open_blocks(ints: np.ndarray) -> Blocks:
+def unflatten_blocks(ints: np.ndarray) -> Blocks:
     """The plan that an array begins with."""
     places = ints[SIZE : END + 1].tolist()
     views = [ints[a:b] for a, b in pairwise(places)]
@@ -197,7 +197,7 @@ def _lay_out(
     )  # fmt: skip
     places = END + 1 + np.cumsum([0, *(len(part) for part in parts)])
     head = [values, start[-1], count, len(held), *places]
-    return open_blocks(np.concatenate([np.asarray(part, np.int64) for part in (head, *parts)]))
+    return unflatten_blocks(np.concatenate([np.asarray(part, np.int64) for part in (head, *parts)]))
 
 
 @kernel
@@ -220,7 +220,7 @@ def _stiffen(plan, value, spare):
                         if plan[size + b] == n:
                             most = max(most, abs(value[plan[diagonal + b] + c * (n + 1)]))
                     # twice: under load it may be negative, and is not to cancel
-                    own = 2.0 * max(own, SOFTEST * most)
+                    own = 2.0 * max(own, MIN_DIAGONAL_SHARE * most)
                     give += lever * lever / (own if own > 0.0 else 1.0)
         spare[plan[VALUES] - plan[ROWS] + i] = give
     for i in range(plan[ROWS]):
@@ -283,7 +283,7 @@ def factor_blocks(plan, value, spare, stop):
         for j in range(n):
             spare[at + j] = abs(value[at + j * n + j])
     for i in range(plan[ROWS]):
-        spare[plan[diagonal + plan[plan[HELD] + i]]] = spare[plan[VALUES] - plan[ROWS] + i]
+        spare[plan[diagonal + plan[plan[ROW_BLOCK] + i]]] = spare[plan[VALUES] - plan[ROWS] + i]
     for k in range(stop):
         n, at = plan[size + k], plan[diagonal + k]
         # dense LDL^T of the pivot block
@@ -373,11 +373,11 @@ def solve_blocks(plan, value, spare, x):
     """Solve in place with a complete factorisation; x (unknowns,) in elimination order."""
     tail = plan[VALUES] - plan[ROWS]
     for i in range(plan[ROWS]):
-        spare[tail + i] = x[plan[plan[START] + plan[plan[HELD] + i]]]
+        spare[tail + i] = x[plan[plan[START] + plan[plan[ROW_BLOCK] + i]]]
     forward_blocks(plan, spare, x, plan[BLOCKS])
     backward_blocks(plan, value, spare, x, plan[BLOCKS])
     for i in range(plan[ROWS]):
-        k = plan[plan[HELD] + i]
+        k = plan[plan[ROW_BLOCK] + i]
         give = spare[plan[plan[DIAGONAL] + k]]
         if give > 0.0:
             x[plan[plan[START] + k]] += spare[tail + i] / give
@@ -421,7 +421,7 @@ def residual_blocks(plan, value, b, x, rest, low):
 
 
 @kernel
-def refined_blocks(plan, matrix, value, spare, b, x, change, low):
+def solve_refined(plan, matrix, value, spare, b, x, change, low):
     """Solve A x = b and refine it: A not factored in `matrix`, factored in `value` and `spare`; b, x, change, low, which is
     scratch, (unknowns,).
 
@@ -432,7 +432,7 @@ def refined_blocks(plan, matrix, value, spare, b, x, change, low):
         x[i] = b[i]
     solve_blocks(plan, value, spare, x)
     error = 0.0
-    for _ in range(REFINEMENTS):
+    for _ in range(MAX_REFINEMENTS):
         residual_blocks(plan, matrix, b, x, change, low)
         solve_blocks(plan, value, spare, change)
         moved, whole = 0.0, 0.0
@@ -444,15 +444,15 @@ def refined_blocks(plan, matrix, value, spare, b, x, change, low):
                 moved += weight * change[a + c] ** 2
                 whole += weight * x[a + c] ** 2
         error = math.sqrt(moved / whole) if whole > 0.0 else 0.0
-        if error <= SMALL:
+        if error <= REFINEMENT_TOLERANCE:
             break
     return error
 
 
 @kernel
-def refined_rows(plan, matrix, value, spare, loads, found):
+def solve_refined_rows(plan, matrix, value, spare, loads, found):
     """`refined_blocks` of every row of loads (k, unknowns), into found (k, unknowns). Returns the largest of its errors."""
     change, low, worst = np.empty(loads.shape[1]), np.empty(loads.shape[1]), 0.0
     for i in range(len(loads)):
-        worst = max(worst, refined_blocks(plan, matrix, value, spare, loads[i], found[i], change, low))
+        worst = max(worst, solve_refined(plan, matrix, value, spare, loads[i], found[i], change, low))
     return worst

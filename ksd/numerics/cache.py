@@ -110,9 +110,9 @@ def cache_folder() -> Path | None:
     return found
 
 
-FOLDER: Path | None = cache_folder()
+CACHE_FOLDER: Path | None = cache_folder()
 
 
 def compiled_before() -> bool:
     """Whether this machine's cache already holds kernels of these sources."""
-    return FOLDER is None or any(FOLDER.rglob("*.nbi"))
+    return CACHE_FOLDER is None or any(CACHE_FOLDER.rglob("*.nbi"))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def scaling(K: Array) -> Array:
+def equilibration(K: Array) -> Array:
     """Factors (n,) such that rows and columns of the symmetric K (n, n) times them have entries of order 1."""
     scale = np.ones(len(K))
     for _ in range(3):
@@ -17,11 +17,11 @@ def scaling(K: Array) -> Array:
     return scale
 
 
-def inertia(K: Array) -> int:
+def negative_inertia(K: Array) -> int:
     """Number of negative eigenvalues of the symmetric K (n, n), n > 0, by Bunch-Kaufman (Sylvester's law)."""
     from scipy.linalg import eigvalsh_tridiagonal, ldl
 
-    scale = scaling(K)
+    scale = equilibration(K)
     # pivots of one and two
     _, D, _ = ldl(K * np.outer(scale, scale))
     values = eigvalsh_tridiagonal(D.diagonal(), D.diagonal(-1), lapack_driver="sterf")

@@ -10,16 +10,16 @@ from typing import Any, Literal
 
 import numba
 
-from ksd.numerics.cache import FOLDER, compiled_before
+from ksd.numerics.cache import CACHE_FOLDER, compiled_before
 
-COMPILES: bool = not compiled_before() and not numba.config.DISABLE_JIT  # type: ignore[attr-defined]
+COMPILES_KERNELS: bool = not compiled_before() and not numba.config.DISABLE_JIT  # type: ignore[attr-defined]
 """Whether this process began with an empty cache."""
-SPARE_CORE: bool = numba.config.NUMBA_NUM_THREADS > 1  # type: ignore[attr-defined]
+HAS_SPARE_CORE: bool = numba.config.NUMBA_NUM_THREADS > 1  # type: ignore[attr-defined]
 """Whether a second process may compile beside it."""
 
-if FOLDER is not None:
-    numba.config.CACHE_DIR = str(FOLDER)  # type: ignore[attr-defined]
-    if COMPILES:
+if CACHE_FOLDER is not None:
+    numba.config.CACHE_DIR = str(CACHE_FOLDER)  # type: ignore[attr-defined]
+    if COMPILES_KERNELS:
         # a process started by another has its name already while it imports, and that one has said so
         if current_process().name == "MainProcess":
             logging.getLogger("ksd").warning(
@@ -47,7 +47,7 @@ def kernel(
     """
     early: Literal["never", "always"] = "always" if inline == "always" else "never"
     decorate = numba.njit(
-        cache=FOLDER is not None, nogil=True, error_model="numpy", fastmath={"contract"}, inline=early,
+        cache=CACHE_FOLDER is not None, nogil=True, error_model="numpy", fastmath={"contract"}, inline=early,
         forceinline=inline == "late",
     )  # fmt: skip
     return decorate if function is None else decorate(function)

@@ -64,7 +64,7 @@ def _interrupts_ignored() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def spawning(*sent: Any) -> SpawnContext | None:
+def spawn_context(*sent: Any) -> SpawnContext | None:
     """What to spawn processes with that are sent objects like `sent`; None where they cannot be: not picklable, or defined
     in a script that is no file."""
     try:
@@ -77,7 +77,7 @@ def spawning(*sent: Any) -> SpawnContext | None:
     return SpawnContext() if script is None or Path(script).is_file() else None
 
 
-def follow_parent() -> None:
+def end_with_parent() -> None:
     """Ctrl-C is the business of the process that started this one, and where that one is gone, killed too, this one ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -95,7 +95,7 @@ def process_pool(context: SpawnContext) -> Iterator[ProcessPoolExecutor]:
     """A pool with a process per core; they are ended at once where their answers are not waited for (Ctrl-C): at its exit
     the interpreter would wait for what they are at."""
     others = active_children()
-    pool = ProcessPoolExecutor(os.cpu_count() or 1, mp_context=context, initializer=follow_parent)
+    pool = ProcessPoolExecutor(os.cpu_count() or 1, mp_context=context, initializer=end_with_parent)
     try:
         yield pool
     except BaseException:

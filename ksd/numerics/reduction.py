@@ -52,7 +52,7 @@ def craig_bampton(
     shapes = np.zeros((K.shape[0], len(boundary) + internal))
     for k, b in enumerate(boundary):
         shapes[b, k] = 1.0
-    shapes[:, : len(boundary)] += extended(K, shapes[:, : len(boundary)], inner)
+    shapes[:, : len(boundary)] += static_extension(K, shapes[:, : len(boundary)], inner)
     omega = np.zeros(0)
     if internal:
         square, found = _lowest(_part(K, inner, inner), _part(M, inner, inner), internal)
@@ -62,7 +62,7 @@ def craig_bampton(
     return Modes(shapes, len(boundary), omega)
 
 
-def extended(K: Any, patterns: Array, inner: Sequence[int]) -> Array:
+def static_extension(K: Any, patterns: Array, inner: Sequence[int]) -> Array:
     """What the inner coordinates (n, k), zero elsewhere, do when the others follow `patterns` (n, k): static extension."""
     found = np.zeros_like(patterns)
     if patterns.shape[1]:
@@ -207,7 +207,7 @@ class Basis(NamedTuple):
     condition: float
 
 
-def conditioned(columns: Array, *, scale: Array | None = None, cut: float = 1e-8) -> Basis:
+def condition_basis(columns: Array, *, scale: Array | None = None, cut: float = 1e-8) -> Basis:
     """Nondimensionalise rows by `scale` (n,), drop zero columns, scale to unit columns, cut by singular values.
 
     cut: singular values below this fraction of the largest are left out.

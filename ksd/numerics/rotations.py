@@ -52,7 +52,7 @@ def rotation_exp(v, R):
 
 
 @kernel(inline="late")
-def rotation_log_below(R, v):
+def rotation_log_below_150(R, v):
     """`rotation_log` where the angle is below 150 degrees.
 
     The tangent of half the angle, halved to below 11 degrees and turned into the angle by its series.
@@ -85,7 +85,7 @@ def rotation_log_below(R, v):
 def rotation_log(R, v):
     """v (3,) = rotation vector of R (3, 3), |v| <= pi; through the quaternion, safe near 0 and pi."""
     if not 1.0 + R[0, 0] + R[1, 1] + R[2, 2] < 0.25:
-        rotation_log_below(R, v)
+        rotation_log_below_150(R, v)
         return
     # Shepperd: build on the largest diagonal entry
     k = 0
@@ -111,7 +111,7 @@ def rotation_log(R, v):
 
 
 @kernel(inline="late")
-def turn(v, R):
+def rotate(v, R):
     """R (3, 3) <- exp([v]x) R in place, columns turned one by one; orthonormality drifts by rounding only."""
     a, b, c = v[0], v[1], v[2]
     f, g = rotation_factors(a * a + b * b + c * c)
@@ -125,7 +125,7 @@ def turn(v, R):
 
 
 @kernel(inline="late")
-def straighten(R):
+def reorthonormalise(R):
     """One Newton step of the polar decomposition, R <- R (3 I - R^T R) / 2: removes rounding drift."""
     c00, c11, c22, c01, c02, c12 = 1.5, 1.5, 1.5, 0.0, 0.0, 0.0
     for i in range(3):

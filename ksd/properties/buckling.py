@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from ksd.beam.member_tangent import geometric_tangent
 from ksd.checks import names_of, wrench_of
 from ksd.errors import ConvergenceError, SceneError
-from ksd.model.arrays import COIL, STRAIN, TURN, Motion, make_work
+from ksd.model.arrays import COIL, STRAIN, TORSION, State, make_workspace
 from ksd.model.compile import Model
 from ksd.model.loading import twist
 from ksd.model.newton import assemble, assemble_nodes, move_nodes
@@ -183,7 +183,7 @@ def _percent(error: float) -> str:
 
 
 def full_tangents(
-    model: Model, motion: Motion, *, rows: Iterable[int] = (), load_factor: float = 1.0
+    model: Model, motion: State, *, rows: Iterable[int] = (), load_factor: float = 1.0
 ) -> tuple[Any, Any]:
     """Uncondensed tangent, and that with all stresses, drive forces and loads set to zero, scipy CSC: node unknowns and
     multipliers in plan order, then amplitudes and end wrench (a, lam) of leaf springs.
@@ -214,16 +214,16 @@ def full_tangents(
     return one.tocsc(), other.tocsc()
 
 
-def _node_terms(model: Model, motion: Motion, rows: Iterable[int], load_factor: float) -> Array:
+def _node_terms(model: Model, motion: State, rows: Iterable[int], load_factor: float) -> Array:
     """What constraint rows, loads and springs add to the tangent of the nodes (unknowns, unknowns); `rows` are taken out."""
     arrays = model.arrays
-    work = make_work(arrays)
+    work = make_workspace(arrays)
     assemble_nodes(arrays, motion, load_factor, work)
-    release_rows(arrays, work.value, rows)
-    return stored_matrix(arrays, work.value)
+    release_rows(arrays, work.matrix, rows)
+    return stored_matrix(arrays, work.matrix)
 
 
-def _relaxed(model: Model, motion: Motion) -> Model:
+def _relaxed(model: Model, motion: State) -> Model:
     """The model with springs and elastic links that are free of force at `motion`."""
     springs = model.arrays.springs
     if not len(springs.kind):
@@ -236,7 +236,7 @@ def _relaxed(model: Model, motion: Motion) -> Model:
         d = frame.T @ (ends[1] - ends[0])
         if springs.kind[i] == COIL:
             here[1] = np.linalg.norm(d)
-        elif springs.kind[i] == TURN:
+        elif springs.kind[i] == TORSION:
             here[1], _ = twist(R[a], R[b], frame[:, 2].copy(), np.zeros(3), np.zeros(3), np.zeros((3, 3)))
         else:
             # place and rotation at rest, then the wrench there
@@ -245,7 +245,7 @@ def _relaxed(model: Model, motion: Motion) -> Model:
     return replace(model, arrays=model.arrays._replace(springs=springs._replace(value=value)))
 
 
-def _corners(motion: Motion, group: LeafGroup, ends: EndFrames) -> Array:
+def _corners(motion: State, group: LeafGroup, ends: EndFrames) -> Array:
     """(k, 12, 12): how the end wrench of every leaf turns with its nodes."""
     found = np.zeros((len(group.members), 12, 12))
     wrench = motion.inner[group.inner_index[:, group.modes :]].reshape(-1, 2, 3) @ ends.frame.swapaxes(1, 2)
@@ -254,12 +254,12 @@ def _corners(motion: Motion, group: LeafGroup, ends: EndFrames) -> Array:
     return found
 
 
-def _without_forces(motion: Motion) -> Motion:
+def _without_forces(motion: State) -> State:
     """The same motions, with drive and support forces of zero."""
     return motion._replace(multiplier=np.zeros_like(motion.multiplier))
 
 
-def _leaf_tangents(model: Model, motion: Motion, group: LeafGroup, load_factor: float) -> tuple[Array, Array]:
+def _leaf_tangents(model: Model, motion: State, group: LeafGroup, load_factor: float) -> tuple[Array, Array]:
     """Tangents (k, 18 + N, 18 + N) of leaf springs in (motions of both nodes, a, lam), and those without stress."""
     parts, ends = group_parts(model, motion, group, load_factor), end_frames(model, motion, group.members)
     N = group.modes
@@ -283,15 +283,15 @@ def _leaf_tangents(model: Model, motion: Motion, group: LeafGroup, load_factor: 
     return whole, still
 
 
-def _chain_tangent(model: Model, motion: Motion, rows: Iterable[int], load_factor: float) -> Array:
+def _chain_tangent(model: Model, motion: State, rows: Iterable[int], load_factor: float) -> Array:
     arrays = model.arrays
-    work = make_work(arrays)
+    work = make_workspace(arrays)
     assemble(arrays, motion, np.zeros(len(arrays.terms.start)), load_factor, work, 1e-8, 0, 10.0)
-    release_rows(arrays, work.value, rows)
-    return stored_matrix(arrays, work.value)
+    release_rows(arrays, work.matrix, rows)
+    return stored_matrix(arrays, work.matrix)
 
 
-def _unstressed_chains(model: Model, motion: Motion, rows: Iterable[int]) -> Array:
+def _unstressed_chains(model: Model, motion: State, rows: Iterable[int]) -> Array:
     """Tangent of chains in the same geometry with stresses, drive forces and loads set to zero."""
     members, state = model.arrays.members, _without_forces(motion.copy())
     for i in range(len(members.kind)):
@@ -304,7 +304,7 @@ def _unstressed_chains(model: Model, motion: Motion, rows: Iterable[int]) -> Arr
     return _chain_tangent(model, state, rows, 0.0)
 
 
-def with_stresses(model: Model, motion: Motion, K: Any) -> Any:
+def with_stresses(model: Model, motion: State, K: Any) -> Any:
     """[K - B^T S B, B^T; B, -S^-1], scipy CSC, from the node tangent K (n, n) of chains with all their nodes in the open:
     that with the stresses of all elements as unknowns beside the motions of their nodes.
 
@@ -337,7 +337,7 @@ def _stiffnesses(model: Model) -> Array:
     return S
 
 
-def _strain_rates(model: Model, motion: Motion) -> Array:
+def _strain_rates(model: Model, motion: State) -> Array:
     """B (m, 6, 12): strains of every element per motion of its two nodes. Its end wrench is B^T sigma, so unit stresses
     tell its rows."""
     members = model.arrays.members
@@ -345,7 +345,7 @@ def _strain_rates(model: Model, motion: Motion) -> Array:
     # geometric forces from the stresses given, not from those of the state
     number[:, 1] = 1
     arrays = replace(model, arrays=model.arrays._replace(members=members._replace(number=number))).arrays
-    work, target, state = make_work(arrays), np.zeros(len(arrays.terms.start)), motion.copy()
+    work, target, state = make_workspace(arrays), np.zeros(len(arrays.terms.start)), motion.copy()
     D = np.empty((len(number), 6, 6))
     for k in range(6):
         state.inner[:] = 0.0
@@ -371,7 +371,7 @@ def _derivative(
     arrays = model.arrays
     chains = not np.any(arrays.members.kind == STRAIN)
 
-    def at_state(state: Motion) -> Any:
+    def at_state(state: State) -> Any:
         K = full_tangents(model, state, rows=rows, load_factor=load_factor)[0]
         return with_stresses(model, state, K) if chains and motion.inner.any() else K
 
@@ -540,7 +540,7 @@ def _matrices(
     return K, change + assemble_blocks([start + np.arange(6)[None]], [own[None]], K.shape[0]), reach
 
 
-def twice_finer_state(model: Model, motion: Motion, load_factor: float = 1.0) -> tuple[Model, Motion]:
+def twice_finer_state(model: Model, motion: State, load_factor: float = 1.0) -> tuple[Model, State]:
     """The model with two more modes per axis, or chain nodes in the open, and the equilibrium there next to the state.
 
     A leaf spring that buckles between its ends has more waves than one that is bent: with one more mode the least factor of
@@ -571,7 +571,7 @@ def _mesh_error(model: Model, K: Any, change: Any, factor: Array, vectors: Array
 
 def buckling(
     model: Model,
-    motion: Motion,
+    motion: State,
     link: Any = None,
     *,
     at: Any = None,

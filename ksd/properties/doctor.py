@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ksd.checks import clear_argument_errors
 from ksd.errors import SceneError
-from ksd.model.arrays import make_work
+from ksd.model.arrays import make_workspace
 from ksd.model.compile import Model, compile_scene, reference_points
 from ksd.model.leaves import cut_leaves
 from ksd.model.newton import assemble
@@ -411,9 +411,9 @@ def stiffness_at_rest(scene: Scene, point: Array, axes: Array, length: float) ->
 def rest_matrix(model: Model) -> Array:
     """The tangent (n, n) of a model at rest, without loads, in the order of its unknowns."""
     arrays = exact_tangent_arrays(model)
-    work = make_work(arrays)
+    work = make_workspace(arrays)
     assemble(arrays, model.rest, np.zeros(len(arrays.terms.start)), 0.0, work, 1e-8, 0, 10.0)
-    return stored_matrix(arrays, work.value)
+    return stored_matrix(arrays, work.matrix)
 
 
 def leaf_spring(leaf: Any, nodes: tuple[int, int]) -> Spring:

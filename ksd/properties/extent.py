@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from ksd.errors import SceneError
-from ksd.model.arrays import Motion
+from ksd.model.arrays import State
 from ksd.model.compile import Model
 from ksd.properties.cache import cached_per_model
 from ksd.properties.printing import PrintableAnswer, format_number
@@ -54,7 +54,7 @@ class Clearance(PrintableAnswer):
         return f"Smallest clearance: {self._line()}"
 
 
-def extent(model: Model, motion: Motion, *, points: int = DEFAULT_STATIONS) -> Array:
+def extent(model: Model, motion: State, *, points: int = DEFAULT_STATIONS) -> Array:
     """Lowest and highest coordinates (2, 3) [m, global] of all leaf springs, width and thickness included."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for leaf in mechanism_shape(model, motion, points=points).leaves:
@@ -67,7 +67,7 @@ def extent(model: Model, motion: Motion, *, points: int = DEFAULT_STATIONS) -> A
     return np.array([low, high])
 
 
-def clearance(model: Model, motion: Motion, *, points: int = DEFAULT_STATIONS) -> Clearance:
+def clearance(model: Model, motion: State, *, points: int = DEFAULT_STATIONS) -> Clearance:
     """The nearest two leaf springs without a common block, but for those in one joint with windows. Raises SceneError where
     there are none."""
     leaves = mechanism_shape(model, motion, points=points).leaves

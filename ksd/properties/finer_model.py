@@ -18,12 +18,12 @@ from functools import lru_cache
 import numpy as np
 
 from ksd.errors import SceneError
-from ksd.model.arrays import COROTATIONAL, STRAIN, Motion, make_work
-from ksd.model.compile import Model, remeshed
+from ksd.model.arrays import COROTATIONAL, STRAIN, State, make_workspace
+from ksd.model.compile import Model, remesh_model
 from ksd.model.leaves import piece_name
-from ksd.model.mesh import MOST_ORDER, Mesh, MixedMesh
-from ksd.model.newton import held_step
-from ksd.model.reduced import with_bodies
+from ksd.model.mesh import MAX_ORDER, Mesh, MixedMesh
+from ksd.model.newton import take_step_at_fixed_rows
+from ksd.model.reduced_bodies import with_bodies
 from ksd.properties.cache import cached_per_model
 from ksd.properties.shape import scene_leaves
 
@@ -41,7 +41,7 @@ def finer_model(model: Model) -> Model:
     if opened == model.mesh:
         return model
     # bodies are no part of the scene
-    return with_bodies(remeshed(model, opened), model.bodies)
+    return with_bodies(remesh_model(model, opened), model.bodies)
 
 
 def finer_mesh(model: Model) -> Mesh:
@@ -68,20 +68,20 @@ def _finer_mesh(mesh: Mesh, strain: bool) -> Mesh:
         mesh = replace(mesh, others=others)
     if mesh.leaf != "strain":
         return mesh if mesh.nodal else replace(mesh, nodal=True)
-    if not strain or max(mesh.orders) >= MOST_ORDER:
+    if not strain or max(mesh.orders) >= MAX_ORDER:
         return mesh
     nx, ny, nz = mesh.orders
     return replace(mesh, orders=(nx + 1, ny + 1, nz + 1), points=max(mesh.points, nz + 2) + 1)
 
 
-def finer_state(model: Model, motion: Motion, *, load_factor: float = 1.0) -> tuple[Model, Motion]:
+def finer_state(model: Model, motion: State, *, load_factor: float = 1.0) -> tuple[Model, State]:
     """The finer model and the equilibrium there next to the state, drives and supports where they are."""
     fine = finer_model(model)
     if fine is model:
         return model, motion
     state = _expand_state(model, motion, fine)
     if STRAIN in model.kinds:
-        held_step(fine.arrays, state, load_factor, make_work(fine.arrays), MAX_STEP)
+        take_step_at_fixed_rows(fine.arrays, state, load_factor, make_workspace(fine.arrays), MAX_STEP)
     return fine, state
 
 
@@ -111,13 +111,13 @@ def finer_inner_index(number: bytes, wider: bytes) -> np.ndarray:
     return np.concatenate(places)
 
 
-def _expand_state(model: Model, motion: Motion, fine: Model) -> Motion:
+def _expand_state(model: Model, motion: State, fine: Model) -> State:
     """State of the finer model: strain-mode leaves with more modes, the inner nodes and stresses of chains in the open."""
     members, more = model.arrays.members, fine.arrays.members
     state = fine.rest.copy()
     if model.member_names == fine.member_names and model.kinds <= {STRAIN}:
         state.inner[finer_inner_index(members.number.tobytes(), more.number.tobytes())] = motion.inner
-        return Motion(motion.x.copy(), motion.R.copy(), state.inner, motion.multiplier.copy())
+        return State(motion.x.copy(), motion.R.copy(), state.inner, motion.multiplier.copy())
     index = {name: k for k, name in enumerate(fine.node_names)}
     member = {name: i for i, name in enumerate(fine.member_names)}
     for k, name in enumerate(model.node_names):
@@ -140,9 +140,7 @@ def _expand_state(model: Model, motion: Motion, fine: Model) -> Motion:
     return state
 
 
-def _expand_chain(
-    model: Model, motion: Motion, i: int, inner: np.ndarray, nodes: list, state: Motion
-) -> None:
+def _expand_chain(model: Model, motion: State, i: int, inner: np.ndarray, nodes: list, state: State) -> None:
     """Write the inner nodes of chain `i` into `state`: r in frame p, R from the undeformed state in frame
     p."""
     members = model.arrays.members

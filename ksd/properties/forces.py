@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import SceneError
-from ksd.model.arrays import COIL, STRAIN, TURN, Motion, Work, make_work
+from ksd.model.arrays import COIL, STRAIN, TORSION, State, Workspace, make_workspace
 from ksd.model.compile import Model
 from ksd.model.loading import twist
 from ksd.model.newton import assemble, assemble_nodes
@@ -85,7 +85,7 @@ class SectionForces(PrintableAnswer):
 
 
 def section_forces(
-    model: Model, motion: Motion, *, points: int = POINTS, load_factor: float = 1.0
+    model: Model, motion: State, *, points: int = POINTS, load_factor: float = 1.0
 ) -> NamedAnswerTable[SectionForces]:
     """Section forces of all leaves by full name; `points` stations in a strain-mode leaf; their weight times load_factor."""
     found = forces_of_members(model, motion, leaf_members(model), points, load_factor)
@@ -95,7 +95,7 @@ def section_forces(
 
 
 def forces_of_members(
-    model: Model, motion: Motion, lines: dict[str, list[int]], points: int, load_factor: float
+    model: Model, motion: State, lines: dict[str, list[int]], points: int, load_factor: float
 ) -> dict[str, SectionForces]:
     """The same along lines of members, by name."""
     parts: dict[int, tuple[Array, Array]] = {}
@@ -125,12 +125,12 @@ def _most(forces: SectionForces) -> list[str]:
     return [format_number(float(v), 4, zero=1e-9 * float(most.max())) for v in most]
 
 
-def end_wrenches(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Array:
+def end_wrenches(model: Model, motion: State, *, load_factor: float = 1.0) -> Array:
     """Force and moment (members, 6) [N, Nm] on end q of every member, in the frame of its end p."""
     found = np.empty((len(model.member_names), 6))
     if model.kinds - {STRAIN}:
         # what is left inside is condensed out
-        held, work = np.zeros(len(motion.multiplier)), make_work(model.arrays)
+        held, work = np.zeros(len(motion.multiplier)), make_workspace(model.arrays)
         assemble(model.arrays, motion, held, load_factor, work, 1e-8, 0, 10.0)
         found[:] = work.lam[: len(found), :6]
     for group in leaf_groups(model):
@@ -149,7 +149,7 @@ def strain_forces(
 
 
 def _chain_forces(
-    model: Model, motion: Motion, group: LeafGroup, wrenches: Array, gravity: Array | None
+    model: Model, motion: State, group: LeafGroup, wrenches: Array, gravity: Array | None
 ) -> tuple[Array, Array]:
     """Stations (chains, k) and section forces (chains, k, 6) of chains of one number of elements, at their nodes, from the
     wrenches (members, 6) on end q of all members; gravity (chains, 3) in their frames p."""
@@ -161,7 +161,7 @@ def _chain_forces(
     return s, forces_along(r, axes, wrenches[group.members, None], *weight)
 
 
-def _solid_forces(model: Model, motion: Motion, i: int, wrenches: Array) -> tuple[Array, Array]:
+def _solid_forces(model: Model, motion: State, i: int, wrenches: Array) -> tuple[Array, Array]:
     """Stations (k,) and section forces (k, 6) along the middle of a reduced solid."""
     ends = member_ends(model, motion, i)
     solid = model.bodies[model.member_names[i]]
@@ -269,7 +269,7 @@ class InterfaceForces(PrintableAnswer):
         return np.concatenate([sum(r.force for r in mine), sum(moments)])
 
 
-def interface_forces(model: Model, motion: Motion, *, load_factor: float = 1.0) -> InterfaceForces:
+def interface_forces(model: Model, motion: State, *, load_factor: float = 1.0) -> InterfaceForces:
     """What every joint, free leaf, spring, pin and slider of `model` exerts on its links at `motion`, their weight times
     load_factor."""
     ends = leaf_end_forces(model, motion, load_factor)
@@ -286,14 +286,14 @@ def interface_forces(model: Model, motion: Motion, *, load_factor: float = 1.0) 
     names = {placed.name for placed in model.scene.leaves}
     rows += [e for e in ends if e.name in names]
     if model.spring_names:
-        assemble_nodes(model.arrays, motion, load_factor, work := make_work(model.arrays))
+        assemble_nodes(model.arrays, motion, load_factor, work := make_workspace(model.arrays))
         rows += [row for i in range(len(model.spring_names)) for row in _spring(model, motion, i, work)]
     for hinge in model.scene.hinges:
         rows += _hinge(model, motion, hinge)
     return InterfaceForces(tuple(rows), model.arrays.size)
 
 
-def leaf_end_forces(model: Model, motion: Motion, load_factor: float) -> list[InterfaceForce]:
+def leaf_end_forces(model: Model, motion: State, load_factor: float) -> list[InterfaceForce]:
     """What every leaf exerts at its start and at its end on the nodes there, two rows each."""
     found, members = [], model.arrays.members
     forces = section_forces(model, motion, load_factor=load_factor)
@@ -313,7 +313,7 @@ def leaf_end_forces(model: Model, motion: Motion, load_factor: float) -> list[In
     return found
 
 
-def _hinge(model: Model, motion: Motion, hinge: Any) -> list[InterfaceForce]:
+def _hinge(model: Model, motion: State, hinge: Any) -> list[InterfaceForce]:
     """What a pin or slider exerts on its links: the sum of its supports."""
     force, moment = np.zeros(3), np.zeros(3)
     nodes = [model.node_names.index(link) for link in (hinge.a, hinge.b)]
@@ -333,14 +333,14 @@ def _hinge(model: Model, motion: Motion, hinge: Any) -> list[InterfaceForce]:
     ]
 
 
-def _spring(model: Model, motion: Motion, i: int, work: Work) -> list[InterfaceForce]:
+def _spring(model: Model, motion: State, i: int, work: Workspace) -> list[InterfaceForce]:
     """What a spring or elastic link exerts on the nodes at its ends; work: as assembled."""
     springs, R = model.arrays.springs, motion.R
     a, b = springs.node[i].tolist()
     start, end = (motion.x[n] + R[n] @ springs.offset[i, e] for e, n in enumerate((a, b)))
     frame = R[a] @ springs.frame[i, 0]
     n, m = work.lam[len(model.member_names) + i, :6].reshape(2, 3) @ frame.T
-    if springs.kind[i] == TURN:
+    if springs.kind[i] == TORSION:
         # its number is what goes with the angle, whose gradient leaves the axis where the links turn about another
         twist(R[a], R[b], frame[:, 2].copy(), np.zeros(3), slope := np.zeros(3), np.zeros((3, 3)))
         m = float(m @ frame[:, 2]) * slope
@@ -351,12 +351,12 @@ def _spring(model: Model, motion: Motion, i: int, work: Work) -> list[InterfaceF
     ]
 
 
-def spring_energy(model: Model, motion: Motion) -> dict[str, float]:
+def spring_energy(model: Model, motion: State) -> dict[str, float]:
     """Energy [J] of every spring and link with a matrix, by name; empty where the model has none."""
     return {name: energy_of_one_spring(model, motion, i) for i, name in enumerate(model.spring_names)}
 
 
-def energy_of_one_spring(model: Model, motion: Motion, i: int) -> float:
+def energy_of_one_spring(model: Model, motion: State, i: int) -> float:
     """k (l - l0)^2 / 2, k (angle - rest)^2 / 2, or xi K xi / 2 of spring i."""
     springs = model.arrays.springs
     value, pose, Q = springs.value[springs.value_at[i] :], np.empty(18), np.empty((3, 3))
@@ -367,7 +367,7 @@ def energy_of_one_spring(model: Model, motion: Motion, i: int) -> float:
         return 0.5 * float(value[0]) * (math.sqrt(float(d @ d)) - float(value[1])) ** 2
     from scipy.spatial.transform import Rotation
 
-    if springs.kind[i] == TURN:
+    if springs.kind[i] == TORSION:
         _, _, z, w = Rotation.from_matrix(Q).as_quat()
         angle = 2.0 * math.atan2(z, w)
         # the same branch as the kernel: between -180 and 180 degrees

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from ksd.checks import names_of
 from ksd.errors import ConvergenceError
-from ksd.model.arrays import STRAIN, Motion
+from ksd.model.arrays import STRAIN, State
 from ksd.model.compile import Model
-from ksd.model.leaves import leaf_of
+from ksd.model.leaves import whole_leaf_name
 from ksd.model.newton import move_nodes
 from ksd.properties.finer_model import finer_state
 from ksd.properties.leaf_groups import leaf_groups
@@ -80,7 +80,7 @@ class Modes(PrintableAnswer):
     freed: tuple[str, ...]
     massless: tuple[str, ...]
     mass: Inertia = field(repr=False)
-    motion: Motion = field(repr=False)
+    motion: State = field(repr=False)
     conservative: bool = True
     backward_error: float = 0.0
 
@@ -188,7 +188,7 @@ class Modes(PrintableAnswer):
     def _rooted(self) -> Array:
         return self.mass.rooted(self.vector.T)
 
-    def moved(self, row: int, size: float) -> Motion:
+    def moved(self, row: int, size: float) -> State:
         """The state of `model` displaced by `size` times the mode of this row, to first order, leaf springs included."""
         # what is fixed reads the zero at the end
         state, x = self.motion.copy(), np.append(size * self.vector[row], 0.0)
@@ -273,7 +273,7 @@ def _spoken(model: Model, node: int, shape: Array, body: bool) -> str:
     if body or not does:
         return f"'{name}' {does}" if does else "the leaf springs"
     leaves = scene_leaves(model)
-    leaf = leaf_of(name, leaves)
+    leaf = whole_leaf_name(name, leaves)
     return f"'{leaf}' between the ends" if leaf in leaves else f"the leaf springs at '{name}', which {does}"
 
 
@@ -391,7 +391,7 @@ def _backward_error(tangent: Tangent, mass: Inertia, squared: Array, vectors: Ar
 
 def frequencies(
     model: Model,
-    motion: Motion,
+    motion: State,
     *,
     count: int = 6,
     freed: Iterable[str] = (),

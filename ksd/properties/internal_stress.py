@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from ksd.checks import positive, show
 from ksd.errors import SceneError
-from ksd.model.arrays import STRAIN, Motion, make_work
+from ksd.model.arrays import STRAIN, State, make_workspace
 from ksd.model.compile import Model
-from ksd.model.newton import assemble_nodes, newton_step
+from ksd.model.newton import assemble_nodes, take_newton_step
 from ksd.properties.forces import SectionForces, section_forces
 from ksd.properties.leaf_groups import LeafFlexibility, inner_unknowns, leaf_flexibilities, leaf_groups
 from ksd.properties.printing import PrintableAnswer
@@ -80,7 +80,7 @@ class Misplaced(PrintableAnswer):
 
 def internal_stress(
     model: Model,
-    motion: Motion,
+    motion: State,
     *,
     offset: float = 1e-5,
     rotation: float = 1e-4,
@@ -116,7 +116,7 @@ Change = Callable[[int, Array], dict[str, SectionForces]]
 """Change of the section forces by end q of a member misplaced (6,) in its axes."""
 
 
-def _of_strain(model: Model, motion: Motion, load_factor: float, points: int) -> Change:
+def _of_strain(model: Model, motion: State, load_factor: float, points: int) -> Change:
     told: dict[str, Any] = {"points": points, "load_factor": load_factor}
     tangent = assemble_and_factor(model, motion, load_factor=load_factor)
     flexible = leaf_flexibilities(model, motion, load_factor=load_factor)
@@ -134,7 +134,7 @@ PART = 1e-3
 large enough for the rounding of the step (a one-sided 1e-4 left 1e-5 of the answer and differed between processors)."""
 
 
-def _of_chains(model: Model, motion: Motion, load_factor: float, points: int) -> Change:
+def _of_chains(model: Model, motion: State, load_factor: float, points: int) -> Change:
     arrays, told = exact_tangent_arrays(model), {"points": points, "load_factor": load_factor}
     target = _present(model, motion)
 
@@ -147,7 +147,7 @@ def _of_chains(model: Model, motion: Motion, load_factor: float, points: int) ->
         frame[member, 1] = frame[member, 1] @ Rotation.from_rotvec(misplaced[3:]).as_matrix()
         moved = arrays._replace(members=members._replace(offset=offset, frame=frame))
         state = motion.copy()
-        newton_step(moved, state, target, load_factor, make_work(moved), 1e-8)
+        take_newton_step(moved, state, target, load_factor, make_workspace(moved), 1e-8)
         return section_forces(replace(model, arrays=moved), state, **told)  # type: ignore[arg-type]
 
     # a state that is not quite an equilibrium of the chains takes the step to it on both sides
@@ -158,15 +158,15 @@ def _of_chains(model: Model, motion: Motion, load_factor: float, points: int) ->
     return change
 
 
-def _present(model: Model, motion: Motion) -> Array:
+def _present(model: Model, motion: State) -> Array:
     """Values (c,) of the drives and supports at `motion`, which hold it there."""
-    work = make_work(model.arrays)
+    work = make_workspace(model.arrays)
     assemble_nodes(model.arrays, motion, 0.0, work)
     found: Array = work.rhs[model.arrays.terms.start]
     return found
 
 
-def _change(tangent: Tangent, flexible: list[LeafFlexibility], member: int, misplaced: Array) -> Motion:
+def _change(tangent: Tangent, flexible: list[LeafFlexibility], member: int, misplaced: Array) -> State:
     """The leaf springs after the linear response to end q of `member` moved (6,) in its axes; nodes stay where they were."""
     model, motion = tangent.model, tangent.motion
     loads = np.zeros(model.arrays.plan.unknowns + 1)
@@ -192,7 +192,7 @@ def _change(tangent: Tangent, flexible: list[LeafFlexibility], member: int, misp
     return state
 
 
-def _end_turn(model: Model, motion: Motion, member: int) -> Array:
+def _end_turn(model: Model, motion: State, member: int) -> Array:
     """Axes (3, 3) of end q of a member, as columns in frame p."""
     members = model.arrays.members
     a, b = members.node[member]

@@ -18,7 +18,7 @@ from ksd.beam.strain_uncondensed import (
     uncondensed_leaves,
 )
 from ksd.beam.strain_values import strain_value_count
-from ksd.model.arrays import COROTATIONAL, STRAIN, Motion
+from ksd.model.arrays import COROTATIONAL, STRAIN, State
 from ksd.model.compile import Model
 from ksd.properties.cache import cached_per_model
 from ksd.properties.nonconservative import cross_matrix
@@ -105,7 +105,7 @@ class EndFrames:
     reach: Array
 
 
-def end_frames(model: Model, motion: Motion, which: NDArray[np.int64] | slice) -> EndFrames:
+def end_frames(model: Model, motion: State, which: NDArray[np.int64] | slice) -> EndFrames:
     """End frames of the members `which` (k,) at `motion`."""
     members = model.arrays.members
     nodes = members.node[which]
@@ -117,7 +117,7 @@ def end_frames(model: Model, motion: Motion, which: NDArray[np.int64] | slice) -
     return EndFrames(start, frame, d, arms, end - motion.x[nodes[:, 0]])
 
 
-def end_axes(model: Model, motion: Motion, which: NDArray[np.int64], ends: EndFrames) -> Array:
+def end_axes(model: Model, motion: State, which: NDArray[np.int64], ends: EndFrames) -> Array:
     """Axes (k, 3, 3) of end q of the members `which` (k,) in frame p, from their end frames."""
     members = model.arrays.members
     axes: Array = ends.frame.swapaxes(1, 2) @ motion.R[members.node[which, 1]] @ members.frame[which, 1]
@@ -137,7 +137,7 @@ def end_jacobians(ends: EndFrames) -> tuple[Array, Array]:
     return own, relative
 
 
-def local_gravity(model: Model, motion: Motion, group: LeafGroup, load_factor: float) -> Array | None:
+def local_gravity(model: Model, motion: State, group: LeafGroup, load_factor: float) -> Array | None:
     """Gravity (k, 3) [m/s^2] times the load factor in the frames p of a group of leaf springs; None without weight."""
     if not group.has_weight:
         return None
@@ -147,7 +147,7 @@ def local_gravity(model: Model, motion: Motion, group: LeafGroup, load_factor: f
     return found
 
 
-def group_parts(model: Model, motion: Motion, group: LeafGroup, load_factor: float) -> UncondensedLeaves:
+def group_parts(model: Model, motion: State, group: LeafGroup, load_factor: float) -> UncondensedLeaves:
     """Tangent blocks and mode fields of all leaf springs of a group, stacked (k, ...), see `ksd.beam.strain_uncondensed`."""
     gravity = local_gravity(model, motion, group, load_factor)
     return uncondensed_leaves(group.value, group.number, motion.inner[group.inner_index], gravity)
@@ -163,7 +163,7 @@ class LeafWeight:
     corner: Array
 
 
-def leaf_weight(model: Model, motion: Motion, group: LeafGroup, load_factor: float) -> LeafWeight | None:
+def leaf_weight(model: Model, motion: State, group: LeafGroup, load_factor: float) -> LeafWeight | None:
     """What the weight of a group of leaves adds to their tangents, see `ksd.beam.weight_assembly`; None without weight."""
     gravity = local_gravity(model, motion, group, load_factor)
     if gravity is None:
@@ -232,7 +232,7 @@ class LeafFlexibility:
     inner: NDArray[np.int64]
 
 
-def leaf_flexibilities(model: Model, motion: Motion, *, load_factor: float = 1.0) -> list[LeafFlexibility]:
+def leaf_flexibilities(model: Model, motion: State, *, load_factor: float = 1.0) -> list[LeafFlexibility]:
     """Every group of leaf springs at `motion`."""
     found = []
     for group, unknowns in zip(leaf_groups(model), inner_unknowns(model), strict=True):

@@ -17,10 +17,10 @@ from ksd.model.leaves import (
     element_leaves,
     leaf_ends,
     leaf_member,
-    leaf_of,
     line_mass,
-    natural,
     rigidities,
+    stress_free_leaf,
+    whole_leaf_name,
 )
 from ksd.model.rods import Rods
 from ksd.properties.cache import cached_per_model
@@ -128,8 +128,8 @@ def leaf_rods(model: Model) -> tuple[LeafRod, ...]:
 def _leaf(model: Model, name: str) -> tuple[Any, Any]:
     """What a member stands for: the leaf, its piece between points, or an element where the mesh is nodal; and its mesh."""
     leaves, wholes = _pieces(model)
-    piece = leaf_of(name, leaves)
-    leaf, mesh = leaves[piece], model.mesh.of(leaf_of(piece, wholes))
+    piece = whole_leaf_name(name, leaves)
+    leaf, mesh = leaves[piece], model.mesh.of(whole_leaf_name(piece, wholes))
     # elements are equal parts
     return (leaf if name == piece else element_leaves(leaf, leaf.elements or mesh.elements)[0]), mesh
 
@@ -144,7 +144,7 @@ def _pieces(model: Model) -> tuple[dict[str, Any], dict[str, Any]]:
 
 def _sample(leaf: Any, mesh: Any, heavy: bool, count: int) -> _Sampled:
     """A leaf in `count` steps between breaks."""
-    return _Sampled(*_sampled(natural(leaf), mesh, heavy, count), _moved(leaf, mesh, count))
+    return _Sampled(*_sampled(stress_free_leaf(leaf), mesh, heavy, count), _moved(leaf, mesh, count))
 
 
 def _sampled(leaf: Any, mesh: Any, heavy: bool, count: int) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ksd.errors import SceneError
 from ksd.files import write_file
-from ksd.model.arrays import Motion
+from ksd.model.arrays import State
 from ksd.model.compile import Model
 from ksd.properties.forces import NOISE, InterfaceForce, interface_forces, leaf_end_forces
 from ksd.properties.printing import PrintableAnswer, format_number, format_table
@@ -95,7 +95,7 @@ class LinkForces(PrintableAnswer):
         return write_file(path, text.getvalue(), what="table")
 
 
-def link_forces(model: Model, motion: Motion, *, load_factor: float = 1.0) -> LinkForces:
+def link_forces(model: Model, motion: State, *, load_factor: float = 1.0) -> LinkForces:
     """Forces inside every leaf and on every link of `model` at `motion`, their weight times load_factor."""
     rows = []
     for k, end in enumerate(leaf_end_forces(model, motion, load_factor)):

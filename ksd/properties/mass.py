@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ksd.beam.corotational_values import ElementSection, element_mass, shear_ratios
 from ksd.beam.strain_uncondensed import quadrature_points, strain_mass_root
 from ksd.errors import SceneError
-from ksd.model.arrays import STRAIN, Motion
+from ksd.model.arrays import STRAIN, State
 from ksd.model.compile import Model
 from ksd.properties.cache import cached_per_model
 from ksd.properties.leaf_groups import (
@@ -71,7 +71,7 @@ def leaf_line_mass(leaf: Any, s: Array) -> Array:
     return density * np.array([[q.A, q.Iy + q.Iz, q.Iy, q.Iz] for q in sections])
 
 
-def _chain_element(model: Model, motion: Motion, i: int, leaf: Any, line: Array) -> Array:
+def _chain_element(model: Model, motion: State, i: int, leaf: Any, line: Array) -> Array:
     """Mass (12, 12) of one Appendix A element in the motions of its two nodes, in its deformed axes."""
     members = model.arrays.members
     ends = member_ends(model, motion, i)
@@ -95,7 +95,7 @@ def _chain_element(model: Model, motion: Motion, i: int, leaf: Any, line: Array)
     return levers.T @ turn.T @ M @ turn @ levers
 
 
-def _link_mass(model: Model, motion: Motion, mass: Any) -> tuple[int, Array]:
+def _link_mass(model: Model, motion: State, mass: Any) -> tuple[int, Array]:
     """Node and mass (6, 6) of a point mass at the present position of its link."""
     node = model.scene.links.index(mass.link)
     arm = motion.R[node] @ (np.asarray(mass.at, float) - model.rest.x[node])
@@ -139,7 +139,7 @@ def _root(M: Array) -> Array:
     return found
 
 
-def inertia(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Inertia:
+def inertia(model: Model, motion: State, *, load_factor: float = 1.0) -> Inertia:
     """Mass of an unfolded model at a state; SceneError when nothing in the scene has mass."""
     members, owner = model.arrays.members, _leaves_and_lines(model)
     leaves, stacks = tuple(leaf_flexibilities(model, motion, load_factor=load_factor)), []

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ksd.model.arrays import STRAIN, Motion
+from ksd.model.arrays import STRAIN, State
 from ksd.model.compile import Model
 from ksd.numerics.kernel import kernel
 
@@ -82,7 +82,7 @@ class ModeAdequacy(NamedTuple):
     turn_per_point: float
 
 
-def mode_adequacy(model: Model, motion: Motion) -> ModeAdequacy:
+def mode_adequacy(model: Model, motion: State) -> ModeAdequacy:
     """What the strain-mode leaves of a state say of their modes and points."""
     if STRAIN not in model.kinds:
         return ModeAdequacy(0.0, "", 0, 0.0)

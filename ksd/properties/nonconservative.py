@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.model.arrays import Arrays, Motion
+from ksd.model.arrays import Arrays, State
 
 Array = NDArray[np.float64]
 REAL_TOLERANCE = 1e-9
@@ -34,7 +34,7 @@ def load_tangent(force: Array, moment: Array, lever: Array, *, following: bool) 
     return tangent
 
 
-def skew_tangent(arrays: Arrays, motion: Motion, factor: float) -> Array | None:
+def skew_tangent(arrays: Arrays, motion: State, factor: float) -> Array | None:
     """Skew part (n, n) of the tangent of loads, see `ksd.model.nonconservative`; None without any that follow or moments."""
     loads = arrays.loads
     if not loads.skew.any():

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import ROTATION, Motion
+from ksd.model.arrays import ROTATION, State
 from ksd.model.compile import Model
 from ksd.numerics.rotations import rotation_exp, rotation_log
 from ksd.properties.nonconservative import cross_matrix
@@ -97,7 +97,7 @@ def _middle(joint: Any) -> tuple[float, ...]:
     return tuple(joint.place(0.5 * np.asarray(joint.joint.pose_B, float)).tolist())
 
 
-def parasitic(model: Model, motion: Motion, link: Any = None, *, at: Any = None) -> Parasitic:
+def parasitic(model: Model, motion: State, link: Any = None, *, at: Any = None) -> Parasitic:
     """Motion of the point of `link` at `at` (3,) [m] at rest, less what drives and supports prescribe there: rotations about
     prescribed axes, displacements along prescribed directions, each by one drive or by several together (three along z
     prescribe a lift and both tilts). What drives prescribe of a link that carries this one is taken out too: it moves this
@@ -191,7 +191,7 @@ def _beyond_legs(
 
 
 def _prescribed(
-    model: Model, motion: Motion, base: int, end: int, place: Array
+    model: Model, motion: State, base: int, end: int, place: Array
 ) -> tuple[Array, Array, tuple[str, ...]]:
     """Orthonormal columns (3, k) along which, and about which, rows prescribe the motion of the point of node `end` that is
     at `place` (3,) over node `base`, and the drives that do."""
@@ -238,7 +238,7 @@ def _span(A: Array) -> Array:
     return np.asarray(axes[:, : int(np.sum(size > ROW_SHARE_TOLERANCE))])
 
 
-def pivot_shift(model: Model, motion: Motion, joint: Any, *, at: Any = None) -> PivotShift:
+def pivot_shift(model: Model, motion: State, joint: Any, *, at: Any = None) -> PivotShift:
     """Shift of the pivot of a joint that turns: of the point of B that is at `at` (3,) [m, global, at rest], seen from A,
     in joint axes. By default the point its leaves, or their extensions, cross in, seen along the axis; where they do not
     all cross in one, the middle between the interfaces.

@@ -20,11 +20,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ksd.beam.strain_centreline import integrate_centrelines
 from ksd.beam.strain_values import masses_beyond
-from ksd.model.arrays import COROTATIONAL, SOLID, STRAIN, Motion
+from ksd.model.arrays import COROTATIONAL, SOLID, STRAIN, State
 from ksd.model.compile import Model
-from ksd.model.leaves import leaf_of
+from ksd.model.leaves import whole_leaf_name
 from ksd.numerics.kernel import kernel
-from ksd.numerics.rotations import straighten
+from ksd.numerics.rotations import reorthonormalise
 from ksd.properties.cache import cached_per_model
 from ksd.properties.leaf_groups import EndFrames, LeafGroup, end_axes, end_frames
 from ksd.scene.effects import Spring
@@ -146,7 +146,7 @@ class Ends:
     Q: Array
 
 
-def member_ends(model: Model, motion: Motion, i: int) -> Ends:
+def member_ends(model: Model, motion: State, i: int) -> Ends:
     """End frames of member `i` at `motion`."""
     members = model.arrays.members
     a, b = members.node[i]
@@ -156,7 +156,7 @@ def member_ends(model: Model, motion: Motion, i: int) -> Ends:
     return Ends(start, frame, frame.T @ (end - start), frame.T @ motion.R[b] @ members.frame[i, 1])
 
 
-def member_arrays(model: Model, motion: Motion, i: int) -> tuple[Array, NDArray[np.int64], Array]:
+def member_arrays(model: Model, motion: State, i: int) -> tuple[Array, NDArray[np.int64], Array]:
     """Constants, settings and inner state (value, number, inner) of member `i`."""
     members = model.arrays.members
     inner = motion.inner[members.inner_at[i] : members.inner_at[i + 1]]
@@ -345,7 +345,7 @@ def chain_axes(value: Array, number: NDArray[np.int64]) -> Array:
 def _make_rotations(A: Array) -> None:
     for k in range(len(A)):
         for _ in range(ORTHONORMALISATION_STEPS):
-            straighten(A[k])
+            reorthonormalise(A[k])
 
 
 def nearest_rotations(A: Array) -> Array:
@@ -388,7 +388,7 @@ def _chain_curve(
     )
 
 
-def member_centreline(model: Model, motion: Motion, i: int, points: int) -> tuple[Array, Array, Array]:
+def member_centreline(model: Model, motion: State, i: int, points: int) -> tuple[Array, Array, Array]:
     """Stations (k,) [m], positions (k, 3), axes (k, 3, 3) of member `i`, global.
 
     The curve of a fast method ends a little off its clamp (its error); the gap is spread along the leaf.
@@ -409,7 +409,7 @@ def member_centreline(model: Model, motion: Motion, i: int, points: int) -> tupl
 
 
 def poses_along(
-    model: Model, motion: Motion, group: LeafGroup, which: NDArray[np.int64], share: Array, points: int
+    model: Model, motion: State, group: LeafGroup, which: NDArray[np.int64], share: Array, points: int
 ) -> tuple[Array, Array]:
     """Positions (s, 3) and axes (s, 3, 3), global, at shares (s,) of the lengths of members `which` (s,) of a group: between
     those of `member_line` next to them, of chains on its cubics."""
@@ -431,7 +431,7 @@ def poses_along(
 
 
 def chain_lines(
-    model: Model, motion: Motion, group: LeafGroup, which: NDArray[np.int64] | slice = slice(None)
+    model: Model, motion: State, group: LeafGroup, which: NDArray[np.int64] | slice = slice(None)
 ) -> tuple[EndFrames, Array, Array]:
     """End frames of chains `which` of a group; positions (k, n+1, 3) and axes (k, n+1, 3, 3) of their nodes, in frame p."""
     value, members = group.value[which], group.members[which]
@@ -442,7 +442,7 @@ def chain_lines(
 
 
 def _along_chains(
-    model: Model, motion: Motion, group: LeafGroup, which: NDArray[np.int64], share: Array
+    model: Model, motion: State, group: LeafGroup, which: NDArray[np.int64], share: Array
 ) -> tuple[Array, Array]:
     n = int(group.number[0])
     (ends, x, turned), lengths = chain_lines(model, motion, group, which), group.value[which, : 16 * n : 16]
@@ -472,7 +472,7 @@ def leaf_members(model: Model) -> dict[str, list[int]]:
     leaves = scene_leaves(model)
     found: dict[str, list[int]] = {}
     for i, name in enumerate(model.member_names):
-        found.setdefault(leaf_of(name, leaves), []).append(i)
+        found.setdefault(whole_leaf_name(name, leaves), []).append(i)
     return found
 
 
@@ -482,7 +482,7 @@ def _rest_lines(model: Model) -> dict[tuple[int, int], tuple[Array, Array, Array
     return {}
 
 
-def _leaf_shape(model: Model, motion: Motion, name: str, members: list[int], points: int) -> LeafShape:
+def _leaf_shape(model: Model, motion: State, name: str, members: list[int], points: int) -> LeafShape:
     leaf = scene_leaves(model)[name]
     count = max(2, math.ceil((points - 1) / len(members)) + 1)
     known = _rest_lines(model)
@@ -509,7 +509,7 @@ def _leaf_shape(model: Model, motion: Motion, name: str, members: list[int], poi
     return LeafShape(name, s, rest, place, rest_axes, axes, width, thickness)
 
 
-def _driven(model: Model, motion: Motion) -> tuple[DrivenPoint, ...]:
+def _driven(model: Model, motion: State) -> tuple[DrivenPoint, ...]:
     index = {link: i for i, link in enumerate(model.scene.links)}
     found = []
     for drive in model.scene.drives:
@@ -524,7 +524,7 @@ def _driven(model: Model, motion: Motion) -> tuple[DrivenPoint, ...]:
     return tuple(found)
 
 
-def _blocks(model: Model, motion: Motion) -> tuple[BlockShape, ...]:
+def _blocks(model: Model, motion: State) -> tuple[BlockShape, ...]:
     members, leaves = model.arrays.members, leaf_members(model)
     # of every block: arms, owners, leaf and station of what is clamped to it
     found: list[list[tuple[Array, str, int, int]]] = [[] for _ in model.node_names]
@@ -573,7 +573,7 @@ def _points(model: Model) -> Iterator[tuple[str, ArrayLike, str]]:
         yield asked.b, asked.end, asked.name
 
 
-def _hinges(model: Model, motion: Motion) -> tuple[HingeShape, ...]:
+def _hinges(model: Model, motion: State) -> tuple[HingeShape, ...]:
     index = {link: i for i, link in enumerate(model.scene.links)}
     found = []
     for hinge in model.scene.hinges:
@@ -583,7 +583,7 @@ def _hinges(model: Model, motion: Motion) -> tuple[HingeShape, ...]:
     return tuple(found)
 
 
-def _loads(model: Model, motion: Motion, *, factor: float) -> tuple[LoadShape, ...]:
+def _loads(model: Model, motion: State, *, factor: float) -> tuple[LoadShape, ...]:
     """Forces and moments, `factor` times those of the scene, and rigid masses."""
     index, found = {link: i for i, link in enumerate(model.scene.links)}, []
     for load in model.scene.loads:
@@ -602,7 +602,7 @@ def _loads(model: Model, motion: Motion, *, factor: float) -> tuple[LoadShape, .
     return tuple(found)
 
 
-def _springs(model: Model, motion: Motion) -> tuple[SpringShape, ...]:
+def _springs(model: Model, motion: State) -> tuple[SpringShape, ...]:
     index, found = {link: i for i, link in enumerate(model.scene.links)}, []
     for spring in model.scene.springs:
         ends = (
@@ -615,7 +615,7 @@ def _springs(model: Model, motion: Motion) -> tuple[SpringShape, ...]:
     return tuple(found)
 
 
-def _distances(model: Model, motion: Motion) -> tuple[DistanceShape, ...]:
+def _distances(model: Model, motion: State) -> tuple[DistanceShape, ...]:
     index, found = {link: i for i, link in enumerate(model.scene.links)}, []
     for asked in model.scene.distances:
         ends = np.array(
@@ -629,7 +629,7 @@ def _distances(model: Model, motion: Motion) -> tuple[DistanceShape, ...]:
     return tuple(found)
 
 
-def point_position(model: Model, motion: Motion, node: int, at: ArrayLike) -> Array:
+def point_position(model: Model, motion: State, node: int, at: ArrayLike) -> Array:
     """Where the point at (3,) [m] at rest of a node is now (3,)."""
     arm = np.asarray(at, float) - model.rest.x[node]
     place: Array = motion.x[node] + motion.R[node] @ arm
@@ -637,7 +637,7 @@ def point_position(model: Model, motion: Motion, node: int, at: ArrayLike) -> Ar
 
 
 def mechanism_shape(
-    model: Model, motion: Motion, *, points: int = DEFAULT_STATIONS, load_factor: float = 1.0
+    model: Model, motion: State, *, points: int = DEFAULT_STATIONS, load_factor: float = 1.0
 ) -> Shape:
     """Leaf springs at `points` stations or more, blocks, driven points, hinges, loads, springs and distances of `model`
     at `motion`."""

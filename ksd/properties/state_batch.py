@@ -13,17 +13,27 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.model.arrays import MEMBERS, STRAIN, VALUE, WEIGHT, Arrays, Bare, Flat, Motion, make_work
+from ksd.model.arrays import (
+    MEMBERS,
+    STRAIN,
+    VALUE,
+    WEIGHT,
+    Arrays,
+    FlatArrays,
+    KernelArrays,
+    State,
+    make_workspace,
+)
 from ksd.model.compile import Model
-from ksd.model.drawing import draw
 from ksd.model.mesh import Mesh
-from ksd.model.newton import held_step
-from ksd.model.pack import revalued_floats
-from ksd.model.template import Leaves, Template, design, template_of
+from ksd.model.newton import take_step_at_fixed_rows
+from ksd.model.pack import floats_with_constants
+from ksd.model.scene_layout import split_scene
+from ksd.model.template import LeafGeometry, Template, arrays_of_design, template_of
 from ksd.properties.finer_model import MAX_STEP, finer_inner_index, finer_mesh
 
 Array = NDArray[np.float64]
-State = tuple[Model, Motion, float]
+LoadedState = tuple[Model, State, float]
 """A model, a state of it, and what times its loads act there."""
 
 
@@ -37,7 +47,7 @@ class StateBatch:
     template: Template
     topology: Arrays
     floats: Array
-    motion: Motion
+    motion: State
     factor: Array
 
     @property
@@ -46,12 +56,15 @@ class StateBatch:
         return self.floats[self.model_index, 0]
 
     @cached_property
-    def states(self) -> list[tuple[Bare, Motion]]:
+    def states(self) -> list[tuple[KernelArrays, State]]:
         """Numbers and state of each, views of what is here."""
-        ints, kinds = self.topology.flat.ints, self.topology.flat.members
-        bare = [Bare(Flat(ints, own, kinds), own[ints[WEIGHT] :].reshape(-1, 4)) for own in self.floats]
+        ints, kinds = self.topology.flat.ints, self.topology.flat.member_kinds
+        bare = [
+            KernelArrays(FlatArrays(ints, own, kinds), own[ints[WEIGHT] :].reshape(-1, 4))
+            for own in self.floats
+        ]
         return [
-            (bare[u], Motion(*own)) for u, *own in zip(self.model_index.tolist(), *self.motion, strict=True)
+            (bare[u], State(*own)) for u, *own in zip(self.model_index.tolist(), *self.motion, strict=True)
         ]
 
     def member_constants(self, members: NDArray[np.int64], size: int) -> Array:
@@ -68,32 +81,34 @@ class StateBatch:
         fine = self.template.on(mesh)
         if fine is None:
             # leaf springs that bring their constants are drawn with more modes
-            drawn = [draw(model.scene, mesh) for model in self.models]
-            fine = template_of(drawn[0].words, mesh)
-            if any(other.words != drawn[0].words for other in drawn):
+            drawn = [split_scene(model.scene, mesh) for model in self.models]
+            fine = template_of(drawn[0].layout, mesh)
+            if any(other.layout != drawn[0].layout for other in drawn):
                 return None
             filled = fine(fine.numbers([own.numbers for own in drawn]))
             floats = np.stack(
-                [design(filled.arrays, fine.topology, u).flat.floats for u in range(len(drawn))]
+                [arrays_of_design(filled.arrays, fine.topology, u).flat.floats for u in range(len(drawn))]
             )
         else:
             known = [model.derived["leaves"] for model in self.models]
-            leaves = Leaves(*(np.concatenate(field) for field in zip(*(k[1] for k in known), strict=True)))
+            leaves = LeafGeometry(
+                *(np.concatenate(field) for field in zip(*(k[1] for k in known), strict=True))
+            )
             value, _ = fine.packed.values(leaves, np.concatenate([k[2] for k in known]))
-            floats = revalued_floats(self.topology.flat.ints, self.floats, value)
+            floats = floats_with_constants(self.topology.flat.ints, self.floats, value)
         inner = np.zeros((len(self.model_index), int(fine.topology.members.inner_at[-1])))
         number, wider = (b.members.number.tobytes() for b in (self.topology, fine.topology))
         inner[:, finer_inner_index(number, wider)] = m.inner
-        motion = Motion(m.x.copy(), m.R.copy(), inner, m.multiplier.copy())
+        motion = State(m.x.copy(), m.R.copy(), inner, m.multiplier.copy())
         found = replace(self, template=fine, topology=fine.topology, floats=floats, motion=motion)
-        work = make_work(fine.topology)
+        work = make_workspace(fine.topology)
         for (arrays, own), factor in zip(found.states, self.factor.tolist(), strict=True):
             work.weight[:] = arrays.weight
-            held_step(arrays, own, factor, work, MAX_STEP)
+            take_step_at_fixed_rows(arrays, own, factor, work, MAX_STEP)
         return found
 
 
-def group_states(states: Sequence[State]) -> list[tuple[list[int], StateBatch]]:
+def group_states(states: Sequence[LoadedState]) -> list[tuple[list[int], StateBatch]]:
     """The states that can be asked together, with their numbers in the list: those of strain-mode leaves on one mesh."""
     groups: dict[int, list[int]] = {}
     for k, (model, _, _) in enumerate(states):
@@ -110,9 +125,9 @@ def group_states(states: Sequence[State]) -> list[tuple[list[int], StateBatch]]:
         place = {key: u for u, key in enumerate(different)}
         which, models = np.array([place[id(states[k][0])] for k in numbers]), tuple(different.values())
         template = models[0].derived["leaves"][0]
-        if type(template.mesh) is not Mesh or any(leaf.kind != STRAIN for leaf in template.leaf_words):
+        if type(template.mesh) is not Mesh or any(leaf.kind != STRAIN for leaf in template.leaf_layouts):
             continue
-        motion = Motion(*(np.array(field) for field in zip(*(states[k][1] for k in numbers), strict=True)))
+        motion = State(*(np.array(field) for field in zip(*(states[k][1] for k in numbers), strict=True)))
         floats = np.array([model.arrays.flat.floats for model in models])
         factor = np.array([states[k][2] for k in numbers])
         found.append(

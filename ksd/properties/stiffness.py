@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ksd.checks import names_of
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import ROTATION, STRAIN, Motion
+from ksd.model.arrays import ROTATION, STRAIN, State
 from ksd.model.compile import Model
 from ksd.properties.finer_model import finer_state
 from ksd.properties.nonconservative import cross_matrix
@@ -223,7 +223,7 @@ def _axes(axes: Any, R: Array) -> Array:
     return found
 
 
-def point_motion(model: Model, motion: Motion, node: int, at: Any) -> tuple[Array, Array]:
+def point_motion(model: Model, motion: State, node: int, at: Any) -> tuple[Array, Array]:
     """Where the rest point `at` (3,) of a node is now (3,), and B (6, 6): its motion = B times that of the
     node."""
     s = motion.R[node] @ arm_at_rest(model, node, at)
@@ -305,7 +305,7 @@ def batch_stiffness(
 
 
 def finer_tangent(
-    model: Model, motion: Motion, *, freed: Iterable[str] = (), load_factor: float = 1.0, finer: bool = True
+    model: Model, motion: State, *, freed: Iterable[str] = (), load_factor: float = 1.0, finer: bool = True
 ) -> Tangent:
     """The factored tangent these questions stand on; with `finer`, strain-mode leaves take part with one more
     mode per axis than in the state (see `ksd.properties.finer_model`), chains and mixtures as they are."""
@@ -316,7 +316,7 @@ def finer_tangent(
 
 def point_stiffness(
     model: Model,
-    motion: Motion,
+    motion: State,
     link: Any,
     *,
     at: Any = None,
@@ -414,7 +414,7 @@ def drive_units(model: Model, rows: Iterable[int]) -> tuple[str, ...]:
 
 def drive_stiffness(
     model: Model,
-    motion: Motion,
+    motion: State,
     *,
     freed: Iterable[str] = (),
     load_factor: float = 1.0,
@@ -434,7 +434,7 @@ def drive_stiffness(
 
 def drive_coupling(
     model: Model,
-    motion: Motion,
+    motion: State,
     link: Any,
     *,
     at: Any = None,

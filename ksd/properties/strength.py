@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ksd.model.arrays import Motion
+from ksd.model.arrays import State
 from ksd.model.compile import Model
 from ksd.properties.cache import cached_per_model
 from ksd.properties.forces import section_forces
@@ -97,7 +97,7 @@ class Strength(PrintableAnswer):
         return f"strain at most {format_number(100 * self.strain, 3)} %{strained}, stress {stress}: {limits}"
 
 
-def strength(model: Model, motion: Motion, *, load_factor: float = 1.0) -> Strength | None:
+def strength(model: Model, motion: State, *, load_factor: float = 1.0) -> Strength | None:
     """Largest strain and stress at a state, and their shares of the limits; None where nothing is flexible."""
     leaves = scene_leaves(model)
     found = stress_of(model, section_forces(model, motion, load_factor=load_factor)).leaves

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from ksd.beam import corotational
 from ksd.beam.strain_uncondensed import gravity_derivatives, stretch_shear_compliances
-from ksd.model.arrays import SOLID, Motion
+from ksd.model.arrays import SOLID, State
 from ksd.model.compile import Model
 from ksd.properties.forces import SectionForces, forces_along, section_forces, spring_energy, strain_forces
 from ksd.properties.leaf_groups import (
@@ -464,7 +464,7 @@ class Stress(PrintableAnswer):
         return "\n".join(str(leaf) for leaf in self.leaves.values())
 
 
-def stress(model: Model, motion: Motion, *, points: int = POINTS, load_factor: float = 1.0) -> Stress:
+def stress(model: Model, motion: State, *, points: int = POINTS, load_factor: float = 1.0) -> Stress:
     """Stress at `points` stations of every strain-mode leaf, or at both ends of every element of a chain."""
     return stress_of(model, section_forces(model, motion, points=points, load_factor=load_factor))
 
@@ -484,7 +484,7 @@ def stress_of(model: Model, found: dict[str, SectionForces]) -> Stress:
     return Stress(NamedAnswers({name: known[name] for name in found}, "leaf"))
 
 
-def strain_energy(model: Model, motion: Motion, *, load_factor: float = 1.0) -> NamedAnswerTable[float]:
+def strain_energy(model: Model, motion: State, *, load_factor: float = 1.0) -> NamedAnswerTable[float]:
     """Strain energy [J] of every leaf by full name, and of springs; their sum is what the mechanism stores."""
     stored: dict[int, float] = {}
     for group in leaf_groups(model):
@@ -503,7 +503,7 @@ def strain_energy(model: Model, motion: Motion, *, load_factor: float = 1.0) -> 
     )
 
 
-def _strain_energies(model: Model, motion: Motion, group: LeafGroup, load_factor: float) -> Array:
+def _strain_energies(model: Model, motion: State, group: LeafGroup, load_factor: float) -> Array:
     """(k,): 1/2 (a - a0) K (a - a0) + 1/2 int n(s).(R C R^T n(s)) of every leaf of a group."""
     N, inner = group.modes, motion.inner[group.inner_index]
     rest = 1 + sum(int(n) ** 2 for n in group.number[:3])
@@ -521,7 +521,7 @@ def _strain_energies(model: Model, motion: Motion, group: LeafGroup, load_factor
     return found
 
 
-def _chain_energy(model: Model, motion: Motion, i: int) -> float:
+def _chain_energy(model: Model, motion: State, i: int) -> float:
     """Sum of S eps^2/2 of the elements of a chain."""
     value, number, inner = member_arrays(model, motion, i)
     ends = member_ends(model, motion, i)

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from ksd.checks import names_of
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import COROTATIONAL, LINEAR, SOLID, Arrays, Flat, Motion, Work, make_work
+from ksd.model.arrays import COROTATIONAL, LINEAR, SOLID, Arrays, FlatArrays, State, Workspace, make_workspace
 from ksd.model.compile import Model
 from ksd.model.loading import term_slope
-from ksd.model.newton import LEAST_PIVOT, assemble
-from ksd.numerics.blocks import factor_blocks, refined_rows, residual_blocks, solve_blocks
-from ksd.numerics.indefinite import inertia, scaling, solve_scaled
+from ksd.model.newton import SINGULAR_PIVOT, assemble
+from ksd.numerics.blocks import factor_blocks, residual_blocks, solve_blocks, solve_refined_rows
+from ksd.numerics.indefinite import equilibration, negative_inertia, solve_scaled
 from ksd.properties.cache import cached_per_model
 from ksd.properties.nonconservative import skew_tangent
 from ksd.properties.state_batch import StateBatch
@@ -71,7 +71,9 @@ def release_rows(arrays: Arrays, value: Array, rows: Iterable[int]) -> None:
         value[plan.diagonal[int(np.searchsorted(plan.start, terms.start[row]))]] = -1.0
 
 
-def row_gradients(arrays: Arrays, motion: Motion, rows: Iterable[int], *, flat: Flat | None = None) -> Array:
+def row_gradients(
+    arrays: Arrays, motion: State, rows: Iterable[int], *, flat: FlatArrays | None = None
+) -> Array:
     """Derivatives (unknowns, len(rows)) of the coordinates of drives and supports with respect to the node motions.
 
     flat: numbers of the model, where they are not those of `arrays`.
@@ -122,22 +124,23 @@ def batch_responses(states: StateBatch, loads: Array) -> tuple[Array, NDArray[np
     the tangent is regular and rounding leaves digits, see `Tangent.solve`; and where the state is at a stable equilibrium
     (D,), drives and supports where they are."""
     topology, found, rows = states.topology, np.empty(loads.shape), states.topology.terms.start
-    work, (good, stable) = make_work(topology), np.zeros((2, len(loads)), bool)
-    plan, stored, held = topology.plan.ints, np.empty_like(work.value), np.zeros(len(rows))
+    work, (good, stable) = make_workspace(topology), np.zeros((2, len(loads)), bool)
+    plan, stored, held = topology.plan.ints, np.empty_like(work.matrix), np.zeros(len(rows))
     step = np.full((len(loads), topology.plan.unknowns), np.inf)
     for d, ((arrays, motion), factor) in enumerate(zip(states.states, states.factor.tolist(), strict=True)):
         if len(work.weight):
             work.weight[:] = arrays.weight
         _, _, inside, status = assemble(arrays, motion, held, factor, work, 1e-8, 0, 10.0)
-        stored[:] = work.value
-        negatives, pivot = factor_blocks(plan, work.value, work.spare, len(topology.plan.size))
-        if pivot > LEAST_PIVOT:
+        stored[:] = work.matrix
+        negatives, pivot = factor_blocks(plan, work.matrix, work.scaled_rows, len(topology.plan.size))
+        if pivot > SINGULAR_PIVOT:
             good[d] = (
-                refined_rows(plan, stored, work.value, work.spare, loads[d], found[d]) <= MAX_BACKWARD_ERROR
+                solve_refined_rows(plan, stored, work.matrix, work.scaled_rows, loads[d], found[d])
+                <= MAX_BACKWARD_ERROR
             )
             stable[d] = status == 0 and negatives + inside == len(rows)
             work.rhs[rows] = 0.0
-            solve_blocks(plan, work.value, work.spare, work.rhs)
+            solve_blocks(plan, work.matrix, work.scaled_rows, work.rhs)
             step[d] = work.rhs
     return found, good, stable & _none_left(states, step)
 
@@ -158,12 +161,12 @@ class AssembledTangent:
     pivots met inside the members; skew: see `Tangent`. work: as assembled, the residual in its `rhs`."""
 
     model: Model
-    motion: Motion
+    motion: State
     arrays: Arrays
     value: Array
     inside: int
     skew: tuple[NDArray[np.int64], Array] | None
-    work: Work
+    work: Workspace
 
     def matrix(self, freed: Iterable[str] = ()) -> Array:
         """The symmetric matrix (unknowns, unknowns), with the drives and supports in `freed` let go."""
@@ -191,7 +194,7 @@ class Tangent:
     """
 
     model: Model
-    motion: Motion
+    motion: State
     arrays: Arrays
     assembled: Array
     value: Array
@@ -236,7 +239,7 @@ class Tangent:
         """Response to loads without the skew part, and its backward error."""
         plan, right = self.arrays.plan, np.ascontiguousarray(loads.T, dtype=float)
         found = np.empty_like(right)
-        error = refined_rows(plan.ints, self.assembled, self.value, self.spare, right, found)
+        error = solve_refined_rows(plan.ints, self.assembled, self.value, self.spare, right, found)
         return found.T, float(error)
 
     def _residual(self, loads: Array, found: Array) -> Array:
@@ -290,7 +293,7 @@ class DenseTangent(Tangent):
 
     def _symmetric(self, loads: Array) -> tuple[Array, float]:
         K, b = self.matrix, np.asarray(loads, float)
-        scale = scaling(K)
+        scale = equilibration(K)
         x = solve_scaled(K, b, scale)[0]
         # once more on what is left: what supports hold is to come out as held, not as rounding
         change = solve_scaled(K, b - K @ x, scale)[0]
@@ -302,22 +305,22 @@ class DenseTangent(Tangent):
         return np.asarray(loads - self.matrix @ found)
 
     def weight(self) -> Array:
-        return np.asarray(1.0 / scaling(self.matrix))
+        return np.asarray(1.0 / equilibration(self.matrix))
 
 
 def assemble_tangent(
-    model: Model, motion: Motion, *, load_factor: float = 1.0, target: Array | None = None
+    model: Model, motion: State, *, load_factor: float = 1.0, target: Array | None = None
 ) -> AssembledTangent:
     """The exact tangent at `motion`, drives held; target (c,): their values, where the residual is of use."""
     arrays = exact_tangent_arrays(model)
-    work = make_work(arrays)
+    work = make_workspace(arrays)
     held = np.zeros(len(arrays.terms.start)) if target is None else target
     _, _, inside, _ = assemble(arrays, motion, held, load_factor, work, 1e-8, 0, 10.0)
     skew = skew_block(arrays, motion, load_factor)
-    return AssembledTangent(model, motion, arrays, work.value.copy(), int(inside), skew, work)
+    return AssembledTangent(model, motion, arrays, work.matrix.copy(), int(inside), skew, work)
 
 
-def skew_block(arrays: Arrays, motion: Motion, load_factor: float) -> tuple[NDArray[np.int64], Array] | None:
+def skew_block(arrays: Arrays, motion: State, load_factor: float) -> tuple[NDArray[np.int64], Array] | None:
     """What loads that are not conservative add, see `Tangent.skew`; None without any."""
     rest = skew_tangent(arrays, motion, load_factor)
     if rest is None:
@@ -339,7 +342,7 @@ def factor_tangent(assembled: AssembledTangent, freed: Iterable[str] = ()) -> Ta
     release_rows(arrays, value, row_numbers(assembled.model, freed))
     stored = value.copy()
     negatives, pivot = factor_blocks(arrays.plan.ints, value, spare, len(arrays.plan.size))
-    if not pivot > LEAST_PIVOT:
+    if not pivot > SINGULAR_PIVOT:
         raise KinematicsError(
             f"the tangent is singular (relative pivot {pivot:.1e}): a motion is left that nothing resists, or the "
             "state is exactly at its critical load; hold more drives"
@@ -353,13 +356,13 @@ def factor_tangent(assembled: AssembledTangent, freed: Iterable[str] = ()) -> Ta
 def _dense(assembled: AssembledTangent, freed: tuple[str, ...]) -> Tangent:
     """`factored` with pivoting: a solid meshed in 2D has zeros on its diagonal, which no bound on pivots sees."""
     K, arrays = assembled.matrix(freed), assembled.arrays
-    _, condition = solve_scaled(K, np.zeros((len(K), 1)), scaling(K))
-    if not condition > LEAST_PIVOT:
+    _, condition = solve_scaled(K, np.zeros((len(K), 1)), equilibration(K))
+    if not condition > SINGULAR_PIVOT:
         raise KinematicsError(
             f"the tangent is singular (reciprocal condition {condition:.1e}): a motion is left that nothing resists, or the "
             "state is exactly at its critical load; hold more drives, and by supports what a solid meshed in 2D cannot"
         )
-    unstable = inertia(K) + assembled.inside - len(arrays.terms.start)
+    unstable = negative_inertia(K) + assembled.inside - len(arrays.terms.start)
     return DenseTangent(
         assembled.model, assembled.motion, arrays, assembled.value, assembled.value, assembled.value, unstable,
         freed, assembled.skew, matrix=K,
@@ -367,7 +370,7 @@ def _dense(assembled: AssembledTangent, freed: tuple[str, ...]) -> Tangent:
 
 
 def assemble_and_factor(
-    model: Model, motion: Motion, *, freed: Iterable[str] = (), load_factor: float = 1.0
+    model: Model, motion: State, *, freed: Iterable[str] = (), load_factor: float = 1.0
 ) -> Tangent:
     """Assemble and factor the exact tangent at `motion` in one go, see `factored`."""
     freed = names_of(freed, "freed")

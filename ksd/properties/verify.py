@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from ksd.beam.weight import GRAVITY_BLOCK_SIZE
 from ksd.errors import KinematicsError
-from ksd.model.arrays import Motion
+from ksd.model.arrays import State
 from ksd.model.compile import Model
-from ksd.model.newton import assemble_nodes, largest_turn, move_nodes
+from ksd.model.newton import assemble_nodes, largest_rotation, move_nodes
 from ksd.model.rods import RodState, add_rods, move_rods
 from ksd.properties.leaf_groups import EndFrames, chain_groups, end_frames, leaf_groups
 from ksd.properties.leaf_rods import RodParts, cut_rods, rod_sizes
@@ -152,7 +152,7 @@ def _wrenches(assembled: AssembledTangent, mass: Array, load_factor: float) -> t
 
 
 def _begun(
-    model: Model, motion: Motion, cut: RodParts, ends: EndFrames, at_p: Array, gravity: Array
+    model: Model, motion: State, cut: RodParts, ends: EndFrames, at_p: Array, gravity: Array
 ) -> RodState:
     """Rods with wrenches (k, 6) at end p, and stations where the leaves of a state have them."""
     first, count = cut.rods.at_part[:-1], len(cut.of)
@@ -192,7 +192,7 @@ class _Rods:
         assembled: AssembledTangent,
         target: Array,
         load_factor: float,
-        judged: tuple[Model, Motion, _Scale],
+        judged: tuple[Model, State, _Scale],
     ) -> None:
         self.model, self.work, self.judged = assembled.model, assembled.work, judged
         self.target, self.load_factor = target, load_factor
@@ -206,7 +206,7 @@ class _Rods:
         motion, work = self.motion, self.work
         assemble_nodes(self.model.arrays, motion, self.load_factor, work, target=self.target)
         add_rods(
-            self.model.arrays.flat.ints, motion.x, motion.R, self.cut.rods, self.state, work.value, work.rhs
+            self.model.arrays.flat.ints, motion.x, motion.R, self.cut.rods, self.state, work.matrix, work.rhs
         )
 
     def gaps(self) -> Gaps:
@@ -218,7 +218,7 @@ class _Rods:
     def _step(self) -> Array:
         arrays, motion, work = self.model.arrays, self.motion, self.work
         skew = skew_block(arrays, motion, self.load_factor)
-        tangent = factor_tangent(AssembledTangent(self.model, motion, arrays, work.value, 0, skew, work))
+        tangent = factor_tangent(AssembledTangent(self.model, motion, arrays, work.matrix, 0, skew, work))
         return tangent.solve(-work.rhs[:, None])[:, 0]
 
     def close(self) -> bool:
@@ -247,7 +247,7 @@ class _Rods:
             whole = scale.relative(*_way(model, begin, motion))
             if way < WIDE and last <= NEARLY * whole + NOTHING:
                 return True
-            if not way <= SHRINKS * before or largest_turn(arrays, step) > MOST_TURN:
+            if not way <= SHRINKS * before or largest_rotation(arrays, step) > MOST_TURN:
                 return False
             before = way
         return False
@@ -271,13 +271,13 @@ def _is_linear(cut: RodParts, state: RodState, ways: Array) -> bool:
     return float((cut.axial * ways * ways).max()) <= most
 
 
-def _way(model: Model, before: Motion, now: Motion) -> tuple[Array, float]:
+def _way(model: Model, before: State, now: State) -> tuple[Array, float]:
     """Between two states: change of the multipliers (c,) and largest displacement of a link [m]."""
     shift = now.x[: model.links] - before.x[: model.links]
     return np.abs(now.multiplier - before.multiplier), math.sqrt(float((shift * shift).sum(axis=1).max()))
 
 
-def _turned(model: Model, before: Motion, now: Motion) -> float:
+def _turned(model: Model, before: State, now: State) -> float:
     """Largest rotation of a link between two states [rad]."""
     turned = now.R[: model.links] - before.R[: model.links]
     # of a rotation by t: 2 sqrt(2) sin(t / 2)
@@ -305,7 +305,7 @@ class _Scale(NamedTuple):
         return found if math.isfinite(found) else math.inf
 
 
-def _scale(model: Model, motion: Motion) -> _Scale:
+def _scale(model: Model, motion: State) -> _Scale:
     arrays, links, drives = model.arrays, model.links, len(model.drive_names)
     moved = motion.x[:links] - model.rest.x[:links]
     noise = GRAIN * arrays.size * float(arrays.members.floor.max(initial=0.0)) * min(1.0, arrays.size)
@@ -316,11 +316,11 @@ def _scale(model: Model, motion: Motion) -> _Scale:
 
 def verify(
     model: Model,
-    motion: Motion,
+    motion: State,
     target: Array,
     *,
     load_factor: float = 1.0,
-    of: tuple[Model, Motion] | None = None,
+    of: tuple[Model, State] | None = None,
 ) -> Verification:
     """Integrate every leaf of a state, its drives at target (c,) and loads times load_factor; leaves are strain-mode leaves
     or chains. of: the state next to it on another mesh that is verified, this one by default.
@@ -341,12 +341,12 @@ def verify(
 
 
 def _answer(
-    model: Model, motion: Motion, scale: _Scale, now: Motion, gaps: Gaps, unclosed: tuple[str, ...]
+    model: Model, motion: State, scale: _Scale, now: State, gaps: Gaps, unclosed: tuple[str, ...]
 ) -> Verification:
     """The verification of a state, from where its rods lead."""
     drives = len(model.drive_names)
     if unclosed:
-        now = Motion(*(np.full_like(part, math.nan) for part in now))
+        now = State(*(np.full_like(part, math.nan) for part in now))
     change, shift = _way(model, motion, now)
     moved = now.x[: model.links] - model.rest.x[: model.links]
     placed = {link: (moved[i], now.R[i].copy()) for i, link in enumerate(model.scene.links)}

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ksd.checks import show
 from ksd.errors import SceneError
-from ksd.model.arrays import Motion, make_work
+from ksd.model.arrays import State, make_workspace
 from ksd.model.compile import Model
 from ksd.model.newton import assemble
 from ksd.numerics.rotations import rotation_exp
@@ -39,7 +39,7 @@ class Actuation:
 
     def __init__(self, model: Model) -> None:
         arrays, scene = model.arrays, model.said or model.scene
-        self.model, self.arrays, self.work = model, arrays, make_work(arrays)
+        self.model, self.arrays, self.work = model, arrays, make_workspace(arrays)
         self.links, self.drives = model.links, len(model.drive_names)
         # what holds a mechanism in its plane does nothing in it
         self.rows = self.drives + len(scene.supports)
@@ -68,7 +68,7 @@ class Actuation:
         self.source = np.array(list(found.values()), np.int64)
         self.ways = np.zeros((size, self.rows))
 
-    def __call__(self, state: Motion) -> RequiredForces:
+    def __call__(self, state: State) -> RequiredForces:
         """The loads of a state whose multipliers are zero."""
         work = self.work
         assemble(self.arrays, state, self.still, 1.0, work, 1e-8, 0, 10.0)
@@ -77,7 +77,7 @@ class Actuation:
         forces = np.zeros(self.rows)
         left = scaled
         if self.rows:
-            self.ways.ravel()[self.to] = work.value[self.source]
+            self.ways.ravel()[self.to] = work.matrix[self.source]
             ways = self.share.reshape(-1, 1) * self.ways
             if self.rows == 1:
                 forces = ways.T @ scaled / (ways * ways).sum()

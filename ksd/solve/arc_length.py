@@ -16,11 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import ConvergenceError
-from ksd.model.arrays import Motion, Work, make_work
+from ksd.model.arrays import State, Workspace, make_workspace
 from ksd.model.compile import Model
-from ksd.model.newton import GRAIN, LOOSE, assemble, largest_move, largest_turn, take_step
+from ksd.model.newton import (
+    ROUNDING_MULTIPLE,
+    STALLED_RESIDUAL_LIMIT,
+    assemble,
+    largest_displacement,
+    largest_rotation,
+    take_step,
+)
 from ksd.model.weight import weight_force
-from ksd.numerics.indefinite import inertia, scaling
+from ksd.numerics.indefinite import equilibration, negative_inertia
 from ksd.properties.nonconservative import count_negative_eigenvalues, skew_tangent
 from ksd.properties.tangent import stored_matrix
 from ksd.solve.steps import RTOL, Stop
@@ -67,7 +74,7 @@ class ArcLengthPoint:
     the Newton steps after the predictor. local_angles_small: whether all elements are within their range.
     """
 
-    motion: Motion
+    motion: State
     f: float
     negatives: int
     K: Array
@@ -78,7 +85,7 @@ class ArcLengthPoint:
     correction: float = 0.0
 
 
-def residual_rate(model: Model, motion: Motion, parameter: PathParameter, work: Work) -> Array:
+def residual_rate(model: Model, motion: State, parameter: PathParameter, work: Workspace) -> Array:
     """Derivative (n,) of the residual by the path parameter; work: as assembled at `motion`."""
     arrays = model.arrays
     b = np.zeros(arrays.plan.unknowns)
@@ -101,7 +108,7 @@ def solve_bordered(K: Array, b: Array, c: Array, right: Array) -> Array:
     n = len(K)
     A = np.zeros((n + 1, n + 1))
     A[:n, :n], A[:n, n], A[n] = K, b, c
-    rows = np.append(scaling(0.5 * (K + K.T)), 1.0)
+    rows = np.append(equilibration(0.5 * (K + K.T)), 1.0)
     columns = rows.copy()
     columns[n] = 1.0 / max(float(np.abs(rows[:n] * b).max(initial=0.0)), 1e-300)
     A *= columns
@@ -116,7 +123,7 @@ class ArcLengthNewton:
     Steps and directions are arrays (n + 1,): the unknowns of the model, and the path parameter.
     """
 
-    def __init__(self, model: Model, parameter: PathParameter, work: Work) -> None:
+    def __init__(self, model: Model, parameter: PathParameter, work: Workspace) -> None:
         self.model, self.parameter, self.work = model, parameter, work
         self.metric = np.zeros(model.arrays.plan.unknowns + 1)
         for u in (int(s) for s in model.arrays.start if s >= 0):
@@ -143,7 +150,7 @@ class ArcLengthNewton:
 
     def correct(
         self,
-        motion: Motion,
+        motion: State,
         f: float,
         normal: Array | None,
         *,
@@ -161,18 +168,18 @@ class ArcLengthNewton:
         step, corrections = predictor, np.zeros(n + 1)
         for count in range(max_iterations + 1):
             worst, _, inside, status = assemble(
-                arrays, motion, *self.parameter.values_at(f), work, RTOL, 0, GRAIN
+                arrays, motion, *self.parameter.values_at(f), work, RTOL, 0, ROUNDING_MULTIPLE
             )
             if not math.isfinite(worst):
                 return None
-            K, b = stored_matrix(arrays, work.value), residual_rate(self.model, motion, self.parameter, work)
-            # looser than `ksd.model.newton.settled`: points are only passed, and chains converge to them slowly
-            if step is None and (worst <= 1.0 or (worst <= LOOSE and moved <= 1.0)):
+            K, b = stored_matrix(arrays, work.matrix), residual_rate(self.model, motion, self.parameter, work)
+            # looser than `ksd.model.newton.has_converged`: points are only passed, and chains converge to them slowly
+            if step is None and (worst <= 1.0 or (worst <= STALLED_RESIDUAL_LIMIT and moved <= 1.0)):
                 if status == 2:
                     return None
                 # chains carry stresses extrapolated from the step before; at equilibrium they are the true ones
                 skew = skew_tangent(self.model.arrays, motion, self.parameter.values_at(f)[1])
-                below = inertia(K)
+                below = negative_inertia(K)
                 if skew is not None and below != len(arrays.terms.start):
                     below = count_negative_eigenvalues(arrays, K, skew)
                 full = K if skew is None else K + skew
@@ -187,7 +194,7 @@ class ArcLengthNewton:
                     step = solve_bordered(K if skew is None else K + skew, b, c, right)
                 except np.linalg.LinAlgError:
                     return None
-            turn, move = largest_turn(arrays, step[:n]), largest_move(arrays, step[:n])
+            turn, move = largest_rotation(arrays, step[:n]), largest_displacement(arrays, step[:n])
             if not max(turn, move / arrays.size) < (0.5 if predictor is None or count > 0 else 2.0):
                 return None
             moved = max(turn / 1e-6, move / (1e-7 * arrays.size))
@@ -202,7 +209,9 @@ class ArcLengthNewton:
         """The point an arc further along `direction`; None where Newton fails."""
         motion = at.motion.copy()
         # the members store results of their last assembly, which must be that of this state
-        assemble(self.model.arrays, motion, *self.parameter.values_at(at.f), self.work, RTOL, 0, GRAIN)
+        assemble(
+            self.model.arrays, motion, *self.parameter.values_at(at.f), self.work, RTOL, 0, ROUNDING_MULTIPLE
+        )
         return self.correct(motion, at.f, direction, predictor=arc * direction)
 
 
@@ -242,7 +251,7 @@ class PathContinuation:
 
     def __init__(self, model: Model, parameter: PathParameter) -> None:
         self.model, self.parameter = model, parameter
-        self.newton = ArcLengthNewton(model, parameter, make_work(model.arrays))
+        self.newton = ArcLengthNewton(model, parameter, make_workspace(model.arrays))
         self.points: list[ArcLengthPoint] = []
         self.singular_points: list[SingularPoint] = []
         self.stop_reason = ""
@@ -287,7 +296,7 @@ class PathContinuation:
         return True
 
     def _record(self, kind: Literal["limit", "bifurcation"], at: ArcLengthPoint) -> None:
-        scale = scaling(0.5 * (at.K + at.K.T))
+        scale = equilibration(0.5 * (at.K + at.K.T))
         values, vectors = np.linalg.eigh(0.5 * (at.K + at.K.T) * np.outer(scale, scale))
         least = int(np.argmin(np.abs(values)))
         mode = scale * vectors[:, least]
@@ -366,7 +375,7 @@ class PathContinuation:
                 low, ends = s, (at, ends[1])
         return ends
 
-    def _distance(self, one: Motion, other: Motion) -> float:
+    def _distance(self, one: State, other: State) -> float:
         """Largest difference of rotation matrices, and of positions over the size of the mechanism."""
         shift = np.abs(one.x - other.x).max() / self.model.arrays.size
         return float(max(shift, np.abs(one.R - other.R).max()))
@@ -460,7 +469,7 @@ def require_start(at: ArcLengthPoint | None) -> ArcLengthPoint:
 
 
 def follow_by_arc_length(
-    model: Model, parameter: PathParameter, motion: Motion, *, max_singular_points: float = math.inf
+    model: Model, parameter: PathParameter, motion: State, *, max_singular_points: float = math.inf
 ) -> PathContinuation:
     """Follow the path from the equilibrium `motion` at parameter 0 to 1, or to the singular point that makes them
     `max_singular_points`.
@@ -476,7 +485,7 @@ def follow_by_arc_length(
 
 
 def switch_branch(
-    newton: ArcLengthNewton, motion: Motion, f: float, mode: Array
+    newton: ArcLengthNewton, motion: State, f: float, mode: Array
 ) -> tuple[ArcLengthPoint, Array]:
     """A point of the other branch, 0.01 along `mode`, and its direction away from the bifurcation.
 

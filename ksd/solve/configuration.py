@@ -24,9 +24,9 @@ from ksd.checks import (
 from ksd.errors import ConvergenceError, SceneError
 from ksd.html import InNotebooks
 from ksd.modal.leaf_bodies import full_model_state
-from ksd.model.arrays import Motion
+from ksd.model.arrays import State
 from ksd.model.compile import Model
-from ksd.model.newton import GRAIN
+from ksd.model.newton import ROUNDING_MULTIPLE
 from ksd.numerics.rotations import rotation_log
 from ksd.properties.buckling import Buckling, buckling
 from ksd.properties.extent import Clearance, clearance, extent
@@ -92,13 +92,13 @@ class Configuration(InNotebooks):
     """
 
     model: Model
-    motion: Motion
+    motion: State
     method: str
     targets: Mapping[str, float]
     steps: Sequence[Step]
     negatives: int
     expected_negatives: int
-    joint_motions: JointMotions | Callable[[Motion], JointMotions | None] | None
+    joint_motions: JointMotions | Callable[[State], JointMotions | None] | None
     method_error: ErrorEstimate | None
     notes: tuple[str, ...]
     load_factor: float
@@ -109,14 +109,14 @@ class Configuration(InNotebooks):
     def __init__(
         self,
         model: Model,
-        motion: Motion,
+        motion: State,
         method: str,
         targets: Mapping[str, float],
         steps: Sequence[Step],
         *,
         negatives: int,
         expected_negatives: int,
-        joint_motions: JointMotions | Callable[[Motion], JointMotions | None] | None = None,
+        joint_motions: JointMotions | Callable[[State], JointMotions | None] | None = None,
         method_error: ErrorEstimate | None = None,
         notes: tuple[str, ...] = (),
         load_factor: float = 1.0,
@@ -262,7 +262,7 @@ class Configuration(InNotebooks):
         that of EA/L at the farthest place. A small force beyond it is true, however small beside others."""
         arrays, drives = self.model.arrays, self.model.scene.drives
         reach = max(float(arrays.size), float(np.abs(self.motion.x).max()))
-        noise = GRAIN * np.finfo(float).eps * reach * float(arrays.members.floor.max(initial=0.0))
+        noise = ROUNDING_MULTIPLE * np.finfo(float).eps * reach * float(arrays.members.floor.max(initial=0.0))
         turning = {d.name for d in drives if drive_kind(d) != "translation"}
         least = {n: noise * (float(arrays.size) if n in turning else 1.0) for n in self.forces}
         return {n: v if abs(v) > least[n] else 0.0 for n, v in self.forces.items()}
@@ -323,7 +323,7 @@ class Configuration(InNotebooks):
         return known.index(link)
 
     @cached_property
-    def equilibrium(self) -> Motion:
+    def equilibrium(self) -> State:
         """State at which questions beyond forces and poses are answered: `motion`, or, where `solve` itself chose a fast
         method, the equilibrium of the full model next to it. Raises ConvergenceError where that is not found."""
         if self.method_was_chosen and self.method in FAST_METHODS:
@@ -331,13 +331,13 @@ class Configuration(InNotebooks):
         return self.motion
 
     @cached_property
-    def unreduced_state(self) -> tuple[Model, Motion]:
+    def unreduced_state(self) -> tuple[Model, State]:
         """Model and state with every modal body replaced by the chain of elements that it reduces; without modal bodies
         those of the configuration."""
         return full_model_state(self.model, self.motion)
 
     @property
-    def refinement_start(self) -> Motion:
+    def refinement_start(self) -> State:
         """State from which questions on a finer mesh take their Newton step: `equilibrium`, or `motion` where that step
         alone suffices."""
         if self.method_was_chosen and self.method in FAST_METHODS and refinement_step_suffices(self):
@@ -345,7 +345,7 @@ class Configuration(InNotebooks):
         return self.equilibrium
 
     @property
-    def unreduced_equilibrium(self) -> tuple[Model, Motion]:
+    def unreduced_equilibrium(self) -> tuple[Model, State]:
         """Model and `equilibrium` with modal bodies replaced as in `unreduced_state`: for stress, energy and forces."""
         return full_model_state(self.model, self.equilibrium)
 

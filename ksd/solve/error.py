@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ksd.errors import ConvergenceError
-from ksd.model.arrays import COROTATIONAL, STRAIN, Arrays, Motion, Work, make_work
-from ksd.model.compile import Model, compile_given
-from ksd.model.leaves import leaf_of
-from ksd.model.newton import iterate, look, take_step
+from ksd.model.arrays import COROTATIONAL, STRAIN, Arrays, State, Workspace, make_workspace
+from ksd.model.compile import Model, compile_as_is
+from ksd.model.leaves import whole_leaf_name
+from ksd.model.newton import check_residual, solve_equilibrium, take_step
 from ksd.properties.cache import cached_per_model
 from ksd.properties.finer_model import finer_model, pad_amplitudes
 from ksd.properties.forces import SectionForces, forces_of_members
@@ -121,7 +121,7 @@ def _lost(pose: Configuration) -> ErrorEstimate:
     return ErrorEstimate(np.full(len(pose.model.drive_names), math.inf), *4 * (math.inf,))
 
 
-def _whole(pose: Configuration, *, times: float = 1.0) -> tuple[Model, Motion]:
+def _whole(pose: Configuration, *, times: float = 1.0) -> tuple[Model, State]:
     """Model and equilibrium with whole solids next to a pose with reduced ones, with so many times their cells along every
     axis, beside leaf springs on a finer mesh then. Raises ConvergenceError."""
     model, motion, factor = pose.model, pose.motion, pose.load_factor
@@ -132,7 +132,7 @@ def _whole(pose: Configuration, *, times: float = 1.0) -> tuple[Model, Motion]:
     return full_equilibrium(model, motion, model.targets(pose.targets), factor, leaves=leaves, times=times)
 
 
-def refined_equilibrium(pose: Configuration) -> tuple[Model, Motion | None, int]:
+def refined_equilibrium(pose: Configuration) -> tuple[Model, State | None, int]:
     """The model on the finer mesh, the equilibrium next to the state of `pose` on it (None where none is found), and its
     negative pivots."""
     model, motion = pose.unreduced_state
@@ -168,13 +168,13 @@ def refined_configuration(pose: Configuration) -> Configuration:
     )
 
 
-def equilibrium_near(pose: Configuration) -> Motion:
+def equilibrium_near(pose: Configuration) -> State:
     """The equilibrium of the full model next to the state of a fast method.
 
     Raises ConvergenceError where Newton steps from there do not reach one.
     """
     model, motion, target = pose.model, pose.motion.copy(), pose.model.targets(pose.targets)
-    stop, _ = converge_fast_state(model, motion, target, pose.load_factor, make_work(model.arrays))
+    stop, _ = converge_fast_state(model, motion, target, pose.load_factor, make_workspace(model.arrays))
     if stop is not Stop.CONVERGED:
         raise ConvergenceError(
             f"no equilibrium found next to the {pose.method} answer ({stop.sentence}); ask the question of "
@@ -184,10 +184,10 @@ def equilibrium_near(pose: Configuration) -> Motion:
 
 
 def converge_fast_state(
-    model: Model, state: Motion, target: np.ndarray, factor: float, work: Work
+    model: Model, state: State, target: np.ndarray, factor: float, work: Workspace
 ) -> tuple[Stop, int]:
     """`settle` from the state of a fast method, in place: a first step below NEAR is the last, not looked at again."""
-    _, negatives, status = look(model.arrays, state, target, factor, work, RTOL)
+    _, negatives, status = check_residual(model.arrays, state, target, factor, work, RTOL)
     size = newton_step_error(model, state, work.rhs).relative
     if math.isfinite(size):
         take_step(model.arrays, state, work.rhs, work, 1.0)
@@ -222,18 +222,18 @@ def _change(one: Any, other: Any) -> Any:
     return float(found) if found.ndim == 0 else found
 
 
-def equilibrium(arrays: Arrays, state: Motion, target: np.ndarray, factor: float) -> Motion | None:
+def equilibrium(arrays: Arrays, state: State, target: np.ndarray, factor: float) -> State | None:
     """The equilibrium next to a state, in place, drives at target (c,) and loads times factor; None where none is found."""
     return state if converge(arrays, state, target, factor)[0] is Stop.CONVERGED else None
 
 
 def converge(
-    arrays: Arrays, state: Motion, target: np.ndarray, factor: float, work: Work | None = None
+    arrays: Arrays, state: State, target: np.ndarray, factor: float, work: Workspace | None = None
 ) -> tuple[Stop, int]:
     """Newton steps from `state`, in place, drives at target (c,) and loads times factor: how they ended, and negative
     pivots. work: storage, made when None."""
-    work = make_work(arrays) if work is None else work
-    reason, *_, negatives, _ = iterate(
+    work = make_workspace(arrays) if work is None else work
+    reason, *_, negatives, _ = solve_equilibrium(
         arrays, state, target, factor, work, RTOL, MAX_ITERATIONS, MAX_TURN_PER_STEP, math.inf
     )
     return Stop(reason), int(negatives)
@@ -242,10 +242,10 @@ def converge(
 @cached_per_model
 def refined(model: Model) -> Model:
     """The model with every leaf as a strain-mode leaf of more modes; its nodes are those of `model` but for chain nodes."""
-    return compile_given(model.scene, model.mesh.refined())
+    return compile_as_is(model.scene, model.mesh.refined())
 
 
-def _started(model: Model, motion: Motion, fine: Model, load_factor: float) -> Motion:
+def _started(model: Model, motion: State, fine: Model, load_factor: float) -> State:
     """The state on the finer model: same nodes and multipliers; amplitudes taken over, or from the moments along chains."""
     state, members, more = fine.rest.copy(), model.arrays.members, fine.arrays.members
     node = {name: k for k, name in enumerate(model.node_names)}
@@ -258,7 +258,7 @@ def _started(model: Model, motion: Motion, fine: Model, load_factor: float) -> M
             k, inner = place[name], motion.inner[members.inner_at[i] : members.inner_at[i + 1]]
             pad_amplitudes(members.number[i], inner, more.number[k], state.inner[more.inner_at[k] :])
         elif members.kind[i] == COROTATIONAL:
-            chains.setdefault(leaf_of(name, place), []).append(i)
+            chains.setdefault(whole_leaf_name(name, place), []).append(i)
     forces = forces_of_members(model, motion, chains, STATIONS, load_factor) if chains else {}
     for group in leaf_groups(fine):
         rows = [r for r, k in enumerate(group.members) if fine.member_names[k] in chains]

@@ -21,9 +21,9 @@ from ksd.bodies.substructures import (
     set_near_configuration,
 )
 from ksd.bodies.weight import gravity_in_joint_axes, place_joint_weights
-from ksd.model.arrays import flatten, make_work, opened
+from ksd.model.arrays import flatten_arrays, make_workspace, unflatten_arrays
 from ksd.model.compile import Model
-from ksd.model.newton import iterate, take_step
+from ksd.model.newton import solve_equilibrium, take_step
 from ksd.numerics.kernel import kernel
 from ksd.solve.joint_range import check_joints, motion_limits
 from ksd.solve.steps import MAX_TURN_PER_STEP, RTOL, StepRow
@@ -60,8 +60,8 @@ class FiveStepsStorage:
         self.joint_names = tuple(p.name for p in model.scene.joints)
         self.substructures, self.reduced = bodies.substructure_rest.copy(), bodies.reduced_rest.copy()
         self.full = model.rest.copy()
-        self.substructure_work = make_work(bodies.substructures, near=bodies.near_lengths)
-        self.reduced_work, self.full_work = make_work(bodies.reduced), make_work(model.arrays)
+        self.substructure_work = make_workspace(bodies.substructures, near=bodies.near_lengths)
+        self.reduced_work, self.full_work = make_workspace(bodies.reduced), make_workspace(model.arrays)
         self._hold(model, bodies)
 
     def of(self, model: Model, bodies: JointBodies) -> FiveStepsStorage:
@@ -78,7 +78,7 @@ class FiveStepsStorage:
         """Be of this design."""
         if len(bodies.joint_weights.owner):
             # step 2 sets where the weight of the joints pulls; another thread has its own
-            bodies = replace(bodies, reduced=opened(flatten(bodies.reduced)))
+            bodies = replace(bodies, reduced=unflatten_arrays(flatten_arrays(bodies.reduced)))
         self.model, self.bodies = model, bodies
 
     def restart(self) -> None:
@@ -212,7 +212,7 @@ def _reduce(
         record.add(status + (status > 0), 0, 0.0)
         if status != 0 or kinematic:
             return negatives, status == 0
-        reason, count, worst, negatives, _ = iterate(
+        reason, count, worst, negatives, _ = solve_equilibrium(
             b.bodies.reduced, b.reduced, target, 1.0, b.reduced_work, RTOL, 25, math.inf, math.inf
         )
         record.add(reason, count, worst)
@@ -252,7 +252,7 @@ def run_five_steps(
     if method == KINEMATIC:
         assemble_full_state(b)
     if method == FULL:
-        reason, count, worst, negatives, _ = iterate(
+        reason, count, worst, negatives, _ = solve_equilibrium(
             b.model.arrays, b.full, target, 1.0, b.full_work, RTOL, 30, MAX_TURN_PER_STEP, math.inf
         )
         record.add(reason, count, worst)

@@ -14,10 +14,10 @@ import numpy as np
 from ksd.errors import ConvergenceError
 from ksd.modal.leaf_bodies import full_model_state
 from ksd.modal.solid_solve import FullSolid
-from ksd.model.arrays import LINEAR, Motion, make_work
+from ksd.model.arrays import LINEAR, State, make_workspace
 from ksd.model.compile import Model
-from ksd.model.newton import iterate
-from ksd.model.reduced import inner_state, member_pose, same_state, with_bodies
+from ksd.model.newton import solve_equilibrium
+from ksd.model.reduced_bodies import inner_state, relative_end_pose, transfer_state, with_bodies
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.properties.tangent import exact_tangent_arrays
 from ksd.solve.method_error import relative_error
@@ -51,24 +51,24 @@ class FullBodies:
     def __init__(
         self,
         reduced: Model,
-        motion: Motion,
+        motion: State,
         *,
-        leaves: tuple[Model, Motion] | None = None,
+        leaves: tuple[Model, State] | None = None,
         times: float = 1.0,
     ) -> None:
         chains, state = leaves or full_model_state(reduced, motion)
         self.model = with_bodies(chains, {name: Condensed() for name in reduced.solids})
-        self.state, self.wholes = same_state(chains, state, self.model), {}
+        self.state, self.wholes = transfer_state(chains, state, self.model), {}
         for name in reduced.solids:
             i, body = reduced.member_names.index(name), reduced.bodies[name]
-            d, R = member_pose(reduced.arrays.members, i, motion)
+            d, R = relative_end_pose(reduced.arrays.members, i, motion)
             u = body.displacements(d, R, inner_state(reduced, motion, i))
             whole = FullSolid(body.solid, u, d - np.array([body.solid.length, 0.0, 0.0]), R)
             self.wholes[self.model.member_names.index(name)] = (
                 whole if times == 1.0 else whole.on_mesh(body.solid.refine(times))
             )
         self.arrays, self.residual, self.negatives = exact_tangent_arrays(self.model), math.inf, 0
-        self.work = make_work(self.arrays)
+        self.work = make_workspace(self.arrays)
 
     def step(self, target: np.ndarray, factor: float, *, most: int) -> int | None:
         """At most so many Newton steps with chains, one of all full solids, in place; steps taken, None where that was
@@ -76,13 +76,13 @@ class FullBodies:
         for i, whole in self.wholes.items():
             _condense(inner_state(self.model, self.state, i), whole)
         rtol, most = (TIGHT, 30) if self.wholes else (RTOL, most)
-        reason, count, self.residual, self.negatives, _ = iterate(
+        reason, count, self.residual, self.negatives, _ = solve_equilibrium(
             self.arrays, self.state, target, factor, self.work, rtol, most, MAX_TURN_PER_STEP, math.inf
         )
         if reason in (Stop.NOT_FINITE, Stop.SINGULAR) or not np.isfinite(self.state.x).all():
             return None
         for i, whole in self.wholes.items():
-            whole.follow(*member_pose(self.arrays.members, i, self.state))
+            whole.follow(*relative_end_pose(self.arrays.members, i, self.state))
         return 1 if self.wholes else count
 
 
@@ -99,7 +99,7 @@ def _condense(inner: np.ndarray, whole: FullSolid) -> None:
 
 def error_indicator(
     model: Model,
-    motion: Motion,
+    motion: State,
     target: np.ndarray,
     factor: float = 1.0,
     *,
@@ -135,13 +135,13 @@ def error_indicator(
 
 def full_equilibrium(
     model: Model,
-    motion: Motion,
+    motion: State,
     target: np.ndarray,
     factor: float,
     *,
-    leaves: tuple[Model, Motion] | None = None,
+    leaves: tuple[Model, State] | None = None,
     times: float = 1.0,
-) -> tuple[Model, Motion]:
+) -> tuple[Model, State]:
     """Full model and its equilibrium next to a state with reduced solids: what questions about stiffness are asked of.
 
     leaves, times: see `FullBodies`. Raises ConvergenceError.

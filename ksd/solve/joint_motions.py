@@ -13,7 +13,7 @@ import numpy as np
 from ksd.bodies.joints import JointBodies, joint_bodies
 from ksd.errors import KsdError
 from ksd.library import Record
-from ksd.model.arrays import Motion
+from ksd.model.arrays import State
 from ksd.model.compile import Model
 from ksd.solve.five_steps import read_joint_motions
 from ksd.solve.joint_range import motion_limits
@@ -92,7 +92,7 @@ class JointMotionReader:
         except KsdError:
             return None
 
-    def __call__(self, motion: Motion) -> JointMotions | None:
+    def __call__(self, motion: State) -> JointMotions | None:
         """As `checked_joint_motions`; None where the records of the joints are not there, or do not fit.
 
         Unintended: (6,) per joint, displacement [m] and rotation vector [rad] in the axes of interface A. Both are nan for

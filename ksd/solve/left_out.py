@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ksd.errors import KsdError
-from ksd.model.arrays import SOLID, Motion
-from ksd.model.compile import Model, compile_given
+from ksd.model.arrays import SOLID, State
+from ksd.model.compile import Model, compile_as_is
 from ksd.model.effects import with_conditions, with_torsion
-from ksd.model.runs import run_factors
+from ksd.model.warping_runs import run_torsion_factors
 from ksd.properties.cache import cached_per_model
 from ksd.properties.printing import NamedAnswerTable, format_signed_percent
 from ksd.properties.stiffness import point_stiffness
@@ -71,13 +71,13 @@ def left_out(pose: Configuration) -> LeftOut:
     return LeftOut(found)
 
 
-def _with_plates(model: Model, motion: Motion) -> Model:
+def _with_plates(model: Model, motion: State) -> Model:
     """The model with plate stiffening at its present curvatures; itself where it has it, or no leaf is wide."""
     wide = [leaf.section.width > leaf.section.thickness > 0.0 for _, leaf in model.scene.leaf_names().items()]
     if model.mesh.plate or not any(wide):
         return model
     conditions, _ = plate_conditions(model, motion)
-    return compile_given(with_conditions(model.scene, conditions), model.mesh.with_effect("plate"))
+    return compile_as_is(with_conditions(model.scene, conditions), model.mesh.with_effect("plate"))
 
 
 @cached_per_model
@@ -86,13 +86,13 @@ def _with_warping(model: Model) -> Model:
     warps = [leaf.section.Iw > 0.0 for _, leaf in model.scene.leaf_names().items()]
     if model.mesh.warping or not any(warps):
         return model
-    return compile_given(
-        with_torsion(model.scene, run_factors(model.scene)), model.mesh.with_effect("warping")
+    return compile_as_is(
+        with_torsion(model.scene, run_torsion_factors(model.scene)), model.mesh.with_effect("warping")
     )
 
 
 def _changes(
-    without: tuple[Model, Motion], with_: tuple[Model, Motion], load_factor: float
+    without: tuple[Model, State], with_: tuple[Model, State], load_factor: float
 ) -> dict[str, float]:
     """Relative changes from one state to another."""
     (model, one), (_, other) = without, with_

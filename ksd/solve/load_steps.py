@@ -17,9 +17,9 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from ksd.errors import ConvergenceError, SceneError
-from ksd.model.arrays import LINEAR, Arrays, Motion, Work, carries_load
+from ksd.model.arrays import LINEAR, Arrays, State, Workspace, carries_load
 from ksd.model.compile import Model
-from ksd.model.newton import CONVERGED, SINGULAR, Newton, assemble, iterate
+from ksd.model.newton import CONVERGED, SINGULAR, NewtonResult, assemble, solve_equilibrium
 from ksd.model.plane import Plane, plane_of, refuse_plane
 from ksd.numerics.rotations import rotation_log
 from ksd.properties.cache import cached_per_model
@@ -75,7 +75,7 @@ class LoadStepResult(NamedTuple):
 
     record: LoadStepRecord
     how: str
-    motion: Motion
+    motion: State
     doubts: tuple[str, ...] = ()
 
 
@@ -83,7 +83,7 @@ class LoadPath(NamedTuple):
     """Drive values from `start` to `target` (c,), loads between two factors, and the settings of the steps.
 
     steps: number of equal steps tried first; rtol, max_iterations, max_turn, eps_max: of every Newton solve, see
-    `ksd.model.newton.iterate`; smallest_step: fraction of the path below which steps are not halved any more.
+    `ksd.model.newton.solve_equilibrium`; smallest_step: fraction of the path below which steps are not halved any more.
     """
 
     start: np.ndarray
@@ -106,12 +106,12 @@ class LoadPath(NamedTuple):
 
 
 def take_load_steps(
-    motion: Motion,
-    newton: Callable[..., Newton],
+    motion: State,
+    newton: Callable[..., NewtonResult],
     path: LoadPath,
     *,
-    begin: Motion | None = None,
-    pivoting: tuple[Arrays, Work] | None = None,
+    begin: State | None = None,
+    pivoting: tuple[Arrays, Workspace] | None = None,
 ) -> LoadStepRecord:
     """Take load steps along a path, halving them on failure; `motion` ends at the last equilibrium.
 
@@ -156,7 +156,7 @@ def _needs_pivoting(arrays: Arrays, reason: int, pivot: float) -> bool:
     return reason == Stop.SINGULAR or pivot < WEAK_PIVOT or (failed and bool(arrays.loads.skew.any()))
 
 
-def secant_work(model: Model, motion: Motion, target: np.ndarray) -> tuple[float, float]:
+def secant_work(model: Model, motion: State, target: np.ndarray) -> tuple[float, float]:
     """Secant work [J] of the drives, and of dead loads, from the undeformed state; their sum becomes strain energy.
 
     That of the loads is nan where follower loads make it depend on the path.
@@ -209,7 +209,7 @@ def _dead_loads(model: Model) -> _DeadLoads:
     return _DeadLoads(force, lever, at_rest, moments, bool(np.any(loads.following == 1)))
 
 
-def loads_dominate(model: Model, motion: Motion, target: np.ndarray, most_iterations: int) -> bool:
+def loads_dominate(model: Model, motion: State, target: np.ndarray, most_iterations: int) -> bool:
     """Whether loads do much of the work and a step took more than a few iterations, so that one step proves little."""
     if most_iterations <= FEW_ITERATIONS or not carries_load(model.arrays):
         return False
@@ -219,7 +219,7 @@ def loads_dominate(model: Model, motion: Motion, target: np.ndarray, most_iterat
 
 
 def branch_doubt(
-    model: Model, motion: Motion, record: LoadStepRecord, target: np.ndarray, *, from_rest: bool, steps: int
+    model: Model, motion: State, record: LoadStepRecord, target: np.ndarray, *, from_rest: bool, steps: int
 ) -> str:
     """Why the state may be on another branch than the intended one; empty without a doubt.
 
@@ -247,7 +247,7 @@ def slow_step_doubts(steps: Iterable[Step]) -> tuple[str, ...]:
     )
 
 
-def state_difference(model: Model, one: Motion, other: Motion) -> float:
+def state_difference(model: Model, one: State, other: State) -> float:
     """Largest difference of two states: positions over the size of the mechanism, and rotation matrices."""
     shift = np.abs(one.x - other.x).max(initial=0.0) / model.arrays.size
     return float(max(shift, np.abs(one.R - other.R).max(initial=0.0)))
@@ -349,7 +349,7 @@ def complete_by_arc_length(
 
 
 def _take_path(
-    storage: NewtonStorage, begin: Motion, path: LoadPath, planar: bool | Literal["auto"], from_rest: bool
+    storage: NewtonStorage, begin: State, path: LoadPath, planar: bool | Literal["auto"], from_rest: bool
 ) -> LoadStepResult:
     """Take load steps from `begin`, in the plane where the scene is planar, else in space."""
     reason = ""
@@ -386,8 +386,8 @@ def _cannot_leave_plane(model: Model) -> bool:
 
 
 def _take_path_in_plane(
-    storage: NewtonStorage, plane: Plane, begin: Motion, path: LoadPath, from_rest: bool
-) -> tuple[LoadStepRecord, Motion] | str:
+    storage: NewtonStorage, plane: Plane, begin: State, path: LoadPath, from_rest: bool
+) -> tuple[LoadStepRecord, State] | str:
     """`take_load_steps` with three unknowns per node, and the state reached; or the reason why that is not possible.
 
     The state is checked in space: a residual out of the plane refuses it, and the residual and the negative pivots returned
@@ -400,8 +400,8 @@ def _take_path_in_plane(
         # forces that only hold the mechanism in its plane
         motion.multiplier[np.setdiff1d(np.arange(len(motion.multiplier)), plane.rows)] = 0.0
 
-    def newton(motion: Motion, values: np.ndarray, factor: float, *settings: Any) -> Newton:
-        found = iterate(plane.arrays, motion, values, factor, work, *settings)
+    def newton(motion: State, values: np.ndarray, factor: float, *settings: Any) -> NewtonResult:
+        found = solve_equilibrium(plane.arrays, motion, values, factor, work, *settings)
         if found[0] == CONVERGED and found[4] < WEAK_PIVOT:
             # a part that nothing holds has converged too, at rest and where no force acts against it
             assemble(plane.arrays, motion, values, factor, work, settings[0], 0, 0.0)
@@ -434,7 +434,7 @@ def _take_path_in_plane(
     return record._replace(residual=residual, negatives=negatives), motion
 
 
-def _with_divergences(model: Model, motion: Motion, record: LoadStepRecord, path: LoadPath) -> LoadStepRecord:
+def _with_divergences(model: Model, motion: State, record: LoadStepRecord, path: LoadPath) -> LoadStepRecord:
     """The record with the count that replaces negative pivots where loads are not conservative."""
     if record.stop is not Stop.CONVERGED or model.conservative:
         return record
@@ -445,7 +445,7 @@ def _with_divergences(model: Model, motion: Motion, record: LoadStepRecord, path
 
 def follow_load_path(
     storage: NewtonStorage,
-    begin: Motion,
+    begin: State,
     path: LoadPath,
     *,
     from_rest: bool,

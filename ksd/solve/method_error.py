@@ -8,9 +8,9 @@ from collections.abc import Generator
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ksd.model.arrays import Motion
+from ksd.model.arrays import State
 from ksd.model.compile import Model
-from ksd.model.newton import look, take_step
+from ksd.model.newton import check_residual, take_step
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve.five_steps import FiveStepsStorage
 from ksd.solve.steps import RTOL, ErrorEstimate, Step, Stop
@@ -34,7 +34,7 @@ def estimate_error(
     forces, and one step is not nearly all.
     """
     clock = Stopwatch()
-    residual, negatives, status = look(b.model.arrays, b.full, target, 1.0, b.full_work, RTOL)
+    residual, negatives, status = check_residual(b.model.arrays, b.full, target, 1.0, b.full_work, RTOL)
     error, count = newton_step_error(b.model, b.full, b.full_work.rhs), 1
     stop = Stop.CONVERGED if status == 0 else (Stop.LOCAL_ANGLE if status == 1 else Stop.NOT_FINITE)
     if (NEGLIGIBLE if relinearised else COARSE) < error.relative < math.inf and _moved(b):
@@ -93,7 +93,7 @@ def _later_steps(b: FiveStepsStorage, target: np.ndarray) -> Steps:
     try:
         take_step(b.model.arrays, b.full, b.full_work.rhs, b.full_work, 1.0)
         while True:
-            look(b.model.arrays, b.full, target, 1.0, b.full_work, RTOL)
+            check_residual(b.model.arrays, b.full, target, 1.0, b.full_work, RTOL)
             step = newton_step_error(b.model, b.full, b.full_work.rhs)
             take_step(b.model.arrays, b.full, b.full_work.rhs, b.full_work, 1.0)
             yield step, error_to_stored_state(kept, b, nothing)
@@ -101,7 +101,7 @@ def _later_steps(b: FiveStepsStorage, target: np.ndarray) -> Steps:
         b.full.assign(kept)
 
 
-def newton_step_error(model: Model, motion: Motion, step: np.ndarray) -> ErrorEstimate:
+def newton_step_error(model: Model, motion: State, step: np.ndarray) -> ErrorEstimate:
     """A Newton step (n,) as an error of the state it is to be taken from."""
     arrays, links = model.arrays, model.links
     force = np.abs(step[arrays.terms.start])
@@ -112,7 +112,7 @@ def newton_step_error(model: Model, motion: Motion, step: np.ndarray) -> ErrorEs
 
 
 def _made_relative(
-    model: Model, motion: Motion, force: np.ndarray, shift: float, turn: float
+    model: Model, motion: State, force: np.ndarray, shift: float, turn: float
 ) -> ErrorEstimate:
     """Absolute errors made relative: drive forces by their size, displacement by the largest link displacement."""
     links = model.links
@@ -126,7 +126,7 @@ def _made_relative(
     return ErrorEstimate(force.copy(), shift, turn, relative if math.isfinite(relative) else math.inf)
 
 
-def error_to_stored_state(motion: Motion, b: FiveStepsStorage, rest: ErrorEstimate) -> ErrorEstimate:
+def error_to_stored_state(motion: State, b: FiveStepsStorage, rest: ErrorEstimate) -> ErrorEstimate:
     """Distance of a state to the one in storage, plus the estimate `rest` of the latter's own error."""
     force, shift, turn = _difference(b.model, motion, b.full)
     return _made_relative(
@@ -134,7 +134,7 @@ def error_to_stored_state(motion: Motion, b: FiveStepsStorage, rest: ErrorEstima
     )
 
 
-def relative_error(model: Model, motion: Motion, truth: Motion) -> ErrorEstimate:
+def relative_error(model: Model, motion: State, truth: State) -> ErrorEstimate:
     """Difference of a state to the true one, relative to that: forces by the largest, displacement by the largest of a link.
     Rounding is none."""
     links, drives = model.links, len(model.drive_names)
@@ -148,7 +148,7 @@ def relative_error(model: Model, motion: Motion, truth: Motion) -> ErrorEstimate
     return ErrorEstimate(force, shift, turn, relative if math.isfinite(relative) else math.inf)
 
 
-def _difference(model: Model, one: Motion, other: Motion) -> tuple[np.ndarray, float, float]:
+def _difference(model: Model, one: State, other: State) -> tuple[np.ndarray, float, float]:
     """Differences of the drive forces (d,), and the largest of the places [m] and rotations [rad] of the links."""
     links, drives = model.links, len(model.drive_names)
     force = np.abs(one.multiplier[:drives] - other.multiplier[:drives])

@@ -15,9 +15,9 @@ from __future__ import annotations
 import numpy as np
 
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import Motion, make_work
+from ksd.model.arrays import State, make_workspace
 from ksd.model.compile import Model
-from ksd.model.newton import GRAIN, assemble
+from ksd.model.newton import ROUNDING_MULTIPLE, assemble
 from ksd.properties.frequencies import frequencies
 from ksd.properties.nonconservative import count_negative_eigenvalues, skew_tangent
 from ksd.properties.tangent import assemble_and_factor, exact_tangent_arrays, stored_matrix
@@ -28,7 +28,7 @@ MAX_DAMPED_SKEW_SHARE = 1e-3
 have."""
 
 
-def nonconservative_stability(model: Model, motion: Motion, load_factor: float) -> Verdict:
+def nonconservative_stability(model: Model, motion: State, load_factor: float) -> Verdict:
     """Flutter check of a state under non-conservative loads whose negative pivots show no divergence."""
     loads = "loads follow" if model.arrays.loads.following.any() else "moments are not conservative"
     try:
@@ -59,7 +59,7 @@ def nonconservative_stability(model: Model, motion: Motion, load_factor: float) 
     return Verdict(True, f"{stable}, and no mode of its masses flutters (without damping; {loads})")
 
 
-def count_unstable_directions(model: Model, motion: Motion, factor: float, negatives: int) -> int:
+def count_unstable_directions(model: Model, motion: State, factor: float, negatives: int) -> int:
     """Negative pivots of a state, or, where loads are not conservative and the symmetric part of the tangent is not positive
     definite, the number of real negative eigenvalues that takes their place (`count_negative_eigenvalues`).
 
@@ -68,10 +68,12 @@ def count_unstable_directions(model: Model, motion: Motion, factor: float, negat
     if model.conservative or negatives == len(model.arrays.terms.start):
         return negatives
     arrays = exact_tangent_arrays(model)
-    work = make_work(arrays)
+    work = make_workspace(arrays)
     _, _, member_negatives, _ = assemble(
-        arrays, motion, np.zeros(len(arrays.terms.start)), factor, work, 1e-8, 0, GRAIN
+        arrays, motion, np.zeros(len(arrays.terms.start)), factor, work, 1e-8, 0, ROUNDING_MULTIPLE
     )
     skew = skew_tangent(arrays, motion, factor)
     assert skew is not None
-    return count_negative_eigenvalues(arrays, stored_matrix(arrays, work.value), skew) + int(member_negatives)
+    return count_negative_eigenvalues(arrays, stored_matrix(arrays, work.matrix), skew) + int(
+        member_negatives
+    )

@@ -20,12 +20,12 @@ import numpy as np
 
 from ksd.checks import name_hint, number, show, without_whole_checks
 from ksd.errors import ConvergenceError, SceneError
-from ksd.model.arrays import STRAIN, Arrays, Motion, Work, make_work
-from ksd.model.compile import Model, model_of
-from ksd.model.drawing import draw
-from ksd.model.effects import applied, with_conditions
+from ksd.model.arrays import STRAIN, Arrays, State, Workspace, make_workspace
+from ksd.model.compile import Model, model_of_design
+from ksd.model.effects import apply_effects, with_conditions
 from ksd.model.mesh import Mesh, MixedMesh
-from ksd.model.newton import newton_step
+from ksd.model.newton import take_newton_step
+from ksd.model.scene_layout import split_scene
 from ksd.model.template import Template, template_of
 from ksd.properties.tangent import exact_tangent_arrays
 from ksd.scene.leaf import LeafCondition
@@ -227,7 +227,7 @@ class PerturbedEquilibria:
         self,
         pose: Configuration,
         model: Model,
-        start: Motion,
+        start: State,
         targets: Mapping[str, float],
         cache: _WorkCache,
         name: str = "",
@@ -241,7 +241,7 @@ class PerturbedEquilibria:
         work = cache.work_for(arrays)
         sizes = [first] * (first > 0.0)
         while len(sizes) < NEWTON_STEPS:
-            sizes.append(newton_step(arrays, motion, target, pose.load_factor, work, RTOL))
+            sizes.append(take_newton_step(arrays, motion, target, pose.load_factor, work, RTOL))
         # a hundredth of the negligible size is rounding
         if not sizes[-1] <= MAX_STEP_RATIO * sizes[0] + 0.01:
             where = f"beside this pose, at another '{name}'" if name else "of this pose"
@@ -256,10 +256,10 @@ class PerturbedEquilibria:
         return found, sizes[0]
 
 
-def _opposite_state(here: Motion, side: Motion) -> Motion:
+def _opposite_state(here: State, side: State) -> State:
     """The state of strain-mode leaf springs as far from `here` as `side`, on the opposite side."""
     R = here.R @ side.R.swapaxes(1, 2) @ here.R
-    return Motion(2 * here.x - side.x, R, 2 * here.inner - side.inner, 2 * here.multiplier - side.multiplier)
+    return State(2 * here.x - side.x, R, 2 * here.inner - side.inner, 2 * here.multiplier - side.multiplier)
 
 
 class _WorkCache:
@@ -269,11 +269,11 @@ class _WorkCache:
         self.ints: Any = None
         self.work: Any = None
 
-    def work_for(self, arrays: Arrays) -> Work:
+    def work_for(self, arrays: Arrays) -> Workspace:
         """Storage for these arrays: that of the previous ones where their layout is the same."""
         if arrays.flat.ints is not self.ints:
-            self.ints, self.work = arrays.flat.ints, make_work(arrays)
-        work: Work = self.work
+            self.ints, self.work = arrays.flat.ints, make_workspace(arrays)
+        work: Workspace = self.work
         work.weight[:] = arrays.weight
         return work
 
@@ -299,16 +299,18 @@ def _compile_scenes(model: Model, mesh: Mesh, scenes: Sequence[Any]) -> list[Mod
     """Models of scenes with the effects and plate curvatures of `model`; those of one template are packed together."""
     groups: dict[Template, list[tuple[int, Any, list[float]]]] = {}
     for k, scene in enumerate(scenes):
-        plain = scene if model.choice is None else applied(scene, mesh, model.choice)[0]
+        plain = scene if model.choice is None else apply_effects(scene, mesh, model.choice)[0]
         plain = _with_curvatures(plain, model) if mesh.plate else plain
-        drawing = draw(plain, mesh)
-        groups.setdefault(template_of(drawing.words, mesh), []).append((k, plain, drawing.numbers))
+        drawing = split_scene(plain, mesh)
+        groups.setdefault(template_of(drawing.layout, mesh), []).append((k, plain, drawing.numbers))
     found: dict[int, Model] = {}
     for template, members in groups.items():
         numbers = template.numbers([row for _, _, row in members])
         filled = template(numbers)
         for d, (k, plain, _) in enumerate(members):
-            found[k] = model_of(plain, template, filled, numbers, d, said=scenes[k], choice=model.choice)
+            found[k] = model_of_design(
+                plain, template, filled, numbers, d, said=scenes[k], choice=model.choice
+            )
     return [found[k] for k in range(len(scenes))]
 
 

@@ -14,9 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from ksd.model.arrays import Arrays, Motion, Work
-from ksd.model.newton import GRAIN, assemble, largest_move, largest_turn, settled, take_step
-from ksd.numerics.indefinite import inertia, scaling, solve_scaled
+from ksd.model.arrays import Arrays, State, Workspace
+from ksd.model.newton import (
+    ROUNDING_MULTIPLE,
+    assemble,
+    has_converged,
+    largest_displacement,
+    largest_rotation,
+    take_step,
+)
+from ksd.numerics.indefinite import equilibration, negative_inertia, solve_scaled
 from ksd.properties.nonconservative import skew_tangent
 from ksd.properties.tangent import stored_matrix
 from ksd.solve.steps import Stop
@@ -27,8 +34,8 @@ ZERO_EIGENVALUE = 1e-14
 """Eigenvalue of the equilibrated matrix below which it is rounding."""
 
 
-def iterate_pivoted(arrays: Arrays, motion: Motion, *arguments: Any) -> tuple[int, int, float, int, float]:
-    """`ksd.model.newton.iterate` with pivoting: the same arguments, rules and returns; motion is changed in place.
+def iterate_pivoted(arrays: Arrays, motion: State, *arguments: Any) -> tuple[int, int, float, int, float]:
+    """`ksd.model.newton.solve_equilibrium` with pivoting: the same arguments, rules and returns; motion is changed in place.
 
     arguments: target, factor, work, rtol, most, cap, blow_up. The last number returned is the reciprocal condition number of
     the equilibrated matrix.
@@ -37,41 +44,41 @@ def iterate_pivoted(arrays: Arrays, motion: Motion, *arguments: Any) -> tuple[in
     worst, before, moved, condition = math.inf, math.inf, math.inf, 1.0
     for n in range(most + 1):
         worst, _, inside, status = assemble(
-            arrays, motion, target, factor, work, rtol, 0, GRAIN if n > 0 else 0.0
+            arrays, motion, target, factor, work, rtol, 0, ROUNDING_MULTIPLE if n > 0 else 0.0
         )
         if not math.isfinite(worst):
             return Stop.NOT_FINITE, n, worst, 0, condition
-        K = stored_matrix(arrays, work.value)
+        K = stored_matrix(arrays, work.matrix)
         if not np.isfinite(K).all():
             return Stop.NOT_FINITE, n, worst, 0, condition
-        if settled(worst, before, moved):
+        if has_converged(worst, before, moved):
             reason = (Stop.CONVERGED, Stop.LOCAL_ANGLE, Stop.SINGULAR)[status]
             if reason == Stop.CONVERGED and moves_freely(arrays, work):
                 reason = Stop.SINGULAR
-            return reason, n, worst, inertia(K) + inside, condition
+            return reason, n, worst, negative_inertia(K) + inside, condition
         if n == most:
             break
         if n > 0 and np.linalg.norm(work.rhs) > blow_up:
             return Stop.DIVERGED, n, worst, 0, condition
         skew = skew_tangent(arrays, motion, factor)
-        step, condition = solve_scaled(K if skew is None else K + skew, -work.rhs[:, None], scaling(K))
+        step, condition = solve_scaled(K if skew is None else K + skew, -work.rhs[:, None], equilibration(K))
         if not condition > MIN_RECIPROCAL_CONDITION:
             return Stop.SINGULAR, n, worst, 0, condition
         work.rhs[:] = step[:, 0]
         before = worst
-        turn = largest_turn(arrays, work.rhs)
-        moved = max(turn / 1e-6, largest_move(arrays, work.rhs) / (1e-7 * arrays.size))
+        turn = largest_rotation(arrays, work.rhs)
+        moved = max(turn / 1e-6, largest_displacement(arrays, work.rhs) / (1e-7 * arrays.size))
         take_step(arrays, motion, work.rhs, work, cap / turn if n > 0 and turn > cap else 1.0)
     return Stop.TOO_MANY, most, worst, 0, condition
 
 
-def moves_freely(arrays: Arrays, work: Work) -> bool:
+def moves_freely(arrays: Arrays, work: Workspace) -> bool:
     """Whether some motion of the state assembled in `work` meets no resistance.
 
     The null space of its tangent then contains more than forces of redundant supports.
     """
-    K = stored_matrix(arrays, work.value)
-    scale = scaling(K)
+    K = stored_matrix(arrays, work.matrix)
+    scale = equilibration(K)
     values, vectors = np.linalg.eigh(K * np.outer(scale, scale))
     motions = np.delete(vectors[:, np.abs(values) < ZERO_EIGENVALUE], arrays.terms.start, axis=0)
     return bool((np.linalg.norm(motions, axis=0) > 1e-3).any())

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from scipy.integrate import trapezoid
 
-from ksd.model.arrays import Motion
-from ksd.model.compile import Model, compile_given
+from ksd.model.arrays import State
+from ksd.model.compile import Model, compile_as_is
 from ksd.model.effects import with_conditions
 from ksd.model.leaves import rigidities
 from ksd.properties.cache import cached_per_model
@@ -32,7 +32,7 @@ MOST = 8
 """Rounds; the change shrinks at least tenfold in each."""
 
 
-def rms_curvatures(model: Model, motion: Motion) -> dict[str, float]:
+def rms_curvatures(model: Model, motion: State) -> dict[str, float]:
     """Root mean square of M / (E Iz), the elastic curvature about e3 [1/m], of every leaf by full name."""
     stiff, found = _bending_stiffness(model), {}
     for name, forces in section_forces(model, motion, points=POINTS).items():
@@ -55,7 +55,7 @@ def _bending_stiffness(model: Model) -> dict[str, float]:
     }
 
 
-def plate_conditions(model: Model, motion: Motion) -> tuple[dict[str, LeafCondition], float]:
+def plate_conditions(model: Model, motion: State) -> tuple[dict[str, LeafCondition], float]:
     """Conditions of all wide leaf springs at their present curvature, and the largest relative change of their factors."""
     known = rms_curvatures(model, motion)
     conditions, worst = {}, 0.0
@@ -87,6 +87,6 @@ def solve_with_plate_factors(
             break
         model = solver.model
         scene = with_conditions(model.scene, conditions)
-        solver = solver.of(compile_given(scene, model.mesh, model.said, model.choice))
+        solver = solver.of(compile_as_is(scene, model.mesh, model.said, model.choice))
         found = solve(solver)
     return found, solver

@@ -15,9 +15,9 @@ import numpy as np
 
 from ksd.bodies.intended_motions import intended_motions
 from ksd.bodies.substructures import relative_poses
-from ksd.model.newton import CONVERGED, iterate
+from ksd.model.newton import CONVERGED, solve_equilibrium
 from ksd.numerics.kernel import kernel
-from ksd.numerics.rotations import rotation_log, turn
+from ksd.numerics.rotations import rotate, rotation_log
 from ksd.solve.five_steps import LINEAR_SIZE, FiveStepsStorage, close_joints, run_five_steps
 from ksd.solve.joint_range import is_far_off, is_outside
 from ksd.solve.steps import RTOL
@@ -127,7 +127,7 @@ def _add_offset(x, R, off):
     for k in range(len(off)):
         for r in range(3):
             x[k, r] += off[k, r]
-        turn(off[k, 3:6], R[k])
+        rotate(off[k, 3:6], R[k])
 
 
 def _settle(b: FiveStepsStorage, target: np.ndarray, off: np.ndarray) -> tuple[int, int]:
@@ -137,7 +137,7 @@ def _settle(b: FiveStepsStorage, target: np.ndarray, off: np.ndarray) -> tuple[i
     x, R, reason, negatives = motion.x.copy(), motion.R.copy(), -1, 0
 
     def newton(most: int) -> tuple[int, int]:
-        found = iterate(arrays, motion, target, 1.0, work, RTOL, most, math.inf, math.inf)
+        found = solve_equilibrium(arrays, motion, target, 1.0, work, RTOL, most, math.inf, math.inf)
         return found[0], found[3]
 
     if off.any():

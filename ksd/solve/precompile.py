@@ -21,13 +21,13 @@ from ksd.bodies.joints import joint_bodies
 from ksd.bodies.substructures import condense_assembled, interface_step
 from ksd.errors import KsdError
 from ksd.library import find_record
-from ksd.model.arrays import make_work
+from ksd.model.arrays import make_workspace
 from ksd.model.compile import compile_scene
 from ksd.model.loading import add_loads, add_terms
 from ksd.model.newton import move_nodes
 from ksd.numerics.blocks import BLOCKS, factor_blocks, solve_blocks
-from ksd.numerics.kernel import COMPILES, SPARE_CORE
-from ksd.numerics.processes import follow_parent, spawning
+from ksd.numerics.kernel import COMPILES_KERNELS, HAS_SPARE_CORE
+from ksd.numerics.processes import end_with_parent, spawn_context
 from ksd.properties.mesh_adequacy import mode_adequacy
 from ksd.scene.families.cross_flexure import CrossFlexure
 from ksd.scene.material import Material
@@ -40,9 +40,9 @@ from ksd.solve.joint_motions import JointMotionReader
 def start_precompiling() -> None:
     """Start the second process: once, where the cache was empty, and neither in a process that another one started, nor with
     one core, nor where the program that runs is not Python but has it inside."""
-    context, python = spawning(precompile_kernels), "python" in Path(sys.executable or "").name
+    context, python = spawn_context(precompile_kernels), "python" in Path(sys.executable or "").name
     first = python and current_process().name == "MainProcess"
-    if COMPILES and SPARE_CORE and first and context is not None:
+    if COMPILES_KERNELS and HAS_SPARE_CORE and first and context is not None:
         # a daemon: ended with this process
         with suppress(OSError):
             context.Process(target=precompile_kernels, daemon=True).start()
@@ -50,7 +50,7 @@ def start_precompiling() -> None:
 
 def precompile_kernels() -> None:
     """What the second process does: every kernel is called as `newton` calls it, for a cross flexure at rest."""
-    follow_parent()
+    end_with_parent()
     mechanism = Mechanism("hinge")
     joint = CrossFlexure(
         Material(E=2e11, G=8e10, density=7800.0), length=0.1, angle=0.8, thickness=1e-3, widths=(0.04, 0.02)
@@ -58,21 +58,21 @@ def precompile_kernels() -> None:
     link = mechanism.link("tip")
     mechanism.actuate_joint(mechanism.join(mechanism.ground, link, joint, at=(0, 0, 0), axis="z", toward="x"))
     model = compile_scene(mechanism)
-    arrays, motion, work = model.arrays, model.rest.copy(), make_work(model.arrays)
+    arrays, motion, work = model.arrays, model.rest.copy(), make_workspace(model.arrays)
     (ints, floats, _), members, plan = arrays.flat, arrays.members, arrays.plan.ints
     inner, store = motion.inner[: members.inner_at[1]], work.store[: members.store_at[1]]
     value, number, target = members.value, members.number[0], np.zeros(len(motion.multiplier))
     leaf, lam, K, A = leaf_fields(number), np.zeros(12), np.zeros((6, 6)), np.zeros((6, 6))
     strain_tangent(value, number, inner, leaf)
     strain_condense(value, number, inner, store, leaf, np.zeros(3), np.eye(3), lam, K)
-    factor_blocks(plan, work.value, work.spare, plan[BLOCKS])
+    factor_blocks(plan, work.matrix, work.scaled_rows, plan[BLOCKS])
     add_terms(
-        ints, floats, motion.x, motion.R, motion.multiplier, target, 1e-8, work.value, work.rhs, work.scale
+        ints, floats, motion.x, motion.R, motion.multiplier, target, 1e-8, work.matrix, work.rhs, work.scale
     )
-    solve_blocks(plan, work.value, work.spare, work.rhs)
+    solve_blocks(plan, work.matrix, work.scaled_rows, work.rhs)
     move_nodes(arrays, motion, work.rhs, 1.0)
     strain_recover(value, number, inner, store, np.zeros(6), 1.0, np.zeros(6))
-    add_loads(ints, floats, motion.R, 1.0, 1e-8, work.value, work.rhs, work.scale)
+    add_loads(ints, floats, motion.R, 1.0, 1e-8, work.matrix, work.rhs, work.scale)
     member_tangent(work.pose[0], lam, K, np.zeros((12, 12)), np.zeros(12), A, np.zeros((6, 12)))
     # after `newton`, while the first process is at that itself
     JointMotionReader(model, find_record, extrapolate=False)(motion)

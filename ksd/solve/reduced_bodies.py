@@ -26,10 +26,10 @@ from ksd.modal.choices import ModalBasis
 from ksd.modal.leaf_basis import LeafBasis
 from ksd.modal.leaf_bodies import full_model_state, with_chains, with_modal_bodies
 from ksd.modal.solid_basis import SolidBasis, with_solids
-from ksd.model.arrays import Arrays, Motion, make_work
+from ksd.model.arrays import Arrays, State, make_workspace
 from ksd.model.compile import Model
-from ksd.model.newton import assemble, iterate
-from ksd.model.reduced import inner_state, member_pose, same_state
+from ksd.model.newton import assemble, solve_equilibrium
+from ksd.model.reduced_bodies import inner_state, relative_end_pose, transfer_state
 from ksd.numerics.blocks import factor_blocks
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve.configuration import Configuration
@@ -197,11 +197,11 @@ class _Placed:
         """Bodies and storage at the present place: made once, unless a basis is expanded there."""
         if not self.trained:
             return self.at_rest
-        state = same_state(self.model, self.storage.full, self._untrained)
+        state = transfer_state(self.model, self.storage.full, self._untrained)
         settle_bodies(self._untrained, state)
         return self._made(full_model_state(self._untrained, state)[1])
 
-    def _made(self, about: Motion | None) -> _Prepared:
+    def _made(self, about: State | None) -> _Prepared:
         """Bodies and storage, trained ones expanded at a state of `full`, with those of smaller bases where one is large."""
         parts = self.storage.bodies.reduced, self.condensed
         words: dict[str, Any] = {"about": about, "at_rest": set(self.modal) - self.trained}
@@ -244,7 +244,7 @@ class _Placed:
             part, self.model.targets(part), method="kinematic", relinearisations=0, estimate=False
         )
 
-    def _equilibrium(self, ready: _Prepared, values: Mapping[str, float]) -> tuple[Motion, list[Step]]:
+    def _equilibrium(self, ready: _Prepared, values: Mapping[str, float]) -> tuple[State, list[Step]]:
         """Step 3 from where steps 1 and 2 put everything, along the drives and loads where the whole of them fails; of large
         bases next to the state of smaller ones. Raises ConvergenceError."""
         target, failed = self.model.targets(values), None
@@ -280,10 +280,10 @@ class _Placed:
             reached=reached,
         )
 
-    def _start(self, ready: _Prepared) -> tuple[Motion, Step]:
+    def _start(self, ready: _Prepared) -> tuple[State, Step]:
         """Where steps 1 and 2 put everything, the bodies settled there."""
         clock, mix, model = Stopwatch(), ready.mix, ready.model
-        state = same_state(self.model, self.storage.full, model)
+        state = transfer_state(self.model, self.storage.full, model)
         count = settle_bodies(model, state)
         motion = mix.rest.copy()
         motion.x[:], motion.R[:] = state.x[mix.nodes], state.R[mix.nodes]
@@ -291,7 +291,7 @@ class _Placed:
             mix.inner(motion, m)[:] = inner_state(model, state, int(mix.member[m]))
         return motion, Step("bodies settled", count, clock(), 0.0, Stop.CONVERGED, "ends held")
 
-    def _condense(self, ready: _Prepared, motion: Motion) -> None:
+    def _condense(self, ready: _Prepared, motion: State) -> None:
         """The condensed joints of step 2 into `motion`."""
         every = self.storage.reduced.inner
         for m in np.flatnonzero(ready.mix.joint >= 0).tolist():
@@ -301,7 +301,7 @@ class _Placed:
     def _answer(
         self,
         ready: _Prepared,
-        motion: Motion,
+        motion: State,
         values: Mapping[str, float],
         steps: list[Step],
         notes: tuple[str, ...],
@@ -309,15 +309,15 @@ class _Placed:
         """The state of all leaf springs, and what the joints' records say of it."""
         b, mix, model = self.storage, ready.mix, ready.model
         assemble_full_state(b)
-        state = same_state(self.model, b.full, model)
+        state = transfer_state(self.model, b.full, model)
         state.x[mix.nodes], state.R[mix.nodes] = motion.x, motion.R
         state.multiplier[:] = motion.multiplier
         for m in np.flatnonzero(mix.member >= 0).tolist():
             inner_state(model, state, int(mix.member[m]))[:] = mix.inner(motion, m)
         # condensed joints cannot buckle, their leaf springs can
-        work, plan = make_work(model.arrays), model.arrays.plan
+        work, plan = make_workspace(model.arrays), model.arrays.plan
         _, _, own, _ = assemble(model.arrays, state, model.targets(values), 1.0, work, RTOL, 0, 10.0)
-        negatives, _ = factor_blocks(plan.ints, work.value, work.spare, len(plan.size))
+        negatives, _ = factor_blocks(plan.ints, work.matrix, work.scaled_rows, len(plan.size))
         read_answer_motions(b)
         near_intended = bool(b.seen[1])
         joint_motions = checked_joint_motions(
@@ -340,10 +340,10 @@ class _Prepared:
         self, model: Model, linear: Arrays, condensed: Sequence[bool], smaller: _Prepared | None = None
     ) -> None:
         self.model, self.smaller, self.mix = model, smaller, condense_some_joints(model, linear, condensed)
-        self.work = make_work(self.mix.arrays)
+        self.work = make_workspace(self.mix.arrays)
 
     def loaded(
-        self, motion: Motion, target: np.ndarray, factor: float, *, smallest: float
+        self, motion: State, target: np.ndarray, factor: float, *, smallest: float
     ) -> tuple[Step, float]:
         """Step 3, in place, at drives target (c,) under loads times factor, put on in parts down to `smallest`.
 
@@ -351,8 +351,8 @@ class _Prepared:
         """
         clock, arrays = Stopwatch(), self.mix.arrays
 
-        def newton(state: Motion, want: np.ndarray, level: float, *bounds: Any) -> Any:
-            return iterate(arrays, state, want, level, self.work, *bounds)
+        def newton(state: State, want: np.ndarray, level: float, *bounds: Any) -> Any:
+            return solve_equilibrium(arrays, state, want, level, self.work, *bounds)
 
         way = LoadPath(target, target, (0.0, factor), smallest_step=1.0)
         driven = take_load_steps(motion, newton, way, pivoting=(arrays, self.work))
@@ -372,7 +372,7 @@ class _Prepared:
         )
         return step, driven.fraction_reached
 
-    def like(self, other: _Prepared, near: Motion) -> Motion:
+    def like(self, other: _Prepared, near: State) -> State:
         """The state of another basis of the same bodies, nodes of leaf springs as near as this one has them."""
         motion = self.mix.rest.copy()
         motion.x[:], motion.R[:], motion.multiplier[:] = near.x, near.R, near.multiplier
@@ -381,20 +381,20 @@ class _Prepared:
             name = self.model.member_names[i] if i >= 0 else ""
             body = self.model.bodies.get(name)
             if isinstance(body, LeafBasis):
-                pose = member_pose(self.mix.arrays.members, m, motion)
+                pose = relative_end_pose(self.mix.arrays.members, m, motion)
                 own[:] = body.nearest_coordinates(other.model.bodies[name], *pose, theirs)
             else:
                 own[:] = theirs
         return motion
 
 
-def settle_bodies(model: Model, state: Motion) -> int:
+def settle_bodies(model: Model, state: State) -> int:
     """Find the inner coordinates of all bodies at the poses their ends have in a state, in place; Newton steps taken."""
     members, count = model.arrays.members, 0
     known: dict[tuple[int, bytes], np.ndarray] = {}
     for name in model.bodies:
         i = model.member_names.index(name)
-        d, Q = member_pose(members, i, state)
+        d, Q = relative_end_pose(members, i, state)
         pose = np.round(np.concatenate([d / model.arrays.size, Q.ravel()]), 10) + 0.0
         key = int(members.value_at[i]), pose.tobytes()
         if key not in known:
@@ -413,8 +413,8 @@ def inner_at(model: Model, i: int, d: np.ndarray, Q: np.ndarray) -> tuple[np.nda
     directors between the ends are far from unit length, and that energy is membrane energy.
     """
     arrays, rest = single_member(model, i)
-    work, taken = make_work(arrays), 0
-    d0, Q0 = member_pose(model.arrays.members, i, model.rest)
+    work, taken = make_workspace(arrays), 0
+    d0, Q0 = relative_end_pose(model.arrays.members, i, model.rest)
     turn = Rotation.from_matrix(Q @ Q0.T).as_rotvec()
     unturned = Rotation.from_rotvec(-0.5 * turn).apply(d)
     for steps in WAYS_THERE:
@@ -424,7 +424,7 @@ def inner_at(model: Model, i: int, d: np.ndarray, Q: np.ndarray) -> tuple[np.nda
             chord = (1 - share) * d0 + share * unturned
             arrays.members.offset[0, 1] = Rotation.from_rotvec(0.5 * share * turn).apply(chord)
             arrays.members.frame[0, 1] = Rotation.from_rotvec(share * turn).as_matrix() @ Q0
-            reason, count, *_ = iterate(
+            reason, count, *_ = solve_equilibrium(
                 arrays, motion, np.zeros(0), 1.0, work, 1e-6, MOST_SETTLING, MAX_TURN_PER_STEP, math.inf
             )
             taken += count

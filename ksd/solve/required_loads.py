@@ -19,11 +19,11 @@ from scipy.spatial.transform import Rotation
 from ksd.checks import clear_argument_errors, name_hint, show
 from ksd.checks import number as checked
 from ksd.errors import ConvergenceError, KsdError, SceneError, TrustError
-from ksd.model.arrays import Motion
-from ksd.model.compile import Model, compile_chosen, compile_given
+from ksd.model.arrays import State
+from ksd.model.compile import Model, compile_as_is, compile_with_effects
 from ksd.model.effects import with_conditions
 from ksd.model.mesh import Mesh
-from ksd.model.orders import raised
+from ksd.model.orders import raise_order
 from ksd.model.plane import Plane, plane_of
 from ksd.numerics.rotations import rotation_exp
 from ksd.properties.printing import PrintableAnswer, format_number, format_table
@@ -130,7 +130,7 @@ def required_loads(
             share, _, axis, _ = pose.mesh_adequacy
             if share <= DEFAULT_ACCURACY or mesh is not None or isinstance(mechanism, Solver):
                 break
-            solver = prepare(mechanism, mesh=raised(model.mesh, axis))
+            solver = prepare(mechanism, mesh=raise_order(model.mesh, axis))
             model = solver.constant[0] if method == "constant" else solver.model
             pose = _prescribed_pose(solver, model, poses_by_node, method or "conventional")
         if not is_solved(pose):
@@ -143,7 +143,7 @@ def required_loads(
                 n: leaf.condition for n, leaf in pose.model.scene.leaf_names().items() if leaf.condition
             }
             scene = with_conditions(model.scene, conditions)
-            model = compile_given(scene, model.mesh, model.said, model.choice)
+            model = compile_as_is(scene, model.mesh, model.said, model.choice)
         state = model.rest.copy()
         state.x[:], state.R[:], state.inner[:] = pose.motion.x, pose.motion.R, pose.motion.inner
     state.multiplier[:] = 0.0
@@ -272,7 +272,7 @@ def _obstacle(
     )
 
 
-def _dead_centre(model: Model, state: Motion) -> tuple[str, ...]:
+def _dead_centre(model: Model, state: State) -> tuple[str, ...]:
     """Links without a pose that can move at a state although hinges, supports and poses constrain them.
 
     The one that moves most comes first; empty where none can.
@@ -324,14 +324,14 @@ def _pose_solver(solver: Solver, model: Model, poses_by_node: LinkPoses) -> tupl
     hinges = tuple(h for h in scene.hinges if {h.a, h.b} - names)
     driven = replace(scene, drives=tuple(drives), supports=supports, hinges=hinges)
     driven_model = (
-        compile_given(driven, model.mesh)
+        compile_as_is(driven, model.mesh)
         if model.choice is None
-        else compile_chosen(driven, model.mesh, model.choice)
+        else compile_with_effects(driven, model.mesh, model.choice)
     )
     return Solver(driven_model, planar=solver.planar), targets
 
 
-def _balance(model: Model, state: Motion, actuation: Actuation) -> RequiredLoads:
+def _balance(model: Model, state: State, actuation: Actuation) -> RequiredLoads:
     """Loads that the links need at a state, and the drive and support forces that balance them."""
     names, found = model.scene.links[1:], actuation(state)
     supports = (model.said or model.scene).supports

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from ksd.checks import checked_question, vector, wrench_of
 from ksd.errors import ConvergenceError, KinematicsError, SceneError
-from ksd.model.arrays import Motion
-from ksd.model.compile import Model, compile_given
+from ksd.model.arrays import State
+from ksd.model.compile import Model, compile_as_is
 from ksd.model.newton import take_step
 from ksd.numerics.rotations import rotation_log
 from ksd.numerics.stopwatch import Stopwatch
@@ -74,7 +74,7 @@ def sensitivity(
         f, m = (tuple((sign * LOAD_FRACTION * part).tolist()) for part in (load[:3], load[3:]))
         extra = Load("sensitivity", name, f, m, place)
         loaded_scene = replace(scaled, loads=(*scaled.loads, extra))
-        loaded = compile_given(loaded_scene, model.mesh, scene, model.choice)
+        loaded = compile_as_is(loaded_scene, model.mesh, scene, model.choice)
         states.append(_loaded_equilibrium(pose, loaded, state))
         refinements.append(_refine(states[-1]))
     error = _backward_error(states[0], states[1], refinements)
@@ -100,7 +100,7 @@ def _scale_loads(scene: Any, factor: float) -> Any:
     return replace(scene, loads=loads, gravity=None if scene.gravity is None else times(scene.gravity))
 
 
-def _loaded_equilibrium(pose: Configuration, loaded: Model, state: Motion) -> Configuration:
+def _loaded_equilibrium(pose: Configuration, loaded: Model, state: State) -> Configuration:
     """The equilibrium of the loaded model next to `state`, at the drive values of the pose."""
     target, clock = loaded.targets(pose.targets), Stopwatch()
     driven, how, motion, doubts = follow_load_path(

@@ -20,9 +20,9 @@ from ksd.library.record_files import find_record_file
 from ksd.modal.choices import ModalBasis
 from ksd.modal.solid_basis import SolidBasis
 from ksd.model.compile import Model, compile_scene
-from ksd.model.constant import with_constant_leaves
+from ksd.model.constant_leaves import with_constant_leaves
 from ksd.model.mesh import DEFAULT_MESH, Mesh
-from ksd.model.orders import mesh_for, raised
+from ksd.model.orders import mesh_for_accuracy, raise_order
 from ksd.model.plane import Plane, plane_of
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.scene import Scene
@@ -107,7 +107,7 @@ def solve(
     """Solve one configuration of a mechanism at drive values [m or rad] by name, as keywords or in a mapping, `targets`.
 
     method: "kinematic", "reduced", "full", "conventional", "constant" (leaf springs of constant stiffness, that at rest:
-    `ksd.model.constant`) or "modal" (leaf springs as modal bodies; `basis`: a
+    `ksd.model.constant_leaves`) or "modal" (leaf springs as modal bodies; `basis`: a
     `ksd.ModalBasis` for all, or several by joint or leaf, {"hinge": ksd.ModalBasis()}: then joints not named are condensed
     as in "reduced", and other leaf springs computed in full; or reduced solids by leaf, {"spring": reduce_solid(...)}, see
     `ksd.modal.solid_basis`: by "modal" beside condensed joints, without a method beside leaves in full); without one, the
@@ -147,7 +147,7 @@ def solve(
     if hasattr(scene, "drives"):
         refuse_unknown_drives(drives, (d.name for d in scene.drives), solve)
     wanted = DEFAULT_ACCURACY if accuracy is None else checked_accuracy(accuracy)
-    grid = mesh if mesh is not None else (DEFAULT_MESH if accuracy is None else mesh_for(wanted))
+    grid = mesh if mesh is not None else (DEFAULT_MESH if accuracy is None else mesh_for_accuracy(wanted))
     words: dict[str, Any] = {
         "extrapolate": extrapolate, "effects": effects, "with_": with_, "without": without, "basis": basis,
         "planar": planar,
@@ -163,7 +163,7 @@ def solve(
             return require_solved(found) if strict else found
         if mesh is not None or rise == MAX_RISES:
             break
-        grid = raised(grid, axis)
+        grid = raise_order(grid, axis)
     found = with_mesh_check(found, wanted)
     return require_solved(found) if strict else found
 

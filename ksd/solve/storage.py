@@ -6,9 +6,9 @@ import threading
 
 import numpy as np
 
-from ksd.model.arrays import Motion, Work, make_work
+from ksd.model.arrays import State, Workspace, make_workspace
 from ksd.model.compile import Model
-from ksd.model.newton import Newton, iterate, look
+from ksd.model.newton import NewtonResult, check_residual, solve_equilibrium
 from ksd.model.plane import Plane
 
 
@@ -16,25 +16,27 @@ class NewtonStorage:
     """What the Newton of one model writes into, in space and in its plane. Not for two threads at once."""
 
     def __init__(self, model: Model) -> None:
-        self.model, self.work = model, make_work(model.arrays)
-        self._planar: Work | None = None
+        self.model, self.work = model, make_workspace(model.arrays)
+        self._planar: Workspace | None = None
 
     def newton(
-        self, motion: Motion, target: np.ndarray, factor: float, rtol: float, most: int, cap: float, blow_up: float
-    ) -> Newton:  # fmt: skip
-        """Equilibrium from the state, in place: see `ksd.model.newton.iterate`."""
-        return iterate(self.model.arrays, motion, target, factor, self.work, rtol, most, cap, blow_up)
+        self, motion: State, target: np.ndarray, factor: float, rtol: float, most: int, cap: float, blow_up: float
+    ) -> NewtonResult:  # fmt: skip
+        """Equilibrium from the state, in place: see `ksd.model.newton.solve_equilibrium`."""
+        return solve_equilibrium(
+            self.model.arrays, motion, target, factor, self.work, rtol, most, cap, blow_up
+        )
 
     def look(
-        self, motion: Motion, target: np.ndarray, rtol: float, factor: float = 1.0
+        self, motion: State, target: np.ndarray, rtol: float, factor: float = 1.0
     ) -> tuple[float, int, int]:
         """Residual over its bound, negative pivots and status of the state; the Newton step is left in `work`."""
-        return look(self.model.arrays, motion, target, factor, self.work, rtol)
+        return check_residual(self.model.arrays, motion, target, factor, self.work, rtol)
 
-    def planar(self, plane: Plane) -> Work:
+    def planar(self, plane: Plane) -> Workspace:
         """Storage of the model in its plane."""
         if self._planar is None:
-            self._planar = make_work(plane.arrays)
+            self._planar = make_workspace(plane.arrays)
         return self._planar
 
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.model.arrays import COIL, TURN, Motion, make_work
+from ksd.model.arrays import COIL, TORSION, State, make_workspace
 from ksd.model.compile import Model
-from ksd.model.newton import iterate
+from ksd.model.newton import solve_equilibrium
 from ksd.numerics.rotations import rotation_log
 from ksd.properties.cache import cached_per_model
 from ksd.properties.forces import energy_of_one_spring
@@ -41,7 +41,7 @@ class UndeformedInstability:
     """
 
     causes: tuple[str, ...]
-    motion: Motion
+    motion: State
     count: int
     shape: Array
 
@@ -60,12 +60,12 @@ def undeformed_instability(model: Model) -> tuple[UndeformedInstability, ...]:
 def _instability(model: Model, causes: tuple[str, ...], factor: float) -> tuple[UndeformedInstability, ...]:
     """See `undeformed_instability`; factor: of the loads."""
     motion, target = model.rest.copy(), np.zeros(len(model.arrays.terms.start))
-    stop, *_ = iterate(
+    stop, *_ = solve_equilibrium(
         model.arrays,
         motion,
         target,
         factor,
-        make_work(model.arrays),
+        make_workspace(model.arrays),
         RTOL,
         MAX_ITERATIONS,
         MAX_TURN_PER_STEP,
@@ -109,14 +109,14 @@ def _preloaded_springs(model: Model) -> tuple[str, ...]:
     springs = model.arrays.springs
     found = []
     for i, name in enumerate(model.spring_names):
-        unit = {COIL: model.arrays.size**2, TURN: 1.0}.get(int(springs.kind[i]))
+        unit = {COIL: model.arrays.size**2, TORSION: 1.0}.get(int(springs.kind[i]))
         stiffness = float(springs.value[springs.value_at[i]])
         if unit is not None and energy_of_one_spring(model, model.rest, i) > ZERO_ENERGY * stiffness * unit:
             found.append(name)
     return tuple(found)
 
 
-def multiple_minima_note(model: Model, motion: Motion, stable: bool) -> str:
+def multiple_minima_note(model: Model, motion: State, stable: bool) -> str:
     """A sentence on the minima near an unstable undeformed configuration: the cause, and which one `motion` is if it is one.
 
     stable: whether `motion` is a minimum. Empty where the undeformed configuration is stable.
@@ -139,7 +139,7 @@ def multiple_minima_note(model: Model, motion: Motion, stable: bool) -> str:
     return ""
 
 
-def _displacement(rest: UndeformedInstability, motion: Motion, node: int, movement: str) -> str:
+def _displacement(rest: UndeformedInstability, motion: State, node: int, movement: str) -> str:
     """Signed displacement of a node from the unstable equilibrium along the unstable direction, in words."""
     moved, axis = motion.x[node] - rest.motion.x[node], rest.shape[node, :3]
     turns = movement.startswith("turns")

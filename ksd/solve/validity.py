@@ -15,10 +15,10 @@ import numpy as np
 from ksd.errors import SceneError
 from ksd.modal.leaf_bodies import with_modal_bodies
 from ksd.modal.solid_basis import SolidBasis, with_solids
-from ksd.model.arrays import Motion
-from ksd.model.compile import Model, compile_given
-from ksd.model.constant import is_constant
-from ksd.model.reduced import inner_state, member_pose
+from ksd.model.arrays import State
+from ksd.model.compile import Model, compile_as_is
+from ksd.model.constant_leaves import is_constant
+from ksd.model.reduced_bodies import inner_state, relative_end_pose
 from ksd.properties.shape import scene_leaves
 from ksd.scene.mechanism import Mechanism
 from ksd.solve.full_bodies import error_indicator
@@ -86,10 +86,10 @@ def _limit(model: Model, name: str, way: str, error: float) -> tuple[float, floa
     leaf, body = scene_leaves(model)[name], model.bodies[name]
     if isinstance(body, SolidBasis):
         scene = _alone(leaf, way, flat=body.solid.is_2d).scene()
-        model = with_solids(compile_given(scene, model.mesh), {"leaf": body})
+        model = with_solids(compile_as_is(scene, model.mesh), {"leaf": body})
     else:
         mesh = replace(model.mesh, leaf="corotational", elements=body.choices.elements)
-        model = with_modal_bodies(compile_given(_alone(leaf, way, flat=False).scene(), mesh), body.choices)
+        model = with_modal_bodies(compile_as_is(_alone(leaf, way, flat=False).scene(), mesh), body.choices)
     size = MAX_TRIED[way] * (1.0 if way == "turned" else leaf.length)
     good, start, storage = (0.0, 0.0), (model.targets({"way": 0.0}), model.rest), NewtonStorage(model)
 
@@ -169,7 +169,7 @@ class BasisUse:
     most_turn: float
 
 
-def basis_use(model: Model, motion: Motion) -> BasisUse | None:
+def basis_use(model: Model, motion: State) -> BasisUse | None:
     """What an answer of reduced bodies says of its bases; None where there are none."""
     if not model.bodies or is_constant(model):
         return None
@@ -183,14 +183,14 @@ def basis_use(model: Model, motion: Motion) -> BasisUse | None:
     return BasisUse(name, size, condition, stroke, turn, found.error, *limits)
 
 
-def most_bent_body(model: Model, motion: Motion) -> tuple[str, float, float]:
+def most_bent_body(model: Model, motion: State) -> tuple[str, float, float]:
     """The reduced body bent furthest: its name, displacement of its end over its length, and largest rotation [rad] against
     its chord (of a solid: of face B)."""
     worst = ("", 0.0, -1.0)
     for name, body in model.bodies.items():
         i = model.member_names.index(name)
         stroke, turn = body.stroke_and_rotation(
-            *member_pose(model.arrays.members, i, motion), inner_state(model, motion, i)
+            *relative_end_pose(model.arrays.members, i, motion), inner_state(model, motion, i)
         )
         if turn >= worst[2]:
             worst = (name, stroke, turn)

@@ -24,7 +24,7 @@ import numpy as np
 
 from ksd.errors import ConvergenceError, RangeError, TrustError
 from ksd.model.arrays import STRAIN, carries_load
-from ksd.model.mesh import MOST_ORDER
+from ksd.model.mesh import MAX_ORDER
 from ksd.properties.doctor import doctor
 from ksd.properties.printing import format_number
 from ksd.scene.rules import plane_hint
@@ -184,7 +184,7 @@ def with_mesh_check(found: Configuration, wanted: float) -> Configuration:
     if share <= wanted:
         return found
     more = "raise the orders of the mesh"
-    if found.model.mesh.orders[axis] >= MOST_ORDER:
+    if found.model.mesh.orders[axis] >= MAX_ORDER:
         more = "more are not possible; a chain is finer, ksd.Mesh(leaf='corotational', elements=80)"
     about = ("torsion", "strong bending", "weak bending")[axis]
     note = (

@@ -19,7 +19,7 @@ import numpy as np
 from ksd.errors import KsdError, RecordError, SceneError
 from ksd.files import read_file, write_file
 from ksd.library.record_files import make_parent_folder
-from ksd.numerics.processes import follow_parent, spawning
+from ksd.numerics.processes import end_with_parent, spawn_context
 from ksd.properties.printing import progress_bar
 from ksd.scene import DrawnJoint
 from ksd.scene.scene import fingerprint
@@ -139,9 +139,9 @@ class Jobs:
             return self._given
         if self._pool is None:
             # spawned, not forked: compiled kernels and threads do not survive a fork safely
-            context = spawning(job)
+            context = spawn_context(job)
             if context is not None:
-                self._pool = ProcessPoolExecutor(WORKERS, mp_context=context, initializer=follow_parent)
+                self._pool = ProcessPoolExecutor(WORKERS, mp_context=context, initializer=end_with_parent)
             else:
                 self._pool = ThreadPoolExecutor(WORKERS)
         return self._pool

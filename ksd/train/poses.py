@@ -6,11 +6,11 @@ import numpy as np
 
 from ksd.library.chains import rotation_matrices, rotation_vectors
 from ksd.library.functions import Array
-from ksd.model.arrays import Motion
+from ksd.model.arrays import State
 from ksd.model.compile import Model
 
 
-def block_poses(model: Model, states: list[Motion], node: int, point: Array, length: float) -> Array:
+def block_poses(model: Model, states: list[State], node: int, point: Array, length: float) -> Array:
     """(g, 6): rotation vector and chord of a block about its `point` at rest."""
     R = np.array([s.R[node] for s in states])
     x = np.array([s.x[node] for s in states]) + R @ (point - model.rest.x[node])

@@ -22,7 +22,7 @@ from ksd.errors import ConvergenceError, RecordError, SceneError
 from ksd.library import Evidence, Functions, Mesh, Record, Residual, Stroke, read_record, write_record
 from ksd.library.functions import Array, legendre_products, monomials
 from ksd.library.record_files import RECORD_SUFFIX
-from ksd.model.leaves import raised_orders
+from ksd.model.leaves import leaf_orders
 from ksd.model.mesh import Mesh as LeafMesh
 from ksd.scene import DrawnJoint, Joint
 from ksd.train.catalogue import design_of
@@ -206,7 +206,7 @@ def _corner_joints(design: Design) -> list[DrawnJoint]:
 def _orders(corners: list[DrawnJoint]) -> tuple[int, int, int]:
     """Curvature modes that serve every leaf at every corner of the shapes; curved leaf springs need more of them."""
     mesh = LeafMesh("strain", orders=ORDERS, points=max(ORDERS) + 2)
-    found = [raised_orders(leaf, mesh)[0] for joint in corners for leaf in joint.leaves()]
+    found = [leaf_orders(leaf, mesh)[0] for joint in corners for leaf in joint.leaves()]
     nx, ny, nz = (max(o[axis] for o in found) for axis in range(3))
     return nx, ny, nz
 

@@ -16,8 +16,8 @@ from ksd.beam.corotational_values import NODE, RECORD
 from ksd.errors import ConvergenceError, SceneError
 from ksd.library.chains import element_axes, rotation_vectors
 from ksd.library.functions import Array, Mesh
-from ksd.model.arrays import COROTATIONAL, Motion
-from ksd.model.compile import Model, compile_given
+from ksd.model.arrays import COROTATIONAL, State
+from ksd.model.compile import Model, compile_as_is
 from ksd.model.mesh import Mesh as LeafMesh
 from ksd.scene import Joint, Leaf, Mechanism
 from ksd.solve.configuration import Configuration
@@ -106,8 +106,8 @@ def _model(joint: Joint, mesh: Mesh, plan: SamplingPlan) -> Model:
             scene.actuate(link, name=motion.name, along=motion.axis, at=motion.point or joint.pose_B)
     if mesh == "strain":
         points = max(plan.orders) + (2 if all(leaf.curve is None for leaf in joint.leaves()) else 3)
-        return compile_given(scene.scene(), LeafMesh("strain", orders=plan.orders, points=max(7, points)))
-    return compile_given(scene.scene(), LeafMesh("corotational", elements=int(mesh)))
+        return compile_as_is(scene.scene(), LeafMesh("strain", orders=plan.orders, points=max(7, points)))
+    return compile_as_is(scene.scene(), LeafMesh("corotational", elements=int(mesh)))
 
 
 def _walk(joint: Joint, model: Model, plan: SamplingPlan, mesh: Mesh) -> list[Configuration]:
@@ -167,7 +167,7 @@ def _read(joint: Joint, model: Model, configurations: list[Configuration]) -> di
     return found
 
 
-def _strain_state(leaf: Leaf, model: Model, states: list[Motion], i: int) -> tuple[Array, Array]:
+def _strain_state(leaf: Leaf, model: Model, states: list[State], i: int) -> tuple[Array, Array]:
     """Dimensionless amplitudes (g, N) and wrench (g, 6) of leaf i."""
     members = model.arrays.members
     inner = np.array([s.inner[members.inner_at[i] : members.inner_at[i + 1]] for s in states])
@@ -177,7 +177,7 @@ def _strain_state(leaf: Leaf, model: Model, states: list[Motion], i: int) -> tup
     return L * inner[:, :count], unit * inner[:, count:]
 
 
-def _chain_rotations(model: Model, states: list[Motion], i: int) -> Array:
+def _chain_rotations(model: Model, states: list[State], i: int) -> Array:
     """(g, 2n-1, 3): rotation vectors of the elements, then the inner nodes, of leaf i; frame of end p."""
     members = model.arrays.members
     n = int(members.number[i, 0])
@@ -196,7 +196,7 @@ def _chain_rotations(model: Model, states: list[Motion], i: int) -> Array:
     return rotation_vectors(np.concatenate([elements, turned[:, 1:-1]], axis=1))
 
 
-def _ends(model: Model, states: list[Motion], i: int) -> tuple[Array, Array]:
+def _ends(model: Model, states: list[State], i: int) -> tuple[Array, Array]:
     """Position d (g, 3) and orientation Q (g, 3, 3) of end q of leaf i in the frame of end p."""
     members = model.arrays.members
     a, b = members.node[i]

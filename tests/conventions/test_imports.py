@@ -112,10 +112,10 @@ def test_heavy_packages_have_one_home_and_a_scene_needs_numpy_alone():
 @pytest.mark.parametrize(
     "source",
     [
-        "from ksd.model.newton import iterate",
+        "from ksd.model.newton import solve_equilibrium",
         "from ksd.model import newton",
         "def later():\n    import ksd.model.newton",
-        "HOME = 'ksd.model.newton:iterate'",
+        "HOME = 'ksd.model.newton:solve_equilibrium'",
     ],
 )
 def test_the_check_itself_sees_an_import(source):
@@ -124,4 +124,4 @@ def test_the_check_itself_sees_an_import(source):
         ("ksd.model.newton", "ksd.beam.strain")
     )
     assert circle({("a", "b"), ("b", "c"), ("c", "a")}) and not circle({("a", "b"), ("b", "c"), ("a", "c")})
-    assert not named_in("if TYPE_CHECKING:\n    from ksd.model.newton import iterate")
+    assert not named_in("if TYPE_CHECKING:\n    from ksd.model.newton import solve_equilibrium")

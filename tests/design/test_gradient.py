@@ -7,7 +7,7 @@ from scenes import STEEL, single_joint
 import ksd
 from ksd.checks import without_whole_checks
 from ksd.design.questions import ALL_QUESTIONS, ROUNDING_TOLERANCE
-from ksd.model.effects import choose
+from ksd.model.effects import choose_effects
 from ksd.solve import perturbed
 from ksd.units import deg, mm
 
@@ -278,7 +278,7 @@ def test_1_effects_and_plate_curvatures_are_those_of_the_pose():
         {n: leaf.condition.bend for n, leaf in m.scene.leaf_names().items()} for m in (pose.model, *sides)
     ]
     assert bends[0] == bends[1] and all(b > 0 for b in bends[0].values())
-    assert choose(warm(**at_design).scene(), pose.model.mesh)["plate"].present
+    assert choose_effects(warm(**at_design).scene(), pose.model.mesh)["plate"].present
 
 
 def test_2_every_leaf_has_its_stress_where_two_are_equal():

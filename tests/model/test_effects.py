@@ -10,9 +10,9 @@ from scenes import fourbar
 from scipy.spatial.transform import Rotation
 
 import ksd
-from ksd.model.arrays import make_work
-from ksd.model.compile import compile_given, compile_scene
-from ksd.model.effects import WORDS
+from ksd.model.arrays import make_workspace
+from ksd.model.compile import compile_as_is, compile_scene
+from ksd.model.effects import EFFECT_MEANINGS
 from ksd.model.newton import assemble
 from ksd.properties.tangent import assemble_and_factor
 from ksd.solve.conventional import solve_conventional
@@ -202,8 +202,8 @@ def test_a_spring_across_the_plane_is_seen():
 
 
 def test_every_word_is_there():
-    assert set(WORDS) >= {with_word(e) for e in EFFECTS} | {"warping", "plate", "spatial"}
-    given = compile_given(replace(fourbar().scene(), gravity=(0, -1.0, 0)), ksd.Mesh())
+    assert set(EFFECT_MEANINGS) >= {with_word(e) for e in EFFECTS} | {"warping", "plate", "spatial"}
+    given = compile_as_is(replace(fourbar().scene(), gravity=(0, -1.0, 0)), ksd.Mesh())
     assert given.choice is None and "shear: as the mesh says" in str(given)
 
 
@@ -216,6 +216,6 @@ def test_a_spring_whose_ends_meet_is_told(away, expected):
     motion = model.rest.copy()
     motion.x[model.node_names.index("top")] += away * (start - end)
     worst, *_, status = assemble(
-        model.arrays, motion, np.zeros(1), 1.0, make_work(model.arrays), rtol=1e-10, near=0, grain=10.0
+        model.arrays, motion, np.zeros(1), 1.0, make_workspace(model.arrays), rtol=1e-10, near=0, grain=10.0
     )
     assert (status, np.isinf(worst)) == (expected, expected == 2)

@@ -5,7 +5,7 @@ import pytest
 from scenes import STEEL, cross_flexure, dense, fourbar, single_joint
 
 import ksd
-from ksd.model.arrays import flatten, make_work, opened
+from ksd.model.arrays import flatten_arrays, make_workspace, unflatten_arrays
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.model.newton import assemble, move_nodes, take_step
@@ -60,7 +60,7 @@ def moved(model, arrays, state, step):
 
 def settled(arrays, state, target):
     """Residual (n,) and matrix with the inner states iterated to rest at fixed nodes."""
-    work = make_work(arrays)
+    work = make_workspace(arrays)
     for _ in range(8):
         assemble(arrays, state, target, 1.0, work, 1e-8, 0, 10.0)
         take_step(arrays, state, np.zeros(arrays.plan.unknowns), work, 1.0)
@@ -74,7 +74,7 @@ def test_tangent_is_the_derivative_of_the_residual(mesh, weight, rng):
     scene = loaded_fourbar(weight)
     model = compile_scene(scene, mesh=MESHES[mesh])
     # of its own: integers are shared by models of the same words
-    arrays = opened(flatten(plane_of(model).arrays))
+    arrays = unflatten_arrays(flatten_arrays(plane_of(model).arrays))
     # a following load has an unsymmetric tangent, whose symmetric half is what is added
     arrays.loads.following[:] = 0
     target = np.zeros(2)
@@ -107,11 +107,13 @@ def test_residual_and_tangent_are_those_of_space_in_the_plane(mesh, weight, rng)
     state = solve_conventional(model, dict.fromkeys(model.drive_names, 2e-3)).motion
     state.x[1:, :2] += 1e-5 * rng.normal(size=(len(state.x) - 1, 2))
     for arrays in (plane.arrays, model.arrays):
-        work, target = make_work(arrays), np.full(2, 3e-3)
+        work, target = make_workspace(arrays), np.full(2, 3e-3)
         assemble(arrays, state, target, 1.0, work, 1e-8, 0, 10.0)
-        at = np.where(arrays.start[1:, None] >= 0, arrays.start[1:, None] + np.arange(len(arrays.keep)), -1)
-        if len(arrays.keep) == 6:
-            at = at[:, plane.arrays.keep]
+        at = np.where(
+            arrays.start[1:, None] >= 0, arrays.start[1:, None] + np.arange(len(arrays.active_dofs)), -1
+        )
+        if len(arrays.active_dofs) == 6:
+            at = at[:, plane.arrays.active_dofs]
         at = np.concatenate([at.ravel(), arrays.terms.start])
         found.append((work.rhs[at], dense(arrays, work)[np.ix_(at, at)]))
     assert found[0][0] == pytest.approx(found[1][0], rel=1e-8, abs=1e-10 * np.abs(found[1][0]).max())

@@ -57,7 +57,7 @@ def test_wrenches_and_inner_nodes_are_those_of_each(scene, elements, drives, rng
         store = np.zeros(members.store_at[i + 1] - members.store_at[i])
         value, number = members.value[members.value_at[i] :], members.number[i]
         lam, K = np.zeros(12), np.zeros((6, 6))
-        near = work.near[work.near_at[i] : work.near_at[i + 1]]
+        near = work.linearisation[work.linearisation_at[i] : work.linearisation_at[i + 1]]
         assert condense_linearised(value, number, inner, store, near, d, Q, lam, K, *scratch)[3] == 0
         assert work.lam[i] == pytest.approx(lam, rel=1e-8, abs=1e-9 * np.abs(work.lam).max())
         alone.append((value, number, inner, store))

@@ -6,9 +6,9 @@ from hard_scenes import STEEL
 
 import ksd
 from ksd.bodies.joints import joint_bodies, joint_bodies_of_design, joint_layout
-from ksd.model.compile import compile_given
-from ksd.model.drawing import draw
-from ksd.model.template import Template, design, motion_design, template_of
+from ksd.model.compile import compile_as_is
+from ksd.model.scene_layout import split_scene
+from ksd.model.template import Template, arrays_of_design, state_of_design, template_of
 from ksd.units import deg, mm
 
 DENSE = ksd.Material(E=200e9, G=76.9e9, density=7800, expansion=1.2e-5)
@@ -109,7 +109,7 @@ def _same(one, other):
 
 def _drawings(name, mesh, rng, count):
     scenes = [SCENES[name](rng).scene() for _ in range(count)]
-    return scenes, [draw(scene, mesh) for scene in scenes]
+    return scenes, [split_scene(scene, mesh) for scene in scenes]
 
 
 @pytest.mark.parametrize("mesh", MESHES)
@@ -124,8 +124,8 @@ def test_designs_in_one_call_are_those_made_one_by_one(name, mesh, rng):
     numbers = template.numbers([d.numbers for d in drawings])
     filled = template(numbers)
     for d, scene in enumerate(scenes):
-        model = compile_given(scene, mesh)
-        several = design(filled.arrays, template.topology, d), motion_design(filled.rest, d)
+        model = compile_as_is(scene, mesh)
+        several = arrays_of_design(filled.arrays, template.topology, d), state_of_design(filled.rest, d)
         _same((model.arrays, model.rest), several)
     if mesh.nodal or not drawings[0].joints:
         return
@@ -133,7 +133,7 @@ def test_designs_in_one_call_are_those_made_one_by_one(name, mesh, rng):
     shapes = [[d.joints[u].shape() for d in drawings] for u in range(len(drawings[0].joints))]
     bodies = layout(numbers, filled, shapes, extrapolate=True)
     for d, scene in enumerate(scenes):
-        alone = joint_bodies(compile_given(scene, mesh), ksd.find_record, extrapolate=True)
+        alone = joint_bodies(compile_as_is(scene, mesh), ksd.find_record, extrapolate=True)
         several = joint_bodies_of_design(layout, bodies, d)
         for field in (
             "kinematics",
@@ -154,14 +154,14 @@ def test_numbers_make_no_new_template_and_words_do(rng):
     assert template_of(one.words, mesh) is template_of(two.words, mesh)
     scene = _arm(rng)
     scene.load("second", force=(1, 0, 0), at=(0.3, 0, 0.1))
-    other = draw(scene.scene(), mesh)
+    other = split_scene(scene.scene(), mesh)
     assert isinstance(template_of(other.words, mesh), Template)
     assert template_of(other.words, mesh) is not template_of(one.words, mesh)
 
 
 def test_leaves_drawn_alike_share_their_constants_at_every_scale(rng):
     for _ in range(20):
-        members = compile_given(_arm(rng).scene(), ksd.Mesh()).arrays.members
+        members = compile_as_is(_arm(rng).scene(), ksd.Mesh()).arrays.members
         assert len(np.unique(members.value_at)) == 4
 
 

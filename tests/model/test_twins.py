@@ -6,8 +6,8 @@ from scenes import fourbar
 
 import ksd
 from ksd.bodies.substructures import condense_joints, set_near_configuration
-from ksd.model.arrays import make_work
-from ksd.model.newton import assemble, newton_step
+from ksd.model.arrays import make_workspace
+from ksd.model.newton import assemble, take_newton_step
 
 MESHES = {"strain": ksd.Mesh(), "chain": ksd.Mesh("corotational", elements=3)}
 SLIGHT = 1e-14
@@ -25,14 +25,14 @@ def test_tangent_residual_and_step_are_those_of_leaves_worked_on_one_by_one(mesh
     begin = ksd.solve(model, top=0.2, method="conventional").motion
     found, inner = [], []
     for tilt in (0.0, SLIGHT):
-        motion, work = begin.copy(), make_work(model.arrays)
+        motion, work = begin.copy(), make_workspace(model.arrays)
         # out of balance, in the plane
         motion.x[2] += (1e-4, -2e-4, 0.0)
         motion.R[1, 0, 2], motion.R[1, 2, 0] = motion.R[1, 0, 2] + tilt, motion.R[1, 2, 0] - tilt
         target = model.targets({"top": 0.21})
         assemble(model.arrays, motion, target, 1.0, work, 1e-8, 0, 10.0)
-        found.append((work.value.copy(), work.rhs.copy(), work.store.copy()))
-        newton_step(model.arrays, motion, target, 1.0, work, 1e-8)
+        found.append((work.matrix.copy(), work.rhs.copy(), work.store.copy()))
+        take_newton_step(model.arrays, motion, target, 1.0, work, 1e-8)
         inner.append(motion.inner.copy())
     once, each = found
     scale = np.abs(each[0]).max()
@@ -59,7 +59,7 @@ def test_condensed_joints_are_those_of_leaves_worked_on_one_by_one(mesh):
         if mesh.leaf == "strain":
             state.inner[given.inner_at[2]] += change
         else:
-            work.near[work.near_at[2]] += change
+            work.linearisation[work.linearisation_at[2]] += change
         inner = np.zeros_like(storage.reduced.inner)
         condense_joints(b.substructures, len(b.kinematics.node), state, work, 1, inner)
         found.append((inner, state.inner.copy()))

@@ -9,7 +9,7 @@ from scipy.integrate import solve_bvp
 from scipy.spatial.transform import Rotation
 
 import ksd
-from ksd.model.arrays import make_work
+from ksd.model.arrays import make_workspace
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.model.newton import assemble, take_step
@@ -68,12 +68,12 @@ def two_blades(gravity):
 
 def settled(model, motion, relinearisations=10):
     """Residual (n,) and matrix with the inner states iterated to rest at fixed nodes."""
-    arrays, work, none = model.arrays, make_work(model.arrays), np.zeros(0)
+    arrays, work, none = model.arrays, make_workspace(model.arrays), np.zeros(0)
     for _ in range(relinearisations):
         assemble(arrays, motion, none, 1.0, work, 1e-8, 0, 10.0)
         take_step(arrays, motion, np.zeros(arrays.plan.unknowns), work, 1.0)
     assemble(arrays, motion, none, 1.0, work, 1e-8, 0, 10.0)
-    return work.rhs.copy(), stored_matrix(arrays, work.value)
+    return work.rhs.copy(), stored_matrix(arrays, work.matrix)
 
 
 def moved(model, motion, step):
@@ -225,12 +225,12 @@ def test_weight_that_is_absent_costs_nothing_and_changes_nothing(mesh):
     weightless.gravity = (0, 0, 0)
     one, other = (compile_scene(s, mesh=MESHES[mesh]) for s in (bare, weightless))
     for model in (one, other):
-        work = make_work(model.arrays)
+        work = make_workspace(model.arrays)
         assert model.arrays.weight.size == work.weight.size == 0
-        assert work.store.size == make_work(one.arrays).store.size
+        assert work.store.size == make_workspace(one.arrays).store.size
     heavy = fourbar()
     heavy.gravity = (0, -9.81, 0)
-    assert make_work(compile_scene(heavy, mesh=MESHES[mesh]).arrays).store.size > work.store.size
+    assert make_workspace(compile_scene(heavy, mesh=MESHES[mesh]).arrays).store.size > work.store.size
     first, second = (solve_conventional(m, {"top": 0.1}, planar=False) for m in (one, other))
     assert np.array_equal(first.motion.inner, second.motion.inner)
     assert first.forces == second.forces

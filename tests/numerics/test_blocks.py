@@ -8,11 +8,11 @@ from ksd.numerics.blocks import (
     factor_blocks,
     forward_blocks,
     plan_blocks,
-    refined_blocks,
     residual_blocks,
     solve_blocks,
+    solve_refined,
 )
-from ksd.numerics.indefinite import inertia
+from ksd.numerics.indefinite import negative_inertia
 
 SOFT, STIFF = 0.3, 1e8
 
@@ -66,11 +66,11 @@ def test_every_joint_of_a_chain_is_held_by_rows(joints, free, loose, rng):
     x, change, low = right.copy(), np.empty_like(right), np.empty_like(right)
     solve_blocks(plan.ints, value, spare, x)
     assert x == pytest.approx(exact, rel=1e-6, abs=1e-7 * np.abs(exact).max())
-    assert refined_blocks(plan.ints, stored, value, spare, right, x, change, low) < 1e-9
+    assert solve_refined(plan.ints, stored, value, spare, right, x, change, low) < 1e-9
     # the softness of a row is what its neighbours in other joints do not give
     for i in plan.start[plan.rows]:
         unit = np.eye(len(whole))[i]
-        refined_blocks(plan.ints, stored, value, spare, unit, x, change, low)
+        solve_refined(plan.ints, stored, value, spare, unit, x, change, low)
         if abs(x[i]) > 1e-3:
             assert x[i] == pytest.approx(-SOFT, rel=1e-6)
 
@@ -85,7 +85,7 @@ def test_inertia_is_that_of_the_matrix_with_pivoting(rng):
             residual_blocks(plan.ints, value, none, unit, column, np.empty(len(whole)))
         assert matrix == pytest.approx(matrix.T)
         negatives, _ = factor_blocks(plan.ints, value, np.zeros_like(value), len(plan.size))
-        assert negatives == inertia(matrix) >= rows
+        assert negatives == negative_inertia(matrix) >= rows
 
 
 @pytest.mark.parametrize("share", [1e-9, 1e-6, 1e-3, 1.0])
@@ -119,7 +119,7 @@ def test_lost_digits_are_told(noise, lost, rng):
     value *= 1.0 + noise * rng.normal(size=value.shape)
     right = rng.normal(size=len(whole))
     x, change, low = (np.empty(len(whole)) for _ in range(3))
-    error = refined_blocks(plan.ints, stored, value, spare, right, x, change, low)
+    error = solve_refined(plan.ints, stored, value, spare, right, x, change, low)
     assert error > 1e-3 if lost else error < 1e-12
 
 

@@ -128,7 +128,7 @@ def test_without_a_folder_kernels_are_compiled_in_memory(tmp_path):
         "from ksd.numerics import cache, kernel\n"
         "@kernel.kernel\n"
         "def double(x):\n    return 2.0 * x\n"
-        "print(cache.FOLDER, double(1.5))"
+        "print(cache.CACHE_FOLDER, double(1.5))"
     )
     ways = {
         "KSD_CACHE_DIR": nowhere,

@@ -10,34 +10,34 @@ from multiprocessing import active_children
 
 import pytest
 
-from ksd.numerics.processes import process_pool, spawning
+from ksd.numerics.processes import process_pool, spawn_context
 
 PLAIN = """
 import math
 from concurrent.futures import ProcessPoolExecutor
-from ksd.numerics.processes import spawning
+from ksd.numerics.processes import spawn_context
 
 print("the script runs")
-with ProcessPoolExecutor(1, mp_context=spawning(math.sqrt)) as pool:
+with ProcessPoolExecutor(1, mp_context=spawn_context(math.sqrt)) as pool:
     print(pool.submit(math.sqrt, 4.0).result())
 """
 OWN = """
 from concurrent.futures import ProcessPoolExecutor
-from ksd.numerics.processes import spawning
+from ksd.numerics.processes import spawn_context
 
 def own(x):
     return 2 * x
 
 if __name__ == "__main__":
-    with ProcessPoolExecutor(1, mp_context=spawning(own)) as pool:
+    with ProcessPoolExecutor(1, mp_context=spawn_context(own)) as pool:
         print(pool.submit(own, 2.0).result(), __file__ is not None)
 """
 KILLED = """
 import os, signal, time
 from concurrent.futures import ProcessPoolExecutor
-from ksd.numerics.processes import follow_parent, spawning
+from ksd.numerics.processes import end_with_parent, spawn_context
 
-pool = ProcessPoolExecutor(1, mp_context=spawning(time.sleep), initializer=follow_parent)
+pool = ProcessPoolExecutor(1, mp_context=spawn_context(time.sleep), initializer=end_with_parent)
 print(pool.submit(abs, -1).result(), flush=True)
 pool.submit(time.sleep, 3600)
 os.kill(os.getpid(), signal.SIGKILL)
@@ -58,8 +58,8 @@ def test_a_script_runs_once(tmp_path, script, expected):
 
 def test_from_standard_input():
     """A script that is no file: what it defines cannot be sent."""
-    text = "from ksd.numerics.processes import spawning\nclass Own: pass\nimport math\n"
-    text += "print(spawning(Own()), spawning(lambda: 0), spawning(math.pi) is not None)"
+    text = "from ksd.numerics.processes import spawn_context\nclass Own: pass\nimport math\n"
+    text += "print(spawn_context(Own()), spawn_context(lambda: 0), spawn_context(math.pi) is not None)"
     done = subprocess.run([sys.executable], input=text, capture_output=True, text=True, timeout=60)
     assert done.stdout.split() == ["None", "None", "True"], done.stderr
 
@@ -70,7 +70,7 @@ def nothing():
 
 def test_a_pool_that_is_given_up_ends_its_processes():
     before = active_children()
-    with pytest.raises(KeyboardInterrupt), process_pool(spawning(nothing)) as pool:
+    with pytest.raises(KeyboardInterrupt), process_pool(spawn_context(nothing)) as pool:
         assert pool.submit(abs, -1).result() == 1
         own = [child for child in active_children() if child not in before]
         for _ in own:
@@ -84,7 +84,7 @@ def test_a_pool_that_is_given_up_ends_its_processes():
 
 def handler_of_a_new_process():
     """What it does with Ctrl-C before anything of ours has run in it."""
-    with ProcessPoolExecutor(1, mp_context=spawning(nothing)) as pool:
+    with ProcessPoolExecutor(1, mp_context=spawn_context(nothing)) as pool:
         return pool.submit(signal.getsignal, signal.SIGINT).result()
 
 

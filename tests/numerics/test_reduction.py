@@ -5,7 +5,7 @@ import pytest
 
 from ksd.numerics.reduction import (
     Modes,
-    conditioned,
+    condition_basis,
     craig_bampton,
     modal_derivatives,
     second_derivatives,
@@ -113,7 +113,7 @@ def test_conditioning_drops_what_says_nothing():
     columns = np.column_stack(
         [1e6 * np.eye(6)[0], np.eye(6)[1], np.zeros(6), np.eye(6)[0] * 1e-3 + np.eye(6)[1]]
     )
-    found = conditioned(columns)
+    found = condition_basis(columns)
     assert found.rank == 2
     assert found.columns.T @ found.columns == pytest.approx(np.eye(2), abs=1e-12)
     edge, rest = split_boundary(RNG.normal(size=(N, 5)), BOUNDARY)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scenes import fourbar, single_joint
 
-from ksd.model.arrays import make_work
+from ksd.model.arrays import make_workspace
 from ksd.model.compile import compile_scene
-from ksd.model.newton import iterate
+from ksd.model.newton import solve_equilibrium
 from ksd.model.plane import plane_of
 from ksd.solve.conventional import solve_conventional
 from ksd.solve.storage import MAX_STORAGES, thread_storage
@@ -20,11 +20,11 @@ TARGET = np.array([0.05])
 def newton(space, model):
     """The compiled Newton of a model and what it takes, in space or in its plane: call(iterations)."""
     arrays = model.arrays if space else plane_of(model).arrays
-    work = make_work(arrays)
+    work = make_workspace(arrays)
 
     def call(most):
         motion = model.rest.copy()
-        return lambda: iterate(arrays, motion, TARGET, 1.0, work, 1e-8, most, 0.3, np.inf)
+        return lambda: solve_equilibrium(arrays, motion, TARGET, 1.0, work, 1e-8, most, 0.3, np.inf)
 
     return call
 

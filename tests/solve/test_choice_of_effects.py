@@ -12,10 +12,15 @@ import ksd
 from ksd.errors import SceneError
 from ksd.model import compile as compiling
 from ksd.model import effects, leaves, newton, pack
-from ksd.model.arrays import make_work
-from ksd.model.effects import choose
+from ksd.model.arrays import make_workspace
+from ksd.model.effects import choose_effects
 from ksd.model.plane import plane_of
-from ksd.model.runs import _slices, half_held_factor, own_factor, run_factors
+from ksd.model.warping_runs import (
+    _slices,
+    clamped_torsion_factor,
+    half_clamped_torsion_factor,
+    run_torsion_factors,
+)
 
 HOT = ksd.Material(E=200e9, nu=0.3, density=7800, expansion=12e-6, name="steel")
 LIGHT = ksd.Material(E=200e9, nu=0.3, name="steel without weight")
@@ -131,7 +136,7 @@ def test_what_is_mentioned_is_simulated(k):
     scene.consider("warping", "plate")
     chosen = ksd.solve(scene, targets, method="conventional", mesh=ksd.Mesh())
     everything = ksd.solve(scene, targets, method="conventional", effects="all", mesh=ksd.Mesh())
-    said = set(effects.mentioned(scene.scene(), ksd.Mesh()))
+    said = set(effects.mentioned_effects(scene.scene(), ksd.Mesh()))
     assert set(everything.model.choice.present) == said
     assert set(chosen.model.choice.present) == said - {"spatial"}
     for mine, theirs in zip(answers(chosen), answers(everything), strict=True):
@@ -351,7 +356,7 @@ def test_a_path_of_a_compiled_model_has_its_mesh():
 
 COUNTED = {
     "springs": (
-        ("ksd.model.drawing", "spring_members"),
+        ("ksd.model.scene_layout", "spring_members"),
         lambda s: s.joint_spring("lower left", stiffness=1.0),
     ),
     "compliance": (
@@ -399,7 +404,7 @@ def test_the_assembly_calls_nothing_for_what_is_absent(monkeypatch):
     def assembled(scene):
         calls.clear()
         model = ksd.compile_scene(scene)
-        arrays, rest, work = model.arrays, model.rest, make_work(model.arrays)
+        arrays, rest, work = model.arrays, model.rest, make_workspace(model.arrays)
         newton._newton.py_func(
             newton.add_members,
             *4 * [None],
@@ -447,7 +452,7 @@ def test_an_absent_effect_allocates_nothing():
 
 def _switched(scene):
     """The words that switch off whatever the scene mentions."""
-    return tuple(effects.mentioned(scene.scene(), ksd.Mesh()).keys() - {"spatial", "shear"})
+    return tuple(effects.mentioned_effects(scene.scene(), ksd.Mesh()).keys() - {"spatial", "shear"})
 
 
 def test_gravity_without_mass_and_the_mesh_without_shear():
@@ -457,10 +462,10 @@ def test_gravity_without_mass_and_the_mesh_without_shear():
     joint = ksd.CrossFlexure(massless, length=0.1, angle=np.pi / 4, thickness=1e-3, widths=(0.04, 0.02))
     bare = fourbar(joint=joint)
     bare.gravity = (0, -9.81, 0)
-    assert "gravity" not in effects.mentioned(bare.scene(), ksd.Mesh())
+    assert "gravity" not in effects.mentioned_effects(bare.scene(), ksd.Mesh())
     assert "without gravity: no link has a mass and no leaf a density" in str(ksd.compile_scene(bare))
-    assert "gravity" in effects.mentioned(scene.scene(), ksd.Mesh())
-    choice = choose(scene.scene(), ksd.Mesh(shear=False))
+    assert "gravity" in effects.mentioned_effects(scene.scene(), ksd.Mesh())
+    choice = choose_effects(scene.scene(), ksd.Mesh(shear=False))
     assert not choice["shear"].present
 
 
@@ -573,7 +578,7 @@ def test_warping_passes_through_unlike_pieces(sizes):
     scene = unlike(sizes)
     each, _ = vlasov(sizes)
     assert torsion(scene, with_="warping") == pytest.approx(1.0 / each.sum(), rel=1e-6)
-    factors = run_factors(scene.scene())
+    factors = run_torsion_factors(scene.scene())
     free = [long / (HOT.G * ksd.rectangle(t, w).J) for long, t, w in sizes]
     assert [factors[f"piece {k}"] for k in range(len(sizes))] == pytest.approx(list(free / each), rel=1e-6)
     # between free and held plane at every meeting
@@ -622,7 +627,7 @@ def test_a_piece_drawn_backwards_is_the_same_run():
         pair = (end, middle) if turned else (middle, end)
         scene.leaf(*pair, name="two", section=ksd.rectangle(*sizes[1][1:]), profile=profile, **ends, **words)
         scene.actuate(end, about="x", name="twist")
-        found.append((run_factors(scene.scene()), torsion(scene, with_="warping")))
+        found.append((run_torsion_factors(scene.scene()), torsion(scene, with_="warping")))
     assert found[0][0] == pytest.approx(found[1][0], rel=1e-12)
     assert found[0][1] == pytest.approx(found[1][1], rel=1e-6)
 
@@ -631,11 +636,11 @@ def test_corners_and_bodies_are_no_run():
     words = {"section": ksd.rectangle(0.5e-3, 20e-3), "material": HOT, "width_axis": (0, 0, 1)}
     corner = strip((0.02,))
     corner.leaf("link 0", corner.link("end"), start=(0.02, 0, 0), end=(0.02, 0.02, 0), name="round", **words)
-    assert run_factors(corner.scene()) == {}
+    assert run_torsion_factors(corner.scene()) == {}
     leaf = corner.scene().leaf_names()["round"]
     x = leaf.length * _slices(leaf)[0].decay
     # torque of a strip that cannot warp at one end: G J / (1 - tanh(x) / x) per twist (Timoshenko 1945)
-    assert half_held_factor(leaf) == pytest.approx(1 / (1 - np.tanh(x) / x), rel=1e-12)
+    assert half_clamped_torsion_factor(leaf) == pytest.approx(1 / (1 - np.tanh(x) / x), rel=1e-12)
     fold = ksd.Mechanism("fold")
     middle, end = fold.links("middle", "end")
     fold.leaf(fold.ground, middle, start=(0, 0, 0), end=(0.02, 0, 0), name="first", **words)
@@ -643,11 +648,14 @@ def test_corners_and_bodies_are_no_run():
     fold.actuate(end, along="x", at=(0.02, 0.02, 0))
     said = str(ksd.compile_scene(fold, with_="warping"))
     assert "leaf springs 'first' and 'round' meet at an angle on 'middle'" in said
-    assert f"{own_factor(leaf):.3g}" in said and f"{half_held_factor(leaf):.3g} if it did not hold" in said
+    assert (
+        f"{clamped_torsion_factor(leaf):.3g}" in said
+        and f"{half_clamped_torsion_factor(leaf):.3g} if it did not hold" in said
+    )
     assert "meet end to end" not in str(ksd.compile_scene(fourbar()))
 
 
 def test_listed_parts_of_the_drawing():
     joint = ksd.CircularNotchHinge(STEEL, radius=3e-3, minimum=0.3e-3, width=10e-3)
     assert "with a circular notch" in str(ksd.compile_scene(single_joint(joint)))
-    assert compiling.compile_given and leaves.natural
+    assert compiling.compile_as_is and leaves.stress_free_leaf

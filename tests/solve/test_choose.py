@@ -5,7 +5,7 @@ import pytest
 from scenes import cross_flexure, fourbar, guided_leaf, single_joint, slider
 
 import ksd
-from ksd.model.orders import mesh_for, raised
+from ksd.model.orders import mesh_for_accuracy, raise_order
 from ksd.properties.mesh_adequacy import mode_adequacy
 from ksd.units import deg
 
@@ -17,10 +17,10 @@ def solve():
 
 def test_orders_follow_the_accuracy():
     # fewer modes would cost more
-    assert mesh_for(1e-2).orders == (4, 3, 6)
-    assert mesh_for(1e-5).orders == (5, 3, 6)
-    assert mesh_for(1e-4).orders == (4, 3, 6)
-    assert mesh_for(1e-9).orders == (6, 4, 8)
+    assert mesh_for_accuracy(1e-2).orders == (4, 3, 6)
+    assert mesh_for_accuracy(1e-5).orders == (5, 3, 6)
+    assert mesh_for_accuracy(1e-4).orders == (4, 3, 6)
+    assert mesh_for_accuracy(1e-9).orders == (6, 4, 8)
     exact = ksd.solve(fourbar(), top=0.3, accuracy=1e-8, method="full").forces["top"]
     for accuracy in (1e-2, 1e-3, 1e-5):
         found = ksd.solve(fourbar(), top=0.3, accuracy=accuracy)
@@ -39,7 +39,7 @@ def test_orders_are_raised_where_the_highest_modes_carry_energy():
     assert mode_adequacy(better.model, better.motion).missed_share <= 1e-3
     fine = ksd.solve(scene, top=0.3, mesh=ksd.Mesh(orders=(7, 6, 9), points=12), method="full").forces["top"]
     assert abs(better.forces["top"] / fine - 1) < 1e-3 < abs(plain.forces["top"] / fine - 1)
-    assert raised(ksd.Mesh(), 2).orders == (4, 3, 8)
+    assert raise_order(ksd.Mesh(), 2).orders == (4, 3, 8)
 
 
 @pytest.mark.parametrize("method", [None, "full", "conventional"])

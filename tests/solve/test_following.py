@@ -6,9 +6,9 @@ from hard_scenes import lee
 from scenes import STEEL, fourbar
 
 import ksd
-from ksd.model.arrays import make_work
+from ksd.model.arrays import make_workspace
 from ksd.model.compile import compile_scene
-from ksd.model.newton import GRAIN, assemble, iterate, take_step
+from ksd.model.newton import ROUNDING_MULTIPLE, assemble, solve_equilibrium, take_step
 from ksd.model.plane import plane_of
 from ksd.numerics.blocks import factor_blocks
 from ksd.properties.nonconservative import skew_tangent
@@ -42,15 +42,15 @@ def pushed():
 def test_the_step_is_that_of_the_unsymmetric_tangent():
     """One iteration of the compiled Newton against a dense solve with K + rest."""
     model = compile_scene(pushed())
-    arrays, work, target = model.arrays, make_work(model.arrays), np.array([0.1])
+    arrays, work, target = model.arrays, make_workspace(model.arrays), np.array([0.1])
     state = solve_conventional(model, {"top": 0.05}).motion
     one = state.copy()
-    iterate(arrays, one, target, 1.3, work, 1e-8, 1, np.inf, np.inf)
+    solve_equilibrium(arrays, one, target, 1.3, work, 1e-8, 1, np.inf, np.inf)
     other = state.copy()
-    assemble(arrays, other, target, 1.3, work, 1e-8, 0, 0 * GRAIN)
-    full = stored_matrix(arrays, work.value) + skew_tangent(arrays, other, 1.3)
+    assemble(arrays, other, target, 1.3, work, 1e-8, 0, 0 * ROUNDING_MULTIPLE)
+    full = stored_matrix(arrays, work.matrix) + skew_tangent(arrays, other, 1.3)
     step = np.linalg.solve(full, -work.rhs)
-    factor_blocks(arrays.plan.ints, work.value, work.spare, len(arrays.plan.size))
+    factor_blocks(arrays.plan.ints, work.matrix, work.scaled_rows, len(arrays.plan.size))
     take_step(arrays, other, step, work, 1.0)
     assert one.x == pytest.approx(other.x, abs=1e-10)
     assert one.multiplier == pytest.approx(other.multiplier, rel=1e-8)
@@ -62,9 +62,9 @@ def test_the_step_in_the_plane_is_that_in_space():
     plane = plane_of(model)
     found = []
     for arrays in (plane.arrays, model.arrays):
-        motion, work = model.rest.copy(), make_work(arrays)
+        motion, work = model.rest.copy(), make_workspace(arrays)
         for _ in range(2):
-            iterate(arrays, motion, np.zeros(0), 1.0, work, 1e-8, 1, np.inf, np.inf)
+            solve_equilibrium(arrays, motion, np.zeros(0), 1.0, work, 1e-8, 1, np.inf, np.inf)
         found.append(motion.x)
     assert found[0] == pytest.approx(found[1], abs=1e-12)
 

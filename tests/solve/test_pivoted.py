@@ -5,10 +5,10 @@ import pytest
 from scenes import STEEL
 
 import ksd
-from ksd.model.arrays import make_work
+from ksd.model.arrays import make_workspace
 from ksd.model.compile import compile_scene
 from ksd.model.newton import assemble
-from ksd.numerics.indefinite import inertia, scaling, solve_scaled
+from ksd.numerics.indefinite import equilibration, negative_inertia, solve_scaled
 from ksd.properties.tangent import stored_matrix
 from ksd.section import rectangle
 from ksd.solve.conventional import solve_conventional
@@ -106,20 +106,20 @@ def test_inertia_and_solution_of_indefinite_matrices(rng):
         units = np.diag(10.0 ** rng.uniform(-5, 5, n))
         K = units @ (Q * values @ Q.T) @ units
         K = 0.5 * (K + K.T)
-        assert inertia(K) == count
+        assert negative_inertia(K) == count
         b = rng.normal(size=(n, 2))
-        x, condition = solve_scaled(K, K @ b, scaling(K))
+        x, condition = solve_scaled(K, K @ b, equilibration(K))
         assert condition > 1e-6
         assert units @ x == pytest.approx(units @ b, rel=1e-6, abs=1e-6)
 
 
 def test_a_saddle_without_stiffness_on_its_diagonal():
     K = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 2.0], [0.0, 2.0, 3.0]])
-    assert inertia(K) == int((np.linalg.eigvalsh(K) < 0).sum())
+    assert negative_inertia(K) == int((np.linalg.eigvalsh(K) < 0).sum())
 
 
 def test_negatives_of_a_state_agree_with_the_block_factorisation():
     found = solve_conventional(cantilever(held=False, force=(0, 1.0, 0)), {})
-    arrays, work = found.model.arrays, make_work(found.model.arrays)
+    arrays, work = found.model.arrays, make_workspace(found.model.arrays)
     _, _, inside, _ = assemble(arrays, found.motion, np.zeros(0), 1.0, work, 1e-8, 0, 10.0)
-    assert inertia(stored_matrix(arrays, work.value)) + inside == found.negatives
+    assert negative_inertia(stored_matrix(arrays, work.matrix)) + inside == found.negatives

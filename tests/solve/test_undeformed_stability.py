@@ -8,7 +8,7 @@ import pytest
 from scenes import STEEL
 
 import ksd
-from ksd.model.arrays import Motion
+from ksd.model.arrays import State
 from ksd.section import rectangle
 from ksd.solve.conventional import solve_conventional
 from ksd.solve.undeformed_stability import multiple_minima_note, undeformed_instability
@@ -43,7 +43,7 @@ def test_the_answer_says_which_of_several_minima_it_is(way):
     led.actuate("tip", along="y", at=(L, 0, 0), name="aside")
     bent = ksd.solve(led, aside=way, method="conventional").motion
     between = ksd.solve(free, strict=False)
-    start = replace(between, motion=Motion(bent.x, bent.R, bent.inner, np.zeros(0)))
+    start = replace(between, motion=State(bent.x, bent.R, bent.inner, np.zeros(0)))
     found = solve_conventional(between.model, {}, start=start)
     aside = 1e3 * found.links["tip"][0][1]
     assert found.trusted and aside * way > 0 and abs(aside) > 10
@@ -128,7 +128,7 @@ def test_of_heat_assembly_error_and_loads_too(cause, share, far, side):
     driven = ksd.solve(led, aside=side * far, method="conventional", **words)
     between = ksd.solve(scene, strict=False, **words)
     rows = driven.motion.multiplier[1:]
-    start = replace(between, motion=Motion(driven.motion.x, driven.motion.R, driven.motion.inner, rows))
+    start = replace(between, motion=State(driven.motion.x, driven.motion.R, driven.motion.inner, rows))
     found = solve_conventional(between.model, {}, start=start)
     aside = 1e3 * found.links["tip"][0][1]
     said = [w for w in found.warnings if "several minima are near" in w]

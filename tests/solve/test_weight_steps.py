@@ -90,7 +90,7 @@ def test_it_is_there_unless_switched_off_however_small():
 @pytest.mark.parametrize("mesh", MESHES)
 def test_derivative_of_the_residual_by_the_load_factor(mesh):
     """What arc length needs of the weight, against finite differences at settled inner states."""
-    from ksd.model.arrays import make_work
+    from ksd.model.arrays import make_workspace
     from ksd.model.newton import assemble, take_step
 
     model = compile_scene(heavy(100.0), mesh=MESHES[mesh])
@@ -100,7 +100,7 @@ def test_derivative_of_the_residual_by_the_load_factor(mesh):
             compile_scene(heavy(100.0), mesh=MESHES[mesh]), {"top": 0.1}, planar=False
         ).motion.copy(),
     )
-    work, target = make_work(arrays), np.array([0.1])
+    work, target = make_workspace(arrays), np.array([0.1])
 
     def residual(factor):
         for _ in range(6):

@@ -7,7 +7,7 @@ from published_effects import ALPHA, INERTIA, STEEL, A, L, T, W, blade, held, mo
 from scenes import cross_flexure
 
 import ksd
-from ksd.model.compile import compile_given
+from ksd.model.compile import compile_as_is
 from ksd.section import restrained_warping_factor
 from ksd.section.plate import plate_factor
 from ksd.solve.conventional import solve_conventional
@@ -218,7 +218,7 @@ def test_following_and_dead_loads_part_with_the_angle():
 def test_a_model_compiled_as_given_takes_the_scene_literally():
     scene = blade()
     scene.heat(50.0)
-    model = compile_given(scene.scene(), ksd.Mesh())
+    model = compile_as_is(scene.scene(), ksd.Mesh())
     # heat is applied where effects are chosen
     assert moved(solve_conventional(model, {}))[0] == pytest.approx([0, 0, 0], abs=1e-15)
 

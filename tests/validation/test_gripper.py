@@ -11,8 +11,8 @@ from scenes import single_joint
 
 import ksd
 from ksd.errors import TrustError
-from ksd.model.arrays import make_work
-from ksd.model.constant import rest_stiffness
+from ksd.model.arrays import make_workspace
+from ksd.model.constant_leaves import rest_stiffness
 from ksd.model.newton import assemble, take_step
 from ksd.model.plane import Plane, plane_of
 from ksd.properties.tangent import stored_matrix
@@ -89,7 +89,7 @@ def test_tangent_of_the_model(paper):
     assert isinstance(plane, Plane)
     arrays, nothing = plane.arrays, np.zeros(0)
     rows = np.zeros(len(arrays.terms.start))
-    work = make_work(arrays)
+    work = make_workspace(arrays)
 
     def gradient(step):
         state = pose.motion.copy()
@@ -100,7 +100,7 @@ def test_tangent_of_the_model(paper):
 
     assert nothing.size == 0 and arrays.plan.unknowns == 9
     gradient(np.zeros(9))
-    K = stored_matrix(arrays, work.value)
+    K = stored_matrix(arrays, work.matrix)
     h = 1e-6
     differences = np.array([(gradient(h * e) - gradient(-h * e)) / (2 * h) for e in np.eye(9)]).T
     scale = np.sqrt(np.outer(np.diag(K), np.diag(K)))

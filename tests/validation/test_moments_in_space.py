@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import ksd
 from ksd.design.state_space import state_space
-from ksd.model.arrays import make_work
+from ksd.model.arrays import make_workspace
 from ksd.model.compile import compile_scene
 from ksd.model.newton import assemble, move_nodes, take_step
 from ksd.properties.nonconservative import skew_tangent
@@ -130,10 +130,10 @@ def test_the_tangent_is_the_derivative_of_the_residual(following):
     """K and its skew part together, against differences of the residual, at an equilibrium with turned links."""
     model = turned_arm(following)
     state, arrays = solve_conventional(model, {"turn": 0.4}).motion, exact_tangent_arrays(model)
-    work = make_work(arrays)
+    work = make_workspace(arrays)
     aim = np.array([0.4]), 1.0, work, 1e-8, 0, 10.0
     assemble(arrays, state, *aim)
-    tangent = stored_matrix(arrays, work.value) + skew_tangent(arrays, state, 1.0)
+    tangent = stored_matrix(arrays, work.matrix) + skew_tangent(arrays, state, 1.0)
     assert np.abs(tangent - tangent.T).max() > 0.1
     # leaf springs at their own equilibrium for the moved nodes: the condensed tangent is that of the nodes alone
     for k in range(*model_unknowns(model, "tip")):

@@ -6,12 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from ksd.model.effects import SILENT, WORDS, Effect
+from ksd.model.effects import EFFECT_MEANINGS, NOT_MENTIONED, Effect
 from ksd.model.plane import plane_of
-from ksd.model.runs import corners, half_held_factor, meetings, own_factor, run_factors
+from ksd.model.warping_runs import (
+    clamped_torsion_factor,
+    folded_junctions,
+    half_clamped_torsion_factor,
+    in_line_junctions,
+    run_torsion_factors,
+)
 
 
-def listing(model: Any) -> list[tuple[str, str]]:
+def description_lines(model: Any) -> list[tuple[str, str]]:
     """(head, text) of every line: sizes, effects present, effects left out with the reason, what is made on demand."""
     scene, arrays = model.scene, model.arrays
     rows = len(model.drive_names) + len(model.support_names)
@@ -99,7 +105,7 @@ def _present(model: Any) -> list[tuple[str, str]]:
     if model.choice is None:
         return [(f"with {n}", "as the mesh says") for n in _names(model, present=True)]
     return [
-        (f"with {e.name}", reason(e, model.said))
+        (f"with {e.name}", effect_reason(e, model.said))
         for e in model.choice.effects
         if e.present and e.name != "spatial"
     ]
@@ -109,17 +115,19 @@ def _absent(model: Any) -> list[tuple[str, str]]:
     if model.choice is None:
         return [(f"without {n}", "as the mesh says") for n in _names(model, present=False)]
     lines = [
-        (f"without {e.name}", reason(e, model.said))
+        (f"without {e.name}", effect_reason(e, model.said))
         for e in model.choice.effects
-        if not e.present and e.name != "spatial" and e.reason != SILENT
+        if not e.present and e.name != "spatial" and e.reason != NOT_MENTIONED
     ]
-    silent = [WORDS[e.name] for e in model.choice.effects if not e.present and e.reason == SILENT]
+    silent = [
+        EFFECT_MEANINGS[e.name] for e in model.choice.effects if not e.present and e.reason == NOT_MENTIONED
+    ]
     if silent:
-        lines.append(("left out", f"{', '.join(silent)}: {SILENT.removesuffix('it')}them"))
+        lines.append(("left out", f"{', '.join(silent)}: {NOT_MENTIONED.removesuffix('it')}them"))
     return lines
 
 
-def reason(effect: Effect, scene: Any) -> str:
+def effect_reason(effect: Effect, scene: Any) -> str:
     """Why an effect is simulated or not; of warping and plate stiffening also what they are worth to the leaves alone."""
     worth = {"warping": _warping, "plate": _plate}.get(effect.name)
     if worth is None:
@@ -139,10 +147,10 @@ def _plate(scene: Any) -> str:
 
 def _warping(scene: Any) -> str:
     """What warping restrained at both ends adds to a leaf, or to the run it is part of."""
-    worst, said, runs = 0.0, "no leaf has warping", run_factors(scene)
+    worst, said, runs = 0.0, "no leaf has warping", run_torsion_factors(scene)
     for name, leaf in scene.leaf_names().items():
         if leaf.section.Iw > 0.0:
-            more = (runs[name] if name in runs else own_factor(leaf)) - 1.0
+            more = (runs[name] if name in runs else clamped_torsion_factor(leaf)) - 1.0
             if more > worst:
                 worst = more
                 said = f"leaf '{name}', L/w = {leaf.length / max(leaf.section.width, 1e-300):.3g}"
@@ -152,10 +160,10 @@ def _warping(scene: Any) -> str:
 def _meeting(scene: Any, runs: dict[str, float]) -> str:
     """Words on leaf springs that meet end to end: runs that warping passes through, or what it would be if it did."""
     leaves = scene.leaf_names()
-    for one, two, block, passes in meetings(scene):
+    for one, two, block, passes in in_line_junctions(scene):
         if not all(leaves[n].section.Iw > 0.0 for n in (one, two)):
             continue
-        alone = [f"{own_factor(leaves[n]):.3g}" for n in (one, two)]
+        alone = [f"{clamped_torsion_factor(leaves[n]):.3g}" for n in (one, two)]
         if passes:
             return (
                 f"; warping passes from leaf '{one}' to '{two}', as '{block}' carries nothing else: one run, "
@@ -165,11 +173,11 @@ def _meeting(scene: Any, runs: dict[str, float]) -> str:
             f"; leaf springs '{one}' and '{two}' meet end to end on '{block}', a body that holds their ends plane: their "
             f"factors are {' and '.join(alone)}, and would be less if warping could pass"
         )
-    for one, two, block, _ in corners(scene):
+    for one, two, block, _ in folded_junctions(scene):
         if all(leaves[n].section.Iw > 0.0 for n in (one, two)):
             factors = [
                 " and ".join(f"{f(leaves[n]):.3g}" for n in (one, two))
-                for f in (own_factor, half_held_factor)
+                for f in (clamped_torsion_factor, half_clamped_torsion_factor)
             ]
             return (
                 f"; leaf springs '{one}' and '{two}' meet at an angle on '{block}', taken to hold their ends plane: their "

@@ -15,11 +15,11 @@ import numpy as np
 
 from ksd.beam.linear import LINEAR_INNER
 from ksd.beam.modal import modal_sizes
-from ksd.model.arrays import COROTATIONAL, LINEAR, Members, Motion
+from ksd.model.arrays import COROTATIONAL, LINEAR, Members, State
 from ksd.model.compile import Model
 
 
-class Body(Protocol):
+class ReducedBody(Protocol):
     """A body in the place of a leaf. kind: that of its member (`ksd.model.arrays`)."""
 
     @property
@@ -30,7 +30,7 @@ class Body(Protocol):
         """`value` and `number` (4,) of its kernel."""
 
 
-def with_bodies(model: Model, bodies: Mapping[str, Body]) -> Model:
+def with_bodies(model: Model, bodies: Mapping[str, ReducedBody]) -> Model:
     """`model` with these bodies, by name of the leaf each takes the place of; they lie where these leaves lie, undeformed.
 
     One object in several places has one set of constants.
@@ -73,13 +73,13 @@ def _rest_end(members: Members, i: int) -> np.ndarray:
     return np.asarray(members.frame[i, 0].T @ members.frame[i, 1])
 
 
-def inner_state(model: Model, motion: Motion, i: int) -> np.ndarray:
+def inner_state(model: Model, motion: State, i: int) -> np.ndarray:
     """Inner state of member i in a motion of `model`, a view."""
     at = model.arrays.members.inner_at
     return motion.inner[at[i] : at[i + 1]]
 
 
-def member_pose(members: Members, i: int, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+def relative_end_pose(members: Members, i: int, motion: State) -> tuple[np.ndarray, np.ndarray]:
     """Position d (3,) and orientation Q (3, 3) of end q of member i in the frame of its end p."""
     a, b = members.node[i]
     offset, frame = members.offset[i], members.frame[i]
@@ -88,7 +88,7 @@ def member_pose(members: Members, i: int, motion: Motion) -> tuple[np.ndarray, n
     return axes.T @ d, axes.T @ motion.R[b] @ frame[1]
 
 
-def same_state(model: Model, motion: Motion, other: Model) -> Motion:
+def transfer_state(model: Model, motion: State, other: Model) -> State:
     """The motion of `model` in a model of the same nodes and leaves: members of another kind than there are undeformed."""
     state = other.rest.copy()
     state.x[:], state.R[:], state.multiplier[:] = motion.x, motion.R, motion.multiplier

@@ -18,11 +18,11 @@ import numpy as np
 from ksd.section.closed_forms import clamped_ends_factor
 from ksd.section.warping import SLICES_PER_PIECE, Slice, twist_factors, warping_decay
 
-IN_LINE = -1.0 + 1e-6
+IN_LINE_COSINE = -1.0 + 1e-6
 """Product of the directions out of two leaf springs below which one goes on where the other ends."""
 
 
-class Meeting(NamedTuple):
+class Junction(NamedTuple):
     """Two leaf springs, by full name, that run on in one line; block: the link or block, by full name, they meet on; passes:
     whether it carries nothing else and the widths of both are parallel, so that warping passes."""
 
@@ -40,22 +40,22 @@ class _End(NamedTuple):
     out: np.ndarray
 
 
-def meetings(scene: Any) -> list[Meeting]:
+def in_line_junctions(scene: Any) -> list[Junction]:
     """All pairs of leaf springs that are clamped to one block in one point and run on in one line."""
     return [
-        Meeting(a.name, b.name, block, alone and _pass_on(a.leaf, b.leaf))
+        Junction(a.name, b.name, block, alone and _pass_on(a.leaf, b.leaf))
         for block, a, b, alone in _pairs(scene)
-        if a.out @ b.out < IN_LINE
+        if a.out @ b.out < IN_LINE_COSINE
     ]
 
 
-def corners(scene: Any) -> list[Meeting]:
+def folded_junctions(scene: Any) -> list[Junction]:
     """All pairs of leaves that are clamped in one point to a block that carries nothing else, at an angle: a fold, which is
     taken to hold both ends plane."""
     return [
-        Meeting(a.name, b.name, block, False)
+        Junction(a.name, b.name, block, False)
         for block, a, b, alone in _pairs(scene)
-        if alone and a.out @ b.out >= IN_LINE
+        if alone and a.out @ b.out >= IN_LINE_COSINE
     ]
 
 
@@ -74,12 +74,12 @@ def _pairs(scene: Any) -> Iterator[tuple[str, _End, _End, bool]]:
                 yield from ((block, a, b, alone) for b in here[k + 1 :] if a.name != b.name)
 
 
-def run_factors(scene: Any) -> dict[str, float]:
+def run_torsion_factors(scene: Any) -> dict[str, float]:
     """Factor on GJ of leaves, by full name, that are part of a run or whose section varies; others have the closed form of
     `ksd.section.restrained_warping_factor`."""
     leaves = scene.leaf_names()
     groups: list[set[str]] = [{n} for n, leaf in leaves.items() if leaf.profile is not None and _warps(leaf)]
-    for meeting in meetings(scene):
+    for meeting in in_line_junctions(scene):
         if meeting.passes:
             pair = {meeting.one, meeting.two}
             touched = [g for g in groups if g & pair]
@@ -91,7 +91,7 @@ def run_factors(scene: Any) -> dict[str, float]:
     return found
 
 
-def own_factor(leaf: Any) -> float:
+def clamped_torsion_factor(leaf: Any) -> float:
     """Factor on GJ of one leaf clamped at both ends, where it cannot warp."""
     slices = _slices(leaf)
     return (
@@ -99,7 +99,7 @@ def own_factor(leaf: Any) -> float:
     )
 
 
-def half_held_factor(leaf: Any) -> float:
+def half_clamped_torsion_factor(leaf: Any) -> float:
     """Factor on GJ of one leaf that cannot warp at one end and is free to at the other: as if it went on in its mirror."""
     slices = _slices(leaf)
     if len(slices) == 1:

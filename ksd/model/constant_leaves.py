@@ -14,23 +14,23 @@ import numpy as np
 
 from ksd.beam.linear import LINEAR_INNER
 from ksd.errors import ConvergenceError, SceneError
-from ksd.model.arrays import LINEAR, Arrays, Motion, Work, make_work
-from ksd.model.compile import Model, compile_given
-from ksd.model.leaves import cut_leaves, leaf_of
+from ksd.model.arrays import LINEAR, Arrays, State, Workspace, make_workspace
+from ksd.model.compile import Model, compile_as_is
+from ksd.model.leaves import cut_leaves, whole_leaf_name
 from ksd.model.mesh import Mesh
 from ksd.model.newton import assemble, take_step
-from ksd.model.reduced import inner_state, member_pose, same_state, with_bodies
+from ksd.model.reduced_bodies import inner_state, relative_end_pose, transfer_state, with_bodies
 from ksd.numerics.rotations import rotation_exp, rotation_log
 from ksd.scene.drive import GROUND
 from ksd.scene.scene import PlacedLeaf, Scene
 
-MOST = 40
+MAX_NEWTON_STEPS = 40
 """Newton steps inside the leaf springs at held end poses."""
-TIGHT = 1e-9
+INNER_STEP_TOLERANCE = 1e-9
 """Relative change of the inner state by a step at which it is found."""
-ROUNDING = 1e-14
+ROUNDING_TOLERANCE = 1e-14
 """Forces over those of leaf springs stretched by the size of the mechanism down to which they are rounding."""
-PARTS = (1, 4, 16, 64)
+PART_COUNTS = (1, 4, 16, 64)
 """In how many parts the nodes are moved there."""
 
 
@@ -62,10 +62,10 @@ def rest_stiffness(leaf: Any, mesh: Mesh) -> np.ndarray:
     Raises SceneError where the leaf is under stress at rest.
     """
     alone = Scene("leaf", (GROUND, "end"), leaves=(PlacedLeaf("leaf", GROUND, "end", leaf),))
-    model = compile_given(alone, mesh)
-    arrays, work = model.arrays, make_work(model.arrays)
+    model = compile_as_is(alone, mesh)
+    arrays, work = model.arrays, make_workspace(model.arrays)
     assemble(arrays, model.rest, np.zeros(0), 0.0, work, 1e-8, 0, 10.0)
-    K = work.value[arrays.plan.diagonal[0] :][:36].reshape(6, 6)
+    K = work.matrix[arrays.plan.diagonal[0] :][:36].reshape(6, 6)
     if np.abs(work.rhs[:6]).max() > 1e-9 * np.abs(K).max() * leaf.length:
         raise SceneError(
             f"method = 'constant': leaf '{leaf.name}' is under stress at rest (mechanism.fit or heat); use another method"
@@ -93,11 +93,11 @@ def with_constant_leaves(model: Model) -> Model:
     alike: dict[tuple[int, bytes], np.ndarray] = {}
     bodies = {}
     for i, name in enumerate(model.member_names):
-        d, Q = member_pose(model.arrays.members, i, model.rest)
+        d, Q = relative_end_pose(model.arrays.members, i, model.rest)
         # members with the same constants and ends
         key = int(model.arrays.members.value_at[i]), np.round([*d, *Q.ravel()], 12).tobytes()
         if key not in alike:
-            alike[key] = rest_stiffness(leaves[name], model.mesh.of(leaf_of(name, wholes)))
+            alike[key] = rest_stiffness(leaves[name], model.mesh.of(whole_leaf_name(name, wholes)))
         bodies[name] = ConstantLeaf(alike[key], d)
     made = with_bodies(model, bodies)
     for i, body in enumerate(bodies.values()):
@@ -106,20 +106,20 @@ def with_constant_leaves(model: Model) -> Model:
     return replace(made, full=model)
 
 
-def bent_leaves(model: Model, motion: Motion) -> Motion:
+def equilibrate_bent_leaves(model: Model, motion: State) -> State:
     """The state of the full model at the end poses of one with constant leaves, equilibrium inside every leaf.
 
     Nodes are moved there in more and more parts, until the leaf springs follow. Raises ConvergenceError where they do not.
     """
     full = model.full
     assert full is not None
-    arrays, end = full.arrays, same_state(model, motion, full)
+    arrays, end = full.arrays, transfer_state(model, motion, full)
     stiffest = max(float(np.abs(body.stiffness[:3, :3]).max()) for body in model.bodies.values())
-    least, turns = ROUNDING * arrays.size * stiffest, np.empty((len(end.x), 3))
+    least, turns = ROUNDING_TOLERANCE * arrays.size * stiffest, np.empty((len(end.x), 3))
     for R, turn in zip(end.R, turns, strict=True):
         rotation_log(R, turn)
-    for parts in PARTS:
-        state, work = full.rest.copy(), make_work(arrays)
+    for parts in PART_COUNTS:
+        state, work = full.rest.copy(), make_workspace(arrays)
         state.multiplier[:] = end.multiplier
         for k in range(1, parts + 1):
             state.x[:] = full.rest.x + (k / parts) * (end.x - full.rest.x)
@@ -136,17 +136,17 @@ def bent_leaves(model: Model, motion: Motion) -> Motion:
     )
 
 
-def _settle_inside(arrays: Arrays, state: Motion, work: Work, least: float) -> bool:
+def _settle_inside(arrays: Arrays, state: State, work: Workspace, least: float) -> bool:
     """Newton steps inside the leaf springs at held nodes, in place: whether they found equilibrium; changes down to `least`
     [N] are rounding."""
     still, target = np.zeros(arrays.plan.unknowns), np.zeros(len(arrays.terms.start))
-    for _ in range(MOST):
+    for _ in range(MAX_NEWTON_STEPS):
         before = state.inner.copy()
         assemble(arrays, state, target, 0.0, work, 1e-8, 0, 10.0)
         take_step(arrays, state, still, work, 1.0)
         change = np.abs(state.inner - before).max(initial=0.0)
         if not np.isfinite(change):
             return False
-        if change <= max(TIGHT * np.abs(state.inner).max(initial=0.0), least):
+        if change <= max(INNER_STEP_TOLERANCE * np.abs(state.inner).max(initial=0.0), least):
             return True
     return False

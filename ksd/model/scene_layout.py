@@ -19,11 +19,11 @@ from ksd.model.arrays import COROTATIONAL, ROTATION, STRAIN, TRANSLATION
 from ksd.model.leaves import (
     cut_leaves,
     element_leaves,
-    factors,
     leaf_member,
-    leaf_of,
+    leaf_orders,
     piece_name,
-    raised_orders,
+    rigidity_factors,
+    whole_leaf_name,
 )
 from ksd.model.mesh import Mesh
 from ksd.model.pack import Member
@@ -31,18 +31,18 @@ from ksd.model.springs import matrix_member, spring_members
 from ksd.scene.hinges import PLANES, plane_supports
 from ksd.scene.leaf import LeafCondition
 
-LEAF = 21
+LEAF_NUMBERS = 21
 """Numbers of a leaf: start, end, width axis (3 each), length, E, G, A, J, Iy, Iz, ky, kz, density, factors on GJ, E Iz."""
-SPRING = 26
+SPRING_NUMBERS = 26
 """Numbers of a spring beside its constants: ends (2, 3), end frames (2, 3, 3), length, floor."""
-GIVEN = 25
+GEOMETRY_NUMBERS = 25
 """Numbers of a leaf that brings its constants or its shape, beside these: ends (2, 3), end frames (2, 3, 3), mass."""
-SAME = 1e12
+COMPARISON_PRECISION = 1e12
 """To one part in how many lengths of leaves, over that of their joint, are compared: leaves drawn alike differ in the last
 digits."""
 
 
-class LeafWords(NamedTuple):
+class LeafLayout(NamedTuple):
     """name; blocks at start and end; kind and settings of the member; whether it has weight; group: leaves of one group have
     the same constants; given: (constants, inner state), how many numbers it brings, None where they follow from LEAF; bent:
     modes about each axis of the amplitudes at rest that a leaf brings whose other constants follow."""
@@ -51,28 +51,28 @@ class LeafWords(NamedTuple):
     ends: tuple[str, str]
     kind: int
     number: tuple[int, ...]
-    heavy: bool
+    has_weight: bool
     group: int
-    given: tuple[int, int] | None = None
-    bent: tuple[int, ...] = ()
+    explicit: tuple[int, int] | None = None
+    amplitudes: tuple[int, ...] = ()
 
     @property
-    def brings(self) -> int:
+    def explicit_count(self) -> int:
         """How many numbers beside LEAF."""
-        own = self.given or self.bent
-        return GIVEN + sum(own) if own else 0
+        own = self.explicit or self.amplitudes
+        return GEOMETRY_NUMBERS + sum(own) if own else 0
 
 
-class PartWords(NamedTuple):
+class PartLayout(NamedTuple):
     """family, "" for a free leaf; name and kind of every intended motion; internal blocks; leaves."""
 
     family: str
     motions: tuple[tuple[str, str], ...]
     blocks: tuple[str, ...]
-    leaves: tuple[LeafWords, ...]
+    leaves: tuple[LeafLayout, ...]
 
 
-class Words(NamedTuple):
+class SceneLayout(NamedTuple):
     """What scenes have in common that make models of the same unknowns.
 
     parts: (what stands before the names of its blocks and leaves, link at A, link at B, number in `different`), the placed
@@ -83,25 +83,25 @@ class Words(NamedTuple):
     links: tuple[str, ...]
     joints: tuple[str, ...]
     parts: tuple[tuple[str, int, int, int], ...]
-    different: tuple[PartWords, ...]
+    distinct_parts: tuple[PartLayout, ...]
     rows: tuple[tuple[tuple[int, int, int], ...], ...]
     drives: tuple[str, ...]
     supports: tuple[str, ...]
     loads: tuple[tuple[int, bool, bool], ...]
     springs: tuple[tuple[str, int, tuple[int, int], int], ...]
-    pulls: bool
+    has_gravity: bool
 
 
 @dataclass(frozen=True)
-class Drawing:
+class SplitScene:
     """Words and numbers (flat, see `Numbers`) of a scene; joints: the different ones, in the order of `Words.different`."""
 
-    words: Words
+    layout: SceneLayout
     numbers: list[float]
     joints: tuple[Any, ...]
 
 
-class Numbers(NamedTuple):
+class SceneNumbers(NamedTuple):
     """The numbers of D scenes of equal words.
 
     origin (D, P, 3), rotation (D, P, 3, 3): of the parts; length (D, U), ends (D, U, 2, 3): of the different ones, and their
@@ -123,13 +123,13 @@ class Numbers(NamedTuple):
     given: np.ndarray
 
 
-def places_of(words: Words) -> tuple[tuple[slice, tuple[int, ...]], ...]:
+def number_slices(layout: SceneLayout) -> tuple[tuple[slice, tuple[int, ...]], ...]:
     """Where each field of `Numbers` is among the numbers of a scene of these words, and its shape; `given` is the rest."""
-    leaves = sum(len(p.leaves) for p in words.different)
+    leaves = sum(len(p.leaves) for p in layout.distinct_parts)
     shapes: tuple[tuple[int, ...], ...] = (
-        (len(words.parts), 3), (len(words.parts), 3, 3), (len(words.different),), (len(words.different), 2, 3),
-        (sum(len(p.blocks) for p in words.different), 3), (leaves, LEAF), (sum(map(len, words.rows)), 7),
-        (len(words.loads), 9), (3,), (sum(SPRING + s[3] for s in words.springs),),
+        (len(layout.parts), 3), (len(layout.parts), 3, 3), (len(layout.distinct_parts),), (len(layout.distinct_parts), 2, 3),
+        (sum(len(p.blocks) for p in layout.distinct_parts), 3), (leaves, LEAF_NUMBERS), (sum(map(len, layout.rows)), 7),
+        (len(layout.loads), 9), (3,), (sum(SPRING_NUMBERS + s[3] for s in layout.springs),),
     )  # fmt: skip
     found, at = [], 0
     for shape in shapes:
@@ -144,7 +144,7 @@ class _Parts:
 
     def __init__(self, mesh: Mesh, heavy: bool, free: Container[str]) -> None:
         self.mesh, self.heavy, self.free = mesh, heavy, free
-        self.different: list[PartWords] = []
+        self.different: list[PartLayout] = []
         self.length: list[float] = []
         self.ends: list[float] = []
         self.point: list[float] = []
@@ -163,7 +163,7 @@ class _Parts:
         names, found = list(blocks), []
         for name, leaf in leaves:
             full = before + name
-            mesh = self.mesh.of(full, "" if joint is not None else leaf_of(name, self.free))
+            mesh = self.mesh.of(full, "" if joint is not None else whole_leaf_name(name, self.free))
             own = (leaf.start_block, leaf.end_block) if joint is not None else ("A", "B")
             if not mesh.nodal:
                 found.append(self._leaf(leaf, mesh, (before, name), own, length))
@@ -182,35 +182,35 @@ class _Parts:
             self.ends += end
         motions = () if joint is None else tuple((m.name, m.kind) for m in joint.motions)
         family = "" if joint is None else joint.family
-        self.different.append(PartWords(family, motions, tuple(names), tuple(found)))
+        self.different.append(PartLayout(family, motions, tuple(names), tuple(found)))
 
     def _leaf(
         self, leaf: Any, mesh: Mesh, name: tuple[str, str], ends: tuple[str, str], length: float
-    ) -> LeafWords:
+    ) -> LeafLayout:
         """Words of a leaf, name in two parts; its numbers are put down."""
         section, material, state = leaf.section, leaf.material, leaf.condition
-        torsion, plate = factors(section, leaf, mesh)
+        torsion, plate = rigidity_factors(section, leaf, mesh)
         long, density = leaf.length, material.density or 0.0
-        heavy = self.heavy and density > 0.0
+        has_weight = self.heavy and density > 0.0
         size = (
             material.E, material.G, section.A, section.J, section.Iy, section.Iz, section.ky, section.kz, density,
         )  # fmt: skip
         self.leaf += (*leaf.start, *leaf.end, *leaf.width_axis, long, *size, torsion, plate)
-        key: tuple[Any, ...] = (round(SAME * long / length), length, size, heavy)
+        key: tuple[Any, ...] = (round(COMPARISON_PRECISION * long / length), length, size, has_weight)
         if torsion != 1.0 or plate != 1.0:
-            key += (round(SAME * torsion), round(SAME * plate))
+            key += (round(COMPARISON_PRECISION * torsion), round(COMPARISON_PRECISION * plate))
         if leaf.profile is not None or leaf.curve is not None or not (state is None or _as_drawn(state)):
-            made = leaf_member(leaf, mesh, name="".join(name), heavy=heavy)
-            return self._given(leaf, made, LeafWords(name[1], ends, made.kind, (), heavy, 0), key)
+            made = leaf_member(leaf, mesh, name="".join(name), heavy=has_weight)
+            return self._given(leaf, made, LeafLayout(name[1], ends, made.kind, (), has_weight, 0), key)
         number: tuple[int, ...]
         if mesh.leaf == "strain":
-            orders, points = raised_orders(leaf, mesh)
+            orders, points = leaf_orders(leaf, mesh)
             kind, number = STRAIN, (*orders, points)
         else:
             kind, number = COROTATIONAL, (leaf.elements or mesh.elements, int(mesh.mip))
-        return LeafWords(name[1], ends, kind, number, heavy, self._group(*key, kind, number))
+        return LeafLayout(name[1], ends, kind, number, has_weight, self._group(*key, kind, number))
 
-    def _given(self, leaf: Any, made: Member, words: LeafWords, key: tuple[Any, ...]) -> LeafWords:
+    def _given(self, leaf: Any, made: Member, words: LeafLayout, key: tuple[Any, ...]) -> LeafLayout:
         """Words of a leaf that brings its shape, or all its constants; key: what constants that follow depend on."""
         self.given += [*made.offset.ravel().tolist(), *made.frame.ravel().tolist(), made.mass]
         number = tuple(made.number.tolist())
@@ -219,10 +219,10 @@ class _Parts:
             bent = made.inner[:-6].tolist()
             self.given += bent
             group = self._group(*key, number, tuple(bent))
-            return words._replace(number=number, group=group, bent=number[:3])
+            return words._replace(number=number, group=group, amplitudes=number[:3])
         self.given += [*made.inner.tolist(), *made.value.tolist()]
         group = self._group(made.kind, number, made.value.tobytes())
-        return words._replace(number=number, group=group, given=(len(made.value), len(made.inner)))
+        return words._replace(number=number, group=group, explicit=(len(made.value), len(made.inner)))
 
     def _group(self, *constants: Any) -> int:
         """The group of leaves with these constants, by what they depend on."""
@@ -238,10 +238,10 @@ _STILL = (0.0, 0.0, 0.0)
 _AXES = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 
-def draw(scene: Any, mesh: Mesh) -> Drawing:
+def split_scene(scene: Any, mesh: Mesh) -> SplitScene:
     """Words and numbers of a frozen scene exactly as it stands. Raises SceneError for leaves that have no model."""
     index = {link: i for i, link in enumerate(scene.links)}
-    parts = _Parts(mesh, pulls(scene), {free.name for free in scene.leaves})
+    parts = _Parts(mesh, has_gravity(scene), {free.name for free in scene.leaves})
     known: dict[Any, int] = {}
     placed_parts: list[tuple[str, int, int, int]] = []
     places: list[float] = []
@@ -267,8 +267,8 @@ def draw(scene: Any, mesh: Mesh) -> Drawing:
         turns += _AXES
     rows, terms = _rows(scene, index)
     loads, pushed = _loads(scene, index)
-    springs = elastic_parts(scene, np.zeros((len(index), 3)))
-    words = Words(
+    springs = elastic_members(scene, np.zeros((len(index), 3)))
+    layout = SceneLayout(
         scene.links, tuple(p.name for p in scene.joints), tuple(placed_parts), tuple(parts.different), rows,
         tuple(d.name for d in scene.drives), tuple(s.name for s in scene.supports), loads,
         tuple((s.name, s.kind, s.nodes, len(s.value)) for s in springs), parts.heavy,
@@ -277,10 +277,10 @@ def draw(scene: Any, mesh: Mesh) -> Drawing:
         *places, *turns, *parts.length, *parts.ends, *parts.point, *parts.leaf, *terms, *pushed,
         *(scene.gravity or _STILL), *_spring_numbers(springs), *parts.given,
     ]  # fmt: skip
-    return Drawing(words, numbers, tuple(joints))
+    return SplitScene(layout, numbers, tuple(joints))
 
 
-def pulls(scene: Any) -> bool:
+def has_gravity(scene: Any) -> bool:
     """Whether the scene has gravity, so that leaf springs of known density have weight."""
     return scene.gravity is not None and any(scene.gravity)
 
@@ -323,7 +323,7 @@ def _loads(scene: Any, index: dict[str, int]) -> tuple[tuple[Any, ...], list[flo
     return tuple(words), numbers
 
 
-def elastic_parts(scene: Any, places: np.ndarray) -> list[Member]:
+def elastic_members(scene: Any, places: np.ndarray) -> list[Member]:
     """Springs of a scene and its links with a matrix, between links at reference `places`; empty where it has none."""
     links = [c for c in scene.compliances if c.matrix is not None and f"{c.link}/2" in scene.links]
     if not scene.springs and not links:
