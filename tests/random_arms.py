@@ -128,7 +128,9 @@ def no_minimum(refusal):
     state = refusal.result
     assembled = assemble_tangent(state.model, state.motion)
     return (
-        negative_inertia(assembled.matrix()) + assembled.inside == state.negatives > state.expected_negatives
+        negative_inertia(assembled.matrix()) + assembled.inner_negatives
+        == state.negatives
+        > state.expected_negatives
     )
 
 

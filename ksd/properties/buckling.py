@@ -626,6 +626,6 @@ def buckling(
     unstable = tangent.unstable
     loads = skew_tangent(fine.arrays, state, load_factor)
     if loads is not None and unstable:
-        rest = len(fine.arrays.terms.start) - assembled.inside
+        rest = len(fine.arrays.terms.start) - assembled.inner_negatives
         unstable = count_negative_eigenvalues(fine.arrays, assembled.matrix(freed), loads) - rest
     return Buckling(fine, factor, shape, vectors.T, mesh_error, unstable, reach, beyond, conservative, error)

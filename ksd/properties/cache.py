@@ -1,5 +1,4 @@
-"""Remember what was derived from a model for as long as the model lives: a stroke asks the same of every
-state."""
+"""Cache of values derived from a model, which all states of a stroke share."""
 
 from __future__ import annotations
 
@@ -13,19 +12,19 @@ T = TypeVar("T")
 
 
 def cached_per_model(function: Callable[[Model], T]) -> Callable[[Model], T]:
-    """Call `function(model)` once per model object; models are frozen, so the answer stays right.
+    """Decorator that computes `function(model)` once per model object; models are frozen, so the result stays valid.
 
-    It is kept in the model, or it would keep alive every model that it refers to.
+    The result is stored in the model: a cache outside it would keep every model alive.
     """
 
     @wraps(function)
-    def ask(model: Model) -> T:
-        known = model.derived
-        if function not in known:
-            answer = function(model)
-            # a model that is its own answer does not hold itself, which only the garbage collector would undo
-            known[function] = None if answer is model else answer
-        found = known[function]
-        return cast(T, model if found is None else found)
+    def cached(model: Model) -> T:
+        values = model.derived
+        if function not in values:
+            value = function(model)
+            # None stands for the model itself, to avoid a reference cycle
+            values[function] = None if value is model else value
+        value = values[function]
+        return cast(T, model if value is None else value)
 
-    return ask
+    return cached

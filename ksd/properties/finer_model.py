@@ -1,13 +1,13 @@
-"""The same state on a model that shows what statics condenses: what stiffness, mass and buckling stand on.
+"""A state on a finer model, from which stiffness, frequencies and buckling are computed.
 
-Chains of Appendix A elements get all their nodes in the open. Strain-mode leaves get one more mode per axis: a
-load that was not there, or an inertia, bends a leaf in shapes the state itself does not need. A Newton step
-leads to the equilibrium there, drives and supports where they are: at nodes that stand still frequencies near
-buckling were up to 4 % off, drive stiffnesses 2 %, of states whose forces are right to 0.2 %; now 0.6 and 0.2 %
-in 98 random mechanisms, 2.9 % (5.5) in one of 45 others.
-Measured gain, orders (4, 3, 5): cross flexure at 60 degrees, kz 1.9e-4 to 4e-6; parallel guide at 40
-thicknesses, kx 3.3e-4 to 2e-6; clamped leaf, second frequency 2e-2 to 2e-4. Buckling asks for one more of the finer
-model.
+The inner nodes of chains of Appendix A elements become nodes of the model. Strain-mode leaves get one more mode per axis:
+an additional load or an inertia bends a leaf in shapes that the state itself does not need. One Newton step with drives and
+supports fixed leads to the equilibrium of the finer model. Without that step frequencies near buckling are up to 4 % off
+and drive stiffnesses 2 %, for states whose forces are right to 0.2 %; with it 0.6 and 0.2 % in 98 random mechanisms, 2.9 %
+(5.5) in one of 45 others.
+Errors without and with the additional modes, orders (4, 3, 5): cross flexure at 60 degrees, kz 1.9e-4 and 4e-6; parallel
+guide at 40 thicknesses, kx 3.3e-4 and 2e-6; clamped leaf, second frequency 2e-2 and 2e-4. Buckling refines the finer model
+once more.
 """
 
 from __future__ import annotations
@@ -28,29 +28,32 @@ from ksd.properties.cache import cached_per_model
 from ksd.properties.shape import scene_leaves
 
 MAX_STEP = 0.1
-"""Rotation [rad], or way over the size of the mechanism, that neither a mesh nor a fast method is off: of a four-bar by
-method='kinematic', steps of .02 to .05 rad leave .3 to 2 % of a drive stiffness that is off by half without."""
+"""Limit of the Newton step: rotation [rad], or displacement relative to the size of the mechanism.
+
+Errors of meshes and fast methods are smaller. For a four-bar by method='kinematic', steps of .02 to .05 rad reduce the
+error of a drive stiffness from a half to .3 to 2 %.
+"""
 
 
 @cached_per_model
 def finer_model(model: Model) -> Model:
-    """The model with chain nodes in the open and one more mode per axis in strain-mode leaves."""
+    """The model with all nodes of chains as its own and one more mode per axis in strain-mode leaves."""
     if COROTATIONAL in model.kinds:
         _check_chains_are_straight(model)
-    opened = finer_mesh(model)
-    if opened == model.mesh:
+    mesh = finer_mesh(model)
+    if mesh == model.mesh:
         return model
-    # bodies are no part of the scene
-    return with_bodies(remesh_model(model, opened), model.bodies)
+    # bodies are not part of the scene
+    return with_bodies(remesh_model(model, mesh), model.bodies)
 
 
 def finer_mesh(model: Model) -> Mesh:
-    """The mesh of `finer`."""
+    """Mesh of `finer_model`."""
     return _finer_mesh(model.mesh, STRAIN in model.kinds)
 
 
 def _check_chains_are_straight(model: Model) -> None:
-    """SceneError for a chain that cannot be cut into nodes."""
+    """Raise SceneError for curved or profiled leaves meshed as chains, which cannot be divided into single elements."""
     for name, leaf in scene_leaves(model).items():
         mesh = model.mesh.of(name)
         if (leaf.curve is not None or leaf.profile is not None) and mesh.leaf != "strain" and not mesh.nodal:
@@ -62,7 +65,7 @@ def _check_chains_are_straight(model: Model) -> None:
 
 @lru_cache(maxsize=64)
 def _finer_mesh(mesh: Mesh, strain: bool) -> Mesh:
-    """The finer mesh, part by part."""
+    """`finer_mesh` of every part; strain: the model has strain-mode leaves."""
     if isinstance(mesh, MixedMesh):
         others = tuple((_finer_mesh(other, strain), names) for other, names in mesh.others)
         mesh = replace(mesh, others=others)
@@ -75,7 +78,7 @@ def _finer_mesh(mesh: Mesh, strain: bool) -> Mesh:
 
 
 def finer_state(model: Model, motion: State, *, load_factor: float = 1.0) -> tuple[Model, State]:
-    """The finer model and the equilibrium there next to the state, drives and supports where they are."""
+    """The finer model and its equilibrium near the state, with drives and supports fixed."""
     fine = finer_model(model)
     if fine is model:
         return model, motion
@@ -85,38 +88,43 @@ def finer_state(model: Model, motion: State, *, load_factor: float = 1.0) -> tup
     return fine, state
 
 
-def pad_amplitudes(number: np.ndarray, inner: np.ndarray, wider: np.ndarray, state: np.ndarray) -> None:
-    """The inner state of a strain-mode leaf in one of more modes per axis, zeros for these; numbers (3,) of both."""
+def pad_amplitudes(
+    number: np.ndarray, inner: np.ndarray, finer_number: np.ndarray, finer: np.ndarray
+) -> None:
+    """Write the inner state of a strain-mode leaf into that of one with more modes per axis, leaving these unchanged.
+
+    number, finer_number (3,): modes per axis of both.
+    """
     read, write = 0, 0
     for axis in range(3):
         n = int(number[axis])
-        state[write : write + n] = inner[read : read + n]
-        read, write = read + n, write + int(wider[axis])
-    state[write : write + 6] = inner[read : read + 6]
+        finer[write : write + n] = inner[read : read + n]
+        read, write = read + n, write + int(finer_number[axis])
+    finer[write : write + 6] = inner[read : read + 6]
 
 
 @lru_cache(maxsize=64)
-def finer_inner_index(number: bytes, wider: bytes) -> np.ndarray:
-    """Where `pad` puts the inner states of all members; settings (m, 4) of both."""
-    places, first = [], 0
-    for own, theirs in zip(
+def finer_inner_index(number: bytes, finer_number: bytes) -> np.ndarray:
+    """Positions at which `pad_amplitudes` writes the inner states of all members; settings (m, 4) of both models."""
+    index, first = [], 0
+    for coarse, fine in zip(
         np.frombuffer(number, np.int64).reshape(-1, 4),
-        np.frombuffer(wider, np.int64).reshape(-1, 4),
+        np.frombuffer(finer_number, np.int64).reshape(-1, 4),
         strict=True,
     ):
-        marks, at = np.arange(1.0, own[:3].sum() + 7), np.zeros(int(theirs[:3].sum()) + 6)
-        pad_amplitudes(own, marks, theirs, at)
-        places.append(first + np.flatnonzero(at))
-        first += len(at)
-    return np.concatenate(places)
+        marks, padded = np.arange(1.0, coarse[:3].sum() + 7), np.zeros(int(fine[:3].sum()) + 6)
+        pad_amplitudes(coarse, marks, fine, padded)
+        index.append(first + np.flatnonzero(padded))
+        first += len(padded)
+    return np.concatenate(index)
 
 
 def _expand_state(model: Model, motion: State, fine: Model) -> State:
-    """State of the finer model: strain-mode leaves with more modes, the inner nodes and stresses of chains in the open."""
-    members, more = model.arrays.members, fine.arrays.members
+    """State in the unknowns of the finer model: padded amplitudes, and the inner nodes and stresses of chains."""
+    members, finer = model.arrays.members, fine.arrays.members
     state = fine.rest.copy()
     if model.member_names == fine.member_names and model.kinds <= {STRAIN}:
-        state.inner[finer_inner_index(members.number.tobytes(), more.number.tobytes())] = motion.inner
+        state.inner[finer_inner_index(members.number.tobytes(), finer.number.tobytes())] = motion.inner
         return State(motion.x.copy(), motion.R.copy(), state.inner, motion.multiplier.copy())
     index = {name: k for k, name in enumerate(fine.node_names)}
     member = {name: i for i, name in enumerate(fine.member_names)}
@@ -126,29 +134,28 @@ def _expand_state(model: Model, motion: State, fine: Model) -> State:
     for i, name in enumerate(model.member_names):
         inner = motion.inner[members.inner_at[i] : members.inner_at[i + 1]]
         if name in member:
-            own = state.inner[more.inner_at[member[name]] : more.inner_at[member[name] + 1]]
+            own = state.inner[finer.inner_at[member[name]] : finer.inner_at[member[name] + 1]]
             if members.kind[i] == STRAIN:
-                pad_amplitudes(members.number[i], inner, more.number[member[name]], own)
+                pad_amplitudes(members.number[i], inner, finer.number[member[name]], own)
             else:
                 own[:] = inner
             continue
         nodes = int(members.number[i, 0]) - 1
         _expand_chain(model, motion, i, inner, [index[piece_name(name, k)] for k in range(nodes)], state)
         for k, stress in enumerate(inner[12 * nodes :].reshape(-1, 6)):
-            at = more.inner_at[member[piece_name(name, k)]]
+            at = finer.inner_at[member[piece_name(name, k)]]
             state.inner[at : at + 6] = stress
     return state
 
 
 def _expand_chain(model: Model, motion: State, i: int, inner: np.ndarray, nodes: list, state: State) -> None:
-    """Write the inner nodes of chain `i` into `state`: r in frame p, R from the undeformed state in frame
-    p."""
+    """Write the inner nodes of chain `i`, with r and R (from the undeformed state) in frame p, into `state`."""
     members = model.arrays.members
     a = members.node[i, 0]
     rest = members.frame[i, 0]
     frame = motion.R[a] @ rest
     start = motion.x[a] + motion.R[a] @ members.offset[i, 0]
     for k, node in enumerate(nodes):
-        record = inner[12 * k : 12 * k + 12]
-        state.x[node] = start + frame @ record[:3]
-        state.R[node] = frame @ record[3:].reshape(3, 3) @ rest.T
+        r, R = inner[12 * k : 12 * k + 3], inner[12 * k + 3 : 12 * k + 12].reshape(3, 3)
+        state.x[node] = start + frame @ r
+        state.R[node] = frame @ R @ rest.T

@@ -1,6 +1,6 @@
-"""Answers in print: numbers to significant digits, plain tables, and what a mode does in words.
+"""Printing of answers: formatted numbers, tables, and short descriptions of motions.
 
-Every answer has two ways to be shown: its table by ``print``, and one line where a list, a notebook or a debugger shows it.
+``print`` shows an answer as a table; ``repr`` (lists, notebooks, debuggers) shows it in one line.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from ksd.model.compile import Model
 T = TypeVar("T")
 Array = NDArray[np.float64]
 TABLE_WIDTH = 100
-"""Columns all tables fit in."""
+"""Width of all tables [characters]."""
 AXES = "xyz"
 ROTATION_LEVER = 0.25
-"""Lever, over the size of the mechanism, at which the turn of a link is compared with its way."""
+"""Lever, relative to the size of the mechanism, by which rotations are compared with displacements."""
 MIN_AXIS_COSINE = 0.97
-"""Share of one axis in a direction from which on that axis names it."""
+"""Cosine of the angle to an axis above which a direction is named after that axis."""
 
 
 def format_number(value: float | None, digits: int = 4, *, zero: float = 0.0) -> str:
-    """`value` to significant digits, without an exponent where readable; up to `zero` it is noise: 0."""
+    """Format `value` to `digits` significant digits; None is "-", and magnitudes up to `zero` are 0."""
     if value is None:
         return "-"
     if abs(value) <= zero:
@@ -44,12 +44,12 @@ def format_number(value: float | None, digits: int = 4, *, zero: float = 0.0) ->
 
 
 def format_signed_percent(percent: float) -> str:
-    """A change with its sign, in two digits, or without an exponent where it is large."""
+    """Format a relative change [%] with its sign, to two digits and without an exponent."""
     return f"{percent:+.2g}" if abs(percent) < 99.5 else f"{percent:+.0f}"
 
 
 def empty_table(*columns: str) -> Any:
-    """An empty table: the first column is text, the others are numbers on the right unless marked by '<'."""
+    """Empty rich table; all columns but the first are aligned right unless their name starts with '<'."""
     from rich import box
     from rich.table import Table
     from rich.text import Text
@@ -57,16 +57,16 @@ def empty_table(*columns: str) -> Any:
     grid = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for i, column in enumerate(columns):
         left = i == 0 or column.startswith("<")
-        # as text, or rich would take a unit in brackets for markup
+        # as Text: rich would read a unit in brackets as markup
         grid.add_column(Text(column.removeprefix("<")), justify="left" if left else "right", overflow="fold")
     return grid
 
 
 def render_text(*parts: Any, width: int = TABLE_WIDTH) -> Printed:
-    """Rich renderables and plain text as text of so many columns, which notebooks show as the tables it is of."""
+    """Render rich objects and plain text as text of `width` characters that notebooks show as HTML tables."""
     from rich.console import Console
 
-    # in a notebook rich would show it there and then, beside the value of the cell
+    # in a notebook rich would otherwise display the table immediately, in addition to the value of the cell
     console = Console(
         width=width, highlight=False, markup=False, emoji=False, color_system=None, force_jupyter=False
     )
@@ -77,7 +77,7 @@ def render_text(*parts: Any, width: int = TABLE_WIDTH) -> Printed:
 
 
 class _NoBar:
-    """A progress bar that nobody sees: rich takes as long for one as a job for a design, and some versions print a line."""
+    """Progress bar that shows nothing, for speed: rich takes as long for one as a job takes for a design."""
 
     def __enter__(self) -> _NoBar:
         return self
@@ -90,7 +90,7 @@ class _NoBar:
 
 
 def progress_bar(shown: bool) -> Any:
-    """A rich progress bar on stderr, with the count and the time left; what it is called is no markup."""
+    """Progress bar on stderr with count and remaining time; it shows nothing unless `shown`."""
     if not shown:
         return _NoBar()
     from rich.console import Console
@@ -99,45 +99,48 @@ def progress_bar(shown: bool) -> Any:
     title = TextColumn("{task.description}", markup=False)
     columns = (title, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     console = Console(stderr=True)
-    # rich warns in notebooks that cannot show it
+    # rich warns in notebooks without ipywidgets
     shown = shown and not (console.is_jupyter and find_spec("ipywidgets") is None)
     return Progress(*columns, console=console, disable=not shown, transient=True)
 
 
-def format_table(columns: Sequence[str], rows: Sequence[Sequence[str]], *said: str) -> str:
-    """Lines `said`, then a table of texts."""
+def format_table(columns: Sequence[str], rows: Sequence[Sequence[str]], *lines: str) -> str:
+    """Text of `lines`, followed by a table with these columns (see `empty_table`) and rows."""
     from rich.text import Text
 
     grid = empty_table(*columns)
     for row in rows:
         grid.add_row(*(Text(cell) for cell in row))
-    return render_text(*said, grid)
+    return render_text(*lines, grid)
 
 
 def released_text(freed: Sequence[str]) -> str:
-    """Which drives and supports are let go, in words."""
+    """Text that names the released drives and supports."""
     return f"freed: {', '.join(freed)}" if freed else "drives and supports held"
 
 
 def axis_in_words(direction: Array) -> str:
-    """The axis a direction (3,) is along, or its components where it is oblique."""
+    """Name of the axis that a direction (3,) is along, or its components where it is oblique."""
     size = float(np.linalg.norm(direction))
     unit = direction / size if size > 0.0 else direction
     largest = int(np.argmax(np.abs(unit)))
     if abs(unit[largest]) >= MIN_AXIS_COSINE:
         return AXES[largest]
-    # a mode has no sense: its largest component is shown positive
+    # the sign of a mode is arbitrary: its largest component is shown positive
     return "(" + ", ".join(f"{v:.2f}" for v in np.round(unit * np.sign(unit[largest]), 2) + 0.0) + ")"
 
 
 def node_travel(model: Model, shape: Array) -> Array:
-    """(..., nodes) [m]: how far every node moves in fields, shape (..., nodes, 6) [m, rad], rotations counted by LEVER."""
+    """Magnitude (..., nodes) [m] of the motion of every node in displacement fields `shape` (..., nodes, 6) [m, rad].
+
+    It is the larger of the displacement and the rotation times ROTATION_LEVER times the size of the mechanism.
+    """
     turn = np.linalg.norm(shape[..., 3:], axis=-1) * ROTATION_LEVER * model.arrays.size
     return np.asarray(np.maximum(turn, np.linalg.norm(shape[..., :3], axis=-1)))
 
 
 def describe_node_motion(model: Model, shape: Array) -> str:
-    """What a node does most, shape (6,) [m, rad]; nothing where it does not move."""
+    """Describe the dominant motion of a node, shape (6,) [m, rad]; empty where it does not move."""
     turn, shift = np.linalg.norm(shape[3:]) * ROTATION_LEVER * model.arrays.size, np.linalg.norm(shape[:3])
     if max(turn, shift) == 0.0:
         return ""
@@ -149,49 +152,57 @@ def describe_node_motion(model: Model, shape: Array) -> str:
 
 
 def describe_motion(model: Model, shape: Array) -> str:
-    """What a displacement field, shape (nodes, 6) [m, rad], does most: the link or block that moves farthest; nothing where
-    no link moves."""
+    """Describe the motion of the link or block that moves most in a displacement field, shape (nodes, 6) [m, rad].
+
+    Empty where no link moves.
+    """
     node = int(np.argmax(node_travel(model, shape)))
-    does = describe_node_motion(model, shape[node])
-    return does and f"'{model.node_names[node]}' {does}"
+    motion = describe_node_motion(model, shape[node])
+    return motion and f"'{model.node_names[node]}' {motion}"
 
 
 class NamedAnswers(dict[str, T]):
-    """Answers by name; a name there is not raises UnknownNameError with those there are. what: they are, in a word."""
+    """Answers by name, a mapping that raises UnknownNameError with the known names for an unknown one.
 
-    what = "answer"
+    kind: noun for an answer in that message.
+    """
 
-    def __init__(self, answers: Mapping[str, T], what: str) -> None:
+    kind = "answer"
+
+    def __init__(self, answers: Mapping[str, T], kind: str) -> None:
         super().__init__(answers)
-        self.what = what
+        self.kind = kind
 
     def __missing__(self, name: object) -> T:
         raise UnknownNameError(
-            f"there is no {self.what} {show(name)}{name_hint(name, self)}", kind=self.what, name=str(name)
+            f"there is no {self.kind} {show(name)}{name_hint(name, self)}", kind=self.kind, name=str(name)
         )
 
 
 class NamedAnswerTable(InNotebooks, NamedAnswers[T]):
-    """Answers by name, a mapping that prints as a table: one row per name, made by `row` of the answer."""
+    """Answers by name, a mapping that prints as a table under `title`.
+
+    row: function that returns the cells of the row of an answer, without its name.
+    """
 
     def __init__(
-        self, answers: Mapping[str, T], said: str, columns: Sequence[str], row: Callable[[T], Sequence[str]]
+        self, answers: Mapping[str, T], title: str, columns: Sequence[str], row: Callable[[T], Sequence[str]]
     ) -> None:
         super().__init__(answers, columns[0])
-        self._said, self._columns, self._row = said, columns, row
+        self._title, self._columns, self._row = title, columns, row
 
     def __repr__(self) -> str:
         names = ", ".join(f"'{name}'" for name in list(self)[:4])
-        return f"<{self._said}: of {names}{' ...' * (len(self) > 4)}>"
+        return f"<{self._title}: of {names}{' ...' * (len(self) > 4)}>"
 
     def __str__(self) -> str:
         return format_table(
-            self._columns, [(name, *self._row(answer)) for name, answer in self.items()], self._said
+            self._columns, [(name, *self._row(answer)) for name, answer in self.items()], self._title
         )
 
 
 class PrintableAnswer(InNotebooks):
-    """Mixed into answers: one line of `_line` and, in angle brackets, the name of the class where lists show them."""
+    """Mixin of answers: ``repr`` is the name of the class and the one-line summary `_line`."""
 
     def _line(self) -> str:
         raise NotImplementedError

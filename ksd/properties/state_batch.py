@@ -1,7 +1,7 @@
-"""States of models with the same words on the same mesh, which differ in numbers alone: asked together, as arrays.
+"""Batches of states of models with the same layout and mesh, which differ in numbers only, evaluated together as arrays.
 
-Such are the designs of a batch, the poses of a stroke, and those beside a pose that gradients are differences of. What a
-question prepares is prepared once for all of them, and nothing is made for each state but its answers.
+Examples are the designs of a batch, the poses of a stroke, and the perturbed poses of finite differences. Work that does
+not depend on the numbers is done once for all of them.
 """
 
 from __future__ import annotations
@@ -34,13 +34,16 @@ from ksd.properties.finer_model import MAX_STEP, finer_inner_index, finer_mesh
 
 Array = NDArray[np.float64]
 LoadedState = tuple[Model, State, float]
-"""A model, a state of it, and what times its loads act there."""
+"""A model, a state of it, and the load factor there."""
 
 
 @dataclass(frozen=True)
 class StateBatch:
-    """D states of U models. which (D,): the model of each among models (U,); template: what they have in common, topology:
-    its integers; floats (U, f): as in `Flat`; motion: with a leading axis over states; factor (D,): of the loads."""
+    """D states of U models.
+
+    model_index (D,): model of each state among models (U,); template: common layout, topology: its integer arrays; floats
+    (U, f): numbers of the models as in `Flat`; motion: with a leading axis over states; load_factor (D,).
+    """
 
     models: tuple[Model, ...]
     model_index: NDArray[np.int64]
@@ -48,7 +51,7 @@ class StateBatch:
     topology: Arrays
     floats: Array
     motion: State
-    factor: Array
+    load_factor: Array
 
     @property
     def sizes(self) -> Array:
@@ -57,7 +60,7 @@ class StateBatch:
 
     @cached_property
     def states(self) -> list[tuple[KernelArrays, State]]:
-        """Numbers and state of each, views of what is here."""
+        """Arrays and state of each, views of the arrays of the batch."""
         ints, kinds = self.topology.flat.ints, self.topology.flat.member_kinds
         bare = [
             KernelArrays(FlatArrays(ints, own, kinds), own[ints[WEIGHT] :].reshape(-1, 4))
@@ -68,19 +71,21 @@ class StateBatch:
         ]
 
     def member_constants(self, members: NDArray[np.int64], size: int) -> Array:
-        """The first `size` constants (D, k, size) of members (k,)."""
+        """First `size` constants (D, k, size) of members (k,) in every state."""
         at = self.topology.flat.ints[MEMBERS + VALUE] + self.topology.members.value_at[members]
         return np.take(self.floats, at[:, None] + np.arange(size), axis=1)[self.model_index]
 
     def on_finer_mesh(self) -> StateBatch | None:
-        """The equilibria next to the states with one mode more per axis in every leaf, see `ksd.properties.finer_model`.
-        None where leaf springs bring constants of unlike make."""
+        """Equilibria near the states on a mesh with one more mode per axis in every leaf, see `ksd.properties.finer_model`.
+
+        None where the models have leaf springs with constants of their own and the finer models differ in layout.
+        """
         mesh, m = finer_mesh(self.models[0]), self.motion
         if mesh == self.template.mesh:
             return self
         fine = self.template.on(mesh)
         if fine is None:
-            # leaf springs that bring their constants are drawn with more modes
+            # leaf springs with constants of their own are drawn again with more modes
             drawn = [split_scene(model.scene, mesh) for model in self.models]
             fine = template_of(drawn[0].layout, mesh)
             if any(other.layout != drawn[0].layout for other in drawn):
@@ -100,16 +105,19 @@ class StateBatch:
         number, wider = (b.members.number.tobytes() for b in (self.topology, fine.topology))
         inner[:, finer_inner_index(number, wider)] = m.inner
         motion = State(m.x.copy(), m.R.copy(), inner, m.multiplier.copy())
-        found = replace(self, template=fine, topology=fine.topology, floats=floats, motion=motion)
+        finer = replace(self, template=fine, topology=fine.topology, floats=floats, motion=motion)
         work = make_workspace(fine.topology)
-        for (arrays, own), factor in zip(found.states, self.factor.tolist(), strict=True):
+        for (arrays, state), load_factor in zip(finer.states, self.load_factor.tolist(), strict=True):
             work.weight[:] = arrays.weight
-            take_step_at_fixed_rows(arrays, own, factor, work, MAX_STEP)
-        return found
+            take_step_at_fixed_rows(arrays, state, load_factor, work, MAX_STEP)
+        return finer
 
 
 def group_states(states: Sequence[LoadedState]) -> list[tuple[list[int], StateBatch]]:
-    """The states that can be asked together, with their numbers in the list: those of strain-mode leaves on one mesh."""
+    """Group the states that can be evaluated together: those with strain-mode leaves only, on one mesh, and the same layout.
+
+    Returns the positions in `states` and the batch of every group; other states are left out.
+    """
     groups: dict[int, list[int]] = {}
     for k, (model, _, _) in enumerate(states):
         template = model.derived.get("leaves", (None,))[0]
@@ -122,15 +130,19 @@ def group_states(states: Sequence[LoadedState]) -> list[tuple[list[int], StateBa
     found = []
     for numbers in groups.values():
         different = {id(states[k][0]): states[k][0] for k in numbers}
-        place = {key: u for u, key in enumerate(different)}
-        which, models = np.array([place[id(states[k][0])] for k in numbers]), tuple(different.values())
+        position = {key: u for u, key in enumerate(different)}
+        model_index = np.array([position[id(states[k][0])] for k in numbers])
+        models = tuple(different.values())
         template = models[0].derived["leaves"][0]
         if type(template.mesh) is not Mesh or any(leaf.kind != STRAIN for leaf in template.leaf_layouts):
             continue
         motion = State(*(np.array(field) for field in zip(*(states[k][1] for k in numbers), strict=True)))
         floats = np.array([model.arrays.flat.floats for model in models])
-        factor = np.array([states[k][2] for k in numbers])
+        load_factor = np.array([states[k][2] for k in numbers])
         found.append(
-            (numbers, StateBatch(models, which, template, template.topology, floats, motion, factor))
+            (
+                numbers,
+                StateBatch(models, model_index, template, template.topology, floats, motion, load_factor),
+            )
         )
     return found

@@ -1,12 +1,10 @@
-"""Stiffness and compliance of a configuration: at any point of a link, of its drives, and the coupling
-between them.
+"""Stiffness and compliance of a configuration: of points of links, of drives, and between drives and points.
 
-All are derivatives of equilibrium at the present state, from the factored tangent of the model (geometric
-terms of leaf springs, loads and drives included). Held drives and supports stay where they are; freed ones keep
-their present force. A held drive about a fixed axis carries a moment whose derivative (twist of the relative
-rotation about that axis) is part of the tangent. Strain-mode leaves take part with one mode per axis more than
-in the state, a Newton step from it (`finer_tangent`). SI: translations m, rotations rad (spatial, right-handed,
-about the axes asked for).
+All are derivatives of the equilibrium at the present state, from the factored tangent of the model (geometric terms of leaf
+springs, loads and drives included). Held drives and supports do not move; released ones keep their present force. A held
+drive about a fixed axis carries a moment whose derivative (twist of the relative rotation about that axis) is part of the
+tangent. Strain-mode leaves have one mode per axis more than in the state, after one Newton step (`finer_tangent`). SI units:
+translations in m, rotations in rad (spatial, right-handed, about the axes requested).
 """
 
 from __future__ import annotations
@@ -37,19 +35,14 @@ from ksd.properties.tangent import (
 
 Array = NDArray[np.float64]
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
-"""Columns of every (6, 6) matrix here: three translations, three rotations."""
-UNITS, INVERSE = ("N/m",) * 3 + ("Nm/rad",) * 3, ("m/N",) * 3 + ("rad/Nm",) * 3
+"""Rows and columns of all (6, 6) matrices here: three translations, three rotations."""
+UNITS, COMPLIANCE_UNITS = ("N/m",) * 3 + ("Nm/rad",) * 3, ("m/N",) * 3 + ("rad/Nm",) * 3
 """Units of a stiffness and of a compliance in each direction."""
-_UNSYMMETRIC = {
-    True: (),
-    False: (
-        "Loads that follow their link, or moments fixed in space, are not conservative: the matrix is not symmetric",
-    ),
-}
-RIGID = 1e-13
-"""Compliance below this fraction of the largest (rotations times the model's size) counts as none."""
-RIGID_ALONE = 1e-25
-"""Compliance [m/N] below which there is none in any direction: all is held, and this is rounding."""
+_UNSYMMETRIC = "Loads that follow their link, or moments fixed in space, are not conservative: the matrix is not symmetric"
+MIN_RELATIVE_COMPLIANCE = 1e-13
+"""Compliance, relative to the largest (rotations times the size of the model), below which it counts as zero."""
+MIN_COMPLIANCE = 1e-25
+"""Compliance [m/N] below which it counts as zero: rounding of a point that is held in all directions."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -57,11 +50,11 @@ class PointStiffness(PrintableAnswer):
     """Compliance of one point of a link, and every stiffness that follows from it.
 
     compliance (6, 6): motion of the point (m, rad) per unit force and moment (N, Nm) on it, rows and columns
-    as in DIRECTIONS, in `axes` (3, 3; columns, global) at `point` (3,) [m], where the point is now. freed:
-    names of the drives and supports let go. size [m]: length scale by which rotations and translations are
-    compared. conservative: False where loads that follow their link, or moments fixed in space, do work that depends on
-    the way: the matrices are not symmetric then; rows are motions of `compliance`, loads of `matrix`. backward_error: see
-    `ksd.properties.tangent.Tangent.solve_with_error`; above 1e-6 there is no answer.
+    as in DIRECTIONS, in `axes` (3, 3; columns, global) at the deformed position `point` (3,) [m]. freed: names of the
+    released drives and supports. size [m]: length by which rotations are compared with translations. conservative: False
+    where loads follow their link or moments are fixed in space, so that their work depends on the path: the matrices are
+    then not symmetric; rows of `compliance` are motions, rows of `matrix` loads. backward_error: see
+    `ksd.properties.tangent.Tangent.solve_with_error`; at most 1e-6.
     """
 
     link: str
@@ -79,42 +72,43 @@ class PointStiffness(PrintableAnswer):
 
     def __str__(self) -> str:
         rows = []
-        for d, unit, inverse in zip(DIRECTIONS, UNITS, INVERSE, strict=True):
+        for d, unit, compliance_unit in zip(DIRECTIONS, UNITS, COMPLIANCE_UNITS, strict=True):
             k = self.support(d)
-            known = (f"{k:.5g}", unit, f"{1.0 / k:.4e}", inverse)
-            rows.append((d, *(known if np.isfinite(k) else ("held", "", "0", inverse)), self._coupled(d)))
+            held = ("held", "", "0", compliance_unit)
+            values = (f"{k:.5g}", unit, f"{1.0 / k:.4e}", compliance_unit) if np.isfinite(k) else held
+            rows.append((d, *values, self._most_coupled(d)))
         at = ", ".join(f"{1e3 * v:.6g}" for v in np.round(self.point, 12))
         return format_table(
             ("direction", "stiffness", "<", "compliance", "<", "<most coupled with"),
             rows,
             f"Stiffness of link '{self.link}' at ({at}) mm, each direction with the others free; "
             + released_text(self.freed),
-            *_UNSYMMETRIC[self.conservative],
+            *[_UNSYMMETRIC] * (not self.conservative),
         )
 
-    def _coupled(self, direction: str) -> str:
-        """The direction whose motion goes along most with that of `direction`, and C_ij / sqrt(C_ii C_jj)."""
-        C, i = self._scaled(), _number(direction)
-        none = _none(C)
-        if C[i, i] < none:
+    def _most_coupled(self, direction: str) -> str:
+        """Direction most coupled with `direction`, with C_ij / sqrt(C_ii C_jj); empty where none is."""
+        C, i = self._scaled(), _direction_index(direction)
+        threshold = _zero_threshold(C)
+        if C[i, i] < threshold:
             return ""
         own = np.diagonal(C)
         share = np.abs(C[:, i]) / np.sqrt(C[i, i] * np.maximum(own, 1e-300))
-        share[(own < none) | (np.arange(6) == i)] = 0.0
+        share[(own < threshold) | (np.arange(6) == i)] = 0.0
         other = int(np.argmax(share))
         return f"{DIRECTIONS[other]} ({share[other]:.2f})" if share[other] > 1e-6 else ""
 
     def matrix(self, directions: Sequence[str] = DIRECTIONS) -> Array:
-        """Stiffness (k, k) [N/m, N/rad, Nm/rad] in `directions`, the other ones being free.
+        """Stiffness (k, k) [N/m, N/rad, Nm/rad] in `directions`, the others free.
 
-        Raises KinematicsError when held drives or supports leave no compliance in one of them: free those or
-        leave the direction out.
+        Raises KinematicsError where held drives or supports leave no compliance in one of them: release those or omit the
+        direction.
         """
-        pick = [_number(d) for d in directions]
+        pick = [_direction_index(d) for d in directions]
         scale = np.where(np.array(pick) < 3, 1.0, self.size)
         part = self.compliance[np.ix_(pick, pick)] * np.outer(scale, scale)
         moves, values, loads = np.linalg.svd(part)
-        if values[-1] < _none(self._scaled()):
+        if values[-1] < _zero_threshold(self._scaled()):
             worst = np.argmax(np.abs(moves[:, -1]))
             raise KinematicsError(
                 f"link '{self.link}' cannot move along {directions[int(worst)]} while the drives and supports "
@@ -122,86 +116,89 @@ class PointStiffness(PrintableAnswer):
             )
         return np.asarray((loads.T / values) @ moves.T * np.outer(scale, scale))
 
-    def support(self, direction: str, *, released_text: Sequence[str] = ()) -> float:
-        """Stiffness [N/m or Nm/rad] in one direction: unit force over its motion, the others free but for
-        `held`.
+    def support(self, direction: str, *, held: Sequence[str] = ()) -> float:
+        """Stiffness [N/m or Nm/rad] in one direction, all others free except `held`.
 
-        inf where the held drives and supports leave no compliance.
+        It is a unit force divided by its displacement; inf where held drives and supports leave no compliance.
         """
-        C, i, fixed = (
-            self._scaled(),
-            _number(direction),
-            [_number(d) for d in released_text if d != direction],
-        )
+        C, i = self._scaled(), _direction_index(direction)
+        fixed = [_direction_index(d) for d in held if d != direction]
         value = C[i, i]
         if fixed:
-            value -= C[i, fixed] @ np.linalg.pinv(C[np.ix_(fixed, fixed)], rcond=RIGID) @ C[fixed, i]
-        if abs(value) < _none(C):
+            value -= (
+                C[i, fixed]
+                @ np.linalg.pinv(C[np.ix_(fixed, fixed)], rcond=MIN_RELATIVE_COMPLIANCE)
+                @ C[fixed, i]
+            )
+        if abs(value) < _zero_threshold(C):
             return float("inf")
         return float((self.size**2 if i >= 3 else 1.0) / value)
 
     @property
     def supports(self) -> dict[str, float]:
-        """`support` of all six directions: x, y, z [N/m], rx, ry, rz [Nm/rad]."""
+        """`support` in all six directions: x, y, z [N/m], rx, ry, rz [Nm/rad]."""
         return dict(zip(DIRECTIONS, support_stiffness(self.compliance, self.size).tolist(), strict=True))
 
     @property
     def principal(self) -> Array:
-        """Principal stiffnesses (2, 3), ascending, of the directions of space [N/m] and about its axes [Nm/rad], the others
-        free: one over the eigenvalues of the translational, and of the rotational compliance; inf where held."""
+        """Principal stiffnesses (2, 3), ascending: translational [N/m] and rotational [Nm/rad], the other directions free.
+
+        They are the reciprocal eigenvalues of the translational and of the rotational compliance; inf where held.
+        """
         return principal_stiffness(self.compliance, self.size)
 
     @property
     def worst(self) -> tuple[float, float]:
-        """Smallest stiffness [N/m] of all directions of space, and about all axes [Nm/rad]; inf where all are held."""
-        shift, turn = self.principal[:, 0].tolist()
-        return shift, turn
+        """Smallest translational stiffness [N/m] and smallest rotational stiffness [Nm/rad]; inf where all are held."""
+        translational, rotational = self.principal[:, 0].tolist()
+        return translational, rotational
 
     def _scaled(self) -> Array:
         """Compliance with rotations times the size, all in m/N."""
-        return _scaled(self.compliance, self.size)[0]
+        return _scaled(self.compliance, self.size)
 
 
-def _scaled(compliance: Array, size: Any) -> tuple[Array, Array]:
-    """Compliance (..., 6, 6) with rotations times the size (...), all in m/N, and what of it counts as none (..., 1)."""
+def _scaled(compliance: Array, size: Any) -> Array:
+    """Compliance (..., 6, 6) with rotations times the size (...), all in m/N."""
     scale = np.ones((*np.shape(size), 6))
     scale[..., 3:] = np.asarray(size)[..., None]
-    C = compliance * scale[..., None] * scale[..., None, :]
-    return C, _none(C)[..., None]
+    scaled: Array = compliance * scale[..., None] * scale[..., None, :]
+    return scaled
 
 
-def _none(C: Array) -> Any:
-    """What counts as none (...) of compliances (..., 6, 6) [m/N]."""
-    return np.maximum(RIGID * np.abs(C).max(axis=(-2, -1)), RIGID_ALONE)
+def _zero_threshold(C: Array) -> Any:
+    """Compliance (...) [m/N] below which entries of scaled compliances (..., 6, 6) count as zero."""
+    return np.maximum(MIN_RELATIVE_COMPLIANCE * np.abs(C).max(axis=(-2, -1)), MIN_COMPLIANCE)
 
 
 def support_stiffness(compliance: Array, size: Any) -> Array:
-    """`PointStiffness.support` of all six directions (..., 6), of compliances (..., 6, 6) of mechanisms of size (...)."""
-    C, none = _scaled(compliance, size)
-    soft = np.diagonal(C, axis1=-2, axis2=-1)
-    held = np.abs(soft) < none
-    back = np.repeat(np.stack([np.ones(np.shape(size)), np.asarray(size) ** 2], axis=-1), 3, axis=-1)
-    return np.where(held, np.inf, back / np.where(held, 1.0, soft))
+    """`PointStiffness.support` (..., 6) for compliances (..., 6, 6) of mechanisms of size (...)."""
+    C = _scaled(compliance, size)
+    diagonal = np.diagonal(C, axis1=-2, axis2=-1)
+    held = np.abs(diagonal) < _zero_threshold(C)[..., None]
+    unit = np.repeat(np.stack([np.ones(np.shape(size)), np.asarray(size) ** 2], axis=-1), 3, axis=-1)
+    return np.where(held, np.inf, unit / np.where(held, 1.0, diagonal))
 
 
 def principal_stiffness(compliance: Array, size: Any) -> Array:
-    """`PointStiffness.principal` (..., 2, 3), of compliances (..., 6, 6) of mechanisms of size (...)."""
-    C, none = _scaled(compliance, size)
+    """`PointStiffness.principal` (..., 2, 3) for compliances (..., 6, 6) of mechanisms of size (...)."""
+    C = _scaled(compliance, size)
+    threshold = _zero_threshold(C)
     C = 0.5 * (C + C.swapaxes(-1, -2))
-    soft = np.linalg.eigvalsh(np.stack([C[..., :3, :3], C[..., 3:, 3:]], axis=-3))[..., ::-1]
-    free = soft > none[..., None]
-    back = np.stack([np.ones(np.shape(size)), np.asarray(size) ** 2], axis=-1)[..., None]
-    return np.where(free, back / np.where(free, soft, 1.0), np.inf)
+    values = np.linalg.eigvalsh(np.stack([C[..., :3, :3], C[..., 3:, 3:]], axis=-3))[..., ::-1]
+    is_free = values > threshold[..., None, None]
+    unit = np.stack([np.ones(np.shape(size)), np.asarray(size) ** 2], axis=-1)[..., None]
+    return np.where(is_free, unit / np.where(is_free, values, 1.0), np.inf)
 
 
-def _number(direction: str) -> int:
+def _direction_index(direction: str) -> int:
     if direction not in DIRECTIONS:
         raise SceneError(f"direction {direction!r} is not known; give one of {', '.join(DIRECTIONS)}")
     return DIRECTIONS.index(direction)
 
 
 def node_of(model: Model, link: Any) -> int:
-    """Node of a link or internal block by name."""
+    """Node number of a link or internal block, given as an object with a name or by name; raises SceneError."""
     name = getattr(link, "name", link)
     if name not in model.node_names[1:]:
         raise SceneError(
@@ -211,8 +208,8 @@ def node_of(model: Model, link: Any) -> int:
     return model.node_names.index(name)
 
 
-def _axes(axes: Any, R: Array) -> Array:
-    """Columns (3, 3) of the axes asked for: "global", "link" (turning with it), or given."""
+def _axis_columns(axes: Any, R: Array) -> Array:
+    """Axes (3, 3) as columns: "global", "link" (R, turning with the link), or given; raises SceneError."""
     if isinstance(axes, str):
         if axes not in ("global", "link"):
             raise SceneError(f"axes = {axes!r}: give 'global', 'link', or three orthonormal columns (3, 3)")
@@ -224,14 +221,13 @@ def _axes(axes: Any, R: Array) -> Array:
 
 
 def point_motion(model: Model, motion: State, node: int, at: Any) -> tuple[Array, Array]:
-    """Where the rest point `at` (3,) of a node is now (3,), and B (6, 6): its motion = B times that of the
-    node."""
-    s = motion.R[node] @ arm_at_rest(model, node, at)
-    return motion.x[node] + s, point_jacobian(s)
+    """Position (3,) of the point of a node that is at `at` (3,) at rest, and its Jacobian (6, 6), see `point_jacobian`."""
+    lever = motion.R[node] @ arm_at_rest(model, node, at)
+    return motion.x[node] + lever, point_jacobian(lever)
 
 
 def arm_at_rest(model: Model, node: int, at: Any) -> Array:
-    """From a node to its rest point `at` (3,) [m], at rest; none where it is None."""
+    """Vector (3,) [m] at rest from a node to the point `at` (3,); zero where `at` is None. Raises SceneError."""
     if at is None:
         return np.zeros(3)
     point = np.asarray(at, float)
@@ -241,7 +237,7 @@ def arm_at_rest(model: Model, node: int, at: Any) -> Array:
 
 
 def point_jacobian(lever: Array) -> Array:
-    """B (..., 6, 6): the motion of a point at `lever` (..., 3) from its node = B times that of the node."""
+    """Jacobian B (..., 6, 6): motion of a point at `lever` (..., 3) from its node = B times motion of the node."""
     B = np.zeros((*lever.shape[:-1], 6, 6))
     B[...] = np.eye(6)
     B[..., :3, 3:] = -cross_matrix(lever)
@@ -249,9 +245,12 @@ def point_jacobian(lever: Array) -> Array:
 
 
 class BatchStiffness(NamedTuple):
-    """What `point_stiffness` and `drive_stiffness` answer of D states: compliance (D, 6, 6) of a point, global axes, matrix
-    (D, d, d) between the drives; None for what was not asked. good (D,): where there is an answer; ask others alone. stable
-    (D,): where the Newton step to the finer mesh led to a stable equilibrium."""
+    """Results of `point_stiffness` and `drive_stiffness` for D states.
+
+    compliance (D, 6, 6): of a point, global axes; drives (D, d, d): stiffness between the drives; None where not requested.
+    valid (D,): there is a result; other states must be evaluated one by one. stable (D,): the Newton step to the finer mesh
+    led to a stable equilibrium.
+    """
 
     compliance: Array | None
     drives: Array | None
@@ -262,9 +261,9 @@ class BatchStiffness(NamedTuple):
 def batch_stiffness(
     states: StateBatch, link: Any = None, *, at: Sequence[Any] = (), drives: bool = False
 ) -> BatchStiffness:
-    """Stiffness, in every state, of the point of `link` (none where None) that is at its model's own of `at` (U,) at rest,
-    and of the drives; all drives and supports held.
+    """Compliance of a point of `link`, and stiffness of the drives, in every state, with all drives and supports held.
 
+    link: none where None; at (U,): the point at rest in each of the models; drives: whether their stiffness is computed.
     Raises SceneError as `point_stiffness`.
     """
     fine, model = states.on_finer_mesh(), states.models[0]
@@ -290,25 +289,27 @@ def batch_stiffness(
     first = loads.shape[1] - count * drives
     if drives:
         loads[:, first:, topology.terms.start[:count]] = np.eye(count)
-    found, good, stable = batch_responses(fine, loads)
+    response, valid, stable = batch_responses(fine, loads)
     if topology.loads.skew.any():
-        # not conservative: the tangent has a skew part
-        good[:] = False
+        # not conservative: the tangent has a skew part, which is left out here
+        valid[:] = False
     C = matrix = None
     if link is not None:
-        C = loads[:, :6] @ found[:, :6].swapaxes(1, 2)
+        C = loads[:, :6] @ response[:, :6].swapaxes(1, 2)
         C = 0.5 * (C + C.swapaxes(1, 2))
     if drives:
-        matrix = -found[:, first:, topology.terms.start[:count]]
+        matrix = -response[:, first:, topology.terms.start[:count]]
         matrix = 0.5 * (matrix + matrix.swapaxes(1, 2))
-    return BatchStiffness(C, matrix, good, stable)
+    return BatchStiffness(C, matrix, valid, stable)
 
 
 def finer_tangent(
     model: Model, motion: State, *, freed: Iterable[str] = (), load_factor: float = 1.0, finer: bool = True
 ) -> Tangent:
-    """The factored tangent these questions stand on; with `finer`, strain-mode leaves take part with one more
-    mode per axis than in the state (see `ksd.properties.finer_model`), chains and mixtures as they are."""
+    """Factored tangent of a state, with one more mode per axis where all members are strain-mode leaves and `finer` is set.
+
+    See `ksd.properties.finer_model`; models with chains stay as they are.
+    """
     if finer and model.kinds <= {STRAIN}:
         model, motion = finer_state(model, motion, load_factor=load_factor)
     return assemble_and_factor(model, motion, freed=freed, load_factor=load_factor)
@@ -325,25 +326,24 @@ def point_stiffness(
     load_factor: float = 1.0,
     tangent: Tangent | None = None,
 ) -> PointStiffness:
-    """Compliance and stiffness of the point of `link` that is at `at` (3,) [m] at rest and moves rigidly with
-    it.
+    """Compliance and stiffness of the point that moves rigidly with `link` and is at `at` (3,) [m] at rest.
 
-    at: reference point of the link when None. axes: "global", "link" (turning with it), or orthonormal
-    columns (3, 3). freed: names of drives and supports let go at their present force. tangent: reuse of
-    `finer_tangent`. Raises SceneError for unknown names, KinematicsError where nothing resists a motion.
+    at: the reference point of the link where None. axes: "global", "link" (turning with it), or orthonormal columns (3, 3).
+    freed: names of drives and supports released at their present force. tangent: result of `finer_tangent`, to save its
+    computation. Raises SceneError for unknown names, KinematicsError where a motion has no stiffness.
     """
     node, freed = node_of(model, link), names_of(freed, "freed")
     found = tangent or finer_tangent(model, motion, freed=freed, load_factor=load_factor)
-    # of the state of the tangent: what a drive holds is then held to the last digit
+    # at the state of the tangent, so that the compliance along held drives is zero to the last digit
     point, B = point_motion(model, found.motion, node, at)
-    columns = _axes(axes, motion.R[node])
+    columns = _axis_columns(axes, motion.R[node])
     turn = np.zeros((6, 6))
     turn[:3, :3] = turn[3:, 3:] = columns
     loads = np.zeros((found.arrays.plan.unknowns, 6))
     here = found.unknowns(node)
     loads[here] = B.T @ turn
     rows = [i for i, n in enumerate((*model.drive_names, *model.support_names)) if n not in found.freed]
-    # what held rows take leaves rounding only where it is left out before
+    # components that held rows carry are removed first: in the response they would leave rounding
     gradients = row_gradients(found.model.arrays, found.motion, rows)
     loads = remove_row_components(found.arrays, found.arrays.size, gradients, loads)[0]
     response, error = found.solve_with_error(loads)
@@ -352,7 +352,7 @@ def point_stiffness(
         model.node_names[node],
         point,
         columns,
-        _halved(C, found),
+        _symmetrised(C, found),
         freed,
         model.arrays.size,
         found.skew is None,
@@ -360,15 +360,18 @@ def point_stiffness(
     )
 
 
-def _halved(C: Array, found: Tangent) -> Array:
-    """C (k, k) without what rounding leaves unsymmetric, where its tangent is symmetric."""
-    return 0.5 * (C + C.T) if found.skew is None else C
+def _symmetrised(C: Array, tangent: Tangent) -> Array:
+    """Symmetric part of C (k, k) where its tangent is symmetric, which removes rounding; else C."""
+    return 0.5 * (C + C.T) if tangent.skew is None else C
 
 
 @dataclass(frozen=True, repr=False)
 class DriveStiffness(PrintableAnswer):
-    """Stiffness between drives: matrix (d, d), force of drive i [N or Nm] per motion of drive j [m or rad],
-    others held; names, units: of the drives and of the diagonal. conservative, backward_error: see `PointStiffness`."""
+    """Stiffness between drives.
+
+    matrix (d, d): force of drive i [N or Nm] per motion of drive j [m or rad], the others held; names: of the drives; units:
+    of the diagonal. conservative, backward_error: see `PointStiffness`.
+    """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
@@ -386,11 +389,13 @@ class DriveStiffness(PrintableAnswer):
             (n, u, *(format_number(k, 5) for k in row))
             for n, u, row in zip(self.names, self.units, self.matrix, strict=True)
         ]
-        said = "Stiffness of the drives: force or moment of a row's drive per motion of a column's, the others held"
-        return format_table(("drive", "<", *self.names), rows, said, *_UNSYMMETRIC[self.conservative])
+        title = "Stiffness of the drives: force or moment of a row's drive per motion of a column's, the others held"
+        return format_table(
+            ("drive", "<", *self.names), rows, title, *[_UNSYMMETRIC] * (not self.conservative)
+        )
 
     def __getitem__(self, name: str) -> float:
-        """Stiffness of one drive, the others held: N/m for a translation, Nm/rad for a rotation."""
+        """Stiffness of one drive, the others held [N/m for a translation, Nm/rad for a rotation]."""
         if name not in self.names:
             raise SceneError(
                 f"drive '{name}' is not held here; the held drives are {', '.join(self.names) or 'none'}"
@@ -400,14 +405,14 @@ class DriveStiffness(PrintableAnswer):
 
 
 def _drive_response(found: Tangent, rows: Sequence[int]) -> tuple[Array, float]:
-    """Response (unknowns, d) to a unit motion of each of `rows`, and its backward error."""
+    """Response (unknowns, d) to a unit motion of each of the drives `rows`, and its backward error."""
     loads = np.zeros((found.arrays.plan.unknowns, len(rows)))
     loads[found.arrays.terms.start[list(rows)], range(len(rows))] = 1.0
     return found.solve_with_error(loads)
 
 
 def drive_units(model: Model, rows: Iterable[int]) -> tuple[str, ...]:
-    """Units of the stiffness of drives by number."""
+    """Units of the stiffness of the drives `rows`."""
     terms = model.arrays.terms
     return tuple("Nm/rad" if terms.kind[terms.first[i]] == ROTATION else "N/m" for i in rows)
 
@@ -420,7 +425,7 @@ def drive_stiffness(
     load_factor: float = 1.0,
     tangent: Tangent | None = None,
 ) -> DriveStiffness:
-    """dF/dd of all held drives at the present state; drives named in `freed` keep their force instead."""
+    """Derivative of the forces of all held drives with respect to their motions; those named in `freed` keep their force."""
     freed = names_of(freed, "freed")
     found = tangent or finer_tangent(model, motion, freed=freed, load_factor=load_factor)
     rows = [i for i, n in enumerate(model.drive_names) if n not in freed]
@@ -428,7 +433,7 @@ def drive_stiffness(
     response, error = _drive_response(found, rows)
     names = tuple(model.drive_names[i] for i in rows)
     return DriveStiffness(
-        names, units, _halved(-response[terms.start[rows]], found), found.skew is None, error
+        names, units, _symmetrised(-response[terms.start[rows]], found), found.skew is None, error
     )
 
 
@@ -442,8 +447,7 @@ def drive_coupling(
     freed: Iterable[str] = (),
     load_factor: float = 1.0,
 ) -> dict[str, Array]:
-    """Motion (6,) of a point of `link` (m, rad) per unit motion of every held drive, by its name: what comes
-    along.
+    """Motion (6,) of a point of `link` [m, rad] per unit motion of every held drive, by name of the drive.
 
     Arguments as in `point_stiffness`.
     """
@@ -452,7 +456,7 @@ def drive_coupling(
     found = finer_tangent(model, motion, freed=freed, load_factor=load_factor)
     rows = [i for i, n in enumerate(model.drive_names) if n not in freed]
     _, B = point_motion(model, found.motion, node, at)
-    columns = _axes(axes, motion.R[node])
+    columns = _axis_columns(axes, motion.R[node])
     moved = B @ _drive_response(found, rows)[0][found.unknowns(node)]
     turned = np.vstack([columns.T @ moved[:3], columns.T @ moved[3:]])
     return {model.drive_names[i]: turned[:, k] for k, i in enumerate(rows)}

@@ -1,8 +1,8 @@
-"""The tangent of a model at a state, factored once for all questions, with drives held or freed.
+"""Tangent of a model at a state, factored once for several questions, with drives and supports held or released.
 
-A freed drive keeps its present force (a constant multiplier) and may move: its row and column are taken out
-of the matrix and a -1 put on its diagonal. That is exact, leaves the pattern alone, and keeps the count of
-negative pivots (one per row) what it was, so stability is judged in the same way.
+A released drive keeps its present force (a constant multiplier) and may move: its row and column are removed from the matrix
+and its diagonal is set to -1. This is exact, keeps the sparsity pattern, and keeps the number of negative pivots (one per
+row), so the stability check does not change.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,11 +29,12 @@ from ksd.properties.state_batch import StateBatch
 
 Array = NDArray[np.float64]
 ROW_SHARE_TOLERANCE = 1e-9
-"""Share of a load below which what rows do not take of it is rounding."""
+"""Share of a load below which the part that rows do not carry counts as rounding."""
 MAX_BACKWARD_ERROR = 1e-6
-"""Change by the last refinement, over the whole solution, beyond which its digits count as lost."""
+"""Largest accepted change of a solution by its last refinement, relative to the solution."""
 CONVERGED_STEP = 1e-9
-"""Next Newton step, in rad, sizes of the mechanism, shares of the largest drive force, up to which none is left to take."""
+"""Largest Newton step of a converged state: rotations [rad], displacements relative to the size of the mechanism, forces
+relative to the largest drive force."""
 
 
 @cached_per_model
@@ -49,7 +50,7 @@ def exact_tangent_arrays(model: Model) -> Arrays:
 
 
 def row_numbers(model: Model, names: Iterable[str]) -> list[int]:
-    """Rows of drives and supports by name; SceneError for a name that is neither."""
+    """Row numbers of drives and supports by name; raises SceneError for an unknown name."""
     known = (*model.drive_names, *model.support_names)
     names = names_of(names, "freed")
     for name in names:
@@ -62,7 +63,7 @@ def row_numbers(model: Model, names: Iterable[str]) -> list[int]:
 
 
 def release_rows(arrays: Arrays, value: Array, rows: Iterable[int]) -> None:
-    """Take constraint rows out of the stored matrix `value`, in place (see the module docstring)."""
+    """Release constraint rows in the stored matrix `value`, in place (see the module docstring)."""
     terms, plan = arrays.terms, arrays.plan
     for row in rows:
         for block in terms.block[terms.first[row] : terms.first[row + 1], :2].ravel():
@@ -92,91 +93,113 @@ def row_gradients(
     return found
 
 
-_TURNS = np.arange(3, 6)
+_ROTATIONS = np.arange(3, 6)
+"""Positions of the rotations among the unknowns of a node."""
 
 
 def remove_row_components(arrays: Arrays, size: Any, gradients: Array, loads: Array) -> tuple[Array, Array]:
-    """`loads` (unknowns, k) less what is a combination of the `gradients` (unknowns, r) of held rows, and the combinations
-    (r, k). Rows take their part without a motion, so a load that is nothing else is on a held direction: exactly zero.
+    """Remove from `loads` (unknowns, k) their components along the `gradients` (unknowns, r) of held rows.
 
-    arrays: whose unknowns they are; size [m]: of the mechanism. All may have a leading axis over states.
+    Returns the rest, and the coefficients (r, k) of what was removed. Rows carry their part without motion; the rest of a
+    load along a held direction is exactly zero.
+    arrays: define the order of the unknowns; size [m]: of the mechanism. All may have a leading axis over states.
     """
     start, size, unknowns = arrays.start, np.asarray(size), arrays.plan.unknowns
-    turns = np.ones((*size.shape, unknowns, 1))
-    turns[..., start[start >= 0, None] + _TURNS, 0] = size[..., None, None]
-    # rows depend on the motion of few nodes
+    scale = np.ones((*size.shape, unknowns, 1))
+    scale[..., start[start >= 0, None] + _ROTATIONS, 0] = size[..., None, None]
+    # rows depend on the motions of few nodes
     own = np.flatnonzero(gradients.any(axis=-1).reshape(-1, unknowns).any(axis=0))
-    A, left = (gradients / turns)[..., own, :], loads / turns
+    A, left = (gradients / scale)[..., own, :], loads / scale
     norm = np.sqrt((A * A).sum(axis=-2, keepdims=True))
     norm[norm == 0.0] = 1.0
     A = A / norm
-    share = (A.swapaxes(-1, -2) if A.shape[-1] == 1 else np.linalg.pinv(A, rcond=ROW_SHARE_TOLERANCE)) @ left[
-        ..., own, :
-    ]
+    inverse = A.swapaxes(-1, -2) if A.shape[-1] == 1 else np.linalg.pinv(A, rcond=ROW_SHARE_TOLERANCE)
+    share = inverse @ left[..., own, :]
     least = ROW_SHARE_TOLERANCE**2 * (left * left).sum(axis=-2, keepdims=True)
     left[..., own, :] -= A @ share
     none = (left * left).sum(axis=-2, keepdims=True) <= least
-    return np.where(none, 0.0, left) * turns, share / norm.swapaxes(-1, -2)
+    return np.where(none, 0.0, left) * scale, share / norm.swapaxes(-1, -2)
 
 
-def batch_responses(states: StateBatch, loads: Array) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
-    """Response (D, k, unknowns) of D states to `loads` (D, k, unknowns), all drives held; where it is one (D,): where
-    the tangent is regular and rounding leaves digits, see `Tangent.solve`; and where the state is at a stable equilibrium
-    (D,), drives and supports where they are."""
-    topology, found, rows = states.topology, np.empty(loads.shape), states.topology.terms.start
-    work, (good, stable) = make_workspace(topology), np.zeros((2, len(loads)), bool)
+class BatchResponse(NamedTuple):
+    """Linear responses of D states.
+
+    values (D, k, unknowns); valid (D,): the tangent is regular and the backward error acceptable, see `Tangent.solve`;
+    stable (D,): the state is at a stable equilibrium with drives and supports fixed.
+    """
+
+    values: Array
+    valid: NDArray[np.bool_]
+    stable: NDArray[np.bool_]
+
+
+def batch_responses(states: StateBatch, loads: Array) -> BatchResponse:
+    """Responses of D states to `loads` (D, k, unknowns), all drives held."""
+    topology, values, rows = states.topology, np.empty(loads.shape), states.topology.terms.start
+    work, (valid, stable) = make_workspace(topology), np.zeros((2, len(loads)), bool)
     plan, stored, held = topology.plan.ints, np.empty_like(work.matrix), np.zeros(len(rows))
     step = np.full((len(loads), topology.plan.unknowns), np.inf)
-    for d, ((arrays, motion), factor) in enumerate(zip(states.states, states.factor.tolist(), strict=True)):
+    for d, ((arrays, motion), factor) in enumerate(
+        zip(states.states, states.load_factor.tolist(), strict=True)
+    ):
         if len(work.weight):
             work.weight[:] = arrays.weight
-        _, _, inside, status = assemble(arrays, motion, held, factor, work, 1e-8, 0, 10.0)
+        _, _, inner_negatives, status = assemble(arrays, motion, held, factor, work, 1e-8, 0, 10.0)
         stored[:] = work.matrix
         negatives, pivot = factor_blocks(plan, work.matrix, work.scaled_rows, len(topology.plan.size))
         if pivot > SINGULAR_PIVOT:
-            good[d] = (
-                solve_refined_rows(plan, stored, work.matrix, work.scaled_rows, loads[d], found[d])
-                <= MAX_BACKWARD_ERROR
-            )
-            stable[d] = status == 0 and negatives + inside == len(rows)
+            error = solve_refined_rows(plan, stored, work.matrix, work.scaled_rows, loads[d], values[d])
+            valid[d] = error <= MAX_BACKWARD_ERROR
+            stable[d] = status == 0 and negatives + inner_negatives == len(rows)
             work.rhs[rows] = 0.0
             solve_blocks(plan, work.matrix, work.scaled_rows, work.rhs)
             step[d] = work.rhs
-    return found, good, stable & _none_left(states, step)
+    return BatchResponse(values, valid, stable & _is_converged(states, step))
 
 
-def _none_left(states: StateBatch, step: Array) -> NDArray[np.bool_]:
-    """Whether Newton steps (D, unknowns) are none that is left to take (D,), see LEFT."""
+def _is_converged(states: StateBatch, step: Array) -> NDArray[np.bool_]:
+    """Whether Newton steps (D, unknowns) are below CONVERGED_STEP (D,)."""
     start, rows = states.topology.start, states.topology.terms.start
     moves = step[:, start[start >= 0, None] + np.arange(6)].reshape(len(step), -1, 2, 3)
     moved, turned = np.sqrt((moves * moves).sum(axis=3).max(axis=1, initial=0.0)).T
-    pulled = np.abs(step[:, rows]).max(axis=1, initial=0.0)
-    most = np.abs(states.motion.multiplier).max(axis=1, initial=0.0)
-    return (np.maximum(moved / states.sizes, turned) <= CONVERGED_STEP) & (pulled <= CONVERGED_STEP * most)
+    force = np.abs(step[:, rows]).max(axis=1, initial=0.0)
+    largest = np.abs(states.motion.multiplier).max(axis=1, initial=0.0)
+    return (np.maximum(moved / states.sizes, turned) <= CONVERGED_STEP) & (force <= CONVERGED_STEP * largest)
+
+
+class SkewBlock(NamedTuple):
+    """Skew part of the tangent, from loads that are not conservative: positions (k,) of the unknowns of the loaded nodes and
+    matrix (k, k) between them."""
+
+    unknowns: NDArray[np.int64]
+    matrix: Array
 
 
 @dataclass(frozen=True)
 class AssembledTangent:
-    """The exact tangent of a model at a state before it is factored: value in the storage of the plan; inside: negative
-    pivots met inside the members; skew: see `Tangent`. work: as assembled, the residual in its `rhs`."""
+    """Exact tangent of a model at a state, not factored.
+
+    value: in the block storage of the plan; inner_negatives: negative pivots inside the members; skew: None where all loads
+    are conservative; work: storage of the assembly, with the residual in `rhs`.
+    """
 
     model: Model
     motion: State
     arrays: Arrays
     value: Array
-    inside: int
-    skew: tuple[NDArray[np.int64], Array] | None
+    inner_negatives: int
+    skew: SkewBlock | None
     work: Workspace
 
     def matrix(self, freed: Iterable[str] = ()) -> Array:
-        """The symmetric matrix (unknowns, unknowns), with the drives and supports in `freed` let go."""
+        """Symmetric matrix (unknowns, unknowns) with the drives and supports in `freed` released."""
         value = self.value.copy()
         release_rows(self.arrays, value, row_numbers(self.model, freed))
         return stored_matrix(self.arrays, value)
 
 
 def check_backward_error(error: float) -> None:
-    """Raise KinematicsError where the backward error of an answer says that its digits are lost."""
+    """Raise KinematicsError where the backward error of a solution exceeds MAX_BACKWARD_ERROR."""
     if not error <= MAX_BACKWARD_ERROR:
         raise KinematicsError(
             f"the tangent is all but singular (a refined solution still changes by {error:.1e} of itself): a motion is left "
@@ -186,11 +209,11 @@ def check_backward_error(error: float) -> None:
 
 @dataclass(frozen=True)
 class Tangent:
-    """Factored tangent: solve with it; unstable: number of directions in which the state is not a minimum; freed: the
-    drives and supports let go.
+    """Factored tangent of a model at a state.
 
-    assembled: the same as `value` before it was factored; every solution is refined with it. skew: the skew part that
-    loads add to it which are not conservative: the places (k,) of the unknowns of the loaded nodes and (k, k).
+    value, spare: factors in block storage; assembled: the matrix before factorisation, with which every solution is refined;
+    unstable: number of directions in which the state is not a minimum; freed: names of the released drives and supports;
+    skew: skew part, None where all loads are conservative.
     """
 
     model: Model
@@ -201,49 +224,54 @@ class Tangent:
     spare: Array
     unstable: int
     freed: tuple[str, ...] = ()
-    skew: tuple[NDArray[np.int64], Array] | None = None
+    skew: SkewBlock | None = None
 
     def solve(self, loads: Array) -> Array:
-        """Response (unknowns, k) to `loads` (unknowns, k) in the order of the plan. Raises KinematicsError where rounding
-        leaves no digits of it."""
+        """Response (unknowns, k) to `loads` (unknowns, k), in the order of the plan.
+
+        Raises KinematicsError where the backward error exceeds MAX_BACKWARD_ERROR.
+        """
         return self.solve_with_error(loads)[0]
 
     def solve_with_error(self, loads: Array) -> tuple[Array, float]:
-        """The same, and its backward error: the largest share of a solution, in the norm of the diagonal, that its last
-        refinement changed: an estimate of its error before that, a bound for what is left."""
+        """Response as in `solve`, and its backward error.
+
+        That is the largest relative change of a solution by its last refinement, in the norm of the diagonal: an estimate
+        of the error before that refinement and a bound for the error after it.
+        """
         found, error = self._symmetric(loads)
         check_backward_error(error)
         if self.skew is None:
             return found, error
-        places, rest = self.skew
+        index, skew = self.skew
         found = self._with_skew(found)
-        # refined with the whole matrix
-        left = self._residual(loads, found)
-        left[places] -= rest @ found[places]
-        change = self._with_skew(self._symmetric(left)[0])
+        # one refinement with the complete matrix
+        residual = self._residual(loads, found)
+        residual[index] -= skew @ found[index]
+        change = self._with_skew(self._symmetric(residual)[0])
         weight = self.weight()[:, None]
-        moved, whole = (np.linalg.norm(part * weight, axis=0) for part in (change, found))
-        error = max(error, float(np.max(moved / np.maximum(whole, 1e-300), initial=0.0)))
+        changed, total = (np.linalg.norm(part * weight, axis=0) for part in (change, found))
+        error = max(error, float(np.max(changed / np.maximum(total, 1e-300), initial=0.0)))
         check_backward_error(error)
         return found + change, error
 
     def _with_skew(self, found: Array) -> Array:
-        """The response with the skew part, from that without (Sherman, Morrison, Woodbury)."""
+        """Response of the complete matrix from that of its symmetric part (Sherman, Morrison, Woodbury)."""
         assert self.skew is not None
-        places, rest = self.skew
-        X, small = self._columns
-        taken: Array = found - X @ np.linalg.solve(small, rest @ found[places])
-        return taken
+        index, skew = self.skew
+        X, small = self._woodbury
+        response: Array = found - X @ np.linalg.solve(small, skew @ found[index])
+        return response
 
     def _symmetric(self, loads: Array) -> tuple[Array, float]:
-        """Response to loads without the skew part, and its backward error."""
+        """Response of the symmetric part to loads (unknowns, k), and its backward error."""
         plan, right = self.arrays.plan, np.ascontiguousarray(loads.T, dtype=float)
         found = np.empty_like(right)
         error = solve_refined_rows(plan.ints, self.assembled, self.value, self.spare, right, found)
         return found.T, float(error)
 
     def _residual(self, loads: Array, found: Array) -> Array:
-        """What the symmetric matrix leaves of loads (unknowns, k)."""
+        """Residual (unknowns, k) of the symmetric part."""
         left, low = np.empty(found.T.shape), np.empty(len(found))
         for b, x, rest in zip(loads.T, found.T, left, strict=True):
             residual_blocks(
@@ -257,37 +285,43 @@ class Tangent:
         return left.T.copy()
 
     def weight(self) -> Array:
-        """(unknowns,): by which solutions are measured, see `ksd.numerics.blocks.refined_blocks`."""
+        """Weights (unknowns,) of the norm of solutions, see `ksd.numerics.blocks.refined_blocks`."""
         plan = self.arrays.plan
         own = [self.spare[at : at + n] for at, n in zip(plan.diagonal, plan.size, strict=True)]
         return np.asarray(np.sqrt(np.concatenate(own)))
 
     @cached_property
-    def _columns(self) -> tuple[Array, Array]:
+    def _woodbury(self) -> tuple[Array, Array]:
+        """Response X (unknowns, k) of the symmetric part to unit loads on the unknowns of the skew part S, and 1 + S X."""
         assert self.skew is not None
-        places, rest = self.skew
-        units = np.zeros((self.arrays.plan.unknowns, len(places)))
-        units[places, np.arange(len(places))] = 1.0
+        index, skew = self.skew
+        units = np.zeros((self.arrays.plan.unknowns, len(index)))
+        units[index, np.arange(len(index))] = 1.0
         X = self._symmetric(units)[0]
-        return X, np.eye(len(places)) + rest @ X[places]
+        return X, np.eye(len(index)) + skew @ X[index]
 
     def skew_share(self) -> float:
-        """Largest |x* S x| / x* K x over complex x, S the skew and K the symmetric part, which must be positive definite on
-        the motions that the rows leave."""
+        """Largest |x* S x| / x* K x over complex x, with S the skew and K the symmetric part.
+
+        K must be positive definite on the null space of the constraint rows.
+        """
         if self.skew is None:
             return 0.0
-        places, rest = self.skew
-        return float(np.abs(np.linalg.eigvals(self._columns[0][places] @ rest)).max(initial=0.0))
+        index, skew = self.skew
+        return float(np.abs(np.linalg.eigvals(self._woodbury[0][index] @ skew)).max(initial=0.0))
 
     def unknowns(self, node: int) -> slice:
-        """Where the motion (6,) of a node sits; ground has none."""
+        """Positions of the motion (6,) of a node among the unknowns; ground has none."""
         start = int(self.arrays.start[node])
         return slice(start, start + 6)
 
 
 @dataclass(frozen=True)
 class DenseTangent(Tangent):
-    """The same of a mechanism with members that resist nothing in some direction, supports alone holding them there."""
+    """Tangent of a mechanism with members without stiffness in some direction, in which only supports hold them.
+
+    matrix (unknowns, unknowns): factored with pivoting.
+    """
 
     matrix: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
@@ -295,10 +329,10 @@ class DenseTangent(Tangent):
         K, b = self.matrix, np.asarray(loads, float)
         scale = equilibration(K)
         x = solve_scaled(K, b, scale)[0]
-        # once more on what is left: what supports hold is to come out as held, not as rounding
+        # one refinement, so that directions held by supports have no compliance from rounding
         change = solve_scaled(K, b - K @ x, scale)[0]
-        moved, whole = (np.linalg.norm(part / scale[:, None], axis=0) for part in (change, x))
-        error = float(np.max(moved / np.maximum(whole, 1e-300), initial=0.0))
+        changed, total = (np.linalg.norm(part / scale[:, None], axis=0) for part in (change, x))
+        error = float(np.max(changed / np.maximum(total, 1e-300), initial=0.0))
         return np.asarray(x + change), error
 
     def _residual(self, loads: Array, found: Array) -> Array:
@@ -311,33 +345,36 @@ class DenseTangent(Tangent):
 def assemble_tangent(
     model: Model, motion: State, *, load_factor: float = 1.0, target: Array | None = None
 ) -> AssembledTangent:
-    """The exact tangent at `motion`, drives held; target (c,): their values, where the residual is of use."""
+    """Assemble the exact tangent at `motion`, drives held.
+
+    target (c,): values of drives and supports, needed only for the residual.
+    """
     arrays = exact_tangent_arrays(model)
     work = make_workspace(arrays)
     held = np.zeros(len(arrays.terms.start)) if target is None else target
-    _, _, inside, _ = assemble(arrays, motion, held, load_factor, work, 1e-8, 0, 10.0)
+    _, _, inner_negatives, _ = assemble(arrays, motion, held, load_factor, work, 1e-8, 0, 10.0)
     skew = skew_block(arrays, motion, load_factor)
-    return AssembledTangent(model, motion, arrays, work.matrix.copy(), int(inside), skew, work)
+    return AssembledTangent(model, motion, arrays, work.matrix.copy(), int(inner_negatives), skew, work)
 
 
-def skew_block(arrays: Arrays, motion: State, load_factor: float) -> tuple[NDArray[np.int64], Array] | None:
-    """What loads that are not conservative add, see `Tangent.skew`; None without any."""
-    rest = skew_tangent(arrays, motion, load_factor)
-    if rest is None:
+def skew_block(arrays: Arrays, motion: State, load_factor: float) -> SkewBlock | None:
+    """Skew part of the tangent; None where all loads are conservative."""
+    skew = skew_tangent(arrays, motion, load_factor)
+    if skew is None:
         return None
-    places = np.flatnonzero(rest.any(axis=1) | rest.any(axis=0))
-    return places, rest[np.ix_(places, places)]
+    index = np.flatnonzero(skew.any(axis=1) | skew.any(axis=0))
+    return SkewBlock(index, skew[np.ix_(index, index)])
 
 
 def factor_tangent(assembled: AssembledTangent, freed: Iterable[str] = ()) -> Tangent:
-    """Factor a copy of a tangent, with the drives and supports named in `freed` let go at constant force.
+    """Factor a copy of a tangent, with the drives and supports named in `freed` released at constant force.
 
-    Raises SceneError for an unknown name, KinematicsError where a motion is left that nothing resists.
+    Raises SceneError for an unknown name, KinematicsError where a motion has no stiffness.
     """
     freed = names_of(freed, "freed")
     arrays, value = assembled.arrays, assembled.value.copy()
     if not assembled.model.kinds.isdisjoint((SOLID, LINEAR)):
-        return _dense(assembled, freed)
+        return _factor_dense(assembled, freed)
     spare = np.zeros(len(value))
     release_rows(arrays, value, row_numbers(assembled.model, freed))
     stored = value.copy()
@@ -347,14 +384,14 @@ def factor_tangent(assembled: AssembledTangent, freed: Iterable[str] = ()) -> Ta
             f"the tangent is singular (relative pivot {pivot:.1e}): a motion is left that nothing resists, or the "
             "state is exactly at its critical load; hold more drives"
         )
-    unstable = int(negatives + assembled.inside) - len(arrays.terms.start)
+    unstable = int(negatives + assembled.inner_negatives) - len(arrays.terms.start)
     return Tangent(
         assembled.model, assembled.motion, arrays, stored, value, spare, unstable, freed, assembled.skew
     )
 
 
-def _dense(assembled: AssembledTangent, freed: tuple[str, ...]) -> Tangent:
-    """`factored` with pivoting: a solid meshed in 2D has zeros on its diagonal, which no bound on pivots sees."""
+def _factor_dense(assembled: AssembledTangent, freed: tuple[str, ...]) -> Tangent:
+    """`factor_tangent` with pivoting: a solid meshed in 2D has zeros on its diagonal, which block pivots do not detect."""
     K, arrays = assembled.matrix(freed), assembled.arrays
     _, condition = solve_scaled(K, np.zeros((len(K), 1)), equilibration(K))
     if not condition > SINGULAR_PIVOT:
@@ -362,7 +399,7 @@ def _dense(assembled: AssembledTangent, freed: tuple[str, ...]) -> Tangent:
             f"the tangent is singular (reciprocal condition {condition:.1e}): a motion is left that nothing resists, or the "
             "state is exactly at its critical load; hold more drives, and by supports what a solid meshed in 2D cannot"
         )
-    unstable = negative_inertia(K) + assembled.inside - len(arrays.terms.start)
+    unstable = negative_inertia(K) + assembled.inner_negatives - len(arrays.terms.start)
     return DenseTangent(
         assembled.model, assembled.motion, arrays, assembled.value, assembled.value, assembled.value, unstable,
         freed, assembled.skew, matrix=K,
@@ -372,15 +409,15 @@ def _dense(assembled: AssembledTangent, freed: tuple[str, ...]) -> Tangent:
 def assemble_and_factor(
     model: Model, motion: State, *, freed: Iterable[str] = (), load_factor: float = 1.0
 ) -> Tangent:
-    """Assemble and factor the exact tangent at `motion` in one go, see `factored`."""
+    """Assemble and factor the exact tangent at `motion`, see `factor_tangent`."""
     freed = names_of(freed, "freed")
-    # wrong names are told before any work is done
+    # unknown names are refused before any work is done
     row_numbers(model, freed)
     return factor_tangent(assemble_tangent(model, motion, load_factor=load_factor), freed)
 
 
 def stored_matrix(arrays: Arrays, value: Array) -> Array:
-    """The symmetric matrix (unknowns, unknowns) held by a block storage `value`."""
+    """Symmetric matrix (unknowns, unknowns) of a block storage `value`."""
     plan = arrays.plan
     full = np.zeros((plan.unknowns, plan.unknowns))
     for k in range(len(plan.size)):

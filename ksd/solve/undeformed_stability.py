@@ -83,7 +83,9 @@ def _instability(model: Model, causes: tuple[str, ...], factor: float) -> tuple[
     _, size, axes = np.linalg.svd(rows.T)
     free = scales * axes[int(np.sum(size > ROUNDING_TOLERANCE * size.max(initial=0.0))) :].T
     value, vector = np.linalg.eigh(free.T @ tangent.matrix()[np.ix_(moves, moves)] @ free)
-    count = tangent.inside + int(np.sum(value < -ROUNDING_TOLERANCE * np.abs(value).max(initial=0.0)))
+    count = tangent.inner_negatives + int(
+        np.sum(value < -ROUNDING_TOLERANCE * np.abs(value).max(initial=0.0))
+    )
     if not count:
         return ()
     still = value.min(initial=0.0) >= 0.0
