@@ -80,10 +80,10 @@ def by_gradients(job: ksd.Job, x: np.ndarray) -> tuple[Told, int, int]:
     told = Told()
 
     def heard(search: ScaledProblem, _: int) -> None:
-        for margins in list(search.asked.values())[-1:]:
-            told(float(np.exp(search.level(margins))), search.met(margins))
+        for margins in list(search.known_margins.values())[-1:]:
+            told(float(np.exp(search.level(margins))), search.is_feasible(margins))
 
-    found = optimise_from(job, DesignLog(job), [x], "gradient", told=heard)
+    found = optimise_from(job, DesignLog(job), [x], "gradient", progress=heard)
     return told, found.evaluations, found.gradients
 
 
@@ -94,14 +94,14 @@ def fitness_of(
     search = ScaledProblem(job, DesignLog(job), "")
 
     def cost(Y: Sequence[np.ndarray]) -> list[float]:
-        X = [search.x(y) for y in Y]
+        X = [search.unscaled(y) for y in Y]
         costs = []
         for x, values, status in zip(X, *job.batch(X), strict=True):
             if status != "ok" or np.isnan(values).any():
                 costs.append(1e3)
                 continue
-            margins = search.margins_of(values, job.rule_values(x))
-            told(float(np.exp(search.level(margins))), search.met(margins))
+            margins = search.margins_from(values, job.rule_values(x))
+            told(float(np.exp(search.level(margins))), search.is_feasible(margins))
             costs.append(-search.fitness(margins))
         return costs
 

@@ -1,4 +1,4 @@
-"""Checks of what `sweep` and `batch` are given, before any solve: each raises SceneError with one sentence."""
+"""Checks of the arguments of sweeps, batches, gradients and jobs before any solve; each raises SceneError."""
 
 from __future__ import annotations
 
@@ -28,95 +28,106 @@ from ksd.solve.solver import checked_accuracy, given_values
 def drive_value_arrays(
     targets: Any, drives: Mapping[str, Any], call: Callable[..., Any]
 ) -> dict[str, np.ndarray]:
-    """Drive values [m or rad] by name as arrays (N,); call: `sweep` or `batch`, for which a name may have been meant."""
-    return {n: _row(n, v, call) for n, v in given_values(targets, drives).items()}
+    """Drive values [m or rad] by name as arrays (n,), from a mapping and from keywords.
+
+    call: the public function, whose parameter names are suggested where a keyword is misspelt. Raises SceneError.
+    """
+    return {n: _drive_value_array(n, v, call) for n, v in given_values(targets, drives).items()}
 
 
-def _row(name: str, given: Any, call: Callable[..., Any]) -> np.ndarray:
-    """Drive values (n,) as given to a call; raises SceneError."""
+def _drive_value_array(name: str, given: Any, call: Callable[..., Any]) -> np.ndarray:
+    """The values (n,) of one drive. Raises SceneError."""
     try:
-        found = np.atleast_1d(np.asarray(given))
+        values = np.atleast_1d(np.asarray(given))
     except ValueError:
-        # rows of several lengths
-        found = np.empty((0, 0))
-    usual = found.dtype.kind in "iuf" and found.ndim == 1 and found.size > 0
-    if not usual or not np.all(np.abs(found.astype(float)) <= MAX_MAGNITUDE):
+        # nested sequences of different lengths
+        values = np.empty((0, 0))
+    numeric = values.dtype.kind in "iuf" and values.ndim == 1 and values.size > 0
+    if not numeric or not np.all(np.abs(values.astype(float)) <= MAX_MAGNITUDE):
         meant = python_unit_hint(given)
-        hint = f"; {meant}" if meant else similar_name_hint(name, _words_of(call), cutoff=0.8)
+        hint = f"; {meant}" if meant else similar_name_hint(name, _keyword_names(call), cutoff=0.8)
         raise SceneError(
             f"drive values {name} = {show(given)}: give finite numbers in a row [m or rad]{hint}"
         )
-    return found.astype(float)
+    return values.astype(float)
 
 
 def check_drives(scene: Scene, names: Sequence[str], call: Callable[..., Any]) -> None:
-    """SceneError where a value has no drive, or a drive no value."""
+    """Raise SceneError for a value without a drive and for a drive without a value."""
     known = [d.name for d in scene.drives]
     for n in names:
         if n not in known:
             raise SceneError(
                 f"'{n}' is not a drive of '{scene.name}', whose drives are {', '.join(known) or 'none'}"
-                f"{similar_name_hint(n, [*known, *_words_of(call)])}"
+                f"{similar_name_hint(n, [*known, *_keyword_names(call)])}"
             )
     for n in known:
         if n not in names:
             raise SceneError(f"drive '{n}' of '{scene.name}' has no value; give one, for example {n}=0.0.")
 
 
-def _words_of(function: Callable[..., Any]) -> list[str]:
-    """Names of the parameters that are given by name."""
+def _keyword_names(function: Callable[..., Any]) -> list[str]:
+    """Names of the parameters of a function that can be given as keywords."""
     kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
     return [p.name for p in inspect.signature(function).parameters.values() if p.kind in kinds]
 
 
 def check_design_parameters(
-    mechanism: Callable[..., Any], designs: Sequence[Any], word: str = "designs"
+    mechanism: Callable[..., Any], designs: Sequence[Any], argument: str = "designs"
 ) -> None:
-    """SceneError where a set of parameters, of this word of a call, does not fit the function that draws the mechanism."""
+    """Raise SceneError where a set of parameters does not fit the function that returns the mechanism.
+
+    argument: name of the argument that holds the sets, for the message.
+    """
     try:
         signature = inspect.signature(mechanism)
     except ValueError:
-        # functions written in C do not tell
+        # functions written in C have no signature
         return
     takes_all = any(p.kind is p.VAR_KEYWORD for p in signature.parameters.values())
     name = getattr(mechanism, "__name__", "the function")
     needed = [
         p.name
         for p in signature.parameters.values()
-        if p.default is p.empty and p.name in _words_of(mechanism)
+        if p.default is p.empty and p.name in _keyword_names(mechanism)
     ]
-    known = set(_words_of(mechanism))
+    known = set(_keyword_names(mechanism))
     for design in designs:
         if not isinstance(design, Mapping) or not all(isinstance(n, str) for n in design):
             raise SceneError(
                 f"designs: {show(design)} is not a set of parameters by name, such as {{'thickness': 1e-3}}"
             )
-        for said in design:
-            if said not in known and not takes_all:
-                raise SceneError(f"{word}: {name} has no parameter '{said}'{name_hint(said, known)}")
-        for said in needed:
-            if said not in design:
-                raise SceneError(f"{word}: parameter '{said}' of {name} has no value in {show(dict(design))}")
+        for given in design:
+            if given not in known and not takes_all:
+                raise SceneError(f"{argument}: {name} has no parameter '{given}'{name_hint(given, known)}")
+        for parameter in needed:
+            if parameter not in design:
+                raise SceneError(
+                    f"{argument}: parameter '{parameter}' of {name} has no value in {show(dict(design))}"
+                )
 
 
 def check_executor(executor: Any) -> None:
-    """SceneError for what is no executor, nor None."""
+    """Raise SceneError for what is neither an executor nor None."""
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise SceneError(f"executor = {show(executor)}: give a concurrent.futures.Executor, or None")
 
 
-def submit_task(executor: Executor, function: Callable[..., Any], *said: Any) -> Future[Any]:
-    """function(*said) in a worker. SceneError where processes cannot be sent what it takes: the pool would tell as an error
-    of pickle, when its answer is asked for."""
+def submit_task(executor: Executor, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+    """Submit function(*arguments) to an executor.
+
+    Raises SceneError where worker processes cannot receive the arguments; the pool itself would raise an error of pickle
+    only when the result is read.
+    """
     if isinstance(executor, ProcessPoolExecutor):
         try:
-            pickle.dumps(said)
+            pickle.dumps(arguments)
         except (pickle.PicklingError, AttributeError, TypeError) as reason:
             raise SceneError(
                 f"worker processes cannot be sent what they are to work on ({reason}): define design functions and rules by "
                 "name at the top level of a file that can be imported, or give a ThreadPoolExecutor"
             ) from reason
-    return executor.submit(function, *said)
+    return executor.submit(function, *arguments)
 
 
 def check_solve_options(
@@ -126,9 +137,12 @@ def check_solve_options(
     accuracy: float | None = None,
     method: Any = None,
     methods: Sequence[str] = (),
-    **truths: Any,
+    **flags: Any,
 ) -> None:
-    """SceneError for a mesh, number of passes, accuracy, method or truth value that is none."""
+    """Raise SceneError for a wrong mesh, number of relinearisation steps, accuracy, method or flag.
+
+    methods: the methods to choose from; flags: values by name that must be true or false.
+    """
     if method is not None and method not in methods:
         raise SceneError(
             f"method = {show(method)}: choose one of {', '.join(methods)}{similar_name_hint(method, methods)}"
@@ -142,5 +156,5 @@ def check_solve_options(
             f"relinearisations = {relinearisations}: between 0 and 50 relinearisation steps are possible"
         )
     checked_accuracy(accuracy)
-    for what, value in truths.items():
-        boolean(value, what)
+    for name, value in flags.items():
+        boolean(value, name)

@@ -1,4 +1,4 @@
-"""The log of a job: every evaluated design, written down and replayed."""
+"""The log of a job: every evaluated design, kept and, from a file, replayed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from ksd.checks import boolean
 from ksd.design.arguments import check_executor
-from ksd.design.job import Job, Judged
+from ksd.design.job import DesignAnswers, Job
 from ksd.design.questions import Row
 from ksd.design.resume import ResumeFile
 from ksd.design.sweep import SweepInterrupted
@@ -22,14 +22,15 @@ from ksd.properties.printing import progress_bar
 
 Array = np.ndarray
 BLOCK_SIZE = 32
-"""Designs evaluated between two looks at the keyboard."""
+"""Designs evaluated together; an interruption loses at most one block."""
 
 
 class DesignLog:
-    """Evaluates designs of a job and writes every one down: parameters, answers, "ok" or why not, and who asked.
+    """Evaluates designs of a job and keeps every one: parameters, answers, status ("ok" or why not), and a label `by`.
 
-    resume: a file of JSON lines that keeps them; what is in it is replayed, not computed. executor: gets blocks of designs.
-    Raises SceneError for a file of another job.
+    resume: a file of JSON lines that keeps the designs; those in it are not computed again. executor: gets blocks of
+    designs. progress: whether a progress bar is shown. rows: those of the designs requested from this log, by key. Raises
+    SceneError for the file of another job.
     """
 
     def __init__(
@@ -48,49 +49,46 @@ class DesignLog:
         for key, size in sizes.items():
             rows = self.file.entries[key]
             if len(rows) != size or any(not set(job.names) <= set(row) for row in rows):
-                # right by its hash, but not what a log writes: computed again
+                # the hash is right, but no log writes such rows: computed again
                 del self.file.entries[key]
         self.rows: dict[str, Row] = {}
 
-    @property
-    def count(self) -> int:
-        """How many designs were evaluated or replayed."""
-        return len(self.rows)
-
     @contextmanager
-    def interruptible(self, done: Callable[[], str] = lambda: "") -> Iterator[None]:
-        """Ctrl-C inside raises SweepInterrupted with all designs; done: what else is said."""
+    def interruptible(self, progress: Callable[[], str] = lambda: "") -> Iterator[None]:
+        """Context in which Ctrl-C raises SweepInterrupted with all designs; progress: the beginning of its message."""
         try:
             yield
         except KeyboardInterrupt:
-            raise SweepInterrupted(f"{done()}the designs done are", self.table(), self.file.path) from None
+            raise SweepInterrupted(
+                f"{progress()}the designs done are", self.table(), self.file.path
+            ) from None
 
-    def batch(self, X: ArrayLike, *, by: str = "") -> Judged:
-        """`Job.batch`, block by block, each design on disk when its block is done."""
+    def batch(self, X: ArrayLike, *, by: str = "") -> DesignAnswers:
+        """Answers of designs X (D, P) as by `Job.batch`; a design is on disk when its block is done."""
         X = np.atleast_2d(np.asarray(X, float))
         keys = [_key(x) for x in X]
-        at = {key: k for k, key in reversed(list(enumerate(keys)))}
-        new = sorted(k for key, k in at.items() if key not in self.file.entries)
+        first_index = {key: k for k, key in reversed(list(enumerate(keys)))}
+        new = sorted(k for key, k in first_index.items() if key not in self.file.entries)
         with progress_bar(self.progress and len(new) > 1) as bar:
             task = bar.add_task(by or "designs", total=len(new))
             for first in range(0, len(new), BLOCK_SIZE):
                 block = new[first : first + BLOCK_SIZE]
-                judged = self.job.batch(X[block], executor=self.executor)
-                for k, values, status in zip(block, *judged, strict=True):
-                    self._keep(keys[k], X[k], values, status, by)
+                answers = self.job.batch(X[block], executor=self.executor)
+                for k, values, status in zip(block, *answers, strict=True):
+                    self._add(keys[k], X[k], values, status, by)
                 bar.advance(task, len(block))
-        found = [self._read(key) for key in keys]
-        return Judged(
-            np.array([[row[n] for n in self.job.names] for row in found]),
-            tuple(str(row["status"]) for row in found),
+        rows = [self._requested_row(key) for key in keys]
+        return DesignAnswers(
+            np.array([[row[n] for n in self.job.names] for row in rows]),
+            tuple(str(row["status"]) for row in rows),
         )
 
     def values(self, x: ArrayLike, *, by: str = "") -> Array:
-        """`Job.values`."""
+        """Answers (answers,) of a design x (P,), nan where it has none."""
         return self.batch(x, by=by).values[0]
 
     def slopes(self, x: ArrayLike, *, by: str = "") -> tuple[Array, Array]:
-        """Answers (answers,) of a design, as `values` has them, and slopes of `Job.slopes`; raises what that raises."""
+        """Answers (answers,) of a design as by `values`, and their slopes (answers, P); raises what `Job.slopes` raises."""
         x = np.asarray(x, float)
         values, key = self.values(x, by=by), f"slopes {_key(x)}"
         if key not in self.file.entries:
@@ -99,29 +97,30 @@ class DesignLog:
         rows = self.file.entries[key]
         return values, np.array([[row[n] for n in self.job.names] for row in rows]).T
 
-    def _keep(self, key: str, x: Array, values: Array, status: str, by: str) -> None:
+    def _add(self, key: str, x: Array, values: Array, status: str, by: str) -> None:
         row = {**self.job.design_at(x), **dict(zip(self.job.names, values.tolist(), strict=True))}
         self.file.add(key, [row | {"by": by, "status": status}])
-        self._read(key)
+        self._requested_row(key)
 
-    def _read(self, key: str) -> Row:
-        """The row of a design, noted as asked for."""
+    def _requested_row(self, key: str) -> Row:
+        """The row of a design, which becomes one of `rows`."""
         row: Row = self.file.entries[key][0]
         self.rows.setdefault(key, row)
         return row
 
-    def add_from_worker(self, found: Mapping[Any, list[Row]]) -> None:
-        """Designs and slopes that the log of a worker holds, as if they had been computed here."""
-        for key, rows in found.items():
+    def add_from_worker(self, entries: Mapping[Any, list[Row]]) -> None:
+        """Add designs and slopes from the log of a worker, as if they had been computed here."""
+        for key, rows in entries.items():
             if key not in self.file.entries:
                 self.file.add(key, rows)
             if not key.startswith("slopes"):
-                self._read(key)
+                self._requested_row(key)
 
     def table(self) -> Table:
-        """Every design, in the order it was first asked for."""
+        """A row per design, in the order of the first request."""
         return Table.of_rows(list(self.rows.values()), self.job.parameters, name="job")
 
 
 def _key(x: Array) -> str:
+    """The parameters of a design as exact hexadecimal text."""
     return " ".join(float(v).hex() for v in x)

@@ -76,7 +76,7 @@ Targets = str | Sequence[str] | Mapping[str, float]
 Rule = Callable[[Mapping[str, float]], float]
 
 
-class Judged(NamedTuple):
+class DesignAnswers(NamedTuple):
     """Answers (D, answers) of D designs, nan where there is none, and "ok" or why not (D,)."""
 
     values: Array
@@ -505,7 +505,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         """Answers (answers,) of a design, in the units of their columns; nan where it has none: `batch` says why."""
         return self.batch(np.asarray(x, float)[None]).values[0]
 
-    def batch(self, X: ArrayLike, *, executor: Executor | None = None) -> Judged:
+    def batch(self, X: ArrayLike, *, executor: Executor | None = None) -> DesignAnswers:
         """Answers of designs X (D, P), all poses and load cases; an executor gets blocks of designs."""
         check_executor(executor)
         X = np.atleast_2d(np.asarray(X, float))
@@ -513,7 +513,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         self.__dict__["last"] = (X[0].tobytes(), solved) if solved else None
         return judged
 
-    def _judged(self, X: Array, executor: Executor | None = None) -> tuple[Judged, list[SolvedPoses]]:
+    def _judged(self, X: Array, executor: Executor | None = None) -> tuple[DesignAnswers, list[SolvedPoses]]:
         """`batch`, and the poses of a single design that has all answers."""
         designs = [self.design_at(x) for x in X]
         rows: list[list[Row]] = [[] for _ in designs]
@@ -527,7 +527,9 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
                 status[d] = why if status[d] == OK else status[d]
                 solved += [SolvedPoses(poses[0].model.said, poses, steps)] if poses else []
         good = status == [OK] and len(solved) == len(self.cases)
-        return Judged(np.array([self._of(mine) for mine in rows]), tuple(status)), solved if good else []
+        return DesignAnswers(
+            np.array([self._of(mine) for mine in rows]), tuple(status)
+        ), solved if good else []
 
     def _solved(
         self, function: Any, designs: list[dict[str, float]], steps: list[Any], executor: Executor | None

@@ -1,4 +1,4 @@
-"""What `ksd.optimise` found: the design, what holds it back and what that is worth, in words, pictures and a page."""
+"""`ksd.Optimum`: the result of `ksd.optimise`, with the active constraints, as text, pictures and an HTML page."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ import numpy as np
 from ksd.checks import name_hint
 from ksd.design.design_log import DesignLog
 from ksd.design.job import Job
-from ksd.design.optimum_page import NOT_KNOWN, optimum_page
-from ksd.design.scaled_problem import BINDING, ScaledProblem
+from ksd.design.optimum_page import NO_GRADIENT_TEXT, optimum_page
+from ksd.design.scaled_problem import BINDING_MARGIN, ScaledProblem
 from ksd.design.table import OK, Table
 from ksd.errors import SceneError
 from ksd.files import check_target, write_file
@@ -33,7 +33,11 @@ Array = np.ndarray
 
 
 class StartResult(NamedTuple):
-    """How a start ended: its first and last design, the merit there, values and gradients asked for, and "ok" or why not."""
+    """Result of one start.
+
+    start, design: its first and last design by parameter; merit: worst target over its scale at the last one; values,
+    gradients: number of evaluations; status: "ok" or why it is no optimum.
+    """
 
     start: dict[str, float]
     design: dict[str, float]
@@ -44,8 +48,11 @@ class StartResult(NamedTuple):
 
 
 class TriedDesigns(NamedTuple):
-    """Designs in the order they were asked for: who asked (n,), parameters (n, P), worst target over its scale (n,), and the
-    share, in logarithms, by which a limit or rule is exceeded most (n,); `met`: whether none is."""
+    """Designs with answers, in the order of their evaluation.
+
+    by (n,): label of the start; designs (n, P): parameters; merits (n,): worst target over its scale; exceeded (n,): the
+    most by which a limit or rule is exceeded, in logarithms.
+    """
 
     by: tuple[str, ...]
     designs: Array
@@ -54,21 +61,21 @@ class TriedDesigns(NamedTuple):
 
     @property
     def met(self) -> Array:
-        """(n,)"""
-        return self.exceeded <= BINDING
+        """Whether all limits and rules are met (n,)."""
+        return self.exceeded <= BINDING_MARGIN
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Optimum(PrintableAnswer):
-    """The best design that was found, and what holds it.
+    """The best design of `ksd.optimise`, and the active constraints there.
 
-    job: with the limits that were held; method: of the search; design: parameters by name, SI; merit: the worst target
-    over its scale; answers: by name; held: what holds it back (target, limit, rule, bound), and what it is worth:
-    percent by which the merit grows per percent that a limit or bound is moved (of targets the share that each has in
-    the worst, of rules per percent of their range), nothing where the design has no gradient; flat: a direction of
-    parameters that changes none of it, by name; starts: how each ended; table: every design; seconds: of CPU time;
-    robust: standard deviations by which limits of `job` are moved in and targets count less; margins: what that is, by
-    answer, in units of its column.
+    job: with the limits that were applied; method: of the search; design: parameters by name, SI; merit: the worst target
+    over its scale; answers: by name. held: the active targets, limits, rules and bounds by name, with their worth: percent
+    by which the merit grows per percent that a limit or bound is moved (of targets the share that each has in the worst, of
+    rules per percent of their range); empty where the design has no gradient. flat: a direction of parameters by name along
+    which no active constraint changes; starts: result of each start; table: every design; seconds: CPU time. robust: number
+    of standard deviations by which limits of `job` are moved in and targets lowered; margins: the amounts by answer, in
+    units of its column.
     """
 
     job: Job
@@ -91,30 +98,30 @@ class Optimum(PrintableAnswer):
 
     @property
     def evaluations(self) -> int:
-        """Values asked for, of all starts."""
+        """Number of values computed in all starts."""
         return sum(s.values for s in self.starts)
 
     @property
     def gradients(self) -> int:
-        """Gradients asked for, of all starts."""
+        """Number of gradients computed in all starts."""
         return sum(s.gradients for s in self.starts)
 
     @property
     def agreed(self) -> int:
-        """How many starts ended at the best of them, to 1e-4: limits are met to 1e-5, and each may be worth several times
-        that."""
+        """Number of starts whose merit is within 1e-4 of the best: limits are met to 1e-5, and the merit may change by
+        several times as much."""
         good = [s.merit for s in self.starts if s.status == OK]
-        return sum(abs(m - max(good)) <= 10 * BINDING * abs(max(good)) for m in good)
+        return sum(abs(m - max(good)) <= 10 * BINDING_MARGIN * abs(max(good)) for m in good)
 
     @property
     def worst(self) -> str:
         """Name of the answer that is the worst target."""
-        goals = [(a.merit(self.answers[a.name]), a.name) for a in self.job.answers]
-        return min((g for g in goals if np.isfinite(g[0])), default=goals[0])[1]
+        merits = [(a.merit(self.answers[a.name]), a.name) for a in self.job.answers]
+        return min((m for m in merits if np.isfinite(m[0])), default=merits[0])[1]
 
     def pose(self, answer: str | None = None) -> Configuration:
-        """The optimum solved at the pose of one of its answers, by default of its worst target. SceneError for an unknown
-        one, what `ksd.solve` raises where it cannot be solved."""
+        """The optimum solved at the pose of one of its answers, by default of its worst target. Raises SceneError for an
+        unknown answer, and what `ksd.solve` raises."""
         name = self.worst if answer is None else answer
         if name not in self.answers:
             raise SceneError(f"there is no answer '{name}'{name_hint(str(name), self.answers)}")
@@ -125,7 +132,7 @@ class Optimum(PrintableAnswer):
 
     @cached_property
     def few_modes(self) -> str:
-        """That the curvature modes of the mesh are few at this design; nothing where they are enough."""
+        """Warning that the curvature modes of the mesh are too few at this design; empty where they suffice."""
         return self.job.few_modes(list(self.design.values()))
 
     @cached_property
@@ -134,16 +141,16 @@ class Optimum(PrintableAnswer):
         rows = [row for row in self.table.rows() if row["status"] == OK]
         X = np.array([[row[n] for n in self.job.parameters] for row in rows])
         values = np.array([[row[n] for n in self.job.names] for row in rows])
-        search = ScaledProblem(self.job, DesignLog(self.job), "")
+        problem = ScaledProblem(self.job, DesignLog(self.job), "")
         pairs = zip(X, values, strict=True)
-        beyond = [search.exceeded(search.margins_of(v, self.job.rule_values(x))) for x, v in pairs]
+        exceeded = [problem.violation(problem.margins_from(v, self.job.rule_values(x))) for x, v in pairs]
         return TriedDesigns(
             tuple(row["by"] for row in rows), X, np.array([self.job.merit(v) for v in values]),
-            np.array(beyond),
+            np.array(exceeded),
         )  # fmt: skip
 
     def as_dict(self) -> dict[str, Any]:
-        """Everything but the table, for JSON: numbers, and None where there is none."""
+        """Everything but the table, for JSON; numbers that are not finite become None."""
 
         def plain(values: Mapping[str, float]) -> dict[str, float | None]:
             return {n: float(v) if np.isfinite(v) else None for n, v in values.items()}
@@ -156,20 +163,20 @@ class Optimum(PrintableAnswer):
         }  # fmt: skip
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
-        """Matplotlib figure of how every start went, and of all designs as parallel coordinates; written to `path` if
-        given."""
+        """Matplotlib figure of the convergence of every start, and of all designs as parallel coordinates; written to
+        `path` if given."""
         figure = plot_optimum(self)
         return figure if path is None else save_figure(figure, path)
 
     def report(self, path: str | os.PathLike[str]) -> Path:
-        """Write an HTML page that needs no network: job, optimum, what holds it, its worst pose, how it was found. Returns
-        the path."""
+        """Write an HTML page that needs no network: job, optimum, active constraints, worst pose, search and answers.
+        Returns the path."""
         target = check_target(Path(path), what="report")
         return write_file(target, optimum_page(self), what="report")
 
     def _line(self) -> str:
-        said = ", ".join(f"{n} {v:.5g}" for n, v in self.design.items())
-        return f"{self.job.merit_spoken(self.merit, digits=7)} at {said}"
+        design = ", ".join(f"{n} {v:.5g}" for n, v in self.design.items())
+        return f"{self.job.merit_spoken(self.merit, digits=7)} at {design}"
 
     def __str__(self) -> str:
         bounds = dict(zip(self.job.parameters, self.job.bounds.tolist(), strict=True))
@@ -184,7 +191,7 @@ class Optimum(PrintableAnswer):
             for n, w in self.held.items()
         ]
         parts = [format_table(("parameter", "value [SI]", "least", "most"), rows, head)]
-        parts.append(format_table(("held by", "value", "worth [%/%]"), held) if held else NOT_KNOWN)
+        parts.append(format_table(("held by", "value", "worth [%/%]"), held) if held else NO_GRADIENT_TEXT)
         for name, side in self.job.held_by:
             if f"{name} at its {side}" in self.held:
                 parts.append(f"{name}: {self.job.held_by[name, side]}")
@@ -192,7 +199,9 @@ class Optimum(PrintableAnswer):
             moved = [f"{n} by {format_number(by)}" for n, by in self.margins.items() if n in self.held]
             parts.append(f"For {self.robust:g} standard deviations: {', '.join(moved)}")
         if self.flat:
-            said = ", ".join(f"{n} {100 * v:+.3g} %" for n, v in self.flat.items())
-            parts.append(f"Flat: nothing that holds it changes along {said}; fix one of these parameters")
+            direction = ", ".join(f"{n} {100 * v:+.3g} %" for n, v in self.flat.items())
+            parts.append(
+                f"Flat: nothing that holds it changes along {direction}; fix one of these parameters"
+            )
         parts += filter(None, [self.few_modes])
         return joined(parts)

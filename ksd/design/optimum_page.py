@@ -1,4 +1,4 @@
-"""The page of an optimum: job, design, what holds it, its worst pose, how it was found, all answers."""
+"""The HTML page of an optimum: job, design, active constraints, worst pose, search and answers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ksd.view.optimum import plot_optimum
 if TYPE_CHECKING:
     from ksd.design.optimum import Optimum
 
-NOT_KNOWN = "What holds it is not known: there is no gradient at this design"
+NO_GRADIENT_TEXT = "What holds it is not known: there is no gradient at this design"
 
 
 def optimum_page(optimum: Optimum) -> str:
@@ -26,13 +26,14 @@ def optimum_page(optimum: Optimum) -> str:
         "<h2>The job</h2>", _job(optimum),
         "<h2>The optimum</h2>", *_design(optimum),
         "<h2>What holds it</h2>", *_held(optimum),
-        "<h2>How it was found</h2>", *_found(optimum),
+        "<h2>How it was found</h2>", *_search(optimum),
         "<h2>Answers</h2>", _answers(optimum),
     ]  # fmt: skip
     return document(name, "optimum report", parts)
 
 
 def _cards(optimum: Optimum) -> list[tuple[str, str]]:
+    """The main numbers, each with its name."""
     starts = f"{optimum.agreed} of {len(optimum.starts)}"
     return [
         (written(optimum.job.merit_sign * optimum.merit, 6), optimum.job.merit_name),
@@ -43,74 +44,80 @@ def _cards(optimum: Optimum) -> list[tuple[str, str]]:
 
 
 def _worst_pose(optimum: Optimum) -> list[str]:
-    """The optimum where its worst target is, or why there is no picture of it."""
+    """A picture of the optimum at the pose of its worst target, or why there is none."""
     try:
-        drawn = optimum.pose().plot(color="stress")
+        picture = optimum.pose().plot(color="stress")
     except KsdError as why:
         return [f'<p class="warn">The pose of {text(optimum.worst)} was not solved again: {text(why)}</p>']
-    said = (
+    caption = (
         f"The optimum at its worst pose, over the undeformed one (grey): {optimum.worst} is the worst target."
     )
-    return [figure(drawn, said)]
+    return [figure(picture, caption)]
 
 
 def _job(optimum: Optimum) -> str:
-    """Targets, limits, rules and poses."""
+    """A table of targets, limits, rules, drive values and load cases."""
     job = optimum.job
     rows: list[tuple[str, str]] = []
-    for words, a in {a.column.split("[")[0]: a for a in job.answers if a.role != "limit"}.items():
-        rows.append((a.role, f"{words} over {written(a.scale)}"))
-    for words, (low, high) in job.limits.items():
+    for column, a in {a.column.split("[")[0]: a for a in job.answers if a.role != "limit"}.items():
+        rows.append((a.role, f"{column} over {written(a.scale)}"))
+    for column, (low, high) in job.limits.items():
         ends = [f"at least {written(low)}"] * bool(np.isfinite(low))
         ends += [f"at most {written(high)}"] * bool(np.isfinite(high))
-        rows.append(("limit", " ".join([words, *ends])))
+        rows.append(("limit", " ".join([column, *ends])))
     rows += [("rule", n) for n in job.rule_names]
     for name, values in job.drives.items():
-        shown = ", ".join(written(v) for v in values.tolist())
-        rows.append(("drive", f"{name}: {shown} (SI)"))
+        listing = ", ".join(written(v) for v in values.tolist())
+        rows.append(("drive", f"{name}: {listing} (SI)"))
     rows += [("load case", case) for case in job.cases if case]
     return grid((("", ""), ("", "")), rows)
 
 
 def _design(optimum: Optimum) -> list[str]:
+    """A table of the parameters with their bounds."""
     job = optimum.job
     heads = [("parameter", ""), ("value", "SI"), ("least", "SI"), ("most", "SI"), ("", "")]
     rows = []
     for (name, value), (low, high) in zip(optimum.design.items(), job.bounds.tolist(), strict=True):
-        cut = "; ".join(job.held_by[name, s] for s in ("least", "most") if (name, s) in job.held_by)
-        rows.append((name, *(f"{v:.6g}" for v in (value, low, high)), cut))
+        reasons = "; ".join(job.held_by[name, s] for s in ("least", "most") if (name, s) in job.held_by)
+        rows.append((name, *(f"{v:.6g}" for v in (value, low, high)), reasons))
     return [grid(heads, rows)]
 
 
 def _held(optimum: Optimum) -> list[str]:
+    """Tables of the active constraints and of the margins of a robust optimum, and warnings."""
     if not optimum.held:
-        return [f"<p>{NOT_KNOWN}</p>"]
+        return [f"<p>{NO_GRADIENT_TEXT}</p>"]
     heads = [("held by", ""), ("value", "in units of its name"), ("worth", "% per %")]
     rows = [(n, optimum.answers.get(n), worth) for n, worth in optimum.held.items()]
-    said = (
+    explanation = (
         "Worth: percent by which the worst target grows per percent that a limit or bound is moved; of targets the share "
         "that each has in the worst, of rules per percent of their range."
     )
-    parts = [grid(heads, rows), f"<p>{said}</p>"]
+    parts = [grid(heads, rows), f"<p>{explanation}</p>"]
     if optimum.robust:
         heads = [("answer", ""), ("margin", "in units of its name"), ("value", "in units of its name")]
-        moved = [(n, by, optimum.answers[n]) for n, by in optimum.margins.items() if n in optimum.held]
-        said = f"Margins for {optimum.robust:g} standard deviations"
-        parts += [f"<h3>{said}</h3>", grid(heads, moved)]
+        margins = [(n, by, optimum.answers[n]) for n, by in optimum.margins.items() if n in optimum.held]
+        title = f"Margins for {optimum.robust:g} standard deviations"
+        parts += [f"<h3>{title}</h3>", grid(heads, margins)]
     if optimum.flat:
-        ways = ", ".join(f"{text(n)} {100 * v:+.3g} %" for n, v in optimum.flat.items())
-        parts.append(f'<p class="warn">Flat: nothing that holds it changes along {ways}.</p>')
-    return [*parts, *(f'<p class="warn">{text(said)}.</p>' for said in filter(None, [optimum.few_modes]))]
+        direction = ", ".join(f"{text(n)} {100 * v:+.3g} %" for n, v in optimum.flat.items())
+        parts.append(f'<p class="warn">Flat: nothing that holds it changes along {direction}.</p>')
+    return [
+        *parts,
+        *(f'<p class="warn">{text(warning)}.</p>' for warning in filter(None, [optimum.few_modes])),
+    ]
 
 
-def _found(optimum: Optimum) -> list[str]:
+def _search(optimum: Optimum) -> list[str]:
+    """A picture of the convergence, and a table of the starts."""
     heads: list[tuple[str, str]] = [("start", ""), *((n, "SI") for n in optimum.job.parameters)]
     heads += [("worst target", ""), ("values", ""), ("gradients", ""), ("", "")]
     rows: list[tuple[Any, ...]] = []
     for k, s in enumerate(optimum.starts):
-        said = "" if s.status == OK else s.status
+        reason = "" if s.status == OK else s.status
         rows.append(
-            (f"{k + 1}", *(f"{v:.4g}" for v in s.start.values()), s.merit, s.values, s.gradients, said)
+            (f"{k + 1}", *(f"{v:.4g}" for v in s.start.values()), s.merit, s.values, s.gradients, reason)
         )
     return [figure(plot_optimum(optimum), "Every design that was tried."), grid(heads, rows)]
 

@@ -1,4 +1,4 @@
-"""`ksd.pareto`: what a target costs in another answer; `ksd.choose`: one optimum each of several jobs, such as joints."""
+"""`ksd.pareto`: the trade-off between the targets and another answer; `ksd.choose`: the best of several jobs."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = np.ndarray
-SPAN = 10.0
-"""From the optimum without it down to this part of it, where no span of the other answer is given."""
+DEFAULT_SPAN_RATIO = 10.0
+"""Largest limit over the smallest one, where no span is given."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Front(PrintableAnswer):
     """Optima of a job under ever tighter limits of one answer.
 
-    against: its column; limits (n,): of the points, the widest first; points: their optima, None where there is none, and
-    status "ok" or why.
+    job: the job without these limits; against: column of the limited answer; limits (n,): limit at each point, the widest
+    first; points: optimum at each point, None where there is none; status: "ok" or why there is none.
     """
 
     job: Job
@@ -62,7 +62,7 @@ class Front(PrintableAnswer):
 
     @property
     def table(self) -> Table:
-        """A row per point: limit, merit, parameters, status."""
+        """Table with a row per point: limit, merit, parameters, status."""
         rows = [
             {f"most {self.against}": float(limit), "merit": float(merit), **dict(zip(self.job.parameters, x, strict=True)),
              "status": status}
@@ -72,9 +72,9 @@ class Front(PrintableAnswer):
 
     def _line(self) -> str:
         good = self.merits[np.isfinite(self.merits)]
-        said = self.job.merit_spoken(float(good.min()), float(good.max()))
-        most = f"{format_number(float(self.limits.min()))} to {format_number(float(self.limits.max()))}"
-        return f"{len(good)} of {len(self.points)} points, {said} against {self.against} {most}"
+        merits = self.job.merit_spoken(float(good.min()), float(good.max()))
+        limits = f"{format_number(float(self.limits.min()))} to {format_number(float(self.limits.max()))}"
+        return f"{len(good)} of {len(self.points)} points, {merits} against {self.against} {limits}"
 
     def __str__(self) -> str:
         rows = [
@@ -93,7 +93,7 @@ class Front(PrintableAnswer):
         )
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
-        """Matplotlib figure of the front and, as parallel coordinates, of its designs; written to `path` if given."""
+        """Matplotlib figure of the front, and of its designs as parallel coordinates; written to `path` if given."""
         figure = plot_front(self)
         return figure if path is None else save_figure(figure, path)
 
@@ -111,71 +111,76 @@ def pareto(
     resume: str | os.PathLike[str] | None = None,
     progress: bool = False,
 ) -> Front:
-    """The best worst target of a job for ever smaller values of another answer; returns a `Front`.
+    """Find the best worst target of a job under ever tighter limits of another answer; returns a `Front`.
 
-    against: column of `ksd.sweep` that is limited from above, at every pose and load case. span: its least and most, in
-    units of the column; by default from its value at the optimum without such a limit down to a tenth of that. The points
-    follow by equal ratios, each by gradients from beyond its neighbours. start, starts, seed: of the first; resume,
-    progress: as in `ksd.optimise`; points share their designs. Ctrl-C raises SweepInterrupted, with every design in its
-    `.table`. Raises SceneError for wrong words and what the first optimum raises.
+    against: column of `ksd.sweep` that is limited from above, at every pose and load case. points: number of limits, in
+    equal ratios. span: least and most limit, in units of the column; by default from its value at the optimum without such
+    a limit down to a tenth of that. Each point is found by gradients, starting beyond the points before it. start, starts,
+    seed: as in `ksd.optimise`, for the first point; resume, progress: as in `ksd.optimise`; points share their designs.
+
+    Ctrl-C raises SweepInterrupted, with every design in its `.table`. Raises SceneError for wrong arguments, and what the
+    first optimum raises.
     """
     check_job(job)
     count = whole_number(points, "points", least=2)
-    high = np.inf if span is None else _ends(span)[1]
-    wide = job.limited(against, high)
-    several = whole_number(starts, "starts")
-    X = [wide.point(start), *wide.random(several, whole_number(seed, "seed", least=0) + 1)[: several - 1]]
-    log = DesignLog(wide, resume=resume)
-    found: list[Optimum | None] = []
+    high = np.inf if span is None else _check_span(span)[1]
+    widest = job.limited(against, high)
+    start_count = whole_number(starts, "starts")
+    random_starts = widest.random(start_count, whole_number(seed, "seed", least=0) + 1)[: start_count - 1]
+    X = [widest.point(start), *random_starts]
+    log = DesignLog(widest, resume=resume)
+    optima: list[Optimum | None] = []
     status: list[str] = []
 
-    def done() -> str:
-        return f"{len(found)} of {count} points are done, "
+    def progress_count() -> str:
+        return f"{len(optima)} of {count} points are done, "
 
-    with log.interruptible(done), progress_bar(boolean(progress, "progress")) as bar:
+    with log.interruptible(progress_count), progress_bar(boolean(progress, "progress")) as bar:
         task = bar.add_task("points", total=count)
 
-        def told(search: ScaledProblem, _: int) -> None:
-            bar.update(task, description=progress_text(search, "points"), completed=len(found))
+        def update_bar(problem: ScaledProblem, _: int) -> None:
+            bar.update(task, description=progress_text(problem, "points"), completed=len(optima))
 
-        best = optimise_from(wide, log, X, "gradient", told=told)
-        found.append(best)
+        first = optimise_from(widest, log, X, "gradient", progress=update_bar)
+        optima.append(first)
         status.append(OK)
         if span is None:
             most = max(
-                best.answers[a.name] for a in wide.answers
+                first.answers[a.name] for a in widest.answers
                 if a.role == "limit" and a.column.split("[")[0] == against and np.isfinite(a.high)
             )  # fmt: skip
             if most <= 0.0:
                 raise SceneError(
                     f"{against} is {format_number(most)} at the optimum: give a span of limits for it"
                 )
-            span = most / SPAN, most
+            span = most / DEFAULT_SPAN_RATIO, most
         limits = np.geomspace(span[1], span[0], count)
-        way = ScaledProblem(wide, log, "gradient, start 1")
+        problem = ScaledProblem(widest, log, "gradient, start 1")
         for limit in limits[1:].tolist():
             try:
-                near = _ahead(way, found)
-                found.append(optimise_from(job.limited(against, limit), log, [near], "gradient", told=told))
+                x = _next_start(problem, optima)
+                optima.append(
+                    optimise_from(job.limited(against, limit), log, [x], "gradient", progress=update_bar)
+                )
                 status.append(OK)
-            except KsdError as why:
-                found.append(None)
-                status.append(str(why))
-    return Front(job, against, limits, tuple(found), tuple(status))
+            except KsdError as reason:
+                optima.append(None)
+                status.append(str(reason))
+    return Front(job, against, limits, tuple(optima), tuple(status))
 
 
-def _ahead(search: ScaledProblem, found: list[Optimum | None]) -> Array:
-    """Where the next point is looked for (P,): as far beyond the last one as that is from the one before, if designs there
-    have answers; else at the last one."""
-    good = [search.scaled(np.array(list(p.design.values()))) for p in found if p is not None]
-    last = search.x(good[-1])
-    if len(found) < 2 or None in found[-2:]:
+def _next_start(problem: ScaledProblem, optima: list[Optimum | None]) -> Array:
+    """Start (P,) of the next point: linear extrapolation of the last two, or the last one where that has no answers."""
+    points = [problem.scaled(np.array(list(p.design.values()))) for p in optima if p is not None]
+    last = problem.unscaled(points[-1])
+    if len(optima) < 2 or None in optima[-2:]:
         return last
-    ahead = search.x(2 * good[-1] - good[-2])
-    return ahead if search.log.batch(ahead, by=search.by).status[0] == OK else last
+    extrapolated = problem.unscaled(2 * points[-1] - points[-2])
+    return extrapolated if problem.log.batch(extrapolated, by=problem.label).status[0] == OK else last
 
 
-def _ends(span: Any) -> tuple[float, float]:
+def _check_span(span: Any) -> tuple[float, float]:
+    """The least and the most limit. Raises SceneError for what is no span."""
     low, high = (number(v, "span") for v in span) if np.shape(span) == (2,) else (1.0, 0.0)
     if not 0.0 < low < high:
         raise SceneError(f"span = {show(span)}: give the least and the most of the limit, both positive")
@@ -184,9 +189,9 @@ def _ends(span: Any) -> tuple[float, float]:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Choice(PrintableAnswer):
-    """What `ksd.choose` found.
+    """Optima of several jobs, as returned by `ksd.choose`.
 
-    optima: of the jobs by name, the best first, None where there is none; status: "ok" or why there is none.
+    optima: by name of job, the best first, None where there is none; status: "ok" or why there is none, by name.
     """
 
     optima: Mapping[str, Optimum | None]
@@ -194,16 +199,17 @@ class Choice(PrintableAnswer):
 
     @property
     def best(self) -> str:
-        """Name of the best."""
+        """Name of the best job."""
         return next(iter(self.optima))
 
     def __getitem__(self, name: str) -> Optimum:
-        found = self.optima.get(name)
-        if found is None:
+        """The optimum of a job; raises SceneError where there is none."""
+        optimum = self.optima.get(name)
+        if optimum is None:
             raise SceneError(
                 self.status.get(name, f"there is no job '{name}'; there are {', '.join(self.optima)}")
             )
-        return found
+        return optimum
 
     def _line(self) -> str:
         merits = (f"{n} {'-' if o is None else format_number(o.merit)}" for n, o in self.optima.items())
@@ -235,41 +241,46 @@ def choose(
     resume: str | os.PathLike[str] | None = None,
     progress: bool = False,
 ) -> Choice:
-    """The optimum of every job by name, such as one joint of the library each, the best first; returns a `Choice`.
+    """Find the optimum of every job, such as one job per joint family, and sort them, the best first; returns a `Choice`.
 
-    Their targets should be measured in the same scales. starts, seed, progress: as in `ksd.optimise`; executor: gets one
-    job each; resume: a folder that keeps the designs of every job in a file of its own. Raises SceneError for what is no
-    job; a job without an optimum says why. Ctrl-C raises SweepInterrupted, with a row for every job done in its `.table`.
+    jobs: by name; their targets should have the same scales. starts, seed, progress: as in `ksd.optimise`; executor: gets
+    whole jobs; resume: a folder that keeps the designs of every job in a file of its own. A job without an optimum gets a
+    status with the reason.
+
+    Raises SceneError for what is no job. Ctrl-C raises SweepInterrupted, with a row for every job done in its `.table`.
     """
     if not isinstance(jobs, Mapping) or not jobs or not all(isinstance(j, Job) for j in jobs.values()):
         raise SceneError(f"jobs = {show(jobs)}: give jobs by name, such as {{'cross': ksd.Job(...)}}")
     check_executor(executor)
-    files = _files(resume, list(jobs))
-    said = [(job, starts, seed, file) for job, file in zip(jobs.values(), files, strict=True)]
-    waiting = [None if executor is None else submit_task(executor, _one, *own) for own in said]
-    found: dict[str, Any] = {}
+    files = _resume_files(resume, list(jobs))
+    tasks = [(job, starts, seed, file) for job, file in zip(jobs.values(), files, strict=True)]
+    futures = [
+        None if executor is None else submit_task(executor, _optimum_or_reason, *task) for task in tasks
+    ]
+    results: dict[str, Optimum | str] = {}
     with progress_bar(boolean(progress, "progress")) as bar:
-        task = bar.add_task("jobs", total=len(jobs))
+        bar_task = bar.add_task("jobs", total=len(jobs))
         try:
-            for name, own, waited in zip(jobs, said, waiting, strict=True):
-                bar.update(task, description=f"{name}, jobs done")
-                found[name] = _one(*own) if waited is None else waited.result()
-                bar.update(task, completed=len(found))
+            for name, task, future in zip(jobs, tasks, futures, strict=True):
+                bar.update(bar_task, description=f"{name}, jobs done")
+                results[name] = _optimum_or_reason(*task) if future is None else future.result()
+                bar.update(bar_task, completed=len(results))
         except KeyboardInterrupt:
-            for one in waiting:
-                if one is not None:
-                    one.cancel()
-            done = f"{len(found)} of {len(jobs)} jobs are done, the rows of these are"
-            raise SweepInterrupted(done, _table_of(found), resume) from None
-    order = sorted(found, key=lambda n: -found[n].merit if isinstance(found[n], Optimum) else np.inf)
+            for future in futures:
+                if future is not None:
+                    future.cancel()
+            done = f"{len(results)} of {len(jobs)} jobs are done, the rows of these are"
+            raise SweepInterrupted(done, _table_of_results(results), resume) from None
+    optima = {name: result for name, result in results.items() if isinstance(result, Optimum)}
+    order = sorted(results, key=lambda name: -optima[name].merit if name in optima else np.inf)
     return Choice(
-        {n: found[n] if isinstance(found[n], Optimum) else None for n in order},
-        {n: OK if isinstance(found[n], Optimum) else str(found[n]) for n in order},
+        {name: optima.get(name) for name in order},
+        {name: OK if name in optima else str(results[name]) for name in order},
     )
 
 
-def _files(folder: Any, names: list[str]) -> list[Path | None]:
-    """A file for the designs of every job; raises SceneError where the folder is none."""
+def _resume_files(folder: Any, names: list[str]) -> list[Path | None]:
+    """Path of the file for the designs of every job; None without a folder. Raises SceneError where there is no folder."""
     if folder is None:
         return [None] * len(names)
     if not isinstance(folder, str | os.PathLike) or not Path(folder).is_dir():
@@ -281,20 +292,20 @@ def _files(folder: Any, names: list[str]) -> list[Path | None]:
     ]
 
 
-def _table_of(found: Mapping[str, Any]) -> Table:
-    """A row per job that is done: its worst target, parameters, and status."""
+def _table_of_results(results: Mapping[str, Optimum | str]) -> Table:
+    """Table with a row per finished job: its worst target and parameters, and its status."""
     rows = [
-        {"job": name, "merit": one.merit, **one.design, "status": OK}
-        if isinstance(one, Optimum)
-        else {"job": name, "status": str(one)}
-        for name, one in found.items()
+        {"job": name, "merit": result.merit, **result.design, "status": OK}
+        if isinstance(result, Optimum)
+        else {"job": name, "status": result}
+        for name, result in results.items()
     ]
     return Table.of_rows(rows, ("job",), name="choice")
 
 
-def _one(job: Job, starts: int, seed: int, resume: Path | None) -> Any:
+def _optimum_or_reason(job: Job, starts: int, seed: int, resume: Path | None) -> Optimum | str:
     """The optimum of a job, or why there is none."""
     try:
         return optimise(job, starts=starts, seed=seed, resume=resume)
-    except KsdError as why:
-        return str(why)
+    except KsdError as reason:
+        return str(reason)

@@ -1,6 +1,7 @@
-"""Finished lines of a sweep, or designs of a job, on disk, so that it goes on: JSON lines, the first says whose they are.
+"""Files that keep finished lines of a sweep, or evaluated designs of a job, so that an interrupted run can continue.
 
-A line cut off by a crash does not parse or does not match its hash; it and what follows is computed again.
+The files are JSON lines; the first one identifies the sweep or job. A line cut off by a crash does not parse or does not
+match its hash; it and all lines after it are computed again.
 """
 
 from __future__ import annotations
@@ -21,9 +22,11 @@ Rows = list[dict[str, Any]]
 
 
 class ResumeFile:
-    """The file `path` of a sweep, or `what` else, with this `fingerprint`; without a path nothing is kept on disk.
+    """Rows of finished entries, kept in memory and, with a path, on disk.
 
-    SceneError when the file belongs to another one or cannot be written.
+    path: None keeps nothing on disk. fingerprint: identifies the sweep or job. what: "sweep" or "job". entries: rows by
+    number of a line (sweep) or by name (job). Raises SceneError where the file belongs to another sweep or job or cannot
+    be written.
     """
 
     def __init__(
@@ -39,11 +42,11 @@ class ResumeFile:
         check_target(self.path, what="resume")
         head = json.dumps({f"ksd {what}": fingerprint()})
         intact = self._read(head) if self.path.exists() and self.path.stat().st_size else [head]
-        # whole or not at all: a kill here must not cost the lines of the runs before
+        # replaced as a whole: a kill here must not lose the lines of earlier runs
         write_file(self.path, "\n".join(intact) + "\n", what="resume")
 
     def _read(self, head: str) -> list[str]:
-        """Lines up to the first damaged one."""
+        """Lines of the file up to the first damaged one; fills `entries`. Raises SceneError for the file of another run."""
         assert self.path is not None
         lines = read_file(self.path, what="resume").decode("utf-8", errors="replace").splitlines()
         if lines[:1] != [head]:
@@ -53,20 +56,22 @@ class ResumeFile:
             )
         intact = lines[:1]
         for text in lines[1:]:
-            mark, _, body = text.partition(" ")
-            entry = _entry(body, int if self.what == "sweep" else str) if mark == _hash(body) else None
+            digest, _, body = text.partition(" ")
+            entry = (
+                _parse_entry(body, int if self.what == "sweep" else str) if digest == _hash(body) else None
+            )
             if entry is None:
                 break
             self.entries[entry["line"]] = entry["rows"]
             intact.append(text)
         return intact
 
-    def add(self, number: int | str, rows: Rows) -> None:
-        """Add a finished line, on disk when this returns."""
-        self.entries[number] = rows
+    def add(self, key: int | str, rows: Rows) -> None:
+        """Add a finished entry; it is on disk when this returns."""
+        self.entries[key] = rows
         if self.path is None:
             return
-        body = json.dumps({"line": number, "rows": rows})
+        body = json.dumps({"line": key, "rows": rows})
         try:
             with open(self.path, "a", encoding="utf-8") as file:
                 file.write(f"{_hash(body)} {body}\n")
@@ -80,30 +85,32 @@ class ResumeFile:
 
 
 def record_hashes(scenes: Iterable[Any], method: str | None) -> list[str]:
-    """What the joint records hold that answers of scenes by this method come from: family and hash of each, or of why there
-    is none."""
-    found = []
+    """Family and hash of every joint record that answers of these scenes by a method depend on.
+
+    Where a record cannot be read, the hash is that of the reason; the conventional method depends on no record.
+    """
+    hashes = []
     families = {placed.joint.family for scene in scenes for placed in scene.joints}
     for family in sorted(families if method != "conventional" else ()):
         try:
-            said = record_bytes(find_record(family))
-        except RecordError as why:
-            said = str(why).encode()
-        found.append(f"{family} {hashlib.sha256(said).hexdigest()}")
-    return found
+            content = record_bytes(find_record(family))
+        except RecordError as reason:
+            content = str(reason).encode()
+        hashes.append(f"{family} {hashlib.sha256(content).hexdigest()}")
+    return hashes
 
 
-def _entry(body: str, kind: type) -> dict[str, Any] | None:
-    """What `add` wrote under a number or name of this kind; None for anything else."""
+def _parse_entry(body: str, kind: type) -> dict[str, Any] | None:
+    """An entry written by `ResumeFile.add` whose key is of type `kind`; None for anything else."""
     try:
         entry = json.loads(body)
         values = [value for row in entry["rows"] for value in row.values()]
-        fits = isinstance(entry["line"], kind) and all(
+        valid = isinstance(entry["line"], kind) and all(
             isinstance(v, str | int | float | None) for v in values
         )
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
         return None
-    return entry if fits else None
+    return entry if valid else None
 
 
 def _hash(body: str) -> str:

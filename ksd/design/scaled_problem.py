@@ -1,7 +1,7 @@
-"""A job as an optimiser sees it: margins of targets, limits and rules, and their slopes, over scaled parameters.
+"""A job as an optimisation problem: margins of targets, limits and rules, and their slopes, over scaled parameters.
 
-In logarithms of parameters and answers, where that is possible: what is far from its limit then weighs as much as what is
-near, and a step means the same share of every parameter.
+Parameters and answers are in logarithms where possible: a step then means the same share of every parameter, and an answer
+far from its limit has the same weight as one near it.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from ksd.errors import KsdError
 from ksd.properties.printing import format_number
 
 Array = np.ndarray
-BINDING = 1e-5
-"""Margin, in logarithms, up to which a target or limit holds an optimum back."""
-LINEAR = 0.1
-"""Share of its limit below which an answer counts as it is, not by its logarithm."""
-FREE = 10.0
-"""Margin of an answer that is infinite: nothing moves, nothing buckles."""
-PENALTY = 10.0
-"""Of what is beyond its limit, in logarithms, in the fitness of a design."""
+BINDING_MARGIN = 1e-5
+"""Margin, in logarithms, up to which a target or limit counts as active, and up to which a limit may be exceeded."""
+LOG_RATIO_MIN = 0.1
+"""Ratio of an answer to its limit below which its margin is linear in the answer instead of logarithmic."""
+INFINITE_ANSWER_MARGIN = 10.0
+"""Margin of an answer that is infinite, because nothing moves or nothing buckles."""
+VIOLATION_PENALTY = 10.0
+"""Weight of the sum of violations, in logarithms, in the fitness of a design."""
 
 
 class DesignFailed(Exception):
-    """A design at scaled parameters y that has no answers."""
+    """The design at scaled parameters y (P,) has no answers."""
 
     def __init__(self, y: Array, reason: str) -> None:
         super().__init__(reason)
@@ -38,174 +38,184 @@ class DesignFailed(Exception):
 
 
 class _Side(NamedTuple):
-    """One side of an answer: its number among the answers, the sign and the reference of its margin, and whether it is a
-    target."""
+    """One margin of an answer: index of the answer, sign and reference value of the margin, and whether it is a target."""
 
     answer: int
     sign: float
     reference: float
-    target: bool
+    is_target: bool
 
 
-def _logs(r: Array) -> tuple[Array, Array]:
-    """log r, below LINEAR continued by its tangent, and its derivative."""
-    far = np.maximum(r, LINEAR)
-    return np.log(far) + np.minimum(r - LINEAR, 0.0) / LINEAR, 1.0 / far
+class ScoredPoint(NamedTuple):
+    """Scaled parameters y (P,) and their score."""
+
+    score: float
+    y: Array
+
+
+def _extended_log(r: Array) -> tuple[Array, Array]:
+    """log r, continued by its tangent below LOG_RATIO_MIN, and its derivative."""
+    bounded = np.maximum(r, LOG_RATIO_MIN)
+    return np.log(bounded) + np.minimum(r - LOG_RATIO_MIN, 0.0) / LOG_RATIO_MIN, 1.0 / bounded
 
 
 class ScaledProblem:
     """A job in scaled parameters y (P,): margins (m,) of all sides of answers, then of rules, and their slopes (m, P).
 
-    y: logarithms of parameters whose bounds are positive, others over their range. Margins of targets are log(answer /
-    scale), of limits the logarithm of how far they are from being reached; not negative where they are met. told: called
-    after every new design.
+    y: logarithms of parameters whose bounds are positive; other parameters over their range. The margin of a target is
+    log(answer / scale), that of a limit the logarithm of the ratio to the limit; a margin is not negative where a limit is
+    met. The level of a design is its least target margin, the t of the epigraph form. label: of new designs in the log.
+    on_new_design: called after every new design. best: the point of largest fitness; best_feasible: the point of largest
+    level that meets all limits and rules; last_valid (P,): the last y that had answers.
     """
 
     def __init__(
         self,
         job: Job,
         log: DesignLog,
-        by: str,
+        label: str,
         *,
-        told: Callable[[ScaledProblem], None] = lambda search: None,
+        on_new_design: Callable[[ScaledProblem], None] = lambda problem: None,
     ) -> None:
-        self.job, self.log, self.by, self.told = job, log, by, told
+        self.job, self.log, self.label, self.on_new_design = job, log, label, on_new_design
         low, high = job.bounds.T
-        self.positive = low > 0.0
-        self.size = np.where(self.positive, 1.0, high - low)
+        self.is_log = low > 0.0
+        self.parameter_scale = np.where(self.is_log, 1.0, high - low)
         self.bounds = np.column_stack([self.scaled(low), self.scaled(high)])
         self.sides = _sides(job)
-        self.targets = np.array([s.target for s in self.sides] + [False] * len(job.rule_names))
-        self.good: Array | None = None
-        self.best = -np.inf, np.zeros(len(low))
-        self.met_best: tuple[float, Array] | None = None
-        self.asked: dict[bytes, Array] = {}
-        self.sloped: dict[bytes, Array] = {}
+        self.is_target = np.array([s.is_target for s in self.sides] + [False] * len(job.rule_names))
+        self.last_valid: Array | None = None
+        self.best = ScoredPoint(-np.inf, np.zeros(len(low)))
+        self.best_feasible: ScoredPoint | None = None
+        self.known_margins: dict[bytes, Array] = {}
+        self.known_slopes: dict[bytes, Array] = {}
 
     def scaled(self, x: Array) -> Array:
-        """y of x."""
-        return np.where(self.positive, np.log(np.where(self.positive, x, 1.0)), x / self.size)
+        """y of parameters x (P,)."""
+        return np.where(self.is_log, np.log(np.where(self.is_log, x, 1.0)), x / self.parameter_scale)
 
-    def x(self, y: Array) -> Array:
-        """x of y, within the bounds."""
-        found = np.where(self.positive, np.exp(np.where(self.positive, y, 0.0)), y * self.size)
-        return np.clip(found, *self.job.bounds.T)
+    def unscaled(self, y: Array) -> Array:
+        """Parameters x (P,) of y, within the bounds."""
+        x = np.where(self.is_log, np.exp(np.where(self.is_log, y, 0.0)), y * self.parameter_scale)
+        return np.clip(x, *self.job.bounds.T)
 
-    def margins_of(self, values: Array, rules: Array) -> Array:
-        """Margins from answers and rules."""
-        return np.concatenate([self._of_answers(values)[0], rules / self.rule_sizes])
+    def margins_from(self, values: Array, rules: Array) -> Array:
+        """Margins (m,) from answers and rule values."""
+        return np.concatenate([self._answer_margins(values)[0], rules / self.rule_scales])
 
-    def _of_answers(self, values: Array) -> tuple[Array, Array]:
-        """Margins of all sides, and their derivatives by the answers."""
+    def _answer_margins(self, values: Array) -> tuple[Array, Array]:
+        """Margins of all sides of answers, and their derivatives by the answers."""
         v = values[[s.answer for s in self.sides]]
         sign, reference = np.array([s.sign for s in self.sides]), np.array([s.reference for s in self.sides])
-        whole_ = np.isfinite(v)
+        finite = np.isfinite(v)
         size = np.where(reference == 0.0, 1.0, reference)
-        ratio = np.where(whole_, v, 1.0) / size
-        value, slope = _logs(ratio)
+        ratio = np.where(finite, v, 1.0) / size
+        value, slope = _extended_log(ratio)
         value, slope = np.where(reference == 0.0, ratio, value), np.where(reference == 0.0, 1.0, slope)
-        free = np.where(sign * np.sign(v) * np.sign(size) > 0.0, FREE, -FREE)
-        return np.where(whole_, sign * value, free), np.where(whole_, sign * slope / size, 0.0)
+        good = sign * np.sign(v) * np.sign(size) > 0.0
+        infinite = np.where(good, INFINITE_ANSWER_MARGIN, -INFINITE_ANSWER_MARGIN)
+        return np.where(finite, sign * value, infinite), np.where(finite, sign * slope / size, 0.0)
 
     @cached_property
-    def rule_sizes(self) -> Array:
-        """What rules (R,) are measured by: the largest size of each at the ends and in the middle of the bounds."""
-        places = (*self.job.bounds.T, self.job.bounds.mean(axis=1))
-        found = np.nan_to_num(np.max([np.abs(self.job.rule_values(x)) for x in places], axis=0))
-        return np.where(found > 0.0, found, 1.0)
+    def rule_scales(self) -> Array:
+        """Scales (R,) of the rules: the largest absolute value of each at the ends and in the middle of the bounds."""
+        designs = (*self.job.bounds.T, self.job.bounds.mean(axis=1))
+        largest = np.nan_to_num(np.max([np.abs(self.job.rule_values(x)) for x in designs], axis=0))
+        return np.where(largest > 0.0, largest, 1.0)
 
     def margins(self, y: Array) -> Array:
-        """Margins (m,) at y. raises DesignFailed where the design has no answers."""
-        key, new = y.tobytes(), False
-        if key not in self.asked:
-            x = self.x(y)
-            values, status = self.log.batch(x, by=self.by)
-            if status[0] != OK or np.isnan(values[0]).any():
-                raise DesignFailed(y, self._why(values[0], status[0]))
-            self.asked[key] = self.margins_of(values[0], self.job.rule_values(x))
-            new = True
-        self.good = y.copy()
-        margins = self.asked[key]
-        if self.fitness(margins) > self.best[0]:
-            self.best = self.fitness(margins), y.copy()
-        if self.met(margins) and (self.met_best is None or self.level(margins) > self.met_best[0]):
-            self.met_best = self.level(margins), y.copy()
-        if new:
-            self.told(self)
+        """Margins (m,) at y. Raises DesignFailed where the design has no answers."""
+        key = y.tobytes()
+        is_new = key not in self.known_margins
+        if is_new:
+            x = self.unscaled(y)
+            values, status = self.log.batch(x, by=self.label)
+            missing = np.isnan(values[0])
+            if status[0] != OK or missing.any():
+                no_answer = f"there is no {self.job.names[int(np.argmax(missing))]}"
+                raise DesignFailed(y, status[0] if status[0] != OK else no_answer)
+            self.known_margins[key] = self.margins_from(values[0], self.job.rule_values(x))
+        self.last_valid = y.copy()
+        margins = self.known_margins[key]
+        if self.fitness(margins) > self.best.score:
+            self.best = ScoredPoint(self.fitness(margins), y.copy())
+        if self.is_feasible(margins) and (
+            self.best_feasible is None or self.level(margins) > self.best_feasible.score
+        ):
+            self.best_feasible = ScoredPoint(self.level(margins), y.copy())
+        if is_new:
+            self.on_new_design(self)
         return margins
 
-    def _why(self, values: Array, status: str) -> str:
-        if status != OK:
-            return status
-        return f"there is no {self.job.names[int(np.argmax(np.isnan(values)))]}"
-
     def slopes(self, y: Array) -> Array:
-        """Slopes (m, P) at y, rules by central differences. raises DesignFailed."""
+        """Slopes (m, P) of the margins at y, those of rules by central differences. Raises DesignFailed."""
         key = y.tobytes()
-        if key not in self.sloped:
-            x = self.x(y)
+        if key not in self.known_slopes:
+            x = self.unscaled(y)
             try:
-                values, slopes = self.log.slopes(x, by=self.by)
+                values, slopes = self.log.slopes(x, by=self.label)
             except KsdError as reason:
                 raise DesignFailed(y, str(reason)) from reason
-            inner = np.where(self.positive, x, self.size)
-            _, outer = self._of_answers(values)
+            inner = np.where(self.is_log, x, self.parameter_scale)
+            _, outer = self._answer_margins(values)
             rows = outer[:, None] * slopes[[s.answer for s in self.sides]] * inner
-            bad = np.isnan(rows).any(axis=1)
-            if bad.any():
-                name = self.job.names[self.sides[int(np.argmax(bad))].answer]
+            missing = np.isnan(rows).any(axis=1)
+            if missing.any():
+                name = self.job.names[self.sides[int(np.argmax(missing))].answer]
                 raise DesignFailed(y, f"there is no gradient of {name}")
-            ranges = self.job.range_slopes(x) * inner / self.rule_sizes[len(self.job.rules) :, None]
-            self.sloped[key] = np.vstack([rows, self._rule_slopes(y), ranges])
-        return self.sloped[key]
+            ranges = self.job.range_slopes(x) * inner / self.rule_scales[len(self.job.rules) :, None]
+            self.known_slopes[key] = np.vstack([rows, self._rule_slopes(y), ranges])
+        return self.known_slopes[key]
 
     def _rule_slopes(self, y: Array) -> Array:
-        """Slopes (R, P) of the rules of the job."""
+        """Slopes (R, P) of the rules of the job that are functions of the parameters."""
         count = len(self.job.rules)
-        h, found = 1e-6, np.zeros((count, len(y)))
-        for i in range(len(y) if len(found) else 0):
+        h, slopes = 1e-6, np.zeros((count, len(y)))
+        for i in range(len(y) if count else 0):
             step = h * (np.arange(len(y)) == i)
-            # a parameter at its bound is stepped to one side
+            # a parameter at its bound gets a one-sided difference
             ends = [np.clip(y + s * step, *self.bounds.T) for s in (1, -1)]
-            plus, minus = (self.job.rule_values(self.x(e), shapes=False) for e in ends)
-            found[:, i] = (plus - minus) / (ends[0][i] - ends[1][i]) / self.rule_sizes[:count]
-        return found
+            plus, minus = (self.job.rule_values(self.unscaled(e), shapes=False) for e in ends)
+            slopes[:, i] = (plus - minus) / (ends[0][i] - ends[1][i]) / self.rule_scales[:count]
+        return slopes
 
     def level(self, margins: Array) -> float:
-        """The least margin of the targets: the t that a design reaches."""
-        return float(margins[self.targets].min())
+        """The least margin of the targets."""
+        return float(margins[self.is_target].min())
 
     def fitness(self, margins: Array) -> float:
-        """The level less PENALTY times what limits and rules are exceeded by."""
-        return self.level(margins) - PENALTY * float(np.maximum(-margins[~self.targets], 0.0).sum())
+        """The level less VIOLATION_PENALTY times the sum by which limits and rules are exceeded."""
+        return self.level(margins) - VIOLATION_PENALTY * float(
+            np.maximum(-margins[~self.is_target], 0.0).sum()
+        )
 
-    def exceeded(self, margins: Array) -> float:
+    def violation(self, margins: Array) -> float:
         """The most by which a limit or rule is exceeded; 0 where all are met."""
-        return float(-margins[~self.targets].min(initial=0.0))
+        return float(-margins[~self.is_target].min(initial=0.0))
 
-    def farthest(self, y: Array) -> str:
-        """The limit or rule that is exceeded most at y, in words."""
-        k = int(np.argmin(np.where(self.targets, np.inf, self.margins(y))))
+    def worst_violation(self, y: Array) -> str:
+        """The limit or rule that is exceeded most at y, as text."""
+        k = int(np.argmin(np.where(self.is_target, np.inf, self.margins(y))))
         if k >= len(self.sides):
             return f"rule {self.job.rule_names[k - len(self.sides)]}"
         side = self.sides[k]
-        value = float(self.log.values(self.x(y))[side.answer])
+        value = float(self.log.values(self.unscaled(y))[side.answer])
         return f"{self.job.names[side.answer]}: {format_number(value)}, the limit is {format_number(side.reference)}"
 
-    def met(self, margins: Array) -> bool:
+    def is_feasible(self, margins: Array) -> bool:
         """Whether limits and rules are met."""
-        return self.exceeded(margins) <= BINDING
+        return self.violation(margins) <= BINDING_MARGIN
 
 
 def _sides(job: Job) -> tuple[_Side, ...]:
     """Sides of all answers: one of a target, one or two of a limit."""
-    found = []
+    sides = []
     for k, a in enumerate(job.answers):
         if a.role != "limit":
             sign = 1.0 if a.role == "maximise" else -1.0
-            found.append(_Side(k, sign, a.scale / a.factor, True))
+            sides.append(_Side(k, sign, a.scale / a.factor, True))
             continue
-        # v <= high is log(high / v) >= 0, of negative numbers log(v / high)
-        found += [_Side(k, -1.0 if a.high >= 0.0 else 1.0, a.high, False)] if np.isfinite(a.high) else []
-        found += [_Side(k, 1.0 if a.low >= 0.0 else -1.0, a.low, False)] if np.isfinite(a.low) else []
-    return tuple(found)
+        # v <= high is log(high / v) >= 0, for negative numbers log(v / high) >= 0
+        sides += [_Side(k, -1.0 if a.high >= 0.0 else 1.0, a.high, False)] if np.isfinite(a.high) else []
+        sides += [_Side(k, 1.0 if a.low >= 0.0 else -1.0, a.low, False)] if np.isfinite(a.low) else []
+    return tuple(sides)

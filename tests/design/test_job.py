@@ -219,16 +219,16 @@ def test_a_design_is_drawn_once_for_rules_answers_and_slopes():
         return pivot(**parameters)
 
     asked = job(function=counted)
-    search = ScaledProblem(asked, DesignLog(asked), "")
-    assert asked.ranges and len(search.rule_sizes) == 2
-    y = search.scaled(asked.point(BEST)) - 0.01
+    problem = ScaledProblem(asked, DesignLog(asked), "")
+    assert asked.ranges and len(problem.rule_scales) == 2
+    y = problem.scaled(asked.point(BEST)) - 0.01
     drawn.clear()
-    search.margins(y)
-    slopes = search.slopes(y)[-1]
+    problem.margins(y)
+    slopes = problem.slopes(y)[-1]
     assert len(drawn) == 1 + 2 * len(BEST)
     # inner over outer width within its trained range, by the parameters in logarithms
     for k in range(len(y)):
-        ends = [search.margins(y + s * (np.arange(len(y)) == k))[-1] for s in (1e-4, -1e-4)]
+        ends = [problem.margins(y + s * (np.arange(len(y)) == k))[-1] for s in (1e-4, -1e-4)]
         assert slopes[k] == pytest.approx((ends[0] - ends[1]) / 2e-4, rel=1e-6, abs=1e-9)
     again = pickle.loads(pickle.dumps(job().drawn))
     assert again(**BEST).fingerprint() == pivot(**BEST).scene().fingerprint()
@@ -280,7 +280,7 @@ def test_designs_that_fail_are_rows_with_the_reason_and_replayed(tmp_path, monke
     monkeypatch.setattr(ksd.Job, "batch", lambda *a, **k: counted.append(a))
     same = again.batch([good, bad])
     assert np.array_equal(same.values, judged.values, equal_nan=True) and same.status == judged.status
-    assert not counted and again.count == 2 and again.table()["thickness"][0] == good[2]
+    assert not counted and len(again.rows) == 2 and again.table()["thickness"][0] == good[2]
     again_slopes = again.slopes(good)
     assert all(np.array_equal(a, b) for a, b in zip(again_slopes, slopes, strict=True))
     with pytest.raises(ksd.SceneError, match="belongs to another job"):

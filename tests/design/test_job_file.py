@@ -186,7 +186,7 @@ def test_no_design_exits_3_and_ctrl_c_130(tmp_path, capsys, monkeypatch):
     def pressed(*words):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(room, "_way", pressed)
+    monkeypatch.setattr(room, "_run_start", pressed)
     rows = str(tmp_path / "rows.jsonl")
     assert main(["optimise", str(written(tmp_path)), "--quiet", "--resume", rows]) == 130
     assert f"the designs done are in {rows}" in capsys.readouterr().err

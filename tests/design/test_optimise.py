@@ -17,7 +17,7 @@ import ksd
 from ksd.design import job as rooms
 from ksd.design import optimise as room
 from ksd.design import scaled_problem
-from ksd.design.scaled_problem import _logs
+from ksd.design.scaled_problem import _extended_log
 from ksd.units import mm
 
 LIMITS = {"stress_MPa": 500, "turn_moment_Nm": (-3, 3)}
@@ -301,22 +301,22 @@ def test_interrupted_runs_keep_what_is_done_and_end_as_others(monkeypatch, tmp_p
 
 
 def test_margins_of_limits_of_either_sign():
-    value, slope = _logs(np.array([2.0, 0.1, 0.0, -1.0]))
+    value, slope = _extended_log(np.array([2.0, 0.1, 0.0, -1.0]))
     assert value[0] == pytest.approx(np.log(2)) and value[2] == pytest.approx(np.log(0.1) - 1)
     assert np.all(np.diff(value) < 0) and slope == pytest.approx([0.5, 10, 10, 10])
     at = scaled_problem.ScaledProblem(small(limits={"turn_moment_Nm": (-3, 2)}), None, "")
     of = dict(
         zip(
             [(s.sign, s.reference) for s in at.sides],
-            at._of_answers(np.array([1e5, np.inf, np.inf, 1.0]))[0],
+            at._answer_margins(np.array([1e5, np.inf, np.inf, 1.0]))[0],
             strict=True,
         )
     )
     assert of[-1.0, 2.0] == pytest.approx(np.log(2)) and of[-1.0, -3.0] > 0
-    beyond = at._of_answers(np.array([1e5, np.inf, np.inf, -6.0]))[0]
+    beyond = at._answer_margins(np.array([1e5, np.inf, np.inf, -6.0]))[0]
     assert beyond[-1] == pytest.approx(-np.log(2)) and beyond[-2] > 0
-    held = at._of_answers(np.array([np.inf, np.inf, np.inf, 0.0]))[0]
-    assert held[0] == scaled_problem.FREE
+    held = at._answer_margins(np.array([np.inf, np.inf, np.inf, 0.0]))[0]
+    assert held[0] == scaled_problem.INFINITE_ANSWER_MARGIN
 
 
 @pytest.mark.parametrize(
@@ -411,10 +411,10 @@ def test_a_worker_that_fails_loses_no_start_that_is_done(monkeypatch):
     def interrupted(job, x, method, by, known):
         if by.endswith("2"):
             raise KeyboardInterrupt
-        return room._elsewhere_again(job, x, method, by, known)
+        return room._run_start_in_worker_again(job, x, method, by, known)
 
-    monkeypatch.setattr(room, "_elsewhere_again", room._elsewhere, raising=False)
-    monkeypatch.setattr(room, "_elsewhere", interrupted)
+    monkeypatch.setattr(room, "_run_start_in_worker_again", room._run_start_in_worker, raising=False)
+    monkeypatch.setattr(room, "_run_start_in_worker", interrupted)
     with ThreadPoolExecutor(1) as pool, pytest.raises(ksd.SweepInterrupted) as caught:
         ksd.optimise(small(), starts=3, executor=pool)
     assert {row["by"] for row in caught.value.table.rows()} >= {"gradient, start 1"}

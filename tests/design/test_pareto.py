@@ -116,7 +116,7 @@ def test_progress_and_ctrl_c_across_the_points_of_a_front(front, monkeypatch, tm
 
 def test_choices_go_on_and_run_in_executors(monkeypatch, tmp_path):
     thin = small(vary={"length": (40e-3, 80e-3), "thickness": (0.2e-3, 0.3e-3)})
-    jobs, honest = {"thin/1": thin, "thick": small()}, room._one
+    jobs, honest = {"thin/1": thin, "thick": small()}, room._optimum_or_reason
     with ThreadPoolExecutor(2) as pool:
         found = ksd.choose(jobs, executor=pool, resume=tmp_path)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["1_thin_1.jsonl", "2_thick.jsonl"]
@@ -126,7 +126,7 @@ def test_choices_go_on_and_run_in_executors(monkeypatch, tmp_path):
             raise KeyboardInterrupt
         return honest(job, *how)
 
-    monkeypatch.setattr(room, "_one", interrupted)
+    monkeypatch.setattr(room, "_optimum_or_reason", interrupted)
     with pytest.raises(ksd.SweepInterrupted, match="1 of 2 jobs are done") as caught:
         ksd.choose(jobs, resume=tmp_path)
     (row,) = caught.value.table.rows()
