@@ -168,7 +168,7 @@ def test_slopes_are_gradients_at_the_equilibria_of_values(method, monkeypatch):
         "mesh": ksd.Mesh(),
         "turn": TURNS,
     }
-    found = ksd.gradient(pivot, asked.design_at(x), questions=asked.asked.questions, **words)
+    found = ksd.gradient(pivot, asked.design_at(x), questions=asked.asked.names, **words)
     alone = np.nan_to_num([found.slopes[found.columns.index(a.column), :, a.pose] for a in asked.answers])
     asked.values(x)
     honest, solved = ksd.Job._judged, []
