@@ -119,8 +119,8 @@ def test_designs_in_one_call_are_those_made_one_by_one(name, mesh, rng):
         pytest.skip("nodal meshes are for straight uniform leaf springs without heat")
     mesh = MESHES[mesh]
     scenes, drawings = _drawings(name, mesh, rng, 5)
-    assert len({d.words for d in drawings}) == 1
-    template = template_of(drawings[0].words, mesh)
+    assert len({d.layout for d in drawings}) == 1
+    template = template_of(drawings[0].layout, mesh)
     numbers = template.numbers([d.numbers for d in drawings])
     filled = template(numbers)
     for d, scene in enumerate(scenes):
@@ -151,12 +151,12 @@ def test_designs_in_one_call_are_those_made_one_by_one(name, mesh, rng):
 def test_numbers_make_no_new_template_and_words_do(rng):
     mesh = ksd.Mesh()
     _, (one, two) = _drawings("arm", mesh, rng, 2)
-    assert template_of(one.words, mesh) is template_of(two.words, mesh)
+    assert template_of(one.layout, mesh) is template_of(two.layout, mesh)
     scene = _arm(rng)
     scene.load("second", force=(1, 0, 0), at=(0.3, 0, 0.1))
     other = split_scene(scene.scene(), mesh)
-    assert isinstance(template_of(other.words, mesh), Template)
-    assert template_of(other.words, mesh) is not template_of(one.words, mesh)
+    assert isinstance(template_of(other.layout, mesh), Template)
+    assert template_of(other.layout, mesh) is not template_of(one.layout, mesh)
 
 
 def test_leaves_drawn_alike_share_their_constants_at_every_scale(rng):
