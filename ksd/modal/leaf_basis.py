@@ -1,8 +1,8 @@
-"""The basis of one leaf: from a chain of Appendix A elements, at rest or in a given shape, to the span of its nodes.
+"""The modal basis of one leaf: from a chain of Appendix A elements, undeformed or in a given shape, to columns of its nodes.
 
-Everything is made in additive coordinates of the nodes, displacement and rotation vector from the expansion point,
-in the floating frame of the body; only then is it carried over to the values the body moves in (directors or
-rotation vectors), where second and third order terms of a rotation become columns of their own.
+Modes and derivatives are computed in additive coordinates of the nodes, displacement and rotation vector from the expansion
+point, in the floating frame of the body. They are then converted to the values of the kernel (directors or rotation
+vectors), where second and third order terms of a rotation become part of the columns.
 """
 
 from __future__ import annotations
@@ -27,17 +27,21 @@ from ksd.numerics.reduction import (
     split_boundary,
 )
 
-RECORD = 16
-HOLD = 1e-4
-"""Stiffness of columns without energy over the softest bending stiffness."""
+CHAIN_CONSTANTS = 16
+"""Constants per element in those of a chain; the frame of its end q follows them."""
+HOLD_RATIO = 1e-4
+"""Stiffness given to columns without energy, relative to the softest bending stiffness."""
 IN_PLANE = (0, 1, 5)
-"""Of six node coordinates those in the plane of a leaf: along, across its thickness, rotation about its width."""
+"""Coordinates of a node in the plane of a leaf: along it, through its thickness, and rotation about its width."""
 
 
 @dataclass(frozen=True)
 class LeafShape:
-    """The expansion point: constants record (n, 25), positions x (n+1, 3) m and rotations from rest R (n+1, 3, 3),
-    in the frame of end p."""
+    """The expansion point of a basis, in the frame of end p.
+
+    record (n, 25): constants of the n elements; x (n+1, 3) [m], R (n+1, 3, 3): positions of the nodes and their rotations
+    from rest.
+    """
 
     record: np.ndarray
     x: np.ndarray
@@ -45,17 +49,18 @@ class LeafShape:
 
     @property
     def length(self) -> float:
-        """Length of the leaf, m."""
+        """Length of the leaf [m]."""
         return float(self.record[:, 0].sum())
 
 
 @dataclass(frozen=True)
 class LeafBasis:
-    """The span of one leaf's nodes: z = z0 + boundary (b - b0) + inner eta, node by node.
+    """Values of the nodes of one leaf as a function of boundary values b and inner coordinates eta.
 
-    z0 ((n+1) q,), boundary (.., nb), inner (.., m), hold (m,) Nm (see `_separated`), b0 (nb,), orientation (n+1, 9)
-    (columns of the expansion point, in the floating frame); q = 9 values per node for directors, 6 for angles.
-    condition: of `inner` before it was made orthonormal. tied ((n+1) q, nb + m, nb + m): second derivatives of z by all
+    z = z0 + boundary (b - b0) + inner eta, with q = 9 values per node for directors, 6 for angles. z0 ((n+1) q,), boundary
+    ((n+1) q, nb), inner ((n+1) q, m), b0 (nb,); record (n, 25): constants of the elements; orientation (n+1, 9): directors
+    of the expansion point in the floating frame; hold_stiffness (m,) [Nm]: see `_separate_idle_columns`; condition:
+    condition number of `inner` before it was made orthonormal. second_derivatives ((n+1) q, nb + m, nb + m): of z by all
     coordinates, on a quadratic manifold.
     """
 
@@ -74,14 +79,14 @@ class LeafBasis:
 
     @property
     def trained(self) -> bool:
-        """Whether it is good about a trained configuration alone."""
+        """Whether the basis is expanded about a trained configuration, and accurate near that only."""
         return self.choices.expansion == "trained"
 
     def __str__(self) -> str:
         return str(self.choices)
 
     def boundary_values(self, d: np.ndarray, Q: np.ndarray) -> np.ndarray:
-        """Boundary values b (nb,) with end q at d (3,) m, Q (3, 3) in the frame of end p."""
+        """Boundary values b (nb,) with end q at d (3,) [m], Q (3, 3) in the frame of end p."""
         reference = np.concatenate([self.orientation[0], self.orientation[-1]])
         jets = np.empty((len(self.b0), JET))
         angle = self.choices.coordinates == "angle"
@@ -103,7 +108,7 @@ class LeafBasis:
             start = self.orientation.reshape(-1, 3, 3).transpose(0, 2, 1)
             R = Rotation.from_rotvec(z[:, 3:]).as_matrix() @ start
         else:
-            R = _frames(z[:, 3:6], z[:, 6:])
+            R = _gram_schmidt_frames(z[:, 3:6], z[:, 6:])
         return (z[:, :3] - z[0, :3]) @ R[0], np.einsum("ji,kjl->kil", R[0], R)
 
     def stroke_and_rotation(self, d: np.ndarray, Q: np.ndarray, eta: np.ndarray) -> tuple[float, float]:
@@ -118,21 +123,21 @@ class LeafBasis:
         self, other: LeafBasis, d: np.ndarray, Q: np.ndarray, eta: np.ndarray
     ) -> np.ndarray:
         """Inner coordinates (m,) with the nodes nearest to those of another basis of the same leaf at its eta."""
-        left = other.values(d, Q, eta) - self.values(d, Q, np.zeros(self.inner.shape[1]))
-        return np.asarray(np.linalg.lstsq(self.inner, left, rcond=None)[0])
+        difference = other.values(d, Q, eta) - self.values(d, Q, np.zeros(self.inner.shape[1]))
+        return np.asarray(np.linalg.lstsq(self.inner, difference, rcond=None)[0])
 
     @property
     def unknowns(self) -> int:
-        """Independent boundary values and inner coordinates."""
+        """Number of independent boundary values and inner coordinates."""
         return int(np.linalg.matrix_rank(self.boundary)) + self.inner.shape[1]
 
     @property
     def values_per_node(self) -> int:
-        """6 or 9."""
+        """6 for angles, 9 for directors."""
         return 6 if self.choices.coordinates == "angle" else 9
 
     def constants(self, weights: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """`value` and `number` of `ksd.beam.modal`, with the elements of nonzero weight."""
+        """`value` and `number` of the kernel `ksd.beam.modal`; weights (n,): of the elements, those of zero are left out."""
         q, n = self.values_per_node, len(self.record)
         w = np.ones(n) if weights is None else weights
         columns = np.hstack([self.boundary, self.inner])
@@ -150,19 +155,21 @@ class LeafBasis:
 
 
 def chain_records(value: np.ndarray, n: int) -> np.ndarray:
-    """Constants (n, 25) of the single elements of a chain with constants `value` (16 n + 9,)."""
-    return np.hstack([value[: RECORD * n].reshape(n, RECORD), np.tile(np.eye(3).ravel(), (n, 1))])
+    """Constants (n, 25) of each element of a chain with the constants `value` (16 n + 9,)."""
+    return np.hstack(
+        [value[: CHAIN_CONSTANTS * n].reshape(n, CHAIN_CONSTANTS), np.tile(np.eye(3).ravel(), (n, 1))]
+    )
 
 
 def undeformed_shape(record: np.ndarray) -> LeafShape:
-    """The undeformed leaf."""
+    """The undeformed leaf with element constants record (n, 25)."""
     steps = record[:, :1] * record[:, [7, 10, 13]]
     x = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
     return LeafShape(record, x, np.tile(np.eye(3), (len(x), 1, 1)))
 
 
 def rotation_without_roll(d: np.ndarray) -> np.ndarray:
-    """The rotation (3, 3) that takes e1 onto the direction of d without roll."""
+    """The shortest rotation (3, 3) from e1 onto the direction of d (3,)."""
     u = d / np.linalg.norm(d)
     k = 1.0 / (1.0 + u[0])
     return np.array(
@@ -170,8 +177,8 @@ def rotation_without_roll(d: np.ndarray) -> np.ndarray:
     )  # fmt: skip
 
 
-def _frames(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Gram-Schmidt frames (k, 3, 3) of directors a, b (k, 3)."""
+def _gram_schmidt_frames(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Orthonormal frames (k, 3, 3) of directors a, b (k, 3)."""
     e1 = a / np.linalg.norm(a, axis=1)[:, None]
     e2 = b - np.einsum("ki,ki->k", b, e1)[:, None] * e1
     e2 /= np.linalg.norm(e2, axis=1)[:, None]
@@ -179,7 +186,7 @@ def _frames(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _mass(shape: LeafShape, R: np.ndarray) -> np.ndarray:
-    """Lumped mass (6 (n+1),)^2 for unit mass per length: which modes are lowest is all it decides."""
+    """Lumped mass matrix (6 (n+1), 6 (n+1)) for unit mass per length; it only decides which modes are lowest."""
     n = len(shape.record)
     M = np.zeros((6 * (n + 1), 6 * (n + 1)))
     for e, r in enumerate(shape.record):
@@ -196,7 +203,7 @@ def _mass(shape: LeafShape, R: np.ndarray) -> np.ndarray:
 
 
 def _coordinates(n: int, frame: str, straight: bool) -> tuple[list[int], list[int]]:
-    """Boundary and inner coordinates of n elements; what is in neither is held by the floating frame."""
+    """Indices of boundary and inner coordinates of n elements; the others are fixed by the floating frame."""
     last = 6 * n
     inner = list(range(6, last))
     if frame == "node":
@@ -206,7 +213,7 @@ def _coordinates(n: int, frame: str, straight: bool) -> tuple[list[int], list[in
 
 
 def tangent_function(record: np.ndarray, x: np.ndarray, orientation: np.ndarray):
-    """Tangent function of the additive coordinates (6 (n+1),)."""
+    """The function that returns the tangent (6 (n+1), 6 (n+1)) at additive coordinates (6 (n+1),)."""
     first, size = np.arange(len(record)), 6 * len(x)
     z0 = np.hstack([x, np.zeros_like(x)])
     g = np.empty(size)
@@ -220,7 +227,7 @@ def tangent_function(record: np.ndarray, x: np.ndarray, orientation: np.ndarray)
 
 
 def _columns(choices: ModalBasis, modes: Modes, derived: Derivatives, R: np.ndarray) -> np.ndarray:
-    """Columns ((n+1) q, ..) in the values of the nodes: the path to the order of the basis, term by term."""
+    """Columns ((n+1) q, k) of node values: modes and derivatives, with the higher-order terms of their rotations."""
     every = np.hstack([modes.shapes, derived.shapes]).T.reshape(-1, len(R), 6)
     if choices.coordinates == "angle":
         return every.reshape(len(every), -1).T
@@ -230,16 +237,18 @@ def _columns(choices: ModalBasis, modes: Modes, derived: Derivatives, R: np.ndar
     spin = np.zeros((*psi.shape, 3))
     for i, j, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         spin[..., i, j], spin[..., j, i] = -psi[..., c], psi[..., c]
-    found = []
+    columns = []
     for key, at in index.items():
-        turned = spin[at] @ R[:, :, :2] + _higher(key, index, spin, R[:, :, :2])
-        found.append(np.hstack([every[at, :, :3], turned[..., 0], turned[..., 1]]).ravel())
-    return np.array(found).T
+        directors = spin[at] @ R[:, :, :2] + _higher_order_terms(key, index, spin, R[:, :, :2])
+        columns.append(np.hstack([every[at, :, :3], directors[..., 0], directors[..., 1]]).ravel())
+    return np.array(columns).T
 
 
-def _higher(key: tuple[int, ...], index: dict, spin: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Second and third order terms of exp(psi) v in the derivative `key` of the path; spin (.., n+1, 3, 3) = [psi]x, v (n+1,
-    3, 2)."""
+def _higher_order_terms(key: tuple[int, ...], index: dict, spin: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Second and third order terms of exp(psi) v in the derivative `key` of the path.
+
+    index: position in spin by key; spin (k, n+1, 3, 3): [psi]x; v (n+1, 3, 2): directors.
+    """
 
     def turn(*parts: tuple[int, ...]) -> np.ndarray:
         w = v
@@ -253,7 +262,7 @@ def _higher(key: tuple[int, ...], index: dict, spin: np.ndarray, v: np.ndarray) 
         total += 0.5 * (turn(i, j) + turn(j, i))
     if len(key) == 3:
         for one in range(3):
-            # what is left of a sorted key is sorted
+            # a sorted key stays sorted without one of its entries
             i, rest = (key[one],), tuple(k for n, k in enumerate(key) if n != one)
             total += 0.5 * (turn(i, rest) + turn(rest, i))
         for a, b, c in permutations(key):
@@ -262,7 +271,7 @@ def _higher(key: tuple[int, ...], index: dict, spin: np.ndarray, v: np.ndarray) 
 
 
 def _boundary_rows(choices: ModalBasis, n: int) -> list[int]:
-    """Rows of z that are the boundary values of `ksd.beam.modal_jets.boundary_jets`, in its order."""
+    """Rows of z with the boundary values of `ksd.beam.modal_jets.boundary_jets`, in its order."""
     q = 6 if choices.coordinates == "angle" else 9
     last = q * n
     if choices.frame == "node":
@@ -270,15 +279,15 @@ def _boundary_rows(choices: ModalBasis, n: int) -> list[int]:
     return [last, *range(3, q), *range(last + 3, last + q)]
 
 
-def _expansion(choices: ModalBasis, x: np.ndarray, R: np.ndarray) -> np.ndarray:
+def _expansion_values(choices: ModalBasis, x: np.ndarray, R: np.ndarray) -> np.ndarray:
     """Values z0 of all nodes at the expansion point."""
     if choices.coordinates == "angle":
         return np.hstack([x, np.zeros_like(x)]).ravel()
     return np.hstack([x, R[:, :, 0], R[:, :, 1]]).ravel()
 
 
-def _kept(modes: Modes, choices: ModalBasis) -> list[int]:
-    """Modes that are followed to second order: all of them, or those in the plane of the leaf."""
+def _followed_modes(modes: Modes, choices: ModalBasis) -> list[int]:
+    """Indices of the modes that have derivatives: all, or those in the plane of the leaf."""
     if not choices.plane:
         return list(range(modes.shapes.shape[1]))
     share = (modes.shapes.reshape(-1, 6, modes.shapes.shape[1]) ** 2).sum(axis=0)
@@ -286,29 +295,29 @@ def _kept(modes: Modes, choices: ModalBasis) -> list[int]:
 
 
 def _modes(K0, boundary, inner, mass, choices: ModalBasis) -> Modes:
-    """Boundary modes, and the lowest internal ones in the plane of the leaf: weak bending, which large strokes need."""
+    """Boundary modes, and the lowest internal modes in the plane of the leaf: weak bending, which large strokes need."""
     first = craig_bampton(K0, boundary, inner)
     if choices.internal == 0:
         return first
-    flat = [k for k in inner if k % 6 in IN_PLANE]
-    second = craig_bampton(K0, [], flat, M=mass, internal=choices.internal)
+    in_plane = [k for k in inner if k % 6 in IN_PLANE]
+    second = craig_bampton(K0, [], in_plane, M=mass, internal=choices.internal)
     return Modes(np.hstack([first.shapes, second.shapes]), len(boundary), second.omega)
 
 
 def make_basis(shape: LeafShape, choices: ModalBasis) -> LeafBasis:
-    """The basis of a leaf about `shape`. Raises ValueError where the leaf has a singular tangent there."""
+    """The basis of a leaf about `shape`. Raises ValueError where the tangent of the leaf is singular there."""
     n = len(shape.record)
     turn = np.eye(3) if choices.frame == "node" else rotation_without_roll(shape.x[-1])
     x, R = shape.x @ turn, np.einsum("ji,kjl->kil", turn, shape.R)
-    # the element constants are in the frame of end p; rotations from rest carry them along
+    # the element constants are in the frame of end p; rotations from rest apply to them
     orientation = R.transpose(0, 2, 1).reshape(n + 1, 9)
     straight = np.abs(R[0] - np.eye(3)).max() < 1e-12
     boundary, inner = _coordinates(n, choices.frame, straight)
     K = tangent_function(shape.record, x, orientation)
     modes = _modes(K(np.zeros(6 * (n + 1))), boundary, inner, _mass(shape, R), choices)
-    derived = _derived(K, modes, inner, choices, shape.length)
+    derived = _mode_derivatives(K, modes, inner, choices, shape.length)
     if choices.derivatives == "tied":
-        return _manifold(LeafShape(shape.record, x, R), choices, modes, derived, boundary)
+        return _quadratic_manifold(LeafShape(shape.record, x, R), choices, modes, derived, boundary)
     columns = _columns(choices, modes, derived, R)
     rows = _boundary_rows(choices, n)
     edge, rest = split_boundary(columns, rows)
@@ -317,38 +326,39 @@ def make_basis(shape: LeafShape, choices: ModalBasis) -> LeafBasis:
     for r in range(3):
         scale[r::q] = shape.length
     basis = condition_basis(rest, scale=scale, cut=choices.cut)
-    z0 = _expansion(choices, x, R)
-    columns, hold = _separated(shape.record, orientation, z0, basis.columns, choices)
+    z0 = _expansion_values(choices, x, R)
+    columns, hold = _separate_idle_columns(shape.record, orientation, z0, basis.columns, choices)
     return LeafBasis(choices, shape.record, orientation, z0, edge, columns, hold, z0[rows], basis.condition)
 
 
-def _manifold(
+def _quadratic_manifold(
     shape: LeafShape, choices: ModalBasis, modes: Modes, derived: Derivatives, boundary: list[int]
 ) -> LeafBasis:
-    """The quadratic manifold: boundary values and internal modes are all there is, derivatives hang on them."""
+    """The basis on the quadratic manifold, whose only coordinates are boundary values and amplitudes of internal modes."""
     n = len(shape.record)
     rows = _boundary_rows(choices, n)
     nb, m = len(rows), modes.shapes.shape[1] - modes.boundary
-    place = [*(rows.index(b) for b in boundary), *range(nb, nb + m)]
+    order = [*(rows.index(b) for b in boundary), *range(nb, nb + m)]
     columns = np.zeros((6 * (n + 1), nb + m))
-    columns[:, place] = modes.shapes
-    tied = np.zeros((6 * (n + 1), nb + m, nb + m))
-    tied[:, np.array(place)[:, None], place] = np.moveaxis(second_derivatives(modes, derived), 2, 0)
-    z0 = _expansion(choices, shape.x, shape.R)
+    columns[:, order] = modes.shapes
+    second = np.zeros((6 * (n + 1), nb + m, nb + m))
+    second[:, np.array(order)[:, None], order] = np.moveaxis(second_derivatives(modes, derived), 2, 0)
+    z0 = _expansion_values(choices, shape.x, shape.R)
     unit = condition_basis(modes.shapes / np.tile([shape.length] * 3 + [1.0] * 3, n + 1)[:, None])
     return LeafBasis(
         choices, shape.record, shape.R.transpose(0, 2, 1).reshape(n + 1, 9), z0, columns[:, :nb], columns[:, nb:],
-        np.zeros(m), z0[rows], unit.condition, tied,
+        np.zeros(m), z0[rows], unit.condition, second,
     )  # fmt: skip
 
 
-def _separated(
+def _separate_idle_columns(
     record: np.ndarray, orientation: np.ndarray, z0: np.ndarray, columns: np.ndarray, choices: ModalBasis
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The columns turned so that those that cost no energy at the expansion point stand alone, and their hold.
+    """The columns, transformed so that those without energy at the expansion point are separate, and their hold stiffness.
 
-    Such columns only stretch directors there, but far away they count (without them the cross flexure is 1.7 % off at
-    60 degrees instead of 0.003 %). The hold [Nm] of HOLD times the softest bending stiffness keeps the tangent regular.
+    Such columns only stretch directors there, but matter far from it (without them the cross flexure is 1.7 % off at 60
+    degrees instead of 0.003 %). Their stiffness [Nm] of HOLD_RATIO times the softest bending stiffness keeps the tangent
+    regular.
     """
     q = 6 if choices.coordinates == "angle" else 9
     g, H = np.empty(len(z0)), np.empty((len(z0), len(z0)))
@@ -356,26 +366,26 @@ def _separated(
     energy, turn = np.linalg.eigh(columns.T @ (0.5 * (H + H.T)) @ columns)
     softest = record[:, [2, 3, 5]].min() * record[0, 0] ** 3 / record[:, 0].sum()
     idle = np.abs(energy) < 1e-6 * softest
-    hold_stiffness = np.where(idle, HOLD * softest, 0.0)
+    hold_stiffness = np.where(idle, HOLD_RATIO * softest, 0.0)
     return (columns @ turn, hold_stiffness) if np.any(idle) else (columns, hold_stiffness)
 
 
-def _derived(K, modes: Modes, inner: list[int], choices: ModalBasis, length: float) -> Derivatives:
-    """Derivatives of the modes that are followed, with indices into all modes."""
+def _mode_derivatives(K, modes: Modes, inner: list[int], choices: ModalBasis, length: float) -> Derivatives:
+    """Derivatives of the modes of `_followed_modes`, with indices into all modes."""
     if choices.order == 1:
         return Derivatives(np.zeros((len(modes.shapes), 0)), ())
-    kept = _kept(modes, choices)
-    some = Modes(modes.shapes[:, kept], 0, modes.omega)
+    followed = _followed_modes(modes, choices)
+    some = Modes(modes.shapes[:, followed], 0, modes.omega)
     found = modal_derivatives(K, some, inner, order=choices.order, step=1e-3 * min(1.0, length))
-    return Derivatives(found.shapes, tuple(tuple(kept[i] for i in p) for p in found.pairs))
+    return Derivatives(found.shapes, tuple(tuple(followed[i] for i in p) for p in found.pairs))
 
 
 @lru_cache(maxsize=64)
 def _cached_undeformed_basis(record: bytes, n: int, choices: ModalBasis) -> LeafBasis:
-    # a copy: for an array that cannot be written all kernels below would be compiled once more
+    # a copy, since kernels would be compiled once more for a read-only array
     return make_basis(undeformed_shape(np.frombuffer(record).reshape(n, 25).copy()), choices)
 
 
 def undeformed_basis(record: np.ndarray, choices: ModalBasis) -> LeafBasis:
-    """The basis of an undeformed leaf; the last ones are kept, equal leaf springs share one."""
+    """The basis of an undeformed leaf with element constants record (n, 25); cached, so that equal leaf springs share it."""
     return _cached_undeformed_basis(np.ascontiguousarray(record).tobytes(), len(record), choices)

@@ -1,6 +1,6 @@
-"""Leaf springs of a model as modal bodies: which chains they reduce, their bases, and the nodes of these chains at a state.
+"""Leaf springs of a model as modal bodies: the chains they reduce, their bases, and the nodes of these chains at a state.
 
-Their kernel is `ksd.beam.modal`; next to them any leaf that is not reduced, and any condensed joint, works as it is.
+The kernel of modal bodies is `ksd.beam.modal`; they can be mixed with leaf springs in full and condensed joints.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from ksd.model.constant_leaves import equilibrate_bent_leaves, is_constant
 from ksd.model.mesh import Mesh, MixedMesh
 from ksd.model.reduced_bodies import inner_state, relative_end_pose, transfer_state, with_bodies
 
-ALIKE = 10
-"""Decimals of positions over length, and of rotations, to which leaf springs of one shape share their basis."""
+SAME_SHAPE_DECIMALS = 10
+"""Decimals of positions over length, and of rotations, up to which leaf springs of equal shape share a basis."""
 
 
 def with_chains(model: Model, leaves: Mapping[str, ModalBasis]) -> Model:
-    """`model` with `leaves` as chains of the elements their basis asks for, the others as they are; none cut into nodes."""
+    """`model` with the `leaves` as chains of as many elements as their basis has; no chain has nodes of the model inside."""
     mesh = replace(model.mesh, nodal=False)
     chains = {
         replace(mesh, leaf="corotational", elements=count): tuple(
@@ -36,13 +36,13 @@ def with_chains(model: Model, leaves: Mapping[str, ModalBasis]) -> Model:
     if len(chains) == 1 and len(leaves) == len(model.member_names):
         (mesh,) = chains
     elif chains:
-        words = {k: getattr(mesh, k) for k in Mesh.__dataclass_fields__}
-        mesh = MixedMesh(**words, others=tuple(chains.items()))
+        options = {k: getattr(mesh, k) for k in Mesh.__dataclass_fields__}
+        mesh = MixedMesh(**options, others=tuple(chains.items()))
     return model if mesh == model.mesh else compile_as_is(model.scene, mesh, model.said, model.choice)
 
 
 def chain_shape(model: Model, i: int, motion: State) -> LeafShape:
-    """Nodes of the chain that is member i of `model`, at `motion`, in the frame of its end p."""
+    """The shape at `motion` of the chain that is member i of `model`."""
     members = model.arrays.members
     n = int(members.number[i, 0])
     value = members.value[members.value_at[i] : members.value_at[i] + 16 * n + 9]
@@ -63,33 +63,33 @@ def with_modal_bodies(
     only: Collection[str] | None = None,
     at_rest: Collection[str] = (),
 ) -> Model:
-    """`model`, in which the leaves to reduce are chains, with these as modal bodies; `model` itself becomes its `full`.
+    """A model with chains of `model` replaced by modal bodies; `model` becomes its `full`.
 
-    choices: of all, or by name of the leaf, the others staying what they are. about: state of `model` to expand the
-    bases at (a trained configuration: the tangent basis); rest when None. only: names of the leaves to reduce (all when
-    None). at_rest: names of those expanded at rest all the same. Raises SceneError for unknown names and for leaves that
-    are not chains or whose tangent is singular.
+    choices: of all leaf springs, or by name, the others staying chains. about: state of `model` about which the bases are
+    expanded (a trained configuration: the tangent basis); the undeformed state when None. only: names of the leaf springs to
+    reduce, all when None. at_rest: names of those expanded about the undeformed state in any case. Raises SceneError for
+    unknown names, for leaf springs that are not chains, and for those whose tangent is singular.
     """
     by_name = choices if isinstance(choices, Mapping) else dict.fromkeys(only or model.member_names, choices)
-    alike: dict[tuple, LeafBasis] = {}
+    cache: dict[tuple, LeafBasis] = {}
     bodies = {
-        name: _body(model, name, by_name[name], None if name in at_rest else about, alike)
-        for name in sorted(by_name, key=_order(model, by_name))
+        name: _make_body(model, name, by_name[name], None if name in at_rest else about, cache)
+        for name in sorted(by_name, key=_member_index(model, by_name))
     }
     return replace(with_bodies(model, bodies), full=model)
 
 
-def _order(model: Model, names: Collection[str]) -> Callable[[str], int]:
-    """Key that sorts names of leaf springs as the model does.
+def _member_index(model: Model, names: Collection[str]) -> Callable[[str], int]:
+    """The function from the name of a leaf spring to its index in the model.
 
-    Raises SceneError for a name that is none, and for leaf springs that cannot be reduced.
+    Raises SceneError for unknown names, and for leaf springs that cannot be reduced.
     """
-    place = {name: i for i, name in enumerate(model.member_names)}
+    index = {name: i for i, name in enumerate(model.member_names)}
     members = model.arrays.members
     for name in names:
-        if name not in place:
-            raise SceneError(f"there is no leaf '{name}' to reduce; the leaf springs are: {', '.join(place)}")
-        i = place[name]
+        if name not in index:
+            raise SceneError(f"there is no leaf '{name}' to reduce; the leaf springs are: {', '.join(index)}")
+        i = index[name]
         count = int(members.number[i, 0])
         if members.kind[i] != COROTATIONAL or count < 2:
             raise SceneError(
@@ -100,32 +100,32 @@ def _order(model: Model, names: Collection[str]) -> Callable[[str], int]:
                 f"leaf '{name}' carries its own weight, which modal bodies do not know: compile "
                 "without='gravity', or use another method"
             )
-    return place.__getitem__
+    return index.__getitem__
 
 
-def _body(
-    model: Model, name: str, choices: ModalBasis, about: State | None, alike: dict[tuple, LeafBasis]
+def _make_body(
+    model: Model, name: str, choices: ModalBasis, about: State | None, cache: dict[tuple, LeafBasis]
 ) -> LeafBasis:
-    """The basis of a leaf, about the state `about` or at rest; alike: those made so far, by shape to rounding."""
+    """The basis of a leaf about the state `about`, undeformed when None; cache: bases made so far, by rounded shape."""
     shape = chain_shape(model, model.member_names.index(name), model.rest if about is None else about)
     try:
         if about is None:
             return undeformed_basis(shape.record, choices)
-        places = np.round(np.hstack([shape.x / shape.length, shape.R.reshape(-1, 9)]), ALIKE)
-        # -0.0 and 0.0 are alike
-        key = shape.record.tobytes(), (places + 0.0).tobytes(), choices
-        if key not in alike:
-            alike[key] = make_basis(shape, choices)
-        return alike[key]
+        rounded = np.round(np.hstack([shape.x / shape.length, shape.R.reshape(-1, 9)]), SAME_SHAPE_DECIMALS)
+        # adding 0.0 turns -0.0 into 0.0
+        key = shape.record.tobytes(), (rounded + 0.0).tobytes(), choices
+        if key not in cache:
+            cache[key] = make_basis(shape, choices)
+        return cache[key]
     except ValueError as reason:
         raise SceneError(f"leaf '{name}' has no modal basis: {reason}") from reason
 
 
 def full_model_state(model: Model, motion: State) -> tuple[Model, State]:
-    """Model and state with the chains that modal bodies reduce, at the nodes they have, and with leaf springs of constant
-    stiffness as they bend at their end poses; a model without such as it is.
+    """The full model and its state: chains at the nodes of modal bodies, leaf springs of constant stiffness bent between
+    their end poses; a model without a full one is returned unchanged.
 
-    Stresses are zero, which plain Newton does not need.
+    Stored stresses are zero, which plain Newton does not need.
     """
     if model.full is None:
         return model, motion

@@ -1,7 +1,7 @@
 """A solid flexure by scikit-fem: Green-Lagrange strain, Saint-Venant-Kirchhoff material, two rigid end faces.
 
-The full model that `ksd.modal.solid_basis` reduces: a thick leaf or a notch hinge, meshed in 2D (plane stress) or 3D
-with elements of second order. Axes: x along, y through the thickness, z along the width, origin in the middle of face A.
+It is the full model that `ksd.modal.solid_basis` reduces: a thick leaf or a notch hinge, meshed in 2D (plane stress) or 3D
+with second-order elements. Axes: x along, y through the thickness, z along the width, origin in the middle of face A.
 """
 
 from __future__ import annotations
@@ -21,11 +21,12 @@ from ksd.scene.material import Material
 
 @dataclass
 class Solid:
-    """A meshed solid. basis: scikit-fem basis; moduli (lambda, mu) [Pa]; width [m] of a 2D solid (1 in 3D); length [m].
+    """A meshed solid.
 
-    component, position: component and coordinates (3,) m of every degree of freedom; face_a, face_b: those on the faces.
-    refine: makes the same solid with so many times the cells along every axis, which tells the error of its mesh; None
-    where nobody knows how.
+    basis: scikit-fem basis; moduli (lambda, mu) [Pa]; width [m] of a 2D solid (1 in 3D); length [m]. component (size,),
+    position (size, 3) [m]: axis and point of every degree of freedom; face_a, face_b: indices of those on the faces. refine:
+    makes the same solid with a multiple of the cells along every axis, to estimate the error of the mesh; None where that is
+    not possible.
     """
 
     basis: Any
@@ -40,57 +41,57 @@ class Solid:
 
     @property
     def dof_count(self) -> int:
-        """Degrees of freedom."""
+        """Number of degrees of freedom, called size in the shapes of arrays."""
         return len(self.component)
 
     @property
     def is_2d(self) -> bool:
-        """Whether it is meshed in 2D."""
+        """Whether the solid is meshed in 2D."""
         return int(self.component.max()) == 1
 
     @property
     def inner(self) -> Any:
-        """Degrees of freedom that are on neither face."""
+        """Indices of the degrees of freedom on neither face."""
         return np.setdiff1d(np.arange(self.dof_count), np.concatenate([self.face_a, self.face_b]))
 
     def tangent(self, u: np.ndarray) -> Any:
-        """Sparse tangent stiffness (size, size) [N/m] at the displacements u (size,) m."""
-        return self._strained(u)[1]
+        """Sparse tangent stiffness (size, size) [N/m] at the displacements u (size,) [m]."""
+        return self._force_and_tangent(u)[1]
 
     def force(self, u: np.ndarray) -> np.ndarray:
         """Internal force (size,) [N] at the displacements u."""
-        return self._strained(u, tangent=False)[0]
+        return self._force_and_tangent(u, tangent=False)[0]
 
     def force_and_tangent(self, u: np.ndarray) -> tuple[np.ndarray, Any]:
-        """Both at once."""
-        return self._strained(u)
+        """Internal force (size,) [N] and sparse tangent stiffness (size, size) [N/m] at the displacements u."""
+        return self._force_and_tangent(u)
 
     def energy(self, u: np.ndarray) -> float:
         """Strain energy [J] at the displacements u."""
-        G, w, places = self._shapes
-        H = np.einsum("ijaeq,ea->ijeq", G, u[places], optimize=True)
+        G, w, dofs = self._shapes
+        H = np.einsum("ijaeq,ea->ijeq", G, u[dofs], optimize=True)
         E = 0.5 * (H + H.swapaxes(0, 1) + np.einsum("kieq,kjeq->ijeq", H, H))
         lam, mu = self.moduli
         return float(np.sum(w * (0.5 * lam * np.trace(E) ** 2 + mu * np.einsum("ijeq,ijeq->eq", E, E))))
 
-    def _strained(self, u: np.ndarray, *, tangent: bool = True) -> tuple[np.ndarray, Any]:
-        """Total Lagrangian: dE = sym(F^T grad v); all elements at once, as products of stacked matrices.
+    def _force_and_tangent(self, u: np.ndarray, *, tangent: bool = True) -> tuple[np.ndarray, Any]:
+        """Total Lagrangian: dE = sym(F^T grad v), of all elements at once as products of stacked matrices.
 
-        The form loop of scikit-fem visits every pair of shape functions in Python: 81 x 81 of them in 3D.
+        Faster than the form loop of scikit-fem, which visits every pair of shape functions in Python: 81 x 81 in 3D.
         """
-        G, w, places = self._shapes
+        G, w, dofs = self._shapes
         dim, shapes, elements, points = G.shape[0], G.shape[2], G.shape[3], G.shape[4]
-        H = np.einsum("ijaeq,ea->ijeq", G, u[places], optimize=True)
+        H = np.einsum("ijaeq,ea->ijeq", G, u[dofs], optimize=True)
         F = H + np.eye(dim)[:, :, None, None]
         E = 0.5 * (H + H.swapaxes(0, 1) + np.einsum("kieq,kjeq->ijeq", H, H))
         lam, mu = self.moduli
         S = 2.0 * mu * E + lam * np.trace(E) * np.eye(dim)[:, :, None, None]
         P = np.einsum("ikeq,kjeq->ijeq", F, S) * w
         force = np.einsum("ijeq,ijaeq->ea", P, G, optimize=True)
-        total = np.bincount(places.ravel(), force.ravel(), self.dof_count)
+        total = np.bincount(dofs.ravel(), force.ravel(), self.dof_count)
         if not tangent:
             return total, None
-        # rows (elements, shapes, entries x points) of strain variations, turned by the root of the elasticity
+        # rows (elements, shapes, entries x points) of strain variations times the root of the elasticity matrix
         pairs = [(r, r) for r in range(dim)] + [(r, c) for r in range(dim) for c in range(r + 1, dim)]
         g, of = self._scalars
         rows = np.empty((elements, shapes, len(pairs), points))
@@ -98,11 +99,11 @@ class Solid:
             # variation of component c alone: dE = sym(F[c, :] grad N)
             varied = F[c, :, None, None] * g
             terms = [varied[r, k] if r == k else (varied[r, k] + varied[k, r]) / np.sqrt(2) for r, k in pairs]
-            turned = np.tensordot(self.elastic_root, np.stack(terms), axes=1) * np.sqrt(w)
-            rows[:, of[c]] = turned.transpose(2, 1, 0, 3)
+            scaled = np.tensordot(self.elastic_root, np.stack(terms), axes=1) * np.sqrt(w)
+            rows[:, of[c]] = scaled.transpose(2, 1, 0, 3)
         B = rows.reshape(elements, shapes, len(pairs) * points)
         K = B @ B.transpose(0, 2, 1)
-        # stresses act on every component alike
+        # the initial-stress stiffness is the same for every component
         flat = g.transpose(2, 1, 0, 3).reshape(elements, -1, dim * points)
         SG = np.einsum("kseq,kjeq->esjq", g, S * w, optimize=True).reshape(flat.shape)
         initial = SG @ flat.transpose(0, 2, 1)
@@ -113,29 +114,29 @@ class Solid:
     def _sparse(self, K: np.ndarray) -> Any:
         from scipy.sparse import csr_matrix
 
-        entry, columns, starts = self._pattern
+        entry, columns, starts = self._sparsity
         summed = np.bincount(entry, K.ravel(), len(columns))
         return csr_matrix((summed, columns, starts), shape=(self.dof_count, self.dof_count))
 
     @cached_property
-    def _pattern(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of the sparse matrices: place of every entry of the element matrices, columns, starts of the rows."""
-        places = self._shapes[2]
-        spots = (places[:, :, None] * self.dof_count + places[:, None, :]).ravel()
-        used, entry = np.unique(spots, return_inverse=True)
+    def _sparsity(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Pattern of sparse matrices: index of every entry of the element matrices, columns, and starts of the rows."""
+        dofs = self._shapes[2]
+        keys = (dofs[:, :, None] * self.dof_count + dofs[:, None, :]).ravel()
+        used, entry = np.unique(keys, return_inverse=True)
         starts = np.searchsorted(used // self.dof_count, np.arange(self.dof_count + 1))
         return entry, used % self.dof_count, starts
 
     @cached_property
     def _scalars(self) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Gradients (dim, scalar shapes, elements, points), and the vector shapes of every component, in their order."""
-        G, _, places = self._shapes
-        of = [np.flatnonzero(self.component[places[0]] == c) for c in range(len(G))]
+        """Gradients (dim, scalar shapes, elements, points), and per component the indices of its vector shapes."""
+        G, _, dofs = self._shapes
+        of = [np.flatnonzero(self.component[dofs[0]] == c) for c in range(len(G))]
         return np.ascontiguousarray(G[0][:, of[0]]), of
 
     @property
     def elastic_root(self) -> np.ndarray:
-        """C^1/2 (upper triangular) in the components 11, 22, (33,) 12, (13, 23), shear times sqrt 2."""
+        """Upper triangular root of the elasticity matrix; components 11, 22, (33,) 12, (13, 23), shear times sqrt 2."""
         lam, mu = self.moduli
         dim = 2 if self.is_2d else 3
         C = 2.0 * mu * np.eye(dim * (dim + 1) // 2)
@@ -146,15 +147,16 @@ class Solid:
     def _shapes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Gradients (dim, dim, shapes, elements, points), volumes (elements, points), dofs (elements, shapes)."""
         gradients = np.stack(
-            [np.broadcast_to(f[0].grad, self._full(f[0].grad)) for f in self.basis.basis], axis=2
+            [
+                np.broadcast_to(f[0].grad, (*np.shape(f[0].grad)[:2], *np.shape(self.basis.dx)))
+                for f in self.basis.basis
+            ],
+            axis=2,
         )
         return gradients, np.asarray(self.basis.dx) * self.width, np.asarray(self.basis.element_dofs).T
 
-    def _full(self, gradient: Any) -> tuple[int, ...]:
-        return (*np.shape(gradient)[:2], *np.shape(self.basis.dx))
-
     def mass(self) -> Any:
-        """Sparse mass matrix [m^3] of a density of one: which modes are lowest is all it decides."""
+        """Sparse mass matrix [m^3] for unit density; it only decides which modes are lowest."""
         shape = np.shape(self.basis.dx)
         N = np.stack(
             [np.broadcast_to(np.asarray(f[0]), (len(np.asarray(f[0])), *shape)) for f in self.basis.basis], 1
@@ -162,29 +164,32 @@ class Solid:
         return self._sparse(np.einsum("iaeq,ibeq,eq->eab", N, N, self._shapes[1], optimize=True))
 
     def gradients(self, u: np.ndarray) -> np.ndarray:
-        """Displacement gradient (dim, dim, quadrature points) of u."""
-        G, _, places = self._shapes
-        found = np.einsum("ijaeq,ea->ijeq", G, u[places], optimize=True)
+        """Displacement gradient (dim, dim, quadrature points) of the displacements u (size,)."""
+        G, _, dofs = self._shapes
+        found = np.einsum("ijaeq,ea->ijeq", G, u[dofs], optimize=True)
         return found.reshape(*found.shape[:2], -1)
 
     @property
     def weights(self) -> np.ndarray:
-        """Volume of every quadrature point, m^3."""
+        """Volume [m^3] of every quadrature point."""
         return self._shapes[1].ravel()
 
-    def on_grid(self, component: int) -> np.ndarray:
-        """Degrees of freedom of a component in the order of their places (nx, ny, nz), of a solid of `block`."""
+    def grid_dofs(self, component: int) -> np.ndarray:
+        """Degrees of freedom (nx, ny, nz) of a component on the grid of their points, of a solid made by `block`."""
         at = np.flatnonzero(self.component == component)
         x, y, z = np.round(self.position[at] / (1e-9 * self.length)).T
         nx, nz = len(np.unique(x)), len(np.unique(z))
         return at[np.lexsort((z, y, x))].reshape(nx, -1, nz)
 
-    def pattern(self, end: str, row: int, column: int) -> np.ndarray:
-        """Displacement (size,) of one face by a unit entry (row, column) of its rotation matrix; column -1: unit shift."""
+    def face_displacement(self, end: str, row: int, column: int) -> np.ndarray:
+        """Displacement (size,) [m] of face "a" or "b" by a unit entry (row, column) of its rotation matrix.
+
+        column -1: displacement by a unit shift along axis `row`.
+        """
         dofs, at = (self.face_a, 0.0) if end == "a" else (self.face_b, self.length)
         u = np.zeros(self.dof_count)
-        mine = dofs[self.component[dofs] == row]
-        u[mine] = 1.0 if column < 0 else self.position[mine, column] - (at if column == 0 else 0.0)
+        own = dofs[self.component[dofs] == row]
+        u[own] = 1.0 if column < 0 else self.position[own, column] - (at if column == 0 else 0.0)
         return u
 
 
@@ -197,10 +202,10 @@ def block(
     cells: tuple[int, ...],
     outline: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> Solid:
-    """A straight solid of `length` x `thickness` x `width` m with cells (nx, ny) in 2D or (nx, ny, nz) in 3D.
+    """A straight solid of `length` x `thickness` x `width` [m] with cells (nx, ny) in 2D or (nx, ny, nz) in 3D.
 
-    outline: thickness over `thickness` as a function of x / length (a notch), 1 at both ends. Raises SceneError for
-    numbers that are not positive or a wrong count of cells.
+    outline: thickness over `thickness` as a function of x / length (a notch), 1 at both ends. Raises SceneError for lengths
+    that are not positive, a wrong number of cells, and moduli that no isotropic material has.
     """
     import skfem
 
@@ -223,21 +228,20 @@ def block(
         mesh = type(mesh)(p, mesh.t)
     element = skfem.ElementVector(skfem.ElementQuad2() if flat else skfem.ElementHex2())
     basis = skfem.Basis(mesh, element, intorder=4)
-    component, position = _dofs(basis)
+    component, position = _components_and_positions(basis)
     tiny = 1e-9 * length
-    # moduli that no isotropic material has together tell a ratio of their own
     nu = material.E / (2 * material.G) - 1
-    most = 1.0 if flat else 0.5
-    if not -1.0 < nu < most:
+    nu_max = 1.0 if flat else 0.5
+    if not -1.0 < nu < nu_max:
         raise SceneError(
             f"solid: E = {material.E:g} Pa and G = {material.G:g} Pa make a Poisson's ratio of {nu:.3g}; in "
-            f"{'plane stress' if flat else 'space'} it must lie between -1 and {most:g}."
+            f"{'plane stress' if flat else 'space'} it must lie between -1 and {nu_max:g}."
         )
     lam = material.E * nu / (1 - nu**2 if flat else (1 + nu) * (1 - 2 * nu))
 
-    def refine(times: float) -> Solid:
-        more = tuple(math.ceil(times * n) for n in cells)
-        return block(material, length, thickness, width=width, cells=more, outline=outline)
+    def refine(factor: float) -> Solid:
+        finer = tuple(math.ceil(factor * n) for n in cells)
+        return block(material, length, thickness, width=width, cells=finer, outline=outline)
 
     return Solid(
         basis, (lam, material.G), width if flat else 1.0, length,
@@ -246,8 +250,8 @@ def block(
     )  # fmt: skip
 
 
-def _dofs(basis: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Component and place (3,) of every degree of freedom."""
+def _components_and_positions(basis: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Component (size,) and position (size, 3) [m] of every degree of freedom."""
     component = np.zeros(basis.N, np.int64)
     for table in (basis.nodal_dofs, basis.edge_dofs, basis.facet_dofs, basis.interior_dofs):
         if table is None or not np.size(table):

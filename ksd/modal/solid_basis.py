@@ -1,9 +1,9 @@
 """A reduced solid: Craig-Bampton modes and modal derivatives of a meshed solid, and its exact polynomial energy.
 
-The displacement patterns of the two rigid end faces are linear in the rotation matrices of the faces, so finite
-rotations are exact and the second-order terms of a rotation are boundary patterns, not derivatives. Between them the
-chord frame (default) or node frame, internal modes and derivatives are those of the leaf springs. Because Green-Lagrange
-strain is quadratic, the projected energy is a polynomial of fourth order whose tensors are computed once.
+The displacement patterns of the two rigid end faces are linear in the rotation matrices of the faces, so finite rotations
+are exact and the second-order terms of a rotation are patterns of the faces, not derivatives. Chord frame (default) or node
+frame, internal modes and derivatives are those of the leaf springs. Because Green-Lagrange strain is quadratic, the energy
+in these coordinates is a polynomial of fourth order whose tensors are computed once.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from ksd.numerics.reduction import Modes, craig_bampton, modal_derivatives, stat
 class SolidBasis:
     """A reduced solid: displacement = patterns (size, nb) (b - b0) + inner (size, m) eta, in the frame `frame`.
 
-    b (nb,): the entries `chosen` of the pose values of `ksd.beam.polynomial_solid.face_jets`; b0 theirs at rest; value,
-    number: the constants of that kernel. condition: of the inner columns.
+    b (nb,): the entries `pose_indices` of the pose values of `ksd.beam.polynomial_solid.face_jets`; b0 (nb,): the same at
+    rest; value, number: the constants of that kernel; condition: condition number of the inner columns.
     """
 
     solid: Solid
@@ -47,12 +47,12 @@ class SolidBasis:
     kind, word, trained = SOLID, "solid", False
 
     def __repr__(self) -> str:
-        # told apart by identity: solvers are kept by what their basis prints
+        # distinguished by identity, since solvers are cached by the text of their basis
         return f"<SolidBasis of {self.unknowns} coordinates, {self.frame} frame, at {id(self):#x}>"
 
     @property
     def unknowns(self) -> int:
-        """Coordinates in which the energy is a polynomial."""
+        """Number of coordinates of the energy polynomial."""
         return int(self.number[1] + self.number[2])
 
     def constants(self) -> tuple[np.ndarray, np.ndarray]:
@@ -69,90 +69,94 @@ class SolidBasis:
         return self.solid.energy(self.displacements(d, R, eta))
 
     def displacements(self, d: np.ndarray, R: np.ndarray, eta: np.ndarray) -> np.ndarray:
-        """Displacements u (size,) m of the full model at a state of the reduced one: face B at d (3,) m, R (3, 3)."""
+        """Displacements (size,) [m] of the full model at a state of the reduced one: face B at d (3,) [m], R (3, 3)."""
         solid, jets = self.solid, np.empty((19, JET))
         face_jets(int(self.frame == "chord"), d, R, jets)
         u = self.patterns @ (jets[list(self.pose_indices), 0] - self.b0) + self.inner @ eta
         if self.frame == "node":
             return np.asarray(u)
-        # turned from the frame of the chord into that of face A
+        # rotated from the chord frame into that of face A
         turn, found = jets[1:10, 0].reshape(3, 3), np.empty_like(u)
         dim = 2 if solid.is_2d else 3
         at = [np.flatnonzero(solid.component == c) for c in range(dim)]
         at = [a[np.lexsort(solid.position[a].T)] for a in at]
-        spots = np.zeros((3, len(at[0])))
+        points = np.zeros((3, len(at[0])))
         for c in range(dim):
-            spots[c] = solid.position[at[c], c] + u[at[c]]
-        spots = turn @ spots
+            points[c] = solid.position[at[c], c] + u[at[c]]
+        points = turn @ points
         for c in range(dim):
-            found[at[c]] = spots[c] - solid.position[at[c], c]
+            found[at[c]] = points[c] - solid.position[at[c], c]
         return found
 
     def middle_line(
         self, d: np.ndarray, R: np.ndarray, eta: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Stations (k,) m, positions (k, 3) m and axes (k, 3, 3) along the middle of the solid, in the frame of face A.
+        """Stations (k,) [m], positions (k, 3) [m] and axes (k, 3, 3) of the middle line, in the frame of face A.
 
-        The middle of a section is the mean of what is on it at rest; its axes follow the line and the width.
+        The middle of a section is the mean of its degrees of freedom at rest; the axes follow the line and the width.
         """
         solid, u = self.solid, self.displacements(d, R, eta)
         dim = 2 if solid.is_2d else 3
-        grain = 1e-9 * solid.length
-        ends = solid.position[:, 0]
-        s, section = np.unique(np.round(ends / grain), return_inverse=True)
-        s, count = grain * s, len(s)
-        place = np.zeros((count, 3))
-        place[:, 0] = s
+        tolerance = 1e-9 * solid.length
+        s, section = np.unique(np.round(solid.position[:, 0] / tolerance), return_inverse=True)
+        s, count = tolerance * s, len(s)
+        middle = np.zeros((count, 3))
+        middle[:, 0] = s
         for c in range(dim):
-            mine = solid.component == c
-            place[:, c] += np.bincount(section[mine], u[mine], count) / np.bincount(
-                section[mine], None, count
-            )
-        along: np.ndarray = np.asarray(np.gradient(place, s, axis=0))
+            own = solid.component == c
+            middle[:, c] += np.bincount(section[own], u[own], count) / np.bincount(section[own], None, count)
+        along: np.ndarray = np.asarray(np.gradient(middle, s, axis=0))
         along[0], along[-1] = (1.0, 0.0, 0.0), R[:, 0]
-        # the width of face B, turned back along the line by the share of the way
-        wide = (1 - s / s[-1])[:, None] * np.array([0.0, 0.0, 1.0]) + (s / s[-1])[:, None] * R[:, 2]
+        # the width direction, interpolated along the line between the faces
+        width = (1 - s / s[-1])[:, None] * np.array([0.0, 0.0, 1.0]) + (s / s[-1])[:, None] * R[:, 2]
         e1 = along / np.linalg.norm(along, axis=1)[:, None]
-        e2 = np.cross(wide, e1)
+        e2 = np.cross(width, e1)
         e2 /= np.linalg.norm(e2, axis=1)[:, None]
-        return s, place, np.stack([e1, e2, np.cross(e1, e2)], axis=2)
+        return s, middle, np.stack([e1, e2, np.cross(e1, e2)], axis=2)
 
 
 def _faces(solid: Solid, frame: str) -> tuple[list[int], list[float], list[np.ndarray]]:
-    """Places among the pose values, values at rest, and patterns of the faces; rotation columns along x act on nothing."""
+    """Indices into the pose values, values at rest, and displacement patterns of the faces.
+
+    The first columns of the rotation matrices are left out, since the faces have no extent along x.
+    """
     flat = solid.is_2d
     dim, length = (2, solid.length) if flat else (3, solid.length)
     found: list[tuple[int, float, np.ndarray]] = []
     ends = [("b", 3 if frame == "node" else 10)] + ([("a", 1)] if frame == "chord" else [])
     for row in range(dim if frame == "node" else 1):
-        found.append((row, length if row == 0 else 0.0, solid.pattern("b", row, -1)))
+        found.append((row, length if row == 0 else 0.0, solid.face_displacement("b", row, -1)))
     for end, first in ends:
         for column in range(1, dim):
             for row in range(dim):
                 found.append(
-                    (first + 3 * column + row, float(row == column), solid.pattern(end, row, column))
+                    (
+                        first + 3 * column + row,
+                        float(row == column),
+                        solid.face_displacement(end, row, column),
+                    )
                 )
     at, rest, patterns = zip(*found, strict=True)
     return list(at), list(rest), list(patterns)
 
 
-def _turning(solid: Solid, frame: str) -> list[np.ndarray]:
-    """First-order motions (size,) of the faces: the boundary modes that are followed to second order."""
+def _first_order_motions(solid: Solid, frame: str) -> list[np.ndarray]:
+    """First-order motions (size,) of the faces, of which derivatives are taken."""
     flat = solid.is_2d
     axes = [2] if flat else [1, 2]
 
     def turn(end: str, axis: int) -> np.ndarray:
         u = np.zeros(solid.dof_count)
-        # unit rotation about `axis`: u_i = x_j, u_j = -x_i with (i, j, axis) cyclic reversed
+        # unit rotation about `axis` by cyclic permutation: u_j = x_i, u_i = -x_j
         i, j = (axis + 1) % 3, (axis + 2) % 3
         for row, column, sign in ((j, i, 1.0), (i, j, -1.0)):
             if row < (2 if flat else 3) and column > 0:
-                u += sign * solid.pattern(end, row, column)
+                u += sign * solid.face_displacement(end, row, column)
         return u
 
     shifts = range(1 if frame == "chord" else (2 if flat else 3))
-    # as large as the rotations, whatever the unit of length: small columns are dropped
-    found = [solid.length * solid.pattern("b", row, -1) for row in shifts]
+    # scaled like the rotations, whatever the unit of length, since small columns are dropped
+    found = [solid.length * solid.face_displacement("b", row, -1) for row in shifts]
     found += [turn("b", axis) for axis in ([2] if flat else [0, 1, 2])]
     if frame == "chord":
         found += [turn("a", axis) for axis in axes]
@@ -160,16 +164,16 @@ def _turning(solid: Solid, frame: str) -> list[np.ndarray]:
 
 
 def _derivatives(solid: Solid, modes: np.ndarray, inner: Any, order: int) -> list[np.ndarray]:
-    """Derivatives of the modes (size, k) with each other."""
-    some = Modes(modes, 0, np.zeros(0))
-    far = 0.1 * solid.length
+    """Derivatives (size,) of the modes (size, k) along each other."""
+    followed = Modes(modes, 0, np.zeros(0))
+    distance = 0.1 * solid.length
 
     def along(v: np.ndarray) -> Any:
-        # the tangent is quadratic in displacement: this difference is exact, however far
-        scale = far / np.abs(v).max()
+        # the tangent is quadratic in displacement, so this difference is exact at any distance
+        scale = distance / np.abs(v).max()
         return (solid.tangent(scale * v) - solid.tangent(-scale * v)) / (2.0 * scale)
 
-    found = modal_derivatives(solid.tangent, some, inner, step=0.01, order=order, analytic=along)
+    found = modal_derivatives(solid.tangent, followed, inner, step=0.01, order=order, analytic=along)
     return list(found.shapes.T)
 
 
@@ -178,14 +182,14 @@ def reduce_solid(
 ) -> SolidBasis:
     """Basis and polynomial of a solid.
 
-    frame, internal, order, cut: as in `ksd.ModalBasis`. Raises SceneError for words that are not choices.
+    frame, internal, order, cut: as in `ksd.ModalBasis`. Raises SceneError for values that are not possible.
     """
     ModalBasis(frame=frame, internal=internal, order=order, cut=cut)
     rest, inner, planes = solid.tangent(np.zeros(solid.dof_count)), solid.inner, mirror_planes(solid)
     at, b0, faces = _faces(solid, frame)
     patterns = np.array(faces).T + static_extension(rest, np.array(faces).T, inner)
     patterns, sides = split_by_parity(patterns, planes)
-    first = np.array(_turning(solid, frame)).T
+    first = np.array(_first_order_motions(solid, frame)).T
     first = first + static_extension(rest, first, inner)
     vibration = _vibration(solid, rest, internal, planes)
     columns = [*vibration.T]
@@ -201,7 +205,7 @@ def reduce_solid(
 
 
 def _vibration(solid: Solid, rest: Any, internal: int, planes: MirrorPlanes) -> np.ndarray:
-    """Fixed-interface modes (size, internal); of two of one frequency, which may mix, those that are even or odd."""
+    """Fixed-interface modes (size, internal), each even or odd; modes of equal frequency, which may mix, are separated."""
     mass = solid.mass()
     found = craig_bampton(rest, [], solid.inner, M=mass, internal=internal).shapes
     pure, _ = split_by_parity(found, planes)
@@ -224,13 +228,13 @@ def energy_tensors(solid: Solid, columns: np.ndarray, parity: np.ndarray) -> np.
     i, j = np.triu_indices(M)
     at = np.zeros((M, M), np.int64)
     at[i, j] = at[j, i] = np.arange(len(i))
-    lin = _stressed(solid, _strain(H)).reshape(M, -1)
+    lin = _energy_scaled(solid, _strain(H)).reshape(M, -1)
     cross, square = np.zeros((M, len(i))), np.zeros((len(i), len(i)))
     both, families = parity[i] ^ parity[j], []
     for code in np.unique(both):
         some, pairs = np.flatnonzero(parity == code), np.flatnonzero(both == code)
         quad = np.array([_strain(np.einsum("kiq,kjq->ijq", H[i[p]], H[j[p]])[None])[0] for p in pairs])
-        quad = _stressed(solid, quad).reshape(len(pairs), -1)
+        quad = _energy_scaled(solid, quad).reshape(len(pairs), -1)
         cross[np.ix_(some, pairs)], square[np.ix_(pairs, pairs)] = lin[some] @ quad.T, quad @ quad.T
         families.append((some, pairs))
     K2, K3, K4 = (lin @ lin.T)[i, j], _third(cross, at, i, j), _fourth(square, at, i, j)
@@ -243,14 +247,14 @@ def energy_tensors(solid: Solid, columns: np.ndarray, parity: np.ndarray) -> np.
 
 
 def _third(cross: np.ndarray, at: np.ndarray, i: np.ndarray, j: np.ndarray) -> np.ndarray:
-    """K3[a, bc] = L[a, bc] + L[b, ac] + L[c, ab] from L = linear times quadratic strain."""
+    """Third-order tensor K3[a, bc] = L[a, bc] + L[b, ac] + L[c, ab] from L = linear times quadratic strain."""
     M = len(cross)
     a = np.arange(M)[:, None]
     return cross + cross[i[None, :], at[a, j[None, :]]] + cross[j[None, :], at[a, i[None, :]]]
 
 
 def _fourth(square: np.ndarray, at: np.ndarray, i: np.ndarray, j: np.ndarray) -> np.ndarray:
-    """K4[ab, cd] = Q[ab, cd] + Q[ac, bd] + Q[ad, bc]."""
+    """Fourth-order tensor K4[ab, cd] = Q[ab, cd] + Q[ac, bd] + Q[ad, bc]."""
     total = square.copy()
     for p in range(len(i)):
         a, b = i[p], j[p]
@@ -266,23 +270,23 @@ def _strain(H: np.ndarray) -> np.ndarray:
     return np.stack(parts, axis=1)
 
 
-def _stressed(solid: Solid, strain: np.ndarray) -> np.ndarray:
-    """Strains turned so that their products, summed, are the elastic energy: C^1/2 E sqrt(volume)."""
+def _energy_scaled(solid: Solid, strain: np.ndarray) -> np.ndarray:
+    """C^1/2 E sqrt(volume) of strains E, so that sums of their products are twice the elastic energy."""
     return np.einsum("rc,kcq->krq", solid.elastic_root, strain) * np.sqrt(solid.weights)
 
 
 def with_solids(model: Model, solids: Mapping[str, SolidBasis]) -> Model:
-    """`model` with the leaf springs named in `solids` replaced by reduced solids that lie where these leaf springs lie.
+    """`model` with the leaf springs named in `solids` replaced by reduced solids between the same ends.
 
     Raises SceneError for unknown names, for a solid of another length than its leaf, and for models with plates. A solid
-    meshed in 2D resists nothing out of its plane: hold the mechanism there by supports.
+    meshed in 2D has no stiffness out of its plane: constrain the mechanism there by supports.
     """
-    _fit(model, solids)
+    _check_solids(model, solids)
     return with_bodies(model, solids)
 
 
-def _fit(model: Model, solids: Mapping[str, SolidBasis]) -> None:
-    """Raises SceneError where a solid cannot stand where it is to stand."""
+def _check_solids(model: Model, solids: Mapping[str, SolidBasis]) -> None:
+    """Raises SceneError where a solid cannot replace the leaf of its name."""
     if model.full is not None:
         raise SceneError(
             "solids beside modal bodies are not possible; leave the other leaf springs as they are"

@@ -1,6 +1,6 @@
 """Equilibrium of a meshed solid under a load on face B, and the solid condensed to that face.
 
-Face A is held; face B is rigid, its pose (shift, rotation) is unknown, and a dead force and moment act on its middle.
+Face A is fixed; face B is rigid, its pose (shift, rotation) is unknown, and a dead force and moment act on its middle.
 """
 
 from __future__ import annotations
@@ -15,14 +15,18 @@ from scipy.spatial.transform import Rotation
 from ksd.errors import ConvergenceError
 from ksd.modal.solid import Solid
 
-MOST = 40
+MAX_ITERATIONS = 40
+"""Newton steps per load step."""
 
 
 @dataclass(frozen=True)
 class LoadedFace:
-    """Face B under load: shift (3,) m, rotation R (3, 3), stiffness (6, 6) of force and moment about it with the
-    inside condensed (rows out of the plane zero for 2D), iterations, thread time [s] of one iteration, and the state
-    (displacements)."""
+    """Equilibrium of face B under load.
+
+    shift (3,) [m], rotation R (3, 3), stiffness (6, 6) about the middle of the face with the inner degrees of freedom
+    condensed (rows out of the plane zero in 2D), Newton iterations, thread time [s] of one iteration, and the displacements
+    `state` (size,) [m].
+    """
 
     shift: np.ndarray
     R: np.ndarray
@@ -33,57 +37,65 @@ class LoadedFace:
 
 
 class FullSolid:
-    """The full model on its way: displacements u (size,) m, and shift (3,) m and rotation R (3, 3) of face B."""
+    """A meshed solid during Newton's iteration: displacements u (size,) [m], shift (3,) [m] and rotation R (3, 3) of face B.
+
+    wrench (6,): force and moment [N, Nm] on face B with the inner degrees of freedom condensed, about its middle, in the
+    axes of face A; stiffness (6, 6): its derivative; face_wrench (6,): without the condensation.
+    """
 
     def __init__(self, solid: Solid, u: np.ndarray, shift: np.ndarray, R: np.ndarray) -> None:
         self.solid, self.u, self.shift, self.R = solid, u.copy(), shift, R
         self.inner, self.face = solid.inner, solid.face_b
-        # motions of face B that exist
+        # possible motions of face B
         self.free = [0, 1, 5] if solid.is_2d else [0, 1, 2, 3, 4, 5]
         self.arm = solid.position[self.face] - np.array([solid.length, 0.0, 0.0])
         self.row = solid.component[self.face]
-        self.stiffness, self.wrench, self.held = np.zeros((6, 6)), np.zeros(6), np.zeros(6)
-        self._inside = np.zeros((len(self.inner), 7))
+        self.stiffness, self.wrench, self.face_wrench = np.zeros((6, 6)), np.zeros(6), np.zeros(6)
+        self._response = np.zeros((len(self.inner), 7))
 
     def on_mesh(self, solid: Solid) -> FullSolid:
-        """This state on another mesh of the same solid, displacements linear between the places known."""
+        """This state on another mesh of the same solid, displacements interpolated linearly."""
         u = np.zeros(solid.dof_count)
         for component in range(2 if solid.is_2d else 3):
-            own, theirs = self.solid.on_grid(component), solid.on_grid(component)
-            at = [np.linspace(0.0, n - 1.0, m) for n, m in zip(own.shape, theirs.shape, strict=True)]
-            places = np.meshgrid(*at, indexing="ij")
-            u[theirs] = map_coordinates(self.u[own], places, order=1, mode="nearest")
+            old, new = self.solid.grid_dofs(component), solid.grid_dofs(component)
+            at = [np.linspace(0.0, n - 1.0, m) for n, m in zip(old.shape, new.shape, strict=True)]
+            points = np.meshgrid(*at, indexing="ij")
+            u[new] = map_coordinates(self.u[old], points, order=1, mode="nearest")
         return FullSolid(solid, u, self.shift, self.R)
 
     def step(self, wrench: np.ndarray) -> bool:
-        """One Newton step under `wrench` (6,) on face B, in place; whether it was at rest before, to rounding."""
-        away, X, size = self._condensed()
-        free, rest = self.free, self.wrench - wrench
+        """One Newton step under `wrench` (6,) on face B, in place; returns whether it began in equilibrium, to rounding."""
+        inner_residual, X, force_scale = self._condense()
+        free, residual = self.free, self.wrench - wrench
         pose = np.zeros(6)
-        pose[free] = -np.linalg.solve(self.stiffness[np.ix_(free, free)], rest[free])
-        size += float(np.abs(wrench).max()) + 1e-300
-        outside = float(np.abs((self.held - wrench)[free]).max()) / self.solid.length
+        pose[free] = -np.linalg.solve(self.stiffness[np.ix_(free, free)], residual[free])
+        force_scale += float(np.abs(wrench).max()) + 1e-300
+        face_residual = float(np.abs((self.face_wrench - wrench)[free]).max()) / self.solid.length
         step = -X[:, 6] - X[:, :6] @ pose
         self.u[self.inner] += step
         self.shift, self.R = self.shift + pose[:3], Rotation.from_rotvec(pose[3:]).as_matrix() @ self.R
-        worst = max(away, outside) / size
+        worst = max(inner_residual, face_residual) / force_scale
         return worst < 1e-9 or bool(np.abs(step).max() < 1e-12 * self.solid.length)
 
     def condense(self) -> None:
-        """Force and moment on face B where it is, the inside on its way to rest to first order: `wrench` (6,) N, Nm about
-        its middle, in the axes of face A, and `stiffness` (6, 6)."""
-        _, self._inside, _ = self._condensed()
+        """Set `wrench` and `stiffness` at the present pose of face B, the inner degrees of freedom in equilibrium to first
+        order."""
+        _, self._response, _ = self._condense()
 
     def follow(self, d: np.ndarray, R: np.ndarray) -> None:
-        """Face B to d (3,) m, R (3, 3) in the frame of face A, and the inside after it, as `condense` left it."""
+        """Move face B to d (3,) [m], R (3, 3) in the frame of face A, and the inner degrees of freedom as linearised by
+        `condense`."""
         shift = d - np.array([self.solid.length, 0.0, 0.0])
         move = np.concatenate([shift - self.shift, Rotation.from_matrix(R @ self.R.T).as_rotvec()])
-        self.u[self.inner] -= self._inside[:, 6] + self._inside[:, :6] @ move
+        self.u[self.inner] -= self._response[:, 6] + self._response[:, :6] @ move
         self.shift, self.R = shift, R.copy()
 
-    def _condensed(self) -> tuple[float, np.ndarray, float]:
-        """Largest force inside that is not balanced [N], response (inner, 7) of the inside to the pose of face B and to that
-        force, and the largest force anywhere; sets `wrench`, `stiffness`, and `held`, the force on face B as it is."""
+    def _condense(self) -> tuple[float, np.ndarray, float]:
+        """Set `wrench`, `stiffness` and `face_wrench`.
+
+        Returns the largest inner residual [N], the response (inner, 7) of the inner degrees of freedom to the pose of face B
+        and to that residual, and the largest internal force [N].
+        """
         from scipy.sparse.linalg import splu
 
         solid, inner, face, row = self.solid, self.inner, self.face, self.row
@@ -103,27 +115,27 @@ class FullSolid:
         # second derivatives of the rotated arms: (g r^T + r g^T)/2 - (g.r) I
         gr = g.T @ turned
         S[3:, 3:] += 0.5 * (gr + gr.T) - np.trace(gr) * np.eye(3)
-        self.stiffness, self.wrench, self.held = np.zeros((6, 6)), np.zeros(6), np.zeros(6)
+        self.stiffness, self.wrench, self.face_wrench = np.zeros((6, 6)), np.zeros(6), np.zeros(6)
         free = np.ix_(self.free, self.free)
         self.stiffness[free] = S[free]
-        self.held[self.free] = (T.T @ f[face])[self.free]
+        self.face_wrench[self.free] = (T.T @ f[face])[self.free]
         self.wrench[self.free] = (T.T @ f[face] - Kib.T @ X[:, 6])[self.free]
         return float(np.abs(f[inner]).max()), X, float(np.abs(f).max())
 
 
 def load_face(solid: Solid, force: np.ndarray, moment: np.ndarray, *, steps: int = 4) -> LoadedFace:
-    """The full model under `force` (3,) [N] and `moment` (3,) [Nm], in load steps. Raises ConvergenceError."""
+    """Equilibrium under `force` (3,) [N] and `moment` (3,) [Nm] on face B, in load steps. Raises ConvergenceError."""
     full = FullSolid(solid, np.zeros(solid.dof_count), np.zeros(3), np.eye(3))
     count, spent, wrench = 0, 0.0, np.concatenate([force, moment])
     for k in range(1, steps + 1):
-        for _ in range(MOST):
+        for _ in range(MAX_ITERATIONS):
             clock = time.thread_time()
-            rests = full.step(k / steps * wrench)
+            at_rest = full.step(k / steps * wrench)
             count, spent = count + 1, spent + time.thread_time() - clock
-            if rests:
+            if at_rest:
                 break
         else:
             raise ConvergenceError(
-                f"the solid did not come to rest within {MOST} iterations at {100 * k / steps:.3g} %"
+                f"the solid did not come to rest within {MAX_ITERATIONS} iterations at {100 * k / steps:.3g} %"
             )
     return LoadedFace(full.shift, full.R, full.stiffness, count, spent / count, full.u)

@@ -150,8 +150,8 @@ def test_links_held_in_their_plane_need_no_look_in_space(paper):
     scene, targets, _ = shipped()
     shown = ksd.solve(scene, targets, method="constant")
     assert shown.negatives == shown.expected_negatives
-    assert not load_steps._is_held(ksd.prepare(scene).constant[0])
-    assert load_steps._is_held(flat.model)
+    assert not load_steps._cannot_leave_plane(ksd.prepare(scene).constant[0])
+    assert load_steps._cannot_leave_plane(flat.model)
 
 
 def shipped():
