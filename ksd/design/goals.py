@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ksd.checks import number, show, similar_name_hint
-from ksd.design.questions import others
+from ksd.design.questions import other_principal_columns
 from ksd.errors import SceneError
 
 INFINITE = {"support": np.inf, "buckling_positive": np.inf, "buckling_negative": -np.inf}
@@ -60,7 +60,10 @@ class Answer:
             below = self.role == "minimise" or np.isfinite(self.high)
             every = [replace(self, column=c, low=-np.inf) for c in leaves if below]
             return [*every, replace(self, high=np.inf)] if above else every
-        return [self, *(replace(self, column=c, high=np.inf) for c in others(self.column) if above)]
+        return [
+            self,
+            *(replace(self, column=c, high=np.inf) for c in other_principal_columns(self.column) if above),
+        ]
 
     def moved(self, by: float, value: float) -> Answer:
         """The same with a limit moved in by this much, in units of its column; where a `value` is given (not nan), limits of

@@ -206,7 +206,7 @@ def gradient(
             case = {"load_case": line.labels["load_case"]} if loads else {}
             yield SolvedPoses(
                 line.scene,
-                [walk.pose(v) for v in line.drive_values],
+                [walk.solve(v) for v in line.drive_values],
                 [{**case, **v} for v in line.drive_values],
             )
 

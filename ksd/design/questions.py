@@ -1,4 +1,4 @@
-"""What a sweep asks of every pose, and the columns the answers go into; units are in the column names."""
+"""Questions of a sweep, how each is answered at a pose, and the columns of the answers, with their units in the names."""
 
 from __future__ import annotations
 
@@ -38,18 +38,23 @@ from ksd.solve.error import refined_configuration
 
 Row = dict[str, Any]
 DRIVE_VALUE_UNITS = {"translation": ("mm", 1e3), "rotation": ("deg", 180 / np.pi), "mixed": ("SI", 1.0)}
+"""Unit of the column of a drive value and the factor to it from SI, by kind of drive."""
 POINT_QUESTIONS = ("support_stiffness", "parasitic")
 """Questions about a point of a link."""
 EFFORT_SUFFIX = {"translation": "force_N", "rotation": "moment_Nm", "mixed": "effort_SI"}
+"""End of the column name of a drive force or moment, by kind of drive."""
 
 
 @dataclass(frozen=True)
 class Questions:
-    """The questions and their options. questions: names in ALL_QUESTIONS; link, at (3,) [m at rest]: the point whose
-    support stiffness and parasitic motion are asked, by default where the first drive acts; freed: drives let go for
-    the frequencies, all when None; modes: how many to follow besides the intended; points: stations per leaf for stress;
-    errors: every question once more of the equilibrium on a finer mesh; every: the stress of every leaf, and
-    all principal stiffnesses besides; usual: nothing was said, and a state without critical load factors is no failure."""
+    """Questions and their options.
+
+    names: of ALL_QUESTIONS. link, at: point of "support_stiffness" and "parasitic", at (3,) [m] undeformed; that of the
+    first drive when None. freed: drives and supports released for "frequencies", all drives when None. modes: number of
+    modes followed in addition to the intended ones. points: stations per leaf spring for "stress". errors: each question
+    is also answered at the equilibrium on a finer mesh. detailed: also the stress of every leaf spring and all principal
+    stiffnesses. is_default: the caller named no questions, so that a state without critical load factors is no failure.
+    """
 
     names: tuple[str, ...]
     link: str | None = None
@@ -63,21 +68,21 @@ class Questions:
 
     @cached_property
     def has_point_question(self) -> bool:
-        """Whether there is one about a point of a link."""
+        """Whether a question concerns a point of a link."""
         return not set(POINT_QUESTIONS).isdisjoint(self.names)
 
     @cached_property
     def batch_part(self) -> Questions:
-        """Those that many poses are asked together."""
+        """The questions that are answered for many poses at once."""
         return replace(self, names=tuple(q for q in self.names if q in BATCH_QUESTIONS))
 
     @cached_property
     def single_part(self) -> Questions:
-        """The others."""
+        """The questions that are answered pose by pose."""
         return replace(self, names=tuple(q for q in self.names if q not in BATCH_QUESTIONS))
 
     def point(self, scene: Any) -> tuple[str, tuple[float, float, float] | None]:
-        """Link and point asked about; SceneError when the scene has no drive to take it from."""
+        """Link and point (3,) [m] of POINT_QUESTIONS. Raises SceneError if none is given and the scene has no drive."""
         if self.link is not None:
             return self.link, self.at
         link, point = default_point(scene)
@@ -85,7 +90,7 @@ class Questions:
 
 
 def check_questions(questions: Questions, scene: Any) -> None:
-    """SceneError where questions speak of a link, drive or support that a scene does not have."""
+    """Raise SceneError where the options name a link, drive or support that the scene does not have."""
     blocks = [f"{j.name}/{block}" for j in scene.joints for block in j.joint.blocks() if block not in "AB"]
     links, rows = (*scene.links[1:], *blocks), [d.name for d in (*scene.drives, *scene.supports)]
     for what, names, known in (
@@ -103,7 +108,7 @@ def check_questions(questions: Questions, scene: Any) -> None:
 def parse_questions(
     questions: Any, link: Any, at: Any, freed: Any, *, modes: int = 3, errors: bool = False
 ) -> Questions:
-    """The questions as words of a call say them; SceneError for words that are wrong."""
+    """Questions from the arguments of a public function. Raises SceneError for invalid ones."""
     names = names_of(questions, "questions")
     for q in names:
         if q not in ALL_QUESTIONS:
@@ -119,8 +124,10 @@ def parse_questions(
 
 
 def unanswerable_questions(scene: Any, link: str | None = None) -> dict[str, str]:
-    """Questions to which a scene has no answer, with the reason: sweeps and reports leave them out unless they are named;
-    link: asked about."""
+    """Questions that a scene cannot answer, with the reason.
+
+    Sweeps and reports leave them out unless the caller names them; link: as in `Questions`.
+    """
     found: dict[str, str] = {}
     leaves = scene.leaf_names().values()
     if not scene.masses and not any(leaf.material.density for leaf in leaves):
@@ -135,7 +142,7 @@ def unanswerable_questions(scene: Any, link: str | None = None) -> dict[str, str
 
 
 def drive_columns(scene: Any) -> dict[str, tuple[str, float]]:
-    """Column and factor (column = factor * SI) of every drive: "top_mm", "hinge_deg"."""
+    """Column, such as "top_mm" or "hinge_deg", and factor (column = factor * SI) by drive name."""
     found = {}
     for drive in scene.drives:
         unit, factor = DRIVE_VALUE_UNITS[drive_kind(drive)]
@@ -144,7 +151,7 @@ def drive_columns(scene: Any) -> dict[str, tuple[str, float]]:
 
 
 def column_questions(scene: Any, modes: int) -> dict[str, str]:
-    """Columns that answers of a scene can be judged by, and the question of each."""
+    """Question by column, for all columns that a target or limit of a job can name."""
     found: dict[str, str] = {}
     for drive in scene.drives:
         found[f"{drive.name}_{EFFORT_SUFFIX[drive_kind(drive)]}"] = "force"
@@ -165,21 +172,24 @@ def column_questions(scene: Any, modes: int) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class PreviousPose:
-    """What the pose before was found to do, for the next one to go on from, and the pose itself. between: solves for a pose
-    on the way at drive values by name [m or rad]; truth: the same of the equilibria that error figures come from."""
+    """What the analysis of a pose continues from.
+
+    tracks: modes at the previous pose. pose: its configuration. solve: returns the configuration at drive values by name
+    [m or rad], for poses in between. reference: the same of the equilibria on the finer mesh, for error figures.
+    """
 
     tracks: Tracks | None = None
     pose: Any = None
-    between: Callable[[Row], Any] | None = None
-    truth: PreviousPose | None = None
+    solve: Callable[[Row], Any] | None = None
+    reference: PreviousPose | None = None
 
 
 @dataclass(frozen=True)
 class PoseAnalysis:
-    """A configuration under question, with what several questions stand on."""
+    """A configuration, with the quantities that several questions share; its other attributes are the configuration's."""
 
     configuration: Any
-    before: PreviousPose = PreviousPose()
+    previous: PreviousPose = PreviousPose()
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.configuration, name)
@@ -190,25 +200,23 @@ class PoseAnalysis:
         return finer_tangent(self.model, self.refinement_start, load_factor=self.load_factor)
 
     def stiffness_at(self, questions: Questions) -> PointStiffness:
-        """Stiffness of the point asked about."""
-        known = self.__dict__.get("point")
-        if known is None:
-            model = self.model
-            link, at = questions.point(model.scene)
-            known = point_stiffness(model, self.refinement_start, link, at=at, tangent=self.tangent)
-            self.__dict__["point"] = known
-        found: PointStiffness = known
-        return found
+        """Stiffness of the point of the questions, computed once."""
+        cached: PointStiffness | None = self.__dict__.get("point_stiffness")
+        if cached is None:
+            link, at = questions.point(self.model.scene)
+            cached = point_stiffness(self.model, self.refinement_start, link, at=at, tangent=self.tangent)
+            self.__dict__["point_stiffness"] = cached
+        return cached
 
 
 def _force(pose: Any, questions: Questions) -> Row:
-    row, known = Row(), pose.method_error is not None
+    row, has_error = Row(), pose.method_error is not None
     for i, (drive, force) in enumerate(zip(pose.model.scene.drives, pose.forces.values(), strict=True)):
         effort = EFFORT_SUFFIX[drive_kind(drive)]
         row[f"{drive.name}_{effort}"] = force
-        if known:
+        if has_error:
             row[f"{drive.name}_error_{effort.rsplit('_', 1)[1]}"] = float(pose.error.force[i])
-    if known:
+    if has_error:
         row["error_percent"] = 100.0 * float(pose.error.relative)
     return row
 
@@ -220,10 +228,10 @@ WORST_SUPPORT_COLUMNS = ("support_worst_N_per_m", "support_worst_Nm_per_rad")
 
 def _drive_stiffness(pose: Any, questions: Questions) -> Row:
     found = drive_stiffness(pose.model, pose.refinement_start, tangent=pose.tangent)
-    return _drives_row(found.names, found.units, np.diagonal(found.matrix))
+    return _drive_stiffness_row(found.names, found.units, np.diagonal(found.matrix))
 
 
-def _drives_row(names: Sequence[str], units: Sequence[str], stiffness: np.ndarray) -> Row:
+def _drive_stiffness_row(names: Sequence[str], units: Sequence[str], stiffness: np.ndarray) -> Row:
     """Row of the stiffness (d,) of every drive."""
     columns = (f"{n}_stiffness_{unit.replace('/', '_per_')}" for n, unit in zip(names, units, strict=True))
     return dict(zip(columns, stiffness.tolist(), strict=True))
@@ -231,52 +239,41 @@ def _drives_row(names: Sequence[str], units: Sequence[str], stiffness: np.ndarra
 
 def _support_stiffness(pose: Any, questions: Questions) -> Row:
     found = pose.stiffness_at(questions)
-    return _supports_row(np.array(list(found.supports.values())), found.principal, questions)
+    supports = np.array(list(found.supports.values()))
+    return _support_stiffness_rows(supports[None], found.principal[None], questions)[0]
 
 
-def _supports_row(supports: np.ndarray, principal: np.ndarray, questions: Questions) -> Row:
-    """Row of the stiffness (6,) in every direction and the principal ones (2, 3)."""
-    return _supports_rows(supports[None], principal[None], questions)[0]
-
-
-def _supports_rows(supports: np.ndarray, principal: np.ndarray, questions: Questions) -> list[Row]:
-    """The same of D states, with a leading axis."""
-    names, kept = SUPPORT_COLUMNS, 3 if questions.detailed else 1
+def _support_stiffness_rows(supports: np.ndarray, principal: np.ndarray, questions: Questions) -> list[Row]:
+    """Rows of D states: stiffness in every direction (D, 6) and the principal ones (D, 2, 3), ascending."""
+    names, count = SUPPORT_COLUMNS, 3 if questions.detailed else 1
     for column in WORST_SUPPORT_COLUMNS:
-        names = (*names, column, *others(column)[: kept - 1])
-    values = np.concatenate([supports, principal[:, :, :kept].reshape(len(supports), -1)], axis=1)
+        names = (*names, column, *other_principal_columns(column)[: count - 1])
+    values = np.concatenate([supports, principal[:, :, :count].reshape(len(supports), -1)], axis=1)
     values[np.isinf(values)] = np.nan
     return [dict(zip(names, own, strict=True)) for own in values.tolist()]
 
 
-def others(column: str) -> tuple[str, ...]:
-    """Columns of the principal stiffnesses beside the least, which kinks where it meets them; none of other columns."""
+def other_principal_columns(column: str) -> tuple[str, ...]:
+    """Columns of the principal stiffnesses above the least one, which has a kink where two are equal; () for others."""
     return (f"{column}[2]", f"{column}[3]") if column in WORST_SUPPORT_COLUMNS else ()
 
 
-def _finite(value: float, most: float = np.inf) -> float:
-    """nan for what is infinite, or so large that it is rounding: it would rule every plot and table."""
-    return value if abs(value) < most else float("nan")
-
-
 def _stress(pose: Any, questions: Questions) -> Row:
-    found = pose.stress(points=questions.points)
-    return stress_row(
-        {name: PeakStress(leaf.largest_Pa, *leaf.where) for name, leaf in found.leaves.items()}, questions
+    leaves = pose.stress(points=questions.points).leaves
+    return _stress_row(
+        {name: PeakStress(leaf.largest_Pa, *leaf.where) for name, leaf in leaves.items()}, questions
     )
 
 
-def stress_row(found: Mapping[str, PeakStress], questions: Questions) -> Row:
-    """Row of the largest stress of every leaf."""
-    worst = max(found, key=lambda name: found[name].largest_Pa)
-    every = (
-        {f"stress_MPa[{n}]": 1e-6 * peak.largest_Pa for n, peak in found.items()}
-        if questions.detailed
-        else {}
-    )
-    most, s, point = found[worst]
-    return every | {
-        "stress_MPa": 1e-6 * most,
+def _stress_row(peaks: Mapping[str, PeakStress], questions: Questions) -> Row:
+    """Row of the largest stress, from that of every leaf spring by name."""
+    row: Row = {}
+    if questions.detailed:
+        row |= {f"stress_MPa[{name}]": 1e-6 * peak.largest_Pa for name, peak in peaks.items()}
+    worst = max(peaks, key=lambda name: peaks[name].largest_Pa)
+    largest, s, point = peaks[worst]
+    return row | {
+        "stress_MPa": 1e-6 * largest,
         "stress_leaf": worst,
         "stress_s_mm": 1e3 * s,
         "stress_point": point,
@@ -297,7 +294,7 @@ def _energy(pose: Any, questions: Questions) -> Row:
 
 
 def _buckling(pose: Any, questions: Questions) -> Row:
-    """Factors on all stresses of the state; a state without stress has none."""
+    """Critical load factors, on all stresses of the state; nan for a state without stress."""
     try:
         found = pose.buckling(count=1)
     except SceneError as reason:
@@ -305,17 +302,22 @@ def _buckling(pose: Any, questions: Questions) -> Row:
             raise
         return {"buckling_positive": float("nan"), "buckling_negative": float("nan")}
     return {
-        "buckling_positive": _finite(found.positive, MAX_LOAD_FACTOR),
-        "buckling_negative": _finite(found.negative, MAX_LOAD_FACTOR),
+        "buckling_positive": _finite_load_factor(found.positive),
+        "buckling_negative": _finite_load_factor(found.negative),
     }
 
 
+def _finite_load_factor(factor: float) -> float:
+    """The factor, or nan where it is infinite or due to rounding: such a number would set the scale of every plot."""
+    return factor if abs(factor) < MAX_LOAD_FACTOR else float("nan")
+
+
 def _size(pose: Any, questions: Questions) -> Row:
-    """Extent of the leaf springs, and where it begins and ends: over several poses it is the highest end less the lowest."""
+    """Extent of the leaf springs and its ends: the extent over several poses is the highest end less the lowest."""
     low, high = 1e3 * extent(*pose.unreduced_state)
     row: Row = {}
-    for a, begin, end in zip("xyz", low.tolist(), high.tolist(), strict=True):
-        row |= {f"size_{a}_mm": end - begin, f"lowest_{a}_mm": begin, f"highest_{a}_mm": end}
+    for a, lowest, highest in zip("xyz", low.tolist(), high.tolist(), strict=True):
+        row |= {f"size_{a}_mm": highest - lowest, f"lowest_{a}_mm": lowest, f"highest_{a}_mm": highest}
     return row
 
 
@@ -345,24 +347,23 @@ ALL_QUESTIONS = (
     "clearance",
     "distance",
 )  # fmt: skip
-"""All questions. Factors of "buckling" are on all stresses of a state; "size" and "clearance" are of the leaf springs;
-"distance" are those that the scene names."""
+"""All questions. "size" and "clearance" concern the leaf springs; "distance" covers the distances that the scene names."""
 ROUNDING_TOLERANCE = 1e-9
-"""Numbers below this, in the units of the columns, are rounding of a state at rest."""
+"""Numbers below this, in the units of the columns, are rounding of an undeformed state."""
 MAX_LOAD_FACTOR = 1e9
-"""Critical load factors beyond this mean that the state carries no stress but rounding."""
+"""Critical load factors beyond this belong to states whose stress is rounding."""
 BATCH_QUESTIONS = {"support_stiffness", "drive_stiffness", "stress"}
-"""Questions that many poses are asked together."""
+"""Questions that are answered for many poses at once."""
 BATCH_SIZE = 64
-"""Poses of which all stresses are held at once."""
+"""Poses whose stresses are in memory at once."""
 POSE_ERRORS: tuple[type[Exception], ...] = (KsdError, ArithmeticError, np.linalg.LinAlgError, RuntimeError)
-"""What one pose may raise without ending the sweep: our own errors, and arithmetic gone wrong."""
+"""Errors of a single pose that do not end the sweep: those of ksd, and failed arithmetic."""
 
 
-def _modes(pose: PoseAnalysis, questions: Questions, *, more: int = 0) -> Modes:
-    """The modes of a pose, as many as are followed and some to spare."""
+def _pose_modes(pose: PoseAnalysis, questions: Questions, *, additional: int = 0) -> Modes:
+    """Modes of a pose: those followed, some to spare, and so many additional ones."""
     freed = tuple(pose.model.drive_names) if questions.freed is None else questions.freed
-    count = questions.modes + len(freed) + SPARE_MODES + more
+    count = questions.modes + len(freed) + SPARE_MODES + additional
     pose._of_leaves("frequencies")
     return frequencies(
         *full_model_state(pose.model, pose.refinement_start),
@@ -372,26 +373,27 @@ def _modes(pose: PoseAnalysis, questions: Questions, *, more: int = 0) -> Modes:
     )
 
 
-def _on_the_way(pose: PoseAnalysis, questions: Questions) -> IntermediateModes | None:
-    """Modes at a share of the way from the pose before to this one."""
-    first, solve = pose.before.pose, pose.before.between
+def _intermediate_modes(pose: PoseAnalysis, questions: Questions) -> IntermediateModes | None:
+    """Function that returns the modes between the previous pose and this one; None where poses cannot be solved there."""
+    first, solve = pose.previous.pose, pose.previous.solve
     if first is None or solve is None:
         return None
 
-    def between(share: float, more: int) -> Modes:
-        if share in (0.0, 1.0):
-            return _modes(pose if share else PoseAnalysis(first), questions, more=more)
-        values = {n: (1.0 - share) * first.targets[n] + share * v for n, v in pose.targets.items()}
-        return _modes(PoseAnalysis(solve(values)), questions, more=more)
+    def modes_at(fraction: float, additional: int) -> Modes:
+        if fraction in (0.0, 1.0):
+            return _pose_modes(pose if fraction else PoseAnalysis(first), questions, additional=additional)
+        values = {n: (1.0 - fraction) * first.targets[n] + fraction * v for n, v in pose.targets.items()}
+        return _pose_modes(PoseAnalysis(solve(values)), questions, additional=additional)
 
-    return between
+    return modes_at
 
 
 def frequency_row(pose: PoseAnalysis, questions: Questions) -> tuple[Row, Tracks]:
     """Frequencies [Hz] of the followed modes, and the tracks for the next pose."""
-    before = pose.before.tracks
-    modes = _modes(pose, questions)
-    tracks = follow_with_bisection(before, modes, questions.modes, _on_the_way(pose, questions))
+    modes = _pose_modes(pose, questions)
+    tracks = follow_with_bisection(
+        pose.previous.tracks, modes, questions.modes, _intermediate_modes(pose, questions)
+    )
     row: Row = {f"{n}_Hz": tracks.frequency_Hz(t) for t, n in enumerate(tracks.names) if tracks.rank[t] >= 0}
     first = tracks.first_parasitic
     row["first_parasitic_Hz"] = float("nan") if first is None else tracks.frequency_Hz(first)
@@ -401,8 +403,11 @@ def frequency_row(pose: PoseAnalysis, questions: Questions) -> tuple[Row, Tracks
 
 
 class BatchAnswer(NamedTuple):
-    """What was answered of a pose together with others: rows by question; compliance (6, 6) of the point asked about;
-    stable: whether its stiffness is that of a stable equilibrium, wherever the Newton step to the finer mesh began."""
+    """Answers of one pose among many.
+
+    rows: by question. compliance (6, 6): of the point of the questions. stable: whether the stiffness is that of a stable
+    equilibrium, even if the Newton step to the finer mesh did not start from an equilibrium.
+    """
 
     rows: dict[str, Row]
     compliance: np.ndarray | None
@@ -413,111 +418,125 @@ NOT_ANSWERED = BatchAnswer({}, None)
 
 
 def answer_batch(poses: Sequence[Any], questions: Questions) -> list[BatchAnswer]:
-    """What of stiffness and stress can be answered of many poses at once; anything that has a `model`, an `equilibrium`
-    and a load factor will do. What is missing is asked of the pose alone, which also says why it has no answer."""
-    found = [NOT_ANSWERED] * len(poses)
-    places: list[int] = []
-    every: list[LoadedState] = []
+    """Answer the BATCH_QUESTIONS of many poses at once, as far as they can be.
+
+    poses: anything with attributes `model`, `equilibrium` and `load_factor`. A question without an answer here is to be
+    answered for the pose alone, which gives the reason where it has none.
+    """
+    answers = [NOT_ANSWERED] * len(poses)
+    indices: list[int] = []
+    states: list[LoadedState] = []
     for k, pose in enumerate(poses if BATCH_QUESTIONS & set(questions.names) else []):
         with suppress(ConvergenceError):
-            every.append((pose.model, pose.equilibrium, pose.load_factor))
-            places.append(k)
-    for first in range(0, len(every), BATCH_SIZE):
-        for numbers, states in group_states(every[first : first + BATCH_SIZE]):
-            for n, own in zip(numbers, answer_group(states, questions), strict=True):
-                found[places[first + n]] = own
-    return found
+            states.append((pose.model, pose.equilibrium, pose.load_factor))
+            indices.append(k)
+    for first in range(0, len(states), BATCH_SIZE):
+        for numbers, group in group_states(states[first : first + BATCH_SIZE]):
+            for n, answer in zip(numbers, answer_group(group, questions), strict=True):
+                answers[indices[first + n]] = answer
+    return answers
 
 
 def answer_group(states: StateBatch, questions: Questions) -> list[BatchAnswer]:
-    """`answer_batch` of states that are group_states."""
+    """`answer_batch` of states of the same layout."""
     rows: list[dict[str, Row]] = [{} for _ in states.model_index]
     compliance: Any = None
     stable = np.zeros(len(rows), bool)
     point, drives = ("support_stiffness" in questions.names, "drive_stiffness" in questions.names)
     if point or drives:
-        # what is wrong with the point is told where the pose is asked alone
+        # an invalid point raises where the pose is answered alone
         with suppress(SceneError):
             # by default the point is where the drive of each design acts
-            places = [questions.point(model.scene) for model in states.models] if point else [(None, None)]
-            stiff = batch_stiffness(states, places[0][0], at=[at for _, at in places], drives=drives)
+            points = [questions.point(model.scene) for model in states.models] if point else [(None, None)]
+            stiff = batch_stiffness(states, points[0][0], at=[at for _, at in points], drives=drives)
             compliance, stable = stiff.compliance, stiff.valid & stiff.stable
-            _note_stiffness(stiff, states, questions, rows)
-    found = batch_peak_stress(states, points=questions.points) if "stress" in questions.names else None
-    for row, mine in zip(rows, found or (), strict=False):
-        row["stress"] = stress_row(mine, questions)
+            _add_stiffness_rows(rows, stiff, states, questions)
+    if "stress" in questions.names:
+        for row, peaks in zip(rows, batch_peak_stress(states, points=questions.points) or (), strict=False):
+            row["stress"] = _stress_row(peaks, questions)
     return [
         BatchAnswer(row, compliance[n] if "support_stiffness" in row else None, bool(stable[n]))
         for n, row in enumerate(rows)
     ]
 
 
-def _note_stiffness(
-    stiff: BatchStiffness, states: StateBatch, questions: Questions, rows: list[dict[str, Row]]
+def _add_stiffness_rows(
+    rows: list[dict[str, Row]], stiff: BatchStiffness, states: StateBatch, questions: Questions
 ) -> None:
-    """Rows of stiffness, by question, of the states that have an answer."""
-    good = np.flatnonzero(stiff.valid).tolist()
+    """Add the answers about stiffness to `rows` (by question) of the states that have one."""
+    valid = np.flatnonzero(stiff.valid).tolist()
     if stiff.compliance is not None:
         supports = support_stiffness(stiff.compliance, states.sizes)
         principal = principal_stiffness(stiff.compliance, states.sizes)
-        found = _supports_rows(supports, principal, questions)
-        for n in good:
-            rows[n]["support_stiffness"] = found[n]
+        support_rows = _support_stiffness_rows(supports, principal, questions)
+        for n in valid:
+            rows[n]["support_stiffness"] = support_rows[n]
     if stiff.drives is not None:
         names = states.models[0].drive_names
         units = drive_units(states.models[0], range(len(names)))
-        for n in good:
-            rows[n]["drive_stiffness"] = _drives_row(names, units, np.diagonal(stiff.drives[n]))
+        for n in valid:
+            rows[n]["drive_stiffness"] = _drive_stiffness_row(names, units, np.diagonal(stiff.drives[n]))
+
+
+class PoseAnswers(NamedTuple):
+    """Answers of one pose: the row, what the next pose continues from, and the error of each question that failed."""
+
+    row: Row
+    previous: PreviousPose
+    failures: dict[str, Exception]
 
 
 def answer_questions(
     pose: PoseAnalysis, questions: Questions, known: Mapping[str, Row] = MappingProxyType({})
-) -> tuple[Row, PreviousPose, dict[str, Exception]]:
-    """Row of one pose, what the next one goes on from, and why a question could not be answered, by question; known: rows
-    of questions that were answered together with those of other poses."""
+) -> PoseAnswers:
+    """Answer the questions at one pose; known: rows by question that `answer_batch` gave."""
     row: Row = {}
-    failed: dict[str, Exception] = {}
-    before, configuration = pose.before, pose.configuration
-    tracks = before.tracks
-    truth = _truth(configuration, before) if questions.errors else None
-    followed = None if truth is None else truth.before.tracks
+    failures: dict[str, Exception] = {}
+    previous, configuration = pose.previous, pose.configuration
+    tracks = previous.tracks
+    reference = _reference_pose(configuration, previous) if questions.errors else None
+    reference_tracks = None if reference is None else reference.previous.tracks
     for name in questions.names:
         try:
             if name in known:
-                found = known[name]
+                answer = known[name]
             elif name == "frequencies":
-                found, tracks = frequency_row(pose, questions)
+                answer, tracks = frequency_row(pose, questions)
             else:
-                found = ANSWER_FUNCTIONS[name](pose, questions)
-            row |= found
-            if truth is not None:
+                answer = ANSWER_FUNCTIONS[name](pose, questions)
+            row |= answer
+            if reference is not None:
                 if name == "frequencies":
-                    again, followed = frequency_row(truth, questions)
+                    reference_answer, reference_tracks = frequency_row(reference, questions)
                 else:
-                    again = ANSWER_FUNCTIONS[name](truth, questions)
-                row[f"{name}_error_percent"] = _error_percent(found, again)
+                    reference_answer = ANSWER_FUNCTIONS[name](reference, questions)
+                row[f"{name}_error_percent"] = _error_percent(answer, reference_answer)
         except POSE_ERRORS as reason:
             if questions.is_default and name == "buckling":
                 row |= dict.fromkeys(("buckling_positive", "buckling_negative"), float("nan"))
             else:
-                failed[name] = reason
-    after = None if truth is None else replace(truth.before, tracks=followed, pose=truth.configuration)
-    return row, PreviousPose(tracks, configuration, before.between, after), failed
+                failures[name] = reason
+    next_reference = None
+    if reference is not None:
+        next_reference = replace(reference.previous, tracks=reference_tracks, pose=reference.configuration)
+    return PoseAnswers(row, PreviousPose(tracks, configuration, previous.solve, next_reference), failures)
 
 
-def _truth(configuration: Any, before: PreviousPose) -> PoseAnalysis:
-    """The equilibrium next to a state on a finer mesh, which goes on from that of the pose before."""
-    solve = before.between
-    between = None if solve is None else lambda values: refined_configuration(solve(values))
-    return PoseAnalysis(refined_configuration(configuration), before.truth or PreviousPose(between=between))
+def _reference_pose(configuration: Any, previous: PreviousPose) -> PoseAnalysis:
+    """The equilibrium near a configuration on a finer mesh, which continues from that of the previous pose."""
+    solve = previous.solve
+    solve_finer = None if solve is None else lambda values: refined_configuration(solve(values))
+    return PoseAnalysis(
+        refined_configuration(configuration), previous.reference or PreviousPose(solve=solve_finer)
+    )
 
 
-def _error_percent(one: Row, other: Row) -> float:
-    """Largest change of the numbers of a question [%]: of stiffnesses and frequencies each relative to itself, of others to
-    the largest of their unit, as some of them are zero; zero for what is rounding."""
+def _error_percent(row: Row, reference: Row) -> float:
+    """Largest change of the numbers of a question [%]: stiffnesses and frequencies relative to themselves, others relative
+    to the largest number of their unit, as some are zero; 0 where all numbers are rounding."""
     changes: dict[str, list[float]] = {}
-    for column, value in one.items():
-        # where the stress is largest may well change ends; the MAC of modes is no answer
+    for column, value in row.items():
+        # the position of the largest stress may change ends, and the MAC of modes is no answer
         if (
             isinstance(value, float)
             and np.isfinite(value)
@@ -525,9 +544,9 @@ def _error_percent(one: Row, other: Row) -> float:
             and column not in ("stress_s_mm", "mac")
         ):
             unit = label_and_unit(column)[1]
-            own = unit == "Hz" or "/" in unit
-            worst = changes.setdefault(column if own else unit, [0.0, 0.0])
-            worst[0] = max(worst[0], abs(other.get(column, np.inf) - value))
+            by_itself = unit == "Hz" or "/" in unit
+            worst = changes.setdefault(column if by_itself else unit, [0.0, 0.0])
+            worst[0] = max(worst[0], abs(reference.get(column, np.inf) - value))
             worst[1] = max(worst[1], abs(value))
     return 100.0 * max(
         (change / size for change, size in changes.values() if size > ROUNDING_TOLERANCE), default=0.0

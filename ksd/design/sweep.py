@@ -5,12 +5,12 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,8 +33,16 @@ from ksd.design.questions import (
     unanswerable_questions,
 )
 from ksd.design.resume import ResumeFile, record_hashes
-from ksd.design.sweep_path import Recipe, SweepPath, drive_paths, run_path, run_paths, unanswered_rows
-from ksd.design.table import Table
+from ksd.design.sweep_path import (
+    Recipe,
+    SweepPath,
+    drive_paths,
+    row_labels,
+    run_path,
+    run_paths,
+    unanswered_rows,
+)
+from ksd.design.table import STATUS, Table
 from ksd.errors import KsdError
 from ksd.model.mesh import Mesh
 from ksd.numerics.processes import process_pool, spawn_context
@@ -42,20 +50,20 @@ from ksd.properties.printing import progress_bar
 from ksd.scene.link import Link
 from ksd.solve.solver import METHODS, Method
 
-PER_PROCESS = 4
-"""Blocks handed to each worker, so that none idles long at the end."""
-PER_BLOCK = 100
-"""Poses of a block at most, as far as its lines are no longer: what is done of a block is lost when it is interrupted."""
-WORTH = 200
-"""Poses below which starting processes costs more than it saves."""
+BLOCKS_PER_WORKER = 4
+"""Blocks of paths for each worker, so that none is idle for long at the end."""
+MAX_POSES_PER_BLOCK = 100
+"""Largest number of poses of a block of several paths: an interruption loses the unfinished blocks."""
+MIN_POSES_FOR_PROCESSES = 200
+"""Number of poses below which starting processes costs more than it saves."""
 
 
 class SweepInterrupted(KeyboardInterrupt):
-    """Ctrl-C during a sweep: `table` holds all rows done; the others say that they were not reached."""
+    """Ctrl-C during a sweep: `table` holds all finished rows; the status of the others is that they were not reached."""
 
-    def __init__(self, said: str, table: Table, resume: Any = None) -> None:
+    def __init__(self, message: str, table: Table, resume: Any = None) -> None:
         again = "" if resume is None else f"; call again with resume='{resume}' to go on"
-        super().__init__(f"interrupted: {said} in .table of this exception{again}")
+        super().__init__(f"interrupted: {message} in .table of this exception{again}")
         self.table = table
 
 
@@ -89,21 +97,22 @@ def sweep(
     """Answer `questions` at every pose of every design under every load case; returns a `Table`.
 
     mechanism: Mechanism, Scene, or a function of the parameters in `designs` that returns one. Drive values [m or rad] by
-    name, numbers or arrays: ``top=np.linspace(0, 0.3, 31)``. All combinations are walked, the array named last along the
-    stroke (conventional poses start from the one before; modes keep the names of the first pose); together=True moves all
-    arrays in step. designs: {"thickness": [...], ...} for all combinations, or a list of such mappings. loads: cases by
+    name, numbers or arrays: ``top=np.linspace(0, 0.3, 31)``. All combinations are solved, the array named last along the
+    stroke (conventional poses start from the previous one; modes keep the names of the first pose); together=True varies all
+    arrays together. designs: {"thickness": [...], ...} for all combinations, or a list of such mappings. loads: cases by
     name, each a list of dict(link=, force=, moment=, at=) added to the scene's own. questions: of "force",
     "drive_stiffness", "support_stiffness", "frequencies", "stress", "parasitic", "energy", "buckling", "size", "clearance",
     "distance" (those of `Mechanism.distance`); when None all that the mechanism has an answer to, as `ksd report` shows.
-    link, at: the point asked about, link and point of the first drive when None (`Configuration.stiffness` takes the
-    reference point of the link). freed: drives let go for frequencies (all when None), modes: how many are followed besides
-    the intended, more where modes cross. errors: a column per question with the error of its answers, that of method and
-    mesh, at several times the cost. executor: any concurrent.futures.Executor; without one, this process or, for many poses,
-    a pool of processes. method, accuracy, mesh, relinearisations, extrapolate, effects, with_, without: as in `ksd.solve`.
-    targets: drive values as a mapping. resume: a file that keeps finished lines; give it again to go on. progress: whether a
-    bar tells how far it is. A pose that fails is a row whose `status` says why.
+    link, at: the point of "support_stiffness" and "parasitic", link and point of the first drive when None
+    (`Configuration.stiffness` takes the reference point of the link). freed: drives released for frequencies (all when
+    None), modes: how many are followed in addition to the intended ones, more where modes cross. errors: a column per
+    question with the error of its answers, that of method and mesh, at several times the cost. executor: any
+    concurrent.futures.Executor; without one, this process or, for many poses, a pool of processes. method, accuracy, mesh,
+    relinearisations, extrapolate, effects, with_, without: as in `ksd.solve`. targets: drive values as a mapping. resume: a
+    file that keeps finished paths; give it again to continue. progress: show a progress bar. A pose that fails is a row
+    whose `status` gives the reason.
 
-    Raises SceneError for what is wrong before any solve; SweepInterrupted (a KeyboardInterrupt with `.table`) on Ctrl-C.
+    Raises SceneError for invalid input before any solve; SweepInterrupted (a KeyboardInterrupt with `.table`) on Ctrl-C.
     """
     recipe = make_recipe(
         parse_questions(ALL_QUESTIONS if questions is None else questions, link, at, freed, modes=modes, errors=errors),
@@ -115,22 +124,18 @@ def sweep(
     boolean(progress, "progress")
     values = drive_value_arrays(targets, drives, sweep)
     paths, name = sweep_paths(mechanism, values, designs, loads, together=together, call=sweep)
-    drawn = next((path.scene for path in paths if path.scene is not None), None)
-    if drawn is not None:
-        check_questions(recipe.questions, drawn)
-    missing = (
-        unanswerable_questions(drawn, recipe.questions.link)
-        if questions is None and drawn is not None
-        else {}
-    )
-    possible = tuple(q for q in recipe.questions.names if q not in missing)
-    recipe = replace(
-        recipe, questions=replace(recipe.questions, names=possible, is_default=questions is None)
-    )
-    kept = ResumeFile(resume, lambda: fingerprint(paths, recipe))
-    table = _collected(paths, recipe, kept, name, how=(executor, progress))
-    said = ", ".join(f"{question} ({reason})" for question, reason in missing.items())
-    return replace(table, facts={**table.facts, "left_out": said}) if said else table
+    scene = next((path.scene for path in paths if path.scene is not None), None)
+    if scene is not None:
+        check_questions(recipe.questions, scene)
+    left_out = {}
+    if questions is None and scene is not None:
+        left_out = unanswerable_questions(scene, recipe.questions.link)
+    names = tuple(q for q in recipe.questions.names if q not in left_out)
+    recipe = replace(recipe, questions=replace(recipe.questions, names=names, is_default=questions is None))
+    finished = ResumeFile(resume, lambda: fingerprint(paths, recipe))
+    table = _solve_paths(paths, recipe, finished, name, executor, progress)
+    reasons = ", ".join(f"{question} ({reason})" for question, reason in left_out.items())
+    return replace(table, facts={**table.facts, "left_out": reasons}) if reasons else table
 
 
 def sweep_paths(
@@ -170,88 +175,107 @@ def fingerprint(paths: Sequence[SweepPath], recipe: Recipe) -> str:
     return digest.hexdigest()
 
 
-def _collected(
-    paths: list[SweepPath], recipe: Recipe, kept: ResumeFile, name: str, *, how: tuple[Executor | None, bool]
+def make_recipe(questions: Questions, **options: Any) -> Recipe:
+    """A `Recipe` of these options. Raises SceneError for invalid ones."""
+    checked = ("mesh", "relinearisations", "accuracy", "method", "extrapolate")
+    check_solve_options(methods=METHODS, **{name: options[name] for name in checked})
+    return Recipe(questions, **options)
+
+
+class _Results(NamedTuple):
+    """Where the rows of a sweep go: finished paths, rows by number of unfinished ones, and the function that advances the
+    progress bar by so many poses."""
+
+    finished: ResumeFile
+    partial: dict[int, list[dict[str, Any]]]
+    advance: Callable[[int], None]
+
+
+def _solve_paths(
+    paths: list[SweepPath],
+    recipe: Recipe,
+    finished: ResumeFile,
+    name: str,
+    executor: Executor | None,
+    progress: bool,
 ) -> Table:
-    """The table of all lines, those kept and those computed now."""
+    """The table of all paths; those in `finished` are not solved again. Raises SweepInterrupted."""
     partial: dict[int, list[dict[str, Any]]] = {}
     facts = {"method": recipe.method or "cheapest", "questions": ", ".join(recipe.questions.names)}
     try:
-        with _bar(f"sweep {name}", sum(len(path.drive_values) for path in paths), how[1]) as done:
-            missing = [path for path in paths if path.number not in kept.entries]
-            done(sum(len(rows) for rows in kept.entries.values()))
-            _run(missing, recipe, how[0], (kept, partial, done))
+        with _progress_bar(f"sweep {name}", _pose_count(paths), progress) as advance:
+            missing = [path for path in paths if path.number not in finished.entries]
+            advance(sum(len(rows) for rows in finished.entries.values()))
+            _run(missing, recipe, executor, _Results(finished, partial, advance))
     except KeyboardInterrupt:
-        table = _table(paths, kept.entries | partial, name, facts)
-        raise SweepInterrupted("the rows done are", table, kept.path) from None
-    return _table(paths, kept.entries, name, facts)
+        table = _table(paths, finished.entries | partial, name, facts)
+        raise SweepInterrupted("the rows done are", table, finished.path) from None
+    return _table(paths, finished.entries, name, facts)
 
 
-def make_recipe(questions: Questions, **how: Any) -> Recipe:
-    """How the poses of a sweep are solved; raises SceneError."""
-    said = {n: how[n] for n in ("mesh", "relinearisations", "accuracy", "method", "extrapolate")}
-    check_solve_options(methods=METHODS, **said)
-    return Recipe(questions, **how)
+def _pose_count(paths: Iterable[SweepPath]) -> int:
+    return sum(len(path.drive_values) for path in paths)
 
 
-def _table(paths: list[SweepPath], found: Mapping[Any, Any], name: str, facts: dict[str, str]) -> Table:
-    """Rows in the order of the sweep; poses not reached say so."""
+def _table(
+    paths: list[SweepPath], rows_by_path: Mapping[Any, Any], name: str, facts: dict[str, str]
+) -> Table:
+    """Rows in the order of the sweep; the status of poses that were not reached says so."""
     rows: list[dict[str, Any]] = []
     labels: dict[str, None] = {}
     for path in paths:
-        mine = list(found.get(path.number, ()))
-        mine += unanswered_rows(path, "not reached: the sweep was interrupted", first=len(mine))
-        rows += mine
-        labels |= dict.fromkeys(k for k in unanswered_rows(path, "")[0] if k != "status")
-    return Table.of_rows(rows, tuple(labels), moving=_moving(paths), name=name, facts=facts)
+        known = list(rows_by_path.get(path.number, ()))
+        rows += known
+        rows += unanswered_rows(path, "not reached: the sweep was interrupted", first=len(known))
+        labels |= dict.fromkeys(k for k in row_labels(path, path.drive_values[0]) if k != STATUS)
+    return Table.of_rows(rows, tuple(labels), moving=_varied_labels(paths), name=name, facts=facts)
 
 
-def _moving(paths: list[SweepPath]) -> tuple[str, ...]:
-    """Label columns that change along a line."""
-    for path in paths:
-        rows = [row for row in unanswered_rows(path, "") if path.scene is not None]
-        found = tuple(k for k in (rows[0] if rows else ()) if len({row[k] for row in rows}) > 1)
-        if found:
-            return found
+def _varied_labels(paths: list[SweepPath]) -> tuple[str, ...]:
+    """Label columns that vary along a path."""
+    for path in (path for path in paths if path.scene is not None):
+        rows = [row_labels(path, values) for values in path.drive_values]
+        varied = tuple(k for k in rows[0] if len({row[k] for row in rows}) > 1)
+        if varied:
+            return varied
     return ()
 
 
-def _run(missing: list[SweepPath], recipe: Recipe, executor: Executor | None, where: Any) -> None:
-    """Compute the missing lines, here or elsewhere, keeping each as it is finished."""
-    poses = sum(len(path.drive_values) for path in missing)
+def _run(paths: list[SweepPath], recipe: Recipe, executor: Executor | None, results: _Results) -> None:
+    """Solve paths in an executor, in this process, or, where there are many poses, in a pool of processes."""
     if executor is not None:
-        _run_on(executor, missing, recipe, where)
+        _run_in_executor(executor, paths, recipe, results)
         return
     # spawned, not forked: compiled kernels and threads do not survive a fork safely
-    context = spawn_context(missing[0], recipe) if len(missing) > 1 and poses >= WORTH else None
+    many = len(paths) > 1 and _pose_count(paths) >= MIN_POSES_FOR_PROCESSES
+    context = spawn_context(paths[0], recipe) if many else None
     if context is None:
-        _run_here(missing, recipe, where)
+        _run_here(paths, recipe, results)
         return
     with process_pool(context) as pool:
-        _run_on(pool, missing, recipe, where)
+        _run_in_executor(pool, paths, recipe, results)
 
 
-def _run_here(missing: list[SweepPath], recipe: Recipe, where: Any) -> None:
-    kept, partial, done = where
+def _run_here(paths: list[SweepPath], recipe: Recipe, results: _Results) -> None:
     solver, scene = None, None
-    for path in missing:
-        rows = partial[path.number] = _Counted(done)
+    for path in paths:
+        rows = results.partial[path.number] = _CountedRows(results.advance)
         solver = run_path(path, recipe, solver if path.scene is scene else None, rows)
         scene = path.scene
-        kept.add(path.number, list(partial.pop(path.number)))
+        results.finished.add(path.number, list(results.partial.pop(path.number)))
 
 
-class _Counted(list[Any]):
-    """Rows of a line under way; each one moves the bar."""
+class _CountedRows(list[Any]):
+    """Rows of an unfinished path; each one added advances the progress bar."""
 
-    def __init__(self, done: Any) -> None:
+    def __init__(self, advance: Callable[[int], None]) -> None:
         super().__init__()
-        self.done = done
+        self.advance = advance
 
     def append(self, row: Any) -> None:
         """Add a row."""
         super().append(row)
-        self.done(1)
+        self.advance(1)
 
     def extend(self, rows: Any) -> None:
         """Add several rows."""
@@ -259,35 +283,32 @@ class _Counted(list[Any]):
             self.append(row)
 
 
-def _run_on(executor: Executor, missing: list[SweepPath], recipe: Recipe, where: Any) -> None:
-    kept, _, done = where
+def _run_in_executor(executor: Executor, paths: list[SweepPath], recipe: Recipe, results: _Results) -> None:
     workers = getattr(executor, "_max_workers", None) or os.cpu_count() or 1
-    size = math.ceil(len(missing) / (PER_PROCESS * workers))
-    size = max(
-        1, min(size, PER_BLOCK * len(missing) // max(1, sum(len(path.drive_values) for path in missing)))
-    )
-    blocks = [tuple(missing[i : i + size]) for i in range(0, len(missing), size)]
-    waiting: dict[Future[Any], tuple[SweepPath, ...]] = {
-        executor.submit(run_paths, b, recipe): b for b in blocks
+    size = math.ceil(len(paths) / (BLOCKS_PER_WORKER * workers))
+    size = max(1, min(size, MAX_POSES_PER_BLOCK * len(paths) // max(1, _pose_count(paths))))
+    blocks = [tuple(paths[i : i + size]) for i in range(0, len(paths), size)]
+    futures: dict[Future[Any], tuple[SweepPath, ...]] = {
+        executor.submit(run_paths, block, recipe): block for block in blocks
     }
     try:
-        for future in as_completed(waiting):
-            for path, rows in zip(waiting[future], future.result(), strict=True):
-                kept.add(path.number, rows)
-                done(len(rows))
+        for future in as_completed(futures):
+            for path, rows in zip(futures[future], future.result(), strict=True):
+                results.finished.add(path.number, rows)
+                results.advance(len(rows))
     except BrokenProcessPool as error:
         raise KsdError(
             "The sweep's processes ended unexpectedly; finished lines are kept if `resume` was given. Call sweep "
             "under `if __name__ == '__main__':`, or give it another executor."
         ) from error
     finally:
-        for future in waiting:
+        for future in futures:
             future.cancel()
 
 
 @contextmanager
-def _bar(title: str, total: int, shown: bool) -> Iterator[Any]:
-    """A progress bar on stderr with the time left; yields a function that moves it on."""
+def _progress_bar(title: str, total: int, shown: bool) -> Iterator[Callable[[int], None]]:
+    """A progress bar on stderr with the time left; yields a function that advances it."""
     with progress_bar(shown) as bar:
         task = bar.add_task(title, total=total)
         yield lambda count: bar.advance(task, count)

@@ -1,4 +1,7 @@
-"""Lines of a sweep: one design, one load case, one path of the drives, walked pose by pose by one process."""
+"""Paths of a sweep: one design under one load case, solved at a sequence of drive values by one process.
+
+`run_path` solves the poses of a path in order and answers the questions at each.
+"""
 
 from __future__ import annotations
 
@@ -37,14 +40,16 @@ Row = dict[str, Any]
 DrivePaths = list[tuple[dict[str, float], ...]]
 """Drive values by name [m or rad] of the poses of every path."""
 CHUNK = 32
-"""Poses of a line that are solved before they are asked."""
+"""Poses of a path that are solved before their questions are answered together."""
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """How every pose is solved and what it is asked; see `ksd.sweep`. judged: rows say whether it is stable, by which method
-    it was found, and what is warned of, and modes keep their names along a line; without, a pose that is not stable has no
-    answers, and its modes have the names of `Modes.names`."""
+    """How every pose is solved, and the questions about it; see `ksd.sweep`.
+
+    with_verdict: rows hold stability, method and warnings, and modes keep their names along a path. Without it a pose that
+    is not stable has no answers, and its modes are named as in `Modes.names`.
+    """
 
     questions: Questions
     method: Method | None = None
@@ -58,9 +63,12 @@ class Recipe:
 
 @dataclass(frozen=True)
 class SweepPath:
-    """number: place in the sweep; labels: design parameters and load case; scene: None where the design could not be
-    built, `failure` says why; poses: drive values by name [m or rad], in the order they are walked. like: a design that
-    could be built, whose drives name the columns of this one."""
+    """A sequence of poses of one design under one load case.
+
+    number: index in the sweep. labels: design parameters and load case. scene: None where the design could not be built,
+    for the reason `failure`. drive_values: by drive name [m or rad], in the order in which they are solved.
+    reference_scene: of a design that could be built, whose drives name the columns of this one.
+    """
 
     number: int
     labels: Mapping[str, Any]
@@ -71,125 +79,131 @@ class SweepPath:
 
 
 def drive_paths(arrays: Mapping[str, np.ndarray], *, together: bool) -> DrivePaths:
-    """Paths through drive values: the drive named last moves along a path; together: all arrays move in step."""
-    moving = [n for n, v in arrays.items() if len(v) > 1]
+    """Paths through all combinations of drive values; the drive named last varies along a path.
+
+    together: the values of all drives vary together instead. Raises SceneError for arrays of different lengths then.
+    """
+    varied = [n for n, v in arrays.items() if len(v) > 1]
     if not together:
-        outer, last = moving[:-1], moving[-1:]
+        outer, inner = varied[:-1], varied[-1:]
     else:
-        outer, last = [], moving
-        if len({len(arrays[n]) for n in moving}) > 1:
-            sizes = ", ".join(f"{n}: {len(arrays[n])}" for n in moving)
+        outer, inner = [], varied
+        if len({len(arrays[n]) for n in varied}) > 1:
+            sizes = ", ".join(f"{n}: {len(arrays[n])}" for n in varied)
             raise SceneError(f"together=True needs as many values for every drive, not {sizes}")
-    fixed = {n: float(v[0]) for n, v in arrays.items() if n not in moving}
+    single = {n: float(v[0]) for n, v in arrays.items() if n not in varied}
     steps = [
-        dict(zip(last, row, strict=True)) for row in zip(*(arrays[n].tolist() for n in last), strict=True)
+        dict(zip(inner, row, strict=True)) for row in zip(*(arrays[n].tolist() for n in inner), strict=True)
     ]
-    found: DrivePaths = []
+    paths: DrivePaths = []
     for combination in product(*(arrays[n].tolist() for n in outer)):
-        held = dict(zip(outer, combination, strict=True))
-        found.append(tuple({n: {**fixed, **held, **s}[n] for n in arrays} for s in steps or [{}]))
-    return found
+        fixed = {**single, **dict(zip(outer, combination, strict=True))}
+        paths.append(tuple({n: {**fixed, **step}[n] for n in arrays} for step in steps or [{}]))
+    return paths
 
 
 def unanswered_rows(path: SweepPath, reason: str, *, first: int = 0) -> list[Row]:
-    """Rows that say why there are no numbers, from pose `first` on."""
-    return [_labels(path, values) | {STATUS: reason} for values in path.drive_values[first:]]
+    """Rows without answers, with the reason as status, from pose `first` on."""
+    return [row_labels(path, values) | {STATUS: reason} for values in path.drive_values[first:]]
 
 
-def _labels(path: SweepPath, values: Mapping[str, float]) -> Row:
-    """Labels of a row: those of its line, and drive values in the units of their columns."""
+def row_labels(path: SweepPath, values: Mapping[str, float]) -> Row:
+    """Labels of a row: those of its path, and the drive values in the units of their columns."""
     scene = path.reference_scene if path.scene is None else path.scene
-    known = {} if scene is None else drive_columns(scene)
+    columns = {} if scene is None else drive_columns(scene)
     row: Row = dict(path.labels)
     for name, value in values.items():
-        column, factor = known.get(name, (name, 1.0))
+        column, factor = columns.get(name, (name, 1.0))
         row[column] = factor * value
     return row
 
 
 class PathSolver:
-    """Solves the poses of a line one after another; conventional poses start from the one before."""
+    """Solves the poses of a path in order; those of method "conventional" start from the previous one."""
 
     def __init__(self, solver: Solver, recipe: Recipe) -> None:
         self.solver, self.recipe = solver, recipe
-        self.before: Configuration | None = None
-        # of the poses that say whether the mesh is fine enough, which come again
-        self.known: dict[frozenset[tuple[str, float]], Configuration] = {}
+        self.previous: Configuration | None = None
+        # poses at which the mesh was checked, by drive values: the path comes to them again
+        self.cache: dict[frozenset[tuple[str, float]], Configuration] = {}
 
-    def pose(self, values: Mapping[str, float]) -> Configuration:
-        """The configuration at drive values; errors as in `ksd.solve`."""
+    def solve(self, values: Mapping[str, float]) -> Configuration:
+        """The configuration at drive values by name [m or rad]. Raises what `ksd.solve` raises."""
         r = self.recipe
         if r.method == "conventional":
-            self.before = self._continued(values)
-            return self.before
-        return self.known.get(frozenset(values.items())) or self.solver(
+            self.previous = self._solve_conventional(values)
+            return self.previous
+        return self.cache.get(frozenset(values.items())) or self.solver(
             values, method=r.method, accuracy=r.accuracy, relinearisations=r.relinearisations, strict=False
         )
 
-    def go_on_from(self, pose: Configuration | None) -> None:
-        """What comes next starts from this pose, or from rest."""
+    def continue_from(self, pose: Configuration | None) -> None:
+        """Start the next pose of method "conventional" from `pose`, from the undeformed configuration when None."""
         if self.recipe.method == "conventional":
-            self.before = pose
+            self.previous = pose
 
-    def aside(self, values: Mapping[str, float]) -> Configuration:
-        """A pose beside the line, which goes on from where it was."""
-        kept = self.before
+    def solve_detached(self, values: Mapping[str, float]) -> Configuration:
+        """As `solve`, but the next pose of the path starts where it would have started."""
+        previous = self.previous
         try:
-            return self.pose(values)
+            return self.solve(values)
         finally:
-            self.before = kept
+            self.previous = previous
 
-    def _continued(self, values: Mapping[str, float]) -> Configuration:
-        """From the pose before; from rest where that fails."""
+    def _solve_conventional(self, values: Mapping[str, float]) -> Configuration:
+        """Solve from the previous pose, or from the undeformed configuration where that does not converge."""
 
-        def walked(solver: Solver) -> Configuration:
-            if self.before is not None:
+        def solve_with(solver: Solver) -> Configuration:
+            if self.previous is not None:
                 try:
-                    return solve_conventional(solver.model, values, start=self.before, planar=solver.in_plane)
+                    return solve_conventional(
+                        solver.model, values, start=self.previous, planar=solver.in_plane
+                    )
                 except ConvergenceError:
-                    self.before = None
+                    self.previous = None
             return solve_conventional(solver.model, values, planar=solver.in_plane)
 
         accuracy = self.recipe.accuracy or DEFAULT_ACCURACY
-        return with_mesh_check(solve_with_plate_factors(self.solver, walked, 0.1 * accuracy)[0], accuracy)
+        return with_mesh_check(solve_with_plate_factors(self.solver, solve_with, 0.1 * accuracy)[0], accuracy)
 
 
 def adequate_solver(path: SweepPath, recipe: Recipe, solver: Solver | None) -> PathSolver:
-    """A walk with the solver given, or a new one; without a mesh asked for, its curvature modes raised until they are enough
-    at the farthest pose of the line and at the nearest, as `ksd.solve` does. Errors of `Solver`; a pose that fails says so
-    when walked."""
-    words = {"extrapolate": recipe.extrapolate, **dict(recipe.effects)}
-    solver = solver or Solver(path.scene, mesh=recipe.mesh, **words)
-    walk, rises = PathSolver(solver, recipe), MAX_RISES if recipe.mesh is None else 0
+    """A path solver with a fine enough mesh.
+
+    Unless the recipe has a mesh, the curvature modes of the leaf springs are raised until they are enough at the poses with
+    the largest and the smallest drive values, as `ksd.solve` does; poses that fail there are left to `PathSolver.solve`.
+    solver: of the same scene, used instead of a new one. Raises what `Solver` raises.
+    """
+    options = {"extrapolate": recipe.extrapolate, **dict(recipe.effects)}
+    solver = solver or Solver(path.scene, mesh=recipe.mesh, **options)
+    path_solver, rises = PathSolver(solver, recipe), MAX_RISES if recipe.mesh is None else 0
     farthest, nearest = (
         end(path.drive_values, key=lambda pose: sum(v * v for v in pose.values())) for end in (max, min)
     )
     for values in (farthest,) if nearest is farthest else (farthest, nearest):
         while rises:
             try:
-                found = walk.aside(values)
+                pose = path_solver.solve_detached(values)
             except POSE_ERRORS:
                 break
-            walk.known[frozenset(values.items())] = found
-            share, _, axis, _ = mode_adequacy(found.model, found.motion)
+            path_solver.cache[frozenset(values.items())] = pose
+            share, _, axis, _ = mode_adequacy(pose.model, pose.motion)
             if share <= (recipe.accuracy or DEFAULT_ACCURACY):
                 break
-            walk = PathSolver(
-                Solver(path.scene, mesh=raise_order(walk.solver.model.mesh, axis), **words), recipe
-            )
+            finer = raise_order(path_solver.solver.model.mesh, axis)
+            path_solver = PathSolver(Solver(path.scene, mesh=finer, **options), recipe)
             rises -= 1
-    return walk
+    return path_solver
 
 
 def adequate_mesh(paths: Iterable[SweepPath], recipe: Recipe) -> Mesh:
-    """The usual mesh with the curvature modes that are enough at the farthest poses of all lines; those that fail say so
-    when walked."""
-    found = [DEFAULT_MESH]
+    """`DEFAULT_MESH` with as many curvature modes as all paths need, see `adequate_solver`; paths that fail do not count."""
+    meshes = [DEFAULT_MESH]
     for path in (path for path in paths if path.scene is not None):
         with suppress(*POSE_ERRORS):
-            found.append(adequate_solver(path, recipe, None).solver.model.mesh)
-    nx, ny, nz = (max(mesh.orders[axis] for mesh in found) for axis in range(3))
-    return replace(DEFAULT_MESH, orders=(nx, ny, nz), points=max(mesh.points for mesh in found))
+            meshes.append(adequate_solver(path, recipe, None).solver.model.mesh)
+    nx, ny, nz = (max(mesh.orders[axis] for mesh in meshes) for axis in range(3))
+    return replace(DEFAULT_MESH, orders=(nx, ny, nz), points=max(mesh.points for mesh in meshes))
 
 
 def run_path(
@@ -199,77 +213,80 @@ def run_path(
     rows: list[Row],
     poses: list[Configuration] | None = None,
 ) -> Solver | None:
-    """Walk a line, appending a row per pose to `rows` and what was found to `poses`, if given; returns the solver for a next
-    line of the same scene."""
+    """Solve the poses of a path and answer the questions at each.
+
+    A row per pose is appended to `rows`, and each configuration to `poses`, if given. solver: one of the same scene.
+    Returns the solver, for the next path of that scene; None where there is none.
+    """
     if path.scene is None:
         rows.extend(unanswered_rows(path, path.failure))
         return None
     try:
-        walk = adequate_solver(path, recipe, solver)
+        path_solver = adequate_solver(path, recipe, solver)
     except POSE_ERRORS as reason:
         rows.extend(unanswered_rows(path, error_sentence(reason)))
         return None
-    before = PreviousPose(between=walk.aside)
+    previous = PreviousPose(solve=path_solver.solve_detached)
     for first in range(0, len(path.drive_values), CHUNK):
-        found = [_walked(walk, values) for values in path.drive_values[first : first + CHUNK]]
-        good, last = [pose for pose in found if not isinstance(pose, str)], walk.before
+        results = [
+            _pose_or_reason(path_solver, values) for values in path.drive_values[first : first + CHUNK]
+        ]
+        solved, last = [pose for pose in results if not isinstance(pose, str)], path_solver.previous
         if poses is not None:
-            poses += good
-        # an error figure is asked question by question
-        known = iter(
-            [NOT_ANSWERED] * len(good) if recipe.questions.errors else answer_batch(good, recipe.questions)
+            poses += solved
+        # with error figures, every question is answered by itself
+        batch_answers = iter(
+            [NOT_ANSWERED] * len(solved)
+            if recipe.questions.errors
+            else answer_batch(solved, recipe.questions)
         )
-        for values, pose in zip(path.drive_values[first:], found, strict=False):
-            row = _labels(path, values)
+        for values, pose in zip(path.drive_values[first:], results, strict=False):
+            row = row_labels(path, values)
             if isinstance(pose, str):
                 rows.append(row | {STATUS: pose})
                 continue
             if not recipe.with_verdict and pose.negatives != pose.expected_negatives:
                 rows.append(row | {STATUS: STATUS_MESSAGES[UNSTABLE]})
                 continue
-            walk.go_on_from(pose)
-            own = PoseAnalysis(pose, before if recipe.with_verdict else PreviousPose())
-            told, before, troubles = answer_questions(own, recipe.questions, next(known).rows)
-            row |= told
+            path_solver.continue_from(pose)
+            analysis = PoseAnalysis(pose, previous if recipe.with_verdict else PreviousPose())
+            answers = answer_questions(analysis, recipe.questions, next(batch_answers).rows)
+            previous = answers.previous
+            row |= answers.row
             if recipe.with_verdict:
                 row |= {
                     "stable": float(pose.stable),
                     "method": pose.method,
                     "warnings": "; ".join(pose.warnings),
                 }
-            rows.append(
-                row
-                | {
-                    STATUS: "; ".join(f"{name}: {error_sentence(why)}" for name, why in troubles.items())
-                    or OK
-                }
-            )
-        walk.go_on_from(last)
-    return walk.solver
+            failures = "; ".join(f"{name}: {error_sentence(why)}" for name, why in answers.failures.items())
+            rows.append(row | {STATUS: failures or OK})
+        path_solver.continue_from(last)
+    return path_solver.solver
 
 
-def _walked(walk: PathSolver, values: Mapping[str, float]) -> Configuration | str:
-    """The pose at drive values, or why there is none."""
+def _pose_or_reason(path_solver: PathSolver, values: Mapping[str, float]) -> Configuration | str:
+    """The configuration at drive values, or why there is none."""
     try:
-        return walk.pose(values)
+        return path_solver.solve(values)
     except POSE_ERRORS as reason:
         return error_sentence(reason)
 
 
 def run_paths(paths: tuple[SweepPath, ...], recipe: Recipe) -> list[list[Row]]:
-    """Rows of every line of a block; what a worker process is asked to do."""
-    found: list[list[Row]] = []
+    """Rows of every path of a block: the task of a worker process."""
+    rows_by_path: list[list[Row]] = []
     solver, scene = None, None
     for path in paths:
         rows: list[Row] = []
         solver = run_path(path, recipe, solver if path.scene is scene else None, rows)
         scene = path.scene
-        found.append(rows)
-    return found
+        rows_by_path.append(rows)
+    return rows_by_path
 
 
 def error_sentence(reason: Exception) -> str:
-    """One sentence for a table."""
+    """An error as one sentence for a table, with the share of the motion that was reached."""
     text = " ".join(str(reason).split()) or type(reason).__name__
     reached = getattr(reason, "reached", None)
     if isinstance(reason, ConvergenceError) and reached and math.isfinite(reached) and "%" not in text:
