@@ -357,7 +357,7 @@ class _Problem:
         drives = [d.name for d in self.scene.drives]
         scene = Scene(**words)
         bodies = [leaf_boxes(_named(f), count=FINE_BOX_COUNT) for f in scene.leaves]
-        met = [pair for pair, _ in overlapping_leaves(bodies, touch=OVERLAP_TOLERANCE)]
+        met = [pair for pair, _ in overlapping_leaves(bodies, tolerance=OVERLAP_TOLERANCE)]
         return RestShape(
             **{f.name: getattr(scene, f.name) for f in fields(Scene)}, wanted=self.scene,
             targets={n: opened.get(n, float(self.values.get(n, 0.0))) for n in drives},

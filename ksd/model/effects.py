@@ -248,7 +248,7 @@ def with_torsion(scene: Any, factors: Mapping[str, float]) -> Any:
     """The scene whose leaf springs, by full name, know the factor on GJ of the run they are part of."""
     leaves = scene.leaf_names()
     own = {name: leaves[name].condition or LeafCondition() for name in factors}
-    known = {n: replace(own[n], torsion=factor) for n, factor in factors.items()}
+    known = {n: replace(own[n], torsion_factor=factor) for n, factor in factors.items()}
     return with_conditions(scene, known) if known else scene
 
 

@@ -61,9 +61,9 @@ def rigidity_factors(section: Any, leaf: Any, mesh: Mesh) -> tuple[float, float]
     """What restrained warping multiplies GJ by, and plate stiffening E Iz, in one section of a leaf."""
     torsion, plate = 1.0, 1.0
     if mesh.warping and section.Iw > 0.0:
-        torsion = (leaf.condition and leaf.condition.torsion) or _own_torsion(leaf)
+        torsion = (leaf.condition and leaf.condition.torsion_factor) or _own_torsion(leaf)
     if mesh.plate and section.width > section.thickness > 0.0:
-        bend = leaf.condition.bend if leaf.condition else 0.0
+        bend = leaf.condition.plate_curvature if leaf.condition else 0.0
         plate = plate_factor(section.width, section.thickness, bend, leaf.material.nu)
     return torsion, plate
 
@@ -107,20 +107,20 @@ class _Natural(Curve):
     def curvature(self, s: float) -> np.ndarray:
         """(3,) 1/m at fraction s of the arc length."""
         own = np.zeros(3) if self.leaf.curve is None else self.leaf.curve.curvature(s)
-        return own / self.leaf.condition.stretch + np.array([0.0, 0.0, self.leaf.condition.bow])
+        return own / self.leaf.condition.stretch + np.array([0.0, 0.0, self.leaf.condition.natural_curvature])
 
     def curvatures(self, s: Any) -> np.ndarray:
         """(k, 3) 1/m at fractions s (k,)."""
         own = np.zeros((len(s), 3)) if self.leaf.curve is None else self.leaf.curve.curvatures(s)
-        return own / self.leaf.condition.stretch + np.array([0.0, 0.0, self.leaf.condition.bow])
+        return own / self.leaf.condition.stretch + np.array([0.0, 0.0, self.leaf.condition.natural_curvature])
 
 
 def stress_free_leaf(leaf: Any) -> Any:
     """The leaf as it is when nothing loads it: as drawn, unless heat or prestress have changed that."""
     state = leaf.condition
-    if state is None or (state.stretch == 1.0 and state.bow == 0.0):
+    if state is None or (state.stretch == 1.0 and state.natural_curvature == 0.0):
         return leaf
-    if state.bow == 0.0 and leaf.curve is None:
+    if state.natural_curvature == 0.0 and leaf.curve is None:
         end = np.asarray(leaf.start) + state.stretch * np.subtract(leaf.end, leaf.start)
         return replace(leaf, end=tuple(end.tolist()))
     return replace(leaf, curve=_Natural(leaf, leaf.length * state.stretch))
@@ -417,7 +417,7 @@ def split_leaf(leaf: Any, cuts: Sequence[float]) -> list[Any]:
         raise SceneError(
             f"leaf '{leaf.name}' is curved, has an assembly error (mechanism.fit) and points on it; leave one of them out"
         )
-    torsion = state.torsion or (_own_torsion(leaf) if leaf.section.Iw > 0.0 else 0.0)
+    torsion = state.torsion_factor or (_own_torsion(leaf) if leaf.section.Iw > 0.0 else 0.0)
     marks = (0.0, *cuts, 1.0)
     sections = [leaf.section_at(s) for s in marks]
     pieces = []
@@ -425,7 +425,7 @@ def split_leaf(leaf: Any, cuts: Sequence[float]) -> list[Any]:
         (start, axes), (end, _) = sections[k], sections[k + 1]
         along = (end - start) / np.linalg.norm(end - start)
         width = axes[:, 2] - (axes[:, 2] @ along) * along
-        own = replace(state, torsion=torsion)
+        own = replace(state, torsion_factor=torsion)
         if misplaced and part[1] < 1.0:
             own = replace(own, shift=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0))
         pieces.append(
@@ -449,7 +449,7 @@ def element_leaves(leaf: Any, elements: int) -> list[Any]:
         raise SceneError(
             f"leaf '{leaf.name}': nodal meshes are for straight uniform leaf springs; leave nodal out"
         )
-    if replace(leaf.condition or LeafCondition(), bend=0.0, torsion=0.0) != LeafCondition():
+    if replace(leaf.condition or LeafCondition(), plate_curvature=0.0, torsion_factor=0.0) != LeafCondition():
         raise SceneError(
             f"leaf '{leaf.name}': nodal meshes are for leaves without heat, prestress and assembly error; leave nodal out"
         )

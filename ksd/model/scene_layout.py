@@ -231,7 +231,12 @@ class _Parts:
 
 def _as_drawn(state: LeafCondition) -> bool:
     """Whether a leaf in this condition is free of stress as drawn."""
-    return state.stretch == 1.0 and state.bow == 0.0 and not any(state.shift) and not any(state.turn)
+    return (
+        state.stretch == 1.0
+        and state.natural_curvature == 0.0
+        and not any(state.shift)
+        and not any(state.turn)
+    )
 
 
 _STILL = (0.0, 0.0, 0.0)

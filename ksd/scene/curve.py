@@ -16,7 +16,7 @@ from ksd.errors import SceneError
 from ksd.scene.plane_curves import PlaneCurvature, legendre_shape, sine_shape, spline_shape
 
 COARSE_STEPS = 60
-"""Steps by which the line of a curve is integrated, and twice as many."""
+"""Integration steps along a curve of the coarser of two solutions, from which the line is extrapolated."""
 
 
 class Curve(metaclass=ClearArgumentErrors):
@@ -25,20 +25,21 @@ class Curve(metaclass=ClearArgumentErrors):
     length: float
 
     def curvature(self, s: float) -> np.ndarray:
-        """(3,) 1/m at fraction s of the arc length."""
+        """Curvature (3,) [1/m] at fraction s of the arc length."""
         raise NotImplementedError
 
     def curvatures(self, s: ArrayLike) -> np.ndarray:
-        """(k, 3) 1/m at fractions s (k,)."""
+        """Curvatures (k, 3) [1/m] at fractions s (k,) of the arc length."""
         return np.array([self.curvature(float(x)) for x in np.asarray(s, float)], float).reshape(-1, 3)
 
     def line(self, s: float) -> tuple[np.ndarray, np.ndarray]:
-        """Place (3,) [m] and axes (3, 3) of the section at fraction s, from the start in its axes.
+        """Position (3,) [m] and axes (3, 3) of the section at fraction s, relative to the start and in its axes.
 
-        R' = R [kappa]x, r' = R e1 by steps of fourth order (Magnus), once as many and extrapolated.
+        Integrates R' = R [kappa]x, r' = R e1 by Magnus steps of fourth order, twice, and extrapolates (Richardson).
         """
 
-        def end(steps: int) -> np.ndarray:
+        def transform(steps: int) -> np.ndarray:
+            """Homogeneous transformation (4, 4) from the start to fraction s."""
             h, rate = s * self.length / steps, np.zeros((2, steps, 4, 4))
             gauss = np.array([[0.5 - math.sqrt(3) / 6], [0.5 + math.sqrt(3) / 6]])
             at = s * (np.arange(steps) + gauss) / steps
@@ -48,37 +49,37 @@ class Curve(metaclass=ClearArgumentErrors):
             rate[..., 0, 3] = 1.0
             one, two = rate
             step = 0.5 * h * (one + two) + math.sqrt(3) / 12 * h**2 * (one @ two - two @ one)
-            turn = np.eye(4) + step / 9
+            # exponentials of all steps by a Taylor series, then their product by pairs from the start on
+            product = np.eye(4) + step / 9
             for n in range(8, 0, -1):
-                turn = np.eye(4) + step @ turn / n
-            while len(turn) > 1:
-                # in pairs, from the start on
-                odd = turn[-1:] if len(turn) % 2 else turn[:0]
-                turn = np.concatenate([turn[:-1:2] @ turn[1::2], odd])
-            return turn[0]
+                product = np.eye(4) + step @ product / n
+            while len(product) > 1:
+                odd = product[-1:] if len(product) % 2 else product[:0]
+                product = np.concatenate([product[:-1:2] @ product[1::2], odd])
+            return product[0]
 
         if s == 0.0:
             return np.zeros(3), np.eye(3)
-        fine = end(2 * COARSE_STEPS)
-        found = fine + (fine - end(COARSE_STEPS)) / 15
-        return found[:3, 3], found[:3, :3]
+        fine = transform(2 * COARSE_STEPS)
+        end = fine + (fine - transform(COARSE_STEPS)) / 15
+        return end[:3, 3], end[:3, :3]
 
 
 _hashable_line = functools.lru_cache(maxsize=64)(Curve.line)
 
 
 def cached_line(curve: Curve, s: float) -> tuple[np.ndarray, np.ndarray]:
-    """`Curve.line`, remembered where the curve can be: points and pieces of a leaf ask for the same places."""
+    """`Curve.line`, cached for hashable curves: points and parts of a leaf need it at the same fractions."""
     try:
         return curve.line(s) if type(curve).line is not Curve.line else _hashable_line(curve, s)
     except TypeError:
-        # a curve of the user's own that cannot be remembered
+        # a curve of the user that is not hashable
         return curve.line(s)
 
 
 @dataclass(frozen=True)
 class CurvePart(Curve):
-    """The part of a curve between two fractions of its arc length."""
+    """The part of the curve `whole` between two fractions `part` of its arc length."""
 
     whole: Curve
     part: tuple[float, float]
@@ -87,19 +88,19 @@ class CurvePart(Curve):
         object.__setattr__(self, "length", (self.part[1] - self.part[0]) * self.whole.length)
 
     def curvature(self, s: float) -> np.ndarray:
-        """That of the whole."""
+        """Curvature (3,) [1/m] of the whole curve at fraction s of the part."""
         return self.whole.curvature(self.part[0] + s * (self.part[1] - self.part[0]))
 
     def curvatures(self, s: ArrayLike) -> np.ndarray:
-        """Those of the whole."""
+        """Curvatures (k, 3) [1/m] of the whole curve at fractions s (k,) of the part."""
         return self.whole.curvatures(self.part[0] + np.asarray(s, float) * (self.part[1] - self.part[0]))
 
 
 @dataclass(frozen=True)
 class Arc(Curve):
-    """A circular arc of `radius` [m] and `angle` [rad], bending about e3 (width); positive angles bend towards e2.
+    """A circular arc of `radius` [m] and `angle` [rad], curved about e3 (width), towards e2 for positive angles.
 
-    Raises SceneError for a radius that is not positive and an angle of zero or more than a turn.
+    Raises SceneError for a radius that is not positive, and an angle that is zero or 2 pi or more.
     """
 
     radius: float
@@ -113,11 +114,11 @@ class Arc(Curve):
         self.__dict__.update(angle=angle, length=self.radius * abs(angle))
 
     def curvature(self, s: float) -> np.ndarray:
-        """Constant about e3."""
+        """Curvature (3,) [1/m], constant about e3."""
         return np.array([0.0, 0.0, math.copysign(1.0 / self.radius, self.angle)])
 
     def curvatures(self, s: ArrayLike) -> np.ndarray:
-        """The same everywhere."""
+        """Curvatures (k, 3) [1/m], the same at all fractions s (k,)."""
         return np.tile(self.curvature(0.0), (np.size(s), 1))
 
     @property
@@ -126,10 +127,11 @@ class Arc(Curve):
         return 2 * self.radius * abs(math.sin(self.angle / 2))
 
     def compliance(self, EI: float, EA: float = math.inf, GA: float = math.inf) -> np.ndarray:
-        """Motion (x, y, turn) of the end of the arc per force (x, y) and moment there, (3, 3), clamped at its start.
+        """Compliance (3, 3) of the end of the arc: displacements x, y and rotation per force x, y and moment there.
 
-        In the frame at that end: x along the tangent away from the arc, y to the centre. EI [N m^2]; EA and GA (with its
-        shear correction) [N], without stretch and shear where left out. Source: Castigliano; paper 3 has it for EI alone.
+        The start is clamped. The frame at the end has x along the tangent away from the arc and y to the centre. EI [N m^2];
+        EA and GA (with its shear correction) [N], rigid in extension and shear when left out. Source: Castigliano's theorem;
+        paper 3 has it for EI alone.
         """
         r, a = self.radius, abs(self.angle)
         s, c = math.sin(a), math.cos(a)
@@ -145,9 +147,10 @@ class Arc(Curve):
 class FreeCurve(Curve):
     """Any stress-free shape: `function(s)` returns the curvature (3,) [1/m] at fraction s of the arc `length` [m].
 
-    Anything smooth; it is represented by the curvature modes of the leaf. `sine`, `legendre` and `spline` make it of a
-    few numbers, by which answers have gradients (`ksd.gradient`, `ksd.Job`), and which scene files hold; they bend about
-    e3, towards e2. Raises SceneError for a length that is not positive and what is no function.
+    The function must be smooth; the curvature modes of the leaf represent it. `sine`, `legendre` and `spline` make a
+    curve from a few numbers, which scene files can hold and by which answers have gradients (`ksd.gradient`,
+    `ksd.Job`); these bend about e3, positive towards e2. Raises SceneError for a length that is not positive, and
+    unless function is callable.
     """
 
     length: float
@@ -157,8 +160,10 @@ class FreeCurve(Curve):
     def sine(
         cls, amplitudes: ArrayLike, *, length: float | None = None, chord: float | None = None
     ) -> FreeCurve:
-        """Angle sum_i amplitudes_i sin(2 pi i s) [rad] to the direction of its start: level at both ends, which lie on one
-        line. By its length, or the chord [m] between its ends. Source: Lan (2005), equation 5.7.
+        """A curve whose tangent has the angle sum_i amplitudes_i sin(2 pi i s) [rad] to that at its start.
+
+        Give its length, or the chord [m] between its ends. The tangents at both ends are parallel, and the ends lie on one
+        line with this direction. Source: Lan (2005), equation 5.7. Raises SceneError.
         """
         return cls.of(sine_shape(amplitudes, length, chord))
 
@@ -171,24 +176,26 @@ class FreeCurve(Curve):
         chord: float | None = None,
         breaks: ArrayLike = (),
     ) -> FreeCurve:
-        """Curvature sum_i coefficients_i P_i(2 s - 1) / length, P Legendre polynomials: coefficients [rad], the first is the
-        whole turn. By its length, or the chord [m] between its ends. breaks: fractions of the length at which other
-        coefficients begin, a list for every piece.
+        """A curve with the curvature sum_i coefficients_i P_i(2 s - 1) / length, P_i Legendre polynomials.
+
+        coefficients [rad]: the first is the angle between the tangents at both ends. Give its length, or the chord [m]
+        between its ends. breaks: fractions of the length where pieces meet; coefficients is then a list for every
+        piece, and the length must be given. Raises SceneError.
         """
         return cls.of(legendre_shape(coefficients, length, chord, breaks))
 
     @classmethod
     def spline(cls, points: ArrayLike, *, start: float | None = None, end: float | None = None) -> FreeCurve:
-        """Through points (k, 2) [m] in any axes, from the first to the last, by a cubic spline over their distances.
+        """A cubic spline through points (k, 2) [m] in any axes, parametrised by the distances between them.
 
-        start, end: angle [rad] of its ends to the first axis; without one it is straight there. Its curvature has a kink at
-        every point: a `Mechanism.point` there gives each part modes of its own. Raises SceneError.
+        start, end: angles [rad] of the tangents at its ends to the first axis; without one the curvature there is zero. The
+        curvature has a kink at every point: a `Mechanism.point` there gives each part modes of its own. Raises SceneError.
         """
         return cls.of(spline_shape(points, start, end))
 
     @classmethod
     def of(cls, bend: PlaneCurvature) -> FreeCurve:
-        """Of a named shape."""
+        """The free curve of a plane curve `bend`, see `ksd.scene.plane_curves`."""
         return cls(bend.length, bend)
 
     def __post_init__(self) -> None:
@@ -199,14 +206,14 @@ class FreeCurve(Curve):
             )
 
     def curvature(self, s: float) -> np.ndarray:
-        """The function's answer as an array; SceneError unless it is three finite numbers."""
-        found = np.asarray(self.function(s), float)
-        if found.shape != (3,) or not np.all(np.isfinite(found)):
+        """Curvature (3,) [1/m] at fraction s. Raises SceneError unless the function returns three finite numbers."""
+        curvature = np.asarray(self.function(s), float)
+        if curvature.shape != (3,) or not np.all(np.isfinite(curvature)):
             raise SceneError(
-                f"FreeCurve: at s = {s:g} its function returned {show(found)}, three numbers are needed."
+                f"FreeCurve: at s = {s:g} its function returned {show(curvature)}, three numbers are needed."
             )
-        return found
+        return curvature
 
     def curvatures(self, s: ArrayLike) -> np.ndarray:
-        """All at once of a named shape."""
+        """Curvatures (k, 3) [1/m] at fractions s (k,), in one call for a plane curve."""
         return self.function(s) if isinstance(self.function, PlaneCurvature) else super().curvatures(s)

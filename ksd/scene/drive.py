@@ -13,11 +13,11 @@ GROUND = "ground"
 
 @dataclass(frozen=True)
 class DriveTerm:
-    """One component of the motion of `link` relative to `base`, measured from rest.
+    """One component of the motion of `link` relative to `base`, zero in the undeformed configuration.
 
-    kind "translation" [m]: displacement of `point` of the link along `direction`; "rotation" [rad]: rotation
-    about it. direction (3,), unit, and point (3,) [m] are global at rest; the direction then turns with
-    `base`. Terms add up and take factors: 2 * a - b is a tuple of terms for `Mechanism.actuate(terms=...)`.
+    kind "translation" [m]: displacement of `point` of the link along `direction`; "rotation" [rad]: rotation about
+    `direction`. direction (3,), a unit vector, and point (3,) [m] are global, undeformed; the direction then turns with
+    `base`. Terms can be added and scaled: 2 * a - b is a tuple of terms for `Mechanism.actuate(terms=...)`.
     """
 
     coefficient: float
@@ -64,7 +64,7 @@ class DriveTerm:
 
 @dataclass(frozen=True)
 class Drive:
-    """A prescribed sum of terms, sum_i coefficient_i * component_i; a support is a drive held at zero."""
+    """A prescribed sum of terms, sum_i coefficient_i * component_i; a support is a drive fixed at zero."""
 
     name: str
     terms: tuple[DriveTerm, ...]
@@ -79,19 +79,19 @@ class Drive:
 
     @property
     def dimension(self) -> str:
-        """Of its value: "length" or "angle", "number" where both are mixed."""
+        """Dimension of the drive value: "length", "angle", or "number" for terms of both kinds."""
         kinds = {term.kind for term in self.terms}
         return {"translation": "length", "rotation": "angle"}[kinds.pop()] if len(kinds) == 1 else "number"
 
     def freedom(self) -> tuple[Any, ...]:
-        """What it prescribes, without scale, sign and name: equal for two drives on one freedom."""
-        rows = sorted(_component(t) for t in self.terms)
-        first = rows[0][-1]
-        return tuple((*row[:-1], round(row[-1] / first, 9)) for row in rows)
+        """The prescribed component without its scale, sign and name; equal for two drives of one freedom."""
+        components = sorted(_component(t) for t in self.terms)
+        first_coefficient = components[0][-1]
+        return tuple((*c[:-1], round(c[-1] / first_coefficient, 9)) for c in components)
 
 
 def _component(term: DriveTerm) -> tuple[Any, ...]:
-    """(kind, base, link, direction, point, coefficient), the leading part of the direction positive."""
+    """(kind, base, link, direction, point, coefficient), the first non-zero direction component positive."""
     sign = next(1.0 if c > 0 else -1.0 for c in term.direction if abs(c) > 1e-9)
     along = tuple(round(sign * c, 9) + 0.0 for c in term.direction)
     # the rotation of a rigid link is the same at every point of it

@@ -1,7 +1,7 @@
-"""What a scene may mention beyond leaf springs, drives and loads: springs, flexible links, heat, assembly error, prestress.
+"""Optional statements of a scene: springs, elastic links, heat, assembly errors, prestress, and distances to report.
 
-Each is one frozen sentence of the scene; a scene that does not say it has nothing of it. Positions are global at
-rest [m], forces N, moments Nm, angles rad, temperatures K above the undeformed configuration.
+Each is a frozen value, and an effect is simulated only when a scene mentions it. Positions are global and undeformed [m];
+forces are in N, moments in Nm, angles in rad, temperatures in K above that of the undeformed configuration.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ from ksd.scene.material import Material
 from ksd.section import Section
 
 OPTIONAL_EFFECTS = ("warping", "plate")
-"""Effects of the leaf that a scene may ask to be considered; see `ksd.model.effects`."""
+"""Arguments of `Mechanism.consider`: effects of leaf springs that are simulated on request, see `ksd.model.effects`."""
 
 
 @dataclass(frozen=True)
 class Distance:
-    """What is asked about, not simulated: the distance [m] of point `end` of link `b` from point `start` of link `a`.
+    """A distance to report: that [m] of point `end` of link `b` from point `start` of link `a`.
 
-    start, end (3,) [m]: global at rest. along (3,): only its component along this direction, which turns with `a`, signed;
-    the whole distance when None.
+    start, end (3,) [m]: global, undeformed. along (3,): report the signed component along this direction, which turns with
+    `a`; None for the whole distance.
     """
 
     name: str
@@ -64,10 +64,10 @@ class Distance:
 
 @dataclass(frozen=True)
 class Spring:
-    """A coil spring between point `start` of link `a` and point `end` of link `b`: pull = stiffness (l - free_length).
+    """A coil spring between point `start` of link `a` and point `end` of link `b`: tension = stiffness (l - free_length).
 
-    stiffness [N/m]; free_length [m]: 0 is the zero-free-length spring of static balancing. The force acts along
-    the line between the two points, wherever they are; it pushes when shorter than its free length.
+    stiffness [N/m]; free_length [m]: 0 is the zero-free-length spring of static balancing. The force acts along the line
+    between the two points in the deformed configuration, at distance l; it pushes when l is below free_length.
     """
 
     name: str
@@ -97,8 +97,8 @@ class Spring:
 class TurnSpring:
     """A torsion spring from link `a` to link `b` about `axis` through `at`: moment = stiffness (angle - rest_angle).
 
-    stiffness [Nm/rad]; rest_angle [rad]: rotation of b relative to a at which it is relaxed. The angle is the
-    component about `axis`, which turns with a, of the rotation vector of b relative to a; below 180 degrees.
+    stiffness [Nm/rad]; rest_angle [rad]: rotation of b relative to a without moment. The angle is the component about
+    `axis`, which turns with a, of the rotation vector of b relative to a; it is below 180 degrees.
     """
 
     name: str
@@ -123,16 +123,16 @@ class TurnSpring:
 
 
 MAX_STIFFNESS = 1e30
-"""Stiffness [N/m] beyond which a link matrix is damage: squares and products of it would overflow."""
+"""Limit of the stiffness [N/m] in a link matrix: squares and products of larger numbers overflow."""
 
 
 @dataclass(frozen=True)
 class LinkMatrix(metaclass=ClearArgumentErrors):
     """Stiffness of a flexible link between its two interfaces, as a Craig-Bampton reduction gives it.
 
-    points (2, 3) [m]: the interfaces, global at rest; stiffness (12, 12): forces and moments on both interfaces by
-    their displacements and rotations in global axes at rest (N/m, N, Nm). Raises SceneError unless it is symmetric,
-    has no negative eigenvalue and no force under the six rigid motions (1e-6 of its largest number).
+    points (2, 3) [m]: the interfaces, global, undeformed; stiffness (12, 12): forces and moments on both interfaces per
+    displacement and rotation of them, in global axes, undeformed (N/m, N, Nm). Raises SceneError unless it is symmetric,
+    has no negative eigenvalue and gives no force under the six rigid motions (to 1e-6 of its largest number).
     """
 
     points: tuple[Vector, Vector]
@@ -161,18 +161,19 @@ class LinkMatrix(metaclass=ClearArgumentErrors):
         object.__setattr__(self, "stiffness", tuple(tuple(float(v) for v in row) for row in 0.5 * (K + K.T)))
 
     def _check(self, K: np.ndarray, owner: str) -> None:
+        """Check size, symmetry, rigid motions and eigenvalues of the stiffness K (12, 12). Raises SceneError."""
         arm = np.subtract(self.points[1], self.points[0])
-        size = float(np.linalg.norm(arm))
-        if size == 0.0:
+        distance = float(np.linalg.norm(arm))
+        if distance == 0.0:
             raise SceneError(f"{owner}: both interfaces are at {self.points[0]}; they must be apart.")
-        # rotations scaled by the distance, so that all numbers are N/m
-        scale = np.tile(np.repeat([1.0, 1.0 / size], 3), 2)
+        # rotations scaled by the distance, so that all numbers are in N/m
+        scale = np.tile(np.repeat([1.0, 1.0 / distance], 3), 2)
         with np.errstate(all="ignore"):
             S = K * np.outer(scale, scale)
         largest = np.abs(S).max()
         if not largest < MAX_STIFFNESS:
             raise SceneError(
-                f"{owner}: stiffness holds {largest:.3g} N/m; check its units and the distance {size:.3g} m."
+                f"{owner}: stiffness holds {largest:.3g} N/m; check its units and the distance {distance:.3g} m."
             )
         if not largest > 0.0:
             raise SceneError(f"{owner}: stiffness is zero; leave the matrix out, or check its units.")
@@ -182,11 +183,11 @@ class LinkMatrix(metaclass=ClearArgumentErrors):
         rigid[:3, :3] = rigid[6:9, :3] = rigid[3:6, 3:] = rigid[9:, 3:] = np.eye(3)
         x, y, z = arm
         rigid[6:9, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
-        left = np.abs(S @ (rigid / scale[:, None]) / np.repeat([1.0, size], 3)).max()
-        if left > 1e-6 * largest:
+        rigid_force = np.abs(S @ (rigid / scale[:, None]) / np.repeat([1.0, distance], 3)).max()
+        if rigid_force > 1e-6 * largest:
             raise SceneError(
-                f"{owner}: rigid motions meet a force ({left / largest:.1e} of its largest stiffness); the matrix must "
-                "be that of the free link, in global axes at rest, about the given points."
+                f"{owner}: rigid motions meet a force ({rigid_force / largest:.1e} of its largest stiffness); the matrix "
+                "must be that of the free link, in global axes at rest, about the given points."
             )
         if np.linalg.eigvalsh(0.5 * (S + S.T)).min() < -1e-6 * largest:
             raise SceneError(f"{owner}: stiffness has a negative eigenvalue; check its signs.")
@@ -194,11 +195,11 @@ class LinkMatrix(metaclass=ClearArgumentErrors):
 
 @dataclass(frozen=True)
 class Compliance:
-    """Link `link` is not rigid: a beam of `section` from its hub to every attachment, or a matrix.
+    """Link `link` is elastic: beams of `section` and `material` from its hub to every attachment, or a stiffness matrix.
 
-    hub (3,) [m]: where the beams meet, and what loads, drives, masses and springs of the link act on; None is the
-    mean of the attachments. width_axis (3,): direction of the section's width e3; None takes the axis of the first
-    joint on the link.
+    hub (3,) [m]: the point where the beams meet and on which loads, drives, masses and springs of the link act; None is the
+    mean of the attachments. width_axis (3,): direction of the section's width e3; None takes the axis of the first joint on
+    the link.
     """
 
     link: str
@@ -226,10 +227,10 @@ class Compliance:
 
 @dataclass(frozen=True)
 class Heat:
-    """Leaf springs warmer than at rest: `temperature` [K] in the mean, `through` [K] warmer at their +e2 face than at -e2.
+    """Temperature rise of leaf springs: `temperature` [K] in the mean, `through` [K] more at the +e2 than at the -e2 face.
 
-    leaves: full names ("joint/leaf", or that of a free-form leaf), None is all of them. A leaf free to move grows by
-    expansion * temperature of its length and bends about e3 with curvature -expansion * through / thickness.
+    leaves: full names ("joint/leaf", or that of a free-form leaf), None for all. An unconstrained leaf extends by
+    expansion * temperature times its length and bends about e3 with the curvature -expansion * through / thickness.
     """
 
     temperature: float = 0.0
@@ -245,10 +246,10 @@ class Heat:
 
 @dataclass(frozen=True)
 class Fit:
-    """How a leaf was put in: its natural length, and where its clamp on the end block really is.
+    """Assembly of a leaf: its stress-free length, and the pose error of its clamp on the end block.
 
-    natural_length [m]: length it has when free of stress, None as drawn; shift (3,) [m] and turn (3,) [rad], rotation
-    vector: from where end q would be as drawn to where it is clamped, in the leaf's axes e1, e2, e3.
+    natural_length [m]: stress-free length, None as drawn; shift (3,) [m] and turn (3,) [rad], a rotation vector: from the
+    drawn pose of end q to the pose in which it is clamped, in the leaf's axes e1, e2, e3.
     """
 
     leaf: str
@@ -268,54 +269,61 @@ class Fit:
 def leaf_conditions(
     leaves: Mapping[str, Any], heats: tuple[Heat, ...], fits: tuple[Fit, ...]
 ) -> dict[str, LeafCondition]:
-    """What heat and fits make of every leaf (by full name) they touch.
+    """Conditions by full name of the leaf springs that heats and fits mention.
 
-    Raises SceneError for an unknown leaf, a material without expansion, a section without thickness, or a natural
-    length that is not within 10 % of the drawn one.
+    leaves: all leaf springs by full name. Raises SceneError for an unknown leaf, a material without expansion, a
+    section without thickness, or a natural length that is not within 10 % of the drawn one.
     """
-    found: dict[str, LeafCondition] = {}
+    conditions: dict[str, LeafCondition] = {}
     for heat in heats:
         for name in leaves if heat.leaves is None else heat.leaves:
             _leaf_of(name, leaves, "heat")
-            found[name] = _add_heat(found.get(name, LeafCondition()), leaves[name], heat, name)
+            conditions[name] = _add_heat(conditions.get(name, LeafCondition()), leaves[name], heat, name)
     for fit in fits:
         leaf = _leaf_of(fit.leaf, leaves, "fit")
-        before = found.get(fit.leaf, LeafCondition())
+        before = conditions.get(fit.leaf, LeafCondition())
         stretch = 1.0 if fit.natural_length is None else fit.natural_length / leaf.length
         if not 0.9 < stretch < 1.1:
             raise SceneError(
                 f"fit of leaf '{fit.leaf}': natural_length = {fit.natural_length:g} m is more than 10 % off its drawn "
                 f"length of {leaf.length:g} m; redraw the leaf."
             )
-        found[fit.leaf] = LeafCondition(
+        conditions[fit.leaf] = LeafCondition(
             before.stretch * stretch,
-            before.bow,
+            before.natural_curvature,
             _add(before.shift, fit.shift),
             _add(before.turn, fit.turn),
         )
-    return found
+    return conditions
 
 
 def _add(a: Vector, b: Vector) -> Vector:
+    """Sum of two vectors (3,)."""
     x, y, z = (float(p + q) for p, q in zip(a, b, strict=True))
     return x, y, z
 
 
 def _leaf_of(name: str, leaves: Mapping[str, Any], what: str) -> Any:
+    """The leaf of this full name. Raises SceneError, starting with `what`, when it does not exist."""
     if name not in leaves:
         raise SceneError(f"{what}: leaf '{name}' does not exist{name_hint(name, leaves)}")
     return leaves[name]
 
 
 def _add_heat(before: LeafCondition, leaf: Any, heat: Heat, name: str) -> LeafCondition:
-    """Stress-free shape of a leaf with heat added to what it had before; raises SceneError."""
+    """The condition of a leaf with the effect of a heat added. Raises SceneError."""
     alpha, thickness = leaf.material.expansion, leaf.section.thickness
     if alpha is None:
-        said = leaf.material.name or "its material"
-        raise SceneError(f"heat: leaf '{name}': {said} has no expansion [1/K]; give Material(expansion=...).")
+        material = leaf.material.name or "its material"
+        raise SceneError(
+            f"heat: leaf '{name}': {material} has no expansion [1/K]; give Material(expansion=...)."
+        )
     if heat.through != 0.0 and not thickness > 0.0:
         raise SceneError(f"heat: leaf '{name}': its section has no thickness, which 'through' needs.")
-    bow = -alpha * heat.through / thickness if heat.through != 0.0 else 0.0
+    curvature = -alpha * heat.through / thickness if heat.through != 0.0 else 0.0
     return LeafCondition(
-        before.stretch * (1.0 + alpha * heat.temperature), before.bow + bow, before.shift, before.turn
+        before.stretch * (1.0 + alpha * heat.temperature),
+        before.natural_curvature + curvature,
+        before.shift,
+        before.turn,
     )

@@ -1,4 +1,4 @@
-"""Joints: rigid blocks connected by leaf springs, with two interfaces A and B and their intended motion."""
+"""Joints: rigid blocks connected by leaf springs, with two interfaces A and B and intended motions of B relative to A."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ from ksd.scene.leaf import Leaf
 class Motion(metaclass=ClearArgumentErrors):
     """One intended motion of interface B relative to A.
 
-    name: by which it is driven. kind "rotation" [rad] or "translation" [m]; axis (3,) unit, in joint axes; range (low,
-    high) it may be used in. point (3,) [m], joint axes at rest: the point of B whose displacement a translation is, and
-    where its force acts; interface B when None. Raises SceneError for another kind, an axis of no length and a range that
-    does not rise.
+    name: the name by which it is driven. kind: "rotation" [rad] or "translation" [m]; axis (3,): its direction, in joint
+    axes; range (low, high): range it may be used in. point (3,) [m], undeformed, in joint axes: the point of B whose
+    displacement a translation is, and on which its force acts; interface B when None. Raises SceneError for another kind, an
+    axis without length, and a range that does not rise.
     """
 
     name: str
@@ -64,12 +64,11 @@ class Motion(metaclass=ClearArgumentErrors):
 class Joint(metaclass=ClearArgumentErrors):
     """Base of all joints, drawn in joint axes: interface A at the origin, x from A to B, z the intended axis.
 
-    A family is a frozen dataclass with a `family` name that answers the questions below; all lengths in m,
-    all points (3,) in joint axes at rest, where every block is parallel to the joint axes. `length` [m] is
-    the length L by which its record is made dimensionless. `quantities` names the dimension ("length",
-    "angle") of its numeric parameters, for scene files. `windows`: leaf springs may cross, one in a window of the other.
-    `held_by_others`: it leaves more free than its intended motions, as a single leaf does its torsion, and the mechanism
-    around it holds that.
+    A family is a frozen dataclass with a `family` name that implements the methods below; all lengths are in m, all points
+    (3,) in joint axes and undeformed, where every block is parallel to the joint axes. `length` [m]: the length L by which
+    its record is made dimensionless. `quantities`: dimension ("length", "angle") of its numeric parameters, for scene files.
+    `windows`: leaf springs may cross, one through a window of the other. `held_by_others`: the joint is soft in other
+    directions than its intended motions, as a single leaf is in torsion, and the mechanism around it constrains those.
     """
 
     family: ClassVar[str]
@@ -80,12 +79,12 @@ class Joint(metaclass=ClearArgumentErrors):
 
     @property
     def pose_B(self) -> Vector:
-        """Position (3,) [m] of interface B at rest."""
+        """Undeformed position (3,) [m] of interface B."""
         raise NotImplementedError
 
     @property
     def length_AB(self) -> float:
-        """Distance [m] from interface A to interface B at rest."""
+        """Undeformed distance [m] from interface A to interface B."""
         return float(np.linalg.norm(self.pose_B))
 
     @property
@@ -94,34 +93,34 @@ class Joint(metaclass=ClearArgumentErrors):
         raise NotImplementedError
 
     def motion(self, name: str | None = None) -> Motion:
-        """The intended motion of this name; the only one when None. Raises SceneError."""
-        found = self.motions
-        if name is None and len(found) == 1:
-            return found[0]
-        for motion in found:
+        """The intended motion of this name; None takes the only one. Raises SceneError."""
+        motions = self.motions
+        if name is None and len(motions) == 1:
+            return motions[0]
+        for motion in motions:
             if isinstance(name, str) and motion.name == name:
                 return motion
-        names = ", ".join(repr(m.name) for m in found)
+        names = ", ".join(repr(m.name) for m in motions)
         raise SceneError(f"{self.family}: motion = {show(name)} must be one of its intended motions {names}.")
 
     def blocks(self) -> dict[str, Vector]:
-        """Rigid blocks by name with a reference point (3,) [m]; always "A" and "B", then internal ones."""
+        """Reference points (3,) [m] of the rigid blocks by name: "A" and "B", then the internal ones."""
         return {"A": (0.0, 0.0, 0.0), "B": self.pose_B}
 
     def leaves(self) -> tuple[Leaf, ...]:
-        """The flexible leaf springs between the blocks."""
+        """The leaf springs between the blocks."""
         raise NotImplementedError
 
     def shape(self) -> dict[str, float]:
-        """Dimensionless shape parameters (angles in rad) its record depends on."""
+        """Dimensionless shape parameters (angles in rad) on which its record depends, by name."""
         raise NotImplementedError
 
 
 def joint_leaves(joint: Joint) -> tuple[Leaf, ...]:
-    """`joint.leaves()`, made once for equal joints: a mechanism asks several times, and mostly of the same joint."""
+    """`joint.leaves()`, cached for equal joints: a mechanism needs them several times, and mostly of the same joint."""
     try:
         return _cached_leaves(joint)
-    except TypeError:  # a family of the user's own that is not hashable
+    except TypeError:  # a joint family of the user that is not hashable
         return joint.leaves()
 
 
@@ -131,58 +130,63 @@ def _cached_leaves(joint: Joint) -> tuple[Leaf, ...]:
 
 
 COMPARED_STATIONS = (0.05, 0.2, 0.45, 0.7, 0.95)
-"""Where along a leaf spring drawings are compared: fractions of its length, apart from what is even or periodic."""
+"""Fractions of the length at which leaf springs are compared; unevenly spaced, so as not to miss periodic shapes."""
 
 
 def joint_proportions(joint: Joint) -> dict[str, float]:
-    """How a joint is drawn, over its `length`: blocks, ends and lengths of leaf springs, which way they are wide, and, with
-    what varies along them, their soft bending stiffness over the least and their curvature at rest times their length. A
-    record of one joint as drawn holds for those alone."""
+    """The dimensionless numbers that describe the drawing of a joint, by name.
+
+    Over the `length` of the joint: positions of blocks and of the ends of leaf springs, and lengths of leaf springs.
+    Further the width axes, the bending stiffnesses E Iz over the smallest one, and at `COMPARED_STATIONS` of varying
+    leaf springs the same and the undeformed curvatures times the length of the leaf. A record of one drawn joint holds
+    for these numbers only.
+    """
     leaves, L = joint_leaves(joint), joint.length
-    places = {f"block {n}": np.divide(point, L) for n, point in enumerate(joint.blocks().values())}
+    vectors = {f"block {n}": np.divide(point, L) for n, point in enumerate(joint.blocks().values())}
     for n, leaf in enumerate(leaves, 1):
-        places |= {
+        vectors |= {
             f"start of leaf {n}": np.divide(leaf.start, L),
             f"end of leaf {n}": np.divide(leaf.end, L),
             f"width axis of leaf {n}": leaf.axes[:, 2],
         }
-    found = {
+    proportions = {
         f"{name}, {axis}": c
-        for name, place in places.items()
-        for axis, c in zip("xyz", place.tolist(), strict=True)
+        for name, components in vectors.items()
+        for axis, c in zip("xyz", components.tolist(), strict=True)
     }
-    bending = [leaf.material.E * leaf.section.Iz for leaf in leaves]
+    EI = [leaf.material.E * leaf.section.Iz for leaf in leaves]
     for n, leaf in enumerate(leaves, 1):
-        found |= {
+        proportions |= {
             f"length of leaf {n}": leaf.length / L,
-            f"bending stiffness of leaf {n}": bending[n - 1] / min(bending),
+            f"bending stiffness of leaf {n}": EI[n - 1] / min(EI),
         }
         curve, profile = leaf.curve, leaf.profile
-        bends = (
+        curvatures = (
             np.zeros((len(COMPARED_STATIONS), 3))
             if curve is None
             else leaf.length * curve.curvatures(COMPARED_STATIONS)
         )
-        for s, turns in zip(COMPARED_STATIONS, bends.tolist(), strict=True):
+        for s, curvature in zip(COMPARED_STATIONS, curvatures.tolist(), strict=True):
             section = leaf.section if profile is None else profile.section(s)
-            found[f"bending stiffness of leaf {n} at {s:g}"] = leaf.material.E * section.Iz / min(bending)
-            found |= {
-                f"curvature of leaf {n} at {s:g}, {axis}": c for axis, c in zip("xyz", turns, strict=True)
+            proportions[f"bending stiffness of leaf {n} at {s:g}"] = leaf.material.E * section.Iz / min(EI)
+            proportions |= {
+                f"curvature of leaf {n} at {s:g}, {axis}": c for axis, c in zip("xyz", curvature, strict=True)
             }
-    return found
+    return proportions
 
 
 @dataclass(frozen=True, init=False)
 class DrawnJoint(Joint):
     """A joint drawn by the user from blocks, leaf springs and intended motions, in joint axes.
 
-    name: its family name, under which a record may be trained. blocks: {"A": point, "B": point, others} [m],
-    A at the origin, B anywhere but there. length [m]: scale of the record, |AB| when not given. shape: its
-    dimensionless shape parameters, when it belongs to a range of similar joints. Leaves of one name are numbered, "leaf",
-    "leaf.2". windows: leaf springs may cross, one in a
-    window of the other (left out of the model). held_by_others: what it leaves free beside the intended motions is held
-    by the mechanism around it. Raises SceneError when A or B is missing, a leaf hangs on an
-    unknown block, a block on no leaf, or leaf springs run through each other.
+    name: its family name, under which a record can be trained. blocks: {"A": point, "B": point, others} (3,) [m], with
+    A at the origin and B elsewhere. leaves: its leaf springs; equal names are numbered, "leaf", "leaf.2". motions: its
+    intended motions. length [m]: length by which the record is made dimensionless, |AB| when not given. shape: its
+    dimensionless shape parameters by name, when it belongs to a range of similar joints. windows: leaf springs may
+    cross, one through a window of the other (the window itself is not modelled). held_by_others: the joint is soft in
+    other directions than its intended motions, and the mechanism around it constrains those. Raises SceneError when A
+    or B is missing, a leaf is on an unknown block, a block is not connected to A, or leaf springs run through each
+    other.
     """
 
     name: str
@@ -223,10 +227,10 @@ class DrawnJoint(Joint):
             check_clear(leaves, owner=owner, advice=_OVERLAP_ADVICE)
         if not motions or not all(isinstance(m, Motion) for m in motions):
             raise SceneError(f"{owner}: motions = {show(motions)} must be at least one Motion.")
-        twice = [m for k, m in enumerate(motions) if m.name in {other.name for other in motions[:k]}]
-        if twice:
+        duplicates = [m for k, m in enumerate(motions) if m.name in {other.name for other in motions[:k]}]
+        if duplicates:
             raise SceneError(
-                f"{owner}: two motions are named '{twice[0].name}'; give each a name of its own."
+                f"{owner}: two motions are named '{duplicates[0].name}'; give each a name of its own."
             )
         leaves, named = list(leaves), set[str]()
         for k, leaf in enumerate(leaves):
@@ -255,7 +259,7 @@ class DrawnJoint(Joint):
 
     @property
     def family(self) -> str:  # type: ignore[override]
-        """Its name."""
+        """The name of the joint."""
         return self.name
 
     @property
@@ -280,7 +284,10 @@ _OVERLAP_ADVICE = "move them apart, or say windows=True where one passes through
 
 
 def _check_blocks(points: Mapping[str, Vector], leaves: Sequence[Leaf], owner: str) -> None:
-    """A and B exist, A at the origin, every leaf between two known blocks, all blocks connected to A."""
+    """Check that A and B exist, A at the origin, every leaf is between two known blocks, and all are connected to A.
+
+    points: reference points (3,) [m] of the blocks. Raises SceneError.
+    """
     for end in ("A", "B"):
         if end not in points:
             raise SceneError(f"{owner}: block '{end}' is missing; every joint has interface blocks A and B.")
@@ -288,7 +295,7 @@ def _check_blocks(points: Mapping[str, Vector], leaves: Sequence[Leaf], owner: s
         raise SceneError(f"{owner}: block 'A' is at {points['A']} m; interface A is the origin (0, 0, 0).")
     if not leaves or not all(isinstance(leaf, Leaf) for leaf in leaves):
         raise SceneError(f"{owner}: leaves = {show(leaves)} must be at least one Leaf.")
-    reached, seen = {"A"}, 0
+    connected, count = {"A"}, 0
     for leaf in leaves:
         for block in (leaf.start_block, leaf.end_block):
             if block not in points:
@@ -299,13 +306,13 @@ def _check_blocks(points: Mapping[str, Vector], leaves: Sequence[Leaf], owner: s
             raise SceneError(
                 f"{owner}: leaf '{leaf.name}' starts and ends on the same block '{leaf.end_block}'."
             )
-    while len(reached) > seen:
-        seen = len(reached)
+    while len(connected) > count:
+        count = len(connected)
         for leaf in leaves:
-            if reached & {leaf.start_block, leaf.end_block}:
-                reached |= {leaf.start_block, leaf.end_block}
+            if connected & {leaf.start_block, leaf.end_block}:
+                connected |= {leaf.start_block, leaf.end_block}
     for block in points:
-        if block not in reached:
+        if block not in connected:
             raise SceneError(
                 f"{owner}: no chain of leaf springs connects block '{block}' with block 'A'; add a leaf."
             )

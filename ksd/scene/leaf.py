@@ -34,35 +34,34 @@ from ksd.section import Section, circle
 
 @dataclass(frozen=True)
 class LeafCondition:
-    """How a leaf differs from what is drawn when nothing loads it; made from the heats and fits of a scene.
+    """Deviation of an unloaded leaf from its drawing, by the heats and fits of a scene, and its plate and warping data.
 
-    stretch: natural over drawn length; bow [1/m]: natural curvature about e3 on top of the drawn one; shift (3,) [m]
-    and turn (3,) [rad]: where end q is clamped, seen from where it is drawn, in leaf axes. bend [1/m]: curvature at
-    which plate stiffening is taken; torsion: factor on GJ where warping is restrained, 0 that of the leaf by itself.
+    stretch: natural over drawn length; natural_curvature [1/m]: about e3, added to the drawn one; shift (3,) [m] and turn
+    (3,) [rad]: pose of the clamp of end q relative to the drawn one, in leaf axes. plate_curvature [1/m]: curvature at which
+    the plate stiffening is evaluated; torsion_factor: factor on GJ from restrained warping, 0 for that of the leaf alone.
     """
 
     stretch: float = 1.0
-    bow: float = 0.0
+    natural_curvature: float = 0.0
     shift: Vector = (0.0, 0.0, 0.0)
     turn: Vector = (0.0, 0.0, 0.0)
-    bend: float = 0.0
-    torsion: float = 0.0
+    plate_curvature: float = 0.0
+    torsion_factor: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Leaf(metaclass=ClearArgumentErrors):
-    """A flexible leaf between a point on one rigid block and a point on another, clamped at both.
+    """A leaf spring between a point on one rigid block and a point on another, clamped at both.
 
-    start, end [m], (3,): its ends at rest, in the frame of the joint it belongs to (global for a free-form
-    leaf). width_axis (3,): unit direction of the width e3, perpendicular to the leaf; e1 runs from start to
-    end, the thickness e2 = e3 x e1. None picks any perpendicular, for sections that are the same in all
-    directions. start_block, end_block: names of the blocks (links) it is clamped to. elements: Appendix A
-    elements along the leaf; orders: curvature modes (about e1, e2, e3) of the strain-mode leaf; None leaves
-    the choice to the model. profile: how the section varies along it (`section` is then its nominal one); None is
-    uniform. curve: its stress-free shape, whose chord must fit start and end; None is straight. condition: set by the
-    model from the heats and fits of a scene (`Mechanism.heat`, `Mechanism.fit`).
-    Raises SceneError for a leaf without
-    length, a width axis not perpendicular to it, or numbers that are not finite.
+    start, end (3,) [m]: undeformed positions of its ends, in the frame of the joint it belongs to (global for a
+    free-form leaf). width_axis (3,): direction of the width e3, perpendicular to the leaf; e1 points from start to end,
+    and the thickness is along e2 = e3 x e1. None takes any perpendicular direction, for sections that are the same in
+    all of them. start_block, end_block: names of the blocks (links) it is clamped to. elements: Appendix A elements
+    along the leaf; orders: numbers of curvature modes about e1, e2, e3 of the strain-mode leaf; None leaves the choice
+    to the model. profile: how the section varies along the leaf (`section` is then the nominal one); None is uniform.
+    curve: its stress-free shape, whose chord must equal the distance from start to end; None is straight. condition:
+    set by the model from the heats and fits of a scene (`Mechanism.heat`, `Mechanism.fit`). Raises SceneError for a
+    leaf without length, a width axis that is not perpendicular to it, or numbers that are not finite.
     """
 
     start: Vector
@@ -80,7 +79,7 @@ class Leaf(metaclass=ClearArgumentErrors):
     condition: LeafCondition | None = None
 
     def __post_init__(self) -> None:
-        # in few calls: a scene may have hundreds of them, made anew for every design
+        # in few calls: a scene may have hundreds of leaf springs, made again for every design
         owner, own = f"leaf '{word(self.name, 'name', owner='leaf')}'", self.__dict__
         word(self.start_block, "start_block", owner=owner)
         word(self.end_block, "end_block", owner=owner)
@@ -99,6 +98,7 @@ class Leaf(metaclass=ClearArgumentErrors):
         self._check_axes(owner)
 
     def _check_axes(self, owner: str) -> None:
+        """Check the length and the width axis, and make the width axis a unit vector. Raises SceneError."""
         length = math.dist(self.start, self.end)
         if not math.isfinite(length) or length == 0.0:
             raise SceneError(
@@ -107,14 +107,14 @@ class Leaf(metaclass=ClearArgumentErrors):
         (x0, y0, z0), (x1, y1, z1) = self.start, self.end
         e1 = (x1 - x0) / length, (y1 - y0) / length, (z1 - z0) / length
         if self.width_axis is None:
-            least = np.eye(3)[np.argmin(np.abs(e1))]
-            axis = direction(np.cross(unit(e1), least), "width_axis", owner=owner)
+            most_normal = np.eye(3)[np.argmin(np.abs(e1))]
+            axis = direction(np.cross(unit(e1), most_normal), "width_axis", owner=owner)
         else:
             axis = direction(self.width_axis, "width_axis", owner=owner)
-        lean = dot(axis, e1)
-        if abs(lean) > 1e-6:
-            flat = [a - lean * b for a, b in zip(axis, e1, strict=True)]
-            hint = f"; nearest: ({', '.join(f'{c:.6g}' for c in flat)})" if abs(lean) < 0.999 else ""
+        cosine = dot(axis, e1)
+        if abs(cosine) > 1e-6:
+            projected = [a - cosine * b for a, b in zip(axis, e1, strict=True)]
+            hint = f"; nearest: ({', '.join(f'{c:.6g}' for c in projected)})" if abs(cosine) < 0.999 else ""
             raise SceneError(
                 f"{owner}: width_axis = {show(self.width_axis)} must be perpendicular to the leaf along "
                 f"({', '.join(f'{c:.6g}' for c in e1)}){hint}."
@@ -123,37 +123,39 @@ class Leaf(metaclass=ClearArgumentErrors):
 
     @property
     def length(self) -> float:
-        """Length at rest [m]: of the arc for a curved leaf, else the distance between its ends."""
+        """Undeformed length [m]: the arc length of a curved leaf, else the distance between its ends."""
         return self.curve.length if self.curve is not None else math.dist(self.start, self.end)
 
     @property
     def directions(self) -> tuple[Vector, Vector, Vector]:
-        """Unit vectors e1 along the chord, e2 thickness, e3 width, orthonormal, in the frame of start and end."""
+        """Orthonormal e1 along the chord, e2 thickness, e3 width, (3,) each, in the frame of start and end."""
         e1 = unit(tuple(b - a for a, b in zip(self.start, self.end, strict=True)))
         width = self.width_axis or (0.0, 0.0, 0.0)
-        lean = dot(width, e1)
-        e3 = unit(tuple(a - lean * b for a, b in zip(width, e1, strict=True)))
+        cosine = dot(width, e1)
+        e3 = unit(tuple(a - cosine * b for a, b in zip(width, e1, strict=True)))
         return e1, cross(e3, e1), e3
 
     @property
     def axes(self) -> np.ndarray:
-        """(3, 3): `directions` as columns."""
+        """The matrix (3, 3) with `directions` as columns."""
         return np.array(self.directions).T.copy()
 
     def section_at(self, s: float) -> tuple[np.ndarray, np.ndarray]:
-        """Place (3,) [m] and axes (3, 3), columns e1 along, e2, e3, of its section at fraction s of its length at rest, in
-        the frame of start and end."""
+        """Position (3,) [m] and axes (3, 3), columns e1, e2, e3, of the section at fraction s of the undeformed length.
+
+        Both are in the frame of start and end.
+        """
         start, chord = np.asarray(self.start, float), self.axes
         if self.curve is None:
             return start + s * (np.asarray(self.end, float) - start), chord
-        # its line from the end p, whose chord is turned onto that of the leaf with the widths in one plane
+        # rotate the chord of the curve onto that of the leaf, with their width directions in one plane
         end, _ = cached_line(self.curve, 1.0)
         e1 = end / np.linalg.norm(end)
         e3 = np.array([0.0, 0.0, 1.0]) - e1[2] * e1
         e3 /= np.linalg.norm(e3)
         frame = chord @ np.array([e1, np.cross(e3, e1), e3])
-        place, axes = cached_line(self.curve, s)
-        return start + frame @ place, frame @ axes
+        position, axes = cached_line(self.curve, s)
+        return start + frame @ position, frame @ axes
 
 
 @clear_argument_errors
@@ -172,7 +174,7 @@ def wire(
     profile: Profile | None = None,
     curve: Curve | None = None,
 ) -> Leaf:
-    """A leaf of circular section, `diameter` in m; other words as in `Leaf` (no width_axis needed). Raises SceneError."""
+    """A leaf of circular section, `diameter` in m; other parameters as in `Leaf`. Raises SceneError."""
     section = circle(positive(diameter, "diameter", owner=f"wire '{name}'", unit="m"))
     return Leaf(
         start=as_given(start), end=as_given(end), width_axis=as_given(width_axis), section=section, material=material,
@@ -182,7 +184,7 @@ def wire(
 
 
 def checked_mesh(elements: Any, orders: Any, *, owner: str) -> dict[str, Any]:
-    """Checked `elements` and `orders` of a leaf or a joint."""
+    """The mesh parameters `elements` and `orders` of a leaf or joint, checked. Raises SceneError."""
     if elements is not None:
         elements = whole_number(elements, "elements", owner=owner)
     if orders is not None:

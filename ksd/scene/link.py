@@ -1,4 +1,4 @@
-"""The links of a mechanism by name."""
+"""A link of a mechanism, known by its name."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ksd.checks import Vector
 
 @dataclass(frozen=True)
 class Link:
-    """A link of the mechanism `owner`, known by its name; at (3,) [m]: where it is, of a point of a leaf."""
+    """A link of the mechanism `owner`; at (3,) [m]: undeformed position of a link that is a point of a leaf, else None."""
 
     name: str
     owner: Any = field(compare=False, repr=False)
@@ -21,5 +21,5 @@ class Link:
 
 
 def link_name(link: Any) -> str:
-    """A link's name for messages and default names."""
+    """The name of a link given as `Link` or as text."""
     return link.name if isinstance(link, Link) else str(link)

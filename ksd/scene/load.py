@@ -12,10 +12,9 @@ from ksd.scene.drive import GROUND
 
 @dataclass(frozen=True)
 class Load:
-    """Force (3,) [N] at point `at` (3,) [m] of a link and moment (3,) [Nm], global at rest.
+    """Force (3,) [N] at point `at` (3,) [m] of a link and moment (3,) [Nm], in global axes, undeformed.
 
-    A dead load keeps its direction in space; a following one turns with the link. The point moves with the
-    link.
+    A dead load keeps its direction in space, a following one turns with the link; the point moves with the link.
     """
 
     name: str
@@ -36,7 +35,7 @@ class Load:
 
 @dataclass(frozen=True)
 class PointMass:
-    """A rigid mass [kg] on a link: centre `at` (3,) [m], inertia (3, 3) [kg m^2] about it, global at rest."""
+    """A rigid mass [kg] on a link: centre `at` (3,) [m], inertia (3, 3) [kg m^2] about it, in global axes, undeformed."""
 
     link: str
     mass: float
@@ -53,7 +52,7 @@ class PointMass:
 
 
 def _inertia(value: Any, owner: str) -> tuple[Vector, Vector, Vector]:
-    """(3, 3) from nothing (zero), three moments or nine numbers; symmetric, no negative diagonal."""
+    """Inertia matrix (3, 3) from None (zero), three moments or a matrix. Raises SceneError."""
     if value is None:
         value = (0.0, 0.0, 0.0)
     rows = value.tolist() if hasattr(value, "tolist") else value
@@ -65,9 +64,9 @@ def _inertia(value: Any, owner: str) -> tuple[Vector, Vector, Vector]:
         a, b, c = vector(rows, "inertia", owner=owner, unit="kg m^2")
         rows = ((a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c))
     matrix = tuple(vector(row, "inertia", owner=owner, unit="kg m^2") for row in rows)
-    size = max(abs(c) for row in matrix for c in row)
+    largest = max(abs(c) for row in matrix for c in row)
     skew = max(abs(matrix[i][j] - matrix[j][i]) for i in range(3) for j in range(3))
-    if skew > 1e-9 * size or min(matrix[i][i] for i in range(3)) < 0.0:
+    if skew > 1e-9 * largest or min(matrix[i][i] for i in range(3)) < 0.0:
         raise SceneError(
             f"{owner}: inertia = {show(value)} must be symmetric without negative moments on its diagonal."
         )

@@ -1,8 +1,7 @@
-"""Leaf springs that are not the same all along: tapered, notched, stiffened in the middle, or curved at rest.
+"""Profiles of leaf springs whose section varies along them: tapered, notched, stiffened in the middle, or any function.
 
-A profile gives the section at s in [0, 1], the fraction of the arc length from start to end; `breaks` are the
-fractions where it has a kink or a step. A curve gives the stress-free curvature. All are frozen values, so that
-scenes can be compared and hashed.
+A profile gives the section at s in [0, 1], the fraction of the arc length from start to end; `breaks` are the fractions
+where it has a kink or a step. Profiles are frozen values, so that scenes can be compared and hashed.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from ksd.section.constants import Sections
 
 Array = NDArray[np.float64]
 KINK_OFFSET = 1e-9
-"""Fraction of the length by which a section is beside a step: on it, rounding would choose a side."""
+"""Offset from a kink or step, as a fraction of the length: on the step itself rounding would choose a side."""
 
 
 class Profile(metaclass=ClearArgumentErrors):
@@ -36,23 +35,22 @@ class Profile(metaclass=ClearArgumentErrors):
         raise NotImplementedError
 
     def sides(self, s: float) -> tuple[Section, ...]:
-        """The section at fraction s, just inside the leaf; where it has a kink or a step there those on both sides."""
-        near = any(abs(s - b) < KINK_OFFSET for b in self.breaks)
-        places = (
-            (s - KINK_OFFSET, s + KINK_OFFSET) if near else (min(max(s, KINK_OFFSET), 1.0 - KINK_OFFSET),)
-        )
-        return tuple(map(self.section, places))
+        """The section at fraction s, just inside the leaf, or the two on both sides of a kink or step there."""
+        if any(abs(s - b) < KINK_OFFSET for b in self.breaks):
+            return self.section(s - KINK_OFFSET), self.section(s + KINK_OFFSET)
+        return (self.section(min(max(s, KINK_OFFSET), 1.0 - KINK_OFFSET)),)
 
     def sections(self, s: Array) -> Sections:
-        """Those at fractions s (k,)."""
-        found = [self.section(x) for x in s.tolist()]
-        return Sections(*np.array([[getattr(q, name) for q in found] for name in Sections._fields]))
+        """The sections at fractions s (k,) of the arc length."""
+        each = [self.section(x) for x in s.tolist()]
+        return Sections(*np.array([[getattr(q, name) for q in each] for name in Sections._fields]))
 
 
 class _Rectangles(Profile):
-    """Base of profiles whose sections are rectangles: `sizes(s)`, thickness and width [m] at a fraction or many (k,)."""
+    """Base of profiles with rectangular sections of thickness and width `sizes(s)`."""
 
     def sizes(self, s: Any) -> tuple[Any, Any]:
+        """Thickness and width [m] at a fraction s, or at fractions (k,)."""
         raise NotImplementedError
 
     def section(self, s: float) -> Section:
@@ -61,20 +59,20 @@ class _Rectangles(Profile):
         return rectangle(float(t), float(w))
 
     def sections(self, s: Array) -> Sections:
-        """Those at fractions s (k,)."""
+        """The sections at fractions s (k,) of the arc length."""
         return rectangles(*np.broadcast_arrays(*self.sizes(s)))
 
 
 def _check_positive(profile: Profile, *lengths: str) -> None:
-    """Check and clean lengths of a profile [m]. Raises SceneError."""
+    """Check the named lengths [m] of a profile and make them floats. Raises SceneError."""
     owner, own = type(profile).__name__, profile.__dict__
     own.update({name: positive(own[name], name, owner=owner, unit="m") for name in lengths})
 
 
 @dataclass(frozen=True)
 class Taper(_Rectangles):
-    """Thickness and width [m], two numbers each, running linearly from start to end. Raises SceneError for what is not
-    positive."""
+    """Thickness and width [m], two numbers each, that vary linearly from start to end. Raises SceneError for lengths that
+    are not positive."""
 
     thickness: tuple[float, float]
     width: tuple[float, float]
@@ -88,17 +86,17 @@ class Taper(_Rectangles):
             object.__setattr__(self, name, tuple(positive(v, name, owner="Taper", unit="m") for v in pair))
 
     def sizes(self, s: Any) -> tuple[Any, Any]:
-        """Between those at the ends."""
+        """Thickness and width [m] at s, interpolated between the ends."""
         t, w = ((1 - s) * a + s * b for a, b in (self.thickness, self.width))
         return t, w
 
 
 @dataclass(frozen=True)
 class CircularNotch(_Rectangles):
-    """Circular notch hinge of length 2 radius: t(x) = minimum + 2 (R - sqrt(R^2 - x^2)) about the middle.
+    """Circular notch of length 2 radius: thickness minimum + 2 (R - sqrt(R^2 - x^2)) at distance x from the middle.
 
     radius, minimum thickness, width [m]. A full semicircle; the leaf that carries it is 2 radius long. Source:
-    Paros and Weisbord, Machine Design 37 (1965), the right circular hinge. Raises SceneError for what is not positive.
+    Paros and Weisbord, Machine Design 37 (1965), the right circular hinge. Raises SceneError for lengths not positive.
     """
 
     radius: float
@@ -109,7 +107,7 @@ class CircularNotch(_Rectangles):
         _check_positive(self, "radius", "minimum", "width")
 
     def sizes(self, s: Any) -> tuple[Any, Any]:
-        """As thick as the notch is at s."""
+        """Thickness and width [m] at s."""
         x = (2 * s - 1) * self.radius
         rise = self.radius - np.sqrt(np.maximum(self.radius**2 - x**2, 0.0))
         return self.minimum + 2 * rise, self.width
@@ -121,7 +119,7 @@ class FilletedNotch(_Rectangles):
 
     length [m] of leaf and both fillets together, radius of the fillets, minimum thickness, width [m].
     Source: Lobontiu et al., Journal of Mechanical Design 123 (2001), the corner-filleted hinge. Raises SceneError for
-    what is not positive, and fillets longer than the leaf.
+    lengths that are not positive, and fillets longer than the leaf.
     """
 
     length: float
@@ -139,7 +137,7 @@ class FilletedNotch(_Rectangles):
         object.__setattr__(self, "breaks", (part, 1 - part))
 
     def sizes(self, s: Any) -> tuple[Any, Any]:
-        """As thick as the notch is at s."""
+        """Thickness and width [m] at s."""
         gap = np.maximum(self.radius - np.minimum(s, 1 - s) * self.length, 0.0)
         rise = self.radius - np.sqrt(np.maximum(self.radius**2 - gap**2, 0.0))
         return self.minimum + 2 * rise, self.width
@@ -148,7 +146,7 @@ class FilletedNotch(_Rectangles):
 @dataclass(frozen=True)
 class StiffenedMiddle(_Rectangles):
     """A leaf of one `width` [m] with a thicker middle: `thickness` [m] at both ends, `middle` [m] over the middle `part`
-    (fraction). Raises SceneError for what is not positive, and another fraction than between 0 and 1."""
+    (fraction of the length). Raises SceneError for lengths that are not positive, and unless 0 < part < 1."""
 
     thickness: float
     width: float
@@ -161,15 +159,17 @@ class StiffenedMiddle(_Rectangles):
         self.__dict__.update(part=part, breaks=(0.5 - 0.5 * part, 0.5 + 0.5 * part))
 
     def sizes(self, s: Any) -> tuple[Any, Any]:
-        """Thick inside the middle part, thin outside."""
+        """Thickness and width [m] at s: `middle` within the middle part, else `thickness`."""
         inside = np.abs(s - 0.5) < 0.5 * self.part
         return np.where(inside, self.middle, self.thickness), self.width
 
 
 @dataclass(frozen=True)
 class Varying(Profile):
-    """Any profile: a `function` of s in [0, 1] returning a `ksd.Section`, with `breaks`, the fractions of its kinks. Raises
-    SceneError for what is no function or no fraction."""
+    """Any profile: a `function` of s in [0, 1] that returns a `ksd.Section`, and `breaks`, the fractions of its kinks.
+
+    Raises SceneError unless function is callable and breaks rise between 0 and 1.
+    """
 
     function: Callable[[float], Section]
     breaks: tuple[float, ...] = ()
@@ -183,18 +183,18 @@ class Varying(Profile):
         object.__setattr__(self, "breaks", breaks)
 
     def section(self, s: float) -> Section:
-        """The function's answer; SceneError when it is not a Section."""
-        found = self.function(s)
-        if not isinstance(found, Section):
+        """The section at fraction s. Raises SceneError when the function returns anything else than a Section."""
+        section = self.function(s)
+        if not isinstance(section, Section):
             raise SceneError(
-                f"Varying: at s = {s:g} its function returned {show(found)}, a Section is needed."
+                f"Varying: at s = {s:g} its function returned {show(section)}, a Section is needed."
             )
-        return found
+        return section
 
 
 @dataclass(frozen=True)
 class ProfilePart(Profile):
-    """The part of a profile between two fractions of the length."""
+    """The part of the profile `whole` between two fractions `part` of its length."""
 
     whole: Profile
     part: tuple[float, float]
@@ -205,9 +205,9 @@ class ProfilePart(Profile):
         object.__setattr__(self, "breaks", inside)
 
     def section(self, s: float) -> Section:
-        """That of the whole."""
+        """The section of the whole at fraction s of the part."""
         return self.whole.section(self.part[0] + s * (self.part[1] - self.part[0]))
 
     def sections(self, s: Array) -> Sections:
-        """Those of the whole."""
+        """The sections of the whole at fractions s (k,) of the part."""
         return self.whole.sections(self.part[0] + s * (self.part[1] - self.part[0]))

@@ -1,4 +1,4 @@
-"""The frozen scene: everything said about a mechanism, in one value that can be compared and hashed."""
+"""The frozen scene: the whole description of a mechanism, as one value that can be compared and hashed."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ MECHANISM_HINT = (
     "give a ksd.Mechanism or its scene; of a file: mechanism, targets, options = ksd.load_scene(file), then "
     "ksd.solve(mechanism, targets)"
 )
-"""What to give where a mechanism is wanted."""
+"""End of the message where an argument should be a mechanism and is not."""
 
 
 @dataclass(frozen=True, repr=False)
 class PlacedJoint:
     """A joint between links `a` (interface A) and `b` (interface B).
 
-    origin (3,) [m]: interface A, global; rotation (3, 3): columns are the joint's x, y, z axes in global
-    axes. conditions: of its leaf springs by name, set by the model from the heats and fits of a scene.
+    origin (3,) [m]: global position of interface A; rotation (3, 3): columns are the joint's x, y, z axes in global axes.
+    conditions: (leaf name, condition) pairs, set by the model from the heats and fits of a scene.
     """
 
     name: str
@@ -57,25 +57,25 @@ class PlacedJoint:
         return f"<PlacedJoint '{self.name}': {self.joint.family}, {length:.4g} mm, from '{self.a}' to '{self.b}' at {at}>"
 
     def leaves(self) -> tuple[Leaf, ...]:
-        """The leaf springs of the joint, in joint axes, with their conditions."""
+        """The leaf springs of the joint in joint axes, with their conditions."""
         leaves = joint_leaves(self.joint)
         if not self.conditions:
             return leaves
-        found = dict(self.conditions)
-        return tuple(replace(leaf, condition=found.get(leaf.name)) for leaf in leaves)
+        conditions = dict(self.conditions)
+        return tuple(replace(leaf, condition=conditions.get(leaf.name)) for leaf in leaves)
 
     def place(self, point: ArrayLike) -> np.ndarray:
-        """Global position (3,) [m] at rest of a point (3,) given in joint axes."""
+        """Undeformed global position (3,) [m] of a point (3,) [m] given in joint axes."""
         return np.asarray(self.origin) + np.asarray(self.rotation) @ np.asarray(point, float)
 
     def turn(self, axis: ArrayLike) -> np.ndarray:
-        """Global direction (3,) at rest of a direction (3,) given in joint axes."""
+        """Undeformed global direction (3,) of a direction (3,) given in joint axes."""
         return np.asarray(self.rotation) @ np.asarray(axis, float)
 
 
 @dataclass(frozen=True, repr=False)
 class PlacedLeaf:
-    """A free-form leaf from link `a` to link `b`; the leaf's own numbers are global."""
+    """A free-form leaf from link `a` to link `b`, described in global axes."""
 
     name: str
     a: str
@@ -89,7 +89,7 @@ class PlacedLeaf:
 
 @dataclass(frozen=True)
 class LeafPoint:
-    """A point of the free-form leaf `leaf` at arc length s [m] from its start: link `name`, clamped there without mass."""
+    """Link `name`, without mass, clamped to the free-form leaf `leaf` at arc length s [m] from its start."""
 
     name: str
     leaf: str
@@ -98,14 +98,14 @@ class LeafPoint:
 
 @dataclass(frozen=True)
 class Scene(InNotebooks):
-    """A mechanism as described: links[0] is "ground"; all positions global at rest, SI units.
+    """The frozen description of a mechanism; all positions are global and undeformed, in SI units.
 
-    name: of the mechanism; links: names; joints, leaves: as placed; drives, supports, loads, masses: as said. gravity (3,)
-    [m/s^2] or None when the scene does not mention it; springs, compliances, heats, fits: see
-    `ksd.scene.effects`; consider: effects of the leaf that may be taken up. plane: the one it lives in ("xy", "xz", "yz");
-    hinges: pins and sliders, whose supports are among `supports`; points: links that are points of leaves; distances: asked
-    for. Two scenes are equal when everything said in them is; `fingerprint` is then the same in every process and on every
-    machine.
+    name: of the mechanism; links: their names, links[0] is "ground"; joints, leaves: placed joints and free-form leaf
+    springs; drives, supports, loads, masses: in the order of their statements. gravity (3,) [m/s^2], None when not
+    mentioned; springs, compliances, heats, fits: see `ksd.scene.effects`; consider: optional effects of the leaf springs to
+    simulate. plane: "xy", "xz" or "yz" for a planar mechanism; hinges: pins and sliders, whose supports are among
+    `supports`; points: links that are points of leaf springs; distances: to be reported. Scenes with the same contents are
+    equal, and have the same `fingerprint` in every process and on every machine.
     """
 
     name: str
@@ -128,24 +128,24 @@ class Scene(InNotebooks):
     distances: tuple[Distance, ...] = ()
 
     def __str__(self) -> str:
-        """What it is made of, a line each."""
+        """The parts of the mechanism, one per line."""
         return printed_scene(self)
 
     def leaf_names(self) -> dict[str, Leaf]:
-        """Every leaf by its full name: "joint/leaf", and free-form leaf springs by their own."""
+        """All leaf springs by full name: "joint/leaf" in joints, their own name for free-form ones."""
         inside = {f"{j.name}/{leaf.name}": leaf for j in self.joints for leaf in j.leaves()}
         return inside | {placed.name: placed.leaf for placed in self.leaves}
 
     def leaves_apart(self) -> list[tuple[str, str]]:
-        """Full names of every two leaf springs that share no block and are not in one joint with windows."""
+        """Pairs of full names of leaf springs that share no block and are not in one joint with windows."""
         blocks: dict[str, set[str]] = {}
         for j in self.joints:
             ends = {"A": j.a, "B": j.b}
             for leaf in joint_leaves(j.joint):
                 both = (leaf.start_block, leaf.end_block)
-                found = blocks[f"{j.name}/{leaf.name}"] = {ends.get(e, f"{j.name}/{e}") for e in both}
-                # what passes through windows of one another shares the joint as if it were a block
-                found |= {f"{j.name}/"} if j.joint.windows else set()
+                own = blocks[f"{j.name}/{leaf.name}"] = {ends.get(e, f"{j.name}/{e}") for e in both}
+                # leaf springs that pass through windows of one another share the joint as if it were a block
+                own |= {f"{j.name}/"} if j.joint.windows else set()
         blocks |= {placed.name: {placed.a, placed.b} for placed in self.leaves}
         for point in self.points:
             blocks[point.leaf].add(point.name)
@@ -153,7 +153,7 @@ class Scene(InNotebooks):
 
     @cached_property
     def unchangeable(self) -> bool:
-        """Whether everything in it is frozen: no joint family of the user's own that is not, no function of his."""
+        """Whether all contents are immutable: every joint is a frozen dataclass, and no leaf has a curve or profile."""
         leaves = self.leaf_names().values()
         params = (getattr(j.joint, "__dataclass_params__", None) for j in self.joints)
         return all(p is not None and p.frozen for p in params) and all(
@@ -161,7 +161,7 @@ class Scene(InNotebooks):
         )
 
     def fingerprint(self) -> str:
-        """SHA-256 (hexadecimal) of all contents."""
+        """SHA-256 of all contents, in hexadecimal."""
         return self._fingerprint if self.unchangeable else fingerprint(self)
 
     @cached_property
@@ -169,9 +169,11 @@ class Scene(InNotebooks):
         return fingerprint(self)
 
     def neighbours(self, *, hinges: bool = False, supports: bool = False) -> dict[str, set[str]]:
-        """Links next to each link through joints and free-form leaf springs, and through pins and sliders, or all supports,
-        when asked."""
-        found: dict[str, set[str]] = {link: set() for link in self.links}
+        """Links connected to each link by joints and free-form leaf springs.
+
+        hinges: pins and sliders connect too; supports: all supports connect too.
+        """
+        neighbours: dict[str, set[str]] = {link: set() for link in self.links}
         pairs = [(j.a, j.b) for j in self.joints] + [(f.a, f.b) for f in self.leaves]
         ends = {f.name: f.a for f in self.leaves}
         pairs += [(ends[p.leaf], p.name) for p in self.points if p.leaf in ends]
@@ -180,48 +182,48 @@ class Scene(InNotebooks):
         if supports:
             pairs += [(t.base, t.link) for s in self.supports for t in s.terms]
         for a, b in pairs:
-            found.setdefault(a, set()).add(b)
-            found.setdefault(b, set()).add(a)
-        return found
+            neighbours.setdefault(a, set()).add(b)
+            neighbours.setdefault(b, set()).add(a)
+        return neighbours
 
 
 def connected_links(
-    next_to: Mapping[str, set[str]], start: str = GROUND, without: Collection[str] = ()
+    neighbours: Mapping[str, set[str]], start: str = GROUND, without: Collection[str] = ()
 ) -> set[str]:
-    """Links that hang together with `start`, see `Scene.neighbours`, when others are taken away."""
-    found, rest = {start}, [start]
-    while rest:
-        fresh = next_to[rest.pop()] - found - set(without)
-        found |= fresh
-        rest += fresh
-    return found
+    """Links connected to `start`, itself included, when the links `without` are removed; see `Scene.neighbours`."""
+    connected, pending = {start}, [start]
+    while pending:
+        new = neighbours[pending.pop()] - connected - set(without)
+        connected |= new
+        pending += new
+    return connected
 
 
 def hold_same_objects(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    """Whether the words of two scenes hold the very same objects: as fast as it is strict."""
-    for key, mine in one.items():
-        theirs = other[key]
-        if mine is theirs:
+    """Whether the fields of two scenes are the same objects, or tuples of the same objects; nothing is compared by value."""
+    for key, first in one.items():
+        second = other[key]
+        if first is second:
             continue
-        if type(mine) is not tuple or type(theirs) is not tuple or len(mine) != len(theirs):
+        if type(first) is not tuple or type(second) is not tuple or len(first) != len(second):
             return False
-        if not all(map(operator.is_, mine, theirs)):
+        if not all(map(operator.is_, first, second)):
             return False
     return True
 
 
 def joint_angle(joint: PlacedJoint, motion: Motion) -> tuple[str, Vector, Vector]:
-    """(kind, global direction, global point of B) of an intended motion of a placed joint."""
-    place = joint.joint.pose_B if motion.point is None else motion.point
-    # plain numbers: a design loop comes by here for every drive
+    """(kind, global direction (3,), global point (3,) [m] of B) of an intended motion of a placed joint."""
+    point = joint.joint.pose_B if motion.point is None else motion.point
+    # in plain numbers, since a design loop calls this for every drive
     e, f, g = joint.rotation
     x, y, z = joint.origin
     axis = dot(e, motion.axis), dot(f, motion.axis), dot(g, motion.axis)
-    return motion.kind, axis, (x + dot(e, place), y + dot(f, place), z + dot(g, place))
+    return motion.kind, axis, (x + dot(e, point), y + dot(f, point), z + dot(g, point))
 
 
 def global_leaf(joint: PlacedJoint, leaf: Leaf, links: Mapping[str, str]) -> PlacedLeaf:
-    """A leaf of a placed joint as a free-form leaf in global coordinates; links: link by block."""
+    """A leaf of a placed joint as a free-form leaf in global axes; links: name of the link of each block."""
     label = f"{joint.name}/{leaf.name}"
     moved = replace(
         leaf,
@@ -236,22 +238,22 @@ def global_leaf(joint: PlacedJoint, leaf: Leaf, links: Mapping[str, str]) -> Pla
 
 
 def fingerprint(value: Any) -> str:
-    """SHA-256 (hexadecimal) of all that a value of numbers, texts, tuples and frozen sentences holds."""
+    """SHA-256 (hexadecimal) of a value made of numbers, text, tuples and dataclasses."""
     digest = hashlib.sha256()
-    for piece in _canonical_text(value):
-        digest.update(piece.encode())
+    for text in _canonical_text(value):
+        digest.update(text.encode())
         digest.update(b"\n")
     return digest.hexdigest()
 
 
 def _canonical_text(value: Any) -> Iterator[str]:
-    """Unambiguous text of a value, part by part: types, field names, exact floats."""
+    """Unambiguous text of a value, part by part: types, field names and exact floats."""
     if isinstance(value, np.ndarray):
         value = value.tolist()
-    own = dataclasses.is_dataclass(value) and not isinstance(value, type)
-    if own or isinstance(value, Curve | Profile):
+    is_instance = dataclasses.is_dataclass(value) and not isinstance(value, type)
+    if is_instance or isinstance(value, Curve | Profile):
         yield f"<{type(value).__name__}"
-        for field in dataclasses.fields(value) if own else ():
+        for field in dataclasses.fields(value) if is_instance else ():
             if field.compare:
                 yield field.name
                 yield from _canonical_text(getattr(value, field.name))
@@ -266,16 +268,14 @@ def _canonical_text(value: Any) -> Iterator[str]:
     elif isinstance(value, bool | int | str) or value is None:
         yield f"{type(value).__name__} {value!r}"
     elif isinstance(value, float):
-        # -0.0 == 0.0, so both must hash alike
+        # -0.0 == 0.0, so both must give the same text
         yield (value + 0.0).hex()
-    else:
-        if callable(value):
-            return
+    elif not callable(value):
         raise TypeError(f"a scene holds numbers, text and tuples, not {type(value).__name__}")
 
 
 def _curve_samples(value: Curve | Profile) -> Any:
-    """A curve or profile at 17 stations: a function in it has no contents that could be hashed."""
+    """A curve or profile at 17 stations, in place of its function, whose contents cannot be hashed."""
     stations = [float(s) for s in np.linspace(0.0, 1.0, 17)]
     if isinstance(value, Curve):
         return tuple(map(as_vector, value.curvatures(stations)))

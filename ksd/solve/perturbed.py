@@ -317,9 +317,13 @@ def _compile_scenes(model: Model, mesh: Mesh, scenes: Sequence[Any]) -> list[Mod
 def _with_curvatures(scene: Any, model: Model) -> Any:
     """The scene with the curvatures of a model as those of its plate factors."""
     leaves = scene.leaf_names()
-    bends = {n: leaf.condition.bend for n, leaf in model.scene.leaf_names().items() if leaf.condition}
+    bends = {
+        n: leaf.condition.plate_curvature for n, leaf in model.scene.leaf_names().items() if leaf.condition
+    }
     own = {
-        n: replace(leaves[n].condition or LeafCondition(), bend=b) for n, b in bends.items() if n in leaves
+        n: replace(leaves[n].condition or LeafCondition(), plate_curvature=b)
+        for n, b in bends.items()
+        if n in leaves
     }
     return with_conditions(scene, own) if own else scene
 

@@ -64,9 +64,12 @@ def plate_conditions(model: Model, motion: State) -> tuple[dict[str, LeafConditi
         if not (q.width > q.thickness > 0.0 and name in known):
             continue
         state = leaf.condition or LeafCondition()
-        factors = [plate_factor(q.width, q.thickness, b, leaf.material.nu) for b in (state.bend, known[name])]
+        factors = [
+            plate_factor(q.width, q.thickness, b, leaf.material.nu)
+            for b in (state.plate_curvature, known[name])
+        ]
         worst = max(worst, abs(factors[1] / factors[0] - 1.0))
-        conditions[name] = replace(state, bend=known[name])
+        conditions[name] = replace(state, plate_curvature=known[name])
     return conditions, worst
 
 

@@ -93,7 +93,7 @@ def check_clear(joint: Joint, states: list[Configuration]) -> None:
         return
     for state in states:
         for (one, two), _ in overlapping_leaves(
-            _bodies(joint, state, BOX_COUNT), touch=DEFORMED_OVERLAP_TOLERANCE
+            _bodies(joint, state, BOX_COUNT), tolerance=DEFORMED_OVERLAP_TOLERANCE
         ):
             raise SceneError(
                 f"{joint.family}: leaf springs '{one}' and '{two}' run into each other at "
@@ -129,7 +129,7 @@ class LeafWindows:
         seen: dict[tuple[str, str], set[int]] = {}
         for state in states:
             for (one, two), stations in overlapping_leaves(
-                _bodies(joint, state, FINE_BOX_COUNT), touch=DEFORMED_OVERLAP_TOLERANCE
+                _bodies(joint, state, FINE_BOX_COUNT), tolerance=DEFORMED_OVERLAP_TOLERANCE
             ):
                 for k, pair in enumerate(((one, two), (two, one))):
                     seen.setdefault(pair, set()).update(

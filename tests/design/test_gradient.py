@@ -275,7 +275,8 @@ def test_1_effects_and_plate_curvatures_are_those_of_the_pose():
     pose = ksd.solve(warm(**at_design), turn=0.3)
     sides = perturbed.perturbed_models(pose.model, [warm(0.4 * mm * 1.0001, 1.0).scene()])
     bends = [
-        {n: leaf.condition.bend for n, leaf in m.scene.leaf_names().items()} for m in (pose.model, *sides)
+        {n: leaf.condition.plate_curvature for n, leaf in m.scene.leaf_names().items()}
+        for m in (pose.model, *sides)
     ]
     assert bends[0] == bends[1] and all(b > 0 for b in bends[0].values())
     assert choose_effects(warm(**at_design).scene(), pose.model.mesh)["plate"].present
