@@ -1,4 +1,4 @@
-"""Cross-sections as numbers: closed forms, any polygon, or given directly. Conventions: `Section`."""
+"""Cross-sections as numbers: closed forms, any polygon, or given directly. For axes and units see `Section`."""
 
 from ksd.section.closed_forms import circle, rectangle, restrained_warping_factor, tube
 from ksd.section.constants import Section, numbers

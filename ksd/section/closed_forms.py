@@ -1,4 +1,4 @@
-"""Rectangle, circle and tube in closed form, and the restrained-warping factor of a clamped leaf."""
+"""Rectangle, circle and tube in closed form, and the factor of restrained warping on the torsional stiffness of a leaf."""
 
 from __future__ import annotations
 
@@ -14,41 +14,47 @@ from ksd.checks import MAX_MAGNITUDE, MIN_POSITIVE, between, clear_argument_erro
 from ksd.errors import SceneError
 from ksd.section.constants import Section, Sections
 
-_ODD_FIFTHS = 31 / 32 * 1.0369277551433699
+_ODD_SUM_5 = 31 / 32 * 1.0369277551433699
 """Sum of 1/n^5 over odd n, 31/32 zeta(5)."""
-_ODD_SIXTHS, _ODD_SEVENTHS = math.pi**6 / 960, 127 / 128 * 1.0083492773819228
-"""Those of 1/n^6 and, 127/128 zeta(7), of 1/n^7."""
+_ODD_SUM_6, _ODD_SUM_7 = math.pi**6 / 960, 127 / 128 * 1.0083492773819228
+"""Sums of 1/n^6 and of 1/n^7, 127/128 zeta(7), over odd n."""
 Array = NDArray[np.float64]
 
 
-def _terms(ratio: Any) -> range:
-    """Odd numbers n of the terms of the series of the rectangle in which exp(-n ratio) is more than rounding."""
+def _series_terms(ratio: Any) -> range:
+    """Odd n for which exp(-n ratio) is more than rounding."""
     return range(1, int(40.0 / (ratio if isinstance(ratio, float) else ratio.min())) + 1, 2)
 
 
-def _torsion(short: Any, long: Any, exp: Callable[[Any], Any] = math.exp) -> Any:
-    """Saint-Venant constant, exact series (Timoshenko and Goodier, Theory of Elasticity, art. 109)."""
-    ratio, total = math.pi * long / short, _ODD_FIFTHS
-    for n in _terms(ratio):
-        # 1 - tanh x = 2 / (exp(2 x) + 1): what is left after the sum of 1/n^5 dies out exponentially
-        left = exp(-n * ratio)
-        total = total - 2 * left / (1 + left) / n**5
+def _torsion_constant(short: Any, long: Any, exp: Callable[[Any], Any] = math.exp) -> Any:
+    """Saint-Venant torsion constant [m^4] of a rectangle with these sides [m], numbers or arrays (k,).
+
+    Exact series of Timoshenko and Goodier, Theory of Elasticity, art. 109; exp: of numbers or of arrays.
+    """
+    ratio, total = math.pi * long / short, _ODD_SUM_5
+    for n in _series_terms(ratio):
+        # 1 - tanh x = 2 / (exp(2 x) + 1): the difference from the sum of 1/n^5 decays exponentially
+        decay = exp(-n * ratio)
+        total = total - 2 * decay / (1 + decay) / n**5
     return long * short**3 * (1 / 3 - 64 / math.pi**5 * short / long * total)
 
 
-def _warping(short: Any, long: Any, exp: Callable[[Any], Any] = math.exp) -> Any:
-    """int omega^2 dA, omega = y z + sum A_n sin(k_n y) sinh(k_n z), k_n = n pi/t, n odd, summed term by term."""
+def _warping_constant(short: Any, long: Any, exp: Callable[[Any], Any] = math.exp) -> Any:
+    """Warping constant [m^6] of a rectangle with these sides [m], numbers or arrays (k,).
+
+    int omega^2 dA with omega = y z + sum A_n sin(k_n y) sinh(k_n z), k_n = n pi/t, n odd, summed term by term.
+    """
     ratio, slender, square = math.pi * long / short, long * short**5 / math.pi**6, short**6 / math.pi**7
-    # all terms with T = tanh(k w / 2) = 1, then what T < 1 changes in the first few
-    total = 96 * square * _ODD_SEVENTHS - 32 * slender * _ODD_SIXTHS
-    for n in _terms(ratio):
-        left = exp(-n * ratio)
-        missing = 2 * left / (1 + left)
+    # all terms with T = tanh(k w / 2) = 1, then the correction for T < 1 of the first few
+    total = 96 * square * _ODD_SUM_7 - 32 * slender * _ODD_SUM_6
+    for n in _series_terms(ratio):
+        decay = exp(-n * ratio)
+        missing = 2 * decay / (1 + decay)
         total = total - 96 * square * missing / n**7 - 16 * slender * missing * (2 - missing) / n**6
     return (short * long) ** 3 / 144 + total
 
 
-def _poisson(nu: float | None, owner: str) -> float | None:
+def _check_poisson(nu: float | None, owner: str) -> float | None:
     return None if nu is None else between(nu, "cowper (Poisson's ratio)", -1.0, 0.500001, owner=owner)
 
 
@@ -66,7 +72,7 @@ def rectangle(
         raise SceneError(f"rectangle: name = {show(name)} must be text.")
     t = positive(thickness, "thickness", owner=name, unit="m")
     w = positive(width, "width", owner=name, unit="m")
-    nu = _poisson(cowper, name)
+    nu = _check_poisson(cowper, name)
     return _rectangle(t, w, nu, name)
 
 
@@ -74,27 +80,36 @@ def rectangle(
 def _rectangle(t: float, w: float, nu: float | None, name: str) -> Section:
     k = 5 / 6 if nu is None else 10 * (1 + nu) / (12 + 11 * nu)
     sides = min(t, w), max(t, w)
-    J, Iw = _torsion(*sides), _warping(*sides)
+    J, Iw = _torsion_constant(*sides), _warping_constant(*sides)
     A, Iy, Iz = t * w, t * w**3 / 12, w * t**3 / 12
     if not (min(A, J, Iy, Iz) >= MIN_POSITIVE and max(A, J, Iy, Iz, Iw) <= MAX_MAGNITUDE and Iw >= 0.0):
-        return Section(A, J, Iy, Iz, k, k, Iw, width=w, thickness=t, name=name)  # says what is wrong
-    # past the checks of a section: a profile asks for many, and a design loop anew for every design
+        # raises SceneError with the reason
+        return Section(A, J, Iy, Iz, k, k, Iw, width=w, thickness=t, name=name)
+    # without the checks of a section: a profile has many sections, and a design loop makes them anew for every design
     found = object.__new__(Section)
     found.__dict__.update(A=A, J=J, Iy=Iy, Iz=Iz, ky=k, kz=k, Iw=Iw, width=w, thickness=t, name=name)
     return found
 
 
 def rectangles(thickness: Array, width: Array) -> Sections:
-    """`rectangle` of many thicknesses and widths (k,) [m]. Raises SceneError for numbers beyond those of a section."""
+    """`rectangle` for arrays of thicknesses and widths (k,) [m]. Raises SceneError as `rectangle`."""
     t, w = thickness, width
     sides = np.minimum(t, w), np.maximum(t, w)
     k = np.full(len(t), 5 / 6)
     found = Sections(
-        t * w, _torsion(*sides, np.exp), t * w**3 / 12, w * t**3 / 12, k, k, _warping(*sides, np.exp), w, t
+        t * w,
+        _torsion_constant(*sides, np.exp),
+        t * w**3 / 12,
+        w * t**3 / 12,
+        k,
+        k,
+        _warping_constant(*sides, np.exp),
+        w,
+        t,
     )
     least, most = (end([found.A, found.J, found.Iy, found.Iz], axis=0) for end in (np.min, np.max))
     for i in np.flatnonzero(~((least >= MIN_POSITIVE) & (most <= MAX_MAGNITUDE))):
-        # says what is wrong
+        # raises SceneError with the reason
         rectangle(float(t[i]), float(w[i]))
     return found
 
@@ -107,7 +122,7 @@ def circle(diameter: float, *, cowper: float | None = None, name: str = "circle"
     Raises SceneError unless the diameter is positive and finite.
     """
     d = positive(diameter, "diameter", owner=name, unit="m")
-    nu = _poisson(cowper, name) or 0.0
+    nu = _check_poisson(cowper, name) or 0.0
     k, moment = 6 * (1 + nu) / (7 + 6 * nu), math.pi * d**4 / 64
     return Section(math.pi * d**2 / 4, 2 * moment, moment, moment, k, k, width=d, thickness=d, name=name)
 
@@ -124,7 +139,7 @@ def tube(outer: float, inner: float, *, cowper: float | None = None, name: str =
     d = positive(inner, "inner", owner=name, unit="m")
     if d >= D:
         raise SceneError(f"{name}: inner = {show(inner)} m must be smaller than outer = {show(outer)} m.")
-    nu, ratio = _poisson(cowper, name) or 0.0, (d / D) ** 2
+    nu, ratio = _check_poisson(cowper, name) or 0.0, (d / D) ** 2
     s = (1 + ratio) ** 2
     k = 6 * (1 + nu) * s / ((7 + 6 * nu) * s + (20 + 12 * nu) * ratio)
     moment = math.pi * (D**4 - d**4) / 64
@@ -137,11 +152,11 @@ def is_rectangle(section: Section) -> bool:
     if not min(section.width, section.thickness) > 0.0:
         return False
     sides = section.thickness, section.width
-    return math.isclose(section.Iw, _warping(min(sides), max(sides)), rel_tol=1e-9)
+    return math.isclose(section.Iw, _warping_constant(min(sides), max(sides)), rel_tol=1e-9)
 
 
 def restrained_warping_factor(length: float, width: float, nu: float) -> float:
-    """Factor on GJ of a thin leaf clamped at both ends, where it cannot warp; 1 for long leaf springs.
+    """Factor on GJ of a thin leaf that is clamped, and so cannot warp, at both ends; 1 for long leaf springs.
 
     a c / (a c - 2 tanh(a c / 2)) with a = length/width, c = sqrt(24 / (1 + nu)); lengths in m, nu Poisson's
     ratio. From Vlasov's equation with Iw = (t w)^3/144. Raises SceneError for lengths that are not positive.
@@ -153,8 +168,8 @@ def restrained_warping_factor(length: float, width: float, nu: float) -> float:
 
 
 def clamped_ends_factor(x: float) -> float:
-    """Factor on GJ of a uniform piece that cannot warp at its ends; x: its length times the decay of warping along it."""
+    """Factor on GJ of a uniform piece that cannot warp at its ends; x: its length times the decay of warping."""
     if x < 1e-2:
-        # x - 2 tanh(x/2) = x^3/12 (1 - x^2/10 + ..): the difference would lose its digits
+        # x - 2 tanh(x/2) = x^3/12 (1 - x^2/10 + ..), without its cancellation
         return 12 / x**2 * (1 + x**2 / 10)
     return x / (x - 2 * math.tanh(0.5 * x))

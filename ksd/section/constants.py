@@ -1,4 +1,4 @@
-"""The section of a leaf as plain numbers, independent of material and mesh."""
+"""The cross-section of a leaf as plain numbers, independent of material and mesh."""
 
 from __future__ import annotations
 
@@ -63,11 +63,11 @@ class Section:
 
     def __repr__(self) -> str:
         lengths = (("thickness", self.thickness), ("width", self.width))
-        said = [f"{what} {1e3 * value:.4g} mm" for what, value in lengths if value]
-        said += [f"A {1e6 * self.A:.4g} mm^2"] + [
+        parts = [f"{what} {1e3 * value:.4g} mm" for what, value in lengths if value]
+        parts += [f"A {1e6 * self.A:.4g} mm^2"] + [
             f"{k} {1e12 * getattr(self, k):.4g} mm^4" for k in ("Iy", "Iz", "J")
         ]
-        return f"<Section '{self.name}': {', '.join(said)}>"
+        return f"<Section '{self.name}': {', '.join(parts)}>"
 
     def rigidity(self, E: float, G: float) -> tuple[float, float, float]:
         """(GJ, EIy, EIz) [N m^2] for moduli E, G [Pa]: torsion, bending about e2, bending about e3."""
@@ -79,7 +79,7 @@ class Section:
 
 
 class Sections(NamedTuple):
-    """Numbers (k,) of many sections, see `Section`."""
+    """The numbers of k sections as arrays (k,), see `Section`."""
 
     A: NDArray[np.float64]
     J: NDArray[np.float64]
@@ -93,6 +93,7 @@ class Sections(NamedTuple):
 
 
 def _outline(value: Any, owner: str) -> tuple[tuple[Point, ...], ...]:
+    """Checked rings of points (y, z) [m]. Raises SceneError."""
     try:
         rings = [list(ring) for ring in value]
     except TypeError:
@@ -105,6 +106,7 @@ def _outline(value: Any, owner: str) -> tuple[tuple[Point, ...], ...]:
 
 
 def _point(value: Any, owner: str) -> Point:
+    """A checked point (y, z) [m]. Raises SceneError."""
     try:
         y, z = value
     except (TypeError, ValueError):
@@ -113,7 +115,7 @@ def _point(value: Any, owner: str) -> Point:
 
 
 def extents(section: Section) -> tuple[float, float]:
-    """Thickness and width [m]: as given, or of the rectangle with the same area and second moments."""
+    """Thickness and width [m] of a section: as given, or of the rectangle with the same area and second moments."""
     return (
         section.thickness or math.sqrt(12 * section.Iz / section.A),
         section.width or math.sqrt(12 * section.Iy / section.A),

@@ -49,36 +49,36 @@ def polygon(
     if mesh_size is not None:
         mesh_size = positive(mesh_size, "mesh_size", owner=name, unit="m")
     rings = _rings(points, holes, name)
-    # unit size about the origin, so that tolerances and conditioning depend on neither the unit of length nor the place
-    scale, place = float(np.ptp(rings[0], axis=0).max()), rings[0].mean(axis=0)
-    rings = [(r - place) / scale for r in rings]
+    # unit size about the origin, so that tolerances and conditioning do not depend on the unit of length or the position
+    scale, origin = float(np.ptp(rings[0], axis=0).max()), rings[0].mean(axis=0)
+    rings = [(r - origin) / scale for r in rings]
     corners, triangles = triangulate(rings, None if mesh_size is None else mesh_size / scale)
-    centre, tilt = _principal(corners, triangles)
+    centre, tilt = _centroid_and_tilt(corners, triangles)
     c, s = np.cos(tilt), np.sin(tilt)
-    turn = np.array([[c, -s], [s, c]])
-    found = _finite_elements((corners - centre) @ turn, triangles, nu)
-    placed = [(r - centre) @ turn * scale for r in rings]
-    thickness, width = np.ptp(placed[0], axis=0)
+    rotation = np.array([[c, -s], [s, c]])
+    found = _finite_elements((corners - centre) @ rotation, triangles, nu)
+    principal_rings = [(r - centre) @ rotation * scale for r in rings]
+    thickness, width = np.ptp(principal_rings[0], axis=0)
     units = {"A": 2, "J": 4, "Iy": 4, "Iz": 4, "ky": 0, "kz": 0, "Iw": 6}
     numbers = {key: float(found[key]) * scale**power for key, power in units.items()}
     return Section(
         **numbers,
         width=float(width),
         thickness=float(thickness),
-        outline=tuple(tuple((float(y), float(z)) for y, z in ring) for ring in placed),
+        outline=tuple(tuple((float(y), float(z)) for y, z in ring) for ring in principal_rings),
         name=name,
         shear_centre=(float(found["ys"]) * scale, float(found["zs"]) * scale),
         tilt=float(tilt),
     )
 
 
-def _principal(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, float]:
-    """Centroid (2,) and angle of the principal axis nearest to y; zero when all axes are principal."""
+def _centroid_and_tilt(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, float]:
+    """Centroid (2,) and angle [rad] of the principal axis nearest to y; zero when all axes are principal."""
     corner = points[triangles]
     a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
     area = 0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
     centre = area @ corner.mean(axis=1) / area.sum()
-    # quadratic functions are integrated exactly by the midpoints of the sides
+    # the midpoints of the sides integrate quadratic functions exactly
     middle = 0.5 * (corner + np.roll(corner, 1, axis=1)) - centre
     moment = np.einsum("t,tki,tkj->ij", area / 3, middle, middle)
     difference, product = moment[0, 0] - moment[1, 1], moment[0, 1]
@@ -94,7 +94,7 @@ def _principal(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, f
 
 
 def _finite_elements(points: np.ndarray, triangles: np.ndarray, nu: float) -> dict[str, float]:
-    """All numbers of a section meshed in its principal axes, by the formulas at the head of this file."""
+    """All numbers of a section meshed in its principal axes, by the formulas at the top of this file."""
     from scipy.sparse.linalg import splu
     from skfem import Basis, BilinearForm, ElementTriP4, LinearForm, MeshTri
     from skfem.helpers import dot, grad
@@ -114,7 +114,7 @@ def _finite_elements(points: np.ndarray, triangles: np.ndarray, nu: float) -> di
     loads = [load(0 * y, np.array([z, -y]))]
     loads += [load(2 * (1 + nu) * x, d_field(k)) for k, x in enumerate((y, z))]
     stiffness = BilinearForm(lambda u, v, _: dot(grad(u), grad(v))).assemble(basis).tocsc()
-    # functions are fixed up to a constant: hold the last unknown
+    # the functions are determined up to a constant: the last unknown is zero
     factor = splu(stiffness[:-1, :-1])
     fields = [basis.interpolate(np.append(factor.solve(f[:-1]), 0.0)) for f in loads]
 
@@ -128,14 +128,14 @@ def _finite_elements(points: np.ndarray, triangles: np.ndarray, nu: float) -> di
     found["Iw"] = float(((omega - zs * y + ys * z) ** 2 * dx).sum())
     for key, field, k, second in (("ky", fields[1], 0, yy), ("kz", fields[2], 1, zz)):
         tau = (np.asarray(field.grad) - d_field(k)) / (2 * (1 + nu) * second)
-        # through the shear centre there is no torsion: take its share out (it is zero at nu = 0)
+        # a force through the shear centre causes no torsion: subtract its part (zero at nu = 0)
         tau = tau - torsion * ((torsion * tau * dx).sum() / J)
         found[key] = float(1.0 / (A * (tau**2 * dx).sum()))
     return found
 
 
 def _rings(points: Sequence[Any], holes: Sequence[Any], name: str) -> list[np.ndarray]:
-    """Checked rings (n, 2): the outline anticlockwise, holes clockwise."""
+    """Checked rings (n, 2) [m]: the outline anticlockwise, holes clockwise. Raises SceneError."""
     if not isinstance(holes, Sequence | np.ndarray):
         raise SceneError(
             f"{name}: holes = {show(holes)} must be a list of holes, each of points (y, z) in m."
@@ -161,7 +161,7 @@ def _rings(points: Sequence[Any], holes: Sequence[Any], name: str) -> list[np.nd
 
 
 def _ring(points: Sequence[Any], what: str, name: str) -> np.ndarray:
-    """One ring (n, 2) without repeated corners."""
+    """One checked ring (n, 2) [m] without repeated corners. Raises SceneError."""
     try:
         ring = np.array([[float(y), float(z)] for y, z in points])
     except (TypeError, ValueError, OverflowError):
@@ -182,7 +182,7 @@ def _ring(points: Sequence[Any], what: str, name: str) -> np.ndarray:
 
 
 def _refuse_crossings(rings: list[np.ndarray], name: str) -> None:
-    """No edge may cross or touch another one, but for neighbours at their common corner."""
+    """Raises SceneError where an edge crosses or touches another one, except neighbours at their common corner."""
     edges = edges_of(rings)
     p, q = edges.tail, edges.head
 
@@ -199,7 +199,7 @@ def _refuse_crossings(rings: list[np.ndarray], name: str) -> None:
     along = (q - p)[:, None]
     s = ((p[None] - p[:, None]) * along).sum(axis=2) / (along**2).sum(axis=2)
     touching = (first == 0) & (s > 1e-12) & (s < 1 - 1e-12)
-    # two corners in one place: the edges from there meet
+    # coincident corners: the edges that start there meet
     touching |= np.triu(np.linalg.norm(p[None] - p[:, None], axis=2) < 1e-12 * np.abs(p).max(), 1)
     if crossing.any() or touching.any():
         i, j = (int(k[0]) for k in np.nonzero(crossing | touching))

@@ -1,9 +1,9 @@
-"""Torsion of straight runs of unlike pieces whose warping is held plane at their outer ends alone.
+"""Restrained torsion of straight runs of different pieces that cannot warp at their two outer ends.
 
 Vlasov's equation for the rate of twist g(s) under a torque T: T = GJ g - (EG g')', GJ and the warping stiffness EG [N m^4]
 those of the piece. Warping g and bimoment -EG g' are continuous where pieces meet, g = 0 at the clamps. A uniform piece has
-a closed solution, so the rates at the meetings, the seventh unknowns, are all that is left: one tridiagonal system per
-run. Source: V. Z. Vlasov, Thin-walled elastic beams (1961), ch. V.
+a closed solution, so the only unknowns are the rates of twist where pieces meet, the seventh unknowns: one tridiagonal
+system per run. Source: V. Z. Vlasov, Thin-walled elastic beams (1961), ch. V.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from ksd.section.closed_forms import is_rectangle
 from ksd.section.constants import Section
 
 SLICES_PER_PIECE = 128
-"""Uniform slices that stand for a piece whose section varies."""
+"""Number of uniform slices that approximate a piece of varying section."""
 
 
 class Slice(NamedTuple):
-    """A uniform piece: length [m], GJ [N m^2] without restraint, decay k = sqrt(GJ/EG) [1/m] of warping along it."""
+    """A uniform piece: length [m], stiffness GJ [N m^2] without restraint, decay sqrt(GJ/EG) [1/m] of warping along it."""
 
     length: float
     stiffness: float
@@ -31,21 +31,22 @@ class Slice(NamedTuple):
 
 
 def warping_decay(section: Section, E: float, nu: float, G: float) -> float:
-    """sqrt(GJ/EG) [1/m]; of a rectangle that of a thin one, sqrt(24/(1 + nu))/w, on which the published factor stands."""
+    """Decay of warping sqrt(GJ/EG) [1/m]; for a rectangle that of a thin one, sqrt(24/(1 + nu))/w, as in the published
+    factor."""
     if is_rectangle(section):
         return math.sqrt(24.0 / (1.0 + nu)) / max(section.width, section.thickness)
     return math.sqrt(G * section.J / (E * section.Iw))
 
 
 def twist_factors(run: Sequence[Sequence[Slice]]) -> list[float]:
-    """For every piece of a run, itself a row of slices: what its GJ is multiplied by to twist as it does in the run.
+    """Factor on GJ of every piece of a run, a sequence of slices, with which it twists alone as it does in the run.
 
-    Raises nothing; lengths, stiffnesses and decays must be positive.
+    Lengths, stiffnesses and decays must be positive; they are not checked.
     """
     slices = [s for piece in run for s in piece]
     length, stiff, k = np.array(slices).T
     x = k * length
-    # flux into a slice from its ends: K (g - T/GJ) with K = GJ/k [coth x, -1/sinh x]; half: what a free rate asks for
+    # bimoments at the ends of a slice: K (g - T/GJ) with K = GJ/k [coth x, -1/sinh x]; half: its row sum over GJ
     half = np.tanh(0.5 * x) / k
     own, next_ = stiff / k / np.tanh(x), -stiff / k / np.sinh(np.minimum(x, 700.0))
     rates = np.zeros(len(slices) + 1)
