@@ -33,8 +33,8 @@ from ksd.scene.curve import Curve, CurvePart, cached_line
 from ksd.scene.leaf import LeafCondition
 from ksd.scene.profile import ProfilePart
 from ksd.section import Section
-from ksd.section.constants import Sections
 from ksd.section.plate import plate_factor
+from ksd.section.section import SectionArrays
 
 PANELS = 8
 """Quadrature panels of a leaf with a profile, between its breaks."""
@@ -68,7 +68,7 @@ def rigidity_factors(section: Any, leaf: Any, mesh: Mesh) -> tuple[float, float]
     return torsion, plate
 
 
-def rigidities(section: Section | Sections, leaf: Any, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+def rigidities(section: Section | SectionArrays, leaf: Any, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     """(GJ, EIy, EIz) [N m^2] and (1/EA, 1/(ky GA), 1/(kz GA)) [1/N] of one section of a leaf; (3, k) each of many."""
     E, G = leaf.material.E, leaf.material.G
     torsion: Any = 1.0
@@ -76,7 +76,7 @@ def rigidities(section: Section | Sections, leaf: Any, mesh: Mesh) -> tuple[np.n
     if isinstance(section, Section):
         torsion, plate = rigidity_factors(section, leaf, mesh)
     elif mesh.warping or mesh.plate:
-        each = map(Sections._make, zip(*section, strict=True))
+        each = map(SectionArrays._make, zip(*section, strict=True))
         torsion, plate = np.array([rigidity_factors(one, leaf, mesh) for one in each]).T
     stiff = np.array([torsion * G * section.J, E * section.Iy, plate * E * section.Iz])
     shear = np.array([1.0 / (section.ky * G * section.A), 1.0 / (section.kz * G * section.A)])

@@ -29,7 +29,7 @@ from ksd.properties.cache import cached_per_model
 from ksd.properties.leaf_groups import EndFrames, LeafGroup, end_axes, end_frames
 from ksd.scene.effects import Spring
 from ksd.scene.joint import joint_leaves
-from ksd.section.constants import extents
+from ksd.section.section import thickness_and_width
 
 Array = NDArray[np.float64]
 DEFAULT_STATIONS = 25
@@ -504,7 +504,9 @@ def _leaf_shape(model: Model, motion: State, name: str, members: list[int], poin
     sections = [
         (leaf.section,) if leaf.profile is None else leaf.profile.sides(x) for x in (s / s[-1]).tolist()
     ]
-    thickness, width = np.array([np.max([extents(q) for q in sides], axis=0) for sides in sections]).T
+    thickness, width = np.array(
+        [np.max([thickness_and_width(q) for q in sides], axis=0) for sides in sections]
+    ).T
     (rest, rest_axes), (place, axes) = joined
     return LeafShape(name, s, rest, place, rest_axes, axes, width, thickness)
 

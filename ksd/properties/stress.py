@@ -38,7 +38,7 @@ from ksd.properties.printing import NamedAnswers, NamedAnswerTable, PrintableAns
 from ksd.properties.shape import leaf_members, member_arrays, member_ends, scene_leaves, strain_curves
 from ksd.properties.state_batch import StateBatch
 from ksd.scene.profile import Profile
-from ksd.section.constants import Section, extents
+from ksd.section.section import Section, thickness_and_width
 
 Array = NDArray[np.float64]
 POINTS = 25
@@ -120,7 +120,7 @@ def torsion_factors(ratio: float) -> tuple[float, float]:
 
 def _rectangle(q: Any) -> StressPoints:
     """Four corners, the middles of the four sides, and the centre."""
-    t, w = extents(q)
+    t, w = thickness_and_width(q)
     y = 0.5 * t * np.array([1, 1, -1, -1, 1, -1, 0, 0, 0])
     z = 0.5 * w * np.array([1, -1, 1, -1, 0, 0, 1, -1, 0])
     names = (
@@ -201,7 +201,7 @@ def _stations(sections: tuple[Any, ...]) -> tuple[Array, ...]:
 
 def _weaker(profile: Profile, s: float) -> Section:
     """The section at fraction s, on a step that of the side with less to bear bending with."""
-    return min(profile.sides(s), key=lambda q: q.Iz / extents(q)[0])
+    return min(profile.sides(s), key=lambda q: q.Iz / thickness_and_width(q)[0])
 
 
 def _leaf_stresses(forces: list[SectionForces], leaf: Any) -> list[LeafStress]:

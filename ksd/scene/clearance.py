@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ksd.checks import Vector, dot, whole_checks_enabled
 from ksd.errors import SceneError
 from ksd.scene.leaf import Leaf
-from ksd.section.constants import extents
+from ksd.section.section import thickness_and_width
 
 Array = NDArray[np.float64]
 CLAMPED_FRACTION = 0.06
@@ -53,7 +53,7 @@ def leaf_boxes(leaf: Leaf, *, count: int = BOX_COUNT) -> LeafBoxes:
         width = np.array(axes)[1::2, :, 2]
         return boxes_along_line(leaf.name, blocks, np.array(line)[::2], leaf, width=width)
     start, end = np.array(leaf.start), np.array(leaf.end)
-    half = 0.5 * np.array([leaf.length, *extents(leaf.section)])
+    half = 0.5 * np.array([leaf.length, *thickness_and_width(leaf.section)])
     return LeafBoxes(leaf.name, blocks, 0.5 * (start + end)[None], leaf.axes[None], half[None])
 
 
@@ -67,7 +67,9 @@ def boxes_along_line(
     e3 = width - np.sum(width * e1, axis=1)[:, None] * e1
     e3 = e3 / np.linalg.norm(e3, axis=1)[:, None]
     axes = np.stack([e1, np.cross(e3, e1), e3], axis=2)
-    half = 0.5 * np.column_stack([length, *(np.full(len(length), w) for w in extents(leaf.section))])
+    half = 0.5 * np.column_stack(
+        [length, *(np.full(len(length), w) for w in thickness_and_width(leaf.section))]
+    )
     return LeafBoxes(name, blocks, 0.5 * (line[1:] + line[:-1]), axes, half)
 
 
@@ -124,7 +126,7 @@ def _straight_leaf_box(leaf: Leaf) -> _Box | None:
     if leaf.curve is not None:
         return None
     (x, y, z), (u, v, w) = leaf.start, leaf.end
-    thickness, width = extents(leaf.section)
+    thickness, width = thickness_and_width(leaf.section)
     centre = 0.5 * (x + u), 0.5 * (y + v), 0.5 * (z + w)
     return centre, leaf.directions, (0.5 * leaf.length, 0.5 * thickness, 0.5 * width)
 

@@ -15,7 +15,7 @@ from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.scene.scene import Scene
 from ksd.section import Section
-from ksd.section.constants import extents
+from ksd.section.section import thickness_and_width
 
 MIN_SLENDERNESS = 5.0
 """Length over thickness below which a leaf is a block: plane sections and clamps without compliance do not hold."""
@@ -154,7 +154,7 @@ def _length_warning(leaf: Leaf) -> str:
 
 
 def _thickness_warning(leaf: Leaf) -> str:
-    thickness = extents(thinnest_section(leaf))[0]
+    thickness = thickness_and_width(thinnest_section(leaf))[0]
     if leaf.length >= MIN_SLENDERNESS * thickness:
         return ""
     return (
@@ -164,7 +164,7 @@ def _thickness_warning(leaf: Leaf) -> str:
 
 
 def _width_warning(leaf: Leaf) -> str:
-    width, nu = extents(leaf.section)[1], leaf.material.nu
+    width, nu = thickness_and_width(leaf.section)[1], leaf.material.nu
     if leaf.length >= width or leaf.profile is not None:
         return ""
     more = f"by up to {100 * nu * nu / (1 - nu * nu):.2g} %, " if -1.0 < nu < 1.0 else ""

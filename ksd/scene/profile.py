@@ -18,7 +18,7 @@ from ksd.errors import SceneError
 from ksd.scene.plane_curves import finite_numbers
 from ksd.section import Section, rectangle
 from ksd.section.closed_forms import rectangles
-from ksd.section.constants import Sections
+from ksd.section.section import SectionArrays
 
 Array = NDArray[np.float64]
 KINK_OFFSET = 1e-9
@@ -40,10 +40,10 @@ class Profile(metaclass=ClearArgumentErrors):
             return self.section(s - KINK_OFFSET), self.section(s + KINK_OFFSET)
         return (self.section(min(max(s, KINK_OFFSET), 1.0 - KINK_OFFSET)),)
 
-    def sections(self, s: Array) -> Sections:
+    def sections(self, s: Array) -> SectionArrays:
         """The sections at fractions s (k,) of the arc length."""
         each = [self.section(x) for x in s.tolist()]
-        return Sections(*np.array([[getattr(q, name) for q in each] for name in Sections._fields]))
+        return SectionArrays(*np.array([[getattr(q, name) for q in each] for name in SectionArrays._fields]))
 
 
 class _Rectangles(Profile):
@@ -58,7 +58,7 @@ class _Rectangles(Profile):
         t, w = self.sizes(s)
         return rectangle(float(t), float(w))
 
-    def sections(self, s: Array) -> Sections:
+    def sections(self, s: Array) -> SectionArrays:
         """The sections at fractions s (k,) of the arc length."""
         return rectangles(*np.broadcast_arrays(*self.sizes(s)))
 
@@ -208,6 +208,6 @@ class ProfilePart(Profile):
         """The section of the whole at fraction s of the part."""
         return self.whole.section(self.part[0] + s * (self.part[1] - self.part[0]))
 
-    def sections(self, s: Array) -> Sections:
+    def sections(self, s: Array) -> SectionArrays:
         """The sections of the whole at fractions s (k,) of the part."""
         return self.whole.sections(self.part[0] + s * (self.part[1] - self.part[0]))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ksd.checks import MAX_MAGNITUDE, MIN_POSITIVE, between, clear_argument_errors, positive, show
 from ksd.errors import SceneError
-from ksd.section.constants import Section, Sections
+from ksd.section.section import Section, SectionArrays
 
 _ODD_SUM_5 = 31 / 32 * 1.0369277551433699
 """Sum of 1/n^5 over odd n, 31/32 zeta(5)."""
@@ -91,12 +91,12 @@ def _rectangle(t: float, w: float, nu: float | None, name: str) -> Section:
     return found
 
 
-def rectangles(thickness: Array, width: Array) -> Sections:
+def rectangles(thickness: Array, width: Array) -> SectionArrays:
     """`rectangle` for arrays of thicknesses and widths (k,) [m]. Raises SceneError as `rectangle`."""
     t, w = thickness, width
     sides = np.minimum(t, w), np.maximum(t, w)
     k = np.full(len(t), 5 / 6)
-    found = Sections(
+    found = SectionArrays(
         t * w,
         _torsion_constant(*sides, np.exp),
         t * w**3 / 12,

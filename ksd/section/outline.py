@@ -22,8 +22,8 @@ import numpy as np
 
 from ksd.checks import MAX_MAGNITUDE, between, clear_argument_errors, label, positive, show
 from ksd.errors import SceneError
-from ksd.section.constants import Section
 from ksd.section.outline_mesh import edges_of, points_inside, triangulate
+from ksd.section.section import Section
 
 
 @clear_argument_errors

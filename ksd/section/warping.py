@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ksd.section.closed_forms import is_rectangle
-from ksd.section.constants import Section
+from ksd.section.section import Section
 
 SLICES_PER_PIECE = 128
 """Number of uniform slices that approximate a piece of varying section."""

@@ -21,7 +21,7 @@ from ksd.scene.clearance import (
     boxes_along_line,
     overlapping_leaves,
 )
-from ksd.section.constants import extents
+from ksd.section.section import thickness_and_width
 from ksd.solve.configuration import Configuration
 from ksd.train.poses import block_poses
 from ksd.train.softness import (
@@ -165,7 +165,7 @@ def _reach(boxes: set[int]) -> float:
 
 
 def _width(leaf: Leaf) -> float:
-    return extents(leaf.section)[1]
+    return thickness_and_width(leaf.section)[1]
 
 
 def _within(narrow: Leaf, wide: Leaf) -> bool:

@@ -78,7 +78,7 @@ class Section:
         return 1.0 / (E * self.A), 1.0 / (self.ky * G * self.A), 1.0 / (self.kz * G * self.A)
 
 
-class Sections(NamedTuple):
+class SectionArrays(NamedTuple):
     """The numbers of k sections as arrays (k,), see `Section`."""
 
     A: NDArray[np.float64]
@@ -114,7 +114,7 @@ def _point(value: Any, owner: str) -> Point:
     return number(y, "point y", owner=owner, unit="m"), number(z, "point z", owner=owner, unit="m")
 
 
-def extents(section: Section) -> tuple[float, float]:
+def thickness_and_width(section: Section) -> tuple[float, float]:
     """Thickness and width [m] of a section: as given, or of the rectangle with the same area and second moments."""
     return (
         section.thickness or math.sqrt(12 * section.Iz / section.A),
