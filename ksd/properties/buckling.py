@@ -273,10 +273,10 @@ def _leaf_tangents(model: Model, motion: State, group: LeafGroup, load_factor: f
     whole[:, :12, :12] = _corners(motion, group, ends)
     weight = leaf_weight(model, motion, group, load_factor)
     if weight is not None:
-        turn, pull = weight.turn, weight.pull
-        whole[:, 12 : 12 + N, :12] -= pull.eta.swapaxes(1, 2) @ turn
-        whole[:, 12 + N : 15 + N, :12] -= pull.B @ turn
-        whole[:, :12, :12] += weight.corner - turn.swapaxes(1, 2) @ pull.D @ turn
+        jacobian, derivatives = weight.gravity_jacobian, weight.derivatives
+        whole[:, 12 : 12 + N, :12] -= derivatives.eta.swapaxes(1, 2) @ jacobian
+        whole[:, 12 + N : 15 + N, :12] -= derivatives.B @ jacobian
+        whole[:, :12, :12] += weight.node_tangent - jacobian.swapaxes(1, 2) @ derivatives.D @ jacobian
     for block in (whole, still):
         block[:, :12, 12:] = block[:, 12:, :12].swapaxes(1, 2)
         block[:, 12 : 12 + N, 12 + N :] = block[:, 12 + N :, 12 : 12 + N].swapaxes(1, 2)

@@ -1,9 +1,8 @@
-"""Where everything is: centrelines and section axes of all leaf springs, attachment points of all rigid blocks.
+"""Geometry of a configuration: centrelines and section axes of leaf springs, points of rigid blocks, drives and loads.
 
-A strain-mode leaf is integrated from its curvature, R' = R [kappa]x and r' = R (e1 + C R^T n), by
-fourth-order steps (a Magnus step at two Gauss points, Simpson's rule for the
-position). A chain of Appendix A elements is drawn through its nodes by cubics with the nodes' tangents.
-Global axes, SI.
+A strain-mode leaf is integrated from its curvature, R' = R [kappa]x and r' = R (e1 + C R^T n), by fourth-order steps (a
+Magnus step at two Gauss points, Simpson's rule for the position). A chain of Appendix A elements is interpolated between its
+nodes by cubics with the tangents of the nodes. Global axes, SI units.
 """
 
 from __future__ import annotations
@@ -33,18 +32,18 @@ from ksd.section.section import thickness_and_width
 
 Array = NDArray[np.float64]
 DEFAULT_STATIONS = 25
-"""Stations per leaf when nothing else is asked."""
+"""Default number of stations per leaf."""
 ORTHONORMALISATION_STEPS = 9
-"""Newton steps from between two rotations, of up to 120 degrees apart, to the nearest rotation."""
+"""Newton steps to the nearest rotation from a mean of two rotations that are up to 120 degrees apart."""
 
 
 @dataclass(frozen=True)
 class LeafShape:
-    """Centreline of one leaf at k stations, at rest and deformed.
+    """Centreline of one leaf at k stations, undeformed and deformed.
 
-    s (k,): distance from its start along the undeformed leaf [m]. rest, place (k, 3): global positions [m].
-    rest_axes, axes (k, 3, 3): section axes e1, e2 (thickness), e3 (width) as columns, global. width,
-    thickness [m]: of its section, from its second moments where the section does not say.
+    s (k,): distance from its start along the undeformed leaf [m]. rest, place (k, 3): undeformed and deformed positions [m],
+    global. rest_axes, axes (k, 3, 3): section axes e1, e2 (thickness), e3 (width) as columns, global. width, thickness (k,)
+    [m]: of the section; of a section without these sizes, from its second moments.
     """
 
     name: str
@@ -59,11 +58,11 @@ class LeafShape:
 
 @dataclass(frozen=True)
 class BlockShape:
-    """A rigid block (link, ground, or block inside a joint): where leaf springs are clamped, drives, loads and springs
-    act, masses sit, and distances are asked.
+    """Points of a rigid block (link, ground, or block inside a joint): clamps of leaf springs, points of action of drives,
+    loads and springs, positions of masses, and ends of distances.
 
-    rest, place (k, 3): global positions [m]; owner (k,): name of the joint or leaf each point belongs to. leaf,
-    station (k,): which leaf of the shape ends there and with which station (0 or -1); leaf -1 where none does.
+    rest, place (k, 3): undeformed and deformed positions [m], global; owner (k,): name of what each point belongs to. leaf,
+    station (k,): number of the leaf that ends there, -1 where none does, and its station there (0 or -1).
     """
 
     name: str
@@ -76,7 +75,7 @@ class BlockShape:
 
 @dataclass(frozen=True)
 class DrivenPoint:
-    """A driven point: "translation" or "rotation", its position at rest and now (3,) [m], direction (3,)."""
+    """A driven point of kind "translation" or "rotation": its undeformed and deformed position (3,) [m], direction (3,)."""
 
     name: str
     kind: str
@@ -87,7 +86,7 @@ class DrivenPoint:
 
 @dataclass(frozen=True)
 class HingeShape:
-    """A "pin" or "slider": its position at rest and now (3,) [m], on its second link, and its axis now (3,)."""
+    """A "pin" or "slider": its undeformed and deformed position (3,) [m] on its second link, and its deformed axis (3,)."""
 
     name: str
     kind: str
@@ -98,7 +97,8 @@ class HingeShape:
 
 @dataclass(frozen=True)
 class LoadShape:
-    """A load, kind "force" [N], "moment" [Nm] or "mass" [kg]: where it acts (3,) [m], its value (3,), of a mass (1,)."""
+    """A load of kind "force" [N], "moment" [Nm] or "mass" [kg]: its point of action (3,) [m] and value (3,), of a mass
+    (1,)."""
 
     name: str
     kind: str
@@ -108,7 +108,7 @@ class LoadShape:
 
 @dataclass(frozen=True)
 class SpringShape:
-    """A coil spring, ends (2, 3) [m] now, or a torsion spring, ends (1, 3)."""
+    """A coil spring with deformed ends (2, 3) [m], or a torsion spring with one point (1, 3)."""
 
     name: str
     ends: Array
@@ -116,7 +116,7 @@ class SpringShape:
 
 @dataclass(frozen=True)
 class DistanceShape:
-    """A distance asked for: its two points now, ends (2, 3) [m], and the direction (3,) it is measured in."""
+    """A distance that the scene defines: its deformed ends (2, 3) [m] and the direction (3,) in which it is measured."""
 
     name: str
     ends: Array
@@ -125,7 +125,7 @@ class DistanceShape:
 
 @dataclass(frozen=True)
 class Shape:
-    """All there is to draw of a configuration; leaf springs and blocks in the order of the model."""
+    """Everything that is drawn of a configuration; leaf springs and blocks in the order of the model."""
 
     leaves: tuple[LeafShape, ...]
     blocks: tuple[BlockShape, ...]
@@ -138,7 +138,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class Ends:
-    """End frames of a member: p at `start` (3,), axes `frame` (3, 3), global; q at d (3,), Q (3, 3) in p."""
+    """End frames of a member: p at start (3,) with axes frame (3, 3), global; q at d (3,) with axes Q (3, 3), in frame p."""
 
     start: Array
     frame: Array
@@ -163,9 +163,12 @@ def member_arrays(model: Model, motion: State, i: int) -> tuple[Array, NDArray[n
     return members.value[members.value_at[i] :], members.number[i], inner
 
 
-class _Tables(NamedTuple):
-    """What `ksd.beam.strain_values` wrote for k leaf springs of one make: points s (g,), edges of the panels (p+1,), their
-    points, and at the points curvature kappa (k, g, 3) [1/m] and compliance soft (k, g, 3) [1/N]."""
+class _LeafTables(NamedTuple):
+    """Constants of `ksd.beam.strain_values` of k leaf springs of one group, unpacked.
+
+    s (g,): quadrature points in 0..1; edges (p+1,): of the panels; panel: points of every panel; kappa (k, g, 3): curvature
+    [1/m], soft (k, g, 3): compliance [1/N] at the points.
+    """
 
     s: Array
     edges: Array
@@ -174,7 +177,8 @@ class _Tables(NamedTuple):
     soft: Array
 
 
-def _tables(value: Array, number: NDArray[np.int64], amplitudes: Array) -> _Tables:
+def _unpacked(value: Array, number: NDArray[np.int64], amplitudes: Array) -> _LeafTables:
+    """Tables of k leaf springs from their constants (k, v), common settings and amplitudes (k, N)."""
     nx, ny, nz, ng = (int(n) for n in number[:4])
     total = nx + ny + nz
     at = 1 + nx * nx + ny * ny + nz * nz + total
@@ -183,67 +187,63 @@ def _tables(value: Array, number: NDArray[np.int64], amplitudes: Array) -> _Tabl
     basis, at = value[:, at : at + total * ng].reshape(-1, total, ng), at + total * ng
     cuts = (slice(0, nx), slice(nx, nx + ny), slice(nx + ny, total))
     kappa = np.stack([(amplitudes[:, None, c] @ basis[:, c])[:, 0] for c in cuts], axis=2)
-    return _Tables(s, edges, panel, kappa, value[:, at : at + 3 * ng].reshape(-1, ng, 3))
+    return _LeafTables(s, edges, panel, kappa, value[:, at : at + 3 * ng].reshape(-1, ng, 3))
 
 
 @lru_cache(maxsize=512)
 def _panels(numbers: bytes, ng: int) -> tuple[Array, Array, list[slice]]:
-    """Points, edges of the panels, and the points of each, from weights and integration matrix; remembered, as all
-    leaf springs of one kind share them."""
+    """Quadrature points, edges of the panels, and points of each panel, from the bytes of weights and integration matrix of
+    `ng` points."""
     weight, integral = np.frombuffer(numbers)[:ng], np.frombuffer(numbers)[ng:].reshape(ng, ng)
-    # integrals over a panel need no point of a later one
+    # integrals up to a point need no points of later panels
     cuts = [0, *[k for k in range(1, ng) if not integral[:k, k:].any()], ng]
     panel = [slice(i, j) for i, j in pairwise(cuts)]
     edges = np.concatenate([[0.0], np.cumsum([weight[p].sum() for p in panel])])
     return integral.sum(axis=1), edges, panel
 
 
-def _lagrange(nodes: Array, x: Array) -> Array:
-    """Weights (len(x), len(nodes)) of the polynomial through the values at `nodes`; remembered, as all leaf springs of one
-    kind share them."""
-    return _weights(nodes.tobytes(), x.tobytes())
-
-
 @lru_cache(maxsize=512)
-def _weights(nodes_bytes: bytes, x_bytes: bytes) -> Array:
+def _lagrange_weights(nodes_bytes: bytes, x_bytes: bytes) -> Array:
+    """Weights (x, nodes) of the polynomial interpolation at x between values at nodes, both given as bytes."""
     nodes, x = np.frombuffer(nodes_bytes), np.frombuffer(x_bytes)
-    gap = nodes[:, None] - nodes
-    away = x[:, None, None] - nodes[None, None, :]
+    between_nodes = nodes[:, None] - nodes
+    from_nodes = x[:, None, None] - nodes[None, None, :]
     own = np.eye(len(nodes), dtype=bool)
-    weights: Array = np.prod(np.where(own, 1.0, away / np.where(own, 1.0, gap)), axis=2)
+    weights: Array = np.prod(np.where(own, 1.0, from_nodes / np.where(own, 1.0, between_nodes)), axis=2)
     weights.flags.writeable = False
     return weights
 
 
-def _between(tables: _Tables, values: Array, x: Array, k: int) -> Array:
-    """Values (leaf springs, len(x), 3) at x in panel k from those at the points."""
-    found: Array = _lagrange(tables.s[tables.panel[k]], x) @ values[:, tables.panel[k]]
-    return found
+def _interpolated(tables: _LeafTables, values: Array, x: Array, k: int) -> Array:
+    """Values (leaf springs, len(x), 3) at x in panel k, from `values` at the quadrature points."""
+    weights = _lagrange_weights(tables.s[tables.panel[k]].tobytes(), x.tobytes())
+    interpolated: Array = weights @ values[:, tables.panel[k]]
+    return interpolated
 
 
 def curvature(value: Array, number: NDArray[np.int64], inner: Array, s: Array) -> Array:
-    """Curvature (len(s), 3) [1/m] about e1, e2, e3 of a strain-mode leaf at s in 0..1."""
-    tables = _tables(value[None], number, inner[None, : int(number[:3].sum())])
-    home = np.clip(np.searchsorted(tables.edges, s, side="right") - 1, 0, len(tables.panel) - 1)
+    """Curvature (len(s), 3) [1/m] about e1, e2, e3 of a strain-mode leaf at fractions s in 0..1 of its length."""
+    tables = _unpacked(value[None], number, inner[None, : int(number[:3].sum())])
+    panel = np.clip(np.searchsorted(tables.edges, s, side="right") - 1, 0, len(tables.panel) - 1)
     return np.array(
-        [_between(tables, tables.kappa, np.array([x]), k)[0, 0] for x, k in zip(s, home, strict=True)]
+        [_interpolated(tables, tables.kappa, np.array([x]), k)[0, 0] for x, k in zip(s, panel, strict=True)]
     )
 
 
 def cross_rows(a: Array, b: Array) -> Array:
-    """Cross products (k, 3) of rows, a tenth of the time of `np.cross` for few rows; b may be one row (3,)."""
+    """Cross products (k, 3) of rows; b may be one row (3,). For few rows it takes a tenth of the time of `np.cross`."""
     return a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]
 
 
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 MIN_INTEGRATION_STEPS = 8
-"""Steps in which a leaf is walked along at least, fewer stations being asked for or not."""
+"""Smallest number of integration steps along a leaf, also for fewer stations."""
 
 
 def strain_curve(value: Array, number: NDArray[np.int64], inner: Array, points: int) -> tuple[Array, ...]:
-    """Stations (k,) [m], positions (k, 3) [m], orientations (k, 3, 3) along a strain-mode leaf, in frame p.
+    """Stations (k,) [m], positions (k, 3) [m] and orientations (k, 3, 3) along a strain-mode leaf, in frame p.
 
-    `points` stations or a few more: the edges of the panels of a leaf with a profile are stations too.
+    There are `points` stations or a few more, as the edges of the panels of a leaf with a profile are stations too.
     """
     s, r, R = strain_curves(value[None], number, inner[None], points)
     return s[0], r[0], R[0]
@@ -252,41 +252,43 @@ def strain_curve(value: Array, number: NDArray[np.int64], inner: Array, points: 
 def strain_curves(
     value: Array, number: NDArray[np.int64], inner: Array, points: int, gravity: Array | None = None
 ) -> tuple[Array, ...]:
-    """The same of leaves of one make: constants (leaves, v), inner states (leaves, N + 6); all with a first axis (leaves,).
+    """`strain_curve` of several leaves of one group: constants (leaves, v), inner states (leaves, N + 6).
 
-    With gravity (leaves, 3) [m/s^2] in frame p also the mass beyond every station (leaves, k) [kg] and its first moment up
-    to there, int M dr (leaf springs, k, 3) [kg m].
+    All results have a first axis (leaves,). With gravity (leaves, 3) [m/s^2] in frames p, two more follow: the mass M
+    (leaves, k) [kg] beyond every station and its first moment up to there, int M dr (leaves, k, 3) [kg m].
     """
     total, L = int(number[:3].sum()), value[:, 0]
-    tables, n = _tables(value, number, inner[:, :total]), inner[:, None, total : total + 3]
+    tables, n = _unpacked(value, number, inner[:, :total]), inner[:, None, total : total + 3]
     R = np.broadcast_to(np.eye(3), (len(value), 1, 3, 3)).copy()
-    s, r, turned = [np.zeros((len(value), 1))], [np.zeros((len(value), 1, 3))], [R]
-    weight, kept = _Beyond(value, number, gravity), [0]
+    s, r, axes = [np.zeros((len(value), 1))], [np.zeros((len(value), 1, 3))], [R]
+    weight, stations = _MassBeyond(value, number, gravity), [0]
     for k, (a, b) in enumerate(pairwise(tables.edges)):
         steps = max(1, round((points - 1) * (b - a)))
-        finer = max(1, round(MIN_INTEGRATION_STEPS * (b - a) / steps))
-        kept += range(kept[-1] + finer, kept[-1] + finer * steps + 1, finer)
-        half = 2 * steps * finer
+        substeps = max(1, round(MIN_INTEGRATION_STEPS * (b - a) / steps))
+        stations += range(stations[-1] + substeps, stations[-1] + substeps * steps + 1, substeps)
+        half = 2 * steps * substeps
         x = np.linspace(a, b, half + 1)
-        middle, reach = 0.5 * (x[1:] + x[:-1]), (b - a) / (2 * math.sqrt(3) * half)
+        middle, gauss = 0.5 * (x[1:] + x[:-1]), (b - a) / (2 * math.sqrt(3) * half)
         h = (L * (b - a) / half)[:, None, None]
-        bends = _between(tables, tables.kappa, np.concatenate([middle - reach, middle + reach]), k)
-        before, R, v = R[:, -1], np.empty((len(value), len(x), 3, 3)), np.empty((len(value), len(x), 3))
-        pulled = np.empty(v.shape)
-        pulled[:] = n + weight.pull(tables, x, k)
-        integrate_centrelines(bends, _between(tables, tables.soft, x, k), pulled, h[:, 0, 0], before, R, v)
+        kappa = _interpolated(tables, tables.kappa, np.concatenate([middle - gauss, middle + gauss]), k)
+        start, R, v = R[:, -1], np.empty((len(value), len(x), 3, 3)), np.empty((len(value), len(x), 3))
+        force = np.empty(v.shape)
+        force[:] = n + weight.force(tables, x, k)
+        integrate_centrelines(kappa, _interpolated(tables, tables.soft, x, k), force, h[:, 0, 0], start, R, v)
         weight.add(h, v)
         pieces = h / 3 * (v[:, :-2:2] + 4 * v[:, 1::2] + v[:, 2::2])
         s.append(L[:, None] * x[2::2])
         r.append(r[-1][:, -1:] + np.cumsum(pieces, axis=1))
-        turned.append(R[:, 2::2])
-    found = *(np.concatenate(parts, axis=1) for parts in (s, r, turned)), *weight.found()
-    return found if len(kept) == found[0].shape[1] else tuple(along[:, kept] for along in found)
+        axes.append(R[:, 2::2])
+    found = *(np.concatenate(parts, axis=1) for parts in (s, r, axes)), *weight.results()
+    return found if len(stations) == found[0].shape[1] else tuple(along[:, stations] for along in found)
 
 
-class _Beyond:
-    """Collects, panel by panel, the mass beyond the stations of leaves with weight and its first moment; nothing without
-    gravity (leaf springs, 3)."""
+class _MassBeyond:
+    """Accumulates, panel by panel, the mass beyond the stations of leaves with weight and its first moment.
+
+    Without gravity (leaf springs, 3) there are no results.
+    """
 
     def __init__(self, value: Array, number: NDArray[np.int64], gravity: Array | None) -> None:
         self.gravity = gravity
@@ -295,23 +297,24 @@ class _Beyond:
             self.mass: list[Array] = []
             self.first = [np.zeros((len(value), 1, 3))]
 
-    def pull(self, tables: _Tables, x: Array, k: int) -> Array | float:
-        """Weight (leaf springs, len(x), 3) beyond x in panel k, frame p."""
+    def force(self, tables: _LeafTables, x: Array, k: int) -> Array | float:
+        """Weight (leaf springs, len(x), 3) [N] of the mass beyond x in panel k, frame p."""
         if self.gravity is None:
             return 0.0
-        self.here = _between(tables, self.beyond, x, k)
+        self.here = _interpolated(tables, self.beyond, x, k)
         self.mass.append(self.here[:, (0 if k == 0 else 2) :: 2, 0])
         return self.here * self.gravity[:, None]
 
     def add(self, h: Array, v: Array) -> None:
-        """The moment of the panel `pull` was asked for, v (leaf springs, len(x), 3) being r'; Simpson's rule."""
+        """Add the first moment of the panel of the last call of `force` by Simpson's rule; v (leaf springs, len(x), 3) is
+        r'."""
         if self.gravity is not None:
             y = self.here * v
             pieces = h / 3 * (y[:, :-2:2] + 4 * y[:, 1::2] + y[:, 2::2])
             self.first.append(self.first[-1][:, -1:] + np.cumsum(pieces, axis=1))
 
-    def found(self) -> tuple[Array, ...]:
-        """Mass (leaf springs, k) and first moment (leaf springs, k, 3)."""
+    def results(self) -> tuple[Array, ...]:
+        """Mass (leaf springs, k) and first moment (leaf springs, k, 3), or nothing without gravity."""
         both = (self.mass, self.first) if self.gravity is not None else ()
         return tuple(np.concatenate(parts, axis=1) for parts in both)
 
@@ -319,8 +322,10 @@ class _Beyond:
 def chain_nodes(
     value: Array, number: NDArray[np.int64], inner: Array, d: Array, Q: Array
 ) -> tuple[Array, Array]:
-    """Positions (..., n+1, 3) and rotations from rest (..., n+1, 3, 3) of the nodes of chains, in frame p; constants
-    (..., v), inner states and ends d (..., 3), Q (..., 3, 3) of chains of one number of elements."""
+    """Positions (..., n+1, 3) and rotations from rest (..., n+1, 3, 3) of the nodes of chains of n elements, in frame p.
+
+    value, inner: constants (..., v) and inner states; d (..., 3), Q (..., 3, 3): pose of end q in frame p.
+    """
     n, chains = int(number[0]), value.shape[:-1]
     x, R = np.zeros((*chains, n + 1, 3)), np.empty((*chains, n + 1, 3, 3))
     nodes = inner[..., : 12 * (n - 1)].reshape(*chains, n - 1, 12)
@@ -331,7 +336,7 @@ def chain_nodes(
 
 
 def chain_axes(value: Array, number: NDArray[np.int64]) -> Array:
-    """Section axes (..., n+1, 3, 3) at the nodes of chains at rest, in frame p: between those of their elements."""
+    """Section axes (..., n+1, 3, 3) at the nodes of undeformed chains, in frame p: means of those of adjacent elements."""
     n, chains = int(number[0]), value.shape[:-1]
     T = value[..., : 16 * n].reshape(*chains, n, 16)[..., 7:].reshape(*chains, n, 3, 3)
     axes = np.empty((*chains, n + 1, 3, 3))
@@ -349,49 +354,50 @@ def _make_rotations(A: Array) -> None:
 
 
 def nearest_rotations(A: Array) -> Array:
-    """The nearest rotations to matrices (..., 3, 3) that lie between rotations."""
+    """Rotations nearest to matrices (..., 3, 3) that are means of rotations."""
     found = A.reshape(-1, 3, 3).copy()
     _make_rotations(found)
     return found.reshape(A.shape)
 
 
 @lru_cache(maxsize=64)
-def _cubics(points: int) -> tuple[Array, Array]:
-    """Fractions (points,) of an element beyond its start, and there the cubics (4, points) that are 1 at its start and end,
-    and of slope 1 there."""
+def _station_cubics(points: int) -> tuple[Array, Array]:
+    """Fractions (points,) of an element beyond its start, and the Hermite cubics (4, points) there, see
+    `_hermite_cubics`."""
     u = np.linspace(0.0, 1.0, points + 1)[1:]
-    return u, _cubic(u)
+    return u, _hermite_cubics(u)
 
 
-def _cubic(u: Array) -> Array:
+def _hermite_cubics(u: Array) -> Array:
+    """Cubics (4, ...) at u in 0..1 with unit value at start and end, and with unit slope at start and end."""
     return np.array([1 - 3 * u**2 + 2 * u**3, 3 * u**2 - 2 * u**3, u - 2 * u**2 + u**3, u**3 - u**2])
 
 
 def _chain_curve(
     value: Array, number: NDArray[np.int64], inner: Array, ends: Ends, points: int
 ) -> tuple[Array, ...]:
-    """Stations (k,), positions (k, 3), axes (k, 3, 3) along a chain, in frame p: cubics between its nodes."""
+    """Stations (k,) [m], positions (k, 3) and axes (k, 3, 3) along a chain, in frame p, by cubics between its nodes."""
     n = int(number[0])
     x, R = chain_nodes(value, number, inner, ends.d, ends.Q)
     axes = R @ chain_axes(value, number)
     lengths = value[: 16 * n].reshape(n, 16)[:, 0]
-    u, weights = _cubics(max(1, math.ceil((points - 1) / n)))
+    u, weights = _station_cubics(max(1, math.ceil((points - 1) / n)))
     slopes = lengths[:, None] * axes[:-1, :, 0], lengths[:, None] * axes[1:, :, 0]
-    place = np.einsum("wk,wni->nki", weights, np.array([x[:-1], x[1:], *slopes]))
-    between = u[:, None, None]
-    turned = nearest_rotations(((1 - between) * axes[:-1, None] + between * axes[1:, None]).reshape(-1, 3, 3))
+    position = np.einsum("wk,wni->nki", weights, np.array([x[:-1], x[1:], *slopes]))
+    part = u[:, None, None]
+    between = nearest_rotations(((1 - part) * axes[:-1, None] + part * axes[1:, None]).reshape(-1, 3, 3))
     s = (np.cumsum(lengths) - lengths)[:, None] + lengths[:, None] * u
     return (
         np.append(0.0, s),
-        np.concatenate([x[:1], place.reshape(-1, 3)]),
-        np.concatenate([axes[:1], turned]),
+        np.concatenate([x[:1], position.reshape(-1, 3)]),
+        np.concatenate([axes[:1], between]),
     )
 
 
 def member_centreline(model: Model, motion: State, i: int, points: int) -> tuple[Array, Array, Array]:
-    """Stations (k,) [m], positions (k, 3), axes (k, 3, 3) of member `i`, global.
+    """Stations (k,) [m], positions (k, 3) and axes (k, 3, 3) along member `i`, global.
 
-    The curve of a fast method ends a little off its clamp (its error); the gap is spread along the leaf.
+    The curve of a state of a fast method ends a little off its clamp (its error); the gap is distributed along the leaf.
     """
     ends = member_ends(model, motion, i)
     value, number, inner = member_arrays(model, motion, i)
@@ -411,8 +417,12 @@ def member_centreline(model: Model, motion: State, i: int, points: int) -> tuple
 def poses_along(
     model: Model, motion: State, group: LeafGroup, which: NDArray[np.int64], share: Array, points: int
 ) -> tuple[Array, Array]:
-    """Positions (s, 3) and axes (s, 3, 3), global, at shares (s,) of the lengths of members `which` (s,) of a group: between
-    those of `member_line` next to them, of chains on its cubics."""
+    """Positions (s, 3) and axes (s, 3, 3), global, at fractions `share` (s,) of the lengths of members `which` (s,) of a
+    group.
+
+    They are interpolated between `points` stations of a strain-mode leaf, and by the cubics of `member_centreline` in
+    chains.
+    """
     if model.arrays.members.kind[group.members[0]] == COROTATIONAL:
         return _along_chains(model, motion, group, which, share)
     own, k = np.unique(which, return_inverse=True)
@@ -421,8 +431,8 @@ def poses_along(
     along = (s / s[:, -1:])[..., None]
     r = r + along * (ends.d - r[:, -1])[:, None]
     after = np.maximum((along[k, :, 0] < share[:, None]).sum(axis=1), 1)
-    near = along[k, after - 1], along[k, after]
-    part = (share[:, None] - near[0]) / (near[1] - near[0])
+    low, high = along[k, after - 1], along[k, after]
+    part = (share[:, None] - low) / (high - low)
     local = (1.0 - part) * r[k, after - 1] + part * r[k, after]
     part = part[..., None]
     axes = nearest_rotations((1.0 - part) * R[k, after - 1] + part * R[k, after])
@@ -433,7 +443,8 @@ def poses_along(
 def chain_lines(
     model: Model, motion: State, group: LeafGroup, which: NDArray[np.int64] | slice = slice(None)
 ) -> tuple[EndFrames, Array, Array]:
-    """End frames of chains `which` of a group; positions (k, n+1, 3) and axes (k, n+1, 3, 3) of their nodes, in frame p."""
+    """End frames of chains `which` of a group, and positions (k, n+1, 3) and axes (k, n+1, 3, 3) of their nodes, in frame
+    p."""
     value, members = group.value[which], group.members[which]
     ends = end_frames(model, motion, members)
     Q = end_axes(model, motion, members, ends)
@@ -444,15 +455,19 @@ def chain_lines(
 def _along_chains(
     model: Model, motion: State, group: LeafGroup, which: NDArray[np.int64], share: Array
 ) -> tuple[Array, Array]:
+    """`poses_along` of chains."""
     n = int(group.number[0])
-    (ends, x, turned), lengths = chain_lines(model, motion, group, which), group.value[which, : 16 * n : 16]
+    (ends, x, node_axes), lengths = (
+        chain_lines(model, motion, group, which),
+        group.value[which, : 16 * n : 16],
+    )
     edges, each = np.cumsum(lengths, axis=1), np.arange(len(which))
     at = share * edges[:, -1]
     e = np.minimum((edges < at[:, None]).sum(axis=1), n - 1)
     length = lengths[each, e]
     u = (1.0 - (edges[each, e] - at) / length)[:, None]
-    before, after = turned[each, e], turned[each, e + 1]
-    weights, slopes = _cubic(u), (length[:, None] * axes[:, :, 0] for axes in (before, after))
+    before, after = node_axes[each, e], node_axes[each, e + 1]
+    weights, slopes = _hermite_cubics(u), (length[:, None] * axes[:, :, 0] for axes in (before, after))
     local = (weights * np.array([x[each, e], x[each, e + 1], *slopes])).sum(axis=0)
     axes = nearest_rotations((1.0 - u[..., None]) * before + u[..., None] * after)
     return ends.start + (ends.frame @ local[..., None])[..., 0], ends.frame @ axes
@@ -460,15 +475,14 @@ def _along_chains(
 
 @cached_per_model
 def scene_leaves(model: Model) -> dict[str, Any]:
-    """Leaf springs of the scene by full name: "joint/leaf" inside joints, the plain name for free-form ones."""
+    """Leaf springs of the scene by full name: "joint/leaf" inside joints, the plain name for others."""
     inside = {f"{j.name}/{leaf.name}": leaf for j in model.scene.joints for leaf in joint_leaves(j.joint)}
     return inside | {leaf.name: leaf.leaf for leaf in model.scene.leaves}
 
 
 @cached_per_model
 def leaf_members(model: Model) -> dict[str, list[int]]:
-    """Members of every leaf, by full name: one, or in order its pieces between points, and its elements where the mesh is
-    nodal."""
+    """Members of every leaf by full name, in order: one, or its pieces between points, or its elements in a nodal mesh."""
     leaves = scene_leaves(model)
     found: dict[str, list[int]] = {}
     for i, name in enumerate(model.member_names):
@@ -478,29 +492,29 @@ def leaf_members(model: Model) -> dict[str, list[int]]:
 
 @cached_per_model
 def _rest_lines(model: Model) -> dict[tuple[int, int], tuple[Array, Array, Array]]:
-    """`member_line` at rest, by member and stations, of those asked for so far."""
+    """Cache of `member_centreline` at rest, by member and number of stations."""
     return {}
 
 
 def _leaf_shape(model: Model, motion: State, name: str, members: list[int], points: int) -> LeafShape:
     leaf = scene_leaves(model)[name]
     count = max(2, math.ceil((points - 1) / len(members)) + 1)
-    known = _rest_lines(model)
+    rest_lines = _rest_lines(model)
     for i in members:
-        if (i, count) not in known:
-            known[i, count] = member_centreline(model, model.rest, i, count)
+        if (i, count) not in rest_lines:
+            rest_lines[i, count] = member_centreline(model, model.rest, i, count)
     lines = [
-        [known[i, count] for i in members],
+        [rest_lines[i, count] for i in members],
         [member_centreline(model, motion, i, count) for i in members],
     ]
     at = np.cumsum([0.0] + [line[0][-1] for line in lines[0]])
-    # where two elements meet, the station is kept once
-    kept = [slice(int(k > 0), None) for k in range(len(members))]
+    # the common station of two members is used once
+    own = [slice(int(k > 0), None) for k in range(len(members))]
     joined = [
-        [np.concatenate([line[c][kept[k]] for k, line in enumerate(ls)]) for c in (1, 2)] for ls in lines
+        [np.concatenate([line[c][own[k]] for k, line in enumerate(ls)]) for c in (1, 2)] for ls in lines
     ]
-    s = np.concatenate([line[0][kept[k]] + at[k] for k, line in enumerate(lines[0])])
-    # where the profile has a step both sides take room
+    s = np.concatenate([line[0][own[k]] + at[k] for k, line in enumerate(lines[0])])
+    # at a step of the profile the larger side counts
     sections = [
         (leaf.section,) if leaf.profile is None else leaf.profile.sides(x) for x in (s / s[-1]).tolist()
     ]
@@ -518,7 +532,7 @@ def _driven(model: Model, motion: State) -> tuple[DrivenPoint, ...]:
         term = drive.terms[0]
         node, rest = index[term.link], np.asarray(term.point, float)
         if term.kind == "rotation" and not rest.any():
-            # said without a place: it turns the whole link
+            # without a point it turns the whole link
             rest = model.rest.x[node]
         place = point_position(model, motion, node, rest)
         along = motion.R[index[term.base]] @ np.asarray(term.direction, float)
@@ -528,7 +542,7 @@ def _driven(model: Model, motion: State) -> tuple[DrivenPoint, ...]:
 
 def _blocks(model: Model, motion: State) -> tuple[BlockShape, ...]:
     members, leaves = model.arrays.members, leaf_members(model)
-    # of every block: arms, owners, leaf and station of what is clamped to it
+    # of every block: arm, owner, leaf and station of every point
     found: list[list[tuple[Array, str, int, int]]] = [[] for _ in model.node_names]
     for k, (name, parts) in enumerate(leaves.items()):
         for i, end in ((parts[0], 0), (parts[-1], 1)):
@@ -543,10 +557,10 @@ def _blocks(model: Model, motion: State) -> tuple[BlockShape, ...]:
             if term.kind == "translation":
                 arm = np.asarray(term.point, float) - model.rest.x[index[term.link]]
                 found[index[term.link]].append((arm, drive.name, -1, 0))
-    for link, at, acting in _points(model):
-        # ground is where something is clamped to it
+    for link, at, owner_name in _points_on_links(model):
+        # ground is drawn only where something is clamped to it
         if index[link]:
-            found[index[link]].append((np.asarray(at, float) - model.rest.x[index[link]], acting, -1, 0))
+            found[index[link]].append((np.asarray(at, float) - model.rest.x[index[link]], owner_name, -1, 0))
     blocks = []
     for node, name in enumerate(model.node_names):
         if found[node]:
@@ -557,8 +571,8 @@ def _blocks(model: Model, motion: State) -> tuple[BlockShape, ...]:
     return tuple(blocks)
 
 
-def _points(model: Model) -> Iterator[tuple[str, ArrayLike, str]]:
-    """Link, place (3,) [m] at rest and name of what is fixed to links besides: loads, masses, springs, ends of distances."""
+def _points_on_links(model: Model) -> Iterator[tuple[str, ArrayLike, str]]:
+    """Link, position (3,) [m] at rest and name of all loads, masses, ends of springs and ends of distances."""
     scene = model.scene
     for load in scene.loads:
         if np.any(load.force):
@@ -570,9 +584,9 @@ def _points(model: Model) -> Iterator[tuple[str, ArrayLike, str]]:
         if isinstance(spring, Spring):
             yield spring.a, spring.start, spring.name
             yield spring.b, spring.end, spring.name
-    for asked in scene.distances:
-        yield asked.a, asked.start, asked.name
-        yield asked.b, asked.end, asked.name
+    for distance in scene.distances:
+        yield distance.a, distance.start, distance.name
+        yield distance.b, distance.end, distance.name
 
 
 def _hinges(model: Model, motion: State) -> tuple[HingeShape, ...]:
@@ -586,7 +600,7 @@ def _hinges(model: Model, motion: State) -> tuple[HingeShape, ...]:
 
 
 def _loads(model: Model, motion: State, *, factor: float) -> tuple[LoadShape, ...]:
-    """Forces and moments, `factor` times those of the scene, and rigid masses."""
+    """Forces and moments of the scene times `factor`, and point masses."""
     index, found = {link: i for i, link in enumerate(model.scene.links)}, []
     for load in model.scene.loads:
         node = index[load.link]
@@ -594,7 +608,7 @@ def _loads(model: Model, motion: State, *, factor: float) -> tuple[LoadShape, ..
         for kind in ("force", "moment"):
             value = np.asarray(getattr(load, kind))
             if value.any():
-                # a moment said without a place turns the whole link
+                # a moment without a point turns the whole link
                 whole = not any(load.force) and not any(load.at)
                 place = point_position(model, motion, node, model.rest.x[node] if whole else load.at)
                 found.append(LoadShape(load.name, kind, place, turned @ value))
@@ -619,30 +633,27 @@ def _springs(model: Model, motion: State) -> tuple[SpringShape, ...]:
 
 def _distances(model: Model, motion: State) -> tuple[DistanceShape, ...]:
     index, found = {link: i for i, link in enumerate(model.scene.links)}, []
-    for asked in model.scene.distances:
-        ends = np.array(
-            [
-                point_position(model, motion, index[n], at)
-                for n, at in ((asked.a, asked.start), (asked.b, asked.end))
-            ]
-        )
-        way = ends[1] - ends[0] if asked.along is None else motion.R[index[asked.a]] @ np.asarray(asked.along)
-        found.append(DistanceShape(asked.name, ends, way / max(float(np.linalg.norm(way)), 1e-300)))
+    for distance in model.scene.distances:
+        points = (distance.a, distance.start), (distance.b, distance.end)
+        ends = np.array([point_position(model, motion, index[link], at) for link, at in points])
+        along = distance.along
+        direction = ends[1] - ends[0] if along is None else motion.R[index[distance.a]] @ np.asarray(along)
+        norm = max(float(np.linalg.norm(direction)), 1e-300)
+        found.append(DistanceShape(distance.name, ends, direction / norm))
     return tuple(found)
 
 
 def point_position(model: Model, motion: State, node: int, at: ArrayLike) -> Array:
-    """Where the point at (3,) [m] at rest of a node is now (3,)."""
+    """Deformed position (3,) [m] of the point of a node that is at `at` (3,) [m] at rest."""
     arm = np.asarray(at, float) - model.rest.x[node]
-    place: Array = motion.x[node] + motion.R[node] @ arm
-    return place
+    position: Array = motion.x[node] + motion.R[node] @ arm
+    return position
 
 
 def mechanism_shape(
     model: Model, motion: State, *, points: int = DEFAULT_STATIONS, load_factor: float = 1.0
 ) -> Shape:
-    """Leaf springs at `points` stations or more, blocks, driven points, hinges, loads, springs and distances of `model`
-    at `motion`."""
+    """Geometry of `model` at `motion`, with at least `points` stations per leaf and loads times load_factor."""
     leaves = tuple(_leaf_shape(model, motion, n, m, points) for n, m in leaf_members(model).items())
     return Shape(
         leaves, _blocks(model, motion), _driven(model, motion), _hinges(model, motion),
