@@ -204,7 +204,7 @@ def tabulated(count: int) -> list[dict[str, Any]]:
 
 def floor(prepared: PreparedDesign, values: Mapping[str, float]) -> str:
     """What one tabulated configuration must do at least, counted."""
-    five = prepared.five
+    five = prepared.solver
     found = five(values, five.model.targets(values), method="reduced", relinearisations=0, estimate=False)
     one = one_pass(five.storage.bodies.reduced)
     first, third = (next(s.iterations for s in found.steps if s.name[0] == n) for n in "13")

@@ -41,7 +41,7 @@ class Case:
         self.prepared = PreparedDesign(Solver(scene, mesh=mesh).five_steps, method=method)
         self.count = max(3, 300 // joints)
         self.values = {n: np.linspace(0.5, 1.0, self.count) * v for n, v in targets.items()}
-        b = self.prepared.five.storage
+        b = self.prepared.solver.storage
         self.bytes = stored((*vars(b).values(), *vars(b.bodies).values(), b.model.arrays, b.model.rest))
         self.solved = bool((self.prepared(self.values).status == 0).all())
 

@@ -1,7 +1,8 @@
-"""Many designs in threads: those of equal words are packed together, and solved one after the other in one storage.
+"""Solution of many designs in threads or worker processes.
 
-What is done in Python is done step by step, each of all designs before the next: a tenth faster, as its code is then in the
-cache of the processor.
+Designs whose scenes differ in numbers only share a template: their numbers are computed together, and they are solved one
+after the other in one storage. Each step written in Python is done for all designs before the next step: 10 % faster, as
+its code then stays in the cache of the processor.
 """
 
 from __future__ import annotations
@@ -37,30 +38,32 @@ CHUNK = 64
 
 
 class _Design(NamedTuple):
-    """A design as it was described, which effects are simulated, the scene with them, drawing, its template, and shape
-    parameters of its different joints."""
+    """A design: the scene as described, the effects that are simulated, the scene with them and its split into layout and
+    numbers, the template, and the shape parameters of its different joints."""
 
-    said: Scene
+    described: Scene
     choice: EffectChoice
     scene: Scene
-    drawing: SplitScene
+    split: SplitScene
     template: Template
     shapes: list[Mapping[str, float]]
 
 
-def _each(step: Callable[[S], T], numbered: Iterable[tuple[int, S]], found: list[Any]) -> list[tuple[int, T]]:
-    """What `step` makes of everything numbered; `found` takes the KsdErrors of what it stops at."""
-    made = []
+def _apply_to_each(
+    function: Callable[[S], T], numbered: Iterable[tuple[int, S]], results: list[Any]
+) -> list[tuple[int, T]]:
+    """Numbered values of `function` at numbered items; a KsdError it raises goes into `results` instead."""
+    values = []
     for number, item in numbered:
         try:
-            made.append((number, step(item)))
+            values.append((number, function(item)))
         except KsdError as reason:
-            found[number] = reason
-    return made
+            results[number] = reason
+    return values
 
 
 class BatchSolver:
-    """Solves designs at drive values.
+    """Solves designs at arrays of drive values [m or rad] by drive name.
 
     options: keyword arguments of `PreparedDesign`; mesh: `DEFAULT_MESH` when None.
     """
@@ -72,124 +75,129 @@ class BatchSolver:
         mesh: Mesh | None,
         extrapolate: bool,
     ) -> None:
-        self.values, self.options, self.mesh, self.extrapolate = (
-            values,
-            options,
-            mesh or DEFAULT_MESH,
-            extrapolate,
-        )
-        self._own = threading.local()
+        self.values, self.options = values, options
+        self.mesh, self.extrapolate = mesh or DEFAULT_MESH, extrapolate
+        self._thread_local = threading.local()
         self._records: dict[str, Record] = {}
 
-    def solve(self, makers: Sequence[SceneFactory], threads: int) -> list[Any]:
-        """What was found of every design, or the KsdError that stopped it."""
+    def solve(self, factories: Sequence[SceneFactory], threads: int) -> list[Any]:
+        """Results of every design: a `DesignResult`, or the KsdError that prevented it."""
         # the first one alone, so that kernels are compiled once
-        found = self._chunk(makers[:1])
-        size = max(1, min(CHUNK, -(-len(makers) // (4 * threads))))
-        chunks = [makers[k : k + size] for k in range(1, len(makers), size)]
+        results = self._solve_chunk(factories[:1])
+        size = max(1, min(CHUNK, -(-len(factories) // (4 * threads))))
+        chunks = [factories[k : k + size] for k in range(1, len(factories), size)]
         with ThreadPoolExecutor(threads) as pool:
-            for part in pool.map(self._chunk, chunks):
-                found += part
-        return found
+            for part in pool.map(self._solve_chunk, chunks):
+                results += part
+        return results
 
     def solve_in(self, executor: Any, mechanism: Any, designs: Sequence[Mapping[str, Any]]) -> list[Any]:
-        """As `solve`, in the workers of a concurrent.futures executor; `mechanism` must be known there by name."""
-        said = (mechanism, self.values, self.options, self.mesh, self.extrapolate)
-        return run_in_blocks(executor, designs, CHUNK, _elsewhere, said)
+        """As `solve`, in the workers of a concurrent.futures executor; worker processes must be able to import
+        `mechanism`."""
+        arguments = (self.values, self.options, self.mesh, self.extrapolate)
+        return run_in_blocks(executor, designs, CHUNK, _solve_in_worker, mechanism, arguments)
 
-    def _chunk(self, makers: Sequence[SceneFactory]) -> list[Any]:
-        """Some designs in one thread."""
-        found: list[Any] = [None] * len(makers)
-        scenes = _each(lambda maker: maker(), enumerate(makers), found)
-        alike: dict[Template, list[tuple[int, _Design]]] = {}
-        for number, design in _each(self._drawn, scenes, found):
-            alike.setdefault(design.template, []).append((number, design))
-        for template, designs in alike.items():
-            self._solve_alike(template, designs, found)
-        return found
+    def _solve_chunk(self, factories: Sequence[SceneFactory]) -> list[Any]:
+        """Results of some designs, in one thread."""
+        results: list[Any] = [None] * len(factories)
+        scenes = _apply_to_each(lambda factory: factory(), enumerate(factories), results)
+        groups: dict[Template, list[tuple[int, _Design]]] = {}
+        for number, design in _apply_to_each(self._design, scenes, results):
+            groups.setdefault(design.template, []).append((number, design))
+        for template, designs in groups.items():
+            self._solve_group(template, designs, results)
+        return results
 
-    def _drawn(self, said: Scene) -> _Design:
-        """A scene with its effects, drawn."""
-        choice = choose_effects(said, self.mesh)
-        scene, mesh = apply_effects(said, self.mesh, choice)
-        drawing = split_scene(scene, mesh)
-        return _Design(said, choice, scene, drawing, template_of(drawing.layout, mesh), self._shapes(drawing))
+    def _design(self, described: Scene) -> _Design:
+        """A design from its scene. Raises RecordError and RangeError of its joints."""
+        choice = choose_effects(described, self.mesh)
+        scene, mesh = apply_effects(described, self.mesh, choice)
+        split = split_scene(scene, mesh)
+        return _Design(described, choice, scene, split, template_of(split.layout, mesh), self._shapes(split))
 
-    def _shapes(self, drawing: SplitScene) -> list[Mapping[str, float]]:
-        """Shape parameters of the different joints; RangeError outside their trained ranges, RecordError for a joint drawn
-        otherwise than that of its record."""
-        found = []
-        for joint in drawing.joints:
+    def _shapes(self, split: SplitScene) -> list[Mapping[str, float]]:
+        """Shape parameters of the different joints.
+
+        Raises RangeError outside their trained ranges, RecordError for a joint of other proportions than its record.
+        """
+        shapes = []
+        for joint in split.joints:
             record = self._record(joint.family)
             check_proportions(joint, record)
-            found.append(joint.shape())
-            record.places(found[-1], extrapolate=self.extrapolate)
-        return found
+            shapes.append(joint.shape())
+            record.places(shapes[-1], extrapolate=self.extrapolate)
+        return shapes
 
     def _record(self, family: str) -> Record:
-        """The record of a joint family, looked for once."""
+        """The record of a joint family, cached."""
         if family not in self._records:
             self._records[family] = find_record(family)
         return self._records[family]
 
-    def _solve_alike(self, template: Template, numbered: list[tuple[int, _Design]], found: list[Any]) -> None:
-        """Designs of one template: their numbers together, then one after the other."""
-        designs = [one for _, one in numbered]
+    def _solve_group(
+        self, template: Template, numbered: list[tuple[int, _Design]], results: list[Any]
+    ) -> None:
+        """Solve numbered designs of one template into `results`."""
+        designs = [design for _, design in numbered]
         try:
-            layout = joint_layout(template, designs[0].drawing.joints, self._record)
+            layout = joint_layout(template, designs[0].split.joints, self._record)
         except KsdError as reason:
             for number, _ in numbered:
-                found[number] = reason
+                results[number] = reason
             return
-        numbers = template.numbers([one.drawing.numbers for one in designs])
+        numbers = template.numbers([design.split.numbers for design in designs])
         filled = template(numbers)
-        shapes = list(zip(*(one.shapes for one in designs), strict=True))
-        together = layout(numbers, filled, shapes, extrapolate=self.extrapolate)
+        shapes = list(zip(*(design.shapes for design in designs), strict=True))
+        all_bodies = layout(numbers, filled, shapes, extrapolate=self.extrapolate)
         models = [
-            model_of_design(one.scene, template, filled, numbers, d, said=one.said, choice=one.choice)
-            for d, one in enumerate(designs)
+            model_of_design(
+                design.scene, template, filled, numbers, d, said=design.described, choice=design.choice
+            )
+            for d, design in enumerate(designs)
         ]
-        bodies = [joint_bodies_of_design(layout, together, d) for d in range(len(designs))]
-        places = [(number, d) for d, (number, _) in enumerate(numbered)]
-        fits = _each(lambda d: (d, check_mobility(models[d], bodies[d])), places, found)
-        mine = self._own.__dict__
-        storage = mine["storage"] if mine.get("layout") is layout else None
-        for number, (d, fit) in fits:
+        bodies = [joint_bodies_of_design(layout, all_bodies, d) for d in range(len(designs))]
+        indices = [(number, d) for d, (number, _) in enumerate(numbered)]
+        mobile = _apply_to_each(lambda d: (d, check_mobility(models[d], bodies[d])), indices, results)
+        own = self._thread_local.__dict__
+        storage = own["storage"] if own.get("layout") is layout else None
+        for number, (d, fit) in mobile:
             try:
-                five = FiveStepSolver(
+                solver = FiveStepSolver(
                     models[d], bodies[d], extrapolate=self.extrapolate, storage=storage, fit=fit
                 )
-                storage = five.storage
-                found[number] = PreparedDesign(five, **self.options)(self.values)
+                storage = solver.storage
+                results[number] = PreparedDesign(solver, **self.options)(self.values)
             except KsdError as reason:
-                found[number] = reason
-        mine.update(layout=layout, storage=storage)
+                results[number] = reason
+        own.update(layout=layout, storage=storage)
         if self.options.get("questions") is not None:
-            good = [found[number] for number, _ in fits if isinstance(found[number], DesignResult)]
-            answer_deferred(good, self.options["questions"])
+            solved = [results[number] for number, _ in mobile if isinstance(results[number], DesignResult)]
+            answer_deferred(solved, self.options["questions"])
 
 
 def run_in_blocks(
     executor: Any,
     designs: Sequence[Mapping[str, Any]],
-    least: int,
+    min_size: int,
     function: Callable[..., list[Any]],
-    *said: Any,
+    *arguments: Any,
 ) -> list[Any]:
-    """What function(*said, block) finds of every design, in blocks of at least so many for the workers of an executor."""
+    """Values of function(*arguments, block) for all designs, in blocks of at least `min_size` for the workers of an
+    executor."""
     workers = int(getattr(executor, "_max_workers", None) or os.cpu_count() or 1)
-    size = max(least, -(-len(designs) // (2 * workers)))
-    parts = [list(designs[k : k + size]) for k in range(0, len(designs), size)]
-    waiting = [submit_task(executor, function, *said, part) for part in parts]
-    return [found for job in waiting for found in job.result()]
+    size = max(min_size, -(-len(designs) // (2 * workers)))
+    blocks = [list(designs[k : k + size]) for k in range(0, len(designs), size)]
+    futures = [submit_task(executor, function, *arguments, block) for block in blocks]
+    return [value for future in futures for value in future.result()]
 
 
 def scene_factories(mechanism: Any, designs: Sequence[Mapping[str, Any]]) -> list[SceneFactory]:
-    """What makes each design."""
+    """Functions without arguments that return the scene of each design."""
     return [lambda d=d: build_scene(mechanism, d) for d in designs]  # type: ignore[misc]
 
 
-def _elsewhere(said: tuple[Any, ...], designs: list[Mapping[str, Any]]) -> list[Any]:
-    """Some designs in a worker of an executor."""
-    mechanism, *words = said
-    return BatchSolver(*words).solve(scene_factories(mechanism, designs), 1)
+def _solve_in_worker(
+    mechanism: Any, arguments: tuple[Any, ...], designs: list[Mapping[str, Any]]
+) -> list[Any]:
+    """Results of some designs in a worker of an executor; arguments: of `BatchSolver`."""
+    return BatchSolver(*arguments).solve(scene_factories(mechanism, designs), 1)

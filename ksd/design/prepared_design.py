@@ -1,9 +1,10 @@
-"""One design prepared for batches of poses."""
+"""One design, prepared to be solved at batches of poses by the five-step methods, with answers to questions at each."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,19 +31,32 @@ from ksd.solve.pose_batch import (
 from ksd.solve.steps import Step, Stop
 
 SOLVED = (Step("in a batch", 0, 0.0, 0.0, Stop.CONVERGED),)
-"""Steps of a pose that questions are asked of; one without an equilibrium is asked nothing."""
-STIFF = {"support_stiffness", "drive_stiffness"}
-"""Questions that are answered on the finer mesh, where it is also seen whether the state there is settled and stable."""
+"""Solver steps of the configurations in a batch: questions are answered at equilibria only."""
+STIFFNESS_QUESTIONS = {"support_stiffness", "drive_stiffness"}
+"""Questions answered on the finer mesh, where convergence and stability of the state are checked as well."""
 MAX_UNINTENDED_MOTION = 1e-4
-"""Unintended motion of joints, in rad and over their length, up to which the Newton step to the finer mesh is tried from the
-reduced state itself, which is off by the square of it."""
+"""Unintended motion of joints [rad, or relative to their length] up to which the Newton step to the finer mesh starts from
+the reduced state itself, whose error is the square of it."""
+
+
+class DeferredPose(NamedTuple):
+    """Pose n of a design, to be answered together with others; at_equilibrium: its questions are answered at a converged
+    equilibrium, not at the reduced state."""
+
+    n: int
+    analysis: PoseAnalysis
+    at_equilibrium: bool
 
 
 @dataclass
 class DesignResult:
-    """Numbers of one design; rows (N): answers by column; reasons: why a question has none, by pose; waiting: poses that are
-    asked together with those of other designs, see `answer_deferred`, and whether they are settled; poses: those that were
-    solved, where they are kept."""
+    """Results of one design at N poses, arrays as in `PoseArrays`.
+
+    drives: names of the rows of `force`; joints: names of the columns of `motion` [rad, m]. error: interpolation error of
+    tabulated joints, nan without. rows (N): answers by column. reasons: of questions without an answer, by pose.
+    compliance (N, 6, 6): of the point of the questions, None without "support_stiffness". deferred: poses for
+    `answer_deferred`. poses: the solved configurations, if they are kept.
+    """
 
     links: tuple[str, ...]
     drives: tuple[str, ...]
@@ -56,24 +70,26 @@ class DesignResult:
     rows: list[Row] = field(default_factory=list)
     reasons: dict[int, str] = field(default_factory=dict)
     compliance: np.ndarray | None = None
-    deferred: list[tuple[int, PoseAnalysis, bool]] = field(default_factory=list)
+    deferred: list[DeferredPose] = field(default_factory=list)
     poses: list[Configuration] = field(default_factory=list)
 
     @property
     def names(self) -> tuple[tuple[str, ...], ...]:
-        """Of what the numbers are."""
+        """Names of links, drives and joints."""
         return self.links, self.drives, self.joints
 
 
 class PreparedDesign:
-    """One design prepared for batches: call it with drive values, arrays of one length by name.
+    """One design prepared for batches: call it with arrays (N,) of drive values [m or rad] by drive name.
 
-    keep: the configurations too; settled: forces and poses asked for are of the equilibrium next to the answer, too.
+    method: REDUCED or FULL. tabulated: joints are interpolated in tables over their stroke. keep_configurations: they are
+    in `DesignResult.poses`. equilibrate: configurations hold the equilibrium near the answer of the method, which is where
+    questions are answered in any case. Raises SceneError for a mesh with plate stiffening and for invalid questions.
     """
 
     def __init__(
         self,
-        five: FiveStepSolver,
+        solver: FiveStepSolver,
         *,
         method: int = REDUCED,
         relinearisations: int = 0,
@@ -82,28 +98,28 @@ class PreparedDesign:
         keep_configurations: bool = False,
         equilibrate: bool = False,
     ) -> None:
-        if five.model.mesh.plate:
+        if solver.model.mesh.plate:
             raise SceneError(
                 "plate stiffening depends on how much each leaf is bent, and is not settled pose by pose in batches: use "
                 "ksd.sweep, or leave 'plate' out of what the scene considers"
             )
-        self.five, self.method, self.relinearisations = five, method, relinearisations
+        self.solver, self.method, self.relinearisations = solver, method, relinearisations
         self.keep_configurations, self.equilibrate = keep_configurations, equilibrate
         self.questions = questions if questions is not None and questions.names else None
         if self.questions is not None:
-            # what is wrong with it is told before anything is solved
-            model = five.model
+            # these raise SceneError for names that are not there, before anything is solved
+            model = solver.model
             if self.questions.freed:
                 row_numbers(model, self.questions.freed)
             if self.questions.has_point_question:
                 node_of(model, self.questions.point(model.scene)[0])
-        b = five.storage
+        b = solver.storage
         self.tables = joint_tables(b) if tabulated else None
-        self._limits = b.limits[:, :2] + ((-np.inf, np.inf) if five.extrapolate else 0.0)
+        self._limits = b.limits[:, :2] + ((-np.inf, np.inf) if solver.extrapolate else 0.0)
 
     def __call__(self, values: Mapping[str, np.ndarray]) -> DesignResult:
-        """All poses, from rest each. Raises SceneError for drives that are not there."""
-        model, b = self.five.model, self.five.storage
+        """Solve all poses, each from the undeformed configuration. Raises SceneError for unknown drives."""
+        model, b = self.solver.model, self.solver.storage
         model.targets({n: float(v[0]) for n, v in values.items()})
         count, rows = len(next(iter(values.values()))), len(model.drive_names) + len(model.support_names)
         targets, links = np.zeros((count, rows)), len(model.scene.links)
@@ -111,83 +127,88 @@ class PreparedDesign:
             targets[:, k] = values[name]
         motion, status = np.zeros((count, len(b.theta))), np.zeros(count, np.int64)
         force, x, R = np.zeros((count, rows)), np.zeros((count, links, 3)), np.zeros((count, links, 3, 3))
-        put = PoseArrays(force, x, R, motion, status)
+        arrays = PoseArrays(force, x, R, motion, status)
         names = (model.scene.links, model.drive_names, b.bodies.motion_names)
         error = self.tables.error if self.tables else np.nan
-        found = DesignResult(*names, force, x, R, motion, status, error)
-        ask = None if self.questions is None else _Questions(self, self.questions, targets, found)
+        result = DesignResult(*names, force, x, R, motion, status, error)
+        gap = self.solver.gap
         if self.tables is None:
-            solve_poses(b, targets, self.method, self.relinearisations, self.five.gap, self._limits, put, ask)
+            answer = (
+                None if self.questions is None else _QuestionsOfPoses(self, self.questions, targets, result)
+            )
+            solve_poses(b, targets, self.method, self.relinearisations, gap, self._limits, arrays, answer)
         else:
             t = self.tables
             limits = np.column_stack([self._limits, t.limits])
-            solve_tabulated_poses(b, t.cubic, t.which, targets, self.five.gap, limits, put)
-        found.motion = motion * b.bodies.motion_scale
-        return found
+            solve_tabulated_poses(b, t.cubic, t.which, targets, gap, limits, arrays)
+        result.motion = motion * b.bodies.motion_scale
+        return result
 
 
-class _Questions:
-    """Asks the questions of the states in storage, every pose for itself."""
+class _QuestionsOfPoses:
+    """Answers the questions of each pose, whose state is in the storage of the solver, into a `DesignResult`."""
 
     def __init__(
-        self, design: PreparedDesign, questions: Questions, targets: np.ndarray, found: DesignResult
+        self, design: PreparedDesign, questions: Questions, targets: np.ndarray, result: DesignResult
     ) -> None:
-        self.design, self.targets, self.found = design, targets, found
-        self.questions, self.has_deferred = (
-            questions.single_part,
-            len(questions.single_part.names) < len(questions.names),
-        )
-        self.stiff = STIFF.issuperset(questions.names) and not (
+        self.design, self.targets, self.result = design, targets, result
+        self.questions = questions.single_part
+        self.has_deferred = len(self.questions.names) < len(questions.names)
+        self.only_stiffness = STIFFNESS_QUESTIONS.issuperset(questions.names) and not (
             design.keep_configurations or design.equilibrate
         )
-        found.rows = [{} for _ in targets]
+        result.rows = [{} for _ in targets]
         if "support_stiffness" in questions.names:
-            found.compliance = np.full((len(targets), 6, 6), np.nan)
+            result.compliance = np.full((len(targets), 6, 6), np.nan)
 
     def __call__(self, n: int) -> int:
-        """The answers of pose n, of the equilibrium next to it where the method leads to none; returns the status."""
-        b, target = self.design.five.storage, self.targets[n]
-        motion = answering = b.full.copy()
-        equilibrate = self.design.method != REDUCED or not (self.stiff and self._along())
-        if self.design.method == REDUCED and equilibrate:
-            status, answering = _beside(b.model, motion, target, b.full_work)
+        """Answer the questions of pose n, at the equilibrium near it where the method gives none; returns its status."""
+        b, target = self.design.solver.storage, self.targets[n]
+        state = equilibrium = b.full.copy()
+        at_equilibrium = self.design.method != REDUCED or not (
+            self.only_stiffness and self._is_near_intended_motion()
+        )
+        if self.design.method == REDUCED and at_equilibrium:
+            status, equilibrium = _equilibrium_near(b.model, state, target, b.full_work)
             if status:
                 return status
-        pose = PoseAnalysis(self._posed(answering if self.design.equilibrate else motion, answering, target))
-        self.found.rows[n], _, failed = answer_questions(pose, self.questions)
+        shown = equilibrium if self.design.equilibrate else state
+        analysis = PoseAnalysis(self._configuration(shown, equilibrium, target))
+        answers = answer_questions(analysis, self.questions)
+        self.result.rows[n] = answers.row
         if self.design.keep_configurations:
-            self.found.poses.append(pose.configuration)
+            self.result.poses.append(analysis.configuration)
         if self.has_deferred:
-            self.found.deferred.append((n, pose, equilibrate))
-        return _note(self.found, n, failed)
+            self.result.deferred.append(DeferredPose(n, analysis, at_equilibrium))
+        return _status_of_answers(self.result, n, answers.failures)
 
-    def _along(self) -> bool:
-        """Whether all joints are next to their intended motions."""
-        b = self.design.five.storage
+    def _is_near_intended_motion(self) -> bool:
+        """Whether the unintended motion of all joints is within MAX_UNINTENDED_MOTION."""
+        b = self.design.solver.storage
         off = np.abs(b.off)
         off[:, :3] /= b.bodies.kinematics.length[:, None]
         return bool(off.max(initial=0.0) <= MAX_UNINTENDED_MOTION)
 
-    def _posed(self, motion: State, answering: State, target: np.ndarray) -> Configuration:
-        """The state as a configuration; answering: the state that questions beyond forces and poses are asked of."""
-        model, reduced = self.design.five.model, self.design.method == REDUCED
+    def _configuration(self, state: State, equilibrium: State, target: np.ndarray) -> Configuration:
+        """Configuration with this state; equilibrium: where questions other than forces and poses are answered."""
+        model, reduced = self.design.solver.model, self.design.method == REDUCED
         values = dict(zip(model.drive_names, target.tolist(), strict=False))
         count = len(target)
         pose = Configuration(
-            model, motion, "reduced" if reduced else "full", values, SOLVED, negatives=count,
+            model, state, "reduced" if reduced else "full", values, SOLVED, negatives=count,
             expected_negatives=count, method_was_chosen=reduced,
         )  # fmt: skip
-        pose.__dict__["equilibrium"] = answering
+        pose.__dict__["equilibrium"] = equilibrium
         return pose
 
 
-def _beside(model: Model, motion: State, target: np.ndarray, work: Workspace) -> tuple[int, State]:
-    """Status and state of the equilibrium next to the state of a fast method."""
-    state = motion.copy()
-    stop, negatives = converge_fast_state(model, state, target, 1.0, work)
+def _equilibrium_near(model: Model, state: State, target: np.ndarray, work: Workspace) -> tuple[int, State]:
+    """Status and state of the equilibrium near the state of a fast method."""
+    equilibrium = state.copy()
+    stop, negatives = converge_fast_state(model, equilibrium, target, 1.0, work)
     if stop is not Stop.CONVERGED:
-        return int(stop), state
-    return (0 if negatives == len(target) else UNSTABLE), state
+        return int(stop), equilibrium
+    return (0 if negatives == len(target) else UNSTABLE), equilibrium
 
 
 def status_sentence(code: int) -> str:
@@ -195,36 +216,41 @@ def status_sentence(code: int) -> str:
     return STATUS_MESSAGES[code] if code in STATUS_MESSAGES else Stop(code).sentence
 
 
-def _note(found: DesignResult, n: int, failed: Mapping[str, Exception]) -> int:
-    """Why questions of pose n were not answered; returns its status."""
-    if failed:
-        before = [found.reasons[n]] if n in found.reasons else []
-        found.reasons[n] = "; ".join([*before, *(f"{q}: {error_sentence(why)}" for q, why in failed.items())])
-    return UNANSWERED if n in found.reasons else 0
+def _status_of_answers(result: DesignResult, n: int, failures: Mapping[str, Exception]) -> int:
+    """Add to `result` why questions of pose n were not answered; returns the status of the pose."""
+    if failures:
+        earlier = [result.reasons[n]] if n in result.reasons else []
+        result.reasons[n] = "; ".join(
+            [*earlier, *(f"{q}: {error_sentence(why)}" for q, why in failures.items())]
+        )
+    return UNANSWERED if n in result.reasons else 0
 
 
 def answer_deferred(designs: Sequence[DesignResult], questions: Questions) -> None:
-    """Stiffness and stress of all poses of several designs."""
-    deferred = [(found, *one) for found in designs for one in found.deferred]
+    """Answer the questions about stiffness and stress for the deferred poses of several designs, into their results.
+
+    Where the stiffness at a reduced state is not that of a stable equilibrium, the equilibrium near it is solved for and
+    the questions are answered there.
+    """
     questions = questions.batch_part
-    while deferred:
+    waiting = [(result, deferred) for result in designs for deferred in result.deferred]
+    while waiting:
         again = []
-        together = answer_batch([pose for *_, pose, _ in deferred], questions)
-        for (found, n, pose, equilibrate), known in zip(deferred, together, strict=True):
-            if not (equilibrate or known.stable):
-                # no Newton step to the finer mesh: once more, of the equilibrium next to it
+        batch_answers = answer_batch([deferred.analysis for _, deferred in waiting], questions)
+        for (result, (n, pose, at_equilibrium)), known in zip(waiting, batch_answers, strict=True):
+            if not (at_equilibrium or known.stable):
                 model = pose.model
                 target, work = model.targets(pose.targets), make_workspace(model.arrays)
-                found.status[n], state = _beside(model, pose.motion, target, work)
-                pose.configuration.__dict__["equilibrium"] = state
-                again += [(found, n, pose, True)] if found.status[n] == 0 else []
+                result.status[n], equilibrium = _equilibrium_near(model, pose.motion, target, work)
+                pose.configuration.__dict__["equilibrium"] = equilibrium
+                again += [(result, DeferredPose(n, pose, True))] if result.status[n] == 0 else []
                 continue
-            row, _, failed = answer_questions(pose, questions, known.rows)
-            found.rows[n] |= row
-            if found.compliance is not None and "support_stiffness" not in failed:
+            answers = answer_questions(pose, questions, known.rows)
+            result.rows[n] |= answers.row
+            if result.compliance is not None and "support_stiffness" not in answers.failures:
                 alone = known.compliance is None
-                found.compliance[n] = pose.stiffness_at(questions).compliance if alone else known.compliance
-            found.status[n] = _note(found, n, failed)
-        deferred = again
-    for found in designs:
-        found.deferred.clear()
+                result.compliance[n] = pose.stiffness_at(questions).compliance if alone else known.compliance
+            result.status[n] = _status_of_answers(result, n, answers.failures)
+        waiting = again
+    for result in designs:
+        result.deferred.clear()
