@@ -35,7 +35,7 @@ from paper2_cases import (
 from paper2_tangent import around, in_space, space_acceptance, space_table
 
 from ksd.modal import with_modal_bodies
-from ksd.modal.leaf_basis import chain_records, tangent_function, undeformed_shape
+from ksd.modal.leaf_basis import chain_element_constants, tangent_function, undeformed_shape
 from ksd.modal.leaf_bodies import chain_shape
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
@@ -54,7 +54,7 @@ def chain() -> tuple[np.ndarray, Any]:
     """Records of the leaf's elements and its tangent function in additive coordinates (6 (n+1),)."""
 
     model = full_model("cantilever", 0.0, 10)
-    record = chain_records(model.arrays.members.value, 10)
+    record = chain_element_constants(model.arrays.members.value, 10)
     shape = undeformed_shape(record)
     return record, tangent_function(record, shape.x, np.tile(np.eye(3).ravel(), (11, 1)))
 

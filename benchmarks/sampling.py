@@ -72,9 +72,9 @@ def element_shares(
     angle, q = body.choices.coordinates == "angle", body.values_per_node
     columns, z = np.hstack([body.boundary, body.inner]), body.values(d, Q, eta)
     store, g, H = np.empty(SCRATCH), np.empty(2 * q), np.empty((2 * q, 2 * q))
-    force = np.empty((columns.shape[1], len(body.record)))
+    force = np.empty((columns.shape[1], len(body.element_constants)))
     tangent = np.empty((*columns.shape[1:], *force.shape))
-    for e, record in enumerate(body.record):
+    for e, record in enumerate(body.element_constants):
         Z = columns[q * e : q * (e + 2)]
         element_values(
             record, store, z[q * e : q * (e + 2)], body.orientation[e : e + 2].ravel(), int(angle), g, H

@@ -39,18 +39,18 @@ IN_PLANE = (0, 1, 5)
 class LeafShape:
     """The expansion point of a basis, in the frame of end p.
 
-    record (n, 25): constants of the n elements; x (n+1, 3) [m], R (n+1, 3, 3): positions of the nodes and their rotations
-    from rest.
+    element_constants (n, 25): constants of the n elements; x (n+1, 3) [m], R (n+1, 3, 3): positions of the nodes and their
+    rotations from rest.
     """
 
-    record: np.ndarray
+    element_constants: np.ndarray
     x: np.ndarray
     R: np.ndarray
 
     @property
     def length(self) -> float:
         """Length of the leaf [m]."""
-        return float(self.record[:, 0].sum())
+        return float(self.element_constants[:, 0].sum())
 
 
 @dataclass(frozen=True)
@@ -58,14 +58,14 @@ class LeafBasis:
     """Values of the nodes of one leaf as a function of boundary values b and inner coordinates eta.
 
     z = z0 + boundary (b - b0) + inner eta, with q = 9 values per node for directors, 6 for angles. z0 ((n+1) q,), boundary
-    ((n+1) q, nb), inner ((n+1) q, m), b0 (nb,); record (n, 25): constants of the elements; orientation (n+1, 9): directors
-    of the expansion point in the floating frame; hold_stiffness (m,) [Nm]: see `_separate_idle_columns`; condition:
-    condition number of `inner` before it was made orthonormal. second_derivatives ((n+1) q, nb + m, nb + m): of z by all
-    coordinates, on a quadratic manifold.
+    ((n+1) q, nb), inner ((n+1) q, m), b0 (nb,); element_constants (n, 25): constants of the elements; orientation (n+1, 9):
+    directors of the expansion point in the floating frame; hold_stiffness (m,) [Nm]: see `_separate_idle_columns`;
+    condition: condition number of `inner` before it was made orthonormal. second_derivatives ((n+1) q, nb + m, nb + m): of
+    z by all coordinates, on a quadratic manifold.
     """
 
     choices: ModalBasis
-    record: np.ndarray
+    element_constants: np.ndarray
     orientation: np.ndarray
     z0: np.ndarray
     boundary: np.ndarray
@@ -114,7 +114,7 @@ class LeafBasis:
     def stroke_and_rotation(self, d: np.ndarray, Q: np.ndarray, eta: np.ndarray) -> tuple[float, float]:
         """Displacement of end q over the length, and the largest rotation [rad] of a node against the chord."""
         x, R = self.nodes(d, Q, eta)
-        rest = undeformed_shape(self.record)
+        rest = undeformed_shape(self.element_constants)
         cosine = np.einsum("i,ki->k", rotation_without_roll(x[-1])[:, 0], R[:, :, 0]).min()
         turn = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
         return float(np.linalg.norm(x[-1] - rest.x[-1])) / rest.length, turn
@@ -134,17 +134,17 @@ class LeafBasis:
     @property
     def values_per_node(self) -> int:
         """6 for angles, 9 for directors."""
-        return 6 if self.choices.coordinates == "angle" else 9
+        return _values_per_node(self.choices)
 
     def constants(self, weights: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """`value` and `number` of the kernel `ksd.beam.modal`; weights (n,): of the elements, those of zero are left out."""
-        q, n = self.values_per_node, len(self.record)
+        q, n = self.values_per_node, len(self.element_constants)
         w = np.ones(n) if weights is None else weights
         columns = np.hstack([self.boundary, self.inner])
         parts = [self.orientation[0], self.orientation[-1], self.b0, self.hold_stiffness]
         for e in np.flatnonzero(w):
             rows = slice(q * e, q * (e + 2))
-            parts += [[w[e]], self.record[e], self.orientation[e : e + 2].ravel(), self.z0[rows]]
+            parts += [[w[e]], self.element_constants[e], self.orientation[e : e + 2].ravel(), self.z0[rows]]
             parts.append(columns[rows].ravel())
             if self.second_derivatives is not None:
                 parts.append(self.second_derivatives[rows].ravel())
@@ -154,18 +154,18 @@ class LeafBasis:
         return np.concatenate([np.asarray(p, float).ravel() for p in parts]), number
 
 
-def chain_records(value: np.ndarray, n: int) -> np.ndarray:
+def chain_element_constants(value: np.ndarray, n: int) -> np.ndarray:
     """Constants (n, 25) of each element of a chain with the constants `value` (16 n + 9,)."""
     return np.hstack(
         [value[: CHAIN_CONSTANTS * n].reshape(n, CHAIN_CONSTANTS), np.tile(np.eye(3).ravel(), (n, 1))]
     )
 
 
-def undeformed_shape(record: np.ndarray) -> LeafShape:
-    """The undeformed leaf with element constants record (n, 25)."""
-    steps = record[:, :1] * record[:, [7, 10, 13]]
+def undeformed_shape(element_constants: np.ndarray) -> LeafShape:
+    """The undeformed leaf with these element constants (n, 25)."""
+    steps = element_constants[:, :1] * element_constants[:, [7, 10, 13]]
     x = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
-    return LeafShape(record, x, np.tile(np.eye(3), (len(x), 1, 1)))
+    return LeafShape(element_constants, x, np.tile(np.eye(3), (len(x), 1, 1)))
 
 
 def rotation_without_roll(d: np.ndarray) -> np.ndarray:
@@ -175,6 +175,11 @@ def rotation_without_roll(d: np.ndarray) -> np.ndarray:
     return np.array(
         [[u[0], -u[1], -u[2]], [u[1], 1 - k * u[1] ** 2, -k * u[1] * u[2]], [u[2], -k * u[1] * u[2], 1 - k * u[2] ** 2]]
     )  # fmt: skip
+
+
+def _values_per_node(choices: ModalBasis) -> int:
+    """6 for angles, 9 for directors."""
+    return 6 if choices.coordinates == "angle" else 9
 
 
 def _gram_schmidt_frames(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -187,9 +192,9 @@ def _gram_schmidt_frames(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def _mass(shape: LeafShape, R: np.ndarray) -> np.ndarray:
     """Lumped mass matrix (6 (n+1), 6 (n+1)) for unit mass per length; it only decides which modes are lowest."""
-    n = len(shape.record)
+    n = len(shape.element_constants)
     M = np.zeros((6 * (n + 1), 6 * (n + 1)))
-    for e, r in enumerate(shape.record):
+    for e, r in enumerate(shape.element_constants):
         radius = []
         for a, b in ((r[3], r[4]), (r[5], r[6])):
             phi = (4 + 2 * a / b) / (a / b - 1)
@@ -212,15 +217,15 @@ def _coordinates(n: int, frame: str, straight: bool) -> tuple[list[int], list[in
     return [last, *roll, 4, 5, last + 3, last + 4, last + 5], inner
 
 
-def tangent_function(record: np.ndarray, x: np.ndarray, orientation: np.ndarray):
+def tangent_function(element_constants: np.ndarray, x: np.ndarray, orientation: np.ndarray):
     """The function that returns the tangent (6 (n+1), 6 (n+1)) at additive coordinates (6 (n+1),)."""
-    first, size = np.arange(len(record)), 6 * len(x)
+    first, size = np.arange(len(element_constants)), 6 * len(x)
     z0 = np.hstack([x, np.zeros_like(x)])
     g = np.empty(size)
 
     def tangent(q: np.ndarray) -> np.ndarray:
         H = np.empty((size, size))
-        chain_tangent(record, orientation, first, z0 + q.reshape(-1, 6), 1, g, H)
+        chain_tangent(element_constants, orientation, first, z0 + q.reshape(-1, 6), 1, g, H)
         return 0.5 * (H + H.T)
 
     return tangent
@@ -272,7 +277,7 @@ def _higher_order_terms(key: tuple[int, ...], index: dict, spin: np.ndarray, v: 
 
 def _boundary_rows(choices: ModalBasis, n: int) -> list[int]:
     """Rows of z with the boundary values of `ksd.beam.modal_jets.boundary_jets`, in its order."""
-    q = 6 if choices.coordinates == "angle" else 9
+    q = _values_per_node(choices)
     last = q * n
     if choices.frame == "node":
         return list(range(last, last + q))
@@ -306,36 +311,40 @@ def _modes(K0, boundary, inner, mass, choices: ModalBasis) -> Modes:
 
 def make_basis(shape: LeafShape, choices: ModalBasis) -> LeafBasis:
     """The basis of a leaf about `shape`. Raises ValueError where the tangent of the leaf is singular there."""
-    n = len(shape.record)
+    n = len(shape.element_constants)
     turn = np.eye(3) if choices.frame == "node" else rotation_without_roll(shape.x[-1])
     x, R = shape.x @ turn, np.einsum("ji,kjl->kil", turn, shape.R)
     # the element constants are in the frame of end p; rotations from rest apply to them
     orientation = R.transpose(0, 2, 1).reshape(n + 1, 9)
     straight = np.abs(R[0] - np.eye(3)).max() < 1e-12
     boundary, inner = _coordinates(n, choices.frame, straight)
-    K = tangent_function(shape.record, x, orientation)
+    K = tangent_function(shape.element_constants, x, orientation)
     modes = _modes(K(np.zeros(6 * (n + 1))), boundary, inner, _mass(shape, R), choices)
     derived = _mode_derivatives(K, modes, inner, choices, shape.length)
     if choices.derivatives == "tied":
-        return _quadratic_manifold(LeafShape(shape.record, x, R), choices, modes, derived, boundary)
+        return _quadratic_manifold(
+            LeafShape(shape.element_constants, x, R), choices, modes, derived, boundary
+        )
     columns = _columns(choices, modes, derived, R)
     rows = _boundary_rows(choices, n)
     edge, rest = split_boundary(columns, rows)
     scale = np.ones_like(columns[:, 0])
-    q = 6 if choices.coordinates == "angle" else 9
+    q = _values_per_node(choices)
     for r in range(3):
         scale[r::q] = shape.length
     basis = condition_basis(rest, scale=scale, cut=choices.cut)
     z0 = _expansion_values(choices, x, R)
-    columns, hold = _separate_idle_columns(shape.record, orientation, z0, basis.columns, choices)
-    return LeafBasis(choices, shape.record, orientation, z0, edge, columns, hold, z0[rows], basis.condition)
+    columns, hold = _separate_idle_columns(shape.element_constants, orientation, z0, basis.columns, choices)
+    return LeafBasis(
+        choices, shape.element_constants, orientation, z0, edge, columns, hold, z0[rows], basis.condition
+    )
 
 
 def _quadratic_manifold(
     shape: LeafShape, choices: ModalBasis, modes: Modes, derived: Derivatives, boundary: list[int]
 ) -> LeafBasis:
     """The basis on the quadratic manifold, whose only coordinates are boundary values and amplitudes of internal modes."""
-    n = len(shape.record)
+    n = len(shape.element_constants)
     rows = _boundary_rows(choices, n)
     nb, m = len(rows), modes.shapes.shape[1] - modes.boundary
     order = [*(rows.index(b) for b in boundary), *range(nb, nb + m)]
@@ -346,13 +355,17 @@ def _quadratic_manifold(
     z0 = _expansion_values(choices, shape.x, shape.R)
     unit = condition_basis(modes.shapes / np.tile([shape.length] * 3 + [1.0] * 3, n + 1)[:, None])
     return LeafBasis(
-        choices, shape.record, shape.R.transpose(0, 2, 1).reshape(n + 1, 9), z0, columns[:, :nb], columns[:, nb:],
+        choices, shape.element_constants, shape.R.transpose(0, 2, 1).reshape(n + 1, 9), z0, columns[:, :nb], columns[:, nb:],
         np.zeros(m), z0[rows], unit.condition, second,
     )  # fmt: skip
 
 
 def _separate_idle_columns(
-    record: np.ndarray, orientation: np.ndarray, z0: np.ndarray, columns: np.ndarray, choices: ModalBasis
+    element_constants: np.ndarray,
+    orientation: np.ndarray,
+    z0: np.ndarray,
+    columns: np.ndarray,
+    choices: ModalBasis,
 ) -> tuple[np.ndarray, np.ndarray]:
     """The columns, transformed so that those without energy at the expansion point are separate, and their hold stiffness.
 
@@ -360,11 +373,21 @@ def _separate_idle_columns(
     degrees instead of 0.003 %). Their stiffness [Nm] of HOLD_RATIO times the softest bending stiffness keeps the tangent
     regular.
     """
-    q = 6 if choices.coordinates == "angle" else 9
+    q = _values_per_node(choices)
     g, H = np.empty(len(z0)), np.empty((len(z0), len(z0)))
-    chain_tangent(record, orientation, np.arange(len(record)), z0.reshape(-1, q), int(q == 6), g, H)
+    chain_tangent(
+        element_constants,
+        orientation,
+        np.arange(len(element_constants)),
+        z0.reshape(-1, q),
+        int(q == 6),
+        g,
+        H,
+    )
     energy, turn = np.linalg.eigh(columns.T @ (0.5 * (H + H.T)) @ columns)
-    softest = record[:, [2, 3, 5]].min() * record[0, 0] ** 3 / record[:, 0].sum()
+    softest = (
+        element_constants[:, [2, 3, 5]].min() * element_constants[0, 0] ** 3 / element_constants[:, 0].sum()
+    )
     idle = np.abs(energy) < 1e-6 * softest
     hold_stiffness = np.where(idle, HOLD_RATIO * softest, 0.0)
     return (columns @ turn, hold_stiffness) if np.any(idle) else (columns, hold_stiffness)
@@ -381,11 +404,13 @@ def _mode_derivatives(K, modes: Modes, inner: list[int], choices: ModalBasis, le
 
 
 @lru_cache(maxsize=64)
-def _cached_undeformed_basis(record: bytes, n: int, choices: ModalBasis) -> LeafBasis:
+def _cached_undeformed_basis(constants: bytes, n: int, choices: ModalBasis) -> LeafBasis:
     # a copy, since kernels would be compiled once more for a read-only array
-    return make_basis(undeformed_shape(np.frombuffer(record).reshape(n, 25).copy()), choices)
+    return make_basis(undeformed_shape(np.frombuffer(constants).reshape(n, 25).copy()), choices)
 
 
-def undeformed_basis(record: np.ndarray, choices: ModalBasis) -> LeafBasis:
-    """The basis of an undeformed leaf with element constants record (n, 25); cached, so that equal leaf springs share it."""
-    return _cached_undeformed_basis(np.ascontiguousarray(record).tobytes(), len(record), choices)
+def undeformed_basis(element_constants: np.ndarray, choices: ModalBasis) -> LeafBasis:
+    """The basis of an undeformed leaf with these element constants (n, 25); cached, so that equal leaf springs share it."""
+    return _cached_undeformed_basis(
+        np.ascontiguousarray(element_constants).tobytes(), len(element_constants), choices
+    )

@@ -13,7 +13,7 @@ import numpy as np
 from ksd.beam.corotational_values import sizes as chain_sizes
 from ksd.errors import SceneError
 from ksd.modal.choices import ModalBasis
-from ksd.modal.leaf_basis import LeafBasis, LeafShape, chain_records, make_basis, undeformed_basis
+from ksd.modal.leaf_basis import LeafBasis, LeafShape, chain_element_constants, make_basis, undeformed_basis
 from ksd.model.arrays import COROTATIONAL, State
 from ksd.model.compile import Model, compile_as_is
 from ksd.model.constant_leaves import equilibrate_bent_leaves, is_constant
@@ -52,7 +52,7 @@ def chain_shape(model: Model, i: int, motion: State) -> LeafShape:
     R = np.concatenate(
         [np.eye(3)[None], nodes[:, 3:].reshape(-1, 3, 3), (Q @ value[16 * n :].reshape(3, 3).T)[None]]
     )
-    return LeafShape(chain_records(value, n), x, R)
+    return LeafShape(chain_element_constants(value, n), x, R)
 
 
 def with_modal_bodies(
@@ -110,10 +110,10 @@ def _make_body(
     shape = chain_shape(model, model.member_names.index(name), model.rest if about is None else about)
     try:
         if about is None:
-            return undeformed_basis(shape.record, choices)
+            return undeformed_basis(shape.element_constants, choices)
         rounded = np.round(np.hstack([shape.x / shape.length, shape.R.reshape(-1, 9)]), SAME_SHAPE_DECIMALS)
         # adding 0.0 turns -0.0 into 0.0
-        key = shape.record.tobytes(), (rounded + 0.0).tobytes(), choices
+        key = shape.element_constants.tobytes(), (rounded + 0.0).tobytes(), choices
         if key not in cache:
             cache[key] = make_basis(shape, choices)
         return cache[key]

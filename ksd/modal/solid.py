@@ -56,15 +56,7 @@ class Solid:
 
     def tangent(self, u: np.ndarray) -> Any:
         """Sparse tangent stiffness (size, size) [N/m] at the displacements u (size,) [m]."""
-        return self._force_and_tangent(u)[1]
-
-    def force(self, u: np.ndarray) -> np.ndarray:
-        """Internal force (size,) [N] at the displacements u."""
-        return self._force_and_tangent(u, tangent=False)[0]
-
-    def force_and_tangent(self, u: np.ndarray) -> tuple[np.ndarray, Any]:
-        """Internal force (size,) [N] and sparse tangent stiffness (size, size) [N/m] at the displacements u."""
-        return self._force_and_tangent(u)
+        return self.force_and_tangent(u)[1]
 
     def energy(self, u: np.ndarray) -> float:
         """Strain energy [J] at the displacements u."""
@@ -74,10 +66,11 @@ class Solid:
         lam, mu = self.moduli
         return float(np.sum(w * (0.5 * lam * np.trace(E) ** 2 + mu * np.einsum("ijeq,ijeq->eq", E, E))))
 
-    def _force_and_tangent(self, u: np.ndarray, *, tangent: bool = True) -> tuple[np.ndarray, Any]:
-        """Total Lagrangian: dE = sym(F^T grad v), of all elements at once as products of stacked matrices.
+    def force_and_tangent(self, u: np.ndarray) -> tuple[np.ndarray, Any]:
+        """Internal force (size,) [N] and sparse tangent stiffness (size, size) [N/m] at the displacements u (size,) [m].
 
-        Faster than the form loop of scikit-fem, which visits every pair of shape functions in Python: 81 x 81 in 3D.
+        Total Lagrangian: dE = sym(F^T grad v), of all elements at once as products of stacked matrices. Faster than the
+        form loop of scikit-fem, which visits every pair of shape functions in Python: 81 x 81 in 3D.
         """
         G, w, dofs = self._shapes
         dim, shapes, elements, points = G.shape[0], G.shape[2], G.shape[3], G.shape[4]
@@ -89,29 +82,28 @@ class Solid:
         P = np.einsum("ikeq,kjeq->ijeq", F, S) * w
         force = np.einsum("ijeq,ijaeq->ea", P, G, optimize=True)
         total = np.bincount(dofs.ravel(), force.ravel(), self.dof_count)
-        if not tangent:
-            return total, None
         # rows (elements, shapes, entries x points) of strain variations times the root of the elasticity matrix
         pairs = [(r, r) for r in range(dim)] + [(r, c) for r in range(dim) for c in range(r + 1, dim)]
-        g, of = self._scalars
+        g, shapes_of = self._scalar_shapes
         rows = np.empty((elements, shapes, len(pairs), points))
         for c in range(dim):
             # variation of component c alone: dE = sym(F[c, :] grad N)
             varied = F[c, :, None, None] * g
             terms = [varied[r, k] if r == k else (varied[r, k] + varied[k, r]) / np.sqrt(2) for r, k in pairs]
             scaled = np.tensordot(self.elastic_root, np.stack(terms), axes=1) * np.sqrt(w)
-            rows[:, of[c]] = scaled.transpose(2, 1, 0, 3)
+            rows[:, shapes_of[c]] = scaled.transpose(2, 1, 0, 3)
         B = rows.reshape(elements, shapes, len(pairs) * points)
         K = B @ B.transpose(0, 2, 1)
         # the initial-stress stiffness is the same for every component
         flat = g.transpose(2, 1, 0, 3).reshape(elements, -1, dim * points)
         SG = np.einsum("kseq,kjeq->esjq", g, S * w, optimize=True).reshape(flat.shape)
         initial = SG @ flat.transpose(0, 2, 1)
-        for own in of:
+        for own in shapes_of:
             K[:, own[:, None], own] += initial
         return total, self._sparse(K)
 
     def _sparse(self, K: np.ndarray) -> Any:
+        """Sparse matrix (size, size) of the element matrices K (elements, shapes, shapes)."""
         from scipy.sparse import csr_matrix
 
         entry, columns, starts = self._sparsity
@@ -128,7 +120,7 @@ class Solid:
         return entry, used % self.dof_count, starts
 
     @cached_property
-    def _scalars(self) -> tuple[np.ndarray, list[np.ndarray]]:
+    def _scalar_shapes(self) -> tuple[np.ndarray, list[np.ndarray]]:
         """Gradients (dim, scalar shapes, elements, points), and per component the indices of its vector shapes."""
         G, _, dofs = self._shapes
         of = [np.flatnonzero(self.component[dofs[0]] == c) for c in range(len(G))]

@@ -115,7 +115,7 @@ class SolidBasis:
         return s, middle, np.stack([e1, e2, np.cross(e1, e2)], axis=2)
 
 
-def _faces(solid: Solid, frame: str) -> tuple[list[int], list[float], list[np.ndarray]]:
+def _face_patterns(solid: Solid, frame: str) -> tuple[list[int], list[float], list[np.ndarray]]:
     """Indices into the pose values, values at rest, and displacement patterns of the faces.
 
     The first columns of the rotation matrices are left out, since the faces have no extent along x.
@@ -186,7 +186,7 @@ def reduce_solid(
     """
     ModalBasis(frame=frame, internal=internal, order=order, cut=cut)
     rest, inner, planes = solid.tangent(np.zeros(solid.dof_count)), solid.inner, mirror_planes(solid)
-    at, b0, faces = _faces(solid, frame)
+    at, b0, faces = _face_patterns(solid, frame)
     patterns = np.array(faces).T + static_extension(rest, np.array(faces).T, inner)
     patterns, sides = split_by_parity(patterns, planes)
     first = np.array(_first_order_motions(solid, frame)).T

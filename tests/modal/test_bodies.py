@@ -13,7 +13,7 @@ from ksd.beam.modal import SCRATCH, modal_condense, modal_energy, modal_recover,
 from ksd.beam.modal_jets import JET, boundary_jets
 from ksd.beam.modal_nodes import element_values
 from ksd.modal import with_modal_bodies
-from ksd.modal.leaf_basis import chain_records, rotation_without_roll, undeformed_basis
+from ksd.modal.leaf_basis import chain_element_constants, rotation_without_roll, undeformed_basis
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.solve.conventional import solve_conventional
@@ -87,7 +87,7 @@ def test_element_in_node_values(angle):
 )
 def test_condensed_body(basis):
     """Energy, its pose and its condensation at a bent state, against differences and plain linear algebra."""
-    body = undeformed_basis(chain_records(chain_values(SECTION, 1.0, 6), 6), basis)
+    body = undeformed_basis(chain_element_constants(chain_values(SECTION, 1.0, 6), 6), basis)
     value, number = body.constants()
     size, nb = len(body.b0) + body.inner.shape[1], len(body.b0)
     d, Q = np.array([0.995, 0.08, 0.02]), TURN([0.05, -0.02, 0.15]).as_matrix()
