@@ -28,7 +28,7 @@ import multiprocessing, sys
 from ksd.solve import precompile
 
 print("the script runs")
-precompile.COMPILES = precompile.SPARE_CORE = True
+precompile.COMPILES_KERNELS = precompile.HAS_SPARE_CORE = True
 for _ in range(2):
     precompile.start_precompiling()
 (child,) = multiprocessing.active_children()
@@ -120,9 +120,9 @@ def test_it_is_not_started_where_it_does_not_belong(where, monkeypatch):
                     raise BlockingIOError
                 begun.append(self.target)
 
-    monkeypatch.setattr(precompile, "spawning", lambda *_: Context)
-    monkeypatch.setattr(precompile, "COMPILES", where != "compiled")
-    monkeypatch.setattr(precompile, "SPARE_CORE", where != "one core")
+    monkeypatch.setattr(precompile, "spawn_context", lambda *_: Context)
+    monkeypatch.setattr(precompile, "COMPILES_KERNELS", where != "compiled")
+    monkeypatch.setattr(precompile, "HAS_SPARE_CORE", where != "one core")
     monkeypatch.setattr(
         current_process(), "name", "SpawnPoolWorker-1" if where == "a pool" else "MainProcess"
     )
@@ -140,7 +140,7 @@ def test_it_says_nothing_of_records_that_are_not_there(monkeypatch):
         asked.append(family)
         raise RecordError("no record")
 
-    monkeypatch.setattr(precompile, "follow_parent", lambda: None)
+    monkeypatch.setattr(precompile, "end_with_parent", lambda: None)
     monkeypatch.setattr(precompile, "find_record", missing)
     precompile.precompile_kernels()
     assert asked == ["cross_flexure", "cross_flexure"]
