@@ -17,7 +17,7 @@ from common import STEEL, canvas, label, machine, options, save_picture, write_j
 
 import ksd
 from ksd.units import deg, mm
-from ksd.view.figure import FAINT, INK, LEAF, LINES
+from ksd.view.figure import FAINT_COLOR, LEAF_COLOR, LINE_COLORS, TEXT_COLOR
 
 TURNS = np.array([-20, 0, 20]) * deg
 MASS, SIZE = 1.0, 60 * mm
@@ -127,14 +127,14 @@ def picture(found: dict[str, Any], path: Path) -> None:
     rows = found["optima"]
     for k, row in enumerate(rows.values()):
         ends = [row["worst_Hz"], row["rest_Hz"]]
-        axes.plot(ends, [k, k], "-", color=FAINT, linewidth=3, zorder=1)
+        axes.plot(ends, [k, k], "-", color=FAINT_COLOR, linewidth=3, zorder=1)
         said = f"{100 * row['kept']:.0f} % kept"
         axes.annotate(
-            said, (ends[1], k), (8, 0), textcoords="offset points", va="center", fontsize=8, color=INK
+            said, (ends[1], k), (8, 0), textcoords="offset points", va="center", fontsize=8, color=TEXT_COLOR
         )
     places = range(len(rows))
-    axes.plot([r["rest_Hz"] for r in rows.values()], places, "o", color=LINES[1], label="at rest")
-    axes.plot([r["worst_Hz"] for r in rows.values()], places, "o", color=LEAF, label="worst over ±20°")
+    axes.plot([r["rest_Hz"] for r in rows.values()], places, "o", color=LINE_COLORS[1], label="at rest")
+    axes.plot([r["worst_Hz"] for r in rows.values()], places, "o", color=LEAF_COLOR, label="worst over ±20°")
     axes.set_yticks(list(places), list(rows))
     axes.set_ylim(len(rows) - 0.6, -0.6)
     axes.set_xlim(0, 1.2 * max(r["rest_Hz"] for r in rows.values()))

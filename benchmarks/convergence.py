@@ -22,7 +22,7 @@ from ksd.model.mesh import Mesh
 from ksd.properties.buckling import buckling
 from ksd.solve.conventional import solve_conventional
 from ksd.units import deg
-from ksd.view.figure import GROUND, INK, new_figure, plain_axes, shades
+from ksd.view.figure import GROUND_COLOR, TEXT_COLOR, new_figure, ordered_colors, plain_axes
 
 REFERENCE = Mesh(orders=(7, 5, 10), points=14)
 ELEMENTS = (2, 4, 8, 16, 32)
@@ -208,7 +208,7 @@ def picture(found: Mapping[str, Any], path: Path) -> None:
     elements, table = found["elements"], found["errors"]
     order = sorted(table, key=lambda name: -table[name][-1])
     ends = spread([math.log10(table[name][-1]) for name in order], 0.25)
-    for name, end, color in zip(order, ends, shades(len(order)), strict=True):
+    for name, end, color in zip(order, ends, ordered_colors(len(order)), strict=True):
         axes.loglog(elements, table[name], "o-", lw=1.2, ms=3.5, color=color)
         there = (elements[-1], table[name][-1])
         line = {
@@ -221,17 +221,17 @@ def picture(found: Mapping[str, Any], path: Path) -> None:
         }
         axes.annotate(
             name.replace("_", " "), there, (1.4 * elements[-1], 10**end), textcoords="data", va="center", fontsize=8,
-            color=INK, arrowprops=line, annotation_clip=False,
+            color=TEXT_COLOR, arrowprops=line, annotation_clip=False,
         )  # fmt: skip
     slope = [1e-3 * (elements[0] / n) ** 2 for n in elements]
-    axes.loglog(elements, slope, "--", color=GROUND, lw=1.2)
+    axes.loglog(elements, slope, "--", color=GROUND_COLOR, lw=1.2)
     axes.annotate(
         "second order",
         (elements[0], slope[0]),
         (-4, -20),
         textcoords="offset points",
         fontsize=8,
-        color=GROUND,
+        color=GROUND_COLOR,
     )
     axes.set_xticks(elements, [str(n) for n in elements])
     axes.minorticks_off()
@@ -239,7 +239,10 @@ def picture(found: Mapping[str, Any], path: Path) -> None:
     axes.set_xlabel("Appendix A elements per leaf", fontsize=9)
     axes.set_ylabel("relative error against the strain-mode leaf", fontsize=9)
     axes.set_title(
-        "Chains of Appendix A elements converge to the strain-mode leaf", fontsize=10, loc="left", color=INK
+        "Chains of Appendix A elements converge to the strain-mode leaf",
+        fontsize=10,
+        loc="left",
+        color=TEXT_COLOR,
     )
     axes.tick_params(labelsize=8)
     plain_axes(axes)

@@ -9,17 +9,25 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ksd.bench.measure import unbeaten
-from ksd.view.compare import in_rows
-from ksd.view.figure import BACKING, GROUND, INK, LEAF, LINES, REST, plain_axes
-from ksd.view.labels import part_labels
+from ksd.view.cost_plot import shared_label_rows
+from ksd.view.figure import (
+    GROUND_COLOR,
+    LABEL_BACKGROUND,
+    LEAF_COLOR,
+    LINE_COLORS,
+    TEXT_COLOR,
+    UNDEFORMED_COLOR,
+    plain_axes,
+)
+from ksd.view.labels import separate_labels
 
 NAMED = {
-    "kinematic": LINES[4],
-    "reduced": LINES[2],
-    "reduced, 1 pass": LINES[1],
-    "full": LEAF,
-    "conventional": LINES[3],
-    "plain Newton": GROUND,
+    "kinematic": LINE_COLORS[4],
+    "reduced": LINE_COLORS[2],
+    "reduced, 1 pass": LINE_COLORS[1],
+    "full": LEAF_COLOR,
+    "conventional": LINE_COLORS[3],
+    "plain Newton": GROUND_COLOR,
 }
 """Methods that are told by name with strain-mode leaf springs, and their colours."""
 CHAINS = ("conventional", "plain Newton")
@@ -64,19 +72,21 @@ def draw_fronts(panels: Sequence[Panel]) -> None:
     parted = []
     for panel in panels:
         parted.append(_draw(panel.axes, panel.marks))
-        panel.axes.set_title(panel.title, fontsize=10, loc="left", color=INK)
+        panel.axes.set_title(panel.title, fontsize=10, loc="left", color=TEXT_COLOR)
         panel.axes.set_xlabel(f"{panel.time} [\N{MICRO SIGN}s]", fontsize=9)
         panel.axes.set_ylabel(f"error of the {panel.error} [%]", fontsize=9)
     # all words have their place before the labels look for one
     for panel, (busy, rest) in zip(panels, parted, strict=True):
-        part_labels(panel.axes, busy, rest)
+        separate_labels(panel.axes, busy, rest)
 
 
 def _draw(axes: Any, every: Iterable[Mark]) -> tuple[Any, Any]:
     """One panel; returns points (n, 2) of named marks and along its lines, and of the others."""
     marks = in_plane(every)
     rest = [m for m in marks if m.method not in NAMED or (m.elements and m.method not in CHAINS)]
-    axes.plot([m.time for m in rest], [m.error for m in rest], ".", color=REST, markersize=4, zorder=1)
+    axes.plot(
+        [m.time for m in rest], [m.error for m in rest], ".", color=UNDEFORMED_COLOR, markersize=4, zorder=1
+    )
     lines = []
     for method in CHAINS:
         row = sorted((m for m in marks if m.method == method and m.elements), key=lambda m: m.elements)
@@ -86,7 +96,9 @@ def _draw(axes: Any, every: Iterable[Mark]) -> tuple[Any, Any]:
     best = [(marks[n].time, marks[n].error) for n in unbeaten((m.time, m.error) for m in marks)]
     low, high = 0.5 * min(m.time for m in marks), 2.2 * max(m.time for m in marks)
     steps = [(best[0][0], 10.0 * max(m.error for m in marks)), *best]
-    axes.step(*zip(*steps, strict=True), where="post", color=INK, linewidth=1.3, zorder=1.5, gid="front")
+    axes.step(
+        *zip(*steps, strict=True), where="post", color=TEXT_COLOR, linewidth=1.3, zorder=1.5, gid="front"
+    )
     strain = [m for m in marks if m.method in NAMED and not m.elements]
     for m in strain:
         axes.plot(
@@ -94,8 +106,15 @@ def _draw(axes: Any, every: Iterable[Mark]) -> tuple[Any, Any]:
         )
     axes.set_xlim(low, high)
     axes.set_ylim(0.15 * min(m.error for m in marks), 6.0 * max(m.error for m in marks))
-    for row in in_rows(strain):
-        _say(axes, "; ".join(SAID.get(m.method, m.method) for m in row), row[-1], INK, (9, 0), side="left")
+    for row in shared_label_rows(strain):
+        _say(
+            axes,
+            "; ".join(SAID.get(m.method, m.method) for m in row),
+            row[-1],
+            TEXT_COLOR,
+            (9, 0),
+            side="left",
+        )
     for method in CHAINS:
         if row := [m for m in marks if m.method == method and m.elements]:
             ends = (" and " if len(row) == 2 else " to ").join(
@@ -121,7 +140,7 @@ def _along(line: Sequence[tuple[float, float]]) -> np.ndarray:
 def _say(axes: Any, words: str, m: Mark, color: str, shift: tuple[float, float], *, side: str) -> None:
     axes.annotate(
         words, (m.time, m.error), shift, textcoords="offset points", fontsize=8, color=color, ha=side, va="center", zorder=5,
-        bbox=BACKING, in_layout=False,
+        bbox=LABEL_BACKGROUND, in_layout=False,
     )  # fmt: skip
 
 

@@ -19,8 +19,8 @@ from speed_report import marks_of
 
 import ksd
 from ksd.view import plot_mechanism
-from ksd.view.bodies import hull
-from ksd.view.figure import FAINT, INK, LEAF, mixed, new_figure
+from ksd.view.bodies import convex_hull
+from ksd.view.figure import FAINT_COLOR, LEAF_COLOR, TEXT_COLOR, blended, new_figure
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 POINTS = 61
@@ -32,14 +32,14 @@ def draw_mechanism(axes: Any, solver: ksd.Solver) -> ksd.Configuration:
     for d in (0.1, 0.2):
         passed = solver(top=d, method="full").shape(points=POINTS)
         for block in passed.blocks:
-            axes.fill(*(1e3 * hull(block.place[:, :2])).T, color=FAINT, alpha=0.13, zorder=0.5)
+            axes.fill(*(1e3 * convex_hull(block.place[:, :2])).T, color=FAINT_COLOR, alpha=0.13, zorder=0.5)
         for leaf in passed.leaves:
-            axes.plot(*(1e3 * leaf.place[:, :2].T), color=mixed(LEAF, 0.6), linewidth=1.4, zorder=1.5)
+            axes.plot(*(1e3 * leaf.place[:, :2].T), color=blended(LEAF_COLOR, 0.6), linewidth=1.4, zorder=1.5)
     plot_mechanism(pose, axes=axes, labels=False, title="", color="stress")
     axes.set_anchor("NW")
     axes.set_title(
         f"Fourbar of four cross flexures, moved {1e3 * STROKE:.0f} mm by {pose.forces['top']:.1f} N",
-        fontsize=10, loc="left", color=INK,
+        fontsize=10, loc="left", color=TEXT_COLOR,
     )  # fmt: skip
     return pose
 

@@ -22,7 +22,7 @@ from scipy.optimize import differential_evolution
 
 import ksd
 from ksd.units import deg, mm
-from ksd.view.figure import LEAF
+from ksd.view.figure import LEAF_COLOR
 
 STROKE = 150 * mm
 STRESS, FORCE = 600e6, 40.0
@@ -130,7 +130,7 @@ def picture(found: dict[str, Any], path: Path) -> None:
         1, 1, size=(5.5, 3.4), title="Fourbar, out-of-plane support stiffness at d = 150 mm"
     )
     best = 1e-3 * np.array(found["best_so_far_N_per_m"])
-    axes[0, 0].step(range(1, len(best) + 1), best, where="post", color=LEAF)
+    axes[0, 0].step(range(1, len(best) + 1), best, where="post", color=LEAF_COLOR)
     axes[0, 0].set_ylim(bottom=0)
     label(axes[0, 0], x="designs tried", y="best support stiffness z [kN/m]", legend=False)
     save_picture(figure, path)

@@ -27,13 +27,13 @@ from ksd.design.design_log import DesignLog
 from ksd.design.optimise import optimise_from
 from ksd.design.scaled_problem import ScaledProblem
 from ksd.units import deg, mm
-from ksd.view.figure import LINES
+from ksd.view.figure import LINE_COLORS
 
 OPTIMUM = 0.5035665
 """Of the pivot, specification of this job."""
 REACHED = 0.999
 """Share of an optimum that counts as the same value."""
-COLORS = dict(zip(("gradient", "CMA-ES", "Nelder-Mead"), LINES, strict=False))
+COLORS = dict(zip(("gradient", "CMA-ES", "Nelder-Mead"), LINE_COLORS, strict=False))
 
 
 def pivot_job() -> ksd.Job:

@@ -15,7 +15,7 @@ from common import FINEST, bending_stiffness, canvas, chain, cross_flexure, hing
 import ksd
 from ksd.solve.conventional import solve_conventional
 from ksd.units import deg, mm
-from ksd.view.figure import FAINT, INK, shades
+from ksd.view.figure import FAINT_COLOR, TEXT_COLOR, ordered_colors
 
 ANGLES = np.arange(5, 76, 5)
 SCALED_FORCES = (0.0, 2.0, 4.0, 8.0)
@@ -81,10 +81,14 @@ def figure_7(*, meshes: tuple[int, ...] = (2, 4, 6)) -> dict[str, Any]:
 def draw_7(found: dict[str, Any]) -> Any:
     """The moments of Fig. 7 as stored."""
     figure, ((a, b),) = canvas(1, 2, size=(4.6, 3.7), title="Fig. 7 of paper 1: moment of the cross flexure")
-    for color, (n, curves) in zip(shades(len(found["default"])), found["default"].items(), strict=True):
+    for color, (n, curves) in zip(
+        ordered_colors(len(found["default"])), found["default"].items(), strict=True
+    ):
         a.plot(ANGLES, curves["fe"], color=color, linewidth=3.5, alpha=0.35, label=f"FE, n = {n}")
         a.plot(ANGLES, curves["eob"], color=color, linewidth=1.2, linestyle="--", label=f"EOB, n = {n}")
-    a.plot(ANGLES, found["converged"], color=INK, linewidth=0.9, label="converged (strain-mode leaves)")
+    a.plot(
+        ANGLES, found["converged"], color=TEXT_COLOR, linewidth=0.9, label="converged (strain-mode leaves)"
+    )
     label(a, x="rotation θ [deg]", y="M / (E ΣI θ / L) [-]", title="(a) default joint")
     _wide_panel(b, found)
     a.sharey(b)
@@ -92,10 +96,10 @@ def draw_7(found: dict[str, Any]) -> Any:
 
 
 def _wide_panel(axes: Any, found: dict[str, Any]) -> None:
-    for n, color in zip(found["wide"], shades(len(found["wide"])), strict=True):
+    for n, color in zip(found["wide"], ordered_colors(len(found["wide"])), strict=True):
         wide, fixed = found["wide"][n], found["wide_default_functions"][n]
         default = found["default"][n]["fe"]
-        axes.plot(ANGLES, default, color=FAINT, linewidth=1.0, label=f"FE, default widths, n = {n}")
+        axes.plot(ANGLES, default, color=FAINT_COLOR, linewidth=1.0, label=f"FE, default widths, n = {n}")
         axes.plot(ANGLES, wide["fe"], color=color, linewidth=3.5, alpha=0.35, label=f"FE, wide, n = {n}")
         axes.plot(
             ANGLES, wide["eob"], color=color, linewidth=1.2, linestyle="--", label="EOB, widths in record"
@@ -141,7 +145,9 @@ def draw_8(found: dict[str, Any]) -> Any:
     """Lift and moment of Fig. 8 as stored."""
     title = f"Fig. 8 of paper 1: force $F_z$ across the cross flexure, n = {found['elements']}"
     figure, ((a, b),) = canvas(1, 2, size=(4.6, 3.7), title=title)
-    for color, (scaled, case) in zip(shades(len(found["cases"])), found["cases"].items(), strict=True):
+    for color, (scaled, case) in zip(
+        ordered_colors(len(found["cases"])), found["cases"].items(), strict=True
+    ):
         for axes, key in ((a, "lift"), (b, "moment")):
             name = f"$\\bar F$ = {float(scaled):g} ({case['force_N']:.0f} N)"
             axes.plot(

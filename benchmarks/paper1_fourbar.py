@@ -27,9 +27,9 @@ from common import (
 
 import ksd
 from ksd.solve.conventional import solve_conventional
-from ksd.view.figure import GROUND, LEAF, LINES, shades
+from ksd.view.figure import GROUND_COLOR, LEAF_COLOR, LINE_COLORS, ordered_colors
 
-COLORS = {"plain": GROUND, "mip": LINES[3], "step 3": LINES[2], "step 5": LEAF}
+COLORS = {"plain": GROUND_COLOR, "mip": LINE_COLORS[3], "step 3": LINE_COLORS[2], "step 5": LEAF_COLOR}
 NAMES = {
     "plain": "conventional, plain Newton",
     "mip": "conventional, MIP",
@@ -74,7 +74,7 @@ def draw_10(found: dict[str, Any]) -> Any:
         stored = found["readings"][str(reading)]
         h, cases = stored["height_m"], stored["elements"]
         unit = 4 * bending_stiffness(cross_flexure()) / h**2 * places[1:]
-        for n, color in zip("13", shades(2), strict=True):
+        for n, color in zip("13", ordered_colors(2), strict=True):
             if n in cases:
                 full, reduced = (np.array(cases[n][m]["force_N"])[1:] / unit for m in ("full", "reduced"))
                 axes.plot(

@@ -41,7 +41,7 @@ from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.numerics.reduction import craig_bampton, modal_derivatives
 from ksd.solve.configuration import Configuration
-from ksd.view.figure import FAINT, LINES
+from ksd.view.figure import FAINT_COLOR, LINE_COLORS
 
 PLANE = (0, 1, 5)
 """Of six coordinates of a node those in the plane."""
@@ -186,8 +186,8 @@ def mode_figure(modes: dict[str, Any], title: str) -> Any:
     """Transverse and axial displacement of every mode and derivative, largest displacement 1; what is zero is left out."""
     figure, ((above,), (below,)) = canvas(2, 1, size=(6.5, 2.7), title=title)
     for axis, column, word in ((above, 1, "v, across the leaf"), (below, 0, "u, along the leaf")):
-        axis.axhline(0.0, color=FAINT, linewidth=0.8)
-        for color, (name, shape) in zip(LINES, modes.items(), strict=False):
+        axis.axhline(0.0, color=FAINT_COLOR, linewidth=0.8)
+        for color, (name, shape) in zip(LINE_COLORS, modes.items(), strict=False):
             row = np.array(shape)[:, column]
             if np.abs(row).max() > 1e-6:
                 symbol = "$\\" + name.replace("_", "_{") + "}$"
@@ -212,10 +212,10 @@ def shape_figure(state: dict[str, Any], title: str) -> Any:
     axis, apart = grid.ravel()
     unit = "\N{DEGREE SIGN}" if "cross" in title else " L"
     for line in rest:
-        axis.plot(*(1e3 * line.T), color=FAINT, linewidth=1.0)
-    axis.plot([], [], color=FAINT, label="undeformed")
+        axis.plot(*(1e3 * line.T), color=FAINT_COLOR, linewidth=1.0)
+    axis.plot([], [], color=FAINT_COLOR, label="undeformed")
     exact = drawn["full, 10 elements"]
-    for k, (color, (name, found)) in enumerate(zip(LINES, drawn.items(), strict=False)):
+    for k, (color, (name, found)) in enumerate(zip(LINE_COLORS, drawn.items(), strict=False)):
         style = {
             "color": color,
             "marker": "." if k else None,

@@ -20,7 +20,7 @@ import numpy as np
 from common import canvas, interleaved, label, machine, options, save_picture, write_json
 
 import ksd
-from ksd.view.figure import LINES
+from ksd.view.figure import LINE_COLORS
 
 R, ANGLE, JAW = 4e-3, 1.5 * math.pi, np.array([0.07, 0.045])
 CORNERS = ((0.0, 0.0), (0.0, 0.03), (0.04, 0.03), (0.04, 0.0))
@@ -177,7 +177,7 @@ def picture(found: Mapping[str, Any], path: Path) -> None:
     torques, exact = 1e3 * np.array(found["torque"]), np.array(found["exact"])[:, 0]
     title = "Gripper of paper 3: by constant flexure matrices, balanced undeformed (linear) or as it is (partial), and exact"
     figure, ((left, middle, right),) = canvas(1, 3, size=(4.2, 3.2), title=title)
-    for color, (name, style) in zip(LINES, STYLES.items(), strict=False):
+    for color, (name, style) in zip(LINE_COLORS, STYLES.items(), strict=False):
         angle = np.array(found[name])[:, 0]
         left.plot(torques, np.degrees(angle), style, color=color, label=name)
         if name != "exact":

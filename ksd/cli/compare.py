@@ -11,7 +11,7 @@ from ksd.cli.solve import effect_words, scene_of
 from ksd.cli.sweep import writer_of
 from ksd.design.table import Table
 from ksd.errors import SceneError
-from ksd.view.compare import Mark, plot_cost
+from ksd.view.cost_plot import Mark, plot_cost
 from ksd.view.figure import new_figure, save_figure
 
 

@@ -27,7 +27,7 @@ from ksd.scene.toml_file import load_scene
 from ksd.solve.conventional import solve_conventional
 from ksd.solve.solver import solve
 from ksd.view import plot_mechanism, save_figure
-from ksd.view.compare import Mark, plot_cost
+from ksd.view.cost_plot import Mark, plot_cost
 from ksd.view.figure import new_figure
 
 REPEATS = 9

@@ -14,7 +14,7 @@ from ksd.cli.solve import scene_of
 from ksd.design.effect_cost import effect_cost
 from ksd.model.description import effect_reason
 from ksd.properties.printing import format_signed_percent
-from ksd.view.effect_cost import plot_effect_cost
+from ksd.view.effect_cost_plot import plot_effect_cost
 from ksd.view.figure import new_figure, save_figure
 
 

@@ -24,7 +24,7 @@ from ksd.properties.printing import PrintableAnswer, format_number, format_table
 from ksd.solve.configuration import Configuration
 from ksd.solve.solver import prepare
 from ksd.view import save_figure
-from ksd.view.optimum import plot_optimum
+from ksd.view.optimum_plot import plot_optimum
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

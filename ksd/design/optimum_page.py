@@ -9,7 +9,7 @@ import numpy as np
 from ksd.design.page_parts import cards, document, figure, grid, text, written
 from ksd.design.table import OK
 from ksd.errors import KsdError
-from ksd.view.optimum import plot_optimum
+from ksd.view.optimum_plot import plot_optimum
 
 if TYPE_CHECKING:
     from ksd.design.optimum import Optimum

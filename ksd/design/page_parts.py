@@ -11,7 +11,7 @@ from typing import Any
 
 import ksd
 from ksd.properties.printing import format_number
-from ksd.view.figure import picture
+from ksd.view.figure import figure_bytes
 
 STYLE = """
 body{font:15px/1.5 system-ui,"Segoe UI",Helvetica,Arial,sans-serif;color:#1f2430;margin:0;background:#f4f5f8}
@@ -82,6 +82,6 @@ def grid(heads: Iterable[tuple[str, str]], rows: Iterable[Iterable[Any]]) -> str
 
 def figure(drawn: Any, caption: str) -> str:
     """A matplotlib figure inside the page."""
-    coded = base64.b64encode(picture(drawn, "png", dpi=140)).decode()
+    coded = base64.b64encode(figure_bytes(drawn, "png", dpi=140)).decode()
     said = text(caption)
     return f'<figure><img alt="{said}" src="data:image/png;base64,{coded}"><figcaption>{said}</figcaption></figure>'

@@ -25,7 +25,7 @@ from ksd.design.table import OK, Table
 from ksd.errors import KsdError, SceneError
 from ksd.properties.printing import PrintableAnswer, format_number, format_table, progress_bar
 from ksd.view import save_figure
-from ksd.view.front import plot_front
+from ksd.view.design_plots import plot_front
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -13,10 +13,10 @@ import numpy as np
 
 from ksd.errors import SceneError
 from ksd.files import check_target, write_file
-from ksd.view.bodies import ribbon
+from ksd.view.bodies import edge_lines
 from ksd.view.camera import Camera, View, camera_of
-from ksd.view.figure import new_figure, without_formulas
-from ksd.view.mechanism import plane_seen, plot_mechanism
+from ksd.view.figure import new_figure, without_math_text
+from ksd.view.mechanism import mechanism_plane, plot_mechanism
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,11 +41,11 @@ def animate_stroke(
     film. Returns the path. Raises SceneError for no configurations, another
     file type than .gif, or a folder that does not exist.
     """
-    target = _target(path)
+    target = _gif_path(path)
     if not configurations:
         raise SceneError(f"animation '{target}': there are no configurations to show")
     order = [*configurations, *(configurations[-2:0:-1] if back else ())]
-    return _written(order, target, view=view, fps=frames_per_second, dpi=dpi)
+    return _write_frames(order, target, view=view, fps=frames_per_second, dpi=dpi)
 
 
 def animate_mode(
@@ -66,10 +66,10 @@ def animate_mode(
     mechanism, for the eye only. view: as in `plot_mechanism`, in space where a planar one leaves its plane. frames: of one
     swing; dpi: of the film. Returns the path. Raises SceneError as `animate_stroke`, and for a mode that is not there.
     """
-    target = _target(path)
-    swing, view, title = _swing(pose, mode, modes, amplitude, view)
+    target = _gif_path(path)
+    swing, view, title = _mode_swing(pose, mode, modes, amplitude, view)
     order = [swing(float(s)) for s in np.sin(2 * np.pi * np.arange(frames) / frames)]
-    return _written(order, target, view=view, fps=frames, dpi=dpi, title=title)
+    return _write_frames(order, target, view=view, fps=frames, dpi=dpi, title=title)
 
 
 def plot_mode(
@@ -86,19 +86,19 @@ def plot_mode(
     mode, modes, amplitude: as in `animate_mode`. axes, view: as in `plot_mechanism`, in space where a planar mechanism
     leaves its plane. Raises SceneError for a mode that is not there, and for another view.
     """
-    swing, view, title = _swing(pose, mode, modes, amplitude, view)
+    swing, view, title = _mode_swing(pose, mode, modes, amplitude, view)
     return plot_mechanism(swing(1.0), axes=axes, view=view, labels=False, title=title)
 
 
-def _swing(
+def _mode_swing(
     pose: Configuration, mode: int | str, modes: Modes | None, amplitude: float, view: View | None
 ) -> tuple[Callable[[float], Configuration], View | None, str]:
-    """The pose at a share of the swing of a mode, the view it is seen in, and the title."""
+    """A function from the share of the swing of a mode to the pose, the view, and the title."""
     found = pose.frequencies(freed=pose.model.drive_names) if modes is None else modes
-    row = _row(found, mode)
+    row = _mode_row(found, mode)
     moved = np.abs(found.shape[row, :, :3])
     unit = amplitude * float(found.model.arrays.size) / max(float(moved.max()), 1e-300)
-    plane = plane_seen(pose)
+    plane = mechanism_plane(pose)
     if plane is not None:
         across = "xyz".index(({*"xyz"} - {*plane}).pop())
         view = view or ("3d" if moved.max(axis=0).argmax() == across else plane)  # type: ignore[assignment]
@@ -111,8 +111,8 @@ def _swing(
     return swing, view, title
 
 
-def _row(modes: Any, mode: int | str) -> int:
-    """Row of a mode said by its number in the table, from 1, or by its name. Raises SceneError."""
+def _mode_row(modes: Any, mode: int | str) -> int:
+    """Row of a mode given by its number in the table, from 1, or by its name. Raises SceneError."""
     if mode in modes.names:
         return int(modes.names.index(mode))
     if isinstance(mode, bool) or not isinstance(mode, int | np.integer) or not 1 <= mode <= len(modes):
@@ -123,7 +123,7 @@ def _row(modes: Any, mode: int | str) -> int:
     return int(mode) - 1
 
 
-def _target(path: str | os.PathLike[str]) -> Path:
+def _gif_path(path: str | os.PathLike[str]) -> Path:
     target = Path(path)
     if target.suffix.lower() != ".gif":
         raise SceneError(f"animation '{target}': write it as .gif")
@@ -131,7 +131,7 @@ def _target(path: str | os.PathLike[str]) -> Path:
     return target
 
 
-def _written(
+def _write_frames(
     order: Sequence[Any],
     target: Path,
     *,
@@ -140,13 +140,13 @@ def _written(
     dpi: int,
     title: str | None = None,
 ) -> Path:
-    """One frame per configuration, in a window that holds them all."""
+    """Write one frame per configuration, all in the same window, to a GIF."""
     from PIL import Image
 
     shapes = [c.shape() for c in order]
     # one eye for all frames
-    camera = camera_of(shapes[len(shapes) // 2], view, plane=plane_seen(order[0]))
-    low, high = _window(shapes, camera)
+    camera = camera_of(shapes[len(shapes) // 2], view, plane=mechanism_plane(order[0]))
+    low, high = _common_window(shapes, camera)
     wide, tall = high - low
     figure = new_figure(7.0, float(np.clip(6.2 * tall / wide + 0.9, 2.8, 7.0)), dpi=dpi)
     axes = figure.add_subplot()
@@ -158,7 +158,7 @@ def _written(
         plot_mechanism(c, axes=axes, view=camera, **said)
         axes.set_xlim(low[0], high[0])
         axes.set_ylim(low[1], high[1])
-        without_formulas(figure)
+        without_math_text(figure)
         canvas.draw()
         frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB"))
     content = io.BytesIO()
@@ -167,10 +167,10 @@ def _written(
     return write_file(target, content.getvalue(), what="animation")
 
 
-def _window(shapes: Sequence[Any], camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+def _common_window(shapes: Sequence[Any], camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper corner [mm] of a window that holds every frame, with room for the labels."""
     every = [p for s in shapes for b in s.blocks for p in (b.rest, b.place)]
-    every += [p for s in shapes for leaf in s.leaves for p in ribbon(leaf.place, leaf.axes, leaf.width)]
+    every += [p for s in shapes for leaf in s.leaves for p in edge_lines(leaf.place, leaf.axes, leaf.width)]
     points = camera.flat(np.concatenate(every))
     low, high = points.min(axis=0), points.max(axis=0)
     room = np.maximum(0.14 * (high - low), 0.05 * float((high - low).max()))

@@ -14,22 +14,22 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from ksd.view.camera import Camera
-from ksd.view.figure import FAINT, GROUND, LINKS, Array
+from ksd.view.figure import FAINT_COLOR, GROUND_COLOR, LINK_COLORS, Array
 
-THICK = 0.006
-"""Half the thickness of pads and webs, over the size of the mechanism."""
-SLIM = 0.42
-"""Width of a web over that of the pads it joins."""
-STEP = np.deg2rad(2.0)
-"""Turn between two stations of a leaf that is drawn with few."""
-SHARP = 0.9
-"""Cosine of the angle between two faces from which their edge is drawn."""
-HATCH, GAP = 0.022, 0.016
-"""Length and distance of the strokes of ground over the size of the mechanism."""
-FACED = 0.4
-"""Cosine of the angle between the back of a pad and the way to the eye from which the back is seen."""
-FLAT_PAD = 0.2
-"""Thickness over length below which a pad has one back to be hatched."""
+PAD_HALF_THICKNESS = 0.006
+"""Half the thickness of pads and webs, relative to the size of the mechanism."""
+WEB_WIDTH_RATIO = 0.42
+"""Width of a web relative to that of the pads it joins."""
+MAX_TURN_BETWEEN_STATIONS = np.deg2rad(2.0)
+"""Largest turn between two drawn stations of a leaf [rad]."""
+SHARP_EDGE_COSINE = 0.9
+"""Cosine of the angle between two faces below which their common edge is drawn."""
+HATCH_LENGTH, HATCH_SPACING = 0.022, 0.016
+"""Length and spacing of the hatching of ground, relative to the size of the mechanism."""
+VISIBLE_BACK_COSINE = 0.4
+"""Cosine of the angle between the back of a pad and the viewing direction above which the back is visible."""
+FLAT_PAD_RATIO = 0.2
+"""Thickness over length below which a pad counts as flat."""
 
 
 class Polygon(NamedTuple):
@@ -52,19 +52,19 @@ class Pad(NamedTuple):
     away: Array
 
 
-def size_of(shape: Any) -> float:
+def mechanism_size(shape: Any) -> float:
     """Largest extent [m] of leaf springs and blocks."""
     points = np.concatenate([leaf.place for leaf in shape.leaves] + [b.place for b in shape.blocks])
     return float(np.ptp(points, axis=0).max()) or 1.0
 
 
-def ribbon(place: Array, axes: Array, width: Array) -> tuple[Array, Array]:
+def edge_lines(place: Array, axes: Array, width: Array) -> tuple[Array, Array]:
     """The two edges (k, 3) of a leaf: centreline plus and minus half its width along e3."""
     half = 0.5 * width[:, None] * axes[:, :, 2]
     return place - half, place + half
 
 
-def pads(shape: Any, block: Any, *, rest: bool = False) -> list[Pad]:
+def clamp_pads(shape: Any, block: Any, *, rest: bool = False) -> list[Pad]:
     """The pads of a block, one per single point, joint or free leaf spring; of the undeformed block with `rest`."""
     places = block.rest if rest else block.place
     found = [Pad(point[None], (), np.zeros((0, 3))) for point in places[block.leaf < 0]]
@@ -77,7 +77,7 @@ def pads(shape: Any, block: Any, *, rest: bool = False) -> list[Pad]:
             axes = (leaf.rest_axes if rest else leaf.axes)[j]
             sides = 0.5 * leaf.width[j] * axes[:, 2]
             edge = point + np.stack([-sides, sides])
-            if thick(leaf):
+            if has_varying_thickness(leaf):
                 across = 0.5 * leaf.thickness[j] * axes[:, 1]
                 edge = np.concatenate([edge - across, edge + across])
             edges.append(edge)
@@ -86,12 +86,12 @@ def pads(shape: Any, block: Any, *, rest: bool = False) -> list[Pad]:
     return found
 
 
-def thick(leaf: Any) -> bool:
-    """Whether a leaf spring is drawn with its thickness: where that varies along it."""
+def has_varying_thickness(leaf: Any) -> bool:
+    """Whether the thickness of a leaf spring varies along it, so that it is drawn."""
     return bool(np.ptp(leaf.thickness) > 0.0)
 
 
-def parts(block: Any, found: list[Pad], size: float) -> list[Array]:
+def convex_parts(block: Any, found: list[Pad], size: float) -> list[Array]:
     """Convex sets of points (k, 3) that make up a block: its pads, and a slimmer web between them, which ground has not.
     What is clamped all around has a pad per leaf spring, with a strut to the middle."""
     middles = np.array([p.corners.mean(axis=0) for p in found])
@@ -100,26 +100,26 @@ def parts(block: Any, found: list[Pad], size: float) -> list[Array]:
     for pad, middle in zip(found, middles, strict=True):
         if not len(pad.away):
             continue
-        if back_of(pad) is not None or (alone and block.name != "ground"):
+        if back_direction(pad) is not None or (alone and block.name != "ground"):
             clamped.append(pad.corners)
         elif block.name == "ground":
             clamped += pad.edges
         else:
-            clamped += [part for edge in pad.edges for part in (edge, np.vstack([_slim(edge), middle]))]
+            clamped += [part for edge in pad.edges for part in (edge, np.vstack([_shrunk(edge), middle]))]
     if block.name == "ground":
         return clamped
     if alone:
         return clamped or [middles]
-    return [*clamped, np.concatenate([_slim(p.corners) for p in found])]
+    return [*clamped, np.concatenate([_shrunk(p.corners) for p in found])]
 
 
-def _slim(corners: Array) -> Array:
+def _shrunk(corners: Array) -> Array:
     middle = corners.mean(axis=0)
-    drawn: Array = middle + SLIM * (corners - middle)
+    drawn: Array = middle + WEB_WIDTH_RATIO * (corners - middle)
     return drawn
 
 
-def hull(points: Array) -> Array:
+def convex_hull(points: Array) -> Array:
     """Corners (k, 2), counterclockwise, of the convex hull of points (n, 2); two where they lie on a line."""
     spread = np.linalg.svd(points - points.mean(axis=0))
     if len(points) < 3 or spread.S[1] <= 1e-6 * spread.S[0]:
@@ -128,7 +128,7 @@ def hull(points: Array) -> Array:
     return points[ConvexHull(points).vertices]
 
 
-def body(points: Array, half: float, color: Any, *, edge: Any) -> list[Polygon]:
+def hull_faces(points: Array, half: float, color: Any, *, edge: Any) -> list[Polygon]:
     """The faces of the convex hull of `points` (k, 3) made thicker by `half` [m] all around, less where it is small, and its
     sharp edges."""
     half = min(half, max(0.06 * float(np.ptp(points, axis=0).max()), 0.2 * half))
@@ -142,22 +142,22 @@ def body(points: Array, half: float, color: Any, *, edge: Any) -> list[Polygon]:
     ]
     for k, (corners, beside) in enumerate(zip(hull.simplices, hull.neighbors, strict=True)):
         for i, j in enumerate(beside):
-            if k < j and normals[k] @ normals[j] < SHARP:
+            if k < j and normals[k] @ normals[j] < SHARP_EDGE_COSINE:
                 # seen with either of its faces
                 line = around[np.delete(corners, i)]
                 found += [Polygon(line, edge, normals[n], 0.7, body=True) for n in (k, j)]
     return found
 
 
-def sheets(leaf: Any, colors: Any, *, line: float) -> list[Polygon]:
+def leaf_faces(leaf: Any, colors: Any, *, line: float) -> list[Polygon]:
     """A leaf spring between its stations, colors (k-1, 4) or one, with its thickness where that varies."""
-    low, high = ribbon(leaf.place, leaf.axes, leaf.width)
+    low, high = edge_lines(leaf.place, leaf.axes, leaf.width)
     normals = leaf.axes[:, :, 1]
     each = [colors] * (len(low) - 1) if isinstance(colors, str) else list(colors)
     light = isinstance(colors, str)
     found = []
     strips = [(low, high, normals)]
-    if thick(leaf):
+    if has_varying_thickness(leaf):
         off = 0.5 * leaf.thickness[:, None] * normals
         side = leaf.axes[:, :, 2]
         strips = [
@@ -174,20 +174,20 @@ def sheets(leaf: Any, colors: Any, *, line: float) -> list[Polygon]:
     return found
 
 
-def sparse(leaf: Any) -> Any:
-    """A leaf spring with no more stations than show its bend and twist."""
+def with_fewer_stations(leaf: Any) -> Any:
+    """The leaf spring with only as many stations as its bend and twist need."""
     turns = leaf.axes[:-1].transpose(0, 2, 1) @ leaf.axes[1:]
     angle = np.arccos(np.clip(0.5 * (np.trace(turns, axis1=1, axis2=2) - 1.0), -1.0, 1.0))
     so_far = np.concatenate([[0.0], np.cumsum(angle)])
-    wanted = np.linspace(0.0, so_far[-1], int(np.ceil(so_far[-1] / STEP)) + 1)
+    wanted = np.linspace(0.0, so_far[-1], int(np.ceil(so_far[-1] / MAX_TURN_BETWEEN_STATIONS)) + 1)
     kept = np.unique([0, *np.searchsorted(so_far, wanted[:-1]), len(so_far) - 1])
     keys = ("s", "rest", "place", "rest_axes", "axes", "width", "thickness")
     return replace(leaf, **{key: getattr(leaf, key)[kept] for key in keys})
 
 
-def facing(leaf: Any, camera: Camera) -> Any:
-    """A leaf spring; one as thick as wide everywhere, such as a wire, with its width across the line of sight."""
-    if thick(leaf) or not np.allclose(leaf.width, leaf.thickness):
+def facing_camera(leaf: Any, camera: Camera) -> Any:
+    """The leaf spring; a wire (as thick as wide everywhere) is turned so that its width is seen."""
+    if has_varying_thickness(leaf) or not np.allclose(leaf.width, leaf.thickness):
         return leaf
     turned = []
     for axes in (leaf.rest_axes, leaf.axes):
@@ -198,12 +198,12 @@ def facing(leaf: Any, camera: Camera) -> Any:
     return replace(leaf, rest_axes=turned[0], axes=turned[1])
 
 
-def outlines(leaf: Any, camera: Camera, *, rest: bool = False) -> list[Array]:
+def leaf_outlines(leaf: Any, camera: Camera, *, rest: bool = False) -> list[Array]:
     """Closed lines (k, 3) [m] around a leaf spring: of its sheet, of its thickness where that is drawn; none of a deformed
     plain leaf seen onto a plane."""
     place, axes = (leaf.rest, leaf.rest_axes) if rest else (leaf.place, leaf.axes)
-    rings = [] if camera.plane and not rest else [ribbon(place, axes, leaf.width)]
-    if thick(leaf):
+    rings = [] if camera.plane and not rest else [edge_lines(place, axes, leaf.width)]
+    if has_varying_thickness(leaf):
         half = 0.5 * leaf.thickness[:, None] * axes[:, :, 1]
         side = 0.5 * leaf.width[:, None] * axes[:, :, 2]
         before = side * np.sign(side @ camera.toward)[:, None]
@@ -211,26 +211,26 @@ def outlines(leaf: Any, camera: Camera, *, rest: bool = False) -> list[Array]:
     return [np.concatenate([low, high[::-1], low[:1]]) for low, high in rings]
 
 
-def hatches(pad: Pad, size: float, camera: Camera) -> list[Array]:
+def ground_hatches(pad: Pad, size: float, camera: Camera) -> list[Array]:
     """Lines (2, 3) [m] of ground behind a pad: its edge, then strokes; behind every one of its leaf springs where it has no
     one back; below a pin."""
     if not len(pad.away):
-        return _ground(pad.corners, -camera.up, size, camera)
-    back = back_of(pad)
+        return _hatched_line(pad.corners, -camera.up, size, camera)
+    back = back_direction(pad)
     if back is not None:
-        return _ground(pad.corners, back, size, camera)
+        return _hatched_line(pad.corners, back, size, camera)
     each = zip(pad.edges, pad.away, strict=True)
-    return [line for edge, away in each for line in _ground(edge, -away, size, camera)]
+    return [line for edge, away in each for line in _hatched_line(edge, -away, size, camera)]
 
 
-def back_of(pad: Pad) -> Array | None:
-    """Direction (3,) to the back of a flat pad; None where it is not flat or has leaf springs on both sides."""
+def back_direction(pad: Pad) -> Array | None:
+    """Direction (3,) from a flat pad to its back; None if it is not flat or has leaf springs on both sides."""
     if not len(pad.away):
         return None
     mean = pad.away.mean(axis=0)
     spread = np.linalg.svd(pad.corners - pad.corners.mean(axis=0))
-    if len(spread.S) > 2 and spread.S[1] > FLAT_PAD * spread.S[0]:
-        normal = spread.Vh[2] if spread.S[2] < FLAT_PAD * spread.S[0] else np.zeros(3)
+    if len(spread.S) > 2 and spread.S[1] > FLAT_PAD_RATIO * spread.S[0]:
+        normal = spread.Vh[2] if spread.S[2] < FLAT_PAD_RATIO * spread.S[0] else np.zeros(3)
     else:
         normal = mean - (mean @ spread.Vh[0]) * spread.Vh[0]
     shares = pad.away @ normal
@@ -240,7 +240,7 @@ def back_of(pad: Pad) -> Array | None:
     return back
 
 
-def _ground(corners: Array, back: Array, size: float, camera: Camera) -> list[Array]:
+def _hatched_line(corners: Array, back: Array, size: float, camera: Camera) -> list[Array]:
     """The line at the back of corners (k, 3), and slanting strokes behind it, on the side of the eye; below a back that is
     seen, on which they would lie."""
     middle = corners.mean(axis=0)
@@ -249,17 +249,17 @@ def _ground(corners: Array, back: Array, size: float, camera: Camera) -> list[Ar
         # of the sides of the outline, the one toward the eye with the largest strip behind it as seen
         sides = [(a, b, np.cross(b - a, back)) for a, b in permutations(corners, 2)]
         outer = [side for side in sides if ((corners - side[0]) @ side[2]).max() <= 1e-9 * size**2]
-        way = -camera.up if back @ camera.toward > FACED else camera.toward
+        way = -camera.up if back @ camera.toward > VISIBLE_BACK_COSINE else camera.toward
         a, b, out = max(outer, key=lambda side: float(side[2] @ way))
         corners, middle, along = np.stack([a, b]), 0.5 * (a + b), a - b
-        if back @ camera.toward > FACED:
+        if back @ camera.toward > VISIBLE_BACK_COSINE:
             back = out / np.linalg.norm(out)
     along = along / max(float(np.linalg.norm(along)), 1e-12)
     far = (corners - middle) @ along
-    reach = max(0.5 * float(np.ptp(far)), 1.5 * GAP * size)
-    middle = middle + 0.5 * (far.min() + far.max()) * along + THICK * size * back
-    places = np.linspace(-reach, reach, max(3, int(2 * reach / (GAP * size)) + 1))[:, None] * along
-    stroke = HATCH * size * (0.8 * back - 0.6 * along)
+    reach = max(0.5 * float(np.ptp(far)), 1.5 * HATCH_SPACING * size)
+    middle = middle + 0.5 * (far.min() + far.max()) * along + PAD_HALF_THICKNESS * size * back
+    places = np.linspace(-reach, reach, max(3, int(2 * reach / (HATCH_SPACING * size)) + 1))[:, None] * along
+    stroke = HATCH_LENGTH * size * (0.8 * back - 0.6 * along)
     lines = [np.stack([middle - reach * along, middle + reach * along])]
     return lines + [np.stack([middle + u, middle + u + stroke]) for u in places]
 
@@ -267,5 +267,7 @@ def _ground(corners: Array, back: Array, size: float, camera: Camera) -> list[Ar
 def block_colors(shape: Any) -> dict[str, str]:
     """Links in turn, blocks inside joints and ground in greys, by name."""
     names = [b.name for b in shape.blocks if b.name != "ground" and "/" not in b.name]
-    turn = {name: LINKS[k % len(LINKS)] for k, name in enumerate(names)}
-    return {b.name: turn.get(b.name, GROUND if b.name == "ground" else FAINT) for b in shape.blocks}
+    turn = {name: LINK_COLORS[k % len(LINK_COLORS)] for k, name in enumerate(names)}
+    return {
+        b.name: turn.get(b.name, GROUND_COLOR if b.name == "ground" else FAINT_COLOR) for b in shape.blocks
+    }

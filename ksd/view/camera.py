@@ -1,4 +1,4 @@
-"""From where a mechanism is seen: onto a coordinate plane, or from a chosen direction, without perspective."""
+"""Viewing direction of a picture: onto a coordinate plane, or from a chosen direction, without perspective."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ View = Literal["xy", "xz", "yz", "3d"] | tuple[float, float]
 PLANES = {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
 ELEVATION = 24.0
 AZIMUTHS = (-60.0, -35.0, -75.0, -120.0, -145.0, 35.0, 60.0, 120.0, 145.0)
-"""Tried for "3d", the usual ones first."""
-FLAT = 0.3
-"""Ratio of the two smaller extents below which a mechanism is flat, and is seen with its broad side upright."""
-AHEAD = 1.1
-"""How many times better a direction must be to be taken before the usual ones."""
+"""Azimuths tried for "3d" [deg], in order of preference."""
+FLAT_RATIO = 0.3
+"""Extent along z over the middle extent below which a mechanism lies flat and is shown with y up."""
+PREFERENCE_FACTOR = 1.1
+"""Factor by which a direction must score better to be taken instead of a preferred one."""
 
 
 class Camera(NamedTuple):
@@ -44,7 +44,7 @@ def camera_of(shape: Any, view: View | Camera | None, *, plane: str | None) -> C
         right, up = np.eye(3)[list(PLANES[chosen])]
         return Camera(right, up, np.cross(right, up), chosen)
     if isinstance(chosen, str) and chosen == "3d":
-        return _best(shape)
+        return _clearest_camera(shape)
     try:
         azimuth, elevation = (float(v) for v in chosen)
     except (TypeError, ValueError):
@@ -53,34 +53,34 @@ def camera_of(shape: Any, view: View | Camera | None, *, plane: str | None) -> C
         raise SceneError(
             f'view = {view!r}: choose "xy", "xz", "yz", "3d", or azimuth and elevation in degrees such as (-60, 24)'
         )
-    return _from(azimuth, elevation, np.eye(3))
+    return _camera_at(azimuth, elevation, np.eye(3))
 
 
-def _from(azimuth: float, elevation: float, axes: Array) -> Camera:
-    """Seen from a direction [deg] told in `axes` (3, 3), rows, the last of which is up."""
+def _camera_at(azimuth: float, elevation: float, axes: Array) -> Camera:
+    """Camera at an azimuth and elevation [deg] in the frame `axes` (3, 3) of row vectors, the last of which is up."""
     a, e = np.radians([azimuth, elevation])
     toward = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
     right = np.array([-np.sin(a), np.cos(a), 0.0])
     return Camera(right @ axes, np.cross(toward, right) @ axes, toward @ axes)
 
 
-def _best(shape: Any) -> Camera:
+def _clearest_camera(shape: Any) -> Camera:
     """The direction from which leaf springs and links hide each other least; z is up, y where the mechanism lies flat."""
     places = [leaf.place for leaf in shape.leaves]
     points = np.array([p.mean(axis=0) for p in places] + [b.place.mean(axis=0) for b in shape.blocks])
     spans = np.ptp(np.concatenate(places or [b.place for b in shape.blocks]), axis=0)
-    flat = spans[2] < FLAT * np.sort(spans)[1]
+    flat = spans[2] < FLAT_RATIO * np.sort(spans)[1]
     axes = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]) if flat else np.eye(3)
-    cameras = [_from(azimuth, ELEVATION, axes) for azimuth in AZIMUTHS]
-    scores = [_apart(camera.flat(points)) for camera in cameras]
+    cameras = [_camera_at(azimuth, ELEVATION, axes) for azimuth in AZIMUTHS]
+    scores = [_mean_separation(camera.flat(points)) for camera in cameras]
     best = 0
     for k, score in enumerate(scores):
-        best = k if score > AHEAD * scores[best] else best
+        best = k if score > PREFERENCE_FACTOR * scores[best] else best
     return cameras[best]
 
 
-def _apart(points: Array) -> float:
-    """How far points (k, 2) are apart: the geometric mean of their distances to the nearest other."""
+def _mean_separation(points: Array) -> float:
+    """Geometric mean of the distances of points (k, 2) to their nearest neighbours."""
     gaps = np.linalg.norm(points[:, None] - points, axis=2)
     size = float(gaps.max()) or 1.0
     np.fill_diagonal(gaps, np.inf)

@@ -1,4 +1,4 @@
-"""What all pictures share: colours, figures that need no display, outlines, and saving."""
+"""Shared by all pictures: colours, figures that need no display, numbers with units, and saving."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-INK = "#1f2430"
-FAINT = "#9aa3b2"
-REST = "#c3c9d4"
-LEAF = "#c2410c"
-DRIVE = "#b91c1c"
-LOAD = "#0f6674"
-GROUND = "#4b5563"
-SHOWN = 0.64
-"""Width of a figure in a notebook over that of its pixels, which are of screens twice as fine."""
-GRID = "#eceff4"
-PALE = "#eef0f4"
-"""Faces of what is undeformed."""
-LINES = (LEAF, "#3b6ea5", "#6a9f58", "#9a7bb5", "#b8925b", "#4fa3a0", "#b8657f", INK)
-"""Curves, marks and bars take these in turn; what is ordered takes shades of `color_map` (`shades`)."""
-LINKS = ("#5b8db8", "#6a9f58", "#9a7bb5", "#b8925b", "#4fa3a0", "#b8657f")
-"""Links take these in turn; leaf springs share one colour so that they stand out."""
-BACKING = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75}
-"""Behind the words in a picture of a mechanism."""
-_LARGEST = {
+TEXT_COLOR = "#1f2430"
+FAINT_COLOR = "#9aa3b2"
+UNDEFORMED_COLOR = "#c3c9d4"
+LEAF_COLOR = "#c2410c"
+DRIVE_COLOR = "#b91c1c"
+LOAD_COLOR = "#0f6674"
+GROUND_COLOR = "#4b5563"
+NOTEBOOK_SCALE = 0.64
+"""Displayed width of a figure in a notebook relative to its pixels, for screens of double resolution."""
+GRID_COLOR = "#eceff4"
+UNDEFORMED_FACE = "#eef0f4"
+"""Face colour of the undeformed mechanism."""
+LINE_COLORS = (LEAF_COLOR, "#3b6ea5", "#6a9f58", "#9a7bb5", "#b8925b", "#4fa3a0", "#b8657f", TEXT_COLOR)
+"""Colours of unordered curves, marks and bars; ordered ones take `ordered_colors`."""
+LINK_COLORS = ("#5b8db8", "#6a9f58", "#9a7bb5", "#b8925b", "#4fa3a0", "#b8657f")
+"""Colours of links in turn; leaf springs share one colour so that they stand out."""
+LABEL_BACKGROUND = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75}
+"""Box behind labels in pictures of mechanisms (matplotlib bbox)."""
+_LARGEST_IN_UNITS = {
     "thickness": 0.05, "diameter": 0.05, "gap": 0.05, "fillet": 0.05, "length": 2.0, "width": 2.0, "spacing": 2.0,
     "radius": 2.0, "inner": 2.0, "outer": 2.0, "angle": 3.15,
 }  # fmt: skip
@@ -56,7 +56,7 @@ def new_figure(width: float, height: float, *, dpi: int = 150) -> Figure:
 
 @cache
 def _notebook_figure() -> type[Figure]:
-    """A figure that notebooks show as the picture it is, without a magic command: at `SHOWN` of its pixels."""
+    """Figure class that notebooks display without a magic command, at `NOTEBOOK_SCALE` of its pixels."""
     from matplotlib.figure import Figure
 
     class NotebookFigure(Figure):
@@ -65,8 +65,8 @@ def _notebook_figure() -> type[Figure]:
             return f"<picture of {wide:.3g} x {high:.3g} inches>"
 
         def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
-            wide, high = (round(SHOWN * inches * self.dpi) for inches in self.get_size_inches())
-            return picture(self, "png"), {"width": wide, "height": high}
+            wide, high = (round(NOTEBOOK_SCALE * inches * self.dpi) for inches in self.get_size_inches())
+            return figure_bytes(self, "png"), {"width": wide, "height": high}
 
     return NotebookFigure
 
@@ -75,31 +75,31 @@ def check_picture(path: str | os.PathLike[str]) -> Path:
     """The path, if a picture can be written there. SceneError for an unknown type, a missing folder, or what is no file."""
     from matplotlib.backend_bases import FigureCanvasBase
 
-    target = named_file(path, "picture")
+    target = named_file(path, "figure_bytes")
     known = FigureCanvasBase.get_supported_filetypes()
     kind = target.suffix.lstrip(".").lower()
     if kind not in known:
         raise SceneError(f"picture '{target}': type '{kind}' is unknown; choose one of .png, .pdf, .svg")
-    check_target(target, what="picture")
+    check_target(target, what="figure_bytes")
     return target
 
 
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Figure:
     """Write a figure to `path` (.png, .pdf, .svg ...) and return it. SceneError when that is not possible."""
     target = check_picture(path)
-    write_file(target, picture(figure, target.suffix.lstrip(".").lower()), what="picture")
+    write_file(target, figure_bytes(figure, target.suffix.lstrip(".").lower()), what="figure_bytes")
     return figure
 
 
-def picture(figure: Any, kind: str, **words: Any) -> bytes:
-    """The file of a figure, of kind "png", "pdf", "svg" ...; words as for matplotlib's savefig."""
+def figure_bytes(figure: Any, kind: str, **words: Any) -> bytes:
+    """Content of a figure file of kind "png", "pdf", "svg" ...; `words` are passed to matplotlib's savefig."""
     content = io.BytesIO()
-    without_formulas(figure).savefig(content, format=kind, **words)
+    without_math_text(figure).savefig(content, format=kind, **words)
     return content.getvalue()
 
 
-def without_formulas(figure: Any) -> Any:
-    """The figure, dollars in the names it says taken as they are; numbers along logarithmic axes stay formulas."""
+def without_math_text(figure: Any) -> Any:
+    """The figure with dollar signs in its texts taken literally; labels of logarithmic axes stay math text."""
     from matplotlib.text import Text
 
     for text in figure.findobj(Text):
@@ -108,54 +108,54 @@ def without_formulas(figure: Any) -> Any:
     return figure
 
 
-def mixed(color: str, white: float) -> str:
-    """A colour "#rrggbb" with a share of white in it, of black where negative."""
+def blended(color: str, white: float) -> str:
+    """The colour "#rrggbb" blended with a share of white, or of black if negative."""
     share, other = abs(white), 255.0 if white > 0 else 0.0
     parts = (int(color[k : k + 2], 16) for k in (1, 3, 5))
     return "#" + "".join(f"{round((1.0 - share) * part + share * other):02x}" for part in parts)
 
 
 def color_map() -> Any:
-    """The one colour map of all pictures: light for little, dark for much; its lightest end, lost on white, is left out."""
+    """The colour map of all pictures, light (small) to dark (large), without the lightest end, which white paper hides."""
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
 
     return ListedColormap(colormaps["inferno_r"](np.linspace(0.1, 0.95, 256)), name="light to dark")
 
 
-def shades(count: int) -> list[Any]:
-    """Colours of so many curves in their order, light to dark, of the one colour map."""
+def ordered_colors(count: int) -> list[Any]:
+    """`count` colours of `color_map`, light to dark, for ordered curves."""
     return list(color_map()(np.linspace(0.2, 0.95, count) if count > 1 else np.array([0.5])))
 
 
 def plain_axes(axes: Any, *, grid: Literal["both", "x"] = "both") -> None:
-    """A faint grid behind what is drawn, and no frame above and on the right."""
-    axes.grid(True, axis=grid, color=GRID, linewidth=0.8)
+    """Give axes a faint grid in the background and no frame at the top and right."""
+    axes.grid(True, axis=grid, color=GRID_COLOR, linewidth=0.8)
     axes.set_axisbelow(True)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
 
 
-def spoken_value(value: float, kind: str) -> str:
+def value_with_unit(value: float, kind: str) -> str:
     """A drive value with its unit: mm or, where small, µm for translations, degrees for rotations."""
     if kind != "translation":
         return f"{np.degrees(value):.4g}\N{DEGREE SIGN}"
     return f"{1e6 * value:.4g} \N{MICRO SIGN}m" if 0 < abs(value) < 1e-4 else f"{1e3 * value:.4g} mm"
 
 
-def spoken_label(label: str, value: float) -> str:
+def label_with_value(label: str, value: float) -> str:
     """A label with its value and unit: "x 10 mm" of x_mm = 10, "thickness 0.8 mm" of thickness = 0.0008 (m)."""
     name, _, unit = label.rpartition("_")
     if name and unit in ("mm", "deg"):
         return f"{name} {value:.4g} {unit}".replace(" deg", "\N{DEGREE SIGN}")
-    return f"{label.replace('_', ' ')} {spoken_parameter(label, value)}"
+    return f"{label.replace('_', ' ')} {parameter_with_unit(label, value)}"
 
 
-def spoken_parameter(name: str, value: float, *, most: float | None = None, digits: int = 4) -> str:
+def parameter_with_unit(name: str, value: float, *, most: float | None = None, digits: int = 4) -> str:
     """A design parameter with its unit, if its name tells one and neither it nor `most`, the largest beside it, is too large
     for that."""
     kind = re.split(r"[_.]", name)[-1].partition("[")[0]
-    largest = _LARGEST.get(kind, _LARGEST.get(kind.removesuffix("s")))
+    largest = _LARGEST_IN_UNITS.get(kind, _LARGEST_IN_UNITS.get(kind.removesuffix("s")))
     if largest is None or not max(abs(value), abs(most or 0.0)) <= largest:
         return f"{value:.{digits}g}"
     if kind.startswith("angle"):
@@ -163,16 +163,16 @@ def spoken_parameter(name: str, value: float, *, most: float | None = None, digi
     return f"{1e3 * value:.{digits}g} mm"
 
 
-THOUSANDS = {"N": "kN", "Nm": "kNm", "kg": "t"}
-THOUSANDTHS = {"N": "mN", "Nm": "mNm", "kg": "g"}
+THOUSANDS_UNIT = {"N": "kN", "Nm": "kNm", "kg": "t"}
+THOUSANDTHS_UNIT = {"N": "mN", "Nm": "mNm", "kg": "g"}
 
 
-def spoken_amount(value: float, unit: str) -> str:
+def amount_with_unit(value: float, unit: str) -> str:
     """A force [N], moment [Nm] or mass [kg] with its unit, of thousands or thousandths where it is large or small."""
     if abs(value) >= 1e4:
-        return f"{1e-3 * value:.4g} {THOUSANDS[unit]}"
+        return f"{1e-3 * value:.4g} {THOUSANDS_UNIT[unit]}"
     if 0.0 < abs(value) < 1e-4 and unit != "kg":
         return f"{1e6 * value:.4g} \N{MICRO SIGN}{unit}"
     if 0.0 < abs(value) < 1e-3:
-        return f"{1e3 * value:.4g} {THOUSANDTHS[unit]}"
+        return f"{1e3 * value:.4g} {THOUSANDTHS_UNIT[unit]}"
     return f"{value + 0.0:.4g} {unit}"  # not "-0"

@@ -17,9 +17,9 @@ import numpy as np
 
 from ksd.errors import SceneError
 from ksd.files import write_file
-from ksd.view.bodies import ribbon
+from ksd.view.bodies import edge_lines
 from ksd.view.figure import Array
-from ksd.view.heat import stress_along
+from ksd.view.stress_colors import stress_along
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
@@ -54,16 +54,16 @@ class _Grid:
         self.count += len(place)
 
 
-def collect(configuration: Any) -> _Grid:
-    """Ribbons and blocks of a configuration."""
+def collect_cells(configuration: Any) -> _Grid:
+    """Cells of the leaf springs and blocks of a configuration."""
     shape, grid = configuration.shape(), _Grid()
     # beam theory says nothing of the stress in a solid
     known = not configuration.model.solids
     stress = stress_along(configuration, shape) if known else {}
     for leaf in shape.leaves:
         k = len(leaf.s)
-        rest = np.vstack(ribbon(leaf.rest, leaf.rest_axes, leaf.width))
-        place = np.vstack(ribbon(leaf.place, leaf.axes, leaf.width))
+        rest = np.vstack(edge_lines(leaf.rest, leaf.rest_axes, leaf.width))
+        place = np.vstack(edge_lines(leaf.place, leaf.axes, leaf.width))
         i = np.arange(k - 1)
         cells = np.stack([i, i + 1, i + 1 + k, i + k], axis=1)
         grid.add(leaf.name, rest, place, cells, stress=np.tile(stress.get(leaf.name, np.full(k, np.nan)), 2))
@@ -85,7 +85,7 @@ def _array(kind: str, name: str, values: Any, parts: int = 1) -> str:
 
 def vtu_text(configuration: Any) -> str:
     """The file's text."""
-    grid = collect(configuration)
+    grid = collect_cells(configuration)
     offsets = np.cumsum([len(c) for c in grid.cells])
     rigid = [int(k == _LINE) for k in grid.kinds]
     names = escape("\n".join(f"{i} {name}" for i, name in enumerate(grid.names)).replace("--", "- -"))

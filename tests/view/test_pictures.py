@@ -20,13 +20,31 @@ from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.solve.conventional import solve_conventional
 from ksd.view import plot_mechanism, write_pvd
-from ksd.view.bodies import THICK, Polygon, body, facing, hatches, hull, pads, parts, ribbon, size_of
+from ksd.view.bodies import (
+    PAD_HALF_THICKNESS,
+    Polygon,
+    clamp_pads,
+    convex_hull,
+    convex_parts,
+    edge_lines,
+    facing_camera,
+    ground_hatches,
+    hull_faces,
+    mechanism_size,
+)
 from ksd.view.camera import camera_of
-from ksd.view.compare import Mark, plot_cost
-from ksd.view.figure import FAINT, LOAD, color_map, new_figure, spoken_amount, spoken_parameter
-from ksd.view.heat import heat_of
-from ksd.view.mechanism import paint
-from ksd.view.order import back_to_front
+from ksd.view.cost_plot import Mark, plot_cost
+from ksd.view.depth_order import back_to_front
+from ksd.view.figure import (
+    FAINT_COLOR,
+    LOAD_COLOR,
+    amount_with_unit,
+    color_map,
+    new_figure,
+    parameter_with_unit,
+)
+from ksd.view.mechanism import draw_polygons
+from ksd.view.stress_colors import stress_colors
 
 SCENES = Path(ksd.__file__).parent / "scenes"
 
@@ -106,7 +124,7 @@ def test_a_view_in_space(bent):
     corners = np.concatenate([polygon for polygon in painted(figure)[0] if len(polygon) > 2])
     shape = bent.shape()
     x = 1e3 * np.concatenate([leaf.place[:, 0] for leaf in shape.leaves])
-    thick = 1e3 * 2 * THICK * size_of(shape)
+    thick = 1e3 * 2 * PAD_HALF_THICKNESS * mechanism_size(shape)
     assert corners[:, 0].min() == pytest.approx(x.min(), abs=thick)
     assert corners[:, 0].max() == pytest.approx(x.max(), abs=thick)
     # leaf springs have their width along z: the joints are 80 mm wide, plus their pads
@@ -129,7 +147,7 @@ def test_a_nearer_sheet_hides_a_farther_one():
     for azimuth, last in ((-90, "#ff0000"), (90, "#0000ff")):
         axes = new_figure(2, 2).add_subplot()
         camera = camera_of(None, (azimuth, 0), plane=None)
-        paint(axes, [Polygon(near, "#ff0000"), Polygon(far, "#0000ff")], camera)
+        draw_polygons(axes, [Polygon(near, "#ff0000"), Polygon(far, "#0000ff")], camera)
         assert to_hex(axes.collections[0].get_facecolors()[-1]) == last
 
 
@@ -137,13 +155,13 @@ def test_a_link_is_a_body_between_its_joints(bent):
     """Pads at the joints, a slimmer web between them; ground has pads alone and hatches behind them."""
     shape = bent.shape()
     blocks = {b.name: b for b in shape.blocks}
-    size = size_of(shape)
-    left, ground = (parts(blocks[n], pads(shape, blocks[n]), size) for n in ("left", "ground"))
+    size = mechanism_size(shape)
+    left, ground = (convex_parts(blocks[n], clamp_pads(shape, blocks[n]), size) for n in ("left", "ground"))
     assert len(left) == 3 and len(ground) == 2
     lower, upper, web = left
     assert np.ptp(web, axis=0).max() < np.ptp(np.concatenate([lower, upper]), axis=0).max()
     for points in left:
-        faces = [p for p in body(points, 1e-3, "#ffffff", edge="#000000") if len(p.corners) == 3]
+        faces = [p for p in hull_faces(points, 1e-3, "#ffffff", edge="#000000") if len(p.corners) == 3]
         inside = points.mean(axis=0)
         assert all((p.corners.mean(axis=0) - inside) @ p.normal > 0 for p in faces)
         # closed: every side belongs to two triangles
@@ -154,8 +172,8 @@ def test_a_link_is_a_body_between_its_joints(bent):
                 sides[key] = sides.get(key, 0) + 1
         assert set(sides.values()) == {2}
     camera = camera_of(shape, "xy", plane=None)
-    for pad in pads(shape, blocks["ground"]):
-        strokes = hatches(pad, size, camera)
+    for pad in clamp_pads(shape, blocks["ground"]):
+        strokes = ground_hatches(pad, size, camera)
         assert len(strokes) > 3 and max(s[:, 1].max() for s in strokes) < 0.0, (
             "behind, where no leaf spring is"
         )
@@ -173,9 +191,9 @@ def test_ground_is_hatched_along_a_side_of_what_is_clamped(view):
     scene.actuate_joint(placed, name="turn")
     shape = ksd.solve(scene, turn=0.3).shape()
     (ground,) = (b for b in shape.blocks if b.name == "ground")
-    (pad,) = pads(shape, ground)
-    size, camera = size_of(shape), camera_of(shape, view, plane=None)
-    line, *strokes = hatches(pad, size, camera)
+    (pad,) = clamp_pads(shape, ground)
+    size, camera = mechanism_size(shape), camera_of(shape, view, plane=None)
+    line, *strokes = ground_hatches(pad, size, camera)
     back = np.array([-1.0, 0.0, 0.0])
     middle = pad.corners.mean(axis=0)
     out = np.cross(line[1] - line[0], back)
@@ -183,7 +201,7 @@ def test_ground_is_hatched_along_a_side_of_what_is_clamped(view):
     seen = back @ camera.toward > 0.4
     # strokes behind a back that is seen would lie on it
     way = out if seen else back
-    ends = [np.linalg.norm(pad.corners + THICK * size * way - end, axis=1).min() for end in line]
+    ends = [np.linalg.norm(pad.corners + PAD_HALF_THICKNESS * size * way - end, axis=1).min() for end in line]
     assert max(ends) < 1e-12, "from corner to corner"
     assert ((pad.corners - line[0]) @ out).max() < 1e-12, "at its rim"
     assert out @ (-camera.up if seen else camera.toward) > 0, "below it, or on the side of the eye"
@@ -205,7 +223,7 @@ def test_drives_and_loads_are_arrows_of_a_readable_length():
         assert {"weight: 7 N", "twist: 0.2 Nm", "2 kg"} <= set(said)
         arrows = [t for t in axes.texts if getattr(t, "arrow_patch", None)]
         lengths = [np.hypot(*np.subtract(t.xy, t.xyann)) for t in arrows]
-        size = 1e3 * size_of(pose.shape())
+        size = 1e3 * mechanism_size(pose.shape())
         straight = [n for n in lengths if n > 0.05 * size]
         assert len(straight) == 2 and min(straight) >= 0.1 * size - 1e-9
         assert any(line.get_gid() == "spring" for line in axes.lines)
@@ -221,9 +239,12 @@ def test_a_link_reaches_its_loads_masses_and_springs():
     scene.spring("ground", "tip", start=(-0.1, 0, 0), end=(0.15, -0.1, 0), stiffness=10.0)
     pose = ksd.solve(scene, turn=0.3)
     shape = pose.shape()
-    size = size_of(shape)
+    size = mechanism_size(shape)
     blocks = {b.name: b for b in shape.blocks}
-    hold = {name: np.concatenate(parts(blocks[name], pads(shape, blocks[name]), size)) for name in ("tip",)}
+    hold = {
+        name: np.concatenate(convex_parts(blocks[name], clamp_pads(shape, blocks[name]), size))
+        for name in ("tip",)
+    }
     acting = [load.place for load in shape.loads] + [shape.springs[0].ends[1]]
     assert len(acting) == 3
     for place in acting:
@@ -233,7 +254,7 @@ def test_a_link_reaches_its_loads_masses_and_springs():
     outline = np.concatenate(painted(plot_mechanism(pose))[0])
     for place in acting:
         away = outline - 1e3 * place[:2]
-        assert np.linalg.norm(away, axis=1).min() < 3e3 * THICK * size
+        assert np.linalg.norm(away, axis=1).min() < 3e3 * PAD_HALF_THICKNESS * size
 
 
 def test_links_of_pins_alone_and_ground_below_a_pin():
@@ -252,12 +273,12 @@ def test_links_of_pins_alone_and_ground_below_a_pin():
     scene.actuate(slide, about="z", name="tilt")
     pose = ksd.solve(scene, turn=0.2, tilt=0.1)
     shape = pose.shape()
-    blocks, size = {b.name: b for b in shape.blocks}, size_of(shape)
-    (alone,) = parts(blocks["end"], pads(shape, blocks["end"]), size)
+    blocks, size = {b.name: b for b in shape.blocks}, mechanism_size(shape)
+    (alone,) = convex_parts(blocks["end"], clamp_pads(shape, blocks["end"]), size)
     assert alone == pytest.approx(np.tile(shape.hinges[-1].place, (len(alone), 1)), abs=1e-12)
     camera = camera_of(shape, "xy", plane=None)
-    (pad,) = pads(shape, blocks["ground"])
-    strokes = np.concatenate(hatches(pad, size, camera))
+    (pad,) = clamp_pads(shape, blocks["ground"])
+    strokes = np.concatenate(ground_hatches(pad, size, camera))
     assert strokes[:, 1].max() < 0 and abs(strokes[:, 0]).max() < 0.1 * size
     for view in ("xy", "3d"):
         assert_readable(plot_mechanism(pose, view=view))
@@ -271,8 +292,8 @@ def test_wires_are_as_thick_as_they_are_from_every_side():
     pose = ksd.solve(scene)
     for azimuth in (-90, -45, 0, 60):
         camera = camera_of(None, (azimuth, 0), plane=None)
-        leaf = facing(pose.shape().leaves[0], camera)
-        low, high = (camera.flat(edge) for edge in ribbon(leaf.place, leaf.axes, leaf.width))
+        leaf = facing_camera(pose.shape().leaves[0], camera)
+        low, high = (camera.flat(edge) for edge in edge_lines(leaf.place, leaf.axes, leaf.width))
         assert np.linalg.norm(high - low, axis=1) == pytest.approx(2.0, rel=1e-9)
         assert np.einsum("kij,kil->kjl", leaf.axes, leaf.axes) == pytest.approx(
             np.tile(np.eye(3), (len(low), 1, 1))
@@ -292,15 +313,15 @@ def test_moments_stand_at_their_link_and_are_seen_from_the_side():
     ).all()
     for view, rings in (("xy", 1), ("xz", 0)):
         (axes,) = plot_mechanism(pose, view=view, labels=False).axes
-        arrows = [t for t in axes.texts if t.arrow_patch.get_edgecolor() == to_rgba(LOAD)]
+        arrows = [t for t in axes.texts if t.arrow_patch.get_edgecolor() == to_rgba(LOAD_COLOR)]
         ways = [np.subtract(t.xy, t.xyann) for t in arrows]
         assert len(ways) == (0 if rings else 2)
         assert all(abs(way[0]) < 1e-6 * abs(way[1]) for way in ways)
-        heads = [p.get_xy()[:3] for p in axes.patches if p.get_facecolor() == to_rgba(LOAD)]
+        heads = [p.get_xy()[:3] for p in axes.patches if p.get_facecolor() == to_rgba(LOAD_COLOR)]
         assert len(heads) == rings
         for outer, tip, inner in heads:
             # goes on from the end of the ring, the way the moment turns
-            (ring,) = (line for line in axes.lines if to_rgba(line.get_color()) == to_rgba(LOAD))
+            (ring,) = (line for line in axes.lines if to_rgba(line.get_color()) == to_rgba(LOAD_COLOR))
             end, centre = 0.5 * (outer + inner), 1e3 * np.array(twist.place[:2])
             assert ring.get_xydata()[-1] == pytest.approx(end)
             (x, y), (u, v) = end - centre, tip - end
@@ -315,9 +336,11 @@ def test_forces_to_the_eye_are_points():
     pose = ksd.solve(scene, turn=0.2)
     for view, drawn in (("xy", {"o": 2, ".": 1, "x": 1}), ("xz", {}), ("3d", {})):
         (axes,) = plot_mechanism(pose, view=view).axes
-        marks = [line.get_marker() for line in axes.lines if to_rgba(line.get_color()) == to_rgba(LOAD)]
+        marks = [line.get_marker() for line in axes.lines if to_rgba(line.get_color()) == to_rgba(LOAD_COLOR)]
         assert {mark: marks.count(mark) for mark in marks} == drawn
-        arrows = [t for t in axes.texts if t.arrow_patch and t.arrow_patch.get_edgecolor() == to_rgba(LOAD)]
+        arrows = [
+            t for t in axes.texts if t.arrow_patch and t.arrow_patch.get_edgecolor() == to_rgba(LOAD_COLOR)
+        ]
         assert len(arrows) == (0 if drawn else 2)
 
 
@@ -331,7 +354,7 @@ def test_axes_in_space_stand_beside_what_is_drawn():
         arrows = [
             t
             for t in axes.texts
-            if getattr(t, "arrow_patch", None) and t.arrow_patch.get_edgecolor() == to_rgba(FAINT)
+            if getattr(t, "arrow_patch", None) and t.arrow_patch.get_edgecolor() == to_rgba(FAINT_COLOR)
         ]
         places = np.array([place for t in arrows for place in (t.xy, t.xyann)])
         low, high = places.min(axis=0), places.max(axis=0)
@@ -369,7 +392,7 @@ def test_forces_of_rounding_read_as_zero_and_small_true_ones_do_not():
      (9.6e-8, "N", "0.096 µN"), (5e4, "kg", "50 t"), (2e-4, "kg", "0.2 g"), (-0.0, "N", "0 N")],
 )  # fmt: skip
 def test_amounts_have_units_of_their_size(value, unit, said):
-    assert spoken_amount(value, unit).replace("\N{MICRO SIGN}", "µ") == said
+    assert amount_with_unit(value, unit).replace("\N{MICRO SIGN}", "µ") == said
 
 
 @pytest.mark.parametrize(
@@ -379,7 +402,7 @@ def test_amounts_have_units_of_their_size(value, unit, said):
      ("length", 40.0, "40")],
 )  # fmt: skip
 def test_design_parameters_have_their_unit(name, value, said):
-    assert spoken_parameter(name, value) == said
+    assert parameter_with_unit(name, value) == said
 
 
 def test_distances_are_drawn():
@@ -409,7 +432,7 @@ def test_what_crosses_is_parted():
     """Two sheets through each other and a body: at every point of the picture the nearest is painted last."""
     one = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
     other = one[:, [2, 1, 0]]
-    cube = [p for p in body(np.zeros((1, 3)), 0.4, "#00ff00", edge="#000000") if len(p.corners) == 3]
+    cube = [p for p in hull_faces(np.zeros((1, 3)), 0.4, "#00ff00", edge="#000000") if len(p.corners) == 3]
     camera = camera_of(None, (-60, 24), plane=None)
     polygons = [Polygon(one, "#ff0000"), Polygon(other, "#0000ff"), *cube]
     shown = [p for p in polygons if not p.body or p.normal @ camera.toward > 0]
@@ -502,7 +525,7 @@ def test_leaves_coloured_by_stress(bent, tmp_path):
     _, bar = figure.axes
     assert bar.get_ylabel() == "von Mises stress [MPa]"
     assert bar.get_ylim() == pytest.approx((0.0, 1e-6 * bent.stress().largest_Pa), rel=1e-3)
-    shape, heat = bent.shape(), heat_of(bent, bent.shape(), "stress")
+    shape, heat = bent.shape(), stress_colors(bent, bent.shape(), "stress")
     for view in ("xy", "3d"):
         drawn = {
             tuple(color.round(6)) for color in painted(plot_mechanism(bent, color="stress", view=view))[1]
@@ -560,7 +583,9 @@ def test_cost_picture_names_every_method():
 
 def test_hull():
     square = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0.5], [0.5, 0]])
-    assert len(hull(square)) == 4
+    assert len(convex_hull(square)) == 4
     line = np.outer(np.linspace(0, 1, 5), [1.0, 0.3])
-    assert hull(line) == pytest.approx(line[[0, -1]]) or hull(line) == pytest.approx(line[[-1, 0]])
-    assert len(hull(np.zeros((3, 2)))) == 2
+    assert convex_hull(line) == pytest.approx(line[[0, -1]]) or convex_hull(line) == pytest.approx(
+        line[[-1, 0]]
+    )
+    assert len(convex_hull(np.zeros((3, 2)))) == 2

@@ -12,8 +12,8 @@ import ksd
 from ksd.design.questions import ALL_QUESTIONS
 from ksd.units import mm
 from ksd.view import figure as palette
-from ksd.view.compare import Mark, plot_cost
-from ksd.view.effect_cost import plot_effect_cost
+from ksd.view.cost_plot import Mark, plot_cost
+from ksd.view.effect_cost_plot import plot_effect_cost
 from ksd.view.figure import new_figure
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -39,7 +39,7 @@ def test_what_cannot_be_read_is_found():
     (line,) = axes.plot([0, 1])
     with pytest.raises(AssertionError, match="matplotlib's own"):
         assert_readable(figure)
-    line.set_color(palette.LEAF)
+    line.set_color(palette.LEAF_COLOR)
     axes.imshow([[0.0, 1.0]])
     with pytest.raises(AssertionError, match="another colour map"):
         assert_readable(figure)
@@ -101,7 +101,7 @@ def test_optimum_and_front():
     assert_readable(figure)
     designs = figure.axes[2]
     (thick,) = (line for line in designs.lines if line.get_gid() == "best")
-    assert thick.get_color() == palette.INK
+    assert thick.get_color() == palette.TEXT_COLOR
     known = {tuple(np.round(palette.color_map()(x), 6)) for x in np.linspace(0, 1, 256)}
     tried = [
         line
@@ -159,6 +159,6 @@ def test_no_colours_but_those_of_the_palette():
 
 
 def test_one_colour_map_from_light_to_dark():
-    tones = np.array([color[:3] for color in palette.shades(7)]) @ [0.2126, 0.7152, 0.0722]
+    tones = np.array([color[:3] for color in palette.ordered_colors(7)]) @ [0.2126, 0.7152, 0.0722]
     assert (np.diff(tones) < 0).all() and tones[0] < 0.85
-    assert len(palette.shades(1)) == 1
+    assert len(palette.ordered_colors(1)) == 1

@@ -10,7 +10,7 @@ from scenes import cross_flexure, fourbar, single_joint
 import ksd
 from ksd.design.table import Table
 from ksd.view import animate_mode, animate_stroke, plot_mode
-from ksd.view.effect_cost import plot_effect_cost
+from ksd.view.effect_cost_plot import plot_effect_cost
 from ksd.view.figure import new_figure
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from ksd.errors import SceneError
 from ksd.view.figure import Array, color_map
 
-LABEL = "von Mises stress [MPa]"
+STRESS_LABEL = "von Mises stress [MPa]"
 
 
 def stress_along(configuration: Any, shape: Any) -> dict[str, Array]:
@@ -21,8 +21,8 @@ def stress_along(configuration: Any, shape: Any) -> dict[str, Array]:
     }
 
 
-class Heat:
-    """Stress of every leaf [MPa] by name, `values`, and the colours it has."""
+class StressColors:
+    """Largest von Mises stress [MPa] along every leaf by name (`values`) and its colours."""
 
     def __init__(self, configuration: Any, shape: Any) -> None:
         from matplotlib.colors import Normalize
@@ -38,19 +38,19 @@ class Heat:
         return np.asarray(self.map(self.norm(0.5 * (v[1:] + v[:-1]))))
 
     def bar(self, axes: Any, **place: Any) -> None:
-        """The scale beside the picture."""
+        """Draw the colour bar."""
         from matplotlib.cm import ScalarMappable
 
         bar = axes.figure.colorbar(ScalarMappable(self.norm, self.map), ax=axes, **place)
-        bar.set_label(LABEL, fontsize=9)
+        bar.set_label(STRESS_LABEL, fontsize=9)
         bar.ax.tick_params(labelsize=8)
         bar.outline.set_visible(False)
 
 
-def heat_of(configuration: Any, shape: Any, color: str | None) -> Heat | None:
-    """The colours asked for; None for the plain picture. SceneError for a word that is none."""
+def stress_colors(configuration: Any, shape: Any, color: str | None) -> StressColors | None:
+    """Colours for `color="stress"`; None without a colour option. Raises SceneError for any other."""
     if color is None:
         return None
     if color != "stress":
         raise SceneError(f"color = {color!r}: choose 'stress', or leave it out")
-    return Heat(configuration, shape)
+    return StressColors(configuration, shape)

@@ -8,21 +8,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ksd.view.figure import (
-    FAINT,
-    INK,
-    LEAF,
+    FAINT_COLOR,
+    LEAF_COLOR,
+    TEXT_COLOR,
     Array,
     color_map,
     new_figure,
+    parameter_with_unit,
     plain_axes,
-    spoken_parameter,
 )
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-LONG = 9
-"""Letters of a name that fit below its axis; longer ones are slanted."""
+MAX_STRAIGHT_LABEL = 9
+"""Longest name [letters] written straight below its axis; longer ones are slanted."""
 
 
 def plot_front(front: Any) -> Figure:
@@ -31,13 +31,13 @@ def plot_front(front: Any) -> Figure:
     left, right = figure.subplots(1, 2)
     good = np.isfinite(front.merits)
     job = front.job
-    left.plot(front.limits[good], job.merit_sign * front.merits[good], "o-", color=LEAF, markersize=4)
+    left.plot(front.limits[good], job.merit_sign * front.merits[good], "o-", color=LEAF_COLOR, markersize=4)
     left.set_xlabel(f"most {front.against}", fontsize=9)
-    left.set_title(job.merit_name, fontsize=9, loc="left", color=INK)
+    left.set_title(job.merit_name, fontsize=9, loc="left", color=TEXT_COLOR)
     left.tick_params(labelsize=8)
     plain_axes(left)
     draw_designs(right, job.parameters, job.bounds, front.designs[good], front.merits[good])
-    right.set_title("designs, the best dark", fontsize=9, loc="left", color=INK)
+    right.set_title("designs, the best dark", fontsize=9, loc="left", color=TEXT_COLOR)
     return figure
 
 
@@ -60,14 +60,14 @@ def draw_designs(
         axes.plot(range(len(names)), share[k], color=color_map()(shades[k]), linewidth=1.2)
     if best is not None:
         thick = (best - bounds[:, 0]) / np.diff(bounds)[:, 0]
-        axes.plot(range(len(names)), thick, color=INK, linewidth=2.4, gid="best")
+        axes.plot(range(len(names)), thick, color=TEXT_COLOR, linewidth=2.4, gid="best")
     for k, (name, (low, high)) in enumerate(zip(names, bounds.tolist(), strict=True)):
-        axes.axvline(k, color=FAINT, linewidth=0.8, zorder=1)
+        axes.axvline(k, color=FAINT_COLOR, linewidth=0.8, zorder=1)
         ends = ((low, -0.03, "top"), (high, 1.03, "bottom"))
         for value, place, side in ends:
-            said = spoken_parameter(name, value, most=high, digits=3)
-            axes.annotate(said, (k, place), ha="center", va=side, color=INK, fontsize=7)
-    slanted = max(map(len, names)) > LONG and len(names) > 2
+            said = parameter_with_unit(name, value, most=high, digits=3)
+            axes.annotate(said, (k, place), ha="center", va=side, color=TEXT_COLOR, fontsize=7)
+    slanted = max(map(len, names)) > MAX_STRAIGHT_LABEL and len(names) > 2
     axes.set_xticks(
         range(len(names)), names, fontsize=8, **({"rotation": 20, "ha": "right"} if slanted else {})
     )

@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ksd.errors import SceneError
-from ksd.view.figure import DRIVE, GROUND, INK, LINES, Array, mixed, new_figure, plain_axes, spoken_label
+from ksd.view.figure import (
+    DRIVE_COLOR,
+    GROUND_COLOR,
+    LINE_COLORS,
+    TEXT_COLOR,
+    Array,
+    blended,
+    label_with_value,
+    new_figure,
+    plain_axes,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -18,22 +28,23 @@ if TYPE_CHECKING:
     from ksd.design.table import Table
 
 _STYLES = ("-", "--", ":", "-.")
-_KEYS = 8
-"""How many of many designs the key names."""
-_NOISE = 1e-9
-"""Series below this fraction of the largest of their panel are zero but for rounding, and left out."""
+_MAX_KEY_ENTRIES = 8
+"""Largest number of designs in the key."""
+_ZERO_SHARE = 1e-9
+"""Series below this share of the largest of their panel are rounding and left out."""
 
 
-_BEHIND = {"linewidth": 5.0, "alpha": 0.3, "zorder": 1.5}
-"""How a curve is drawn that lies on others."""
-_SAME = 0.01
-"""Relative difference below which a curve lies on another."""
-_NOTHING = 1e-9
-"""Panels whose largest value (in their unit) stays below this have nothing to show."""
+_COVERED_STYLE = {"linewidth": 5.0, "alpha": 0.3, "zorder": 1.5}
+"""Line style of a curve that another covers."""
+_SAME_CURVE_TOLERANCE = 0.01
+"""Relative difference below which two curves count as the same."""
+_MIN_PANEL_VALUE = 1e-9
+"""Panels whose largest value (in their unit) is below this are left out."""
 
 
 class _Panel(NamedTuple):
-    """What belongs into one panel: pattern of its columns (group 1: name in the legend), label of the y axis."""
+    """One panel: pattern of its columns (group 1: name in the legend), label of the y axis, title, and whether the y axis is
+    logarithmic and magnitudes are drawn."""
 
     pattern: str
     label: str
@@ -100,17 +111,17 @@ def plot_stroke(
     over = over or _stroke_column(table)
     if over not in table.labels:
         raise SceneError(f"over = {over!r}: choose one of the labels of the table, {', '.join(table.labels)}")
-    panels = _wanted(table, questions)
+    panels = _panels_to_draw(table, questions)
     wide = min(wide, len(panels))
     high = -(-len(panels) // wide)
     figure = new_figure(4.1 * wide, 3.0 * high)
     grid = figure.subplots(high, wide, squeeze=False).ravel()
     groups = _groups(table, over)
     for axes, (panel, columns) in zip(grid, panels, strict=False):
-        _draw(axes, table, panel, columns, over=over, groups=groups)
+        _draw_panel(axes, table, panel, columns, over=over, groups=groups)
     for axes in grid[len(panels) :]:
         axes.set_visible(False)
-    _heading(figure, table, groups)
+    _draw_key(figure, table, groups)
     return figure
 
 
@@ -122,8 +133,8 @@ def _stroke_column(table: Any) -> str:
     return max(counts, key=lambda n: (counts[n], n.endswith(("_mm", "_deg"))))
 
 
-def _wanted(table: Any, questions: Sequence[str]) -> list[tuple[_Panel, dict[str, str]]]:
-    """Panels with their columns (column -> name in the legend) that have something to show."""
+def _panels_to_draw(table: Any, questions: Sequence[str]) -> list[tuple[_Panel, dict[str, str]]]:
+    """Panels with values to draw, each with its columns (column -> name in the legend)."""
     for q in questions:
         if q not in _PANELS:
             raise SceneError(f"question {q!r} has no picture; choose among {', '.join(_PANELS)}")
@@ -134,7 +145,7 @@ def _wanted(table: Any, questions: Sequence[str]) -> list[tuple[_Panel, dict[str
             matches = {c: re.fullmatch(panel.pattern, c) for c in table.columns}
             columns = {c: m.group(1).replace("_", " ") for c, m in matches.items() if m}
             # what is zero throughout is drawn only when asked for
-            least = 0.0 if questions else _NOTHING
+            least = 0.0 if questions else _MIN_PANEL_VALUE
             if columns and any(np.nanmax(np.abs(table[c]), initial=-1.0) >= least for c in columns):
                 mine.append((panel, columns))
         if questions and not mine:
@@ -148,62 +159,64 @@ def _wanted(table: Any, questions: Sequence[str]) -> list[tuple[_Panel, dict[str
 
 
 def _groups(table: Any, over: str) -> dict[str, np.ndarray]:
-    """Rows of every design and load case, by what sets them apart."""
+    """Row numbers of every design and load case, by the labels that distinguish them."""
     still = [n for n in table.labels if n != over and n not in table.moving]
     others = [n for n in still if len(set(table.columns[n])) > 1]
     named: dict[str, list[int]] = {}
     for k, row in enumerate(table.rows()):
-        said = ", ".join(row[n] if isinstance(row[n], str) else spoken_label(n, row[n]) for n in others)
+        said = ", ".join(row[n] if isinstance(row[n], str) else label_with_value(n, row[n]) for n in others)
         named.setdefault(said, []).append(k)
     return {said: np.array(rows) for said, rows in named.items()}
 
 
-def _shades(count: int) -> Array:
+def _white_shares(count: int) -> Array:
     """Share of white, of black where negative, in the lines of `count` designs, loads or drive values: light to dark."""
     return np.linspace(0.55, -0.35, count) if count > 1 else np.zeros(1)
 
 
-def _draw(axes: Any, table: Any, panel: _Panel, columns: dict[str, str], *, over: str, groups: Any) -> None:
+def _draw_panel(
+    axes: Any, table: Any, panel: _Panel, columns: dict[str, str], *, over: str, groups: Any
+) -> None:
     x = table[over]
     # all panels alike, whatever they have no numbers for
     low, high = float(np.nanmin(x)), float(np.nanmax(x))
     axes.set_xlim(low - 0.04 * (high - low), high + 0.04 * (high - low))
     largest = max(np.nanmax(np.abs(table[c])) for c in columns if np.isfinite(table[c]).any())
-    noise = 0.0 if panel.log else _NOISE * largest
+    noise = 0.0 if panel.log else _ZERO_SHARE * largest
     # a single point is no line
     shown = {c: n for c, n in columns.items() if np.sum(np.abs(table[c]) > noise) > 1}
-    hidden = _hidden(table, shown)
-    for color, (column, name) in zip(cycle(LINES), (shown or columns).items(), strict=False):
+    hidden = _covered_columns(table, shown)
+    for color, (column, name) in zip(cycle(LINE_COLORS), (shown or columns).items(), strict=False):
         for style, shade, (said, rows) in zip(
-            _styles(len(groups)), _shades(len(groups)), groups.items(), strict=True
+            _line_styles(len(groups)), _white_shares(len(groups)), groups.items(), strict=True
         ):
             y = np.abs(table[column][rows]) if panel.magnitude else table[column][rows]
             y = np.where(y > 0, y, np.nan) if panel.log else y
             last = said == next(reversed(groups))
-            tone = mixed(color, float(shade))
-            look = _BEHIND if column in hidden else {"linewidth": 1.6}
+            tone = blended(color, float(shade))
+            look = _COVERED_STYLE if column in hidden else {"linewidth": 1.6}
             axes.plot(x[rows], y, style, color=tone, label=name if last else None, **look)
     bad = np.isin(np.arange(len(x)), [k for k, s in enumerate(table["status"]) if s != "ok"])
     if bad.any():
-        mark = {"transform": axes.get_xaxis_transform(), "color": DRIVE, "clip_on": False}
+        mark = {"transform": axes.get_xaxis_transform(), "color": DRIVE_COLOR, "clip_on": False}
         axes.plot(x[bad], np.full(bad.sum(), 0.02), "x", markersize=5, **mark)
-    _scales(axes, panel, _spoken(over))
+    _format_panel(axes, panel, _axis_label(over))
     if shown and len(columns) > 1:
         _legend(axes, len(shown), panel.log, crowded=len(shown) * len(groups) > 3)
 
 
-def _hidden(table: Any, shown: dict[str, str]) -> set[str]:
-    """Columns whose curves lie on those of later ones, and the worst direction, which is one of the others."""
+def _covered_columns(table: Any, shown: dict[str, str]) -> set[str]:
+    """Columns whose curves later ones cover, and the worst direction, which repeats one of the others."""
     worst = {one for one in shown if shown[one] == "worst" and len(shown) > 1}
     plain = [one for one in shown if one not in worst]
     return worst | {
         one for k, one in enumerate(plain) for other in plain[k + 1 :]
-        if np.allclose(table[one], table[other], rtol=_SAME, atol=0.0, equal_nan=True)
+        if np.allclose(table[one], table[other], rtol=_SAME_CURVE_TOLERANCE, atol=0.0, equal_nan=True)
     }  # fmt: skip
 
 
 def _legend(axes: Any, count: int, log: bool, *, crowded: bool) -> None:
-    """Names of the series; above more than three curves they get room of their own."""
+    """Draw the legend; with more than three curves, in room of its own above them."""
     if crowded:
         low, high = axes.get_ylim()
         room = 0.12 * -(-count // 3)
@@ -213,7 +226,7 @@ def _legend(axes: Any, count: int, log: bool, *, crowded: bool) -> None:
     axes.legend(ncols=3 if crowded else 1, loc=place, **look)
 
 
-def _scales(axes: Any, panel: _Panel, over: str) -> None:
+def _format_panel(axes: Any, panel: _Panel, over: str) -> None:
     if panel.log:
         axes.set_yscale("log")
         low, high = axes.get_ylim()
@@ -228,37 +241,41 @@ def _scales(axes: Any, panel: _Panel, over: str) -> None:
             axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel(over, fontsize=9)
     axes.set_ylabel(panel.label, fontsize=9)
-    axes.set_title(panel.title, fontsize=10, color=INK, loc="left")
+    axes.set_title(panel.title, fontsize=10, color=TEXT_COLOR, loc="left")
     axes.tick_params(labelsize=8)
     plain_axes(axes)
 
 
-def _spoken(column: str) -> str:
+def _axis_label(column: str) -> str:
     """ "top_mm" as "top [mm]"."""
     name, _, unit = column.rpartition("_")
     return f"{name} [{unit}]" if name and unit in ("mm", "deg", "SI") else column.replace("_", " ")
 
 
-def _heading(figure: Any, table: Any, groups: dict[str, np.ndarray]) -> None:
-    """A key of the designs, load cases or drive values above all panels, and what crosses mean."""
+def _draw_key(figure: Any, table: Any, groups: dict[str, np.ndarray]) -> None:
+    """Draw the key of designs, load cases or drive values above all panels, and of the marks of failed poses."""
     from matplotlib.lines import Line2D
 
     key = []
     if len(groups) > 1:
-        every = zip(groups, _styles(len(groups)), _shades(len(groups)), strict=True)
+        every = zip(groups, _line_styles(len(groups)), _white_shares(len(groups)), strict=True)
         lines = [
-            Line2D([], [], color=mixed(GROUND, float(shade)), linestyle=style, linewidth=1.6, label=said)
+            Line2D(
+                [], [], color=blended(GROUND_COLOR, float(shade)), linestyle=style, linewidth=1.6, label=said
+            )
             for said, style, shade in every
         ]
         # of many, a few from the first to the last
         key = [
             lines[k]
-            for k in sorted({round(k) for k in np.linspace(0, len(lines) - 1, min(len(lines), _KEYS))})
+            for k in sorted(
+                {round(k) for k in np.linspace(0, len(lines) - 1, min(len(lines), _MAX_KEY_ENTRIES))}
+            )
         ]
     if table.failures:
         count = len(table.failures)
         said = f"{count} pose{'s' * (count != 1)} without full answer"
-        key.append(Line2D([], [], color=DRIVE, linestyle="none", marker="x", markersize=5, label=said))
+        key.append(Line2D([], [], color=DRIVE_COLOR, linestyle="none", marker="x", markersize=5, label=said))
     if key:
         wide = max(1, int(figure.get_figwidth() / 0.078 / (7 + max(len(line.get_label()) for line in key))))
         # a legend is filled by columns, and read by rows
@@ -266,6 +283,6 @@ def _heading(figure: Any, table: Any, groups: dict[str, np.ndarray]) -> None:
         figure.legend(handles=key, loc="outside upper left", ncols=wide, fontsize=8, frameon=False)
 
 
-def _styles(count: int) -> list[Any]:
+def _line_styles(count: int) -> list[Any]:
     """Line styles; plain lines where there are more than styles, told apart by their shade."""
     return list(_STYLES[:count]) if count <= len(_STYLES) else ["-"] * count

@@ -1,4 +1,4 @@
-"""Polygons in space from back to front: parted by the plane of one of them, again and again, and cut where they cross it."""
+"""Depth order of polygons in space by binary space partitioning: split by the plane of one of them, cut where they cross it."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import numpy as np
 from ksd.view.bodies import Polygon
 from ksd.view.figure import Array
 
-BEHIND, BEFORE, WITHIN, CROSS = range(4)
-"""Where a polygon is beside a plane."""
-TRIED = 4
-"""Faces whose planes are tried for every parting."""
-CUT = 4
-"""What a cut costs beside a polygon too many on one side."""
+BEHIND, IN_FRONT, IN_PLANE, CROSSING = range(4)
+"""Position of a polygon relative to a plane."""
+TRIED_PLANES = 4
+"""Number of planes tried for every split."""
+CUT_COST = 4
+"""Cost of a cut relative to one polygon of imbalance between the sides."""
 
 
 def back_to_front(polygons: list[Polygon], toward: Array, *, close: float) -> list[Polygon]:
@@ -28,31 +28,33 @@ def back_to_front(polygons: list[Polygon], toward: Array, *, close: float) -> li
             continue
         corners = np.concatenate([p.corners for p in group])
         starts = np.cumsum([0, *(len(p.corners) for p in group[:-1])])
-        planes = [(*_plane(group[k].corners), k) for k in faces[:: -(-len(faces) // TRIED)]]
+        planes = [(*_plane(group[k].corners), k) for k in faces[:: -(-len(faces) // TRIED_PLANES)]]
         cost, best = np.inf, None
         for plane, far, chosen in planes:
             distance = corners @ plane - far
             low, high = np.minimum.reduceat(distance, starts), np.maximum.reduceat(distance, starts)
             side = np.where(
-                low < -close, np.where(high > close, CROSS, BEHIND), np.where(high > close, BEFORE, WITHIN)
+                low < -close,
+                np.where(high > close, CROSSING, BEHIND),
+                np.where(high > close, IN_FRONT, IN_PLANE),
             )
             # bent a little, it is not cut by a plane of its own
-            side[chosen] = WITHIN
-            uneven = abs(int((side == BEFORE).sum()) - int((side == BEHIND).sum()))
-            if (now := CUT * int((side == CROSS).sum()) + uneven) < cost:
+            side[chosen] = IN_PLANE
+            uneven = abs(int((side == IN_FRONT).sum()) - int((side == BEHIND).sum()))
+            if (now := CUT_COST * int((side == CROSSING).sum()) + uneven) < cost:
                 cost, best = now, (plane, side, distance)
         assert best is not None
         plane, side, distance = best
         halves: tuple[list[Polygon], ...] = ([], [], [])
         for k, polygon in enumerate(group):
-            if side[k] < CROSS:
+            if side[k] < CROSSING:
                 halves[side[k]].append(polygon)
                 continue
             own = distance[starts[k] : starts[k] + len(polygon.corners)]
-            halves[BEHIND].append(polygon._replace(corners=_kept(polygon.corners, -own)))
-            halves[BEFORE].append(polygon._replace(corners=_kept(polygon.corners, own)))
-        sides = (BEHIND, BEFORE) if plane @ toward > 0.0 else (BEFORE, BEHIND)
-        left += [(halves[sides[1]], False), (halves[WITHIN], True), (halves[sides[0]], False)]
+            halves[BEHIND].append(polygon._replace(corners=_positive_side(polygon.corners, -own)))
+            halves[IN_FRONT].append(polygon._replace(corners=_positive_side(polygon.corners, own)))
+        sides = (BEHIND, IN_FRONT) if plane @ toward > 0.0 else (IN_FRONT, BEHIND)
+        left += [(halves[sides[1]], False), (halves[IN_PLANE], True), (halves[sides[0]], False)]
     return found
 
 
@@ -66,8 +68,8 @@ def _plane(corners: Array) -> tuple[Array, float]:
     return normal, float(normal @ corners.mean(axis=0))
 
 
-def _kept(corners: Array, distance: Array) -> Array:
-    """What of a polygon or line lies where the distance of its corners is positive."""
+def _positive_side(corners: Array, distance: Array) -> Array:
+    """The part of a polygon or line on the side where the distance of its corners to the plane is positive."""
     kept, count = [], len(corners)
     for i in range(count if count > 2 else 1):
         j = (i + 1) % count

@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ksd.view.figure import INK, LEAF, LINKS, new_figure, plain_axes
-from ksd.view.front import draw_designs
+from ksd.view.design_plots import draw_designs
+from ksd.view.figure import LEAF_COLOR, LINK_COLORS, TEXT_COLOR, new_figure, plain_axes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MANY = 8
-"""Starts that the key names; of more it names none."""
-LONG = 60
-"""Designs of a start up to which each is drawn; of more the best so far."""
-SMALL = 1e-5
-"""Share by which a limit is exceeded from which it is told."""
+MAX_KEY_STARTS = 8
+"""Largest number of starts that are named in a key."""
+MAX_DRAWN_DESIGNS = 60
+"""Largest number of designs of a start drawn one by one; of more, the best so far is drawn."""
+LIMIT_TOLERANCE = 1e-5
+"""Relative excess of a limit up to which it counts as met."""
 
 
 def plot_optimum(optimum: Any) -> Figure:
@@ -33,19 +33,19 @@ def plot_optimum(optimum: Any) -> Figure:
     names = list(dict.fromkeys(tried.by))
     for k, name in enumerate(names):
         own = by == name
-        color = LINKS[k % len(LINKS)]
+        color = LINK_COLORS[k % len(LINK_COLORS)]
         _one_start(top, low, tried.merits[own], tried.exceeded[own], color, name, job.merit_sign)
-    top.axhline(job.merit_sign * optimum.merit, color=LEAF, linewidth=0.8, zorder=0)
-    said: dict[str, Any] = {"fontsize": 9, "loc": "left", "color": INK}
+    top.axhline(job.merit_sign * optimum.merit, color=LEAF_COLOR, linewidth=0.8, zorder=0)
+    said: dict[str, Any] = {"fontsize": 9, "loc": "left", "color": TEXT_COLOR}
     top.set_title(f"{job.merit_name},\n{job.merit_sign * optimum.merit:.6g} at the optimum", **said)
     top.tick_params(labelbottom=False)
-    if len(names) <= MANY:
+    if len(names) <= MAX_KEY_STARTS:
         top.legend(fontsize=8, frameon=False)
     low.set_title("limit exceeded most [%]", **said)
     for axes in (top, low):
         plain_axes(axes)
         axes.tick_params(labelsize=8)
-    low.set_yscale("symlog", linthresh=100 * SMALL)
+    low.set_yscale("symlog", linthresh=100 * LIMIT_TOLERANCE)
     low.set_ylim(bottom=0)
     low.set_xlabel("designs of a start", fontsize=9)
     # a design is a whole number
@@ -60,10 +60,10 @@ def plot_optimum(optimum: Any) -> Figure:
 def _one_start(
     top: Any, low: Any, merits: np.ndarray, exceeded: np.ndarray, color: str, name: str, sign: float
 ) -> None:
-    """Designs of a start in their order; filled where limits are met. Of many designs the best so far that meets them."""
-    count, met = np.arange(1, len(merits) + 1), exceeded <= SMALL
+    """Draw the designs of a start in their order, filled where limits are met; of many, the best so far that meets them."""
+    count, met = np.arange(1, len(merits) + 1), exceeded <= LIMIT_TOLERANCE
     style = {"color": color, "linewidth": 1.0}
-    if len(merits) > LONG:
+    if len(merits) > MAX_DRAWN_DESIGNS:
         best = np.maximum.accumulate(np.where(met, merits, -np.inf))
         known = np.isfinite(best)
         top.step(count[known], sign * best[known], where="post", label=name, **style)

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ksd.view.figure import BACKING, INK, LEAF, REST, plain_axes
+from ksd.view.figure import LABEL_BACKGROUND, LEAF_COLOR, TEXT_COLOR, UNDEFORMED_COLOR, plain_axes
 
-KEPT, LEFT = LEAF, REST
+SIMULATED_COLOR, LEFT_OUT_COLOR = LEAF_COLOR, UNDEFORMED_COLOR
 
 
 def plot_effect_cost(
@@ -26,22 +26,22 @@ def plot_effect_cost(
     each what is simulated or left out, and why."""
     left, right = axes
     y = np.arange(len(names))[::-1]
-    colors = [KEPT if k else LEFT for k in kept]
+    colors = [SIMULATED_COLOR if k else LEFT_OUT_COLOR for k in kept]
     floor = 1e-6
     shown = [100 * max(abs(c), floor) for c in changes]
     left.barh(y, shown, color=colors, height=0.5)
     left.set_xscale("log")
     left.set_xlim(100 * floor, max(1e3 * floor, 4 * max(shown, default=1.0)))
-    left.axvline(100 * accuracy, color=INK, linewidth=0.9, linestyle=(0, (4, 3)))
+    left.axvline(100 * accuracy, color=TEXT_COLOR, linewidth=0.9, linestyle=(0, (4, 3)))
     left.set_xlabel("largest change of a quantity asked for [%] (dashed: accuracy asked for)")
     right.barh(y, [100 * c for c in costs], color=colors, height=0.5)
-    right.axvline(0.0, color=INK, linewidth=0.9)
+    right.axvline(0.0, color=TEXT_COLOR, linewidth=0.9)
     right.set_xlabel("change of solve time [%]")
     for row, name, one, why in zip(y, names, kept, reasons, strict=True):
         said = f"{name}, {'simulated' if one else 'left out'}: {why}"
         left.annotate(
             said, (0.0, row + 0.34), (2, 1), xycoords=("axes fraction", "data"), textcoords="offset points", fontsize=8,
-            color=INK, va="bottom", annotation_clip=False, bbox=BACKING,
+            color=TEXT_COLOR, va="bottom", annotation_clip=False, bbox=LABEL_BACKGROUND,
         )  # fmt: skip
     left.set_yticks(y, [""] * len(y))
     right.set_yticks(y, [""] * len(y))
@@ -51,6 +51,9 @@ def plot_effect_cost(
         plain_axes(one, grid="x")
         one.tick_params(axis="y", length=0)
     left.set_title(
-        "What an effect changes (orange: simulated, grey: left out)", fontsize=10, color=INK, loc="left"
+        "What an effect changes (orange: simulated, grey: left out)",
+        fontsize=10,
+        color=TEXT_COLOR,
+        loc="left",
     )
-    right.set_title("What it costs", fontsize=10, color=INK, loc="left")
+    right.set_title("What it costs", fontsize=10, color=TEXT_COLOR, loc="left")

@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ksd.view.figure import INK, LINES, plain_axes
-from ksd.view.labels import part_labels
+from ksd.view.figure import LINE_COLORS, TEXT_COLOR, plain_axes
+from ksd.view.labels import separate_labels
 
-LEVEL, BESIDE = 10**0.15, 1.5
+SAME_ERROR_RATIO, NEAR_TIME_RATIO = 10**0.15, 1.5
 """Ratios of errors and of times up to which marks share a label."""
-_STYLE = tuple(zip(LINES, "os^", strict=False))
+_STYLE = tuple(zip(LINE_COLORS, "os^", strict=False))
 
 
 class Mark(NamedTuple):
@@ -32,24 +32,26 @@ def plot_cost(axes: Any, marks: Sequence[Mark], *, title: str = "") -> None:
         style = {"color": color, "marker": symbol, "markersize": 7, "markeredgecolor": "white"}
         x, y = [1e6 * m.time for m in mine], [100 * m.error for m in mine]
         axes.plot(x, y, linestyle="none", label=label, zorder=3, **style)
-        for row in in_rows(mine):
+        for row in shared_label_rows(mine):
             place, said = (1e6 * row[-1].time, 100 * row[-1].error), "; ".join(m.name for m in row)
-            axes.annotate(said, place, (9, 0), textcoords="offset points", fontsize=8, color=INK, va="center")
-    _scales(axes, marks)
+            axes.annotate(
+                said, place, (9, 0), textcoords="offset points", fontsize=8, color=TEXT_COLOR, va="center"
+            )
+    _format_axes(axes, marks)
     axes.set_xlabel("thread time of a solve [\N{MICRO SIGN}s]")
     axes.set_ylabel("error of force and displacement [%]")
-    axes.set_title(title, fontsize=10, color=INK, loc="left")
+    axes.set_title(title, fontsize=10, color=TEXT_COLOR, loc="left")
     axes.legend(fontsize=8, frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3)
-    part_labels(axes, np.array([(1e6 * m.time, 100 * m.error) for m in marks]), np.zeros((0, 2)))
+    separate_labels(axes, np.array([(1e6 * m.time, 100 * m.error) for m in marks]), np.zeros((0, 2)))
 
 
-def in_rows(marks: Sequence[Any]) -> list[list[Any]]:
-    """Marks of the same `error` with a `time` near that of another, the fastest of a row first: one label tells them all."""
+def shared_label_rows(marks: Sequence[Any]) -> list[list[Any]]:
+    """Groups of marks with equal `error` and neighbouring `time`, the fastest first; each group shares one label."""
     rows: list[list[Any]] = []
     for m in sorted(marks, key=lambda m: float(m.time)):
         near = (
             r for r in rows
-            if max(r[-1].error, m.error) < LEVEL * min(r[-1].error, m.error) and m.time < BESIDE * r[-1].time
+            if max(r[-1].error, m.error) < SAME_ERROR_RATIO * min(r[-1].error, m.error) and m.time < NEAR_TIME_RATIO * r[-1].time
         )  # fmt: skip
         row = next(near, None)
         if row is None:
@@ -59,7 +61,7 @@ def in_rows(marks: Sequence[Any]) -> list[list[Any]]:
     return rows
 
 
-def _scales(axes: Any, marks: Sequence[Mark]) -> None:
+def _format_axes(axes: Any, marks: Sequence[Mark]) -> None:
     """Log axes with plain numbers, and room for the names."""
     times, errors = (np.array([getattr(m, key) for m in marks]) for key in ("time", "error"))
     axes.set_xscale("log")
