@@ -26,8 +26,8 @@ ROTATION_RADIUS = 0.05
 HEAD_RATIO = 0.8
 """Length of its head relative to that radius."""
 EDGE_ON_COSINE = 0.17
-"""Cosine of the angle between axis and viewing direction below which a rotation is drawn as an arrow with two heads along its
-axis, and tangent of that angle below which an arrow is drawn as a point."""
+"""Cosine of the angle between axis and viewing direction below which a rotation is drawn as an arrow with two heads along
+its axis, and tangent of that angle below which an arrow is drawn as a point."""
 
 
 def draw_arrows(
@@ -70,7 +70,7 @@ def draw_arrows(
 
 
 def _draw_load(axes: Any, load: Any, camera: Camera, size: float, *, labels: bool) -> Array:
-    """Draw a load: a force ends at its point, a moment circles it, a mass is a dot; returns points no label should cover."""
+    """Draw a force ending at its point, a moment around it or a mass as a dot; returns points no label should cover."""
     amount, place = float(np.linalg.norm(load.value)), camera.flat(load.place)
     unit = {"force": "N", "moment": "Nm", "mass": "kg"}[load.kind]
     tip, busy = place, place[None]
@@ -96,8 +96,8 @@ def _draw_load(axes: Any, load: Any, camera: Camera, size: float, *, labels: boo
 
 
 def draw_distances(axes: Any, shape: Any, camera: Camera, *, labels: bool) -> Array:
-    """Draw distances of the scene: both points, and a thin line along which the distance is measured, with its value; returns points
-    (n, 2) [mm] that no label should cover."""
+    """Draw distances of the scene: both points, and a thin line along the direction of measurement, with its value; returns
+    points (n, 2) [mm] that no label should cover."""
     busy = [np.zeros((0, 2))]
     for asked in shape.distances:
         start, end = asked.ends
@@ -114,7 +114,7 @@ def draw_distances(axes: Any, shape: Any, camera: Camera, *, labels: bool) -> Ar
 
 
 def _draw_arrow_in_space(axes: Any, camera: Camera, start: Array, end: Array, color: str) -> None:
-    """Draw an arrow in space [m]; one along the viewing direction is a circle with a dot (toward the eye) or a cross (away)."""
+    """Draw an arrow in space [m]; along the viewing direction, a circle with a dot (toward the eye) or cross (away)."""
     way = (end - start) @ camera.toward
     if np.linalg.norm(camera.flat(end - start)) > 1e3 * EDGE_ON_COSINE * abs(way):
         _draw_arrow(axes, camera.flat(start), camera.flat(end), color)
@@ -132,8 +132,8 @@ def _draw_arrow(axes: Any, start: Array, end: Array, color: str) -> None:
 
 
 def _draw_rotation(axes: Any, camera: Camera, place: Array, axis: Array, size: float, color: str) -> Array:
-    """Draw three quarters of a right-handed circle with a head about an axis (3,); seen edge-on, an arrow with two heads along
-    the axis instead. Returns its points (n, 2) [mm]."""
+    """Draw three quarters of a right-handed circle with a head about an axis (3,); seen edge-on, an arrow with two heads
+    along the axis instead. Returns its points (n, 2) [mm]."""
     if abs(axis @ camera.toward) < EDGE_ON_COSINE:
         flat = camera.flat(place + np.linspace(0.0, LOAD_ARROW * size, 25)[:, None] * axis)
         for end in (flat[-5], flat[-1]):

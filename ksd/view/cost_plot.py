@@ -46,12 +46,13 @@ def plot_cost(axes: Any, marks: Sequence[Mark], *, title: str = "") -> None:
 
 
 def shared_label_rows(marks: Sequence[Any]) -> list[list[Any]]:
-    """Groups of marks with equal `error` and neighbouring `time`, the fastest first; each group shares one label."""
+    """Groups of marks with equal `error` and similar `time`, fastest first; each shares a label."""
     rows: list[list[Any]] = []
     for m in sorted(marks, key=lambda m: float(m.time)):
         near = (
             r for r in rows
-            if max(r[-1].error, m.error) < SAME_ERROR_RATIO * min(r[-1].error, m.error) and m.time < NEAR_TIME_RATIO * r[-1].time
+            if max(r[-1].error, m.error) < SAME_ERROR_RATIO * min(r[-1].error, m.error)
+            and m.time < NEAR_TIME_RATIO * r[-1].time
         )  # fmt: skip
         row = next(near, None)
         if row is None:

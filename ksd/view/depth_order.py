@@ -1,4 +1,4 @@
-"""Depth order of polygons in space by binary space partitioning: split by the plane of one of them, cut where they cross it."""
+"""Depth order of polygons in space by binary space partitioning: split by a polygon's plane, cut where others cross it."""
 
 from __future__ import annotations
 
