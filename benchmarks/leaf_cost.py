@@ -86,7 +86,7 @@ def _modes(orders: Sequence[int]) -> Callable[[], None]:
 
 def _elements(count: int) -> Callable[[], None]:
     value, number = corotational_values.chain_values(SECTION, LENGTH, count), np.array([count, 1])
-    inner = corotational_values.start_inner(value, number)
+    inner = corotational_values.undeformed_inner(value, number)
     return _case(_chain, value, number, inner, corotational_values.sizes(count).store)
 
 

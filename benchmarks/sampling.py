@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import nnls
 
-from ksd.beam.modal import SCRATCH
+from ksd.beam.modal import ELEMENT_SCRATCH_SIZE
 from ksd.beam.modal_nodes import element_values
 from ksd.errors import SceneError
 from ksd.modal.leaf_basis import LeafBasis
@@ -71,7 +71,7 @@ def element_shares(
     """
     angle, q = body.choices.coordinates == "angle", body.values_per_node
     columns, z = np.hstack([body.boundary, body.inner]), body.values(d, Q, eta)
-    store, g, H = np.empty(SCRATCH), np.empty(2 * q), np.empty((2 * q, 2 * q))
+    store, g, H = np.empty(ELEMENT_SCRATCH_SIZE), np.empty(2 * q), np.empty((2 * q, 2 * q))
     force = np.empty((columns.shape[1], len(body.element_constants)))
     tangent = np.empty((*columns.shape[1:], *force.shape))
     for e, record in enumerate(body.element_constants):

@@ -1,1 +1,2 @@
-"""Elements: the leaf springs, springs and masses, each with its equations compiled."""
+"""Elements: leaf springs, springs, linear and modal bodies and the weight of leaf springs, each with compiled
+equations."""

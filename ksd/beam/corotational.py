@@ -1,19 +1,19 @@
 """Corotational Timoshenko chain: paper 1, Appendix A, with corrections 2, 3 and 7 of the errata.
 
-A leaf is a chain of n two-node elements between end frame p (origin, identity) and end frame q (position d,
-orientation Q); everything is in the frame of end p. Each element has six strains (A.4); its force is
-D^T S eps (A.18) and its tangent D^T S D + sum sigma_i d2eps_i in the symmetric chart R <- exp(dphi) R. With
-mixed integration points (MIP) sigma of the second term is extrapolated in the previous iteration; otherwise
-it is S eps. The inner nodes are eliminated by a 6x6 block sweep from p to q, so the cost is linear in n.
+A leaf is a chain of n two-node elements between end frame p (origin, identity) and end frame q (position d, orientation
+Q); everything is in the frame of end p. Each element has six strains (A.4); its force is D^T S eps (A.18) and its
+tangent D^T S D + sum sigma_i d2eps_i in the symmetric chart R <- exp(dphi) R. With mixed integration points (MIP) sigma
+of the second term is extrapolated in the previous iteration; otherwise it is S eps. The inner nodes are eliminated by a
+6x6 block sweep from p to q, so the cost is linear in n.
 
-Arrays (float64, SI): `value` holds n records of 16 (L0, S1, S2, S3a, S3b, S4a, S4b, T (9, row-major, columns
-n_x n_y n_z)) and the undeformed orientation Q0 (9) of end q; `inner` holds n-1 nodes of 12 (position 3,
-rotation from the undeformed state 9, row-major), then n x 6 stresses; `number` = [n, 1 for MIP or 0 for plain
-Newton]; `store` is scratch kept from `condense` to `recover`. `corotational_values` makes them. A chain with
-weight has its lumped masses after that in `value` and a longer `store`: see `ksd.beam.weight`.
+Arrays (float64, SI): `value` holds n records of 16 (L0, S1, S2, S3a, S3b, S4a, S4b, T (9, row-major, columns n_x n_y
+n_z)) and the undeformed orientation Q0 (9) of end q; `inner` holds n-1 nodes of 12 (position 3, rotation from the
+undeformed state 9, row-major), then n x 6 stresses; `number` = [n, 1 for MIP or 0 for plain Newton]; `store` passes
+data from `condense` to `recover`. `corotational_values` makes them. A chain with weight has its lumped masses after
+that in `value` and a longer `store`: see `ksd.beam.weight`.
 
-Compiled code raises nothing; status is 0 (fine), 1 (a local angle beyond 60 degrees, short of the 90 degrees
-where asin in A.4 folds back), 2 (a pivot vanished or a number is not finite).
+Compiled code raises nothing; status is 0 (fine), 1 (a local angle beyond 60 degrees, short of the 90 degrees where asin
+in A.4 folds back), 2 (a pivot vanished or a number is not finite).
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from ksd.beam.corotational_element import (
     A_AT,
     B_AT,
     C_AT,
-    KEPT,
+    CHAIN_SCRATCH_SIZE,
+    ELEMENT_STORE_SIZE,
     L_AT,
     S_AT,
     T_AT,
-    TAIL,
     U_AT,
     V_AT,
     Z_AT,
@@ -45,14 +45,20 @@ from ksd.beam.corotational_element import (
     stresses,
     tangent,
 )
-from ksd.beam.weight import GRAVITY_BLOCK_SIZE, eliminate_inner, finish_chain, load_inner, start_chain
+from ksd.beam.strain_values import GRAVITY_BLOCK_SIZE
+from ksd.beam.weight import (
+    add_inner_weight,
+    eliminate_gravity_coupling,
+    finish_chain_weight,
+    start_chain_weight,
+)
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_factors
 
 
 @kernel(inline="late")
-def finish(s, tail, lam, K):
-    """Write lam and K (6, 6) of end q; returns squared norms of the change of force and moment."""
+def finish_condensation(s, tail, lam, K):
+    """Write lam and K (6, 6) of end q; return the squared norms of the changes of force and moment."""
     for i in range(6):
         tail[S_AT + i] = tail[Z_AT + i]
     for i in range(3):
@@ -73,7 +79,7 @@ def finish(s, tail, lam, K):
 
 @kernel(inline="late")
 def end_rotation(value, n, Q, R):
-    """R (3, 3) = Q Q0^T: rotation of end q from the undeformed state."""
+    """Write R (3, 3) = Q Q0^T: rotation of end q from the undeformed state."""
     Q0 = value[16 * n : 16 * n + 9]
     for i in range(3):
         for j in range(3):
@@ -81,14 +87,15 @@ def end_rotation(value, n, Q, R):
 
 
 @kernel(inline="late")
-def weight_from(n, store):
-    """Where the couplings and the pull of a chain with weight begin in its store; of one without, its end."""
-    at = KEPT * n + TAIL
+def weight_offsets(n, store):
+    """Offsets in the store of a chain of its couplings with gravity and of its gravity block; both its end without
+    weight."""
+    at = ELEMENT_STORE_SIZE * n + CHAIN_SCRATCH_SIZE
     return at, len(store) - GRAVITY_BLOCK_SIZE if len(store) > at else at
 
 
 @kernel(inline="late")
-def _measure(v, s, tail):
+def _strains_and_stresses(v, s, tail):
     """Strains, their gradients and stresses of the element between the loaded nodes; returns the status."""
     node_axes(v, tail)
     chord(s, tail)
@@ -100,59 +107,58 @@ def _measure(v, s, tail):
 
 @kernel
 def condense(value, number, inner, store, d, Q, lam, K):
-    """Force and moment on end q at d (3,) m, orientation Q (3, 3), and their tangent K (6, 6), frame of p.
+    """Force and moment on end q at d (3,) [m], orientation Q (3, 3), and their tangent K (6, 6), frame of p.
 
-    lam (12,): 0..5 force [N] and moment [Nm] with the linear prediction of the inner nodes; 6..11 those of
-    the stresses the geometric stiffness is built from, for the geometric terms of a moving end p.
-    Returns (negative pivots, force error N, moment error Nm, status): the errors are the change of lam by the
-    inner residual, or the largest inner residual if larger.
-    Source: paper 1, (A.4)-(A.19), and errata 3 for the second derivatives.
+    lam (12,): 0..5 force [N] and moment [Nm] with the linear prediction of the inner nodes; 6..11 those of the stresses
+    the geometric stiffness is built from, for the geometric terms of a moving end p. Returns (negative pivots, force
+    error [N], moment error [Nm], status); the errors are the change of lam by the inner residual, or the largest inner
+    residual if larger. Source: paper 1, (A.4)-(A.19), and errata 3 for the second derivatives.
     """
     n = number[0]
-    tail = store[KEPT * n : KEPT * n + TAIL]
-    # stiffness is scratch until the last element is done
+    tail = store[ELEMENT_STORE_SIZE * n : ELEMENT_STORE_SIZE * n + CHAIN_SCRATCH_SIZE]
+    # K holds the rotation of end q until the last element is done
     end_rotation(value, n, Q, K)
     fix_start(tail)
-    coupled, pulled = weight_from(n, store)
-    mass, pull, spread = value[16 * n + 9 :], store[pulled:], store[coupled:pulled]
-    if len(pull) > 0:
-        start_chain(mass, n, pull, spread)
-    negatives, angle, lost = 0, 0, False
+    coupling_at, gravity_at = weight_offsets(n, store)
+    mass, gravity, coupling = value[16 * n + 9 :], store[gravity_at:], store[coupling_at:gravity_at]
+    if len(gravity) > 0:
+        start_chain_weight(mass, n, gravity, coupling)
+    negatives, angle, singular = 0, 0, False
     force = moment = 0.0
     for k in range(n):
         v = value[16 * k : 16 * k + 16]
-        s = store[KEPT * k : KEPT * k + KEPT]
+        s = store[ELEMENT_STORE_SIZE * k : ELEMENT_STORE_SIZE * k + ELEMENT_STORE_SIZE]
         load_node(tail, inner, k if k < n - 1 else -1, d, K)
-        status = _measure(v, s, tail)
-        # a large angle may pass during the iteration; only a converged state with one is refused
+        status = _strains_and_stresses(v, s, tail)
+        # a large angle is allowed during the iteration; only a converged state with one is refused
         angle = max(angle, status)
         at = 12 * (n - 1) + 6 * k
         for i in range(6):
             tail[Z_AT + i] = inner[at + i] if number[1] != 0 else tail[S_AT + i]
-        if k > 0 and len(pull) > 0:
-            load_inner(mass[k], pull, tail)
+        if k > 0 and len(gravity) > 0:
+            add_inner_weight(mass[k], gravity, tail)
         rf, rm = tangent(v, s, tail, k == 0)
         if k > 0:
             force, moment = max(force, rf), max(moment, rm)
-            found = eliminate(s, tail)
-            lost = lost or found < 0
-            negatives += found
-            if len(pull) > 0:
-                eliminate_inner(
-                    mass[k], s, pull, spread[18 * k : 18 * k + 18], spread[18 * k + 18 : 18 * k + 36]
+            element_negatives = eliminate(s, tail)
+            singular = singular or element_negatives < 0
+            negatives += element_negatives
+            if len(gravity) > 0:
+                eliminate_gravity_coupling(
+                    mass[k], s, gravity, coupling[18 * k : 18 * k + 18], coupling[18 * k + 18 : 18 * k + 36]
                 )
         if k == n - 1:
-            ef, em = finish(s, tail, lam, K)
+            ef, em = finish_condensation(s, tail, lam, K)
             force, moment = max(force, ef), max(moment, em)
-            if len(pull) > 0:
-                finish_chain(mass, n, pull, spread[18 * n : 18 * n + 18], d, Q, lam, K)
-    sound = not lost and math.isfinite(force + moment + lam[0] + K[0, 0])
-    return negatives, math.sqrt(force), math.sqrt(moment), angle if sound else 2
+            if len(gravity) > 0:
+                finish_chain_weight(mass, n, gravity, coupling[18 * n : 18 * n + 18], d, Q, lam, K)
+    is_regular = not singular and math.isfinite(force + moment + lam[0] + K[0, 0])
+    return negatives, math.sqrt(force), math.sqrt(moment), angle if is_regular else 2
 
 
 @kernel(inline="late")
-def _turn(node, x, y, z):
-    """Rotation of a node record: R <- exp([x y z]x) R (Rodrigues)."""
+def _rotate_node(node, x, y, z):
+    """Rotate a node record: R <- exp([x y z]x) R (Rodrigues)."""
     f, g = rotation_factors(x * x + y * y + z * z)
     for j in range(3):
         a, b, c = node[3 + j], node[6 + j], node[9 + j]
@@ -163,7 +169,7 @@ def _turn(node, x, y, z):
 
 
 @kernel(inline="late")
-def _extrapolate(v, s, sigma, move, scale):
+def _extrapolate_stresses(v, s, sigma, move, scale):
     """MIP: sigma <- S (eps + scale D dq), dq = `move` (p then q, 12), at the configuration of `condense`."""
     e1, e2 = 0.0, 0.0
     e3, e4, e5, e6 = 0.0, 0.0, 0.0, 0.0
@@ -188,20 +194,21 @@ def _extrapolate(v, s, sigma, move, scale):
 
 @kernel
 def recover(value, number, inner, store, xi, scale):
-    """Move the inner nodes after end q moved by xi (6,) (translation m, rotation rad; frame of p).
+    """Move the inner nodes after end q moved by xi (6,) (translation [m], rotation [rad]; frame of p).
 
-    The whole update is multiplied by `scale`; xi is the unscaled increment the tangent of the last `condense`
-    was solved for. The stresses of the geometric stiffness are extrapolated, S (eps + scale D dq).
+    The whole update is multiplied by `scale`; xi is the unscaled increment for which the tangent of the last `condense`
+    was solved. The stresses of the geometric stiffness are extrapolated, S (eps + scale D dq).
     """
     n = number[0]
-    at = KEPT * n + TAIL
-    heavy = len(store) > at
-    move, spread, pull = store[KEPT * n : KEPT * n + 12], store[at:], store[max(at, len(store) - 3) :]
+    at = ELEMENT_STORE_SIZE * n + CHAIN_SCRATCH_SIZE
+    has_weight = len(store) > at
+    move, coupling = store[ELEMENT_STORE_SIZE * n : ELEMENT_STORE_SIZE * n + 12], store[at:]
+    gravity_change = store[max(at, len(store) - 3) :]
     for i in range(6):
         move[6 + i] = xi[i]
     for k in range(n - 1, -1, -1):
         v = value[16 * k : 16 * k + 16]
-        s = store[KEPT * k : KEPT * k + KEPT]
+        s = store[ELEMENT_STORE_SIZE * k : ELEMENT_STORE_SIZE * k + ELEMENT_STORE_SIZE]
         for i in range(6):
             move[i] = 0.0
         if k > 0:
@@ -209,9 +216,9 @@ def recover(value, number, inner, store, xi, scale):
                 b = s[B_AT + 8 * i + 6]
                 for j in range(6):
                     b += s[B_AT + 8 * i + j] * move[6 + j]
-                if heavy:
+                if has_weight:
                     for j in range(3):
-                        b += spread[18 * k + 3 * i + j] * pull[j]
+                        b += coupling[18 * k + 3 * i + j] * gravity_change[j]
                 b *= -s[A_AT + 7 * i]
                 for j in range(i + 1, 6):
                     b -= s[A_AT + 6 * i + j] * move[j]
@@ -219,9 +226,9 @@ def recover(value, number, inner, store, xi, scale):
             node = inner[12 * k - 12 : 12 * k]
             for i in range(3):
                 node[i] += scale * move[i]
-            _turn(node, scale * move[3], scale * move[4], scale * move[5])
+            _rotate_node(node, scale * move[3], scale * move[4], scale * move[5])
         at = 12 * (n - 1) + 6 * k
-        _extrapolate(v, s, inner[at : at + 6], move, scale)
+        _extrapolate_stresses(v, s, inner[at : at + 6], move, scale)
         for i in range(6):
             move[6 + i] = move[i]
 
@@ -230,8 +237,8 @@ def recover(value, number, inner, store, xi, scale):
 def energy(value, number, inner, d, Q):
     """Strain energy [J], sum of eps S eps / 2, with end q at d (3,), Q (3, 3)."""
     n = number[0]
-    store = np.empty(KEPT + TAIL)
-    s, tail = store[:KEPT], store[KEPT:]
+    store = np.empty(ELEMENT_STORE_SIZE + CHAIN_SCRATCH_SIZE)
+    s, tail = store[:ELEMENT_STORE_SIZE], store[ELEMENT_STORE_SIZE:]
     R = np.empty((3, 3))
     end_rotation(value, n, Q, R)
     fix_start(tail)
@@ -239,7 +246,7 @@ def energy(value, number, inner, d, Q):
     for k in range(n):
         v = value[16 * k : 16 * k + 16]
         load_node(tail, inner, k if k < n - 1 else -1, d, R)
-        _measure(v, s, tail)
+        _strains_and_stresses(v, s, tail)
         for i in range(6):
             total += 0.5 * tail[S_AT + i] * s[i]
     return total

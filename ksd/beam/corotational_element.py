@@ -1,8 +1,7 @@
 """One corotational Timoshenko element: strains, their derivatives, force and tangent (paper 1, Appendix A).
 
-With corrections 2, 3 and 7 of the errata. Kernels work on two scratch arrays of the chain in `corotational`:
-`s`, the numbers kept per element, and `tail`, shared by all elements. Flat loops over constants, so that the compiler
-unrolls them; the offsets below say where things are.
+With corrections 2, 3 and 7 of the errata. Kernels work on two arrays of the chain in `corotational`: `s`, stored per
+element, and `tail`, scratch shared by all elements. Loops have constant bounds, so that the compiler unrolls them.
 """
 
 from __future__ import annotations
@@ -11,25 +10,32 @@ import math
 
 from ksd.numerics.kernel import kernel
 
-# In `s`: eps 6, l 3, deps/dL and deps/dphi of strains 3..6 (12 + 12), deps2/dphi_p 3, factor, coupling 6 x 8
 L_AT, U_AT, V_AT, T_AT, A_AT, B_AT = 6, 9, 21, 33, 36, 72
-# In `tail`: nodes p and q (position 3, rotation 9), axes 12, |L|, sines 4, factors 4, torsion 10, stresses 6
+"""Offsets in `s`, after the strains eps (6): chord direction l (3), derivatives of strains 3..6 by the chord L (12) and
+by the rotations phi (12), derivative of strain 2 by phi_p (3), block A (6, 6) of node p or its factor, and B (6, 8):
+its coupling with node q (columns 0..5) and residuals (6 and 7)."""
+
 P_AT, Q_AT, X_AT, N_AT, W_AT, F_AT, R_AT, S_AT = 0, 12, 24, 36, 37, 41, 45, 55
-# then products S D 12, sigma-weighted axes and their normals 15, diagonal block and residual of node q 6 x 8
+"""Offsets in `tail`: nodes p and q (position 3, rotation 9), section axes z_p, z_q, y_p, y_q (12), |L|, sines w (4) and
+asin factors (4) of the bending strains, the same and derivatives of the torsion strain (10), stresses sigma (6)."""
+
 M_AT, G_AT, C_AT = 64, 76, 100
-# and the stresses the geometric stiffness is of
+"""Offsets after these: products S D (12), sigma-weighted axes and their cross products with l (15), diagonal block and
+residuals of node q (6, 8)."""
+
 Z_AT = 148
-KEPT = 120
-"""Numbers kept per element in `store`."""
-TAIL = 154
-"""Scratch numbers after them."""
+"""Offset of the stresses (6) of the geometric stiffness."""
+ELEMENT_STORE_SIZE = 120
+"""Length of `s`."""
+CHAIN_SCRATCH_SIZE = 154
+"""Length of `tail`."""
 TINY_PIVOT = 1e-14
 """A pivot below this fraction of its diagonal before elimination counts as zero."""
 
 
 @kernel(inline="late")
 def load_node(tail, inner, k, d, R):
-    """Node q of the previous element becomes node p; node q is `inner` node k, or the end d, R if k < 0."""
+    """Make node q of the previous element node p; node q becomes `inner` node k, or the end d, R if k < 0."""
     for i in range(12):
         tail[P_AT + i] = tail[Q_AT + i]
     for i in range(3):
@@ -40,7 +46,7 @@ def load_node(tail, inner, k, d, R):
 
 @kernel(inline="late")
 def fix_start(tail):
-    """End frame p as a node: at the origin, unrotated; residual carried from it is zero."""
+    """Load end frame p as a node: at the origin, unrotated, with zero residual carried over."""
     for i in range(12):
         tail[Q_AT + i] = 0.0
     tail[Q_AT + 3] = tail[Q_AT + 7] = tail[Q_AT + 11] = 1.0
@@ -71,7 +77,8 @@ def chord(s, tail):
 
 @kernel(inline="late")
 def gradients(length, s, tail):
-    """First derivatives D of the strains (A.11) and asin factors; returns 1 beyond 60 degrees or if nan."""
+    """First derivatives D of the strains (A.11) and asin factors; returns 1 for an angle beyond 60 degrees or nan, else
+    0."""
     lx, ly, lz = s[L_AT], s[L_AT + 1], s[L_AT + 2]
     r = 1.0 / tail[N_AT]
     status = 0
@@ -100,7 +107,7 @@ def gradients(length, s, tail):
     wb = cx * ex + cy * ey + cz * ez
     if not (wa * wa <= 0.75 and wb * wb <= 0.75):
         status = 1
-    # the folded side: an axis x = y x z of a node against the chord, or a twist past 90 degrees
+    # folded back: an axis x = y x z of a node points against the chord, or the twist is beyond 90 degrees
     xp = lx * (cy * az - cz * ay) + ly * (cz * ax - cx * az) + lz * (cx * ay - cy * ax)
     xq = lx * (by * ez - bz * ey) + ly * (bz * ex - bx * ez) + lz * (bx * ey - by * ex)
     turn = ax * ex + ay * ey + az * ez + bx * cx + by * cy + bz * cz
@@ -119,7 +126,7 @@ def gradients(length, s, tail):
 
 @kernel(inline="late")
 def strains(length, s, tail):
-    """Strains eps of A.4 at the present configuration."""
+    """Strains eps of A.4 at the current configuration."""
     s[0] = tail[N_AT] - length
     s[1] = 0.5 * length * (math.asin(tail[R_AT]) - math.asin(tail[R_AT + 2]))
     s[2] = -length * math.asin(tail[W_AT])
@@ -153,12 +160,12 @@ def node_forces(s, tail, i):
 
 @kernel(inline="late")
 def tangent(v, s, tail, first):
-    """Element tangent and force; node p is added to the block carried in C, giving A and B; node q refills C.
+    """Element tangent and force; node p is added to the block carried in C, which gives A and B, and node q replaces C.
 
-    With w = a . l: d2w/dLdL = -(Pa l^T + l (Pa)^T + w P)/|L|^2, d2w/dL dphi = -P [a]x/|L|, P = I - l l^T,
-    d2w/dphi2 = (a l^T + l a^T)/2 - w I; with w = a . b, a on p, b on q: d2w/dphi_p dphi_q = w I - b a^T.
-    The term w dw dw^T/(1 - w^2)^1.5 of asin joins D^T S D: it only changes the diagonal of S.
-    Returns the largest squared force and moment residual of node p.
+    With w = a . l: d2w/dLdL = -(Pa l^T + l (Pa)^T + w P)/|L|^2, d2w/dL dphi = -P [a]x/|L|, P = I - l l^T, d2w/dphi2 =
+    (a l^T + l a^T)/2 - w I; with w = a . b, a on p, b on q: d2w/dphi_p dphi_q = w I - b a^T. The term w dw dw^T/(1 -
+    w^2)^1.5 of asin joins D^T S D: it only changes the diagonal of S. first: element 1, whose node p is fixed. Returns
+    the largest squared force and moment residual of node p.
     """
     lx, ly, lz = s[L_AT], s[L_AT + 1], s[L_AT + 2]
     sigma = tail[Z_AT : Z_AT + 6]
@@ -247,7 +254,7 @@ def tangent(v, s, tail, first):
 
 @kernel(inline="late")
 def unstressed_tangent(v, s, tail, first):
-    """`tangent` for no stresses in the geometric stiffness: D^T S D alone (A.11, A.13).
+    """`tangent` without stresses in the geometric stiffness: D^T S D only (A.11, A.13).
 
     The force is still that of the stresses in `tail`.
     """
@@ -286,7 +293,7 @@ def unstressed_tangent(v, s, tail, first):
 
 @kernel(inline="late")
 def _carry_forces(s, tail, first):
-    """Forces of the element on both nodes; returns the largest squared force and moment residual of node p."""
+    """Add the forces of the element on both nodes; return the largest squared force and moment residual of node p."""
     worst_force = worst_moment = 0.0
     for i in range(3):
         force, at_p, at_q = node_forces(s, tail, i)
@@ -294,9 +301,12 @@ def _carry_forces(s, tail, first):
             s[B_AT + 8 * i + 6] = tail[C_AT + 8 * i + 6] - force
             s[B_AT + 8 * i + 30] = tail[C_AT + 8 * i + 30] + at_p
             s[B_AT + 8 * i + 7] = s[B_AT + 8 * i + 31] = 0.0
-            left, turned = tail[C_AT + 8 * i + 7] - force, tail[C_AT + 8 * i + 31] + at_p
-            worst_force += left * left
-            worst_moment += turned * turned
+            unbalanced_force, unbalanced_moment = (
+                tail[C_AT + 8 * i + 7] - force,
+                tail[C_AT + 8 * i + 31] + at_p,
+            )
+            worst_force += unbalanced_force * unbalanced_force
+            worst_moment += unbalanced_moment * unbalanced_moment
         tail[C_AT + 8 * i + 6] = tail[C_AT + 8 * i + 7] = force
         tail[C_AT + 8 * i + 30] = tail[C_AT + 8 * i + 31] = at_q
     return worst_force, worst_moment
@@ -304,9 +314,9 @@ def _carry_forces(s, tail, first):
 
 @kernel(inline="late")
 def eliminate(s, tail):
-    """Eliminate node p: A = L D L^T, B <- L^-1 B, C -= B^T D^-1 B (column 6: residual; 7 is kept).
+    """Eliminate node p: A = L D L^T, B <- L^-1 B, C -= B^T D^-1 B, including the residuals in columns 6 and 7.
 
-    Leaves 1/D on the diagonal and L^T above it; returns the number of negative pivots, -1 if one vanished.
+    Leaves 1/D on the diagonal of A and L^T above it. Returns the number of negative pivots, -1 if one vanished.
     """
     negatives = 0
     for j in range(6):

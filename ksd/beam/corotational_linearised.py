@@ -1,4 +1,4 @@
-"""Corotational chain linearised about given element orientations: the joint bodies of paper 1, section 3.
+"""Corotational chain linearised about its near configuration, given element orientations: paper 1, section 3.
 
 Layouts and statuses are those of `ksd.beam.corotational`.
 """
@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import math
 
-from ksd.beam.corotational import end_rotation, finish, weight_from
+from ksd.beam.corotational import end_rotation, finish_condensation, weight_offsets
 from ksd.beam.corotational_element import (
     A_AT,
-    KEPT,
+    CHAIN_SCRATCH_SIZE,
+    ELEMENT_STORE_SIZE,
     L_AT,
     N_AT,
     T_AT,
-    TAIL,
     U_AT,
     V_AT,
     Z_AT,
@@ -26,14 +26,20 @@ from ksd.beam.corotational_element import (
     stresses,
     unstressed_tangent,
 )
-from ksd.beam.weight import eliminate_inner, finish_chain, load_inner, start_chain
+from ksd.beam.weight import (
+    add_inner_weight,
+    eliminate_gravity_coupling,
+    finish_chain_weight,
+    start_chain_weight,
+)
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_exp, rotation_log_below_150
 
 
 @kernel(inline="late")
-def _direction(v, s, tail, H):
-    """H (3, 3) = exp(near), kept in `s`: chord of an undeformed element in the near configuration (paper 1, 3.2)."""
+def _set_chord(v, s, tail, H):
+    """Write H (3, 3) = exp(near), stored in `s`, and the chord of an undeformed element with this orientation (paper 1,
+    3.2)."""
     for i in range(3):
         for j in range(3):
             H[i, j] = s[A_AT + 3 * i + j]
@@ -43,7 +49,10 @@ def _direction(v, s, tail, H):
 
 @kernel(inline="late")
 def _flexible_strains(v, s, tail, H, R, move):
-    """e = D times the flexible displacement (3.6), move (12,): node rotations from H, gap L - L0 n_l; R (3, 3): scratch."""
+    """Strains e = D times the flexible displacement (3.6) of an element.
+
+    move (12,): node rotations relative to H and the gap L - L0 n_l of the chord; R (3, 3): scratch.
+    """
     for e in range(2):
         for i in range(3):
             move[6 * e + i] = tail[12 * e + i]
@@ -66,9 +75,10 @@ def _flexible_strains(v, s, tail, H, R, move):
 
 @kernel(inline="late")
 def _place_nodes(value, n, inner, store, near, d, H, x):
-    """Inner nodes of the near configuration: undeformed elements chained, to x (3,), the gap at q spread linearly.
+    """Inner nodes of the near configuration: undeformed elements chained; the gap at end q is spread linearly over the
+    nodes.
 
-    Element orientations are kept where the element's block A will be.
+    x (3,): end of that chain. Element orientations are stored where block A of each element will be.
     """
     for i in range(3):
         x[i] = 0.0
@@ -77,7 +87,7 @@ def _place_nodes(value, n, inner, store, near, d, H, x):
         v = value[16 * k : 16 * k + 16]
         for i in range(3):
             for j in range(3):
-                store[KEPT * k + A_AT + 3 * i + j] = H[i, j]
+                store[ELEMENT_STORE_SIZE * k + A_AT + 3 * i + j] = H[i, j]
         for i in range(3):
             x[i] += v[0] * (H[i, 0] * v[7] + H[i, 1] * v[10] + H[i, 2] * v[13])
             if k < n - 1:
@@ -92,54 +102,54 @@ def _place_nodes(value, n, inner, store, near, d, H, x):
 
 @kernel
 def condense_linearised(value, number, inner, store, near, d, Q, lam, K, A, M):
-    """Condensed stiffness linearised in the near configuration (element orientations; paper 1, section 3).
+    """Condensed stiffness linearised in the near configuration (paper 1, section 3).
 
-    `near` (3 (2n-1),): rotation vectors from the undeformed state of the n elements, then of the n-1 inner
-    nodes, frame of p. The elements are undeformed at these orientations; the small rest is linear, force D^T S e, tangent
-    D^T S D. Sets the inner nodes and leaves `store` so that `recover` gives the deformed inner state with extrapolated
-    stresses. A, M (3, 3) or more: scratch. Arguments and returns otherwise as `condense`.
+    `near` (3 (2n-1),): rotation vectors from the undeformed state of the n elements, then of the n-1 inner nodes, frame
+    of p. The elements are undeformed at these orientations; the small remainder is linear, force D^T S e, tangent D^T S
+    D. Sets the inner nodes and leaves `store` so that `recover` gives the deformed inner state with extrapolated
+    stresses. A, M (3, 3) or larger: scratch. Other arguments and returns as `condense`.
     """
     n = number[0]
-    tail = store[KEPT * n : KEPT * n + TAIL]
-    # wrench and stiffness are scratch until the last element is done
+    tail = store[ELEMENT_STORE_SIZE * n : ELEMENT_STORE_SIZE * n + CHAIN_SCRATCH_SIZE]
+    # lam and K are scratch until the last element is done
     _place_nodes(value, n, inner, store, near, d, A, lam)
     end_rotation(value, n, Q, K)
     fix_start(tail)
     for i in range(6):
         tail[Z_AT + i] = 0.0
-    coupled, pulled = weight_from(n, store)
-    mass, pull, spread = value[16 * n + 9 :], store[pulled:], store[coupled:pulled]
-    if len(pull) > 0:
-        start_chain(mass, n, pull, spread)
-    negatives, folded, lost = 0, False, False
+    coupling_at, gravity_at = weight_offsets(n, store)
+    mass, gravity, coupling = value[16 * n + 9 :], store[gravity_at:], store[coupling_at:gravity_at]
+    if len(gravity) > 0:
+        start_chain_weight(mass, n, gravity, coupling)
+    negatives, is_folded, singular = 0, False, False
     force = moment = 0.0
     for k in range(n):
         v = value[16 * k : 16 * k + 16]
-        s = store[KEPT * k : KEPT * k + KEPT]
+        s = store[ELEMENT_STORE_SIZE * k : ELEMENT_STORE_SIZE * k + ELEMENT_STORE_SIZE]
         load_node(tail, inner, k if k < n - 1 else -1, d, K)
         node_axes(v, tail)
-        _direction(v, s, tail, A)
-        folded = folded or gradients(v[0], s, tail) != 0
+        _set_chord(v, s, tail, A)
+        is_folded = is_folded or gradients(v[0], s, tail) != 0
         _flexible_strains(v, s, tail, A, M, lam)
         stresses(v, s, tail)
-        if k > 0 and len(pull) > 0:
-            load_inner(mass[k], pull, tail)
+        if k > 0 and len(gravity) > 0:
+            add_inner_weight(mass[k], gravity, tail)
         rf, rm = unstressed_tangent(v, s, tail, k == 0)
         if k > 0:
             force, moment = max(force, rf), max(moment, rm)
-            found = eliminate(s, tail)
-            lost = lost or found < 0
-            negatives += found
-            if len(pull) > 0:
-                eliminate_inner(
-                    mass[k], s, pull, spread[18 * k : 18 * k + 18], spread[18 * k + 18 : 18 * k + 36]
+            element_negatives = eliminate(s, tail)
+            singular = singular or element_negatives < 0
+            negatives += element_negatives
+            if len(gravity) > 0:
+                eliminate_gravity_coupling(
+                    mass[k], s, gravity, coupling[18 * k : 18 * k + 18], coupling[18 * k + 18 : 18 * k + 36]
                 )
         if k == n - 1:
-            ef, em = finish(s, tail, lam, K)
+            ef, em = finish_condensation(s, tail, lam, K)
             force, moment = max(force, ef), max(moment, em)
-            if len(pull) > 0:
-                finish_chain(mass, n, pull, spread[18 * n : 18 * n + 18], d, Q, lam, K)
-    if folded:
+            if len(gravity) > 0:
+                finish_chain_weight(mass, n, gravity, coupling[18 * n : 18 * n + 18], d, Q, lam, K)
+    if is_folded:
         return negatives, math.inf, math.inf, 1
-    sound = not lost and math.isfinite(force + moment + lam[0] + K[0, 0])
-    return negatives, math.sqrt(force), math.sqrt(moment), 0 if sound else 2
+    is_regular = not singular and math.isfinite(force + moment + lam[0] + K[0, 0])
+    return negatives, math.sqrt(force), math.sqrt(moment), 0 if is_regular else 2

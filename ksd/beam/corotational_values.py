@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 from ksd.beam.strain_values import GRAVITY_BLOCK_SIZE
 
 Array = NDArray[np.float64]
-RECORD = 16
+ELEMENT_RECORD_SIZE = 16
 """Numbers per element in `value`."""
-NODE = 12
+NODE_RECORD_SIZE = 12
 """Numbers per inner node in `inner`."""
-KEPT, TAIL = 120, 154
-"""Scratch per element and per chain, as in `ksd.beam.corotational_element`, which importing would compile."""
+ELEMENT_STORE_SIZE, CHAIN_SCRATCH_SIZE = 120, 154
+"""Store per element and scratch per chain, as in `ksd.beam.corotational_element`, whose import would load the compiler."""
 
 
 class ElementSection(NamedTuple):
-    """What an element needs of a section: moduli E, G [Pa], area A [m2], Saint-Venant torsion constant J,
-    second moments Iy (about y, deflection along z) and Iz [m4], shear factors ky, kz (along y and z)."""
+    """Section of an element: moduli E, G [Pa], area A [m2], Saint-Venant torsion constant J, second moments Iy (about
+    y, deflection along z) and Iz [m4], shear factors ky, kz (along y and z)."""
 
     E: float
     G: float
@@ -45,8 +45,12 @@ class ChainSizes(NamedTuple):
 
 def sizes(n: int, *, has_weight: bool = False) -> ChainSizes:
     """Lengths of `value`, `inner` and `store` for a chain of n elements; has_weight: with weight."""
-    more = 18 * (n + 1) + GRAVITY_BLOCK_SIZE if has_weight else 0
-    return ChainSizes(RECORD * n + 9 + has_weight * (n + 7), NODE * (n - 1) + 6 * n, KEPT * n + TAIL + more)
+    gravity = 18 * (n + 1) + GRAVITY_BLOCK_SIZE if has_weight else 0
+    return ChainSizes(
+        ELEMENT_RECORD_SIZE * n + 9 + has_weight * (n + 7),
+        NODE_RECORD_SIZE * (n - 1) + 6 * n,
+        ELEMENT_STORE_SIZE * n + CHAIN_SCRATCH_SIZE + gravity,
+    )
 
 
 def lumped_masses(value: Array, n: int, line_mass: Array) -> Array:
@@ -55,10 +59,10 @@ def lumped_masses(value: Array, n: int, line_mass: Array) -> Array:
     Half of every element at each of its nodes [kg]; then the first moments [kg m] of the halves at end p, in its
     frame, and at end q, in its frame: levers of a sixth of the element, work-equivalent to its cubic deflection.
     """
-    records = value[: RECORD * n].reshape(n, RECORD)
+    records = value[: ELEMENT_RECORD_SIZE * n].reshape(n, ELEMENT_RECORD_SIZE)
     half = 0.5 * line_mass * records[:, 0]
     first, last = (half[k] * records[k, 0] / 6.0 * records[k, [7, 10, 13]] for k in (0, n - 1))
-    Q0 = value[RECORD * n : RECORD * n + 9].reshape(3, 3)
+    Q0 = value[ELEMENT_RECORD_SIZE * n : ELEMENT_RECORD_SIZE * n + 9].reshape(3, 3)
     return np.concatenate([np.append(half, 0.0) + np.append(0.0, half), first, -Q0.T @ last])
 
 
@@ -101,7 +105,7 @@ def chain_values(
     if n < 1:
         raise ValueError(f"A leaf needs at least one element, got elements = {n}; use 2 or more for bending.")
     positions, orientations = straight_nodes(L, n) if curve is None else curve
-    value = np.empty(RECORD * n + 9)
+    value = np.empty(ELEMENT_RECORD_SIZE * n + 9)
     for k in range(n):
         chord = positions[k + 1] - positions[k]
         length = float(np.linalg.norm(chord))
@@ -111,51 +115,51 @@ def chain_values(
         y = orientations[k][:, 1] + orientations[k + 1][:, 1]
         y = y - (y @ x) * x
         y /= np.linalg.norm(y)
-        record = value[RECORD * k : RECORD * (k + 1)]
+        record = value[ELEMENT_RECORD_SIZE * k : ELEMENT_RECORD_SIZE * (k + 1)]
         record[0] = length
         record[1:7] = stiffness_numbers(section, length)
         record[7:] = np.column_stack([x, y, np.cross(x, y)]).ravel()
-    value[RECORD * n :] = orientations[n].ravel()
+    value[ELEMENT_RECORD_SIZE * n :] = orientations[n].ravel()
     return value
 
 
-def start_inner(value: Array, number: NDArray[np.int64]) -> Array:
+def undeformed_inner(value: Array, number: NDArray[np.int64]) -> Array:
     """The undeformed inner state (12 (n-1) + 6 n,): nodes on the undeformed leaf, unrotated, unstressed."""
     n = int(number[0])
     inner = np.zeros(sizes(n).inner)
     position = np.zeros(3)
     for k in range(n - 1):
-        record = value[RECORD * k : RECORD * (k + 1)]
+        record = value[ELEMENT_RECORD_SIZE * k : ELEMENT_RECORD_SIZE * (k + 1)]
         position = position + record[0] * record[[7, 10, 13]]
-        inner[NODE * k : NODE * k + 3] = position
-        inner[NODE * k + 3 : NODE * (k + 1)] = np.eye(3).ravel()
+        inner[NODE_RECORD_SIZE * k : NODE_RECORD_SIZE * k + 3] = position
+        inner[NODE_RECORD_SIZE * k + 3 : NODE_RECORD_SIZE * (k + 1)] = np.eye(3).ravel()
     return inner
 
 
-def strained_inner(value: Array, number: NDArray[np.int64], d: Array, Q: Array) -> Array:
-    """As `start_inner` where end q is at d (3,) m with axes Q (3, 3): what it is off the undeformed end is spread evenly
+def stretched_inner(value: Array, number: NDArray[np.int64], d: Array, Q: Array) -> Array:
+    """Inner state where end q is at d (3,) [m] with axes Q (3, 3): the motion from the undeformed end is spread evenly
     over the nodes, so that no element takes all of it."""
     from scipy.spatial.transform import Rotation
 
-    n, inner = int(number[0]), start_inner(value, number)
+    n, inner = int(number[0]), undeformed_inner(value, number)
     end, clamp = undeformed_end(value, number)
-    turn = Rotation.from_matrix(Q @ clamp.T).as_rotvec()
+    rotation = Rotation.from_matrix(Q @ clamp.T).as_rotvec()
     for k in range(n - 1):
-        share, node = (k + 1) / n, inner[NODE * k : NODE * (k + 1)]
+        share, node = (k + 1) / n, inner[NODE_RECORD_SIZE * k : NODE_RECORD_SIZE * (k + 1)]
         node[:3] += share * (d - end)
-        node[3:] = Rotation.from_rotvec(share * turn).as_matrix().ravel()
+        node[3:] = Rotation.from_rotvec(share * rotation).as_matrix().ravel()
     return inner
 
 
 def undeformed_end(value: Array, number: NDArray[np.int64]) -> tuple[Array, Array]:
     """Position d (3,) m and orientation Q (3, 3) of end q in the undeformed state."""
     n = int(number[0])
-    records = value[: RECORD * n].reshape(n, RECORD)
-    clamp = value[RECORD * n : RECORD * n + 9].reshape(3, 3).copy()
+    records = value[: ELEMENT_RECORD_SIZE * n].reshape(n, ELEMENT_RECORD_SIZE)
+    clamp = value[ELEMENT_RECORD_SIZE * n : ELEMENT_RECORD_SIZE * n + 9].reshape(3, 3).copy()
     return (records[:, :1] * records[:, [7, 10, 13]]).sum(axis=0), clamp
 
 
-def _shapes(x: float, length: float, phi: float) -> tuple[Array, Array]:
+def _timoshenko_shapes(x: float, length: float, phi: float) -> tuple[Array, Array]:
     """Deflection and section rotation shapes (4,) of a Timoshenko element at x in 0..1 for (w, w', w, w')."""
     deflection = np.array(
         [
@@ -193,8 +197,8 @@ def element_mass(
         linear = np.array([1 - x, x])
         mass[np.ix_([0, 6], [0, 6])] += w * rhoA * np.outer(linear, linear)
         mass[np.ix_([3, 9], [3, 9])] += w * rhoIp * np.outer(linear, linear)
-        v, turn = _shapes(x, L, phi_y)
-        mass[np.ix_(along_y, along_y)] += w * (rhoA * np.outer(v, v) + rhoIz * np.outer(turn, turn))
-        v, turn = (shape * flip for shape in _shapes(x, L, phi_z))
-        mass[np.ix_(along_z, along_z)] += w * (rhoA * np.outer(v, v) + rhoIy * np.outer(turn, turn))
+        v, rotation = _timoshenko_shapes(x, L, phi_y)
+        mass[np.ix_(along_y, along_y)] += w * (rhoA * np.outer(v, v) + rhoIz * np.outer(rotation, rotation))
+        v, rotation = (shape * flip for shape in _timoshenko_shapes(x, L, phi_z))
+        mass[np.ix_(along_z, along_z)] += w * (rhoA * np.outer(v, v) + rhoIy * np.outer(rotation, rotation))
     return mass

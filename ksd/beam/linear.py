@@ -1,7 +1,7 @@
 """A linear body between two end frames: a joint condensed to its interfaces (Craig-Bampton boundary modes).
 
-inner = d0 (3), R0 (9 row-major), F (6), K (36): reference relative pose of end q in frame p, wrench there, and
-stiffness. Paper 1, eq. 2.4, written in the frame of interface A so that it is objective.
+inner = d0 (3), R0 (9, row-major), F (6), K (36, row-major): reference relative pose of end q in frame p, wrench there,
+and stiffness. Paper 1, eq. 2.4, written in the frame of interface A so that it is objective.
 """
 
 from __future__ import annotations
@@ -10,15 +10,16 @@ from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import log_tangent, rotation_log
 
 LINEAR_INNER = 54
+"""Length of the inner state of a linear body."""
 
 
 @kernel
 def linear_condense(inner, d, Q, lam, K, A, M):
-    """lam (12,), K (6, 6) at end pose d (3,), Q (3, 3): f = F + K xi, xi = (d - d0, log(Q R0^T)); A (2, 6), M (6, 6) or
-    more: scratch.
+    """Write lam (12,), K (6, 6) at end pose d (3,), Q (3, 3): f = F + K xi, xi = (d - d0, log(Q R0^T)).
 
-    The moment is T^T f_r with T the tangent of the logarithm; K carries its second derivative
-    (f x^T + x f^T - 2 f.x I)/12. Returns as every member: no negative pivots, no inner residual, status 0.
+    The moment is T^T f_r with T the tangent of the logarithm; K carries its second derivative (f x^T + x f^T - 2 f.x
+    I)/12. A (2, 6), M (6, 6) or larger: scratch. Returns as every member: no negative pivots, no inner residual, status
+    0.
     """
     xi, f = A[0], A[1]
     for i in range(3):

@@ -1,8 +1,9 @@
-"""The turn of a strain-mode leaf over one gap between quadrature points, to sixth order in its length, with derivatives.
+"""Rotation of a strain-mode leaf over one interval between quadrature points, to sixth order in its length, with
+derivatives.
 
-Of the curvature along a gap, times its length, kappa(t) = k1 + t k2 + t^2 k3 with t from -1/2 to 1/2, the moments p = k1 +
-k3/12 (its integral), s = k2 and q = k3 are taken, in the axes of the leaf at the start of the gap: `moment` (9,), p first.
-The orientation turns by exp(turn), R <- R exp([turn]x), with the Magnus expansion for R' = R [kappa]x
+Along an interval the curvature times its length is kappa(t) = k1 + t k2 + t^2 k3 with t from -1/2 to 1/2. It enters by
+the moments p = k1 + k3/12 (its integral), s = k2 and q = k3, in the axes of the leaf at the start of the interval:
+`moment` (9,), p first. The orientation follows R <- R exp([turn]x), with the Magnus expansion for R' = R [kappa]x
 
 turn = p + p x s/12 + (s x q + p x (p x q))/360 + (p x s) x s/240 - p x (p x (p x s))/720
 
@@ -15,32 +16,33 @@ from __future__ import annotations
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import tangent_factors
 
-PART_240, PART_360, PART_720 = 1.0 / 240.0, 1.0 / 360.0, 1.0 / 720.0
-"""Of the Magnus expansion: a product takes a fifth of the time of a division."""
+INVERSE_240, INVERSE_360, INVERSE_720 = 1.0 / 240.0, 1.0 / 360.0, 1.0 / 720.0
+"""Factors of the Magnus expansion: a multiplication takes a fifth of the time of a division."""
 
 
 @kernel(inline="late")
-def gap_turn(h, moment, turn, J):
-    """turn (.., 3) of gap h and its derivative J (.., 3, 9) by the moments (.., 9)."""
+def magnus_rotation(h, moment, turn, J):
+    """Write turn (.., 3) of interval h, the rotation vector over it, and its derivative J (.., 3, 9) by the moments
+    (.., 9)."""
     p0, p1, p2 = moment[h, 0], moment[h, 1], moment[h, 2]
     s0, s1, s2 = moment[h, 3], moment[h, 4], moment[h, 5]
     q0, q1, q2 = moment[h, 6], moment[h, 7], moment[h, 8]
     pp, ps = p0 * p0 + p1 * p1 + p2 * p2, p0 * s0 + p1 * s1 + p2 * s2
-    a = 1.0 - (s0 * s0 + s1 * s1 + s2 * s2) * PART_240 + (p0 * q0 + p1 * q1 + p2 * q2) * PART_360
-    b, c, d = ps * PART_240, -pp * PART_360, 1.0 / 12.0 + pp * PART_720
+    a = 1.0 - (s0 * s0 + s1 * s1 + s2 * s2) * INVERSE_240 + (p0 * q0 + p1 * q1 + p2 * q2) * INVERSE_360
+    b, c, d = ps * INVERSE_240, -pp * INVERSE_360, 1.0 / 12.0 + pp * INVERSE_720
     for r in range(3):
         i, j = (r + 1) % 3, (r + 2) % 3
         p, s, q = moment[h, r], moment[h, 3 + r], moment[h, 6 + r]
         x = moment[h, i] * moment[h, 3 + j] - moment[h, j] * moment[h, 3 + i]
         y = moment[h, 3 + i] * moment[h, 6 + j] - moment[h, 3 + j] * moment[h, 6 + i]
-        turn[h, r] = a * p + b * s + c * q + d * x + y * PART_360
-        x, p, s = (x - 2.0 * q) * PART_360, p * PART_360, s * PART_240
+        turn[h, r] = a * p + b * s + c * q + d * x + y * INVERSE_360
+        x, p, s = (x - 2.0 * q) * INVERSE_360, p * INVERSE_360, s * INVERSE_240
         for e in range(3):
             J[h, r, e] = x * moment[h, e] + p * moment[h, 6 + e] + s * moment[h, 3 + e]
             J[h, r, 3 + e] = s * moment[h, e] - 3.0 * p * moment[h, 3 + e]
             J[h, r, 6 + e] = p * moment[h, e]
     for r in range(3):
-        # the direct factors, and d (p x s) + (s x q)/360
+        # derivatives of the vectors p, s, q themselves, and of d (p x s) + (s x q)/360
         i, j = (r + 1) % 3, (r + 2) % 3
         p, s, q = moment[h, r], moment[h, 3 + r], moment[h, 6 + r]
         J[h, r, r] += a
@@ -48,19 +50,20 @@ def gap_turn(h, moment, turn, J):
         J[h, r, 6 + r] += c
         J[h, i, j] += d * s
         J[h, j, i] -= d * s
-        J[h, i, 3 + j] -= d * p - q * PART_360
-        J[h, j, 3 + i] += d * p - q * PART_360
-        J[h, i, 6 + j] -= s * PART_360
-        J[h, j, 6 + i] += s * PART_360
+        J[h, i, 3 + j] -= d * p - q * INVERSE_360
+        J[h, j, 3 + i] += d * p - q * INVERSE_360
+        J[h, i, 6 + j] -= s * INVERSE_360
+        J[h, j, 6 + i] += s * INVERSE_360
 
 
 @kernel(inline="late")
-def gap_second(h, moment, turn, J, m0, m1, m2, u0, u1, u2, V, M):
-    """M (9, 9): symmetric second derivative by the moments of the work of m on the rotation of all behind gap h, where the
-    axis of the row is that of the column or before it.
+def magnus_second_derivative(h, moment, turn, J, m0, m1, m2, u0, u1, u2, V, M):
+    """Write M (9, 9): symmetric second derivative by the moments of the work of m on the rotation of everything behind
+    interval h.
 
-    m: moment carried, in the axes at the start of the gap; u = T^T m with the tangent T of exp(turn); turn and J of
-    `gap_turn`; V (3, 3): scratch. The skew part, half of m on the cross product of two rotations, is left to the caller.
+    Only entries whose row axis is the column axis or before it are set. m: moment carried, in the axes at the start of
+    the interval; u = T^T m with the tangent T of exp(turn); turn and J as of `magnus_rotation`; V (3, 3): scratch. The
+    skew part, half of m on the cross product of two rotations, is left to the caller.
     """
     p0, p1, p2 = moment[h, 0], moment[h, 1], moment[h, 2]
     s0, s1, s2 = moment[h, 3], moment[h, 4], moment[h, 5]
@@ -85,8 +88,8 @@ def gap_second(h, moment, turn, J, m0, m1, m2, u0, u1, u2, V, M):
             for other in range(axis, 3):
                 for k in range(other, 9, 3):
                     M[e, k] = J[h, 0, k] * x + J[h, 1, k] * y + J[h, 2, k] * z
-    # u.turn by the moments, in parts of 360; v = s x u, w = u x p
-    u0, u1, u2 = u0 * PART_360, u1 * PART_360, u2 * PART_360
+    # second derivative of u.turn by the moments, with u / 360; v = s x u, w = u x p
+    u0, u1, u2 = u0 * INVERSE_360, u1 * INVERSE_360, u2 * INVERSE_360
     v0, v1, v2 = s1 * u2 - s2 * u1, s2 * u0 - s0 * u2, s0 * u1 - s1 * u0
     V[0, 0], V[0, 1], V[0, 2] = u0, u1, u2
     V[1, 0], V[1, 1], V[1, 2] = v0, v1, v2
@@ -116,7 +119,7 @@ def gap_second(h, moment, turn, J, m0, m1, m2, u0, u1, u2, V, M):
         M[r, 6 + r] += up
         M[6 + r, r] += up
         M[3 + r, 3 + r] -= 3.0 * up
-    # and the cross products of moments
+    # cross products of moments
     d = 30.0 + 0.5 * (p0 * p0 + p1 * p1 + p2 * p2)
     for r in range(2):
         for e in range(r + 1, 3):

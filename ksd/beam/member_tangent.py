@@ -1,10 +1,13 @@
-"""What a member does to the two nodes it hangs on, compiled.
+"""Forces and tangent of a member on the two nodes it connects, compiled.
 
-A member sees only the relative pose of its ends; this file turns its wrench (n, m) and stiffness K6 into forces
-and a symmetric tangent on the two nodes its ends hang on. With w the lever from node a to end q, s the lever from
-node b to end q, all global, the relative motion is xi = (dxb - dxa + dphi_b x s - dphi_a x w, dphi_b - dphi_a),
-and the second derivatives of n.xi_t + m.xi_r in the chart R <- exp(dphi) R are
-[xa, phia] = [n]x, [xb, phia] = -[n]x, [phib, phia] = n s^T .. see `geometric_tangent`.
+A member depends on the relative pose of its ends only; its wrench (n, m) and stiffness K6 become forces and a symmetric
+tangent on nodes a and b. With w the lever from node a to end q, s the lever from node b to end q, all global, the
+relative motion is xi = (dxb - dxa + dphi_b x s - dphi_a x w, dphi_b - dphi_a), and the second derivatives of n.xi_t +
+m.xi_r in the chart R <- exp(dphi) R are [xa, phia] = [n]x, [xb, phia] = -[n]x, [phib, phia] = n s^T .. see
+`geometric_tangent`.
+
+`pose` (18,) of a member: axes of end p (9, row-major), levers w (3) and s (3), and the vector d from p to q (3),
+global.
 """
 
 from __future__ import annotations
@@ -15,8 +18,8 @@ from ksd.numerics.kernel import kernel
 
 
 @kernel(inline="late")
-def _turn_stiffness(pose, K, A, T):
-    """A (6, 6) = diag(Rp, Rp) K diag(Rp, Rp)^T; T (6, 6 or more): scratch."""
+def _rotate_stiffness(pose, K, A, T):
+    """Write A (6, 6) = diag(Rp, Rp) K diag(Rp, Rp)^T; T (6, 6 or larger): scratch."""
     for b in (0, 3):
         for r in range(3):
             for c in range(6):
@@ -35,7 +38,7 @@ def _turn_stiffness(pose, K, A, T):
 
 @kernel(inline="late")
 def _times_levers(A, pose, M):
-    """M (6, 12) = A [ -1, [w]x, 1, -[s]x ; 0, -1, 0, 1 ] for A (6, 6); levers w = pose[9:12], s = pose[12:15]."""
+    """Write M (6, 12) = A [ -1, [w]x, 1, -[s]x ; 0, -1, 0, 1 ] for A (6, 6); levers w = pose[9:12], s = pose[12:15]."""
     w0, w1, w2, s0, s1, s2 = pose[9], pose[10], pose[11], pose[12], pose[13], pose[14]
     for r in range(6):
         a0, a1, a2, b0, b1, b2 = A[r, 0], A[r, 1], A[r, 2], A[r, 3], A[r, 4], A[r, 5]
@@ -46,20 +49,20 @@ def _times_levers(A, pose, M):
 
 
 @kernel(inline="late")
-def geometric_tangent(of, T):
-    """Add the second derivatives of n.xi_t + m.xi_r to T (12, 12), see the module docstring; rows of `of`: n, m and the
-    levers w, s."""
+def geometric_tangent(vectors, T):
+    """Add the second derivatives of n.xi_t + m.xi_r to T (12, 12), see the module docstring; rows of `vectors`: n, m,
+    w, s."""
     nw, ns = 0.0, 0.0
     for i in range(3):
-        n, w, s = of[0, i], of[2, i], of[3, i]
+        n, w, s = vectors[0, i], vectors[2, i], vectors[3, i]
         nw += n * w
         ns += n * s
         for j in range(3):
-            T[3 + i, 3 + j] += 0.5 * (n * of[2, j] + w * of[0, j])
-            T[9 + i, 9 + j] += 0.5 * (n * of[3, j] + s * of[0, j])
+            T[3 + i, 3 + j] += 0.5 * (n * vectors[2, j] + w * vectors[0, j])
+            T[9 + i, 9 + j] += 0.5 * (n * vectors[3, j] + s * vectors[0, j])
             # phib, phia: -[s]x [n]x = (n.s) I - n s^T, and -1/2 [m]x from the rotation part
-            T[9 + i, 3 + j] -= n * of[3, j]
-            T[3 + j, 9 + i] -= n * of[3, j]
+            T[9 + i, 3 + j] -= n * vectors[3, j]
+            T[3 + j, 9 + i] -= n * vectors[3, j]
     for i in range(3):
         T[3 + i, 3 + i] -= nw
         T[9 + i, 9 + i] -= ns
@@ -67,7 +70,7 @@ def geometric_tangent(of, T):
         T[3 + i, 9 + i] += ns
         # [n]x has +n_i at (k, j), -n_i at (j, k), i, j, k in turn
         j, k = (i + 1) % 3, (i + 2) % 3
-        n, m = of[0, i], 0.5 * of[1, i]
+        n, m = vectors[0, i], 0.5 * vectors[1, i]
         T[j, 3 + k] -= n
         T[k, 3 + j] += n
         T[3 + k, j] -= n
@@ -84,8 +87,9 @@ def geometric_tangent(of, T):
 
 @kernel
 def member_tangent(pose, lam, K, T, force, A, M):
-    """Node tangent T (12, 12) and forces (12,) on nodes a, b of one member, global axes; A (6, 6), M (6, 12): scratch."""
-    _turn_stiffness(pose, K, A, M)
+    """Write the tangent T (12, 12) and forces (12,) of one member on nodes a and b, global axes; A (6, 6), M (6, 12):
+    scratch."""
+    _rotate_stiffness(pose, K, A, M)
     _times_levers(A, pose, M)
     w0, w1, w2, s0, s1, s2 = pose[9], pose[10], pose[11], pose[12], pose[13], pose[14]
     # T = levers^T M: the same pattern applied to the columns of M
@@ -95,14 +99,14 @@ def member_tangent(pose, lam, K, T, force, A, M):
         T[3, c], T[4, c], T[5, c] = a1 * w2 - a2 * w1 - b0, a2 * w0 - a0 * w2 - b1, a0 * w1 - a1 * w0 - b2
         T[6, c], T[7, c], T[8, c] = a0, a1, a2
         T[9, c], T[10, c], T[11, c] = a2 * s1 - a1 * s2 + b0, a0 * s2 - a2 * s0 + b1, a1 * s0 - a0 * s1 + b2
-    # in global axes the wrench of the geometric terms, the levers, and the wrench of the residual
+    # rows of A, in global axes: wrench of the geometric terms, levers, wrench of the residual
     for r in range(3):
         for e in range(2):
-            before, now = 0.0, 0.0
+            geometric, residual = 0.0, 0.0
             for c in range(3):
-                before += pose[3 * r + c] * lam[6 + 3 * e + c]
-                now += pose[3 * r + c] * lam[3 * e + c]
-            A[e, r], A[2 + e, r], A[4 + e, r] = before, pose[9 + 3 * e + r], now
+                geometric += pose[3 * r + c] * lam[6 + 3 * e + c]
+                residual += pose[3 * r + c] * lam[3 * e + c]
+            A[e, r], A[2 + e, r], A[4 + e, r] = geometric, pose[9 + 3 * e + r], residual
     geometric_tangent(A, T)
     for r in range(3):
         j, k = (r + 1) % 3, (r + 2) % 3
@@ -114,7 +118,7 @@ def member_tangent(pose, lam, K, T, force, A, M):
 
 @kernel
 def member_norms(lam, force, norms):
-    """norms (6,): of force and moment at end q, of force and moment on node a, and on node b."""
+    """Write norms (6,): of force and moment at end q, of force and moment on node a, and on node b."""
     for k in range(2):
         norms[k] = math.sqrt(lam[3 * k] ** 2 + lam[3 * k + 1] ** 2 + lam[3 * k + 2] ** 2)
     for k in range(4):

@@ -1,16 +1,15 @@
-"""A modal body: a chain of Appendix A elements whose nodes may only move in the span of a reduction basis.
+"""A modal body: a chain of Appendix A elements whose nodes move in the span of a reduction basis.
 
-Paper 2: Craig-Bampton modes and modal derivatives, with the choices of `ksd.modal`. The values of all nodes are
-z = z0 + Z (b, eta): b are the boundary values, functions of the pose of end q (shared interface nodes, so bodies join
-without multipliers), eta the remaining coordinates, condensed here inside every Newton step. The energy is that of
-the elements, summed over those that carry a weight (all with weight 1, or the sample of `ksd.numerics.reduction`).
+Paper 2: Craig-Bampton modes and modal derivatives, with the options of `ksd.modal`. The values of all nodes are z = z0
++ Z (b, eta): b are the boundary values, functions of the pose of end q (interface nodes are shared, so bodies join
+without multipliers); eta are the inner coordinates, condensed here in every Newton step. The energy is that of the
+elements, summed over those with a weight (all with weight 1, or the sample of `ksd.numerics.reduction`).
 
 Arrays (float64, SI): `value` = reference orientations 18 (columns of ends p and q), boundary values at the expansion
-point (nb,), stiffness holding inner coordinates that have none of their own (m,), then per element: weight, constants
-25 as in `ksd.beam.corotational` with n = 1, orientations 18, z0 (2 q,), Z (2 q, nb + m) of its two nodes, and on a
-quadratic manifold, z = z0 + Z y + T y y / 2, T (2 q, nb + m, nb + m); `inner` = eta (m,); `number` = [elements, m, nb,
-frame + 2 angle + 4 manifold]; `store` keeps the factor of the inner tangent, its coupling
-and residual.
+point (nb,), extra stiffness of inner coordinates without stiffness of their own (m,), then per element: weight,
+constants 25 as in `ksd.beam.corotational` with n = 1, orientations 18, z0 (2 q,), Z (2 q, nb + m) of its two nodes, and
+on a quadratic manifold, z = z0 + Z y + T y y / 2, T (2 q, nb + m, nb + m); `inner` = eta (m,); `number` = [elements, m,
+nb, frame + 2 angle + 4 manifold]; `store` holds the factor of the inner tangent, its coupling and its residual.
 """
 
 from __future__ import annotations
@@ -23,20 +22,21 @@ from ksd.beam.modal_jets import JET, boundary_jets
 from ksd.beam.modal_nodes import element_values
 from ksd.numerics.kernel import kernel
 
-CONSTANTS = 44
+ELEMENT_CONSTANTS = 44
 """Numbers of an element before its z0: weight, 25 constants, orientations."""
-SCRATCH = 300
+ELEMENT_SCRATCH_SIZE = 300
 """Scratch of one element."""
 
 
 def modal_sizes(m: int) -> tuple[int, int]:
     """Lengths of `inner` and `store` of a body with m inner coordinates."""
-    return m, m * m + 7 * m + SCRATCH
+    return m, m * m + 7 * m + ELEMENT_SCRATCH_SIZE
 
 
 @kernel
 def factor_dense(A, m):
-    """A (m*m,) row-major symmetric becomes L (below) and 1/D of L D L^T; returns negatives, -1 where a pivot vanished."""
+    """Factor A (m*m,), row-major symmetric, into L (below) and 1/D of L D L^T; return the number of negative pivots, -1
+    where a pivot vanished."""
     negatives = 0
     for j in range(m):
         pivot = A[m * j + j]
@@ -56,7 +56,7 @@ def factor_dense(A, m):
 
 @kernel
 def solve_dense(A, m, x):
-    """x <- (L D L^T)^-1 x for the factor of `factor_dense`."""
+    """Overwrite x with (L D L^T)^-1 x for the factor of `factor_dense`."""
     for i in range(m):
         s = x[i]
         for j in range(i):
@@ -71,7 +71,7 @@ def solve_dense(A, m, x):
 
 @kernel
 def add_projected(Z, gradient, H, weight, g, G, Y):
-    """g += w Z^T gradient, G (lower triangle) += w Z^T H Z for Z (rows, M); Y (rows, M) is scratch."""
+    """Add w Z^T gradient to g and w Z^T H Z to G (lower triangle) for Z (rows, M); Y (rows, M): scratch."""
     rows, M = Z.shape
     for r in range(rows):
         for c in range(M):
@@ -90,8 +90,8 @@ def add_projected(Z, gradient, H, weight, g, G, Y):
 
 
 @kernel
-def bend_columns(T, y, Z, z, J):
-    """J (rows, M) = Z + T y, and z (rows,) += T y y / 2, of a quadratic manifold T (rows, M, M)."""
+def manifold_columns(T, y, Z, z, J):
+    """Write J (rows, M) = Z + T y, and add T y y / 2 to z (rows,), for a quadratic manifold T (rows, M, M)."""
     rows, M = Z.shape
     for r in range(rows):
         s = 0.0
@@ -105,8 +105,8 @@ def bend_columns(T, y, Z, z, J):
 
 
 @kernel
-def add_curvature(T, gradient, weight, G):
-    """G (lower triangle) += w gradient . T, the curvature of the manifold."""
+def add_manifold_curvature(T, gradient, weight, G):
+    """Add w gradient . T, the curvature of the manifold, to G (lower triangle)."""
     rows, M = T.shape[0], T.shape[1]
     for r in range(rows):
         f = weight * gradient[r]
@@ -116,9 +116,9 @@ def add_curvature(T, gradient, weight, G):
 
 
 @kernel
-def modal_energy(value, number, y, store, g, G):
+def modal_gradient_and_tangent(value, number, y, store, g, G):
     """Gradient g (M,) and tangent G (M, M), lower triangle, by the coordinates y = (b - b0, eta); returns the status."""
-    angle, curved = (number[3] // 2) % 2, number[3] // 4
+    angle, manifold = (number[3] // 2) % 2, number[3] // 4
     q2 = 12 if angle else 18
     M = number[1] + number[2]
     at, status = 18 + M, 0
@@ -127,33 +127,34 @@ def modal_energy(value, number, y, store, g, G):
     g[:] = 0.0
     G[:] = 0.0
     for i in range(number[2], M):
-        hold = value[18 + i]
-        g[i], G[i, i] = hold * y[i], hold
+        extra_stiffness = value[18 + i]
+        g[i], G[i, i] = extra_stiffness * y[i], extra_stiffness
     for _ in range(number[0]):
-        record, R0 = value[at + 1 : at + 26], value[at + 26 : at + CONSTANTS]
-        first = at + CONSTANTS + q2
+        record, R0 = value[at + 1 : at + 26], value[at + 26 : at + ELEMENT_CONSTANTS]
+        first = at + ELEMENT_CONSTANTS + q2
         last = first + q2 * M
         Z = value[first:last].reshape(q2, M)
-        T = value[last : last + curved * q2 * M * M].reshape(curved * q2, M, M)
+        T = value[last : last + manifold * q2 * M * M].reshape(manifold * q2, M, M)
         for r in range(q2):
-            s = value[at + CONSTANTS + r]
+            s = value[at + ELEMENT_CONSTANTS + r]
             for c in range(M):
                 s += Z[r, c] * y[c]
                 J[r, c] = Z[r, c]
             z[r] = s
-        if curved:
-            bend_columns(T, y, Z, z, J)
+        if manifold:
+            manifold_columns(T, y, Z, z, J)
         status = max(status, element_values(record, store, z, R0, angle, gradient, H))
         add_projected(J, gradient, H, value[at], g, G, Y)
-        if curved:
-            add_curvature(T, gradient, value[at], G)
-        at = last + curved * q2 * M * M
+        if manifold:
+            add_manifold_curvature(T, gradient, value[at], G)
+        at = last + manifold * q2 * M * M
     return status
 
 
 @kernel
-def to_pose(jets, g, G, nb, M, lam, K, coupling):
-    """Force lam (6,), tangent K (6, 6) and coupling (6, M - nb) of the pose, from those of the boundary values."""
+def boundary_to_pose(jets, g, G, nb, M, lam, K, coupling):
+    """Force lam (6,), tangent K (6, 6) and coupling (6, M - nb) by the pose of end q, from those by the boundary
+    values."""
     half = np.empty((nb, 6))
     for i in range(nb):
         for c in range(6):
@@ -180,10 +181,10 @@ def to_pose(jets, g, G, nb, M, lam, K, coupling):
 
 
 @kernel
-def eliminate_inner(g, G, nb, m, coupling, store, lam, K):
-    """Condense the inner coordinates out of lam (12,) and K (6, 6); keeps what `modal_recover` needs in `store`.
+def condense_inner(g, G, nb, m, coupling, store, lam, K):
+    """Condense the inner coordinates out of lam (12,) and K (6, 6); store what `modal_recover` needs.
 
-    lam[6:] stays the force of the state itself. Returns (negatives, force error, moment error, status).
+    lam[6:] stays the force of the state itself. Returns (negative pivots, force error, moment error, status).
     """
     A, X = store[: m * m], store[m * m : m * m + 7 * m].reshape(7, m)
     for i in range(m):
@@ -221,9 +222,9 @@ def eliminate_inner(g, G, nb, m, coupling, store, lam, K):
 
 @kernel
 def modal_condense(value, number, inner, store, d, Q, lam, K):
-    """Force and moment lam (12,) on end q at d (3,) m, Q (3, 3), and tangent K (6, 6), frame of end p.
+    """Force and moment lam (12,) on end q at d (3,) [m], Q (3, 3), and tangent K (6, 6), frame of end p.
 
-    As every member; returns (negative pivots, force error N, moment error Nm, status).
+    As every member; returns (negative pivots, force error [N], moment error [Nm], status).
     """
     m, nb = number[1], number[2]
     M = m + nb
@@ -234,19 +235,19 @@ def modal_condense(value, number, inner, store, d, Q, lam, K):
         y[i] = jets[i, 0] - value[18 + i]
     for i in range(m):
         y[nb + i] = inner[i]
-    kept = m * m + 7 * m
-    status = modal_energy(value, number, y, store[kept:], g, G)
+    scratch_at = m * m + 7 * m
+    status = modal_gradient_and_tangent(value, number, y, store[scratch_at:], g, G)
     if status == 2:
         return 0, math.inf, math.inf, 2
     coupling = np.empty((6, m))
-    to_pose(jets, g, G, nb, M, lam, K, coupling)
-    negatives, ef, em, failed = eliminate_inner(g, G, nb, m, coupling, store, lam, K)
+    boundary_to_pose(jets, g, G, nb, M, lam, K, coupling)
+    negatives, ef, em, failed = condense_inner(g, G, nb, m, coupling, store, lam, K)
     return negatives, ef, em, max(status, failed)
 
 
 @kernel
 def modal_recover(value, number, inner, store, xi, scale):
-    """Move the inner coordinates after end q moved by xi (6,), frame of p; the whole update times `scale`."""
+    """Move the inner coordinates after end q moved by xi (6,), frame of p; the whole update is multiplied by `scale`."""
     m = number[1]
     X = store[m * m : m * m + 7 * m].reshape(7, m)
     for i in range(m):
@@ -258,13 +259,14 @@ def modal_recover(value, number, inner, store, xi, scale):
 
 @kernel
 def chain_tangent(record, orientation, first, z, angle, g, H):
-    """Gradient g (q k,) and tangent H (q k, q k) of a whole chain by the values z (k, q) of its k nodes.
+    """Gradient g (q k,) and tangent H (q k, q k) of a whole chain by the values z (k, q) of its k nodes, as bases need
+    them.
 
-    record (k-1, 25), orientation (k, 9) as in `element_values`; first (k-1,): first node of each element. What the
-    bases are made of. Returns the worst status.
+    record (k-1, 25), orientation (k, 9) as in `element_values`; first (k-1,): first node of each element. Returns the
+    worst status.
     """
     q = 6 if angle else 9
-    store, two = np.empty(SCRATCH), np.empty(2 * q)
+    store, two = np.empty(ELEMENT_SCRATCH_SIZE), np.empty(2 * q)
     R0, ge, He = np.empty(18), np.empty(2 * q), np.empty((2 * q, 2 * q))
     g[:] = 0.0
     H[:] = 0.0

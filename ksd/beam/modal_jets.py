@@ -1,8 +1,8 @@
-"""Numbers with their first and second derivatives in the six motions of end q: the boundary values of a modal body.
+"""Jets, numbers with their first and second derivatives in the six motions of end q: boundary values of a modal body.
 
-A jet is (28,): value, 6 first derivatives, 21 second derivatives (upper triangle by rows), with respect to
-xi = (t, psi), d <- d + t, Q <- exp(psi) Q. Products and functions of jets are exact to second order, so the pose of
-a body's end enters force and tangent of a reduced body without any algebra by hand.
+A jet is (28,): value, 6 first derivatives, 21 second derivatives (upper triangle by rows), with respect to xi = (t,
+psi), d <- d + t, Q <- exp(psi) Q. Products and functions of jets are exact to second order, so force and tangent of a
+reduced body follow from the pose of its end without further derivation.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from ksd.numerics.kernel import kernel
 
 JET = 28
+"""Length of a jet."""
 
 
 @kernel
@@ -44,7 +45,7 @@ def jet_function(a, f, f1, f2, out):
 
 @kernel
 def pose_jets(d, Q, D, C):
-    """Jets D (3, 28) of the position and C (9, 28) of the columns of Q, column by column."""
+    """Write jets D (3, 28) of the position and C (9, 28) of the columns of Q, column by column."""
     D[:] = 0.0
     C[:] = 0.0
     for r in range(3):
@@ -67,26 +68,26 @@ def pose_jets(d, Q, D, C):
                         s += 0.5 * Q[a, c]
                     if a == b:
                         s -= v
-                    jet[_at(3 + a, 3 + b)] = s
+                    jet[_second_derivative_index(3 + a, 3 + b)] = s
 
 
 @kernel
-def _at(i, j):
-    """Place of the second derivative (i, j), i <= j."""
+def _second_derivative_index(i, j):
+    """Index of the second derivative (i, j), i <= j."""
     return 7 + 6 * i - (i * (i - 1)) // 2 + j - i
 
 
 @kernel
-def chord_jets(D, F, reach):
-    """Jets F (9, 28) of the rows of the chord frame (row r of F = F^T e_r) and `reach` (28,) of |d|.
+def chord_jets(D, F, length):
+    """Write jets F (9, 28) of the rows of the chord frame (row r of F = F^T e_r) and `length` (28,) of |d|.
 
-    The chord frame is the shortest turn of e1 onto d: no roll, and no angle of its own where the leaf is straight.
+    The chord frame is the shortest rotation of e1 onto d: it adds no roll, and is defined where the leaf is straight.
     """
     s, inverse = np.zeros(JET), np.zeros(JET)
     for r in range(3):
         jet_product(D[r], D[r], 1.0, s)
     n = math.sqrt(s[0])
-    jet_function(s, n, 0.5 / n, -0.25 / (n * n * n), reach)
+    jet_function(s, n, 0.5 / n, -0.25 / (n * n * n), length)
     jet_function(s, 1.0 / n, -0.5 / (n * n * n), 0.75 / (n * n * n * n * n), inverse)
     u = np.zeros((3, JET))
     for r in range(3):
@@ -124,7 +125,7 @@ def _log_factor(c):
 
 @kernel
 def rotation_jets(M, v):
-    """Jets v (3, 28) of the rotation vector of the rotation with columns M (9, 28)."""
+    """Write jets v (3, 28) of the rotation vector of the rotation with columns M (9, 28)."""
     c, h = np.zeros(JET), np.zeros(JET)
     for i in range(JET):
         c[i] = 0.5 * (M[0, i] + M[4, i] + M[8, i])
@@ -142,8 +143,8 @@ def rotation_jets(M, v):
 
 
 @kernel
-def turned_jets(F, C, M):
-    """M (9, 28): columns of F^T Q; row r of F is F[3 r ..]."""
+def relative_rotation_jets(F, C, M):
+    """Write M (9, 28): columns of F^T Q; row r of F is F[3 r ..]."""
     M[:] = 0.0
     for c in range(3):
         for r in range(3):
@@ -152,8 +153,11 @@ def turned_jets(F, C, M):
 
 
 @kernel
-def _ends(A, reference, angle, out):
-    """Rotation values of an end with columns A (9, 28): 3 rotation-vector or 6 director jets; reference (9,)."""
+def _end_rotation_jets(A, reference, angle, out):
+    """Rotation values of an end with columns A (9, 28): 3 rotation-vector jets when `angle`, else 6 director jets.
+
+    reference (9,): columns of the orientation from which rotation vectors are measured.
+    """
     if not angle:
         for i in range(6):
             for k in range(JET):
@@ -172,11 +176,11 @@ def _ends(A, reference, angle, out):
 
 @kernel
 def boundary_jets(frame, angle, reference, d, Q, out):
-    """Boundary values out (nb, 28) of a body whose end q is at d, Q (rotation from rest) in the frame of end p.
+    """Write boundary values out (nb, 28) of a body whose end q is at d, Q (rotation from rest) in the frame of end p.
 
     frame 0: node frame of end p; values d, rotation of q. frame 1: chord frame; values |d|, rotation of p, of q.
-    Rotation values are rotation vectors from the orientations `reference` (18,) (columns, p then q) when `angle`,
-    else the first two columns. Values are absolute; the caller subtracts those of its expansion point.
+    Rotation values are rotation vectors from the orientations `reference` (18,) (columns, p then q) when `angle`, else
+    the first two columns. Values are absolute; the caller subtracts those of its expansion point.
     """
     D, C = np.empty((3, JET)), np.empty((9, JET))
     pose_jets(d, Q, D, C)
@@ -185,10 +189,10 @@ def boundary_jets(frame, angle, reference, d, Q, out):
         for r in range(3):
             for k in range(JET):
                 out[r, k] = D[r, k]
-        _ends(C, reference[9:], angle, out[3:])
+        _end_rotation_jets(C, reference[9:], angle, out[3:])
         return
     F, A = np.empty((9, JET)), np.empty((9, JET))
     chord_jets(D, F, out[0])
-    _ends(F, reference[:9], angle, out[1:])
-    turned_jets(F, C, A)
-    _ends(A, reference[9:], angle, out[4 if angle else 7 :])
+    _end_rotation_jets(F, reference[:9], angle, out[1:])
+    relative_rotation_jets(F, C, A)
+    _end_rotation_jets(A, reference[9:], angle, out[4 if angle else 7 :])

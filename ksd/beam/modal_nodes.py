@@ -1,9 +1,9 @@
-"""Nodes of a modal body: from its values to pose and spin, and one element between two of them.
+"""Nodes of a modal body: orientation and spin from their values, and one element between two of them.
 
 A node has 3 positions and either 3 rotation-vector values psi (`angle`: R = exp(psi) R0) or 6 director values: two
-vectors a, b, from which R follows by Gram-Schmidt, so that their span need not be orthonormal. In director values
-an unstretched, unsheared leaf has r' = a, a linear relation which a linear span can hold; in angles it has not, and
-refining the mesh makes a reduced leaf stiffer (errata, paper 2, points 2 and 3).
+vectors a, b, from which R follows by Gram-Schmidt, so that their span need not be orthonormal. In director values an
+unstretched, unsheared leaf has r' = a, a linear relation that a linear span can satisfy. In rotation vectors the
+relation is not linear, and refining the mesh makes a reduced leaf stiffer (errata, paper 2, points 2 and 3).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from ksd.beam.corotational import condense
-from ksd.beam.corotational_element import KEPT, TAIL
+from ksd.beam.corotational_element import CHAIN_SCRATCH_SIZE, ELEMENT_STORE_SIZE
 from ksd.beam.member_tangent import member_tangent
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import exp_tangent, rotation_exp, tangent_factors
@@ -21,7 +21,7 @@ from ksd.numerics.rotations import exp_tangent, rotation_exp, tangent_factors
 
 @kernel
 def _angle_node(v, R0, R, W):
-    """R = exp(v) R0 and spin W (3, 3 or more): dphi = W dv."""
+    """Write R = exp(v) R0 and spin W (3, 3 or larger): dphi = W dv."""
     turned = np.empty((3, 3))
     rotation_exp(v, turned)
     for r in range(3):
@@ -32,7 +32,7 @@ def _angle_node(v, R0, R, W):
 
 @kernel
 def _angle_curvature(v, m, H):
-    """H (3, 3): second derivatives of m . phi by v, phi the rotation vector of the increment of exp(v)."""
+    """Write H (3, 3): second derivatives of m . phi by v, phi the rotation vector of the increment of exp(v)."""
     t2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
     _, B, A1, B1 = tangent_factors(t2)
     mv = m[0] * v[0] + m[1] * v[1] + m[2] * v[2]
@@ -54,7 +54,7 @@ def _angle_curvature(v, m, H):
 
 @kernel
 def _director_node(z, R, W):
-    """R (3, 3) by Gram-Schmidt from a = z[:3], b = z[3:6], and spin W (3, 6). Returns |a|, b.e1, |b across|."""
+    """Write R (3, 3) by Gram-Schmidt from a = z[:3], b = z[3:6], and spin W (3, 6); return |a|, b.e1, |b - (b.e1) e1|."""
     alpha = math.sqrt(z[0] * z[0] + z[1] * z[1] + z[2] * z[2])
     beta = 0.0
     for r in range(3):
@@ -79,7 +79,7 @@ def _director_node(z, R, W):
 
 @kernel
 def _director_curvature(alpha, beta, across, R, m, H):
-    """H (6, 6): second derivatives of m . phi by (a, b), phi the rotation vector of the increment of the frame."""
+    """Write H (6, 6): second derivatives of m . phi by (a, b), phi the rotation vector of the increment of the frame."""
     n = np.empty(3)
     for r in range(3):
         n[r] = R[0, r] * m[0] + R[1, r] * m[1] + R[2, r] * m[2]
@@ -116,12 +116,12 @@ def _director_curvature(alpha, beta, across, R, m, H):
 def _element(record, scratch, xa, Ra, xb, Rb, force, T):
     """Force (12,) and tangent (12, 12) of one element on nodes a, b in the chart R <- exp(dphi) R; returns the status.
 
-    `scratch`: store of a chain of one element, after it room for its constants.
+    record (25,): constants of a chain of one element; scratch: its inner state (6), then its store.
     """
     lam, K, d, Q = np.empty(12), np.empty((6, 6)), np.empty(3), np.empty((3, 3))
     pose, A, M = np.empty(18), np.empty((6, 6)), np.empty((6, 12))
     for r in range(3):
-        # ends on the nodes themselves: the lever from a to b, none at b
+        # ends are the nodes: the lever of a is the vector from a to b, that of b is zero
         pose[9 + r], pose[12 + r] = xb[r] - xa[r], 0.0
         for c in range(3):
             pose[3 * r + c] = Ra[r, c]
@@ -131,7 +131,9 @@ def _element(record, scratch, xa, Ra, xb, Rb, force, T):
     number = np.empty(4, np.int64)
     number[0], number[1] = 1, 0
     # a longer store would mean a chain with weight
-    _, _, _, status = condense(record, number, scratch[:6], scratch[6 : 6 + KEPT + TAIL], d, Q, lam, K)
+    _, _, _, status = condense(
+        record, number, scratch[:6], scratch[6 : 6 + ELEMENT_STORE_SIZE + CHAIN_SCRATCH_SIZE], d, Q, lam, K
+    )
     member_tangent(pose, lam, K, T, force, A, M)
     return status
 
@@ -144,13 +146,13 @@ def element_values(record, scratch, z, R0, angle, gradient, H):
     """
     q = 6 if angle else 9
     R, W, n3 = np.empty((2, 3, 3)), np.empty((2, 3, 6)), q - 3
-    size = np.empty((2, 3))
+    norms = np.empty((2, 3))
     for e in range(2):
         at = q * e + 3
         if angle:
             _angle_node(z[at : at + 3], R0[9 * e : 9 * e + 9], R[e], W[e])
         else:
-            size[e, 0], size[e, 1], size[e, 2] = _director_node(z[at : at + 6], R[e], W[e])
+            norms[e, 0], norms[e, 1], norms[e, 2] = _director_node(z[at : at + 6], R[e], W[e])
     force, T = np.empty(12), np.empty((12, 12))
     status = _element(record, scratch, z[:3], R[0], z[q : q + 3], R[1], force, T)
     X, C = np.empty((12, 18)), np.empty((6, 6))
@@ -168,7 +170,7 @@ def element_values(record, scratch, z, R0, angle, gradient, H):
         if angle:
             _angle_curvature(z[q * e + 3 : q * e + 6], m, C)
         else:
-            _director_curvature(size[e, 0], size[e, 1], size[e, 2], R[e], m, C)
+            _director_curvature(norms[e, 0], norms[e, 1], norms[e, 2], R[e], m, C)
         for r in range(3):
             gradient[q * e + r] = force[6 * e + r]
             for c in range(2 * q):

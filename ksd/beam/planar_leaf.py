@@ -1,20 +1,20 @@
-"""The strain-mode leaf that bends in its own plane alone: `ksd.beam.strain` in closed form in the angle.
+"""The strain-mode leaf restricted to its bending plane: `ksd.beam.strain` in closed form in the angle.
 
-End p at the origin, unrotated; end q at d, turned by Q about e3. Unknowns are the amplitudes a (nz,) of
-kappa = sum a_k B_k(s) [1/m] and lam = (nx, ny, m), force and moment on end q. The angle is the integral of kappa,
-theta = sum a_k psi_k with psi_k(s) = int B_k known beforehand, so the mixed functional 1/2 a K a - H + lam.(closure)
-needs one sum over the Gauss points, the same as in space: H = L sum w h(theta) + m theta(L), h = N + (cN N^2 + cV V^2)/2,
-N + i V = (nx + i ny) exp(-i theta), whence h' = V + (cN - cV) N V and h'' = -N + (cN - cV)(V^2 - N^2). Source: the S model
-of the strain-mode note.
+End p at the origin, unrotated; end q at d, rotated by Q about e3. Unknowns are the amplitudes a (nz,) of kappa = sum
+a_k B_k(s) [1/m] and lam = (nx, ny, m), force and moment on end q. The angle is the integral of kappa, theta = sum a_k
+psi_k with known psi_k(s) = int B_k, so the mixed functional 1/2 a K a - H + lam.(closure) needs one sum over the Gauss
+points, the same as in space: H = L sum w h(theta) + m theta(L), h = N + (cN N^2 + cV V^2)/2, N + i V = (nx + i ny)
+exp(-i theta), hence h' = V + (cN - cV) N V and h'' = -N + (cN - cV)(V^2 - N^2). Source: the S model of the strain-mode
+note.
 
-It works on the inner state of the spatial leaf, of which it changes the amplitudes of weak bending and three numbers of
-the wrench. `number`: nz, points, place of the first weak-bending amplitude, of the wrench. `value`: K (nz, nz) [N m^3],
-stress-free a0 (nz), then per point: weight times L, cN = 1/EA, cV = 1/(ky G A), psi (nz); then psi at the end; of a leaf
-with weight the mass beyond each point [kg]. `store`: W^-1 (J, g) (nz, 4), J and g (nz, 4), W (nz, nz), gap (3), K (6); with
-weight eta and W^-1 eta (nz, 4) and the pull of `ksd.beam.weight`.
+It uses the inner state of the spatial leaf, of which it changes the amplitudes of weak bending and three numbers of the
+wrench. `number`: nz, points, index of the first weak-bending amplitude, of the wrench. `value`: K (nz, nz) [N m^3],
+stress-free a0 (nz), then per point: weight times L, cN = 1/EA, cV = 1/(ky G A), psi (nz); then psi at the end; for a
+leaf with weight the mass beyond each point [kg]. `store`: W^-1 (J, g) (nz, 4), J and g (nz, 4), W (nz, nz), gap (3), K
+(6); with weight eta and W^-1 eta (nz, 4) and the gravity block of `ksd.beam.weight`.
 
-With weight the force at a point is n + M g, M the mass beyond it and g gravity in frame p; dH/dg = int M r' ds is the first
-moment of the mass about end p, and eta its derivative by the amplitudes.
+With weight the force at a point is n + M g, M the mass beyond it and g gravity in frame p; dH/dg = int M r' ds is the
+first moment of the mass about end p, and eta its derivative by the amplitudes.
 """
 
 from __future__ import annotations
@@ -28,18 +28,19 @@ from ksd.beam.strain_values import GRAVITY_BLOCK_SIZE, masses_beyond
 from ksd.numerics.kernel import kernel
 
 TINY_PIVOT = 1e-15
-TURN = 2.0 * math.pi
+"""A pivot below this fraction of its diagonal before elimination counts as zero."""
+FULL_TURN = 2.0 * math.pi
 
 
 @kernel(inline="late")
-def _gather(value, number, inner, store):
-    """W (lower) and (J, g) into the store, at the points. Returns place and angle of end q, and the force block of F."""
+def _assemble(value, number, inner, store):
+    """Write W (lower) and (J, g) into the store; return position and angle of end q, and the force block of F."""
     nz, points, first, wrench = number[0], number[1], number[2], number[3]
     J, W = 4 * nz, 8 * nz
     nx, ny, moment = inner[wrench], inner[wrench + 1], inner[wrench + 5]
-    width, pull = 3 + nz, len(store) - GRAVITY_BLOCK_SIZE
-    end = nz * nz + nz + points * width
-    heavy = len(store) > W + nz * nz + 9
+    point_size, gravity_at = 3 + nz, len(store) - GRAVITY_BLOCK_SIZE
+    end = nz * nz + nz + points * point_size
+    has_weight = len(store) > W + nz * nz + 9
     angle, fx, fy = 0.0, nx, ny
     for i in range(nz):
         g = -moment * value[end + i]
@@ -52,15 +53,15 @@ def _gather(value, number, inner, store):
         angle += inner[first + i] * value[end + i]
     x, y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0
     for p in range(points):
-        at = nz * nz + nz + p * width
+        at = nz * nz + nz + p * point_size
         w, cn, cv = value[at], value[at + 1], value[at + 2]
         theta = 0.0
         for i in range(nz):
             theta += inner[first + i] * value[at + 3 + i]
         c, s = math.cos(theta), math.sin(theta)
-        if heavy:
+        if has_weight:
             mass = value[end + nz + p]
-            fx, fy = nx + mass * store[pull], ny + mass * store[pull + 1]
+            fx, fy = nx + mass * store[gravity_at], ny + mass * store[gravity_at + 1]
         N, V = c * fx + s * fy, c * fy - s * fx
         slack = cn - cv
         # r' = R (1 + cN N, cV V) and R C R^T
@@ -87,7 +88,7 @@ def _gather(value, number, inner, store):
 
 @kernel(inline="late")
 def _solve(nz, store):
-    """W^-1 (J, g) by LDL^T in place of W (lower), into the head of the store; returns (negative pivots, status)."""
+    """Write W^-1 (J, g) into the head of the store, by LDL^T in place of W (lower); return (negative pivots, status)."""
     negatives, status, J, W = 0, 0, 4 * nz, 8 * nz
     for j in range(nz):
         pivot = store[W + j * nz + j]
@@ -106,19 +107,19 @@ def _solve(nz, store):
         store[W + j * nz + j] = pivot
         if pivot < 0.0:
             negatives += 1
-        soft = 1.0 / pivot
+        inverse = 1.0 / pivot
         for i in range(j + 1, nz):
             t = store[W + i * nz + j]
             for c in range(j):
                 t -= store[W + i * nz + c] * store[W + j * nz + c] * store[W + c * nz + c]
-            store[W + i * nz + j] = t * soft
+            store[W + i * nz + j] = t * inverse
     for j in range(nz - 1, -1, -1):
-        soft = 1.0 / store[W + j * nz + j]
+        inverse = 1.0 / store[W + j * nz + j]
         x, y, turn, g = (
-            soft * store[4 * j],
-            soft * store[4 * j + 1],
-            soft * store[4 * j + 2],
-            soft * store[4 * j + 3],
+            inverse * store[4 * j],
+            inverse * store[4 * j + 1],
+            inverse * store[4 * j + 2],
+            inverse * store[4 * j + 3],
         )
         for c in range(j + 1, nz):
             l = store[W + c * nz + j]
@@ -138,15 +139,15 @@ def condense(value, number, inner, store, d, Q, lam, K):
     Returns (negative pivots of W minus those of F, |change of n| [N], |change of m| [Nm], status).
     """
     nz, wrench = number[0], number[3]
-    kept = 8 * nz + nz * nz
+    gap_at = 8 * nz + nz * nz
     lam[:] = 0.0
     K[:, :] = 0.0
-    end0, end1, angle, f00, f01, f11 = _gather(value, number, inner, store)
+    end0, end1, angle, f00, f01, f11 = _assemble(value, number, inner, store)
     negatives, status = _solve(nz, store)
     # F = J W^-1 J^T + L sum w R C R^T, gap = closure + J W^-1 g
     f02, f12, f22 = 0.0, 0.0, 0.0
     x, y, turn = d[0] - end0, d[1] - end1, math.atan2(Q[1, 0], Q[0, 0]) - angle
-    turn -= TURN * round(turn / TURN)
+    turn -= FULL_TURN * round(turn / FULL_TURN)
     for i in range(nz):
         j = 4 * nz + 4 * i
         jx, jy, jt = store[j], store[j + 1], store[j + 2]
@@ -160,7 +161,7 @@ def condense(value, number, inner, store, d, Q, lam, K):
         x += jx * yg
         y += jy * yg
         turn += jt * yg
-    # K = F^-1 by LDL^T, the moment first: it is never small
+    # K = F^-1 by LDL^T, the moment first since its pivot is never small
     l0, l1 = f02 / f22, f12 / f22
     d0, e = f00 - l0 * f02, f01 - l0 * f12
     l2 = e / d0
@@ -176,9 +177,9 @@ def condense(value, number, inner, store, d, Q, lam, K):
     K[0, 0], K[0, 1], K[0, 5] = k00, k01, k02
     K[1, 0], K[1, 1], K[1, 5] = k01, k11, k12
     K[5, 0], K[5, 1], K[5, 5] = k02, k12, k22
-    store[kept], store[kept + 1], store[kept + 2] = x, y, turn
-    store[kept + 3], store[kept + 4], store[kept + 5] = k00, k01, k02
-    store[kept + 6], store[kept + 7], store[kept + 8] = k11, k12, k22
+    store[gap_at], store[gap_at + 1], store[gap_at + 2] = x, y, turn
+    store[gap_at + 3], store[gap_at + 4], store[gap_at + 5] = k00, k01, k02
+    store[gap_at + 6], store[gap_at + 7], store[gap_at + 8] = k11, k12, k22
     c0, c1 = k00 * x + k01 * y + k02 * turn, k01 * x + k11 * y + k12 * turn
     c2 = k02 * x + k12 * y + k22 * turn
     n0, n1, m = inner[wrench], inner[wrench + 1], inner[wrench + 5]
@@ -194,15 +195,14 @@ def condense(value, number, inner, store, d, Q, lam, K):
 
 @kernel
 def gravity_block(value, number, inner, store, lam):
-    """After `condense`: the gravity block of a leaf with weight as in `ksd.beam.strain.strain_gravity_block`, zero out
-    of the plane; nothing for one without.
+    """Write the gravity block of a leaf with weight after `condense`, zero out of the plane; nothing without weight.
 
-    With B = int M S, S = R C R^T, and Z = J W^-1 eta + B (force rows): V_xi,g = -K Z, V_g,g = Z^T K Z - eta W^-1 eta
-    - int M^2 S.
+    As `ksd.beam.strain.strain_gravity_block`. With B = int M S, S = R C R^T, and Z = J W^-1 eta + B (force rows):
+    V_xi,g = -K Z, V_g,g = Z^T K Z - eta W^-1 eta - int M^2 S.
     """
     nz, points, first, wrench = number[0], number[1], number[2], number[3]
-    J, W, kept, o = 4 * nz, 8 * nz, 8 * nz + nz * nz, len(store) - GRAVITY_BLOCK_SIZE
-    eta, end = kept + 9, nz * nz + nz + points * (3 + nz)
+    J, W, gap_at, block_at = 4 * nz, 8 * nz, 8 * nz + nz * nz, len(store) - GRAVITY_BLOCK_SIZE
+    eta, end = gap_at + 9, nz * nz + nz + points * (3 + nz)
     if len(store) == eta:
         return
     Z, G, s = np.zeros((3, 2)), np.zeros((2, 2)), np.zeros(2)
@@ -214,16 +214,16 @@ def gravity_block(value, number, inner, store, lam):
         for i in range(nz):
             theta += inner[first + i] * value[at + 3 + i]
         c, sine = math.cos(theta), math.sin(theta)
-        fx, fy = inner[wrench] + mass * store[o], inner[wrench + 1] + mass * store[o + 1]
+        fx, fy = inner[wrench] + mass * store[block_at], inner[wrench + 1] + mass * store[block_at + 1]
         N, V, slack = c * fx + sine * fy, c * fy - sine * fx, cn - cv
         s[0] += w * (c * (1.0 + cn * N) - sine * cv * V)
         s[1] += w * (sine * (1.0 + cn * N) + c * cv * V)
         xx, xy, yy = cn * c * c + cv * sine * sine, slack * c * sine, cn * sine * sine + cv * c * c
         for r in range(2):
             for e in range(2):
-                soft = xy if r != e else (xx if r == 0 else yy)
-                Z[r, e] += w * soft
-                G[r, e] += w * mass * soft
+                compliance = xy if r != e else (xx if r == 0 else yy)
+                Z[r, e] += w * compliance
+                G[r, e] += w * mass * compliance
         a, b = mass * value[at] * slack * V, mass * value[at] * (1.0 + slack * N)
         for i in range(nz):
             psi = value[at + 3 + i]
@@ -242,14 +242,14 @@ def gravity_block(value, number, inner, store, lam):
                 t -= store[W + c * nz + i] * store[eta + 4 * c + 2 + e]
             store[eta + 4 * i + 2 + e] = t
     for r in range(3, GRAVITY_BLOCK_SIZE):
-        store[o + r] = 0.0
+        store[block_at + r] = 0.0
     K = np.empty((3, 3))
     for r in range(3):
         for c in range(3):
             i, j = min(r, c), max(r, c)
-            K[r, c] = store[kept + 3 + i * (5 - i) // 2 + j]
+            K[r, c] = store[gap_at + 3 + i * (5 - i) // 2 + j]
     for e in range(2):
-        store[o + 6 + e] = s[e]
+        store[block_at + 6 + e] = s[e]
         for i in range(nz):
             s[e] -= store[eta + 4 * i + e] * store[4 * i + 3]
             x = store[eta + 4 * i + 2 + e]
@@ -257,51 +257,51 @@ def gravity_block(value, number, inner, store, lam):
                 Z[r, e] += store[J + 4 * i + r] * x
             for r in range(2):
                 G[r, e] += store[eta + 4 * i + r] * x
-        store[o + 3 + e] = s[e]
+        store[block_at + 3 + e] = s[e]
         for r in range(3):
             # x, y, rz among the six of the wrench
             row = 5 if r == 2 else r
-            store[o + 3 + e] += Z[r, e] * (lam[row] - lam[6 + row])
+            store[block_at + 3 + e] += Z[r, e] * (lam[row] - lam[6 + row])
     for e in range(2):
         for r in range(3):
             row = 5 if r == 2 else r
             t = 0.0
             for k in range(3):
                 t -= K[r, k] * Z[k, e]
-            store[o + 9 + 3 * row + e] = t
+            store[block_at + 9 + 3 * row + e] = t
         for r in range(2):
             t = -G[r, e]
             for k in range(3):
                 row = 5 if k == 2 else k
-                t -= Z[k, r] * store[o + 9 + 3 * row + e]
-            store[o + 27 + 3 * r + e] = t
+                t -= Z[k, r] * store[block_at + 9 + 3 * row + e]
+            store[block_at + 27 + 3 * r + e] = t
 
 
 @kernel
 def recover(value, number, inner, store, xi, scale):
-    """dlam = K (xi + gap), da = W^-1 (J^T dlam - g), both times `scale`, after end q moved by xi (6,) in frame p."""
+    """Add dlam = K (xi + gap) and da = W^-1 (J^T dlam - g), times `scale`, after end q moved by xi (6,) in frame p."""
     nz, first, wrench = number[0], number[2], number[3]
-    kept = 8 * nz + nz * nz
-    heavy, o = len(store) > kept + 9, len(store) - GRAVITY_BLOCK_SIZE
-    x, y, turn = xi[0] + store[kept], xi[1] + store[kept + 1], xi[5] + store[kept + 2]
-    k00, k01, k02 = store[kept + 3], store[kept + 4], store[kept + 5]
-    k11, k12, k22 = store[kept + 6], store[kept + 7], store[kept + 8]
+    gap_at = 8 * nz + nz * nz
+    has_weight, block_at = len(store) > gap_at + 9, len(store) - GRAVITY_BLOCK_SIZE
+    x, y, turn = xi[0] + store[gap_at], xi[1] + store[gap_at + 1], xi[5] + store[gap_at + 2]
+    k00, k01, k02 = store[gap_at + 3], store[gap_at + 4], store[gap_at + 5]
+    k11, k12, k22 = store[gap_at + 6], store[gap_at + 7], store[gap_at + 8]
     d0, d1, d2 = (
         k00 * x + k01 * y + k02 * turn,
         k01 * x + k11 * y + k12 * turn,
         k02 * x + k12 * y + k22 * turn,
     )
     g0, g1 = 0.0, 0.0
-    if heavy:
+    if has_weight:
         # the change of gravity in frame p
-        g0, g1 = store[o + 36], store[o + 37]
-        d0 += store[o + 9] * g0 + store[o + 10] * g1
-        d1 += store[o + 12] * g0 + store[o + 13] * g1
-        d2 += store[o + 24] * g0 + store[o + 25] * g1
+        g0, g1 = store[block_at + 36], store[block_at + 37]
+        d0 += store[block_at + 9] * g0 + store[block_at + 10] * g1
+        d1 += store[block_at + 12] * g0 + store[block_at + 13] * g1
+        d2 += store[block_at + 24] * g0 + store[block_at + 25] * g1
     for i in range(nz):
         t = store[4 * i] * d0 + store[4 * i + 1] * d1 + store[4 * i + 2] * d2 - store[4 * i + 3]
-        if heavy:
-            t += store[kept + 9 + 4 * i + 2] * g0 + store[kept + 9 + 4 * i + 3] * g1
+        if has_weight:
+            t += store[gap_at + 9 + 4 * i + 2] * g0 + store[gap_at + 9 + 4 * i + 3] * g1
         inner[first + i] += scale * t
     inner[wrench] += scale * d0
     inner[wrench + 1] += scale * d1
@@ -316,17 +316,17 @@ def store_size(nz: int, *, has_weight: bool = False) -> int:
 def planar_values(
     value: np.ndarray, number: np.ndarray, *, has_weight: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Constants and settings from those of the spatial leaf (`ksd.beam.strain_values`), neither curved nor twisted out of
-    its plane at rest; has_weight: of a leaf with weight."""
+    """Constants and settings (value, number) from those of the spatial leaf (`ksd.beam.strain_values`), which must be
+    undeformed in its plane; has_weight: with weight."""
     nx, ny, nz, ng = (int(n) for n in number[:4])
     total, first = nx + ny + nz, nx + ny
     sizes = [1, nx * nx, ny * ny, nz * nz, total, ng, ng * ng, total * ng, 3 * ng, 3 * (ng + 1) * total]
     parts = [value[a:b] for a, b in pairwise(np.cumsum([0, *sizes]))]
-    length, rest, slack = float(parts[0][0]), parts[4], parts[8].reshape(ng, 3)
+    length, amplitudes, compliance = float(parts[0][0]), parts[4], parts[8].reshape(ng, 3)
     # psi at the points and, last, at the end
     psi = length * np.cumsum(parts[9].reshape(ng + 1, 3, total)[:, 0, first:], axis=0)
-    table = np.column_stack([length * parts[5], slack[:, 0], slack[:, 1], psi[:-1]])
-    flat = [parts[3], rest[first:], table.ravel(), psi[-1]]
+    table = np.column_stack([length * parts[5], compliance[:, 0], compliance[:, 1], psi[:-1]])
+    flat = [parts[3], amplitudes[first:], table.ravel(), psi[-1]]
     if has_weight:
         flat.append(masses_beyond(value, number))
     return np.concatenate(flat), np.array([nz, ng, first, total], np.int64)

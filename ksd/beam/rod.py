@@ -1,11 +1,12 @@
-"""The geometrically exact rod, integrated from end p: what every leaf model stands for, by none of their means.
+"""The geometrically exact rod, integrated from end p: reference for all leaf models, independent of their
+discretisation.
 
-In the frame of end p, with R the axes of the section, n and m the force and moment of the part beyond on the part before,
-g gravity and mu the line mass: r' = R (e1 + C R^T n), R' = R [k]x with k = k0 + (R^T m) / (GJ, EIy, EIz), m' = n x r',
-n' = -mu g. Orientations are unit quaternions.
+In the frame of end p, with R the axes of the section, n and m the force and moment of the part beyond on the part
+before, g gravity and mu the line mass: r' = R (e1 + C R^T n), R' = R [k]x with k = k0 + (R^T m) / (GJ, EIy, EIz), m' =
+n x r', n' = -mu g. Orientations are unit quaternions.
 
-Source: Reissner's rod as in the note of the strain-mode leaf; Cooper and Verner, SIAM J. Numer. Anal. 9 (1972): order 8 by
-11 stages at the 5 Lobatto points of a step.
+Source: Reissner's rod as in the note of the strain-mode leaf; Cooper and Verner, SIAM J. Numer. Anal. 9 (1972): order 8
+by 11 stages at the 5 Lobatto points of a step.
 """
 
 from __future__ import annotations
@@ -18,16 +19,18 @@ import numpy as np
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_log
 
-_R = math.sqrt(21.0)
+_R = math.sqrt(21.0)  # of the coefficients of Cooper and Verner
 NODES = np.array([0.0, 0.5 - _R / 14.0, 0.5, 0.5 + _R / 14.0, 1.0])
-"""Places in a step at which the rod is asked for."""
+"""Points of a step, as fractions of it, at which numbers of the rod are needed."""
 WEIGHTS = np.array([9.0, 49.0, 64.0, 49.0, 9.0]) / 180.0
-ROD, STATE, CHANGES = 10, 13, 54
-"""Numbers of the rod at a place: k0 (3), 1/(GJ, EIy, EIz), 1/(EA, ky GA, kz GA), mu; of its state: r, quaternion w x
-y z, m, n; and of the changes of r, rotation and m by the wrench at end p."""
+ROD, STATE, VARIATIONS = 10, 13, 54
+"""Numbers of the rod at a point: k0 (3), 1/(GJ, EIy, EIz), 1/(EA, ky GA, kz GA), mu; of its state: r (3), quaternion w
+x y z, m (3), n (3); and of the derivatives of r, rotation and m by the wrench at end p (6, 9)."""
 STAGES = 11
-_PLACE = np.array([0, 2, 2, 3, 3, 2, 1, 1, 2, 3, 4])
-_PART = np.zeros((STAGES, STAGES))
+"""Stages of a Runge-Kutta step: node of each, weights of earlier slopes in its state, and weights of all slopes in the
+step."""
+_STAGE_NODE = np.array([0, 2, 2, 3, 3, 2, 1, 1, 2, 3, 4])
+_STAGE_WEIGHTS = np.zeros((STAGES, STAGES))
 for _i, _row in enumerate(
     (
         (), (1 / 2,), (1 / 4, 1 / 4), (1 / 7, (-7 - 3 * _R) / 98, (21 + 5 * _R) / 49),
@@ -42,13 +45,13 @@ for _i, _row in enumerate(
          (28 - 28 * _R) / 45, (49 - 7 * _R) / 18),
     )
 ):  # fmt: skip
-    _PART[_i, : len(_row)] = _row
-_SHARE = np.array([9.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 49.0, 64.0, 49.0, 9.0]) / 180.0
+    _STAGE_WEIGHTS[_i, : len(_row)] = _row
+_STEP_WEIGHTS = np.array([9.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 49.0, 64.0, 49.0, 9.0]) / 180.0
 
 
 @kernel
 def _slope(rod, gravity, y, out):
-    """out (STATE,): the derivative of the state y by the length of the rod, whose numbers here are `rod` (ROD,)."""
+    """Write out (STATE,): derivative of the state y by the length of the rod, whose numbers here are `rod` (ROD,)."""
     w, a, b, c = y[3], y[4], y[5], y[6]
     # rows of R
     x0, x1, x2 = 1.0 - 2.0 * (b * b + c * c), 2.0 * (a * b - c * w), 2.0 * (a * c + b * w)
@@ -70,10 +73,11 @@ def _slope(rod, gravity, y, out):
 
 
 @kernel
-def _vary(rod, y, X, out, R, S, A):
-    """out (6, 9): derivative by the length of X (6, 9): changes of place, rotation (spatial) and moment of the state y, one
-    row for every component of force and moment at end p. R, S, A (3, 3): scratch, the axes, R C R^T and R / (GJ, EIy, EIz)
-    R^T.
+def _variation_slope(rod, y, X, out, R, S, A):
+    """Write out (6, 9), flat: derivative by the length of X (6, 9), the derivatives of position, rotation (spatial) and
+    moment of the state y, one row for each component of force and moment at end p.
+
+    R, S, A (3, 3): scratch, the axes, R C R^T and R / (GJ, EIy, EIz) R^T.
     """
     _rotation(y, R)
     for i in range(3):
@@ -90,7 +94,7 @@ def _vary(rod, y, X, out, R, S, A):
     for c in range(6):
         f0, f1, f2 = 1.0 if c == 0 else 0.0, 1.0 if c == 1 else 0.0, 1.0 if c == 2 else 0.0
         p0, p1, p2 = X[9 * c + 3], X[9 * c + 4], X[9 * c + 5]
-        # force and moment as the turned section sees them change
+        # change of force and moment relative to the rotated section
         a0, a1, a2 = f0 + n1 * p2 - n2 * p1, f1 + n2 * p0 - n0 * p2, f2 + n0 * p1 - n1 * p0
         b0 = X[9 * c + 6] + m1 * p2 - m2 * p1
         b1 = X[9 * c + 7] + m2 * p0 - m0 * p2
@@ -108,7 +112,7 @@ def _vary(rod, y, X, out, R, S, A):
 
 @kernel
 def _rotation(y, R):
-    """R (3, 3): axes of the state y."""
+    """Write R (3, 3): axes of the state y."""
     w, a, b, c = y[3], y[4], y[5], y[6]
     R[0, 0], R[0, 1], R[0, 2] = 1.0 - 2.0 * (b * b + c * c), 2.0 * (a * b - c * w), 2.0 * (a * c + b * w)
     R[1, 0], R[1, 1], R[1, 2] = 2.0 * (a * b + c * w), 1.0 - 2.0 * (a * a + c * c), 2.0 * (b * c - a * w)
@@ -116,8 +120,9 @@ def _rotation(y, R):
 
 
 @kernel
-def _walk(first, last, step, rod, gravity, slope, at, y, R, S, A):
-    """The state y from end p to end q, in place: STATE numbers of the rod, then their changes."""
+def _integrate(first, last, step, rod, gravity, slope, at, y, R, S, A):
+    """Integrate the state y from end p to end q, in place: STATE numbers of the rod, then their derivatives
+    (VARIATIONS)."""
     size = len(y)
     for s in range(first, last):
         h = step[s]
@@ -125,25 +130,25 @@ def _walk(first, last, step, rod, gravity, slope, at, y, R, S, A):
             for r in range(size):
                 at[r] = y[r]
             for k in range(stage):
-                share = h * _PART[stage, k]
-                if share != 0.0:
+                weight = h * _STAGE_WEIGHTS[stage, k]
+                if weight != 0.0:
                     for r in range(size):
-                        at[r] += share * slope[k, r]
-            here = rod[s, _PLACE[stage]]
+                        at[r] += weight * slope[k, r]
+            here = rod[s, _STAGE_NODE[stage]]
             _slope(here, gravity, at, slope[stage])
-            _vary(here, at, at[STATE:], slope[stage, STATE:], R, S, A)
+            _variation_slope(here, at, at[STATE:], slope[stage, STATE:], R, S, A)
         for k in range(STAGES):
-            share = h * _SHARE[k]
-            if share != 0.0:
+            weight = h * _STEP_WEIGHTS[k]
+            if weight != 0.0:
                 for r in range(size):
-                    y[r] += share * slope[k, r]
+                    y[r] += weight * slope[k, r]
         length = math.sqrt(y[3] * y[3] + y[4] * y[4] + y[5] * y[5] + y[6] * y[6])
         for r in range(3, 7):
             y[r] /= length
 
 
 class RodScratch(NamedTuple):
-    """Storage for one rod at a time: slopes of the stages, the state of one, the state walked, and (3, 3) four times."""
+    """Storage for one rod at a time: slopes of the stages, state of a stage, state of the rod, and four (3, 3)."""
 
     slope: np.ndarray
     at: np.ndarray
@@ -156,8 +161,8 @@ class RodScratch(NamedTuple):
 
 @kernel
 def allocate_rod_scratch():
-    """`RodScratch`."""
-    size = STATE + CHANGES
+    """`RodScratch` for one rod."""
+    size = STATE + VARIATIONS
     return RodScratch(
         np.empty((STAGES, size)), np.empty(size), np.empty(size), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)),
         np.empty((3, 3)),
@@ -165,25 +170,26 @@ def allocate_rod_scratch():
 
 
 @kernel
-def integrate_rod(first, last, step, rod, gravity, wrench, d, Q, gap, room):
-    """A rod from wrench (6,) [N, Nm] at end p over the steps first to last: lengths step (s,) and numbers rod (s, 5, ROD) at
-    `NODES`; gravity (3,) in frame p.
+def integrate_rod(first, last, step, rod, gravity, wrench, d, Q, gap, scratch):
+    """Integrate a rod from wrench (6,) [N, Nm] at end p over the steps first to last.
 
-    gap (6,): what is left to d (3,), Q (3, 3), where end q is to be [m, rad]. In room.y the state of end q, then place,
-    rotation (spatial) and moment there by every component of the wrench, 6 times 9.
+    step (s,) [m]: lengths of the steps; rod (s, 5, ROD): its numbers at their `NODES`; gravity (3,) in frame p; d (3,),
+    Q (3, 3): required pose of end q. Writes gap (6,): required pose relative to that reached [m, rad], inf where it is
+    not finite, and scratch.y: the state of end q, then derivatives of its position, rotation (spatial) and moment by
+    each component of the wrench (6, 9).
     """
-    y, R = room.y, room.R
+    y, R = scratch.y, scratch.R
     y[:] = 0.0
     for r in range(3):
         y[7 + r], y[10 + r] = wrench[3 + r], wrench[r]
         y[STATE + 9 * (3 + r) + 6 + r] = 1.0
     y[3] = 1.0
-    _walk(first, last, step, rod, gravity, room.slope, room.at, y, R, room.S, room.A)
+    _integrate(first, last, step, rod, gravity, scratch.slope, scratch.at, y, R, scratch.S, scratch.A)
     _rotation(y, R)
     for r in range(3):
         for c in range(3):
-            room.turn[r, c] = Q[r, 0] * R[c, 0] + Q[r, 1] * R[c, 1] + Q[r, 2] * R[c, 2]
-    rotation_log(room.turn, gap[3:])
+            scratch.turn[r, c] = Q[r, 0] * R[c, 0] + Q[r, 1] * R[c, 1] + Q[r, 2] * R[c, 2]
+    rotation_log(scratch.turn, gap[3:])
     for r in range(3):
         gap[r] = d[r] - y[r]
     if not math.isfinite(gap[0] + gap[1] + gap[2] + gap[3] + gap[4] + gap[5]):
@@ -192,11 +198,11 @@ def integrate_rod(first, last, step, rod, gravity, wrench, d, Q, gap, room):
 
 @kernel
 def unloaded_rod_end(step, rod):
-    """Place (3,) and axes (3, 3) of end q of a rod that nothing loads, see `integrate_rod`; frame p."""
-    room, gap, none = allocate_rod_scratch(), np.empty(6), np.zeros(6)
-    place, axes = np.empty(3), np.eye(3)
-    integrate_rod(0, len(step), step, rod, none[:3], none, none[:3], axes, gap, room)
+    """Position (3,) and axes (3, 3) of end q of an unloaded rod, see `integrate_rod`; frame p."""
+    scratch, gap, none = allocate_rod_scratch(), np.empty(6), np.zeros(6)
+    position, axes = np.empty(3), np.eye(3)
+    integrate_rod(0, len(step), step, rod, none[:3], none, none[:3], axes, gap, scratch)
     for r in range(3):
-        place[r] = room.y[r]
-    axes[:, :] = room.R
-    return place, axes
+        position[r] = scratch.y[r]
+    axes[:, :] = scratch.R
+    return position, axes

@@ -13,15 +13,16 @@ from ksd.numerics.kernel import kernel
 
 @kernel
 def coil_condense(value, d, lam, K):
-    """lam (12,), K (6, 6) of value = (k, l0) at d (3,), end q in frame p. Returns 2 where l = 0 < l0, else 0."""
-    k, free = value[0], value[1]
+    """Write lam (12,), K (6, 6) of value = (k [N/m], l0 [m]) at d (3,) [m], end q in frame p; return 2 where l = 0 <
+    l0, else 0."""
+    k, free_length = value[0], value[1]
     l = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
     K[:, :] = 0.0
     lam[:] = 0.0
-    if free > 0.0 and not l > 1e-9 * free:
+    if free_length > 0.0 and not l > 1e-9 * free_length:
         return 2
-    across = k if free == 0.0 else k * (1.0 - free / l)
-    along = 0.0 if free == 0.0 else k * free / (l * l * l)
+    across = k if free_length == 0.0 else k * (1.0 - free_length / l)
+    along = 0.0 if free_length == 0.0 else k * free_length / (l * l * l)
     for i in range(3):
         lam[i] = across * d[i]
         lam[6 + i] = lam[i]

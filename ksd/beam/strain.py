@@ -1,26 +1,25 @@
-"""The strain-mode leaf: one body per leaf, condensed to its end frames inside the same Newton step.
+"""The strain-mode leaf: one body per leaf, condensed to its end frames in every Newton step.
 
-Unknowns of a leaf: amplitudes a of its curvature modes (nx torsion, ny strong, nz weak bending; 1/m) and lam = (n, m),
-force and moment on end q (N, Nm). Curvature kappa_c = sum_i a_i B_i(s) over the modes of axis c; orientation
-R' = R [kappa]x by a sixth-order Magnus step over every gap between quadrature points (`ksd.beam.magnus`);
-r' = v = R (e1 + C R^T n) with C = diag(1/EA, 1/kGA, 1/kGA), so stretch and shear are exact without unknowns. All vectors
-in the frame of end p.
-Interface of all members: see `ksd.model.assembly`; constants: `ksd.beam.strain_values`.
+Unknowns of a leaf: amplitudes a of its curvature modes (nx torsion, ny strong, nz weak bending; [1/m]) and lam = (n,
+m), force and moment on end q [N, Nm]. Curvature kappa_c = sum_i a_i B_i(s) over the modes of axis c; orientation R' = R
+[kappa]x by a sixth-order Magnus step over every interval between quadrature points (`ksd.beam.magnus`); r' = v = R (e1
++ C R^T n) with C = diag(1/EA, 1/kGA, 1/kGA), so stretch and shear are exact without unknowns. All vectors are in the
+frame of end p. Interface of all members: see `ksd.model.assembly`; constants: `ksd.beam.strain_values`.
 
-Source: the stationary conditions of the mixed functional 1/2 (a - a0) K (a - a0) - H + n.d + m.log(Q R(L)^T) for end q at d,
-Q (c, what its derivative by lam is, are the gaps there), with the sum over the quadrature points H = L sum w (n.R e1 + 1/2
-n.R C R^T n). Residual and tangent are the derivatives of that very sum, by the chain of the Magnus steps, so that the
-tangent is symmetric and exact however few the points. Of the derivative of m.psi by the amplitudes the tangent has the
-symmetric part; the skew part is that of a moment which turns by half of what the closure turns, c + xi: so does m in every
-step, and Newton's method stays quadratic inside the leaf. Then the end of the leaf is r(L) = dH/dn, and by partial summation
-the residual has at every gap the moment m + sum over the points behind it of L w v x n, for the m + (r(L) - r(s)) x n of the
-rod.
+Source: the stationary conditions of the mixed functional 1/2 (a - a0) K (a - a0) - H + n.d + m.log(Q R(L)^T) for end q
+at d, Q (its derivative by lam is the closure gap c there), with the sum over the quadrature points H = L sum w (n.R e1
++ 1/2 n.R C R^T n). Residual and tangent are the derivatives of this sum, by the chain rule through the Magnus steps, so
+the tangent is symmetric and exact for any number of points. Of the derivative of m.psi by the amplitudes the tangent
+has the symmetric part; the skew part is that of a moment that rotates by half of the rotation c + xi of the closure. m
+is rotated by this in every step, which keeps Newton's method quadratic inside the leaf. The end of the leaf is r(L) =
+dH/dn, and by partial summation the residual has at every interval the moment m + sum over the points behind it of L w v
+x n, in place of m + (r(L) - r(s)) x n of the rod.
 
 A leaf with weight has line mass mu [kg/m] in gravity g [m/s^2], in frame p; its tables end with M(s) = int_s^L mu. Then
-the force is n(s) = n + M g. dH/dg = int M v is the first moment of the mass about end p, and eta_i its derivative by the
-amplitudes. `pull` holds g (`ksd.beam.weight`), and is empty for a leaf without weight.
+the force is n(s) = n + M g. dH/dg = int M v is the first moment of the mass about end p, and eta_i its derivative by
+the amplitudes. The gravity block of its store holds g (`ksd.beam.weight`).
 
-A leaf bent in its plane alone takes a shorter way to the same tangent (`ksd.beam.strain_flat`).
+For a leaf bent in its plane only, `ksd.beam.strain_flat` computes the same tangent faster.
 """
 
 from __future__ import annotations
@@ -30,28 +29,29 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ksd.beam.magnus import gap_second, gap_turn
+from ksd.beam.magnus import magnus_rotation, magnus_second_derivative
 from ksd.beam.strain_flat import flat_tangent, is_flat
-from ksd.beam.weight import GRAVITY_BLOCK_SIZE
+from ksd.beam.strain_values import GRAVITY_BLOCK_SIZE
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_log, tangent_factors
 
 TINY_PIVOT = 1e-15
+"""A pivot below this fraction of its diagonal before elimination counts as zero."""
 
 
 class LeafFields(NamedTuple):
-    """Room for leaf springs of up to N modes and ng points, one at a time at one inner state: at its quadrature points; at
-    end p, the points and end q (ng+2); of the gaps between these (ng+1).
+    """Working arrays of a leaf with up to N modes and ng points: at the points, at end p, points and end q (ng+2), and
+    over the intervals between these (ng+1).
 
-    Of a gap, see `ksd.beam.magnus`: gap (ng+1, 9): moments of its curvature; turn (ng+1, 3) and J (ng+1, 3, 9); T
-    (ng+1, 3, 3): from a change of turn to the rotation of all behind; G = T J. R (ng+2, 3, 3): orientation; psi (ng+2, 3,
-    N): rotation by the amplitudes. n (ng, 3): force; v (ng, 3) = r'; S (ng, 3, 3) = R C R^T [1/N]; slope (ng, 3, N): v by
-    the amplitudes, at fixed n. end (3,) [m]: place of end q; rho, eta (3, N): that place, and the first moment of the mass,
-    by the amplitudes; eta only with weight. W (N, N) tangent of the amplitudes; Y (N, 8) right-hand sides, the seventh their
-    residual; X (3, N), Z (N, 9), M (9, 9), V (3, 3): scratch.
+    Over an interval, see `ksd.beam.magnus`: moment (ng+1, 9) of its curvature; turn (ng+1, 3) and J (ng+1, 3, 9); T
+    (ng+1, 3, 3): from a change of turn to the rotation of everything behind; G = T J. R (ng+2, 3, 3): orientation; psi
+    (ng+2, 3, N): rotation by the amplitudes. n (ng, 3): force; v (ng, 3) = r'; S (ng, 3, 3) = R C R^T [1/N]; slope (ng,
+    3, N): v by the amplitudes, at fixed n. end (3,) [m]: position of end q; rho, eta (3, N): that position, and the
+    first moment of the mass, by the amplitudes; eta only with weight. W (N, N): tangent of the amplitudes; Y (N, 8):
+    right-hand sides, the seventh their residual; X (3, N), Z (N, 9), M (9, 9), V (3, 3): scratch.
     """
 
-    gap: np.ndarray
+    moment: np.ndarray
     turn: np.ndarray
     J: np.ndarray
     T: np.ndarray
@@ -75,19 +75,19 @@ class LeafFields(NamedTuple):
 
 @kernel
 def constant_offsets(number):
-    """Where the stress-free amplitudes, weights, compliances, moments over the gaps and masses beyond begin among the
-    constants, see `ksd.beam.strain_values`."""
+    """Offsets in `value` of the stress-free amplitudes, weights, compliances, moments over the intervals and masses
+    beyond the points, see `ksd.beam.strain_values`."""
     nx, ny, nz, ng = number[0], number[1], number[2], number[3]
     N = nx + ny + nz
-    rest = 1 + nx * nx + ny * ny + nz * nz
-    weight = rest + N
-    soft = weight + ng + ng * ng + N * ng
-    gap = soft + 3 * ng
-    return rest, weight, soft, gap, gap + 3 * N * (ng + 1)
+    amplitudes = 1 + nx * nx + ny * ny + nz * nz
+    weight = amplitudes + N
+    compliance = weight + ng + ng * ng + N * ng
+    moment = compliance + 3 * ng
+    return amplitudes, weight, compliance, moment, moment + 3 * N * (ng + 1)
 
 
 def allocate_leaf_fields(N, ng):  # type: ignore[no-untyped-def]
-    """`LeafFields` for N modes and ng points; compiled, `allocate_leaf_fields_compiled`."""
+    """`LeafFields` for N modes and ng points; `allocate_leaf_fields_compiled` is the same for kernels."""
     return LeafFields(
         np.empty((ng + 1, 9)), np.empty((ng + 1, 3)), np.empty((ng + 1, 3, 9)), np.empty((ng + 1, 3, 3)),
         np.empty((ng + 1, 3, 9)), np.empty((ng + 2, 3, 3)), np.empty((ng + 2, 3, N)), np.empty((ng, 3)),
@@ -100,17 +100,20 @@ allocate_leaf_fields_compiled = kernel(inline="always")(allocate_leaf_fields)
 
 
 def leaf_fields(number: np.ndarray) -> LeafFields:
-    """`LeafFields` of one leaf."""
+    """`LeafFields` for one leaf with settings `number`."""
     return allocate_leaf_fields(int(number[:3].sum()), int(number[3]))
 
 
 @kernel(inline="late")
-def _orientations(value, number, a, f):
-    """R and psi at the points and at end q, by the turn of every gap: R <- R exp(turn), psi <- psi + G d(moments), with
-    exp(turn) = I + T [turn]x, the tangent T of the exponential, turned into frame p."""
-    gap, turn, J = f.gap, f.turn, f.J
-    T, G = f.T, f.G
-    R, psi = f.R, f.psi
+def _orientations(value, number, a, fields):
+    """Write R and psi at the points and at end q.
+
+    Over every interval R <- R exp(turn) and psi <- psi + G d(moments), with exp(turn) = I + T [turn]x, where T is the
+    tangent of the exponential, rotated into frame p.
+    """
+    moment, turn, J = fields.moment, fields.turn, fields.J
+    T, G = fields.T, fields.G
+    R, psi = fields.R, fields.psi
     N, length = number[0] + number[1] + number[2], value[0]
     _, _, _, modes, _ = constant_offsets(number)
     for r in range(3):
@@ -126,13 +129,13 @@ def _orientations(value, number, a, f):
                 p += a[i] * value[at + i]
                 q += a[i] * value[at + N + i]
                 s += a[i] * value[at + 2 * N + i]
-            gap[h, axis], gap[h, 3 + axis], gap[h, 6 + axis] = length * p, length * q, length * s
+            moment[h, axis], moment[h, 3 + axis], moment[h, 6 + axis] = length * p, length * q, length * s
             first += number[axis]
-        gap_turn(h, gap, turn, J)
+        magnus_rotation(h, moment, turn, J)
         x, y, z = turn[h, 0], turn[h, 1], turn[h, 2]
         t, u, _, _ = tangent_factors(x * x + y * y + z * z)
         for r in range(3):
-            # row x turn, and once more
+            # row x turn, and (row x turn) x turn
             p, q, s = R[h, r, 0], R[h, r, 1], R[h, r, 2]
             p1, q1, s1 = q * z - s * y, s * x - p * z, p * y - q * x
             p2, q2, s2 = q1 * z - s1 * y, s1 * x - p1 * z, p1 * y - q1 * x
@@ -158,29 +161,33 @@ def _orientations(value, number, a, f):
 
 
 @kernel(inline="late")
-def _slopes(value, number, inner, pull, f):
-    """n(s), v = R (e1 + C R^T n(s)), S = R C R^T and slope = psi x v - S (psi x n(s)) at every point; end, rho and eta."""
-    R, psi, force = f.R, f.psi, f.n
-    v, S, slope = f.v, f.S, f.slope
-    end, rho, eta = f.end, f.rho, f.eta
-    N, heavy = number[0] + number[1] + number[2], len(pull) > 0
-    _, weight, soft, _, beyond = constant_offsets(number)
+def _slopes(value, number, inner, gravity, fields):
+    """Write n(s), v = R (e1 + C R^T n(s)), S = R C R^T and slope = psi x v - S (psi x n(s)) at every point; end, rho
+    and eta.
+
+    gravity: the gravity block, empty without weight.
+    """
+    R, psi, force = fields.R, fields.psi, fields.n
+    v, S, slope = fields.v, fields.S, fields.slope
+    end, rho, eta = fields.end, fields.rho, fields.eta
+    N, has_weight = number[0] + number[1] + number[2], len(gravity) > 0
+    _, weight, compliance, _, beyond = constant_offsets(number)
     for r in range(3):
         end[r] = 0.0
         for i in range(N):
             rho[r, i], eta[r, i] = 0.0, 0.0
     for g in range(number[3]):
         w, mass = value[0] * value[weight + g], 0.0
-        if heavy:
+        if has_weight:
             mass = value[beyond + g]
         for r in range(3):
-            force[g, r] = inner[N + r] + mass * pull[r] if heavy else inner[N + r]
+            force[g, r] = inner[N + r] + mass * gravity[r] if has_weight else inner[N + r]
         k0, k1, k2 = force[g, 0], force[g, 1], force[g, 2]
         for i in range(3):
             for j in range(3):
                 s = 0.0
                 for e in range(3):
-                    s += value[soft + 3 * g + e] * R[g + 1, i, e] * R[g + 1, j, e]
+                    s += value[compliance + 3 * g + e] * R[g + 1, i, e] * R[g + 1, j, e]
                 S[g, i, j] = s
             v[g, i] = R[g + 1, i, 0] + S[g, i, 0] * k0 + S[g, i, 1] * k1 + S[g, i, 2] * k2
             end[i] += w * v[g, i]
@@ -200,48 +207,49 @@ def _slopes(value, number, inner, pull, f):
                 s = b0 * psi[g + 1, 0, i] + b1 * psi[g + 1, 1, i] + b2 * psi[g + 1, 2, i]
                 slope[g, r, i] = s
                 rho[r, i] += w * s
-                if heavy:
+                if has_weight:
                     eta[r, i] += w * mass * s
 
 
 @kernel(inline="late")
-def fill_leaf_fields(value, number, inner, pull, f):
-    """`LeafFields` f of a leaf with inner state `inner` = (a (N,), n (3,), m (3,)), without W and Y."""
-    _orientations(value, number, inner, f)
-    _slopes(value, number, inner, pull, f)
+def fill_leaf_fields(value, number, inner, gravity, fields):
+    """Fill the `LeafFields` of a leaf with inner state `inner` = (a (N,), n (3,), m (3,)), except W and Y."""
+    _orientations(value, number, inner, fields)
+    _slopes(value, number, inner, gravity, fields)
 
 
 @kernel(inline="late")
-def strain_tangent(value, number, inner, f):
-    """W and residual g of the amplitudes at fixed end wrench and gravity, into the fields f as left by `fill_leaf_fields`:
+def strain_tangent(value, number, inner, fields):
+    """Write W and the residual g of the amplitudes at fixed end wrench and gravity into the fields left by
+    `fill_leaf_fields`.
 
-    g_i = K (a - a0) - dH/da_i - m.psi_i(L), and W_ij the symmetric part of its derivative. The skew part, a half of
-    m.(psi_i(L) x psi_j(L)), is that of a moment that is fixed in space, on end q alone: no matter of the leaf.
-    From end q back: M, the moment a gap carries, and X, its derivative by the amplitudes.
+    g_i = K (a - a0) - dH/da_i - m.psi_i(L), and W_ij is the symmetric part of its derivative. The skew part, half of
+    m.(psi_i(L) x psi_j(L)), is that of a moment fixed in space; it acts on end q only and is not part of the leaf.
+    Going back from end q: M, the moment carried by an interval, and X, its derivative by the amplitudes.
     """
-    gap, turn, J = f.gap, f.turn, f.J
-    T, G = f.T, f.G
-    R, psi = f.R, f.psi
-    n, v, slope = f.n, f.v, f.slope
-    M, V, W = f.M, f.V, f.W
-    Y, X, Z = f.Y, f.X, f.Z
+    moment, turn, J = fields.moment, fields.turn, fields.J
+    T, G = fields.T, fields.G
+    R, psi = fields.R, fields.psi
+    n, v, slope = fields.n, fields.v, fields.slope
+    M, V, W = fields.M, fields.V, fields.W
+    Y, X, Z = fields.Y, fields.X, fields.Z
     N, ng, length = number[0] + number[1] + number[2], number[3], value[0]
-    rest, weight, _, modes, _ = constant_offsets(number)
+    amplitudes, weight, _, modes, _ = constant_offsets(number)
     M0, M1, M2 = inner[N + 3], inner[N + 4], inner[N + 5]
     for i in range(N):
-        # a moment fixed in space is no gradient: half of what turns with the end makes W its symmetric part
+        # with half the moment rotating with end q, W is the symmetric part
         p0, p1, p2 = 0.5 * psi[ng + 1, 0, i], 0.5 * psi[ng + 1, 1, i], 0.5 * psi[ng + 1, 2, i]
         X[0, i], X[1, i], X[2, i] = M2 * p1 - M1 * p2, M0 * p2 - M2 * p0, M1 * p0 - M0 * p1
         Y[i, 6] = 0.0
         for j in range(i + 1):
             W[i, j] = 0.0
-    # a leaf that carries nothing, as at rest, has its own stiffness alone
+    # without load, as at rest, W is the leaf's own stiffness
     loaded = M0 != 0.0 or M1 != 0.0 or M2 != 0.0
     for h in range(ng):
         loaded = loaded or n[h, 0] != 0.0 or n[h, 1] != 0.0 or n[h, 2] != 0.0
     flat = loaded and is_flat(number, inner, n)
     if flat:
-        flat_tangent(value, number, inner, modes, weight, gap, J, G, psi, n, v, slope, W, Y, X, Z)
+        flat_tangent(value, number, inner, modes, weight, moment, J, G, psi, n, v, slope, W, Y, X, Z)
     for h in range(ng if loaded and not flat else -1, -1, -1):
         if h < ng:
             w = length * value[weight + h]
@@ -256,11 +264,11 @@ def strain_tangent(value, number, inner, f):
         u0 = T[h, 0, 0] * M0 + T[h, 1, 0] * M1 + T[h, 2, 0] * M2
         u1 = T[h, 0, 1] * M0 + T[h, 1, 1] * M1 + T[h, 2, 1] * M2
         u2 = T[h, 0, 2] * M0 + T[h, 1, 2] * M1 + T[h, 2, 2] * M2
-        # in the axes of the gap's start
+        # in the axes at the start of the interval
         m0 = R[h, 0, 0] * M0 + R[h, 1, 0] * M1 + R[h, 2, 0] * M2
         m1 = R[h, 0, 1] * M0 + R[h, 1, 1] * M1 + R[h, 2, 1] * M2
         m2 = R[h, 0, 2] * M0 + R[h, 1, 2] * M1 + R[h, 2, 2] * M2
-        gap_second(h, gap, turn, J, m0, m1, m2, u0, u1, u2, V, M)
+        magnus_second_derivative(h, moment, turn, J, m0, m1, m2, u0, u1, u2, V, M)
         h0, h1, h2 = 0.5 * M0, 0.5 * M1, 0.5 * M2
         first, at = 0, modes + 3 * N * h
         for axis in range(3):
@@ -270,14 +278,14 @@ def strain_tangent(value, number, inner, f):
             for i in range(first, first + number[axis]):
                 p, q, s = length * value[at + i], length * value[at + N + i], length * value[at + 2 * N + i]
                 Y[i, 6] -= p * d + q * e + s * g
-                # twice the rotation in the middle of the gap: so comes in the skew part of the second derivative
+                # twice the rotation at the middle of the interval includes the skew part of the second derivative
                 x, y, z = (
                     psi[h, 0, i] + psi[h + 1, 0, i],
                     psi[h, 1, i] + psi[h + 1, 1, i],
                     psi[h, 2, i] + psi[h + 1, 2, i],
                 )
                 x, y, z = X[0, i] + h1 * z - h2 * y, X[1, i] + h2 * x - h0 * z, X[2, i] + h0 * y - h1 * x
-                # the lower triangle of W reads columns of this axis and later ones
+                # the lower triangle of W needs columns of this axis and later ones only
                 for c in range(axis, 3):
                     for k in range(c, 9, 3):
                         Z[i, k] = (p * M[axis, k] + q * M[3 + axis, k] + s * M[6 + axis, k]) + (
@@ -295,16 +303,16 @@ def strain_tangent(value, number, inner, f):
         for i in range(first, first + count):
             for j in range(first, first + count):
                 W[i, j] += value[at]
-                Y[i, 6] += value[at] * (inner[j] - value[rest + j])
+                Y[i, 6] += value[at] * (inner[j] - value[amplitudes + j])
                 at += 1
         first += count
 
 
 @kernel(inline="late")
 def _solve_modes(N, W, Y):
-    """Y (N, 7) <- W^-1 Y by LDL^T in place of W: L below the diagonal, D on it; Y[:, 7]: a grain of the diagonal before.
+    """Overwrite Y (N, 7) with W^-1 Y, and W with its LDL^T factor: L below the diagonal, D on it.
 
-    Returns (negative pivots, 2 where one had to be replaced, else 0).
+    Y[:, 7]: smallest pivots allowed. Returns (negative pivots, 2 where a pivot had to be replaced, else 0).
     """
     negatives, status = 0, 0
     for j in range(N):
@@ -319,7 +327,7 @@ def _solve_modes(N, W, Y):
         for i in range(j + 1, N):
             l = W[j, i] / pivot
             W[i, j] = l
-            # bending in the plane of a leaf meets nothing out of it
+            # bending in the plane of a leaf is not coupled with motions out of it
             if l != 0.0:
                 for c in range(i, N):
                     W[i, c] -= l * W[j, c]
@@ -338,7 +346,7 @@ def _solve_modes(N, W, Y):
 
 @kernel
 def _substitute(N, W, Y):
-    """Y (N, 3) <- W^-1 Y, W factored by `_solve_modes`."""
+    """Overwrite Y (N, 3) with W^-1 Y, W factored by `_solve_modes`."""
     for j in range(N):
         for c in range(j):
             for e in range(3):
@@ -353,15 +361,17 @@ def _substitute(N, W, Y):
 
 @kernel(inline="late")
 def _invert6(F, K, row):
-    """K (6, 6) = F^-1 for symmetric F (6, 6 or more) by sweeping pivot after pivot; row (6,): scratch; returns (negative
-    pivots, ok)."""
-    negatives, fine = 0, True
+    """Write K (6, 6) = F^-1 for symmetric F (6, 6 or larger) by sweeping the pivots; return (negative pivots, regular).
+
+    row (6,): scratch.
+    """
+    negatives, is_regular = 0, True
     for i in range(6):
         for j in range(6):
             K[i, j] = F[i, j]
     for k in range(6):
         pivot = K[k, k]
-        fine &= abs(pivot) > 1e-18 * abs(F[k, k])
+        is_regular &= abs(pivot) > 1e-18 * abs(F[k, k])
         negatives += pivot < 0.0
         for j in range(6):
             row[j] = K[k, j] / pivot
@@ -376,42 +386,45 @@ def _invert6(F, K, row):
     for i in range(6):
         for j in range(6):
             K[i, j] = -K[i, j]
-    return negatives, fine
+    return negatives, is_regular
 
 
 @kernel(inline="always")
-def _half_turned(m, x, y, z, r):
+def _half_cross(m, x, y, z, r):
     """Component r of half of m x (x, y, z)."""
     if r == 0:
-        found = m[1] * z - m[2] * y
+        component = m[1] * z - m[2] * y
     elif r == 1:
-        found = m[2] * x - m[0] * z
+        component = m[2] * x - m[0] * z
     else:
-        found = m[0] * y - m[1] * x
-    return 0.5 * found
+        component = m[0] * y - m[1] * x
+    return 0.5 * component
 
 
 @kernel
-def strain_gravity_block(value, number, inner, store, f, lam, K):
-    """After `strain_condense`: the pull (39,) of a leaf with weight, see `ksd.beam.weight`, and before it X (N, 3)
-    = W^-1 eta(L)^T, which is kept for `strain_recover`, both at the end of its store; nothing for one without weight.
+def strain_gravity_block(value, number, inner, store, fields, lam, K):
+    """Write the gravity block (39,) of a leaf with weight after `strain_condense`, see `ksd.beam.weight`; nothing
+    without weight.
 
-    With B = int M S and Z = J X + B (force rows): V_xi,g = -K Z, V_g,g = Z^T K Z - eta X - int M^2 S, and the
-    first moment int M v is predicted with the step K (c + J W^-1 g) of the wrench: lam[0:6] - lam[6:12] and what m turns by.
+    Before it in the store stands X (N, 3) = W^-1 eta(L)^T, for `strain_recover`. With B = int M S and Z = J X + B
+    (force rows): V_xi,g = -K Z, V_g,g = Z^T K Z - eta X - int M^2 S. The first moment int M v is predicted with the
+    step K (c + J W^-1 g) of the wrench: lam[0:6] - lam[6:12] and the rotation of m.
     """
     N, ng = number[0] + number[1] + number[2], number[3]
     _, weight, _, _, beyond = constant_offsets(number)
     if len(store) == 8 * N + 42:
         return
-    o, v, S, rho, psi, eta = len(store) - GRAVITY_BLOCK_SIZE, f.v, f.S, f.rho, f.psi, f.eta
-    X, Z, G, step = store[o - 3 * N : o].reshape(N, 3), np.zeros((6, 3)), np.zeros((3, 3)), np.empty(6)
+    block_at, v, S = len(store) - GRAVITY_BLOCK_SIZE, fields.v, fields.S
+    rho, psi, eta = fields.rho, fields.psi, fields.eta
+    X, Z = store[block_at - 3 * N : block_at].reshape(N, 3), np.zeros((6, 3))
+    G, step = np.zeros((3, 3)), np.empty(6)
     for r in range(3):
         step[r] = lam[r] - lam[6 + r]
-        step[3 + r] = lam[3 + r] - lam[9 + r] + _half_turned(lam[9:], store[7], store[15], store[23], r)
+        step[3 + r] = lam[3 + r] - lam[9 + r] + _half_cross(lam[9:], store[7], store[15], store[23], r)
     for i in range(N):
         for e in range(3):
             X[i, e] = eta[e, i]
-    _substitute(N, f.W, X)
+    _substitute(N, fields.W, X)
     for e in range(3):
         s = 0.0
         for g in range(ng):
@@ -421,7 +434,7 @@ def strain_gravity_block(value, number, inner, store, f, lam, K):
             for r in range(3):
                 Z[r, e] += w * S[g, r, e]
                 G[r, e] += w * M * S[g, r, e]
-        store[o + 6 + e] = s
+        store[block_at + 6 + e] = s
         for i in range(N):
             s -= eta[e, i] * store[8 * i + 6]
             for r in range(3):
@@ -430,61 +443,60 @@ def strain_gravity_block(value, number, inner, store, f, lam, K):
                 G[r, e] += eta[r, i] * X[i, e]
         for r in range(6):
             s += Z[r, e] * step[r]
-        store[o + 3 + e] = s
+        store[block_at + 3 + e] = s
     for e in range(3):
         for r in range(6):
             s = 0.0
             for k in range(6):
                 s -= K[r, k] * Z[k, e]
-            store[o + 9 + 3 * r + e] = s
+            store[block_at + 9 + 3 * r + e] = s
         for r in range(3):
             s = -G[r, e]
             for k in range(6):
-                s -= Z[k, r] * store[o + 9 + 3 * k + e]
-            store[o + 27 + 3 * r + e] = s
+                s -= Z[k, r] * store[block_at + 9 + 3 * k + e]
+            store[block_at + 27 + 3 * r + e] = s
 
 
 @kernel
-def strain_condense(value, number, inner, store, f, d, Q, lam, K):
+def strain_condense(value, number, inner, store, fields, d, Q, lam, K):
     """Condense one leaf at end pose d (3,) [m], Q (3, 3); see the module docstring for the equations.
 
-    inner = (a (N,), lam (6,)). Writes lam[0:6] condensed end wrench, lam[6:12] the wrench the geometric terms
-    use (the one before this step), K (6, 6). store keeps W^-1 J^T and W^-1 g (N, 8; the last of the first three rows: the
-    rotation c that is left to close), K (6, 6) and c + J W^-1 g (6,); of a leaf with weight also what
-    `strain_gravity_block` adds.
-    f: `LeafFields` with room for the leaf, left undefined.
-    Returns (negative pivots of W minus those of F, |change of n| [N], |change of m| [Nm], status).
+    inner = (a (N,), lam (6,)). Writes lam[0:6], condensed end wrench, lam[6:12], the wrench for the geometric terms
+    (that before this step), and K (6, 6). store: W^-1 J^T and W^-1 g (N, 8; the last column of the first three rows:
+    the closure rotation c), K (6, 6) and c + J W^-1 g (6,), for a leaf with weight also what `strain_gravity_block`
+    adds. fields: `LeafFields` large enough for the leaf, their contents undefined. Returns (negative pivots of W minus
+    those of F, |change of n| [N], |change of m| [Nm], status).
     """
     N, ng = number[0] + number[1] + number[2], number[3]
     _, weight, _, _, _ = constant_offsets(number)
-    tail = N * 8
-    gap = tail + 36
-    heavy = len(store) > tail + 42
-    pull = store[len(store) - GRAVITY_BLOCK_SIZE if heavy else len(store) :]
-    # as `fill_leaf_fields`, of which so nothing is compiled
-    _orientations(value, number, inner, f)
-    _slopes(value, number, inner, pull, f)
-    strain_tangent(value, number, inner, f)
-    W, Y, R = f.W, f.Y, f.R
-    rho, psi = f.rho, f.psi
-    S, end = f.S, f.end
+    stiffness_at = N * 8
+    gap_at = stiffness_at + 36
+    has_weight = len(store) > stiffness_at + 42
+    gravity = store[len(store) - GRAVITY_BLOCK_SIZE if has_weight else len(store) :]
+    # `fill_leaf_fields` inlined, so that it is not compiled
+    _orientations(value, number, inner, fields)
+    _slopes(value, number, inner, gravity, fields)
+    strain_tangent(value, number, inner, fields)
+    W, Y, R = fields.W, fields.Y, fields.R
+    rho, psi = fields.rho, fields.psi
+    S, end = fields.S, fields.end
     # Y = W^-1 [J^T, g], seven right-hand sides at once; J = (rho(L), psi(L))
     for i in range(N):
         for r in range(3):
             Y[i, r], Y[i, 3 + r] = rho[r, i], psi[ng + 1, r, i]
     negatives, status = _solve_modes(N, W, Y)
     # F = J W^-1 J^T + L sum w S (force block);  gap = closure + J W^-1 g
-    F, turned = f.M, f.V
-    row, step = f.gap[0], f.gap[1]
+    F, relative = fields.M, fields.V
+    row, step = fields.moment[0], fields.moment[1]
     for r in range(6):
         for e in range(6):
             F[r, e] = 0.0
     for i in range(3):
         for j in range(3):
-            turned[i, j] = Q[i, 0] * R[ng + 1, j, 0] + Q[i, 1] * R[ng + 1, j, 1] + Q[i, 2] * R[ng + 1, j, 2]
-    rotation_log(turned, step)
+            relative[i, j] = Q[i, 0] * R[ng + 1, j, 0] + Q[i, 1] * R[ng + 1, j, 1] + Q[i, 2] * R[ng + 1, j, 2]
+    rotation_log(relative, step)
     for r in range(3):
-        store[gap + r], store[gap + 3 + r], store[8 * r + 7] = d[r] - end[r], step[r], step[r]
+        store[gap_at + r], store[gap_at + 3 + r], store[8 * r + 7] = d[r] - end[r], step[r], step[r]
     for i in range(N):
         for e in range(7):
             store[8 * i + e] = Y[i, e]
@@ -492,7 +504,7 @@ def strain_condense(value, number, inner, store, f, d, Q, lam, K):
             j = rho[r, i] if r < 3 else psi[ng + 1, r - 3, i]
             for e in range(r + 1):
                 F[r, e] += j * Y[i, e]
-            store[gap + r] += j * Y[i, 6]
+            store[gap_at + r] += j * Y[i, 6]
     for p in range(ng):
         w = value[0] * value[weight + p]
         for i in range(3):
@@ -501,47 +513,49 @@ def strain_condense(value, number, inner, store, f, d, Q, lam, K):
     for r in range(6):
         for e in range(r):
             F[e, r] = F[r, e]
-    back, fine = _invert6(F, K, row)
-    if not fine:
+    condensed_negatives, is_regular = _invert6(F, K, row)
+    if not is_regular:
         status = 2
     dn, dm = 0.0, 0.0
     for r in range(6):
         s = 0.0
         for e in range(6):
-            store[tail + r * 6 + e] = K[r, e]
-            s += K[r, e] * store[gap + e]
+            store[stiffness_at + r * 6 + e] = K[r, e]
+            s += K[r, e] * store[gap_at + e]
         step[r] = s
         lam[r], lam[6 + r] = inner[N + r] + s, inner[N + r]
         if r >= 3:
-            lam[r] -= _half_turned(inner[N + 3 :], store[7], store[15], store[23], r - 3)
+            lam[r] -= _half_cross(inner[N + 3 :], store[7], store[15], store[23], r - 3)
         if r < 3:
             dn += s * s
         else:
             dm += s * s
     if not math.isfinite(dn + dm):
         status = 2
-    return negatives - back, math.sqrt(dn), math.sqrt(dm), status
+    return negatives - condensed_negatives, math.sqrt(dn), math.sqrt(dm), status
 
 
 @kernel
 def strain_recover(value, number, inner, store, xi, scale, step):
-    """dlam = K (xi + gap), da = W^-1 (J^T dlam - g), times `scale`, added to the inner state, m turned by half of c + xi.
+    """Add dlam = K (xi + gap) and da = W^-1 (J^T dlam - g), times `scale`, to the inner state; m is rotated by half of
+    c + xi.
 
-    A leaf with weight follows the change of gravity in frame p, the last three numbers of its pull. step (6,): scratch.
+    A leaf with weight includes the change of gravity in frame p, the last three numbers of its gravity block. step
+    (6,): scratch.
     """
     N = number[0] + number[1] + number[2]
-    tail = N * 8
-    gap = tail + 36
-    heavy = len(store) > tail + 42
-    o = len(store) - GRAVITY_BLOCK_SIZE
+    stiffness_at = N * 8
+    gap_at = stiffness_at + 36
+    has_weight = len(store) > stiffness_at + 42
+    block_at = len(store) - GRAVITY_BLOCK_SIZE
     m0, m1, m2 = inner[N + 3], inner[N + 4], inner[N + 5]
     for r in range(6):
         s = 0.0
         for e in range(6):
-            s += store[tail + r * 6 + e] * (xi[e] + store[gap + e])
-        if heavy:
+            s += store[stiffness_at + r * 6 + e] * (xi[e] + store[gap_at + e])
+        if has_weight:
             for e in range(3):
-                s += store[o + 9 + 3 * r + e] * store[o + 36 + e]
+                s += store[block_at + 9 + 3 * r + e] * store[block_at + 36 + e]
         step[r] = s
         inner[N + r] += scale * s
     x, y, z = store[7] + xi[3], store[15] + xi[4], store[23] + xi[5]
@@ -552,7 +566,7 @@ def strain_recover(value, number, inner, store, xi, scale, step):
         s = -store[i * 8 + 6]
         for e in range(6):
             s += store[i * 8 + e] * step[e]
-        if heavy:
+        if has_weight:
             for e in range(3):
-                s += store[gap + 6 + 3 * i + e] * store[o + 36 + e]
+                s += store[gap_at + 6 + 3 * i + e] * store[block_at + 36 + e]
         inner[i] += scale * s

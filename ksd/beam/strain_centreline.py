@@ -1,4 +1,4 @@
-"""Orientation and slope along strain-mode leaves, step by step, for pictures and section forces."""
+"""Orientation and slope along strain-mode leaves by Magnus steps, for pictures and section forces."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from ksd.numerics.rotations import rotation_exp
 
 
 @kernel
-def integrate_centrelines(kappa, soft, force, step, start, R, v):
-    """R (k, m+1, 3, 3) and v = r' (k, m+1, 3) after every one of m steps of length step (k,) [m] along k leaf springs.
+def integrate_centrelines(kappa, compliance, force, step, start, R, v):
+    """Write R (k, m+1, 3, 3) and v = r' (k, m+1, 3) after each of m steps of length step (k,) [m] along k leaf springs.
 
-    kappa (k, 2 m, 3) [1/m]: curvature at the first Gauss point of every step, then at the second; soft (k, m+1, 3) [1/N]:
-    stretch and shear compliance, force (k, m+1, 3) [N], at the ends of the steps; start (k, 3, 3): R before the first.
-    Magnus steps of fourth order; r' = R (e1 + C R^T n).
+    kappa (k, 2 m, 3) [1/m]: curvature at the first Gauss point of every step, then at the second; soft (k, m+1, 3)
+    [1/N]: stretch and shear compliance, force (k, m+1, 3) [N], at the ends of the steps; start (k, 3, 3): R before the
+    first. Magnus steps of fourth order; r' = R (e1 + C R^T n).
     """
-    turn, twist, local = np.empty(3), np.empty((3, 3)), np.empty(3)
+    turn, E, local = np.empty(3), np.empty((3, 3)), np.empty(3)
     steps = kappa.shape[1] // 2
     for leaf in range(len(kappa)):
         h = step[leaf]
@@ -34,14 +34,12 @@ def integrate_centrelines(kappa, soft, force, step, start, R, v):
                 for c in range(3):
                     i, j = (c + 1) % 3, (c + 2) % 3
                     turn[c] = 0.5 * h * (one[c] + two[c]) + f * (one[i] * two[j] - one[j] * two[i])
-                rotation_exp(turn, twist)
+                rotation_exp(turn, E)
                 for i in range(3):
                     for j in range(3):
-                        here[i, j] = (
-                            last[i, 0] * twist[0, j] + last[i, 1] * twist[1, j] + last[i, 2] * twist[2, j]
-                        )
+                        here[i, j] = last[i, 0] * E[0, j] + last[i, 1] * E[1, j] + last[i, 2] * E[2, j]
             for c in range(3):
-                local[c] = soft[leaf, g, c] * (
+                local[c] = compliance[leaf, g, c] * (
                     here[0, c] * force[leaf, g, 0]
                     + here[1, c] * force[leaf, g, 1]
                     + here[2, c] * force[leaf, g, 2]

@@ -1,9 +1,9 @@
-"""Tables of the strain-mode leaf: modes, quadrature, moments over gaps, and its constants as one flat array.
+"""Tables of the strain-mode leaf: modes, quadrature, moments over intervals, and its constants as one flat array.
 
-Layout of the flat array (N = nx + ny + nz modes, ng points): L; stiffness blocks (nx^2, ny^2, nz^2) [N m^3 .. per
+Layout of the flat array (N = nx + ny + nz modes, ng points): L; stiffness blocks (nx^2, ny^2, nz^2) [N m^3 per
 (1/m)^2]; stress-free amplitudes a0 (N); weights (ng), sum 1; integration matrix (ng, ng); modes (N, ng); compliances
-(ng, 3): 1/EA, 1/(ky GA), 1/(kz GA); moments of the modes over the gaps (ng+1, 3, N); of a leaf with weight the mass beyond
-each point (ng) [kg].
+(ng, 3): 1/EA, 1/(ky GA), 1/(kz GA); moments of the modes over the intervals (ng+1, 3, N); for a leaf with weight the
+mass beyond each point (ng) [kg].
 """
 
 from __future__ import annotations
@@ -17,27 +17,29 @@ import numpy as np
 
 DEFAULT_ORDERS = (4, 3, 6)
 DEFAULT_POINTS = 7
-"""One mode of weak bending more than support stiffness to 1e-4 asks for: with five the elastica at PL^2/EI = 5 is 1.7e-6
-off, with six 1.3e-7."""
+"""Default orders have one weak-bending mode more than needed for a support stiffness to 1e-4: with five the elastica at
+PL^2/EI = 5 has an error of 1.7e-6, with six 1.3e-7."""
 GRAVITY_BLOCK_SIZE = 39
-"""Numbers of the pull of a leaf with weight, see `ksd.beam.weight`."""
+"""Length of the gravity block of a leaf with weight, see `ksd.beam.weight`."""
 
 
 class Modes(NamedTuple):
-    """Unit-length tables of a set of curvature modes: points s, weights, integration, modes, their moments over the gaps
-    (ng+1, 3, N) as `ksd.beam.magnus` takes them, and the energy (N, N) of unit rigidity, integrals of products of modes
-    over their shape."""
+    """Unit-length tables of a set of curvature modes: points s, weights, integration matrix, modes.
+
+    moments (ng+1, 3, N): their moments over the intervals as `ksd.beam.magnus` takes them; energy (N, N): stiffness for
+    unit rigidity, integrals of products of modes divided by their shape.
+    """
 
     s: np.ndarray
     weight: np.ndarray
     integral: np.ndarray
     basis: np.ndarray
-    gap: np.ndarray
+    moments: np.ndarray
     energy: np.ndarray
 
 
 def legendre_modes(orders: tuple[int, int, int], s: np.ndarray) -> np.ndarray:
-    """Shifted Legendre polynomials P_k(2 s - 1), stacked for the three axes; returns (N, len(s))."""
+    """Shifted Legendre polynomials P_k(2 s - 1) (N, len(s)), stacked for the three axes."""
     full = np.polynomial.legendre.legvander(2 * np.asarray(s) - 1, max(orders) - 1).T
     return np.concatenate([full[:n] for n in orders])
 
@@ -73,8 +75,8 @@ def make_modes(
 ) -> Modes:
     """Tables for given orders and quadrature points per panel.
 
-    `shape(s)` (3, len(s)) multiplies the Legendre modes of each axis: the compliance of a tapered leaf relative to
-    its mean, so that a moment linear in s needs two modes however strong the taper. `breaks` in units of the length.
+    `shape(s)` (3, len(s)) multiplies the Legendre modes of each axis: the compliance of a tapered leaf relative to its
+    mean, so that a moment linear in s needs two modes for any taper. `breaks` in units of the length.
     """
     s, weight, integral = _quadrature(points, breaks)
     axis = np.repeat(np.arange(3), orders)
@@ -83,24 +85,28 @@ def make_modes(
         return values if shape is None else values * shape(x)[axis]
 
     edges = np.concatenate([[0.0], s, [1.0]])
-    # a gap across a break is cut there, since modes may jump
-    cuts = np.unique(np.concatenate([edges, breaks]))
+    # an interval across a break is split there, since modes may jump
+    panels = np.unique(np.concatenate([edges, breaks]))
     x, w, _ = _quadrature(12, (0.0, 1.0))
-    at = (cuts[:-1, None] + np.diff(cuts)[:, None] * x).ravel()
+    at = (panels[:-1, None] + np.diff(panels)[:, None] * x).ravel()
     plain = legendre_modes(orders, at)
-    values = shaped(at, plain) * (np.diff(cuts)[:, None] * w).ravel()
-    gap = np.searchsorted(edges, at) - 1
-    # of Legendre's expansion over a gap: the mean, and what multiplies t and t^2 from the middle
-    t = 2.0 * (at - edges[gap]) / np.diff(edges)[gap] - 1.0
+    values = shaped(at, plain) * (np.diff(panels)[:, None] * w).ravel()
+    interval = np.searchsorted(edges, at) - 1
+    # Legendre expansion over an interval: the mean, and the factors of t and t^2 about its middle
+    t = 2.0 * (at - edges[interval]) / np.diff(edges)[interval] - 1.0
     expansion = np.stack([np.ones(len(t)), 6.0 * t, 15.0 * (3.0 * t * t - 1.0)])
-    gaps = np.add.reduceat(expansion * values[:, None], np.searchsorted(gap, np.arange(len(s) + 1)), axis=2)
+    moments = np.add.reduceat(
+        expansion * values[:, None], np.searchsorted(interval, np.arange(len(s) + 1)), axis=2
+    )
     basis = shaped(s, legendre_modes(orders, s))
-    return Modes(s, weight, integral, basis, np.ascontiguousarray(gaps.transpose(2, 1, 0)), plain @ values.T)
+    return Modes(
+        s, weight, integral, basis, np.ascontiguousarray(moments.transpose(2, 1, 0)), plain @ values.T
+    )
 
 
 @lru_cache(maxsize=64)
 def uniform_modes(orders: tuple[int, int, int], points: int) -> Modes:
-    """`make_modes` of a leaf without profile; remembered."""
+    """`make_modes` of a leaf without profile, cached."""
     return make_modes(orders, points)
 
 
@@ -117,8 +123,8 @@ def strain_values(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Flat constants and settings (value, number) of one leaf.
 
-    length [m]; rigidity (3,): GJ, EIy, EIz [N m^2], of a leaf with a profile those the shape of its modes is relative to;
-    compliance (3,) or (ng, 3): 1/EA, 1/(ky G A), 1/(kz G A) [1/N]; amplitudes (N,) stress-free [1/m], zero when None;
+    length [m]; rigidity (3,): GJ, EIy, EIz [N m^2], for a leaf with a profile those its mode shapes are relative to;
+    compliance (3,) or (ng, 3): 1/EA, 1/(ky G A), 1/(kz G A) [1/N]; amplitudes (N,): stress-free [1/m], zero when None;
     line_mass (ng,) [kg/m], None without weight.
     """
     table = modes or uniform_modes(tuple(orders), points)
@@ -136,7 +142,7 @@ def strain_values(
         table.integral.ravel(),
         table.basis.ravel(),
         C.ravel(),
-        table.gap.ravel(),
+        table.moments.ravel(),
     ]
     if line_mass is not None:
         parts.append(length * (table.weight - table.integral) @ line_mass)
@@ -150,7 +156,7 @@ def strain_sizes(number: np.ndarray, *, has_weight: bool = False) -> tuple[int, 
 
 
 def strain_value_count(number: np.ndarray, *, has_weight: bool = False) -> int:
-    """How many numbers `strain_values` lays out."""
+    """Number of constants that `strain_values` makes."""
     nx, ny, nz, ng = (int(n) for n in number[:4])
     N = nx + ny + nz
     own = 1 + nx * nx + ny * ny + nz * nz + N + ng * (1 + ng + N + 3)

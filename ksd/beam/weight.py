@@ -1,12 +1,12 @@
-"""What a leaf with weight tells its surroundings beside force and stiffness: how it follows gravity.
+"""Weight of a leaf: its gravity block, and the weight of the inner nodes of chains.
 
-A dead distributed load keeps its direction in space, so in the frame of end p it turns when that frame does. The
+A dead distributed load keeps its direction in space, so in the frame of end p it rotates when that frame does. The
 potential of a leaf is V(xi, g): xi the motion of end q relative to end p, g the acceleration of gravity [m/s^2] in
-frame p. Its derivatives by xi are the force and stiffness every member has. Those by g stand in the last numbers of
-the `store` of a leaf with weight (a leaf without has a shorter `store` and no such numbers), here called its pull:
+frame p. Its derivatives by xi are the force and stiffness that every member has. Those by g are the gravity block, the
+last numbers of the `store` of a leaf with weight (without weight the `store` is shorter):
 
 =====  ======================================================================================
-place  meaning
+index  meaning
 =====  ======================================================================================
 0:3    g, set before `condense`
 3:6    s = int r dm = -V_g, first moment of mass about end p [kg m], predicted like lam[0:6]
@@ -16,46 +16,50 @@ place  meaning
 36:39  change of g by the step, set before `recover`
 =====  ======================================================================================
 
-The weight itself, mass times g, acts at end p with the moment s x g (`ksd.beam.weight_assembly`). Here: the inner nodes of
-Appendix A chains, which carry half the mass of both their elements. The elements' end moments g m L/12 (work-equivalent
-to cubic deflection) cancel at the inner nodes of a uniform leaf; at both ends they act as the half masses' levers L/6.
+The weight itself, mass times g, acts at end p with the moment s x g (`ksd.beam.weight_assembly`). This file: the inner
+nodes of Appendix A chains, which carry half the mass of both their elements. The elements' end moments g m L/12
+(work-equivalent to cubic deflection) cancel at the inner nodes of a uniform leaf; at both ends they act as the half
+masses' levers L/6.
 """
 
 from __future__ import annotations
 
 from ksd.beam.corotational_element import A_AT, B_AT, C_AT, P_AT
-from ksd.beam.strain_values import GRAVITY_BLOCK_SIZE
 from ksd.numerics.kernel import kernel
 
 
 @kernel(inline="late")
-def start_chain(mass, n, pull, spread):
-    """Before the first element: the lump at end p. `mass` (n+7,): lumps p, inner nodes, q [kg], first moments
-    of the lumps p and q in their frames [kg m]; spread (6 (n+1), 3): couplings of the nodes with g."""
+def start_chain_weight(mass, n, gravity, coupling):
+    """Initialise the gravity block and the couplings with the lump at end p, before the first element.
+
+    `mass` (n+7,): lumps p, inner nodes, q [kg], first moments of the lumps p and q in their frames [kg m]; coupling (6
+    (n+1), 3): couplings of the nodes with g.
+    """
     for r in range(3):
-        pull[3 + r] = pull[6 + r] = mass[n + 1 + r]
+        gravity[3 + r] = gravity[6 + r] = mass[n + 1 + r]
     for r in range(9, 36):
-        pull[r] = 0.0
+        gravity[r] = 0.0
     for r in range(18 * (n + 1)):
-        spread[r] = 0.0
+        coupling[r] = 0.0
 
 
 @kernel(inline="late")
-def load_inner(mass, pull, tail):
-    """Weight of an inner node, node p of the element, into the residual carried to it and its unpredicted copy."""
+def add_inner_weight(mass, gravity, tail):
+    """Add the weight of an inner node, node p of the element, to the residual carried to it and to its unpredicted
+    copy."""
     for r in range(3):
-        w = mass * pull[r]
+        w = mass * gravity[r]
         tail[C_AT + 8 * r + 6] -= w
         tail[C_AT + 8 * r + 7] -= w
-        pull[3 + r] += mass * tail[P_AT + r]
-        pull[6 + r] += mass * tail[P_AT + r]
+        gravity[3 + r] += mass * tail[P_AT + r]
+        gravity[6 + r] += mass * tail[P_AT + r]
 
 
 @kernel(inline="late")
-def eliminate_inner(mass, s, pull, own, carried):
-    """Eliminate node p from the couplings with g, as `corotational_element.eliminate` has from all others.
+def eliminate_gravity_coupling(mass, s, gravity, own, carried):
+    """Eliminate node p from the couplings with g, as `corotational_element.eliminate` does for the other blocks.
 
-    own (18,): coupling of node p, completed here and kept for `recover` as L^-1 of it; carried (18,): of node q.
+    own (18,): coupling of node p, completed here and stored for `recover` as L^-1 of it; carried (18,): of node q.
     """
     for r in range(3):
         own[4 * r] -= mass
@@ -68,20 +72,20 @@ def eliminate_inner(mass, s, pull, own, carried):
             w = inverse * own[3 * j + c]
             for i in range(6):
                 carried[3 * i + c] -= s[B_AT + 8 * j + i] * w
-            # s = -V_g, so the residual counts the other way
-            pull[3 + c] += w * s[B_AT + 8 * j + 6]
+            # s = -V_g, hence the opposite sign of the residual
+            gravity[3 + c] += w * s[B_AT + 8 * j + 6]
             for i in range(3):
-                pull[27 + 3 * i + c] -= own[3 * j + i] * w
+                gravity[27 + 3 * i + c] -= own[3 * j + i] * w
 
 
 @kernel(inline="late")
-def finish_chain(mass, n, pull, carried, d, Q, lam, K):
-    """The lump at end q, pose d (3,), Q (3, 3), into lam (12,), K (6, 6) and the pull."""
+def finish_chain_weight(mass, n, gravity, carried, d, Q, lam, K):
+    """Add the lump at end q, pose d (3,), Q (3, 3), to lam (12,), K (6, 6) and the gravity block."""
     m = mass[n]
-    g0, g1, g2 = pull[0], pull[1], pull[2]
+    g0, g1, g2 = gravity[0], gravity[1], gravity[2]
     h0, h1, h2 = mass[n + 4], mass[n + 5], mass[n + 6]
     for r in range(18):
-        pull[9 + r] = carried[r]
+        gravity[9 + r] = carried[r]
     x = Q[0, 0] * h0 + Q[0, 1] * h1 + Q[0, 2] * h2
     y = Q[1, 0] * h0 + Q[1, 1] * h1 + Q[1, 2] * h2
     z = Q[2, 0] * h0 + Q[2, 1] * h1 + Q[2, 2] * h2
@@ -93,9 +97,9 @@ def finish_chain(mass, n, pull, carried, d, Q, lam, K):
         lam[c + 4] -= z * g0 - x * g2
         lam[c + 5] -= x * g1 - y * g0
         o = 3 + c // 2
-        pull[o] += m * d[0] + x
-        pull[o + 1] += m * d[1] + y
-        pull[o + 2] += m * d[2] + z
+        gravity[o] += m * d[0] + x
+        gravity[o + 1] += m * d[1] + y
+        gravity[o + 2] += m * d[2] + z
     # -(h g' + g h')/2 + (h.g) I on the rotation of q; coupling with g: -m I and -[h]x
     K[3, 3] += y * g1 + z * g2
     K[4, 4] += x * g0 + z * g2
@@ -108,13 +112,10 @@ def finish_chain(mass, n, pull, carried, d, Q, lam, K):
     K[4, 5] -= k12
     K[5, 4] -= k12
     for r in range(3):
-        pull[9 + 4 * r] -= m
-    pull[19] += z
-    pull[20] -= y
-    pull[21] -= z
-    pull[23] += x
-    pull[24] += y
-    pull[25] -= x
-
-
-__all__ = ["GRAVITY_BLOCK_SIZE", "eliminate_inner", "finish_chain", "load_inner", "start_chain"]
+        gravity[9 + 4 * r] -= m
+    gravity[19] += z
+    gravity[20] -= y
+    gravity[21] -= z
+    gravity[23] += x
+    gravity[24] += y
+    gravity[25] -= x

@@ -1,25 +1,26 @@
-"""The weight of a leaf as its nodes feel it: dead distributed load with its exact tangent, compiled where a model has some.
+"""Weight of a leaf on its two nodes: dead distributed load with its exact tangent; compiled for models with weight.
 
-A leaf with weight has the potential V(xi, g) - mass g.x_p: x_p the place of end p, g gravity in the frame of end p
-(`ksd.beam.weight`). When that frame turns by dphi, g turns in it by g x dphi; so beside the terms of every member stand
+A leaf with weight has the potential V(xi, g) - mass g.x_p: x_p the position of end p, g gravity in the frame of end p
+(`ksd.beam.weight`). When that frame rotates by dphi, g changes in it by g x dphi; so the following is added to the
+terms of every member:
 
-residual: -mass g on the force and -(P x g) on the moment of node a, P = mass o + s, the first moment of the mass
-about the node (o the lever from the node to end p);
-tangent: -(P g' + g P')/2 + (P.g) I + [g]x' V_g,g [g]x on the rotation of node a, and levers' V_xi,g [g]x between the
-motion of both nodes and that rotation.
+residual: -mass g on the force and -(P x g) on the moment of node a, P = mass o + s, the first moment of the mass about
+the node (o the lever from the node to end p); tangent: -(P g' + g P')/2 + (P.g) I + [g]x' V_g,g [g]x on the rotation of
+node a, and levers' V_xi,g [g]x between the motion of both nodes and that rotation.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ksd.beam.weight import GRAVITY_BLOCK_SIZE
+from ksd.beam.strain_values import GRAVITY_BLOCK_SIZE
 from ksd.numerics.kernel import kernel
 
 
 @kernel
 def set_member_gravity(pose, weight, i, factor, store):
-    """Gravity, weight (m, 4) = mass and acceleration, times `factor` into the pull of leaf i, in its frame p."""
+    """Write gravity, weight (m, 4) = mass and acceleration, times `factor` into the gravity block of leaf i, in its
+    frame p."""
     o = len(store) - GRAVITY_BLOCK_SIZE
     for r in range(3):
         store[o + r] = factor * (
@@ -29,7 +30,8 @@ def set_member_gravity(pose, weight, i, factor, store):
 
 @kernel
 def rotate_member_gravity(pose, move, store):
-    """Change of gravity in frame p when node a turns by move[3:6] (rad), into the pull, for `recover`."""
+    """Write the change of gravity in frame p into the gravity block when node a rotates by move[3:6] [rad], for
+    `recover`."""
     o = len(store) - GRAVITY_BLOCK_SIZE
     x = pose[0] * move[3] + pose[3] * move[4] + pose[6] * move[5]
     y = pose[1] * move[3] + pose[4] * move[4] + pose[7] * move[5]
@@ -39,15 +41,15 @@ def rotate_member_gravity(pose, move, store):
 
 
 @kernel
-def _swung(pose, pull, at, g, U):
-    """U (3, 3) = Rp B Rp^T [g]x, B row-major in the pull from `at`, g global."""
+def _times_gravity_cross(pose, block, at, g, U):
+    """Write U (3, 3) = Rp B Rp^T [g]x, B row-major in the gravity block from `at`, g global."""
     T = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
             T[i, j] = (
-                pose[3 * i] * pull[at + j]
-                + pose[3 * i + 1] * pull[at + 3 + j]
-                + pose[3 * i + 2] * pull[at + 6 + j]
+                pose[3 * i] * block[at + j]
+                + pose[3 * i + 1] * block[at + 3 + j]
+                + pose[3 * i + 2] * block[at + 6 + j]
             )
     for i in range(3):
         for j in range(3):
@@ -59,21 +61,21 @@ def _swung(pose, pull, at, g, U):
 
 @kernel
 def add_member_weight(pose, store, mass, T, force):
-    """Add the weight of a leaf of `mass` [kg], as condensed, to its tangent T (12, 12) and forces (12,) on both nodes: the
+    """Add the weight of a condensed leaf of `mass` [kg] to its tangent T (12, 12) and forces (12,) on both nodes: the
     terms of the module docstring."""
-    pull = store[len(store) - GRAVITY_BLOCK_SIZE :]
+    block = store[len(store) - GRAVITY_BLOCK_SIZE :]
     U, M = np.empty((3, 3)), np.empty((3, 3))
     g, P, O, column = np.empty(3), np.empty(3), np.empty(3), np.empty(12)
     for r in range(3):
         a, b, c = pose[3 * r], pose[3 * r + 1], pose[3 * r + 2]
-        g[r] = a * pull[0] + b * pull[1] + c * pull[2]
+        g[r] = a * block[0] + b * block[1] + c * block[2]
         lever = mass * (pose[9 + r] - pose[15 + r])
-        P[r] = lever + a * pull[3] + b * pull[4] + c * pull[5]
-        O[r] = lever + a * pull[6] + b * pull[7] + c * pull[8]
+        P[r] = lever + a * block[3] + b * block[4] + c * block[5]
+        O[r] = lever + a * block[6] + b * block[7] + c * block[8]
     w, s = pose[9:12], pose[12:15]
     Og = O[0] * g[0] + O[1] * g[1] + O[2] * g[2]
     at = 27
-    _swung(pose, pull, at, g, U)
+    _times_gravity_cross(pose, block, at, g, U)
     for r in range(3):
         j, k = (r + 1) % 3, (r + 2) % 3
         force[r] -= mass * g[r]
@@ -83,9 +85,9 @@ def add_member_weight(pose, store, mass, T, force):
             # [g]x' U, column by column: [g]x' u = u x g
             T[3 + r, 3 + c] += U[j, c] * g[k] - U[k, c] * g[j] - 0.5 * (O[r] * g[c] + g[r] * O[c])
     at -= 18
-    _swung(pose, pull, at, g, U)
+    _times_gravity_cross(pose, block, at, g, U)
     at += 9
-    _swung(pose, pull, at, g, M)
+    _times_gravity_cross(pose, block, at, g, M)
     for c in range(3):
         for r in range(3):
             j, k = (r + 1) % 3, (r + 2) % 3

@@ -1,1 +1,1 @@
-"""Ways to stand for a joint: kinematic poses (allow), condensed stiffness (resist), internal nodes (inside)."""
+"""Joints as bodies: kinematics of their intended motions, condensed stiffness, and the states of their internal blocks."""

@@ -1,7 +1,8 @@
-"""The kinematics of the joints of a model and the functions of their insides, as Python holds them and as kernels read them.
+"""Arrays of the joints of a model: their kinematics, and the database functions of their internal states.
 
-Kernels take two arrays in place of many, as with `ksd.model.arrays.FlatArrays`: entry c of row i of a field F of w columns
-is loops[loops[F] + w i + c] where it is a whole number, shapes[loops[F] + w i + c] otherwise.
+Kernels take two flat arrays in place of many, as for `ksd.model.arrays.FlatArrays`: `joint_ints` and `joint_floats` of a
+`JointKinematics`, `interior_ints` and `interior_floats` of an `InteriorFunctions`. Entry c of row i of a field F with w
+columns is ints[ints[F] + w i + c] for integers and floats[ints[F] + w i + c] otherwise.
 """
 
 from __future__ import annotations
@@ -14,21 +15,22 @@ import numpy as np
 from ksd.model.arrays import join_fields
 
 
-class FlatArrays(NamedTuple):
-    """See `ksd.model.arrays.join_fields`. Of `JointKinematics` kernels call them `loops` and `shapes`, of
-    `InteriorFunctions` `inside` and `functions`."""
+class FlatFields(NamedTuple):
+    """All fields of a tuple in two arrays, see `ksd.model.arrays.join_fields`."""
 
     ints: np.ndarray
     floats: np.ndarray
 
 
 class JointKinematicsFields(NamedTuple):
-    """Kinematics of J joints between nodes (0 ground, links 1..), all polynomials already for this design.
+    """Kinematics of J joints between nodes (0 ground, links 1..), all polynomials contracted at the shape of each
+    joint.
 
-    node (J, 2); anchor (J, 2, 3): interface points A, B at rest from the nodes' reference points [m]; frame
-    (J, 3, 3): joint axes at rest; length (J,); first (J+1,): motions of joint j are theta[first[j]:first[j+1]];
-    tree (T, 2): joint, and 1 when it leads from A to B; closing (C,): joints closing loops; power_first (J+1,),
-    power (P, 2): exponents, rising; pose (J, 6, M): rotation vector and chord of interface B by monomial.
+    node (J, 2): nodes of interfaces A and B; anchor (J, 2, 3): interface points A and B at rest from the reference
+    points of their nodes [m]; frame (J, 3, 3): joint axes at rest; length (J,) [m]; first (J+1,): joint j has the
+    motions theta[first[j]:first[j+1]]; tree (T, 2): joints of the spanning tree, each with 1 where it leads from A to
+    B; closing (C,): joints that close loops; power_first (J+1,), power (P, 2): exponents of the motions, rising; pose
+    (J, 6, M): coefficients of the rotation vector and chord of interface B by monomial.
     """
 
     node: np.ndarray
@@ -44,27 +46,32 @@ class JointKinematicsFields(NamedTuple):
 
 
 class JointKinematics(JointKinematicsFields):
-    """`JointKinematicsFields`, also as kernels read them."""
+    """`JointKinematicsFields` with their flat form for kernels."""
 
     @cached_property
-    def flat(self) -> FlatArrays:
-        """All fields, of one design."""
+    def flat(self) -> FlatFields:
+        """All fields of a single design in two arrays."""
         counts = len(self.node), len(self.tree), len(self.closing), self.pose.shape[2]
-        return FlatArrays(*join_fields(counts, (), self))
+        return FlatFields(*join_fields(counts, (), self))
 
 
-JOINTS, BRANCHES, CLOSINGS, MONOMIALS = range(4)
-JOINT_NODE, ANCHOR, AXES, JOINT_LENGTH, FIRST, TREE, CLOSING, POWER_FIRST, POWER, POSE = range(4, 14)
-"""Where, in the ints of `JointKinematics`, counts stand: of joints, of those in the tree and of those that close loops, of
-monomials at the most; and the places of fields."""
+JOINT_COUNT, TREE_COUNT, CLOSING_COUNT, MONOMIAL_COUNT = range(4)
+"""Indices in the integers of a flat `JointKinematics`: numbers of joints, of tree joints, of loop-closing joints, and
+of monomials (the largest over the joints)."""
+JOINT_NODE, ANCHOR, JOINT_AXES, JOINT_LENGTH, FIRST_MOTION, TREE, CLOSING, POWER_FIRST, POWER, POSE = range(
+    4, 14
+)
+"""Indices of its fields: the entry is where the field begins."""
 
 
 class InteriorFunctionsFields(NamedTuple):
-    """Database functions of the insides of J joints, flattened; polynomials in the motions of their joint.
+    """Database functions of the internal states of J joints: polynomials in the motions of their joint.
 
-    block_node (K,), block_joint (K,): substructure node and joint of every internal block; block_pose (K, 6, M): rotation
-    vector and chord by monomial. joint (F,), target (F,), coefficient (F, M): entry `target` of the inner states (amplitudes
-    1/m, wrenches N and Nm). near_joint, near_target, near_coefficient: the same for work.linearisation (rotation vectors).
+    block_node (K,), block_joint (K,): substructure node and joint of every internal block; block_pose (K, 6, M):
+    coefficients of its rotation vector and chord by monomial. joint (F,), target (F,), coefficient (F, M): function f
+    sets entry target[f] of the inner states (amplitudes [1/m], wrenches [N, Nm]). near_joint, near_target,
+    near_coefficient: the same for the element and node rotation vectors of the near configuration
+    (`ksd.model.arrays.Workspace.linearisation`).
     """
 
     block_node: np.ndarray
@@ -79,16 +86,18 @@ class InteriorFunctionsFields(NamedTuple):
 
 
 class InteriorFunctions(InteriorFunctionsFields):
-    """`InteriorFunctionsFields`, also as kernels read them."""
+    """`InteriorFunctionsFields` with their flat form for kernels."""
 
     @cached_property
-    def flat(self) -> FlatArrays:
-        """All fields, of one design."""
+    def flat(self) -> FlatFields:
+        """All fields of a single design in two arrays."""
         counts = len(self.block_node), len(self.joint), len(self.near_joint)
-        return FlatArrays(*join_fields(counts, (), self))
+        return FlatFields(*join_fields(counts, (), self))
 
 
-INNER_BLOCKS, FUNCTIONS, NEAR_FUNCTIONS = range(3)
-BLOCK_NODE, BLOCK_JOINT, BLOCK_POSE, OWNER, TARGET, COEFFICIENT = range(3, 9)
-NEAR_OWNER, NEAR_TARGET, NEAR_COEFFICIENT = range(9, 12)
-"""The same in the ints of `InteriorFunctions`: counts of internal blocks, of functions and of those of near data."""
+INNER_BLOCK_COUNT, FUNCTION_COUNT, NEAR_FUNCTION_COUNT = range(3)
+"""Indices in the integers of a flat `InteriorFunctions`: numbers of internal blocks, of functions, and of functions of
+the near configuration."""
+BLOCK_NODE, BLOCK_JOINT, BLOCK_POSE, FUNCTION_JOINT, FUNCTION_TARGET, FUNCTION_COEFFICIENT = range(3, 9)
+NEAR_JOINT, NEAR_TARGET, NEAR_COEFFICIENT = range(9, 12)
+"""Indices of its fields, up to here."""

@@ -1,8 +1,8 @@
-"""The joint bodies of a model: the kinematic loops, the joints apart from each other (substructures), the reduced mechanism.
+"""The joint bodies of a model: kinematics of the joints, their substructures, and the reduced mechanism.
 
-Everything is frozen arrays; a solve only brings its own `Motion` and `Work`. The database enters here and nowhere
-else: records are contracted with the shape of each joint, leaving polynomials in the intended motions. Integers are laid out
-once for all models of the same words (`JointLayout`), numbers come for many designs at once.
+All of them are constant arrays; a solve only changes its own `State` and `Workspace`. Records are read here and nowhere
+else: they are contracted at the shape of each joint, which leaves polynomials in the intended motions. Integers are set
+once for all models of the same template (`JointLayout`), floats for many designs at once.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ksd.beam.linear import LINEAR_INNER
-from ksd.bodies.joint_arrays import FlatArrays, InteriorFunctions, JointKinematics
-from ksd.bodies.polynomials import Polynomials
+from ksd.bodies.joint_arrays import FlatFields, InteriorFunctions, JointKinematics
+from ksd.bodies.polynomials import MotionPolynomials
+from ksd.bodies.record_match import check_record
 from ksd.bodies.weight import NO_JOINT_WEIGHTS, JointWeights
 from ksd.errors import KinematicsError, RecordError, SceneError
 from ksd.library import Record
@@ -41,27 +42,26 @@ from ksd.model.template import (
     repeat_fields,
     state_of_design,
 )
-from ksd.scene.joint import DrawnJoint, joint_leaves, joint_proportions
 
 T = TypeVar("T", JointKinematics, InteriorFunctions)
-LOOP_FLOATS = ("anchor", "frame", "length", "pose")
-INSIDE_FLOATS = ("block_pose", "coefficient", "near_coefficient")
-"""Their fields of numbers, in order."""
-ONE, INVERSE, FORCE, MOMENT = 0, 1, 2, 3
-"""What functions of the insides are multiplied by: 1, 1/L, EIz/L^2, EIz/L of their leaf."""
-REDRAWN = 1e-3
-"""Difference of proportions from which a drawn joint is another one; smaller ones the error figure tells."""
+KINEMATICS_FLOATS = ("anchor", "frame", "length", "pose")
+INTERIOR_FLOATS = ("block_pose", "coefficient", "near_coefficient")
+"""Fields of floats of `JointKinematics` and `InteriorFunctions`, in order."""
+UNIT_SCALE, INVERSE_LENGTH, FORCE_SCALE, MOMENT_SCALE = 0, 1, 2, 3
+"""Scales of the functions of a leaf: 1, 1/L, EIz/L^2, EIz/L."""
 
 
 @dataclass(frozen=True)
 class JointBodies:
-    """All joints of a model as bodies: `loops` answers allow, `inside` inside, `substructures` resist.
+    """All joints of a model: `kinematics` of the intended motions, `interior` states, and `substructures` to be
+    condensed.
 
-    reduced: the mechanism of links and condensed joints (its members: one linear body per joint, then free leaf springs).
-    near (members of the substructures,): lengths of the near data. full_node (K,): internal blocks in the full model.
-    motion_range (motions, 2): trained range, rad or stroke over joint length, as theta; motion_scale (motions,):
-    theta to rad or m; motion_names. hung: the weight of the joints. hanging: links on leaves alone, each with the nodes
-    that place it (`place_leaf_links`).
+    substructures: the joints without the links between them (`ksd.bodies.substructures`). reduced: the mechanism of
+    links and condensed joints; its members are one linear body per joint, then the leaf springs outside of joints.
+    near_lengths (members of the substructures,): numbers of each in the near configuration. full_node (K,): internal
+    blocks in the full model. motion_range (motions, 2): trained range, rad or stroke over joint length, as theta;
+    motion_scale (motions,): from theta to rad or m. joint_weights: weight of the leaf springs. leaf_links: links that
+    only leaf springs hold, each with the nodes its pose follows from (`place_leaf_links`).
     """
 
     kinematics: JointKinematics
@@ -80,93 +80,100 @@ class JointBodies:
 
 
 def _spanning_tree(nodes: list[tuple[int, int]]) -> tuple[list[list[int]], list[int]]:
-    """Tree from ground, of the joints that come first: (joint, forward) in order, and the joints left to close loops."""
+    """Spanning tree from ground, lowest joint numbers first: its joints [joint, forward] in order, and the other
+    joints, which close loops.
+
+    forward: 1 where the joint leads from its A to its B.
+    """
     joints: dict[int, list[int]] = {}
     for j, pair in enumerate(nodes):
         for node in pair:
             joints.setdefault(node, []).append(j)
-    reached, tree, used = {0}, [], set()
-    next_ones = list(joints.get(0, ()))
-    heapq.heapify(next_ones)
-    while next_ones:
-        j = heapq.heappop(next_ones)
+    reached, tree, in_tree = {0}, [], set()
+    frontier = list(joints.get(0, ()))
+    heapq.heapify(frontier)
+    while frontier:
+        j = heapq.heappop(frontier)
         a, b = nodes[j]
         if (a in reached) == (b in reached):
             continue
         forward = int(a in reached)
-        used.add(j)
+        in_tree.add(j)
         tree.append([j, forward])
         new = b if forward else a
         reached.add(new)
         for other in joints[new]:
-            heapq.heappush(next_ones, other)
-    return tree, [j for j in range(len(nodes)) if j not in used]
+            heapq.heappush(frontier, other)
+    return tree, [j for j in range(len(nodes)) if j not in in_tree]
 
 
 def _leaf_links(
     template: Template, tree: list[list[int]], nodes: list[tuple[int, int]]
 ) -> tuple[tuple[int, np.ndarray], ...]:
-    """Links that hang on leaf springs alone, each with the nodes next to it that are placed before, in order of placing.
+    """Links held by leaf springs only, in order of placing, each with its neighbours that are placed before.
 
-    Raises KinematicsError for a link nothing leads to.
+    Raises KinematicsError for a link that is not connected to ground.
     """
     words = template.scene_layout
-    reached = {0, *(nodes[j][forward] for j, forward in tree)}
+    placed = {0, *(nodes[j][forward] for j, forward in tree)}
     pairs = [(a, b) for _, a, b, _ in words.parts[len(words.joints) :]]
-    found = []
+    links = []
     while True:
-        near: dict[int, list[int]] = {}
+        placed_neighbours: dict[int, list[int]] = {}
         for a, b in (*pairs, *((b, a) for a, b in pairs)):
-            if a in reached and b not in reached and a not in near.setdefault(b, []):
-                near[b].append(a)
-        if not near:
+            if a in placed and b not in placed and a not in placed_neighbours.setdefault(b, []):
+                placed_neighbours[b].append(a)
+        if not placed_neighbours:
             break
-        # the one with most neighbours placed is placed best
-        link = max(near, key=lambda k: (len(near[k]), -k))
-        reached.add(link)
-        found.append((link, np.array(near[link], np.int64)))
-    lost = [link for i, link in enumerate(words.links) if i not in reached]
-    if lost:
+        # the link with most placed neighbours first
+        link = max(placed_neighbours, key=lambda k: (len(placed_neighbours[k]), -k))
+        placed.add(link)
+        links.append((link, np.array(placed_neighbours[link], np.int64)))
+    unconnected = [link for i, link in enumerate(words.links) if i not in placed]
+    if unconnected:
         raise KinematicsError(
-            f"link '{lost[0]}' is not connected to ground by joints or leaves, so the kinematic start cannot place it; "
-            "add a joint"
+            f"link '{unconnected[0]}' is not connected to ground by joints or leaves, so the kinematic start cannot place "
+            "it; add a joint"
         )
-    return tuple(found)
+    return tuple(links)
 
 
 def place_leaf_links(bodies: JointBodies, motion: State) -> None:
-    """Place links that hang on leaves alone where their neighbours, moved as one body each, would have them in the mean."""
+    """Place links held by leaf springs only at the mean of where each neighbour, moved as one body with them, would put
+    them."""
     rest = bodies.reduced_rest
-    for link, near in bodies.leaf_links:
-        turned = motion.R[near].sum(axis=0)
-        moved = np.einsum("kij,kj->ki", motion.R[near], rest.x[link] - rest.x[near])
-        motion.x[link] = (motion.x[near] + moved).mean(axis=0)
-        # the rotation nearest to the mean of the neighbours' rotations
-        u, _, v = np.linalg.svd(turned)
+    for link, neighbours in bodies.leaf_links:
+        rotations = motion.R[neighbours].sum(axis=0)
+        moved = np.einsum("kij,kj->ki", motion.R[neighbours], rest.x[link] - rest.x[neighbours])
+        motion.x[link] = (motion.x[neighbours] + moved).mean(axis=0)
+        # rotation nearest to the mean of the neighbours' rotations
+        u, _, v = np.linalg.svd(rotations)
         motion.R[link] = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
 
 
 class JointLayout:
-    """Integers of the joint bodies of all models of a template, with the records of its different joints; call it with
-    numbers of D designs. Raises KinematicsError when joints alone do not place every link."""
+    """Integers of the joint bodies of all models of a template, with the records of its distinct joints.
+
+    Call it with the numbers of D designs. Raises KinematicsError where joints and leaf springs do not place every link.
+    """
 
     def __init__(self, template: Template, records: Sequence[Record]) -> None:
         self.template, self.records = template, tuple(records)
         words, mesh = template.scene_layout, template.mesh
         joints = words.parts[: len(words.joints)]
         self.nodes = [(a, b) for _, a, b, _ in joints]
-        self.different = [u for *_, u in joints]
+        self.distinct = [u for *_, u in joints]
         trained = "strain" if mesh.leaf == "strain" else mesh.elements
         self.polynomials = [
-            Polynomials(record, trained, len(part.leaves))
+            MotionPolynomials(record, trained, len(part.leaves))
             for record, part in zip(records, words.distinct_parts, strict=False)
         ]
-        self.rows = np.cumsum([0] + [p.rows for p in self.polynomials]).tolist()
-        self._lay_loops()
-        self._lay_substructures()
-        self._lay_reduced()
+        self.first_row = np.cumsum([0] + [p.rows for p in self.polynomials]).tolist()
+        self._build_kinematics()
+        self._build_substructures()
+        self._build_reduced()
         names, ranges, lengths = [], [], []
-        for name, u in zip(words.joints, self.different, strict=True):
+        for name, u in zip(words.joints, self.distinct, strict=True):
             motions = words.distinct_parts[u].motions
             for motion, kind in motions:
                 names.append(name if len(motions) == 1 else f"{name}.{motion}")
@@ -176,10 +183,10 @@ class JointLayout:
         self.motion_range = np.concatenate(ranges).reshape(-1, 2)
         self.first_member = np.array([s.start for s in template.joint_members], int)
 
-    def _lay_loops(self) -> None:
+    def _build_kinematics(self) -> None:
         """Integers of the kinematics."""
         tree, closing = _spanning_tree(self.nodes)
-        power = [self.polynomials[u].powers for u in self.different]
+        power = [self.polynomials[u].powers for u in self.distinct]
         none = np.zeros(0)
         self.kinematics = JointKinematics(
             node=np.array(self.nodes, np.int64).reshape(-1, 2), anchor=none, frame=none, length=none,
@@ -189,23 +196,24 @@ class JointLayout:
             power=np.concatenate([np.pad(p, [(0, 0), (0, 2 - p.shape[1])]) for p in power]).astype(np.int64),
             pose=none,
         )  # fmt: skip
-        first = np.array([self.rows[u] for u in self.different])
+        first = np.array([self.first_row[u] for u in self.distinct])
         self.pose_rows = first[:, None] + np.arange(6)
         self.leaf_links = _leaf_links(self.template, tree, self.nodes)
 
-    def _lay_substructures(self) -> None:
-        """Integers of the joints apart: nodes are ground, internal blocks, then the interfaces B of all joints."""
+    def _build_substructures(self) -> None:
+        """Integers of the substructures; their nodes are ground, the internal blocks, then the interfaces B of all
+        joints."""
         template, words = self.template, self.template.scene_layout
-        blocks = sum(len(words.distinct_parts[u].blocks) for u in self.different)
+        blocks = sum(len(words.distinct_parts[u].blocks) for u in self.distinct)
         shapes, joint, rows, full_node = [], [], [], []
         node = 1
-        for j, u in enumerate(self.different):
+        for j, u in enumerate(self.distinct):
             part, nodes = words.distinct_parts[u], {"A": 0, "B": 1 + blocks + j}
             for k, block in enumerate(part.blocks):
                 nodes[block] = node
                 node += 1
                 joint.append(j)
-                rows.append(self.rows[u] + 6 + 6 * k + np.arange(6))
+                rows.append(self.first_row[u] + 6 + 6 * k + np.arange(6))
                 full_node.append(template.node_of[j][block])
             first = template.joint_members[j].start
             for n, leaf in enumerate(part.leaves):
@@ -216,35 +224,38 @@ class JointLayout:
         if words.has_gravity and template.heavy[self.leaf].any():
             self.substructures = self.substructures._replace(weight=np.zeros((len(shapes), 4)))
         same = len(shapes) == len(template.shapes)
-        # the constants of the full model where it has no other members
+        # without other members the constants are those of the full model
         self.substructure_packed = (
             None if same else LeafPacking(template.leaf_layouts, self.leaf, self.substructures.members)
         )
         self.full_node = np.array(full_node, np.int64)
         self.block_rows = np.array(rows, np.int64).reshape(-1, 6)
-        self._lay_inside(np.array(joint, np.int64))
+        self._build_interior(np.array(joint, np.int64))
 
-    def _lay_inside(self, block_joint: np.ndarray) -> None:
-        """Which functions go where in the states of the substructures, and with which scale of which leaf."""
+    def _build_interior(self, block_joint: np.ndarray) -> None:
+        """Function, entry of the state, and scale of all functions that set inner states and near configurations of the
+        substructures."""
         template, words = self.template, self.template.scene_layout
         members = self.substructures.members
-        made: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+        functions_of_leaf: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         inner, near = [np.zeros((5, 0), np.int64)], [np.zeros((5, 0), np.int64)]
         near_length = np.zeros(len(self.leaf), np.int64)
-        base = 0
-        for j, u in enumerate(self.different):
+        near_at = 0
+        for j, u in enumerate(self.distinct):
             first, count = template.joint_members[j].start, len(words.distinct_parts[u].leaves)
             for i, f in enumerate(self.leaf[first : first + count].tolist(), start=first):
-                if f not in made:
-                    made[f] = self._functions(u, i - first, int(members.kind[i]), members.number[i].tolist())
-                row, to, kind = made[f]
+                if f not in functions_of_leaf:
+                    functions_of_leaf[f] = self._leaf_functions(
+                        u, i - first, int(members.kind[i]), members.number[i].tolist()
+                    )
+                row, to, kind = functions_of_leaf[f]
                 chain = members.kind[i] == COROTATIONAL
-                at = base if chain else int(members.inner_at[i])
-                found = np.array([np.full(len(row), j), at + to, row, np.full(len(row), f), kind])
-                (near if chain else inner).append(found)
+                at = near_at if chain else int(members.inner_at[i])
+                functions = np.array([np.full(len(row), j), at + to, row, np.full(len(row), f), kind])
+                (near if chain else inner).append(functions)
                 if chain:
                     near_length[i] = 3 * (2 * int(members.number[i, 0]) - 1)
-                    base += int(near_length[i])
+                    near_at += int(near_length[i])
         self.near_lengths = near_length
         self.inner_rows, self.near_rows = np.concatenate(inner, axis=1), np.concatenate(near, axis=1)
         block_node = np.arange(1, 1 + len(block_joint))
@@ -254,75 +265,78 @@ class JointLayout:
             self.near_rows[1], none,
         )  # fmt: skip
 
-    def _functions(
+    def _leaf_functions(
         self, u: int, n: int, kind: int, number: list[int]
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(row, place in its inner state, or near rotations of a chain, scale) of the functions of leaf n of joint u."""
+        """Functions of leaf n of joint u: rows among all functions, entries of its inner state (or near configuration),
+        and scales."""
         functions, part = self.polynomials[u], self.template.scene_layout.distinct_parts[u]
-        first, scales = self.rows[u] + 6 + 6 * len(part.blocks), []
+        first, scales = self.first_row[u] + 6 + 6 * len(part.blocks), []
         if kind == COROTATIONAL:
             size = 3 * (2 * number[0] - 1)
-            row, to, scales = first + n * size + np.arange(size), np.arange(size), [ONE] * size
+            row, target, scales = first + n * size + np.arange(size), np.arange(size), [UNIT_SCALE] * size
         else:
-            theirs, total, rows, places, given, wanted = functions.orders, sum(functions.orders), [], [], 0, 0
+            trained, total = functions.orders, sum(functions.orders)
+            rows, targets, row_at, target_at = [], [], 0, 0
             for axis in range(3):
-                for k in range(min(theirs[axis], number[axis])):
-                    rows.append(first + n * total + given + k)
-                    places.append(wanted + k)
-                    scales.append(INVERSE)
-                given, wanted = given + theirs[axis], wanted + number[axis]
+                for k in range(min(trained[axis], number[axis])):
+                    rows.append(first + n * total + row_at + k)
+                    targets.append(target_at + k)
+                    scales.append(INVERSE_LENGTH)
+                row_at, target_at = row_at + trained[axis], target_at + number[axis]
             rows += [first + len(part.leaves) * total + 6 * n + r for r in range(6)]
-            places += [wanted + r for r in range(6)]
-            scales += [FORCE] * 3 + [MOMENT] * 3
-            row, to = np.array(rows), np.array(places)
-        there = functions.there[row - self.rows[u]]
-        return row[there], to[there], np.array(scales)[there]
+            targets += [target_at + r for r in range(6)]
+            scales += [FORCE_SCALE] * 3 + [MOMENT_SCALE] * 3
+            row, target = np.array(rows), np.array(targets)
+        nonzero = functions.nonzero[row - self.first_row[u]]
+        return row[nonzero], target[nonzero], np.array(scales)[nonzero]
 
-    def _lay_reduced(self) -> None:
-        """Integers of the reduced mechanism: every joint one linear body and its weight a load, free leaves as they are."""
+    def _build_reduced(self) -> None:
+        """Integers of the reduced mechanism: joints as linear bodies, their weight as loads, other leaf springs
+        unchanged."""
         template, words = self.template, self.template.scene_layout
         links, joints = len(words.links), len(self.nodes)
-        own = [
+        linear_bodies = [
             MemberTopology(LINEAR, pair, (0,), 0, LINEAR_INNER, 0, -1 - j)
             for j, pair in enumerate(self.nodes)
         ]
-        free = template.shapes[len(self.leaf) :]
+        other_leaves = template.shapes[len(self.leaf) :]
         loads = list(words.loads)
-        weigh = words.has_gravity and bool(template.heavy[self.leaf].any())
-        load, held = np.full(joints, -1), len(self.leaf)
-        if weigh:
+        has_weight = words.has_gravity and bool(template.heavy[self.leaf].any())
+        load, in_joints = np.full(joints, -1), len(self.leaf)
+        if has_weight:
             for j, own_members in enumerate(template.joint_members):
                 a = self.nodes[j][0]
                 if a > 0 and template.heavy[template.leaf[own_members]].any():
                     load[j] = len(loads)
                     loads.append((a, False, False))
-        hung = JointWeights(template.part[:held].astype(np.int64), load)
-        self.joint_weights = hung if weigh else NO_JOINT_WEIGHTS
+        joint_weights = JointWeights(template.part[:in_joints].astype(np.int64), load)
+        self.joint_weights = joint_weights if has_weight else NO_JOINT_WEIGHTS
         springs = template.spring_shapes
-        self.reduced = topology_arrays(links, [*own, *free], words.rows, loads, springs)
-        if words.has_gravity and template.heavy[template.leaf[held:]].any():
-            self.reduced = self.reduced._replace(weight=np.zeros((joints + len(free), 4)))
+        self.reduced = topology_arrays(links, [*linear_bodies, *other_leaves], words.rows, loads, springs)
+        if words.has_gravity and template.heavy[template.leaf[in_joints:]].any():
+            self.reduced = self.reduced._replace(weight=np.zeros((joints + len(other_leaves), 4)))
         self.reduced_packed = LeafPacking(
             template.leaf_layouts, template.leaf[len(self.leaf) :], self.reduced.members, joints
         )
 
-    def _stack(self, n: SceneNumbers, shapes: Sequence[Sequence[Any]], *, extrapolate: bool) -> np.ndarray:
-        """All functions (D, rows, P) of the different joints."""
-        stack = np.zeros((len(n.leaf), self.rows[-1], max(len(p.powers) for p in self.polynomials)))
-        for p, at, own in zip(self.polynomials, self.rows, shapes, strict=False):
+    def _contract(self, n: SceneNumbers, shapes: Sequence[Sequence[Any]], *, extrapolate: bool) -> np.ndarray:
+        """All functions (D, rows, P) of the distinct joints."""
+        stack = np.zeros((len(n.leaf), self.first_row[-1], max(len(p.powers) for p in self.polynomials)))
+        for p, at, own in zip(self.polynomials, self.first_row, shapes, strict=False):
             stack[:, at : at + p.rows, : len(p.powers)] = p(own, extrapolate=extrapolate)
         return stack
 
-    def _fill_loops(self, n: SceneNumbers, filled: DesignArrays, pose: np.ndarray) -> JointKinematics:
+    def _fill_kinematics(self, n: SceneNumbers, filled: DesignArrays, pose: np.ndarray) -> JointKinematics:
         """The kinematics of D designs; pose (D, J, 6, P): functions of the interfaces."""
         joints = len(self.nodes)
         anchor = filled.points[:, :joints] - filled.rest.x[:, self.kinematics.node]
         return self.kinematics._replace(
-            anchor=anchor, frame=n.rotation[:, :joints], length=n.length[:, self.different], pose=pose
+            anchor=anchor, frame=n.rotation[:, :joints], length=n.length[:, self.distinct], pose=pose
         )
 
     def _motion_scale(self, n: SceneNumbers) -> np.ndarray:
-        """(D, motions): theta to rad or m."""
+        """Factors (D, motions) from theta to rad or m."""
         return np.where(self.motion_length < 0, 1.0, n.length[:, np.maximum(self.motion_length, 0)])
 
     def __call__(
@@ -333,21 +347,24 @@ class JointLayout:
         *,
         extrapolate: bool = False,
     ) -> JointBodies:
-        """Joint bodies of D designs, every float with a leading axis over them; shapes: shape parameters of all designs for
-        each of the different joints. Raises RangeError, see `Polynomials`."""
-        stack = self._stack(n, shapes, extrapolate=extrapolate)
-        loops = self._fill_loops(n, filled, stack.take(self.pose_rows, axis=1))
+        """Joint bodies of D designs, every float with a leading axis over them.
+
+        shapes: shape parameters of all designs, for each of the distinct joints. Raises RangeError, see
+        `MotionPolynomials`.
+        """
+        functions = self._contract(n, shapes, extrapolate=extrapolate)
+        kinematics = self._fill_kinematics(n, filled, functions.take(self.pose_rows, axis=1))
         scale = _scales(n, filled.leaves)
-        inside = self.interior._replace(
-            block_pose=stack.take(self.block_rows, axis=1),
-            coefficient=stack.take(self.inner_rows[2], axis=1)
+        interior = self.interior._replace(
+            block_pose=functions.take(self.block_rows, axis=1),
+            coefficient=functions.take(self.inner_rows[2], axis=1)
             * scale[:, self.inner_rows[3], self.inner_rows[4], None],
-            near_coefficient=stack.take(self.near_rows[2], axis=1),
+            near_coefficient=functions.take(self.near_rows[2], axis=1),
         )
         substructures, substructure_rest = self._fill_substructures(n, filled)
-        reduced, reduced_rest = self._fill_reduced(n, filled, loops)
+        reduced, reduced_rest = self._fill_reduced(n, filled, kinematics)
         return JointBodies(
-            loops, inside, substructures, substructure_rest, reduced, reduced_rest, self.near_lengths, self.full_node,
+            kinematics, interior, substructures, substructure_rest, reduced, reduced_rest, self.near_lengths, self.full_node,
             self.motion_range, self._motion_scale(n), self.motion_names, self.joint_weights, self.leaf_links,
         )  # fmt: skip
 
@@ -358,7 +375,7 @@ class JointLayout:
         x = np.zeros((count, nodes, 3))
         inside = self.template.block_point[: nodes - 1 - joints]
         x[:, 1 : nodes - joints] = n.point[:, inside]
-        x[:, nodes - joints :] = n.ends[:, self.different, 1]
+        x[:, nodes - joints :] = n.ends[:, self.distinct, 1]
         ends, length = leaves.ends[:, leaf], leaves.length[:, leaf]
         if self.substructure_packed is None:
             value, inner = full.value, filled.rest.inner
@@ -372,7 +389,7 @@ class JointLayout:
             floor=leaves.floor[:, leaf],
         )
         extent = np.maximum(largest_extent(x, ends), length.max(axis=1, initial=0.0))
-        # gravity as given; turned into the axes of every joint before it is condensed
+        # global gravity; rotated into the axes of each joint before it is condensed
         weight = filled.arrays.weight[:, : len(leaf)]
         topology = self.substructures
         arrays = topology._replace(
@@ -386,69 +403,70 @@ class JointLayout:
         return arrays, State(x, np.tile(np.eye(3), (count, nodes, 1, 1)), inner, np.zeros((count, 0)))
 
     def _fill_reduced(
-        self, n: SceneNumbers, filled: DesignArrays, loops: JointKinematics
+        self, n: SceneNumbers, filled: DesignArrays, kinematics: JointKinematics
     ) -> tuple[Arrays, State]:
         """The reduced mechanism of D designs and its rest state."""
-        count, links, held = len(n.leaf), len(self.template.scene_layout.links), len(self.leaf)
+        count, links, in_joints = len(n.leaf), len(self.template.scene_layout.links), len(self.leaf)
         full, topology = filled.arrays, self.reduced
         members = full.members
         value, inner = self.reduced_packed.values(filled.leaves, n.given)
-        joint_floor = np.maximum.reduceat(members.floor[:, :held], self.first_member, axis=1)
+        joint_floor = np.maximum.reduceat(members.floor[:, :in_joints], self.first_member, axis=1)
 
-        def joined(own: np.ndarray, free: np.ndarray) -> np.ndarray:
-            return np.concatenate([own, free[:, held:]], axis=1)
+        def with_free(own: np.ndarray, free: np.ndarray) -> np.ndarray:
+            return np.concatenate([own, free[:, in_joints:]], axis=1)
 
         x = filled.rest.x[:, :links]
-        offset, lengths = joined(loops.anchor, members.offset), joined(loops.length, members.length)
-        made = topology.members._replace(
-            offset=offset, frame=joined(np.stack([loops.frame] * 2, axis=2), members.frame), value=value,
-            length=lengths, floor=joined(joint_floor, members.floor),
+        offset = with_free(kinematics.anchor, members.offset)
+        lengths = with_free(kinematics.length, members.length)
+        reduced_members = topology.members._replace(
+            offset=offset, frame=with_free(np.stack([kinematics.frame] * 2, axis=2), members.frame), value=value,
+            length=lengths, floor=with_free(joint_floor, members.floor),
         )  # fmt: skip
         loads = full.loads
         if len(self.joint_weights.owner):
-            loads = self._hang(n, filled)
+            loads = self._loads_with_joint_weights(n, filled)
         weight = full.weight
         if weight.shape[1]:
-            free = weight[:, held:]
+            free = weight[:, in_joints:]
             linear = np.zeros((count, len(self.nodes), 4))
             linear[..., 1:] = n.gravity[:, None]
             weight = np.concatenate([linear, free], axis=1) if len(topology.weight) else weight[:, :0]
         arrays = topology._replace(
-            members=made,
+            members=reduced_members,
             terms=topology.terms._replace(
                 coefficient=full.terms.coefficient, direction=full.terms.direction, point=full.terms.point
             ),
             loads=topology.loads._replace(point=loads.point, force=loads.force, moment=loads.moment),
-            size=np.maximum(largest_extent(x, x[:, made.node] + offset), lengths.max(axis=1, initial=0.0)),
+            size=np.maximum(largest_extent(x, x[:, reduced_members.node] + offset), lengths.max(axis=1, initial=0.0)),
             springs=full.springs,
             weight=weight,
         )  # fmt: skip
-        turned = np.tile(np.eye(3), (count, links, 1, 1))
-        return arrays, State(x, turned, inner, np.zeros((count, len(topology.terms.start))))
+        rotations = np.tile(np.eye(3), (count, links, 1, 1))
+        return arrays, State(x, rotations, inner, np.zeros((count, len(topology.terms.start))))
 
-    def _hang(self, n: SceneNumbers, filled: DesignArrays) -> Any:
-        """Loads with those that stand for the weight of the joints, at points that step 2 sets."""
+    def _loads_with_joint_weights(self, n: SceneNumbers, filled: DesignArrays) -> Any:
+        """Loads of D designs followed by the weights of the joints, whose points step 2 sets."""
         loads, mass = filled.arrays.loads, filled.arrays.weight[:, : len(self.leaf), 0]
         joint_mass = np.add.reduceat(mass, self.first_member, axis=1)[:, self.joint_weights.load >= 0]
         force = joint_mass[..., None] * n.gravity[:, None]
-        none = np.zeros_like(force)
+        zero = np.zeros_like(force)
         return loads._replace(
-            point=np.concatenate([loads.point, none], axis=1),
+            point=np.concatenate([loads.point, zero], axis=1),
             force=np.concatenate([loads.force, force], axis=1),
-            moment=np.concatenate([loads.moment, none], axis=1),
+            moment=np.concatenate([loads.moment, zero], axis=1),
         )
 
 
 def _scales(n: SceneNumbers, leaves: LeafGeometry) -> np.ndarray:
-    """(D, F, 4): what functions of the insides are multiplied by, see ONE .. MOMENT."""
+    """Scales (D, F, 4) of the functions of all leaf springs, see UNIT_SCALE .. MOMENT_SCALE."""
     L, bending = leaves.length, n.leaf[..., 10] * n.leaf[..., 15]
     return np.stack([np.ones_like(L), 1.0 / L, bending / L**2, bending / L], axis=2)
 
 
 def joint_bodies_of_design(layout: JointLayout, bodies: JointBodies, d: int) -> JointBodies:
-    """Joint bodies of design d of many that were made by `layout`."""
+    """Joint bodies of design d of those that `layout` made."""
     return JointBodies(
-        _of_design(bodies.kinematics, LOOP_FLOATS, d), _of_design(bodies.interior, INSIDE_FLOATS, d),
+        _of_design(bodies.kinematics, KINEMATICS_FLOATS, d), _of_design(bodies.interior, INTERIOR_FLOATS, d),
         arrays_of_design(bodies.substructures, layout.substructures, d), state_of_design(bodies.substructure_rest, d),
         arrays_of_design(bodies.reduced, layout.reduced, d), state_of_design(bodies.reduced_rest, d), bodies.near_lengths,
         bodies.full_node, bodies.motion_range, bodies.motion_scale[d], bodies.motion_names, bodies.joint_weights,
@@ -457,60 +475,24 @@ def joint_bodies_of_design(layout: JointLayout, bodies: JointBodies, d: int) -> 
 
 
 def _of_design(part: T, names: Sequence[str], d: int) -> T:
-    """JointKinematics, or insides, of design d of many, the numbers that kernels read joined for all designs at once."""
-    repeat_fields: Any = part
-    found = fields_of_design(repeat_fields, names, d)
-    joined = repeat_fields.__dict__.get("joined")
+    """Kinematics or interior functions of design d; the flat floats are joined once for all designs."""
+    all_designs: Any = part
+    one_design = fields_of_design(all_designs, names, d)
+    joined = all_designs.__dict__.get("joined")
     if joined is None:
-        fields = [getattr(repeat_fields, name) for name in names]
+        fields = [getattr(all_designs, name) for name in names]
         floats = np.concatenate([field.reshape(len(field), -1) for field in fields], axis=1)
-        joined = repeat_fields.__dict__["joined"] = found.flat.ints, floats
-    found.flat = FlatArrays(joined[0], joined[1][d])
-    return found
-
-
-def _check_record(joint: Any, record: Record, mesh: str | int) -> None:
-    """RecordError for a record of another joint, and for a chain it cannot stand for."""
-    leaves = joint_leaves(joint)
-    inner = [name for name in joint.blocks() if name not in ("A", "B")]
-    counts = [
-        (len(leaves), len(record.leaves), "leaf springs"),
-        (len(inner), len(record.blocks), "internal blocks"),
-        (len(joint.motions), len(record.motions), "motions"),
-    ]
-    for here, there, what in counts:
-        if here != there:
-            raise RecordError(
-                f"the record of {joint.family} is of a joint with {there} {what}, this one has {here}; give your joint a "
-                "family name of its own and train it with ksd.train(joint)"
-            )
-    check_proportions(joint, record)
-    if mesh in record.functions or all(leaf.profile is None and leaf.curve is None for leaf in leaves):
-        return
-    known = ", ".join(str(n) for n in record.functions)
-    raise RecordError(
-        f"the record of {joint.family} has no chains of {mesh} elements, and its leaves are not straight and uniform, "
-        f"so none can be derived; use one of its meshes ({known}) or train it with meshes=(..., {mesh})"
-    )
-
-
-def check_proportions(joint: Any, record: Record) -> None:
-    """RecordError for a joint drawn in other proportions than the one its record is of."""
-    for what, own in joint_proportions(joint).items() if isinstance(joint, DrawnJoint) else ():
-        theirs = record.design.get(what, own)
-        if abs(own - theirs) > REDRAWN * max(1.0, abs(own)):
-            raise RecordError(
-                f"the record of {joint.family} is of a joint drawn in other proportions ({what}: {theirs:.6g} there, "
-                f"{own:.6g} here, lengths over that of the joint); give your joint a family name of its own and train it "
-                "with ksd.train(joint), or give method='conventional'"
-            )
+        joined = all_designs.__dict__["joined"] = one_design.flat.ints, floats
+    one_design.flat = FlatFields(joined[0], joined[1][d])
+    return one_design
 
 
 def joint_layout(template: Template, joints: Sequence[Any], records: Callable[[str], Record]) -> JointLayout:
-    """The layout of a template with the records of its different joints, that of the last call where they are the same.
+    """The layout of a template with the records of its distinct joints; the last one is reused while the records are
+    the same.
 
-    Raises SceneError without joints, RecordError for a record of another joint and for a nodal mesh, and what `JointLayout`
-    raises.
+    Raises SceneError without joints, RecordError for a record of another joint and for a nodal mesh, and what
+    `JointLayout` raises.
     """
     if template.mesh.nodal:
         raise RecordError(
@@ -522,24 +504,24 @@ def joint_layout(template: Template, joints: Sequence[Any], records: Callable[[s
             "this mechanism has no catalogue joints, so there is nothing to reduce; use method='conventional'"
         )
     mesh = "strain" if template.mesh.leaf == "strain" else template.mesh.elements
-    found = [records(joint.family) for joint in joints]
-    for joint, record in zip(joints, found, strict=True):
-        _check_record(joint, record, mesh)
-    last = template.joint_layout
-    if last is None or any(a is not b for a, b in zip(last.records, found, strict=True)):
-        last = template.joint_layout = JointLayout(template, found)
-    return last
+    joint_records = [records(joint.family) for joint in joints]
+    for joint, record in zip(joints, joint_records, strict=True):
+        check_record(joint, record, mesh)
+    layout = template.joint_layout
+    if layout is None or any(a is not b for a, b in zip(layout.records, joint_records, strict=True)):
+        layout = template.joint_layout = JointLayout(template, joint_records)
+    return layout
 
 
 def joint_bodies(model: Model, records: Callable[[str], Record], *, extrapolate: bool = False) -> JointBodies:
     """Bodies of every joint of `model`; `records(family)` returns the trained record.
 
     Raises SceneError without joints, RangeError for a shape outside the trained range (unless `extrapolate`),
-    KinematicsError when joints alone do not place every link.
+    KinematicsError where joints and leaf springs do not place every link.
     """
-    made = model_source(model)
-    joints = made.drawing.joints
-    layout, shapes = joint_layout(made.template, joints, records), [[joint.shape()] for joint in joints]
+    drawing = model_source(model)
+    joints = drawing.drawing.joints
+    layout, shapes = joint_layout(drawing.template, joints, records), [[joint.shape()] for joint in joints]
     return joint_bodies_of_design(
-        layout, layout(made.numbers, made.filled, shapes, extrapolate=extrapolate), 0
+        layout, layout(drawing.numbers, drawing.filled, shapes, extrapolate=extrapolate), 0
     )

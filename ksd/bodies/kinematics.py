@@ -1,8 +1,9 @@
-"""Step 1 of the KSD method, compiled: joints move only as intended, loops close, drives are met.
+"""Step 1 of the KSD method, compiled: poses of the links where joints move only as intended, loops close and drives are
+met.
 
-Unknowns are the intended motions theta of all joints. Links hang on a spanning tree; every joint left over
-closes a loop with six equations, every drive or support adds one. Gauss-Newton on the least-squares problem
-handles the redundant equations of an overconstrained loop. Paper 1, section 2.2. No finite differences.
+Unknowns are the intended motions theta of all joints. Links follow from the joints of a spanning tree; every other
+joint closes a loop with six equations, and every drive or support adds one. Gauss-Newton on the least-squares problem
+handles the redundant equations of overconstrained loops. Derivatives are exact. Source: paper 1, section 2.2.
 """
 
 from __future__ import annotations
@@ -13,14 +14,14 @@ import numpy as np
 
 from ksd.bodies.joint_arrays import (
     ANCHOR,
-    AXES,
-    BRANCHES,
     CLOSING,
-    CLOSINGS,
-    FIRST,
+    CLOSING_COUNT,
+    FIRST_MOTION,
+    JOINT_AXES,
     JOINT_NODE,
-    MONOMIALS,
+    MONOMIAL_COUNT,
     TREE,
+    TREE_COUNT,
     JointKinematics,
 )
 from ksd.bodies.joint_poses import joint_poses
@@ -38,60 +39,90 @@ from ksd.model.loading import term_slope
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_log
 
+MIN_PIVOT = 1e-13
+"""Relative pivot of the normal equations below which they count as singular."""
+MAX_STEP = 0.5
+"""Largest change of an intended motion in one iteration (rad, or stroke over joint length)."""
+CONVERGED_STEP = 1e-6
+"""Change below which step 1 has converged, same unit; the error left is of the order of its square."""
+
 
 @kernel(inline="late")
-def interface_pose(loops, shapes, j, end, x, R, frames, i):
-    """Axes of interface A (end 0) or B (1) of joint j on its link into frames[i, :3], its position into frames[i, 3]."""
-    node, F = loops[loops[JOINT_NODE] + 2 * j + end], loops[AXES] + 9 * j
-    anchor = loops[ANCHOR] + 6 * j + 3 * end
+def interface_pose(joint_ints, joint_floats, j, end, x, R, frames, i):
+    """Write the axes of interface A (end 0) or B (1) of joint j on its link into frames[i, :3], its position into
+    frames[i, 3]."""
+    node, F = joint_ints[joint_ints[JOINT_NODE] + 2 * j + end], joint_ints[JOINT_AXES] + 9 * j
+    anchor = joint_ints[ANCHOR] + 6 * j + 3 * end
     for r in range(3):
         p, q, s = R[node, r, 0], R[node, r, 1], R[node, r, 2]
         for c in range(3):
-            frames[i, r, c] = p * shapes[F + c] + q * shapes[F + 3 + c] + s * shapes[F + 6 + c]
-        frames[i, 3, r] = x[node, r] + p * shapes[anchor] + q * shapes[anchor + 1] + s * shapes[anchor + 2]
+            frames[i, r, c] = (
+                p * joint_floats[F + c] + q * joint_floats[F + 3 + c] + s * joint_floats[F + 6 + c]
+            )
+        frames[i, 3, r] = (
+            x[node, r]
+            + p * joint_floats[anchor]
+            + q * joint_floats[anchor + 1]
+            + s * joint_floats[anchor + 2]
+        )
 
 
 @kernel(inline="late")
-def _place_link(loops, shapes, j, end, frames, x, R):
-    """`interface_pose` the other way round: the link whose interface stands at frames[end]."""
-    node, F = loops[loops[JOINT_NODE] + 2 * j + end], loops[AXES] + 9 * j
-    anchor = loops[ANCHOR] + 6 * j + 3 * end
+def _place_link(joint_ints, joint_floats, j, end, frames, x, R):
+    """Write the pose of the link whose interface stands at frames[end]: the inverse of `interface_pose`."""
+    node, F = joint_ints[joint_ints[JOINT_NODE] + 2 * j + end], joint_ints[JOINT_AXES] + 9 * j
+    anchor = joint_ints[ANCHOR] + 6 * j + 3 * end
     for r in range(3):
         p, q, s = frames[end, r, 0], frames[end, r, 1], frames[end, r, 2]
         for c in range(3):
-            R[node, r, c] = p * shapes[F + 3 * c] + q * shapes[F + 3 * c + 1] + s * shapes[F + 3 * c + 2]
+            R[node, r, c] = (
+                p * joint_floats[F + 3 * c]
+                + q * joint_floats[F + 3 * c + 1]
+                + s * joint_floats[F + 3 * c + 2]
+            )
         p, q, s = R[node, r, 0], R[node, r, 1], R[node, r, 2]
-        x[node, r] = frames[end, 3, r] - p * shapes[anchor] - q * shapes[anchor + 1] - s * shapes[anchor + 2]
+        x[node, r] = (
+            frames[end, 3, r]
+            - p * joint_floats[anchor]
+            - q * joint_floats[anchor + 1]
+            - s * joint_floats[anchor + 2]
+        )
 
 
 @kernel(inline="late")
-def _onward(place, j, frames, i):
-    """frames[i]: where interface B of joint j is meant to be, its interface A at frames[0]."""
+def _pose_of_B(joint_pose, j, frames, i):
+    """Write frames[i]: the intended pose of interface B of joint j, for its interface A at frames[0]."""
     for r in range(3):
         p, q, s = frames[0, r, 0], frames[0, r, 1], frames[0, r, 2]
         for c in range(3):
-            frames[i, r, c] = p * place[j, c] + q * place[j, 3 + c] + s * place[j, 6 + c]
-        frames[i, 3, r] = frames[0, 3, r] + p * place[j, 9] + q * place[j, 10] + s * place[j, 11]
+            frames[i, r, c] = p * joint_pose[j, c] + q * joint_pose[j, 3 + c] + s * joint_pose[j, 6 + c]
+        frames[i, 3, r] = (
+            frames[0, 3, r] + p * joint_pose[j, 9] + q * joint_pose[j, 10] + s * joint_pose[j, 11]
+        )
 
 
 @kernel(inline="late")
-def _backward(place, j, frames):
-    """frames[0]: where interface A of joint j is meant to be, its interface B at frames[1]."""
+def _pose_of_A(joint_pose, j, frames):
+    """Write frames[0]: the intended pose of interface A of joint j, for its interface B at frames[1]."""
     for r in range(3):
         p, q, s = frames[1, r, 0], frames[1, r, 1], frames[1, r, 2]
         for c in range(3):
-            frames[0, r, c] = p * place[j, 3 * c] + q * place[j, 3 * c + 1] + s * place[j, 3 * c + 2]
+            frames[0, r, c] = (
+                p * joint_pose[j, 3 * c] + q * joint_pose[j, 3 * c + 1] + s * joint_pose[j, 3 * c + 2]
+            )
         p, q, s = frames[0, r, 0], frames[0, r, 1], frames[0, r, 2]
-        frames[0, 3, r] = frames[1, 3, r] - p * place[j, 9] - q * place[j, 10] - s * place[j, 11]
+        frames[0, 3, r] = (
+            frames[1, 3, r] - p * joint_pose[j, 9] - q * joint_pose[j, 10] - s * joint_pose[j, 11]
+        )
 
 
 @kernel(inline="late")
-def _own_twist(place, j, k, frames, a0, a1, a2):
-    """Twist (v, w) by the joint's own motion k of a point at a from its interface B: w = A dphi, v = A dd + w x a, with the
-    axes A of its interface A in frames[0]."""
+def _own_twist(joint_pose, j, k, frames, a0, a1, a2):
+    """Twist (v, w) due to motion k of joint j, of a point at a from its interface B: w = A dphi, v = A dd + w x a, with
+    the axes A of its interface A in frames[0]."""
     at = 12 + 6 * k
-    d0, d1, d2 = place[j, at], place[j, at + 1], place[j, at + 2]
-    p0, p1, p2 = place[j, at + 3], place[j, at + 4], place[j, at + 5]
+    d0, d1, d2 = joint_pose[j, at], joint_pose[j, at + 1], joint_pose[j, at + 2]
+    p0, p1, p2 = joint_pose[j, at + 3], joint_pose[j, at + 4], joint_pose[j, at + 5]
     w0 = frames[0, 0, 0] * p0 + frames[0, 0, 1] * p1 + frames[0, 0, 2] * p2
     w1 = frames[0, 1, 0] * p0 + frames[0, 1, 1] * p1 + frames[0, 1, 2] * p2
     w2 = frames[0, 2, 0] * p0 + frames[0, 2, 1] * p1 + frames[0, 2, 2] * p2
@@ -102,20 +133,24 @@ def _own_twist(place, j, k, frames, a0, a1, a2):
 
 
 @kernel(inline="late")
-def _hang(loops, shapes, place, t, x, R, W, reach, frames):
-    """Pose of the link beyond branch t of the tree and its twist columns W (node, motion, 6), from the link before it;
-    motions from reach[0] (node) on do not move a link, reach[1] is the one before it."""
-    j, forward = loops[loops[TREE] + 2 * t], loops[loops[TREE] + 2 * t + 1]
-    near, far = loops[loops[JOINT_NODE] + 2 * j + 1 - forward], loops[loops[JOINT_NODE] + 2 * j + forward]
-    interface_pose(loops, shapes, j, 1 - forward, x, R, frames, 1 - forward)
+def _place_next_link(joint_ints, joint_floats, joint_pose, t, x, R, W, ancestry, frames):
+    """Write the pose and twist columns W (node, motion, 6) of the link that branch t of the tree leads to.
+
+    ancestry[0, node]: number of leading motions that can move a node; ancestry[1, node]: the node before it in the
+    tree.
+    """
+    j, forward = joint_ints[joint_ints[TREE] + 2 * t], joint_ints[joint_ints[TREE] + 2 * t + 1]
+    pair = joint_ints[JOINT_NODE] + 2 * j
+    near, far = joint_ints[pair + 1 - forward], joint_ints[pair + forward]
+    interface_pose(joint_ints, joint_floats, j, 1 - forward, x, R, frames, 1 - forward)
     if forward == 1:
-        _onward(place, j, frames, forward)
+        _pose_of_B(joint_pose, j, frames, forward)
     else:
-        _backward(place, j, frames)
-    _place_link(loops, shapes, j, forward, frames, x, R)
-    first, last = loops[loops[FIRST] + j], loops[loops[FIRST] + j + 1]
-    begin, end = reach[0, near], max(reach[0, near], last)
-    reach[0, far], reach[1, far] = end, near
+        _pose_of_A(joint_pose, j, frames)
+    _place_link(joint_ints, joint_floats, j, forward, frames, x, R)
+    first, last = joint_ints[joint_ints[FIRST_MOTION] + j], joint_ints[joint_ints[FIRST_MOTION] + j + 1]
+    begin, end = ancestry[0, near], max(ancestry[0, near], last)
+    ancestry[0, far], ancestry[1, far] = end, near
     for q in range(begin, end):
         for r in range(6):
             W[far, q, r] = 0.0
@@ -129,7 +164,7 @@ def _hang(loops, shapes, place, t, x, R, W, reach, frames):
     a0, a1, a2 = x[far, 0] - frames[1, 3, 0], x[far, 1] - frames[1, 3, 1], x[far, 2] - frames[1, 3, 2]
     sign = 2.0 * forward - 1.0
     for q in range(first, last):
-        v0, v1, v2, w0, w1, w2 = _own_twist(place, j, q - first, frames, a0, a1, a2)
+        v0, v1, v2, w0, w1, w2 = _own_twist(joint_pose, j, q - first, frames, a0, a1, a2)
         W[far, q, 0] += sign * v0
         W[far, q, 1] += sign * v1
         W[far, q, 2] += sign * v2
@@ -139,14 +174,15 @@ def _hang(loops, shapes, place, t, x, R, W, reach, frames):
 
 
 @kernel(inline="late")
-def _close_joint(loops, shapes, place, c, size, x, R, W, J, residual, frames):
-    """Six equations of the joint that closes loop c: interface B on its link where the one from A on is."""
-    j, row = loops[loops[CLOSING] + c], 6 * c
-    a, b = loops[loops[JOINT_NODE] + 2 * j], loops[loops[JOINT_NODE] + 2 * j + 1]
+def _close_joint(joint_ints, joint_floats, joint_pose, c, size, x, R, W, J, residual, frames):
+    """Write the six equations of the joint that closes loop c: pose of interface B on its own link minus that seen from
+    A."""
+    j, row = joint_ints[joint_ints[CLOSING] + c], 6 * c
+    a, b = joint_ints[joint_ints[JOINT_NODE] + 2 * j], joint_ints[joint_ints[JOINT_NODE] + 2 * j + 1]
     for end in range(2):
-        interface_pose(loops, shapes, j, end, x, R, frames, end)
-    # no literal, for which numba would compile `_onward` once more
-    _onward(place, j, frames, 2 + 0 * c)
+        interface_pose(joint_ints, joint_floats, j, end, x, R, frames, end)
+    # an expression, since numba would compile `_pose_of_B` once more for a literal
+    _pose_of_B(joint_pose, j, frames, 2 + 0 * c)
     for r in range(3):
         p, q, s = frames[1, r, 0], frames[1, r, 1], frames[1, r, 2]
         for k in range(3):
@@ -164,9 +200,9 @@ def _close_joint(loops, shapes, place, c, size, x, R, W, J, residual, frames):
                 + W[b, q, 3 + i] * (frames[1, 3, k] - x[b, k]) - W[b, q, 3 + k] * (frames[1, 3, i] - x[b, i])
                 - W[a, q, 3 + i] * (frames[2, 3, k] - x[a, k]) + W[a, q, 3 + k] * (frames[2, 3, i] - x[a, i])
             )  # fmt: skip
-    first = loops[loops[FIRST] + j]
-    for q in range(first, loops[loops[FIRST] + j + 1]):
-        v0, v1, v2, w0, w1, w2 = _own_twist(place, j, q - first, frames, 0.0, 0.0, 0.0)
+    first = joint_ints[joint_ints[FIRST_MOTION] + j]
+    for q in range(first, joint_ints[joint_ints[FIRST_MOTION] + j + 1]):
+        v0, v1, v2, w0, w1, w2 = _own_twist(joint_pose, j, q - first, frames, 0.0, 0.0, 0.0)
         J[row, q] -= v0
         J[row + 1, q] -= v1
         J[row + 2, q] -= v2
@@ -176,30 +212,35 @@ def _close_joint(loops, shapes, place, c, size, x, R, W, J, residual, frames):
 
 
 @kernel
-def loop_equations(ints, floats, loops, shapes, target, x, R, place, reach, W, J, residual, frames, slope):
-    """Link poses for the joints' places (into x, R), residual (E,) and Jacobian J (E, motions); rotations times the size.
+def loop_equations(
+    ints, floats, joint_ints, joint_floats, target, x, R, joint_pose, ancestry, W, J, residual, frames, slope
+):  # fmt: skip
+    """Write link poses (into x, R), residual (E,) and Jacobian J (E, motions) for the joint poses joint_pose (J, 24).
 
-    ints, floats: of a model with the links, as in `ksd.model.arrays.FlatArrays`; loops, shapes: as in
-    `ksd.bodies.joint_arrays`. Rows: six per closing joint, then one per constraint row of the model. W and J hold zeros
-    at the first call; what stays zero is not written, so that a joint of a long chain costs little more. reach (2, k),
-    frames (4, 4, 3), slope (8, 3): scratch.
+    ints, floats: of a model with the links, as in `ksd.model.arrays.FlatArrays`; joint_ints, joint_floats: as in
+    `ksd.bodies.joint_arrays`. Rows: six for each closing joint, then one for each constraint row of the model;
+    rotations are multiplied by the length scale of the model. target (c,): drive values. W (k, motions, 6): twists of
+    the nodes. W and J must hold zeros at the first call: entries that stay zero are not written, so that the cost of a
+    joint does not grow with the length of a chain. ancestry (2, k), frames (4, 4, 3), slope (8, 3): scratch.
     """
-    for k in range(reach.shape[1]):
-        reach[0, k], reach[1, k] = 0, -1
-    for t in range(loops[BRANCHES]):
-        _hang(loops, shapes, place, t, x, R, W, reach, frames)
-    for c in range(loops[CLOSINGS]):
-        _close_joint(loops, shapes, place, c, floats[0], x, R, W, J, residual, frames)
-    _constraint_equations(ints, floats, target, x, R, reach, W, J, residual, 6 * loops[CLOSINGS], slope)
+    for k in range(ancestry.shape[1]):
+        ancestry[0, k], ancestry[1, k] = 0, -1
+    for t in range(joint_ints[TREE_COUNT]):
+        _place_next_link(joint_ints, joint_floats, joint_pose, t, x, R, W, ancestry, frames)
+    for c in range(joint_ints[CLOSING_COUNT]):
+        _close_joint(joint_ints, joint_floats, joint_pose, c, floats[0], x, R, W, J, residual, frames)
+    _constraint_equations(
+        ints, floats, target, x, R, ancestry, W, J, residual, 6 * joint_ints[CLOSING_COUNT], slope
+    )
 
 
 @kernel(inline="late")
-def _term_columns(ints, reach, t):
-    """First and last but one motion that constraint term t depends on: a rotation between a link and the one it hangs on
-    knows the joint between them alone."""
+def _term_columns(ints, ancestry, t):
+    """Range of motions (first, end) that constraint term t depends on: a rotation between neighbouring links of the
+    tree depends on the joint between them only."""
     a, b = ints[ints[TERM_NODE] + 2 * t], ints[ints[TERM_NODE] + 2 * t + 1]
-    from_a, from_b = reach[0, a], reach[0, b]
-    before_a, before_b = reach[1, a], reach[1, b]
+    from_a, from_b = ancestry[0, a], ancestry[0, b]
+    before_a, before_b = ancestry[1, a], ancestry[1, b]
     first = 0
     if ints[ints[TERM_KIND] + t] != TRANSLATION:
         if before_b == a:
@@ -210,30 +251,30 @@ def _term_columns(ints, reach, t):
 
 
 @kernel(inline="late")
-def _row_columns(ints, reach, i):
-    """The same of row i."""
+def _row_columns(ints, ancestry, i):
+    """Range of motions (first, end) that constraint row i depends on."""
     begin = ints[ints[TERM_FIRST] + i]
-    first, last = _term_columns(ints, reach, begin)
+    first, last = _term_columns(ints, ancestry, begin)
     for t in range(begin + 1, ints[ints[TERM_FIRST] + i + 1]):
-        low, high = _term_columns(ints, reach, t)
+        low, high = _term_columns(ints, ancestry, t)
         first, last = min(first, low), max(last, high)
     return first, last
 
 
 @kernel(inline="late")
-def _constraint_equations(ints, floats, target, x, R, reach, W, J, residual, row, slope):
-    """One equation per drive or support: sum of terms minus target, with its derivative along the twist columns."""
+def _constraint_equations(ints, floats, target, x, R, ancestry, W, J, residual, row, slope):
+    """Write one equation per drive or support: sum of its terms minus target, and its derivative by the motions."""
     for i in range(ints[ROWS]):
         rotations, size, total = 0, floats[0], -target[i]
         begin, end = ints[ints[TERM_FIRST] + i], ints[ints[TERM_FIRST] + i + 1]
-        first, last = _row_columns(ints, reach, i)
+        first, last = _row_columns(ints, ancestry, i)
         for q in range(first, last):
             J[row + i, q] = 0.0
         for t in range(begin, end):
             c = floats[ints[TERM_COEFFICIENT] + t]
             total += c * term_slope(ints, floats, x, R, t, slope)
             a, b = ints[ints[TERM_NODE] + 2 * t], ints[ints[TERM_NODE] + 2 * t + 1]
-            low, high = _term_columns(ints, reach, t)
+            low, high = _term_columns(ints, ancestry, t)
             turns = ints[ints[TERM_KIND] + t] != TRANSLATION
             rotations += turns
             for q in range(low, high):
@@ -258,14 +299,15 @@ def least_squares_scratch(rows, motions):
 
 
 @kernel
-def least_squares(J, residual, step, room):
-    """step (q,) minimising |J step + residual| by normal equations and LDL^T; returns the smallest relative pivot.
+def least_squares(J, residual, step, scratch):
+    """Write step (q,) minimising |J step + residual|, by normal equations and LDL^T; return the smallest relative
+    pivot.
 
-    A row of the factor begins where that of the normal equations does (skyline), so that a chain of joints costs each of
-    them the same. room: scratch of `least_squares_scratch`.
+    Rows of the factor begin where those of the normal equations do (skyline), so that the cost per joint of a chain is
+    constant. scratch: as made by `least_squares_scratch`.
     """
     rows, n = J.shape
-    A, before, low, begin, end = room, room[n], room[n + 1], room[n + 2], room[n + 3]
+    A, before, low, begin, end = scratch, scratch[n], scratch[n + 1], scratch[n + 2], scratch[n + 3]
     for i in range(n):
         low[i], step[i] = i, 0.0
     for r in range(rows):
@@ -317,59 +359,67 @@ def least_squares(J, residual, step, room):
 
 def close_loops(
     arrays: Arrays,
-    loops: JointKinematics,
+    kinematics: JointKinematics,
     theta: np.ndarray,
     target: np.ndarray,
     motion: State,
-    place: np.ndarray,
-    most: int,
+    joint_pose: np.ndarray,
+    max_iterations: int,
 ) -> tuple[int, int, float]:
-    """Solve step 1 in place. Returns (reason 0 closed / 1 too many / 3 singular, iterations, gap left [m]).
+    """Solve step 1 in place. Returns (reason, iterations, largest residual [m]).
 
-    A step of theta is limited to 0.5 (rad, or stroke over joint length); converged when it falls below 1e-6, which leaves
-    the square of that.
+    reason: 0 closed, 1 too many iterations, 3 singular, 5 not finite.
     """
-    found: tuple[int, int, float] = _close(
-        *arrays.flat[:2], *loops.flat, theta, target, motion.x, motion.R, place, most
+    result: tuple[int, int, float] = _close(
+        *arrays.flat[:2], *kinematics.flat, theta, target, motion.x, motion.R, joint_pose, max_iterations
     )
-    return found
+    return result
 
 
 @kernel
-def _close(ints, floats, loops, shapes, theta, target, x, R, place, most):
-    rows, motions, links = 6 * loops[CLOSINGS] + ints[ROWS], len(theta), len(x)
-    W, J, series = np.zeros((links, motions, 6)), np.zeros((rows, motions)), np.empty((3, loops[MONOMIALS]))
-    residual, step, reach = np.zeros(rows), np.zeros(motions), np.empty((2, links), np.int64)
-    room, frames, slope = least_squares_scratch(rows, motions), np.empty((4, 4, 3)), np.empty((8, 3))
+def _close(ints, floats, joint_ints, joint_floats, theta, target, x, R, joint_pose, max_iterations):
+    rows, motions, links = 6 * joint_ints[CLOSING_COUNT] + ints[ROWS], len(theta), len(x)
+    W, J, series = (
+        np.zeros((links, motions, 6)),
+        np.zeros((rows, motions)),
+        np.empty((3, joint_ints[MONOMIAL_COUNT])),
+    )
+    residual, step, ancestry = np.zeros(rows), np.zeros(motions), np.empty((2, links), np.int64)
+    scratch, frames, slope = least_squares_scratch(rows, motions), np.empty((4, 4, 3)), np.empty((8, 3))
     gap, closed, n = 0.0, False, 0
     while True:
-        joint_poses(loops, shapes, theta, place, series)
-        loop_equations(ints, floats, loops, shapes, target, x, R, place, reach, W, J, residual, frames, slope)
+        joint_poses(joint_ints, joint_floats, theta, joint_pose, series)
+        loop_equations(
+            ints, floats, joint_ints, joint_floats, target, x, R, joint_pose, ancestry, W, J, residual, frames, slope
+        )  # fmt: skip
         if closed:
             for r in range(len(residual)):
                 gap = max(gap, abs(residual[r]))
             return 0, n, gap
-        if n == most:
-            return 1, most, math.inf
-        if not least_squares(J, residual, step, room) > 1e-13:
+        if n == max_iterations:
+            return 1, max_iterations, math.inf
+        if not least_squares(J, residual, step, scratch) > MIN_PIVOT:
             return 3, n, math.inf
-        largest = stride(theta, step)
+        largest = apply_limited_step(theta, step)
         if not math.isfinite(largest):
             return 5, n, math.inf
-        # quadratic: the error left is the square of this step; poses follow it
-        closed = largest < 1e-6
+        # poses still have to follow the last step
+        closed = largest < CONVERGED_STEP
         n += 1
 
 
 @kernel(inline="late")
-def stride(theta, step):
-    """theta <- theta + step, no entry by more than 0.5; returns the largest entry of the whole step, nothing done where
-    that is not finite."""
+def apply_limited_step(theta, step):
+    """Add step to theta, scaled so that no entry changes by more than MAX_STEP; return the largest entry of the
+    unscaled step.
+
+    theta is unchanged where that is not finite.
+    """
     largest = 0.0
     for q in range(len(step)):
         largest = max(largest, abs(step[q])) if step[q] == step[q] else math.inf
     if math.isfinite(largest):
-        scale = 0.5 / largest if largest > 0.5 else 1.0
+        scale = MAX_STEP / largest if largest > MAX_STEP else 1.0
         for q in range(len(step)):
             theta[q] += scale * step[q]
     return largest

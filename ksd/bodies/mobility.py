@@ -1,4 +1,4 @@
-"""Count freedoms before solving: what the loops leave free, and whether drives and supports hold exactly that."""
+"""Mobility of a mechanism before it is solved: whether drives and supports prescribe exactly what its loops leave free."""
 
 from __future__ import annotations
 
@@ -13,69 +13,69 @@ from ksd.bodies.kinematics import loop_equations
 from ksd.errors import KinematicsError
 from ksd.model.compile import Model
 
-RANK = 1e-4
-"""Singular values below this fraction of the largest count as zero: what the fitted functions, and their independence of
-thickness and material, make of the redundant equations of an overconstrained mechanism. Measured: two equal guides, or
-two of different families at four times the trained thickness, 5.6e-6; two pivots of different families on one axis 5e-9;
-planar loops below 1e-16. The smallest that is a real constraint in the shipped scenes is 4e-2 (the delta stage)."""
-LOOSE = 0.03
-"""The same for what holds only because joints are not aligned: a millirad between two guides makes 7e-4."""
+RANK_TOLERANCE = 1e-4
+"""Singular values below this fraction of the largest count as zero.
+
+Redundant equations of an overconstrained mechanism leave small ones, since the functions are fitted, and taken as
+independent of thickness and material. Measured: two equal guides, or two of different families at four times the
+trained thickness, 5.6e-6; two pivots of different families on one axis 5e-9; planar loops below 1e-16. The smallest of
+a real constraint in the shipped scenes is 4e-2 (the delta stage).
+"""
+MISALIGNMENT_TOLERANCE = 0.03
+"""Singular values below this fraction of the largest may be due to misaligned joints: a millirad between two guides
+gives 7e-4."""
 _AXES = ("x", "y", "z")
 
 
 def _jacobian(bodies: JointBodies, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Loop and row Jacobian J (E, motions) at theta, and the twists of all nodes W (nodes, motions, 6)."""
-    arrays, loops = bodies.reduced, bodies.kinematics
-    rows = 6 * len(loops.closing) + len(arrays.terms.start)
+    """Jacobian J (E, motions) of loops and constraint rows at theta, and the twists W (nodes, motions, 6) of all nodes."""
+    arrays, kinematics = bodies.reduced, bodies.kinematics
+    rows = 6 * len(kinematics.closing) + len(arrays.terms.start)
     motions = len(theta)
     J, residual = np.zeros((rows, motions)), np.zeros(rows)
     W = np.zeros((len(arrays.start), motions, 6))
-    place, series = np.zeros((len(loops.node), 24)), np.zeros((3, loops.pose.shape[2]))
-    target, reach = np.zeros(len(arrays.terms.start)), np.zeros((2, len(arrays.start)), np.int64)
+    joint_pose, series = np.zeros((len(kinematics.node), 24)), np.zeros((3, kinematics.pose.shape[2]))
+    target, ancestry = np.zeros(len(arrays.terms.start)), np.zeros((2, len(arrays.start)), np.int64)
     x, R = bodies.reduced_rest.x.copy(), bodies.reduced_rest.R.copy()
-    joint_poses(*loops.flat, theta, place, series)
+    joint_poses(*kinematics.flat, theta, joint_pose, series)
     frames, slope = np.zeros((4, 4, 3)), np.zeros((8, 3))
     loop_equations(
-        *arrays.flat[:2], *loops.flat, target, x, R, place, reach, W, J, residual, frames, slope
+        *arrays.flat[:2], *kinematics.flat, target, x, R, joint_pose, ancestry, W, J, residual, frames, slope
     )  # fmt: skip
     return J, W
 
 
-def _null_space(J: np.ndarray) -> np.ndarray:
-    """Columns spanning the null space of J (E, q): what it does to them is below RANK of its largest."""
-    return _null_spaces(J, RANK)[0]
-
-
-def _null_spaces(J: np.ndarray, *ranks: float) -> list[np.ndarray]:
-    """Of every one of `ranks`, columns spanning what J (E, q) takes below it of its largest."""
+def _null_spaces(J: np.ndarray, *tolerances: float) -> list[np.ndarray]:
+    """Null spaces of J (E, q) as orthonormal columns, one for every tolerance: singular values below it times the
+    largest count as zero."""
     rows, motions = J.shape
     if rows == 0 or motions == 1:
-        # of one motion the only singular value is the largest
-        return [np.eye(motions)[:, int(rows > 0 and J.any()) :]] * len(ranks)
+        # with one motion the only singular value is the largest
+        return [np.eye(motions)[:, int(rows > 0 and J.any()) :]] * len(tolerances)
     _, values, vt = np.linalg.svd(J, full_matrices=rows < motions)
     s = values.tolist()
-    return [vt[sum(value > rank * max(s[0], 1e-300) for value in s) :].T for rank in ranks]
+    return [vt[sum(value > tolerance * max(s[0], 1e-300) for value in s) :].T for tolerance in tolerances]
 
 
 def describe_motion(model: Model, twist: np.ndarray) -> str:
-    """Words for the motion (links, 6) that moves most: which link, turning or sliding, about which axis."""
-    size = model.arrays.size
-    amount = np.linalg.norm(twist[:, :3], axis=1) + size * np.linalg.norm(twist[:, 3:], axis=1)
+    """Description of a motion, twist (links, 6): the link that moves most, and its main rotation or translation."""
+    length = model.arrays.size
+    amount = np.linalg.norm(twist[:, :3], axis=1) + length * np.linalg.norm(twist[:, 3:], axis=1)
     link = int(np.argmax(amount))
-    turn = size * np.abs(twist[link, 3:])
-    slide = np.abs(twist[link, :3])
+    rotation = length * np.abs(twist[link, 3:])
+    translation = np.abs(twist[link, :3])
     name = model.node_names[link]
-    if turn.max() >= 0.5 * slide.max():
-        return f"link '{name}' can turn about {_AXES[int(np.argmax(turn))]}"
-    return f"link '{name}' can slide along {_AXES[int(np.argmax(slide))]}"
+    if rotation.max() >= 0.5 * translation.max():
+        return f"link '{name}' can turn about {_AXES[int(np.argmax(rotation))]}"
+    return f"link '{name}' can slide along {_AXES[int(np.argmax(translation))]}"
 
 
 class MotionCompatibility(NamedTuple):
-    """How well intended motions alone fit together.
+    """Whether the joints can meet all loops, drives and supports by intended motions alone.
 
-    off: how far the joints of closed loops contradict each other for lack of alignment, over the largest of their
-    equations (about rad); 0 where they are aligned. yielding: drives and supports that no intended motion can meet. In
-    both cases step 1 finds the best compromise, and the leaf springs take up the rest from step 3 on.
+    misalignment: largest singular value of the loop equations that is due to misaligned joints, over the largest of all
+    (about rad); 0 where the joints are aligned. unmet_drives: drives and supports that no intended motion can meet. In
+    both cases step 1 finds a least-squares compromise, and the leaf springs take up the rest from step 3 on.
     """
 
     misalignment: float = 0.0
@@ -88,69 +88,79 @@ class MotionCompatibility(NamedTuple):
 
 
 def check_mobility(model: Model, bodies: JointBodies) -> MotionCompatibility:
-    """How loops, drives and supports fit together; KinematicsError, saying which, where drives and supports do not hold
-    every freedom exactly once.
+    """Check that drives and supports prescribe every degree of freedom of the joints exactly once, at rest.
 
-    Judged at rest; a drive that has no effect at rest only because the pose is singular (dead centre) is named so. A
-    mechanism that misalignment locks is judged as if it were aligned.
+    A drive without effect at rest because the pose is singular (dead centre) is reported as such. A mechanism locked by
+    misalignment only is checked as if it were aligned. Raises KinematicsError for an under-constrained or
+    overconstrained mechanism, naming the link or the drives.
     """
     theta = np.zeros(len(bodies.motion_names))
     J, W = _jacobian(bodies, theta)
-    loops = 6 * len(bodies.kinematics.closing)
-    free, loose = _null_spaces(J[:loops], RANK, LOOSE)
+    loop_rows = 6 * len(bodies.kinematics.closing)
+    free, free_if_aligned = _null_spaces(J[:loop_rows], RANK_TOLERANCE, MISALIGNMENT_TOLERANCE)
     try:
-        fit = MotionCompatibility(0.0, _unmet_drives(model, J, W, loops, free))
+        compatibility = MotionCompatibility(0.0, _unmet_drives(model, J, W, loop_rows, free))
     except KinematicsError:
-        if loose.shape[1] == free.shape[1]:
+        if free_if_aligned.shape[1] == free.shape[1]:
             raise
-        return MotionCompatibility(_misalignment(J[:loops]), _unmet_drives(model, J, W, loops, loose))
-    if fit.unmet_drives and loose.shape[1] > free.shape[1]:
+        return MotionCompatibility(
+            _misalignment(J[:loop_rows]), _unmet_drives(model, J, W, loop_rows, free_if_aligned)
+        )
+    if compatibility.unmet_drives and free_if_aligned.shape[1] > free.shape[1]:
         with contextlib.suppress(KinematicsError):
-            other = MotionCompatibility(_misalignment(J[:loops]), _unmet_drives(model, J, W, loops, loose))
-            fit = other if len(other.unmet_drives) < len(fit.unmet_drives) else fit
-    return fit
+            aligned = MotionCompatibility(
+                _misalignment(J[:loop_rows]), _unmet_drives(model, J, W, loop_rows, free_if_aligned)
+            )
+            compatibility = (
+                aligned if len(aligned.unmet_drives) < len(compatibility.unmet_drives) else compatibility
+            )
+    return compatibility
 
 
 def _misalignment(J: np.ndarray) -> float:
-    """Largest contradiction of the loops (E, q) that is small enough to be misalignment, over their largest entry."""
+    """Largest singular value of the loop equations (E, q) below MISALIGNMENT_TOLERANCE, over the largest of all."""
     s = np.linalg.svd(J, compute_uv=False)
-    return float(s[s < LOOSE * s[0]].max() / s[0])
+    return float(s[s < MISALIGNMENT_TOLERANCE * s[0]].max() / s[0])
 
 
 def _unmet_drives(
-    model: Model, J: np.ndarray, W: np.ndarray, loops: int, free: np.ndarray
+    model: Model, J: np.ndarray, W: np.ndarray, loop_rows: int, free: np.ndarray
 ) -> tuple[str, ...]:
-    """Drives and supports that move nothing, where the others hold the freedoms `free` (q, f) exactly once."""
-    held = J[loops:] @ free
+    """Drives and supports that move nothing, where the others prescribe the degrees of freedom `free` (q, f) exactly
+    once.
+
+    Raises KinematicsError otherwise.
+    """
+    constraint = J[loop_rows:] @ free
     names = (*model.drive_names, *model.support_names)
-    scale = RANK * np.abs(J).max(initial=1e-300)
-    idle = [all(abs(moved) < scale for moved in row) for row in held.tolist()]
-    left = _null_space(held) if free.shape[1] else free
-    if any(idle) and (left.shape[1] or not free.shape[1]):
-        name = names[idle.index(True)]
+    scale = RANK_TOLERANCE * np.abs(J).max(initial=1e-300)
+    is_idle = [all(abs(moved) < scale for moved in row) for row in constraint.tolist()]
+    undetermined = _null_spaces(constraint, RANK_TOLERANCE)[0] if free.shape[1] else free
+    if any(is_idle) and (undetermined.shape[1] or not free.shape[1]):
+        name = names[is_idle.index(True)]
         raise KinematicsError(
             f"drive '{name}' moves nothing: no intended motion of the joints changes it at rest; drive another "
             "component, or start from a pose that is not a dead centre"
         )
-    if left.shape[1]:
-        twist = np.einsum("kqr,q->kr", W, free @ left[:, 0])
+    if undetermined.shape[1]:
+        twist = np.einsum("kqr,q->kr", W, free @ undetermined[:, 0])
         raise KinematicsError(
             f"the mechanism is kinematically indeterminate: {describe_motion(model, twist)} although every drive is "
             f"held ({free.shape[1]} freedoms, {len(names)} drives and supports); add a drive or a support"
         )
-    if len(names) - sum(idle) > free.shape[1]:
-        rest = [k for k, none in enumerate(idle) if not none]
-        pair = _dependent(held[rest], tuple(names[k] for k in rest))
+    if len(names) - sum(is_idle) > free.shape[1]:
+        rest = [k for k, none in enumerate(is_idle) if not none]
+        pair = _dependent_rows(constraint[rest], tuple(names[k] for k in rest))
         raise KinematicsError(
             f"drives {pair} act on the same freedom: the joints leave {free.shape[1]}, the scene prescribes "
             f"{len(rest)}; remove one of them or use method='conventional'"
         )
-    return tuple(n for n, none in zip(names, idle, strict=True) if none)
+    return tuple(n for n, none in zip(names, is_idle, strict=True) if none)
 
 
-def _dependent(rows: np.ndarray, names: tuple[str, ...]) -> str:
-    """Names of the rows that take part in the strongest linear dependence."""
+def _dependent_rows(rows: np.ndarray, names: tuple[str, ...]) -> str:
+    """Names of the rows that take part in the strongest linear dependence, in words."""
     _, _, vt = np.linalg.svd(rows.T)
     weight = np.abs(vt[-1])
-    found = [n for n, w in zip(names, weight, strict=True) if w > 0.1 * weight.max()]
-    return " and ".join(f"'{n}'" for n in found)
+    names_found = [n for n, w in zip(names, weight, strict=True) if w > 0.1 * weight.max()]
+    return " and ".join(f"'{n}'" for n in names_found)

@@ -1,7 +1,7 @@
-"""Condensed joints beside members that are not condensed: the mechanism of all of them together.
+"""Mechanisms in which some joints are condensed and the other leaf springs are members of their own.
 
-A joint is condensed, as in step 2 of the KSD method, into one linear body between its links; the leaves of the others are
-members of their own, whatever their kind.
+A condensed joint is one linear body between its links, as in step 2 of the KSD method; the other members can be of any
+kind.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from ksd.model.scene_layout import elastic_members
 
 
 class PartlyCondensed(NamedTuple):
-    """A mechanism of condensed joints and of the members of a model that are in none of them.
+    """A mechanism of condensed joints and of the members of a model outside of them.
 
-    nodes (k,): nodes of the model it has, the links and the blocks of joints that are not condensed. joint (m,): the
-    condensed joint a member stands for, else -1; member (m,): the member of the model it is, else -1.
+    nodes (k,): its nodes in the model, the links and the blocks of joints that are not condensed. joint (m,): the
+    condensed joint each member represents, else -1; member (m,): the member of the model it is, else -1.
     """
 
     arrays: Arrays
@@ -39,45 +39,45 @@ class PartlyCondensed(NamedTuple):
 
 
 def condense_some_joints(model: Model, linear: Arrays, condensed: Sequence[bool]) -> PartlyCondensed:
-    """The mechanism of `model` with some joints condensed; linear: that of all joints condensed, its first members."""
+    """The mechanism of `model` with the joints marked in `condensed` (J,) condensed; linear: the mechanism of all
+    joints condensed, one linear body per joint first."""
     scene = model.scene
-    blocks = [f"{p.name}/" for p, c in zip(scene.joints, condensed, strict=True) if c]
+    prefixes = [f"{p.name}/" for p, c in zip(scene.joints, condensed, strict=True) if c]
     nodes = [
         k for k, name in enumerate(model.node_names)
-        if k < model.links or not any(name.startswith(b) for b in blocks)
+        if k < model.links or not any(name.startswith(b) for b in prefixes)
     ]  # fmt: skip
-    place = {k: n for n, k in enumerate(nodes)}
-    within = {
+    new_node = {k: n for n, k in enumerate(nodes)}
+    condensed_members = {
         i for s, c in zip(model.joint_members, condensed, strict=True) if c for i in range(s.start, s.stop)
     }
     joint = np.flatnonzero(condensed)
-    member = [i for i in range(len(model.member_names)) if i not in within]
-    parts = [_linear(linear, j, scene.joints[j].name) for j in joint.tolist()] + [
-        _member(model, i, place) for i in member
+    member = [i for i in range(len(model.member_names)) if i not in condensed_members]
+    members = [_linear_body(linear, j, scene.joints[j].name) for j in joint.tolist()] + [
+        _member(model, i, new_node) for i in member
     ]
-    places = model.rest.x[nodes]
-    # links, which rows and loads are of, have the same numbers
-    arrays, rest = pack_members(places, parts, springs=elastic_members(scene, places), like=model.arrays)
-    away = np.full(len(member), -1), np.full(len(joint), -1)
+    points = model.rest.x[nodes]
+    # constraint rows and loads refer to links, whose numbers stay the same
+    arrays, rest = pack_members(points, members, springs=elastic_members(scene, points), like=model.arrays)
     return PartlyCondensed(
         arrays,
         rest,
         np.array(nodes),
-        np.concatenate([joint, away[0]]),
-        np.concatenate([away[1], member]).astype(np.int64),
+        np.concatenate([joint, np.full(len(member), -1)]),
+        np.concatenate([np.full(len(joint), -1), member]).astype(np.int64),
     )
 
 
 def single_member(model: Model, i: int) -> tuple[Arrays, State]:
-    """Member i between two fixed ends, end p at the origin along the axes; end q is where its offset and frame put it."""
-    made = _member(model, i, dict.fromkeys(range(len(model.node_names)), 0))
-    arrays, rest = pack_members(np.zeros((1, 3)), [made])
+    """Member i between two fixed ends: end p at the origin with global axes, end q given by its offset and frame."""
+    member = _member(model, i, dict.fromkeys(range(len(model.node_names)), 0))
+    arrays, rest = pack_members(np.zeros((1, 3)), [member])
     arrays.members.offset[:], arrays.members.frame[:] = 0.0, np.eye(3)
-    # end q is moved in place
+    # the offset and frame of end q can be changed in place
     return unflatten_arrays(flatten_arrays(arrays)), rest
 
 
-def _linear(linear: Arrays, j: int, name: str) -> Member:
+def _linear_body(linear: Arrays, j: int, name: str) -> Member:
     """Condensed joint j as a member between its links."""
     m = linear.members
     return Member(
@@ -86,14 +86,14 @@ def _linear(linear: Arrays, j: int, name: str) -> Member:
     )  # fmt: skip
 
 
-def _member(model: Model, i: int, place: Mapping[int, int]) -> Member:
-    """Member i of a model as it is, between the nodes that `place` gives."""
+def _member(model: Model, i: int, new_node: Mapping[int, int]) -> Member:
+    """Member i of a model between the nodes new_node gives for its own."""
     m = model.arrays.members
-    later = m.value_at[m.value_at > m.value_at[i]]
-    stop = int(later.min()) if len(later) else len(m.value)
+    later_values = m.value_at[m.value_at > m.value_at[i]]
+    stop = int(later_values.min()) if len(later_values) else len(m.value)
     a, b = m.node[i]
     return Member(
-        model.member_names[i], int(m.kind[i]), (place[int(a)], place[int(b)]), m.offset[i], m.frame[i],
+        model.member_names[i], int(m.kind[i]), (new_node[int(a)], new_node[int(b)]), m.offset[i], m.frame[i],
         m.value[m.value_at[i] : stop], m.number[i], inner_state(model, model.rest, i),
         int(m.store_at[i + 1] - m.store_at[i]), float(m.length[i]), float(m.floor[i]),
     )  # fmt: skip

@@ -1,8 +1,9 @@
 """Steps 2 and 4 of the KSD method, compiled: near configuration, condensation to the interfaces, recovery.
 
-The substructures are the joints of a mechanism apart from its links: interface A sits on ground at the origin, interface
-B is a node, internal blocks are nodes. One assembly and one partial factorisation condense all joints at once, in
-the axes of their interface A (paper 1, eqs. 2.3-2.6 and section 3); one backward sweep recovers their insides.
+The substructures are the joints without the links between them: interface A is fixed to ground at the origin, interface
+B and the internal blocks are nodes. One assembly and one partial factorisation condense all joints together, in the
+axes of their interface A (paper 1, eqs. 2.3-2.6 and section 3); one backward substitution recovers their internal
+states.
 """
 
 from __future__ import annotations
@@ -10,22 +11,22 @@ from __future__ import annotations
 import numpy as np
 
 from ksd.bodies.joint_arrays import (
-    AXES,
     BLOCK_JOINT,
     BLOCK_NODE,
     BLOCK_POSE,
-    COEFFICIENT,
-    FUNCTIONS,
-    INNER_BLOCKS,
+    FUNCTION_COEFFICIENT,
+    FUNCTION_COUNT,
+    FUNCTION_JOINT,
+    FUNCTION_TARGET,
+    INNER_BLOCK_COUNT,
+    JOINT_AXES,
+    JOINT_COUNT,
     JOINT_LENGTH,
-    JOINTS,
-    MONOMIALS,
+    MONOMIAL_COUNT,
     NEAR_COEFFICIENT,
-    NEAR_FUNCTIONS,
-    NEAR_OWNER,
+    NEAR_FUNCTION_COUNT,
+    NEAR_JOINT,
     NEAR_TARGET,
-    OWNER,
-    TARGET,
     InteriorFunctions,
     JointKinematics,
 )
@@ -39,69 +40,86 @@ from ksd.numerics.rotations import rotation_log
 
 
 def set_near_configuration(
-    loops: JointKinematics,
-    inside: InteriorFunctions,
+    kinematics: JointKinematics,
+    interior: InteriorFunctions,
     theta: np.ndarray,
-    place: np.ndarray,
+    joint_pose: np.ndarray,
     motion: State,
     work: Workspace,
 ) -> None:
-    """Step 2, first half: state of the substructures of the intended motion theta, from the database functions alone.
+    """Step 2, first half: set the near configuration, the state of the substructures at pure intended motion theta.
 
-    place (J, 24): interface poses of step 1. Node 1 + .. of the substructures: see `InteriorFunctions`; the last J
-    nodes are the interfaces B.
+    It follows from the database functions only. joint_pose (J, 24): poses of step 1. Nodes of the substructures:
+    internal blocks as in `InteriorFunctions`; the last J are the interfaces B.
     """
-    _set_near(*loops.flat, *inside.flat, theta, place, motion.x, motion.R, motion.inner, work.linearisation)
+    _set_near_state(
+        *kinematics.flat,
+        *interior.flat,
+        theta,
+        joint_pose,
+        motion.x,
+        motion.R,
+        motion.inner,
+        work.linearisation,
+    )
 
 
 @kernel(inline="late")
-def _put(place, j, x, R, node):
-    """A node where a joint or block is."""
+def _place_node(joint_pose, j, x, R, node):
+    """Set the pose of a node to joint_pose[j]."""
     for r in range(3):
-        x[node, r] = place[j, 9 + r]
+        x[node, r] = joint_pose[j, 9 + r]
         for c in range(3):
-            R[node, r, c] = place[j, 3 * r + c]
+            R[node, r, c] = joint_pose[j, 3 * r + c]
 
 
 @kernel(inline="late")
-def _functions(inside, functions, owner, target, coefficient, count, series, counts, found):
-    """Values of `count` functions into found, whose owner, target and coefficient begin at these places."""
+def _evaluate_functions(
+    interior_ints, interior_floats, owner, target, coefficient, count, series, counts, values
+):
+    """Write the values of `count` functions; owner, target, coefficient: where these fields begin."""
     size = series.shape[2]
     for f in range(count):
-        j, s = inside[owner + f], 0.0
+        j, s = interior_ints[owner + f], 0.0
         for i in range(counts[j]):
-            s += functions[coefficient + size * f + i] * series[j, 0, i]
-        found[inside[target + f]] = s
+            s += interior_floats[coefficient + size * f + i] * series[j, 0, i]
+        values[interior_ints[target + f]] = s
 
 
 @kernel
-def _set_near(loops, shapes, inside, functions, theta, place, x, R, inner, near):
-    joints, size = loops[JOINTS], loops[MONOMIALS]
+def _set_near_state(
+    joint_ints, joint_floats, interior_ints, interior_floats, theta, joint_pose, x, R, inner, near
+):
+    joints, size = joint_ints[JOINT_COUNT], joint_ints[MONOMIAL_COUNT]
     series, counts = np.empty((joints, 3, size)), np.empty(joints, np.int64)
-    put, f = np.empty((1, 24)), np.empty((3, 6))
+    block_pose, f = np.empty((1, 24)), np.empty((3, 6))
     for j in range(joints):
-        counts[j] = monomials(loops, theta, j, series[j])
-        _put(place, j, x, R, len(x) - joints + j)
-    # no derivatives wanted; a variable, since a literal 0 would compile `pose_from_polynomials` a second time
+        counts[j] = monomials(joint_ints, theta, j, series[j])
+        _place_node(joint_pose, j, x, R, len(x) - joints + j)
+    # no derivatives needed; an expression, since a literal 0 would compile `pose_from_polynomials` a second time
     first = 0 * joints
-    for k in range(inside[INNER_BLOCKS]):
-        j = inside[inside[BLOCK_JOINT] + k]
-        at, length = inside[BLOCK_POSE] + 6 * size * k, shapes[loops[JOINT_LENGTH] + j]
-        pose_from_polynomials(functions, at, size, length, series[j], counts[j], first, f, put, first)
-        _put(put, first, x, R, inside[inside[BLOCK_NODE] + k])
-    _functions(
-        inside, functions, inside[OWNER], inside[TARGET], inside[COEFFICIENT], inside[FUNCTIONS], series, counts, inner
+    for k in range(interior_ints[INNER_BLOCK_COUNT]):
+        j = interior_ints[interior_ints[BLOCK_JOINT] + k]
+        at, length = interior_ints[BLOCK_POSE] + 6 * size * k, joint_floats[joint_ints[JOINT_LENGTH] + j]
+        pose_from_polynomials(
+            interior_floats, at, size, length, series[j], counts[j], first, f, block_pose, first
+        )
+        _place_node(block_pose, first, x, R, interior_ints[interior_ints[BLOCK_NODE] + k])
+    _evaluate_functions(
+        interior_ints, interior_floats, interior_ints[FUNCTION_JOINT], interior_ints[FUNCTION_TARGET],
+        interior_ints[FUNCTION_COEFFICIENT], interior_ints[FUNCTION_COUNT], series, counts, inner,
     )  # fmt: skip
-    _functions(
-        inside, functions, inside[NEAR_OWNER], inside[NEAR_TARGET], inside[NEAR_COEFFICIENT], inside[NEAR_FUNCTIONS],
-        series, counts, near,
+    _evaluate_functions(
+        interior_ints, interior_floats, interior_ints[NEAR_JOINT], interior_ints[NEAR_TARGET],
+        interior_ints[NEAR_COEFFICIENT], interior_ints[NEAR_FUNCTION_COUNT], series, counts, near,
     )  # fmt: skip
 
 
 def condense_joints(
     substructures: Arrays, joints: int, motion: State, work: Workspace, near: int, reduced_inner: np.ndarray
 ) -> int:
-    """Linearise all joints at `motion` and condense them; writes the linear bodies (d0, R0, F, K) of step 3.
+    """Linearise all joints at `motion` and condense them; write the linear bodies (d0, R0, F, K) of step 3 into
+    reduced_inner.
 
     near: see `ksd.model.newton.assemble`. Returns the worst status of a leaf.
     """
@@ -113,7 +131,7 @@ def condense_joints(
 def condense_assembled(
     substructures: Arrays, joints: int, motion: State, work: Workspace, reduced_inner: np.ndarray
 ) -> None:
-    """The second half of `condense_joints`."""
+    """Condense the substructures as assembled in `work`: the second half of `condense_joints`."""
     _condense_blocks(
         substructures.plan.ints, substructures.start, joints, motion.x, motion.R, work.matrix, work.scaled_rows, work.rhs,
         reduced_inner,
@@ -135,18 +153,21 @@ def _condense_blocks(plan, start, joints, x, R, value, spare, rhs, inner):
         for r in range(6):
             inner[o + 12 + r] = rhs[u + r]
             for c in range(6):
-                # the lower triangle is the one a factorisation reads
+                # only the lower triangle is stored
                 inner[o + 18 + 6 * r + c] = value[at + 6 * max(r, c) + min(r, c)]
 
 
 @kernel
-def relative_poses(loops, shapes, x, R, relative):
-    """relative (J, 12): position d and rotation (row-major) of interface B of every joint in the axes of interface A, the
-    links at x, R."""
+def relative_poses(joint_ints, joint_floats, x, R, relative):
+    """Write relative (J, 12): position d and rotation (row-major) of interface B of every joint in the axes of
+    interface A.
+
+    x, R: poses of the links.
+    """
     frames = np.empty((2, 4, 3))
-    for j in range(loops[JOINTS]):
+    for j in range(joint_ints[JOINT_COUNT]):
         for end in range(2):
-            interface_pose(loops, shapes, j, end, x, R, frames, end)
+            interface_pose(joint_ints, joint_floats, j, end, x, R, frames, end)
         d0, d1, d2 = (
             frames[1, 3, 0] - frames[0, 3, 0],
             frames[1, 3, 1] - frames[0, 3, 1],
@@ -161,28 +182,28 @@ def relative_poses(loops, shapes, x, R, relative):
 
 def interface_step(
     substructures: Arrays,
-    loops: JointKinematics,
+    kinematics: JointKinematics,
     reduced_motion: State,
     motion: State,
     work: Workspace,
     relative: np.ndarray,
 ) -> tuple[float, float]:
-    """Step 4: what leads the substructures to the interface poses of step 3, relative (J, 12), by the factors of
-    `condense_joints`, into work.rhs, to be taken.
+    """Step 4: write the step of the substructures to the interface poses of step 3 into work.rhs; it is not applied.
 
-    Returns the largest unintended displacement of an interface B from its reference, (m, rad).
+    relative (J, 12): receives these poses. Uses the factors of `condense_joints`. Returns the largest displacement [m]
+    and rotation [rad] of an interface B from its linearisation point.
     """
-    found: tuple[float, float] = _recover_blocks(
-        *loops.flat, substructures.plan.ints, substructures.start, reduced_motion.x, reduced_motion.R, relative, motion.x,
-        motion.R, work.matrix, work.scaled_rows, work.rhs,
+    largest: tuple[float, float] = _recover_blocks(
+        *kinematics.flat, substructures.plan.ints, substructures.start, reduced_motion.x, reduced_motion.R, relative,
+        motion.x, motion.R, work.matrix, work.scaled_rows, work.rhs,
     )  # fmt: skip
-    return found
+    return largest
 
 
 @kernel
-def _recover_blocks(loops, shapes, plan, start, link_x, link_R, relative, x, R, value, spare, rhs):
-    relative_poses(loops, shapes, link_x, link_R, relative)
-    joints = loops[JOINTS]
+def _recover_blocks(joint_ints, joint_floats, plan, start, link_x, link_R, relative, x, R, value, spare, rhs):
+    relative_poses(joint_ints, joint_floats, link_x, link_R, relative)
+    joints = joint_ints[JOINT_COUNT]
     stop = plan[BLOCKS] - joints
     turned, v = np.empty((3, 3)), np.empty(3)
     nodes = len(start)
@@ -210,24 +231,32 @@ def _recover_blocks(loops, shapes, plan, start, link_x, link_R, relative, x, R, 
 
 
 @kernel
-def place_internal_blocks(loops, shapes, inside, full_node, own_x, own_R, x, R):
-    """Internal blocks of the substructures (A axes) into the full model's nodes (global), links already in place.
+def place_internal_blocks(joint_ints, joint_floats, interior_ints, full_node, block_x, block_R, x, R):
+    """Write the poses of the internal blocks of the substructures (axes of interface A) into the nodes of the full
+    model (global).
 
-    A block's frame is identity at rest in both, so R_full = R_a F R_own F^T with F the joint axes at rest.
+    full_node (K,): node of every block in the full model; block_x, block_R: poses in the substructures; x, R: of the
+    full model, with its links in place. Frames of blocks are identity at rest in both, so R_full = R_a F R_block F^T
+    with F the joint axes at rest.
     """
     frames, T = np.empty((1, 4, 3)), np.empty((3, 3))
-    # no literal, for which numba would compile `interface_pose` once more
-    first = 0 * loops[JOINTS]
+    # an expression, since numba would compile `interface_pose` once more for a literal
+    first = 0 * joint_ints[JOINT_COUNT]
     for k in range(len(full_node)):
-        j, b, f = inside[inside[BLOCK_JOINT] + k], inside[inside[BLOCK_NODE] + k], full_node[k]
-        F = loops[AXES] + 9 * j
-        interface_pose(loops, shapes, j, first, x, R, frames, first)
+        j, b = interior_ints[interior_ints[BLOCK_JOINT] + k], interior_ints[interior_ints[BLOCK_NODE] + k]
+        f = full_node[k]
+        F = joint_ints[JOINT_AXES] + 9 * j
+        interface_pose(joint_ints, joint_floats, j, first, x, R, frames, first)
         for r in range(3):
             p, q, s = frames[0, r, 0], frames[0, r, 1], frames[0, r, 2]
-            x[f, r] = frames[0, 3, r] + p * own_x[b, 0] + q * own_x[b, 1] + s * own_x[b, 2]
+            x[f, r] = frames[0, 3, r] + p * block_x[b, 0] + q * block_x[b, 1] + s * block_x[b, 2]
             for c in range(3):
-                T[r, c] = p * own_R[b, 0, c] + q * own_R[b, 1, c] + s * own_R[b, 2, c]
+                T[r, c] = p * block_R[b, 0, c] + q * block_R[b, 1, c] + s * block_R[b, 2, c]
         for r in range(3):
             p, q, s = T[r, 0], T[r, 1], T[r, 2]
             for c in range(3):
-                R[f, r, c] = p * shapes[F + 3 * c] + q * shapes[F + 3 * c + 1] + s * shapes[F + 3 * c + 2]
+                R[f, r, c] = (
+                    p * joint_floats[F + 3 * c]
+                    + q * joint_floats[F + 3 * c + 1]
+                    + s * joint_floats[F + 3 * c + 2]
+                )

@@ -1,8 +1,8 @@
-"""Weight of the leaf springs of condensed joints, compiled where a model has some.
+"""Weight of the leaf springs of condensed joints; compiled for models with such weight.
 
-A substructure stands in the axes of its interface A, so gravity is turned into those. Condensed, the weight of
-a joint is a dead load on the link of A, at the centre of mass of its leaves, and what the wrench of its linear body says
-hangs on B instead; both are exact, and turn with A until the joint is linearised again.
+A substructure is described in the axes of its interface A, so gravity is rotated into those. Once condensed, the weight
+of a joint is a dead load on the link of A at the centre of mass of its leaf springs, with a part carried by B that the
+wrench of its linear body contains. Both are exact, and rotate with A until the joint is linearised again.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ksd.beam.weight import GRAVITY_BLOCK_SIZE
+from ksd.beam.strain_values import GRAVITY_BLOCK_SIZE
 from ksd.numerics.kernel import kernel
 
 
 class JointWeights(NamedTuple):
-    """owner (m,): joint of every substructure member; load (J,): the load of the reduced mechanism that stands for the
-    weight of a joint, -1 where A is on ground. Both empty without weight."""
+    """owner (m,): joint of every substructure member; load (J,): the load of the reduced mechanism that represents the
+    weight of a joint, -1 where A is on ground. Both are empty without weight."""
 
     owner: np.ndarray
     load: np.ndarray
@@ -28,9 +28,10 @@ NO_JOINT_WEIGHTS = JointWeights(np.zeros(0, np.int64), np.zeros(0, np.int64))
 
 @kernel
 def gravity_in_joint_axes(owner, node, R, frame, given, weight):
-    """Gravity of the substructures' members `given` (m, 4), global, into `weight` (m, 4), in the axes of A of their joint.
+    """Rotate gravity of the substructures' members `given` (m, 4), global, into the axes of A of their joint: `weight`
+    (m, 4).
 
-    node (J, 2): links of the joints, R (k, 3, 3): their rotations, frame (J, 3, 3): joint axes at rest.
+    node (J, 2): links of the joints; R (k, 3, 3): their rotations; frame (J, 3, 3): joint axes at rest.
     """
     for i in range(len(owner)):
         turned, F = R[node[owner[i], 0]], frame[owner[i]]
@@ -45,10 +46,10 @@ def gravity_in_joint_axes(owner, node, R, frame, given, weight):
 
 @kernel
 def place_joint_weights(owner, load, node, store_at, x, pose, store, weight, anchor, frame, point):
-    """Centres of mass of the joints, as condensed, into the points (l, 3) of their loads, axes of link A.
+    """Write the centres of mass of the condensed joints into the points (l, 3) of their loads, axes of link A.
 
-    node (m, 2), store_at (m + 1,): of the substructures' members; x (k, 3): of their nodes; anchor (J, 2, 3), frame
-    (J, 3, 3).
+    node (m, 2), store_at (m + 1,): of the substructures' members; x (k, 3): of their nodes; pose, store, weight: of
+    their `Workspace`; anchor (J, 2, 3), frame (J, 3, 3): of the joints.
     """
     total = np.zeros((len(load), 4))
     for i in range(len(owner)):

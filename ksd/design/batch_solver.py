@@ -15,8 +15,9 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from ksd.bodies.joints import check_proportions, joint_bodies_of_design, joint_layout
+from ksd.bodies.joints import joint_bodies_of_design, joint_layout
 from ksd.bodies.mobility import check_mobility
+from ksd.bodies.record_match import check_proportions
 from ksd.design.arguments import submit_task
 from ksd.design.design_scene import build_scene
 from ksd.design.prepared_design import DesignResult, PreparedDesign, answer_deferred

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from ksd.bodies.joints import check_proportions
+from ksd.bodies.record_match import check_proportions
 from ksd.checks import (
     MAX_MAGNITUDE,
     ClearArgumentErrors,

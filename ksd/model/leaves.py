@@ -297,7 +297,11 @@ def _chain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
             value[at + 1 : at + 7] = chains.stiffness_numbers(_numbers(section, leaf, mesh), value[at])
     number = np.array([count, int(mesh.mip)], np.int64)
     d, Q = chains.undeformed_end(value, number)
-    inner, store, mass = chains.start_inner(value, number), chains.sizes(count, has_weight=heavy).store, 0.0
+    inner, store, mass = (
+        chains.undeformed_inner(value, number),
+        chains.sizes(count, has_weight=heavy).store,
+        0.0,
+    )
     if heavy:
         lumps = chains.lumped_masses(value, count, line_mass(leaf, (np.arange(count) + 0.5) / count))
         value, mass = np.concatenate([value, lumps]), float(lumps[: count + 1].sum())
@@ -376,7 +380,7 @@ def leaf_member(leaf: Any, mesh: Mesh, *, name: str, heavy: bool = False) -> Mem
         strained = body is not drawn or any(leaf.condition.shift) or any(leaf.condition.turn)
         if body.kind == COROTATIONAL and strained:
             end = frame[0].T @ (offset[1] - offset[0]), frame[0].T @ frame[1]
-            body = replace(body, inner=chains.strained_inner(body.value, body.number, *end))
+            body = replace(body, inner=chains.stretched_inner(body.value, body.number, *end))
     return Member(
         name=name,
         kind=body.kind,

@@ -136,7 +136,7 @@ class LeafPacking:
                     given.append((to + 1 + sum(n * n for n in w.number[:3]) + bent, amplitudes))
             if w.kind != STRAIN:
                 n = w.number[0]
-                nodes = own + chains.NODE * np.arange(n - 1)
+                nodes = own + chains.NODE_RECORD_SIZE * np.arange(n - 1)
                 for c in (3, 7, 11):
                     rest[nodes + c] = 1.0
                 rest[nodes] = np.arange(1, n)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ksd.beam.weight import GRAVITY_BLOCK_SIZE
+from ksd.beam.strain_values import GRAVITY_BLOCK_SIZE
 from ksd.model.arrays import Arrays, Workspace
 
 

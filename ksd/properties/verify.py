@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.beam.weight import GRAVITY_BLOCK_SIZE
+from ksd.beam.strain_values import GRAVITY_BLOCK_SIZE
 from ksd.errors import KinematicsError
 from ksd.model.arrays import State
 from ksd.model.compile import Model

@@ -9,8 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ksd.bodies.intended_motions import drive_forces, intended_motions
-from ksd.bodies.joint_arrays import JOINT_LENGTH, JOINTS
+from ksd.bodies.drive_forces import drive_forces
+from ksd.bodies.intended_motions import intended_motions
+from ksd.bodies.joint_arrays import JOINT_COUNT, JOINT_LENGTH
 from ksd.bodies.joints import JointBodies, place_leaf_links
 from ksd.bodies.kinematics import close_loops
 from ksd.bodies.substructures import (
@@ -171,7 +172,7 @@ def read_joint_motions(loops, shapes, x, R, theta, found, relative, place, serie
     for q in range(len(theta)):
         found[q] = theta[q]
     intended_motions(loops, shapes, relative, found, place, series, off, known)
-    length = shapes[loops[JOINT_LENGTH] : loops[JOINT_LENGTH] + loops[JOINTS]]
+    length = shapes[loops[JOINT_LENGTH] : loops[JOINT_LENGTH] + loops[JOINT_COUNT]]
     # a variable, not the literal 3
     check_joints(theta, found, off, known, 3 + 0 * len(theta), limits, length, seen)
 

@@ -1,6 +1,6 @@
-"""Offline training: the joint's own finite element model, swept over stroke and shape, fitted into a record.
+"""Offline training: the finite element model of a joint, sampled over stroke and shape and fitted into a record.
 
-Called, `ksd.train(...)`, it is the function `train`.
+The package can be called: `ksd.train(...)` is the function `train`.
 """
 
 from ksd.packages import make_callable

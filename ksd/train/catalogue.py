@@ -1,7 +1,8 @@
-"""What can be trained: the shipped families, over which shapes each is and how it is drawn at one, and single joints.
+"""Designs that can be trained: the shipped families with their ranges of shapes and a function drawing each, and single
+joints.
 
-A maker draws a steel joint of one size; thickness, length and material hardly matter to the functions, which every
-record proves by its evidence. `numbers` of a family are what its maker holds fixed.
+A make function draws a steel joint of one size; thickness, length and material hardly affect the functions, as the
+evidence in every record shows. `numbers` of a family are what its make function holds fixed.
 """
 
 from __future__ import annotations
@@ -32,11 +33,12 @@ _NECK = {"length": 0.02, "width": 0.01}
 SHEET: dict[str, Any] = {"length": 0.1, "thickness": 5e-4, "width": 0.04}
 _LEAF = {"length": SHEET["length"], "thickness": SHEET["thickness"]}
 _CROSS = {"length": 0.1, "thickness": 1e-3, "inner_width": 0.04}
-SHORT: tuple[Mesh, ...] = ("strain", 1, 2, 3, 4, 5, 6)
+SHORT_CHAINS: tuple[Mesh, ...] = ("strain", 1, 2, 3, 4, 5, 6)
+"""Meshes of families whose functions are trained on chains of at most six elements."""
 
 
 def _cross_flexure(*, angle: float, width_ratio: float, gap: float = 0.0) -> CrossFlexure:
-    """The cross flexure of paper 1, table 1, at another leaf angle and width ratio."""
+    """The cross flexure of paper 1, table 1, with another leaf angle and width ratio."""
     inner = _CROSS["inner_width"]
     return CrossFlexure(
         _STEEL,
@@ -93,7 +95,7 @@ def _filleted_notch(*, slenderness: float, fillet: float) -> FilletedNotchHinge:
 
 
 def _arc_hinge(*, angle: float) -> ArcHinge:
-    # one arc length, so that slenderness is the same at every angle
+    # same arc length, so that slenderness is the same at every angle
     return ArcHinge(
         _STEEL,
         radius=SHEET["length"] / angle,
@@ -103,40 +105,43 @@ def _arc_hinge(*, angle: float) -> ArcHinge:
     )
 
 
-def _range(name: str, low: float, high: float, *, scale: str = "linear", degrees: bool = False) -> Parameter:
-    unit = math.radians(1) if degrees else 1.0
-    return Parameter(name, unit * low, unit * high, scale)
+def _parameter(
+    name: str, low: float, high: float, *, scale: str = "linear", degrees: bool = False
+) -> Parameter:
+    """A shape parameter; degrees: low and high are given in degrees."""
+    factor = math.radians(1) if degrees else 1.0
+    return Parameter(name, factor * low, factor * high, scale)
 
 
 _GAPS = {"gap": (0.01, 0.04)}
-_ANGLE = _range("angle", 30, 60, degrees=True)
-# closer leaf springs let B tilt as easily as move at the end of the stroke
-_SPACING = _range("spacing", 0.3, 3.0, scale="log")
+_ANGLE = _parameter("angle", 30, 60, degrees=True)
+# with closer leaf springs B tilts as easily as it moves at the end of the stroke
+_SPACING = _parameter("spacing", 0.3, 3.0, scale="log")
 
 FAMILY_DESIGNS: dict[str, Design] = {
     design.family: design
     for design in (
         Design(
-            "cross_flexure", (_ANGLE, _range("width_ratio", 0.25, 4.0, scale="log")), _cross_flexure, {**STEEL, **_CROSS},
-            others=_GAPS,
+            "cross_flexure", (_ANGLE, _parameter("width_ratio", 0.25, 4.0, scale="log")), _cross_flexure,
+            {**STEEL, **_CROSS}, others=_GAPS,
         ),
         Design(
-            "crossed_pivot", (_ANGLE, _range("ratio", -0.25, 1.25)), partial(CrossedPivot, _STEEL, **SHEET),
+            "crossed_pivot", (_ANGLE, _parameter("ratio", -0.25, 1.25)), partial(CrossedPivot, _STEEL, **SHEET),
             {**STEEL, **SHEET},
         ),
         Design(
             "balanced_crossed_pivot",
-            (_ANGLE, _range("ratio", 0.0, 1.0), _range("width_ratio", 0.5, 2.0, scale="log")),
-            _balanced_crossed_pivot, {**STEEL, **SHEET}, SHORT, 1.5, _GAPS,
+            (_ANGLE, _parameter("ratio", 0.0, 1.0), _parameter("width_ratio", 0.5, 2.0, scale="log")),
+            _balanced_crossed_pivot, {**STEEL, **SHEET}, SHORT_CHAINS, 1.5, _GAPS,
         ),
         Design("cartwheel", (_ANGLE,), partial(Cartwheel, _STEEL, **SHEET), {**STEEL, **SHEET}),
         Design(
-            "butterfly", (_range("inner_ratio", 0.1, 0.6), _range("half_angle", 8, 21, degrees=True)), _butterfly,
-            {**STEEL, **SHEET}, SHORT,
+            "butterfly", (_parameter("inner_ratio", 0.1, 0.6), _parameter("half_angle", 8, 21, degrees=True)), _butterfly,
+            {**STEEL, **SHEET}, SHORT_CHAINS,
         ),
         Design(
-            "infinity_hinge", (_range("reach", 0.35, 0.5), _range("strut", 0.15, 0.4)),
-            partial(InfinityHinge, _STEEL, **SHEET), {**STEEL, **SHEET}, SHORT, 3.0,
+            "infinity_hinge", (_parameter("reach", 0.35, 0.5), _parameter("strut", 0.15, 0.4)),
+            partial(InfinityHinge, _STEEL, **SHEET), {**STEEL, **SHEET}, SHORT_CHAINS, 3.0,
         ),
         Design(
             "triple_infinity_hinge", (), partial(TripleInfinityHinge, _STEEL),
@@ -144,26 +149,26 @@ FAMILY_DESIGNS: dict[str, Design] = {
         ),
         Design("parallel_guide", (_SPACING,), _parallel_guide, {**STEEL, **SHEET}, loose=0.5),
         Design(
-            "stiffened_guide", (_range("flexible", 0.1, 0.4), _SPACING), _stiffened_guide, {**STEEL, **SHEET},
+            "stiffened_guide", (_parameter("flexible", 0.1, 0.4), _SPACING), _stiffened_guide, {**STEEL, **SHEET},
         ),
         Design(
-            "circular_notch", (_range("slenderness", 0.02, 0.3, scale="log"),), _circular_notch, {**STEEL, **_NOTCH},
+            "circular_notch", (_parameter("slenderness", 0.02, 0.3, scale="log"),), _circular_notch, {**STEEL, **_NOTCH},
             loose=3.0,
         ),
-        # longer chains jump where the middle of an element passes from fillet to neck
+        # functions of longer chains jump where the middle of an element moves from fillet to neck
         Design(
-            "filleted_notch", (_range("slenderness", 0.01, 0.1, scale="log"), _range("fillet", 0.05, 0.35)),
+            "filleted_notch", (_parameter("slenderness", 0.01, 0.1, scale="log"), _parameter("fillet", 0.05, 0.35)),
             _filleted_notch, {**STEEL, **_NECK}, ("strain", 1), 3.0,
         ),
-        Design("arc_hinge", (_range("angle", 20, 270, degrees=True),), _arc_hinge, {**STEEL, **SHEET}, loose=3.0),
-        Design("universal", (_range("aspect", 0.32, 0.64, scale="log"),), _universal, {**STEEL, **_LEAF}, SHORT),
+        Design("arc_hinge", (_parameter("angle", 20, 270, degrees=True),), _arc_hinge, {**STEEL, **SHEET}, loose=3.0),
+        Design("universal", (_parameter("aspect", 0.32, 0.64, scale="log"),), _universal, {**STEEL, **_LEAF}, SHORT_CHAINS),
     )
 }  # fmt: skip
-"""The families that can be trained by name."""
+"""Designs of the families that can be trained by name."""
 
 
 def known_designs() -> tuple[str, ...]:
-    """Families `train` knows by name."""
+    """Names of the families that `train` accepts."""
     return tuple(FAMILY_DESIGNS)
 
 
@@ -172,10 +177,10 @@ def design_of(
 ) -> Design:
     """The design of a family by name, of one joint as drawn (its shape fixed), or as given.
 
-    shapes: other ranges {parameter: (low, high)}, SI. Raises SceneError for unknown names and what is no range.
+    shapes: other ranges {parameter: (low, high)}, SI. Raises SceneError for unknown names and invalid ranges.
     """
     if isinstance(family_or_joint, Joint):
-        design = _fixed(family_or_joint)
+        design = _design_of_joint(family_or_joint)
     elif isinstance(family_or_joint, Design):
         design = family_or_joint
     elif isinstance(family_or_joint, str) and family_or_joint in FAMILY_DESIGNS:
@@ -199,8 +204,8 @@ def _with_ranges(design: Design, shapes: Mapping[str, tuple[float, float]]) -> D
 
 
 @dataclass(frozen=True)
-class Fixed:
-    """A maker that ignores the shape: one joint as drawn."""
+class FixedJoint:
+    """A make function that ignores the shape: always one joint as drawn."""
 
     joint: Joint
 
@@ -208,8 +213,8 @@ class Fixed:
         return self.joint
 
 
-def _fixed(joint: Joint) -> Design:
-    single = tuple(Parameter(name, value, value) for name, value in joint.shape().items())
-    # a family is told by its shape parameters, a drawing by all of it
+def _design_of_joint(joint: Joint) -> Design:
+    parameters = tuple(Parameter(name, value, value) for name, value in joint.shape().items())
+    # a family is identified by its shape parameters, a drawing by all its proportions
     drawing = joint_proportions(joint) if isinstance(joint, DrawnJoint) else {}
-    return Design(joint.family, single, Fixed(joint), {"length": joint.length, **drawing})
+    return Design(joint.family, parameters, FixedJoint(joint), {"length": joint.length, **drawing})

@@ -1,4 +1,4 @@
-"""What is trained: a joint as a function of its shape parameters, and the changes that must not matter."""
+"""A design for the trainer: a joint as a function of its shape parameters, and changes of it that records leave out."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from ksd.scene.curve import Curve
 from ksd.scene.profile import Profile
 from ksd.section import Section
 
-FULL: tuple[Mesh, ...] = ("strain", 1, 2, 3, 4, 5, 6, 7, 8)
-"""Meshes that families are trained on, unless others are asked for."""
+ALL_MESHES: tuple[Mesh, ...] = ("strain", 1, 2, 3, 4, 5, 6, 7, 8)
+"""Meshes that families are trained on by default."""
 
 
 @dataclass(frozen=True)
 class Design:
     """A family for the trainer: make(**shape) draws the joint at shape parameters within `parameters`.
 
-    numbers: what is held fixed, SI. meshes: those trained unless others are asked for; loose: factor on all wanted
-    errors. others: further parameters of make, {name: values}, that must not matter: the record holds the evidence.
-    idle: parameters found not to matter, in the middle of their range while sampling.
+    numbers: values held fixed, SI. meshes: those trained by default; loose: factor on all wanted errors. others:
+    further parameters of make, {name: values}, that must not matter: the record holds the evidence. idle: parameters
+    found not to matter; they stay in the middle of their range while sampling.
     """
 
     family: str
     parameters: tuple[Parameter, ...]
     make: Callable[..., Joint]
     numbers: Mapping[str, float] = field(default_factory=dict)
-    meshes: tuple[Mesh, ...] = FULL
+    meshes: tuple[Mesh, ...] = ALL_MESHES
     loose: float = 1.0
     others: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     idle: tuple[str, ...] = ()
 
     def other_joints(self) -> dict[tuple[str, str], DrawnJoint]:
-        """(parameter, change in words): the joint in the middle of its shapes with one of `others` changed."""
+        """{(parameter, change in words): joint in the middle of its shapes with one of `others` changed}."""
         middle = self.shape(np.zeros(len(self.parameters)))
         return {
             (name, f"{value:.6g}"): without_mesh_choices(self.make(**middle, **{name: value}))
@@ -47,43 +47,43 @@ class Design:
         }
 
     def joint(self, places: np.ndarray) -> DrawnJoint:
-        """The joint at places (s,) in [-1, 1], without mesh choices of its own."""
+        """The joint at coordinates places (s,) in [-1, 1] of its shape parameters, without mesh options of its own."""
         return without_mesh_choices(self.make(**self.shape(places)))
 
     def shape(self, places: np.ndarray) -> dict[str, float]:
-        """Shape parameters at places (s,) in [-1, 1]."""
+        """Shape parameters at coordinates places (s,) in [-1, 1]."""
         return {p.name: p.value(float(x)) for p, x in zip(self.parameters, places, strict=True)}
 
 
 def without_mesh_choices(joint: Joint) -> DrawnJoint:
-    """The same joint as a drawing whose leaf springs leave the mesh to the trainer."""
+    """The same joint as a drawing whose leaf springs have no mesh options of their own."""
     leaves = tuple(replace(leaf, elements=None, orders=None) for leaf in joint.leaves())
     return redraw_joint(joint, leaves)
 
 
 def redraw_joint(joint: Joint, leaves: tuple[Leaf, ...], **changed: Any) -> DrawnJoint:
-    """The same joint as a drawing with other leaf springs between its blocks; changed: other words of `DrawnJoint`."""
-    words: dict[str, Any] = {
+    """The same joint as a drawing with other leaf springs between its blocks; changed: other arguments of `DrawnJoint`."""
+    arguments: dict[str, Any] = {
         "blocks": joint.blocks(), "motions": joint.motions, "length": joint.length, "shape": joint.shape(),
         "windows": joint.windows, "held_by_others": joint.held_by_others,
     }  # fmt: skip
-    return DrawnJoint(joint.family, leaves=leaves, **(words | changed))
+    return DrawnJoint(joint.family, leaves=leaves, **(arguments | changed))
 
 
-def _thin(section: Section, factor: float) -> Section:
-    """`factor` times the thickness of a thin section."""
+def _scale_thickness(section: Section, factor: float) -> Section:
+    """A thin section with `factor` times its thickness."""
     s, f = section, factor
     return replace(s, A=f * s.A, J=f**3 * s.J, Iy=f * s.Iy, Iz=f**3 * s.Iz, thickness=f * s.thickness)
 
 
-def _wide(section: Section, factor: float) -> Section:
-    """`factor` times the width of a thin section."""
+def _scale_width(section: Section, factor: float) -> Section:
+    """A thin section with `factor` times its width."""
     s, f = section, factor
     return replace(s, A=f * s.A, J=f * s.J, Iy=f**3 * s.Iy, Iz=f * s.Iz, width=f * s.width)
 
 
 @dataclass(frozen=True)
-class _Changed(Profile):
+class _ChangedProfile(Profile):
     """A profile whose sections are changed by `change(section, factor)`."""
 
     profile: Profile
@@ -98,40 +98,44 @@ class _Changed(Profile):
         return self.change(self.profile.section(s), self.factor)
 
 
-def _changed(joint: Joint, change: Callable[[Section, float], Section], factor: float) -> DrawnJoint:
-    """The joint with other sections; wider leaf springs may overlap, which is no matter to how they bend."""
+def _with_changed_sections(
+    joint: Joint, change: Callable[[Section, float], Section], factor: float
+) -> DrawnJoint:
+    """The joint with changed sections; windows are allowed, since overlap of wider leaf springs does not affect their
+    bending."""
     leaves = []
     for leaf in joint.leaves():
-        profile = None if leaf.profile is None else _Changed(leaf.profile, change, factor)
+        profile = None if leaf.profile is None else _ChangedProfile(leaf.profile, change, factor)
         leaves.append(replace(leaf, section=change(leaf.section, factor), profile=profile))
     return redraw_joint(joint, tuple(leaves), windows=True)
 
 
-def _soft(section: Section, factor: float) -> Section:
-    """`factor` times the stiffness against what thin leaf springs leave free: bending over the thickness and torsion."""
-    # a wire bends both ways; below a width of three thicknesses a leaf counts as one
-    both = section.Iy < 10 * section.Iz
-    Iy = factor * section.Iy if both else section.Iy
+def _scale_soft_stiffness(section: Section, factor: float) -> Section:
+    """A section with `factor` times the stiffnesses against which thin leaf springs are flexible: weak bending and
+    torsion."""
+    # a wire is flexible in both bending directions; a leaf below a width of three thicknesses counts as a wire
+    bends_both_ways = section.Iy < 10 * section.Iz
+    Iy = factor * section.Iy if bends_both_ways else section.Iy
     return replace(section, J=factor * section.J, Iy=Iy, Iz=factor * section.Iz)
 
 
 def soften_leaves(joint: Joint, factor: float) -> DrawnJoint:
-    """The joint with `factor` times the weak bending and torsion of every leaf, all else as it is."""
-    return _changed(joint, _soft, factor)
+    """The joint with `factor` times the weak-bending and torsional stiffness of every leaf."""
+    return _with_changed_sections(joint, _scale_soft_stiffness, factor)
 
 
-def _material(leaf: Leaf) -> Leaf:
+def _in_aluminium(leaf: Leaf) -> Leaf:
     """The leaf in an aluminium alloy."""
     return replace(leaf, material=Material(E=71e9, nu=0.33))
 
 
-def _times(point: Vector, factor: float) -> Vector:
+def _scale_vector(point: Vector, factor: float) -> Vector:
     x, y, z = (factor * c for c in point)
     return x, y, z
 
 
 @dataclass(frozen=True)
-class _Scaled(Curve):
+class _ScaledCurve(Curve):
     """A curve `factor` times as long."""
 
     curve: Curve
@@ -145,20 +149,22 @@ class _Scaled(Curve):
         return self.curve.curvature(s) / self.factor
 
 
-def _longer_leaf(leaf: Leaf, factor: float) -> Leaf:
-    curve = None if leaf.curve is None else _Scaled(leaf.curve, factor)
-    return replace(leaf, start=_times(leaf.start, factor), end=_times(leaf.end, factor), curve=curve)
+def _scale_leaf(leaf: Leaf, factor: float) -> Leaf:
+    curve = None if leaf.curve is None else _ScaledCurve(leaf.curve, factor)
+    return replace(
+        leaf, start=_scale_vector(leaf.start, factor), end=_scale_vector(leaf.end, factor), curve=curve
+    )
 
 
-def _longer(joint: Joint, factor: float) -> DrawnJoint:
-    """All distances `factor` times, sections as they are."""
-    leaves = tuple(_longer_leaf(leaf, factor) for leaf in joint.leaves())
-    blocks = {name: _times(point, factor) for name, point in joint.blocks().items()}
+def _scale_lengths(joint: Joint, factor: float) -> DrawnJoint:
+    """The joint with all distances multiplied by `factor` and unchanged sections."""
+    leaves = tuple(_scale_leaf(leaf, factor) for leaf in joint.leaves())
+    blocks = {name: _scale_vector(point, factor) for name, point in joint.blocks().items()}
     motions = tuple(
         replace(
             m,
             range=(factor * m.range[0], factor * m.range[1]),
-            point=None if m.point is None else _times(m.point, factor),
+            point=None if m.point is None else _scale_vector(m.point, factor),
         )
         if m.kind == "translation"
         else m
@@ -170,12 +176,12 @@ def _longer(joint: Joint, factor: float) -> DrawnJoint:
 
 
 def irrelevant_changes(joint: Joint) -> dict[tuple[str, str], DrawnJoint]:
-    """(parameter, change in words): the joint with one thing changed that records take to be irrelevant."""
-    found = {}
+    """{(parameter, change in words): joint with one thing changed that records assume to be irrelevant}."""
+    changed = {}
     for factor, words in ((0.5, "half"), (2.0, "twice")):
-        found["thickness", words] = _changed(joint, _thin, factor)
-        found["width", words] = _changed(joint, _wide, factor)
-        found["length", words] = _longer(joint, factor)
-    aluminium = tuple(_material(leaf) for leaf in joint.leaves())
-    found["material", "aluminium for steel"] = redraw_joint(joint, aluminium)
-    return found
+        changed["thickness", words] = _with_changed_sections(joint, _scale_thickness, factor)
+        changed["width", words] = _with_changed_sections(joint, _scale_width, factor)
+        changed["length", words] = _scale_lengths(joint, factor)
+    aluminium = tuple(_in_aluminium(leaf) for leaf in joint.leaves())
+    changed["material", "aluminium for steel"] = redraw_joint(joint, aluminium)
+    return changed

@@ -1,4 +1,4 @@
-"""What is known of a joint family beside its record: source of the definition, symmetry, closed-form stiffness."""
+"""Description of a joint family besides its record: source of the definition, symmetry, closed-form stiffness."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from ksd.scene import Joint, joint_families
 from ksd.train.catalogue import FAMILY_DESIGNS
 
 _PAPER1 = "Dwarshuis, Aarts, Ellenbroek and Brouwer, Mechanism and Machine Theory (2020)"
-_EVEN = "the other sense of rotation is the mirror image"
+_MIRRORED = "the other sense of rotation is the mirror image"
 
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a family is defined, the same in two or three words for tables, and its symmetry in words."""
+    """Source of a family's definition, the same in a few words for tables, and its symmetry in words."""
 
     source: str
     short: str
@@ -28,22 +28,22 @@ FAMILY_ORIGINS: dict[str, Origin] = {
     "cross_flexure": Origin(
         f"{_PAPER1}, section 4.1, table 1",
         "paper 1, 4.1",
-        f"about the plane of motion and about the line AB: {_EVEN}",
+        f"about the plane of motion and about the line AB: {_MIRRORED}",
     ),
     "crossed_pivot": Origin(
         "Haringx, Applied Scientific Research A1 (1949): two leaf springs crossing at any ratio of their length",
         "Haringx 1949",
-        f"in the plane about the line AB: {_EVEN}; two leaf springs in two planes, so none about the plane of motion",
+        f"in the plane about the line AB: {_MIRRORED}; two leaf springs in two planes, so none about the plane of motion",
     ),
     "balanced_crossed_pivot": Origin(
         "Haringx, Applied Scientific Research A1 (1949), the second leaf halved and put on both sides of the first",
         "Haringx 1949, in three leaf springs",
-        f"about the plane of motion; {_EVEN} only where inner and outer leaf springs are equally wide",
+        f"about the plane of motion; {_MIRRORED} only where inner and outer leaf springs are equally wide",
     ),
     "cartwheel": Origin(
         "Smith, Flexures: Elements of Elastic Mechanisms (2000), section 5.3",
         "Smith 2000, 5.3",
-        f"about the plane of motion, the line AB and the line across it: {_EVEN}",
+        f"about the plane of motion, the line AB and the line across it: {_MIRRORED}",
     ),
     "butterfly": Origin(
         "after the butterfly pivot of Henein and others, 10th ESMATS (2003); arrangement our own",
@@ -73,12 +73,12 @@ FAMILY_ORIGINS: dict[str, Origin] = {
     "circular_notch": Origin(
         "Paros and Weisbord, How to design flexure hinges, Machine Design 37 (1965)",
         "Paros and Weisbord 1965",
-        f"about the plane of motion and the neck: {_EVEN}",
+        f"about the plane of motion and the neck: {_MIRRORED}",
     ),
     "filleted_notch": Origin(
         "Lobontiu, Compliant Mechanisms: Design of Flexure Hinges (2003)",
         "Lobontiu 2003",
-        f"about the plane of motion and the neck: {_EVEN}",
+        f"about the plane of motion and the neck: {_MIRRORED}",
     ),
     "arc_hinge": Origin(
         "the curved beam of the planar gripper of paper 3, compliance derived anew",
@@ -103,11 +103,12 @@ TYPICAL_RANGES: dict[str, str] = {
     "folded_leaf": "t/L 1/400 to 1/50, w/L 0.2 to 1",
     "wire_flexure": "d/L 1/200 to 1/25",
 }
-"""Typical ranges of families without a record, which no training bounds."""
+"""Typical ranges of families without a record, hence without trained bounds."""
 
 
 def count_function_parities(record: Record) -> dict[str, int]:
-    """How many strain-mode functions of a record are zero, even, odd, or neither in the (first) motion, over all shapes."""
+    """Number of strain-mode functions of a record that are zero, even, odd, or neither in the (first) motion, over all
+    shapes."""
     counts = dict.fromkeys(("zero", "even", "odd", "neither"), 0)
     power = record.powers[:, 0]
     functions = record.functions["strain"]
@@ -119,24 +120,24 @@ def count_function_parities(record: Record) -> dict[str, int]:
 
 
 def describe_family(family: str) -> list[tuple[str, str]]:
-    """What a family is, its source and symmetry, and its closed-form stiffness with its value, row by row."""
-    kind, found = joint_families().get(family), []
+    """Description of a family, its source, symmetry, and closed-form stiffness with its value: rows (label, text)."""
+    kind, rows = joint_families().get(family), []
     if kind is not None:
-        found.append(("is", " ".join((inspect.getdoc(kind) or "").split("\n\n")[0].split())))
+        rows.append(("is", " ".join((inspect.getdoc(kind) or "").split("\n\n")[0].split())))
     if family in FAMILY_ORIGINS:
-        found += [("source", FAMILY_ORIGINS[family].source), ("symmetry", FAMILY_ORIGINS[family].symmetry)]
+        rows += [("source", FAMILY_ORIGINS[family].source), ("symmetry", FAMILY_ORIGINS[family].symmetry)]
     if family in FAMILY_DESIGNS:
         design = FAMILY_DESIGNS[family]
         joint = design.make(**design.shape(np.zeros(len(design.parameters))))
-        found += closed_form(joint)
+        rows += closed_form(joint)
         if design.numbers:
-            found.append(
+            rows.append(
                 ("trained at", ", ".join(f"{k} {v:.4g}" for k, v in design.numbers.items()) + " (SI)")
             )
     elif kind is not None:
-        found += [("closed form", _formula(kind) or "none")]
-        found += [("typical ranges", TYPICAL_RANGES[family])] if family in TYPICAL_RANGES else []
-    return found
+        rows += [("closed form", _formula(kind) or "none")]
+        rows += [("typical ranges", TYPICAL_RANGES[family])] if family in TYPICAL_RANGES else []
+    return rows
 
 
 def closed_form(joint: Joint) -> list[tuple[str, str]]:
@@ -150,6 +151,6 @@ def closed_form(joint: Joint) -> list[tuple[str, str]]:
 
 
 def _formula(kind: type[Joint]) -> str:
-    """The first sentence on the closed-form stiffness."""
+    """The first paragraph of the docstring of the closed-form stiffness."""
     method = getattr(kind, "stiffness_at_rest", None)
     return " ".join((inspect.getdoc(method) or "").split("\n\n")[0].split()) if method else ""

@@ -1,6 +1,4 @@
-"""Jobs of a training run: parallel over any executor, each result kept at once, so a run can be taken up
-again.
-"""
+"""Jobs of a training run: parallel on any executor, with every result stored at once so that a run can be resumed."""
 
 from __future__ import annotations
 
@@ -26,27 +24,28 @@ from ksd.scene.scene import fingerprint
 from ksd.train.sampling import Samples, SamplingPlan, sample_joint
 
 WORKERS = 2
-ROUNDING = 1e-7
-"""Difference of a sampled function that another order of sums may make."""
-SEAL = 32
-"""Bytes of the checksum in front of a kept result."""
+"""Processes used without an executor."""
+ROUNDING_TOLERANCE = 1e-7
+"""Difference of a sampled function that a different order of summation may cause."""
+CHECKSUM_SIZE = 32
+"""Bytes of the checksum before a stored result."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """One joint to be sampled as planned; `tried`: it is no part of the family and may turn out impossible."""
+    """One joint to be sampled by a plan; tried: it is outside the family and may turn out impossible."""
 
     joint: DrawnJoint
     plan: SamplingPlan
     tried: bool = False
 
     def key(self) -> str:
-        """Name of its result: a hash of the joint and of how it is sampled."""
+        """Name of its stored result: a hash of the joint and the plan."""
         return fingerprint((self.joint, self.plan))[:20]
 
 
 def run_job(job: Job) -> Samples:
-    """Sample the joint of a job; what other processes are asked to do. Nothing for one tried that is impossible."""
+    """Sample the joint of a job, the function that other processes run; empty for an impossible one with `tried`."""
     try:
         return sample_joint(job.joint, job.plan)
     except SceneError:
@@ -56,10 +55,10 @@ def run_job(job: Job) -> Samples:
 
 
 class Jobs:
-    """Runs jobs and keeps every result in `folder`; a context manager owning its processes and its bar.
+    """Runs jobs and stores every result in `folder`; a context manager owning its processes and its progress bar.
 
-    The first kept result of an earlier run that turns up is computed again: where it comes out otherwise, by more than
-    ROUNDING, the code has changed in between and nothing kept is used.
+    The first stored result of an earlier run that is read is computed again: where it differs by more than
+    ROUNDING_TOLERANCE, the code has changed since and no stored result is used.
     """
 
     def __init__(
@@ -83,46 +82,46 @@ class Jobs:
         if self._pool is not None:
             self._pool.shutdown(wait=kind is None, cancel_futures=True)
 
-    def _expect(self, more: int) -> None:
-        """So many jobs more are on the bar."""
-        self._total += more
+    def _add_to_total(self, count: int) -> None:
+        """Add `count` jobs to the progress bar."""
+        self._total += count
         self._bar.update(self._task, total=self._total)
 
     def run(self, jobs: list[Job]) -> list[Samples]:
-        """Results in the order of `jobs`; finished ones of an earlier run are read back."""
-        self._expect(len(jobs))
-        found = {}
+        """Results in the order of `jobs`; those finished in an earlier run are read back."""
+        self._add_to_total(len(jobs))
+        results = {}
         if self.resume:
-            found = {i: kept for i, job in enumerate(jobs) if (kept := self._load(job)) is not None}
-        self._bar.advance(self._task, len(found))
-        earlier = [i for i in found if self._path(jobs[i]) not in self._made]
+            results = {i: stored for i, job in enumerate(jobs) if (stored := self._load(job)) is not None}
+        self._bar.advance(self._task, len(results))
+        earlier = [i for i in results if self._path(jobs[i]) not in self._made]
         if earlier and not self._trusted:
-            found = self._rechecked(jobs, found, earlier[0])
-        self._compute(jobs, [i for i in range(len(jobs)) if i not in found], found)
-        return [found[i] for i in range(len(jobs))]
+            results = self._check_stored(jobs, results, earlier[0])
+        self._compute(jobs, [i for i in range(len(jobs)) if i not in results], results)
+        return [results[i] for i in range(len(jobs))]
 
-    def _rechecked(self, jobs: list[Job], found: dict[int, Samples], first: int) -> dict[int, Samples]:
-        """The kept results where this code still gives the `first` of them, else what it gives for that one alone."""
-        made: dict[int, Samples] = {}
-        self._expect(1)
-        self._compute(jobs, [first], made)
+    def _check_stored(self, jobs: list[Job], stored: dict[int, Samples], first: int) -> dict[int, Samples]:
+        """The stored results where this code reproduces the `first` of them, else only what it computes for that one."""
+        computed: dict[int, Samples] = {}
+        self._add_to_total(1)
+        self._compute(jobs, [first], computed)
         self._trusted = True
-        if _same(found[first], made[first]):
-            return found
+        if _equal_samples(stored[first], computed[first]):
+            return stored
         self.forget()
-        self._keep(jobs[first], made[first])
-        return made
+        self._store(jobs[first], computed[first])
+        return computed
 
-    def _compute(self, jobs: list[Job], missing: list[int], found: dict[int, Samples]) -> None:
+    def _compute(self, jobs: list[Job], missing: list[int], results: dict[int, Samples]) -> None:
         if not missing:
             return
         executor = self._executor(jobs[missing[0]])
-        waiting: dict[Future[Samples], int] = {executor.submit(run_job, jobs[i]): i for i in missing}
+        futures: dict[Future[Samples], int] = {executor.submit(run_job, jobs[i]): i for i in missing}
         try:
-            for done in as_completed(waiting):
-                i = waiting[done]
-                found[i] = done.result()
-                self._keep(jobs[i], found[i])
+            for done in as_completed(futures):
+                i = futures[done]
+                results[i] = done.result()
+                self._store(jobs[i], results[i])
                 self._bar.advance(self._task)
         except BrokenProcessPool as error:
             raise KsdError(
@@ -130,15 +129,15 @@ class Jobs:
                 "`if __name__ == '__main__':`, or give it another executor."
             ) from error
         finally:
-            for future in waiting:
+            for future in futures:
                 future.cancel()
 
     def _executor(self, job: Job) -> Executor:
-        """The executor given, or two processes; threads where a process could not be told the job."""
+        """The executor given, or two processes; threads where the job cannot be sent to another process."""
         if self._given is not None:
             return self._given
         if self._pool is None:
-            # spawned, not forked: compiled kernels and threads do not survive a fork safely
+            # spawned, not forked: compiled kernels and threads are not safe across a fork
             context = spawn_context(job)
             if context is not None:
                 self._pool = ProcessPoolExecutor(WORKERS, mp_context=context, initializer=end_with_parent)
@@ -149,7 +148,7 @@ class Jobs:
     def _path(self, job: Job) -> Path:
         return self.folder / f"{job.key()}.npz"
 
-    def _keep(self, job: Job, samples: Samples) -> None:
+    def _store(self, job: Job, samples: Samples) -> None:
         buffer = io.BytesIO()
         named: dict[str, Any] = {f"{mesh}|{group}": values for (mesh, group), values in samples.items()}
         np.savez(buffer, **named)
@@ -159,15 +158,15 @@ class Jobs:
         self._made.add(place)
 
     def _load(self, job: Job) -> Samples | None:
-        """A kept result; None when there is none, or one with a bit out of place."""
+        """A stored result; None without one, or where its checksum does not match."""
         try:
             content = read_file(self._path(job), error=RecordError)
         except RecordError:
             return None
-        if hashlib.sha256(content[SEAL:]).digest() != content[:SEAL]:
+        if hashlib.sha256(content[CHECKSUM_SIZE:]).digest() != content[:CHECKSUM_SIZE]:
             return None
-        with np.load(io.BytesIO(content[SEAL:]), allow_pickle=False) as kept:
-            stored = {name: kept[name] for name in kept.files}
+        with np.load(io.BytesIO(content[CHECKSUM_SIZE:]), allow_pickle=False) as archive:
+            stored = {name: archive[name] for name in archive.files}
         samples: Samples = {}
         for name, values in stored.items():
             mesh, group = name.split("|")
@@ -175,12 +174,13 @@ class Jobs:
         return samples
 
     def forget(self) -> None:
-        """Remove all kept results."""
+        """Remove all stored results."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
-def _same(one: Samples, other: Samples) -> bool:
+def _equal_samples(one: Samples, other: Samples) -> bool:
     """Whether two results agree to rounding."""
     return one.keys() == other.keys() and all(
-        one[k].shape == other[k].shape and np.abs(one[k] - other[k]).max(initial=0.0) < ROUNDING for k in one
+        one[k].shape == other[k].shape and np.abs(one[k] - other[k]).max(initial=0.0) < ROUNDING_TOLERANCE
+        for k in one
     )

@@ -1,4 +1,4 @@
-"""Pose of a block as a record holds it: rotation vector, and chord over the joint length."""
+"""Pose of a block as a record stores it: rotation vector, and chord over the joint length."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from ksd.model.compile import Model
 
 
 def block_poses(model: Model, states: list[State], node: int, point: Array, length: float) -> Array:
-    """(g, 6): rotation vector and chord of a block about its `point` at rest."""
+    """Rotation vector and chord (g, 6) of a block about its `point` at rest, in g states."""
     R = np.array([s.R[node] for s in states])
     x = np.array([s.x[node] for s in states]) + R @ (point - model.rest.x[node])
-    turned = rotation_vectors(R)
-    half = rotation_matrices(-0.5 * turned)
-    return np.concatenate([turned, np.einsum("gij,gj->gi", half, x) / length], axis=1)
+    rotation = rotation_vectors(R)
+    half = rotation_matrices(-0.5 * rotation)
+    return np.concatenate([rotation, np.einsum("gij,gj->gi", half, x) / length], axis=1)

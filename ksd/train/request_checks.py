@@ -1,4 +1,4 @@
-"""Whether what is asked of the trainer makes sense, before any work."""
+"""Checks of the arguments of the trainer, before any work is done."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from ksd.scene import DrawnJoint, Joint
 from ksd.train.catalogue import FAMILY_DESIGNS
 from ksd.train.designs import Design
 
-MOST = 2
-"""Intended motions of a joint that records and compiled steps take."""
+MAX_MOTIONS = 2
+"""Largest number of intended motions of a joint that records and compiled steps support."""
 
 
 def check_design(design: Design) -> None:
-    """Raise SceneError where a name, or the joint that the design draws in the middle of its ranges, cannot be."""
+    """Raise SceneError where a name, or the joint that the design draws in the middle of its ranges, is not usable."""
     if not re.fullmatch(r"\w[\w .+-]*", design.family):
         raise SceneError(
             f"joint {show(design.family)} cannot be the name of a record file; "
@@ -39,31 +39,32 @@ def check_design(design: Design) -> None:
             f"joint '{design.family}' has the name of a family of the catalogue, whose record it would stand in for; "
             "give it another name."
         )
-    said = joint.shape()
-    same = set(said) == set(shape) and all(
-        math.isclose(said[k], v, rel_tol=1e-9, abs_tol=1e-12) for k, v in shape.items()
+    drawn_shape = joint.shape()
+    same_shape = set(drawn_shape) == set(shape) and all(
+        math.isclose(drawn_shape[k], v, rel_tol=1e-9, abs_tol=1e-12) for k, v in shape.items()
     )
-    if joint.family != design.family or not same:
+    if joint.family != design.family or not same_shape:
         raise SceneError(
-            f"{design.family}: at {shape} make returned a joint '{joint.family}' of shape {said}, under which the record "
-            "would not be found; say the same family and shape={...} in the joint."
+            f"{design.family}: at {shape} make returned a joint '{joint.family}' of shape {drawn_shape}, under which the "
+            "record would not be found; say the same family and shape={...} in the joint."
         )
-    if len(joint.motions) > MOST:
+    if len(joint.motions) > MAX_MOTIONS:
         raise SceneError(
             f"{design.family}: {len(joint.motions)} intended motions ({', '.join(m.name for m in joint.motions)}); a record "
-            f"holds {MOST} at most. Draw it as several joints, or as leaf springs between links (method='conventional')."
+            f"holds {MAX_MOTIONS} at most. Draw it as several joints, or as leaf springs between links "
+            "(method='conventional')."
         )
 
 
 def check_meshes(family: str, meshes: Any) -> tuple[Mesh, ...]:
-    """The meshes asked for. Raises SceneError where one is neither "strain" nor a number of elements."""
-    found = meshes if isinstance(meshes, tuple | list) else ()
-    for mesh in found:
+    """The requested meshes as a tuple. Raises SceneError where one is neither "strain" nor a number of elements."""
+    requested = meshes if isinstance(meshes, tuple | list) else ()
+    for mesh in requested:
         if mesh != "strain" and (isinstance(mesh, bool) or not isinstance(mesh, int) or mesh < 1):
-            found = ()
-    if not found or len(set(found)) < len(found):
+            requested = ()
+    if not requested or len(set(requested)) < len(requested):
         raise SceneError(
             f'{family}: meshes = {show(meshes)} must be different ones of "strain" and numbers of elements per leaf, '
             'for example ("strain", 4).'
         )
-    return tuple(found)
+    return tuple(requested)

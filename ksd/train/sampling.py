@@ -1,8 +1,7 @@
-"""One shape of a joint: its own finite element models driven over the stroke, and what is read off them.
+"""Samples of one shape of a joint: its finite element models driven over the stroke, and the values a record needs.
 
-Interface A is ground, B a link that is driven by the intended motions and free otherwise, so the states are
-those of pure intended motion. Several intended motions are sampled on a product grid, walked outward from
-rest.
+Interface A is ground, B a link that is driven by the intended motions and free otherwise, so the states are those of
+pure intended motion. Several intended motions are sampled on a product grid, outwards from rest.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.beam.corotational_values import NODE, RECORD
+from ksd.beam.corotational_values import ELEMENT_RECORD_SIZE, NODE_RECORD_SIZE
 from ksd.errors import ConvergenceError, SceneError
 from ksd.library.chains import element_axes, rotation_vectors
 from ksd.library.functions import Array, Mesh
@@ -29,17 +28,17 @@ from ksd.train.stroke_checks import check_clear, check_plane, check_stays_soft, 
 
 Samples = dict[tuple[Mesh, str], Array]
 """Values (grid points, *group shape) by mesh and group, groups as in `ksd.library.Functions`."""
-RTOL = 1e-9
+SOLVE_TOLERANCE = 1e-9
+"""Relative residual of the sampled equilibria."""
 
 
 @dataclass(frozen=True)
 class SamplingPlan:
-    """How a joint is sampled: points of each motion as fractions of its reach, meshes, curvature modes of a
-    leaf.
+    """Sampling of a joint: points of each motion as fractions of its range, meshes, curvature modes of a leaf.
 
-    plane: how far B may leave the plane of a one-axis joint, in rad and joint lengths. whole: the stroke is walked to see
-    whether leaves run into each other, or a motion aside turns soft, at any point, not at the corners of the motions alone.
-    apart: leaf springs that run into each other are refused.
+    plane: largest distance of B from the plane of a one-axis joint, in rad and joint lengths. whole: check all points
+    of the stroke, not only the corners of the motions, for colliding leaf springs and for other motions that become
+    soft. apart: refuse colliding leaf springs.
     """
 
     lines: tuple[tuple[float, ...], ...]
@@ -51,18 +50,18 @@ class SamplingPlan:
 
     @property
     def grid(self) -> Array:
-        """(g, m): all points, as fractions of the reach."""
+        """All points (g, m), as fractions of the range."""
         return np.stack(np.meshgrid(*self.lines, indexing="ij"), axis=-1).reshape(-1, len(self.lines))
 
 
 def chebyshev_line(low: float, high: float, count: int) -> tuple[float, ...]:
-    """Chebyshev-Lobatto points of [low, high], as fractions of the reach; rest is among them when centred."""
+    """Chebyshev-Lobatto points of [low, high], as fractions of its largest magnitude; rest is among them when centred."""
     x = -np.cos(np.pi * np.arange(count) / (count - 1))
     return _fractions(low, high, 0.5 * (x - x[::-1]))
 
 
 def even_line(low: float, high: float, count: int) -> tuple[float, ...]:
-    """Evenly spaced points of [low, high], as fractions of the reach."""
+    """Evenly spaced points of [low, high], as fractions of its largest magnitude."""
     return _fractions(low, high, np.linspace(-1, 1, count))
 
 
@@ -72,29 +71,29 @@ def _fractions(low: float, high: float, x: Array) -> tuple[float, ...]:
 
 
 def sample_joint(joint: Joint, plan: SamplingPlan) -> Samples:
-    """Everything a record needs of `joint` at all grid points, for the meshes of `plan`.
+    """All values that a record needs of `joint` at all grid points, for the meshes of `plan`.
 
-    Raises SceneError when the joint cannot be represented: a state is not reached, is not the stable one, or
-    leaves the plane of a one-axis joint, its leaves run into each other, or (where the stroke is walked) a motion that is
-    not intended turns soft.
+    Raises SceneError when the joint cannot be represented: a state is not reached, is not the stable one, or leaves the
+    plane of a one-axis joint; its leaf springs collide; or (where the whole stroke is checked) another motion becomes
+    soft.
     """
-    found: Samples = {}
+    samples: Samples = {}
     for mesh in plan.meshes:
-        model = _model(joint, mesh, plan)
-        states = _walk(joint, model, plan, mesh)
+        model = _driven_model(joint, mesh, plan)
+        states = _solve_grid(joint, model, plan, mesh)
         check_plane(joint, model, states, plan.plane)
         if plan.apart and mesh == plan.meshes[0]:
             check_clear(joint, [states[k] for k in np.flatnonzero(_contact_points(plan))])
         if plan.whole:
             check_stays_soft(joint, model, states)
-        found |= {(mesh, group): values for group, values in _read(joint, model, states).items()}
-    return found
+        samples |= {(mesh, group): values for group, values in _read_groups(joint, model, states).items()}
+    return samples
 
 
-def _model(joint: Joint, mesh: Mesh, plan: SamplingPlan) -> Model:
+def _driven_model(joint: Joint, mesh: Mesh, plan: SamplingPlan) -> Model:
     """The joint between ground (A) and one driven link (B), joint axes global."""
     if mesh == "strain":
-        # said leaf by leaf, so that a curved leaf does not choose its own
+        # set for each leaf, so that a curved leaf does not choose its own
         joint = redraw_joint(joint, tuple(replace(leaf, orders=plan.orders) for leaf in joint.leaves()))
     scene = Mechanism(joint.family)
     link = scene.link("B")
@@ -110,61 +109,62 @@ def _model(joint: Joint, mesh: Mesh, plan: SamplingPlan) -> Model:
     return compile_as_is(scene.scene(), LeafMesh("corotational", elements=int(mesh)))
 
 
-def _walk(joint: Joint, model: Model, plan: SamplingPlan, mesh: Mesh) -> list[Configuration]:
-    """Equilibrium at every grid point, each reached from the nearest one solved before, outward from rest."""
+def _solve_grid(joint: Joint, model: Model, plan: SamplingPlan, mesh: Mesh) -> list[Configuration]:
+    """Equilibrium at every grid point, each from the nearest one solved before, outwards from rest."""
     reach = np.array([max(abs(low), abs(high)) for low, high in (m.range for m in joint.motions)])
     grid = plan.grid
     storage = NewtonStorage(model)
     solved: dict[int, Configuration] = {}
     for i in np.argsort(np.linalg.norm(grid, axis=1), kind="stable"):
-        known = list(solved)
-        near = min(known, key=lambda k: float(np.linalg.norm(grid[k] - grid[i]))) if known else None
-        use = near is not None and np.linalg.norm(grid[near] - grid[i]) < np.linalg.norm(grid[i])
+        nearest = min(solved, key=lambda k: float(np.linalg.norm(grid[k] - grid[i])), default=None)
+        start = None
+        if nearest is not None and np.linalg.norm(grid[nearest] - grid[i]) < np.linalg.norm(grid[i]):
+            start = solved[nearest]
         values = {m.name: float(v) for m, v in zip(joint.motions, grid[i] * reach, strict=True)}
         state = f"{joint.family} ({mesh} mesh) at {state_phrase(joint, values)}"
         try:
-            found = solve_conventional(
+            configuration = solve_conventional(
                 model,
                 values,
-                start=solved[near] if near is not None and use else None,
-                rtol=RTOL,
+                start=start,
+                rtol=SOLVE_TOLERANCE,
                 storage=storage,
             )
         except ConvergenceError as error:
             raise SceneError(f"{state} cannot be trained: {error}; reduce its range of motion.") from error
-        if not found.stable:
+        if not configuration.stable:
             raise SceneError(
                 f"{state} buckles or leaves the intended branch on the way; reduce its range of motion."
             )
-        solved[int(i)] = found
+        solved[int(i)] = configuration
     return [solved[i] for i in range(len(grid))]
 
 
 def _contact_points(plan: SamplingPlan) -> NDArray[np.bool_]:
-    """(g,): points where leaf springs are looked for that meet: the corners of the motions, or all."""
+    """Mask (g,) of the points where collisions of leaf springs are checked: the corners of the motions, or all."""
     low, high = plan.grid.min(axis=0), plan.grid.max(axis=0)
     ends = np.isclose(plan.grid, low, atol=1e-12) | np.isclose(plan.grid, high, atol=1e-12)
     return np.asarray(ends.all(axis=1) | plan.whole)
 
 
-def _read(joint: Joint, model: Model, configurations: list[Configuration]) -> dict[str, Array]:
-    """Interface, blocks and leaf functions of all states."""
+def _read_groups(joint: Joint, model: Model, configurations: list[Configuration]) -> dict[str, Array]:
+    """Interface, block and leaf functions of all states."""
     states = [c.motion for c in configurations]
     inner = [name for name in joint.blocks() if name not in ("A", "B")]
     nodes = [model.node_names.index(f"joint/{name}") for name in inner]
     points = [np.asarray(joint.blocks()[name], float) for name in inner]
     blocks = [block_poses(model, states, n, p, joint.length) for n, p in zip(nodes, points, strict=True)]
-    found = {
+    groups = {
         "interface": block_poses(model, states, 1, np.asarray(joint.pose_B, float), joint.length),
         "blocks": np.stack(blocks, axis=1) if blocks else np.zeros((len(states), 0, 6)),
     }
     if model.arrays.members.kind[0] == COROTATIONAL:
         leaves = [_chain_rotations(model, states, i) for i in range(len(joint.leaves()))]
-        return {**found, "rotations": np.stack(leaves, axis=1)}
+        return {**groups, "rotations": np.stack(leaves, axis=1)}
     pairs = [_strain_state(leaf, model, states, i) for i, leaf in enumerate(joint.leaves())]
-    found["amplitudes"] = np.stack([a for a, _ in pairs], axis=1)
-    found["wrench"] = np.stack([w for _, w in pairs], axis=1)
-    return found
+    groups["amplitudes"] = np.stack([a for a, _ in pairs], axis=1)
+    groups["wrench"] = np.stack([w for _, w in pairs], axis=1)
+    return groups
 
 
 def _strain_state(leaf: Leaf, model: Model, states: list[State], i: int) -> tuple[Array, Array]:
@@ -178,25 +178,27 @@ def _strain_state(leaf: Leaf, model: Model, states: list[State], i: int) -> tupl
 
 
 def _chain_rotations(model: Model, states: list[State], i: int) -> Array:
-    """(g, 2n-1, 3): rotation vectors of the elements, then the inner nodes, of leaf i; frame of end p."""
+    """Rotation vectors (g, 2n-1, 3) of the elements, then of the inner nodes, of leaf i; frame of end p."""
     members = model.arrays.members
     n = int(members.number[i, 0])
-    value = members.value[members.value_at[i] : members.value_at[i] + RECORD * n + 9]
-    inner = np.array([s.inner[members.inner_at[i] : members.inner_at[i] + NODE * (n - 1)] for s in states])
-    nodes = inner.reshape(len(states), n - 1, NODE)
-    d, Q = _ends(model, states, i)
-    place = np.concatenate([np.zeros((len(d), 1, 3)), nodes[:, :, :3], d[:, None]], axis=1)
+    value = members.value[members.value_at[i] : members.value_at[i] + ELEMENT_RECORD_SIZE * n + 9]
+    inner = np.array(
+        [s.inner[members.inner_at[i] : members.inner_at[i] + NODE_RECORD_SIZE * (n - 1)] for s in states]
+    )
+    nodes = inner.reshape(len(states), n - 1, NODE_RECORD_SIZE)
+    d, Q = _end_pose(model, states, i)
+    position = np.concatenate([np.zeros((len(d), 1, 3)), nodes[:, :, :3], d[:, None]], axis=1)
     first = np.broadcast_to(np.eye(3), Q.shape)[:, None]
-    last = (Q @ value[RECORD * n :].reshape(3, 3).T)[:, None]
-    turned = np.concatenate([first, nodes[:, :, 3:].reshape(len(d), n - 1, 3, 3), last], axis=1)
-    rest = value[: RECORD * n].reshape(n, RECORD)[:, 7:].reshape(n, 3, 3)
-    across = np.einsum("gnij,nj->gni", turned[:, :-1] + turned[:, 1:], rest[:, :, 1])
-    axes = element_axes(np.diff(place, axis=1), across)
+    last = (Q @ value[ELEMENT_RECORD_SIZE * n :].reshape(3, 3).T)[:, None]
+    rotation = np.concatenate([first, nodes[:, :, 3:].reshape(len(d), n - 1, 3, 3), last], axis=1)
+    rest = value[: ELEMENT_RECORD_SIZE * n].reshape(n, ELEMENT_RECORD_SIZE)[:, 7:].reshape(n, 3, 3)
+    across = np.einsum("gnij,nj->gni", rotation[:, :-1] + rotation[:, 1:], rest[:, :, 1])
+    axes = element_axes(np.diff(position, axis=1), across)
     elements = axes @ np.swapaxes(rest, 1, 2)
-    return rotation_vectors(np.concatenate([elements, turned[:, 1:-1]], axis=1))
+    return rotation_vectors(np.concatenate([elements, rotation[:, 1:-1]], axis=1))
 
 
-def _ends(model: Model, states: list[State], i: int) -> tuple[Array, Array]:
+def _end_pose(model: Model, states: list[State], i: int) -> tuple[Array, Array]:
     """Position d (g, 3) and orientation Q (g, 3, 3) of end q of leaf i in the frame of end p."""
     members = model.arrays.members
     a, b = members.node[i]

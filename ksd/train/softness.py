@@ -1,8 +1,9 @@
-"""Whether the declared motions of a joint are its soft ones, and all of them, from its stiffness at rest.
+"""Check, from the stiffness at rest, that the declared motions of a joint are its soft motions, and all of them.
 
-A freedom is a motion that thin leaves resist by weak bending and torsion alone, a constraint one that stretches them or
-bends them in their plane. With all weak bending and torsion at a quarter, freedoms have a quarter of their stiffness and
-constraints keep theirs, whatever the scale of lengths: a generalised eigenvalue problem of the two stiffnesses counts them.
+A freedom is a motion that thin leaf springs resist by weak bending and torsion only; a constraint is one that stretches
+them or bends them in their plane. With all weak bending and torsion reduced to a quarter, freedoms have a quarter of
+their stiffness and constraints keep theirs, for any scale of lengths: a generalised eigenvalue problem of the two
+stiffnesses counts them.
 """
 
 from __future__ import annotations
@@ -19,26 +20,32 @@ from ksd.scene import DrawnJoint, Joint, Mechanism, Motion
 from ksd.solve.conventional import solve_conventional
 from ksd.train.designs import soften_leaves
 
-STEP = 1e-6
+PROBE_STEP = 1e-6
 """Displacement over joint length, or rotation in rad, small enough for the linear stiffness."""
 MAX_STIFFNESS_RATIO = 0.95
-"""Largest stiffness of an intended motion over the softest of what is left. At 1 the two change places, as in a square bar,
-which bends as readily either way; what is left free is a Poisson's ratio or a fillet. Hinges of several leaves have 0.03 at
-most, one leaf against its own torsion (1 + nu)/2 when wide, .94 three times as wide as thick with nu = .49; circular notches
-up to .87 (`tests/train/test_softness.py`)."""
+"""Largest stiffness of an intended motion over that of the softest other motion.
+
+At 1 the two exchange places, as in a square bar, which bends equally in both directions; the margin left is a Poisson's
+ratio or a fillet. Hinges of several leaf springs have 0.03 at most; one leaf against its own torsion (1 + nu)/2 when
+wide, 0.94 when three times as wide as thick with nu = 0.49; circular notches up to 0.87
+(`tests/train/test_softness.py`).
+"""
 SOFTENING_FACTOR = 0.25
+"""Factor on weak bending and torsion in the softened joint."""
 FREEDOM_FALL = 2.0
-"""Fall of stiffness, where bending and torsion fall to SOFTENING_FACTOR, from which a motion is a freedom: midway (in
-ratio) between 4 for a freedom and 1 for a constraint. Intended motions of all families of several leaves have 3.8 or
-more, all others 1.02 or less."""
+"""Ratio of stiffnesses, before over after softening by SOFTENING_FACTOR, above which a motion is a freedom.
+
+It is midway (in ratio) between 4 for a freedom and 1 for a constraint. Intended motions of all families of several leaf
+springs have 3.8 or more, all other motions 1.02 or less.
+"""
 MAX_FREEDOM_RATIO = 1e3
-"""A freedom this many times as stiff as the intended motion counts as none: leaves ten times as thick, drawn for what holds
-the thin ones."""
+"""A freedom more than this many times as stiff as the intended motion is ignored: thick leaf springs, ten times as
+thick as the thin ones, that only hold them."""
 
 
 @dataclass(frozen=True)
 class Freedom:
-    """An undeclared motion of B: direction (6,) of displacement over the joint length and rotation, of length one; its
+    """An undeclared motion of B: direction (6,) of displacement over the joint length and rotation, normalised; its
     stiffness over that of the stiffest intended motion; both in words."""
 
     direction: Array
@@ -47,12 +54,13 @@ class Freedom:
 
 
 def scaling(joint: Joint) -> Array:
-    """(6,): what displacements [m] and rotations are measured in."""
+    """Units (6,) of displacements [m] and rotations."""
     return np.repeat([joint.length, 1.0], 3)
 
 
 def rest_stiffness(joint: DrawnJoint) -> Array:
-    """(6, 6) [Nm]: displacement of B over the joint length, rotation, to force times length, moment."""
+    """Stiffness (6, 6) [Nm] of B at rest: from displacement over the joint length and rotation to force times length
+    and moment."""
     scene = Mechanism(joint.family)
     link = scene.link("B")
     scene.join(scene.ground, link, joint, at=(0, 0, 0), axis="z", toward="x", name="joint")
@@ -64,110 +72,117 @@ def rest_stiffness(joint: DrawnJoint) -> Array:
     scale = scaling(joint)
     columns = []
     for i in range(6):
-        wanted = {name: float(STEP * scale[i] * (i == j)) for j, name in enumerate(model.drive_names)}
+        wanted = {name: float(PROBE_STEP * scale[i] * (i == j)) for j, name in enumerate(model.drive_names)}
         forces = solve_conventional(model, wanted).forces
-        columns.append(np.array([forces[name] for name in model.drive_names]) * scale / STEP)
+        columns.append(np.array([forces[name] for name in model.drive_names]) * scale / PROBE_STEP)
     stiffness = np.array(columns)
     return np.asarray(0.5 * (stiffness + stiffness.T))
 
 
 def check_soft(joint: DrawnJoint) -> None:
-    """Raise SceneError when an intended motion of `joint` is not softer than all others by MAX_STIFFNESS_RATIO, or when the
-    joint has a freedom that is not declared."""
-    whole, soft = rest_stiffness(joint), rest_stiffness(soften_leaves(joint, SOFTENING_FACTOR))
-    other = undeclared_freedom(joint, whole, soft)
-    for (motion, own, left), (_, fallen, _) in zip(
-        softness(joint, whole), softness(joint, soft), strict=True
+    """Raise SceneError when an intended motion of `joint` is not softer than all others by MAX_STIFFNESS_RATIO, or when
+    the joint has an undeclared freedom."""
+    stiffness, softened = rest_stiffness(joint), rest_stiffness(soften_leaves(joint, SOFTENING_FACTOR))
+    freedom = undeclared_freedom(joint, stiffness, softened)
+    for (motion, own, softest_other), (_, softened_own, _) in zip(
+        motion_stiffnesses(joint, stiffness), motion_stiffnesses(joint, softened), strict=True
     ):
-        if 0 < own < MAX_STIFFNESS_RATIO * left or (
-            other is not None and not joint.held_by_others and own > FREEDOM_FALL * fallen
+        if 0 < own < MAX_STIFFNESS_RATIO * softest_other or (
+            freedom is not None and not joint.held_by_others and own > FREEDOM_FALL * softened_own
         ):
             continue
         raise SceneError(
             f"{joint.family}: the intended motion '{motion.name}' is not the soft one{shape_phrase(joint)}"
             f": its stiffness {own:.3g} Nm (over the joint length) is not below {MAX_STIFFNESS_RATIO:g} of the softest "
-            f"other, {left:.3g} Nm; declare the motion the leaf springs allow{'' if other is None else ', ' + other.words}."
+            f"other, {softest_other:.3g} Nm; declare the motion the leaf springs allow"
+            f"{'' if freedom is None else ', ' + freedom.words}."
         )
-    if other is not None and not joint.held_by_others:
+    if freedom is not None and not joint.held_by_others:
         declare = "declare it as an intended motion, " if len(joint.motions) < 2 else ""
         raise SceneError(
             f"{joint.family}: its leaf springs leave another motion free that is not declared{shape_phrase(joint)}: "
-            f"{other.words}, {other.ratio:.3g} times the intended one (over the joint length); {declare}hold it by another "
-            "leaf, or say held_by_others=True where the mechanism around the joint holds it."
+            f"{freedom.words}, {freedom.ratio:.3g} times the intended one (over the joint length); {declare}hold it by "
+            "another leaf, or say held_by_others=True where the mechanism around the joint holds it."
         )
 
 
 def shape_phrase(joint: Joint) -> str:
-    """Words that name the shape of a joint, none where it has no parameters."""
+    """Phrase naming the shape of a joint, empty without shape parameters."""
     shape = ", ".join(f"{name} = {value:.4g}" for name, value in joint.shape().items())
     return f" in the shape {shape}" if shape else ""
 
 
 def intended_stiffness(joint: Joint) -> float:
-    """That of the stiffest intended motion at rest with all else free [Nm, over the joint length]."""
-    return max(own for _, own, _ in softness(joint, rest_stiffness(soften_leaves(joint, 1.0))))
+    """Stiffness of the stiffest intended motion at rest with all else free [Nm, over the joint length]."""
+    return max(own for _, own, _ in motion_stiffnesses(joint, rest_stiffness(soften_leaves(joint, 1.0))))
 
 
-def softness(joint: Joint, stiffness: Array) -> list[tuple[Motion, float, float]]:
-    """Every intended motion, its stiffness with all else free, and that of the softest of what is left [Nm].
+def motion_stiffnesses(joint: Joint, stiffness: Array) -> list[tuple[Motion, float, float]]:
+    """Every intended motion, its stiffness with all else free, and that of the softest remaining motion [Nm].
 
     stiffness (6, 6): at rest, as of `rest_stiffness`.
     """
-    flexible = np.linalg.inv(stiffness)
-    left = np.linalg.eigvalsh(stiffness)[len(joint.motions)] if len(joint.motions) < 6 else np.inf
+    compliance = np.linalg.inv(stiffness)
+    softest_other = np.linalg.eigvalsh(stiffness)[len(joint.motions)] if len(joint.motions) < 6 else np.inf
     return [
-        (motion, 1.0 / float(axis @ flexible @ axis), float(left))
-        for motion, axis in zip(joint.motions, _declared(joint), strict=True)
+        (motion, 1.0 / float(axis @ compliance @ axis), float(softest_other))
+        for motion, axis in zip(joint.motions, _declared_directions(joint), strict=True)
     ]
 
 
-def _declared(joint: Joint) -> Array:
-    """(m, 6): what each intended motion measures of displacement of B over the joint length and rotation."""
+def _declared_directions(joint: Joint) -> Array:
+    """Measure (m, 6) of each intended motion: weights of the displacement of B over the joint length and of its
+    rotation."""
     rows = []
     for motion in joint.motions:
         axis = np.asarray(motion.axis, float)
         if motion.kind == "rotation":
             rows.append(np.concatenate([np.zeros(3), axis]))
             continue
-        arm = np.zeros(3) if motion.point is None else np.subtract(motion.point, joint.pose_B)
-        rows.append(np.concatenate([axis, np.cross(arm, axis) / joint.length]))
+        lever = np.zeros(3) if motion.point is None else np.subtract(motion.point, joint.pose_B)
+        rows.append(np.concatenate([axis, np.cross(lever, axis) / joint.length]))
     return np.array(rows)
 
 
-def undeclared_freedom(joint: DrawnJoint, whole: Array, soft: Array) -> Freedom | None:
-    """The softest freedom of `joint` with its intended motions held, up to MAX_FREEDOM_RATIO times theirs; None without one.
+def undeclared_freedom(joint: DrawnJoint, stiffness: Array, softened: Array) -> Freedom | None:
+    """The softest freedom of `joint` with its intended motions fixed, up to MAX_FREEDOM_RATIO times theirs; None
+    without one.
 
-    whole, soft (6, 6): its stiffness at rest, and that of the joint softened to SOFTENING_FACTOR.
+    stiffness, softened (6, 6): at rest, of the joint and of the joint softened by SOFTENING_FACTOR.
     """
-    held = null_space(_declared(joint))
-    if held.shape[1] == 0:
+    remaining = null_space(_declared_directions(joint))
+    if remaining.shape[1] == 0:
         return None
-    kept, fallen = (held.T @ K @ held for K in (whole, soft))
-    falls, motions = eigh(kept, fallen)
-    free = motions[:, falls > FREEDOM_FALL]
-    if free.shape[1] == 0:
+    remaining_stiffness, softened_stiffness = (remaining.T @ K @ remaining for K in (stiffness, softened))
+    falls, motions = eigh(remaining_stiffness, softened_stiffness)
+    freedoms = motions[:, falls > FREEDOM_FALL]
+    if freedoms.shape[1] == 0:
         return None
-    basis, _ = np.linalg.qr(free)
-    values, vectors = np.linalg.eigh(basis.T @ kept @ basis)
-    own = max(stiff for _, stiff, _ in softness(joint, whole))
+    basis, _ = np.linalg.qr(freedoms)
+    values, vectors = np.linalg.eigh(basis.T @ remaining_stiffness @ basis)
+    own = max(stiff for _, stiff, _ in motion_stiffnesses(joint, stiffness))
     if values[0] > MAX_FREEDOM_RATIO * own:
         return None
-    direction = held @ basis @ vectors[:, 0]
+    direction = remaining @ basis @ vectors[:, 0]
     return Freedom(
         direction, float(values[0] / own), describe_soft_motion(joint, direction, float(values[0]))
     )
 
 
 def describe_soft_motion(joint: Joint, direction: Array, stiffness: float) -> str:
-    """A motion (6,) of B in words, a rotation about a line or a translation, with its stiffness [Nm over the length] as one
-    of its own kind."""
-    shift, turn = joint.length * direction[:3], direction[3:]
-    if np.linalg.norm(turn) > 0.1:
-        size = float(np.linalg.norm(turn))
-        line = np.asarray(joint.pose_B) + np.cross(turn, shift) / size**2
+    """A motion (6,) of B in words, a rotation about a line or a translation.
+
+    stiffness [Nm, over the length] is given as that of a motion of its own kind.
+    """
+    translation, rotation = joint.length * direction[:3], direction[3:]
+    if np.linalg.norm(rotation) > 0.1:
+        angle = float(np.linalg.norm(rotation))
+        line = np.asarray(joint.pose_B) + np.cross(rotation, translation) / angle**2
         point = ", ".join(f"{v:.3g}" for v in np.where(np.abs(line) < 1e-6 * joint.length, 0.0, line))
-        return f"a rotation about {_axis(turn)} through ({point}) m of {stiffness / size**2:.3g} Nm/rad"
-    return f"a translation along {_axis(shift)} of {stiffness / float(shift @ shift):.3g} N/m"
+        return f"a rotation about {_axis(rotation)} through ({point}) m of {stiffness / angle**2:.3g} Nm/rad"
+    return (
+        f"a translation along {_axis(translation)} of {stiffness / float(translation @ translation):.3g} N/m"
+    )
 
 
 def _axis(direction: Array) -> str:

@@ -1,5 +1,5 @@
-"""What makes a joint one that cannot be represented, seen in its states over the stroke: B leaves the plane, leaves run into
-each other, another motion turns as soft as the intended one."""
+"""Checks over the stroke of a joint that it can be represented: B stays in its plane, leaf springs do not collide, and
+no other motion becomes as soft as the intended one."""
 
 from __future__ import annotations
 
@@ -33,21 +33,26 @@ from ksd.train.softness import (
 )
 
 MAX_WINDOW_SHARE = 0.25
-"""Largest part of a leaf's area that windows may take. The window is left out of the model, so it has to be small; crossed
-pivots need 0.15 at most, the 3x-infinity hinge 0.19 (`tests/train/test_windows.py`)."""
+"""Largest share of a leaf's area that windows may take.
+
+Windows are left out of the model, so they have to be small; crossed pivots need 0.15 at most, the 3x-infinity hinge
+0.19 (`tests/train/test_windows.py`).
+"""
 
 
 def state_phrase(joint: Joint, values: Mapping[str, float]) -> str:
-    """The motions, and the shape they are made in, in words."""
+    """Phrase naming the motions of a state and the shape of the joint."""
     motion, shape = (
-        ", ".join(f"{name} = {value:.4g}" for name, value in told.items()) for told in (values, joint.shape())
+        ", ".join(f"{name} = {value:.4g}" for name, value in numbers.items())
+        for numbers in (values, joint.shape())
     )
     return motion + (f" (shape {shape})" if shape else "")
 
 
-def _normal(joint: Joint) -> Array | None:
-    """Normal (3,) of the plane a joint with one motion stays in: the axis of a rotation, or the common width axis of all
-    leaf springs across a translation; None when there is no such plane.
+def _plane_normal(joint: Joint) -> Array | None:
+    """Normal (3,) of the plane a joint with one motion stays in; None without one.
+
+    The axis of a rotation, or the common width axis of all leaf springs, normal to a translation.
     """
     if len(joint.motions) != 1:
         return None
@@ -56,22 +61,21 @@ def _normal(joint: Joint) -> Array | None:
         return np.asarray(motion.axis)
     widths = np.array([leaf.width_axis for leaf in joint.leaves()])
     normal = widths[0]
-    aside = np.linalg.norm(np.cross(widths, normal), axis=1).max()
-    return normal if max(aside, abs(normal @ motion.axis)) < 1e-9 else None
+    deviation = np.linalg.norm(np.cross(widths, normal), axis=1).max()
+    return normal if max(deviation, abs(normal @ motion.axis)) < 1e-9 else None
 
 
-def check_plane(joint: Joint, model: Model, states: list[Configuration], most: float) -> None:
-    """B of a joint with one motion may turn about the normal of its plane and shift across it, nothing else by more than
-    `most` (rad, joint lengths)."""
-    axis = _normal(joint)
+def check_plane(joint: Joint, model: Model, states: list[Configuration], max_distance: float) -> None:
+    """Raise SceneError where B of a joint with one motion leaves its plane by more than `most` (rad, joint lengths)."""
+    axis = _plane_normal(joint)
     if axis is None:
         return
-    found = block_poses(model, [s.motion for s in states], 1, np.asarray(joint.pose_B, float), joint.length)
-    turn = found[:, :3] - np.outer(found[:, :3] @ axis, axis)
+    poses = block_poses(model, [s.motion for s in states], 1, np.asarray(joint.pose_B, float), joint.length)
+    rotation = poses[:, :3] - np.outer(poses[:, :3] @ axis, axis)
     rest = np.asarray(joint.pose_B, float) / joint.length
-    chord = (found[:, 3:] - rest) @ axis
-    worst = float(max(np.abs(turn).max(), np.abs(chord).max()))
-    if worst > most:
+    shift = (poses[:, 3:] - rest) @ axis
+    worst = float(max(np.abs(rotation).max(), np.abs(shift).max()))
+    if worst > max_distance:
         load = "moment" if joint.motions[0].kind == "rotation" else "force"
         raise SceneError(
             f"{joint.family}: interface B leaves its plane by {worst:.2g} (rad or joint lengths) "
@@ -80,10 +84,11 @@ def check_plane(joint: Joint, model: Model, states: list[Configuration], most: f
 
 
 def check_clear(joint: Joint, states: list[Configuration]) -> None:
-    """No leaf runs through another in any of the states, but for windows where the joint has them."""
+    """Raise SceneError where leaf springs collide in any of the states, except for small windows where the joint has
+    them."""
     if joint.windows:
-        needed = LeafWindows.of(joint, states)
-        leaf, share, others = needed.largest()
+        windows = LeafWindows.of(joint, states)
+        leaf, share, others = windows.largest()
         if share > MAX_WINDOW_SHARE:
             raise SceneError(
                 f"{joint.family}: the windows of leaf '{leaf}' for {others} would take {share:.0%} of its area over the "
@@ -93,7 +98,7 @@ def check_clear(joint: Joint, states: list[Configuration]) -> None:
         return
     for state in states:
         for (one, two), _ in overlapping_leaves(
-            _bodies(joint, state, BOX_COUNT), tolerance=DEFORMED_OVERLAP_TOLERANCE
+            _leaf_boxes(joint, state, BOX_COUNT), tolerance=DEFORMED_OVERLAP_TOLERANCE
         ):
             raise SceneError(
                 f"{joint.family}: leaf springs '{one}' and '{two}' run into each other at "
@@ -102,65 +107,68 @@ def check_clear(joint: Joint, states: list[Configuration]) -> None:
             )
 
 
-def _bodies(joint: Joint, state: Configuration, count: int) -> list[LeafBoxes]:
+def _leaf_boxes(joint: Joint, state: Configuration, count: int) -> list[LeafBoxes]:
     """The leaf springs as `count` boxes each."""
     leaves = {f"joint/{leaf.name}": leaf for leaf in joint.leaves()}
-    found = []
+    bodies = []
     for line in state.shape(points=count + 1).leaves:
         leaf = leaves[line.name]
         width = 0.5 * (line.axes[1:, :, 2] + line.axes[:-1, :, 2])
-        found.append(
+        bodies.append(
             boxes_along_line(leaf.name, (leaf.start_block, leaf.end_block), line.place, leaf, width=width)
         )
-    return found
+    return bodies
 
 
 @dataclass(frozen=True)
 class LeafWindows:
-    """Windows a joint needs: part of the area of a leaf, by its name and that of the leaf that passes."""
+    """Windows that a joint needs: share of the area of a leaf, by its name and that of the leaf that passes."""
 
     shares: dict[tuple[str, str], float]
 
     @classmethod
     def of(cls, joint: Joint, states: list[Configuration]) -> LeafWindows:
-        """From where leaves overlap in all states. The wider of two has the window; one as wide passes as a tongue of half
-        its width. Raises SceneError where a leaf sticks out at an edge of the other, which no window makes way for."""
+        """Windows needed where leaf springs overlap in any of the states.
+
+        The wider of two has the window; a leaf of the same width passes as a tongue of half its width. Raises
+        SceneError where a leaf sticks out at an edge of the other, so that no window is possible.
+        """
         leaves = {leaf.name: leaf for leaf in joint.leaves()}
-        seen: dict[tuple[str, str], set[int]] = {}
+        boxes_of_pair: dict[tuple[str, str], set[int]] = {}
         for state in states:
             for (one, two), stations in overlapping_leaves(
-                _bodies(joint, state, FINE_BOX_COUNT), tolerance=DEFORMED_OVERLAP_TOLERANCE
+                _leaf_boxes(joint, state, FINE_BOX_COUNT), tolerance=DEFORMED_OVERLAP_TOLERANCE
             ):
                 for k, pair in enumerate(((one, two), (two, one))):
-                    seen.setdefault(pair, set()).update(
+                    boxes_of_pair.setdefault(pair, set()).update(
                         (FINE_BOX_COUNT * stations[:, k]).astype(int).tolist()
                     )
                 wide, narrow = sorted((leaves[one], leaves[two]), key=lambda leaf: -_width(leaf))
-                if not _within(narrow, wide):
+                if not _is_between_edges(narrow, wide):
                     raise SceneError(
                         f"{joint.family}: leaves '{one}' and '{two}' run into each other at an edge, where no window makes "
                         f"way, at {state_phrase(joint, state.targets)}; move them apart."
                     )
         shares = {}
-        for (one, two), boxes in seen.items():
+        for (one, two), boxes in boxes_of_pair.items():
             ratio = _width(leaves[two]) / _width(leaves[one])
             if ratio < 1 - 1e-9 or (ratio < 1 + 1e-9 and (two, one) not in shares):
-                shares[one, two] = _reach(boxes) * min(ratio, 0.5)
+                shares[one, two] = _share_of_length(boxes) * min(ratio, 0.5)
         return cls(shares)
 
     def largest(self) -> tuple[str, float, str]:
-        """The leaf with the largest windows, their part of its area, and the leaf springs that pass, in words."""
+        """The leaf with the largest windows, their share of its area, and the leaf springs that pass, in words."""
         if not self.shares:
             return "", 0.0, ""
         totals: dict[str, float] = {}
         for (leaf, _), share in self.shares.items():
             totals[leaf] = totals.get(leaf, 0.0) + share
-        most = max(totals, key=lambda name: totals[name])
-        return most, totals[most], ", ".join(f"'{two}'" for one, two in self.shares if one == most)
+        widest = max(totals, key=lambda name: totals[name])
+        return widest, totals[widest], ", ".join(f"'{two}'" for one, two in self.shares if one == widest)
 
 
-def _reach(boxes: set[int]) -> float:
-    """Part of a leaf from the first to the last of its boxes: between two states the place of crossing wanders."""
+def _share_of_length(boxes: set[int]) -> float:
+    """Share of a leaf from the first to the last of its boxes, since the crossing moves between states."""
     return (max(boxes) - min(boxes) + 1) / FINE_BOX_COUNT
 
 
@@ -168,24 +176,23 @@ def _width(leaf: Leaf) -> float:
     return thickness_and_width(leaf.section)[1]
 
 
-def _within(narrow: Leaf, wide: Leaf) -> bool:
+def _is_between_edges(narrow: Leaf, wide: Leaf) -> bool:
     """Whether a leaf at rest lies between the edges of another, seen along its width."""
     axis = np.asarray(wide.axes[:, 2])
     ends = np.array([narrow.start, narrow.end]) - np.asarray(wide.start)
-    reach = np.abs(ends @ axis).max() + 0.5 * _width(narrow) * abs(float(narrow.axes[:, 2] @ axis))
-    return bool(reach <= 0.5 * _width(wide) * (1 + 1e-9))
+    half_extent = np.abs(ends @ axis).max() + 0.5 * _width(narrow) * abs(float(narrow.axes[:, 2] @ axis))
+    return bool(half_extent <= 0.5 * _width(wide) * (1 + 1e-9))
 
 
 def check_stays_soft(joint: Joint, model: Model, states: list[Configuration]) -> None:
-    """Raise SceneError where a motion that is not intended turns softer over the stroke than the intended ones are at
-    rest."""
+    """Raise SceneError where another motion becomes softer over the stroke than the intended ones are at rest."""
     if joint.held_by_others or len(joint.motions) > 5:
         return
     own = intended_stiffness(joint)
     scale = scaling(joint)
     for state in states:
-        found = point_stiffness(model, state.motion, "B", at=joint.pose_B, axes="link")
-        values, vectors = np.linalg.eigh(found.compliance / np.outer(scale, scale))
+        tip_stiffness = point_stiffness(model, state.motion, "B", at=joint.pose_B, axes="link")
+        values, vectors = np.linalg.eigh(tip_stiffness.compliance / np.outer(scale, scale))
         if own > MAX_STIFFNESS_RATIO / values[-1]:
             motion = describe_soft_motion(joint, vectors[:, -1], 1.0 / values[-1])
             raise SceneError(

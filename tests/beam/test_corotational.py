@@ -38,7 +38,7 @@ class Leaf:
         self.value = setup.chain_values(section, length, n, curve)
         self.number = np.array([n, mip])
         self.size = length
-        self.inner = setup.start_inner(self.value, self.number)
+        self.inner = setup.undeformed_inner(self.value, self.number)
         self.store = np.zeros(setup.sizes(n).store)
         self.d, self.Q = setup.undeformed_end(self.value, self.number)
         self.lam, self.K = np.zeros(12), np.zeros((6, 6))

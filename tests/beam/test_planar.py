@@ -89,7 +89,7 @@ class Leaf:
 
 def corotational(section, length, n, *, mip=1):
     value, number = chain_setup.chain_values(section, length, n), np.array([n, mip])
-    inner = chain_setup.start_inner(value, number)
+    inner = chain_setup.undeformed_inner(value, number)
     return Leaf(chain, value, number, inner, chain_setup.sizes(n).store, (length, 0, 0), length)
 
 

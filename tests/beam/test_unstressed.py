@@ -5,9 +5,9 @@ import pytest
 
 from ksd.beam.corotational_element import (
     C_AT,
-    KEPT,
+    CHAIN_SCRATCH_SIZE,
+    ELEMENT_STORE_SIZE,
     Q_AT,
-    TAIL,
     Z_AT,
     chord,
     gradients,
@@ -25,7 +25,7 @@ from ksd.numerics.rotations import rotation_exp
 def test_tangents_agree_where_nothing_is_stressed(first, rng):
     v = np.concatenate([[0.02, 3e7, 0.4, 900.0, 400.0, 0.7, 0.3], np.eye(3).ravel()])
     for _ in range(10):
-        s, tail = np.zeros(KEPT), rng.normal(size=TAIL)
+        s, tail = np.zeros(ELEMENT_STORE_SIZE), rng.normal(size=CHAIN_SCRATCH_SIZE)
         R = np.empty((3, 3))
         rotation_exp(0.2 * rng.normal(size=3), R)
         tail[Q_AT : Q_AT + 12] = np.concatenate([np.zeros(3), R.ravel()])

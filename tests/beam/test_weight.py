@@ -52,7 +52,7 @@ class Space:
             value = chains.chain_values(LEAF, L, 4)
             self.value = np.concatenate([value, chains.lumped_masses(value, 4, np.full(4, MU))])
             self.number, store = np.array([4, 0]), chains.sizes(4, has_weight=True).store
-            self.inner = chains.start_inner(self.value, self.number)
+            self.inner = chains.undeformed_inner(self.value, self.number)
             self.condense, self.recover = corotational.condense, corotational.recover
         self.store = np.zeros(store)
 

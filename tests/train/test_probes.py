@@ -20,7 +20,7 @@ SHIPPED = sorted(shipped_folder().glob("*.h5"))
 def test_shipped_records_agree_with_the_solver(path):
     """Functions as kept to rounding, and each probe solved again within the error told."""
     record = read_record(path)
-    assert len(record.probes.values) == module.STATES
+    assert len(record.probes.values) == module.PROBE_STATES
     assert "solved again, within" in check_probes(record, design_of(record.family))
 
 
@@ -41,7 +41,7 @@ def record():
 def test_probes_reach_the_ends_of_the_stroke_and_other_shapes(record):
     motions = record.probes.motions[:, 0]
     assert (motions.min(), motions.max()) == pytest.approx((record.motions[0].low, record.motions[0].high))
-    assert len(np.unique(record.probes.shapes[:, 0])) == module.STATES
+    assert len(np.unique(record.probes.shapes[:, 0])) == module.PROBE_STATES
 
 
 def test_functions_that_come_out_otherwise_are_found_without_solving(record):

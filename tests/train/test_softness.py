@@ -20,8 +20,8 @@ from ksd.train.softness import (
     MAX_STIFFNESS_RATIO,
     SOFTENING_FACTOR,
     check_soft,
+    motion_stiffnesses,
     rest_stiffness,
-    softness,
     undeclared_freedom,
 )
 
@@ -29,7 +29,7 @@ SINGLE = {"circular_notch": 0.87, "filleted_notch": 0.76, "arc_hinge": 0.66}
 
 
 def share(joint):
-    return max(own / left for _, own, left in softness(joint, rest_stiffness(joint)))
+    return max(own / left for _, own, left in motion_stiffnesses(joint, rest_stiffness(joint)))
 
 
 def leaf(nu, width, *, held=True):

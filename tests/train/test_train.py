@@ -25,7 +25,14 @@ from ksd.train import Design, train
 from ksd.train import jobs as jobs_module
 from ksd.train.catalogue import design_of
 from ksd.train.designs import without_mesh_choices
-from ksd.train.sampling import SamplingPlan, _contact_points, _model, _walk, even_line, sample_joint
+from ksd.train.sampling import (
+    SamplingPlan,
+    _contact_points,
+    _driven_model,
+    _solve_grid,
+    even_line,
+    sample_joint,
+)
 from ksd.train.softness import rest_stiffness
 from ksd.train.stroke_checks import check_clear
 
@@ -457,7 +464,7 @@ def test_leaves_that_meet_between_the_ends_of_the_stroke_are_seen():
     """The state at the end of the stroke put in the middle of one: at the corners alone nothing is seen."""
     joint = twins(near=1.0)
     plan = SamplingPlan(((0.0, -1.0),), ("strain",), (4, 3, 5))
-    rest, bent = _walk(joint, _model(joint, "strain", plan), plan, "strain")
+    rest, bent = _solve_grid(joint, _driven_model(joint, "strain", plan), plan, "strain")
     between = SamplingPlan(((-1.0, 0.0, 1.0),), ("strain",), (4, 3, 5))
     assert _contact_points(between).tolist() == [True, False, True]
     assert _contact_points(replace(between, whole=True)).all()

@@ -9,7 +9,7 @@ import ksd
 from ksd.errors import SceneError
 from ksd.scene import DrawnJoint, Material
 from ksd.train.catalogue import design_of
-from ksd.train.sampling import SamplingPlan, _model, _walk, even_line, sample_joint
+from ksd.train.sampling import SamplingPlan, _driven_model, _solve_grid, even_line, sample_joint
 from ksd.train.stroke_checks import MAX_WINDOW_SHARE, LeafWindows
 
 STEEL = Material(E=200e9, G=76.9e9)
@@ -23,7 +23,7 @@ def plan_of(joint, count=5):
 
 def openings(joint):
     plan = plan_of(joint)
-    return LeafWindows.of(joint, _walk(joint, _model(joint, "strain", plan), plan, "strain"))
+    return LeafWindows.of(joint, _solve_grid(joint, _driven_model(joint, "strain", plan), plan, "strain"))
 
 
 def pivot(*, angle=60, ratio=0.5):

@@ -1,0 +1,99 @@
+"""Drive forces of step 1 of the KSD method by virtual work, compiled."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ksd.bodies.joint_arrays import CLOSING_COUNT, FIRST_MOTION, JOINT_COUNT, MONOMIAL_COUNT
+from ksd.bodies.joint_poses import joint_poses
+from ksd.bodies.kinematics import MIN_PIVOT, least_squares, least_squares_scratch, loop_equations
+from ksd.model.arrays import (
+    LOAD_FOLLOWING,
+    LOAD_FORCE,
+    LOAD_MOMENT,
+    LOAD_NODE,
+    LOAD_POINT,
+    LOADS,
+    ROWS,
+    TERM_FIRST,
+    TERM_KIND,
+    TRANSLATION,
+)
+from ksd.numerics.kernel import kernel
+
+
+@kernel
+def drive_forces(ints, floats, joint_ints, joint_floats, theta, target, x, R, joint_pose, wrench, mu):
+    """Write mu (c,): multipliers of drives and supports in step 1 by virtual work, with the links at the poses that
+    theta gives.
+
+    ints, floats: of the reduced mechanism, as in `ksd.model.arrays.FlatArrays`; joint_ints, joint_floats: as in
+    `ksd.bodies.joint_arrays`; x, R: of its links, overwritten. wrench (54 J,): inner states of the condensed joints,
+    with their wrench F at 12 (`ksd.beam.linear`). With Q the work of the joints' wrenches in pure intended motion minus
+    that of the loads, mu_i = -Q . J^+ e_i, where J^+ e_i is the change of theta per unit of row i while the loops stay
+    closed. Multipliers that are undetermined are nan.
+    """
+    closing, motions, links = 6 * joint_ints[CLOSING_COUNT], len(theta), len(x)
+    rows, size = closing + ints[ROWS], floats[0]
+    W, J, series = (
+        np.zeros((links, motions, 6)),
+        np.zeros((rows, motions)),
+        np.empty((3, joint_ints[MONOMIAL_COUNT])),
+    )
+    residual, Q, rate = np.zeros(rows), np.zeros(motions), np.zeros(motions)
+    ancestry, scratch = np.empty((2, links), np.int64), least_squares_scratch(rows, motions)
+    frames, slope = np.empty((4, 4, 3)), np.empty((8, 3))
+    joint_poses(joint_ints, joint_floats, theta, joint_pose, series)
+    loop_equations(
+        ints,
+        floats,
+        joint_ints,
+        joint_floats,
+        target,
+        x,
+        R,
+        joint_pose,
+        ancestry,
+        W,
+        J,
+        residual,
+        frames,
+        slope,
+    )
+    for j in range(joint_ints[JOINT_COUNT]):
+        first = joint_ints[joint_ints[FIRST_MOTION] + j]
+        for q in range(first, joint_ints[joint_ints[FIRST_MOTION] + j + 1]):
+            at = 12 + 6 * (q - first)
+            for r in range(6):
+                Q[q] += wrench[54 * j + 12 + r] * joint_pose[j, at + r]
+    arm, force, moment = np.empty(3), np.empty(3), np.empty(3)
+    for i in range(ints[LOADS]):
+        node, following = ints[ints[LOAD_NODE] + i], ints[ints[LOAD_FOLLOWING] + i] == 1
+        point, own, twist = ints[LOAD_POINT] + 3 * i, ints[LOAD_FORCE] + 3 * i, ints[LOAD_MOMENT] + 3 * i
+        for r in range(3):
+            arm[r], force[r], moment[r] = 0.0, 0.0, 0.0
+            for c in range(3):
+                arm[r] += R[node, r, c] * floats[point + c]
+                force[r] += R[node, r, c] * floats[own + c]
+                moment[r] += R[node, r, c] * floats[twist + c]
+            if not following:
+                force[r], moment[r] = floats[own + r], floats[twist + r]
+        for r in range(3):
+            k, l = (r + 1) % 3, (r + 2) % 3
+            turning = moment[r] + arm[k] * force[l] - arm[l] * force[k]
+            for q in range(motions):
+                Q[q] -= W[node, q, r] * force[r] + W[node, q, 3 + r] * turning
+    for i in range(ints[ROWS]):
+        residual[:] = 0.0
+        residual[closing + i] = -1.0
+        mu[i] = math.nan
+        if least_squares(J, residual, rate, scratch) > MIN_PIVOT:
+            s, rotations = 0.0, True
+            for q in range(motions):
+                s -= Q[q] * rate[q]
+            for t in range(ints[ints[TERM_FIRST] + i], ints[ints[TERM_FIRST] + i + 1]):
+                rotations = rotations and ints[ints[TERM_KIND] + t] != TRANSLATION
+            # rows of rotations only were multiplied by the length scale, so their multipliers are divided by it
+            mu[i] = s * size if rotations else s
