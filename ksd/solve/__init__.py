@@ -1,6 +1,6 @@
 """Solvers are functions: model and drive values in, `Configuration` out.
 
-Called, `ksd.solve(...)`, it is the function `ksd.solve.solver.solve`.
+The package itself can be called: `ksd.solve(...)` is the function `ksd.solve.solver.solve`.
 """
 
 from ksd.packages import make_callable

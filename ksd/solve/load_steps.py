@@ -281,7 +281,7 @@ def confirm_by_smaller_steps(
         last, size = finer, 2 * size
         if same and not confirmed:
             break
-    how = ", ".join(filter(None, [last.how, f"walked again in smaller steps: {doubt}"]))
+    how = ", ".join(filter(None, [last.how, f"repeated in smaller steps: {doubt}"]))
     result = LoadStepResult(last.record._replace(factorisations=solves, steps_tried=tried), how, last.motion)
     return result if confirmed else confirm_by_arc_length(result._replace(doubts=(reason,)), continuation)
 

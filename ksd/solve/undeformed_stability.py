@@ -123,31 +123,31 @@ def multiple_minima_note(model: Model, motion: State, stable: bool) -> str:
 
     stable: whether `motion` is a minimum. Empty where the undeformed configuration is stable.
     """
-    for rest in undeformed_instability(model):
-        node = int(np.argmax(node_travel(model, rest.shape)))
-        name, movement = model.node_names[node], describe_node_motion(model, rest.shape[node])
-        many = "one direction" if rest.count == 1 else f"{rest.count} directions"
-        why = " and ".join(filter(None, [", ".join(rest.causes[:-1]), rest.causes[-1]]))
-        makes = "make" if len(rest.causes) > 1 or why == "loads" else "makes"
+    for unstable in undeformed_instability(model):
+        node = int(np.argmax(node_travel(model, unstable.shape)))
+        name, movement = model.node_names[node], describe_node_motion(model, unstable.shape[node])
+        directions = "one direction" if unstable.count == 1 else f"{unstable.count} directions"
+        why = " and ".join(filter(None, [", ".join(unstable.causes[:-1]), unstable.causes[-1]]))
+        makes = "make" if len(unstable.causes) > 1 or why == "loads" else "makes"
         where = f"'{name}' {movement}" if movement else "within leaf springs"
-        instability = f"{why} {makes} the undeformed configuration unstable in {many} ({where}): several minima are near"
+        sentence = f"{why} {makes} the undeformed configuration unstable in {directions} ({where}): several minima are near"
         if not stable:
-            return f"{instability}, and this state is between them; a load or another path leads to one (ksd.follow)"
-        return f"{instability}; taken is " + (
-            f"the one with '{name}' {_displacement(rest, motion, node, movement)}"
+            return f"{sentence}, and this state is between them; a load or another path leads to one (ksd.follow)"
+        return f"{sentence}; taken is " + (
+            f"the one with '{name}' {_displacement(unstable, motion, node, movement)}"
             if movement
             else "one of them"
         )
     return ""
 
 
-def _displacement(rest: UndeformedInstability, motion: State, node: int, movement: str) -> str:
+def _displacement(unstable: UndeformedInstability, motion: State, node: int, movement: str) -> str:
     """Signed displacement of a node from the unstable equilibrium along the unstable direction, in words."""
-    moved, axis = motion.x[node] - rest.motion.x[node], rest.shape[node, :3]
+    moved, axis = motion.x[node] - unstable.motion.x[node], unstable.shape[node, :3]
     turns = movement.startswith("turns")
     if turns:
-        moved, axis = np.empty(3), rest.shape[node, 3:]
-        rotation_log(motion.R[node] @ rest.motion.R[node].T, moved)
+        moved, axis = np.empty(3), unstable.shape[node, 3:]
+        rotation_log(motion.R[node] @ unstable.motion.R[node].T, moved)
     # in the sense in which the axis is written
     by = float(axis @ moved) * np.sign(axis[int(np.argmax(np.abs(axis)))]) / np.linalg.norm(axis)
     return (

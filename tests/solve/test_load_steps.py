@@ -39,8 +39,8 @@ def arm():
 @pytest.mark.parametrize(
     ("made", "said"),
     [
-        (strut, "walked again in smaller steps: its inertia is not that of a minimum, then by arc length"),
-        (arm, "walked again in smaller steps: loads do much of the work, and a load step took"),
+        (strut, "repeated in smaller steps: its inertia is not that of a minimum, then by arc length"),
+        (arm, "repeated in smaller steps: loads do much of the work, and a load step took"),
     ],
 )
 def test_a_step_onto_another_branch_is_walked_again(made, said, monkeypatch):
