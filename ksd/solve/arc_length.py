@@ -40,7 +40,7 @@ MAX_ANGLE = 0.5
 MAX_CORRECTION = 0.15
 """Largest Newton correction of a step relative to its arc; a longer one may end on another path."""
 MIN_CHECKED_ARC = 1e-5
-"""Arc below which a step is accepted whatever its angle and correction."""
+"""Arc below which a step is accepted at any angle and correction."""
 MIN_SEPARATION = 3e-7
 """Arc below which two paths are not distinguished."""
 SAME_STATE_TOLERANCE = 1e-6
@@ -357,8 +357,10 @@ class PathContinuation:
         arc: float,
         beyond: Callable[[ArcLengthPoint, Array], bool],
     ) -> tuple[ArcLengthPoint, ArcLengthPoint | None] | None:
-        """The last point of an arc that is not, and the first one that is, `beyond` what is located; None past a sharp
-        turn of the path."""
+        """Bisect an arc: the last point for which `beyond` is false, and the first one for which it is true, if any.
+
+        None where the path turns sharply or Newton fails.
+        """
         low, high = 0.0, arc
         ends: tuple[ArcLengthPoint, ArcLengthPoint | None] = before, None
         for _ in range(BISECTIONS):

@@ -381,8 +381,8 @@ def _take_path(
 def _cannot_leave_plane(model: Model) -> bool:
     """Whether the plane that a mechanism names holds all its nodes, and its members have constant stiffness, so that nothing
     inside them could leave the plane."""
-    held = {term.link for hold in plane_supports(model.scene) for term in hold.terms}
-    return held.issuperset(model.node_names[1:]) and model.kinds <= {LINEAR}
+    held_links = {term.link for hold in plane_supports(model.scene) for term in hold.terms}
+    return held_links.issuperset(model.node_names[1:]) and model.kinds <= {LINEAR}
 
 
 def _take_path_in_plane(

@@ -117,8 +117,8 @@ def follow(
     """Follow the equilibrium path by arc length, through limit points.
 
     scene: a Mechanism, Scene or Model. control "load": the parameter is a factor on the loads, from 0 (or that of `start`)
-    to `until`, with the drives held at `targets`, to which they are moved first. control "drives": the parameter is the
-    fraction of the drive motion to `targets`, from 0 (or `start`) to `until`, with the loads held. branch: switch to the
+    to `until`, with the drives constant at `targets`, to which they are moved first. control "drives": the parameter is the
+    fraction of the drive motion to `targets`, from 0 (or `start`) to `until`, with constant loads. branch: switch to the
     other branch at this bifurcation of an earlier path, on the `side` (+-1, times 0.01 rad or size) of its mode. until < 0
     goes backward. first: first step in the parameter; most: largest number of steps. mesh: stays as given, where
     `ksd.solve` refines it; states for which it is too coarse carry a warning, and so does the path (`Path.warnings`). Raises

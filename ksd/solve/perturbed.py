@@ -70,7 +70,7 @@ class _FixedOrdersMesh(Mesh):
     """A mesh whose orders and points no leaf raises."""
 
     def modes(self, orders: tuple[int, int, int], points: int) -> tuple[tuple[int, int, int], int]:
-        """The orders and points of the mesh, whatever the leaf asks for."""
+        """The orders and points of the mesh, independent of the leaf."""
         return self.orders, self.points
 
 
@@ -349,16 +349,16 @@ def _same_layout(one: Model, other: Model) -> bool:
 
 def _fixed_orders_mesh(model: Model) -> Mesh:
     """The mesh of a model with the orders that its leaf springs have at present."""
-    words = {f.name: getattr(model.mesh, f.name) for f in fields(Mesh)}
+    options = {f.name: getattr(model.mesh, f.name) for f in fields(Mesh)}
     members = model.arrays.members
     names: dict[tuple[int, ...], list[str]] = {}
     for i in np.flatnonzero(members.kind == STRAIN).tolist():
         names.setdefault(tuple(members.number[i].tolist()), []).append(model.member_names[i])
-    held = tuple(
-        (_FixedOrdersMesh(**{**words, "orders": own[:3], "points": own[3]}), tuple(of))
+    fixed = tuple(
+        (_FixedOrdersMesh(**{**options, "orders": own[:3], "points": own[3]}), tuple(of))
         for own, of in names.items()
     )
-    return MixedMesh(**words, others=(*held, *getattr(model.mesh, "others", ())))
+    return MixedMesh(**options, others=(*fixed, *getattr(model.mesh, "others", ())))
 
 
 def answer_derivatives(

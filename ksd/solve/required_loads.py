@@ -219,7 +219,7 @@ def _check_leaf_lengths(model: Model, poses_by_node: LinkPoses) -> None:
 
 
 def prescribed_pose(solver: Solver, poses: Mapping[str, Any]) -> Configuration:
-    """The equilibrium of a mechanism with links held in given poses, given as in `required_loads`.
+    """The equilibrium of a mechanism with links constrained to poses, given as in `required_loads`.
 
     Raises SceneError for poses that no leaf can take, ConvergenceError for poses that are not reached.
     """
