@@ -24,7 +24,7 @@ class SceneFileError(SceneError):
 
 
 class UnknownNameError(SceneError):
-    """A sentence speaks of a link, joint or leaf, `name` of `kind`, that is not there."""
+    """A link, joint or leaf, `name` of `kind`, does not exist."""
 
     def __init__(self, message: str, *, kind: str = "", name: str = "") -> None:
         super().__init__(message)
@@ -32,11 +32,11 @@ class UnknownNameError(SceneError):
 
 
 class UnknownWordError(SceneError, AttributeError):
-    """There is no method or attribute of this name; the sentence tells which there are."""
+    """There is no method or attribute of this name; the message lists those there are."""
 
 
 class SceneWarning(UserWarning):
-    """A scene file says what is possible but was probably not meant."""
+    """A value in a scene file is possible but probably not meant."""
 
 
 class KinematicsError(SceneError):

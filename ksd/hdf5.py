@@ -1,8 +1,7 @@
-"""The one way HDF5 files are read: out of memory, without trust in what they declare.
+"""Reading of HDF5 files from memory without trusting what they declare; every HDF5 file is read here.
 
-What a file says of itself can be a lie: 80 GB of numbers in a kilobyte, numbers and groups that are in other files, filters
-that load foreign code. All of it is refused before anything is read. HDF5 verifies the Fletcher32 checksums of what has
-them.
+A file may declare 80 GB of numbers in a kilobyte, data stored in other files, or filters that load foreign code. All of it
+is refused before anything is read. HDF5 verifies Fletcher32 checksums where present.
 """
 
 from __future__ import annotations
@@ -20,19 +19,19 @@ from ksd.files import MAX_READ_BYTES
 
 T = TypeVar("T")
 GZIP, SHUFFLE, FLETCHER32 = 1, 2, 3
-SUM = 4
+CHECKSUM_BYTES = 4
 """Bytes of a Fletcher32 checksum."""
-ROWS = 256
-"""Texts read at a time."""
+TEXTS_PER_READ = 256
+"""Texts read at once."""
 
-_KINDS = [f"IEEE_F{n}{order}" for n in (32, 64) for order in ("LE", "BE")]
-_KINDS += [f"STD_{i}{n}{order}" for i in "IU" for n in (8, 16, 32, 64) for order in ("LE", "BE")]
+_PLAIN_TYPES = [f"IEEE_F{n}{order}" for n in (32, 64) for order in ("LE", "BE")]
+_PLAIN_TYPES += [f"STD_{i}{n}{order}" for i in "IU" for n in (8, 16, 32, 64) for order in ("LE", "BE")]
 
 
-class Contents:
+class BoundedReader:
     """A file in memory: `items` of a group, `numbers` and `texts` of datasets, `text` and `whole` of attributes.
 
-    All raise ValueError where the file is not what it should be or holds more than LARGEST bytes, and whatever h5py raises.
+    All raise ValueError for malformed content or more than MAX_READ_BYTES bytes, and whatever h5py raises.
     """
 
     def __init__(self, file: Any, h5py: Any) -> None:
@@ -53,25 +52,25 @@ class Contents:
         self._take(data)
         kind = data.id.get_type()
         # a float of another exponent, which one damaged byte declares, is read as a float all the same
-        if not any(kind.equal(getattr(self._h5py.h5t, known)) for known in _KINDS):
+        if not any(kind.equal(getattr(self._h5py.h5t, known)) for known in _PLAIN_TYPES):
             raise ValueError(f"'{data.name}' holds {data.dtype}, no plain numbers")
         found: NDArray[np.float64] = np.asarray(data[()], float)
         return found
 
     def texts(self, data: Any) -> list[str]:
-        """A dataset of texts along one axis."""
+        """A one-dimensional dataset of texts."""
         self._take(data)
         if self._h5py.check_string_dtype(data.dtype) is None or data.ndim != 1:
             raise ValueError(f"'{data.name}' holds no texts")
         found: list[str] = []
-        for first in range(0, len(data), ROWS):
+        for first in range(0, len(data), TEXTS_PER_READ):
             # many entries may point at one long text
-            found += data.asstr()[first : first + ROWS].tolist()
+            found += data.asstr()[first : first + TEXTS_PER_READ].tolist()
             self._spend(sum(map(len, found[first:])))
         return found
 
     def text(self, attributes: Any, name: str) -> str:
-        """An attribute that is one text."""
+        """A scalar text attribute."""
         if attributes.get_id(name).shape != ():
             raise ValueError(f"attribute '{name}' is no text")
         value = attributes[name]
@@ -80,7 +79,7 @@ class Contents:
         return value
 
     def whole(self, attributes: Any, name: str) -> int:
-        """An attribute that is one whole number."""
+        """A scalar integer attribute."""
         found = attributes.get_id(name)
         if found.shape != () or found.dtype.kind not in "iu":
             raise ValueError(f"attribute '{name}' is no whole number")
@@ -92,7 +91,7 @@ class Contents:
             raise ValueError(f"it holds more than the {MAX_READ_BYTES >> 20} MiB that are read")
 
     def _take(self, data: Any) -> None:
-        """Refuses a dataset that cannot be read within bounds from this file alone."""
+        """Raise ValueError unless the dataset can be read within bounds from this file alone."""
         if not isinstance(data, self._h5py.Dataset) or data.shape is None:
             raise ValueError(f"'{getattr(data, 'name', data)}' is no dataset")
         if data.is_virtual or data.external:
@@ -109,25 +108,25 @@ class Contents:
             data.id.chunk_iter(lambda piece: self._fits(data, piece, size, filters))
 
     def _fits(self, data: Any, piece: Any, size: int, filters: list[int]) -> None:
-        """Refuses a piece that does not unpack to its size: HDF5 unpacks one that is larger all the same, and reads beyond
-        the end of one that is smaller."""
+        """Raise ValueError for a chunk that does not unpack to its size: HDF5 would overrun its buffer with a larger one and
+        read beyond the end of a smaller one."""
         mask, packed = data.id.read_direct_chunk(piece.chunk_offset)
         if GZIP in filters:
             unpacking = zlib.decompressobj()
             try:
-                length = len(unpacking.decompress(packed, size + SUM + 1))
+                length = len(unpacking.decompress(packed, size + CHECKSUM_BYTES + 1))
             except zlib.error as error:
                 raise ValueError(f"a piece of '{data.name}' cannot be unpacked") from error
-            sums = SUM if FLETCHER32 in filters[: filters.index(GZIP)] else 0
+            sums = CHECKSUM_BYTES if FLETCHER32 in filters[: filters.index(GZIP)] else 0
         else:
-            length, sums = len(packed), SUM if FLETCHER32 in filters else 0
+            length, sums = len(packed), CHECKSUM_BYTES if FLETCHER32 in filters else 0
         if mask or length != size + sums:
             raise ValueError(f"a piece of '{data.name}' does not unpack to its {size} bytes")
 
 
-def contents(content: bytes, read: Callable[[Contents], T]) -> T:
-    """What `read` makes of the bytes of an HDF5 file. Raises whatever h5py does where it is none."""
+def read_hdf5(content: bytes, read: Callable[[BoundedReader], T]) -> T:
+    """The result of `read` for the bytes of an HDF5 file. Raises what h5py raises for anything else."""
     import h5py
 
     with h5py.File(io.BytesIO(content), "r") as file:
-        return read(Contents(file, h5py))
+        return read(BoundedReader(file, h5py))

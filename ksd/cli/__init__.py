@@ -1,4 +1,4 @@
-"""The command line, `ksd COMMAND ...`: its words are in `ksd.cli.commands`, every command is a module with `run`.
+"""The command line, `ksd COMMAND ...`: options are defined in `ksd.cli.commands`, every command is a module with `run`.
 
 Exit codes: 0 solved, 2 bad input (also wrong options), 3 not converged, 4 joint record missing or damaged,
 130 interrupted. What went wrong is one sentence on stderr; a traceback is a bug of ours.
@@ -26,7 +26,7 @@ BROKEN_PIPE = 141
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; `argv` without the program name, sys.argv when None. Returns the exit code."""
     if sys.stderr is None:
-        # closed by the caller: nobody wants to read it
+        # closed by the caller
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115
     if sys.stdout is None:
         return _fail("standard output is closed; send it to a file or to /dev/null", BAD_INPUT)
@@ -37,7 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _fail("give a command", BAD_INPUT)
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = _warned(warnings.showwarning)
+            warnings.showwarning = _scene_warnings_as_sentences(warnings.showwarning)
             # only the command that was given is loaded, with the solvers and pictures it needs
             code: int = import_module(f"ksd.cli.{options.command}").run(options)
         sys.stdout.flush()
@@ -48,16 +48,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _fail(str(stop) or "interrupted; nothing more was written", INTERRUPTED)
     except BrokenPipeError:
         # the reader (head, less) has left
-        _say_no_more()
+        _discard_output()
         return BROKEN_PIPE
     except OSError as error:
-        _say_no_more()
+        _discard_output()
         place = f" '{error.filename}'" if error.filename else ""
         return _fail(f"cannot read or write{place}: {error.strerror or error}", BAD_INPUT)
 
 
-def _warned(otherwise: Callable[..., None]) -> Callable[..., None]:
-    """How warnings are shown: those of scene files as a sentence on stderr, all others as before."""
+def _scene_warnings_as_sentences(otherwise: Callable[..., None]) -> Callable[..., None]:
+    """A `warnings.showwarning` that prints warnings about scene files as a sentence on stderr and passes others on."""
 
     def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
         if issubclass(category, SceneWarning):
@@ -68,8 +68,8 @@ def _warned(otherwise: Callable[..., None]) -> Callable[..., None]:
     return show
 
 
-def _say_no_more() -> None:
-    """What is still to be printed goes nowhere, or the interpreter would complain of it at its exit."""
+def _discard_output() -> None:
+    """Redirect standard output to the null device, so that flushing it at exit raises no error."""
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 

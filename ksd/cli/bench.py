@@ -16,8 +16,8 @@ from ksd.bench.measure import numbers, summary, table
 from ksd.cli.output import STDOUT, check_json, console, write_json
 from ksd.errors import SceneError
 
-QUICK, USUAL = 5, 15
-"""Repeats."""
+QUICK_REPEATS, DEFAULT_REPEATS = 5, 15
+"""Measurements per case."""
 
 
 def run(options: argparse.Namespace) -> int:
@@ -33,7 +33,9 @@ def run(options: argparse.Namespace) -> int:
     screen, quiet = console(), options.json == STDOUT
     results = []
     for case in cases:
-        measured = measure(case, quick=options.quick, repeats=QUICK if options.quick else USUAL)
+        measured = measure(
+            case, quick=options.quick, repeats=QUICK_REPEATS if options.quick else DEFAULT_REPEATS
+        )
         results.append(measured)
         if not quiet:
             screen.print(table(measured))

@@ -1,17 +1,17 @@
-"""The words of every command: names, options and what they mean. Nothing heavy is loaded to print the help."""
+"""Names, options and help texts of every command. Nothing heavy is imported to print the help."""
 
 from __future__ import annotations
 
 import argparse
 from typing import Any
 
-PICTURE = "ksd-demo.png"
-"""Where the picture of the demo goes."""
-POSES = 31
-"""Poses of a stroke."""
+DEMO_PICTURE = "ksd-demo.png"
+"""Default file of the picture of `ksd demo`."""
+DEFAULT_POSES = 31
+"""Default number of poses of a stroke."""
 
 
-_WORDS: dict[str, dict[str, Any]] = {
+_SHARED_OPTIONS: dict[str, dict[str, Any]] = {
     "scene": {"metavar": "SCENE.toml"},
     "--set": {
         "action": "append",
@@ -49,15 +49,15 @@ _WORDS: dict[str, dict[str, Any]] = {
     "--plot": {"metavar": "FILE", "help": "write a picture (.png, .pdf, .svg) or a ParaView file (.vtu)"},
     "--quiet": {"action": "store_true", "help": "no progress bar"},
 }
-"""What more than one command takes."""
-_HOW = tuple(_WORDS)[2:10]
-"""How a scene is solved."""
+"""Options that several commands share, with the arguments of `add_argument`."""
+_SOLVER_OPTIONS = tuple(_SHARED_OPTIONS)[2:10]
+"""Names of the options that control a solve."""
 
 
-def _take(parser: argparse.ArgumentParser, *words: str, **changes: str) -> None:
-    """Let a command take `words` of the table; changes: entries of the table that read otherwise here."""
+def _add_shared(parser: argparse.ArgumentParser, *words: str, **changes: str) -> None:
+    """Add shared options `words` to a command; changes: arguments that differ for this command."""
     for word in words:
-        parser.add_argument(word, **{**_WORDS[word], **changes})
+        parser.add_argument(word, **{**_SHARED_OPTIONS[word], **changes})
 
 
 def _demo(commands: Any) -> None:
@@ -66,7 +66,9 @@ def _demo(commands: Any) -> None:
         help="solve a fourbar by every method",
         description="Solve the fourbar of Dwarshuis et al. (2020), moved 300 mm sideways, by every method.",
     )
-    parser.add_argument("--plot", metavar="FILE", default=PICTURE, help=f"where the picture goes ({PICTURE})")
+    parser.add_argument(
+        "--plot", metavar="FILE", default=DEMO_PICTURE, help=f"where the picture goes ({DEMO_PICTURE})"
+    )
     parser.add_argument("--json", metavar="FILE", help="write the table; - is stdout, without the table")
 
 
@@ -76,7 +78,7 @@ def _solve(commands: Any) -> None:
         help="solve a scene file",
         description="Solve one configuration of a scene; drive values come from the file or from --set.",
     )
-    _take(parser, "scene", "--set", *_HOW, "--json", "--plot")
+    _add_shared(parser, "scene", "--set", *_SOLVER_OPTIONS, "--json", "--plot")
 
 
 def _new(commands: Any) -> None:
@@ -113,13 +115,13 @@ def _compare(commands: Any) -> None:
         description="Solve the pose of a scene by every method, and show each answer beside its time and its error against "
         "finer leaf springs. Methods that cannot do it say why.",
     )
-    _take(parser, "scene", "--set")
+    _add_shared(parser, "scene", "--set")
     parser.add_argument("--method", action="append", metavar="M", help="only this one; may be repeated")
-    _take(parser, "--elements", help="elements per leaf in the rows that have such (5)")
-    _take(parser, "--extrapolate", "--effects", "--with", "--without")
+    _add_shared(parser, "--elements", help="elements per leaf in the rows that have such (5)")
+    _add_shared(parser, "--extrapolate", "--effects", "--with", "--without")
     parser.add_argument("--out", metavar="FILE", help="write the table: .csv, .h5 or .mat")
-    _take(parser, "--plot", help="write time against error (.png, .pdf, .svg)")
-    _take(parser, "--quiet")
+    _add_shared(parser, "--plot", help="write time against error (.png, .pdf, .svg)")
+    _add_shared(parser, "--quiet")
 
 
 def _effects(commands: Any) -> None:
@@ -129,10 +131,10 @@ def _effects(commands: Any) -> None:
         description="Solve a scene with and without every effect it can have, and show what each changes in the drive "
         "forces, displacements, support stiffness and first frequency, and what it costs in time and unknowns.",
     )
-    _take(parser, "scene", "--set")
-    _take(parser, "--accuracy", help="line drawn in the picture (1e-3)")
-    _take(parser, "--json")
-    _take(parser, "--plot", help="write the bars (.png, .pdf, .svg)")
+    _add_shared(parser, "scene", "--set")
+    _add_shared(parser, "--accuracy", help="line drawn in the picture (1e-3)")
+    _add_shared(parser, "--json")
+    _add_shared(parser, "--plot", help="write the bars (.png, .pdf, .svg)")
 
 
 def _doctor(commands: Any) -> None:
@@ -141,8 +143,8 @@ def _doctor(commands: Any) -> None:
         help="count freedoms and constraints of a scene",
         description="Say what is under-constrained, what is redundant, and which release would make the mechanism exact.",
     )
-    _take(parser, "scene")
-    _take(parser, "--json", help="write counts and sentences; - is stdout, without text")
+    _add_shared(parser, "scene")
+    _add_shared(parser, "--json", help="write counts and sentences; - is stdout, without text")
 
 
 def _sweep(commands: Any) -> None:
@@ -152,19 +154,19 @@ def _sweep(commands: Any) -> None:
         description="Everything that the scene has an answer to, or the questions named, at every pose of a "
         "stroke. Several drives with a range are combined, the last one moving along the stroke.",
     )
-    _take(parser, "scene")
-    said = f"a range FROM:TO or FROM:TO:POSES ({POSES} poses), such as top=0mm:300mm:31, or one value; may be repeated"
-    _take(parser, "--set", metavar="DRIVE=RANGE", help=said)
+    _add_shared(parser, "scene")
+    said = f"a range FROM:TO or FROM:TO:POSES ({DEFAULT_POSES} poses), such as top=0mm:300mm:31, or one value; may be repeated"
+    _add_shared(parser, "--set", metavar="DRIVE=RANGE", help=said)
     said = (
         "force, drive_stiffness, support_stiffness, frequencies, stress, parasitic, energy, buckling, size, clearance "
         "or distance; may be repeated"
     )
     parser.add_argument("--question", action="append", default=[], metavar="Q", help=said)
-    _take(parser, *_HOW)
+    _add_shared(parser, *_SOLVER_OPTIONS)
     parser.add_argument("--out", metavar="FILE", help="write the table: .csv, .h5 or .mat")
-    _take(parser, "--plot", help="write a picture of the answers (.png, .pdf, .svg)")
+    _add_shared(parser, "--plot", help="write a picture of the answers (.png, .pdf, .svg)")
     parser.add_argument("--resume", metavar="FILE", help="keep finished poses here; give it again to go on")
-    _take(parser, "--quiet")
+    _add_shared(parser, "--quiet")
 
 
 def _optimise(commands: Any) -> None:
@@ -175,7 +177,7 @@ def _optimise(commands: Any) -> None:
         "the scene, and says in its [job] what to vary, maximise or minimise, and limit.",
     )
     parser.add_argument("job", metavar="JOB.toml")
-    _take(
+    _add_shared(
         parser,
         "--set",
         metavar="DRIVE=RANGE",
@@ -184,7 +186,7 @@ def _optimise(commands: Any) -> None:
     said = "where to start, such as joint.cross.thickness=0.4mm; all that varies, or none for the middle of the bounds"
     parser.add_argument("--start", action="append", default=[], metavar="NAME=VALUE", help=said)
     parser.add_argument("--starts", type=int, metavar="N", help="starts, the others random (1)")
-    _take(
+    _add_shared(
         parser,
         "--method",
         help="gradient (the default), trust-constr, cobyla, or cma, which needs the package cma",
@@ -194,11 +196,11 @@ def _optimise(commands: Any) -> None:
     parser.add_argument("--seed", type=int, metavar="S", help="of the random starts (0)")
     parser.add_argument("--resume", metavar="FILE", help="keep every design here; give it again to go on")
     parser.add_argument("--out", metavar="FILE", help="write every design that was tried: .csv, .h5 or .mat")
-    _take(parser, "--json")
-    _take(parser, "--plot", help="write how it was found (.png, .pdf, .svg)")
+    _add_shared(parser, "--json")
+    _add_shared(parser, "--plot", help="write how it was found (.png, .pdf, .svg)")
     parser.add_argument("--report", metavar="FILE", help="write an HTML page")
     parser.add_argument("--save", metavar="FILE", help="write the optimum as a scene file")
-    _take(parser, "--quiet")
+    _add_shared(parser, "--quiet")
 
 
 def _report(commands: Any) -> None:
@@ -208,15 +210,17 @@ def _report(commands: Any) -> None:
         description="Solve a scene and its stroke, and write one HTML page that needs no network: scene, what was "
         "simulated, pictures, tables, convergence and error.",
     )
-    _take(parser, "scene")
+    _add_shared(parser, "scene")
     parser.add_argument("--out", metavar="FILE", help="the page; SCENE.html beside the scene when left out")
-    _take(parser, "--set", help="a drive value at the end of the stroke, such as top=300mm; may be repeated")
-    _take(parser, "--method", "--effects", "--with", "--without")
+    _add_shared(
+        parser, "--set", help="a drive value at the end of the stroke, such as top=300mm; may be repeated"
+    )
+    _add_shared(parser, "--method", "--effects", "--with", "--without")
     parser.add_argument(
-        "--poses", type=int, default=POSES, metavar="N", help=f"poses of the stroke ({POSES})"
+        "--poses", type=int, default=DEFAULT_POSES, metavar="N", help=f"poses of the stroke ({DEFAULT_POSES})"
     )
     parser.add_argument("--both", action="store_true", help="stroke from minus to plus the drive values")
-    _take(parser, "--quiet")
+    _add_shared(parser, "--quiet")
     parser.set_defaults(accuracy=None, elements=None, relinearisations=None, extrapolate=None)
 
 
@@ -236,7 +240,7 @@ def _train(commands: Any) -> None:
     parser.add_argument(
         "--check", action="store_true", help="train beside the record in use and compare; writes nothing"
     )
-    _take(parser, "--quiet")
+    _add_shared(parser, "--quiet")
 
 
 def _info(commands: Any) -> None:
@@ -260,7 +264,7 @@ def _bench(commands: Any) -> None:
     )
     parser.add_argument("--quick", action="store_true", help="one mesh of each leaf model; under a minute")
     parser.add_argument("--case", metavar="WORD", action="append", help="only cases whose name holds WORD")
-    _take(parser, "--json")
+    _add_shared(parser, "--json")
 
 
 COMMANDS = {
@@ -268,7 +272,7 @@ COMMANDS = {
     "sweep": _sweep, "optimise": _optimise, "report": _report, "train": _train, "info": _info, "bench": _bench,
     "schema": _schema,
 }  # fmt: skip
-"""What adds the parser of a command, by its name, in the order of the help; `ksd.cli.<name>` runs it."""
+"""Function that adds the parser of each command, in the order of the help; the module `ksd.cli.<name>` runs it."""
 
 
 def parser(version: str) -> argparse.ArgumentParser:

@@ -7,8 +7,8 @@ import math
 
 from ksd.bench.compare import compare
 from ksd.cli.output import check_plot, console
-from ksd.cli.solve import effect_words, scene_of
-from ksd.cli.sweep import writer_of
+from ksd.cli.solve import effect_options, load_with_options
+from ksd.cli.sweep import table_writer
 from ksd.design.table import Table
 from ksd.errors import SceneError
 from ksd.view.cost_plot import Mark, plot_cost
@@ -18,10 +18,10 @@ from ksd.view.figure import new_figure, save_figure
 def run(options: argparse.Namespace) -> int:
     """Load, solve, print, write. Errors as in `ksd.load_scene` and `ksd.compare`."""
     check_plot(options.plot)
-    write = None if options.out is None else writer_of(options.out)
-    scene, targets, written = scene_of(options.scene, options.set)
+    write = None if options.out is None else table_writer(options.out)
+    scene, targets, written = load_with_options(options.scene, options.set)
     asked = {key: getattr(options, key) or written.get(key) for key in ("effects", "with", "without")}
-    words = {key: value for key, value in effect_words(asked).items() if key != "accuracy"}
+    words = {key: value for key, value in effect_options(asked).items() if key != "accuracy"}
     table = compare(
         scene, targets, methods=options.method, elements=options.elements or written.get("elements") or 5,
         extrapolate=bool(options.extrapolate or written.get("extrapolate")), progress=not options.quiet, **words,

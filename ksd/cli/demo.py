@@ -33,10 +33,10 @@ from ksd.view.figure import new_figure
 REPEATS = 9
 ELEMENTS = 5
 """Appendix A elements per leaf, as in the fourbar of paper 1."""
-FINER = 50
-"""Elements per leaf of the coarser of the two meshes behind the reference; the other has twice as many."""
-LEFT_OUT = ("constant", "modal")
-"""What the demo does not show: leaf springs of constant stiffness are not trusted here, modal bodies are of paper 2."""
+REFERENCE_ELEMENTS = 50
+"""Elements per leaf of the coarser of the two meshes of the reference; the finer has twice as many."""
+OMITTED_METHODS = ("constant", "modal")
+"""Methods the demo leaves out: constant leaf springs are not trusted at this stroke, modal bodies belong to paper 2."""
 
 
 def run(options: argparse.Namespace) -> int:
@@ -46,9 +46,9 @@ def run(options: argparse.Namespace) -> int:
     with as_file(files("ksd") / "scenes" / "fourbar.toml") as path:
         mechanism, targets, _ = load_scene(path)
     scene = mechanism.scene()
-    reference, shown, rows = compare(scene, targets)
+    reference, shown, rows = reference_and_rows(scene, targets)
     if options.json:
-        write_json(numbers(reference, shown, rows), options.json)
+        write_json(as_dict(reference, shown, rows), options.json)
     if options.json != STDOUT:
         _print(shown, rows)
     _draw(shown, rows, options.plot)
@@ -57,35 +57,35 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def limit(scene: Any, targets: dict[str, float]) -> Reference:
-    """Where ever finer chains lead to: their error, of second order, taken out by two meshes."""
-    meshes = (Mesh(leaf="corotational", elements=n) for n in (FINER, 2 * FINER))
+def extrapolated_reference(scene: Any, targets: dict[str, float]) -> Reference:
+    """The reference: Richardson extrapolation (second order) of chains of two meshes."""
+    meshes = (Mesh(leaf="corotational", elements=n) for n in (REFERENCE_ELEMENTS, 2 * REFERENCE_ELEMENTS))
     coarse, fine = (solve_conventional(compile_scene(scene, mesh=m), targets) for m in meshes)
     forces = {n: f + (f - coarse.forces[n]) / 3.0 for n, f in fine.forces.items()}
     one, two = reference_of(coarse, ""), reference_of(fine, "")
     places = two.places + (two.places - one.places) / 3.0
-    words = f"{FINER} and {2 * FINER} Appendix A elements per leaf, extrapolated to infinitely many"
+    words = f"{REFERENCE_ELEMENTS} and {2 * REFERENCE_ELEMENTS} Appendix A elements per leaf, extrapolated to infinitely many"
     return Reference(forces, places, two.moved + (two.moved - one.moved) / 3.0, words)
 
 
-def compare(scene: Any, targets: dict[str, float]) -> tuple[Reference, Any, list[Compared]]:
-    """The reference, the configuration solved in full, and a row per method."""
+def reference_and_rows(scene: Any, targets: dict[str, float]) -> tuple[Reference, Any, list[Compared]]:
+    """The reference, the configuration by method `full`, and a row per method."""
     ways: list[Approach] = approaches(scene, targets, Mesh(), ELEMENTS)
-    shown = [way for way in ways if way.method not in LEFT_OUT]
-    # where nothing is compiled yet, chains and strain-mode leaves are so at the same time
+    shown = [way for way in ways if way.method not in OMITTED_METHODS]
+    # on an empty kernel cache, chains and strain-mode leaves compile in parallel
     with process_pool(spawn_context(scene, targets) or SpawnContext()) as others:
-        found = others.submit(limit, scene, targets)
+        found = others.submit(extrapolated_reference, scene, targets)
         full = solve(scene, targets, method="full")
         reference = found.result()
     return reference, full, measured(shown, scene.name, reference, REPEATS, tell=False)
 
 
-def numbers(reference: Reference, shown: Any, rows: list[Compared]) -> dict[str, Any]:
+def as_dict(reference: Reference, shown: Any, rows: list[Compared]) -> dict[str, Any]:
     """The table as plain numbers, for JSON."""
     ((drive, value),) = shown.targets.items()
     return {
         "case": {"mechanism": shown.model.scene.name, "drive": drive, "value_mm": 1e3 * value},
-        "reference": {"force_N": _force(reference.forces), "leaf_model": reference.words},
+        "reference": {"force_N": _drive_force(reference.forces), "leaf_model": reference.words},
         "rows": [
             {
                 "method": r.method,
@@ -93,7 +93,7 @@ def numbers(reference: Reference, shown: Any, rows: list[Compared]) -> dict[str,
                 "time_us": 1e6 * r.time,
                 "estimate_time_us": None if r.estimate is None else 1e6 * r.check,
                 "iterations": r.iterations,
-                "force_N": _force(r.forces),
+                "force_N": _drive_force(r.forces),
                 "error_percent": 100 * r.error,
                 "estimated_error_percent": None if r.estimate is None else 100 * r.estimate,
             }
@@ -102,8 +102,8 @@ def numbers(reference: Reference, shown: Any, rows: list[Compared]) -> dict[str,
     }
 
 
-def _force(forces: Any) -> float:
-    """That of the one drive."""
+def _drive_force(forces: Any) -> float:
+    """Force of the only drive [N]."""
     (force,) = forces.values()
     return float(force)
 
@@ -130,7 +130,7 @@ def _print(shown: Any, rows: list[Compared]) -> None:
             r.leaves,
             format_number(1e6 * r.time, 3),
             str(r.iterations),
-            f"{_force(r.forces):.3f}",
+            f"{_drive_force(r.forces):.3f}",
             f"{format_number(100 * r.error, 2)} %",
             estimate,
             "-" if r.estimate is None else format_number(1e6 * r.check, 3),

@@ -10,7 +10,7 @@ from rich import box
 from rich.table import Table
 
 from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
-from ksd.cli.solve import scene_of
+from ksd.cli.solve import load_with_options
 from ksd.design.effect_cost import effect_cost
 from ksd.model.description import effect_reason
 from ksd.properties.printing import format_signed_percent
@@ -22,7 +22,7 @@ def run(options: argparse.Namespace) -> int:
     """Load, solve every variant, print, write. Errors as in `ksd.solve` and `ksd.load_scene`."""
     check_json(options.json)
     check_plot(options.plot)
-    scene, targets, written = scene_of(options.scene, options.set)
+    scene, targets, written = load_with_options(options.scene, options.set)
     accuracy = options.accuracy or written.get("accuracy") or 1e-3
     choice, rows = effect_cost(scene, targets)
     if options.json:

@@ -31,7 +31,7 @@ _UNITS = {
 def run(options: argparse.Namespace) -> int:
     """Print all records. Raises RecordError when there are none or one is damaged."""
     if options.family is not None:
-        return _one(options.family, check=options.check)
+        return _print_family(options.family, check=options.check)
     if options.check:
         raise SceneError("ksd info --check needs the name of a family")
     screen = console()
@@ -44,7 +44,7 @@ def run(options: argparse.Namespace) -> int:
         raise RecordError("there are no joint records; run `ksd train cross_flexure`")
     for listing in listings:
         screen.print()
-        screen.print(_columns(listing.family, _rows(listing)))
+        screen.print(_two_columns(listing.family, _listing_rows(listing)))
     damaged = [entry.family for entry in listings if entry.problem]
     if damaged:
         raise RecordError(
@@ -53,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _one(family: str, *, check: bool) -> int:
+def _print_family(family: str, *, check: bool) -> int:
     """Print all that is known of one family. Raises SceneError for an unknown name, RecordError for a damaged record and,
     with `check`, for one that does not agree with the solver.
     """
@@ -66,7 +66,7 @@ def _one(family: str, *, check: bool) -> int:
     if listing is None:
         none = "none, and none needed: a flexible constraint, said with Mechanism.constrain"
         rows.append(("record", f"none; run `ksd train {family}`" if family in known_designs() else none))
-        screen.print(_columns(family, rows))
+        screen.print(_two_columns(family, rows))
         return 0
     if listing.problem:
         raise RecordError(listing.problem)
@@ -81,17 +81,17 @@ def _one(family: str, *, check: bool) -> int:
         # a single joint trained under the name of a family has numbers of its own
         drawn = design is not None and dict(design.numbers) == dict(record.design)
         rows.append(("checked", check_probes(record, design if drawn else None)))
-    screen.print(_columns(family, [*rows, *_rows(listing)]))
+    screen.print(_two_columns(family, [*rows, *_listing_rows(listing)]))
     screen.print()
-    screen.print(_evidence(record))
+    screen.print(_evidence_table(record))
     screen.print()
-    screen.print(_residuals(record))
+    screen.print(_residual_table(record))
     return 0
 
 
-def _evidence(record: Any) -> Any:
-    """What a change of one input does to the functions."""
-    table = _headed(
+def _evidence_table(record: Any) -> Any:
+    """Table of the change of the record's functions with each input."""
+    table = _headed_table(
         "What matters: largest change of the functions in the middle of the shapes",
         *("<input", "<changed to", "poses [rad, joint lengths]", "leaf springs [rad]", "<in the record"),
     )
@@ -102,9 +102,9 @@ def _evidence(record: Any) -> Any:
     return table
 
 
-def _residuals(record: Any) -> Any:
+def _residual_table(record: Any) -> Any:
     """Errors of the fit, by mesh and group."""
-    table = _headed(
+    table = _headed_table(
         "Errors of the fit, largest and root mean square",
         *("<mesh", "<functions", "fitted shapes", "rms", "fresh shapes", "rms", "<unit"),
     )
@@ -114,20 +114,25 @@ def _residuals(record: Any) -> Any:
     return table
 
 
-_LOOK: dict[str, Any] = {"box": None, "pad_edge": False, "title_justify": "left", "title_style": "bold"}
+_TABLE_STYLE: dict[str, Any] = {
+    "box": None,
+    "pad_edge": False,
+    "title_justify": "left",
+    "title_style": "bold",
+}
 
 
-def _headed(title: str, *columns: str) -> Any:
+def _headed_table(title: str, *columns: str) -> Any:
     """A table without borders; columns marked by "<" hold text."""
-    table = Table(title=title, header_style="dim", **_LOOK)
+    table = Table(title=title, header_style="dim", **_TABLE_STYLE)
     for column in columns:
         table.add_column(column.removeprefix("<"), justify="left" if column[0] == "<" else "right")
     return table
 
 
-def _columns(title: str, rows: list[tuple[str, str]]) -> Any:
+def _two_columns(title: str, rows: list[tuple[str, str]]) -> Any:
     """A borderless table of two columns."""
-    table = Table(title=title, show_header=False, **_LOOK)
+    table = Table(title=title, show_header=False, **_TABLE_STYLE)
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
     for name, value in rows:
@@ -135,15 +140,15 @@ def _columns(title: str, rows: list[tuple[str, str]]) -> Any:
     return table
 
 
-def _rows(listing: Any) -> list[tuple[str, str]]:
+def _listing_rows(listing: Any) -> list[tuple[str, str]]:
     file = [("file", f"{listing.path}, {listing.size / 1024:.0f} kB"), ("sha256", listing.checksum)]
     if listing.problem:
         return [*file, ("problem", listing.problem)]
     age = "" if math.isnan(listing.age) else f", {listing.age:.0f} days ago"
     return [
         *file,
-        *[(f"motion {m.name}", _stroke(m)) for m in listing.motions],
-        *[(f"shape {p.name}", _range(p)) for p in listing.parameters],
+        *[(f"motion {m.name}", _format_stroke(m)) for m in listing.motions],
+        *[(f"shape {p.name}", _format_range(p)) for p in listing.parameters],
         ("meshes", ", ".join(str(m) for m in listing.meshes) + " (numbers: Appendix A elements per leaf)"),
         *[
             (f"error {group}", f"{worst:.2g} at most on fresh shapes, in {_UNITS.get(group, '1')}")
@@ -153,13 +158,13 @@ def _rows(listing: Any) -> list[tuple[str, str]]:
     ]
 
 
-def _stroke(motion: Any) -> str:
+def _format_stroke(motion: Any) -> str:
     if motion.kind == "rotation":
         return f"{motion.low * _PER_RADIAN:.4g} to {motion.high * _PER_RADIAN:.4g} deg"
     return f"{motion.low:.4g} to {motion.high:.4g} joint lengths"
 
 
-def _range(parameter: Any) -> str:
+def _format_range(parameter: Any) -> str:
     if "angle" in parameter.name:
         return f"{parameter.low * _PER_RADIAN:.4g} to {parameter.high * _PER_RADIAN:.4g} deg"
     return f"{parameter.low:.4g} to {parameter.high:.4g}"

@@ -29,7 +29,7 @@ def run(options: argparse.Namespace) -> int:
     if file.exists():
         raise SceneError(f"{file} is there already and is not overwritten; give another name, or remove it")
     text = shipped[options.like].read_text(encoding="utf-8")
-    write_file(file, started(text, options.like, name), what="scene file")
+    write_file(file, adapted_scene(text, options.like, name), what="scene file")
     screen = console()
     if not schema.exists():
         write_file(schema, schema_text(jobs=is_job), what="schema")
@@ -39,8 +39,8 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def started(text: str, like: str, name: str) -> str:
-    """The shipped scene `like` under another name, its comments too, with the line by which editors find the schema."""
+def adapted_scene(text: str, like: str, name: str) -> str:
+    """The text of the shipped scene `like` renamed, also in its comments, with the schema line for editors."""
     # a job is named like its scene
     text = text.replace(f'\nname = "{like.removesuffix("_job")}"\n', f"\nname = {toml_string(name)}\n", 1)
     schema = JOB_SCHEMA if like.endswith("_job") else SCHEMA

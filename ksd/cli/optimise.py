@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from ksd.cli.output import STDOUT, check_json, check_plot, console, interrupted, write_json
-from ksd.cli.sweep import writer_of
+from ksd.cli.output import STDOUT, check_json, check_plot, console, interrupt_message, write_json
+from ksd.cli.sweep import table_writer
 from ksd.design.job_file import load_job
 from ksd.design.optimise import optimise
 from ksd.errors import SceneError
@@ -23,12 +23,12 @@ def run(options: argparse.Namespace) -> int:
     for path, what in ((options.report, "--report"), (options.save, "--save")):
         if path is not None:
             check_target(Path(path), what=what)
-    write = None if options.out is None else writer_of(options.out)
-    job, words = load_job(options.job, drives=dict(_pair(text, "--set") for text in options.set))
+    write = None if options.out is None else table_writer(options.out)
+    job, words = load_job(options.job, drives=dict(_name_and_value(text, "--set") for text in options.set))
     words |= {k: v for k in ("starts", "method", "robust", "seed") if (v := getattr(options, k)) is not None}
     if options.start:
-        said = dict(_pair(text, "--start") for text in options.start)
-        words["start"] = {n: si_value(_plain(v), f"--start {n}") for n, v in said.items()}
+        said = dict(_name_and_value(text, "--start") for text in options.start)
+        words["start"] = {n: si_value(_number_or_text(v), f"--start {n}") for n, v in said.items()}
     if not words.get("robust", 0.0):
         # the file may hold the scatter of a robust optimum that is not asked for now
         words = {k: v for k, v in words.items() if k not in ("robust", "spread")}
@@ -37,7 +37,7 @@ def run(options: argparse.Namespace) -> int:
         if options.resume is None
         else f"the designs done are in {options.resume}, give the same command again to go on"
     )
-    with interrupted(f"interrupted; nothing more was written, {again}"):
+    with interrupt_message(f"interrupted; nothing more was written, {again}"):
         best = optimise(job, **words, resume=options.resume, progress=not options.quiet)
     if options.json:
         write_json(best.as_dict(), options.json)
@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _pair(text: str, option: str) -> tuple[str, str]:
+def _name_and_value(text: str, option: str) -> tuple[str, str]:
     """Name and value of NAME=VALUE. SceneError for anything else."""
     name, equals, value = (part.strip() for part in text.rpartition("="))
     if not (name and equals and value):
@@ -66,7 +66,7 @@ def _pair(text: str, option: str) -> tuple[str, str]:
 _EXAMPLES = {"--set": "turn=0deg:30deg:3", "--start": "joint.cross.thickness=0.4mm"}
 
 
-def _plain(value: str) -> Any:
+def _number_or_text(value: str) -> Any:
     """Text that is a number, as that number."""
     try:
         return float(value)

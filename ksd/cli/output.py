@@ -1,4 +1,4 @@
-"""Where results go: terminal, JSON file, picture; checked before the work begins."""
+"""Output of commands to terminal, JSON file and picture; targets are checked before the work begins."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ def console() -> Any:
     """The terminal, or plain text of 100 columns when the output is read by a program."""
 
     class Screen(Console):
-        """Leaves a broken pipe to the caller, who knows the exit code."""
+        """Console that raises BrokenPipeError instead of exiting."""
 
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError
 
-    # names are the user's: brackets in them are no markup
+    # brackets in names of the user are not markup
     plain: dict[str, Any] = {"highlight": False, "markup": False, "emoji": False}
     screen = Screen(**plain)
     return screen if screen.is_terminal else Screen(**plain, width=TABLE_WIDTH)
 
 
 @contextmanager
-def interrupted(sentence: str) -> Iterator[None]:
-    """Ctrl-C inside ends the command with this sentence."""
+def interrupt_message(sentence: str) -> Iterator[None]:
+    """Context in which Ctrl-C ends the command with this sentence."""
     try:
         yield
     except KeyboardInterrupt:
@@ -50,7 +50,7 @@ def check_json(path: str | None) -> None:
 
 
 def check_plot(path: str | None, *, kinds: tuple[str, ...] = ()) -> None:
-    """Raises SceneError for a picture type nobody can write or a missing folder; `kinds` are fine too."""
+    """Raises SceneError for an unknown picture type or a missing folder; file endings `kinds` are allowed too."""
     if path is None:
         return
     if Path(path).suffix.lower() in kinds:

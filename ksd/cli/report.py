@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ksd.cli.output import console, interrupted
-from ksd.cli.solve import effect_words, scene_of, settings, solved
+from ksd.cli.output import console, interrupt_message
+from ksd.cli.solve import effect_options, load_with_options, merged_options, solve_warm
 from ksd.design.questions import ALL_QUESTIONS, unanswerable_questions
 from ksd.design.report_page import ComparedSolve, report_page
 from ksd.design.sweep import sweep
@@ -23,27 +23,30 @@ def run(options: argparse.Namespace) -> int:
     """Solve, sweep, compare, write. Errors as in `ksd.solve` and `ksd.load_scene`."""
     if not 2 <= options.poses <= 10_000:
         raise SceneError(f"--poses {options.poses}: between 2 and 10000 poses are possible")
-    scene, targets, written = scene_of(options.scene, options.set)
-    asked = settings(written, options)
+    scene, targets, written = load_with_options(options.scene, options.set)
+    asked = merged_options(written, options)
     target = Path(options.out or Path(options.scene).with_suffix(".html"))
     check_target(target, what="--out")
     # a first solve: it raises the curvature modes where they are few, and loads kernels, which no time shown holds
-    mesh = solved(scene, targets, asked).model.mesh
+    mesh = solve_warm(scene, targets, asked).model.mesh
     how = {
         "method": asked["method"],
         "accuracy": asked["accuracy"],
         "relinearisations": asked["relinearisations"] or 0,
     }
-    solver = prepare(scene, mesh=mesh, extrapolate=bool(asked["extrapolate"]), **effect_words(asked))
+    solver = prepare(scene, mesh=mesh, extrapolate=bool(asked["extrapolate"]), **effect_options(asked))
     pose = solver(targets, **how)
     share = np.linspace(-1.0 if options.both else 0.0, 1.0, options.poses)
-    with interrupted("interrupted; no report was written"):
+    with interrupt_message("interrupted; no report was written"):
         table = sweep(
             scene, {n: v * share for n, v in targets.items()}, together=True, progress=not options.quiet,
-            questions=_possible(scene, pose), extrapolate=bool(asked["extrapolate"]),
+            questions=_answerable_questions(scene, pose), extrapolate=bool(asked["extrapolate"]),
             effects=solver.model.choice.present, **how,
         )  # fmt: skip
-    compared = [_compared(f"{pose.method} (this report)", lambda: pose), *_other_ways(solver, targets, pose)]
+    compared = [
+        _compared_solve(f"{pose.method} (this report)", lambda: pose),
+        *_other_methods(solver, targets, pose),
+    ]
     write_file(target, report_page(pose, table, compared), what="--out")
     console().print(
         f"{target}: {len(table)} poses, {len(table.failures)} without full answer", soft_wrap=True
@@ -51,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _possible(scene: Any, pose: Any) -> tuple[str, ...]:
+def _answerable_questions(scene: Any, pose: Any) -> tuple[str, ...]:
     """All questions the scene has an answer to, without buckling where `pose` has none."""
     missing = set(unanswerable_questions(scene))
     try:
@@ -61,7 +64,7 @@ def _possible(scene: Any, pose: Any) -> tuple[str, ...]:
     return tuple(q for q in ALL_QUESTIONS if q not in missing)
 
 
-def _compared(name: str, solve: Any) -> Any:
+def _compared_solve(name: str, solve: Any) -> Any:
     """Drive force, first parasitic frequency and stress of one way to the pose."""
     try:
         pose = solve()
@@ -79,10 +82,10 @@ def _first_parasitic(pose: Any) -> float:
         return float("nan")
 
 
-def _other_ways(solver: Any, targets: dict[str, float], pose: Any) -> list[Any]:
+def _other_methods(solver: Any, targets: dict[str, float], pose: Any) -> list[Any]:
     """The same pose by the other methods, and with a finer mesh."""
     found = [
-        _compared(m, lambda m=m: solver(targets, method=m, estimate=False))
+        _compared_solve(m, lambda m=m: solver(targets, method=m, estimate=False))
         for m in ("reduced", "full", "conventional")
         if m != pose.method
     ]
@@ -98,7 +101,7 @@ def _other_ways(solver: Any, targets: dict[str, float], pose: Any) -> list[Any]:
         said = f"{fine.elements} elements per leaf"
     return [
         *found,
-        _compared(
+        _compared_solve(
             f"conventional, {said}",
             lambda: prepare(solver.model.said, mesh=fine, effects=solver.model.choice.present)(
                 targets, method="conventional"

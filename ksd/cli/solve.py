@@ -24,17 +24,17 @@ OPTIONS = {
     "effects": str, "with": str, "without": str,
 }  # fmt: skip
 """Keys of [options] in a scene file, with their types; the command line wins over them."""
-QUICK = 20.0
-"""A first solve shorter than this [s] is repeated, so that its times do not hold the loading of kernels."""
+MAX_REPEATED_SOLVE = 20.0
+"""A first solve shorter than this [s] is repeated, so that its times exclude the loading of kernels."""
 
 
 def run(options: argparse.Namespace) -> int:
     """Load, solve, print, write. Errors as in `ksd.solve` and `ksd.load_scene`."""
     check_json(options.json)
     check_plot(options.plot, kinds=(".vtu",))
-    scene, targets, written = scene_of(options.scene, options.set)
-    asked = settings(written, options)
-    result = solved(scene, targets, asked)
+    scene, targets, written = load_with_options(options.scene, options.set)
+    asked = merged_options(written, options)
+    result = solve_warm(scene, targets, asked)
     if options.json:
         write_json(result.as_dict(), options.json)
     if options.json != STDOUT:
@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def scene_of(path: str, said: Sequence[str] = ()) -> tuple[Scene, dict[str, float], dict[str, Any]]:
+def load_with_options(path: str, said: Sequence[str] = ()) -> tuple[Scene, dict[str, float], dict[str, Any]]:
     """The scene of a file, its drive values (SI) with those said on the command line over them, and its [options].
 
     Raises SceneError for what does not fit, an option of another type too.
@@ -59,12 +59,12 @@ def scene_of(path: str, said: Sequence[str] = ()) -> tuple[Scene, dict[str, floa
         # a whole number is a fine accuracy, but true is not a number
         fits = isinstance(value, (int, float) if kind is float else kind)
         if not fits or (isinstance(value, bool) and kind is not bool):
-            raise SceneError(f"[options] {key} = {value!r}: {_TYPES[kind]} is needed")
+            raise SceneError(f"[options] {key} = {value!r}: {_TYPE_NAMES[kind]} is needed")
     scene = mechanism.scene()
     return scene, targets | dict(drive_value(scene, text) for text in said), written
 
 
-def settings(written: dict[str, Any], options: argparse.Namespace) -> dict[str, Any]:
+def merged_options(written: dict[str, Any], options: argparse.Namespace) -> dict[str, Any]:
     """What is asked of the solver, the command line over the file. SceneError for what does not fit together."""
     given = {key: getattr(options, key) for key in OPTIONS}
     asked = {key: written.get(key) if value is None else value for key, value in given.items()}
@@ -84,11 +84,11 @@ def settings(written: dict[str, Any], options: argparse.Namespace) -> dict[str, 
     return asked
 
 
-_TYPES = {str: "text", float: "a number", int: "a whole number", bool: "true or false"}
+_TYPE_NAMES = {str: "text", float: "a number", int: "a whole number", bool: "true or false"}
 
 
-def effect_words(asked: dict[str, Any]) -> dict[str, Any]:
-    """The words of `ksd.prepare` about effects, from what was asked: names parted by commas."""
+def effect_options(asked: dict[str, Any]) -> dict[str, Any]:
+    """The options of `ksd.prepare` about effects; on the command line their names are separated by commas."""
 
     def names(text: str | None) -> tuple[str, ...]:
         return tuple(n.strip() for n in (text or "").split(",") if n.strip())
@@ -127,19 +127,19 @@ def drive_value(scene: Any, text: str) -> tuple[str, float]:
     return name, found
 
 
-def solved(scene: Any, targets: dict[str, float], asked: dict[str, Any]) -> Any:
-    """The configuration by `ksd.solve`, twice when that is quick: kernels are loaded in the first solve."""
+def solve_warm(scene: Any, targets: dict[str, float], asked: dict[str, Any]) -> Any:
+    """The configuration by `ksd.solve`, repeated if quick, so that its times exclude the loading of kernels."""
     how = {
         "method": asked["method"],
         "relinearisations": asked["relinearisations"] or 0,
-        "mesh": mesh_of(asked),
+        "mesh": chosen_mesh(asked),
     }
-    how |= {"extrapolate": bool(asked["extrapolate"]), **effect_words(asked)}
+    how |= {"extrapolate": bool(asked["extrapolate"]), **effect_options(asked)}
     result = solve(scene, targets, **how)
-    return solve(scene, targets, **how) if result.time < QUICK else result
+    return solve(scene, targets, **how) if result.time < MAX_REPEATED_SOLVE else result
 
 
-def mesh_of(asked: dict[str, Any]) -> Any:
-    """The mesh asked for by `elements`; None leaves strain-mode leaves."""
+def chosen_mesh(asked: dict[str, Any]) -> Any:
+    """The mesh of `elements` per leaf; None for strain-mode leaves."""
     count = asked["elements"]
     return None if count is None else Mesh(leaf="corotational", elements=count)

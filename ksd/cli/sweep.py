@@ -8,37 +8,37 @@ from typing import Any
 
 import numpy as np
 
-from ksd.cli.commands import POSES
-from ksd.cli.output import check_plot, console, interrupted
-from ksd.cli.solve import drive_value, effect_words, mesh_of, scene_of, settings
+from ksd.cli.commands import DEFAULT_POSES
+from ksd.cli.output import check_plot, console, interrupt_message
+from ksd.cli.solve import chosen_mesh, drive_value, effect_options, load_with_options, merged_options
 from ksd.design.sweep import sweep
 from ksd.errors import ConvergenceError, SceneError
 from ksd.files import check_target
 
 WRITERS = {".csv": "to_csv", ".h5": "to_hdf5", ".hdf5": "to_hdf5", ".mat": "to_mat"}
-"""How a table is written, by the ending of the file."""
+"""Method of Table that writes a file, by its ending."""
 
 
 def run(options: argparse.Namespace) -> int:
     """Sweep, print, write; a pose that fails is a row that says why, and the exit code is then 3."""
     check_plot(options.plot)
-    write = None if options.out is None else writer_of(options.out)
-    scene, targets, written = scene_of(options.scene)
-    asked = settings(written, options)
+    write = None if options.out is None else table_writer(options.out)
+    scene, targets, written = load_with_options(options.scene)
+    asked = merged_options(written, options)
     found = dict(stroke_value(scene, text) for text in options.set)
     if not found:  # the values of the file are the end of the stroke
-        found = {n: np.linspace(0.0, v, POSES) for n, v in targets.items()}
+        found = {n: np.linspace(0.0, v, DEFAULT_POSES) for n, v in targets.items()}
     stroke = {n: v for n, v in targets.items() if n not in found} | found
-    words = {k: v for k, v in effect_words(asked).items() if k != "accuracy"}
+    words = {k: v for k, v in effect_options(asked).items() if k != "accuracy"}
     again = (
         "with --resume FILE a sweep keeps its finished lines"
         if options.resume is None
         else f"finished lines are in {options.resume}, give the same command again to go on"
     )
-    with interrupted(f"interrupted; no table was written, {again}"):
+    with interrupt_message(f"interrupted; no table was written, {again}"):
         table = sweep(
             scene, stroke, **words, questions=tuple(options.question) or None, together=not options.set,
-            mesh=mesh_of(asked), method=asked["method"], accuracy=asked["accuracy"],
+            mesh=chosen_mesh(asked), method=asked["method"], accuracy=asked["accuracy"],
             relinearisations=asked["relinearisations"] or 0,
             extrapolate=bool(asked["extrapolate"]), progress=not options.quiet, resume=options.resume,
         )  # fmt: skip
@@ -55,8 +55,8 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def writer_of(path: str) -> str:
-    """Which writer of a Table serves this file name. SceneError for a name no writer knows."""
+def table_writer(path: str) -> str:
+    """Name of the method of Table that writes this file. Raises SceneError for an unknown ending."""
     if Path(path).suffix.lower() not in WRITERS:
         raise SceneError(f"--out {path}: the ending must be one of {', '.join(WRITERS)}")
     check_target(path, what="--out")
@@ -72,11 +72,11 @@ def stroke_value(scene: Any, text: str) -> tuple[str, Any]:
     ends = [drive_value(scene, f"{name}={part}") for part in parts[:2]]
     if len(ends) == 1:
         return ends[0]
-    poses = POSES if len(parts) == 2 else _poses(parts[2], text)
+    poses = DEFAULT_POSES if len(parts) == 2 else _pose_count(parts[2], text)
     return ends[0][0], np.linspace(ends[0][1], ends[1][1], poses)
 
 
-def _poses(word: str, text: str) -> int:
+def _pose_count(word: str, text: str) -> int:
     if not word.strip().isdecimal() or not 2 <= int(word) <= 100_000:
         raise SceneError(f"--set {text}: POSES = {word} must be a whole number between 2 and 100000")
     return int(word)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ksd.cli.output import console, interrupted
+from ksd.cli.output import console, interrupt_message
 from ksd.errors import RecordError
 from ksd.library import find_record
 from ksd.library.record_files import RECORD_SUFFIX, find_record_file, lookup_hint
@@ -20,11 +20,11 @@ from ksd.train import known_designs, train, up_to_date
 from ksd.train.run import record_path
 
 ROUNDING = 2e-9
-"""Difference of a coefficient, of ten decimals, that another machine or another order of sums may make."""
+"""Largest difference of coefficients (ten decimals) that rounding on another machine may cause."""
 
 
 def run(options: argparse.Namespace) -> int:
-    """Train and say how good the record is. SceneError for an unknown family, RecordError where a check finds more than
+    """Train and print the errors of the record. Raises SceneError for an unknown family, RecordError where a check finds more than
     rounding between the record in use and what the sources give."""
     begin = time.perf_counter()
     families = known_designs() if options.family == "all" else (options.family,)
@@ -42,7 +42,7 @@ def _train(family: str, options: argparse.Namespace) -> None:
         screen.print(f"{family}: up to date; {words} (--restart trains all the same)", soft_wrap=True)
         return
     again = "interrupted; the finished shapes are kept, run the same command again to go on"
-    with interrupted(again), warnings.catch_warnings(record=True) as told:
+    with interrupt_message(again), warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always", UserWarning)
         record = train(family, out=options.out, resume=not options.restart, progress=not options.quiet)
     screen.print(
@@ -59,18 +59,18 @@ def _train(family: str, options: argparse.Namespace) -> None:
 
 
 def _check(family: str, options: argparse.Namespace) -> None:
-    """Train into a folder that is thrown away and compare with the record in use."""
+    """Train into a temporary folder and compare with the record in use."""
     kept = find_record(family)
     with TemporaryDirectory() as folder:
         made = train(family, out=Path(folder), trained=kept.trained, resume=False, progress=not options.quiet)
         file = Path(folder) / f"{family}{RECORD_SUFFIX}"
         in_use = find_record_file(family)
         same = in_use is not None and file.read_bytes() == Path(in_use[0]).read_bytes()
-    said = "the record is, byte for byte, what the sources give" if same else _difference(kept, made)
+    said = "the record is, byte for byte, what the sources give" if same else _describe_difference(kept, made)
     console().print(f"{family}: {said}", soft_wrap=True)
 
 
-def _difference(kept: Any, made: Any) -> str:
+def _describe_difference(kept: Any, made: Any) -> str:
     """How the record in use differs from one just made, in words; RecordError where it is more than rounding."""
     unlike = [
         f.name

@@ -36,7 +36,7 @@ from ksd.design.questions import (
 from ksd.design.sweep import make_recipe, sweep_paths
 from ksd.design.sweep_path import adequate_solver
 from ksd.errors import KinematicsError, SceneError
-from ksd.html import joined
+from ksd.html import join_printed
 from ksd.model.mesh import Mesh
 from ksd.numerics.rotations import rotation_log
 from ksd.properties.printing import PrintableAnswer, format_number, format_table
@@ -145,7 +145,7 @@ class Gradient(PrintableAnswer):
             ]
             said = f"Gradient per SI unit{' at ' if where else ''}{where}"
             lines.append(format_table(("answer", "value", *self.parameters), rows, said))
-        return joined(lines)
+        return join_printed(lines)
 
 
 @clear_argument_errors

@@ -19,7 +19,7 @@ from ksd.design.scaled_problem import BINDING_MARGIN, ScaledProblem
 from ksd.design.table import OK, Table
 from ksd.errors import SceneError
 from ksd.files import check_target, write_file
-from ksd.html import joined
+from ksd.html import join_printed
 from ksd.properties.printing import PrintableAnswer, format_number, format_table
 from ksd.solve.configuration import Configuration
 from ksd.solve.solver import prepare
@@ -204,4 +204,4 @@ class Optimum(PrintableAnswer):
                 f"Flat: nothing that holds it changes along {direction}; fix one of these parameters"
             )
         parts += filter(None, [self.few_modes])
-        return joined(parts)
+        return join_printed(parts)

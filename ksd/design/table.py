@@ -22,7 +22,7 @@ from rich.text import Text
 from ksd.checks import clear_argument_errors, name_hint, names_of, show
 from ksd.errors import RecordError, SceneError
 from ksd.files import write_file
-from ksd.html import InNotebooks
+from ksd.html import NotebookTables
 from ksd.library.result_files import read_columns, write_columns
 from ksd.properties.printing import TABLE_WIDTH, format_number, render_text
 from ksd.view import plot_stroke, save_figure
@@ -47,7 +47,7 @@ LEADING_COLUMNS = (
 
 
 @dataclass(frozen=True, repr=False)
-class Table(InNotebooks):
+class Table(NotebookTables):
     """Rows of a sweep.
 
     columns: values (rows,) by column name; numbers are floats (nan where a row failed), texts are str. labels: the

@@ -22,7 +22,7 @@ import numpy as np
 
 from ksd.errors import RecordError
 from ksd.files import read_file, write_file
-from ksd.hdf5 import Contents, contents
+from ksd.hdf5 import BoundedReader, read_hdf5
 from ksd.library.functions import Functions, Mesh
 from ksd.library.record import Evidence, Parameter, Probes, Record, Residual, Stroke
 from ksd.library.record_checks import check_record
@@ -131,7 +131,7 @@ def read_record(path: str | os.PathLike[str]) -> Record:
     again = training_hint(place.stem)
     body = _check_seal(read_file(place, what="joint record", error=RecordError, hint=again), place)
     try:
-        record = contents(body, _record_of_hdf5)
+        record = read_hdf5(body, _record_of_hdf5)
         check_record(record)
     except Exception as error:
         # a seal says that nothing was altered since, not that it was right: h5py, json and numpy raise what they like
@@ -185,7 +185,7 @@ def _format_number(head: bytes) -> int:
     return int(word) if word.isdigit() and len(word) < 10 else -1
 
 
-def _record_of_hdf5(found: Contents) -> Record:
+def _record_of_hdf5(found: BoundedReader) -> Record:
     """A record as the file says it, its numbers in float64; see `check_record` for whether it makes sense."""
     items, attributes = found.items(found.file), found.file.attrs
     # before format 3 the leaves were called leafs

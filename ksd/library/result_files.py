@@ -18,7 +18,7 @@ import numpy as np
 
 from ksd.errors import RecordError, SceneError
 from ksd.files import read_file, write_file
-from ksd.hdf5 import Contents, contents
+from ksd.hdf5 import BoundedReader, read_hdf5
 from ksd.library.record_files import HEADER_BYTES, sealed_header
 
 SIGNATURE, FORMAT = b"ksd table\n", 1
@@ -55,7 +55,7 @@ def read_columns(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str
     Raises RecordError when the file is missing, foreign, truncated or altered in any bit, or is sealed but no table.
     """
 
-    def read(found: Contents) -> tuple[dict[int, tuple[str, Any]], dict[str, str]]:
+    def read(found: BoundedReader) -> tuple[dict[int, tuple[str, Any]], dict[str, str]]:
         columns = {}
         for made in found.items(found.file).values():
             values = found.numbers(made) if made.dtype.kind == "f" else found.texts(made)
@@ -66,7 +66,7 @@ def read_columns(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str
     if content[:HEADER_BYTES] != sealed_header(content[HEADER_BYTES:], FORMAT, SIGNATURE):
         raise RecordError(f"{path} is damaged or no ksd table (checksum); make it again or restore it.")
     try:
-        found, about = contents(content, read)
+        found, about = read_hdf5(content, read)
         columns = {name: values for _, (name, values) in sorted(found.items())}
         if len({len(values) for values in columns.values()}) > 1 or any(
             np.ndim(v) != 1 for v in columns.values()

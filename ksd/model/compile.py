@@ -15,7 +15,7 @@ import numpy as np
 
 from ksd.checks import MAX_MAGNITUDE, clear_argument_errors, number, show, similar_name_hint
 from ksd.errors import SceneError
-from ksd.html import InNotebooks, Printed
+from ksd.html import NotebookTables, PrintedText
 from ksd.model.arrays import LINEAR, MODAL, ROTATION, SOLID, Arrays, State
 from ksd.model.description import description_lines
 from ksd.model.effects import EffectChoice, apply_effects, choose_effects
@@ -37,7 +37,7 @@ from ksd.scene.scene import MECHANISM_HINT
 
 
 @dataclass(frozen=True, repr=False)
-class Model(InNotebooks):
+class Model(NotebookTables):
     """What the computer solves: frozen arrays of one scene with one mesh, and its rest state.
 
     node_names: "ground", links, then "joint/block"; member_names: "joint/leaf", then free leaf springs. joint_members[j]
@@ -99,7 +99,7 @@ class Model(InNotebooks):
     def __str__(self) -> str:
         """What is simulated and what is left out, with the reason, in a few lines."""
         lines = description_lines(self)
-        return Printed("\n".join(f"{head}: {said}" for head, said in lines), [lines])
+        return PrintedText("\n".join(f"{head}: {said}" for head, said in lines), [lines])
 
     @property
     def links(self) -> int:

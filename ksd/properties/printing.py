@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ksd.checks import name_hint, show
 from ksd.errors import UnknownNameError
-from ksd.html import InNotebooks, Printed
+from ksd.html import NotebookTables, PrintedText
 from ksd.model.compile import Model
 
 T = TypeVar("T")
@@ -62,7 +62,7 @@ def empty_table(*columns: str) -> Any:
     return grid
 
 
-def render_text(*parts: Any, width: int = TABLE_WIDTH) -> Printed:
+def render_text(*parts: Any, width: int = TABLE_WIDTH) -> PrintedText:
     """Render rich objects and plain text as text of `width` characters that notebooks show as HTML tables."""
     from rich.console import Console
 
@@ -73,7 +73,7 @@ def render_text(*parts: Any, width: int = TABLE_WIDTH) -> Printed:
     with console.capture() as text:
         for part in parts:
             console.print(part)
-    return Printed("\n".join(line.rstrip() for line in text.get().splitlines()), parts)
+    return PrintedText("\n".join(line.rstrip() for line in text.get().splitlines()), parts)
 
 
 class _NoBar:
@@ -179,7 +179,7 @@ class NamedAnswers(dict[str, T]):
         )
 
 
-class NamedAnswerTable(InNotebooks, NamedAnswers[T]):
+class NamedAnswerTable(NotebookTables, NamedAnswers[T]):
     """Answers by name, a mapping that prints as a table under `title`.
 
     row: function that returns the cells of the row of an answer, without its name.
@@ -201,7 +201,7 @@ class NamedAnswerTable(InNotebooks, NamedAnswers[T]):
         )
 
 
-class PrintableAnswer(InNotebooks):
+class PrintableAnswer(NotebookTables):
     """Mixin of answers: ``repr`` is the name of the class and the one-line summary `_line`."""
 
     def _line(self) -> str:

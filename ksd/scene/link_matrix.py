@@ -12,7 +12,7 @@ import numpy as np
 from ksd.checks import clear_argument_errors
 from ksd.errors import SceneError
 from ksd.files import MAX_READ_BYTES, named_file, read_file
-from ksd.hdf5 import Contents, contents
+from ksd.hdf5 import BoundedReader, read_hdf5
 from ksd.scene.effects import LinkMatrix
 
 KEYS = ("points", "K")
@@ -48,11 +48,11 @@ def _array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
 def _of_hdf5(content: bytes) -> dict[str, np.ndarray]:
     """The same of an HDF5 file."""
 
-    def arrays(found: Contents) -> dict[str, np.ndarray]:
+    def arrays(found: BoundedReader) -> dict[str, np.ndarray]:
         items = found.items(found.file)
         return {name: found.numbers(items[name]) for name in KEYS if name in items}
 
-    return contents(content, arrays)
+    return read_hdf5(content, arrays)
 
 
 READERS = {".npz": _of_npz, ".h5": _of_hdf5}

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from ksd.html import Printed
+from ksd.html import PrintedText
 
 if TYPE_CHECKING:
     from ksd.scene.scene import Scene
 
 
-def printed_scene(scene: Scene) -> Printed:
+def printed_scene(scene: Scene) -> PrintedText:
     """The parts of a scene, a line each."""
     rows = list(_rows(scene))
     place = "" if scene.plane is None else f"in the plane {scene.plane}, "
@@ -20,7 +20,7 @@ def printed_scene(scene: Scene) -> Printed:
     lines = [
         "  ".join(cell.ljust(n) for cell, n in zip(row, (*wide, 0), strict=True)).rstrip() for row in rows
     ]
-    return Printed("\n".join([head, *lines]), [head, rows])
+    return PrintedText("\n".join([head, *lines]), [head, rows])
 
 
 def _rows(scene: Scene) -> Iterable[tuple[str, str, str, str]]:

@@ -26,7 +26,7 @@ from ksd.checks import (
     word,
 )
 from ksd.errors import SceneError, UnknownNameError, UnknownWordError
-from ksd.html import InNotebooks
+from ksd.html import NotebookTables
 from ksd.scene.curve import Curve
 from ksd.scene.drive import GROUND, Drive, DriveTerm
 from ksd.scene.effects import (
@@ -74,7 +74,7 @@ SYNONYMS = {
 
 
 @clear_argument_errors_of_methods
-class Mechanism(InNotebooks, metaclass=ClearArgumentErrors):
+class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
     """A mechanism under construction: links, joints between them, drives, supports and loads.
 
     All positions [m] and directions are global, in the undeformed configuration, where every link is at zero

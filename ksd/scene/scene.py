@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ksd.checks import Vector, as_given, as_vector, dot
-from ksd.html import InNotebooks
+from ksd.html import NotebookTables
 from ksd.scene.curve import Curve
 from ksd.scene.drive import GROUND, Drive
 from ksd.scene.effects import Compliance, Distance, Fit, Heat, Spring, TurnSpring
@@ -97,7 +97,7 @@ class LeafPoint:
 
 
 @dataclass(frozen=True)
-class Scene(InNotebooks):
+class Scene(NotebookTables):
     """The frozen description of a mechanism; all positions are global and undeformed, in SI units.
 
     name: of the mechanism; links: their names, links[0] is "ground"; joints, leaves: placed joints and free-form leaf

@@ -22,7 +22,7 @@ from ksd.checks import (
     whole_number,
 )
 from ksd.errors import ConvergenceError, SceneError
-from ksd.html import InNotebooks
+from ksd.html import NotebookTables
 from ksd.modal.leaf_bodies import full_model_state
 from ksd.model.arrays import State
 from ksd.model.compile import Model
@@ -77,7 +77,7 @@ Answer = TypeVar("Answer")
 
 @clear_argument_errors_of_methods
 @dataclass(frozen=True, repr=False, init=False)
-class Configuration(InNotebooks):
+class Configuration(NotebookTables):
     """A deformed configuration: the model, its state, and the record of the solve that found it.
 
     motion: state of the full model (positions m, rotation matrices, inner states, multipliers). method: kinematic,
