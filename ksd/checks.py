@@ -37,7 +37,7 @@ NUMBER_PATTERN = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 """Regular expression of a number in text."""
 
 
-_checked = ContextVar("whole_checks_enabled", default=True)
+_checked = ContextVar("checked", default=True)
 
 
 @contextmanager

@@ -155,7 +155,10 @@ def _sweep(commands: Any) -> None:
         "stroke. Several drives with a range are combined, the last one moving along the stroke.",
     )
     _add_shared(parser, "scene")
-    said = f"a range FROM:TO or FROM:TO:POSES ({DEFAULT_POSES} poses), such as top=0mm:300mm:31, or one value; may be repeated"
+    said = (
+        f"a range FROM:TO or FROM:TO:POSES ({DEFAULT_POSES} poses), such as top=0mm:300mm:31, or one value; "
+        "may be repeated"
+    )
     _add_shared(parser, "--set", metavar="DRIVE=RANGE", help=said)
     said = (
         "force, drive_stiffness, support_stiffness, frequencies, stress, parasitic, energy, buckling, size, clearance "

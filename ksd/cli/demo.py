@@ -36,7 +36,7 @@ ELEMENTS = 5
 REFERENCE_ELEMENTS = 50
 """Elements per leaf of the coarser of the two meshes of the reference; the finer has twice as many."""
 OMITTED_METHODS = ("constant", "modal")
-"""Methods the demo leaves out: constant leaf springs are not trusted at this stroke, modal bodies belong to paper 2."""
+"""Methods the demo leaves out."""
 
 
 def run(options: argparse.Namespace) -> int:
@@ -59,12 +59,13 @@ def run(options: argparse.Namespace) -> int:
 
 def extrapolated_reference(scene: Any, targets: dict[str, float]) -> Reference:
     """The reference: Richardson extrapolation (second order) of chains of two meshes."""
-    meshes = (Mesh(leaf="corotational", elements=n) for n in (REFERENCE_ELEMENTS, 2 * REFERENCE_ELEMENTS))
+    counts = (REFERENCE_ELEMENTS, 2 * REFERENCE_ELEMENTS)
+    meshes = (Mesh(leaf="corotational", elements=n) for n in counts)
     coarse, fine = (solve_conventional(compile_scene(scene, mesh=m), targets) for m in meshes)
     forces = {n: f + (f - coarse.forces[n]) / 3.0 for n, f in fine.forces.items()}
     one, two = reference_of(coarse, ""), reference_of(fine, "")
     places = two.places + (two.places - one.places) / 3.0
-    words = f"{REFERENCE_ELEMENTS} and {2 * REFERENCE_ELEMENTS} Appendix A elements per leaf, extrapolated to infinitely many"
+    words = f"{counts[0]} and {counts[1]} Appendix A elements per leaf, extrapolated to infinitely many"
     return Reference(forces, places, two.moved + (two.moved - one.moved) / 3.0, words)
 
 

@@ -24,8 +24,8 @@ ROUNDING = 2e-9
 
 
 def run(options: argparse.Namespace) -> int:
-    """Train and print the errors of the record. Raises SceneError for an unknown family, RecordError where a check finds more than
-    rounding between the record in use and what the sources give."""
+    """Train and print the errors of the record, or check it. Raises SceneError for an unknown family, RecordError where a
+    check finds more than rounding between the record in use and the trained one."""
     begin = time.perf_counter()
     families = known_designs() if options.family == "all" else (options.family,)
     for family in families:

@@ -40,7 +40,7 @@ def solve_conventional(
     smallest: float = 1e-4,
     storage: NewtonStorage | None = None,
     joints: JointMotionReader | None = None,
-    method: str = "solve_conventional",
+    method: str = "conventional",
 ) -> Configuration:
     """Solve `model` at the drive values `targets` [m or rad] by load stepping.
 
@@ -114,7 +114,7 @@ def solve_in_either_order(
     storage: NewtonStorage | None = None,
     planar: bool | Literal["auto"] = "auto",
     joints: JointMotionReader | None = None,
-    method: str = "solve_conventional",
+    method: str = "conventional",
 ) -> Configuration:
     """Drives and loads together; where that fails or cannot be trusted, the drives first and the loads on top of them.
 

@@ -75,19 +75,19 @@ def check_picture(path: str | os.PathLike[str]) -> Path:
     """The path, if a picture can be written there. SceneError for an unknown type, a missing folder, or what is no file."""
     from matplotlib.backend_bases import FigureCanvasBase
 
-    target = named_file(path, "figure_bytes")
+    target = named_file(path, "picture")
     known = FigureCanvasBase.get_supported_filetypes()
     kind = target.suffix.lstrip(".").lower()
     if kind not in known:
         raise SceneError(f"picture '{target}': type '{kind}' is unknown; choose one of .png, .pdf, .svg")
-    check_target(target, what="figure_bytes")
+    check_target(target, what="picture")
     return target
 
 
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Figure:
     """Write a figure to `path` (.png, .pdf, .svg ...) and return it. SceneError when that is not possible."""
     target = check_picture(path)
-    write_file(target, figure_bytes(figure, target.suffix.lstrip(".").lower()), what="figure_bytes")
+    write_file(target, figure_bytes(figure, target.suffix.lstrip(".").lower()), what="picture")
     return figure
 
 
