@@ -44,17 +44,17 @@ def _print(scene: Any, choice: Any, rows: list[Any]) -> None:
     for column in (*keys, "time [\N{MICRO SIGN}s]", "unknowns"):
         table.add_column(column, justify="right", min_width=max(map(len, column.split())))
     for row in rows:
-        changes = row.changes()
+        changes = row.relative_changes()
         cells = [_change(changes[k]) if k in changes else "-" for k in keys]
         on, off = row.times
-        time = "-" if row.failed else f"{1e6 * off:.0f}\N{EN DASH}{1e6 * on:.0f}"
-        count = "-" if row.failed else f"{row.unknowns[1]}\N{EN DASH}{row.unknowns[0]}"
-        table.add_row(row.name, "with" if row.kept else "without", *cells, time, count)
+        time = "-" if row.failure else f"{1e6 * off:.0f}\N{EN DASH}{1e6 * on:.0f}"
+        count = "-" if row.failure else f"{row.unknowns[1]}\N{EN DASH}{row.unknowns[0]}"
+        table.add_row(row.name, "with" if row.is_simulated else "without", *cells, time, count)
     screen = console()
     screen.print(table)
     for row in rows:
-        if row.failed:
-            screen.print(f"{row.name}: no numbers, {row.failed}", soft_wrap=True)
+        if row.failure:
+            screen.print(f"{row.name}: no numbers, {row.failure}", soft_wrap=True)
     for effect in choice.effects:
         screen.print(
             f"{'with' if effect.present else 'without'} {effect.name}: {effect_reason(effect, scene)}",
@@ -70,14 +70,16 @@ def _change(value: float) -> str:
 
 
 def _draw(rows: list[Any], why: dict[str, str], accuracy: float, path: str) -> None:
-    done = [row for row in rows if not row.failed]
+    done = [row for row in rows if not row.failure]
     figure = new_figure(10.0, 1.2 + 0.62 * len(done))
     axes = figure.subplots(1, 2, gridspec_kw={"width_ratios": (3, 2)})
-    worst = [max((abs(c) for c in r.changes().values() if math.isfinite(c)), default=0.0) for r in done]
+    worst = [
+        max((abs(c) for c in r.relative_changes().values() if math.isfinite(c)), default=0.0) for r in done
+    ]
     costs = [r.times[0] / r.times[1] - 1.0 for r in done]
     plot_effect_cost(
         tuple(axes), [r.name for r in done], worst, costs,
-        kept=[r.kept for r in done], reasons=[why[r.name] for r in done], accuracy=accuracy,
+        kept=[r.is_simulated for r in done], reasons=[why[r.name] for r in done], accuracy=accuracy,
     )  # fmt: skip
     save_figure(figure, path)
 
@@ -88,15 +90,15 @@ def as_dict(choice: Any, rows: list[Any]) -> dict[str, Any]:
         "effects": {e.name: {"simulated": e.present, "reason": e.reason} for e in choice.effects},
         "effect_cost": {
             r.name: {
-                "simulated": r.kept,
+                "simulated": r.is_simulated,
                 "with": _finite(r.with_),
                 "without": _finite(r.without),
-                "relative_change": _finite(r.changes()),
-                "time_with_s": None if r.failed else r.times[0],
-                "time_without_s": None if r.failed else r.times[1],
+                "relative_change": _finite(r.relative_changes()),
+                "time_with_s": None if r.failure else r.times[0],
+                "time_without_s": None if r.failure else r.times[1],
                 "unknowns_with": r.unknowns[0],
                 "unknowns_without": r.unknowns[1],
-                "failed": r.failed,
+                "failed": r.failure,
             }
             for r in rows
         },

@@ -71,7 +71,7 @@ def _compared_solve(name: str, solve: Any) -> Any:
         force = next(iter(pose.forces.values()), float("nan"))
         return ComparedSolve(name, force, _first_parasitic(pose), 1e-6 * pose.stress().largest_Pa)
     except KsdError as reason:
-        return ComparedSolve(name, failed=str(reason))
+        return ComparedSolve(name, failure=str(reason))
 
 
 def _first_parasitic(pose: Any) -> float:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ksd.design.page_parts import cards, document, figure, grid, text, written
+from ksd.design.page_parts import cards, document, escape, figure, format_cell, table
 from ksd.design.table import OK
 from ksd.errors import KsdError
 from ksd.view.optimum_plot import plot_optimum
@@ -36,10 +36,10 @@ def _cards(optimum: Optimum) -> list[tuple[str, str]]:
     """The main numbers, each with its name."""
     starts = f"{optimum.agreed} of {len(optimum.starts)}"
     return [
-        (written(optimum.job.merit_sign * optimum.merit, 6), optimum.job.merit_name),
+        (format_cell(optimum.job.merit_sign * optimum.merit, 6), optimum.job.merit_name),
         (starts, "starts end here"),
         (f"{optimum.evaluations} + {optimum.gradients}", "values and gradients"),
-        (f"{written(optimum.seconds, 3)} s", "CPU time"),
+        (f"{format_cell(optimum.seconds, 3)} s", "CPU time"),
     ]
 
 
@@ -48,7 +48,9 @@ def _worst_pose(optimum: Optimum) -> list[str]:
     try:
         picture = optimum.pose().plot(color="stress")
     except KsdError as why:
-        return [f'<p class="warn">The pose of {text(optimum.worst)} was not solved again: {text(why)}</p>']
+        return [
+            f'<p class="warn">The pose of {escape(optimum.worst)} was not solved again: {escape(why)}</p>'
+        ]
     caption = (
         f"The optimum at its worst pose, over the undeformed one (grey): {optimum.worst} is the worst target."
     )
@@ -60,17 +62,17 @@ def _job(optimum: Optimum) -> str:
     job = optimum.job
     rows: list[tuple[str, str]] = []
     for column, a in {a.column.split("[")[0]: a for a in job.answers if a.role != "limit"}.items():
-        rows.append((a.role, f"{column} over {written(a.scale)}"))
+        rows.append((a.role, f"{column} over {format_cell(a.scale)}"))
     for column, (low, high) in job.limits.items():
-        ends = [f"at least {written(low)}"] * bool(np.isfinite(low))
-        ends += [f"at most {written(high)}"] * bool(np.isfinite(high))
+        ends = [f"at least {format_cell(low)}"] * bool(np.isfinite(low))
+        ends += [f"at most {format_cell(high)}"] * bool(np.isfinite(high))
         rows.append(("limit", " ".join([column, *ends])))
     rows += [("rule", n) for n in job.rule_names]
     for name, values in job.drives.items():
-        listing = ", ".join(written(v) for v in values.tolist())
+        listing = ", ".join(format_cell(v) for v in values.tolist())
         rows.append(("drive", f"{name}: {listing} (SI)"))
     rows += [("load case", case) for case in job.cases if case]
-    return grid((("", ""), ("", "")), rows)
+    return table((("", ""), ("", "")), rows)
 
 
 def _design(optimum: Optimum) -> list[str]:
@@ -81,7 +83,7 @@ def _design(optimum: Optimum) -> list[str]:
     for (name, value), (low, high) in zip(optimum.design.items(), job.bounds.tolist(), strict=True):
         reasons = "; ".join(job.held_by[name, s] for s in ("least", "most") if (name, s) in job.held_by)
         rows.append((name, *(f"{v:.6g}" for v in (value, low, high)), reasons))
-    return [grid(heads, rows)]
+    return [table(heads, rows)]
 
 
 def _held(optimum: Optimum) -> list[str]:
@@ -94,18 +96,18 @@ def _held(optimum: Optimum) -> list[str]:
         "Worth: percent by which the worst target grows per percent that a limit or bound is moved; of targets the share "
         "that each has in the worst, of rules per percent of their range."
     )
-    parts = [grid(heads, rows), f"<p>{explanation}</p>"]
+    parts = [table(heads, rows), f"<p>{explanation}</p>"]
     if optimum.robust:
         heads = [("answer", ""), ("margin", "in units of its name"), ("value", "in units of its name")]
         margins = [(n, by, optimum.answers[n]) for n, by in optimum.margins.items() if n in optimum.held]
         title = f"Margins for {optimum.robust:g} standard deviations"
-        parts += [f"<h3>{title}</h3>", grid(heads, margins)]
+        parts += [f"<h3>{title}</h3>", table(heads, margins)]
     if optimum.flat:
-        direction = ", ".join(f"{text(n)} {100 * v:+.3g} %" for n, v in optimum.flat.items())
+        direction = ", ".join(f"{escape(n)} {100 * v:+.3g} %" for n, v in optimum.flat.items())
         parts.append(f'<p class="warn">Flat: nothing that holds it changes along {direction}.</p>')
     return [
         *parts,
-        *(f'<p class="warn">{text(warning)}.</p>' for warning in filter(None, [optimum.few_modes])),
+        *(f'<p class="warn">{escape(warning)}.</p>' for warning in filter(None, [optimum.few_modes])),
     ]
 
 
@@ -119,7 +121,7 @@ def _search(optimum: Optimum) -> list[str]:
         rows.append(
             (f"{k + 1}", *(f"{v:.4g}" for v in s.start.values()), s.merit, s.values, s.gradients, reason)
         )
-    return [figure(plot_optimum(optimum), "Every design that was tried."), grid(heads, rows)]
+    return [figure(plot_optimum(optimum), "Every design that was tried."), table(heads, rows)]
 
 
 def _answers(optimum: Optimum) -> str:
@@ -129,4 +131,4 @@ def _answers(optimum: Optimum) -> str:
     for a in optimum.job.answers:
         ends = [v if np.isfinite(v) else "" for v in (a.low, a.high)]
         rows.append((a.name, a.role, optimum.answers[a.name], *ends))
-    return grid(heads, rows)
+    return table(heads, rows)

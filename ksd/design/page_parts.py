@@ -1,4 +1,4 @@
-"""What every HTML page of ksd is made of: one file that holds its style and pictures, and needs no network."""
+"""Parts of the HTML pages of ksd: a page is one file with its style and pictures, and needs no network."""
 
 from __future__ import annotations
 
@@ -32,56 +32,59 @@ th:first-child,td:first-child,th.t,td.t{text-align:left} .wide{overflow-x:auto}
 
 
 def document(name: str, kind: str, parts: Sequence[str]) -> str:
-    """A page as HTML text: `name` as heading, `kind` of report below it, then parts."""
-    title = text(f"{name}: {kind}")
+    """A whole page as HTML text; name: the heading; kind: kind of report, below the heading; parts: HTML texts."""
+    title = escape(f"{name}: {kind}")
     head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{title}</title>'
-    said = f"{kind[0].upper()}{kind[1:]}, ksd {ksd.__version__}, {datetime.date.today():%d %B %Y}"
-    body = "\n".join([f"<h1>{text(name)}</h1>", f'<p class="sub">{said}</p>', *parts])
+    subtitle = f"{kind[0].upper()}{kind[1:]}, ksd {ksd.__version__}, {datetime.date.today():%d %B %Y}"
+    body = "\n".join([f"<h1>{escape(name)}</h1>", f'<p class="sub">{subtitle}</p>', *parts])
     top = f'<!doctype html>\n<html lang="en"><head>{head}<style>{STYLE}</style></head>'
     return f"{top}\n<body><main>\n{body}\n</main></body></html>\n"
 
 
-def cards(said: Iterable[tuple[str, str]]) -> str:
-    """Boxes of a number, as HTML, and words below it."""
-    boxes = "".join(f'<div class="card"><b>{v}</b><span>{text(w)}</span></div>' for v, w in said)
+def cards(numbers: Iterable[tuple[str, str]]) -> str:
+    """Boxes with a number, already HTML, and a caption below it."""
+    boxes = "".join(f'<div class="card"><b>{v}</b><span>{escape(c)}</span></div>' for v, c in numbers)
     return f'<div class="cards">{boxes}</div>'
 
 
-def text(words: Any) -> str:
-    """Words as they are, with nothing that HTML would take for its own."""
-    return html.escape(str(words))
+def escape(value: Any) -> str:
+    """The text of a value with the special characters of HTML escaped."""
+    return html.escape(str(value))
 
 
-def written(value: Any, digits: int = 5) -> str:
-    """A number or text for a cell."""
+def format_cell(value: Any, digits: int = 5) -> str:
+    """A number or text as the content of a table cell; a dash for None and for numbers that are not finite."""
     if isinstance(value, str):
-        return text(value)
+        return escape(value)
     if isinstance(value, int):
         return str(value)
     return "&ndash;" if value is None or not math.isfinite(value) else format_number(value, digits, zero=1e-9)
 
 
-def grid(heads: Iterable[tuple[str, str]], rows: Iterable[Iterable[Any]]) -> str:
-    """An HTML table; heads: (words, unit); texts to the left, numbers to the right, heads as the column below them."""
+def table(heads: Iterable[tuple[str, str]], rows: Iterable[Iterable[Any]]) -> str:
+    """An HTML table; heads: (title, unit) of each column.
+
+    Texts are aligned to the left, numbers to the right, and heads as their column.
+    """
     rows = [list(row) for row in rows]
-    words = [any(isinstance(v, str) and v for v in column) for column in zip(*rows, strict=True)] or [
+    is_text = [any(isinstance(v, str) and v for v in column) for column in zip(*rows, strict=True)] or [
         False
     ] * 64
     top = "".join(
-        f"<th{' class=t' if left else ''}>{text(w)}{f'<br><small>{text(u)}</small>' if u else ''}</th>"
-        for (w, u), left in zip(heads, words, strict=False)
+        f"<th{' class=t' if left else ''}>{escape(t)}{f'<br><small>{escape(u)}</small>' if u else ''}</th>"
+        for (t, u), left in zip(heads, is_text, strict=False)
     )
     body = "".join(
         "<tr>"
-        + "".join(f"<td{' class=t' if isinstance(v, str) else ''}>{written(v)}</td>" for v in row)
+        + "".join(f"<td{' class=t' if isinstance(v, str) else ''}>{format_cell(v)}</td>" for v in row)
         + "</tr>"
         for row in rows
     )
     return f'<div class="wide"><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'
 
 
-def figure(drawn: Any, caption: str) -> str:
-    """A matplotlib figure inside the page."""
-    coded = base64.b64encode(figure_bytes(drawn, "png", dpi=140)).decode()
-    said = text(caption)
-    return f'<figure><img alt="{said}" src="data:image/png;base64,{coded}"><figcaption>{said}</figcaption></figure>'
+def figure(plot: Any, caption: str) -> str:
+    """A matplotlib figure as a picture inside the page."""
+    encoded = base64.b64encode(figure_bytes(plot, "png", dpi=140)).decode()
+    alt = escape(caption)
+    return f'<figure><img alt="{alt}" src="data:image/png;base64,{encoded}"><figcaption>{alt}</figcaption></figure>'

@@ -1,8 +1,9 @@
 """A linear state-space model (A, B, C, D) about a deformed, loaded pose: drive forces in, drive motions out.
 
-Modal: x = (eta, eta'), eta'' + 2 zeta omega eta' + omega^2 eta = Phi^T f with unit modal mass, y = Phi eta + D f. D is the
-compliance of the modes left out (exact static compliance less that of the modes kept), so the gain at zero frequency
-is that of the full model (residual flexibility; Craig and Kurdila, Fundamentals of Structural Dynamics, 2006).
+In modal coordinates x = (eta, eta') with unit modal mass: eta'' + 2 zeta omega eta' + omega^2 eta = Phi^T f and
+y = Phi eta + D f. D is the compliance of the truncated modes (exact static compliance less that of the retained modes), so
+the gain at zero frequency is that of the full model (residual flexibility; Craig and Kurdila, Fundamentals of Structural
+Dynamics, 2006).
 """
 
 from __future__ import annotations
@@ -31,9 +32,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, repr=False)
 class StateSpace(PrintableAnswer):
-    """x' = A x + B u, y = C x + D u. u: force or moment of every freed drive beyond its present one [N or Nm]; y: its
-    motion from the pose [m or rad]; x (2k,): modal amplitudes [m kg^0.5] and their rates. drives, input_units,
-    output_units name the entries of u and y; frequency_Hz (k,): of the modes; pose: drive values [m or rad]."""
+    """State-space model x' = A x + B u, y = C x + D u about a pose.
+
+    u: force or moment of every freed drive in addition to that at the pose [N or Nm]; y: its motion from the pose [m or
+    rad]; x (2k,): modal amplitudes [m kg^0.5] and their rates. drives, input_units, output_units: names and units of the
+    entries of u and y; frequency_Hz (k,): frequencies of the modes; pose: drive values [m or rad].
+    """
 
     A: Array
     B: Array
@@ -69,8 +73,10 @@ class StateSpace(PrintableAnswer):
         """Complex frequency response (n, outputs, inputs) at frequencies (n,) [Hz]."""
         eye = np.eye(len(self.A))
         points = 2j * np.pi * np.atleast_1d(np.asarray(frequency_Hz, float))
-        found: Array = np.array([self.C @ np.linalg.solve(s * eye - self.A, self.B) + self.D for s in points])
-        return found
+        response: Array = np.array(
+            [self.C @ np.linalg.solve(s * eye - self.A, self.B) + self.D for s in points]
+        )
+        return response
 
     def to_mat(self, path: str | os.PathLike[str]) -> Path:
         """Write A, B, C, D, names and units for MATLAB: ``load file; sys = ss(A, B, C, D)``. Returns the path."""
@@ -85,11 +91,11 @@ class StateSpace(PrintableAnswer):
 def state_space(
     pose: Configuration, *, modes: int = 6, damping: float = 0.01, drives: Iterable[str] | None = None
 ) -> StateSpace:
-    """State-space model of a `Configuration` with its `modes` lowest modes, returned as a `StateSpace`.
+    """State-space model of a `Configuration`, returned as a `StateSpace`.
 
-    damping: modal damping ratio zeta of every mode. drives: those let go and used as inputs and outputs, all when None;
-    the others stay held. Raises SceneError for names, modes or damping out of range, and for a scene without mass or under
-    loads that are not conservative.
+    modes: number of lowest modes; damping: modal damping ratio zeta of every mode. drives: those released and used as
+    inputs and outputs, all when None; the others stay fixed. Raises SceneError for names, modes or damping out of range,
+    for a scene without mass, and under loads that are not conservative.
     """
     if not isinstance(pose, Configuration):
         raise SceneError(f"pose = {show(pose)} is no configuration; give what ksd.solve returns.")
@@ -99,9 +105,9 @@ def state_space(
         raise SceneError(f"drives = {freed}: name drives to be let go, out of {', '.join(known) or 'none'}")
     if not not_negative(damping, "damping") < 1.0:
         raise SceneError(f"damping = {damping}: a ratio from 0 to below 1 is needed")
-    found = pose.frequencies(count=whole_number(modes, "modes"), freed=freed)
+    lowest_modes = pose.frequencies(count=whole_number(modes, "modes"), freed=freed)
     if (
-        not found.conservative
+        not lowest_modes.conservative
         and assemble_and_factor(*pose.unreduced_state, load_factor=pose.load_factor).skew_share()
         > MAX_DAMPED_SKEW_SHARE
     ):
@@ -110,7 +116,7 @@ def state_space(
             "no basis of a linear model then; take those loads off, or put them on as forces that keep their direction"
         )
     columns = [list(known).index(d) for d in freed]
-    phi, squared = found.drive_motion[:, columns].T, found.omega_squared
+    phi, squared = lowest_modes.drive_motion[:, columns].T, lowest_modes.omega_squared
     k = len(squared)
     A = np.zeros((2 * k, 2 * k))
     A[:k, k:] = np.eye(k)
@@ -118,18 +124,18 @@ def state_space(
     A[k:, k:] = -np.diag(2 * damping * np.sqrt(np.abs(squared)))
     B = np.vstack([np.zeros((k, len(freed))), phi.T])
     C = np.hstack([phi, np.zeros((len(freed), k))])
-    D = _static(pose, freed) - (phi / squared) @ phi.T
-    by = {d.name: drive_kind(d) for d in pose.model.scene.drives}
-    inputs = tuple({"translation": "N", "rotation": "Nm"}.get(by[d], "SI") for d in freed)
-    outputs = tuple({"mm": "m", "deg": "rad"}.get(DRIVE_VALUE_UNITS[by[d]][0], "SI") for d in freed)
+    D = _static_compliance(pose, freed) - (phi / squared) @ phi.T
+    kinds = {d.name: drive_kind(d) for d in pose.model.scene.drives}
+    inputs = tuple({"translation": "N", "rotation": "Nm"}.get(kinds[d], "SI") for d in freed)
+    outputs = tuple({"mm": "m", "deg": "rad"}.get(DRIVE_VALUE_UNITS[kinds[d]][0], "SI") for d in freed)
     return StateSpace(
-        A, B, C, 0.5 * (D + D.T), freed, inputs, outputs, found.frequency_Hz.copy(), dict(pose.targets)
+        A, B, C, 0.5 * (D + D.T), freed, inputs, outputs, lowest_modes.frequency_Hz.copy(), dict(pose.targets)
     )
 
 
-def _static(pose: Any, freed: tuple[str, ...]) -> Array:
-    """Static compliance (d, d) between the freed drives, the others held."""
-    held = pose.drive_stiffness()
-    pick = [held.names.index(d) for d in freed]
-    inverse: Array = np.linalg.inv(held.matrix[np.ix_(pick, pick)])
-    return inverse
+def _static_compliance(pose: Any, freed: tuple[str, ...]) -> Array:
+    """Static compliance (d, d) of the freed drives, the others fixed [m/N, rad/N or rad/Nm]."""
+    stiffness = pose.drive_stiffness()
+    rows = [stiffness.names.index(d) for d in freed]
+    compliance: Array = np.linalg.inv(stiffness.matrix[np.ix_(rows, rows)])
+    return compliance

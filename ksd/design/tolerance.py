@@ -1,4 +1,4 @@
-"""`ksd.tolerance`: how a design made with tolerances answers, to first order by its slopes and by samples."""
+"""`ksd.tolerance`: scatter of the answers of a design with its parameters, to first order and by samples."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from ksd.errors import KsdError, SceneError
 from ksd.properties.printing import PrintableAnswer, format_number, format_table
 
 Array = np.ndarray
-TOLD = 12
-"""Answers that are printed: those nearest to their limits, in standard deviations, and the worst targets."""
+MAX_PRINTED_ANSWERS = 12
+"""Number of printed answers: those nearest to their limits, in standard deviations, and the worst targets."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Tolerance(PrintableAnswer):
     """Answers of a design whose parameters scatter independently, normally, by `spread` (standard deviations, SI).
 
-    names: of the answers; nominal, first_order, sampled (answers,): values, and standard deviations to first order and of
-    the samples, in units of their columns. blame (answers, parameters): share of each parameter in the first-order variance.
-    kept: share of the samples that hold every limit; reach (answers,): standard deviations to the nearest limit. merits
-    (samples,): worst target over its scale, nan where a sample failed and of a job without targets; sign: -1 where targets
-    are minimised, and merits are minus the worst. table: all samples.
+    names: of the answers; nominal (answers,): values at the design; first_order, sampled (answers,): standard deviations to
+    first order and of the samples, in units of their columns. blame (answers, parameters): share of each parameter in the
+    first-order variance. kept: share of the samples that meet every limit; reach (answers,): standard deviations to the
+    nearest limit. merits (samples,): worst target over its scale, nan for samples that failed and for jobs without targets;
+    sign: -1 where targets are minimised, so that merits are minus the worst. table: all samples.
     """
 
     names: tuple[str, ...]
@@ -46,8 +46,8 @@ class Tolerance(PrintableAnswer):
     sign: float
 
     def to_blame(self, name: str) -> dict[str, float]:
-        """Share of every parameter in the first-order variance of an answer, the largest first. SceneError for an
-        unknown name."""
+        """Share of every parameter in the first-order variance of an answer, the largest first. Raises SceneError for
+        an unknown name."""
         if name not in self.names:
             raise SceneError(f"there is no answer '{name}'{name_hint(name, self.names)}")
         shares = dict(zip(self.spread, self.blame[self.names.index(name)].tolist(), strict=True))
@@ -61,12 +61,12 @@ class Tolerance(PrintableAnswer):
             else ""
         )
         failed = len(self.table.failures)
-        lost = f", {failed} have no answers" if failed else ""
-        return f"{100 * self.kept:.3g} % of {len(self.merits)} samples hold every limit{lost}{worst}"
+        failures = f", {failed} have no answers" if failed else ""
+        return f"{100 * self.kept:.3g} % of {len(self.merits)} samples hold every limit{failures}{worst}"
 
     def __str__(self) -> str:
         rows = []
-        for k in np.argsort(self.reach)[:TOLD].tolist():
+        for k in np.argsort(self.reach)[:MAX_PRINTED_ANSWERS].tolist():
             name, share = next(iter(self.to_blame(self.names[k]).items()))
             numbers = (self.nominal[k], self.first_order[k], self.sampled[k])
             rows.append(
@@ -89,15 +89,17 @@ def tolerance(
     resume: str | os.PathLike[str] | None = None,
     progress: bool = False,
 ) -> Tolerance:
-    """How the answers of a job scatter with the parameters of a design; returns a `Tolerance`.
+    """Compute how the answers of a job scatter with the parameters of a design; returns a `Tolerance`.
 
-    job: what is asked, with or without a target; its limits decide the yield. design: an optimum of `ksd.optimise`, or
-    parameters by name or in order. spread: standard deviation of parameters by
-    name, SI; others are exact. samples: for the Monte Carlo by `seed`; they may leave bounds and rules, which are not what
-    is made. executor, resume, progress: as in `ksd.optimise`, Ctrl-C too. Raises SceneError for wrong words, KsdError where
-    the design itself has no answers.
+    job: with or without a target; its limits decide the yield. design: an optimum of `ksd.optimise`, or parameters by name
+    or in order. spread: standard deviations of parameters by name, SI; other parameters are exact. samples: number of Monte
+    Carlo samples by `seed`; they need not be within bounds and rules, which do not hold for manufactured parts. executor,
+    resume, progress: as in `ksd.optimise`, Ctrl-C too. Raises SceneError for wrong arguments, KsdError where the design
+    itself has no answers.
     """
-    x, sd, count = *_given(job, design, spread), whole_number(samples, "samples", least=2)
+    check_job(job, target=False)
+    x, sd = job.point(getattr(design, "design", design)), check_spread(job, spread)
+    count = whole_number(samples, "samples", least=2)
     log = DesignLog(job, resume=resume, executor=executor, progress=progress)
     X = x + sd * np.random.default_rng(whole_number(seed, "seed", least=0)).normal(size=(count, len(x)))
     with log.interruptible():
@@ -107,32 +109,26 @@ def tolerance(
     good = np.array([s == OK for s in status]) & np.isfinite(values).any(axis=1)
     if not good.any():
         raise KsdError(f"none of {count} samples could be solved; the first: {status[0]}")
-    kept = [ok and bool((job.margins(v) >= 0.0).all()) for ok, v in zip(good, values, strict=True)]
+    within_limits = [ok and bool((job.margins(v) >= 0.0).all()) for ok, v in zip(good, values, strict=True)]
     merits = np.array([job.merit(v) if ok else np.nan for ok, v in zip(good, values, strict=True)])
-    chosen = [k for k, name in enumerate(job.parameters) if name in spread]
+    scattered = [k for k, name in enumerate(job.parameters) if name in spread]
     with np.errstate(divide="ignore", invalid="ignore"):
-        blame = np.where(first[:, None] > 0.0, parts / first[:, None] ** 2, 0.0)[:, chosen]
+        blame = np.where(first[:, None] > 0.0, parts / first[:, None] ** 2, 0.0)[:, scattered]
     finite = np.where(np.isinf(values), np.nan, values)
     return Tolerance(
-        job.names, {job.parameters[k]: float(sd[k]) for k in chosen}, nominal, first,
+        job.names, {job.parameters[k]: float(sd[k]) for k in scattered}, nominal, first,
         np.array([np.nanstd(v[good], ddof=1) if np.isfinite(v[good]).sum() > 1 else 0.0 for v in finite.T]), blame,
-        float(np.mean(kept)), merits, _reach(job, nominal, first), log.table(), job.merit_sign,
+        float(np.mean(within_limits)), merits, _distances_to_limits(job, nominal, first), log.table(), job.merit_sign,
     )  # fmt: skip
 
 
 def first_order(slopes: Array, sd: Array) -> Array:
-    """Standard deviations (answers,) from slopes (answers, P) and those of the parameters (P,)."""
+    """Standard deviations (answers,) to first order; slopes (answers, P); sd (P,): those of the parameters."""
     return np.asarray(np.sqrt(((slopes * sd) ** 2).sum(axis=1)))
 
 
-def _given(job: Any, design: Any, spread: Any) -> tuple[Array, Array]:
-    """The design (P,) and standard deviations (P,); raises SceneError."""
-    check_job(job, target=False)
-    return job.point(getattr(design, "design", design)), check_spread(job, spread)
-
-
 def check_spread(job: Job, spread: Any) -> Array:
-    """Standard deviations (P,) of the parameters of a job, 0 where none is given; raises SceneError."""
+    """Standard deviations (P,) of the parameters of a job, 0 where none is given. Raises SceneError."""
     if not isinstance(spread, Mapping) or not spread:
         raise SceneError("spread: give standard deviations by parameter, such as spread={'thickness': 4e-6}")
     for name, value in spread.items():
@@ -143,9 +139,9 @@ def check_spread(job: Job, spread: Any) -> Array:
     return np.array([float(spread.get(n, 0.0)) for n in job.parameters])
 
 
-def _reach(job: Job, nominal: Array, sd: Array) -> Array:
-    """(answers,): standard deviations to the nearest limit; of targets how far their worst case is from the merit."""
-    found = np.full(len(nominal), np.inf)
+def _distances_to_limits(job: Job, nominal: Array, sd: Array) -> Array:
+    """Standard deviations (answers,) to the nearest limit; of targets, to the value at which they would be the worst."""
+    distances = np.full(len(nominal), np.inf)
     merit = job.merit(nominal)
     for k, (a, v, s) in enumerate(zip(job.answers, nominal.tolist(), sd.tolist(), strict=True)):
         if s > 0.0 and np.isfinite(v):
@@ -154,5 +150,5 @@ def _reach(job: Job, nominal: Array, sd: Array) -> Array:
                 if a.role == "limit"
                 else abs(abs(v) / a.scale - abs(merit)) * a.scale
             )
-            found[k] = gap / s
-    return found
+            distances[k] = gap / s
+    return distances

@@ -10,31 +10,33 @@ from scenes import fourbar
 
 import ksd
 from ksd.cli import main
-from ksd.design.effect_cost import _times, effect_cost, unknown_count
+from ksd.design.effect_cost import _solve_times, effect_cost, unknown_count
 
 FOURBAR = str(files("ksd") / "scenes" / "fourbar.toml")
 
 
 @pytest.fixture(scope="module")
-def priced():
+def costs():
     scene = fourbar()
     scene.joint_spring("lower left", stiffness=0.5)
     return effect_cost(scene, {"top": 0.1}, rounds=1)
 
 
-def test_every_effect_has_its_price(priced):
-    choice, rows = priced
+def test_every_effect_has_its_cost(costs):
+    choice, rows = costs
     assert [r.name for r in rows] == ["spatial", "shear", "warping", "plate", "springs"]
     by_name = {r.name: r for r in rows}
     assert (
-        [r.kept for r in rows] == [choice[r.name].present for r in rows] == [False, True, False, False, True]
+        [r.is_simulated for r in rows]
+        == [choice[r.name].present for r in rows]
+        == [False, True, False, False, True]
     )
     # the plane changes nothing but the number of unknowns
     spatial = by_name["spatial"]
-    assert max(abs(c) for c in spatial.changes().values()) < 1e-9
+    assert max(abs(c) for c in spatial.relative_changes().values()) < 1e-9
     assert spatial.unknowns[0] > 2 * spatial.unknowns[1]
     # warping has no part in the plane, but in what holds the link across it
-    warping = by_name["warping"].changes()
+    warping = by_name["warping"].relative_changes()
     assert warping["force top"] == pytest.approx(0.0, abs=1e-9) and warping["support stiffness"] > 0.01
     for name, answers in (("springs", {"with_": "springs"}), ("plate", {"with_": "plate"})):
         scene = fourbar()
@@ -43,14 +45,16 @@ def test_every_effect_has_its_price(priced):
             ksd.solve(scene, top=0.1, method="conventional", **w).forces["top"]
             for w in (answers, {"without": name})
         )
-        assert by_name[name].changes()["force top"] == pytest.approx((with_ - without) / with_, rel=1e-6)
+        assert by_name[name].relative_changes()["force top"] == pytest.approx(
+            (with_ - without) / with_, rel=1e-6
+        )
     assert all(min(r.times) > 0 for r in rows)
 
 
 def test_times_are_seconds(monkeypatch):
     clock = count(0, 2_000_000)
     monkeypatch.setattr("ksd.design.effect_cost.time.thread_time_ns", lambda: next(clock))
-    assert _times((lambda *_, **__: None,) * 2, {}, 3) == pytest.approx((2e-3, 2e-3))
+    assert _solve_times((lambda *_, **__: None,) * 2, {}, 3) == pytest.approx((2e-3, 2e-3))
 
 
 def test_unknowns_are_those_solved_for():
@@ -63,7 +67,7 @@ def test_unknowns_are_those_solved_for():
 
 def test_the_command(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("ksd.design.effect_cost.TIMED_SOLVES", 1)
-    out, picture = tmp_path / "prices.json", tmp_path / "prices.png"
+    out, picture = tmp_path / "costs.json", tmp_path / "costs.png"
     assert main(["effects", FOURBAR, "--set", "top=50mm", "--json", str(out), "--plot", str(picture)]) == 0
     said = capsys.readouterr().out
     assert "with shear" in said and "without warping: not mentioned; would be 23 %" in said
