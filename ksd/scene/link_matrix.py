@@ -1,4 +1,4 @@
-"""Files of flexible links: a stiffness matrix in numpy's format or in HDF5."""
+"""Stiffness matrices of elastic links from files in numpy's format or in HDF5."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from ksd.hdf5 import BoundedReader, read_hdf5
 from ksd.scene.effects import LinkMatrix
 
 KEYS = ("points", "K")
-"""Arrays of a file."""
+"""Names of the arrays in a file."""
 
 
 def _of_npz(content: bytes) -> dict[str, np.ndarray]:
-    """The arrays `points` and `K` of a numpy file, where they are there; no array is larger than it unpacks to."""
+    """The arrays KEYS of a numpy file, as far as they exist."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         names = {f"{key}.npy" for key in KEYS} & set(archive.namelist())
         return {name.removesuffix(".npy"): _array(archive, name) for name in names}
 
 
 def _array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
-    """One array of a numpy file, its size compared with what it declares before anything is made of it."""
+    """One array of a numpy file. Raises ValueError unless its size is that declared in its header, and within the limit."""
     if archive.getinfo(name).file_size > MAX_READ_BYTES:
         raise ValueError(f"{name} is larger than the {MAX_READ_BYTES >> 20} MiB that are read")
     with archive.open(name) as member:
@@ -41,12 +41,12 @@ def _array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
     ):
         raise ValueError(f"{name} is not the array of numbers it declares")
     content.seek(0)
-    found: np.ndarray = np.load(content, allow_pickle=False)
-    return found
+    array: np.ndarray = np.load(content, allow_pickle=False)
+    return array
 
 
 def _of_hdf5(content: bytes) -> dict[str, np.ndarray]:
-    """The same of an HDF5 file."""
+    """The arrays KEYS of an HDF5 file, as far as they exist."""
 
     def arrays(found: BoundedReader) -> dict[str, np.ndarray]:
         items = found.items(found.file)
@@ -56,16 +56,16 @@ def _of_hdf5(content: bytes) -> dict[str, np.ndarray]:
 
 
 READERS = {".npz": _of_npz, ".h5": _of_hdf5}
-"""Who reads a link matrix, by the end of the file name."""
+"""Reader of a file content by the suffix of the file name."""
 
 
 @clear_argument_errors
 def link_matrix(path: str | os.PathLike[str]) -> LinkMatrix:
-    """The stiffness of a flexible link from a file, `.npz` or `.h5`.
+    """The stiffness of an elastic link from the file `path`, `.npz` or `.h5`.
 
-    Arrays: `points` (2, 3) [m], the interfaces, global at rest; `K` (12 + m, 12 + m), stiffness with the six
-    displacements and rotations of each interface first (N/m, N, Nm) and m internal modes last, which statics condenses.
-    Raises SceneError for a file that is missing, of another kind, damaged, or without these arrays.
+    Its arrays: `points` (2, 3) [m], the interfaces, global, undeformed; `K` (12 + m, 12 + m), the stiffness (N/m, N, Nm)
+    with the six displacements and rotations of each interface first and m internal modes last, which are condensed
+    statically. Raises SceneError for a file that is missing, of another kind, damaged, or without these arrays.
     """
     file = named_file(path, "link matrix")
     read = READERS.get(file.suffix.lower())
@@ -75,10 +75,10 @@ def link_matrix(path: str | os.PathLike[str]) -> LinkMatrix:
     try:
         arrays = read(content)
     except Exception as reason:
-        # the readers of foreign formats do not say what they raise
-        said = " ".join(str(reason).split()) or type(reason).__name__
+        # the readers of foreign formats do not document what they raise
+        message = " ".join(str(reason).split()) or type(reason).__name__
         raise SceneError(
-            f"link matrix '{file}' cannot be read: {said.rstrip('.')}; export it again, numpy or HDF5."
+            f"link matrix '{file}' cannot be read: {message.rstrip('.')}; export it again, numpy or HDF5."
         ) from None
     for key in KEYS:
         if key not in arrays:
@@ -92,11 +92,11 @@ def link_matrix(path: str | os.PathLike[str]) -> LinkMatrix:
         )
     if not np.all(np.isfinite(K)):
         raise SceneError(f"link matrix '{file}': K holds numbers that are not finite; export it again.")
-    edge = 6 * len(points)
-    inner = K[edge:, edge:]
+    n = 6 * len(points)
+    inner = K[n:, n:]
     if len(inner):
         try:
-            K = K[:edge, :edge] - K[:edge, edge:] @ np.linalg.solve(inner, K[edge:, :edge])
+            K = K[:n, :n] - K[:n, n:] @ np.linalg.solve(inner, K[n:, :n])
         except np.linalg.LinAlgError:
             raise SceneError(
                 f"link matrix '{file}': the stiffness of its internal modes is singular."

@@ -1,4 +1,4 @@
-"""A mechanism in print: what it is made of, sentence by sentence, with its lengths and units."""
+"""The printed form of a scene: a table of its parts with their lengths and units."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ if TYPE_CHECKING:
 
 
 def printed_scene(scene: Scene) -> PrintedText:
-    """The parts of a scene, a line each."""
+    """The parts of a scene, one per line."""
     rows = list(_rows(scene))
-    place = "" if scene.plane is None else f"in the plane {scene.plane}, "
-    head = f"{scene.name}: {place}links {', '.join(scene.links[1:]) or 'none'}"
-    wide = [max((len(row[k]) for row in rows), default=0) for k in range(3)]
+    plane = "" if scene.plane is None else f"in the plane {scene.plane}, "
+    head = f"{scene.name}: {plane}links {', '.join(scene.links[1:]) or 'none'}"
+    widths = [max((len(row[k]) for row in rows), default=0) for k in range(3)]
     lines = [
-        "  ".join(cell.ljust(n) for cell, n in zip(row, (*wide, 0), strict=True)).rstrip() for row in rows
+        "  ".join(cell.ljust(n) for cell, n in zip(row, (*widths, 0), strict=True)).rstrip() for row in rows
     ]
     return PrintedText("\n".join([head, *lines]), [head, rows])
 
 
 def _rows(scene: Scene) -> Iterable[tuple[str, str, str, str]]:
-    """Kind, name, where, and what of every part."""
+    """Kind, name, location and description of every part."""
     for j in scene.joints:
         yield (
             "joint",
@@ -42,10 +42,9 @@ def _rows(scene: Scene) -> Iterable[tuple[str, str, str, str]]:
         for d in drives:
             yield kind, d.name, d.terms[0].link, " + ".join(map(_term, d.terms))
     for p in scene.loads:
-        said = [f"force {_vector(p.force)} N"] * any(p.force) + [f"moment {_vector(p.moment)} Nm"] * any(
-            p.moment
-        )
-        yield "load", p.name, p.link, ", ".join(said) + ", following" * p.following
+        force = [f"force {_vector(p.force)} N"] * any(p.force)
+        moment = [f"moment {_vector(p.moment)} Nm"] * any(p.moment)
+        yield "load", p.name, p.link, ", ".join(force + moment) + ", following" * p.following
     for m in scene.masses:
         yield "mass", "", m.link, f"{m.mass:.4g} kg at {in_millimetres(m.at)}"
     for s in scene.springs:
@@ -61,15 +60,17 @@ def _rows(scene: Scene) -> Iterable[tuple[str, str, str, str]]:
 
 
 def _term(term: Any) -> str:
+    """A drive term as text."""
     factor = "" if term.coefficient == 1.0 else f"{term.coefficient:g} \N{MULTIPLICATION SIGN} "
-    said = f"{term.kind} {'along' if term.kind == 'translation' else 'about'} {_vector(term.direction)}"
-    return factor + said + ("" if term.base == "ground" else f" relative to {term.base}")
+    component = f"{term.kind} {'along' if term.kind == 'translation' else 'about'} {_vector(term.direction)}"
+    return factor + component + ("" if term.base == "ground" else f" relative to {term.base}")
 
 
-def in_millimetres(place: Any) -> str:
-    """A place (3,) [m] in words."""
-    return f"{_vector(place, 1e3)} mm"
+def in_millimetres(position: Any) -> str:
+    """A position (3,) [m] as text in mm."""
+    return f"{_vector(position, 1e3)} mm"
 
 
 def _vector(values: Any, scale: float = 1.0) -> str:
+    """A vector times `scale` as text."""
     return f"({', '.join(f'{scale * v:.4g}' for v in values)})"

@@ -10,15 +10,15 @@ from ksd.errors import SceneError
 
 @dataclass(frozen=True, init=False)
 class Material(metaclass=ClearArgumentErrors):
-    """Linear elastic material: two of E, G [Pa] and Poisson's ratio nu; density [kg/m^3] when masses matter,
-    expansion [1/K] (linear, thermal) when temperatures do.
+    """Linear elastic material, by two of Young's modulus E, shear modulus G [Pa] and Poisson's ratio nu.
 
-    yield_stress, fatigue_limit [Pa]: what it bears once, and for ever; answers then say the share of them in use. They
-    change no other number.
+    The third follows from E = 2 G (1 + nu); any positive pair of E and G is accepted (an anisotropic leaf). density
+    [kg/m^3]: needed for masses and weight; expansion [1/K]: linear thermal expansion, needed for temperatures.
+    yield_stress, fatigue_limit [Pa]: strength once, and for unlimited cycles; answers then report stresses as shares of
+    them, and nothing else depends on them. name: shown in messages.
 
-    The third of E, G, nu follows from E = 2 G (1 + nu); with E and G given any positive pair is accepted (an
-    anisotropic leaf). Raises SceneError for a modulus, density or limit that is not positive and finite, nu outside
-    (-1, 0.5], fewer than two of the three, or three that contradict each other by more than 1e-3.
+    Raises SceneError for a modulus, density or limit that is not positive and finite, nu outside (-1, 0.5], fewer than two
+    of the three, or three that contradict each other by more than 1e-3.
     """
 
     E: float
@@ -61,7 +61,7 @@ class Material(metaclass=ClearArgumentErrors):
 
 
 def _complete(E: float | None, G: float | None, nu: float | None, owner: str) -> tuple[float, float, float]:
-    """E, G, nu from any two of them."""
+    """E, G, nu from any two of them. Raises SceneError."""
     if E is not None and G is not None:
         if nu is not None and abs(E - 2 * G * (1 + nu)) > 1e-3 * E:
             raise SceneError(

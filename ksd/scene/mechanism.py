@@ -1,4 +1,4 @@
-"""The builder in which an engineer describes a mechanism, sentence by sentence."""
+"""`Mechanism`, with which an engineer describes a mechanism statement by statement."""
 
 from __future__ import annotations
 
@@ -61,16 +61,26 @@ from ksd.scene.scene import (
 )
 from ksd.section import Section
 
-SETTABLE = ("name", "plane", "gravity")
-"""What of a mechanism is set by `=`; all else is said by its methods."""
-ASKED = ("solve", "prepare", "sweep", "batch", "doctor", "compare", "optimise", "follow", "gradient")
-"""What is asked of a mechanism by functions, not by its methods."""
+SETTABLE_ATTRIBUTES = ("name", "plane", "gravity")
+"""Attributes of a mechanism that can be assigned; everything else is described by its methods."""
+FUNCTIONS_OF_KSD = (
+    "solve",
+    "prepare",
+    "sweep",
+    "batch",
+    "doctor",
+    "compare",
+    "optimise",
+    "follow",
+    "gradient",
+)
+"""Functions that take a mechanism, and are no methods of it."""
 SYNONYMS = {
     "drive": "actuate", "move": "actuate", "prescribe": "actuate", "fix": "support", "hold": "support", "clamp": "support",
     "force": "load", "moment": "load", "torque": "load", "connect": "join", "joint": "join", "hinge": "pin", "body": "link",
     "beam": "leaf", "flexure": "leaf", "temperature": "heat",
 }  # fmt: skip
-"""Methods by other words for what they say."""
+"""Other words for methods of a mechanism."""
 
 
 @clear_argument_errors_of_methods
@@ -78,10 +88,10 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
     """A mechanism under construction: links, joints between them, drives, supports and loads.
 
     All positions [m] and directions are global, in the undeformed configuration, where every link is at zero
-    displacement and parallel to the global axes. Each sentence is checked when it is said and raises
-    SceneError; `validate` checks the whole and `scene` freezes it. Links are given as the objects made by
-    `link`, or by name. plane: "xy", "xz" or "yz" for a mechanism that lives in that plane: displacements across it and
-    rotations out of it are held, pins turn about its normal, and leaf springs have their width along it.
+    displacement and parallel to the global axes. Each method checks its arguments at once and raises SceneError;
+    `validate` checks the whole mechanism and `scene` freezes it. Links are given as the objects made by `link`, or by name.
+    name: of the mechanism. plane: "xy", "xz" or "yz" for a planar mechanism: displacements normal to the plane and rotations
+    out of it are fixed, pins turn about its normal, and leaf springs have their width along it.
     """
 
     name: str
@@ -107,7 +117,7 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
 
     def __init__(self, name: str = "mechanism", *, plane: str | None = None) -> None:
         ground = Link(GROUND, self)
-        # at once, past the checks of what is set: a design loop makes one for every design
+        # directly, without the checks of __setattr__: a design loop makes one for every design
         self.__dict__.update(
             ground=ground, _links={GROUND: ground}, _hinges={}, _masses=[], _compliances={}, _gravity=None, _points=[],
             _joints=[], _leaves=[], _drives=[], _supports=[], _loads=[], _springs=[], _heats=[], _fits=[], _consider=(),
@@ -116,13 +126,13 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         self.name, self.plane = name, plane
 
     def __setattr__(self, name: str, value: Any) -> None:
-        # a misspelt one would be taken in silence, and the scene solved without it
-        if not name.startswith("_") and name not in SETTABLE:
-            raise SceneError(f"a mechanism has no '{name}' to be set{name_hint(name, SETTABLE)}")
+        # a misspelt attribute would be accepted, and the scene solved without it
+        if not name.startswith("_") and name not in SETTABLE_ATTRIBUTES:
+            raise SceneError(f"a mechanism has no '{name}' to be set{name_hint(name, SETTABLE_ATTRIBUTES)}")
         if name == "plane":
             value = check_plane(value)
-            for kind, said in (("drive", self._drives), ("support", self._supports)):
-                for drive in said:
+            for kind, drives in (("drive", self._drives), ("support", self._supports)):
+                for drive in drives:
                     check_drive_in_plane(drive, value, kind)
             hinges = {n: check_hinge_in_plane(h, value) for n, (h, _) in self._hinges.items()}
             self._hinges = {n: (h, h.supports(value)) for n, h in hinges.items()}
@@ -131,11 +141,11 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
     if not TYPE_CHECKING:  # hidden, or checkers would take every name
 
         def __getattr__(self, name):
-            # a property that fails comes by here too
+            # called for a property that raises, too
             if name.startswith("_") or hasattr(type(self), name):
                 raise AttributeError(name)
             hint = name_hint(name, (word for word in dir(self) if not word.startswith("_")))
-            if name in ASKED:
+            if name in FUNCTIONS_OF_KSD:
                 hint = f"; ask it by ksd.{name}(mechanism, ...)."
             elif name in SYNONYMS:
                 hint = f"; say mechanism.{SYNONYMS[name]}."
@@ -148,16 +158,16 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         )
 
     def __str__(self) -> str:
-        """What it is made of so far, a line each."""
+        """The parts described so far, one per line."""
         return str(self.draft())
 
     # Links
 
     @property
     def gravity(self) -> Vector | None:
-        """Acceleration (3,) [m/s^2], e.g. (0, -9.81, 0); None when the scene does not mention gravity.
+        """Gravitational acceleration (3,) [m/s^2], e.g. (0, -9.81, 0); None when the scene does not mention gravity.
 
-        It pulls at the masses of links, and along every leaf whose material has a density.
+        It acts on the masses of links, and along every leaf whose material has a density.
         """
         return self._gravity
 
@@ -175,9 +185,10 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         section: Section | None = None,
         material: Material | None = None,
     ) -> Link:
-        """A new link; mass [kg], inertia [kg m^2] and its centre `at` [m] as in `mass`.
+        """Add a link of this name; mass [kg], inertia [kg m^2] and the centre of mass `at` [m] as in `mass`.
 
-        It is rigid unless section and material are given: then it is elastic as said in `compliance`.
+        It is rigid unless section and material are given; then it is elastic as described in `compliance`. Raises
+        SceneError.
         """
         word(name, "link name", owner=self.name)
         if name in self._links:
@@ -191,18 +202,18 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
             if mass is not None:
                 self.mass(added, mass=mass, inertia=inertia, at=at)
         except SceneError:
-            # a refused sentence leaves nothing behind
+            # a refused statement must leave the mechanism as it was
             del self._links[name]
             self._compliances.pop(name, None)
             raise
         return added
 
     def links(self, *names: str) -> tuple[Link, ...]:
-        """New links, one per name."""
+        """Add links, one per name."""
         return tuple(self.link(name) for name in names)
 
-    def _known(self, link: Link | str, owner: str) -> str:
-        """The name of a link of this mechanism."""
+    def _checked_link(self, link: Link | str, owner: str) -> str:
+        """The name of a link of this mechanism; `owner` starts messages. Raises SceneError."""
         if isinstance(link, Link):
             if link.owner is not self:
                 raise SceneError(
@@ -219,12 +230,13 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
             )
         return link
 
-    def _spot(self, link: str, at: ArrayLike | None) -> Any:
-        """`at` as said; of a point of a leaf, where nothing is said, its own place."""
+    def _position_or_default(self, link: str, at: ArrayLike | None) -> Any:
+        """The position `at` as given; None gives the position of a link that is a point of a leaf, else None."""
         return self._links[link].at if at is None else as_given(at)
 
-    def _pair(self, a: Link | str, b: Link | str, owner: str) -> tuple[str, str]:
-        first, second = self._known(a, owner), self._known(b, owner)
+    def _link_pair(self, a: Link | str, b: Link | str, owner: str) -> tuple[str, str]:
+        """The names of two different links; `owner` starts messages. Raises SceneError."""
+        first, second = self._checked_link(a, owner), self._checked_link(b, owner)
         if first == second:
             raise SceneError(f"{owner} connects link '{first}' with itself; it needs two different links.")
         return first, second
@@ -232,12 +244,15 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
     def mass(
         self, link: Link | str, *, mass: float, inertia: ArrayLike | None = None, at: ArrayLike | None = None
     ) -> PointMass:
-        """A rigid mass [kg]: centre `at` (3,) [m], inertia (3,) or (3, 3) [kg m^2] about it, global axes."""
-        known = self._known(link, "mass")
-        place = self._spot(known, at)
-        if place is None:
-            raise SceneError(f"mass on '{known}': 'at' is missing; give its centre (x, y, z) in m.")
-        added = PointMass(known, mass, as_given(inertia), place)
+        """Add a rigid mass [kg] to a link: centre `at` (3,) [m], inertia (3,) or (3, 3) [kg m^2] about it, in global axes.
+
+        Raises SceneError.
+        """
+        name = self._checked_link(link, "mass")
+        centre = self._position_or_default(name, at)
+        if centre is None:
+            raise SceneError(f"mass on '{name}': 'at' is missing; give its centre (x, y, z) in m.")
+        added = PointMass(name, mass, as_given(inertia), centre)
         self._masses.append(added)
         return added
 
@@ -251,29 +266,29 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         width_axis: Axis | None = None,
         matrix: LinkMatrix | str | os.PathLike[str] | None = None,
     ) -> Compliance:
-        """Make a link elastic: by section and material, or by a Craig-Bampton matrix (or the file of one).
+        """Make a link elastic, by a section and material or by a Craig-Bampton matrix.
 
-        With a section it is a beam from its hub (3,) [m] (the mean of its attachments when left out) to every joint and
-        leaf on it; loads, drives, masses and springs of the link act on the hub. width_axis: direction of the
-        section's width, the axis of the first joint on it when left out. With a matrix (see `LinkMatrix`, `link_matrix`)
-        the link has two interfaces; what is attached goes to the interface it sits at, loads, drives, masses and
-        springs act on the first. Raises SceneError.
+        With a section it consists of beams from its hub (3,) [m] (the mean of its attachments when left out) to every joint
+        and leaf on it; loads, drives, masses and springs of the link act on the hub. width_axis: direction of the section's
+        width, that of the axis of the first joint on the link when left out. With a matrix, a `LinkMatrix` or the path of a
+        file for `link_matrix`, the link has two interfaces; joints and leaf springs attach to the interface at their
+        position, and loads, drives, masses and springs act on the first. Raises SceneError.
         """
-        known = self._known(link, "compliance")
-        if known == self.ground.name:
+        name = self._checked_link(link, "compliance")
+        if name == self.ground.name:
             raise SceneError("compliance: the ground cannot be elastic; put a link and leaf springs between.")
-        if known in self._compliances:
-            raise SceneError(f"compliance of link '{known}' is given twice; keep one.")
+        if name in self._compliances:
+            raise SceneError(f"compliance of link '{name}' is given twice; keep one.")
         if isinstance(matrix, str | os.PathLike):
             matrix = link_matrix(matrix)
-        made = Compliance(known, section, material, as_given(hub), as_given(width_axis), matrix)
-        self._compliances[known] = made
-        return made
+        added = Compliance(name, section, material, as_given(hub), as_given(width_axis), matrix)
+        self._compliances[name] = added
+        return added
 
     # Elastic connections
 
     def _new_name(self, name: str | None, default: str) -> str:
-        """A name not yet used by a joint or leaf."""
+        """A name that no joint or leaf has yet. Raises SceneError."""
         used = {j.name for j in self._joints} | {leaf.name for leaf in self._leaves}
         return _free_name(name, default, used, self.name, each="joint and leaf")
 
@@ -290,29 +305,31 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
     ) -> PlacedJoint:
         """Connect link `a` (interface A) with link `b` (interface B) by a joint.
 
-        at (3,) [m]: interface A; axis: direction of the joint's z, its intended axis; toward: direction from
-        A to B, perpendicular to axis ("x", "-y" or three numbers). The joint's y, along which a guide moves, is axis x
-        toward: with axis "z" it is "y" for toward "x", and "-x" for toward "y". Interface B then sits at `at` + length_AB
-        * toward for joints drawn with B on their x axis. The default name is "a-b". Raises SceneError.
+        at (3,) [m]: position of interface A; axis: direction of the joint's z, its intended axis; toward: direction from
+        A to B, perpendicular to axis; both "x", "-y" or three numbers. The joint's y, along which a guide moves, is axis x
+        toward: with axis "z" it is "y" for toward "x", and "-x" for toward "y". Interface B is at `at` + length_AB * toward
+        for joints drawn with B on their x axis. The default name is "a-b". Raises SceneError.
         """
         if isinstance(joint, Joint) and not joint.motions:
             raise SceneError(
                 f"a {joint.family} has no intended motion; say mechanism.constrain instead of join."
             )
-        placed = self._place("joint", (a, b), joint, (at, axis, toward), name)
+        placed = self._place_joint("joint", a, b, joint, at=at, axis=axis, toward=toward, name=name)
         self._joints.append(placed)
         return placed
 
-    def _place(self, kind: str, pair: Any, joint: Any, where: Any, name: str | None) -> PlacedJoint:
-        """A joint between a pair of links, where = (at, axis, toward)."""
-        label = self._new_name(name, f"{link_name(pair[0])}-{link_name(pair[1])}")
+    def _place_joint(
+        self, kind: str, a: Any, b: Any, joint: Any, *, at: Any, axis: Any, toward: Any, name: str | None
+    ) -> PlacedJoint:
+        """A joint placed between links a and b, see `join`; kind: its word in messages. Raises SceneError."""
+        label = self._new_name(name, f"{link_name(a)}-{link_name(b)}")
         owner = f"{kind} '{label}'"
-        first, second = self._pair(pair[0], pair[1], owner)
+        first, second = self._link_pair(a, b, owner)
         if not isinstance(joint, Joint):
-            said = getattr(joint, "__name__", None) or show(joint)
-            raise SceneError(f"{owner}: {said} is not a joint; make one, e.g. ksd.CrossFlexure(...).")
-        origin = vector(where[0], "at", owner=owner, unit="m")
-        return PlacedJoint(label, first, second, joint, origin, joint_rotation(where[1], where[2], owner))
+            given = getattr(joint, "__name__", None) or show(joint)
+            raise SceneError(f"{owner}: {given} is not a joint; make one, e.g. ksd.CrossFlexure(...).")
+        origin = vector(at, "at", owner=owner, unit="m")
+        return PlacedJoint(label, first, second, joint, origin, joint_rotation(axis, toward, owner))
 
     def constrain(
         self,
@@ -325,19 +342,20 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         toward: Axis,
         name: str | None = None,
     ) -> tuple[PlacedLeaf, ...]:
-        """Put the leaf springs of `joint` between two links as a flexible constraint; at, axis, toward as in `join`.
+        """Add the leaf springs of `joint` between two links as a flexible constraint; at, axis, toward as in `join`.
 
-        Its internal blocks become links "name/block", its leaves free-form leaves "name/leaf", all computed in full and
-        without a record. Meant for joints without intended motion, such as `FoldedLeaf`; any joint will do.
+        Its internal blocks become links "name/block" and its leaf springs free-form leaf springs "name/leaf", all modelled
+        in full and without a record. Meant for joints without intended motion, such as `FoldedLeaf`; any joint is accepted.
+        Raises SceneError.
         """
-        placed = self._place("constraint", (a, b), joint, (at, axis, toward), name)
+        placed = self._place_joint("constraint", a, b, joint, at=at, axis=axis, toward=toward, name=name)
         links = {"A": placed.a, "B": placed.b}
         for block in joint.blocks():
             if block not in links:
                 links[block] = self.link(f"{placed.name}/{block}").name
-        found = tuple(global_leaf(placed, leaf, links) for leaf in joint.leaves())
-        self._leaves += found
-        return found
+        leaves = tuple(global_leaf(placed, leaf, links) for leaf in joint.leaves())
+        self._leaves += leaves
+        return leaves
 
     def leaf(
         self,
@@ -355,20 +373,23 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         profile: Profile | None = None,
         curve: Curve | None = None,
     ) -> PlacedLeaf:
-        """A free-form leaf clamped to `a` at `start` (3,) [m] and to `b` at `end`; words as in `Leaf`."""
+        """Add a free-form leaf clamped to link `a` at `start` (3,) [m] and to `b` at `end`; other parameters as in `Leaf`.
+
+        The default width_axis is the normal of the plane of the mechanism, if it has one. Raises SceneError.
+        """
         label = self._new_name(name, "leaf")
-        first, second = self._pair(a, b, f"leaf '{label}'")
+        first, second = self._link_pair(a, b, f"leaf '{label}'")
         if width_axis is None and self.plane is not None:
             width_axis = plane_normal(self.plane)
             ends = (
                 vector(start, "start", owner=f"leaf '{label}'"),
                 vector(end, "end", owner=f"leaf '{label}'"),
             )
-            rise = sum(n * (b - a) for n, a, b in zip(width_axis, *ends, strict=True))
-            if abs(rise) > 1e-6 * math.dist(*ends):
+            normal_distance = sum(n * (b - a) for n, a, b in zip(width_axis, *ends, strict=True))
+            if abs(normal_distance) > 1e-6 * math.dist(*ends):
                 raise SceneError(
-                    f"leaf '{label}' leaves the plane {self.plane}: its ends are {1e3 * abs(rise):.4g} mm apart across it; "
-                    "put both in it, or say width_axis."
+                    f"leaf '{label}' leaves the plane {self.plane}: its ends are "
+                    f"{1e3 * abs(normal_distance):.4g} mm apart across it; put both in it, or say width_axis."
                 )
         made = Leaf(
             start=as_given(start),
@@ -403,9 +424,9 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         profile: Profile | None = None,
         curve: Curve | None = None,
     ) -> PlacedLeaf:
-        """A round wire of `diameter` [m] from link `a` to link `b`; the other words as in `leaf`. Raises SceneError."""
+        """Add a round wire of `diameter` [m] from link `a` to link `b`; other parameters as in `leaf`. Raises SceneError."""
         label = self._new_name(name, "wire")
-        first, second = self._pair(a, b, f"wire '{label}'")
+        first, second = self._link_pair(a, b, f"wire '{label}'")
         made = make_wire(
             diameter=diameter, material=material, start=start, end=end, width_axis=width_axis, start_block=first,
             end_block=second, name=label, elements=elements, orders=orders, profile=profile, curve=curve,
@@ -414,10 +435,10 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         return self._leaves[-1]
 
     def point(self, leaf: PlacedLeaf | str, s: float, *, name: str | None = None) -> Link:
-        """The point of a free-form leaf at arc length s [m] from its start, as a link without mass that is clamped there.
+        """Add the point of a free-form leaf at arc length s [m] from its start as a link without mass, clamped there.
 
-        Load, drive, support, weigh, pin and ask it as any link; where a sentence wants its place `at`, that is the default.
-        The leaf stays one leaf, in stresses, pictures and names. The default name is "leaf point 1". Raises SceneError.
+        It can be loaded, driven, supported, given a mass and pinned like any link; its position is the default of `at`. The
+        leaf remains one leaf in stresses, pictures and names. The default name is "leaf point 1". Raises SceneError.
         """
         label = leaf.name if isinstance(leaf, PlacedLeaf) else leaf
         placed = next((f for f in self._leaves if f.name == label), None)
@@ -440,15 +461,15 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
                 raise SceneError(
                     f"point of leaf '{label}': '{other.name}' is at s = {at:g} m already; use it."
                 )
-        # not by its place, which a design may vary
+        # numbered, not named by s, which a design may vary
         count = 1 + sum(other.leaf == label for other in self._points)
         default = unused_name(f"{label} point {count}", set(self._links))
-        made = LeafPoint(default if name is None else name, label, at)
-        place, _ = placed.leaf.section_at(at / length)
-        self.link(made.name)
-        self._points.append(made)
-        found = self._links[made.name] = replace(self._links[made.name], at=tuple(place.tolist()))
-        return found
+        added = LeafPoint(default if name is None else name, label, at)
+        position, _ = placed.leaf.section_at(at / length)
+        self.link(added.name)
+        self._points.append(added)
+        link = self._links[added.name] = replace(self._links[added.name], at=tuple(position.tolist()))
+        return link
 
     # Pins and sliders
 
@@ -461,18 +482,18 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         axis: Axis | None = None,
         name: str | None = None,
     ) -> Hinge:
-        """Let link `b` turn on link `a` about `axis` through `at` (3,) [m], without stiffness.
+        """Add a pin: link `b` turns on link `a` about `axis` through `at` (3,) [m], without stiffness.
 
-        axis: across the plane of the mechanism when left out; at: left out where one of the links is a point of a leaf.
-        What it transmits is in `reactions` as "name.x", "name.y", in the axes of `a`, and, global, in `interface_forces`.
-        The default name is "a-b". Raises SceneError.
+        axis: default is the normal of the plane of the mechanism; at: default is the position of a link that is a point of a
+        leaf. Its forces are in `reactions` as "name.x", "name.y", in the axes of `a`, and in global axes in
+        `interface_forces`. The default name is "a-b". Raises SceneError.
         """
         if axis is None and self.plane is None:
             raise SceneError(
                 "a pin needs its axis: give axis=, or say the plane of the mechanism, "
                 f'ksd.Mechanism("{self.name}", plane="xy").'
             )
-        return self._hinge("pin", (a, b), at, plane_normal(str(self.plane)) if axis is None else axis, name)
+        return self._add_hinge("pin", a, b, at, plane_normal(str(self.plane)) if axis is None else axis, name)
 
     def slider(
         self,
@@ -483,32 +504,36 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         relative_to: Link | str | None = None,
         name: str | None = None,
     ) -> Hinge:
-        """Let a link slide `along` a direction of ground, or of `relative_to`, without stiffness and without turning.
+        """Add a slider: a link slides `along` a direction of ground, or of `relative_to`, without stiffness and rotation.
 
-        at (3,) [m]: where the guide is drawn and its force is taken. The default name is "a-link". Raises SceneError.
+        at (3,) [m]: the point where pictures show it and to which its force refers. The default name is "a-link". Raises
+        SceneError.
         """
-        return self._hinge("slider", (GROUND if relative_to is None else relative_to, link), at, along, name)
+        return self._add_hinge(
+            "slider", GROUND if relative_to is None else relative_to, link, at, along, name
+        )
 
-    def _hinge(self, kind: str, pair: tuple[Any, Any], at: Any, axis: Any, name: str | None) -> Hinge:
+    def _add_hinge(self, kind: str, a: Any, b: Any, at: Any, axis: Any, name: str | None) -> Hinge:
+        """Add a "pin" or "slider" of link b on link a. Raises SceneError."""
         used = {*self._hinges, *(d.name for d in (*self._drives, *self._supports))}
-        default = f"{link_name(pair[0])}-{link_name(pair[1])}"
+        default = f"{link_name(a)}-{link_name(b)}"
         label = _free_name(name, default, used, kind, each="pin and slider")
         owner = f"{kind} '{label}'"
-        first, second = self._pair(*pair, owner)
-        own = {n: p for n in (first, second) if (p := self._links[n].at) is not None}
-        place = next(iter(own.values()), None) if at is None else as_given(at)
-        if place is None:
+        first, second = self._link_pair(a, b, owner)
+        leaf_points = {n: p for n in (first, second) if (p := self._links[n].at) is not None}
+        position = next(iter(leaf_points.values()), None) if at is None else as_given(at)
+        if position is None:
             raise SceneError(f"{owner}: 'at' is missing; give the point (x, y, z) in m where it is.")
-        made = check_hinge_in_plane(Hinge(label, kind, first, second, place, as_given(axis)), self.plane)
-        for point, there in own.items():
-            apart = math.dist(there, made.at)
-            if kind == "pin" and apart > 1e-6 * max(f.leaf.length for f in self._leaves):
+        added = check_hinge_in_plane(Hinge(label, kind, first, second, position, as_given(axis)), self.plane)
+        for point, point_at in leaf_points.items():
+            distance = math.dist(point_at, added.at)
+            if kind == "pin" and distance > 1e-6 * max(f.leaf.length for f in self._leaves):
                 raise SceneError(
-                    f"{owner}: '{first}' and '{second}' do not meet: '{point}' is at {show(there)} m, "
-                    f"{1e3 * apart:.4g} mm from {show(made.at)}; give at={show(there)}."
+                    f"{owner}: '{first}' and '{second}' do not meet: '{point}' is at {show(point_at)} m, "
+                    f"{1e3 * distance:.4g} mm from {show(added.at)}; give at={show(point_at)}."
                 )
-        self._hinges[label] = made, made.supports(self.plane)
-        return made
+        self._hinges[label] = added, added.supports(self.plane)
+        return added
 
     # Drives and supports
 
@@ -521,8 +546,10 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         relative_to: Link | str | None = None,
         coefficient: float = 1.0,
     ) -> DriveTerm:
-        """Term of a drive: displacement [m] of point `at` (3,) [m] of a link along a direction, seen from ground or the link
-        `relative_to`, times `coefficient`. Raises SceneError for unknown links and directions."""
+        """Drive term: displacement [m] of point `at` (3,) [m] of a link along a direction, times `coefficient`.
+
+        It is relative to ground or to the link `relative_to`. Raises SceneError for unknown links and directions.
+        """
         return self._term(link, along, "translation", at, relative_to) * coefficient
 
     def rotation(
@@ -534,25 +561,28 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         relative_to: Link | str | None = None,
         coefficient: float = 1.0,
     ) -> DriveTerm:
-        """Term of a drive: rotation [rad] of a link about a direction, seen from ground or the link `relative_to`, times
-        `coefficient`; `at` (3,) [m] is where pictures show it. Raises SceneError for unknown links and directions."""
+        """Drive term: rotation [rad] of a link about a direction, times `coefficient`.
+
+        It is relative to ground or to the link `relative_to`; at (3,) [m]: the point where pictures show it. Raises
+        SceneError for unknown links and directions.
+        """
         return self._term(link, about, "rotation", at, relative_to) * coefficient
 
     def _term(
         self, link: Link | str, along: Any, kind: str, at: Any, relative_to: Link | str | None
     ) -> DriveTerm:
+        """The drive term of `displacement` or `rotation` with coefficient 1. Raises SceneError."""
         owner = f"drive of '{link_name(link)}'"
-        name = self._known(link, owner)
-        base = GROUND if relative_to is None else self._known(relative_to, owner)
+        name = self._checked_link(link, owner)
+        base = GROUND if relative_to is None else self._checked_link(relative_to, owner)
         if name == base:
             raise SceneError(f"{owner}: a link cannot be driven relative to itself; '{name}' is both.")
-        word_used = "along" if kind == "translation" else "about"
-        at = self._spot(name, at)
+        at = self._position_or_default(name, at)
         if at is None:
             raise SceneError(
                 f"{owner}: 'at' is missing; a displacement needs the point (x, y, z) that is driven."
             )
-        axis = direction(along, word_used, owner=owner)
+        axis = direction(along, "along" if kind == "translation" else "about", owner=owner)
         return DriveTerm(1.0, kind, base, name, axis, vector(at, "at", owner=owner, unit="m"))
 
     def actuate(
@@ -568,16 +598,15 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         motion: str | None = None,
         terms: Sequence[DriveTerm] | DriveTerm | None = None,
     ) -> Drive:
-        """Prescribe a component of motion; its value is given when solving, zero is the undeformed configuration.
+        """Prescribe a component of motion; its value is given when solving, and is zero in the undeformed configuration.
 
-        One of: `link` with `along` and the point `at` (3,) [m]: displacement of that point [m]; `link` with
-        `about`: rotation [rad]; `joint`: its intended motion, the one named `motion` of several; `terms`: a sum of
-        `displacement` and `rotation` terms. The component is fixed in ground or in `relative_to`.
-        The default name is that of the link
-        (joint), or "link.x", "link.rz" when that is taken. Raises SceneError.
+        Give one of: `link` with `along` and the point `at` (3,) [m], for the displacement of that point [m]; `link` with
+        `about`, for a rotation [rad]; `joint`, for its intended motion, or the one named `motion` of several; `terms`, for a
+        sum of `displacement` and `rotation` terms. The direction is fixed in ground or in `relative_to`. The default name is
+        that of the link or joint, or "link.x", "link.rz" when that is used already. Raises SceneError.
         """
-        said = {"along": along, "about": about, "at": at, "relative_to": relative_to}
-        parts, default = self._parts(link, **said, joint=joint, motion=motion, terms=terms)
+        component = {"along": along, "about": about, "at": at, "relative_to": relative_to}
+        parts, default = self._drive_terms(link, **component, joint=joint, motion=motion, terms=terms)
         drive = check_drive_in_plane(Drive(self._drive_name(name, default, parts), parts), self.plane)
         self._drives.append(drive)
         return drive
@@ -585,9 +614,9 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
     def actuate_joint(
         self, joint: PlacedJoint | str, name: str | None = None, *, motion: str | None = None
     ) -> Drive:
-        """Prescribe an intended motion of a joint (the one named, of several): b relative to a, axis fixed in a.
+        """Prescribe an intended motion of a joint, or the one named `motion` of several: b relative to a, axis fixed in a.
 
-        The point it acts on is that of the joint's stroke, said in the docstring of the joint.
+        The docstring of the joint describes the point of B that a translation refers to. Raises SceneError.
         """
         return self.actuate(joint=joint, motion=motion, name=name)
 
@@ -604,17 +633,19 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         motion: str | None = None,
         terms: Sequence[DriveTerm] | DriveTerm | None = None,
     ) -> Drive:
-        """Hold a component of motion at zero: along or about a direction, of a joint, or a sum of terms, said as in
-        `actuate`. Its force is in `Configuration.reactions`. Raises SceneError."""
-        said = {"along": along, "about": about, "at": at, "relative_to": relative_to}
-        parts, default = self._parts(link, **said, joint=joint, motion=motion, terms=terms)
-        held = check_drive_in_plane(
+        """Fix a component of motion at zero; the component is given as in `actuate`.
+
+        The force of the support is in `Configuration.reactions`. Raises SceneError.
+        """
+        component = {"along": along, "about": about, "at": at, "relative_to": relative_to}
+        parts, default = self._drive_terms(link, **component, joint=joint, motion=motion, terms=terms)
+        support = check_drive_in_plane(
             Drive(self._drive_name(name, f"{default}.held", parts), parts), self.plane, "support"
         )
-        self._supports.append(held)
-        return held
+        self._supports.append(support)
+        return support
 
-    def _parts(
+    def _drive_terms(
         self,
         link: Any,
         *,
@@ -626,15 +657,15 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         motion: Any = None,
         terms: Any = None,
     ) -> tuple[tuple[DriveTerm, ...], str]:
-        """The terms said in one of the four ways, and the default name."""
-        said = [k for k, v in {"link": link, "joint": joint, "terms": terms}.items() if v is not None]
-        if len(said) != 1:
-            given = " and ".join(said) or "nothing"
+        """The terms of a drive or support and its default name, from the arguments of `actuate`. Raises SceneError."""
+        names = [k for k, v in {"link": link, "joint": joint, "terms": terms}.items() if v is not None]
+        if len(names) != 1:
+            given = " and ".join(names) or "nothing"
             raise SceneError(f"a drive is said by one of link, joint and terms, but {given} is given.")
         if terms is not None:
             return self._checked_terms(terms)
         if joint is not None:
-            placed = self._placed(joint)
+            placed = self._find_joint(joint)
             kind, axis, point = joint_angle(placed, placed.joint.motion(motion))
             return (DriveTerm(1.0, kind, placed.a, placed.b, axis, point),), placed.name
         if (along is None) == (about is None):
@@ -648,23 +679,25 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         return (self._term(link, about, "rotation", at, relative_to),), link_name(link)
 
     def _checked_terms(self, terms: Any) -> tuple[tuple[DriveTerm, ...], str]:
+        """Terms given by the user as a tuple, and the name of the first link. Raises SceneError."""
         parts = (terms,) if isinstance(terms, DriveTerm) else terms
         if not isinstance(parts, Iterable):
             raise SceneError(f"terms = {show(terms)}: add up mechanism.displacement and mechanism.rotation.")
         parts = tuple(parts)
         drive = Drive("terms", parts)
         for term in drive.terms:
-            self._known(term.base, "drive term")
-            self._known(term.link, "drive term")
+            self._checked_link(term.base, "drive term")
+            self._checked_link(term.link, "drive term")
         return drive.terms, drive.terms[0].link
 
-    def _placed(self, joint: PlacedJoint | str) -> PlacedJoint:
+    def _find_joint(self, joint: PlacedJoint | str) -> PlacedJoint:
+        """The placed joint of this name. Raises SceneError."""
         name = joint.name if isinstance(joint, PlacedJoint) else joint
         for placed in self._joints:
             if isinstance(name, str) and placed.name == name:
                 return placed
         if not isinstance(name, str):
-            raise SceneError(f"{_unplaced(joint)}.")
+            raise SceneError(f"{_no_placed_joint_message(joint)}.")
         raise UnknownNameError(
             f"joint {show(name)} does not exist{name_hint(name, [j.name for j in self._joints])}",
             kind="joint",
@@ -672,8 +705,9 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         )
 
     def _drive_name(self, name: str | None, default: str, parts: tuple[DriveTerm, ...]) -> str:
+        """A name that no drive or support has yet; a used default gets the suffix of its direction. Raises SceneError."""
         used = {d.name for d in (*self._drives, *self._supports)}
-        used |= {d.name for _, held in self._hinges.values() for d in held}
+        used |= {d.name for _, supports in self._hinges.values() for d in supports}
         suffix = direction_suffix(parts[0]) if default in used and len(parts) == 1 else ""
         return _free_name(name, f"{default}.{suffix}" if suffix else default, used, "drive")
 
@@ -689,20 +723,20 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         following: bool = False,
         name: str | None = None,
     ) -> Load:
-        """Push on a link: force (3,) [N] at point `at` (3,) [m], moment (3,) [Nm], global.
+        """Load a link: force (3,) [N] at the point `at` (3,) [m], moment (3,) [Nm], in global axes.
 
-        following=True turns both with the link. The default name is "link.load". Raises SceneError.
+        following=True: both turn with the link (follower loads). The default name is "link.load". Raises SceneError.
         """
         label = _free_name(name, f"{link_name(link)}.load", {load.name for load in self._loads}, "load")
         owner = f"load '{label}'"
-        known = self._known(link, owner)
+        known = self._checked_link(link, owner)
         if force is None and moment is None:
             raise SceneError(f"{owner}: give force, moment, or both.")
-        at = self._spot(known, at)
+        at = self._position_or_default(known, at)
         if force is not None and at is None:
             raise SceneError(f"{owner}: 'at' is missing; a force needs the point (x, y, z) it acts on.")
         zero = (0.0, 0.0, 0.0)
-        push = Load(
+        added = Load(
             label,
             known,
             zero if force is None else as_given(force),
@@ -710,10 +744,10 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
             zero if at is None else as_given(at),
             following,
         )
-        self._loads.append(push)
-        return push
+        self._loads.append(added)
+        return added
 
-    # What is mentioned beyond leaf springs, drives and loads, see `ksd.scene.effects`
+    # Optional effects, see `ksd.scene.effects`
 
     def spring(
         self,
@@ -726,20 +760,20 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         free_length: float | None = None,
         name: str | None = None,
     ) -> Spring:
-        """A coil spring from `start` (3,) [m] on link `a` to `end` on `b`, stiffness [N/m].
+        """Add a coil spring of stiffness [N/m] from `start` (3,) [m] on link `a` to `end` on `b`.
 
-        free_length [m]: its length without force; the distance of its ends at rest when left out, 0 for the
+        free_length [m]: its length without force; default is the undeformed distance between its ends, 0 is the
         zero-free-length spring of static balancing. Raises SceneError.
         """
         label = self._spring_name(name, "spring")
-        first, second = self._pair(a, b, f"spring '{label}'")
+        first, second = self._link_pair(a, b, f"spring '{label}'")
         ends = [
             vector(p, w, owner=f"spring '{label}'", unit="m") for p, w in ((start, "start"), (end, "end"))
         ]
         length = math.dist(*ends) if free_length is None else free_length
-        made = Spring(label, first, second, ends[0], ends[1], stiffness, length)
-        self._springs.append(made)
-        return made
+        added = Spring(label, first, second, ends[0], ends[1], stiffness, length)
+        self._springs.append(added)
+        return added
 
     def joint_spring(
         self,
@@ -750,11 +784,13 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         motion: str | None = None,
         name: str | None = None,
     ) -> TurnSpring:
-        """A torsion spring [Nm/rad] about the axis of a joint (of its motion `motion`, of several), between its links.
+        """Add a torsion spring [Nm/rad] between the links of a joint, about the axis of its intended motion `motion`.
 
-        rest_angle [rad]: rotation of b relative to a without moment, above 0 it pulls that way. Raises SceneError.
+        motion: may be left out when the joint has one motion only. rest_angle [rad]: rotation of b relative to a without
+        moment; a positive one turns b in the positive sense. Raises
+        SceneError.
         """
-        placed = self._placed(joint)
+        placed = self._find_joint(joint)
         turning = placed.joint.motion(motion)
         label = self._spring_name(name, f"{placed.name}.spring")
         if turning.kind != "rotation":
@@ -763,8 +799,15 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
                 "put a coil spring (mechanism.spring) between its links."
             )
         axis = placed.turn(turning.axis)
-        words: dict[str, Any] = {"stiffness": stiffness, "rest_angle": rest_angle, "name": label}
-        return self.turn_spring(placed.a, placed.b, at=placed.origin, axis=axis, **words)
+        return self.turn_spring(
+            placed.a,
+            placed.b,
+            at=placed.origin,
+            axis=axis,
+            stiffness=stiffness,
+            rest_angle=rest_angle,
+            name=label,
+        )
 
     def turn_spring(
         self,
@@ -777,22 +820,26 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         rest_angle: float = 0.0,
         name: str | None = None,
     ) -> TurnSpring:
-        """A torsion spring [Nm/rad] from link `a` to link `b` about `axis` through `at` (3,) [m]; see `joint_spring`."""
+        """Add a torsion spring of stiffness [Nm/rad] from link `a` to link `b` about `axis` through `at` (3,) [m].
+
+        rest_angle [rad]: as in `joint_spring`. The default name is "torsion spring". Raises SceneError.
+        """
         label = self._spring_name(name, "torsion spring")
-        first, second = self._pair(a, b, f"spring '{label}'")
-        made = TurnSpring(label, first, second, as_given(at), as_given(axis), stiffness, rest_angle)
-        self._springs.append(made)
-        return made
+        first, second = self._link_pair(a, b, f"spring '{label}'")
+        added = TurnSpring(label, first, second, as_given(at), as_given(axis), stiffness, rest_angle)
+        self._springs.append(added)
+        return added
 
     def _spring_name(self, name: str | None, default: str) -> str:
+        """A name that no spring has yet. Raises SceneError."""
         return _free_name(name, default, {s.name for s in self._springs}, "spring")
 
     def heat(
         self, temperature: float = 0.0, *, through: float = 0.0, leaves: str | Sequence[str] | None = None
     ) -> Heat:
-        """Warm leaf springs by `temperature` [K], and by `through` [K] more at their +e2 face than at their -e2 face.
+        """Heat leaf springs by `temperature` [K], and by `through` [K] more at their +e2 face than at their -e2 face.
 
-        leaves: full names ("joint/leaf"), all of the mechanism when left out; their material needs its expansion.
+        leaves: full names ("joint/leaf"), default all; their material must have an expansion. Raises SceneError.
         """
         names = (leaves,) if isinstance(leaves, str) else leaves
         if names is not None and not isinstance(names, list | tuple):
@@ -808,10 +855,10 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         shift: ArrayLike = (0.0, 0.0, 0.0),
         turn: ArrayLike = (0.0, 0.0, 0.0),
     ) -> Fit:
-        """How a leaf is put in: prestress by natural_length [m], assembly error of its clamp by shift [m] and turn [rad].
+        """Prestress a leaf by its natural_length [m], or misplace its clamp by an assembly error shift [m] and turn [rad].
 
-        leaf: full name ("joint/leaf") or a free-form leaf; shift and turn (3,) lead from where end q is drawn to where
-        it is clamped, in the axes of the leaf. Raises SceneError.
+        leaf: full name ("joint/leaf") or a free-form leaf; shift (3,) and turn (3,), a rotation vector: from the drawn pose
+        of end q to the pose in which it is clamped, in the axes of the leaf. Raises SceneError.
         """
         self._fits.append(
             Fit(str(getattr(leaf, "name", leaf)), natural_length, as_given(shift), as_given(turn))
@@ -819,9 +866,10 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         return self._fits[-1]
 
     def consider(self, *effects: str) -> None:
-        """Effects of the leaf material, "warping" and "plate", to be simulated.
+        """Simulate optional effects of leaf springs: "warping" and "plate".
 
-        Without this sentence leaf springs are standard beams, as in the literature they are compared with.
+        Without this statement leaf springs are standard beams, as in the literature they are compared with. Raises
+        SceneError.
         """
         for effect in effects:
             if effect not in OPTIONAL_EFFECTS:
@@ -840,45 +888,46 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         along: Axis | None = None,
         name: str,
     ) -> Distance:
-        """Ask for the distance of the point `end` (3,) [m] of link `b` from the point `start` of link `a`, such as the
-        opening of a jaw: `pose.distance(name)`, and the column "distance_NAME_mm" of sweeps, jobs and gradients.
+        """Report the distance of the point `end` (3,) [m] of link `b` from the point `start` (3,) [m] of link `a`.
 
-        along: its signed component along a direction, which turns with `a`; the whole distance when None. Raises SceneError.
+        It is `pose.distance(name)`, and the column "distance_NAME_mm" of sweeps, jobs and gradients, for example the
+        opening of a jaw. along: report the signed component along this direction, which turns with `a`; None for the whole
+        distance. Raises SceneError.
         """
         owner = f"distance '{word(name, 'name', owner='distance')}'"
         if name in {d.name for d in self._distances}:
             raise SceneError(f"{owner}: the name is used already; every distance needs its own.")
-        first, second = self._pair(a, b, owner)
+        first, second = self._link_pair(a, b, owner)
         axis = None if along is None else as_given(along)
-        made = Distance(name, first, second, as_given(start), as_given(end), axis)
-        self._distances.append(made)
-        return made
+        added = Distance(name, first, second, as_given(start), as_given(end), axis)
+        self._distances.append(added)
+        return added
 
     # The whole
 
     def validate(self) -> None:
-        """Raise SceneError for what only the whole shows: loose links, two drives on one freedom."""
+        """Raise SceneError for errors of the whole mechanism, such as unconnected links or two drives on one freedom."""
         check_scene(self.draft())
 
     def scene(self) -> Scene:
-        """The frozen, validated description; the same value again while nothing was changed."""
-        last, parts = self._last, self._words()
-        if last is not None and last[0].unchangeable and hold_same_objects(parts, last[1]):
+        """The frozen, validated description; the same object again while nothing has changed. Raises SceneError."""
+        last, fields = self._last, self._scene_fields()
+        if last is not None and last[0].unchangeable and hold_same_objects(fields, last[1]):
             return last[0]
-        frozen = Scene(**parts)
+        frozen = Scene(**fields)
         if whole_checks_enabled():
             check_scene(frozen)
-            self._last = frozen, parts
+            self._last = frozen, fields
         return frozen
 
     def draft(self) -> Scene:
-        """The frozen description as it stands, not validated."""
-        return Scene(**self._words())
+        """The frozen description of what was stated so far, without validation."""
+        return Scene(**self._scene_fields())
 
-    def _words(self) -> dict[str, Any]:
-        """The words of `Scene`."""
+    def _scene_fields(self) -> dict[str, Any]:
+        """The fields of `Scene` by name."""
         points = [p.name for p in self._points]
-        # pins before sliders, and coil springs before torsion springs, as in files
+        # pins before sliders, and coil springs before torsion springs, as in scene files
         hinges = sorted(self._hinges.values(), key=lambda h: h[0].kind)
         return {
             "name": self.name,
@@ -886,7 +935,7 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
             "joints": tuple(self._joints),
             "leaves": tuple(self._leaves),
             "drives": tuple(self._drives),
-            "supports": (*self._supports, *(s for _, held in hinges for s in held)),
+            "supports": (*self._supports, *(s for _, supports in hinges for s in supports)),
             "loads": tuple(self._loads),
             "masses": tuple(self._masses),
             "plane": self.plane,
@@ -903,7 +952,10 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
 
 
 def _free_name(name: str | None, default: str, used: set[str], kind: str, *, each: str = "") -> str:
-    """A name that is not used yet; the default is numbered until it is free. Raises SceneError."""
+    """`name` if it is not in `used`, or `default`, numbered if necessary. Raises SceneError.
+
+    kind and each: words of the message for a used name, "the {kind} name ... every {kind}" or "the name ... every {each}".
+    """
     if name is None:
         return unused_name(default, used)
     if word(name, "name", owner=kind) in used:
@@ -912,8 +964,8 @@ def _free_name(name: str | None, default: str, used: set[str], kind: str, *, eac
     return name
 
 
-def _unplaced(given: Any) -> str:
-    """What is given where a joint of the mechanism is wanted, and what to do."""
+def _no_placed_joint_message(given: Any) -> str:
+    """Message for an argument `joint` that is neither a placed joint nor a name."""
     first = given[0] if given and isinstance(given, tuple) else given
     if isinstance(first, PlacedLeaf):
         return (

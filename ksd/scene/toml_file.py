@@ -243,7 +243,7 @@ class _SceneReader:
         for key in schema.LINK_KEYS:
             with table.judged():
                 if key in words:
-                    self._heard(self.mechanism._known)(link=words[key], owner=key)
+                    self._heard(self.mechanism._checked_link)(link=words[key], owner=key)
         if sentence == "actuate":
             self._actuate(table, words)
             return
