@@ -218,12 +218,12 @@ class JointLayout:
             first = template.joint_members[j].start
             for n, leaf in enumerate(part.leaves):
                 ends = nodes[leaf.ends[0]], nodes[leaf.ends[1]]
-                shapes.append(template.shapes[first + n]._replace(nodes=ends))
+                shapes.append(template.member_topologies[first + n]._replace(nodes=ends))
         self.substructures = topology_arrays(1 + blocks + len(self.nodes), shapes, last=len(self.nodes))
-        self.leaf = template.leaf[: len(shapes)]
-        if words.has_gravity and template.heavy[self.leaf].any():
+        self.leaf = template.member_leaf[: len(shapes)]
+        if words.has_gravity and template.leaf_has_weight[self.leaf].any():
             self.substructures = self.substructures._replace(weight=np.zeros((len(shapes), 4)))
-        same = len(shapes) == len(template.shapes)
+        same = len(shapes) == len(template.member_topologies)
         # without other members the constants are those of the full model
         self.substructure_packed = (
             None if same else LeafPacking(template.leaf_layouts, self.leaf, self.substructures.members)
@@ -300,24 +300,24 @@ class JointLayout:
             MemberTopology(LINEAR, pair, (0,), 0, LINEAR_INNER, 0, -1 - j)
             for j, pair in enumerate(self.nodes)
         ]
-        other_leaves = template.shapes[len(self.leaf) :]
+        other_leaves = template.member_topologies[len(self.leaf) :]
         loads = list(words.loads)
-        has_weight = words.has_gravity and bool(template.heavy[self.leaf].any())
+        has_weight = words.has_gravity and bool(template.leaf_has_weight[self.leaf].any())
         load, in_joints = np.full(joints, -1), len(self.leaf)
         if has_weight:
             for j, own_members in enumerate(template.joint_members):
                 a = self.nodes[j][0]
-                if a > 0 and template.heavy[template.leaf[own_members]].any():
+                if a > 0 and template.leaf_has_weight[template.member_leaf[own_members]].any():
                     load[j] = len(loads)
                     loads.append((a, False, False))
-        joint_weights = JointWeights(template.part[:in_joints].astype(np.int64), load)
+        joint_weights = JointWeights(template.member_part[:in_joints].astype(np.int64), load)
         self.joint_weights = joint_weights if has_weight else NO_JOINT_WEIGHTS
-        springs = template.spring_shapes
+        springs = template.spring_topologies
         self.reduced = topology_arrays(links, [*linear_bodies, *other_leaves], words.rows, loads, springs)
-        if words.has_gravity and template.heavy[template.leaf[in_joints:]].any():
+        if words.has_gravity and template.leaf_has_weight[template.member_leaf[in_joints:]].any():
             self.reduced = self.reduced._replace(weight=np.zeros((joints + len(other_leaves), 4)))
         self.reduced_packed = LeafPacking(
-            template.leaf_layouts, template.leaf[len(self.leaf) :], self.reduced.members, joints
+            template.leaf_layouts, template.member_leaf[len(self.leaf) :], self.reduced.members, joints
         )
 
     def _contract(self, n: SceneNumbers, shapes: Sequence[Sequence[Any]], *, extrapolate: bool) -> np.ndarray:
@@ -375,18 +375,18 @@ class JointLayout:
         x = np.zeros((count, nodes, 3))
         inside = self.template.block_point[: nodes - 1 - joints]
         x[:, 1 : nodes - joints] = n.point[:, inside]
-        x[:, nodes - joints :] = n.ends[:, self.distinct, 1]
+        x[:, nodes - joints :] = n.interfaces[:, self.distinct, 1]
         ends, length = leaves.ends[:, leaf], leaves.length[:, leaf]
         if self.substructure_packed is None:
             value, inner = full.value, filled.rest.inner
         else:
-            value, inner = self.substructure_packed.values(leaves, n.given)
+            value, inner = self.substructure_packed.values(leaves, n.explicit)
         members = self.substructures.members._replace(
             offset=ends - x[:, self.substructures.members.node],
             frame=leaves.frame[:, leaf],
             value=value,
             length=length,
-            floor=leaves.floor[:, leaf],
+            stiffness_scale=leaves.stiffness_scale[:, leaf],
         )
         extent = np.maximum(largest_extent(x, ends), length.max(axis=1, initial=0.0))
         # global gravity; rotated into the axes of each joint before it is condensed
@@ -409,8 +409,8 @@ class JointLayout:
         count, links, in_joints = len(n.leaf), len(self.template.scene_layout.links), len(self.leaf)
         full, topology = filled.arrays, self.reduced
         members = full.members
-        value, inner = self.reduced_packed.values(filled.leaves, n.given)
-        joint_floor = np.maximum.reduceat(members.floor[:, :in_joints], self.first_member, axis=1)
+        value, inner = self.reduced_packed.values(filled.leaves, n.explicit)
+        joint_floor = np.maximum.reduceat(members.stiffness_scale[:, :in_joints], self.first_member, axis=1)
 
         def with_free(own: np.ndarray, free: np.ndarray) -> np.ndarray:
             return np.concatenate([own, free[:, in_joints:]], axis=1)
@@ -420,7 +420,7 @@ class JointLayout:
         lengths = with_free(kinematics.length, members.length)
         reduced_members = topology.members._replace(
             offset=offset, frame=with_free(np.stack([kinematics.frame] * 2, axis=2), members.frame), value=value,
-            length=lengths, floor=with_free(joint_floor, members.floor),
+            length=lengths, stiffness_scale=with_free(joint_floor, members.stiffness_scale),
         )  # fmt: skip
         loads = full.loads
         if len(self.joint_weights.owner):

@@ -82,7 +82,7 @@ def _linear_body(linear: Arrays, j: int, name: str) -> Member:
     m = linear.members
     return Member(
         name, LINEAR, (int(m.node[j, 0]), int(m.node[j, 1])), m.offset[j], m.frame[j], np.zeros(0),
-        np.zeros(1, np.int64), np.zeros(LINEAR_INNER), 0, float(m.length[j]), float(m.floor[j]),
+        np.zeros(1, np.int64), np.zeros(LINEAR_INNER), 0, float(m.length[j]), float(m.stiffness_scale[j]),
     )  # fmt: skip
 
 
@@ -95,5 +95,5 @@ def _member(model: Model, i: int, new_node: Mapping[int, int]) -> Member:
     return Member(
         model.member_names[i], int(m.kind[i]), (new_node[int(a)], new_node[int(b)]), m.offset[i], m.frame[i],
         m.value[m.value_at[i] : stop], m.number[i], inner_state(model, model.rest, i),
-        int(m.store_at[i + 1] - m.store_at[i]), float(m.length[i]), float(m.floor[i]),
+        int(m.store_at[i + 1] - m.store_at[i]), float(m.length[i]), float(m.stiffness_scale[i]),
     )  # fmt: skip

@@ -39,7 +39,7 @@ class Members(NamedTuple):
     inner_at: np.ndarray
     store_at: np.ndarray
     length: np.ndarray
-    floor: np.ndarray
+    stiffness_scale: np.ndarray
     block: np.ndarray
 
 
@@ -140,7 +140,9 @@ class KernelArrays(NamedTuple):
 
 
 NODES, MEMBER_COUNT, ROWS, LOADS, SPRING_COUNT, DOFS_PER_NODE, PLAN, START, MEMBERS = range(9)
-KIND, NODE, OFFSET, FRAME, NUMBER, VALUE_AT, VALUE, INNER_AT, STORE_AT, LENGTH, FLOOR, BLOCK = range(12)
+KIND, NODE, OFFSET, FRAME, NUMBER, VALUE_AT, VALUE, INNER_AT, STORE_AT, LENGTH, STIFFNESS_SCALE, BLOCK = (
+    range(12)
+)
 """Fields of members, counted from MEMBERS, and of springs, from SPRINGS."""
 TERM_FIRST, TERM_START, TERM_COEFFICIENT, TERM_KIND, TERM_NODE = range(20, 25)
 TERM_DIRECTION, TERM_POINT, TERM_BLOCK, TERM_FLIP = range(25, 29)

@@ -21,7 +21,6 @@ from ksd.beam.strain import (
 from ksd.model.arrays import (
     BLOCK,
     COROTATIONAL,
-    FLOOR,
     FRAME,
     INNER_AT,
     KIND,
@@ -35,6 +34,7 @@ from ksd.model.arrays import (
     PLANAR,
     SOLID,
     START,
+    STIFFNESS_SCALE,
     STORE_AT,
     STRAIN,
     VALUE,
@@ -281,7 +281,7 @@ def add_members(
             weigh(pose, store[kept : kept + store_size], weight[i, 0], T, force)
         member_norms(lam, force, norms)
         n, m, L = norms[0], norms[1], floats[ints[MEMBERS + LENGTH] + i]
-        floor = noise * floats[ints[MEMBERS + FLOOR] + i]
+        floor = noise * floats[ints[MEMBERS + STIFFNESS_SCALE] + i]
         worst = max(
             worst, dn / (rtol * (n + m / L) + floor + 1e-300), dm / (rtol * (n * L + m) + floor * L + 1e-300)
         )

@@ -171,10 +171,10 @@ def reference_points(scene: Any) -> np.ndarray:
 class ModelSource(NamedTuple):
     """What a model was made of: its drawing, the template of its words, its numbers and, D = 1, its arrays."""
 
-    drawing: SplitScene
+    split: SplitScene
     template: Template
     numbers: SceneNumbers
-    filled: DesignArrays
+    design_arrays: DesignArrays
 
 
 def _compile_source(scene: Any, mesh: Mesh) -> ModelSource:
@@ -198,7 +198,7 @@ def compile_as_is(scene: Any, mesh: Mesh, said: Any = None, choice: EffectChoice
     said, choice: see `Model`; the scene itself, and none, where they are None.
     """
     made = _compile_source(scene, mesh)
-    model = model_of_design(scene, made.template, made.filled, made.numbers, said=said, choice=choice)
+    model = model_of_design(scene, made.template, made.design_arrays, made.numbers, said=said, choice=choice)
     model.derived["source"] = made
     return model
 
@@ -217,18 +217,18 @@ def model_of_design(
     if choice is not None and choice["spatial"].present:
         refuse_plane(model, f"six unknowns per node are wanted: {choice['spatial'].reason}")
     leaves = LeafGeometry(*(a[d : d + 1] for a in filled.leaves))
-    model.derived["leaves"] = template, leaves, numbers.given[d : d + 1]
+    model.derived["leaves"] = template, leaves, numbers.explicit[d : d + 1]
     return model
 
 
 def remesh_model(model: Model, mesh: Mesh) -> Model:
     """The model of the same scene on another mesh, no effect chosen anew."""
     made, leaves, given = model.derived.get("leaves", (None, None, None))
-    template = None if made is None else made.on(mesh)
+    template = None if made is None else made.on_mesh(mesh)
     if template is None or model.bodies:
         return compile_as_is(model.scene, mesh)
     # what is drawn is the same, but for the constants of leaf springs
-    value, inner = template.packed.values(leaves, given)
+    value, inner = template.packing.values(leaves, given)
     found = Model(
         model.scene, mesh, replace_constants(model.arrays, template.topology, value[0]), model.rest._replace(inner=inner[0]),
         model.node_names, model.member_names, model.joint_members, model.drive_names, model.support_names,

@@ -392,7 +392,7 @@ def leaf_member(leaf: Any, mesh: Mesh, *, name: str, heavy: bool = False) -> Mem
         inner=body.inner,
         store=body.store,
         length=leaf.length,
-        floor=1.0 / (rigidities(leaf.section, leaf, mesh)[1][0] * leaf.length),
+        stiffness_scale=1.0 / (rigidities(leaf.section, leaf, mesh)[1][0] * leaf.length),
         mass=body.mass,
     )
 

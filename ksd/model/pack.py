@@ -45,7 +45,7 @@ class Member:
     inner: np.ndarray
     store: int
     length: float
-    floor: float
+    stiffness_scale: float
     mass: float = 0.0
 
 
@@ -147,7 +147,7 @@ def _members(shapes: Sequence[MemberTopology], places: BlockOffsets) -> Members:
         inner_at=np.cumsum([0] + [m.inner for m in shapes]).astype(np.int64),
         store_at=np.cumsum([0] + [m.store for m in shapes]).astype(np.int64),
         length=np.zeros(count),
-        floor=np.zeros(count),
+        stiffness_scale=np.zeros(count),
         block=np.array([places.member(*m.nodes) for m in shapes], np.int64).reshape(-1, 4),
     )
 
@@ -215,7 +215,7 @@ def topology_arrays(
     )
 
 
-MEMBER_FLOATS = ("offset", "frame", "value", "length", "floor")
+MEMBER_FLOATS = ("offset", "frame", "value", "length", "stiffness_scale")
 TERM_FLOATS = ("coefficient", "direction", "point")
 LOAD_FLOATS = ("point", "force", "moment")
 _PART = {name: k for k, name in enumerate(Arrays._fields)}
@@ -312,7 +312,7 @@ def _filled(packed: Members, members: Sequence[Member]) -> Members:
         frame=np.array([m.frame for m in members], float).reshape(-1, 2, 3, 3),
         value=value,
         length=np.array([m.length for m in members], float),
-        floor=np.array([m.floor for m in members], float),
+        stiffness_scale=np.array([m.stiffness_scale for m in members], float),
     )
 
 

@@ -69,7 +69,7 @@ class Plane:
         """The spatial arrays with three unknowns per node."""
         return _masked(self.space, self.axis, self.rows)
 
-    def holds(self, motion: State) -> bool:
+    def contains(self, motion: State) -> bool:
         """Whether the nodes of a state are in the plane."""
         k, size = self.normal, self.space.size
         off = np.abs((motion.x - self.rest.x) @ k).max(initial=0.0)

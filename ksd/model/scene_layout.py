@@ -113,14 +113,14 @@ class SceneNumbers(NamedTuple):
     origin: np.ndarray
     rotation: np.ndarray
     length: np.ndarray
-    ends: np.ndarray
+    interfaces: np.ndarray
     point: np.ndarray
     leaf: np.ndarray
     terms: np.ndarray
     loads: np.ndarray
     gravity: np.ndarray
     springs: np.ndarray
-    given: np.ndarray
+    explicit: np.ndarray
 
 
 def number_slices(layout: SceneLayout) -> tuple[tuple[slice, tuple[int, ...]], ...]:
@@ -345,5 +345,11 @@ def _spring_numbers(springs: Sequence[Member]) -> list[float]:
     """Numbers of springs whose ends are given from the origin."""
     found: list[float] = []
     for s in springs:
-        found += [*s.offset.ravel().tolist(), *s.frame.ravel().tolist(), s.length, s.floor, *s.value.tolist()]
+        found += [
+            *s.offset.ravel().tolist(),
+            *s.frame.ravel().tolist(),
+            s.length,
+            s.stiffness_scale,
+            *s.value.tolist(),
+        ]
     return found

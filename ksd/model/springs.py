@@ -16,7 +16,6 @@ from ksd.beam.spring import coil_condense
 from ksd.model.arrays import (
     BLOCK,
     COIL,
-    FLOOR,
     FRAME,
     KIND,
     LENGTH,
@@ -27,6 +26,7 @@ from ksd.model.arrays import (
     SPRING_COUNT,
     SPRINGS,
     START,
+    STIFFNESS_SCALE,
     TORSION,
     VALUE,
     VALUE_AT,
@@ -88,7 +88,7 @@ def add_springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, poses, lams
             member_tangent(pose, lam, K, T, force, A, M)
         member_norms(lam, force, norms)
         n, m, L = norms[0], norms[1], floats[ints[SPRINGS + LENGTH] + i]
-        floor = noise * floats[ints[SPRINGS + FLOOR] + i]
+        floor = noise * floats[ints[SPRINGS + STIFFNESS_SCALE] + i]
         for e in range(2):
             k = ints[node + 2 * i + e]
             scale[k, 0] += rtol * (n + m / L) + floor
@@ -113,7 +113,7 @@ def _member(name: str, kind: int, nodes: tuple[int, int], offset: Any, **more: A
     axes = more["axes"]
     return Member(
         name, kind, nodes, np.asarray(offset, float), np.array([axes, axes]), np.asarray(more["value"], float),
-        np.zeros(1, np.int64), np.zeros(0), 0, more["length"], more["floor"],
+        np.zeros(1, np.int64), np.zeros(0), 0, more["length"], more["stiffness_scale"],
     )  # fmt: skip
 
 
@@ -128,13 +128,13 @@ def spring_members(
             ends = np.array([s.start, s.end])
             length = max(float(np.linalg.norm(ends[1] - ends[0])), s.free_length, 1e-9)
             words: dict[str, Any] = {"value": (s.stiffness, s.free_length), "axes": np.eye(3)}
-            words |= {"length": length, "floor": s.stiffness}
+            words |= {"length": length, "stiffness_scale": s.stiffness}
             found.append(_member(f"spring '{s.name}'", COIL, nodes, ends - places[list(nodes)], **words))
         else:
             at = np.array([s.at, s.at]) - places[list(nodes)]
             words = {"value": (s.stiffness, s.rest_angle), "axes": axes_along(np.asarray(s.axis))}
             # as stiff as a pair of unit arm: only the bound of rounding needs it
-            words |= {"length": 1.0, "floor": s.stiffness}
+            words |= {"length": 1.0, "stiffness_scale": s.stiffness}
             found.append(_member(f"spring '{s.name}'", TORSION, nodes, at, **words))
     return found
 
@@ -157,6 +157,6 @@ def matrix_member(
         "value": value,
         "axes": axes,
         "length": float(np.linalg.norm(arm)),
-        "floor": float(np.abs(K[:3, :3]).max()),
+        "stiffness_scale": float(np.abs(K[:3, :3]).max()),
     }
     return _member(f"link '{name}'", LINEAR, nodes, points - places[list(nodes)], **words)

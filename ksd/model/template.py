@@ -98,7 +98,7 @@ class LeafGeometry(NamedTuple):
     frame: Array
     scale: Array
     mass: Array
-    floor: Array
+    stiffness_scale: Array
     length: Array
 
 
@@ -189,21 +189,21 @@ class Template:
         self.scene_layout, self.mesh = layout, mesh
         self.leaf_layouts = [leaf for part in layout.distinct_parts for leaf in part.leaves]
         self._name_nodes()
-        self.shapes = self._list_members()
-        self.spring_shapes = [
+        self.member_topologies = self._list_members()
+        self.spring_topologies = [
             MemberTopology(kind, nodes, (0,), values, 0, 0, i)
             for i, (_, kind, nodes, values) in enumerate(layout.springs)
         ]
         self.topology = topology_arrays(
-            len(self.node_names), self.shapes, layout.rows, layout.loads, self.spring_shapes
+            len(self.node_names), self.member_topologies, layout.rows, layout.loads, self.spring_topologies
         )
-        self.packed = LeafPacking(self.leaf_layouts, self.leaf, self.topology.members)
-        self.heavy = np.array([w.has_weight for w in self.leaf_layouts], bool)
+        self.packing = LeafPacking(self.leaf_layouts, self.member_leaf, self.topology.members)
+        self.leaf_has_weight = np.array([w.has_weight for w in self.leaf_layouts], bool)
         self.elements = np.array([float(w.number[0]) for w in self.leaf_layouts])
         self.unturned = np.tile(np.eye(3), (len(self.node_names), 1, 1))
         self.given_leaves = [f for f, w in enumerate(self.leaf_layouts) if w.explicit_count]
-        if layout.has_gravity and self.heavy.any():
-            self.topology = self.topology._replace(weight=np.zeros((len(self.leaf), 4)))
+        if layout.has_gravity and self.leaf_has_weight.any():
+            self.topology = self.topology._replace(weight=np.zeros((len(self.member_leaf), 4)))
         self._attach()
         terms, loads = self.topology.terms, self.topology.loads
         self.term_nodes, self.load_nodes = terms.node, loads.node
@@ -252,7 +252,7 @@ class Template:
             slices.append(slice(start, len(shapes)))
         self.member_names = tuple(names)
         self.joint_members = tuple(slices[: len(layout.joints)])
-        self.leaf, self.part = np.array(leaf, int), np.array(part, int)
+        self.member_leaf, self.member_part = np.array(leaf, int), np.array(part, int)
         return shapes
 
     def _attach(self) -> None:
@@ -273,7 +273,7 @@ class Template:
         """Models of D designs."""
         leaves = self.leaves(n)
         count, links = len(n.leaf), len(self.scene_layout.links)
-        points = n.origin[:, :, None] + n.ends[:, self.part_different] @ n.rotation.swapaxes(2, 3)
+        points = n.origin[:, :, None] + n.interfaces[:, self.part_different] @ n.rotation.swapaxes(2, 3)
         places = np.zeros((count, len(self.node_names), 3))
         if len(self.hung):
             flat = points.reshape(count, -1, 3)[:, self.hung]
@@ -281,13 +281,13 @@ class Template:
         if len(self.block_part):
             own = n.rotation[:, self.block_part] @ n.point[:, self.block_point, :, None]
             places[:, links:] = n.origin[:, self.block_part] + own[..., 0]
-        topology, R = self.topology, n.rotation[:, self.part]
-        ends = n.origin[:, self.part, None] + leaves.ends[:, self.leaf] @ R.swapaxes(2, 3)
-        value, inner = self.packed.values(leaves, n.given)
-        length = leaves.length[:, self.leaf]
+        topology, R = self.topology, n.rotation[:, self.member_part]
+        ends = n.origin[:, self.member_part, None] + leaves.ends[:, self.member_leaf] @ R.swapaxes(2, 3)
+        value, inner = self.packing.values(leaves, n.explicit)
+        length = leaves.length[:, self.member_leaf]
         members = topology.members._replace(
-            offset=ends - places[:, topology.members.node], frame=R[:, :, None] @ leaves.frame[:, self.leaf],
-            value=value, length=length, floor=leaves.floor[:, self.leaf],
+            offset=ends - places[:, topology.members.node], frame=R[:, :, None] @ leaves.frame[:, self.member_leaf],
+            value=value, length=length, stiffness_scale=leaves.stiffness_scale[:, self.member_leaf],
         )  # fmt: skip
         at = n.terms[..., 4:7]
         terms = topology.terms._replace(
@@ -300,7 +300,7 @@ class Template:
             force=n.loads[..., 3:6],
             moment=n.loads[..., 6:9],
         )
-        if len(self.leaf):
+        if len(self.member_leaf):
             size = np.maximum(largest_extent(places, ends), length.max(axis=1))
         else:
             # a linkage of pins and springs is as large as the places its sentences name
@@ -309,7 +309,7 @@ class Template:
             size[~(size > 0.0)] = 1.0
         arrays = topology._replace(
             members=members, terms=terms, loads=loads, size=size, springs=self._springs(n, places),
-            weight=self._weight(leaves.mass[:, self.leaf], n),
+            weight=self._weight(leaves.mass[:, self.member_leaf], n),
         )  # fmt: skip
         turned = self.unturned[None].repeat(count, axis=0)
         rest = State(places, turned, inner, np.zeros((count, len(topology.terms.start))))
@@ -333,7 +333,7 @@ class Template:
             scale[..., 2 + k] = value
         if self.mesh.leaf != "strain" or hasattr(self.mesh, "others"):
             self._chains(scale, L, soft, shear, stiff, line)
-        mass = self.heavy * (L * line)
+        mass = self.leaf_has_weight * (L * line)
         self._given(n, ends, frame, mass)
         return LeafGeometry(ends, frame, scale, mass, 1.0 / (soft * L), L)
 
@@ -355,14 +355,14 @@ class Template:
         """Geometry and mass of the leaves that bring them."""
         at = 0
         for f in self.given_leaves:
-            ends[:, f] = n.given[:, at : at + 6].reshape(-1, 2, 3)
-            frame[:, f] = n.given[:, at + 6 : at + 24].reshape(-1, 2, 3, 3)
-            mass[:, f] = n.given[:, at + 24]
+            ends[:, f] = n.explicit[:, at : at + 6].reshape(-1, 2, 3)
+            frame[:, f] = n.explicit[:, at + 6 : at + 24].reshape(-1, 2, 3, 3)
+            mass[:, f] = n.explicit[:, at + 24]
             at += self.leaf_layouts[f].explicit_count
 
     def _weight(self, mass: Array, n: SceneNumbers) -> Array:
         """Mass of every member and the gravity that pulls at it (D, m, 4); (D, 0, 4) where none weighs anything."""
-        if not (self.scene_layout.has_gravity and self.heavy.any()):
+        if not (self.scene_layout.has_gravity and self.leaf_has_weight.any()):
             return np.zeros((len(mass), 0, 4))
         gravity = np.broadcast_to(n.gravity[:, None], (*mass.shape, 3))
         return np.concatenate([mass[..., None], gravity], axis=2)
@@ -384,16 +384,16 @@ class Template:
             offset=fixed[..., :6].reshape(count, -1, 2, 3) - places[:, springs.node],
             frame=fixed[..., 6:24].reshape(count, -1, 2, 3, 3),
             length=fixed[..., 24],
-            floor=fixed[..., 25],
+            stiffness_scale=fixed[..., 25],
             value=np.concatenate([*value, np.zeros((count, 1))], axis=1),
         )
 
-    def on(self, mesh: Mesh) -> Template | None:
+    def on_mesh(self, mesh: Mesh) -> Template | None:
         """The template of the same leaves with other curvature modes, those of `mesh`; None where they cannot have them: on
         chains and mixed meshes, and where leaves bring their constants."""
         if mesh not in self._others:
             same = type(mesh) is Mesh and mesh == replace(self.mesh, orders=mesh.orders, points=mesh.points)
-            layout = self._remeshed(mesh) if self.plain and same else None
+            layout = self._remeshed(mesh) if self.is_uniform and same else None
             self._others[mesh] = None if layout is None else template_of(layout, mesh)
         return self._others[mesh]
 
@@ -416,7 +416,7 @@ class Template:
         return self.scene_layout._replace(distinct_parts=tuple(parts))
 
     @cached_property
-    def plain(self) -> bool:
+    def is_uniform(self) -> bool:
         """Whether all leaves are strain-mode leaves of one mesh whose constants follow from their lengths and sections."""
         return type(self.mesh) is Mesh and all(
             w.kind == STRAIN and w.explicit is None for w in self.leaf_layouts

@@ -83,7 +83,7 @@ class StateBatch:
         mesh, m = finer_mesh(self.models[0]), self.motion
         if mesh == self.template.mesh:
             return self
-        fine = self.template.on(mesh)
+        fine = self.template.on_mesh(mesh)
         if fine is None:
             # leaf springs with constants of their own are drawn again with more modes
             drawn = [split_scene(model.scene, mesh) for model in self.models]
@@ -99,7 +99,7 @@ class StateBatch:
             leaves = LeafGeometry(
                 *(np.concatenate(field) for field in zip(*(k[1] for k in known), strict=True))
             )
-            value, _ = fine.packed.values(leaves, np.concatenate([k[2] for k in known]))
+            value, _ = fine.packing.values(leaves, np.concatenate([k[2] for k in known]))
             floats = floats_with_constants(self.topology.flat.ints, self.floats, value)
         inner = np.zeros((len(self.model_index), int(fine.topology.members.inner_at[-1])))
         number, wider = (b.members.number.tobytes() for b in (self.topology, fine.topology))

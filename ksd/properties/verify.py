@@ -308,7 +308,9 @@ class _Scale(NamedTuple):
 def _scale(model: Model, motion: State) -> _Scale:
     arrays, links, drives = model.arrays, model.links, len(model.drive_names)
     moved = motion.x[:links] - model.rest.x[:links]
-    noise = GRAIN * arrays.size * float(arrays.members.floor.max(initial=0.0)) * min(1.0, arrays.size)
+    noise = (
+        GRAIN * arrays.size * float(arrays.members.stiffness_scale.max(initial=0.0)) * min(1.0, arrays.size)
+    )
     force = noise + float(np.abs(motion.multiplier[:drives]).max(initial=0.0))
     shift = GRAIN * arrays.size + math.sqrt(float((moved * moved).sum(axis=1).max()))
     return _Scale(max(force, 1e-300), shift, drives)

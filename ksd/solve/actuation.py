@@ -45,7 +45,7 @@ class Actuation:
         self.rows = self.drives + len(scene.supports)
         self.at = arrays.start[1 : model.links, None] + np.arange(6)
         # of places, times the stretching stiffness of the shortest leaf spring
-        self.noise = ROUNDING * float(arrays.size * arrays.members.floor.max(initial=0.0))
+        self.noise = ROUNDING * float(arrays.size * arrays.members.stiffness_scale.max(initial=0.0))
         self.still = np.zeros(len(arrays.terms.start))
         self.share = np.ones((model.links - 1, 6))
         self.share[:, 3:] /= arrays.size

@@ -262,7 +262,12 @@ class Configuration(NotebookTables):
         that of EA/L at the farthest place. A small force beyond it is true, however small beside others."""
         arrays, drives = self.model.arrays, self.model.scene.drives
         reach = max(float(arrays.size), float(np.abs(self.motion.x).max()))
-        noise = ROUNDING_MULTIPLE * np.finfo(float).eps * reach * float(arrays.members.floor.max(initial=0.0))
+        noise = (
+            ROUNDING_MULTIPLE
+            * np.finfo(float).eps
+            * reach
+            * float(arrays.members.stiffness_scale.max(initial=0.0))
+        )
         turning = {d.name for d in drives if drive_kind(d) != "translation"}
         least = {n: noise * (float(arrays.size) if n in turning else 1.0) for n in self.forces}
         return {n: v if abs(v) > least[n] else 0.0 for n, v in self.forces.items()}

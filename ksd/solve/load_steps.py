@@ -395,7 +395,7 @@ def _take_path_in_plane(
     """
     model, motion, work = storage.model, begin.copy(), storage.planar(plane)
     if not from_rest:
-        if not plane.holds(begin):
+        if not plane.contains(begin):
             return "the configuration to start from is not in the plane"
         # forces that only hold the mechanism in its plane
         motion.multiplier[np.setdiff1d(np.arange(len(motion.multiplier)), plane.rows)] = 0.0

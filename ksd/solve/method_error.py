@@ -141,7 +141,9 @@ def relative_error(model: Model, motion: State, truth: State) -> ErrorEstimate:
     force, shift, turn = _difference(model, motion, truth)
     grain = 1e-11 * model.arrays.size
     moved = grain + float(np.linalg.norm(truth.x[:links] - model.rest.x[:links], axis=1).max())
-    stiffest = np.max([*model.arrays.members.floor, *model.arrays.springs.floor], initial=1e-300)
+    stiffest = np.max(
+        [*model.arrays.members.stiffness_scale, *model.arrays.springs.stiffness_scale], initial=1e-300
+    )
     scale = np.abs(truth.multiplier[:drives]) + grain * stiffest * min(1.0, model.arrays.size)
     of_force = float((force / np.maximum(scale, scale.max(initial=0.0))).max(initial=0.0))
     relative = max(of_force, shift / moved)
