@@ -47,7 +47,7 @@ def systems() -> dict[str, System]:
         run_five_steps(b, TARGET, KINEMATIC, 0, CLOSURE_TOLERANCE)
         arrays, reduced = b.model.arrays, b.bodies.reduced
         found[f"full, {name}"] = System(arrays, b.model.rest.copy(), b.full_work, (1, 4))
-        found[f"reduced, {name}"] = System(reduced, b.reduced.copy(), b.reduced_work, (0, 2))
+        found[f"reduced, {name}"] = System(reduced, b.reduced_state.copy(), b.reduced_work, (0, 2))
     model = ksd.compile_scene(fourbar(1), mesh=chain(5, mip=False, nodal=True))
     baseline = System(model.arrays, model.rest.copy(), make_workspace(model.arrays), (1, 4))
     found["full, 5 elements, nodal plain Newton"] = baseline

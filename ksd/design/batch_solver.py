@@ -164,7 +164,7 @@ class BatchSolver:
         for number, (d, fit) in mobile:
             try:
                 solver = FiveStepSolver(
-                    models[d], bodies[d], extrapolate=self.extrapolate, storage=storage, fit=fit
+                    models[d], bodies[d], extrapolate=self.extrapolate, storage=storage, compatibility=fit
                 )
                 storage = solver.storage
                 results[number] = PreparedDesign(solver, **self.options)(self.values)

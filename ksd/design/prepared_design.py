@@ -140,7 +140,7 @@ class PreparedDesign:
         else:
             t = self.tables
             limits = np.column_stack([self._limits, t.limits])
-            solve_tabulated_poses(b, t.cubic, t.which, targets, gap, limits, arrays)
+            solve_tabulated_poses(b, t.cubic, t.table, targets, gap, limits, arrays)
         result.motion = motion * b.bodies.motion_scale
         return result
 
@@ -164,7 +164,7 @@ class _QuestionsOfPoses:
     def __call__(self, n: int) -> int:
         """Answer the questions of pose n, at the equilibrium near it where the method gives none; returns its status."""
         b, target = self.design.solver.storage, self.targets[n]
-        state = equilibrium = b.full.copy()
+        state = equilibrium = b.full_state.copy()
         at_equilibrium = self.design.method != REDUCED or not (
             self.only_stiffness and self._is_near_intended_motion()
         )
@@ -185,7 +185,7 @@ class _QuestionsOfPoses:
     def _is_near_intended_motion(self) -> bool:
         """Whether the unintended motion of all joints is within MAX_UNINTENDED_MOTION."""
         b = self.design.solver.storage
-        off = np.abs(b.off)
+        off = np.abs(b.unintended)
         off[:, :3] /= b.bodies.kinematics.length[:, None]
         return bool(off.max(initial=0.0) <= MAX_UNINTENDED_MOTION)
 

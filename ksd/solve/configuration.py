@@ -1,4 +1,4 @@
-"""The result of a solve: model and state, the steps taken, and how it knows it is right."""
+"""The result of a solve: model and state, the record of the solve, verdicts, and everything that can be computed from it."""
 
 from __future__ import annotations
 
@@ -72,23 +72,25 @@ if TYPE_CHECKING:
 
 
 Answer = TypeVar("Answer")
-"""What a question asked of a configuration returns: a number, an array, or a mapping of them."""
+"""What a question returns: a number, an array, or a mapping of them."""
 
 
 @clear_argument_errors_of_methods
 @dataclass(frozen=True, repr=False, init=False)
 class Configuration(NotebookTables):
-    """A deformed configuration: the model, its state, and the record of the solve that found it.
+    """A deformed configuration: the model, its state, and the record of the solve that led to it.
 
-    motion: state of the full model (positions m, rotation matrices, inner states, multipliers). method: kinematic,
-    reduced, full, conventional, modal or constant. targets: drive values by name [m or rad]. steps: those of the solve, in
-    order. joint_motions: those of `motions` and `unintended`, or who reads them from the state when they are first asked
-    for; None where the records of the joints are not known. method_error:
-    estimate of what the fast methods add to the error of the mesh, made with the solve; None where the method is exact
-    (see `error`). negatives: negative pivots at the end, expected: those the constraint rows explain. doubts: what
-    speaks against the branch and was not cleared up by smaller steps. notes: what the solve itself warns of, part of
-    `warnings`. intended: every joint was seen near its intended motion, so the verdict need not look again.
-    load_factor: share of the loads of the scene that acts; chosen: the method was chosen for its estimated error.
+    motion: state of the full model (positions [m], rotation matrices, inner states, multipliers). method: "kinematic",
+    "reduced", "full", "conventional", "modal" or "constant". targets: drive values by name [m or rad]. steps: steps of the
+    solve, in order. method_error: estimated error that a fast method adds to that of the mesh; None where the method is
+    exact or no estimate was made (see `error`). load_factor: fraction of the loads of the scene that acts. notes: warnings
+    of the solve, part of `warnings`.
+
+    negatives: negative pivots of the tangent; expected_negatives: those explained by constraint rows. doubts: reasons for
+    which the branch is in doubt, and that smaller load steps did not remove. joint_motions: motions of the joints, or a
+    function that computes them from the state; None where the joints have no known records. method_was_chosen: `solve` chose
+    the method for its estimated error. joints_near_intended: the solve has checked that every joint is near its intended
+    motion.
     """
 
     model: Model
@@ -124,7 +126,7 @@ class Configuration(NotebookTables):
         method_was_chosen: bool = False,
         joints_near_intended: bool = False,
     ) -> None:
-        # at once: a frozen dataclass of its own takes 5 us for so many fields, a tenth of a planar solve
+        # the __init__ of a frozen dataclass takes 5 us for so many fields, a tenth of a planar solve
         self.__dict__.update(
             model=model, motion=motion, method=method, targets=targets, steps=steps, negatives=negatives,
             expected_negatives=expected_negatives, method_error=method_error, notes=notes, load_factor=load_factor,
@@ -148,46 +150,47 @@ class Configuration(NotebookTables):
 
     @cached_property
     def unintended(self) -> dict[str, np.ndarray]:
-        """Displacement [m] and rotation [rad] (6,) of interface B off its intended pose, in joint axes, by joint; empty
-        as `motions`."""
+        """Displacement [m] and rotation vector [rad] (6,) of interface B off its intended pose, in joint axes, by joint;
+        empty where the joints have no records."""
         return NamedAnswers({} if self._joints is None else self._joints.by_joint(), "joint")
 
     @cached_property
     def _joints(self) -> JointMotions | None:
-        """Motions of the joints, read from the state where that was left for later."""
-        found = self.joint_motions
-        return found(self.motion) if callable(found) else found
+        """Motions of the joints, computed at first use where the solve deferred that."""
+        motions = self.joint_motions
+        return motions(self.motion) if callable(motions) else motions
 
     @property
     def converged(self) -> bool:
-        """Whether the last step reached equilibrium (or, for kinematic, closed all loops)."""
+        """Whether the last step reached equilibrium (for method "kinematic": closed all loops)."""
         steps = self.steps
         return (steps.last_stop if isinstance(steps, FiveStepRecord) else steps[-1].stop) is Stop.CONVERGED
 
     @property
     def stable(self) -> bool:
-        """No negative pivots beyond those of the constraint rows: a minimum of energy under the held drives; where loads
-        are not conservative, no divergence and no flutter."""
+        """Whether the state is a minimum of energy under the held drives (no negative pivots beyond those of the constraint
+        rows); where loads are not conservative, whether it neither diverges nor flutters."""
         if self.negatives != self.expected_negatives:
             return False
-        found = self.nonconservative_stability
-        return self.model.conservative or found is None or found.yes
+        if self.model.conservative:
+            return True
+        return self.nonconservative_stability is None or self.nonconservative_stability.yes
 
     @cached_property
     def nonconservative_stability(self) -> Verdict | None:
-        """Whether it flutters, in words, where loads follow their links or are moments; else None."""
+        """Flutter check where loads follow their links or are moments; None elsewhere, and where nothing converged."""
         if self.model.conservative or not self.converged:
             return None
         return nonconservative_stability(*self.unreduced_state, self.load_factor)
 
     @cached_property
     def mesh_adequacy(self) -> ModeAdequacy:
-        """What its curvature modes may miss, and how far its leaf springs turn per quadrature point."""
+        """Energy share that the curvature modes may miss, and turn of the leaf springs per quadrature point."""
         return mode_adequacy(self.model, self.motion)
 
     @property
     def trust(self) -> Trust:
-        """Verdicts `stable`, `branch`, `strength`, `trusted`, each a truth value with its sentence."""
+        """Verdicts `stable`, `branch`, `strength` and `trusted`, each yes or no with a sentence."""
         return trust_verdicts(self)
 
     @cached_property
@@ -197,32 +200,31 @@ class Configuration(NotebookTables):
 
     @cached_property
     def left_out(self) -> dict[str, dict[str, float]]:
-        """What plate stiffening and restrained warping, where they are not in the model, would change here: relative
-        change of "force", "displacement" and "support_stiffness" by effect, measured when asked for:
-        `ksd.solve.left_out`."""
+        """Relative changes of "force", "displacement" and "support_stiffness" that plate stiffening and restrained warping
+        would make, by effect that is not in the model; computed when first read (`ksd.solve.left_out`)."""
         return left_out(self)
 
     @property
     def branch(self) -> str:
-        """Why this is, or is not, the branch meant, in one sentence."""
+        """Why this is, or is not, the intended branch, in one sentence."""
         return self.trust.branch.sentence
 
     @property
     def trusted(self) -> bool:
-        """Whether it is the state meant: converged, stable, on the branch meant, borne by a beam and its material, and not
-        off by more than itself. By how much it may be off is in `error`; `trust.trusted` says it in a sentence."""
+        """Whether the result can be relied on: converged, stable, on the intended branch, within what a beam and its
+        material bear, and with an error smaller than itself (see `error`). `trust.trusted` has the reason in a sentence."""
         return self.trust.trusted.yes
 
     @cached_property
     def strength(self) -> Strength | None:
-        """Largest strain and stress of all leaves, and the share of their limits; None where leaves are reduced solids."""
+        """Largest strain and stress of all leaves, and their shares of the limits; None where leaves are reduced solids."""
         if self.model.solids:
             return None
         return strength(*self.unreduced_state, load_factor=self.load_factor)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """What the user should know: of the solve, of the scene (`ksd.scene.plausibility`), and of strain and stress."""
+        """Warnings of the solve, about the scene (`ksd.scene.plausibility`), and about strain and stress."""
         strain = () if self.strength is None else self.strength.warnings
         joints = () if self._joints is None else self._joints.unknown
         own = (*self.far_drives, *unusual_values(self.model))
@@ -230,13 +232,13 @@ class Configuration(NotebookTables):
 
     @property
     def far_drives(self) -> tuple[str, ...]:
-        """Drive values that were probably meant in another unit, a sentence each."""
+        """Drive values that were probably given in another unit, a sentence each."""
         return self.model.far_drives(self.targets)
 
     @cached_property
     def minimum(self) -> str:
-        """Which of several minima this is, where the undeformed configuration is unstable under what strains it (preload,
-        heat, assembly error, loads); else nothing."""
+        """Which of several minima this is, in a sentence, where the undeformed configuration is unstable under preload,
+        heat, assembly errors or loads; empty elsewhere."""
         return "" if self.model.solids else multiple_minima_note(*self.unreduced_state, self.stable)
 
     @property
@@ -258,25 +260,21 @@ class Configuration(NotebookTables):
 
     @property
     def reported_forces(self) -> dict[str, float]:
-        """`forces` as they are told in words: 0 where no more than rounding leaves in the equilibrium, which is GRAIN times
-        that of EA/L at the farthest place. A small force beyond it is true, however small beside others."""
+        """`forces` for printing, with 0 for what is only rounding: up to ROUNDING_MULTIPLE times the rounding of EA/L at the
+        farthest point. Larger forces are real, however small beside others."""
         arrays, drives = self.model.arrays, self.model.scene.drives
-        reach = max(float(arrays.size), float(np.abs(self.motion.x).max()))
-        noise = (
-            ROUNDING_MULTIPLE
-            * np.finfo(float).eps
-            * reach
-            * float(arrays.members.stiffness_scale.max(initial=0.0))
-        )
-        turning = {d.name for d in drives if drive_kind(d) != "translation"}
-        least = {n: noise * (float(arrays.size) if n in turning else 1.0) for n in self.forces}
+        farthest = max(float(arrays.size), float(np.abs(self.motion.x).max()))
+        stiffness = float(arrays.members.stiffness_scale.max(initial=0.0))
+        rounding = ROUNDING_MULTIPLE * np.finfo(float).eps * farthest * stiffness
+        rotations = {d.name for d in drives if drive_kind(d) != "translation"}
+        least = {n: rounding * (float(arrays.size) if n in rotations else 1.0) for n in self.forces}
         return {n: v if abs(v) > least[n] else 0.0 for n, v in self.forces.items()}
 
     @property
     def reactions(self) -> dict[str, float]:
-        """What every support exerts [N or Nm], by support name; not what holds the mechanism in its plane."""
-        count, said = len(self.model.drive_names), (self.model.said or self.model.scene).supports
-        efforts = zip(said, self.motion.multiplier[count:], strict=False)
+        """Force [N] or moment [Nm] that every support exerts, by support name; not what holds a mechanism in its plane."""
+        count, supports = len(self.model.drive_names), (self.model.said or self.model.scene).supports
+        efforts = zip(supports, self.motion.multiplier[count:], strict=False)
         return NamedAnswers({s.name: -float(m) for s, m in efforts}, "support")
 
     @property
@@ -291,36 +289,35 @@ class Configuration(NotebookTables):
 
     def rotation(self, link: Link | str) -> np.ndarray:
         """Rotation vector (3,) [rad] of a link from rest, global axes. Raises SceneError for an unknown name."""
-        found = np.empty(3)
-        rotation_log(self.motion.R[self._node(link)], found)
-        return found
+        rotation = np.empty(3)
+        rotation_log(self.motion.R[self._node(link)], rotation)
+        return rotation
 
     def displacement(self, link: Link | str, at: ArrayLike | None = None) -> np.ndarray:
-        """Displacement (3,) [m] of the point of a link that is at `at` (3,) [m] at rest, its reference point (the point
-        itself, of a point of a leaf) when None. Raises SceneError for an unknown name."""
+        """Displacement (3,) [m] of the point of a link that is at `at` (3,) [m] at rest; of its reference point when None
+        (of a point of a leaf: the point itself). Raises SceneError for an unknown name."""
         i = self._node(link)
         point = self.model.rest.x[i] if at is None else np.array(vector(at, "at", unit="m"))
         return point_position(self.model, self.motion, i, point) - point
 
     def distance(self, name: str) -> float:
-        """The distance [m] of two points that the scene asks for by this name (`Mechanism.distance`); along a direction, its
+        """The distance [m] of two points that the scene defines by this name (`Mechanism.distance`); along a direction, its
         signed component. Raises SceneError for an unknown name."""
         known = {d.name: d for d in self.model.scene.distances}
         if name not in known:
             raise SceneError(
                 f"distance {show(name)} is not asked for in this mechanism{name_hint(name, known)}"
             )
-        asked = known[name]
-        i, j = self._node(asked.a), self._node(asked.b)
-        way = point_position(self.model, self.motion, j, asked.end) - point_position(
-            self.model, self.motion, i, asked.start
-        )
-        return float(
-            np.linalg.norm(way) if asked.along is None else way @ self.motion.R[i] @ np.asarray(asked.along)
-        )
+        defined = known[name]
+        i, j = self._node(defined.a), self._node(defined.b)
+        end = point_position(self.model, self.motion, j, defined.end)
+        span = end - point_position(self.model, self.motion, i, defined.start)
+        if defined.along is None:
+            return float(np.linalg.norm(span))
+        return float(span @ self.motion.R[i] @ np.asarray(defined.along))
 
     def _node(self, named: Link | str) -> int:
-        """Number of a link or internal block."""
+        """Node number of a link or internal block. Raises SceneError for an unknown name."""
         link = named.name if isinstance(named, Link) else named
         known = self.model.node_names
         if link not in known:
@@ -355,7 +352,7 @@ class Configuration(NotebookTables):
         return full_model_state(self.model, self.equilibrium)
 
     def _of_leaves(self, question: str) -> None:
-        """Raises SceneError where the leaf springs that a question is asked of are reduced solids."""
+        """Raise SceneError for a question that has no answer where leaf springs are reduced solids."""
         solids = self.model.solids
         if solids:
             raise SceneError(
@@ -381,8 +378,8 @@ class Configuration(NotebookTables):
     ) -> PointStiffness:
         """Compliance (6, 6) and every stiffness of the point of `link` that is at `at` (3,) [m, global] at rest.
 
-        at: reference point of the link when None. axes: "global", "link" (turning with it), or orthonormal columns (3,
-        3). freed: drives and supports let go at their present force. Raises SceneError for unknown names,
+        at: reference point of the link when None. axes: "global", "link" (fixed to it), or orthonormal columns (3,
+        3). freed: drives and supports released, with their present force. Raises SceneError for unknown names,
         KinematicsError where nothing resists a motion.
         """
         return point_stiffness(
@@ -396,8 +393,7 @@ class Configuration(NotebookTables):
         )
 
     def drive_stiffness(self, *, freed: Iterable[str] = ()) -> DriveStiffness:
-        """Stiffness dF/dd (d, d) [N/m, Nm/rad, N/rad] between all held drives; those named in `freed` keep their force
-        instead.
+        """Stiffness dF/dd (d, d) [N/m, Nm/rad, N/rad] between all drives except those in `freed`, which keep their force.
 
         Raises SceneError for unknown names, KinematicsError where nothing resists a motion.
         """
@@ -410,10 +406,10 @@ class Configuration(NotebookTables):
         freed: Iterable[str] = (),
         dense: bool | None = None,
     ) -> Modes:
-        """The `count` lowest eigenfrequencies [Hz] and modes about this state, drives and supports held but for those in
+        """The `count` lowest eigenfrequencies [Hz] and modes about this state; drives and supports are held, except those in
         `freed`, which keep their present force.
 
-        dense: True or False forces dense or iterative eigenvalues. Raises SceneError when nothing has mass and of reduced
+        dense: True or False forces dense or iterative eigenvalues. Raises SceneError when nothing has mass and for reduced
         solids, KinematicsError when nothing resists a motion.
         """
         self._of_leaves("frequencies")
@@ -437,13 +433,13 @@ class Configuration(NotebookTables):
         count: int = 4,
         freed: Iterable[str] = (),
     ) -> Buckling:
-        """Critical load factors, signed: how many times a load on `link` may be added to this state, or, without a link, its
-        own stresses be multiplied, until it diverges (flutter of loads that are not conservative: `frequencies`).
+        """Signed critical load factors of a load on `link` that is added to this state, or, without a link, of the stresses
+        of the state itself, at which it diverges (for flutter under non-conservative loads see `frequencies`).
 
         force (3,) [N] and moment (3,) [Nm], global, on the point of the link at `at` (3,) [m] at rest (its reference
-        point when None), fixed in space, or turning with the link where `following`. count: factors wanted; freed: drives
-        and supports let go at their present force. Raises SceneError for unknown names, a load of zero, a state without
-        stress and reduced solids, ConvergenceError where none were found.
+        point when None), fixed in space, or turning with the link where `following`. count: number of factors; freed:
+        drives and supports released, with their present force. Raises SceneError for unknown names, a load of zero, a state
+        without stress and reduced solids, ConvergenceError where no factor is found.
         """
         self._of_leaves("buckling")
         whole_number(count, "count")
@@ -453,9 +449,9 @@ class Configuration(NotebookTables):
         )  # fmt: skip
 
     def stress(self, *, points: int = 25) -> Stress:
-        """Stress [Pa] of every leaf at `points` stations (at both ends of every element of a chain): where and how much.
+        """Stress [Pa] of every leaf at `points` stations (of a chain: at both ends of every element).
 
-        Raises SceneError of reduced solids.
+        Raises SceneError for reduced solids.
         """
         self._of_leaves("stress")
         return stress(
@@ -463,23 +459,23 @@ class Configuration(NotebookTables):
         )
 
     def strain_energy(self) -> dict[str, float]:
-        """Strain energy [J] of every leaf by full name, and of springs; the sum is what the mechanism stores."""
+        """Strain energy [J] of every leaf by full name, and of springs; the sum is the energy that the mechanism stores."""
         return strain_energy(*self.unreduced_equilibrium, load_factor=self.load_factor)
 
     def with_error(self, question: Callable[[Configuration], Answer]) -> tuple[Answer, Any]:
-        """Answer of ``question(pose)`` (number, array, or mapping of them) and its error in the same shape, that of
-        method and mesh: the change to the answer of the equilibrium next to it on a finer mesh.
+        """Answer of ``question(pose)`` (number, array, or mapping of them) and its error, in the same shape.
 
-        Raises ConvergenceError where none is found.
+        The error is that of method and mesh: the change to the answer at the equilibrium next to this state on a finer mesh.
+        Raises ConvergenceError where that is not found.
         """
         return with_error(self, question)
 
     def verify(self) -> Verification:
-        """Every leaf integrated from its start with the wrench found, as an exact rod: by how far each misses its end, and
-        from these gaps the corrected forces and poses and the error of this answer, that of method and mesh.
+        """Independent check: every leaf is integrated from its start as an exact rod under the computed wrench.
 
-        Raises ConvergenceError where this is no equilibrium, SceneError of reduced solids, KinematicsError where nothing
-        resists a motion.
+        The gaps by which the rods miss their ends give corrected forces and poses, and the error of this result, that of
+        method and mesh. Raises ConvergenceError where this is no equilibrium, SceneError for reduced solids, KinematicsError
+        where nothing resists a motion.
         """
         self._of_leaves("verification")
         if not self.converged:
@@ -490,7 +486,7 @@ class Configuration(NotebookTables):
         found = verify(model, motion, model.targets(self.targets), load_factor=factor)
         if not found.unclosed:
             return found
-        # too far off for rods to be led from here: from the equilibrium on a finer mesh
+        # the rods do not close from this state: start from the equilibrium on a finer mesh
         finer, state, _ = refined_equilibrium(self)
         if state is None:
             return found
@@ -506,11 +502,11 @@ class Configuration(NotebookTables):
         force: ArrayLike = (0.0, 0.0, 0.0),
         moment: ArrayLike = (0.0, 0.0, 0.0),
     ) -> Any:
-        """Change of ``question(pose)`` (number, array, or mapping of numbers; in the same shape) per whole of a dead
-        load, to first order, the drives held.
+        """Change of ``question(pose)`` (number, array, or mapping of numbers; in the same shape) by a dead load, to first
+        order, with the drives held.
 
-        The load: force (3,) [N] and moment (3,) [Nm], global, on the point of `link` at `at` (3,) [m] at rest. Raises
-        SceneError for unknown names and a load of zero, ConvergenceError where an equilibrium beside this one is not
+        The load is a force (3,) [N] and a moment (3,) [Nm], global, on the point of `link` at `at` (3,) [m] at rest.
+        Raises SceneError for unknown names and a load of zero, ConvergenceError where no neighbouring equilibrium is
         found.
         """
         return sensitivity(self, question, link, at=at, force=force, moment=moment)
@@ -527,11 +523,11 @@ class Configuration(NotebookTables):
         """Derivative of ``question(pose)`` (number, array, or mapping of them; in the same shape) at the equilibrium of this
         pose, per unit of every parameter [SI], by its name.
 
-        by: drives, components of loads ("payload_force_z"), or parameters of `design`, the function of `at_design` that
-        draws this mechanism; by default all numbers of the design but counts, without one all drives. sizes: by which
-        the step is measured where a parameter is zero. Answers that jump or have kinks, such as the largest of several,
-        are differenced as they are; columns of sweeps, followed by name: `ksd.gradient`. Raises SceneError for unknown
-        names, and where a parameter changes more than numbers, ConvergenceError at the end of a branch. Method:
+        by: drives, components of loads ("payload_force_z"), or parameters of `design`, a function that draws this mechanism
+        from the parameters `at_design`; by default all numbers of the design except counts, without a design all drives.
+        sizes: scales of the steps of parameters that are zero. Answers that jump or have kinks, such as the largest of
+        several, are differenced as they are; for columns of sweeps, tracked by name, see `ksd.gradient`. Raises SceneError
+        for unknown names and where a parameter changes more than numbers, ConvergenceError at the end of a branch. Method:
         `ksd.solve.perturbed`.
         """
         checked_question(question)
@@ -544,8 +540,8 @@ class Configuration(NotebookTables):
     def internal_stress(
         self, *, offset: float = 1e-5, rotation: float = 1e-4, leaves: Iterable[str] = (), points: int = 13
     ) -> Misplaced:
-        """Largest von Mises stress [Pa] when the end of a leaf is clamped beside its place, one leaf and direction at a
-        time.
+        """Largest von Mises stress [Pa] when the end of a leaf is clamped with an error of position or orientation, for one
+        leaf and direction at a time.
 
         offset [m] and rotation [rad] of the end in the leaf's own axes, both positive; leaves: full names, all when empty;
         points: stations per leaf. Raises SceneError for unknown names, sizes that are not positive, and reduced solids.
@@ -557,44 +553,44 @@ class Configuration(NotebookTables):
         )  # fmt: skip
 
     def interface_forces(self) -> InterfaceForces:
-        """Force [N] and moment [Nm], global, that joints, free leaf springs, springs, pins and sliders exert on the links
-        and on ground, each at its own interface."""
+        """Force [N] and moment [Nm], global, that joints, single leaf springs, springs, pins and sliders exert on links and
+        ground, each at its own interface."""
         return interface_forces(*self.unreduced_equilibrium, load_factor=self.load_factor)
 
     def link_forces(self) -> LinkForces:
-        """Force [N] and moment [Nm], global, inside every leaf spring at both its ends, and on every link with what is
-        applied there; prints, `to_csv` writes them."""
+        """Force [N] and moment [Nm], global, in every leaf spring at both ends, and on every link with the loads applied
+        there. The result prints as a table; its `to_csv` writes a file."""
         return link_forces(*self.unreduced_equilibrium, load_factor=self.load_factor)
 
     def parasitic(self, link: Link | str | None = None, *, at: ArrayLike | None = None) -> Parasitic:
-        """Motion from rest, shift [m] and turn [rad], that no drive or support prescribes, of the point of `link` at
-        `at` (3,) [m] at rest; link and point of the first drive when None. Rest is the drawing, without weight and loads.
-        A joint that is driven prescribes a turn about its pivot, where its leaf springs cross; where they do not, about the
-        middle between its interfaces.
+        """Displacement [m] and rotation [rad] from rest that no drive or support prescribes, of the point of `link` at `at`
+        (3,) [m] at rest; link and point of the first drive when None.
 
-        Raises SceneError for an unknown link, or where there is no drive and none is named.
+        Rest is the undeformed configuration, without weight and loads. A driven joint prescribes a rotation about its pivot,
+        where its leaf springs cross; where they do not cross, about the middle between its interfaces. Raises SceneError for
+        an unknown link, and where no link is named and there is no drive.
         """
         return parasitic(self.model, self.motion, link, at=at)
 
     def extent(self) -> np.ndarray:
-        """Lowest and highest coordinates (2, 3) [m, global] of its leaf springs, width and thickness included."""
+        """Lowest and highest coordinates (2, 3) [m, global] of the leaf springs, width and thickness included."""
         return extent(*self.unreduced_state)
 
     def clearance(self) -> Clearance:
-        """Smallest distance of two leaf springs that share no block. Raises SceneError where all of them do."""
+        """Smallest distance of two leaf springs that share no block. Raises SceneError where all share one."""
         return clearance(*self.unreduced_state)
 
     def pivot_shift(self, joint: PlacedJoint | str, *, at: ArrayLike | None = None) -> PivotShift:
-        """How far the pivot of a joint has moved [m, joint axes]: the point of interface B at `at` (3,) [m, global] at
-        rest, where its leaf springs cross when None, seen from interface A.
+        """Displacement [m, joint axes] of the pivot of a joint, seen from interface A: the point of interface B at `at` (3,)
+        [m, global] at rest, where its leaf springs cross when None.
 
         Raises SceneError for an unknown joint or one without an intended rotation.
         """
         return pivot_shift(self.model, self.motion, joint, at=at)
 
     def section_forces(self, *, points: int = 25) -> dict[str, SectionForces]:
-        """Normal and shear forces [N], torsion and bending moments [Nm] along every leaf by full name, at `points`
-        stations (of a chain at its nodes)."""
+        """Normal and shear forces [N], torsion and bending moments [Nm] along every leaf by full name, at `points` stations
+        (of a chain: at its nodes)."""
         return section_forces(
             *self.unreduced_equilibrium,
             points=whole_number(points, "points", least=2),
@@ -610,7 +606,7 @@ class Configuration(NotebookTables):
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """Every number of the tables and more, units in the keys; layout in `ksd.solve.answer.SCHEMA`."""
+        """All numbers of the tables and more, with units in the keys; layout: `ksd.solve.answer.SCHEMA`."""
         return as_dict(self)
 
     def plot(

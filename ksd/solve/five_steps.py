@@ -1,4 +1,8 @@
-"""The five steps in space, one compiled call or two for each; storage is prepared once (`FiveStepsStorage`)."""
+"""The five steps of the KSD method, each one or two compiled calls on a prepared storage (`FiveStepsStorage`).
+
+1 close the loops by intended motions, 2 condense the joints at them, 3 equilibrium of links and condensed joints, 4 recover
+the joints' substructures, 5 equilibrium of the full model.
+"""
 
 from __future__ import annotations
 
@@ -30,81 +34,91 @@ from ksd.solve.joint_range import check_joints, motion_limits
 from ksd.solve.steps import MAX_TURN_PER_STEP, RTOL, StepRow
 
 KINEMATIC, REDUCED, FULL = 0, 1, 2
-LINEAR_SIZE = 54
+"""Methods, by the steps they take: 1 and 2; 1 to 4; all five."""
+CONDENSED_SIZE = 54
+"""Inner numbers of a condensed joint in step 3: position d0 (3), rotation R0 (9), wrench F (6), stiffness K (36)."""
 MAX_CLOSURE_ITERATIONS = 40
-"""Iterations of step 1 at the most."""
+MAX_REDUCED_ITERATIONS = 25
+MAX_FULL_ITERATIONS = 30
+"""Newton iterations of steps 1, 3 and 5."""
 
 
 class FiveStepsStorage:
-    """Storage for repeated solves of one model in space: what the five steps read and write. Not for two threads at once.
+    """What the five steps of one model read and write, for repeated solves; not for two threads at once.
 
-    theta (q,), place (J, 24), relative (J, 12), series (3, M): of the joints; found (q,), off (J, 6), known (J,): intended
-    motions of the answer and what is left, see `ksd.bodies.intended_motions.intended_motions`; limits (q, 4), seen (2,): see
-    `ksd.solve.joint_range`; lowest, highest (q,): trained ranges with their slack. substructures, reduced, full: states.
+    reduced_state: links and condensed joints; substructure_state: joints, each in the axes of its interface A; full_state.
+    theta (q,): intended motions of step 1; joint_pose (J, 24): interface B in the axes of A at theta, with derivatives;
+    relative_pose (J, 12): the same of the result; series (3, M): scratch. answer_theta (q,), unintended (J, 6), is_known
+    (J,): intended motions of the result, what they leave, and 1 where they were found (`ksd.bodies.intended_motions`).
+    limits (q, 4), checks (2,): see `ksd.solve.joint_range`; trained_low, trained_high (q,): trained ranges, widened by
+    their tolerance.
     """
 
     def __init__(self, model: Model, bodies: JointBodies) -> None:
         joints, motions = len(bodies.kinematics.node), len(bodies.motion_names)
-        self.theta, self.place, self.relative = (
-            np.zeros(motions),
-            np.zeros((joints, 24)),
-            np.zeros((joints, 12)),
-        )
+        self.theta, self.answer_theta = np.zeros(motions), np.zeros(motions)
+        self.joint_pose, self.relative_pose = np.zeros((joints, 24)), np.zeros((joints, 12))
         self.series = np.zeros((3, bodies.kinematics.pose.shape[2]))
-        self.found, self.off, self.known = (
-            np.zeros(motions),
-            np.zeros((joints, 6)),
-            np.zeros(joints, np.int64),
-        )
-        self.limits, self.seen = motion_limits(bodies.motion_range), np.zeros(2, np.int64)
-        self.lowest, self.highest, _, _ = self.limits.T
+        self.unintended, self.is_known = np.zeros((joints, 6)), np.zeros(joints, np.int64)
+        self.limits, self.checks = motion_limits(bodies.motion_range), np.zeros(2, np.int64)
+        self.trained_low, self.trained_high, _, _ = self.limits.T
         self.joint_names = tuple(p.name for p in model.scene.joints)
-        self.substructures, self.reduced = bodies.substructure_rest.copy(), bodies.reduced_rest.copy()
-        self.full = model.rest.copy()
+        self.substructure_state, self.reduced_state = (
+            bodies.substructure_rest.copy(),
+            bodies.reduced_rest.copy(),
+        )
+        self.full_state = model.rest.copy()
         self.substructure_work = make_workspace(bodies.substructures, near=bodies.near_lengths)
         self.reduced_work, self.full_work = make_workspace(bodies.reduced), make_workspace(model.arrays)
-        self._hold(model, bodies)
+        self._set_design(model, bodies)
 
     def of(self, model: Model, bodies: JointBodies) -> FiveStepsStorage:
-        """The same arrays for a design of the same words: only one of both can be used at a time."""
+        """The same arrays for a design with the same structure; only one of the two can be in use at a time."""
         made = copy(self)
-        made.full.assign(model.rest)
+        made.full_state.assign(model.rest)
         made.substructure_work.weight[...] = bodies.substructures.weight
         made.reduced_work.weight[...] = bodies.reduced.weight
         made.full_work.weight[...] = model.arrays.weight
-        made._hold(model, bodies)
+        made._set_design(model, bodies)
         return made
 
-    def _hold(self, model: Model, bodies: JointBodies) -> None:
-        """Be of this design."""
+    def _set_design(self, model: Model, bodies: JointBodies) -> None:
+        """Set the design that the arrays are used for."""
         if len(bodies.joint_weights.owner):
-            # step 2 sets where the weight of the joints pulls; another thread has its own
+            # step 2 writes the points where joint weights act, so every storage needs its own copy
             bodies = replace(bodies, reduced=unflatten_arrays(flatten_arrays(bodies.reduced)))
         self.model, self.bodies = model, bodies
 
     def restart(self) -> None:
-        """Back to rest, in place."""
-        self.reduced.assign(self.bodies.reduced_rest)
-        self.substructures.assign(self.bodies.substructure_rest)
+        """Return to the undeformed configuration, in place."""
+        self.reduced_state.assign(self.bodies.reduced_rest)
+        self.substructure_state.assign(self.bodies.substructure_rest)
         self.theta[:] = 0.0
 
 
 def close_joints(b: FiveStepsStorage, target: np.ndarray) -> tuple[int, int, float]:
-    """Step 1 from where the joints are, and links that hang on leaves alone. Returns (reason, iterations, gap left [m])."""
+    """Step 1 from the present motions theta; also places links that only leaves hold. Returns (stop reason, iterations, gap
+    [m])."""
     found = close_loops(
-        b.bodies.reduced, b.bodies.kinematics, b.theta, target, b.reduced, b.place, MAX_CLOSURE_ITERATIONS
+        b.bodies.reduced,
+        b.bodies.kinematics,
+        b.theta,
+        target,
+        b.reduced_state,
+        b.joint_pose,
+        MAX_CLOSURE_ITERATIONS,
     )
     if b.bodies.leaf_links:
-        place_leaf_links(b.bodies, b.reduced)
+        place_leaf_links(b.bodies, b.reduced_state)
     return found
 
 
 def assemble_full_state(b: FiveStepsStorage) -> None:
-    """Links, internal blocks, inner states and multipliers into the full state."""
-    bodies, full, reduced, substructures = b.bodies, b.full, b.reduced, b.substructures
+    """Write links, internal blocks, inner states and multipliers into the full state."""
+    bodies, full, reduced, substructures = b.bodies, b.full_state, b.reduced_state, b.substructure_state
     links, inner = len(reduced.x), len(substructures.inner)
     full.x[:links], full.R[:links] = reduced.x, reduced.R
-    free = reduced.inner[LINEAR_SIZE * len(bodies.kinematics.node) :]
+    free = reduced.inner[CONDENSED_SIZE * len(bodies.kinematics.node) :]
     full.inner[:inner], full.inner[inner : inner + len(free)] = substructures.inner, free
     full.multiplier[:] = reduced.multiplier
     place_internal_blocks(
@@ -114,74 +128,97 @@ def assemble_full_state(b: FiveStepsStorage) -> None:
 
 
 def kinematic_forces(b: FiveStepsStorage, target: np.ndarray) -> None:
-    """Drive forces of the kinematic answer by virtual work, into the multipliers.
+    """Write the drive forces of the kinematic method into the multipliers, by virtual work.
 
-    The joints' moments in pure intended motion (wrench F of the condensed joints along the motion) and the external
-    loads are balanced by the loop and drive equations.
+    The loop and drive equations balance the joints' moments in pure intended motion (wrench F of the condensed joints along
+    the motion) and the external loads.
     """
-    reduced = b.reduced
+    reduced = b.reduced_state
     drive_forces(
-        *b.bodies.reduced.flat[:2], *b.bodies.kinematics.flat, b.theta, target, reduced.x.copy(), reduced.R.copy(), b.place,
-        reduced.inner, reduced.multiplier,
+        *b.bodies.reduced.flat[:2], *b.bodies.kinematics.flat, b.theta, target, reduced.x.copy(), reduced.R.copy(),
+        b.joint_pose, reduced.inner, reduced.multiplier,
     )  # fmt: skip
-    b.full.multiplier[:] = reduced.multiplier
+    b.full_state.multiplier[:] = reduced.multiplier
 
 
 def set_linearisation_point(b: FiveStepsStorage) -> None:
-    """Step 2, first half: the near configuration of all joints."""
+    """Step 2, first half: put all substructures where their intended motions lead, to linearise them there."""
     set_near_configuration(
-        b.bodies.kinematics, b.bodies.interior, b.theta, b.place, b.substructures, b.substructure_work
+        b.bodies.kinematics,
+        b.bodies.interior,
+        b.theta,
+        b.joint_pose,
+        b.substructure_state,
+        b.substructure_work,
     )
 
 
 def condense_joint_bodies(b: FiveStepsStorage, near: int) -> int:
-    """Step 2, second half: the joints condensed. Returns the worst status of a leaf."""
-    loops, hung, substructures, work = (
-        b.bodies.kinematics,
-        b.bodies.joint_weights,
-        b.bodies.substructures,
-        b.substructure_work,
-    )
+    """Step 2, second half: condense the joints to their interfaces. Returns the worst status of a leaf.
+
+    near: see `ksd.model.newton.assemble`.
+    """
+    loops, weights = b.bodies.kinematics, b.bodies.joint_weights
+    substructures, work = b.bodies.substructures, b.substructure_work
     members = substructures.members
-    if len(hung.owner):
+    if len(weights.owner):
         gravity_in_joint_axes(
-            hung.owner, loops.node, b.reduced.R, loops.frame, substructures.weight, work.weight
+            weights.owner, loops.node, b.reduced_state.R, loops.frame, substructures.weight, work.weight
         )
-    status = condense_joints(substructures, len(loops.node), b.substructures, work, near, b.reduced.inner)
-    if len(hung.owner):
+    status = condense_joints(
+        substructures, len(loops.node), b.substructure_state, work, near, b.reduced_state.inner
+    )
+    if len(weights.owner):
         place_joint_weights(
-            hung.owner, hung.load, members.node, members.store_at, b.substructures.x, work.pose, work.store,
+            weights.owner, weights.load, members.node, members.store_at, b.substructure_state.x, work.pose, work.store,
             work.weight, loops.anchor, loops.frame, b.bodies.reduced.loads.point,
         )  # fmt: skip
     return status
 
 
 def recover_substructures(b: FiveStepsStorage) -> tuple[float, float]:
-    """Step 4. Returns the largest displacement [m] and rotation [rad] of an interface off its near pose."""
-    inside, state, work = b.bodies.substructures, b.substructures, b.substructure_work
-    unintended = interface_step(inside, b.bodies.kinematics, b.reduced, state, work, b.relative)
-    take_step(inside, state, work.rhs, work, 1.0)
-    return unintended
+    """Step 4: recover the joints. Returns the largest unintended displacement [m] and rotation [rad] of an interface B."""
+    substructures, state, work = b.bodies.substructures, b.substructure_state, b.substructure_work
+    largest = interface_step(
+        substructures, b.bodies.kinematics, b.reduced_state, state, work, b.relative_pose
+    )
+    take_step(substructures, state, work.rhs, work, 1.0)
+    return largest
 
 
 @kernel
-def read_joint_motions(loops, shapes, x, R, theta, found, relative, place, series, off, known, limits, seen):
-    """Intended motions found (q,) of all joints where links are at x, R, their search begun at theta (q,); loops, shapes: as
-    in `ksd.bodies.joint_arrays`; the rest as in `FiveStepsStorage`."""
-    relative_poses(loops, shapes, x, R, relative)
+def read_joint_motions(
+    loops,
+    shapes,
+    x,
+    R,
+    theta,
+    answer_theta,
+    relative_pose,
+    joint_pose,
+    series,
+    unintended,
+    is_known,
+    limits,
+    checks,
+):
+    """Find the intended motions answer_theta (q,) of all joints with the links at x, R, from the initial guess theta (q,).
+
+    loops, shapes: see `ksd.bodies.joint_arrays`; other arrays: see `FiveStepsStorage`.
+    """
+    relative_poses(loops, shapes, x, R, relative_pose)
     for q in range(len(theta)):
-        found[q] = theta[q]
-    intended_motions(loops, shapes, relative, found, place, series, off, known)
+        answer_theta[q] = theta[q]
+    intended_motions(loops, shapes, relative_pose, answer_theta, joint_pose, series, unintended, is_known)
     length = shapes[loops[JOINT_LENGTH] : loops[JOINT_LENGTH] + loops[JOINT_COUNT]]
-    # a variable, not the literal 3
-    check_joints(theta, found, off, known, 3 + 0 * len(theta), limits, length, seen)
+    check_joints(theta, answer_theta, unintended, is_known, limits, length, checks)
 
 
 def read_answer_motions(b: FiveStepsStorage) -> None:
-    """Intended motions of the answer."""
+    """Find the intended motions of the full state, and check them."""
     read_joint_motions(
-        *b.bodies.kinematics.flat, b.full.x, b.full.R, b.theta, b.found, b.relative, b.place, b.series, b.off, b.known,
-        b.limits, b.seen,
+        *b.bodies.kinematics.flat, b.full_state.x, b.full_state.R, b.theta, b.answer_theta, b.relative_pose, b.joint_pose,
+        b.series, b.unintended, b.is_known, b.limits, b.checks,
     )  # fmt: skip
 
 
@@ -201,20 +238,28 @@ class _Recorder:
 def _reduce(
     b: FiveStepsStorage, target: np.ndarray, relinearisations: int, kinematic: bool, record: _Recorder
 ) -> tuple[int, bool]:
-    """Steps 2 to 4 from the closed loops on, with `relinearisations` relinearised rounds; kinematic: step 2 alone.
+    """Steps 2 to 4 from closed loops, with relinearisation steps; kinematic: step 2 alone.
 
-    Returns (negative pivots, whether all went well).
+    Returns (negative pivots, whether every step converged).
     """
     negatives = 0
     set_linearisation_point(b)
     for n in range(relinearisations + 1):
         status = condense_joint_bodies(b, 1 if n == 0 else 0)
-        # stops of leaves: 1 a local angle, 2 singular
+        # the status of leaves is 1 for a local angle, 2 for a singular matrix
         record.add(status + (status > 0), 0, 0.0)
         if status != 0 or kinematic:
             return negatives, status == 0
         reason, count, worst, negatives, _ = solve_equilibrium(
-            b.bodies.reduced, b.reduced, target, 1.0, b.reduced_work, RTOL, 25, math.inf, math.inf
+            b.bodies.reduced,
+            b.reduced_state,
+            target,
+            1.0,
+            b.reduced_work,
+            RTOL,
+            MAX_REDUCED_ITERATIONS,
+            math.inf,
+            math.inf,
         )
         record.add(reason, count, worst)
         if reason != 0:
@@ -235,26 +280,34 @@ def run_five_steps(
     *,
     closed: bool = False,
 ) -> tuple[list[StepRow], int]:
-    """Steps 1 to 4, and 5 when `method` is FULL, at the drive values target (c,).
+    """Take the steps of `method` (KINEMATIC, REDUCED or FULL) at drive values target (c,).
 
-    gap: largest one of the closed loops over the size; closed: step 1 is done already, in the storage. Returns the rows of
-    the steps done, and the negative pivots of the last equilibrium.
+    gap: largest loop gap over the size at which step 1 counts as closed; closed: the storage holds closed loops already.
+    Returns the rows of the steps taken, and the negative pivots of the last equilibrium.
     """
     record = _Recorder()
     if not closed:
         b.restart()
-        reason, count, left = close_joints(b, target)
-        record.add(reason, count, left)
-        if reason != 0 or not left < gap * b.bodies.reduced.size:
+        reason, count, open_gap = close_joints(b, target)
+        record.add(reason, count, open_gap)
+        if reason != 0 or not open_gap < gap * b.bodies.reduced.size:
             return record.rows, 0
-    negatives, sound = _reduce(b, target, relinearisations, method == KINEMATIC, record)
-    if not sound:
+    negatives, converged = _reduce(b, target, relinearisations, method == KINEMATIC, record)
+    if not converged:
         return record.rows, negatives
     if method == KINEMATIC:
         assemble_full_state(b)
     if method == FULL:
         reason, count, worst, negatives, _ = solve_equilibrium(
-            b.model.arrays, b.full, target, 1.0, b.full_work, RTOL, 30, MAX_TURN_PER_STEP, math.inf
+            b.model.arrays,
+            b.full_state,
+            target,
+            1.0,
+            b.full_work,
+            RTOL,
+            MAX_FULL_ITERATIONS,
+            MAX_TURN_PER_STEP,
+            math.inf,
         )
         record.add(reason, count, worst)
     read_answer_motions(b)

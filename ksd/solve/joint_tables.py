@@ -1,7 +1,7 @@
 """Condensed joints tabulated over their stroke: a second level of reduction, with its own error figure.
 
-Step 2 gives the wrench and the stiffness of a joint at any intended motion; both are smooth in it. They are computed
-once on a grid and interpolated by cubic splines; the error is measured half-way between all grid points.
+Wrench and stiffness of a condensed joint are smooth functions of its intended motion. They are computed once on a grid and
+interpolated by cubic splines; the error is measured half-way between all grid points.
 """
 
 from __future__ import annotations
@@ -12,13 +12,17 @@ import numpy as np
 
 from ksd.bodies.joint_poses import joint_poses
 from ksd.errors import SceneError
-from ksd.solve.five_steps import LINEAR_SIZE, FiveStepsStorage, condense_joint_bodies, set_linearisation_point
-from ksd.solve.pose_batch import NUMBERS_PER_JOINT
+from ksd.solve.five_steps import (
+    CONDENSED_SIZE,
+    FiveStepsStorage,
+    condense_joint_bodies,
+    set_linearisation_point,
+)
 
 INITIAL_PIECES, MAX_PIECES = 32, 2048
-"""Pieces tried first, and most."""
+"""Pieces of the splines at first, and at most."""
 INTERPOLATION_TOLERANCE = 1e-6
-"""Interpolation error below which there are pieces enough."""
+"""Interpolation error below which the pieces are not halved again."""
 _UPPER = np.triu_indices(6)
 
 
@@ -26,13 +30,14 @@ _UPPER = np.triu_indices(6)
 class JointTables:
     """Tables of the joints of one design.
 
-    cubic (T, pieces, 4, 27): coefficients, rising powers, of wrench (6) and stiffness (21, upper triangle) within a
-    piece; which (J,): table of every joint; limits (q, 2): trained ranges they cover. error: largest interpolation
-    error, of a stiffness relative to the geometric mean of its diagonal, of a wrench relative to its largest value.
+    cubic (T, pieces, 4, 27): coefficients, in rising powers, of wrench (6) and stiffness (21, upper triangle) within a
+    piece, whose variable runs from 0 to 1; table (J,): number of every joint's table; limits (q, 2): trained ranges that
+    they cover. error: largest interpolation error, of a stiffness relative to the geometric mean of its diagonal, of a
+    wrench relative to its largest value.
     """
 
     cubic: np.ndarray
-    which: np.ndarray
+    table: np.ndarray
     limits: np.ndarray
     error: float
 
@@ -41,38 +46,40 @@ class JointTables:
         return f"{count} table{'s' * (count > 1)} of {pieces} pieces, interpolation error {self.error:.1e}"
 
 
-def _sampled(b: FiveStepsStorage, shares: np.ndarray) -> np.ndarray:
-    """(N, J, 27): all joints at `shares` (N,) of their trained ranges."""
+def _sample_joints(b: FiveStepsStorage, shares: np.ndarray) -> np.ndarray:
+    """Wrench and stiffness (N, J, 27) of all joints at `shares` (N,), 0 to 1, of their trained ranges."""
     low, high = b.bodies.motion_range.T
     joints = len(b.bodies.kinematics.node)
-    found = np.empty((len(shares), joints, 42))
+    condensed = np.empty((len(shares), joints, 42))
     for n, share in enumerate(shares):
         b.theta[:] = low + share * (high - low)
-        joint_poses(*b.bodies.kinematics.flat, b.theta, b.place, b.series)
+        joint_poses(*b.bodies.kinematics.flat, b.theta, b.joint_pose, b.series)
         set_linearisation_point(b)
         if condense_joint_bodies(b, 1) != 0:
             raise SceneError(
                 "tabulated = True: a joint cannot be condensed over its whole trained range; leave it out"
             )
-        found[n] = b.reduced.inner[: LINEAR_SIZE * joints].reshape(joints, LINEAR_SIZE)[:, 12:]
-    matrix = found[:, :, 6:].reshape(*found.shape[:2], 6, 6)
-    return np.concatenate([found[:, :, :6], matrix[:, :, _UPPER[0], _UPPER[1]]], axis=2)
+        condensed[n] = b.reduced_state.inner[: CONDENSED_SIZE * joints].reshape(joints, CONDENSED_SIZE)[
+            :, 12:
+        ]
+    matrix = condensed[:, :, 6:].reshape(*condensed.shape[:2], 6, 6)
+    return np.concatenate([condensed[:, :, :6], matrix[:, :, _UPPER[0], _UPPER[1]]], axis=2)
 
 
-def _error(exact: np.ndarray, near: np.ndarray) -> float:
-    """Largest difference of two (N, J, 27), each number relative to what it counts by."""
+def _interpolation_error(exact: np.ndarray, approximate: np.ndarray) -> float:
+    """Largest difference of two arrays (N, J, 27), made relative as described in `JointTables`."""
     diagonal = exact[:, :, 6 + np.flatnonzero(_UPPER[0] == _UPPER[1])]
     scale = np.sqrt(np.abs(diagonal[:, :, _UPPER[0]] * diagonal[:, :, _UPPER[1]]))
-    stiffness = np.abs(near - exact)[:, :, 6:] / np.maximum(scale, 1e-300)
-    most = np.abs(exact[:, :, :6]).max(axis=0)
-    parts = [most[:, :3].max(axis=1), most[:, 3:].max(axis=1)]
+    stiffness = np.abs(approximate - exact)[:, :, 6:] / np.maximum(scale, 1e-300)
+    largest = np.abs(exact[:, :, :6]).max(axis=0)
+    parts = [largest[:, :3].max(axis=1), largest[:, 3:].max(axis=1)]
     size = np.maximum(np.repeat(np.array(parts).T, 3, axis=1), 1e-300)
-    wrench = np.abs(near - exact)[:, :, :6] / size
+    wrench = np.abs(approximate - exact)[:, :, :6] / size
     return float(max(stiffness.max(initial=0.0), wrench.max(initial=0.0)))
 
 
 def joint_tables(b: FiveStepsStorage) -> JointTables:
-    """Tables of all joints of a design, refined until the interpolation error is below ACCURACY or pieces run out.
+    """Tabulate all joints of a design, halving pieces until the error is within INTERPOLATION_TOLERANCE or pieces run out.
 
     Raises SceneError for joints of more than one intended motion, and for leaf springs with weight.
     """
@@ -90,24 +97,23 @@ def joint_tables(b: FiveStepsStorage) -> JointTables:
         )
     pieces = INITIAL_PIECES
     grid = np.linspace(0.0, 1.0, pieces + 1)
-    values = _sampled(b, grid)
+    values = _sample_joints(b, grid)
     while True:
         halves = grid[:-1] + 0.5 / pieces
-        between = _sampled(b, halves)
+        midpoints = _sample_joints(b, halves)
         spline = CubicSpline(grid, values, axis=0)
-        error = _error(between, spline(halves))
+        error = _interpolation_error(midpoints, spline(halves))
         if error <= INTERPOLATION_TOLERANCE or pieces >= MAX_PIECES:
             break
         merged = np.empty((2 * pieces + 1, *values.shape[1:]))
-        merged[::2], merged[1::2] = values, between
+        merged[::2], merged[1::2] = values, midpoints
         pieces *= 2
         grid, values = np.linspace(0.0, 1.0, pieces + 1), merged
-    # within a piece the variable runs from 0 to 1
+    # scaled to a variable that runs from 0 to 1 within a piece
     power = (1.0 / pieces) ** np.arange(4)
     cubic = np.moveaxis(spline.c[::-1] * power[:, None, None, None], (2, 1, 0, 3), (0, 1, 2, 3))
     keys = [cubic[j].tobytes() for j in range(len(loops.node))]
     distinct = list(dict.fromkeys(keys))
     first = [keys.index(k) for k in distinct]
-    assert cubic.shape[-1] == NUMBERS_PER_JOINT
-    which = np.array([distinct.index(k) for k in keys], np.int64)
-    return JointTables(np.ascontiguousarray(cubic[first]), which, b.bodies.motion_range, error)
+    table = np.array([distinct.index(k) for k in keys], np.int64)
+    return JointTables(np.ascontiguousarray(cubic[first]), table, b.bodies.motion_range, error)

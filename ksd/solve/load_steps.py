@@ -417,7 +417,7 @@ def _take_path_in_plane(
     if _cannot_leave_plane(model):
         return record._replace(negatives=record.negatives + len(motion.multiplier) - len(plane.rows)), motion
     values, factor = path.values_at(record.fraction_reached)
-    residual, negatives, status = storage.look(motion, values, path.rtol, factor)
+    residual, negatives, status = storage.check_residual(motion, values, path.rtol, factor)
     if residual > 1.0:
         share, node, force, moment = plane.imbalance(storage.work)
         if share > 1.0:

@@ -1,4 +1,4 @@
-"""How far states are from each other, and what a fast answer says of its own error: corrector steps of the full model."""
+"""Error of a fast method, by corrector steps of the full model, and differences of two states as errors."""
 
 from __future__ import annotations
 
@@ -15,143 +15,139 @@ from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve.five_steps import FiveStepsStorage
 from ksd.solve.steps import RTOL, ErrorEstimate, Step, Stop
 
-COARSE = 0.01
-"""Estimated relative error from which a second corrector step tells whether the first was nearly all."""
-NEGLIGIBLE = 1e-7
-"""The same of relinearised answers."""
-HALF = 0.5
-"""Size of a step over that of the one before from which it is believed that the next ones shrink alike."""
-MOST = 5
-"""Corrector steps at most."""
+MAX_ONE_STEP_ERROR = 0.01
+"""Relative size of the first corrector step above which further ones are taken: it may be only part of the error."""
+MAX_ONE_STEP_ERROR_RELINEARISED = 1e-7
+"""The same after relinearisation steps."""
+MAX_CONTRACTION = 0.5
+"""Size of a step over that of the one before up to which the following steps are assumed to shrink by the same factor."""
+MAX_CORRECTOR_STEPS = 5
 
 
 def estimate_error(
     b: FiveStepsStorage, target: np.ndarray, *, relinearised: bool
 ) -> tuple[ErrorEstimate, Step, int]:
-    """Error estimate and inertia of the full state in storage from a Newton step, or a few.
+    """Error estimate of the full state in storage by one Newton step or a few, its step, and its negative pivots.
 
-    relinearised: joints were condensed anew at the state before, so that what is linear in the error is gone from the
-    forces, and one step is not nearly all.
+    relinearised: the joints were condensed anew at the state before, so that the forces have no error of first order and
+    one step does not measure it.
     """
     clock = Stopwatch()
-    residual, negatives, status = check_residual(b.model.arrays, b.full, target, 1.0, b.full_work, RTOL)
-    error, count = newton_step_error(b.model, b.full, b.full_work.rhs), 1
+    residual, negatives, status = check_residual(b.model.arrays, b.full_state, target, 1.0, b.full_work, RTOL)
+    error, count = newton_step_error(b.model, b.full_state, b.full_work.rhs), 1
     stop = Stop.CONVERGED if status == 0 else (Stop.LOCAL_ANGLE if status == 1 else Stop.NOT_FINITE)
-    if (NEGLIGIBLE if relinearised else COARSE) < error.relative < math.inf and _moved(b):
-        steps = _later_steps(b, target)
-        error, count = _followed(error, steps)
+    threshold = MAX_ONE_STEP_ERROR_RELINEARISED if relinearised else MAX_ONE_STEP_ERROR
+    if threshold < error.relative < math.inf and _has_moved(b):
+        steps = _further_steps(b, target)
+        error, count = _extrapolated_error(error, steps)
         steps.close()
-    return (
-        error,
-        Step("error estimate", count, clock(), residual, stop),
-        negatives,
-    )
+    return error, Step("error estimate", count, clock(), residual, stop), negatives
 
 
-Steps = Generator[tuple[ErrorEstimate, ErrorEstimate], None, None]
-"""Corrector steps after the first, each with the distance gone with it."""
+Corrections = Generator[tuple[ErrorEstimate, ErrorEstimate], None, None]
+"""Corrector steps after the first: (the step, the distance from the first state including it)."""
 
 
-def _moved(b: FiveStepsStorage) -> bool:
-    """Whether links are elsewhere than at rest, but for rounding."""
-    off = np.abs(b.full.x - b.model.rest.x)[: b.model.links]
-    return bool(off.max(initial=0.0) > 1e-9 * b.model.arrays.size)
+def _has_moved(b: FiveStepsStorage) -> bool:
+    """Whether links have moved from rest by more than rounding."""
+    shift = np.abs(b.full_state.x - b.model.rest.x)[: b.model.links]
+    return bool(shift.max(initial=0.0) > 1e-9 * b.model.arrays.size)
 
 
-def _followed(first: ErrorEstimate, steps: Steps) -> tuple[ErrorEstimate, int]:
-    """How far Newton steps lead, and how many were looked at: the distance gone plus what is left of a geometric series
-    when the next steps shrink as the last one did; without bound where they hardly shrink (Deuflhard, Newton Methods for
-    Nonlinear Problems, 2.1). steps: (step, distance gone so far) of the second and later ones.
+def _extrapolated_error(first: ErrorEstimate, steps: Corrections) -> tuple[ErrorEstimate, int]:
+    """Distance to the limit of the corrector steps, and the number of steps evaluated.
 
-    A small first step may be followed by a larger one: the force that lateral errors make grows with their square.
+    The limit is extrapolated by a geometric series once steps shrink; the error is unknown where they do not (Deuflhard,
+    Newton Methods for Nonlinear Problems, 2.1). A small first step may be followed by a larger one: the force made by
+    lateral errors grows with their square.
     """
     last, count = first, 1
-    for step, gone in steps:
+    for step, distance in steps:
         count += 1
-        shrinks = step.relative / max(last.relative, 1e-300)
-        settled = count > 2 or step.relative > COARSE
-        if shrinks < HALF or (settled and shrinks < 1.0):
-            return _sum(gone, step, shrinks / (1.0 - shrinks)), count
-        if step.relative > COARSE or count == MOST:
+        contraction = step.relative / max(last.relative, 1e-300)
+        reliable = count > 2 or step.relative > MAX_ONE_STEP_ERROR
+        if contraction < MAX_CONTRACTION or (reliable and contraction < 1.0):
+            return _add_multiple(distance, step, contraction / (1.0 - contraction)), count
+        if step.relative > MAX_ONE_STEP_ERROR or count == MAX_CORRECTOR_STEPS:
             break
         last = step
-    return ErrorEstimate(np.full_like(first.force, math.inf), math.inf, math.inf, math.inf), count
+    return ErrorEstimate.unknown(len(first.force)), count
 
 
-def _sum(one: ErrorEstimate, other: ErrorEstimate, share: float) -> ErrorEstimate:
-    """An estimate and a share of another."""
+def _add_multiple(one: ErrorEstimate, other: ErrorEstimate, factor: float) -> ErrorEstimate:
+    """The sum of an estimate and a multiple of another."""
     return ErrorEstimate(
-        one.force + share * other.force, one.displacement + share * other.displacement,
-        one.rotation + share * other.rotation, one.relative + share * other.relative,
+        one.force + factor * other.force, one.displacement + factor * other.displacement,
+        one.rotation + factor * other.rotation, one.relative + factor * other.relative,
     )  # fmt: skip
 
 
-def _later_steps(b: FiveStepsStorage, target: np.ndarray) -> Steps:
-    """Newton steps after the one in storage, each with the distance gone with it; the state in storage is put back."""
-    kept = b.full.copy()
-    nothing = ErrorEstimate(np.zeros(len(b.model.drive_names)), 0.0, 0.0, 0.0)
+def _further_steps(b: FiveStepsStorage, target: np.ndarray) -> Corrections:
+    """Newton steps after the one in storage; restores the state in storage when closed."""
+    start = b.full_state.copy()
+    zero = ErrorEstimate(np.zeros(len(b.model.drive_names)), 0.0, 0.0, 0.0)
     try:
-        take_step(b.model.arrays, b.full, b.full_work.rhs, b.full_work, 1.0)
+        take_step(b.model.arrays, b.full_state, b.full_work.rhs, b.full_work, 1.0)
         while True:
-            check_residual(b.model.arrays, b.full, target, 1.0, b.full_work, RTOL)
-            step = newton_step_error(b.model, b.full, b.full_work.rhs)
-            take_step(b.model.arrays, b.full, b.full_work.rhs, b.full_work, 1.0)
-            yield step, error_to_stored_state(kept, b, nothing)
+            check_residual(b.model.arrays, b.full_state, target, 1.0, b.full_work, RTOL)
+            step = newton_step_error(b.model, b.full_state, b.full_work.rhs)
+            take_step(b.model.arrays, b.full_state, b.full_work.rhs, b.full_work, 1.0)
+            yield step, error_to_stored_state(start, b, zero)
     finally:
-        b.full.assign(kept)
+        b.full_state.assign(start)
 
 
 def newton_step_error(model: Model, motion: State, step: np.ndarray) -> ErrorEstimate:
-    """A Newton step (n,) as an error of the state it is to be taken from."""
+    """A Newton step (n,) as the error of the state from which it leads."""
     arrays, links = model.arrays, model.links
     force = np.abs(step[arrays.terms.start])
     moves = step[arrays.start[1:links, None] + np.arange(6)]
     shift = math.sqrt(np.square(moves[:, :3]).sum(axis=1).max(initial=0.0))
     turn = math.sqrt(np.square(moves[:, 3:]).sum(axis=1).max(initial=0.0))
-    return _made_relative(model, motion, force[: len(model.drive_names)], shift, turn)
+    return _relative_to_state(model, motion, force[: len(model.drive_names)], shift, turn)
 
 
-def _made_relative(
+def _relative_to_state(
     model: Model, motion: State, force: np.ndarray, shift: float, turn: float
 ) -> ErrorEstimate:
-    """Absolute errors made relative: drive forces by their size, displacement by the largest link displacement."""
+    """Error estimate with absolute errors made relative: by the drive forces, and by the largest link displacement."""
     links = model.links
     moved = float(np.abs(motion.x[:links] - model.rest.x[:links]).max())
     errors, scales = force.tolist(), [abs(m) for m in motion.multiplier.tolist()[: len(force)]]
     largest = max(scales, default=0.0)
-    # a number that is none stays: it is no small error
+    # nan must not be lost: it is not a small error
     ratios = [e / max(s, largest, 1e-300) for e, s in zip(errors, scales, strict=True)]
     ratios.append(shift / max(moved, 1e-300))
-    relative = math.nan if any(r != r for r in ratios) else max(ratios)
+    relative = math.nan if any(math.isnan(r) for r in ratios) else max(ratios)
     return ErrorEstimate(force.copy(), shift, turn, relative if math.isfinite(relative) else math.inf)
 
 
-def error_to_stored_state(motion: State, b: FiveStepsStorage, rest: ErrorEstimate) -> ErrorEstimate:
-    """Distance of a state to the one in storage, plus the estimate `rest` of the latter's own error."""
-    force, shift, turn = _difference(b.model, motion, b.full)
-    return _made_relative(
-        b.model, motion, force + rest.force, shift + rest.displacement, turn + rest.rotation
+def error_to_stored_state(motion: State, b: FiveStepsStorage, stored: ErrorEstimate) -> ErrorEstimate:
+    """Distance of a state to the full state in storage, plus the error estimate `stored` of the latter."""
+    force, shift, turn = _difference(b.model, motion, b.full_state)
+    return _relative_to_state(
+        b.model, motion, force + stored.force, shift + stored.displacement, turn + stored.rotation
     )
 
 
-def relative_error(model: Model, motion: State, truth: State) -> ErrorEstimate:
-    """Difference of a state to the true one, relative to that: forces by the largest, displacement by the largest of a link.
-    Rounding is none."""
+def relative_error(model: Model, motion: State, exact: State) -> ErrorEstimate:
+    """Difference of a state to the exact one, relative to the largest force and link displacement of that; differences of
+    the size of rounding count as none."""
     links, drives = model.links, len(model.drive_names)
-    force, shift, turn = _difference(model, motion, truth)
-    grain = 1e-11 * model.arrays.size
-    moved = grain + float(np.linalg.norm(truth.x[:links] - model.rest.x[:links], axis=1).max())
+    force, shift, turn = _difference(model, motion, exact)
+    rounding = 1e-11 * model.arrays.size
+    moved = rounding + float(np.linalg.norm(exact.x[:links] - model.rest.x[:links], axis=1).max())
     stiffest = np.max(
         [*model.arrays.members.stiffness_scale, *model.arrays.springs.stiffness_scale], initial=1e-300
     )
-    scale = np.abs(truth.multiplier[:drives]) + grain * stiffest * min(1.0, model.arrays.size)
+    scale = np.abs(exact.multiplier[:drives]) + rounding * stiffest * min(1.0, model.arrays.size)
     of_force = float((force / np.maximum(scale, scale.max(initial=0.0))).max(initial=0.0))
     relative = max(of_force, shift / moved)
     return ErrorEstimate(force, shift, turn, relative if math.isfinite(relative) else math.inf)
 
 
 def _difference(model: Model, one: State, other: State) -> tuple[np.ndarray, float, float]:
-    """Differences of the drive forces (d,), and the largest of the places [m] and rotations [rad] of the links."""
+    """Differences of the drive forces (d,), and the largest difference of link positions [m] and rotations [rad]."""
     links, drives = model.links, len(model.drive_names)
     force = np.abs(one.multiplier[:drives] - other.multiplier[:drives])
     shift = float(np.linalg.norm(one.x[:links] - other.x[:links], axis=1).max())

@@ -1,8 +1,8 @@
-"""Many configurations of one design, for batches.
+"""Solve many poses of one design, for batches.
 
-Every configuration starts from rest, as a single solve does (tabulated ones from their neighbour where that is near), and
-gets a status: solved, or why not. `tabulated_many` takes the condensed matrices of the joints from a table over their
-stroke (`ksd.solve.joint_tables`) instead of step 2, and leaves the insides alone.
+Every pose starts from rest, as a single solve does (a tabulated one from its neighbour where that is near), and gets a
+status: solved, or why not. `solve_tabulated_poses` takes the condensed joints from a table over their stroke
+(`ksd.solve.joint_tables`) instead of step 2, and does not recover their substructures.
 """
 
 from __future__ import annotations
@@ -18,25 +18,31 @@ from ksd.bodies.substructures import relative_poses
 from ksd.model.newton import CONVERGED, solve_equilibrium
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotate, rotation_log
-from ksd.solve.five_steps import LINEAR_SIZE, FiveStepsStorage, close_joints, run_five_steps
+from ksd.solve.five_steps import CONDENSED_SIZE, FiveStepsStorage, close_joints, run_five_steps
 from ksd.solve.joint_range import is_far_off, is_outside
 from ksd.solve.steps import RTOL
 
-LOCKED, OUT_OF_RANGE, UNSTABLE, FAR, UNANSWERED = 10, 11, 12, 13, 14
-"""Statuses beyond those of `ksd.solve.steps.Stop`."""
+LOCKED, OUT_OF_RANGE, UNSTABLE, FAR_OFF, UNANSWERED = 10, 11, 12, 13, 14
+"""Statuses of a pose beyond those of `ksd.solve.steps.Stop`."""
 STATUS_MESSAGES = {
     LOCKED: "the joints cannot reach this pose by their intended motions",
     OUT_OF_RANGE: "a joint would leave its trained range",
     UNSTABLE: "the state found is not a minimum of energy",
     UNANSWERED: "a question was not answered",
-    FAR: "a joint is too far off its intended motion to be the state its record describes",
+    FAR_OFF: "a joint is too far off its intended motion to be the state its record describes",
 }
-NUMBERS_PER_JOINT = 27
-"""Numbers of a condensed joint: wrench (6), then the upper triangle of its stiffness (21)."""
+MAX_WARM_ITERATIONS, MAX_ITERATIONS = 4, 25
+"""Newton iterations from the offset of the pose before, and from the kinematic pose."""
+MAX_NEIGHBOUR_DISTANCE = 0.1
+"""Squared distance of the drive values to those of the pose before, over their squared size, up to which a tabulated pose
+starts from there."""
+MAX_EXTENSION = 3.0
+"""Distance to the new drive values over that of the last two poses up to which motions are extrapolated."""
 
 
 class PoseArrays(NamedTuple):
-    """Numbers of N poses: force (N, c), x (N, links, 3), R (N, links, 3, 3), motion (N, q), status (N,)."""
+    """Results of N poses, written in place: force (N, c) [N or Nm], x (N, links, 3) [m], R (N, links, 3, 3), motion (N, q),
+    status (N,)."""
 
     force: np.ndarray
     x: np.ndarray
@@ -47,13 +53,14 @@ class PoseArrays(NamedTuple):
 
 def solve_poses(
     b: FiveStepsStorage, targets: np.ndarray, method: int, relinearisations: int, gap: float, limits: np.ndarray,
-    found: PoseArrays, ask: Callable[[int], int] | None = None,
+    result: PoseArrays, answer: Callable[[int], int] | None = None,
 ) -> None:  # fmt: skip
-    """Solve at targets (N, c) into `found`; gap: see `space_steps`; limits (q, 2): trained ranges with slack.
+    """Solve at targets (N, c) by the five steps and write into `result`.
 
-    ask: asks more of every pose that was solved, whose state is in the storage, and returns its status.
+    method, gap: see `run_five_steps`; limits (q, 2): trained ranges with tolerance. answer: called with the number of every
+    solved pose, whose state is in the storage, returns its status.
     """
-    full, links, length = b.full, found.x.shape[1], b.bodies.kinematics.length
+    full, links, length = b.full_state, result.x.shape[1], b.bodies.kinematics.length
     for n, target in enumerate(targets):
         rows, negatives = run_five_steps(b, target, method, relinearisations, gap)
         status = int(rows[-1].stop)
@@ -63,21 +70,24 @@ def solve_poses(
             status = OUT_OF_RANGE
         elif status == 0 and negatives != len(target):
             status = UNSTABLE
-        elif status == 0 and is_far_off(b.off, 3, length, 0):
-            status = FAR
-        found.force[n], found.motion[n] = -full.multiplier, b.found
-        found.x[n], found.R[n] = full.x[:links], full.R[:links]
-        found.status[n] = ask(n) if ask is not None and status == 0 else status
+        elif status == 0 and is_far_off(b.unintended, length, 0):
+            status = FAR_OFF
+        result.force[n], result.motion[n] = -full.multiplier, b.answer_theta
+        result.x[n], result.R[n] = full.x[:links], full.R[:links]
+        result.status[n] = answer(n) if answer is not None and status == 0 else status
 
 
 @kernel
-def _from_table(cubic, which, share, inner):
-    """Wrench and stiffness of every joint at `share` (J,), 0 to 1, of its trained range, into inner (J, 54)."""
+def _interpolate_joints(cubic, table, share, inner):
+    """Write wrench and stiffness of every joint at `share` (J,), 0 to 1, of its trained range into inner (J, 54).
+
+    cubic (T, pieces, 4, 27): see `JointTables`; table (J,): number of the joint's table.
+    """
     pieces = cubic.shape[1]
-    for j in range(len(which)):
+    for j in range(len(table)):
         at = min(max(share[j] * pieces, 0.0), pieces - 1e-9)
         k = int(at)
-        u, c, n = at - k, cubic[which[j], k], 6
+        u, c, n = at - k, cubic[table[j], k], 6
         for i in range(6):
             inner[j, 12 + i] = c[0, i] + u * (c[1, i] + u * (c[2, i] + u * c[3, i]))
         for row in range(6):
@@ -88,28 +98,31 @@ def _from_table(cubic, which, share, inner):
 
 
 @kernel
-def _go_on(target, last, before, theta, then):
-    """theta (q,) along the line through the motions of the last two poses, `then` and theta, as far as target (c,) is along
-    that of theirs, `before` and `last`; left alone where that is more than thrice as far, or back. then becomes theta."""
+def _extrapolate_motions(target, last, before, theta, previous):
+    """Extrapolate theta (q,) along the line through the motions of the last two poses, `previous` and theta, as far as
+    target (c,) lies along the line through their drive values, `before` and `last`.
+
+    Where that is backwards or beyond MAX_EXTENSION, theta is left unchanged. `previous` becomes the theta given.
+    """
     along, square = 0.0, 0.0
     for i in range(len(target)):
-        way = last[i] - before[i]
-        along += way * (target[i] - last[i])
-        square += way * way
-    share = along / square if 0.0 < along < 3.0 * square else 0.0
+        step = last[i] - before[i]
+        along += step * (target[i] - last[i])
+        square += step * step
+    share = along / square if 0.0 < along < MAX_EXTENSION * square else 0.0
     for q in range(len(theta)):
         now = theta[q]
-        theta[q] += share * (now - then[q])
-        then[q] = now
+        theta[q] += share * (now - previous[q])
+        previous[q] = now
 
 
 @kernel
-def _note_offset(x, R, start_x, start_R, off):
-    """off (links, 6): displacement and rotation of every link since start_x, start_R."""
+def _link_offsets(x, R, start_x, start_R, offset):
+    """Write displacement and rotation vector of every link from start_x, start_R to x, R into offset (links, 6)."""
     turned, v = np.empty((3, 3)), np.empty(3)
-    for k in range(len(off)):
+    for k in range(len(offset)):
         for r in range(3):
-            off[k, r] = x[k, r] - start_x[k, r]
+            offset[k, r] = x[k, r] - start_x[k, r]
             for c in range(3):
                 turned[r, c] = (
                     R[k, r, 0] * start_R[k, c, 0]
@@ -118,83 +131,89 @@ def _note_offset(x, R, start_x, start_R, off):
                 )
         rotation_log(turned, v)
         for r in range(3):
-            off[k, 3 + r] = v[r]
+            offset[k, 3 + r] = v[r]
 
 
 @kernel
-def _add_offset(x, R, off):
-    """Links moved and turned by off (links, 6)."""
-    for k in range(len(off)):
+def _move_links(x, R, offset):
+    """Move and turn all links by offset (links, 6), in place."""
+    for k in range(len(offset)):
         for r in range(3):
-            x[k, r] += off[k, r]
-        rotate(off[k, 3:6], R[k])
+            x[k, r] += offset[k, r]
+        rotate(offset[k, 3:6], R[k])
 
 
-def _settle(b: FiveStepsStorage, target: np.ndarray, off: np.ndarray) -> tuple[int, int]:
-    """Equilibrium of links and condensed joints, first as far off the kinematic pose as the pose before was, off (links, 6),
-    where that is anything; which becomes what this one is. Returns (reason, negative pivots)."""
-    arrays, motion, work = b.bodies.reduced, b.reduced, b.reduced_work
+def _reduced_equilibrium(b: FiveStepsStorage, target: np.ndarray, offset: np.ndarray) -> tuple[int, int]:
+    """Equilibrium of links and condensed joints, in storage. Returns (stop reason, negative pivots).
+
+    offset (links, 6): that of the pose before from its kinematic pose, from which Newton starts unless it is zero; becomes
+    that of this pose.
+    """
+    arrays, motion, work = b.bodies.reduced, b.reduced_state, b.reduced_work
     x, R, reason, negatives = motion.x.copy(), motion.R.copy(), -1, 0
 
     def newton(most: int) -> tuple[int, int]:
         found = solve_equilibrium(arrays, motion, target, 1.0, work, RTOL, most, math.inf, math.inf)
         return found[0], found[3]
 
-    if off.any():
-        _add_offset(motion.x, motion.R, off)
-        reason, negatives = newton(4)
+    if offset.any():
+        _move_links(motion.x, motion.R, offset)
+        reason, negatives = newton(MAX_WARM_ITERATIONS)
     if reason != CONVERGED:
-        # from the kinematic pose itself, with nothing of an attempt that may have left numbers that are none
-        motion.x[:], motion.R[:], motion.multiplier[:], off[:] = x, R, 0.0, 0.0
-        reason, negatives = newton(25)
+        # from the kinematic pose itself; the failed attempt may have left numbers that are not finite
+        motion.x[:], motion.R[:], motion.multiplier[:], offset[:] = x, R, 0.0, 0.0
+        reason, negatives = newton(MAX_ITERATIONS)
     if reason == CONVERGED:
-        _note_offset(motion.x, motion.R, x, R, off)
+        _link_offsets(motion.x, motion.R, x, R, offset)
     return reason, negatives
 
 
 def solve_tabulated_poses(
-    b: FiveStepsStorage, cubic: np.ndarray, which: np.ndarray, targets: np.ndarray, gap: float, limits: np.ndarray,
-    found: PoseArrays,
+    b: FiveStepsStorage, cubic: np.ndarray, table: np.ndarray, targets: np.ndarray, gap: float, limits: np.ndarray,
+    result: PoseArrays,
 ) -> None:  # fmt: skip
-    """Steps 1 and 3 at targets (N, c), the joints from cubic (T, pieces, 4, 27); which (J,): table of every joint.
+    """Take steps 1 and 3 at targets (N, c) with tabulated joints, and write into `result`.
 
-    limits (q, 4): trained ranges with slack, then as they are. A pose much nearer to the one before than to rest starts
-    where the last two lead to, and from rest if that fails. Otherwise as `space_many`.
+    cubic (T, pieces, 4, 27), table (J,): see `JointTables`; gap: see `run_five_steps`; limits (q, 4): trained ranges with
+    tolerance, then as they are. A pose near the one before starts from the extrapolation of the last two, and from rest if
+    that fails.
     """
-    loops, reduced, theta, status = b.bodies.kinematics, b.reduced, b.theta, found.status
-    joints, wide = len(loops.node), gap * b.bodies.reduced.size
-    then, shift, first = theta.copy(), np.zeros((len(reduced.x), 6)), loops.first[:-1]
+    loops, reduced, theta, status = b.bodies.kinematics, b.reduced_state, b.theta, result.status
+    joints, max_gap = len(loops.node), gap * b.bodies.reduced.size
+    previous, offset, first = theta.copy(), np.zeros((len(reduced.x), 6)), loops.first[:-1]
     low, span = limits[first, 2], limits[first, 3] - limits[first, 2]
-    inner = reduced.inner[: LINEAR_SIZE * joints].reshape(joints, LINEAR_SIZE)
+    inner = reduced.inner[: CONDENSED_SIZE * joints].reshape(joints, CONDENSED_SIZE)
     for n, target in enumerate(targets):
-        closed, way = False, target - targets[n - 1]
-        if n and status[n - 1] == 0 and way @ way < 0.1 * (target @ target):
+        closed, step = False, target - targets[n - 1]
+        if n and status[n - 1] == 0 and step @ step < MAX_NEIGHBOUR_DISTANCE * (target @ target):
             if n > 1 and status[n - 2] == 0:
-                _go_on(target, targets[n - 1], targets[n - 2], theta, then)
+                _extrapolate_motions(target, targets[n - 1], targets[n - 2], theta, previous)
             else:
-                then[:] = theta
-            reason, _, left = close_joints(b, target)
-            closed = reason == 0 and left < wide and not is_outside(theta, limits, 0)
+                previous[:] = theta
+            reason, _, open_gap = close_joints(b, target)
+            closed = reason == 0 and open_gap < max_gap and not is_outside(theta, limits, 0)
         else:
-            then[:] = theta
-            shift[:] = 0.0
+            previous[:] = theta
+            offset[:] = 0.0
         if not closed:
             b.restart()
-            reason, _, left = close_joints(b, target)
-            closed = reason == 0 and left < wide
-        found.motion[n] = theta
+            reason, _, open_gap = close_joints(b, target)
+            closed = reason == 0 and open_gap < max_gap
+        result.motion[n] = theta
         if not closed or is_outside(theta, limits, 0):
             status[n] = OUT_OF_RANGE if closed else LOCKED
             continue
-        inner[:, :3], inner[:, 3:12] = b.place[:, 9:12], b.place[:, :9]
-        _from_table(cubic, which, (theta[first] - low) / span, inner)
-        status[n], negatives = _settle(b, target, shift)
-        relative_poses(*loops.flat, reduced.x, reduced.R, b.relative)
-        b.found[:] = theta
-        intended_motions(*loops.flat, b.relative, b.found, b.place, b.series, b.off, b.known)
+        inner[:, :3], inner[:, 3:12] = b.joint_pose[:, 9:12], b.joint_pose[:, :9]
+        _interpolate_joints(cubic, table, (theta[first] - low) / span, inner)
+        status[n], negatives = _reduced_equilibrium(b, target, offset)
+        relative_poses(*loops.flat, reduced.x, reduced.R, b.relative_pose)
+        b.answer_theta[:] = theta
+        intended_motions(
+            *loops.flat, b.relative_pose, b.answer_theta, b.joint_pose, b.series, b.unintended, b.is_known
+        )
         if status[n] == 0 and negatives != len(target):
             status[n] = UNSTABLE
-        elif status[n] == 0 and is_far_off(b.off, 3, loops.length, 0):
-            status[n] = FAR
-        found.force[n], found.motion[n] = -reduced.multiplier, b.found
-        found.x[n], found.R[n] = reduced.x, reduced.R
+        elif status[n] == 0 and is_far_off(b.unintended, loops.length, 0):
+            status[n] = FAR_OFF
+        result.force[n], result.motion[n] = -reduced.multiplier, b.answer_theta
+        result.x[n], result.R[n] = reduced.x, reduced.R

@@ -1,8 +1,9 @@
-"""The first answer on a machine: a second process compiles what the first comes to late, and both find it in the cache.
+"""A second process that compiles kernels for the first solve on a machine; both processes use one kernel cache.
 
-Nearly all of that answer is compiling, a kernel at a time: step 1, then what `ksd.model.newton.newton` calls, itself, and
-the rest. The process beside it takes what `newton` calls, the longest first, then the rest. A kernel both are at is
-compiled twice, alike; one that is not there, as when the second process was ended, is compiled as ever.
+The first solve spends nearly all its time compiling, one kernel after the other: those of step 1, those that
+`ksd.model.newton.newton` calls, `newton` itself, and the rest. The second process compiles those that `newton` calls, the
+longest first, and then the rest. A kernel that both processes reach at the same time is compiled twice, with the same
+result; one that is missing, because the second process was ended, is compiled as usual.
 """
 
 from __future__ import annotations
@@ -38,18 +39,20 @@ from ksd.solve.joint_motions import JointMotionReader
 
 @cache
 def start_precompiling() -> None:
-    """Start the second process: once, where the cache was empty, and neither in a process that another one started, nor with
-    one core, nor where the program that runs is not Python but has it inside."""
-    context, python = spawn_context(precompile_kernels), "python" in Path(sys.executable or "").name
-    first = python and current_process().name == "MainProcess"
-    if COMPILES_KERNELS and HAS_SPARE_CORE and first and context is not None:
-        # a daemon: ended with this process
+    """Start the second process, once, where the kernel cache was empty and a second core is available.
+
+    It is not started from a child process, nor from a program that embeds Python.
+    """
+    context, is_python = spawn_context(precompile_kernels), "python" in Path(sys.executable or "").name
+    is_main = is_python and current_process().name == "MainProcess"
+    if COMPILES_KERNELS and HAS_SPARE_CORE and is_main and context is not None:
+        # a daemon ends with this process
         with suppress(OSError):
             context.Process(target=precompile_kernels, daemon=True).start()
 
 
 def precompile_kernels() -> None:
-    """What the second process does: every kernel is called as `newton` calls it, for a cross flexure at rest."""
+    """Compile the kernels, by calling each one as `newton` does, for a cross flexure at rest."""
     end_with_parent()
     mechanism = Mechanism("hinge")
     joint = CrossFlexure(
@@ -74,13 +77,13 @@ def precompile_kernels() -> None:
     strain_recover(value, number, inner, store, np.zeros(6), 1.0, np.zeros(6))
     add_loads(ints, floats, motion.R, 1.0, 1e-8, work.matrix, work.rhs, work.scale)
     member_tangent(work.pose[0], lam, K, np.zeros((12, 12)), np.zeros(12), A, np.zeros((6, 12)))
-    # after `newton`, while the first process is at that itself
+    # what is needed after `newton`, while the first process compiles that
     JointMotionReader(model, find_record, extrapolate=False)(motion)
     mode_adequacy(model, motion)
-    # without records there are no five steps
+    # without a record the five steps are not used
     with suppress(KsdError):
         b = FiveStepsStorage(model, joint_bodies(model, find_record))
-        inside, state, room = b.bodies.substructures, b.substructures, b.substructure_work
-        condense_assembled(inside, 1, state, room, b.reduced.inner)
-        interface_step(inside, b.bodies.kinematics, b.reduced, state, room, b.relative)
+        substructures, state, room = b.bodies.substructures, b.substructure_state, b.substructure_work
+        condense_assembled(substructures, 1, state, room, b.reduced_state.inner)
+        interface_step(substructures, b.bodies.kinematics, b.reduced_state, state, room, b.relative_pose)
         assemble_full_state(b)

@@ -42,7 +42,7 @@ from ksd.solve.five_steps import (
     recover_substructures,
 )
 from ksd.solve.full_bodies import error_indicator
-from ksd.solve.joint_motions import checked_joint_motions
+from ksd.solve.joint_motions import stored_joint_motions
 from ksd.solve.load_steps import LoadPath, take_load_steps
 from ksd.solve.steps import MAX_TURN_PER_STEP, RTOL, Step, Stop
 from ksd.solve.validity import most_bent_body, validity
@@ -197,7 +197,7 @@ class _Placed:
         """Bodies and storage at the present place: made once, unless a basis is expanded there."""
         if not self.trained:
             return self.at_rest
-        state = transfer_state(self.model, self.storage.full, self._untrained)
+        state = transfer_state(self.model, self.storage.full_state, self._untrained)
         settle_bodies(self._untrained, state)
         return self._made(full_model_state(self._untrained, state)[1])
 
@@ -231,7 +231,10 @@ class _Placed:
                         "intended motion to condense them there; take fewer relinearisations, or use method='full'"
                     )
                 steps.append(step)
-            self.storage.reduced.x[:], self.storage.reduced.R[:] = motion.x[:links], motion.R[:links]
+            self.storage.reduced_state.x[:], self.storage.reduced_state.R[:] = (
+                motion.x[:links],
+                motion.R[:links],
+            )
             clock()
             shift, _ = recover_substructures(self.storage)
             steps.append(Step("4 recovery", 0, clock(), shift, Stop.CONVERGED))
@@ -283,7 +286,7 @@ class _Placed:
     def _start(self, ready: _Prepared) -> tuple[State, Step]:
         """Where steps 1 and 2 put everything, the bodies settled there."""
         clock, mix, model = Stopwatch(), ready.mix, ready.model
-        state = transfer_state(self.model, self.storage.full, model)
+        state = transfer_state(self.model, self.storage.full_state, model)
         count = settle_bodies(model, state)
         motion = mix.rest.copy()
         motion.x[:], motion.R[:] = state.x[mix.nodes], state.R[mix.nodes]
@@ -293,7 +296,7 @@ class _Placed:
 
     def _condense(self, ready: _Prepared, motion: State) -> None:
         """The condensed joints of step 2 into `motion`."""
-        every = self.storage.reduced.inner
+        every = self.storage.reduced_state.inner
         for m in np.flatnonzero(ready.mix.joint >= 0).tolist():
             own = ready.mix.inner(motion, m)
             own[:] = every[len(own) * ready.mix.joint[m] :][: len(own)]
@@ -309,7 +312,7 @@ class _Placed:
         """The state of all leaf springs, and what the joints' records say of it."""
         b, mix, model = self.storage, ready.mix, ready.model
         assemble_full_state(b)
-        state = transfer_state(self.model, b.full, model)
+        state = transfer_state(self.model, b.full_state, model)
         state.x[mix.nodes], state.R[mix.nodes] = motion.x, motion.R
         state.multiplier[:] = motion.multiplier
         for m in np.flatnonzero(mix.member >= 0).tolist():
@@ -319,14 +322,11 @@ class _Placed:
         _, _, own, _ = assemble(model.arrays, state, model.targets(values), 1.0, work, RTOL, 0, 10.0)
         negatives, _ = factor_blocks(plan.ints, work.matrix, work.scaled_rows, len(plan.size))
         read_answer_motions(b)
-        near_intended = bool(b.seen[1])
-        joint_motions = checked_joint_motions(
-            b.bodies, b.joint_names, b.found.copy(), b.off.copy(), b.known, near_intended=near_intended
-        )
         expected = len(model.drive_names) + len(model.support_names)
         return Configuration(
             model, state, "modal", dict(values), tuple(steps), negatives=int(negatives + own),
-            expected_negatives=expected, joint_motions=joint_motions, notes=notes, joints_near_intended=near_intended,
+            expected_negatives=expected, joint_motions=stored_joint_motions(b), notes=notes,
+            joints_near_intended=bool(b.checks[1]),
         )  # fmt: skip
 
 

@@ -93,6 +93,11 @@ class ErrorEstimate:
     relative: float
     mesh: float = 0.0
 
+    @staticmethod
+    def unknown(drives: int, *, mesh: float = 0.0) -> ErrorEstimate:
+        """The estimate where the error of a model with so many drives is not known."""
+        return ErrorEstimate(np.full(drives, np.inf), np.inf, np.inf, np.inf, mesh)
+
     def __str__(self) -> str:
         if not np.isfinite(self.relative):
             return "not known"

@@ -205,7 +205,7 @@ def check_trained_range(b: FiveStepsStorage, theta: np.ndarray, *, extrapolate: 
     for k, (name, value, scale) in enumerate(
         zip(b.bodies.motion_names, theta, b.bodies.motion_scale, strict=True)
     ):
-        if b.lowest[k] <= value <= b.highest[k]:
+        if b.trained_low[k] <= value <= b.trained_high[k]:
             continue
         said = _spoken_range(name, value, *b.bodies.motion_range[k], scale=scale)
         if not extrapolate:

@@ -41,10 +41,10 @@ def storage(scene, elements, **drives):
 )
 def test_wrenches_and_inner_nodes_are_those_of_each(scene, elements, drives, rng):
     b = storage(scene(), elements, **drives)
-    given, state, work = b.bodies.substructures, b.substructures, b.substructure_work
+    given, state, work = b.bodies.substructures, b.substructure_state, b.substructure_work
     members = given.members
     state.assign(b.bodies.substructure_rest)
-    set_near_configuration(b.bodies.kinematics, b.bodies.interior, b.theta, b.place, state, work)
+    set_near_configuration(b.bodies.kinematics, b.bodies.interior, b.theta, b.joint_pose, state, work)
     assemble(given, state, np.zeros(0), 1.0, work, 1e-8, 1, 10.0)
     alone, kept = [], []
     pose, Q = np.zeros(18), np.zeros((3, 3))

@@ -50,17 +50,17 @@ def test_condensed_joints_are_those_of_leaves_worked_on_one_by_one(mesh):
     steps = ksd.prepare(fourbar(), mesh=mesh, planar=False)
     steps(top=0.25, method="reduced", estimate=False)
     storage = steps.five_steps.storage
-    b, state, work = storage.bodies, storage.substructures, storage.substructure_work
+    b, state, work = storage.bodies, storage.substructure_state, storage.substructure_work
     given = b.substructures.members
     found = []
     for change in (0.0, SLIGHT):
         state.assign(b.substructure_rest)
-        set_near_configuration(b.kinematics, b.interior, storage.theta, storage.place, state, work)
+        set_near_configuration(b.kinematics, b.interior, storage.theta, storage.joint_pose, state, work)
         if mesh.leaf == "strain":
             state.inner[given.inner_at[2]] += change
         else:
             work.linearisation[work.linearisation_at[2]] += change
-        inner = np.zeros_like(storage.reduced.inner)
+        inner = np.zeros_like(storage.reduced_state.inner)
         condense_joints(b.substructures, len(b.kinematics.node), state, work, 1, inner)
         found.append((inner, state.inner.copy()))
     (once, inside), (each, other) = found

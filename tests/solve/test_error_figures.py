@@ -9,7 +9,7 @@ import pytest
 import ksd
 from ksd.model.compile import compile_scene
 from ksd.solve.load_steps import state_difference
-from ksd.solve.method_error import _followed, newton_step_error
+from ksd.solve.method_error import _extrapolated_error, newton_step_error
 from ksd.solve.steps import ErrorEstimate
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "benchmarks"))
@@ -121,7 +121,7 @@ def test_what_the_model_is_without():
 def test_newton_steps_that_shrink_lead_as_far_as_their_geometric_series():
     """A step and a quarter of it: four thirds of the first in all."""
     made = lambda x: ErrorEstimate(np.array([x, 2.0 * x]), 3.0 * x, 4.0 * x, x)  # noqa: E731
-    found, count = _followed(made(0.012), iter([(made(0.003), made(0.015))]))
+    found, count = _extrapolated_error(made(0.012), iter([(made(0.003), made(0.015))]))
     assert count == 2 and found.force == pytest.approx([0.016, 0.032])
     assert (found.displacement, found.rotation, found.relative) == pytest.approx((0.048, 0.064, 0.016))
 

@@ -62,7 +62,7 @@ def test_the_five_steps_solve_misaligned_loops(made, size, rng):
     full = solver(drive=d, method="full")
     assert full.forces["drive"] == pytest.approx(exact.forces["drive"], rel=1e-8)
     assert full.motion.x == pytest.approx(exact.motion.x, abs=1e-9)
-    assert 0.1 * size < solver.five_steps.fit.misalignment < 2 * size
+    assert 0.1 * size < solver.five_steps.compatibility.misalignment < 2 * size
     assert any("overconstrained and misaligned" in w and "gap" in w for w in full.warnings)
     for method, relinearisations in (("kinematic", 0), ("reduced", 0), ("reduced", 1)):
         fast = solver(drive=d, method=method, relinearisations=relinearisations)
@@ -72,7 +72,7 @@ def test_the_five_steps_solve_misaligned_loops(made, size, rng):
 
 
 def test_aligned_loops_fit_exactly():
-    fit = Solver(fourbar()).five_steps.fit
+    fit = Solver(fourbar()).five_steps.compatibility
     assert fit.is_exact and fit.misalignment == 0.0 and not fit.unmet_drives
 
 
@@ -82,7 +82,7 @@ def test_a_drive_that_only_elasticity_meets():
     scene.actuate("tip", about="x", name="tilt")
     solver = ksd.prepare(scene)
     exact, full, fast = (solver(turn=0.8, tilt=0.01, method=m) for m in ("conventional", "full", "reduced"))
-    assert solver.five_steps.fit.unmet_drives == ("tilt",)
+    assert solver.five_steps.compatibility.unmet_drives == ("tilt",)
     for name in ("turn", "tilt"):
         assert full.forces[name] == pytest.approx(exact.forces[name], rel=1e-7)
         assert fast.forces[name] == pytest.approx(exact.forces[name], rel=5e-3)
