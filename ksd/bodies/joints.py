@@ -519,9 +519,9 @@ def joint_bodies(model: Model, records: Callable[[str], Record], *, extrapolate:
     Raises SceneError without joints, RangeError for a shape outside the trained range (unless `extrapolate`),
     KinematicsError where joints and leaf springs do not place every link.
     """
-    drawing = model_source(model)
-    joints = drawing.drawing.joints
-    layout, shapes = joint_layout(drawing.template, joints, records), [[joint.shape()] for joint in joints]
+    source = model_source(model)
+    joints = source.split.joints
+    layout, shapes = joint_layout(source.template, joints, records), [[joint.shape()] for joint in joints]
     return joint_bodies_of_design(
-        layout, layout(drawing.numbers, drawing.filled, shapes, extrapolate=extrapolate), 0
+        layout, layout(source.numbers, source.design_arrays, shapes, extrapolate=extrapolate), 0
     )
