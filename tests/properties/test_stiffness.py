@@ -174,8 +174,8 @@ def test_many_states_together_have_the_stiffness_of_each(gravity):
         held = np.where(size > 0.0, size, 1.0)
         assert (C - alone.compliance) / np.outer(held, held) == pytest.approx(np.zeros((6, 6)), abs=1e-9)
         assert pytest.approx(drive_stiffness(model, motion).matrix, rel=1e-9) == K
-    supports = support_stiffness(found.compliance, group.size)
-    principal = principal_stiffness(found.compliance, group.size)
+    supports = support_stiffness(found.compliance, group.sizes)
+    principal = principal_stiffness(found.compliance, group.sizes)
     for row, own, C in zip(supports, principal, found.compliance, strict=True):
         # the turn about z is held
         assert row[5] > 1e9
