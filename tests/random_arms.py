@@ -7,10 +7,10 @@ import numpy as np
 import ksd
 from ksd.errors import KsdError
 from ksd.numerics.indefinite import equilibration, negative_inertia, solve_scaled
-from ksd.properties.buckling import buckling, full_tangents, twice_finer_state
+from ksd.properties.buckling import buckling, twice_finer_state, uncondensed_tangents
 from ksd.properties.finer_model import finer_state
 from ksd.properties.frequencies import frequencies
-from ksd.properties.mass import inertia as inertia_of
+from ksd.properties.mass import assemble_inertia as inertia_of
 from ksd.properties.stiffness import drive_stiffness, point_stiffness
 from ksd.properties.tangent import assemble_and_factor, assemble_tangent, factor_tangent
 from ksd.scene.families.universal import UniversalJoint
@@ -200,7 +200,7 @@ def buckling_error(found, count=2):
     """Largest relative error of the smallest critical load factors on the state's own stresses, against all eigenvalues of
     -C K', C the flexibility without stress of the motions and amplitudes that stress acts on."""
     model, motion = twice_finer_state(*found.unreduced_state)
-    stressed, K = (part.toarray() for part in full_tangents(model, motion))
+    stressed, K = (part.toarray() for part in uncondensed_tangents(model, motion))
     change = stressed - K
     used = np.flatnonzero(change.any(axis=0))
     scale = equilibration(K)

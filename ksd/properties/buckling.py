@@ -65,27 +65,27 @@ from ksd.properties.tangent import (
 )
 
 Array = NDArray[np.float64]
-DENSE, MOST_DENSE = 80, 1000
+MAX_DENSE, MAX_DENSE_FALLBACK = 80, 1000
 """Unknowns up to which all eigenvalues are computed; above, those of largest 1/mu by Arnoldi iteration, and up to the second
 number all of them where that finds none, or the matrices are not symmetric."""
-FAR = 0.1
+LINEAR_RANGE = 0.1
 """Rotation [rad], or displacement over the size of the mechanism, of a link beyond which linear theory is not asked."""
-OTHER = 1e-3
+MIN_OTHER_SIGN_RATIO = 1e-3
 """Share of the largest 1/mu below which one of the other sign is not looked for."""
-SENSITIVE = 1e-7
+ENTRY_PERTURBATION = 1e-7
 """Relative change of the entries of unsymmetric matrices, less than any mesh leaves out, under which a 1/mu is none of the
 state: a clamped rod does not diverge under a moment, and its matrices have values of rounding."""
-OF_MESH = 0.1
+MAX_MESH_CHANGE = 0.1
 """Relative change by one more mode per axis beyond which a factor of unsymmetric matrices is one of the mesh: Beck's column
 has real ones, on every mesh others, where it has none."""
-MESH_SHARE = 0.07
+MESH_ERROR_FACTOR = 0.07
 """Mesh error of a factor over what its two highest modes per axis change: .03 to .06 in 30 of 32 random mechanisms, .125 at
 most, where the error is more than 2e-4."""
-LEAST_MESH_ERROR = 5e-4
+MIN_MESH_ERROR = 5e-4
 """Relative mesh error down to which its figure has been compared with the error."""
-BESIDE = 1e-6
+SHIFT_OFFSET = 1e-6
 """Relative distance of the shift from a factor in the step that tells its mesh error."""
-STRESSLESS = 1e-9
+ROUNDING_EIGENVALUE = 1e-9
 """1/mu below which a state carries no stress but rounding."""
 
 
@@ -139,14 +139,14 @@ class Buckling(PrintableAnswer):
         if not np.isfinite(self.reach):
             return "no critical load factor: linear theory has no real one"
         left = f" (it would say {format_number(self.beyond)})" if np.isfinite(self.beyond) else ""
-        far = f"a link has moved by {FAR:g} rad or {100 * FAR:g} % of the size and linear theory ends"
+        far = f"a link has moved by {LINEAR_RANGE:g} rad or {100 * LINEAR_RANGE:g} % of the size and linear theory ends"
         upto = f"no critical load factor up to {format_number(self.reach)}, where {far}{left}"
         return f"{upto}; put the load on, or follow it (ksd.follow)"
 
     def __str__(self) -> str:
         between = "leaf springs between ends that stand still"
         rows = [
-            (format_number(m), _percent(e), describe_motion(self.model, v) or between)
+            (format_number(m), _format_mesh_error(e), describe_motion(self.model, v) or between)
             for m, e, v in zip(self.factor, self.mesh_error, self.shape, strict=True)
         ]
         count = "1 direction" if self.unstable == 1 else f"{self.unstable} directions"
@@ -171,18 +171,18 @@ class Buckling(PrintableAnswer):
         return float(max((m for m in self.factor if m < 0.0), default=-np.inf))
 
 
-def _percent(error: float) -> str:
+def _format_mesh_error(error: float) -> str:
     """A relative mesh error in print."""
     if np.isnan(error):
         return "-"
     return (
-        f"under {100.0 * LEAST_MESH_ERROR:g} %"
-        if error < LEAST_MESH_ERROR
+        f"under {100.0 * MIN_MESH_ERROR:g} %"
+        if error < MIN_MESH_ERROR
         else f"{format_number(100.0 * error, 1)} %"
     )
 
 
-def full_tangents(
+def uncondensed_tangents(
     model: Model, motion: State, *, rows: Iterable[int] = (), load_factor: float = 1.0
 ) -> tuple[Any, Any]:
     """Uncondensed tangent, and that with all stresses, drive forces and loads set to zero, scipy CSC: node unknowns and
@@ -195,8 +195,8 @@ def full_tangents(
 
     arrays, loads = model.arrays, skew_tangent(model.arrays, motion, load_factor)
     if np.any(arrays.members.kind == STRAIN):
-        whole = _node_terms(model, motion, rows, load_factor)
-        still = _node_terms(_relaxed(model, motion), _without_forces(motion), rows, 0.0)
+        whole = _node_tangent(model, motion, rows, load_factor)
+        still = _node_tangent(_with_relaxed_springs(model, motion), _without_forces(motion), rows, 0.0)
     else:
         whole = _chain_tangent(model, motion, rows, load_factor)
         still = _unstressed_chains(model, motion, rows)
@@ -214,7 +214,7 @@ def full_tangents(
     return one.tocsc(), other.tocsc()
 
 
-def _node_terms(model: Model, motion: State, rows: Iterable[int], load_factor: float) -> Array:
+def _node_tangent(model: Model, motion: State, rows: Iterable[int], load_factor: float) -> Array:
     """What constraint rows, loads and springs add to the tangent of the nodes (unknowns, unknowns); `rows` are taken out."""
     arrays = model.arrays
     work = make_workspace(arrays)
@@ -223,7 +223,7 @@ def _node_terms(model: Model, motion: State, rows: Iterable[int], load_factor: f
     return stored_matrix(arrays, work.matrix)
 
 
-def _relaxed(model: Model, motion: State) -> Model:
+def _with_relaxed_springs(model: Model, motion: State) -> Model:
     """The model with springs and elastic links that are free of force at `motion`."""
     springs = model.arrays.springs
     if not len(springs.kind):
@@ -245,7 +245,7 @@ def _relaxed(model: Model, motion: State) -> Model:
     return replace(model, arrays=model.arrays._replace(springs=springs._replace(value=value)))
 
 
-def _corners(motion: State, group: LeafGroup, ends: EndFrames) -> Array:
+def _wrench_tangents(motion: State, group: LeafGroup, ends: EndFrames) -> Array:
     """(k, 12, 12): how the end wrench of every leaf turns with its nodes."""
     found = np.zeros((len(group.members), 12, 12))
     wrench = motion.inner[group.inner_index[:, group.modes :]].reshape(-1, 2, 3) @ ends.frame.swapaxes(1, 2)
@@ -270,7 +270,7 @@ def _leaf_tangents(model: Model, motion: State, group: LeafGroup, load_factor: f
     still[:, 12 + N :, :12] = end_jacobians(ends)[1]
     whole = still.copy()
     whole[:, 12 : 12 + N, 12 : 12 + N] = parts.W
-    whole[:, :12, :12] = _corners(motion, group, ends)
+    whole[:, :12, :12] = _wrench_tangents(motion, group, ends)
     weight = leaf_weight(model, motion, group, load_factor)
     if weight is not None:
         jacobian, derivatives = weight.gravity_jacobian, weight.derivatives
@@ -299,12 +299,12 @@ def _unstressed_chains(model: Model, motion: State, rows: Iterable[int]) -> Arra
     # with mixed integration points the geometric stiffness follows the stored stresses, which are now zero
     number = members.number.copy()
     number[:, 1] = 1
-    model = _relaxed(model, motion)
+    model = _with_relaxed_springs(model, motion)
     model = replace(model, arrays=model.arrays._replace(members=members._replace(number=number)))
     return _chain_tangent(model, state, rows, 0.0)
 
 
-def with_stresses(model: Model, motion: State, K: Any) -> Any:
+def chain_tangent_with_stresses(model: Model, motion: State, K: Any) -> Any:
     """[K - B^T S B, B^T; B, -S^-1], scipy CSC, from the node tangent K (n, n) of chains with all their nodes in the open:
     that with the stresses of all elements as unknowns beside the motions of their nodes.
 
@@ -315,7 +315,7 @@ def with_stresses(model: Model, motion: State, K: Any) -> Any:
     """
     from scipy.sparse import block_diag, bmat, coo_matrix
 
-    S, rates = _stiffnesses(model), _strain_rates(model, motion)
+    S, rates = _element_stiffnesses(model), _strain_rates(model, motion)
     first = model.arrays.start[model.arrays.members.node]
     columns = np.repeat(first[..., None] + np.arange(6), 6, axis=0).reshape(-1, 12)
     own = np.repeat(np.repeat(first >= 0, 6, axis=1), 6, axis=0)
@@ -325,7 +325,7 @@ def with_stresses(model: Model, motion: State, K: Any) -> Any:
     return bmat([[K - resisted, B.T], [B, -block_diag(np.linalg.inv(S))]], format="csc")
 
 
-def _stiffnesses(model: Model) -> Array:
+def _element_stiffnesses(model: Model) -> Array:
     """S (m, 6, 6) of every element: sigma = S eps (A.13)."""
     members = model.arrays.members
     numbers = np.stack([members.value[at + 1 : at + 7] for at in members.value_at[: len(members.kind)]])
@@ -357,7 +357,7 @@ def _strain_rates(model: Model, motion: State) -> Array:
     return found
 
 
-def _derivative(
+def _tangent_derivative(
     tangent: Tangent, loads: Array, rows: list[int], load_factor: float
 ) -> tuple[Any, Any, float]:
     """K, K' along the linear response to nodal `loads` (n,), and how many times these move a link FAR.
@@ -372,8 +372,8 @@ def _derivative(
     chains = not np.any(arrays.members.kind == STRAIN)
 
     def at_state(state: State) -> Any:
-        K = full_tangents(model, state, rows=rows, load_factor=load_factor)[0]
-        return with_stresses(model, state, K) if chains and motion.inner.any() else K
+        K = uncondensed_tangents(model, state, rows=rows, load_factor=load_factor)[0]
+        return chain_tangent_with_stresses(model, state, K) if chains and motion.inner.any() else K
 
     K, nodes, n = at_state(motion), tangent.solve(loads[:, None])[:, 0], len(loads)
     # those of chains follow from the motions of their nodes
@@ -389,7 +389,7 @@ def _derivative(
         both.append(at_state(state))
     links = arrays.start[: model.links]
     far = float(ways[np.isin(starts, links[links >= 0])].max(initial=0.0))
-    return K, (both[0] - both[1]) / (2 * size), FAR / max(far, 1e-300)
+    return K, (both[0] - both[1]) / (2 * size), LINEAR_RANGE / max(far, 1e-300)
 
 
 def critical_factors(
@@ -407,17 +407,17 @@ def critical_factors(
         return values, vectors, 0.0, 0.0
     scale = 1.0 / np.sqrt(abs(K).max(axis=0).toarray().ravel())
     A, B = (csc_matrix(diags(scale) @ part @ diags(scale)) for part in (K, change))
-    if size > (DENSE if symmetric else MOST_DENSE):
-        values, vectors = _by_arnoldi(A, B, count)
-    if size <= MOST_DENSE and not np.any(_real(values)):
-        values, vectors = _all_pairs(A.toarray(), B.toarray(), symmetric)
+    if size > (MAX_DENSE if symmetric else MAX_DENSE_FALLBACK):
+        values, vectors = _arnoldi_pairs(A, B, count)
+    if size <= MAX_DENSE_FALLBACK and not np.any(_is_real(values)):
+        values, vectors = _dense_pairs(A.toarray(), B.toarray(), symmetric)
     largest = float(np.abs(values).max(initial=0.0))
     if largest <= rounding:
         return np.zeros(0), np.zeros((size, 0)), largest, 0.0
     # a rod that cannot diverge has complex ones, and real ones of rounding
-    least = 1e-10 if symmetric else OTHER
-    chosen = np.flatnonzero(_real(values) & (np.abs(values) > least * largest))
-    chosen = chosen[outer_of_both_signs(values[chosen].real, count)]
+    least = 1e-10 if symmetric else MIN_OTHER_SIGN_RATIO
+    chosen = np.flatnonzero(_is_real(values) & (np.abs(values) > least * largest))
+    chosen = chosen[largest_of_both_signs(values[chosen].real, count)]
     factor, shape = 1.0 / values[chosen].real, vectors[:, chosen].real
     resisted, pushed = A @ shape, B @ (shape * factor)
     off, whole = (np.linalg.norm(part, axis=0) for part in (resisted + pushed, shape))
@@ -430,7 +430,7 @@ def critical_factors(
     return factor, shape * scale[:, None], largest, float(error)
 
 
-def outer_of_both_signs(values: Array, count: int) -> NDArray[np.intp]:
+def largest_of_both_signs(values: Array, count: int) -> NDArray[np.intp]:
     """Numbers of the `count` largest of values = 1/mu in magnitude, and of the largest of either sign that is no less than
     OTHER times the largest of all."""
     order = np.argsort(-np.abs(values))
@@ -438,12 +438,12 @@ def outer_of_both_signs(values: Array, count: int) -> NDArray[np.intp]:
     most = sizes.max(initial=0.0)
     taken = (np.arange(len(order)) < count) & (sizes > 1e-10 * most)
     for sign in (1.0, -1.0):
-        side = np.flatnonzero((sign * values[order] > 0.0) & (sizes > OTHER * most))
+        side = np.flatnonzero((sign * values[order] > 0.0) & (sizes > MIN_OTHER_SIGN_RATIO * most))
         taken[side[:1]] = True
     return order[taken]
 
 
-def _all_pairs(A: Array, B: Array, symmetric: bool) -> tuple[Array, Array]:
+def _dense_pairs(A: Array, B: Array, symmetric: bool) -> tuple[Array, Array]:
     """All 1/mu and vectors, of unsymmetric matrices without real ones that entries changed by SENSITIVE may move to zero."""
     from scipy.linalg import eig
 
@@ -456,37 +456,41 @@ def _all_pairs(A: Array, B: Array, symmetric: bool) -> tuple[Array, Array]:
     values, left, vectors = eig(P, left=True)
     pushed, size = np.abs(np.linalg.solve(A.T, left.conj())), np.abs(vectors)
     moved = np.sum(pushed * (np.abs(B) @ size + np.abs(values) * (np.abs(A) @ size)), axis=0)
-    stays = SENSITIVE * moved < np.abs(values) * np.abs(np.sum(left.conj() * vectors, axis=0))
-    stays |= ~_real(values)
+    stays = ENTRY_PERTURBATION * moved < np.abs(values) * np.abs(np.sum(left.conj() * vectors, axis=0))
+    stays |= ~_is_real(values)
     return values[stays], vectors[:, stays]
 
 
-def _by_arnoldi(A: Any, B: Any, count: int) -> tuple[Array, Array]:
+def _arnoldi_pairs(A: Any, B: Any, count: int) -> tuple[Array, Array]:
     """The largest 1/mu, and the largest of the other sign where the real ones are all of one; none where the iteration does
     not converge and all can be computed. Raises ConvergenceError where they are too many for that."""
     from scipy.sparse.linalg import ArpackNoConvergence
 
     size = A.shape[0]
     try:
-        values, vectors = _nearest(A, B, 0.0, min(2 * count + 4, size - 2))
+        values, vectors = _nearest_factors(A, B, 0.0, min(2 * count + 4, size - 2))
     except ArpackNoConvergence as reason:
-        if size <= MOST_DENSE:
+        if size <= MAX_DENSE_FALLBACK:
             return np.zeros(0), np.zeros((size, 0))
         raise ConvergenceError(
             f"buckling: the smallest critical load factors of {size} unknowns were not found; give fewer elements per leaf"
         ) from reason
-    real = values[_real(values)].real
+    real = values[_is_real(values)].real
     if not len(real) or real.max() * real.min() < 0.0:
         return 1.0 / values, vectors
     smallest = real[np.argmin(np.abs(real))]
-    for ratio in (-20.0, -0.5 / OTHER):
+    for ratio in (-20.0, -0.5 / MIN_OTHER_SIGN_RATIO):
         # nothing is left out: what is nearest to a shift tells how far there is nothing else
         shift, best = ratio * smallest, np.inf * smallest
         with contextlib.suppress(ArpackNoConvergence):
             while True:
-                near, shapes = _nearest(A, B, shift, 2)
+                near, shapes = _nearest_factors(A, B, shift, 2)
                 k = int(np.argmin(np.abs(near - shift)))
-                if not _real(near[k]) or near[k].real * smallest > 0.0 or abs(near[k]) >= 0.999 * abs(best):
+                if (
+                    not _is_real(near[k])
+                    or near[k].real * smallest > 0.0
+                    or abs(near[k]) >= 0.999 * abs(best)
+                ):
                     break
                 best = near[k].real
                 values, vectors = np.append(values, best), np.column_stack([vectors, shapes[:, k]])
@@ -496,7 +500,7 @@ def _by_arnoldi(A: Any, B: Any, count: int) -> tuple[Array, Array]:
     return 1.0 / values, vectors
 
 
-def _nearest(A: Any, B: Any, shift: float, count: int) -> tuple[Array, Array]:
+def _nearest_factors(A: Any, B: Any, shift: float, count: int) -> tuple[Array, Array]:
     """The `count` mu nearest to a shift, with vectors, of (A + mu B) phi = 0, sparse."""
     from scipy.sparse.linalg import LinearOperator, eigs, splu
 
@@ -507,11 +511,11 @@ def _nearest(A: Any, B: Any, shift: float, count: int) -> tuple[Array, Array]:
     return shift + 1.0 / values, vectors
 
 
-def _real(values: Array) -> Any:
+def _is_real(values: Array) -> Any:
     return np.abs(values.imag) <= 1e-6 * np.abs(values)
 
 
-def _load(
+def _added_load(
     tangent: Tangent, link: Any, at: Any, wrench: tuple[Any, Any], following: bool
 ) -> tuple[Array, Array]:
     """Nodal loads (n,) of a force and a moment on a point of a link, and their tangent (6, 6) in the motion of its node."""
@@ -524,7 +528,7 @@ def _load(
     return loads, load_tangent(load[:3], load[3:], point - motion.x[node], following=following)
 
 
-def _matrices(
+def _buckling_matrices(
     tangent: Tangent, load: tuple[Any, Any, tuple[Any, Any], bool] | None, load_factor: float
 ) -> tuple[Any, Any, float]:
     """K and K' of the state of a tangent, and how many times the load moves a link FAR; load: link, point, force and
@@ -532,10 +536,10 @@ def _matrices(
     model, state, rows = tangent.model, tangent.motion, row_numbers(tangent.model, tangent.freed)
     whole = replace(model, arrays=exact_tangent_arrays(model))
     if load is None:
-        stressed, K = full_tangents(whole, state, rows=rows, load_factor=load_factor)
+        stressed, K = uncondensed_tangents(whole, state, rows=rows, load_factor=load_factor)
         return K, stressed - K, np.inf
-    added, own = _load(tangent, *load)
-    K, change, reach = _derivative(replace(tangent, model=whole), added, rows, load_factor)
+    added, own = _added_load(tangent, *load)
+    K, change, reach = _tangent_derivative(replace(tangent, model=whole), added, rows, load_factor)
     start = tangent.unknowns(node_of(model, load[0])).start
     return K, change + assemble_blocks([start + np.arange(6)[None]], [own[None]], K.shape[0]), reach
 
@@ -564,9 +568,9 @@ def _mesh_error(model: Model, K: Any, change: Any, factor: Array, vectors: Array
     found = np.empty(len(factor))
     for i, (mu, shape) in enumerate(zip(factor, vectors[keep].T, strict=True)):
         # beside it: where the highest modes take no part the matrix at mu itself is singular
-        step = splu(A + mu * (1.0 + BESIDE) * B).solve(B @ shape)
+        step = splu(A + mu * (1.0 + SHIFT_OFFSET) * B).solve(B @ shape)
         found[i] = -(step @ (A @ step)) / (step @ (B @ step))
-    return MESH_SHARE * np.abs(found / factor - 1.0)
+    return MESH_ERROR_FACTOR * np.abs(found / factor - 1.0)
 
 
 def buckling(
@@ -596,10 +600,10 @@ def buckling(
     assembled = assemble_tangent(fine, state, load_factor=load_factor)
     tangent = factor_tangent(assembled, freed)
     conservative = tangent.skew is None and not following and not np.any(moment)
-    K, change, reach = _matrices(tangent, load, load_factor)
+    K, change, reach = _buckling_matrices(tangent, load, load_factor)
     if conservative:
         change = 0.5 * (change + change.T)
-    rounding = STRESSLESS if link is None else 0.0
+    rounding = ROUNDING_EIGENVALUE if link is None else 0.0
     factor, vectors, largest, error = critical_factors(
         K, change, count, symmetric=conservative, rounding=rounding
     )
@@ -612,9 +616,11 @@ def buckling(
         finer, settled = twice_finer_state(fine, state, load_factor)
         if finer is not fine:
             again = assemble_and_factor(finer, settled, freed=freed, load_factor=load_factor)
-            found = critical_factors(*_matrices(again, load, load_factor)[:2], 3 * count, symmetric=False)[0]
+            found = critical_factors(
+                *_buckling_matrices(again, load, load_factor)[:2], 3 * count, symmetric=False
+            )[0]
             mesh_error = np.abs(np.divide.outer(found, factor) - 1.0).min(axis=0, initial=np.inf)
-            stays = mesh_error < OF_MESH
+            stays = mesh_error < MAX_MESH_CHANGE
             factor, vectors, mesh_error = factor[stays], vectors[:, stays], mesh_error[stays]
     near = np.abs(factor) <= reach
     beyond = float(min(factor[~near], key=abs, default=np.inf))

@@ -36,12 +36,12 @@ from ksd.scene.rules import plane_hint
 from ksd.scene.scene import MECHANISM_HINT, PlacedLeaf, Scene
 
 Array = NDArray[np.float64]
-RANK = 1e-2
+RANK_TOLERANCE = 1e-2
 """Singular values below this fraction of the largest count as zero: constraints less than about half a degree from
 fighting each other."""
-ALIGNED = 1e-6
+EXACT_TOLERANCE = 1e-6
 """The same, below which constraints fight exactly, not only nearly."""
-GAP = 10.0
+MIN_STIFFNESS_RATIO = 10.0
 """Smallest ratio of neighbouring eigenvalues that parts stiff directions from soft ones."""
 _LEAF = (
     "stretch", "bending across its thickness", "shear in its plane", "torsion", "bending in its plane",
@@ -50,7 +50,7 @@ _LEAF = (
 
 
 @dataclass(frozen=True)
-class Free:
+class FreeMotion:
     """A motion that no drive, support or stiff direction holds. stiffness [N/m, or Nm/rad for a turn]: what soft leaves
     resist it with, 0 where nothing does; twist (links, 6): displacements [m] and rotations [rad] of all links."""
 
@@ -60,7 +60,7 @@ class Free:
 
 
 @dataclass(frozen=True)
-class Fight:
+class RedundantConstraint:
     """A redundant constraint. what: the constraint too many; others: those it fights; release: what to change;
     nearly: only by misalignment not exactly so; inside: names of the equal joints it occurs in, if it does."""
 
@@ -90,8 +90,8 @@ class Diagnosis(PrintableAnswer):
     held: int
     constraints: int
     independent: int
-    free: tuple[Free, ...]
-    fights: tuple[Fight, ...]
+    free: tuple[FreeMotion, ...]
+    fights: tuple[RedundantConstraint, ...]
     singular_values: Array
     unusual: tuple[str, ...] = ()
     hint: str = ""
@@ -156,35 +156,35 @@ def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
 
     Raises SceneError for a mechanism without links or with names that do not exist.
     """
-    scene = _described(mechanism)
+    scene = _scene_of(mechanism)
     model = mechanism if isinstance(mechanism, Model) else compile_scene(scene)
     places, size = reference_points(scene), model.arrays.size
     index = {link: i for i, link in enumerate(scene.links)}
-    springs, rows = _structure(scene, index, places, size)
+    springs, rows = _elastic_connections(scene, index, places, size)
     supports, drives = prescribed_rows(model, size)
     held = []
     if scene.plane is not None:
-        held, supports, rows, drives = _in_plane(scene, supports, rows, drives)
+        held, supports, rows, drives = _constraints_in_plane(scene, supports, rows, drives)
     rows = sorted(rows, key=lambda c: -c.stiffness)
     own, everything = [*held, *supports, *rows], [*held, *supports, *rows, *drives]
     rank, total = _rank(own, len(places)), _rank(everything, len(places))
     unknowns = 6 * (len(places) - 1)
-    fights = [_fight(*found) for found in _too_many(everything, total)]
+    fights = [_redundant_constraint(*found) for found in _redundant_rows(everything, total)]
     return Diagnosis(
         mechanism=scene.name,
         freedoms=unknowns - rank,
         held=total - rank,
         constraints=len(own) - len(held),
         independent=rank - len(held),
-        free=tuple(_free(everything, total, springs, (scene.links, places, size))),
-        fights=(*fights, *_inside(scene)),
-        singular_values=_singular(everything),
+        free=tuple(_free_motions(everything, total, springs, (scene.links, places, size))),
+        fights=(*fights, *_redundant_inside_joints(scene)),
+        singular_values=_singular_values(everything),
         unusual=plausibility_warnings(scene),
         hint=plane_hint(scene),
     )
 
 
-def _in_plane(scene: Scene, *parts: list[Constraint]) -> list[list[Constraint]]:
+def _constraints_in_plane(scene: Scene, *parts: list[Constraint]) -> list[list[Constraint]]:
     """Constraints in the plane of a scene, after those that hold every link in it."""
     k = PLANES[str(scene.plane)]
     outside = np.zeros(6)
@@ -202,7 +202,7 @@ def _in_plane(scene: Scene, *parts: list[Constraint]) -> list[list[Constraint]]:
     return found
 
 
-def _described(mechanism: Any) -> Scene:
+def _scene_of(mechanism: Any) -> Scene:
     """The scene, also of a mechanism that would not pass validation for a loose link."""
     if isinstance(mechanism, Model):
         return mechanism.scene
@@ -214,7 +214,7 @@ def _described(mechanism: Any) -> Scene:
     return scene
 
 
-def _structure(
+def _elastic_connections(
     scene: Scene, index: dict[str, int], places: Array, size: float
 ) -> tuple[list[Spring], list[Constraint]]:
     """Springs and constraints of all joints and free leaf springs."""
@@ -234,16 +234,16 @@ def _matrix(rows: Sequence[Constraint]) -> Array:
     return np.array([c.row[6:] for c in rows]) if rows else np.zeros((0, 6))
 
 
-def _singular(rows: Sequence[Constraint]) -> Array:
+def _singular_values(rows: Sequence[Constraint]) -> Array:
     return np.asarray(np.linalg.svd(_matrix(rows), compute_uv=False), float) if rows else np.zeros(0)
 
 
 def _rank(rows: Sequence[Constraint], nodes: int) -> int:
-    s = _singular(rows)
-    return int(np.sum(s > RANK * s[0])) if len(s) and s[0] > 0.0 else 0
+    s = _singular_values(rows)
+    return int(np.sum(s > RANK_TOLERANCE * s[0])) if len(s) and s[0] > 0.0 else 0
 
 
-def _too_many(
+def _redundant_rows(
     rows: Sequence[Constraint], rank: int
 ) -> list[tuple[list[Constraint], Constraint, Array, float]]:
     """Rows that add nothing to those before them: (rows kept, the row, its shares of them, what it adds)."""
@@ -256,30 +256,34 @@ def _too_many(
         # twice is enough for orthogonality
         rest -= basis.T @ (basis @ rest)
         left[i] = np.linalg.norm(rest)
-        if left[i] > 2.0 * RANK and len(kept) < rank:
+        if left[i] > 2.0 * RANK_TOLERANCE and len(kept) < rank:
             kept.append(i)
             basis = np.vstack([basis, rest / left[i]])
     found = []
     for i in sorted(set(range(len(rows))) - set(kept)):
-        share = np.linalg.lstsq(A[kept].T, A[i], rcond=RANK)[0]
+        share = np.linalg.lstsq(A[kept].T, A[i], rcond=RANK_TOLERANCE)[0]
         found.append(([rows[k] for k in kept], rows[i], share, float(left[i])))
     return found[: len(rows) - rank]
 
 
-def _fight(kept: list[Constraint], row: Constraint, share: Array, left: float, *inside: str) -> Fight:
+def _redundant_constraint(
+    kept: list[Constraint], row: Constraint, share: Array, left: float, *inside: str
+) -> RedundantConstraint:
     """The words for a row too many: its strongest opponents."""
     order = np.argsort(-np.abs(share))
     others = [kept[k].what for k in order[:3] if abs(share[k]) > 0.3 * np.abs(share).max()]
     nothing = () if others else ("nothing it could move",)
-    return Fight(row.what, (*others, *nothing), row.release, left > ALIGNED, tuple(inside))
+    return RedundantConstraint(
+        row.what, (*others, *nothing), row.release, left > EXACT_TOLERANCE, tuple(inside)
+    )
 
 
-def _free(
+def _free_motions(
     rows: Sequence[Constraint],
     rank: int,
     springs: Sequence[Spring],
     where: tuple[Sequence[str], Array, float],
-) -> list[Free]:
+) -> list[FreeMotion]:
     """The motions left, each as one freedom with the others held."""
     from scipy.linalg import qr
 
@@ -300,11 +304,11 @@ def _free(
             own = spring.motion(places, size) @ motion
             energy += float(own @ spring.K @ own)
         twist = motion.reshape(-1, 6) / np.array([1, 1, 1, size, size, size])
-        found.append(_spoken(links, twist, energy, size))
+        found.append(_describe_free_motion(links, twist, energy, size))
     return found
 
 
-def _spoken(links: Sequence[str], twist: Array, energy: float, size: float) -> Free:
+def _describe_free_motion(links: Sequence[str], twist: Array, energy: float, size: float) -> FreeMotion:
     """Words and stiffness for a motion (links, 6): the link that moves most, and how."""
     amount = np.abs(twist * np.array([1, 1, 1, size, size, size]))
     link = int(np.argmax(np.linalg.norm(amount, axis=1)))
@@ -317,14 +321,14 @@ def _spoken(links: Sequence[str], twist: Array, energy: float, size: float) -> F
     unit = "Nm/rad" if turns else "N/m"
     soft = f"only leaf springs that bend hold it, with {value:.3g} {unit}"
     why = soft if value > 0.0 else "no leaf spring or support holds it"
-    return Free(f"link '{links[link]}' can {way}: {why}", value, twist)
+    return FreeMotion(f"link '{links[link]}' can {way}: {why}", value, twist)
 
 
-def _inside(scene: Scene) -> list[Fight]:
+def _redundant_inside_joints(scene: Scene) -> list[RedundantConstraint]:
     """What fights inside the joints, once for all equal ones."""
     groups: dict[Any, list[Any]] = {}
     for placed in scene.joints:
-        groups.setdefault(_key(placed.joint), []).append(placed)
+        groups.setdefault(_joint_key(placed.joint), []).append(placed)
     found = []
     for equal in groups.values():
         joint, names = equal[0].joint, [p.name for p in equal]
@@ -334,11 +338,11 @@ def _inside(scene: Scene) -> list[Fight]:
         leaves = [(f.name, f.start_block, f.end_block, f) for f in joint.leaves()]
         rows = sorted(leaf_rows(leaves, index, places, joint.length), key=lambda c: -c.stiffness)
         rank = _rank(rows, len(places))
-        found += [_fight(*too, *names) for too in _too_many(rows, rank)]
+        found += [_redundant_constraint(*too, *names) for too in _redundant_rows(rows, rank)]
     return found
 
 
-def _key(joint: Any) -> Any:
+def _joint_key(joint: Any) -> Any:
     """Joints with the same leaf springs and blocks are one."""
     try:
         hash(joint)
@@ -444,7 +448,7 @@ def stiff_directions(K: Array, expected: int | None = None) -> list[tuple[int, A
     values, vectors = np.linalg.eigh(K)
     values, vectors = np.maximum(values[::-1], 1e-15 * values[-1]), vectors[:, ::-1]
     ratio = values[:-1] / values[1:]
-    count = int(np.argmax(ratio)) + 1 if ratio.max() > GAP else 6
+    count = int(np.argmax(ratio)) + 1 if ratio.max() > MIN_STIFFNESS_RATIO else 6
     if expected is not None and 0 < expected < 6 and ratio[expected - 1] > 3.0:
         count = expected
     stiff = vectors[:, :count]
@@ -474,13 +478,13 @@ def spring_rows(
                     what,
                     row / length,
                     float(along @ spring.K @ along) * length**2,
-                    _release(axis, owner, words),
+                    _release_hint(axis, owner, words),
                 )
             )
     return rows
 
 
-def _release(axis: int, owner: str, words: Sequence[str]) -> str:
+def _release_hint(axis: int, owner: str, words: Sequence[str]) -> str:
     if words is not _LEAF:
         return f"let {owner} go in its {words[axis]}"
     return {
@@ -505,12 +509,12 @@ def leaf_rows(
 def joint_rows(placed: Any, spring: Spring, places: Array, size: float) -> list[Constraint]:
     """Constraints of a placed joint: six but for its intended motions."""
     return spring_rows(
-        spring, places, size, owner=f"joint '{placed.name}'", words=_words(spring.axes),
+        spring, places, size, owner=f"joint '{placed.name}'", words=_direction_names(spring.axes),
         expected=6 - len(placed.joint.motions),
     )  # fmt: skip
 
 
-def _words(axes: Array) -> tuple[str, ...]:
+def _direction_names(axes: Array) -> tuple[str, ...]:
     """Names of six directions: those of the mechanism where the joint is parallel to it, else its own."""
     names = []
     for column in axes.T:
@@ -538,4 +542,4 @@ def prescribed_rows(model: Model, size: float) -> tuple[list[Constraint], list[C
     return found[drives:], found[:drives]
 
 
-__all__ = ["Diagnosis", "Fight", "Free", "doctor"]
+__all__ = ["Diagnosis", "FreeMotion", "RedundantConstraint", "doctor"]

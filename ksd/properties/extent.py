@@ -24,7 +24,7 @@ from ksd.scene.scene import Scene
 
 Array = NDArray[np.float64]
 _CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-CHUNK = 32
+PAIRS_PER_CHUNK = 32
 """Pairs of flat pieces that are looked at together, the nearest first."""
 _THEIRS, _OTHERS = (k.ravel() for k in np.meshgrid(np.arange(4), np.arange(4)))
 
@@ -71,10 +71,10 @@ def clearance(model: Model, motion: State, *, points: int = DEFAULT_STATIONS) ->
     """The nearest two leaf springs without a common block, but for those in one joint with windows. Raises SceneError where
     there are none."""
     leaves = mechanism_shape(model, motion, points=points).leaves
-    one, two = _apart(model)
+    one, two = _leaf_pairs(model)
     if not len(one):
         raise SceneError(f"'{model.scene.name}' has no clearance: {why_no_clearance(model.scene)}.")
-    piece = [_pieces(f) for f in leaves]
+    piece = [_flat_pieces(f) for f in leaves]
     half = np.array([0.5 * f.thickness.max() for f in leaves])
     ends = [_corners(p).reshape(-1, 3) for p in piece]
     low, high = (np.array([end(c, axis=0) for c in ends]) for end in (np.min, np.max))
@@ -85,41 +85,41 @@ def clearance(model: Model, motion: State, *, points: int = DEFAULT_STATIONS) ->
         if least[k] >= best:
             break
         i, j = int(one[k]), int(two[k])
-        found = _distance(piece[i], piece[j], best + half[i] + half[j]) - half[i] - half[j]
+        found = _sheet_distance(piece[i], piece[j], best + half[i] + half[j]) - half[i] - half[j]
         if found < best:
             best, where = found, (i, j)
     return Clearance(float(best), (leaves[where[0]].name, leaves[where[1]].name))
 
 
 @cached_per_model
-def _apart(model: Model) -> NDArray[np.int64]:
+def _leaf_pairs(model: Model) -> NDArray[np.int64]:
     """Leaf springs (2, k) of the shape, of every two that have a clearance."""
     index = {name: k for k, name in enumerate(leaf_members(model))}
     pairs = [(index[a], index[b]) for a, b in model.scene.leaves_apart()]
     return np.array(pairs, dtype=np.int64).reshape(-1, 2).T
 
 
-def _pieces(leaf: LeafShape) -> Array:
+def _flat_pieces(leaf: LeafShape) -> Array:
     """Centres, half edges along and half edges across (3, k, 3) of the flat pieces of a sheet."""
     across = 0.5 * leaf.width[:, None] * leaf.axes[:, :, 2]
     ends = leaf.place[:-1], leaf.place[1:]
     return np.array([0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0]), 0.5 * (across[:-1] + across[1:])])
 
 
-def _distance(one: Array, two: Array, most: float) -> float:
+def _sheet_distance(one: Array, two: Array, most: float) -> float:
     """Distance of two sheets (3, k, 3); inf where it is not below `most`."""
-    gap = np.maximum(_box_gap(one, two), _box_gap(two, one).T)
+    gap = np.maximum(_box_distance_bound(one, two), _box_distance_bound(two, one).T)
     # no further than the centres of two pieces are
     i, j = np.nonzero(gap <= min(most, float(cdist(one[0], two[0]).min())))
     nearest = np.argsort(gap[i, j])
     best = np.inf
-    for part in np.split(nearest, range(CHUNK, len(nearest), CHUNK)):
+    for part in np.split(nearest, range(PAIRS_PER_CHUNK, len(nearest), PAIRS_PER_CHUNK)):
         if len(part) and gap[i[part[0]], j[part[0]]] < best:
             best = min(best, float(_flat_distance(one[:, i[part]], two[:, j[part]]).min()))
     return best
 
 
-def _box_gap(one: Array, two: Array) -> Array:
+def _box_distance_bound(one: Array, two: Array) -> Array:
     """What the pieces (3, n, 3) of a sheet and (3, m, 3) of another are apart at least (n, m), along edges and normals of
     those of the first."""
     axes = np.stack([one[1], np.cross(one[1], one[2]), one[2]], axis=1)
@@ -173,14 +173,14 @@ def _face_distance(face: Array, start: Array, end: Array) -> Array:
     normal = np.cross(along, across)
     normal = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
     above, beyond = _dot(start - centre, normal), _dot(end - centre, normal)
-    found = np.where(_within(start - centre, along, across), np.abs(above), np.inf)
+    found = np.where(_is_above(start - centre, along, across), np.abs(above), np.inf)
     through = above * beyond < 0.0
     share = np.where(through, above / np.where(through, above - beyond, 1.0), 0.0)[..., None]
-    met = through & _within(start + share * (end - start) - centre, along, across)
+    met = through & _is_above(start + share * (end - start) - centre, along, across)
     return np.where(met, 0.0, found)
 
 
-def _within(point: Array, along: Array, across: Array) -> Any:
+def _is_above(point: Array, along: Array, across: Array) -> Any:
     """Whether points (n, m, 3), measured from its centre, lie above a piece: both of its coordinates within -1..1."""
     aa, bb, ab = _dot(along, along), _dot(across, across), _dot(along, across)
     pa, pb, det = _dot(point, along), _dot(point, across), aa * bb - ab * ab

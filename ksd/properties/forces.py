@@ -43,7 +43,7 @@ from ksd.properties.shape import (
 Array = NDArray[np.float64]
 COMPONENTS = ("N", "Vy", "Vz", "T", "My", "Mz")
 """Columns of `SectionForces.values`; the first three in N, the others in Nm."""
-POINTS = 25
+DEFAULT_STATIONS = 25
 
 
 @dataclass(frozen=True, repr=False)
@@ -85,13 +85,13 @@ class SectionForces(PrintableAnswer):
 
 
 def section_forces(
-    model: Model, motion: State, *, points: int = POINTS, load_factor: float = 1.0
+    model: Model, motion: State, *, points: int = DEFAULT_STATIONS, load_factor: float = 1.0
 ) -> NamedAnswerTable[SectionForces]:
     """Section forces of all leaves by full name; `points` stations in a strain-mode leaf; their weight times load_factor."""
     found = forces_of_members(model, motion, leaf_members(model), points, load_factor)
     said = "Section forces, the largest along every leaf"
     units = [f"{c} [{'N' if c in COMPONENTS[:3] else 'Nm'}]" for c in COMPONENTS]
-    return NamedAnswerTable(found, said, ("leaf", *units), _most)
+    return NamedAnswerTable(found, said, ("leaf", *units), _largest_components)
 
 
 def forces_of_members(
@@ -119,7 +119,7 @@ def forces_of_members(
     return found
 
 
-def _most(forces: SectionForces) -> list[str]:
+def _largest_components(forces: SectionForces) -> list[str]:
     """Largest amounts of the six components, in words."""
     most = np.abs(forces.values).max(axis=0)
     return [format_number(float(v), 4, zero=1e-9 * float(most.max())) for v in most]
@@ -196,9 +196,9 @@ def forces_along(r: Array, R: Array, wrench: Array, *weight: Array) -> Array:
     return found.reshape(*r.shape[:2], 6)
 
 
-NOISE = 1e-9
+ROUNDING_TOLERANCE = 1e-9
 """Amounts below this fraction of the largest force are rounding."""
-LIGHT = 1e-6
+WEIGHTLESS_TOLERANCE = 1e-6
 """Change of the force along a leaf, over the force, up to which it counts as one without weight."""
 
 
@@ -215,7 +215,9 @@ class InterfaceForce(PrintableAnswer):
 
     def _line(self) -> str:
         force, moment = (
-            " ".join(format_number(float(v), 4, zero=NOISE * float(np.abs(part).max())) for v in part)
+            " ".join(
+                format_number(float(v), 4, zero=ROUNDING_TOLERANCE * float(np.abs(part).max())) for v in part
+            )
             for part in (self.force, self.moment)
         )
         return f"'{self.name}' on '{self.link}': {force} N, {moment} Nm"
@@ -238,7 +240,7 @@ class InterfaceForces(PrintableAnswer):
     @property
     def listing(self) -> list[tuple[str, str, list[float]]]:
         """Name, link, and force and moment (6) of every row, amounts that are rounding as zero."""
-        noise = NOISE * max((float(np.abs(r.force).max()) for r in self.rows), default=0.0)
+        noise = ROUNDING_TOLERANCE * max((float(np.abs(r.force).max()) for r in self.rows), default=0.0)
         bounds = np.repeat([noise, noise * self.size], 3)
         wrenches = (np.concatenate([r.force, r.moment]) for r in self.rows)
         cleaned = (np.where(np.abs(w) > bounds, w, 0.0).tolist() for w in wrenches)
@@ -287,9 +289,11 @@ def interface_forces(model: Model, motion: State, *, load_factor: float = 1.0) -
     rows += [e for e in ends if e.name in names]
     if model.spring_names:
         assemble_nodes(model.arrays, motion, load_factor, work := make_workspace(model.arrays))
-        rows += [row for i in range(len(model.spring_names)) for row in _spring(model, motion, i, work)]
+        rows += [
+            row for i in range(len(model.spring_names)) for row in _spring_forces(model, motion, i, work)
+        ]
     for hinge in model.scene.hinges:
-        rows += _hinge(model, motion, hinge)
+        rows += _hinge_forces(model, motion, hinge)
     return InterfaceForces(tuple(rows), model.arrays.size)
 
 
@@ -302,7 +306,7 @@ def leaf_end_forces(model: Model, motion: State, load_factor: float) -> list[Int
         first, last = member_ends(model, motion, parts[0]), member_ends(model, motion, parts[-1])
         n, m = wrenches[parts[0], :3], wrenches[parts[0], 3:]
         force, moment = n, m + np.cross(first.d, n)
-        if np.abs(forces[name].start[:3] - n).max() > LIGHT * np.abs(n).max():
+        if np.abs(forces[name].start[:3] - n).max() > WEIGHTLESS_TOLERANCE * np.abs(n).max():
             # a leaf with weight hands it on at its start
             force, moment = forces[name].start[:3], forces[name].start[3:]
         node = model.node_names[members.node[parts[0], 0]]
@@ -313,7 +317,7 @@ def leaf_end_forces(model: Model, motion: State, load_factor: float) -> list[Int
     return found
 
 
-def _hinge(model: Model, motion: State, hinge: Any) -> list[InterfaceForce]:
+def _hinge_forces(model: Model, motion: State, hinge: Any) -> list[InterfaceForce]:
     """What a pin or slider exerts on its links: the sum of its supports."""
     force, moment = np.zeros(3), np.zeros(3)
     nodes = [model.node_names.index(link) for link in (hinge.a, hinge.b)]
@@ -333,7 +337,7 @@ def _hinge(model: Model, motion: State, hinge: Any) -> list[InterfaceForce]:
     ]
 
 
-def _spring(model: Model, motion: State, i: int, work: Workspace) -> list[InterfaceForce]:
+def _spring_forces(model: Model, motion: State, i: int, work: Workspace) -> list[InterfaceForce]:
     """What a spring or elastic link exerts on the nodes at its ends; work: as assembled."""
     springs, R = model.arrays.springs, motion.R
     a, b = springs.node[i].tolist()

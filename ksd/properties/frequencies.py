@@ -25,7 +25,7 @@ from ksd.model.leaves import whole_leaf_name
 from ksd.model.newton import move_nodes
 from ksd.properties.finer_model import finer_state
 from ksd.properties.leaf_groups import leaf_groups
-from ksd.properties.mass import Inertia, inertia
+from ksd.properties.mass import Inertia, assemble_inertia
 from ksd.properties.printing import (
     PrintableAnswer,
     describe_node_motion,
@@ -38,17 +38,17 @@ from ksd.properties.shape import scene_leaves
 from ksd.properties.tangent import Tangent, assemble_and_factor, check_backward_error, row_gradients
 
 Array = NDArray[np.float64]
-DENSE = 300
+MAX_DENSE = 300
 """Unknowns with mass up to which all eigenvalues are computed."""
-MOST_SKEW = 1000
+MAX_DENSE_SKEW = 1000
 """The same where modes may grow that are not among the lowest."""
-BUSY = 0.25
+MIN_ENERGY_SHARE = 0.25
 """Share of the largest kinetic energy from which a leaf or a link may give a mode its name."""
-DEPENDENT = 1e-10
+MIN_COMPLIANCE_RATIO = 1e-10
 """Share of the largest compliance below which freed drives move one thing."""
-AMONG = 60
+MIN_INTENDED_CANDIDATES = 60
 """Modes among which the intended motions are looked for where those asked for do not tell."""
-EMPTY = 1e-13
+MIN_EIGENVALUE_RATIO = 1e-13
 """Modes with 1/omega^2 below this fraction of the largest are rounding of the constraints."""
 
 
@@ -133,18 +133,18 @@ class Modes(PrintableAnswer):
         leaf springs between ends that stand still, or of those at an internal block, the leaf springs that do."""
         still, energy = self._between_ends(), self._energy_of_nodes()
         leaves = np.array(list(self.model.member_names), dtype=object)
-        own = _bodies(self.model)
+        own = _is_named_body(self.model)
         said = []
         for k, shape in enumerate(self.shape):
             if still[:, k].sum() > 0.5:
-                busy = leaves[still[:, k] > BUSY * still[:, k].max()]
+                busy = leaves[still[:, k] > MIN_ENERGY_SHARE * still[:, k].max()]
                 more = f" and {len(busy) - 2} more" if len(busy) > 2 else ""
                 said.append(", ".join(f"'{n}'" for n in busy[:2]) + f"{more} between the ends")
                 continue
-            busy = energy[:, k] > BUSY * energy[:, k].max()
+            busy = energy[:, k] > MIN_ENERGY_SHARE * energy[:, k].max()
             busy = busy & own if np.any(busy & own) else busy
             node = int(np.argmax(np.where(busy, node_travel(self.model, shape), -1.0)))
-            said.append(_spoken(self.model, node, shape[node], bool(own[node])))
+            said.append(_describe_dominant_body(self.model, node, shape[node], bool(own[node])))
         return tuple(said)
 
     def _energy_of_nodes(self) -> Array:
@@ -204,7 +204,7 @@ class Modes(PrintableAnswer):
     def names(self) -> tuple[str, ...]:
         """What every mode is called in tables, sweeps and pictures: "intended" ("intended_1", ... where several are),
         "parasitic_1", ..., each kind counted from the lowest."""
-        return named_modes(len(self), self.intended)
+        return mode_names(len(self), self.intended)
 
     @property
     def first_parasitic(self) -> int | None:
@@ -236,7 +236,7 @@ def intended_modes(motion: Array, omega_squared: Array, compliance: Array) -> ND
     scale = np.sqrt(np.abs(np.diagonal(total)))
     scale = np.where(scale > 0.0, scale, 1.0)
     value, axes = np.linalg.eigh(total / np.outer(scale, scale))
-    kept = value > DEPENDENT * value.max(initial=0.0)
+    kept = value > MIN_COMPLIANCE_RATIO * value.max(initial=0.0)
     share = own / scale @ axes[:, kept] / np.sqrt(value[kept])
     left, found = share.copy(), []
     for _ in range(min(left.shape)):
@@ -250,7 +250,7 @@ def intended_modes(motion: Array, omega_squared: Array, compliance: Array) -> ND
     return np.array(sorted(found), dtype=np.intp)
 
 
-def named_modes(count: int, intended: NDArray[np.intp]) -> tuple[str, ...]:
+def mode_names(count: int, intended: NDArray[np.intp]) -> tuple[str, ...]:
     """Names of `count` modes of which some are `intended` (see `Modes.names`)."""
     said, numbers = [], {"intended": 0, "parasitic": 0}
     for k in range(count):
@@ -260,14 +260,14 @@ def named_modes(count: int, intended: NDArray[np.intp]) -> tuple[str, ...]:
     return tuple(said)
 
 
-def _bodies(model: Model) -> Any:
+def _is_named_body(model: Model) -> Any:
     """(nodes,): which nodes are bodies a mode is named after: links, and internal blocks only with a mass of their own."""
     heavy = {m.link for m in model.scene.masses if m.mass > 0.0}
     links = [n in heavy or "/" not in n for n in model.scene.links]
     return np.array(links + [False] * (len(model.node_names) - len(links)))
 
 
-def _spoken(model: Model, node: int, shape: Array, body: bool) -> str:
+def _describe_dominant_body(model: Model, node: int, shape: Array, body: bool) -> str:
     """What the farthest node does, in words; shape (6,)."""
     name, does = model.node_names[node], describe_node_motion(model, shape)
     if body or not does:
@@ -277,11 +277,11 @@ def _spoken(model: Model, node: int, shape: Array, body: bool) -> str:
     return f"'{leaf}' between the ends" if leaf in leaves else f"the leaf springs at '{name}', which {does}"
 
 
-def _lowest(values: Array, vectors: Array, count: int) -> tuple[Array, Array, Array]:
+def _order_modes(values: Array, vectors: Array, count: int) -> tuple[Array, Array, Array]:
     """omega^2, shapes and growth of the modes 1/omega^2 = values: those that grow first, then the lowest."""
-    keep = np.abs(values) > EMPTY * np.abs(values).max(initial=0.0)
+    keep = np.abs(values) > MIN_EIGENVALUE_RATIO * np.abs(values).max(initial=0.0)
     values, vectors = values[keep], vectors[:, keep]
-    growing, omega = growing_pairs(values), np.sqrt(1.0 / values + 0j)
+    growing, omega = grows(values), np.sqrt(1.0 / values + 0j)
     grown = np.where(growing, np.abs(omega.imag), 0.0)
     # of a fluttering pair the square of its frequency, and the real part of its shape
     flutters = growing & (np.abs(values.imag) > 1e-6 * np.abs(values))
@@ -290,13 +290,13 @@ def _lowest(values: Array, vectors: Array, count: int) -> tuple[Array, Array, Ar
     return squared[order], vectors[:, order].real, grown[order]
 
 
-def growing_pairs(values: Array) -> Any:
+def grows(values: Array) -> Any:
     """Which 1/omega^2 are those of modes that grow."""
     bound = 1e-9 * np.abs(values).max(initial=0.0)
     return (values.real < -bound) | (np.abs(values.imag) > np.maximum(bound, 1e-6 * np.abs(values)))
 
 
-def _flexible(tangent: Tangent, mass: Inertia, loads: Array) -> Array:
+def _inverse_stiffness(tangent: Tangent, mass: Inertia, loads: Array) -> Array:
     """K^-1 loads for loads (size, k): node tangent beside the flexibilities of the leaf springs."""
     n = tangent.arrays.plan.unknowns
     out = np.empty_like(loads)
@@ -317,11 +317,11 @@ def _dense_pairs(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Ar
     C, order, rank, _ = lapack.dpstrf(M[np.ix_(used, used)] * np.outer(scale, scale), lower=1)
     L = np.zeros((mass.size, rank))
     L[used[order - 1]] = (np.tril(C)[:, :rank].T / scale[order - 1]).T
-    x = _flexible(tangent, mass, L)
+    x = _inverse_stiffness(tangent, mass, L)
     A = L.T @ x
     if tangent.skew is not None:
         values, vectors = eig(A)
-        grow = np.flatnonzero(growing_pairs(values))
+        grow = np.flatnonzero(grows(values))
         chosen = np.union1d(grow, np.argsort(-np.abs(values))[: 2 * count])
         return values[chosen], x @ vectors[:, chosen]
     A = 0.5 * (A + A.T)
@@ -346,7 +346,7 @@ def _iterated_pairs(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array,
     def inverse(load: Array) -> Array:
         # of unit modal mass, those known are taken out
         beside = vectors @ (values * (vectors.T @ load.ravel()))
-        return np.asarray(_flexible(tangent, mass, load.reshape(-1, 1))[:, 0] - beside)
+        return np.asarray(_inverse_stiffness(tangent, mass, load.reshape(-1, 1))[:, 0] - beside)
 
     def outermost(solve: Any, k: int, which: str) -> tuple[Array, Array]:
         start = np.random.default_rng(len(values)).normal(size=size)
@@ -382,7 +382,7 @@ def _backward_error(tangent: Tangent, mass: Inertia, squared: Array, vectors: Ar
     """
     if not len(squared):
         return 0.0
-    again = squared * _flexible(tangent, mass, mass.matrix @ vectors)
+    again = squared * _inverse_stiffness(tangent, mass, mass.matrix @ vectors)
     change = np.linalg.norm(mass.rooted(again - vectors), axis=0)
     error = float(np.max(change * np.abs(squared).min() / np.abs(squared)))
     check_backward_error(error)
@@ -406,18 +406,18 @@ def frequencies(
     """
     freed = names_of(freed, "freed")
     fine, state = finer_state(model, motion, load_factor=load_factor)
-    mass = inertia(fine, state, load_factor=load_factor)
+    mass = assemble_inertia(fine, state, load_factor=load_factor)
     tangent = assemble_and_factor(fine, state, freed=freed, load_factor=load_factor)
     # of an unsymmetric tangent whose symmetric part is not positive definite all are wanted
-    most = MOST_SKEW if tangent.skew is not None and tangent.unstable else DENSE
+    most = MAX_DENSE_SKEW if tangent.skew is not None and tangent.unstable else MAX_DENSE
     small = np.count_nonzero(mass.matrix.diagonal()) <= most if dense is None else dense
     pairs = _dense_pairs if small else _iterated_pairs
     gradient = row_gradients(fine.arrays, state, range(len(fine.drive_names)))
     own = gradient[:, [i for i, n in enumerate(fine.drive_names) if n in freed]]
     compliance = own.T @ tangent.solve(own)
     compliance = 0.5 * (compliance + compliance.T)
-    for wanted in (count, max(count, AMONG)):
-        squared, vectors, grown = _lowest(*pairs(tangent, mass, wanted), wanted)
+    for wanted in (count, max(count, MIN_INTENDED_CANDIDATES)):
+        squared, vectors, grown = _order_modes(*pairs(tangent, mass, wanted), wanted)
         vectors = vectors / np.sqrt(np.sum(mass.rooted(vectors) ** 2, axis=0))
         intended = intended_modes(vectors[: len(own)].T @ own, squared, compliance)
         if len(intended) == own.shape[1]:

@@ -23,7 +23,7 @@ from ksd.properties.forces import SectionForces, section_forces
 from ksd.properties.leaf_groups import LeafFlexibility, inner_unknowns, leaf_flexibilities, leaf_groups
 from ksd.properties.printing import PrintableAnswer
 from ksd.properties.shape import leaf_members
-from ksd.properties.stress import stress_of
+from ksd.properties.stress import stress_from_forces
 from ksd.properties.tangent import Tangent, assemble_and_factor, exact_tangent_arrays
 
 Array = NDArray[np.float64]
@@ -101,13 +101,15 @@ def internal_stress(
                 f"leaf {show(name)} is not part of this mechanism; its leaf springs are {', '.join(names)}"
             )
     offset, rotation = positive(offset, "offset", unit="m"), positive(rotation, "rotation", unit="rad")
-    forces = (_of_strain if model.kinds <= {STRAIN} else _of_chains)(model, motion, load_factor, points)
+    forces = (_strain_mode_change if model.kinds <= {STRAIN} else _chain_change)(
+        model, motion, load_factor, points
+    )
     found, where = _Misplacements(), _Misplacements()
     for name in asked:
         for k, direction in enumerate(DIRECTIONS):
             misplaced = np.zeros(6)
             misplaced[(0, 1, 2, 3, 5, 4)[k]] = offset if k < 3 else rotation
-            extra = stress_of(model, forces(names[name][-1], misplaced))
+            extra = stress_from_forces(model, forces(names[name][-1], misplaced))
             found[name, direction], where[name, direction] = extra.largest_Pa, extra.where[0]
     return Misplaced(offset, rotation, found, where)
 
@@ -116,27 +118,27 @@ Change = Callable[[int, Array], dict[str, SectionForces]]
 """Change of the section forces by end q of a member misplaced (6,) in its axes."""
 
 
-def _of_strain(model: Model, motion: State, load_factor: float, points: int) -> Change:
+def _strain_mode_change(model: Model, motion: State, load_factor: float, points: int) -> Change:
     told: dict[str, Any] = {"points": points, "load_factor": load_factor}
     tangent = assemble_and_factor(model, motion, load_factor=load_factor)
     flexible = leaf_flexibilities(model, motion, load_factor=load_factor)
     before = section_forces(model, motion, **told)
 
     def change(member: int, misplaced: Array) -> dict[str, SectionForces]:
-        after = section_forces(model, _change(tangent, flexible, member, misplaced), **told)
+        after = section_forces(model, _state_after_misplacement(tangent, flexible, member, misplaced), **told)
         return {n: replace(f, values=f.values - before[n].values) for n, f in after.items()}
 
     return change
 
 
-PART = 1e-3
+CHAIN_STEP = 1e-3
 """Share of a misplacement that chains are stepped by, to and fro: small enough for the curvature of the answer (1e-8 of it),
 large enough for the rounding of the step (a one-sided 1e-4 left 1e-5 of the answer and differed between processors)."""
 
 
-def _of_chains(model: Model, motion: State, load_factor: float, points: int) -> Change:
+def _chain_change(model: Model, motion: State, load_factor: float, points: int) -> Change:
     arrays, told = exact_tangent_arrays(model), {"points": points, "load_factor": load_factor}
-    target = _present(model, motion)
+    target = _row_values(model, motion)
 
     def forces(member: int, misplaced: Array) -> dict[str, SectionForces]:
         from scipy.spatial.transform import Rotation
@@ -152,13 +154,15 @@ def _of_chains(model: Model, motion: State, load_factor: float, points: int) -> 
 
     # a state that is not quite an equilibrium of the chains takes the step to it on both sides
     def change(member: int, misplaced: Array) -> dict[str, SectionForces]:
-        there, back = forces(member, PART * misplaced), forces(member, -PART * misplaced)
-        return {n: replace(f, values=(f.values - back[n].values) / (2 * PART)) for n, f in there.items()}
+        there, back = forces(member, CHAIN_STEP * misplaced), forces(member, -CHAIN_STEP * misplaced)
+        return {
+            n: replace(f, values=(f.values - back[n].values) / (2 * CHAIN_STEP)) for n, f in there.items()
+        }
 
     return change
 
 
-def _present(model: Model, motion: State) -> Array:
+def _row_values(model: Model, motion: State) -> Array:
     """Values (c,) of the drives and supports at `motion`, which hold it there."""
     work = make_workspace(model.arrays)
     assemble_nodes(model.arrays, motion, 0.0, work)
@@ -166,7 +170,9 @@ def _present(model: Model, motion: State) -> Array:
     return found
 
 
-def _change(tangent: Tangent, flexible: list[LeafFlexibility], member: int, misplaced: Array) -> State:
+def _state_after_misplacement(
+    tangent: Tangent, flexible: list[LeafFlexibility], member: int, misplaced: Array
+) -> State:
     """The leaf springs after the linear response to end q of `member` moved (6,) in its axes; nodes stay where they were."""
     model, motion = tangent.model, tangent.motion
     loads = np.zeros(model.arrays.plan.unknowns + 1)
@@ -175,7 +181,7 @@ def _change(tangent: Tangent, flexible: list[LeafFlexibility], member: int, misp
         # xi in frame p is the misplacement in the axes of q at this state
         xi = np.zeros((len(group.members), 6))
         here = group.members == member
-        R = _end_turn(model, motion, member)
+        R = _end_axes(model, motion, member)
         xi[here] = np.concatenate([R @ misplaced[:3], R @ misplaced[3:]])
         K = leaf.ends
         pull = leaf.relative.swapaxes(1, 2) @ (K @ xi[..., None])
@@ -192,7 +198,7 @@ def _change(tangent: Tangent, flexible: list[LeafFlexibility], member: int, misp
     return state
 
 
-def _end_turn(model: Model, motion: State, member: int) -> Array:
+def _end_axes(model: Model, motion: State, member: int) -> Array:
     """Axes (3, 3) of end q of a member, as columns in frame p."""
     members = model.arrays.members
     a, b = members.node[member]

@@ -1,5 +1,5 @@
-"""Leaf springs of a model as exact rods: their numbers along them, in steps and parts that keep the digits of an integration
-from the start of each (`ksd.beam.rod`, `ksd.model.rods`)."""
+"""Leaf springs of a model as exact rods, sampled along their length and divided into parts over which an integration from
+the start is well conditioned (`ksd.beam.rod`, `ksd.model.rods`)."""
 
 from __future__ import annotations
 
@@ -26,108 +26,129 @@ from ksd.model.rods import Rods
 from ksd.properties.cache import cached_per_model
 
 Array = NDArray[np.float64]
-STEPS, SHAPED = 4, 16
-"""Least steps along a leaf; along every part between the breaks of a profile, and of a curve. Those of a profile are shorter
-towards the ends: there the thickness of a fillet runs like a root."""
-TURN = 0.35
-"""Turning of a rod by its curvature, and growth of its changes, in one step."""
-VARIES = 1.5
-"""Turning [rad] that a section counts for whose stiffness varies by e."""
-GROWTH, HEAVY_GROWTH = 2.0, 8.0
-"""Growth of the changes of a rod by its tension, as an exponent, from one station to the next; of one with weight."""
-LIMIT = 300.0
-"""Most turning, or growth, that is followed."""
-INSIDE = 1e-9
-"""Share of a step by which its ends lie inside it, where a section may jump."""
-KEPT = 8
-"""Ways to cut the leaves of a model that are kept."""
+MIN_STEPS, MIN_STEPS_VARYING = 4, 16
+"""Smallest number of steps along a leaf, and along every part between the breaks of a leaf with a profile or curve.
+
+Steps along a profile are shorter towards its ends, where the thickness of a fillet varies like a square root.
+"""
+MAX_TURN_PER_STEP = 0.35
+"""Largest rotation by curvature plus exponent of growth of perturbations, per step [rad]."""
+TURN_PER_STIFFNESS_RATIO_E = 1.5
+"""Rotation [rad] that counts for a variation of the bending stiffness by a factor e."""
+MAX_GROWTH_PER_PART, MAX_GROWTH_PER_PART_WITH_WEIGHT = 2.0, 8.0
+"""Exponent of the growth of perturbations by tension between two stations, without and with weight of the leaf."""
+MAX_TOTAL_TURN = 300.0
+"""Upper limit of rotation and growth for which steps are provided."""
+END_MARGIN = 1e-9
+"""Distance, relative to a step, of sampling points from the ends of the step, where a section may jump."""
+MAX_CACHED_CUTS = 8
+"""Largest number of divisions of the leaves that are cached per model."""
 
 
-class _Sampled(NamedTuple):
-    """A leaf cut into steps: lengths step (s,), numbers rod (s, 5, ROD); moved: by what the rod differs from its member
-    where it lies at rest, as the end of a curve is found by each in its own way: axes (3, 3) of end p in those of the
-    member, axes (3, 3) and place (3,) of end q alike; None for a straight leaf."""
+class _EndOffsets(NamedTuple):
+    """Difference between the undeformed ends of a rod and of its member, which integrate a curve differently.
+
+    start_axes (3, 3): axes of end p of the rod in those of the member; end_axes (3, 3), end (3,) [m]: axes and position of
+    end q of the rod in the frame q of the member.
+    """
+
+    start_axes: Array
+    end_axes: Array
+    end: Array
+
+
+class _LeafSamples(NamedTuple):
+    """A leaf divided into steps of lengths step (s,) [m], with rod constants (s, 5, ROD) at the nodes of every step.
+
+    offsets: None for a straight leaf.
+    """
 
     step: Array
     rod: Array
-    moved: tuple[Array, Array, Array] | None
+    offsets: _EndOffsets | None
 
 
 class LeafRod(NamedTuple):
-    """What a member stands for: the leaf, its piece between points, or an element where the mesh is nodal; its mesh, whether
-    it has weight; length [m]; bent: by how much it turns at rest [rad]; soft: 1/EI about its softest axis; axial: EA; mass
-    [kg]; known: its samples by number of steps, shared by equal leaves."""
+    """A leaf as a rod: a leaf of the scene, its piece between points, or an element where the mesh is nodal.
+
+    length [m]; rest_turn: rotation along the undeformed leaf [rad]; max_compliance: largest 1/EI or 1/GJ [1/Nm^2]; axial: EA
+    [N]; mass [kg]; samples_by_count: cache of samples by number of steps, shared by equal leaves.
+    """
 
     leaf: Any
     mesh: Any
-    heavy: bool
+    has_weight: bool
     length: float
-    bent: float
-    soft: float
+    rest_turn: float
+    max_compliance: float
     axial: float
     mass: float
-    known: dict[int, _Sampled]
+    samples_by_count: dict[int, _LeafSamples]
 
-    def sampled(self, count: int) -> _Sampled:
-        """The leaf in so many steps."""
-        if count not in self.known:
-            self.known[count] = _sample(self.leaf, self.mesh, self.heavy, count)
-        return self.known[count]
+    def samples(self, count: int) -> _LeafSamples:
+        """The leaf divided into `count` steps between breaks."""
+        if count not in self.samples_by_count:
+            self.samples_by_count[count] = _sample_leaf(self.leaf, self.mesh, self.has_weight, count)
+        return self.samples_by_count[count]
 
 
 class RodSizes(NamedTuple):
-    """Of all leaves of a model (k,), see `LeafRod`; least: the least steps they are cut into."""
+    """Fields of `LeafRod` of all leaves of a model, as arrays (k,); min_steps (k,): smallest number of steps."""
 
     length: Array
-    soft: Array
-    bent: Array
+    max_compliance: Array
+    rest_turn: Array
     mass: Array
-    least: NDArray[np.int64]
+    min_steps: NDArray[np.int64]
 
 
 @cached_per_model
 def rod_sizes(model: Model) -> RodSizes:
     """`RodSizes` of a model."""
     leaves = leaf_rods(model)
-    plain = [leaf.leaf.profile is None and leaf.leaf.curve is None for leaf in leaves]
-    sizes = np.array([(leaf.length, leaf.soft, leaf.bent, leaf.mass) for leaf in leaves])
-    length, soft, bent, mass = sizes.T.copy()
-    return RodSizes(length, soft, bent, mass, np.where(plain, STEPS, SHAPED))
+    uniform = [leaf.leaf.profile is None and leaf.leaf.curve is None for leaf in leaves]
+    sizes = np.array([(leaf.length, leaf.max_compliance, leaf.rest_turn, leaf.mass) for leaf in leaves])
+    length, max_compliance, rest_turn, mass = sizes.T.copy()
+    min_steps = np.where(uniform, MIN_STEPS, MIN_STEPS_VARYING)
+    return RodSizes(length, max_compliance, rest_turn, mass, min_steps)
 
 
 @cached_per_model
 def leaf_rods(model: Model) -> tuple[LeafRod, ...]:
-    """What the members of a model stand for."""
+    """Rods of all members of a model."""
     weight = model.arrays.weight
-    made: list[LeafRod] = []
+    rods: list[LeafRod] = []
     known: dict[tuple[int, Any, bool], LeafRod] = {}
     for i, name in enumerate(model.member_names):
-        leaf, mesh = _leaf(model, name)
-        heavy = len(weight) > 0 and weight[i, 0] > 0.0
-        # the leaf is kept beside, or another one might come to have its number
-        key = id(leaf), mesh, heavy
+        leaf, mesh = _leaf_and_mesh(model, name)
+        has_weight = len(weight) > 0 and weight[i, 0] > 0.0
+        # the leaf stays alive in its rod, so its id is not given to another one
+        key = id(leaf), mesh, has_weight
         if key not in known:
-            sample = _sample(leaf, mesh, heavy, SHAPED)
-            step, rod = sample.step, sample.rod
-            middle = rod[len(step) // 2, 2]
-            bent = float(step @ (np.sqrt((rod[:, :, :3] ** 2).sum(axis=2)) @ WEIGHTS))
-            if leaf.profile is not None:
-                # a section that changes is followed as a curve that turns
-                bent += VARIES * math.log(float(rod[:, :, 3:6].max() / rod[:, :, 3:6].min(axis=(0, 1)).max()))
-            mass = float(step @ (rod[:, :, 9] @ WEIGHTS))
-            soft, axial = float(rod[:, :, 3:6].max()), 1.0 / max(float(middle[6]), 1e-300)
-            made.append(
-                LeafRod(leaf, mesh, heavy, float(step.sum()), bent, soft, axial, mass, {SHAPED: sample})
-            )
-            known[key] = made[-1]
-        else:
-            made.append(known[key])
-    return tuple(made)
+            known[key] = _leaf_rod(leaf, mesh, has_weight)
+        rods.append(known[key])
+    return tuple(rods)
 
 
-def _leaf(model: Model, name: str) -> tuple[Any, Any]:
-    """What a member stands for: the leaf, its piece between points, or an element where the mesh is nodal; and its mesh."""
-    leaves, wholes = _pieces(model)
+def _leaf_rod(leaf: Any, mesh: Any, has_weight: bool) -> LeafRod:
+    """A leaf as a rod, with one set of samples."""
+    samples = _sample_leaf(leaf, mesh, has_weight, MIN_STEPS_VARYING)
+    step, rod = samples.step, samples.rod
+    middle = rod[len(step) // 2, 2]
+    rest_turn = float(step @ (np.sqrt((rod[:, :, :3] ** 2).sum(axis=2)) @ WEIGHTS))
+    if leaf.profile is not None:
+        # a varying section needs as many steps as a curve
+        ratio = float(rod[:, :, 3:6].max() / rod[:, :, 3:6].min(axis=(0, 1)).max())
+        rest_turn += TURN_PER_STIFFNESS_RATIO_E * math.log(ratio)
+    mass = float(step @ (rod[:, :, 9] @ WEIGHTS))
+    max_compliance, axial = float(rod[:, :, 3:6].max()), 1.0 / max(float(middle[6]), 1e-300)
+    cache = {MIN_STEPS_VARYING: samples}
+    return LeafRod(leaf, mesh, has_weight, float(step.sum()), rest_turn, max_compliance, axial, mass, cache)
+
+
+def _leaf_and_mesh(model: Model, name: str) -> tuple[Any, Any]:
+    """Leaf (or its piece between points, or an element where the mesh is nodal) and mesh of the member `name`."""
+    leaves, wholes = _pieces_and_leaves(model)
     piece = whole_leaf_name(name, leaves)
     leaf, mesh = leaves[piece], model.mesh.of(whole_leaf_name(piece, wholes))
     # elements are equal parts
@@ -135,98 +156,105 @@ def _leaf(model: Model, name: str) -> tuple[Any, Any]:
 
 
 @cached_per_model
-def _pieces(model: Model) -> tuple[dict[str, Any], dict[str, Any]]:
-    """All leaves of a model by full name, cut at the points on them; and whole."""
+def _pieces_and_leaves(model: Model) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Pieces between points of all leaves of a model by full name, and the whole leaves by full name."""
     scene = model.scene
     inside = {f"{j.name}/{leaf.name}": leaf for j in scene.joints for leaf in j.leaves()}
     return inside | {name: leaf for name, _, _, leaf in cut_leaves(scene)}, scene.leaf_names()
 
 
-def _sample(leaf: Any, mesh: Any, heavy: bool, count: int) -> _Sampled:
+def _sample_leaf(leaf: Any, mesh: Any, has_weight: bool, count: int) -> _LeafSamples:
     """A leaf in `count` steps between breaks."""
-    return _Sampled(*_sampled(stress_free_leaf(leaf), mesh, heavy, count), _moved(leaf, mesh, count))
+    step, rod = _sample_sections(stress_free_leaf(leaf), mesh, has_weight, count)
+    return _LeafSamples(step, rod, _end_offsets(leaf, mesh, count))
 
 
-def _sampled(leaf: Any, mesh: Any, heavy: bool, count: int) -> tuple[Array, Array]:
-    """Lengths of the steps along a leaf (s,) [m], `count` between breaks, and its numbers (s, 5, ROD) at their places."""
+def _sample_sections(leaf: Any, mesh: Any, has_weight: bool, count: int) -> tuple[Array, Array]:
+    """Lengths (s,) [m] of the steps along a leaf, `count` between breaks, and rod constants (s, 5, ROD) at their nodes."""
     edges = np.linspace(0.0, 1.0, count + 1)
     if leaf.profile is not None:
         graded = 0.5 - 0.5 * np.cos(np.pi * edges)
         cuts = [0.0, *leaf.profile.breaks, 1.0]
         edges = np.unique([a + (b - a) * x for a, b in pairwise(cuts) for x in graded])
     share = np.diff(edges)
-    s = (edges[:-1, None] + share[:, None] * np.clip(NODES, INSIDE, 1.0 - INSIDE)).ravel()
+    s = (edges[:-1, None] + share[:, None] * np.clip(NODES, END_MARGIN, 1.0 - END_MARGIN)).ravel()
     rod = np.zeros((len(s), ROD))
     if leaf.curve is not None:
         rod[:, :3] = leaf.curve.curvatures(s)
     section = leaf.section if leaf.profile is None else leaf.profile.sections(s)
     stiff, soft = rigidities(section, leaf, mesh)
     rod[:, 3:6], rod[:, 6:9] = 1.0 / stiff.T, soft.T
-    if heavy:
+    if has_weight:
         rod[:, 9] = line_mass(leaf, s)
     return leaf.length * share, rod.reshape(-1, len(NODES), ROD)
 
 
-def _moved(leaf: Any, mesh: Any, count: int) -> tuple[Array, Array, Array] | None:
-    """`_Sampled.moved` of one leaf."""
+def _end_offsets(leaf: Any, mesh: Any, count: int) -> _EndOffsets | None:
+    """Offsets of the ends of a leaf divided into `count` steps; None for a straight leaf."""
     if leaf.curve is None:
         return None
-    end, Q = unloaded_rod_end(*_sampled(leaf, mesh, False, count))
-    place, axes = leaf_ends(leaf, end, Q, leaf.name)
-    made = leaf_member(leaf, mesh, name=leaf.name)
-    clamp = made.frame[1].T
-    return made.frame[0].T @ axes[0], clamp @ axes[1], clamp @ (place[1] - made.offset[1])
+    end, Q = unloaded_rod_end(*_sample_sections(leaf, mesh, False, count))
+    position, axes = leaf_ends(leaf, end, Q, leaf.name)
+    member = leaf_member(leaf, mesh, name=leaf.name)
+    to_end = member.frame[1].T
+    return _EndOffsets(
+        member.frame[0].T @ axes[0], to_end @ axes[1], to_end @ (position[1] - member.offset[1])
+    )
 
 
 class RodParts(NamedTuple):
-    """The leaves of a model, cut. turn (k, 3, 3): axes of end p, in those of the member; length, axial, mass (p,): length
-    [m], stiffness EA [N] and mass [kg] of every part; of (p,): the leaf it is of; share (p,): of its leaf, before it."""
+    """Leaves of a model divided into parts.
+
+    start_axes (k, 3, 3): axes of end p of every leaf in those of the member; length, axial, mass (p,): length [m], stiffness
+    EA [N] and mass [kg] of every part; leaf (p,): number of its leaf; share (p,): fraction of the leaf before the part.
+    """
 
     rods: Rods
-    turn: Array
+    start_axes: Array
     length: Array
     axial: Array
     mass: Array
-    of: NDArray[np.int64]
+    leaf: NDArray[np.int64]
     share: Array
 
 
 def cut_rods(model: Model, wrench: Array) -> RodParts:
-    """All leaves in the steps and parts that an integration from wrenches (k, 6) at end p takes."""
-    length, soft, bent, mass, least = rod_sizes(model)
-    pull, bend = np.sqrt((wrench * wrench).reshape(-1, 2, 3).sum(axis=2)).T
-    growth = np.minimum(length * np.sqrt(pull * soft), LIMIT)
-    turning = np.minimum(bent + length * soft * bend + growth, LIMIT)
-    # the tangent of a part does not know how its weight turns with the station it begins at: few stations for these
-    parts = np.maximum(1, np.ceil(growth / np.where(mass > 0.0, HEAVY_GROWTH, GROWTH) - 0.5)).astype(int)
-    turning = np.maximum(turning, TURN * np.where(parts > 1, parts, 0))
-    # the least, one and a half, two, three, four ... times it
-    times = np.maximum(turning / TURN / least, 1.0)
-    power = 2.0 ** np.floor(np.log2(times))
-    counts = (0.5 * least * power * np.ceil(2.0 * times / power)).astype(int)
-    known, ways = _known(model), (counts.tobytes(), parts.tobytes())
-    # other threads may forget what is known at any time
-    found = known.get(ways)
-    if found is None:
-        if len(known) >= KEPT:
-            known.clear()
-        found = known[ways] = _cut(model, counts.tolist(), parts.tolist())
-    return found
+    """Divide all leaves into the steps and parts required by an integration from wrenches (k, 6) at end p."""
+    length, compliance, rest_turn, mass, min_steps = rod_sizes(model)
+    force, moment = np.sqrt((wrench * wrench).reshape(-1, 2, 3).sum(axis=2)).T
+    growth = np.minimum(length * np.sqrt(force * compliance), MAX_TOTAL_TURN)
+    turn = np.minimum(rest_turn + length * compliance * moment + growth, MAX_TOTAL_TURN)
+    # the tangent of a part neglects that its weight turns with its first station: leaves with weight get few parts
+    max_growth = np.where(mass > 0.0, MAX_GROWTH_PER_PART_WITH_WEIGHT, MAX_GROWTH_PER_PART)
+    parts = np.maximum(1, np.ceil(growth / max_growth - 0.5)).astype(int)
+    turn = np.maximum(turn, MAX_TURN_PER_STEP * np.where(parts > 1, parts, 0))
+    # 1, 1.5, 2, 3, 4, 6 ... times the smallest number of steps, so that few divisions occur
+    factor = np.maximum(turn / MAX_TURN_PER_STEP / min_steps, 1.0)
+    power = 2.0 ** np.floor(np.log2(factor))
+    counts = (0.5 * min_steps * power * np.ceil(2.0 * factor / power)).astype(int)
+    cache, key = _cached_cuts(model), (counts.tobytes(), parts.tobytes())
+    # another thread may clear the cache at any time
+    cut = cache.get(key)
+    if cut is None:
+        if len(cache) >= MAX_CACHED_CUTS:
+            cache.clear()
+        cut = cache[key] = _cut_at(model, counts.tolist(), parts.tolist())
+    return cut
 
 
 @cached_per_model
-def _known(model: Model) -> dict[tuple[bytes, bytes], RodParts]:
-    """Ways to cut the leaves of a model, by steps and parts of every leaf."""
+def _cached_cuts(model: Model) -> dict[tuple[bytes, bytes], RodParts]:
+    """Cache of divisions of the leaves of a model, by numbers of steps and parts of every leaf."""
     return {}
 
 
-def _cut(model: Model, counts: list[int], parts: list[int]) -> RodParts:
-    """All leaves in so many steps and parts each."""
+def _cut_at(model: Model, counts: list[int], parts: list[int]) -> RodParts:
+    """Divide every leaf into its number of steps between breaks, and of parts."""
     leaves, members = leaf_rods(model), model.arrays.members
-    samples = [leaf.sampled(n) for leaf, n in zip(leaves, counts, strict=True)]
-    at_part, at_step, of = [0], [0], []
+    samples = [leaf.samples(n) for leaf, n in zip(leaves, counts, strict=True)]
+    at_part, at_step, owner = [0], [0], []
     offset, frame = members.offset.copy(), members.frame.copy()
-    turn, share = np.tile(np.eye(3), (len(leaves), 1, 1)), []
+    start_axes, share = np.tile(np.eye(3), (len(leaves), 1, 1)), []
     for i, (sample, count) in enumerate(zip(samples, parts, strict=True)):
         along = np.cumsum(sample.step)
         ends = 1 + np.searchsorted(along, along[-1] * (np.arange(1, count) / count - 1e-9))
@@ -235,13 +263,13 @@ def _cut(model: Model, counts: list[int], parts: list[int]) -> RodParts:
         first = at_step[-1]
         at_step += [first + cut for cut in cuts]
         at_part.append(len(at_step) - 1)
-        of += [i] * len(cuts)
-        if sample.moved is not None:
-            turn[i], clamp, shift = sample.moved
-            offset[i, 1] += frame[i, 1] @ shift
-            frame[i, 0], frame[i, 1] = frame[i, 0] @ turn[i], frame[i, 1] @ clamp
+        owner += [i] * len(cuts)
+        if sample.offsets is not None:
+            start_axes[i], end_axes, end = sample.offsets
+            offset[i, 1] += frame[i, 1] @ end
+            frame[i, 0], frame[i, 1] = frame[i, 0] @ start_axes[i], frame[i, 1] @ end_axes
     step, rod = (np.concatenate([getattr(s, n) for s in samples]) for n in ("step", "rod"))
     rods = Rods(np.array(at_part), np.array(at_step), step, rod, offset, frame)
-    axial = np.array([leaves[i].axial for i in of])
+    axial = np.array([leaves[i].axial for i in owner])
     length, mass = (np.add.reduceat(a, at_step[:-1]) for a in (step, step * (rod[:, :, 9] @ WEIGHTS)))
-    return RodParts(rods, turn, length, axial, mass, np.array(of), np.array(share))
+    return RodParts(rods, start_axes, length, axial, mass, np.array(owner), np.array(share))

@@ -15,7 +15,7 @@ from ksd.errors import SceneError
 from ksd.files import write_file
 from ksd.model.arrays import State
 from ksd.model.compile import Model
-from ksd.properties.forces import NOISE, InterfaceForce, interface_forces, leaf_end_forces
+from ksd.properties.forces import ROUNDING_TOLERANCE, InterfaceForce, interface_forces, leaf_end_forces
 from ksd.properties.printing import PrintableAnswer, format_number, format_table
 from ksd.scene.hinges import PLANES
 
@@ -67,7 +67,7 @@ class LinkForces(PrintableAnswer):
         return found[0], found[1]
 
     def __str__(self) -> str:
-        noise = NOISE * max((float(np.abs(r.force).max()) for r in self.rows), default=0.0)
+        noise = ROUNDING_TOLERANCE * max((float(np.abs(r.force).max()) for r in self.rows), default=0.0)
         across = None if self.plane is None else PLANES[self.plane]
         shown = [(k, k != across, k in (across, k if across is None else -1)) for k in range(3)]
         forces, moments = [k for k, own, _ in shown if own], [k for k, _, own in shown if own]
@@ -109,11 +109,11 @@ def link_forces(model: Model, motion: State, *, load_factor: float = 1.0) -> Lin
         if not mine:
             continue
         rows += [LinkForce("link", r.name, link, r.force, r.moment, r.point) for r in mine]
-        rows.append(_applied(mine, link, motion.x[model.node_names.index(link)].copy()))
+        rows.append(_applied_force(mine, link, motion.x[model.node_names.index(link)].copy()))
     return LinkForces(tuple(rows), model.scene.plane, float(model.arrays.size))
 
 
-def _applied(rows: list[InterfaceForce], link: str, about: Array) -> LinkForce:
+def _applied_force(rows: list[InterfaceForce], link: str, about: Array) -> LinkForce:
     """What balances everything that is clamped to a link."""
     force = -np.sum([r.force for r in rows], axis=0)
     moment = -np.sum([r.moment + np.cross(r.point - about, r.force) for r in rows], axis=0)

@@ -95,7 +95,7 @@ def _chain_element(model: Model, motion: State, i: int, leaf: Any, line: Array) 
     return levers.T @ turn.T @ M @ turn @ levers
 
 
-def _link_mass(model: Model, motion: State, mass: Any) -> tuple[int, Array]:
+def _point_mass(model: Model, motion: State, mass: Any) -> tuple[int, Array]:
     """Node and mass (6, 6) of a point mass at the present position of its link."""
     node = model.scene.links.index(mass.link)
     arm = motion.R[node] @ (np.asarray(mass.at, float) - model.rest.x[node])
@@ -108,7 +108,7 @@ def _link_mass(model: Model, motion: State, mass: Any) -> tuple[int, Array]:
 
 
 @cached_per_model
-def _leaves_and_lines(model: Model) -> dict[int, tuple[Any, Array]]:
+def _member_leaves(model: Model) -> dict[int, tuple[Any, Array]]:
     """The leaf of the scene every member belongs to, and its mass per length at the points of the member."""
     members, leaves = model.arrays.members, scene_leaves(model)
     found = {}
@@ -124,7 +124,7 @@ def _leaves_and_lines(model: Model) -> dict[int, tuple[Any, Array]]:
     return found
 
 
-def _leaf_roots(leaf: LeafFlexibility, line: Array) -> Array:
+def _leaf_mass_roots(leaf: LeafFlexibility, line: Array) -> Array:
     """B (k, 6 ng, 12 + N) of leaf springs of one make in (motions of both nodes, b)."""
     root = strain_mass_root(leaf.parts, leaf.P, line)
     return np.concatenate(
@@ -132,26 +132,26 @@ def _leaf_roots(leaf: LeafFlexibility, line: Array) -> Array:
     )
 
 
-def _root(M: Array) -> Array:
+def _square_root(M: Array) -> Array:
     """B (1, n, n) with M = B^T B, M (n, n) positive semidefinite."""
     value, vector = np.linalg.eigh(M)
     found: Array = (np.sqrt(np.maximum(value, 0.0)) * vector).T[None]
     return found
 
 
-def inertia(model: Model, motion: State, *, load_factor: float = 1.0) -> Inertia:
+def assemble_inertia(model: Model, motion: State, *, load_factor: float = 1.0) -> Inertia:
     """Mass of an unfolded model at a state; SceneError when nothing in the scene has mass."""
-    members, owner = model.arrays.members, _leaves_and_lines(model)
+    members, owner = model.arrays.members, _member_leaves(model)
     leaves, stacks = tuple(leaf_flexibilities(model, motion, load_factor=load_factor)), []
     for group, leaf, places in zip(leaf_groups(model), leaves, inner_unknowns(model), strict=True):
         line = np.stack([owner[i][1] for i in group.members.tolist()])
-        stacks.append((places, _leaf_roots(leaf, line)))
+        stacks.append((places, _leaf_mass_roots(leaf, line)))
     for i in np.flatnonzero(members.kind != STRAIN).tolist():
-        root = _root(_chain_element(model, motion, i, owner[i][0], owner[i][1][0]))
+        root = _square_root(_chain_element(model, motion, i, owner[i][0], owner[i][1][0]))
         stacks.append((node_unknowns(model, members.node[i][None]), root))
     for mass in model.scene.masses:
-        node, own = _link_mass(model, motion, mass)
-        stacks.append((node_unknowns(model, np.array([[node]])), _root(own)))
+        node, own = _point_mass(model, motion, mass)
+        stacks.append((node_unknowns(model, np.array([[node]])), _square_root(own)))
     if not any(np.any(B) for _, B in stacks):
         raise SceneError(
             "nothing in this scene has mass, so it has no frequencies: give a material its density "

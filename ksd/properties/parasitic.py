@@ -24,11 +24,11 @@ from ksd.scene.drive import GROUND
 from ksd.scene.scene import connected_links
 
 Array = NDArray[np.float64]
-STRAINED = 1e-2
+MIN_DRIVEN_MOTION = 1e-2
 """Motion, over the largest that a drive brings a link, below which drives only strain what holds it."""
-ONE_POINT = 1e-6
+CROSSING_TOLERANCE = 1e-6
 """Distance, over the size of a joint, up to which its leaf springs count as crossing in one point."""
-SAME_PLACE = 1e-7
+SAME_POINT_DISTANCE = 1e-7
 """Distance [m] of the point of a drive from an interface, up to which it is that interface."""
 
 
@@ -45,7 +45,7 @@ class Parasitic(PrintableAnswer):
 
     def _line(self) -> str:
         beside = f"beside what {', '.join(self.drives)} prescribe{'s' * (len(self.drives) == 1)}"
-        size = f"{_told(self.shift, 1e3)} mm, {_told(self.turn, 1e3)} mrad (x y z)"
+        size = f"{_format_vector(self.shift, 1e3)} mm, {_format_vector(self.turn, 1e3)} mrad (x y z)"
         return f"'{self.link}' {size}, {beside if self.drives else 'all of its motion: no drive acts on it alone'}"
 
     def __str__(self) -> str:
@@ -63,13 +63,14 @@ class PivotShift(PrintableAnswer):
     turn: Array
 
     def _line(self) -> str:
-        return f"'{self.joint}' {_told(self.shift, 1e3)} mm along its axes at a turn of {_told(self.turn, 180 / np.pi)} deg"
+        turn = _format_vector(self.turn, 180 / np.pi)
+        return f"'{self.joint}' {_format_vector(self.shift, 1e3)} mm along its axes at a turn of {turn} deg"
 
     def __str__(self) -> str:
         return f"Pivot shift: {self._line()}"
 
 
-def _told(values: Array, factor: float) -> str:
+def _format_vector(values: Array, factor: float) -> str:
     return "(" + " ".join(format_number(factor * float(v), 4, zero=1e-9) for v in values) + ")"
 
 
@@ -87,7 +88,11 @@ def _turned_joint(scene: Any, term: Any) -> Any:
     """The joint whose rotation a drive term prescribes, or None."""
     for j in scene.joints:
         pair = {j.a, j.b} == {term.base, term.link}
-        if pair and term.kind == "rotation" and math.dist(j.place(j.joint.pose_B), term.point) < SAME_PLACE:
+        if (
+            pair
+            and term.kind == "rotation"
+            and math.dist(j.place(j.joint.pose_B), term.point) < SAME_POINT_DISTANCE
+        ):
             return j
     return None
 
@@ -114,7 +119,7 @@ def parasitic(model: Model, motion: State, link: Any = None, *, at: Any = None) 
     node = node_of(model, link)
     here, _ = point_motion(model, motion, node, at)
     point = model.rest.x[node] if at is None else np.asarray(at, float)
-    cuts = _cuts(model.scene, model.node_names[node])
+    cuts = _carrying_links(model.scene, model.node_names[node])
     driven = {name for d in model.scene.drives for t in d.terms for name in (t.base, t.link)}
     carriers = [model.node_names.index(name) for name in cuts if name in driven]
     frames = [0, *carriers, node]
@@ -124,7 +129,7 @@ def parasitic(model: Model, motion: State, link: Any = None, *, at: Any = None) 
         now = point_position(model, motion, end, point)
         moved, turned = now - before, np.empty(3)
         rotation_log(motion.R[end] @ motion.R[base].T, turned)
-        along, about, acting = _prescribed(model, motion, base, end, now)
+        along, about, acting = _prescribed_motion(model, motion, base, end, now)
         own = about @ (about.T @ turned)
         pivot = _pivot(model.scene, acting, carried=end != node)
         if pivot is not None:
@@ -138,18 +143,18 @@ def parasitic(model: Model, motion: State, link: Any = None, *, at: Any = None) 
         if legs and end == node and not acting:
             # where nothing resists a motion at rest, nothing is known to first order
             with suppress(KinematicsError):
-                moved, turned = _beyond_legs(model, node, point, motion.R[base], legs, (moved, turned))
+                moved, turned = _remove_leg_motion(model, node, point, motion.R[base], legs, (moved, turned))
                 drives.update(legs)
         shift, turn = shift + moved, turn + turned
     if carriers:
-        along, about, acting = _prescribed(model, motion, 0, node, here)
+        along, about, acting = _prescribed_motion(model, motion, 0, node, here)
         shift, turn = shift - along @ (along.T @ shift), turn - about @ (about.T @ turn)
         drives.update(acting)
     named = tuple(n for n in model.drive_names if n in drives)
     return Parasitic(model.node_names[node], point, shift, turn, named)
 
 
-def _cuts(scene: Any, link: str) -> list[str]:
+def _carrying_links(scene: Any, link: str) -> list[str]:
     """Links without which `link` would not hang on ground, in order from ground."""
     # what hangs on both sides, through a slider too, is carried by neither
     next_to, after = scene.neighbours(hinges=True), {}
@@ -168,7 +173,7 @@ def _leg_drives(scene: Any, cuts: list[str], link: str) -> set[str]:
     return {d.name for d in scene.drives if any({t.base, t.link} & legs for t in d.terms)}
 
 
-def _beyond_legs(
+def _remove_leg_motion(
     model: Model, node: int, point: Array, R: Array, legs: set[str], moved: tuple[Array, Array]
 ) -> tuple[Array, Array]:
     """A displacement and a rotation (3,) of a node less their part in the motions that the drives in `legs` bring its
@@ -184,13 +189,13 @@ def _beyond_legs(
         for (n, w), turn in zip(ways.items(), turns, strict=False) if n in legs
     ], axis=1)  # fmt: skip
     axes, share, _ = np.linalg.svd(columns, full_matrices=False)
-    axes = axes[:, share > STRAINED * share[0]]
+    axes = axes[:, share > MIN_DRIVEN_MOTION * share[0]]
     whole = np.concatenate(moved) * size
     left = (whole - axes @ (axes.T @ whole)) / size
     return left[:3], left[3:]
 
 
-def _prescribed(
+def _prescribed_motion(
     model: Model, motion: State, base: int, end: int, place: Array
 ) -> tuple[Array, Array, tuple[str, ...]]:
     """Orthonormal columns (3, k) along which, and about which, rows prescribe the motion of the point of node `end` that is
@@ -212,7 +217,7 @@ def _prescribed(
     drives = tuple(
         n for n, a in zip(model.drive_names, acts, strict=False) if a > ROW_SHARE_TOLERANCE * acts.max()
     )
-    return _span(taken[:3]), _span(taken[3:] @ _null(taken[:3])), drives
+    return _column_space(taken[:3]), _column_space(taken[3:] @ _null_space(taken[:3])), drives
 
 
 def _pivot(scene: Any, drives: tuple[str, ...], *, carried: bool) -> Array | None:
@@ -222,17 +227,17 @@ def _pivot(scene: Any, drives: tuple[str, ...], *, carried: bool) -> Array | Non
     if carried and terms and all(t.kind == "translation" for t in terms):
         return np.mean([t.point for t in terms], axis=0)
     joints = [(t, _turned_joint(scene, t)) for t in terms if t.kind == "rotation"]
-    points = [t.point if j is None else _centre(j) for t, j in joints if carried or j is not None]
+    points = [t.point if j is None else _pivot_at_rest(j) for t, j in joints if carried or j is not None]
     return np.mean(points, axis=0) if points else None
 
 
-def _null(A: Array) -> Array:
+def _null_space(A: Array) -> Array:
     """Orthonormal columns of the null space of A (3, k)."""
     _, size, axes = np.linalg.svd(A)
     return axes[int(np.sum(size > ROW_SHARE_TOLERANCE)) :].T
 
 
-def _span(A: Array) -> Array:
+def _column_space(A: Array) -> Array:
     """Orthonormal columns of the span of the columns of A (3, k)."""
     axes, size, _ = np.linalg.svd(A)
     return np.asarray(axes[:, : int(np.sum(size > ROW_SHARE_TOLERANCE))])
@@ -255,7 +260,7 @@ def pivot_shift(model: Model, motion: State, joint: Any, *, at: Any = None) -> P
             f"joint '{name}' has no intended rotation, so no pivot; ask `parasitic` for its motion"
         )
     turned = np.asarray(placed.rotation)
-    rest = _centre(placed) if at is None else np.asarray(at, float)
+    rest = _pivot_at_rest(placed) if at is None else np.asarray(at, float)
     a, b = (model.node_names.index(link) for link in (placed.a, placed.b))
     moved = [point_position(model, motion, k, rest) for k in (a, b)]
     turn = np.empty(3)
@@ -264,12 +269,12 @@ def pivot_shift(model: Model, motion: State, joint: Any, *, at: Any = None) -> P
     return PivotShift(placed.name, rest, shift, turned.T @ turn)
 
 
-def _centre(placed: Any) -> Array:
+def _pivot_at_rest(placed: Any) -> Array:
     """The point (3,) at rest that a placed joint turns about: where its leaf springs cross."""
-    return np.asarray(placed.place(_crossing(placed)))
+    return np.asarray(placed.place(_leaf_crossing(placed)))
 
 
-def _crossing(placed: Any) -> Array:
+def _leaf_crossing(placed: Any) -> Array:
     """The point (3,), in joint axes, that the lines of all leaves pass seen along the axis of the (first) rotation, at the
     height of the middle between the interfaces; that middle where they do not."""
     middle = 0.5 * np.asarray(placed.joint.pose_B, float)
@@ -283,6 +288,6 @@ def _crossing(placed: Any) -> Array:
     wanted = np.einsum("ki,ki->k", normals, np.array([p for p, _ in lines]))
     point, _, rank, _ = np.linalg.lstsq(normals, wanted, rcond=1e-6)
     size = max(float(np.linalg.norm(q - p)) for p, q in lines)
-    if rank < 2 or np.abs(normals @ point - wanted).max() > ONE_POINT * size:
+    if rank < 2 or np.abs(normals @ point - wanted).max() > CROSSING_TOLERANCE * size:
         return middle
     return np.asarray(across.T @ point + axis * (axis @ middle))

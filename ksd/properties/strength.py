@@ -18,7 +18,7 @@ from ksd.properties.cache import cached_per_model
 from ksd.properties.forces import section_forces
 from ksd.properties.printing import PrintableAnswer, format_number
 from ksd.properties.shape import scene_leaves
-from ksd.properties.stress import LeafStress, stress_of
+from ksd.properties.stress import LeafStress, stress_from_forces
 from ksd.scene.material import Material
 from ksd.scene.plausibility import plausibility_warnings
 
@@ -100,10 +100,10 @@ class Strength(PrintableAnswer):
 def strength(model: Model, motion: State, *, load_factor: float = 1.0) -> Strength | None:
     """Largest strain and stress at a state, and their shares of the limits; None where nothing is flexible."""
     leaves = scene_leaves(model)
-    found = stress_of(model, section_forces(model, motion, load_factor=load_factor)).leaves
+    found = stress_from_forces(model, section_forces(model, motion, load_factor=load_factor)).leaves
     if not found:
         return None
-    strains = {name: _strain(stress, leaves[name].material) for name, stress in found.items()}
+    strains = {name: _largest_strain(stress, leaves[name].material) for name, stress in found.items()}
     stresses = {name: stress.largest_Pa for name, stress in found.items()}
     strained, stressed = (max(by, key=lambda n: by[n]) for by in (strains, stresses))
     shares: list[tuple[float | None, str]] = []
@@ -126,7 +126,7 @@ def strength(model: Model, motion: State, *, load_factor: float = 1.0) -> Streng
     )
 
 
-def _strain(stress: LeafStress, material: Material) -> float:
+def _largest_strain(stress: LeafStress, material: Material) -> float:
     """Largest principal strain of a leaf; Poisson's ratio from its moduli, within what an isotropic material has."""
     nu = min(max(material.E / (2 * material.G) - 1, 0.0), 0.5)
     e, g = np.abs(stress.normal_Pa) / material.E, stress.shear_Pa / material.G

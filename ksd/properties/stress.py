@@ -41,7 +41,7 @@ from ksd.scene.profile import Profile
 from ksd.section.section import Section, thickness_and_width
 
 Array = NDArray[np.float64]
-POINTS = 25
+DEFAULT_STATIONS = 25
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ def torsion_factors(ratio: float) -> tuple[float, float]:
     return 1.0 - 8 / math.pi**2 * wide, 8 / math.pi**2 * (CATALAN - narrow)
 
 
-def _rectangle(q: Any) -> StressPoints:
+def _rectangle_points(q: Any) -> StressPoints:
     """Four corners, the middles of the four sides, and the centre."""
     t, w = thickness_and_width(q)
     y = 0.5 * t * np.array([1, 1, -1, -1, 1, -1, 0, 0, 0])
@@ -145,7 +145,7 @@ def _rectangle(q: Any) -> StressPoints:
     return StressPoints(names, y, z, torsion, along_y, along_z)
 
 
-def _round(q: Any, hole: float) -> StressPoints:
+def _round_points(q: Any, hole: float) -> StressPoints:
     """Eight points of the rim, and the centre of a circle; hole: inner over outer diameter."""
     r, angle = 0.5 * q.thickness, np.arange(8) * math.pi / 4
     names = (*(f"rim {45 * k} deg" for k in range(8)), *["centre"] * (hole == 0.0))
@@ -159,7 +159,7 @@ def _round(q: Any, hole: float) -> StressPoints:
     return StressPoints(names, y, z, torsion, along_y, along_z)
 
 
-def _outline(q: Any) -> StressPoints:
+def _outline_points(q: Any) -> StressPoints:
     """Corners of the outline, with upper figures of shear at each."""
     ring = np.array(q.outline[0])
     count = len(ring)
@@ -174,18 +174,18 @@ def _outline(q: Any) -> StressPoints:
 def stress_points(section: Any) -> StressPoints:
     """Points at which the stress of a section is looked at; its kind is told by its outline and numbers."""
     if section.outline is not None:
-        return _outline(section)
+        return _outline_points(section)
     if section.thickness == section.width > 0.0:
         # of a circle or tube the second moments follow from diameter and area
         empty = 1.0 - section.A / (math.pi * section.thickness**2 / 4)
         moment = section.A * section.thickness**2 * (1.0 + empty) / 16
         if empty > -1e-6 and np.allclose([section.Iy, section.Iz], moment, rtol=1e-6, atol=0.0):
-            return _round(section, math.sqrt(empty) if empty > 1e-6 else 0.0)
-    return _rectangle(section)
+            return _round_points(section, math.sqrt(empty) if empty > 1e-6 else 0.0)
+    return _rectangle_points(section)
 
 
 @lru_cache(maxsize=1024)
-def _stations(sections: tuple[Any, ...]) -> tuple[Array, ...]:
+def _section_tables(sections: tuple[Any, ...]) -> tuple[Array, ...]:
     """y, z (s, p), A, Iy, Iz (s, 1) of the sections along a leaf, and torsion, along_y, along_z (2, 1, s, p) of their
     points, components first; s is 1 where all are one. A section of fewer points than another has its last one again."""
     found = [stress_points(q) for q in sections]
@@ -199,7 +199,7 @@ def _stations(sections: tuple[Any, ...]) -> tuple[Array, ...]:
     return y, z, *sizes, *(np.moveaxis(v, 2, 0)[:, None] for v in shear)
 
 
-def _weaker(profile: Profile, s: float) -> Section:
+def _weaker_section(profile: Profile, s: float) -> Section:
     """The section at fraction s, on a step that of the side with less to bear bending with."""
     return min(profile.sides(s), key=lambda q: q.Iz / thickness_and_width(q)[0])
 
@@ -208,9 +208,11 @@ def _leaf_stresses(forces: list[SectionForces], leaf: Any) -> list[LeafStress]:
     """Stress of leaf springs with the section, or the profile, of `leaf`, all with the same stations."""
     profile, s = getattr(leaf, "profile", None), forces[0].s
     sections = (
-        (leaf.section,) if profile is None else tuple(_weaker(profile, x) for x in (s / s[-1]).tolist())
+        (leaf.section,)
+        if profile is None
+        else tuple(_weaker_section(profile, x) for x in (s / s[-1]).tolist())
     )
-    stations = _stations(sections)
+    stations = _section_tables(sections)
     outlined = any(q.outline is not None for q in sections)
     values = np.array([f.values for f in forces])
     *parts, bending, axial, twist, across = _stresses(values, stations, outlined=outlined)
@@ -266,25 +268,25 @@ class BatchLeafStress(NamedTuple):
     mises: Array
 
 
-def batch_stress(states: StateBatch, *, points: int = POINTS) -> list[BatchLeafStress] | None:
+def batch_stress(states: StateBatch, *, points: int = DEFAULT_STATIONS) -> list[BatchLeafStress] | None:
     """Stress of every leaf in all states; None where leaf springs have weight or points of their own, which `stress`
     answers one by one."""
     found, model = [], states.models[0]
     for group in leaf_groups(model):
-        known = _leaves_alike(states, group)
+        known = _batch_leaves(states, group)
         if known is None:
             return None
         value, inner, number, sections = known
         s, forces = strain_forces(value, inner, group.number, points)
         state, k = np.divmod(np.arange(len(s)), len(group.members))
-        for pick, mises in _mises_by_kind(forces, number, [_point_table(q) for q in sections]):
+        for pick, mises in _mises_by_section_kind(forces, number, [_point_table(q) for q in sections]):
             found.append(
                 BatchLeafStress(state[pick], group.members[k[pick]], number[pick], sections, s[pick], mises)
             )
     return found
 
 
-def _mises_by_kind(
+def _mises_by_section_kind(
     forces: Array, number: NDArray[np.int64], tables: list[_PointTable]
 ) -> Iterator[tuple[NDArray[np.int64], Array]]:
     """Leaf springs whose sections have as many points and are as alike, and their von Mises stress (n, S, P) [Pa], of
@@ -296,10 +298,10 @@ def _mises_by_kind(
         place[mine] = np.arange(len(mine))
         pick = np.flatnonzero(place[number] >= 0)
         rows = np.array([tables[n].rows for n in mine])[place[number[pick]]]
-        yield pick, _stresses(forces[pick], _at_points(rows), outlined=kind[1])[2]
+        yield pick, _stresses(forces[pick], _station_arrays(rows), outlined=kind[1])[2]
 
 
-def _leaves_alike(
+def _batch_leaves(
     states: StateBatch, group: LeafGroup, *, profiles: bool = False
 ) -> tuple[Array, Array, NDArray[np.int64], list[Any]] | None:
     """Constants (n, v) and inner states of the leaves of a group in all states, one state after the other, the number (n,)
@@ -315,11 +317,11 @@ def _leaves_alike(
         return None
     inner = np.take(states.motion.inner, group.inner_index, axis=1)
     count = len(value) * len(names)
-    number, sections = _sections(states, names)
+    number, sections = _batch_sections(states, names)
     return value.reshape(count, -1), inner.reshape(count, -1), number.ravel(), sections
 
 
-def _shaped(states: StateBatch, group: LeafGroup) -> list[Any]:
+def _profiled_leaves(states: StateBatch, group: LeafGroup) -> list[Any]:
     """The leaf springs of a group in all states, one state after the other, where they have profiles; else none."""
     names = [states.models[0].member_names[i] for i in group.members.tolist()]
     each = [[scene_leaves(model)[n] for n in names] for model in states.models]
@@ -328,7 +330,7 @@ def _shaped(states: StateBatch, group: LeafGroup) -> list[Any]:
     return [leaf for u in states.model_index.tolist() for leaf in each[u]]
 
 
-def _sections(states: StateBatch, names: list[str]) -> tuple[NDArray[np.int64], list[Any]]:
+def _batch_sections(states: StateBatch, names: list[str]) -> tuple[NDArray[np.int64], list[Any]]:
     """Number (D, k) of the section of every leaf in every state, and the different sections."""
     sections: list[Any] = []
     known: dict[int, int] = {}
@@ -344,7 +346,9 @@ def _sections(states: StateBatch, names: list[str]) -> tuple[NDArray[np.int64], 
     return number[states.model_index], sections
 
 
-def batch_peak_stress(states: StateBatch, *, points: int = POINTS) -> list[dict[str, PeakStress]] | None:
+def batch_peak_stress(
+    states: StateBatch, *, points: int = DEFAULT_STATIONS
+) -> list[dict[str, PeakStress]] | None:
     """The largest stress of every leaf by full name, of every state; None as of `stress_alike`."""
     every = batch_stress(states, points=points)
     if every is None:
@@ -364,7 +368,7 @@ def batch_peak_stress(states: StateBatch, *, points: int = POINTS) -> list[dict[
 
 
 def batch_stress_at_peaks(
-    states: StateBatch, first: NDArray[np.int64], *, points: int = POINTS
+    states: StateBatch, first: NDArray[np.int64], *, points: int = DEFAULT_STATIONS
 ) -> dict[str, Array] | None:
     """Von Mises stress (D,) [Pa] of every leaf by full name, at the station and point of its section where it is largest in
     state first[d] (D,): what gradients are differences of. None as of `stress_alike`, and where sections of a leaf have
@@ -372,7 +376,7 @@ def batch_stress_at_peaks(
     model = states.models[0]
     found = np.empty((len(first), len(model.member_names)))
     for group in leaf_groups(model):
-        known = _leaves_alike(states, group, profiles=True)
+        known = _batch_leaves(states, group, profiles=True)
         if known is None:
             return None
         value, inner, number, sections = known
@@ -383,8 +387,8 @@ def batch_stress_at_peaks(
         every = np.arange(len(number)).reshape(len(first), -1)
         lead, of = every[own].ravel(), every[: len(own)][of].ravel()
         worst, tables = np.empty((2, len(lead)), np.int64), [_point_table(q) for q in sections]
-        forces, shaped = forces_along(r[lead], R[lead], wrench[lead]), _shaped(states, group)
-        looked = _mises_by_kind(forces, number[lead], tables)
+        forces, shaped = forces_along(r[lead], R[lead], wrench[lead]), _profiled_leaves(states, group)
+        looked = _mises_by_section_kind(forces, number[lead], tables)
         if shaped:
             along = (SectionForces("", s[i], own) for i, own in zip(lead.tolist(), forces, strict=True))
             each = (_leaf_stresses([f], shaped[i])[0] for i, f in zip(lead.tolist(), along, strict=True))
@@ -395,7 +399,7 @@ def batch_stress_at_peaks(
         if shaped:
             # the section of every leaf spring at that station
             at = (s[np.arange(len(s)), station] / s[:, -1]).tolist()
-            tables = [_point_table(_weaker(f.profile, x)) for f, x in zip(shaped, at, strict=True)]
+            tables = [_point_table(_weaker_section(f.profile, x)) for f, x in zip(shaped, at, strict=True)]
             number = np.arange(len(tables))
         count = np.array([len(table.rows) for table in tables])[number]
         if (count != count[lead][of]).any() or (point >= count).any():
@@ -408,7 +412,7 @@ def batch_stress_at_peaks(
         largest = np.empty(len(number))
         for kind in set(outlined.tolist()):
             pick = outlined == kind
-            largest[pick] = _stresses(forces[pick], _at_points(rows[pick]), outlined=kind)[2].ravel()
+            largest[pick] = _stresses(forces[pick], _station_arrays(rows[pick]), outlined=kind)[2].ravel()
         found[:, group.members] = largest.reshape(every.shape)
     return dict(zip(model.member_names, found.T, strict=True))
 
@@ -430,7 +434,7 @@ def _point_table(section: Any) -> _PointTable:
     return _PointTable(rows, section.outline is not None)
 
 
-def _at_points(rows: Array) -> tuple[Array, ...]:
+def _station_arrays(rows: Array) -> tuple[Array, ...]:
     """What `_stresses` takes of leaf springs with rows (n, p, 11) of `_point_table`, the same all along each."""
     of = np.moveaxis(rows, 2, 0)[:, :, None]
     return *of[:5], *of[5:].reshape(3, 2, *of.shape[1:])
@@ -464,12 +468,14 @@ class Stress(PrintableAnswer):
         return "\n".join(str(leaf) for leaf in self.leaves.values())
 
 
-def stress(model: Model, motion: State, *, points: int = POINTS, load_factor: float = 1.0) -> Stress:
+def stress(
+    model: Model, motion: State, *, points: int = DEFAULT_STATIONS, load_factor: float = 1.0
+) -> Stress:
     """Stress at `points` stations of every strain-mode leaf, or at both ends of every element of a chain."""
-    return stress_of(model, section_forces(model, motion, points=points, load_factor=load_factor))
+    return stress_from_forces(model, section_forces(model, motion, points=points, load_factor=load_factor))
 
 
-def stress_of(model: Model, found: dict[str, SectionForces]) -> Stress:
+def stress_from_forces(model: Model, found: dict[str, SectionForces]) -> Stress:
     """Stress that section forces of leaf springs (by full name) cause, of a state or of the change between two."""
     leaves = scene_leaves(model)
     alike: dict[Any, list[str]] = {}

@@ -99,8 +99,8 @@ def test_distance_of_sheets_is_the_least_of_all_pairs_of_their_pieces():
         two[0] += rng.normal(size=3) * (9.0, 2.0, 0.0)[k % 3]
         i, j = (a.ravel() for a in np.mgrid[:9, :9])
         least = extent._flat_distance(one[:, i], two[:, j]).min()
-        assert extent._distance(one, two, np.inf) == pytest.approx(least, rel=1e-12, abs=1e-15)
-        assert extent._distance(one, two, least + 0.1) == pytest.approx(least, rel=1e-12, abs=1e-15)
+        assert extent._sheet_distance(one, two, np.inf) == pytest.approx(least, rel=1e-12, abs=1e-15)
+        assert extent._sheet_distance(one, two, least + 0.1) == pytest.approx(least, rel=1e-12, abs=1e-15)
 
 
 def test_leaf_springs_in_windows_of_one_joint_are_not_what_is_near():

@@ -7,7 +7,7 @@ import pytest
 
 import ksd
 from ksd.errors import SceneError
-from ksd.properties.stress import stress_of
+from ksd.properties.stress import stress_from_forces
 from ksd.scene import CrossedPivot, CrossFlexure, Material, Motion, ParallelGuide
 from ksd.scene.joint import DrawnJoint
 
@@ -104,7 +104,7 @@ def test_against_an_assembly_error_in_the_scene(direction, assembly_error, turn)
             told = pose.internal_stress(leaves=("joint0/outer_low",), offset=1e-7, rotation=1e-6)
         forces.append(pose.section_forces(points=13))
     change = {n: replace(f, values=f.values - forces[0][n].values) for n, f in forces[1].items()}
-    expected = stress_of(pose.model, change).largest_Pa
+    expected = stress_from_forces(pose.model, change).largest_Pa
     assert told.stress_Pa["joint0/outer_low", direction] == pytest.approx(expected, rel=2e-2)
 
 

@@ -10,11 +10,11 @@ import ksd
 from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.properties.buckling import full_tangents
+from ksd.properties.buckling import uncondensed_tangents
 from ksd.properties.finer_model import finer_state
 from ksd.properties.frequencies import frequencies
 from ksd.properties.leaf_groups import leaf_groups
-from ksd.properties.mass import inertia
+from ksd.properties.mass import assemble_inertia
 from ksd.properties.tangent import row_numbers
 from ksd.section import rectangle
 from ksd.solve.conventional import solve_conventional
@@ -36,8 +36,8 @@ def uncondensed(model, motion, freed=()):
     """(K, M) in all unknowns: nodes, multipliers, and (a, lam) of every leaf; a = P xi + b makes b = a - P
     xi."""
     fine, state = finer_state(model, motion)
-    K = full_tangents(fine, state, rows=row_numbers(fine, freed))[0].toarray()
-    mass = inertia(fine, state)
+    K = uncondensed_tangents(fine, state, rows=row_numbers(fine, freed))[0].toarray()
+    mass = assemble_inertia(fine, state)
     members, nodes = fine.arrays.members, fine.arrays.plan.unknowns
     T = np.zeros((mass.size, len(K)))
     T[:nodes, :nodes] = np.eye(nodes)
@@ -133,15 +133,15 @@ def test_nodal_and_condensed_chains_are_the_same():
 def test_rigid_mass_is_that_of_the_leaves():
     """A uniform velocity and a uniform spin of all nodes see the total mass and inertia, in any
     configuration."""
-    from ksd.properties.mass import _leaf_roots, _leaves_and_lines
+    from ksd.properties.mass import _leaf_mass_roots, _member_leaves
 
     model = compile_scene(single_joint())
     state = solve_conventional(model, {"turn": 0.7}).motion
-    lines, total, energy = _leaves_and_lines(model), 0.0, 0.0
+    lines, total, energy = _member_leaves(model), 0.0, 0.0
     spin = np.array([0.3, -0.2, 0.5])
-    for group, leaf in zip(leaf_groups(model), inertia(model, state).leaves, strict=True):
+    for group, leaf in zip(leaf_groups(model), assemble_inertia(model, state).leaves, strict=True):
         # ground is fixed: the whole of every leaf, both ends moving
-        roots = _leaf_roots(leaf, np.stack([lines[i][1] for i in group.members]))
+        roots = _leaf_mass_roots(leaf, np.stack([lines[i][1] for i in group.members]))
         for root, i in zip(roots, group.members, strict=True):
             nodes, still = model.arrays.members.node[i], np.zeros(root.shape[1] - 12)
             move = np.concatenate([np.tile([1.0, 0, 0, 0, 0, 0], 2), still])

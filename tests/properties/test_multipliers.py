@@ -12,7 +12,12 @@ import ksd
 from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.properties.buckling import buckling, critical_factors, full_tangents, with_stresses
+from ksd.properties.buckling import (
+    buckling,
+    chain_tangent_with_stresses,
+    critical_factors,
+    uncondensed_tangents,
+)
 from ksd.properties.finer_model import finer_state
 from ksd.properties.tangent import assemble_and_factor
 from ksd.scene.load import Load
@@ -83,7 +88,7 @@ def test_uncondensed_tangent_condenses_to_the_solver_s(mesh):
     fine, state = finer_state(
         *_of(solve_conventional(compile_scene(scene, mesh=mesh), {"top": 0.1}, steps=4))
     )
-    K = full_tangents(fine, state)[0].toarray()
+    K = uncondensed_tangents(fine, state)[0].toarray()
     assert pytest.approx(K.T, abs=1e-9 * np.abs(K).max()) == K
     n = fine.arrays.plan.unknowns
     loads = np.zeros((n, 2))
@@ -156,14 +161,14 @@ def test_stresses_eliminated_give_back_the_tangent_of_chains():
     fine, state = finer_state(
         *_of(solve_conventional(compile_scene(fourbar(), mesh=mesh), {"top": 0.1}, steps=4))
     )
-    K = full_tangents(fine, state)[0].toarray()
-    mixed, n = with_stresses(fine, state, K).toarray(), len(K)
+    K = uncondensed_tangents(fine, state)[0].toarray()
+    mixed, n = chain_tangent_with_stresses(fine, state, K).toarray(), len(K)
     back = mixed[:n, :n] - mixed[:n, n:] @ np.linalg.solve(mixed[n:, n:], mixed[n:, :n])
     assert back == pytest.approx(K, abs=1e-9 * np.abs(K).max())
     # without stress the motions are stiff through B alone
     free = finer_state(compile_scene(fourbar(), mesh=mesh), compile_scene(fourbar(), mesh=mesh).rest)
-    still = full_tangents(*free)[0].toarray()
-    left = with_stresses(*free, still).toarray()[:n, :n]
+    still = uncondensed_tangents(*free)[0].toarray()
+    left = chain_tangent_with_stresses(*free, still).toarray()[:n, :n]
     rows = fine.arrays.terms.start
     assert np.delete(np.delete(left, rows, 0), rows, 1) == pytest.approx(0.0, abs=1e-9 * np.abs(still).max())
 

@@ -7,10 +7,10 @@ from scenes import STEEL
 
 import ksd
 from ksd.cli.report import _first_parasitic
-from ksd.properties.buckling import full_tangents
+from ksd.properties.buckling import uncondensed_tangents
 from ksd.properties.finer_model import finer_state
 from ksd.properties.leaf_groups import leaf_groups
-from ksd.properties.mass import inertia
+from ksd.properties.mass import assemble_inertia
 from ksd.properties.tangent import row_numbers
 from ksd.units import mm
 from ksd.view import animate
@@ -68,8 +68,8 @@ def platform(drives="three"):
 def dense_Hz(pose, count):
     """Frequencies (count,) [Hz] with all drives freed, from the uncondensed matrices and a general eigensolver."""
     fine, state = finer_state(pose.model, pose.motion)
-    K = full_tangents(fine, state, rows=row_numbers(fine, fine.drive_names))[0].toarray()
-    mass, members, nodes = inertia(fine, state), fine.arrays.members, fine.arrays.plan.unknowns
+    K = uncondensed_tangents(fine, state, rows=row_numbers(fine, fine.drive_names))[0].toarray()
+    mass, members, nodes = assemble_inertia(fine, state), fine.arrays.members, fine.arrays.plan.unknowns
     T = np.zeros((mass.size, len(K)))
     T[:nodes, :nodes] = np.eye(nodes)
     for group, leaf in zip(leaf_groups(fine), mass.leaves, strict=True):

@@ -163,7 +163,7 @@ def test_circles_and_tubes(inner):
     """T R/J, M R/I about an oblique axis, and the shear of a force, to 2 V/A of a thin tube; a circle has a centre."""
     outer, straight = 10e-3, np.zeros((1, 1, 6))
     q = ksd.tube(outer, inner) if inner else ksd.circle(outer)
-    points, stations = stress_points(q), stresses._stations((q,))
+    points, stations = stress_points(q), stresses._section_tables((q,))
     assert ("centre" in points.names) == (inner == 0.0)
 
     def most(**forces):
@@ -224,7 +224,7 @@ def test_a_profile_of_unlike_sections():
     assert found.points[0] == "rim 0 deg or corner 1" and pose.strength is not None
     for k in np.flatnonzero(np.abs(3 * found.s / 0.09 % 1 - 0.5) < 0.4):
         q = parts[int(3 * found.s[k] / 0.09)]
-        want = stresses._stresses(forces.values[None, k : k + 1], stresses._stations((q,)), outlined=True)[
-            2
-        ].max()
+        want = stresses._stresses(
+            forces.values[None, k : k + 1], stresses._section_tables((q,)), outlined=True
+        )[2].max()
         assert found.von_mises_Pa[k].max() == pytest.approx(float(want), rel=1e-12)

@@ -268,7 +268,7 @@ def test_taut_leaf_is_cut_at_stations(mesh, monkeypatch):
     assert error > 0.01 * truth.forces["drive"]
     assert told.force_errors["drive"] == pytest.approx(error, rel=1e-4)
     assert told.forces["drive"] == pytest.approx(truth.forces["drive"], rel=1e-5)
-    monkeypatch.setattr(leaf_rods, "GROWTH", 100.0)
+    monkeypatch.setattr(leaf_rods, "MAX_GROWTH_PER_PART", 100.0)
     assert abs(pose.verify().gaps.values[0, 1]) > 10 * abs(told.gaps.values[0, 1])
 
 
@@ -281,7 +281,7 @@ def test_what_another_thread_forgets_meanwhile_is_no_error(monkeypatch):
 
     pose, known = ksd.solve(bent(), {}), Forgotten()
     told = pose.verify()
-    monkeypatch.setattr(leaf_rods, "_known", lambda model: known)
+    monkeypatch.setattr(leaf_rods, "_cached_cuts", lambda model: known)
     assert pose.verify().relative == told.relative
 
 
