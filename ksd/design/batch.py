@@ -1,8 +1,8 @@
 """`ksd.batch`: forces, poses and answers of very many configurations and designs by the fast methods, in threads.
 
-The questions and columns are those of `ksd.sweep`, the answers arrays: designs that differ in numbers only are packed
-together (`ksd.model.template`), and all poses of each are solved in the same storage, designs in parallel threads. Nothing
-fails silently: every configuration has a status.
+Questions and columns are those of `ksd.sweep`, the answers are arrays. Designs whose scenes differ in numbers only share a
+template (`ksd.model.template`), and all poses of each design are solved in the same storage, designs in parallel threads.
+Every configuration has a status; none fails silently.
 """
 
 from __future__ import annotations
@@ -38,21 +38,24 @@ from ksd.solve.pose_batch import UNANSWERED
 
 NOT_BUILT = 20
 """Status of all poses of a design that could not be prepared."""
-UNLIKE = "it has other links, drives or joints than the first design, or in another order: ksd.sweep takes such designs"
+DIFFERENT_LAYOUT = (
+    "it has other links, drives or joints than the first design, or in another order: "
+    "ksd.sweep takes such designs"
+)
 """Why a design is not solved together with the others."""
 
 
 @dataclass(frozen=True, repr=False)
 class Batch(PrintableAnswer):
-    """D designs at N poses: what was found, and what was not.
+    """Results of D designs at N poses.
 
     forces: drive force or moment by drive name (D, N) [N, Nm]; positions (D, N, links, 3) [m] and rotations (D, N, links,
     3, 3) of the links' reference points, in the order of `links`; motions: intended motion by joint (D, N) [rad, m];
-    status (D, N): 0 where solved, else see `failures`; nan stands where it is not 0. errors (D,): interpolation error of
-    tabulated joints, nan without. reasons: of designs that could not be prepared, by number, and of poses with a question
-    that was not answered, by design and pose. answers: of the questions, by column as in `ksd.sweep`, (D, N) each; text
-    where the column is one. compliance (D, N, 6, 6): motion [m, rad] of the point asked about per unit force and moment
-    [N, Nm] on it, global axes (`PointStiffness`); None without the question "support_stiffness".
+    status (D, N): 0 where solved, else see `failures`; numbers are nan where it is not 0. errors (D,): interpolation error
+    of tabulated joints, nan without. reasons: by design number for designs that could not be prepared, by design and pose
+    for poses with a question that was not answered. answers: of the questions, by column as in `ksd.sweep`, (D, N) each;
+    text where the column is one. compliance (D, N, 6, 6): motion [m, rad] of the point of the questions per unit force and
+    moment [N, Nm] on it, global axes (`PointStiffness`); None without the question "support_stiffness".
     """
 
     links: tuple[str, ...]
@@ -135,12 +138,12 @@ def batch(
     mechanism: a Mechanism or Scene, or, with `designs` (parameters by name, as in `ksd.sweep`), a function of those
     parameters that returns one. Drive values [m or rad] by name, numbers or arrays of one length. tabulated: take the
     condensed joints from tables over their stroke, made once per design; it pays from some hundred poses on. questions,
-    link, at, freed, modes: as in `ksd.sweep`, answered in `Batch.answers`; of "reduced" they are asked of the equilibrium
-    next to the answer, as of a pose of `ksd.solve`; modes are numbered at every pose from the lowest. mesh: when None the
-    usual one, with the curvature modes that are enough for the first design at its farthest pose. relinearisations,
-    extrapolate: as in `ksd.solve`. targets: drive values as a mapping. threads: cores when None. executor: any
-    concurrent.futures executor instead of threads; with processes, where Python works in parallel too, `mechanism` must be a
-    function they can import. Raises SceneError for bad input; designs, poses and questions that fail are in the result.
+    link, at, freed, modes: as in `ksd.sweep`, answered in `Batch.answers`; with "reduced" they are answered at the
+    equilibrium near the reduced state, as for a pose of `ksd.solve`; modes are numbered at every pose from the lowest. mesh:
+    when None the default one, with the curvature modes that are enough for the first design at its farthest pose.
+    relinearisations, extrapolate: as in `ksd.solve`. targets: drive values as a mapping. threads: cores when None. executor:
+    any concurrent.futures executor instead of threads; with processes, where Python works in parallel too, `mechanism` must
+    be a function they can import. Raises SceneError for bad input; designs, poses and questions that fail are in the result.
     """
     check_solve_options(
         mesh=mesh, relinearisations=relinearisations, method=method, methods=("reduced", "full"),
@@ -150,99 +153,100 @@ def batch(
         raise SceneError(
             "tabulated = True: tabulated joints serve method='reduced' without relinearisation steps"
         )
-    asked = parse_questions(questions, link, at, freed, modes=modes)
-    if tabulated and asked.names:
+    parsed = parse_questions(questions, link, at, freed, modes=modes)
+    if tabulated and parsed.names:
         raise SceneError(
             "tabulated = True: tables know nothing of the insides of joints, so they answer no questions"
         )
     check_executor(executor)
     workers = (os.cpu_count() or 1) if threads is None else whole_number(threads, "threads")
-    values = _poses(drive_value_arrays(targets, drives, batch))
+    values = _equal_lengths(drive_value_arrays(targets, drives, batch))
     options: dict[str, Any] = {
         "method": FULL if method == "full" else REDUCED,
         "relinearisations": relinearisations,
         "tabulated": tabulated,
-        "questions": asked,
+        "questions": parsed,
     }
     points = design_parameters(mechanism, designs)
     if designs is None:
         check_drives(build_scene(mechanism, {}), tuple(values), batch)
     if mesh is None:
-        recipe = Recipe(asked, method=method, relinearisations=relinearisations, extrapolate=extrapolate)
-        mesh = adequate_mesh([_farthest(mechanism, points[0], values)], recipe)
+        recipe = Recipe(parsed, method=method, relinearisations=relinearisations, extrapolate=extrapolate)
+        mesh = adequate_mesh([_farthest_pose(mechanism, points[0], values)], recipe)
     solver = BatchSolver(values, options, mesh, extrapolate)
     if executor is None or designs is None:
-        found = solver.solve(scene_factories(mechanism, points), workers)
+        results = solver.solve(scene_factories(mechanism, points), workers)
     else:
-        found = solver.solve_in(executor, mechanism, points)
-    return _together(found, len(next(iter(values.values()))))
+        results = solver.solve_in(executor, mechanism, points)
+    return _combine(results, len(next(iter(values.values()))))
 
 
-def _poses(found: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Drive values as arrays of one length."""
-    if not found:
+def _equal_lengths(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Drive values as arrays of one length, single numbers repeated. Raises SceneError."""
+    if not arrays:
         raise SceneError("a batch needs drive values, for example top=np.linspace(0, 0.3, 31)")
-    size = max(len(v) for v in found.values())
-    for n, v in found.items():
+    size = max(len(v) for v in arrays.values())
+    for n, v in arrays.items():
         if len(v) not in (1, size):
             raise SceneError(f"drive values {n}: give one number or {size} of them in a row, not {len(v)}")
-    return {n: np.broadcast_to(v, size) for n, v in found.items()}
+    return {n: np.broadcast_to(v, size) for n, v in arrays.items()}
 
 
-def _farthest(
+def _farthest_pose(
     mechanism: MechanismLike, point: Mapping[str, Any], values: Mapping[str, np.ndarray]
 ) -> SweepPath:
-    """The first design at the pose farthest from rest."""
+    """The design with these parameters at the largest drive values, as a path of one pose."""
     scene, failure = scene_or_reason(mechanism, point)
     far = int(np.argmax(sum(v * v for v in values.values())))
     return SweepPath(0, {}, scene, ({n: float(v[far]) for n, v in values.items()},), failure)
 
 
-def _together(found: list[Any], count: int) -> Batch:
-    """One result of all designs; those that failed are nan."""
-    like = next((f for f in found if isinstance(f, DesignResult)), None)
-    if like is None:
+def _combine(results: list[Any], count: int) -> Batch:
+    """The batch of all designs at `count` poses; results: a `DesignResult` each, or the error that prevented it."""
+    first = next((r for r in results if isinstance(r, DesignResult)), None)
+    if first is None:
         raise SceneError(
-            f"no design could be prepared; the first: {found[0]}; ksd.sweep takes every mechanism"
+            f"no design could be prepared; the first: {results[0]}; ksd.sweep takes every mechanism"
         )
-    found = [UNLIKE if isinstance(f, DesignResult) and f.names != like.names else f for f in found]
-    reasons: dict[Any, str] = {d: str(f) for d, f in enumerate(found) if not isinstance(f, DesignResult)}
-
-    def stacked(field: str) -> np.ndarray:
-        blank = np.full(getattr(like, field).shape, np.nan)
-        parts = [getattr(f, field) if isinstance(f, DesignResult) else blank for f in found]
-        return np.array(parts, float)
-
-    status = np.array([f.status if isinstance(f, DesignResult) else np.full(count, NOT_BUILT) for f in found])
-    fields = ("force", "x", "R", "motion", *(("compliance",) if like.compliance is not None else ()))
-    numbers = {field: stacked(field) for field in fields}
-    lost = (status != 0) & (status != UNANSWERED)
-    for array in numbers.values():
-        array[lost] = np.nan
-    for d, f in enumerate(found):
-        if isinstance(f, DesignResult):
-            reasons |= {(d, n): why for n, why in f.reasons.items()}
-    force, motion = numbers["force"], numbers["motion"]
+    designs: list[DesignResult | None] = []
+    reasons: dict[Any, str] = {}
+    for d, result in enumerate(results):
+        solved = isinstance(result, DesignResult) and result.names == first.names
+        designs.append(result if solved else None)
+        if not solved:
+            reasons[d] = DIFFERENT_LAYOUT if isinstance(result, DesignResult) else str(result)
+    for d, design in enumerate(designs):
+        if design is not None:
+            reasons |= {(d, n): why for n, why in design.reasons.items()}
+    status = np.array([np.full(count, NOT_BUILT) if design is None else design.status for design in designs])
+    fields = ("force", "x", "R", "motion", *(("compliance",) if first.compliance is not None else ()))
+    arrays: dict[str, np.ndarray] = {}
+    for field in fields:
+        blank = np.full(getattr(first, field).shape, np.nan)
+        parts = [blank if design is None else getattr(design, field) for design in designs]
+        arrays[field] = np.array(parts, float)
+        arrays[field][(status != 0) & (status != UNANSWERED)] = np.nan
+    force, motion = arrays["force"], arrays["motion"]
     return Batch(
-        like.links,
-        {n: force[:, :, k] for k, n in enumerate(like.drives)},
-        numbers["x"],
-        numbers["R"],
-        {n: motion[:, :, k] for k, n in enumerate(like.joints)},
+        first.links,
+        {n: force[:, :, k] for k, n in enumerate(first.drives)},
+        arrays["x"],
+        arrays["R"],
+        {n: motion[:, :, k] for k, n in enumerate(first.joints)},
         status,
-        np.array([f.error if isinstance(f, DesignResult) else np.nan for f in found]),
+        np.array([np.nan if design is None else design.error for design in designs]),
         reasons,
-        _columns([f.rows if isinstance(f, DesignResult) else [] for f in found], count),
-        numbers.get("compliance"),
+        _columns([[] if design is None else design.rows for design in designs], count),
+        arrays.get("compliance"),
     )
 
 
 def _columns(rows: list[list[Row]], count: int) -> dict[str, np.ndarray]:
-    """Answers (D, N) by column, of rows by design; nan, or no text, where there is none."""
-    like = {column: value for mine in rows for row in mine for column, value in row.items()}
-    found: dict[str, np.ndarray] = {}
-    for column, value in like.items():
+    """Answers (D, N) by column, from the rows of D designs, [] for one without; nan or "" where there is no answer."""
+    examples = {column: value for own in rows for row in own for column, value in row.items()}
+    columns: dict[str, np.ndarray] = {}
+    for column, value in examples.items():
         blank: Any = "" if isinstance(value, str) else np.nan
-        every = [[row.get(column, blank) for row in mine] or [blank] * count for mine in rows]
-        found[column] = np.array(every, object if blank == "" else float)
-    return found
+        values = [[row.get(column, blank) for row in own] or [blank] * count for own in rows]
+        columns[column] = np.array(values, object if blank == "" else float)
+    return columns

@@ -18,30 +18,31 @@ from ksd.scene.load import Load
 from ksd.scene.scene import MECHANISM_HINT
 
 MechanismLike = Mechanism | Scene | Callable[..., Mechanism | Scene]
-"""A mechanism, or a function of its parameters that draws one."""
+"""A mechanism, or a function of parameters that returns one."""
 DesignsLike = Mapping[str, Sequence[Any] | np.ndarray] | Sequence[Mapping[str, Any]]
-"""Parameters of such a function: values by name for all combinations, or one mapping for every design."""
+"""Parameters of such a function: values by name for all their combinations, or one mapping per design."""
 
 CANNOT_BE_BUILT = "this design cannot be built: "
+"""Start of the message of a SceneError from the function that returns the mechanism."""
 
 
 def design_parameters(mechanism: Any, designs: Any) -> list[dict[str, Any]]:
-    """Parameters of every design: all combinations of a mapping of values, or a sequence of mappings as it is."""
+    """Parameters by name of every design; designs: see `DesignsLike`. Raises SceneError."""
     if designs is None:
         return [{}]
     if not callable(mechanism):
         raise SceneError(
             "designs = ... needs a function of these parameters that returns a mechanism in place of the mechanism"
         )
-    found = _combinations(designs) if isinstance(designs, Mapping) else designs
-    if isinstance(found, str) or not isinstance(found, Sequence):
+    points = _combinations(designs) if isinstance(designs, Mapping) else designs
+    if isinstance(points, str) or not isinstance(points, Sequence):
         raise SceneError(
             f"designs = {show(designs)}: give sets of parameters by name, [{{'thickness': 1e-3}}, ...]"
         )
-    if not len(found):
+    if not len(points):
         raise SceneError("designs is empty: give at least one set of parameters")
-    check_design_parameters(mechanism, found)
-    return [dict(d) for d in found]
+    check_design_parameters(mechanism, points)
+    return [dict(d) for d in points]
 
 
 def _combinations(designs: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -55,32 +56,31 @@ def _combinations(designs: Mapping[str, Any]) -> list[dict[str, Any]]:
     return [dict(zip(designs, row, strict=True)) for row in product(*rows)]
 
 
+class NotAMechanism(SceneError):
+    """The object given is neither a mechanism nor a function that returns one."""
+
+
 def build_scene(mechanism: Any, parameters: Mapping[str, Any]) -> Scene:
-    """The scene of a design. SceneError where it cannot be built, NotAMechanism for what never will be one."""
+    """The scene of a design. Raises SceneError where it cannot be built, NotAMechanism for other objects."""
     if not callable(mechanism):
-        made = mechanism
+        scene = mechanism.scene() if isinstance(mechanism, Mechanism) else mechanism
     elif not parameters and _needs_arguments(mechanism):
         raise NotAMechanism("the mechanism is a function of parameters: give their values with designs={...}")
     else:
         try:
-            made = mechanism(**parameters)
-            made = made.scene() if isinstance(made, Mechanism) else made
+            scene = mechanism(**parameters)
+            scene = scene.scene() if isinstance(scene, Mechanism) else scene
         except (SceneError, ArithmeticError, ValueError) as reason:
             raise SceneError(f"{CANNOT_BE_BUILT}{str(reason).removeprefix(CANNOT_BE_BUILT)}") from reason
-    scene = made.scene() if isinstance(made, Mechanism) else made
     if not isinstance(scene, Scene):
         raise NotAMechanism(
-            f"{show(made)} is not a mechanism: give a function returning a mechanism, or {MECHANISM_HINT}."
+            f"{show(scene)} is not a mechanism: give a function returning a mechanism, or {MECHANISM_HINT}."
         )
     return scene
 
 
-class NotAMechanism(SceneError):
-    """What was given is no mechanism, and no function that returns one."""
-
-
 def scene_or_reason(mechanism: Any, parameters: Mapping[str, Any]) -> tuple[Scene | None, str]:
-    """The scene of a design, or None and why it could not be built."""
+    """The scene of a design, or None and the reason why its function cannot build it. Raises SceneError otherwise."""
     try:
         return build_scene(mechanism, parameters), ""
     except NotAMechanism:
@@ -99,19 +99,24 @@ def _needs_arguments(function: Callable[..., Any]) -> bool:
 
 
 def load_cases(loads: Any) -> dict[str, tuple[Load, ...]]:
-    """Loads by case: {"payload": [dict(link="top", force=(0, 0, -5), at=...)], "none": []}, or ksd Load objects."""
+    """Loads by load case from {"payload": [dict(link="top", force=(0, 0, -5), at=...)], "none": []}, or `Load` objects.
+
+    Raises SceneError.
+    """
     if loads is None:
         return {"": ()}
     if not isinstance(loads, Mapping) or not loads:
         raise SceneError(
             "loads: give the load cases by name, such as {'payload': [dict(link='top', force=...)]}"
         )
-    return {str(case): tuple(_load(entry, f"{case} {k + 1}") for k, entry in enumerate(_several(entries)))
-            for case, entries in loads.items()}  # fmt: skip
+    return {
+        str(case): tuple(_load(entry, f"{case} {k + 1}") for k, entry in enumerate(_load_list(entries)))
+        for case, entries in loads.items()
+    }
 
 
-def _several(entries: Any) -> Sequence[Any]:
-    """The loads of a load case, a single one in a list; raises SceneError."""
+def _load_list(entries: Any) -> Sequence[Any]:
+    """The loads of a load case, a single one in a list. Raises SceneError."""
     if isinstance(entries, Mapping | Load):
         return [entries]
     if isinstance(entries, str) or not isinstance(entries, Sequence):
@@ -120,37 +125,38 @@ def _several(entries: Any) -> Sequence[Any]:
 
 
 def _load(entry: Any, name: str) -> Any:
-    """A load from a `Load` or its words; raises SceneError."""
+    """A `Load` from one, or from a mapping of its arguments. Raises SceneError."""
     if isinstance(entry, Load):
         return entry
     if not isinstance(entry, Mapping):
         raise SceneError(f"load case '{name}': {show(entry)} is no load; give dict(link=, force=, at=)")
-    words = {
+    defaults = {
         "force": (0.0, 0.0, 0.0),
         "moment": (0.0, 0.0, 0.0),
         "at": None,
         "name": name,
         "following": False,
     }
-    unknown = set(entry) - {*words, "link"}
+    unknown = set(entry) - {*defaults, "link"}
     if unknown or "link" not in entry:
         raise SceneError(
             f"load case '{name}': give link, force, moment, at, following; not {sorted(unknown)}"
         )
-    said = {**words, **entry}
-    link = getattr(said["link"], "name", said["link"])
-    if said["at"] is None:
+    given = {**defaults, **entry}
+    link = getattr(given["link"], "name", given["link"])
+    if given["at"] is None:
         if "force" in entry:
             raise SceneError(
                 f"load case '{name}': give at, the point (3,) [m] of link '{link}' where the force acts"
             )
         # a moment alone acts on the link as a whole
-        said["at"] = (0.0, 0.0, 0.0)
-    return Load(said["name"], link, said["force"], said["moment"], said["at"], said["following"])
+        given["at"] = (0.0, 0.0, 0.0)
+    return Load(given["name"], link, given["force"], given["moment"], given["at"], given["following"])
 
 
 def add_loads(scene: Scene | None, extra: tuple[Load, ...]) -> tuple[Scene | None, str]:
-    """The scene with more loads, or None and why there is none."""
+    """The scene with additional loads, or None and the reason: the design has no scene, or a link of a load is not part
+    of it."""
     if scene is None or not extra:
         return scene, ""
     for load in extra:

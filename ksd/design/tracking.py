@@ -1,11 +1,11 @@
 """Modes followed along a stroke by the modal assurance criterion (MAC), so that a name stays with its mode.
 
-IntermediateModes neighbouring poses the modes are paired so that the sum of their MAC (mass-weighted, in 0..1) is largest
-(Allemang and Brown 1982; the assignment is solved exactly). Crossing frequencies then swap rank and keep their name. Where
-one of the lowest tracks has no partner of MAC RELIABLE_MAC or more, the way between the poses is halved, and halved again:
-modes that veer exchange their shapes within a small part of the stroke. Modes of nearly equal frequency (at rest all leaves
-of one size vibrate alike, and any mixture of them is a mode) are in the end compared by what they span together. A track
-without a partner of MAC MIN_MAC or more even so ends. Of the lowest modes every one without a track begins a new one.
+Modes of neighbouring poses are paired so that the sum of their MAC (mass-weighted, in 0..1) is largest (Allemang and Brown
+1982; the assignment problem is solved exactly). Crossing frequencies then swap rank and keep their name. Where one of the
+lowest tracks has no partner of at least RELIABLE_MAC, the interval between the poses is bisected, repeatedly: modes that
+veer exchange their shapes within a small part of the stroke. Modes of nearly equal frequency (undeformed leaf springs of
+equal size vibrate alike, and any combination of their modes is a mode) are finally compared by the space they span. A track
+without a partner of at least MIN_MAC even then ends. Each of the lowest modes without a track starts a new one.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from ksd.errors import KsdError
 from ksd.properties.frequencies import Modes
 
 SPARE_MODES = 2
-"""Modes computed beyond those followed, so that one which rises in rank is still there."""
+"""Modes computed in addition to those followed, so that one that rises in rank is still among them."""
 MIN_MAC = 0.5
-"""MAC below which two modes are not the same one."""
+"""MAC below which two modes are different."""
 RELIABLE_MAC = 0.8
-"""MAC below which poses in between are looked at."""
+"""MAC below which the interval between two poses is bisected."""
 EQUAL_FREQUENCY_TOLERANCE = 0.01
-"""Relative distance of neighbouring frequencies below which modes are compared by what they span together."""
+"""Relative difference of neighbouring frequencies below which modes are compared by the space they span."""
 ADDITIONAL_MODES = 10
-"""Modes computed besides where a track is lost: as many may be nearly equal."""
+"""Modes computed in addition where a track has no partner: so many may be nearly equal."""
 MAX_BISECTIONS = 5
-"""How often the way between two poses is halved at the most."""
+"""Largest number of nested bisections between two poses."""
 
 
 IntermediateModes = Callable[[float, int], Modes]
-"""Modes at a share 0..1 of the way between two poses, and so many more than usual."""
+"""Modes at a fraction 0..1 between two poses, and the number of modes in addition to the usual ones."""
 
 
 @dataclass(frozen=True)
 class Tracks:
-    """Modes at one pose, by track: rank (t,) of each track among the modes of this pose (-1: lost), names (t,),
-    mac (t,) with its mode at the pose before, or the last one in between (1 where the track begins)."""
+    """Modes at one pose, by track: rank (t,) of each track among the modes of this pose (-1: lost), names (t,), mac (t,)
+    with its mode at the previous pose or the last intermediate one (1 where the track starts)."""
 
     modes: Modes
     rank: tuple[int, ...]
@@ -47,7 +47,7 @@ class Tracks:
     mac: tuple[float, ...]
 
     def frequency_Hz(self, track: int) -> float:
-        """Frequency [Hz] of a track, nan where it was not found."""
+        """Frequency [Hz] of a track, nan where it is lost."""
         k = self.rank[track]
         return float(self.modes.frequency_Hz[k]) if k >= 0 else float("nan")
 
@@ -59,123 +59,126 @@ class Tracks:
 
 
 def start_tracks(modes: Modes, count: int) -> Tracks:
-    """Tracks of the intended motions and of the `count` lowest modes besides, named as `Modes.names`."""
-    others = [k for k in range(len(modes)) if k not in modes.intended][:count]
-    ranks = sorted([*modes.intended.tolist(), *others])
+    """Tracks of the intended motions and of the `count` lowest other modes, named as in `Modes.names`."""
+    parasitic = [k for k in range(len(modes)) if k not in modes.intended][:count]
+    ranks = sorted([*modes.intended.tolist(), *parasitic])
     return Tracks(modes, tuple(ranks), tuple(modes.names[k] for k in ranks), (1.0,) * len(ranks))
 
 
-def follow(before: Tracks | None, modes: Modes, count: int, *, together: bool = False) -> Tracks:
-    """The tracks of the pose before, found again among the `modes` of this one; new ones when there was none.
+def continue_tracks(previous: Tracks | None, modes: Modes, count: int, *, by_span: bool = False) -> Tracks:
+    """Tracks of the previous pose continued with the `modes` of this one; new ones without a previous pose.
 
-    together: modes of nearly equal frequency are compared by what they span.
+    by_span: modes of nearly equal frequency are compared by the space they span.
     """
     from scipy.optimize import linear_sum_assignment
 
-    if before is None:
+    if previous is None:
         return start_tracks(modes, count)
-    alive = [t for t, k in enumerate(before.rank) if k >= 0]
-    ranks = [before.rank[t] for t in alive]
-    own = before.modes.mac(modes)
-    mac = (_spanned(own, before.modes, modes) if together else own)[ranks]
-    # of modes that span the same, the one most alike
-    rows, columns = linear_sum_assignment(mac + own[ranks] if together else mac, maximize=True)
-    rank, sure = [-1] * len(before.rank), [0.0] * len(before.rank)
+    alive = [t for t, k in enumerate(previous.rank) if k >= 0]
+    ranks = [previous.rank[t] for t in alive]
+    single = previous.modes.mac(modes)
+    mac = (_group_mac(single, previous.modes, modes) if by_span else single)[ranks]
+    # among modes that span the same space, the most similar one
+    rows, columns = linear_sum_assignment(mac + single[ranks] if by_span else mac, maximize=True)
+    rank, track_mac = [-1] * len(previous.rank), [0.0] * len(previous.rank)
     for i, k in zip(rows.tolist(), columns.tolist(), strict=True):
         if mac[i, k] >= MIN_MAC:
-            rank[alive[i]], sure[alive[i]] = k, float(mac[i, k])
-    names = list(before.names)
-    _settle_intended(names, rank, sure, modes.intended.tolist())
-    # whatever comes from above, the lowest are followed
+            rank[alive[i]], track_mac[alive[i]] = k, float(mac[i, k])
+    names = list(previous.names)
+    _assign_intended(names, rank, track_mac, modes.intended.tolist())
+    # the lowest modes are always followed, also those that no track continues to
     for k in (k for k in range(min(len(modes.intended) + count, len(modes))) if k not in rank):
         names.append(f"parasitic_{1 + sum(not n.startswith('intended') for n in names)}")
         rank.append(k)
-        sure.append(1.0)
-    return Tracks(modes, tuple(rank), tuple(names), tuple(sure))
+        track_mac.append(1.0)
+    return Tracks(modes, tuple(rank), tuple(names), tuple(track_mac))
 
 
-def _settle_intended(names: list[str], rank: list[int], sure: list[float], intended: list[int]) -> None:
+def _assign_intended(names: list[str], rank: list[int], track_mac: list[float], intended: list[int]) -> None:
     """Put the intended tracks on the modes that are intended at this pose, in place.
 
-    Where shapes are exchanged along the way, a motion is known by what it does; the track found there takes the mode left.
+    Where modes exchange their shapes, the intended motion is identified by what it does; a track found on its mode gets the
+    other mode in exchange.
     """
-    mine = [t for t, n in enumerate(names) if n.startswith("intended")]
-    left = [k for k in intended if k not in [rank[t] for t in mine]]
-    for t in mine:
+    own = [t for t, n in enumerate(names) if n.startswith("intended")]
+    left = [k for k in intended if k not in [rank[t] for t in own]]
+    for t in own:
         if rank[t] in intended:
             continue
         k = left.pop(0) if left else -1
         if k in rank:
             other = rank.index(k)
-            rank[other], sure[other] = rank[t], sure[t]
-        rank[t], sure[t] = k, 1.0 if k >= 0 else 0.0
-    for number, k in enumerate(left, len(mine) + 1):
+            rank[other], track_mac[other] = rank[t], track_mac[t]
+        rank[t], track_mac[t] = k, 1.0 if k >= 0 else 0.0
+    for number, k in enumerate(left, len(own) + 1):
         if k in rank:
             rank[rank.index(k)] = -1
         names.append(f"intended_{number}")
         rank.append(k)
-        sure.append(1.0)
+        track_mac.append(1.0)
 
 
-def _spanned(mac: np.ndarray, one: Modes, two: Modes) -> np.ndarray:
-    """MAC of groups of nearly equal frequency, in the shape of `mac`: the share of the smaller span in the other."""
-    found = mac.copy()
-    for rows in _groups(one):
-        for columns in _groups(two):
+def _group_mac(mac: np.ndarray, one: Modes, two: Modes) -> np.ndarray:
+    """MAC of groups of nearly equal frequency, in the shape of `mac`: the share of the smaller span in the other one."""
+    grouped = mac.copy()
+    for rows in _frequency_groups(one):
+        for columns in _frequency_groups(two):
             share = mac[np.ix_(rows, columns)].sum() / min(len(rows), len(columns))
-            found[np.ix_(rows, columns)] = min(1.0, share)
-    return found
+            grouped[np.ix_(rows, columns)] = min(1.0, share)
+    return grouped
 
 
-def _groups(modes: Modes) -> list[np.ndarray]:
-    """Numbers of modes, ascending, in groups of nearly equal frequency."""
+def _frequency_groups(modes: Modes) -> list[np.ndarray]:
+    """Indices of the modes, ascending, in groups of nearly equal frequency."""
     f = modes.frequency_Hz
-    apart = np.flatnonzero(np.diff(f) > EQUAL_FREQUENCY_TOLERANCE * np.abs(f[1:])) + 1
-    return np.split(np.arange(len(f)), apart)
+    starts = np.flatnonzero(np.diff(f) > EQUAL_FREQUENCY_TOLERANCE * np.abs(f[1:])) + 1
+    return np.split(np.arange(len(f)), starts)
 
 
 def follow_with_bisection(
-    before: Tracks | None, modes: Modes, count: int, between: IntermediateModes | None
+    previous: Tracks | None, modes: Modes, count: int, modes_at: IntermediateModes | None
 ) -> Tracks:
-    """As `follow`; where one of the lowest tracks is in doubt, by the modes of poses in between.
+    """As `continue_tracks`, and by way of intermediate poses where one of the lowest tracks has no reliable partner.
 
-    between(share, more) (None where there is no way): modes at a share 0..1 of the way from the pose before to this one,
-    `more` than usual.
+    modes_at: modes between the previous pose (0) and this one (1); None where there are none.
     """
-    found = follow(before, modes, count)
-    if before is None or between is None or not _in_doubt(before, found, count):
-        return found
+    tracks = continue_tracks(previous, modes, count)
+    if previous is None or modes_at is None or not _is_unreliable(previous, tracks, count):
+        return tracks
     try:
-        return _halved(before, modes, count, between, way=(0.0, 1.0, MAX_BISECTIONS))
+        return _bisect(previous, modes, count, modes_at, interval=(0.0, 1.0), bisections=MAX_BISECTIONS)
     except (KsdError, ArithmeticError, np.linalg.LinAlgError):
-        return found
+        return tracks
 
 
-def _halved(
-    before: Tracks, modes: Modes, count: int, between: IntermediateModes, *, way: tuple[float, float, int]
+def _bisect(
+    previous: Tracks,
+    modes: Modes,
+    count: int,
+    modes_at: IntermediateModes,
+    *,
+    interval: tuple[float, float],
+    bisections: int,
 ) -> Tracks:
-    """Modes named from those before; where a partner is in doubt from a pose half way, `left` more times. way: pose before,
-    pose, left."""
-    start, end, left = way
-    found = follow(before, modes, count)
-    if not _in_doubt(before, found, count):
-        return found
-    if left == 0:
-        if not _in_doubt(before, found, count, sure=MIN_MAC):
-            return found
-        # the same modes come first among more of them
-        return follow(
-            replace(before, modes=between(start, ADDITIONAL_MODES)),
-            between(end, ADDITIONAL_MODES),
-            count,
-            together=True,
-        )
+    """Tracks at the end of an interval from those at its start, with at most so many nested bisections."""
+    tracks = continue_tracks(previous, modes, count)
+    if not _is_unreliable(previous, tracks, count):
+        return tracks
+    start, end = interval
+    if bisections == 0:
+        if not _is_unreliable(previous, tracks, count, min_mac=MIN_MAC):
+            return tracks
+        # the first of more modes are the same modes
+        previous = replace(previous, modes=modes_at(start, ADDITIONAL_MODES))
+        return continue_tracks(previous, modes_at(end, ADDITIONAL_MODES), count, by_span=True)
     middle = 0.5 * (start + end)
-    half = _halved(before, between(middle, 0), count, between, way=(start, middle, left - 1))
-    return _halved(half, modes, count, between, way=(middle, end, left - 1))
+    half = _bisect(
+        previous, modes_at(middle, 0), count, modes_at, interval=(start, middle), bisections=bisections - 1
+    )
+    return _bisect(half, modes, count, modes_at, interval=(middle, end), bisections=bisections - 1)
 
 
-def _in_doubt(before: Tracks, found: Tracks, count: int, *, sure: float = RELIABLE_MAC) -> bool:
-    """Whether one of the lowest tracks of the pose before has no partner, or none that is `sure`."""
-    lowest = count + sum(n.startswith("intended") for n in before.names)
-    return any(0 <= k < lowest and found.mac[t] < sure for t, k in enumerate(before.rank))
+def _is_unreliable(previous: Tracks, tracks: Tracks, count: int, *, min_mac: float = RELIABLE_MAC) -> bool:
+    """Whether one of the lowest tracks of the previous pose has a MAC below `min_mac` at this one."""
+    lowest = count + sum(n.startswith("intended") for n in previous.names)
+    return any(0 <= k < lowest and tracks.mac[t] < min_mac for t, k in enumerate(previous.rank))

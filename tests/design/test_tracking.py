@@ -11,7 +11,7 @@ import ksd
 from ksd.design.frequency_curve import even_curve, frequency_curve
 from ksd.design.state_space import state_space
 from ksd.design.sweep import sweep
-from ksd.design.tracking import follow, follow_with_bisection, start_tracks
+from ksd.design.tracking import continue_tracks, follow_with_bisection, start_tracks
 from ksd.properties.frequencies import Modes, intended_modes
 
 
@@ -42,23 +42,23 @@ class Made(Modes):
 
 
 def test_a_crossing_swaps_rank_and_not_name():
-    tracks = follow(None, Made([0, 1, 2], [5, 100, 120]), 2)
+    tracks = continue_tracks(None, Made([0, 1, 2], [5, 100, 120]), 2)
     assert tracks.names == ("intended", "parasitic_1", "parasitic_2")
-    tracks = follow(tracks, Made([0, 1, 2], [6, 130, 110]), 2)
+    tracks = continue_tracks(tracks, Made([0, 1, 2], [6, 130, 110]), 2)
     assert [tracks.frequency_Hz(t) for t in range(3)] == [6, 130, 110]
     assert tracks.names[tracks.first_parasitic] == "parasitic_2"
 
 
 def test_intended_motion_may_cross_the_others():
-    tracks = follow(None, Made([0, 1, 2], [50, 60, 120]), 2)
-    tracks = follow(tracks, Made([0, 1, 2], [70, 65, 120]), 2)
+    tracks = continue_tracks(None, Made([0, 1, 2], [50, 60, 120]), 2)
+    tracks = continue_tracks(tracks, Made([0, 1, 2], [70, 65, 120]), 2)
     assert tracks.frequency_Hz(tracks.names.index("intended")) == 70
     assert tracks.frequency_Hz(tracks.first_parasitic) == 65
 
 
 def test_a_lost_mode_ends_and_a_new_one_begins():
-    tracks = follow(None, Made([0, 1, 2], [5, 100, 120]), 2)
-    tracks = follow(tracks, Made([0, 1, 3], [5, 100, 90]), 2)
+    tracks = continue_tracks(None, Made([0, 1, 2], [5, 100, 120]), 2)
+    tracks = continue_tracks(tracks, Made([0, 1, 3], [5, 100, 90]), 2)
     assert tracks.names[-1] == "parasitic_3" and tracks.frequency_Hz(3) == 90
     assert np.isnan(tracks.frequency_Hz(2)), "parasitic_2 has no partner"
     assert tracks.names[tracks.first_parasitic] == "parasitic_3"
@@ -86,10 +86,10 @@ def test_an_intended_motion_above_the_modes_computed_leaves_its_name_to_no_other
 
 def test_no_track_keeps_a_name_that_the_pose_denies():
     """The intended motion hands over to the mode beside it: both tracks go on, each with the frequency of its kind."""
-    tracks, after = follow(None, Made([0, 1, 2], [50, 60, 120]), 2), Made([0, 1, 2], [51, 59, 120])
+    tracks, after = continue_tracks(None, Made([0, 1, 2], [50, 60, 120]), 2), Made([0, 1, 2], [51, 59, 120])
     after.drive_motion = np.array([[0.0], [1.0], [0.0]])
     after.drive_compliance = np.array([[1.0 / after.omega_squared[1]]])
-    tracks = follow(tracks, after, 2)
+    tracks = continue_tracks(tracks, after, 2)
     assert tracks.names == ("intended", "parasitic_1", "parasitic_2")
     assert [tracks.frequency_Hz(t) for t in range(3)] == [59, 51, 120]
     assert tracks.frequency_Hz(tracks.first_parasitic) == after.first_parasitic_Hz == 51
@@ -114,8 +114,8 @@ def test_modes_of_a_real_crossing_are_followed():
 
 def test_whatever_comes_from_above_is_followed():
     """A mode that was not among the lowest sinks below them all: it is the first parasitic one, under a name of its own."""
-    tracks = follow(None, Made([0, 1, 2, 3], [5, 100, 120, 140]), 2)
-    tracks = follow(tracks, Made([0, 1, 2, 3], [5, 100, 120, 80]), 2)
+    tracks = continue_tracks(None, Made([0, 1, 2, 3], [5, 100, 120, 140]), 2)
+    tracks = continue_tracks(tracks, Made([0, 1, 2, 3], [5, 100, 120, 80]), 2)
     assert tracks.names[tracks.first_parasitic] == "parasitic_3"
     assert [tracks.frequency_Hz(t) for t in range(4)] == [5, 100, 120, 80]
 
@@ -125,8 +125,8 @@ def test_modes_of_equal_frequency_are_known_by_what_they_span():
     turn = np.eye(9)
     turn[1:3, 1:3] = [[0.6, 0.8], [-0.8, 0.6]]
     after.vector = after.vector @ turn
-    start = follow(None, before, 2)
-    assert follow(start, after, 2, together=True).mac == pytest.approx((1.0, 1.0, 1.0))
+    start = continue_tracks(None, before, 2)
+    assert continue_tracks(start, after, 2, by_span=True).mac == pytest.approx((1.0, 1.0, 1.0))
 
 
 def test_the_way_is_halved_where_modes_exchange_their_shapes():
@@ -138,9 +138,9 @@ def test_the_way_is_halved_where_modes_exchange_their_shapes():
         made.vector[1:, 1:3] = [[np.cos(x), np.sin(x)], [-np.sin(x), np.cos(x)]]
         return made
 
-    start = follow(None, at(0.0), 2)
+    start = continue_tracks(None, at(0.0), 2)
     # asked about the corners alone they would
-    assert follow(start, at(1.0), 2).rank == (0, 2, 1)
+    assert continue_tracks(start, at(1.0), 2).rank == (0, 2, 1)
     asked = []
     between = lambda share, more: asked.append(share) or at(share)  # noqa: E731
     assert follow_with_bisection(start, at(0.6), 2, lambda s, m: at(0.6 * s)).rank == (0, 1, 2)
@@ -153,7 +153,7 @@ def test_modes_of_the_fourbar_are_followed_from_rest():
     solver = ksd.prepare(fourbar())
     tracks = None
     for d in np.linspace(0.0, 0.01, 21):
-        tracks = follow(tracks, solver(top=d, method="full").frequencies(count=16, freed="top"), 3)
+        tracks = continue_tracks(tracks, solver(top=d, method="full").frequencies(count=16, freed="top"), 3)
     table = sweep(fourbar(), questions="frequencies", method="full", top=[0.0, 0.01, 0.02], progress=False)
     names = [c.removesuffix("_Hz") for c in table.columns if c.startswith(("intended", "parasitic"))]
     assert names == ["intended", "parasitic_1", "parasitic_2", "parasitic_3"]
