@@ -1,4 +1,4 @@
-"""What a job is judged by: targets and limits, in words and as answers."""
+"""Targets and limits of a job, parsed from its arguments into answers."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from ksd.checks import number, show, similar_name_hint
 from ksd.design.questions import other_principal_columns
 from ksd.errors import SceneError
 
-INFINITE = {"support": np.inf, "buckling_positive": np.inf, "buckling_negative": -np.inf}
-"""What an answer that is no number stands for, by the beginning of its column: nothing moves, or nothing buckles."""
+VALUE_IF_NAN = {"support": np.inf, "buckling_positive": np.inf, "buckling_negative": -np.inf}
+"""Value of an answer that is nan, by the beginning of its column: nothing moves, or nothing buckles."""
 SIGNED_QUESTIONS = {"force", "parasitic"}
-"""Questions whose answers have a sign: of what is minimised their size counts."""
+"""Questions whose answers have a sign: where they are minimised, it is their absolute value."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """One number a design is judged by: a column of `ksd.sweep` at a pose, or over all of them (None).
+    """A target or limit: a column of `ksd.sweep` at a pose, or over all poses (None).
 
-    role: "maximise", "minimise" or "limit"; scale: what a target is measured in; low, high: of a limit; factor: by which a
-    target is multiplied before it counts; amount: its size is the answer.
+    role: "maximise", "minimise" or "limit"; scale: divisor of a target; low, high: of a limit; factor: multiplies a target
+    to make it robust; is_absolute: the absolute value of the column is the answer.
     """
 
     name: str
@@ -34,27 +34,30 @@ class Answer:
     low: float = -np.inf
     high: float = np.inf
     factor: float = 1.0
-    amount: bool = False
+    is_absolute: bool = False
 
     @property
-    def infinite(self) -> float:
-        """What it stands for where it is no number; nan where that is nothing."""
-        return next((v for begin, v in INFINITE.items() if self.column.startswith(begin)), np.nan)
+    def value_if_nan(self) -> float:
+        """Value of the answer where its column is nan."""
+        return next((v for begin, v in VALUE_IF_NAN.items() if self.column.startswith(begin)), np.nan)
 
     def merit(self, value: float) -> float:
-        """A target over its scale, larger is better; infinite for a limit, which is none."""
+        """A target over its scale, larger is better; infinite for a limit."""
         if self.role == "limit":
             return np.inf
         return (value if self.role == "maximise" else -value) * self.factor / self.scale
 
     def margins(self, value: float) -> list[float]:
-        """How far every side of a limit is met, over the limit (by itself where that is 0); negative where it is not."""
-        found = [(value - self.low) / (abs(self.low) or 1.0)] if np.isfinite(self.low) else []
-        return found + ([(self.high - value) / (abs(self.high) or 1.0)] if np.isfinite(self.high) else [])
+        """Distance to every finite side of a limit over the limit (not divided where it is 0); negative where violated."""
+        margins = [(value - self.low) / (abs(self.low) or 1.0)] if np.isfinite(self.low) else []
+        return margins + ([(self.high - value) / (abs(self.high) or 1.0)] if np.isfinite(self.high) else [])
 
-    def parts(self, leaves: Sequence[str]) -> list[Answer]:
-        """The answers that it asks for at a pose: the worst of several has kinks, so where all of them are to be on one side
-        each is an answer: stresses (columns `leaves`) below, principal stiffnesses above. Else it is one itself."""
+    def smooth_parts(self, leaves: Sequence[str]) -> list[Answer]:
+        """The answers without kinks that replace this one.
+
+        The worst of several values has kinks. Where all of them must be on one side, each becomes an answer: stresses
+        (columns `leaves`) below, principal stiffnesses above. Otherwise the answer stays.
+        """
         above = self.role == "maximise" or np.isfinite(self.low)
         if self.column == "stress_MPa":
             below = self.role == "minimise" or np.isfinite(self.high)
@@ -66,20 +69,22 @@ class Answer:
         ]
 
     def moved(self, by: float, value: float) -> Answer:
-        """The same with a limit moved in by this much, in units of its column; where a `value` is given (not nan), limits of
-        its sign, and targets, by that share of it in logarithms."""
-        # far from what it scatters by; else its logarithm says nothing
+        """The same answer with its limit moved in by `by`, in units of its column.
+
+        Where a `value` is given (not nan), targets, and limits of its sign, move by the share by / |value| in logarithms.
+        """
+        # a logarithm is meaningful only for values that are large beside their scatter
         share = by / abs(value) if abs(value) > 2.0 * by and np.isfinite(value) else 0.0
         if self.role == "limit":
             low, high = (
-                _moved(end, sign * by, share, value) for end, sign in ((self.low, 1), (self.high, -1))
+                _moved_end(end, sign * by, share, value) for end, sign in ((self.low, 1), (self.high, -1))
             )
             return replace(self, low=low, high=high)
         return replace(self, factor=float(np.exp(-share if self.role == "maximise" else share)))
 
 
-def goals_of(maximise: Any, minimise: Any, limits: Any, known: Mapping[str, str]) -> list[Answer]:
-    """Every target and limit, of no pose yet; known: columns there are. Raises SceneError."""
+def parse_goals(maximise: Any, minimise: Any, limits: Any, known: Mapping[str, str]) -> list[Answer]:
+    """Targets and limits without a pose from the arguments of a job; known: the possible columns. Raises SceneError."""
     if (maximise and minimise) or not (maximise or minimise or limits):
         raise SceneError(
             "give one of maximise and minimise, for example maximise='support_worst_N_per_m', or, for ksd.tolerance, limits "
@@ -94,12 +99,12 @@ def goals_of(maximise: Any, minimise: Any, limits: Any, known: Mapping[str, str]
                 f"{role} = {show(goals)}: give a column, several, or their scales by column, such as {{'stress_MPa': 500}}"
             )
         goals = dict.fromkeys(goals, 1.0)
-    found = []
+    answers = []
     for column, scale in goals.items():
         size = number(scale, f"{role}: {column}")
         if size <= 0.0:
             raise SceneError(f"{role}: {column} = {show(scale)}: its scale must be positive")
-        found.append(Answer(column, _column(column, known), role, None, size))
+        answers.append(Answer(column, _check_column(column, known), role, None, size))
     if limits is not None and not isinstance(limits, Mapping):
         raise SceneError(f"limits = {show(limits)}: give limits by column, such as {{'stress_MPa': 500}}")
     for column, given in (limits or {}).items():
@@ -112,7 +117,7 @@ def goals_of(maximise: Any, minimise: Any, limits: Any, known: Mapping[str, str]
             for axis, most in zip("xyz", sizes, strict=True):
                 if most is not None:
                     own = f"size_{axis}_mm"
-                    found.append(Answer(own, own, "limit", None, high=number(most, f"limits: {own}")))
+                    answers.append(Answer(own, own, "limit", None, high=number(most, f"limits: {own}")))
             continue
         both = given if isinstance(given, Sequence) and not isinstance(given, str) else (None, given)
         if len(both) != 2 or both[0] is both[1] is None:
@@ -127,11 +132,12 @@ def goals_of(maximise: Any, minimise: Any, limits: Any, known: Mapping[str, str]
             raise SceneError(
                 f"limits: {column} = {show(given)} holds nothing: the least must be below the most"
             )
-        found.append(Answer(column, _column(column, known), "limit", None, low=low, high=high))
-    return found
+        answers.append(Answer(column, _check_column(column, known), "limit", None, low=low, high=high))
+    return answers
 
 
-def _column(column: Any, known: Mapping[str, str]) -> str:
+def _check_column(column: Any, known: Mapping[str, str]) -> str:
+    """The column; raises SceneError for one that does not exist."""
     if column not in known:
         raise SceneError(
             f"there is no answer {show(column)}; there are {', '.join(known)}{similar_name_hint(column, known)}"
@@ -139,8 +145,8 @@ def _column(column: Any, known: Mapping[str, str]) -> str:
     return str(column)
 
 
-def _moved(end: float, by: float, share: float, value: float) -> float:
-    """An end of a limit moved by this much, or by a share of it where it is of the sign of the value."""
+def _moved_end(end: float, by: float, share: float, value: float) -> float:
+    """An end of a limit moved by `by`, or by a share in logarithms where it has the sign of the value."""
     if share == 0.0 or not np.isfinite(end) or end * value <= 0.0:
         return end + by
     return end * float(np.exp(np.sign(by * end) * share))

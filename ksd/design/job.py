@@ -1,8 +1,9 @@
-"""`ksd.Job`: what a design is to be good at, as numbers that any optimiser takes.
+"""`ksd.Job`: the targets, limits and rules of a design as numbers for any optimiser.
 
-Targets and limits are columns of `ksd.sweep`, at every pose and load case; the worst counts. Stress is answered for every
-leaf and the worst support stiffness with all principal ones, as the worst of several has kinks; size for all poses together.
-Values and derivatives are of the same equilibria on the same mesh. Designs go through the batch (`ksd.design.batch_solver`).
+Targets and limits are columns of `ksd.sweep` at every pose and load case, of which the worst counts. Stresses are answers
+for every leaf, and the worst support stiffness is with all principal ones, because the worst of several has kinks; sizes are
+over all poses together. Values and derivatives are of the same equilibria on the same mesh. Designs are solved in batches
+(`ksd.design.batch_solver`).
 """
 
 from __future__ import annotations
@@ -16,7 +17,6 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import brentq
 
 from ksd.bodies.record_match import check_proportions
 from ksd.checks import (
@@ -37,8 +37,17 @@ from ksd.design.arguments import (
     drive_value_arrays,
 )
 from ksd.design.batch_solver import BatchSolver, run_in_blocks, scene_factories
+from ksd.design.bounds import (
+    PROBE_FRACTION,
+    TrainedBounds,
+    TrainedRange,
+    first_buildable,
+    joints_between,
+    parse_bounds,
+    trained_bounds,
+)
 from ksd.design.design_scene import add_loads, build_scene, load_cases, scene_or_reason
-from ksd.design.goals import SIGNED_QUESTIONS, Answer, goals_of
+from ksd.design.goals import SIGNED_QUESTIONS, Answer, parse_goals
 from ksd.design.gradient import SolvedPoses, gradient_at
 from ksd.design.prepared_design import DesignResult, status_sentence
 from ksd.design.questions import (
@@ -58,7 +67,7 @@ from ksd.model.compile import compile_scene
 from ksd.model.effects import mentioned_effects
 from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.properties.printing import PrintableAnswer, format_number
-from ksd.scene import Joint, Mechanism, Scene
+from ksd.scene import Mechanism, Scene
 from ksd.scene.link import Link
 from ksd.scene.load import Load
 from ksd.solve.configuration import Configuration
@@ -68,45 +77,55 @@ from ksd.solve.solver import DEFAULT_ACCURACY
 from ksd.solve.verdict import with_mesh_check
 
 Array = np.ndarray
-SPARE = 8
-"""Scenes kept beyond those of a gradient."""
-TRIED = 4096
-"""Designs at which rules are tried before they count as never met."""
+SPARE_SCENES = 8
+"""Scenes cached in addition to those of a gradient."""
+MAX_RANDOM_TRIALS = 4096
+"""Random designs at which rules are evaluated before they count as never met."""
 Targets = str | Sequence[str] | Mapping[str, float]
 Rule = Callable[[Mapping[str, float]], float]
 
 
 class DesignAnswers(NamedTuple):
-    """Answers (D, answers) of D designs, nan where there is none, and "ok" or why not (D,)."""
+    """Answers of D designs: values (D, answers), nan where there is none, and status (D,): "ok" or why there are none."""
 
     values: Array
     status: tuple[str, ...]
 
 
-class _Drawn:
-    """A function of parameters that keeps the scenes it drew last: rules, answers and their slopes are asked of the same.
-    Known to other processes without them."""
+class _SolvedDesign(NamedTuple):
+    """Rows of all poses of a design under one load case, status ("ok" or the first failure), and poses where requested."""
 
-    def __init__(self, function: Callable[..., Any], most: int) -> None:
-        self.function, self.most = function, most
-        self.kept = lru_cache(most)(self._drawn)
-        # attributes of a callable object are its own
+    rows: list[Row]
+    status: str
+    poses: list[Configuration]
+
+
+class _CachedSceneFunction:
+    """A function of parameters that caches its last scenes, as rules, answers and slopes need the same ones.
+
+    Pickling drops the cache.
+    """
+
+    def __init__(self, function: Callable[..., Any], maxsize: int) -> None:
+        self.function, self.maxsize = function, maxsize
+        self.cached = lru_cache(maxsize)(self._build)
+        # without the attributes of a callable object
         update_wrapper(self, function, updated=())
 
     def __reduce__(self) -> Any:
-        return _Drawn, (self.function, self.most)
+        return _CachedSceneFunction, (self.function, self.maxsize)
 
     def __call__(self, **parameters: Any) -> Any:
-        return self.kept(whole_checks_enabled(), tuple(parameters.items()))
+        return self.cached(whole_checks_enabled(), tuple(parameters.items()))
 
-    def _drawn(self, _: bool, given: tuple[tuple[str, Any], ...]) -> Any:
-        made = self.function(**dict(given))
-        return made.scene() if isinstance(made, Mechanism) else made
+    def _build(self, _: bool, given: tuple[tuple[str, Any], ...]) -> Any:
+        result = self.function(**dict(given))
+        return result.scene() if isinstance(result, Mechanism) else result
 
 
 @dataclass(frozen=True)
-class _Loaded:
-    """A function of parameters with loads added to the scene it draws; known to other processes."""
+class _LoadedSceneFunction:
+    """A function of parameters whose scenes have the loads of a load case added; it can be pickled."""
 
     function: Any
     loads: tuple[Any, ...]
@@ -120,41 +139,41 @@ class _Loaded:
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
 class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
-    """What to vary, what to make large or small, and what limits it; see `ksd.optimise`.
+    """Parameters to vary, targets to maximise or minimise, and limits; see `ksd.optimise`.
 
-    function: of the parameters, returns a mechanism. vary: least and most of every parameter, SI. maximise or minimise:
-    columns of `ksd.sweep`, several with the scale each is measured in: the worst of them over their scales, over all poses
-    and load cases, counts; of forces, moments and parasitic motion that are minimised it is their size. limits: the most by
-    column, or (least, most), None for neither, in units of the column; without a target they are enough for `ksd.tolerance`;
-    "size_mm" takes the most along x, y and z. rules: functions of the parameters by name that must not be negative, told
-    before anything is solved. link, at, freed, modes, loads, together: as in `ksd.sweep`, and so the drive values [m or
-    rad]; but modes are numbered at every pose from the lowest. method: "full", "reduced", or "conventional", which knows no
-    trained ranges; by the others these are bounds; when None "full" where every joint has a record (a joint of one's own: of
-    it as all parameters draw it), else "conventional". mesh: when None the usual one, with the curvature modes that are
-    enough in the middle of the bounds; that they are few at an optimum is printed with it. extrapolate: as in `ksd.solve`;
-    targets: drive values as a mapping. All answers are those of the equilibrium, whichever method leads there, so that
-    slopes are theirs. A design that is not stable at a pose has no answers.
+    function: of the parameters, returns a mechanism. vary: least and most of every parameter, SI. maximise or minimise: one
+    column of `ksd.sweep`, or several with the scale that divides each; the worst of them over its scale, over all poses and
+    load cases, is the merit; where forces, moments or parasitic motion are minimised, it is their absolute value. limits:
+    the most by column, or (least, most), None for neither, in units of the column; a job with limits alone suffices for
+    `ksd.tolerance`; "size_mm" takes the most along x, y and z. rules: functions of the parameters by name that must not be
+    negative; they are evaluated before a design is solved. link, at, freed, modes, loads, together: as in `ksd.sweep`, and
+    so the drive values [m or rad]; but modes are numbered at every pose from the lowest. method: "full", "reduced", or
+    "conventional", which needs no trained ranges; for the others these are bounds. When None it is "full" where every joint
+    has a record (a joint of one's own: for all parameters), else "conventional". mesh: when None the default, with as many
+    curvature modes as suffice in the middle of the bounds; where they are too few at an optimum, it prints a warning.
+    extrapolate: as in `ksd.solve`; targets: drive values as a mapping. All answers are those of the equilibrium,
+    independent of the method, so that slopes are theirs. A design that is not stable at a pose has no answers.
 
     Raises SceneError for everything that is wrong before a solve.
     """
 
     function: Callable[..., Any]
-    drawn: _Drawn
+    build: _CachedSceneFunction
     vary: Mapping[str, tuple[float, float]]
     answers: tuple[Answer, ...]
     rules: tuple[Rule, ...]
     bounds: Array
-    held_by: Mapping[tuple[str, str], str]
-    words: Mapping[str, Any]
-    ranges: tuple[_Range, ...]
-    asked: Questions
+    bound_reasons: Mapping[tuple[str, str], str]
+    arguments: Mapping[str, Any]
+    coupled_ranges: tuple[TrainedRange, ...]
+    questions: Questions
     loads: Any
     cases: Mapping[str, tuple[Load, ...]]
     drives: Mapping[str, Array]
     paths: DrivePaths
     method: Literal["full", "reduced", "conventional"]
     extrapolate: bool
-    last: tuple[bytes, list[SolvedPoses]] | None
+    last_solved: tuple[bytes, list[SolvedPoses]] | None
 
     def __init__(
         self,
@@ -177,50 +196,60 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         targets: Mapping[str, ArrayLike] | None = None,
         **drives: ArrayLike,
     ) -> None:
-        self.__dict__["words"] = {
+        self.__dict__["arguments"] = {
             "vary": vary, "maximise": maximise, "minimise": minimise, "limits": limits, "rules": rules, "loads": loads,
             "link": link, "at": at, "freed": freed, "modes": modes, "method": method, "mesh": mesh,
             "extrapolate": extrapolate, "together": together, "targets": targets, **drives,
         }  # fmt: skip
-        ways = ("full", "reduced", "conventional")
+        methods = ("full", "reduced", "conventional")
         check_solve_options(
-            mesh=mesh, relinearisations=0, method=method, methods=ways, extrapolate=extrapolate
+            mesh=mesh, relinearisations=0, method=method, methods=methods, extrapolate=extrapolate
         )
         if not callable(function):
             raise SceneError("a job needs a function of the parameters it varies that returns a mechanism")
         values = drive_value_arrays(targets, drives, Job)
         if not values:
             raise SceneError("a job needs drive values, for example turn=[0, 0.3]")
-        given = _given_bounds(vary)
-        check_design_parameters(function, [given], "vary")
+        given_bounds = parse_bounds(vary)
+        check_design_parameters(function, [given_bounds], "vary")
         self.__dict__.update(
-            function=function, drawn=_Drawn(function, 2 * len(given) + SPARE), vary=given, loads=loads,
-            extrapolate=extrapolate, last=None, **({} if mesh is None else {"mesh": mesh}),
-            drives=values, cases=load_cases(loads), rules=_checked(rules),
+            function=function, build=_CachedSceneFunction(function, 2 * len(given_bounds) + SPARE_SCENES),
+            vary=given_bounds, loads=loads, extrapolate=extrapolate, last_solved=None,
+            drives=values, cases=load_cases(loads), rules=_check_rules(rules),
             paths=drive_paths(values, together=boolean(together, "together")),
+            **({} if mesh is None else {"mesh": mesh}),
         )  # fmt: skip
-        scene = self._first
+        scene = self._example_scene
         check_drives(scene, tuple(values), Job)
-        self.__dict__["method"] = method or self._usual_method(scene, mesh or DEFAULT_MESH)
-        for extra in self.cases.values():
-            if add_loads(scene, extra)[1]:
-                raise SceneError(add_loads(scene, extra)[1])
+        self.__dict__["method"] = method or self._default_method(scene, mesh or DEFAULT_MESH)
+        for case_loads in self.cases.values():
+            failure = add_loads(scene, case_loads)[1]
+            if failure:
+                raise SceneError(failure)
         known = column_questions(scene, modes)
-        goals = goals_of(maximise, minimise, limits, known)
-        questions = tuple(dict.fromkeys(known[goal.column] for goal in goals))
-        asked = replace(parse_questions(questions, link, at, freed, modes=modes), detailed=True)
-        check_questions(asked, scene)
+        goals = parse_goals(maximise, minimise, limits, known)
+        names = tuple(dict.fromkeys(known[goal.column] for goal in goals))
+        questions = replace(parse_questions(names, link, at, freed, modes=modes), detailed=True)
+        check_questions(questions, scene)
         signed = {column for column, question in known.items() if question in SIGNED_QUESTIONS}
-        self.__dict__.update(asked=asked, answers=self._listed(goals, scene, signed))
-        self.__dict__.update(zip(("bounds", "held_by", "ranges"), self._trained(scene), strict=True))
+        self.__dict__.update(questions=questions, answers=self._answers_at_poses(goals, scene, signed))
+        within = TrainedBounds(np.array(list(given_bounds.values())), {}, ())
+        if self.method != "conventional" and not self.extrapolate:
+            within = trained_bounds(self.build, given_bounds, scene)
+        self.__dict__.update(
+            bounds=within.bounds, bound_reasons=within.reasons, coupled_ranges=within.coupled
+        )
+        # raises where no design is within bounds and rules
         self.random(1)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {k: v for k, v in self.__dict__.items() if k not in ("_solvers", "_first")} | {"last": None}
+        return {k: v for k, v in self.__dict__.items() if k not in ("_solvers", "_example_scene")} | {
+            "last_solved": None
+        }
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of what is varied."""
+        """Names of the varied parameters."""
         return tuple(self.vary)
 
     @property
@@ -230,7 +259,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
 
     @property
     def steps(self) -> list[dict[str, float]]:
-        """Drive values by name of the poses of every load case."""
+        """Drive values by name [m or rad] of the poses, which are the same for every load case."""
         return [step for path in self.paths for step in path]
 
     @cached_property
@@ -240,9 +269,9 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
 
     @cached_property
     def mesh(self) -> Mesh:
-        """As given, or with the curvature modes that are enough in the middle of the bounds, for all designs."""
-        scenes = (add_loads(self._first, extra)[0] for extra in self.cases.values())
-        recipe = Recipe(self.asked, method=self.method, extrapolate=self.extrapolate)
+        """The mesh of all designs: as given, or with as many curvature modes as suffice in the middle of the bounds."""
+        scenes = (add_loads(self._example_scene, case_loads)[0] for case_loads in self.cases.values())
+        recipe = Recipe(self.questions, method=self.method, extrapolate=self.extrapolate)
         return adequate_mesh(
             (SweepPath(k, {}, scene, tuple(self.steps)) for k, scene in enumerate(scenes)), recipe
         )
@@ -250,25 +279,28 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     @property
     def limits(self) -> dict[str, tuple[float, float]]:
         """Least and most by column, infinite where there is none."""
-        found: dict[str, tuple[float, float]] = {}
+        limits: dict[str, tuple[float, float]] = {}
         for a in (a for a in self.answers if a.role == "limit"):
-            low, high = found.get(a.column.split("[")[0], (-np.inf, np.inf))
-            found[a.column.split("[")[0]] = max(low, a.low), min(high, a.high)
-        return found
+            column = a.column.split("[")[0]
+            low, high = limits.get(column, (-np.inf, np.inf))
+            limits[column] = max(low, a.low), min(high, a.high)
+        return limits
 
     def _line(self) -> str:
         goals = {a.column.split("[")[0]: a.role for a in self.answers if a.role != "limit"}
-        said = ", ".join(f"{role} {column}" for column, role in goals.items()) or "limits alone"
+        targets = ", ".join(f"{role} {column}" for column, role in goals.items()) or "limits alone"
         poses = "one pose" if len(self.poses) == 1 else f"{len(self.poses)} poses"
-        return f"{said} by {', '.join(self.parameters)} at {poses}"
+        return f"{targets} by {', '.join(self.parameters)} at {poses}"
 
     def __str__(self) -> str:
         lines = [f"Job: {self._line()}"]
         for name, (low, high) in zip(self.vary, self.bounds.tolist(), strict=True):
-            cut = "".join(
-                f", {self.held_by[name, s]}" for s in ("least", "most") if (name, s) in self.held_by
+            reasons = "".join(
+                f", {self.bound_reasons[name, s]}"
+                for s in ("least", "most")
+                if (name, s) in self.bound_reasons
             )
-            lines.append(f"  {name}: {format_number(low)} to {format_number(high)}{cut}")
+            lines.append(f"  {name}: {format_number(low)} to {format_number(high)}{reasons}")
         for column, (low, high) in self.limits.items():
             least, most = (f"{side} {format_number(v)}" for side, v in (("at least", low), ("at most", high)))
             lines.append(
@@ -276,134 +308,70 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
             )
         return "\n".join(lines)
 
-    # ---- what is asked ---------------------------------------------------------------------------------------------------
+    def _answers_at_poses(self, goals: list[Answer], scene: Scene, signed: set[str]) -> tuple[Answer, ...]:
+        """Answers of every goal at every pose, those of sizes over all poses together.
 
-    def _listed(self, goals: list[Answer], scene: Scene, signed: set[str]) -> tuple[Answer, ...]:
-        """Every goal at every pose; stress of every leaf; size of all poses together; of `signed` the size. No two names are
-        alike: a limit of what is minimised by its size says so."""
-        found, labels = [], self._labels(scene)
+        signed: columns of which the absolute value is minimised. A limit of such a column has a name of its own.
+        """
+        answers, labels = [], self._pose_labels(scene)
         leaves = [f"stress_MPa[{name}]" for name in scene.leaf_names()]
         for goal in goals:
             if goal.column.startswith("size_"):
-                found.append(goal)
+                answers.append(goal)
                 continue
-            amount = goal.role == "minimise" and goal.column in signed
-            sizes = {a.name for a in found if a.amount}
+            is_absolute = goal.role == "minimise" and goal.column in signed
+            absolute_names = {a.name for a in answers if a.is_absolute}
             for k, label in enumerate(labels):
-                for part in goal.parts(leaves):
+                for part in goal.smooth_parts(leaves):
                     name = f"{part.column}{label}"
-                    name += " with its sign" if name in sizes else ""
-                    found.append(replace(part, name=name, pose=k, amount=amount))
-        return tuple(found)
+                    name += " with its sign" if name in absolute_names else ""
+                    answers.append(replace(part, name=name, pose=k, is_absolute=is_absolute))
+        return tuple(answers)
 
-    def _labels(self, scene: Scene) -> list[str]:
-        """Which pose each is, in words and in as many digits as tell them apart; nothing where there is only one."""
+    def _pose_labels(self, scene: Scene) -> list[str]:
+        """Load case and drive values of every pose as text, with enough digits to be different; empty for a single pose."""
         if len(self.poses) == 1:
             return [""]
         units = drive_columns(scene)
         moving = [n for n, v in self.drives.items() if len(v) > 1 or len(self.steps) == 1]
-        found: list[str] = []
-        for say in (format_number, "{:.6g}".format, "{:.9g}".format, "{:.12g}".format, repr):
-            found = []
+        labels: list[str] = []
+        for form in (format_number, "{:.6g}".format, "{:.9g}".format, "{:.12g}".format, repr):
+            labels = []
             for case, step in self.poses:
-                said = [f"{n} {say(units[n][1] * step[n])} {units[n][0].rsplit('_', 1)[1]}" for n in moving]
-                found.append(f" at {', '.join([*([case] if case else []), *said])}")
-            if len(set(found)) == len(found):
+                values = [
+                    f"{n} {form(units[n][1] * step[n])} {units[n][0].rsplit('_', 1)[1]}" for n in moving
+                ]
+                labels.append(f" at {', '.join([*([case] if case else []), *values])}")
+            if len(set(labels)) == len(labels):
                 break
-        return found
+        return labels
 
-    def _trained(self, scene: Scene) -> tuple[Array, dict[tuple[str, str], str], tuple[_Range, ...]]:
-        """Bounds within the trained ranges of the joints, what cut them, and ranges that hang on several parameters."""
-        bounds, others = np.array(list(self.vary.values())), []
-        cut: dict[tuple[str, str], str] = {}
-        if self.method == "conventional" or self.extrapolate:
-            return bounds, cut, ()
-        ranges = [
-            _Range(k, shape, f"{shape.name} of {placed.joint.family} '{placed.name}'")
-            for k, placed in enumerate(scene.joints)
-            for shape in find_record(placed.joint.family).parameters
-        ]
-        # which parameters change which shapes, seen at two places
-        by: list[set[int]] = [set() for _ in ranges]
-        for base in (0.37, 0.71):
-            here = self._shapes_at(np.full(len(bounds), base))
-            for i in range(len(bounds)):
-                there = self._shapes_at(base + 0.13 * (np.arange(len(bounds)) == i))
-                for own, r in zip(by, ranges, strict=True):
-                    a, b = r.of(here), r.of(there)
-                    own |= {i} if abs(a - b) > 1e-9 * max(abs(a), abs(b)) else set()
-        for own, r in zip(by, ranges, strict=True):
-            if len(own) != 1:
-                others += [r] if own else []
-                continue
-            i = own.pop()
-            name, low, high = self.parameters[i], *self._within(r, i)
-            said = f"the trained range {format_number(r.shape.low)} to {format_number(r.shape.high)} of {r.words}"
-            if not low < high:
-                raise SceneError(
-                    f"vary: {name} = {show(self.vary[name])} lies outside {said}; vary it within, or give "
-                    "method='conventional' or extrapolate=True"
-                )
-            for side, end, tighter in (("least", 0, low > bounds[i, 0]), ("most", 1, high < bounds[i, 1])):
-                if tighter:
-                    bounds[i, end] = (low, high)[end]
-                    cut[name, side] = f"{side} by {said}"
-        return bounds, cut, tuple(others)
-
-    def _shapes_at(self, place: Array) -> list[Mapping[str, float]]:
-        """Shape parameters of every joint at places (P,) in 0..1 of the bounds given; none where it cannot be drawn."""
-        return [joint.shape() for joint in self._joints_at(place)]
-
-    def _joints_at(self, place: Array) -> list[Joint]:
-        """Every joint at places (P,) in 0..1 of the bounds given; none where it cannot be drawn."""
-        try:
-            return [p.joint for p in build_scene(self.drawn, _design_between(self.vary, place)).joints]
-        except SceneError:
-            return []
-
-    def _usual_method(self, scene: Scene, mesh: Mesh) -> Literal["full", "conventional"]:
-        """ "full" where links are rigid, plate factors left out and all joints have records, of joints drawn as they are by
-        any parameters."""
+    def _default_method(self, scene: Scene, mesh: Mesh) -> Literal["full", "conventional"]:
+        """ "full" where links are rigid, plate factors are not simulated, and all joints match their records at two designs;
+        else "conventional"."""
         if not scene.joints or scene.compliances or "plate" in mentioned_effects(scene, mesh):
             return "conventional"
-        elsewhere = self._joints_at(np.full(len(self.vary), 0.37))
+        other_joints = joints_between(self.build, self.vary, np.full(len(self.vary), PROBE_FRACTION))
         try:
-            for joint in (*(placed.joint for placed in scene.joints), *elsewhere):
+            for joint in (*(placed.joint for placed in scene.joints), *other_joints):
                 check_proportions(joint, find_record(joint.family))
         except RecordError:
             return "conventional"
         return "full"
 
-    def _within(self, own: _Range, i: int) -> tuple[float, float]:
-        """Where, between its bounds, parameter i keeps a shape parameter within its range; nothing where it never does."""
-        low, high = self.vary[self.parameters[i]]
-
-        def margin(share: float) -> float:
-            place = np.full(len(self.vary), 0.37)
-            place[i] = share
-            # a bound in other digits than the range is within, as records take it
-            return own.margin(self._shapes_at(place)) + 5e-10
-
-        good = [s for s in np.linspace(0.0, 1.0, 9).tolist() if margin(s) >= 0.0]
-        if not good:
-            return high, low
-        ends = ((good[0], good[0] - 0.125), (good[-1], good[-1] + 0.125))
-        least, most = (brentq(margin, a, b, xtol=1e-15) if 0.0 <= b <= 1.0 else a for a, b in ends)
-        return low + least * (high - low), low + most * (high - low)
-
     # ---- designs ---------------------------------------------------------------------------------------------------------
 
     def design_at(self, x: ArrayLike) -> dict[str, float]:
         """Parameters by name of x (P,)."""
-        found = np.asarray(x, float)
-        if found.shape != (len(self.vary),):
+        values = np.asarray(x, float)
+        if values.shape != (len(self.vary),):
             raise SceneError(
                 f"a design of this job is {len(self.vary)} numbers: {', '.join(self.parameters)}"
             )
-        return dict(zip(self.vary, found.tolist(), strict=True))
+        return dict(zip(self.vary, values.tolist(), strict=True))
 
     def point(self, start: Mapping[str, float] | ArrayLike | None) -> Array:
-        """x (P,) of a design by name or in order, the middle when None. Raises SceneError for one outside the bounds."""
+        """x (P,) of a design by name or in order; the middle of the bounds when None. Raises SceneError outside them."""
         if start is None:
             return self.random(1)[0]
         if isinstance(start, Mapping):
@@ -415,7 +383,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
             start = [number(start[n], f"start: {n}") for n in self.vary]
         x = np.array(list(self.design_at(start).values()))
         for name, value, (low, high) in zip(self.vary, x.tolist(), self.bounds.tolist(), strict=True):
-            # a bound in other digits is no start outside
+            # a bound may be given with fewer digits
             if not low - 1e-9 * abs(low) <= value <= high + 1e-9 * abs(high):
                 raise SceneError(
                     f"start: {name} = {format_number(value)} lies outside {format_number(low)} to {format_number(high)}"
@@ -423,46 +391,51 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         return np.clip(x, *self.bounds.T)
 
     def random(self, count: int, seed: int = 0) -> Array:
-        """Designs (count, P) within bounds and rules, the middle first where it is. Raises SceneError where no rule is
-        met."""
-        rng, found = np.random.default_rng(seed), []
+        """Designs (count, P) within bounds and rules; the first is in the middle where it meets the rules.
+
+        Parameters with positive bounds are uniform in their logarithms. Raises SceneError where no rule is met.
+        """
+        rng, designs = np.random.default_rng(seed), []
         positive = (self.bounds > 0.0).all(axis=1)
         ends = self.bounds.copy()
         ends[positive] = np.log(ends[positive])
-        least, spread = np.full(len(self.rule_names), -np.inf), np.diff(ends)[:, 0]
-        for k in range(TRIED + 50 * count):
-            place = np.full(len(ends), 0.5) if k == 0 and seed == 0 else rng.uniform(size=len(ends))
-            at = ends[:, 0] + place * spread
-            x = np.clip(np.where(positive, np.exp(np.where(positive, at, 0.0)), at), *self.bounds.T)
-            value = self.rule_values(x, shapes=False)
-            if (value >= 0.0).all() and self.ranges:
-                # drawing a scene costs more than most rules
-                value = self.rule_values(x)
-            least[: len(value)] = np.fmax(least[: len(value)], value)
-            if (value >= 0.0).all():
-                found.append(x)
-            if len(found) == count:
-                return np.array(found)
-        if self.ranges and (least[len(self.rules) :] <= -1.0).all():
+        largest, span = np.full(len(self.rule_names), -np.inf), np.diff(ends)[:, 0]
+        for k in range(MAX_RANDOM_TRIALS + 50 * count):
+            fractions = np.full(len(ends), 0.5) if k == 0 and seed == 0 else rng.uniform(size=len(ends))
+            scaled = ends[:, 0] + fractions * span
+            x = np.clip(np.where(positive, np.exp(np.where(positive, scaled, 0.0)), scaled), *self.bounds.T)
+            values = self.rule_values(x, shapes=False)
+            if (values >= 0.0).all() and self.coupled_ranges:
+                # evaluated last, as building a scene costs more than most rules
+                values = self.rule_values(x)
+            largest[: len(values)] = np.fmax(largest[: len(values)], values)
+            if (values >= 0.0).all():
+                designs.append(x)
+            if len(designs) == count:
+                return np.array(designs)
+        if self.coupled_ranges and (largest[len(self.rules) :] <= -1.0).all():
             try:
-                build_scene(self.drawn, self.design_at(x))
-            except SceneError as why:
+                build_scene(self.build, self.design_at(x))
+            except SceneError as reason:
                 raise SceneError(
-                    f"no design within the bounds and rules could be built; the last one: {why}"
-                ) from why
-        never = [n for n, v in zip(self.rule_names, least, strict=True) if v < 0.0]
-        said = f"rule {never[0]} is met" if never else "all rules are met together"
-        raise SceneError(f"{said} by none of {TRIED} designs within the bounds")
+                    f"no design within the bounds and rules could be built; the last one: {reason}"
+                ) from reason
+        never = [n for n, v in zip(self.rule_names, largest, strict=True) if v < 0.0]
+        subject = f"rule {never[0]} is met" if never else "all rules are met together"
+        raise SceneError(f"{subject} by none of {MAX_RANDOM_TRIALS} designs within the bounds")
 
     @property
     def rule_names(self) -> tuple[str, ...]:
-        """Names of the rules, and of trained ranges that hang on several parameters."""
-        return (*(_spoken_rule(k, r) for k, r in enumerate(self.rules)), *(r.words for r in self.ranges))
+        """Names of the rules, and of trained ranges that depend on several parameters."""
+        names = (_rule_name(k, rule) for k, rule in enumerate(self.rules))
+        return (*names, *(r.text for r in self.coupled_ranges))
 
     def rule_values(self, x: ArrayLike, *, shapes: bool = True) -> Array:
-        """Rules (R,) at a design: not negative where they are met; without `shapes` those of the parameters alone. Raises
-        SceneError for a rule that is no number."""
-        parameters, found = self.design_at(x), []
+        """Values (R,) of the rules at a design, not negative where they are met.
+
+        shapes=False leaves out the trained ranges, which need a scene. Raises SceneError for a rule that gives no number.
+        """
+        parameters, values = self.design_at(x), []
         for k, rule in enumerate(self.rules):
             try:
                 value = rule(dict(parameters))
@@ -470,175 +443,181 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
                     raise ValueError(
                         f"it is {value}; in place of a < b give b - a, not negative where it is met"
                     )
-                found.append(float(value))
-            except (KeyError, TypeError, ValueError, ArithmeticError) as why:
-                missing = isinstance(why, KeyError)
-                words = (
-                    f"no parameter {why}{name_hint(why.args[0], self.parameters)}" if missing else str(why)
-                )
-                raise SceneError(f"rule {_spoken_rule(k, rule)} gives no number: {words}") from None
-        if self.ranges and shapes:
-            found += self._range_margins(parameters)
-        return np.array(found)
+                values.append(float(value))
+            except (KeyError, TypeError, ValueError, ArithmeticError) as reason:
+                text = str(reason)
+                if isinstance(reason, KeyError):
+                    text = f"no parameter {reason}{name_hint(reason.args[0], self.parameters)}"
+                raise SceneError(f"rule {_rule_name(k, rule)} gives no number: {text}") from None
+        if self.coupled_ranges and shapes:
+            values += self._range_margins(parameters)
+        return np.array(values)
 
     def _range_margins(self, parameters: Mapping[str, float]) -> list[float]:
-        """How far a design is within the trained ranges that hang on several parameters."""
+        """Margins of a design to the trained ranges that depend on several parameters."""
         try:
-            drawn = [placed.joint.shape() for placed in build_scene(self.drawn, parameters).joints]
+            shapes = [placed.joint.shape() for placed in build_scene(self.build, parameters).joints]
         except SceneError:
-            drawn = []
-        return [r.margin(drawn) for r in self.ranges]
+            shapes = []
+        return [r.margin(shapes) for r in self.coupled_ranges]
 
     def range_slopes(self, x: ArrayLike) -> Array:
-        """Slopes (ranges, P) of the last rules, by the designs that `slopes` draws too."""
-        parameters, found = self.design_at(x), np.zeros((len(self.ranges), len(self.vary)))
-        for i, (name, value) in enumerate(parameters.items() if self.ranges else ()):
+        """Slopes (ranges, P) of the last rules, the trained ranges, from the same scenes as `slopes`."""
+        parameters, slopes = self.design_at(x), np.zeros((len(self.coupled_ranges), len(self.vary)))
+        for i, (name, value) in enumerate(parameters.items() if self.coupled_ranges else ()):
             h = RELATIVE_STEP * (abs(value) or 1.0)
             with without_whole_checks():
                 plus, minus = (self._range_margins({**parameters, name: value + s}) for s in (h, -h))
-            found[:, i] = (np.array(plus) - minus) / (2 * h)
-        return found
+            slopes[:, i] = (np.array(plus) - minus) / (2 * h)
+        return slopes
 
     # ---- answers ---------------------------------------------------------------------------------------------------------
 
     def values(self, x: ArrayLike) -> Array:
-        """Answers (answers,) of a design, in the units of their columns; nan where it has none: `batch` says why."""
+        """Answers (answers,) of a design, in the units of their columns; nan where there is none, for which `batch` has the
+        reason."""
         return self.batch(np.asarray(x, float)[None]).values[0]
 
     def batch(self, X: ArrayLike, *, executor: Executor | None = None) -> DesignAnswers:
-        """Answers of designs X (D, P), all poses and load cases; an executor gets blocks of designs."""
+        """Answers of designs X (D, P) at all poses and load cases; executor: gets blocks of designs."""
         check_executor(executor)
         X = np.atleast_2d(np.asarray(X, float))
-        judged, solved = self._judged(X, executor)
-        self.__dict__["last"] = (X[0].tobytes(), solved) if solved else None
-        return judged
+        answers, solved = self._solve_batch(X, executor)
+        self.__dict__["last_solved"] = (X[0].tobytes(), solved) if solved else None
+        return answers
 
-    def _judged(self, X: Array, executor: Executor | None = None) -> tuple[DesignAnswers, list[SolvedPoses]]:
-        """`batch`, and the poses of a single design that has all answers."""
+    def _solve_batch(
+        self, X: Array, executor: Executor | None = None
+    ) -> tuple[DesignAnswers, list[SolvedPoses]]:
+        """Answers of designs X (D, P), and the solved poses of a single design that has all answers."""
         designs = [self.design_at(x) for x in X]
         rows: list[list[Row]] = [[] for _ in designs]
         status: list[str] = [OK] * len(designs)
         steps = self.steps
         solved: list[SolvedPoses] = []
-        for extra in self.cases.values():
-            function = _Loaded(self.drawn, extra)
-            for d, (mine, why, poses) in enumerate(self._solved(function, designs, steps, executor)):
-                rows[d] += mine
-                status[d] = why if status[d] == OK else status[d]
-                solved += [SolvedPoses(poses[0].model.said, poses, steps)] if poses else []
-        good = status == [OK] and len(solved) == len(self.cases)
-        return DesignAnswers(
-            np.array([self._of(mine) for mine in rows]), tuple(status)
-        ), solved if good else []
+        for case_loads in self.cases.values():
+            function = _LoadedSceneFunction(self.build, case_loads)
+            for d, design in enumerate(self._solve_case(function, designs, steps, executor)):
+                rows[d] += design.rows
+                status[d] = design.status if status[d] == OK else status[d]
+                if design.poses:
+                    solved.append(SolvedPoses(design.poses[0].model.said, design.poses, steps))
+        answers = DesignAnswers(np.array([self._answers_from(own) for own in rows]), tuple(status))
+        has_all_answers = status == [OK] and len(solved) == len(self.cases)
+        return answers, solved if has_all_answers else []
 
-    def _solved(
+    def _solve_case(
         self, function: Any, designs: list[dict[str, float]], steps: list[Any], executor: Executor | None
-    ) -> list[tuple[list[Row], str, list[Configuration]]]:
-        """Rows of every design, "ok" or the first reason why not, and of a single one its poses."""
-        single = len(designs) == 1 and executor is None
+    ) -> list[_SolvedDesign]:
+        """Every design under one load case; poses are returned for a single design."""
+        keep_poses = len(designs) == 1 and executor is None
         if self.method == "conventional":
-            recipe = Recipe(self.asked, method="conventional", mesh=self.mesh, with_verdict=False)
+            recipe = Recipe(self.questions, method="conventional", mesh=self.mesh, with_verdict=False)
             if executor is not None:
-                return run_in_blocks(executor, designs, 1, _walked_all, function, recipe, self.paths)
-            return _walked_all(function, recipe, self.paths, designs, keep=single)
-        solver = self._solvers[single]
+                return run_in_blocks(
+                    executor, designs, 1, _solve_conventionally, function, recipe, self.paths
+                )
+            return _solve_conventionally(function, recipe, self.paths, designs, keep_poses=keep_poses)
+        solver = self._solvers[keep_poses]
         if executor is not None:
-            found = solver.solve_in(executor, function, designs)
+            results = solver.solve_in(executor, function, designs)
         else:
-            found = solver.solve(scene_factories(function, designs), 1)
-        return [(*_rows_of(f, len(steps)), f.poses if isinstance(f, DesignResult) else []) for f in found]
+            results = solver.solve(scene_factories(function, designs), 1)
+        return [_solved_design(result, len(steps)) for result in results]
 
     @cached_property
     def _solvers(self) -> dict[bool, BatchSolver]:
-        """What solves designs, keeping their poses or not."""
+        """Solvers of designs by whether they keep the poses."""
         values = {n: np.array([step[n] for step in self.steps]) for n in self.drives}
         method = FULL if self.method == "full" else REDUCED
-        ways = {"method": method, "questions": self.asked, "equilibrate": True}
+        options = {"method": method, "questions": self.questions, "equilibrate": True}
         return {
-            k: BatchSolver(values, {**ways, "keep_configurations": k}, self.mesh, self.extrapolate)
-            for k in (False, True)
+            keep: BatchSolver(values, {**options, "keep_configurations": keep}, self.mesh, self.extrapolate)
+            for keep in (False, True)
         }
 
-    def _of(self, rows: list[Row]) -> Array:
+    def _answers_from(self, rows: list[Row]) -> Array:
         """Answers (answers,) from the rows of all poses."""
-        found = np.empty(len(self.answers))
+        values = np.empty(len(self.answers))
         for k, a in enumerate(self.answers):
             if a.pose is None:
-                ends = [
+                highest, lowest = (
                     [row.get(a.column.replace("size", end), np.nan) for row in rows]
                     for end in ("highest", "lowest")
-                ]
-                found[k] = np.max(ends[0]) - np.min(ends[1])
+                )
+                values[k] = np.max(highest) - np.min(lowest)
             else:
                 row = rows[a.pose]
                 value = row.get(a.column, np.nan)
-                value = abs(value) if a.amount else value
-                # an answer that is there but no number: what it stands for
-                found[k] = a.infinite if a.column in row and np.isnan(value) else value
-        return found
+                value = abs(value) if a.is_absolute else value
+                values[k] = a.value_if_nan if a.column in row and np.isnan(value) else value
+        return values
 
     def jacobian(self, x: ArrayLike) -> Array:
-        """Derivatives (answers, P) of the answers by the parameters, see `ksd.gradient`. Raises what it raises."""
+        """Derivatives (answers, P) of the answers by the parameters, as by `ksd.gradient`; raises what `slopes` raises."""
         return self.slopes(x)[1]
 
     def slopes(self, x: ArrayLike) -> tuple[Array, Array]:
-        """Answers (answers,) and their derivatives (answers, P), of the equilibria that values are asked of."""
-        x, last = np.asarray(x, float), self.last
+        """Answers (answers,) and their derivatives (answers, P), of the same equilibria as `values`.
+
+        Raises KsdError where the design has no answers or no gradient.
+        """
+        x, last = np.asarray(x, float), self.last_solved
         if last is not None and last[0] == x.tobytes():
             solved = last[1]
         else:
-            judged, solved = self._judged(x[None])
+            answers, solved = self._solve_batch(x[None])
             if not solved:
-                raise KsdError(f"no gradient: {judged.status[0]}")
-        found = gradient_at(solved, self.asked, self.drawn, self.design_at(x))
-        column = {c: i for i, c in enumerate(found.columns)}
-        rows = [{c: float(found.values[c][n]) for c in column} for n in range(len(self.poses))]
+                raise KsdError(f"no gradient: {answers.status[0]}")
+        gradient = gradient_at(solved, self.questions, self.build, self.design_at(x))
+        index = {c: i for i, c in enumerate(gradient.columns)}
+        rows = [{c: float(gradient.values[c][n]) for c in index} for n in range(len(self.poses))]
         slopes = np.zeros((len(self.answers), len(self.vary)))
         for k, a in enumerate(self.answers):
             if a.pose is None:
-                high, low = (column[a.column.replace("size", end)] for end in ("highest", "lowest"))
-                slopes[k] = found.slopes[high, :, np.argmax(found.values[found.columns[high]])]
-                slopes[k] -= found.slopes[low, :, np.argmin(found.values[found.columns[low]])]
-            elif a.column in column:
-                slopes[k] = found.slopes[column[a.column], :, a.pose]
-                slopes[k] *= np.sign(rows[a.pose][a.column]) if a.amount else 1.0
-        values = self._of(rows)
+                highest, lowest = (a.column.replace("size", end) for end in ("highest", "lowest"))
+                slopes[k] = gradient.slopes[index[highest], :, np.argmax(gradient.values[highest])]
+                slopes[k] -= gradient.slopes[index[lowest], :, np.argmin(gradient.values[lowest])]
+            elif a.column in index:
+                slopes[k] = gradient.slopes[index[a.column], :, a.pose]
+                slopes[k] *= np.sign(rows[a.pose][a.column]) if a.is_absolute else 1.0
+        values = self._answers_from(rows)
         slopes[np.isinf(values)] = 0.0
         return values, slopes
 
     def few_modes(self, x: ArrayLike) -> str:
-        """That the curvature modes of the mesh are few for the leaf springs of a design; nothing where they are enough."""
-        poses = [pose for one in self._judged(np.asarray(x, float)[None])[1] for pose in one.poses]
+        """Warning that the mesh has too few curvature modes for the leaf springs of a design; empty where they suffice."""
+        poses = [pose for case in self._solve_batch(np.asarray(x, float)[None])[1] for pose in case.poses]
         worst = max(poses, key=lambda pose: pose.mesh_adequacy.missed_share, default=None)
-        return (
-            ""
-            if worst is None
-            else "".join(with_mesh_check(worst, DEFAULT_ACCURACY).notes[len(worst.notes) :])
-        )
+        if worst is None:
+            return ""
+        return "".join(with_mesh_check(worst, DEFAULT_ACCURACY).notes[len(worst.notes) :])
 
     def merit(self, values: ArrayLike) -> float:
-        """The worst target over its scale, larger is better: of what is minimised the largest with a minus; nan of a job
-        that has limits alone."""
+        """The worst target over its scale, larger is better; nan for a job that has limits alone.
+
+        Where targets are minimised, it is minus the largest of them over its scale.
+        """
         pairs = zip(self.answers, np.asarray(values, float), strict=True)
         return float(np.min([a.merit(v) for a, v in pairs if a.role != "limit"] or [np.nan]))
 
     def merit_spoken(self, *merits: float, digits: int = 3) -> str:
-        """The worst target in words, at one design or from one to another: over its scale, or where there is
-        but one and no scale, by its column."""
+        """The worst target as text, at one design or as a range of two: over its scale, or with its column where there is
+        only one and no scale."""
         name = self.merit_name
-        said = " to ".join(format_number(self.merit_sign * m, digits) for m in merits)
+        values = " to ".join(format_number(self.merit_sign * m, digits) for m in merits)
         if name.endswith("scale"):
-            return f"worst target {said} of its scale"
-        return f"{name} {said}"
+            return f"worst target {values} of its scale"
+        return f"{name} {values}"
 
     @property
     def merit_sign(self) -> float:
-        """-1 where targets are minimised: `merit` is minus the worst of them."""
+        """-1 where targets are minimised, so that `merit` is minus the worst of them; else 1."""
         return -1.0 if any(a.role == "minimise" for a in self.answers) else 1.0
 
     @property
     def merit_name(self) -> str:
-        """What `merit` times its sign is, in words."""
+        """Name of the quantity `merit` times its sign."""
         goals = [a for a in self.answers if a.role != "limit"]
         if any(a.scale != 1.0 for a in goals):
             return "worst target over its scale"
@@ -649,129 +628,79 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         return f"worst {columns.pop()}"
 
     def scene_at(self, design: Mapping[str, float], case: str) -> Scene:
-        """The scene of a design with the loads of a case of `poses`. SceneError where it cannot be drawn."""
-        return _Loaded(self.drawn, self.cases[case])(**design)
+        """The scene of a design with the loads of a case of `poses`. Raises SceneError where it cannot be built."""
+        return _LoadedSceneFunction(self.build, self.cases[case])(**design)
 
     @cached_property
-    def _first(self) -> Scene:
+    def _example_scene(self) -> Scene:
         """The scene in the middle of the bounds, or of another design within them."""
-        return first_built(lambda **parameters: build_scene(self.drawn, parameters), self.vary)
+        return first_buildable(lambda **parameters: build_scene(self.build, parameters), self.vary)
 
     def far_drives(self) -> tuple[str, ...]:
-        """Drive values that were probably meant in another unit, a sentence each."""
-        model = compile_scene(self._first, mesh=self.mesh)
-        return tuple(dict.fromkeys(said for _, values in self.poses for said in model.far_drives(values)))
+        """A sentence for every drive value that was probably meant in another unit."""
+        model = compile_scene(self._example_scene, mesh=self.mesh)
+        return tuple(dict.fromkeys(hint for _, values in self.poses for hint in model.far_drives(values)))
 
     def margins(self, values: ArrayLike) -> Array:
-        """How far every side of every limit is met (sides,) by `values` (answers,), over the limit (by itself where that is
-        0); negative where it is not."""
+        """Distance (sides,) of `values` (answers,) to every side of every limit, over the limit (not divided where it is
+        0); negative where a limit is violated."""
         pairs = zip(self.answers, np.asarray(values, float), strict=True)
         return np.array([margin for a, v in pairs for margin in a.margins(v)])
 
     def moved(self, by: Array, at: Array | None = None) -> Job:
-        """The same job with limits moved in by (answers,), in the units of their columns; where values `at` (answers,) are
-        given, limits of their sign, and targets, by that share of them in logarithms."""
+        """The same job with limits moved in by `by` (answers,), in the units of their columns.
+
+        Where values `at` (answers,) are given, targets, and limits of the sign of these values, move by the share by / |at|
+        in logarithms.
+        """
         at = np.full(len(by), np.nan) if at is None else at
-        found = copy(self)
-        found.__dict__["answers"] = tuple(
-            a.moved(*own) for a, *own in zip(self.answers, by.tolist(), at.tolist(), strict=True)
+        return self._with_answers(
+            tuple(a.moved(*own) for a, *own in zip(self.answers, by.tolist(), at.tolist(), strict=True))
         )
-        return found
 
     def limited(self, column: str, high: float) -> Job:
-        """The same job with an answer limited from above, by this or by the limit it has. SceneError for an unknown one."""
-        own = [
+        """The same job with a column limited from above, by `high` or by a smaller limit that it has. Raises SceneError for
+        an unknown column."""
+        is_limit = [
             a.role == "limit" and a.column.split("[")[0] == column and np.isfinite(a.high)
             for a in self.answers
         ]
-        if any(own):
-            found = copy(self)
-            found.__dict__["answers"] = tuple(
-                replace(a, high=min(a.high, high)) if mine else a
-                for a, mine in zip(self.answers, own, strict=True)
+        if any(is_limit):
+            return self._with_answers(
+                tuple(
+                    replace(a, high=min(a.high, high)) if own else a
+                    for a, own in zip(self.answers, is_limit, strict=True)
+                )
             )
-            return found
         low = self.limits.get(column, (-np.inf, np.inf))[0]
-        both = (low if np.isfinite(low) else None, min(high, MAX_MAGNITUDE))
-        limits = {**(self.words["limits"] or {}), column: both}
-        return Job(self.function, **{**self.words, "limits": limits})
+        ends = (low if np.isfinite(low) else None, min(high, MAX_MAGNITUDE))
+        limits = {**(self.arguments["limits"] or {}), column: ends}
+        return Job(self.function, **{**self.arguments, "limits": limits})
+
+    def _with_answers(self, answers: tuple[Answer, ...]) -> Job:
+        """The same job with other limits or factors of its answers."""
+        job = copy(self)
+        job.__dict__["answers"] = answers
+        return job
 
     def fingerprint(self) -> str:
-        """What answers depend on beside the parameters: the recipe, the scenes of two designs, and joint records."""
-        scenes, failed = [], []
+        """Text of all that answers depend on beside the parameters: options, the scenes of two designs, joint records."""
+        scenes, failures = [], []
         for x in self.random(2):
             try:
-                scenes.append(build_scene(self.drawn, self.design_at(x)))
-            except SceneError as why:
-                failed.append(str(why))
-        said = (
-            self.asked, self.method, self.mesh, self.extrapolate, self.poses, self.loads, self.names,
-            [a.amount for a in self.answers], [scene.fingerprint() for scene in scenes],
-            record_hashes(scenes, self.method), failed,
+                scenes.append(build_scene(self.build, self.design_at(x)))
+            except SceneError as reason:
+                failures.append(str(reason))
+        contents = (
+            self.questions, self.method, self.mesh, self.extrapolate, self.poses, self.loads, self.names,
+            [a.is_absolute for a in self.answers], [scene.fingerprint() for scene in scenes],
+            record_hashes(scenes, self.method), failures,
         )  # fmt: skip
-        return f"{self.parameters} {said!r}"
+        return f"{self.parameters} {contents!r}"
 
 
-@dataclass(frozen=True)
-class _Range:
-    """Trained range of a shape parameter of joint number `joint`."""
-
-    joint: int
-    shape: Any
-    words: str
-
-    def of(self, shapes: Sequence[Mapping[str, float]]) -> float:
-        """The shape parameter among those of all joints; nan where there is none."""
-        known = shapes[self.joint] if self.joint < len(shapes) else {}
-        return float(known.get(self.shape.name, np.nan))
-
-    def margin(self, shapes: Sequence[Mapping[str, float]]) -> float:
-        """How far it is within its range, 1 in the middle, 0 at its ends."""
-        value = self.of(shapes)
-        known = np.isfinite(value) and (self.shape.scale != "log" or value > 0.0)
-        return 1.0 - abs(self.shape.place(value)) if known else -1.0
-
-
-def _given_bounds(vary: Any) -> dict[str, tuple[float, float]]:
-    if not isinstance(vary, Mapping) or not vary:
-        raise SceneError(
-            "vary: give least and most of every parameter by name, vary={'thickness': (2e-4, 1e-3)}"
-        )
-    found = {}
-    for name, given in vary.items():
-        if isinstance(given, str) or not isinstance(given, Sequence | np.ndarray) or len(given) != 2:
-            raise SceneError(f"vary: {name} = {show(given)}: give (least, most)")
-        low, high = (number(v, f"vary: {name}") for v in given)
-        if not low < high:
-            raise SceneError(
-                f"vary: {name} = {show(given)} holds no design: the least must be below the most"
-            )
-        found[str(name)] = (low, high)
-    return found
-
-
-def first_built(make: Callable[..., Any], bounds: Mapping[str, tuple[float, float]]) -> Any:
-    """What `make` returns of the parameters in the middle of bounds by name, or elsewhere within them. Raises SceneError
-    where it does so nowhere."""
-    reason: SceneError | None = None
-    middle = np.full(len(bounds), 0.5)
-    for place in (middle, *np.random.default_rng(0).uniform(size=(40, len(bounds)))):
-        try:
-            return make(**_design_between(bounds, place))
-        except SceneError as why:
-            reason = reason or why
-    raise SceneError(f"no design within the bounds could be built; the one in the middle: {reason}")
-
-
-def _design_between(bounds: Mapping[str, tuple[float, float]], place: Array) -> dict[str, float]:
-    """Parameters by name at places (P,) in 0..1 of their bounds."""
-    return {
-        n: low + share * (high - low)
-        for (n, (low, high)), share in zip(bounds.items(), place.tolist(), strict=True)
-    }
-
-
-def _checked(rules: Any) -> tuple[Rule, ...]:
+def _check_rules(rules: Any) -> tuple[Rule, ...]:
+    """Rules as given, one or several. Raises SceneError."""
     rules = (rules,) if callable(rules) else rules
     if isinstance(rules, str) or not isinstance(rules, Sequence) or not all(callable(r) for r in rules):
         raise SceneError(
@@ -780,7 +709,8 @@ def _checked(rules: Any) -> tuple[Rule, ...]:
     return tuple(rules)
 
 
-def _spoken_rule(k: int, rule: Rule) -> str:
+def _rule_name(k: int, rule: Rule) -> str:
+    """The name of a rule in quotes; of a lambda its number, from 1."""
     name = getattr(rule, "__name__", "<lambda>")
     return f"{k + 1}" if name == "<lambda>" else f"'{name}'"
 
@@ -796,29 +726,35 @@ def check_job(job: Any, *, target: bool = True) -> None:
         )
 
 
-def _rows_of(found: DesignResult | KsdError, count: int) -> tuple[list[Row], str]:
-    """Rows of the poses of a design, and "ok" or the first reason why not."""
-    if not isinstance(found, DesignResult):
-        return [{}] * count, str(found)
-    bad = np.flatnonzero(found.status)
-    if not len(bad):
-        return found.rows, OK
-    n = int(bad[0])
-    return found.rows, found.reasons.get(n) or status_sentence(int(found.status[n]))
+def _solved_design(result: DesignResult | KsdError, pose_count: int) -> _SolvedDesign:
+    """The result of the batch solver for one design."""
+    if not isinstance(result, DesignResult):
+        return _SolvedDesign([{}] * pose_count, str(result), [])
+    failed = np.flatnonzero(result.status)
+    if not len(failed):
+        return _SolvedDesign(result.rows, OK, result.poses)
+    n = int(failed[0])
+    reason = result.reasons.get(n) or status_sentence(int(result.status[n]))
+    return _SolvedDesign(result.rows, reason, result.poses)
 
 
-def _walked_all(
-    function: Any, recipe: Recipe, paths: Any, designs: Sequence[Mapping[str, float]], *, keep: bool = False
-) -> list[tuple[list[Row], str, list[Configuration]]]:
-    """Rows of designs by conventional poses, each from the one before, "ok" or the first reason why not, and where they are
-    to be kept the poses."""
-    found = []
+def _solve_conventionally(
+    function: Any,
+    recipe: Recipe,
+    paths: DrivePaths,
+    designs: Sequence[Mapping[str, float]],
+    *,
+    keep_poses: bool = False,
+) -> list[_SolvedDesign]:
+    """Designs by the conventional method, each pose started from the one before."""
+    solved = []
     for design in designs:
         rows: list[Row] = []
         poses: list[Configuration] = []
         solver, (scene, failure) = None, scene_or_reason(function, design)
-        for k, path in enumerate(paths):
-            line = SweepPath(k, {}, scene, path, failure)
-            solver = run_path(line, recipe, solver, rows, poses if keep else None)
-        found.append((rows, next((str(row["status"]) for row in rows if row["status"] != OK), OK), poses))
-    return found
+        for k, drive_values in enumerate(paths):
+            path = SweepPath(k, {}, scene, drive_values, failure)
+            solver = run_path(path, recipe, solver, rows, poses if keep_poses else None)
+        status = next((str(row["status"]) for row in rows if row["status"] != OK), OK)
+        solved.append(_SolvedDesign(rows, status, poses))
+    return solved

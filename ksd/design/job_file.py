@@ -24,7 +24,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ksd.checks import name_hint, show
-from ksd.design.job import Job, first_built
+from ksd.design.bounds import first_buildable
+from ksd.design.job import Job
 from ksd.errors import SceneError
 from ksd.files import named_file
 from ksd.scene import toml_schema as schema
@@ -130,7 +131,7 @@ def load_job(path: str | os.PathLike[str], *, drives: Mapping[str, str] | None =
         mechanism.scene()
         return mechanism, targets
 
-    mechanism, targets = first_built(built, bounds)
+    mechanism, targets = first_buildable(built, bounds)
     for key in ("effects", "with", "without", "elements"):
         if key in tables.get("options", {}):
             raise SceneError(

@@ -192,9 +192,9 @@ class Optimum(PrintableAnswer):
         ]
         parts = [format_table(("parameter", "value [SI]", "least", "most"), rows, head)]
         parts.append(format_table(("held by", "value", "worth [%/%]"), held) if held else NO_GRADIENT_TEXT)
-        for name, side in self.job.held_by:
+        for name, side in self.job.bound_reasons:
             if f"{name} at its {side}" in self.held:
-                parts.append(f"{name}: {self.job.held_by[name, side]}")
+                parts.append(f"{name}: {self.job.bound_reasons[name, side]}")
         if self.robust:
             moved = [f"{n} by {format_number(by)}" for n, by in self.margins.items() if n in self.held]
             parts.append(f"For {self.robust:g} standard deviations: {', '.join(moved)}")

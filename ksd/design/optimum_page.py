@@ -81,7 +81,9 @@ def _design(optimum: Optimum) -> list[str]:
     heads = [("parameter", ""), ("value", "SI"), ("least", "SI"), ("most", "SI"), ("", "")]
     rows = []
     for (name, value), (low, high) in zip(optimum.design.items(), job.bounds.tolist(), strict=True):
-        reasons = "; ".join(job.held_by[name, s] for s in ("least", "most") if (name, s) in job.held_by)
+        reasons = "; ".join(
+            job.bound_reasons[name, s] for s in ("least", "most") if (name, s) in job.bound_reasons
+        )
         rows.append((name, *(f"{v:.6g}" for v in (value, low, high)), reasons))
     return [table(heads, rows)]
 

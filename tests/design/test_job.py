@@ -168,25 +168,25 @@ def test_slopes_are_gradients_at_the_equilibria_of_values(method, monkeypatch):
         "mesh": ksd.Mesh(),
         "turn": TURNS,
     }
-    found = ksd.gradient(pivot, asked.design_at(x), questions=asked.asked.names, **words)
+    found = ksd.gradient(pivot, asked.design_at(x), questions=asked.questions.names, **words)
     alone = np.nan_to_num([found.slopes[found.columns.index(a.column), :, a.pose] for a in asked.answers])
     asked.values(x)
-    honest, solved = ksd.Job._judged, []
+    honest, solved = ksd.Job._solve_batch, []
 
     def beside(self, X):
         solved.append(X)
         found = honest(self, X)
         # another thread asks in between
-        self.__dict__["last"] = b"another", []
+        self.__dict__["last_solved"] = b"another", []
         return found
 
-    monkeypatch.setattr(ksd.Job, "_judged", beside)
+    monkeypatch.setattr(ksd.Job, "_solve_batch", beside)
     slopes = asked.slopes(x)[1] * x
     assert not solved
     most = np.abs(alone * x).max(axis=1, keepdims=True)
     # rounding alone at rest
     assert (np.abs(slopes - alone * x) <= 1e-6 * np.maximum(most, 1e-6)).all()
-    assert pickle.loads(pickle.dumps(job())).last is None
+    assert pickle.loads(pickle.dumps(job())).last_solved is None
     # of another design than the last
     found = ksd.gradient(pivot, asked.design_at(x * 0.99), questions="force", **words)
     slopes = dict(zip(asked.names, asked.slopes(x * 0.99)[1], strict=True))
@@ -220,7 +220,7 @@ def test_a_design_is_drawn_once_for_rules_answers_and_slopes():
 
     asked = job(function=counted)
     problem = ScaledProblem(asked, DesignLog(asked), "")
-    assert asked.ranges and len(problem.rule_scales) == 2
+    assert asked.coupled_ranges and len(problem.rule_scales) == 2
     y = problem.scaled(asked.point(BEST)) - 0.01
     drawn.clear()
     problem.margins(y)
@@ -230,7 +230,7 @@ def test_a_design_is_drawn_once_for_rules_answers_and_slopes():
     for k in range(len(y)):
         ends = [problem.margins(y + s * (np.arange(len(y)) == k))[-1] for s in (1e-4, -1e-4)]
         assert slopes[k] == pytest.approx((ends[0] - ends[1]) / 2e-4, rel=1e-6, abs=1e-9)
-    again = pickle.loads(pickle.dumps(job().drawn))
+    again = pickle.loads(pickle.dumps(job().build))
     assert again(**BEST).fingerprint() == pivot(**BEST).scene().fingerprint()
 
 
@@ -338,7 +338,7 @@ def test_ctrl_c_keeps_the_blocks_that_are_done(tmp_path, monkeypatch, plain):
 def test_trained_ranges_are_bounds_or_rules():
     found = job(vary={**VARY, "angle": (10 * deg, 59 * deg)})
     assert found.bounds[1] == pytest.approx((30 * deg, 59 * deg), rel=1e-9)
-    assert "angle" in found.held_by["angle", "least"] and ("angle", "most") not in found.held_by
+    assert "angle" in found.bound_reasons["angle", "least"] and ("angle", "most") not in found.bound_reasons
     assert found.rule_names == ("'wide'", "width_ratio of cross_flexure 'hinge'")
     x = found.random(1)[0]
     assert found.rule_values(x)[1] > 0 > found.rule_values(x * (1, 1, 1, 1, 20))[1]
@@ -541,7 +541,7 @@ class Leaner:
     """Draws mechanisms; what it keeps has names that a job uses too."""
 
     def __init__(self):
-        self.function, self.most, self.kept = strip, 1, None
+        self.function, self.maxsize, self.cached = strip, 1, None
 
     def __call__(self, lean):
         return self.function(lean)
