@@ -1,14 +1,14 @@
-"""What an answer of any method is off the truth, its mesh included.
+"""Total error of a result of any method, that of its mesh included.
 
-Every leaf, whatever stands for it (curvature modes, a chain of elements, a modal body), becomes a strain-mode leaf with more
-modes than the answer has (`ksd.model.mesh.Refined`), and Newton steps lead from the state of the answer to equilibrium.
-Strain-mode leaves converge exponentially, so what such a leaf misses is nothing beside what it finds. Done when the error is
-asked for: the model once, a few Newton steps for every state. The error of any other answer (`with_error`) is its change to
-the same question asked of that equilibrium.
+Every leaf, however it is modelled (curvature modes, a chain of elements, a modal body), becomes a strain-mode leaf with more
+modes than the result has (`ksd.model.mesh.Refined`), and Newton steps lead from the state of the result to equilibrium.
+Strain-mode leaves converge exponentially, so that the error of the finer leaf is negligible beside the difference. The error
+is computed when it is read: the refined model once per model, a few Newton steps per state. The error of any other answer
+(`with_error`) is its change at that equilibrium.
 
-Where `solve` itself took a fast method, for its error in forces and poses, further questions are asked of the equilibrium
-next to its state (`settled`); of the state itself those that take a Newton step to a finer mesh, where its error is below
-NEAR.
+Where `solve` itself chose a fast method, for its error in forces and poses, further questions are answered at the
+equilibrium next to its state (`equilibrium_near`); where its error is below NEGLIGIBLE_METHOD_ERROR, questions that take
+a Newton step to a finer mesh start from the state itself.
 """
 
 from __future__ import annotations
@@ -45,22 +45,22 @@ if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
 
 MAX_ITERATIONS = 20
-"""Newton steps to the equilibrium on the finer mesh; three or four are usual."""
-FINE_SOLID = 10_000
+"""Newton steps to the equilibrium on the finer mesh, at most; three or four are usual."""
+MAX_REFINED_SOLID = 10_000
 """Degrees of freedom up to which solids are solved on a finer mesh: about 4 s in 3D."""
 NEGLIGIBLE_METHOD_ERROR = 1e-5
-"""Relative error of a fast method of which a Newton step leaves nothing: 3e-8 of a compliance or frequency at most in random
-arms and closed loops; 5e-6 of an error of 1e-4."""
-STATIONS = 25
-"""Stations along a leaf at which its moments are taken where another leaf model asks for them."""
+"""Relative error of a fast method that one Newton step removes: it leaves at most 3e-8 of a compliance or frequency
+in random arms and closed loops; of an error of 1e-4 it leaves 5e-6."""
+MOMENT_STATIONS = 25
+"""Stations along a chain at which its moments are evaluated, to start the strain-mode leaf in its place."""
 
 
 def error_estimate(pose: Configuration) -> ErrorEstimate | None:
-    """The distance of an answer to the equilibrium next to it on a finer mesh.
+    """Estimated total error: the distance of a result to the equilibrium next to it on a finer mesh.
 
-    None where the method's own error was not estimated, and of what did not converge; without bound where no equilibrium
-    is found on the finer mesh, or where corrector steps of the method's own estimate grow. Of reduced solids that
-    cannot be meshed again the method's alone, and `mesh` is nan.
+    None where the error of a fast method was not estimated, and where nothing converged; all inf where no equilibrium is
+    found on the finer mesh, or where the corrector steps of the method's own estimate grow. For reduced solids that
+    cannot be meshed again the error of the method alone, with nan for `mesh`.
     """
     own = pose.method_error
     if not pose.converged or (own is None and (pose.method in FAST_METHODS or pose.model.solids)):
@@ -69,87 +69,92 @@ def error_estimate(pose: Configuration) -> ErrorEstimate | None:
         return own
     if pose.model.solids:
         assert own is not None
-        known = all(pose.model.bodies[name].solid.refine for name in pose.model.solids)
-        return _of_solids(pose, own) if known else replace(own, mesh=math.nan)
+        can_remesh = all(pose.model.bodies[name].solid.refine for name in pose.model.solids)
+        return _error_of_solids(pose, own) if can_remesh else replace(own, mesh=math.nan)
     model, motion = pose.unreduced_state
     target, factor = model.targets(pose.targets), pose.load_factor
-    _, truth, _ = refined_equilibrium(pose)
-    if truth is None:
-        return _lost(pose)
-    found = relative_error(pose.model, pose.motion, truth)
+    _, refined_state, _ = refined_equilibrium(pose)
+    if refined_state is None:
+        return _unknown_error(pose)
+    found = relative_error(pose.model, pose.motion, refined_state)
     if pose.method not in FAST_METHODS:
         return replace(found, mesh=found.relative)
-    settled = equilibrium(exact_tangent_arrays(model), motion.copy(), target, factor)
-    return replace(
-        found, mesh=math.inf if settled is None else relative_error(model, settled, truth).relative
-    )
+    own_mesh_state = find_equilibrium(exact_tangent_arrays(model), motion.copy(), target, factor)
+    if own_mesh_state is None:
+        return replace(found, mesh=math.inf)
+    return replace(found, mesh=relative_error(model, own_mesh_state, refined_state).relative)
 
 
-def _finer(model: Model) -> bool:
+def _can_refine_solids(model: Model) -> bool:
     """Whether all solids of a model are small enough to be solved with twice the cells along every axis."""
     solids = [model.bodies[name].solid for name in model.solids]
-    return all(s.refine and s.dof_count * (4 if s.is_2d else 8) <= FINE_SOLID for s in solids)
+    return all(s.refine and s.dof_count * (4 if s.is_2d else 8) <= MAX_REFINED_SOLID for s in solids)
 
 
-def _of_solids(pose: Configuration, own: ErrorEstimate) -> ErrorEstimate:
-    """The distance to the equilibrium with whole solids on a mesh with twice the cells, and a third of what these change;
-    own: the distance to that on their own mesh.
+def _error_of_solids(pose: Configuration, own: ErrorEstimate) -> ErrorEstimate:
+    """Total error with reduced solids; own: the error of their bases, the distance to the full solids on their own mesh.
 
-    Of large solids the latter, and a third of what half the cells change: so much or less is left of the error of quadratic
-    elements by cells of half the size, where end faces are rigid (measured 1/3 to 1/4, with few cells 1/2).
+    The distance to the equilibrium with full solids of twice the cells, and a third of the change by these. Large solids
+    are solved with half the cells instead: the error is `own` and a third of that change. Cells of half the size leave a
+    third or less of the error of quadratic elements where end faces are rigid (measured 1/3 to 1/4, with few cells 1/2).
     """
-    finer = _finer(pose.model)
+    can_refine = _can_refine_solids(pose.model)
     try:
-        model, whole = _whole(pose)
-        _, other = _whole(pose, times=2.0 if finer else 0.5)
+        model, full_state = _full_solid_equilibrium(pose)
+        _, remeshed_state = _full_solid_equilibrium(pose, cell_factor=2.0 if can_refine else 0.5)
     except ConvergenceError:
-        return _lost(pose)
-    change = relative_error(model, whole, other)
-    if finer:
-        own = relative_error(pose.model, pose.motion, other)
+        return _unknown_error(pose)
+    change = relative_error(model, full_state, remeshed_state)
+    if can_refine:
+        own = relative_error(pose.model, pose.motion, remeshed_state)
     return ErrorEstimate(
         own.force + change.force / 3,
         own.displacement + change.displacement / 3,
         own.rotation + change.rotation / 3,
         own.relative + change.relative / 3,
-        change.relative * (4 / 3 if finer else 1 / 3),
+        change.relative * (4 / 3 if can_refine else 1 / 3),
     )
 
 
-def _lost(pose: Configuration) -> ErrorEstimate:
-    """Without bound."""
-    return ErrorEstimate(np.full(len(pose.model.drive_names), math.inf), *4 * (math.inf,))
+def _unknown_error(pose: Configuration) -> ErrorEstimate:
+    """The estimate where the error is not known, that of the mesh neither."""
+    return ErrorEstimate.unknown(len(pose.model.drive_names), mesh=math.inf)
 
 
-def _whole(pose: Configuration, *, times: float = 1.0) -> tuple[Model, State]:
-    """Model and equilibrium with whole solids next to a pose with reduced ones, with so many times their cells along every
-    axis, beside leaf springs on a finer mesh then. Raises ConvergenceError."""
-    model, motion, factor = pose.model, pose.motion, pose.load_factor
+def _full_solid_equilibrium(pose: Configuration, *, cell_factor: float = 1.0) -> tuple[Model, State]:
+    """Model and equilibrium with full solids next to a pose with reduced ones. Raises ConvergenceError.
+
+    cell_factor: factor on the cells along every axis; unless it is 1, leaf springs are on the refined mesh.
+    """
+    model, motion, load_factor = pose.model, pose.motion, pose.load_factor
     leaves = None
-    if times != 1.0:
-        fine = refined(model)
-        leaves = fine, _started(model, motion, fine, factor)
-    return full_equilibrium(model, motion, model.targets(pose.targets), factor, leaves=leaves, times=times)
+    if cell_factor != 1.0:
+        fine = refined_model(model)
+        leaves = fine, _initial_state(model, motion, fine, load_factor)
+    return full_equilibrium(
+        model, motion, model.targets(pose.targets), load_factor, leaves=leaves, cell_factor=cell_factor
+    )
 
 
 def refined_equilibrium(pose: Configuration) -> tuple[Model, State | None, int]:
-    """The model on the finer mesh, the equilibrium next to the state of `pose` on it (None where none is found), and its
+    """The model on the refined mesh, the equilibrium on it next to the state of `pose` (None where none is found), and its
     negative pivots."""
     model, motion = pose.unreduced_state
-    fine, factor = refined(model), pose.load_factor
-    state = _started(model, motion, fine, factor)
+    fine, factor = refined_model(model), pose.load_factor
+    state = _initial_state(model, motion, fine, factor)
     stop, negatives = converge(fine.arrays, state, model.targets(pose.targets), factor)
     return fine, state if stop is Stop.CONVERGED else None, negatives
 
 
 def refined_configuration(pose: Configuration) -> Configuration:
-    """The equilibrium next to the state on the finer mesh of `ksd.solve.error.refined`; of reduced solids that of the whole
-    solids, with twice the cells where they are small enough.
+    """The equilibrium on the refined mesh next to a state; for reduced solids that of the full solids, with twice the cells
+    where they are small enough.
 
     Raises ConvergenceError where Newton steps find none.
     """
     if pose.model.solids:
-        model, motion = _whole(pose, times=2.0 if _finer(pose.model) else 1.0)
+        cell_factor = 2.0 if _can_refine_solids(pose.model) else 1.0
+        model, motion = _full_solid_equilibrium(pose, cell_factor=cell_factor)
         return replace(pose, model=model, motion=motion, method="conventional", method_error=None)
     fine, state, negatives = refined_equilibrium(pose)
     if state is None:
@@ -158,14 +163,9 @@ def refined_configuration(pose: Configuration) -> Configuration:
             "question of method='full' on a finer mesh"
         )
     return replace(
-        pose,
-        model=fine,
-        motion=state,
-        negatives=negatives,
-        method="conventional",
-        method_error=None,
+        pose, model=fine, motion=state, negatives=negatives, method="conventional", method_error=None,
         method_was_chosen=False,
-    )
+    )  # fmt: skip
 
 
 def equilibrium_near(pose: Configuration) -> State:
@@ -186,19 +186,20 @@ def equilibrium_near(pose: Configuration) -> State:
 def converge_fast_state(
     model: Model, state: State, target: np.ndarray, factor: float, work: Workspace
 ) -> tuple[Stop, int]:
-    """`settle` from the state of a fast method, in place: a first step below NEAR is the last, not looked at again."""
+    """As `converge`, from the state of a fast method: a first step below NEGLIGIBLE_METHOD_ERROR is the last one, and the
+    residual after it is not checked."""
     _, negatives, status = check_residual(model.arrays, state, target, factor, work, RTOL)
-    size = newton_step_error(model, state, work.rhs).relative
-    if math.isfinite(size):
+    step_size = newton_step_error(model, state, work.rhs).relative
+    if math.isfinite(step_size):
         take_step(model.arrays, state, work.rhs, work, 1.0)
-    if size <= NEGLIGIBLE_METHOD_ERROR and status == 0:
+    if step_size <= NEGLIGIBLE_METHOD_ERROR and status == 0:
         return Stop.CONVERGED, negatives
     return converge(model.arrays, state, target, factor, work)
 
 
 def refinement_step_suffices(pose: Configuration) -> bool:
-    """Whether the Newton step that questions on a finer mesh take themselves (`ksd.properties.finer_model`) leads from the
-    state of a fast method as far as from the equilibrium next to it."""
+    """Whether the Newton step that questions on a finer mesh take (`ksd.properties.finer_model`) leads equally close to the
+    equilibrium from the state of a fast method as from the equilibrium next to it."""
     own, model = pose.method_error, pose.model
     return (
         own is not None
@@ -209,29 +210,31 @@ def refinement_step_suffices(pose: Configuration) -> bool:
 
 
 def with_error(pose: Configuration, question: Callable[[Configuration], Any]) -> tuple[Any, Any]:
-    """The answer of question(pose) and its error, that of method and mesh: |change| to the answer of `corrected`, in the
-    shape of the answer (number, array, or mapping of them)."""
-    answer, better = question(pose), question(refined_configuration(pose))
+    """The answer of question(pose) (number, array, or mapping of them) and, in the same shape, its error: the absolute
+    change to the answer of `refined_configuration`."""
+    answer, refined_answer = question(pose), question(refined_configuration(pose))
     if isinstance(answer, Mapping):
-        return answer, {k: _change(v, better[k]) for k, v in answer.items()}
-    return answer, _change(answer, better)
+        return answer, {k: _absolute_change(v, refined_answer[k]) for k, v in answer.items()}
+    return answer, _absolute_change(answer, refined_answer)
 
 
-def _change(one: Any, other: Any) -> Any:
-    found = np.abs(np.asarray(other, float) - np.asarray(one, float))
-    return float(found) if found.ndim == 0 else found
+def _absolute_change(one: Any, other: Any) -> Any:
+    change = np.abs(np.asarray(other, float) - np.asarray(one, float))
+    return float(change) if change.ndim == 0 else change
 
 
-def equilibrium(arrays: Arrays, state: State, target: np.ndarray, factor: float) -> State | None:
-    """The equilibrium next to a state, in place, drives at target (c,) and loads times factor; None where none is found."""
+def find_equilibrium(arrays: Arrays, state: State, target: np.ndarray, factor: float) -> State | None:
+    """As `converge`: the state at equilibrium, None where none is found."""
     return state if converge(arrays, state, target, factor)[0] is Stop.CONVERGED else None
 
 
 def converge(
     arrays: Arrays, state: State, target: np.ndarray, factor: float, work: Workspace | None = None
 ) -> tuple[Stop, int]:
-    """Newton steps from `state`, in place, drives at target (c,) and loads times factor: how they ended, and negative
-    pivots. work: storage, made when None."""
+    """Take Newton steps to equilibrium from a state, in place, at drives target (c,) and loads times factor.
+
+    work: workspace, made when None. Returns the stop reason and the negative pivots.
+    """
     work = make_workspace(arrays) if work is None else work
     reason, *_, negatives, _ = solve_equilibrium(
         arrays, state, target, factor, work, RTOL, MAX_ITERATIONS, MAX_TURN_PER_STEP, math.inf
@@ -240,26 +243,27 @@ def converge(
 
 
 @cached_per_model
-def refined(model: Model) -> Model:
-    """The model with every leaf as a strain-mode leaf of more modes; its nodes are those of `model` but for chain nodes."""
+def refined_model(model: Model) -> Model:
+    """The model with every leaf as a strain-mode leaf of more modes; the nodes are those of `model` without chain nodes."""
     return compile_as_is(model.scene, model.mesh.refined())
 
 
-def _started(model: Model, motion: State, fine: Model, load_factor: float) -> State:
-    """The state on the finer model: same nodes and multipliers; amplitudes taken over, or from the moments along chains."""
+def _initial_state(model: Model, motion: State, fine: Model, load_factor: float) -> State:
+    """The state to start from on the finer model: nodes and multipliers of the coarser one; amplitudes of curvature modes
+    those of the coarser one, or from the moments along its chains."""
     state, members, more = fine.rest.copy(), model.arrays.members, fine.arrays.members
     node = {name: k for k, name in enumerate(model.node_names)}
     same = [node[name] for name in fine.node_names]
     state.x[:], state.R[:], state.multiplier[:] = motion.x[same], motion.R[same], motion.multiplier
-    place = {name: k for k, name in enumerate(fine.member_names)}
+    index = {name: k for k, name in enumerate(fine.member_names)}
     chains: dict[str, list[int]] = {}
     for i, name in enumerate(model.member_names):
         if members.kind[i] == STRAIN:
-            k, inner = place[name], motion.inner[members.inner_at[i] : members.inner_at[i + 1]]
+            k, inner = index[name], motion.inner[members.inner_at[i] : members.inner_at[i + 1]]
             pad_amplitudes(members.number[i], inner, more.number[k], state.inner[more.inner_at[k] :])
         elif members.kind[i] == COROTATIONAL:
-            chains.setdefault(whole_leaf_name(name, place), []).append(i)
-    forces = forces_of_members(model, motion, chains, STATIONS, load_factor) if chains else {}
+            chains.setdefault(whole_leaf_name(name, index), []).append(i)
+    forces = forces_of_members(model, motion, chains, MOMENT_STATIONS, load_factor) if chains else {}
     for group in leaf_groups(fine):
         rows = [r for r, k in enumerate(group.members) if fine.member_names[k] in chains]
         if not rows:
@@ -268,15 +272,15 @@ def _started(model: Model, motion: State, fine: Model, load_factor: float) -> St
         along = [forces[fine.member_names[k]] for k in which]
         Q = end_axes(fine, state, which, end_frames(fine, state, which))
         wrench = np.array([f.end for f in along]).reshape(-1, 2, 3) @ Q.swapaxes(1, 2)
-        state.inner[places[:, : group.modes]] += _bent(replace(group, value=value), along)
+        state.inner[places[:, : group.modes]] += _amplitudes_from_moments(replace(group, value=value), along)
         state.inner[places[:, group.modes :]] = wrench.reshape(-1, 6)
     return state
 
 
-def _bent(group: LeafGroup, forces: list[SectionForces]) -> np.ndarray:
-    """Amplitudes (k, N) that the section forces along the leaf springs of a group call for."""
+def _amplitudes_from_moments(group: LeafGroup, forces: list[SectionForces]) -> np.ndarray:
+    """Amplitudes (k, N) of the curvature modes of the leaf springs of a group under given section forces along them."""
     value, N, (*orders, ng) = group.value, group.modes, group.number[:4].tolist()
-    # as `ksd.beam.strain_values` lays it out
+    # layout of `ksd.beam.strain_values`
     at = panel_table_slice(group.number).start
     weight, integral, basis = np.split(value[:, at : at + ng * (1 + ng + N)], [ng, ng + ng * ng], axis=1)
     s = integral[0].reshape(ng, ng).sum(axis=1)

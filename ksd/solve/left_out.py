@@ -20,7 +20,7 @@ from ksd.properties.cache import cached_per_model
 from ksd.properties.printing import NamedAnswerTable, format_signed_percent
 from ksd.properties.stiffness import point_stiffness
 from ksd.properties.tangent import exact_tangent_arrays
-from ksd.solve.error import equilibrium
+from ksd.solve.error import find_equilibrium
 from ksd.solve.plate_stiffening import plate_conditions
 
 if TYPE_CHECKING:
@@ -58,13 +58,15 @@ def left_out(pose: Configuration) -> LeftOut:
     if not pose.converged or SOLID in model.kinds:
         return LeftOut({})
     target, factor = model.targets(pose.targets), pose.load_factor
-    own = equilibrium(exact_tangent_arrays(model), motion.copy(), target, factor)
+    own = find_equilibrium(exact_tangent_arrays(model), motion.copy(), target, factor)
     if own is None:
         return LeftOut({})
     found = {}
     for name, other in (("plate", _with_plates(model, own)), ("warping", _with_warping(model))):
         there = (
-            None if other is model else equilibrium(exact_tangent_arrays(other), own.copy(), target, factor)
+            None
+            if other is model
+            else find_equilibrium(exact_tangent_arrays(other), own.copy(), target, factor)
         )
         if there is not None:
             found[name] = _changes((model, own), (other, there), factor)

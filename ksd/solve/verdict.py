@@ -37,21 +37,25 @@ if TYPE_CHECKING:
     from ksd.solve.five_steps import FiveStepsStorage
 
 NEGLIGIBLE_DISPLACEMENT = 1e-3
-"""Error of a link position, over the size of the mechanism, that is small however small the answer."""
+"""Error of a link position, over the size of the mechanism, that is accepted however small the displacements are."""
 MAX_TURN_PER_POINT = np.deg2rad(60.0)
-"""Turn of a strain-mode leaf per quadrature point [rad] beyond which its inertia is not to be relied on."""
+"""Turn of a strain-mode leaf per quadrature point [rad] above which the inertia of the tangent is not reliable."""
 EQUAL_STATE_TOLERANCE, REDUCED_STATE_TOLERANCE = 1e-5, 0.02
-"""Largest difference (of positions over the size, of rotations as they are) of equal states: exact, or reduced."""
+"""Largest difference of equal states (positions over the size, rotations [rad]): of exact ones, and with a reduced one."""
 MAX_HIGHEST_MODE_SHARE = 0.05
-"""Share of the energy of a leaf in its highest mode beyond which its curvature is not resolved at all."""
+"""Energy share of a leaf in its highest mode above which its curvature is not resolved."""
 NEGLIGIBLE_ENERGY_SHARE = 1e-3
-"""Share of that mode in the energy of the whole mechanism below which it does not matter."""
+"""Share of that mode in the energy of the whole mechanism up to which this does not matter."""
 
 
 @dataclass(frozen=True)
 class Trust:
-    """stable: a minimum of energy; branch: the one that leads here from rest; strength: a linear elastic beam can be in
-    this state; trusted: all three, converged, and not off by more than itself: how far it may be off is in its sentence."""
+    """The verdicts on a configuration.
+
+    stable: it is a minimum of energy; branch: it is on the branch that leads from rest by the intended motions; strength: a
+    linear elastic beam can be in this state; trusted: all three, converged, and with an error smaller than the result, which
+    the sentence states.
+    """
 
     stable: Verdict
     branch: Verdict
@@ -59,39 +63,39 @@ class Trust:
     trusted: Verdict
 
     def __str__(self) -> str:
-        said = ((f"{name}: ", verdict.sentence) for name, verdict in vars(self).items())
-        return "\n".join(name + sentence.removeprefix(name) for name, sentence in said)
+        sentences = ((f"{name}: ", verdict.sentence) for name, verdict in vars(self).items())
+        return "\n".join(name + sentence.removeprefix(name) for name, sentence in sentences)
 
 
 def stability_verdict(c: Configuration) -> Verdict:
-    """Whether it is a minimum of energy under the held drives."""
-    rolled = _rolled(c)
-    return Verdict(False, f"NOT CERTAIN: {rolled}") if rolled else Verdict(c.stable, stability_sentence(c))
+    """Whether the state is a minimum of energy under the held drives."""
+    reason = _over_rolled_leaf(c)
+    return Verdict(False, f"NOT CERTAIN: {reason}") if reason else Verdict(c.stable, stability_sentence(c))
 
 
 def stability_sentence(c: Configuration) -> str:
-    """Whether the configuration stays where it is, in words."""
+    """Whether the state is stable, and why, in one sentence."""
     surplus = c.negatives - c.expected_negatives
-    found = c.nonconservative_stability
-    if found is not None and (surplus == 0 or (surplus > 0 and not found)):
-        return found.sentence
+    flutter_check = c.nonconservative_stability
+    if flutter_check is not None and (surplus == 0 or (surplus > 0 and not flutter_check)):
+        return flutter_check.sentence
     if surplus == 0:
         return "stable: a minimum of energy under the held drives"
     hint = plane_hint(c.model.scene)
     hint = f"; {hint}" if hint else ""
     if surplus > 0:
-        ways = "one direction" if surplus == 1 else f"{surplus} directions"
-        return f"UNSTABLE: the mechanism would leave this state by itself in {ways}{hint}"
+        directions = "one direction" if surplus == 1 else f"{surplus} directions"
+        return f"UNSTABLE: the mechanism would leave this state by itself in {directions}{hint}"
     return (
         f"NOT CERTAIN: {c.negatives} negative pivots where the drives and supports explain {c.expected_negatives}; "
         f"two of them may prescribe the same freedom{hint}"
     )
 
 
-def _rolled(c: Configuration) -> str:
-    """The strain-mode leaf that is rolled up too far for its quadrature points, in words, or nothing.
+def _over_rolled_leaf(c: Configuration) -> str:
+    """A sentence about the strain-mode leaf that turns too far for its quadrature points; empty where none does.
 
-    Two full turns on 7 points counted as a minimum what finer leaf springs and chains of 40 elements know to be a saddle.
+    At two full turns on 7 points a saddle, as finer leaf springs and chains of 40 elements show, counted as a minimum.
     """
     if c.mesh_adequacy.turn_per_point < MAX_TURN_PER_POINT:
         return ""
@@ -110,10 +114,10 @@ def _rolled(c: Configuration) -> str:
 
 
 def branch_verdict(c: Configuration) -> Verdict:
-    """Whether it is the branch that leads here from rest by the intended motions of the joints."""
+    """Whether the state is on the branch that leads from rest by the intended motions of the joints."""
     if c.doubts:
         return Verdict(False, "another branch is possible: " + "; ".join(c.doubts))
-    name, share, shift, turn = _furthest(c)
+    name, share, shift, turn = _joint_furthest_off(c)
     turned = format_number(float(np.rad2deg(turn)), 3, zero=1e-9)
     off = f"joint '{name}' is {1e3 * shift:.3g} mm and {turned} degrees off its intended motion"
     if share > 1.0 and c.method not in ("conventional", "constant"):
@@ -125,8 +129,9 @@ def branch_verdict(c: Configuration) -> Verdict:
     )
 
 
-def _furthest(c: Configuration) -> tuple[str, float, float, float]:
-    """The joint furthest off its intended motion: name, share of what is far, displacement [m], rotation [rad]."""
+def _joint_furthest_off(c: Configuration) -> tuple[str, float, float, float]:
+    """The joint furthest off its intended motion: name, share of the limit, displacement [m], rotation [rad]; name "" where
+    no joint is known."""
     worst = ("", 0.0, 0.0, 0.0)
     for placed in c.model.scene.joints:
         off = c.unintended.get(placed.name)
@@ -135,7 +140,7 @@ def _furthest(c: Configuration) -> tuple[str, float, float, float]:
         x, y, z, *turned = off.tolist()
         shift, turn = math.hypot(x, y, z), math.hypot(*turned)
         if not shift < placed.joint.length:
-            # the nearest intended motion was not found: nothing is known of this joint
+            # the nearest intended motion was not found, so the offset means nothing
             continue
         share = max(
             shift / (MAX_UNINTENDED_DISPLACEMENT * placed.joint.length), turn / MAX_UNINTENDED_ROTATION
@@ -146,7 +151,7 @@ def _furthest(c: Configuration) -> tuple[str, float, float, float]:
 
 
 def needs_load_step_check(found: Configuration) -> bool:
-    """Whether an answer of the five steps is compared with load steps."""
+    """Whether a result of the five steps must be compared with load steps, because loads do much of the work."""
     if found.method not in ("reduced", "full") or not carries_load(found.model.arrays):
         return False
     longest = max((s.iterations for s in found.steps if s.name[0] in "35"), default=0)
@@ -154,21 +159,25 @@ def needs_load_step_check(found: Configuration) -> bool:
 
 
 def compare_with_load_steps(
-    found: Configuration, walk: Callable[[], Configuration]
+    found: Configuration, solve_by_load_steps: Callable[[], Configuration]
 ) -> tuple[str, Configuration | None]:
-    """What load steps say against `found`, nothing if they end in the same state; and their answer where it is trusted."""
+    """Compare a result with that of load steps.
+
+    Returns the doubt in one sentence, empty where both end in the same state, and the result of the load steps, None where
+    that is not solved.
+    """
     try:
-        other = walk()
+        other = solve_by_load_steps()
     except ConvergenceError as reason:
         return f"loads do much of the work, and load steps do not confirm it: {reason}", None
     verdict = solved_verdict(other)
     if not verdict:
         return f"loads do much of the work, and load steps do not confirm it: {verdict}", None
-    far = state_difference(found.model, found.motion, other.motion)
+    difference = state_difference(found.model, found.motion, other.motion)
     error, size = found.method_error, found.model.arrays.size
     own = 0.0 if error is None else 3.0 * max(error.displacement / size, error.rotation)
     own = own if own < math.inf else 0.0
-    if far <= (EQUAL_STATE_TOLERANCE if error is None else max(REDUCED_STATE_TOLERANCE, own)):
+    if difference <= (EQUAL_STATE_TOLERANCE if error is None else max(REDUCED_STATE_TOLERANCE, own)):
         return "", other
     energy, theirs = (sum(c.strain_energy().values()) for c in (found, other))
     return (
@@ -178,8 +187,8 @@ def compare_with_load_steps(
 
 
 def with_mesh_check(found: Configuration, wanted: float) -> Configuration:
-    """The answer, with a warning where a leaf has more than `wanted` of its energy in its highest modes, and a doubt where
-    that is much and matters."""
+    """The result with a note where a leaf has more than `wanted` of its energy in its highest modes, and with a doubt where
+    its curvature is not resolved and the leaf matters."""
     share, where, axis, _ = found.mesh_adequacy
     if share <= wanted:
         return found
@@ -200,23 +209,24 @@ def with_mesh_check(found: Configuration, wanted: float) -> Configuration:
 
 
 def check_trained_range(b: FiveStepsStorage, theta: np.ndarray, *, extrapolate: bool) -> list[str]:
-    """Refuse motions theta (q,) outside the trained range, or warn when extrapolation was asked for."""
+    """Check motions theta (q,) against the trained ranges. Returns warnings where `extrapolate`, else raises RangeError."""
     warnings = []
     for k, (name, value, scale) in enumerate(
         zip(b.bodies.motion_names, theta, b.bodies.motion_scale, strict=True)
     ):
         if b.trained_low[k] <= value <= b.trained_high[k]:
             continue
-        said = _spoken_range(name, value, *b.bodies.motion_range[k], scale=scale)
+        excess = _range_sentence(name, value, *b.bodies.motion_range[k], scale=scale)
         if not extrapolate:
             raise RangeError(
-                f"{said}; ask for less, or pass extrapolate=True (--extrapolate) to use the functions beyond it"
+                f"{excess}; ask for less, or pass extrapolate=True (--extrapolate) to use the functions beyond it"
             )
-        warnings.append(f"{said}; extrapolated")
+        warnings.append(f"{excess}; extrapolated")
     return warnings
 
 
-def _spoken_range(name: str, value: float, low: float, high: float, *, scale: float) -> str:
+def _range_sentence(name: str, value: float, low: float, high: float, *, scale: float) -> str:
+    """How far a motion exceeds its trained range from low to high; scale: from the motion to rad (1) or m."""
     if scale == 1.0:
         v, a, b = np.rad2deg([value, low, high])
         return f"joint '{name}' would turn {v:.6g} degrees, outside its trained range of {a:.4g} to {b:.4g} degrees"
@@ -225,18 +235,20 @@ def _spoken_range(name: str, value: float, low: float, high: float, *, scale: fl
 
 
 def is_solved(c: Configuration) -> bool:
-    """Whether it is `solved_verdict`, in words only where numbers at hand do not tell."""
-    return _evident(c) or bool(solved_verdict(c))
+    """Whether `solved_verdict` is yes; the verdict is formed only where that is not evident."""
+    return _is_evidently_solved(c) or bool(solved_verdict(c))
 
 
 def solved_verdict(c: Configuration) -> Verdict:
-    """Whether the equations are solved, at a minimum and on the branch meant, whatever the leaves are strained by and the
-    mesh is off."""
-    return _solved(c, stability_verdict(c), branch_verdict(c), c.method_error)
+    """Whether the equations are solved, at a minimum and on the intended branch; leaves aside strain, stress and the
+    error of the mesh."""
+    return _verdict_with_error(c, stability_verdict(c), branch_verdict(c), c.method_error)
 
 
-def _solved(c: Configuration, minimum: Verdict, branch: Verdict, error: ErrorEstimate | None) -> Verdict:
-    """See `solved_verdict`; error: all of it, or what the method adds to that of the mesh."""
+def _verdict_with_error(
+    c: Configuration, minimum: Verdict, branch: Verdict, error: ErrorEstimate | None
+) -> Verdict:
+    """See `solved_verdict`. error: the total error, or that of the method alone."""
     if not c.converged:
         return Verdict(False, f"not solved: {c.steps[-1].stop.sentence}")
     if not minimum:
@@ -248,14 +260,14 @@ def _solved(c: Configuration, minimum: Verdict, branch: Verdict, error: ErrorEst
             True,
             "trusted but for the error of its mesh: Newton steps find no equilibrium next to it on a finer one",
         )
-    if error is not None and _worthless(c, error):
-        said = (
+    if error is not None and _exceeds_result(c, error):
+        reason = (
             f"its estimated error is {percent(error.relative)} %"
             if math.isfinite(error.relative)
             else "corrector steps of the full model grow from one to the next or end at no state of its kind, so its error "
             "is not known"
         )
-        return Verdict(False, f"not to be trusted: {said}")
+        return Verdict(False, f"not to be trusted: {reason}")
     if error is None and c.model.solids:
         return Verdict(
             True, "trusted but for the bases of its solids, whose error was not estimated (ksd.solve does)"
@@ -268,10 +280,10 @@ def _solved(c: Configuration, minimum: Verdict, branch: Verdict, error: ErrorEst
     )
 
 
-def _worthless(c: Configuration, e: ErrorEstimate) -> bool:
-    """Whether the error is larger than the answer, and not only because the answer is next to nothing."""
-    slight = e.displacement <= NEGLIGIBLE_DISPLACEMENT * c.model.arrays.size and c.method != "constant"
-    return not (e.relative <= 1.0 or slight)
+def _exceeds_result(c: Configuration, e: ErrorEstimate) -> bool:
+    """Whether the error is larger than the result, and not only because the displacements are negligible."""
+    negligible = e.displacement <= NEGLIGIBLE_DISPLACEMENT * c.model.arrays.size and c.method != "constant"
+    return not (e.relative <= 1.0 or negligible)
 
 
 def strength_verdict(c: Configuration) -> Verdict:
@@ -285,38 +297,41 @@ def strength_verdict(c: Configuration) -> Verdict:
 def trust_verdicts(c: Configuration) -> Trust:
     """All verdicts on a configuration."""
     minimum, branch, beam = stability_verdict(c), branch_verdict(c), strength_verdict(c)
-    trusted = _solved(c, minimum, branch, c.error)
+    trusted = _verdict_with_error(c, minimum, branch, c.error)
     if trusted and not beam and c.strength is not None:
         trusted = Verdict(False, f"not to be trusted: {c.strength.beyond}")
     return Trust(minimum, branch, beam, trusted)
 
 
 def require_solved(c: Configuration) -> Configuration:
-    """The configuration itself if it is `solved_verdict`, else TrustError with the reason; its `result` is `c`.
+    """The configuration itself if it is solved; else TrustError with the reason, and the configuration as its `result`.
 
-    Strain and stress are not looked at: they would cost a prepared solve more than its Newton steps.
+    Strain and stress are not checked: that would take longer than the Newton steps of a prepared solve.
     """
-    if _evident(c):
+    if _is_evidently_solved(c):
         return c
-    trusted = solved_verdict(c)
-    if not trusted:
-        minima = f"; {c.minimum}" * bool(c.minimum)
-        meant = "".join(f"; {said}" for said in c.far_drives)
-        said = f"{trusted}{minima}{_fighting_drives(c)}; strict=False (in Python) returns the state all the same{meant}"
-        raise TrustError(said, reached=1.0, result=c)
-    return c
+    verdict = solved_verdict(c)
+    if verdict:
+        return c
+    minimum = f"; {c.minimum}" * bool(c.minimum)
+    units = "".join(f"; {sentence}" for sentence in c.far_drives)
+    raise TrustError(
+        f"{verdict}{minimum}{_conflicting_drives(c)}; strict=False (in Python) returns the state all the same{units}",
+        reached=1.0,
+        result=c,
+    )
 
 
-def _evident(c: Configuration) -> bool:
-    """Whether it is `solved_verdict`, as far as numbers at hand tell: verdicts are put in words when they are read."""
-    # the conventional solver does not lean on the records of the joints
-    near = c.joints_near_intended or c.method in ("conventional", "constant")
-    at_hand = near and c.stable and not c.doubts and c.converged
-    return at_hand and (c.method_error is None or c.method_error.relative <= 1.0) and not _rolled(c)
+def _is_evidently_solved(c: Configuration) -> bool:
+    """Whether the configuration is solved without doubt, by what is known without further computation."""
+    # the conventional solver does not depend on the records of the joints
+    on_branch = c.joints_near_intended or c.method in ("conventional", "constant")
+    solved = on_branch and c.stable and not c.doubts and c.converged
+    return solved and (c.method_error is None or c.method_error.relative <= 1.0) and not _over_rolled_leaf(c)
 
 
-def _fighting_drives(c: Configuration) -> str:
-    """What else is wrong where drives of one freedom tear at each other; nothing otherwise."""
+def _conflicting_drives(c: Configuration) -> str:
+    """A clause about drives that prescribe one freedom against each other; empty where there are none."""
     if c.stable or len(c.model.drive_names) < 2:
         return ""
     fights = [f.sentence for f in doctor(c.model.said or c.model.scene).fights if f.what.startswith("drive ")]

@@ -89,7 +89,7 @@ NOTCH = {"outline": lambda u: 1 - 0.6 * np.sin(np.pi * u) ** 4}
 def test_the_error_told_includes_the_mesh_of_the_solid(monkeypatch, cells, load, shape, best, large):
     """Against the solid pressed on its own on a much finer mesh; of a large solid estimated on a coarser one."""
     if large:
-        monkeypatch.setattr("ksd.solve.error.FINE_SOLID", 0)
+        monkeypatch.setattr("ksd.solve.error.MAX_REFINED_SOLID", 0)
     bodies = [block(STEEL, LENGTH, THICK, width=WIDTH, cells=c, **shape) for c in (cells, best)]
     words = {"basis": {"spring": reduce_solid(bodies[0])}, "strict": False}
     pose = ksd.solve(spring(load=load, flat=len(cells) == 2), **words)

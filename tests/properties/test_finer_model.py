@@ -10,7 +10,7 @@ import ksd
 from ksd.model.compile import compile_scene
 from ksd.numerics.rotations import rotation_exp
 from ksd.properties.finer_model import finer_state
-from ksd.solve.error import equilibrium
+from ksd.solve.error import find_equilibrium
 
 
 def cantilever():
@@ -75,5 +75,5 @@ def test_a_fast_answer_beside_equilibrium_goes_to_the_finer_mesh_at_once(drive, 
     assert pose.drive_stiffness()["top"] == pytest.approx(led.drive_stiffness()["top"], rel=1e-9)
     assert pose.frequencies().frequency_Hz == pytest.approx(led.frequencies().frequency_Hz, rel=1e-9)
     model = pose.model
-    exact = equilibrium(model.arrays, pose.motion.copy(), model.targets(pose.targets), 1.0)
+    exact = find_equilibrium(model.arrays, pose.motion.copy(), model.targets(pose.targets), 1.0)
     assert pose.equilibrium.multiplier == pytest.approx(exact.multiplier, rel=1e-9, abs=1e-9)

@@ -21,7 +21,7 @@ from ksd.properties.stiffness import (
 )
 from ksd.properties.stress import batch_peak_stress
 from ksd.solve.conventional import solve_conventional
-from ksd.solve.error import equilibrium
+from ksd.solve.error import find_equilibrium
 
 AT = (0.02, 0.31, 0.01)
 MESHES = [Mesh(), Mesh("corotational", elements=3), Mesh("corotational", elements=3, nodal=True)]
@@ -196,7 +196,7 @@ def test_it_is_told_where_many_states_are_at_a_stable_equilibrium():
     states = []
     for factor in (0.9, 1.1):
         straight = model.rest.copy()
-        equilibrium(model.arrays, straight, model.targets({"d": 0.0}), factor)
+        find_equilibrium(model.arrays, straight, model.targets({"d": 0.0}), factor)
         states.append((model, straight, factor))
     turned = states[0][1].copy()
     turned.R[1] = Rotation.from_rotvec([0.0, 0.0, 0.5]).as_matrix() @ turned.R[1]
