@@ -1,16 +1,16 @@
-"""Forces in a state: along every leaf, and of joints, leaf springs and springs on the links.
+"""Section forces along leaf springs, and interface forces of joints, leaf springs, springs and hinges on links.
 
 Section forces N, Vy, Vz [N], T, My, Mz [Nm] are positive on the section whose outward normal points along the leaf, in the
 axes of the deformed section. For both leaf models they follow from the leaf's end wrench (n, m) by equilibrium: force n and
-moment m + (r(L) - r(s)) x n, and of a leaf with weight that of what is beyond s, turned into the section. The other ways are
-worse where stress is largest. In a strain-mode leaf the curvature series times the rigidity is right in the mean, not at the
-ends (7e-4 of the moment off in a cross flexure turned by 45 degrees). In a chain the strains of Appendix A give bending
-moments, but as shear only their difference over an element whose two ends have different axes, which under twist mixes weak
-and strong bending.
+moment m + (r(L) - r(s)) x n, plus for a leaf with weight those of the weight beyond s, in the axes of the section. Other
+methods are less accurate where the stress is largest. In a strain-mode leaf the curvature series times the rigidity is
+accurate in the mean, not at the ends (7e-4 of the moment in a cross flexure turned by 45 degrees). In a chain the strains of
+Appendix A give bending moments, but shear only as their difference over an element whose two ends have different axes, which
+under twist mixes weak and strong bending.
 
-Interface forces are what joints, free leaves and springs exert on the links they are clamped to, ground included. A leaf
-passes on the wrench at its ends; those of a joint are summed about its interface. On every link they balance loads, drives,
-supports and weight.
+Interface forces are those that joints, free leaves and springs exert on the links they are clamped to, ground included. They
+are the wrenches at the ends of leaves; those of a joint are summed about its interface. On every link they balance loads,
+drives, supports and weight.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ Array = NDArray[np.float64]
 COMPONENTS = ("N", "Vy", "Vz", "T", "My", "Mz")
 """Columns of `SectionForces.values`; the first three in N, the others in Nm."""
 DEFAULT_STATIONS = 25
+"""Default number of stations per strain-mode leaf."""
 
 
 @dataclass(frozen=True, repr=False)
 class SectionForces(PrintableAnswer):
-    """Section forces of one leaf: stations s (k,) [m] from its start, values (k, 6), columns N, Vy, Vz [N] and T, My, Mz
-    [Nm].
+    """Section forces of one leaf.
 
-    Stations of a chain are its nodes.
+    s (k,): stations [m] from its start, of a chain its nodes; values (k, 6): columns N, Vy, Vz [N] and T, My, Mz [Nm].
     """
 
     name: str
@@ -60,8 +60,8 @@ class SectionForces(PrintableAnswer):
 
     def _line(self) -> str:
         most = np.abs(self.values).max(axis=0)
-        said = ", ".join(f"{c} {format_number(v, 3)}" for c, v in zip(COMPONENTS, most, strict=True))
-        return f"'{self.name}', at most {said} [N, Nm]"
+        components = ", ".join(f"{c} {format_number(v, 3)}" for c, v in zip(COMPONENTS, most, strict=True))
+        return f"'{self.name}', at most {components} [N, Nm]"
 
     def __str__(self) -> str:
         rows = [
@@ -87,26 +87,31 @@ class SectionForces(PrintableAnswer):
 def section_forces(
     model: Model, motion: State, *, points: int = DEFAULT_STATIONS, load_factor: float = 1.0
 ) -> NamedAnswerTable[SectionForces]:
-    """Section forces of all leaves by full name; `points` stations in a strain-mode leaf; their weight times load_factor."""
+    """Section forces of all leaves by full name.
+
+    points: stations per strain-mode leaf; load_factor: factor of their weight.
+    """
     found = forces_of_members(model, motion, leaf_members(model), points, load_factor)
-    said = "Section forces, the largest along every leaf"
+    title = "Section forces, the largest along every leaf"
     units = [f"{c} [{'N' if c in COMPONENTS[:3] else 'Nm'}]" for c in COMPONENTS]
-    return NamedAnswerTable(found, said, ("leaf", *units), _largest_components)
+    return NamedAnswerTable(found, title, ("leaf", *units), _largest_components)
 
 
 def forces_of_members(
     model: Model, motion: State, lines: dict[str, list[int]], points: int, load_factor: float
 ) -> dict[str, SectionForces]:
-    """The same along lines of members, by name."""
+    """Section forces along `lines`, sequences of members, by name; other arguments as in `section_forces`."""
     parts: dict[int, tuple[Array, Array]] = {}
     wrenches = end_wrenches(model, motion, load_factor=load_factor)
     for group in (*leaf_groups(model), *chain_groups(model)):
         gravity = local_gravity(model, motion, group, load_factor)
         if model.arrays.members.kind[group.members[0]] == STRAIN:
-            made = strain_forces(group.value, motion.inner[group.inner_index], group.number, points, gravity)
+            results = strain_forces(
+                group.value, motion.inner[group.inner_index], group.number, points, gravity
+            )
         else:
-            made = _chain_forces(model, motion, group, wrenches, gravity)
-        parts |= zip(group.members.tolist(), zip(*made, strict=True), strict=True)
+            results = _chain_forces(model, motion, group, wrenches, gravity)
+        parts |= zip(group.members.tolist(), zip(*results, strict=True), strict=True)
     found = {}
     for name, members in lines.items():
         at, stations, values = 0.0, [], []
@@ -120,16 +125,16 @@ def forces_of_members(
 
 
 def _largest_components(forces: SectionForces) -> list[str]:
-    """Largest amounts of the six components, in words."""
+    """Largest magnitudes of the six components, formatted."""
     most = np.abs(forces.values).max(axis=0)
     return [format_number(float(v), 4, zero=1e-9 * float(most.max())) for v in most]
 
 
 def end_wrenches(model: Model, motion: State, *, load_factor: float = 1.0) -> Array:
-    """Force and moment (members, 6) [N, Nm] on end q of every member, in the frame of its end p."""
+    """Force and moment (members, 6) [N, Nm] on end q of every member, in its frame p."""
     found = np.empty((len(model.member_names), 6))
     if model.kinds - {STRAIN}:
-        # what is left inside is condensed out
+        # the assembly condenses the inner unknowns and stores the end wrenches
         held, work = np.zeros(len(motion.multiplier)), make_workspace(model.arrays)
         assemble(model.arrays, motion, held, load_factor, work, 1e-8, 0, 10.0)
         found[:] = work.lam[: len(found), :6]
@@ -141,8 +146,10 @@ def end_wrenches(model: Model, motion: State, *, load_factor: float = 1.0) -> Ar
 def strain_forces(
     value: Array, inner: Array, number: NDArray[np.int64], points: int, gravity: Array | None = None
 ) -> tuple[Array, Array]:
-    """Stations (leaves, k) and section forces (leaves, k, 6) of leaves of one make: constants (leaves, v) and inner states;
-    gravity (leaves, 3) in their frames p."""
+    """Stations (leaves, k) [m] and section forces (leaves, k, 6) of strain-mode leaves of one group.
+
+    value (leaves, v), inner: their constants and inner states; gravity (leaves, 3) [m/s^2]: in their frames p.
+    """
     s, r, R, *beyond = strain_curves(value, number, inner, points, gravity)
     weight = () if gravity is None else (gravity[:, None], *beyond)
     return s, forces_along(r, R, inner[:, None, int(number[:3].sum()) :], *weight)
@@ -151,8 +158,10 @@ def strain_forces(
 def _chain_forces(
     model: Model, motion: State, group: LeafGroup, wrenches: Array, gravity: Array | None
 ) -> tuple[Array, Array]:
-    """Stations (chains, k) and section forces (chains, k, 6) of chains of one number of elements, at their nodes, from the
-    wrenches (members, 6) on end q of all members; gravity (chains, 3) in their frames p."""
+    """Stations (chains, k) [m] and section forces (chains, k, 6) at the nodes of the chains of a group.
+
+    wrenches (members, 6): on end q of all members; gravity (chains, 3) [m/s^2]: in their frames p.
+    """
     _, r, axes = chain_lines(model, motion, group)
     count = int(group.number[0])
     s = np.zeros(r.shape[:2])
@@ -162,7 +171,7 @@ def _chain_forces(
 
 
 def _solid_forces(model: Model, motion: State, i: int, wrenches: Array) -> tuple[Array, Array]:
-    """Stations (k,) and section forces (k, 6) along the middle of a reduced solid."""
+    """Stations (k,) [m] and section forces (k, 6) along the middle line of a reduced solid."""
     ends = member_ends(model, motion, i)
     solid = model.bodies[model.member_names[i]]
     s, r, R = solid.middle_line(ends.d, ends.Q, member_arrays(model, motion, i)[2])
@@ -170,11 +179,11 @@ def _solid_forces(model: Model, motion: State, i: int, wrenches: Array) -> tuple
 
 
 def _chain_masses(value: Array, count: int, r: Array) -> tuple[Array, Array]:
-    """Mass (chains, k) [kg] beyond every node, and its first moment up to there (chains, k, 3) [kg m]: int M dr."""
+    """Mass M (chains, k) [kg] beyond every node, and its first moment int M dr (chains, k, 3) [kg m] up to there."""
     lumps = value[:, 16 * count + 9 : 17 * count + 10]
     mass, first = np.zeros(r.shape[:2]), np.zeros_like(r)
     for k in reversed(range(count)):
-        # half of an element is carried by each of its nodes
+        # each node carries half of the mass of an element
         mass[:, k] = 2 * lumps[:, k + 1 :].sum(axis=1) - mass[:, k + 1]
     middle = 0.5 * (mass[:, 1:] + mass[:, :-1])[..., None]
     np.cumsum(middle * np.diff(r, axis=1), axis=1, out=first[:, 1:])
@@ -182,9 +191,9 @@ def _chain_masses(value: Array, count: int, r: Array) -> tuple[Array, Array]:
 
 
 def forces_along(r: Array, R: Array, wrench: Array, *weight: Array) -> Array:
-    """Section forces (leaves, k, 6) from positions and axes along leaves, and the wrench (leaves, 1, 6) on end q.
+    """Section forces (leaves, k, 6) from positions r and axes R along leaves, and the wrench (leaves, 1, 6) on end q.
 
-    weight: gravity (leaves, 1, 3), mass beyond every station (leaves, k), and int M dr up to there (leaves, k, 3).
+    weight: gravity (leaves, 1, 3), mass M beyond every station (leaves, k), and int M dr up to there (leaves, k, 3).
     """
     n = wrench[..., :3]
     moment, forces = wrench[..., 3:] + cross_rows(r[:, -1:] - r, n), np.broadcast_to(n, r.shape)
@@ -197,15 +206,17 @@ def forces_along(r: Array, R: Array, wrench: Array, *weight: Array) -> Array:
 
 
 ROUNDING_TOLERANCE = 1e-9
-"""Amounts below this fraction of the largest force are rounding."""
+"""Magnitude, relative to the largest force, up to which a component counts as rounding."""
 WEIGHTLESS_TOLERANCE = 1e-6
-"""Change of the force along a leaf, over the force, up to which it counts as one without weight."""
+"""Relative change of the force along a leaf up to which it counts as a leaf without weight."""
 
 
 @dataclass(frozen=True, repr=False)
 class InterfaceForce(PrintableAnswer):
-    """What one joint, leaf, spring, pin or slider exerts on one link: force (3,) [N], moment (3,) [Nm] about `point` (3,)
-    [m], the place of the interface or end now; global axes."""
+    """Force (3,) [N] and moment (3,) [Nm] that one joint, leaf, spring, pin or slider exerts on one link.
+
+    point (3,) [m]: deformed position of the interface or end, about which the moment is taken; global axes.
+    """
 
     name: str
     link: str
@@ -225,9 +236,9 @@ class InterfaceForce(PrintableAnswer):
 
 @dataclass(frozen=True, repr=False)
 class InterfaceForces(PrintableAnswer):
-    """All of them, in the order of the scene: joints, free leaf springs, springs, pins and sliders; two rows each.
+    """All interface forces in the order of the scene: joints, free leaf springs, springs, pins and sliders; two rows each.
 
-    size [m]: length by which moments and forces are compared.
+    size [m]: length by which moments are compared with forces.
     """
 
     rows: tuple[InterfaceForce, ...]
@@ -239,7 +250,7 @@ class InterfaceForces(PrintableAnswer):
 
     @property
     def listing(self) -> list[tuple[str, str, list[float]]]:
-        """Name, link, and force and moment (6) of every row, amounts that are rounding as zero."""
+        """Name, link, and force and moment (6) of every row, with components that are rounding set to zero."""
         noise = ROUNDING_TOLERANCE * max((float(np.abs(r.force).max()) for r in self.rows), default=0.0)
         bounds = np.repeat([noise, noise * self.size], 3)
         wrenches = (np.concatenate([r.force, r.moment]) for r in self.rows)
@@ -249,11 +260,11 @@ class InterfaceForces(PrintableAnswer):
     def __str__(self) -> str:
         rows = [(name, link, *(format_number(v, 4) for v in wrench)) for name, link, wrench in self.listing]
         columns = (*(f"F{a} [N]" for a in "xyz"), *(f"M{a} [Nm]" for a in "xyz"))
-        said = "Interface forces: on the link, moments about the interface, global axes"
-        return format_table(("of", "<on link", *columns), rows, said)
+        title = "Interface forces: on the link, moments about the interface, global axes"
+        return format_table(("of", "<on link", *columns), rows, title)
 
     def of(self, name: str, link: str) -> InterfaceForce:
-        """What one joint, leaf or spring exerts on one of its links. Raises SceneError for names without a row."""
+        """Force of one joint, leaf or spring on one of its links; raises SceneError where there is none."""
         for row in self.rows:
             if (row.name, row.link) == (name, link):
                 return row
@@ -261,8 +272,10 @@ class InterfaceForces(PrintableAnswer):
         raise SceneError(f"'{name}' is not clamped to link '{link}'; there are {known}")
 
     def on(self, link: str, *, about: Any = (0.0, 0.0, 0.0)) -> Array:
-        """Sum of all on a link, "ground" too: force [N] and moment [Nm] (6,) about a global point [m]. Raises SceneError
-        for a link nothing is clamped to."""
+        """Sum of all forces [N] and moments [Nm] (6,) on a link, or "ground", about a global point (3,) [m].
+
+        Raises SceneError for a link to which nothing is clamped.
+        """
         mine = [r for r in self.rows if r.link == link]
         if not mine:
             known = ", ".join(f"'{name}'" for name in dict.fromkeys(r.link for r in self.rows))
@@ -272,8 +285,7 @@ class InterfaceForces(PrintableAnswer):
 
 
 def interface_forces(model: Model, motion: State, *, load_factor: float = 1.0) -> InterfaceForces:
-    """What every joint, free leaf, spring, pin and slider of `model` exerts on its links at `motion`, their weight times
-    load_factor."""
+    """Forces of all joints, free leaves, springs, pins and sliders on their links; load_factor: factor of their weight."""
     ends = leaf_end_forces(model, motion, load_factor)
     rows = []
     for placed in model.scene.joints:
@@ -298,7 +310,7 @@ def interface_forces(model: Model, motion: State, *, load_factor: float = 1.0) -
 
 
 def leaf_end_forces(model: Model, motion: State, load_factor: float) -> list[InterfaceForce]:
-    """What every leaf exerts at its start and at its end on the nodes there, two rows each."""
+    """Forces of every leaf on the nodes at its start and at its end, two rows per leaf."""
     found, members = [], model.arrays.members
     forces = section_forces(model, motion, load_factor=load_factor)
     wrenches = end_wrenches(model, motion, load_factor=load_factor)
@@ -307,7 +319,7 @@ def leaf_end_forces(model: Model, motion: State, load_factor: float) -> list[Int
         n, m = wrenches[parts[0], :3], wrenches[parts[0], 3:]
         force, moment = n, m + np.cross(first.d, n)
         if np.abs(forces[name].start[:3] - n).max() > WEIGHTLESS_TOLERANCE * np.abs(n).max():
-            # a leaf with weight hands it on at its start
+            # a leaf with weight transmits it at its start
             force, moment = forces[name].start[:3], forces[name].start[3:]
         node = model.node_names[members.node[parts[0], 0]]
         found.append(InterfaceForce(name, node, first.start, first.frame @ force, first.frame @ moment))
@@ -318,34 +330,34 @@ def leaf_end_forces(model: Model, motion: State, load_factor: float) -> list[Int
 
 
 def _hinge_forces(model: Model, motion: State, hinge: Any) -> list[InterfaceForce]:
-    """What a pin or slider exerts on its links: the sum of its supports."""
+    """Forces of a pin or slider on its links: the sum of its support forces."""
     force, moment = np.zeros(3), np.zeros(3)
     nodes = [model.node_names.index(link) for link in (hinge.a, hinge.b)]
     names, drives = model.support_names, len(model.drive_names)
     for held in hinge.supports(model.scene.plane):
         term = held.terms[0]
-        way = motion.R[nodes[0]] @ np.asarray(term.direction)
-        share = -float(motion.multiplier[drives + names.index(held.name)]) * way
+        direction = motion.R[nodes[0]] @ np.asarray(term.direction)
+        share = -float(motion.multiplier[drives + names.index(held.name)]) * direction
         if term.kind == "translation":
             force = force + share
         else:
             moment = moment + share
-    place = point_position(model, motion, nodes[1], hinge.at)
+    point = point_position(model, motion, nodes[1], hinge.at)
     return [
-        InterfaceForce(hinge.name, hinge.a, place, -force, -moment),
-        InterfaceForce(hinge.name, hinge.b, place, force, moment),
+        InterfaceForce(hinge.name, hinge.a, point, -force, -moment),
+        InterfaceForce(hinge.name, hinge.b, point, force, moment),
     ]
 
 
 def _spring_forces(model: Model, motion: State, i: int, work: Workspace) -> list[InterfaceForce]:
-    """What a spring or elastic link exerts on the nodes at its ends; work: as assembled."""
+    """Forces of spring or elastic link `i` on the nodes at its ends, from the assembled `work`."""
     springs, R = model.arrays.springs, motion.R
     a, b = springs.node[i].tolist()
     start, end = (motion.x[n] + R[n] @ springs.offset[i, e] for e, n in enumerate((a, b)))
     frame = R[a] @ springs.frame[i, 0]
     n, m = work.lam[len(model.member_names) + i, :6].reshape(2, 3) @ frame.T
     if springs.kind[i] == TORSION:
-        # its number is what goes with the angle, whose gradient leaves the axis where the links turn about another
+        # its moment acts along the gradient of the angle, which leaves the axis where the links turn about another one
         twist(R[a], R[b], frame[:, 2].copy(), np.zeros(3), slope := np.zeros(3), np.zeros((3, 3)))
         m = float(m @ frame[:, 2]) * slope
     name = model.spring_names[i]
@@ -356,12 +368,12 @@ def _spring_forces(model: Model, motion: State, i: int, work: Workspace) -> list
 
 
 def spring_energy(model: Model, motion: State) -> dict[str, float]:
-    """Energy [J] of every spring and link with a matrix, by name; empty where the model has none."""
+    """Energy [J] of all springs and links with a matrix, by name."""
     return {name: energy_of_one_spring(model, motion, i) for i, name in enumerate(model.spring_names)}
 
 
 def energy_of_one_spring(model: Model, motion: State, i: int) -> float:
-    """k (l - l0)^2 / 2, k (angle - rest)^2 / 2, or xi K xi / 2 of spring i."""
+    """Energy [J] of spring i: k (l - l0)^2 / 2, k (angle - rest)^2 / 2, or W xi + xi K xi / 2."""
     springs = model.arrays.springs
     value, pose, Q = springs.value[springs.value_at[i] :], np.empty(18), np.empty((3, 3))
     offset, frame = springs.offset[i].ravel(), springs.frame[i].ravel()
@@ -374,7 +386,7 @@ def energy_of_one_spring(model: Model, motion: State, i: int) -> float:
     if springs.kind[i] == TORSION:
         _, _, z, w = Rotation.from_matrix(Q).as_quat()
         angle = 2.0 * math.atan2(z, w)
-        # the same branch as the kernel: between -180 and 180 degrees
+        # the branch of the kernel: between -180 and 180 degrees
         angle -= 2.0 * math.pi * round(angle / (2.0 * math.pi))
         return 0.5 * float(value[0]) * (angle - float(value[1])) ** 2
     turned = Rotation.from_matrix(Q @ value[3:12].reshape(3, 3).T).as_rotvec()

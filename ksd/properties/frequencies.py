@@ -1,10 +1,10 @@
-"""Eigenfrequencies and modes about a deformed, loaded state, all inner unknowns kept (no Guyan condensation).
+"""Eigenfrequencies and modes about a deformed, loaded state, with all inner unknowns (no Guyan condensation).
 
 K x = omega^2 M x with K the exact tangent (constraint rows and geometric terms included) and M the consistent mass. With
 M = L L^T the symmetric matrix L^T K^-1 L has the eigenvalues 1/omega^2: K may be a saddle, M may be singular, and an
-unstable state shows as a negative one. Up to DENSE unknowns with mass all of it is dense (`scipy.linalg`); above, ARPACK
-works on K^-1 M with the factored tangent (shift and invert; `scipy.sparse.linalg`), and once more on what is left beside the
-pairs found, as one vector alone may miss the second of two equal frequencies, which symmetric mechanisms have.
+unstable state has a negative one. Up to MAX_DENSE unknowns with mass the matrices are dense (`scipy.linalg`); above, ARPACK
+works on K^-1 M with the factored tangent (shift and invert; `scipy.sparse.linalg`), and once more with the pairs found
+deflated, as a single start vector may miss the second of two equal frequencies of a symmetric mechanism.
 """
 
 from __future__ import annotations
@@ -39,17 +39,17 @@ from ksd.properties.tangent import Tangent, assemble_and_factor, check_backward_
 
 Array = NDArray[np.float64]
 MAX_DENSE = 300
-"""Unknowns with mass up to which all eigenvalues are computed."""
+"""Largest number of unknowns with mass for which dense matrices are used."""
 MAX_DENSE_SKEW = 1000
-"""The same where modes may grow that are not among the lowest."""
+"""The same where modes that are not among the lowest may grow."""
 MIN_ENERGY_SHARE = 0.25
-"""Share of the largest kinetic energy from which a leaf or a link may give a mode its name."""
+"""Kinetic energy, relative to the largest, above which a leaf or link may name a mode."""
 MIN_COMPLIANCE_RATIO = 1e-10
-"""Share of the largest compliance below which freed drives move one thing."""
+"""Compliance of a combination of released drives, relative to the largest, up to which the drives count as dependent."""
 MIN_INTENDED_CANDIDATES = 60
-"""Modes among which the intended motions are looked for where those asked for do not tell."""
+"""Number of modes among which intended motions are searched where the requested modes do not contain them."""
 MIN_EIGENVALUE_RATIO = 1e-13
-"""Modes with 1/omega^2 below this fraction of the largest are rounding of the constraints."""
+"""Value of 1/omega^2, relative to the largest, up to which a mode is rounding of the constraints."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -59,13 +59,13 @@ class Modes(PrintableAnswer):
     frequency_Hz (k,): omega / 2 pi; an unstable mode (omega^2 < 0) has the negative number -sqrt(-omega^2) / 2 pi and
     comes first. omega_squared (k,) [1/s^2]. shape (k, nodes, 6): displacement [m] and rotation [rad] of every node of
     `model` for unit modal mass [kg m^2]; vector (k, size): all unknowns, inner ones included. drive_motion (k, drives):
-    what every drive's coordinate does in each mode [m or rad]; zero where it is held. drive_compliance (d, d) [m/N,
-    rad/Nm]: static, of the freed drives. intended: rows of the modes that are intended motions, ascending, at most one per
-    freed drive (see `intended_modes`), however few modes were asked for. growth_per_s (k,): rate at which a mode grows by
-    itself: of an unstable one, or, where loads are not conservative, of the two that flutter at one frequency, which come
-    first too. freed: names let go. motion, mass: the state and its masses. massless: materials without a density; their
-    leaves took part without mass. backward_error: what one more inverse iteration changes of a mode, over the response of
-    the softest one.
+    coordinate of every drive in each mode [m or rad]; zero where it is held. drive_compliance (d, d) [m/N, rad/Nm]: static
+    compliance of the released drives. intended: rows of the modes that are intended motions, ascending, at most one per
+    released drive (see `intended_modes`), independent of the number of modes requested. growth_per_s (k,): growth rate of a
+    mode: of an unstable one, or, where loads are not conservative, of a pair that flutters at one frequency; both come
+    first. freed: names of released drives and supports. motion, mass: the state and its mass. massless: materials without a
+    density, whose leaves have no mass here. backward_error: change of a mode by one more inverse iteration, relative to the
+    response of the softest mode.
     """
 
     model: Model
@@ -116,7 +116,7 @@ class Modes(PrintableAnswer):
         )
 
     def _growth(self) -> str:
-        """Which modes grow, in words."""
+        """Sentence about the modes that grow."""
         growing = np.flatnonzero(self.growth_per_s > 0.0)
         if not len(growing):
             return "none of these grows, neither by itself (divergence) nor in oscillations (flutter)"
@@ -129,8 +129,11 @@ class Modes(PrintableAnswer):
 
     @cached_property
     def movements(self) -> tuple[str, ...]:
-        """What every mode does most, in words: a link that moves, or, where more than half of the kinetic energy is that of
-        leaf springs between ends that stand still, or of those at an internal block, the leaf springs that do."""
+        """Dominant motion of every mode in words.
+
+        It is that of a link; or of the leaf springs, where more than half of the kinetic energy is in their motion between
+        ends at rest, or where an internal block moves most.
+        """
         still, energy = self._between_ends(), self._energy_of_nodes()
         leaves = np.array(list(self.model.member_names), dtype=object)
         own = _is_named_body(self.model)
@@ -148,8 +151,10 @@ class Modes(PrintableAnswer):
         return tuple(said)
 
     def _energy_of_nodes(self) -> Array:
-        """(nodes, k): kinetic energy of every node's own mass and of the leaves that end there, shared between their ends by
-        how these move."""
+        """Kinetic energy (nodes, k) of the point mass of every node and of the leaves that end there.
+
+        The energy of a leaf is shared between its ends in proportion to the squares of their motions.
+        """
         found = np.zeros((len(self.model.node_names), len(self)))
         moves = node_travel(self.model, self.shape).T ** 2
         members = self.model.arrays.members
@@ -167,7 +172,7 @@ class Modes(PrintableAnswer):
         return found
 
     def _between_ends(self) -> Array:
-        """(members, k): share of the kinetic energy in the motion of every leaf between its ends held still."""
+        """Share (members, k) of the kinetic energy in the motion of every leaf relative to fixed ends."""
         share = np.zeros((len(self.model.member_names), len(self)))
         for group, (places, B) in zip(leaf_groups(self.model), self.mass.stacks, strict=False):
             moving = B[:, :, 12:] @ self.vector.T[places[:, 12:]]
@@ -175,10 +180,9 @@ class Modes(PrintableAnswer):
         return share
 
     def mac(self, other: Modes) -> Array:
-        """Modal MAC criterion (k, k') in 0..1 between these modes and `other`, by the mean of both masses.
+        """Modal assurance criterion, MAC (k, k'), in 0..1 between these modes and `other`, with the mean of both masses.
 
-        For following modes along a stroke: the partner of a mode is the one with the largest number in its
-        row.
+        To follow a mode along a stroke, take the mode with the largest number in its row.
         """
         one = np.vstack([self._rooted, other.mass.rooted(self.vector.T)])
         two = np.vstack([self.mass.rooted(other.vector.T), other._rooted])
@@ -186,11 +190,12 @@ class Modes(PrintableAnswer):
 
     @cached_property
     def _rooted(self) -> Array:
+        """Vectors of the modes times the square root of the mass matrix, see `Inertia.rooted`."""
         return self.mass.rooted(self.vector.T)
 
     def moved(self, row: int, size: float) -> State:
-        """The state of `model` displaced by `size` times the mode of this row, to first order, leaf springs included."""
-        # what is fixed reads the zero at the end
+        """State of `model` displaced by `size` times the mode `row`, to first order, inner unknowns included."""
+        # index -1, of fixed unknowns, reads the appended zero
         state, x = self.motion.copy(), np.append(size * self.vector[row], 0.0)
         for group, leaf, (at, _) in zip(
             leaf_groups(self.model), self.mass.leaves, self.mass.stacks, strict=False
@@ -202,36 +207,36 @@ class Modes(PrintableAnswer):
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """What every mode is called in tables, sweeps and pictures: "intended" ("intended_1", ... where several are),
-        "parasitic_1", ..., each kind counted from the lowest."""
+        """Names of the modes in tables, sweeps and pictures: "intended" ("intended_1", ... where there are several) and
+        "parasitic_1", ..., each kind numbered from the lowest."""
         return mode_names(len(self), self.intended)
 
     @property
     def first_parasitic(self) -> int | None:
-        """Row of the lowest mode that is not intended; None when no other mode was asked for."""
+        """Row of the lowest mode that is not intended; None where there is none among the modes."""
         return next((k for k in range(len(self)) if k not in self.intended), None)
 
     @property
     def first_parasitic_Hz(self) -> float:
         """Lowest frequency that is not that of an intended motion; with all drives held, the lowest of all.
 
-        nan when no other mode was asked for.
+        nan where there is none among the modes.
         """
         first = self.first_parasitic
         return float("nan") if first is None else float(self.frequency_Hz[first])
 
 
 def intended_modes(motion: Array, omega_squared: Array, compliance: Array) -> NDArray[np.intp]:
-    """Rows of the modes that are the intended motions of freed drives, ascending.
+    """Rows of the modes that are the intended motions of released drives, ascending.
 
-    motion (k, d): what the drives' coordinates do in each mode; compliance (d, d): the static one of the drives, the sum
-    over all modes of motion motion^T / omega^2. In coordinates in which it is one, whatever combinations of motions the
-    drives are, a mode has a share of every direction, and those of all modes add to one. The mode with the largest share
-    is taken, its direction left out, and again, while no mode beyond those computed can have a larger share.
+    motion (k, d): coordinates of the drives in each mode; compliance (d, d): static compliance of the drives, the sum over
+    all modes of motion motion^T / omega^2. In drive coordinates in which this sum is the unit matrix, the shares of all
+    modes in any direction add to one, whatever combinations of motions the drives are. The mode with the largest share is
+    taken, its direction removed, and this is repeated while no mode beyond those computed can have a larger share.
     """
     own = motion / np.sqrt(np.abs(omega_squared))[:, None]
     below = own[omega_squared < 0.0]
-    # unstable modes count by their size, as the others do
+    # unstable modes count with positive sign, as the others
     total = compliance + 2.0 * below.T @ below
     scale = np.sqrt(np.abs(np.diagonal(total)))
     scale = np.where(scale > 0.0, scale, 1.0)
@@ -251,24 +256,24 @@ def intended_modes(motion: Array, omega_squared: Array, compliance: Array) -> ND
 
 
 def mode_names(count: int, intended: NDArray[np.intp]) -> tuple[str, ...]:
-    """Names of `count` modes of which some are `intended` (see `Modes.names`)."""
-    said, numbers = [], {"intended": 0, "parasitic": 0}
+    """Names of `count` modes, of which rows `intended` are intended motions (see `Modes.names`)."""
+    names, numbers = [], {"intended": 0, "parasitic": 0}
     for k in range(count):
         kind = "intended" if k in intended else "parasitic"
         numbers[kind] += 1
-        said.append("intended" if k in intended and len(intended) == 1 else f"{kind}_{numbers[kind]}")
-    return tuple(said)
+        names.append("intended" if k in intended and len(intended) == 1 else f"{kind}_{numbers[kind]}")
+    return tuple(names)
 
 
 def _is_named_body(model: Model) -> Any:
-    """(nodes,): which nodes are bodies a mode is named after: links, and internal blocks only with a mass of their own."""
-    heavy = {m.link for m in model.scene.masses if m.mass > 0.0}
-    links = [n in heavy or "/" not in n for n in model.scene.links]
+    """Whether each node (nodes,) may name a mode: links may, and internal blocks with a mass of their own."""
+    with_mass = {m.link for m in model.scene.masses if m.mass > 0.0}
+    links = [n in with_mass or "/" not in n for n in model.scene.links]
     return np.array(links + [False] * (len(model.node_names) - len(links)))
 
 
 def _describe_dominant_body(model: Model, node: int, shape: Array, body: bool) -> str:
-    """What the farthest node does, in words; shape (6,)."""
+    """Describe the motion of a node, shape (6,); body: it is a link, otherwise leaf springs are named."""
     name, does = model.node_names[node], describe_node_motion(model, shape)
     if body or not does:
         return f"'{name}' {does}" if does else "the leaf springs"
@@ -278,12 +283,12 @@ def _describe_dominant_body(model: Model, node: int, shape: Array, body: bool) -
 
 
 def _order_modes(values: Array, vectors: Array, count: int) -> tuple[Array, Array, Array]:
-    """omega^2, shapes and growth of the modes 1/omega^2 = values: those that grow first, then the lowest."""
+    """omega^2, shapes and growth rates of the modes with 1/omega^2 = values: those that grow first, then the lowest."""
     keep = np.abs(values) > MIN_EIGENVALUE_RATIO * np.abs(values).max(initial=0.0)
     values, vectors = values[keep], vectors[:, keep]
     growing, omega = grows(values), np.sqrt(1.0 / values + 0j)
     grown = np.where(growing, np.abs(omega.imag), 0.0)
-    # of a fluttering pair the square of its frequency, and the real part of its shape
+    # a fluttering pair has the square of its frequency and the real part of its shape
     flutters = growing & (np.abs(values.imag) > 1e-6 * np.abs(values))
     squared = np.where(flutters, omega.real**2, (1.0 / values).real)
     order = np.lexsort((squared, ~growing))[:count]
@@ -291,24 +296,24 @@ def _order_modes(values: Array, vectors: Array, count: int) -> tuple[Array, Arra
 
 
 def grows(values: Array) -> Any:
-    """Which 1/omega^2 are those of modes that grow."""
+    """Whether the modes with 1/omega^2 = values grow."""
     bound = 1e-9 * np.abs(values).max(initial=0.0)
     return (values.real < -bound) | (np.abs(values.imag) > np.maximum(bound, 1e-6 * np.abs(values)))
 
 
 def _inverse_stiffness(tangent: Tangent, mass: Inertia, loads: Array) -> Array:
-    """K^-1 loads for loads (size, k): node tangent beside the flexibilities of the leaf springs."""
+    """K^-1 times loads (size, k), from the factored node tangent and the flexibilities of the leaf springs."""
     n = tangent.arrays.plan.unknowns
-    out = np.empty_like(loads)
+    response = np.empty_like(loads)
     many = loads.shape[1] > n
-    out[:n] = tangent.solve(np.eye(n)) @ loads[:n] if many else tangent.solve(loads[:n])
+    response[:n] = tangent.solve(np.eye(n)) @ loads[:n] if many else tangent.solve(loads[:n])
     for leaf in mass.leaves:
-        out[leaf.inner] = leaf.Z @ loads[leaf.inner]
-    return out
+        response[leaf.inner] = leaf.Z @ loads[leaf.inner]
+    return response
 
 
 def _dense_pairs(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]:
-    """1/omega^2 (k,) and vectors (size, k), all unstable ones among them; complex where modes flutter."""
+    """1/omega^2 (k,) and vectors (size, k), including all unstable modes; complex where modes flutter."""
     from scipy.linalg import eig, eigh, lapack
 
     M = mass.matrix.toarray()
@@ -336,17 +341,19 @@ def _dense_pairs(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Ar
 
 
 def _iterated_pairs(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]:
-    """The same of many unknowns: those of largest 1/omega^2, and all unstable ones where loads are conservative. Raises
-    ConvergenceError where they are not found."""
+    """1/omega^2 (k,) and vectors (size, k) of many unknowns: the largest, and all unstable ones of conservative loads.
+
+    Raises ConvergenceError where they are not found.
+    """
     from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, eigsh
 
     size, M = mass.size, mass.matrix
     values, vectors = np.zeros(0), np.zeros((size, 0))
 
     def inverse(load: Array) -> Array:
-        # of unit modal mass, those known are taken out
-        beside = vectors @ (values * (vectors.T @ load.ravel()))
-        return np.asarray(_inverse_stiffness(tangent, mass, load.reshape(-1, 1))[:, 0] - beside)
+        # pairs that are known, of unit modal mass, are deflated
+        known = vectors @ (values * (vectors.T @ load.ravel()))
+        return np.asarray(_inverse_stiffness(tangent, mass, load.reshape(-1, 1))[:, 0] - known)
 
     def outermost(solve: Any, k: int, which: str) -> tuple[Array, Array]:
         start = np.random.default_rng(len(values)).normal(size=size)
@@ -376,9 +383,9 @@ def _iterated_pairs(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array,
 
 
 def _backward_error(tangent: Tangent, mass: Inertia, squared: Array, vectors: Array) -> float:
-    """Normwise backward error of modes: what one more inverse iteration changes of each, over the response of the softest.
+    """Normwise backward error of modes: their change by one more inverse iteration, relative to the response of the softest.
 
-    squared: omega^2 (k,); vectors (size, k) of unit modal mass. Raises KinematicsError where no digits are left.
+    squared: omega^2 (k,); vectors (size, k): of unit modal mass. Raises KinematicsError where it is too large.
     """
     if not len(squared):
         return 0.0
@@ -398,17 +405,16 @@ def frequencies(
     load_factor: float = 1.0,
     dense: bool | None = None,
 ) -> Modes:
-    """The `count` lowest eigenfrequencies at `motion`, drives and supports held but for those named in
-    `freed`.
+    """The `count` lowest eigenfrequencies at `motion`, with all drives and supports held except those named in `freed`.
 
-    Freed drives keep their present force. dense: True or False forces one of the two routes. Raises SceneError when nothing
-    has mass, KinematicsError when nothing resists a motion.
+    Released drives keep their present force. dense: True or False selects dense or sparse matrices. Raises SceneError where
+    nothing has mass, KinematicsError where a motion has no stiffness.
     """
     freed = names_of(freed, "freed")
     fine, state = finer_state(model, motion, load_factor=load_factor)
     mass = assemble_inertia(fine, state, load_factor=load_factor)
     tangent = assemble_and_factor(fine, state, freed=freed, load_factor=load_factor)
-    # of an unsymmetric tangent whose symmetric part is not positive definite all are wanted
+    # all modes are needed where the tangent is unsymmetric and its symmetric part is not positive definite
     most = MAX_DENSE_SKEW if tangent.skew is not None and tangent.unstable else MAX_DENSE
     small = np.count_nonzero(mass.matrix.diagonal()) <= most if dense is None else dense
     pairs = _dense_pairs if small else _iterated_pairs
@@ -423,7 +429,7 @@ def frequencies(
         if len(intended) == own.shape[1]:
             break
     squared, vectors, grown = squared[:count], vectors[:, :count], grown[:count]
-    # those that flutter are parts of complex ones
+    # fluttering modes are parts of complex ones
     real = (grown == 0.0) | (squared < 0.0)
     error = _backward_error(tangent, mass, squared[real], vectors[:, real])
     shape = np.zeros((len(squared), len(fine.node_names), 6))

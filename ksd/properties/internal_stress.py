@@ -1,8 +1,8 @@
-"""Internal stress of overconstrained layouts: what it costs when a leaf is clamped a little beside its place.
+"""Internal stress of overconstrained layouts by misplaced ends of leaf springs.
 
-A leaf that is overconstrained (see `ksd.properties.doctor`) cannot give way to a misplaced end, and is strained by it;
-one that is held once moves along. The change of the state is the linear response of the exact tangent, at any pose; of
-chains of elements (which modal bodies stand for) it is a Newton step after a small part of the misplacement.
+A leaf that is overconstrained (see `ksd.properties.doctor`) is strained by a misplacement of its end; one that is exactly
+constrained moves along. The change of the state is the linear response of the exact tangent, at any pose; for chains of
+elements (also those that modal bodies reduce) it is a Newton step after a small part of the misplacement.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ DIRECTIONS = ("along", "across", "sideways", "twist", "tilt", "yaw")
 
 
 class _Misplacements(dict[tuple[str, str], Any]):
-    """What is known by (leaf, direction); SceneError for another."""
+    """Values by (leaf, direction); raises SceneError for an unknown key."""
 
     def __missing__(self, key: object) -> Any:
         leaves = ", ".join(f"'{name}'" for name in dict.fromkeys(leaf for leaf, _ in self))
@@ -44,8 +44,11 @@ class _Misplacements(dict[tuple[str, str], Any]):
 
 @dataclass(frozen=True, repr=False)
 class Misplaced(PrintableAnswer):
-    """What misplacements of leaf ends do. stress_Pa: by (leaf, direction) the largest von Mises stress anywhere of the
-    change; worst_leaf: the leaf it is in. offset [m] and rotation [rad] are the misplacements asked about."""
+    """Effect of misplaced leaf ends.
+
+    offset [m], rotation [rad]: the misplacements. stress_Pa: largest von Mises stress of the change anywhere, by (leaf,
+    direction); worst_leaf: the leaf in which it occurs.
+    """
 
     offset: float
     rotation: float
@@ -54,12 +57,12 @@ class Misplaced(PrintableAnswer):
 
     @property
     def worst(self) -> tuple[str, str]:
-        """The (leaf, direction) whose misplacement costs most."""
+        """The (leaf, direction) whose misplacement causes the largest stress."""
         return max(self.stress_Pa, key=self.stress_Pa.__getitem__)
 
     @property
     def largest_Pa(self) -> float:
-        """Largest internal stress of any one misplacement."""
+        """Largest internal stress by a single misplacement."""
         return self.stress_Pa[self.worst]
 
     def _line(self) -> str:
@@ -88,14 +91,14 @@ def internal_stress(
     load_factor: float = 1.0,
     points: int = 13,
 ) -> Misplaced:
-    """Internal stress when the end of a leaf is clamped beside its place, one leaf and direction at a time.
+    """Internal stress by a misplaced end of a leaf, one leaf and direction at a time.
 
-    offset [m] and rotation [rad] of the end in the leaf's own axes, see DIRECTIONS; leaves: full names, all when empty.
-    Linear in both. Raises SceneError for unknown names or sizes that are not positive.
+    offset [m], rotation [rad]: misplacement of the end in the axes of the leaf, see DIRECTIONS; results are linear in both.
+    leaves: full names, all where empty. Raises SceneError for unknown names or misplacements that are not positive.
     """
     names = leaf_members(model)
-    asked = tuple(leaves) or tuple(names)
-    for name in asked:
+    requested = tuple(leaves) or tuple(names)
+    for name in requested:
         if name not in names:
             raise SceneError(
                 f"leaf {show(name)} is not part of this mechanism; its leaf springs are {', '.join(names)}"
@@ -104,40 +107,47 @@ def internal_stress(
     forces = (_strain_mode_change if model.kinds <= {STRAIN} else _chain_change)(
         model, motion, load_factor, points
     )
-    found, where = _Misplacements(), _Misplacements()
-    for name in asked:
+    largest, worst_leaf = _Misplacements(), _Misplacements()
+    for name in requested:
         for k, direction in enumerate(DIRECTIONS):
             misplaced = np.zeros(6)
             misplaced[(0, 1, 2, 3, 5, 4)[k]] = offset if k < 3 else rotation
             extra = stress_from_forces(model, forces(names[name][-1], misplaced))
-            found[name, direction], where[name, direction] = extra.largest_Pa, extra.where[0]
-    return Misplaced(offset, rotation, found, where)
+            largest[name, direction], worst_leaf[name, direction] = extra.largest_Pa, extra.where[0]
+    return Misplaced(offset, rotation, largest, worst_leaf)
 
 
 Change = Callable[[int, Array], dict[str, SectionForces]]
-"""Change of the section forces by end q of a member misplaced (6,) in its axes."""
+"""Function that returns the change of the section forces by a misplacement (6,) of end q of a member, in its axes."""
 
 
 def _strain_mode_change(model: Model, motion: State, load_factor: float, points: int) -> Change:
-    told: dict[str, Any] = {"points": points, "load_factor": load_factor}
+    """`Change` for strain-mode leaves."""
+    options: dict[str, Any] = {"points": points, "load_factor": load_factor}
     tangent = assemble_and_factor(model, motion, load_factor=load_factor)
     flexible = leaf_flexibilities(model, motion, load_factor=load_factor)
-    before = section_forces(model, motion, **told)
+    before = section_forces(model, motion, **options)
 
     def change(member: int, misplaced: Array) -> dict[str, SectionForces]:
-        after = section_forces(model, _state_after_misplacement(tangent, flexible, member, misplaced), **told)
+        after = section_forces(
+            model, _state_after_misplacement(tangent, flexible, member, misplaced), **options
+        )
         return {n: replace(f, values=f.values - before[n].values) for n, f in after.items()}
 
     return change
 
 
 CHAIN_STEP = 1e-3
-"""Share of a misplacement that chains are stepped by, to and fro: small enough for the curvature of the answer (1e-8 of it),
-large enough for the rounding of the step (a one-sided 1e-4 left 1e-5 of the answer and differed between processors)."""
+"""Step of the central difference for chains, relative to the misplacement.
+
+The error by curvature is 1e-8 of the result. Smaller steps suffer from rounding: a one-sided 1e-4 has an error of 1e-5 of
+the result that differs between processors.
+"""
 
 
 def _chain_change(model: Model, motion: State, load_factor: float, points: int) -> Change:
-    arrays, told = exact_tangent_arrays(model), {"points": points, "load_factor": load_factor}
+    """`Change` for chains."""
+    arrays, options = exact_tangent_arrays(model), {"points": points, "load_factor": load_factor}
     target = _row_values(model, motion)
 
     def forces(member: int, misplaced: Array) -> dict[str, SectionForces]:
@@ -150,30 +160,34 @@ def _chain_change(model: Model, motion: State, load_factor: float, points: int) 
         moved = arrays._replace(members=members._replace(offset=offset, frame=frame))
         state = motion.copy()
         take_newton_step(moved, state, target, load_factor, make_workspace(moved), 1e-8)
-        return section_forces(replace(model, arrays=moved), state, **told)  # type: ignore[arg-type]
+        return section_forces(replace(model, arrays=moved), state, **options)  # type: ignore[arg-type]
 
-    # a state that is not quite an equilibrium of the chains takes the step to it on both sides
+    # the step to the equilibrium of the chains, where the state is not quite one, cancels in the difference
     def change(member: int, misplaced: Array) -> dict[str, SectionForces]:
-        there, back = forces(member, CHAIN_STEP * misplaced), forces(member, -CHAIN_STEP * misplaced)
+        forward, backward = forces(member, CHAIN_STEP * misplaced), forces(member, -CHAIN_STEP * misplaced)
         return {
-            n: replace(f, values=(f.values - back[n].values) / (2 * CHAIN_STEP)) for n, f in there.items()
+            n: replace(f, values=(f.values - backward[n].values) / (2 * CHAIN_STEP))
+            for n, f in forward.items()
         }
 
     return change
 
 
 def _row_values(model: Model, motion: State) -> Array:
-    """Values (c,) of the drives and supports at `motion`, which hold it there."""
+    """Values (c,) of the drives and supports at `motion`."""
     work = make_workspace(model.arrays)
     assemble_nodes(model.arrays, motion, 0.0, work)
-    found: Array = work.rhs[model.arrays.terms.start]
-    return found
+    values: Array = work.rhs[model.arrays.terms.start]
+    return values
 
 
 def _state_after_misplacement(
     tangent: Tangent, flexible: list[LeafFlexibility], member: int, misplaced: Array
 ) -> State:
-    """The leaf springs after the linear response to end q of `member` moved (6,) in its axes; nodes stay where they were."""
+    """State with the linear response of the leaf springs to end q of `member` moved (6,) in its axes.
+
+    The nodes of the returned state are not moved.
+    """
     model, motion = tangent.model, tangent.motion
     loads = np.zeros(model.arrays.plan.unknowns + 1)
     moved = []
@@ -199,9 +213,9 @@ def _state_after_misplacement(
 
 
 def _end_axes(model: Model, motion: State, member: int) -> Array:
-    """Axes (3, 3) of end q of a member, as columns in frame p."""
+    """Axes (3, 3) of end q of a member as columns, in frame p."""
     members = model.arrays.members
     a, b = members.node[member]
-    one, two = motion.R[a] @ members.frame[member, 0], motion.R[b] @ members.frame[member, 1]
-    found: Array = one.T @ two
-    return found
+    frame_p, frame_q = motion.R[a] @ members.frame[member, 0], motion.R[b] @ members.frame[member, 1]
+    axes: Array = frame_p.T @ frame_q
+    return axes

@@ -21,16 +21,16 @@ from ksd.scene.hinges import PLANES
 
 Array = NDArray[np.float64]
 COLUMNS = ("part", "of", "at", "Fx_N", "Fy_N", "Fz_N", "Mx_Nm", "My_Nm", "Mz_Nm", "x_m", "y_m", "z_m")
-"""Of the file."""
+"""Columns of the file of `LinkForces.to_csv`."""
 
 
 @dataclass(frozen=True)
 class LinkForce:
-    """A row: force (3,) [N], and moment (3,) [Nm] about `point` (3,) [m], its place now; global axes.
+    """Force (3,) [N], and moment (3,) [Nm] about the deformed position `point` (3,) [m]; global axes.
 
-    part "inside": in leaf `of` at its "start" or "end" (at says which, and the link there), exerted by the part beyond on
-    the part before. part "link": on link `at`, exerted by the joint, leaf, spring, pin or slider `of`, or "applied": loads,
-    drives, supports and weight together, which balance the others, about the reference point.
+    part "inside": force in leaf `of` at its start or end, which `at` names with the link there, exerted by the part beyond
+    on the part before. part "link": force on link `at`, exerted by the joint, leaf, spring, pin or slider `of`, or by
+    "applied": loads, drives, supports and weight together, about the reference point, which balance the others.
     """
 
     part: str
@@ -43,8 +43,10 @@ class LinkForce:
 
 @dataclass(frozen=True, repr=False)
 class LinkForces(PrintableAnswer):
-    """All of them in `rows`: leaf springs in the order of the model, then link by link, ground first. plane: the one whose
-    components are printed, None for all; size [m]: by which moments and forces are compared."""
+    """Forces inside all leaf springs in the order of the model, then on all links, ground first.
+
+    plane: whose components are printed, None for all; size [m]: length by which moments are compared with forces.
+    """
 
     rows: tuple[LinkForce, ...]
     plane: str | None
@@ -59,7 +61,7 @@ class LinkForces(PrintableAnswer):
         return f"{len(inside) // 2} leaf springs, at most {largest} N, in '{most.of}'"
 
     def inside(self, leaf: str) -> tuple[LinkForce, LinkForce]:
-        """What a leaf, by full name, hands on at its start and at its end. Raises SceneError for an unknown leaf."""
+        """Forces inside a leaf, by full name, at its start and at its end; raises SceneError for an unknown leaf."""
         found = [r for r in self.rows if r.part == "inside" and r.of == leaf]
         if not found:
             known = dict.fromkeys(r.of for r in self.rows if r.part == "inside")
@@ -68,9 +70,9 @@ class LinkForces(PrintableAnswer):
 
     def __str__(self) -> str:
         noise = ROUNDING_TOLERANCE * max((float(np.abs(r.force).max()) for r in self.rows), default=0.0)
-        across = None if self.plane is None else PLANES[self.plane]
-        shown = [(k, k != across, k in (across, k if across is None else -1)) for k in range(3)]
-        forces, moments = [k for k, own, _ in shown if own], [k for k, _, own in shown if own]
+        normal = None if self.plane is None else PLANES[self.plane]
+        forces = [k for k in range(3) if k != normal]
+        moments = [k for k in range(3) if normal is None or k == normal]
         rows = [
             (
                 f"in '{r.of}'" if r.part == "inside" else f"on '{r.at}'",
@@ -81,11 +83,11 @@ class LinkForces(PrintableAnswer):
             for r in self.rows
         ]
         columns = (*(f"F{'xyz'[k]} [N]" for k in forces), *(f"M{'xyz'[k]} [Nm]" for k in moments))
-        said = "Forces in every leaf spring, of the part beyond on the part before, and on every link; global axes"
-        return format_table(("", "<", *columns), rows, said)
+        title = "Forces in every leaf spring, of the part beyond on the part before, and on every link; global axes"
+        return format_table(("", "<", *columns), rows, title)
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write comma-separated values (UTF-8, full precision, one header line, COLUMNS). Returns the path."""
+        """Write comma-separated values (UTF-8, full precision) with header COLUMNS; returns the path."""
         text = io.StringIO(newline="")
         writer = csv.writer(text)
         writer.writerow(COLUMNS)
@@ -96,10 +98,10 @@ class LinkForces(PrintableAnswer):
 
 
 def link_forces(model: Model, motion: State, *, load_factor: float = 1.0) -> LinkForces:
-    """Forces inside every leaf and on every link of `model` at `motion`, their weight times load_factor."""
+    """Forces inside all leaves and on all links of `model` at `motion`; load_factor: factor of their weight."""
     rows = []
     for k, end in enumerate(leaf_end_forces(model, motion, load_factor)):
-        # a leaf pulls at its start with what it hands on there, at its end against it
+        # the force on the node is the inner force at the start of a leaf, and its opposite at the end
         sign, word = (1.0, "start") if k % 2 == 0 else (-1.0, "end")
         at = f"{word}, at '{end.link}'"
         rows.append(LinkForce("inside", end.name, at, sign * end.force, sign * end.moment, end.point))
@@ -114,7 +116,7 @@ def link_forces(model: Model, motion: State, *, load_factor: float = 1.0) -> Lin
 
 
 def _applied_force(rows: list[InterfaceForce], link: str, about: Array) -> LinkForce:
-    """What balances everything that is clamped to a link."""
+    """Force and moment about a point (3,) that balance the `rows` of a link."""
     force = -np.sum([r.force for r in rows], axis=0)
     moment = -np.sum([r.moment + np.cross(r.point - about, r.force) for r in rows], axis=0)
     return LinkForce("link", "applied", link, force, moment, about)

@@ -1,10 +1,9 @@
 """Mass matrix of a model at a state: consistent mass of its leaf springs, point masses and inertias of its links.
 
-Unknowns: those of the node tangent (six per node, one per constraint row, in elimination order), then for
-every strain-mode leaf the inner coordinates b of `ksd.beam.strain_uncondensed` (a = P xi + b). In these the
-stiffness is the node tangent beside the inverse of a small flexibility Z per leaf, so nothing is condensed
-away and nothing factored twice. Chains are taken with all their nodes in the open (`ksd.properties.finer_model`),
-so that they have no inner coordinates.
+Unknowns: those of the node tangent (six per node, one per constraint row, in elimination order), then for every strain-mode
+leaf the inner coordinates b of `ksd.beam.strain_uncondensed` (a = P xi + b). In these coordinates the stiffness is block
+diagonal: the node tangent, and the inverse of a small flexibility Z per leaf, so nothing is condensed and nothing factored
+twice. Chains must have no inner nodes (`ksd.properties.finer_model`), and then have no inner coordinates.
 """
 
 from __future__ import annotations
@@ -39,11 +38,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Inertia:
-    """Mass of a model at a state: the mass matrix is B^T B, inner unknowns behind those of the nodes.
+    """Mass matrix B^T B of a model at a state; inner unknowns follow those of the nodes.
 
-    stacks: what B is made of, leaves first: unknowns (k, n), -1 for none, and rows (k, m, n); size: unknowns, inner ones
-    included; leaves: the strain-mode leaves at this state, by make; massless: materials without density, whose leaves carry
-    no mass.
+    stacks: blocks of B, leaves first, each as unknowns (k, n), -1 for none, and rows (k, m, n); size: number of unknowns,
+    inner ones included; leaves: strain-mode leaves at this state, by group; massless: materials without density, whose
+    leaves have no mass.
     """
 
     stacks: tuple[tuple[NDArray[np.int64], Array], ...]
@@ -53,9 +52,9 @@ class Inertia:
 
     @cached_property
     def matrix(self) -> Any:
-        """The mass matrix (size, size), scipy CSR."""
+        """Mass matrix (size, size), scipy CSR."""
         blocks = [B.swapaxes(1, 2) @ B for _, B in self.stacks]
-        return assemble_blocks([places for places, _ in self.stacks], blocks, self.size)
+        return assemble_blocks([unknowns for unknowns, _ in self.stacks], blocks, self.size)
 
     def rooted(self, vectors: Array) -> Array:
         """B times vectors (size, k)."""
@@ -64,22 +63,29 @@ class Inertia:
 
 
 def leaf_line_mass(leaf: Any, s: Array) -> Array:
-    """(len(s), 4) at fractions s of its length: mass per length [kg/m], rotary inertia per length about e1,
-    e2, e3 [kg m]; zero without a density."""
+    """Mass per length [kg/m] and rotary inertia per length about e1, e2, e3 [kg m] (len(s), 4) at fractions s of a leaf.
+
+    Zero without a density.
+    """
     density, profile = leaf.material.density or 0.0, getattr(leaf, "profile", None)
     sections = [leaf.section if profile is None else profile.section(float(x)) for x in s]
     return density * np.array([[q.A, q.Iy + q.Iz, q.Iy, q.Iz] for q in sections])
 
 
 def _chain_element(model: Model, motion: State, i: int, leaf: Any, line: Array) -> Array:
-    """Mass (12, 12) of one Appendix A element in the motions of its two nodes, in its deformed axes."""
+    """Mass (12, 12) of one Appendix A element in the motions of its two nodes.
+
+    line (4,): `leaf_line_mass` of the element. The mass matrix is constant in the deformed axes of the element.
+    """
     members = model.arrays.members
     ends = member_ends(model, motion, i)
     value, _, _ = member_arrays(model, motion, i)
     T, Q0 = value[7:16].reshape(3, 3), value[16:25].reshape(3, 3)
     length = float(value[0])
-    q, stuff = leaf.section, leaf.material
-    phi_y, phi_z = shear_ratios(ElementSection(stuff.E, stuff.G, q.A, q.J, q.Iy, q.Iz, q.ky, q.kz), length)
+    q, material = leaf.section, leaf.material
+    phi_y, phi_z = shear_ratios(
+        ElementSection(material.E, material.G, q.A, q.J, q.Iy, q.Iz, q.ky, q.kz), length
+    )
     M = element_mass(
         length, rhoA=line[0], rhoIp=line[1], rhoIy=line[2], rhoIz=line[3], phi_y=phi_y, phi_z=phi_z
     )
@@ -96,7 +102,7 @@ def _chain_element(model: Model, motion: State, i: int, leaf: Any, line: Array) 
 
 
 def _point_mass(model: Model, motion: State, mass: Any) -> tuple[int, Array]:
-    """Node and mass (6, 6) of a point mass at the present position of its link."""
+    """Node and mass matrix (6, 6) of a point mass of the scene at the present pose of its link."""
     node = model.scene.links.index(mass.link)
     arm = motion.R[node] @ (np.asarray(mass.at, float) - model.rest.x[node])
     levers = np.eye(6)
@@ -109,11 +115,11 @@ def _point_mass(model: Model, motion: State, mass: Any) -> tuple[int, Array]:
 
 @cached_per_model
 def _member_leaves(model: Model) -> dict[int, tuple[Any, Array]]:
-    """The leaf of the scene every member belongs to, and its mass per length at the points of the member."""
+    """Leaf of the scene of every member, and its `leaf_line_mass` at the quadrature points of the member."""
     members, leaves = model.arrays.members, scene_leaves(model)
     found = {}
     for name, numbers in leaf_members(model).items():
-        # a leaf may be cut at points, and into elements
+        # a leaf may be divided at points, and into elements
         ends = np.cumsum([0.0, *members.length[numbers]]) / members.length[numbers].sum()
         for i, (first, last) in zip(numbers, pairwise(ends), strict=True):
             at = np.array([0.5])
@@ -125,7 +131,7 @@ def _member_leaves(model: Model) -> dict[int, tuple[Any, Array]]:
 
 
 def _leaf_mass_roots(leaf: LeafFlexibility, line: Array) -> Array:
-    """B (k, 6 ng, 12 + N) of leaf springs of one make in (motions of both nodes, b)."""
+    """B (k, 6 ng, 12 + N) of leaf springs of one group in the coordinates (motions of both nodes, b)."""
     root = strain_mass_root(leaf.parts, leaf.P, line)
     return np.concatenate(
         [root[:, :, :6] @ leaf.own + root[:, :, 6:12] @ leaf.relative, root[:, :, 12:]], axis=2
@@ -133,19 +139,19 @@ def _leaf_mass_roots(leaf: LeafFlexibility, line: Array) -> Array:
 
 
 def _square_root(M: Array) -> Array:
-    """B (1, n, n) with M = B^T B, M (n, n) positive semidefinite."""
+    """B (1, n, n) with B^T B = M, for a positive semidefinite M (n, n)."""
     value, vector = np.linalg.eigh(M)
-    found: Array = (np.sqrt(np.maximum(value, 0.0)) * vector).T[None]
-    return found
+    root: Array = (np.sqrt(np.maximum(value, 0.0)) * vector).T[None]
+    return root
 
 
 def assemble_inertia(model: Model, motion: State, *, load_factor: float = 1.0) -> Inertia:
-    """Mass of an unfolded model at a state; SceneError when nothing in the scene has mass."""
+    """Mass of a model without inner chain nodes at a state; raises SceneError where nothing in the scene has mass."""
     members, owner = model.arrays.members, _member_leaves(model)
     leaves, stacks = tuple(leaf_flexibilities(model, motion, load_factor=load_factor)), []
-    for group, leaf, places in zip(leaf_groups(model), leaves, inner_unknowns(model), strict=True):
+    for group, leaf, unknowns in zip(leaf_groups(model), leaves, inner_unknowns(model), strict=True):
         line = np.stack([owner[i][1] for i in group.members.tolist()])
-        stacks.append((places, _leaf_mass_roots(leaf, line)))
+        stacks.append((unknowns, _leaf_mass_roots(leaf, line)))
     for i in np.flatnonzero(members.kind != STRAIN).tolist():
         root = _square_root(_chain_element(model, motion, i, owner[i][0], owner[i][1][0]))
         stacks.append((node_unknowns(model, members.node[i][None]), root))
@@ -158,5 +164,5 @@ def assemble_inertia(model: Model, motion: State, *, load_factor: float = 1.0) -
             "[kg/m^3] or a link its mass [kg]"
         )
     size = model.arrays.plan.unknowns + sum(leaf.inner.size for leaf in leaves)
-    bare = sorted({f.material.name or "unnamed" for f, _ in owner.values() if f.material.density is None})
-    return Inertia(tuple(stacks), size, leaves, tuple(bare))
+    massless = {f.material.name or "unnamed" for f, _ in owner.values() if f.material.density is None}
+    return Inertia(tuple(stacks), size, leaves, tuple(sorted(massless)))
