@@ -189,7 +189,7 @@ def scene_tables() -> Iterator[tuple[str, schema.Schema, tuple[object, ...]]]:
             table,
             (getattr(ksd, kind), *[ksd.Section] * (kind == "numbers")),
         )
-    for word, table in schema.SENTENCES.items():
+    for word, table in schema.STATEMENTS.items():
         yield f"[[{word}]]", table | more.get(word, {}), (getattr(ksd.Mechanism, word), *about.get(word, ()))
         if word == "wire":
             for key, shapes in schema.SHAPES.items():

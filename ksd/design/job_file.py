@@ -141,7 +141,7 @@ def load_job(path: str | os.PathLike[str], *, drives: Mapping[str, str] | None =
     found = {d.name: d for d in mechanism.scene().drives}
     values = _drive_values(said.table("drives"), found, targets, drives or {})
     loads = _loads(said.table("loads"))
-    said.finish()
+    said.note_unknown_keys()
     words |= {
         "rules": tuple(WrittenRule(function, rule) for rule in _texts(words.get("rules", []), said.where))
     }
@@ -320,8 +320,8 @@ def _loads(table: Table) -> dict[str, list[dict[str, Any]]] | None:
     for case in table.values:
         cases[case] = []
         for one in table.tables(case):
-            cases[case].append(one.read(schema.SENTENCES["load"]))
-            one.finish()
+            cases[case].append(one.read(schema.STATEMENTS["load"]))
+            one.note_unknown_keys()
     return cases or None
 
 
@@ -363,7 +363,7 @@ def _optimise_words(table: Table, varied: Mapping[str, Keys]) -> dict[str, Any]:
                     own[name] = si_value(value, name)
         if own:
             words[key] = own
-    table.finish()
+    table.note_unknown_keys()
     return words
 
 

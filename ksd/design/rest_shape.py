@@ -164,7 +164,7 @@ def _drawn(
         curve = deformed_curve(leaf, model.mesh.of(whole), axes, (model, motion, i), gravity)
         curves.setdefault(whole, []).append(curve)
         # a force at a point turns the line there against its sections, by shear: each piece is drawn by itself
-        ends = moves[a].point(leaf.start), moves[b].point(leaf.end)
+        ends = moves[a].move_point(leaf.start), moves[b].move_point(leaf.end)
         drawn.append((name, a, b, replace(leaf, start=ends[0], end=ends[1], curve=FreeCurve.of(curve))))
     return Scene(**scene_with_moved_links(scene, moves, curves)), drawn, values
 
@@ -397,7 +397,7 @@ def _checked(made: RestShape, moves: Mapping[str, RigidMove], mesh: Mesh) -> Res
     for link, move in moves.items():
         i = pose.model.node_names.index(link)
         shift = max(shift, float(np.linalg.norm(pose.motion.x[i] - _back(move, pose.model.rest.x[i]))))
-        rotation_log(pose.motion.R[i] @ move.turn, turn)
+        rotation_log(pose.motion.R[i] @ move.rotation, turn)
         rotation = max(rotation, float(np.linalg.norm(turn)))
     size = pose.model.arrays.size
     said = f"{format_number(1e3 * shift, 2, zero=1e-9 * size)} mm and {format_number(rotation, 2, zero=1e-12)} rad"
@@ -425,7 +425,7 @@ def _snapped(made: RestShape, pose: Configuration) -> str:
 
 def _back(move: RigidMove, point: Array) -> Array:
     """Where a point (3,) of a link at rest is wanted."""
-    return np.asarray(move.turn.T @ (point - move.shift))
+    return np.asarray(move.rotation.T @ (point - move.shift))
 
 
 def _in_equilibrium(made: RestShape, moves: Mapping[str, RigidMove], mesh: Mesh) -> str:
@@ -433,7 +433,7 @@ def _in_equilibrium(made: RestShape, moves: Mapping[str, RigidMove], mesh: Mesh)
     try:
         solver = prepare(made, mesh=mesh)
         rest = dict(zip(solver.model.node_names, solver.model.rest.x, strict=True))
-        poses = {n: (_back(m, rest[n]) - rest[n], m.turn.T) for n, m in moves.items()}
+        poses = {n: (_back(m, rest[n]) - rest[n], m.rotation.T) for n, m in moves.items()}
         need = required_loads(solver, poses)
     except KsdError:
         return ""

@@ -1,7 +1,8 @@
-"""Formulas in text, such as "70 mm - 2 * joint.cross.widths[1]", of numbers of tables read from a file.
+"""Formulas such as "70 mm - 2 * joint.cross.widths[1]" over the numbers of tables read from a file.
 
-Names are those of the file: keys parted by points, items of lists of numbers by [0], [1], ..., of arrays of tables by their
-name or, from 1 on, their place; names with spaces in brackets and quotes, join["lower left"].at[0].
+Names in a formula are keys of the file separated by points. Items of lists of numbers are [0], [1], ...; items of arrays of
+tables are given by their name, or by their number from 1 on; names with spaces stand in brackets and quotes:
+join["lower left"].at[0].
 """
 
 from __future__ import annotations
@@ -27,48 +28,50 @@ OPERATORS: Mapping[type, Callable[..., float]] = {
     ast.USub: operator.neg, ast.UAdd: operator.pos,
 }  # fmt: skip
 MAX_FORMULA_LENGTH = 1000
-"""Letters of a formula."""
+"""Limit of the number of characters of a formula."""
 _NUMBER_WITH_UNIT = re.compile(r"(?<![\w.\"'])((?>\d+\.?\d*(?:[eE][+-]?\d+)?))\s*([A-Za-z]+)(?![\w(\[])")
 
 
 def si_value(value: Any, what: str) -> float:
-    """A number (SI), or text with a unit of any dimension, in SI. Raises SceneError, naming `what`, for anything else."""
+    """A number in SI, from a plain number or from text with a unit of any dimension; `what` names it. Raises SceneError."""
     if not isinstance(value, str):
         return number(value, what)
-    found = parse_quantity(value)
-    if found is None:
+    quantity = parse_quantity(value)
+    if quantity is None:
         raise SceneError(f"{what} = {show(value)}: give a number in SI, or text with a unit such as '100 mm'")
-    return number(found[0], what)
+    return number(quantity[0], what)
 
 
 def dimension_of(value: Any) -> str | None:
     """The dimension of text with a unit; None for plain numbers and other text."""
-    found = parse_quantity(value) if isinstance(value, str) else None
-    return None if found is None else found[1]
+    quantity = parse_quantity(value) if isinstance(value, str) else None
+    return None if quantity is None else quantity[1]
 
 
 def evaluate_formula(formula: str, tables: Mapping[str, Any]) -> float:
-    """The value of a formula of the numbers in `tables`, SI. Raises SceneError for what is none, an unknown name with the
-    nearest."""
+    """The value (SI) of a formula over the numbers in `tables`.
+
+    Raises SceneError for text that is no formula, a formula without a value, and unknown names (with the nearest).
+    """
     where = f"formula '{formula.strip()}'"
     if len(formula) > MAX_FORMULA_LENGTH:
         raise SceneError(f"formula '{formula[:40]}...' is longer than {MAX_FORMULA_LENGTH} letters")
-    plain = _NUMBER_WITH_UNIT.sub(lambda m: repr(si_value(f"{m[1]} {m[2]}", where)), formula.strip())
+    in_si = _NUMBER_WITH_UNIT.sub(lambda m: repr(si_value(f"{m[1]} {m[2]}", where)), formula.strip())
     try:
-        tree = ast.parse(plain, mode="eval").body
+        tree = ast.parse(in_si, mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise SceneError(f"{where} cannot be read: write it as '70 mm - 2 * joint.cross.thickness'") from None
     try:
-        found = _evaluate_node(tree, tables, where)
-    except ArithmeticError as why:
-        raise SceneError(f"{where} has no value: {why}") from None
-    if isinstance(found, complex) or not math.isfinite(found):
+        value = _evaluate_node(tree, tables, where)
+    except ArithmeticError as error:
+        raise SceneError(f"{where} has no value: {error}") from None
+    if isinstance(value, complex) or not math.isfinite(value):
         raise SceneError(f"{where} has no value")
-    return float(found)
+    return float(value)
 
 
 def _evaluate_node(node: ast.expr, tables: Mapping[str, Any], where: str) -> float:
-    """The value of a part of a formula."""
+    """The value of a syntax node; `where` starts messages. Raises SceneError."""
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
         return float(node.value)
     if isinstance(node, ast.BinOp) and type(node.op) in OPERATORS:
@@ -88,14 +91,14 @@ def _evaluate_node(node: ast.expr, tables: Mapping[str, Any], where: str) -> flo
     if isinstance(node, ast.Name) and node.id == "pi":
         return math.pi
     keys = _node_keys(node, where)
-    found = value_at(tables, keys, where)
-    if isinstance(found, str) and found.lstrip().startswith("="):
+    value = value_at(tables, keys, where)
+    if isinstance(value, str) and value.lstrip().startswith("="):
         raise SceneError(f"{where}: {format_keys(keys)} is a formula itself; write out what it stands for")
-    return si_value(found, f"{where}: {format_keys(keys)}")
+    return si_value(value, f"{where}: {format_keys(keys)}")
 
 
 def _node_keys(node: ast.expr, where: str) -> Keys:
-    """The keys of a name."""
+    """The keys of a name in a formula. Raises SceneError for any other node."""
     if isinstance(node, ast.Name):
         return (node.id,)
     if isinstance(node, ast.Attribute):
@@ -108,33 +111,33 @@ def _node_keys(node: ast.expr, where: str) -> Keys:
 
 
 def format_keys(keys: Keys) -> str:
-    """Keys as formulas write them: joint.cross.widths[1]."""
-    said = ""
+    """Keys as written in formulas: joint.cross.widths[1]."""
+    text = ""
     for key in keys:
         if isinstance(key, int):
-            said += f"[{key}]"
+            text += f"[{key}]"
         elif key.isidentifier():
-            said += f".{key}" if said else key
+            text += f".{key}" if text else key
         else:
-            said += f'["{key}"]'
-    return said
+            text += f'["{key}"]'
+    return text
 
 
 def value_at(tables: Any, keys: Keys, where: str) -> Any:
-    """What stands at keys. Raises SceneError, naming `where` and the nearest key, where nothing does."""
-    found = tables
+    """The value at `keys`. Raises SceneError, with `where` and the nearest key, when there is none."""
+    value = tables
     for k, key in enumerate(keys):
-        place = index_of(found, key)
-        if place is None or (isinstance(found, dict) and place not in found):
-            known = known_keys(found)
+        index = index_of(value, key)
+        if index is None or (isinstance(value, dict) and index not in value):
+            known = known_keys(value)
             inside = f" in {format_keys(keys[:k])}" if k else ""
             raise SceneError(f"{where}: there is no {format_keys(keys[k:])}{inside}{name_hint(key, known)}")
-        found = found[place]
-    return found
+        value = value[index]
+    return value
 
 
 def index_of(values: Any, key: str | int) -> Any:
-    """Where a key is in a table, a list of numbers, or an array of tables; None where it cannot be."""
+    """Index of a key in a table, a list of numbers, or an array of tables; None when it has no such key."""
     if isinstance(values, dict):
         return key if isinstance(key, str) else None
     if not isinstance(values, list):
@@ -148,12 +151,12 @@ def index_of(values: Any, key: str | int) -> Any:
         if not key.isdecimal():
             return None
         key = int(key)
-    place = key - of_tables
-    return place if 0 <= place < len(values) else None
+    index = key - of_tables
+    return index if 0 <= index < len(values) else None
 
 
 def known_keys(values: Any) -> list[str]:
-    """Keys by which parts of a table or list are known."""
+    """The keys of the parts of a table or list."""
     if isinstance(values, dict):
         return list(values)
     if isinstance(values, list):

@@ -1,6 +1,7 @@
-"""What a scene says that hardly any flexure has: lengths and moduli in another unit, leaf springs that are no beams.
+"""Warnings about unusual values in a scene: lengths and moduli in a wrong unit, leaf springs too stout for beam theory.
 
-Nothing here is refused: rubber, silicon and giant antennas exist. The sentences go with the doctor and with every answer.
+Nothing is refused here, since rubber, silicon and very large structures exist. The warnings are part of the doctor's report
+and of every answer.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ from ksd.section import Section
 from ksd.section.section import thickness_and_width
 
 MIN_SLENDERNESS = 5.0
-"""Length over thickness below which a leaf is a block: plane sections and clamps without compliance do not hold."""
+"""Length over thickness of a leaf below which plane sections and rigid clamps are poor assumptions."""
 LENGTH_RANGE = (1e-6, 5.0)
-"""Leaf springs [m] from micromachined to as long as a room."""
+"""Usual lengths of leaf springs [m], from micromachined ones on."""
 MODULUS_RANGE = (1e6, 1.3e12)
-"""Young's and shear moduli [Pa] from rubber to diamond."""
+"""Usual Young's and shear moduli [Pa], from rubber to diamond."""
 MIN_METAL_DENSITY, MIN_METAL_MODULUS = 2500.0, 5e9
-"""Density [kg/m^3] from which a solid is a metal or a ceramic, and Young's modulus [Pa] that each of those has at least."""
+"""Density [kg/m^3] above which a solid is a metal or a ceramic, and the smallest Young's modulus [Pa] of those."""
 METAL_NAME_PARTS = (
     "steel",
     "alumin",
@@ -37,20 +38,19 @@ METAL_NAME_PARTS = (
     "tungsten",
     "magnesium",
 )
-"""What is in the names of metals."""
+"""Parts of names of metals."""
 MAX_MECHANISM_SIZE = 10.0
-"""Distance [m] of parts of one mechanism."""
+"""Usual limit of the distance [m] between parts of one mechanism."""
 DENSITY_RANGE = (10.0, 23e3)
-"""Densities [kg/m^3] from foam to osmium."""
+"""Usual densities [kg/m^3], from foam to osmium."""
 MAX_ACCELERATION, MAX_MASS = 1e3, 100.0
-"""Weight of a hundred g [m/s^2], and a mass [kg] that no flexure carries; a plain number above was probably meant in another
-unit."""
+"""Usual limits of accelerations [m/s^2] (a hundred g) and masses [kg]; larger plain numbers are probably in another unit."""
 STRENGTH_RATIO_RANGE = (1e-5, 0.5)
-"""Stress limits over Young's modulus."""
+"""Usual yield stresses and fatigue limits over Young's modulus."""
 
 
 def likely_unit(value: float, dimension: str, key: str) -> str:
-    """The unit in which a plain number of a scene file was probably meant, where in SI it is that of no flexure; else ""."""
+    """The unit that was probably meant by a plain number of a scene file, when it is unusual in SI; else ""."""
     size = abs(value)
     if dimension == "length":
         return "mm" if size > LENGTH_RANGE[1] else ""
@@ -68,63 +68,63 @@ def likely_unit(value: float, dimension: str, key: str) -> str:
 
 
 def drive_value_warnings(scene: Scene, values: Mapping[str, float], size: float) -> tuple[str, ...]:
-    """A sentence for every drive value [m or rad] that was probably meant in another unit: over twice the size [m] of the
-    mechanism, or more than a turn."""
-    found = []
+    """A warning for every drive value [m or rad] that was probably meant in another unit.
+
+    Those are displacements over twice the `size` [m] of the mechanism, and rotations over a full turn.
+    """
+    warnings = []
     for drive in scene.drives:
-        value, (most, si, unit) = values.get(drive.name, 0.0), {
+        value, (limit, si, unit) = values.get(drive.name, 0.0), {
             "length": (2.0 * size, "m", "mm"), "angle": (2.0 * math.pi, "rad", "deg"), "number": (math.inf, "", ""),
         }[drive.dimension]  # fmt: skip
-        if abs(value) > most:
-            across = f" and the mechanism {size:.3g} m large" if unit == "mm" else ""
-            found.append(
-                f"{drive.name} = {value:g} is {value:g} {si}{across}: did you mean {value:g} {unit} "
+        if abs(value) > limit:
+            mechanism = f" and the mechanism {size:.3g} m large" if unit == "mm" else ""
+            warnings.append(
+                f"{drive.name} = {value:g} is {value:g} {si}{mechanism}: did you mean {value:g} {unit} "
                 f"({value:g} * ksd.units.{unit} in Python)?"
             )
-    return tuple(found)
+    return tuple(warnings)
 
 
 def plausibility_warnings(scene: Scene) -> tuple[str, ...]:
-    """One sentence for everything that is unusual, equal leaf springs together; nothing where all is as flexures are."""
+    """Warnings about all unusual values of a scene; one for all leaf springs with the same problem."""
     leaves = scene.leaf_names()
     materials = dict.fromkeys(leaf.material for leaf in leaves.values())
-    found = [said for material in materials for said in _material_warnings(material)]
-    for judge in (_length_warning, _thickness_warning, _width_warning):
-        found += _grouped_warnings(leaves, judge)
-    return (*found, *_size_warnings(scene))
+    warnings = [warning for material in materials for warning in _material_warnings(material)]
+    for leaf_warning in (_length_warning, _thickness_warning, _width_warning):
+        warnings += _grouped_warnings(leaves, leaf_warning)
+    return (*warnings, *_size_warnings(scene))
 
 
 def _size_warnings(scene: Scene) -> Iterator[str]:
-    """Of the sizes of joints (the leaf springs in them are judged each), and of how far all parts are apart."""
+    """Warnings about the dimensions of joints, their leaf springs excepted, and about distances between parts."""
     for placed in scene.joints:
         for key, dimension in placed.joint.quantities.items():
-            said = getattr(placed.joint, key, None)
-            if (
-                dimension == "length"
-                and key != "length"
-                and said is not None
-                and np.max(said) > LENGTH_RANGE[1]
-            ):
-                yield f"joint '{placed.name}': {key} = {show(said)} is in m, and that of no flexure; did you mean mm?"
-    places = [j.origin for j in scene.joints] + [
+            value = getattr(placed.joint, key, None)
+            if key == "length" or dimension != "length" or value is None:
+                continue
+            if np.max(value) > LENGTH_RANGE[1]:
+                yield f"joint '{placed.name}': {key} = {show(value)} is in m, and that of no flexure; did you mean mm?"
+    positions = [j.origin for j in scene.joints] + [
         end for f in scene.leaves for end in (f.leaf.start, f.leaf.end)
     ]
-    apart = np.ptp([*places, *(m.at for m in scene.masses)] or [(0.0, 0.0, 0.0)], axis=0)
-    k = int(np.argmax(apart))
-    if apart[k] > MAX_MECHANISM_SIZE:
-        yield f"its joints, leaf springs and masses are {apart[k]:g} m apart along {'xyz'[k]}; lengths are in m"
+    extent = np.ptp([*positions, *(m.at for m in scene.masses)] or [(0.0, 0.0, 0.0)], axis=0)
+    k = int(np.argmax(extent))
+    if extent[k] > MAX_MECHANISM_SIZE:
+        yield f"its joints, leaf springs and masses are {extent[k]:g} m apart along {'xyz'[k]}; lengths are in m"
 
 
 def thinnest_section(leaf: Leaf) -> Section:
-    """The section of a leaf, of one with a profile where it is thinnest (at 33 stations)."""
+    """The section of a leaf; with a profile the one of smallest Iz among 33 stations."""
     if leaf.profile is None:
         return leaf.section
     return min((leaf.profile.section(k / 32) for k in range(33)), key=lambda q: q.Iz)
 
 
 def _material_warnings(m: Material) -> Iterator[str]:
+    """Warnings about moduli, density and strength of a material."""
     name = f"material '{m.name}'" if m.name else "a material"
-    # a shear modulus that follows from E needs no sentence of its own
+    # an unusual shear modulus that follows from E needs no warning of its own
     key, value = ("E", m.E) if not MODULUS_RANGE[0] <= m.E <= MODULUS_RANGE[1] else ("G", m.G)
     if value < MODULUS_RANGE[0]:
         yield (
@@ -134,9 +134,9 @@ def _material_warnings(m: Material) -> Iterator[str]:
     elif m.E < MIN_METAL_MODULUS and (
         (m.density or 0.0) > MIN_METAL_DENSITY or any(metal in m.name.lower() for metal in METAL_NAME_PARTS)
     ):
-        thousand = f": did you mean {m.E / 1e6:g} GPa?" if m.E < 1e9 else "; moduli are in Pa"
+        hint = f": did you mean {m.E / 1e6:g} GPa?" if m.E < 1e9 else "; moduli are in Pa"
         why = f" of {m.density:g} kg/m^3" if (m.density or 0.0) > MIN_METAL_DENSITY else ""
-        yield f"{name}: E = {m.E:g} Pa is softer than any metal{why}{thousand}"
+        yield f"{name}: E = {m.E:g} Pa is softer than any metal{why}{hint}"
     elif value > MODULUS_RANGE[1]:
         yield f"{name}: {key} = {value:g} Pa is stiffer than diamond (1.2e12 Pa); moduli are in Pa"
     if m.density is not None and not DENSITY_RANGE[0] <= m.density <= DENSITY_RANGE[1]:
@@ -148,12 +148,14 @@ def _material_warnings(m: Material) -> Iterator[str]:
 
 
 def _length_warning(leaf: Leaf) -> str:
+    """Warning about an unusual length; "" when it is usual."""
     if LENGTH_RANGE[0] <= leaf.length <= LENGTH_RANGE[1]:
         return ""
     return f"length {leaf.length:g} m is that of no flexure; lengths are in m"
 
 
 def _thickness_warning(leaf: Leaf) -> str:
+    """Warning about a leaf too stout for a beam; "" when it is slender."""
     thickness = thickness_and_width(thinnest_section(leaf))[0]
     if leaf.length >= MIN_SLENDERNESS * thickness:
         return ""
@@ -164,6 +166,7 @@ def _thickness_warning(leaf: Leaf) -> str:
 
 
 def _width_warning(leaf: Leaf) -> str:
+    """Warning about a leaf wider than long; "" when it is not."""
     width, nu = thickness_and_width(leaf.section)[1], leaf.material.nu
     if leaf.length >= width or leaf.profile is not None:
         return ""
@@ -174,17 +177,18 @@ def _width_warning(leaf: Leaf) -> str:
     )
 
 
-def _grouped_warnings(leaves: dict[str, Leaf], judge: Callable[[Leaf], str]) -> list[str]:
-    """The sentences of all leaf springs, each once, with the names of those it holds for."""
-    said: dict[str, list[str]] = {}
+def _grouped_warnings(leaves: dict[str, Leaf], leaf_warning: Callable[[Leaf], str]) -> list[str]:
+    """The warnings of all leaf springs, each once, with the names of the leaf springs it applies to."""
+    names_by_warning: dict[str, list[str]] = {}
     for name, leaf in leaves.items():
-        sentence = judge(leaf)
-        if sentence:
-            said.setdefault(sentence, []).append(name)
-    return [f"{_leaf_list(names)}: {sentence}" for sentence, names in said.items()]
+        warning = leaf_warning(leaf)
+        if warning:
+            names_by_warning.setdefault(warning, []).append(name)
+    return [f"{_leaf_list(names)}: {warning}" for warning, names in names_by_warning.items()]
 
 
 def _leaf_list(names: Sequence[str]) -> str:
+    """The first three names of leaf springs, and how many more there are."""
     shown = ", ".join(f"'{name}'" for name in names[:3])
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
     return f"{'leaf springs' if len(names) > 1 else 'leaf'} {shown}{more}"

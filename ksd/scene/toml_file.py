@@ -1,4 +1,4 @@
-"""Scenes in TOML files, in the words of the Python scene; all keys stand in `ksd.scene.toml_schema`.
+"""Reading of scenes from TOML files, with the words of `Mechanism`; all keys are in `ksd.scene.toml_schema`.
 
     name = "lever"
     links = ["lever"]
@@ -13,12 +13,12 @@
     [[point]]          leaf, s = "30 mm", name
     [[pin]]            a, b, at (and axis, where there is no plane);  [[slider]]  link, along, at
     [[actuate]]        link, about = "z", value = "30 deg"; or along and at; or joint; or terms = [{...}, ...]
-    [[distance]]       a, b, start, end, name (and along, a direction): asked for, such as the opening of a jaw
+    [[distance]]       a, b, start, end, name (and along, a direction): to be reported, such as the opening of a jaw
     [[compliance]]     link, section and material (hub, width_axis); or matrix = "file.npz" or "file.h5"
-    [options]          what the solver is asked, e.g. method = "reduced"
+    [options]          options of the solver, e.g. method = "reduced"
 
 Numbers are SI, or text with a unit ("100 mm", "45 deg", "3 N mm", "9.81 m/s^2"); files are read as UTF-8. All mistakes of a
-file are told at once.
+file are reported together.
 """
 
 from __future__ import annotations
@@ -57,19 +57,18 @@ __all__ = ["load_scene", "save_scene"]
 
 T = TypeVar("T")
 MAX_LISTED_MISTAKES = 30
-"""Mistakes that are listed."""
+"""Limit of the number of mistakes in one message."""
 MAX_FILE_BYTES = 1 << 22
-"""Bytes of a scene file that is read, 4 MiB."""
-Loaded = tuple[Mechanism, dict[str, float], dict[str, Any]]
+"""Largest scene file that is read [bytes], 4 MiB."""
+LoadedScene = tuple[Mechanism, dict[str, float], dict[str, Any]]
 
 
-def load_scene(path: str | os.PathLike[str], *, option_names: Collection[str] | None = None) -> Loaded:
-    """Read a scene file: (mechanism, targets {drive: value in SI}, options as written).
+def load_scene(path: str | os.PathLike[str], *, option_names: Collection[str] | None = None) -> LoadedScene:
+    """Read the scene file `path`: (mechanism, targets {drive: value in SI}, options as written).
 
     option_names: the keys allowed in [options]; any when None. Raises SceneError for a file that cannot be read or is no
-    TOML, SceneFileError, a sentence with file, line, table and key per mistake, for one that misses a key, has an unknown
-    one, or holds a wrong type, unit or value. Warns (SceneWarning) once of plain numbers that were probably meant in another
-    unit.
+    TOML, and SceneFileError, with file, line, table and key of every mistake, for missing and unknown keys and wrong types,
+    units or values. Warns once (SceneWarning) about plain numbers that are probably in another unit.
     """
     file = named_file(path, "scene file")
     text = _read_text(file)
@@ -78,23 +77,27 @@ def load_scene(path: str | os.PathLike[str], *, option_names: Collection[str] | 
 
 def scene_from_tables(
     tables: dict[str, Any], file: Path, *, option_names: Collection[str] | None = None, text: str = ""
-) -> Loaded:
-    """The same from the tables of a file, as read or changed; file: whose name errors tell, whose folder holds others; text:
-    of the file as it was read, in which errors tell the line."""
-    noted = FileMistakes()
-    top = Table(tables, file.name, noted=noted)
+) -> LoadedScene:
+    """As `load_scene`, from the tables of a file, as read or modified.
+
+    file: path for messages and for the folder of other files; text: text of the file, for line numbers in messages.
+    """
+    file_mistakes = FileMistakes()
+    top = Table(tables, file.name, file_mistakes=file_mistakes)
     options = _read_options(top, option_names)
     reader = _SceneReader(top, file)
-    reader.say_all()
-    if not noted.mistakes:
-        noted.mistakes += [
-            f"{reader.place_of(rule)}: {rule}" for rule in broken_rules(reader.mechanism.draft())
+    reader.state_all()
+    if not file_mistakes.mistakes:
+        file_mistakes.mistakes += [
+            f"{reader.location_of(rule)}: {rule}" for rule in broken_rules(reader.mechanism.draft())
         ]
-    lines = LineNumbers(file.name, text)
-    mistakes = [lines.at(said) for said in noted.mistakes]
-    # what was refused tells its own
+    line_numbers = LineNumbers(file.name, text)
+    mistakes = [line_numbers.add_to(message) for message in file_mistakes.mistakes]
+    # messages of mistakes contain the doubts about their own numbers
     doubts = [
-        lines.at(f"{where}: {said}") for where, said in noted.doubts if not any(said in m for m in mistakes)
+        line_numbers.add_to(f"{where}: {doubt}")
+        for where, doubt in file_mistakes.unit_doubts
+        if not any(doubt in m for m in mistakes)
     ]
     if mistakes:
         raise SceneFileError(_mistake_list(file.name, mistakes, doubts), mistakes=tuple(mistakes))
@@ -105,8 +108,10 @@ def scene_from_tables(
 
 
 def _mistake_list(name: str, mistakes: list[str], doubts: list[str]) -> str:
-    """The sentence of one mistake, or a list of several, with the first plain number that was probably meant otherwise."""
-    lines = [said.removeprefix(name).lstrip(",: ") for said in (*mistakes[:MAX_LISTED_MISTAKES], *doubts[:1])]
+    """The message of one mistake or a list of several, with the first doubt about a unit."""
+    lines = [
+        message.removeprefix(name).lstrip(",: ") for message in (*mistakes[:MAX_LISTED_MISTAKES], *doubts[:1])
+    ]
     if len(mistakes) == 1:
         return "\n  ".join([mistakes[0], *lines[1:]])
     if len(mistakes) > MAX_LISTED_MISTAKES:
@@ -115,7 +120,7 @@ def _mistake_list(name: str, mistakes: list[str], doubts: list[str]) -> str:
 
 
 def read_tables(file: Path) -> dict[str, Any]:
-    """The tables of a TOML file as they are written. Raises SceneError for a file that cannot be read or is no TOML."""
+    """The tables of a TOML file. Raises SceneError for a file that cannot be read or is no TOML."""
     return _parse_toml(_read_text(file), file.name)
 
 
@@ -125,11 +130,14 @@ def shipped_scenes() -> dict[str, Traversable]:
 
 
 def _read_text(file: Path) -> str:
-    ships = file.stem in shipped_scenes() and not os.path.lexists(file)
-    meant = (
-        f"check the path; `ksd new NAME --like {file.stem}` writes the scene of that name" if ships else ""
+    """The text of a scene file. Raises SceneError."""
+    is_shipped = file.stem in shipped_scenes() and not os.path.lexists(file)
+    hint = (
+        f"check the path; `ksd new NAME --like {file.stem}` writes the scene of that name"
+        if is_shipped
+        else ""
     )
-    content = read_file(file, what="scene file", most=MAX_FILE_BYTES, hint=meant or "check the path")
+    content = read_file(file, what="scene file", most=MAX_FILE_BYTES, hint=hint or "check the path")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -139,6 +147,7 @@ def _read_text(file: Path) -> str:
 
 
 def _parse_toml(text: str, name: str) -> dict[str, Any]:
+    """The tables of TOML text; `name` of its file starts messages. Raises SceneError."""
     try:
         return tomllib.loads(text)
     except RecursionError:
@@ -156,185 +165,195 @@ _NAME_KINDS = {
     "wire": ("leaf",),
     "point": ("link",),
 }
-"""What kinds of names a sentence brings into a mechanism."""
+"""Kinds of names that a statement adds to a mechanism."""
 _NAMES_IN_RULES = {"join": "joint", "wire": "leaf", "actuate": "drive"}
-"""What mistakes call that of a sentence, where not by its name."""
+"""Words with which messages of `ksd.scene.rules` name the part of a statement, where it is not the statement's name."""
 
 
 class _SceneReader:
-    """Materials, sections and joints a scene file defines, by name, and what it says with them about a mechanism.
+    """Reader of a scene file: makes its materials, sections and joints, then a mechanism from its statements.
 
-    A mistake hides what its table would have named; sentences that speak of it have no mistake of their own. lost: such
-    names by kind (joint, leaf, link).
+    A table with a mistake defines nothing, so statements that refer to its name are skipped without a mistake of their own.
+    unknown_names: such names by kind ("joint", "leaf", "link"). locations: table of every part, by its name in messages.
     """
 
     def __init__(self, top: Table, file: Path) -> None:
         self.folder = file.parent
-        self.file, self.places = file.name, dict[str, str]()
+        self.file, self.locations = file.name, dict[str, str]()
         self.targets: dict[str, float] = {}
-        self.mechanism, self.planned = Mechanism("scene"), False
-        self.lost: dict[str, set[str]] = {"joint": set(), "leaf": set(), "link": set()}
-        said = {"name": file.stem, "plane": None, "gravity": None, "consider": []} | top.read(schema.TOP)
+        self.mechanism, self.plane_is_valid = Mechanism("scene"), False
+        self.unknown_names: dict[str, set[str]] = {"joint": set(), "leaf": set(), "link": set()}
+        words = {"name": file.stem, "plane": None, "gravity": None, "consider": []} | top.read(schema.TOP)
         defined = {kind: top.table(kind) for kind in ("material", "section", "joint")}
-        self.sentences = {name: top.tables(name) for name in schema.SENTENCES}
-        misspelt = [key for key in top.unknown() if isinstance(top.values[key], dict | list)]
-        top.finish()
+        self.statements = {name: top.tables(name) for name in schema.STATEMENTS}
+        misspelt = [key for key in top.unread_keys() if isinstance(top.values[key], dict | list)]
+        top.note_unknown_keys()
         if misspelt:
-            self.lost = {kind: {ANY_NAME} for kind in self.lost}
-        self._begin(top, said)
+            self.unknown_names = {kind: {ANY_NAME} for kind in self.unknown_names}
+        self._start_mechanism(top, words)
         self.parts: dict[str, dict[str, Any]] = {kind: {} for kind in defined}
-        for kind, make in (("material", _make_material), ("section", _make_section), ("joint", self._joint)):
-            # [materials.steel] is one mistake, not one more for each leaf that is of steel
+        for kind, make in (
+            ("material", _make_material),
+            ("section", _make_section),
+            ("joint", self._make_joint),
+        ):
+            # [materials.steel] is one mistake, not another one for each leaf of steel
             if (
                 any(f'"{kind}"' in similar_name_hint(key, defined) for key in misspelt)
-                or not defined[kind].sound
+                or not defined[kind].is_valid
             ):
                 self.parts[kind][ANY_NAME] = None
             self.parts[kind] |= {n: _make_part(make, t, n) for n, t in defined[kind].children().items()}
 
-    def _begin(self, top: Table, said: dict[str, Any]) -> None:
-        """What stands above all tables."""
-        with top.judged():
-            self.mechanism, self.planned = Mechanism(said["name"], plane=said["plane"]), True
-        with top.judged():
-            self.mechanism.gravity = said["gravity"]
-        for name in said.get("links", ()):
-            with top.judged():
+    def _start_mechanism(self, top: Table, words: dict[str, Any]) -> None:
+        """Make the mechanism from the keys above all tables: name, plane, gravity, links and consider."""
+        with top.collect_errors():
+            self.mechanism, self.plane_is_valid = Mechanism(words["name"], plane=words["plane"]), True
+        with top.collect_errors():
+            self.mechanism.gravity = words["gravity"]
+        for name in words.get("links", ()):
+            with top.collect_errors():
                 self.mechanism.link(name)
-        for effect in said["consider"]:
-            with top.judged():
+        for effect in words["consider"]:
+            with top.collect_errors():
                 self.mechanism.consider(effect)
-        if "links" not in said:
-            self.lost["link"] = {ANY_NAME}
+        if "links" not in words:
+            self.unknown_names["link"] = {ANY_NAME}
 
-    def say_all(self) -> None:
-        """All tables, in the order of `schema.SENTENCES`."""
-        for sentence, tables in self.sentences.items():
+    def state_all(self) -> None:
+        """Apply all statements to the mechanism, in the order of `schema.STATEMENTS`."""
+        for statement, tables in self.statements.items():
             for table in tables:
                 try:
-                    self._say(sentence, table)
+                    self._state(statement, table)
                 except InvalidTable:
                     name = table.values.get("name")
-                    for kind in _NAME_KINDS.get(sentence, ()):
-                        self.lost[kind].add(name if isinstance(name, str) else ANY_NAME)
+                    for kind in _NAME_KINDS.get(statement, ()):
+                        self.unknown_names[kind].add(name if isinstance(name, str) else ANY_NAME)
 
-    def place_of(self, rule: str) -> str:
-        """File and table of what a broken rule begins with."""
-        return next((where for own, where in self.places.items() if rule.startswith(own)), self.file)
+    def location_of(self, rule: str) -> str:
+        """File and table of the part with which the message of a broken rule begins."""
+        return next((where for own, where in self.locations.items() if rule.startswith(own)), self.file)
 
-    def _heard(self, sentence: Callable[..., T]) -> Callable[..., T]:
-        """A sentence of the mechanism; Unsaid where it speaks of what only a mistake elsewhere keeps from being there."""
+    def _or_invalid(self, statement: Callable[..., T]) -> Callable[..., T]:
+        """`statement`, raising InvalidTable instead of an error for a name that is missing because of another mistake."""
 
-        def said(**words: Any) -> T:
-            if not self.planned:
+        def call(**words: Any) -> T:
+            if not self.plane_is_valid:
                 raise InvalidTable("without its plane nothing can be said of a mechanism")
             try:
-                return sentence(**words)
+                return statement(**words)
             except UnknownNameError as error:
-                if {ANY_NAME, error.name, error.name.partition("/")[0]} & self.lost[error.kind]:
+                if {ANY_NAME, error.name, error.name.partition("/")[0]} & self.unknown_names[error.kind]:
                     raise InvalidTable(str(error)) from None
                 raise
 
-        return said
+        return call
 
-    def _say(self, sentence: str, table: Table) -> None:
-        """One table of `schema.SENTENCES`, said to the mechanism."""
-        words = table.read(schema.SENTENCES[sentence], self.parts)
+    def _state(self, statement: str, table: Table) -> None:
+        """Apply the statement of one table to the mechanism."""
+        words = table.read(schema.STATEMENTS[statement], self.parts)
         for key in schema.LINK_KEYS:
-            with table.judged():
+            with table.collect_errors():
                 if key in words:
-                    self._heard(self.mechanism._checked_link)(link=words[key], owner=key)
-        if sentence == "actuate":
-            self._actuate(table, words)
+                    self._or_invalid(self.mechanism._checked_link)(link=words[key], owner=key)
+        if statement == "actuate":
+            self._state_drive(table, words)
             return
-        if sentence == "support":
-            words |= self._terms(table)
-        elif sentence in ("leaf", "wire"):
-            words |= self._sizes(table, sentence) | _read_shapes(table)
-        elif sentence == "compliance":
-            words = self._with_matrix(table, words)
-        made = table.say(self._heard(getattr(self.mechanism, sentence)), words)
-        self.places[f"{_NAMES_IN_RULES.get(sentence, sentence)} '{getattr(made, 'name', '')}'"] = table.where
+        if statement == "support":
+            words |= self._read_terms(table)
+        elif statement in ("leaf", "wire"):
+            words |= self._read_section(table, statement) | _read_shapes(table)
+        elif statement == "compliance":
+            words = self._compliance_words(table, words)
+        made = table.call(self._or_invalid(getattr(self.mechanism, statement)), words)
+        self.locations[f"{_NAMES_IN_RULES.get(statement, statement)} '{getattr(made, 'name', '')}'"] = (
+            table.where
+        )
 
-    def _sizes(self, table: Table, kind: str) -> dict[str, Any]:
-        """The diameter of a wire, or the section of a leaf, by name or from thickness and width."""
+    def _read_section(self, table: Table, kind: str) -> dict[str, Any]:
+        """Diameter of a wire, or section of a leaf by name or from thickness and width."""
         if kind == "leaf" and "section" not in table and ("thickness" in table or "width" in table):
             sizes = table.read(schema.SIZES["rectangle"])
-            with table.judged():
+            with table.collect_errors():
                 return {"section": rectangle(**sizes)} if len(sizes) == len(schema.SIZES["rectangle"]) else {}
             return {}
         return table.read(schema.SIZES[kind], self.parts)
 
-    def _with_matrix(self, table: Table, words: dict[str, Any]) -> dict[str, Any]:
-        """The words of a compliance, its matrix from a file or from points and stiffness."""
+    def _compliance_words(self, table: Table, words: dict[str, Any]) -> dict[str, Any]:
+        """Arguments of a compliance, its matrix from a file or from points and stiffness."""
         points, stiffness = words.pop("points", None), words.pop("stiffness", None)
         if "matrix" in words:
             words["matrix"] = self.folder / words["matrix"]
         elif points is not None or stiffness is not None:
-            with table.judged():
+            with table.collect_errors():
                 words["matrix"] = LinkMatrix(points or (), stiffness or ())  # type: ignore[arg-type]
         return words
 
-    def _actuate(self, table: Table, words: dict[str, Any]) -> None:
-        """A drive, and its value in the unit of its motion."""
-        words |= self._terms(table)
+    def _state_drive(self, table: Table, words: dict[str, Any]) -> None:
+        """Apply an [[actuate]] table to the mechanism, and store its value as target in the unit of its motion."""
+        words |= self._read_terms(table)
         dimension = "length" if "along" in words else "angle" if "about" in words else "any"
         value = table.read({"value": dimension})
-        drive: Drive = table.say(self._heard(self.mechanism.actuate), words)
+        drive: Drive = table.call(self._or_invalid(self.mechanism.actuate), words)
         if dimension == "any":
             value = table.read({"value": drive.dimension})
         if value:
             self.targets[drive.name] = value["value"]
-        self.places[f"drive '{drive.name}'"] = table.where
+        self.locations[f"drive '{drive.name}'"] = table.where
 
-    def _terms(self, table: Table) -> dict[str, list[DriveTerm]]:
-        terms = make_each(self._term, table.tables("terms"))
+    def _read_terms(self, table: Table) -> dict[str, list[DriveTerm]]:
+        """The argument `terms` of a drive or support, if its table has it."""
+        terms = make_each(self._make_term, table.tables("terms"))
         return {"terms": terms} if "terms" in table else {}
 
-    def _term(self, table: Table) -> DriveTerm:
+    def _make_term(self, table: Table) -> DriveTerm:
+        """One term of a drive or support. Raises InvalidTable."""
         words = table.read(schema.TERM)
 
-        def said(**words: Any) -> DriveTerm:
+        def term(**words: Any) -> DriveTerm:
             if ("along" in words) == ("about" in words):
                 raise SceneError("give one of along (a displacement) and about (a rotation).")
             if "along" in words:
                 return self.mechanism.displacement(**{"at": None} | words)
             return self.mechanism.rotation(**words)
 
-        return table.say(self._heard(said), words)
+        return table.call(self._or_invalid(term), words)
 
-    def _joint(self, table: Table, name: str) -> Joint:
+    def _make_joint(self, table: Table, name: str) -> Joint:
+        """A joint of a family, or one drawn leaf by leaf. Raises InvalidTable."""
         families = joint_families()
         family = _read_kind(table, "family", [*families, "drawn"], "joint family")
         if family == "drawn":
-            return self._drawn(table)
+            return self._make_drawn_joint(table)
         words = table.read(schema.family_schema(families[family]), self.parts)
-        return table.say(partial(make_joint, family), words)
+        return table.call(partial(make_joint, family), words)
 
-    def _drawn(self, table: Table) -> DrawnJoint:
-        """A joint drawn leaf by leaf."""
+    def _make_drawn_joint(self, table: Table) -> DrawnJoint:
+        """A joint that is drawn leaf by leaf."""
         blocks, shape = table.table("blocks"), table.table("shape")
         words: dict[str, Any] = {"name": "drawn"} | table.read(schema.DRAWN)
         words["blocks"] = blocks.read(dict.fromkeys(blocks.values, "length[3]"))
         words["shape"] = shape.read(dict.fromkeys(shape.values, "number"))
-        hung = [(t, kind) for kind in ("leaf", "wire") for t in table.tables(kind)]
+        leaf_tables = [(t, kind) for kind in ("leaf", "wire") for t in table.tables(kind)]
         motions = table.tables("motion")
-        with table.judged():
-            words["leaves"] = make_each(self._drawn_leaf, hung)
-        with table.judged():
+        with table.collect_errors():
+            words["leaves"] = make_each(self._make_drawn_leaf, leaf_tables)
+        with table.collect_errors():
             words["motions"] = make_each(_make_motion, motions)
-        table.sound &= blocks.sound and shape.sound
-        return table.say(DrawnJoint, words)
+        table.is_valid &= blocks.is_valid and shape.is_valid
+        return table.call(DrawnJoint, words)
 
-    def _drawn_leaf(self, hung: tuple[Table, str]) -> Leaf:
-        table, kind = hung
+    def _make_drawn_leaf(self, table_and_kind: tuple[Table, str]) -> Leaf:
+        """A "leaf" or "wire" of a drawn joint. Raises InvalidTable."""
+        table, kind = table_and_kind
         words = {"name": kind, "width_axis": None} | table.read(schema.LEAF, self.parts)
-        words |= self._sizes(table, kind) | _read_shapes(table) | table.read(schema.BLOCKS)
-        return table.say(make_wire if kind == "wire" else Leaf, words)
+        words |= self._read_section(table, kind) | _read_shapes(table) | table.read(schema.BLOCKS)
+        return table.call(make_wire if kind == "wire" else Leaf, words)
 
 
 def _make_part(make: Callable[[Table, str], T], table: Table, name: str) -> T | None:
-    """A part of the file; None where it has a mistake."""
+    """A material, section or joint of the file; None if its table has a mistake."""
     try:
         return make(table, name)
     except InvalidTable:
@@ -342,43 +361,47 @@ def _make_part(make: Callable[[Table, str], T], table: Table, name: str) -> T | 
 
 
 def _read_kind(table: Table, key: str, known: Collection[str], what: str) -> str:
-    """The word that says what else a table holds. Raises Unsaid."""
-    found = table.read({key: "text!"}, known=known).get(key, "")
-    if table.sound and found not in known:
-        table.note(f"{table.where}: {what} {show(found)} is unknown{name_hint(found, known)}")
-    if not table.sound:
+    """The value of the key that determines the other keys of a table. Raises InvalidTable unless it is known."""
+    word = table.read({key: "text!"}, known=known).get(key, "")
+    if table.is_valid and word not in known:
+        table.note_mistake(f"{table.where}: {what} {show(word)} is unknown{name_hint(word, known)}")
+    if not table.is_valid:
         raise InvalidTable(f"{table.where}: what it is, is not known")
-    return str(found)
+    return str(word)
 
 
 def _read_shapes(table: Table) -> dict[str, Any]:
-    """The curve and the profile of a leaf, where it has them."""
-    found = {}
+    """The curve and the profile of a leaf, as far as its table has them."""
+    shapes = {}
     for key in [key for key in schema.SHAPES if key in table]:
         own = table.table(key)
-        with table.judged():
+        with table.collect_errors():
             kind = _read_kind(own, "kind", schema.SHAPES[key], key)
-            found[key] = own.say(SHAPE_CLASSES[key][kind][1], own.read(schema.SHAPES[key][kind]))
-    return found
+            shapes[key] = own.call(SHAPE_CLASSES[key][kind][1], own.read(schema.SHAPES[key][kind]))
+    return shapes
 
 
 def _make_material(table: Table, name: str) -> Material:
-    return table.say(Material, {"name": name} | table.read(schema.MATERIAL))
+    """A material. Raises InvalidTable."""
+    return table.call(Material, {"name": name} | table.read(schema.MATERIAL))
 
 
 def _make_section(table: Table, name: str) -> Section:
+    """A section. Raises InvalidTable."""
     kind = _read_kind(table, "kind", schema.SECTIONS, "section kind")
-    made: Section = table.say(getattr(section, kind), table.read(schema.SECTIONS[kind]))
+    made: Section = table.call(getattr(section, kind), table.read(schema.SECTIONS[kind]))
     return made
 
 
 def _make_motion(table: Table) -> Motion:
+    """An intended motion of a drawn joint. Raises InvalidTable."""
     kind = table.read({"kind": "text!"}).get("kind")
-    return table.say(Motion, table.read(schema.MOTIONS.get(str(kind), schema.MOTIONS["rotation"])))
+    return table.call(Motion, table.read(schema.MOTIONS.get(str(kind), schema.MOTIONS["rotation"])))
 
 
 def _read_options(top: Table, names: Collection[str] | None) -> dict[str, Any]:
+    """The table [options]; names: its allowed keys, any when None."""
     table = top.table("options")
     options = table.read(dict.fromkeys(table.values if names is None else names, "any"))
-    table.finish()
+    table.note_unknown_keys()
     return options

@@ -1,11 +1,11 @@
-"""What a scene file may hold: every table with its keys and what each is. Reading and writing follow from it.
+"""The tables and keys of scene files and the kind of every key, from which reading, writing and the JSON schema follow.
 
 A kind is a dimension ("length": a number in SI, or text with a unit such as "100 mm"), "number", "text", "flag" (true or
-false), "direction" ("x", "-z" or three numbers), the name of a "material", "section" or "joint" of the file, or "any",
-which what the table says judges itself; "names" is a list of texts. "length[3]" is a list of three, "length[]" one, a list
-of any number, or lists of lists; "!" is required. Keys that are left out take the default of the Python word of the same
-name: [[join]] is `Mechanism.join`, [[leaf]] `Mechanism.leaf`, [material.NAME] `ksd.Material`, [joint.NAME] the class of its
-family. Bounds are checked there.
+false), "direction" ("x", "-z" or three numbers), the name of a "material", "section" or "joint" of the file, "names" (a list
+of texts), or "any", whose value is checked by the constructor it is passed to. "length[3]" is a list of three; "length[]" is
+one value, a list of any length, or lists of lists; "!" marks a required key. Keys that are left out take the default of the
+Python parameter of the same name: [[join]] stands for `Mechanism.join`, [[leaf]] for `Mechanism.leaf`, [material.NAME] for
+`ksd.Material`, [joint.NAME] for the class of its family. Bounds are checked there.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ SECTIONS: dict[str, Schema] = {
         "name": "text", "outline": "length[]",
     },
 }  # fmt: skip
-"""By the `kind` of a [section.NAME], the function of `ksd.section` that makes it."""
+"""Keys of a [section.NAME] by its `kind`, the name of a function of `ksd.section`."""
 
 DRAWN: Schema = {"name": "text", "length": "length", "windows": "flag", "held_by_others": "flag"}
-"""[joint.NAME] of family "drawn", beside its tables [blocks], [shape], [[leaf]], [[wire]] and [[motion]]."""
+"""Keys of a [joint.NAME] of family "drawn", besides its tables [blocks], [shape], [[leaf]], [[wire]] and [[motion]]."""
 
 MOTIONS: dict[str, Schema] = {
     kind: {
@@ -56,13 +56,13 @@ MOTIONS: dict[str, Schema] = {
     }
     for kind, dimension in (("rotation", "angle"), ("translation", "length"))
 }  # fmt: skip
-"""[[joint.NAME.motion]] by its kind."""
+"""Keys of a [[joint.NAME.motion]] by its `kind`."""
 
 LEAF: Schema = {
     "start": "length[3]!", "end": "length[3]!", "width_axis": "direction", "material": "material!", "name": "text",
     "elements": "any", "orders": "any",
 }  # fmt: skip
-"""Every leaf and wire, beside one of `SIZES`."""
+"""Keys of every leaf and wire, besides those of one of `SIZES`."""
 
 SIZES: dict[str, Schema] = {
     "wire": {"diameter": "length!"},
@@ -101,7 +101,7 @@ SHAPE_CLASSES: dict[str, dict[str, tuple[type[Any], Callable[..., Any]]]] = {
 """By the same keys and kinds: the class whose attributes are those keys, and the callable that makes the shape from them."""
 
 BLOCKS: Schema = {"start_block": "text!", "end_block": "text!"}
-"""Where a leaf of a drawn joint hangs; a free-form one has `PAIR`."""
+"""Keys for the blocks of a leaf of a drawn joint; a free-form leaf has `LINK_PAIR`."""
 
 LINK_PAIR: Schema = {"a": "text!", "b": "text!"}
 
@@ -118,9 +118,9 @@ _COMPONENT = {
 _MOTION = _COMPONENT | {"name": "text", "joint": "text", "motion": "text"}
 
 TERM: Schema = _COMPONENT | {"link": "text!", "coefficient": "number"}
-"""An item of the `terms` of [[actuate]] or [[support]]."""
+"""Keys of an item of the `terms` of [[actuate]] or [[support]]."""
 
-SENTENCES: dict[str, Schema] = {
+STATEMENTS: dict[str, Schema] = {
     "join": _PLACEMENT,
     "constrain": _PLACEMENT,
     "leaf": LINK_PAIR | LEAF,
@@ -154,15 +154,15 @@ SENTENCES: dict[str, Schema] = {
     "heat": {"temperature": "temperature", "through": "temperature", "leaves": "any"},
     "fit": {"leaf": "text!", "natural_length": "length", "shift": "length[3]", "turn": "angle[3]"},
 }  # fmt: skip
-"""[[tables]] in the order in which they are said, each by the method of `Mechanism` of that name."""
+"""Keys of the arrays [[NAME]], each for the method of `Mechanism` of that name, in the order in which they are applied."""
 
 LINK_KEYS = ("a", "b", "link", "relative_to")
-"""Keys that name a link."""
+"""Keys whose value is the name of a link."""
 
 
 def family_schema(family: type[Joint]) -> Schema:
-    """The keys of a [joint.NAME]: what its class takes, in the dimensions it declares."""
-    given = {key: f"{dimension}[]" for key, dimension in family.quantities.items()}
+    """The keys of a [joint.NAME] of a family: the parameters of its class, with the dimensions it declares."""
+    dimensions = {key: f"{dimension}[]" for key, dimension in family.quantities.items()}
     keys = inspect.signature(family).parameters
-    kinds = {key: "material" if key == "material" else given.get(key, "any") for key in keys}
+    kinds = {key: "material" if key == "material" else dimensions.get(key, "any") for key in keys}
     return {key: kind + "!" * (keys[key].default is inspect.Parameter.empty) for key, kind in kinds.items()}

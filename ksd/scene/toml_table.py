@@ -1,4 +1,4 @@
-"""Reading one table of a scene file: keys by a schema, unknown ones refused by name, all mistakes noted together."""
+"""Reading of one table of a scene file by a schema, with all mistakes of the file collected."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _EXAMPLES = {
 }  # fmt: skip
 _QUANTITY = re.compile(rf"\s*({NUMBER_PATTERN})\s*(.*?)\s*", re.DOTALL)
 ANY_NAME = ""
-"""Stands for all names where it is not known which are wrong."""
+"""Name that stands for any name, where a mistake makes it unknown which names a file defines."""
 Parts = Mapping[str, Mapping[str, Any]]
 
 
@@ -31,33 +31,33 @@ _UNIT_SPELLINGS = {
     " ": r"\s*[ *·]\s*", "_": r"\s*[*·]?\s*", "1/": "1?/", "/": r"\s*/\s*", "^2": "(?:\\^?2|²)", "^3": "(?:\\^?3|³)",
     "^4": "\\^?4", "^6": "\\^?6", "deg": "(?:deg|°)", "um": "[uµμ]m",
 }  # fmt: skip
-"""How parts of a unit may be written; "_" stands between force and length of a moment."""
+"""Regular expressions of the ways to write parts of a unit; "_" stands between force and length of a moment."""
 
 
 def unit_pattern(unit: str) -> str:
-    """Regular expression, as of JavaScript too, of the ways to write a unit: Nm is "N m" too, kg/m^3 is "kg/m3"."""
-    said = re.sub(r"N(?=m)", "N_", unit)
-    for plain, ways in _UNIT_SPELLINGS.items():
-        said = said.replace(plain, ways)
-    return said
+    """Regular expression, valid in JavaScript too, of the ways to write a unit: "Nm" or "N m", "kg/m^3" or "kg/m3"."""
+    pattern = re.sub(r"N(?=m)", "N_", unit)
+    for part, spellings in _UNIT_SPELLINGS.items():
+        pattern = pattern.replace(part, spellings)
+    return pattern
 
 
 @cache
-def find_unit(said: str) -> str | None:
-    """The unit of `DIMENSIONS` that is meant by what stands behind a number; None where none is."""
+def find_unit(text: str) -> str | None:
+    """The unit of `DIMENSIONS` written as `text`, None if there is none."""
     units = (unit for units in DIMENSIONS.values() for unit in units)
-    return next((unit for unit in units if re.fullmatch(unit_pattern(unit), said)), None)
+    return next((unit for unit in units if re.fullmatch(unit_pattern(unit), text)), None)
 
 
 def quantity(value: Any, dimension: str, what: str) -> float:
-    """A number in SI units from a plain number (already SI) or text such as "100 mm".
+    """A number in SI units from a plain number (already in SI) or text such as "100 mm".
 
-    dimension: a key of `DIMENSIONS`, or "number" for plain numbers only. Raises SceneError for a wrong type,
-    an unknown unit (with the nearest), a unit of another dimension, or a number that is not finite.
+    dimension: a key of `DIMENSIONS`, or "number" for plain numbers only; what: its name in messages. Raises SceneError for
+    a wrong type, an unknown unit (with the nearest), a unit of another dimension, or a number that is not finite.
     """
     if not isinstance(value, str):
-        unit = next(iter(DIMENSIONS[dimension])) if dimension in DIMENSIONS else ""
-        return number(value, what, unit=unit)
+        si_unit = next(iter(DIMENSIONS[dimension])) if dimension in DIMENSIONS else ""
+        return number(value, what, unit=si_unit)
     if dimension == "number":
         raise SceneError(f"{what} = {show(value)}: a plain number is expected, without quotes.")
     article = "an" if dimension[0] in "aei" else "a"
@@ -67,19 +67,19 @@ def quantity(value: Any, dimension: str, what: str) -> float:
         raise SceneError(f"{what} = {show(value)}: {expected}.")
     if re.match(r",\s*\d", match[2]):
         raise SceneError(f"{what} = {show(value)}: write a decimal point; {expected}.")
-    found, units = find_unit(match[2]), DIMENSIONS[dimension]
-    if found is None:
+    unit, units = find_unit(match[2]), DIMENSIONS[dimension]
+    if unit is None:
         raise SceneError(
             f"{what} = {show(value)}: the unit '{match[2]}' is unknown{name_hint(match[2], units)}"
         )
-    if found not in units:
+    if unit not in units:
         raise SceneError(f"{what} = {show(value)}: {expected}.")
-    return number(float(match[1]) * units[found], what)
+    return number(float(match[1]) * units[unit], what)
 
 
-def parse_quantity(said: str) -> tuple[float, str] | None:
-    """The number (SI) that text such as "100 mm" tells, and its dimension; None for other text."""
-    match = _QUANTITY.fullmatch(said)
+def parse_quantity(text: str) -> tuple[float, str] | None:
+    """The number (SI) and the dimension of text such as "100 mm"; None for other text."""
+    match = _QUANTITY.fullmatch(text)
     unit = find_unit(match[2]) if match else None
     if match is None or unit is None:
         return None
@@ -89,7 +89,7 @@ def parse_quantity(said: str) -> tuple[float, str] | None:
 
 @contextmanager
 def error_location(where: str) -> Iterator[None]:
-    """Put file and table before the message of any SceneError raised inside."""
+    """Context that puts `where` (file and table) before the message of a SceneError."""
     try:
         yield
     except SceneError as error:
@@ -97,163 +97,176 @@ def error_location(where: str) -> Iterator[None]:
 
 
 class InvalidTable(SceneError):
-    """A table that cannot be said, or a mistake that only follows from another: why stands among the mistakes noted."""
+    """Raised for a table that cannot be used because of mistakes that are collected already."""
 
 
 @dataclass
 class FileMistakes:
-    """What is wrong in a file, a sentence each, and plain numbers that were probably meant otherwise: where and what."""
+    """Mistakes of a file, one message each, and (table, message) of plain numbers that are probably in another unit."""
 
     mistakes: list[str] = field(default_factory=list)
-    doubts: list[tuple[str, str]] = field(default_factory=list)
+    unit_doubts: list[tuple[str, str]] = field(default_factory=list)
 
 
 class Table:
-    """One table of a scene file and the place to name in messages, e.g. "fourbar.toml, [joint.cross]".
+    """One table of a scene file, and its location for messages (`where`), e.g. "fourbar.toml, [joint.cross]".
 
-    `read` takes the keys of a schema, `finish` then refuses those nobody took. Messages start with place and key. noted:
-    where mistakes are gathered, `sound` then tells whether this table has none; without it the first one is raised.
+    `read` reads the keys of a schema; `note_unknown_keys` then reports all others. file_mistakes: collects mistakes, and
+    `is_valid` is False once this table has one; without it the first mistake is raised as SceneError.
     """
 
     def __init__(
-        self, values: Any, file: str, path: str = "", row: int = 0, *, noted: FileMistakes | None = None
+        self,
+        values: Any,
+        file: str,
+        path: str = "",
+        row: int = 0,
+        *,
+        file_mistakes: FileMistakes | None = None,
     ) -> None:
         self.where = f"{file}, [[{path}]] {row}" if row else f"{file}, [{path}]" if path else file
-        self.sound, self._noted, self._doubts = True, noted, list[str]()
+        self.is_valid, self._file_mistakes, self._unit_doubts = True, file_mistakes, list[str]()
         self.values: dict[str, Any] = values if isinstance(values, dict) else {}
         self._file, self._path, self._row = file, path, row
-        self._known: set[str] = set()
+        self._known_keys: set[str] = set()
         self._is_table = isinstance(values, dict)
         if not self._is_table:
-            self.note(f"{self.where} = {show(values)} must be a table.")
+            self.note_mistake(f"{self.where} = {show(values)} must be a table.")
 
-    def _inside(self, key: str) -> str:
+    def _path_of(self, key: str) -> str:
         return f"{self._path}.{key}" if self._path else key
 
     def __contains__(self, key: str) -> bool:
         return key in self.values
 
-    def note(self, mistake: str) -> None:
-        """A mistake of this table, as a sentence that names it; raises SceneError where mistakes are not gathered."""
-        if self._noted is None:
+    def note_mistake(self, mistake: str) -> None:
+        """Collect a mistake of this table, a full message. Raises SceneError if mistakes are not collected."""
+        if self._file_mistakes is None:
             raise SceneError(mistake)
-        self.sound = False
-        if mistake not in self._noted.mistakes:
-            self._noted.mistakes.append(mistake)
+        self.is_valid = False
+        if mistake not in self._file_mistakes.mistakes:
+            self._file_mistakes.mistakes.append(mistake)
 
     @contextmanager
-    def judged(self, *, doubting: bool = True) -> Iterator[None]:
-        """Note what is refused inside as a mistake of this table; doubting: with the plain numbers that may be why."""
+    def collect_errors(self, *, with_unit_doubts: bool = True) -> Iterator[None]:
+        """Context that collects a SceneError as a mistake of this table.
+
+        with_unit_doubts: its message also names the plain numbers that are probably in another unit.
+        """
         try:
             yield
         except InvalidTable:
-            self.sound = False
+            self.is_valid = False
         except SceneError as error:
-            doubts = " ".join(self._doubts if doubting else ())
-            self.note(f"{self.where}: {error}{' Plain numbers are in SI: ' if doubts else ''}{doubts}")
+            doubts = " ".join(self._unit_doubts if with_unit_doubts else ())
+            self.note_mistake(
+                f"{self.where}: {error}{' Plain numbers are in SI: ' if doubts else ''}{doubts}"
+            )
 
     def read(
         self, schema: Mapping[str, str], parts: Parts | None = None, *, known: Iterable[str] = ()
     ) -> dict[str, Any]:
-        """The values of the keys that are given, as the kinds of a schema say (see `ksd.scene.toml_schema`).
+        """The values of the given keys, converted by the kinds of a schema (see `ksd.scene.toml_schema`).
 
-        parts: the "material"s, "section"s and "joint"s of the file by name, None for those that are wrong themselves; ANY
-        among them where there may be more; known: the words that a key which is missing may be.
-        Notes a key that is missing, or of a wrong type, unit or name.
+        parts: by "material", "section" and "joint" those of the file by name, None for parts with mistakes; ANY_NAME is
+        among the names when there may be more. known: possible values of a missing key, for its message. A key that is
+        missing, or has a wrong type, unit or name, is collected as a mistake.
         """
-        self._known |= schema.keys()
-        found = {}
+        self._known_keys |= schema.keys()
+        values = {}
         for key, kind in schema.items():
             if key in self.values:
-                with self.judged(doubting=False):
-                    found[key] = _value(self.values[key], kind.rstrip("!"), key, parts or {})
-                    self._doubt(key, kind, self.values[key])
+                with self.collect_errors(with_unit_doubts=False):
+                    values[key] = _value(self.values[key], kind.rstrip("!"), key, parts or {})
+                    self._note_unit_doubt(key, kind, self.values[key])
             elif kind.endswith("!") and self._is_table:
-                # a present key of a similar name is probably this one misspelt: one mistake, not two
-                meant = [k for k in self.unknown() if similar_name_hint(key, [k], cutoff=0.7) != "."][:1]
-                self._known |= set(meant)
-                wrong = (
+                # a given key of a similar name is probably this one misspelt: one mistake, not two
+                meant = [k for k in self.unread_keys() if similar_name_hint(key, [k], cutoff=0.7) != "."][:1]
+                self._known_keys |= set(meant)
+                mistake = (
                     f"key '{meant[0]}' is unknown; did you mean \"{key}\"?"
                     if meant
                     else f"key '{key}' is missing{': one of ' if known else ''}{', '.join(known)}."
                 )
-                self.note(f"{self.where}: {wrong}")
-        return found
+                self.note_mistake(f"{self.where}: {mistake}")
+        return values
 
-    def _doubt(self, key: str, kind: str, value: Any) -> None:
-        """Keep in mind that a plain number was probably meant in another unit."""
+    def _note_unit_doubt(self, key: str, kind: str, value: Any) -> None:
+        """Record a plain number that is probably in another unit."""
         dimension = kind.rstrip("!").partition("[")[0]
         for plain in _plain_numbers(value) if dimension in DIMENSIONS else ():
             unit = likely_unit(plain, dimension, key)
             if unit:
                 si = next(iter(DIMENSIONS[dimension]))
-                said = f"{key} = {plain:g} is {plain:g} {si}: did you mean '{plain:g} {unit}'?"
-                self._doubts.append(said)
-                if self._noted is not None:
-                    self._noted.doubts.append((self.where, said))
+                doubt = f"{key} = {plain:g} is {plain:g} {si}: did you mean '{plain:g} {unit}'?"
+                self._unit_doubts.append(doubt)
+                if self._file_mistakes is not None:
+                    self._file_mistakes.unit_doubts.append((self.where, doubt))
                 return
 
-    def say(self, sentence: Callable[..., T], words: Mapping[str, Any]) -> T:
-        """Refuse unknown keys, then say the sentence; its errors get file and table in front. Raises Unsaid where there is
-        a mistake."""
-        self.finish()
-        if self.sound:
-            with self.judged():
-                return sentence(**words)
+    def call(self, statement: Callable[..., T], words: Mapping[str, Any]) -> T:
+        """The result of `statement(**words)`. Raises InvalidTable if this table has unknown keys or other mistakes.
+
+        A SceneError of the statement is collected as a mistake of this table.
+        """
+        self.note_unknown_keys()
+        if self.is_valid:
+            with self.collect_errors():
+                return statement(**words)
         raise InvalidTable(f"{self.where}: see above")
 
     def table(self, key: str) -> Table:
         """A table inside this one, empty when absent."""
-        found = self._child(self._taken(key, {}), self._inside(key))
+        child = self._child(self._read_key(key, {}), self._path_of(key))
         if self._row:
-            # of which of several it is the part
-            found.where = f"{self.where}, [{self._inside(key)}]"
-        return found
+            # the row of the array this table is in belongs to its location
+            child.where = f"{self.where}, [{self._path_of(key)}]"
+        return child
 
     def tables(self, key: str) -> list[Table]:
         """The tables of an array [[key]], empty when absent."""
-        found = self._taken(key, [])
-        if not isinstance(found, list):
-            self.note(f"{self.where}: {key} = {show(found)} must be written as [[{key}]] tables.")
+        values = self._read_key(key, [])
+        if not isinstance(values, list):
+            self.note_mistake(f"{self.where}: {key} = {show(values)} must be written as [[{key}]] tables.")
             return []
-        return [self._child(v, self._inside(key), i + 1) for i, v in enumerate(found)]
+        return [self._child(v, self._path_of(key), i + 1) for i, v in enumerate(values)]
 
     def children(self) -> dict[str, Table]:
-        """The tables of which this one consists, by name."""
-        return {key: self._child(value, self._inside(key)) for key, value in self.values.items()}
+        """The tables inside this one by name, when it holds nothing else."""
+        return {key: self._child(value, self._path_of(key)) for key, value in self.values.items()}
 
     def _child(self, values: Any, path: str, row: int = 0) -> Table:
-        return Table(values, self._file, path, row, noted=self._noted)
+        return Table(values, self._file, path, row, file_mistakes=self._file_mistakes)
 
-    def unknown(self) -> list[str]:
-        """Keys that were never taken."""
-        return [key for key in self.values if key not in self._known]
+    def unread_keys(self) -> list[str]:
+        """Keys that were not read yet."""
+        return [key for key in self.values if key not in self._known_keys]
 
-    def finish(self) -> None:
-        """Note every key that was never taken, with the nearest known one."""
-        for key in self.unknown():
-            self.note(f"{self.where}: key '{key}' is unknown{name_hint(key, self._known)}")
+    def note_unknown_keys(self) -> None:
+        """Collect every key that was not read as a mistake, with the nearest known key."""
+        for key in self.unread_keys():
+            self.note_mistake(f"{self.where}: key '{key}' is unknown{name_hint(key, self._known_keys)}")
 
-    def _taken(self, key: str, default: Any) -> Any:
-        self._known.add(key)
+    def _read_key(self, key: str, default: Any) -> Any:
+        self._known_keys.add(key)
         return self.values.get(key, default)
 
 
 def make_each(make: Callable[[Any], T], tables: Iterable[Any]) -> list[T]:
-    """What is made of every table; raises Unsaid once all were read, where one of them cannot be said."""
-    found, unsaid = [], None
+    """`make(table)` for every table; an InvalidTable of one is raised after all tables were read."""
+    made, invalid = [], None
     for table in tables:
         try:
-            found.append(make(table))
+            made.append(make(table))
         except InvalidTable as error:
-            unsaid = error
-    if unsaid is not None:
-        raise unsaid
-    return found
+            invalid = error
+    if invalid is not None:
+        raise invalid
+    return made
 
 
 def _plain_numbers(value: Any) -> Iterator[float]:
-    """All plain numbers in a value."""
+    """All plain numbers in a value or nested list."""
     if isinstance(value, list):
         for item in value:
             yield from _plain_numbers(item)
@@ -262,7 +275,7 @@ def _plain_numbers(value: Any) -> Iterator[float]:
 
 
 def _value(value: Any, kind: str, key: str, parts: Parts) -> Any:
-    """One value as its kind says, without the place."""
+    """One value converted by its kind; messages do not contain the location. Raises SceneError."""
     kind, several, count = kind.removesuffix("]").partition("[")
     if count and (not isinstance(value, list) or len(value) != int(count)):
         raise SceneError(f"{key} = {show(value)} must be a list of {count} numbers.")

@@ -1,4 +1,4 @@
-"""Writing a scene as TOML in the words `load_scene` reads; numbers are SI with all digits."""
+"""Writing of scenes to TOML files that `load_scene` reads; numbers are SI with all digits."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ from ksd.scene.toml_schema import (
     MATERIAL,
     MOTIONS,
     SECTIONS,
-    SENTENCES,
     SHAPE_CLASSES,
     SHAPES,
     SIZES,
+    STATEMENTS,
     family_schema,
 )
 from ksd.section import Section, circle, rectangle
@@ -47,10 +47,10 @@ def save_scene(
     targets: Mapping[str, float] | None = None,
     options: Mapping[str, Any] | None = None,
 ) -> None:
-    """Write a scene file (UTF-8) that `load_scene` reads back into an equal scene, with equal fingerprint.
+    """Write the scene file `path` (UTF-8), from which `load_scene` reads an equal scene with equal fingerprint.
 
-    targets: {drive: value in SI}; options: contents of [options]. Raises SceneError for an incomplete scene,
-    a leaf whose profile or curve is a function or a joint of no known family (neither can be written), or a target of no
+    mechanism: a mechanism or its scene; targets: {drive: value in SI}; options: contents of [options]. Raises SceneError for
+    an incomplete scene, a leaf whose profile or curve is a function, a joint of an unknown family, and a target without
     drive.
     """
     scene = mechanism.scene() if isinstance(mechanism, Mechanism) else mechanism
@@ -66,18 +66,19 @@ def save_scene(
 
 
 def _scene_tree(scene: Scene, targets: dict[str, float]) -> Tree:
+    """The tables of a scene file as a tree; removes all used `targets`. Raises SceneError."""
     names = _PartNames()
-    hung = {s.name for h in scene.hinges for s in h.supports(scene.plane)}
-    said = {
+    of_hinges = {s.name for h in scene.hinges for s in h.supports(scene.plane)}
+    statements = {
         "join": [_join_tree(j, names) for j in scene.joints],
         "leaf": [_leaf_tree(p.leaf, names, {"a": p.a, "b": p.b}) for p in scene.leaves],
         "actuate": [_drive_tree(d) | _target_value(d.name, targets) for d in scene.drives],
-        "support": [_drive_tree(s) for s in scene.supports if s.name not in hung],
+        "support": [_drive_tree(s) for s in scene.supports if s.name not in of_hinges],
         "pin": [_hinge_tree(h) for h in scene.hinges if h.kind == "pin"],
         "slider": [_hinge_tree(h) for h in scene.hinges if h.kind == "slider"],
         "compliance": [_compliance_tree(c, names) for c in scene.compliances],
     }
-    plain: dict[str, Iterable[Any]] = {
+    by_schema: dict[str, Iterable[Any]] = {
         "point": scene.points,
         "load": scene.loads,
         "mass": scene.masses,
@@ -87,7 +88,9 @@ def _scene_tree(scene: Scene, targets: dict[str, float]) -> Tree:
         "heat": scene.heats,
         "fit": scene.fits,
     }
-    said |= {key: [_keys_tree(part, SENTENCES[key], names) for part in parts] for key, parts in plain.items()}
+    statements |= {
+        key: [_keys_tree(part, STATEMENTS[key], names) for part in parts] for key, parts in by_schema.items()
+    }
     if targets:
         raise SceneError(f"target '{next(iter(targets))}' belongs to no drive of '{scene.name}'.")
     tree: Tree = {
@@ -97,50 +100,57 @@ def _scene_tree(scene: Scene, targets: dict[str, float]) -> Tree:
     tree |= {} if scene.plane is None else {"plane": scene.plane}
     tree |= {"consider": list(scene.consider)} if scene.consider else {}
     tree |= {} if scene.gravity is None else {"gravity": scene.gravity}
-    tree |= {kind: names.trees(kind) for kind in ("material", "section", "joint")} | said
+    tree |= {kind: names.trees(kind) for kind in ("material", "section", "joint")} | statements
     return {key: value for key, value in tree.items() if value not in ({}, [])}
 
 
 def _target_value(name: str, targets: dict[str, float]) -> Tree:
+    """The key `value` of a drive with a target, which is removed from `targets`."""
     return {"value": number(targets.pop(name), f"target '{name}'")} if name in targets else {}
 
 
 class _PartNames:
-    """Materials, sections and joints met so far, each written once under its own name."""
+    """Tables of the materials, sections and joints of a scene, each once under a name of its own."""
 
     def __init__(self) -> None:
-        self._met: dict[str, dict[Any, tuple[str, Tree]]] = {"material": {}, "section": {}, "joint": {}}
+        self._labels_and_tables: dict[str, dict[Any, tuple[str, Tree]]] = {
+            "material": {},
+            "section": {},
+            "joint": {},
+        }
 
     def trees(self, kind: str) -> Tree:
-        return dict(self._met[kind].values())
+        """The tables of a kind by name."""
+        return dict(self._labels_and_tables[kind].values())
 
-    def of(self, value: Any) -> Any:
-        """The name of a material, section or joint; anything else as it is."""
-        for kind, (parts, tree) in _PART_KINDS.items():
-            if isinstance(value, parts):
-                met = self._met[kind]
-                if value not in met:
-                    wish = value.family if isinstance(value, Joint) else value.name
-                    label = unused_name(wish or kind, {name for name, _ in met.values()})
-                    met[value] = (label, tree(value, self, label))
-                return met[value][0]
+    def name_of(self, value: Any) -> Any:
+        """The name of a material, section or joint, whose table is added if it is new; any other value unchanged."""
+        for kind, (part_class, make_tree) in _PART_KINDS.items():
+            if isinstance(value, part_class):
+                written = self._labels_and_tables[kind]
+                if value not in written:
+                    preferred = value.family if isinstance(value, Joint) else value.name
+                    label = unused_name(preferred or kind, {name for name, _ in written.values()})
+                    written[value] = (label, make_tree(value, self, label))
+                return written[value][0]
         return value
 
 
 def _keys_tree(value: Any, schema: Iterable[str], names: _PartNames, own: Tree | None = None) -> Tree:
-    """What a value holds under the keys of a schema, or `own` says instead; without what is None."""
+    """The attributes of a value by the keys of a schema, replaced and extended by `own`; None is left out."""
     tree = {key: getattr(value, key, None) for key in schema} | (own or {})
-    return {key: names.of(v) for key, v in tree.items() if v is not None}
+    return {key: names.name_of(v) for key, v in tree.items() if v is not None}
 
 
 def _material_tree(material: Material, names: _PartNames, label: str) -> Tree:
+    """The table [material.label]."""
     return _keys_tree(
         material, MATERIAL, names, {"nu": None, "name": None if material.name == label else material.name}
     )
 
 
 def _section_tree(section: Section, names: _PartNames, label: str) -> Tree:
-    """Short where a closed form gives exactly this section, else all its numbers."""
+    """The table [section.label]: a rectangle or circle if it is exactly this section, else all numbers."""
     t, w, name = section.thickness, section.width, section.name
     if t > 0.0 and w > 0.0:
         if section == rectangle(t, w, name=name):
@@ -151,6 +161,7 @@ def _section_tree(section: Section, names: _PartNames, label: str) -> Tree:
 
 
 def _joint_tree(joint: Joint, names: _PartNames, label: str) -> Tree:
+    """The table [joint.label]. Raises SceneError for an unknown family."""
     if isinstance(joint, DrawnJoint):
         return _drawn_joint_tree(joint, names)
     family = joint_families().get(joint.family)
@@ -169,24 +180,26 @@ _PART_KINDS: dict[str, tuple[type[Any], Callable[[Any, _PartNames, str], Tree]]]
 
 
 def _drawn_joint_tree(joint: DrawnJoint, names: _PartNames) -> Tree:
+    """The table of a drawn joint."""
     flags = {key: getattr(joint, key) or None for key in ("windows", "held_by_others")}
     tree: Tree = {"family": "drawn"} | _keys_tree(joint, DRAWN, names, flags) | {"blocks": joint.blocks()}
     if joint.shape():
         tree["shape"] = joint.shape()
-    hung = [(leaf, {key: getattr(leaf, key) for key in BLOCKS}) for leaf in joint.leaves()]
-    tree["leaf"] = [_leaf_tree(leaf, names, blocks) for leaf, blocks in hung]
+    leaves = [(leaf, {key: getattr(leaf, key) for key in BLOCKS}) for leaf in joint.leaves()]
+    tree["leaf"] = [_leaf_tree(leaf, names, blocks) for leaf, blocks in leaves]
     tree["motion"] = [_keys_tree(m, MOTIONS[m.kind], names) for m in joint.motions]
     return tree
 
 
 def _leaf_tree(leaf: Leaf, names: _PartNames, ends: Tree) -> Tree:
+    """The table of a leaf; ends: keys and names of its links or blocks."""
     shapes = {key: _shape_tree(key, getattr(leaf, key), leaf.name) for key in SHAPES}
-    said = {key: tree for key, tree in shapes.items() if tree}
-    return ends | _keys_tree(leaf, LEAF | SIZES["leaf"], names) | said
+    given = {key: tree for key, tree in shapes.items() if tree}
+    return ends | _keys_tree(leaf, LEAF | SIZES["leaf"], names) | given
 
 
 def _shape_tree(key: str, value: Any, leaf: str) -> Tree:
-    """The table of a curve or profile; empty for none."""
+    """The table of a curve or profile, empty for None. Raises SceneError for one that is a function."""
     own = value.function if isinstance(value, FreeCurve) else value
     for kind, (made, _) in SHAPE_CLASSES[key].items():
         if type(own) is made:
@@ -201,19 +214,22 @@ def _shape_tree(key: str, value: Any, leaf: str) -> Tree:
 
 
 def _join_tree(placed: PlacedJoint, names: _PartNames) -> Tree:
+    """The table [[join]] of a placed joint."""
     axes = np.asarray(placed.rotation).T.tolist()
     return _keys_tree(
-        placed, SENTENCES["join"], names, {"at": placed.origin, "axis": axes[2], "toward": axes[0]}
+        placed, STATEMENTS["join"], names, {"at": placed.origin, "axis": axes[2], "toward": axes[0]}
     )
 
 
-def _compliance_tree(said: Compliance, names: _PartNames) -> Tree:
-    matrix = said.matrix
+def _compliance_tree(compliance: Compliance, names: _PartNames) -> Tree:
+    """The table [[compliance]] of an elastic link, its matrix as points and stiffness."""
+    matrix = compliance.matrix
     own = {"points": matrix.points, "stiffness": matrix.stiffness} if matrix is not None else {}
-    return _keys_tree(said, SENTENCES["compliance"], names, {"matrix": None, **own})
+    return _keys_tree(compliance, STATEMENTS["compliance"], names, {"matrix": None, **own})
 
 
 def _drive_tree(drive: Drive) -> Tree:
+    """The table [[actuate]] or [[support]] of a drive or support."""
     if len(drive.terms) == 1 and drive.terms[0].coefficient == 1.0:
         return {"name": drive.name} | _term_tree(drive.terms[0])
     return {
@@ -223,6 +239,7 @@ def _drive_tree(drive: Drive) -> Tree:
 
 
 def _hinge_tree(hinge: Hinge) -> Tree:
+    """The table [[pin]] or [[slider]] of a hinge."""
     tree: Tree = {"name": hinge.name, "at": hinge.at}
     if hinge.kind == "pin":
         return tree | {"a": hinge.a, "b": hinge.b, "axis": hinge.axis}
@@ -231,19 +248,20 @@ def _hinge_tree(hinge: Hinge) -> Tree:
 
 
 def _term_tree(term: DriveTerm) -> Tree:
+    """The keys of a drive term, but for its coefficient."""
     key = "along" if term.kind == "translation" else "about"
     tree = {"link": term.link, key: term.direction, "at": term.point}
     return tree if term.base == GROUND else tree | {"relative_to": term.base}
 
 
 def _toml_lines(tree: Tree, path: str) -> list[str]:
-    """TOML of a table: plain values first, then [tables], then [[arrays of tables]]."""
+    """Lines of TOML of the table `path`: values first, then [tables], then [[arrays of tables]]."""
     lines, tables, arrays = [], [], []
     for key, value in tree.items():
         inside = f"{path}.{_toml_key(key)}" if path else _toml_key(key)
         if isinstance(value, dict):
             body = _toml_lines(value, inside)
-            # a table that holds nothing but tables needs no heading of its own
+            # a table that holds tables only needs no header of its own
             only_tables = bool(value) and all(isinstance(v, dict) for v in value.values())
             tables += body if only_tables else ["", f"[{inside}]", *body]
         elif isinstance(value, list) and value and all(isinstance(v, dict) for v in value):
@@ -255,12 +273,13 @@ def _toml_lines(tree: Tree, path: str) -> list[str]:
 
 
 def _toml_key(key: str) -> str:
-    bare = key.isascii() and key.replace("_", "").replace("-", "").isalnum()
-    return key if bare else toml_string(key)
+    """A key in TOML, quoted if necessary. Raises SceneError."""
+    is_bare = key.isascii() and key.replace("_", "").replace("-", "").isalnum()
+    return key if is_bare else toml_string(key)
 
 
 def _toml_value(value: Any, key: str) -> str:
-    """A value in TOML; raises SceneError."""
+    """A value in TOML; `key` names it in messages. Raises SceneError."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
@@ -273,10 +292,10 @@ def _toml_value(value: Any, key: str) -> str:
 
 
 def toml_string(text: str) -> str:
-    """A TOML basic string."""
+    """Text as a basic string of TOML. Raises SceneError."""
     if any("\ud800" <= c <= "\udfff" for c in text):
         raise SceneError(f"the name {show(text)} holds half a character and cannot be written to a file.")
-    marks = {'"': '\\"', "\\": "\\\\"}
+    escapes = {'"': '\\"', "\\": "\\\\"}
     return (
-        '"' + "".join(marks.get(c, f"\\u{ord(c):04x}" if c < " " or c == "\x7f" else c) for c in text) + '"'
+        '"' + "".join(escapes.get(c, f"\\u{ord(c):04x}" if c < " " or c == "\x7f" else c) for c in text) + '"'
     )

@@ -392,9 +392,9 @@ def test_mistakes_tell_the_line_of_their_key_or_table(read):
 @given(st.text(max_size=40), st.text(max_size=200))
 def test_lines_of_any_text_leave_the_sentence(place, text):
     sentence = f"a.toml, [{place}]: E = 3 is wrong."
-    told = LineNumbers("a.toml", text).at(sentence)
+    told = LineNumbers("a.toml", text).add_to(sentence)
     assert re.sub(r"^a\.toml, line \d+", "a.toml", told) == sentence
-    assert LineNumbers("b", text).at(sentence) == sentence
+    assert LineNumbers("b", text).add_to(sentence) == sentence
 
 
 def test_of_very_many_mistakes_the_first_are_listed(read):

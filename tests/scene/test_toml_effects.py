@@ -262,7 +262,7 @@ def test_the_schema_holds_words_of_python_only():
         "leaf": {"thickness", "width"},
         "compliance": {"points", "stiffness"},
     }
-    for sentence, keys in schema.SENTENCES.items():
+    for sentence, keys in schema.STATEMENTS.items():
         words = {*inspect.signature(getattr(ksd.Mechanism, sentence)).parameters}
         if further := {"support": "actuate", "wire": "leaf"}.get(sentence):
             words |= {*inspect.signature(getattr(ksd.Mechanism, further)).parameters}
@@ -280,7 +280,7 @@ def test_the_schema_holds_words_of_python_only():
     assert schema.MATERIAL.keys() == {*inspect.signature(ksd.Material).parameters}
     families = [schema.family_schema(family) for family in ksd.joint_families().values()]
     tables = [
-        *schema.SENTENCES.values(),
+        *schema.STATEMENTS.values(),
         *schema.SECTIONS.values(),
         *schema.SIZES.values(),
         *schema.MOTIONS.values(),
