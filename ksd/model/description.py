@@ -1,4 +1,4 @@
-"""What a model simulates and what it leaves out, line by line, for print(model) and the report."""
+"""The text of print(model) and of the report: what a model simulates, and what it leaves out."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ksd.model.warping_runs import (
 
 
 def description_lines(model: Any) -> list[tuple[str, str]]:
-    """(head, text) of every line: sizes, effects present, effects left out with the reason, what is made on demand."""
+    """(heading, text) of every line: sizes, effects that are present or left out with the reason, what is made on demand."""
     scene, arrays = model.scene, model.arrays
     rows = len(model.drive_names) + len(model.support_names)
     inner = arrays.members.inner_at[-1]
@@ -33,13 +33,16 @@ def description_lines(model: Any) -> list[tuple[str, str]]:
             f"{arrays.plan.unknowns - rows} at nodes, {rows} multiplier{'s' * (rows != 1)}, "
             f"{inner} condensed inside the leaf springs",
         ),
-        ("simulated", f"bending, torsion and stretch of the leaf springs{_drawn(model)}; {_rigid(model)}"),
+        (
+            "simulated",
+            f"bending, torsion and stretch of the leaf springs{_shape_text(model)}; {_rigid_text(model)}",
+        ),
     ]
     if len(arrays.loads.node):
         weights = ", gravity among them" if scene.gravity else ""
         lines.append(("loads", f"{len(arrays.loads.node)} on links{weights}"))
-    lines += _said(scene)
-    lines += _present(model)
+    lines += _constraint_lines(scene)
+    lines += _present_lines(model)
     if len(arrays.weight):
         mass, pull = arrays.weight[:, 0].sum(), np.linalg.norm(arrays.weight[0, 1:])
         lines.append(("weight of the leaf springs", f"{mass:.3g} kg along them, {mass * pull:.3g} N"))
@@ -50,36 +53,36 @@ def description_lines(model: Any) -> list[tuple[str, str]]:
         lines.append(
             ("without spatial", "it lies in a plane: three unknowns per node, the answer checked in space")
         )
-    lines += _absent(model)
+    lines += _absent_lines(model)
     lines.append(
         ("made when asked for", "mass (frequencies, state space), spatial stiffness, stress, buckling")
     )
     return lines
 
 
-def _said(scene: Any) -> list[tuple[str, str]]:
-    """Lines on the plane, pins, sliders and points of leaves that the scene speaks of."""
+def _constraint_lines(scene: Any) -> list[tuple[str, str]]:
+    """Lines on the plane, the pins and sliders, and the points of leaf springs of a scene."""
     lines = []
     if scene.plane is not None:
         lines.append(("plane", f"{scene.plane}: links are held in it"))
     if scene.hinges:
-        said = (f"{h.kind} '{h.name}' of '{h.b}' on '{h.a}'" for h in scene.hinges)
-        lines.append(("without stiffness", ", ".join(said)))
+        hinges = (f"{h.kind} '{h.name}' of '{h.b}' on '{h.a}'" for h in scene.hinges)
+        lines.append(("without stiffness", ", ".join(hinges)))
     if scene.points:
-        said = (f"'{p.name}' at s = {1e3 * p.s:.4g} mm of '{p.leaf}'" for p in scene.points)
-        lines.append(("points of leaf springs", ", ".join(said)))
+        points = (f"'{p.name}' at s = {1e3 * p.s:.4g} mm of '{p.leaf}'" for p in scene.points)
+        lines.append(("points of leaf springs", ", ".join(points)))
     return lines
 
 
-def _drawn(model: Any) -> str:
-    """What the drawing itself brings and cannot be switched off: curved, tapered, notched, stiffened leaf springs."""
-    kinds: dict[str, int] = {}
+def _shape_text(model: Any) -> str:
+    """Counts of curved, tapered, notched and stiffened leaf springs, whose shape is no effect that can be switched."""
+    counts: dict[str, int] = {}
     for leaf in model.scene.leaf_names().values():
         for part, words in ((leaf.curve, "curved at rest"), (leaf.profile, "")):
             if part is not None:
-                said = words or _PROFILES.get(type(part).__name__, "of varying section")
-                kinds[said] = kinds.get(said, 0) + 1
-    return "".join(f"; {n} {'leaf springs' if n > 1 else 'leaf'} {said}" for said, n in kinds.items())
+                shape = words or _PROFILES.get(type(part).__name__, "of varying section")
+                counts[shape] = counts.get(shape, 0) + 1
+    return "".join(f"; {n} {'leaf springs' if n > 1 else 'leaf'} {shape}" for shape, n in counts.items())
 
 
 _PROFILES = {
@@ -90,7 +93,7 @@ _PROFILES = {
 }
 
 
-def _rigid(model: Any) -> str:
+def _rigid_text(model: Any) -> str:
     elastic = "other " if "compliance" in _names(model, present=True) else ""
     return f"{elastic}links and blocks are rigid and eliminated"
 
@@ -101,7 +104,7 @@ def _names(model: Any, *, present: bool) -> tuple[str, ...]:
     return tuple(model.choice.present if present else model.choice.absent)
 
 
-def _present(model: Any) -> list[tuple[str, str]]:
+def _present_lines(model: Any) -> list[tuple[str, str]]:
     if model.choice is None:
         return [(f"with {n}", "as the mesh says") for n in _names(model, present=True)]
     return [
@@ -111,7 +114,7 @@ def _present(model: Any) -> list[tuple[str, str]]:
     ]
 
 
-def _absent(model: Any) -> list[tuple[str, str]]:
+def _absent_lines(model: Any) -> list[tuple[str, str]]:
     if model.choice is None:
         return [(f"without {n}", "as the mesh says") for n in _names(model, present=False)]
     lines = [
@@ -128,46 +131,46 @@ def _absent(model: Any) -> list[tuple[str, str]]:
 
 
 def effect_reason(effect: Effect, scene: Any) -> str:
-    """Why an effect is simulated or not; of warping and plate stiffening also what they are worth to the leaves alone."""
-    worth = {"warping": _warping, "plate": _plate}.get(effect.name)
-    if worth is None:
+    """Why an effect is simulated or not; for warping and plate stiffening with their influence on single leaf springs."""
+    influence = {"warping": _warping_text, "plate": _plate_text}.get(effect.name)
+    if influence is None:
         return effect.reason
-    return f"{effect.reason}; {'' if effect.present else 'would be '}{worth(scene)}"
+    return f"{effect.reason}; {'' if effect.present else 'would be '}{influence(scene)}"
 
 
-def _plate(scene: Any) -> str:
-    """The most that suppressed anticlastic bending adds to a leaf, 1 / (1 - nu^2) less one."""
-    worst, said = 0.0, "no leaf is wide"
+def _plate_text(scene: Any) -> str:
+    """The largest bending stiffness that suppressed anticlastic bending can add to a leaf, 1 / (1 - nu^2) - 1."""
+    largest, which = 0.0, "no leaf is wide"
     for name, leaf in scene.leaf_names().items():
         more = 1.0 / (1.0 - leaf.material.nu**2) - 1.0
-        if leaf.section.width > leaf.section.thickness > 0.0 and more > worst:
-            worst, said = more, f"leaf '{name}', at most"
-    return f"{100 * worst:.2g} % more bending stiffness ({said})"
+        if leaf.section.width > leaf.section.thickness > 0.0 and more > largest:
+            largest, which = more, f"leaf '{name}', at most"
+    return f"{100 * largest:.2g} % more bending stiffness ({which})"
 
 
-def _warping(scene: Any) -> str:
-    """What warping restrained at both ends adds to a leaf, or to the run it is part of."""
-    worst, said, runs = 0.0, "no leaf has warping", run_torsion_factors(scene)
+def _warping_text(scene: Any) -> str:
+    """The largest torsional stiffness that restrained warping adds to a leaf, alone or in its run."""
+    largest, which, factors = 0.0, "no leaf has warping", run_torsion_factors(scene)
     for name, leaf in scene.leaf_names().items():
         if leaf.section.Iw > 0.0:
-            more = (runs[name] if name in runs else clamped_torsion_factor(leaf)) - 1.0
-            if more > worst:
-                worst = more
-                said = f"leaf '{name}', L/w = {leaf.length / max(leaf.section.width, 1e-300):.3g}"
-    return f"{100 * worst:.2g} % more torsional stiffness ({said}){_meeting(scene, runs)}"
+            more = (factors[name] if name in factors else clamped_torsion_factor(leaf)) - 1.0
+            if more > largest:
+                largest = more
+                which = f"leaf '{name}', L/w = {leaf.length / max(leaf.section.width, 1e-300):.3g}"
+    return f"{100 * largest:.2g} % more torsional stiffness ({which}){_junction_text(scene, factors)}"
 
 
-def _meeting(scene: Any, runs: dict[str, float]) -> str:
-    """Words on leaf springs that meet end to end: runs that warping passes through, or what it would be if it did."""
+def _junction_text(scene: Any, run_factors: dict[str, float]) -> str:
+    """Text on the first junction of two leaf springs with warping: torsion factors with and without continuous warping."""
     leaves = scene.leaf_names()
-    for one, two, block, passes in in_line_junctions(scene):
+    for one, two, block, warping_passes in in_line_junctions(scene):
         if not all(leaves[n].section.Iw > 0.0 for n in (one, two)):
             continue
         alone = [f"{clamped_torsion_factor(leaves[n]):.3g}" for n in (one, two)]
-        if passes:
+        if warping_passes:
             return (
                 f"; warping passes from leaf '{one}' to '{two}', as '{block}' carries nothing else: one run, "
-                f"whose factors are {runs[one]:.3g} and {runs[two]:.3g} instead of {' and '.join(alone)}"
+                f"whose factors are {run_factors[one]:.3g} and {run_factors[two]:.3g} instead of {' and '.join(alone)}"
             )
         return (
             f"; leaf springs '{one}' and '{two}' meet end to end on '{block}', a body that holds their ends plane: their "

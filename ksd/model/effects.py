@@ -1,12 +1,13 @@
-"""Which effects a model has: those the scene mentions, or the words of the user.
+"""Which effects a model has: those that the scene mentions, or those that the user names.
 
-Mentioned is simulated: gravity, springs, an elastic link, heat, fits, loads that follow; shear is the nature of a leaf and
-costs nothing. Drive values, accuracy and estimates have no part in it, so that a scene is one model whatever its drives do.
+What the scene mentions is simulated: gravity, springs, elastic links, heat, assembly errors, follower loads. Shear is always
+simulated, as it costs nothing. Drive values, accuracy and estimates have no influence, so a scene has one model for all
+drive values.
 
-Restrained warping and plate stiffening change the standard beam, which is what published stiffnesses and closed forms are
-given for, by up to 80 % in torsion and 10 % in bending; no answer could be compared with the literature if they came
-unasked. They are simulated where the scene (`Mechanism.consider`), the mesh, `with_` or `effects="all"` mention them; an
-answer says what leaving them out is worth in its state (`Configuration.left_out`).
+Restrained warping and plate stiffening change the standard beam, for which published stiffnesses and closed forms hold, by
+up to 80 % in torsion and 10 % in bending; answers could not be compared with the literature if they were on by default. They
+are simulated where the scene (`Mechanism.consider`), the mesh, `with_` or `effects="all"` mention them; an answer gives the
+error of leaving them out in its state (`Configuration.left_out`).
 """
 
 from __future__ import annotations
@@ -38,14 +39,14 @@ EFFECT_MEANINGS = {
     "heat": "thermal strain",
     "fit": "prestress and assembly error of leaf springs",
 }
-"""The effects that can be switched, with what they are."""
+"""All effects that can be switched, with a description."""
 INTRINSIC_EFFECTS = ("spatial", "shear", "warping", "plate")
-"""Effects that need no sentence of the scene: any leaf can have them."""
+"""Effects of the leaf springs themselves, which can be switched on although the scene does not mention them."""
 
 
 @dataclass(frozen=True)
 class Effect:
-    """One effect: is it simulated, and why."""
+    """One effect: whether it is simulated (`present`), and the reason."""
 
     name: str
     present: bool
@@ -57,7 +58,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class EffectChoice:
-    """The effects of one model, in the order of `WORDS`."""
+    """The effects of one model, in the order of `EFFECT_MEANINGS`."""
 
     effects: tuple[Effect, ...]
 
@@ -76,21 +77,21 @@ class EffectChoice:
 
 
 def _names(words: Any, what: str) -> tuple[str, ...]:
-    """Checked effect names from one word or several."""
-    found = (words,) if isinstance(words, str) else words
-    if not isinstance(found, Iterable):
+    """The effect names in `words`, one name or several; SceneError where there is no such effect."""
+    names = (words,) if isinstance(words, str) else words
+    if not isinstance(names, Iterable):
         also = ", 'auto' or 'all'" if what == "effects" else ""
         raise SceneError(f"{what} = {show(words)}: name effects, such as {what}='shear'{also}.")
-    found = tuple(found)
-    for name in found:
+    names = tuple(names)
+    for name in names:
         if not isinstance(name, str) or name not in EFFECT_MEANINGS:
             known = (*EFFECT_MEANINGS, "auto", "all") if what == "effects" else EFFECT_MEANINGS
             raise SceneError(f"{what}: there is no effect {show(name)}{name_hint(name, known)}")
-    return found
+    return names
 
 
 def mentioned_effects(scene: Any, mesh: Mesh) -> dict[str, str]:
-    """The effects the scene or the mesh speaks of, with what is said; a leaf always has shear, and a place in space."""
+    """The effects that the scene or the mesh mentions, by name, each with the reason; "spatial" and "shear" always are."""
     found = {"spatial": "where the scene leaves its plane", "shear": "of every leaf, by its nature"}
     found |= {n: "the mesh has it" for n in ("warping", "plate") if getattr(mesh, n)}
     found |= dict.fromkeys(scene.consider, "the scene considers it")
@@ -101,7 +102,7 @@ def mentioned_effects(scene: Any, mesh: Mesh) -> dict[str, str]:
             pulled.append(
                 f"{sum(heavy)} of {_count(len(heavy), 'leaf', 'leaf springs')}, those of known density"
             )
-        # without masses there is nothing for it to pull at
+        # gravity has no effect without masses
         if pulled:
             found["gravity"] = f"{_vector(scene.gravity)} m/s^2 on {' and '.join(pulled)}"
     following = [load.link for load in scene.loads if load.following]
@@ -112,7 +113,7 @@ def mentioned_effects(scene: Any, mesh: Mesh) -> dict[str, str]:
     if scene.springs:
         found["springs"] = _listed([s.name for s in scene.springs])
     if scene.heats:
-        found["heat"] = "; ".join(_warmed(heat) for heat in scene.heats)
+        found["heat"] = "; ".join(_heat_text(heat) for heat in scene.heats)
     if scene.fits:
         found["fit"] = f"of {_listed([fit.leaf for fit in scene.fits])}"
     return found
@@ -132,7 +133,7 @@ def _listed(names: Iterable[str]) -> str:
     return ", ".join(known[:4]) + (f" and {len(known) - 4} more" if len(known) > 4 else "")
 
 
-def _warmed(heat: Any) -> str:
+def _heat_text(heat: Any) -> str:
     through = f" and {heat.through:.4g} K through the thickness" if heat.through else ""
     of = "all leaf springs" if heat.leaves is None else _listed(heat.leaves)
     return f"{heat.temperature:.4g} K{through} on {of}"
@@ -146,36 +147,41 @@ def choose_effects(
     with_: str | Iterable[str] = (),
     without: str | Iterable[str] = (),
 ) -> EffectChoice:
-    """Decide about every effect; see the module for the rule.
+    """Choose the effects of a model by the rule in the module docstring.
 
-    effects: "auto" (what the scene mentions), "all" (that, and all a leaf can have), or the names wanted; with_ and
-    without override single ones. Raises SceneError for an unknown word, or for an effect asked for of which the scene
-    says nothing.
+    effects: "auto" (those the scene mentions), "all" (these and all `INTRINSIC_EFFECTS`), or the names of the effects; with_
+    and without switch single ones on and off. Raises SceneError for an unknown name, and for an effect that is switched on
+    although the scene does not mention it.
     """
     on, off = _names(with_, "with_"), _names(without, "without")
     both = set(on) & set(off)
     if both:
         raise SceneError(f"'{min(both)}' is both in with_ and in without; keep one of them")
     named = None if isinstance(effects, str) and effects in ("auto", "all") else _names(effects, "effects")
-    said = mentioned_effects(scene, mesh)
-    for name in {*on, *(named or ())} - {*said, *INTRINSIC_EFFECTS}:
-        raise SceneError(f"effect '{name}' is asked for, but the scene says nothing of it; {_HOW[name]}")
+    reasons = mentioned_effects(scene, mesh)
+    for name in {*on, *(named or ())} - {*reasons, *INTRINSIC_EFFECTS}:
+        raise SceneError(
+            f"effect '{name}' is asked for, but the scene says nothing of it; {_HOW_TO_MENTION[name]}"
+        )
 
     everything = named is None and effects == "all"
-    return _decided(tuple(said.items()), on, off, named, everything, mesh.shear, has_gravity(scene))
+    return _choose(tuple(reasons.items()), on, off, named, everything, mesh.shear, has_gravity(scene))
 
 
 @lru_cache(maxsize=64)
-def _decided(
+def _choose(
     mentioned: tuple[tuple[str, str], ...], on: tuple[str, ...], off: tuple[str, ...], named: tuple[str, ...] | None,
     everything: bool, shear: bool, pulled: bool,
 ) -> EffectChoice:  # fmt: skip
-    """`choose` by what is mentioned; pulled: the scene has gravity. Most designs of a loop decide the same."""
-    said = dict(mentioned)
+    """`choose_effects` by (name, reason) of the effects mentioned; pulled: whether the scene has gravity.
 
-    def decided(name: str) -> Effect:
-        known = name in said or name in INTRINSIC_EFFECTS
-        because = f"; {said[name]}" if name in said and name not in INTRINSIC_EFFECTS else ""
+    Cached, as most designs of a loop have the same effects.
+    """
+    reasons = dict(mentioned)
+
+    def effect(name: str) -> Effect:
+        known = name in reasons or name in INTRINSIC_EFFECTS
+        because = f"; {reasons[name]}" if name in reasons and name not in INTRINSIC_EFFECTS else ""
         if name in on:
             return Effect(name, True, f"asked for{because}")
         if name in off and known:
@@ -188,19 +194,19 @@ def _decided(
         if everything and known:
             return Effect(name, True, f"all effects are asked for{because}")
         if name == "spatial":
-            # the plane is found by looking at the model, and checked when it is solved (ksd.model.plane)
+            # the plane is found from the model, and checked when the model is solved (ksd.model.plane)
             return Effect(name, False, "where the scene stays in its plane; checked in space")
-        if name in said:
-            return Effect(name, True, said[name])
+        if name in reasons:
+            return Effect(name, True, reasons[name])
         if name == "gravity" and pulled:
             return Effect(name, False, "no link has a mass and no leaf a density for it to pull at")
         return Effect(name, False, "not mentioned" if name in INTRINSIC_EFFECTS else NOT_MENTIONED)
 
-    return EffectChoice(tuple(map(decided, EFFECT_MEANINGS)))
+    return EffectChoice(tuple(map(effect, EFFECT_MEANINGS)))
 
 
 NOT_MENTIONED = "the scene says nothing of it"
-_HOW = {
+_HOW_TO_MENTION = {
     "gravity": "say mechanism.gravity = (0, -9.81, 0) and give links a mass or materials a density",
     "following": "say following=True of a load",
     "compliance": "give a link a section (mechanism.compliance)",
@@ -211,19 +217,19 @@ _HOW = {
 
 
 def apply_effects(scene: Any, mesh: Mesh, choice: EffectChoice) -> tuple[Any, Mesh]:
-    """The scene with only the effects chosen, and the mesh that goes with them: what is compiled.
+    """The scene and the mesh with the chosen effects only, as they are compiled.
 
-    What is left out is not there any more: no unknown, no array, no call.
+    Effects that are left out are removed from the scene, so they cost no unknown, no array and no call.
     """
-    there = set(choice.present)
+    present = set(choice.present)
     dropped: dict[str, Any] = {}
     for name, empty in (("gravity", None), ("springs", ())):
-        if name not in there and getattr(scene, name):
+        if name not in present and getattr(scene, name):
             dropped[name] = empty
-    if "following" not in there and any(load.following for load in scene.loads):
+    if "following" not in present and any(load.following for load in scene.loads):
         dropped["loads"] = tuple(replace(load, following=False) for load in scene.loads)
-    heats = scene.heats if "heat" in there else ()
-    fits = scene.fits if "fit" in there else ()
+    heats = scene.heats if "heat" in present else ()
+    fits = scene.fits if "fit" in present else ()
     if scene.heats or scene.fits:
         dropped |= {"heats": (), "fits": ()}
     if scene.consider:
@@ -231,29 +237,31 @@ def apply_effects(scene: Any, mesh: Mesh, choice: EffectChoice) -> tuple[Any, Me
     plain = replace(scene, **dropped) if dropped else scene
     if heats or fits:
         plain = with_conditions(plain, leaf_conditions(scene.leaf_names(), heats, fits))
-    if "warping" in there:
+    if "warping" in present:
         plain = with_torsion(plain, run_torsion_factors(scene))
     holds = plane_supports(plain)
     if holds and holds[0].name not in {s.name for s in plain.supports}:
         plain = replace(plain, supports=(*plain.supports, *holds))
     if scene.compliances:
-        plain = with_elastic_links(plain) if "compliance" in there else replace(plain, compliances=())
-    words: dict[str, Any] = {name: name in there for name in ("shear", "warping", "plate")}
+        plain = with_elastic_links(plain) if "compliance" in present else replace(plain, compliances=())
+    words: dict[str, Any] = {name: name in present for name in ("shear", "warping", "plate")}
     if any(getattr(mesh, name) != value for name, value in words.items()):
         mesh = replace(mesh, **words)
     return plain, mesh
 
 
 def with_torsion(scene: Any, factors: Mapping[str, float]) -> Any:
-    """The scene whose leaf springs, by full name, know the factor on GJ of the run they are part of."""
+    """The scene with the given factors on GJ, by full name of the leaf spring."""
     leaves = scene.leaf_names()
-    own = {name: leaves[name].condition or LeafCondition() for name in factors}
-    known = {n: replace(own[n], torsion_factor=factor) for n, factor in factors.items()}
-    return with_conditions(scene, known) if known else scene
+    conditions = {
+        name: replace(leaves[name].condition or LeafCondition(), torsion_factor=factor)
+        for name, factor in factors.items()
+    }
+    return with_conditions(scene, conditions) if conditions else scene
 
 
 def with_conditions(scene: Any, conditions: Mapping[str, LeafCondition]) -> Any:
-    """The scene whose leaf springs, by full name, are in these conditions."""
+    """The scene with the given conditions, by full name of the leaf spring."""
     joints = []
     for placed in scene.joints:
         inside = tuple(

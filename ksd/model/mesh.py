@@ -1,4 +1,4 @@
-"""How leaf springs are meshed: which leaf model, and how fine."""
+"""The mesh of leaf springs: which leaf model, and how fine."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ksd.checks import ClearArgumentErrors, boolean, show, whole_number
 from ksd.errors import SceneError
 
 MAX_ORDER = 24
-"""Curvature modes about an axis that a mesh has at most: ends of taut leaf springs bend within a hundredth of the length."""
+"""Largest number of curvature modes about an axis; the ends of taut leaf springs bend within 1 % of their length."""
 
 
 @dataclass(frozen=True)
@@ -67,16 +67,16 @@ class Mesh(metaclass=ClearArgumentErrors):
         return self
 
     def refined(self) -> Mesh:
-        """The mesh that answers on this one are judged by: strain-mode leaves with more modes and points."""
+        """The reference mesh for errors of this one: strain-mode leaves with more modes and points."""
         words = {f.name: getattr(self, f.name) for f in fields(Mesh)}
         return Refined(**{**words, "leaf": "strain", "nodal": False})
 
     def with_effect(self, name: str) -> Mesh:
-        """The mesh of the same leaf springs with "warping" or "plate"."""
+        """The same mesh with the effect `name`, "warping" or "plate", switched on."""
         return replace(self, **{name: True})  # type: ignore[arg-type]
 
     def modes(self, orders: tuple[int, int, int], points: int) -> tuple[tuple[int, int, int], int]:
-        """Curvature modes and quadrature points of a leaf that asks for these."""
+        """Curvature modes and quadrature points that a leaf with this minimum of them gets on this mesh."""
         return orders, points
 
     def __str__(self) -> str:
@@ -87,37 +87,37 @@ class Mesh(metaclass=ClearArgumentErrors):
 
 
 DEFAULT_MESH = Mesh()
-MORE, MORE_POINTS = (2, 2, 3), 4
-"""Modes and points by which a leaf is refined: the default leaf becomes one of orders (6, 5, 9) on 11 points."""
+EXTRA_MODES, EXTRA_POINTS = (2, 2, 3), 4
+"""Modes and points added to a leaf by refinement: the default leaf gets orders (6, 5, 9) and 11 points."""
 
 
 @dataclass(frozen=True)
 class Refined(Mesh):
-    """Strain-mode leaves with more modes and points than each of them asks for, the orders of its own included."""
+    """Strain-mode leaves with EXTRA_MODES and EXTRA_POINTS on top of what each leaf has, also of leaves with their own orders."""
 
     def modes(self, orders: tuple[int, int, int], points: int) -> tuple[tuple[int, int, int], int]:
-        """As `Mesh.modes`, with MORE of them."""
-        nx, ny, nz = (n + m for n, m in zip(orders, MORE, strict=True))
-        return (nx, ny, nz), max(points, *orders) + MORE_POINTS
+        """As `Mesh.modes`, with EXTRA_MODES and EXTRA_POINTS added."""
+        nx, ny, nz = (n + m for n, m in zip(orders, EXTRA_MODES, strict=True))
+        return (nx, ny, nz), max(points, *orders) + EXTRA_POINTS
 
 
 @dataclass(frozen=True)
 class MixedMesh(Mesh):
-    """A mesh with others for some leaves: pairs of a mesh and the names of its leaf springs."""
+    """A mesh with exceptions: `others` are pairs of a mesh and the names of the leaf springs that have it."""
 
     others: tuple[tuple[Mesh, tuple[str, ...]], ...] = ()
 
     def of(self, name: str, whole: str = "") -> Mesh:
-        """The mesh of one leaf, or piece of one, which has that of the whole unless it is named itself."""
-        found = [mesh for wanted in (name, whole) for mesh, names in self.others if wanted in names]
-        return found[0] if found else self
+        """The mesh of one leaf or piece of a leaf; a piece that is not named itself has the mesh of its whole leaf."""
+        meshes = [mesh for wanted in (name, whole) for mesh, names in self.others if wanted in names]
+        return meshes[0] if meshes else self
 
     def with_effect(self, name: str) -> Mesh:
-        """As `Mesh.with_effect`, of all."""
+        """As `Mesh.with_effect`, for this mesh and all exceptions."""
         others = tuple((mesh.with_effect(name), names) for mesh, names in self.others)
         words = {f.name: getattr(self, f.name) for f in fields(Mesh)}
         return MixedMesh(**{**words, name: True}, others=others)
 
     def __str__(self) -> str:
-        said = "; ".join(f"{', '.join(names)}: {mesh}" for mesh, names in self.others)
-        return f"{super().__str__()} ({said})"
+        others = "; ".join(f"{', '.join(names)}: {mesh}" for mesh, names in self.others)
+        return f"{super().__str__()} ({others})"

@@ -1,7 +1,7 @@
-"""Orders of the strain-mode leaves: chosen by the accuracy asked for, and raised where that was not enough.
+"""Orders of strain-mode leaves for a wanted accuracy, and how they are raised where they do not suffice.
 
-The choice follows measured errors of moment, support stiffness and buckling (see the validation tests); never below
-the hard minima nz 4, nx 3, ny 2, under which support stiffness is off by factors. Whether they were enough is seen in the
+The table follows measured errors of moment, support stiffness and buckling (see the validation tests). It never goes below
+nz 4, nx 3, ny 2, under which the support stiffness is wrong by factors. Whether the orders suffice is checked on the
 answer: `ksd.properties.mesh_adequacy`.
 """
 
@@ -16,12 +16,14 @@ ORDERS_BY_ACCURACY = (
     (1e-5, (5, 3, 6), 8),
     (0.0, (6, 4, 8), 10),
 )
-"""Accuracy reached by (nx, ny, nz) curvature modes and quadrature points, coarse to fine (what they cost:
-`benchmarks/results/leaf_cost.json`)."""
+"""(relative accuracy, curvature modes (nx, ny, nz), quadrature points), coarse to fine.
+
+Their cost is in `benchmarks/results/leaf_cost.json`.
+"""
 
 
 def mesh_for_accuracy(accuracy: float) -> Mesh:
-    """The strain-mode mesh for a relative accuracy of forces and support stiffness."""
+    """The coarsest strain-mode mesh with this relative accuracy of forces and support stiffness."""
     orders, points = next(
         (orders, points) for reached, orders, points in ORDERS_BY_ACCURACY if accuracy >= reached
     )
@@ -29,8 +31,10 @@ def mesh_for_accuracy(accuracy: float) -> Mesh:
 
 
 def raise_order(mesh: Mesh, axis: int) -> Mesh:
-    """The same mesh with half as many modes more (two at least) about `axis` (0 torsion, 1 strong, 2 weak bending) and
-    points to match."""
+    """The mesh with half as many modes more (at least two) about `axis`, and enough points for them.
+
+    axis: 0 torsion, 1 strong bending, 2 weak bending.
+    """
     nx, ny, nz = (
         min(n + max(2, n // 4 * 2), MAX_ORDER) if k == axis else n for k, n in enumerate(mesh.orders)
     )

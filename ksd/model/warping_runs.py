@@ -1,9 +1,9 @@
-"""Leaf springs that meet end to end, and the runs of them through which warping passes.
+"""Torsion factors of leaf springs with restrained warping, alone and in runs that warping passes through.
 
-A leaf is clamped to blocks that hold its ends plane. Where two straight leaves meet on a block that carries nothing else,
-nothing holds the section between them: its warping and bimoment are continuous. The torque is the same in all leaves of such
-a run, so that this seventh unknown can be eliminated (`ksd.section.warping`): every leaf gets the factor on GJ with which
-it twists as it does in the run, restrained at the outer ends alone.
+A leaf is clamped to blocks that keep its end sections plane. Where two straight leaves meet on a block that carries nothing
+else, the section between them is free to warp: warping and bimoment are continuous there. The torque is the same in all
+leaves of such a run, so this seventh unknown can be eliminated (`ksd.section.warping`): every leaf gets the factor on GJ
+with which it twists as it does in the run, whose warping is restrained at the two outer ends only.
 """
 
 from __future__ import annotations
@@ -19,80 +19,89 @@ from ksd.section.closed_forms import clamped_ends_factor
 from ksd.section.warping import SLICES_PER_PIECE, Slice, twist_factors, warping_decay
 
 IN_LINE_COSINE = -1.0 + 1e-6
-"""Product of the directions out of two leaf springs below which one goes on where the other ends."""
+"""Cosine between the outward directions of two leaf ends below which the two leaves lie in one line."""
 
 
 class Junction(NamedTuple):
-    """Two leaf springs, by full name, that run on in one line; block: the link or block, by full name, they meet on; passes:
-    whether it carries nothing else and the widths of both are parallel, so that warping passes."""
+    """Two leaf springs that are clamped to one block in one point.
+
+    one, two: full names of the leaves; block: full name of the link or block; warping_passes: whether warping is continuous
+    from one leaf to the other, because they lie in one line, the block carries nothing else and their widths are parallel.
+    """
 
     one: str
     two: str
     block: str
-    passes: bool
+    warping_passes: bool
 
 
 class _End(NamedTuple):
-    """A leaf end on a block: full name of the leaf, the leaf, direction (3,) out of it."""
+    """A leaf end on a block: full name of the leaf, the leaf, unit direction (3,) from this end out of the leaf."""
 
     name: str
     leaf: Any
-    out: np.ndarray
+    outward: np.ndarray
 
 
 def in_line_junctions(scene: Any) -> list[Junction]:
-    """All pairs of leaf springs that are clamped to one block in one point and run on in one line."""
+    """Pairs of leaf springs that are clamped to one block in one point and continue each other in one line."""
     return [
-        Junction(a.name, b.name, block, alone and _pass_on(a.leaf, b.leaf))
-        for block, a, b, alone in _pairs(scene)
-        if a.out @ b.out < IN_LINE_COSINE
+        Junction(a.name, b.name, block, alone and _warping_can_pass(a.leaf, b.leaf))
+        for block, a, b, alone in _end_pairs(scene)
+        if a.outward @ b.outward < IN_LINE_COSINE
     ]
 
 
 def folded_junctions(scene: Any) -> list[Junction]:
-    """All pairs of leaves that are clamped in one point to a block that carries nothing else, at an angle: a fold, which is
-    taken to hold both ends plane."""
+    """Folds: pairs of leaves clamped in one point, at an angle, to a block that carries nothing else.
+
+    A fold is taken to keep both end sections plane.
+    """
     return [
         Junction(a.name, b.name, block, False)
-        for block, a, b, alone in _pairs(scene)
-        if alone and a.out @ b.out >= IN_LINE_COSINE
+        for block, a, b, alone in _end_pairs(scene)
+        if alone and a.outward @ b.outward >= IN_LINE_COSINE
     ]
 
 
-def _pairs(scene: Any) -> Iterator[tuple[str, _End, _End, bool]]:
-    """Ends of two leaf springs in one point of a block, and whether it carries nothing else."""
+def _end_pairs(scene: Any) -> Iterator[tuple[str, _End, _End, bool]]:
+    """(block, end, end, whether the block carries nothing else) of all leaf ends that share a point of a block."""
     blocks: dict[str, dict[tuple[float, ...], list[_End]]] = {}
-    for block, place, end in _ends(scene):
-        # beyond 1e-6 m they are apart
+    for block, place, end in _leaf_ends(scene):
+        # ends more than 1e-6 m apart do not meet
         key = tuple(round(float(c), 6) + 0.0 for c in place)
         blocks.setdefault(block, {}).setdefault(key, []).append(end)
-    busy = _busy(scene)
+    loaded = _loaded_blocks(scene)
     for block, places in blocks.items():
-        alone = sum(map(len, places.values())) == 2 and block not in busy
+        alone = sum(map(len, places.values())) == 2 and block not in loaded
         for here in places.values():
             for k, a in enumerate(here):
                 yield from ((block, a, b, alone) for b in here[k + 1 :] if a.name != b.name)
 
 
 def run_torsion_factors(scene: Any) -> dict[str, float]:
-    """Factor on GJ of leaves, by full name, that are part of a run or whose section varies; others have the closed form of
-    `ksd.section.restrained_warping_factor`."""
+    """Factor on GJ, by full name, of the leaves that are part of a run or have a varying section.
+
+    All others have the closed form of `ksd.section.restrained_warping_factor`.
+    """
     leaves = scene.leaf_names()
-    groups: list[set[str]] = [{n} for n, leaf in leaves.items() if leaf.profile is not None and _warps(leaf)]
-    for meeting in in_line_junctions(scene):
-        if meeting.passes:
-            pair = {meeting.one, meeting.two}
+    groups: list[set[str]] = [
+        {n} for n, leaf in leaves.items() if leaf.profile is not None and _has_warping(leaf)
+    ]
+    for junction in in_line_junctions(scene):
+        if junction.warping_passes:
+            pair = {junction.one, junction.two}
             touched = [g for g in groups if g & pair]
             groups = [g for g in groups if not g & pair] + [pair.union(*touched)]
-    found: dict[str, float] = {}
+    factors: dict[str, float] = {}
     for group in groups:
-        run = _in_line({n: leaves[n] for n in sorted(group)})
-        found |= dict(zip(run, twist_factors(list(run.values())), strict=True))
-    return found
+        run = _run_slices({n: leaves[n] for n in sorted(group)})
+        factors |= dict(zip(run, twist_factors(list(run.values())), strict=True))
+    return factors
 
 
 def clamped_torsion_factor(leaf: Any) -> float:
-    """Factor on GJ of one leaf clamped at both ends, where it cannot warp."""
+    """Factor on GJ of a single leaf whose warping is restrained at both ends."""
     slices = _slices(leaf)
     return (
         clamped_ends_factor(slices[0].decay * leaf.length) if len(slices) == 1 else twist_factors([slices])[0]
@@ -100,28 +109,31 @@ def clamped_torsion_factor(leaf: Any) -> float:
 
 
 def half_clamped_torsion_factor(leaf: Any) -> float:
-    """Factor on GJ of one leaf that cannot warp at one end and is free to at the other: as if it went on in its mirror."""
+    """Factor on GJ of a single leaf whose warping is restrained at one end and free at the other.
+
+    By symmetry this is the factor of the leaf joined to its mirror image.
+    """
     slices = _slices(leaf)
     if len(slices) == 1:
         return clamped_ends_factor(2.0 * slices[0].decay * leaf.length)
     return twist_factors([slices + slices[::-1]])[0]
 
 
-def _warps(leaf: Any) -> bool:
+def _has_warping(leaf: Any) -> bool:
     return bool(leaf.section.Iw > 0.0)
 
 
-def _in_line(leaves: dict[str, Any]) -> dict[str, list[Slice]]:
-    """The slices of the leaf springs of one run, by name, from one end of it to the other."""
+def _run_slices(leaves: dict[str, Any]) -> dict[str, list[Slice]]:
+    """Uniform slices of the leaves of one run, by name, in order from one end of the run to the other."""
     first = next(iter(leaves.values()))
     along = np.subtract(first.end, first.start)
     order = sorted(leaves, key=lambda n: float(along @ np.add(leaves[n].start, leaves[n].end)))
-    ahead = {n: along @ np.subtract(leaves[n].end, leaves[n].start) > 0.0 for n in order}
-    return {n: _slices(leaves[n])[:: 1 if ahead[n] else -1] for n in order}
+    is_forward = {n: along @ np.subtract(leaves[n].end, leaves[n].start) > 0.0 for n in order}
+    return {n: _slices(leaves[n])[:: 1 if is_forward[n] else -1] for n in order}
 
 
 def _slices(leaf: Any) -> list[Slice]:
-    """The leaf as uniform slices from start to end."""
+    """The leaf as uniform slices, from its start to its end."""
     m = leaf.material
     if leaf.profile is None:
         sections, cuts = [leaf.section], [0.0, 1.0]
@@ -135,35 +147,36 @@ def _slices(leaf: Any) -> list[Slice]:
     ]
 
 
-def _ends(scene: Any) -> Iterator[tuple[str, Any, _End]]:
-    """(block, place, end) of every leaf end; blocks inside joints by full name, their interfaces as the joint's own."""
+def _leaf_ends(scene: Any) -> Iterator[tuple[str, Any, _End]]:
+    """(block, position, end) of every leaf end, blocks of joints, interfaces A and B included, as "joint/block"."""
     for joint in scene.joints:
         for leaf in joint.leaves():
-            for block, place, out in _both(leaf):
+            for block, place, out in _both_ends(leaf):
                 yield f"{joint.name}/{block}", place, _End(f"{joint.name}/{leaf.name}", leaf, out)
     for free in scene.leaves:
-        for block, (_, place, out) in zip((free.a, free.b), _both(free.leaf), strict=True):
+        for block, (_, place, out) in zip((free.a, free.b), _both_ends(free.leaf), strict=True):
             yield block, place, _End(free.name, free.leaf, out)
 
 
-def _both(leaf: Any) -> tuple[tuple[str, Any, np.ndarray], tuple[str, Any, np.ndarray]]:
+def _both_ends(leaf: Any) -> tuple[tuple[str, Any, np.ndarray], tuple[str, Any, np.ndarray]]:
+    """(block, position, outward direction (3,)) of the start and the end of a leaf."""
     e1 = np.subtract(leaf.end, leaf.start) / math.dist(leaf.start, leaf.end)
     return (leaf.start_block, leaf.start, -e1), (leaf.end_block, leaf.end, e1)
 
 
-def _busy(scene: Any) -> set[str]:
-    """Links and blocks that are bodies: something else than leaf springs is said of them."""
-    found = {"ground", *(m.link for m in scene.masses), *(p.link for p in scene.loads)}
-    found |= {name for j in scene.joints for name in (j.a, j.b, f"{j.name}/A", f"{j.name}/B")}
-    found |= {name for s in scene.springs for name in (s.a, s.b)}
-    found |= {c.link for c in scene.compliances}
+def _loaded_blocks(scene: Any) -> set[str]:
+    """Names of links and blocks that carry something other than leaf springs: masses, loads, joints, drives ..."""
+    names = {"ground", *(m.link for m in scene.masses), *(p.link for p in scene.loads)}
+    names |= {name for j in scene.joints for name in (j.a, j.b, f"{j.name}/A", f"{j.name}/B")}
+    names |= {name for s in scene.springs for name in (s.a, s.b)}
+    names |= {c.link for c in scene.compliances}
     terms = [t for d in (*scene.drives, *scene.supports) for t in d.terms]
-    return found | {name for t in terms for name in (t.base, t.link)}
+    return names | {name for t in terms for name in (t.base, t.link)}
 
 
-def _pass_on(one: Any, two: Any) -> bool:
-    """Whether warping can pass between two leaf springs in one line: both straight, widths parallel."""
-    straight = all(leaf.curve is None and _warps(leaf) for leaf in (one, two))
+def _warping_can_pass(one: Any, two: Any) -> bool:
+    """Whether warping can pass between two leaf springs in one line: both are straight and their widths are parallel."""
+    straight = all(leaf.curve is None and _has_warping(leaf) for leaf in (one, two))
     across = (
         np.zeros(3)
         if one.width_axis is None or two.width_axis is None

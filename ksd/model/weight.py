@@ -1,4 +1,4 @@
-"""How the equilibrium follows the weight of the leaves: derivative of the residual by the load factor."""
+"""Derivative of the residual with respect to the load factor, for the weight of leaf springs."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from ksd.model.arrays import Arrays, Workspace
 
 
 def weight_force(arrays: Arrays, work: Workspace) -> np.ndarray:
-    """Derivative (n,) of the residual by the load factor, of the weight of all leaf springs; work: as assembled.
+    """Derivative (n,) of the residual with respect to the load factor, from the weight of all leaf springs.
 
-    With V(xi, g) of `ksd.beam.weight`: mass g on end p with its moment, and V_xi,g g through the levers.
+    work: as assembled at the state. With V(xi, g) of `ksd.beam.weight`: mass times g acts on end p with its moment, and
+    V_xi,g g acts through the levers of the ends.
     """
     found, members = np.zeros(arrays.plan.unknowns), arrays.members
     for i in np.flatnonzero(work.weight[:, 0]):
