@@ -1,8 +1,8 @@
 """Leaf springs as bodies of constant stiffness: the constant-matrix flexure of planar grippers (paper 3, partial balance).
 
-A leaf becomes the linear body of `ksd.beam.linear` with its stiffness at rest K: in the frame of its end p, wrench
-K (d - d0, rotation vector of Q Q0^T). It is the gradient of an energy, so its wrenches balance and its tangent is symmetric;
-end poses are exact, and its insides do not know that they have bent.
+A leaf becomes the linear body of `ksd.beam.linear` with its stiffness K in the undeformed configuration: in the frame of its
+end p, the wrench is K (d - d0, rotation vector of Q Q0^T). It is the gradient of an energy, so its wrenches balance and its
+tangent is symmetric. Finite end poses are exact; the change of stiffness by the deformation is left out.
 """
 
 from __future__ import annotations
@@ -25,26 +25,29 @@ from ksd.scene.drive import GROUND
 from ksd.scene.scene import PlacedLeaf, Scene
 
 MAX_NEWTON_STEPS = 40
-"""Newton steps inside the leaf springs at held end poses."""
+"""Largest number of Newton steps inside the leaf springs at fixed end poses."""
 INNER_STEP_TOLERANCE = 1e-9
-"""Relative change of the inner state by a step at which it is found."""
+"""Relative change of the inner state by a Newton step below which it has converged."""
 ROUNDING_TOLERANCE = 1e-14
-"""Forces over those of leaf springs stretched by the size of the mechanism down to which they are rounding."""
+"""Force below which changes are rounding, relative to that of a leaf spring stretched by the size of the mechanism."""
 PART_COUNTS = (1, 4, 16, 64)
-"""In how many parts the nodes are moved there."""
+"""Numbers of parts in which the nodes are moved to their end poses, one after the other until one succeeds."""
 
 
 @dataclass(frozen=True)
 class ConstantLeaf:
-    """A leaf of constant stiffness, K (6, 6) of its end q in the frame of its end p, at rest at d0 (3,)."""
+    """A leaf of constant stiffness.
+
+    stiffness (6, 6): of its end q in the frame of its end p; end_position (3,) [m]: of the undeformed end q in that frame.
+    """
 
     stiffness: np.ndarray
-    place: np.ndarray
+    end_position: np.ndarray
 
     kind = LINEAR
 
     def constants(self) -> tuple[np.ndarray, np.ndarray]:
-        """None: its numbers are its inner state."""
+        """Empty arrays, as its numbers are stored in its inner state."""
         return np.zeros(0), np.zeros(4, np.int64)
 
     def __str__(self) -> str:
@@ -52,14 +55,14 @@ class ConstantLeaf:
 
 
 def is_constant(model: Model) -> bool:
-    """Whether the leaf springs of a model are of constant stiffness."""
+    """Whether leaf springs of the model have constant stiffness."""
     return any(isinstance(body, ConstantLeaf) for body in model.bodies.values())
 
 
 def rest_stiffness(leaf: Any, mesh: Mesh) -> np.ndarray:
-    """Stiffness (6, 6) of the end q of a leaf at rest, in the frame of its end p, its insides condensed.
+    """Condensed stiffness (6, 6) of end q of an undeformed leaf, in the frame of its end p.
 
-    Raises SceneError where the leaf is under stress at rest.
+    Raises SceneError where the leaf is stressed in the undeformed configuration.
     """
     alone = Scene("leaf", (GROUND, "end"), leaves=(PlacedLeaf("leaf", GROUND, "end", leaf),))
     model = compile_as_is(alone, mesh)
@@ -71,14 +74,15 @@ def rest_stiffness(leaf: Any, mesh: Mesh) -> np.ndarray:
             f"method = 'constant': leaf '{leaf.name}' is under stress at rest (mechanism.fit or heat); use another method"
         )
     frame = np.kron(np.eye(2), arrays.members.frame[0, 0])
-    found = frame.T @ K @ frame
-    return 0.5 * (found + found.T)
+    stiffness = frame.T @ K @ frame
+    return 0.5 * (stiffness + stiffness.T)
 
 
 def with_constant_leaves(model: Model) -> Model:
-    """`model`, which becomes its `full`, with every leaf of constant stiffness.
+    """The model with constant stiffness of every leaf; `model` becomes its `full`.
 
-    Raises SceneError for leaf springs with weight or stress at rest, and for models with reduced bodies.
+    Raises SceneError for leaf springs that have weight or are stressed in the undeformed configuration, and for models with
+    reduced bodies.
     """
     if model.bodies or len(model.arrays.weight):
         what = (
@@ -90,63 +94,70 @@ def with_constant_leaves(model: Model) -> Model:
     wholes = model.scene.leaf_names()
     if model.mesh.nodal:
         raise SceneError("method = 'constant' takes leaf springs whole; leave nodal out")
-    alike: dict[tuple[int, bytes], np.ndarray] = {}
+    stiffness: dict[tuple[int, bytes], np.ndarray] = {}
     bodies = {}
     for i, name in enumerate(model.member_names):
         d, Q = relative_end_pose(model.arrays.members, i, model.rest)
-        # members with the same constants and ends
+        # members with equal constants and end poses have equal stiffness
         key = int(model.arrays.members.value_at[i]), np.round([*d, *Q.ravel()], 12).tobytes()
-        if key not in alike:
-            alike[key] = rest_stiffness(leaves[name], model.mesh.of(whole_leaf_name(name, wholes)))
-        bodies[name] = ConstantLeaf(alike[key], d)
-    made = with_bodies(model, bodies)
+        if key not in stiffness:
+            stiffness[key] = rest_stiffness(leaves[name], model.mesh.of(whole_leaf_name(name, wholes)))
+        bodies[name] = ConstantLeaf(stiffness[key], d)
+    reduced = with_bodies(model, bodies)
     for i, body in enumerate(bodies.values()):
-        inner = inner_state(made, made.rest, i)
-        inner[:3], inner[3:12], inner[18:LINEAR_INNER] = body.place, np.eye(3).ravel(), body.stiffness.ravel()
-    return replace(made, full=model)
+        inner = inner_state(reduced, reduced.rest, i)
+        inner[:3], inner[3:12], inner[18:LINEAR_INNER] = (
+            body.end_position,
+            np.eye(3).ravel(),
+            body.stiffness.ravel(),
+        )
+    return replace(reduced, full=model)
 
 
-def equilibrate_bent_leaves(model: Model, motion: State) -> State:
-    """The state of the full model at the end poses of one with constant leaves, equilibrium inside every leaf.
+def equilibrate_bent_leaves(model: Model, state: State) -> State:
+    """The state of the full model at the node poses of a state with constant leaves, with equilibrium inside every leaf.
 
-    Nodes are moved there in more and more parts, until the leaf springs follow. Raises ConvergenceError where they do not.
+    The nodes are moved from the undeformed configuration in `PART_COUNTS` parts. Raises ConvergenceError where the leaf
+    springs cannot be equilibrated.
     """
     full = model.full
     assert full is not None
-    arrays, end = full.arrays, transfer_state(model, motion, full)
+    arrays, end = full.arrays, transfer_state(model, state, full)
     stiffest = max(float(np.abs(body.stiffness[:3, :3]).max()) for body in model.bodies.values())
-    least, turns = ROUNDING_TOLERANCE * arrays.size * stiffest, np.empty((len(end.x), 3))
-    for R, turn in zip(end.R, turns, strict=True):
-        rotation_log(R, turn)
+    rounding, rotations = ROUNDING_TOLERANCE * arrays.size * stiffest, np.empty((len(end.x), 3))
+    for R, vector in zip(end.R, rotations, strict=True):
+        rotation_log(R, vector)
     for parts in PART_COUNTS:
-        state, work = full.rest.copy(), make_workspace(arrays)
-        state.multiplier[:] = end.multiplier
+        bent, work = full.rest.copy(), make_workspace(arrays)
+        bent.multiplier[:] = end.multiplier
         for k in range(1, parts + 1):
-            state.x[:] = full.rest.x + (k / parts) * (end.x - full.rest.x)
-            for R, turn in zip(state.R, turns, strict=True):
-                rotation_exp((k / parts) * turn, R)
-            if not _settle_inside(arrays, state, work, least):
+            bent.x[:] = full.rest.x + (k / parts) * (end.x - full.rest.x)
+            for R, vector in zip(bent.R, rotations, strict=True):
+                rotation_exp((k / parts) * vector, R)
+            if not _equilibrate_inside(arrays, bent, work, rounding):
                 break
         else:
-            state.R[:] = end.R
-            return state
+            bent.R[:] = end.R
+            return bent
     raise ConvergenceError(
         "the leaf springs cannot follow the poses of method 'constant', which is too far off; ask for less, or use another "
         "method"
     )
 
 
-def _settle_inside(arrays: Arrays, state: State, work: Workspace, least: float) -> bool:
-    """Newton steps inside the leaf springs at held nodes, in place: whether they found equilibrium; changes down to `least`
-    [N] are rounding."""
-    still, target = np.zeros(arrays.plan.unknowns), np.zeros(len(arrays.terms.start))
+def _equilibrate_inside(arrays: Arrays, state: State, work: Workspace, rounding: float) -> bool:
+    """Take Newton steps inside the leaf springs at fixed nodes, in place, and return whether they converged.
+
+    rounding [N]: changes of the inner state below it count as rounding.
+    """
+    no_step, target = np.zeros(arrays.plan.unknowns), np.zeros(len(arrays.terms.start))
     for _ in range(MAX_NEWTON_STEPS):
         before = state.inner.copy()
         assemble(arrays, state, target, 0.0, work, 1e-8, 0, 10.0)
-        take_step(arrays, state, still, work, 1.0)
+        take_step(arrays, state, no_step, work, 1.0)
         change = np.abs(state.inner - before).max(initial=0.0)
         if not np.isfinite(change):
             return False
-        if change <= max(INNER_STEP_TOLERANCE * np.abs(state.inner).max(initial=0.0), least):
+        if change <= max(INNER_STEP_TOLERANCE * np.abs(state.inner).max(initial=0.0), rounding):
             return True
     return False

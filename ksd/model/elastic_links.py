@@ -1,7 +1,7 @@
-"""Elastic links as what they are made of: small rigid links at the attachments, joined by beams or a matrix.
+"""Replacement of elastic links by small rigid links at the attachments, joined by beams or by a matrix.
 
-A link with a section becomes a hub and one beam to every attachment; a link with a matrix becomes its two interfaces.
-All that follows (plane, frequencies, pictures) sees ordinary links and leaf springs.
+A link with a section becomes a hub and one beam to every attachment; a link with a matrix becomes two rigid interfaces. The
+scene then has ordinary links and leaf springs only.
 """
 
 from __future__ import annotations
@@ -17,33 +17,33 @@ from ksd.scene.leaf import Leaf
 from ksd.scene.scene import PlacedLeaf
 
 ATTACHMENT_TOLERANCE = 1e-6
-"""Distance [m] below which an attachment sits at a place."""
+"""Distance [m] below which two points are one attachment."""
 
 
 def _attachments(scene: Any, link: str) -> list[tuple[str, int, int, np.ndarray]]:
-    """("joints" or "leaf springs", number in the scene, end 0 or 1, place (3,)) of all that is attached to a link."""
-    found = []
+    """("joints" or "leaves", number in the scene, end 0 or 1, position (3,) [m]) of every attachment of a link."""
+    attached = []
     for i, j in enumerate(scene.joints):
         places = (np.asarray(j.origin, float), j.place(j.joint.pose_B))
-        found += [("joints", i, e, places[e]) for e, name in enumerate((j.a, j.b)) if name == link]
+        attached += [("joints", i, e, places[e]) for e, name in enumerate((j.a, j.b)) if name == link]
     for i, f in enumerate(scene.leaves):
         places = (np.asarray(f.leaf.start, float), np.asarray(f.leaf.end, float))
-        found += [("leaves", i, e, places[e]) for e, name in enumerate((f.a, f.b)) if name == link]
-    return found
+        attached += [("leaves", i, e, places[e]) for e, name in enumerate((f.a, f.b)) if name == link]
+    return attached
 
 
-def _width_axis(scene: Any, said: Compliance) -> np.ndarray:
-    """Direction of the width of a link's section: as said, else the axis of the first joint or leaf on it."""
-    if said.width_axis is not None:
-        return np.asarray(said.width_axis, float)
-    kind, i, _, _ = _attachments(scene, said.link)[0]
+def _width_axis(scene: Any, compliance: Compliance) -> np.ndarray:
+    """Width direction (3,) of the section of a link: as given, else the axis of the first joint or leaf on it."""
+    if compliance.width_axis is not None:
+        return np.asarray(compliance.width_axis, float)
+    kind, i, _, _ = _attachments(scene, compliance.link)[0]
     if kind == "joints":
         return np.asarray(scene.joints[i].rotation, float)[:, 2]
     return np.asarray(scene.leaves[i].leaf.width_axis, float)
 
 
-class _Rewritten:
-    """A scene while attachments are moved from an elastic link to its parts."""
+class _SplitLinks:
+    """Links, joints and leaves of a scene while the attachments of elastic links are moved to their parts."""
 
     def __init__(self, scene: Any) -> None:
         self.links = list(scene.links)
@@ -54,90 +54,95 @@ class _Rewritten:
         items = getattr(self, kind)
         items[i] = replace(items[i], **{"ab"[end]: to})
 
-    def beam(self, said: Compliance, ends: tuple[np.ndarray, np.ndarray], axis: np.ndarray, to: str) -> None:
-        """A beam of the link's section from its hub to the part `to`."""
+    def add_beam(
+        self, compliance: Compliance, ends: tuple[np.ndarray, np.ndarray], axis: np.ndarray, to: str
+    ) -> None:
+        """Add a beam with the section of the link from its hub to the part `to`; axis (3,): approximate width direction."""
         along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
         width = axis - (axis @ along) * along
         if np.linalg.norm(width) < 1e-3:
             raise SceneError(
-                f"compliance of link '{said.link}': width_axis lies along its beam to {tuple(ends[1].tolist())}; "
+                f"compliance of link '{compliance.link}': width_axis lies along its beam to {tuple(ends[1].tolist())}; "
                 "give a width_axis across it."
             )
         beam = Leaf(
             start=tuple(ends[0].tolist()),
             end=tuple(ends[1].tolist()),
             width_axis=tuple((width / np.linalg.norm(width)).tolist()),
-            section=said.section,  # type: ignore[arg-type]
-            material=said.material,  # type: ignore[arg-type]
-            start_block=said.link,
+            section=compliance.section,  # type: ignore[arg-type]
+            material=compliance.material,  # type: ignore[arg-type]
+            start_block=compliance.link,
             end_block=to,
             name=f"{to} beam",
         )
-        self.leaves.append(PlacedLeaf(beam.name, said.link, to, beam))
+        self.leaves.append(PlacedLeaf(beam.name, compliance.link, to, beam))
 
 
-def beams_of(scene: Any, said: Compliance) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Hub and attachment (3,) [m] of every beam of a link with a section."""
-    places = [p for *_, p in _attachments(scene, said.link)]
-    hub = np.mean(places, axis=0) if said.hub is None else np.asarray(said.hub, float)
-    seen: list[np.ndarray] = []
+def beams_of(scene: Any, compliance: Compliance) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Hub and attachment (3,) [m] of every beam that a link with a section is replaced by."""
+    places = [p for *_, p in _attachments(scene, compliance.link)]
+    hub = np.mean(places, axis=0) if compliance.hub is None else np.asarray(compliance.hub, float)
+    ends: list[np.ndarray] = []
     for place in places:
-        if all(np.linalg.norm(place - p) > ATTACHMENT_TOLERANCE for p in (*seen, hub)):
-            seen.append(place)
-    return [(hub, place) for place in seen]
+        if all(np.linalg.norm(place - p) > ATTACHMENT_TOLERANCE for p in (*ends, hub)):
+            ends.append(place)
+    return [(hub, place) for place in ends]
 
 
-def _by_section(scene: Any, made: _Rewritten, said: Compliance) -> None:
-    axis = _width_axis(scene, said)
-    beams = beams_of(scene, said)
+def _split_by_section(scene: Any, split: _SplitLinks, compliance: Compliance) -> None:
+    axis = _width_axis(scene, compliance)
+    beams = beams_of(scene, compliance)
     for n, (hub, place) in enumerate(beams):
-        part = f"{said.link}/{n + 1}"
-        made.links.append(part)
-        made.beam(said, (hub, place), axis, part)
-        for kind, i, end, at in _attachments(scene, said.link):
+        part = f"{compliance.link}/{n + 1}"
+        split.links.append(part)
+        split.add_beam(compliance, (hub, place), axis, part)
+        for kind, i, end, at in _attachments(scene, compliance.link):
             if np.linalg.norm(at - place) <= ATTACHMENT_TOLERANCE:
-                made.move(kind, i, end, part)
+                split.move(kind, i, end, part)
 
 
-def _by_matrix(scene: Any, made: _Rewritten, said: Compliance) -> None:
-    """Two halves of a link for its two interfaces; what hangs on it goes to the nearer one. Raises SceneError where that is
-    not near."""
-    points = np.asarray(said.matrix.points)  # type: ignore[union-attr]
-    made.links.append(f"{said.link}/2")
-    for kind, i, end, at in _attachments(scene, said.link):
+def _split_by_matrix(scene: Any, split: _SplitLinks, compliance: Compliance) -> None:
+    """Split a link into its two interfaces and move every attachment to the nearer one.
+
+    Raises SceneError for an attachment that is not at an interface.
+    """
+    points = np.asarray(compliance.matrix.points)  # type: ignore[union-attr]
+    split.links.append(f"{compliance.link}/2")
+    for kind, i, end, at in _attachments(scene, compliance.link):
         off = np.linalg.norm(points - at, axis=1)
         if off.min() > ATTACHMENT_TOLERANCE:
             name = getattr(scene, kind)[i].name
             raise SceneError(
-                f"compliance of link '{said.link}': '{name}' is attached at {tuple(at.tolist())}, {1e3 * off.min():.3g} mm "
-                f"from the nearest interface of its matrix; the interfaces are at {said.matrix.points}."  # type: ignore[union-attr]
+                f"compliance of link '{compliance.link}': '{name}' is attached at {tuple(at.tolist())}, "
+                f"{1e3 * off.min():.3g} mm from the nearest interface of its matrix; the interfaces are at "
+                f"{compliance.matrix.points}."  # type: ignore[union-attr]
             )
         if off[1] < off[0]:
-            made.move(kind, i, end, f"{said.link}/2")
+            split.move(kind, i, end, f"{compliance.link}/2")
 
 
 def with_elastic_links(scene: Any) -> Any:
-    """The scene whose elastic links are taken apart; those with a matrix stay in `compliances`.
+    """The scene with elastic links replaced by their parts; those with a matrix stay in `compliances`.
 
     Raises SceneError where an attachment is not at an interface of its matrix, or a beam has no width axis.
     """
-    made = _Rewritten(scene)
-    for said in scene.compliances:
-        if f"{said.link}/2" in scene.links:
-            # taken apart already
+    split = _SplitLinks(scene)
+    for compliance in scene.compliances:
+        if f"{compliance.link}/2" in scene.links:
+            # already replaced
             continue
-        # the attachments of what has been rewritten so far
-        now = replace(scene, links=tuple(made.links), joints=tuple(made.joints), leaves=tuple(made.leaves))
-        (_by_section if said.matrix is None else _by_matrix)(now, made, said)
-    kept = []
-    for said in scene.compliances:
-        if said.matrix is not None:
-            axis = tuple(float(c) for c in _width_axis(scene, said))
-            kept.append(replace(said, width_axis=axis))
+        # attachments may have moved with the links replaced so far
+        now = replace(scene, links=tuple(split.links), joints=tuple(split.joints), leaves=tuple(split.leaves))
+        (_split_by_section if compliance.matrix is None else _split_by_matrix)(now, split, compliance)
+    with_matrix = []
+    for compliance in scene.compliances:
+        if compliance.matrix is not None:
+            axis = tuple(float(c) for c in _width_axis(scene, compliance))
+            with_matrix.append(replace(compliance, width_axis=axis))
     return replace(
         scene,
-        links=tuple(made.links),
-        joints=tuple(made.joints),
-        leaves=tuple(made.leaves),
-        compliances=tuple(kept),
+        links=tuple(split.links),
+        joints=tuple(split.joints),
+        leaves=tuple(split.leaves),
+        compliances=tuple(with_matrix),
     )

@@ -93,7 +93,7 @@ EXTRA_MODES, EXTRA_POINTS = (2, 2, 3), 4
 
 @dataclass(frozen=True)
 class Refined(Mesh):
-    """Strain-mode leaves with EXTRA_MODES and EXTRA_POINTS on top of what each leaf has, also of leaves with their own orders."""
+    """Strain-mode leaves with EXTRA_MODES and EXTRA_POINTS added to each leaf, also to one with its own orders."""
 
     def modes(self, orders: tuple[int, int, int], points: int) -> tuple[tuple[int, int, int], int]:
         """As `Mesh.modes`, with EXTRA_MODES and EXTRA_POINTS added."""

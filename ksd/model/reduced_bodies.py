@@ -1,8 +1,8 @@
-"""Reduced bodies among the members of a model: what a modal leaf, a reduced solid and a condensed one have in common.
+"""Reduced bodies in the place of leaf springs: modal leaves, reduced solids and leaves of constant stiffness.
 
-Such a body takes the place of a leaf between the same nodes; from then on it is a member like every other: its kernel
-gives wrench and stiffness at an end pose (`condense`) and moves its inner coordinates (`recover`), which
-`ksd.model.assembly` calls by its kind. Bodies share interface nodes, so a mechanism of them needs no multipliers.
+A body replaces a leaf between the same nodes and is then a member like every other: `ksd.model.assembly` calls its kernels
+by its kind, `condense` for wrench and stiffness at an end pose, `recover` to update the inner coordinates. Bodies share
+interface nodes, so a mechanism of them needs no multipliers.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from ksd.model.compile import Model
 
 
 class ReducedBody(Protocol):
-    """A body in the place of a leaf. kind: that of its member (`ksd.model.arrays`)."""
+    """A body in the place of a leaf spring."""
 
     @property
     def kind(self) -> int:
-        """Kind of member."""
+        """Kind of its member, of `ksd.model.arrays`."""
 
     def constants(self) -> tuple[np.ndarray, np.ndarray]:
-        """`value` and `number` (4,) of its kernel."""
+        """Constants `value` and settings `number` (4,) of its kernel."""
 
 
 def with_bodies(model: Model, bodies: Mapping[str, ReducedBody]) -> Model:
-    """`model` with these bodies, by name of the leaf each takes the place of; they lie where these leaves lie, undeformed.
+    """`model` with leaf springs replaced by undeformed bodies, given by the name of the leaf.
 
-    One object in several places has one set of constants.
+    A body that replaces several leaves has its constants stored once.
     """
     if not bodies:
         return model
@@ -41,17 +41,17 @@ def with_bodies(model: Model, bodies: Mapping[str, ReducedBody]) -> Model:
     kind, number, frame, value_at = (a.copy() for a in (old.kind, old.number, old.frame, old.value_at))
     states = [inner_state(model, model.rest, i) for i in range(len(kind))]
     stores, values, at = np.diff(old.store_at), [old.value], len(old.value)
-    known: dict[int, int] = {}
+    stored_at: dict[int, int] = {}
     for name, body in bodies.items():
         i, (value, settings) = names.index(name), body.constants()
-        if id(body) not in known:
-            known[id(body)] = at
+        if id(body) not in stored_at:
+            stored_at[id(body)] = at
             values.append(value)
             at += len(value)
-        # rotations of end q are those from rest, seen from end p
-        frame[i, 1] = old.frame[i, 1] @ _rest_end(old, i).T
+        # the kernel takes rotations of end q relative to the undeformed leaf, in the frame of end p
+        frame[i, 1] = old.frame[i, 1] @ _rest_orientation(old, i).T
         size, stores[i] = (LINEAR_INNER, 0) if body.kind == LINEAR else modal_sizes(int(settings[1]))
-        kind[i], number[i], value_at[i], states[i] = body.kind, settings, known[id(body)], np.zeros(size)
+        kind[i], number[i], value_at[i], states[i] = body.kind, settings, stored_at[id(body)], np.zeros(size)
     members = old._replace(
         kind=kind, number=number, frame=frame, value_at=value_at, value=np.concatenate([*values, np.zeros(1)]),
         inner_at=np.cumsum([0] + [len(s) for s in states]).astype(np.int64),
@@ -65,35 +65,38 @@ def with_bodies(model: Model, bodies: Mapping[str, ReducedBody]) -> Model:
     )
 
 
-def _rest_end(members: Members, i: int) -> np.ndarray:
-    """Orientation (3, 3) of end q of member i at rest, seen from its end p."""
+def _rest_orientation(members: Members, i: int) -> np.ndarray:
+    """Orientation (3, 3) of end q of undeformed member i in the frame of its end p."""
     if members.kind[i] == COROTATIONAL:
         at = members.value_at[i] + 16 * members.number[i, 0]
         return members.value[at : at + 9].reshape(3, 3)
     return np.asarray(members.frame[i, 0].T @ members.frame[i, 1])
 
 
-def inner_state(model: Model, motion: State, i: int) -> np.ndarray:
-    """Inner state of member i in a motion of `model`, a view."""
+def inner_state(model: Model, state: State, i: int) -> np.ndarray:
+    """Inner state of member i in a state of `model`, a view."""
     at = model.arrays.members.inner_at
-    return motion.inner[at[i] : at[i + 1]]
+    return state.inner[at[i] : at[i + 1]]
 
 
-def relative_end_pose(members: Members, i: int, motion: State) -> tuple[np.ndarray, np.ndarray]:
+def relative_end_pose(members: Members, i: int, state: State) -> tuple[np.ndarray, np.ndarray]:
     """Position d (3,) and orientation Q (3, 3) of end q of member i in the frame of its end p."""
     a, b = members.node[i]
     offset, frame = members.offset[i], members.frame[i]
-    axes = motion.R[a] @ frame[0]
-    d = motion.x[b] + motion.R[b] @ offset[1] - motion.x[a] - motion.R[a] @ offset[0]
-    return axes.T @ d, axes.T @ motion.R[b] @ frame[1]
+    axes = state.R[a] @ frame[0]
+    d = state.x[b] + state.R[b] @ offset[1] - state.x[a] - state.R[a] @ offset[0]
+    return axes.T @ d, axes.T @ state.R[b] @ frame[1]
 
 
-def transfer_state(model: Model, motion: State, other: Model) -> State:
-    """The motion of `model` in a model of the same nodes and leaves: members of another kind than there are undeformed."""
-    state = other.rest.copy()
-    state.x[:], state.R[:], state.multiplier[:] = motion.x, motion.R, motion.multiplier
+def transfer_state(model: Model, state: State, other: Model) -> State:
+    """The state of `model` as a state of `other`, a model with the same nodes and members.
+
+    Members whose kind or number of inner coordinates differs are undeformed in it.
+    """
+    transferred = other.rest.copy()
+    transferred.x[:], transferred.R[:], transferred.multiplier[:] = state.x, state.R, state.multiplier
     for i in np.flatnonzero(model.arrays.members.kind == other.arrays.members.kind).tolist():
-        own, theirs = inner_state(model, motion, i), inner_state(other, state, i)
-        if len(own) == len(theirs):
-            theirs[:] = own
-    return state
+        source, target = inner_state(model, state, i), inner_state(other, transferred, i)
+        if len(source) == len(target):
+            target[:] = source
+    return transferred

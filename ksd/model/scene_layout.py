@@ -1,8 +1,9 @@
-"""A scene taken apart: words, which say what hangs on what, and numbers in a fixed order.
+"""Split of a scene into its layout, which gives the connections, and its numbers in a fixed order.
 
-Scenes of equal words differ in numbers alone, and make models of the same unknowns (`ksd.model.template`). A part is a
-placed joint, or a free leaf between two links; curved leaves have the amplitudes of their shape among the numbers, those
-that are tapered, heated or prestressed all their constants.
+Scenes with equal layouts differ in numbers only and give models with the same unknowns (`ksd.model.template`). A part is a
+placed joint, or a free leaf between two links. Most constants of a leaf follow from its LEAF_NUMBERS. Curved leaves have the
+amplitudes of their undeformed shape among the explicit numbers; tapered, heated or prestressed leaves have all their
+constants there.
 """
 
 from __future__ import annotations
@@ -32,20 +33,25 @@ from ksd.scene.hinges import PLANES, plane_supports
 from ksd.scene.leaf import LeafCondition
 
 LEAF_NUMBERS = 21
-"""Numbers of a leaf: start, end, width axis (3 each), length, E, G, A, J, Iy, Iz, ky, kz, density, factors on GJ, E Iz."""
+"""Count of the numbers of a leaf: start, end, width axis (3 each), length, E, G, A, J, Iy, Iz, ky, kz, density, factors on
+GJ and E Iz."""
 SPRING_NUMBERS = 26
-"""Numbers of a spring beside its constants: ends (2, 3), end frames (2, 3, 3), length, floor."""
+"""Count of the numbers of a spring before its constants: ends (2, 3), end frames (2, 3, 3), length, stiffness scale."""
 GEOMETRY_NUMBERS = 25
-"""Numbers of a leaf that brings its constants or its shape, beside these: ends (2, 3), end frames (2, 3, 3), mass."""
+"""Count of the explicit numbers of a leaf before its constants or amplitudes: ends (2, 3), end frames (2, 3, 3), mass."""
 COMPARISON_PRECISION = 1e12
-"""To one part in how many lengths of leaves, over that of their joint, are compared: leaves drawn alike differ in the last
-digits."""
+"""Lengths of leaves over that of their joint are compared after rounding to 1 / COMPARISON_PRECISION, as equal leaves may
+differ in the last digits."""
 
 
 class LeafLayout(NamedTuple):
-    """name; blocks at start and end; kind and settings of the member; whether it has weight; group: leaves of one group have
-    the same constants; given: (constants, inner state), how many numbers it brings, None where they follow from LEAF; bent:
-    modes about each axis of the amplitudes at rest that a leaf brings whose other constants follow."""
+    """A leaf of a part: its connections and everything else about it that is not a number.
+
+    ends: names of the blocks at start and end; kind, number: kind and settings of the member; group: leaves of one group
+    have the same constants. explicit: lengths of the constants and of the inner state where they are explicit numbers, None
+    where they follow from LEAF_NUMBERS. amplitudes: number of modes about each axis where only the amplitudes of the
+    undeformed shape are explicit.
+    """
 
     name: str
     ends: tuple[str, str]
@@ -58,13 +64,13 @@ class LeafLayout(NamedTuple):
 
     @property
     def explicit_count(self) -> int:
-        """How many numbers beside LEAF."""
+        """Count of its explicit numbers."""
         own = self.explicit or self.amplitudes
         return GEOMETRY_NUMBERS + sum(own) if own else 0
 
 
 class PartLayout(NamedTuple):
-    """family, "" for a free leaf; name and kind of every intended motion; internal blocks; leaves."""
+    """A part: family of the joint, "" for a free leaf; (name, kind) of every intended motion; internal blocks; leaves."""
 
     family: str
     motions: tuple[tuple[str, str], ...]
@@ -73,11 +79,12 @@ class PartLayout(NamedTuple):
 
 
 class SceneLayout(NamedTuple):
-    """What scenes have in common that make models of the same unknowns.
+    """The connections of a scene; scenes with equal layouts give models with the same unknowns.
 
-    parts: (what stands before the names of its blocks and leaves, link at A, link at B, number in `different`), the placed
-    joints first; joints: their names. rows: (kind, base, link) of every term of drives, then supports; loads: (link,
-    following, whether its tangent has a skew part); springs: (name, kind, links, constants); pulls: there is gravity.
+    parts: (prefix of the names of its blocks and leaves, link at A, link at B, index in `distinct_parts`), placed joints
+    first; joints: names of the placed joints. rows: (kind, base, link) of every term of drives, then of supports; loads:
+    (link, whether it follows its link, whether its tangent has a skew part); springs: (name, kind, links, count of
+    constants).
     """
 
     links: tuple[str, ...]
@@ -94,7 +101,7 @@ class SceneLayout(NamedTuple):
 
 @dataclass(frozen=True)
 class SplitScene:
-    """Words and numbers (flat, see `Numbers`) of a scene; joints: the different ones, in the order of `Words.different`."""
+    """Layout and flat numbers (see `SceneNumbers`) of a scene; joints: in the order of `SceneLayout.distinct_parts`."""
 
     layout: SceneLayout
     numbers: list[float]
@@ -102,12 +109,12 @@ class SplitScene:
 
 
 class SceneNumbers(NamedTuple):
-    """The numbers of D scenes of equal words.
+    """The numbers of D scenes with equal layouts; lengths m, forces N, moments Nm, gravity m/s^2.
 
-    origin (D, P, 3), rotation (D, P, 3, 3): of the parts; length (D, U), ends (D, U, 2, 3): of the different ones, and their
-    points A and B; point (D, B, 3): internal blocks; leaf (D, F, LEAF); terms (D, T, 7): coefficient, direction and point;
-    loads (D, L, 9): place, force, moment; gravity (D, 3); springs, given (D, ..): of all springs, and of leaves that bring
-    their constants.
+    origin (D, P, 3), rotation (D, P, 3, 3): of the P parts; length (D, U), interfaces (D, U, 2, 3): lengths and points A and
+    B of the U distinct parts; point (D, B, 3): internal blocks; leaf (D, F, LEAF_NUMBERS); terms (D, T, 7): coefficient,
+    direction, point; loads (D, L, 9): position, force, moment; gravity (D, 3); springs (D, ..): SPRING_NUMBERS and constants
+    of every spring; explicit (D, ..): explicit numbers of the leaves that have them.
     """
 
     origin: np.ndarray
@@ -124,51 +131,53 @@ class SceneNumbers(NamedTuple):
 
 
 def number_slices(layout: SceneLayout) -> tuple[tuple[slice, tuple[int, ...]], ...]:
-    """Where each field of `Numbers` is among the numbers of a scene of these words, and its shape; `given` is the rest."""
+    """(slice, shape) of each field of `SceneNumbers` in the flat numbers of a scene with this layout, `explicit` last."""
     leaves = sum(len(p.leaves) for p in layout.distinct_parts)
     shapes: tuple[tuple[int, ...], ...] = (
         (len(layout.parts), 3), (len(layout.parts), 3, 3), (len(layout.distinct_parts),), (len(layout.distinct_parts), 2, 3),
         (sum(len(p.blocks) for p in layout.distinct_parts), 3), (leaves, LEAF_NUMBERS), (sum(map(len, layout.rows)), 7),
         (len(layout.loads), 9), (3,), (sum(SPRING_NUMBERS + s[3] for s in layout.springs),),
     )  # fmt: skip
-    found, at = [], 0
+    slices, at = [], 0
     for shape in shapes:
         end = at + math.prod(shape)
-        found.append((slice(at, end), shape))
+        slices.append((slice(at, end), shape))
         at = end
-    return (*found, (slice(at, None), (-1,)))
+    return (*slices, (slice(at, None), (-1,)))
 
 
-class _Parts:
-    """Words and numbers of parts while they are collected."""
+class _PartCollector:
+    """Layouts and numbers of the distinct parts, collected one by one."""
 
     def __init__(self, mesh: Mesh, heavy: bool, free: Container[str]) -> None:
         self.mesh, self.heavy, self.free = mesh, heavy, free
-        self.different: list[PartLayout] = []
+        self.distinct: list[PartLayout] = []
         self.length: list[float] = []
         self.ends: list[float] = []
         self.point: list[float] = []
         self.leaf: list[float] = []
-        self.given: list[float] = []
+        self.explicit: list[float] = []
         self.groups: dict[Any, int] = {}
 
     def add(
         self, joint: Any, leaves: Iterable[tuple[str, Any]], before: str, ends: tuple[Any, Any], length: float
     ) -> None:
-        """A joint, or (None) a free leaf or a piece of one, with its leaves by name; before: what their full names begin
-        with."""
+        """Add a joint, or a free leaf or piece of one (joint None), with its leaves by name.
+
+        before: prefix of the full names of its leaves; ends: points A and B; length: of the part [m].
+        """
         blocks = {} if joint is None else {n: p for n, p in joint.blocks().items() if n not in ("A", "B")}
         for point in blocks.values():
             self.point += point
-        names, found = list(blocks), []
+        names, layouts = list(blocks), []
         for name, leaf in leaves:
             full = before + name
             mesh = self.mesh.of(full, "" if joint is not None else whole_leaf_name(name, self.free))
             own = (leaf.start_block, leaf.end_block) if joint is not None else ("A", "B")
             if not mesh.nodal:
-                found.append(self._leaf(leaf, mesh, (before, name), own, length))
+                layouts.append(self._leaf(leaf, mesh, (before, name), own, length))
                 continue
-            # every element a leaf of its own, between nodes that are drawn as blocks
+            # every element is a leaf of its own, its nodes are blocks
             pieces = element_leaves(leaf, leaf.elements or mesh.elements)
             between = [piece_name(name, k) for k in range(len(pieces) - 1)]
             names += between
@@ -176,18 +185,18 @@ class _Parts:
                 self.point += piece.end
             pairs = pairwise([own[0], *between, own[1]])
             for k, (piece, pair) in enumerate(zip(pieces, pairs, strict=True)):
-                found.append(self._leaf(piece, mesh, (before, piece_name(name, k)), pair, length))
+                layouts.append(self._leaf(piece, mesh, (before, piece_name(name, k)), pair, length))
         self.length.append(length)
         for end in ends:
             self.ends += end
         motions = () if joint is None else tuple((m.name, m.kind) for m in joint.motions)
         family = "" if joint is None else joint.family
-        self.different.append(PartLayout(family, motions, tuple(names), tuple(found)))
+        self.distinct.append(PartLayout(family, motions, tuple(names), tuple(layouts)))
 
     def _leaf(
         self, leaf: Any, mesh: Mesh, name: tuple[str, str], ends: tuple[str, str], length: float
     ) -> LeafLayout:
-        """Words of a leaf, name in two parts; its numbers are put down."""
+        """Collect the numbers of a leaf and return its layout; name: (prefix, name in its part)."""
         section, material, state = leaf.section, leaf.material, leaf.condition
         torsion, plate = rigidity_factors(section, leaf, mesh)
         long, density = leaf.length, material.density or 0.0
@@ -199,9 +208,15 @@ class _Parts:
         key: tuple[Any, ...] = (round(COMPARISON_PRECISION * long / length), length, size, has_weight)
         if torsion != 1.0 or plate != 1.0:
             key += (round(COMPARISON_PRECISION * torsion), round(COMPARISON_PRECISION * plate))
-        if leaf.profile is not None or leaf.curve is not None or not (state is None or _as_drawn(state)):
-            made = leaf_member(leaf, mesh, name="".join(name), heavy=has_weight)
-            return self._given(leaf, made, LeafLayout(name[1], ends, made.kind, (), has_weight, 0), key)
+        if (
+            leaf.profile is not None
+            or leaf.curve is not None
+            or not (state is None or _is_stress_free(state))
+        ):
+            member = leaf_member(leaf, mesh, name="".join(name), heavy=has_weight)
+            return self._explicit_leaf(
+                leaf, member, LeafLayout(name[1], ends, member.kind, (), has_weight, 0), key
+            )
         number: tuple[int, ...]
         if mesh.leaf == "strain":
             orders, points = leaf_orders(leaf, mesh)
@@ -210,27 +225,29 @@ class _Parts:
             kind, number = COROTATIONAL, (leaf.elements or mesh.elements, int(mesh.mip))
         return LeafLayout(name[1], ends, kind, number, has_weight, self._group(*key, kind, number))
 
-    def _given(self, leaf: Any, made: Member, words: LeafLayout, key: tuple[Any, ...]) -> LeafLayout:
-        """Words of a leaf that brings its shape, or all its constants; key: what constants that follow depend on."""
-        self.given += [*made.offset.ravel().tolist(), *made.frame.ravel().tolist(), made.mass]
-        number = tuple(made.number.tolist())
-        uniform = made.kind == STRAIN and leaf.profile is None and leaf.orders is None
+    def _explicit_leaf(
+        self, leaf: Any, member: Member, layout: LeafLayout, key: tuple[Any, ...]
+    ) -> LeafLayout:
+        """Collect the explicit numbers of a leaf and return its layout; key: what its other constants depend on."""
+        self.explicit += [*member.offset.ravel().tolist(), *member.frame.ravel().tolist(), member.mass]
+        number = tuple(member.number.tolist())
+        uniform = member.kind == STRAIN and leaf.profile is None and leaf.orders is None
         if uniform and (leaf.condition is None or leaf.condition.stretch == 1.0):
-            bent = made.inner[:-6].tolist()
-            self.given += bent
-            group = self._group(*key, number, tuple(bent))
-            return words._replace(number=number, group=group, amplitudes=number[:3])
-        self.given += [*made.inner.tolist(), *made.value.tolist()]
-        group = self._group(made.kind, number, made.value.tobytes())
-        return words._replace(number=number, group=group, explicit=(len(made.value), len(made.inner)))
+            amplitudes = member.inner[:-6].tolist()
+            self.explicit += amplitudes
+            group = self._group(*key, number, tuple(amplitudes))
+            return layout._replace(number=number, group=group, amplitudes=number[:3])
+        self.explicit += [*member.inner.tolist(), *member.value.tolist()]
+        group = self._group(member.kind, number, member.value.tobytes())
+        return layout._replace(number=number, group=group, explicit=(len(member.value), len(member.inner)))
 
     def _group(self, *constants: Any) -> int:
-        """The group of leaves with these constants, by what they depend on."""
+        """Number of the group of leaves whose constants depend on these values."""
         return self.groups.setdefault(constants, len(self.groups))
 
 
-def _as_drawn(state: LeafCondition) -> bool:
-    """Whether a leaf in this condition is free of stress as drawn."""
+def _is_stress_free(state: LeafCondition) -> bool:
+    """Whether a leaf in this condition is free of stress in the configuration described."""
     return (
         state.stretch == 1.0
         and state.natural_curvature == 0.0
@@ -244,9 +261,9 @@ _AXES = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 
 def split_scene(scene: Any, mesh: Mesh) -> SplitScene:
-    """Words and numbers of a frozen scene exactly as it stands. Raises SceneError for leaves that have no model."""
+    """Layout and numbers of a frozen scene with all its effects. Raises SceneError for leaves that have no model."""
     index = {link: i for i, link in enumerate(scene.links)}
-    parts = _Parts(mesh, has_gravity(scene), {free.name for free in scene.leaves})
+    parts = _PartCollector(mesh, has_gravity(scene), {free.name for free in scene.leaves})
     known: dict[Any, int] = {}
     placed_parts: list[tuple[str, int, int, int]] = []
     places: list[float] = []
@@ -266,7 +283,7 @@ def split_scene(scene: Any, mesh: Mesh) -> SplitScene:
         for row in placed.rotation:
             turns += row
     for name, a, b, leaf in cut_leaves(scene):
-        placed_parts.append(("", index[a], index[b], len(parts.different)))
+        placed_parts.append(("", index[a], index[b], len(parts.distinct)))
         parts.add(None, ((name, leaf),), "", (leaf.start, leaf.end), leaf.length)
         places += _STILL
         turns += _AXES
@@ -274,13 +291,13 @@ def split_scene(scene: Any, mesh: Mesh) -> SplitScene:
     loads, pushed = _loads(scene, index)
     springs = elastic_members(scene, np.zeros((len(index), 3)))
     layout = SceneLayout(
-        scene.links, tuple(p.name for p in scene.joints), tuple(placed_parts), tuple(parts.different), rows,
+        scene.links, tuple(p.name for p in scene.joints), tuple(placed_parts), tuple(parts.distinct), rows,
         tuple(d.name for d in scene.drives), tuple(s.name for s in scene.supports), loads,
         tuple((s.name, s.kind, s.nodes, len(s.value)) for s in springs), parts.heavy,
     )  # fmt: skip
     numbers = [
         *places, *turns, *parts.length, *parts.ends, *parts.point, *parts.leaf, *terms, *pushed,
-        *(scene.gravity or _STILL), *_spring_numbers(springs), *parts.given,
+        *(scene.gravity or _STILL), *_spring_numbers(springs), *parts.explicit,
     ]  # fmt: skip
     return SplitScene(layout, numbers, tuple(joints))
 
@@ -291,11 +308,11 @@ def has_gravity(scene: Any) -> bool:
 
 
 def _rows(scene: Any, index: dict[str, int]) -> tuple[tuple[Any, ...], list[float]]:
-    """Words and numbers of drives and supports."""
-    words: list[tuple[tuple[int, int, int], ...]] = []
+    """Layout and numbers of drives and supports."""
+    layout: list[tuple[tuple[int, int, int], ...]] = []
     numbers: list[float] = []
     for row in (*scene.drives, *scene.supports):
-        words.append(
+        layout.append(
             tuple(
                 (ROTATION if t.kind == "rotation" else TRANSLATION, index[t.base], index[t.link])
                 for t in row.terms
@@ -303,14 +320,14 @@ def _rows(scene: Any, index: dict[str, int]) -> tuple[tuple[Any, ...], list[floa
         )
         for t in row.terms:
             numbers += (t.coefficient, *t.direction, *t.point)
-    return tuple(words), numbers
+    return tuple(layout), numbers
 
 
 def _loads(scene: Any, index: dict[str, int]) -> tuple[tuple[Any, ...], list[float]]:
-    """Words and numbers of the loads on links that move; gravity acts at the centre of every mass the scene names."""
-    words: list[tuple[int, bool, bool]] = []
+    """Layout and numbers of the loads on moving links, with the weights of the masses of the scene."""
+    layout: list[tuple[int, bool, bool]] = []
     numbers: list[float] = []
-    # a link that only turns about the normal of its plane stores what a moment about it does
+    # a moment about the normal of a plane is conservative for a link that stays in the plane
     flat = {t.link for s in plane_supports(scene) for t in s.terms}
     across = [k for k in range(3) if scene.plane is None or k != PLANES[scene.plane]]
     for load in scene.loads:
@@ -318,38 +335,38 @@ def _loads(scene: Any, index: dict[str, int]) -> tuple[tuple[Any, ...], list[flo
         if node:
             following = bool(load.following)
             out = load.link not in flat or any(load.moment[k] for k in across)
-            words.append((node, following, following or (out and any(load.moment))))
+            layout.append((node, following, following or (out and any(load.moment))))
             numbers += (*load.at, *load.force, *load.moment)
     for mass in scene.masses if scene.gravity is not None else ():
         node = index[mass.link]
         if node:
-            words.append((node, False, False))
+            layout.append((node, False, False))
             numbers += (*mass.at, *(mass.mass * g for g in scene.gravity), 0.0, 0.0, 0.0)
-    return tuple(words), numbers
+    return tuple(layout), numbers
 
 
 def elastic_members(scene: Any, places: np.ndarray) -> list[Member]:
-    """Springs of a scene and its links with a matrix, between links at reference `places`; empty where it has none."""
+    """Members of the springs of a scene and of its links with a matrix; places (k, 3): reference points of the links."""
     links = [c for c in scene.compliances if c.matrix is not None and f"{c.link}/2" in scene.links]
     if not scene.springs and not links:
         return []
     index = {link: i for i, link in enumerate(scene.links)}
-    found = spring_members(scene.springs, index, places)
+    members = spring_members(scene.springs, index, places)
     for c in links:
         nodes = (index[c.link], index[f"{c.link}/2"])
-        found.append(matrix_member(c.link, c.matrix, nodes, places, np.asarray(c.width_axis)))
-    return found
+        members.append(matrix_member(c.link, c.matrix, nodes, places, np.asarray(c.width_axis)))
+    return members
 
 
 def _spring_numbers(springs: Sequence[Member]) -> list[float]:
-    """Numbers of springs whose ends are given from the origin."""
-    found: list[float] = []
+    """Flat numbers of springs whose ends are positions from the origin."""
+    numbers: list[float] = []
     for s in springs:
-        found += [
+        numbers += [
             *s.offset.ravel().tolist(),
             *s.frame.ravel().tolist(),
             s.length,
             s.stiffness_scale,
             *s.value.tolist(),
         ]
-    return found
+    return numbers
