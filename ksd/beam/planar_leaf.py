@@ -63,18 +63,18 @@ def _assemble(value, number, inner, store):
             mass = value[end + nz + p]
             fx, fy = nx + mass * store[gravity_at], ny + mass * store[gravity_at + 1]
         N, V = c * fx + s * fy, c * fy - s * fx
-        slack = cn - cv
+        cn_minus_cv = cn - cv
         # r' = R (1 + cN N, cV V) and R C R^T
         a, b = w * (1.0 + cn * N), w * cv * V
         x += c * a - s * b
         y += s * a + c * b
         xx += w * (cn * c * c + cv * s * s)
-        xy += w * slack * c * s
+        xy += w * cn_minus_cv * c * s
         yy += w * (cn * s * s + cv * c * c)
         # h', h'' and d h'/d(nx, ny)
-        slope = w * (V + slack * N * V)
-        curve = w * (slack * (V * V - N * N) - N)
-        a, b = w * slack * V, w * (1.0 + slack * N)
+        slope = w * (V + cn_minus_cv * N * V)
+        curve = w * (cn_minus_cv * (V * V - N * N) - N)
+        a, b = w * cn_minus_cv * V, w * (1.0 + cn_minus_cv * N)
         hx, hy = c * a - s * b, s * a + c * b
         for i in range(nz):
             psi = value[at + 3 + i]
@@ -215,16 +215,16 @@ def gravity_block(value, number, inner, store, lam):
             theta += inner[first + i] * value[at + 3 + i]
         c, sine = math.cos(theta), math.sin(theta)
         fx, fy = inner[wrench] + mass * store[block_at], inner[wrench + 1] + mass * store[block_at + 1]
-        N, V, slack = c * fx + sine * fy, c * fy - sine * fx, cn - cv
+        N, V, cn_minus_cv = c * fx + sine * fy, c * fy - sine * fx, cn - cv
         s[0] += w * (c * (1.0 + cn * N) - sine * cv * V)
         s[1] += w * (sine * (1.0 + cn * N) + c * cv * V)
-        xx, xy, yy = cn * c * c + cv * sine * sine, slack * c * sine, cn * sine * sine + cv * c * c
+        xx, xy, yy = cn * c * c + cv * sine * sine, cn_minus_cv * c * sine, cn * sine * sine + cv * c * c
         for r in range(2):
             for e in range(2):
                 compliance = xy if r != e else (xx if r == 0 else yy)
                 Z[r, e] += w * compliance
                 G[r, e] += w * mass * compliance
-        a, b = mass * value[at] * slack * V, mass * value[at] * (1.0 + slack * N)
+        a, b = mass * value[at] * cn_minus_cv * V, mass * value[at] * (1.0 + cn_minus_cv * N)
         for i in range(nz):
             psi = value[at + 3 + i]
             store[eta + 4 * i] += (c * a - sine * b) * psi

@@ -14,8 +14,8 @@ from ksd.numerics.rotations import rotation_exp
 def integrate_centrelines(kappa, compliance, force, step, start, R, v):
     """Write R (k, m+1, 3, 3) and v = r' (k, m+1, 3) after each of m steps of length step (k,) [m] along k leaf springs.
 
-    kappa (k, 2 m, 3) [1/m]: curvature at the first Gauss point of every step, then at the second; soft (k, m+1, 3)
-    [1/N]: stretch and shear compliance, force (k, m+1, 3) [N], at the ends of the steps; start (k, 3, 3): R before the
+    kappa (k, 2 m, 3) [1/m]: curvature at the first Gauss point of every step, then at the second; compliance (k, m+1,
+    3) [1/N]: of stretch and shear, force (k, m+1, 3) [N], at the ends of the steps; start (k, 3, 3): R before the
     first. Magnus steps of fourth order; r' = R (e1 + C R^T n).
     """
     turn, E, local = np.empty(3), np.empty((3, 3)), np.empty(3)

@@ -25,18 +25,18 @@ from ksd.numerics.kernel import kernel
 
 
 @kernel
-def drive_forces(ints, floats, joint_ints, joint_floats, theta, target, x, R, joint_pose, wrench, mu):
+def drive_forces(ints, floats, joint_ints, geometry, theta, target, x, R, pose, wrench, mu):
     """Write mu (c,): multipliers of drives and supports in step 1 by virtual work, with the links at the poses that
     theta gives.
 
-    ints, floats: of the reduced mechanism, as in `ksd.model.arrays.FlatArrays`; joint_ints, joint_floats: as in
+    ints, floats: of the reduced mechanism, as in `ksd.model.arrays.FlatArrays`; joint_ints, geometry: as in
     `ksd.bodies.joint_arrays`; x, R: of its links, overwritten. wrench (54 J,): inner states of the condensed joints,
     with their wrench F at 12 (`ksd.beam.linear`). With Q the work of the joints' wrenches in pure intended motion minus
     that of the loads, mu_i = -Q . J^+ e_i, where J^+ e_i is the change of theta per unit of row i while the loops stay
     closed. Multipliers that are undetermined are nan.
     """
     closing, motions, links = 6 * joint_ints[CLOSING_COUNT], len(theta), len(x)
-    rows, size = closing + ints[ROWS], floats[0]
+    rows, length_scale = closing + ints[ROWS], floats[0]
     W, J, series = (
         np.zeros((links, motions, 6)),
         np.zeros((rows, motions)),
@@ -45,16 +45,16 @@ def drive_forces(ints, floats, joint_ints, joint_floats, theta, target, x, R, jo
     residual, Q, rate = np.zeros(rows), np.zeros(motions), np.zeros(motions)
     ancestry, scratch = np.empty((2, links), np.int64), least_squares_scratch(rows, motions)
     frames, slope = np.empty((4, 4, 3)), np.empty((8, 3))
-    joint_poses(joint_ints, joint_floats, theta, joint_pose, series)
+    joint_poses(joint_ints, geometry, theta, pose, series)
     loop_equations(
         ints,
         floats,
         joint_ints,
-        joint_floats,
+        geometry,
         target,
         x,
         R,
-        joint_pose,
+        pose,
         ancestry,
         W,
         J,
@@ -67,24 +67,25 @@ def drive_forces(ints, floats, joint_ints, joint_floats, theta, target, x, R, jo
         for q in range(first, joint_ints[joint_ints[FIRST_MOTION] + j + 1]):
             at = 12 + 6 * (q - first)
             for r in range(6):
-                Q[q] += wrench[54 * j + 12 + r] * joint_pose[j, at + r]
+                Q[q] += wrench[54 * j + 12 + r] * pose[j, at + r]
     arm, force, moment = np.empty(3), np.empty(3), np.empty(3)
     for i in range(ints[LOADS]):
         node, following = ints[ints[LOAD_NODE] + i], ints[ints[LOAD_FOLLOWING] + i] == 1
-        point, own, twist = ints[LOAD_POINT] + 3 * i, ints[LOAD_FORCE] + 3 * i, ints[LOAD_MOMENT] + 3 * i
+        point_at, force_at = ints[LOAD_POINT] + 3 * i, ints[LOAD_FORCE] + 3 * i
+        moment_at = ints[LOAD_MOMENT] + 3 * i
         for r in range(3):
             arm[r], force[r], moment[r] = 0.0, 0.0, 0.0
             for c in range(3):
-                arm[r] += R[node, r, c] * floats[point + c]
-                force[r] += R[node, r, c] * floats[own + c]
-                moment[r] += R[node, r, c] * floats[twist + c]
+                arm[r] += R[node, r, c] * floats[point_at + c]
+                force[r] += R[node, r, c] * floats[force_at + c]
+                moment[r] += R[node, r, c] * floats[moment_at + c]
             if not following:
-                force[r], moment[r] = floats[own + r], floats[twist + r]
+                force[r], moment[r] = floats[force_at + r], floats[moment_at + r]
         for r in range(3):
             k, l = (r + 1) % 3, (r + 2) % 3
-            turning = moment[r] + arm[k] * force[l] - arm[l] * force[k]
+            total_moment = moment[r] + arm[k] * force[l] - arm[l] * force[k]
             for q in range(motions):
-                Q[q] -= W[node, q, r] * force[r] + W[node, q, 3 + r] * turning
+                Q[q] -= W[node, q, r] * force[r] + W[node, q, 3 + r] * total_moment
     for i in range(ints[ROWS]):
         residual[:] = 0.0
         residual[closing + i] = -1.0
@@ -96,4 +97,4 @@ def drive_forces(ints, floats, joint_ints, joint_floats, theta, target, x, R, jo
             for t in range(ints[ints[TERM_FIRST] + i], ints[ints[TERM_FIRST] + i + 1]):
                 rotations = rotations and ints[ints[TERM_KIND] + t] != TRANSLATION
             # rows of rotations only were multiplied by the length scale, so their multipliers are divided by it
-            mu[i] = s * size if rotations else s
+            mu[i] = s * length_scale if rotations else s

@@ -13,66 +13,62 @@ from ksd.numerics.rotations import rotation_log
 
 CONVERGED_STEP = 1e-9
 """Correction of an intended motion (rad, or stroke over joint length) below which it has converged."""
-
-
 MAX_STEP = 0.3
 """Largest correction of an intended motion in one iteration, same unit."""
 MAX_ITERATIONS = 40
 
 
 @kernel
-def intended_motions(joint_ints, joint_floats, relative, theta, joint_pose, series, residual, converged):
+def intended_motions(joint_ints, geometry, relative, theta, pose, series, residual, converged):
     """Fit the intended motions theta of all joints to their poses, in place (Gauss-Newton).
 
-    joint_ints, joint_floats: as in `ksd.bodies.joint_arrays`. relative (J, 12): displacement d and rotation (row-major)
+    joint_ints, geometry: as in `ksd.bodies.joint_arrays`. relative (J, 12): displacement d and rotation (row-major)
     of interface B in the axes of A. theta is fitted to the rotation of B where the motion turns it, else to its
     displacement. residual (J, 6): displacement and rotation vector of B from its intended pose. converged (J,): 1 where
-    the corrections converged, 0 where theta is meaningless. joint_pose (J, 24): as of `joint_poses`; series (3, M):
+    the corrections converged, 0 where theta is meaningless. pose (J, 24): as of `joint_poses`; series (3, M):
     scratch.
     """
-    rel, v, A, b, step = np.empty((3, 3)), np.empty(3), np.empty((2, 2)), np.empty(2), np.empty(2)
+    difference, v, A, b, step = np.empty((3, 3)), np.empty(3), np.empty((2, 2)), np.empty(2), np.empty(2)
     converged[:] = 0
     for _ in range(MAX_ITERATIONS):
-        joint_poses(joint_ints, joint_floats, theta, joint_pose, series)
-        missing = 0
+        joint_poses(joint_ints, geometry, theta, pose, series)
+        unconverged = 0
         for j in range(joint_ints[JOINT_COUNT]):
             if converged[j] == 1:
                 continue
-            missing += 1
+            unconverged += 1
             for r in range(3):
                 p, q, s = relative[j, 3 + 3 * r], relative[j, 4 + 3 * r], relative[j, 5 + 3 * r]
                 for c in range(3):
-                    rel[r, c] = (
-                        p * joint_pose[j, 3 * c] + q * joint_pose[j, 3 * c + 1] + s * joint_pose[j, 3 * c + 2]
-                    )
-            rotation_log(rel, v)
+                    difference[r, c] = p * pose[j, 3 * c] + q * pose[j, 3 * c + 1] + s * pose[j, 3 * c + 2]
+            rotation_log(difference, v)
             for r in range(3):
-                residual[j, r] = relative[j, r] - joint_pose[j, 9 + r]
+                residual[j, r] = relative[j, r] - pose[j, 9 + r]
                 residual[j, 3 + r] = v[r]
             first = joint_ints[joint_ints[FIRST_MOTION] + j]
             motions = joint_ints[joint_ints[FIRST_MOTION] + j + 1] - first
-            spin, slide = 0.0, 0.0
+            rotation, translation = 0.0, 0.0
             for k in range(motions):
                 for r in range(3):
-                    slide = max(slide, abs(joint_pose[j, 12 + 6 * k + r]))
-                    spin = max(spin, abs(joint_pose[j, 15 + 6 * k + r]))
+                    translation = max(translation, abs(pose[j, 12 + 6 * k + r]))
+                    rotation = max(rotation, abs(pose[j, 15 + 6 * k + r]))
             # the slight rotation of a translating stage does not measure its stroke
-            o = 3 if spin * joint_floats[joint_ints[JOINT_LENGTH] + j] > 0.1 * slide else 0
+            o = 3 if rotation * geometry[joint_ints[JOINT_LENGTH] + j] > 0.1 * translation else 0
             for k in range(motions):
                 b[k] = 0.0
                 for r in range(3):
-                    b[k] += joint_pose[j, 12 + 6 * k + o + r] * residual[j, o + r]
+                    b[k] += pose[j, 12 + 6 * k + o + r] * residual[j, o + r]
                 for l in range(motions):
                     A[k, l] = 0.0
                     for r in range(3):
-                        A[k, l] += joint_pose[j, 12 + 6 * k + o + r] * joint_pose[j, 12 + 6 * l + o + r]
+                        A[k, l] += pose[j, 12 + 6 * k + o + r] * pose[j, 12 + 6 * l + o + r]
             if motions == 1:
-                det, size = A[0, 0], A[0, 0]
+                det, scale_of_det = A[0, 0], A[0, 0]
                 step[0] = b[0] / det if det > 0.0 else math.nan
             else:
-                det, size = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0], A[0, 0] * A[1, 1]
-                step[0] = (A[1, 1] * b[0] - A[0, 1] * b[1]) / det if det > 1e-8 * size else math.nan
-                step[1] = (A[0, 0] * b[1] - A[1, 0] * b[0]) / det if det > 1e-8 * size else math.nan
+                det, scale_of_det = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0], A[0, 0] * A[1, 1]
+                step[0] = (A[1, 1] * b[0] - A[0, 1] * b[1]) / det if det > 1e-8 * scale_of_det else math.nan
+                step[1] = (A[0, 0] * b[1] - A[1, 0] * b[0]) / det if det > 1e-8 * scale_of_det else math.nan
             largest = 0.0
             for k in range(motions):
                 largest = max(largest, abs(step[k])) if step[k] == step[k] else math.inf
@@ -83,11 +79,11 @@ def intended_motions(joint_ints, joint_floats, relative, theta, joint_pose, seri
                 theta[first + k] += scale * step[k]
             if largest < CONVERGED_STEP:
                 converged[j] = 1
-                missing -= 1
+                unconverged -= 1
                 # update the residual for this last correction to first order
                 for k in range(motions):
                     for r in range(3):
-                        residual[j, r] -= step[k] * joint_pose[j, 12 + 6 * k + r]
-                        residual[j, 3 + r] -= step[k] * joint_pose[j, 15 + 6 * k + r]
-        if missing == 0:
+                        residual[j, r] -= step[k] * pose[j, 12 + 6 * k + r]
+                        residual[j, 3 + r] -= step[k] * pose[j, 15 + 6 * k + r]
+        if unconverged == 0:
             break

@@ -1,6 +1,6 @@
 """Arrays of the joints of a model: their kinematics, and the database functions of their internal states.
 
-Kernels take two flat arrays in place of many, as for `ksd.model.arrays.FlatArrays`: `joint_ints` and `joint_floats` of a
+Kernels take two flat arrays in place of many, as for `ksd.model.arrays.FlatArrays`: `joint_ints` and `geometry` of a
 `JointKinematics`, `interior_ints` and `interior_floats` of an `InteriorFunctions`. Entry c of row i of a field F with w
 columns is ints[ints[F] + w i + c] for integers and floats[ints[F] + w i + c] otherwise.
 """

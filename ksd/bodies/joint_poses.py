@@ -123,7 +123,7 @@ def pose_from_polynomials(coefficients, at, size, length, series, count, motions
 
 
 @kernel
-def joint_poses(joint_ints, joint_floats, theta, pose, series):
+def joint_poses(joint_ints, geometry, theta, pose, series):
     """Write pose (J, 24) of all joints at the motions theta, in the axes of their interface A, see
     `pose_from_polynomials`.
 
@@ -131,8 +131,8 @@ def joint_poses(joint_ints, joint_floats, theta, pose, series):
     """
     size, f = joint_ints[MONOMIAL_COUNT], np.empty((3, 6))
     for j in range(joint_ints[JOINT_COUNT]):
-        count, length = monomials(joint_ints, theta, j, series), joint_floats[joint_ints[JOINT_LENGTH] + j]
+        count, length = monomials(joint_ints, theta, j, series), geometry[joint_ints[JOINT_LENGTH] + j]
         motions = joint_ints[joint_ints[FIRST_MOTION] + j + 1] - joint_ints[joint_ints[FIRST_MOTION] + j]
         pose_from_polynomials(
-            joint_floats, joint_ints[POSE] + 6 * size * j, size, length, series, count, motions, f, pose, j
+            geometry, joint_ints[POSE] + 6 * size * j, size, length, series, count, motions, f, pose, j
         )

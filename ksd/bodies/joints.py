@@ -58,10 +58,10 @@ class JointBodies:
 
     substructures: the joints without the links between them (`ksd.bodies.substructures`). reduced: the mechanism of
     links and condensed joints; its members are one linear body per joint, then the leaf springs outside of joints.
-    near_lengths (members of the substructures,): numbers of each in the near configuration. full_node (K,): internal
-    blocks in the full model. motion_range (motions, 2): trained range, rad or stroke over joint length, as theta;
-    motion_scale (motions,): from theta to rad or m. joint_weights: weight of the leaf springs. leaf_links: links that
-    only leaf springs hold, each with the nodes its pose follows from (`place_leaf_links`).
+    near_lengths (members of the substructures,): how many numbers each has in the near configuration. full_node (K,):
+    internal blocks in the full model. motion_range (motions, 2): trained range, rad or stroke over joint length, as
+    theta; motion_scale (motions,): from theta to rad or m. joint_weights: weight of the leaf springs. leaf_links: links
+    that only leaf springs hold, each with the nodes its pose follows from (`place_leaf_links`).
     """
 
     kinematics: JointKinematics
@@ -114,9 +114,9 @@ def _leaf_links(
 
     Raises KinematicsError for a link that is not connected to ground.
     """
-    words = template.scene_layout
+    scene_layout = template.scene_layout
     placed = {0, *(nodes[j][forward] for j, forward in tree)}
-    pairs = [(a, b) for _, a, b, _ in words.parts[len(words.joints) :]]
+    pairs = [(a, b) for _, a, b, _ in scene_layout.parts[len(scene_layout.joints) :]]
     links = []
     while True:
         placed_neighbours: dict[int, list[int]] = {}
@@ -129,7 +129,7 @@ def _leaf_links(
         link = max(placed_neighbours, key=lambda k: (len(placed_neighbours[k]), -k))
         placed.add(link)
         links.append((link, np.array(placed_neighbours[link], np.int64)))
-    unconnected = [link for i, link in enumerate(words.links) if i not in placed]
+    unconnected = [link for i, link in enumerate(scene_layout.links) if i not in placed]
     if unconnected:
         raise KinematicsError(
             f"link '{unconnected[0]}' is not connected to ground by joints or leaves, so the kinematic start cannot place "
@@ -159,22 +159,22 @@ class JointLayout:
 
     def __init__(self, template: Template, records: Sequence[Record]) -> None:
         self.template, self.records = template, tuple(records)
-        words, mesh = template.scene_layout, template.mesh
-        joints = words.parts[: len(words.joints)]
+        scene_layout, mesh = template.scene_layout, template.mesh
+        joints = scene_layout.parts[: len(scene_layout.joints)]
         self.nodes = [(a, b) for _, a, b, _ in joints]
         self.distinct = [u for *_, u in joints]
         trained = "strain" if mesh.leaf == "strain" else mesh.elements
         self.polynomials = [
             MotionPolynomials(record, trained, len(part.leaves))
-            for record, part in zip(records, words.distinct_parts, strict=False)
+            for record, part in zip(records, scene_layout.distinct_parts, strict=False)
         ]
         self.first_row = np.cumsum([0] + [p.rows for p in self.polynomials]).tolist()
         self._build_kinematics()
         self._build_substructures()
         self._build_reduced()
         names, ranges, lengths = [], [], []
-        for name, u in zip(words.joints, self.distinct, strict=True):
-            motions = words.distinct_parts[u].motions
+        for name, u in zip(scene_layout.joints, self.distinct, strict=True):
+            motions = scene_layout.distinct_parts[u].motions
             for motion, kind in motions:
                 names.append(name if len(motions) == 1 else f"{name}.{motion}")
                 lengths.append(u if kind == "translation" else -1)
@@ -203,12 +203,12 @@ class JointLayout:
     def _build_substructures(self) -> None:
         """Integers of the substructures; their nodes are ground, the internal blocks, then the interfaces B of all
         joints."""
-        template, words = self.template, self.template.scene_layout
-        blocks = sum(len(words.distinct_parts[u].blocks) for u in self.distinct)
+        template, scene_layout = self.template, self.template.scene_layout
+        blocks = sum(len(scene_layout.distinct_parts[u].blocks) for u in self.distinct)
         shapes, joint, rows, full_node = [], [], [], []
         node = 1
         for j, u in enumerate(self.distinct):
-            part, nodes = words.distinct_parts[u], {"A": 0, "B": 1 + blocks + j}
+            part, nodes = scene_layout.distinct_parts[u], {"A": 0, "B": 1 + blocks + j}
             for k, block in enumerate(part.blocks):
                 nodes[block] = node
                 node += 1
@@ -221,7 +221,7 @@ class JointLayout:
                 shapes.append(template.member_topologies[first + n]._replace(nodes=ends))
         self.substructures = topology_arrays(1 + blocks + len(self.nodes), shapes, last=len(self.nodes))
         self.leaf = template.member_leaf[: len(shapes)]
-        if words.has_gravity and template.leaf_has_weight[self.leaf].any():
+        if scene_layout.has_gravity and template.leaf_has_weight[self.leaf].any():
             self.substructures = self.substructures._replace(weight=np.zeros((len(shapes), 4)))
         same = len(shapes) == len(template.member_topologies)
         # without other members the constants are those of the full model
@@ -233,27 +233,30 @@ class JointLayout:
         self._build_interior(np.array(joint, np.int64))
 
     def _build_interior(self, block_joint: np.ndarray) -> None:
-        """Function, entry of the state, and scale of all functions that set inner states and near configurations of the
-        substructures."""
-        template, words = self.template, self.template.scene_layout
+        """Tables of the functions that set inner states (`inner_rows`) and near configurations (`near_rows`) of the
+        substructures.
+
+        Their five rows: joint, entry that is set, row among all functions, leaf, and kind of scale of every function.
+        """
+        template, scene_layout = self.template, self.template.scene_layout
         members = self.substructures.members
         functions_of_leaf: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         inner, near = [np.zeros((5, 0), np.int64)], [np.zeros((5, 0), np.int64)]
         near_length = np.zeros(len(self.leaf), np.int64)
         near_at = 0
         for j, u in enumerate(self.distinct):
-            first, count = template.joint_members[j].start, len(words.distinct_parts[u].leaves)
+            first, count = template.joint_members[j].start, len(scene_layout.distinct_parts[u].leaves)
             for i, f in enumerate(self.leaf[first : first + count].tolist(), start=first):
                 if f not in functions_of_leaf:
                     functions_of_leaf[f] = self._leaf_functions(
                         u, i - first, int(members.kind[i]), members.number[i].tolist()
                     )
-                row, to, kind = functions_of_leaf[f]
-                chain = members.kind[i] == COROTATIONAL
-                at = near_at if chain else int(members.inner_at[i])
-                functions = np.array([np.full(len(row), j), at + to, row, np.full(len(row), f), kind])
-                (near if chain else inner).append(functions)
-                if chain:
+                row, target, scale = functions_of_leaf[f]
+                is_chain = members.kind[i] == COROTATIONAL
+                at = near_at if is_chain else int(members.inner_at[i])
+                functions = np.array([np.full(len(row), j), at + target, row, np.full(len(row), f), scale])
+                (near if is_chain else inner).append(functions)
+                if is_chain:
                     near_length[i] = 3 * (2 * int(members.number[i, 0]) - 1)
                     near_at += int(near_length[i])
         self.near_lengths = near_length
@@ -294,15 +297,15 @@ class JointLayout:
     def _build_reduced(self) -> None:
         """Integers of the reduced mechanism: joints as linear bodies, their weight as loads, other leaf springs
         unchanged."""
-        template, words = self.template, self.template.scene_layout
-        links, joints = len(words.links), len(self.nodes)
+        template, scene_layout = self.template, self.template.scene_layout
+        links, joints = len(scene_layout.links), len(self.nodes)
         linear_bodies = [
             MemberTopology(LINEAR, pair, (0,), 0, LINEAR_INNER, 0, -1 - j)
             for j, pair in enumerate(self.nodes)
         ]
         other_leaves = template.member_topologies[len(self.leaf) :]
-        loads = list(words.loads)
-        has_weight = words.has_gravity and bool(template.leaf_has_weight[self.leaf].any())
+        loads = list(scene_layout.loads)
+        has_weight = scene_layout.has_gravity and bool(template.leaf_has_weight[self.leaf].any())
         load, in_joints = np.full(joints, -1), len(self.leaf)
         if has_weight:
             for j, own_members in enumerate(template.joint_members):
@@ -313,36 +316,47 @@ class JointLayout:
         joint_weights = JointWeights(template.member_part[:in_joints].astype(np.int64), load)
         self.joint_weights = joint_weights if has_weight else NO_JOINT_WEIGHTS
         springs = template.spring_topologies
-        self.reduced = topology_arrays(links, [*linear_bodies, *other_leaves], words.rows, loads, springs)
-        if words.has_gravity and template.leaf_has_weight[template.member_leaf[in_joints:]].any():
+        self.reduced = topology_arrays(
+            links, [*linear_bodies, *other_leaves], scene_layout.rows, loads, springs
+        )
+        if scene_layout.has_gravity and template.leaf_has_weight[template.member_leaf[in_joints:]].any():
             self.reduced = self.reduced._replace(weight=np.zeros((joints + len(other_leaves), 4)))
         self.reduced_packed = LeafPacking(
             template.leaf_layouts, template.member_leaf[len(self.leaf) :], self.reduced.members, joints
         )
 
-    def _contract(self, n: SceneNumbers, shapes: Sequence[Sequence[Any]], *, extrapolate: bool) -> np.ndarray:
+    def _contract(
+        self, numbers: SceneNumbers, shapes: Sequence[Sequence[Any]], *, extrapolate: bool
+    ) -> np.ndarray:
         """All functions (D, rows, P) of the distinct joints."""
-        stack = np.zeros((len(n.leaf), self.first_row[-1], max(len(p.powers) for p in self.polynomials)))
-        for p, at, own in zip(self.polynomials, self.first_row, shapes, strict=False):
-            stack[:, at : at + p.rows, : len(p.powers)] = p(own, extrapolate=extrapolate)
-        return stack
+        functions = np.zeros(
+            (len(numbers.leaf), self.first_row[-1], max(len(p.powers) for p in self.polynomials))
+        )
+        for p, at, own_shapes in zip(self.polynomials, self.first_row, shapes, strict=False):
+            functions[:, at : at + p.rows, : len(p.powers)] = p(own_shapes, extrapolate=extrapolate)
+        return functions
 
-    def _fill_kinematics(self, n: SceneNumbers, filled: DesignArrays, pose: np.ndarray) -> JointKinematics:
+    def _fill_kinematics(
+        self, numbers: SceneNumbers, designs: DesignArrays, pose: np.ndarray
+    ) -> JointKinematics:
         """The kinematics of D designs; pose (D, J, 6, P): functions of the interfaces."""
         joints = len(self.nodes)
-        anchor = filled.points[:, :joints] - filled.rest.x[:, self.kinematics.node]
+        anchor = designs.points[:, :joints] - designs.rest.x[:, self.kinematics.node]
         return self.kinematics._replace(
-            anchor=anchor, frame=n.rotation[:, :joints], length=n.length[:, self.distinct], pose=pose
+            anchor=anchor,
+            frame=numbers.rotation[:, :joints],
+            length=numbers.length[:, self.distinct],
+            pose=pose,
         )
 
-    def _motion_scale(self, n: SceneNumbers) -> np.ndarray:
+    def _motion_scale(self, numbers: SceneNumbers) -> np.ndarray:
         """Factors (D, motions) from theta to rad or m."""
-        return np.where(self.motion_length < 0, 1.0, n.length[:, np.maximum(self.motion_length, 0)])
+        return np.where(self.motion_length < 0, 1.0, numbers.length[:, np.maximum(self.motion_length, 0)])
 
     def __call__(
         self,
-        n: SceneNumbers,
-        filled: DesignArrays,
+        numbers: SceneNumbers,
+        designs: DesignArrays,
         shapes: Sequence[Sequence[Any]],
         *,
         extrapolate: bool = False,
@@ -352,35 +366,35 @@ class JointLayout:
         shapes: shape parameters of all designs, for each of the distinct joints. Raises RangeError, see
         `MotionPolynomials`.
         """
-        functions = self._contract(n, shapes, extrapolate=extrapolate)
-        kinematics = self._fill_kinematics(n, filled, functions.take(self.pose_rows, axis=1))
-        scale = _scales(n, filled.leaves)
+        functions = self._contract(numbers, shapes, extrapolate=extrapolate)
+        kinematics = self._fill_kinematics(numbers, designs, functions.take(self.pose_rows, axis=1))
+        scale = _scales(numbers, designs.leaves)
         interior = self.interior._replace(
             block_pose=functions.take(self.block_rows, axis=1),
             coefficient=functions.take(self.inner_rows[2], axis=1)
             * scale[:, self.inner_rows[3], self.inner_rows[4], None],
             near_coefficient=functions.take(self.near_rows[2], axis=1),
         )
-        substructures, substructure_rest = self._fill_substructures(n, filled)
-        reduced, reduced_rest = self._fill_reduced(n, filled, kinematics)
+        substructures, substructure_rest = self._fill_substructures(numbers, designs)
+        reduced, reduced_rest = self._fill_reduced(numbers, designs, kinematics)
         return JointBodies(
             kinematics, interior, substructures, substructure_rest, reduced, reduced_rest, self.near_lengths, self.full_node,
-            self.motion_range, self._motion_scale(n), self.motion_names, self.joint_weights, self.leaf_links,
+            self.motion_range, self._motion_scale(numbers), self.motion_names, self.joint_weights, self.leaf_links,
         )  # fmt: skip
 
-    def _fill_substructures(self, n: SceneNumbers, filled: DesignArrays) -> tuple[Arrays, State]:
+    def _fill_substructures(self, numbers: SceneNumbers, designs: DesignArrays) -> tuple[Arrays, State]:
         """The substructures of D designs and their undeformed state."""
-        count, joints, leaf = len(n.leaf), len(self.nodes), self.leaf
-        nodes, leaves, full = len(self.substructures.start), filled.leaves, filled.arrays.members
+        count, joints, leaf = len(numbers.leaf), len(self.nodes), self.leaf
+        nodes, leaves, full = len(self.substructures.start), designs.leaves, designs.arrays.members
         x = np.zeros((count, nodes, 3))
         inside = self.template.block_point[: nodes - 1 - joints]
-        x[:, 1 : nodes - joints] = n.point[:, inside]
-        x[:, nodes - joints :] = n.interfaces[:, self.distinct, 1]
+        x[:, 1 : nodes - joints] = numbers.point[:, inside]
+        x[:, nodes - joints :] = numbers.interfaces[:, self.distinct, 1]
         ends, length = leaves.ends[:, leaf], leaves.length[:, leaf]
         if self.substructure_packed is None:
-            value, inner = full.value, filled.rest.inner
+            value, inner = full.value, designs.rest.inner
         else:
-            value, inner = self.substructure_packed.values(leaves, n.explicit)
+            value, inner = self.substructure_packed.values(leaves, numbers.explicit)
         members = self.substructures.members._replace(
             offset=ends - x[:, self.substructures.members.node],
             frame=leaves.frame[:, leaf],
@@ -390,7 +404,7 @@ class JointLayout:
         )
         extent = np.maximum(largest_extent(x, ends), length.max(axis=1, initial=0.0))
         # global gravity; rotated into the axes of each joint before it is condensed
-        weight = filled.arrays.weight[:, : len(leaf)]
+        weight = designs.arrays.weight[:, : len(leaf)]
         topology = self.substructures
         arrays = topology._replace(
             members=members,
@@ -403,33 +417,35 @@ class JointLayout:
         return arrays, State(x, np.tile(np.eye(3), (count, nodes, 1, 1)), inner, np.zeros((count, 0)))
 
     def _fill_reduced(
-        self, n: SceneNumbers, filled: DesignArrays, kinematics: JointKinematics
+        self, numbers: SceneNumbers, designs: DesignArrays, kinematics: JointKinematics
     ) -> tuple[Arrays, State]:
         """The reduced mechanism of D designs and its rest state."""
-        count, links, in_joints = len(n.leaf), len(self.template.scene_layout.links), len(self.leaf)
-        full, topology = filled.arrays, self.reduced
+        count, links, in_joints = len(numbers.leaf), len(self.template.scene_layout.links), len(self.leaf)
+        full, topology = designs.arrays, self.reduced
         members = full.members
-        value, inner = self.reduced_packed.values(filled.leaves, n.explicit)
-        joint_floor = np.maximum.reduceat(members.stiffness_scale[:, :in_joints], self.first_member, axis=1)
+        value, inner = self.reduced_packed.values(designs.leaves, numbers.explicit)
+        joint_stiffness_scale = np.maximum.reduceat(
+            members.stiffness_scale[:, :in_joints], self.first_member, axis=1
+        )
 
         def with_free(own: np.ndarray, free: np.ndarray) -> np.ndarray:
             return np.concatenate([own, free[:, in_joints:]], axis=1)
 
-        x = filled.rest.x[:, :links]
+        x = designs.rest.x[:, :links]
         offset = with_free(kinematics.anchor, members.offset)
         lengths = with_free(kinematics.length, members.length)
         reduced_members = topology.members._replace(
             offset=offset, frame=with_free(np.stack([kinematics.frame] * 2, axis=2), members.frame), value=value,
-            length=lengths, stiffness_scale=with_free(joint_floor, members.stiffness_scale),
+            length=lengths, stiffness_scale=with_free(joint_stiffness_scale, members.stiffness_scale),
         )  # fmt: skip
         loads = full.loads
         if len(self.joint_weights.owner):
-            loads = self._loads_with_joint_weights(n, filled)
+            loads = self._loads_with_joint_weights(numbers, designs)
         weight = full.weight
         if weight.shape[1]:
             free = weight[:, in_joints:]
             linear = np.zeros((count, len(self.nodes), 4))
-            linear[..., 1:] = n.gravity[:, None]
+            linear[..., 1:] = numbers.gravity[:, None]
             weight = np.concatenate([linear, free], axis=1) if len(topology.weight) else weight[:, :0]
         arrays = topology._replace(
             members=reduced_members,
@@ -444,11 +460,11 @@ class JointLayout:
         rotations = np.tile(np.eye(3), (count, links, 1, 1))
         return arrays, State(x, rotations, inner, np.zeros((count, len(topology.terms.start))))
 
-    def _loads_with_joint_weights(self, n: SceneNumbers, filled: DesignArrays) -> Any:
+    def _loads_with_joint_weights(self, numbers: SceneNumbers, designs: DesignArrays) -> Any:
         """Loads of D designs followed by the weights of the joints, whose points step 2 sets."""
-        loads, mass = filled.arrays.loads, filled.arrays.weight[:, : len(self.leaf), 0]
+        loads, mass = designs.arrays.loads, designs.arrays.weight[:, : len(self.leaf), 0]
         joint_mass = np.add.reduceat(mass, self.first_member, axis=1)[:, self.joint_weights.load >= 0]
-        force = joint_mass[..., None] * n.gravity[:, None]
+        force = joint_mass[..., None] * numbers.gravity[:, None]
         zero = np.zeros_like(force)
         return loads._replace(
             point=np.concatenate([loads.point, zero], axis=1),
@@ -457,9 +473,9 @@ class JointLayout:
         )
 
 
-def _scales(n: SceneNumbers, leaves: LeafGeometry) -> np.ndarray:
+def _scales(numbers: SceneNumbers, leaves: LeafGeometry) -> np.ndarray:
     """Scales (D, F, 4) of the functions of all leaf springs, see UNIT_SCALE .. MOMENT_SCALE."""
-    L, bending = leaves.length, n.leaf[..., 10] * n.leaf[..., 15]
+    L, bending = leaves.length, numbers.leaf[..., 10] * numbers.leaf[..., 15]
     return np.stack([np.ones_like(L), 1.0 / L, bending / L**2, bending / L], axis=2)
 
 

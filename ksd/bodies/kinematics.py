@@ -48,7 +48,7 @@ CONVERGED_STEP = 1e-6
 
 
 @kernel(inline="late")
-def interface_pose(joint_ints, joint_floats, j, end, x, R, frames, i):
+def interface_pose(joint_ints, geometry, j, end, x, R, frames, i):
     """Write the axes of interface A (end 0) or B (1) of joint j on its link into frames[i, :3], its position into
     frames[i, 3]."""
     node, F = joint_ints[joint_ints[JOINT_NODE] + 2 * j + end], joint_ints[JOINT_AXES] + 9 * j
@@ -56,19 +56,14 @@ def interface_pose(joint_ints, joint_floats, j, end, x, R, frames, i):
     for r in range(3):
         p, q, s = R[node, r, 0], R[node, r, 1], R[node, r, 2]
         for c in range(3):
-            frames[i, r, c] = (
-                p * joint_floats[F + c] + q * joint_floats[F + 3 + c] + s * joint_floats[F + 6 + c]
-            )
+            frames[i, r, c] = p * geometry[F + c] + q * geometry[F + 3 + c] + s * geometry[F + 6 + c]
         frames[i, 3, r] = (
-            x[node, r]
-            + p * joint_floats[anchor]
-            + q * joint_floats[anchor + 1]
-            + s * joint_floats[anchor + 2]
+            x[node, r] + p * geometry[anchor] + q * geometry[anchor + 1] + s * geometry[anchor + 2]
         )
 
 
 @kernel(inline="late")
-def _place_link(joint_ints, joint_floats, j, end, frames, x, R):
+def _place_link(joint_ints, geometry, j, end, frames, x, R):
     """Write the pose of the link whose interface stands at frames[end]: the inverse of `interface_pose`."""
     node, F = joint_ints[joint_ints[JOINT_NODE] + 2 * j + end], joint_ints[JOINT_AXES] + 9 * j
     anchor = joint_ints[ANCHOR] + 6 * j + 3 * end
@@ -76,53 +71,42 @@ def _place_link(joint_ints, joint_floats, j, end, frames, x, R):
         p, q, s = frames[end, r, 0], frames[end, r, 1], frames[end, r, 2]
         for c in range(3):
             R[node, r, c] = (
-                p * joint_floats[F + 3 * c]
-                + q * joint_floats[F + 3 * c + 1]
-                + s * joint_floats[F + 3 * c + 2]
+                p * geometry[F + 3 * c] + q * geometry[F + 3 * c + 1] + s * geometry[F + 3 * c + 2]
             )
         p, q, s = R[node, r, 0], R[node, r, 1], R[node, r, 2]
         x[node, r] = (
-            frames[end, 3, r]
-            - p * joint_floats[anchor]
-            - q * joint_floats[anchor + 1]
-            - s * joint_floats[anchor + 2]
+            frames[end, 3, r] - p * geometry[anchor] - q * geometry[anchor + 1] - s * geometry[anchor + 2]
         )
 
 
 @kernel(inline="late")
-def _pose_of_B(joint_pose, j, frames, i):
+def _pose_of_B(pose, j, frames, i):
     """Write frames[i]: the intended pose of interface B of joint j, for its interface A at frames[0]."""
     for r in range(3):
         p, q, s = frames[0, r, 0], frames[0, r, 1], frames[0, r, 2]
         for c in range(3):
-            frames[i, r, c] = p * joint_pose[j, c] + q * joint_pose[j, 3 + c] + s * joint_pose[j, 6 + c]
-        frames[i, 3, r] = (
-            frames[0, 3, r] + p * joint_pose[j, 9] + q * joint_pose[j, 10] + s * joint_pose[j, 11]
-        )
+            frames[i, r, c] = p * pose[j, c] + q * pose[j, 3 + c] + s * pose[j, 6 + c]
+        frames[i, 3, r] = frames[0, 3, r] + p * pose[j, 9] + q * pose[j, 10] + s * pose[j, 11]
 
 
 @kernel(inline="late")
-def _pose_of_A(joint_pose, j, frames):
+def _pose_of_A(pose, j, frames):
     """Write frames[0]: the intended pose of interface A of joint j, for its interface B at frames[1]."""
     for r in range(3):
         p, q, s = frames[1, r, 0], frames[1, r, 1], frames[1, r, 2]
         for c in range(3):
-            frames[0, r, c] = (
-                p * joint_pose[j, 3 * c] + q * joint_pose[j, 3 * c + 1] + s * joint_pose[j, 3 * c + 2]
-            )
+            frames[0, r, c] = p * pose[j, 3 * c] + q * pose[j, 3 * c + 1] + s * pose[j, 3 * c + 2]
         p, q, s = frames[0, r, 0], frames[0, r, 1], frames[0, r, 2]
-        frames[0, 3, r] = (
-            frames[1, 3, r] - p * joint_pose[j, 9] - q * joint_pose[j, 10] - s * joint_pose[j, 11]
-        )
+        frames[0, 3, r] = frames[1, 3, r] - p * pose[j, 9] - q * pose[j, 10] - s * pose[j, 11]
 
 
 @kernel(inline="late")
-def _own_twist(joint_pose, j, k, frames, a0, a1, a2):
+def _own_twist(pose, j, k, frames, a0, a1, a2):
     """Twist (v, w) due to motion k of joint j, of a point at a from its interface B: w = A dphi, v = A dd + w x a, with
     the axes A of its interface A in frames[0]."""
     at = 12 + 6 * k
-    d0, d1, d2 = joint_pose[j, at], joint_pose[j, at + 1], joint_pose[j, at + 2]
-    p0, p1, p2 = joint_pose[j, at + 3], joint_pose[j, at + 4], joint_pose[j, at + 5]
+    d0, d1, d2 = pose[j, at], pose[j, at + 1], pose[j, at + 2]
+    p0, p1, p2 = pose[j, at + 3], pose[j, at + 4], pose[j, at + 5]
     w0 = frames[0, 0, 0] * p0 + frames[0, 0, 1] * p1 + frames[0, 0, 2] * p2
     w1 = frames[0, 1, 0] * p0 + frames[0, 1, 1] * p1 + frames[0, 1, 2] * p2
     w2 = frames[0, 2, 0] * p0 + frames[0, 2, 1] * p1 + frames[0, 2, 2] * p2
@@ -133,7 +117,7 @@ def _own_twist(joint_pose, j, k, frames, a0, a1, a2):
 
 
 @kernel(inline="late")
-def _place_next_link(joint_ints, joint_floats, joint_pose, t, x, R, W, ancestry, frames):
+def _place_next_link(joint_ints, geometry, pose, t, x, R, W, ancestry, frames):
     """Write the pose and twist columns W (node, motion, 6) of the link that branch t of the tree leads to.
 
     ancestry[0, node]: number of leading motions that can move a node; ancestry[1, node]: the node before it in the
@@ -141,48 +125,48 @@ def _place_next_link(joint_ints, joint_floats, joint_pose, t, x, R, W, ancestry,
     """
     j, forward = joint_ints[joint_ints[TREE] + 2 * t], joint_ints[joint_ints[TREE] + 2 * t + 1]
     pair = joint_ints[JOINT_NODE] + 2 * j
-    near, far = joint_ints[pair + 1 - forward], joint_ints[pair + forward]
-    interface_pose(joint_ints, joint_floats, j, 1 - forward, x, R, frames, 1 - forward)
+    parent, child = joint_ints[pair + 1 - forward], joint_ints[pair + forward]
+    interface_pose(joint_ints, geometry, j, 1 - forward, x, R, frames, 1 - forward)
     if forward == 1:
-        _pose_of_B(joint_pose, j, frames, forward)
+        _pose_of_B(pose, j, frames, forward)
     else:
-        _pose_of_A(joint_pose, j, frames)
-    _place_link(joint_ints, joint_floats, j, forward, frames, x, R)
+        _pose_of_A(pose, j, frames)
+    _place_link(joint_ints, geometry, j, forward, frames, x, R)
     first, last = joint_ints[joint_ints[FIRST_MOTION] + j], joint_ints[joint_ints[FIRST_MOTION] + j + 1]
-    begin, end = ancestry[0, near], max(ancestry[0, near], last)
-    ancestry[0, far], ancestry[1, far] = end, near
+    begin, end = ancestry[0, parent], max(ancestry[0, parent], last)
+    ancestry[0, child], ancestry[1, child] = end, parent
     for q in range(begin, end):
         for r in range(6):
-            W[far, q, r] = 0.0
-    a0, a1, a2 = x[far, 0] - x[near, 0], x[far, 1] - x[near, 1], x[far, 2] - x[near, 2]
+            W[child, q, r] = 0.0
+    a0, a1, a2 = x[child, 0] - x[parent, 0], x[child, 1] - x[parent, 1], x[child, 2] - x[parent, 2]
     for q in range(begin):
-        w0, w1, w2 = W[near, q, 3], W[near, q, 4], W[near, q, 5]
-        W[far, q, 0] = W[near, q, 0] + w1 * a2 - w2 * a1
-        W[far, q, 1] = W[near, q, 1] + w2 * a0 - w0 * a2
-        W[far, q, 2] = W[near, q, 2] + w0 * a1 - w1 * a0
-        W[far, q, 3], W[far, q, 4], W[far, q, 5] = w0, w1, w2
-    a0, a1, a2 = x[far, 0] - frames[1, 3, 0], x[far, 1] - frames[1, 3, 1], x[far, 2] - frames[1, 3, 2]
+        w0, w1, w2 = W[parent, q, 3], W[parent, q, 4], W[parent, q, 5]
+        W[child, q, 0] = W[parent, q, 0] + w1 * a2 - w2 * a1
+        W[child, q, 1] = W[parent, q, 1] + w2 * a0 - w0 * a2
+        W[child, q, 2] = W[parent, q, 2] + w0 * a1 - w1 * a0
+        W[child, q, 3], W[child, q, 4], W[child, q, 5] = w0, w1, w2
+    a0, a1, a2 = x[child, 0] - frames[1, 3, 0], x[child, 1] - frames[1, 3, 1], x[child, 2] - frames[1, 3, 2]
     sign = 2.0 * forward - 1.0
     for q in range(first, last):
-        v0, v1, v2, w0, w1, w2 = _own_twist(joint_pose, j, q - first, frames, a0, a1, a2)
-        W[far, q, 0] += sign * v0
-        W[far, q, 1] += sign * v1
-        W[far, q, 2] += sign * v2
-        W[far, q, 3] += sign * w0
-        W[far, q, 4] += sign * w1
-        W[far, q, 5] += sign * w2
+        v0, v1, v2, w0, w1, w2 = _own_twist(pose, j, q - first, frames, a0, a1, a2)
+        W[child, q, 0] += sign * v0
+        W[child, q, 1] += sign * v1
+        W[child, q, 2] += sign * v2
+        W[child, q, 3] += sign * w0
+        W[child, q, 4] += sign * w1
+        W[child, q, 5] += sign * w2
 
 
 @kernel(inline="late")
-def _close_joint(joint_ints, joint_floats, joint_pose, c, size, x, R, W, J, residual, frames):
-    """Write the six equations of the joint that closes loop c: pose of interface B on its own link minus that seen from
+def _close_joint(joint_ints, geometry, pose, c, length_scale, x, R, W, J, residual, frames):
+    """Write the six equations of the joint that closes loop c: pose of B on its own link minus that which follows from
     A."""
     j, row = joint_ints[joint_ints[CLOSING] + c], 6 * c
     a, b = joint_ints[joint_ints[JOINT_NODE] + 2 * j], joint_ints[joint_ints[JOINT_NODE] + 2 * j + 1]
     for end in range(2):
-        interface_pose(joint_ints, joint_floats, j, end, x, R, frames, end)
+        interface_pose(joint_ints, geometry, j, end, x, R, frames, end)
     # an expression, since numba would compile `_pose_of_B` once more for a literal
-    _pose_of_B(joint_pose, j, frames, 2 + 0 * c)
+    _pose_of_B(pose, j, frames, 2 + 0 * c)
     for r in range(3):
         p, q, s = frames[1, r, 0], frames[1, r, 1], frames[1, r, 2]
         for k in range(3):
@@ -190,11 +174,11 @@ def _close_joint(joint_ints, joint_floats, joint_pose, c, size, x, R, W, J, resi
     rotation_log(frames[3], frames[3, 3])
     for r in range(3):
         residual[row + r] = frames[1, 3, r] - frames[2, 3, r]
-        residual[row + 3 + r] = size * frames[3, 3, r]
+        residual[row + 3 + r] = length_scale * frames[3, 3, r]
     for q in range(W.shape[1]):
         for r in range(3):
             i, k = (r + 1) % 3, (r + 2) % 3
-            J[row + 3 + r, q] = size * (W[b, q, 3 + r] - W[a, q, 3 + r])
+            J[row + 3 + r, q] = length_scale * (W[b, q, 3 + r] - W[a, q, 3 + r])
             J[row + r, q] = (
                 W[b, q, r] - W[a, q, r]
                 + W[b, q, 3 + i] * (frames[1, 3, k] - x[b, k]) - W[b, q, 3 + k] * (frames[1, 3, i] - x[b, i])
@@ -202,22 +186,22 @@ def _close_joint(joint_ints, joint_floats, joint_pose, c, size, x, R, W, J, resi
             )  # fmt: skip
     first = joint_ints[joint_ints[FIRST_MOTION] + j]
     for q in range(first, joint_ints[joint_ints[FIRST_MOTION] + j + 1]):
-        v0, v1, v2, w0, w1, w2 = _own_twist(joint_pose, j, q - first, frames, 0.0, 0.0, 0.0)
+        v0, v1, v2, w0, w1, w2 = _own_twist(pose, j, q - first, frames, 0.0, 0.0, 0.0)
         J[row, q] -= v0
         J[row + 1, q] -= v1
         J[row + 2, q] -= v2
-        J[row + 3, q] -= size * w0
-        J[row + 4, q] -= size * w1
-        J[row + 5, q] -= size * w2
+        J[row + 3, q] -= length_scale * w0
+        J[row + 4, q] -= length_scale * w1
+        J[row + 5, q] -= length_scale * w2
 
 
 @kernel
 def loop_equations(
-    ints, floats, joint_ints, joint_floats, target, x, R, joint_pose, ancestry, W, J, residual, frames, slope
+    ints, floats, joint_ints, geometry, target, x, R, pose, ancestry, W, J, residual, frames, slope
 ):  # fmt: skip
-    """Write link poses (into x, R), residual (E,) and Jacobian J (E, motions) for the joint poses joint_pose (J, 24).
+    """Write link poses (into x, R), residual (E,) and Jacobian J (E, motions) for the joint poses pose (J, 24).
 
-    ints, floats: of a model with the links, as in `ksd.model.arrays.FlatArrays`; joint_ints, joint_floats: as in
+    ints, floats: of a model with the links, as in `ksd.model.arrays.FlatArrays`; joint_ints, geometry: as in
     `ksd.bodies.joint_arrays`. Rows: six for each closing joint, then one for each constraint row of the model;
     rotations are multiplied by the length scale of the model. target (c,): drive values. W (k, motions, 6): twists of
     the nodes. W and J must hold zeros at the first call: entries that stay zero are not written, so that the cost of a
@@ -226,9 +210,9 @@ def loop_equations(
     for k in range(ancestry.shape[1]):
         ancestry[0, k], ancestry[1, k] = 0, -1
     for t in range(joint_ints[TREE_COUNT]):
-        _place_next_link(joint_ints, joint_floats, joint_pose, t, x, R, W, ancestry, frames)
+        _place_next_link(joint_ints, geometry, pose, t, x, R, W, ancestry, frames)
     for c in range(joint_ints[CLOSING_COUNT]):
-        _close_joint(joint_ints, joint_floats, joint_pose, c, floats[0], x, R, W, J, residual, frames)
+        _close_joint(joint_ints, geometry, pose, c, floats[0], x, R, W, J, residual, frames)
     _constraint_equations(
         ints, floats, target, x, R, ancestry, W, J, residual, 6 * joint_ints[CLOSING_COUNT], slope
     )
@@ -265,7 +249,7 @@ def _row_columns(ints, ancestry, i):
 def _constraint_equations(ints, floats, target, x, R, ancestry, W, J, residual, row, slope):
     """Write one equation per drive or support: sum of its terms minus target, and its derivative by the motions."""
     for i in range(ints[ROWS]):
-        rotations, size, total = 0, floats[0], -target[i]
+        rotations, length_scale, total = 0, floats[0], -target[i]
         begin, end = ints[ints[TERM_FIRST] + i], ints[ints[TERM_FIRST] + i + 1]
         first, last = _row_columns(ints, ancestry, i)
         for q in range(first, last):
@@ -275,21 +259,21 @@ def _constraint_equations(ints, floats, target, x, R, ancestry, W, J, residual, 
             total += c * term_slope(ints, floats, x, R, t, slope)
             a, b = ints[ints[TERM_NODE] + 2 * t], ints[ints[TERM_NODE] + 2 * t + 1]
             low, high = _term_columns(ints, ancestry, t)
-            turns = ints[ints[TERM_KIND] + t] != TRANSLATION
-            rotations += turns
+            is_rotation = ints[ints[TERM_KIND] + t] != TRANSLATION
+            rotations += is_rotation
             for q in range(low, high):
                 s = 0.0
                 for r in range(3):
                     s += slope[1, r] * W[a, q, 3 + r] + slope[3, r] * W[b, q, 3 + r]
-                if not turns:
+                if not is_rotation:
                     for r in range(3):
                         s += slope[0, r] * W[a, q, r] + slope[2, r] * W[b, q, r]
                 J[row + i, q] += c * s
         if rotations < end - begin:
-            size = 1.0
-        residual[row + i] = size * total
+            length_scale = 1.0
+        residual[row + i] = length_scale * total
         for q in range(first, last):
-            J[row + i, q] *= size
+            J[row + i, q] *= length_scale
 
 
 @kernel
@@ -363,7 +347,7 @@ def close_loops(
     theta: np.ndarray,
     target: np.ndarray,
     motion: State,
-    joint_pose: np.ndarray,
+    pose: np.ndarray,
     max_iterations: int,
 ) -> tuple[int, int, float]:
     """Solve step 1 in place. Returns (reason, iterations, largest residual [m]).
@@ -371,13 +355,13 @@ def close_loops(
     reason: 0 closed, 1 too many iterations, 3 singular, 5 not finite.
     """
     result: tuple[int, int, float] = _close(
-        *arrays.flat[:2], *kinematics.flat, theta, target, motion.x, motion.R, joint_pose, max_iterations
+        *arrays.flat[:2], *kinematics.flat, theta, target, motion.x, motion.R, pose, max_iterations
     )
     return result
 
 
 @kernel
-def _close(ints, floats, joint_ints, joint_floats, theta, target, x, R, joint_pose, max_iterations):
+def _close(ints, floats, joint_ints, geometry, theta, target, x, R, pose, max_iterations):
     rows, motions, links = 6 * joint_ints[CLOSING_COUNT] + ints[ROWS], len(theta), len(x)
     W, J, series = (
         np.zeros((links, motions, 6)),
@@ -388,9 +372,9 @@ def _close(ints, floats, joint_ints, joint_floats, theta, target, x, R, joint_po
     scratch, frames, slope = least_squares_scratch(rows, motions), np.empty((4, 4, 3)), np.empty((8, 3))
     gap, closed, n = 0.0, False, 0
     while True:
-        joint_poses(joint_ints, joint_floats, theta, joint_pose, series)
+        joint_poses(joint_ints, geometry, theta, pose, series)
         loop_equations(
-            ints, floats, joint_ints, joint_floats, target, x, R, joint_pose, ancestry, W, J, residual, frames, slope
+            ints, floats, joint_ints, geometry, target, x, R, pose, ancestry, W, J, residual, frames, slope
         )  # fmt: skip
         if closed:
             for r in range(len(residual)):

@@ -34,13 +34,13 @@ def _jacobian(bodies: JointBodies, theta: np.ndarray) -> tuple[np.ndarray, np.nd
     motions = len(theta)
     J, residual = np.zeros((rows, motions)), np.zeros(rows)
     W = np.zeros((len(arrays.start), motions, 6))
-    joint_pose, series = np.zeros((len(kinematics.node), 24)), np.zeros((3, kinematics.pose.shape[2]))
+    pose, series = np.zeros((len(kinematics.node), 24)), np.zeros((3, kinematics.pose.shape[2]))
     target, ancestry = np.zeros(len(arrays.terms.start)), np.zeros((2, len(arrays.start)), np.int64)
     x, R = bodies.reduced_rest.x.copy(), bodies.reduced_rest.R.copy()
-    joint_poses(*kinematics.flat, theta, joint_pose, series)
+    joint_poses(*kinematics.flat, theta, pose, series)
     frames, slope = np.zeros((4, 4, 3)), np.zeros((8, 3))
     loop_equations(
-        *arrays.flat[:2], *kinematics.flat, target, x, R, joint_pose, ancestry, W, J, residual, frames, slope
+        *arrays.flat[:2], *kinematics.flat, target, x, R, pose, ancestry, W, J, residual, frames, slope
     )  # fmt: skip
     return J, W
 

@@ -43,20 +43,20 @@ def set_near_configuration(
     kinematics: JointKinematics,
     interior: InteriorFunctions,
     theta: np.ndarray,
-    joint_pose: np.ndarray,
+    pose: np.ndarray,
     motion: State,
     work: Workspace,
 ) -> None:
     """Step 2, first half: set the near configuration, the state of the substructures at pure intended motion theta.
 
-    It follows from the database functions only. joint_pose (J, 24): poses of step 1. Nodes of the substructures:
+    It follows from the database functions only. pose (J, 24): poses of step 1. Nodes of the substructures:
     internal blocks as in `InteriorFunctions`; the last J are the interfaces B.
     """
     _set_near_state(
         *kinematics.flat,
         *interior.flat,
         theta,
-        joint_pose,
+        pose,
         motion.x,
         motion.R,
         motion.inner,
@@ -65,12 +65,12 @@ def set_near_configuration(
 
 
 @kernel(inline="late")
-def _place_node(joint_pose, j, x, R, node):
-    """Set the pose of a node to joint_pose[j]."""
+def _place_node(pose, j, x, R, node):
+    """Set the pose of a node to pose[j]."""
     for r in range(3):
-        x[node, r] = joint_pose[j, 9 + r]
+        x[node, r] = pose[j, 9 + r]
         for c in range(3):
-            R[node, r, c] = joint_pose[j, 3 * r + c]
+            R[node, r, c] = pose[j, 3 * r + c]
 
 
 @kernel(inline="late")
@@ -87,20 +87,18 @@ def _evaluate_functions(
 
 
 @kernel
-def _set_near_state(
-    joint_ints, joint_floats, interior_ints, interior_floats, theta, joint_pose, x, R, inner, near
-):
+def _set_near_state(joint_ints, geometry, interior_ints, interior_floats, theta, pose, x, R, inner, near):
     joints, size = joint_ints[JOINT_COUNT], joint_ints[MONOMIAL_COUNT]
     series, counts = np.empty((joints, 3, size)), np.empty(joints, np.int64)
     block_pose, f = np.empty((1, 24)), np.empty((3, 6))
     for j in range(joints):
         counts[j] = monomials(joint_ints, theta, j, series[j])
-        _place_node(joint_pose, j, x, R, len(x) - joints + j)
+        _place_node(pose, j, x, R, len(x) - joints + j)
     # no derivatives needed; an expression, since a literal 0 would compile `pose_from_polynomials` a second time
     first = 0 * joints
     for k in range(interior_ints[INNER_BLOCK_COUNT]):
         j = interior_ints[interior_ints[BLOCK_JOINT] + k]
-        at, length = interior_ints[BLOCK_POSE] + 6 * size * k, joint_floats[joint_ints[JOINT_LENGTH] + j]
+        at, length = interior_ints[BLOCK_POSE] + 6 * size * k, geometry[joint_ints[JOINT_LENGTH] + j]
         pose_from_polynomials(
             interior_floats, at, size, length, series[j], counts[j], first, f, block_pose, first
         )
@@ -158,7 +156,7 @@ def _condense_blocks(plan, start, joints, x, R, value, spare, rhs, inner):
 
 
 @kernel
-def relative_poses(joint_ints, joint_floats, x, R, relative):
+def relative_poses(joint_ints, geometry, x, R, relative):
     """Write relative (J, 12): position d and rotation (row-major) of interface B of every joint in the axes of
     interface A.
 
@@ -167,7 +165,7 @@ def relative_poses(joint_ints, joint_floats, x, R, relative):
     frames = np.empty((2, 4, 3))
     for j in range(joint_ints[JOINT_COUNT]):
         for end in range(2):
-            interface_pose(joint_ints, joint_floats, j, end, x, R, frames, end)
+            interface_pose(joint_ints, geometry, j, end, x, R, frames, end)
         d0, d1, d2 = (
             frames[1, 3, 0] - frames[0, 3, 0],
             frames[1, 3, 1] - frames[0, 3, 1],
@@ -201,13 +199,13 @@ def interface_step(
 
 
 @kernel
-def _recover_blocks(joint_ints, joint_floats, plan, start, link_x, link_R, relative, x, R, value, spare, rhs):
-    relative_poses(joint_ints, joint_floats, link_x, link_R, relative)
+def _recover_blocks(joint_ints, geometry, plan, start, link_x, link_R, relative, x, R, value, spare, rhs):
+    relative_poses(joint_ints, geometry, link_x, link_R, relative)
     joints = joint_ints[JOINT_COUNT]
     stop = plan[BLOCKS] - joints
-    turned, v = np.empty((3, 3)), np.empty(3)
+    rotation, v = np.empty((3, 3)), np.empty(3)
     nodes = len(start)
-    shift, twist = 0.0, 0.0
+    largest_shift, largest_rotation = 0.0, 0.0
     for i in range(plan[plan[START] + stop]):
         rhs[i] = -rhs[i]
     for j in range(joints):
@@ -215,23 +213,23 @@ def _recover_blocks(joint_ints, joint_floats, plan, start, link_x, link_R, relat
         u = start[B]
         for r in range(3):
             for c in range(3):
-                turned[r, c] = (
+                rotation[r, c] = (
                     relative[j, 3 + 3 * r] * R[B, c, 0]
                     + relative[j, 4 + 3 * r] * R[B, c, 1]
                     + relative[j, 5 + 3 * r] * R[B, c, 2]
                 )
-        rotation_log(turned, v)
+        rotation_log(rotation, v)
         for r in range(3):
             rhs[u + r] = relative[j, r] - x[B, r]
             rhs[u + 3 + r] = v[r]
-            shift = max(shift, abs(rhs[u + r]))
-            twist = max(twist, abs(v[r]))
+            largest_shift = max(largest_shift, abs(rhs[u + r]))
+            largest_rotation = max(largest_rotation, abs(v[r]))
     backward_blocks(plan, value, spare, rhs, stop)
-    return shift, twist
+    return largest_shift, largest_rotation
 
 
 @kernel
-def place_internal_blocks(joint_ints, joint_floats, interior_ints, full_node, block_x, block_R, x, R):
+def place_internal_blocks(joint_ints, geometry, interior_ints, full_node, block_x, block_R, x, R):
     """Write the poses of the internal blocks of the substructures (axes of interface A) into the nodes of the full
     model (global).
 
@@ -246,7 +244,7 @@ def place_internal_blocks(joint_ints, joint_floats, interior_ints, full_node, bl
         j, b = interior_ints[interior_ints[BLOCK_JOINT] + k], interior_ints[interior_ints[BLOCK_NODE] + k]
         f = full_node[k]
         F = joint_ints[JOINT_AXES] + 9 * j
-        interface_pose(joint_ints, joint_floats, j, first, x, R, frames, first)
+        interface_pose(joint_ints, geometry, j, first, x, R, frames, first)
         for r in range(3):
             p, q, s = frames[0, r, 0], frames[0, r, 1], frames[0, r, 2]
             x[f, r] = frames[0, 3, r] + p * block_x[b, 0] + q * block_x[b, 1] + s * block_x[b, 2]
@@ -256,7 +254,5 @@ def place_internal_blocks(joint_ints, joint_floats, interior_ints, full_node, bl
             p, q, s = T[r, 0], T[r, 1], T[r, 2]
             for c in range(3):
                 R[f, r, c] = (
-                    p * joint_floats[F + 3 * c]
-                    + q * joint_floats[F + 3 * c + 1]
-                    + s * joint_floats[F + 3 * c + 2]
+                    p * geometry[F + 3 * c] + q * geometry[F + 3 * c + 1] + s * geometry[F + 3 * c + 2]
                 )

@@ -34,14 +34,14 @@ def gravity_in_joint_axes(owner, node, R, frame, given, weight):
     node (J, 2): links of the joints; R (k, 3, 3): their rotations; frame (J, 3, 3): joint axes at rest.
     """
     for i in range(len(owner)):
-        turned, F = R[node[owner[i], 0]], frame[owner[i]]
+        link_axes, F = R[node[owner[i], 0]], frame[owner[i]]
         for r in range(3):
             weight[i, 1 + r] = 0.0
             for c in range(3):
-                along = 0.0
+                component = 0.0
                 for k in range(3):
-                    along += turned[c, k] * F[k, r]
-                weight[i, 1 + r] += along * given[i, 1 + c]
+                    component += link_axes[c, k] * F[k, r]
+                weight[i, 1 + r] += component * given[i, 1 + c]
 
 
 @kernel

@@ -33,11 +33,11 @@ CHECKSUM_SIZE = 32
 
 @dataclass(frozen=True)
 class Job:
-    """One joint to be sampled by a plan; tried: it is outside the family and may turn out impossible."""
+    """One joint to be sampled by a plan; may_be_impossible: it is outside the family, so that sampling it may fail."""
 
     joint: DrawnJoint
     plan: SamplingPlan
-    tried: bool = False
+    may_be_impossible: bool = False
 
     def key(self) -> str:
         """Name of its stored result: a hash of the joint and the plan."""
@@ -45,11 +45,11 @@ class Job:
 
 
 def run_job(job: Job) -> Samples:
-    """Sample the joint of a job, the function that other processes run; empty for an impossible one with `tried`."""
+    """Sample the joint of a job, the function that other processes run; empty where an impossible joint is allowed."""
     try:
         return sample_joint(job.joint, job.plan)
     except SceneError:
-        if job.tried:
+        if job.may_be_impossible:
             return {}
         raise
 

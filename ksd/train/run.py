@@ -233,7 +233,7 @@ def _check_corners(corners: list[DrawnJoint], plan: SamplingPlan, jobs: Jobs) ->
     between the corners are checked when they are sampled.
     """
     lines = tuple(even_line(*motion.range, CORNER_POINTS) for motion in corners[0].motions)
-    whole_stroke = SamplingPlan(lines, ("strain",), plan.orders, whole=True)
+    whole_stroke = SamplingPlan(lines, ("strain",), plan.orders, check_whole_stroke=True)
     jobs.run([Job(joint, whole_stroke) for joint in corners])
 
 
@@ -393,8 +393,8 @@ def _evidence(design: Design, middle: DrawnJoint, plan: SamplingPlan, jobs: Jobs
     # the joint itself first, so that errors name it and not a changed joint
     (base,) = jobs.run([Job(middle, SamplingPlan(plan.lines, compared_meshes, plan.orders))])
     # leaf springs twice as wide may overlap, which does not affect their bending
-    changed = SamplingPlan(plan.lines, compared_meshes, plan.orders, apart=False)
-    others = jobs.run([Job(j, changed, tried=True) for j in cases.values()])
+    changed = SamplingPlan(plan.lines, compared_meshes, plan.orders, refuse_collisions=False)
+    others = jobs.run([Job(j, changed, may_be_impossible=True) for j in cases.values()])
     evidence = []
     for (parameter, words), other in zip(cases, others, strict=True):
         if not other:

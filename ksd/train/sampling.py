@@ -36,17 +36,17 @@ SOLVE_TOLERANCE = 1e-9
 class SamplingPlan:
     """Sampling of a joint: points of each motion as fractions of its range, meshes, curvature modes of a leaf.
 
-    plane: largest distance of B from the plane of a one-axis joint, in rad and joint lengths. whole: check all points
-    of the stroke, not only the corners of the motions, for colliding leaf springs and for other motions that become
-    soft. apart: refuse colliding leaf springs.
+    max_plane_distance: of B from the plane of a one-axis joint, in rad and joint lengths. check_whole_stroke: check all
+    points of the stroke, not only the corners of the motions, for colliding leaf springs and for other motions that
+    become soft. refuse_collisions: whether leaf springs must not collide.
     """
 
     lines: tuple[tuple[float, ...], ...]
     meshes: tuple[Mesh, ...]
     orders: tuple[int, int, int]
-    plane: float = 1e-6
-    whole: bool = False
-    apart: bool = True
+    max_plane_distance: float = 1e-6
+    check_whole_stroke: bool = False
+    refuse_collisions: bool = True
 
     @property
     def grid(self) -> Array:
@@ -81,10 +81,10 @@ def sample_joint(joint: Joint, plan: SamplingPlan) -> Samples:
     for mesh in plan.meshes:
         model = _driven_model(joint, mesh, plan)
         states = _solve_grid(joint, model, plan, mesh)
-        check_plane(joint, model, states, plan.plane)
-        if plan.apart and mesh == plan.meshes[0]:
+        check_plane(joint, model, states, plan.max_plane_distance)
+        if plan.refuse_collisions and mesh == plan.meshes[0]:
             check_clear(joint, [states[k] for k in np.flatnonzero(_contact_points(plan))])
-        if plan.whole:
+        if plan.check_whole_stroke:
             check_stays_soft(joint, model, states)
         samples |= {(mesh, group): values for group, values in _read_groups(joint, model, states).items()}
     return samples
@@ -144,7 +144,7 @@ def _contact_points(plan: SamplingPlan) -> NDArray[np.bool_]:
     """Mask (g,) of the points where collisions of leaf springs are checked: the corners of the motions, or all."""
     low, high = plan.grid.min(axis=0), plan.grid.max(axis=0)
     ends = np.isclose(plan.grid, low, atol=1e-12) | np.isclose(plan.grid, high, atol=1e-12)
-    return np.asarray(ends.all(axis=1) | plan.whole)
+    return np.asarray(ends.all(axis=1) | plan.check_whole_stroke)
 
 
 def _read_groups(joint: Joint, model: Model, configurations: list[Configuration]) -> dict[str, Array]:

@@ -16,7 +16,7 @@ from scipy.linalg import eigh, null_space
 from ksd.errors import SceneError
 from ksd.library.functions import Array
 from ksd.model.compile import compile_scene
-from ksd.scene import DrawnJoint, Joint, Mechanism, Motion
+from ksd.scene import DrawnJoint, Joint, Mechanism
 from ksd.solve.conventional import solve_conventional
 from ksd.train.designs import soften_leaves
 
@@ -84,17 +84,17 @@ def check_soft(joint: DrawnJoint) -> None:
     the joint has an undeclared freedom."""
     stiffness, softened = rest_stiffness(joint), rest_stiffness(soften_leaves(joint, SOFTENING_FACTOR))
     freedom = undeclared_freedom(joint, stiffness, softened)
-    for (motion, own, softest_other), (_, softened_own, _) in zip(
-        motion_stiffnesses(joint, stiffness), motion_stiffnesses(joint, softened), strict=True
-    ):
-        if 0 < own < MAX_STIFFNESS_RATIO * softest_other or (
+    softest = softest_other(joint, stiffness)
+    own_stiffnesses = intended_stiffnesses(joint, stiffness), intended_stiffnesses(joint, softened)
+    for motion, own, softened_own in zip(joint.motions, *own_stiffnesses, strict=True):
+        if 0 < own < MAX_STIFFNESS_RATIO * softest or (
             freedom is not None and not joint.held_by_others and own > FREEDOM_FALL * softened_own
         ):
             continue
         raise SceneError(
             f"{joint.family}: the intended motion '{motion.name}' is not the soft one{shape_phrase(joint)}"
             f": its stiffness {own:.3g} Nm (over the joint length) is not below {MAX_STIFFNESS_RATIO:g} of the softest "
-            f"other, {softest_other:.3g} Nm; declare the motion the leaf springs allow"
+            f"other, {softest:.3g} Nm; declare the motion the leaf springs allow"
             f"{'' if freedom is None else ', ' + freedom.words}."
         )
     if freedom is not None and not joint.held_by_others:
@@ -112,22 +112,24 @@ def shape_phrase(joint: Joint) -> str:
     return f" in the shape {shape}" if shape else ""
 
 
-def intended_stiffness(joint: Joint) -> float:
+def largest_intended_stiffness(joint: Joint) -> float:
     """Stiffness of the stiffest intended motion at rest with all else free [Nm, over the joint length]."""
-    return max(own for _, own, _ in motion_stiffnesses(joint, rest_stiffness(soften_leaves(joint, 1.0))))
+    return max(intended_stiffnesses(joint, rest_stiffness(soften_leaves(joint, 1.0))))
 
 
-def motion_stiffnesses(joint: Joint, stiffness: Array) -> list[tuple[Motion, float, float]]:
-    """Every intended motion, its stiffness with all else free, and that of the softest remaining motion [Nm].
+def intended_stiffnesses(joint: Joint, stiffness: Array) -> list[float]:
+    """Stiffness [Nm] of every intended motion with all else free.
 
     stiffness (6, 6): at rest, as of `rest_stiffness`.
     """
     compliance = np.linalg.inv(stiffness)
-    softest_other = np.linalg.eigvalsh(stiffness)[len(joint.motions)] if len(joint.motions) < 6 else np.inf
-    return [
-        (motion, 1.0 / float(axis @ compliance @ axis), float(softest_other))
-        for motion, axis in zip(joint.motions, _declared_directions(joint), strict=True)
-    ]
+    return [1.0 / float(axis @ compliance @ axis) for axis in _declared_directions(joint)]
+
+
+def softest_other(joint: Joint, stiffness: Array) -> float:
+    """Stiffness [Nm] of the softest motion besides as many as the joint declares, inf without one."""
+    count = len(joint.motions)
+    return float(np.linalg.eigvalsh(stiffness)[count]) if count < 6 else np.inf
 
 
 def _declared_directions(joint: Joint) -> Array:
@@ -160,7 +162,7 @@ def undeclared_freedom(joint: DrawnJoint, stiffness: Array, softened: Array) -> 
         return None
     basis, _ = np.linalg.qr(freedoms)
     values, vectors = np.linalg.eigh(basis.T @ remaining_stiffness @ basis)
-    own = max(stiff for _, stiff, _ in motion_stiffnesses(joint, stiffness))
+    own = max(intended_stiffnesses(joint, stiffness))
     if values[0] > MAX_FREEDOM_RATIO * own:
         return None
     direction = remaining @ basis @ vectors[:, 0]

@@ -27,7 +27,7 @@ from ksd.train.poses import block_poses
 from ksd.train.softness import (
     MAX_STIFFNESS_RATIO,
     describe_soft_motion,
-    intended_stiffness,
+    largest_intended_stiffness,
     scaling,
     shape_phrase,
 )
@@ -66,7 +66,8 @@ def _plane_normal(joint: Joint) -> Array | None:
 
 
 def check_plane(joint: Joint, model: Model, states: list[Configuration], max_distance: float) -> None:
-    """Raise SceneError where B of a joint with one motion leaves its plane by more than `most` (rad, joint lengths)."""
+    """Raise SceneError where B of a joint with one motion leaves its plane by more than `max_distance` (rad, joint
+    lengths)."""
     axis = _plane_normal(joint)
     if axis is None:
         return
@@ -188,7 +189,7 @@ def check_stays_soft(joint: Joint, model: Model, states: list[Configuration]) ->
     """Raise SceneError where another motion becomes softer over the stroke than the intended ones are at rest."""
     if joint.held_by_others or len(joint.motions) > 5:
         return
-    own = intended_stiffness(joint)
+    own = largest_intended_stiffness(joint)
     scale = scaling(joint)
     for state in states:
         tip_stiffness = point_stiffness(model, state.motion, "B", at=joint.pose_B, axes="link")

@@ -20,8 +20,9 @@ from ksd.train.softness import (
     MAX_STIFFNESS_RATIO,
     SOFTENING_FACTOR,
     check_soft,
-    motion_stiffnesses,
+    intended_stiffnesses,
     rest_stiffness,
+    softest_other,
     undeclared_freedom,
 )
 
@@ -29,7 +30,8 @@ SINGLE = {"circular_notch": 0.87, "filleted_notch": 0.76, "arc_hinge": 0.66}
 
 
 def share(joint):
-    return max(own / left for _, own, left in motion_stiffnesses(joint, rest_stiffness(joint)))
+    stiffness = rest_stiffness(joint)
+    return max(intended_stiffnesses(joint, stiffness)) / softest_other(joint, stiffness)
 
 
 def leaf(nu, width, *, held=True):
@@ -192,7 +194,9 @@ def test_a_motion_that_turns_soft_on_the_way_is_refused():
         "wide", blocks=joint.blocks(), leaves=joint.leaves(), length=joint.length,
         motions=[replace(joint.motions[0], range=(-reach, reach))],
     )  # fmt: skip
-    plan = SamplingPlan((even_line(-1, 1, 9),), ("strain",), (4, 3, 5), whole=True, apart=False)
+    plan = SamplingPlan(
+        (even_line(-1, 1, 9),), ("strain",), (4, 3, 5), check_whole_stroke=True, refuse_collisions=False
+    )
     with pytest.raises(
         SceneError, match=r"at angle = -0.6981 a rotation about .* is as soft as the intended motion"
     ):

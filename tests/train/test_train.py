@@ -467,7 +467,7 @@ def test_leaves_that_meet_between_the_ends_of_the_stroke_are_seen():
     rest, bent = _solve_grid(joint, _driven_model(joint, "strain", plan), plan, "strain")
     between = SamplingPlan(((-1.0, 0.0, 1.0),), ("strain",), (4, 3, 5))
     assert _contact_points(between).tolist() == [True, False, True]
-    assert _contact_points(replace(between, whole=True)).all()
+    assert _contact_points(replace(between, check_whole_stroke=True)).all()
     check_clear(joint, [rest, rest])
     with pytest.raises(SceneError, match="'high' and 'twin' run into each other"):
         check_clear(joint, [rest, bent, rest])

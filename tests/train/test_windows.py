@@ -17,7 +17,10 @@ STEEL = Material(E=200e9, G=76.9e9)
 
 def plan_of(joint, count=5):
     return SamplingPlan(
-        tuple(even_line(*m.range, count) for m in joint.motions), ("strain",), (4, 3, 5), whole=True
+        tuple(even_line(*m.range, count) for m in joint.motions),
+        ("strain",),
+        (4, 3, 5),
+        check_whole_stroke=True,
     )
 
 
