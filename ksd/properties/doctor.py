@@ -1,13 +1,13 @@
-"""The constraint doctor: what is under-constrained and what is redundant, by singular values, before anything is solved.
+"""The constraint doctor: under-constrained motions and redundant constraints, by singular values, without a solve.
 
-Every link has six freedoms; leaves and joints take away what they hold stiffly, supports and drives what they prescribe. The
-rank of all rows says how many freedoms are left and how many rows are too many; which ones is told by taking rows in order
-of stiffness and keeping those that add something (Blanding's exact constraint rules, here by linear algebra).
-Overconstrained models are solved all the same: their leaf springs take it up elastically.
+Every link has six freedoms; leaves and joints constrain those in their stiff directions, supports and drives those they
+prescribe. The rank of all rows gives the number of remaining freedoms and of redundant rows. Redundant rows are found by
+taking rows in order of stiffness and keeping those that increase the rank (Blanding's exact constraint rules, by linear
+algebra). Overconstrained models can be solved: their leaf springs deform elastically.
 
 A leaf is as many constraints as its stiffness has large eigenvalues: three for a sheet, one for a slender wire. A joint
-counts by the stiffness of its interface B with its insides condensed. A row acts on the small motions of all nodes, six
-each: displacement of the reference point, and rotation times the size of the mechanism; rows have length 1.
+counts by the stiffness of its interface B with its interior condensed. A row acts on the small motions of all nodes, six
+each: displacement of the reference point, and rotation times the size of the mechanism. Rows have unit norm.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ from ksd.scene.scene import MECHANISM_HINT, PlacedLeaf, Scene
 
 Array = NDArray[np.float64]
 RANK_TOLERANCE = 1e-2
-"""Singular values below this fraction of the largest count as zero: constraints less than about half a degree from
-fighting each other."""
+"""Singular value, relative to the largest, up to which it counts as zero: constraints redundant up to about half a
+degree."""
 EXACT_TOLERANCE = 1e-6
-"""The same, below which constraints fight exactly, not only nearly."""
+"""The same for constraints that are exactly redundant."""
 MIN_STIFFNESS_RATIO = 10.0
-"""Smallest ratio of neighbouring eigenvalues that parts stiff directions from soft ones."""
+"""Smallest ratio of consecutive eigenvalues that separates stiff directions from soft ones."""
 _LEAF = (
     "stretch", "bending across its thickness", "shear in its plane", "torsion", "bending in its plane",
     "bending across its thickness",
@@ -51,8 +51,11 @@ _LEAF = (
 
 @dataclass(frozen=True)
 class FreeMotion:
-    """A motion that no drive, support or stiff direction holds. stiffness [N/m, or Nm/rad for a turn]: what soft leaves
-    resist it with, 0 where nothing does; twist (links, 6): displacements [m] and rotations [rad] of all links."""
+    """A motion that no drive, support or stiff direction holds.
+
+    stiffness [N/m, or Nm/rad for a rotation]: resistance of soft leaves, 0 without any; twist (links, 6): displacements [m]
+    and rotations [rad] of all links.
+    """
 
     sentence: str
     stiffness: float
@@ -61,8 +64,11 @@ class FreeMotion:
 
 @dataclass(frozen=True)
 class RedundantConstraint:
-    """A redundant constraint. what: the constraint too many; others: those it fights; release: what to change;
-    nearly: only by misalignment not exactly so; inside: names of the equal joints it occurs in, if it does."""
+    """A redundant constraint.
+
+    what: the constraint; others: those it conflicts with; release: how to remove it; nearly: it is redundant up to a small
+    misalignment; inside: names of the equal joints inside which it occurs, empty for one of the mechanism.
+    """
 
     what: str
     others: tuple[str, ...]
@@ -72,18 +78,21 @@ class RedundantConstraint:
 
     @property
     def sentence(self) -> str:
-        """In words."""
-        said = f"{self.what} {'nearly ' * self.nearly}fights {_listed(self.others)}"
-        return f"{said}; to release it, {self.release}"
+        """The constraint, those it conflicts with and its release in one sentence."""
+        conflict = f"{self.what} {'nearly ' * self.nearly}fights {_joined(self.others)}"
+        return f"{conflict}; to release it, {self.release}"
 
 
 @dataclass(frozen=True, repr=False)
 class Diagnosis(PrintableAnswer):
-    """What the doctor found. freedoms: left by joints, leaf springs and supports, for drives to move; held: those the drives
-    hold; constraints, independent: rows of joints, leaf springs and supports, and their rank; free: motions left with
-    all drives held; fights: redundant constraints, of the mechanism and then inside joints; singular_values: of all
-    rows, descending; unusual: sizes and materials that hardly any flexure has (`ksd.scene.plausibility`); hint: where
-    links can leave a plane that the scene does not name."""
+    """Freedoms and constraints of a mechanism.
+
+    freedoms: number of freedoms that joints, leaf springs and supports leave; held: number of these held by drives;
+    constraints, independent: number of rows of joints, leaf springs and supports, and their rank; free: motions left with
+    all drives held; fights: redundant constraints, of the mechanism and then inside joints; singular_values: of all rows,
+    descending; unusual: sentences about unusual sizes and materials (`ksd.scene.plausibility`); hint: set where links can
+    leave a plane that the scene does not name.
+    """
 
     mechanism: str
     freedoms: int
@@ -98,7 +107,7 @@ class Diagnosis(PrintableAnswer):
 
     @property
     def exact(self) -> bool:
-        """Whether every freedom is constrained once, insides of joints left aside."""
+        """Whether every freedom is constrained exactly once, apart from the inside of joints."""
         return not self.free and not any(not f.inside for f in self.fights)
 
     def _line(self) -> str:
@@ -119,7 +128,7 @@ class Diagnosis(PrintableAnswer):
         lines += [f"overconstrained: {f.sentence}" for f in own]
         for names in dict.fromkeys(f.inside for f in self.fights if f.inside):
             within = [f.what for f in self.fights if f.inside == names]
-            lines.append(f"inside {_joints(names)}, {len(within)} redundant by design: {_listed(within)}")
+            lines.append(f"inside {_joints(names)}, {len(within)} redundant by design: {_joined(within)}")
         if own:
             lines.append("with all of these released the mechanism would be exactly constrained")
         if self.fights:
@@ -151,32 +160,31 @@ class Diagnosis(PrintableAnswer):
 
 @clear_argument_errors
 def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
-    """Count the freedoms and constraints of a mechanism (or Scene, or Model) at rest, and say what is free, what is
-    redundant, and which release would make it exact.
+    """Find freedoms, redundant constraints and their releases of an undeformed mechanism (or Scene, or Model).
 
-    Raises SceneError for a mechanism without links or with names that do not exist.
+    Raises SceneError for a mechanism without links or with unknown names.
     """
     scene = _scene_of(mechanism)
     model = mechanism if isinstance(mechanism, Model) else compile_scene(scene)
-    places, size = reference_points(scene), model.arrays.size
+    positions, size = reference_points(scene), model.arrays.size
     index = {link: i for i, link in enumerate(scene.links)}
-    springs, rows = _elastic_connections(scene, index, places, size)
+    springs, rows = _elastic_connections(scene, index, positions, size)
     supports, drives = prescribed_rows(model, size)
-    held = []
+    in_plane = []
     if scene.plane is not None:
-        held, supports, rows, drives = _constraints_in_plane(scene, supports, rows, drives)
+        in_plane, supports, rows, drives = _constraints_in_plane(scene, supports, rows, drives)
     rows = sorted(rows, key=lambda c: -c.stiffness)
-    own, everything = [*held, *supports, *rows], [*held, *supports, *rows, *drives]
-    rank, total = _rank(own, len(places)), _rank(everything, len(places))
-    unknowns = 6 * (len(places) - 1)
+    own, everything = [*in_plane, *supports, *rows], [*in_plane, *supports, *rows, *drives]
+    rank, total = _rank(own, len(positions)), _rank(everything, len(positions))
+    unknowns = 6 * (len(positions) - 1)
     fights = [_redundant_constraint(*found) for found in _redundant_rows(everything, total)]
     return Diagnosis(
         mechanism=scene.name,
         freedoms=unknowns - rank,
         held=total - rank,
-        constraints=len(own) - len(held),
-        independent=rank - len(held),
-        free=tuple(_free_motions(everything, total, springs, (scene.links, places, size))),
+        constraints=len(own) - len(in_plane),
+        independent=rank - len(in_plane),
+        free=tuple(_free_motions(everything, total, springs, (scene.links, positions, size))),
         fights=(*fights, *_redundant_inside_joints(scene)),
         singular_values=_singular_values(everything),
         unusual=plausibility_warnings(scene),
@@ -185,17 +193,17 @@ def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
 
 
 def _constraints_in_plane(scene: Scene, *parts: list[Constraint]) -> list[list[Constraint]]:
-    """Constraints in the plane of a scene, after those that hold every link in it."""
+    """Constraints that hold every link in the plane of the scene, followed by the constraints `parts` within that plane."""
     k = PLANES[str(scene.plane)]
-    outside = np.zeros(6)
-    outside[[k, *(3 + c for c in range(3) if c != k)]] = 1.0
+    out_of_plane = np.zeros(6)
+    out_of_plane[[k, *(3 + c for c in range(3) if c != k)]] = 1.0
     count = len(scene.links)
     held = []
-    for at in np.flatnonzero(np.tile(outside, count))[3:]:
+    for at in np.flatnonzero(np.tile(out_of_plane, count))[3:]:
         held.append(Constraint(f"plane {scene.plane}", np.eye(6 * count)[at], np.inf, "leave the plane out"))
     found = [held]
     for rows in parts:
-        inside = [(c, c.row * np.tile(1.0 - outside, count)) for c in rows]
+        inside = [(c, c.row * np.tile(1.0 - out_of_plane, count)) for c in rows]
         found.append(
             [replace(c, row=r / np.linalg.norm(r)) for c, r in inside if np.linalg.norm(r) > np.sqrt(0.5)]
         )
@@ -203,7 +211,7 @@ def _constraints_in_plane(scene: Scene, *parts: list[Constraint]) -> list[list[C
 
 
 def _scene_of(mechanism: Any) -> Scene:
-    """The scene, also of a mechanism that would not pass validation for a loose link."""
+    """Scene of a mechanism, scene or model; a mechanism may have links without connection. Raises SceneError."""
     if isinstance(mechanism, Model):
         return mechanism.scene
     scene = mechanism.draft() if hasattr(mechanism, "draft") else mechanism
@@ -215,22 +223,22 @@ def _scene_of(mechanism: Any) -> Scene:
 
 
 def _elastic_connections(
-    scene: Scene, index: dict[str, int], places: Array, size: float
-) -> tuple[list[Spring], list[Constraint]]:
-    """Springs and constraints of all joints and free leaf springs."""
+    scene: Scene, index: dict[str, int], positions: Array, size: float
+) -> tuple[list[ElasticConnection], list[Constraint]]:
+    """Elastic connections and constraints of all joints and free leaf springs."""
     springs, rows = [], []
     for placed in scene.joints:
         spring = joint_spring(placed, (index[placed.a], index[placed.b]))
         springs.append(spring)
-        rows += joint_rows(placed, spring, places, size)
+        rows += joint_rows(placed, spring, positions, size)
     for name, a, b, leaf in cut_leaves(scene):
         springs.append(leaf_spring(leaf, (index[a], index[b])))
-        rows += leaf_rows([(name, a, b, leaf)], index, places, size)
+        rows += leaf_rows([(name, a, b, leaf)], index, positions, size)
     return springs, rows
 
 
 def _matrix(rows: Sequence[Constraint]) -> Array:
-    """(rows, 6 moving nodes): ground, the first node, does not move."""
+    """Rows of constraints (rows, 6 (nodes - 1)) without the first node, ground."""
     return np.array([c.row[6:] for c in rows]) if rows else np.zeros((0, 6))
 
 
@@ -246,54 +254,54 @@ def _rank(rows: Sequence[Constraint], nodes: int) -> int:
 def _redundant_rows(
     rows: Sequence[Constraint], rank: int
 ) -> list[tuple[list[Constraint], Constraint, Array, float]]:
-    """Rows that add nothing to those before them: (rows kept, the row, its shares of them, what it adds)."""
+    """Rows that depend on rows before them: (independent rows, the row, its coefficients, norm of its independent part)."""
     A = _matrix(rows)
     kept: list[int] = []
     basis = np.zeros((0, A.shape[1]))
-    left = np.ones(len(rows))
+    new_part = np.ones(len(rows))
     for i, row in enumerate(A):
         rest = row - basis.T @ (basis @ row)
-        # twice is enough for orthogonality
+        # a second projection ensures orthogonality
         rest -= basis.T @ (basis @ rest)
-        left[i] = np.linalg.norm(rest)
-        if left[i] > 2.0 * RANK_TOLERANCE and len(kept) < rank:
+        new_part[i] = np.linalg.norm(rest)
+        if new_part[i] > 2.0 * RANK_TOLERANCE and len(kept) < rank:
             kept.append(i)
-            basis = np.vstack([basis, rest / left[i]])
+            basis = np.vstack([basis, rest / new_part[i]])
     found = []
     for i in sorted(set(range(len(rows))) - set(kept)):
         share = np.linalg.lstsq(A[kept].T, A[i], rcond=RANK_TOLERANCE)[0]
-        found.append(([rows[k] for k in kept], rows[i], share, float(left[i])))
+        found.append(([rows[k] for k in kept], rows[i], share, float(new_part[i])))
     return found[: len(rows) - rank]
 
 
 def _redundant_constraint(
-    kept: list[Constraint], row: Constraint, share: Array, left: float, *inside: str
+    kept: list[Constraint], row: Constraint, share: Array, new_part: float, *inside: str
 ) -> RedundantConstraint:
-    """The words for a row too many: its strongest opponents."""
+    """Description of a redundant row by the rows with the largest coefficients."""
     order = np.argsort(-np.abs(share))
     others = [kept[k].what for k in order[:3] if abs(share[k]) > 0.3 * np.abs(share).max()]
     nothing = () if others else ("nothing it could move",)
     return RedundantConstraint(
-        row.what, (*others, *nothing), row.release, left > EXACT_TOLERANCE, tuple(inside)
+        row.what, (*others, *nothing), row.release, new_part > EXACT_TOLERANCE, tuple(inside)
     )
 
 
 def _free_motions(
     rows: Sequence[Constraint],
     rank: int,
-    springs: Sequence[Spring],
+    springs: Sequence[ElasticConnection],
     where: tuple[Sequence[str], Array, float],
 ) -> list[FreeMotion]:
-    """The motions left, each as one freedom with the others held."""
+    """Motions that the rows leave free, each with the other ones held; where: names and positions of the links, and size."""
     from scipy.linalg import qr
 
-    links, places, size = where
-    unknowns = 6 * (len(places) - 1)
+    links, positions, size = where
+    unknowns = 6 * (len(positions) - 1)
     A = _matrix(rows)
     null = np.linalg.svd(A)[2][rank:].T if len(A) else np.eye(unknowns)
     if not null.shape[1]:
         return []
-    # components that can be given freely, the others follow
+    # components that can be prescribed independently; the others follow
     _, _, picked = qr(null.T, pivoting=True)
     columns = null @ np.linalg.inv(null[picked[: null.shape[1]]])
     found = []
@@ -301,7 +309,7 @@ def _free_motions(
         motion = np.concatenate([np.zeros(6), column])
         energy = 0.0
         for spring in springs:
-            own = spring.motion(places, size) @ motion
+            own = spring.jacobian(positions, size) @ motion
             energy += float(own @ spring.K @ own)
         twist = motion.reshape(-1, 6) / np.array([1, 1, 1, size, size, size])
         found.append(_describe_free_motion(links, twist, energy, size))
@@ -309,23 +317,23 @@ def _free_motions(
 
 
 def _describe_free_motion(links: Sequence[str], twist: Array, energy: float, size: float) -> FreeMotion:
-    """Words and stiffness for a motion (links, 6): the link that moves most, and how."""
+    """Description and stiffness of a free motion, twist (links, 6), by the link that moves most."""
     amount = np.abs(twist * np.array([1, 1, 1, size, size, size]))
     link = int(np.argmax(np.linalg.norm(amount, axis=1)))
-    # a turn about a far axis is a turn, although the reference point moves more
+    # a rotation about a distant axis counts as a rotation, although the reference point moves more
     turns = amount[link, 3:].max() >= 0.5 * amount[link, :3].max()
     k = 3 + int(np.argmax(amount[link, 3:])) if turns else int(np.argmax(amount[link, :3]))
     twist = twist / twist[link, k]
     value = energy / (amount[link, k] / (size if turns else 1.0)) ** 2
-    way = f"turn about {'xyz'[k - 3]}" if turns else f"slide along {'xyz'[k]}"
+    motion = f"turn about {'xyz'[k - 3]}" if turns else f"slide along {'xyz'[k]}"
     unit = "Nm/rad" if turns else "N/m"
-    soft = f"only leaf springs that bend hold it, with {value:.3g} {unit}"
-    why = soft if value > 0.0 else "no leaf spring or support holds it"
-    return FreeMotion(f"link '{links[link]}' can {way}: {why}", value, twist)
+    resistance = f"only leaf springs that bend hold it, with {value:.3g} {unit}"
+    why = resistance if value > 0.0 else "no leaf spring or support holds it"
+    return FreeMotion(f"link '{links[link]}' can {motion}: {why}", value, twist)
 
 
 def _redundant_inside_joints(scene: Scene) -> list[RedundantConstraint]:
-    """What fights inside the joints, once for all equal ones."""
+    """Redundant constraints inside joints, once for all equal joints."""
     groups: dict[Any, list[Any]] = {}
     for placed in scene.joints:
         groups.setdefault(_joint_key(placed.joint), []).append(placed)
@@ -334,16 +342,16 @@ def _redundant_inside_joints(scene: Scene) -> list[RedundantConstraint]:
         joint, names = equal[0].joint, [p.name for p in equal]
         blocks = joint.blocks()
         index = {block: i for i, block in enumerate(["A", *(b for b in blocks if b != "A")])}
-        places = np.array([blocks[b] for b in index], float)
+        positions = np.array([blocks[b] for b in index], float)
         leaves = [(f.name, f.start_block, f.end_block, f) for f in joint.leaves()]
-        rows = sorted(leaf_rows(leaves, index, places, joint.length), key=lambda c: -c.stiffness)
-        rank = _rank(rows, len(places))
+        rows = sorted(leaf_rows(leaves, index, positions, joint.length), key=lambda c: -c.stiffness)
+        rank = _rank(rows, len(positions))
         found += [_redundant_constraint(*too, *names) for too in _redundant_rows(rows, rank)]
     return found
 
 
 def _joint_key(joint: Any) -> Any:
-    """Joints with the same leaf springs and blocks are one."""
+    """Key that is the same for equal joints."""
     try:
         hash(joint)
     except TypeError:
@@ -351,18 +359,23 @@ def _joint_key(joint: Any) -> Any:
     return joint
 
 
-def _listed(names: Sequence[str]) -> str:
+def _joined(names: Sequence[str]) -> str:
+    """Names joined by commas and "and"."""
     return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]
 
 
 def _joints(names: Sequence[str]) -> str:
-    return f"joint{'s' * (len(names) > 1)} {_listed([repr(n) for n in names])}"
+    """ "joint" or "joints" and their names."""
+    return f"joint{'s' * (len(names) > 1)} {_joined([repr(n) for n in names])}"
 
 
 @dataclass(frozen=True)
 class Constraint:
-    """One direction that something holds. what: "y-rotation of joint 'B'"; row (6 nodes,); stiffness [N/m] along the
-    row (a rotation times the size), inf where it is prescribed; release: how to let it go, in words."""
+    """A constrained direction.
+
+    what: such as "y-rotation of joint 'B'"; row (6 nodes,): coefficients of the motions of all nodes; stiffness [N/m] along
+    the row (rotations times the size), inf where it is prescribed; release: how to release it, in words.
+    """
 
     what: str
     row: Array
@@ -371,9 +384,12 @@ class Constraint:
 
 
 @dataclass(frozen=True)
-class Spring:
-    """An elastic connection of nodes a and b: point (3,), axes (3, 3) columns, length [m], and its stiffness (6, 6) for the
-    motion of b over a at the point, in its axes, rotations times the length [N/m]."""
+class ElasticConnection:
+    """An elastic connection of two nodes (a, b).
+
+    K (6, 6) [N/m]: stiffness for the motion of b relative to a at `point` (3,) [m], in `axes` (3, 3; columns), rotations
+    times `length` [m].
+    """
 
     nodes: tuple[int, int]
     point: Array
@@ -381,11 +397,12 @@ class Spring:
     length: float
     K: Array
 
-    def motion(self, places: Array, size: float) -> Array:
-        """(6, 6 nodes): its own motion, rotations times its length, from those of all nodes, rotations times `size`."""
-        J = np.zeros((6, 6 * len(places)))
+    def jacobian(self, positions: Array, size: float) -> Array:
+        """Jacobian (6, 6 nodes) of its motion (rotations times its length) with respect to all nodes (rotations times
+        `size`)."""
+        J = np.zeros((6, 6 * len(positions)))
         for node, sign in zip(self.nodes, (-1.0, 1.0), strict=True):
-            lever, at = -cross_matrix(self.point - places[node]), 6 * node
+            lever, at = -cross_matrix(self.point - positions[node]), 6 * node
             J[:3, at : at + 3] += sign * self.axes.T
             J[:3, at + 3 : at + 6] += sign * self.axes.T @ lever / size
             J[3:, at + 3 : at + 6] += sign * self.axes.T * (self.length / size)
@@ -393,7 +410,8 @@ class Spring:
 
 
 def stiffness_at_rest(scene: Scene, point: Array, axes: Array, length: float) -> Array:
-    """(6, 6) of the only link of `scene` [N/m]: at `point`, in `axes`, rotations times `length`, all else condensed."""
+    """Stiffness (6, 6) [N/m] of the only link of `scene` at `point`, in `axes`, rotations times `length`, all else
+    condensed."""
     model = compile_scene(scene)
     K = rest_matrix(model)
     own = np.arange(6) + int(model.arrays.start[1])
@@ -408,40 +426,41 @@ def stiffness_at_rest(scene: Scene, point: Array, axes: Array, length: float) ->
     # the reference point moves with the point: u + phi x r
     T[:3, :3], T[3:, 3:] = axes, axes / length
     T[:3, 3:] = -cross_matrix(model.rest.x[1] - point) @ axes / length
-    found = T.T @ K @ T
-    return 0.5 * (found + found.T)
+    stiffness = T.T @ K @ T
+    return 0.5 * (stiffness + stiffness.T)
 
 
 def rest_matrix(model: Model) -> Array:
-    """The tangent (n, n) of a model at rest, without loads, in the order of its unknowns."""
+    """Tangent (n, n) of an undeformed model without loads, in the order of its unknowns."""
     arrays = exact_tangent_arrays(model)
     work = make_workspace(arrays)
     assemble(arrays, model.rest, np.zeros(len(arrays.terms.start)), 0.0, work, 1e-8, 0, 10.0)
     return stored_matrix(arrays, work.matrix)
 
 
-def leaf_spring(leaf: Any, nodes: tuple[int, int]) -> Spring:
-    """A leaf as a spring, seen from the middle of its chord."""
+def leaf_spring(leaf: Any, nodes: tuple[int, int]) -> ElasticConnection:
+    """Elastic connection of a leaf, at the middle of its chord."""
     middle = 0.5 * (np.asarray(leaf.start, float) + np.asarray(leaf.end, float))
     alone = Scene("leaf", (GROUND, "end"), leaves=(PlacedLeaf("leaf", GROUND, "end", leaf),))
-    return Spring(
+    return ElasticConnection(
         nodes, middle, leaf.axes, leaf.length, stiffness_at_rest(alone, middle, leaf.axes, leaf.length)
     )
 
 
-def joint_spring(placed: Any, nodes: tuple[int, int]) -> Spring:
-    """A placed joint as a spring, seen from the middle between its interfaces."""
+def joint_spring(placed: Any, nodes: tuple[int, int]) -> ElasticConnection:
+    """Elastic connection of a placed joint, at the middle between its interfaces."""
     axes = np.asarray(placed.rotation, float)
     middle = placed.place(0.5 * np.asarray(placed.joint.pose_B, float))
     alone = Scene("joint", (GROUND, "end"), joints=(replace(placed, a=GROUND, b="end"),))
     length = placed.joint.length
-    return Spring(nodes, middle, axes, length, stiffness_at_rest(alone, middle, axes, length))
+    return ElasticConnection(nodes, middle, axes, length, stiffness_at_rest(alone, middle, axes, length))
 
 
 def stiff_directions(K: Array, expected: int | None = None) -> list[tuple[int, Array]]:
-    """Directions (6,) a spring holds: orthonormal, as near to its axes as they can be, each with the axis' number.
+    """Stiff directions (6,) of a connection: orthonormal, as close as possible to its axes, each with the number of the
+    axis.
 
-    expected: how many there should be, believed where the stiffness does not contradict it.
+    expected: their number, used where the stiffness does not contradict it.
     """
     from scipy.linalg import qr
 
@@ -457,19 +476,19 @@ def stiff_directions(K: Array, expected: int | None = None) -> list[tuple[int, A
 
 
 def spring_rows(
-    spring: Spring,
-    places: Array,
+    spring: ElasticConnection,
+    positions: Array,
     size: float,
     *,
     owner: str,
     words: Sequence[str],
     expected: int | None = None,
 ) -> list[Constraint]:
-    """The constraints a spring is."""
-    J = spring.motion(places, size)
+    """Constraints of an elastic connection; words: names of its six directions, expected: see `stiff_directions`."""
+    J = spring.jacobian(positions, size)
     rows = []
-    for axis, along in stiff_directions(spring.K, expected):
-        row = along @ J
+    for axis, direction in stiff_directions(spring.K, expected):
+        row = direction @ J
         length = float(np.linalg.norm(row))
         if length > 0.0:
             what = f"{words[axis]} of {owner}"
@@ -477,7 +496,7 @@ def spring_rows(
                 Constraint(
                     what,
                     row / length,
-                    float(along @ spring.K @ along) * length**2,
+                    float(direction @ spring.K @ direction) * length**2,
                     _release_hint(axis, owner, words),
                 )
             )
@@ -485,6 +504,7 @@ def spring_rows(
 
 
 def _release_hint(axis: int, owner: str, words: Sequence[str]) -> str:
+    """How to release direction `axis` of a leaf or joint."""
     if words is not _LEAF:
         return f"let {owner} go in its {words[axis]}"
     return {
@@ -496,26 +516,26 @@ def _release_hint(axis: int, owner: str, words: Sequence[str]) -> str:
 
 
 def leaf_rows(
-    leaves: Sequence[Any], index: Mapping[str, int], places: Array, size: float
+    leaves: Sequence[Any], index: Mapping[str, int], positions: Array, size: float
 ) -> list[Constraint]:
-    """Constraints of (name, block or link at the start, at the end, leaf)."""
+    """Constraints of leaves, given as (name, block or link at the start, at the end, leaf)."""
     rows = []
     for name, a, b, leaf in leaves:
         spring = leaf_spring(leaf, (index[a], index[b]))
-        rows += spring_rows(spring, places, size, owner=f"leaf '{name}'", words=_LEAF)
+        rows += spring_rows(spring, positions, size, owner=f"leaf '{name}'", words=_LEAF)
     return rows
 
 
-def joint_rows(placed: Any, spring: Spring, places: Array, size: float) -> list[Constraint]:
-    """Constraints of a placed joint: six but for its intended motions."""
+def joint_rows(placed: Any, spring: ElasticConnection, positions: Array, size: float) -> list[Constraint]:
+    """Constraints of a placed joint: all six directions except its intended motions."""
     return spring_rows(
-        spring, places, size, owner=f"joint '{placed.name}'", words=_direction_names(spring.axes),
+        spring, positions, size, owner=f"joint '{placed.name}'", words=_direction_names(spring.axes),
         expected=6 - len(placed.joint.motions),
     )  # fmt: skip
 
 
 def _direction_names(axes: Array) -> tuple[str, ...]:
-    """Names of six directions: those of the mechanism where the joint is parallel to it, else its own."""
+    """Names of six directions: global ones where the axes of the joint are parallel to these, else its own."""
     names = []
     for column in axes.T:
         k = int(np.argmax(np.abs(column)))
@@ -525,7 +545,7 @@ def _direction_names(axes: Array) -> tuple[str, ...]:
 
 
 def prescribed_rows(model: Model, size: float) -> tuple[list[Constraint], list[Constraint]]:
-    """Constraints of the supports, and of the drives."""
+    """Constraints of the supports, and constraints of the drives."""
     K, arrays = rest_matrix(model), model.arrays
     names = (*model.drive_names, *model.support_names)
     scale = np.array([1.0, 1.0, 1.0, 1 / size, 1 / size, 1 / size])

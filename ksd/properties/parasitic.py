@@ -25,17 +25,20 @@ from ksd.scene.scene import connected_links
 
 Array = NDArray[np.float64]
 MIN_DRIVEN_MOTION = 1e-2
-"""Motion, over the largest that a drive brings a link, below which drives only strain what holds it."""
+"""Motion of a link, relative to the largest that the drives cause, up to which drives only strain its connections."""
 CROSSING_TOLERANCE = 1e-6
-"""Distance, over the size of a joint, up to which its leaf springs count as crossing in one point."""
+"""Distance, relative to the length of the leaf springs, up to which they count as crossing in one point."""
 SAME_POINT_DISTANCE = 1e-7
-"""Distance [m] of the point of a drive from an interface, up to which it is that interface."""
+"""Largest distance [m] of the point of a drive from an interface that counts as the same point."""
 
 
 @dataclass(frozen=True, repr=False)
 class Parasitic(PrintableAnswer):
-    """Motion of a point of a link from rest that its drives do not prescribe: shift (3,) [m] and turn (3,) [rad, rotation
-    vector], global axes, at `point` (3,) [m] at rest. drives: what they prescribe is taken out."""
+    """Motion of a point of a link from rest that its drives do not prescribe.
+
+    shift (3,) [m], turn (3,) [rad]: displacement and rotation vector, global axes, at `point` (3,) [m] at rest. drives:
+    names of the drives whose prescribed motion is removed.
+    """
 
     link: str
     point: Array
@@ -44,9 +47,9 @@ class Parasitic(PrintableAnswer):
     drives: tuple[str, ...]
 
     def _line(self) -> str:
-        beside = f"beside what {', '.join(self.drives)} prescribe{'s' * (len(self.drives) == 1)}"
+        drives = f"beside what {', '.join(self.drives)} prescribe{'s' * (len(self.drives) == 1)}"
         size = f"{_format_vector(self.shift, 1e3)} mm, {_format_vector(self.turn, 1e3)} mrad (x y z)"
-        return f"'{self.link}' {size}, {beside if self.drives else 'all of its motion: no drive acts on it alone'}"
+        return f"'{self.link}' {size}, {drives if self.drives else 'all of its motion: no drive acts on it alone'}"
 
     def __str__(self) -> str:
         return f"Parasitic motion: {self._line()}"
@@ -54,8 +57,11 @@ class Parasitic(PrintableAnswer):
 
 @dataclass(frozen=True, repr=False)
 class PivotShift(PrintableAnswer):
-    """How far the pivot of a joint has moved: shift (3,) [m] of the point of interface B that is at `pivot` (3,) [m] at
-    rest, seen from interface A, in joint axes; turn (3,) [rad], rotation vector of B in A."""
+    """Displacement of the pivot of a joint.
+
+    shift (3,) [m]: of the point of interface B that is at `pivot` (3,) [m] at rest, relative to interface A, in joint axes;
+    turn (3,) [rad]: rotation vector of B relative to A.
+    """
 
     joint: str
     pivot: Array
@@ -71,12 +77,15 @@ class PivotShift(PrintableAnswer):
 
 
 def _format_vector(values: Array, factor: float) -> str:
+    """Format the components of a vector times `factor`."""
     return "(" + " ".join(format_number(factor * float(v), 4, zero=1e-9) for v in values) + ")"
 
 
 def default_point(scene: Any) -> tuple[str, Any]:
-    """Link and point (3,) asked about where none is named: those of the first drive; for the turn of a joint the middle
-    between its interfaces. Raises SceneError when the scene has no drive to take them from."""
+    """Default link and point (3,) of questions: those of the first drive, for a joint rotation the middle of its interfaces.
+
+    Raises SceneError where the scene has no drive.
+    """
     if not scene.drives:
         raise SceneError("name a link: this mechanism has no drive whose point could be asked about")
     term = scene.drives[0].terms[0]
@@ -103,15 +112,15 @@ def _middle(joint: Any) -> tuple[float, ...]:
 
 
 def parasitic(model: Model, motion: State, link: Any = None, *, at: Any = None) -> Parasitic:
-    """Motion of the point of `link` at `at` (3,) [m] at rest, less what drives and supports prescribe there: rotations about
-    prescribed axes, displacements along prescribed directions, each by one drive or by several together (three along z
-    prescribe a lift and both tilts). What drives prescribe of a link that carries this one is taken out too: it moves this
-    one along rigidly; a rotation turns it about the pivot of the joint driven, where its leaf springs cross or else the
-    middle between its interfaces, or about the point of the drive. Where none
-    acts on this link, but on legs that hold it beside others, the motions they bring it to first order, from rest, are
-    taken out, rotations times the size. By default link and point of the first drive.
+    """Motion of the point of `link` at `at` (3,) [m] at rest, without the motion that drives and supports prescribe.
 
-    Raises SceneError for an unknown link, or where there is no drive and none is named.
+    Prescribed are rotations about axes and displacements along directions, by single drives or by several together (three
+    along z prescribe a lift and both tilts). The prescribed motion of a link that carries this one is removed too, as a
+    rigid motion: a rotation is about the pivot of the driven joint (where its leaf springs cross, or else the middle between
+    its interfaces), or about the point of the drive. Where no drive acts on this link, but drives act on legs that hold it
+    together with others, the motions of this link by these drives, to first order at rest, are removed, with rotations times
+    the size. Default: link and point of the first drive.
+    Raises SceneError for an unknown link, or where there is neither a link nor a drive.
     """
     if link is None:
         link, point = default_point(model.scene)
@@ -141,7 +150,7 @@ def parasitic(model: Model, motion: State, link: Any = None, *, at: Any = None) 
         drives.update(acting)
         legs = _leg_drives(model.scene, cuts, model.node_names[node]) - drives
         if legs and end == node and not acting:
-            # where nothing resists a motion at rest, nothing is known to first order
+            # where a motion has no stiffness at rest, there is no first-order motion
             with suppress(KinematicsError):
                 moved, turned = _remove_leg_motion(model, node, point, motion.R[base], legs, (moved, turned))
                 drives.update(legs)
@@ -155,19 +164,19 @@ def parasitic(model: Model, motion: State, link: Any = None, *, at: Any = None) 
 
 
 def _carrying_links(scene: Any, link: str) -> list[str]:
-    """Links without which `link` would not hang on ground, in order from ground."""
-    # what hangs on both sides, through a slider too, is carried by neither
+    """Links without which `link` would not be connected to ground, in order from ground."""
+    # a link connected on both sides, also through a slider, is carried by neither
     next_to, after = scene.neighbours(hinges=True), {}
     for one in set(scene.links) - {GROUND, link}:
         found = connected_links(next_to, GROUND, [one])
         if link in next_to and link not in found:
-            # the fewer links are left without it, the farther out it is
+            # the fewer links stay connected to ground without it, the nearer to ground it is
             after[one] = len(found)
     return sorted(after, key=lambda name: after[name])
 
 
 def _leg_drives(scene: Any, cuts: list[str], link: str) -> set[str]:
-    """Drives of links between `link` and what carries it that hang there without it too."""
+    """Drives of links between `link` and its carriers that stay connected to ground without `link`."""
     next_to = scene.neighbours(hinges=True)
     legs = connected_links(next_to, link, [GROUND, *cuts]) & connected_links(next_to, GROUND, [link])
     return {d.name for d in scene.drives if any({t.base, t.link} & legs for t in d.terms)}
@@ -176,42 +185,44 @@ def _leg_drives(scene: Any, cuts: list[str], link: str) -> set[str]:
 def _remove_leg_motion(
     model: Model, node: int, point: Array, R: Array, legs: set[str], moved: tuple[Array, Array]
 ) -> tuple[Array, Array]:
-    """A displacement and a rotation (3,) of a node less their part in the motions that the drives in `legs` bring its
-    `point` from rest, turned by R (3, 3)."""
-    arrays, ways = (
-        model.arrays,
-        drive_coupling(model, model.rest, model.node_names[node], at=point, load_factor=0.0),
-    )
+    """Displacement and rotation (3,) of a node without their components along motions by the drives in `legs`.
+
+    These are the motions of its `point` by each drive at rest, rotated by R (3, 3); moved: displacement and rotation vector.
+    """
+    arrays = model.arrays
+    motions = drive_coupling(model, model.rest, model.node_names[node], at=point, load_factor=0.0)
     size = np.repeat([1.0, arrays.size], 3)
     turns = arrays.terms.kind[arrays.terms.first[:-1]] == ROTATION
     columns = np.stack([
         size * np.concatenate([R @ w[:3], R @ w[3:]]) / (arrays.size if turn else 1.0)
-        for (n, w), turn in zip(ways.items(), turns, strict=False) if n in legs
+        for (n, w), turn in zip(motions.items(), turns, strict=False) if n in legs
     ], axis=1)  # fmt: skip
     axes, share, _ = np.linalg.svd(columns, full_matrices=False)
     axes = axes[:, share > MIN_DRIVEN_MOTION * share[0]]
-    whole = np.concatenate(moved) * size
-    left = (whole - axes @ (axes.T @ whole)) / size
-    return left[:3], left[3:]
+    scaled = np.concatenate(moved) * size
+    rest = (scaled - axes @ (axes.T @ scaled)) / size
+    return rest[:3], rest[3:]
 
 
 def _prescribed_motion(
-    model: Model, motion: State, base: int, end: int, place: Array
+    model: Model, motion: State, base: int, end: int, position: Array
 ) -> tuple[Array, Array, tuple[str, ...]]:
-    """Orthonormal columns (3, k) along which, and about which, rows prescribe the motion of the point of node `end` that is
-    at `place` (3,) over node `base`, and the drives that do."""
+    """Directions and axes of the prescribed motion of a point of node `end`, at `position` (3,), relative to node `base`.
+
+    Returns orthonormal columns (3, k) of prescribed displacements, of prescribed rotations, and the names of the drives.
+    """
     loads = np.zeros((model.arrays.plan.unknowns, 6))
     for node, sign in ((end, 1.0), (base, -1.0)):
         if node:
-            s, start = place - motion.x[node], int(model.arrays.start[node])
+            s, start = position - motion.x[node], int(model.arrays.start[node])
             loads[start : start + 6] = sign * np.eye(6)
             loads[start + 3 : start + 6, :3] = sign * cross_matrix(s)
     rows = len(model.drive_names) + len(model.support_names)
     scale = np.array([1.0] * 3 + [1.0 / model.arrays.size] * 3)
     gradients = row_gradients(model.arrays, motion, range(rows))
-    left, share = remove_row_components(model.arrays, model.arrays.size, gradients, loads * scale)
-    # combinations of forces and moments that rows take whole: their motion is prescribed
-    _, size, axes = np.linalg.svd(left / np.linalg.norm(loads * scale, axis=0).max())
+    rest, share = remove_row_components(model.arrays, model.arrays.size, gradients, loads * scale)
+    # combinations of forces and moments carried entirely by rows: the corresponding motion is prescribed
+    _, size, axes = np.linalg.svd(rest / np.linalg.norm(loads * scale, axis=0).max())
     taken = axes[np.append(size, np.zeros(6 - len(size))) < ROW_SHARE_TOLERANCE].T
     acts = np.abs(share @ taken).max(axis=1, initial=0.0)
     drives = tuple(
@@ -221,8 +232,10 @@ def _prescribed_motion(
 
 
 def _pivot(scene: Any, drives: tuple[str, ...], *, carried: bool) -> Array | None:
-    """The point (3,) at rest that what drives turn turns about; None: the point asked about. carried: they turn a link
-    that carries the one asked about."""
+    """Point (3,) at rest about which `drives` rotate a link; None for the point in question itself.
+
+    carried: they rotate a link that carries the one in question.
+    """
     terms = [t for d in scene.drives if d.name in drives for t in d.terms]
     if carried and terms and all(t.kind == "translation" for t in terms):
         return np.mean([t.point for t in terms], axis=0)
@@ -244,11 +257,10 @@ def _column_space(A: Array) -> Array:
 
 
 def pivot_shift(model: Model, motion: State, joint: Any, *, at: Any = None) -> PivotShift:
-    """Shift of the pivot of a joint that turns: of the point of B that is at `at` (3,) [m, global, at rest], seen from A,
-    in joint axes. By default the point its leaves, or their extensions, cross in, seen along the axis; where they do not
-    all cross in one, the middle between the interfaces.
+    """Shift of the pivot of a joint: of the point of B that is at `at` (3,) [m, global, at rest], relative to A.
 
-    Raises SceneError for an unknown joint or one whose intended motion is not a rotation.
+    Default: the point where its leaves, or their extensions, cross as seen along the axis; where they do not all cross in
+    one point, the middle between the interfaces. Raises SceneError for an unknown joint or one without intended rotation.
     """
     name = getattr(joint, "name", joint)
     placed = next((j for j in model.scene.joints if j.name == name), None)
@@ -270,24 +282,26 @@ def pivot_shift(model: Model, motion: State, joint: Any, *, at: Any = None) -> P
 
 
 def _pivot_at_rest(placed: Any) -> Array:
-    """The point (3,) at rest that a placed joint turns about: where its leaf springs cross."""
+    """Pivot (3,) at rest of a placed joint, global axes, see `_leaf_crossing`."""
     return np.asarray(placed.place(_leaf_crossing(placed)))
 
 
 def _leaf_crossing(placed: Any) -> Array:
-    """The point (3,), in joint axes, that the lines of all leaves pass seen along the axis of the (first) rotation, at the
-    height of the middle between the interfaces; that middle where they do not."""
+    """Point (3,), in joint axes, where the lines of all leaves cross as seen along the axis of the (first) rotation.
+
+    Its coordinate along the axis is that of the middle between the interfaces, which is returned where they do not cross.
+    """
     middle = 0.5 * np.asarray(placed.joint.pose_B, float)
     axis = next(np.asarray(m.axis) for m in placed.joint.motions if m.kind == "rotation")
-    across = np.linalg.svd(axis[None])[2][1:]
-    lines = [(across @ np.asarray(f.start), across @ np.asarray(f.end)) for f in placed.joint.leaves()]
+    plane = np.linalg.svd(axis[None])[2][1:]
+    lines = [(plane @ np.asarray(f.start), plane @ np.asarray(f.end)) for f in placed.joint.leaves()]
     lines = [(p, q) for p, q in lines if np.linalg.norm(q - p) > 0.0]
     if not lines:
         return middle
     normals = np.array([np.array([p[1] - q[1], q[0] - p[0]]) / np.linalg.norm(q - p) for p, q in lines])
-    wanted = np.einsum("ki,ki->k", normals, np.array([p for p, _ in lines]))
-    point, _, rank, _ = np.linalg.lstsq(normals, wanted, rcond=1e-6)
+    offsets = np.einsum("ki,ki->k", normals, np.array([p for p, _ in lines]))
+    point, _, rank, _ = np.linalg.lstsq(normals, offsets, rcond=1e-6)
     size = max(float(np.linalg.norm(q - p)) for p, q in lines)
-    if rank < 2 or np.abs(normals @ point - wanted).max() > CROSSING_TOLERANCE * size:
+    if rank < 2 or np.abs(normals @ point - offsets).max() > CROSSING_TOLERANCE * size:
         return middle
-    return np.asarray(across.T @ point + axis * (axis @ middle))
+    return np.asarray(plane.T @ point + axis * (axis @ middle))

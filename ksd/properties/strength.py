@@ -1,9 +1,9 @@
-"""How much of what a material bears an answer uses: the largest strain and stress of all leaf springs, and their limits.
+"""Largest strain and stress of all leaf springs, relative to the limits of their materials.
 
 Strain is the largest principal strain of beam theory, from normal strain e = sigma/E and shear strain g = tau/G:
 (1 - nu) e/2 + sqrt(((1 + nu) e)^2 + g^2)/2. Stress is von Mises, see `ksd.properties.stress`. Section forces belong to a
-linear law between force and engineering strain; other laws with the same modulus (Green-Lagrange, logarithmic) differ from
-it by about 1.5 times the strain, so that beyond a per cent the law is a larger error than that of any mesh.
+linear law between force and engineering strain; forces by other laws with the same modulus (Green-Lagrange, logarithmic)
+differ by about 1.5 times the strain, so above one per cent of strain the law is a larger error than that of any mesh.
 """
 
 from __future__ import annotations
@@ -23,19 +23,20 @@ from ksd.scene.material import Material
 from ksd.scene.plausibility import plausibility_warnings
 
 WARNING_STRAIN = 0.01
-"""Strain from which a warning says that the linear law is no longer a small error."""
+"""Strain above which a warning says that the linear law is no longer a small error."""
 MAX_STRAIN = 0.05
-"""Strain beyond which no answer of a linear law is to be trusted: metals are torn, and the law alone is 7 % of a force."""
+"""Strain above which results of the linear law are not trusted: metals fracture, and forces by other laws differ by 7 %."""
 LAW_ERROR_PER_STRAIN = 1.5
-"""Difference of a force between common laws of elasticity, over the strain."""
+"""Relative difference of a force between common laws of elasticity, divided by the strain."""
 
 
 @dataclass(frozen=True, repr=False)
 class Strength(PrintableAnswer):
-    """strain: the largest of all leaves, in `strain_leaf`; stress_Pa: the largest, in `stress_leaf` at s [m] and `point`.
+    """Largest strain and stress of a state.
 
-    yield_share, fatigue_share: largest stress over the limit of its own material, in yield_leaf and fatigue_leaf; None
-    (and no name) where no material says its limit.
+    strain: largest of all leaves, in strain_leaf; stress_Pa: largest of all leaves, in stress_leaf at s [m] and point.
+    yield_share, fatigue_share: largest ratio of stress to the limit of the material, in yield_leaf and fatigue_leaf; None
+    (and an empty name) where no material has the limit.
     """
 
     strain: float
@@ -51,7 +52,7 @@ class Strength(PrintableAnswer):
 
     @property
     def beyond(self) -> str:
-        """Why no beam of this material can be in this state, in words; nothing where it can."""
+        """Why the state is beyond the limits of a linear elastic beam of its material, in words; empty where it is not."""
         if not self.strain <= MAX_STRAIN:
             return (
                 f"leaf '{self.strain_leaf}' is strained by {100 * self.strain:.3g} %, where a linear elastic beam is "
@@ -63,7 +64,7 @@ class Strength(PrintableAnswer):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A sentence for every limit that is passed."""
+        """Sentences about the limits that are exceeded."""
         found = []
         if self.strain > WARNING_STRAIN:
             found.append(
@@ -91,14 +92,14 @@ class Strength(PrintableAnswer):
             if share is not None
         ]
         limits = ", ".join(shares) or "the material gives no yield_stress or fatigue_limit"
-        place = f"'{self.stress_leaf}' at s = {format_number(1e3 * self.s, 4, zero=1e-9)} mm, {self.point}"
+        where = f"'{self.stress_leaf}' at s = {format_number(1e3 * self.s, 4, zero=1e-9)} mm, {self.point}"
         strained = "" if self.strain_leaf == self.stress_leaf else f" in '{self.strain_leaf}'"
-        stress = f"{format_number(1e-6 * self.stress_Pa, 4)} MPa in {place}"
+        stress = f"{format_number(1e-6 * self.stress_Pa, 4)} MPa in {where}"
         return f"strain at most {format_number(100 * self.strain, 3)} %{strained}, stress {stress}: {limits}"
 
 
 def strength(model: Model, motion: State, *, load_factor: float = 1.0) -> Strength | None:
-    """Largest strain and stress at a state, and their shares of the limits; None where nothing is flexible."""
+    """Largest strain and stress of a state, and their ratios to the limits; None where there are no leaf springs."""
     leaves = scene_leaves(model)
     found = stress_from_forces(model, section_forces(model, motion, load_factor=load_factor)).leaves
     if not found:
@@ -127,7 +128,7 @@ def strength(model: Model, motion: State, *, load_factor: float = 1.0) -> Streng
 
 
 def _largest_strain(stress: LeafStress, material: Material) -> float:
-    """Largest principal strain of a leaf; Poisson's ratio from its moduli, within what an isotropic material has."""
+    """Largest principal strain of a leaf; Poisson's ratio follows from the moduli and is limited to 0..0.5."""
     nu = min(max(material.E / (2 * material.G) - 1, 0.0), 0.5)
     e, g = np.abs(stress.normal_Pa) / material.E, stress.shear_Pa / material.G
     return float(np.max(0.5 * ((1 - nu) * e + np.hypot((1 + nu) * e, g))))
@@ -135,7 +136,7 @@ def _largest_strain(stress: LeafStress, material: Material) -> float:
 
 @cached_per_model
 def unusual_values(model: Model) -> tuple[str, ...]:
-    """What is unusual about the scene that a model was made of, see `ksd.scene.plausibility`."""
+    """Sentences about unusual values in the scene of a model, see `ksd.scene.plausibility`."""
     return plausibility_warnings(model.said or model.scene)
 
 

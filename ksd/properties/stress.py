@@ -1,14 +1,12 @@
-"""Stress along every leaf: bending, axial, torsion and shear, von Mises at corners and edges, where and how
-much.
+"""Stress along leaf springs: bending, axial, torsion and shear stress, and von Mises stress at points of the section.
 
-From the section forces of `ksd.properties.forces` by beam theory, in section axes y (thickness) and z
-(width): sigma = N/A + My z/Iy - Mz y/Iz. Shear stress of a rectangle: torsion by the exact series at the
-middle of its faces and edges, zero at corners (Timoshenko and Goodier, section 109), shear forces by the
-parabola 3 V / 2 A on the middle lines. Circle and tube: T R/J, and V/A times 4/3 (1 + m + m^2) / (1 + m^2) at the neutral
-axis, m inner over outer diameter (Timoshenko, Strength of Materials I, section 26). Any other section: bending at
-the corners of its outline; torsion T t/J and shear 1.5 V/A, upper figures for a strip of its thickness, added
-everywhere. Stress raisers at clamps and the restrained warping stress near them are not part of beam theory.
-Pa; s in m.
+From the section forces of `ksd.properties.forces` by beam theory, in section axes y (thickness) and z (width):
+sigma = N/A + My z/Iy - Mz y/Iz. Shear stress of a rectangle: torsion by the exact series at the middle of its faces and
+edges, zero at corners (Timoshenko and Goodier, section 109); shear forces by the parabola 3 V / 2 A on the middle lines.
+Circle and tube: T R/J, and V/A times 4/3 (1 + m + m^2) / (1 + m^2) at the neutral axis, m inner over outer diameter
+(Timoshenko, Strength of Materials I, section 26). Any other section: bending at the corners of its outline; torsion T t/J
+and shear 1.5 V/A, upper bounds for a strip of its thickness, added everywhere. Stress concentrations at clamps and the
+stress of restrained warping near them are not part of beam theory. Stress in Pa, s in m.
 """
 
 from __future__ import annotations
@@ -42,12 +40,15 @@ from ksd.section.section import Section, thickness_and_width
 
 Array = NDArray[np.float64]
 DEFAULT_STATIONS = 25
+"""Default number of stations per strain-mode leaf."""
 
 
 @dataclass(frozen=True)
 class StressPoints:
-    """Points of a section and their shear stress per force: y, z (p,) [m]; torsion, along_y, along_z (p, 2):
-    (tau_xy, tau_xz) per unit T [1/m^3] and per unit Vy, Vz [1/m^2]. names (p,) say where they are."""
+    """Points of a section, y, z (p,) [m], with names (p,), and their shear stress per unit force.
+
+    torsion, along_y, along_z (p, 2): (tau_xy, tau_xz) per unit T [1/m^3] and per unit Vy, Vz [1/m^2].
+    """
 
     names: tuple[str, ...]
     y: Array
@@ -59,10 +60,10 @@ class StressPoints:
 
 @dataclass(frozen=True, repr=False)
 class LeafStress(PrintableAnswer):
-    """Stress of one leaf at k stations s (k,) [m] and p points of its section (points: where they are).
+    """Stress of one leaf at k stations s (k,) [m] and p points of its section.
 
-    y, z (k, p) [m]: the points in section axes. normal_Pa, shear_Pa, von_mises_Pa (k, p). bending_Pa,
-    axial_Pa, torsion_Pa, transverse_Pa (k,): parts of it, largest over the section (axial signed).
+    points (p,): names of the points; y, z (k, p) [m]: their section coordinates. normal_Pa, shear_Pa, von_mises_Pa (k, p).
+    bending_Pa, axial_Pa, torsion_Pa, transverse_Pa (k,): parts, largest over the section (axial with sign).
     """
 
     name: str
@@ -85,7 +86,7 @@ class LeafStress(PrintableAnswer):
 
     @property
     def where(self) -> tuple[float, str]:
-        """Station s [m] and point of the section where it is."""
+        """Station s [m] and point of the section of the largest stress."""
         k, p = np.unravel_index(int(np.argmax(self.von_mises_Pa)), self.von_mises_Pa.shape)
         return float(self.s[k]), self.points[int(p)]
 
@@ -102,13 +103,12 @@ CATALAN = 0.915965594177219015
 
 
 def torsion_factors(ratio: float) -> tuple[float, float]:
-    """Shear stress over T t/J at the middle of the wide and of the narrow sides of a rectangle, ratio = w/t
-    >= 1.
+    """Shear stress over T t/J at the middle of the wide and of the narrow sides of a rectangle with ratio w/t >= 1.
 
     1 - (8/pi^2) sum_odd 1/(n^2 cosh(n pi w/2t)) and (8/pi^2) sum_odd (-1)^((n-1)/2) tanh(n pi w/2t)/n^2.
     """
     wide = narrow = 0.0
-    # tanh x = 1 - 2 / (exp(2 x) + 1): what is left of both series falls like exp(-x)
+    # with tanh x = 1 - 2 / (exp(2 x) + 1) both series converge like exp(-x)
     for n in range(1, 26, 2):
         x = 0.5 * n * math.pi * ratio
         if x > 40.0:
@@ -119,7 +119,7 @@ def torsion_factors(ratio: float) -> tuple[float, float]:
 
 
 def _rectangle_points(q: Any) -> StressPoints:
-    """Four corners, the middles of the four sides, and the centre."""
+    """Stress points of a rectangle: corners, middles of the sides, and centre."""
     t, w = thickness_and_width(q)
     y = 0.5 * t * np.array([1, 1, -1, -1, 1, -1, 0, 0, 0])
     z = 0.5 * w * np.array([1, -1, 1, -1, 0, 0, 1, -1, 0])
@@ -146,21 +146,22 @@ def _rectangle_points(q: Any) -> StressPoints:
 
 
 def _round_points(q: Any, hole: float) -> StressPoints:
-    """Eight points of the rim, and the centre of a circle; hole: inner over outer diameter."""
+    """Stress points of a circle or tube: eight points of the rim, and the centre of a circle; hole: inner over outer
+    diameter."""
     r, angle = 0.5 * q.thickness, np.arange(8) * math.pi / 4
     names = (*(f"rim {45 * k} deg" for k in range(8)), *["centre"] * (hole == 0.0))
     y, z = np.zeros((2, len(names)))
     y[:8], z[:8] = r * np.cos(angle), r * np.sin(angle)
     torsion = np.column_stack([-z, y]) / q.J
     along_y, along_z = np.zeros((2, len(names), 2))
-    # parabola in the distance from the axis across the force
+    # parabola in the distance from the axis normal to the force
     most = 4 / 3 * (1 + hole + hole**2) / (1 + hole**2) / q.A
     along_y[:, 0], along_z[:, 1] = most * (1 - (y / r) ** 2), most * (1 - (z / r) ** 2)
     return StressPoints(names, y, z, torsion, along_y, along_z)
 
 
 def _outline_points(q: Any) -> StressPoints:
-    """Corners of the outline, with upper figures of shear at each."""
+    """Stress points of an outline: its corners, with upper bounds of the shear stress at each."""
     ring = np.array(q.outline[0])
     count = len(ring)
     names = tuple(f"corner {k + 1}" for k in range(count))
@@ -172,11 +173,11 @@ def _outline_points(q: Any) -> StressPoints:
 
 @lru_cache(maxsize=1024)
 def stress_points(section: Any) -> StressPoints:
-    """Points at which the stress of a section is looked at; its kind is told by its outline and numbers."""
+    """Points at which the stress of a section is evaluated; the kind of section follows from its outline and numbers."""
     if section.outline is not None:
         return _outline_points(section)
     if section.thickness == section.width > 0.0:
-        # of a circle or tube the second moments follow from diameter and area
+        # the second moments of a circle or tube follow from diameter and area
         empty = 1.0 - section.A / (math.pi * section.thickness**2 / 4)
         moment = section.A * section.thickness**2 * (1.0 + empty) / 16
         if empty > -1e-6 and np.allclose([section.Iy, section.Iz], moment, rtol=1e-6, atol=0.0):
@@ -186,13 +187,15 @@ def stress_points(section: Any) -> StressPoints:
 
 @lru_cache(maxsize=1024)
 def _section_tables(sections: tuple[Any, ...]) -> tuple[Array, ...]:
-    """y, z (s, p), A, Iy, Iz (s, 1) of the sections along a leaf, and torsion, along_y, along_z (2, 1, s, p) of their
-    points, components first; s is 1 where all are one. A section of fewer points than another has its last one again."""
-    found = [stress_points(q) for q in sections]
-    most = max(len(f.names) for f in found)
-    kept = [np.minimum(np.arange(most), len(f.names) - 1) for f in found]
+    """Arrays of the sections along a leaf: y, z (s, p), A, Iy, Iz (s, 1), torsion, along_y, along_z (2, 1, s, p).
+
+    s is 1 for a uniform leaf. The last point of a section with fewer points than others is repeated.
+    """
+    points = [stress_points(q) for q in sections]
+    count = max(len(f.names) for f in points)
+    index = [np.minimum(np.arange(count), len(f.names) - 1) for f in points]
     y, z, *shear = (
-        np.array([getattr(f, n)[own] for f, own in zip(found, kept, strict=True)])
+        np.array([getattr(f, n)[own] for f, own in zip(points, index, strict=True)])
         for n in ("y", "z", "torsion", "along_y", "along_z")
     )
     sizes = (np.array([[getattr(q, n)] for q in sections]) for n in ("A", "Iy", "Iz"))
@@ -200,12 +203,12 @@ def _section_tables(sections: tuple[Any, ...]) -> tuple[Array, ...]:
 
 
 def _weaker_section(profile: Profile, s: float) -> Section:
-    """The section at fraction s, on a step that of the side with less to bear bending with."""
+    """Section at fraction s; at a step, that with the smaller section modulus in bending."""
     return min(profile.sides(s), key=lambda q: q.Iz / thickness_and_width(q)[0])
 
 
 def _leaf_stresses(forces: list[SectionForces], leaf: Any) -> list[LeafStress]:
-    """Stress of leaf springs with the section, or the profile, of `leaf`, all with the same stations."""
+    """Stress of leaf springs that have the section, or the profile, of `leaf`, and the same stations."""
     profile, s = getattr(leaf, "profile", None), forces[0].s
     sections = (
         (leaf.section,)
@@ -215,38 +218,43 @@ def _leaf_stresses(forces: list[SectionForces], leaf: Any) -> list[LeafStress]:
     stations = _section_tables(sections)
     outlined = any(q.outline is not None for q in sections)
     values = np.array([f.values for f in forces])
-    *parts, bending, axial, twist, across = _stresses(values, stations, outlined=outlined)
+    *parts, bending, axial, twist, transverse = _stresses(values, stations, outlined=outlined)
     parts += [np.abs(bending).max(axis=2), axial[..., 0]]
-    parts += [np.hypot(*shear).max(axis=2) for shear in (twist, across)]
-    places = [np.broadcast_to(v, (len(s), v.shape[1])) for v in stations[:2]]
-    # of sections of several kinds a point has the names it has in each
+    parts += [np.hypot(*shear).max(axis=2) for shear in (twist, transverse)]
+    positions = [np.broadcast_to(v, (len(s), v.shape[1])) for v in stations[:2]]
+    # where sections are of several kinds, the names of a point are joined
     kinds = list(dict.fromkeys(stress_points(q).names for q in sections))
     names = tuple(
         " or ".join(dict.fromkeys(own[min(p, len(own) - 1)] for own in kinds))
         for p in range(max(map(len, kinds)))
     )
-    return [LeafStress(f.name, f.s, names, *places, *(v[k] for v in parts)) for k, f in enumerate(forces)]
+    return [LeafStress(f.name, f.s, names, *positions, *(v[k] for v in parts)) for k, f in enumerate(forces)]
 
 
 def _stresses(values: Array, stations: tuple[Array, ...], *, outlined: bool) -> tuple[Array, ...]:
-    """Normal, shear, von Mises and bending stress (leaves, s, p), axial (leaves, s, 1), and of torsion and transverse forces
-    (2, leaves, s, p) along y and z, of section forces (leaves, s, 6); stations: as of `_stations`, with an axis over leaves
-    before that over stations where each has its own."""
+    """Stress (leaves, s, p) by section forces (leaves, s, 6).
+
+    Returns normal, shear, von Mises and bending stress (leaves, s, p), axial stress (leaves, s, 1), and shear stress of
+    torsion and of transverse forces (2, leaves, s, p) along y and z. stations: as of `_section_tables`, with an axis over
+    leaves before that over stations where leaves differ; outlined: upper bounds of the shear stress are added.
+    """
     y, z, A, Iy, Iz, torsion, along_y, along_z = stations
     N, Vy, Vz, T, My, Mz = np.moveaxis(values, 2, 0)[..., None]
     axial = N / A
     bending = My * z / Iy - Mz * y / Iz
-    twist, across = T * torsion, Vy * along_y + Vz * along_z
+    twist, transverse = T * torsion, Vy * along_y + Vz * along_z
     shear = (
-        np.abs(twist).sum(axis=0) + np.abs(across).sum(axis=0) if outlined else np.hypot(*(twist + across))
+        np.abs(twist).sum(axis=0) + np.abs(transverse).sum(axis=0)
+        if outlined
+        else np.hypot(*(twist + transverse))
     )
     normal = axial + bending
     mises = np.sqrt(normal**2 + 3 * shear**2)
-    return normal, shear, mises, bending, axial, twist, across
+    return normal, shear, mises, bending, axial, twist, transverse
 
 
 class PeakStress(NamedTuple):
-    """Largest von Mises stress [Pa] of a leaf, at station s [m] and a point of its section."""
+    """Largest von Mises stress [Pa] of a leaf, its station s [m] and point of the section."""
 
     largest_Pa: float
     s: float
@@ -254,10 +262,10 @@ class PeakStress(NamedTuple):
 
 
 class BatchLeafStress(NamedTuple):
-    """Von Mises stress of n leaf springs of one make, the points of whose sections are alike, among those of D states.
+    """Von Mises stress of n leaf springs of one group, with sections of the same kind, in the states of a batch.
 
-    state, member (n,): which they are; section (n,): number in `sections`; s (n, S): stations [m]; mises (n, S, P) [Pa] at
-    the points of the sections.
+    state, member (n,): state and member of each; section (n,): number in `sections`; s (n, S): stations [m]; mises
+    (n, S, P) [Pa]: stress at the points of the sections.
     """
 
     state: NDArray[np.int64]
@@ -269,14 +277,16 @@ class BatchLeafStress(NamedTuple):
 
 
 def batch_stress(states: StateBatch, *, points: int = DEFAULT_STATIONS) -> list[BatchLeafStress] | None:
-    """Stress of every leaf in all states; None where leaf springs have weight or points of their own, which `stress`
-    answers one by one."""
+    """Stress of every leaf in all states of a batch.
+
+    None where leaf springs have weight or a profile; `stress` evaluates such states one by one.
+    """
     found, model = [], states.models[0]
     for group in leaf_groups(model):
-        known = _batch_leaves(states, group)
-        if known is None:
+        leaves = _batch_leaves(states, group)
+        if leaves is None:
             return None
-        value, inner, number, sections = known
+        value, inner, number, sections = leaves
         s, forces = strain_forces(value, inner, group.number, points)
         state, k = np.divmod(np.arange(len(s)), len(group.members))
         for pick, mises in _mises_by_section_kind(forces, number, [_point_table(q) for q in sections]):
@@ -289,24 +299,38 @@ def batch_stress(states: StateBatch, *, points: int = DEFAULT_STATIONS) -> list[
 def _mises_by_section_kind(
     forces: Array, number: NDArray[np.int64], tables: list[_PointTable]
 ) -> Iterator[tuple[NDArray[np.int64], Array]]:
-    """Leaf springs whose sections have as many points and are as alike, and their von Mises stress (n, S, P) [Pa], of
-    section forces (leaves, S, 6); number (leaves,): of the section of each."""
+    """Yield indices of leaf springs whose sections have the same kind and number of points, and their von Mises stress.
+
+    forces (leaves, S, 6): section forces; number (leaves,): section of each in `tables`; stress (n, S, P) [Pa].
+    """
     kinds = [(len(table.rows), table.outlined) for table in tables]
     for kind in dict.fromkeys(kinds[n] for n in number.tolist()):
         mine = [n for n, own in enumerate(kinds) if own == kind]
-        place = np.full(len(kinds), -1)
-        place[mine] = np.arange(len(mine))
-        pick = np.flatnonzero(place[number] >= 0)
-        rows = np.array([tables[n].rows for n in mine])[place[number[pick]]]
+        position = np.full(len(kinds), -1)
+        position[mine] = np.arange(len(mine))
+        pick = np.flatnonzero(position[number] >= 0)
+        rows = np.array([tables[n].rows for n in mine])[position[number[pick]]]
         yield pick, _stresses(forces[pick], _station_arrays(rows), outlined=kind[1])[2]
 
 
-def _batch_leaves(
-    states: StateBatch, group: LeafGroup, *, profiles: bool = False
-) -> tuple[Array, Array, NDArray[np.int64], list[Any]] | None:
-    """Constants (n, v) and inner states of the leaves of a group in all states, one state after the other, the number (n,)
-    of the section of each, and the sections; None as of `stress_alike`, and where steps and kinks of a profile are not at
-    the same fractions in all; profiles: not of leaf springs that have one."""
+class _BatchLeaves(NamedTuple):
+    """Leaves of a group in all states, one state after the other.
+
+    value (n, v): constants; inner (n, N + 6): inner states; number (n,): section of each leaf in `sections`.
+    """
+
+    value: Array
+    inner: Array
+    number: NDArray[np.int64]
+    sections: list[Any]
+
+
+def _batch_leaves(states: StateBatch, group: LeafGroup, *, profiles: bool = False) -> _BatchLeaves | None:
+    """Leaves of a group in all states of a batch.
+
+    None where leaf springs have weight, or a profile unless `profiles`, and where panels differ between states (steps and
+    kinks of profiles at different fractions).
+    """
     names = [states.models[0].member_names[i] for i in group.members.tolist()]
     leaves = scene_leaves(states.models[0])
     if group.has_weight or any(n not in leaves or not (profiles or leaves[n].profile is None) for n in names):
@@ -318,16 +342,16 @@ def _batch_leaves(
     inner = np.take(states.motion.inner, group.inner_index, axis=1)
     count = len(value) * len(names)
     number, sections = _batch_sections(states, names)
-    return value.reshape(count, -1), inner.reshape(count, -1), number.ravel(), sections
+    return _BatchLeaves(value.reshape(count, -1), inner.reshape(count, -1), number.ravel(), sections)
 
 
 def _profiled_leaves(states: StateBatch, group: LeafGroup) -> list[Any]:
-    """The leaf springs of a group in all states, one state after the other, where they have profiles; else none."""
+    """Leaf springs of a group in all states, one state after the other; empty where they have no profiles."""
     names = [states.models[0].member_names[i] for i in group.members.tolist()]
-    each = [[scene_leaves(model)[n] for n in names] for model in states.models]
-    if any(leaf.profile is None for leaf in each[0]):
+    leaves = [[scene_leaves(model)[n] for n in names] for model in states.models]
+    if any(leaf.profile is None for leaf in leaves[0]):
         return []
-    return [leaf for u in states.model_index.tolist() for leaf in each[u]]
+    return [leaf for u in states.model_index.tolist() for leaf in leaves[u]]
 
 
 def _batch_sections(states: StateBatch, names: list[str]) -> tuple[NDArray[np.int64], list[Any]]:
@@ -349,13 +373,13 @@ def _batch_sections(states: StateBatch, names: list[str]) -> tuple[NDArray[np.in
 def batch_peak_stress(
     states: StateBatch, *, points: int = DEFAULT_STATIONS
 ) -> list[dict[str, PeakStress]] | None:
-    """The largest stress of every leaf by full name, of every state; None as of `stress_alike`."""
-    every = batch_stress(states, points=points)
-    if every is None:
+    """Largest stress of every leaf by full name, for every state; None as in `batch_stress`."""
+    groups = batch_stress(states, points=points)
+    if groups is None:
         return None
     names = states.models[0].member_names
     found: list[dict[str, Any]] = [dict.fromkeys(names) for _ in states.model_index]
-    for part in every:
+    for part in groups:
         at = part.mises.reshape(len(part.mises), -1).argmax(axis=1)
         for j, (d, i, n) in enumerate(zip(*(v.tolist() for v in part[:3]), strict=True)):
             station, point = divmod(int(at[j]), part.mises.shape[2])
@@ -368,58 +392,63 @@ def batch_peak_stress(
 
 
 def batch_stress_at_peaks(
-    states: StateBatch, first: NDArray[np.int64], *, points: int = DEFAULT_STATIONS
+    states: StateBatch, reference: NDArray[np.int64], *, points: int = DEFAULT_STATIONS
 ) -> dict[str, Array] | None:
-    """Von Mises stress (D,) [Pa] of every leaf by full name, at the station and point of its section where it is largest in
-    state first[d] (D,): what gradients are differences of. None as of `stress_alike`, and where sections of a leaf have
-    unlike points."""
+    """Von Mises stress (D,) [Pa] of every leaf by full name, at fixed points, for finite differences.
+
+    In state d it is evaluated at the station and point of the section where the stress of the leaf is largest in state
+    reference[d] (D,). None where leaf springs have weight, panels differ, or sections of a leaf have different points.
+    """
     model = states.models[0]
-    found = np.empty((len(first), len(model.member_names)))
+    stress = np.empty((len(reference), len(model.member_names)))
     for group in leaf_groups(model):
-        known = _batch_leaves(states, group, profiles=True)
-        if known is None:
+        leaves = _batch_leaves(states, group, profiles=True)
+        if leaves is None:
             return None
-        value, inner, number, sections = known
+        value, inner, number, sections = leaves
         s, r, R = strain_curves(value, group.number, inner, points)
         wrench = inner[:, None, group.modes :]
-        # where it is largest in the leaves of the first states, and which of these each leaf goes by
-        own, of = np.unique(first, return_inverse=True)
-        every = np.arange(len(number)).reshape(len(first), -1)
+        # leaves of the reference states, and for every leaf the number of its reference among these
+        own, of = np.unique(reference, return_inverse=True)
+        every = np.arange(len(number)).reshape(len(reference), -1)
         lead, of = every[own].ravel(), every[: len(own)][of].ravel()
         worst, tables = np.empty((2, len(lead)), np.int64), [_point_table(q) for q in sections]
-        forces, shaped = forces_along(r[lead], R[lead], wrench[lead]), _profiled_leaves(states, group)
-        looked = _mises_by_section_kind(forces, number[lead], tables)
-        if shaped:
+        forces, profiled = forces_along(r[lead], R[lead], wrench[lead]), _profiled_leaves(states, group)
+        stresses = _mises_by_section_kind(forces, number[lead], tables)
+        if profiled:
             along = (SectionForces("", s[i], own) for i, own in zip(lead.tolist(), forces, strict=True))
-            each = (_leaf_stresses([f], shaped[i])[0] for i, f in zip(lead.tolist(), along, strict=True))
-            looked = ((np.array([k]), leaf.von_mises_Pa[None]) for k, leaf in enumerate(each))
-        for pick, mises in looked:
+            each = (_leaf_stresses([f], profiled[i])[0] for i, f in zip(lead.tolist(), along, strict=True))
+            stresses = ((np.array([k]), leaf.von_mises_Pa[None]) for k, leaf in enumerate(each))
+        for pick, mises in stresses:
             worst[:, pick] = np.divmod(mises.reshape(len(mises), -1).argmax(axis=1), mises.shape[2])
         station, point = worst[:, of]
-        if shaped:
-            # the section of every leaf spring at that station
+        if profiled:
+            # the section of every leaf spring at its station
             at = (s[np.arange(len(s)), station] / s[:, -1]).tolist()
-            tables = [_point_table(_weaker_section(f.profile, x)) for f, x in zip(shaped, at, strict=True)]
+            tables = [_point_table(_weaker_section(f.profile, x)) for f, x in zip(profiled, at, strict=True)]
             number = np.arange(len(tables))
         count = np.array([len(table.rows) for table in tables])[number]
         if (count != count[lead][of]).any() or (point >= count).any():
             return None
-        # of that station, and of the end its lever is measured to
-        both = every.reshape(-1, 1), np.column_stack([station, np.full(len(number), -1)])
-        forces = forces_along(r[both], R[both], wrench)[:, :1]
+        # section forces at the station need its distance from the end, so both are evaluated
+        index = every.reshape(-1, 1), np.column_stack([station, np.full(len(number), -1)])
+        forces = forces_along(r[index], R[index], wrench)[:, :1]
         rows = np.array([[tables[n].rows[p]] for n, p in zip(number.tolist(), point.tolist(), strict=True)])
         outlined = np.array([table.outlined for table in tables])[number]
         largest = np.empty(len(number))
         for kind in set(outlined.tolist()):
             pick = outlined == kind
             largest[pick] = _stresses(forces[pick], _station_arrays(rows[pick]), outlined=kind)[2].ravel()
-        found[:, group.members] = largest.reshape(every.shape)
-    return dict(zip(model.member_names, found.T, strict=True))
+        stress[:, group.members] = largest.reshape(every.shape)
+    return dict(zip(model.member_names, stress.T, strict=True))
 
 
 class _PointTable(NamedTuple):
-    """rows (p, 11): y, z of the points of a section, its A, Iy, Iz, and (tau_xy, tau_xz) of torsion, along_y, along_z;
-    outlined: whether its kind is told by its outline."""
+    """Table of the points of a section.
+
+    rows (p, 11): y, z of the points, A, Iy, Iz of the section, and (tau_xy, tau_xz) of torsion, along_y, along_z; outlined:
+    the section is defined by its outline.
+    """
 
     rows: Array
     outlined: bool
@@ -427,6 +456,7 @@ class _PointTable(NamedTuple):
 
 @lru_cache(maxsize=1024)
 def _point_table(section: Any) -> _PointTable:
+    """Table of a section."""
     at = stress_points(section)
     rows = np.empty((len(at.y), 11))
     rows[:, 0], rows[:, 1], rows[:, 2:5] = at.y, at.z, (section.A, section.Iy, section.Iz)
@@ -435,14 +465,14 @@ def _point_table(section: Any) -> _PointTable:
 
 
 def _station_arrays(rows: Array) -> tuple[Array, ...]:
-    """What `_stresses` takes of leaf springs with rows (n, p, 11) of `_point_table`, the same all along each."""
-    of = np.moveaxis(rows, 2, 0)[:, :, None]
-    return *of[:5], *of[5:].reshape(3, 2, *of.shape[1:])
+    """`stations` of `_stresses` for uniform leaf springs with rows (n, p, 11) of `_point_table`."""
+    columns = np.moveaxis(rows, 2, 0)[:, :, None]
+    return *columns[:5], *columns[5:].reshape(3, 2, *columns.shape[1:])
 
 
 @dataclass(frozen=True, repr=False)
 class Stress(PrintableAnswer):
-    """Stress of all leaf springs; leaves: by full name, which is the index too: ``stress["guide/low"]``."""
+    """Stress of all leaf springs; leaves: by full name, which is also the index: ``stress["guide/low"]``."""
 
     leaves: dict[str, LeafStress]
 
@@ -456,7 +486,7 @@ class Stress(PrintableAnswer):
 
     @property
     def where(self) -> tuple[str, float, str]:
-        """Leaf, station s [m] and point of the section where it is."""
+        """Leaf, station s [m] and point of the section of the largest stress."""
         worst = max(self.leaves.values(), key=lambda leaf: leaf.largest_Pa)
         return worst.name, *worst.where
 
@@ -471,64 +501,66 @@ class Stress(PrintableAnswer):
 def stress(
     model: Model, motion: State, *, points: int = DEFAULT_STATIONS, load_factor: float = 1.0
 ) -> Stress:
-    """Stress at `points` stations of every strain-mode leaf, or at both ends of every element of a chain."""
+    """Stress at `points` stations of every strain-mode leaf, or at the nodes of a chain."""
     return stress_from_forces(model, section_forces(model, motion, points=points, load_factor=load_factor))
 
 
-def stress_from_forces(model: Model, found: dict[str, SectionForces]) -> Stress:
-    """Stress that section forces of leaf springs (by full name) cause, of a state or of the change between two."""
+def stress_from_forces(model: Model, section_forces: dict[str, SectionForces]) -> Stress:
+    """Stress by section forces of leaf springs (by full name), those of a state or of the change between two states."""
     leaves = scene_leaves(model)
-    alike: dict[Any, list[str]] = {}
-    for name, forces in found.items():
+    equal: dict[Any, list[str]] = {}
+    for name, forces in section_forces.items():
         leaf = leaves[name]
-        # a leaf with a profile is a kind of its own
+        # leaves with a profile are evaluated one by one
         kind = leaf.section if getattr(leaf, "profile", None) is None else name
-        alike.setdefault((kind, forces.s.tobytes()), []).append(name)
-    known: dict[str, LeafStress] = {}
-    for names in alike.values():
-        known |= zip(names, _leaf_stresses([found[n] for n in names], leaves[names[0]]), strict=True)
-    return Stress(NamedAnswers({name: known[name] for name in found}, "leaf"))
+        equal.setdefault((kind, forces.s.tobytes()), []).append(name)
+    stresses: dict[str, LeafStress] = {}
+    for names in equal.values():
+        stresses |= zip(
+            names, _leaf_stresses([section_forces[n] for n in names], leaves[names[0]]), strict=True
+        )
+    return Stress(NamedAnswers({name: stresses[name] for name in section_forces}, "leaf"))
 
 
 def strain_energy(model: Model, motion: State, *, load_factor: float = 1.0) -> NamedAnswerTable[float]:
-    """Strain energy [J] of every leaf by full name, and of springs; their sum is what the mechanism stores."""
-    stored: dict[int, float] = {}
+    """Strain energy [J] of every leaf by full name, and of springs."""
+    energies: dict[int, float] = {}
     for group in leaf_groups(model):
-        stored |= zip(
+        energies |= zip(
             group.members.tolist(), _strain_energies(model, motion, group, load_factor).tolist(), strict=True
         )
     leaves = {
-        n: sum(stored[i] if i in stored else _chain_energy(model, motion, i) for i in found)
-        for n, found in leaf_members(model).items()
+        n: sum(energies[i] if i in energies else _chain_energy(model, motion, i) for i in members)
+        for n, members in leaf_members(model).items()
     }
     if model.spring_names:
         leaves |= spring_energy(model, motion)
-    said = f"Strain energy: {format_number(sum(leaves.values()), 5)} J in all"
+    title = f"Strain energy: {format_number(sum(leaves.values()), 5)} J in all"
     return NamedAnswerTable(
-        leaves, said, ("leaf or spring", "energy [J]"), lambda energy: (format_number(energy, 5),)
+        leaves, title, ("leaf or spring", "energy [J]"), lambda energy: (format_number(energy, 5),)
     )
 
 
 def _strain_energies(model: Model, motion: State, group: LeafGroup, load_factor: float) -> Array:
-    """(k,): 1/2 (a - a0) K (a - a0) + 1/2 int n(s).(R C R^T n(s)) of every leaf of a group."""
+    """Energy (k,) [J] of every leaf of a group: 1/2 (a - a0) K (a - a0) + 1/2 int n(s).(R C R^T n(s))."""
     N, inner = group.modes, motion.inner[group.inner_index]
     rest = 1 + sum(int(n) ** 2 for n in group.number[:3])
-    bent = inner[:, :N] - group.value[:, rest : rest + N]
+    amplitudes = inner[:, :N] - group.value[:, rest : rest + N]
     force = inner[:, N : N + 3]
-    soft = stretch_shear_compliances(group.value, group.number, inner)
+    compliance = stretch_shear_compliances(group.value, group.number, inner)
     gravity = local_gravity(model, motion, group, load_factor)
-    found: Array = 0.5 * np.einsum("ki,kij,kj->k", bent, elastic_stiffness(group), bent)
-    found += 0.5 * np.einsum("ki,kij,kj->k", force, soft, force)
+    energy: Array = 0.5 * np.einsum("ki,kij,kj->k", amplitudes, elastic_stiffness(group), amplitudes)
+    energy += 0.5 * np.einsum("ki,kij,kj->k", force, compliance, force)
     if gravity is not None:
         # n(s) = n + M(s) g
-        pull = gravity_derivatives(group.value, group.number, inner, gravity)
-        found += np.einsum("ki,kij,kj->k", force, pull.B, gravity)
-        found += 0.5 * np.einsum("ki,kij,kj->k", gravity, pull.D, gravity)
-    return found
+        derivatives = gravity_derivatives(group.value, group.number, inner, gravity)
+        energy += np.einsum("ki,kij,kj->k", force, derivatives.B, gravity)
+        energy += 0.5 * np.einsum("ki,kij,kj->k", gravity, derivatives.D, gravity)
+    return energy
 
 
 def _chain_energy(model: Model, motion: State, i: int) -> float:
-    """Sum of S eps^2/2 of the elements of a chain."""
+    """Strain energy [J] of member i: sum of S eps^2/2 of the elements of a chain, or that of a reduced solid."""
     value, number, inner = member_arrays(model, motion, i)
     ends = member_ends(model, motion, i)
     if model.arrays.members.kind[i] == SOLID:
