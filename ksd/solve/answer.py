@@ -1,10 +1,9 @@
 """A configuration as plain numbers with units in the keys: what the tables print and the JSON file holds.
 
-Layout of `as_dict` (every key is explained in SCHEMA): the head says which mechanism was solved how and
-whether to believe it; "steps" is the record of the solve; "drives", "supports", "links", "joints" and
-"leaf springs" are tables by name. A key ends with the unit of its number: mm, deg, um, mrad, N, Nm, us, percent.
-Vectors are lists of three in global axes unless said otherwise. Numbers that are not finite are null, so
-the file is strict JSON.
+Layout of `as_dict` (every key is explained in SCHEMA): the head states which mechanism was solved how, and whether the
+result can be trusted; "steps" is the record of the solve; "drives", "supports", "links", "joints" and "leaves" are tables
+by name. A key ends with the unit of its number: mm, deg, um, mrad, N, Nm, us, percent. Vectors are lists of three in
+global axes unless stated otherwise. Numbers that are not finite are null, so the file is strict JSON.
 """
 
 from __future__ import annotations
@@ -163,7 +162,7 @@ def _list(values: Any, factor: float = 1.0) -> list[float | None]:
 def _step(step: Any) -> dict[str, Any]:
     stop = Stop(step.stop)
     closing = step.name.startswith("1 ")
-    # steps 2 and 4 are one pass each: no iteration, no residual
+    # steps 2 and 4 have no iteration and no residual
     direct = step.iterations == 0 and step.residual == 0.0
     return {
         "name": step.name,
@@ -178,17 +177,17 @@ def _step(step: Any) -> dict[str, Any]:
 
 
 def _drives(c: Configuration) -> dict[str, dict[str, float | None]]:
-    found, forces = {}, c.forces
+    drives, forces = {}, c.forces
     for i, drive in enumerate(c.model.scene.drives):
         kind = drive_kind(drive)
         key, factor = _VALUE[kind]
         error = None if c.error is None else _finite(c.error.force[i])
-        found[drive.name] = {
+        drives[drive.name] = {
             key: _finite(factor * c.targets[drive.name]),
             _EFFORT[kind]: _finite(forces[drive.name]),
             _EFFORT_ERROR[kind]: error,
         }
-    return found
+    return drives
 
 
 def _supports(c: Configuration) -> dict[str, dict[str, float | None]]:
@@ -219,28 +218,28 @@ def _left_out(c: Configuration) -> dict[str, dict[str, float | None]]:
 
 
 def _basis(c: Configuration) -> dict[str, Any] | None:
-    found = basis_use(c.model, c.motion)
-    if found is None:
+    use = basis_use(c.model, c.motion)
+    if use is None:
         return None
     return {
-        "of": found.name,
-        "coordinates": found.coordinates,
-        "condition": _finite(found.condition),
-        "stroke": _finite(found.stroke),
-        "turn_deg": _finite(180 / math.pi * found.turn),
-        "within_percent": _finite(100 * found.error),
-        "most_stroke": _finite(found.most_stroke),
-        "most_turn_deg": _finite(180 / math.pi * found.most_turn),
+        "of": use.name,
+        "coordinates": use.coordinates,
+        "condition": _finite(use.condition),
+        "stroke": _finite(use.stroke),
+        "turn_deg": _finite(180 / math.pi * use.turn),
+        "within_percent": _finite(100 * use.error),
+        "most_stroke": _finite(use.most_stroke),
+        "most_turn_deg": _finite(180 / math.pi * use.most_turn),
     }
 
 
 def _strength(c: Configuration) -> dict[str, Any] | None:
-    found = c.strength
-    if found is None:
+    strength = c.strength
+    if strength is None:
         return None
     shares = {
-        "yield": (found.yield_share, found.yield_leaf),
-        "fatigue": (found.fatigue_share, found.fatigue_leaf),
+        "yield": (strength.yield_share, strength.yield_leaf),
+        "fatigue": (strength.fatigue_share, strength.fatigue_leaf),
     }
     limits: dict[str, Any] = {}
     for key, (share, leaf) in shares.items():
@@ -249,46 +248,46 @@ def _strength(c: Configuration) -> dict[str, Any] | None:
             f"{key}_leaf": leaf or None,
         }
     return {
-        "largest_strain_percent": _finite(100 * found.strain),
-        "strain_leaf": found.strain_leaf,
-        "largest_stress_MPa": _finite(1e-6 * found.stress_Pa),
-        "stress_leaf": found.stress_leaf,
-        "stress_s_mm": _finite(1e3 * found.s),
-        "stress_point": found.point,
+        "largest_strain_percent": _finite(100 * strength.strain),
+        "strain_leaf": strength.strain_leaf,
+        "largest_stress_MPa": _finite(1e-6 * strength.stress_Pa),
+        "stress_leaf": strength.stress_leaf,
+        "stress_s_mm": _finite(1e3 * strength.s),
+        "stress_point": strength.point,
         **limits,
     }
 
 
 def _links(c: Configuration) -> dict[str, dict[str, Any]]:
-    found = {}
+    links = {}
     for i, (name, (displacement, _)) in enumerate(c.links.items()):
         if i > 0:
-            found[name] = {
+            links[name] = {
                 "displacement_mm": _list(displacement, 1e3),
                 "reference_mm": _list(c.model.rest.x[i], 1e3),
                 "rotation_deg": _list(c.rotation(name), 180 / math.pi),
             }
-    return found
+    return links
 
 
 def _joints(c: Configuration) -> dict[str, dict[str, Any]]:
-    found = {}
+    joints = {}
     for placed in c.model.scene.joints:
         intended = {}
         for motion, value in zip(placed.joint.motions, _intended(c, placed), strict=True):
             unit, factor = ("mm", 1e3) if motion.kind == "translation" else ("deg", 180 / math.pi)
             intended[f"{motion.name}_{unit}"] = _finite(factor * value)
         off = c.unintended.get(placed.name)
-        found[placed.name] = {
+        joints[placed.name] = {
             "intended": intended,
             "unintended_displacement_um": None if off is None else _list(off[:3], 1e6),
             "unintended_rotation_mrad": None if off is None else _list(off[3:], 1e3),
         }
-    return found
+    return joints
 
 
 def _intended(c: Configuration, placed: Any) -> list[float]:
-    """Intended motions [rad or m] of a joint: as solved for, or read from the relative pose of its links."""
+    """Intended motions [rad or m] of a joint: those of the solve, or from the relative pose of its links."""
     motions = placed.joint.motions
     names = [placed.name if len(motions) == 1 else f"{placed.name}.{m.name}" for m in motions]
     if all(n in c.motions for n in names):
@@ -297,8 +296,8 @@ def _intended(c: Configuration, placed: Any) -> list[float]:
     a, b = (c.model.scene.links.index(link) for link in (placed.a, placed.b))
     x, R, rest = c.motion.x, c.motion.R, c.model.rest.x
     start, end = placed.place((0, 0, 0)), placed.place(placed.joint.pose_B)
-    across = x[b] + R[b] @ (end - rest[b]) - x[a] - R[a] @ (start - rest[a])
-    shift = axes.T @ R[a].T @ across - np.asarray(placed.joint.pose_B)
+    span = x[b] + R[b] @ (end - rest[b]) - x[a] - R[a] @ (start - rest[a])
+    shift = axes.T @ R[a].T @ span - np.asarray(placed.joint.pose_B)
     turn = Rotation.from_matrix(axes.T @ R[a].T @ R[b] @ axes).as_rotvec()
     return [float(np.asarray(m.axis) @ (shift if m.kind == "translation" else turn)) for m in motions]
 

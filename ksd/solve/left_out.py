@@ -1,7 +1,7 @@
-"""What plate stiffening and restrained warping would change of an answer that is without them, measured on it.
+"""Changes that plate stiffening and restrained warping would make to a result whose model leaves them out.
 
-Newton steps lead from the state to the equilibrium of the same mesh with the effect; forces, poses and the support stiffness
-of both are compared, as `ksd effects` does for all effects and for a whole solve each.
+Newton steps lead from the state to the equilibrium of the same mesh with the effect; forces, poses and support stiffness of
+both are compared, as `ksd effects` does for all effects with a whole solve for each.
 """
 
 from __future__ import annotations
@@ -27,33 +27,36 @@ if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
 
 
-CHANGED = ("force", "displacement", "support_stiffness")
-"""What is compared."""
+COMPARED = ("force", "displacement", "support_stiffness")
+"""Quantities that are compared."""
 
 
 class LeftOut(NamedAnswerTable[dict[str, float]]):
-    """What `left_out` finds, by effect; prints as a table."""
+    """Relative changes by effect that is left out; prints as a table."""
 
-    def __init__(self, found: Mapping[str, dict[str, float]]) -> None:
-        said = "Change if an effect that is not in the model were [%]"
-        columns = ("effect", *(what.replace("_", " ") for what in CHANGED))
-        super().__init__(found, said, columns, _percents)
+    def __init__(self, changes: Mapping[str, dict[str, float]]) -> None:
+        title = "Change if an effect that is not in the model were [%]"
+        columns = ("effect", *(what.replace("_", " ") for what in COMPARED))
+        super().__init__(changes, title, columns, _percents)
 
     def __repr__(self) -> str:
-        said = (
+        effects = (
             f"{name} {{{', '.join(f'{k}: {format_signed_percent(100 * v)} %' for k, v in row.items())}}}"
             for name, row in self.items()
         )
-        return f"<LeftOut: {', '.join(said) or 'nothing'}>"
+        return f"<LeftOut: {', '.join(effects) or 'nothing'}>"
 
 
 def _percents(changes: Mapping[str, float]) -> list[str]:
-    return [format_signed_percent(100.0 * changes[what]) if what in changes else "-" for what in CHANGED]
+    return [format_signed_percent(100.0 * changes[what]) if what in changes else "-" for what in COMPARED]
 
 
 def left_out(pose: Configuration) -> LeftOut:
-    """Relative changes of "force" (of the largest), "displacement" (of the largest) and "support_stiffness" (the softest, of
-    the first driven link), signed, by effect that is left out and that some leaf could have."""
+    """Signed relative changes by effect that is left out and that some leaf could have.
+
+    "force": of the largest drive force; "displacement": of the largest link displacement; "support_stiffness": of the
+    softest one of the first driven link. Empty where nothing converged, and with solids.
+    """
     model, motion = pose.unreduced_state
     if not pose.converged or SOLID in model.kinds:
         return LeftOut({})
@@ -61,7 +64,7 @@ def left_out(pose: Configuration) -> LeftOut:
     own = find_equilibrium(exact_tangent_arrays(model), motion.copy(), target, factor)
     if own is None:
         return LeftOut({})
-    found = {}
+    changes = {}
     for name, other in (("plate", _with_plates(model, own)), ("warping", _with_warping(model))):
         there = (
             None
@@ -69,12 +72,12 @@ def left_out(pose: Configuration) -> LeftOut:
             else find_equilibrium(exact_tangent_arrays(other), own.copy(), target, factor)
         )
         if there is not None:
-            found[name] = _changes((model, own), (other, there), factor)
-    return LeftOut(found)
+            changes[name] = _changes((model, own), (other, there), factor)
+    return LeftOut(changes)
 
 
 def _with_plates(model: Model, motion: State) -> Model:
-    """The model with plate stiffening at its present curvatures; itself where it has it, or no leaf is wide."""
+    """The model with plate stiffening at the present curvatures; the model itself where it has that, or no leaf is wide."""
     wide = [leaf.section.width > leaf.section.thickness > 0.0 for _, leaf in model.scene.leaf_names().items()]
     if model.mesh.plate or not any(wide):
         return model
@@ -84,7 +87,7 @@ def _with_plates(model: Model, motion: State) -> Model:
 
 @cached_per_model
 def _with_warping(model: Model) -> Model:
-    """The model with restrained warping; itself where it has it, or no leaf warps."""
+    """The model with restrained warping; the model itself where it has that, or no leaf warps."""
     warps = [leaf.section.Iw > 0.0 for _, leaf in model.scene.leaf_names().items()]
     if model.mesh.warping or not any(warps):
         return model
@@ -96,12 +99,12 @@ def _with_warping(model: Model) -> Model:
 def _changes(
     without: tuple[Model, State], with_: tuple[Model, State], load_factor: float
 ) -> dict[str, float]:
-    """Relative changes from one state to another."""
+    """Relative changes from the state without an effect to that with it."""
     (model, one), (_, other) = without, with_
     drives, links = len(model.drive_names), model.links
     found = {}
     if drives:
-        # of the largest force, whichever that is
+        # of the force that changes most, relative to the largest force
         first, second = (np.abs(m.multiplier[:drives]) for m in (one, other))
         most = int(np.argmax(np.abs(second - first)))
         found["force"] = _ratio(second[most] - first[most], first.max())

@@ -1,6 +1,6 @@
-"""Tables of a configuration for the terminal: the solve step by step, drives, joints, links, warnings.
+"""Tables of a configuration for the terminal: steps of the solve, drives, verdicts, joints, links, warnings.
 
-They print the numbers of `as_dict` and no others; layout and units of those are in `ksd.solve.answer`.
+They print numbers of `as_dict` only; its layout and units are in `ksd.solve.answer`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _STOPS = {
     "not_finite": "numbers overflowed",
 }
 NEGLIGIBLE_CHANGE = 1e-3
-"""Percent below which the weight of an effect is none."""
+"""Change [%] below which an effect counts as changing nothing."""
 EFFECTS = {"plate": "plate stiffening", "warping": "restrained warping"}
 _UNITS = {
     "value_mm": "mm",
@@ -43,7 +43,7 @@ def tables(configuration: Configuration) -> list[Any]:
 
     d = as_dict(configuration)
     parts = [_head(d), _steps(d), *([_drives(d)] if d["drives"] or d["supports"] else [])]
-    parts += [Text(said, style="" if fine else "bold red") for said, fine in verdict_lines(d)]
+    parts += [Text(line, style="" if is_good else "bold red") for line, is_good in verdict_lines(d)]
     if d["joints"]:
         parts += _joints(d)
     if d["links"]:
@@ -87,17 +87,21 @@ def _drives(d: dict[str, Any]) -> Any:
     table = _table("drive", "value", "<", "force or moment", "<", "estimated error")
     for name, row in d["drives"].items():
         (at, value), (effort, force), (_, error) = row.items()
-        least = RTOL * abs(force)
-        seen = error is not None and (error > least or not force)
-        told = format_number(error, 2) if seen else f"under {format_number(least, 2)}"
-        said = "-" if error is None else f"{told} {_UNITS[effort]}"
+        # below the tolerance of the residual an error is not known
+        tolerance = RTOL * abs(force)
+        if error is None:
+            error_cell = "-"
+        elif error > tolerance or not force:
+            error_cell = f"{format_number(error, 2)} {_UNITS[effort]}"
+        else:
+            error_cell = f"under {format_number(tolerance, 2)} {_UNITS[effort]}"
         table.add_row(
             name,
             format_number(value, 6, zero=1e-12),
             _UNITS[at],
             format_number(force, 6, zero=1e-12),
             _UNITS[effort],
-            said,
+            error_cell,
         )
     for name, row in d["supports"].items():
         ((effort, force),) = row.items()
@@ -106,18 +110,21 @@ def _drives(d: dict[str, Any]) -> Any:
 
 
 def verdict_lines(d: dict[str, Any]) -> list[tuple[str, bool]]:
-    """Error and verdicts of an answer as sentences, and whether all is well with each."""
-    lines = [(error_sentence(d), True), *((s, True) for s in (*_missing(d["left_out"]), *_range(d["basis"])))]
+    """Sentences about error, effects left out and verdicts, each with whether it is good news."""
+    lines = [
+        (error_sentence(d), True),
+        *((s, True) for s in (*_effects_left_out(d["left_out"]), *_basis_range(d["basis"]))),
+    ]
     lines.append((f"State: {d['stability']}", d["stable"]))
     for prefix, name in (("Branch: ", "branch"), ("", "strength"), ("", "trusted")):
         verdict = d["trust"][name]
-        said = prefix + verdict["sentence"]
-        lines.append((said[0].upper() + said[1:], verdict["yes"]))
+        line = prefix + verdict["sentence"]
+        lines.append((line[0].upper() + line[1:], verdict["yes"]))
     return lines
 
 
 def error_sentence(d: dict[str, Any]) -> str:
-    """The estimated error of an answer in words."""
+    """The estimated error in one sentence."""
     error = d["error"]
     if error is None and (d["basis"] is not None or d["method"] in ("kinematic", "reduced", "modal")):
         return "Error: not estimated"
@@ -148,32 +155,33 @@ def error_sentence(d: dict[str, Any]) -> str:
     return f"Estimated error: {off} %, {mesh}{within}{law if strain > 100 * WARNING_STRAIN else ''}"
 
 
-def _missing(left_out: dict[str, dict[str, float | None]]) -> list[str]:
-    """What is not in the model, with its weight, in a line."""
-    said = []
+def _effects_left_out(left_out: dict[str, dict[str, float | None]]) -> list[str]:
+    """A sentence about the effects that are not in the model, with the changes they would make; empty where there are
+    none."""
+    effects = []
     for name, changes in left_out.items():
-        weights = [
+        shares = [
             f"{what.removesuffix('_percent').replace('_', ' ')} {format_signed_percent(value)} %"
             for what, value in changes.items()
             if value is not None and abs(value) >= NEGLIGIBLE_CHANGE
         ]
-        said.append(f"{EFFECTS[name]} ({', '.join(weights) or 'changes nothing here'})")
-    return [f"Not in the model: {', '.join(said)}"] if said else []
+        effects.append(f"{EFFECTS[name]} ({', '.join(shares) or 'changes nothing here'})")
+    return [f"Not in the model: {', '.join(effects)}"] if effects else []
 
 
-def _range(basis: dict[str, Any] | None) -> list[str]:
-    """How far the basis of the reduced body bent furthest is good, and how far it is bent."""
+def _basis_range(basis: dict[str, Any] | None) -> list[str]:
+    """A sentence about the range of the basis of the reduced body that is bent furthest; empty without reduced bodies."""
     if basis is None:
         return []
-    good = "good about the trained configuration alone"
+    valid = "good about the trained configuration alone"
     if basis["within_percent"] is not None:
         limits = (
             f"{format_number(basis['most_stroke'], 2)} L and {format_number(basis['most_turn_deg'], 2)} deg"
         )
-        good = f"within {basis['within_percent']:g} % to {limits}"
+        valid = f"within {basis['within_percent']:g} % to {limits}"
     at = f"{format_number(basis['stroke'], 2)} L and {format_number(basis['turn_deg'], 2)} deg"
     size = f"{basis['coordinates']} coordinates, condition {format_number(basis['condition'], 2)}"
-    return [f"Basis of '{basis['of']}', bent furthest, to {at}: {good} ({size})"]
+    return [f"Basis of '{basis['of']}', bent furthest, to {at}: {valid} ({size})"]
 
 
 def _joints(d: dict[str, Any]) -> list[Any]:
@@ -181,16 +189,18 @@ def _joints(d: dict[str, Any]) -> list[Any]:
     off = ("x [um]", "y [um]", "z [um]", "rx [mrad]", "ry [mrad]", "rz [mrad]") if known else ()
     table = _table("joint", "intended", *off)
     for name, j in d["joints"].items():
-        several = len(j["intended"]) > 1
-        said = []
+        has_several = len(j["intended"]) > 1
+        motions = []
         for key, value in j["intended"].items():
             motion, unit = key.rsplit("_", 1)
-            said.append(f"{motion + ' ' if several else ''}{format_number(value, 5, zero=1e-9)} {unit}")
+            motions.append(
+                f"{motion + ' ' if has_several else ''}{format_number(value, 5, zero=1e-9)} {unit}"
+            )
         row = [
             *(j["unintended_displacement_um"] or [None] * 3),
             *(j["unintended_rotation_mrad"] or [None] * 3),
         ]
-        table.add_row(name, "\n".join(said), *[format_number(v, 3, zero=1e-6) for v in row[: len(off)]])
+        table.add_row(name, "\n".join(motions), *[format_number(v, 3, zero=1e-6) for v in row[: len(off)]])
     title = "Joints: intended motion" + (
         ", and unintended displacement and rotation of interface B" if known else ""
     )

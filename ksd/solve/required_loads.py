@@ -282,7 +282,7 @@ def _dead_centre(model: Model, state: State) -> tuple[str, ...]:
     unactuated.multiplier[:] = 0.0
     actuation = Actuation(model)
     actuation(unactuated)
-    ways = actuation.ways.reshape(model.links - 1, 6, -1).copy()
+    ways = actuation.gradients.reshape(model.links - 1, 6, -1).copy()
     ways[:, 3:] /= model.arrays.size
     driven = {t.link for d in (model.said or model.scene).drives for t in d.terms}
     names = model.scene.links[1:]

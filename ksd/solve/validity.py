@@ -1,14 +1,14 @@
-"""How far a basis is good: stroke and rotation of one modal leaf or reduced solid, found by driving it alone.
+"""Range of a basis: stroke and rotation up to which one modal leaf or reduced solid is accurate, found by driving it alone.
 
-Three ways of bending bound what a leaf meets in a mechanism: a tip driven across with its rotation free, the same with
-the rotation held (a guide), and a rotation. Each is driven further until the error indicator passes the wanted error.
+Three ways of bending bound what a leaf meets in a mechanism: its tip driven across with the rotation free, the same with the
+rotation held (a guide), and a rotation. Each is driven further until the error indicator exceeds the given error.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,10 +27,11 @@ from ksd.solve.steps import Stop
 from ksd.solve.storage import NewtonStorage
 
 BENDING_MODES = ("across", "guided", "turned")
-"""Tip driven across, across without turning, and turned."""
+"""Ways to drive the tip: across with free rotation, across with held rotation, and rotated."""
 MAX_TRIED = {"across": 0.6, "guided": 0.6, "turned": np.deg2rad(75.0)}
-"""As far as is tried: strokes over the length, and a rotation [rad]."""
-STEPS, HALVINGS = 8, 4
+"""Largest drive value that is tried: strokes over the length, and a rotation [rad]."""
+DRIVE_STEPS, BISECTIONS = 8, 4
+"""Equal steps to that value, and bisections of the step in which the error is exceeded."""
 
 
 @dataclass(frozen=True)
@@ -53,48 +54,61 @@ class Validity:
 
     @property
     def sentence(self) -> str:
-        """The range in words: the smallest of all ways."""
-        at = min(self.stroke.values()), np.rad2deg(min(self.turn.values()))
-        said = f"to a stroke of {at[0]:.2g} L and {at[1]:.2g} degrees"
-        return f"{self.word} '{self.leaf}' is within {100 * self.error:g} % {said}"
+        """The range in one sentence: the smallest of all bending modes."""
+        stroke, degrees = min(self.stroke.values()), np.rad2deg(min(self.turn.values()))
+        return (
+            f"{self.word} '{self.leaf}' is within {100 * self.error:g} % to a stroke of {stroke:.2g} L and "
+            f"{degrees:.2g} degrees"
+        )
 
 
-def _alone(leaf: Any, way: str, *, flat: bool) -> Mechanism:
-    """The leaf alone along x, its end driven in one way; flat: held out of the plane."""
-    scene = Mechanism(f"leaf {way}")
+def _single_leaf(leaf: Any, mode: str, *, is_2d: bool) -> Mechanism:
+    """The leaf alone along x, its tip driven in one bending mode; is_2d: supports hold the tip out of the plane."""
+    scene = Mechanism(f"leaf {mode}")
     tip = scene.link("tip")
-    reach = float(np.linalg.norm(np.subtract(leaf.end, leaf.start)))
+    length = float(np.linalg.norm(np.subtract(leaf.end, leaf.start)))
     scene.leaf(
-        scene.ground, tip, start=(0, 0, 0), end=(reach, 0, 0), section=leaf.section, material=leaf.material,
+        scene.ground, tip, start=(0, 0, 0), end=(length, 0, 0), section=leaf.section, material=leaf.material,
         width_axis="z", profile=leaf.profile, curve=leaf.curve, name="leaf",
     )  # fmt: skip
-    if flat:
-        scene.support(tip, along="z", at=(reach, 0, 0))
+    if is_2d:
+        scene.support(tip, along="z", at=(length, 0, 0))
         scene.support(tip, about="x")
         scene.support(tip, about="y")
-    if way == "turned":
-        scene.actuate(tip, about="z", name="way")
+    if mode == "turned":
+        scene.actuate(tip, about="z", name="tip")
         return scene
-    scene.actuate(tip, along="y", at=(reach, 0, 0), name="way")
-    if way == "guided":
+    scene.actuate(tip, along="y", at=(length, 0, 0), name="tip")
+    if mode == "guided":
         scene.support(tip, about="z")
     return scene
 
 
-def _limit(model: Model, name: str, way: str, error: float) -> tuple[float, float, bool]:
-    """Stroke and rotation at which the indicator passes `error` in one way, and whether it was further than tried."""
+class _Limit(NamedTuple):
+    """Stroke and turn at the limit of one bending mode, and whether the limit lies beyond what was tried."""
+
+    stroke: float
+    turn: float
+    is_beyond: bool
+
+
+def _limit(model: Model, name: str, mode: str, error: float) -> _Limit:
+    """Drive one leaf in one bending mode until the error indicator exceeds `error`."""
     leaf, body = scene_leaves(model)[name], model.bodies[name]
     if isinstance(body, SolidBasis):
-        scene = _alone(leaf, way, flat=body.solid.is_2d).scene()
+        scene = _single_leaf(leaf, mode, is_2d=body.solid.is_2d).scene()
         model = with_solids(compile_as_is(scene, model.mesh), {"leaf": body})
     else:
         mesh = replace(model.mesh, leaf="corotational", elements=body.choices.elements)
-        model = with_modal_bodies(compile_as_is(_alone(leaf, way, flat=False).scene(), mesh), body.choices)
-    size = MAX_TRIED[way] * (1.0 if way == "turned" else leaf.length)
-    good, start, storage = (0.0, 0.0), (model.targets({"way": 0.0}), model.rest), NewtonStorage(model)
+        scene = _single_leaf(leaf, mode, is_2d=False).scene()
+        model = with_modal_bodies(compile_as_is(scene, mesh), body.choices)
+    largest = MAX_TRIED[mode] * (1.0 if mode == "turned" else leaf.length)
+    valid, start, storage = (0.0, 0.0), (model.targets({"tip": 0.0}), model.rest), NewtonStorage(model)
 
-    def tried(share: float) -> tuple[Any, tuple[float, float] | None]:
-        target = model.targets({"way": share * size})
+    def drive(share: float) -> tuple[Any, tuple[float, float] | None]:
+        """Drive to a share of the largest value: (start of the next step, stroke and turn); the latter None where the error
+        is exceeded or nothing converges."""
+        target = model.targets({"tip": share * largest})
         begin, state = start
         driven, _, motion, _ = follow_load_path(
             storage, state, LoadPath(begin, target), from_rest=state is model.rest, planar=False
@@ -106,27 +120,28 @@ def _limit(model: Model, name: str, way: str, error: float) -> tuple[float, floa
         return (target, motion), (stroke, turn) if estimate.relative <= error else None
 
     low, high = 0.0, 1.0
-    for k in range(1, STEPS + 1):
-        found, reached = tried(k / STEPS)
+    for k in range(1, DRIVE_STEPS + 1):
+        end, reached = drive(k / DRIVE_STEPS)
         if reached is None:
-            high = k / STEPS
+            high = k / DRIVE_STEPS
             break
-        low, good, start = k / STEPS, reached, found
+        low, valid, start = k / DRIVE_STEPS, reached, end
     if low == 1.0:
-        return *good, True
-    for _ in range(HALVINGS):
-        found, reached = tried(0.5 * (low + high))
+        return _Limit(*valid, is_beyond=True)
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        end, reached = drive(middle)
         if reached is None:
-            high = 0.5 * (low + high)
+            high = middle
         else:
-            low, good, start = 0.5 * (low + high), reached, found
-    return *good, False
+            low, valid, start = middle, reached, end
+    return _Limit(*valid, is_beyond=False)
 
 
 def validity(model: Model, *, leaf: str | None = None, error: float = 0.01) -> Validity:
-    """The range of the basis of one leaf, or solid, (the first when None), expanded at rest, within a relative `error`.
+    """Range in which the basis of one leaf or solid (the first when None), expanded at rest, is within a relative `error`.
 
-    Raises SceneError for an unknown leaf, and for bases expanded at a trained state: their range is about that state.
+    Raises SceneError for an unknown leaf, and for bases expanded at a trained state, whose range is around that state.
     """
     bodies = model.bodies
     if not bodies or is_constant(model):
@@ -141,22 +156,24 @@ def validity(model: Model, *, leaf: str | None = None, error: float = 0.01) -> V
         )
     key = "validity", name, error
     if key not in model.derived:
-        # the face of a guided solid does not turn
-        ways = [way for way in BENDING_MODES if way != "guided" or name not in model.solids]
-        found = {way: _limit(model, name, way, error) for way in ways}
-        stroke, turn = ({way: f[k] for way, f in found.items()} for k in (0, 1))
-        beyond = tuple(way for way in ways if found[way][2])
+        # the face of a guided solid does not turn, so that mode is no limit of its turn
+        modes = [mode for mode in BENDING_MODES if mode != "guided" or name not in model.solids]
+        limits = {mode: _limit(model, name, mode, error) for mode in modes}
+        stroke = {mode: limit.stroke for mode, limit in limits.items()}
+        turn = {mode: limit.turn for mode, limit in limits.items()}
+        beyond = tuple(mode for mode, limit in limits.items() if limit.is_beyond)
         model.derived[key] = Validity(name, error, stroke, turn, beyond, bodies[name].word)
     return model.derived[key]
 
 
 @dataclass(frozen=True)
 class BasisUse:
-    """The reduced body bent furthest in a state, and how far its basis is good.
+    """The reduced body that is bent furthest in a state, and the range of its basis.
 
-    name: of the leaf or solid; coordinates: independent ones of its basis, condition: of their columns; stroke: displacement
-    of its end over its length, turn [rad]: largest rotation against its chord (of a solid: of face B); error, most_stroke,
-    most_turn: it stays within this relative error up to these, nan for a basis expanded about a trained state.
+    name: of the leaf or solid; coordinates: number of independent coordinates of its basis; condition: condition number of
+    their columns; stroke: displacement of its end over its length; turn [rad]: largest rotation against its chord (of a
+    solid: of face B); error: relative error of the basis up to most_stroke and most_turn, nan for a basis expanded about a
+    trained state.
     """
 
     name: str
@@ -170,22 +187,22 @@ class BasisUse:
 
 
 def basis_use(model: Model, motion: State) -> BasisUse | None:
-    """What an answer of reduced bodies says of its bases; None where there are none."""
+    """The reduced body bent furthest and the range of its basis; None without reduced bodies."""
     if not model.bodies or is_constant(model):
         return None
     name, stroke, turn = most_bent_body(model, motion)
     body = model.bodies[name]
-    size, condition = body.unknowns, body.condition
+    coordinates, condition = body.unknowns, body.condition
     if body.trained:
-        return BasisUse(name, size, condition, stroke, turn, math.nan, math.nan, math.nan)
-    found = validity(model, leaf=name)
-    limits = min(found.stroke.values()), min(found.turn.values())
-    return BasisUse(name, size, condition, stroke, turn, found.error, *limits)
+        return BasisUse(name, coordinates, condition, stroke, turn, math.nan, math.nan, math.nan)
+    limit = validity(model, leaf=name)
+    most_stroke, most_turn = min(limit.stroke.values()), min(limit.turn.values())
+    return BasisUse(name, coordinates, condition, stroke, turn, limit.error, most_stroke, most_turn)
 
 
 def most_bent_body(model: Model, motion: State) -> tuple[str, float, float]:
-    """The reduced body bent furthest: its name, displacement of its end over its length, and largest rotation [rad] against
-    its chord (of a solid: of face B)."""
+    """The reduced body that is bent furthest: name, displacement of its end over its length, and largest rotation [rad]
+    against its chord (of a solid: of face B)."""
     worst = ("", 0.0, -1.0)
     for name, body in model.bodies.items():
         i = model.member_names.index(name)
