@@ -1,4 +1,4 @@
-"""What `ksd.rest_shape` returns: a scene drawn undeformed, what it was made of, and its lines for whoever makes it."""
+"""Result of `ksd.rest_shape`: the undeformed scene, with forces, checks, and the lines of its leaf springs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.checks import name_hint, show, whole_number
-from ksd.design.rest_leaf import DrawnLeaf, axes_of
+from ksd.design.rest_leaf import DeformedLeaf, plane_axes
 from ksd.errors import SceneError
 from ksd.files import write_file
 from ksd.model.leaves import cut_leaves
@@ -23,28 +23,28 @@ from ksd.properties.printing import PrintableAnswer, format_number, format_table
 from ksd.scene.scene import Scene
 
 Array = NDArray[np.float64]
-FINE = Mesh(orders=(3, 2, 12), points=16)
-"""Leaf springs of the forward solution by which a rest shape is checked."""
-STATIONS = 101
-"""Points along a leaf where no other number is asked for."""
+CHECK_MESH = Mesh(orders=(3, 2, 12), points=16)
+"""Mesh of the forward solution by which a rest shape is checked."""
+DEFAULT_POINTS = 101
+"""Points along a leaf spring by default."""
 
 
-def pieces_of(scene: Scene) -> list[tuple[str, str, Any]]:
-    """(name, whole leaf, leaf) of every leaf spring, cut at the points on it."""
+def leaf_pieces(scene: Scene) -> list[tuple[str, str, Any]]:
+    """(name, name of the whole leaf, leaf) of every piece of the leaf springs, which are cut at the points on them."""
     wholes = [f.name for f in scene.leaves for _ in range(1 + sum(p.leaf == f.name for p in scene.points))]
     return [(name, whole, leaf) for (name, _, _, leaf), whole in zip(cut_leaves(scene), wholes, strict=True)]
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
 class RestShape(PrintableAnswer, Scene):
-    """A scene, drawn undeformed, that takes a wanted shape under its loads; solve it as any other.
+    """An undeformed scene that takes a wanted shape under its loads; solve it like any other scene.
 
-    wanted: the scene as it is wanted; targets: drive values by name [m or rad] that belong to it; forces: of the drives [N
-    or Nm]; leaf_forces (4,) by leaf: components in the plane of the force that the part beyond exerts on it at its end [N],
-    bending moments at its start and end [Nm]; folds: shares of the loads at which the way from the drawn shape
-    turned back; crossings: names of leaf springs that run through each other, or a name twice, at rest. The forward
-    solution from here: `checked` says in words how it ended, displacement [m] and rotation [rad] the largest distance of a
-    link from where it is wanted, infinite where there is none.
+    wanted: the scene in the wanted shape; targets: its drive values by name [m or rad]; forces: of the drives [N or Nm];
+    leaf_forces (4,) by leaf: components in the plane of the force that the part beyond exerts on the leaf at its end [N],
+    bending moments at its start and end [Nm]; folds: load fractions at which the path from the drawn shape turned back;
+    crossings: pairs of leaf springs that overlap undeformed, a name twice where one overlaps itself. checked: result of the
+    forward solution in words; displacement [m], rotation [rad]: its largest distance of a link from the wanted pose,
+    infinite without a forward solution.
     """
 
     wanted: Scene = field(compare=False)
@@ -61,7 +61,7 @@ class RestShape(PrintableAnswer, Scene):
         return f"of '{self.name}', {self.checked}"
 
     def __str__(self) -> str:
-        axes = "xyz" if self.plane is None else [("xyz")[k] for k in axes_of(self.plane).own]
+        axes = "xyz" if self.plane is None else [("xyz")[k] for k in plane_axes(self.plane).in_plane]
         rows = []
         for placed in self.leaves:
             h, v, first, last = self.leaf_forces[placed.name]
@@ -77,47 +77,46 @@ class RestShape(PrintableAnswer, Scene):
             f"{n} = {format_number(v, 6)}, {format_number(self.forces[n], 6)} N or Nm"
             for n, v in self.targets.items()
         ]
-        said = [f"Rest shape of '{self.name}': {self.checked}."]
-        said += [f"Drives: {'; '.join(drives)}."] if drives else []
-        said += [
+        lines = [f"Rest shape of '{self.name}': {self.checked}."]
+        lines += [f"Drives: {'; '.join(drives)}."] if drives else []
+        lines += [
             f"'{a}' runs through itself at rest."
             if a == b
             else f"'{a}' and '{b}' run through each other at rest."
             for a, b in self.crossings
         ]
         return render_text(
-            *said,
+            *lines,
             format_table(
                 columns, rows, "Leaf springs: undeformed, and the forces in them in the wanted shape"
             ),
         )
 
-    def line(self, leaf: str, *, points: int = STATIONS) -> Array:
-        """Places (points, 3) [m] along a leaf at rest, evenly from its start to its end. Raises SceneError."""
-        known = [f.name for f in self.leaves]
-        if leaf not in known:
+    def line(self, leaf: str, *, points: int = DEFAULT_POINTS) -> Array:
+        """Positions (points, 3) [m] along an undeformed leaf, evenly from its start to its end. Raises SceneError."""
+        names = [f.name for f in self.leaves]
+        if leaf not in names:
             raise SceneError(
-                f"there is no leaf {show(leaf)}; there are {', '.join(known)}{name_hint(leaf, known)}"
+                f"there is no leaf {show(leaf)}; there are {', '.join(names)}{name_hint(leaf, names)}"
             )
-        axes, count = axes_of(str(self.plane)), whole_number(points, "points", least=2)
-        drawn = [
-            DrawnLeaf(name, ("", ""), piece, axes, np.zeros(2), FINE)
-            for name, of, piece in pieces_of(self)
-            if of == leaf
+        axes, count = plane_axes(str(self.plane)), whole_number(points, "points", least=2)
+        pieces = [
+            DeformedLeaf(name, ("", ""), piece, axes, np.zeros(2), CHECK_MESH)
+            for name, whole, piece in leaf_pieces(self)
+            if whole == leaf
         ]
-        ends = np.cumsum([0.0, *(piece.long for piece in drawn)])
-        found = np.empty((count, 3))
-        found[:, axes.normal] = self.leaves[known.index(leaf)].leaf.start[axes.normal]
-        for row, s in zip(found, np.linspace(0.0, float(ends[-1]), count), strict=True):
-            k = min(int(np.searchsorted(ends, s, side="right")) - 1, len(drawn) - 1)
-            row[list(axes.own)] = drawn[k].stations.at(drawn[k].r, np.array([(s - ends[k]) / drawn[k].long]))[
-                :, 0
-            ]
-        return found
+        ends = np.cumsum([0.0, *(piece.length for piece in pieces)])
+        positions = np.empty((count, 3))
+        positions[:, axes.normal] = self.leaves[names.index(leaf)].leaf.start[axes.normal]
+        for position, s in zip(positions, np.linspace(0.0, float(ends[-1]), count), strict=True):
+            k = min(int(np.searchsorted(ends, s, side="right")) - 1, len(pieces) - 1)
+            u = np.array([(s - ends[k]) / pieces[k].length])
+            position[list(axes.in_plane)] = pieces[k].stations.evaluate(pieces[k].r, u)[:, 0]
+        return positions
 
-    def to_csv(self, path: str | os.PathLike[str], *, points: int = STATIONS) -> Path:
-        """Write the lines of all leaf springs at rest: leaf, s_m along it, x_m, y_m, z_m (UTF-8, full precision, one header
-        line). Returns the path."""
+    def to_csv(self, path: str | os.PathLike[str], *, points: int = DEFAULT_POINTS) -> Path:
+        """Write the lines of all undeformed leaf springs: leaf, s_m along it, x_m, y_m, z_m (UTF-8, full precision, one
+        header line). Returns the path."""
         text = io.StringIO(newline="")
         writer = csv.writer(text)
         writer.writerow(("leaf", "s_m", "x_m", "y_m", "z_m"))
@@ -130,4 +129,4 @@ class RestShape(PrintableAnswer, Scene):
         return write_file(path, text.getvalue(), what="table")
 
 
-__all__ = ["FINE", "RestShape", "pieces_of"]
+__all__ = ["CHECK_MESH", "RestShape", "leaf_pieces"]
