@@ -19,9 +19,9 @@ from common import options, save_picture, write_json
 from floor import one_pass
 from front import Mark, Panel, draw_fronts
 
-from ksd.bench import SUITE, Case, Measured, measure
-from ksd.bench.measure import numbers, summary
-from ksd.bench.suite import label_of, meshes_of
+from ksd.bench import SUITE, Case, CaseResult, measure
+from ksd.bench.measure import json_results, summary
+from ksd.bench.suite import leaf_label, leaf_meshes
 from ksd.model.compile import compile_scene
 from ksd.view.figure import new_figure
 
@@ -29,7 +29,7 @@ ENGINES_ON = ("fourbar", (5, 10, 20))
 """Scenes other engines are given, and with how many elements per leaf."""
 
 
-def told(case: Case, measured: Measured, *, quick: bool) -> Told:
+def told(case: Case, measured: CaseResult, *, quick: bool) -> Told:
     """A measured case with other engines and the least a pass must do."""
     scene, targets = case.build()
     word, elements = ENGINES_ON
@@ -37,8 +37,8 @@ def told(case: Case, measured: Measured, *, quick: bool) -> Told:
     if word in case.name:
         force = next(iter(measured.forces.values()))
         engines = measure_engines(scene, targets, force, elements=elements[:1] if quick else elements)
-    meshes = meshes_of(case, quick=quick)
-    floors = {label_of(mesh): str(one_pass(compile_scene(scene, mesh=mesh).arrays)) for mesh in meshes}
+    meshes = leaf_meshes(case, quick=quick)
+    floors = {leaf_label(mesh): str(one_pass(compile_scene(scene, mesh=mesh).arrays)) for mesh in meshes}
     return Told(**vars(measured), engines=tuple(engines), floors=floors)
 
 
@@ -58,7 +58,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
             results.append(told(case, measured, quick=found.quick))
             print(case.name, *summary(measured), *engine_lines(results[-1]), sep="\n")
     print(asked_table(results))
-    written = numbers(results)
+    written = json_results(results)
     for m in results:
         written["cases"][m.case] |= {"engines": [asdict(r) for r in m.engines], "one_pass": dict(m.floors)}
     write_json(written, found.out / "bench.json")

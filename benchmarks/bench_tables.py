@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 
 from bench_engines import EngineRow
 
-from ksd.bench.measure import Measured, Row, good, machine
+from ksd.bench.measure import CaseResult, Measurement, is_accurate, machine_facts
 from ksd.solve.steps import percent
 
 
 @dataclass(frozen=True)
-class Told(Measured):
+class Told(CaseResult):
     """A case with what other engines took, and, by leaf model, operations and bytes of a pass over all leaves, in words."""
 
     engines: tuple[EngineRow, ...] = ()
@@ -28,7 +28,7 @@ KINDS = ("strain-mode", "Appendix A", "modal")
 _MISSED = "not reached"
 
 
-def kind_of(row: Row) -> str:
+def kind_of(row: Measurement) -> str:
     """Which leaf model a row has."""
     return {"strain": "strain-mode", "modal": "modal"}.get(row.leaves.split(",")[0].split()[0], "Appendix A")
 
@@ -38,7 +38,7 @@ def equal_accuracy(results: Sequence[Told]) -> str:
 
     Appendix A elements and strain-mode leaves apart; with the ratios of the papers' comparison below.
     """
-    cases = [m for m in results if any(good(r) for r in m.rows)]
+    cases = [m for m in results if any(is_accurate(r) for r in m.rows)]
     lines = ["| method | leaf springs | " + " | ".join(m.case for m in cases) + " |"]
     lines.append("|---" * (2 + len(cases)) + "|")
     for method in METHODS:
@@ -49,9 +49,9 @@ def equal_accuracy(results: Sequence[Told]) -> str:
     return "\n".join(lines)
 
 
-def _cheapest_cell(rows: Iterable[Row], method: str, kind: str) -> str:
+def _cheapest_cell(rows: Iterable[Measurement], method: str, kind: str) -> str:
     mine = [r for r in rows if r.method == method and kind_of(r) == kind]
-    fit = [r for r in mine if good(r)]
+    fit = [r for r in mine if is_accurate(r)]
     if not fit:
         return _MISSED if mine else "-"
     best = min(fit, key=lambda r: r.call[1])
@@ -61,7 +61,7 @@ def _cheapest_cell(rows: Iterable[Row], method: str, kind: str) -> str:
     return f"{best.call[1]:.0f} ({which}; {error})"
 
 
-def best_times(m: Measured, leaves: str) -> dict[str, float]:
+def best_times(m: CaseResult, leaves: str) -> dict[str, float]:
     """Whole calls [us] by method; "conventional" is the better of its two ways to choose steps."""
     found = {r.method: r.call[1] for r in m.rows if r.leaves == leaves and not r.failed}
     if "conventional" in found:
@@ -178,7 +178,7 @@ def _ratios(m: Told) -> list[str]:
     return found
 
 
-def _slow(m: Told, fast: Row, slow: Row, times: float) -> str:
+def _slow(m: Told, fast: Measurement, slow: Measurement, times: float) -> str:
     """Why a ratio of so many times is missed."""
     most = slow.passes / max(fast.passes, 1)
     words = [
@@ -199,7 +199,7 @@ def _bounds(m: Told) -> list[str]:
     for asked in BOUNDS:
         rows = [r for r in m.rows if r.method == asked.method and not r.failed]
         if asked.leaves == "good":
-            rows = [r for r in rows if r.leaves.startswith("strain") and good(r)]
+            rows = [r for r in rows if r.leaves.startswith("strain") and is_accurate(r)]
         else:
             rows = [r for r in rows if r.leaves == asked.leaves]
         if asked.case not in m.case or not rows:
@@ -213,7 +213,7 @@ def _bounds(m: Told) -> list[str]:
     return found
 
 
-def _long(m: Told, row: Row) -> str:
+def _long(m: Told, row: Measurement) -> str:
     """Why a time is missed."""
     around = row.call[1] - row.steps[1]
     words = f"compiled steps {row.steps[1]:.0f} us, Python around them {around:.0f} us"
@@ -239,7 +239,7 @@ _SHOWN = ("fourbar", "three-joint arm")
 
 def page(results: Sequence[Told]) -> str:
     """The text of bench.md: the comparison at equal accuracy, the ratios, what was asked, other engines."""
-    m = machine()
+    m = machine_facts()
     shown = [r for r in results if r.case.startswith(_SHOWN)] or results
     return "\n".join(
         [

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 import ksd
-from ksd.bench.measure import machine as processor
+from ksd.bench.measure import machine_facts as processor
 from ksd.files import write_file
 from ksd.model.mesh import Mesh
 from ksd.solve.conventional import solve_conventional

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ksd.bench.measure import unbeaten
+from ksd.bench.measure import pareto_indices
 from ksd.view.cost_plot import shared_label_rows
 from ksd.view.figure import (
     GROUND_COLOR,
@@ -93,7 +93,7 @@ def _draw(axes: Any, every: Iterable[Mark]) -> tuple[Any, Any]:
         look = {"color": NAMED[method], "markersize": 3.5, "linewidth": 0.8, "zorder": 2}
         axes.plot([m.time for m in row], [m.error for m in row], "s-", **look)
         lines.append([(m.time, m.error) for m in row])
-    best = [(marks[n].time, marks[n].error) for n in unbeaten((m.time, m.error) for m in marks)]
+    best = [(marks[n].time, marks[n].error) for n in pareto_indices((m.time, m.error) for m in marks)]
     low, high = 0.5 * min(m.time for m in marks), 2.2 * max(m.time for m in marks)
     steps = [(best[0][0], 10.0 * max(m.error for m in marks)), *best]
     axes.step(

@@ -1,10 +1,11 @@
-"""The benchmark: every method on the same scenes in one run, time beside error.
+"""The benchmark: time and error of every method on the same scenes in one run.
 
-`suite` holds the scenes and the ways to them as data, `measure` runs them in turns and makes the table. What is asked of the
-figures, other engines, the picture and the tables of the README are in `benchmarks/bench.py` of the source tree.
+`suite` holds the scenes and the methods with their leaf models, `measure` times them in turns and makes the table, `compare`
+is `ksd.compare` for a scene of one's own. Required figures, other engines, the picture and the tables of the README are in
+`benchmarks/bench.py` of the source tree.
 """
 
-from ksd.bench.measure import Measured, Row, measure
+from ksd.bench.measure import CaseResult, Measurement, measure
 from ksd.bench.suite import SUITE, Case
 
-__all__ = ["SUITE", "Case", "Measured", "Row", "measure"]
+__all__ = ["SUITE", "Case", "CaseResult", "Measurement", "measure"]

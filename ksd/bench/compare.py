@@ -1,4 +1,4 @@
-"""`ksd.compare`: one pose by every method, each answer beside its time and its error, as a table."""
+"""`ksd.compare`: one pose by every method, as a table of answers, times and errors."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import math
 import statistics
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 
-from ksd.bench.measure import converged, in_turns, quartiles, rounds_of
-from ksd.bench.suite import FINEST, Way, not_run
+from ksd.bench.measure import quartiles, reference_configuration, round_count, time_in_turns
+from ksd.bench.suite import REFERENCE_MESH, Variant, raise_not_run
 from ksd.checks import boolean, clear_argument_errors, name_hint, names_of, show, whole_number
 from ksd.design.arguments import check_solve_options
 from ksd.design.questions import EFFORT_SUFFIX
@@ -30,20 +30,20 @@ from ksd.solve.solver import Solver, given_values, solve
 from ksd.solve.steps import percent
 
 ESTIMATE = "error estimate"
-"""Name of the step that is not part of the solve proper."""
+"""Name of the solver step that computes the error estimate."""
 MODAL_LEAVES = 30
-"""Leaf springs from which modal bodies are compared only where they are named: a call takes many seconds."""
+"""Number of leaf springs above which modal bodies are compared on request only: a call takes many seconds."""
 METHODS = (
     "constant", "kinematic", "reduced", "relinearised once", "full", "modal", "conventional", "conventional, Newton",
 )  # fmt: skip
-"""What is compared, the last one by plain Newton iterations, as in Appendix B of paper 1."""
+"""Names of the methods that are compared; the last one uses plain Newton iterations, as in Appendix B of paper 1."""
 POSE_ERRORS = (KsdError, ArithmeticError, np.linalg.LinAlgError)
-"""What a method may raise that cannot do a scene."""
+"""Errors of a method that cannot solve a scene."""
 
 
 @dataclass(frozen=True)
-class Approach:
-    """One way to a pose: `solve(estimate)` with or without the error figure of the method."""
+class ComparedMethod:
+    """A method with a leaf model; `solve(estimate)` solves with or without the error estimate of the method."""
 
     method: str
     leaves: str
@@ -52,44 +52,46 @@ class Approach:
 
 @dataclass(frozen=True)
 class Reference:
-    """What errors are counted from: forces by drive [N or Nm], positions (links, 3) [m] of the links, how far the farthest
-    has come [m], and where all of it comes from, in words."""
+    """The solution that errors are relative to: drive forces by name [N or Nm], positions (links, 3) [m] of the links,
+    largest displacement of a link [m], and a description of its leaf model and method."""
 
     forces: Mapping[str, float]
-    places: np.ndarray
-    moved: float
-    words: str
+    positions: np.ndarray
+    largest_displacement: float
+    description: str
 
 
 @dataclass(frozen=True)
-class Compared:
-    """What one way gave: median thread times [s] of a call, of its steps alone and of the error estimate; factorisations;
-    drive forces, how far the farthest link came [m]; relative errors of forces and positions; what the answer itself says
-    of its error, by the method alone (estimate) and with its mesh (told). failed: why there is nothing of it."""
+class MethodResult:
+    """Result of one method.
+
+    Median thread times [s]: call_time; steps_time, of the compiled steps alone; estimate_time, of the error estimate.
+    factorisations: their number. forces: of the drives; largest_displacement: of a link [m]. force_error,
+    displacement_error: relative to the reference. estimated_error: of the method, by its own estimate; reported_error: of
+    the answer, mesh included, by its own estimate. failure: why there is no result.
+    """
 
     method: str
     leaves: str
-    call: float = math.nan
-    time: float = math.nan
-    check: float = math.nan
-    iterations: int = 0
+    call_time: float = math.nan
+    steps_time: float = math.nan
+    estimate_time: float = math.nan
+    factorisations: int = 0
     forces: Mapping[str, float] | None = None
-    moved: float = math.nan
+    largest_displacement: float = math.nan
     force_error: float = math.nan
-    place_error: float = math.nan
-    estimate: float | None = None
-    told: float | None = None
+    displacement_error: float = math.nan
+    estimated_error: float | None = None
+    reported_error: float | None = None
     stable: bool = True
-    failed: str = ""
+    failure: str = ""
 
     @property
     def error(self) -> float:
-        """The larger of the errors of forces and positions."""
-        return (
-            max(self.force_error, self.place_error)
-            if self.force_error == self.force_error
-            else self.place_error
-        )
+        """The larger of the errors of forces and displacements; the latter where there is no force."""
+        if math.isnan(self.force_error):
+            return self.displacement_error
+        return max(self.force_error, self.displacement_error)
 
 
 @clear_argument_errors
@@ -110,69 +112,75 @@ def compare(
     """One pose of a mechanism by every method: a `ksd.Table` with a row for each, its answer, time and error.
 
     targets, drives: drive values [m or rad] by name; methods: those of METHODS to compare, all when None; elements:
-    Appendix A elements of each leaf in the rows that have such; repeats: calls of which the median time is told, in turns
-    with the others (fewer of slow ones); extrapolate, effects, with_, without: as in `ksd.solve`; progress: whether a bar
-    tells how far it is. Columns: time_us of a call of the prepared solver and steps_us of its compiled steps (thread CPU
-    time), estimate_us (of the method's error figure, on top), factorisations, drive forces, moved_mm (of the farthest
-    link), force_error_percent (of each drive, over the largest force or moment), displacement_error_percent (of each
-    link, over moved_mm), error_percent (the larger; that of the mesh is in it, as the reference is strain-mode leaves of
-    order 6, 5, 9 by the conventional method), estimated_error_percent and told_error_percent (what the answer says of its
-    method alone, and with its mesh). A method that cannot do this scene is a row whose `status` says why. Raises
-    SceneError for wrong words, ConvergenceError where the reference has no equilibrium there.
+    number of Appendix A elements per leaf in the rows with such; repeats: number of calls of the median time, in turns with
+    the other methods (fewer of slow ones); extrapolate, effects, with_, without: as in `ksd.solve`; progress: show a
+    progress bar. Columns: time_us of a call of the prepared solver and steps_us of its compiled steps (thread CPU
+    time), estimate_us (of the error estimate of the method, in addition), factorisations, drive forces, moved_mm (largest
+    displacement of a link), force_error_percent (of a drive, over the largest force or moment), displacement_error_percent
+    (of a link, over moved_mm), error_percent (the larger one; it includes the error of the mesh, as the reference has
+    strain-mode leaves of order 6, 5, 9, solved by the conventional method), estimated_error_percent and told_error_percent
+    (estimates of the answer itself, of its method alone and with its mesh). A method that cannot solve this scene is a row
+    whose `status` gives the reason. Raises SceneError for invalid arguments, ConvergenceError where the reference has no
+    equilibrium.
     """
     check_solve_options(mesh=None, relinearisations=0, extrapolate=extrapolate, progress=progress)
-    wanted = METHODS if methods is None else names_of(methods, "methods")
-    for name in wanted:
+    names = METHODS if methods is None else names_of(methods, "methods")
+    for name in names:
         if name not in METHODS:
             raise SceneError(f"method {show(name)} is not compared{name_hint(name, METHODS)}")
-    count, times = whole_number(elements, "elements"), whole_number(repeats, "repeats")
+    element_count, repeats = whole_number(elements, "elements"), whole_number(repeats, "repeats")
     values = given_values(targets, drives)
-    words: dict[str, Any] = {"effects": effects, "with_": with_, "without": without}
-    reference, model = finest(mechanism, values, extrapolate=extrapolate, **words)
-    usual = _usual_mesh(mechanism, values, extrapolate=extrapolate, **words)
-    found = approaches(
-        model.said, values, usual, count, extrapolate=extrapolate, effects=model.choice.present
-    )
-    chosen = [a for a in found if a.method in wanted]
+    effect_options: dict[str, Any] = {"effects": effects, "with_": with_, "without": without}
+    reference, model = finest_reference(mechanism, values, extrapolate=extrapolate, **effect_options)
+    mesh = _default_mesh(mechanism, values, extrapolate=extrapolate, **effect_options)
+    chosen = [
+        method
+        for method in compared_methods(
+            model.said, values, mesh, element_count, extrapolate=extrapolate, effects=model.choice.present
+        )
+        if method.method in names
+    ]
     if methods is None and len(model.said.leaf_names()) > MODAL_LEAVES:
         why = f"not run: modal bodies of more than {MODAL_LEAVES} leaf springs take long; name it in methods to wait for it"
-        chosen = [a if a.method != "modal" else replace(a, solve=lambda _: not_run(why)) for a in chosen]
-    return as_table(
-        model,
-        reference,
-        measured(chosen, model.said.name, reference, times, progress=boolean(progress, "progress")),
+        chosen = [
+            m if m.method != "modal" else replace(m, solve=lambda _: raise_not_run(why)) for m in chosen
+        ]
+    results = measure_methods(
+        chosen, model.said.name, reference, repeats, progress=boolean(progress, "progress")
     )
+    return as_table(model, reference, results)
 
 
-def finest(mechanism: Any, targets: Mapping[str, float], **how: Any) -> tuple[Reference, Model]:
-    """The reference by the finest strain-mode leaves, and its model. Errors of `ksd.solve`."""
-    extrapolate = how.pop("extrapolate")
-    model = compile_scene(mechanism, mesh=FINEST, **how)
-    pose = converged(model, targets, extrapolate=extrapolate)
-    told, orders = _told(pose), ", ".join(map(str, FINEST.orders))
-    own = "" if told is None or not told < 1.0 else f" (their own error {percent(told)} %)"
-    return reference_of(pose, f"strain-mode leaves of order {orders} by method {pose.method}{own}"), model
+def finest_reference(
+    mechanism: Any, targets: Mapping[str, float], *, extrapolate: bool, **effect_options: Any
+) -> tuple[Reference, Model]:
+    """The reference with leaves of REFERENCE_MESH, and its model. Raises what `ksd.solve` raises."""
+    model = compile_scene(mechanism, mesh=REFERENCE_MESH, **effect_options)
+    pose = reference_configuration(model, targets, extrapolate=extrapolate)
+    error, orders = _reported_error(pose), ", ".join(map(str, REFERENCE_MESH.orders))
+    own = "" if error is None or not error < 1.0 else f" (their own error {percent(error)} %)"
+    return reference_from(pose, f"strain-mode leaves of order {orders} by method {pose.method}{own}"), model
 
 
-def reference_of(pose: Configuration, words: str) -> Reference:
+def reference_from(pose: Configuration, description: str) -> Reference:
     """A reference from one configuration."""
-    places = pose.motion.x[: len(pose.model.scene.links)]
-    return Reference(pose.forces, places, _moved(pose, places), words)
+    positions = pose.motion.x[: len(pose.model.scene.links)]
+    return Reference(pose.forces, positions, _largest_displacement(pose, positions), description)
 
 
-def _moved(pose: Configuration, places: np.ndarray) -> float:
-    return float(np.linalg.norm(places - pose.model.rest.x[: len(places)], axis=1).max())
+def _largest_displacement(pose: Configuration, positions: np.ndarray) -> float:
+    return float(np.linalg.norm(positions - pose.model.rest.x[: len(positions)], axis=1).max())
 
 
-def _usual_mesh(mechanism: Any, targets: Mapping[str, float], **how: Any) -> Mesh:
-    """The strain-mode leaves `ksd.solve` takes for this pose; the default ones where it has no answer."""
+def _default_mesh(mechanism: Any, targets: Mapping[str, float], **options: Any) -> Mesh:
+    """The mesh that `ksd.solve` uses for this pose; the default one where it has no answer."""
     try:
-        return solve(mechanism, targets, estimate=False, strict=False, **how).model.mesh
+        return solve(mechanism, targets, estimate=False, strict=False, **options).model.mesh
     except POSE_ERRORS:
         return Mesh()
 
 
-def approaches(
+def compared_methods(
     scene: Scene,
     targets: Mapping[str, float],
     mesh: Mesh,
@@ -180,8 +188,8 @@ def approaches(
     *,
     extrapolate: bool = False,
     effects: Any = "auto",
-) -> list[Approach]:
-    """All ways to a pose: by strain-mode leaves (`mesh`) and by so many Appendix A elements per leaf."""
+) -> list[ComparedMethod]:
+    """All methods for a pose: with strain-mode leaves (`mesh`) and with so many Appendix A elements per leaf."""
     chains = Mesh("corotational", elements=elements)
     nodal = Mesh("corotational", elements=elements, mip=False, nodal=True)
 
@@ -190,81 +198,98 @@ def approaches(
         basis = ModalBasis() if modal else None
         return Solver(scene, mesh=kind, extrapolate=extrapolate, effects=effects, basis=basis)
 
-    def by(method: Any, kind: Mesh = mesh, **how: Any) -> Callable[[bool], Configuration]:
-        made = {"modal": method == "modal"}
-        return lambda estimate: solver(kind, **made)(targets, method=method, estimate=estimate, **how)
+    def by(method: Any, kind: Mesh = mesh, **options: Any) -> Callable[[bool], Configuration]:
+        modal = method == "modal"
+        return lambda estimate: solver(kind, modal=modal)(
+            targets, method=method, estimate=estimate, **options
+        )
 
     fine, coarse = "strain-mode", f"{elements} elements"
     return [
-        Approach("constant", fine, by("constant")),
-        Approach("kinematic", fine, by("kinematic")),
-        Approach("reduced", fine, by("reduced")),
-        Approach("relinearised once", fine, by("reduced", relinearisations=1)),
-        Approach("full", fine, by("full")),
-        Approach("modal", fine, by("modal")),
-        Approach("conventional", fine, by("conventional")),
-        Approach("reduced", coarse, by("reduced", chains)),
-        Approach("full", coarse, by("full", chains)),
-        Approach("conventional", coarse, by("conventional", chains)),
-        Approach("conventional, Newton", coarse, lambda _: solve_conventional(solver(nodal).model, targets)),
+        ComparedMethod("constant", fine, by("constant")),
+        ComparedMethod("kinematic", fine, by("kinematic")),
+        ComparedMethod("reduced", fine, by("reduced")),
+        ComparedMethod("relinearised once", fine, by("reduced", relinearisations=1)),
+        ComparedMethod("full", fine, by("full")),
+        ComparedMethod("modal", fine, by("modal")),
+        ComparedMethod("conventional", fine, by("conventional")),
+        ComparedMethod("reduced", coarse, by("reduced", chains)),
+        ComparedMethod("full", coarse, by("full", chains)),
+        ComparedMethod("conventional", coarse, by("conventional", chains)),
+        ComparedMethod(
+            "conventional, Newton", coarse, lambda _: solve_conventional(solver(nodal).model, targets)
+        ),
     ]
 
 
-def measured(
-    ways: Sequence[Approach],
+def measure_methods(
+    methods: Sequence[ComparedMethod],
     name: str,
     reference: Reference,
     repeats: int,
     *,
     progress: bool = False,
-    tell: bool = True,
-) -> list[Compared]:
-    """A row for every way: solved once with its error figure, then timed in turns with the others without it. tell: ask
-    for the error with that of the mesh."""
-    rows: list[Compared | None] = [None] * len(ways)
+    report_error: bool = True,
+) -> list[MethodResult]:
+    """Results of all methods: each is solved with its error estimate, then timed in turns with the others without it.
+
+    report_error: also evaluate `MethodResult.reported_error`.
+    """
+    results: list[MethodResult | None] = [None] * len(methods)
     poses: dict[int, list[Configuration]] = {}
     with progress_bar(progress) as bar:
-        task = bar.add_task(f"compare {name}", total=len(ways) + 1)
-        for k, way in enumerate(ways):
+        task = bar.add_task(f"compare {name}", total=len(methods) + 1)
+        for k, method in enumerate(methods):
             try:
                 # kernels are loaded in the first call
-                poses[k] = [way.solve(True) for _ in range(2)]
+                poses[k] = [method.solve(True) for _ in range(2)]
             except POSE_ERRORS as reason:
-                said = " ".join(str(reason).split()) or type(reason).__name__
-                rows[k] = Compared(way.method, way.leaves, failed=said)
+                failure = " ".join(str(reason).split()) or type(reason).__name__
+                results[k] = MethodResult(method.method, method.leaves, failure=failure)
             bar.advance(task)
-        timed = {k: Way(ways[k].method, ways[k].leaves, 0, _without_estimate(ways[k])) for k in poses}
-        calls, steps = in_turns(timed, {k: rounds_of(1e6 * c[1].time, repeats) for k, c in poses.items()})
-        for k, found in poses.items():
-            rows[k] = _row(ways[k], found, (calls[k], steps[k]), reference, tell=tell)
+        timed = {
+            k: Variant(methods[k].method, methods[k].leaves, 0, partial(methods[k].solve, False))
+            for k in poses
+        }
+        rounds = {k: round_count(1e6 * solved[1].time, repeats) for k, solved in poses.items()}
+        calls, steps = time_in_turns(timed, rounds)
+        for k, solved in poses.items():
+            times = (calls[k], steps[k])
+            results[k] = _result(methods[k], solved, times, reference, report_error=report_error)
         bar.advance(task)
-    return [row for row in rows if row is not None]
+    return [result for result in results if result is not None]
 
 
-def _without_estimate(way: Approach) -> Callable[[], Configuration]:
-    return lambda: way.solve(False)
-
-
-def _row(
-    way: Approach,
+def _result(
+    method: ComparedMethod,
     poses: Sequence[Configuration],
     times: tuple[list[float], list[float]],
-    truth: Reference,
+    reference: Reference,
     *,
-    tell: bool,
-) -> Compared:
+    report_error: bool,
+) -> MethodResult:
+    """Result of a method from its configurations, and its times [us] of calls and of steps."""
     pose = poses[-1]
-    places = pose.motion.x[: len(truth.places)]
-    checks = [sum(s.time for s in c.steps if s.name == ESTIMATE) for c in poses]
-    call, steps = (1e-6 * quartiles(spent)[1] for spent in times)
-    off = float(np.linalg.norm(places - truth.places, axis=1).max())
-    method_error = None if pose.method_error is None else pose.method_error.relative
-    return Compared(
-        way.method, way.leaves, call, steps, statistics.median(checks),
-        sum(s.iterations for s in pose.steps if s.name != ESTIMATE), pose.forces, _moved(pose, places),
-        _force_error(pose, truth.forces), off / truth.moved if truth.moved > 0.0 else math.nan, method_error,
-        _told(pose) if tell else None, bool(pose.stable),
-    )  # fmt: skip
+    positions = pose.motion.x[: len(reference.positions)]
+    estimate_times = [sum(s.time for s in p.steps if s.name == ESTIMATE) for p in poses]
+    call_time, steps_time = (1e-6 * quartiles(own)[1] for own in times)
+    difference = float(np.linalg.norm(positions - reference.positions, axis=1).max())
+    largest = reference.largest_displacement
+    return MethodResult(
+        method=method.method,
+        leaves=method.leaves,
+        call_time=call_time,
+        steps_time=steps_time,
+        estimate_time=statistics.median(estimate_times),
+        factorisations=sum(s.iterations for s in pose.steps if s.name != ESTIMATE),
+        forces=pose.forces,
+        largest_displacement=_largest_displacement(pose, positions),
+        force_error=_force_error(pose, reference.forces),
+        displacement_error=difference / largest if largest > 0.0 else math.nan,
+        estimated_error=None if pose.method_error is None else pose.method_error.relative,
+        reported_error=_reported_error(pose) if report_error else None,
+        stable=bool(pose.stable),
+    )
 
 
 def _force_error(pose: Configuration, forces: Mapping[str, float]) -> float:
@@ -274,57 +299,57 @@ def _force_error(pose: Configuration, forces: Mapping[str, float]) -> float:
         kinds.setdefault(drive_kind(drive), []).append(drive.name)
     worst = math.nan
     for names in kinds.values():
-        size = max(abs(forces[n]) for n in names)
-        off = max(abs(pose.forces[n] - forces[n]) for n in names)
-        if size > 0.0:
-            worst = float(np.nanmax([worst, off / size]))
+        largest = max(abs(forces[n]) for n in names)
+        difference = max(abs(pose.forces[n] - forces[n]) for n in names)
+        if largest > 0.0:
+            worst = float(np.nanmax([worst, difference / largest]))
     return worst
 
 
-def _told(pose: Configuration) -> float | None:
-    """The error an answer tells of itself, mesh included; None where it knows none."""
+def _reported_error(pose: Configuration) -> float | None:
+    """The error that an answer estimates of itself, mesh included; None without an estimate."""
     try:
         return None if pose.error is None else float(pose.error.relative)
     except POSE_ERRORS:
         return None
 
 
-def as_table(model: Model, reference: Reference, rows: Sequence[Compared]) -> Table:
-    """The rows as a table; see `compare` for its columns."""
+def as_table(model: Model, reference: Reference, results: Sequence[MethodResult]) -> Table:
+    """The results as a table; see `compare` for its columns."""
     efforts = {d.name: f"{d.name}_{EFFORT_SUFFIX[drive_kind(d)]}" for d in model.said.drives}
     facts = {
         "about": "Times: median thread time of a call with all prepared; the error figure of fast methods (estimate_us) "
         "comes on top. Errors: the larger of force and displacement error, mesh included, against "
-        f"{reference.words}. Told: what the answer itself says of it.",
-        "reference": reference.words,
+        f"{reference.description}. Told: what the answer itself says of it.",
+        "reference": reference.description,
     }
     answer = tuple(efforts.values())[:3] or ("moved_mm",)
     return Table.of_rows(
-        [_columns(row, efforts) for row in rows], ("method", "leaf_springs"), name=model.said.name, facts=facts,
+        [_columns(result, efforts) for result in results], ("method", "leaf_springs"), name=model.said.name, facts=facts,
         leading=("time_us", *answer, "error_percent", "told_error_percent"),
     )  # fmt: skip
 
 
-def _columns(row: Compared, efforts: Mapping[str, str]) -> dict[str, Any]:
-    labels = {"method": row.method, "leaf_springs": row.leaves}
-    if row.forces is None:
-        return labels | {STATUS: row.failed}
+def _columns(result: MethodResult, efforts: Mapping[str, str]) -> dict[str, Any]:
+    labels = {"method": result.method, "leaf_springs": result.leaves}
+    if result.forces is None:
+        return labels | {STATUS: result.failure}
 
     def in_percent(error: float | None) -> float:
         return math.nan if error is None else 100.0 * error
 
     return labels | {
-        "time_us": 1e6 * row.call,
-        "steps_us": 1e6 * row.time,
-        "estimate_us": 1e6 * row.check,
-        "factorisations": float(row.iterations),
-        **{column: row.forces[name] for name, column in efforts.items()},
-        "moved_mm": 1e3 * row.moved,
-        "force_error_percent": in_percent(row.force_error),
-        "displacement_error_percent": in_percent(row.place_error),
-        "error_percent": in_percent(row.error),
-        "estimated_error_percent": in_percent(row.estimate),
-        "told_error_percent": in_percent(row.told),
-        "stable": float(row.stable),
+        "time_us": 1e6 * result.call_time,
+        "steps_us": 1e6 * result.steps_time,
+        "estimate_us": 1e6 * result.estimate_time,
+        "factorisations": float(result.factorisations),
+        **{column: result.forces[name] for name, column in efforts.items()},
+        "moved_mm": 1e3 * result.largest_displacement,
+        "force_error_percent": in_percent(result.force_error),
+        "displacement_error_percent": in_percent(result.displacement_error),
+        "error_percent": in_percent(result.error),
+        "estimated_error_percent": in_percent(result.estimated_error),
+        "told_error_percent": in_percent(result.reported_error),
+        "stable": float(result.stable),
         STATUS: OK,
     }

@@ -1,8 +1,8 @@
-"""What the benchmark compares: scenes as data (built, driven, looked at where), and the ways to a configuration of each.
+"""Scenes of the benchmark, and the methods and leaf models that are compared on each.
 
-Cross flexures are those of Dwarshuis et al. (2020), Table 1. The fourbar has two readings, the figure with its
-dimensions being lost: H = 0.3 m between the joint centres, or the length of the rigid side link. The arm has
-three 3x-infinity joints about z, y, y and links of our own choice (`ksd/scenes/arm.toml`).
+Cross flexures are those of Dwarshuis et al. (2020), Table 1. The fourbar of the paper has two interpretations, as the figure
+with its dimensions is lost: H = 0.3 m is the distance of the joint centres, or the length of the rigid side link. The arm
+has three 3x-infinity joints about z, y, y and links of our own choice (`ksd/scenes/arm.toml`).
 """
 
 from __future__ import annotations
@@ -30,32 +30,32 @@ from ksd.units import GPa, deg, mm
 
 Targets = dict[str, float]
 STEEL = Material(E=200 * GPa, G=76.9 * GPa, density=7800)
-REACH = 300 * mm
-_ALL = (1, 2, 3, 4, 5, 6, 7, 8)
+FOURBAR_STROKE = 300 * mm
+ALL_ELEMENT_COUNTS = (1, 2, 3, 4, 5, 6, 7, 8)
 
 
 @dataclass(frozen=True)
 class Case:
-    """One scene at one place: `build` gives the mechanism and its drive values [m or rad].
+    """A scene at one pose; `build` returns the mechanism and its drive values [m or rad].
 
-    link, at (3,) [m]: whose support stiffness is compared, at which point at rest. elements: Appendix A meshes tried;
-    baseline: those also solved by plain Newton on all element nodes, which is slow. quick: the one of `--quick`.
-    no_modal: why modal bodies are not run, empty where they are.
-    extrapolate: joints may leave their trained range by the little that a coarse mesh needs.
+    link, at (3,) [m, undeformed]: point whose support stiffness is compared. elements: numbers of Appendix A elements per
+    leaf that are tried; baseline: those also solved by plain Newton on all element nodes, which is slow; quick: the one of
+    `--quick`. no_modal: why modal bodies are left out, empty where they are not. extrapolate: joints may leave their trained
+    range, by the little that a coarse mesh needs.
     """
 
     name: str
     build: Callable[[], tuple[Mechanism, Targets]]
     link: str
     at: tuple[float, float, float]
-    elements: tuple[int, ...] = _ALL
+    elements: tuple[int, ...] = ALL_ELEMENT_COUNTS
     baseline: tuple[int, ...] = (1, 2, 3, 4, 5, 6)
     quick: int = 5
     extrapolate: bool = False
     no_modal: str = ""
 
 
-def cross() -> CrossFlexure:
+def cross_flexure() -> CrossFlexure:
     """The cross flexure of the fourbar."""
     return CrossFlexure(STEEL, length=100 * mm, angle=45 * deg, thickness=1 * mm, widths=(40 * mm, 20 * mm))
 
@@ -65,21 +65,21 @@ def hinge() -> tuple[Mechanism, Targets]:
     scene = Mechanism("cross flexure")
     tip = scene.link("tip")
     scene.actuate_joint(
-        scene.join(scene.ground, tip, cross(), at=(0, 0, 0), axis="z", toward="x"), name="turn"
+        scene.join(scene.ground, tip, cross_flexure(), at=(0, 0, 0), axis="z", toward="x"), name="turn"
     )
     return scene, {"turn": 45 * deg}
 
 
 def fourbar(high: float) -> tuple[Mechanism, Targets]:
     """Four cross flexures, joint centres `high` [m] apart, the top link moved by 0.3 m."""
-    joint, scene = cross(), Mechanism("fourbar")
+    joint, scene = cross_flexure(), Mechanism("fourbar")
     left, top, right = scene.links("left", "top", "right")
     scene.join(scene.ground, left, joint, at=(-0.2, 0, 0), axis="z", toward="y")
     scene.join(left, top, joint, at=(-0.2, high, 0), axis="z", toward="y")
     scene.join(right, top, joint, at=(0.2, high, 0), axis="z", toward="y")
     scene.join(scene.ground, right, joint, at=(0.2, 0, 0), axis="z", toward="y")
     scene.actuate(top, along="x", at=(0, high + joint.length_AB, 0))
-    return scene, {"top": REACH}
+    return scene, {"top": FOURBAR_STROKE}
 
 
 def guide() -> tuple[Mechanism, Targets]:
@@ -93,8 +93,8 @@ def guide() -> tuple[Mechanism, Targets]:
 
 
 def chain(joints: int) -> tuple[Mechanism, Targets]:
-    """Cross flexures in series, every joint turned by 20 degrees, left and right in turns."""
-    joint, scene = cross(), Mechanism(f"chain of {joints} joints")
+    """Cross flexures in series, every joint turned by 20 degrees, alternately left and right."""
+    joint, scene = cross_flexure(), Mechanism(f"chain of {joints} joints")
     base, targets = scene.ground, {}
     for k in range(joints):
         link = scene.link(f"link {k + 1}")
@@ -105,33 +105,33 @@ def chain(joints: int) -> tuple[Mechanism, Targets]:
     return scene, targets
 
 
-def _brought(name: str) -> tuple[Mechanism, Targets]:
-    """A scene the package brings."""
+def _packaged_scene(name: str) -> tuple[Mechanism, Targets]:
+    """A scene file of the package."""
     with as_file(files("ksd") / "scenes" / f"{name}.toml") as path:
         scene, targets, _ = load_scene(path)
     return scene, dict(targets)
 
 
 TIP = (0.51, 0.0, 0.05)
-"""End of the third link of the arm, at rest [m]."""
+"""End of the third link of the arm, undeformed [m]."""
 
 
 def arm_by_joints() -> tuple[Mechanism, Targets]:
-    """The arm that the package brings, every joint driven to 45 degrees."""
-    return _brought("arm_joints")
+    """The arm of the package, every joint driven to 45 degrees."""
+    return _packaged_scene("arm_joints")
 
 
 def arm_by_location() -> tuple[Mechanism, Targets]:
-    """The same arm, its end driven along x, y, z to where 45 degrees in every joint take it."""
+    """The same arm, its end driven along x, y, z to where 45 degrees in every joint move it."""
     by_joints, angles = arm_by_joints()
-    found = solve_conventional(compile_scene(by_joints), angles)
-    place = found.displacement("third", TIP)
-    return _brought("arm")[0], {axis: float(v) for axis, v in zip("xyz", place, strict=True)}
+    pose = solve_conventional(compile_scene(by_joints), angles)
+    displacement = pose.displacement("third", TIP)
+    return _packaged_scene("arm")[0], {a: float(v) for a, v in zip("xyz", displacement, strict=True)}
 
 
 def six_joint_arm() -> tuple[Mechanism, Targets]:
-    """The arm of six 3x-infinity joints that the package brings, the pose of its last link driven."""
-    return _brought("six_joint_arm")
+    """The arm of six 3x-infinity joints of the package, the pose of its last link driven."""
+    return _packaged_scene("six_joint_arm")
 
 
 def random_stage(seed: int = 7) -> tuple[Mechanism, Targets]:
@@ -145,8 +145,8 @@ def random_stage(seed: int = 7) -> tuple[Mechanism, Targets]:
         inner, outer = 0.08 + rng.uniform(-0.01, 0.01), 0.2 + rng.uniform(-0.02, 0.02)
         bend = rng.uniform(40, 70) * deg
         radial = np.array([math.cos(turn), math.sin(turn), 0.0])
-        aside = np.array([-math.sin(turn), math.cos(turn), 0.0])
-        elbow = 0.5 * (inner + outer) * radial + 0.5 * (outer - inner) * math.tan(bend) * aside
+        tangential = np.array([-math.sin(turn), math.cos(turn), 0.0])
+        elbow = 0.5 * (inner + outer) * radial + 0.5 * (outer - inner) * math.tan(bend) * tangential
         lower, upper = scene.links(f"lower {k + 1}", f"upper {k + 1}")
         links = (scene.ground, lower, upper, stage)
         for n, at in enumerate((outer * radial, elbow, inner * radial)):
@@ -165,17 +165,17 @@ def random_stage(seed: int = 7) -> tuple[Mechanism, Targets]:
     return scene, {"stage x": 8 * mm, "stage y": -6 * mm, "stage turn": 5 * deg}
 
 
-_TOP = REACH + cross().length_AB
-_LONG = "not run: one call with bodies for so many leaf springs takes half a minute"
+FOURBAR_TOP = FOURBAR_STROKE + cross_flexure().length_AB
+MODAL_TOO_SLOW = "not run: one call with bodies for so many leaf springs takes half a minute"
 
 SUITE: tuple[Case, ...] = (
-    Case("cross flexure, 45 degrees", hinge, "tip", cross().pose_B),
-    Case("fourbar, reading 1, d = 0.3 m", lambda: fourbar(REACH), "top", (0.0, _TOP, 0.0)),
+    Case("cross flexure, 45 degrees", hinge, "tip", cross_flexure().pose_B),
+    Case("fourbar, reading 1, d = 0.3 m", lambda: fourbar(FOURBAR_STROKE), "top", (0.0, FOURBAR_TOP, 0.0)),
     Case(
         "fourbar, reading 2, d = 0.3 m",
-        lambda: fourbar(_TOP),
+        lambda: fourbar(FOURBAR_TOP),
         "top",
-        (0.0, _TOP + cross().length_AB, 0.0),
+        (0.0, FOURBAR_TOP + cross_flexure().length_AB, 0.0),
     ),
     Case("parallel guide, 20 mm", guide, "shuttle", (0.1, 0.0, 0.0)),
     Case(
@@ -183,26 +183,44 @@ SUITE: tuple[Case, ...] = (
         arm_by_joints,
         "third",
         TIP,
-        _ALL,
+        ALL_ELEMENT_COUNTS,
         (1, 5),
         1,
         True,
-        _LONG,
+        MODAL_TOO_SLOW,
     ),
     Case(
         "three-joint arm by location, 45 degrees",
         arm_by_location,
         "third",
         TIP,
-        _ALL,
+        ALL_ELEMENT_COUNTS,
         (1, 5),
         1,
         True,
-        _LONG,
+        MODAL_TOO_SLOW,
     ),
-    Case("six-joint arm", six_joint_arm, "sixth", (0.85, 0.0, 0.15), _ALL, (), 1, True, _LONG),
-    Case("random closed-loop stage", random_stage, "stage", (0.0, 0.0, 0.0), _ALL, (2, 5), 2),
-    Case("chain of 3 joints, 20 degrees", lambda: chain(3), "link 3", (0.6, 0.0, 0.0), _ALL, (), 2),
+    Case(
+        "six-joint arm",
+        six_joint_arm,
+        "sixth",
+        (0.85, 0.0, 0.15),
+        ALL_ELEMENT_COUNTS,
+        (),
+        1,
+        True,
+        MODAL_TOO_SLOW,
+    ),
+    Case("random closed-loop stage", random_stage, "stage", (0.0, 0.0, 0.0), ALL_ELEMENT_COUNTS, (2, 5), 2),
+    Case(
+        "chain of 3 joints, 20 degrees",
+        lambda: chain(3),
+        "link 3",
+        (0.6, 0.0, 0.0),
+        ALL_ELEMENT_COUNTS,
+        (),
+        2,
+    ),
     Case(
         "chain of 100 joints, 20 degrees",
         lambda: chain(100),
@@ -211,23 +229,23 @@ SUITE: tuple[Case, ...] = (
         (1, 2, 4, 8),
         (),
         2,
-        no_modal=_LONG,
+        no_modal=MODAL_TOO_SLOW,
     ),
 )
 """All scenes of `ksd bench`."""
 
 
-EPS_MAX = (1e4, 1e5, 3e5, 1e6, 3e6, 1e7, 3e7, 1e8, 3e8, 1e9, math.inf)
-"""Thresholds tried for plain Newton; the paper does not print its own."""
+EPS_MAX_VALUES = (1e4, 1e5, 3e5, 1e6, 3e6, 1e7, 3e7, 1e8, 3e8, 1e9, math.inf)
+"""Residual thresholds tried for plain Newton; the paper does not print its own."""
 ORDERS = (((3, 2, 4), 5), ((4, 2, 5), 6), ((4, 3, 6), 7), ((5, 3, 6), 8))
 """Strain-mode leaves compared: curvature modes about x, y, z, and points."""
-FINEST = Mesh(orders=(6, 5, 9), points=14)
-"""The leaf model errors are counted from."""
+REFERENCE_MESH = Mesh(orders=(6, 5, 9), points=14)
+"""Leaf model of the reference that errors are relative to."""
 
 
 @dataclass(frozen=True)
-class Way:
-    """One way: method, leaf model in words, its size (elements per leaf, or curvature modes), and the call."""
+class Variant:
+    """A method with a leaf model: its label, its size (elements per leaf, or number of curvature modes), and the call."""
 
     method: str
     leaves: str
@@ -236,45 +254,45 @@ class Way:
     note: str = ""
 
 
-def label_of(mesh: Mesh) -> str:
-    """A leaf model in words."""
+def leaf_label(mesh: Mesh) -> str:
+    """Label of a leaf model."""
     if mesh.leaf == "strain":
         return f"strain {','.join(map(str, mesh.orders))}"
     return f"{mesh.elements} element{'s' * (mesh.elements > 1)}"
 
 
-def meshes_of(case: Case, *, quick: bool) -> list[Mesh]:
-    """The leaf models tried on a case; `quick`: one of each kind."""
+def leaf_meshes(case: Case, *, quick: bool) -> list[Mesh]:
+    """Leaf models compared on a case; `quick`: one of each kind."""
     strain = [Mesh(orders=o, points=p) for o, p in (ORDERS[2:3] if quick else ORDERS)]
     elements = (case.quick,) if quick else case.elements
     return strain + [Mesh("corotational", elements=n) for n in elements]
 
 
-def five_step_ways(
+def five_step_variants(
     scene: Any, targets: Mapping[str, float], mesh: Mesh, *, extrapolate: bool = False
-) -> list[Way]:
-    """Every method of one prepared solver; the fast ones without their error estimate."""
+) -> list[Variant]:
+    """Every method of one prepared solver, without error estimates."""
     solver = Solver(scene, mesh=mesh, extrapolate=extrapolate, planar=False)
-    leaves, size = label_of(mesh), sum(mesh.orders) if mesh.leaf == "strain" else mesh.elements
+    leaves, size = leaf_label(mesh), sum(mesh.orders) if mesh.leaf == "strain" else mesh.elements
 
-    def way(name: str, method: Method, **more: Any) -> Way:
-        return Way(name, leaves, size, lambda: solver(targets, method=method, **more))
+    def variant(name: str, method: Method, **options: Any) -> Variant:
+        return Variant(name, leaves, size, lambda: solver(targets, method=method, **options))
 
-    def in_space(planar: bool) -> Configuration:
+    def conventional(planar: bool) -> Configuration:
         return solve_conventional(solver.model, targets, planar=planar, storage=solver.storage)
 
-    found = [way("kinematic", "kinematic", estimate=False)]
+    variants = [variant("kinematic", "kinematic", estimate=False)]
     for relinearisations in range(3):
         name = ("reduced", "reduced, 1 pass", "reduced, 2 passes")[relinearisations]
-        found.append(way(name, "reduced", relinearisations=relinearisations, estimate=False))
-    found += [way("full", "full"), Way("conventional", leaves, size, lambda: in_space(False))]
+        variants.append(variant(name, "reduced", relinearisations=relinearisations, estimate=False))
+    variants += [variant("full", "full"), Variant("conventional", leaves, size, lambda: conventional(False))]
     if _is_planar(solver, targets):
-        found.append(Way("conventional, planar", leaves, size, lambda: in_space(True)))
-    return found
+        variants.append(Variant("conventional, planar", leaves, size, lambda: conventional(True)))
+    return variants
 
 
 def _is_planar(solver: Solver, targets: Mapping[str, float]) -> bool:
-    """Whether the conventional solver finds that the scene stays in its plane."""
+    """Whether the scene can be solved in its plane."""
     try:
         solve_conventional(solver.model, targets, planar=True, storage=solver.storage)
     except KsdError:
@@ -287,14 +305,17 @@ BASELINES = {
     "MIP on all nodes": (True, True),
     "MIP, best eps_max": (True, False),
 }
-"""Conventional methods compared with, as (mixed integration points, on all element nodes). The papers' own program is on all
-nodes; on condensed leaf springs is the best we know."""
+"""Conventional methods that the others are compared with: (mixed integration points, unknowns of all element nodes). The
+program of the papers has the unknowns of all nodes; condensed leaf springs are the fastest known to us."""
 
 
-def baseline(scene: Any, targets: Mapping[str, float], elements: int, *, name: str = "plain Newton") -> Way:
-    """The conventional method of paper 1, Appendix B, in one of its BASELINES: in space, its steps by the best eps_max.
+def baseline_variant(
+    scene: Any, targets: Mapping[str, float], elements: int, *, name: str = "plain Newton"
+) -> Variant:
+    """The conventional method of paper 1, Appendix B, as one of BASELINES, in space, with the best eps_max.
 
-    Best: fewest factorisations among those that end where the smallest eps_max does. Raises ConvergenceError.
+    The best eps_max needs the fewest factorisations among those that lead to the solution of the smallest one. Raises
+    ConvergenceError where none converges.
     """
     mip, nodal = BASELINES[name]
     model = compile_scene(scene, mesh=Mesh("corotational", elements=elements, mip=mip, nodal=nodal))
@@ -307,50 +328,52 @@ def baseline(scene: Any, targets: Mapping[str, float], elements: int, *, name: s
 
     counts: dict[float, int] = {}
     first: np.ndarray | None = None
-    for eps_max in EPS_MAX:
+    for eps_max in EPS_MAX_VALUES:
         try:
-            found = solve(eps_max)
+            pose = solve(eps_max)
         except ConvergenceError:
             continue
-        forces = np.array(list(found.forces.values()))
+        forces = np.array(list(pose.forces.values()))
         first = forces if first is None else first
         if np.allclose(forces, first, rtol=1e-6, atol=1e-6 * float(np.abs(first).max())):
-            counts[eps_max] = found.iterations
+            counts[eps_max] = pose.iterations
     if not counts:
         raise ConvergenceError("it converged for no eps_max")
     best = min(counts, key=lambda e: counts[e])
-    leaves = label_of(Mesh("corotational", elements=elements))
-    return Way(name, leaves, elements, lambda: solve(best), f"eps_max {best:g}")
+    leaves = leaf_label(Mesh("corotational", elements=elements))
+    return Variant(name, leaves, elements, lambda: solve(best), f"eps_max {best:g}")
 
 
-def modal_way(scene: Any, targets: Mapping[str, float], basis: Any, *, extrapolate: bool = False) -> Way:
-    """Leaf springs as bodies of modes and modal derivatives (paper 2), the bases made once."""
+def modal_variant(
+    scene: Any, targets: Mapping[str, float], basis: Any, *, extrapolate: bool = False
+) -> Variant:
+    """Leaf springs as bodies of modes and modal derivatives (paper 2), with bases computed beforehand."""
     solver = Solver(scene, extrapolate=extrapolate, basis=basis)
     label = "modal, as printed" if basis.coordinates == "angle" else f"modal, order {basis.order}"
-    return Way(
+    return Variant(
         "modal", label, basis.order, lambda: solver(targets, method="modal", estimate=False, strict=False)
     )
 
 
-def not_run(why: str) -> Configuration:
-    """The way that is not gone, for this reason. Raises ConvergenceError."""
-    raise ConvergenceError(why)
+def raise_not_run(reason: str) -> Configuration:
+    """Raise ConvergenceError with the reason why a variant is not run, in place of its solution."""
+    raise ConvergenceError(reason)
 
 
-def ways_of(case: Case, *, quick: bool) -> Iterator[Way]:
-    """All ways to a case of the suite; `quick` takes one mesh of each leaf model."""
+def case_variants(case: Case, *, quick: bool) -> Iterator[Variant]:
+    """All methods with all leaf models for a case of the suite; `quick`: one mesh of each leaf model."""
     scene, targets = case.build()
-    for mesh in meshes_of(case, quick=quick):
-        yield from five_step_ways(scene, targets, mesh, extrapolate=case.extrapolate)
+    for mesh in leaf_meshes(case, quick=quick):
+        yield from five_step_variants(scene, targets, mesh, extrapolate=case.extrapolate)
     printed = ModalBasis(coordinates="angle", frame="node", internal=0)
     for basis in (ModalBasis(),) if quick else (ModalBasis(), ModalBasis(order=3), printed):
         if case.no_modal:
-            yield Way("modal", "modal", basis.order, lambda: not_run(case.no_modal))
+            yield Variant("modal", "modal", basis.order, lambda: raise_not_run(case.no_modal))
             break
-        yield modal_way(scene, targets, basis, extrapolate=case.extrapolate)
+        yield modal_variant(scene, targets, basis, extrapolate=case.extrapolate)
     for n in case.baseline:
         for name in BASELINES if not quick or n == case.quick else ():
             try:
-                yield baseline(scene, targets, n, name=name)
+                yield baseline_variant(scene, targets, n, name=name)
             except KsdError:
                 continue

@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 
 from ksd.bench import SUITE, measure
-from ksd.bench.measure import numbers, summary, table
+from ksd.bench.measure import json_results, summary, table
 from ksd.cli.output import STDOUT, check_json, console, write_json
 from ksd.errors import SceneError
 
@@ -46,5 +46,5 @@ def run(options: argparse.Namespace) -> int:
                     screen.print(f"{row.method}, {row.leaves}: {row.failed}")
             screen.print()
     if options.json:
-        write_json(numbers(results), options.json)
+        write_json(json_results(results), options.json)
     return 0

@@ -17,7 +17,14 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from ksd.bench.compare import Approach, Compared, Reference, approaches, measured, reference_of
+from ksd.bench.compare import (
+    ComparedMethod,
+    MethodResult,
+    Reference,
+    compared_methods,
+    measure_methods,
+    reference_from,
+)
 from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
@@ -63,40 +70,45 @@ def extrapolated_reference(scene: Any, targets: dict[str, float]) -> Reference:
     meshes = (Mesh(leaf="corotational", elements=n) for n in counts)
     coarse, fine = (solve_conventional(compile_scene(scene, mesh=m), targets) for m in meshes)
     forces = {n: f + (f - coarse.forces[n]) / 3.0 for n, f in fine.forces.items()}
-    one, two = reference_of(coarse, ""), reference_of(fine, "")
-    places = two.places + (two.places - one.places) / 3.0
+    one, two = reference_from(coarse, ""), reference_from(fine, "")
+    places = two.positions + (two.positions - one.positions) / 3.0
     words = f"{counts[0]} and {counts[1]} Appendix A elements per leaf, extrapolated to infinitely many"
-    return Reference(forces, places, two.moved + (two.moved - one.moved) / 3.0, words)
+    return Reference(
+        forces,
+        places,
+        two.largest_displacement + (two.largest_displacement - one.largest_displacement) / 3.0,
+        words,
+    )
 
 
-def reference_and_rows(scene: Any, targets: dict[str, float]) -> tuple[Reference, Any, list[Compared]]:
+def reference_and_rows(scene: Any, targets: dict[str, float]) -> tuple[Reference, Any, list[MethodResult]]:
     """The reference, the configuration by method `full`, and a row per method."""
-    ways: list[Approach] = approaches(scene, targets, Mesh(), ELEMENTS)
+    ways: list[ComparedMethod] = compared_methods(scene, targets, Mesh(), ELEMENTS)
     shown = [way for way in ways if way.method not in OMITTED_METHODS]
     # on an empty kernel cache, chains and strain-mode leaves compile in parallel
     with process_pool(spawn_context(scene, targets) or SpawnContext()) as others:
         found = others.submit(extrapolated_reference, scene, targets)
         full = solve(scene, targets, method="full")
         reference = found.result()
-    return reference, full, measured(shown, scene.name, reference, REPEATS, tell=False)
+    return reference, full, measure_methods(shown, scene.name, reference, REPEATS, report_error=False)
 
 
-def as_dict(reference: Reference, shown: Any, rows: list[Compared]) -> dict[str, Any]:
+def as_dict(reference: Reference, shown: Any, rows: list[MethodResult]) -> dict[str, Any]:
     """The table as plain numbers, for JSON."""
     ((drive, value),) = shown.targets.items()
     return {
         "case": {"mechanism": shown.model.scene.name, "drive": drive, "value_mm": 1e3 * value},
-        "reference": {"force_N": _drive_force(reference.forces), "leaf_model": reference.words},
+        "reference": {"force_N": _drive_force(reference.forces), "leaf_model": reference.description},
         "rows": [
             {
                 "method": r.method,
                 "leaf_model": r.leaves,
-                "time_us": 1e6 * r.time,
-                "estimate_time_us": None if r.estimate is None else 1e6 * r.check,
-                "iterations": r.iterations,
+                "time_us": 1e6 * r.steps_time,
+                "estimate_time_us": None if r.estimated_error is None else 1e6 * r.estimate_time,
+                "iterations": r.factorisations,
                 "force_N": _drive_force(r.forces),
                 "error_percent": 100 * r.error,
-                "estimated_error_percent": None if r.estimate is None else 100 * r.estimate,
+                "estimated_error_percent": None if r.estimated_error is None else 100 * r.estimated_error,
             }
             for r in rows
         ],
@@ -115,7 +127,7 @@ _COLUMNS = (
 )  # fmt: skip
 
 
-def _print(shown: Any, rows: list[Compared]) -> None:
+def _print(shown: Any, rows: list[MethodResult]) -> None:
     screen = console()
     ((drive, value),) = shown.targets.items()
     screen.print(f"{shown.model.scene.name}: drive '{drive}' at {1e3 * value:.6g} mm", style="bold")
@@ -125,16 +137,16 @@ def _print(shown: Any, rows: list[Compared]) -> None:
     for before, r in zip([rows[0], *rows[:-1]], rows, strict=True):
         if before.leaves != r.leaves:
             table.add_section()
-        estimate = "-" if r.estimate is None else f"{format_number(100 * r.estimate, 2)} %"
+        estimate = "-" if r.estimated_error is None else f"{format_number(100 * r.estimated_error, 2)} %"
         table.add_row(
             r.method,
             r.leaves,
-            format_number(1e6 * r.time, 3),
-            str(r.iterations),
+            format_number(1e6 * r.steps_time, 3),
+            str(r.factorisations),
             f"{_drive_force(r.forces):.3f}",
             f"{format_number(100 * r.error, 2)} %",
             estimate,
-            "-" if r.estimate is None else format_number(1e6 * r.check, 3),
+            "-" if r.estimated_error is None else format_number(1e6 * r.estimate_time, 3),
         )
     screen.print(table)
     screen.print(
@@ -145,7 +157,7 @@ def _print(shown: Any, rows: list[Compared]) -> None:
     )
 
 
-def _draw(shown: Any, rows: list[Compared], path: str) -> None:
+def _draw(shown: Any, rows: list[MethodResult], path: str) -> None:
     figure = new_figure(12.0, 4.6)
     left, right = figure.subplots(1, 2, width_ratios=(1.35, 1.0))
     ((_, value),) = shown.targets.items()
@@ -154,7 +166,7 @@ def _draw(shown: Any, rows: list[Compared], path: str) -> None:
     )
     plot_cost(
         right,
-        [Mark(r.method, r.leaves, r.time, r.error) for r in rows],
+        [Mark(r.method, r.leaves, r.steps_time, r.error) for r in rows],
         title="What each method costs and misses",
     )
     save_figure(figure, path)

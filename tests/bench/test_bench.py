@@ -6,15 +6,23 @@ import math
 import pytest
 
 import ksd
-from ksd.bench import SUITE, Case, Row, measure
-from ksd.bench.measure import cheapest, front, good, numbers, summary, table, unbeaten
+from ksd.bench import SUITE, Case, Measurement, measure
+from ksd.bench.measure import (
+    fastest_accurate,
+    is_accurate,
+    json_results,
+    pareto_indices,
+    pareto_rows,
+    summary,
+    table,
+)
 from ksd.cli import main
 from ksd.model.compile import compile_scene
 
 
 def row(method, call, force, stiffness=0.0, stable=True):
     times = (call,) * 3
-    return Row(method, "2 elements", 2, 5, times, times, call, force, force, stiffness, stable)
+    return Measurement(method, "2 elements", 2, 5, times, times, call, force, force, stiffness, stable)
 
 
 def found(measured, method, leaves):
@@ -41,7 +49,7 @@ def test_errors_and_counts_of_the_fourbar(fourbar):
     for method in ("conventional", "MIP on all nodes"):
         assert found(fourbar, method, "5 elements").iterations == 8
     strain = found(fourbar, "full", "strain 4,3,6")
-    assert good(strain)
+    assert is_accurate(strain)
     assert strain.force_error < 3e-6
     assert all(r.stable and not r.failed for r in fourbar.rows)
 
@@ -54,7 +62,7 @@ def test_times_are_ordered_and_steps_below_the_call(fourbar):
 
 def test_points_that_no_other_beats():
     points = [(3, 1), (1, 5), (2, 6), (2, 4), (4, 2)]
-    assert [points[n] for n in unbeaten(points)] == [(1, 5), (2, 4), (3, 1)]
+    assert [points[n] for n in pareto_indices(points)] == [(1, 5), (2, 4), (3, 1)]
 
 
 def test_front_and_cheapest():
@@ -65,14 +73,14 @@ def test_front_and_cheapest():
         row("c", 4, 1e-8),
         row("d", 1.5, 1e-8, stable=False),
     ]
-    assert [r.method for r in front(rows, "force_error")] == ["b", "c", "a", "c"]
-    assert [(r.method, r.call[1]) for r in cheapest(rows)] == [("c", 2), ("a", 3)]
-    assert not good(row("e", 1, 0.0, stiffness=0.1))
-    assert not good(row("e", 1, math.nan))
+    assert [r.method for r in pareto_rows(rows, "force_error")] == ["b", "c", "a", "c"]
+    assert [(r.method, r.call[1]) for r in fastest_accurate(rows)] == [("c", 2), ("a", 3)]
+    assert not is_accurate(row("e", 1, 0.0, stiffness=0.1))
+    assert not is_accurate(row("e", 1, math.nan))
 
 
 def test_numbers_are_strict_json_and_every_row_is_in_the_table(fourbar):
-    text = json.dumps(numbers([fourbar]), allow_nan=False)
+    text = json.dumps(json_results([fourbar]), allow_nan=False)
     assert json.loads(text)["cases"][fourbar.case]["rows"][0]["method"] == "kinematic"
     assert table(fourbar).row_count == len(fourbar.rows)
     assert any("plain Newton" in line for line in summary(fourbar))

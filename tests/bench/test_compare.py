@@ -8,8 +8,8 @@ import pytest
 from scenes import STEEL, fourbar, single_joint
 
 import ksd
-from ksd.bench.compare import METHODS, approaches
-from ksd.bench.suite import FINEST
+from ksd.bench.compare import METHODS, compared_methods
+from ksd.bench.suite import REFERENCE_MESH
 from ksd.cli import main
 from ksd.errors import SceneError
 from ksd.model.mesh import Mesh
@@ -28,13 +28,13 @@ def found():
 
 
 def test_every_way_is_a_row(found):
-    ways = approaches(fourbar().scene(), {"top": 0.3}, Mesh(), 5)
+    ways = compared_methods(fourbar().scene(), {"top": 0.3}, Mesh(), 5)
     assert [(r["method"], r["leaf_springs"]) for r in found.rows()] == [(w.method, w.leaves) for w in ways]
     assert set(METHODS) == {w.method for w in ways}
 
 
 def test_answers_and_errors_are_those_of_single_solves(found):
-    exact = ksd.solve(fourbar(), top=0.3, method="conventional", mesh=FINEST)
+    exact = ksd.solve(fourbar(), top=0.3, method="conventional", mesh=REFERENCE_MESH)
     links = len(exact.model.scene.links)
     moved = np.linalg.norm(exact.motion.x[:links] - exact.model.rest.x[:links], axis=1).max()
     for method, leaves, words in (

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ksd.bench.suite import REACH, chain
+from ksd.bench.suite import FOURBAR_STROKE, chain
 from ksd.bench.suite import fourbar as fourbar_scene
 from ksd.model.compile import compile_scene
 from ksd.numerics.blocks import plan_blocks
@@ -61,7 +61,7 @@ def test_operations_of_a_pass_grow_with_the_mechanism(script):
 
 def test_the_frame_other_engines_get_is_the_scene(script):
     engines = script("bench_engines")
-    scene, targets = fourbar_scene(REACH)
+    scene, targets = fourbar_scene(FOURBAR_STROKE)
     frame = engines.frame_of(scene, targets, 4)
     leaves = [bar for bar in frame.bars if math.inf > bar.GA]
     assert len(leaves) == 4 * 2 * 4
