@@ -1,7 +1,8 @@
-"""A leaf of the scene as a member: strain-mode body or chain of Appendix A elements, in global axes at rest.
+"""Leaf springs of a scene as members: strain-mode bodies or chains of Appendix A elements.
 
-Straight or curved at rest, uniform or with a profile. A tapered strain-mode leaf uses curvature modes weighted by its
-bending compliance, so that a moment linear along it needs two modes however deep the notch.
+A leaf is straight or curved in the undeformed configuration, uniform or with a profile. A tapered strain-mode leaf has
+curvature modes weighted by its bending compliance, so that a moment that is linear along it needs two modes however deep the
+notch is.
 """
 
 from __future__ import annotations
@@ -37,17 +38,17 @@ from ksd.section.plate import plate_factor
 from ksd.section.section import SectionArrays
 
 PANELS = 8
-"""Quadrature panels of a leaf with a profile, between its breaks."""
+"""Number of equal quadrature panels of a leaf with a profile, further divided at its breaks."""
 
 
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
-"""Of every axis the two that follow, for cross products."""
+"""For every axis the next two in cyclic order, for cross products."""
 
 
 def leaf_axes(start: np.ndarray, end: np.ndarray, width: np.ndarray) -> np.ndarray:
-    """(..., 3, 3): columns e1 (along), e2 (thickness), e3 (width) of straight leaves."""
+    """Axes (..., 3, 3) of straight leaves, in columns: e1 along the leaf, e2 along its thickness, e3 along its width."""
     along = end - start
-    # the plain functions of numpy: the others cost five times as much on arrays as small as one design has
+    # ufunc methods, as np.cross and np.linalg.norm take five times as long on the small arrays of one design
     e1 = along / np.sqrt(np.add.reduce(along * along, axis=-1, keepdims=True))
     e3 = width - np.add.reduce(width * e1, axis=-1, keepdims=True) * e1
     e3 = e3 / np.sqrt(np.add.reduce(e3 * e3, axis=-1, keepdims=True))
@@ -58,10 +59,10 @@ def leaf_axes(start: np.ndarray, end: np.ndarray, width: np.ndarray) -> np.ndarr
 
 
 def rigidity_factors(section: Any, leaf: Any, mesh: Mesh) -> tuple[float, float]:
-    """What restrained warping multiplies GJ by, and plate stiffening E Iz, in one section of a leaf."""
+    """Factors on GJ from restrained warping and on E Iz from plate stiffening, for one section of a leaf."""
     torsion, plate = 1.0, 1.0
     if mesh.warping and section.Iw > 0.0:
-        torsion = (leaf.condition and leaf.condition.torsion_factor) or _own_torsion(leaf)
+        torsion = (leaf.condition and leaf.condition.torsion_factor) or _own_torsion_factor(leaf)
     if mesh.plate and section.width > section.thickness > 0.0:
         bend = leaf.condition.plate_curvature if leaf.condition else 0.0
         plate = plate_factor(section.width, section.thickness, bend, leaf.material.nu)
@@ -84,21 +85,21 @@ def rigidities(section: Section | SectionArrays, leaf: Any, mesh: Mesh) -> tuple
 
 
 @lru_cache(maxsize=256)
-def _remembered(leaf: Any) -> float:
+def _cached_torsion_factor(leaf: Any) -> float:
     return clamped_torsion_factor(leaf)
 
 
-def _own_torsion(leaf: Any) -> float:
-    """Factor on GJ of a leaf by itself, asked for at every station along it."""
+def _own_torsion_factor(leaf: Any) -> float:
+    """Factor on GJ of a single leaf, cached because it is needed at every station along the leaf."""
     try:
-        return _remembered(leaf)
+        return _cached_torsion_factor(leaf)
     except TypeError:
-        # a profile of the user's own that cannot be remembered
+        # a profile of the user may not be hashable
         return clamped_torsion_factor(leaf)
 
 
 @dataclass(frozen=True)
-class _Natural(Curve):
+class _StressFreeCurve(Curve):
     """The stress-free shape of a leaf in its condition: its own curve stretched, and bowed about e3."""
 
     leaf: Any
@@ -116,19 +117,23 @@ class _Natural(Curve):
 
 
 def stress_free_leaf(leaf: Any) -> Any:
-    """The leaf as it is when nothing loads it: as drawn, unless heat or prestress have changed that."""
+    """The leaf with its stress-free shape, which differs from that described by heat and prestress."""
     state = leaf.condition
     if state is None or (state.stretch == 1.0 and state.natural_curvature == 0.0):
         return leaf
     if state.natural_curvature == 0.0 and leaf.curve is None:
         end = np.asarray(leaf.start) + state.stretch * np.subtract(leaf.end, leaf.start)
         return replace(leaf, end=tuple(end.tolist()))
-    return replace(leaf, curve=_Natural(leaf, leaf.length * state.stretch))
+    return replace(leaf, curve=_StressFreeCurve(leaf, leaf.length * state.stretch))
 
 
 @dataclass(frozen=True)
 class _Body:
-    """What a leaf model makes of a leaf: kind, constants, undeformed inner state, scratch, pose of end q in frame p."""
+    """A leaf as a member without a position.
+
+    kind, value, number: kind, constants and settings of the member; inner: undeformed inner state; store: count of its
+    stored numbers; d (3,), Q (3, 3): pose of the undeformed end q in the frame of end p; mass [kg].
+    """
 
     kind: int
     value: np.ndarray
@@ -141,41 +146,41 @@ class _Body:
 
 
 MAX_CURVE_MODES = 16
-"""Most curvature modes about an axis that a curve at rest asks for."""
+"""Largest number of curvature modes about an axis that a leaf gets because it is curved."""
 CURVE_TURN_TOLERANCE = 1e-4
-"""Turning [rad], root mean square over a leaf, of what its modes may miss of its curve at rest."""
+"""Rotation [rad], root mean square over a leaf, by which its modes may deviate from its curve."""
 MIN_FOLLOWED_TURN = 5.0
-"""Turning of a curve to and fro [rad] that the modes of one leaf follow in any case."""
+"""Total rotation [rad] of a wavy curve that the modes of one leaf can always represent."""
 
 
 @cache
-def _projector() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gauss points (64,) in [-1, 1], roots of their weights (64, 1), Legendre polynomials of norm 1 there (64, modes)."""
+def _legendre_projector() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Gauss points (64,) in [-1, 1], roots of their weights (64, 1), orthonormal Legendre polynomials there (64, modes)."""
     x, w = np.polynomial.legendre.leggauss(64)
     root = np.sqrt(w)[:, None]
     norm = np.sqrt(np.arange(MAX_CURVE_MODES) + 0.5)
     return x, root, root * np.polynomial.legendre.legvander(x, MAX_CURVE_MODES - 1) * norm
 
 
-def _missed(curve: Any, pieces: int = 1) -> np.ndarray:
-    """Shares (MOST_MODES,) of the square of a curvature that 1, 2, ... modes on each of equal pieces miss."""
-    x, root, V = _projector()
+def _projection_error(curve: Any, pieces: int = 1) -> np.ndarray:
+    """Shares (MAX_CURVE_MODES,) of the squared curvature that 1, 2, ... modes on each of equal pieces do not represent."""
+    x, root, V = _legendre_projector()
     s = (np.arange(pieces) + 0.5 * (x[:, None] + 1.0)) / pieces
     kappa = root * curve.curvatures(s.ravel()).reshape(64, -1)
-    followed = ((V.T @ kappa) ** 2).sum(axis=1).cumsum()
-    return np.asarray(1.0 - followed / max((kappa**2).sum(), 1e-300))
+    represented = ((V.T @ kappa) ** 2).sum(axis=1).cumsum()
+    return np.asarray(1.0 - represented / max((kappa**2).sum(), 1e-300))
 
 
 def leaf_orders(leaf: Any, mesh: Mesh) -> tuple[tuple[int, int, int], int]:
-    """Curvature modes and quadrature points of a leaf: those asked for, more for a leaf that is curved at rest.
+    """Curvature modes and quadrature points of a leaf: those of the mesh, more for a curved leaf.
 
-    A moment that is constant in space varies like a sine along an arc; one more mode per 30 degrees of total turning
-    about an axis keeps the compliance at 1e-7 (circular arcs of up to 330 degrees against meshes of 16 modes). A wavy curve
-    needs as many as follow it to `ASTRAY`, however little it turns: with fewer its stiffness was 3 % off, in its own plane
-    and, where its torsion had fewer, across it.
+    A moment that is constant in space varies like a sine along an arc. One more mode per 30 degrees of total rotation keeps
+    the error of the compliance at 1e-7 (circular arcs of up to 330 degrees, against meshes of 16 modes). A wavy curve needs
+    as many modes as represent it to `CURVE_TURN_TOLERANCE`, however small its total rotation: with fewer modes its in-plane
+    stiffness was 3 % wrong, and so was its out-of-plane stiffness with fewer torsion modes.
     """
-    # what heat bends is little, and the same modes with and without it keep the difference free of their error
-    curve = leaf.curve.leaf.curve if isinstance(leaf.curve, _Natural) else leaf.curve
+    # curvature by heat is small; equal modes with and without it keep their error out of the difference
+    curve = leaf.curve.leaf.curve if isinstance(leaf.curve, _StressFreeCurve) else leaf.curve
     if curve is None or leaf.orders is not None:
         return _orders(leaf.orders or mesh.orders, mesh)
     return _curved_orders(leaf.length, curve, mesh)
@@ -183,35 +188,37 @@ def leaf_orders(leaf: Any, mesh: Mesh) -> tuple[tuple[int, int, int], int]:
 
 @lru_cache(maxsize=64)
 def _orders(orders: tuple[int, int, int], mesh: Mesh) -> tuple[tuple[int, int, int], int]:
-    """`raised_orders` of a straight leaf that asks for these."""
+    """`leaf_orders` of a straight leaf with these orders."""
     return mesh.modes(orders, max(mesh.points, max(orders) + 1))
 
 
 @lru_cache(maxsize=512)
 def _curved_orders(length: float, curve: Any, mesh: Mesh) -> tuple[tuple[int, int, int], int]:
-    """`raised_orders` of a leaf of this length and curve."""
+    """`leaf_orders` of a leaf of this length and curve."""
     orders, points = mesh.orders, max(mesh.points, max(mesh.orders) + 1)
     kappa = length * curve.curvatures(np.linspace(0.0, 1.0, 65))
     more = int(np.ceil(np.rad2deg(np.sqrt((kappa**2).sum(axis=1)).mean()) / 30.0))
-    astray = (CURVE_TURN_TOLERANCE / max(np.sqrt((kappa**2).mean(axis=0).sum()), CURVE_TURN_TOLERANCE)) ** 2
-    wavy = min(1 + int((_missed(curve) > astray).sum()), MAX_CURVE_MODES)
-    # across a bend moments become torsion, about a twist all axes mix
-    turns = kappa.any(axis=0)
-    least = np.where([turns.any(), *(turns[1:] | turns[0])], wavy, 0).tolist()
+    tolerance = (
+        CURVE_TURN_TOLERANCE / max(np.sqrt((kappa**2).mean(axis=0).sum()), CURVE_TURN_TOLERANCE)
+    ) ** 2
+    needed = min(1 + int((_projection_error(curve) > tolerance).sum()), MAX_CURVE_MODES)
+    # a bend turns moments into torsion, a twist mixes all axes
+    is_curved = kappa.any(axis=0)
+    least = np.where([is_curved.any(), *(is_curved[1:] | is_curved[0])], needed, 0).tolist()
     orders = tuple(max(n, min(max(n + more, m), MAX_CURVE_MODES)) for n, m in zip(orders, least, strict=True))
     return mesh.modes(orders, max(points, max(orders) + 3))
 
 
-def _fitted(leaf: Any, modes: Modes, orders: tuple[int, int, int]) -> np.ndarray:
+def _curve_amplitudes(leaf: Any, modes: Modes, orders: tuple[int, int, int]) -> np.ndarray:
     """Amplitudes (N,) of the stress-free curvature, by weighted least squares at the quadrature points."""
     kappa = leaf.curve.curvatures(modes.s).T
-    found = np.zeros(sum(orders))
+    amplitudes = np.zeros(sum(orders))
     for axis, end in enumerate(np.cumsum(orders).tolist()):
         if kappa[axis].any():
             own = slice(end - orders[axis], end)
             weighted = modes.basis[own] * modes.weight
-            found[own] = np.linalg.solve(weighted @ modes.basis[own].T, weighted @ kappa[axis])
-    return found
+            amplitudes[own] = np.linalg.solve(weighted @ modes.basis[own].T, weighted @ kappa[axis])
+    return amplitudes
 
 
 def leaf_modes(leaf: Any, mesh: Mesh) -> Modes:
@@ -238,7 +245,7 @@ def line_mass(leaf: Any, s: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=512)
 def _strain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
-    # the full model, the substructures and every equal joint ask for the same leaf; its arrays are copied when packed
+    # cached as the full model, the substructures and equal joints have the same leaf; arrays are copied when packed
     orders, points = leaf_orders(leaf, mesh)
     stiff, soft = rigidities(leaf.section, leaf, mesh)
     words: dict[str, Any] = {"length": leaf.length, "orders": orders, "points": points}
@@ -247,7 +254,7 @@ def _strain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
         if leaf.profile is not None:
             soft = rigidities(leaf.profile.sections(modes.s), leaf, mesh)[1].T
         if leaf.curve is not None:
-            words["amplitudes"] = _fitted(leaf, modes, orders)
+            words["amplitudes"] = _curve_amplitudes(leaf, modes, orders)
     mass = 0.0
     if heavy:
         words["modes"] = modes = words.get("modes") or uniform_modes(orders, points)
@@ -266,19 +273,26 @@ def _strain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
 def _undeformed_end(
     value: np.ndarray, number: np.ndarray, inner: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pose of end q by the leaf's own integration, so that a curved leaf is free of stress at rest."""
+    """Pose of end q integrated like the leaf itself, so that a curved leaf is exactly stress-free when undeformed."""
     fields = leaf_fields(number)
     fill_leaf_fields(value, number, inner, np.zeros(0), fields)
     return fields.end.copy(), fields.R[-1].copy()
 
 
-def _numbers(section: Section, leaf: Any, mesh: Mesh) -> chains.ElementSection:
-    """Section and material numbers in one place, as the chain set-up reads them."""
+def _element_section(section: Section, leaf: Any, mesh: Mesh) -> chains.ElementSection:
+    """Section and material numbers of an element of a chain."""
     E, G = leaf.material.E, leaf.material.G
     stiff, _ = rigidities(section, leaf, mesh)
-    free = 1.0 if mesh.shear else math.inf
+    shear_factor = 1.0 if mesh.shear else math.inf
     return chains.ElementSection(
-        E, G, section.A, stiff[0] / G, section.Iy, stiff[2] / E, free * section.ky, free * section.kz
+        E,
+        G,
+        section.A,
+        stiff[0] / G,
+        section.Iy,
+        stiff[2] / E,
+        shear_factor * section.ky,
+        shear_factor * section.kz,
     )
 
 
@@ -288,13 +302,15 @@ def _chain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
     if leaf.curve is not None:
         nodes = [cached_line(leaf.curve, k / count) for k in range(count + 1)]
         curve = np.array([place for place, _ in nodes]), np.array([axes for _, axes in nodes])
-    value = chains.chain_values(_numbers(leaf.section, leaf, mesh), leaf.length, count, curve)
+    value = chains.chain_values(_element_section(leaf.section, leaf, mesh), leaf.length, count, curve)
     if leaf.profile is not None:
         for k in range(count):
             # each element has the section of its middle
             section = leaf.profile.section((k + 0.5) / count)
             at = 16 * k
-            value[at + 1 : at + 7] = chains.stiffness_numbers(_numbers(section, leaf, mesh), value[at])
+            value[at + 1 : at + 7] = chains.stiffness_numbers(
+                _element_section(section, leaf, mesh), value[at]
+            )
     number = np.array([count, int(mesh.mip)], np.int64)
     d, Q = chains.undeformed_end(value, number)
     inner, store, mass = (
@@ -308,34 +324,37 @@ def _chain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
     return _Body(COROTATIONAL, value, number, inner, store, d, Q, mass)
 
 
-def _too_wavy(leaf: Any, name: str) -> SceneError:
-    """What to say of a leaf whose modes do not follow its curve."""
+def _wavy_curve_error(leaf: Any, name: str) -> SceneError:
+    """The error for a leaf whose modes cannot represent its curve."""
     turning = leaf.length * np.abs(leaf.curve.curvatures(np.linspace(0.0, 1.0, 65))).sum(axis=1).mean()
     pieces = max(2, math.ceil(turning / MIN_FOLLOWED_TURN))
-    pieces = next((n for n in range(pieces, pieces + 64) if _missed(leaf.curve, n)[11] < 1e-6), pieces)
+    pieces = next(
+        (n for n in range(pieces, pieces + 64) if _projection_error(leaf.curve, n)[11] < 1e-6), pieces
+    )
     return SceneError(
         f"leaf '{name}': its curve bends to and fro more often than the curvature modes of a leaf; put points on it, "
         f"mechanism.point('{name}', s) every {1e3 * leaf.length / pieces:.3g} mm, and each piece has modes of its own"
     )
 
 
-def _placed(leaf: Any, d: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Axes (3, 3) of end p such that the undeformed end q, at d (3,) in them, lies towards the end drawn, and its place.
+def _place_leaf(leaf: Any, d: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Axes (3, 3) of end p such that end q, at d (3,) in them, lies in the direction of the given end, and its position
+    (3,).
 
-    The chord of a curved leaf must be as long as the distance of its ends, to 1e-3.
+    Raises SceneError where the chord of a curved leaf differs from the distance between its ends by more than 1e-3 of it.
     """
     start, end, width = (np.asarray(v, float) for v in (leaf.start, leaf.end, leaf.width_axis))
-    reach, given = float(np.linalg.norm(d)), float(np.linalg.norm(end - start))
-    if abs(reach - given) > 1e-3 * given:
+    chord, distance = float(np.linalg.norm(d)), float(np.linalg.norm(end - start))
+    if abs(chord - distance) > 1e-3 * distance:
         with np.errstate(all="ignore"):
-            drawn = math.nan if leaf.curve is None else float(np.linalg.norm(leaf.curve.line(1.0)[0]))
-        if abs(drawn - given) < 1e-3 * given:
-            raise _too_wavy(leaf, name)
+            exact_chord = math.nan if leaf.curve is None else float(np.linalg.norm(leaf.curve.line(1.0)[0]))
+        if abs(exact_chord - distance) < 1e-3 * distance:
+            raise _wavy_curve_error(leaf, name)
         raise SceneError(
-            f"leaf '{name}': its curve spans {reach:.6g} m from start to end, but the ends are {given:.6g} m apart; "
+            f"leaf '{name}': its curve spans {chord:.6g} m from start to end, but the ends are {distance:.6g} m apart; "
             "move an end or change the curve"
         )
-    if np.hypot(d[0], d[1]) < 1e-6 * reach:
+    if np.hypot(d[0], d[1]) < 1e-6 * chord:
         raise SceneError(
             f"leaf '{name}': its curve ends straight along the width of its start, so that width_axis does not say how it "
             "is turned about the line between its ends; cut it into two leaves"
@@ -345,19 +364,21 @@ def _placed(leaf: Any, d: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray
 
 
 def leaf_ends(leaf: Any, d: np.ndarray, Q: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Places (2, 3) and axes (2, 3, 3) of the clamped ends of a leaf, whose undeformed end q is at d (3,) with axes Q (3, 3)
-    in the frame of end p."""
-    axes, tip = _placed(leaf, d, name)
+    """Positions (2, 3) and axes (2, 3, 3) of the clamped ends of a leaf, with its assembly error.
+
+    d (3,), Q (3, 3): pose of the undeformed end q in the frame of end p.
+    """
+    axes, tip = _place_leaf(leaf, d, name)
     clamp = axes @ Q
     if leaf.condition is not None:
-        tip, clamp = _assembly_error(leaf.condition, axes, tip, clamp)
+        tip, clamp = _displaced_clamp(leaf.condition, axes, tip, clamp)
     return np.array([leaf.start, tip]), np.array([axes, clamp])
 
 
-def _assembly_error(
+def _displaced_clamp(
     state: LeafCondition, axes: np.ndarray, tip: np.ndarray, clamp: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where end q is clamped, and its axes there, when the clamp is off what is drawn."""
+    """Position and axes of the clamp of end q, displaced and rotated by the assembly error."""
     from scipy.spatial.transform import Rotation
 
     tip = tip + axes @ np.asarray(state.shift)
@@ -367,17 +388,17 @@ def _assembly_error(
 
 
 def leaf_member(leaf: Any, mesh: Mesh, *, name: str, heavy: bool = False) -> Member:
-    """The member of `leaf`, its ends as drawn; heavy: with its weight, if its material has a density.
+    """The member of a leaf with the given ends; heavy: with its weight, where its material has a density.
 
-    Mesh choices carried by the leaf itself win over `mesh`.
+    Orders and elements of the leaf itself take precedence over those of `mesh`.
     """
-    make = _strain_body if mesh.leaf == "strain" else _chain_body
-    drawn = make(leaf, mesh, heavy)
-    offset, frame = leaf_ends(leaf, drawn.d, drawn.Q, name)
-    loose = stress_free_leaf(leaf)
-    body = drawn if loose is leaf else make(loose, mesh, heavy)
+    make_body = _strain_body if mesh.leaf == "strain" else _chain_body
+    described = make_body(leaf, mesh, heavy)
+    offset, frame = leaf_ends(leaf, described.d, described.Q, name)
+    stress_free = stress_free_leaf(leaf)
+    body = described if stress_free is leaf else make_body(stress_free, mesh, heavy)
     if leaf.condition is not None:
-        strained = body is not drawn or any(leaf.condition.shift) or any(leaf.condition.turn)
+        strained = body is not described or any(leaf.condition.shift) or any(leaf.condition.turn)
         if body.kind == COROTATIONAL and strained:
             end = frame[0].T @ (offset[1] - offset[0]), frame[0].T @ frame[1]
             body = replace(body, inner=chains.stretched_inner(body.value, body.number, *end))
@@ -398,22 +419,22 @@ def leaf_member(leaf: Any, mesh: Mesh, *, name: str, heavy: bool = False) -> Mem
 
 
 def piece_name(leaf: str, k: int) -> str:
-    """Name of element k of a leaf whose nodes are in the open, and of the node at its end; "leaf.2" is a second leaf."""
+    """Name of piece k of a leaf, and of the node at its end; "leaf.2" is a second leaf."""
     return f"{leaf}:{k + 1}"
 
 
 def whole_leaf_name(piece: str, leaves: Container[str]) -> str:
-    """The leaf of `leaves` that a piece is of, or a whole leaf itself; else the name without its last mark."""
-    found = piece
-    while found not in leaves and ":" in found:
-        found = found.rpartition(":")[0]
-    return found if found in leaves else piece.rpartition(":")[0] or piece
+    """Name of the leaf of `leaves` that a piece belongs to, or of a whole leaf; else the name without its last ":k"."""
+    name = piece
+    while name not in leaves and ":" in name:
+        name = name.rpartition(":")[0]
+    return name if name in leaves else piece.rpartition(":")[0] or piece
 
 
 def split_leaf(leaf: Any, cuts: Sequence[float]) -> list[Any]:
-    """The pieces of a leaf cut at these fractions of its length, each a leaf; together they are what the whole is.
+    """The pieces of a leaf cut at these fractions of its length, each a leaf; together they are equivalent to the whole.
 
-    Raises SceneError for a curved leaf with an assembly error, whose axes are not those of its pieces.
+    Raises SceneError for a curved leaf with an assembly error, which refers to the axes of the whole leaf.
     """
     state = leaf.condition or LeafCondition()
     misplaced = any(state.shift) or any(state.turn)
@@ -421,7 +442,7 @@ def split_leaf(leaf: Any, cuts: Sequence[float]) -> list[Any]:
         raise SceneError(
             f"leaf '{leaf.name}' is curved, has an assembly error (mechanism.fit) and points on it; leave one of them out"
         )
-    torsion = state.torsion_factor or (_own_torsion(leaf) if leaf.section.Iw > 0.0 else 0.0)
+    torsion = state.torsion_factor or (_own_torsion_factor(leaf) if leaf.section.Iw > 0.0 else 0.0)
     marks = (0.0, *cuts, 1.0)
     sections = [leaf.section_at(s) for s in marks]
     pieces = []
@@ -448,7 +469,7 @@ def split_leaf(leaf: Any, cuts: Sequence[float]) -> list[Any]:
 
 
 def element_leaves(leaf: Any, elements: int) -> list[Any]:
-    """The elements of a leaf whose nodes are in the open, each a leaf of one element."""
+    """The elements of a leaf of a nodal mesh, each a leaf of one element."""
     if leaf.curve is not None or leaf.profile is not None:
         raise SceneError(
             f"leaf '{leaf.name}': nodal meshes are for straight uniform leaf springs; leave nodal out"
@@ -463,14 +484,14 @@ def element_leaves(leaf: Any, elements: int) -> list[Any]:
 
 def cut_leaves(scene: Any) -> list[tuple[str, str, str, Any]]:
     """(name, link at start, link at end, leaf) of the free leaves of a scene, cut where links are points of them."""
-    found = []
+    pieces_of_all: list[tuple[str, str, str, Any]] = []
     for placed in scene.leaves:
         on = sorted((p.s, p.name) for p in scene.points if p.leaf == placed.name)
         if not on:
-            found.append((placed.name, placed.a, placed.b, placed.leaf))
+            pieces_of_all.append((placed.name, placed.a, placed.b, placed.leaf))
             continue
         whole = replace(placed.leaf, name=placed.name)
         links = [placed.a, *(name for _, name in on), placed.b]
         pieces = split_leaf(whole, [s / whole.length for s, _ in on])
-        found += [(p.name, *pair, p) for p, pair in zip(pieces, pairwise(links), strict=True)]
-    return found
+        pieces_of_all += [(p.name, *pair, p) for p, pair in zip(pieces, pairwise(links), strict=True)]
+    return pieces_of_all

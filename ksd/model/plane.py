@@ -1,8 +1,8 @@
 """Whether a model is planar, and the same model with three unknowns per node.
 
-Looked at here: the leaf springs' width axes, drives and supports, loads. Symmetry about the plane is not asked for; whether
-the leaf springs balance out of it is seen when the spatial residual is evaluated at a planar answer (`Plane.imbalance`). A
-planar scene is thus checked, never trusted (design section 4).
+The width axes of the leaf springs, drives, supports and loads are checked. Symmetry about the plane is not required: whether
+the out-of-plane forces balance is checked on every planar answer, by its spatial residual (`Plane.imbalance`; design
+section 4).
 
 A planar model is the spatial one with z, rx and ry left out of the numbering (`Arrays.active_dofs`), for a
 plane normal to one of the global axes: same members, same state, same rows; strain-mode leaves condense in closed form
@@ -46,13 +46,17 @@ if TYPE_CHECKING:
 
 PARALLEL = 1e-9
 """Sine of the angle below which two directions count as parallel."""
-INSIDE, OUTSIDE = (0, 1, 5), (2, 3, 4)
-"""In-plane and out-of-plane motions of end q in a frame p whose e3 is the normal."""
+IN_PLANE, OUT_OF_PLANE = (0, 1, 5), (2, 3, 4)
+"""Components of the motion of end q in and out of the plane, in a frame p whose e3 is the normal."""
 
 
 @dataclass(frozen=True)
 class Plane:
-    """The plane of a spatial model `space`: across global axis `axis`; rows (r,): constraint rows that act in it."""
+    """The plane of a spatial model.
+
+    space, rest: its arrays and undeformed state; axis: global axis normal to the plane; rows (r,): constraint rows in the
+    plane.
+    """
 
     space: Arrays
     rest: State
@@ -67,40 +71,43 @@ class Plane:
     @cached_property
     def arrays(self) -> Arrays:
         """The spatial arrays with three unknowns per node."""
-        return _masked(self.space, self.axis, self.rows)
+        return _planar_arrays(self.space, self.axis, self.rows)
 
     def contains(self, motion: State) -> bool:
-        """Whether the nodes of a state are in the plane."""
+        """Whether no node of a state is displaced or rotated out of the plane."""
         k, size = self.normal, self.space.size
         off = np.abs((motion.x - self.rest.x) @ k).max(initial=0.0)
         return bool(off <= 1e-9 * size and np.abs(motion.R @ k - k).max(initial=0.0) <= 1e-9)
 
     def imbalance(self, work: Workspace) -> tuple[float, int, float, float]:
-        """Residual out of the plane in `work`, as assembled in space by `ksd.model.newton.assemble` at a planar state.
+        """Largest out-of-plane residual in `work`, as assembled in space by `ksd.model.newton.assemble` at a planar state.
 
-        Returns (the largest over its bound, the node it acts on, its force [N] along k, its moment [Nm] across k).
+        Returns (residual over its bound, its node, its force [N] along the normal, its moment [Nm] about in-plane axes).
         """
         at = self.space.start[1:, None]
         k = self.normal
         force = np.abs(work.rhs[at + np.arange(3)] @ k)
-        turn = work.rhs[at + np.arange(3, 6)]
-        moment = np.linalg.norm(turn - np.outer(turn @ k, k), axis=1)
+        moments = work.rhs[at + np.arange(3, 6)]
+        moment = np.linalg.norm(moments - np.outer(moments @ k, k), axis=1)
         share = np.maximum(force / (work.scale[1:, 0] + 1e-300), moment / (work.scale[1:, 1] + 1e-300))
         worst = int(np.argmax(share))
         return float(share[worst]), worst + 1, float(force[worst]), float(moment[worst])
 
 
-class _Planar(NamedTuple):
-    """What of the arrays in a plane does not depend on numbers: topology: the arrays, all numbers zero; leaves: those that
-    condense in closed form, by where their spatial constants begin, whether they weigh anything, and their settings."""
+class _PlanarTopology(NamedTuple):
+    """The part of planar arrays that does not depend on floats.
 
-    topology: Arrays
+    arrays: with all floats zero; leaves: leaves with the planar kernel, by the start of their spatial constants, whether
+    they have weight, and their settings.
+    """
+
+    arrays: Arrays
     leaves: list[tuple[int, bool, tuple[int, ...]]]
 
 
 @lru_cache(maxsize=64)
-def _planar(ints: bytes, axis: int, rows: tuple[int, ...], heavy: bytes) -> _Planar:
-    """See `_masked`; ints: as in `FlatArrays`, heavy: whether each member has weight."""
+def _planar_topology(ints: bytes, axis: int, rows: tuple[int, ...], heavy: bytes) -> _PlanarTopology:
+    """The integers of `_planar_arrays`; ints: as in `FlatArrays`, heavy: whether each member has weight, as bytes."""
     flat = np.frombuffer(ints, np.int64)
     space = unflatten_arrays(FlatArrays(flat, np.zeros(int(flat[FLOATS])), LEAF_MEMBERS))
     active = np.array([*(c for c in range(3) if c != axis), 3 + axis])
@@ -121,42 +128,52 @@ def _planar(ints: bytes, axis: int, rows: tuple[int, ...], heavy: bytes) -> _Pla
         np.array([places.member(a, b) for a, b in pairs], np.int64).reshape(-1, 4) for pairs in ends
     )
     load_block = np.array([places.diagonal(n) for n in loads.node.tolist()], np.int64)
-    members, leaves = _members(space.members, np.frombuffer(heavy, bool))
+    members, leaves = _planar_members(space.members, np.frombuffer(heavy, bool))
     topology = space._replace(
         plan=plan,
         start=start,
         members=members._replace(block=member_block),
         terms=terms._replace(start=row_start, block=block, flip=flip),
-        # a moment along the normal has an energy in the plane
+        # a moment about the normal is conservative in the plane
         loads=loads._replace(block=load_block, skew=loads.following.copy()),
         springs=springs._replace(block=spring_block),
         active_dofs=active,
     )
-    return _Planar(topology, leaves)
+    return _PlanarTopology(topology, leaves)
 
 
-def _masked(arrays: Arrays, axis: int, rows: np.ndarray) -> Arrays:
-    """The arrays with those unknowns of every node that are in the plane normal to global axis `axis`, and `rows` alone;
-    strain-mode leaves by their planar kernel."""
+def _planar_arrays(arrays: Arrays, axis: int, rows: np.ndarray) -> Arrays:
+    """The arrays with the unknowns in the plane normal to global axis `axis` and with `rows` only.
+
+    Strain-mode leaves have their planar kernel.
+    """
     heavy = np.zeros(len(arrays.members.kind), bool)
     if len(arrays.weight):
         heavy[:] = arrays.weight[:, 0] > 0.0
-    topology, leaves = _planar(arrays.flat.ints.tobytes(), axis, tuple(rows.tolist()), heavy.tobytes())
+    topology, leaves = _planar_topology(
+        arrays.flat.ints.tobytes(), axis, tuple(rows.tolist()), heavy.tobytes()
+    )
     value = arrays.members.value
-    made = [_constants(value[at:], weighs, settings) for at, weighs, settings in leaves]
-    return replace_constants(arrays, topology, np.concatenate([value, *made]))
+    planar_values_of_leaves = [
+        _planar_constants(value[at:], weighs, settings) for at, weighs, settings in leaves
+    ]
+    return replace_constants(arrays, topology, np.concatenate([value, *planar_values_of_leaves]))
 
 
-def _members(members: Members, heavy: np.ndarray) -> tuple[Members, list[tuple[int, bool, tuple[int, ...]]]]:
-    """The integers of the members, strain-mode leaves by their planar kernel, with constants after the spatial ones; and
-    these: where their spatial constants begin, whether they weigh anything, and their settings."""
+def _planar_members(
+    members: Members, heavy: np.ndarray
+) -> tuple[Members, list[tuple[int, bool, tuple[int, ...]]]]:
+    """The integers of the members with strain-mode leaves on their planar kernel, and `_PlanarTopology.leaves`.
+
+    The planar constants follow the spatial ones of all members.
+    """
     kind, number, value_at = members.kind.copy(), members.number.copy(), members.value_at.copy()
     store, end, leaves = np.diff(members.store_at), len(members.value), []
     constants = np.column_stack([members.value_at, heavy, members.number])
     for row in np.unique(constants[kind == STRAIN], axis=0):
         at, weighs, *settings = row.tolist()
         own = (members.kind == STRAIN) & np.all(constants == row, axis=1)
-        _, _, planar, of, _ = _unit(tuple(settings))
+        _, _, planar, of, _ = _unit_leaf(tuple(settings))
         kind[own], number[own], value_at[own] = PLANAR, planar, end
         store[own] = store_size(int(planar[0]), has_weight=bool(weighs))
         leaves.append((at, bool(weighs), tuple(settings)))
@@ -172,9 +189,12 @@ def _members(members: Members, heavy: np.ndarray) -> tuple[Members, list[tuple[i
 
 
 @lru_cache(maxsize=32)
-def _unit(settings: tuple[int, ...]) -> tuple[slice, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Of a uniform leaf: where the tables are among its spatial constants, the tables; its planar constants and settings as
-    multiples, by number, of spatial ones."""
+def _unit_leaf(settings: tuple[int, ...]) -> tuple[slice, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """How the planar constants of a uniform leaf follow from its spatial ones.
+
+    Returns the slice of the mode tables among the spatial constants, these tables, the planar settings, and index and factor
+    of the spatial constant that gives each planar constant.
+    """
     nx, ny, nz, ng = settings
     value, _ = strain_values(
         length=1.0, rigidity=np.ones(3), compliance=np.ones(3), orders=(nx, ny, nz), points=ng
@@ -183,8 +203,8 @@ def _unit(settings: tuple[int, ...]) -> tuple[slice, np.ndarray, np.ndarray, np.
     tables = slice(first + nz * nz + total, first + nz * nz + total + ng * (1 + ng + total))
     multiple, planar = planar_values(value, np.array(settings))
     of = np.zeros(len(multiple), np.int64)
-    # bending stiffness and stress-free amplitudes are what they are; of each point 1/EA and 1/(ky GA), all else grows
-    # with the length, which comes first
+    # bending stiffness, stress-free amplitudes, and 1/EA and 1/(ky GA) of each point are copied; all other constants are
+    # proportional to the length, spatial constant 0
     own = nz * nz + nz
     of[:own] = np.concatenate([first + np.arange(nz * nz), tables.start - nz + np.arange(nz)])
     multiple[:own] = 1.0
@@ -194,48 +214,50 @@ def _unit(settings: tuple[int, ...]) -> tuple[slice, np.ndarray, np.ndarray, np.
     return tables, value[tables], planar, of, multiple
 
 
-def _constants(value: np.ndarray, weighs: bool, settings: tuple[int, ...]) -> np.ndarray:
-    """Planar constants of a leaf, with or without weight, from its spatial ones."""
-    tables, known, _, of, multiple = _unit(settings)
+def _planar_constants(value: np.ndarray, weighs: bool, settings: tuple[int, ...]) -> np.ndarray:
+    """Planar constants of a leaf from its spatial ones; weighs: whether it has weight."""
+    tables, known, _, of, multiple = _unit_leaf(settings)
     if not np.array_equal(value[tables], known):
         return planar_values(value, np.array(settings), has_weight=weighs)[0]
-    made = multiple * value[of]
-    return np.concatenate([made, masses_beyond(value, np.array(settings))]) if weighs else made
+    constants = multiple * value[of]
+    return np.concatenate([constants, masses_beyond(value, np.array(settings))]) if weighs else constants
 
 
 def _normal_axis(arrays: Arrays) -> tuple[int, np.ndarray]:
-    """The global axis nearest to the width of the first leaf, and that direction (3,), its largest component positive."""
+    """The global axis nearest to the width of the first member, and the width (3,) with its largest component positive."""
     k = arrays.members.frame[0, 0, :, 2]
     k = k / math.sqrt(k @ k)
     axis = int(np.abs(k).argmax())
     return axis, k if k[axis] > 0.0 else -k
 
 
-def _spoken(v: np.ndarray) -> str:
+def _vector_text(v: np.ndarray) -> str:
     return f"({', '.join(f'{c + 0.0:.4g}' for c in v)})"
 
 
-def _leaving_member(model: Model, k: np.ndarray) -> str:
-    """Why a member is not in the plane normal to k, naming the first; empty when all are."""
+def _out_of_plane_member(model: Model, k: np.ndarray) -> str:
+    """Why the first member that is not in the plane normal to k (3,) is not; empty when all are."""
     members = model.arrays.members
     e3, kind = members.frame[..., 2], members.kind
     off = e3 - (e3 @ k)[..., None] * k
     tilt = np.sqrt((off * off).sum(axis=-1))
-    leaves = tilt.max(axis=1) > PARALLEL
+    outside = tilt.max(axis=1) > PARALLEL
     if not model.kinds <= {STRAIN, COROTATIONAL}:
         linear = np.flatnonzero(kind == LINEAR)
-        leaves |= (kind == MODAL) | (kind == SOLID)
-        leaves[linear] |= np.array([_couples(model.rest.inner[members.inner_at[i] :]) for i in linear], bool)
-    # undeformed amplitudes of zero are those of a straight leaf
-    straight = model.kinds == {STRAIN} and not model.rest.inner.any()
-    if not straight and LINEAR not in model.kinds and not leaves.any():
-        # those of one group have the same constants
+        outside |= (kind == MODAL) | (kind == SOLID)
+        outside[linear] |= np.array(
+            [_is_coupled(model.rest.inner[members.inner_at[i] :]) for i in linear], bool
+        )
+    # a leaf with undeformed amplitudes of zero is straight
+    all_straight = model.kinds == {STRAIN} and not model.rest.inner.any()
+    if not all_straight and LINEAR not in model.kinds and not outside.any():
+        # members of one group have the same constants
         group, first = np.unique(members.value_at, return_index=True)
-        bent = [at for at, i in zip(group, first, strict=True) if not _straight_across(members, int(i))]
-        leaves = np.isin(members.value_at, bent)
-    if not leaves.any():
+        bent = [at for at, i in zip(group, first, strict=True) if not _is_planar_leaf(members, int(i))]
+        outside = np.isin(members.value_at, bent)
+    if not outside.any():
         return ""
-    i = int(np.argmax(leaves))
+    i = int(np.argmax(outside))
     name = model.member_names[i]
     if members.kind[i] == LINEAR:
         return f"'{name}' couples motions in the plane with motions across it"
@@ -243,26 +265,24 @@ def _leaving_member(model: Model, k: np.ndarray) -> str:
         return f"'{name}' is a reduced body, which has no planar form"
     for axis, off in zip(e3[i], tilt[i], strict=True):
         if off > PARALLEL:
-            return (
-                f"the width of leaf '{name}' is along {_spoken(axis)}, that of the others along {_spoken(k)}"
-            )
+            return f"the width of leaf '{name}' is along {_vector_text(axis)}, that of the others along {_vector_text(k)}"
     return f"leaf '{name}' is curved or twisted out of the plane at rest"
 
 
-def _straight_across(members: Members, i: int) -> bool:
-    """Whether member i is neither curved nor twisted out of its plane at rest."""
+def _is_planar_leaf(members: Members, i: int) -> bool:
+    """Whether undeformed member i is neither curved nor twisted out of its plane."""
     value, number = members.value[members.value_at[i] :], members.number[i]
     if members.kind[i] == COROTATIONAL:
         n = int(number[0])
-        turned = np.concatenate([value[: 16 * n].reshape(n, 16)[:, 7:], value[16 * n : 16 * n + 9][None]])
-        return bool(np.abs(turned[:, [2, 5, 6, 7]]).max() <= 1e-12)
+        rotations = np.concatenate([value[: 16 * n].reshape(n, 16)[:, 7:], value[16 * n : 16 * n + 9][None]])
+        return bool(np.abs(rotations[:, [2, 5, 6, 7]]).max() <= 1e-12)
     nx, ny, nz = (int(n) for n in number[:3])
     start = 1 + nx * nx + ny * ny + nz * nz
     return not np.any(value[start : start + nx + ny])
 
 
-def _leaving_spring(model: Model, k: np.ndarray) -> str:
-    """Why a spring is not in the plane normal to k, naming the first; empty when all are."""
+def _out_of_plane_spring(model: Model, k: np.ndarray) -> str:
+    """Why the first spring that is not in the plane normal to k (3,) is not; empty when all are."""
     springs, rest = model.arrays.springs, model.rest.x
     for i, name in enumerate(model.spring_names):
         node, kind = springs.node[i], springs.kind[i]
@@ -273,99 +293,102 @@ def _leaving_spring(model: Model, k: np.ndarray) -> str:
                 return f"{name} pulls out of the plane, its ends being {1e3 * across:.3g} mm apart along the normal"
         elif np.linalg.norm(np.cross(springs.frame[i, :, :, 2], k), axis=1).max() > PARALLEL:
             return f"{name} has its {'axis' if kind == TORSION else 'width axis'} in the plane"
-        elif kind == LINEAR and _couples(springs.value[springs.value_at[i] :]):
+        elif kind == LINEAR and _is_coupled(springs.value[springs.value_at[i] :]):
             return f"{name} couples in-plane with out-of-plane motions"
     return ""
 
 
-def _couples(value: np.ndarray) -> bool:
-    """Whether a linear body, constants as of `ksd.beam.linear`, couples in-plane with out-of-plane motions."""
+def _is_coupled(value: np.ndarray) -> bool:
+    """Whether a linear body with these constants (`ksd.beam.linear`) couples in-plane with out-of-plane motions."""
     d0, R0, F, K = value[:3], value[3:12].reshape(3, 3), value[12:18], value[18:54].reshape(6, 6)
-    leaves = max(
-        np.abs(K[np.ix_(INSIDE, OUTSIDE)]).max() / np.abs(K).max(), abs(d0[2]), np.abs(R0[:2, 2]).max()
+    coupling = max(
+        np.abs(K[np.ix_(IN_PLANE, OUT_OF_PLANE)]).max() / np.abs(K).max(), abs(d0[2]), np.abs(R0[:2, 2]).max()
     )
-    return bool(leaves > PARALLEL or np.abs(F[list(OUTSIDE)]).max() > 0.0)
+    return bool(coupling > PARALLEL or np.abs(F[list(OUT_OF_PLANE)]).max() > 0.0)
 
 
 def _planar_rows(model: Model, k: np.ndarray) -> np.ndarray | str:
-    """Constraint rows (c,) that act in the plane; supports that only hold the mechanism in it are left out."""
+    """Constraint rows (r,) that act in the plane normal to k (3,), or why the first other one does not.
+
+    Supports that only hold the mechanism in the plane are left out.
+    """
     terms, drives = model.arrays.terms, len(model.drive_names)
     if not len(terms.start):
         return np.zeros(0, np.int64)
-    turning, d = terms.kind == ROTATION, terms.direction @ k
+    is_rotation, d = terms.kind == ROTATION, terms.direction @ k
     off = terms.direction - d[:, None] * k
     along, across = np.abs(d), np.sqrt((off * off).sum(axis=1))
-    inside = np.where(turning, across, along) <= PARALLEL
+    inside = np.where(is_rotation, across, along) <= PARALLEL
     first = terms.first[:-1]
     within = np.logical_and.reduceat(inside, first)
     if within.all():
         return within.nonzero()[0]
-    outside = np.where(turning, along, across) <= PARALLEL
+    outside = np.where(is_rotation, along, across) <= PARALLEL
     leaving = ~within
-    # a support may do nothing but hold it in the plane
+    # supports that only hold the mechanism in the plane are allowed
     leaving[drives:] &= ~np.logical_and.reduceat(outside, first)[drives:]
     if not leaving.any():
         return within.nonzero()[0]
     i = int(np.argmax(leaving))
     t = first[i] + int(np.argmin(inside[first[i] : terms.first[i + 1]]))
-    what = "rotates about" if turning[t] else "moves along"
+    what = "rotates about" if is_rotation[t] else "moves along"
     word, name = "drive" if i < drives else "support", (*model.drive_names, *model.support_names)[i]
-    return f"{word} '{name}' {what} {_spoken(terms.direction[t])}, out of the plane normal to {_spoken(k)}"
+    return f"{word} '{name}' {what} {_vector_text(terms.direction[t])}, out of the plane normal to {_vector_text(k)}"
 
 
 def _load_name(model: Model, i: int) -> str:
-    """Name of load i: those on links that move, in the order of the scene, then the weights."""
+    """Name of load i of the model: loads on moving links in the order of the scene, then weights."""
     names = [f"load '{load.name}'" for load in model.scene.loads if load.link != model.scene.links[0]]
     names += [f"the weight of link '{mass.link}'" for mass in model.scene.masses]
     return names[i] if i < len(names) else f"load {i + 1}"
 
 
-def _leaving_load(model: Model, k: np.ndarray) -> str:
-    """The first load that pushes or turns the mechanism out of the plane, in words; empty when none does."""
+def _out_of_plane_load(model: Model, k: np.ndarray) -> str:
+    """Why the first load that acts out of the plane normal to k (3,) does; empty when none does."""
     loads = model.arrays.loads
+    outside = f"out of the plane normal to {_vector_text(k)}"
     for i in range(len(loads.node)):
         force, moment = loads.force[i], loads.moment[i]
         if abs(force @ k) > PARALLEL * np.linalg.norm(force):
-            return f"{_load_name(model, i)} pushes along {_spoken(force)} N, out of the plane normal to {_spoken(k)}"
+            return f"{_load_name(model, i)} pushes along {_vector_text(force)} N, {outside}"
         if np.linalg.norm(np.cross(moment, k)) > PARALLEL * np.linalg.norm(moment):
-            return f"{_load_name(model, i)} turns about {_spoken(moment)} Nm, out of the plane normal to {_spoken(k)}"
+            return f"{_load_name(model, i)} turns about {_vector_text(moment)} Nm, {outside}"
     gravity = model.arrays.weight[:1, 1:].ravel()
     if len(gravity) and abs(gravity @ k) > PARALLEL * np.linalg.norm(gravity):
-        pull = f"the weight of the leaf springs pulls along {_spoken(gravity)} m/s^2"
-        return f"{pull}, out of the plane normal to {_spoken(k)}"
+        return f"the weight of the leaf springs pulls along {_vector_text(gravity)} m/s^2, {outside}"
     return ""
 
 
 def _find_plane(model: Model) -> Plane | str:
-    """See `plane_of`; this one looks every time."""
+    """`plane_of` without its cache."""
     if not len(model.arrays.members.kind):
         return "it has no leaf springs to show a plane"
     axis, k = _normal_axis(model.arrays)
-    if reason := _leaving_member(model, k):
+    if reason := _out_of_plane_member(model, k):
         return reason
     rows = _planar_rows(model, k)
     if isinstance(rows, str):
         return rows
-    if reason := _leaving_load(model, k) or _leaving_spring(model, k):
+    if reason := _out_of_plane_load(model, k) or _out_of_plane_spring(model, k):
         return reason
     if max(abs(k[axis - 1]), abs(k[axis - 2])) > PARALLEL:
-        return f"its plane, across {_spoken(k)}, is across none of the global axes"
+        return f"its plane, across {_vector_text(k)}, is across none of the global axes"
     return Plane(model.arrays, model.rest, axis, rows)
 
 
 def plane_of(model: Model) -> Plane | str:
-    """The model in its plane, or the reason (a clause naming leaf, drive, support or load) why it is not planar.
+    """The plane of the model, or the reason why it is not planar, a clause that names a leaf, drive, support or load.
 
-    Planar means: the widths e3 of all leaves parallel to one direction k, drives and supports acting across k (rotations
-    about k), forces across k and moments about k. Supports that hold the mechanism in the plane are allowed and left
-    out. The answer is remembered for as long as the model lives.
+    A model is planar if the widths e3 of all leaves are parallel to one direction k, translations of drives and supports and
+    all forces are normal to k, rotations and moments are about k. Supports that hold the mechanism in the plane are allowed
+    and left out. The result is cached with the model.
     """
-    found: Plane | str | None = model.derived.get("plane")
-    if found is None:
-        found = model.derived["plane"] = _find_plane(model)
-    return found
+    plane: Plane | str | None = model.derived.get("plane")
+    if plane is None:
+        plane = model.derived["plane"] = _find_plane(model)
+    return plane
 
 
 def refuse_plane(model: Model, reason: str) -> None:
-    """Remember that the leaf springs of `model` do not balance out of its plane, so that it is not tried again."""
+    """Mark `model` as not planar for this reason, because its out-of-plane forces do not balance or it is to be spatial."""
     model.derived["plane"] = reason

@@ -1,7 +1,7 @@
-"""The model of all scenes with the same words: integers made once, floats from the numbers of many designs at once.
+"""Models of all scenes with one layout: integers are made once, floats for many designs at once.
 
-Every float array of `Arrays` and of the rest state has a leading axis over designs here; one design is D = 1. `design` takes
-one of them out.
+Every float array of `Arrays` and of the undeformed state has a leading axis over D designs here; a single design is D = 1.
+`arrays_of_design` and `state_of_design` take out one design.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ from ksd.model.scene_layout import (
 
 Array = np.ndarray
 SCALES = 19
-"""Scales of a leaf: 1, L; L GJ, L EIy, L EIz, 1/EA, 1/(ky GA), 1/(kz GA), L rho A of a strain-mode leaf; length, the six
-stiffness numbers, rho A l and rho A l^2 of an element of a chain; 1/L."""
+"""Count of the scales of a leaf: 1, L; L GJ, L EIy, L EIz, 1/EA, 1/(ky GA), 1/(kz GA), L rho A of a strain-mode leaf;
+length l, the six stiffness numbers, rho A l and rho A l^2 of an element of a chain; 1/L."""
 
 
 class UnitConstants(NamedTuple):
-    """Constants, or rest inner state, of a leaf of unit scales: which entries are numbers times one of its scales."""
+    """Constants of a leaf with unit scales; entry i of a leaf is value[i] times its scale number scale[i]."""
 
     value: Array
     scale: Array
 
 
 @lru_cache(maxsize=256)
-def _constants(kind: int, number: tuple[int, ...], heavy: bool) -> UnitConstants:
-    """Constants of a straight uniform leaf."""
+def _unit_constants(kind: int, number: tuple[int, ...], heavy: bool) -> UnitConstants:
+    """Constants of a straight uniform leaf with unit scales."""
     if kind == STRAIN:
         orders, points = number[:3], number[3]
         ones = np.ones(3)
@@ -80,7 +80,7 @@ def _constants(kind: int, number: tuple[int, ...], heavy: bool) -> UnitConstants
 
 
 def _sizes(leaf: LeafLayout) -> tuple[int, int, int]:
-    """How many constants, inner states and stored numbers a leaf has."""
+    """Counts of the constants, inner coordinates and stored numbers of a leaf."""
     number = np.array(leaf.number, np.int64)
     if leaf.kind == STRAIN:
         inner, store = strain_sizes(number, has_weight=leaf.has_weight)
@@ -91,8 +91,11 @@ def _sizes(leaf: LeafLayout) -> tuple[int, int, int]:
 
 
 class LeafGeometry(NamedTuple):
-    """Geometry of all different leaves, in the axes of their part: ends (D, F, 2, 3), end frames (D, F, 2, 3, 3); their
-    scales (D, F, SCALES), mass (D, F), floor EA/L (D, F), length (D, F)."""
+    """Geometry and scales of the F distinct leaves of D designs, in the axes of their parts.
+
+    ends (D, F, 2, 3) [m], frame (D, F, 2, 3, 3): ends and their axes; scale (D, F, SCALES); mass (D, F) [kg];
+    stiffness_scale (D, F): EA/L [N/m]; length (D, F) [m].
+    """
 
     ends: Array
     frame: Array
@@ -103,37 +106,42 @@ class LeafGeometry(NamedTuple):
 
 
 class LeafPacking:
-    """Members that are leaves: where they are, and how their numbers follow from those of the leaves.
+    """How the constants and inner states of members follow from the numbers of leaves.
 
-    words (F,): of all leaves; leaf (m,): which of them each member is, from member `start` on.
+    layouts: of the F distinct leaves; leaf (m,): leaf of each member, from member `start` on.
     """
 
-    def __init__(self, words: Sequence[LeafLayout], leaf: Array, members: Members, start: int = 0) -> None:
+    def __init__(self, layouts: Sequence[LeafLayout], leaf: Array, members: Members, start: int = 0) -> None:
         at, scale = [], []
-        seen = set()
-        given: list[tuple[Array, Array]] = []
-        first = np.cumsum([0] + [w.explicit_count for w in words])
+        done = set()
+        explicit: list[tuple[Array, Array]] = []
+        first = np.cumsum([0] + [w.explicit_count for w in layouts])
         rest, inner_at, inner_scale = np.zeros(int(members.inner_at[-1])), [], []
-        given_rest: list[tuple[Array, Array]] = []
+        explicit_inner: list[tuple[Array, Array]] = []
         self.value = np.zeros(len(members.value))
         for i, f in enumerate(leaf.tolist(), start=start):
-            w, to, own = words[f], int(members.value_at[i]), int(members.inner_at[i])
-            new, brought = to not in seen, int(first[f]) + GEOMETRY_NUMBERS
-            seen.add(to)
+            w, to, own = layouts[f], int(members.value_at[i]), int(members.inner_at[i])
+            is_new, explicit_at = to not in done, int(first[f]) + GEOMETRY_NUMBERS
+            done.add(to)
             if w.explicit is not None:
-                given_rest.append((own + np.arange(w.explicit[1]), brought + np.arange(w.explicit[1])))
-                if new:
-                    given.append(
-                        (to + np.arange(w.explicit[0]), brought + w.explicit[1] + np.arange(w.explicit[0]))
+                explicit_inner.append(
+                    (own + np.arange(w.explicit[1]), explicit_at + np.arange(w.explicit[1]))
+                )
+                if is_new:
+                    explicit.append(
+                        (
+                            to + np.arange(w.explicit[0]),
+                            explicit_at + w.explicit[1] + np.arange(w.explicit[0]),
+                        )
                     )
                 continue
             if w.amplitudes:
-                amplitudes = brought + np.arange(sum(w.amplitudes))
+                amplitudes = explicit_at + np.arange(sum(w.amplitudes))
                 axes = zip(np.cumsum([0, *w.number[:2]]), w.amplitudes, strict=True)
                 bent = np.concatenate([k + np.arange(n) for k, n in axes])
-                given_rest.append((own + bent, amplitudes))
-                if new:
-                    given.append((to + 1 + sum(n * n for n in w.number[:3]) + bent, amplitudes))
+                explicit_inner.append((own + bent, amplitudes))
+                if is_new:
+                    explicit.append((to + 1 + sum(n * n for n in w.number[:3]) + bent, amplitudes))
             if w.kind != STRAIN:
                 n = w.number[0]
                 nodes = own + chains.NODE_RECORD_SIZE * np.arange(n - 1)
@@ -142,29 +150,29 @@ class LeafPacking:
                 rest[nodes] = np.arange(1, n)
                 inner_at.append(nodes)
                 inner_scale.append(np.full(n - 1, f * SCALES + 9))
-            if not new:
+            if not is_new:
                 continue
-            unit = _constants(w.kind, w.number, w.has_weight)
+            unit = _unit_constants(w.kind, w.number, w.has_weight)
             self.value[to : to + len(unit.value)] = unit.value
             varies = np.flatnonzero(unit.scale)
             at.append(to + varies)
             scale.append(f * SCALES + unit.scale[varies])
         self.at, self.scale = _joined(at), _joined(scale)
         self.inner, self.inner_at, self.inner_scale = rest, _joined(inner_at), _joined(inner_scale)
-        self.given = _joined([a for a, _ in given]), _joined([b for _, b in given])
-        self.given_inner = _joined([a for a, _ in given_rest]), _joined([b for _, b in given_rest])
+        self.explicit = _joined([a for a, _ in explicit]), _joined([b for _, b in explicit])
+        self.explicit_inner = _joined([a for a, _ in explicit_inner]), _joined([b for _, b in explicit_inner])
 
-    def values(self, leaves: LeafGeometry, given: Array) -> tuple[Array, Array]:
-        """Constants (D, v) and rest inner states (D, s)."""
+    def values(self, leaves: LeafGeometry, explicit: Array) -> tuple[Array, Array]:
+        """Constants (D, v) and undeformed inner states (D, s) of D designs; explicit: `SceneNumbers.explicit`."""
         count = len(leaves.scale)
         scale = leaves.scale.reshape(count, -1)
         value, inner = (fixed[None].repeat(count, axis=0) for fixed in (self.value, self.inner))
         value[:, self.at] *= scale[:, self.scale]
         if len(self.inner_at):
             inner[:, self.inner_at] *= scale[:, self.inner_scale]
-        if len(self.given_inner[0]):
-            value[:, self.given[0]] = given[:, self.given[1]]
-            inner[:, self.given_inner[0]] = given[:, self.given_inner[1]]
+        if len(self.explicit_inner[0]):
+            value[:, self.explicit[0]] = explicit[:, self.explicit[1]]
+            inner[:, self.explicit_inner[0]] = explicit[:, self.explicit_inner[1]]
         return value, inner
 
 
@@ -173,8 +181,11 @@ def _joined(parts: list[Array]) -> Array:
 
 
 class DesignArrays(NamedTuple):
-    """Models of D designs: arrays and rest state with a leading axis over designs in every float, and what joint bodies take
-    over: the leaves, and points A and B of all parts (D, P, 2, 3), global."""
+    """Models of D designs.
+
+    arrays, rest: with a leading axis over designs in every float; leaves: their geometry; points (D, P, 2, 3) [m]: points A
+    and B of all parts, global.
+    """
 
     arrays: Arrays
     rest: State
@@ -183,7 +194,7 @@ class DesignArrays(NamedTuple):
 
 
 class Template:
-    """What models of the same words and mesh have in common; call it with the numbers of D designs."""
+    """What all models with one layout and mesh have in common; called with the numbers of D designs it packs them."""
 
     def __init__(self, layout: SceneLayout, mesh: Mesh) -> None:
         self.scene_layout, self.mesh = layout, mesh
@@ -200,8 +211,8 @@ class Template:
         self.packing = LeafPacking(self.leaf_layouts, self.member_leaf, self.topology.members)
         self.leaf_has_weight = np.array([w.has_weight for w in self.leaf_layouts], bool)
         self.elements = np.array([float(w.number[0]) for w in self.leaf_layouts])
-        self.unturned = np.tile(np.eye(3), (len(self.node_names), 1, 1))
-        self.given_leaves = [f for f, w in enumerate(self.leaf_layouts) if w.explicit_count]
+        self.identity = np.tile(np.eye(3), (len(self.node_names), 1, 1))
+        self.explicit_leaves = [f for f, w in enumerate(self.leaf_layouts) if w.explicit_count]
         if layout.has_gravity and self.leaf_has_weight.any():
             self.topology = self.topology._replace(weight=np.zeros((len(self.member_leaf), 4)))
         self._attach()
@@ -209,13 +220,13 @@ class Template:
         self.term_nodes, self.load_nodes = terms.node, loads.node
         sizes = [SPRING_NUMBERS + s[3] for s in layout.springs]
         self.spring_first = np.cumsum([0, *sizes])
-        # integers of the joint bodies, of `ksd.bodies.joints`
+        # set by ksd.bodies.joints
         self.joint_layout: Any = None
-        self._places = number_slices(layout)
-        self._others: dict[Mesh, Template | None] = {}
+        self._slices = number_slices(layout)
+        self._on_mesh: dict[Mesh, Template | None] = {}
 
     def _name_nodes(self) -> None:
-        """Nodes: links, then the blocks of every part; their names, and where they are drawn."""
+        """Number and name the nodes: links, then the blocks of every part."""
         layout = self.scene_layout
         names, block_part, block_point = list(layout.links), [], []
         first = np.cumsum([0] + [len(p.blocks) for p in layout.distinct_parts]).tolist()
@@ -233,51 +244,53 @@ class Template:
         self.part_different = np.array([p[3] for p in layout.parts], int)
 
     def _list_members(self) -> list[MemberTopology]:
-        """Members: the leaves of every part."""
+        """List the members, the leaves of every part, and return their topologies."""
         layout = self.scene_layout
-        shapes: list[MemberTopology] = []
+        topologies: list[MemberTopology] = []
         names, leaf, part, slices = [], [], [], []
         first = np.cumsum([0] + [len(p.leaves) for p in layout.distinct_parts]).tolist()
         sizes = [_sizes(w) for w in self.leaf_layouts]
         for p, (before, _, _, u) in enumerate(layout.parts):
-            nodes, start = self.node_of[p], len(shapes)
+            nodes, start = self.node_of[p], len(topologies)
             for n, w in enumerate(layout.distinct_parts[u].leaves):
                 f = first[u] + n
                 constants, inner, store = sizes[f]
                 pair = nodes[w.ends[0]], nodes[w.ends[1]]
-                shapes.append(MemberTopology(w.kind, pair, w.number, constants, inner, store, w.group))
+                topologies.append(MemberTopology(w.kind, pair, w.number, constants, inner, store, w.group))
                 names.append(before + w.name)
                 leaf.append(f)
                 part.append(p)
-            slices.append(slice(start, len(shapes)))
+            slices.append(slice(start, len(topologies)))
         self.member_names = tuple(names)
         self.joint_members = tuple(slices[: len(layout.joints)])
         self.member_leaf, self.member_part = np.array(leaf, int), np.array(part, int)
-        return shapes
+        return topologies
 
     def _attach(self) -> None:
-        """Which points of parts hang on each link, whose mean is its reference point; ground stays at the origin."""
+        """List the points of parts attached to each link; their mean is its reference point, that of ground the origin."""
         links = [
             (link, 2 * p + e)
             for p, (_, *ends, _) in enumerate(self.scene_layout.parts)
             for e, link in enumerate(ends)
         ]
         links = sorted(pair for pair in links if pair[0] > 0)
-        self.hung = np.array([point for _, point in links], int)
-        self.hung_link, self.hung_first, count = np.unique(
+        self.attached = np.array([point for _, point in links], int)
+        self.attached_link, self.attached_first, count = np.unique(
             np.array([link for link, _ in links], int), return_index=True, return_counts=True
         )
-        self.hung_count = count[:, None].astype(float)
+        self.attached_count = count[:, None].astype(float)
 
     def __call__(self, n: SceneNumbers) -> DesignArrays:
-        """Models of D designs."""
+        """Pack the models of D designs."""
         leaves = self.leaves(n)
         count, links = len(n.leaf), len(self.scene_layout.links)
         points = n.origin[:, :, None] + n.interfaces[:, self.part_different] @ n.rotation.swapaxes(2, 3)
         places = np.zeros((count, len(self.node_names), 3))
-        if len(self.hung):
-            flat = points.reshape(count, -1, 3)[:, self.hung]
-            places[:, self.hung_link] = np.add.reduceat(flat, self.hung_first, axis=1) / self.hung_count
+        if len(self.attached):
+            flat = points.reshape(count, -1, 3)[:, self.attached]
+            places[:, self.attached_link] = (
+                np.add.reduceat(flat, self.attached_first, axis=1) / self.attached_count
+            )
         if len(self.block_part):
             own = n.rotation[:, self.block_part] @ n.point[:, self.block_point, :, None]
             places[:, links:] = n.origin[:, self.block_part] + own[..., 0]
@@ -303,7 +316,7 @@ class Template:
         if len(self.member_leaf):
             size = np.maximum(largest_extent(places, ends), length.max(axis=1))
         else:
-            # a linkage of pins and springs is as large as the places its sentences name
+            # without leaf springs: the extent of the points of constraint rows, loads and springs
             named = np.concatenate([at, n.loads[..., :3], *self._spring_ends(n)], axis=1)
             size = (named.max(axis=1, initial=-np.inf) - named.min(axis=1, initial=np.inf)).max(axis=1)
             size[~(size > 0.0)] = 1.0
@@ -311,12 +324,12 @@ class Template:
             members=members, terms=terms, loads=loads, size=size, springs=self._springs(n, places),
             weight=self._weight(leaves.mass[:, self.member_leaf], n),
         )  # fmt: skip
-        turned = self.unturned[None].repeat(count, axis=0)
-        rest = State(places, turned, inner, np.zeros((count, len(topology.terms.start))))
+        rotations = self.identity[None].repeat(count, axis=0)
+        rest = State(places, rotations, inner, np.zeros((count, len(topology.terms.start))))
         return DesignArrays(arrays, rest, leaves, points)
 
     def leaves(self, n: SceneNumbers) -> LeafGeometry:
-        """Geometry and scales of all different leaves."""
+        """Geometry and scales of all distinct leaves."""
         leaf = n.leaf
         start, width, L = leaf[..., :3], leaf[..., 6:9], leaf[..., 9]
         E, G, A, J, Iy, Iz, ky, kz, density, torsion, plate = (leaf[..., k] for k in range(10, LEAF_NUMBERS))
@@ -332,15 +345,15 @@ class Template:
         for k, value in enumerate((L * stiff[0], L * stiff[1], L * stiff[2], soft, *shear, L * line)):
             scale[..., 2 + k] = value
         if self.mesh.leaf != "strain" or hasattr(self.mesh, "others"):
-            self._chains(scale, L, soft, shear, stiff, line)
+            self._set_chain_scales(scale, L, soft, shear, stiff, line)
         mass = self.leaf_has_weight * (L * line)
-        self._given(n, ends, frame, mass)
+        self._set_explicit_geometry(n, ends, frame, mass)
         return LeafGeometry(ends, frame, scale, mass, 1.0 / (soft * L), L)
 
-    def _chains(
+    def _set_chain_scales(
         self, scale: Array, L: Array, soft: Array, shear: list[Array], stiff: tuple[Array, ...], line: Array
     ) -> None:
-        """Scales of chains: `ksd.beam.corotational_values.stiffness_numbers` of all of them."""
+        """Set the scales of chains, in place; see `ksd.beam.corotational_values.stiffness_numbers`."""
         h = L / self.elements
         phi_y, phi_z = 12 * stiff[2] * shear[0] / h**2, 12 * stiff[1] * shear[1] / h**2
         s3, s4 = stiff[1] / ((1 + phi_z) * h**3), stiff[2] / ((1 + phi_y) * h**3)
@@ -351,31 +364,31 @@ class Template:
         for k, value in enumerate(found):
             scale[..., 9 + k] = value
 
-    def _given(self, n: SceneNumbers, ends: Array, frame: Array, mass: Array) -> None:
-        """Geometry and mass of the leaves that bring them."""
+    def _set_explicit_geometry(self, n: SceneNumbers, ends: Array, frame: Array, mass: Array) -> None:
+        """Set ends, frames and mass of the leaves that have them as explicit numbers, in place."""
         at = 0
-        for f in self.given_leaves:
+        for f in self.explicit_leaves:
             ends[:, f] = n.explicit[:, at : at + 6].reshape(-1, 2, 3)
             frame[:, f] = n.explicit[:, at + 6 : at + 24].reshape(-1, 2, 3, 3)
             mass[:, f] = n.explicit[:, at + 24]
             at += self.leaf_layouts[f].explicit_count
 
     def _weight(self, mass: Array, n: SceneNumbers) -> Array:
-        """Mass of every member and the gravity that pulls at it (D, m, 4); (D, 0, 4) where none weighs anything."""
+        """Mass [kg] of every member and its gravity [m/s^2] (D, m, 4); (D, 0, 4) where no member has weight."""
         if not (self.scene_layout.has_gravity and self.leaf_has_weight.any()):
             return np.zeros((len(mass), 0, 4))
         gravity = np.broadcast_to(n.gravity[:, None], (*mass.shape, 3))
         return np.concatenate([mass[..., None], gravity], axis=2)
 
     def _spring_ends(self, n: SceneNumbers) -> list[Array]:
-        """Both ends (D, 2, 3) of every spring [m]."""
+        """Ends (D, 2, 3) [m] of every spring."""
         return [n.springs[:, a : a + 6].reshape(-1, 2, 3) for a in self.spring_first[:-1]]
 
     def _springs(self, n: SceneNumbers, places: Array) -> Members:
-        """Springs with their numbers."""
+        """The springs of D designs."""
         springs, count, first = self.topology.springs, len(places), self.spring_first
         if not len(springs.kind):
-            # all else is empty
+            # all other fields are empty
             return springs._replace(value=np.zeros((count, 1)))
         rows = [n.springs[:, a : a + SPRING_NUMBERS] for a in first[:-1]]
         fixed = np.stack(rows, axis=1)
@@ -389,20 +402,24 @@ class Template:
         )
 
     def on_mesh(self, mesh: Mesh) -> Template | None:
-        """The template of the same leaves with other curvature modes, those of `mesh`; None where they cannot have them: on
-        chains and mixed meshes, and where leaves bring their constants."""
-        if mesh not in self._others:
-            same = type(mesh) is Mesh and mesh == replace(self.mesh, orders=mesh.orders, points=mesh.points)
-            layout = self._remeshed(mesh) if self.is_uniform and same else None
-            self._others[mesh] = None if layout is None else template_of(layout, mesh)
-        return self._others[mesh]
+        """The template of the same leaves with the curvature modes of `mesh`.
+
+        None for chains and mixed meshes, and where constants of leaves are explicit numbers.
+        """
+        if mesh not in self._on_mesh:
+            only_modes_differ = type(mesh) is Mesh and mesh == replace(
+                self.mesh, orders=mesh.orders, points=mesh.points
+            )
+            layout = self._remeshed(mesh) if self.is_uniform and only_modes_differ else None
+            self._on_mesh[mesh] = None if layout is None else template_of(layout, mesh)
+        return self._on_mesh[mesh]
 
     def _remeshed(self, mesh: Mesh) -> SceneLayout:
-        """The words with the orders of `mesh` for all leaves that have not their own."""
+        """The layout with the orders of `mesh` for all leaves without their own orders."""
 
         def number(leaf: LeafLayout) -> tuple[int, ...]:
             if leaf.amplitudes:
-                # at the same points, by which its shape at rest is the same to the last digit
+                # same points, so that the undeformed shape is the same to the last digit
                 now = zip(leaf.number, mesh.orders, self.mesh.orders, strict=False)
                 orders = tuple(n + new - old for n, new, old in now)
                 return (*orders, max(leaf.number[3], max(orders) + 1))
@@ -417,7 +434,7 @@ class Template:
 
     @cached_property
     def is_uniform(self) -> bool:
-        """Whether all leaves are strain-mode leaves of one mesh whose constants follow from their lengths and sections."""
+        """Whether all leaves are strain-mode leaves of one mesh and none has explicit constants."""
         return type(self.mesh) is Mesh and all(
             w.kind == STRAIN and w.explicit is None for w in self.leaf_layouts
         )
@@ -428,38 +445,38 @@ class Template:
         return tuple(s[0] for s in self.scene_layout.springs)
 
     def numbers(self, rows: Sequence[Sequence[float]]) -> SceneNumbers:
-        """The numbers of designs of these words, by what they are of."""
+        """The numbers of D designs from their flat numbers, one row each."""
         flat = np.array(rows, float).reshape(len(rows), -1)
-        return SceneNumbers(*(flat[:, at].reshape(len(rows), *shape) for at, shape in self._places))
+        return SceneNumbers(*(flat[:, at].reshape(len(rows), *shape) for at, shape in self._slices))
 
 
 def repeat_fields(part: Any, names: Sequence[str], count: int) -> Any:
-    """A named tuple of arrays whose fields `names` are repeated along a leading axis."""
+    """A named tuple of arrays with the fields `names` repeated `count` times along a new leading axis."""
     return part._replace(**{n: getattr(part, n)[None].repeat(count, axis=0) for n in names})
 
 
 def fields_of_design(part: Any, names: Sequence[str], d: int) -> Any:
-    """A named tuple of arrays whose fields `names` have a leading axis over designs, for design d."""
+    """A named tuple of arrays with design d of the fields `names`, which have a leading axis over designs."""
     return part._replace(**{name: np.ascontiguousarray(getattr(part, name)[d]) for name in names})
 
 
 def arrays_of_design(arrays: Arrays, topology: Arrays, d: int) -> Arrays:
-    """Arrays of design d of many; topology: arrays of the same integers, which are shared."""
-    joined = arrays.__dict__.get("joined")
-    if joined is None:
+    """Arrays of design d; topology: arrays whose integers they share."""
+    all_floats = arrays.__dict__.get("all_floats")
+    if all_floats is None:
         size: Any = arrays.size
         floats = [field.reshape(len(size), -1) for field in float_fields(arrays)]
-        # of all designs at once, for the others
-        joined = arrays.__dict__["joined"] = np.concatenate([size[:, None], *floats], axis=1)
-    return replace_floats(topology, joined[d].copy())
+        # joined once for all designs
+        all_floats = arrays.__dict__["all_floats"] = np.concatenate([size[:, None], *floats], axis=1)
+    return replace_floats(topology, all_floats[d].copy())
 
 
-def state_of_design(motion: State, d: int) -> State:
-    """State of design d of many."""
-    return State(*(np.ascontiguousarray(field[d]) for field in motion))
+def state_of_design(state: State, d: int) -> State:
+    """State of design d of a state with a leading axis over designs."""
+    return State(*(np.ascontiguousarray(field[d]) for field in state))
 
 
 @lru_cache(maxsize=64)
 def template_of(layout: SceneLayout, mesh: Mesh) -> Template:
-    """The template of these words and mesh, of the last few."""
+    """The template of a layout and mesh, cached."""
     return Template(layout, mesh)
