@@ -1,1 +1,1 @@
-"""Answers asked of a configuration: stiffness, modes, buckling, stress, energy."""
+"""Questions to a configuration: stiffness, frequencies, buckling, forces, stress, energy, verification."""

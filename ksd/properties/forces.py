@@ -31,6 +31,7 @@ from ksd.model.poses import member_pose
 from ksd.properties.leaf_groups import LeafGroup, chain_groups, leaf_groups, local_gravity
 from ksd.properties.printing import NamedAnswerTable, PrintableAnswer, format_number, format_table
 from ksd.properties.shape import (
+    DEFAULT_STATIONS,
     chain_lines,
     cross_rows,
     leaf_members,
@@ -43,8 +44,6 @@ from ksd.properties.shape import (
 Array = NDArray[np.float64]
 COMPONENTS = ("N", "Vy", "Vz", "T", "My", "Mz")
 """Columns of `SectionForces.values`; the first three in N, the others in Nm."""
-DEFAULT_STATIONS = 25
-"""Default number of stations per strain-mode leaf."""
 
 
 @dataclass(frozen=True, repr=False)

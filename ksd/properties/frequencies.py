@@ -98,21 +98,24 @@ class Modes(PrintableAnswer):
     def __str__(self) -> str:
         rows = []
         for k, f in enumerate(self.frequency_Hz):
-            said = (
+            words = (
                 [self.movements[k]]
                 + [self.names[k]] * (k in self.intended)
                 + ["unstable"] * bool(self.omega_squared[k] < 0.0)
             )
-            rows.append((str(k + 1), format_number(f, 5), ", ".join(said)))
-        skew = "Loads that follow their link, or moments fixed in space, are not conservative: from the unsymmetric tangent"
-        grows = [f"{skew}; {self._growth()}"] * (not self.conservative)
-        bare = [f"Without mass, for want of a density: {', '.join(self.massless)}"] * bool(self.massless)
+            rows.append((str(k + 1), format_number(f, 5), ", ".join(words)))
+        unsymmetric = (
+            "Loads that follow their link, or moments fixed in space, are not conservative: from the unsymmetric "
+            f"tangent; {self._growth()}"
+        )
+        growth = [unsymmetric] * (not self.conservative)
+        massless = [f"Without mass, for want of a density: {', '.join(self.massless)}"] * bool(self.massless)
         return format_table(
             ("mode", "[Hz]", "<what moves"),
             rows,
             f"Eigenfrequencies, {released_text(self.freed)}",
-            *grows,
-            *bare,
+            *growth,
+            *massless,
         )
 
     def _growth(self) -> str:
@@ -134,21 +137,21 @@ class Modes(PrintableAnswer):
         It is that of a link; or of the leaf springs, where more than half of the kinetic energy is in their motion between
         ends at rest, or where an internal block moves most.
         """
-        still, energy = self._between_ends(), self._energy_of_nodes()
+        between_ends, energy = self._between_ends(), self._energy_of_nodes()
         leaves = np.array(list(self.model.member_names), dtype=object)
-        own = _is_named_body(self.model)
-        said = []
+        is_body = _is_named_body(self.model)
+        descriptions = []
         for k, shape in enumerate(self.shape):
-            if still[:, k].sum() > 0.5:
-                busy = leaves[still[:, k] > MIN_ENERGY_SHARE * still[:, k].max()]
-                more = f" and {len(busy) - 2} more" if len(busy) > 2 else ""
-                said.append(", ".join(f"'{n}'" for n in busy[:2]) + f"{more} between the ends")
+            if between_ends[:, k].sum() > 0.5:
+                active = leaves[between_ends[:, k] > MIN_ENERGY_SHARE * between_ends[:, k].max()]
+                more = f" and {len(active) - 2} more" if len(active) > 2 else ""
+                descriptions.append(", ".join(f"'{n}'" for n in active[:2]) + f"{more} between the ends")
                 continue
-            busy = energy[:, k] > MIN_ENERGY_SHARE * energy[:, k].max()
-            busy = busy & own if np.any(busy & own) else busy
-            node = int(np.argmax(np.where(busy, node_travel(self.model, shape), -1.0)))
-            said.append(_describe_dominant_body(self.model, node, shape[node], bool(own[node])))
-        return tuple(said)
+            active = energy[:, k] > MIN_ENERGY_SHARE * energy[:, k].max()
+            active = active & is_body if np.any(active & is_body) else active
+            node = int(np.argmax(np.where(active, node_travel(self.model, shape), -1.0)))
+            descriptions.append(_describe_dominant_body(self.model, node, shape[node], bool(is_body[node])))
+        return tuple(descriptions)
 
     def _energy_of_nodes(self) -> Array:
         """Kinetic energy (nodes, k) of the point mass of every node and of the leaves that end there.

@@ -42,7 +42,7 @@ class StateBatch:
     """D states of U models.
 
     model_index (D,): model of each state among models (U,); template: common layout, topology: its integer arrays; floats
-    (U, f): numbers of the models as in `Flat`; motion: with a leading axis over states; load_factor (D,).
+    (U, f): numbers of the models as in `FlatArrays`; motion: with a leading axis over states; load_factor (D,).
     """
 
     models: tuple[Model, ...]

@@ -33,14 +33,19 @@ from ksd.properties.leaf_groups import (
     panel_table_slice,
 )
 from ksd.properties.printing import NamedAnswers, NamedAnswerTable, PrintableAnswer, format_number
-from ksd.properties.shape import leaf_members, member_arrays, member_ends, scene_leaves, strain_curves
+from ksd.properties.shape import (
+    DEFAULT_STATIONS,
+    leaf_members,
+    member_arrays,
+    member_ends,
+    scene_leaves,
+    strain_curves,
+)
 from ksd.properties.state_batch import StateBatch
 from ksd.scene.profile import Profile
 from ksd.section.section import Section, thickness_and_width
 
 Array = NDArray[np.float64]
-DEFAULT_STATIONS = 25
-"""Default number of stations per strain-mode leaf."""
 
 
 @dataclass(frozen=True)

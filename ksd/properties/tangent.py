@@ -285,7 +285,7 @@ class Tangent:
         return left.T.copy()
 
     def weight(self) -> Array:
-        """Weights (unknowns,) of the norm of solutions, see `ksd.numerics.blocks.refined_blocks`."""
+        """Weights (unknowns,) of the norm of solutions, see `ksd.numerics.blocks.solve_refined`."""
         plan = self.arrays.plan
         own = [self.spare[at : at + n] for at, n in zip(plan.diagonal, plan.size, strict=True)]
         return np.asarray(np.sqrt(np.concatenate(own)))
