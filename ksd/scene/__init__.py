@@ -1,4 +1,4 @@
-"""What the engineer says: materials, joints, links, drives, loads. Imports numpy alone."""
+"""The description of mechanisms: materials, joints, links, drives, loads. Imports no package but numpy."""
 
 from ksd.scene.curve import Arc, Curve, FreeCurve
 from ksd.scene.drive import GROUND, Drive, DriveTerm

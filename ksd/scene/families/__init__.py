@@ -1,4 +1,4 @@
-"""Joint families by name; every module of this package that defines a `Joint` class adds its families."""
+"""Joint families by name; the modules of this package define one or more `Joint` classes each."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from ksd.scene.joint import Joint
 
 @cache
 def joint_families() -> dict[str, type[Joint]]:
-    """All families {name: class}, found in the modules of this package, in order of name."""
-    found = {}
+    """All joint families {name: class} in the modules of this package, in order of name."""
+    families = {}
     for info in pkgutil.iter_modules(__path__):
         module = importlib.import_module(f"{__name__}.{info.name}")
         for value in vars(module).values():
-            own = inspect.isclass(value) and value.__module__ == module.__name__
-            # a base shared by families has no name of its own
-            if own and issubclass(value, Joint) and hasattr(value, "family"):
-                found[value.family] = value
-    return dict(sorted(found.items()))
+            is_own_class = inspect.isclass(value) and value.__module__ == module.__name__
+            # base classes of families have no family name
+            if is_own_class and issubclass(value, Joint) and hasattr(value, "family"):
+                families[value.family] = value
+    return dict(sorted(families.items()))
 
 
 def joint_family(name: str) -> type[Joint]:
@@ -38,10 +38,9 @@ def joint_family(name: str) -> type[Joint]:
 
 
 def make_joint(family: str, /, **parameters: object) -> Joint:
-    """A joint of a family by name and parameters, SI.
+    """A joint of a family by its name and parameters, in SI units.
 
-    Raises SceneError for an unknown family or parameter (with the nearest), a missing parameter, or a bad
-    value.
+    Raises SceneError for an unknown family or parameter (with the nearest), a missing parameter, or a wrong value.
     """
     kind = joint_family(family)
     known = inspect.signature(kind).parameters

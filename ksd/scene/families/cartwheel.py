@@ -22,8 +22,8 @@ from ksd.scene.families.sheet import (
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 
-_CARTWHEEL = math.radians(20)
-_BUTTERFLY = math.radians(30)
+_CARTWHEEL_STROKE = math.radians(20)
+_BUTTERFLY_STROKE = math.radians(30)
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Cartwheel(InclinedLeaves):
     """
 
     family: ClassVar[str] = "cartwheel"
-    stroke = _CARTWHEEL
+    stroke = _CARTWHEEL_STROKE
     quantities = parameter_dimensions("length", "thickness", "width", angle="angle")
 
     material: Material
@@ -52,7 +52,7 @@ class Cartwheel(InclinedLeaves):
     orders: tuple[int, int, int] | None = None
 
     def __post_init__(self) -> None:
-        self.check_leaning("width")
+        self.check_inclined("width")
 
     def blocks(self) -> dict[str, Vector]:
         return {**super().blocks(), "hub": (0.5 * self.pose_B[0], 0.0, 0.0)}
@@ -67,16 +67,21 @@ class Cartwheel(InclinedLeaves):
         return tuple(spokes)
 
     def shape(self) -> dict[str, float]:
-        """angle [rad]."""
+        """The shape parameter angle [rad]."""
         return {"angle": self.angle}
 
     def stiffness_at_rest(self) -> float:
-        """Drive stiffness at rest [Nm/rad], inextensible leaves: 8 E I / L, four times the crossed pair's."""
+        """Undeformed drive stiffness [Nm/rad], inextensible leaf springs: 8 E I / L, four times that of the crossed pair."""
         return 0.5 * pivot_stiffness(1.0, bending_stiffness(self, self.width) / (0.5 * self.length))
 
 
-_RAYS = (("A", "left", math.pi), ("left", "top", math.radians(120)))
-_MIRRORED = (("top", "right", math.radians(60)), ("right", "B", 0.0))
+_PIVOTS = (
+    ("A", "left", math.pi),
+    ("left", "top", math.radians(120)),
+    ("top", "right", math.radians(60)),
+    ("right", "B", 0.0),
+)
+"""The pivots of a butterfly in series: two blocks, and the direction [rad] of the bisector of its leaf springs."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +99,7 @@ class Butterfly(JointFamily):
     """
 
     family: ClassVar[str] = "butterfly"
-    stroke = _BUTTERFLY
+    stroke = _BUTTERFLY_STROKE
     quantities = parameter_dimensions("length", "inner", "thickness", "width", half_angle="angle")
 
     material: Material
@@ -109,54 +114,56 @@ class Butterfly(JointFamily):
 
     def __post_init__(self) -> None:
         check_sheet(self, "inner", "width")
-        name, unit = type(self).__name__, math.radians(1)
-        half = between(self.half_angle, "half_angle", 0.0, math.pi / 6, owner=name, unit="deg", scale=unit)
+        name, degree = type(self).__name__, math.radians(1)
+        half = between(self.half_angle, "half_angle", 0.0, math.pi / 6, owner=name, unit="deg", scale=degree)
         object.__setattr__(self, "half_angle", half)
         if self.inner * math.sin(half) < 0.5 * self.thickness:
             raise SceneError(
                 f"{name}: inner = {self.inner:g} m brings the leaf springs of one pair together at half_angle = "
-                f"{half / unit:g} deg; move them outward."
+                f"{half / degree:g} deg; move them outward."
             )
 
     @property
-    def _outer(self) -> float:
+    def _outer_radius(self) -> float:
+        """Distance R [m] of A and B from the centre O."""
         return self.inner + self.length
 
     @property
     def pose_B(self) -> Vector:
-        return (2 * self._outer, 0.0, 0.0)
+        return (2 * self._outer_radius, 0.0, 0.0)
 
     def _on_ray(self, radius: float, angle: float) -> Point:
-        return self._outer + radius * math.cos(angle), radius * math.sin(angle)
+        """The point (x, y) [m] at a radius [m] from O in the direction `angle` [rad]."""
+        return self._outer_radius + radius * math.cos(angle), radius * math.sin(angle)
 
     def blocks(self) -> dict[str, Vector]:
-        inner = in_plane_blocks(
+        left_and_top = in_plane_blocks(
             {
                 "left": self._on_ray(self.inner, math.radians(150)),
-                "top": self._on_ray(self._outer, math.pi / 2),
+                "top": self._on_ray(self._outer_radius, math.pi / 2),
             }
         )
         right = in_plane_blocks({"right": self._on_ray(self.inner, math.radians(30))})
-        return {**super().blocks(), **inner, **right}
+        return {**super().blocks(), **left_and_top, **right}
 
     def leaves(self) -> tuple[Leaf, ...]:
-        found = []
-        for first, second, middle in (*_RAYS, *_MIRRORED):
+        leaves = []
+        for first, second, bisector in _PIVOTS:
             inward = first in ("A", "top")
-            radii = (self._outer, self.inner) if inward else (self.inner, self._outer)
+            radii = (self._outer_radius, self.inner) if inward else (self.inner, self._outer_radius)
             for k, side in ((1, -1.0), (2, 1.0)):
-                angle = middle + side * self.half_angle
+                angle = bisector + side * self.half_angle
                 ends = self._on_ray(radii[0], angle), self._on_ray(radii[1], angle)
-                found.append(
+                leaves.append(
                     sheet_leaf(self, f"{first}_{second}_{k}", ends, self.width, blocks=(first, second))
                 )
-        return tuple(found)
+        return tuple(leaves)
 
     def shape(self) -> dict[str, float]:
-        """inner_ratio = inner / L and half_angle [rad]."""
+        """The shape parameters inner_ratio = inner / L and half_angle [rad]."""
         return {"inner_ratio": self.inner / self.length, "half_angle": self.half_angle}
 
     def stiffness_at_rest(self) -> float:
-        """Drive stiffness at rest [Nm/rad]: a quarter of an inverted crossed pivot's, ratio -inner / L."""
+        """Undeformed drive stiffness [Nm/rad]: a quarter of that of an inverted crossed pivot of ratio -inner / L."""
         ratio = -self.inner / self.length
         return 0.25 * pivot_stiffness(ratio, bending_stiffness(self, self.width) / self.length)

@@ -1,13 +1,13 @@
 """Flexible constraints: joints without intended motion, stiff in one direction and soft in the five others.
 
-They are said with `Mechanism.constrain` between two links whose motion other joints determine, and need no record.
+`Mechanism.constrain` places them between two links whose motion other joints determine; they need no record.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import KW_ONLY, dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from ksd.checks import Vector
 from ksd.scene.families.sheet import JointFamily, check_sheet, parameter_dimensions, sheet_leaf
@@ -41,18 +41,19 @@ class FoldedLeaf(JointFamily):
         check_sheet(self, "width")
 
     @property
-    def _reach(self) -> float:
+    def _fold_distance(self) -> float:
+        """Distance c [m] of the fold from A along x and along y."""
         return self.length * math.sqrt(0.5)
 
     @property
     def pose_B(self) -> Vector:
-        return (2 * self._reach, 0.0, 0.0)
+        return (2 * self._fold_distance, 0.0, 0.0)
 
     def blocks(self) -> dict[str, Vector]:
-        return {**super().blocks(), "fold": (self._reach, self._reach, 0.0)}
+        return {**super().blocks(), "fold": (self._fold_distance, self._fold_distance, 0.0)}
 
     def leaves(self) -> tuple[Leaf, ...]:
-        c = self._reach
+        c = self._fold_distance
         return (
             sheet_leaf(self, "A_fold", ((0.0, 0.0), (c, c)), self.width, blocks=("A", "fold")),
             sheet_leaf(self, "fold_B", ((c, c), (2 * c, 0.0)), self.width, blocks=("fold", "B")),
@@ -61,8 +62,8 @@ class FoldedLeaf(JointFamily):
     def stiffness_at_rest(self) -> float:
         """Stiffness [N/m] along the fold line, ends held parallel: 1 / (2 (L^3 / 3 E I + L / k G A)), I = t w^3 / 12.
 
-        Each leaf is a cantilever in its plane, since the other one hardly resists the rotation of the fold: that is
-        its torsion, left out.
+        Each leaf is a cantilever in its plane: the other one resists the rotation of the fold by its torsion only, which is
+        neglected.
         """
         E, G, section = self.material.E, self.material.G, self.leaves()[0].section
         cantilever = self.length**3 / (3 * E * section.Iy) + self.length / (section.kz * G * section.A)
@@ -91,9 +92,15 @@ class WireFlexure(JointFamily):
         check_sheet(self, "diameter", slender="diameter")
 
     def leaves(self) -> tuple[Leaf, ...]:
-        words: dict[str, Any] = {"elements": self.elements, "orders": self.orders}
-        words |= {"start": (0.0, 0.0, 0.0), "end": self.pose_B}
-        return (make_wire(diameter=self.diameter, material=self.material, **words),)
+        wire = make_wire(
+            diameter=self.diameter,
+            material=self.material,
+            start=(0.0, 0.0, 0.0),
+            end=self.pose_B,
+            elements=self.elements,
+            orders=self.orders,
+        )
+        return (wire,)
 
     def stiffness_at_rest(self) -> float:
         """Stiffness [N/m] along the wire: E A / L."""

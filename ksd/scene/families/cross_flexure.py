@@ -63,7 +63,7 @@ class CrossFlexure(InclinedLeaves):
             material=material, length=length, angle=angle, thickness=thickness, widths=pair,
             spacing=_spacing(pair, gap, spacing), elements=elements, orders=orders,
         )  # fmt: skip
-        self.check_leaning()
+        self.check_inclined()
         check_clear(joint_leaves(self), owner=_NAME, advice="raise the spacing to half the sum of the widths")
 
     def leaves(self) -> tuple[Leaf, ...]:
@@ -73,16 +73,19 @@ class CrossFlexure(InclinedLeaves):
         return tuple(sheet_leaf(self, name, ((0.0, y), (x, -y)), width, z=z) for name, width, y, z in places)
 
     def shape(self) -> dict[str, float]:
-        """angle [rad] and width_ratio = both outer widths over the inner one."""
+        """The shape parameters angle [rad] and width_ratio = both outer widths over the inner one."""
         return {"angle": self.angle, "width_ratio": 2 * self.widths[1] / self.widths[0]}
 
     def stiffness_at_rest(self) -> float:
-        """Drive stiffness at rest [Nm/rad]: E I / L of all leaves together, at any angle; each bends to a circle (paper 1,
-        eq. 4.3 without its factor 2, see errata)."""
+        """Undeformed drive stiffness [Nm/rad]: the sum of E I / L of all leaf springs, for any angle.
+
+        Each bends to a circle (paper 1, eq. 4.3 without its factor 2, see errata).
+        """
         return self.material.E * (self.widths[0] + 2 * self.widths[1]) * self.thickness**3 / 12 / self.length
 
 
 def _widths(widths: Any) -> tuple[float, float]:
+    """Widths (inner, outer) [m], checked. Raises SceneError."""
     if not isinstance(widths, tuple | list) or len(widths) != 2:
         raise SceneError(f"{_NAME}: widths = {show(widths)} must be two lengths (inner, outer) in m.")
     inner, outer = (
@@ -93,12 +96,12 @@ def _widths(widths: Any) -> tuple[float, float]:
 
 
 def _spacing(widths: tuple[float, float], gap: Any, spacing: Any) -> float:
-    """Distance of the outer leaf springs from the inner one along z, from either way of saying it."""
+    """Distance [m] of the outer leaf springs from the inner one along z, from gap or spacing. Raises SceneError."""
     if gap is not None and spacing is not None:
         raise SceneError(
             f"{_NAME}: gap = {show(gap)} and spacing = {show(spacing)} say the same; give one of them."
         )
     if spacing is not None:
         return positive(spacing, "spacing", owner=_NAME, unit="m")
-    free = 0.0 if gap is None else not_negative(gap, "gap", owner=_NAME, unit="m")
-    return 0.5 * (widths[0] + widths[1]) + free
+    clearance = 0.0 if gap is None else not_negative(gap, "gap", owner=_NAME, unit="m")
+    return 0.5 * (widths[0] + widths[1]) + clearance

@@ -18,29 +18,29 @@ from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 
 _STROKE = math.radians(30)
-_RATIOS = (-1.0, 2.0)
+_RATIO_RANGE = (-1.0, 2.0)
 
 
 def pivot_stiffness(ratio: float, bending_per_length: float) -> float:
-    """Stiffness at rest [Nm/rad] of two leaf springs of E I / L = `bending_per_length` [Nm] crossing at `ratio`.
+    """Undeformed stiffness [Nm/rad] of two leaf springs of E I / L = `bending_per_length` [Nm] crossing at `ratio`.
 
-    K = 8 (1 - 3 ratio + 3 ratio^2) E I / L, from inextensible leaves: each carries M/2 at its middle and the
-    shear that puts its end on a circle about the crossing (Haringx 1949; paper 4, chapter 3).
+    K = 8 (1 - 3 ratio + 3 ratio^2) E I / L for inextensible leaf springs: each carries M/2 at its middle, and the shear
+    force by which its end stays on a circle about the crossing (Haringx 1949; paper 4, chapter 3).
     """
     return 8 * (1 - 3 * ratio + 3 * ratio**2) * bending_per_length
 
 
 class _Crossed(InclinedLeaves):
-    """What crossed pivots share: the motion, and where their leaf springs may cross."""
+    """Base of crossed pivots: their stroke, and the check of their parameter ratio."""
 
     stroke = _STROKE
     ratio: float
 
     def check_crossed(self, *lengths: str) -> None:
-        """`check_leaning`, and the ratio within its bounds."""
-        self.check_leaning(*lengths)
+        """Apply `check_inclined`, and check that the ratio is within its bounds. Raises SceneError."""
+        self.check_inclined(*lengths)
         object.__setattr__(
-            self, "ratio", number_within(self.ratio, "ratio", _RATIOS, owner=type(self).__name__)
+            self, "ratio", number_within(self.ratio, "ratio", _RATIO_RANGE, owner=type(self).__name__)
         )
 
 
@@ -83,21 +83,21 @@ class CrossedPivot(_Crossed):
         return rising, sheet_leaf(self, "falling", ((0.0, -low), (x, -high)), self.width)
 
     def shape(self) -> dict[str, float]:
-        """angle [rad] and ratio."""
+        """The shape parameters angle [rad] and ratio."""
         return {"angle": self.angle, "ratio": self.ratio}
 
     def stiffness_at_rest(self) -> float:
-        """Drive stiffness at rest [Nm/rad], inextensible leaves: 8 (1 - 3 ratio + 3 ratio^2) E I / L (Haringx 1949)."""
+        """Undeformed drive stiffness [Nm/rad], 8 (1 - 3 ratio + 3 ratio^2) E I / L, see `pivot_stiffness`."""
         return pivot_stiffness(self.ratio, bending_stiffness(self, self.width) / self.length)
 
 
 @dataclass(frozen=True)
 class BalancedCrossedPivot(_Crossed):
-    """The crossed pivot with an inner leaf and two outer ones, symmetric in z; B turns about z, +-30 degrees.
+    """The crossed pivot with one inner and two outer leaf springs, symmetric in z; B turns about z, +-30 degrees.
 
     The inner leaf is the rising one of `CrossedPivot`, the outer leaf springs are the falling one at z = +-c, c =
-    (inner + outer)/2 + gap, so nothing is cut and out-of-plane loads are carried symmetrically. ratio 0.5 is
-    the cross flexure of paper 1, over a smaller stroke.
+    (inner + outer)/2 + gap, so that no windows are needed and out-of-plane loads are carried symmetrically. ratio 0.5 is
+    the cross flexure of paper 1, with a smaller stroke.
 
     inner_width, outer_width [m], the latter that of each outer leaf; gap [m] along z between inner
     and outer leaf springs; the others as in `CrossedPivot`. Raises SceneError naming the parameter out of bounds.
@@ -137,11 +137,11 @@ class BalancedCrossedPivot(_Crossed):
         )
 
     def shape(self) -> dict[str, float]:
-        """angle [rad], ratio, and width_ratio = both outer widths over the inner one."""
+        """The shape parameters angle [rad], ratio, and width_ratio = both outer widths over the inner one."""
         width_ratio = 2 * self.outer_width / self.inner_width
         return {"angle": self.angle, "ratio": self.ratio, "width_ratio": width_ratio}
 
     def stiffness_at_rest(self) -> float:
-        """Drive stiffness at rest [Nm/rad] of inextensible leaves: both leaf planes share one end rotation."""
+        """Undeformed drive stiffness [Nm/rad] for inextensible leaf springs, that of the mean width of both planes."""
         mean = 0.5 * (self.inner_width + 2 * self.outer_width)
         return pivot_stiffness(self.ratio, bending_stiffness(self, mean) / self.length)

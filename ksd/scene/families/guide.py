@@ -19,17 +19,17 @@ from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 
 _STROKE = 0.25
+"""Stroke of a guide to either side, over its length."""
 
 
 class _Guide(JointFamily):
-    """What guides share: where B is, and its motion, driven level with the middle of the leaves, where a force meets no
-    moment."""
+    """Base of guides: the motion of B, driven at half the length of the leaf springs, where its force causes no moment."""
 
     @property
     def motions(self) -> tuple[Motion, ...]:
         L = self.length
-        reach = (-_STROKE * L, _STROKE * L)
-        return (Motion("stroke", "translation", (0.0, 1.0, 0.0), reach, (0.5 * L, 0.0, 0.0)),)
+        stroke_range = (-_STROKE * L, _STROKE * L)
+        return (Motion("stroke", "translation", (0.0, 1.0, 0.0), stroke_range, (0.5 * L, 0.0, 0.0)),)
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ class ParallelGuide(_Guide):
     """Two parallel leaf springs; B moves along y, +-L/4, and sinks toward A by 0.6 stroke^2 / L.
 
     Joint axes: A at the origin, B at (L, 0, 0); the leaf springs run along x at y = +-spacing/2. The stroke is that
-    of the point of B at (L/2, 0, 0), level with the middle of the leaf springs, so that its force turns B nowhere.
-    The leaves pull and push, and so tilt B the more the closer they are: at 0.3 L by 3e-4 rad, and there its tilt at the end
-    of the stroke is hardly stiffer than the stroke.
+    of the point of B at (L/2, 0, 0), level with the middle of the leaf springs, so that its force does not rotate B.
+    Tension and compression of the leaf springs tilt B, the more the smaller the spacing: for 0.3 L by 3e-4 rad, and there B
+    is hardly stiffer in tilt than along the stroke at the end of the stroke.
 
     length L, thickness, width [m] of each leaf; spacing [m] of the leaf springs. Raises SceneError naming the
     parameter out of bounds.
@@ -67,11 +67,11 @@ class ParallelGuide(_Guide):
         )
 
     def shape(self) -> dict[str, float]:
-        """spacing over L."""
+        """The shape parameter spacing, over L."""
         return {"spacing": self.spacing / self.length}
 
     def stiffness_at_rest(self) -> float:
-        """Drive stiffness at rest [N/m], two clamped-guided leaves: 24 E I / L^3."""
+        """Undeformed drive stiffness [N/m] of two clamped-guided leaf springs: 24 E I / L^3."""
         return 24 * bending_stiffness(self, self.width) / self.length**3
 
 
@@ -79,8 +79,8 @@ class ParallelGuide(_Guide):
 class StiffenedGuide(_Guide):
     """The parallel guide with a stiffened middle in both leaf springs; B moves along y, +-L/4.
 
-    As `ParallelGuide`, each leaf being two of length `flexible` L at its ends and a rigid block ("low",
-    "high") between them: stiffer in all supporting directions at little cost in stroke.
+    As `ParallelGuide`, but each leaf consists of two leaf springs of length `flexible` L at its ends and a rigid block
+    ("low", "high") between them: stiffer in all supporting directions, with hardly less stroke.
 
     flexible: flexible length at each end over L, 0.05..0.45; the other parameters as in `ParallelGuide`.
     Raises SceneError naming the parameter out of bounds.
@@ -101,10 +101,11 @@ class StiffenedGuide(_Guide):
 
     def __post_init__(self) -> None:
         check_sheet(self, "width", "spacing")
-        share = number_within(self.flexible, "flexible", (0.05, 0.45), owner=type(self).__name__)
-        object.__setattr__(self, "flexible", share)
+        flexible = number_within(self.flexible, "flexible", (0.05, 0.45), owner=type(self).__name__)
+        object.__setattr__(self, "flexible", flexible)
 
     def _sides(self) -> tuple[tuple[str, float], ...]:
+        """Name and y [m] of both sides."""
         return (("low", -0.5 * self.spacing), ("high", 0.5 * self.spacing))
 
     def blocks(self) -> dict[str, Vector]:
@@ -113,17 +114,17 @@ class StiffenedGuide(_Guide):
 
     def leaves(self) -> tuple[Leaf, ...]:
         a, L = self.flexible * self.length, self.length
-        found = []
+        leaves = []
         for name, y in self._sides():
-            found.append(sheet_leaf(self, f"{name}_A", ((0.0, y), (a, y)), self.width, blocks=("A", name)))
-            found.append(sheet_leaf(self, f"{name}_B", ((L - a, y), (L, y)), self.width, blocks=(name, "B")))
-        return tuple(found)
+            leaves.append(sheet_leaf(self, f"{name}_A", ((0.0, y), (a, y)), self.width, blocks=("A", name)))
+            leaves.append(sheet_leaf(self, f"{name}_B", ((L - a, y), (L, y)), self.width, blocks=(name, "B")))
+        return tuple(leaves)
 
     def shape(self) -> dict[str, float]:
-        """flexible: flexible length at each end over L; spacing over L, which is where the stiff middles are."""
+        """The shape parameters flexible, the flexible length at each end over L, and spacing, over L."""
         return {"flexible": self.flexible, "spacing": self.spacing / self.length}
 
     def stiffness_at_rest(self) -> float:
-        """Drive stiffness at rest [N/m]: 24 E I / (L^3 (1 - (1 - 2 flexible)^3))."""
+        """Undeformed drive stiffness [N/m]: 24 E I / (L^3 (1 - (1 - 2 flexible)^3))."""
         stiff = 1 - (1 - 2 * self.flexible) ** 3
         return 24 * bending_stiffness(self, self.width) / (self.length**3 * stiff)

@@ -1,9 +1,9 @@
-"""Infinity hinges: a main leaf reinforced against torsion by folded leaf springs and held laterally.
+"""Infinity hinges: a main leaf reinforced against torsion by folded leaf springs, and against lateral motion.
 
-The principle is that of the infinity flexure (DSPE, case "Large range of motion flexure hinge: Infinity flexure"; paper
-1, references 1 and 2): a leaf leaves its bending, its torsion and its lateral motion free; folded leaf springs, stiff along
-their fold only, take the torsion away, and a strut across the leaf takes the lateral motion. All proportions here are
-our own: figures 1 and 14 of paper 1 are lost.
+The principle is that of the infinity flexure (DSPE, case "Large range of motion flexure hinge: Infinity flexure"; paper 1,
+references 1 and 2): a single leaf is soft in bending, torsion and lateral motion; folded leaf springs, stiff along their
+fold only, constrain the torsion, and a strut across the leaf constrains the lateral motion. All proportions are those of
+this package, since figures 1 and 14 of paper 1 are not available.
 """
 
 from __future__ import annotations
@@ -28,14 +28,16 @@ from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 
 _FOOT = 0.02
+"""Distance |y| of the ends of folded leaf springs from the main leaf, over L."""
 _GAP = 0.1
-_INFINITY = math.radians(30)
-_TRIPLE = math.radians(45)
+"""Distance in z of the inner edges of the main leaf from the middle plane, over the width of its halves."""
+_INFINITY_STROKE = math.radians(30)
+_TRIPLE_INFINITY_STROKE = math.radians(45)
 
 
 @dataclass(frozen=True)
 class InfinityHinge(JointFamily):
-    """A main leaf with two folded leaf springs against its torsion and a strut against its lateral motion; +-30 degrees.
+    """A main leaf with two folded leaf springs against torsion and a strut against lateral motion; +-30 degrees about z.
 
     Joint axes: A at the origin, B at (L, 0, 0), everything symmetric in z and, but for the strut, in y. The
     main leaf runs from A to B in two halves of `width` at z = +-0.6 width, so that the strut passes between
@@ -48,7 +50,7 @@ class InfinityHinge(JointFamily):
     """
 
     family: ClassVar[str] = "infinity_hinge"
-    stroke = _INFINITY
+    stroke = _INFINITY_STROKE
     quantities = parameter_dimensions("length", "thickness", "width", reach="number", strut="number")
 
     material: Material
@@ -77,37 +79,44 @@ class InfinityHinge(JointFamily):
         L, w = self.length, self.width
         z = (0.5 + _GAP) * w
         main = ((0.0, 0.0), (L, 0.0))
-        found = [sheet_leaf(self, "main_low", main, w, z=-z), sheet_leaf(self, "main_high", main, w, z=z)]
+        leaves = [sheet_leaf(self, "main_low", main, w, z=-z), sheet_leaf(self, "main_high", main, w, z=z)]
         for side, sign in (("low", -1.0), ("high", 1.0)):
             foot, fold = sign * _FOOT * L, (0.5 * L, sign * self.reach * L)
             name = f"fold_{side}"
-            found.append(sheet_leaf(self, f"{name}_A", ((0.0, foot), fold), 2 * w, blocks=("A", name)))
-            found.append(sheet_leaf(self, f"{name}_B", (fold, (L, foot)), 2 * w, blocks=(name, "B")))
+            leaves.append(sheet_leaf(self, f"{name}_A", ((0.0, foot), fold), 2 * w, blocks=("A", name)))
+            leaves.append(sheet_leaf(self, f"{name}_B", (fold, (L, foot)), 2 * w, blocks=(name, "B")))
         half = 0.5 * self.strut * L
-        found.append(sheet_leaf(self, "strut", ((0.5 * L, -half), (0.5 * L, half)), 0.2 * w))
-        return tuple(found)
+        leaves.append(sheet_leaf(self, "strut", ((0.5 * L, -half), (0.5 * L, half)), 0.2 * w))
+        return tuple(leaves)
 
     def shape(self) -> dict[str, float]:
-        """reach and strut, over L."""
+        """The shape parameters reach and strut, over L."""
         return {"reach": self.reach, "strut": self.strut}
 
 
+# the drawing of the triple infinity hinge, in mm for a length of 60 mm
 _MM = 1e-3
 _LENGTH = 60.0
 _SEGMENTS = ((0.0, 18.0), (21.0, 39.0), (42.0, 60.0))
-_STATIONS = ("A", "cross_1", "cross_2", "B")
-_FEET, _TOP = 1.5, 17.0
-_MAIN, _MAIN_AT, _FOLD = 15.0, 13.5, 18.0
-_BAR_FROM, _BAR_TO, _BAR_HALF, _BAR_LEAF = 2.0, 26.0, 10.0, 12.0
+"""Start and end in x of the segments of the main leaf."""
+_MAIN_BLOCKS = ("A", "cross_1", "cross_2", "B")
+"""Blocks between which the segments are."""
+_MAIN_WIDTH, _MAIN_Z = 15.0, 13.5
+"""Width of the two halves of the main leaf, and their distance from the middle plane."""
+_FOLD_WIDTH, _FOLD_START_Y, _FOLD_TOP_Y = 18.0, 1.5, 17.0
+"""Width of the folded leaf springs, and distance in y from the main leaf at their ends and at their folds."""
+_BAR_START_Y, _BAR_END_Y, _BAR_HALF_X, _BAR_LEAF_LENGTH = 2.0, 26.0, 10.0, 12.0
+"""Bars of the lateral guidance: range in y and half their range in x; length of the leaf springs at their ends."""
 _BARS = (("inner", 1.0, 0.0, 4.0), ("outer_low", -1.0, -4.0, 2.0), ("outer_high", -1.0, 4.0, 2.0))
+"""Bars of one stage: name, sign of the slope, z, width."""
 
 
 @dataclass(frozen=True)
 class TripleInfinityHinge(JointFamily):
     """The 3x-infinity hinge: 30 flexible leaf springs of 0.45 mm, B turns about z, +-45 degrees.
 
-    Joint axes: A at the origin, B at (60, 0, 0) mm, everything symmetric in z. Our own dimensions, in mm at
-    scale 1 (`length` 60 mm):
+    Joint axes: A at the origin, B at (60, 0, 0) mm, everything symmetric in z. Dimensions, in mm for a `length` of
+    60 mm:
 
     - main leaf, 6 leaves: three segments x = 0..18, 21..39, 42..60, each of two halves 15 wide at z = +-13.5;
       between them the rigid cross bars "cross_1" and "cross_2" (reference points x = 19.5 and 40.5);
@@ -119,15 +128,15 @@ class TripleInfinityHinge(JointFamily):
       the ends of a bar are leaf springs 12 long, the rest a rigid block. The second is its image in the point (30, 0).
       Each acts as a pivot where its bars cross, so both together as a rod from A to B across the main leaf.
 
-    Widths overlap in the drawing where folded leaf springs and bars pass: the folded leaf springs have windows there, left
-    out of the model: over the stroke up to 0.19 of the area of a leaf (`ksd.train.stroke_checks.LeafWindows`; rigid blocks
+    Where folded leaf springs and bars cross, the folded leaf springs have windows, which are not modelled: over the stroke
+    up to 0.19 of the area of a leaf (`ksd.train.stroke_checks.LeafWindows`; rigid blocks
     have no shape here and are not looked at). length [m] scales all dimensions but thickness [m], which is free like the
     material. Raises SceneError naming the parameter out of bounds.
     """
 
     family: ClassVar[str] = "triple_infinity_hinge"
     windows = True
-    stroke = _TRIPLE
+    stroke = _TRIPLE_INFINITY_STROKE
     quantities = parameter_dimensions("thickness", "length")
 
     material: Material
@@ -142,7 +151,7 @@ class TripleInfinityHinge(JointFamily):
 
     @property
     def _unit(self) -> float:
-        """Metres per mm of the drawing."""
+        """Metres per mm of the drawing, 1e-3 for a length of 60 mm."""
         return self.length / _LENGTH
 
     def blocks(self) -> dict[str, Vector]:
@@ -153,57 +162,70 @@ class TripleInfinityHinge(JointFamily):
             "cross_2": (40.5, 0.0),
         }
         for k, (x0, x1) in enumerate(_SEGMENTS, 1):
-            points |= {f"fold_{k}_low": (0.5 * (x0 + x1), -_TOP), f"fold_{k}_high": (0.5 * (x0 + x1), _TOP)}
+            points |= {
+                f"fold_{k}_low": (0.5 * (x0 + x1), -_FOLD_TOP_Y),
+                f"fold_{k}_high": (0.5 * (x0 + x1), _FOLD_TOP_Y),
+            }
         points["middle"] = (0.5 * _LENGTH, 0.0)
-        y = 0.5 * (_BAR_FROM + _BAR_TO)
+        y = 0.5 * (_BAR_START_Y + _BAR_END_Y)
         for name, *_ in _BARS:
             points |= {f"bar_1_{name}": (0.5 * _LENGTH, -y), f"bar_2_{name}": (0.5 * _LENGTH, y)}
         return in_plane_blocks({name: (self._unit * x, self._unit * y) for name, (x, y) in points.items()})
 
     def leaves(self) -> tuple[Leaf, ...]:
-        return (*self._main(), *self._folds(), *self._bars())
+        return (*self._main_leaves(), *self._folded_leaves(), *self._bar_leaves())
 
-    def _strip(
+    def _drawn_leaf(
         self, name: str, ends: tuple[Point, Point], width: float, blocks: tuple[str, str], z: float = 0.0
     ) -> Leaf:
-        """A leaf from the drawing, all in mm."""
+        """A leaf of the joint, from numbers of the drawing in mm."""
         u = self._unit
         (x0, y0), (x1, y1) = ends
         return sheet_leaf(self, name, ((u * x0, u * y0), (u * x1, u * y1)), u * width, blocks=blocks, z=u * z)
 
-    def _main(self) -> list[Leaf]:
-        found = []
+    def _main_leaves(self) -> list[Leaf]:
+        """The two halves of the three segments of the main leaf."""
+        leaves = []
         for k, (x0, x1) in enumerate(_SEGMENTS, 1):
-            pair = (_STATIONS[k - 1], _STATIONS[k])
-            for side, z in (("low", -_MAIN_AT), ("high", _MAIN_AT)):
-                found.append(self._strip(f"main_{k}_{side}", ((x0, 0.0), (x1, 0.0)), _MAIN, pair, z))
-        return found
+            pair = (_MAIN_BLOCKS[k - 1], _MAIN_BLOCKS[k])
+            for side, z in (("low", -_MAIN_Z), ("high", _MAIN_Z)):
+                leaves.append(
+                    self._drawn_leaf(f"main_{k}_{side}", ((x0, 0.0), (x1, 0.0)), _MAIN_WIDTH, pair, z)
+                )
+        return leaves
 
-    def _folds(self) -> list[Leaf]:
-        found = []
+    def _folded_leaves(self) -> list[Leaf]:
+        """The folded leaf springs, two leaf springs each."""
+        leaves = []
         for k, (x0, x1) in enumerate(_SEGMENTS, 1):
             for side, sign in (("low", -1.0), ("high", 1.0)):
-                block, top = f"fold_{k}_{side}", (0.5 * (x0 + x1), sign * _TOP)
-                first, second = (x0, sign * _FEET), (x1, sign * _FEET)
-                found.append(self._strip(f"{block}_a", (first, top), _FOLD, (_STATIONS[k - 1], block)))
-                found.append(self._strip(f"{block}_b", (top, second), _FOLD, (block, _STATIONS[k])))
-        return found
+                block, top = f"fold_{k}_{side}", (0.5 * (x0 + x1), sign * _FOLD_TOP_Y)
+                first, second = (x0, sign * _FOLD_START_Y), (x1, sign * _FOLD_START_Y)
+                leaves.append(
+                    self._drawn_leaf(f"{block}_a", (first, top), _FOLD_WIDTH, (_MAIN_BLOCKS[k - 1], block))
+                )
+                leaves.append(
+                    self._drawn_leaf(f"{block}_b", (top, second), _FOLD_WIDTH, (block, _MAIN_BLOCKS[k]))
+                )
+        return leaves
 
-    def _bars(self) -> list[Leaf]:
-        found = []
-        rise, run = _BAR_TO - _BAR_FROM, 2 * _BAR_HALF
-        share = _BAR_LEAF / math.hypot(rise, run)
+    def _bar_leaves(self) -> list[Leaf]:
+        """The leaf springs at both ends of the bars of the lateral guidance."""
+        leaves = []
+        rise, run = _BAR_END_Y - _BAR_START_Y, 2 * _BAR_HALF_X
+        flexible = _BAR_LEAF_LENGTH / math.hypot(rise, run)
         for k, (first, last), sign in ((1, ("A", "middle"), -1.0), (2, ("B", "middle"), 1.0)):
-            for name, lean, z, width in _BARS:
+            for name, slope, z, width in _BARS:
                 # from the arm of A (B) to the middle block; stage 2 is the image in the point (30, 0)
-                start = (0.5 * _LENGTH + sign * lean * _BAR_HALF, sign * _BAR_TO)
-                end = (0.5 * _LENGTH - sign * lean * _BAR_HALF, sign * _BAR_FROM)
-                near, far = _between(start, end, share), _between(start, end, 1 - share)
+                start = (0.5 * _LENGTH + sign * slope * _BAR_HALF_X, sign * _BAR_END_Y)
+                end = (0.5 * _LENGTH - sign * slope * _BAR_HALF_X, sign * _BAR_START_Y)
+                near, far = _point_between(start, end, flexible), _point_between(start, end, 1 - flexible)
                 block = f"bar_{k}_{name}"
-                found.append(self._strip(f"{block}_a", (start, near), width, (first, block), z))
-                found.append(self._strip(f"{block}_b", (far, end), width, (block, last), z))
-        return found
+                leaves.append(self._drawn_leaf(f"{block}_a", (start, near), width, (first, block), z))
+                leaves.append(self._drawn_leaf(f"{block}_b", (far, end), width, (block, last), z))
+        return leaves
 
 
-def _between(start: Point, end: Point, share: float) -> Point:
-    return start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
+def _point_between(start: Point, end: Point, fraction: float) -> Point:
+    """The point at a fraction of the line from start to end."""
+    return start[0] + fraction * (end[0] - start[0]), start[1] + fraction * (end[1] - start[1])

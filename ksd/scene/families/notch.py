@@ -1,7 +1,7 @@
 """Hinges of one flexible part: circular and corner-filleted notches, and the circular arc of paper 3.
 
-One leaf leaves more free than its bending: its torsion is at most twice as stiff, an arc's shift of B a few times. The
-mechanism around them has to hold that (`held_by_others`).
+A single leaf is soft not only in bending: it is at most twice as stiff in torsion, and an arc a few times as stiff against a
+shift of B. The mechanism around them has to constrain those motions (`held_by_others`).
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.scene.profile import CircularNotch, FilletedNotch
 
-_NOTCH = math.radians(10)
-_ARC = math.radians(30)
+_NOTCH_STROKE = math.radians(10)
+_ARC_STROKE = math.radians(30)
 
 
 class _Notch(JointFamily):
-    """What notch hinges share: B at the end of the neck, and the motion."""
+    """Base of notch hinges: B at the end of the neck, and the stroke."""
 
     held_by_others = True
-    stroke = _NOTCH
+    stroke = _NOTCH_STROKE
 
 
 @dataclass(frozen=True)
@@ -66,11 +66,11 @@ class CircularNotchHinge(_Notch):
         return (_neck(self, CircularNotch(self.radius, self.minimum, self.width)),)
 
     def shape(self) -> dict[str, float]:
-        """slenderness = minimum / R."""
+        """The shape parameter slenderness = minimum / R."""
         return {"slenderness": self.minimum / self.radius}
 
     def stiffness_at_rest(self) -> float:
-        """Drive stiffness at rest [Nm/rad], E I of every section in series (closed form of Paros and Weisbord).
+        """Undeformed drive stiffness [Nm/rad], all sections in series (closed form of Paros and Weisbord).
 
         With h(a) = minimum + 2R (1 - cos a): 1 / K = 12 R / (E width) int cos a / h^3 da over -90..90 degrees.
         """
@@ -80,10 +80,10 @@ class CircularNotchHinge(_Notch):
 
 def _notch_integral(g: float) -> float:
     """int_-pi/2^pi/2 cos a / (g - cos a)^3 da for g > 1."""
-    # with u = tan(a/2) all is rational; I1 = int da/(g - cos a), differentiated twice by g
+    # u = tan(a/2) makes the integrands rational; int da/(g - cos a) is differentiated twice with respect to g
     s = g * g - 1
-    at = 2 * math.atan(math.sqrt((g + 1) / (g - 1)))
-    first = 2 * at / math.sqrt(s)
+    limit = 2 * math.atan(math.sqrt((g + 1) / (g - 1)))
+    first = 2 * limit / math.sqrt(s)
     second = (g * first + 2 / g) / s
     third = (3 * g * second - first + 2 / g**2) / (2 * s)
     return g * third - second
@@ -96,8 +96,8 @@ class FilletedNotchHinge(_Notch):
     Joint axes: A at the origin, B at (length, 0, 0); the neck runs along x, width along z (Lobontiu, Compliant
     Mechanisms, 2003, the corner-filleted hinge).
 
-    length [m] over all, radius of the fillets below half of it, minimum thickness, width [m]. Raises SceneError naming
-    the parameter out of bounds.
+    length [m] with both fillets, radius of the fillets below half of it, minimum thickness, width [m]. Raises SceneError
+    naming the parameter out of bounds.
     """
 
     family: ClassVar[str] = "filleted_notch"
@@ -123,12 +123,14 @@ class FilletedNotchHinge(_Notch):
         return (_neck(self, FilletedNotch(self.length, self.radius, self.minimum, self.width)),)
 
     def shape(self) -> dict[str, float]:
-        """slenderness = minimum / length and fillet = radius / length."""
+        """The shape parameters slenderness = minimum / length and fillet = radius / length."""
         return {"slenderness": self.minimum / self.length, "fillet": self.radius / self.length}
 
     def stiffness_at_rest(self) -> float:
-        """Drive stiffness at rest [Nm/rad], E I of every section in series: both fillets together are a circular notch,
-        the straight neck of length - 2 radius has E width minimum^3 / 12 (Lobontiu 2003)."""
+        """Undeformed drive stiffness [Nm/rad], all sections in series (Lobontiu 2003).
+
+        Both fillets together are a circular notch; the straight neck of length - 2 radius has E I = E width minimum^3 / 12.
+        """
         fillets = self.radius * _notch_integral(1 + 0.5 * self.minimum / self.radius) / (2 * self.radius) ** 3
         neck = (self.length - 2 * self.radius) / self.minimum**3
         return self.material.E * self.width / 12 / (fillets + neck)
@@ -142,17 +144,18 @@ def _neck(joint: Any, profile: CircularNotch | FilletedNotch) -> Leaf:
 
 @dataclass(frozen=True)
 class ArcHinge(JointFamily):
-    """A leaf bent to a circular arc at rest, the curved beam of paper 3; B turns about z, +-30 degrees.
+    """A leaf whose undeformed shape is a circular arc, the curved beam of paper 3; B turns about z, +-30 degrees.
 
     Joint axes: A at the origin, B at (2 r sin(angle/2), 0, 0), the chord; the arc lies at y < 0 and curves about +z,
     widths along z. B turns under a pure moment, so that the curvature stays constant along the arc.
 
-    radius r and angle of the arc, thickness, width [m]. Raises SceneError naming the parameter out of bounds.
+    radius r [m] and angle [rad] of the arc, up to 270 degrees; thickness, width [m]. Raises SceneError naming the parameter
+    out of bounds.
     """
 
     family: ClassVar[str] = "arc_hinge"
     held_by_others = True
-    stroke = _ARC
+    stroke = _ARC_STROKE
     quantities = parameter_dimensions("radius", "thickness", "width", angle="angle")
 
     material: Material
@@ -166,10 +169,10 @@ class ArcHinge(JointFamily):
 
     def __post_init__(self) -> None:
         check_lengths(self, "radius", "thickness", "width")
-        unit = math.radians(1)
-        # 270 degrees themselves are allowed
-        most = 1.5 * math.pi * (1 + 1e-12)
-        angle = between(self.angle, "angle", 0.0, most, owner="ArcHinge", unit="deg", scale=unit)
+        degree = math.radians(1)
+        # an angle of 270 degrees is allowed
+        limit = 1.5 * math.pi * (1 + 1e-12)
+        angle = between(self.angle, "angle", 0.0, limit, owner="ArcHinge", unit="deg", scale=degree)
         object.__setattr__(self, "angle", angle)
         if self.thickness >= 0.5 * self.radius:
             raise SceneError(
@@ -190,9 +193,9 @@ class ArcHinge(JointFamily):
         return (sheet_leaf(self, "arc", ends, self.width, curve=Arc(self.radius, self.angle)),)
 
     def shape(self) -> dict[str, float]:
-        """angle of the arc [rad]."""
+        """The shape parameter angle of the arc [rad]."""
         return {"angle": self.angle}
 
     def stiffness_at_rest(self) -> float:
-        """Drive stiffness at rest [Nm/rad] under a pure moment: E I / (r angle) (errata, paper 3)."""
+        """Undeformed drive stiffness [Nm/rad] for a pure moment: E I / (r angle) (errata, paper 3)."""
         return self.material.E * self.width * self.thickness**3 / 12 / self.length

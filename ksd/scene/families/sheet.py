@@ -1,4 +1,4 @@
-"""Joints cut from one sheet: every leaf of one thickness and material, all widths along the joint's z."""
+"""Base classes, checks and drawing functions of joint families; most joints are cut from a sheet with all widths along z."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ Point = tuple[float, float]
 
 
 class JointFamily(Joint):
-    """What families do unless they say otherwise: B on the x axis at `length`, and no shape parameter.
+    """Base of joint families with its defaults: B on the x axis at `length`, no shape parameter.
 
-    B turns about z by +-`stroke` [rad]; without one there is no intended motion.
+    B turns about z by +-`stroke` [rad]; for a stroke of zero there is no intended motion.
     """
 
     stroke: ClassVar[float] = 0.0
@@ -36,12 +36,12 @@ class JointFamily(Joint):
         return rotation_about_z(self.stroke) if self.stroke else ()
 
     def shape(self) -> dict[str, float]:
-        """No parameter."""
+        """No shape parameters."""
         return {}
 
 
 class InclinedLeaves(JointFamily):
-    """Joints whose leaf springs lean by `angle` [rad] from the line AB, from the height of A to that of B."""
+    """Base of families whose leaf springs are inclined by `angle` [rad] to the line AB."""
 
     angle: float
 
@@ -49,21 +49,24 @@ class InclinedLeaves(JointFamily):
     def pose_B(self) -> Vector:
         return (self.length * math.cos(self.angle), 0.0, 0.0)
 
-    def check_leaning(self, *lengths: str) -> None:
-        """`check_sheet`, and the angle between 0 and 90 degrees."""
+    def check_inclined(self, *lengths: str) -> None:
+        """Apply `check_sheet`, and check that the angle is between 0 and 90 degrees. Raises SceneError."""
         check_sheet(self, *lengths)
-        owner, unit = type(self).__name__, math.radians(1)
-        angle = between(self.angle, "angle", 0.0, 0.5 * math.pi, owner=owner, unit="deg", scale=unit)
+        owner, degree = type(self).__name__, math.radians(1)
+        angle = between(self.angle, "angle", 0.0, 0.5 * math.pi, owner=owner, unit="deg", scale=degree)
         object.__setattr__(self, "angle", angle)
 
 
 def parameter_dimensions(*lengths: str, **others: str) -> dict[str, str]:
-    """The `quantities` of a family: its lengths, and others by dimension."""
+    """The `quantities` of a family: dimension by parameter, "length" for `lengths`."""
     return dict.fromkeys(lengths, "length") | others
 
 
 def check_lengths(joint: Any, *lengths: str) -> None:
-    """Check and clean material, mesh and the positive `lengths` of a joint. Raises SceneError naming joint and parameter."""
+    """Check material, mesh parameters and the positive `lengths` of a joint, and make the lengths floats.
+
+    Raises SceneError naming joint and parameter.
+    """
     owner = type(joint).__name__
     if not isinstance(joint.material, Material):
         raise SceneError(f"{owner}: material = {show(joint.material)} must be a Material.")
@@ -73,21 +76,18 @@ def check_lengths(joint: Any, *lengths: str) -> None:
 
 
 def check_sheet(joint: Any, *lengths: str, slender: str = "thickness") -> None:
-    """`check_lengths` of a joint whose leaf springs are `slender` thick.
-
-    Raises SceneError also for a thickness of half the leaf length or more.
-    """
+    """Apply `check_lengths`, and check that the parameter `slender` is below half the leaf length. Raises SceneError."""
     check_lengths(joint, "length", slender, *lengths)
-    owner, thick = type(joint).__name__, getattr(joint, slender)
-    if thick >= 0.5 * joint.length:
+    owner, thickness = type(joint).__name__, getattr(joint, slender)
+    if thickness >= 0.5 * joint.length:
         raise SceneError(
-            f"{owner}: {slender} = {thick:g} m must be below half the leaf length, {joint.length / 2:g} m; "
+            f"{owner}: {slender} = {thickness:g} m must be below half the leaf length, {joint.length / 2:g} m; "
             "a leaf is slender."
         )
 
 
 _cached_rectangle = lru_cache(maxsize=256)(rectangle)
-"""Most leaf springs of a joint have the section of another."""
+"""`rectangle`, cached since most leaf springs of a joint have the same section."""
 
 
 def sheet_leaf(
@@ -102,8 +102,10 @@ def sheet_leaf(
     profile: Profile | None = None,
     curve: Curve | None = None,
 ) -> Leaf:
-    """A leaf of `joint` between two points (x, y) [m] at height z [m], its middle plane there; of another thickness [m] than
-    that of the joint where said."""
+    """A leaf of `joint` between the points `ends` (x, y) [m], with its width [m] along z and its middle at height z [m].
+
+    thickness [m]: default that of the joint. Raises SceneError for a leaf without length.
+    """
     start, end = (*ends[0], z), (*ends[1], z)
     section = _cached_rectangle(joint.thickness if thickness is None else thickness, width)
     words: dict[str, Any] = {
@@ -112,17 +114,17 @@ def sheet_leaf(
         "orders": joint.orders, "profile": profile, "curve": curve, "condition": None,
     }  # fmt: skip
     if not 0.0 < math.dist(start, end) < MAX_MAGNITUDE:
-        return Leaf(**words)  # says what is wrong
-    # all else that a leaf checks is so in a sheet, and a design loop draws hundreds of them
+        return Leaf(**words)  # raises SceneError with the reason
+    # all other checks of a leaf hold by construction; they are skipped since design loops draw hundreds of leaf springs
     leaf = object.__new__(Leaf)
     leaf.__dict__.update(words)
     return leaf
 
 
 @lru_cache(maxsize=64)
-def rotation_about_z(reach: float) -> tuple[Motion, ...]:
-    """The intended rotation of a hinge about z, +-reach [rad]."""
-    return (Motion("angle", "rotation", (0.0, 0.0, 1.0), (-reach, reach)),)
+def rotation_about_z(stroke: float) -> tuple[Motion, ...]:
+    """The intended rotation about z of a hinge, +-stroke [rad]."""
+    return (Motion("angle", "rotation", (0.0, 0.0, 1.0), (-stroke, stroke)),)
 
 
 def bending_stiffness(joint: Any, width: float) -> float:
@@ -132,12 +134,12 @@ def bending_stiffness(joint: Any, width: float) -> float:
 
 def number_within(value: float, name: str, bounds: tuple[float, float], *, owner: str) -> float:
     """A dimensionless number within `bounds`, ends included. Raises SceneError."""
-    (low, high), found = bounds, number(value, name, owner=owner)
-    if not low <= found <= high:
+    (low, high), result = bounds, number(value, name, owner=owner)
+    if not low <= result <= high:
         raise SceneError(f"{owner}: {name} = {show(value)} must lie between {low:g} and {high:g}.")
-    return found
+    return result
 
 
 def in_plane_blocks(points: Mapping[str, Point]) -> dict[str, Vector]:
-    """Blocks at points (x, y), all at z = 0."""
+    """Reference points (3,) [m] of blocks by name, from points (x, y) [m] in the plane z = 0."""
     return {name: (float(x), float(y), 0.0) for name, (x, y) in points.items()}

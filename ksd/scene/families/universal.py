@@ -15,6 +15,7 @@ from ksd.section import rectangle
 
 _STROKE = math.radians(25)
 _ANGLE = math.radians(45)
+"""Angle [rad] between the leaf springs and the x axis."""
 
 
 @dataclass(frozen=True)
@@ -45,39 +46,41 @@ class UniversalJoint(JointFamily):
         check_sheet(self, "width")
 
     @property
-    def _step(self) -> float:
+    def _stage_length(self) -> float:
+        """Length D [m] of one cross flexure along x."""
         return self.length * math.cos(_ANGLE)
 
     @property
     def pose_B(self) -> Vector:
-        return (2 * self._step, 0.0, 0.0)
+        return (2 * self._stage_length, 0.0, 0.0)
 
     @property
     def motions(self) -> tuple[Motion, ...]:
-        reach = (-_STROKE, _STROKE)
+        stroke_range = (-_STROKE, _STROKE)
         return (
-            Motion("about_z", "rotation", (0.0, 0.0, 1.0), reach),
-            Motion("about_y", "rotation", (0.0, 1.0, 0.0), reach),
+            Motion("about_z", "rotation", (0.0, 0.0, 1.0), stroke_range),
+            Motion("about_y", "rotation", (0.0, 1.0, 0.0), stroke_range),
         )
 
     def blocks(self) -> dict[str, Vector]:
-        return {**super().blocks(), "middle": (self._step, 0.0, 0.0)}
+        return {**super().blocks(), "middle": (self._stage_length, 0.0, 0.0)}
 
     def leaves(self) -> tuple[Leaf, ...]:
         h, c = 0.5 * self.length * math.sin(_ANGLE), 0.75 * self.width
-        places = (("inner", -h, 0.0, 1.0), ("outer_low", h, -c, 0.5), ("outer_high", h, c, 0.5))
+        # name, y and z of the start, width over that of the inner leaf
+        drawing = (("inner", -h, 0.0, 1.0), ("outer_low", h, -c, 0.5), ("outer_high", h, c, 0.5))
         return tuple(
-            self._leaf(f"{stage}_{name}", (y, z), share * self.width, second=stage == "second")
+            self._leaf(f"{stage}_{name}", (y, z), ratio * self.width, is_second=stage == "second")
             for stage in ("first", "second")
-            for name, y, z, share in places
+            for name, y, z, ratio in drawing
         )
 
-    def _leaf(self, name: str, place: tuple[float, float], width: float, *, second: bool) -> Leaf:
-        """One leaf from (y, z) at its start to (-y, z) at its end, of the first or the turned second flexure."""
-        (y, z), x = place, self._step
+    def _leaf(self, name: str, start_yz: tuple[float, float], width: float, *, is_second: bool) -> Leaf:
+        """A leaf from (y, z) at its start to (-y, z) at its end, of the first or the turned second cross flexure."""
+        (y, z), x = start_yz, self._stage_length
         start, end, axis = (0.0, y, z), (x, -y, z), (0.0, 0.0, 1.0)
-        if second:
-            # (x, y, z) -> (x + D, z, -y): z becomes y
+        if is_second:
+            # rotation about x by -90 degrees and shift by D: (x, y, z) -> (x + D, z, -y)
             start, end, axis = (x, z, -y), (2 * x, z, y), (0.0, 1.0, 0.0)
         return Leaf(
             start=start,
@@ -85,17 +88,17 @@ class UniversalJoint(JointFamily):
             width_axis=axis,
             section=rectangle(self.thickness, width),
             material=self.material,
-            start_block="middle" if second else "A",
-            end_block="B" if second else "middle",
+            start_block="middle" if is_second else "A",
+            end_block="B" if is_second else "middle",
             name=name,
             elements=self.elements,
             orders=self.orders,
         )
 
     def shape(self) -> dict[str, float]:
-        """aspect = width / L: how far apart the outer leaves lie, in which a turned flexure moves out of its own plane."""
+        """The shape parameter aspect = width / L, which sets the distance of the outer leaf springs from each other."""
         return {"aspect": self.width / self.length}
 
     def stiffness_at_rest(self) -> float:
-        """Drive stiffness at rest [Nm/rad] about either axis, the other free: E I_sum / L (errata, eq. 4.3)."""
+        """Undeformed drive stiffness [Nm/rad] about either axis, the other released: E I_sum / L (errata, eq. 4.3)."""
         return 2 * bending_stiffness(self, self.width) / self.length
