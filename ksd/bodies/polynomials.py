@@ -30,7 +30,7 @@ class MotionPolynomials:
     def __init__(self, record: Record, mesh: str | int, leaves: int) -> None:
         self.record, self.mesh, self.orders = record, mesh, record.orders
         m = len(record.motions)
-        largest_motion = np.array([motion.reach for motion in record.motions])
+        largest_motion = np.array([motion.max_magnitude for motion in record.motions])
         self.powers, merged = np.unique(record.powers[:, :m], axis=0, return_inverse=True)
         # terms with the same powers of the motions are added
         groups = [np.flatnonzero(merged.ravel() == p) for p in range(len(self.powers))]

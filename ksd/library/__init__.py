@@ -1,4 +1,4 @@
-"""Joint records: what training found out about a joint family, read and written as one HDF5 file each."""
+"""Joint records, the results of training a joint family: one HDF5 file each; and files of results."""
 
 from ksd.library.functions import Functions, JointFunctions, Mesh, monomials
 from ksd.library.record import Evidence, Parameter, Probes, Record, Residual, Stroke

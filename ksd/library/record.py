@@ -1,9 +1,9 @@
-"""The record of a joint family in memory, and its contraction to the polynomials of one design.
+"""The record of a joint family, and its contraction to the polynomials of one design.
 
-Every function of a family is a sum over M product terms c_i prod_j (theta_j / reach_j)^p_ij prod_k
-P_q_ik(s_k): monomials of the intended motions over their trained reach, Legendre polynomials P of the shape
-parameters mapped to [-1, 1]. Contracting at a design leaves polynomials of the raw motions alone. Paper 1,
-sections 2.2 and 3.2.
+Every function of a family is a sum over M product terms c_i prod_j (theta_j / range_j)^p_ij prod_k P_q_ik(s_k): monomials
+of the intended motions theta over the largest trained magnitude, and Legendre polynomials P of the shape parameters s,
+mapped to [-1, 1]. Contraction at a design evaluates the latter and leaves polynomials of the motions. Paper 1, sections 2.2
+and 3.2.
 """
 
 from __future__ import annotations
@@ -21,14 +21,12 @@ from ksd.library.chains import extend_chain
 from ksd.library.functions import Array, Functions, JointFunctions, Mesh, legendre_products
 
 RANGE_TOLERANCE = 1e-9
-"""Overshoot of a range, relative to its width, that counts as rounding."""
+"""Distance outside a trained range, over half its width, that counts as rounding."""
 
 
 @dataclass(frozen=True)
 class Stroke:
-    """An intended motion as trained: name, kind "rotation" [rad] or "translation" [stroke over joint length],
-    trained range.
-    """
+    """A trained intended motion: name, kind "rotation" [rad] or "translation" [over joint length], range low to high."""
 
     name: str
     kind: str
@@ -36,16 +34,16 @@ class Stroke:
     high: float
 
     @property
-    def reach(self) -> float:
-        """The largest trained size, which scales the monomials."""
+    def max_magnitude(self) -> float:
+        """The largest trained magnitude, by which the motion is divided in the monomials."""
         return max(abs(self.low), abs(self.high))
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A shape parameter: name, range `low` to `high` (SI), scale "linear" or "log" of its map to [-1, 1].
+    """A shape parameter: name, range `low` to `high` (SI), and the scale, "linear" or "log", of its map to [-1, 1].
 
-    Raises SceneError for a range that does not rise (a range of one value is one), and on a log scale is not positive.
+    Raises SceneError for low > high (equal values are allowed), and a range that is not positive on a log scale.
     """
 
     name: str
@@ -65,9 +63,7 @@ class Parameter:
             )
 
     def place(self, value: float) -> float:
-        """Where `value` lies in the trained range, as a number in [-1, 1]; a range of one value ends at 1e-6
-        of it.
-        """
+        """The position of `value` in the trained range, in [-1, 1]; a range of one value extends by 1e-6 of it."""
         if self.high == self.low:
             return (value - self.low) / (1e-6 * abs(self.low) + 1e-300)
         if self.scale == "log":
@@ -83,10 +79,9 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Residual:
-    """How well a group of one mesh is fitted: largest and rms error on the fitted and on fresh shapes.
+    """Fit errors of a group of one mesh: largest and rms error on the fitted shapes and on fresh ones.
 
-    interface: chords in joint lengths and rotations in rad; rotations in rad; amplitudes and wrench
-    dimensionless.
+    Units: interface, chords in joint lengths and rotations in rad; rotations, rad; amplitudes and wrench, dimensionless.
     """
 
     mesh: Mesh
@@ -99,10 +94,9 @@ class Residual:
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a change of one input does to the functions: largest change of interface and of orientations.
+    """Largest changes of the functions by a change of one input: of interface and blocks, and of the rotations.
 
-    change: what was done, in words ("0.5 times"); interface, and internal blocks, in rad and joint lengths, rotations in
-    rad.
+    parameter: the input; change: its change as text ("0.5 times"); interface: rad and joint lengths; rotations: rad.
     """
 
     parameter: str
@@ -113,10 +107,10 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Probes:
-    """States that a record is judged by: what its functions are there, as fitted.
+    """Values of the fitted functions at k states, by which a record is checked later.
 
-    shapes (k, s): shape parameters, SI. motions (k, m): intended motions, rad or stroke over joint length. values (k,
-    rows): all functions side by side, in the order of `Record.at`.
+    shapes (k, s): shape parameters, SI. motions (k, m): intended motions, rad or stroke over joint length. values (k, rows):
+    all functions side by side, in the order of `Record.at`.
     """
 
     shapes: Array
@@ -126,14 +120,14 @@ class Probes:
 
 @dataclass(frozen=True, repr=False)
 class Record:
-    """All that training found out about one joint family; see the module docstring for the functions.
+    """The trained functions of one joint family; see the module docstring for their form.
 
-    powers (M, motions + parameters): exponents of the motions, then Legendre degrees of the parameters. functions: by
-    mesh. leaves, blocks: names in the order of the arrays. residuals: how well it is fitted; evidence: what changes of
-    other inputs do. orders: curvature modes (nx, ny, nz) of a leaf. design: the joint trained on (SI numbers by name);
-    samples: shapes fitted and fresh. trained: date as given to the trainer, ISO; version: of the trainer; history: one
-    sentence per event; probes: states by which `ksd.train.check_probes` tells whether the record still agrees with this
-    code, None in files of format 1.
+    family: its name; motions, parameters: its intended motions and shape parameters. powers (M, motions + parameters):
+    exponents of the motions, then Legendre degrees of the parameters. functions: coefficients by mesh. leaves, blocks: names
+    in the order of the arrays. residuals: fit errors; evidence: effects of changes of other inputs. orders: numbers of
+    curvature modes (nx, ny, nz) of a leaf. design: the trained joint, SI numbers by name; samples: numbers of shapes, fitted
+    and fresh. trained: date given to the trainer, ISO; version: of the trainer; history: one sentence per event; probes:
+    states by which `ksd.train.check_probes` checks that the record agrees with this code, None in files of format 1.
     """
 
     family: str
@@ -160,7 +154,7 @@ class Record:
 
     @property
     def motion_range(self) -> Array:
-        """(m, 2): trained ranges of the intended motions, rad or stroke over joint length."""
+        """Trained ranges (m, 2) of the intended motions, rad or stroke over joint length."""
         return np.array([[m.low, m.high] for m in self.motions])
 
     @property
@@ -169,29 +163,27 @@ class Record:
         return tuple(p.name for p in self.parameters)
 
     def worst(self, mesh: Mesh, group: str = "interface") -> float:
-        """Largest error of a group on fresh shapes; nan when none was measured."""
-        found = [r.fresh_max for r in self.residuals if (r.mesh, r.group) == (mesh, group)]
-        return found[0] if found else math.nan
+        """Largest error of a group on fresh shapes; nan if there is none."""
+        errors = [r.fresh_max for r in self.residuals if (r.mesh, r.group) == (mesh, group)]
+        return errors[0] if errors else math.nan
 
     def at(self, shapes: Array, motions: Array) -> dict[tuple[Mesh, str], Array]:
-        """All functions (k, size of the group) by mesh and group, at k shapes (k, s) SI and motions (k, m)."""
-        found: dict[tuple[Mesh, str], Array] = {}
+        """Values (k, size of the group) of all functions by (mesh, group), at shapes (k, s) (SI) and motions (k, m)."""
+        values_by_group: dict[tuple[Mesh, str], Array] = {}
         for mesh in sorted(self.functions, key=str):
             joints = [self.contract(dict(zip(self.shape_names, s, strict=True)), mesh) for s in shapes]
             for group in sorted(self.functions[mesh].groups()):
                 values = [joint.at(m, group).ravel() for joint, m in zip(joints, motions, strict=True)]
-                found[mesh, group] = np.array(values)
-        return found
+                values_by_group[mesh, group] = np.array(values)
+        return values_by_group
 
     def contract(
         self, shape: Mapping[str, float], mesh: Mesh, *, extrapolate: bool = False
     ) -> JointFunctions:
-        """The polynomials of the design with shape parameters `shape` (SI), for "strain" or n elements per
-        leaf.
+        """The polynomials of the design with shape parameters `shape` (SI), for mesh "strain" or n elements per leaf.
 
-        A chain longer than any trained takes its orientations from the integrated strain amplitudes. Raises
-        SceneError for an unknown or missing parameter or a mesh that makes no sense, RangeError outside the
-        trained range unless `extrapolate`.
+        For more elements than were trained the orientations are integrated from the strain amplitudes. Raises SceneError for
+        an unknown or missing parameter and an impossible mesh, RangeError outside the trained range unless `extrapolate`.
         """
         places, outside = self.places(shape, extrapolate=extrapolate)
         if mesh in self.functions:
@@ -207,8 +199,10 @@ class Record:
     def places(
         self, shape: Mapping[str, float], *, extrapolate: bool = False
     ) -> tuple[Array, tuple[str, ...]]:
-        """Shape parameters as numbers in [-1, 1], in the order of `parameters`, and the names of those outside; raises as
-        `contract`."""
+        """Shape parameters mapped to [-1, 1], in the order of `parameters`, and the names of those out of range.
+
+        Raises as `contract`.
+        """
         for name in shape:
             if name not in self.shape_names:
                 hint = name_hint(name, self.shape_names)
@@ -220,9 +214,9 @@ class Record:
                     f"Shape parameter {p.name!r} of {self.family} is missing; give {p.low:g} to {p.high:g}."
                 )
             value = float(shape[p.name])
-            known = math.isfinite(value) and (p.scale != "log" or value > 0)
-            if not known or not abs(p.place(value)) <= 1 + RANGE_TOLERANCE:
-                if not (extrapolate and known):
+            is_valid = math.isfinite(value) and (p.scale != "log" or value > 0)
+            if not is_valid or not abs(p.place(value)) <= 1 + RANGE_TOLERANCE:
+                if not (extrapolate and is_valid):
                     raise RangeError(
                         f"Shape parameter {p.name} = {value:.6g} of {self.family} is outside "
                         f"its trained range {p.low:.6g} to {p.high:.6g} (SI, angles in rad); change it, "
@@ -233,11 +227,11 @@ class Record:
         return np.array(places), tuple(outside)
 
     def _contract(self, places: Array, mesh: Mesh, outside: tuple[str, ...]) -> JointFunctions:
-        """Polynomials in the motions alone, at one shape: `places` are its parameters in -1 .. 1."""
+        """Polynomials of the motions for one shape; places: its parameters in [-1, 1], outside: those extrapolated."""
         m = len(self.motions)
-        reach = np.array([motion.reach for motion in self.motions])
+        largest = np.array([motion.max_magnitude for motion in self.motions])
         shape = legendre_products(self.powers[:, m:], places[None])[0]
-        weight = shape * np.prod(reach ** -self.powers[:, :m], axis=1)
+        weight = shape * np.prod(largest ** -self.powers[:, :m], axis=1)
         powers, merged = np.unique(self.powers[:, :m], axis=0, return_inverse=True)
         matrix = np.zeros((len(self.powers), len(powers)))
         matrix[np.arange(len(merged)), merged.ravel()] = weight

@@ -1,4 +1,4 @@
-"""Whether a record makes sense: names, ranges and shapes that fit each other, so that using it cannot go wrong later."""
+"""Consistency check of a record read from a file: types, ranges and array shapes."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from ksd.library.functions import Mesh
 from ksd.library.record import Record, Stroke
 
 MAX_TERMS, MAX_DEGREE, MAX_ELEMENTS = 8192, 64, 1000
-"""Product terms of a function, degrees, and elements of a leaf's chain; several times what training makes."""
+"""Limits of the product terms of a function, of degrees, and of elements per leaf: several times those of training."""
 
 
 def check_record(record: Record) -> None:
-    """Raises ValueError, naming the first thing that does not fit."""
+    """Raise ValueError with the first inconsistency of a record."""
     texts: dict[str, tuple[str, ...]] = {
         "family": (record.family,),
         "trained": (record.trained,),
@@ -26,8 +26,8 @@ def check_record(record: Record) -> None:
         _require(all(isinstance(v, str) for v in values), f"{name} are no texts")
     _require(bool(record.leaves), "it has no leaf springs")
     for what, given in (("orders", record.orders), ("samples", record.samples)):
-        fits = all(isinstance(n, int) and 0 <= n <= 10**6 for n in given)
-        _require(fits and len(given) == (3 if what == "orders" else 2), f"{what} = {given}")
+        are_valid = all(isinstance(n, int) and 0 <= n <= 10**6 for n in given)
+        _require(are_valid and len(given) == (3 if what == "orders" else 2), f"{what} = {given}")
     _require(
         isinstance(record.design, dict) and _all_numbers(record.design.values()), "design holds no numbers"
     )
@@ -44,25 +44,30 @@ def check_record(record: Record) -> None:
     _check_probes(record)
 
 
-def _require(fits: bool, otherwise: str) -> None:
-    if not fits:
-        raise ValueError(otherwise)
+def _require(condition: bool, message: str) -> None:
+    """Raise ValueError unless the condition holds."""
+    if not condition:
+        raise ValueError(message)
 
 
 def _all_numbers(values: Any) -> bool:
-    """Whether all are numbers; those that were not measured are nan or infinite."""
+    """Whether all values are numbers; nan and infinity stand for numbers that were not measured."""
     return all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in values)
 
 
 def _check_stroke(stroke: Stroke) -> None:
-    known = isinstance(stroke.name, str) and stroke.kind in ("rotation", "translation")
-    fits = (
-        known and _all_numbers((stroke.low, stroke.high)) and -math.inf < stroke.low < stroke.high < math.inf
+    """Name, kind and range of an intended motion."""
+    types_are_right = isinstance(stroke.name, str) and stroke.kind in ("rotation", "translation")
+    is_valid = (
+        types_are_right
+        and _all_numbers((stroke.low, stroke.high))
+        and -math.inf < stroke.low < stroke.high < math.inf
     )
-    _require(fits, f"motion {stroke}")
+    _require(is_valid, f"motion {stroke}")
 
 
 def _check_powers(record: Record) -> None:
+    """Shape and bounds of the exponents, and the scales of the monomials."""
     powers, m = record.powers, len(record.motions)
     _require(
         powers.ndim == 2 and powers.shape[1] == m + len(record.parameters) and 0 < len(powers) <= MAX_TERMS,
@@ -70,11 +75,14 @@ def _check_powers(record: Record) -> None:
     )
     _require(powers.min() >= 0 and powers.max() <= MAX_DEGREE, "degrees out of bounds")
     with np.errstate(all="ignore"):
-        scale = np.prod(np.array([s.reach for s in record.motions]) ** -powers[:, :m].astype(float), axis=1)
+        scale = np.prod(
+            np.array([s.max_magnitude for s in record.motions]) ** -powers[:, :m].astype(float), axis=1
+        )
     _require(bool(np.all(np.isfinite(scale))), "a stroke is too small for its degree")
 
 
 def _check_functions(record: Record, mesh: Mesh) -> None:
+    """Shapes and values of the coefficients of a mesh."""
     leaves, M = len(record.leaves), len(record.powers)
     shapes: dict[str, tuple[int, ...]] = {"interface": (6, M), "blocks": (len(record.blocks), 6, M)}
     if mesh == "strain":
@@ -92,16 +100,20 @@ def _check_functions(record: Record, mesh: Mesh) -> None:
 
 
 def _check_residuals_and_evidence(record: Record) -> None:
-    """Residuals and evidence, which are printed."""
+    """Types of residuals and evidence, which are printed."""
     for r in record.residuals:
-        known = isinstance(r.group, str) and isinstance(r.mesh, (int, str))
-        _require(known and _all_numbers((r.fit_max, r.fit_rms, r.fresh_max, r.fresh_rms)), f"residual {r}")
+        types_are_right = isinstance(r.group, str) and isinstance(r.mesh, (int, str))
+        _require(
+            types_are_right and _all_numbers((r.fit_max, r.fit_rms, r.fresh_max, r.fresh_rms)),
+            f"residual {r}",
+        )
     for e in record.evidence:
-        known = isinstance(e.parameter, str) and isinstance(e.change, str)
-        _require(known and _all_numbers((e.interface, e.rotations)), f"evidence {e}")
+        types_are_right = isinstance(e.parameter, str) and isinstance(e.change, str)
+        _require(types_are_right and _all_numbers((e.interface, e.rotations)), f"evidence {e}")
 
 
 def _check_probes(record: Record) -> None:
+    """Shapes and values of the probes."""
     probes = record.probes
     if probes is None:
         return
@@ -113,5 +125,5 @@ def _check_probes(record: Record) -> None:
         ("values", rows),
     ):
         table = getattr(probes, name)
-        fits = table.shape == (len(probes.values), columns) and bool(np.all(np.isfinite(table)))
-        _require(fits, f"probes: {name} of shape {table.shape}")
+        is_valid = table.shape == (len(probes.values), columns) and bool(np.all(np.isfinite(table)))
+        _require(is_valid, f"probes: {name} of shape {table.shape}")

@@ -1,8 +1,8 @@
-"""Records on disk: one HDF5 file per family, sealed, replaced atomically, read in one go.
+"""Record files: one HDF5 file per joint family, with a checksum and written atomically; and the folders they are found in.
 
-The first 512 bytes (the HDF5 user block) hold a signature, the format number and the SHA-256 of both and of
-all that follows, so any altered or missing bit is found, also in space HDF5 itself does not use. Datasets
-carry Fletcher32 besides, for programs that read the file without us. Same record, same bytes.
+The header of 512 bytes (the HDF5 user block) holds a signature, the format number and the SHA-256 of both and of all that
+follows, so that any altered or missing bit is detected, also in space HDF5 itself does not use. Datasets also have
+Fletcher32 checksums, for other programs. Equal records give equal bytes.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from ksd.library.record_checks import check_record
 from ksd.scene.families import joint_families
 
 FORMAT = 3
-"""Format this version writes, and the newest it reads."""
+"""Format that this version writes, and the newest that it reads."""
 SIGNATURE = b"ksd joint record\n"
 HEADER_BYTES = 512
 RECORD_SUFFIX = ".h5"
-_UNITS = {
+_FUNCTION_UNITS = {
     "interface": "rad (0:3), joint length (3:6)",
     "blocks": "rad (0:3), joint length (3:6)",
     "amplitudes": "1/leaf length",
@@ -48,11 +48,13 @@ _PROBE_UNITS = {
 _TEXT_FIELDS = ("family", "trained", "version")
 _LIST_FIELDS = ("leaves", "blocks", "orders", "samples", "history")
 _TABLE_FIELDS = {"motions": Stroke, "parameters": Parameter, "residuals": Residual, "evidence": Evidence}
+"""Fields of `Record` that are stored as attributes: text, JSON lists, and JSON lists of dataclasses."""
 _record_cache: dict[str, tuple[tuple[int, ...], Record]] = {}
+"""`file_stamp` and record by resolved path."""
 
 
 def sealed_header(body: bytes, number: int, signature: bytes = SIGNATURE) -> bytes:
-    """The 512 bytes in front of `body`."""
+    """The header (HEADER_BYTES) of a file with the HDF5 image `body`, of format `number`."""
     first = signature + f"format {number}\n".encode()
     return (first + f"sha256 {hashlib.sha256(first + body).hexdigest()}\n".encode()).ljust(
         HEADER_BYTES, b"\0"
@@ -60,7 +62,7 @@ def sealed_header(body: bytes, number: int, signature: bytes = SIGNATURE) -> byt
 
 
 def write_record(record: Record, path: str | os.PathLike[str]) -> Path:
-    """Write `record` to `path`, whole or not at all, its folder made where it is missing. Returns the path.
+    """Write `record` to `path` atomically, and make its folder if it is missing. Returns the path.
 
     Raises RecordError when it cannot be written.
     """
@@ -68,7 +70,7 @@ def write_record(record: Record, path: str | os.PathLike[str]) -> Path:
 
 
 def make_parent_folder(path: str | os.PathLike[str]) -> Path:
-    """The path, its folder made where it is missing. Raises RecordError when that is not possible."""
+    """Make the folder of `path` if it is missing, and return the path. Raises RecordError."""
     target = Path(path)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -80,13 +82,13 @@ def make_parent_folder(path: str | os.PathLike[str]) -> Path:
 
 
 def record_bytes(record: Record) -> bytes:
-    """The file of `record`, byte for byte: the same record gives the same bytes."""
+    """The content of the file of `record`; equal records give equal bytes."""
     body = _hdf5_image(record)[HEADER_BYTES:]
     return sealed_header(body, FORMAT) + body
 
 
 def _hdf5_image(record: Record) -> bytes:
-    """The HDF5 image of a record, with an empty user block."""
+    """The HDF5 file of a record as bytes, with an empty header."""
     import h5py
 
     buffer = io.BytesIO()
@@ -101,12 +103,14 @@ def _hdf5_image(record: Record) -> bytes:
         for name in _TABLE_FIELDS:
             file.attrs[name] = json.dumps([asdict(item) for item in getattr(record, name)])
         _store_array(file, "powers", np.asarray(record.powers, np.int16), "1")
-        # in the order they are read back, so that a record read and written is the same file
+        # in the order in which they are read, so that a record that is read and written gives the same file
         for mesh, functions in sorted(record.functions.items(), key=lambda item: str(item[0])):
             for group, array in sorted(functions.groups().items()):
                 if array.size == 0:
                     continue
-                _store_array(file, f"functions/{mesh}/{group}", np.asarray(array, float), _UNITS[group])
+                _store_array(
+                    file, f"functions/{mesh}/{group}", np.asarray(array, float), _FUNCTION_UNITS[group]
+                )
         if record.probes is not None:
             for name, units in _PROBE_UNITS.items():
                 _store_array(file, f"probes/{name}", np.asarray(getattr(record.probes, name), float), units)
@@ -114,122 +118,123 @@ def _hdf5_image(record: Record) -> bytes:
 
 
 def _store_array(file: Any, name: str, array: np.ndarray, units: str) -> None:
+    """Add a compressed dataset with its units as attribute."""
     filters = {"compression": "gzip", "compression_opts": 6, "shuffle": True, "fletcher32": True}
-    made = file.create_dataset(name, data=array, **filters)
-    made.attrs["units"] = units
+    dataset = file.create_dataset(name, data=array, **filters)
+    dataset.attrs["units"] = units
 
 
 def read_record(path: str | os.PathLike[str]) -> Record:
     """The record in file `path`; unchanged files are read once per process.
 
-    Raises RecordError when the file is missing, foreign, truncated, altered in any bit, or of a newer format.
+    Raises RecordError when the file is missing, no record, truncated, altered in any bit, or of a newer format.
     """
-    place = Path(path)
-    key, stamp = str(place.resolve()), file_stamp(place)
+    file = Path(path)
+    key, stamp = str(file.resolve()), file_stamp(file)
     if stamp is not None and key in _record_cache and _record_cache[key][0] == stamp:
         return _record_cache[key][1]
-    again = training_hint(place.stem)
-    body = _check_seal(read_file(place, what="joint record", error=RecordError, hint=again), place)
+    again = training_hint(file.stem)
+    content = read_file(file, what="joint record", error=RecordError, hint=again)
+    _check_seal(content, file)
     try:
-        record = read_hdf5(body, _record_of_hdf5)
+        record = read_hdf5(content, _record_of_hdf5)
         check_record(record)
     except Exception as error:
-        # a seal says that nothing was altered since, not that it was right: h5py, json and numpy raise what they like
-        said = " ".join(str(error).split()).rstrip(".") or type(error).__name__
-        raise RecordError(f"{place} is sealed but not a readable joint record ({said}); {again}.") from error
+        # a correct checksum does not mean that the content is correct: h5py, json and numpy raise any exception
+        message = " ".join(str(error).split()).rstrip(".") or type(error).__name__
+        raise RecordError(
+            f"{file} is sealed but not a readable joint record ({message}); {again}."
+        ) from error
     if stamp is not None:
         _record_cache[key] = (stamp, record)
     return record
 
 
 def file_stamp(path: str | os.PathLike[str]) -> tuple[int, ...] | None:
-    """What changes when a file is replaced or altered; None where there is none."""
+    """Times, size and inode of a file, which change when it is replaced or altered; None if there is none."""
     try:
         status = os.stat(path)
     except (OSError, ValueError):
         return None
-    # the inode too: clocks of file systems are too coarse to tell two writes within milliseconds
+    # with the inode, since the clocks of file systems do not resolve two writes within milliseconds
     return status.st_mtime_ns, status.st_ctime_ns, status.st_size, status.st_ino
 
 
 def training_hint(family: str) -> str:
-    """What to do about a record that is missing or damaged, in words."""
+    """Advice for a record that is missing or damaged, for messages."""
     if family in joint_families():
         return f"run `ksd train {family}`"
     return f"make it with ksd.train(joint), or ksd.train(ksd.Design({family!r}, ...)) for a family with ranges of shape"
 
 
-def _check_seal(content: bytes, place: Path) -> bytes:
-    """The HDF5 image, after every byte was checked."""
-    again = training_hint(place.stem)
+def _check_seal(content: bytes, file: Path) -> None:
+    """Raise RecordError unless signature, checksum and format of a record file are right."""
+    again = training_hint(file.stem)
     head, body = content[:HEADER_BYTES], content[HEADER_BYTES:]
     if not head.startswith(SIGNATURE):
-        raise RecordError(f"{place} is not a ksd joint record; remove it, or {again}.")
+        raise RecordError(f"{file} is not a ksd joint record; remove it, or {again}.")
     number = _format_number(head)
     if head != sealed_header(body, number):
         raise RecordError(
-            f"{place} is damaged (its content does not match its checksum: truncated or altered); "
+            f"{file} is damaged (its content does not match its checksum: truncated or altered); "
             f"restore it, or {again}."
         )
     if number > FORMAT:
         raise RecordError(
-            f"{place} has record format {number}, newer than the {FORMAT} this version of ksd reads; "
+            f"{file} has record format {number}, newer than the {FORMAT} this version of ksd reads; "
             f"update ksd, or {again}."
         )
-    return content
 
 
 def _format_number(head: bytes) -> int:
-    """The format number a seal states; -1, which no seal matches, when it states none."""
-    word = head[len(SIGNATURE) :].split(b"\n", 1)[0].removeprefix(b"format ")
-    return int(word) if word.isdigit() and len(word) < 10 else -1
+    """The format number in a header; -1, which matches no header, if there is none."""
+    digits = head[len(SIGNATURE) :].split(b"\n", 1)[0].removeprefix(b"format ")
+    return int(digits) if digits.isdigit() and len(digits) < 10 else -1
 
 
-def _record_of_hdf5(found: BoundedReader) -> Record:
-    """A record as the file says it, its numbers in float64; see `check_record` for whether it makes sense."""
-    items, attributes = found.items(found.file), found.file.attrs
-    # before format 3 the leaves were called leafs
-    named = {k: "leafs" if k == "leaves" and k not in attributes else k for k in _LIST_FIELDS}
-    words: dict[str, Any] = {k: tuple(json.loads(found.text(attributes, name))) for k, name in named.items()}
-    words |= {k: found.text(attributes, k) for k in _TEXT_FIELDS}
-    for name, kind in _TABLE_FIELDS.items():
-        words[name] = tuple(kind(**item) for item in json.loads(found.text(attributes, name)))
-    words["design"] = json.loads(found.text(attributes, "design"))
-    powers = found.numbers(items["powers"]).astype(np.int64)
-    none = {"blocks": np.zeros((0, 6, len(powers)))}
+def _record_of_hdf5(reader: BoundedReader) -> Record:
+    """The record in an HDF5 file, its numbers as float64; `check_record` checks its consistency."""
+    items, attributes = reader.items(reader.file), reader.file.attrs
+    # before format 3 the attribute "leaves" was named "leafs"
+    names = {k: "leafs" if k == "leaves" and k not in attributes else k for k in _LIST_FIELDS}
+    fields: dict[str, Any] = {k: tuple(json.loads(reader.text(attributes, n))) for k, n in names.items()}
+    fields |= {k: reader.text(attributes, k) for k in _TEXT_FIELDS}
+    for name, row_class in _TABLE_FIELDS.items():
+        fields[name] = tuple(row_class(**row) for row in json.loads(reader.text(attributes, name)))
+    fields["design"] = json.loads(reader.text(attributes, "design"))
+    powers = reader.numbers(items["powers"]).astype(np.int64)
+    no_blocks = {"blocks": np.zeros((0, 6, len(powers)))}
     functions: dict[Mesh, Functions] = {}
-    for name, group in found.items(items["functions"]).items():
-        stored = {part: found.numbers(data) for part, data in found.items(group).items()}
-        functions[int(name) if name.isdigit() else name] = Functions(**{**none, **stored})
+    for name, group in reader.items(items["functions"]).items():
+        arrays = {part: reader.numbers(dataset) for part, dataset in reader.items(group).items()}
+        functions[int(name) if name.isdigit() else name] = Functions(**{**no_blocks, **arrays})
     if "probes" in items:
-        probes = found.items(items["probes"])
-        words["probes"] = Probes(*(found.numbers(probes[name]) for name in _PROBE_UNITS))
-    return Record(powers=powers, functions=functions, **words)
+        probes = reader.items(items["probes"])
+        fields["probes"] = Probes(*(reader.numbers(probes[name]) for name in _PROBE_UNITS))
+    return Record(powers=powers, functions=functions, **fields)
 
 
 @cache
 def shipped_folder() -> Path:
-    """The records that ship: `database` inside an installed package, beside the package in a source tree."""
+    """The folder of shipped records: `database` in an installed package, next to the package in a source tree."""
     package = Path(__file__).resolve().parent.parent
     installed = package / "database"
     return installed if installed.is_dir() else package.parent / "database"
 
 
 def _folder_names() -> list[str]:
-    """`record_folders` as text: asked by every solve, and paths are slow to make and join."""
-    named = os.environ.get("KSD_DATABASE")
-    return [*([named] if named else []), "database", str(shipped_folder())]
+    """`record_folders` as text, since every solve needs them and Path objects are slow."""
+    from_environment = os.environ.get("KSD_DATABASE")
+    return [*([from_environment] if from_environment else []), "database", str(shipped_folder())]
 
 
 def record_folders() -> list[Path]:
-    """Where records are looked for, first hit wins: $KSD_DATABASE, ./database, those shipped with the
-    package.
-    """
+    """The folders in which records are searched, in this order: $KSD_DATABASE, ./database, those of the package."""
     return [Path(folder) for folder in _folder_names()]
 
 
 def find_record_file(family: str) -> tuple[str, tuple[int, ...]] | None:
-    """Path and stamp of the record `find_record` takes for `family`; another one once that is replaced. None for none."""
+    """Path and `file_stamp` of the record file of `family`, the first in `record_folders`; None if there is none."""
     for folder in _folder_names():
         path = f"{folder}{os.sep}{family}{RECORD_SUFFIX}"
         stamp = file_stamp(path)
@@ -239,25 +244,26 @@ def find_record_file(family: str) -> tuple[str, tuple[int, ...]] | None:
 
 
 def find_record(family: str) -> Record:
-    """The trained record of a joint family by its name, the first found in `record_folders`.
+    """The trained record of a joint family by its name, from the first of the `record_folders` that has one.
 
-    Raises RecordError when there is none or the first found is damaged.
+    Raises RecordError when there is none, or that one is damaged.
     """
     found = find_record_file(family)
     if found is None:
-        places = ", ".join(str(f) for f in record_folders())
+        folders = ", ".join(str(f) for f in record_folders())
         raise RecordError(
-            f"No joint record of family {family!r} in {places}; {training_hint(family)}, or name the folder it was trained "
+            f"No joint record of family {family!r} in {folders}; {training_hint(family)}, or name the folder it was trained "
             "into by the environment variable KSD_DATABASE."
         )
-    record = read_record(found[0])
+    path, _ = found
+    record = read_record(path)
     if record.family != family:
-        raise RecordError(f"{found[0]} holds the record of {record.family!r}; {training_hint(family)}.")
+        raise RecordError(f"{path} holds the record of {record.family!r}; {training_hint(family)}.")
     return record
 
 
 def lookup_hint(path: Path, family: str) -> str:
-    """How to make `find_record` use the record of `family` at `path`, in words; empty where it does."""
+    """Advice how to make `find_record` use the record of `family` at `path`, for messages; "" if it does."""
     if path.name != f"{family}{RECORD_SUFFIX}":
         return f"a record is looked for by the name of its family: rename it {family}{RECORD_SUFFIX}"
     found = find_record_file(family)
@@ -268,11 +274,10 @@ def lookup_hint(path: Path, family: str) -> str:
 
 @dataclass(frozen=True)
 class Listing:
-    """One record file as `ksd info` prints it.
+    """Facts about one record file, as printed by `ksd info`.
 
-    problem: why it cannot be used, in a sentence; then only path, size and checksum are filled in. checksum:
-    SHA-256 of the file; size [bytes]; worst: largest error on fresh shapes by group, over all meshes; age
-    [days], nan when the date is unknown.
+    problem: the reason why it cannot be used; then only path, size and checksum are given. checksum: SHA-256 of the file;
+    size [bytes]; worst: (group, largest error on fresh shapes over all meshes); age [days], nan for an unknown date.
     """
 
     family: str
@@ -291,16 +296,16 @@ class Listing:
 
 
 def describe_database(today: datetime.date | None = None) -> list[Listing]:
-    """All records that `find_record` would use, by family; damaged ones are listed with their problem."""
-    seen: dict[str, Listing] = {}
+    """The records that `find_record` uses, sorted by family; damaged ones with their problem."""
+    by_family: dict[str, Listing] = {}
     for folder in record_folders():
         for path in sorted(folder.glob(f"*{RECORD_SUFFIX}")):
-            seen.setdefault(path.stem, _describe(path, today or datetime.date.today()))
-    return [seen[name] for name in sorted(seen)]
+            by_family.setdefault(path.stem, _describe(path, today or datetime.date.today()))
+    return [by_family[name] for name in sorted(by_family)]
 
 
 def _describe(path: Path, today: datetime.date) -> Listing:
-    """What is listed of a record file, or why it cannot be read."""
+    """The listing of a record file."""
     size, checksum = 0, ""
     try:
         content = read_file(path, what="joint record", error=RecordError, hint=training_hint(path.stem))

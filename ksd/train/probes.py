@@ -32,7 +32,7 @@ def probes_of(record: Record, places: Array, grid: Array) -> Probes:
         [[p.value(float(x)) for p, x in zip(ranges, place, strict=True)] for place in chosen_places]
     )
     at = np.linspace(0, len(grid) - 1, PROBE_STATES).round().astype(int)
-    motions = grid[at] * [motion.reach for motion in record.motions]
+    motions = grid[at] * [motion.max_magnitude for motion in record.motions]
     values = np.concatenate(list(record.at(shapes, motions).values()), axis=1)
     return Probes(shapes, motions, np.round(values, DECIMALS) + 0.0)
 
@@ -98,7 +98,7 @@ def _largest_difference(
 def _solve_probes(record: Record, design: Design) -> list[Samples]:
     """Samples of every probe state, solved with the finite element model of the joint."""
     assert record.probes is not None
-    reach = [motion.reach for motion in record.motions]
+    reach = [motion.max_magnitude for motion in record.motions]
     samples = []
     for shape, motion in zip(record.probes.shapes, record.probes.motions, strict=True):
         # by name, since the ranges of the design may differ from those of the record
