@@ -145,8 +145,8 @@ class PlainNewton:
             self.model,
             self.targets if targets is None else targets,
             eps_max=min(limit, 1e300),
-            most=60,
-            cap=math.inf,
+            max_iterations=60,
+            max_turn=math.inf,
             planar=self.planar,
             storage=self.storage,
         )

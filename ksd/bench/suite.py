@@ -323,7 +323,13 @@ def baseline_variant(
 
     def solve(eps_max: float) -> Configuration:
         return solve_conventional(
-            model, targets, eps_max=eps_max, most=60, cap=math.inf, planar=False, storage=storage
+            model,
+            targets,
+            eps_max=eps_max,
+            max_iterations=60,
+            max_turn=math.inf,
+            planar=False,
+            storage=storage,
         )
 
     counts: dict[float, int] = {}

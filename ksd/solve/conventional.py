@@ -1,7 +1,7 @@
 """The conventional solver: equilibrium of all nodes in load steps from the undeformed state (paper 1, Appendix B).
 
-The steps are those of `ksd.solve.load_steps`. Newton with mixed integration points (MIP) is the default, plain
-Newton with the paper's eps_max an option of the mesh and of the call; it is the baseline of every speed claim.
+The load steps are those of `ksd.solve.load_steps`. Newton with mixed integration points (MIP) is the default; plain Newton
+with the paper's eps_max, an option of the mesh and of the call, is the baseline of every speed claim.
 """
 
 from __future__ import annotations
@@ -34,24 +34,24 @@ def solve_conventional(
     planar: bool | Literal["auto"] = "auto",
     steps: int = 1,
     rtol: float = RTOL,
-    cap: float = MAX_TURN_PER_STEP,
+    max_turn: float = MAX_TURN_PER_STEP,
     eps_max: float = math.inf,
-    most: int = 30,
-    smallest: float = 1e-4,
+    max_iterations: int = 30,
+    smallest_step: float = 1e-4,
     storage: NewtonStorage | None = None,
     joints: JointMotionReader | None = None,
     method: str = "conventional",
 ) -> Configuration:
     """Solve `model` at the drive values `targets` [m or rad] by load stepping.
 
-    start: a configuration of the same model to continue from (rest when None). planar: "auto" solves planar scenes with
-    three unknowns per node and checks the answer in space, False never does, True raises SceneError with the reason
-    where that is not possible. steps: the number of equal steps tried first (1 as in Appendix B). eps_max [N and Nm
-    mixed, as in the paper]: give a step up when the residual norm exceeds it. smallest: fraction of the drive motion
-    below which steps are not halved any more. storage: of this model, not used by another thread meanwhile (that of the
-    last call in this thread when None). joints: who reads the motions of the joints from the answer, when that is asked.
-    method: what the answer is said to be by. Raises ConvergenceError with the fraction reached, SceneError for wrong drive
-    names.
+    start: configuration of the same model to continue from (rest when None). planar: "auto" solves planar scenes with three
+    unknowns per node and checks the result in space; False never does; True raises SceneError with the reason where that is
+    not possible. steps: number of equal steps tried first (1 as in Appendix B). rtol, max_turn, max_iterations: see
+    `ksd.model.newton.solve_equilibrium`; eps_max [N and Nm mixed, as in the paper]: norm of the residual above which a step
+    is given up; smallest_step: fraction of the path below which steps are not halved any more. storage: of this model, not
+    used by another thread meanwhile (that of this thread when None). joints: computes the joint motions of the result when
+    they are read. method: name of the method in the result. Raises ConvergenceError with the fraction reached, SceneError
+    for wrong drive names.
     """
     if planar not in ("auto", True, False):
         raise SceneError(f"planar = {planar!r}: choose 'auto', True or False")
@@ -59,24 +59,25 @@ def solve_conventional(
     model.refuse_turns(target)
     storage, clock = storage or thread_storage(model), Stopwatch()
     begin = model.targets(start.targets) if start else np.zeros(len(target))
-    low = start.load_factor if start else 0.0
-    way = LoadPath(begin, target, (low, 1.0), steps, rtol, most, cap, eps_max, smallest)
-    driven, how, found, doubts = follow_load_path(
-        storage, start.motion if start else model.rest, way, from_rest=start is None, planar=planar
+    begin_factor = start.load_factor if start else 0.0
+    path = LoadPath(
+        begin, target, (begin_factor, 1.0), steps, rtol, max_iterations, max_turn, eps_max, smallest_step
     )
-    spent = clock()
-    values, factor = way.values_at(driven.fraction_reached)
+    record, words, motion, doubts = follow_load_path(
+        storage, start.motion if start else model.rest, path, from_rest=start is None, planar=planar
+    )
+    time = clock()
+    values, factor = path.values_at(record.fraction_reached)
+    # the values of supports come after those of the drives
+    drive_values = dict(zip(model.drive_names, values.tolist(), strict=False))
     result = Configuration(
-        model, found, method,
-        # supports follow the drives
-        dict(zip(model.drive_names, values.tolist(), strict=False)),
-        (as_step(driven, how, spent),),
-        negatives=driven.negatives, expected_negatives=len(target), load_factor=factor, doubts=doubts, joint_motions=joints,
+        model, motion, method, drive_values, (as_step(record, words, time),), negatives=record.negatives,
+        expected_negatives=len(target), load_factor=factor, doubts=doubts, joint_motions=joints,
     )  # fmt: skip
-    if driven.stop is not Stop.CONVERGED:
+    if record.stop is not Stop.CONVERGED:
         raise ConvergenceError(
-            stop_sentence(model, driven, doubts),
-            reached=driven.fraction_reached,
+            stop_sentence(model, record, doubts),
+            reached=record.fraction_reached,
             result=result,
         )
     return result
@@ -89,10 +90,9 @@ def solve_drives_first(
     planar: bool | Literal["auto"] = "auto",
     joints: JointMotionReader | None = None,
 ) -> Configuration:
-    """Solve at `targets` by moving the drives without the loads first, and putting the loads on there.
+    """Solve at `targets` by moving the drives without loads, and applying the loads afterwards.
 
-    The way of a designer who thinks of the intended motion first. planar, joints: see `solve_conventional`. Raises
-    ConvergenceError as `solve_conventional`.
+    planar, joints: see `solve_conventional`. Raises ConvergenceError.
     """
     start = solve_without_loads(model, targets, planar=planar)
     return solve_conventional(model, targets, start=start, steps=4, planar=planar, joints=joints)
@@ -101,7 +101,8 @@ def solve_drives_first(
 def solve_without_loads(
     model: Model, targets: Mapping[str, float], *, planar: bool | Literal["auto"] = "auto"
 ) -> Configuration:
-    """The equilibrium at `targets` before the loads come on, to start from. Raises ConvergenceError."""
+    """The equilibrium at `targets` without loads, with the model that has them and a load factor of 0. Raises
+    ConvergenceError."""
     return replace(
         solve_conventional(without_loads_model(model), targets, planar=planar), model=model, load_factor=0.0
     )
@@ -116,35 +117,36 @@ def solve_in_either_order(
     joints: JointMotionReader | None = None,
     method: str = "conventional",
 ) -> Configuration:
-    """Drives and loads together; where that fails or cannot be trusted, the drives first and the loads on top of them.
+    """Solve with drives and loads together; where that fails or cannot be trusted, with the drives first and the loads
+    afterwards.
 
     storage, planar, joints, method: see `solve_conventional`. Raises ConvergenceError.
     """
-    result, stopped = None, None
+    result, failure = None, None
     try:
         result = solve_conventional(
             model, targets, storage=storage, planar=planar, joints=joints, method=method
         )
     except ConvergenceError as reason:
-        stopped = reason
+        failure = reason
     if carries_load(model.arrays) and not (result is not None and is_solved(result)):
         with contextlib.suppress(KsdError):
             other = solve_drives_first(model, targets, planar=planar, joints=joints)
             if is_solved(other) or result is None:
                 result = replace(other, notes=(*other.notes, "loads put on after the drives"), method=method)
     if result is None:
-        assert stopped is not None
-        raise stopped
+        assert failure is not None
+        raise failure
     return result
 
 
 def without_loads_model(model: Model) -> Model:
-    """The same mechanism without loads and weight, in arrays of the same kind."""
+    """The same model without loads and weight."""
     scene = replace(model.scene, loads=(), gravity=None)
     return replace(model, scene=scene, arrays=without_loads_arrays(model.arrays))
 
 
 def without_loads_arrays(arrays: Arrays) -> Arrays:
-    """The same mechanism without loads and weight, in arrays of the same kind."""
+    """The same arrays without loads and weight."""
     loads = Loads(*(a[:0] for a in arrays.loads))
     return arrays._replace(loads=loads, weight=arrays.weight[:0])

@@ -29,7 +29,7 @@ from ksd.solve.arc_length import (
 )
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import solve_without_loads
-from ksd.solve.solver import COMPILED, DEFAULT_ACCURACY
+from ksd.solve.solver import COMPILED_MODEL_MESSAGE, DEFAULT_ACCURACY
 from ksd.solve.steps import Step, Stop
 from ksd.solve.verdict import with_mesh_check
 
@@ -129,7 +129,7 @@ def follow(
     positive(first, "first")
     whole_number(most, "most")
     if isinstance(scene, Model) and mesh is not None:
-        raise SceneError(COMPILED)
+        raise SceneError(COMPILED_MODEL_MESSAGE)
     model = scene if isinstance(scene, Model) else compile_scene(scene, mesh=mesh)
     begin = start or (branch.configuration if branch else None)
     if begin is None and control == "load" and any((targets or {}).values()):

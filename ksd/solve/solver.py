@@ -1,4 +1,4 @@
-"""One call for all methods: the cheapest that meets the accuracy asked for, on a mechanism prepared for repeated solves."""
+"""`solve` and `prepare`: one call for all methods, which chooses the cheapest that meets the requested accuracy."""
 
 from __future__ import annotations
 
@@ -50,13 +50,17 @@ Basis = ModalBasis | Mapping[str, ModalBasis | SolidBasis]
 Method = Literal["kinematic", "reduced", "full", "conventional", "modal", "constant"]
 METHODS = ("kinematic", "reduced", "full", "conventional", "modal", "constant")
 DEFAULT_ACCURACY = 1e-3
+MAX_PLANAR_ITERATIONS = 10
+"""Newton iterations of the planar solve that is tried first, at most."""
 MAX_RISES = 5
-"""How often `solve` raises the orders of the strain-mode leaves when their highest modes are not negligible."""
-COMPILED = "mesh and effects are chosen when a model is compiled: pass them to ksd.compile_scene"
+"""How often `solve` raises the orders of strain-mode leaves whose highest modes are not negligible, at most."""
+COMPILED_MODEL_MESSAGE = (
+    "mesh and effects are chosen when a model is compiled: pass them to ksd.compile_scene"
+)
 MAX_SOLVERS = 16
-"""Solvers that `solve` keeps."""
-_recent: OrderedDict[tuple[Any, ...], Solver] = OrderedDict()
-_turn = threading.Lock()
+"""Solvers that `solve` caches."""
+_cached_solvers: OrderedDict[tuple[Any, ...], Solver] = OrderedDict()
+_cache_lock = threading.Lock()
 
 
 @clear_argument_errors
@@ -75,9 +79,9 @@ def prepare(
     """A `Solver` of this mechanism for many solves: everything that does not depend on the drive values is done once.
 
     mesh: leaf model and its fineness (strain-mode leaves when None). extrapolate: use joint records beyond their trained
-    range, with a warning in the result. effects, with_, without: what is simulated (see `ksd.model.effects`). accuracy: of
-    solves that say none. planar: False solves in space, by every method, even where the scene stays in its plane. basis:
-    for method "modal", see `solve`. Raises SceneError for a scene that cannot be compiled.
+    range, with a warning in the result. effects, with_, without: what is simulated (see `ksd.model.effects`). accuracy: for
+    solves without an accuracy of their own. planar: False solves in space, by every method, even where the scene stays in
+    its plane. basis: for method "modal", see `solve`. Raises SceneError for a scene that cannot be compiled.
     """
     return Solver(
         mechanism, mesh=mesh, extrapolate=extrapolate, planar=planar, basis=basis, effects=effects, with_=with_,
@@ -107,19 +111,19 @@ def solve(
     """Solve one configuration of a mechanism at drive values [m or rad] by name, as keywords or in a mapping, `targets`.
 
     method: "kinematic", "reduced", "full", "conventional", "constant" (leaf springs of constant stiffness, that at rest:
-    `ksd.model.constant_leaves`) or "modal" (leaf springs as modal bodies; `basis`: a
-    `ksd.ModalBasis` for all, or several by joint or leaf, {"hinge": ksd.ModalBasis()}: then joints not named are condensed
-    as in "reduced", and other leaf springs computed in full; or reduced solids by leaf, {"spring": reduce_solid(...)}, see
-    `ksd.modal.solid_basis`: by "modal" beside condensed joints, without a method beside leaves in full); without one, the
-    cheapest whose estimated error is within `accuracy` (relative, 1e-3 by default).
-    estimate: False leaves out the error figure of a fast method, and its cost. relinearisations: extra rounds of
-    `reduced`. mesh: leaf model; without one, strain-mode leaves of orders fit for
-    `accuracy`, raised when their highest modes carry too much energy. extrapolate, planar:
-    see `prepare`. strict: raise TrustError where the answer is unstable or on a doubtful branch; False returns it with its
-    verdicts (`trust`). effects: "auto" simulates what the scene mentions, "all" also all a leaf can have,
-    a list of names just these; with_="warping", without="shear" override single ones (`ksd.model.effects`; print(pose.model)
-    says what was simulated). Raises SceneError (bad input), RangeError (outside a trained range), RecordError (joint record
-    missing or damaged), KinematicsError (indeterminate or over-driven), ConvergenceError (says how far it got).
+    `ksd.model.constant_leaves`) or "modal" (leaf springs as modal bodies, see `basis`); when None, the cheapest whose
+    estimated error is within `accuracy` (relative, 1e-3 by default). basis: a `ksd.ModalBasis` for all leaf springs, or
+    several by joint or leaf, {"hinge": ksd.ModalBasis()}: then joints not named are condensed as in "reduced", and other
+    leaf springs computed in full; or reduced solids by leaf, {"spring": reduce_solid(...)}, see `ksd.modal.solid_basis`:
+    with method "modal" beside condensed joints, without a method beside leaves in full. estimate: False leaves out the
+    error estimate of a fast method, and its cost. relinearisations: relinearisation steps of "reduced". mesh: leaf model;
+    when None, strain-mode leaves of orders that suit `accuracy`, raised when their highest modes carry too much energy.
+    extrapolate, planar: see `prepare`. strict: raise TrustError where the result is unstable or on a doubtful branch;
+    False returns it with its verdicts (`trust`). effects: "auto" simulates what the scene mentions, "all" also all that a
+    leaf can have, a list of names just these; with_="warping", without="shear" override single ones (`ksd.model.effects`;
+    print(pose.model) lists what was simulated). Raises SceneError (bad input), RangeError (outside a trained range),
+    RecordError (joint record missing or damaged), KinematicsError (indeterminate or over-driven), ConvergenceError (with
+    the fraction reached).
     """
     values = given_values(targets, drives)
     for word, given in (
@@ -131,11 +135,11 @@ def solve(
         boolean(given, word)
     if isinstance(mechanism, Model):
         refuse_unknown_drives(drives, mechanism.drive_names, solve)
-        made = Solver(
+        prepared = Solver(
             mechanism, mesh=mesh, extrapolate=extrapolate, basis=basis, planar=planar, effects=effects, with_=with_,
             without=without,
         )  # fmt: skip
-        return made(
+        return prepared(
             values,
             method=method,
             accuracy=accuracy,
@@ -148,16 +152,16 @@ def solve(
         refuse_unknown_drives(drives, (d.name for d in scene.drives), solve)
     wanted = DEFAULT_ACCURACY if accuracy is None else checked_accuracy(accuracy)
     grid = mesh if mesh is not None else (DEFAULT_MESH if accuracy is None else mesh_for_accuracy(wanted))
-    words: dict[str, Any] = {
+    options: dict[str, Any] = {
         "extrapolate": extrapolate, "effects": effects, "with_": with_, "without": without, "basis": basis,
         "planar": planar,
     }  # fmt: skip
     for rise in range(MAX_RISES + 1):
-        solver = _recent_solver(scene, grid, words)
+        solver = _cached_solver(scene, grid, options)
         found = solver.answer(
             values, method=method, accuracy=wanted, relinearisations=relinearisations, estimate=estimate
         )
-        # judged on the mesh it ends on: on a coarse one a state may be unstable, or its way branch, that is neither
+        # verdicts only on the final mesh: on a coarse one a state may falsely seem unstable or on another branch
         share, _, axis, _ = found.mesh_adequacy
         if share <= wanted:
             return require_solved(found) if strict else found
@@ -169,12 +173,12 @@ def solve(
 
 
 class Solver:
-    """A mechanism prepared for repeated solves: compiled model, joint bodies, and storage used again each time.
+    """A mechanism prepared for repeated solves: compiled model, joint bodies, and storage that all solves reuse.
 
-    Options as in `ksd.prepare`; records: who finds the record of a joint family by its name. A compiled `Model` has its mesh
-    and effects already: SceneError where it is given with others.
-    Call it with drive values by name: ``solver(top=0.3)``. Threads that share one take turns, since all solves write into
-    the same storage; to solve in parallel make one for each.
+    Call it with drive values by name: ``solver(top=0.3)``. Options as in `ksd.prepare`; records: function that finds the
+    record of a joint family by its name. A compiled `Model` has its mesh and effects already: SceneError where it is given
+    with others. Threads that share a solver take turns, since all solves write into the same storage; make one for each
+    thread to solve in parallel.
     """
 
     def __init__(
@@ -195,7 +199,7 @@ class Solver:
         if not isinstance(mechanism, Model):
             mechanism = compile_scene(mechanism, mesh=mesh, effects=effects, with_=with_, without=without)
         elif mesh is not None or effects != "auto" or with_ or without:
-            raise SceneError(COMPILED)
+            raise SceneError(COMPILED_MODEL_MESSAGE)
         self.model: Model = mechanism
         self.records, self.extrapolate, self.planar = records, extrapolate, boolean(planar, "planar")
         self.basis, self.accuracy = basis, checked_accuracy(accuracy)
@@ -212,7 +216,7 @@ class Solver:
 
     @property
     def in_plane(self) -> Literal["auto", False]:
-        """Word `planar` of `solve_conventional`: "auto", or never."""
+        """Option `planar` of `solve_conventional`: "auto", or False where all solves are in space."""
         return "auto" if self.planar else False
 
     def __repr__(self) -> str:
@@ -224,7 +228,7 @@ class Solver:
         return NewtonStorage(self.model)
 
     def of(self, model: Model) -> Solver:
-        """A solver of another model of the same scene, with the options of this one."""
+        """A solver of another model of the same scene with the options of this one."""
         return type(self)(
             model, records=self.records, extrapolate=self.extrapolate, planar=self.planar, basis=self.basis,
             accuracy=self.accuracy,
@@ -243,8 +247,8 @@ class Solver:
     ) -> Configuration:
         """Solve at drive values given by name [m or rad]; see `ksd.solve` for the options.
 
-        The mesh stays as prepared: where its curvature modes are few for the state a warning says so, and strictly a
-        leaf that is not resolved at all is refused.
+        The mesh stays as prepared: the result has a warning where its curvature modes are few for the state, and raises
+        TrustError, where `strict`, if a leaf is not resolved at all.
         """
         if not drives.keys() <= self._drives:
             refuse_unknown_drives(drives, self.model.drive_names, self.__call__)
@@ -266,60 +270,60 @@ class Solver:
         relinearisations: int = 0,
         estimate: bool = True,
     ) -> Configuration:
-        """The answer as it is, whether the mesh resolves it or not, trusted or not."""
+        """The result without checks of mesh and trust; options as in `ksd.solve`."""
         try:
             with self.lock:
-                _check_words(method, relinearisations)
+                _check_method(method, relinearisations)
                 if method == "constant":
                     return self._by_constant_leaves(values, estimate)
                 if self._has_bodies():
-                    return self._of_bodies(values, method, relinearisations, estimate)
-                found, used = solve_with_plate_factors(
+                    return self._with_reduced_bodies(values, method, relinearisations, estimate)
+                found, plate_solver = solve_with_plate_factors(
                     self,
                     lambda s: s._solve(values, method, accuracy, relinearisations, estimate),
                     0.1 * accuracy,
                 )
                 if method is None or not needs_load_step_check(found):
                     return found
-                against, other = compare_with_load_steps(found, lambda: used._by_load_steps(values))
+                doubt, other = compare_with_load_steps(found, lambda: plate_solver._by_load_steps(values))
                 error = found.method_error
                 if error is not None and other is not None:
-                    # the distance to the exact state is the error, no longer an estimate of it
+                    # the exact state is known now, so that the error need not be estimated
                     error = relative_error(found.model, found.motion, other.motion)
-                return replace(found, doubts=(*found.doubts, *filter(None, [against])), method_error=error)
+                return replace(found, doubts=(*found.doubts, *filter(None, [doubt])), method_error=error)
         except (ConvergenceError, RangeError) as error:
-            # the drive values were probably meant in another unit
-            said = "; ".join(self.model.far_drives(values))
-            if said:
-                error.args = (f"{str(error).rstrip('.')}; {said}",)
+            # the drive values were probably given in another unit
+            units = "; ".join(self.model.far_drives(values))
+            if units:
+                error.args = (f"{str(error).rstrip('.')}; {units}",)
             raise
 
     @cached_property
     def constant(self) -> tuple[Model, NewtonStorage]:
-        """The model with leaf springs of constant stiffness, and what its solves write into."""
+        """The model with leaf springs of constant stiffness, and the storage of its solves."""
         model = with_constant_leaves(self.model)
         return model, NewtonStorage(model)
 
     def required_forces(self, displacement: ArrayLike, rotation: ArrayLike) -> RequiredForces:
-        """The forces of drives and supports that hold all links in wanted poses, leaf springs of constant stiffness: the
-        inverse problem of a control loop, arrays in and out, one evaluation without iteration.
+        """The forces of drives and supports that hold all links in given poses, with leaf springs of constant stiffness.
 
-        displacement (links, 3) [m] of their reference points, rotation: matrices (links, 3, 3), rotation vectors (links, 3)
-        [rad], or in a mechanism with a plane angles (links,) [rad]; links in the order of the scene, without ground. Where
-        drives are too few they balance the links in the least-squares sense, moments over the size of the mechanism.
-        `ksd.required_loads` asks by names, of exact leaf springs too, and checks the poses. Raises SceneError for arrays of
-        another shape, and for joints with blocks inside, which find their own poses.
+        The inverse problem of a control loop, in one evaluation without iteration. displacement (links, 3) [m] of their
+        reference points; rotation: matrices (links, 3, 3), rotation vectors (links, 3) [rad], or in a mechanism with a plane
+        angles (links,) [rad]; links in the order of the scene, without ground. Where drives are too few they balance the
+        links in the least-squares sense, moments over the size of the mechanism. `ksd.required_loads` does the same by
+        names, also for exact leaf springs, and checks the poses. Raises SceneError for arrays of another shape, and for
+        joints with internal blocks, whose poses are not given.
         """
         with self.lock:
             return self.actuation.at_poses(displacement, rotation)
 
     @cached_property
     def actuation(self) -> Actuation:
-        """What `required_forces` is asked of."""
+        """Inverse statics of the model with leaf springs of constant stiffness, for `required_forces`."""
         return Actuation(self.constant[0])
 
     def _by_constant_leaves(self, values: Mapping[str, float], estimate: bool) -> Configuration:
-        """The mechanism with leaf springs of constant stiffness; its error by corrector steps of the full model."""
+        """Solve with leaf springs of constant stiffness; the error is estimated by corrector steps of the full model."""
         model, storage = self.constant
         found = solve_in_either_order(
             model, values, storage=storage, planar=self.in_plane, joints=self._joints, method="constant"
@@ -332,13 +336,13 @@ class Solver:
         return replace(found, method_error=error, steps=(*found.steps[:-1], step, found.steps[-1]))
 
     def _has_bodies(self) -> bool:
-        """Whether reduced bodies are part of the mechanism, whatever the method."""
+        """Whether the mechanism has reduced bodies, whatever the method."""
         return bool(self.model.bodies) or (self.basis is not None and has_solids(self.basis))
 
-    def _of_bodies(
+    def _with_reduced_bodies(
         self, values: Mapping[str, float], method: str | None, relinearisations: int, estimate: bool
     ) -> Configuration:
-        """The mechanism with its reduced bodies: by "modal" beside condensed joints, else in load steps."""
+        """Solve with reduced bodies: beside condensed joints by method "modal", else in load steps."""
         if method not in (None, "conventional", "modal"):
             raise SceneError(
                 f"method = {show(method)}: a mechanism with reduced solids is solved in load steps; give no method, or "
@@ -369,17 +373,17 @@ class Solver:
         if method == "conventional":
             return self._by_load_steps(values)
         if method == "modal":
-            return self._of_bodies(values, method, relinearisations, estimate)
+            return self._with_reduced_bodies(values, method, relinearisations, estimate)
         target = self.model.targets(values)
         return self.five_steps(
             values, target, method=method, relinearisations=relinearisations, estimate=estimate
         )
 
     def _cheapest(self, values: Mapping[str, float], accuracy: float) -> Configuration:
-        """The first that meets `accuracy`, in the order of measured cost.
+        """Solve by the first method, in the order of measured cost, that meets `accuracy`.
 
-        In the plane that is the conventional solver with three unknowns per node, if it gets there in one step; in
-        space reduced, reduced with a pass, full, and the conventional solver last.
+        In the plane that is the conventional solver with three unknowns per node, if it converges in one step; in space
+        reduced, reduced with one relinearisation step, full, and the conventional solver last.
         """
         try:
             if self.planar and isinstance(plane_of(self.model), Plane):
@@ -387,15 +391,15 @@ class Solver:
                     self.model,
                     values,
                     planar=True,
-                    most=10,
-                    smallest=1.0,
+                    max_iterations=MAX_PLANAR_ITERATIONS,
+                    smallest_step=1.0,
                     storage=self.storage,
                     joints=self._joints,
                 )
                 if found.stable and not found.doubts:
                     return found
         except (ConvergenceError, SceneError):
-            # not in one step, or not in this plane after all: the kinematic start is what helps
+            # not in one step, or not in this plane: start from the kinematic pose instead
             pass
         target = self.model.targets(values)
         try:
@@ -403,8 +407,8 @@ class Solver:
                 result = self.five_steps(
                     values, target, method="reduced", relinearisations=relinearisations, estimate=True
                 )
-                own = result.method_error
-                if own is not None and own.relative <= accuracy and solved_verdict(result):
+                error = result.method_error
+                if error is not None and error.relative <= accuracy and solved_verdict(result):
                     return self._with_load_step_check(replace(result, method_was_chosen=True), values)
             found = self.five_steps(values, target, method="full", relinearisations=1, estimate=False)
             verdict = solved_verdict(found)
@@ -422,27 +426,25 @@ class Solver:
             return self._by_load_steps(values)
 
     def _with_load_step_check(self, found: Configuration, values: Mapping[str, float]) -> Configuration:
-        """An answer of the five steps, or that of load steps where loads are large and it is another."""
+        """The result of the five steps, or that of load steps where loads are large and the two differ."""
         if not needs_load_step_check(found):
             return found
-        against, other = compare_with_load_steps(found, lambda: self._by_load_steps(values))
-        if not against:
+        doubt, other = compare_with_load_steps(found, lambda: self._by_load_steps(values))
+        if not doubt:
             return found
         if other is None:
-            return replace(found, doubts=(*found.doubts, against))
-        return replace(
-            other, notes=(*other.notes, f"load steps used: the five steps led elsewhere: {against}")
-        )
+            return replace(found, doubts=(*found.doubts, doubt))
+        return replace(other, notes=(*other.notes, f"load steps used: the five steps led elsewhere: {doubt}"))
 
     def _by_load_steps(self, values: Mapping[str, float]) -> Configuration:
-        """The conventional solver, in the fixed order of its ways."""
+        """Solve by the conventional solver."""
         return solve_in_either_order(
             self.model, values, storage=self.storage, planar=self.in_plane, joints=self._joints
         )
 
 
-def _check_words(method: object, relinearisations: object) -> None:
-    """SceneError for what is no method, or no number of relinearisation steps of one that has them."""
+def _check_method(method: object, relinearisations: object) -> None:
+    """Raise SceneError for an unknown method, and for a wrong number of relinearisation steps."""
     if method is None:
         return
     if not isinstance(method, str) or method not in METHODS:
@@ -454,22 +456,23 @@ def _check_words(method: object, relinearisations: object) -> None:
 
 
 def given_values(targets: Any, drives: Mapping[str, float]) -> dict[str, float]:
-    """Drive values by name, from a mapping and from words; SceneError for what is no mapping, and a drive in both."""
+    """Drive values by name, from a mapping and from keywords. Raises SceneError for what is no mapping, and for a drive in
+    both."""
     if targets is not None and not isinstance(targets, Mapping):
         raise SceneError(
             f"targets = {show(targets)}: give drive values by name, for example top=0.1 or {{'top': 0.1}}"
         )
-    said = targets or {}
+    mapped = targets or {}
     for name, value in drives.items():
-        if name in said:
+        if name in mapped:
             raise SceneError(
-                f"drive '{name}' has two values, {show(said[name])} in targets and {show(value)}; give it one"
+                f"drive '{name}' has two values, {show(mapped[name])} in targets and {show(value)}; give it one"
             )
-    return {**said, **drives}
+    return {**mapped, **drives}
 
 
 def refuse_unknown_drives(given: Iterable[str], drives: Iterable[str], call: Callable[..., Any]) -> None:
-    """Raise SceneError for the first word `given` that is neither a drive nor an option of `call`, with the nearest ones."""
+    """Raise SceneError, with similar names, for the first keyword that is neither a drive nor an option of `call`."""
     known = tuple(drives)
     if set(given) <= set(known):
         return
@@ -483,27 +486,28 @@ def refuse_unknown_drives(given: Iterable[str], drives: Iterable[str], call: Cal
 
 
 def checked_accuracy(value: float | None) -> float:
-    """The relative accuracy asked for, DEFAULT_ACCURACY where none is. Raises SceneError for what is none."""
+    """The requested relative accuracy, DEFAULT_ACCURACY when None. Raises SceneError for what is no accuracy."""
     accuracy = DEFAULT_ACCURACY if value is None else number(value, "accuracy")
     if not 0.0 < accuracy < 1.0:
         raise SceneError(f"accuracy = {value}: give a relative error between 0 and 1, for example 1e-3")
     return accuracy
 
 
-def _recent_solver(scene: Any, mesh: Mesh, words: dict[str, Any]) -> Solver:
-    """A prepared solver of this scene and its records, mesh, options and thread; the last few are kept."""
+def _cached_solver(scene: Any, mesh: Mesh, options: dict[str, Any]) -> Solver:
+    """A solver of this scene, mesh, options and the records in use, for this thread; the last few are cached."""
     if not hasattr(scene, "fingerprint") or not isinstance(mesh, Mesh):
-        return Solver(scene, mesh=mesh)  # says what is wrong
-    # another record in the place of one makes another solver
+        # raises SceneError with the reason
+        return Solver(scene, mesh=mesh)
+    # a record that replaces another makes another solver
     records = tuple(find_record_file(f) for f in sorted({placed.joint.family for placed in scene.joints}))
-    key = threading.get_ident(), scene.fingerprint(), records, mesh, repr(words)
-    with _turn:
-        if key in _recent:
-            _recent.move_to_end(key)
-            return _recent[key]
-    made = Solver(scene, mesh=mesh, **words)
-    with _turn:
-        _recent[key] = made
-        while len(_recent) > MAX_SOLVERS:
-            _recent.popitem(last=False)
-    return made
+    key = threading.get_ident(), scene.fingerprint(), records, mesh, repr(options)
+    with _cache_lock:
+        if key in _cached_solvers:
+            _cached_solvers.move_to_end(key)
+            return _cached_solvers[key]
+    solver = Solver(scene, mesh=mesh, **options)
+    with _cache_lock:
+        _cached_solvers[key] = solver
+        while len(_cached_solvers) > MAX_SOLVERS:
+            _cached_solvers.popitem(last=False)
+    return solver

@@ -30,8 +30,8 @@ def test_models_of_scenes_solved_before_are_freed():
     # what is alive while kernels are compiled may stay: compile first
     for number in range(2):
         _model_of(number, asked=True)
-    choose._recent.clear()
+    choose._cached_solvers.clear()
     models = [_model_of(number, asked=number % 8 == 0) for number in range(2, 42)]
     assert _alive(models) <= choose.MAX_SOLVERS
-    choose._recent.clear()
+    choose._cached_solvers.clear()
     assert _alive(models) <= 4

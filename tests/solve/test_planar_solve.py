@@ -99,7 +99,8 @@ def test_dead_and_following_loads_and_rows_seen_from_a_link(mesh):
     scene.load("left", force=(-20.0, 15.0, 0.0), at=(-0.25, 0.2, 0.0), following=True)
     model = compile_scene(scene, mesh=MESHES[mesh])
     same(
-        *(solve_conventional(model, {"top": 0.15}, planar=p, most=60) for p in (True, False)), tolerance=1e-8
+        *(solve_conventional(model, {"top": 0.15}, planar=p, max_iterations=60) for p in (True, False)),
+        tolerance=1e-8,
     )
     scene = fourbar()
     seen = scene.displacement("right", (0.6, 0.8, 0), at=(0.3, 0.2, 0), relative_to="top")

@@ -38,7 +38,7 @@ def test_plain_newton_baseline_counts():
     """Acceptance F and errata 6: the paper's own program, n = 5: 371 iterations at eps_max 1e4, 46-47 at 1e7."""
     model = compile_scene(fourbar(), mesh=Mesh("corotational", elements=5, mip=False, nodal=True))
     for eps_max, low, high in ((1e4, 360, 380), (1e7, 45, 48)):
-        found = solve_conventional(model, {"top": 0.3}, eps_max=eps_max, most=60, cap=np.inf)
+        found = solve_conventional(model, {"top": 0.3}, eps_max=eps_max, max_iterations=60, max_turn=np.inf)
         assert low <= found.iterations <= high
         assert found.forces["top"] == pytest.approx(519.484, rel=5e-6)
 
