@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import PlainNewton, chain, machine, options, write_json
+from common import PlainNewton, element_mesh, machine, parse_options, write_json
 from scipy.interpolate import CubicSpline
 
 import ksd
@@ -39,23 +39,23 @@ SCENES = Path(ksd.__file__).parent / "scenes"
 TIP = np.array([0.51, 0.0, 0.05])
 JOINTS = ("base", "shoulder", "elbow")
 ELEMENTS = (1, 2, 5)
-ROUNDS = {"plain": 1, "mip_nodes": 1, "mip": 2, "mip_free": 1}
-"""Repeats of the slow ways; the others are repeated REPEATS times."""
+SLOW_REPEATS = {"plain": 1, "mip_nodes": 1, "mip": 2, "mip_free": 1}
+"""Repeats of the slow methods; the others are repeated REPEATS times."""
 REPEATS = 5
-BRIEF, BURST = 3.0, 5
-"""Of calls shorter than BRIEF [ms] the mean of BURST in a row is taken, after one that is not timed: as in a loop over one
-mechanism they do not pay for what another way left in the processor's caches, as in `ksd bench`."""
-MANY = 1000
+SHORT_CALL_MS, CALLS_IN_A_ROW = 3.0, 5
+"""Of calls shorter than SHORT_CALL_MS the mean of CALLS_IN_A_ROW is taken, after one that is not timed: as in a loop over
+one mechanism, the cache of the processor is then filled by the method itself, as in `ksd bench`."""
+BATCH_SIZE = 1000
 """Configurations of the batch with tabulated joints."""
 
 
-def tip_moved(state: ksd.Configuration) -> dict[str, float]:
-    """Displacement of the tip [m] by drive name of the location-case."""
+def tip_displacement(state: ksd.Configuration) -> dict[str, float]:
+    """Displacement of the tip [m], by drive name of the location-case."""
     return dict(zip("xyz", state.displacement("third", TIP).tolist(), strict=True))
 
 
 class Case:
-    """One way of driving the arm with one mesh: the solvers, and what each does at a position."""
+    """The arm driven by joints or by location with one mesh: its solvers, and their results at a position."""
 
     def __init__(self, scene: Any, mesh: Mesh, hardest: Mapping[str, float]) -> None:
         self.scene, self.mesh = scene, mesh
@@ -84,26 +84,26 @@ class Case:
         times: dict[str, list[float]] = {name: [] for name in ways}
         for turn in range(repeats):
             for name, way in ways.items():
-                if turn >= ROUNDS.get(name, repeats):
+                if turn >= SLOW_REPEATS.get(name, repeats):
                     continue
                 states[name] = way()
-                if 1e3 * states[name].time > BRIEF:
+                if 1e3 * states[name].time > SHORT_CALL_MS:
                     times[name].append(1e3 * states[name].time)
                 else:
-                    times[name].append(1e3 * sum(way().time for _ in range(BURST)) / BURST)
+                    times[name].append(1e3 * sum(way().time for _ in range(CALLS_IN_A_ROW)) / CALLS_IN_A_ROW)
         steps = {s.name[0]: s for s in states["full"].steps}
         found: dict[str, Any] = {f"{name}_ms": statistics.median(values) for name, values in times.items()}
         found |= {name: states[name].iterations for name in self.conventional | {"mip_free": None}}
         found |= {f"step {k}": steps[k].iterations for k in "135"}
         found["steps_us"] = {s.name: 1e6 * s.time for s in states["full"].steps}
-        return found | errors(states)
+        return found | state_errors(states)
 
     def tabulated(self, targets: Mapping[str, np.ndarray]) -> dict[str, Any]:
         """Time per configuration [us] of a batch with tabulated joints, and its error figure.
 
         targets: by drive name, from which MANY are interpolated. Tables and arrays are made before the clock starts.
         """
-        at = np.linspace(0.0, 1.0, MANY)
+        at = np.linspace(0.0, 1.0, BATCH_SIZE)
         given = np.linspace(0.0, 1.0, len(next(iter(targets.values()))))
         # three positions of --quick are too few: straight lines between them leave the reach of the arm
         fine = {n: CubicSpline(given, v)(at) for n, v in targets.items()}
@@ -112,12 +112,12 @@ class Case:
         for _ in range(3):
             begin = time.thread_time_ns()
             found = solver(fine)
-            spent.append(1e-3 * (time.thread_time_ns() - begin) / MANY)
+            spent.append(1e-3 * (time.thread_time_ns() - begin) / BATCH_SIZE)
         return {"us": min(spent), "error": found.error, "unsolved": int(np.sum(found.status != 0))}
 
 
-def errors(states: Mapping[str, ksd.Configuration]) -> dict[str, float]:
-    """Error of the reduced answer in drive force and link displacement, and how far the exact ways are apart."""
+def state_errors(states: Mapping[str, ksd.Configuration]) -> dict[str, float]:
+    """Errors of the reduced answer in drive force and link displacement, and largest difference of the exact methods."""
     force = {name: np.array(list(c.forces.values())) for name, c in states.items()}
     exact, links = states["full"].motion.x[:4], states["full"].model.rest.x[:4]
     size, moved = np.linalg.norm(force["full"]), np.abs(exact - links).max()
@@ -131,18 +131,18 @@ def errors(states: Mapping[str, ksd.Configuration]) -> dict[str, float]:
     }
 
 
-def targets_of(scene_name: str) -> Any:
+def arm_scene(scene_name: str) -> Any:
     """A scene of the arm by file name."""
     return ksd.load_scene(SCENES / scene_name)[0]
 
 
-def run(mesh: Mesh, angles: Sequence[float], *, repeats: int) -> dict[str, Any]:
+def run_mesh(mesh: Mesh, angles: Sequence[float], *, repeats: int) -> dict[str, Any]:
     """Both cases over all angles [deg]."""
-    joints, location = targets_of("arm_joints.toml"), targets_of("arm.toml")
+    joints, location = arm_scene("arm_joints.toml"), arm_scene("arm.toml")
     turned = {a: dict.fromkeys(JOINTS, a * deg) for a in angles}
     widest = max(angles, key=abs)
     case = Case(joints, mesh, turned[widest])
-    moved = {a: tip_moved(case.solver(turned[a], method="full")) for a in angles}
+    moved = {a: tip_displacement(case.solver(turned[a], method="full")) for a in angles}
     other = Case(location, mesh, moved[widest])
     found: dict[str, Any] = {}
     for name, way, targets in (("joint-case", case, turned), ("location-case", other, moved)):
@@ -158,25 +158,25 @@ COLUMNS = (
     "plain", "mip_nodes", "mip_free", "mip", "step 1", "step 3", "step 5", "plain_ms", "mip_nodes_ms", "mip_ms",
     "reduced_ms", "full_ms",
 )  # fmt: skip
-HEADS = {
+HEADINGS = {
     "mip_free": "MIP, no eps_max", "mip": "MIP", "mip_nodes": "MIP on all nodes", "mip_nodes_ms": "MIP on all nodes [ms]",
 }  # fmt: skip
 
 
 def table(title: str, rows: Mapping[float, Mapping[str, Any]]) -> str:
     """The rows as Markdown, with a last row of sums."""
-    heads = [HEADS.get(c, c.replace("mip", "MIP").replace("_ms", " [ms]")) for c in COLUMNS]
+    heads = [HEADINGS.get(c, c.replace("mip", "MIP").replace("_ms", " [ms]")) for c in COLUMNS]
     more = [f"{way}/{base}" for base in ("plain", "MIP on all nodes", "MIP") for way in ("full", "reduced")]
     more += ["force error", "displacement error"]
     lines = [f"### {title}", "", "| angle | " + " | ".join([*heads, *more]) + " |"]
     lines.append("|---" * (len(COLUMNS) + len(more) + 1) + "|")
     for angle, row in rows.items():
-        lines.append(_line(f"{angle:g}", row))
+        lines.append(_table_row(f"{angle:g}", row))
     sums: dict[str, Any] = {
         c: sum(r[c] for r in rows.values()) for c in COLUMNS if c in next(iter(rows.values()))
     }
     sums |= {e: max(r[e] for r in rows.values()) for e in ("force_error", "displacement_error")}
-    return "\n".join([*lines, _line("all", sums), ""])
+    return "\n".join([*lines, _table_row("all", sums), ""])
 
 
 BASES = ("plain_ms", "mip_nodes_ms", "mip_ms")
@@ -189,7 +189,7 @@ def _ratios(row: Mapping[str, Any]) -> list[float | None]:
     ]
 
 
-def _line(name: str, row: Mapping[str, Any]) -> str:
+def _table_row(name: str, row: Mapping[str, Any]) -> str:
     cells = [(f"{row[c]:.2f}" if c.endswith("_ms") else str(row[c])) if c in row else "-" for c in COLUMNS]
     cells += ["-" if r is None else f"{r:.3g}" for r in _ratios(row)]
     return (
@@ -204,10 +204,10 @@ ACCURACY = (
     ("location-case", "force_error", "force", 7e-3, "2 % (paper), aim 0.7 %"),
     ("location-case", "displacement_error", "displacement", 5e-4, "0.3 % (paper), aim 0.05 %"),
 )
-"""What is asked of the reduced answers at all positions."""
+"""Required accuracy of the reduced answers at all positions."""
 
 
-def accuracy(found: Mapping[str, Any], meshes: Sequence[str]) -> str:
+def accuracy_table(found: Mapping[str, Any], meshes: Sequence[str]) -> str:
     """Largest errors of the reduced answers over all positions, against the equilibrium of the same leaf springs."""
     lines = ["### Errors of the reduced answers, all positions", ""]
     lines += [
@@ -227,9 +227,9 @@ def accuracy(found: Mapping[str, Any], meshes: Sequence[str]) -> str:
     return "\n".join([*lines, ""])
 
 
-WANTED = {"joint-case": (80, 600, 40, 300), "location-case": (65, 600, 20, 200)}
-"""Ratios asked for at 45 degrees and n = 5: full and reduced over plain Newton, full and reduced over MIP."""
-NAMES = tuple(
+TARGET_RATIOS = {"joint-case": (80, 600, 40, 300), "location-case": (65, 600, 20, 200)}
+"""Required time ratios at 45 degrees and n = 5: full and reduced over plain Newton, full and reduced over MIP."""
+RATIO_NAMES = tuple(
     f"{way} over {base}"
     for base in ("plain Newton", "MIP on all nodes", "MIP on condensed leaf springs")
     for way in ("full", "reduced")
@@ -237,14 +237,14 @@ NAMES = tuple(
 
 
 def targets_table(found: Mapping[str, Any], mesh: str) -> str:
-    """What was asked for at 45 degrees, what was measured there and at best, and why the rest is missed."""
+    """Required and measured time ratios at 45 degrees, the best of all positions, and why targets are missed."""
     lines = [
         f"### Targets, {mesh}",
         "",
         "| case | ratio | asked | at 45 degrees | best of all positions | tabulated | |",
     ]
     lines.append("|---" * 7 + "|")
-    for case, wanted in WANTED.items():
+    for case, wanted in TARGET_RATIOS.items():
         rows, table_us = found[case], found[f"{case} tabulated"]["us"]
         here = rows[45.0]
         for k, least in enumerate((*wanted, *wanted[2:])):
@@ -255,13 +255,16 @@ def targets_table(found: Mapping[str, Any], mesh: str) -> str:
             solved = found[f"{case} tabulated"]["unsolved"] == 0
             by_tables = k % 2 and solved and 1e3 * base / table_us >= least
             said = "met" if value >= least else ("met by tables alone" if by_tables else "MISSED")
-            lines.append(f"| {case} | {NAMES[k]} | {least} | {value:.3g} | {best:.3g} | {quick} | {said} |")
-        lines.append(_floor(case, here, found[f"{case} tabulated"]))
+            lines.append(
+                f"| {case} | {RATIO_NAMES[k]} | {least} | {value:.3g} | {best:.3g} | {quick} | {said} |"
+            )
+        lines.append(_floor_row(case, here, found[f"{case} tabulated"]))
     return "\n".join([*lines, ""])
 
 
-def _floor(case: str, row: Mapping[str, Any], tabulated: Mapping[str, Any]) -> str:
-    """Where the ratios to MIP on condensed leaves end: both spend nearly all in the same leaf kernel, so passes count."""
+def _floor_row(case: str, row: Mapping[str, Any], tabulated: Mapping[str, Any]) -> str:
+    """Bound of the ratios to MIP on condensed leaves: both spend nearly all time in the same leaf kernel, so the number of
+    evaluations of all leaves counts."""
     passes = row["step 5"] + 2
     each = row["mip_ms"] / row["mip"]
     parts = ", ".join(f"{n} {t:.0f}" for n, t in row["steps_us"].items())
@@ -269,31 +272,31 @@ def _floor(case: str, row: Mapping[str, Any], tabulated: Mapping[str, Any]) -> s
         f"| {case} | floor | | {row['mip'] / passes:.3g} | | | MIP on condensed leaves takes {row['mip']} passes over them "
         f"({1e3 * each:.0f} us each), full {passes} (step 2, step 5 and its check); steps of full [us]: {parts}; "
         f"tabulated {tabulated['us']:.0f} us, interpolation error {tabulated['error']:.0e}, {tabulated['unsolved']} of "
-        f"{MANY} not solved |"
+        f"{BATCH_SIZE} not solved |"
     )
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Solve, print the tables, write arm.json; returns every number."""
     add = [lambda p: p.add_argument("--elements", type=int, nargs="*", default=list(ELEMENTS))]
-    chosen = options(__doc__, argv, *add)
+    chosen = parse_options(__doc__, argv, *add)
     angles = (-45.0, 0.0, 45.0) if chosen.quick else tuple(np.arange(-45.0, 46.0, 5.0).tolist())
     begin = time.perf_counter()
     found: dict[str, Any] = {"machine": machine(), "angles_deg": angles}
     elements = chosen.elements[:1] if chosen.quick else chosen.elements
-    meshes = {f"{n} element{'s' * (n > 1)} per leaf": chain(n) for n in elements}
+    meshes = {f"{n} element{'s' * (n > 1)} per leaf": element_mesh(n) for n in elements}
     tables, spent = [], {}
     if not chosen.quick:
         meshes["strain-mode leaves"] = Mesh()
     for name, mesh in meshes.items():
         since = time.perf_counter()
-        found[name] = run(mesh, angles, repeats=2 if chosen.quick else REPEATS)
+        found[name] = run_mesh(mesh, angles, repeats=2 if chosen.quick else REPEATS)
         spent[name] = time.perf_counter() - since
-        for case in WANTED:
+        for case in TARGET_RATIOS:
             tables.append(table(f"{case}, {name}", found[name][case]))
         if mesh.leaf == "corotational":
             tables.append(targets_table(found[name], name))
-    tables.insert(0, accuracy(found, list(meshes)))
+    tables.insert(0, accuracy_table(found, list(meshes)))
     found["script_s"] = spent
     parts = ", ".join(f"{name} {value:.0f} s" for name, value in spent.items())
     on = found["machine"]

@@ -18,8 +18,8 @@ from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
 import numpy as np
-from common import interleaved, machine, options, write_json
-from floor import one_pass
+from common import machine, parse_options, time_in_turns, write_json
+from minimum_work import one_pass
 
 import ksd
 from ksd.bench.suite import TIP, arm_by_joints, arm_by_location
@@ -30,14 +30,14 @@ from ksd.units import GPa, deg, mm
 
 DESIGNS, POSES = 10_000, 10
 ROUNDS = 5
-"""Parts of the designs, which the ways take in turns."""
+"""Parts of the designs, which threads and processes solve in turns."""
 TARGET_S, TARGET_US = 20.0, 30.0
 RANGES = {
     "thickness": (0.6 * mm, 1.2 * mm), "length": (90 * mm, 110 * mm), "angle": (40 * deg, 50 * deg),
     "inner": (30 * mm, 45 * mm), "high": (0.28, 0.32), "E": (70 * GPa, 210 * GPa),
 }  # fmt: skip
-ODD = 0.01
-"""Share of designs drawn with an angle that was never trained."""
+UNTRAINED_SHARE = 0.01
+"""Share of designs with an angle outside the trained range."""
 
 
 def fourbar(
@@ -61,19 +61,19 @@ def fourbar(
     return scene
 
 
-def drawn(count: int, seed: int = 1) -> list[dict[str, float]]:
-    """Random designs, one in a hundred of an angle no record knows."""
+def random_designs(count: int, seed: int = 1) -> list[dict[str, float]]:
+    """Random designs, one in a hundred with an angle outside the trained range."""
     rng = np.random.default_rng(seed)
     found = [{name: float(rng.uniform(*r)) for name, r in RANGES.items()} for _ in range(count)]
     for design in found:
-        if rng.uniform() < ODD:
+        if rng.uniform() < UNTRAINED_SHARE:
             design["angle"] = 10 * deg
     return found
 
 
-def many_designs(count: int) -> dict[str, Any]:
+def measure_designs(count: int) -> dict[str, Any]:
     """Wall and CPU time of a batch in threads and in processes, its failures, and its forces against fresh models."""
-    designs, stroke = drawn(count), np.linspace(0.02, 0.3, POSES)
+    designs, stroke = random_designs(count), np.linspace(0.02, 0.3, POSES)
     workers = os.cpu_count() or 1
     ksd.batch(fourbar, designs=designs[:5], top=stroke)
     ways: dict[str, Any] = {"one thread": {"threads": 1}, f"{workers} threads": {"threads": workers}}
@@ -101,16 +101,16 @@ def many_designs(count: int) -> dict[str, Any]:
         )
     few = designs[:40]
     near = ksd.batch(fourbar, designs=few, top=stroke, threads=1)
-    off = difference(near, few, stroke)
+    off = largest_force_difference(near, few, stroke)
     print(f"largest difference of a force from designs prepared one by one: {off:.1e}")
     return {
         "designs": count, "poses": POSES, "target_s": TARGET_S, "rows": list(rows.values()),
         "solved": count * POSES - len(failures), "failures": len(failures), "reasons": sorted(set(failures))[:5],
-        "difference_from_fresh": off, "parts_us": parts(designs[1:641], stroke),
+        "difference_from_fresh": off, "parts_us": time_parts(designs[1:641], stroke),
     }  # fmt: skip
 
 
-def difference(found: ksd.Batch, designs: Sequence[Mapping[str, float]], stroke: Any) -> float:
+def largest_force_difference(found: ksd.Batch, designs: Sequence[Mapping[str, float]], stroke: Any) -> float:
     """Largest difference of a force from designs prepared one by one, over the largest force of its design."""
     off = 0.0
     for d, design in enumerate(designs):
@@ -124,8 +124,8 @@ def difference(found: ksd.Batch, designs: Sequence[Mapping[str, float]], stroke:
     return off
 
 
-def parts(designs: list[dict[str, float]], stroke: np.ndarray) -> dict[str, float]:
-    """Thread time [us] of a design: making its scene, the rest of its preparation, and one pose; alone beside in a batch."""
+def time_parts(designs: list[dict[str, float]], stroke: np.ndarray) -> dict[str, float]:
+    """Thread time [us] of a design: building its scene, the rest of its preparation, and one pose; alone and in a batch."""
     scenes = [fourbar(**d).scene() for d in designs]
     one = stroke[:1]
 
@@ -149,7 +149,7 @@ def parts(designs: list[dict[str, float]], stroke: np.ndarray) -> dict[str, floa
         "in a batch, one pose": lambda: batch(one),
         f"in a batch, {POSES} poses": lambda: batch(stroke),
         "alone, one pose": lambda: [
-            PreparedDesign(Solver(s).five_steps)({"top": one}) for s in scenes if _trained(s)
+            PreparedDesign(Solver(s).five_steps)({"top": one}) for s in scenes if _has_record(s)
         ],
     }
     for name, call in calls.items():
@@ -161,11 +161,11 @@ def parts(designs: list[dict[str, float]], stroke: np.ndarray) -> dict[str, floa
     return spent
 
 
-def _trained(scene: Any) -> bool:
+def _has_record(scene: Any) -> bool:
     return bool(scene.joints[0].joint.angle > 20 * deg)
 
 
-def tabulated(count: int) -> list[dict[str, Any]]:
+def measure_tabulated(count: int) -> list[dict[str, Any]]:
     """The arm by joints and by location, with tables and without: time of a configuration and error of its forces."""
     rows = []
     for case, (scene, targets) in {"by joints": arm_by_joints(), "by location": arm_by_location()}.items():
@@ -176,9 +176,9 @@ def tabulated(count: int) -> list[dict[str, Any]]:
             near, exact = (
                 PreparedDesign(Solver(scene, mesh=mesh).five_steps, tabulated=t) for t in (True, False)
             )
-            values = positions(case, targets, count)
+            values = arm_positions(case, targets, count)
             few = {name: v[:: max(1, count // 20)] for name, v in values.items()}
-            times = interleaved(
+            times = time_in_turns(
                 {"near": lambda n=near, v=values: n(v), "exact": lambda e=exact, v=few: e(v)}, repeats=5
             )
             a, b = near(few), exact(few)
@@ -186,7 +186,7 @@ def tabulated(count: int) -> list[dict[str, Any]]:
             off = float(np.abs(a.force - b.force)[good].max() / np.abs(b.force[good]).max())
             us = times["near"].median / count
             assert near.tables is not None
-            least = floor(near, {name: float(v[-1]) for name, v in few.items()})
+            least = minimum_work(near, {name: float(v[-1]) for name, v in few.items()})
             rows.append({
                 "case": case, "leaves": leaves, "us": us, "target_us": TARGET_US, "met": us <= TARGET_US,
                 "without_tables_us": times["exact"].median / len(few[next(iter(few))]),
@@ -202,8 +202,8 @@ def tabulated(count: int) -> list[dict[str, Any]]:
     return rows
 
 
-def floor(prepared: PreparedDesign, values: Mapping[str, float]) -> str:
-    """What one tabulated configuration must do at least, counted."""
+def minimum_work(prepared: PreparedDesign, values: Mapping[str, float]) -> str:
+    """The least work of a tabulated configuration, as a sentence with counts."""
     five = prepared.solver
     found = five(values, five.model.targets(values), method="reduced", relinearisations=0, estimate=False)
     one = one_pass(five.storage.bodies.reduced)
@@ -214,9 +214,9 @@ def floor(prepared: PreparedDesign, values: Mapping[str, float]) -> str:
     )
 
 
-def positions(case: str, targets: Mapping[str, float], count: int) -> dict[str, np.ndarray]:
+def arm_positions(case: str, targets: Mapping[str, float], count: int) -> dict[str, np.ndarray]:
     """Drive values where all joints of the arm turn by 0.05 to 0.99 times their angle; by location these are the places that
-    takes its end to."""
+    moves its end to."""
     scene, angles = arm_by_joints()
     shares = np.linspace(0.05, 0.99, count)
     by_joints = {name: shares * value for name, value in angles.items()}
@@ -231,11 +231,11 @@ def positions(case: str, targets: Mapping[str, float], count: int) -> dict[str, 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Measure, print, write batch.json; returns what was found."""
-    asked = options(__doc__, argv)
+    asked = parse_options(__doc__, argv)
     found = {
         "machine": machine(),
-        "designs": many_designs(200 if asked.quick else DESIGNS),
-        "tabulated": tabulated(100 if asked.quick else 2000),
+        "designs": measure_designs(200 if asked.quick else DESIGNS),
+        "tabulated": measure_tabulated(100 if asked.quick else 2000),
     }
     write_json(found, asked.out / "batch.json")
     return found

@@ -1,4 +1,4 @@
-"""Every method on the scenes of `ksd bench`: what is asked, other engines, the picture, and the tables.
+"""Every method on the scenes of `ksd bench`: requirements, other engines, the picture, and the tables.
 
 Writes bench.json: what `ksd bench --json` writes, and per case "engines" (engine, elements, us, iterations, force_error,
 said) and "one_pass" (by leaf springs, operations and bytes of one pass over all leaf springs, in words); the tables as
@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from bench_engines import measure_engines
-from bench_tables import Told, asked_table, engine_lines, page
-from common import options, save_picture, write_json
+from bench_tables import ExtendedCase, benchmark_page, engine_sentences, requirement_table
+from common import parse_options, save_picture, write_json
 from floor import one_pass
 from front import Mark, Panel, draw_fronts
 
@@ -25,26 +25,26 @@ from ksd.bench.suite import leaf_label, leaf_meshes
 from ksd.model.compile import compile_scene
 from ksd.view.figure import new_figure
 
-ENGINES_ON = ("fourbar", (5, 10, 20))
-"""Scenes other engines are given, and with how many elements per leaf."""
+ENGINE_SCENES = ("fourbar", (5, 10, 20))
+"""Scenes that are solved by other engines, and numbers of elements per leaf."""
 
 
-def told(case: Case, measured: CaseResult, *, quick: bool) -> Told:
-    """A measured case with other engines and the least a pass must do."""
+def case_with_engines(case: Case, measured: CaseResult, *, quick: bool) -> ExtendedCase:
+    """A measured case with the results of other engines and the least work of an evaluation of all leaves."""
     scene, targets = case.build()
-    word, elements = ENGINES_ON
+    word, elements = ENGINE_SCENES
     engines = []
     if word in case.name:
         force = next(iter(measured.forces.values()))
         engines = measure_engines(scene, targets, force, elements=elements[:1] if quick else elements)
     meshes = leaf_meshes(case, quick=quick)
     floors = {leaf_label(mesh): str(one_pass(compile_scene(scene, mesh=mesh).arrays)) for mesh in meshes}
-    return Told(**vars(measured), engines=tuple(engines), floors=floors)
+    return ExtendedCase(**vars(measured), engines=tuple(engines), floors=floors)
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Measure, print, write."""
-    found = options(
+    found = parse_options(
         __doc__ or "",
         argv,
         lambda p: p.add_argument(
@@ -55,15 +55,15 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     for case in SUITE:
         if found.case.lower() in case.name.lower():
             measured = measure(case, quick=found.quick, repeats=5 if found.quick else 15)
-            results.append(told(case, measured, quick=found.quick))
-            print(case.name, *summary(measured), *engine_lines(results[-1]), sep="\n")
-    print(asked_table(results))
+            results.append(case_with_engines(case, measured, quick=found.quick))
+            print(case.name, *summary(measured), *engine_sentences(results[-1]), sep="\n")
+    print(requirement_table(results))
     written = json_results(results)
     for m in results:
         written["cases"][m.case] |= {"engines": [asdict(r) for r in m.engines], "one_pass": dict(m.floors)}
     write_json(written, found.out / "bench.json")
     picture(written, found.out / "bench.png")
-    (found.out / "bench.md").write_text(page(results))
+    (found.out / "bench.md").write_text(benchmark_page(results))
     return written
 
 

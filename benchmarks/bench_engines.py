@@ -32,11 +32,11 @@ from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.model.plane import Plane, plane_of
 
-STIFF = (1e3, 1e6)
+LINK_STIFFNESS_FACTORS = (1e3, 1e6)
 """Stiffness of links over that of the stiffest leaf, in stretch and in bending."""
 LOAD_STEPS = 20
 """At the start; Exudyn adapts them. Measured cheapest among 1, 2, 5, 10 and 20."""
-SHEAR = 1e3
+LINK_SHEAR_FACTOR = 1e3
 """Shear stiffness of links, over their stretch stiffness."""
 ENGINES = {"OpenSees": "openseespy", "Exudyn": "exudyn"}
 """Engines by name, and the package each needs."""
@@ -65,7 +65,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class EngineRow:
-    """What an engine took: thread time [us] of a solve (build excluded), steps, iterations, force error; or why not."""
+    """Result of an engine: thread time [us] of a solve without building, iterations, force error; said: why it has none."""
 
     engine: str
     elements: int
@@ -99,7 +99,9 @@ def frame_of(scene: Any, targets: Mapping[str, float], elements: int) -> Frame:
     centre = [found.add(p) for p in places]
     found.fixed.append(centre[0])
     leaves = _leaves(members, axes)
-    EA, EI = (times * max(leaf[k] for leaf in leaves.values()) for k, times in enumerate(STIFF))
+    EA, EI = (
+        times * max(leaf[k] for leaf in leaves.values()) for k, times in enumerate(LINK_STIFFNESS_FACTORS)
+    )
 
     def hung(node: int, offset: np.ndarray) -> int:
         if np.linalg.norm(offset) < 1e-9 * arrays.size:
@@ -150,7 +152,7 @@ def _stiffness(members: Members, i: int) -> tuple[float, float, float]:
 
 
 def _preload_blas() -> None:
-    """The Linux wheel of OpenSees brings the library it needs where the loader does not look for it."""
+    """Load the BLAS library of the Linux wheel of OpenSees, which is in a folder that the loader does not search."""
     found = find_spec("openseespylinux")
     if found is not None and found.origin:
         with contextlib.suppress(OSError):
@@ -161,7 +163,7 @@ Solve = tuple[Callable[[], None], Callable[[], tuple[float, int]]]
 
 
 def opensees(frame: Frame) -> Solve:
-    """OpenSees: what builds the frame anew, and what solves it and returns (drive force [N], iterations)."""
+    """OpenSees: a function that builds the frame, and one that solves it and returns (drive force [N], iterations)."""
     _preload_blas()
     import openseespy.opensees as ops  # type: ignore[import-not-found]
 
@@ -215,7 +217,7 @@ def _analyse(ops: Any, frame: Frame) -> tuple[float, int]:
 
 
 def exudyn(frame: Frame) -> Solve:
-    """Exudyn: what builds the frame anew, and what solves it and returns (drive force [N], iterations)."""
+    """Exudyn: a function that builds the frame, and one that solves it and returns (drive force [N], iterations)."""
     held: dict[str, Any] = {}
     return partial(_build_exudyn, frame, held), partial(_analyse_exudyn, held)
 
@@ -233,7 +235,7 @@ def _build_exudyn(frame: Frame, held: dict[str, Any]) -> None:
     ]
     for bar in frame.bars:
         length = float(np.linalg.norm(frame.points[bar.b] - frame.points[bar.a]))
-        shear = bar.GA if math.isfinite(bar.GA) else SHEAR * bar.EA
+        shear = bar.GA if math.isfinite(bar.GA) else LINK_SHEAR_FACTOR * bar.EA
         mbs.AddObject(
             items.ObjectBeamGeometricallyExact2D(
                 nodeNumbers=[nodes[bar.a], nodes[bar.b]], length=length, massPerLength=1.0,
@@ -282,7 +284,7 @@ _MAKERS = {"OpenSees": opensees, "Exudyn": exudyn}
 def measure_engines(
     scene: Any, targets: Mapping[str, float], force: float, *, elements: tuple[int, ...], repeats: int = 5
 ) -> list[EngineRow]:
-    """Every engine on a scene; `force` [N] is the exact one. What is not installed gets a row that says so."""
+    """Results of every engine; force: the exact one [N]. Engines that are not installed have a row that says so."""
     rows = []
     for engine, package in ENGINES.items():
         try:

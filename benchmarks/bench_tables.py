@@ -1,4 +1,4 @@
-"""The benchmark at equal accuracy, its ratios, and what is asked of it, met or missed and why, as Markdown tables."""
+"""Markdown tables of the benchmark: times at equal accuracy, time ratios, and requirements, met or missed and why."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from ksd.solve.steps import percent
 
 
 @dataclass(frozen=True)
-class Told(CaseResult):
-    """A case with what other engines took, and, by leaf model, operations and bytes of a pass over all leaves, in words."""
+class ExtendedCase(CaseResult):
+    """A case with the results of other engines and, by leaf model, operations and bytes of an evaluation of all leaves."""
 
     engines: tuple[EngineRow, ...] = ()
     floors: Mapping[str, str] = field(default_factory=dict)
@@ -28,12 +28,12 @@ KINDS = ("strain-mode", "Appendix A", "modal")
 _MISSED = "not reached"
 
 
-def kind_of(row: Measurement) -> str:
-    """Which leaf model a row has."""
+def leaf_kind(row: Measurement) -> str:
+    """Kind of leaf model of a measurement."""
     return {"strain": "strain-mode", "modal": "modal"}.get(row.leaves.split(",")[0].split()[0], "Appendix A")
 
 
-def equal_accuracy(results: Sequence[Told]) -> str:
+def equal_accuracy(results: Sequence[ExtendedCase]) -> str:
     """Markdown: the cheapest setting of every method within GOOD, in us of a whole call, and its error in force.
 
     Appendix A elements and strain-mode leaves apart; with the ratios of the papers' comparison below.
@@ -43,14 +43,14 @@ def equal_accuracy(results: Sequence[Told]) -> str:
     lines.append("|---" * (2 + len(cases)) + "|")
     for method in METHODS:
         for kind in KINDS:
-            cells = [_cheapest_cell(m.rows, method, kind) for m in cases]
+            cells = [_fastest_cell(m.rows, method, kind) for m in cases]
             if any(c not in ("-", _MISSED) for c in cells):
                 lines.append(f"| {method} | {kind} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 
-def _cheapest_cell(rows: Iterable[Measurement], method: str, kind: str) -> str:
-    mine = [r for r in rows if r.method == method and kind_of(r) == kind]
+def _fastest_cell(rows: Iterable[Measurement], method: str, kind: str) -> str:
+    mine = [r for r in rows if r.method == method and leaf_kind(r) == kind]
     fit = [r for r in mine if is_accurate(r)]
     if not fit:
         return _MISSED if mine else "-"
@@ -61,7 +61,7 @@ def _cheapest_cell(rows: Iterable[Measurement], method: str, kind: str) -> str:
     return f"{best.call[1]:.0f} ({which}; {error})"
 
 
-def best_times(m: CaseResult, leaves: str) -> dict[str, float]:
+def call_times(m: CaseResult, leaves: str) -> dict[str, float]:
     """Whole calls [us] by method; "conventional" is the better of its two ways to choose steps."""
     found = {r.method: r.call[1] for r in m.rows if r.leaves == leaves and not r.failed}
     if "conventional" in found:
@@ -69,10 +69,10 @@ def best_times(m: CaseResult, leaves: str) -> dict[str, float]:
     return found
 
 
-def ratios(results: Sequence[Told], elements: int = 5) -> str:
-    """Markdown: how many times as fast the five steps are on Appendix A elements, whole calls, like beside like."""
+def ratio_table(results: Sequence[ExtendedCase], elements: int = 5) -> str:
+    """Markdown: time ratios of conventional methods to the five steps on equal Appendix A elements, whole calls."""
     leaves = f"{elements} element{'s' * (elements > 1)}"
-    times = [best_times(m, leaves) for m in results]
+    times = [call_times(m, leaves) for m in results]
     shown = [(m.case, t) for m, t in zip(results, times, strict=True) if len(t) > 1]
     lines = ["| times as fast | " + " | ".join(case for case, _ in shown) + " |"]
     lines.append("|---" + "|---:" * len(shown) + "|")
@@ -92,10 +92,10 @@ _COMPARED = (
     ("reduced / MIP, in space", "reduced", "conventional"),
     ("conventional in the plane / plain Newton", "conventional, planar", "plain Newton"),
 )
-"""What is compared: heading, the fast way, the base it is held against."""
+"""Compared methods: heading, fast method, method it is compared with."""
 
 
-EQUAL = 5
+COMPARED_ELEMENTS = 5
 """Appendix A elements per leaf of the papers' comparison."""
 
 
@@ -154,15 +154,15 @@ BOUNDS = (
 )
 
 
-def asked_table(results: Sequence[Told]) -> str:
-    """Markdown: everything asked that was measured, with the verdict."""
+def requirement_table(results: Sequence[ExtendedCase]) -> str:
+    """Markdown: all requirements that were measured, with the verdict."""
     lines = ["| case | asked | found | verdict |", "|---|---|---:|---|"]
     lines += [line for m in results for line in (*_ratios(m), *_bounds(m))]
     return "\n".join(lines) if len(lines) > 2 else ""
 
 
-def _ratios(m: Told) -> list[str]:
-    leaves, found = f"{EQUAL} elements", []
+def _ratios(m: ExtendedCase) -> list[str]:
+    leaves, found = f"{COMPARED_ELEMENTS} elements", []
     rows = {r.method: r for r in m.rows if r.leaves == leaves and not r.failed}
     for asked in RATIOS:
         if asked.case not in m.case or asked.way not in rows or asked.base not in rows:
@@ -173,13 +173,13 @@ def _ratios(m: Told) -> list[str]:
             slow = other
         times = slow.call[1] / fast.call[1]
         name = {"conventional": "MIP on condensed leaf springs"}.get(asked.base, asked.base)
-        said = "met" if times >= asked.times else f"missed: {_slow(m, fast, slow, times)}"
+        said = "met" if times >= asked.times else f"missed: {_why_ratio_missed(m, fast, slow, times)}"
         found.append(f"| {m.case} | {asked.way} / {name} >= {asked.times:g} | {times:.3g} | {said} |")
     return found
 
 
-def _slow(m: Told, fast: Measurement, slow: Measurement, times: float) -> str:
-    """Why a ratio of so many times is missed."""
+def _why_ratio_missed(m: ExtendedCase, fast: Measurement, slow: Measurement, times: float) -> str:
+    """Why a required time ratio is missed."""
     most = slow.passes / max(fast.passes, 1)
     words = [
         f"{slow.method} makes {slow.passes} passes over the leaf springs, {fast.method} {fast.passes}, so at equal cost of "
@@ -194,7 +194,7 @@ def _slow(m: Told, fast: Measurement, slow: Measurement, times: float) -> str:
     return "; ".join(words)
 
 
-def _bounds(m: Told) -> list[str]:
+def _bounds(m: ExtendedCase) -> list[str]:
     found = []
     for asked in BOUNDS:
         rows = [r for r in m.rows if r.method == asked.method and not r.failed]
@@ -205,7 +205,7 @@ def _bounds(m: Told) -> list[str]:
         if asked.case not in m.case or not rows:
             continue
         best = min(rows, key=lambda r: r.call[1])
-        said = "met" if best.call[1] <= asked.us else f"missed: {_long(m, best)}"
+        said = "met" if best.call[1] <= asked.us else f"missed: {_why_time_missed(m, best)}"
         leaves = f"{best.leaves}, within 0.1 % and 1 %" if asked.leaves == "good" else best.leaves
         found.append(
             f"| {m.case} | {asked.method}, {leaves} <= {asked.us:g} us | {best.call[1]:.0f} us | {said} |"
@@ -213,16 +213,16 @@ def _bounds(m: Told) -> list[str]:
     return found
 
 
-def _long(m: Told, row: Measurement) -> str:
-    """Why a time is missed."""
+def _why_time_missed(m: ExtendedCase, row: Measurement) -> str:
+    """Why a required time is missed."""
     around = row.call[1] - row.steps[1]
     words = f"compiled steps {row.steps[1]:.0f} us, Python around them {around:.0f} us"
     floor = m.floors.get(row.leaves)
     return f"{words}; {row.passes} passes over the leaf springs, each {floor}" if floor else words
 
 
-def engine_lines(measured: Told) -> list[str]:
-    """What other engines took, one sentence each."""
+def engine_sentences(measured: ExtendedCase) -> list[str]:
+    """Results of other engines, one sentence each."""
     found = []
     for r in measured.engines:
         said = r.said or (
@@ -237,8 +237,8 @@ _SHOWN = ("fourbar", "three-joint arm")
 """Scenes of the tables side by side; all are printed."""
 
 
-def page(results: Sequence[Told]) -> str:
-    """The text of bench.md: the comparison at equal accuracy, the ratios, what was asked, other engines."""
+def benchmark_page(results: Sequence[ExtendedCase]) -> str:
+    """The text of bench.md: the comparison at equal accuracy, the ratios, the requirements, other engines."""
     m = machine_facts()
     shown = [r for r in results if r.case.startswith(_SHOWN)] or results
     return "\n".join(
@@ -256,16 +256,16 @@ def page(results: Sequence[Told]) -> str:
             "nodes: the papers' program, on all element nodes, in space, best eps_max; MIP: the best conventional we know, "
             "on condensed leaf springs, the better of our steps and the best eps_max):",
             "",
-            ratios(shown),
+            ratio_table(shown),
             "",
             "What was asked, in thread time of whole calls; a pass is one condensation of all leaves with its way into the "
             "matrix:",
             "",
-            asked_table(results),
+            requirement_table(results),
             "",
             "Other engines, given the planar model of the same scene:",
             "",
-            *(f"- {m.case}: {line}" for m in results for line in engine_lines(m)),
+            *(f"- {m.case}: {line}" for m in results for line in engine_sentences(m)),
             "",
         ]
     )

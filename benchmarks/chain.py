@@ -1,4 +1,4 @@
-"""What a joint costs in a chain of 3, 10, 30 and 100 cross flexures, by `reduced` and by `full`.
+"""Cost of a joint in a chain of 3, 10, 30 and 100 cross flexures, by `reduced` and by `full`.
 
 Every joint turned by 10 to 20 degrees, left and right in turns; thread time of one configuration over the number of joints,
 many configurations in one compiled call, cases in turns. `reduced` and `full`, both leaf models. Target: from 3 to 100
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from common import interleaved, machine, options, write_json
+from common import machine, parse_options, time_in_turns, write_json
 
 import ksd
 from ksd.bench.suite import chain
@@ -21,15 +21,15 @@ from ksd.solve.five_steps import FULL, REDUCED
 from ksd.solve.solver import Solver
 
 JOINTS = (3, 10, 30, 100)
-BOUND = 0.25
+MAX_RELATIVE_INCREASE = 0.25
 WAYS = {"reduced": REDUCED, "full": FULL}
 LEAVES = {"strain-mode": ksd.Mesh(), "5 elements": ksd.Mesh("corotational", elements=5)}
 
 
-def stored(part: Any) -> int:
+def storage_bytes(part: Any) -> int:
     """Bytes of all arrays in nested named tuples."""
     if isinstance(part, tuple):
-        return sum(stored(field) for field in part)
+        return sum(storage_bytes(field) for field in part)
     return int(getattr(part, "nbytes", 0))
 
 
@@ -42,17 +42,19 @@ class Case:
         self.count = max(3, 300 // joints)
         self.values = {n: np.linspace(0.5, 1.0, self.count) * v for n, v in targets.items()}
         b = self.prepared.solver.storage
-        self.bytes = stored((*vars(b).values(), *vars(b.bodies).values(), b.model.arrays, b.model.rest))
+        self.bytes = storage_bytes(
+            (*vars(b).values(), *vars(b.bodies).values(), b.model.arrays, b.model.rest)
+        )
         self.solved = bool((self.prepared(self.values).status == 0).all())
 
     def __call__(self) -> None:
         self.prepared(self.values)
 
 
-def measured(leaves: str, method: str, joints: Sequence[int], *, repeats: int) -> dict[str, Any]:
-    """Time per joint and configuration [us] for every number of joints, and how far it is from that of the shortest."""
+def joint_times(leaves: str, method: str, joints: Sequence[int], *, repeats: int) -> dict[str, Any]:
+    """Time per joint and configuration [us] by number of joints, and its relative difference from the shortest chain."""
     cases = {n: Case(n, WAYS[method], LEAVES[leaves]) for n in joints}
-    times = interleaved({str(n): case for n, case in cases.items()}, repeats=repeats)
+    times = time_in_turns({str(n): case for n, case in cases.items()}, repeats=repeats)
     each = {n: times[str(n)].median / case.count / n for n, case in cases.items()}
     off = max(abs(us / each[joints[0]] - 1.0) for us in each.values())
     few, more = joints[:2]
@@ -61,7 +63,7 @@ def measured(leaves: str, method: str, joints: Sequence[int], *, repeats: int) -
         "fixed_us": few * (each[few] - slope),
         "storage_bytes": {n: case.bytes for n, case in cases.items()},
         "leaves": leaves, "method": method, "us_per_joint": each,
-        "largest_change": off, "met": off <= BOUND, "solved": all(c.solved for c in cases.values()),
+        "largest_change": off, "met": off <= MAX_RELATIVE_INCREASE, "solved": all(c.solved for c in cases.values()),
     }  # fmt: skip
     said = ", ".join(f"{n}: {us:.2f}" for n, us in each.items())
     verdict = "met"
@@ -76,10 +78,10 @@ def measured(leaves: str, method: str, joints: Sequence[int], *, repeats: int) -
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Measure, print, write chain.json; returns what was found."""
-    asked = options(__doc__, argv)
+    asked = parse_options(__doc__, argv)
     joints, repeats = ((3, 10), 2) if asked.quick else (JOINTS, 9)
-    rows = [measured(leaves, method, joints, repeats=repeats) for leaves in LEAVES for method in WAYS]
-    found = {"machine": machine(), "bound": BOUND, "rows": rows}
+    rows = [joint_times(leaves, method, joints, repeats=repeats) for leaves in LEAVES for method in WAYS]
+    found = {"machine": machine(), "bound": MAX_RELATIVE_INCREASE, "rows": rows}
     write_json(found, asked.out / "chain.json")
     return found
 

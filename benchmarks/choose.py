@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import STEEL, canvas, label, machine, options, save_picture, write_json
+from common import STEEL, figure_grid, label_axes, machine, parse_options, save_picture, write_json
 
 import ksd
 from ksd.units import deg, mm
@@ -26,7 +26,7 @@ LIMITS = {"stress_MPa": 500, "turn_moment_Nm": (-2, 2), "size_mm": (80, 80, 60)}
 GOAL = "first_parasitic_Hz"
 
 
-def hinged(joint: Any, centre: float) -> ksd.Mechanism:
+def arm_on_joint(joint: Any, centre: float) -> ksd.Mechanism:
     """An arm on a joint whose centre of rotation, at `centre` [m] from interface A, is the origin."""
     scene = ksd.Mechanism(type(joint).__name__)
     arm = scene.link("arm")
@@ -39,7 +39,7 @@ def hinged(joint: Any, centre: float) -> ksd.Mechanism:
 def cross(length: float, angle: float, thickness: float, inner: float, outer: float) -> ksd.Mechanism:
     """A cross flexure."""
     joint = ksd.CrossFlexure(STEEL, length=length, angle=angle, thickness=thickness, widths=(inner, outer))
-    return hinged(joint, 0.5 * joint.length_AB)
+    return arm_on_joint(joint, 0.5 * joint.length_AB)
 
 
 def butterfly(
@@ -49,7 +49,7 @@ def butterfly(
     joint = ksd.Butterfly(
         STEEL, length=length, inner=radius, half_angle=half_angle, thickness=thickness, width=width
     )
-    return hinged(joint, radius + length)
+    return arm_on_joint(joint, radius + length)
 
 
 def infinity(length: float, thickness: float, width: float, reach: float, strut: float) -> ksd.Mechanism:
@@ -57,13 +57,13 @@ def infinity(length: float, thickness: float, width: float, reach: float, strut:
     joint = ksd.InfinityHinge(
         STEEL, length=length, thickness=thickness, width=width, reach=reach, strut=strut
     )
-    return hinged(joint, 0.5 * length)
+    return arm_on_joint(joint, 0.5 * length)
 
 
 def cartwheel(length: float, angle: float, thickness: float, width: float) -> ksd.Mechanism:
     """A cartwheel hinge."""
     joint = ksd.Cartwheel(STEEL, length=length, angle=angle, thickness=thickness, width=width)
-    return hinged(joint, 0.5 * length * np.cos(angle))
+    return arm_on_joint(joint, 0.5 * length * np.cos(angle))
 
 
 JOINTS: dict[str, tuple[Callable[..., ksd.Mechanism], dict[str, tuple[float, float]]]] = {
@@ -90,8 +90,8 @@ def jobs(names: Sequence[str] = tuple(JOINTS)) -> dict[str, ksd.Job]:
     }  # fmt: skip
 
 
-def kept(best: ksd.Optimum) -> dict[str, float]:
-    """First frequencies [Hz] of an optimum: the worst over the poses, that at rest, and the share that is kept."""
+def first_frequencies(best: ksd.Optimum) -> dict[str, float]:
+    """First frequencies [Hz] of an optimum: the worst over the poses, that at rest, and their ratio."""
     found = {n: v for n, v in best.answers.items() if n.startswith(GOAL)}
     rest = next(v for n, v in found.items() if "turn 0 " in n)
     return {"worst_Hz": min(found.values()), "rest_Hz": rest, "kept": min(found.values()) / rest}
@@ -99,13 +99,13 @@ def kept(best: ksd.Optimum) -> dict[str, float]:
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Optimise, print, write; returns what was found."""
-    asked = options(__doc__, argv)
+    asked = parse_options(__doc__, argv)
     chosen = ksd.choose(
         jobs(("butterfly", "cartwheel") if asked.quick else tuple(JOINTS)), starts=1 if asked.quick else 3
     )
     rows = {
         name: {
-            **kept(best), "design": dict(best.design), "held": list(best.held), "values": best.evaluations,
+            **first_frequencies(best), "design": dict(best.design), "held": list(best.held), "values": best.evaluations,
             "gradients": best.gradients, "seconds": best.seconds, "agreed": best.agreed,
         }
         for name, best in chosen.optima.items() if best is not None
@@ -120,8 +120,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
 
 
 def picture(found: dict[str, Any], path: Path) -> None:
-    """First frequency at rest and at worst of every joint, and the share that is kept."""
-    figure, ((axes,),) = canvas(
+    """First frequency at rest and the worst one of every joint, and their ratio."""
+    figure, ((axes,),) = figure_grid(
         1, 1, size=(5.5, 3.2), title="First frequency with the turn held, optimised joints"
     )
     rows = found["optima"]
@@ -138,7 +138,7 @@ def picture(found: dict[str, Any], path: Path) -> None:
     axes.set_yticks(list(places), list(rows))
     axes.set_ylim(len(rows) - 0.6, -0.6)
     axes.set_xlim(0, 1.2 * max(r["rest_Hz"] for r in rows.values()))
-    label(axes, x="first frequency [Hz]", y="", legend=True)
+    label_axes(axes, x="first frequency [Hz]", y="", legend=True)
     save_picture(figure, path)
 
 

@@ -1,7 +1,7 @@
-"""Scenes, timing and records shared by the benchmark scripts.
+"""Scenes, timing and results files shared by the benchmark scripts.
 
-All times are thread CPU times of this process; repeats of the cases compared are interleaved, so that a noisy
-neighbour disturbs all of them alike, and the first rounds (compilation, caches) are left out.
+All times are thread CPU times of this process. Compared cases are timed in turns, so that other load of the machine affects
+all of them alike; the first rounds (compilation, caches) are not counted.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ STEEL = ksd.Material(E=200 * GPa, G=76.9 * GPa, density=7800)
 STROKE = 0.3
 """Largest displacement d [m] of the fourbar's top link."""
 EPS_MAX = (1e4, 1e5, 3e5, 1e6, 3e6, 1e7, 3e7, 1e8, 3e8, 1e9, math.inf)
-"""Thresholds tried for the conventional method of paper 1, Appendix B, which does not print its own."""
-FINEST = Mesh(orders=(6, 5, 9), points=14)
+"""Residual thresholds tried for the conventional method of paper 1, Appendix B, which does not print its own."""
+REFERENCE_MESH = Mesh(orders=(6, 5, 9), points=14)
 """Reference: strain-mode leaves whose next refinement changes the fourbar force by less than 1e-8."""
 READINGS = {1: "H between joint centres", 2: "H is the side link"}
-"""The two readings of the lost Fig. 9 of paper 1."""
+"""The two interpretations of Fig. 9 of paper 1, which is lost."""
 
 
 def cross_flexure(**changes: Any) -> ksd.CrossFlexure:
@@ -89,7 +89,7 @@ def fourbar(reading: int = 1, *, moment: float = 0.0) -> ksd.Mechanism:
     return scene
 
 
-def chain(n: int, *, mip: bool = True, nodal: bool = False) -> Mesh:
+def element_mesh(n: int, *, mip: bool = True, nodal: bool = False) -> Mesh:
     """`n` Appendix A elements per leaf."""
     return Mesh("corotational", elements=n, mip=mip, nodal=nodal)
 
@@ -99,7 +99,7 @@ class PlainNewton:
 
     Plain Newton on all element nodes (`nodal`) or on the condensed chains, or with mixed integration points (`mip`);
     a step is given up when the residual exceeds eps_max, and halved; in space as in the paper, or in the plane
-    (`planar`). Whatever converges is believed, as in the paper. eps_max is chosen once, from EPS_MAX, by the
+    (`planar`). Every converged state is accepted, as in the paper. eps_max is chosen once, from EPS_MAX, by the
     number of factorisations among those that end in the state found with the smallest. `scene` may be a compiled
     model, which is then solved as it is. Raises ConvergenceError when none converges.
     """
@@ -116,7 +116,9 @@ class PlainNewton:
     ) -> None:
         self.planar = planar
         compiled = isinstance(scene, ksd.Model)
-        self.model = scene if compiled else ksd.compile_scene(scene, mesh=chain(n, mip=mip, nodal=nodal))
+        self.model = (
+            scene if compiled else ksd.compile_scene(scene, mesh=element_mesh(n, mip=mip, nodal=nodal))
+        )
         self.targets, self.storage = dict(targets), NewtonStorage(self.model)
         self.tried: dict[float, int | None] = {}
         first: np.ndarray | None = None
@@ -140,7 +142,7 @@ class PlainNewton:
     ) -> ksd.Configuration:
         """Solve from rest; `most` and `cap` leave the decisions to eps_max, as in the paper."""
         limit = self.eps_max if eps_max is None else eps_max
-        # a finite limit also switches off the walk that confirms a doubtful branch, which the paper has not
+        # a finite limit also switches off the load steps that confirm a doubtful branch, which the paper does not have
         return solve_conventional(
             self.model,
             self.targets if targets is None else targets,
@@ -170,8 +172,8 @@ class Times:
         }
 
 
-def times_of(spent: Sequence[float]) -> Times:
-    """Median and quartiles of times [us]."""
+def summarise_times(spent: Sequence[float]) -> Times:
+    """Median, quartiles and number of times [us]."""
     low, _, high = statistics.quantiles(spent, n=4) if len(spent) > 1 else (spent[0],) * 3
     return Times(statistics.median(spent), low, high, len(spent))
 
@@ -183,7 +185,7 @@ def thread_us(call: Callable[[], Any]) -> float:
     return 1e-3 * (time.thread_time_ns() - begin)
 
 
-def interleaved(cases: Mapping[str, Callable[[], Any]], *, repeats: int, warm: int = 2) -> dict[str, Times]:
+def time_in_turns(cases: Mapping[str, Callable[[], Any]], *, repeats: int, warm: int = 2) -> dict[str, Times]:
     """Thread time of every case, measured in turns: each case once a round, `warm` rounds not counted."""
     spent: dict[str, list[float]] = {name: [] for name in cases}
     for n in range(warm + repeats):
@@ -191,26 +193,26 @@ def interleaved(cases: Mapping[str, Callable[[], Any]], *, repeats: int, warm: i
             took = thread_us(call)
             if n >= warm:
                 spent[name].append(took)
-    return {name: times_of(values) for name, values in spent.items()}
+    return {name: summarise_times(values) for name, values in spent.items()}
 
 
 def machine() -> dict[str, Any]:
-    """Date, processor, load and versions; nothing that identifies the computer."""
+    """Date, processor, load and versions, without anything that identifies the computer."""
     return {**processor(), **{package: version(package) for package in ("scipy", "matplotlib")}}
 
 
-def spoken_machine(found: Mapping[str, Any]) -> str:
+def machine_line(found: Mapping[str, Any]) -> str:
     """Date, processor and versions in one line."""
     versions = ", ".join(f"{name} {found[name]}" for name in ("ksd", "python", "numpy", "numba"))
     return f"{found['date']}, one thread of {found['processor']}, {versions}"
 
 
-def clean(value: Any) -> Any:
-    """Plain Python numbers and lists; what is not finite becomes None, so that the file is strict JSON."""
+def json_value(value: Any) -> Any:
+    """Plain Python numbers and lists for strict JSON; numbers that are not finite become None."""
     if isinstance(value, Mapping):
-        return {str(k): clean(v) for k, v in value.items()}
+        return {str(k): json_value(v) for k, v in value.items()}
     if isinstance(value, np.ndarray | list | tuple):
-        return [clean(v) for v in value]
+        return [json_value(v) for v in value]
     if isinstance(value, float | np.floating):
         return float(value) if math.isfinite(value) else None
     return value.item() if isinstance(value, np.generic) else value
@@ -219,11 +221,13 @@ def clean(value: Any) -> Any:
 def write_json(found: Mapping[str, Any], path: Path) -> None:
     """Write `found` to `path`, one rounded number per value."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(clean(found), indent=1) + "\n")
+    path.write_text(json.dumps(json_value(found), indent=1) + "\n")
 
 
-def options(text: str, argv: Sequence[str] | None, *more: Callable[[argparse.ArgumentParser], Any]) -> Any:
-    """The options every script has: --quick and --out."""
+def parse_options(
+    text: str, argv: Sequence[str] | None, *more: Callable[[argparse.ArgumentParser], Any]
+) -> Any:
+    """Parsed options of a script: --quick and --out, which every script has, and those that `more` add."""
     parser = argparse.ArgumentParser(description=text.strip().splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="a small subset, in seconds")
     parser.add_argument("--out", type=Path, default=RESULTS, help="where results go (benchmarks/results)")
@@ -234,29 +238,33 @@ def options(text: str, argv: Sequence[str] | None, *more: Callable[[argparse.Arg
     return found
 
 
-def numbers_of(picture_path: Path, name: str) -> Path:
-    """The file of numbers beside a picture, the stored one where there is none."""
+def numbers_file(picture_path: Path, name: str) -> Path:
+    """The file of numbers in the folder of a picture, or the stored one where there is none."""
     beside = picture_path.with_name(name)
     return beside if beside.exists() else RESULTS / name
 
 
 def save_picture(figure: Any, path: Path, *, numbers: Path | None = None) -> None:
-    """Write a picture (.png) that tells which numbers it shows: name and SHA-256 of their file, as its text `Numbers`; the
-    file of the same name beside it, or the stored one, when None."""
+    """Write a picture (.png) that holds name and SHA-256 of the file of its numbers, as its text `Numbers`.
+
+    numbers: by default the file of the same name in its folder, or the stored one.
+    """
     write_file(
-        path, stamped(figure, numbers or numbers_of(path, path.with_suffix(".json").name)), what="picture"
+        path,
+        png_with_digest(figure, numbers or numbers_file(path, path.with_suffix(".json").name)),
+        what="picture",
     )
 
 
-def stamped(figure: Any, numbers: Path) -> bytes:
-    """A picture (.png) with the name and the digest of the file of its numbers."""
+def png_with_digest(figure: Any, numbers: Path) -> bytes:
+    """Content of a picture (.png) that holds name and SHA-256 of the file of its numbers."""
     digest = hashlib.sha256(numbers.read_bytes()).hexdigest()
     content = io.BytesIO()
     figure.savefig(content, format="png", metadata={"Numbers": f"{numbers.name} {digest}"})
     return content.getvalue()
 
 
-def canvas(rows: int, columns: int, *, size: tuple[float, float], title: str) -> tuple[Any, np.ndarray]:
+def figure_grid(rows: int, columns: int, *, size: tuple[float, float], title: str) -> tuple[Any, np.ndarray]:
     """A figure with rows x columns axes, each `size` inches, and its title; needs no display."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -271,7 +279,7 @@ def canvas(rows: int, columns: int, *, size: tuple[float, float], title: str) ->
     return figure, axes
 
 
-def label(axes: Any, *, x: str, y: str, title: str = "", legend: bool = True, **where: Any) -> None:
+def label_axes(axes: Any, *, x: str, y: str, title: str = "", legend: bool = True, **where: Any) -> None:
     """Axis labels, a small title and a legend."""
     axes.set_xlabel(x, fontsize=9)
     axes.set_ylabel(y, fontsize=9)

@@ -15,7 +15,7 @@ from typing import Any
 
 import common
 import numpy as np
-from common import STEEL, machine, options, save_picture, write_json
+from common import STEEL, machine, parse_options, save_picture, write_json
 
 import ksd
 from ksd.model.mesh import Mesh
@@ -196,7 +196,7 @@ def errors(quantity: Callable[[Mesh], float], elements: tuple[int, ...]) -> list
     return [abs(quantity(Mesh("corotational", elements=n)) / exact - 1) for n in elements]
 
 
-def order_of(found: Sequence[float]) -> float:
+def observed_order(found: Sequence[float]) -> float:
     """Observed order of the last refinement, elements doubling."""
     return math.log2(found[-2] / found[-1])
 
@@ -207,7 +207,7 @@ def picture(found: Mapping[str, Any], path: Path) -> None:
     axes = figure.add_subplot()
     elements, table = found["elements"], found["errors"]
     order = sorted(table, key=lambda name: -table[name][-1])
-    ends = spread([math.log10(table[name][-1]) for name in order], 0.25)
+    ends = spread_labels([math.log10(table[name][-1]) for name in order], 0.25)
     for name, end, color in zip(order, ends, ordered_colors(len(order)), strict=True):
         axes.loglog(elements, table[name], "o-", lw=1.2, ms=3.5, color=color)
         there = (elements[-1], table[name][-1])
@@ -249,8 +249,8 @@ def picture(found: Mapping[str, Any], path: Path) -> None:
     save_picture(figure, path)
 
 
-def spread(places: Sequence[float], gap: float) -> list[float]:
-    """Falling places moved as little as may be so that each is `gap` below the one before."""
+def spread_labels(places: Sequence[float], gap: float) -> list[float]:
+    """Descending positions, moved as little as possible so that each is at least `gap` below the one before."""
     # the mean of the places of a crowd, each less what those before it take, is where the crowd fits best
     crowds: list[list[float]] = []
     for k, place in enumerate(places):
@@ -264,13 +264,13 @@ def spread(places: Sequence[float], gap: float) -> list[float]:
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Table of errors and observed orders, convergence.json and the picture; returns the numbers."""
-    asked = options(__doc__, argv)
+    asked = parse_options(__doc__, argv)
     elements = ELEMENTS[:3] if asked.quick else ELEMENTS
     table = {}
     for quantity in QUANTITIES:
         table[quantity.__name__] = found = errors(quantity, elements)
         cells = "  ".join(f"{e:9.2e}" for e in found)
-        print(f"{quantity.__name__:17s} {cells}   order {order_of(found):.2f}")
+        print(f"{quantity.__name__:17s} {cells}   order {observed_order(found):.2f}")
     written = {"machine": machine(), "elements": elements, "errors": table}
     write_json(written, asked.out / "convergence.json")
     picture(written, asked.out / "convergence.png")

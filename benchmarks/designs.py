@@ -1,4 +1,4 @@
-"""What a new design costs: the same words, other numbers, prepared and asked for force and 6x6 support stiffness.
+"""Cost of a new design: the same mechanism with other numbers, prepared and solved for force and 6x6 support stiffness.
 
 Crossed pivot, the README's fourbar and the spatial arm of three joints, length and thickness changed each time as in an
 optimisation loop, so that nothing of an earlier design serves but what depends on topology; the same designs in one
@@ -19,22 +19,31 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import FINEST, STEEL, cross_flexure, interleaved, machine, options, thread_us, write_json
+from common import (
+    REFERENCE_MESH,
+    STEEL,
+    cross_flexure,
+    machine,
+    parse_options,
+    thread_us,
+    time_in_turns,
+    write_json,
+)
 
 import ksd
 from ksd.bench.suite import TIP, chain
 from ksd.units import deg, mm
 
-WANTED_MS = {
+TARGET_MS = {
     "crossed pivot": (8.7, 1.0, 0.5),
     "fourbar": (18.0, 2.0, 1.0),
     "three-joint arm": (55.0, 6.0, 3.0),
 }
-"""A new design in the first release, measured on another day; wanted alone; wanted among a thousand."""
-CHAINS_MS = {3: 3.0, 100: 30.0, 1000: 300.0}
-"""Joints of a chain, and what is wanted for preparing and solving it."""
-AGAIN_US = {"prepared": 130.0, "ksd.solve": 180.0, "ksd.solve with gravity, spring, heat": 400.0}
-"""Wanted for the fourbar at new drive values."""
+"""Time of a new design in the first release, measured on another day; target for a single one; target in a batch of 1000."""
+CHAIN_TARGET_MS = {3: 3.0, 100: 30.0, 1000: 300.0}
+"""Target of preparing and solving a chain, by its number of joints."""
+REPEAT_TARGET_US = {"prepared": 130.0, "ksd.solve": 180.0, "ksd.solve with gravity, spring, heat": 400.0}
+"""Targets of the fourbar at new drive values."""
 
 
 def pivot(length: float = 60 * mm, thickness: float = 0.4 * mm) -> ksd.Mechanism:
@@ -65,7 +74,7 @@ def fourbar(length: float = 100 * mm, thickness: float = 1 * mm, *, effects: boo
 
 
 def arm(length: float = 60 * mm, thickness: float = 0.45 * mm) -> ksd.Mechanism:
-    """The spatial arm the package brings, its hinges drawn anew."""
+    """The spatial arm of the package, with hinges of these sizes."""
     hinge = ksd.TripleInfinityHinge(STEEL, thickness=thickness, length=length)
     scene = ksd.Mechanism("arm")
     first, second, third = scene.links("first", "second", "third")
@@ -85,17 +94,17 @@ CASES: dict[str, tuple[Callable[..., ksd.Mechanism], dict[str, float], str, Any,
         arm, dict.fromkeys(("base", "shoulder", "elbow"), 30 * deg), "third", TIP, (60 * mm, 0.45 * mm),
     ),
 }  # fmt: skip
-"""What makes a scene, drive values, where the stiffness is asked for, nominal length and thickness [m]."""
+"""By name: function that returns the scene, drive values, link of the stiffness, nominal length and thickness [m]."""
 
 
 def design(name: str, n: int) -> dict[str, float]:
-    """The n-th design: length and thickness a little off."""
+    """The n-th design: length and thickness slightly changed."""
     length, thickness = CASES[name][4]
     rng = np.random.default_rng(n)
     return {"length": length * rng.uniform(0.95, 1.05), "thickness": thickness * rng.uniform(0.9, 1.1)}
 
 
-def answered(name: str, scene: ksd.Mechanism, **how: Any) -> tuple[ksd.Configuration, np.ndarray]:
+def solve_and_answer(name: str, scene: ksd.Mechanism, **how: Any) -> tuple[ksd.Configuration, np.ndarray]:
     """Configuration with its forces, and the 6x6 compliance of the link."""
     _, targets, link, at, _ = CASES[name]
     pose = ksd.prepare(scene, **how)(targets)
@@ -103,40 +112,40 @@ def answered(name: str, scene: ksd.Mechanism, **how: Any) -> tuple[ksd.Configura
 
 
 def new_designs(repeats: int) -> list[dict[str, Any]]:
-    """Medians [ms] of making a scene and of prepare + force + stiffness, and the errors of the answer."""
+    """Medians [ms] of building a scene and of prepare + force + stiffness, and the errors of the answer."""
     fresh = itertools.count(1)
     pool = {name: itertools.cycle([make(**design(name, next(fresh))) for _ in range(repeats + 3)])
             for name, (make, *_) in CASES.items()}  # fmt: skip
-    whole = interleaved(
-        {name: lambda name=name: answered(name, next(pool[name])) for name in CASES}, repeats=repeats
+    whole = time_in_turns(
+        {name: lambda name=name: solve_and_answer(name, next(pool[name])) for name in CASES}, repeats=repeats
     )
-    scene = interleaved(
+    scene = time_in_turns(
         {name: lambda name=name: CASES[name][0](**design(name, next(fresh))) for name in CASES},
         repeats=repeats,
     )
     rows = []
     for name, (make, *_) in CASES.items():
-        near, stiffness = answered(name, make())
-        fine, exact = answered(name, make(), mesh=FINEST)
+        near, stiffness = solve_and_answer(name, make())
+        fine, exact = solve_and_answer(name, make(), mesh=REFERENCE_MESH)
         force = max(abs(near.forces[k] / fine.forces[k] - 1) for k in near.forces)
-        before, alone, _ = WANTED_MS[name]
+        before, alone, _ = TARGET_MS[name]
         rows.append(
             {
                 "what": name, "ms": whole[name].median / 1e3, "wanted_ms": alone, "first_release_ms": before,
                 "scene_alone_ms": scene[name].median / 1e3, "forces": dict(near.forces), "force_error": force,
-                "force_error_told": near.error.relative, "stiffness_error": _difference(stiffness, exact),
+                "force_error_told": near.error.relative, "stiffness_error": _compliance_difference(stiffness, exact),
             }
         )  # fmt: skip
     return rows
 
 
-def _difference(one: np.ndarray, other: np.ndarray) -> float:
+def _compliance_difference(one: np.ndarray, other: np.ndarray) -> float:
     """Largest difference of two compliances (6, 6), forces apart from moments, over the largest entry of their kind."""
     blocks = [(slice(a, a + 3), slice(b, b + 3)) for a in (0, 3) for b in (0, 3)]
     return float(max(np.max(np.abs(one[at] - other[at])) / np.max(np.abs(other[at])) for at in blocks))
 
 
-def in_one_call(name: str, count: int, questions: Sequence[str] = ("support_stiffness",)) -> float:
+def batch_time(name: str, count: int, questions: Sequence[str] = ("support_stiffness",)) -> float:
     """CPU time of a design [ms] among `count` in one `ksd.batch`, scenes made in it, with force and answers."""
     make, targets, link, at, _ = CASES[name]
     ways: dict[str, Any] = {"threads": 1, "questions": questions, "link": link, "at": at}
@@ -148,8 +157,8 @@ def in_one_call(name: str, count: int, questions: Sequence[str] = ("support_stif
     return 1e-6 * (time.process_time_ns() - begin) / count
 
 
-def chained(joints: int, repeats: int) -> float:
-    """Prepare and first solve [ms] of a chain."""
+def chain_times(joints: int, repeats: int) -> float:
+    """Times [ms] of preparing and of first solving a chain."""
     spent = []
     for _ in range(repeats + 1):
         scene, targets = chain(joints)
@@ -174,16 +183,16 @@ def memory_left(count: int) -> float:
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Measure, print, write designs.json; returns what was found."""
-    given = options(__doc__, argv)
+    given = parse_options(__doc__, argv)
     quick = given.quick
     rows = new_designs(3 if quick else 25)
     for row in rows:
         row["batch_ms"], row["batch_wanted_ms"] = (
-            in_one_call(row["what"], 10 if quick else 1000),
-            WANTED_MS[row["what"]][2],
+            batch_time(row["what"], 10 if quick else 1000),
+            TARGET_MS[row["what"]][2],
         )
         asked = ("support_stiffness", "stress")
-        row["batch_stress_ms"] = in_one_call(row["what"], 10 if quick else 1000, asked)
+        row["batch_stress_ms"] = batch_time(row["what"], 10 if quick else 1000, asked)
         print(
             f"{row['what']:16} {row['ms']:7.2f} ms (wanted {row['wanted_ms']:g}, first release "
             f"{row['first_release_ms']:g}), the scene alone {row['scene_alone_ms']:.2f}; {row['batch_ms']:.2f} each in one "
@@ -194,17 +203,17 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     bare, full = fourbar(), fourbar(effects=True)
     solver = ksd.prepare(bare)
     stroke = itertools.cycle(np.linspace(0.1, 0.3, 17))
-    calls: dict[str, Callable[[], Any]] = dict(zip(AGAIN_US, (
+    calls: dict[str, Callable[[], Any]] = dict(zip(REPEAT_TARGET_US, (
         lambda: solver(top=float(next(stroke))),
         lambda: ksd.solve(bare, top=float(next(stroke))),
         lambda: ksd.solve(full, top=float(next(stroke))),
     ), strict=True))  # fmt: skip
-    again = interleaved(calls, repeats=20 if quick else 400, warm=10)
-    for name, wanted in AGAIN_US.items():
+    again = time_in_turns(calls, repeats=20 if quick else 400, warm=10)
+    for name, wanted in REPEAT_TARGET_US.items():
         print(f"{name:36} {again[name].median:7.1f} us (wanted {wanted:g})")
     chains = [
-        {"joints": joints, "ms": chained(joints, 1 if quick else 3), "wanted_ms": wanted}
-        for joints, wanted in CHAINS_MS.items()
+        {"joints": joints, "ms": chain_times(joints, 1 if quick else 3), "wanted_ms": wanted}
+        for joints, wanted in CHAIN_TARGET_MS.items()
         if joints <= 100 or not quick
     ]
     for found in chains:

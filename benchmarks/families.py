@@ -1,4 +1,4 @@
-"""The joint families: what each is, how good its record is, and a picture of it at rest and deformed.
+"""The joint families: the error of every record, and a picture of every family at rest and deformed.
 
     python benchmarks/families.py [--quick] [--out FOLDER]
 
@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import machine, options, save_picture, write_json
+from common import machine, parse_options, save_picture, write_json
 
 import ksd
 from ksd.library import find_record
@@ -32,11 +32,11 @@ from ksd.train.family_description import FAMILY_ORIGINS, TYPICAL_RANGES, count_f
 from ksd.view import plot_mechanism
 from ksd.view.figure import new_figure
 
-SIZES = 1.5
-"""Largest factor of a size that a record does not depend on."""
+MAX_SIZE_FACTOR = 1.5
+"""Largest factor on a size that a record does not depend on."""
 
 
-def alone(joint: Joint) -> ksd.Mechanism:
+def single_joint(joint: Joint) -> ksd.Mechanism:
     """The joint between ground and a link, every intended motion driven."""
     scene = ksd.Mechanism(joint.family)
     tip = scene.link("B")
@@ -46,16 +46,16 @@ def alone(joint: Joint) -> ksd.Mechanism:
     return scene
 
 
-def drawn(name: str, rng: np.random.Generator | None) -> Joint:
+def random_joint(name: str, rng: np.random.Generator | None) -> Joint:
     """The joint at a random shape of its trained range, or in the middle of it."""
     design = design_of(name)
     count = len(design.parameters)
     return design.make(**design.shape(np.zeros(count) if rng is None else rng.uniform(-1, 1, count)))
 
 
-def resized(joint: Joint, rng: np.random.Generator) -> Joint:
-    """The joint in other sizes that its record does not know: lengths, thickness and widths each by a factor of its own."""
-    longer, thicker, wider = np.exp(rng.uniform(-1, 1, 3) * math.log(SIZES)).tolist()
+def resized_joint(joint: Joint, rng: np.random.Generator) -> Joint:
+    """The joint with other sizes, on which its record does not depend: lengths, thickness, widths by a factor each."""
+    longer, thicker, wider = np.exp(rng.uniform(-1, 1, 3) * math.log(MAX_SIZE_FACTOR)).tolist()
     # the width of a universal joint over its length is a shape parameter
     across = (
         ()
@@ -75,7 +75,7 @@ def resized(joint: Joint, rng: np.random.Generator) -> Joint:
     return replace(joint, **words)  # type: ignore[type-var]
 
 
-def measured(name: str, *, shapes: int) -> dict[str, float]:
+def family_errors(name: str, *, shapes: int) -> dict[str, float]:
     """Largest errors over random shapes, four motions each."""
     force, place = errors(name, shapes if FAMILY_DESIGNS[name].parameters else 1)
     # the filleted notch is trained with one element alone
@@ -97,10 +97,10 @@ def errors(
     rng = np.random.default_rng(11)
     force, place = 0.0, 0.0
     for _ in range(shapes):
-        joint = drawn(name, rng)
+        joint = random_joint(name, rng)
         if other_sizes:
-            joint = resized(joint, rng)
-        solve = ksd.prepare(alone(joint), mesh=mesh)
+            joint = resized_joint(joint, rng)
+        solve = ksd.prepare(single_joint(joint), mesh=mesh)
         count = len(joint.motions)
         for share in (np.ones(count), -np.ones(count), *rng.uniform(-1, 1, (2, count))):
             values = {m.name: float(s * m.range[1]) for m, s in zip(joint.motions, share, strict=True)}
@@ -118,9 +118,9 @@ def _range(low: float, high: float, *, angle: bool) -> str:
     return f"{scale * low:.4g} to {scale * high:.4g}" + ("°" if angle else "")
 
 
-def facts(name: str) -> dict[str, Any]:
-    """What the record says of itself, in words."""
-    joint, record = drawn(name, None), find_record(name)
+def record_facts(name: str) -> dict[str, Any]:
+    """Facts about the record of a family, in words."""
+    joint, record = random_joint(name, None), find_record(name)
     motions = [
         f"{m.name} {_range(m.low, m.high, angle=True)}"
         if m.kind == "rotation"
@@ -176,7 +176,7 @@ CONSTRAINTS: dict[str, tuple[Joint, float]] = {
     ),
     "wire": (ksd.WireFlexure(ksd.Material(E=200e9, G=76.9e9), length=0.05, diameter=5e-4), 0.15),
 }
-"""Flexible constraints, and how far B is moved across them in the picture, over their length."""
+"""Flexible constraints, and displacement of B across them in the picture, over their length."""
 
 
 def constrained(joint: Joint, share: float) -> ksd.Configuration:
@@ -189,8 +189,8 @@ def constrained(joint: Joint, share: float) -> ksd.Configuration:
     return ksd.solve(scene, across=share * joint.length, turn=0.0, method="conventional")
 
 
-HOLDS = {"folded leaf": ("z", "along its fold"), "wire": ("x", "along its axis")}
-"""The one direction a flexible constraint is stiff in."""
+STIFF_DIRECTION = {"folded leaf": ("z", "along its fold"), "wire": ("x", "along its axis")}
+"""The only stiff direction of a flexible constraint."""
 STEEL = ksd.Material(E=200e9, G=76.9e9)
 
 
@@ -211,7 +211,7 @@ def random_constraint(name: str, rng: np.random.Generator) -> Joint:
 def constraint_facts(name: str, *, shapes: int) -> dict[str, Any]:
     """Closed form against the model at random shapes, ends kept parallel; how many times stiffer than along the other two
     axes at least; and what is left of the stiffness when B is moved across by 2 and by 10 % of the length."""
-    rng, (axis, along) = np.random.default_rng(11), HOLDS[name]
+    rng, (axis, along) = np.random.default_rng(11), STIFF_DIRECTION[name]
     family, off, soft, left = "", 0.0, math.inf, {0.02: 1.0, 0.1: 1.0}
     for _ in range(shapes):
         joint = random_constraint(name, rng)
@@ -229,7 +229,7 @@ def constraint_facts(name: str, *, shapes: int) -> dict[str, Any]:
 
 
 def _stiffness(joint: Joint, share: float) -> Any:
-    """Stiffness of B, drives let go, where it was moved across."""
+    """Stiffness of B, drives released, where it was moved across."""
     return constrained(joint, share).stiffness("B", at=joint.pose_B, freed=("across", "turn"))
 
 
@@ -261,9 +261,9 @@ def picture(names: Iterable[str], path: Path) -> None:
     columns = 5
     panels: list[tuple[str, ksd.Configuration]] = []
     for name in names:
-        joint = drawn(name, None)
+        joint = random_joint(name, None)
         values = {m.name: 0.8 * m.range[1] * (i == 0) for i, m in enumerate(joint.motions)}
-        panels.append((name.replace("_", " "), ksd.prepare(alone(joint))(values, method="full")))
+        panels.append((name.replace("_", " "), ksd.prepare(single_joint(joint))(values, method="full")))
     panels += [(name, constrained(joint, share)) for name, (joint, share) in CONSTRAINTS.items()]
     rows = -(-len(panels) // columns)
     figure = new_figure(2.2 * columns, 2.2 * rows)
@@ -281,9 +281,11 @@ def picture(names: Iterable[str], path: Path) -> None:
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Measure, print the table, draw the gallery; returns every number."""
-    chosen = options(__doc__, argv)
+    chosen = parse_options(__doc__, argv)
     names = tuple(FAMILY_DESIGNS)
-    found = {name: facts(name) | measured(name, shapes=2 if chosen.quick else 10) for name in names}
+    found = {
+        name: record_facts(name) | family_errors(name, shapes=2 if chosen.quick else 10) for name in names
+    }
     held = {name: constraint_facts(name, shapes=2 if chosen.quick else 10) for name in CONSTRAINTS}
     text = table(found) + constraint_table(held)
     print(text)

@@ -1,4 +1,4 @@
-"""What a solve must do at least: operations and bytes of one pass over a mechanism, counted from its arrays.
+"""Least work of a solve: operations and bytes of one evaluation of a mechanism, counted from its arrays.
 
 An operation is one addition or multiplication of doubles. Counted are the loops that dominate: condensation of every leaf,
 its way into the matrix, and the block factorisation (exactly, from its plan); trigonometry and indices are left out, so a
@@ -14,17 +14,17 @@ import numpy as np
 from ksd.model.arrays import LINEAR, STRAIN, Arrays, make_workspace
 from ksd.numerics.blocks import Blocks
 
-ELEMENT = 1700
-"""Of one Appendix A element: elimination of its inner node with eight columns 650, its tangent of 12 x 12 620, gradients,
-strains, stresses and frames 430."""
-CONDENSED = 2 * (6 * 6 * 12 + 12 * 6 * 12)
-"""Of a condensed body in the matrix of its nodes: T^T K T with K (6, 6), T (6, 12)."""
+ELEMENT_OPERATIONS = 1700
+"""Operations of one Appendix A element: elimination of its inner node with eight columns 650, its tangent of 12 x 12 620,
+gradients, strains, stresses and frames 430."""
+ASSEMBLY_OPERATIONS = 2 * (6 * 6 * 12 + 12 * 6 * 12)
+"""Operations of a condensed body in the matrix of its nodes: T^T K T with K (6, 6), T (6, 12)."""
 
 
 @dataclass(frozen=True)
 class Pass:
-    """One pass over a mechanism: operations of leaves (condensation), of their way into the matrix, of its factorisation;
-    bytes of the storage touched."""
+    """One evaluation of a mechanism: operations of leaves (condensation), of their assembly into the matrix, and of its
+    factorisation; bytes of the storage read or written."""
 
     leaves: int
     matrix: int
@@ -33,7 +33,7 @@ class Pass:
 
     @property
     def operations(self) -> int:
-        """All of them."""
+        """Total number of operations."""
         return self.leaves + self.matrix + self.factor
 
     def __str__(self) -> str:
@@ -48,11 +48,11 @@ def _rounded(n: float) -> str:
 
 
 def leaf_operations(kind: int, number: np.ndarray) -> int:
-    """Of the condensation of one leaf to its ends."""
+    """Operations of the condensation of one leaf to its ends."""
     if kind == LINEAR:
         return 0
     if kind != STRAIN:
-        return ELEMENT * int(number[0])
+        return ELEMENT_OPERATIONS * int(number[0])
     N, ng = int(sum(number[:3])), int(number[3])
     fields = 30 * N * ng
     tangent = 39 * N * ng + 2 * N * N * ng + 6 * N * N
@@ -61,7 +61,7 @@ def leaf_operations(kind: int, number: np.ndarray) -> int:
 
 
 def factor_operations(plan: Blocks) -> int:
-    """Of the block LDL^T, from its plan."""
+    """Operations of the block LDL^T factorisation, from its plan."""
     total = 0
     for k, n in enumerate(plan.size.tolist()):
         rows = plan.size[plan.row[plan.first[k] : plan.first[k + 1]]]
@@ -71,10 +71,10 @@ def factor_operations(plan: Blocks) -> int:
 
 
 def one_pass(arrays: Arrays) -> Pass:
-    """Of one assembly and factorisation of a mechanism in space."""
+    """Work of one assembly and factorisation of a mechanism in space."""
     members = arrays.members
     leaves = sum(leaf_operations(int(k), n) for k, n in zip(members.kind, members.number, strict=True))
     work = make_workspace(arrays)
     touched = (*work, members.value, members.frame, members.offset)
     size = sum(int(a.nbytes) for a in touched)
-    return Pass(leaves, CONDENSED * len(members.kind), factor_operations(arrays.plan), size)
+    return Pass(leaves, ASSEMBLY_OPERATIONS * len(members.kind), factor_operations(arrays.plan), size)

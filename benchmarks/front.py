@@ -1,4 +1,4 @@
-"""What accuracy costs, as a picture: the front of all methods in black, a few methods by name, the others as faint dots."""
+"""Picture of error over time: the Pareto front of all methods in black, a few methods by name, the others as faint dots."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ksd.view.figure import (
 )
 from ksd.view.labels import separate_labels
 
-NAMED = {
+NAMED_METHODS = {
     "kinematic": LINE_COLORS[4],
     "reduced": LINE_COLORS[2],
     "reduced, 1 pass": LINE_COLORS[1],
@@ -29,12 +29,12 @@ NAMED = {
     "conventional": LINE_COLORS[3],
     "plain Newton": GROUND_COLOR,
 }
-"""Methods that are told by name with strain-mode leaf springs, and their colours."""
+"""Methods that are named in the picture with strain-mode leaf springs, and their colours."""
 CHAINS = ("conventional", "plain Newton")
 """Methods whose row of element meshes is drawn."""
-SAID = {"reduced, 1 pass": "reduced, one step", "plain Newton": "plain Newton, as the paper's baseline"}
-BELOW = 1e-6
-"""Errors [%] below this are those of the reference, and drawn here."""
+LABELS = {"reduced, 1 pass": "reduced, one step", "plain Newton": "plain Newton, as the paper's baseline"}
+MIN_ERROR = 1e-6
+"""Errors [%] below this are those of the reference, and are drawn at this value."""
 
 
 class Mark(NamedTuple):
@@ -46,11 +46,11 @@ class Mark(NamedTuple):
     error: float
 
 
-def in_plane(marks: Iterable[Mark]) -> list[Mark]:
-    """Of a method in the plane and in space the faster one, under one name."""
+def merge_planar(marks: Iterable[Mark]) -> list[Mark]:
+    """Marks in which a method in the plane and in space has one name, the faster one at each mesh."""
     best: dict[tuple[str, int], Mark] = {}
     for mark in marks:
-        mark = mark._replace(method=mark.method.replace(", planar", ""), error=max(mark.error, BELOW))
+        mark = mark._replace(method=mark.method.replace(", planar", ""), error=max(mark.error, MIN_ERROR))
         key = mark.method, mark.elements
         if key not in best or mark.time < best[key].time:
             best[key] = mark
@@ -58,7 +58,7 @@ def in_plane(marks: Iterable[Mark]) -> list[Mark]:
 
 
 class Panel(NamedTuple):
-    """Axes, what is drawn in them, and the words about them."""
+    """Axes, the marks drawn in them, title and axis labels."""
 
     axes: Any
     marks: Sequence[Mark]
@@ -82,15 +82,15 @@ def draw_fronts(panels: Sequence[Panel]) -> None:
 
 def _draw(axes: Any, every: Iterable[Mark]) -> tuple[Any, Any]:
     """One panel; returns points (n, 2) of named marks and along its lines, and of the others."""
-    marks = in_plane(every)
-    rest = [m for m in marks if m.method not in NAMED or (m.elements and m.method not in CHAINS)]
+    marks = merge_planar(every)
+    rest = [m for m in marks if m.method not in NAMED_METHODS or (m.elements and m.method not in CHAINS)]
     axes.plot(
         [m.time for m in rest], [m.error for m in rest], ".", color=UNDEFORMED_COLOR, markersize=4, zorder=1
     )
     lines = []
     for method in CHAINS:
         row = sorted((m for m in marks if m.method == method and m.elements), key=lambda m: m.elements)
-        look = {"color": NAMED[method], "markersize": 3.5, "linewidth": 0.8, "zorder": 2}
+        look = {"color": NAMED_METHODS[method], "markersize": 3.5, "linewidth": 0.8, "zorder": 2}
         axes.plot([m.time for m in row], [m.error for m in row], "s-", **look)
         lines.append([(m.time, m.error) for m in row])
     best = [(marks[n].time, marks[n].error) for n in pareto_indices((m.time, m.error) for m in marks)]
@@ -99,17 +99,23 @@ def _draw(axes: Any, every: Iterable[Mark]) -> tuple[Any, Any]:
     axes.step(
         *zip(*steps, strict=True), where="post", color=TEXT_COLOR, linewidth=1.3, zorder=1.5, gid="front"
     )
-    strain = [m for m in marks if m.method in NAMED and not m.elements]
+    strain = [m for m in marks if m.method in NAMED_METHODS and not m.elements]
     for m in strain:
         axes.plot(
-            m.time, m.error, "o", color=NAMED[m.method], markersize=7, markeredgecolor="white", zorder=4
+            m.time,
+            m.error,
+            "o",
+            color=NAMED_METHODS[m.method],
+            markersize=7,
+            markeredgecolor="white",
+            zorder=4,
         )
     axes.set_xlim(low, high)
     axes.set_ylim(0.15 * min(m.error for m in marks), 6.0 * max(m.error for m in marks))
     for row in shared_label_rows(strain):
-        _say(
+        _annotate(
             axes,
-            "; ".join(SAID.get(m.method, m.method) for m in row),
+            "; ".join(LABELS.get(m.method, m.method) for m in row),
             row[-1],
             TEXT_COLOR,
             (9, 0),
@@ -122,7 +128,7 @@ def _draw(axes: Any, every: Iterable[Mark]) -> tuple[Any, Any]:
             )
             slow = max(row, key=lambda m: m.time)
             said = f"{method}, {ends}\nelements per leaf"
-            _say(axes, said, slow, NAMED[method], (0, -14), side="right")
+            _annotate(axes, said, slow, NAMED_METHODS[method], (0, -14), side="right")
     plain_scales(axes)
     lines.append([point for a, b in pairwise(steps) for point in (a, (b[0], a[1]), b)])
     named = [(m.time, m.error) for m in marks if m not in rest]
@@ -137,7 +143,7 @@ def _along(line: Sequence[tuple[float, float]]) -> np.ndarray:
     return np.exp(np.stack([np.interp(along, np.arange(len(corners)), c) for c in corners.T], axis=1))
 
 
-def _say(axes: Any, words: str, m: Mark, color: str, shift: tuple[float, float], *, side: str) -> None:
+def _annotate(axes: Any, words: str, m: Mark, color: str, shift: tuple[float, float], *, side: str) -> None:
     axes.annotate(
         words, (m.time, m.error), shift, textcoords="offset points", fontsize=8, color=color, ha=side, va="center", zorder=5,
         bbox=LABEL_BACKGROUND, in_layout=False,

@@ -40,7 +40,7 @@ from ksd.solve.conventional import solve_conventional, solve_drives_first, witho
 from ksd.solve.load_steps import secant_work, state_difference  # noqa: E402
 
 BATCH = 250
-"""Examples drawn, tried and written down together."""
+"""Examples of a batch, which is logged when it is finished."""
 EXACT, NEAR = 1e-4, 2e-2
 """Largest difference (of positions over the size, of rotations as they are) of equal states: exact methods, fast ones."""
 
@@ -54,7 +54,7 @@ class Kind(NamedTuple):
     loaded: bool = False
 
 
-def drawn(strategy: Any, count: int, number: int) -> list[Any]:
+def draw_examples(strategy: Any, count: int, number: int) -> list[Any]:
     """`count` examples of a strategy, others for every seed `number`."""
     found: list[Any] = []
 
@@ -109,7 +109,7 @@ def by_arc(model: Any, targets: dict[str, float], steps: int) -> Any:
     return path.states[-1]
 
 
-def looked_over(found: Any, targets: dict[str, float]) -> tuple[str, str]:
+def compare_with_fine_path(found: Any, targets: dict[str, float]) -> tuple[str, str]:
     """("same", "") where a fine walk ends in the minimum `found`; else ("elsewhere" or "unsettled", what walks found).
 
     Elsewhere: fine walks end in another minimum. Unsettled: none of them ends in a minimum.
@@ -131,8 +131,8 @@ def looked_over(found: Any, targets: dict[str, float]) -> tuple[str, str]:
     return verdict, "; ".join(said)
 
 
-def pushed(found: Any) -> bool:
-    """Whether loads do any work worth the name: hypothesis likes loads of nothing, and of 1e-160."""
+def is_loaded(found: Any) -> bool:
+    """Whether loads are not negligible: hypothesis often draws loads of zero, or of 1e-160."""
     model = found.model
     if (
         not len(model.arrays.loads.node)
@@ -143,11 +143,11 @@ def pushed(found: Any) -> bool:
     return not abs(loading) <= 1e-6 * (abs(driving) + abs(loading))
 
 
-def tried(kind: Kind, count: int, number: int, picked: int) -> dict[str, Any]:
+def try_examples(kind: Kind, count: int, number: int, picked: int) -> dict[str, Any]:
     """What became of `count` examples of one kind; `picked` of their loaded answers are walked again."""
     counts: collections.Counter[str] = collections.Counter()
     bad, loaded, begin = [], [], time.monotonic()
-    for example in drawn(kind.strategy, count, number):
+    for example in draw_examples(kind.strategy, count, number):
         try:
             answer = kind.act(example)
         except Exception as error:
@@ -155,12 +155,12 @@ def tried(kind: Kind, count: int, number: int, picked: int) -> dict[str, Any]:
             bad.append(f"{type(error).__name__}: {error} from {example!r}"[:600])
             continue
         counts["answered" if answer else "refused"] += 1
-        if isinstance(answer, ksd.Configuration) and pushed(answer):
+        if isinstance(answer, ksd.Configuration) and is_loaded(answer):
             loaded.append((answer, example[1]))
     spent, doubtful = round(time.monotonic() - begin, 1), []
     chosen = loaded[:: max(1, len(loaded) // max(picked, 1))][:picked]
     for answer, targets in chosen:
-        verdict, said = looked_over(answer, targets)
+        verdict, said = compare_with_fine_path(answer, targets)
         counts[verdict] += 1
         if verdict != "same":
             doubtful.append(f"{verdict}: {answer!r} at {targets}: {said}")
@@ -197,7 +197,7 @@ def run(asked: argparse.Namespace, log: Path) -> list[dict[str, Any]]:
         for batch in plan(asked.examples, asked.sample, asked.seed, every):
             line = done.get(json.dumps(batch))
             if line is None:
-                became = tried(every[batch["kind"]], batch["count"], batch["seed"], batch["picked"])
+                became = try_examples(every[batch["kind"]], batch["count"], batch["seed"], batch["picked"])
                 line = {"batch": batch, **became}
                 out.write(json.dumps(line) + "\n")
                 out.flush()

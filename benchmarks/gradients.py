@@ -17,7 +17,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from common import STEEL, interleaved, machine, options, write_json
+from common import STEEL, machine, parse_options, time_in_turns, write_json
 
 import ksd
 from ksd.bench.suite import TIP
@@ -26,17 +26,17 @@ from ksd.errors import KsdError
 from ksd.units import deg, mm
 
 QUESTIONS = tuple(q for q in ALL_QUESTIONS if q not in ("clearance", "buckling"))
-"""Of one joint, whose leaf springs share their blocks; critical load factors are looked at apart."""
-SHARE = (1.0, -1.0, 0.5, -0.5, 0.25, -0.25, 0.125, -0.125)
+"""Questions of one joint, whose leaf springs share their blocks; critical load factors are checked separately."""
+STEP_FACTORS = (1.0, -1.0, 0.5, -0.5, 0.25, -0.25, 0.125, -0.125)
 """Steps of the re-solves, over the largest: two references of sixth order, whose difference is their error."""
-FLOOR = 1e-3
-"""Derivatives are compared on answer over parameter times this at least."""
-LARGEST = 2e-3
+MIN_SCALE = 1e-3
+"""Errors of derivatives are relative to at least this times answer over parameter."""
+MAX_STEP = 2e-3
 """Largest step of the re-solves, over the parameter."""
 OPTIMUM = 0.5035665
-"""Of the job of `optima`, in the specification."""
-WANTED = {"fourbar": 3.0, "arm": 1.0}
-"""Cost of the gradient, in values."""
+"""Optimum of the job of `optima`, from the specification."""
+TARGET_COSTS = {"fourbar": 3.0, "arm": 1.0}
+"""Target of the cost of a gradient, in evaluations."""
 
 
 def hinge(family: Callable[..., Any]) -> Callable[..., ksd.Mechanism]:
@@ -80,7 +80,7 @@ FAMILIES: dict[str, tuple[Callable[..., ksd.Mechanism], dict[str, float], dict[s
     ),
     "universal joint": (hinge(ksd.UniversalJoint), {**LEAF, "length": 50 * mm}, {"turn": 0.1, "turn1": 0.1}),
 }  # fmt: skip
-"""A design of every family, and where it is looked at."""
+"""A design of every family, and the pose of its answers."""
 SIDES = ("a", "b", "c", "d")
 
 
@@ -157,12 +157,14 @@ MECHANISMS: dict[str, tuple[Callable[..., ksd.Mechanism], dict[str, float], dict
 }  # fmt: skip
 
 
-def shaken(at_design: Mapping[str, float], rng: np.random.Generator, by: float = 0.08) -> dict[str, float]:
-    """A design beside the usual one."""
+def random_design(
+    at_design: Mapping[str, float], rng: np.random.Generator, by: float = 0.08
+) -> dict[str, float]:
+    """A random design near the nominal one."""
     return {n: v * rng.uniform(1 - by, 1 + by) for n, v in at_design.items()}
 
 
-def compared(
+def gradient_errors(
     design: Callable[..., Any],
     at_design: Mapping[str, float],
     drives: Mapping[str, float],
@@ -175,18 +177,18 @@ def compared(
         rows = [
             next(iter(
                 ksd.sweep(
-                    design, designs=[{**at_design, name: value * (1 + LARGEST * s)}], method="conventional",
+                    design, designs=[{**at_design, name: value * (1 + MAX_STEP * s)}], method="conventional",
                     progress=False, **words, **drives,
                 ).rows()
             ))
-            for s in SHARE
+            for s in STEP_FACTORS
         ]  # fmt: skip
         for column in found.columns:
             here = float(found.values[column][0])
             if column not in rows[0] or (column, 0) in found.reasons or abs(here) < 1e-9:
                 continue
             q = [float(row[column]) for row in rows]
-            d = [(q[2 * k] - q[2 * k + 1]) / (2 * LARGEST * SHARE[2 * k] * value) for k in range(4)]
+            d = [(q[2 * k] - q[2 * k + 1]) / (2 * MAX_STEP * STEP_FACTORS[2 * k] * value) for k in range(4)]
             four = [(4 * fine - coarse) / 3 for coarse, fine in pairwise(d)]
             six = [(16 * fine - coarse) / 15 for coarse, fine in pairwise(four)]
             # what the others of its unit are beside it says what is rounding
@@ -195,7 +197,7 @@ def compared(
                 for c in found.columns
                 if c.split("_")[0] == column.split("_")[0] == "parasitic"
             ]
-            size = max(abs(six[0]), FLOOR * max(abs(here), *like, 0.0) / value)
+            size = max(abs(six[0]), MIN_SCALE * max(abs(here), *like, 0.0) / value)
             off = abs(float(found[column, name][0]) - six[0]) / size
             figure, own = float(found.errors[column, name][0]) / size, abs(six[1] - six[0]) / size
             if not worst.get(column) or off > worst[column][0]:
@@ -218,9 +220,9 @@ def accuracy(*, designs: int, heavy: int, names: Sequence[str]) -> list[dict[str
         count = heavy if name in MECHANISMS else designs
         questions = QUESTIONS if name != "arm" else tuple(q for q in QUESTIONS if q != "frequencies")
         for _ in range(count):
-            at_design = shaken(usual, rng)
+            at_design = random_design(usual, rng)
             try:
-                found = compared(make, at_design, drives, {"questions": questions, **words})
+                found = gradient_errors(make, at_design, drives, {"questions": questions, **words})
             except KsdError as reason:
                 failed.append(str(reason))
                 continue
@@ -244,7 +246,7 @@ def costs(repeats: int, names: Sequence[str] = ("fourbar", "arm")) -> list[dict[
     rng, cases, pools = np.random.default_rng(3), {}, {}
     for name in names:
         make, usual, drives, link, point = MECHANISMS[name]
-        pools[name] = itertools.cycle([shaken(usual, rng, 0.02) for _ in range(repeats + 3)])
+        pools[name] = itertools.cycle([random_design(usual, rng, 0.02) for _ in range(repeats + 3)])
 
         def value(
             name: str = name, make: Any = make, drives: Any = drives, link: str = link, point: Any = point
@@ -265,17 +267,17 @@ def costs(repeats: int, names: Sequence[str] = ("fourbar", "arm")) -> list[dict[
             )
 
         cases |= {f"{name} value": value, f"{name} gradient": gradient}
-    found = interleaved(cases, repeats=repeats)
+    found = time_in_turns(cases, repeats=repeats)
     rows = []
     for name in names:
         one, all_of = (found[f"{name} {what}"].median / 1e3 for what in ("value", "gradient"))
         count = len(MECHANISMS[name][1])
         print(
             f"{name}: a value {one:.2f} ms, gradient by {count} parameters with the value {all_of:.2f} ms, "
-            f"{all_of / one:.2f} values (wanted {WANTED[name]:g})"
+            f"{all_of / one:.2f} values (wanted {TARGET_COSTS[name]:g})"
         )
         rows.append({"what": name, "parameters": count, "value_ms": one, "gradient_ms": all_of, "values": all_of / one,
-                     "wanted_values": WANTED[name]})  # fmt: skip
+                     "wanted_values": TARGET_COSTS[name]})  # fmt: skip
     return rows
 
 
@@ -320,7 +322,7 @@ def optima(starts: int, methods: Sequence[str]) -> list[dict[str, Any]]:
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Measure, print, write gradients.json; returns what was found."""
-    asked = options(__doc__, argv)
+    asked = parse_options(__doc__, argv)
     names = ("crossed pivot", "arc hinge") if asked.quick else (*FAMILIES, *MECHANISMS)
     result = {
         "machine": machine(),

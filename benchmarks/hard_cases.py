@@ -21,7 +21,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "tests" / "validation"), str(ROOT / "tests"), str(ROOT)]
 
-from common import RESULTS, machine, spoken_machine  # noqa: E402
+from common import RESULTS, machine, machine_line  # noqa: E402
 from hard_bank import CASES, FINE, Case  # noqa: E402
 
 import ksd  # noqa: E402
@@ -45,7 +45,7 @@ METHODS: dict[str, dict[str, Any]] = {
     "path": {"path": True},
 }
 """Columns of the table: words for `ksd.solve`; "spatial" is the conventional solver kept out of the plane."""
-COARSE = 0.02
+ELEMENT_TOLERANCE = 0.02
 """Tolerance of 10 Appendix A elements per leaf against finer answers: far from any other branch."""
 FAST = ("kinematic", "reduced", "modal")
 STATED, ROUGH = 1.5, 0.1
@@ -53,7 +53,7 @@ STATED, ROUGH = 1.5, 0.1
 
 
 def has_joints(scene: Any) -> bool:
-    """Whether the five steps have anything to say; a scene that is refused is refused by all."""
+    """Whether the five-step methods apply; a scene that is refused is refused by all methods."""
     try:
         return bool(scene.scene().joints)
     except KsdError:
@@ -75,8 +75,8 @@ def applies(case: Case, scene: Any, method: str) -> bool:
     return not ("mesh" in ways and case.mesh is not None)
 
 
-def answered(case: Case, scene: Any, method: str) -> Any:
-    """What a column answers to a case; KsdError where it refuses."""
+def solve_case(case: Case, scene: Any, method: str) -> Any:
+    """Answer of the method of a column to a case. Raises KsdError where it refuses."""
     ways = METHODS[method]
     if method == "path":
         return ksd.follow(scene, dict(case.targets), mesh=case.mesh, **(case.path or {}))
@@ -89,7 +89,7 @@ def attempt(case: Case, method: str) -> tuple[str, str]:
     if not applies(case, scene, method):
         return "-", ""
     try:
-        found = answered(case, scene, method)
+        found = solve_case(case, scene, method)
         seen = found
         if case.path is not None and method != "path":
             seen = type("OneState", (), {"states": [found]})()
@@ -107,13 +107,13 @@ def attempt(case: Case, method: str) -> tuple[str, str]:
     error = float(np.abs(value - case.answer).max() / scale)
     allowed = case.tolerance
     if "mesh" in METHODS[method]:
-        allowed = max(allowed, COARSE)
+        allowed = max(allowed, ELEMENT_TOLERANCE)
     if fast:
         allowed = max(allowed, STATED * found.error.relative)
     said = f"error {error:.1e}, {allowed:.1e} allowed"
     if error > allowed and "mesh" in METHODS[method]:
         try:
-            own = float(np.abs(value - walked(case, METHODS[method]["mesh"])).max() / scale)
+            own = float(np.abs(value - fine_solution(case, METHODS[method]["mesh"])).max() / scale)
         except KsdError:
             return "wrong", said
         error, allowed, said = (
@@ -124,10 +124,10 @@ def attempt(case: Case, method: str) -> tuple[str, str]:
     return ("right" if error <= allowed else "wrong"), said
 
 
-def walked(case: Case, mesh: Mesh | None = None) -> np.ndarray:
+def fine_solution(case: Case, mesh: Mesh | None = None) -> np.ndarray:
     """The answer in 96 small load steps with finer leaf springs, or with `mesh`.
 
-    ConvergenceError when that walk does not end in a minimum.
+    Raises ConvergenceError when the last state is not a minimum of energy.
     """
     mesh = mesh or case.mesh or FINE
     if case.path is not None:
@@ -146,7 +146,7 @@ def main() -> int:
             if case.answer is None:
                 continue
             try:
-                print(f"{case.name}: {walked(case).tolist()}  ({case.answer})")
+                print(f"{case.name}: {fine_solution(case).tolist()}  ({case.answer})")
             except KsdError as reason:
                 print(f"{case.name}: {reason}")
         return 0
@@ -170,7 +170,7 @@ def main() -> int:
     head = [
         f"# {len(CASES)} hard cases",
         "",
-        f"By `python benchmarks/hard_cases.py`, {spoken_machine(machine())}.",
+        f"By `python benchmarks/hard_cases.py`, {machine_line(machine())}.",
         "",
         *said,
         "",

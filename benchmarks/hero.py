@@ -1,4 +1,4 @@
-"""The picture at the top of the README: the fourbar of paper 1 and what each method costs and misses.
+"""The picture at the top of the README: the fourbar of paper 1 and time and error of each method.
 
     python benchmarks/hero.py [--out FOLDER]
 
@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from common import RESULTS, STROKE, fourbar, options, save_picture
+from common import RESULTS, STROKE, fourbar, parse_options, save_picture
 from front import Panel, draw_fronts
 from speed_report import marks_of
 
@@ -58,7 +58,7 @@ def draw(path: Path, numbers: Path) -> ksd.Configuration:
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Draw hero.png; returns the figures in it."""
-    chosen = options(__doc__, argv)
+    chosen = parse_options(__doc__, argv)
     out = DOCS if chosen.out == RESULTS else chosen.out
     out.mkdir(parents=True, exist_ok=True)
     pose = draw(out / "hero.png", RESULTS / "speed.json")

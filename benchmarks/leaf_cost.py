@@ -1,4 +1,4 @@
-"""What one leaf costs per iteration: the strain-mode leaf beside chains of Appendix A elements, and in its plane.
+"""Cost of one leaf per iteration: strain-mode leaf, chains of Appendix A elements, and the strain-mode leaf in its plane.
 
 Condensing to the end frames and recovering the inner unknowns, one
 leaf again and again, in turns with all other cases; thread time. Target: the default orders at no more than four
@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from common import interleaved, machine, options, write_json
+from common import machine, parse_options, time_in_turns, write_json
 
 from ksd.beam import corotational, corotational_values, planar_leaf, strain
 from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS, strain_sizes, strain_values
@@ -53,12 +53,12 @@ def _case(
 ) -> Callable[[], None]:
     """`CALLS` iterations of one leaf."""
     number = np.array([*number, 0, 0, 0, 0][:4], np.int64)
-    kept = np.zeros(store)
+    store_array = np.zeros(store)
     d, Q = np.array([0.99 * LENGTH, 0.003, 1e-4]), np.eye(3)
     K, xi, lam = np.zeros((6, 6)), np.full(6, 1e-3), np.zeros(12)
 
     def run() -> None:
-        call(value, number, inner, kept, d, Q, lam, K, xi, CALLS)
+        call(value, number, inner, store_array, d, Q, lam, K, xi, CALLS)
         if not np.isfinite(K).all():
             raise RuntimeError("the leaf did not condense")
 
@@ -90,7 +90,7 @@ def _elements(count: int) -> Callable[[], None]:
     return _case(_chain, value, number, inner, corotational_values.sizes(count).store)
 
 
-def _flat_modes(orders: Sequence[int]) -> Callable[[], None]:
+def _planar_modes(orders: Sequence[int]) -> Callable[[], None]:
     """A strain-mode leaf that bends in its plane."""
     value, number = _constants(orders)
     inner = np.random.default_rng(1).normal(size=strain_sizes(number)[0])
@@ -100,11 +100,11 @@ def _flat_modes(orders: Sequence[int]) -> Callable[[], None]:
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Print and store times [us] of all leaf springs, and their ratio to four elements."""
-    chosen = options(__doc__, argv)
+    chosen = parse_options(__doc__, argv)
     cases = {f"space: strain modes {o[:3]}, {o[3]} points": _modes(o) for o in ORDERS}
     cases |= {f"space: {n} elements": _elements(n) for n in ELEMENTS}
-    cases |= {f"plane: {o[2]} strain modes, {o[3]} points": _flat_modes(o) for o in ORDERS[:3]}
-    times = interleaved(cases, repeats=10 if chosen.quick else 200)
+    cases |= {f"plane: {o[2]} strain modes, {o[3]} points": _planar_modes(o) for o in ORDERS[:3]}
+    times = time_in_turns(cases, repeats=10 if chosen.quick else 200)
     found: dict[str, Any] = {"machine": machine(), "us": {}, "ratio_to_four_elements": {}}
     for name, spent in times.items():
         us = spent.median / CALLS

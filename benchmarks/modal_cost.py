@@ -1,4 +1,4 @@
-"""What a modal body costs beside what it gives: time per iteration and solve, error of moment AND support stiffness.
+"""Cost and error of modal bodies: time per iteration and per solve, errors of moment and support stiffness.
 
     python benchmarks/modal_cost.py [--quick] [--out FOLDER]
 
@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from common import FINEST, STEEL, fourbar, hinge, machine, options, spoken_machine, write_json
+from common import REFERENCE_MESH, STEEL, fourbar, hinge, machine, machine_line, parse_options, write_json
 from paper2_tangent import tangent_solve
 from reduced_solids import press_reduced
 
@@ -38,8 +38,8 @@ SUPPORTS = ("y", "z", "rx", "ry", "rz")
 """Directions in which the top link of the fourbar is not driven."""
 
 
-def ways() -> dict[str, Callable[[], Configuration]]:
-    """Every way to the same answer, prepared: a call solves from the undeformed state, or from the trained one."""
+def leaf_variants() -> dict[str, Callable[[], Configuration]]:
+    """Prepared solves of the same pose by label; each call starts from the undeformed configuration, or the trained one."""
     scene = hinge()
 
     def model(**words: Any) -> Model:
@@ -67,10 +67,10 @@ def ways() -> dict[str, Callable[[], Configuration]]:
 
 
 def measure(repeats: int) -> list[dict[str, Any]]:
-    """One row per way: time of an iteration and of a solve [us], errors of moment and support stiffness."""
-    best = solve_conventional(compile_scene(hinge(), mesh=FINEST), {"turn": STROKE}, planar=False)
+    """One row per leaf model: time of an iteration and of a solve [us], errors of moment and support stiffness."""
+    best = solve_conventional(compile_scene(hinge(), mesh=REFERENCE_MESH), {"turn": STROKE}, planar=False)
     aim = _answers(best)
-    prepared = ways()
+    prepared = leaf_variants()
     times: dict[str, list[tuple[float, float]]] = {n: [] for n in prepared}
     last: dict[str, Configuration] = {}
     for k in range(repeats + 1):
@@ -104,14 +104,14 @@ def _answers(found: Configuration) -> list[float]:
     return [found.forces["turn"], *(stiff[d] for d in DIRECTIONS)]
 
 
-def calls(repeats: int) -> list[dict[str, Any]]:
+def time_calls(repeats: int) -> list[dict[str, Any]]:
     """Whole calls of a prepared solver, fourbar at 0.3 m: the first with its bases, the median of later ones without
     and with the error indicator [ms]."""
     from ksd.modal.leaf_basis import _cached_undeformed_basis
 
     trained = ModalBasis(expansion="trained", frame="node", internal=0)
     chains, names = Mesh("corotational", elements=10), ("lower left", "upper right")
-    ways: dict[str, tuple[dict[str, Any], str]] = {
+    leaf_variants: dict[str, tuple[dict[str, Any], str]] = {
         "reduced, strain modes": ({}, "reduced"),
         "full, strain modes": ({}, "full"),
         "full, chains of 10 elements": ({"mesh": chains}, "full"),
@@ -123,9 +123,9 @@ def calls(repeats: int) -> list[dict[str, Any]]:
         ),
     }
     rows = []
-    solvers, exact = {n: ksd.prepare(fourbar(), **w) for n, (w, _) in ways.items()}, math.nan
+    solvers, exact = {n: ksd.prepare(fourbar(), **w) for n, (w, _) in leaf_variants.items()}, math.nan
     aim: dict[str, float] = {}
-    for name, (words, method) in ways.items():
+    for name, (words, method) in leaf_variants.items():
         # compiled before, its bases made anew
         ksd.prepare(fourbar(), **words)(top=0.3, method=method)
         _cached_undeformed_basis.cache_clear()
@@ -140,9 +140,9 @@ def calls(repeats: int) -> list[dict[str, Any]]:
         row["error"] = row["force"] / exact - 1.0
         row["support_error"] = max((row["stiffness"][d] / aim[d] - 1.0 for d in SUPPORTS), key=abs)
     for key, estimate in (("alone_ms", False), ("whole_ms", True)):
-        times: dict[str, list[float]] = {n: [] for n in ways}
+        times: dict[str, list[float]] = {n: [] for n in leaf_variants}
         for _ in range(repeats):
-            for name, (_, method) in ways.items():
+            for name, (_, method) in leaf_variants.items():
                 clock = time.thread_time_ns()
                 solvers[name](top=0.3, method=method, estimate=estimate)
                 times[name].append(1e-6 * (time.thread_time_ns() - clock))
@@ -156,8 +156,8 @@ def notch(s: np.ndarray) -> np.ndarray:
     return 1.0 - 0.6 * np.exp(-(((s - 0.5) / 0.15) ** 2)) * (1.0 - (2.0 * s - 1.0) ** 8)
 
 
-def timed(body: SolidBasis, at: LoadedFace) -> Callable[[], float]:
-    """What times one iteration [s] of a reduced solid at a state: force, tangent, condensation, step and recovery."""
+def iteration_timer(body: SolidBasis, at: LoadedFace) -> Callable[[], float]:
+    """Function that times one iteration [s] of a reduced solid at a state: force, tangent, condensation, step, recovery."""
     d, inner = at.shift + np.array([body.solid.length, 0.0, 0.0]), at.state.copy()
     store, lam, K = np.zeros(modal_sizes(len(inner))[1]), np.empty(12), np.empty((6, 6))
     free = np.array([0, 1, 5] if body.solid.is_2d else range(6))
@@ -198,7 +198,7 @@ def solids(*, quick: bool) -> list[dict[str, Any]]:
         force = np.array([0.0, load * STEEL.E * 0.02 * thickness**3 / 12 / LENGTH**2, 0.0])
         full = load_face(solid, force, np.zeros(3))
         fast = press_reduced(body, force, np.zeros(3))
-        iteration = timed(body, fast)
+        iteration = iteration_timer(body, fast)
         pairs = [(iteration(), load_face(solid, 1e-3 * force, np.zeros(3), steps=1).time) for _ in range(8)]
         spent, whole = (statistics.median(p[k] for p in pairs[1:]) for k in (0, 1))
         free = [0, 1, 5]
@@ -215,11 +215,11 @@ def solids(*, quick: bool) -> list[dict[str, Any]]:
     return rows
 
 
-def _row(*cells: Any) -> str:
+def _markdown_row(*cells: Any) -> str:
     return "| " + " | ".join(str(c) for c in cells) + " |"
 
 
-FLOOR = """Why a modal body of a leaf is dearer than its chain, however it is coded: the energy of a chain is no
+WHY_DEARER = """Why a modal body of a leaf is dearer than its chain, however it is coded: the energy of a chain is no
 polynomial, so every iteration visits its ten elements and projects each tangent (18 x 18) on 44 columns, 13 of
 the ends and 31 inside, then eliminates the full matrix of these 31: 0.7 million operations a leaf by default,
 where the chain eliminates 54 unknowns of a narrow band, some ten thousand. Energy-conserving sampling
@@ -227,12 +227,12 @@ where the chain eliminates 54 unknowns of a narrow band, some ten thousand. Ener
 neither. So for leaf springs take strain modes."""
 
 
-def table(found: dict[str, Any]) -> str:
+def markdown_tables(found: dict[str, Any]) -> str:
     """Markdown of both tables."""
     said = [
         "# What modal bodies cost",
         "",
-        f"{spoken_machine(found['machine'])}; thread time, medians, cases in turns; load average "
+        f"{machine_line(found['machine'])}; thread time, medians, cases in turns; load average "
         f"{found['machine']['load_average']}.",
         "",
         "Cross flexure of paper 1, 45 degrees, in space.",
@@ -253,19 +253,21 @@ def table(found: dict[str, Any]) -> str:
             f"{r['solve_us']:.0f}",
             f"{r['over_4_elements']:.2f}",
         ]
-        said.append(_row(r["way"], r["unknowns per leaf"] or "", *times, *errors, verdict))
-    said += ["", FLOOR]
+        said.append(_markdown_row(r["way"], r["unknowns per leaf"] or "", *times, *errors, verdict))
+    said += ["", WHY_DEARER]
     said += ["", "## Whole calls of a prepared solver, fourbar at 0.3 m", "",
-             _row("way", "first call [ms]", "later ones [ms]", "with error estimate [ms]", "force, off strain modes",
-                  "worst support stiffness, off strain modes"),
+             _markdown_row("way", "first call [ms]", "later ones [ms]", "with error estimate [ms]",
+                           "force, off strain modes", "worst support stiffness, off strain modes"),
              "|---|---:|---:|---:|---:|---:|"]  # fmt: skip
     for r in found["calls"]:
         times = [f"{r[k]:.2g}" if r[k] < 10 else f"{r[k]:.0f}" for k in ("first_ms", "alone_ms", "whole_ms")]
-        said.append(_row(r["way"], *times, f"{100 * r['error']:.2g} %", f"{100 * r['support_error']:.2g} %"))
+        said.append(
+            _markdown_row(r["way"], *times, f"{100 * r['error']:.2g} %", f"{100 * r['support_error']:.2g} %")
+        )
     said += ["", "## Solids with exact polynomial tensors", "",
              "Thread time of a Newton iteration, interleaved, medians: the full model in stacked products of numpy on a",
              "scikit-fem mesh and solved by SuperLU; the reduced one compiled: force, tangent, condensation, recovery.", "",
-             _row("solid", "dofs", "unknowns", "stroke", "full [us]", "reduced [us]", "faster", "tip error", "told",
+             _markdown_row("solid", "dofs", "unknowns", "stroke", "full [us]", "reduced [us]", "faster", "tip error", "told",
                   "support error", "aim: 300 times, 0.01 %"),
              "|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|"]  # fmt: skip
     for r in found["solids"]:
@@ -281,22 +283,22 @@ def table(found: dict[str, Any]) -> str:
             f"{r['faster']:.0f}",
             *(f"{100 * r[k]:.2g} %" for k in ("tip_error", "told", "support_error")),
         ]
-        said.append(_row(r["solid"], *numbers, *errors, "met" if met else "MISSED"))
+        said.append(_markdown_row(r["solid"], *numbers, *errors, "met" if met else "MISSED"))
     return "\n".join([*said, ""])
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Run, write, return the numbers."""
-    chosen = options(__doc__, argv)
+    chosen = parse_options(__doc__, argv)
     found = {
         "machine": machine(),
         "leaves": measure(2 if chosen.quick else 15),
-        "calls": calls(2 if chosen.quick else 9),
+        "calls": time_calls(2 if chosen.quick else 9),
         "solids": solids(quick=chosen.quick),
     }
     write_json(found, chosen.out / "modal_cost.json")
-    (chosen.out / "modal_cost.md").write_text(table(found))
-    print(table(found))
+    (chosen.out / "modal_cost.md").write_text(markdown_tables(found))
+    print(markdown_tables(found))
     return found
 
 

@@ -17,7 +17,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from common import machine, options, spoken_machine, write_json
+from common import machine, machine_line, parse_options, write_json
 from paper2_cases import DEFAULT, EI, PRINTED, STEEL, L, T, W, _leaves
 
 import ksd
@@ -37,7 +37,7 @@ CORRECTORS = (1, 2, 3, 4, None)
 """Corrector steps of the full model; None: as the method takes them, until the indicator settles."""
 
 SEEDS = (7, 8)
-"""270 states each; the rule for when the indicator has settled was set on the first."""
+"""Seeds of 270 states each; the rule for the convergence of the indicator was chosen on the first."""
 
 
 def cantilever(scene: ksd.Mechanism, tip: Any) -> float:
@@ -47,7 +47,7 @@ def cantilever(scene: ksd.Mechanism, tip: Any) -> float:
 
 
 def tapered(scene: ksd.Mechanism, tip: Any) -> float:
-    """A leaf that gets thinner to its end."""
+    """A leaf whose thickness decreases towards its end."""
     profile = ksd.Taper(thickness=(T, 0.6 * T), width=(W, W))
     scene.leaf(
         scene.ground, tip, start=(0, 0, 0), end=(L, 0, 0), section=rectangle(T, W), material=STEEL, width_axis="z",
@@ -166,7 +166,7 @@ def solid_state(rng: np.random.Generator) -> dict[str, Any] | None:
     return {"body": SOLID, "basis": said, "true": true, "ratio": ratio, "taken": taken}
 
 
-def collected(seed: int, wanted: int) -> tuple[list[dict[str, Any]], dict[str, int]]:
+def collect_states(seed: int, wanted: int) -> tuple[list[dict[str, Any]], dict[str, int]]:
     """States with true errors of 0.1 to 10 %, `wanted` of every body, and how many were not found by either model."""
     rng, rows, lost = np.random.default_rng(seed), [], dict.fromkeys(NAMES, 0)
     for name in NAMES:
@@ -184,15 +184,15 @@ def collected(seed: int, wanted: int) -> tuple[list[dict[str, Any]], dict[str, i
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Run, write, return the numbers."""
-    chosen = options(__doc__, argv)
+    chosen = parse_options(__doc__, argv)
     on, rows = machine(), []
     lost = dict.fromkeys(NAMES, 0)
     for seed in SEEDS[: 1 if chosen.quick else None]:
-        more, missed = collected(seed, 4 if chosen.quick else 45)
+        more, missed = collect_states(seed, 4 if chosen.quick else 45)
         rows += more
         lost = {name: lost[name] + missed[name] for name in NAMES}
     said = [
-        "# Error indicator of modal bodies", "", f"{spoken_machine(on)}.", "",
+        "# Error indicator of modal bodies", "", f"{machine_line(on)}.", "",
         f"{len(rows)} random states with true errors of 0.1 to 10 %; share of indicators within [0.6, 1.4] of them, and",
         "the extremes of indicator over true error, by corrector steps of the full model; the method goes",
         "on until the indicator settles, and gives none where it does not. Of solids the method alone is told.", "",

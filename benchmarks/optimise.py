@@ -17,7 +17,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import STEEL, canvas, chain, label, machine, options, save_picture, write_json
+from common import (
+    STEEL,
+    element_mesh,
+    figure_grid,
+    label_axes,
+    machine,
+    parse_options,
+    save_picture,
+    write_json,
+)
 from scipy.optimize import differential_evolution
 
 import ksd
@@ -26,7 +35,7 @@ from ksd.view.figure import LEAF_COLOR
 
 STROKE = 150 * mm
 STRESS, FORCE = 600e6, 40.0
-"""Allowed von Mises stress [Pa] and drive force [N] at the end of the stroke."""
+"""Limits of von Mises stress [Pa] and drive force [N] at the end of the stroke."""
 BOUNDS = {
     "thickness": (0.3e-3, 1e-3),
     "angle": (32 * deg, 58 * deg),
@@ -46,7 +55,7 @@ class Answer:
     force: float
 
     def cost(self) -> float:
-        """-log of the stiffness, with what is beyond the allowed as a penalty."""
+        """-log of the stiffness, with a penalty on the excess over the limits."""
         over = max(0.0, self.stress / STRESS - 1.0) + max(0.0, abs(self.force) / FORCE - 1.0)
         return -np.log(self.stiffness) + 20.0 * over
 
@@ -67,7 +76,7 @@ def fourbar(x: Sequence[float]) -> ksd.Mechanism:
 
 
 def answer(x: Sequence[float], mesh: ksd.Mesh | None = None, **how: Any) -> Answer:
-    """What one design does at the end of the stroke."""
+    """Answers of one design at the end of the stroke."""
     pose = ksd.prepare(fourbar(x), mesh=mesh)(top=STROKE, **how)
     stiffness = pose.stiffness("top", at=(0, 0.3, 0)).support("z")
     return Answer(stiffness, pose.stress(points=9).largest_Pa, pose.forces["top"])
@@ -95,12 +104,12 @@ WAYS: dict[str, tuple[ksd.Mesh | None, dict[str, Any]]] = {
     "reduced, 1 pass": (None, {"method": "reduced", "relinearisations": 1}),
     "full": (None, {"method": "full"}),
     "conventional": (None, {"method": "conventional"}),
-    "conventional, 10 elements": (chain(10), {"method": "conventional"}),
+    "conventional, 10 elements": (element_mesh(10), {"method": "conventional"}),
 }
 
 
-def compared(x: Sequence[float], repeats: int) -> dict[str, dict[str, float]]:
-    """The same design by every way: answers, and thread time [ms] of building, solving and asking (interleaved)."""
+def compare_methods(x: Sequence[float], repeats: int) -> dict[str, dict[str, float]]:
+    """The same design by every method: answers, and thread time [ms] of building, solving and answering, in turns."""
     spent: dict[str, list[float]] = {name: [] for name in WAYS}
     found: dict[str, Answer] = {}
     for n in range(repeats + 1):
@@ -126,19 +135,19 @@ def compared(x: Sequence[float], repeats: int) -> dict[str, dict[str, float]]:
 
 def picture(found: dict[str, Any], path: Path) -> None:
     """Stiffness of the best design so far over the designs tried."""
-    figure, axes = canvas(
+    figure, axes = figure_grid(
         1, 1, size=(5.5, 3.4), title="Fourbar, out-of-plane support stiffness at d = 150 mm"
     )
     best = 1e-3 * np.array(found["best_so_far_N_per_m"])
     axes[0, 0].step(range(1, len(best) + 1), best, where="post", color=LEAF_COLOR)
     axes[0, 0].set_ylim(bottom=0)
-    label(axes[0, 0], x="designs tried", y="best support stiffness z [kN/m]", legend=False)
+    label_axes(axes[0, 0], x="designs tried", y="best support stiffness z [kN/m]", legend=False)
     save_picture(figure, path)
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Optimise, compare, write optimise.json and optimise.png; returns what was found."""
-    asked = options(__doc__, argv)
+    asked = parse_options(__doc__, argv)
     loop = Loop()
     begin = time.thread_time()
     best = differential_evolution(
@@ -154,8 +163,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         "start": dict(zip(BOUNDS, START, strict=True)),
         "best": dict(zip(BOUNDS, best.x, strict=True)),
         "best_so_far_N_per_m": np.exp(-np.array(loop.best[1:])),
-        "at_start": compared(START, 3 if asked.quick else 15),
-        "at_best": compared(best.x, 3 if asked.quick else 15),
+        "at_start": compare_methods(START, 3 if asked.quick else 15),
+        "at_best": compare_methods(best.x, 3 if asked.quick else 15),
     }
     write_json(found, asked.out / "optimise.json")
     picture(found, asked.out / "optimise.png")

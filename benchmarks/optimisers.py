@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import canvas, label, machine, options, save_picture, write_json
+from common import figure_grid, label_axes, machine, parse_options, save_picture, write_json
 from gradients import SIDES, fourbar, pivot
 from scipy.optimize import minimize
 
@@ -30,9 +30,9 @@ from ksd.units import deg, mm
 from ksd.view.figure import LINE_COLORS
 
 OPTIMUM = 0.5035665
-"""Of the pivot, specification of this job."""
-REACHED = 0.999
-"""Share of an optimum that counts as the same value."""
+"""Optimum of the pivot, from the specification of this job."""
+SAME_VALUE_SHARE = 0.999
+"""Fraction of an optimum from which on a value counts as equal to it."""
 COLORS = dict(zip(("gradient", "CMA-ES", "Nelder-Mead"), LINE_COLORS, strict=False))
 
 
@@ -59,8 +59,8 @@ def fourbar_job() -> ksd.Job:
     )  # fmt: skip
 
 
-class Told:
-    """Notes CPU time [s] and the best worst target so far of designs that meet limits and rules."""
+class Course:
+    """Records CPU time [s] and the best objective so far of designs that meet limits and rules."""
 
     def __init__(self) -> None:
         self.began, self.rows, self.best = time.process_time(), [], -np.inf
@@ -71,13 +71,13 @@ class Told:
             self.rows.append((time.process_time() - self.began, merit))
 
     def until(self, merit: float) -> float:
-        """CPU time [s] to this worst target; nan where it was never reached."""
+        """CPU time [s] until this objective; nan where it was never reached."""
         return next((t for t, m in self.rows if m >= merit), np.nan)
 
 
-def by_gradients(job: ksd.Job, x: np.ndarray) -> tuple[Told, int, int]:
+def by_gradients(job: ksd.Job, x: np.ndarray) -> tuple[Course, int, int]:
     """Course, values and gradients of `ksd.optimise` from one start."""
-    told = Told()
+    told = Course()
 
     def heard(search: ScaledProblem, _: int) -> None:
         for margins in list(search.known_margins.values())[-1:]:
@@ -87,8 +87,8 @@ def by_gradients(job: ksd.Job, x: np.ndarray) -> tuple[Told, int, int]:
     return told, found.evaluations, found.gradients
 
 
-def fitness_of(
-    job: ksd.Job, told: Told
+def penalised_fitness(
+    job: ksd.Job, told: Course
 ) -> tuple[ScaledProblem, Callable[[Sequence[np.ndarray]], list[float]]]:
     """The job in scaled parameters, and what evolution minimises for some of them; designs that fail are the worst."""
     search = ScaledProblem(job, DesignLog(job), "")
@@ -108,12 +108,12 @@ def fitness_of(
     return search, cost
 
 
-def by_evolution(job: ksd.Job, x: np.ndarray, seed: int, most: float) -> tuple[Told, int, int]:
+def by_evolution(job: ksd.Job, x: np.ndarray, seed: int, most: float) -> tuple[Course, int, int]:
     """Course and values of CMA-ES from one start, ended at its own tolerance or after `most` seconds of CPU time."""
     import cma
 
-    told = Told()
-    search, cost = fitness_of(job, told)
+    told = Course()
+    search, cost = penalised_fitness(job, told)
     low, spread = search.bounds[:, 0], np.diff(search.bounds)[:, 0]
     start = np.clip((search.scaled(x) - low) / spread, 0.02, 0.98)
     es = cma.CMAEvolutionStrategy(
@@ -127,10 +127,10 @@ def by_evolution(job: ksd.Job, x: np.ndarray, seed: int, most: float) -> tuple[T
     return told, int(es.result.evaluations), 0
 
 
-def by_simplex(job: ksd.Job, x: np.ndarray, most: int) -> tuple[Told, int, int]:
+def by_simplex(job: ksd.Job, x: np.ndarray, most: int) -> tuple[Course, int, int]:
     """Course and values of Nelder-Mead from one start."""
-    told = Told()
-    search, cost = fitness_of(job, told)
+    told = Course()
+    search, cost = penalised_fitness(job, told)
     found = minimize(
         lambda y: cost([np.clip(y, *search.bounds.T)])[0], search.scaled(x), method="Nelder-Mead",
         bounds=search.bounds, options={"maxfev": most, "xatol": 1e-6, "fatol": 1e-8, "adaptive": True},
@@ -138,7 +138,7 @@ def by_simplex(job: ksd.Job, x: np.ndarray, most: int) -> tuple[Told, int, int]:
     return told, int(found.nfev), 0
 
 
-def row(way: str, start: int, course: tuple[Told, int, int]) -> dict[str, Any]:
+def row(way: str, start: int, course: tuple[Course, int, int]) -> dict[str, Any]:
     """One run as numbers."""
     told, values, gradients = course
     seconds = told.rows[-1][0] if told.rows else np.nan
@@ -181,7 +181,7 @@ def eighteen_parameters(minutes: float, evolve: bool) -> list[dict[str, Any]]:
     return rows
 
 
-def compared(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def compare_times(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """CPU time [s] to the best value that evolution found, and by gradients to the same one."""
     evolved = [r for r in rows if r["way"] == "CMA-ES"]
     if not evolved:
@@ -193,7 +193,7 @@ def compared(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     pairs = []
     for r in evolved:
         (other,) = (o for o in rows if o["way"] == "gradient" and o["start"] == r["start"])
-        same = REACHED * min(r["merit"], other["merit"])
+        same = SAME_VALUE_SHARE * min(r["merit"], other["merit"])
         pairs.append((until(other, same), until(r, same)))
     ratios = [b / a for a, b in pairs]
     return {"seconds": pairs, "ratio_median": float(np.nanmedian(ratios)), "ratios": ratios}
@@ -203,7 +203,7 @@ def picture(found: dict[str, Any], path: Path) -> None:
     """Best value so far over CPU time, one line per run."""
     parts = found["parts"]
     title = "The best of the designs so far that meet all limits, one line per run"
-    figure, axes = canvas(1, len(parts), size=(5.2, 3.6), title=title)
+    figure, axes = figure_grid(1, len(parts), size=(5.2, 3.6), title=title)
     for ax, (name, rows) in zip(axes[0], parts.items(), strict=True):
         end = 1.2 * max(r["course"][-1][0] for r in rows if r["course"])
         for r in rows:
@@ -213,13 +213,13 @@ def picture(found: dict[str, Any], path: Path) -> None:
                 ax.step([*t, end], [*merit, merit[-1]], where="post", **own)
         ax.set_xscale("log")
         ax.xaxis.set_major_formatter("{x:g}")
-        label(ax, x="CPU time [s]", y="worst target over its scale", title=name)
+        label_axes(ax, x="CPU time [s]", y="worst target over its scale", title=name)
     save_picture(figure, path)
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Run, compare, write; returns what was found."""
-    asked = options(__doc__, argv, lambda p: p.add_argument("--minutes", type=float, default=8.0))
+    asked = parse_options(__doc__, argv, lambda p: p.add_argument("--minutes", type=float, default=8.0))
     evolve = importlib.util.find_spec("cma") is not None
     if not evolve:
         print("the package cma is not installed (pip install cma): evolution is left out")
@@ -232,7 +232,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     found = {
         "machine": machine(),
         "parts": parts,
-        "compared": {n: compared(rows) for n, rows in parts.items()},
+        "compared": {n: compare_times(rows) for n, rows in parts.items()},
     }
     for name, said in found["compared"].items():
         if said:

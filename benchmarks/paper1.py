@@ -15,14 +15,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import machine, numbers_of, options, save_picture, write_json
+from common import machine, numbers_file, parse_options, save_picture, write_json
 from paper1_cross_flexure import draw_7, draw_8, figure_7, figure_8
 from paper1_fourbar import draw_10, draw_11, draw_12, figure_10, figure_11, figure_12
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Compute and draw all figures; returns every number."""
-    chosen = options(__doc__, argv)
+    chosen = parse_options(__doc__, argv)
     out, quick = chosen.out, chosen.quick
     figures = {
         "figure_7": lambda: figure_7(meshes=(2, 6) if quick else (2, 4, 6)),
@@ -38,25 +38,25 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         print(f"{name.replace('_', ' ')} ...", file=sys.stderr)
         found[name] = measured()
     write_json(found, out / "paper1.json")
-    for name in DRAWN:
+    for name in PICTURES:
         picture(json.loads((out / "paper1.json").read_text()), out / name)
     return found
 
 
-DRAWN = {
+PICTURES = {
     "fig07_cross_flexure_moment.png": ("figure_7", draw_7),
     "fig08_cross_flexure_force_across.png": ("figure_8", draw_8),
     "fig10_fourbar_force.png": ("figure_10", draw_10),
     "fig11_fourbar_effort.png": ("figure_11", draw_11),
     "fig12_fourbar_moment.png": ("figure_12", draw_12),
 }
-"""Pictures, and what of the numbers they show."""
+"""Pictures: key of their numbers, and the function that draws them."""
 
 
 def picture(found: dict[str, Any], path: Path) -> None:
-    """One of DRAWN, from the numbers of paper1.json."""
-    key, draw = DRAWN[path.name]
-    save_picture(draw(found[key]), path, numbers=numbers_of(path, "paper1.json"))
+    """One of PICTURES, from the numbers of paper1.json."""
+    key, draw = PICTURES[path.name]
+    save_picture(draw(found[key]), path, numbers=numbers_file(path, "paper1.json"))
 
 
 if __name__ == "__main__":

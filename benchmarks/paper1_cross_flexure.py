@@ -10,7 +10,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from common import FINEST, bending_stiffness, canvas, chain, cross_flexure, hinge, label
+from common import (
+    REFERENCE_MESH,
+    bending_stiffness,
+    cross_flexure,
+    element_mesh,
+    figure_grid,
+    hinge,
+    label_axes,
+)
 
 import ksd
 from ksd.solve.conventional import solve_conventional
@@ -19,7 +27,7 @@ from ksd.view.figure import FAINT_COLOR, TEXT_COLOR, ordered_colors
 
 ANGLES = np.arange(5, 76, 5)
 SCALED_FORCES = (0.0, 2.0, 4.0, 8.0)
-WIDE = 4.0
+WIDTH_FACTOR = 4.0
 """Factor on the width of the outer leaf springs in Fig. 7b."""
 
 
@@ -35,12 +43,12 @@ class DefaultShape:
     def __getattr__(self, name: str) -> Any:
         return getattr(self.record, name)
 
-    def contract(self, shape: Any, mesh: Any, **options: Any) -> Any:
+    def contract(self, shape: Any, mesh: Any, **parse_options: Any) -> Any:
         """Functions of the default shape."""
-        return self.record.contract(self.shape, mesh, **options)
+        return self.record.contract(self.shape, mesh, **parse_options)
 
 
-def walk(scene: Any, mesh: ksd.Mesh) -> list[ksd.Configuration]:
+def fem_path(scene: Any, mesh: ksd.Mesh) -> list[ksd.Configuration]:
     """Finite element model over ANGLES, each configuration started from the one before."""
     model = ksd.compile_scene(scene, mesh=mesh)
     found, last = [], solve_conventional(model, {"turn": 0.0}, planar=False)
@@ -53,15 +61,15 @@ def walk(scene: Any, mesh: ksd.Mesh) -> list[ksd.Configuration]:
 def moments(joint: Any, n: int, *, records: Any = None) -> dict[str, list[float]]:
     """Normalised moments M / (E I_sum theta / L) of FE and EOB over ANGLES."""
     unit = bending_stiffness(joint) * ANGLES * deg
-    fe = np.array([c.forces["turn"] for c in walk(hinge(joint), chain(n))])
-    solver = ksd.Solver(hinge(joint), mesh=chain(n), **({"records": records} if records else {}))
+    fe = np.array([c.forces["turn"] for c in fem_path(hinge(joint), element_mesh(n))])
+    solver = ksd.Solver(hinge(joint), mesh=element_mesh(n), **({"records": records} if records else {}))
     eob = np.array([solver(turn=a * deg, method="reduced", estimate=False).forces["turn"] for a in ANGLES])
     return {"fe": (fe / unit).tolist(), "eob": (eob / unit).tolist()}
 
 
 def figure_7(*, meshes: tuple[int, ...] = (2, 4, 6)) -> dict[str, Any]:
     """Normalised moment over rotation: the default joint; outer leaf springs four times as wide."""
-    default, wide = cross_flexure(), cross_flexure(widths=(40 * mm, WIDE * 20 * mm))
+    default, wide = cross_flexure(), cross_flexure(widths=(40 * mm, WIDTH_FACTOR * 20 * mm))
     found: dict[str, Any] = {
         "rotation_deg": ANGLES.tolist(),
         "default": {n: moments(default, n) for n in meshes},
@@ -70,7 +78,7 @@ def figure_7(*, meshes: tuple[int, ...] = (2, 4, 6)) -> dict[str, Any]:
             n: moments(wide, n, records=DefaultShape) for n in (meshes[0], meshes[-1])
         },
     }
-    exact = [c.forces["turn"] for c in walk(hinge(default), FINEST)]
+    exact = [c.forces["turn"] for c in fem_path(hinge(default), REFERENCE_MESH)]
     found["converged"] = (np.array(exact) / (bending_stiffness(default) * ANGLES * deg)).tolist()
     found["largest_difference_eob_fe"] = {
         n: float(np.max(np.abs(np.subtract(c["eob"], c["fe"])))) for n, c in found["default"].items()
@@ -80,7 +88,9 @@ def figure_7(*, meshes: tuple[int, ...] = (2, 4, 6)) -> dict[str, Any]:
 
 def draw_7(found: dict[str, Any]) -> Any:
     """The moments of Fig. 7 as stored."""
-    figure, ((a, b),) = canvas(1, 2, size=(4.6, 3.7), title="Fig. 7 of paper 1: moment of the cross flexure")
+    figure, ((a, b),) = figure_grid(
+        1, 2, size=(4.6, 3.7), title="Fig. 7 of paper 1: moment of the cross flexure"
+    )
     for color, (n, curves) in zip(
         ordered_colors(len(found["default"])), found["default"].items(), strict=True
     ):
@@ -89,7 +99,7 @@ def draw_7(found: dict[str, Any]) -> Any:
     a.plot(
         ANGLES, found["converged"], color=TEXT_COLOR, linewidth=0.9, label="converged (strain-mode leaves)"
     )
-    label(a, x="rotation θ [deg]", y="M / (E ΣI θ / L) [-]", title="(a) default joint")
+    label_axes(a, x="rotation θ [deg]", y="M / (E ΣI θ / L) [-]", title="(a) default joint")
     _wide_panel(b, found)
     a.sharey(b)
     return figure
@@ -112,19 +122,19 @@ def _wide_panel(axes: Any, found: dict[str, Any]) -> None:
             linestyle=":",
             label="EOB, default functions (paper)",
         )
-    label(
+    label_axes(
         axes, x="rotation θ [deg]", y="M / (E ΣI θ / L) [-]", title="(b) outer leaf springs 4 times as wide"
     )
 
 
-def across(n: int, scaled: float) -> dict[str, Any]:
+def under_side_force(n: int, scaled: float) -> dict[str, Any]:
     """Lift of node B over L and moment over E I_sum / L under a force across: reduced and full."""
     joint = cross_flexure()
     unit = bending_stiffness(joint)
     force = scaled * unit / joint.length
     scene = hinge(joint, force=force)
-    full = walk(scene, chain(n))
-    solver = ksd.prepare(scene, mesh=chain(n))
+    full = fem_path(scene, element_mesh(n))
+    solver = ksd.prepare(scene, mesh=element_mesh(n))
     reduced = [solver(turn=a * deg, method="reduced", estimate=False) for a in ANGLES]
     found: dict[str, Any] = {"force_N": force, "stable": all(c.stable for c in full)}
     for name, states in (("full", full), ("reduced", reduced)):
@@ -138,13 +148,17 @@ def across(n: int, scaled: float) -> dict[str, Any]:
 
 def figure_8(*, n: int = 4, forces: tuple[float, ...] = SCALED_FORCES) -> dict[str, Any]:
     """Disturbance force in z on node B, four elements per leaf: lift and moment, reduced and full."""
-    return {"rotation_deg": ANGLES.tolist(), "elements": n, "cases": {f: across(n, f) for f in forces}}
+    return {
+        "rotation_deg": ANGLES.tolist(),
+        "elements": n,
+        "cases": {f: under_side_force(n, f) for f in forces},
+    }
 
 
 def draw_8(found: dict[str, Any]) -> Any:
     """Lift and moment of Fig. 8 as stored."""
     title = f"Fig. 8 of paper 1: force $F_z$ across the cross flexure, n = {found['elements']}"
-    figure, ((a, b),) = canvas(1, 2, size=(4.6, 3.7), title=title)
+    figure, ((a, b),) = figure_grid(1, 2, size=(4.6, 3.7), title=title)
     for color, (scaled, case) in zip(
         ordered_colors(len(found["cases"])), found["cases"].items(), strict=True
     ):
@@ -156,11 +170,11 @@ def draw_8(found: dict[str, Any]) -> Any:
             axes.plot(
                 ANGLES, case["reduced"][key], color=color, linewidth=1.2, linestyle="--", label="reduced"
             )
-    label(
+    label_axes(
         a,
         x="rotation θ [deg]",
         y="displacement of B in z / L [-]",
         title="(a)   $\\bar F = F_z L^2 / (E ΣI)$",
     )
-    label(b, x="rotation θ [deg]", y="M L / (E ΣI) [-]", title="(b)", legend=False)
+    label_axes(b, x="rotation θ [deg]", y="M L / (E ΣI) [-]", title="(b)", legend=False)
     return figure

@@ -16,13 +16,13 @@ from common import (
     STROKE,
     PlainNewton,
     bending_stiffness,
-    canvas,
-    chain,
     cross_flexure,
+    element_mesh,
+    figure_grid,
     fourbar,
     height,
-    label,
-    times_of,
+    label_axes,
+    summarise_times,
 )
 
 import ksd
@@ -41,7 +41,7 @@ MOMENTS = np.linspace(-360.0, 250.0, 21)
 
 def forces(reading: int, n: int, places: np.ndarray) -> dict[str, Any]:
     """Force and rotation of the top link at displacements `places` [m], full and reduced."""
-    solver = ksd.prepare(fourbar(reading), mesh=chain(n))
+    solver = ksd.prepare(fourbar(reading), mesh=element_mesh(n))
     found: dict[str, Any] = {}
     for method in ("full", "reduced"):
         states = [
@@ -68,7 +68,7 @@ def figure_10(*, meshes: tuple[int, ...] = (1, 2, 3, 4, 5, 6), steps: int = 20) 
 def draw_10(found: dict[str, Any]) -> Any:
     """Forces of Fig. 10 as stored."""
     title = "Fig. 10 of paper 1: force on the fourbar, $F_{lin}$ = 4 E ΣI d / (L h²), h between joint centres"
-    figure, (row,) = canvas(1, 2, size=(4.6, 3.6), title=title)
+    figure, (row,) = figure_grid(1, 2, size=(4.6, 3.6), title=title)
     places = np.array(found["displacement_m"])
     for axes, (reading, spoken) in zip(row, READINGS.items(), strict=True):
         stored = found["readings"][str(reading)]
@@ -88,14 +88,16 @@ def draw_10(found: dict[str, Any]) -> Any:
                     linestyle="--",
                     label=f"reduced, n = {n}",
                 )
-        label(axes, x="d / h [-]", y="F / $F_{lin}$ [-]", title=f"reading {reading}: {spoken}; h = {h:.4g} m")
+        label_axes(
+            axes, x="d / h [-]", y="F / $F_{lin}$ [-]", title=f"reading {reading}: {spoken}; h = {h:.4g} m"
+        )
     return figure
 
 
 def effort(reading: int, n: int, *, repeats: int) -> dict[str, Any]:
     """Iterations and time per iteration [us] of the four ways at d = 0.3 m, measured in turns."""
     scene, targets = fourbar(reading), {"top": STROKE}
-    plain, solver = PlainNewton(scene, n, targets), ksd.prepare(scene, mesh=chain(n))
+    plain, solver = PlainNewton(scene, n, targets), ksd.prepare(scene, mesh=element_mesh(n))
     spent: dict[str, list[float]] = {name: [] for name in NAMES}
     totals: dict[str, list[float]] = {name: [] for name in ("plain", "mip", "reduced", "full")}
     counts: dict[str, int] = {}
@@ -116,8 +118,8 @@ def effort(reading: int, n: int, *, repeats: int) -> dict[str, Any]:
         "eps_max": plain.eps_max,
         "plain_newton_solves_by_eps_max": plain.tried,
         "iterations": counts,
-        "time_per_iteration": {name: times_of(values).numbers() for name, values in spent.items()},
-        "time_of_all_steps": {name: times_of(values).numbers() for name, values in totals.items()},
+        "time_per_iteration": {name: summarise_times(values).numbers() for name, values in spent.items()},
+        "time_of_all_steps": {name: summarise_times(values).numbers() for name, values in totals.items()},
         "force_N": {"plain": old.forces["top"], "full": full.forces["top"], "reduced": reduced.forces["top"]},
     }
 
@@ -134,7 +136,7 @@ def figure_11(*, meshes: tuple[int, ...] = (1, 2, 3, 4, 5, 6), repeats: int = 15
 def draw_11(found: dict[str, Any]) -> Any:
     """Effort of Fig. 11 as stored."""
     title = "Fig. 11 of paper 1: effort for the fourbar at d = 0.3 m (conventional: best ε_max per case)"
-    figure, grid = canvas(2, 2, size=(4.8, 3.0), title=title)
+    figure, grid = figure_grid(2, 2, size=(4.8, 3.0), title=title)
     for row, (reading, spoken) in zip(grid, READINGS.items(), strict=True):
         cases = found[str(reading)]
         meshes = [int(n) for n in cases]
@@ -155,8 +157,10 @@ def draw_11(found: dict[str, Any]) -> Any:
             axes.set_xticks(meshes)
         where = {"legend": reading == 1, "ncols": 2, "loc": "upper left"}
         title = f"reading {reading}: {spoken}"
-        label(row[0], x="elements per leaf n", y="iterations", title=title, **where)
-        label(row[1], x="elements per leaf n", y="thread time per iteration [µs]", title=title, legend=False)
+        label_axes(row[0], x="elements per leaf n", y="iterations", title=title, **where)
+        label_axes(
+            row[1], x="elements per leaf n", y="thread time per iteration [µs]", title=title, legend=False
+        )
     return figure
 
 
@@ -174,7 +178,7 @@ def under_moment(reading: int, moment: float, n: int, *, repeats: int) -> dict[s
     None marks what does not converge. `same` tells whether a way ends in the stable state that step 5 finds.
     """
     scene, targets = fourbar(reading, moment=moment), {"top": STROKE}
-    solver = ksd.prepare(scene, mesh=chain(n))
+    solver = ksd.prepare(scene, mesh=element_mesh(n))
     plain = attempt(lambda: PlainNewton(scene, n, targets))
     ways = {
         "step 5": lambda: solver(targets, method="full"),
@@ -199,8 +203,8 @@ def under_moment(reading: int, moment: float, n: int, *, repeats: int) -> dict[s
         "stable": {name: bool(c.stable) if c else None for name, c in states.items()},
         "same": {k: full is not None and v is not None and abs(v - full) < 1e-6 for k, v in turned.items()},
         "iterations": {name: c.steps[-1].iterations if c else None for name, c in states.items()},
-        "time_us": {name: times_of(spent).numbers() for name, spent in times.items()},
-        "time_of_steps_1_to_5_us": times_of(total).numbers() if total else None,
+        "time_us": {name: summarise_times(spent).numbers() for name, spent in times.items()},
+        "time_of_steps_1_to_5_us": summarise_times(total).numbers() if total else None,
         "eps_max": plain.eps_max if plain else None,
     }
 
@@ -215,15 +219,15 @@ def draw_12(found: dict[str, Any]) -> Any:
     """Rotation, iterations and time of Fig. 12 as stored."""
     n, moments = found["elements"], np.array(found["moment_Nm"])
     title = f"Fig. 12 of paper 1: fourbar at d = 0.3 m under a moment about z on the top link, n = {n}"
-    figure, grid = canvas(2, 3, size=(3.9, 3.0), title=title)
+    figure, grid = figure_grid(2, 3, size=(3.9, 3.0), title=title)
     for row, (reading, spoken) in zip(grid, READINGS.items(), strict=True):
         cases = found["readings"][str(reading)]
         _panels_12(row, moments, cases)
-        label(
+        label_axes(
             row[0], x="moment [Nm]", y="rotation of the top link [mrad]", title=f"reading {reading}: {spoken}"
         )
-        label(row[1], x="moment [Nm]", y="iterations", legend=reading == 1, loc="upper center")
-        label(row[2], x="moment [Nm]", y="thread time [ms]", legend=reading == 1, loc="upper center")
+        label_axes(row[1], x="moment [Nm]", y="iterations", legend=reading == 1, loc="upper center")
+        label_axes(row[2], x="moment [Nm]", y="thread time [ms]", legend=reading == 1, loc="upper center")
     return figure
 
 

@@ -16,23 +16,32 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import canvas, label, machine, numbers_of, options, save_picture, spoken_machine, write_json
+from common import (
+    figure_grid,
+    label_axes,
+    machine,
+    machine_line,
+    numbers_file,
+    parse_options,
+    save_picture,
+    write_json,
+)
 from paper2_cases import (
     CASES,
     DEFAULT,
     EI,
     PRINTED,
     L,
+    basis_errors,
     full_model,
     guide,
-    measured,
     one_percent,
-    solved,
-    strain_measured,
+    solve_loads,
+    strain_mode_errors,
     stroke,
     support_compliance,
 )
-from paper2_tangent import around, in_space, space_acceptance, space_table
+from paper2_tangent import errors_around, in_space, space_acceptance, space_table
 
 from ksd.modal import with_modal_bodies
 from ksd.modal.leaf_basis import chain_element_constants, tangent_function, undeformed_shape
@@ -83,7 +92,7 @@ def beam_modes() -> dict[str, Any]:
     return found
 
 
-def projected(basis: np.ndarray, load: float) -> np.ndarray:
+def projected_path(basis: np.ndarray, load: float) -> np.ndarray:
     """Tip path of eq. 10: K R eta = R^T F for a tip load [EI/L^2], displacements (11, 2) m, Newton in load steps."""
     from ksd.beam.modal import chain_tangent
 
@@ -118,17 +127,17 @@ def lines(found: Configuration) -> list[np.ndarray]:
     return drawn
 
 
-def deformed(case: str, load: float) -> dict[str, Any]:
+def deformed_shapes(case: str, load: float) -> dict[str, Any]:
     """Full and reduced (as printed, and default) states of a mechanism: lines and strokes."""
     model = full_model(case, load, 10)
-    states = {"full, 10 elements": solved(model, planar=True)}
+    states = {"full, 10 elements": solve_loads(model, planar=True)}
     for name, basis in (("modal derivatives as printed", PRINTED), ("director, chord, 2 internal", DEFAULT)):
-        states[name] = solved(with_modal_bodies(model, basis))
-    states["strain-mode leaf"] = solved(compile_scene(CASES[case][0](load), mesh=REFERENCE))
+        states[name] = solve_loads(with_modal_bodies(model, basis))
+    states["strain-mode leaf"] = solve_loads(compile_scene(CASES[case][0](load), mesh=REFERENCE))
     strokes = {n: stroke(c) for n, c in states.items()}
     support = {n: support_compliance(c, CASES[case][1]) for n, c in states.items()}
     del states["strain-mode leaf"]
-    rest = lines(solved(full_model(case, 0.0, 10), planar=True))
+    rest = lines(solve_loads(full_model(case, 0.0, 10), planar=True))
     drawn = {n: lines(c) for n, c in states.items()}
     return {"load": load, "rest": rest, "lines": drawn, "stroke": strokes, "support": support}
 
@@ -138,17 +147,17 @@ def figures() -> dict[str, Any]:
     modes = beam_modes()
     found: dict[str, Any] = {name: modes[name] for name in ("figure_1", "figure_2")}
     load = PRINTED_LOADS["cantilever"]
-    tip = deformed("cantilever", load)
+    tip = deformed_shapes("cantilever", load)
     base = np.column_stack([np.linspace(0, L, 11), np.zeros(11)])
     for name, key in (
         ("2 vibration modes, 3 derivatives", "figure_1_basis"),
         ("2 Craig-Bampton modes, 3 derivatives", "figure_2_basis"),
     ):
-        line = base + projected(modes[key], load)
+        line = base + projected_path(modes[key], load)
         tip["lines"][name] = [line]
         tip["stroke"][name] = float(line[-1, 1] / L)
     manifold = with_modal_bodies(full_model("cantilever", load, 10), replace(PRINTED, derivatives="tied"))
-    locked = solved(manifold)
+    locked = solve_loads(manifold)
     tip["stroke"]["quadratic manifold"] = stroke(locked)
     tip["support"]["quadratic manifold"] = support_compliance(locked, CASES["cantilever"][1])
     found["figure_3"] = tip
@@ -157,7 +166,7 @@ def figures() -> dict[str, Any]:
         (5, "cross flexure", PRINTED_LOADS["cross flexure"]),
         (6, "parallel guide", 15.0),
     ):
-        found[f"figure_{figure}"] = deformed(case, load)
+        found[f"figure_{figure}"] = deformed_shapes(case, load)
     return found
 
 
@@ -169,22 +178,22 @@ TITLES = {
     5: "Fig. 5: cross flexure under {load:g} EI/L",
     6: "Fig. 6: parallel guide under {load:g} EI/L\N{SUPERSCRIPT TWO}",
 }
-DRAWN = tuple(f"paper2_fig{figure}.png" for figure in TITLES)
+PICTURES = tuple(f"paper2_fig{figure}.png" for figure in TITLES)
 """Pictures of the numbers in paper2.json."""
 
 
 def picture(found: dict[str, Any], path: Path) -> None:
-    """One of DRAWN, from the numbers of paper2.json."""
+    """One of PICTURES, from the numbers of paper2.json."""
     number = int(path.stem[-1])
     numbers = found[f"figure_{number}"]
     title = TITLES[number].format(load=numbers.get("load"))
     figure = mode_figure(numbers, title) if number < 3 else shape_figure(numbers, title)
-    save_picture(figure, path, numbers=numbers_of(path, "paper2.json"))
+    save_picture(figure, path, numbers=numbers_file(path, "paper2.json"))
 
 
 def mode_figure(modes: dict[str, Any], title: str) -> Any:
-    """Transverse and axial displacement of every mode and derivative, largest displacement 1; what is zero is left out."""
-    figure, ((above,), (below,)) = canvas(2, 1, size=(6.5, 2.7), title=title)
+    """Transverse and axial displacement of every mode and derivative, largest displacement 1, without zero components."""
+    figure, ((above,), (below,)) = figure_grid(2, 1, size=(6.5, 2.7), title=title)
     for axis, column, word in ((above, 1, "v, across the leaf"), (below, 0, "u, along the leaf")):
         axis.axhline(0.0, color=FAINT_COLOR, linewidth=0.8)
         for color, (name, shape) in zip(LINE_COLORS, modes.items(), strict=False):
@@ -192,11 +201,11 @@ def mode_figure(modes: dict[str, Any], title: str) -> Any:
             if np.abs(row).max() > 1e-6:
                 symbol = "$\\" + name.replace("_", "_{") + "}$"
                 axis.plot(np.linspace(0, 1, 11), row, color=color, marker=".", label=symbol)
-        label(axis, x="place along the leaf x/L [-]", y=f"{word} [of the largest]", **BESIDE)
+        label_axes(axis, x="place along the leaf x/L [-]", y=f"{word} [of the largest]", **LEGEND_BESIDE)
     return figure
 
 
-BESIDE = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "fontsize": 9}
+LEGEND_BESIDE = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "fontsize": 9}
 
 
 def shape_figure(state: dict[str, Any], title: str) -> Any:
@@ -208,7 +217,9 @@ def shape_figure(state: dict[str, Any], title: str) -> Any:
         np.concatenate([*rest, *(line for found in drawn.values() for line in found)]), axis=0
     )
     flat = wide > 3 * high
-    figure, grid = canvas(*((2, 1) if flat else (1, 2)), size=(7.0, 2.6) if flat else (4.5, 4.3), title=title)
+    figure, grid = figure_grid(
+        *((2, 1) if flat else (1, 2)), size=(7.0, 2.6) if flat else (4.5, 4.3), title=title
+    )
     axis, apart = grid.ravel()
     unit = "\N{DEGREE SIGN}" if "cross" in title else " L"
     for line in rest:
@@ -231,7 +242,7 @@ def shape_figure(state: dict[str, Any], title: str) -> Any:
     axis.set_aspect("equal")
     axis.margins(y=0.3 if flat else 0.05)
     others = [f"{name}: {value:.4f}{unit}" for name, value in state["stroke"].items() if name not in drawn]
-    label(
+    label_axes(
         axis,
         x="x [mm]",
         y="y [mm]",
@@ -240,7 +251,7 @@ def shape_figure(state: dict[str, Any], title: str) -> Any:
     )
     apart.set_yscale("log")
     apart.yaxis.set_major_formatter("{x:g}")
-    label(
+    label_axes(
         apart,
         x="place along the leaf x/L [-]",
         y="distance [mm]",
@@ -251,7 +262,7 @@ def shape_figure(state: dict[str, Any], title: str) -> Any:
     return figure
 
 
-LARGE = {"cantilever": 2.1, "parallel guide": 16.0, "cross flexure": 2.45}
+LARGE_LOADS = {"cantilever": 2.1, "parallel guide": 16.0, "cross flexure": 2.45}
 """Loads for a stroke of 0.5 L or 60 degrees."""
 
 
@@ -265,10 +276,10 @@ def acceptance(*, quick: bool) -> list[dict[str, Any]]:
                      "met": abs(at - aim) <= slack})  # fmt: skip
         rows.append({"what": "as printed: order of the error there", "case": case, "value": order, "aim": "4 +- .3",
                      "met": abs(order - 4) <= 0.3})  # fmt: skip
-    for case, load in LARGE.items():
+    for case, load in LARGE_LOADS.items():
         errors: dict[str, list[float]] = {"stroke": [], "support": []}
         for elements in (10,) if quick else (10, 160):
-            m = measured(case, load, replace(DEFAULT, elements=elements))
+            m = basis_errors(case, load, replace(DEFAULT, elements=elements))
             for what, value, aim in (
                 ("stroke", m["stroke_error"], 2e-4),
                 ("support", m["support_error"], 5e-3),
@@ -281,7 +292,7 @@ def acceptance(*, quick: bool) -> list[dict[str, Any]]:
                 rows.append({"what": f"director: {what} error of 160 over 10 elements", "case": case,
                              "value": fine[0] / coarse, "aim": "2", "met": fine[0] <= 2 * coarse})  # fmt: skip
         for order, aims_of in ((4, (1e-4, 1.5e-2)), (6, (2e-5, 1e-4))):
-            m = strain_measured(case, load, order, REFERENCE)
+            m = strain_mode_errors(case, load, order, REFERENCE)
             for what, aim in zip(("stroke", "support"), aims_of, strict=True):
                 value = m[f"{what}_error"]
                 rows.append({"what": f"strain modes, order {order}: {what} error", "case": case, "value": value,
@@ -291,7 +302,7 @@ def acceptance(*, quick: bool) -> list[dict[str, Any]]:
 
 def early_order() -> float:
     """Order with which the error of the guide as printed grows from 0.005 to 0.01 L."""
-    low, high = (measured("parallel guide", load, PRINTED) for load in (0.125, 0.25))
+    low, high = (basis_errors("parallel guide", load, PRINTED) for load in (0.125, 0.25))
     return float(np.log(high["stroke_error"] / low["stroke_error"]) / np.log(high["stroke"] / low["stroke"]))
 
 
@@ -310,7 +321,9 @@ def spacings(*, quick: bool) -> list[dict[str, Any]]:
         }
         row |= {"stroke": at, "order": order, "early": early_order()}
         for elements in (10,) if quick else (10, 160):
-            m = measured("parallel guide", LARGE["parallel guide"], replace(DEFAULT, elements=elements))
+            m = basis_errors(
+                "parallel guide", LARGE_LOADS["parallel guide"], replace(DEFAULT, elements=elements)
+            )
             row[f"support_{elements}"] = m["support_error"]
         rows.append(row)
     CASES["parallel guide"] = (guide, (L, 0.0, 0.0))
@@ -335,15 +348,15 @@ VARIANTS = {
 }
 
 
-def variants(*, quick: bool) -> list[dict[str, Any]]:
-    """Every choice beside the others, with the strain-mode leaf as the measure: stroke and support errors [%]."""
+def variant_errors(*, quick: bool) -> list[dict[str, Any]]:
+    """Stroke and support errors [%] of every choice of basis, relative to the strain-mode leaf."""
     rows = []
     loads = {"cantilever": 0.6, "parallel guide": 5.0, "cross flexure": 1.0}
     for name, basis in list(VARIANTS.items())[:: 4 if quick else 1]:
         row: dict[str, Any] = {"basis": name}
         for case, load in loads.items():
             try:
-                m = measured(case, load, basis)
+                m = basis_errors(case, load, basis)
             except Exception as reason:
                 row[case] = f"basis no longer successful: {str(reason)[:40]}"
                 continue
@@ -354,7 +367,7 @@ def variants(*, quick: bool) -> list[dict[str, Any]]:
     for order in (4, 5, 6, 8):
         row = {"basis": f"strain modes, order {order}", "unknowns": order}
         for case, load in loads.items():
-            m = strain_measured(case, load, order, REFERENCE)
+            m = strain_mode_errors(case, load, order, REFERENCE)
             row[case] = (100 * m["stroke_error"], 100 * m["support_error"])
         rows.append(row)
     return rows
@@ -382,9 +395,9 @@ takes it to 0.06 %.
 |---|---:|---:|---:|---:|---:|"""
 
 
-def table(found: dict[str, Any]) -> str:
+def markdown_table(found: dict[str, Any]) -> str:
     """Markdown of everything."""
-    said = ["# Paper 2 from our runs", "", f"{spoken_machine(found['machine'])}.", "",
+    said = ["# Paper 2 from our runs", "", f"{machine_line(found['machine'])}.", "",
             "Stroke over L, degrees in figure 5; support compliance along x with the stroke held. The lines of",
             "figure 3 that are projected as in eq. 10 have no end frames of which a support could be asked.", "",
             "| figure | model | stroke | off the full model | support compliance [m/N] | off the full model |",
@@ -427,19 +440,22 @@ def table(found: dict[str, Any]) -> str:
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Run, write, return the numbers."""
-    chosen = options(__doc__, argv)
+    chosen = parse_options(__doc__, argv)
     found = {"machine": machine(), **figures()}
-    found["acceptance"], found["variants"] = acceptance(quick=chosen.quick), variants(quick=chosen.quick)
+    found["acceptance"], found["variants"] = (
+        acceptance(quick=chosen.quick),
+        variant_errors(quick=chosen.quick),
+    )
     for case in CASES:
-        found["acceptance"] += around(case)
+        found["acceptance"] += errors_around(case)
     found["space"] = in_space()
     found["acceptance"] += space_acceptance(found["space"])
     found["spacings"] = spacings(quick=chosen.quick)
     write_json(found, chosen.out / "paper2.json")
-    for name in DRAWN:
+    for name in PICTURES:
         picture(json.loads((chosen.out / "paper2.json").read_text()), chosen.out / name)
-    (chosen.out / "paper2.md").write_text(table(found))
-    print(table(found))
+    (chosen.out / "paper2.md").write_text(markdown_table(found))
+    print(markdown_table(found))
     return found
 
 

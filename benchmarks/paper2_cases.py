@@ -23,7 +23,7 @@ from ksd.solve.conventional import solve_conventional
 STEEL = ksd.Material(E=200e9, G=76.9e9, density=7800)
 L, W, T = 0.1, 0.02, 0.5e-3
 EI = STEEL.E * W * T**3 / 12
-SPREAD = 0.1
+LEAF_DISTANCE = 0.1
 """Distance [m] of the leaves of the parallel guide: a leaf's length. The paper prints none; from .9 to 1.5 L the stroke of
 1 % error and its order are those of section E. The closer they are, the more the shuttle turns with one leaf pulled and
 the other pushed, which hides the order and asks for shapes of a buckled leaf (`paper2.spacings`)."""
@@ -50,7 +50,9 @@ def cantilever(load: float) -> ksd.Mechanism:
     return scene
 
 
-def guide(load: float, *, spread: float = SPREAD, held: bool = False, level: float = 1.0) -> ksd.Mechanism:
+def guide(
+    load: float, *, spread: float = LEAF_DISTANCE, held: bool = False, level: float = 1.0
+) -> ksd.Mechanism:
     """Two parallel leaf springs, loaded across [EI/L^2] at `level` of their length; stroke: deflection over L.
 
     held: the shuttle does not turn.
@@ -78,7 +80,7 @@ CASES: dict[str, tuple[Callable[[float], ksd.Mechanism], tuple[float, float, flo
     "parallel guide": (guide, (L, 0.0, 0.0)),
     "cross flexure": (cross, (L * np.sqrt(0.5) / 2, 0.0, 0.0)),
 }
-"""Scene by load, and the point where support stiffness is asked."""
+"""Function of the load that returns the scene, and the point of the support stiffness."""
 
 
 def stroke(found: Configuration) -> float:
@@ -95,20 +97,20 @@ def support_compliance(found: Configuration, at: tuple[float, float, float]) -> 
 
 
 def full_model(case: str, load: float, elements: int) -> Model:
-    """The case with chains of Appendix A elements."""
+    """Model of a case with chains of Appendix A elements."""
     return compile_scene(CASES[case][0](load), mesh=Mesh("corotational", elements=elements))
 
 
-def solved(model: Model, *, planar: bool = False) -> Configuration:
+def solve_loads(model: Model, *, planar: bool = False) -> Configuration:
     """Equilibrium under the loads of the scene, in four load steps."""
     return solve_conventional(model, {}, planar=planar, steps=4)
 
 
-def measured(case: str, load: float, basis: ModalBasis) -> dict[str, float]:
+def basis_errors(case: str, load: float, basis: ModalBasis) -> dict[str, float]:
     """Stroke of the full model, and errors of stroke and support compliance of the reduced one (fractions)."""
     model = full_model(case, load, basis.elements)
     reduced = with_modal_bodies(model, basis)
-    a, b = solved(model, planar=True), solved(reduced)
+    a, b = solve_loads(model, planar=True), solve_loads(reduced)
     at = CASES[case][1]
     return {
         "stroke": stroke(a),
@@ -120,12 +122,12 @@ def measured(case: str, load: float, basis: ModalBasis) -> dict[str, float]:
     }
 
 
-def strain_measured(case: str, load: float, order: int, reference: Mesh) -> dict[str, float]:
+def strain_mode_errors(case: str, load: float, order: int, reference: Mesh) -> dict[str, float]:
     """The same of the strain-mode leaf with `order` modes of weak bending, against a strain-mode `reference`."""
     scene = CASES[case][0](load)
     made = []
     for mesh in (reference, Mesh(orders=(4, 3, order), points=order + 3)):
-        found = solved(compile_scene(scene, mesh=mesh), planar=False)
+        found = solve_loads(compile_scene(scene, mesh=mesh), planar=False)
         made.append((stroke(found), support_compliance(found, CASES[case][1])))
     (a, c), (b, d) = made
     return {"stroke": a, "stroke_error": b / a - 1.0, "support_error": d / c - 1.0, "unknowns": float(order)}
@@ -139,10 +141,10 @@ def one_percent(case: str, basis: ModalBasis) -> tuple[float, float]:
     found: dict[float, dict[str, float]] = {}
 
     def excess(load: float) -> float:
-        found[load] = measured(case, load, basis)
+        found[load] = basis_errors(case, load, basis)
         return abs(found[load]["stroke_error"]) - 0.01
 
     load = float(brentq(excess, low, high, xtol=1e-3 * low))
-    at, half = found.get(load) or measured(case, load, basis), measured(case, 0.5 * load, basis)
+    at, half = found.get(load) or basis_errors(case, load, basis), basis_errors(case, 0.5 * load, basis)
     order = np.log(at["stroke_error"] / half["stroke_error"]) / np.log(at["stroke"] / half["stroke"])
     return at["stroke"], float(order)

@@ -25,16 +25,16 @@ from ksd.solve.steps import Step, Stop
 
 BASIS = ModalBasis(frame="node", internal=0)
 STEEL = ksd.Material(E=200e9, G=200e9 / 2.6, density=7800)
-PLACES = {"cantilever": (0.2, 0.4), "parallel guide": (0.2, 0.4), "cross flexure": (np.deg2rad(30),)}
-"""Strokes [L] or rotations [rad] of the trained configurations."""
-AWAY = {"cantilever": 0.05, "parallel guide": 0.05, "cross flexure": np.deg2rad(5)}
-REACH = 0.1 * np.sqrt(0.5)
+TRAINED_STROKES = {"cantilever": (0.2, 0.4), "parallel guide": (0.2, 0.4), "cross flexure": (np.deg2rad(30),)}
+"""Strokes [L] or rotations [rad] of the configurations at which bases are computed."""
+STROKE_DIFFERENCE = {"cantilever": 0.05, "parallel guide": 0.05, "cross flexure": np.deg2rad(5)}
+INTERFACE_DISTANCE = 0.1 * np.sqrt(0.5)
 """Distance [m] of the interfaces of the cross flexure in space."""
 ABSOLUTE = "tangent basis of 16 elements against strain modes (6, 5, 9)"
 ANGLES = (0.0, 15.0, 30.0, 45.0)
 
 
-def driven(case: str) -> Model:
+def driven_mechanism(case: str) -> Model:
     """A mechanism of paper 2 driven by its stroke instead of a load, on chains of ten elements."""
     scene = CASES[case][0](0.0)
     if case == "cross flexure":
@@ -63,16 +63,16 @@ def supports(found: Configuration, case: str) -> dict[str, float]:
     return {k: v for k, v in stiff.items() if k != ("rz" if case == "cross flexure" else "y")}
 
 
-def around(case: str) -> list[dict[str, Any]]:
+def errors_around(case: str) -> list[dict[str, Any]]:
     """Rows of one mechanism: load away from the configuration, support stiffness at it."""
-    model, rows = driven(case), []
+    model, rows = driven_mechanism(case), []
     unit = 1.0 if case == "cross flexure" else L
-    for place in PLACES[case]:
+    for place in TRAINED_STROKES[case]:
         about = solve_conventional(model, {"stroke": place * unit}, steps=4)
         said = f"{np.rad2deg(place):.0f} degrees" if unit == 1.0 else f"{place:g} L"
         worst = 0.0
         for step in (-1, -0.5, 0, 0.5, 1):
-            goal = {"stroke": (place + step * AWAY[case]) * unit}
+            goal = {"stroke": (place + step * STROKE_DIFFERENCE[case]) * unit}
             full = solve_conventional(model, goal, start=about)
             found = tangent_solve(model, BASIS, goal, about)
             off = found.forces["stroke"] / full.forces["stroke"] - 1.0
@@ -98,7 +98,7 @@ def hinge() -> ksd.Mechanism:
     scene.actuate_joint(
         scene.join(scene.ground, tip, joint, at=(0, 0, 0), axis="z", toward="y", name="h"), name="turn"
     )
-    scene.mass(tip, mass=1.0, at=(0, REACH + 0.02, 0), inertia=np.diag([1.2e-3, 8e-4, 1.2e-3]))
+    scene.mass(tip, mass=1.0, at=(0, INTERFACE_DISTANCE + 0.02, 0), inertia=np.diag([1.2e-3, 8e-4, 1.2e-3]))
     return scene
 
 
@@ -130,7 +130,9 @@ def in_space(angles: tuple[float, ...] = ANGLES) -> list[dict[str, Any]]:
         for way, (found, truth) in ways.items():
             a, b = (c.frequencies(count=1).frequency_Hz[0] for c in (found, truth))
             moment = found.forces["turn"] / truth.forces["turn"] - 1.0 if angle else 0.0
-            c, d = (p.stiffness("tip", at=(0.0, 0.5 * REACH, 0.0)).supports for p in (found, truth))
+            c, d = (
+                p.stiffness("tip", at=(0.0, 0.5 * INTERFACE_DISTANCE, 0.0)).supports for p in (found, truth)
+            )
             support = max((c[k] / d[k] - 1.0 for k in ("x", "y", "z", "rx", "ry")), key=abs)
             rows.append({"angle": angle, "way": way, "moment": moment, "support": support, "frequency": a / b - 1.0,
                          "Hz": a})  # fmt: skip
@@ -138,7 +140,7 @@ def in_space(angles: tuple[float, ...] = ANGLES) -> list[dict[str, Any]]:
 
 
 def space_acceptance(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The largest errors over all angles beside what is asked."""
+    """Largest errors over all angles, and their required limits."""
     found = []
     for way in ("tangent basis", ABSOLUTE, "strain modes (4, 3, 6)"):
         for what, aim in (("moment", 3e-3), ("frequency", 5e-3)):
@@ -161,4 +163,4 @@ def space_table(rows: list[dict[str, Any]]) -> list[str]:
     return said
 
 
-__all__ = ["CASES", "around", "in_space", "space_acceptance", "space_table"]
+__all__ = ["CASES", "errors_around", "in_space", "space_acceptance", "space_table"]

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import canvas, interleaved, label, machine, options, save_picture, write_json
+from common import figure_grid, label_axes, machine, parse_options, save_picture, time_in_turns, write_json
 
 import ksd
 from ksd.view.figure import LINE_COLORS
@@ -25,14 +25,14 @@ from ksd.view.figure import LINE_COLORS
 R, ANGLE, JAW = 4e-3, 1.5 * math.pi, np.array([0.07, 0.045])
 CORNERS = ((0.0, 0.0), (0.0, 0.03), (0.04, 0.03), (0.04, 0.0))
 ENDS = (90.0, 0.0, -90.0, 90.0)
-"""Where end B of every arc is, seen from its corner [deg]; it runs counterclockwise from A, 270 degrees before."""
+"""Direction of end B of every arc from its corner [deg]; it runs counterclockwise from A, 270 degrees before."""
 BODIES = ((None, 0), (0, 1), (1, 2), (None, 2))
 """Body at A and at B of every arc: crank, jaw, rocker, None for ground."""
 PLASTIC, SECTION = ksd.Material(E=2.5e9, nu=0.3), ksd.rectangle(0.4e-3, 6e-3)
 S = np.array([[0.0, -1.0], [1.0, 0.0]])
 
 
-def turned(angle: float) -> np.ndarray:
+def rotation_matrix(angle: float) -> np.ndarray:
     """Rotation matrix (2, 2)."""
     return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
 
@@ -41,8 +41,8 @@ def arc_ends(k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Ends A and B (2,) [m] of arc k, and the frame at B: x along the tangent away from the arc, y to the centre."""
     phi = math.radians(ENDS[k])
     corner = np.array(CORNERS[k])
-    at = [corner + R * turned(angle)[:, 0] for angle in (phi - ANGLE, phi)]
-    return at[0], at[1], turned(phi + 0.5 * math.pi)
+    at = [corner + R * rotation_matrix(angle)[:, 0] for angle in (phi - ANGLE, phi)]
+    return at[0], at[1], rotation_matrix(phi + 0.5 * math.pi)
 
 
 def gripper(
@@ -80,7 +80,7 @@ def arc_stiffness(section: ksd.Section = SECTION) -> np.ndarray:
 def flexure(
     k: int, K: np.ndarray, q: np.ndarray, *, linear: bool
 ) -> tuple[np.ndarray, np.ndarray, list[int]]:
-    """What arc k asks of its bodies (n,), its tangent (n, n), and their numbers among the unknowns.
+    """Force (n,) of arc k on its bodies, its tangent (n, n), and the indices of their unknowns.
 
     q (9,): displacement of the origin of every body and its angle. Section 2 of the note on paper 3: the wrench K d, d the
     end B seen from the body at A, balanced on the present lever e, or linear: on the undeformed one.
@@ -89,7 +89,7 @@ def flexure(
     A, B, frame = arc_ends(k)
     xi, ti = (np.zeros(2), 0.0) if a is None else (q[3 * a : 3 * a + 2], q[3 * a + 2])
     xj, tj = q[3 * b : 3 * b + 2], q[3 * b + 2]
-    Ri, ra, rb = turned(ti), turned(ti) @ A, turned(tj) @ B
+    Ri, ra, rb = rotation_matrix(ti), rotation_matrix(ti) @ A, rotation_matrix(tj) @ B
     e, Q, rest = xj + rb - xi - ra, Ri @ frame, Ri @ (B - A)
     w = K @ np.append(frame.T @ (Ri.T @ e - (B - A)), tj - ti)
     f, arm = Q @ w[:2], rest if linear else e
@@ -119,13 +119,13 @@ def flexure(
 def residual(
     q: np.ndarray, K: np.ndarray, torque: float, force: np.ndarray, *, linear: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What is missing to equilibrium (9,), and its derivative (9, 9)."""
+    """Residual of equilibrium (9,), and its derivative (9, 9)."""
     g, H = np.zeros(9), np.zeros((9, 9))
     for k in range(4):
         own, tangent, to = flexure(k, K, q, linear=linear)
         g[to] += own
         H[np.ix_(to, to)] += tangent
-    arm = turned(q[5]) @ JAW
+    arm = rotation_matrix(q[5]) @ JAW
     g[2] -= torque
     g[3:5] -= force
     g[5] -= (S @ arm) @ force
@@ -133,7 +133,7 @@ def residual(
     return g, H
 
 
-def solved(
+def solve_constant(
     torque: float, force: Any = (0.0, 0.0), *, section: ksd.Section = SECTION, linear: bool
 ) -> np.ndarray:
     """Equilibrium (9,) by Newton's method on constant matrices."""
@@ -147,9 +147,9 @@ def solved(
     raise ArithmeticError("no equilibrium")
 
 
-def told(q: np.ndarray) -> tuple[float, float, float, float]:
-    """Crank and rocker angle [rad], and how far the jaw moved [mm]."""
-    x, y = 1e3 * (q[3:5] + turned(q[5]) @ JAW - JAW)
+def configuration_answers(q: np.ndarray) -> tuple[float, float, float, float]:
+    """Crank and rocker angle [rad], and displacement of the jaw [mm]."""
+    x, y = 1e3 * (q[3:5] + rotation_matrix(q[5]) @ JAW - JAW)
     return q[2], q[8], x, y
 
 
@@ -162,7 +162,7 @@ def answers(pose: Any) -> tuple[float, float, float, float]:
 def curves(torques: np.ndarray) -> dict[str, np.ndarray]:
     """Answers (n, 4) at every torque, by model."""
     ways: dict[str, Callable[[float], Any]] = {
-        "linear": lambda t: told(solved(t, linear=True)),
+        "linear": lambda t: configuration_answers(solve_constant(t, linear=True)),
         "partial": lambda t: answers(ksd.solve(gripper(t), method="constant", estimate=False)),
         "exact": lambda t: answers(ksd.solve(gripper(t))),
     }
@@ -176,20 +176,20 @@ def picture(found: Mapping[str, Any], path: Path) -> None:
     """Crank angle over torque, its error, and the gripper at the last torque."""
     torques, exact = 1e3 * np.array(found["torque"]), np.array(found["exact"])[:, 0]
     title = "Gripper of paper 3: by constant flexure matrices, balanced undeformed (linear) or as it is (partial), and exact"
-    figure, ((left, middle, right),) = canvas(1, 3, size=(4.2, 3.2), title=title)
+    figure, ((left, middle, right),) = figure_grid(1, 3, size=(4.2, 3.2), title=title)
     for color, (name, style) in zip(LINE_COLORS, STYLES.items(), strict=False):
         angle = np.array(found[name])[:, 0]
         left.plot(torques, np.degrees(angle), style, color=color, label=name)
         if name != "exact":
             middle.plot(torques, 100 * (angle / exact - 1), style, color=color, label=name)
-    label(left, x="crank torque [mNm]", y="crank angle [deg]")
-    label(middle, x="crank torque [mNm]", y="error of the crank angle [%]")
+    label_axes(left, x="crank torque [mNm]", y="crank angle [deg]")
+    label_axes(middle, x="crank torque [mNm]", y="error of the crank angle [%]")
     last = found["torque"][-1]
     ksd.solve(gripper(last)).plot(axes=right, labels=False, title=f"exact, at {1e3 * last:g} mNm")
     save_picture(figure, path)
 
 
-def inverse() -> dict[str, Any]:
+def inverse_problem() -> dict[str, Any]:
     """Crank torque [Nm] and opening [mm] at 15 degrees, with the error told; median thread times [us] of prepared
     calls, in turns."""
     solver, loaded, found = ksd.prepare(gripper(driven=True)), ksd.prepare(gripper(5e-3)), {}
@@ -206,12 +206,12 @@ def inverse() -> dict[str, Any]:
         "inverse, constant": lambda: solver.required_forces(places, turns),
         "inverse by names, constant": lambda: ksd.required_loads(solver, wanted, method="constant"),
     }
-    return found | {"microseconds": {n: t.median for n, t in interleaved(calls, repeats=200).items()}}
+    return found | {"microseconds": {n: t.median for n, t in time_in_turns(calls, repeats=200).items()}}
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Print, write and draw the comparison."""
-    chosen = options(__doc__ or "", argv)
+    chosen = parse_options(__doc__ or "", argv)
     torques = np.linspace(0.0, 5e-3, 4 if chosen.quick else 11)[1:]
     found = curves(torques)
     print("crank torque [mNm]; crank angle [deg] linear, partial, exact; error of the first two [%]")
@@ -219,7 +219,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         angles = [math.degrees(found[n][k, 0]) for n in STYLES]
         off = [100 * (a / angles[2] - 1) for a in angles[:2]]
         print(f"{1e3 * torque:6.2f}", *(f"{a:9.4f}" for a in angles), *(f"{e:+7.2f}" for e in off))
-    made = {"machine": machine(), "torque": torques.tolist(), **found, "inverse": inverse()}
+    made = {"machine": machine(), "torque": torques.tolist(), **found, "inverse": inverse_problem()}
     print(f"crank at 15 degrees, and thread times [us] of prepared calls: {made['inverse']}")
     write_json(made, chosen.out / "paper3.json")
     picture(made, chosen.out / "paper3.png")

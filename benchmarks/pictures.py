@@ -1,4 +1,4 @@
-"""All stored pictures drawn anew from the stored numbers, in seconds; nothing is measured.
+"""Draws all stored pictures again from the stored numbers, in seconds; nothing is measured.
 
     python benchmarks/pictures.py [--out FOLDER]
 
@@ -24,10 +24,10 @@ import paper1
 import paper2
 import paper3
 import speed_report
-from common import RESULTS, options
+from common import RESULTS, parse_options
 
-Drawn = Callable[[dict[str, Any], Path], Any]
-PICTURES: dict[str, Drawn] = {
+DrawPicture = Callable[[dict[str, Any], Path], Any]
+PICTURES: dict[str, DrawPicture] = {
     "speed.png": speed_report.picture,
     "bench.png": bench.picture,
     "families.png": lambda found, path: families.picture(found["families"], path),
@@ -36,16 +36,16 @@ PICTURES: dict[str, Drawn] = {
     "optimise.png": optimise.picture,
     "optimisers.png": optimisers.picture,
     "paper3.png": paper3.picture,
-    **dict.fromkeys(paper1.DRAWN, paper1.picture),
-    **dict.fromkeys(paper2.DRAWN, paper2.picture),
+    **dict.fromkeys(paper1.PICTURES, paper1.picture),
+    **dict.fromkeys(paper2.PICTURES, paper2.picture),
 }
-"""How a picture of benchmarks/results is drawn from its numbers, of the same name but for those of the papers."""
-NUMBERS = dict.fromkeys(paper1.DRAWN, "paper1.json") | dict.fromkeys(paper2.DRAWN, "paper2.json")
+"""Function that draws each picture of benchmarks/results from its numbers."""
+NUMBERS = dict.fromkeys(paper1.PICTURES, "paper1.json") | dict.fromkeys(paper2.PICTURES, "paper2.json")
 
 
 def main(argv: Sequence[str] | None = None) -> list[Path]:
     """Draw; returns the files."""
-    chosen = options(__doc__, argv)
+    chosen = parse_options(__doc__, argv)
     here = chosen.out == RESULTS
     top = (hero.DOCS if here else chosen.out) / "hero.png"
     hero.draw(top, RESULTS / "speed.json")

@@ -16,7 +16,8 @@ from ksd.modal.solid_basis import SolidBasis
 from ksd.modal.solid_solve import FullSolid, LoadedFace
 
 MOST, CORRECTORS, SETTLED = 40, 12, 0.02
-"""Iterations of a load step; corrector steps of the full solid, and their relative change at which they are believed."""
+"""Largest number of iterations of a load step; largest number of corrector steps of the full solid, and the relative change
+at which they have converged."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ def press_reduced(
 
 
 def indicator(body: SolidBasis, d: np.ndarray, R: np.ndarray, eta: np.ndarray, wrench: np.ndarray) -> float:
-    """Relative error of where face B is under `wrench` (6,), by Newton steps of the full model until they settle.
+    """Relative error of where face B is under `wrench` (6,), by Newton steps of the full model until they converge.
 
     Infinite where they do not. For a solid in a mechanism the wrench is what its member exerts.
     """

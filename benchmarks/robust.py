@@ -14,14 +14,14 @@ import subprocess
 import sys
 from pathlib import Path
 
-from common import RESULTS, machine, spoken_machine
+from common import RESULTS, machine, machine_line
 
 HERE = Path(__file__).resolve().parent
 PARTS = {path.stem.removeprefix("robust_"): path for path in sorted(HERE.glob("robust_*.py"))}
 
 
-def told(part: str) -> tuple[bool, list[str]]:
-    """Whether a part ends well, and the lines it prints, which are printed on the way."""
+def run_part(part: str) -> tuple[bool, list[str]]:
+    """Whether a part ends without errors, and the lines it prints, which are also printed here."""
     said = []
     with subprocess.Popen([sys.executable, "-u", str(PARTS[part])], stdout=subprocess.PIPE, text=True) as run:
         assert run.stdout is not None
@@ -32,7 +32,7 @@ def told(part: str) -> tuple[bool, list[str]]:
 
 
 def main(wanted: list[str]) -> int:
-    """Returns how many of the parts wanted (all when none is named) ended with something wrong."""
+    """Number of the wanted parts (all when none is named) that ended with errors."""
     unknown = [part for part in wanted if part not in PARTS]
     if unknown:
         print(f"'{unknown[0]}' is no part; the parts are {', '.join(PARTS)}", file=sys.stderr)
@@ -41,13 +41,13 @@ def main(wanted: list[str]) -> int:
         [
             "# What may not go wrong in silence",
             "",
-            f"By `python benchmarks/robust.py`, {spoken_machine(machine())}.",
+            f"By `python benchmarks/robust.py`, {machine_line(machine())}.",
         ],
         0,
     )
     for part in wanted or PARTS:
         print(f"== {part}", flush=True)
-        good, said = told(part)
+        good, said = run_part(part)
         wrong += not good
         about = (ast.get_docstring(ast.parse(PARTS[part].read_text())) or "").partition("\n\n")[0]
         lines += ["", f"## {part}{'' if good else ': SOMETHING WRONG'}", "", " ".join(about.split()), ""]

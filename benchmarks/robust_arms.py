@@ -28,12 +28,12 @@ import ksd  # noqa: E402
 from ksd.errors import KsdError, TrustError  # noqa: E402
 
 METHODS = ("reduced", "full", "conventional")
-WRONG = {"differences": 1e-4, "pivoting": 1e-6, "frequencies": 1e-6, "buckling": 1e-6}
+ERROR_LIMITS = {"differences": 1e-4, "pivoting": 1e-6, "frequencies": 1e-6, "buckling": 1e-6}
 """Errors beyond which an answer counts as wrong."""
 
 
-def asked(found: ksd.Configuration, tip: str) -> dict[str, Callable[[], float]]:
-    """The questions and their errors."""
+def answer_errors(found: ksd.Configuration, tip: str) -> dict[str, Callable[[], float]]:
+    """Errors of the answers to each question."""
     return {
         "differences": lambda: arms.stiffness_error(found),
         "pivoting": lambda: max(arms.pivoted_errors(found, tip)),
@@ -42,9 +42,9 @@ def asked(found: ksd.Configuration, tip: str) -> dict[str, Callable[[], float]]:
     }
 
 
-def many_arms(count: int, seed: int) -> int:
+def check_arms(count: int, seed: int) -> int:
     """Returns how many answers were wrong or refused as singular."""
-    worst, tally, buckled = dict.fromkeys(WRONG, 0.0), Counter[str](), 0
+    worst, tally, buckled = dict.fromkeys(ERROR_LIMITS, 0.0), Counter[str](), 0
     for k in range(seed, seed + count):
         arm = arms.random_arm(np.random.default_rng(k))
         freedoms = sum(len(p.joint.motions) for p in arm.scene.scene().joints)
@@ -58,7 +58,7 @@ def many_arms(count: int, seed: int) -> int:
                 print(f"arm {k}: {method}: {found}", flush=True)
         if isinstance(found, KsdError):
             continue
-        for name, question in asked(found, arm.tip).items():
+        for name, question in answer_errors(found, arm.tip).items():
             try:
                 error = question()
             except (KsdError, np.linalg.LinAlgError) as refusal:
@@ -66,7 +66,7 @@ def many_arms(count: int, seed: int) -> int:
                 print(f"arm {k}: {name}: {refusal}", flush=True)
                 continue
             worst[name] = max(worst[name], error)
-            if not error <= WRONG[name]:
+            if not error <= ERROR_LIMITS[name]:
                 tally[f"{name} wrong"] += 1
                 print(f"arm {k}: {name} off by {error:.1e}", flush=True)
     print(f"{count} arms: {dict(tally) or 'nothing wrong, nothing refused'}")
@@ -77,7 +77,7 @@ def many_arms(count: int, seed: int) -> int:
     return sum(tally.values())
 
 
-def targets_in_series(count: int, seed: int) -> int:
+def check_series(count: int, seed: int) -> int:
     """Three joints in series, the first two universal, every axis driven: refusals by any method or mesh."""
     refused = 0
     for third in arms.FAMILIES:
@@ -103,7 +103,7 @@ def main() -> int:
     words.add_argument("--targets", type=int, default=25)
     words.add_argument("--seed", type=int, default=0)
     told = words.parse_args()
-    return many_arms(told.arms, told.seed) + targets_in_series(told.targets, told.seed)
+    return check_arms(told.arms, told.seed) + check_series(told.targets, told.seed)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What answers say of their own error, against the truth, over random scenes; prints counts.
+"""Error estimates of answers against their true errors, over random scenes; prints counts.
 
     python benchmarks/robust_estimates.py [--scenes 1000] [--seed 0] [--part NAME ...]
 
@@ -29,8 +29,8 @@ HINGES = (
     "circular_notch", "filleted_notch", "arc_hinge",
 )  # fmt: skip
 STEEL = ksd.Material(E=200e9, G=76.9e9)
-TRUTH = ksd.Mesh(orders=(8, 8, 12), points=16)
-SMALL = 1e-4
+REFERENCE_MESH = ksd.Mesh(orders=(8, 8, 12), points=16)
+MIN_CHECKED_ERROR = 1e-4
 """Relative error above which an estimate may not be below a third of it."""
 
 
@@ -91,7 +91,7 @@ def arm(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
     return scene, targets
 
 
-def unequal(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
+def unequal_fourbar(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
     """A fourbar of four different hinges under a force, also out of its plane."""
     joints = [random_hinge(rng) for _ in range(4)]
     size = max(j.length for j in joints)
@@ -170,12 +170,12 @@ def frame(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
     return scene, {"drive": float(L * rng.uniform(-0.2, 0.2))}
 
 
-JOINTED = (fourbar, unequal, door, arm, slider, universal)
+JOINTED = (fourbar, unequal_fourbar, door, arm, slider, universal)
 """Kinds of scenes of joints."""
 
 
 def scenes(seed: int, kinds: tuple[Any, ...]) -> Iterator[tuple[Any, dict[str, float], np.random.Generator]]:
-    """Random scenes with drive values, without end."""
+    """Random scenes with drive values, an endless iterator."""
     number = 0
     while True:
         rng = np.random.default_rng((seed, number))
@@ -187,13 +187,15 @@ def scenes(seed: int, kinds: tuple[Any, ...]) -> Iterator[tuple[Any, dict[str, f
 
 
 def relative_force(pose: Any, truth: Any) -> tuple[float, float]:
-    """Error of the drive forces over the largest, true and told with the solve (`pose.method_error`)."""
+    """Error of the drive forces over the largest one: the true one, and the estimate of the solve (`pose.method_error`)."""
     one, other = (np.array(list(p.forces.values())) for p in (pose, truth))
     most = max(np.abs(other).max(), 1e-300)
     return float(np.abs(one - other).max() / most), float(np.max(pose.method_error.force) / most)
 
 
-def both(scene: Any, targets: dict[str, float], method: str, mesh: Any, **words: Any) -> tuple[float, float]:
+def answer_errors(
+    scene: Any, targets: dict[str, float], method: str, mesh: Any, **words: Any
+) -> tuple[float, float]:
     """Error of an answer, true and told: the larger of that of forces and of displacements; KsdError where not solved."""
     pose = ksd.solve(scene, targets, method=method, mesh=mesh, **words)
     truth = equilibrium_near(pose)
@@ -202,14 +204,14 @@ def both(scene: Any, targets: dict[str, float], method: str, mesh: Any, **words:
     return relative_error(pose.model, pose.motion, truth.motion).relative, pose.error.relative
 
 
-def equilibrium_near(pose: Any, mesh: Any = TRUTH) -> Any:
+def equilibrium_near(pose: Any, mesh: Any = REFERENCE_MESH) -> Any:
     """The state of a whole solve of its own on the finest mesh, where that is stable and the branch of `pose`; else None."""
     truth = ksd.solve(pose.model.scene, dict(pose.targets), method="conventional", mesh=mesh, strict=False)
     far = np.abs(truth.motion.x[: pose.model.links] - pose.motion.x[: pose.model.links]).max()
     return truth if truth.stable and far < 0.05 * pose.model.arrays.size else None
 
 
-def any_mesh(scene: Any, rng: np.random.Generator) -> tuple[str, Any]:
+def random_mesh(scene: Any, rng: np.random.Generator) -> tuple[str, Any]:
     """Any method and a coarse mesh."""
     elements = int(rng.integers(2, 11))
     grid = ksd.Mesh("corotational", elements=elements) if rng.random() < 0.7 else ksd.Mesh(orders=(3, 2, 4))
@@ -221,9 +223,9 @@ def mesh(count: int, seed: int) -> bool:
     """Errors on coarse meshes, by every method."""
 
     def one(scene: Any, targets: dict[str, float], rng: np.random.Generator) -> list[tuple[float, float]]:
-        return [both(scene, targets, *any_mesh(scene, rng))]
+        return [answer_errors(scene, targets, *random_mesh(scene, rng))]
 
-    return _counted("mesh", count, scenes(seed, (*JOINTED, frame, frame)), one)
+    return _count_errors("mesh", count, scenes(seed, (*JOINTED, frame, frame)), one)
 
 
 def modal(count: int, seed: int) -> bool:
@@ -233,9 +235,9 @@ def modal(count: int, seed: int) -> bool:
         names, words = [j.name for j in scene.scene().joints], {}
         if len(names) > 1 and rng.random() < 0.4:
             words["basis"] = {str(rng.choice(names)): ModalBasis()}
-        return [both(scene, targets, "modal", None, **words)]
+        return [answer_errors(scene, targets, "modal", None, **words)]
 
-    return _counted("modal", count, scenes(seed, (hinge, hinge, fourbar, arm, slider)), one)
+    return _count_errors("modal", count, scenes(seed, (hinge, hinge, fourbar, arm, slider)), one)
 
 
 QUESTIONS = (
@@ -251,7 +253,7 @@ def questions(count: int, seed: int) -> bool:
     """Errors of questions, on coarse meshes by every method and of modal bodies."""
 
     def one(scene: Any, targets: dict[str, float], rng: np.random.Generator) -> list[tuple[float, float]]:
-        method, grid = any_mesh(scene, rng)
+        method, grid = random_mesh(scene, rng)
         if scene.scene().joints and rng.random() < 0.2:
             method, grid = "modal", None
         driven = {t.link for d in scene.scene().drives for t in d.terms}
@@ -271,10 +273,10 @@ def questions(count: int, seed: int) -> bool:
             found.append((abs(answer - right) / abs(right), told / abs(right)))
         return found
 
-    return _counted("questions", count, scenes(seed, (*JOINTED, frame)), one)
+    return _count_errors("questions", count, scenes(seed, (*JOINTED, frame)), one)
 
 
-def _counted(
+def _count_errors(
     name: str, count: int, drawn: Iterator[Any], one: Callable[..., list[tuple[float, float]]]
 ) -> bool:
     """`one` (scene, drive values, random numbers): errors, true and told, or KsdError, of so many scenes; see `report`."""
@@ -326,13 +328,13 @@ def report(name: str, found: list[tuple[float, float, int]], tried: int, factor:
     a third above SMALL."""
     seen = [(r, t, n) for r, t, n in found if t > 1e-9]
     within = sum(1 / factor <= r <= factor for r, _, _ in seen)
-    low = [(r, t, n) for r, t, n in seen if r < 1 / 3 and t > SMALL]
+    low = [(r, t, n) for r, t, n in seen if r < 1 / 3 and t > MIN_CHECKED_ERROR]
     ratio = np.array([r for r, _, _ in seen])
     print(
         f"{name}: {tried} drawn, {len(found)} answered, {len(seen)} with an error above 1e-9; "
         f"{100 * within / len(seen):.1f} % "
         f"within a factor {factor:g}; {(ratio < 0.5).sum()} below half, {(ratio > 2).sum()} above twice; "
-        f"{len(low)} below a third where the error exceeds {SMALL:g}; 1, 50, 99 % quantiles of told over true "
+        f"{len(low)} below a third where the error exceeds {MIN_CHECKED_ERROR:g}; 1, 50, 99 % quantiles of told over true "
         + ", ".join(f"{q:.3g}" for q in np.quantile(ratio, [0.01, 0.5, 0.99])),
         flush=True,
     )

@@ -33,7 +33,7 @@ from ksd.library import read_record, read_result  # noqa: E402
 from ksd.library.record_files import shipped_folder  # noqa: E402
 from ksd.library.result_files import write_result  # noqa: E402
 
-SEALED = {"record", "table", "result"}
+CHECKSUMMED = {"record", "table", "result"}
 
 
 def damages(content: bytes, rng: np.random.Generator) -> Iterator[bytes]:
@@ -103,7 +103,7 @@ def main() -> int:
                 path.write_bytes(damaged)
                 try:
                     read(path)
-                    told["read" if kind not in SEALED else "WRONG"] += 1
+                    told["read" if kind not in CHECKSUMMED else "WRONG"] += 1
                 except KsdError as error:
                     # a scene lists its mistakes, one to a line
                     told["refused" if kind == "scene" or "\n" not in str(error) else "WRONG"] += 1

@@ -14,7 +14,7 @@ from collections import Counter
 from typing import Any
 
 import numpy as np
-from robust_estimates import JOINTED, TRUTH, scenes, softest
+from robust_estimates import JOINTED, REFERENCE_MESH, scenes, softest
 from scipy.integrate import solve_bvp
 
 import ksd
@@ -22,7 +22,7 @@ from ksd.errors import KsdError
 
 E, NU = 200e9, 0.3
 ACCURACY = 1e-3
-NEAR = 0.02
+SAME_STATE_TOLERANCE = 0.02
 """Largest difference of positions, over the size, of an answer from the end of its path."""
 
 
@@ -71,7 +71,7 @@ def rod(slenderness: float, way: float, before: Any = None) -> Any:
     return found
 
 
-def taut(count: int, rng: np.random.Generator) -> int:
+def check_taut(count: int, rng: np.random.Generator) -> int:
     """Taut leaf springs against the rod: wrong by more than the accuracy asked for, and trusted without a word."""
     silent, worst, told = 0, 0.0, 0
     for _ in range(count):
@@ -95,7 +95,7 @@ def taut(count: int, rng: np.random.Generator) -> int:
     return silent
 
 
-def units(count: int, rng: np.random.Generator) -> int:
+def check_units(count: int, rng: np.random.Generator) -> int:
     """Random leaf springs in SI, and the same with moduli in MPa, lengths in mm, or the thickness of a block."""
     loud = silent = trusted = 0
     for _ in range(count):
@@ -117,7 +117,7 @@ def units(count: int, rng: np.random.Generator) -> int:
     return silent + loud + trusted
 
 
-def residuals(count: int, rng: np.random.Generator) -> int:
+def check_residuals(count: int, rng: np.random.Generator) -> int:
     """Residuals beyond their bound beside "within its bound", and forces changed by one more Newton step."""
     from ksd.solve.conventional import solve_conventional
 
@@ -139,7 +139,7 @@ def residuals(count: int, rng: np.random.Generator) -> int:
     return wrong
 
 
-def heavy(count: int) -> int:
+def check_heavy_loads(count: int) -> int:
     """Heavy dead forces on mechanisms at a tenth of their way: those refused though a path of stable states leads there, the
     loads put on after the drives, on leaf springs of many modes; and answers that are not the end of that path."""
     told: Counter[str] = Counter()
@@ -159,7 +159,7 @@ def heavy(count: int) -> int:
         except KsdError as reason:
             said = str(reason)
         try:
-            path = ksd.follow(scene, targets, mesh=TRUTH)
+            path = ksd.follow(scene, targets, mesh=REFERENCE_MESH)
             end = path.ended and not path.turnings and all(s.stable for s in path.states) and path.states[-1]
         except KsdError:
             end = None
@@ -171,8 +171,10 @@ def heavy(count: int) -> int:
         elif end:
             size, own = pose.model.arrays.size, {n: d for n, (d, _) in pose.links.items()}
             off = max(np.abs(own[n] - d).max() for n, (d, _) in end.links.items()) / size
-            told["answered, the end of its path" if off < NEAR else "answered, another minimum"] += 1
-            if off >= NEAR:
+            told[
+                "answered, the end of its path" if off < SAME_STATE_TOLERANCE else "answered, another minimum"
+            ] += 1
+            if off >= SAME_STATE_TOLERANCE:
                 print(f"scene {k}: another minimum than the path ends in, by {off:.1e}: {pose.trust.branch}")
         else:
             told["answered, its path turns or is not followed"] += 1
@@ -183,7 +185,12 @@ def heavy(count: int) -> int:
 def main(count: int = 100) -> int:
     """Returns the sum of all counts."""
     rng = np.random.default_rng(19)
-    return units(count, rng) + residuals(count, rng) + taut(count, rng) + heavy(2 * count)
+    return (
+        check_units(count, rng)
+        + check_residuals(count, rng)
+        + check_taut(count, rng)
+        + check_heavy_loads(2 * count)
+    )
 
 
 if __name__ == "__main__":

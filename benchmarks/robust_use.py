@@ -18,11 +18,11 @@ import ksd
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from scenes import cross_flexure, fourbar
 
-MOST_MB = 20
-"""Growth that is none of a leak."""
+MAX_GROWTH_MB = 20
+"""Largest growth that does not count as a leak."""
 
 
-def resident() -> float:
+def resident_memory() -> float:
     """Memory of this process [MB]."""
     import resource
 
@@ -30,7 +30,7 @@ def resident() -> float:
     return pages * resource.getpagesize() / 1e6
 
 
-def memory(scenes: int) -> float:
+def memory_growth(scenes: int) -> float:
     """Growth [MB] over so many new scenes, after some that fill the caches of fixed size and compile."""
 
     def solved(number: int) -> None:
@@ -39,14 +39,14 @@ def memory(scenes: int) -> float:
     for number in range(30):
         solved(number)
     gc.collect()
-    begin = resident()
+    begin = resident_memory()
     for number in range(30, 30 + scenes):
         solved(number)
     gc.collect()
-    return resident() - begin
+    return resident_memory() - begin
 
 
-def threads(calls: int, workers: int = 2) -> int:
+def thread_differences(calls: int, workers: int = 2) -> int:
     """How many of the forces that `workers` threads get from one solver differ from those of one thread."""
     solver, values = ksd.prepare(fourbar()), np.linspace(0.02, 0.1, calls)
 
@@ -75,15 +75,15 @@ def threads(calls: int, workers: int = 2) -> int:
 
 
 def main() -> int:
-    """Print the counts; returns 1 where one is beyond what it says."""
+    """Print the counts; returns 1 where one exceeds its limit."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true")
     quick = parser.parse_args().quick
     scenes, calls = (200, 300) if quick else (1500, 3000)
-    more, wrong = memory(scenes), threads(calls)
-    print(f"memory: {more:.1f} MB more after {scenes} new scenes (at most {MOST_MB})")
+    more, wrong = memory_growth(scenes), thread_differences(calls)
+    print(f"memory: {more:.1f} MB more after {scenes} new scenes (at most {MAX_GROWTH_MB})")
     print(f"threads: {wrong} of {calls} forces wrong of one solver in two threads (0)")
-    return int(more > MOST_MB or wrong > 0)
+    return int(more > MAX_GROWTH_MB or wrong > 0)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Energy-conserving sampling (ECSW) of modal bodies: few elements, weighted, stand for all of a leaf.
+"""Energy-conserving sampling (ECSW) of modal bodies: few elements with weights replace all elements of a leaf.
 
 For bodies whose energy is no polynomial. The weights are nonnegative and reproduce the reduced forces of training
 states, so the sampled body still has an energy. What it saves grows with the mesh: the cost of a

@@ -1,4 +1,4 @@
-"""What a solve of the fourbar costs and misses: time per iteration and its split, whole solves, start-up.
+"""Time and error of solves of the fourbar: time per iteration and its parts, whole solves, start-up.
 
     python benchmarks/speed.py [--quick] [--out FOLDER] [--readme README.md]
 
@@ -16,7 +16,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from common import FINEST, STROKE, PlainNewton, chain, fourbar, machine, options, times_of, write_json
+from common import (
+    REFERENCE_MESH,
+    STROKE,
+    PlainNewton,
+    element_mesh,
+    fourbar,
+    machine,
+    parse_options,
+    summarise_times,
+    write_json,
+)
 from speed_iterations import iteration_costs
 from speed_report import insert_table, markdown, picture, readme_table
 from start_up import start_up
@@ -25,11 +35,11 @@ import ksd
 from ksd.solve.conventional import solve_conventional
 
 TARGETS = {"top": STROKE}
-WARM = 2
+WARM_UP_ROUNDS = 2
 
 
 class Case(NamedTuple):
-    """One way to the configuration: method, leaf model, elements per leaf (0: strain-mode), and the call."""
+    """A method with a leaf model: labels, elements per leaf (0: strain-mode), and the call."""
 
     method: str
     leaves: str
@@ -63,18 +73,18 @@ def five_steps(scene: Any, mesh: ksd.Mesh, leaves: str, elements: int) -> list[C
     ]
 
 
-def cases_of(reading: int, meshes: Sequence[int]) -> list[Case]:
-    """All ways to the fourbar at d = 0.3 m."""
+def fourbar_cases(reading: int, meshes: Sequence[int]) -> list[Case]:
+    """All methods and leaf models for the fourbar at d = 0.3 m."""
     found = five_steps(fourbar(reading), ksd.Mesh(), "strain-mode", 0)
     for n in meshes:
         leaves = f"{n} element{'s' * (n > 1)}"
-        found += five_steps(fourbar(reading), chain(n), leaves, n)
+        found += five_steps(fourbar(reading), element_mesh(n), leaves, n)
         found.append(Case("plain Newton", leaves, n, PlainNewton(fourbar(reading), n, TARGETS)))
     n = 5 if 5 in meshes else meshes[-1]
     leaves = f"{n} elements"
     condensed = PlainNewton(fourbar(reading), n, TARGETS, nodal=False)
     found.append(Case("plain Newton, condensed leaf springs", leaves, n, condensed))
-    nodal = ksd.compile_scene(fourbar(reading), mesh=chain(n, mip=False, nodal=True))
+    nodal = ksd.compile_scene(fourbar(reading), mesh=element_mesh(n, mip=False, nodal=True))
     found.append(
         Case(
             "plain Newton, turns capped", leaves, n, lambda: solve_conventional(nodal, TARGETS, planar=False)
@@ -86,28 +96,34 @@ def cases_of(reading: int, meshes: Sequence[int]) -> list[Case]:
 
 
 def whole_solves(reading: int, meshes: Sequence[int], *, repeats: int) -> dict[str, Any]:
-    """Time of the steps and of the whole call of every case, measured in turns, and errors beside them."""
-    exact = solve_conventional(ksd.compile_scene(fourbar(reading), mesh=FINEST), TARGETS, planar=False)
-    cases = cases_of(reading, meshes)
+    """Times of the steps and of the whole call of every case, in turns, and their errors."""
+    exact = solve_conventional(
+        ksd.compile_scene(fourbar(reading), mesh=REFERENCE_MESH), TARGETS, planar=False
+    )
+    cases = fourbar_cases(reading, meshes)
     steps: list[list[float]] = [[] for _ in cases]
     calls: list[list[float]] = [[] for _ in cases]
     results: list[Any] = [None] * len(cases)
-    for turn in range(WARM + repeats):
+    for turn in range(WARM_UP_ROUNDS + repeats):
         for k, case in enumerate(cases):
             # once untimed, so that a case does not pay for what the one before it left in the processor's caches
             case.solve()
             begin = time.thread_time_ns()
             results[k] = case.solve()
             took = 1e-3 * (time.thread_time_ns() - begin)
-            if turn >= WARM:
+            if turn >= WARM_UP_ROUNDS:
                 calls[k].append(took)
                 steps[k].append(1e6 * results[k].time)
     rows = [
-        {**_figures(case, c, exact), "steps": times_of(s).numbers(), "call": times_of(w).numbers()}
+        {
+            **_figures(case, c, exact),
+            "steps": summarise_times(s).numbers(),
+            "call": summarise_times(w).numbers(),
+        }
         for case, c, s, w in zip(cases, results, steps, calls, strict=True)
     ]
     reference = {"force_N": exact.forces["top"], "rotation_rad": float(exact.rotation("top")[2])}
-    return {"reference": {**reference, "leaves": str(FINEST)}, "rows": rows}
+    return {"reference": {**reference, "leaves": str(REFERENCE_MESH)}, "rows": rows}
 
 
 def _figures(case: Case, c: ksd.Configuration, exact: ksd.Configuration) -> dict[str, Any]:
@@ -130,7 +146,7 @@ def _figures(case: Case, c: ksd.Configuration, exact: ksd.Configuration) -> dict
 
 
 def claims(found: dict[str, Any]) -> list[dict[str, Any]]:
-    """The targets set for these figures, and what was measured."""
+    """Targets of these figures, and the measured values."""
     costs = found["iterations"]
     rows = [r for r in found["solves"]["1"]["rows"] if r["method"] == "reduced" and r["elements"] in (0, 5)]
     listed = [
@@ -154,11 +170,11 @@ def claims(found: dict[str, Any]) -> list[dict[str, Any]]:
                 )
             )
     found_claims = [{"what": w, "bound": f"<= {t:g}", "measured": m, "met": m <= t} for w, t, m in listed]
-    return found_claims + ratios(found["solves"])
+    return found_claims + speed_ratios(found["solves"])
 
 
-def ratios(solves: dict[str, Any]) -> list[dict[str, Any]]:
-    """How many times as fast as the conventional method, whole calls, 5 elements per leaf, and the targets set."""
+def speed_ratios(solves: dict[str, Any]) -> list[dict[str, Any]]:
+    """Time ratios of the conventional method to the others, whole calls, 5 elements per leaf, and their targets."""
     listed = []
     for reading, solved in solves.items():
         times = {r["method"]: r["call"]["median_us"] for r in solved["rows"] if r["elements"] == 5}
@@ -178,7 +194,7 @@ def ratios(solves: dict[str, Any]) -> list[dict[str, Any]]:
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Measure, print and write everything; returns every number."""
     add = [lambda p: p.add_argument("--readme", type=Path, help="file whose measured table is replaced")]
-    chosen = options(__doc__, argv, *add)
+    chosen = parse_options(__doc__, argv, *add)
     quick = chosen.quick
     meshes, repeats = ((2, 5), 3) if quick else ((1, 2, 3, 4, 5, 6), 31)
     print("iterations ...", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""What one iteration costs, and its split, by calling the compiled kernels directly."""
+"""Time of one iteration and of its parts, by calling the compiled kernels directly."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from common import STROKE, chain, fourbar, times_of
+from common import STROKE, element_mesh, fourbar, summarise_times
 
 import ksd
 from ksd.model.arrays import Arrays, State, Workspace, make_workspace
@@ -21,8 +21,8 @@ from ksd.solve.five_steps import KINEMATIC, run_five_steps
 from ksd.solve.steps import MAX_TURN_PER_STEP, RTOL
 
 TARGET = np.array([STROKE])
-WARM = 3
-ROW = 9
+WARM_UP_ROUNDS = 3
+CALLS_IN_A_ROW = 9
 
 
 class System(NamedTuple):
@@ -40,7 +40,7 @@ class System(NamedTuple):
 def systems() -> dict[str, System]:
     """The fourbar (reading 1) at d = 0.3 m: full from rest, reduced from the closed loops."""
     found = {}
-    for name, mesh in (("5 elements", chain(5)), ("strain-mode", ksd.Mesh())):
+    for name, mesh in (("5 elements", element_mesh(5)), ("strain-mode", ksd.Mesh())):
         solver = ksd.prepare(fourbar(1), mesh=mesh)
         b = solver.five_steps.storage
         # steps 1 and 2
@@ -48,7 +48,7 @@ def systems() -> dict[str, System]:
         arrays, reduced = b.model.arrays, b.bodies.reduced
         found[f"full, {name}"] = System(arrays, b.model.rest.copy(), b.full_work, (1, 4))
         found[f"reduced, {name}"] = System(reduced, b.reduced_state.copy(), b.reduced_work, (0, 2))
-    model = ksd.compile_scene(fourbar(1), mesh=chain(5, mip=False, nodal=True))
+    model = ksd.compile_scene(fourbar(1), mesh=element_mesh(5, mip=False, nodal=True))
     baseline = System(model.arrays, model.rest.copy(), make_workspace(model.arrays), (1, 4))
     found["full, 5 elements, nodal plain Newton"] = baseline
     return found
@@ -67,10 +67,10 @@ class _Clock:
 
 
 def _run(system: System, motion: State, most: int) -> float:
-    """Thread time [us], the median of several in a row after one that is not looked at: the call itself costs more than an
-    iteration of the reduced mechanism, and its first one more still."""
+    """Thread time [us], the median of CALLS_IN_A_ROW after one that is not counted: the call itself costs more than an
+    iteration of the reduced mechanism, and the first call even more."""
     spent = []
-    for _ in range(ROW + 1):
+    for _ in range(CALLS_IN_A_ROW + 1):
         motion.assign(system.start)
         begin = time.thread_time_ns()
         solve_equilibrium(
@@ -80,7 +80,7 @@ def _run(system: System, motion: State, most: int) -> float:
     return statistics.median(spent[1:])
 
 
-def _pieces(system: System, motion: State, clock: _Clock) -> None:
+def _time_pieces(system: System, motion: State, clock: _Clock) -> None:
     arrays, work = system.arrays, system.work
     plan, blocks = arrays.plan, len(arrays.plan.size)
     motion.assign(system.start)
@@ -105,20 +105,20 @@ def iteration_costs(*, repeats: int) -> dict[str, Any]:
     motions = {name: s.start.copy() for name, s in cases.items()}
     clocks = {name: _Clock() for name in cases}
     whole: dict[str, list[float]] = {name: [] for name in cases}
-    for _ in range(WARM + repeats):
+    for _ in range(WARM_UP_ROUNDS + repeats):
         for name, s in cases.items():
             few, many = (_run(s, motions[name], most) for most in s.counts)
             whole[name].append((many - few) / (s.counts[1] - s.counts[0]))
-            _pieces(s, motions[name], clocks[name])
+            _time_pieces(s, motions[name], clocks[name])
     return {name: _row(s, whole[name], clocks[name]) for name, s in cases.items()}
 
 
 def _row(system: System, whole: list[float], clock: _Clock) -> dict[str, Any]:
-    pieces = {name: times_of(spent[WARM:]).median for name, spent in clock.spent.items()}
+    pieces = {name: summarise_times(spent[WARM_UP_ROUNDS:]).median for name, spent in clock.spent.items()}
     call = pieces.pop("call")
     split = {name: spent - call for name, spent in pieces.items()}
     return {
-        "iteration": times_of(whole[WARM:]).numbers(),
+        "iteration": summarise_times(whole[WARM_UP_ROUNDS:]).numbers(),
         "split_us": split,
         "call_from_python_us": call,
         "members": len(system.arrays.members.kind),

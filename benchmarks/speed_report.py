@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from common import READINGS, save_picture, spoken_machine
+from common import READINGS, machine_line, save_picture
 from front import Mark, Panel, draw_fronts
 
 from ksd.view.figure import new_figure
@@ -19,7 +19,7 @@ README_ROWS = {
     ("full", 0): "`full`, in space",
     ("plain Newton", 5): "the papers' conventional program: plain Newton on all nodes, 5 elements",
 }
-"""Rows of the table in the README: method and elements per leaf, and what it is called there."""
+"""Rows of the table in the README: label by method and elements per leaf."""
 
 
 def percent(error: float | None) -> str:
@@ -88,7 +88,7 @@ def claims_table(claims: list[dict[str, Any]]) -> list[str]:
 
 
 def _why_missed(solves: dict[str, Any]) -> list[str]:
-    """Where the time of `reduced` and `full` goes, against that of the conventional solver, 5 elements."""
+    """Parts of the time of `reduced` and `full`, and of the conventional solver, 5 elements."""
     rows = {r["method"]: r for r in solves["1"]["rows"] if r["elements"] == 5}
     steps = rows["full"]["steps_us"]
     spent = ", ".join(f"{name} {took:.0f}" for name, took in steps.items())
@@ -107,7 +107,7 @@ def markdown(found: dict[str, Any]) -> str:
     lines = [
         "# Speed of the fourbar of paper 1",
         "",
-        f"Measured by `benchmarks/speed.py` on {spoken_machine(found['machine'])}.",
+        f"Measured by `benchmarks/speed.py` on {machine_line(found['machine'])}.",
         "",
         "Thread CPU time, medians (quartiles), cases in turns in one process. Steps: the compiled work of a",
         "solve; whole call: that and what Python does around it, as the user pays it. Errors against strain-mode",
@@ -146,7 +146,7 @@ def _start_up_table(cases: dict[str, Any]) -> list[str]:
 
 
 def readme_table(found: dict[str, Any]) -> str:
-    """The table of the README: five ways to the fourbar of its script, what each costs and misses."""
+    """The table of the README: time and error of five methods for the fourbar of its script."""
     rows = {(r["method"], r["elements"]): r for r in found["solves"]["1"]["rows"]}
     body = [
         [name, f"{rows[key]['call']['median_us']:.0f}", percent(rows[key]["force_error"])]
@@ -159,7 +159,7 @@ def readme_table(found: dict[str, Any]) -> str:
             ),
             "",
             *_first_runs(found.get("start_up", {})),
-            f"{spoken_machine(found['machine'])}; thread time, medians;",
+            f"{machine_line(found['machine'])}; thread time, medians;",
             "`python benchmarks/speed.py --readme README.md` renews it. Errors against finer leaves, orders (6, 5, 9).",
             "[Methods at equal accuracy](benchmarks/results/bench.md); new designs, chains, the arm, optimisers and more:",
             "*Measured* in the documentation.",
@@ -168,7 +168,7 @@ def readme_table(found: dict[str, Any]) -> str:
 
 
 def _first_runs(cases: dict[str, Any]) -> list[str]:
-    """How long the first runs take with no compiled kernels on disk, and a later one; none where not measured."""
+    """Sentence about the time of the first runs without compiled kernels on disk, and of a later one; "" if not measured."""
     names = ("empty cache", "empty cache, demo", "full, strain-mode")
     if not all(name in cases for name in names):
         return []
@@ -180,7 +180,7 @@ def _first_runs(cases: dict[str, Any]) -> list[str]:
 
 
 def insert_table(readme: Path, table: str) -> None:
-    """Replace what stands between the markers of `readme` by `table`; ValueError without the markers."""
+    """Replace the text between the markers of `readme` by `table`. Raises ValueError without the markers."""
     text = readme.read_text()
     if text.count(BEGIN) != 1 or text.count(END) != 1 or text.index(BEGIN) > text.index(END):
         raise ValueError(f"{readme.name} needs the lines '{BEGIN}' and '{END}', once each and in this order")

@@ -1,4 +1,4 @@
-"""How long a fresh process takes to its first solution, with the compiled kernels on disk and without."""
+"""Time of a fresh process until its first solution, with and without compiled kernels on disk."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import Any
 HERE = Path(__file__).resolve().parent
 PROGRAM = """
 import sys, time
-from common import chain, fourbar
+from common import element_mesh, fourbar
 import ksd
 solver = ksd.prepare(fourbar(), mesh={mesh})
 ready = time.time()
@@ -24,7 +24,7 @@ print(ready - begin, time.time() - begin)
 """
 CASES = {
     "full, strain-mode": PROGRAM.format(mesh="None", method="full"),
-    "full, 5 elements": PROGRAM.format(mesh="chain(5)", method="full"),
+    "full, 5 elements": PROGRAM.format(mesh="element_mesh(5)", method="full"),
 }
 
 DEMO = """

@@ -12,11 +12,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from common import FINEST, STROKE, fourbar, interleaved, machine, options, write_json
+from common import REFERENCE_MESH, STROKE, fourbar, machine, parse_options, time_in_turns, write_json
 
 import ksd
 
-ALL = (
+QUESTIONS = (
     "force",
     "drive_stiffness",
     "support_stiffness",
@@ -28,7 +28,7 @@ ALL = (
 )
 TARGETS = {"reduced": 0.3, "full": 1.5}
 """Seconds of thread time, see above."""
-COMPARED = ("top_force_N", "support_z_N_per_m", "first_parasitic_Hz", "stress_MPa")
+COMPARED_COLUMNS = ("top_force_N", "support_z_N_per_m", "first_parasitic_Hz", "stress_MPa")
 
 
 def stroke(poses: int, questions: Sequence[str], **how: Any) -> ksd.Table:
@@ -41,7 +41,7 @@ def stroke(poses: int, questions: Sequence[str], **how: Any) -> ksd.Table:
 def errors(table: ksd.Table, exact: ksd.Table) -> dict[str, float]:
     """Largest relative differences over the stroke, the first pose (at rest) left out."""
     found = {}
-    for column in COMPARED:
+    for column in COMPARED_COLUMNS:
         if column in table.columns:
             found[column] = float(np.max(np.abs(table[column][1:] / exact[column][1:] - 1)))
     return found
@@ -49,16 +49,16 @@ def errors(table: ksd.Table, exact: ksd.Table) -> dict[str, float]:
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Measure, print, write stroke.json; returns what was found."""
-    asked = options(__doc__, argv)
+    asked = parse_options(__doc__, argv)
     poses, repeats = (5, 1) if asked.quick else (31, 7)
     ways = {
         f"{method}{' and buckling' if 'buckling' in questions else ''}": (method, questions)
         for method in TARGETS
-        for questions in (ALL[:-1], ALL)
+        for questions in (QUESTIONS[:-1], QUESTIONS)
     }
     calls = {name: (lambda m=m, q=q: stroke(poses, q, method=m)) for name, (m, q) in ways.items()}
-    times = interleaved(calls, repeats=repeats, warm=1)
-    exact = stroke(poses, ALL[:-1], method="conventional", mesh=FINEST)
+    times = time_in_turns(calls, repeats=repeats, warm=1)
+    exact = stroke(poses, QUESTIONS[:-1], method="conventional", mesh=REFERENCE_MESH)
     rows = []
     for name, (method, _) in ways.items():
         table = calls[name]()

@@ -1,4 +1,4 @@
-"""`pose.verify()` on random scenes: its error figure against the truth, and what it costs.
+"""`pose.verify()` on random scenes: its error figure against the true error, and its cost.
 
     python benchmarks/verify.py [--scenes 300] [--seed 0]
 
@@ -17,19 +17,19 @@ import time
 from typing import Any
 
 import numpy as np
-from robust_estimates import JOINTED, any_mesh, equilibrium_near, frame, report, scenes
+from robust_estimates import JOINTED, equilibrium_near, frame, random_mesh, report, scenes
 
 import ksd
 from ksd.errors import KsdError
 from ksd.solve.method_error import relative_error
 
-TRUTH = ksd.Mesh(orders=(8, 7, 12), points=16)
+REFERENCE_MESH = ksd.Mesh(orders=(8, 7, 12), points=16)
 REPEATS = 5
-MOST_COST = 3.0
-WARM = ksd.Material(E=200e9, G=76.9e9, density=7850.0, expansion=12e-6)
+MAX_COST = 3.0
+WARM_STEEL = ksd.Material(E=200e9, G=76.9e9, density=7850.0, expansion=12e-6)
 
 
-def shaped(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
+def random_stage(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
     """A stage on two or three leaf springs that are curved, tapered, both or neither, perhaps heavy or warm, in a plane or
     in space."""
     scene = ksd.Mechanism("random shaped frame")
@@ -46,10 +46,10 @@ def shaped(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
             words["profile"] = ksd.Taper((t, t * rng.uniform(0.6, 1.7)), (w, w * rng.uniform(0.6, 1.7)))
         foot, section = np.array([0.0, 0.6 * k * L, 0.0]), ksd.rectangle(t, w)
         scene.leaf(
-            scene.ground, stage, start=tuple(foot), end=tuple(foot + along), section=section, material=WARM,
+            scene.ground, stage, start=tuple(foot), end=tuple(foot + along), section=section, material=WARM_STEEL,
             width_axis=tuple(across), name=f"leaf {k}", **words,
         )  # fmt: skip
-        stiff = min(stiff, WARM.E * section.Iz / L**2)
+        stiff = min(stiff, WARM_STEEL.E * section.Iz / L**2)
     scene.actuate(stage, along="y", at=(0, 0, 0), name="drive")
     scene.load(stage, force=tuple(stiff * rng.uniform(-3, 3, 3) * (1, 1, 0 if flat else 0.3)), at=(L, 0, 0))
     if rng.random() < 0.4:
@@ -59,29 +59,29 @@ def shaped(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
     return scene, {"drive": float(L * rng.uniform(-0.2, 0.2))}
 
 
-def took(call: Any) -> tuple[float, Any]:
-    """Thread time [s] of a call, and what it gives."""
+def timed_call(call: Any) -> tuple[float, Any]:
+    """Thread time [s] of a call, and its result."""
     begin = time.thread_time()
     found = call()
     return time.thread_time() - begin, found
 
 
-def judged(scene: Any, targets: dict[str, float], rng: np.random.Generator) -> tuple[float, ...]:
+def verification_errors(scene: Any, targets: dict[str, float], rng: np.random.Generator) -> tuple[float, ...]:
     """True error, that of the verification, and its cost in solves, first and again; KsdError where there is no answer or no
     truth."""
-    method, mesh = any_mesh(scene, rng)
+    method, mesh = random_mesh(scene, rng)
     if rng.random() < 0.2:
         mesh = None
 
     def solve() -> Any:
         return ksd.solve(scene, targets, method=method, mesh=mesh)
 
-    solved, pose = took(solve)
-    first, verification = took(pose.verify)
-    truth = equilibrium_near(pose, TRUTH)
+    solved, pose = timed_call(solve)
+    first, verification = timed_call(pose.verify)
+    truth = equilibrium_near(pose, REFERENCE_MESH)
     if truth is None:
         raise KsdError("no truth next to it")
-    times = [(took(pose.verify)[0], took(solve)[0]) for _ in range(REPEATS)]
+    times = [(timed_call(pose.verify)[0], timed_call(solve)[0]) for _ in range(REPEATS)]
     own, again = np.median(times, axis=0)
     true = relative_error(pose.model, pose.motion, truth.motion).relative
     return true, verification.relative, first / solved, float(own / again)
@@ -95,16 +95,16 @@ def main() -> int:
     options = words.parse_args()
     found, costs, number, unclosed = [], [], 0, 0
     for number, (scene, targets, rng) in enumerate(
-        scenes(options.seed, (*JOINTED, frame, shaped, shaped, shaped))
+        scenes(options.seed, (*JOINTED, frame, random_stage, random_stage, random_stage))
     ):
         if len(found) + unclosed == options.scenes:
             break
         try:
-            true, told, *cost = judged(scene, targets, rng)
+            true, told, *cost = verification_errors(scene, targets, rng)
         except (KsdError, np.linalg.LinAlgError):
             continue
         costs.append(cost)
-        if max(cost) >= MOST_COST:
+        if max(cost) >= MAX_COST:
             print(f"    scene {number}: costs {cost[0]:.2f} solves, again {cost[1]:.2f}")
         if math.isinf(told):
             unclosed += 1
@@ -119,9 +119,9 @@ def main() -> int:
         middle, most = np.quantile(cost, [0.5, 0.95])
         print(
             f"cost in solves, {when}: median {middle:.2f}, 95 % below {most:.2f}, at most {cost.max():.2f}; below three in "
-            f"{100 * np.mean(cost < MOST_COST):.1f} %"
+            f"{100 * np.mean(cost < MAX_COST):.1f} %"
         )
-    return int(not good or unclosed > 0.05 * options.scenes or np.median(costs) >= MOST_COST)
+    return int(not good or unclosed > 0.05 * options.scenes or np.median(costs) >= MAX_COST)
 
 
 if __name__ == "__main__":

@@ -73,13 +73,13 @@ def test_table_needs_its_markers(script, tmp_path):
 
 def test_all_stored_pictures_by_one_command(script, tmp_path, monkeypatch):
     """Drawn anew, each to be read, and each stored one shows the numbers that are stored; there are no others."""
-    pictures, stamped = script("pictures"), script("common").stamped
+    pictures, stamped = script("pictures"), script("common").png_with_digest
 
     def read(figure, *words):
         assert_readable(figure)
         return stamped(figure, *words)
 
-    monkeypatch.setattr(script("common"), "stamped", read)
+    monkeypatch.setattr(script("common"), "png_with_digest", read)
     drawn = pictures.main(["--out", str(tmp_path)])
     assert {p.name for p in drawn} == {"hero.png", *pictures.PICTURES}
     kept = [*(FOLDER.parent / "docs").glob("*.png"), *(FOLDER / "results").glob("*.png")]
@@ -189,10 +189,10 @@ def test_cost_and_health_of_modal_bodies(script, tmp_path):
 def test_batches_and_tabulated_joints(script):
     batch = script("batch")
     stroke = [0.02, 0.2]
-    designs = batch.drawn(12, seed=3)
+    designs = batch.random_designs(12, seed=3)
     found = ksd.batch(batch.fourbar, designs=designs, top=stroke, threads=1)
-    assert batch.difference(found, designs, stroke) < 1e-10
-    rows = {(r["case"], r["leaves"]): r for r in batch.tabulated(12)}
+    assert batch.largest_force_difference(found, designs, stroke) < 1e-10
+    rows = {(r["case"], r["leaves"]): r for r in batch.measure_tabulated(12)}
     assert len(rows) == 4 and all(r["solved"] == 12 and r["force_error"] < 1e-6 for r in rows.values())
 
 

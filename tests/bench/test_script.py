@@ -27,8 +27,8 @@ def found(measured, method, leaves):
 
 
 def test_what_was_asked_is_met_or_missed_with_the_reason(fourbar, reading_1, script):
-    told = script("bench").told(reading_1, fourbar, quick=True)
-    text = script("bench_tables").asked_table([told])
+    told = script("bench").case_with_engines(reading_1, fourbar, quick=True)
+    text = script("bench_tables").requirement_table([told])
     lines = {tuple(line.split("|")[1:3]): line for line in text.splitlines()[2:]}
     # six ratios, and two bounds: of the strain-mode leaf, with five elements none of four
     assert len(lines) == 8

@@ -101,7 +101,7 @@ def test_leaves_in_space(number):
     rng = np.random.default_rng((7, number))
     scene, targets = robust_estimates.frame(rng)
     mesh = ksd.Mesh("corotational", elements=int(rng.integers(3, 9)))
-    true, told = robust_estimates.both(scene, targets, "conventional", mesh)
+    true, told = robust_estimates.answer_errors(scene, targets, "conventional", mesh)
     assert told == pytest.approx(true, rel=0.3)
 
 

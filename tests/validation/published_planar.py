@@ -117,7 +117,9 @@ def constant():
 
 def linear():
     """The same balanced on the lever at rest, as the paper prints it."""
-    return paper3.told(paper3.solved(5e-3, section=inextensible(paper3.SECTION), linear=True))
+    return paper3.configuration_answers(
+        paper3.solve_constant(5e-3, section=inextensible(paper3.SECTION), linear=True)
+    )
 
 
 def inverse():

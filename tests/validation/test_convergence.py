@@ -19,5 +19,5 @@ ORDERS = {
 def test_order(quantity):
     found = convergence.errors(quantity, (8, 16))
     low, high = ORDERS.get(quantity.__name__, (1.8, 2.2))
-    assert low < convergence.order_of(found) < high
+    assert low < convergence.observed_order(found) < high
     assert found[-1] < 0.02

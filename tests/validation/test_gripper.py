@@ -32,11 +32,11 @@ def paper(monkeypatch):
 def test_partial_balance(paper):
     """The leaf springs of `method="constant"` are the closed form of the paper, inextensible or with stretch and shear."""
     section = inextensible(paper.SECTION)
-    found = paper.told(paper.solved(5e-3, section=section, linear=False))
+    found = paper.configuration_answers(paper.solve_constant(5e-3, section=section, linear=False))
     assert found == pytest.approx(constant(), rel=2e-6)
     found = ksd.solve(paper.gripper(4e-3, (-0.05, 0.02)), method="constant", mesh=FINE)
     assert paper.answers(found) == pytest.approx(
-        paper.told(paper.solved(4e-3, (-0.05, 0.02), linear=False)), rel=1e-8
+        paper.configuration_answers(paper.solve_constant(4e-3, (-0.05, 0.02), linear=False)), rel=1e-8
     )
 
 

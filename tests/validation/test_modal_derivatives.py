@@ -39,7 +39,9 @@ def test_as_printed(cases, case, stroke, slack, order, width):
     found, power = cases.one_percent(case, cases.PRINTED)
     assert found == pytest.approx(stroke, abs=slack)
     assert power == pytest.approx(order, abs=width)
-    assert cases.measured(case, 1.0 if case == "parallel guide" else 0.2, cases.PRINTED)["stroke_error"] < 0
+    assert (
+        cases.basis_errors(case, 1.0 if case == "parallel guide" else 0.2, cases.PRINTED)["stroke_error"] < 0
+    )
 
 
 def test_the_order_depends_on_the_distance_of_the_leaves(cases, monkeypatch):
@@ -59,7 +61,7 @@ def test_the_order_depends_on_the_distance_of_the_leaves(cases, monkeypatch):
 
 def test_support_is_asked_at_the_end_of_the_leaf(cases):
     """At the driven end itself, wherever it is: held across there, a cantilever is compliant along by its bent shape."""
-    found = cases.solved(cases.full_model("cantilever", 0.6, 10), planar=True)
+    found = cases.solve_loads(cases.full_model("cantilever", 0.6, 10), planar=True)
     C = found.stiffness("tip", at=(cases.L, 0, 0)).compliance
     expected = C[0, 0] - C[0, 1] ** 2 / C[1, 1]
     assert cases.support_compliance(found, (cases.L, 0.0, 0.0)) == pytest.approx(expected, rel=1e-9)
@@ -67,10 +69,10 @@ def test_support_is_asked_at_the_end_of_the_leaf(cases):
 
 def test_as_printed_a_finer_mesh_makes_it_worse(cases):
     """Errata, paper 2, point 2: -1.1 % with 10 elements, -24 % with 160, cantilever at 0.1 L."""
-    assert cases.measured("cantilever", 0.3, cases.PRINTED)["stroke_error"] == pytest.approx(
+    assert cases.basis_errors("cantilever", 0.3, cases.PRINTED)["stroke_error"] == pytest.approx(
         -0.011, abs=0.001
     )
-    fine = cases.measured("cantilever", 0.3, replace(cases.PRINTED, elements=160))
+    fine = cases.basis_errors("cantilever", 0.3, replace(cases.PRINTED, elements=160))
     assert fine["stroke_error"] == pytest.approx(-0.24, abs=0.01)
 
 
@@ -79,12 +81,12 @@ def test_as_printed_a_finer_mesh_makes_it_worse(cases):
 )
 def test_director_coordinates(cases, case, load):
     """Row 2, up to 0.5 L and 60 degrees: stroke 0.02 %, support compliance 0.5 %, and 160 elements no worse."""
-    found = cases.measured(case, load, cases.DEFAULT)
+    found = cases.basis_errors(case, load, cases.DEFAULT)
     assert found["stroke"] > (59.0 if case == "cross flexure" else 0.49)
     assert abs(found["stroke_error"]) < 2e-4
     assert abs(found["support_error"]) < 5e-3
     if case != "cross flexure":
-        fine = cases.measured(case, load, replace(cases.DEFAULT, elements=160))
+        fine = cases.basis_errors(case, load, replace(cases.DEFAULT, elements=160))
         assert abs(fine["stroke_error"]) < 2 * abs(found["stroke_error"]) + 1e-6
         assert abs(fine["support_error"]) < 2 * abs(found["support_error"]) + 1e-6
 
@@ -94,7 +96,7 @@ def test_strain_modes_beside(cases, order, stroke, support):
     """Row 3: the measure a modal basis must beat."""
     reference = Mesh(orders=(6, 4, 12), points=15)
     for case, load in (("cantilever", 2.1), ("parallel guide", 16.0), ("cross flexure", 2.45)):
-        found = cases.strain_measured(case, load, order, reference)
+        found = cases.strain_mode_errors(case, load, order, reference)
         assert abs(found["stroke_error"]) < stroke
         assert abs(found["support_error"]) < support
 
@@ -102,7 +104,7 @@ def test_strain_modes_beside(cases, order, stroke, support):
 def test_without_internal_modes_the_support_is_wrong(cases):
     """Errata, paper 2, point 4: 2 to 100 times too stiff beyond 0.1 L, whatever the stroke says."""
     bare = replace(cases.DEFAULT, internal=0)
-    found = cases.measured("parallel guide", 4.0, bare)
+    found = cases.basis_errors("parallel guide", 4.0, bare)
     assert abs(found["stroke_error"]) < 5e-3
     assert 2 < 1 / (1 + found["support_error"]) < 100
 
@@ -110,7 +112,7 @@ def test_without_internal_modes_the_support_is_wrong(cases):
 def test_third_order_cures_the_angles(cases):
     """Errata, paper 2, point 2."""
     third = replace(cases.PRINTED, order=3)
-    two, three = (cases.measured("cantilever", 0.3, b) for b in (cases.PRINTED, third))
+    two, three = (cases.basis_errors("cantilever", 0.3, b) for b in (cases.PRINTED, third))
     assert abs(three["stroke_error"]) < 0.05 * abs(two["stroke_error"])
 
 
@@ -139,7 +141,7 @@ def test_tangent_basis(cases, hinge):
 @pytest.mark.parametrize("case", ["cantilever", "parallel guide", "cross flexure"])
 def test_tangent_basis_in_the_plane(cases, case):
     """Row 4: load within 0.02 % to +-0.05 L or +-5 degrees of the trained configuration, support stiffness exact at it."""
-    rows = import_module("paper2_tangent").around(case)
+    rows = import_module("paper2_tangent").errors_around(case)
     for row in rows:
         assert abs(row["value"]) < (1e-6 if "support" in row["what"] else 2e-4), row
 
@@ -147,7 +149,7 @@ def test_tangent_basis_in_the_plane(cases, case):
 def test_quadratic_manifold_is_locked(cases):
     """The choice for comparison: right for infinitesimal strokes, eight times too short at 0.1 L, with 6 unknowns."""
     tied = replace(cases.PRINTED, derivatives="tied")
-    little, far = (cases.measured("cantilever", load, tied) for load in (3e-4, 0.3))
+    little, far = (cases.basis_errors("cantilever", load, tied) for load in (3e-4, 0.3))
     assert abs(little["stroke_error"]) < 1e-4
     assert little["unknowns"] == 6
     assert far["stroke_error"] == pytest.approx(-0.873, abs=0.005)
