@@ -121,7 +121,7 @@ def test_sweep_report_and_animation_say_the_same(pose, tmp_path, monkeypatch):
         assert row[f"{modes.names[k]}_Hz"] == pytest.approx(modes.frequency_Hz[k], rel=1e-9)
     assert _first_parasitic(pose) == pytest.approx(modes.first_parasitic_Hz, rel=1e-9)
     said = []
-    monkeypatch.setattr(animate, "_written", lambda *a, title, **k: said.append(title))
+    monkeypatch.setattr(animate, "_write_frames", lambda *a, title, **k: said.append(title))
     for mode in (1, first + 1, "parasitic_1"):
         animate.animate_mode(pose, tmp_path / "m.gif", mode=mode, modes=modes, frames=2)
     assert said[0].startswith("mode 1, intended_1: ") and said[1] == said[2]
