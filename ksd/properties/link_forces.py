@@ -45,7 +45,8 @@ class LinkForce:
 class LinkForces(PrintableAnswer):
     """Forces inside all leaf springs in the order of the model, then on all links, ground first.
 
-    plane: whose components are printed, None for all; size [m]: length by which moments are compared with forces.
+    rows: one per force; plane: whose components are printed, None for all; size [m]: length by which moments are compared
+    with forces.
     """
 
     rows: tuple[LinkForce, ...]
