@@ -149,7 +149,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     negative; they are evaluated before a design is solved. link, at, freed, modes, loads, together: as in `ksd.sweep`, and
     so the drive values [m or rad]; but modes are numbered at every pose from the lowest. method: "full", "reduced", or
     "conventional", which needs no trained ranges; for the others these are bounds. When None it is "full" where every joint
-    has a record (a joint of one's own: for all parameters), else "conventional". mesh: when None the default, with as many
+    has a record that matches it for all parameters, else "conventional". mesh: when None the default, with as many
     curvature modes as suffice in the middle of the bounds; where they are too few at an optimum, it prints a warning.
     extrapolate: as in `ksd.solve`; targets: drive values as a mapping. All answers are those of the equilibrium,
     independent of the method, so that slopes are theirs. A design that is not stable at a pose has no answers.
@@ -158,21 +158,28 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     """
 
     function: Callable[..., Any]
+    # `function` with a cache of scenes
     build: _CachedSceneFunction
     vary: Mapping[str, tuple[float, float]]
     answers: tuple[Answer, ...]
     rules: tuple[Rule, ...]
+    # (P, 2), SI, within trained ranges
     bounds: Array
+    # why a bound is tighter than given, by parameter and side ("least" or "most")
     bound_reasons: Mapping[tuple[str, str], str]
+    # as given, for jobs with other limits
     arguments: Mapping[str, Any]
+    # trained ranges that depend on several parameters; they are rules
     coupled_ranges: tuple[TrainedRange, ...]
     questions: Questions
     loads: Any
+    # additional loads by load case
     cases: Mapping[str, tuple[Load, ...]]
     drives: Mapping[str, Array]
     paths: DrivePaths
     method: Literal["full", "reduced", "conventional"]
     extrapolate: bool
+    # the design solved last, as bytes, and its poses, which its slopes need
     last_solved: tuple[bytes, list[SolvedPoses]] | None
 
     def __init__(
