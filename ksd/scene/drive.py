@@ -9,6 +9,7 @@ from ksd.checks import Vector, direction, number, show, vector, word
 from ksd.errors import SceneError
 
 GROUND = "ground"
+"""Name of the link that does not move."""
 
 
 @dataclass(frozen=True)

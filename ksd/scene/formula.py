@@ -19,6 +19,7 @@ from ksd.errors import SceneError
 from ksd.scene.toml_table import parse_quantity
 
 Keys = tuple[str | int, ...]
+"""Path to a value in nested tables and lists."""
 FUNCTIONS: Mapping[str, Callable[..., float]] = {
     "sin": math.sin, "cos": math.cos, "tan": math.tan, "atan": math.atan, "sqrt": math.sqrt, "exp": math.exp,
     "log": math.log, "abs": abs, "min": min, "max": max,

@@ -20,6 +20,7 @@ from ksd.scene.toml_table import unit_pattern
 from ksd.units import DIMENSIONS
 
 Tree = dict[str, Any]
+"""A JSON schema, or part of one."""
 _JSON_TYPES = {str: "string", float: "number", int: "integer", bool: "boolean"}
 _NAMED_KINDS = ("material", "section", "joint")
 _JSON_TYPE_OF_KIND = {"number": "number", "text": "string", "flag": "boolean"} | dict.fromkeys(

@@ -48,9 +48,9 @@ def _array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
 def _of_hdf5(content: bytes) -> dict[str, np.ndarray]:
     """The arrays KEYS of an HDF5 file, as far as they exist."""
 
-    def arrays(found: BoundedReader) -> dict[str, np.ndarray]:
-        items = found.items(found.file)
-        return {name: found.numbers(items[name]) for name in KEYS if name in items}
+    def arrays(reader: BoundedReader) -> dict[str, np.ndarray]:
+        items = reader.items(reader.file)
+        return {name: reader.numbers(items[name]) for name in KEYS if name in items}
 
     return read_hdf5(content, arrays)
 

@@ -21,6 +21,7 @@ MAX_NEWTON_STEPS = 30
 CHORD_QUADRATURE, LENGTH_QUADRATURE = legendre.leggauss(128), legendre.leggauss(16)
 """Gauss points and weights on [-1, 1] for the chord of a curve, and for the arc length of a spline segment."""
 Points = tuple[tuple[float, ...], ...]
+"""Rows of numbers: points (k, 2) [m], or coefficients of pieces."""
 
 
 class PlaneCurvature:

@@ -27,6 +27,7 @@ from ksd.scene.load import Load, PointMass
 from ksd.scene.profile import Profile
 
 Matrix = tuple[Vector, Vector, Vector]
+"""A matrix (3, 3) as a tuple of rows."""
 
 
 MECHANISM_HINT = (

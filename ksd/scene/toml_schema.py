@@ -20,6 +20,7 @@ from ksd.scene.plane_curves import Legendre, Sine, Spline
 from ksd.scene.profile import CircularNotch, FilletedNotch, StiffenedMiddle, Taper
 
 Schema = dict[str, str]
+"""Kind by key of a table."""
 
 TOP: Schema = {
     "name": "text",

@@ -25,6 +25,7 @@ _QUANTITY = re.compile(rf"\s*({NUMBER_PATTERN})\s*(.*?)\s*", re.DOTALL)
 ANY_NAME = ""
 """Name that stands for any name, where a mistake makes it unknown which names a file defines."""
 Parts = Mapping[str, Mapping[str, Any]]
+"""Materials, sections and joints of a file by kind and name."""
 
 
 _UNIT_SPELLINGS = {

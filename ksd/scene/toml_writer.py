@@ -37,6 +37,7 @@ from ksd.scene.toml_schema import (
 from ksd.section import Section, circle, rectangle
 
 Tree = dict[str, Any]
+"""A TOML table as nested dictionaries and lists."""
 
 
 @clear_argument_errors

@@ -15,7 +15,8 @@ from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 
 _STROKE = math.radians(75)
-_NAME = "CrossFlexure"
+_OWNER = "CrossFlexure"
+"""Start of messages."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,9 @@ class CrossFlexure(InclinedLeaves):
             spacing=_spacing(pair, gap, spacing), elements=elements, orders=orders,
         )  # fmt: skip
         self.check_inclined()
-        check_clear(joint_leaves(self), owner=_NAME, advice="raise the spacing to half the sum of the widths")
+        check_clear(
+            joint_leaves(self), owner=_OWNER, advice="raise the spacing to half the sum of the widths"
+        )
 
     def leaves(self) -> tuple[Leaf, ...]:
         x, h, c = self.pose_B[0], 0.5 * self.length * math.sin(self.angle), self.spacing
@@ -87,9 +90,9 @@ class CrossFlexure(InclinedLeaves):
 def _widths(widths: Any) -> tuple[float, float]:
     """Widths (inner, outer) [m], checked. Raises SceneError."""
     if not isinstance(widths, tuple | list) or len(widths) != 2:
-        raise SceneError(f"{_NAME}: widths = {show(widths)} must be two lengths (inner, outer) in m.")
+        raise SceneError(f"{_OWNER}: widths = {show(widths)} must be two lengths (inner, outer) in m.")
     inner, outer = (
-        positive(w, f"widths[{i}] ({k})", owner=_NAME, unit="m")
+        positive(w, f"widths[{i}] ({k})", owner=_OWNER, unit="m")
         for i, (w, k) in enumerate(zip(widths, ("inner", "outer"), strict=True))
     )
     return inner, outer
@@ -99,9 +102,9 @@ def _spacing(widths: tuple[float, float], gap: Any, spacing: Any) -> float:
     """Distance [m] of the outer leaf springs from the inner one along z, from gap or spacing. Raises SceneError."""
     if gap is not None and spacing is not None:
         raise SceneError(
-            f"{_NAME}: gap = {show(gap)} and spacing = {show(spacing)} say the same; give one of them."
+            f"{_OWNER}: gap = {show(gap)} and spacing = {show(spacing)} say the same; give one of them."
         )
     if spacing is not None:
-        return positive(spacing, "spacing", owner=_NAME, unit="m")
-    clearance = 0.0 if gap is None else not_negative(gap, "gap", owner=_NAME, unit="m")
+        return positive(spacing, "spacing", owner=_OWNER, unit="m")
+    clearance = 0.0 if gap is None else not_negative(gap, "gap", owner=_OWNER, unit="m")
     return 0.5 * (widths[0] + widths[1]) + clearance

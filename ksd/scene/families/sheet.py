@@ -17,6 +17,7 @@ from ksd.scene.profile import Profile
 from ksd.section import rectangle
 
 Point = tuple[float, float]
+"""A point (x, y) [m] in the plane of a sheet."""
 
 
 class JointFamily(Joint):
