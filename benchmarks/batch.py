@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from common import machine, parse_options, time_in_turns, write_json
-from minimum_work import one_pass
+from floor import one_pass
 
 import ksd
 from ksd.bench.suite import TIP, arm_by_joints, arm_by_location
