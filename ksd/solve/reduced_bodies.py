@@ -1,9 +1,9 @@
 """Mechanisms with reduced bodies: modal leaves and solids beside leaf springs in full and condensed joints.
 
-By load steps they are members like every other. Where records place the joints, steps 1 and 2 of the KSD method lead to the
-start: everything is placed, joints none of whose leaf springs is reduced or asked for in full are condensed, and the inner
-coordinates of the bodies settle with their ends held there. Step 3 is the equilibrium of links, condensed joints and all
-other members, step 4 the recovery of the condensed joints.
+In load steps from rest reduced bodies are members like all others. Where records place the joints, the solve starts from
+steps 1 and 2 of the five-step method: all links are placed, joints without reduced leaf springs are condensed, and the
+inner coordinates of the bodies are brought to equilibrium with their ends fixed there. Step 3 is the equilibrium of
+links, condensed joints and all other members, step 4 the recovery of the condensed joints.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from ksd.modal.leaf_bodies import full_model_state, with_chains, with_modal_bodi
 from ksd.modal.solid_basis import SolidBasis, with_solids
 from ksd.model.arrays import Arrays, State, make_workspace
 from ksd.model.compile import Model
-from ksd.model.newton import assemble, solve_equilibrium
+from ksd.model.newton import ROUNDING_MULTIPLE, assemble, solve_equilibrium
 from ksd.model.reduced_bodies import inner_state, relative_end_pose, transfer_state
 from ksd.numerics.blocks import factor_blocks
 from ksd.numerics.stopwatch import Stopwatch
@@ -47,25 +47,25 @@ from ksd.solve.load_steps import LoadPath, take_load_steps
 from ksd.solve.steps import MAX_TURN_PER_STEP, RTOL, Step, Stop
 from ksd.solve.validity import most_bent_body, validity
 
-SUCCESSFUL = 0.05
-"""Estimated relative error beyond which a basis is no longer successful."""
-MOST_SETTLING = 40
-PARTS = (1, 2, 4, 8, 16)
-"""Equal parts in which drives and loads are put on together, until one of these ways arrives."""
-SMALLEST = 1 / 128
-"""Smallest part of the loads put on at a time, drives in place."""
-WAYS_THERE = (1, 2, 4, 8, 16)
-"""Equal steps from rest in which the ends of a body are turned until its inner coordinates follow."""
-
-WITHOUT_RECORDS = (RecordError, RangeError, KinematicsError, SceneError)
-"""Why records cannot place a mechanism; load steps from rest need none."""
+MAX_BASIS_ERROR = 0.05
+"""Estimated relative error above which a basis is no longer successful."""
+MAX_BODY_ITERATIONS, BODY_TOLERANCE = 40, 1e-6
+"""Newton iterations and residual tolerance for the inner coordinates of one body with fixed ends."""
+LOAD_PARTS = (1, 2, 4, 8, 16)
+"""Numbers of equal parts in which drives and loads are applied together, tried in this order."""
+SMALLEST_LOAD_STEP = 1 / 128
+"""Smallest step of the loads, with the drives in place."""
+TURN_PARTS = (1, 2, 4, 8, 16)
+"""Numbers of equal steps in which the ends of a body are turned from rest to their poses, tried in this order."""
+PLACEMENT_ERRORS = (RecordError, RangeError, KinematicsError, SceneError)
+"""Errors by which records cannot place a mechanism; load steps from rest need no records."""
 
 
 def named_bases(model: Model, basis: object) -> dict[str, ModalBasis | SolidBasis]:
-    """The basis of every leaf of `model` that is to be reduced: one `ksd.ModalBasis` for all (the default for None), or by
-    name of a leaf, of a joint for all its leaf springs, or of a flexible constraint.
+    """The basis of every leaf of `model` that is to be reduced, by full name of the leaf.
 
-    Raises SceneError for a name that is none of these, and for what is no basis.
+    basis: one `ksd.ModalBasis` for all leaves (the default one when None), or a mapping by name of a leaf, of a joint for
+    all its leaf springs, or of a flexible constraint. Raises SceneError for another name, and for what is no basis.
     """
     if basis is None or isinstance(basis, ModalBasis):
         return dict.fromkeys(model.member_names, ModalBasis() if basis is None else basis)
@@ -74,7 +74,7 @@ def named_bases(model: Model, basis: object) -> dict[str, ModalBasis | SolidBasi
     if not basis:
         raise SceneError("basis = {}: name at least one joint or leaf, or give one ksd.ModalBasis for all")
     if has_solids(basis) and any(isinstance(body, ModalBasis) for body in basis.values()):
-        # the error of their meshes would not be known
+        # the error of the meshes of both would not be known
         raise SceneError(
             "basis: solids beside modal leaves are not possible; name the solids alone, other leaf springs stay as they are"
         )
@@ -98,20 +98,20 @@ def named_bases(model: Model, basis: object) -> dict[str, ModalBasis | SolidBasi
 
 
 def has_solids(basis: object) -> bool:
-    """Whether a basis by name names reduced solids."""
+    """Whether a mapping of bases has reduced solids."""
     return isinstance(basis, Mapping) and any(isinstance(b, SolidBasis) for b in basis.values())
 
 
-class ReducedBodies:
+class ReducedBodySolver:
     """A mechanism with reduced bodies, prepared for repeated solves.
 
-    basis: see `named_bases`; condensing: whether joints without reduced leaves are condensed by their records. Raises what
-    `named_bases`, `with_modal_bodies` and `with_solids` do; where joints are condensed, or a basis is expanded about their
-    trained configuration, what `ksd.bodies.joints.joint_bodies` does, and SceneError for leaf springs with weight.
+    basis: see `named_bases`; condense_joints: whether joints without reduced leaves are condensed by their records.
+    Raises the errors of `named_bases`, `with_modal_bodies` and `with_solids`; where joints are condensed, or a basis is
+    expanded about their trained configuration, also those of `joint_bodies`, and SceneError for leaf springs with weight.
     """
 
     def __init__(
-        self, model: Model, basis: object, *, condensing: bool, records: Any, extrapolate: bool
+        self, model: Model, basis: object, *, condense_joints: bool, records: Any, extrapolate: bool
     ) -> None:
         model = with_chains(model, {})
         bases = named_bases(model, basis)
@@ -120,39 +120,38 @@ class ReducedBodies:
         full = with_chains(model, self.modal) if self.modal else model
         self.full = with_solids(full, solids) if solids else full
         joints = [model.member_names[own] for own in model.joint_members]
-        condensed = [condensing and not any(n in bases for n in own) for own in joints]
+        condensed = [condense_joints and not any(n in bases for n in own) for own in joints]
         within = {n for own in joints for n in own}
         trained = {n for n, b in self.modal.items() if b.expansion == "trained"} & within
-        self.placed: _Placed | None = None
+        self.placed: _PlacedByRecords | None = None
         self.needs_records = any(condensed) or bool(trained)
-        if not condensing and not trained:
+        if not condense_joints and not trained:
             return
-        with contextlib.suppress(*() if self.needs_records else WITHOUT_RECORDS):
-            steps = _steps(model, records, extrapolate)
-            self.placed = _Placed(steps, self.full, self.modal, condensed, trained)
+        with contextlib.suppress(*() if self.needs_records else PLACEMENT_ERRORS):
+            steps = _five_step_solver(model, records, extrapolate)
+            self.placed = _PlacedByRecords(steps, self.full, self.modal, condensed, trained)
 
     @cached_property
     def at_rest(self) -> Model:
-        """The mechanism with all bodies, expanded at the undeformed state."""
+        """The model with all bodies, their bases expanded at the undeformed configuration."""
         return with_modal_bodies(self.full, self.modal) if self.modal else self.full
 
     def __call__(self, values: Mapping[str, float], *, relinearisations: int = 0) -> Configuration:
-        """Solve at drive values by name [m or rad]. relinearisations: rounds in which joints are condensed anew.
+        """Solve at drive values by name [m or rad]. relinearisations: steps in which the joints are condensed again.
 
-        Raises RangeError, and ConvergenceError where the reduced equilibrium is not found, which says "basis no longer
-        successful".
+        Raises RangeError, and ConvergenceError ("basis no longer successful") where no reduced equilibrium is found.
         """
         if self.placed is not None and self.needs_records:
             return self.placed(values, relinearisations)
         if self.placed is not None:
-            # a few iterations from there, tens of them from rest
+            # takes a few iterations from there, and tens of them from rest
             with contextlib.suppress(ConvergenceError, RangeError):
                 return self.placed(values, 0)
-        return solve_by_steps(self.at_rest, values)
+        return solve_bodies_by_load_steps(self.at_rest, values)
 
 
-def _steps(model: Model, records: Any, extrapolate: bool) -> FiveStepSolver:
-    """The KSD steps of a model whose leaf springs are in full. Raises SceneError for leaf springs with weight."""
+def _five_step_solver(model: Model, records: Any, extrapolate: bool) -> FiveStepSolver:
+    """The five-step solver of a model with leaf springs in full. Raises SceneError for leaf springs with weight."""
     if len(model.arrays.weight):
         raise SceneError(
             "leaves with weight beside modal bodies are not possible: compile without='gravity', or use another method"
@@ -162,112 +161,117 @@ def _steps(model: Model, records: Any, extrapolate: bool) -> FiveStepSolver:
     )
 
 
-class _Placed:
+class _PlacedByRecords:
     """A mechanism of reduced bodies and condensed joints, placed by the joints' records.
 
-    steps: the KSD steps of its leaves in full; full: modal leaves are chains, solids stay; modal: their bases; condensed:
-    which joints are; trained: leaf springs whose basis is expanded where the records put them.
+    five_steps: solver of the model with leaf springs in full; full: model in which modal leaves are chains, with its solids;
+    modal: bases of the modal leaves; condensed: whether each joint is condensed; trained: leaf springs whose basis is
+    expanded at the configuration in which the records place them.
     """
 
     def __init__(
         self,
-        steps: FiveStepSolver,
+        five_steps: FiveStepSolver,
         full: Model,
         modal: Mapping[str, ModalBasis],
         condensed: Sequence[bool],
         trained: set[str],
     ) -> None:
-        self.steps, self.full, self.modal = steps, full, modal
+        self.five_steps, self.full, self.modal = five_steps, full, modal
         self.condensed, self.trained = condensed, trained
-        self.model, self.storage = steps.model, steps.storage
-        self.once = not any(condensed) and not trained
+        self.model, self.storage = five_steps.model, five_steps.storage
+        # load steps from rest are the alternative where no record is needed
+        self.only_one_part = not any(condensed) and not trained
 
     @cached_property
-    def at_rest(self) -> _Prepared:
-        """Bodies and storage, all expanded at rest."""
-        return self._made(None)
+    def at_rest(self) -> _MixedModel:
+        """The mixed model with all bases expanded at rest."""
+        return self._mixed_model(None)
 
     @cached_property
     def _untrained(self) -> Model:
-        """Trained leaves by a basis expanded at rest, which finds the state to expand at; chains are lost on the way."""
+        """The model with trained leaves on a basis expanded at rest, which gives the state at which to expand theirs."""
         plain = {n: ModalBasis(elements=self.modal[n].elements) for n in self.trained}
         return with_modal_bodies(self.full, plain)
 
-    def _ready(self) -> _Prepared:
-        """Bodies and storage at the present place: made once, unless a basis is expanded there."""
+    def _present_model(self) -> _MixedModel:
+        """The mixed model at the configuration in storage; made once, unless a basis is expanded at that."""
         if not self.trained:
             return self.at_rest
         state = transfer_state(self.model, self.storage.full_state, self._untrained)
-        settle_bodies(self._untrained, state)
-        return self._made(full_model_state(self._untrained, state)[1])
+        equilibrate_bodies(self._untrained, state)
+        return self._mixed_model(full_model_state(self._untrained, state)[1])
 
-    def _made(self, about: State | None) -> _Prepared:
-        """Bodies and storage, trained ones expanded at a state of `full`, with those of smaller bases where one is large."""
+    def _mixed_model(self, about: State | None) -> _MixedModel:
+        """The mixed model with trained bases expanded at a state of `full`; a large basis gets a smaller one to start
+        from."""
         parts = self.storage.bodies.reduced, self.condensed
-        words: dict[str, Any] = {"about": about, "at_rest": set(self.modal) - self.trained}
+        expansion: dict[str, Any] = {"about": about, "at_rest": set(self.modal) - self.trained}
         smaller = None
         if any(b.large for b in self.modal.values()):
-            fewer = {n: b.smaller if b.large else b for n, b in self.modal.items()}
-            smaller = _Prepared(with_modal_bodies(self.full, fewer, **words), *parts)
-        model = with_modal_bodies(self.full, self.modal, **words) if self.modal else self.full
-        return _Prepared(model, *parts, smaller)
+            bases = {n: b.smaller if b.large else b for n, b in self.modal.items()}
+            smaller = _MixedModel(with_modal_bodies(self.full, bases, **expansion), *parts)
+        model = with_modal_bodies(self.full, self.modal, **expansion) if self.modal else self.full
+        return _MixedModel(model, *parts, smaller)
 
     def __call__(self, values: Mapping[str, float], relinearisations: int) -> Configuration:
         """Solve at drive values by name [m or rad]. Raises ConvergenceError, RangeError."""
         target, links = self.model.targets(values), self.model.links
         placed, clock = self._place(values, 1.0), Stopwatch()
-        ready = self._ready()
+        mixed = self._present_model()
         steps = [*placed.steps, Step("modal bases", 0, clock(), 0.0, Stop.CONVERGED)]
-        motion, more = self._equilibrium(ready, values)
-        steps += more
+        motion, step_3 = self._equilibrium(mixed, values)
+        steps += step_3
         for n in range(relinearisations + 1):
             if n > 0:
                 condense_joint_bodies(self.storage, 0)
-                self._condense(ready, motion)
-                step, _ = ready.loaded(motion, target, 1.0, smallest=1.0)
+                self._copy_condensed_joints(mixed, motion)
+                step, _ = mixed.solve(motion, target, 1.0, smallest_step=1.0)
                 if step.stop is not Stop.CONVERGED:
                     raise ConvergenceError(
                         f"in relinearisation step {n} {step.stop.sentence}: the loads bend the joints too far from their "
                         "intended motion to condense them there; take fewer relinearisations, or use method='full'"
                     )
                 steps.append(step)
-            self.storage.reduced_state.x[:], self.storage.reduced_state.R[:] = (
-                motion.x[:links],
-                motion.R[:links],
-            )
+            reduced = self.storage.reduced_state
+            reduced.x[:], reduced.R[:] = motion.x[:links], motion.R[:links]
             clock()
             shift, _ = recover_substructures(self.storage)
             steps.append(Step("4 recovery", 0, clock(), shift, Stop.CONVERGED))
-        return self._answer(ready, motion, values, steps, placed.notes)
+        return self._configuration(mixed, motion, values, steps, placed.notes)
 
     def _place(self, values: Mapping[str, float], share: float) -> Configuration:
-        """Steps 1 and 2 at a share of the drive values, whose result is in storage."""
+        """Take steps 1 and 2 at a share of the drive values; the result is in storage."""
         part = {name: float(share * value) for name, value in values.items()}
-        return self.steps(
+        return self.five_steps(
             part, self.model.targets(part), method="kinematic", relinearisations=0, estimate=False
         )
 
-    def _equilibrium(self, ready: _Prepared, values: Mapping[str, float]) -> tuple[State, list[Step]]:
-        """Step 3 from where steps 1 and 2 put everything, along the drives and loads where the whole of them fails; of large
-        bases next to the state of smaller ones. Raises ConvergenceError."""
+    def _equilibrium(self, mixed: _MixedModel, values: Mapping[str, float]) -> tuple[State, list[Step]]:
+        """Step 3 from the result of steps 1 and 2, in parts of drives and loads where the whole of them fails.
+
+        With large bases it starts from the equilibrium with smaller ones. Raises ConvergenceError.
+        """
         target, failed = self.model.targets(values), None
-        if ready.smaller is not None:
-            near, steps = self._equilibrium(ready.smaller, values)
-            motion = ready.like(ready.smaller, near)
-            step, reached = ready.loaded(motion, target, 1.0, smallest=SMALLEST)
+        if mixed.smaller is not None:
+            start, steps = self._equilibrium(mixed.smaller, values)
+            motion = mixed.state_from(mixed.smaller, start)
+            step, reached = mixed.solve(motion, target, 1.0, smallest_step=SMALLEST_LOAD_STEP)
             if step.stop is Stop.CONVERGED:
                 return motion, [*steps[:-1], step]
             failed = step, reached
-        for parts in () if failed else PARTS[: 1 if self.once else None]:
+        for parts in () if failed else LOAD_PARTS[: 1 if self.only_one_part else None]:
             for k in range(1, parts + 1):
                 if parts > 1:
                     self._place(values, k / parts)
                 if k == 1:
-                    motion, settling = self._start(ready)
-                    steps = [settling]
-                self._condense(ready, motion)
-                smallest = SMALLEST if parts == 1 and not self.once else 1.0
-                step, reached = ready.loaded(motion, k / parts * target, k / parts, smallest=smallest)
+                    motion, first_step = self._initial_state(mixed)
+                    steps = [first_step]
+                self._copy_condensed_joints(mixed, motion)
+                smallest_step = SMALLEST_LOAD_STEP if parts == 1 and not self.only_one_part else 1.0
+                step, reached = mixed.solve(
+                    motion, k / parts * target, k / parts, smallest_step=smallest_step
+                )
                 steps.append(step)
                 if step.stop is not Stop.CONVERGED:
                     failed = failed or (step, reached)
@@ -283,113 +287,121 @@ class _Placed:
             reached=reached,
         )
 
-    def _start(self, ready: _Prepared) -> tuple[State, Step]:
-        """Where steps 1 and 2 put everything, the bodies settled there."""
-        clock, mix, model = Stopwatch(), ready.mix, ready.model
+    def _initial_state(self, mixed: _MixedModel) -> tuple[State, Step]:
+        """The result of steps 1 and 2 as a state of the mixed model, with the bodies in equilibrium between fixed ends."""
+        clock, mix, model = Stopwatch(), mixed.mix, mixed.model
         state = transfer_state(self.model, self.storage.full_state, model)
-        count = settle_bodies(model, state)
+        count = equilibrate_bodies(model, state)
         motion = mix.rest.copy()
         motion.x[:], motion.R[:] = state.x[mix.nodes], state.R[mix.nodes]
         for m in np.flatnonzero(mix.member >= 0).tolist():
             mix.inner(motion, m)[:] = inner_state(model, state, int(mix.member[m]))
         return motion, Step("bodies settled", count, clock(), 0.0, Stop.CONVERGED, "ends held")
 
-    def _condense(self, ready: _Prepared, motion: State) -> None:
-        """The condensed joints of step 2 into `motion`."""
-        every = self.storage.reduced_state.inner
-        for m in np.flatnonzero(ready.mix.joint >= 0).tolist():
-            own = ready.mix.inner(motion, m)
-            own[:] = every[len(own) * ready.mix.joint[m] :][: len(own)]
+    def _copy_condensed_joints(self, mixed: _MixedModel, motion: State) -> None:
+        """Copy the condensed joints of step 2 into a state of the mixed model."""
+        source = self.storage.reduced_state.inner
+        for m in np.flatnonzero(mixed.mix.joint >= 0).tolist():
+            own = mixed.mix.inner(motion, m)
+            own[:] = source[len(own) * mixed.mix.joint[m] :][: len(own)]
 
-    def _answer(
+    def _configuration(
         self,
-        ready: _Prepared,
+        mixed: _MixedModel,
         motion: State,
         values: Mapping[str, float],
         steps: list[Step],
         notes: tuple[str, ...],
     ) -> Configuration:
-        """The state of all leaf springs, and what the joints' records say of it."""
-        b, mix, model = self.storage, ready.mix, ready.model
+        """The configuration of the model with all leaf springs, recovered from a state of the mixed model."""
+        b, mix, model = self.storage, mixed.mix, mixed.model
         assemble_full_state(b)
         state = transfer_state(self.model, b.full_state, model)
         state.x[mix.nodes], state.R[mix.nodes] = motion.x, motion.R
         state.multiplier[:] = motion.multiplier
         for m in np.flatnonzero(mix.member >= 0).tolist():
             inner_state(model, state, int(mix.member[m]))[:] = mix.inner(motion, m)
-        # condensed joints cannot buckle, their leaf springs can
+        # the pivots are those of the model with all leaf springs: condensed joints cannot buckle
         work, plan = make_workspace(model.arrays), model.arrays.plan
-        _, _, own, _ = assemble(model.arrays, state, model.targets(values), 1.0, work, RTOL, 0, 10.0)
+        _, _, member_negatives, _ = assemble(
+            model.arrays, state, model.targets(values), 1.0, work, RTOL, 0, ROUNDING_MULTIPLE
+        )
         negatives, _ = factor_blocks(plan.ints, work.matrix, work.scaled_rows, len(plan.size))
         read_answer_motions(b)
         expected = len(model.drive_names) + len(model.support_names)
         return Configuration(
-            model, state, "modal", dict(values), tuple(steps), negatives=int(negatives + own),
+            model, state, "modal", dict(values), tuple(steps), negatives=int(negatives + member_negatives),
             expected_negatives=expected, joint_motions=stored_joint_motions(b), notes=notes,
             joints_near_intended=bool(b.checks[1]),
         )  # fmt: skip
 
 
-class _Prepared:
-    """A model with its bodies and their mixture with condensed joints, with storage.
+class _MixedModel:
+    """A model with reduced bodies in which some joints are condensed (`mix`), with its workspace.
 
-    smaller: the same of smaller bases, from whose state a large one starts.
+    linear: arrays of links and condensed joints; condensed: whether each joint is condensed; smaller: the same model with
+    smaller bases, from whose equilibrium that of large bases starts.
     """
 
     def __init__(
-        self, model: Model, linear: Arrays, condensed: Sequence[bool], smaller: _Prepared | None = None
+        self, model: Model, linear: Arrays, condensed: Sequence[bool], smaller: _MixedModel | None = None
     ) -> None:
         self.model, self.smaller, self.mix = model, smaller, condense_some_joints(model, linear, condensed)
         self.work = make_workspace(self.mix.arrays)
 
-    def loaded(
-        self, motion: State, target: np.ndarray, factor: float, *, smallest: float
+    def solve(
+        self, motion: State, target: np.ndarray, factor: float, *, smallest_step: float
     ) -> tuple[Step, float]:
-        """Step 3, in place, at drives target (c,) under loads times factor, put on in parts down to `smallest`.
+        """Step 3, in place, at drives target (c,) and loads times factor, in load steps down to `smallest_step`.
 
-        Returns the part of the loads that was reached, too.
+        Returns the step and the fraction of the loads reached.
         """
         clock, arrays = Stopwatch(), self.mix.arrays
 
-        def newton(state: State, want: np.ndarray, level: float, *bounds: Any) -> Any:
-            return solve_equilibrium(arrays, state, want, level, self.work, *bounds)
+        def newton(state: State, values: np.ndarray, load_factor: float, *settings: Any) -> Any:
+            return solve_equilibrium(arrays, state, values, load_factor, self.work, *settings)
 
-        way = LoadPath(target, target, (0.0, factor), smallest_step=1.0)
-        driven = take_load_steps(motion, newton, way, pivoting=(arrays, self.work))
-        if driven.stop is not Stop.CONVERGED and smallest < 1.0:
-            # without loads first: the place records give is no equilibrium of theirs
-            reason, count, *_ = newton(motion, target, 0.0, RTOL, 30, MAX_TURN_PER_STEP, math.inf)
+        path = LoadPath(target, target, (0.0, factor), smallest_step=1.0)
+        record = take_load_steps(motion, newton, path, pivoting=(arrays, self.work))
+        if record.stop is not Stop.CONVERGED and smallest_step < 1.0:
+            # first to the equilibrium without loads, which the configuration of the records is not
+            reason, count, *_ = newton(
+                motion, target, 0.0, RTOL, path.max_iterations, MAX_TURN_PER_STEP, math.inf
+            )
             if reason == Stop.CONVERGED:
-                way = way._replace(smallest_step=smallest)
-                more = take_load_steps(motion, newton, way, pivoting=(arrays, self.work))
-                driven = more._replace(
-                    factorisations=driven.factorisations + count + more.factorisations,
-                    steps_tried=more.steps_tried + 1,
+                path = path._replace(smallest_step=smallest_step)
+                loaded = take_load_steps(motion, newton, path, pivoting=(arrays, self.work))
+                record = loaded._replace(
+                    factorisations=record.factorisations + count + loaded.factorisations,
+                    steps_tried=loaded.steps_tried + 1,
                 )
-        parts = f"{driven.steps_tried} load steps" if driven.steps_tried > 1 else ""
+        note = f"{record.steps_tried} load steps" if record.steps_tried > 1 else ""
         step = Step(
-            "3 reduced equilibrium", driven.factorisations, clock(), driven.residual, driven.stop, parts
+            "3 reduced equilibrium", record.factorisations, clock(), record.residual, record.stop, note
         )
-        return step, driven.fraction_reached
+        return step, record.fraction_reached
 
-    def like(self, other: _Prepared, near: State) -> State:
-        """The state of another basis of the same bodies, nodes of leaf springs as near as this one has them."""
+    def state_from(self, other: _MixedModel, theirs: State) -> State:
+        """The state of this model nearest to a state of the same bodies with other bases."""
         motion = self.mix.rest.copy()
-        motion.x[:], motion.R[:], motion.multiplier[:] = near.x, near.R, near.multiplier
+        motion.x[:], motion.R[:], motion.multiplier[:] = theirs.x, theirs.R, theirs.multiplier
         for m, i in enumerate(self.mix.member.tolist()):
-            own, theirs = self.mix.inner(motion, m), other.mix.inner(near, m)
+            own_inner, their_inner = self.mix.inner(motion, m), other.mix.inner(theirs, m)
             name = self.model.member_names[i] if i >= 0 else ""
             body = self.model.bodies.get(name)
             if isinstance(body, LeafBasis):
                 pose = relative_end_pose(self.mix.arrays.members, m, motion)
-                own[:] = body.nearest_coordinates(other.model.bodies[name], *pose, theirs)
+                own_inner[:] = body.nearest_coordinates(other.model.bodies[name], *pose, their_inner)
             else:
-                own[:] = theirs
+                own_inner[:] = their_inner
         return motion
 
 
-def settle_bodies(model: Model, state: State) -> int:
-    """Find the inner coordinates of all bodies at the poses their ends have in a state, in place; Newton steps taken."""
+def equilibrate_bodies(model: Model, state: State) -> int:
+    """Find the inner coordinates of all bodies at the poses that their ends have in a state, in place.
+
+    Returns the number of Newton steps.
+    """
     members, count = model.arrays.members, 0
     known: dict[tuple[int, bytes], np.ndarray] = {}
     for name in model.bodies:
@@ -398,18 +410,19 @@ def settle_bodies(model: Model, state: State) -> int:
         pose = np.round(np.concatenate([d / model.arrays.size, Q.ravel()]), 10) + 0.0
         key = int(members.value_at[i]), pose.tobytes()
         if key not in known:
-            known[key], taken = inner_at(model, i, d, Q)
-            count += taken
+            known[key], steps = inner_equilibrium(model, i, d, Q)
+            count += steps
         inner_state(model, state, i)[:] = known[key]
     return count
 
 
-def inner_at(model: Model, i: int, d: np.ndarray, Q: np.ndarray) -> tuple[np.ndarray, int]:
-    """Inner coordinates of member i with its end q held at d (3,) m, Q (3, 3) in the frame of end p; and Newton steps taken.
+def inner_equilibrium(model: Model, i: int, d: np.ndarray, Q: np.ndarray) -> tuple[np.ndarray, int]:
+    """Inner coordinates of member i with its end q fixed at d (3,) [m], Q (3, 3) in the frame of end p.
 
-    In one go or along the way there; those of rest where none are found: the equilibrium of the mechanism may yet find them.
+    The end is taken there in one step, or in several along an arc. Returns the coordinates, those of rest where none are
+    found (the equilibrium of the mechanism may still find them), and the number of Newton steps.
 
-    A Newton step of a whole mechanism from inner coordinates of rest and ends turned by tens of degrees is lost at once: the
+    A Newton step of a whole mechanism from inner coordinates of rest and ends turned by tens of degrees fails at once: the
     directors between the ends are far from unit length, and that energy is membrane energy.
     """
     arrays, rest = single_member(model, i)
@@ -417,15 +430,22 @@ def inner_at(model: Model, i: int, d: np.ndarray, Q: np.ndarray) -> tuple[np.nda
     d0, Q0 = relative_end_pose(model.arrays.members, i, model.rest)
     turn = Rotation.from_matrix(Q @ Q0.T).as_rotvec()
     unturned = Rotation.from_rotvec(-0.5 * turn).apply(d)
-    for steps in WAYS_THERE:
+    for parts in TURN_PARTS:
         motion, reason = rest.copy(), int(Stop.CONVERGED)
-        for share in np.linspace(1 / steps, 1, steps):
-            # along an arc
+        for share in np.linspace(1 / parts, 1, parts):
             chord = (1 - share) * d0 + share * unturned
             arrays.members.offset[0, 1] = Rotation.from_rotvec(0.5 * share * turn).apply(chord)
             arrays.members.frame[0, 1] = Rotation.from_rotvec(share * turn).as_matrix() @ Q0
             reason, count, *_ = solve_equilibrium(
-                arrays, motion, np.zeros(0), 1.0, work, 1e-6, MOST_SETTLING, MAX_TURN_PER_STEP, math.inf
+                arrays,
+                motion,
+                np.zeros(0),
+                1.0,
+                work,
+                BODY_TOLERANCE,
+                MAX_BODY_ITERATIONS,
+                MAX_TURN_PER_STEP,
+                math.inf,
             )
             taken += count
             if reason != Stop.CONVERGED:
@@ -435,7 +455,7 @@ def inner_at(model: Model, i: int, d: np.ndarray, Q: np.ndarray) -> tuple[np.nda
     return rest.inner, taken
 
 
-def solve_by_steps(model: Model, values: Mapping[str, float]) -> Configuration:
+def solve_bodies_by_load_steps(model: Model, values: Mapping[str, float]) -> Configuration:
     """Equilibrium of a model with reduced bodies at drive values by name [m or rad], by load steps.
 
     Raises ConvergenceError.
@@ -443,9 +463,11 @@ def solve_by_steps(model: Model, values: Mapping[str, float]) -> Configuration:
     try:
         return solve_in_either_order(model, values)
     except ConvergenceError as reason:
-        loose = reason.reached == 0.0 and any(model.bodies[n].solid.is_2d for n in model.solids)
+        is_unsupported = reason.reached == 0.0 and any(model.bodies[n].solid.is_2d for n in model.solids)
         flat = (
-            "; a solid meshed in 2D resists nothing out of its plane: hold that by supports" if loose else ""
+            "; a solid meshed in 2D resists nothing out of its plane: hold that by supports"
+            if is_unsupported
+            else ""
         )
         trained = "" if model.full is None else ", take expansion='trained'"
         raise ConvergenceError(
@@ -457,15 +479,15 @@ def solve_by_steps(model: Model, values: Mapping[str, float]) -> Configuration:
 
 
 def with_error_indicator(found: Configuration) -> Configuration:
-    """The configuration with its error estimate, and a doubt where a basis was no longer successful."""
+    """The configuration with its error estimate, and a doubt where a basis is no longer successful."""
     model = found.model
     estimate, step = error_indicator(model, found.motion, model.targets(found.targets), found.load_factor)
-    # the last step is the one that says whether it converged
+    # the last step must be the one that states whether the solve converged
     found = replace(found, method_error=estimate, steps=(*found.steps[:-1], step, found.steps[-1]))
-    if estimate.relative <= SUCCESSFUL:
+    if estimate.relative <= MAX_BASIS_ERROR:
         return found
     name, stroke, turn = most_bent_body(model, found.motion)
-    said = f"{100 * estimate.relative:.2g} %" if math.isfinite(estimate.relative) else "beyond measure"
+    error = f"{100 * estimate.relative:.2g} %" if math.isfinite(estimate.relative) else "beyond measure"
     if name in model.solids:
         where = (
             f"solid '{name}' at a stroke of {stroke:.2g} L and its face turned {np.rad2deg(turn):.3g} degrees"
@@ -479,6 +501,6 @@ def with_error_indicator(found: Configuration) -> Configuration:
             "use ksd.ModalBasis() with coordinates='director', frame='chord', more internal modes, or "
             "expansion='trained'"
         )
-    good = "" if model.bodies[name].trained else f" ({validity(model, leaf=name).sentence})"
-    doubt = f"basis no longer successful: its estimated error is {said}, with {where}{good}; {advice}"
+    valid = "" if model.bodies[name].trained else f" ({validity(model, leaf=name).sentence})"
+    doubt = f"basis no longer successful: its estimated error is {error}, with {where}{valid}; {advice}"
     return replace(found, doubts=(*found.doubts, doubt))

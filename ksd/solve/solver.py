@@ -35,7 +35,12 @@ from ksd.solve.joint_motions import JointMotionReader
 from ksd.solve.method_error import relative_error
 from ksd.solve.plate_stiffening import solve_with_plate_factors
 from ksd.solve.precompile import start_precompiling
-from ksd.solve.reduced_bodies import ReducedBodies, has_solids, solve_by_steps, with_error_indicator
+from ksd.solve.reduced_bodies import (
+    ReducedBodySolver,
+    has_solids,
+    solve_bodies_by_load_steps,
+    with_error_indicator,
+)
 from ksd.solve.storage import NewtonStorage
 from ksd.solve.verdict import (
     compare_with_load_steps,
@@ -204,7 +209,7 @@ class Solver:
         self.records, self.extrapolate, self.planar = records, extrapolate, boolean(planar, "planar")
         self.basis, self.accuracy = basis, checked_accuracy(accuracy)
         self._drives = frozenset(mechanism.drive_names)
-        self._reduced: dict[bool, ReducedBodies] = {}
+        self._reduced: dict[bool, ReducedBodySolver] = {}
         self._joints = JointMotionReader(mechanism, records, extrapolate)
         self.lock = threading.RLock()
 
@@ -349,14 +354,15 @@ class Solver:
                 "'conventional'"
             )
         if self.model.bodies:
-            found = solve_by_steps(self.model, values)
+            found = solve_bodies_by_load_steps(self.model, values)
         else:
-            condensing = method == "modal"
-            if condensing not in self._reduced:
-                self._reduced[condensing] = ReducedBodies(
-                    self.model, self.basis, condensing=condensing, records=self.records, extrapolate=self.extrapolate
+            condense_joints = method == "modal"
+            if condense_joints not in self._reduced:
+                self._reduced[condense_joints] = ReducedBodySolver(
+                    self.model, self.basis, condense_joints=condense_joints, records=self.records,
+                    extrapolate=self.extrapolate,
                 )  # fmt: skip
-            found = self._reduced[condensing](values, relinearisations=relinearisations)
+            found = self._reduced[condense_joints](values, relinearisations=relinearisations)
         found = replace(found, method=method or "conventional")
         return with_error_indicator(found) if estimate else found
 
