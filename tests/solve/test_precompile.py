@@ -38,7 +38,7 @@ print(child.pid, child.exitcode)
 """
 KERNELS = (
     "strain_condense", "strain_tangent", "_move_nodes", "strain_recover", "solve_blocks", "factor_blocks", "add_terms",
-    "add_loads", "member_tangent", "read_joint_motions", "_worst", "_condense_blocks", "_recover_blocks",
+    "add_loads", "member_tangent", "read_joint_motions", "_worst_leaf", "_condense_blocks", "_recover_blocks",
     "place_internal_blocks",
 )  # fmt: skip
 
