@@ -60,7 +60,9 @@ class FiveStepSolver:
         self.model, self.extrapolate = model, extrapolate
         self.compatibility = check_mobility(model, bodies) if compatibility is None else compatibility
         self.gap = CLOSURE_TOLERANCE if self.compatibility.is_exact else LOOSE_CLOSURE_TOLERANCE
-        self.storage = FiveStepsStorage(model, bodies) if storage is None else storage.of(model, bodies)
+        self.storage = (
+            FiveStepsStorage(model, bodies) if storage is None else storage.for_design(model, bodies)
+        )
         self._expected = len(model.drive_names) + len(model.support_names)
 
     def __call__(

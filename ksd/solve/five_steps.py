@@ -72,7 +72,7 @@ class FiveStepsStorage:
         self.reduced_work, self.full_work = make_workspace(bodies.reduced), make_workspace(model.arrays)
         self._set_design(model, bodies)
 
-    def of(self, model: Model, bodies: JointBodies) -> FiveStepsStorage:
+    def for_design(self, model: Model, bodies: JointBodies) -> FiveStepsStorage:
         """The same arrays for a design with the same structure; only one of the two can be in use at a time."""
         made = copy(self)
         made.full_state.assign(model.rest)

@@ -116,19 +116,22 @@ def solve(
     """Solve one configuration of a mechanism at drive values [m or rad] by name, as keywords or in a mapping, `targets`.
 
     method: "kinematic", "reduced", "full", "conventional", "constant" (leaf springs of constant stiffness, that at rest:
-    `ksd.model.constant_leaves`) or "modal" (leaf springs as modal bodies, see `basis`); when None, the cheapest whose
-    estimated error is within `accuracy` (relative, 1e-3 by default). basis: a `ksd.ModalBasis` for all leaf springs, or
-    several by joint or leaf, {"hinge": ksd.ModalBasis()}: then joints not named are condensed as in "reduced", and other
-    leaf springs computed in full; or reduced solids by leaf, {"spring": reduce_solid(...)}, see `ksd.modal.solid_basis`:
-    with method "modal" beside condensed joints, without a method beside leaves in full. estimate: False leaves out the
-    error estimate of a fast method, and its cost. relinearisations: relinearisation steps of "reduced". mesh: leaf model;
-    when None, strain-mode leaves of orders that suit `accuracy`, raised when their highest modes carry too much energy.
-    extrapolate, planar: see `prepare`. strict: raise TrustError where the result is unstable or on a doubtful branch;
-    False returns it with its verdicts (`trust`). effects: "auto" simulates what the scene mentions, "all" also all that a
-    leaf can have, a list of names just these; with_="warping", without="shear" override single ones (`ksd.model.effects`;
-    print(pose.model) lists what was simulated). Raises SceneError (bad input), RangeError (outside a trained range),
-    RecordError (joint record missing or damaged), KinematicsError (indeterminate or over-driven), ConvergenceError (with
-    the fraction reached).
+    `ksd.model.constant_leaves`) or "modal" (leaf springs as modal bodies); when None, the cheapest whose estimated error is
+    within `accuracy` (relative, 1e-3 by default). relinearisations: relinearisation steps of "reduced". estimate: False
+    leaves out the error estimate of a fast method, and its cost. mesh: leaf model; when None, strain-mode leaves of orders
+    that suit `accuracy`, raised when their highest modes carry too much energy. extrapolate, planar: see `prepare`. strict:
+    raise TrustError where the result is unstable or on a doubtful branch; False returns it with its verdicts (`trust`).
+
+    basis: of method "modal": a `ksd.ModalBasis` for all leaf springs, or several by joint or leaf, {"hinge":
+    ksd.ModalBasis()}: then joints not named are condensed as in "reduced", and other leaf springs computed in full; or
+    reduced solids by leaf, {"spring": reduce_solid(...)}, see `ksd.modal.solid_basis`: with method "modal" beside condensed
+    joints, without a method beside leaves in full.
+
+    effects: "auto" simulates what the scene mentions, "all" also all that a leaf can have, a list of names just these;
+    with_="warping", without="shear" override single ones (`ksd.model.effects`; print(pose.model) lists what was simulated).
+
+    Raises SceneError (bad input), RangeError (outside a trained range), RecordError (joint record missing or damaged),
+    KinematicsError (indeterminate or over-driven), ConvergenceError (with the fraction reached).
     """
     values = given_values(targets, drives)
     for word, given in (
