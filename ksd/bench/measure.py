@@ -254,11 +254,11 @@ def is_accurate(row: Measurement) -> bool:
 
 def fastest_accurate(rows: Iterable[Measurement]) -> list[Measurement]:
     """The fastest measurement of every method within ERROR_LIMITS, by the median time of a call."""
-    found: dict[str, Measurement] = {}
+    fastest: dict[str, Measurement] = {}
     for row in rows:
-        if is_accurate(row) and (row.method not in found or row.call[1] < found[row.method].call[1]):
-            found[row.method] = row
-    return sorted(found.values(), key=lambda r: r.call[1])
+        if is_accurate(row) and (row.method not in fastest or row.call[1] < fastest[row.method].call[1]):
+            fastest[row.method] = row
+    return sorted(fastest.values(), key=lambda r: r.call[1])
 
 
 def pareto_indices(points: Iterable[tuple[float, float]]) -> list[int]:

@@ -128,46 +128,46 @@ def unanswerable_questions(scene: Any, link: str | None = None) -> dict[str, str
 
     Sweeps and reports leave them out unless the caller names them; link: as in `Questions`.
     """
-    found: dict[str, str] = {}
+    reasons: dict[str, str] = {}
     leaves = scene.leaf_names().values()
     if not scene.masses and not any(leaf.material.density for leaf in leaves):
-        found["frequencies"] = "nothing has mass"
+        reasons["frequencies"] = "nothing has mass"
     if not leaves:
-        found |= dict.fromkeys(("stress", "size"), "there is no leaf spring")
-    if meet := why_no_clearance(scene):
-        found["clearance"] = meet
+        reasons |= dict.fromkeys(("stress", "size"), "there is no leaf spring")
+    if why_not := why_no_clearance(scene):
+        reasons["clearance"] = why_not
     if not scene.drives and link is None:
-        found |= dict.fromkeys(POINT_QUESTIONS, "no drive whose point could be asked about: name a link")
-    return found
+        reasons |= dict.fromkeys(POINT_QUESTIONS, "no drive whose point could be asked about: name a link")
+    return reasons
 
 
 def drive_columns(scene: Any) -> dict[str, tuple[str, float]]:
     """Column, such as "top_mm" or "hinge_deg", and factor (column = factor * SI) by drive name."""
-    found = {}
+    columns = {}
     for drive in scene.drives:
         unit, factor = DRIVE_VALUE_UNITS[drive_kind(drive)]
-        found[drive.name] = f"{drive.name}_{unit}", factor
-    return found
+        columns[drive.name] = f"{drive.name}_{unit}", factor
+    return columns
 
 
 def column_questions(scene: Any, modes: int) -> dict[str, str]:
     """Question by column, for all columns that a target or limit of a job can name."""
-    found: dict[str, str] = {}
+    columns: dict[str, str] = {}
     for drive in scene.drives:
-        found[f"{drive.name}_{EFFORT_SUFFIX[drive_kind(drive)]}"] = "force"
+        columns[f"{drive.name}_{EFFORT_SUFFIX[drive_kind(drive)]}"] = "force"
         unit = "Nm_per_rad" if drive.terms[0].kind == "rotation" else "N_per_m"
-        found[f"{drive.name}_stiffness_{unit}"] = "drive_stiffness"
+        columns[f"{drive.name}_stiffness_{unit}"] = "drive_stiffness"
     for d in (*DIRECTIONS, "worst"):
-        found |= {f"support_{d}_N_per_m": "support_stiffness"} if len(d) != 2 else {}
-        found |= {f"support_{d}_Nm_per_rad": "support_stiffness"} if len(d) != 1 else {}
+        columns |= {f"support_{d}_N_per_m": "support_stiffness"} if len(d) != 2 else {}
+        columns |= {f"support_{d}_Nm_per_rad": "support_stiffness"} if len(d) != 1 else {}
     tracked = ["intended", *(f"intended_{k + 1}" for k in range(len(scene.drives)))]
     tracked += [f"parasitic_{k + 1}" for k in range(modes)]
-    found |= {f"{name}_Hz": "frequencies" for name in ("first_parasitic", *tracked)}
-    found |= {"stress_MPa": "stress", "strain_energy_J": "energy", "clearance_mm": "clearance"}
-    found |= {f"distance_{d.name}_mm": "distance" for d in scene.distances}
-    found |= {f"parasitic_{a}_mm": "parasitic" for a in "xyz"} | {f"size_{a}_mm": "size" for a in "xyz"}
-    found |= {f"parasitic_r{a}_mrad": "parasitic" for a in "xyz"}
-    return found | {f"buckling_{sign}": "buckling" for sign in ("positive", "negative")}
+    columns |= {f"{name}_Hz": "frequencies" for name in ("first_parasitic", *tracked)}
+    columns |= {"stress_MPa": "stress", "strain_energy_J": "energy", "clearance_mm": "clearance"}
+    columns |= {f"distance_{d.name}_mm": "distance" for d in scene.distances}
+    columns |= {f"parasitic_{a}_mm": "parasitic" for a in "xyz"} | {f"size_{a}_mm": "size" for a in "xyz"}
+    columns |= {f"parasitic_r{a}_mrad": "parasitic" for a in "xyz"}
+    return columns | {f"buckling_{sign}": "buckling" for sign in ("positive", "negative")}
 
 
 @dataclass(frozen=True)
@@ -227,8 +227,8 @@ WORST_SUPPORT_COLUMNS = ("support_worst_N_per_m", "support_worst_Nm_per_rad")
 
 
 def _drive_stiffness(pose: Any, questions: Questions) -> Row:
-    found = drive_stiffness(pose.model, pose.refinement_start, tangent=pose.tangent)
-    return _drive_stiffness_row(found.names, found.units, np.diagonal(found.matrix))
+    stiffness = drive_stiffness(pose.model, pose.refinement_start, tangent=pose.tangent)
+    return _drive_stiffness_row(stiffness.names, stiffness.units, np.diagonal(stiffness.matrix))
 
 
 def _drive_stiffness_row(names: Sequence[str], units: Sequence[str], stiffness: np.ndarray) -> Row:
@@ -238,9 +238,9 @@ def _drive_stiffness_row(names: Sequence[str], units: Sequence[str], stiffness: 
 
 
 def _support_stiffness(pose: Any, questions: Questions) -> Row:
-    found = pose.stiffness_at(questions)
-    supports = np.array(list(found.supports.values()))
-    return _support_stiffness_rows(supports[None], found.principal[None], questions)[0]
+    stiffness = pose.stiffness_at(questions)
+    supports = np.array(list(stiffness.supports.values()))
+    return _support_stiffness_rows(supports[None], stiffness.principal[None], questions)[0]
 
 
 def _support_stiffness_rows(supports: np.ndarray, principal: np.ndarray, questions: Questions) -> list[Row]:
@@ -283,8 +283,8 @@ def _stress_row(peaks: Mapping[str, PeakStress], questions: Questions) -> Row:
 def _parasitic(pose: Any, questions: Questions) -> Row:
     """Motion of the point and rotation of its link, less what the drives of this link prescribe along their axes."""
     link, at = questions.point(pose.model.scene)
-    found = parasitic(pose.model, pose.motion, link, at=at)
-    shift, turn = found.shift, found.turn
+    motion = parasitic(pose.model, pose.motion, link, at=at)
+    shift, turn = motion.shift, motion.turn
     row: Row = {f"parasitic_{a}_mm": 1e3 * float(v) for a, v in zip("xyz", shift, strict=True)}
     return row | {f"parasitic_r{a}_mrad": 1e3 * float(v) for a, v in zip("xyz", turn, strict=True)}
 
@@ -296,14 +296,14 @@ def _energy(pose: Any, questions: Questions) -> Row:
 def _buckling(pose: Any, questions: Questions) -> Row:
     """Critical load factors, on all stresses of the state; nan for a state without stress."""
     try:
-        found = pose.buckling(count=1)
+        factors = pose.buckling(count=1)
     except SceneError as reason:
         if "no stress" not in str(reason):
             raise
         return {"buckling_positive": float("nan"), "buckling_negative": float("nan")}
     return {
-        "buckling_positive": _finite_load_factor(found.positive),
-        "buckling_negative": _finite_load_factor(found.negative),
+        "buckling_positive": _finite_load_factor(factors.positive),
+        "buckling_negative": _finite_load_factor(factors.negative),
     }
 
 
@@ -326,8 +326,8 @@ def _distance(pose: Any, questions: Questions) -> Row:
 
 
 def _clearance(pose: Any, questions: Questions) -> Row:
-    found = clearance(*pose.unreduced_state)
-    return {"clearance_mm": 1e3 * found.distance, "clearance_leaves": " and ".join(found.leaves)}
+    smallest = clearance(*pose.unreduced_state)
+    return {"clearance_mm": 1e3 * smallest.distance, "clearance_leaves": " and ".join(smallest.leaves)}
 
 
 ANSWER_FUNCTIONS: dict[str, Callable[[Any, Questions], Row]] = {

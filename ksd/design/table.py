@@ -138,14 +138,14 @@ class Table(NotebookTables):
 
     def _column_groups(self) -> list[list[str]]:
         """Printed columns in groups that fit the width of a page, each with the labels."""
-        aside = [*self.labels, *([STATUS] if self.failures else [])]
-        room = TABLE_WIDTH - sum(self._width(n) for n in aside) - 4
-        folds: list[list[str]] = [[]]
+        repeated = [*self.labels, *([STATUS] if self.failures else [])]
+        room = TABLE_WIDTH - sum(self._width(n) for n in repeated) - 4
+        groups: list[list[str]] = [[]]
         for name in self._printed_columns():
-            if folds[-1] and sum(map(self._width, [*folds[-1], name])) > room:
-                folds.append([])
-            folds[-1].append(name)
-        return [[*self.labels, *fold, *aside[len(self.labels) :]] for fold in folds]
+            if groups[-1] and sum(map(self._width, [*groups[-1], name])) > room:
+                groups.append([])
+            groups[-1].append(name)
+        return [[*self.labels, *group, *repeated[len(self.labels) :]] for group in groups]
 
     def _width(self, name: str) -> int:
         """Width of a column in characters."""
