@@ -50,7 +50,7 @@ def test_compliance_of_an_arc(paper):
     words = E * section.Iz, E * section.A, section.ky * G * section.A
     K = rest_stiffness(leaf, FINE)[np.ix_([0, 1, 5], [0, 1, 5])]
     turn = np.eye(3)
-    turn[:2, :2] = paper.turned(1.2)
+    turn[:2, :2] = paper.rotation_matrix(1.2)
     assert np.linalg.inv(turn.T @ K @ turn) == pytest.approx(
         leaf.curve.compliance(*words), rel=1e-9, abs=1e-12
     )
