@@ -19,9 +19,9 @@ from ksd.bodies.joint_poses import pose_from_polynomials
 from ksd.modal import ModalBasis, with_modal_bodies
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import reduce_solid
-from ksd.model.assembly import no_weight, no_weight_added, no_weight_followed
+from ksd.model.assembly import skip_add_weight, skip_leaf_gravity, skip_set_gravity
 from ksd.model.compile import compile_scene
-from ksd.model.newton import _no_springs, _no_turn_step, _no_weight_turned
+from ksd.model.newton import _skip_rotate_gravity, _skip_springs, _skip_step_correction
 from ksd.solve import joint_tables
 from ksd.solve.conventional import solve_conventional
 
@@ -193,11 +193,15 @@ def test_solids():
 
 
 def test_without_weight_or_springs_nothing_happens():
-    assert no_weight(None, None, None, None, None) is no_weight_added(None, None, None, None, None) is None
-    assert no_weight_followed(*[None] * 8) is None
-    assert _no_weight_turned(None, None, None) is None
-    assert _no_turn_step(*[None] * 8) is None
-    assert _no_springs(*[None] * 11) == 0
+    assert (
+        skip_set_gravity(None, None, None, None, None)
+        is skip_add_weight(None, None, None, None, None)
+        is None
+    )
+    assert skip_leaf_gravity(*[None] * 8) is None
+    assert _skip_rotate_gravity(None, None, None) is None
+    assert _skip_step_correction(*[None] * 8) is None
+    assert _skip_springs(*[None] * 11) == 0
 
 
 def kernels():

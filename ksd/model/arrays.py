@@ -1,7 +1,7 @@
-"""The frozen flat arrays a model is made of, as the compiled kernels read them.
+"""The frozen arrays of a model, their flat form for compiled kernels, its state, and the workspace of a thread.
 
-Node 0 is ground. Node frames are identity at rest, so a point of a link is x + R s with s its offset at rest
-from the link's reference point. Lengths m, forces N, moments Nm, angles rad.
+Node 0 is ground. Node frames are the identity in the undeformed configuration, so a point of a link is x + R s, with s its
+undeformed offset from the reference point of the link. Lengths m, forces N, moments Nm, angles rad.
 """
 
 from __future__ import annotations
@@ -16,17 +16,20 @@ from ksd.numerics.blocks import Blocks, unflatten_blocks
 from ksd.numerics.kernel import kernel
 
 STRAIN, COROTATIONAL, LINEAR, COIL, TORSION, MODAL, SOLID, PLANAR = 0, 1, 2, 3, 4, 5, 6, 7
+"""Kinds of members and springs: strain-mode leaf, chain, linear body, coil and torsion spring, modal body, polynomial solid,
+strain-mode leaf in a plane."""
 TRANSLATION, ROTATION = 0, 1
+"""Kinds of terms of constraint rows."""
 
 
 class Members(NamedTuple):
-    """Everything elastic: m members, each between end p on node[:, 0] and end q on node[:, 1].
+    """m elastic bodies, each between end p on node[:, 0] and end q on node[:, 1].
 
-    offset (m, 2, 3): end minus node reference point, in node axes; frame (m, 2, 3, 3): end axes (columns) in node
-    axes; number (m, 4), value (flat) from value_at (m,): settings and constants; inner_at, store_at (m+1,): where
-    inner state and what is kept from assembly to update sit; length (m,), floor (m,): EA/L [N/m]; block (m, 4):
-    offsets of the stored blocks pp, qq, and coupling, -1 when an end is fixed, last: 1 when the coupling is stored as
-    (p, q).
+    kind (m,): STRAIN, ...; offset (m, 2, 3): ends minus the reference points of their nodes, in node axes; frame (m, 2, 3,
+    3): end axes (columns) in node axes; number (m, 4): settings; value (flat), from value_at (m,): constants; inner_at,
+    store_at (m+1,): starts of the inner state, and of the numbers stored from assembly to update; length (m,);
+    stiffness_scale (m,): EA/L of a leaf [N/m]; block (m, 4): offsets of the stored blocks pp, qq and coupling, -1 where an
+    end is fixed, and 1 where the coupling is stored as (p, q).
     """
 
     kind: np.ndarray
@@ -44,12 +47,12 @@ class Members(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """Constraint rows (c of them) as sums of terms; row i owns terms first[i] .. first[i+1]-1.
+    """c constraint rows as sums of t terms; row i has the terms first[i] .. first[i+1]-1.
 
-    Term: coefficient, kind, nodes (base, node), direction (3,) fixed in base, points (2, 3) as offsets in the
-    axes of base and node. start (c,): unknown of the multiplier. block (t, 5): offsets of the rows coupling the
-    multiplier with base and node, and of the node blocks base-base, node-node, coupling; flip (t,) as in Members; start is
-    -1 for a row that is left out.
+    A term has coefficient, kind, node (base, node), direction (3,) fixed in the base, and point (2, 3), offsets in the axes
+    of base and node. start (c,): unknown of the multiplier, -1 for a row that is left out. block (t, 5): offsets of the
+    blocks that couple the multiplier with base and node, and of the blocks base-base, node-node and base-node; flip (t,): 1
+    where the last one is stored as (base, node).
     """
 
     first: np.ndarray
@@ -64,9 +67,10 @@ class Terms(NamedTuple):
 
 
 class Loads(NamedTuple):
-    """Forces and moments on nodes: node (l,), point (l, 3), force (l, 3), moment (l, 3), following (l,) 0 or 1.
+    """l loads on nodes: node (l,), point (l, 3), force (l, 3), moment (l, 3), following (l,): 1 for a follower load.
 
-    skew (l,): 1 where the tangent of the load has a skew part (`ksd.model.nonconservative`): it is not conservative.
+    skew (l,): 1 where the tangent of the load has a skew part, so that it is not conservative (`ksd.model.nonconservative`);
+    block (l,): offset of the diagonal block of the node.
     """
 
     node: np.ndarray
@@ -79,13 +83,14 @@ class Loads(NamedTuple):
 
 
 class ArrayFields(NamedTuple):
-    """One mechanism as numbers. start (k,): first unknown of each node, -1 when fixed; size: length scale [m].
+    """The fields of `Arrays`.
 
-    springs: what resists without inner unknowns, packed as members: kind COIL with value (stiffness [N/m], free length
-    [m]), TURN with (stiffness [Nm/rad], rest angle [rad]) about e3 of end p, LINEAR with the constants of
-    `ksd.beam.linear`. Their rows of Work.lam and Work.pose follow those of the members. keep (w,): which of x, y, z, rx,
-    ry, rz of every node are unknown: all six, or three in a plane (`ksd.model.plane`). weight (m, 4): mass of every member
-    [kg], 0 where it weighs nothing, and the gravity that pulls at it [m/s^2]; (0, 4) where no member has weight.
+    plan: of the block matrix; start (k,): first unknown of each node, -1 where it is fixed; size: length scale [m]. springs:
+    elastic bodies without inner unknowns, packed as members: COIL has the constants (stiffness [N/m], free length [m]),
+    TORSION (stiffness [Nm/rad], rest angle [rad]) about e3 of end p, LINEAR those of `ksd.beam.linear`. Their rows of
+    Workspace.lam and Workspace.pose follow those of the members. active_dofs (w,): which of x, y, z, rx, ry, rz of every
+    node are unknown: all six, or three in a plane (`ksd.model.plane`). weight (m, 4): mass of every member [kg], 0 without
+    weight, and its gravity [m/s^2]; (0, 4) where no member has weight.
     """
 
     plan: Blocks
@@ -100,12 +105,12 @@ class ArrayFields(NamedTuple):
 
 
 class Arrays(ArrayFields):
-    """`Fields` as Python holds them. flat: all of them as compiled code takes them, see `FlatArrays`."""
+    """One mechanism as arrays; flat: all fields in the form for compiled code, made on first access (`FlatArrays`)."""
 
     flat: FlatArrays
 
     def __getattr__(self, name: str) -> Any:
-        # made when first asked for; fields that were replaced since make another one
+        # made on first access; an object made by _replace makes its own
         if name != "flat":
             raise AttributeError(name)
         self.flat = flatten_arrays(self)
@@ -119,12 +124,14 @@ LEAF_MEMBERS, BEAM_MEMBERS, ALL_MEMBERS = range(3)
 
 
 class FlatArrays(NamedTuple):
-    """`Arrays` in two, for compiled code: ints = counts, then where every field begins, and the fields of whole numbers;
-    floats = size and the other fields. members: LEAVES where all members are strain-mode leaves or linear, without weight,
-    there are no springs, and no load has a skew tangent; ANY where one is a modal body or a solid; else BEAMS.
+    """`Arrays` as two arrays, for compiled code.
 
-    Kernels read a field by the place where it begins, which costs nothing, and no look into a named tuple, which counts the
-    users of an array: entry c of row i of a field f of w columns is ints[ints[f] + w i + c], or that of floats.
+    ints: counts, the start of every field, and the integer fields; floats: size and the float fields. member_kinds:
+    LEAF_MEMBERS where all members are strain-mode leaves or linear bodies without weight, there are no springs, and no load
+    has a skew tangent; ALL_MEMBERS where one is a modal body or a solid; else BEAM_MEMBERS.
+
+    Kernels read entry c of row i of a field f with w columns as ints[ints[f] + w i + c], or as floats[ints[f] + w i + c].
+    This avoids access to fields of named tuples, which counts the references of an array.
     """
 
     ints: np.ndarray
@@ -133,7 +140,7 @@ class FlatArrays(NamedTuple):
 
 
 class KernelArrays(NamedTuple):
-    """`Arrays` of which there is nothing but what compiled code takes, and the weight of its members."""
+    """The part of `Arrays` that compiled code needs: their flat form, and the weight of the members."""
 
     flat: FlatArrays
     weight: np.ndarray
@@ -143,29 +150,32 @@ NODES, MEMBER_COUNT, ROWS, LOADS, SPRING_COUNT, DOFS_PER_NODE, PLAN, START, MEMB
 KIND, NODE, OFFSET, FRAME, NUMBER, VALUE_AT, VALUE, INNER_AT, STORE_AT, LENGTH, STIFFNESS_SCALE, BLOCK = (
     range(12)
 )
-"""Fields of members, counted from MEMBERS, and of springs, from SPRINGS."""
+"""Positions of the starts of the fields of members, relative to MEMBERS, and of springs, relative to SPRINGS."""
 TERM_FIRST, TERM_START, TERM_COEFFICIENT, TERM_KIND, TERM_NODE = range(20, 25)
 TERM_DIRECTION, TERM_POINT, TERM_BLOCK, TERM_FLIP = range(25, 29)
 LOAD_NODE, LOAD_POINT, LOAD_FORCE, LOAD_MOMENT, LOAD_FOLLOWING, LOAD_SKEW, LOAD_BLOCK = range(29, 36)
 SPRINGS, WEIGHT, ACTIVE_DOFS, FLOATS = 36, 48, 49, 50
-"""Where, in `FlatArrays.ints`, counts stand, the places of fields and, last, how many floats there are."""
+"""Positions in `FlatArrays.ints` of the counts, of the starts of fields, and last of the number of floats."""
 
 
-def _leaves(part: Any) -> Iterator[np.ndarray]:
+def _flat_fields(part: Any) -> Iterator[np.ndarray]:
     for field in part:
         if isinstance(field, Blocks):
             yield field.ints
         elif isinstance(field, np.ndarray):
             yield field
         elif isinstance(field, tuple):
-            yield from _leaves(field)
+            yield from _flat_fields(field)
 
 
 def join_fields(
     counts: Sequence[int], first: Sequence[float], fields: Iterable[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Copies of fields in two arrays: counts, where every field begins, how many floats there are, and the fields of whole
-    numbers; the numbers `first`, and the other fields."""
+    """Copies of fields in two arrays.
+
+    Returns (counts, the start of every field, the number of floats, the integer fields) and (the numbers `first`, the float
+    fields).
+    """
     fields = list(fields)
     ints, floats, places = [], [np.array(first, float)], []
     at, to = len(counts) + len(fields) + 1, len(first)
@@ -182,22 +192,22 @@ def join_fields(
 
 
 def flatten_arrays(arrays: ArrayFields) -> FlatArrays:
-    """A copy of the fields, one after the other."""
+    """A copy of the fields as `FlatArrays`."""
     counts = (
         len(arrays.start), len(arrays.members.kind), len(arrays.terms.start), len(arrays.loads.node),
         len(arrays.springs.kind), len(arrays.active_dofs),
     )  # fmt: skip
-    return FlatArrays(*join_fields(counts, (arrays.size,), _leaves(arrays)), _members_of(arrays))
+    return FlatArrays(*join_fields(counts, (arrays.size,), _flat_fields(arrays)), _member_kinds(arrays))
 
 
-def _members_of(arrays: ArrayFields) -> int:
-    """`FlatArrays.member_kinds`."""
+def _member_kinds(arrays: ArrayFields) -> int:
+    """`FlatArrays.member_kinds` of these fields."""
     kind = arrays.members.kind
     if np.isin(kind, (MODAL, SOLID)).any():
         return ALL_MEMBERS
-    leaves = np.isin(kind, (STRAIN, PLANAR, LINEAR)).all()
-    more = len(arrays.weight) or len(arrays.springs.kind) or arrays.loads.skew.any()
-    return LEAF_MEMBERS if leaves and not more else BEAM_MEMBERS
+    all_leaves = np.isin(kind, (STRAIN, PLANAR, LINEAR)).all()
+    has_more = len(arrays.weight) or len(arrays.springs.kind) or arrays.loads.skew.any()
+    return LEAF_MEMBERS if all_leaves and not has_more else BEAM_MEMBERS
 
 
 _INT, _FLOAT = 0, 1
@@ -215,11 +225,11 @@ _LOAD_ROWS = (
 _ROWS = (
     (_INT, ()), (_INT, ()), *_MEMBER_ROWS, *_TERM_ROWS, *_LOAD_ROWS, *_MEMBER_ROWS, (_FLOAT, (4,)), (_INT, ()),
 )  # fmt: skip
-"""Of every field its kind of number and the shape of its rows."""
+"""(integer or float, shape of a row) of every field."""
 
 
 def unflatten_arrays(flat: FlatArrays) -> Arrays:
-    """Arrays whose fields are views of `flat`: what is written into them is what compiled code reads."""
+    """Arrays whose fields are views of `flat`, so that compiled code reads what is written into them."""
     sources, ends = (flat.ints, flat.floats), [len(flat.ints), len(flat.floats)]
     views: list[np.ndarray] = []
     for (kind, shape), place in zip(reversed(_ROWS), reversed(flat.ints[PLAN:FLOATS].tolist()), strict=True):
@@ -243,12 +253,13 @@ def unflatten_arrays(flat: FlatArrays) -> Arrays:
 
 
 def carries_load(arrays: Arrays) -> bool:
-    """Whether there are loads on links or leaf springs with weight."""
+    """Whether there are loads on links or members with weight."""
     return len(arrays.loads.node) > 0 or len(arrays.weight) > 0
 
 
 class State(NamedTuple):
-    """Where a mechanism is: positions (k, 3) [m], rotations (k, 3, 3), inner states (flat), multipliers (c,)."""
+    """State of a mechanism: positions x (k, 3) [m] and rotations R (k, 3, 3) of nodes, inner states (flat), multipliers
+    (c,)."""
 
     x: np.ndarray
     R: np.ndarray
@@ -260,19 +271,20 @@ class State(NamedTuple):
         return State(self.x.copy(), self.R.copy(), self.inner.copy(), self.multiplier.copy())
 
     def assign(self, other: State) -> None:
-        """Take over the numbers of `other`, in place."""
+        """Copy the numbers of `other`, in place."""
         for mine, theirs in zip(self, other, strict=True):
             mine[...] = theirs
 
 
 class Workspace(NamedTuple):
-    """Storage prepared once per model: views of one array of numbers, `flat`; at: where each begins in it, and near_at.
+    """Storage of one thread for a model, allocated once: views of the array `flat`; at: their ends in it, and
+    linearisation_at.
 
-    value, spare: block matrix and its scaled rows; rhs (n,): residual, then the step; store: what members keep
-    from assembly to update; lam (m, 12): end wrenches; pose (m, 18): frame p (9), lever of q about node p, lever
-    of q, d; scale (k, 2): sums of force and moment norms at each node. near (flat), from near_at (m+1,): element
-    and node rotation vectors of the near configuration of paper 1, empty except in the substructures. weight: as in
-    `Arrays`, with the gravity of every substructure in the axes of its A.
+    matrix, scaled_rows: block matrix and its scaled rows (`ksd.numerics.blocks`); rhs (n,): residual, then the step; store
+    (flat): numbers of members stored from assembly to update; lam (m, 12): end wrenches; pose (m, 18): frame p (9), lever of
+    q about node p, lever of q, d; scale (k, 2): bounds of the force and moment residuals of each node. linearisation (flat),
+    from linearisation_at (m+1,): element and node rotation vectors of the near configuration of paper 1, empty except in the
+    substructures. weight: as in `Arrays`, for a substructure with gravity in the axes of its A.
     """
 
     matrix: np.ndarray
@@ -290,7 +302,7 @@ class Workspace(NamedTuple):
 
 
 def unflatten_workspace(flat, at):  # type: ignore[no-untyped-def]
-    """The fields of `Workspace`."""
+    """`Workspace` of views of `flat`."""
     return Workspace(
         flat[: at[0]], flat[at[0] : at[1]], flat[at[1] : at[2]], flat[at[2] : at[3]],
         flat[at[3] : at[4]].reshape(-1, 12), flat[at[4] : at[5]].reshape(-1, 18), flat[at[5] : at[6]].reshape(-1, 2),
@@ -299,11 +311,11 @@ def unflatten_workspace(flat, at):  # type: ignore[no-untyped-def]
 
 
 unflatten_workspace_kernel = kernel(unflatten_workspace)
-"""`open_work` for kernels."""
+"""`unflatten_workspace` for kernels."""
 
 
 def make_workspace(arrays: Arrays, *, near: np.ndarray | None = None) -> Workspace:
-    """Storage for one thread working on `arrays`; `near` (m,) lengths of the near configurations, if any."""
+    """Storage for one thread; near (m,): lengths of the rotation vectors about which members are linearised, if any."""
     members, count = arrays.members, len(arrays.members.kind)
     linearisation_at = [0] * (count + 1) if near is None else [0, *accumulate(near.tolist())]
     rows = count + len(arrays.springs.kind)

@@ -1,4 +1,4 @@
-"""Compiled assembly: members add force and tangent into one prepared storage (`ksd.beam.member_tangent`)."""
+"""Compiled assembly of the forces and tangents of all members (`ksd.beam.member_tangent`)."""
 
 from __future__ import annotations
 
@@ -46,43 +46,43 @@ from ksd.numerics.kernel import kernel
 
 
 @kernel(inline="always")
-def condense_any(kind, value, number, state, store, near, d, Q, lam, K, A, M):
-    """Wrench lam (12,) and stiffness K (6, 6) of a member, not a strain-mode leaf, at relative pose d (3,), Q (3, 3), in
-    frame p.
+def condense_any(kind, value, number, state, store, linearisation, d, Q, lam, K, A, M):
+    """Wrench lam (12,) and stiffness K (6, 6), in frame p, of a member that is not a strain-mode leaf.
 
-    near: rotation vectors about which a chain is linearised, empty for the exact tangent; A (6, 6), M (6, 12): scratch.
+    d (3,), Q (3, 3): pose of end q in frame p; linearisation: rotation vectors about which a chain is linearised, empty for
+    the exact tangent; A (6, 6), M (6, 12): scratch.
     Returns (negative pivots, force error [N], moment error [Nm], status).
     """
     if kind == MODAL:
-        told = modal_condense(value, number, state, store, d, Q, lam, K)
+        result = modal_condense(value, number, state, store, d, Q, lam, K)
     elif kind == SOLID:
-        told = polynomial_condense(value, number, state, store, d, Q, lam, K)
+        result = polynomial_condense(value, number, state, store, d, Q, lam, K)
     else:
-        told = condense_beam(kind, value, number, state, store, near, d, Q, lam, K, A, M)
-    return told
+        result = condense_beam(kind, value, number, state, store, linearisation, d, Q, lam, K, A, M)
+    return result
 
 
 @kernel(inline="always")
-def condense_beam(kind, value, number, state, store, near, d, Q, lam, K, A, M):
-    """`condense_any` but of modal bodies and solids, which take as long to compile as the others together."""
-    if len(near) > 0:
-        told = condense_linearised(value, number, state, store, near, d, Q, lam, K, A, M)
+def condense_beam(kind, value, number, state, store, linearisation, d, Q, lam, K, A, M):
+    """`condense_any` without modal bodies and solids, which take as long to compile as all others together."""
+    if len(linearisation) > 0:
+        result = condense_linearised(value, number, state, store, linearisation, d, Q, lam, K, A, M)
     elif kind == COROTATIONAL:
-        told = corotational.condense(value, number, state, store, d, Q, lam, K)
+        result = corotational.condense(value, number, state, store, d, Q, lam, K)
     else:
-        told = condense_linear(kind, value, number, state, store, near, d, Q, lam, K, A, M)
-    return told
+        result = condense_linear(kind, value, number, state, store, linearisation, d, Q, lam, K, A, M)
+    return result
 
 
 @kernel(inline="always")
-def condense_linear(kind, value, number, state, store, near, d, Q, lam, K, A, M):
-    """`condense_any` of linear bodies alone."""
+def condense_linear(kind, value, number, state, store, linearisation, d, Q, lam, K, A, M):
+    """`condense_any` for linear bodies only."""
     return linear_condense(state, d, Q, lam, K, A, M)
 
 
 @kernel(inline="always")
-def follow_leaf(kind, value, number, state, store, leaf, lam, K):
-    """What the weight of a strain-mode leaf does, after it was condensed."""
+def set_leaf_gravity(kind, value, number, state, store, leaf, lam, K):
+    """Set the gravity block of a strain-mode leaf, after it was condensed, in its store."""
     if kind == STRAIN:
         strain_gravity_block(value, number, state, store, leaf, lam, K)
     elif kind == PLANAR:
@@ -90,13 +90,13 @@ def follow_leaf(kind, value, number, state, store, leaf, lam, K):
 
 
 @kernel(inline="always")
-def no_weight_followed(kind, value, number, state, store, leaf, lam, K):
-    """`follow_leaf` where nothing weighs anything."""
+def skip_leaf_gravity(kind, value, number, state, store, leaf, lam, K):
+    """`set_leaf_gravity` for mechanisms without weight of members."""
 
 
 @kernel(inline="always")
 def recover_leaf(kind, value, number, state, store, xi, scale, step):
-    """`recover_beam` of strain-mode leaves and linear bodies alone."""
+    """`recover_any` for strain-mode leaves and linear bodies only."""
     if kind == PLANAR:
         planar_leaf.recover(value, number, state, store, xi, scale)
     elif kind == STRAIN:
@@ -105,7 +105,7 @@ def recover_leaf(kind, value, number, state, store, xi, scale, step):
 
 @kernel(inline="always")
 def recover_beam(kind, value, number, state, store, xi, scale, step):
-    """`recover_any` but of modal bodies and solids."""
+    """`recover_any` without modal bodies and solids."""
     if kind == COROTATIONAL:
         corotational.recover(value, number, state, store, xi, scale)
     else:
@@ -114,7 +114,7 @@ def recover_beam(kind, value, number, state, store, xi, scale, step):
 
 @kernel(inline="always")
 def recover_any(kind, value, number, state, store, xi, scale, step):
-    """Inner update of a member after its end q moved by xi (6,) relative to its end p; step (6,) or more: scratch."""
+    """Update the inner state of a member after a motion xi (6,) of its end q relative to end p; step (6,): scratch."""
     if kind in (MODAL, SOLID):
         modal_recover(value, number, state, store, xi, scale)
     else:
@@ -122,19 +122,22 @@ def recover_any(kind, value, number, state, store, xi, scale, step):
 
 
 @kernel(inline="always")
-def no_weight(pose, weight, i, factor, store):
-    """`ksd.beam.weight_assembly.set_member_gravity` where nothing weighs anything."""
+def skip_set_gravity(pose, weight, i, factor, store):
+    """`ksd.beam.weight_assembly.set_member_gravity` for mechanisms without weight of members."""
 
 
 @kernel(inline="always")
-def no_weight_added(pose, store, mass, T, force):
-    """`ksd.beam.weight_assembly.add_member_weight` where nothing weighs anything."""
+def skip_add_weight(pose, store, mass, T, force):
+    """`ksd.beam.weight_assembly.add_member_weight` for mechanisms without weight of members."""
 
 
 @kernel(inline="late")
-def _as_before(ints, i, numbers, one, two, count, d, Q, before):
-    """Whether member i has the constants, the pose and the part of `numbers`, `count` of them from `two` on, of the one
-    before, whose d and Q are in before (12,) and part begins at `one`, to the last bit; its d and Q are written there."""
+def _equals_previous(ints, i, numbers, one, two, count, d, Q, previous):
+    """Whether member i equals the previous one to the last bit, in constants, pose and `count` numbers.
+
+    The numbers of the previous member start at numbers[one], those of member i at numbers[two]. previous (12,): d and Q of
+    the previous member, overwritten by those of member i.
+    """
     kind, value_at, number = (
         ints[MEMBERS + KIND] + i,
         ints[MEMBERS + VALUE_AT] + i,
@@ -142,11 +145,11 @@ def _as_before(ints, i, numbers, one, two, count, d, Q, before):
     )
     same = i > 0
     for r in range(3):
-        same &= before[r] == d[r]
-        before[r] = d[r]
+        same &= previous[r] == d[r]
+        previous[r] = d[r]
         for c in range(3):
-            same &= before[3 + 3 * r + c] == Q[r, c]
-            before[3 + 3 * r + c] = Q[r, c]
+            same &= previous[3 + 3 * r + c] == Q[r, c]
+            previous[3 + 3 * r + c] = Q[r, c]
     same &= ints[value_at] == ints[value_at - 1]
     same &= ints[kind] == ints[kind - 1]
     for c in range(4):
@@ -157,15 +160,18 @@ def _as_before(ints, i, numbers, one, two, count, d, Q, before):
 
 
 @kernel(inline="late")
-def _repeat(numbers, one, two, count):
-    """The `count` numbers from `two` on become those from `one` on."""
+def _copy(numbers, one, two, count):
+    """Copy `count` numbers from numbers[one:] to numbers[two:]."""
     for k in range(count):
         numbers[two + k] = numbers[one + k]
 
 
-class Room(NamedTuple):
-    """Storage for one member at a time: its pose and relative orientation, wrench and stiffness, tangent and forces on its
-    nodes, norms of these, pose of the member before, scratch of `member_tangent`."""
+class MemberScratch(NamedTuple):
+    """Scratch for one member at a time.
+
+    pose (18,), Q, d: see `ksd.model.poses.member_pose`; lam, K: wrench and stiffness; T, force: tangent and forces on its
+    nodes; norms (6,): of these; previous (12,): pose of the previous member; A, M: scratch of `member_tangent`.
+    """
 
     pose: np.ndarray
     Q: np.ndarray
@@ -175,22 +181,22 @@ class Room(NamedTuple):
     T: np.ndarray
     force: np.ndarray
     norms: np.ndarray
-    before: np.ndarray
+    previous: np.ndarray
     A: np.ndarray
     M: np.ndarray
 
 
 @kernel
-def open_member_room():
-    """`Room` for a member."""
-    return Room(
+def allocate_member_scratch():
+    """Allocate `MemberScratch`."""
+    return MemberScratch(
         np.empty(18), np.empty((3, 3)), np.empty(3), np.empty(12), np.empty((6, 6)), np.empty((12, 12)), np.empty(12),
         np.empty(6), np.empty(12), np.empty((6, 6)), np.empty((6, 12)),
     )  # fmt: skip
 
 
 @kernel
-def open_leaf_room(ints):
+def allocate_leaf_scratch(ints):
     """`ksd.beam.strain.LeafFields` for the strain-mode leaves there are."""
     # no literals, for which numba would compile twice
     modes = points = ints[0] * 0
@@ -204,29 +210,30 @@ def open_leaf_room(ints):
 
 @kernel(inline="always")
 def add_members(
-    condense, pull, follow, weigh, ints, floats, x, R, inner, work, room, leaf, factor, rtol, noise, near
-):
-    """All members, their weight times `factor`, into work.matrix and work.rhs; condense, pull, follow, weigh: for what there
-    is.
+    condense, set_gravity, leaf_gravity, add_weight, ints, floats, x, R, inner, work, scratch, leaf, factor, rtol, noise,
+    linearise,
+):  # fmt: skip
+    """Add all members, with `factor` times their weight, to work.matrix and work.rhs.
 
-    near 0: exact tangents at the state; 1: Appendix A chains are linearised about the element orientations in
-    work.linearisation (paper 1, section 3), their inner state is set. Of neighbours that are in the same state, as the two
-    outer leaves of a cross flexure in its plane, one is worked on. Returns (negatives, worst inner residual over its bound,
+    condense, set_gravity, leaf_gravity, add_weight: kernels for the kinds of members of the mechanism. linearise 0: exact
+    tangents at the state; 1: Appendix A chains are linearised about the element orientations in work.linearisation (paper 1,
+    section 3), and their inner states are set. A member in the same state as the previous one, such as the second outer leaf
+    of a cross flexure in its plane, copies its results. Returns (negative pivots, largest inner residual over its bound,
     status).
     """
-    # by names of their own: every look into a named tuple counts the users of an array
-    pose, Q, d = room.pose, room.Q, room.d
-    lam, K, T = room.lam, room.K, room.T
-    force, norms, before = room.force, room.norms, room.before
-    A, M = room.A, room.M
+    # local names, because every access to a field of a named tuple counts the references of an array
+    pose, Q, d = scratch.pose, scratch.Q, scratch.d
+    lam, K, T = scratch.lam, scratch.K, scratch.T
+    force, norms, previous = scratch.force, scratch.norms, scratch.previous
+    A, M = scratch.A, scratch.M
     store, weight = work.store, work.weight
-    near_at, close = work.linearisation_at, work.linearisation
+    linearisation_at, linearisation = work.linearisation_at, work.linearisation
     matrix, rhs, scale = work.matrix, work.rhs, work.scale
     poses, lams = work.pose, work.lam
     node, value_at, number_at = ints[MEMBERS + NODE], ints[MEMBERS + VALUE_AT], ints[MEMBERS + NUMBER]
     inner_at, store_at, block = ints[MEMBERS + INNER_AT], ints[MEMBERS + STORE_AT], ints[MEMBERS + BLOCK]
     negatives, worst, status = 0, 0.0, 0
-    back, dn, dm, told = 0, 0.0, 0.0, 0
+    member_negatives, dn, dm, member_status = 0, 0.0, 0.0, 0
     for i in range(ints[MEMBER_COUNT]):
         a, b, kind = ints[node + 2 * i], ints[node + 2 * i + 1], ints[ints[MEMBERS + KIND] + i]
         member_pose(
@@ -234,61 +241,73 @@ def add_members(
         )  # fmt: skip
         for c in range(3):
             d[c] = pose[c] * pose[15] + pose[3 + c] * pose[16] + pose[6 + c] * pose[17]
-        linearised = near == 1 and near_at[i] < near_at[i + 1]
-        heavy = len(weight) > 0 and weight[i, 0] > 0.0
-        own, kept = ints[inner_at + i], ints[store_at + i]
-        # lengths of its inner state and store, and where those of the member before begin
-        state_size, store_size = ints[inner_at + i + 1] - own, ints[store_at + i + 1] - kept
-        own_before, kept_before = ints[inner_at + max(i - 1, 0)], ints[store_at + max(i - 1, 0)]
+        linearised = linearise == 1 and linearisation_at[i] < linearisation_at[i + 1]
+        has_weight = len(weight) > 0 and weight[i, 0] > 0.0
+        inner_start, store_start = ints[inner_at + i], ints[store_at + i]
+        # sizes of its inner state and store, and where those of the previous member start
+        state_size, store_size = ints[inner_at + i + 1] - inner_start, ints[store_at + i + 1] - store_start
+        inner_previous, store_previous = ints[inner_at + max(i - 1, 0)], ints[store_at + max(i - 1, 0)]
         if linearised:
-            # the inner state follows from the near configuration
-            at = near_at[i]
-            same = _as_before(ints, i, close, near_at[max(i - 1, 0)], at, near_at[i + 1] - at, d, Q, before)
+            # the inner state follows from the configuration of the linearisation
+            at = linearisation_at[i]
+            is_equal = _equals_previous(
+                ints, i, linearisation, linearisation_at[max(i - 1, 0)], at, linearisation_at[i + 1] - at, d, Q, previous
+            )  # fmt: skip
         else:
-            same = _as_before(ints, i, inner, own_before, own, state_size, d, Q, before)
-        if heavy:
-            # gravity is the same in equal frames
+            is_equal = _equals_previous(
+                ints, i, inner, inner_previous, inner_start, state_size, d, Q, previous
+            )
+        if has_weight:
+            # gravity in the frame of the member is the same in equal frames
             for r in range(4):
-                same = same and weight[i - 1, r] == weight[i, r]
+                is_equal = is_equal and weight[i - 1, r] == weight[i, r]
             for r in range(9):
-                same = same and poses[i - 1, r] == pose[r]
-        if same:
-            _repeat(store, kept_before, kept, store_size)
+                is_equal = is_equal and poses[i - 1, r] == pose[r]
+        if is_equal:
+            _copy(store, store_previous, store_start, store_size)
             if linearised:
-                _repeat(inner, own_before, own, state_size)
+                _copy(inner, inner_previous, inner_start, state_size)
         else:
-            mine = store[kept : kept + store_size]
-            if heavy:
-                pull(pose, weight, i, factor, mine)
-            state, number = inner[own : own + state_size], ints[number_at + 4 * i : number_at + 4 * i + 4]
+            member_store = store[store_start : store_start + store_size]
+            if has_weight:
+                set_gravity(pose, weight, i, factor, member_store)
+            state = inner[inner_start : inner_start + state_size]
+            number = ints[number_at + 4 * i : number_at + 4 * i + 4]
             value = floats[ints[MEMBERS + VALUE] + ints[value_at + i] :]
-            # leaf springs apart: to hand on their room counts the users of two dozen arrays
+            # leaf springs are not called by `condense`, as handing on their scratch counts references of two dozen arrays
             if kind == PLANAR:
-                back, dn, dm, told = planar_leaf.condense(value, number, state, mine, d, Q, lam, K)
+                member_negatives, dn, dm, member_status = planar_leaf.condense(
+                    value, number, state, member_store, d, Q, lam, K
+                )
             elif kind == STRAIN:
-                back, dn, dm, told = strain_condense(value, number, state, mine, leaf, d, Q, lam, K)
+                member_negatives, dn, dm, member_status = strain_condense(
+                    value, number, state, member_store, leaf, d, Q, lam, K
+                )
             else:
-                back, dn, dm, told = condense(
-                    kind, value, number, state, mine, close[near_at[i] : near_at[i + 1] if linearised else near_at[i]],
+                member_negatives, dn, dm, member_status = condense(
+                    kind, value, number, state, member_store,
+                    linearisation[linearisation_at[i] : linearisation_at[i + 1] if linearised else linearisation_at[i]],
                     d, Q, lam, K, A, M,
                 )  # fmt: skip
-            if heavy:
-                follow(kind, value, number, state, mine, leaf, lam, K)
+            if has_weight:
+                leaf_gravity(kind, value, number, state, member_store, leaf, lam, K)
         member_tangent(pose, lam, K, T, force, A, M)
-        negatives += back
-        status = max(status, told)
-        if heavy:
-            weigh(pose, store[kept : kept + store_size], weight[i, 0], T, force)
+        negatives += member_negatives
+        status = max(status, member_status)
+        if has_weight:
+            add_weight(pose, store[store_start : store_start + store_size], weight[i, 0], T, force)
         member_norms(lam, force, norms)
         n, m, L = norms[0], norms[1], floats[ints[MEMBERS + LENGTH] + i]
-        floor = noise * floats[ints[MEMBERS + STIFFNESS_SCALE] + i]
+        rounding = noise * floats[ints[MEMBERS + STIFFNESS_SCALE] + i]
         worst = max(
-            worst, dn / (rtol * (n + m / L) + floor + 1e-300), dm / (rtol * (n * L + m) + floor * L + 1e-300)
+            worst,
+            dn / (rtol * (n + m / L) + rounding + 1e-300),
+            dm / (rtol * (n * L + m) + rounding * L + 1e-300),
         )
         for e in range(2):
             k = ints[node + 2 * i + e]
-            scale[k, 0] += rtol * (max(norms[2 + 2 * e], n) + m / L) + floor
-            scale[k, 1] += rtol * (max(norms[3 + 2 * e], m) + n * L) + floor * L
+            scale[k, 0] += rtol * (max(norms[2 + 2 * e], n) + m / L) + rounding
+            scale[k, 1] += rtol * (max(norms[3 + 2 * e], m) + n * L) + rounding * L
         for r in range(18):
             poses[i, r] = pose[r]
         for r in range(12):

@@ -37,12 +37,12 @@ from ksd.numerics.rotations import rotation_log
 
 @kernel
 def add_loads(ints, floats, R, factor, rtol, matrix, rhs, scale):
-    """External loads, times `factor`: dead forces keep their direction, following ones turn with the node.
+    """Add `factor` times the external loads: dead loads keep their direction, follower loads rotate with the node.
 
-    Tangent of a dead force at lever s: -[(s F' + F s')/2 - (s.F) I]. A following load and a moment have an unsymmetric
-    tangent; its symmetric part is what is added, the rest is for the solve (`ksd.model.nonconservative`).
+    The tangent of a dead force at lever s is -[(s F' + F s')/2 - (s.F) I]. Follower loads and moments have an unsymmetric
+    tangent, whose symmetric part is added here; its skew part enters in the solve (`ksd.model.nonconservative`).
     """
-    keep, w = ints[ACTIVE_DOFS], ints[DOFS_PER_NODE]
+    active, w = ints[ACTIVE_DOFS], ints[DOFS_PER_NODE]
     F, M, s, force, tangent = np.empty(3), np.empty(3), np.empty(3), np.empty(6), np.empty((6, 6))
     for i in range(ints[LOADS]):
         node = ints[ints[LOAD_NODE] + i]
@@ -78,20 +78,21 @@ def add_loads(ints, floats, R, factor, rtol, matrix, rhs, scale):
                     tangent[3 + r, 3 + c] -= 0.5 * (s[r] * F[c] + f * s[c])
                 tangent[3 + r, 3 + r] += sF
         for r in range(w):
-            p = ints[keep + r]
+            p = ints[active + r]
             rhs[u + r] -= force[p]
             for c in range(w):
-                matrix[block + w * r + c] += tangent[p, ints[keep + c]]
+                matrix[block + w * r + c] += tangent[p, ints[active + c]]
         scale[node, 0] += rtol * math.sqrt(f2)
         scale[node, 1] += rtol * math.sqrt(m2)
 
 
 @kernel(inline="late")
 def term_slope(ints, floats, x, R, t, slope):
-    """Value of constraint term t; its derivatives by displacement and rotation of base and node into slope[:4].
+    """Value of constraint term t; writes its derivatives and auxiliary vectors into slope (8, 3).
 
-    Translation: u.(x_b + s_b - x_a - s_a) with u, s_a turning with base. Rotation: twist of R_a^T R_b about u. slope (8, 3):
-    then u, and of a translation zero, the lever and s_b, of a rotation (q0, .., ..), .. and q, see `twist`.
+    Translation: u.(x_b + s_b - x_a - s_a), where u and s_a rotate with the base a. Rotation: twist of R_a^T R_b about u.
+    slope[:4]: derivatives by displacement and rotation of base and node; slope[4]: u; slope[5:]: for a translation zero, the
+    lever and s_b; for a rotation (q0, .., ..), unused, and q, see `twist`.
     """
     a, b = ints[ints[TERM_NODE] + 2 * t], ints[ints[TERM_NODE] + 2 * t + 1]
     direction, point = ints[TERM_DIRECTION] + 3 * t, ints[TERM_POINT] + 6 * t
@@ -102,7 +103,7 @@ def term_slope(ints, floats, x, R, t, slope):
             u += R[a, r, c] * floats[direction + c]
             p += R[a, r, c] * floats[point + c]
             arm += R[b, r, c] * floats[point + 3 + c]
-        # the base's own point only shifts the value by a constant along u fixed in base
+        # the point of the base only adds a constant, as u is fixed in the base
         lever = x[b, r] + arm - x[a, r]
         slope[4, r], slope[5, r], slope[6, r], slope[7, r] = u, 0.0, lever, arm
         value += u * (lever - p)
@@ -121,10 +122,10 @@ def term_slope(ints, floats, x, R, t, slope):
 
 @kernel(inline="late")
 def twist(Ra, Rb, u, q, slope, rel):
-    """Twist angle 2 atan2(q.u, q0) of the relative rotation, and q0; its derivative by dphi_b - dphi_a into slope (3,).
+    """Twist angle 2 atan2(q.u, q0) [rad] of the relative rotation, and q0; writes q (3,) and slope (3,).
 
-    Quaternion (q0, q) of Rb Ra^T in global axes, u turning with a: the same number as in base axes; q (3,) is written. rel
-    (3, 3) or more: scratch.
+    (q0, q): quaternion of Rb Ra^T in global axes, with u (3,) rotating with a; the angle is the same as in base axes. slope:
+    derivative of the angle by dphi_b - dphi_a. rel (3, 3) or more: scratch.
     """
     for i in range(3):
         for j in range(3):
@@ -147,9 +148,10 @@ def twist(Ra, Rb, u, q, slope, rel):
 
 @kernel(inline="late")
 def twist_curvature(u, q, q0, slope, weight, tangent):
-    """Add weight * second derivatives of `twist` by the rotations of (a, b) to tangent (12, 12).
+    """Add weight times the second derivatives of `twist` by the rotations of (a, b) to tangent (12, 12).
 
-    They keep the part symmetric in D = dphi_b - dphi_a; with dphi_a they add -1/2 [m]x coupling, m = slope.
+    They consist of the part that is symmetric in D = dphi_b - dphi_a and of the coupling -1/2 [m]x of D with dphi_a, m =
+    slope.
     """
     N = q[0] * u[0] + q[1] * u[1] + q[2] * u[2]
     r2, dr = N * N + q0 * q0, np.empty(3)
@@ -176,12 +178,12 @@ def twist_curvature(u, q, q0, slope, weight, tangent):
 
 @kernel
 def add_terms(ints, floats, x, R, multiplier, target, rtol, matrix, rhs, scale):
-    """Constraint rows: gap into the residual, gradient into the matrix, multiplier times curvature into the tangent.
+    """Add constraint rows: gap to the residual, gradient to the matrix, multiplier times second derivative to the tangent.
 
     Returns the largest gap, in metres (rotations times the model's length scale).
     """
     slope, tangent = np.empty((8, 3)), np.empty((12, 12))
-    largest, keep, w, size = 0.0, ints[ACTIVE_DOFS], ints[DOFS_PER_NODE], floats[0]
+    largest, active, w, size = 0.0, ints[ACTIVE_DOFS], ints[DOFS_PER_NODE], floats[0]
     for i in range(ints[ROWS]):
         row, mu = ints[ints[TERM_START] + i], multiplier[i]
         if row < 0:
@@ -192,7 +194,7 @@ def add_terms(ints, floats, x, R, multiplier, target, rtol, matrix, rhs, scale):
             gap += c * term_slope(ints, floats, x, R, t, slope)
             tangent[:, :] = 0.0
             if ints[ints[TERM_KIND] + t] == TRANSLATION:
-                # as of a member whose force is mu c u
+                # as for a member with the force mu c u
                 for r in range(3):
                     slope[4, r] *= mu * c
                 geometric_tangent(slope[4:], tangent)
@@ -207,7 +209,7 @@ def add_terms(ints, floats, x, R, multiplier, target, rtol, matrix, rhs, scale):
                     continue
                 f2, m2 = 0.0, 0.0
                 for r in range(w):
-                    p = ints[keep + r]
+                    p = ints[active + r]
                     value = c * slope[2 * e + p // 3, p % 3]
                     # the row is stored (multiplier, node) or (node, multiplier): w numbers either way
                     matrix[at + r] += value
@@ -217,7 +219,7 @@ def add_terms(ints, floats, x, R, multiplier, target, rtol, matrix, rhs, scale):
                     else:
                         m2 += value * value
                     for k in range(w):
-                        matrix[own + w * r + k] += tangent[6 * e + p, 6 * e + ints[keep + k]]
+                        matrix[own + w * r + k] += tangent[6 * e + p, 6 * e + ints[active + k]]
                 scale[node, 0] += rtol * abs(mu) * math.sqrt(f2)
                 scale[node, 1] += rtol * abs(mu) * math.sqrt(m2)
             couple(ints, ints[block + 4], ints[ints[TERM_FLIP] + t], tangent, matrix)

@@ -1,15 +1,16 @@
-"""Equilibrium of a mechanism in one compiled call: assembly, factorisation, solve and update, iterated to convergence.
+"""Newton iterations to the equilibrium of a mechanism in one compiled call: assembly, factorisation, solve and update.
 
-The same function serves the full model, the reduced one (condensed joints), training and the conventional
-solver. Convergence is scale-free (design section 5): at every node |R| <= rtol sum |f_e| + 10 eps (EA/L) max|x|,
-for forces and moments apart, the same for the inner residual of every member, and constraint gaps to rounding.
-In the stiff directions of thin leaves rounding may exceed that bound: a residual up to a thousand times larger is accepted
-(`has_converged`) when the last Newton step moved nothing by more than 1e-7 of the size, turned nothing by more than 1e-6
-rad, and no longer lowered the residual. Without the last condition forces of taut leaves were off by 5e-5: nodes that stand
-still say nothing of the insides of leaf springs, and what leaves positions right to 1e-14 is still a force in a stiff one.
+The full model, the reduced one (condensed joints), training and the conventional solver all use it. Convergence is
+scale-free (design section 5): at every node |R| <= rtol sum |f_e| + 10 eps (EA/L) max|x|, separately for forces and moments;
+the same holds for the inner residual of every member, and constraint gaps must vanish to rounding. In the stiff directions
+of thin leaves rounding may exceed this bound. A residual up to a thousand times larger is accepted (`has_converged`) when
+the last Newton step displaced no node by more than 1e-7 of the size, rotated none by more than 1e-6 rad, and no longer
+reduced the residual. The last condition is needed because nodes at rest do not imply equilibrium inside stiff leaf springs:
+without it forces of taut leaves were wrong by 5e-5.
 
-Every compiled caller of the leaf kernels contains them and takes as long to compile, so there is one, `newton`, with a
-task, `newton_beams` and `newton_any` for what fewer mechanisms have; the functions below them are what Python calls.
+Every kernel that calls the leaf kernels contains a copy of them, which takes long to compile. So there is one kernel with
+several tasks, `newton`, and the variants `newton_beams` and `newton_any` for kinds of members that fewer mechanisms have.
+Python code calls the functions below them.
 """
 
 from __future__ import annotations
@@ -45,55 +46,61 @@ from ksd.model.arrays import (
 )
 from ksd.model.assembly import (
     add_members,
+    allocate_leaf_scratch,
+    allocate_member_scratch,
     condense_any,
     condense_beam,
     condense_linear,
-    follow_leaf,
-    no_weight,
-    no_weight_added,
-    no_weight_followed,
-    open_leaf_room,
-    open_member_room,
     recover_any,
     recover_beam,
     recover_leaf,
+    set_leaf_gravity,
+    skip_add_weight,
+    skip_leaf_gravity,
+    skip_set_gravity,
 )
 from ksd.model.loading import add_loads, add_terms
-from ksd.model.nonconservative import turn_step
+from ksd.model.nonconservative import correct_newton_step
 from ksd.model.springs import add_springs
 from ksd.numerics.blocks import BLOCKS, factor_blocks, solve_blocks
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import reorthonormalise, rotate
 
 ROUNDING_MULTIPLE = 10.0
-"""Multiples of rounding in the residual bounds."""
+"""Factor on the rounding error of stiffness times position in the residual bounds."""
 STALLED_RESIDUAL_LIMIT = 1000.0
-"""How far the residual may exceed its bound when the last step was negligible."""
+"""Largest residual over its bound that is accepted after a negligible step."""
 STALLED_RATIO = 0.1
-"""Residual over that before the step from which on steps no longer lower it."""
+"""Ratio of the residual after and before a step above which the step did not reduce it."""
 
 RUNNING, CONVERGED, STEP_LIMIT, LOCAL_ANGLE_LIMIT, SINGULAR, DIVERGED, NOT_FINITE = -1, 0, 1, 2, 3, 4, 5
-SOLVE, WHOLE, HELD, LOOK, ASSEMBLE, NODES_ALONE, TAKE = 0, 1, 2, 3, 4, 5, 6
-"""Tasks of `newton`: iterate; assemble, find the Newton step and take it; the same, drives and supports where they are, and
-the nodes too where one would go further than `cap`; assemble and find it; assemble; assemble without members; take the
-step."""
+SOLVE, FULL_STEP, FIXED_ROWS_STEP, CHECK, ASSEMBLE, ASSEMBLE_NODES, TAKE_STEP = 0, 1, 2, 3, 4, 5, 6
+"""Tasks of `newton`.
+
+SOLVE: iterate to equilibrium; FULL_STEP: assemble and take a Newton step; FIXED_ROWS_STEP: the same with fixed drives and
+supports, and with fixed nodes where one would move by more than `max_turn`; CHECK: assemble and compute the Newton step;
+ASSEMBLE: assemble; ASSEMBLE_NODES: assemble without members; TAKE_STEP: take a given step.
+"""
 SINGULAR_PIVOT = 1e-14
 """Relative pivot below which the tangent counts as singular."""
 
 
-def has_converged(worst: float, before: float, moved: float) -> bool:
-    """Whether Newton is done. worst, before: residual over its bound now and before the last step; moved: that step over
-    what is negligible."""
-    return worst <= 1.0 or (
-        worst <= STALLED_RESIDUAL_LIMIT and moved <= 1.0 and worst > STALLED_RATIO * before
+def has_converged(residual: float, previous: float, step: float) -> bool:
+    """Whether the Newton iterations have converged.
+
+    residual, previous: residual over its bound now and before the last step; step: size of that step over the negligible
+    one.
+    """
+    return residual <= 1.0 or (
+        residual <= STALLED_RESIDUAL_LIMIT and step <= 1.0 and residual > STALLED_RATIO * previous
     )
 
 
-_settled = kernel(inline="always")(has_converged)
+_has_converged = kernel(inline="always")(has_converged)
 
 
 @kernel(inline="late")
-def _worst_node(ints, rhs, scale):
+def _largest_node_residual(ints, rhs, scale):
     """Largest residual of a node over its bound."""
     worst = 0.0
     for k in range(ints[NODES]):
@@ -110,8 +117,8 @@ def _worst_node(ints, rhs, scale):
 
 
 @kernel(inline="late")
-def _reach(ints, floats, x):
-    """Largest coordinate, or the size [m]."""
+def _largest_coordinate(ints, floats, x):
+    """Largest coordinate of a node [m], at least the size of the mechanism."""
     reach = floats[0]
     for k in range(ints[NODES]):
         for r in range(3):
@@ -120,10 +127,10 @@ def _reach(ints, floats, x):
 
 
 @kernel(inline="always")
-def _add_others(
+def _add_springs_loads_rows(
     springs, ints, floats, x, R, multiplier, target, matrix, rhs, scale, poses, lams, factor, rtol, noise
 ):  # fmt: skip
-    """All but the members into matrix and residual. Returns (largest gap [m], status)."""
+    """Add springs, loads and constraint rows to matrix and residual. Returns (largest gap [m], status of the springs)."""
     status = 0
     if ints[SPRING_COUNT] > 0:
         status = springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, poses, lams)
@@ -134,7 +141,7 @@ def _add_others(
 
 @kernel
 def _largest(ints, step, first):
-    """Largest norm, over the nodes, of the three components from `first` on, as far as they are unknown."""
+    """Largest norm over the nodes of three components of a step: displacements for first = 0, rotations for first = 3."""
     largest = 0.0
     for k in range(ints[NODES]):
         u = ints[ints[START] + k]
@@ -149,8 +156,8 @@ def _largest(ints, step, first):
 
 @kernel(inline="late")
 def _relative_motion(ints, poses, i, step, move, xi):
-    """Motion (12,) of the nodes a, b of member i in the step, and xi (6,) in frame p of it: (dxb - dxa + dphib x s
-    - dphia x w, dphib - dphia)."""
+    """Displacements and rotations (12,) of the nodes a, b of member i in a step, into `move`, and the motion xi (6,) of
+    its end q relative to its end p, in frame p: (dxb - dxa + dphib x s - dphia x w, dphib - dphia)."""
     node = ints[MEMBERS + NODE] + 2 * i
     for e in range(2):
         u = ints[ints[START] + ints[node + e]]
@@ -175,7 +182,7 @@ def _relative_motion(ints, poses, i, step, move, xi):
 
 @kernel(inline="late")
 def _move_nodes(ints, x, R, multiplier, step, scale, v):
-    """Positions, rotations (R <- exp(dphi) R) and multipliers; v (6,) or more: scratch."""
+    """Take `scale` times a step in positions, rotations (R <- exp(dphi) R) and multipliers; v (6,) or more: scratch."""
     for r in range(6):
         v[r] = 0.0
     for k in range(ints[NODES]):
@@ -194,225 +201,256 @@ def _move_nodes(ints, x, R, multiplier, step, scale, v):
 
 
 @kernel(inline="always")
-def _take(
-    recover, turn_weight, ints, floats, x, R, inner, multiplier, step, store, poses, weight, move, xi, scale
+def _take_step(
+    recover,
+    rotate_gravity,
+    ints,
+    floats,
+    x,
+    R,
+    inner,
+    multiplier,
+    step,
+    store,
+    poses,
+    weight,
+    move,
+    xi,
+    scale,
 ):
-    """The step (n,) times `scale`: members first (their frames are the old ones), then nodes and multipliers; move (12,),
-    xi (6,): scratch."""
+    """Take `scale` times a step (n,), members first, as they need the old frames; move (12,), xi (6,): scratch."""
     for i in range(ints[MEMBER_COUNT]):
         _relative_motion(ints, poses, i, step, move, xi)
-        own, kept = ints[MEMBERS + INNER_AT] + i, ints[MEMBERS + STORE_AT] + i
+        inner_at, store_at = ints[MEMBERS + INNER_AT] + i, ints[MEMBERS + STORE_AT] + i
         value, number = ints[ints[MEMBERS + VALUE_AT] + i], ints[MEMBERS + NUMBER] + 4 * i
-        mine = store[ints[kept] : ints[kept + 1]]
+        member_store = store[ints[store_at] : ints[store_at + 1]]
         if len(weight) > 0 and weight[i, 0] > 0.0:
-            turn_weight(poses[i], move, mine)
+            rotate_gravity(poses[i], move, member_store)
         recover(
             ints[ints[MEMBERS + KIND] + i], floats[ints[MEMBERS + VALUE] + value :], ints[number : number + 4],
-            inner[ints[own] : ints[own + 1]], mine, xi, scale, move,
+            inner[ints[inner_at] : ints[inner_at + 1]], member_store, xi, scale, move,
         )  # fmt: skip
     _move_nodes(ints, x, R, multiplier, step, scale, move)
 
 
 @kernel(inline="always")
 def _newton(
-    members, condense, pull, follow, weigh, springs, recover, turn_weight, turn_rest,
-    ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
+    members, condense, set_gravity, leaf_gravity, add_weight, springs, recover, rotate_gravity, correct_step,
+    ints, floats, x, R, inner, multiplier, target, flat, at, task, linearise,
+    max_steps, factor, rtol, rounding, max_turn, divergence_limit,
 ):  # fmt: skip
-    """See `newton`; the first nine: what to do with the members, springs and loads there are. Members is `add_members`:
-    called by its name it would be inlined here first, and copied once more with all of this."""
+    """See `newton`; the first nine arguments are the kernels for the kinds of members, springs and loads of the mechanism.
+
+    `members` is `add_members`, handed on because a call by its name would be inlined here once more in every variant.
+    """
     work, plan = unflatten_workspace_kernel(flat, at), ints[ints[PLAN] :]
-    room, leaf = open_member_room(), open_leaf_room(ints)
-    # by names of their own: every look into a named tuple counts the users of an array
+    scratch, leaf = allocate_member_scratch(), allocate_leaf_scratch(ints)
+    # local names, because every access to a field of a named tuple counts the references of an array
     matrix, spare, rhs = work.matrix, work.scaled_rows, work.rhs
     scales, poses, lams = work.scale, work.pose, work.lam
     store, weight = work.store, work.weight
-    move, xi = room.force, room.norms
-    negatives, inside, status, pivot = 0, 0, 0, 1.0
-    worst, before, moved, gap = math.inf, math.inf, math.inf, 0.0
-    n, polished, reason = 0, False, RUNNING
-    # one way out: at every other one all arrays would be let go anew, a third of the kernel
+    move, xi = scratch.force, scratch.norms
+    negatives, member_negatives, status, pivot = 0, 0, 0, 1.0
+    worst, previous, step_size, gap = math.inf, math.inf, math.inf, 0.0
+    n, extra_step, reason = 0, False, RUNNING
+    # a single return: each one releases all arrays, which would be a third of the kernel
     while reason == RUNNING:
         done = False
-        if task <= NODES_ALONE:
-            # a load too small to rise above rounding still gets one step: at first the bounds have no grain
-            bound = ROUNDING_MULTIPLE if n > 0 or polished else grain
-            reach = _reach(ints, floats, x)
-            noise = bound * 2.220446049250313e-16 * reach
+        if task <= ASSEMBLE_NODES:
+            # the first bounds may exclude rounding, so that a load that is smaller than it still gets one step
+            multiple = ROUNDING_MULTIPLE if n > 0 or extra_step else rounding
+            coordinate = _largest_coordinate(ints, floats, x)
+            noise = multiple * 2.220446049250313e-16 * coordinate
             matrix[:] = 0.0
             rhs[:] = 0.0
             scales[:, :] = 0.0
-            inside, worst, status = 0, 0.0, 0
-            if task != NODES_ALONE:
-                inside, worst, status = members(
-                    condense, pull, follow, weigh, ints, floats, x, R, inner, work, room, leaf, factor, rtol, noise, near
+            member_negatives, worst, status = 0, 0.0, 0
+            if task != ASSEMBLE_NODES:
+                member_negatives, worst, status = members(
+                    condense, set_gravity, leaf_gravity, add_weight, ints, floats, x, R, inner, work, scratch, leaf, factor,
+                    rtol, noise, linearise,
                 )  # fmt: skip
-            gap, told = _add_others(
+            gap, spring_status = _add_springs_loads_rows(
                 springs, ints, floats, x, R, multiplier, target, matrix, rhs, scales, poses, lams, factor, rtol, noise
             )  # fmt: skip
-            worst = max(worst, gap / (1e-11 * floats[0] + 2e-15 * reach), _worst_node(ints, rhs, scales))
-            status = max(status, told)
+            worst = max(
+                worst,
+                gap / (1e-11 * floats[0] + 2e-15 * coordinate),
+                _largest_node_residual(ints, rhs, scales),
+            )
+            status = max(status, spring_status)
             if not math.isfinite(worst) or status == 2:
                 worst, status = math.inf, 2
-            if task == HELD:
+            if task == FIXED_ROWS_STEP:
                 for i in range(len(multiplier)):
                     row = ints[ints[TERM_START] + i]
                     if row >= 0:
                         rhs[row] = 0.0
-        if LOOK < task <= NODES_ALONE:
-            reason, negatives, pivot = status, inside, gap
+        if CHECK < task <= ASSEMBLE_NODES:
+            reason, negatives, pivot = status, member_negatives, gap
         elif task == SOLVE:
             if not math.isfinite(worst):
                 reason = NOT_FINITE
-            elif polished and _settled(worst, before, moved):
+            elif extra_step and _has_converged(worst, previous, step_size):
                 reason = CONVERGED
-                negatives += inside
+                negatives += member_negatives
             else:
-                # a rest of the way that did not settle it was a step
-                n += polished
-                done = worst <= 1.0 or (worst <= STALLED_RESIDUAL_LIMIT and moved <= 1.0)
-                if n > most or (n == most and not done):
+                # an extra step after which the iterations continue counts as a step
+                n += extra_step
+                done = worst <= 1.0 or (worst <= STALLED_RESIDUAL_LIMIT and step_size <= 1.0)
+                if n > max_steps or (n == max_steps and not done):
                     reason = STEP_LIMIT
-                elif n > 0 and not done and math.isfinite(blow_up):
+                elif n > 0 and not done and math.isfinite(divergence_limit):
                     s = 0.0
                     for i in range(len(rhs)):
                         s += rhs[i] * rhs[i]
-                    if math.sqrt(s) > blow_up:
+                    if math.sqrt(s) > divergence_limit:
                         reason = DIVERGED
-        if reason == RUNNING and task != TAKE:
+        if reason == RUNNING and task != TAKE_STEP:
             # the inertia belongs to the state before the step
             negatives, pivot = factor_blocks(plan, matrix, spare, plan[BLOCKS])
             for i in range(len(rhs)):
                 rhs[i] = -rhs[i]
             solve_blocks(plan, matrix, spare, rhs)
-            # the factors made for the inertia also lead the rest of the way, too short to count as a step
-            polished = done and worst > 1.0 and pivot > 0.0
-            if not polished:
-                negatives += inside
+            # the factorisation made for the inertia also serves for one more step, too small to count
+            extra_step = done and worst > 1.0 and pivot > 0.0
+            if not extra_step:
+                negatives += member_negatives
             if task == SOLVE and not done and not pivot > 0.0:
                 reason = SINGULAR
-            elif done and not polished:
+            elif done and not extra_step:
                 reason = CONVERGED
             else:
-                turn_rest(ints, floats, plan, R, matrix, spare, rhs, factor)
-                if task == LOOK:
+                correct_step(ints, floats, plan, R, matrix, spare, rhs, factor)
+                if task == CHECK:
                     reason = status
         if reason == RUNNING:
-            scale = cap if task == TAKE else 1.0
-            before = worst
-            if task == TAKE:
+            scale = max_turn if task == TAKE_STEP else 1.0
+            previous = worst
+            if task == TAKE_STEP:
                 reason, worst = CONVERGED, 0.0
-            elif not polished:
+            elif not extra_step:
                 turned = _largest(ints, rhs, 3 + 0 * n)
-                if n > 0 and turned > cap:
-                    scale = cap / turned
-                # a variable, not the literal 0, for which numba would compile the function once more
+                if n > 0 and turned > max_turn:
+                    scale = max_turn / turned
+                # a variable instead of the literal 0, for which numba would compile the function once more
                 shift = _largest(ints, rhs, 0 * n) / floats[0]
-                moved = max(turned / 1e-6, shift / 1e-7)
+                step_size = max(turned / 1e-6, shift / 1e-7)
                 n += 1
-                if task == HELD and (max(turned, shift) > cap or not pivot > SINGULAR_PIVOT):
+                if task == FIXED_ROWS_STEP and (max(turned, shift) > max_turn or not pivot > SINGULAR_PIVOT):
                     rhs[:] = 0.0
                 if task != SOLVE:
-                    reason, worst = status, moved
-            _take(
-                recover, turn_weight, ints, floats, x, R, inner, multiplier, rhs, store, poses, weight, move, xi, scale
+                    reason, worst = status, step_size
+            _take_step(
+                recover, rotate_gravity, ints, floats, x, R, inner, multiplier, rhs, store, poses, weight, move, xi, scale
             )  # fmt: skip
     if task == SOLVE and reason == CONVERGED and status > 0:
-        # a leaf with a replaced tiny pivot or a folded angle is no answer, however small the residual
+        # a state with a replaced tiny pivot or a local angle beyond its range is refused, however small the residual
         reason = LOCAL_ANGLE_LIMIT if status == 1 else SINGULAR
-    return reason, min(n, most), worst, negatives, pivot
+    return reason, min(n, max_steps), worst, negatives, pivot
 
 
 @kernel(inline="always")
-def _no_springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, poses, lams):
-    """`add_springs` where there are none."""
+def _skip_springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, poses, lams):
+    """`add_springs` for mechanisms without springs."""
     return 0
 
 
 @kernel(inline="always")
-def _no_weight_turned(pose, move, store):
-    """`rotate_member_gravity` where nothing weighs anything."""
+def _skip_rotate_gravity(pose, move, store):
+    """`rotate_member_gravity` for mechanisms without weight of members."""
 
 
 @kernel(inline="always")
-def _no_turn_step(ints, floats, plan, R, matrix, spare, rhs, factor):
-    """`turn_step` where no load has a skew tangent."""
+def _skip_step_correction(ints, floats, plan, R, matrix, spare, rhs, factor):
+    """`correct_newton_step` for mechanisms whose loads are conservative."""
 
 
 @kernel
 def newton(
-    ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up
+    ints, floats, x, R, inner, multiplier, target, flat, at, task, linearise,
+    max_steps, factor, rtol, rounding, max_turn, divergence_limit
 ):  # fmt: skip
-    """A task on a system: see `solve_equilibrium`; ints, floats as in `FlatArrays`, flat, at as in `Workspace`.
+    """Perform a task on a mechanism: see `solve_equilibrium`; ints, floats as in `FlatArrays`, flat, at as in `Workspace`.
 
-    Returns (reason, steps taken, residual over its bound, negative pivots, smallest relative pivot); of LOOK, ASSEMBLE and
-    NODES_ALONE the status of the members for the reason, of the last two those of the members alone, and the largest gap
-    [m] for the pivot; of WHOLE and HELD that status, and the size of the step (see `newton_step`) for the residual.
+    max_turn: largest rotation of a node per step [rad], or of TAKE_STEP the scale of the step; linearise: see `assemble`.
+    Returns (reason, steps taken, residual over its bound, negative pivots, smallest relative pivot). For CHECK, ASSEMBLE and
+    ASSEMBLE_NODES the first is the status of the members; for the last two the fourth counts the members only and the fifth
+    is the largest gap [m]. For FULL_STEP and FIXED_ROWS_STEP the first is the status, the third the size of the step (see
+    `take_newton_step`).
     """
     return _newton(
-        add_members, condense_linear, no_weight, no_weight_followed, no_weight_added, _no_springs, recover_leaf,
-        _no_weight_turned, _no_turn_step,
-        ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
+        add_members, condense_linear, skip_set_gravity, skip_leaf_gravity, skip_add_weight, _skip_springs, recover_leaf,
+        _skip_rotate_gravity, _skip_step_correction,
+        ints, floats, x, R, inner, multiplier, target, flat, at, task, linearise,
+        max_steps, factor, rtol, rounding, max_turn, divergence_limit,
     )  # fmt: skip
 
 
 @kernel
 def newton_beams(
-    ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up
+    ints, floats, x, R, inner, multiplier, target, flat, at, task, linearise,
+    max_steps, factor, rtol, rounding, max_turn, divergence_limit
 ):  # fmt: skip
-    """`newton` for chains too, springs, weight, and loads that are not conservative."""
+    """`newton` also for chains, springs, weight of members, and loads that are not conservative."""
     return _newton(
-        add_members, condense_beam, set_member_gravity, follow_leaf, add_member_weight, add_springs, recover_beam,
-        rotate_member_gravity, turn_step,
-        ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
+        add_members, condense_beam, set_member_gravity, set_leaf_gravity, add_member_weight, add_springs, recover_beam,
+        rotate_member_gravity, correct_newton_step,
+        ints, floats, x, R, inner, multiplier, target, flat, at, task, linearise,
+        max_steps, factor, rtol, rounding, max_turn, divergence_limit,
     )  # fmt: skip
 
 
 @kernel
 def newton_any(
-    ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up
+    ints, floats, x, R, inner, multiplier, target, flat, at, task, linearise,
+    max_steps, factor, rtol, rounding, max_turn, divergence_limit
 ):  # fmt: skip
     """`newton_beams` for members of every kind."""
     return _newton(
-        add_members, condense_any, set_member_gravity, follow_leaf, add_member_weight, add_springs, recover_any,
-        rotate_member_gravity, turn_step,
-        ints, floats, x, R, inner, multiplier, target, flat, at, task, near, most, factor, rtol, grain, cap, blow_up,
+        add_members, condense_any, set_member_gravity, set_leaf_gravity, add_member_weight, add_springs, recover_any,
+        rotate_member_gravity, correct_newton_step,
+        ints, floats, x, R, inner, multiplier, target, flat, at, task, linearise,
+        max_steps, factor, rtol, rounding, max_turn, divergence_limit,
     )  # fmt: skip
 
 
 _ENTRIES = (newton, newton_beams, newton_any)
-"""By `FlatArrays.member_kinds`."""
+"""The kernel for each value of `FlatArrays.member_kinds`."""
 
 NewtonResult = tuple[int, int, float, int, float]
 """Reason, steps taken, residual over its bound, negative pivots, smallest relative pivot: see `solve_equilibrium`."""
 
 
 def _run(
-    arrays: Arrays | KernelArrays, motion: State, target: np.ndarray, work: Workspace, task: int, *, near: int = 0,
-    most: int = 0, factor: float = 1.0, rtol: float = 1e-8, grain: float = ROUNDING_MULTIPLE, cap: float = math.inf,
-    blow_up: float = math.inf,
+    arrays: Arrays | KernelArrays, motion: State, target: np.ndarray, work: Workspace, task: int, *, linearise: int = 0,
+    max_steps: int = 0, factor: float = 1.0, rtol: float = 1e-8, rounding: float = ROUNDING_MULTIPLE,
+    max_turn: float = math.inf, divergence_limit: float = math.inf,
 ) -> NewtonResult:  # fmt: skip
-    # one type of every argument: for another one all would be compiled again
+    # arguments are converted because every other type would be compiled again
     flat = arrays.flat
-    found: NewtonResult = _ENTRIES[flat.member_kinds](
+    result: NewtonResult = _ENTRIES[flat.member_kinds](
         flat.ints, flat.floats, *motion, np.ascontiguousarray(target, np.float64), work.flat, work.at,
-        task, int(near), int(most), float(factor), float(rtol), float(grain), float(cap), float(blow_up),
+        task, int(linearise), int(max_steps), float(factor), float(rtol), float(rounding), float(max_turn),
+        float(divergence_limit),
     )  # fmt: skip
-    return found
+    return result
 
 
 def solve_equilibrium(
-    arrays: Arrays, motion: State, target: np.ndarray, factor: float, work: Workspace, rtol: float, most: int, cap: float,
-    blow_up: float,
+    arrays: Arrays, motion: State, target: np.ndarray, factor: float, work: Workspace, rtol: float, max_steps: int,
+    max_turn: float, divergence_limit: float,
 ) -> NewtonResult:  # fmt: skip
-    """Newton to equilibrium at the drive values `target` (c,) and load `factor`, in place.
+    """Newton iterations to equilibrium at the drive values `target` (c,) and load `factor`, in place.
 
-    The first step (the predictor) is taken whole; later ones are scaled so that no node turns more than `cap` rad.
-    `blow_up`: stop when the residual norm exceeds it (the eps_max of Appendix B); inf switches it off.
-    Local angles beyond 60 degrees may pass on the way; a converged state that has one is refused.
+    The first step (the predictor) is taken in full; later ones are scaled so that no node rotates by more than `max_turn`
+    [rad]. divergence_limit: stop when the norm of the residual exceeds it (the eps_max of Appendix B); inf switches it off.
+    Local angles beyond 60 degrees are allowed during the iterations, but not in a converged state.
     Returns (reason, steps taken, residual over its bound, negative pivots, smallest relative pivot).
     """
     return _run(
-        arrays, motion, target, work, SOLVE, most=most, factor=factor, rtol=rtol, grain=0.0, cap=cap, blow_up=blow_up
+        arrays, motion, target, work, SOLVE, max_steps=max_steps, factor=factor, rtol=rtol, rounding=0.0, max_turn=max_turn,
+        divergence_limit=divergence_limit,
     )  # fmt: skip
 
 
@@ -423,16 +461,24 @@ def assemble(
     factor: float,
     work: Workspace,
     rtol: float,
-    near: int,
-    grain: float,
+    linearise: int,
+    rounding: float,
 ) -> tuple[float, float, int, int]:
     """Residual and tangent at `motion`. Returns (residual over its bound, largest gap [m], negatives, status).
 
-    near: 1 where chains are linearised about the near configuration in `work`, else 0. grain: how many times the rounding
-    of stiffness times position the bounds include (design section 5: 10 eps).
+    linearise: 1 where chains are linearised about the configuration in `work.linearisation`, else 0. rounding: factor on the
+    rounding error of stiffness times position in the bounds (design section 5: 10).
     """
     status, _, worst, negatives, gap = _run(
-        arrays, motion, target, work, ASSEMBLE, near=near, factor=factor, rtol=rtol, grain=grain
+        arrays,
+        motion,
+        target,
+        work,
+        ASSEMBLE,
+        linearise=linearise,
+        factor=factor,
+        rtol=rtol,
+        rounding=rounding,
     )
     return worst, gap, negatives, status
 
@@ -440,9 +486,9 @@ def assemble(
 def assemble_nodes(
     arrays: Arrays, motion: State, factor: float, work: Workspace, *, target: np.ndarray | None = None
 ) -> None:
-    """Residual and tangent of constraint rows, at the drive values `target` (c,) or zero, loads and springs alone."""
+    """Residual and tangent of constraint rows, loads and springs only; target (c,): drive values, zero when None."""
     values = np.zeros(len(motion.multiplier)) if target is None else target
-    _run(arrays, motion, values, work, NODES_ALONE, factor=factor, grain=0.0)
+    _run(arrays, motion, values, work, ASSEMBLE_NODES, factor=factor, rounding=0.0)
 
 
 def check_residual(
@@ -454,7 +500,7 @@ def check_residual(
     rtol: float,
 ) -> tuple[float, int, int]:
     """Residual over its bound, negative pivots and status at `motion`; the Newton step is left in work.rhs."""
-    status, _, worst, negatives, _ = _run(arrays, motion, target, work, LOOK, factor=factor, rtol=rtol)
+    status, _, worst, negatives, _ = _run(arrays, motion, target, work, CHECK, factor=factor, rtol=rtol)
     return worst, negatives, status
 
 
@@ -466,29 +512,43 @@ def take_newton_step(
     work: Workspace,
     rtol: float,
 ) -> float:
-    """A whole Newton step from `motion`, in place. Returns its size: the larger of 1e6 times the largest rotation of a node
-    [rad], and 1e7 times the largest displacement over the size of the mechanism."""
-    return _run(arrays, motion, target, work, WHOLE, factor=factor, rtol=rtol)[2]
+    """Take a full Newton step from `motion`, in place, and return its size.
+
+    The size is the larger of 1e6 times the largest rotation of a node [rad] and 1e7 times the largest displacement over the
+    size of the mechanism.
+    """
+    return _run(arrays, motion, target, work, FULL_STEP, factor=factor, rtol=rtol)[2]
 
 
 def take_step_at_fixed_rows(
-    arrays: Arrays | KernelArrays, motion: State, factor: float, work: Workspace, most: float
+    arrays: Arrays | KernelArrays, motion: State, factor: float, work: Workspace, max_motion: float
 ) -> None:
-    """A Newton step from `motion`, in place, drives and supports where they are. Inside the members alone where a node would
-    turn by more than `most` [rad], or go further than that, over the size of the mechanism: what hardly anything resists."""
-    _run(arrays, motion, np.zeros(len(motion.multiplier)), work, HELD, factor=factor, cap=most)
+    """Take a Newton step from `motion`, in place, with fixed drives and supports.
+
+    Nodes are fixed as well where one would rotate by more than max_motion [rad], or be displaced by more than max_motion
+    times the size of the mechanism, as in a direction of almost no stiffness.
+    """
+    _run(
+        arrays,
+        motion,
+        np.zeros(len(motion.multiplier)),
+        work,
+        FIXED_ROWS_STEP,
+        factor=factor,
+        max_turn=max_motion,
+    )
 
 
 def take_step(
     arrays: Arrays | KernelArrays, motion: State, step: np.ndarray, work: Workspace, scale: float
 ) -> None:
-    """motion <- motion + scale * step (n,), which is left in work.rhs; `work` as assembled at `motion`."""
+    """motion <- motion + scale * step (n,), in place; `work` as assembled at `motion`; the step is left in work.rhs."""
     work.rhs[:] = step
-    _run(arrays, motion, np.zeros(0), work, TAKE, cap=scale)
+    _run(arrays, motion, np.zeros(0), work, TAKE_STEP, max_turn=scale)
 
 
 def move_nodes(arrays: Arrays, motion: State, step: np.ndarray, scale: float) -> None:
-    """Positions, rotations and multipliers of `take_step`, members left alone."""
+    """As `take_step`, for positions, rotations and multipliers only."""
     x, R, _, multiplier = motion
     _move_nodes(arrays.flat.ints, x, R, multiplier, np.ascontiguousarray(step), float(scale), np.empty(6))
 

@@ -1,14 +1,15 @@
-"""The Newton step with loads that are not conservative: the skew part of their tangent, as a correction of low rank.
+"""Correction of the Newton step for loads that are not conservative: the skew part of their tangent, of low rank.
 
-A load that turns with its node, and in space a moment that does not, has the tangent K + E B E': K symmetric, as assembled
-and factored; E picks the unknowns of the loaded nodes, B (w, w) per load, w = 6 in space and 3 in the plane, is skew and
-what `ksd.model.loading` leaves out. Following: force rows, rotation columns: [F]x / 2; rotation rows, force columns:
-[F]x / 2; rotations: [M]x / 2, M about the node. Fixed in space: rotations: -[M]x / 2, M the moment alone. (Of all that has
-an energy the assembly holds the second derivatives along exp(phi) R. The moment itself, which balances M, changes with phi
-by these less [M]x / 2; Argyris et al., Comp. Meth. Appl. Mech. Eng. 14, 1978, and 17/18, 1979.)
+A follower load, and in space a moment of fixed direction, has the tangent K + E B E'. K is symmetric, as assembled and
+factored; E selects the unknowns of the loaded nodes; B is skew, one (w, w) block per load, w = 6 in space and 3 in the
+plane, and is left out by `ksd.model.loading`. For a follower load B has [F]x / 2 in force rows and rotation columns and in
+rotation rows and force columns, and [M]x / 2 in the rotation block, with M about the node. For a moment M fixed in space B
+has -[M]x / 2 in the rotation block. (For all conservative parts the assembly has the second derivatives of the energy along
+exp(phi) R. The moment that balances M changes with phi by these minus [M]x / 2; Argyris et al., Comp. Meth. Appl. Mech. Eng.
+14, 1978, and 17/18, 1979.)
 
-Sherman, Morrison and Woodbury: x = y - X (1 + B E'X)^-1 B E'y, y = K^-1 r, X = K^-1 E: w more solves per load, and Newton
-converges quadratically.
+By Sherman, Morrison and Woodbury x = y - X (1 + B E'X)^-1 B E'y with y = K^-1 r and X = K^-1 E. This takes w more solves per
+load, and Newton converges quadratically.
 """
 
 from __future__ import annotations
@@ -33,8 +34,8 @@ from ksd.numerics.kernel import kernel
 
 
 @kernel
-def _rest(ints, floats, i, R, factor, B):
-    """B (6, 6) of load i: see the module docstring."""
+def _skew_tangent(ints, floats, i, R, factor, B):
+    """Skew tangent B (6, 6) of load i, see the module docstring."""
     node = ints[ints[LOAD_NODE] + i]
     point, force, moment = ints[LOAD_POINT] + 3 * i, ints[LOAD_FORCE] + 3 * i, ints[LOAD_MOMENT] + 3 * i
     F, M, s = np.zeros(3), np.zeros(3), np.zeros(3)
@@ -56,9 +57,9 @@ def _rest(ints, floats, i, R, factor, B):
 
 
 @kernel
-def turn_step(ints, floats, plan, R, matrix, spare, rhs, factor):
-    """Correct the step in rhs of a system whose matrix is factored; R (k, 3, 3): rotations of the nodes."""
-    n, keep, width = len(rhs), ints[ACTIVE_DOFS], ints[DOFS_PER_NODE]
+def correct_newton_step(ints, floats, plan, R, matrix, spare, rhs, factor):
+    """Correct the Newton step in rhs (n,), in place, for the skew tangents of loads; `matrix` is factored."""
+    n, active, width = len(rhs), ints[ACTIVE_DOFS], ints[DOFS_PER_NODE]
     # loads with a skew tangent on nodes that can move, and their first unknowns
     on, start, count = np.empty(ints[LOADS], np.int64), np.empty(ints[LOADS], np.int64), 0
     for i in range(ints[LOADS]):
@@ -78,14 +79,14 @@ def turn_step(ints, floats, plan, R, matrix, spare, rhs, factor):
     # G = 1 + B E'X, z = B E'y
     for load in range(count):
         u = start[load]
-        _rest(ints, floats, on[load], R, factor, B)
+        _skew_tangent(ints, floats, on[load], R, factor, B)
         for r in range(width):
             row = width * load + r
             z[row, 0] = 0.0
             for q in range(k):
                 G[row, q] = 1.0 if row == q else 0.0
             for c in range(width):
-                b = B[ints[keep + r], ints[keep + c]]
+                b = B[ints[active + r], ints[active + c]]
                 z[row, 0] += b * rhs[u + c]
                 for q in range(k):
                     G[row, q] += b * X[q, u + c]

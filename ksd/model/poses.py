@@ -1,4 +1,4 @@
-"""Where the ends of members are, compiled."""
+"""Compiled pose of the ends of members."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from ksd.numerics.kernel import kernel
 
 @kernel
 def member_pose(node, n, offset, o, frame, f, x, R, pose, Q):
-    """Pose of a member whose nodes, offsets and frames (`Members`) stand at node[n:], offset[o:] and frame[f:], flat.
+    """Pose of a member whose nodes, offsets and frames (`Members`) start at node[n], offset[o] and frame[f].
 
-    pose (18,) = end frame p (9, row-major), w, s, d (global); Q (3, 3) = relative orientation, in frame p.
+    Writes pose (18,) = end frame p (9, row-major), lever w of q about node p, lever s of q about its node, vector d from p
+    to q, all global, and Q (3, 3) = orientation of q in frame p.
     """
     a, b = node[n], node[n + 1]
     for r in range(3):

@@ -1,6 +1,6 @@
-"""Springs and condensed links as parts of a model: what resists between two nodes without inner unknowns.
+"""Springs and links with a matrix: elastic bodies between two nodes without inner unknowns.
 
-They are packed like members and go through the same levers; a model without any does not call this file's kernel.
+They are packed like members and use the same levers. A model without them does not call the kernel of this file.
 """
 
 from __future__ import annotations
@@ -41,12 +41,11 @@ from ksd.scene.effects import LinkMatrix, Spring, TurnSpring
 
 @kernel
 def add_springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, poses, lams):
-    """All springs into the matrix and the residual, as `add_members` does without inner unknowns. Returns the status.
+    """Add all springs to the matrix and the residual, and return their status.
 
-    Their rows of poses and lams (`Workspace`) follow those of the members.
-
-    A torsion spring, about u = e3 of end p turning with its node, has the moment M = k (angle - rest) and adds
-    k g g^T + M (second derivatives of the angle), g its gradient; see `ksd.model.loading.twist`.
+    Their rows of poses and lams (`Workspace`) follow those of the members. A torsion spring about u = e3 of end p, which
+    rotates with its node, has the moment M = k (angle - rest) and the tangent k g g^T + M (second derivatives of the angle),
+    where g is the gradient of the angle; see `ksd.model.loading.twist`.
     """
     status = 0
     node, value_at, block = ints[SPRINGS + NODE], ints[SPRINGS + VALUE_AT], ints[SPRINGS + BLOCK]
@@ -88,11 +87,11 @@ def add_springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, poses, lams
             member_tangent(pose, lam, K, T, force, A, M)
         member_norms(lam, force, norms)
         n, m, L = norms[0], norms[1], floats[ints[SPRINGS + LENGTH] + i]
-        floor = noise * floats[ints[SPRINGS + STIFFNESS_SCALE] + i]
+        rounding = noise * floats[ints[SPRINGS + STIFFNESS_SCALE] + i]
         for e in range(2):
             k = ints[node + 2 * i + e]
-            scale[k, 0] += rtol * (n + m / L) + floor
-            scale[k, 1] += rtol * (max(norms[3 + 2 * e], m) + n * L) + floor * L
+            scale[k, 0] += rtol * (n + m / L) + rounding
+            scale[k, 1] += rtol * (max(norms[3 + 2 * e], m) + n * L) + rounding * L
         for r in range(18):
             poses[row, r] = pose[r]
         for r in range(12):
@@ -120,8 +119,8 @@ def _member(name: str, kind: int, nodes: tuple[int, int], offset: Any, **more: A
 def spring_members(
     springs: tuple[Spring | TurnSpring, ...], index: Mapping[str, int], places: np.ndarray
 ) -> list[Member]:
-    """The springs of a scene between the nodes of their links, at reference `places` (k, 3)."""
-    found = []
+    """Members of the springs of a scene; index: node of each link; places (k, 3) [m]: reference points of the nodes."""
+    members = []
     for s in springs:
         nodes = (index[s.a], index[s.b])
         if isinstance(s, Spring):
@@ -129,20 +128,23 @@ def spring_members(
             length = max(float(np.linalg.norm(ends[1] - ends[0])), s.free_length, 1e-9)
             words: dict[str, Any] = {"value": (s.stiffness, s.free_length), "axes": np.eye(3)}
             words |= {"length": length, "stiffness_scale": s.stiffness}
-            found.append(_member(f"spring '{s.name}'", COIL, nodes, ends - places[list(nodes)], **words))
+            members.append(_member(f"spring '{s.name}'", COIL, nodes, ends - places[list(nodes)], **words))
         else:
             at = np.array([s.at, s.at]) - places[list(nodes)]
             words = {"value": (s.stiffness, s.rest_angle), "axes": axes_along(np.asarray(s.axis))}
-            # as stiff as a pair of unit arm: only the bound of rounding needs it
+            # for the bound of rounding only: the stiffness of a couple with unit arm
             words |= {"length": 1.0, "stiffness_scale": s.stiffness}
-            found.append(_member(f"spring '{s.name}'", TORSION, nodes, at, **words))
-    return found
+            members.append(_member(f"spring '{s.name}'", TORSION, nodes, at, **words))
+    return members
 
 
 def matrix_member(
     name: str, matrix: LinkMatrix, nodes: tuple[int, int], places: np.ndarray, axis: np.ndarray
 ) -> Member:
-    """A link between its two interfaces, linear in the frame of the first; `axis` (3,): e3 of that frame."""
+    """The member of a link with a matrix between its two interfaces.
+
+    nodes, places: as in `spring_members`; axis (3,): e3 of the frame of the first interface, in which it is linear.
+    """
     points = np.asarray(matrix.points)
     arm = points[1] - points[0]
     along = arm - (arm @ axis) * axis

@@ -1,1 +1,1 @@
-"""Compiled linear algebra, rotations and polynomials, and how kernels are compiled and kept."""
+"""Compiled linear algebra and rotations, reduction bases, and the compilation and caching of kernels."""

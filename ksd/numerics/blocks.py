@@ -1,13 +1,14 @@
-"""Sparse symmetric LDL^T over small dense blocks, one block per node or constraint row, with a fixed pattern.
+"""Sparse symmetric LDL^T factorisation of small dense blocks, one per node or constraint row, with a fixed pattern.
 
-`plan_blocks` orders the blocks once (minimum degree on the block graph; a constraint row waits until all its
-nodes are gone) and lists every update; `factor_blocks` and `solve_blocks` are compiled and allocate nothing.
-No pivoting. Instead K J'; J 0 is factored as K + J' s J, J'; J 0, with s as stiff as what the row J acts on: a
-congruence, so that the number of negative pivots stays the inertia (Sylvester), and the solution stays but for
-s g on the multiplier of a row with the right side g. What a row holds is then stiff before its nodes are
-eliminated: every pivot of a node is a stiffness (positive when stable), that of a row a compliance (negative).
-Without it a node whose rows depend on one another leaves a pivot of pure rounding, and one that rows alone hold
-none at all. (Augmented Lagrangian: Golub and Greif 2003.) Tiny pivots are reported, never divided by in silence.
+`plan_blocks` orders the blocks once (minimum degree on the block graph, every constraint row after its nodes) and lists all
+updates; `factor_blocks` and `solve_blocks` are compiled and allocate nothing.
+
+There is no pivoting. Instead of [K J'; J 0] the matrix [K + J' s J, J'; J 0] is factored, where s is the stiffness of the
+unknowns that row J acts on (augmented Lagrangian; Golub and Greif 2003). This is a congruence, so the number of negative
+pivots is unchanged (Sylvester). The solution is unchanged too, except for s g on the multiplier of a row with right-hand
+side g. Every pivot of a node is then a stiffness (positive when stable), and that of a row a compliance (negative). Without
+it a node with dependent rows would leave a pivot of pure rounding, and a node fixed by rows only would have no pivot at all.
+Tiny pivots are reported.
 """
 
 from __future__ import annotations
@@ -26,25 +27,27 @@ from ksd.numerics.kernel import kernel
 TINY_PIVOT = 1e-14
 """A pivot below this fraction of its diagonal before elimination counts as zero."""
 MAX_REFINEMENTS, REFINEMENT_TOLERANCE = 3, 1e-10
-"""Refinements of a solution at the most, and the share of it below which one is the last: what it leaves is rounding."""
+"""Largest number of iterative refinements, and relative size of a refinement after which no further one is made."""
 MIN_DIAGONAL_SHARE = 1e-2
-"""Share of the largest diagonal entry of its kind that a smaller one of a node counts as where a row's stiffness is set."""
+"""Lower bound of a diagonal entry of a node in the stiffness of a row, relative to the largest one of the same component."""
 
 
 VALUES, UNKNOWNS, BLOCKS, ROWS = range(4)
 SIZE, START, DIAGONAL, FIRST, ROW, PLACE, FIRST_TARGET, TARGET = range(4, 12)
 ROW_BLOCK, FIRST_NODE, NODE, LEVER, FIRST_PAIR, PAIR, END = range(12, 19)
-"""What stands at the head of `Blocks.ints`: counts, then where every array of the plan begins and the last one ends."""
+"""Positions in `Blocks.ints` of the counts, of the starts of the arrays of the plan, and of the end of the last one."""
 
 
 class Blocks(NamedTuple):
-    """A block pattern: `size` (b,) unknowns per block; blocks are numbered in elimination order.
+    """A block pattern; blocks are numbered in elimination order.
 
-    Values of block (i, j), i >= j, sit row-major at an offset of the flat value array. `row`/`place` list, for
-    each eliminated column, its rows below the diagonal and their offsets; `target` the offset of every update.
-    Constraint row i is block rows[i], of one unknown; its `node` blocks first_node[i] .. are in elimination order, their
-    coefficients at `lever`; from first_pair[i] on, `pair` holds the offsets of all pairs of them. The last values, one for
-    each row, belong to no block. ints: all of it in one array, as the kernels take it; the others are views of that.
+    size, start, diagonal (b,): unknowns of each block, the first of them, and the offset of the diagonal block. The values
+    of block (i, j), i >= j, are stored row-major at an offset of the flat value array. Column k has the blocks
+    row[first[k]:] below the diagonal, at the offsets `place`, and its elimination updates the blocks at the offsets
+    target[first_target[k]:]. Constraint row i is block rows[i], of one unknown; the blocks of its nodes are
+    node[first_node[i]:] in elimination order, its coefficients are at the offsets `lever`, and pair[first_pair[i]:] are the
+    offsets of the blocks of all pairs of its nodes. values, unknowns: counts; the last values, one per row, belong to no
+    block. ints: the whole plan in one array for the kernels, of which the arrays are views.
     """
 
     size: np.ndarray
@@ -67,7 +70,7 @@ class Blocks(NamedTuple):
 
 
 def unflatten_blocks(ints: np.ndarray) -> Blocks:
-    """The plan that an array begins with."""
+    """The plan at the beginning of an array of integers."""
     places = ints[SIZE : END + 1].tolist()
     views = [ints[a:b] for a, b in pairwise(places)]
     parts: Any = (*views, int(ints[VALUES]), int(ints[UNKNOWNS]), ints[: places[-1]])
@@ -75,20 +78,20 @@ def unflatten_blocks(ints: np.ndarray) -> Blocks:
 
 
 def _elimination_order(neighbours: list[set[int]], size: list[int], waits: list[bool]) -> list[int]:
-    """Minimum degree; block k with waits[k] is eligible once all its first neighbours are eliminated."""
+    """Minimum degree order; block k with waits[k] is eligible once all its original neighbours are eliminated."""
     graph = [set(n) for n in neighbours]
     left = [len(n) if wait else 0 for n, wait in zip(neighbours, waits, strict=True)]
     degree = [sum(size[n] for n in found) for found in graph]
-    # what is out of date stays in the heap and is passed over
+    # outdated entries stay in the heap and are skipped
     heap = [(degree[k], k) for k in range(len(graph)) if not left[k]]
     heapify(heap)
-    gone = [False] * len(graph)
+    is_eliminated = [False] * len(graph)
     order: list[int] = []
     while heap:
         known, k = heappop(heap)
-        if gone[k] or known != degree[k]:
+        if is_eliminated[k] or known != degree[k]:
             continue
-        gone[k] = True
+        is_eliminated[k] = True
         order.append(k)
         for n in graph[k]:
             graph[n] |= graph[k]
@@ -99,7 +102,7 @@ def _elimination_order(neighbours: list[set[int]], size: list[int], waits: list[
         for n in neighbours[k]:
             if waits[n]:
                 left[n] -= 1
-                if not left[n] and not gone[n]:
+                if not left[n] and not is_eliminated[n]:
                     heappush(heap, (degree[n], n))
     return order
 
@@ -110,19 +113,19 @@ Plan = tuple[Blocks, np.ndarray, dict[tuple[int, int], int]]
 def plan_blocks(
     size: np.ndarray, pairs: Iterable[tuple[int, int]], *, waits: np.ndarray | None = None, last: int = 0
 ) -> Plan:
-    """Pattern of a symmetric matrix with blocks `size` (b,) coupled by `pairs`; the same object for the same question.
+    """Pattern of a symmetric matrix with blocks of `size` (b,) unknowns coupled by `pairs`, cached.
 
-    Returns the plan, `position` (b,) of each block in elimination order, and the offset of every stored block,
-    keyed by (row, column) in that order, row >= column. `waits` marks constraint rows; the `last` highest-numbered
-    blocks are eliminated last, in their own order (for condensation onto them); then there are no rows.
+    Returns the plan, the position (b,) of each block in the elimination order, and the offset of every stored block, keyed
+    by (row, column) in that order, row >= column. waits (b,): True for constraint rows; the `last` blocks are eliminated
+    last, in their own order (for condensation onto them), and then there are no rows.
     """
     sizes = tuple(np.asarray(size).tolist())
     waiting = (False,) * len(sizes) if waits is None else tuple(np.asarray(waits, bool).tolist())
-    return _planned(sizes, tuple(pairs), waiting, last)
+    return _plan_blocks(sizes, tuple(pairs), waiting, last)
 
 
 @lru_cache(maxsize=128)
-def _planned(
+def _plan_blocks(
     size: tuple[int, ...], pairs: tuple[tuple[int, int], ...], waits: tuple[bool, ...], last: int
 ) -> Plan:
     count = len(size)
@@ -134,7 +137,7 @@ def _planned(
     rows = [i for i, wait in enumerate(waits) if wait]
     held = {i: sorted(neighbours[i]) for i in rows}
     for nodes in held.values():
-        # a row is a spring between all its nodes, too
+        # the term J' s J couples all nodes of a row
         for a, b in combinations(nodes, 2):
             neighbours[a].add(b)
             neighbours[b].add(a)
@@ -201,14 +204,17 @@ def _lay_out(
 
 
 @kernel
-def _stiffen(plan, value, spare):
-    """K + J' s J for all constraint rows J; 1/s of every row, the give of the diagonal entries it acts on, 0 for a row that
-    is let go, to the end of `spare`."""
+def _add_row_stiffness(plan, value, scaled):
+    """Add J' s J of all constraint rows J to the matrix; 1/s of every row, 0 for a released row, is stored at the end of
+    `scaled`.
+
+    1/s is the compliance of the diagonal entries that the row acts on.
+    """
     size, diagonal, blocks = plan[SIZE], plan[DIAGONAL], plan[BLOCKS]
     node, levers = plan[NODE], plan[LEVER]
     for i in range(plan[ROWS]):
         begin, end = plan[plan[FIRST_NODE] + i], plan[plan[FIRST_NODE] + i + 1]
-        give = 0.0
+        compliance = 0.0
         for e in range(begin, end):
             k = plan[node + e]
             n = plan[size + k]
@@ -219,76 +225,75 @@ def _stiffen(plan, value, spare):
                     for b in range(blocks):
                         if plan[size + b] == n:
                             most = max(most, abs(value[plan[diagonal + b] + c * (n + 1)]))
-                    # twice: under load it may be negative, and is not to cancel
+                    # doubled, because under load the entry may be negative and must not cancel
                     own = 2.0 * max(own, MIN_DIAGONAL_SHARE * most)
-                    give += lever * lever / (own if own > 0.0 else 1.0)
-        spare[plan[VALUES] - plan[ROWS] + i] = give
+                    compliance += lever * lever / (own if own > 0.0 else 1.0)
+        scaled[plan[VALUES] - plan[ROWS] + i] = compliance
     for i in range(plan[ROWS]):
         begin, end = plan[plan[FIRST_NODE] + i], plan[plan[FIRST_NODE] + i + 1]
-        give, pair = spare[plan[VALUES] - plan[ROWS] + i], plan[PAIR] + plan[plan[FIRST_PAIR] + i]
+        compliance, pair = scaled[plan[VALUES] - plan[ROWS] + i], plan[PAIR] + plan[plan[FIRST_PAIR] + i]
         for e in range(begin, end):
             for f in range(begin, e + 1):
                 n, at = plan[size + plan[node + f]], plan[pair]
-                if give > 0.0:
+                if compliance > 0.0:
                     for r in range(plan[size + plan[node + e]]):
-                        s = value[plan[levers + e] + r] / give
+                        s = value[plan[levers + e] + r] / compliance
                         for c in range(n):
                             value[at + r * n + c] += s * value[plan[levers + f] + c]
                 pair += 1
 
 
 @kernel(inline="always")
-def _solve_row(value, spare, w, at, n):
-    """Row of n numbers from value[w] on times (L D L^T)^-1, the pivot block factored from value[at] on, into spare[w:]."""
+def _solve_row(value, scaled, w, at, n):
+    """Multiply the row value[w : w + n] by (L D L^T)^-1 of the factored pivot block at value[at], into scaled[w:]."""
     for c in range(n):
         s = value[w + c]
         for b in range(c):
-            s -= spare[w + b] * value[at + c * n + b]
-        spare[w + c] = s
+            s -= scaled[w + b] * value[at + c * n + b]
+        scaled[w + c] = s
     for c in range(n - 1, -1, -1):
-        s = spare[w + c] / value[at + c * n + c]
+        s = scaled[w + c] / value[at + c * n + c]
         for b in range(c + 1, n):
-            s -= spare[w + b] * value[at + b * n + c]
-        spare[w + c] = s
+            s -= scaled[w + b] * value[at + b * n + c]
+        scaled[w + c] = s
 
 
 @kernel(inline="always")
-def _update_block(value, spare, i, j, q, rows, columns, n):
-    """Block (rows, columns) from value[q] on minus W_ik A_jk^T, W from spare[i] on, A from value[j] on, n columns each."""
+def _update_block(value, scaled, i, j, q, rows, columns, n):
+    """Subtract W_ik A_jk^T from the block (rows, columns) at value[q], with W at scaled[i] and A at value[j], n columns
+    each."""
     for r in range(rows):
         for c in range(columns):
             s = 0.0
             for b in range(n):
-                s += spare[i + r * n + b] * value[j + c * n + b]
+                s += scaled[i + r * n + b] * value[j + c * n + b]
             value[q + r * columns + c] -= s
 
 
 @kernel
-def factor_blocks(plan, value, spare, stop):
-    """Factor in place, columns 0 .. stop-1, by `Blocks.ints`; returns (negative pivots, smallest relative pivot).
+def factor_blocks(plan, value, scaled, stop):
+    """Factor columns 0 .. stop-1 in place and return (negative pivots, smallest relative pivot); plan: `Blocks.ints`.
 
-    A pivot is measured against its diagonal entry before elimination, that of a constraint row against the give 1/s of
-    what it acts on (rows that are let go are left out).
-
-    After it, diagonal blocks hold unit L and D; the blocks below hold A_ik (unscaled), and `spare`, as long as
-    `value`, the rows A_ik D_k^-1 needed by the solves; its own diagonal blocks keep what pivots are measured against.
-    Columns from `stop` on hold the Schur complement.
+    A pivot is relative to its diagonal entry before elimination, that of a constraint row to its compliance 1/s (released
+    rows are left out). Afterwards the diagonal blocks hold unit L and D, the blocks below them A_ik (unscaled), and the
+    columns from `stop` on the Schur complement. `scaled`, as long as `value`, holds the rows A_ik D_k^-1 for the solves, and
+    in its diagonal blocks the reference values of the pivots.
     """
     size, diagonal, first, row, place = plan[SIZE], plan[DIAGONAL], plan[FIRST], plan[ROW], plan[PLACE]
     negatives = 0
     worst = 1.0
-    _stiffen(plan, value, spare)
+    _add_row_stiffness(plan, value, scaled)
     for k in range(plan[BLOCKS]):
         n, at = plan[size + k], plan[diagonal + k]
         for j in range(n):
-            spare[at + j] = abs(value[at + j * n + j])
+            scaled[at + j] = abs(value[at + j * n + j])
     for i in range(plan[ROWS]):
-        spare[plan[diagonal + plan[plan[ROW_BLOCK] + i]]] = spare[plan[VALUES] - plan[ROWS] + i]
+        scaled[plan[diagonal + plan[plan[ROW_BLOCK] + i]]] = scaled[plan[VALUES] - plan[ROWS] + i]
     for k in range(stop):
         n, at = plan[size + k], plan[diagonal + k]
         # dense LDL^T of the pivot block
         for j in range(n):
-            before, d = spare[at + j], value[at + j * n + j]
+            before, d = scaled[at + j], value[at + j * n + j]
             for c in range(j):
                 l = value[at + j * n + c]
                 d -= l * l * value[at + c * n + c]
@@ -305,15 +310,15 @@ def factor_blocks(plan, value, spare, stop):
                     s -= value[at + i * n + c] * value[at + j * n + c] * value[at + c * n + c]
                 value[at + i * n + j] = s / d
         begin, end = plan[first + k], plan[first + k + 1]
-        # spare row block: W = A_ik (L D L^T)^-1, row by row
+        # scaled row block: W = A_ik (L D L^T)^-1, row by row
         for e in range(begin, end):
             for r in range(plan[size + plan[row + e]]):
                 w = plan[place + e] + r * n
-                # the blocks of space by a number the compiler knows: in half the time
+                # a literal size for blocks of spatial nodes halves the time
                 if n == 6:
-                    _solve_row(value, spare, w, at, 6)
+                    _solve_row(value, scaled, w, at, 6)
                 else:
-                    _solve_row(value, spare, w, at, n)
+                    _solve_row(value, scaled, w, at, n)
         # A_ij -= A_ik D^-1 A_jk^T for every pair i >= j of this column
         t = plan[TARGET] + plan[plan[FIRST_TARGET] + k]
         for f in range(begin, end):
@@ -323,14 +328,14 @@ def factor_blocks(plan, value, spare, stop):
                 t += 1
                 mi = plan[size + plan[row + e]]
                 if n == 6 and mi == 6 and mj == 6:
-                    _update_block(value, spare, pi, pj, q, 6, 6, 6)
+                    _update_block(value, scaled, pi, pj, q, 6, 6, 6)
                 else:
-                    _update_block(value, spare, pi, pj, q, mi, mj, n)
+                    _update_block(value, scaled, pi, pj, q, mi, mj, n)
     return negatives, worst
 
 
 @kernel
-def forward_blocks(plan, spare, x, stop):
+def forward_blocks(plan, scaled, x, stop):
     """Forward sweep in place over columns 0 .. stop-1: x_i -= A_ik D_k^-1 x_k."""
     size, start, first, row, place = plan[SIZE], plan[START], plan[FIRST], plan[ROW], plan[PLACE]
     for k in range(stop):
@@ -340,12 +345,12 @@ def forward_blocks(plan, spare, x, stop):
             for r in range(plan[size + i]):
                 s = 0.0
                 for c in range(n):
-                    s += spare[p + r * n + c] * x[a + c]
+                    s += scaled[p + r * n + c] * x[a + c]
                 x[plan[start + i] + r] -= s
 
 
 @kernel
-def backward_blocks(plan, value, spare, x, stop):
+def backward_blocks(plan, value, scaled, x, stop):
     """Backward sweep in place: x_k = (L D L^T)^-1 x_k - sum_i (A_ik D_k^-1)^T x_i, columns stop-1 .. 0."""
     size, start, first, row, place = plan[SIZE], plan[START], plan[FIRST], plan[ROW], plan[PLACE]
     for k in range(stop - 1, -1, -1):
@@ -365,27 +370,27 @@ def backward_blocks(plan, value, spare, x, stop):
             for r in range(plan[size + i]):
                 s = x[plan[start + i] + r]
                 for c in range(n):
-                    x[a + c] -= spare[p + r * n + c] * s
+                    x[a + c] -= scaled[p + r * n + c] * s
 
 
 @kernel
-def solve_blocks(plan, value, spare, x):
+def solve_blocks(plan, value, scaled, x):
     """Solve in place with a complete factorisation; x (unknowns,) in elimination order."""
     tail = plan[VALUES] - plan[ROWS]
     for i in range(plan[ROWS]):
-        spare[tail + i] = x[plan[plan[START] + plan[plan[ROW_BLOCK] + i]]]
-    forward_blocks(plan, spare, x, plan[BLOCKS])
-    backward_blocks(plan, value, spare, x, plan[BLOCKS])
+        scaled[tail + i] = x[plan[plan[START] + plan[plan[ROW_BLOCK] + i]]]
+    forward_blocks(plan, scaled, x, plan[BLOCKS])
+    backward_blocks(plan, value, scaled, x, plan[BLOCKS])
     for i in range(plan[ROWS]):
         k = plan[plan[ROW_BLOCK] + i]
-        give = spare[plan[plan[DIAGONAL] + k]]
-        if give > 0.0:
-            x[plan[plan[START] + k]] += spare[tail + i] / give
+        compliance = scaled[plan[plan[DIAGONAL] + k]]
+        if compliance > 0.0:
+            x[plan[plan[START] + k]] += scaled[tail + i] / compliance
 
 
 @kernel
 def _less_product(high, low, a, b):
-    """high + low - a b as such a sum again, to twice the digits (Dekker 1971, Knuth's sum)."""
+    """high + low - a b in twice the working precision (Dekker 1971; sum by Knuth)."""
     p, t, u = a * b, 134217729.0 * a, 134217729.0 * b
     ah, bh = t - (t - a), u - (u - b)
     al, bl = a - ah, b - bh
@@ -397,10 +402,10 @@ def _less_product(high, low, a, b):
 
 @kernel
 def residual_blocks(plan, value, b, x, rest, low):
-    """rest = b - A x, summed in twice the digits, of the symmetric matrix in `value`, not factored; low: scratch; all
-    (unknowns,)."""
+    """Residual b - A x in twice the working precision, into `rest`; value: the matrix, not factored; low: scratch; all
+    vectors (unknowns,)."""
     size, start, first, row, place = plan[SIZE], plan[START], plan[FIRST], plan[ROW], plan[PLACE]
-    # not rest[:] = b: the message numba keeps for other shapes takes it two seconds to compile
+    # not rest[:] = b, whose check of shapes takes two seconds to compile
     for i in range(len(b)):
         rest[i], low[i] = b[i], 0.0
     for k in range(plan[BLOCKS]):
@@ -421,38 +426,38 @@ def residual_blocks(plan, value, b, x, rest, low):
 
 
 @kernel
-def solve_refined(plan, matrix, value, spare, b, x, change, low):
-    """Solve A x = b and refine it: A not factored in `matrix`, factored in `value` and `spare`; b, x, change, low, which is
-    scratch, (unknowns,).
+def solve_refined(plan, matrix, value, scaled, b, x, change, low):
+    """Solve A x = b with iterative refinement.
 
-    Returns the length of the last refinement, `change`, over that of x, both weighed to energies by the diagonal of A:
-    an estimate of the error before that refinement, and a bound for the one after it.
+    matrix: A, not factored; value, scaled: A, factored; b, x, change, low (unknowns,), low: scratch. Returns the norm of the
+    last refinement `change` over that of x, both weighted by the diagonal of A: an estimate of the error before that
+    refinement, and a bound of the error after it.
     """
     for i in range(len(b)):
         x[i] = b[i]
-    solve_blocks(plan, value, spare, x)
+    solve_blocks(plan, value, scaled, x)
     error = 0.0
     for _ in range(MAX_REFINEMENTS):
         residual_blocks(plan, matrix, b, x, change, low)
-        solve_blocks(plan, value, spare, change)
-        moved, whole = 0.0, 0.0
+        solve_blocks(plan, value, scaled, change)
+        change_norm, norm = 0.0, 0.0
         for k in range(plan[BLOCKS]):
             a = plan[plan[START] + k]
             for c in range(plan[plan[SIZE] + k]):
-                weight = spare[plan[plan[DIAGONAL] + k] + c]
+                weight = scaled[plan[plan[DIAGONAL] + k] + c]
                 x[a + c] += change[a + c]
-                moved += weight * change[a + c] ** 2
-                whole += weight * x[a + c] ** 2
-        error = math.sqrt(moved / whole) if whole > 0.0 else 0.0
+                change_norm += weight * change[a + c] ** 2
+                norm += weight * x[a + c] ** 2
+        error = math.sqrt(change_norm / norm) if norm > 0.0 else 0.0
         if error <= REFINEMENT_TOLERANCE:
             break
     return error
 
 
 @kernel
-def solve_refined_rows(plan, matrix, value, spare, loads, found):
-    """`refined_blocks` of every row of loads (k, unknowns), into found (k, unknowns). Returns the largest of its errors."""
+def solve_refined_rows(plan, matrix, value, scaled, loads, solution):
+    """`solve_refined` for every row of loads (k, unknowns), into solution (k, unknowns); returns the largest error."""
     change, low, worst = np.empty(loads.shape[1]), np.empty(loads.shape[1]), 0.0
     for i in range(len(loads)):
-        worst = max(worst, solve_refined(plan, matrix, value, spare, loads[i], found[i], change, low))
+        worst = max(worst, solve_refined(plan, matrix, value, scaled, loads[i], solution[i], change, low))
     return worst

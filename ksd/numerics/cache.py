@@ -1,10 +1,10 @@
-"""Where compiled kernels are kept: a folder keyed by a hash of every kernel's source, shared by processes.
+"""The cache folder of compiled kernels, which is named after a hash of their sources and shared by processes.
 
-Numba's own cache does not notice a changed callee in another file, so the folder name carries a hash of all
-sources of this package that contain kernels; a changed kernel means a new folder and a fresh compilation.
-What lies in it is run, so it must be the user's own: mode 0700, and nobody else able to replace it or a folder above it.
-`KSD_CACHE_DIR` is tried first, then the user's cache folder, then one in the temporary folder; where none of them is
-the user's own, kernels are compiled in memory at every start.
+The cache of numba does not notice a changed callee in another file. So the name of the folder contains a hash of all sources
+of this package with kernels, and a changed kernel means a new folder and a new compilation. The files in it are executed, so
+the folder must be private: mode 0700, and nobody else can replace it or a folder above it. `KSD_CACHE_DIR` is tried first,
+then the cache folder of the user, then one in the temporary folder; where none of them is private, kernels are compiled in
+memory at every start.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ def source_hash() -> str:
     return digest.hexdigest()[:16]
 
 
-def _own(folder: Path) -> str:
-    """Make `folder` (mode 0700) where it is missing; why it is not this user's own, or nothing."""
+def _reason_not_private(folder: Path) -> str:
+    """Make `folder` (mode 0700) if it is missing, and return why it is not private and writable; empty when it is."""
     try:
         for made in (folder.parent, folder):
             made.mkdir(mode=0o700, parents=True, exist_ok=True)
         if os.name != "nt":
             real = folder.resolve()
-            on_the_way = dict.fromkeys((folder, *folder.parents, real, *real.parents))
-            reason = next(filter(None, map(_open_to_others, on_the_way)), "")
+            path_folders = dict.fromkeys((folder, *folder.parents, real, *real.parents))
+            reason = next(filter(None, map(_reason_open_to_others, path_folders)), "")
             if reason:
                 return reason
             if real.stat().st_uid != os.geteuid():
@@ -54,22 +54,22 @@ def _own(folder: Path) -> str:
     return ""
 
 
-def _open_to_others(path: Path) -> str:
-    """Why somebody else (root apart) could put something of theirs in the place of `path` or into it, or nothing."""
+def _reason_open_to_others(path: Path) -> str:
+    """Why a user other than root could replace `path` or write into it; empty when none could."""
     entry = path.lstat()
     if entry.st_uid not in (0, os.geteuid()):
         return f"{path} belongs to another user"
     if stat.S_ISLNK(entry.st_mode):
         return ""
-    # whoever may write into a folder may replace what lies in it, but for the sticky bit
-    others = stat.S_IWOTH | (0 if _alone_in(entry.st_gid) else stat.S_IWGRP)
+    # who can write into a folder without sticky bit can replace what is in it
+    others = stat.S_IWOTH | (0 if _is_only_member(entry.st_gid) else stat.S_IWGRP)
     if entry.st_mode & others and not entry.st_mode & stat.S_ISVTX:
         return f"{path} can be written by other users"
     return ""
 
 
-def _alone_in(group: int) -> bool:
-    """Whether this user is the only one of a group, as where every user has a group of the same name."""
+def _is_only_member(group: int) -> bool:
+    """Whether this user is the only member of a group, as where every user has a group of the same name."""
     import grp
     import pwd
 
@@ -81,7 +81,7 @@ def _alone_in(group: int) -> bool:
 
 
 def _candidates() -> list[Path]:
-    """Folders for caches, in the order they are tried."""
+    """Candidate folders, in the order in which they are tried."""
     places = []
     if os.environ.get("KSD_CACHE_DIR"):
         places.append(Path(os.environ["KSD_CACHE_DIR"]))
@@ -93,11 +93,13 @@ def _candidates() -> list[Path]:
 
 
 def cache_folder() -> Path | None:
-    """The folder kernels are cached in, made if needed; None where no place is the user's own. The user is told where a
-    place named by `KSD_CACHE_DIR` is not used, and where there is none."""
+    """The cache folder, made if needed; None where no candidate is private.
+
+    A warning is logged where the folder named by `KSD_CACHE_DIR` is not used, and where there is no cache.
+    """
     key, reasons, found = f"kernels-{source_hash()}", [], None
     for place in _candidates():
-        reason = _own(place / key)
+        reason = _reason_not_private(place / key)
         if not reason:
             found = (place / key).resolve()
             break
@@ -114,5 +116,5 @@ CACHE_FOLDER: Path | None = cache_folder()
 
 
 def compiled_before() -> bool:
-    """Whether this machine's cache already holds kernels of these sources."""
+    """Whether the cache already has compiled kernels of these sources."""
     return CACHE_FOLDER is None or any(CACHE_FOLDER.rglob("*.nbi"))

@@ -1,4 +1,4 @@
-"""Small dense systems of equations, compiled."""
+"""Compiled solution of small dense linear systems."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from ksd.numerics.kernel import kernel
 
 @kernel
 def solve_small(A, B):
-    """B (n, k) <- A^-1 B, A (n, n) is overwritten: elimination with the largest pivot of the column."""
+    """B (n, k) <- A^-1 B in place, by Gaussian elimination with partial pivoting; A (n, n) is overwritten."""
     n, count = B.shape
     for c in range(n):
         best = c

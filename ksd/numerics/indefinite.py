@@ -1,4 +1,4 @@
-"""Symmetric indefinite matrices, dense and with pivoting: where the block factorisation without pivoting breaks down."""
+"""Dense symmetric indefinite matrices, with pivoting, for cases in which the block factorisation breaks down."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Array = NDArray[np.float64]
 
 
 def equilibration(K: Array) -> Array:
-    """Factors (n,) such that rows and columns of the symmetric K (n, n) times them have entries of order 1."""
+    """Factors (n,) on rows and columns that give a symmetric K (n, n) entries of order 1."""
     scale = np.ones(len(K))
     for _ in range(3):
         row = np.abs(K * np.outer(scale, scale)).max(axis=1, initial=0.0)
@@ -18,18 +18,21 @@ def equilibration(K: Array) -> Array:
 
 
 def negative_inertia(K: Array) -> int:
-    """Number of negative eigenvalues of the symmetric K (n, n), n > 0, by Bunch-Kaufman (Sylvester's law)."""
+    """Number of negative eigenvalues of a symmetric K (n, n), n > 0, by Bunch-Kaufman (Sylvester's law of inertia)."""
     from scipy.linalg import eigvalsh_tridiagonal, ldl
 
     scale = equilibration(K)
-    # pivots of one and two
+    # D has pivots of size one and two
     _, D, _ = ldl(K * np.outer(scale, scale))
     values = eigvalsh_tridiagonal(D.diagonal(), D.diagonal(-1), lapack_driver="sterf")
     return int((values < 0.0).sum())
 
 
 def solve_scaled(A: Array, b: Array, scale: Array) -> tuple[Array, float]:
-    """x of A x = b for b (n, k), rows and columns equilibrated by `scale` (n,), and 1 over the condition number."""
+    """Solve A x = b for b (n, k) with rows and columns equilibrated by `scale` (n,).
+
+    Returns x and the reciprocal condition number, zeros where A is singular.
+    """
     from scipy.linalg import lapack
 
     S = A * np.outer(scale, scale)

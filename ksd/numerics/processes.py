@@ -1,9 +1,8 @@
-"""Fresh processes that do not run the user's script once more, unless what they are sent is defined in it, and that end
-with the one that started them.
+"""Spawned processes that end with their parent and do not run the script of the user again where that can be avoided.
 
-A spawned process imports the running script, as a module, to find what is defined there. A script without the guard
-`if __name__ == "__main__":` is then run again in every process, as far as the call that asked for processes. Nothing of that
-is needed where all that is sent comes from imported modules.
+A spawned process imports the running script as a module, to find what is defined there. A script without the guard `if
+__name__ == "__main__":` is then run again in every process, up to the call that starts processes. This is not needed where
+all objects sent to the process come from imported modules.
 """
 
 from __future__ import annotations
@@ -22,37 +21,40 @@ from pathlib import Path
 from typing import Any
 
 
-class _Apart(SpawnProcess):
-    """A spawned process that does not see the script."""
+class _ProcessWithoutScript(SpawnProcess):
+    """A spawned process that does not import the script."""
 
     def start(self) -> None:
-        """Start it while the script is hidden."""
+        """Start the process while the script is hidden."""
         with _script_hidden(), _interrupts_ignored():
             super().start()
 
 
-class _WithoutScript(SpawnContext):
-    Process = _Apart  # type: ignore[assignment]
+class _ContextWithoutScript(SpawnContext):
+    Process = _ProcessWithoutScript  # type: ignore[assignment]
 
 
 @contextmanager
 def _script_hidden() -> Iterator[None]:
-    """What `multiprocessing.spawn` tells a new process of the main module, taken away for the moment."""
+    """Hide the attributes of the main module that `multiprocessing.spawn` passes to a new process."""
     main = sys.modules["__main__"]
-    told: tuple[str, ...] = ("__spec__", "__file__")
-    kept = {name: main.__dict__[name] for name in told if name in main.__dict__}
+    hidden: tuple[str, ...] = ("__spec__", "__file__")
+    saved = {name: main.__dict__[name] for name in hidden if name in main.__dict__}
     main.__dict__.pop("__file__", None)
     main.__dict__["__spec__"] = None
     try:
         yield
     finally:
-        main.__dict__.update(kept)
+        main.__dict__.update(saved)
 
 
 @contextmanager
 def _interrupts_ignored() -> Iterator[None]:
-    """As a new process then does from its first line on: it says nothing of Ctrl-C while it imports (POSIX). A thread beside
-    the main one cannot."""
+    """Ignore Ctrl-C, so that a process started now ignores it from its first line on and prints nothing while it imports
+    (POSIX).
+
+    It has no effect outside the main thread, where signal handlers cannot be set.
+    """
     before = signal.getsignal(signal.SIGINT)
     if before is None or threading.current_thread() is not threading.main_thread():
         yield
@@ -65,25 +67,27 @@ def _interrupts_ignored() -> Iterator[None]:
 
 
 def spawn_context(*sent: Any) -> SpawnContext | None:
-    """What to spawn processes with that are sent objects like `sent`; None where they cannot be: not picklable, or defined
-    in a script that is no file."""
+    """Context to spawn processes that are sent objects like `sent`.
+
+    None where they cannot be sent: they are not picklable, or defined in a script that is not a file.
+    """
     try:
         content = pickle.dumps(sent)
     except (pickle.PicklingError, AttributeError, TypeError):
         return None
     if b"__main__" not in content:
-        return _WithoutScript()
+        return _ContextWithoutScript()
     script = getattr(sys.modules["__main__"], "__file__", None)
     return SpawnContext() if script is None or Path(script).is_file() else None
 
 
 def end_with_parent() -> None:
-    """Ctrl-C is the business of the process that started this one, and where that one is gone, killed too, this one ends."""
+    """Make this process ignore Ctrl-C, which its parent handles, and end when its parent ends, even if that is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=_wait_for_parent, daemon=True).start()
 
 
-def _end_with_parent() -> None:
+def _wait_for_parent() -> None:
     parent = parent_process()
     if parent is not None:
         parent.join()
@@ -92,8 +96,10 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def process_pool(context: SpawnContext) -> Iterator[ProcessPoolExecutor]:
-    """A pool with a process per core; they are ended at once where their answers are not waited for (Ctrl-C): at its exit
-    the interpreter would wait for what they are at."""
+    """A pool with one process per core.
+
+    On an exception (Ctrl-C) the processes are terminated at once, as the interpreter would wait for their tasks at its exit.
+    """
     others = active_children()
     pool = ProcessPoolExecutor(os.cpu_count() or 1, mp_context=context, initializer=end_with_parent)
     try:

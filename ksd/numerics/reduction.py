@@ -1,12 +1,11 @@
-"""Reduction bases as pure numerics: Craig-Bampton modes, modal derivatives, conditioning.
+"""Reduction bases: Craig-Bampton modes, modal derivatives, conditioning.
 
-They work on matrices, dense or sparse, and on a tangent function K(q) of additive coordinates q (n,), of which nothing
-else is known: a leaf, a joint or a free-form body. With boundary coordinates held, the static path through q = 0 is
-q(eta) = sum phi_i eta_i + 1/2 sum theta_ij eta_i eta_j + 1/6 sum chi_ijk eta_i eta_j eta_k. **theta_ij is here the
-second derivative of the path, symmetric, so the quadratic manifold carries the factor 1/2** (paper 2, eq. 5, has
-none: its theta is half of ours). Internal vibration modes are followed like boundary modes, with the forces that hold
-their amplitude constant left out, as in eq. 4.
-Source: paper 2, eqs. 4-8; Craig and Bampton 1968.
+The functions take dense or sparse matrices, or a tangent function K(q) of additive coordinates q (n,), of any body: a leaf,
+a joint or a solid. With fixed boundary coordinates the static path through q = 0 is q(eta) = sum phi_i eta_i + 1/2 sum
+theta_ij eta_i eta_j + 1/6 sum chi_ijk eta_i eta_j eta_k. **theta_ij is here the second derivative of the path, symmetric, so
+the quadratic manifold carries the factor 1/2** (paper 2, eq. 5, has none: its theta is half of ours). Internal vibration
+modes are followed like boundary modes, with the forces that hold their amplitude constant left out, as in eq. 4. Source:
+paper 2, eqs. 4-8; Craig and Bampton 1968.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ class Modes(NamedTuple):
 
 
 class Derivatives(NamedTuple):
-    """Derivatives of the static path: shapes (n, p) and their index tuples, two long for theta, three for chi."""
+    """Derivatives of the static path: shapes (n, p), and the mode indices of each, two for theta and three for chi."""
 
     shapes: Array
     pairs: tuple[tuple[int, ...], ...]
@@ -44,8 +43,8 @@ def craig_bampton(
     """Boundary modes and fixed-interface vibration modes (paper 2, eqs. 6-7) of a tangent K (n, n).
 
     boundary: coordinates that get a unit value each; inner: free coordinates; all others stay zero. internal: number of
-    fixed-interface modes, lowest first, by the mass matrix M (n, n), scaled to a largest entry of 1. Raises ValueError
-    when the inner block is singular (a mechanism inside the body) or modes are asked for without mass.
+    fixed-interface modes, lowest first, for the mass matrix M (n, n), scaled to a largest entry of 1. Raises ValueError
+    where the inner block is singular (a mechanism inside the body) or M is missing for internal modes.
     """
     if internal and M is None:
         raise ValueError(f"internal = {internal}: vibration modes need the mass matrix M")
@@ -63,7 +62,8 @@ def craig_bampton(
 
 
 def static_extension(K: Any, patterns: Array, inner: Sequence[int]) -> Array:
-    """What the inner coordinates (n, k), zero elsewhere, do when the others follow `patterns` (n, k): static extension."""
+    """Static extension: inner coordinates (n, k), zero elsewhere, in equilibrium with the prescribed others `patterns`
+    (n, k)."""
     found = np.zeros_like(patterns)
     if patterns.shape[1]:
         found[inner] = _solve(_part(K, inner, inner), -(K @ patterns)[inner])
@@ -88,7 +88,7 @@ def _lowest(K: Any, M: Any, count: int) -> tuple[Array, Array]:
 
 
 def _solve(K: Any, right: Array) -> Array:
-    """K^-1 right; ValueError where K is singular to working precision."""
+    """K^-1 right; raises ValueError where K is singular to working precision."""
     from scipy.linalg import lu_factor, lu_solve
 
     if not isinstance(K, np.ndarray):
@@ -99,7 +99,7 @@ def _solve(K: Any, right: Array) -> Array:
         )
     scale = 1.0 / np.sqrt(np.abs(np.diag(K)) + 1e-300)
     with warnings.catch_warnings():
-        # the pivots tell it better than the warning
+        # singularity is detected from the pivots below
         warnings.simplefilter("ignore")
         factor = lu_factor(scale[:, None] * K * scale)
     pivots = np.abs(np.diag(factor[0]))
@@ -112,9 +112,9 @@ def _solve(K: Any, right: Array) -> Array:
 
 def tangent_derivative(K: Tangent, direction: Array, *, step: float) -> Any:
     """dK along `direction` (n,) at zero, by central differences of fourth order with `step`."""
-    near = K(step * direction) - K(-step * direction)
-    far = K(2 * step * direction) - K(-2 * step * direction)
-    return (8 * near - far) / (12 * step)
+    inner = K(step * direction) - K(-step * direction)
+    outer = K(2 * step * direction) - K(-2 * step * direction)
+    return (8 * inner - outer) / (12 * step)
 
 
 def modal_derivatives(
@@ -128,8 +128,8 @@ def modal_derivatives(
 ) -> Derivatives:
     """theta_ij, and chi_ijk with order = 3, of all modes: derivatives of the static path, zero at the boundary.
 
-    Paper 2, eq. 8, with the inner coordinates free; what its theta has at the boundary is in the span of the boundary
-    modes. analytic: dK along a direction, where it is known; central differences with `step` (of a mode of unit size)
+    Paper 2, eq. 8, for the inner coordinates; the boundary values of its theta are in the span of the boundary modes.
+    analytic: dK along a direction, where it is known; central differences with `step` (of a mode of unit size)
     otherwise. Raises ValueError for another order than 2 or 3.
     """
     if order not in (2, 3):
@@ -184,11 +184,11 @@ def _third(
 
 
 def second_derivatives(modes: Modes, derived: Derivatives) -> Array:
-    """theta (k, k, n), symmetric, of all pairs of modes; third-order derivatives are left out.
+    """theta (k, k, n) of all pairs of modes, symmetric; derivatives of third order are left out.
 
-    Tied to the modes they make the quadratic manifold q = shapes eta + 1/2 sum theta_ij eta_i eta_j (paper 2, eq. 5, with
-    the 1/2): few unknowns, but stiffer than the subspace in which modes and derivatives move freely, and sensitive to what
-    the path leaves out.
+    With amplitudes tied to those of the modes they give the quadratic manifold q = shapes eta + 1/2 sum theta_ij eta_i eta_j
+    (paper 2, eq. 5, with the 1/2): few unknowns, but stiffer than the subspace in which modes and derivatives move freely,
+    and sensitive to effects that the path leaves out.
     """
     k, n = modes.shapes.shape[1], len(modes.shapes)
     theta = np.zeros((k, k, n))
@@ -199,8 +199,8 @@ def second_derivatives(modes: Modes, derived: Derivatives) -> Array:
 
 
 class Basis(NamedTuple):
-    """A conditioned basis: columns (n, r) orthonormal in the scaled coordinates, rank r, condition of what was kept
-    (of the unit columns before they were made orthonormal)."""
+    """A conditioned basis: columns (n, rank), orthonormal in the scaled coordinates, and the condition number of the unit
+    columns before that, without the singular values that were cut."""
 
     columns: Array
     rank: int
@@ -208,7 +208,8 @@ class Basis(NamedTuple):
 
 
 def condition_basis(columns: Array, *, scale: Array | None = None, cut: float = 1e-8) -> Basis:
-    """Nondimensionalise rows by `scale` (n,), drop zero columns, scale to unit columns, cut by singular values.
+    """Orthonormal basis of columns (n, k): rows over `scale` (n,), without zero columns, unit columns, cut by singular
+    values.
 
     cut: singular values below this fraction of the largest are left out.
     """
@@ -224,10 +225,8 @@ def condition_basis(columns: Array, *, scale: Array | None = None, cut: float = 
 
 
 def split_boundary(columns: Array, rows: Sequence[int]) -> tuple[Array, Array]:
-    """Columns (n, len(rows)) with unit values at `rows` as far as the span has them, and those that are zero there.
-
-    The second set (n, p) spans all that is left, so that values at the boundary become coordinates of their own.
-    """
+    """Split a basis into columns (n, len(rows)) with unit values at `rows`, as far as possible, and columns (n, p) that
+    are zero there and span the rest. The values at the boundary are then coordinates."""
     size = np.linalg.norm(columns, axis=0)
     unit = columns[:, size > 0] / size[size > 0]
     left, values, right = np.linalg.svd(unit[rows], full_matrices=True)

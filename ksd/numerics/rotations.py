@@ -1,7 +1,7 @@
-"""Finite rotations as 3x3 matrices: exponential, logarithm, their tangents, and twist about an axis.
+"""Finite rotations as 3x3 matrices: exponential, logarithm and their tangents.
 
-Rotation updates are spatial, R <- exp(dphi) R. All kernels take flat arguments and write into arrays of the
-caller. Vectors in rad; matrices (3, 3).
+Rotation updates are spatial, R <- exp(dphi) R. All kernels write into arrays of the caller. Vectors (3,) in rad, matrices
+(3, 3).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from ksd.numerics.kernel import kernel
 
 @kernel(inline="late")
 def _sine_series(u):
-    """sin h / h for u = h^2 up to 2.5, to rounding (Taylor)."""
+    """sin h / h for u = h^2 up to 2.5, to rounding, by its Taylor series."""
     s = 1.0 / 51090942171709440000.0 * u - 1.0 / 121645100408832000.0
     s = s * u + 1.0 / 355687428096000.0
     s = s * u - 1.0 / 1307674368000.0
@@ -28,10 +28,7 @@ def _sine_series(u):
 
 @kernel(inline="late")
 def rotation_factors(t2):
-    """(sin t / t, (1 - cos t) / t^2) of the angle with square t2.
-
-    Below a quarter turn by series, in half the time of sines.
-    """
+    """(sin t / t, (1 - cos t) / t^2) for t2 = t^2; below a quarter turn by series, in half the time of sines."""
     if t2 <= 0.01:
         a = 1.0 + t2 * (t2 * (1.0 / 120.0 + t2 * (t2 * (1.0 / 362880.0) - 1.0 / 5040.0)) - 1.0 / 6.0)
         b = 0.5 + t2 * (t2 * (1.0 / 720.0 + t2 * (t2 * (1.0 / 3628800.0) - 1.0 / 40320.0)) - 1.0 / 24.0)
@@ -48,14 +45,14 @@ def rotation_factors(t2):
 def rotation_exp(v, R):
     """R (3, 3) = exp([v]x), Rodrigues' formula."""
     a, b = rotation_factors(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    _series(v[0], v[1], v[2], a, b, R)
+    _rotation_polynomial(v[0], v[1], v[2], a, b, R)
 
 
 @kernel(inline="late")
 def rotation_log_below_150(R, v):
-    """`rotation_log` where the angle is below 150 degrees.
+    """`rotation_log` for angles below 150 degrees.
 
-    The tangent of half the angle, halved to below 11 degrees and turned into the angle by its series.
+    The tangent of half the angle is halved repeatedly until below 11 degrees, then converted to the angle by its series.
     """
     w4 = 1.0 + R[0, 0] + R[1, 1] + R[2, 2]
     x, y, z = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
@@ -83,11 +80,11 @@ def rotation_log_below_150(R, v):
 
 @kernel(inline="late")
 def rotation_log(R, v):
-    """v (3,) = rotation vector of R (3, 3), |v| <= pi; through the quaternion, safe near 0 and pi."""
+    """v (3,) = rotation vector of R (3, 3), |v| <= pi, accurate near 0 and pi (by the quaternion)."""
     if not 1.0 + R[0, 0] + R[1, 1] + R[2, 2] < 0.25:
         rotation_log_below_150(R, v)
         return
-    # Shepperd: build on the largest diagonal entry
+    # Shepperd's method, from the largest diagonal entry
     k = 0
     if R[1, 1] > R[0, 0]:
         k = 1
@@ -112,7 +109,7 @@ def rotation_log(R, v):
 
 @kernel(inline="late")
 def rotate(v, R):
-    """R (3, 3) <- exp([v]x) R in place, columns turned one by one; orthonormality drifts by rounding only."""
+    """R (3, 3) <- exp([v]x) R in place, column by column."""
     a, b, c = v[0], v[1], v[2]
     f, g = rotation_factors(a * a + b * b + c * c)
     for j in range(3):
@@ -126,7 +123,7 @@ def rotate(v, R):
 
 @kernel(inline="late")
 def reorthonormalise(R):
-    """One Newton step of the polar decomposition, R <- R (3 I - R^T R) / 2: removes rounding drift."""
+    """Remove rounding drift of R (3, 3), in place, by a Newton step of the polar decomposition: R <- R (3 I - R^T R) / 2."""
     c00, c11, c22, c01, c02, c12 = 1.5, 1.5, 1.5, 0.0, 0.0, 0.0
     for i in range(3):
         a, b, c = R[i, 0], R[i, 1], R[i, 2]
@@ -144,7 +141,7 @@ def exp_tangent(v, T):
     """T (3, 3): exp(v + dv) = exp(T dv) exp(v) to first order (left Jacobian of the rotation group)."""
     x, y, z = v[0], v[1], v[2]
     b, c, _, _ = tangent_factors(x * x + y * y + z * z)
-    _series(x, y, z, b, c, T)
+    _rotation_polynomial(x, y, z, b, c, T)
 
 
 @kernel(inline="late")
@@ -183,11 +180,11 @@ def log_tangent(v, T):
     else:
         h = 0.5 * math.sqrt(t2)
         c = (1.0 - h / math.tan(h)) / t2
-    _series(x, y, z, -0.5, c, T)
+    _rotation_polynomial(x, y, z, -0.5, c, T)
 
 
 @kernel(inline="late")
-def _series(x, y, z, b, c, T):
+def _rotation_polynomial(x, y, z, b, c, T):
     """T = I + b [v]x + c [v]x^2."""
     T[0, 0] = 1.0 - c * (y * y + z * z)
     T[1, 1] = 1.0 - c * (x * x + z * z)

@@ -1,4 +1,4 @@
-"""The CPU time of a piece of Python."""
+"""A stopwatch for CPU time."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import time
 
 
 class Stopwatch:
-    """CPU time [s] of this thread since the last call."""
+    """A callable that returns the CPU time [s] of this thread since its last call."""
 
     def __init__(self) -> None:
         self._at = time.thread_time_ns()

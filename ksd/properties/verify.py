@@ -244,7 +244,7 @@ class _RodMechanism:
                 return False
             move_rods(arrays.flat.ints, motion.x, motion.R, self.cut.rods, self.state, step)
             move_nodes(arrays, motion, step, 1.0)
-            moves = _relative_gaps(self.state.moved, self.cut.length)
+            moves = _relative_gaps(self.state.closing, self.cut.length)
             largest = float(moves.max())
             if k == 0 and largest < MAX_LINEAR_GAP and _is_linear(self.cut, self.state, moves):
                 return True
@@ -273,7 +273,7 @@ def _relative_gaps(gap: Array, length: Array) -> Array:
 
 def _is_linear(cut: RodParts, state: RodState, moves: Array) -> bool:
     """Whether the relative motions (p,) of the parts in a step were so small that their forces are linear in them."""
-    force = (state.back[:, :3, :6] @ state.moved[..., None])[..., 0]
+    force = (state.wrench_change[:, :3, :6] @ state.closing[..., None])[..., 0]
     most = MAX_QUADRATIC_SHARE * math.sqrt(float((force * force).sum(axis=1).max()))
     return float((cut.axial * moves * moves).max()) <= most
 

@@ -216,6 +216,13 @@ def test_a_spring_whose_ends_meet_is_told(away, expected):
     motion = model.rest.copy()
     motion.x[model.node_names.index("top")] += away * (start - end)
     worst, *_, status = assemble(
-        model.arrays, motion, np.zeros(1), 1.0, make_workspace(model.arrays), rtol=1e-10, near=0, grain=10.0
+        model.arrays,
+        motion,
+        np.zeros(1),
+        1.0,
+        make_workspace(model.arrays),
+        rtol=1e-10,
+        linearise=0,
+        rounding=10.0,
     )
     assert (status, np.isinf(worst)) == (expected, expected == 2)

@@ -399,7 +399,7 @@ def test_the_assembly_calls_nothing_for_what_is_absent(monkeypatch):
             newton, part, lambda *a, part=part, answer=answer: (calls.append(part), answer)[1]
         )
 
-    monkeypatch.setattr(newton, "_add_others", newton._add_others.py_func)
+    monkeypatch.setattr(newton, "_add_springs_loads_rows", newton._add_springs_loads_rows.py_func)
 
     def assembled(scene):
         calls.clear()
