@@ -31,7 +31,7 @@ def _strain(value, number, inner, store, d, Q, lam, K, xi, calls):
     f = strain.allocate_leaf_fields_compiled(number[0] + number[1] + number[2], number[3])
     for _ in range(calls):
         strain.strain_condense(value, number, inner, store, f, d, Q, lam, K)
-        strain.strain_recover(value, number, inner, store, xi, 1e-12, f.gap[0])
+        strain.strain_recover(value, number, inner, store, xi, 1e-12, f.moment[0])
 
 
 @kernel
