@@ -148,7 +148,9 @@ def _expand_state(model: Model, motion: State, fine: Model) -> State:
     return state
 
 
-def _expand_chain(model: Model, motion: State, i: int, inner: np.ndarray, nodes: list[np.ndarray], state: State) -> None:
+def _expand_chain(
+    model: Model, motion: State, i: int, inner: np.ndarray, nodes: list[np.ndarray], state: State
+) -> None:
     """Write the inner nodes of chain `i`, with r and R (from the undeformed state) in frame p, into `state`."""
     members = model.arrays.members
     a = members.node[i, 0]
