@@ -92,9 +92,9 @@ def _names(words: Any, what: str) -> tuple[str, ...]:
 
 def mentioned_effects(scene: Any, mesh: Mesh) -> dict[str, str]:
     """The effects that the scene or the mesh mentions, by name, each with the reason; "spatial" and "shear" always are."""
-    found = {"spatial": "where the scene leaves its plane", "shear": "of every leaf, by its nature"}
-    found |= {n: "the mesh has it" for n in ("warping", "plate") if getattr(mesh, n)}
-    found |= dict.fromkeys(scene.consider, "the scene considers it")
+    reasons = {"spatial": "where the scene leaves its plane", "shear": "of every leaf, by its nature"}
+    reasons |= {n: "the mesh has it" for n in ("warping", "plate") if getattr(mesh, n)}
+    reasons |= dict.fromkeys(scene.consider, "the scene considers it")
     if has_gravity(scene):
         heavy = [bool(leaf.material.density) for leaf in scene.leaf_names().values()]
         pulled = [_count(len(scene.masses), "mass", "masses")] if scene.masses else []
@@ -104,19 +104,19 @@ def mentioned_effects(scene: Any, mesh: Mesh) -> dict[str, str]:
             )
         # gravity has no effect without masses
         if pulled:
-            found["gravity"] = f"{_vector(scene.gravity)} m/s^2 on {' and '.join(pulled)}"
+            reasons["gravity"] = f"{_vector(scene.gravity)} m/s^2 on {' and '.join(pulled)}"
     following = [load.link for load in scene.loads if load.following]
     if following:
-        found["following"] = f"a load of {_listed(following)} turns with its link"
+        reasons["following"] = f"a load of {_listed(following)} turns with its link"
     if scene.compliances:
-        found["compliance"] = f"{_listed([c.link for c in scene.compliances])} said to be elastic"
+        reasons["compliance"] = f"{_listed([c.link for c in scene.compliances])} said to be elastic"
     if scene.springs:
-        found["springs"] = _listed([s.name for s in scene.springs])
+        reasons["springs"] = _listed([s.name for s in scene.springs])
     if scene.heats:
-        found["heat"] = "; ".join(_heat_text(heat) for heat in scene.heats)
+        reasons["heat"] = "; ".join(_heat_text(heat) for heat in scene.heats)
     if scene.fits:
-        found["fit"] = f"of {_listed([fit.leaf for fit in scene.fits])}"
-    return found
+        reasons["fit"] = f"of {_listed([fit.leaf for fit in scene.fits])}"
+    return reasons
 
 
 def _vector(values: Any) -> str:

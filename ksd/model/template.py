@@ -357,11 +357,11 @@ class Template:
         h = L / self.elements
         phi_y, phi_z = 12 * stiff[2] * shear[0] / h**2, 12 * stiff[1] * shear[1] / h**2
         s3, s4 = stiff[1] / ((1 + phi_z) * h**3), stiff[2] / ((1 + phi_y) * h**3)
-        found = (
+        scales = (
             h, 1.0 / (soft * h), stiff[0] / h**3, s3 * (4 + phi_z), s3 * (-2 + phi_z), s4 * (4 + phi_y),
             s4 * (-2 + phi_y), line * h, line * h**2,
         )  # fmt: skip
-        for k, value in enumerate(found):
+        for k, value in enumerate(scales):
             scale[..., 9 + k] = value
 
     def _set_explicit_geometry(self, n: SceneNumbers, ends: Array, frame: Array, mass: Array) -> None:

@@ -14,7 +14,7 @@ def weight_force(arrays: Arrays, work: Workspace) -> np.ndarray:
     work: as assembled at the state. With V(xi, g) of `ksd.beam.weight`: mass times g acts on end p with its moment, and
     V_xi,g g acts through the levers of the ends.
     """
-    found, members = np.zeros(arrays.plan.unknowns), arrays.members
+    derivative, members = np.zeros(arrays.plan.unknowns), arrays.members
     for i in np.flatnonzero(work.weight[:, 0]):
         pull = work.store[: members.store_at[i + 1]][-GRAVITY_BLOCK_SIZE:]
         pose, mass, gravity = work.pose[i], work.weight[i, 0], work.weight[i, 1:]
@@ -29,5 +29,5 @@ def weight_force(arrays: Arrays, work: Workspace) -> np.ndarray:
         for node, push in zip(members.node[i], pushes, strict=True):
             u = int(arrays.start[node])
             if u >= 0:
-                found[u : u + 6] += push
-    return found
+                derivative[u : u + 6] += push
+    return derivative

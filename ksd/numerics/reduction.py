@@ -54,9 +54,9 @@ def craig_bampton(
     shapes[:, : len(boundary)] += static_extension(K, shapes[:, : len(boundary)], inner)
     omega = np.zeros(0)
     if internal:
-        square, found = _lowest(_part(K, inner, inner), _part(M, inner, inner), internal)
-        peak = found[np.abs(found).argmax(axis=0), np.arange(internal)]
-        shapes[inner, len(boundary) :] = found / peak
+        square, vectors = _lowest(_part(K, inner, inner), _part(M, inner, inner), internal)
+        peak = vectors[np.abs(vectors).argmax(axis=0), np.arange(internal)]
+        shapes[inner, len(boundary) :] = vectors / peak
         omega = np.sqrt(np.maximum(square, 0.0))
     return Modes(shapes, len(boundary), omega)
 
@@ -64,10 +64,10 @@ def craig_bampton(
 def static_extension(K: Any, patterns: Array, inner: Sequence[int]) -> Array:
     """Static extension: inner coordinates (n, k), zero elsewhere, in equilibrium with the prescribed others `patterns`
     (n, k)."""
-    found = np.zeros_like(patterns)
+    extension = np.zeros_like(patterns)
     if patterns.shape[1]:
-        found[inner] = _solve(_part(K, inner, inner), -(K @ patterns)[inner])
-    return found
+        extension[inner] = _solve(_part(K, inner, inner), -(K @ patterns)[inner])
+    return extension
 
 
 def _part(K: Any, rows: Sequence[int], columns: Sequence[int]) -> Any:
@@ -175,12 +175,12 @@ def _third(
             if a != b
             else 4 * (K(h * u) - 2 * K(zero) + K(-h * u))
         ) / (4 * h * h)
-    found = []
+    right = []
     for a, b, c in triples:
         r = first[a] @ theta[b, c] + first[b] @ theta[a, c] + first[c] @ theta[a, b]
         r += (second[b, c] @ phi[:, a] + second[a, c] @ phi[:, b] + second[a, b] @ phi[:, c]) / 3
-        found.append(r)
-    return np.array(found), triples
+        right.append(r)
+    return np.array(right), triples
 
 
 def second_derivatives(modes: Modes, derived: Derivatives) -> Array:
@@ -220,8 +220,8 @@ def condition_basis(columns: Array, *, scale: Array | None = None, cut: float = 
         return Basis(np.zeros((len(columns), 0)), 0, 1.0)
     left, values, _ = np.linalg.svd(scaled[:, keep] / size[keep], full_matrices=False)
     rank = int(np.sum(values > cut * values[0]))
-    found = left[:, :rank] if scale is None else left[:, :rank] * scale[:, None]
-    return Basis(found, rank, float(values[0] / values[rank - 1]))
+    basis = left[:, :rank] if scale is None else left[:, :rank] * scale[:, None]
+    return Basis(basis, rank, float(values[0] / values[rank - 1]))
 
 
 def split_boundary(columns: Array, rows: Sequence[int]) -> tuple[Array, Array]:
