@@ -149,7 +149,7 @@ def _expand_state(model: Model, motion: State, fine: Model) -> State:
 
 
 def _expand_chain(
-    model: Model, motion: State, i: int, inner: np.ndarray, nodes: list[np.ndarray], state: State
+    model: Model, motion: State, i: int, inner: np.ndarray, nodes: list[int], state: State
 ) -> None:
     """Write the inner nodes of chain `i`, with r and R (from the undeformed state) in frame p, into `state`."""
     members = model.arrays.members
