@@ -245,12 +245,13 @@ def run_path(
             if isinstance(pose, str):
                 rows.append(row | {STATUS: pose})
                 continue
+            batch_rows = next(batch_answers).rows
             if not recipe.with_verdict and pose.negatives != pose.expected_negatives:
                 rows.append(row | {STATUS: STATUS_MESSAGES[UNSTABLE]})
                 continue
             path_solver.continue_from(pose)
             analysis = PoseAnalysis(pose, previous if recipe.with_verdict else PreviousPose())
-            answers = answer_questions(analysis, recipe.questions, next(batch_answers).rows)
+            answers = answer_questions(analysis, recipe.questions, batch_rows)
             previous = answers.previous
             row |= answers.row
             if recipe.with_verdict:

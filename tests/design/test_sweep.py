@@ -5,6 +5,7 @@ import csv
 import pickle
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,8 @@ from processes import environment
 from scenes import cross_flexure, fourbar, single_joint
 
 import ksd
-from ksd.design.questions import ALL_QUESTIONS
+from ksd.design import sweep_path
+from ksd.design.questions import ALL_QUESTIONS, Questions
 from ksd.design.sweep import sweep
 from ksd.design.sweep_path import error_sentence
 from ksd.library.result_files import read_columns
@@ -379,3 +381,26 @@ def test_a_sweep_raises_the_curvature_modes_for_its_nearest_pose_too():
 def test_a_failure_says_how_far_it_came():
     failed = ksd.ConvergenceError("no\n equilibrium", reached=0.25)
     assert error_sentence(failed) == "no equilibrium (reached 25 % of the motion)"
+
+
+def test_a_pose_without_answers_leaves_those_of_the_poses_behind_it_where_they_are(monkeypatch):
+    values = [{"top": 1e-3 * d} for d in (50, 100, 150)]
+    path = sweep_path.SweepPath(0, {}, fourbar().scene(), tuple(values))
+    asked = Questions(("force", "drive_stiffness", "stress"), link="top")
+    recipe = sweep_path.Recipe(asked, method="conventional", with_verdict=False)
+    every, some = [], []
+    sweep_path.run_path(path, recipe, None, every)
+    solve = sweep_path._pose_or_reason
+
+    def second_is_unstable(solver, target):
+        pose = solve(solver, target)
+        return replace(pose, negatives=pose.negatives + 1) if target == values[1] else pose
+
+    monkeypatch.setattr(sweep_path, "_pose_or_reason", second_is_unstable)
+    sweep_path.run_path(path, recipe, None, some)
+    assert [row["status"] == "ok" for row in some] == [True, False, True]
+    assert "minimum" in some[1]["status"]
+    for one, other in zip(every[::2], some[::2], strict=True):
+        assert one.keys() == other.keys() and one["stress_MPa"] == other["stress_MPa"]
+        assert one["top_stiffness_N_per_m"] == pytest.approx(other["top_stiffness_N_per_m"], rel=1e-9)
+    assert every[0]["stress_MPa"] < 0.8 * every[2]["stress_MPa"]
