@@ -51,7 +51,10 @@ myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 3
 
 autodoc_typehints = "signature"
-autodoc_type_aliases = {"ArrayLike": "ArrayLike", "Drawn": "Mechanism | Scene | Callable[..., Mechanism]"}
+autodoc_type_aliases = {
+    "ArrayLike": "ArrayLike",
+    "MechanismLike": "Mechanism | Scene | Callable[..., Mechanism]",
+}
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
 maximum_signature_line_length = 90

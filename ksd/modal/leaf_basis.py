@@ -59,9 +59,9 @@ class LeafBasis:
 
     z = z0 + boundary (b - b0) + inner eta, with q = 9 values per node for directors, 6 for angles. z0 ((n+1) q,), boundary
     ((n+1) q, nb), inner ((n+1) q, m), b0 (nb,); element_constants (n, 25): constants of the elements; orientation (n+1, 9):
-    directors of the expansion point in the floating frame; hold_stiffness (m,) [Nm]: see `_separate_idle_columns`;
-    condition: condition number of `inner` before it was made orthonormal. second_derivatives ((n+1) q, nb + m, nb + m): of
-    z by all coordinates, on a quadratic manifold.
+    columns of the node rotations at the expansion point, in the floating frame; hold_stiffness (m,) [Nm]: see
+    `_separate_idle_columns`; condition: condition number of `inner` before it was made orthonormal. second_derivatives
+    ((n+1) q, nb + m, nb + m): of z by all coordinates, on a quadratic manifold.
     """
 
     choices: ModalBasis

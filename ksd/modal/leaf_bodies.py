@@ -25,7 +25,7 @@ SAME_SHAPE_DECIMALS = 10
 
 
 def with_chains(model: Model, leaves: Mapping[str, ModalBasis]) -> Model:
-    """`model` with the `leaves` as chains of as many elements as their basis has; no chain has nodes of the model inside."""
+    """`model` with the `leaves` as chains of as many elements as their basis has, whose inner nodes are condensed."""
     mesh = replace(model.mesh, nodal=False)
     chains = {
         replace(mesh, leaf="corotational", elements=count): tuple(

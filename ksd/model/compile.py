@@ -1,6 +1,6 @@
 """Compile a scene: links and internal blocks become nodes, leaf springs become members, drives and supports become rows.
 
-Rigid links and connector blocks are neither elements nor constraints: leaf ends hang on their node by an offset.
+Rigid links and connector blocks are neither elements nor constraints: leaf ends are attached to their node by an offset.
 """
 
 from __future__ import annotations

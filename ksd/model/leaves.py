@@ -341,7 +341,8 @@ def _place_leaf(leaf: Any, d: np.ndarray, name: str) -> tuple[np.ndarray, np.nda
     """Axes (3, 3) of end p such that end q, at d (3,) in them, lies in the direction of the given end, and its position
     (3,).
 
-    Raises SceneError where the chord of a curved leaf differs from the distance between its ends by more than 1e-3 of it.
+    Raises SceneError where the chord of a curved leaf differs from the distance between its ends by more than 1e-3 of it,
+    and where the chord is along the width of its start.
     """
     start, end, width = (np.asarray(v, float) for v in (leaf.start, leaf.end, leaf.width_axis))
     chord, distance = float(np.linalg.norm(d)), float(np.linalg.norm(end - start))

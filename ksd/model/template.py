@@ -241,7 +241,7 @@ class Template:
             self.node_of.append(nodes)
         self.node_names = tuple(names)
         self.block_part, self.block_point = np.array(block_part, int), np.array(block_point, int)
-        self.part_different = np.array([p[3] for p in layout.parts], int)
+        self.distinct_of_part = np.array([p[3] for p in layout.parts], int)
 
     def _list_members(self) -> list[MemberTopology]:
         """List the members, the leaves of every part, and return their topologies."""
@@ -284,7 +284,7 @@ class Template:
         """Pack the models of D designs."""
         leaves = self.leaves(n)
         count, links = len(n.leaf), len(self.scene_layout.links)
-        points = n.origin[:, :, None] + n.interfaces[:, self.part_different] @ n.rotation.swapaxes(2, 3)
+        points = n.origin[:, :, None] + n.interfaces[:, self.distinct_of_part] @ n.rotation.swapaxes(2, 3)
         places = np.zeros((count, len(self.node_names), 3))
         if len(self.attached):
             flat = points.reshape(count, -1, 3)[:, self.attached]

@@ -208,10 +208,10 @@ class Basis(NamedTuple):
 
 
 def condition_basis(columns: Array, *, scale: Array | None = None, cut: float = 1e-8) -> Basis:
-    """Orthonormal basis of columns (n, k): rows over `scale` (n,), without zero columns, unit columns, cut by singular
-    values.
+    """Basis of the span of columns (n, k), orthonormal in rows divided by `scale` (n,).
 
-    cut: singular values below this fraction of the largest are left out.
+    Zero columns are dropped and all others scaled to length one; singular values below `cut` times the largest are left
+    out.
     """
     scaled = columns if scale is None else columns / scale[:, None]
     size = np.linalg.norm(scaled, axis=0)

@@ -48,10 +48,11 @@ def exponents_up_to(variables: int, degree: int) -> NDArray[np.int64]:
 def fit_functions(
     values: Array, grid: Array, places: Array, *, tolerance: Array, degrees: tuple[int, int] = (12, 12)
 ) -> Fit:
-    """Fit values (k, g, rows), sampled at motions grid (g, m) over their range and shapes places (k, s) in [-1, 1].
+    """Fit values (k, g, rows), sampled at motions grid (g, m) and shapes places (k, s) in [-1, 1].
 
-    tolerance (rows,): wanted rms error. degrees: largest total degrees tried, motions and shape; the smallest with a
-    leave-one-out error within tolerance is taken, else that with the smallest error.
+    grid: each motion over its largest magnitude. tolerance (rows,): wanted rms error. degrees: largest total degrees
+    tried, motions and shape; the smallest with a leave-one-out error within tolerance is taken, else that with the
+    smallest error.
     """
     classes = _symmetry_classes(values, grid)
     motion_degree, motion_error = _motion_degree(values, grid, classes, tolerance, degrees[0])

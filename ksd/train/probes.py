@@ -24,8 +24,10 @@ SOLVE_TOLERANCE = 1e-8
 
 
 def probes_of(record: Record, places: Array, grid: Array) -> Probes:
-    """Probes of a record from shapes at places (k, s) in [-1, 1] and motions (g, m) over their range: first and last
-    motion and some between, each at another shape while there are some."""
+    """Probes of a record: some of the motions `grid`, the first and the last among them, each at another shape.
+
+    places (k, s): shapes in [-1, 1], used in turn; grid (g, m): motions over their largest magnitudes.
+    """
     ranges = record.parameters
     chosen_places = [places[i % len(places)] for i in range(PROBE_STATES)]
     shapes = np.array(

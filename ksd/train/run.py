@@ -342,7 +342,7 @@ def _group_slices(samples: Samples) -> dict[tuple[Mesh, str], slice]:
 
 
 def _predict(fit: Fit, grid: Array, places: Array) -> Array:
-    """The fit (k, g, rows) at motions (g, m) over their range and shapes (k, s)."""
+    """The fit (k, g, rows) at motions (g, m) over their largest magnitudes and shapes (k, s)."""
     m = grid.shape[1]
     motion, shape = monomials(fit.powers[:, :m], grid), legendre_products(fit.powers[:, m:], places)
     return np.stack([(motion * row) @ fit.coefficients.T for row in shape])

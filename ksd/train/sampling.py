@@ -34,7 +34,7 @@ SOLVE_TOLERANCE = 1e-9
 
 @dataclass(frozen=True)
 class SamplingPlan:
-    """Sampling of a joint: points of each motion as fractions of its range, meshes, curvature modes of a leaf.
+    """Sampling of a joint: points of each motion as fractions of its largest magnitude, meshes, curvature modes of a leaf.
 
     max_plane_distance: of B from the plane of a one-axis joint, in rad and joint lengths. check_whole_stroke: check all
     points of the stroke, not only the corners of the motions, for colliding leaf springs and for other motions that
@@ -50,7 +50,7 @@ class SamplingPlan:
 
     @property
     def grid(self) -> Array:
-        """All points (g, m), as fractions of the range."""
+        """All points (g, m), as fractions of the largest magnitudes."""
         return np.stack(np.meshgrid(*self.lines, indexing="ij"), axis=-1).reshape(-1, len(self.lines))
 
 
