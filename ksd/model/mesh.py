@@ -22,7 +22,7 @@ class Mesh(metaclass=ClearArgumentErrors):
     the paper's own program, instead of being condensed inside its chain: the same equilibria by other Newton
     iterates. warping: multiply the torsion constant by the factor of warping restrained at both clamped ends
     (`ksd.section.restrained_warping_factor`); plate: multiply E Iz by the factor of suppressed anticlastic bending
-    (`ksd.section.plate_factor`); shear: Timoshenko shear, False makes the leaf stiff in shear. The last three are
+    (`ksd.section.plate.plate_factor`); shear: Timoshenko shear, False makes the leaf stiff in shear. The last three are
     chosen by the words of `ksd.model.effects`. Raises SceneError for numbers out of bounds: below orders (3, 2, 4)
     support stiffness is wrong by factors.
     """
