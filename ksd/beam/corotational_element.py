@@ -13,15 +13,15 @@ from ksd.numerics.kernel import kernel
 L_AT, U_AT, V_AT, T_AT, A_AT, B_AT = 6, 9, 21, 33, 36, 72
 """Offsets in `s`, after the strains eps (6): chord direction l (3), derivatives of strains 3..6 by the chord L (12) and
 by the rotations phi (12), derivative of strain 2 by phi_p (3), block A (6, 6) of node p or its factor, and B (6, 8):
-its coupling with node q (columns 0..5) and residuals (6 and 7)."""
+its coupling with node q (columns 0..5), residual (6) and zeros (7)."""
 
 P_AT, Q_AT, X_AT, N_AT, W_AT, F_AT, R_AT, S_AT = 0, 12, 24, 36, 37, 41, 45, 55
 """Offsets in `tail`: nodes p and q (position 3, rotation 9), section axes z_p, z_q, y_p, y_q (12), |L|, sines w (4) and
 asin factors (4) of the bending strains, the same and derivatives of the torsion strain (10), stresses sigma (6)."""
 
 M_AT, G_AT, C_AT = 64, 76, 100
-"""Offsets after these: products S D (12), sigma-weighted axes and their cross products with l (15), diagonal block and
-residuals of node q (6, 8)."""
+"""Offsets after these: products S D (12), sigma-weighted axes and their cross products with l (15), diagonal block of
+node q and its residual, with (column 6) and without (7) the elimination of the inner nodes (6, 8)."""
 
 Z_AT = 148
 """Offset of the stresses (6) of the geometric stiffness."""
@@ -162,10 +162,10 @@ def node_forces(s, tail, i):
 def tangent(v, s, tail, first):
     """Element tangent and force; node p is added to the block carried in C, which gives A and B, and node q replaces C.
 
-    With w = a . l: d2w/dLdL = -(Pa l^T + l (Pa)^T + w P)/|L|^2, d2w/dL dphi = -P [a]x/|L|, P = I - l l^T, d2w/dphi2 =
-    (a l^T + l a^T)/2 - w I; with w = a . b, a on p, b on q: d2w/dphi_p dphi_q = w I - b a^T. The term w dw dw^T/(1 -
-    w^2)^1.5 of asin joins D^T S D: it only changes the diagonal of S. first: element 1, whose node p is fixed. Returns
-    the largest squared force and moment residual of node p.
+    With w = a . l: d2w/dLdL = -(Pa l^T + l (Pa)^T + w P)/|L|^2, d2w/dL dphi = -P [a]x/|L|, P = I - l l^T,
+    d2w/dphi2 = (a l^T + l a^T)/2 - w I; with w = a . b, a on p, b on q: d2w/dphi_p dphi_q = w I - b a^T.
+    The term w dw dw^T/(1 - w^2)^1.5 of asin joins D^T S D: it only changes the diagonal of S.
+    first: whether it is the first element, whose node p is fixed. Returns the squared force and moment residual of node p.
     """
     lx, ly, lz = s[L_AT], s[L_AT + 1], s[L_AT + 2]
     sigma = tail[Z_AT : Z_AT + 6]
@@ -293,7 +293,8 @@ def unstressed_tangent(v, s, tail, first):
 
 @kernel(inline="late")
 def _carry_forces(s, tail, first):
-    """Add the forces of the element on both nodes; return the largest squared force and moment residual of node p."""
+    """Write the residual of node p into B and the forces on node q into C; return the squared force and moment residual
+    of node p."""
     worst_force = worst_moment = 0.0
     for i in range(3):
         force, at_p, at_q = node_forces(s, tail, i)
@@ -314,9 +315,10 @@ def _carry_forces(s, tail, first):
 
 @kernel(inline="late")
 def eliminate(s, tail):
-    """Eliminate node p: A = L D L^T, B <- L^-1 B, C -= B^T D^-1 B, including the residuals in columns 6 and 7.
+    """Eliminate node p: A = L D L^T, B <- L^-1 B, C -= B^T D^-1 B, including the residual in column 6.
 
-    Leaves 1/D on the diagonal of A and L^T above it. Returns the number of negative pivots, -1 if one vanished.
+    Column 7 of B is zero, so that of C stays as it is. Leaves 1/D on the diagonal of A and L^T above it. Returns the number
+    of negative pivots, -1 if one vanished.
     """
     negatives = 0
     for j in range(6):

@@ -27,8 +27,8 @@ ROD, STATE, VARIATIONS = 10, 13, 54
 """Numbers of the rod at a point: k0 (3), 1/(GJ, EIy, EIz), 1/(EA, ky GA, kz GA), mu; of its state: r (3), quaternion w
 x y z, m (3), n (3); and of the derivatives of r, rotation and m by the wrench at end p (6, 9)."""
 STAGES = 11
-"""Stages of a Runge-Kutta step: node of each, weights of earlier slopes in its state, and weights of all slopes in the
-step."""
+"""Stages of a Runge-Kutta step; below, the node of each, the weights of earlier slopes in its state, and the weights of all
+slopes in the step."""
 _STAGE_NODE = np.array([0, 2, 2, 3, 3, 2, 1, 1, 2, 3, 4])
 _STAGE_WEIGHTS = np.zeros((STAGES, STAGES))
 for _i, _row in enumerate(

@@ -390,7 +390,7 @@ def solve_blocks(plan, value, scaled, x):
 
 @kernel
 def _less_product(high, low, a, b):
-    """high + low - a b in twice the working precision (Dekker 1971; sum by Knuth)."""
+    """high + low - a b as a sum (high, low) in twice the working precision (Dekker 1971; sum by Knuth)."""
     p, t, u = a * b, 134217729.0 * a, 134217729.0 * b
     ah, bh = t - (t - a), u - (u - b)
     al, bl = a - ah, b - bh
