@@ -17,9 +17,9 @@ LINEAR_INNER = 54
 def linear_condense(inner, d, Q, lam, K, A, M):
     """Write lam (12,), K (6, 6) at end pose d (3,), Q (3, 3): f = F + K xi, xi = (d - d0, log(Q R0^T)).
 
-    The moment is T^T f_r with T the tangent of the logarithm; K carries its second derivative (f x^T + x f^T - 2 f.x
-    I)/12. A (2, 6), M (6, 6) or larger: scratch. Returns as every member: no negative pivots, no inner residual, status
-    0.
+    The moment is T^T f_r with T the tangent of the logarithm; K carries its second derivative
+    (f x^T + x f^T - 2 f.x I)/12. A (2, 6), M (6, 6) or larger: scratch. Returns as every member: no negative pivots, no
+    inner residual, status 0.
     """
     xi, f = A[0], A[1]
     for i in range(3):

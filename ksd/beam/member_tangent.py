@@ -2,8 +2,8 @@
 
 A member depends on the relative pose of its ends only; its wrench (n, m) and stiffness K6 become forces and a symmetric
 tangent on nodes a and b. With w the lever from node a to end q, s the lever from node b to end q, all global, the
-relative motion is xi = (dxb - dxa + dphi_b x s - dphi_a x w, dphi_b - dphi_a), and the second derivatives of n.xi_t +
-m.xi_r in the chart R <- exp(dphi) R are [xa, phia] = [n]x, [xb, phia] = -[n]x, [phib, phia] = n s^T .. see
+relative motion is xi = (dxb - dxa + dphi_b x s - dphi_a x w, dphi_b - dphi_a), and the second derivatives of
+n.xi_t + m.xi_r in the chart R <- exp(dphi) R are [xa, phia] = [n]x, [xb, phia] = -[n]x, [phib, phia] = n s^T .. see
 `geometric_tangent`.
 
 `pose` (18,) of a member: axes of end p (9, row-major), levers w (3) and s (3), and the vector d from p to q (3),

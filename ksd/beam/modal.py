@@ -1,7 +1,7 @@
 """A modal body: a chain of Appendix A elements whose nodes move in the span of a reduction basis.
 
-Paper 2: Craig-Bampton modes and modal derivatives, with the options of `ksd.modal`. The values of all nodes are z = z0
-+ Z (b, eta): b are the boundary values, functions of the pose of end q (interface nodes are shared, so bodies join
+Paper 2: Craig-Bampton modes and modal derivatives, with the options of `ksd.modal`. The values of all nodes are
+z = z0 + Z (b, eta): b are the boundary values, functions of the pose of end q (interface nodes are shared, so bodies join
 without multipliers); eta are the inner coordinates, condensed here in every Newton step. The energy is that of the
 elements, summed over those with a weight (all with weight 1, or the sample of `ksd.numerics.reduction`).
 

@@ -1,11 +1,11 @@
 """The strain-mode leaf restricted to its bending plane: `ksd.beam.strain` in closed form in the angle.
 
-End p at the origin, unrotated; end q at d, rotated by Q about e3. Unknowns are the amplitudes a (nz,) of kappa = sum
-a_k B_k(s) [1/m] and lam = (nx, ny, m), force and moment on end q. The angle is the integral of kappa, theta = sum a_k
-psi_k with known psi_k(s) = int B_k, so the mixed functional 1/2 a K a - H + lam.(closure) needs one sum over the Gauss
-points, the same as in space: H = L sum w h(theta) + m theta(L), h = N + (cN N^2 + cV V^2)/2, N + i V = (nx + i ny)
-exp(-i theta), hence h' = V + (cN - cV) N V and h'' = -N + (cN - cV)(V^2 - N^2). Source: the S model of the strain-mode
-note.
+End p at the origin, unrotated; end q at d, rotated by Q about e3. Unknowns are the amplitudes a (nz,) of
+kappa = sum a_k B_k(s) [1/m] and lam = (nx, ny, m), force and moment on end q. The angle is the integral of kappa,
+theta = sum a_k psi_k with known psi_k(s) = int B_k, so the mixed functional 1/2 a K a - H + lam.(closure) needs one sum
+over the Gauss points, the same as in space: H = L sum w h(theta) + m theta(L), h = N + (cN N^2 + cV V^2)/2,
+N + i V = (nx + i ny) exp(-i theta), hence h' = V + (cN - cV) N V and h'' = -N + (cN - cV)(V^2 - N^2). Source: the S model
+of the strain-mode note.
 
 It uses the inner state of the spatial leaf, of which it changes the amplitudes of weak bending and three numbers of the
 wrench. `number`: nz, points, index of the first weak-bending amplitude, of the wrench. `value`: K (nz, nz) [N m^3],

@@ -1,19 +1,20 @@
 """The strain-mode leaf: one body per leaf, condensed to its end frames in every Newton step.
 
-Unknowns of a leaf: amplitudes a of its curvature modes (nx torsion, ny strong, nz weak bending; [1/m]) and lam = (n,
-m), force and moment on end q [N, Nm]. Curvature kappa_c = sum_i a_i B_i(s) over the modes of axis c; orientation R' = R
-[kappa]x by a sixth-order Magnus step over every interval between quadrature points (`ksd.beam.magnus`); r' = v = R (e1
-+ C R^T n) with C = diag(1/EA, 1/kGA, 1/kGA), so stretch and shear are exact without unknowns. All vectors are in the
-frame of end p. Interface of all members: see `ksd.model.assembly`; constants: `ksd.beam.strain_values`.
+Unknowns of a leaf: amplitudes a of its curvature modes (nx torsion, ny strong, nz weak bending; [1/m]) and
+lam = (n, m), force and moment on end q [N, Nm]. Curvature kappa_c = sum_i a_i B_i(s) over the modes of axis c; orientation
+R' = R [kappa]x by a sixth-order Magnus step over every interval between quadrature points (`ksd.beam.magnus`);
+r' = v = R (e1 + C R^T n) with C = diag(1/EA, 1/kGA, 1/kGA), so stretch and shear are exact without unknowns. All
+vectors are in the frame of end p. Interface of all members: see `ksd.model.assembly`; constants:
+`ksd.beam.strain_values`.
 
 Source: the stationary conditions of the mixed functional 1/2 (a - a0) K (a - a0) - H + n.d + m.log(Q R(L)^T) for end q
-at d, Q (its derivative by lam is the closure gap c there), with the sum over the quadrature points H = L sum w (n.R e1
-+ 1/2 n.R C R^T n). Residual and tangent are the derivatives of this sum, by the chain rule through the Magnus steps, so
-the tangent is symmetric and exact for any number of points. Of the derivative of m.psi by the amplitudes the tangent
-has the symmetric part; the skew part is that of a moment that rotates by half of the rotation c + xi of the closure. m
-is rotated by this in every step, which keeps Newton's method quadratic inside the leaf. The end of the leaf is r(L) =
-dH/dn, and by partial summation the residual has at every interval the moment m + sum over the points behind it of L w v
-x n, in place of m + (r(L) - r(s)) x n of the rod.
+at d, Q (its derivative by lam is the closure gap c there), with the sum over the quadrature points
+H = L sum w (n.R e1 + 1/2 n.R C R^T n). Residual and tangent are the derivatives of this sum, by the chain rule through
+the Magnus steps, so the tangent is symmetric and exact for any number of points. Of the derivative of m.psi by the
+amplitudes the tangent has the symmetric part; the skew part is that of a moment that rotates by half of the rotation
+c + xi of the closure. m is rotated by this in every step, which keeps Newton's method quadratic inside the leaf. The end
+of the leaf is r(L) = dH/dn, and by partial summation the residual has at every interval the moment m + sum L w v x n over
+the points behind it, in place of m + (r(L) - r(s)) x n of the rod.
 
 A leaf with weight has line mass mu [kg/m] in gravity g [m/s^2], in frame p; its tables end with M(s) = int_s^L mu. Then
 the force is n(s) = n + M g. dH/dg = int M v is the first moment of the mass about end p, and eta_i its derivative by

@@ -150,8 +150,8 @@ def twist(Ra, Rb, u, q, slope, rel):
 def twist_curvature(u, q, q0, slope, weight, tangent):
     """Add weight times the second derivatives of `twist` by the rotations of (a, b) to tangent (12, 12).
 
-    They consist of the part that is symmetric in D = dphi_b - dphi_a and of the coupling -1/2 [m]x of D with dphi_a, m =
-    slope.
+    They consist of the part that is symmetric in D = dphi_b - dphi_a and of the coupling -1/2 [m]x of D with dphi_a, where
+    m = slope.
     """
     N = q[0] * u[0] + q[1] * u[1] + q[2] * u[2]
     r2, dr = N * N + q0 * q0, np.empty(3)

@@ -453,7 +453,7 @@ def follow_load_path(
 ) -> LoadStepResult:
     """Follow a load path from the equilibrium `begin` by load steps, and confirm a doubtful result.
 
-    from_rest: whether `begin` is the undeformed state; planar: see `ksd.solve.conventional.conventional`.
+    from_rest: whether `begin` is the undeformed state; planar: see `ksd.solve.conventional.solve_conventional`.
     """
     model = storage.model
     first = _take_path(storage, begin, path, planar, from_rest)
