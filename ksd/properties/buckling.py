@@ -283,6 +283,7 @@ def _leaf_tangents(model: Model, motion: State, group: LeafGroup, load_factor: f
 
 
 def _chain_tangent(model: Model, motion: State, rows: Iterable[int], load_factor: float) -> Array:
+    """Node tangent (n, n) of a model of chains without inner nodes, with constraint `rows` released."""
     arrays = model.arrays
     work = make_workspace(arrays)
     assemble(arrays, motion, np.zeros(len(arrays.terms.start)), load_factor, work, 1e-8, 0, 10.0)

@@ -175,7 +175,7 @@ def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
         in_plane, supports, rows, drives = _constraints_in_plane(scene, supports, rows, drives)
     rows = sorted(rows, key=lambda c: -c.stiffness)
     own, everything = [*in_plane, *supports, *rows], [*in_plane, *supports, *rows, *drives]
-    rank, total = _rank(own, len(positions)), _rank(everything, len(positions))
+    rank, total = _rank(own), _rank(everything)
     unknowns = 6 * (len(positions) - 1)
     fights = [_redundant_constraint(*found) for found in _redundant_rows(everything, total)]
     return Diagnosis(
@@ -243,10 +243,12 @@ def _matrix(rows: Sequence[Constraint]) -> Array:
 
 
 def _singular_values(rows: Sequence[Constraint]) -> Array:
+    """Singular values of constraint rows, descending."""
     return np.asarray(np.linalg.svd(_matrix(rows), compute_uv=False), float) if rows else np.zeros(0)
 
 
-def _rank(rows: Sequence[Constraint], nodes: int) -> int:
+def _rank(rows: Sequence[Constraint]) -> int:
+    """Number of singular values above RANK_TOLERANCE times the largest."""
     s = _singular_values(rows)
     return int(np.sum(s > RANK_TOLERANCE * s[0])) if len(s) and s[0] > 0.0 else 0
 
@@ -345,7 +347,7 @@ def _redundant_inside_joints(scene: Scene) -> list[RedundantConstraint]:
         positions = np.array([blocks[b] for b in index], float)
         leaves = [(f.name, f.start_block, f.end_block, f) for f in joint.leaves()]
         rows = sorted(leaf_rows(leaves, index, positions, joint.length), key=lambda c: -c.stiffness)
-        rank = _rank(rows, len(positions))
+        rank = _rank(rows)
         found += [_redundant_constraint(*too, *names) for too in _redundant_rows(rows, rank)]
     return found
 

@@ -101,7 +101,7 @@ def _leaf_pairs(model: Model) -> NDArray[np.int64]:
 
 
 def _flat_pieces(leaf: LeafShape) -> Array:
-    """Centres, half edges along and half edges across (3, k, 3) the flat pieces of a sheet."""
+    """Centres, half edges along and half edges across (3, k, 3) of the flat pieces of a sheet."""
     across = 0.5 * leaf.width[:, None] * leaf.axes[:, :, 2]
     ends = leaf.place[:-1], leaf.place[1:]
     return np.array([0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0]), 0.5 * (across[:-1] + across[1:])])

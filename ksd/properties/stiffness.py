@@ -192,6 +192,7 @@ def principal_stiffness(compliance: Array, size: Any) -> Array:
 
 
 def _direction_index(direction: str) -> int:
+    """Index of a direction in DIRECTIONS; raises SceneError for an unknown one."""
     if direction not in DIRECTIONS:
         raise SceneError(f"direction {direction!r} is not known; give one of {', '.join(DIRECTIONS)}")
     return DIRECTIONS.index(direction)

@@ -321,6 +321,7 @@ class _VerifiedState(NamedTuple):
 
 
 def _state_scale(model: Model, motion: State) -> _StateScale:
+    """Scale of a state, see `_StateScale`."""
     arrays, links, drives = model.arrays, model.links, len(model.drive_names)
     moved = motion.x[:links] - model.rest.x[:links]
     rounding, stiffness = ROUNDING_DISPLACEMENT * arrays.size, arrays.members.stiffness_scale

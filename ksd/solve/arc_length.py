@@ -69,7 +69,8 @@ class PathParameter:
 class ArcLengthPoint:
     """An equilibrium on the path.
 
-    f: path parameter; negatives: negative eigenvalues of the symmetric tangent, one per constraint row included; K (n, n):
+    f: path parameter; negatives: negative pivots, those inside members and one per constraint row included, or
+    under non-conservative loads the count that replaces them (see `count_negative_eigenvalues`); K (n, n):
     tangent with its skew part; b (n,): derivative of the residual by f; residual: over its bound; correction: arc length of
     the Newton steps after the predictor. local_angles_small: whether all elements are within their range.
     """
@@ -296,6 +297,7 @@ class PathContinuation:
         return True
 
     def _record(self, kind: Literal["limit", "bifurcation"], at: ArcLengthPoint) -> None:
+        """Append a singular point with its mode, the eigenvector of the smallest eigenvalue of the equilibrated tangent."""
         scale = equilibration(0.5 * (at.K + at.K.T))
         values, vectors = np.linalg.eigh(0.5 * (at.K + at.K.T) * np.outer(scale, scale))
         least = int(np.argmin(np.abs(values)))
@@ -406,7 +408,7 @@ class PathContinuation:
     ) -> None:
         """Follow the path from `at` along `direction` to the parameter `until`, with a first step of length `arc`.
 
-        It stops at the singular point that makes them `max_singular_points`.
+        It stops once `max_singular_points` limit points and bifurcations have been found, or after `max_steps` steps.
         """
         self.stop_reason = self._follow(at, direction, until, arc, max_steps, max_singular_points)
 
@@ -473,8 +475,8 @@ def require_start(at: ArcLengthPoint | None) -> ArcLengthPoint:
 def follow_by_arc_length(
     model: Model, parameter: PathParameter, motion: State, *, max_singular_points: float = math.inf
 ) -> PathContinuation:
-    """Follow the path from the equilibrium `motion` at parameter 0 to 1, or to the singular point that makes them
-    `max_singular_points`.
+    """Follow the path from the equilibrium `motion` at parameter 0 to 1, or until `max_singular_points` limit points
+    and bifurcations have been found.
 
     Raises ConvergenceError where the start is no equilibrium.
     """

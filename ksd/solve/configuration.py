@@ -449,7 +449,7 @@ class Configuration(NotebookTables):
         )  # fmt: skip
 
     def stress(self, *, points: int = 25) -> Stress:
-        """Stress [Pa] of every leaf at `points` stations (of a chain: at both ends of every element).
+        """Stress [Pa] of every leaf at `points` stations (of a chain: at its nodes).
 
         Raises SceneError for reduced solids.
         """

@@ -117,7 +117,7 @@ def _error_of_solids(pose: Configuration, own: ErrorEstimate) -> ErrorEstimate:
 
 
 def _unknown_error(pose: Configuration) -> ErrorEstimate:
-    """The estimate where the error is not known, that of the mesh neither."""
+    """Error estimate where neither the error nor its part from the mesh is known: all inf."""
     return ErrorEstimate.unknown(len(pose.model.drive_names), mesh=math.inf)
 
 
@@ -219,6 +219,7 @@ def with_error(pose: Configuration, question: Callable[[Configuration], Any]) ->
 
 
 def _absolute_change(one: Any, other: Any) -> Any:
+    """Absolute difference of two answers, numbers or arrays."""
     change = np.abs(np.asarray(other, float) - np.asarray(one, float))
     return float(change) if change.ndim == 0 else change
 

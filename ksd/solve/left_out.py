@@ -48,14 +48,16 @@ class LeftOut(NamedAnswerTable[dict[str, float]]):
 
 
 def _percents(changes: Mapping[str, float]) -> list[str]:
+    """Table cells [%] of the changes of the COMPARED quantities."""
     return [format_signed_percent(100.0 * changes[what]) if what in changes else "-" for what in COMPARED]
 
 
 def left_out(pose: Configuration) -> LeftOut:
     """Signed relative changes by effect that is left out and that some leaf could have.
 
-    "force": of the largest drive force; "displacement": of the largest link displacement; "support_stiffness": of the
-    softest one of the first driven link. Empty where nothing converged, and with solids.
+    "force": largest change of a drive force, relative to the largest force; "displacement": of the largest link
+    displacement; "support_stiffness": of the softest one of the first driven link. Empty where nothing converged, and with
+    solids.
     """
     model, motion = pose.unreduced_state
     if not pose.converged or SOLID in model.kinds:
@@ -122,4 +124,5 @@ def _changes(
 
 
 def _ratio(change: float, whole: float) -> float:
+    """Relative change; 0 where the whole is zero or infinite."""
     return float(change / whole) if whole > 0.0 and np.isfinite(whole) else 0.0

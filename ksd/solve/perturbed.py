@@ -87,7 +87,8 @@ def parameters_of(
     """The parameters named in `by`: of `at_design`, drives, and components of loads ("payload_force_z", "payload_moment_x").
 
     Without `by` all numbers of the design, without a design all drives. scene, targets: at which gradients are taken; size
-    [m]: of the mechanism, the scale of a length of zero that `sizes` does not name. Raises SceneError for unknown names.
+    [m]: of the mechanism, the scale of a design number or displacement of zero that `sizes` does not name. Raises
+    SceneError for unknown names.
     """
     found: dict[str, GradientParameter] = {}
     given = {} if at_design is None else dict(at_design)
@@ -375,6 +376,7 @@ def answer_derivatives(
 
 
 def _difference(plus: Any, minus: Any, width: float) -> Any:
+    """Difference quotient of two answers (numbers, arrays, or mappings of them) at parameters `width` apart."""
     if isinstance(plus, Mapping):
         return {k: _difference(v, minus[k], width) for k, v in plus.items()}
     found = (np.asarray(plus, float) - np.asarray(minus, float)) / width

@@ -59,6 +59,7 @@ def _title(words: str) -> Any:
 
 
 def _head(d: dict[str, Any]) -> Any:
+    """Heading: the mechanism, whether it is solved and by which method, and its leaf model."""
     from rich.text import Text
 
     done = "solved" if d["converged"] else "NOT SOLVED"
@@ -67,6 +68,7 @@ def _head(d: dict[str, Any]) -> Any:
 
 
 def _steps(d: dict[str, Any]) -> Any:
+    """Table of the steps of the solve."""
     table = _table("step", "iterations", "time\n[us]", "residual\n/ bound", "<stopped\nbecause", "<note")
     for s in d["steps"]:
         why = _STOPS[s["stop"]]

@@ -282,8 +282,8 @@ def _dead_centre(model: Model, state: State) -> tuple[str, ...]:
     unactuated.multiplier[:] = 0.0
     actuation = Actuation(model)
     actuation(unactuated)
-    ways = actuation.gradients.reshape(model.links - 1, 6, -1).copy()
-    ways[:, 3:] /= model.arrays.size
+    gradients = actuation.gradients.reshape(model.links - 1, 6, -1).copy()
+    gradients[:, 3:] /= model.arrays.size
     driven = {t.link for d in (model.said or model.scene).drives for t in d.terms}
     names = model.scene.links[1:]
     free = [k for k, name in enumerate(names) if name in hinged and name not in driven]
@@ -293,7 +293,7 @@ def _dead_centre(model: Model, state: State) -> tuple[str, ...]:
     if model.scene.plane is not None:
         normal = np.asarray(plane_normal(model.scene.plane)) != 0.0
         axes = np.append(~normal, normal)
-    constraints = ways[free][:, axes].reshape(len(free) * int(axes.sum()), -1).T
+    constraints = gradients[free][:, axes].reshape(len(free) * int(axes.sum()), -1).T
     _, sizes, motions = np.linalg.svd(constraints)
     if len(sizes) == constraints.shape[1] and sizes[-1] > DEAD_CENTRE_RATIO * sizes[0]:
         return ()

@@ -377,6 +377,7 @@ class Solver:
         relinearisations: int,
         estimate: bool,
     ) -> Configuration:
+        """Solve by a method, or when None by the cheapest one; target values and options as in `ksd.solve`."""
         if method is None:
             return self._cheapest(values, accuracy)
         if method == "conventional":

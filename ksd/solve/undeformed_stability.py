@@ -95,12 +95,12 @@ def _instability(model: Model, causes: tuple[str, ...], factor: float) -> tuple[
 
 def _causes(model: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Causes of strain in the undeformed configuration, in words: internal ones, and loads."""
-    springs, said = _preloaded_springs(model), model.said or model.scene
+    springs, scene = _preloaded_springs(model), model.said or model.scene
     stressed = any(f.condition is not None for f in model.scene.leaf_names().values())
     inner = {
         f"the preload of {', '.join(springs)}": springs,
-        "heat": stressed and said.heats,
-        f"the fit of {', '.join(repr(fit.leaf) for fit in said.fits)}": stressed and said.fits,
+        "heat": stressed and scene.heats,
+        f"the fit of {', '.join(repr(fit.leaf) for fit in scene.fits)}": stressed and scene.fits,
     }
     loads = {"loads": len(model.arrays.loads.node), "weight": len(model.arrays.weight)}
     return tuple(c for c, there in inner.items() if there), tuple(c for c, there in loads.items() if there)

@@ -105,6 +105,7 @@ def _mode_swing(
     still = replace(pose, model=found.model, method_was_chosen=False)
 
     def swing(share: float) -> Configuration:
+        """The pose displaced by `share` (-1 to 1) of the amplitude of the mode."""
         return replace(still, motion=found.moved(row, unit * share))
 
     title = f"mode {row + 1}, {found.names[row]}: {found.frequency_Hz[row]:.4g} Hz, amplitude for the eye"
@@ -124,6 +125,7 @@ def _mode_row(modes: Any, mode: int | str) -> int:
 
 
 def _gif_path(path: str | os.PathLike[str]) -> Path:
+    """The path of an animation; raises SceneError where it is not a .gif or cannot be written."""
     target = Path(path)
     if target.suffix.lower() != ".gif":
         raise SceneError(f"animation '{target}': write it as .gif")
@@ -144,7 +146,7 @@ def _write_frames(
     from PIL import Image
 
     shapes = [c.shape() for c in order]
-    # one eye for all frames
+    # the same viewing direction in all frames
     camera = camera_of(shapes[len(shapes) // 2], view, plane=mechanism_plane(order[0]))
     low, high = _common_window(shapes, camera)
     wide, tall = high - low
@@ -154,8 +156,8 @@ def _write_frames(
     frames = []
     for c in order:
         axes.clear()
-        said: dict[str, Any] = {} if title is None else {"title": title, "labels": False}
-        plot_mechanism(c, axes=axes, view=camera, **said)
+        options: dict[str, Any] = {} if title is None else {"title": title, "labels": False}
+        plot_mechanism(c, axes=axes, view=camera, **options)
         axes.set_xlim(low[0], high[0])
         axes.set_ylim(low[1], high[1])
         without_math_text(figure)

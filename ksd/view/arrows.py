@@ -33,15 +33,14 @@ its axis, and tangent of that angle below which an arrow is drawn as a point."""
 def draw_arrows(
     axes: Any, configuration: Any, shape: Any, camera: Camera, *, size: float, labels: bool
 ) -> Array:
-    """Draw drives and loads with what they are; returns points (n, 2) [mm] along them that no label should cover."""
+    """Draw drives and loads with their names and values; returns points (n, 2) [mm] along them that no label may cover."""
     busy = [np.zeros((0, 2))]
     for driven in shape.driven:
         value, place = configuration.targets[driven.name], camera.flat(driven.place)
         if driven.kind == "translation":
-            way = value * driven.direction
-            start, end = driven.rest, driven.rest + way
+            start, end = driven.rest, driven.rest + value * driven.direction
             if abs(value) < MIN_DRIVE_ARROW * size:
-                # too short to be seen: pushed from outside
+                # too short to be seen: an arrow of the smallest length that ends at the point
                 start, end = (
                     driven.place - np.sign(value or 1.0) * MIN_DRIVE_ARROW * size * driven.direction,
                     driven.place,
@@ -85,10 +84,10 @@ def _draw_load(axes: Any, load: Any, camera: Camera, size: float, *, labels: boo
     else:
         axes.plot(*place, marker="o", markersize=6, color=TEXT_COLOR, zorder=6)
     if labels:
-        said = amount_with_unit(amount, unit)
+        text = amount_with_unit(amount, unit)
         _label(
             axes,
-            said if load.kind == "mass" else f"{load.name}: {said}",
+            text if load.kind == "mass" else f"{load.name}: {text}",
             tip,
             TEXT_COLOR if load.kind == "mass" else LOAD_COLOR,
         )
@@ -99,34 +98,35 @@ def draw_distances(axes: Any, shape: Any, camera: Camera, *, labels: bool) -> Ar
     """Draw distances of the scene: both points, and a thin line along the direction of measurement, with its value; returns
     points (n, 2) [mm] that no label should cover."""
     busy = [np.zeros((0, 2))]
-    for asked in shape.distances:
-        start, end = asked.ends
-        value = float((end - start) @ asked.direction)
-        line = camera.flat(np.stack([start, start + value * asked.direction, end]))
+    for distance in shape.distances:
+        start, end = distance.ends
+        value = float((end - start) @ distance.direction)
+        line = camera.flat(np.stack([start, start + value * distance.direction, end]))
         axes.plot(*line[:2].T, color=TEXT_COLOR, linewidth=0.7, zorder=4.5, gid="distance")
         axes.plot(*line[1:].T, color=TEXT_COLOR, linewidth=0.7, linestyle=":", zorder=4.5)
         axes.plot(*line[[0, 2]].T, "x", color=TEXT_COLOR, markersize=5, zorder=6)
         busy += [line, np.linspace(line[0], line[1], 25)]
         if labels:
-            said = f"{asked.name}: {value_with_unit(value, 'translation')}"
-            _label(axes, said, line[:2].mean(axis=0), TEXT_COLOR)
+            text = f"{distance.name}: {value_with_unit(value, 'translation')}"
+            _label(axes, text, line[:2].mean(axis=0), TEXT_COLOR)
     return np.concatenate(busy)
 
 
 def _draw_arrow_in_space(axes: Any, camera: Camera, start: Array, end: Array, color: str) -> None:
     """Draw an arrow in space [m]; along the viewing direction, a circle with a dot (toward the eye) or cross (away)."""
-    way = (end - start) @ camera.toward
-    if np.linalg.norm(camera.flat(end - start)) > 1e3 * EDGE_ON_COSINE * abs(way):
+    depth = (end - start) @ camera.toward
+    if np.linalg.norm(camera.flat(end - start)) > 1e3 * EDGE_ON_COSINE * abs(depth):
         _draw_arrow(axes, camera.flat(start), camera.flat(end), color)
         return
-    look = {"color": color, "linestyle": "none", "zorder": 6.5}
-    axes.plot(*camera.flat(end), "o", markersize=9, markerfacecolor="white", **look)
-    axes.plot(*camera.flat(end), marker="." if way > 0.0 else "x", markersize=5, **look)
+    style = {"color": color, "linestyle": "none", "zorder": 6.5}
+    axes.plot(*camera.flat(end), "o", markersize=9, markerfacecolor="white", **style)
+    axes.plot(*camera.flat(end), marker="." if depth > 0.0 else "x", markersize=5, **style)
 
 
 def _draw_arrow(axes: Any, start: Array, end: Array, color: str) -> None:
-    look = {"arrowstyle": "-|>", "color": color, "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0}
-    axes.annotate("", end, start, zorder=5, arrowprops=look)
+    """Draw an arrow between two points (2,) [mm] of the picture."""
+    style = {"arrowstyle": "-|>", "color": color, "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", end, start, zorder=5, arrowprops=style)
     # an annotation alone does not widen the axes
     axes.update_datalim([start, end])
 
@@ -146,7 +146,7 @@ def _draw_rotation(axes: Any, camera: Camera, place: Array, axis: Array, size: f
     second, radius = np.cross(axis, first), ROTATION_RADIUS * size
     angles = np.linspace(-0.25 * np.pi, 1.15 * np.pi, 40)[:, None]
     rays = np.cos(angles) * first + np.sin(angles) * second
-    # as large as the ring it belongs to, which in a small picture is shorter than matplotlib's arrow heads
+    # sized relative to the ring, which in a small picture is smaller than matplotlib's arrow heads
     head = np.array([rays[-1] * 1.35, np.cross(axis, rays[-1]) * HEAD_RATIO + rays[-1], rays[-1] * 0.65])
     flat = camera.flat(place + radius * np.concatenate([rays, head]))
     axes.plot(*flat[: len(rays)].T, color=color, linewidth=1.4, zorder=5, solid_capstyle="butt")
@@ -154,9 +154,10 @@ def _draw_rotation(axes: Any, camera: Camera, place: Array, axis: Array, size: f
     return flat
 
 
-def _label(axes: Any, said: str, tip: Array, color: str) -> None:
+def _label(axes: Any, text: str, tip: Array, color: str) -> None:
+    """Write a label beside the point `tip` (2,) [mm]."""
     axes.annotate(
-        said,
+        text,
         tip,
         (8, 6),
         textcoords="offset points",
@@ -178,11 +179,11 @@ def draw_springs(axes: Any, shape: Any, camera: Camera, size: float) -> None:
             )
         else:
             start, end = camera.flat(spring.ends)
-            way = end - start
-            across = np.array([-way[1], way[0]]) / max(float(np.linalg.norm(way)), 1e-12)
-            # coils of one size, however long it is
-            turns = int(np.clip(0.6 * np.linalg.norm(way) / (1e3 * COIL_SIZE * size), 3, 40))
+            span = end - start
+            across = np.array([-span[1], span[0]]) / max(float(np.linalg.norm(span)), 1e-12)
+            # coils of the same size in springs of any length
+            turns = int(np.clip(0.6 * np.linalg.norm(span) / (1e3 * COIL_SIZE * size), 3, 40))
             share = np.concatenate([[0.0], np.linspace(0.2, 0.8, 2 * turns + 2), [1.0]])
             side = np.concatenate([[0.0, 0.0], np.tile([1.0, -1.0], turns), [0.0, 0.0]])
-            line = start + share[:, None] * way + 1e3 * COIL_SIZE * size * side[:, None] * across
+            line = start + share[:, None] * span + 1e3 * COIL_SIZE * size * side[:, None] * across
         axes.plot(*line.T, color=TEXT_COLOR, linewidth=1.0, zorder=4.5, gid="spring")

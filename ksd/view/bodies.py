@@ -114,6 +114,7 @@ def convex_parts(block: Any, found: list[Pad], size: float) -> list[Array]:
 
 
 def _shrunk(corners: Array) -> Array:
+    """Corners of a pad scaled about their mean by WEB_WIDTH_RATIO, for the web between pads."""
     middle = corners.mean(axis=0)
     drawn: Array = middle + WEB_WIDTH_RATIO * (corners - middle)
     return drawn
@@ -140,10 +141,10 @@ def hull_faces(points: Array, half: float, color: Any, *, edge: Any) -> list[Pol
         Polygon(around[corners], color, out, body=True)
         for corners, out in zip(hull.simplices, normals, strict=True)
     ]
-    for k, (corners, beside) in enumerate(zip(hull.simplices, hull.neighbors, strict=True)):
-        for i, j in enumerate(beside):
+    for k, (corners, neighbours) in enumerate(zip(hull.simplices, hull.neighbors, strict=True)):
+        for i, j in enumerate(neighbours):
             if k < j and normals[k] @ normals[j] < SHARP_EDGE_COSINE:
-                # seen with either of its faces
+                # drawn with each of its two faces, of which one may be hidden
                 line = around[np.delete(corners, i)]
                 found += [Polygon(line, edge, normals[n], 0.7, body=True) for n in (k, j)]
     return found
@@ -166,7 +167,7 @@ def leaf_faces(leaf: Any, colors: Any, *, line: float) -> list[Polygon]:
         ]  # fmt: skip
     for a, b, out in strips:
         quads = np.stack([a[:-1], a[1:], b[1:], b[:-1]], axis=1)
-        # shading would change what a colour says
+        # colours that show a value are not shaded
         found += [
             Polygon(quad, color, out[k] if light else None, line)
             for k, (quad, color) in enumerate(zip(quads, each, strict=True))
@@ -179,10 +180,10 @@ def with_fewer_stations(leaf: Any) -> Any:
     turns = leaf.axes[:-1].transpose(0, 2, 1) @ leaf.axes[1:]
     angle = np.arccos(np.clip(0.5 * (np.trace(turns, axis1=1, axis2=2) - 1.0), -1.0, 1.0))
     so_far = np.concatenate([[0.0], np.cumsum(angle)])
-    wanted = np.linspace(0.0, so_far[-1], int(np.ceil(so_far[-1] / MAX_TURN_BETWEEN_STATIONS)) + 1)
-    kept = np.unique([0, *np.searchsorted(so_far, wanted[:-1]), len(so_far) - 1])
+    turns_wanted = np.linspace(0.0, so_far[-1], int(np.ceil(so_far[-1] / MAX_TURN_BETWEEN_STATIONS)) + 1)
+    stations = np.unique([0, *np.searchsorted(so_far, turns_wanted[:-1]), len(so_far) - 1])
     keys = ("s", "rest", "place", "rest_axes", "axes", "width", "thickness")
-    return replace(leaf, **{key: getattr(leaf, key)[kept] for key in keys})
+    return replace(leaf, **{key: getattr(leaf, key)[stations] for key in keys})
 
 
 def facing_camera(leaf: Any, camera: Camera) -> Any:
@@ -246,11 +247,11 @@ def _hatched_line(corners: Array, back: Array, size: float, camera: Camera) -> l
     middle = corners.mean(axis=0)
     along = np.cross(camera.toward, back)
     if camera.plane is None and len(corners) > 1:
-        # of the sides of the outline, the one toward the eye with the largest strip behind it as seen
+        # the side of the outline that faces the camera most (below a visible back: that faces downward most)
         sides = [(a, b, np.cross(b - a, back)) for a, b in permutations(corners, 2)]
         outer = [side for side in sides if ((corners - side[0]) @ side[2]).max() <= 1e-9 * size**2]
-        way = -camera.up if back @ camera.toward > VISIBLE_BACK_COSINE else camera.toward
-        a, b, out = max(outer, key=lambda side: float(side[2] @ way))
+        preferred = -camera.up if back @ camera.toward > VISIBLE_BACK_COSINE else camera.toward
+        a, b, out = max(outer, key=lambda side: float(side[2] @ preferred))
         corners, middle, along = np.stack([a, b]), 0.5 * (a + b), a - b
         if back @ camera.toward > VISIBLE_BACK_COSINE:
             back = out / np.linalg.norm(out)

@@ -33,9 +33,9 @@ def plot_cost(axes: Any, marks: Sequence[Mark], *, title: str = "") -> None:
         x, y = [1e6 * m.time for m in mine], [100 * m.error for m in mine]
         axes.plot(x, y, linestyle="none", label=label, zorder=3, **style)
         for row in shared_label_rows(mine):
-            place, said = (1e6 * row[-1].time, 100 * row[-1].error), "; ".join(m.name for m in row)
+            place, text = (1e6 * row[-1].time, 100 * row[-1].error), "; ".join(m.name for m in row)
             axes.annotate(
-                said, place, (9, 0), textcoords="offset points", fontsize=8, color=TEXT_COLOR, va="center"
+                text, place, (9, 0), textcoords="offset points", fontsize=8, color=TEXT_COLOR, va="center"
             )
     _format_axes(axes, marks)
     axes.set_xlabel("thread time of a solve [\N{MICRO SIGN}s]")

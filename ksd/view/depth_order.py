@@ -38,7 +38,7 @@ def back_to_front(polygons: list[Polygon], toward: Array, *, close: float) -> li
                 np.where(high > close, CROSSING, BEHIND),
                 np.where(high > close, IN_FRONT, IN_PLANE),
             )
-            # bent a little, it is not cut by a plane of its own
+            # a polygon that is not quite flat is not cut by its own plane
             side[chosen] = IN_PLANE
             uneven = abs(int((side == IN_FRONT).sum()) - int((side == BEHIND).sum()))
             if (now := CUT_COST * int((side == CROSSING).sum()) + uneven) < cost:

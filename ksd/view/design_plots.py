@@ -50,11 +50,11 @@ def draw_designs(
     *,
     best: Array | None = None,
 ) -> None:
-    """Designs (n, P) as lines across an axis per parameter, from its least to its most; the better the darker. best (P,):
-    drawn thick."""
+    """Designs (n, P) as lines across one axis per parameter, from its lower to its upper bound; better designs are
+    darker. best (P,): drawn thick."""
     share = (designs - bounds[:, 0]) / np.diff(bounds)[:, 0]
     span = np.ptp(merits) if len(merits) else 0.0
-    # a line alone, or one as good as all others, is the best
+    # a single line, or lines of equal merit, are as dark as the best
     shades = (merits - merits.min()) / span if span > 0.0 else np.ones(len(merits))
     for k in np.argsort(merits):
         axes.plot(range(len(names)), share[k], color=color_map()(shades[k]), linewidth=1.2)
@@ -65,8 +65,8 @@ def draw_designs(
         axes.axvline(k, color=FAINT_COLOR, linewidth=0.8, zorder=1)
         ends = ((low, -0.03, "top"), (high, 1.03, "bottom"))
         for value, place, side in ends:
-            said = parameter_with_unit(name, value, most=high, digits=3)
-            axes.annotate(said, (k, place), ha="center", va=side, color=TEXT_COLOR, fontsize=7)
+            text = parameter_with_unit(name, value, most=high, digits=3)
+            axes.annotate(text, (k, place), ha="center", va=side, color=TEXT_COLOR, fontsize=7)
     slanted = max(map(len, names)) > MAX_STRAIGHT_LABEL and len(names) > 2
     axes.set_xticks(
         range(len(names)), names, fontsize=8, **({"rotation": 20, "ha": "right"} if slanted else {})

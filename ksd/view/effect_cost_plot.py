@@ -38,9 +38,9 @@ def plot_effect_cost(
     right.axvline(0.0, color=TEXT_COLOR, linewidth=0.9)
     right.set_xlabel("change of solve time [%]")
     for row, name, one, why in zip(y, names, kept, reasons, strict=True):
-        said = f"{name}, {'simulated' if one else 'left out'}: {why}"
+        text = f"{name}, {'simulated' if one else 'left out'}: {why}"
         left.annotate(
-            said, (0.0, row + 0.34), (2, 1), xycoords=("axes fraction", "data"), textcoords="offset points", fontsize=8,
+            text, (0.0, row + 0.34), (2, 1), xycoords=("axes fraction", "data"), textcoords="offset points", fontsize=8,
             color=TEXT_COLOR, va="bottom", annotation_clip=False, bbox=LABEL_BACKGROUND,
         )  # fmt: skip
     left.set_yticks(y, [""] * len(y))

@@ -152,8 +152,8 @@ def label_with_value(label: str, value: float) -> str:
 
 
 def parameter_with_unit(name: str, value: float, *, most: float | None = None, digits: int = 4) -> str:
-    """A design parameter with its unit, if its name tells one and neither it nor `most`, the largest beside it, is too large
-    for that."""
+    """A design parameter with its unit, if its name implies one, and if neither it nor `most`, the largest value shown with
+    it, is too large for that unit."""
     kind = re.split(r"[_.]", name)[-1].partition("[")[0]
     largest = _LARGEST_IN_UNITS.get(kind, _LARGEST_IN_UNITS.get(kind.removesuffix("s")))
     if largest is None or not max(abs(value), abs(most or 0.0)) <= largest:

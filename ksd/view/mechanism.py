@@ -73,8 +73,8 @@ MAX_VISIBLE_TURN = np.deg2rad(6.0)
 def mechanism_plane(configuration: Any) -> str | None:
     """The coordinate plane of a planar mechanism, else None."""
     found = plane_of(configuration.model)
-    said: str | None = configuration.model.scene.plane
-    return said or (("yz", "xz", "xy")[found.axis] if isinstance(found, Plane) else None)
+    plane: str | None = configuration.model.scene.plane
+    return plane or (("yz", "xz", "xy")[found.axis] if isinstance(found, Plane) else None)
 
 
 def smooth_shape(configuration: Configuration) -> Any:
@@ -134,15 +134,15 @@ def plot_mechanism(
         _draw_names(axes, shape, camera)
     if not camera.plane and (own or labels):
         _draw_triad(axes, shape, camera, size, busy)
-    said = title if title is not None else _caption(configuration)
+    caption = title if title is not None else _caption(configuration)
     if own:
-        said = _resize_figure(axes, said, bar=0.0 if heat is None else 1.0)
+        caption = _resize_figure(axes, caption, bar=0.0 if heat is None else 1.0)
     if heat is not None:
         heat.bar(axes, shrink=0.8, aspect=30, pad=0.02)
-    _format_axes(axes, camera, size, said)
+    _format_axes(axes, camera, size, caption)
     if own and labels:
         lines = [leaf.place for leaf in shape.leaves]
-        # edges of bodies and strokes of ground
+        # edges of bodies and hatching of ground, the polygons of two corners
         lines += [np.linspace(p.corners[0], p.corners[1], 12) for p in drawn if len(p.corners) == 2]
         separate_labels(axes, busy, camera.flat(np.concatenate([np.zeros((0, 3)), *lines])))
     figure: Figure = axes.figure  # type: ignore[assignment]
@@ -150,6 +150,7 @@ def plot_mechanism(
 
 
 def _caption(configuration: Any) -> str:
+    """Default title of a picture."""
     return f"{configuration.model.scene.name}, {configuration.method}; undeformed in grey"
 
 
@@ -160,7 +161,7 @@ def _resize_figure(axes: Any, title: str, *, bar: float) -> str:
     ends = np.array([axes.get_xlim(), axes.get_ylim()])
     spans = np.diff(ends)[:, 0]
     scale = min(np.array([MAX_AXES_WIDTH, MAX_AXES_HEIGHT]) / spans)
-    # what is slender in the picture still needs room for words
+    # a slender picture still needs room for labels
     inches = np.maximum(scale * spans, (MIN_AXES_WIDTH, MIN_AXES_HEIGHT))
     more = 0.5 * (inches / scale - spans)
     axes.set_xlim(ends[0, 0] - more[0], ends[0, 1] + more[0])
@@ -179,7 +180,7 @@ def _polygons(shape: Any, camera: Camera, size: float, heat: StressColors | None
         pale, edge = blended(color, 0.45), blended(color, 0.0)
         pieces = convex_parts(block, clamped, size)
         for k, points in enumerate(pieces):
-            # the web, the last, ends within the pads
+            # the web, which is the last piece, is thinner, so that it ends within the pads
             half = PAD_HALF_THICKNESS * size * (0.8 if 0 < k == len(pieces) - 1 else 1.0)
             found += hull_faces(points, half, pale, edge=edge)
         if block.name == "ground":
@@ -187,7 +188,7 @@ def _polygons(shape: Any, camera: Camera, size: float, heat: StressColors | None
             found += [Polygon(line, GROUND_COLOR, None, 0.9) for line in lines]
     for whole in shape.leaves:
         leaf = whole if heat or camera.plane or has_varying_thickness(whole) else with_fewer_stations(whole)
-        # a cut is seen whole: pale, or its outline is lost
+        # a face of varying thickness is pale, or its outline could not be seen
         plain = LEAF_COLOR if not has_varying_thickness(leaf) else blended(LEAF_COLOR, 0.45)
         drawn = plain if heat is None else heat.between(leaf.name)
         found += leaf_faces(
@@ -208,7 +209,7 @@ def draw_polygons(axes: Any, polygons: list[Polygon], camera: Camera) -> None:
 
     shown = [p for p in polygons if not p.body or p.normal is None or p.normal @ camera.toward > -1e-9]
     size = float(np.ptp(np.concatenate([p.corners for p in shown]), axis=0).max())
-    # onto a plane leaf springs are lines, and seen
+    # in a planar view leaf springs are lines, drawn over the bodies
     first = [p for p in shown if p.body or not camera.plane]
     last = [p for p in shown if not p.body and camera.plane]
     last.sort(key=lambda p: float(p.corners.mean(axis=0) @ camera.toward))
@@ -309,6 +310,7 @@ def _ground_name_position(pad: Pad, camera: Camera) -> tuple[Array, int, str]:
 
 
 def _format_axes(axes: Any, camera: Camera, size: float, title: str) -> None:
+    """Set the title and, in a planar view, axis labels in mm or, for a small mechanism, in µm; size [m]."""
     axes.set_title(title, fontsize=10, color=TEXT_COLOR, loc="left")
     if camera.plane is None:
         axes.set_axis_off()
@@ -328,13 +330,13 @@ def _draw_triad(axes: Any, shape: Any, camera: Camera, size: float, busy: Array)
     length = max(step * digit for step in (1, 2, 5) if step * digit <= 0.16 * size)
     tips = camera.flat(length * np.eye(3))
     low, high = (1.3 * end for end in (np.minimum(tips.min(axis=0), 0.0), np.maximum(tips.max(axis=0), 0.0)))
-    # room for the letters, and for the words below
+    # room for the axis names, and for the length below
     low -= 1e3 * length * np.array([0.15, 0.55])
     high += 1e2 * length
     axes.autoscale_view()
     ends = np.array([axes.get_xlim(), axes.get_ylim()])
     drawn = [line for leaf in shape.leaves for line in (leaf.rest, leaf.place)]
-    # bodies reach from point to point
+    # points between those of a block, since its body covers them too
     drawn += [
         (share * points[:, None] + (1.0 - share) * points).reshape(-1, 3)
         for block in shape.blocks for points in (block.rest, block.place) for share in np.linspace(0.0, 0.5, 6)
@@ -344,19 +346,19 @@ def _draw_triad(axes: Any, shape: Any, camera: Camera, size: float, busy: Array)
     corners = np.array([(left, bottom), (right, bottom), (left, top), (right, top)])
     gap = 3e2 * length
     free = [not ((taken > c + low - gap) & (taken < c + high + gap)).all(axis=1).any() for c in corners]
-    beside = np.ptp(ends[0]) / MAX_AXES_WIDTH < np.ptp(ends[1]) / MAX_AXES_HEIGHT
-    outside = (right + (high - low)[0], bottom) if beside else (left, bottom - (high - low)[1])
+    is_tall = np.ptp(ends[0]) / MAX_AXES_WIDTH < np.ptp(ends[1]) / MAX_AXES_HEIGHT
+    outside = (right + (high - low)[0], bottom) if is_tall else (left, bottom - (high - low)[1])
     corner = corners[free.index(True)] if any(free) else np.array(outside)
     axes.update_datalim([corner + low, corner + high])
-    look = {"color": FAINT_COLOR, "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0}
+    style = {"color": FAINT_COLOR, "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0}
     for name, tip in zip("xyz", tips, strict=True):
         if np.linalg.norm(tip) > 0.1 * np.abs(tips).max():
-            arrow = {"arrowstyle": "-|>,head_width=0.15,head_length=0.35", **look}
+            arrow = {"arrowstyle": "-|>,head_width=0.15,head_length=0.35", **style}
             axes.annotate("", corner + tip, corner, arrowprops=arrow, zorder=2)
-            way = 7.0 * tip / np.linalg.norm(tip)
+            offset = 7.0 * tip / np.linalg.norm(tip)
             axes.annotate(
-                name, corner + tip, way, textcoords="offset points", ha="center", va="center", fontsize=8, color=FAINT_COLOR,
-                gid=FIXED_LABEL,
+                name, corner + tip, offset, textcoords="offset points", ha="center", va="center", fontsize=8,
+                color=FAINT_COLOR, gid=FIXED_LABEL,
             )  # fmt: skip
     ends = np.vstack([corner, corner + tips])
     words = {
@@ -366,5 +368,5 @@ def _draw_triad(axes: Any, shape: Any, camera: Camera, size: float, busy: Array)
         "color": FAINT_COLOR,
         "gid": FIXED_LABEL,
     }
-    said = f"{1e6 * length:g} µm" if size < MICROMETRE_SIZE else f"{1e3 * length:g} mm"
-    axes.annotate(f"axes: {said}", ends.min(axis=0), (-6, -12), **words)
+    length_text = f"{1e6 * length:g} µm" if size < MICROMETRE_SIZE else f"{1e3 * length:g} mm"
+    axes.annotate(f"axes: {length_text}", ends.min(axis=0), (-6, -12), **words)

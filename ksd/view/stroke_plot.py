@@ -126,6 +126,7 @@ def plot_stroke(
 
 
 def _stroke_column(table: Any) -> str:
+    """Default column of the horizontal axis: the drive, or else the label, with most different values."""
     usable = table.moving or table.labels
     counts = {n: len(set(table.columns[n])) for n in usable if not isinstance(table[n], list)}
     if not counts or max(counts.values()) < 2:
@@ -144,7 +145,7 @@ def _panels_to_draw(table: Any, questions: Sequence[str]) -> list[tuple[_Panel, 
         for panel in _PANELS[q]:
             matches = {c: re.fullmatch(panel.pattern, c) for c in table.columns}
             columns = {c: m.group(1).replace("_", " ") for c, m in matches.items() if m}
-            # what is zero throughout is drawn only when asked for
+            # columns that are zero throughout are drawn only on request
             least = 0.0 if questions else _MIN_PANEL_VALUE
             if columns and any(np.nanmax(np.abs(table[c]), initial=-1.0) >= least for c in columns):
                 mine.append((panel, columns))
@@ -164,9 +165,9 @@ def _groups(table: Any, over: str) -> dict[str, np.ndarray]:
     others = [n for n in still if len(set(table.columns[n])) > 1]
     named: dict[str, list[int]] = {}
     for k, row in enumerate(table.rows()):
-        said = ", ".join(row[n] if isinstance(row[n], str) else label_with_value(n, row[n]) for n in others)
-        named.setdefault(said, []).append(k)
-    return {said: np.array(rows) for said, rows in named.items()}
+        label = ", ".join(row[n] if isinstance(row[n], str) else label_with_value(n, row[n]) for n in others)
+        named.setdefault(label, []).append(k)
+    return {label: np.array(rows) for label, rows in named.items()}
 
 
 def _white_shares(count: int) -> Array:
@@ -177,25 +178,26 @@ def _white_shares(count: int) -> Array:
 def _draw_panel(
     axes: Any, table: Any, panel: _Panel, columns: dict[str, str], *, over: str, groups: Any
 ) -> None:
+    """Draw the curves of one panel, a cross for every failed pose, and its legend."""
     x = table[over]
-    # all panels alike, whatever they have no numbers for
+    # the same range in all panels, whichever values are missing in them
     low, high = float(np.nanmin(x)), float(np.nanmax(x))
     axes.set_xlim(low - 0.04 * (high - low), high + 0.04 * (high - low))
     largest = max(np.nanmax(np.abs(table[c])) for c in columns if np.isfinite(table[c]).any())
     noise = 0.0 if panel.log else _ZERO_SHARE * largest
-    # a single point is no line
+    # a single point makes no line
     shown = {c: n for c, n in columns.items() if np.sum(np.abs(table[c]) > noise) > 1}
     hidden = _covered_columns(table, shown)
     for color, (column, name) in zip(cycle(LINE_COLORS), (shown or columns).items(), strict=False):
-        for style, shade, (said, rows) in zip(
+        for style, shade, (label, rows) in zip(
             _line_styles(len(groups)), _white_shares(len(groups)), groups.items(), strict=True
         ):
             y = np.abs(table[column][rows]) if panel.magnitude else table[column][rows]
             y = np.where(y > 0, y, np.nan) if panel.log else y
-            last = said == next(reversed(groups))
+            last = label == next(reversed(groups))
             tone = blended(color, float(shade))
-            look = _COVERED_STYLE if column in hidden else {"linewidth": 1.6}
-            axes.plot(x[rows], y, style, color=tone, label=name if last else None, **look)
+            options = _COVERED_STYLE if column in hidden else {"linewidth": 1.6}
+            axes.plot(x[rows], y, style, color=tone, label=name if last else None, **options)
     bad = np.isin(np.arange(len(x)), [k for k, s in enumerate(table["status"]) if s != "ok"])
     if bad.any():
         mark = {"transform": axes.get_xaxis_transform(), "color": DRIVE_COLOR, "clip_on": False}
@@ -222,15 +224,16 @@ def _legend(axes: Any, count: int, log: bool, *, crowded: bool) -> None:
         room = 0.12 * -(-count // 3)
         axes.set_ylim(low, high * (high / low) ** room if log else high + room * (high - low))
     place = "upper center" if crowded else "best"
-    look = {"fontsize": 8, "framealpha": 0.8, "edgecolor": "none"}
-    axes.legend(ncols=3 if crowded else 1, loc=place, **look)
+    options = {"fontsize": 8, "framealpha": 0.8, "edgecolor": "none"}
+    axes.legend(ncols=3 if crowded else 1, loc=place, **options)
 
 
 def _format_panel(axes: Any, panel: _Panel, over: str) -> None:
+    """Set scale, labels, title and ticks of a panel; over: label of the horizontal axis."""
     if panel.log:
         axes.set_yscale("log")
         low, high = axes.get_ylim()
-        # within few decades these alone leave an axis without numbers
+        # powers of ten alone would leave an axis of few decades without numbers
         if high / low < 300:
             from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
 
@@ -261,11 +264,11 @@ def _draw_key(figure: Any, table: Any, groups: dict[str, np.ndarray]) -> None:
         every = zip(groups, _line_styles(len(groups)), _white_shares(len(groups)), strict=True)
         lines = [
             Line2D(
-                [], [], color=blended(GROUND_COLOR, float(shade)), linestyle=style, linewidth=1.6, label=said
+                [], [], color=blended(GROUND_COLOR, float(shade)), linestyle=style, linewidth=1.6, label=label
             )
-            for said, style, shade in every
+            for label, style, shade in every
         ]
-        # of many, a few from the first to the last
+        # of many designs, evenly spaced ones from the first to the last
         key = [
             lines[k]
             for k in sorted(
@@ -274,11 +277,11 @@ def _draw_key(figure: Any, table: Any, groups: dict[str, np.ndarray]) -> None:
         ]
     if table.failures:
         count = len(table.failures)
-        said = f"{count} pose{'s' * (count != 1)} without full answer"
-        key.append(Line2D([], [], color=DRIVE_COLOR, linestyle="none", marker="x", markersize=5, label=said))
+        label = f"{count} pose{'s' * (count != 1)} without full answer"
+        key.append(Line2D([], [], color=DRIVE_COLOR, linestyle="none", marker="x", markersize=5, label=label))
     if key:
         wide = max(1, int(figure.get_figwidth() / 0.078 / (7 + max(len(line.get_label()) for line in key))))
-        # a legend is filled by columns, and read by rows
+        # legends are filled column by column; reordered, the key reads row by row
         key = [line for k in range(wide) for line in key[k::wide]]
         figure.legend(handles=key, loc="outside upper left", ncols=wide, fontsize=8, frameon=False)
 

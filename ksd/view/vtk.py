@@ -57,7 +57,7 @@ class _Grid:
 def collect_cells(configuration: Any) -> _Grid:
     """Cells of the leaf springs and blocks of a configuration."""
     shape, grid = configuration.shape(), _Grid()
-    # beam theory says nothing of the stress in a solid
+    # beam theory gives no stress in a solid
     known = not configuration.model.solids
     stress = stress_along(configuration, shape) if known else {}
     for leaf in shape.leaves:

@@ -45,7 +45,7 @@ def show_mechanism(configuration: Configuration, path: str | os.PathLike[str] | 
     target = None if path is None else Path(path)
     if target is not None and check_picture(target).suffix.lower() != ".png":
         raise SceneError(f"picture '{target}': give a .png")
-    # its signatures are made at run time
+    # its signatures are generated at run time, so type checkers cannot use them
     pyvista: Any = library
     plotter = pyvista.Plotter(off_screen=target is not None, window_size=(1200, 900))
     plotter.set_background("white")
@@ -68,7 +68,7 @@ def _add_deformed(pyvista: Any, plotter: Any, configuration: Any) -> None:
     mesh = pyvista.UnstructuredGrid(cells, np.array(grid.kinds), 1e3 * np.concatenate(grid.points))
     mesh[STRESS_LABEL] = np.concatenate(grid.stress)
     rigid = np.array(grid.kinds) == pyvista.CellType.LINE
-    # upright at the side, where nothing of the mechanism is
+    # vertical, at the side, where it does not cover the mechanism
     bar = {
         "title": f"{STRESS_LABEL}\n",
         "color": TEXT_COLOR,
@@ -85,7 +85,7 @@ def _add_deformed(pyvista: Any, plotter: Any, configuration: Any) -> None:
         "n_labels": 4,
     }
     scale = [0.0, max(float(mesh[STRESS_LABEL].max()), 1e-9)]
-    # light would change what a colour says
+    # lighting would change colours that show a value
     plotter.add_mesh(
         mesh.extract_cells(~rigid),
         scalars=STRESS_LABEL,
@@ -113,6 +113,7 @@ def _outward_corners(polygon: Polygon) -> Array:
 
 
 def _add_undeformed(plotter: Any, configuration: Any) -> None:
+    """Add the outlines of the undeformed leaf springs."""
     for leaf in configuration.shape().leaves:
         low, high = (1e3 * e for e in edge_lines(leaf.rest, leaf.rest_axes, leaf.width))
         plotter.add_lines(
@@ -121,6 +122,7 @@ def _add_undeformed(plotter: Any, configuration: Any) -> None:
 
 
 def _add_axes(plotter: Any, camera: Camera) -> None:
+    """Add axes with labels [mm], and set the viewing direction."""
     plotter.show_axes()
     spans = np.ptp(np.reshape(plotter.bounds, (3, 2)), axis=1)
     titles = {"xtitle": "x [mm]", "ytitle": "y [mm]", "ztitle": "z [mm]"}
