@@ -400,7 +400,8 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     def random(self, count: int, seed: int = 0) -> Array:
         """Designs (count, P) within bounds and rules; the first is in the middle where it meets the rules.
 
-        Parameters with positive bounds are uniform in their logarithms. Raises SceneError where no rule is met.
+        Parameters with positive bounds are uniform in their logarithms. Raises SceneError where too few of
+        the designs that are tried meet all rules.
         """
         rng, designs = np.random.default_rng(seed), []
         positive = (self.bounds > 0.0).all(axis=1)
@@ -699,11 +700,11 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
             except SceneError as reason:
                 failures.append(str(reason))
         contents = (
-            self.questions, self.method, self.mesh, self.extrapolate, self.poses, self.loads, self.names,
+            self.method, self.mesh, self.extrapolate, self.poses, self.loads, self.names,
             [a.is_absolute for a in self.answers], [scene.fingerprint() for scene in scenes],
             record_hashes(scenes, self.method), failures,
         )  # fmt: skip
-        return f"{self.parameters} {contents!r}"
+        return f"{self.parameters} ({self.questions.fingerprint_text()}, {repr(contents)[1:]}"
 
 
 def _check_rules(rules: Any) -> tuple[Rule, ...]:

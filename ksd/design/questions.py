@@ -88,6 +88,14 @@ class Questions:
         link, point = default_point(scene)
         return link, self.at if self.at is not None else point
 
+    def fingerprint_text(self) -> str:
+        """Text of the questions in the fingerprint of a resume file; it must not change, or old files are refused."""
+        return (
+            f"Asked(questions={self.names!r}, link={self.link!r}, at={self.at!r}, freed={self.freed!r}, "
+            f"modes={self.modes!r}, points={self.points!r}, errors={self.errors!r}, every={self.detailed!r}, "
+            f"usual={self.is_default!r})"
+        )
+
 
 def check_questions(questions: Questions, scene: Any) -> None:
     """Raise SceneError where the options name a link, drive or support that the scene does not have."""

@@ -168,7 +168,7 @@ def sweep_paths(
 def fingerprint(paths: Sequence[SweepPath], recipe: Recipe) -> str:
     """Hash of everything the rows depend on."""
     records = record_hashes((path.scene for path in paths if path.scene is not None), recipe.method)
-    digest = hashlib.sha256(f"{recipe!r} {records}".encode())
+    digest = hashlib.sha256(f"{recipe.fingerprint_text()} {records}".encode())
     for path in paths:
         scene = path.failure if path.scene is None else path.scene.fingerprint()
         digest.update(f"{path.number} {dict(path.labels)} {scene} {path.drive_values}".encode())

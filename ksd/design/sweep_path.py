@@ -60,6 +60,14 @@ class Recipe:
     effects: tuple[tuple[str, Any], ...] = ()
     with_verdict: bool = True
 
+    def fingerprint_text(self) -> str:
+        """Text of the recipe in the fingerprint of a resume file; it must not change, or old files are refused."""
+        return (
+            f"Recipe(asked={self.questions.fingerprint_text()}, method={self.method!r}, accuracy={self.accuracy!r}, "
+            f"relinearisations={self.relinearisations!r}, mesh={self.mesh!r}, extrapolate={self.extrapolate!r}, "
+            f"effects={self.effects!r}, judged={self.with_verdict!r})"
+        )
+
 
 @dataclass(frozen=True)
 class SweepPath:

@@ -383,6 +383,15 @@ def test_a_failure_says_how_far_it_came():
     assert error_sentence(failed) == "no equilibrium (reached 25 % of the motion)"
 
 
+def test_the_text_in_fingerprints_is_that_of_resume_files_written_before():
+    recipe = sweep_path.Recipe(Questions(("stress",), detailed=True), method="full", with_verdict=False)
+    assert recipe.fingerprint_text() == (
+        "Recipe(asked=Asked(questions=('stress',), link=None, at=None, freed=None, modes=3, points=25, errors=False, "
+        "every=True, usual=False), method='full', accuracy=None, relinearisations=0, mesh=None, extrapolate=False, "
+        "effects=(), judged=False)"
+    )
+
+
 def test_a_pose_without_answers_leaves_those_of_the_poses_behind_it_where_they_are(monkeypatch):
     values = [{"top": 1e-3 * d} for d in (50, 100, 150)]
     path = sweep_path.SweepPath(0, {}, fourbar().scene(), tuple(values))
