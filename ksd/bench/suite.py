@@ -70,15 +70,15 @@ def hinge() -> tuple[Mechanism, Targets]:
     return scene, {"turn": 45 * deg}
 
 
-def fourbar(high: float) -> tuple[Mechanism, Targets]:
-    """Four cross flexures, joint centres `high` [m] apart, the top link moved by 0.3 m."""
+def fourbar(height: float) -> tuple[Mechanism, Targets]:
+    """Four cross flexures, joint centres `height` [m] apart along y, the top link moved by 0.3 m."""
     joint, scene = cross_flexure(), Mechanism("fourbar")
     left, top, right = scene.links("left", "top", "right")
     scene.join(scene.ground, left, joint, at=(-0.2, 0, 0), axis="z", toward="y")
-    scene.join(left, top, joint, at=(-0.2, high, 0), axis="z", toward="y")
-    scene.join(right, top, joint, at=(0.2, high, 0), axis="z", toward="y")
+    scene.join(left, top, joint, at=(-0.2, height, 0), axis="z", toward="y")
+    scene.join(right, top, joint, at=(0.2, height, 0), axis="z", toward="y")
     scene.join(scene.ground, right, joint, at=(0.2, 0, 0), axis="z", toward="y")
-    scene.actuate(top, along="x", at=(0, high + joint.length_AB, 0))
+    scene.actuate(top, along="x", at=(0, height + joint.length_AB, 0))
     return scene, {"top": FOURBAR_STROKE}
 
 
@@ -271,7 +271,7 @@ def leaf_meshes(case: Case, *, quick: bool) -> list[Mesh]:
 def five_step_variants(
     scene: Any, targets: Mapping[str, float], mesh: Mesh, *, extrapolate: bool = False
 ) -> list[Variant]:
-    """Every method of one prepared solver, without error estimates."""
+    """Every method of one prepared solver; "kinematic" and "reduced" without their error estimates."""
     solver = Solver(scene, mesh=mesh, extrapolate=extrapolate, planar=False)
     leaves, size = leaf_label(mesh), sum(mesh.orders) if mesh.leaf == "strain" else mesh.elements
 

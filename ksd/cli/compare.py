@@ -20,11 +20,11 @@ def run(options: argparse.Namespace) -> int:
     check_plot(options.plot)
     write = None if options.out is None else table_writer(options.out)
     scene, targets, written = load_with_options(options.scene, options.set)
-    asked = {key: getattr(options, key) or written.get(key) for key in ("effects", "with", "without")}
-    words = {key: value for key, value in effect_options(asked).items() if key != "accuracy"}
+    settings = {key: getattr(options, key) or written.get(key) for key in ("effects", "with", "without")}
+    effects = {key: value for key, value in effect_options(settings).items() if key != "accuracy"}
     table = compare(
         scene, targets, methods=options.method, elements=options.elements or written.get("elements") or 5,
-        extrapolate=bool(options.extrapolate or written.get("extrapolate")), progress=not options.quiet, **words,
+        extrapolate=bool(options.extrapolate or written.get("extrapolate")), progress=not options.quiet, **effects,
     )  # fmt: skip
     console().print(str(table), soft_wrap=True)
     if write is not None:

@@ -24,24 +24,24 @@ def run(options: argparse.Namespace) -> int:
     if not 2 <= options.poses <= 10_000:
         raise SceneError(f"--poses {options.poses}: between 2 and 10000 poses are possible")
     scene, targets, written = load_with_options(options.scene, options.set)
-    asked = merged_options(written, options)
+    settings = merged_options(written, options)
     target = Path(options.out or Path(options.scene).with_suffix(".html"))
     check_target(target, what="--out")
-    # a first solve: it raises the curvature modes where they are few, and loads kernels, which no time shown holds
-    mesh = solve_warm(scene, targets, asked).model.mesh
-    how = {
-        "method": asked["method"],
-        "accuracy": asked["accuracy"],
-        "relinearisations": asked["relinearisations"] or 0,
+    # a first solve raises the curvature modes where they are too few, and loads kernels, which the shown times exclude
+    mesh = solve_warm(scene, targets, settings).model.mesh
+    method = {
+        "method": settings["method"],
+        "accuracy": settings["accuracy"],
+        "relinearisations": settings["relinearisations"] or 0,
     }
-    solver = prepare(scene, mesh=mesh, extrapolate=bool(asked["extrapolate"]), **effect_options(asked))
-    pose = solver(targets, **how)
+    solver = prepare(scene, mesh=mesh, extrapolate=bool(settings["extrapolate"]), **effect_options(settings))
+    pose = solver(targets, **method)
     share = np.linspace(-1.0 if options.both else 0.0, 1.0, options.poses)
     with interrupt_message("interrupted; no report was written"):
         table = sweep(
             scene, {n: v * share for n, v in targets.items()}, together=True, progress=not options.quiet,
-            questions=_answerable_questions(scene, pose), extrapolate=bool(asked["extrapolate"]),
-            effects=solver.model.choice.present, **how,
+            questions=_answerable_questions(scene, pose), extrapolate=bool(settings["extrapolate"]),
+            effects=solver.model.choice.present, **method,
         )  # fmt: skip
     compared = [
         _compared_solve(f"{pose.method} (this report)", lambda: pose),
@@ -65,7 +65,7 @@ def _answerable_questions(scene: Any, pose: Any) -> tuple[str, ...]:
 
 
 def _compared_solve(name: str, solve: Any) -> Any:
-    """Drive force, first parasitic frequency and stress of one way to the pose."""
+    """Drive force, first parasitic frequency and stress of the pose that `solve` returns."""
     try:
         pose = solve()
         force = next(iter(pose.forces.values()), float("nan"))
@@ -75,6 +75,7 @@ def _compared_solve(name: str, solve: Any) -> Any:
 
 
 def _first_parasitic(pose: Any) -> float:
+    """First parasitic frequency [Hz] with all drives released; nan without one, for example where nothing has mass."""
     freed = pose.model.drive_names
     try:
         return float(pose.frequencies(count=2 + len(freed), freed=freed).first_parasitic_Hz)
@@ -84,7 +85,7 @@ def _first_parasitic(pose: Any) -> float:
 
 def _other_methods(solver: Any, targets: dict[str, float], pose: Any) -> list[Any]:
     """The same pose by the other methods, and with a finer mesh."""
-    found = [
+    others = [
         _compared_solve(m, lambda m=m: solver(targets, method=m, estimate=False))
         for m in ("reduced", "full", "conventional")
         if m != pose.method
@@ -92,17 +93,17 @@ def _other_methods(solver: Any, targets: dict[str, float], pose: Any) -> list[An
     mesh = solver.model.mesh
     if mesh.leaf == "strain":
         orders = tuple(min(n + 2, 12) for n in mesh.orders)
-        fine, said = (
+        fine, label = (
             replace(mesh, orders=orders, points=max(mesh.points, max(orders) + 3)),
             f"orders {orders}",
         )
     else:
         fine = replace(mesh, elements=2 * mesh.elements)
-        said = f"{fine.elements} elements per leaf"
+        label = f"{fine.elements} elements per leaf"
     return [
-        *found,
+        *others,
         _compared_solve(
-            f"conventional, {said}",
+            f"conventional, {label}",
             lambda: prepare(solver.model.said, mesh=fine, effects=solver.model.choice.present)(
                 targets, method="conventional"
             ),

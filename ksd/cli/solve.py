@@ -33,8 +33,8 @@ def run(options: argparse.Namespace) -> int:
     check_json(options.json)
     check_plot(options.plot, kinds=(".vtu",))
     scene, targets, written = load_with_options(options.scene, options.set)
-    asked = merged_options(written, options)
-    result = solve_warm(scene, targets, asked)
+    settings = merged_options(written, options)
+    result = solve_warm(scene, targets, settings)
     if options.json:
         write_json(result.as_dict(), options.json)
     if options.json != STDOUT:
@@ -48,62 +48,65 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def load_with_options(path: str, said: Sequence[str] = ()) -> tuple[Scene, dict[str, float], dict[str, Any]]:
-    """The scene of a file, its drive values (SI) with those said on the command line over them, and its [options].
+def load_with_options(
+    path: str, values: Sequence[str] = ()
+) -> tuple[Scene, dict[str, float], dict[str, Any]]:
+    """The scene of a file, its drive values (SI) replaced by those of the command line, and its [options].
 
-    Raises SceneError for what does not fit, an option of another type too.
+    values: drive values as text, such as "top=300mm". Raises SceneError for these, for an option of a wrong type, and for a
+    scene that is incomplete.
     """
     mechanism, targets, written = load_scene(path, option_names=tuple(OPTIONS))
     for key, value in written.items():
         kind = OPTIONS[key]
-        # a whole number is a fine accuracy, but true is not a number
+        # an accuracy may be a whole number, but True is none
         fits = isinstance(value, (int, float) if kind is float else kind)
         if not fits or (isinstance(value, bool) and kind is not bool):
             raise SceneError(f"[options] {key} = {value!r}: {_TYPE_NAMES[kind]} is needed")
     scene = mechanism.scene()
-    return scene, targets | dict(drive_value(scene, text) for text in said), written
+    return scene, targets | dict(drive_value(scene, text) for text in values), written
 
 
 def merged_options(written: dict[str, Any], options: argparse.Namespace) -> dict[str, Any]:
-    """What is asked of the solver, the command line over the file. SceneError for what does not fit together."""
+    """Values of OPTIONS, those of the command line before those of the file. Raises SceneError for a contradiction."""
     given = {key: getattr(options, key) for key in OPTIONS}
-    asked = {key: written.get(key) if value is None else value for key, value in given.items()}
+    settings = {key: written.get(key) if value is None else value for key, value in given.items()}
     if options.accuracy is not None and options.method is None:
-        asked["method"] = None
-    if asked["method"] is not None and asked["accuracy"] is not None:
+        settings["method"] = None
+    if settings["method"] is not None and settings["accuracy"] is not None:
         if options.accuracy is not None:
             raise SceneError(
                 "--method and --accuracy exclude each other: name a method, or let the accuracy choose one"
             )
-        asked["accuracy"] = None
-    if asked["relinearisations"] is not None and asked["method"] not in ("reduced", "full"):
+        settings["accuracy"] = None
+    if settings["relinearisations"] is not None and settings["method"] not in ("reduced", "full"):
         raise SceneError(
-            f"relinearisations = {asked['relinearisations']}: only method reduced or full has relinearisation "
+            f"relinearisations = {settings['relinearisations']}: only method reduced or full has relinearisation "
             "steps; add --method reduced"
         )
-    return asked
+    return settings
 
 
 _TYPE_NAMES = {str: "text", float: "a number", int: "a whole number", bool: "true or false"}
 
 
-def effect_options(asked: dict[str, Any]) -> dict[str, Any]:
+def effect_options(settings: dict[str, Any]) -> dict[str, Any]:
     """The options of `ksd.prepare` about effects; on the command line their names are separated by commas."""
 
     def names(text: str | None) -> tuple[str, ...]:
         return tuple(n.strip() for n in (text or "").split(",") if n.strip())
 
-    said = asked.get("effects") or "auto"
+    effects = settings.get("effects") or "auto"
     return {
-        "effects": said if said in ("auto", "all") else names(said),
-        "with_": names(asked.get("with")),
-        "without": names(asked.get("without")),
-        "accuracy": asked.get("accuracy"),
+        "effects": effects if effects in ("auto", "all") else names(effects),
+        "with_": names(settings.get("with")),
+        "without": names(settings.get("without")),
+        "accuracy": settings.get("accuracy"),
     }
 
 
 def drive_value(scene: Any, text: str) -> tuple[str, float]:
-    """Name and value (SI) from "top=300mm"; plain numbers are SI. SceneError for unknown drives and units."""
+    """Name and value (SI) from "top=300mm"; plain numbers are SI. Raises SceneError for unknown drives and units."""
     name, equals, value = (part.strip() for part in text.rpartition("="))
     drives = {d.name: d for d in scene.drives}
     if not equals or not name:
@@ -115,31 +118,31 @@ def drive_value(scene: Any, text: str) -> tuple[str, float]:
     except ValueError:
         plain = value
     dimension = drives[name].dimension
-    found = quantity(plain, dimension, f"--set {name}")
-    unit = likely_unit(found, dimension, name) if isinstance(plain, float) else ""
+    target = quantity(plain, dimension, f"--set {name}")
+    unit = likely_unit(target, dimension, name) if isinstance(plain, float) else ""
     if unit:
         si = next(iter(DIMENSIONS[dimension]))
         warnings.warn(
-            f"--set {text} is {found:g} {si}: did you mean --set {name}={value}{unit}? Plain numbers are in SI.",
+            f"--set {text} is {target:g} {si}: did you mean --set {name}={value}{unit}? Plain numbers are in SI.",
             SceneWarning,
             stacklevel=2,
         )
-    return name, found
+    return name, target
 
 
-def solve_warm(scene: Any, targets: dict[str, float], asked: dict[str, Any]) -> Any:
+def solve_warm(scene: Any, targets: dict[str, float], settings: dict[str, Any]) -> Any:
     """The configuration by `ksd.solve`, repeated if quick, so that its times exclude the loading of kernels."""
-    how = {
-        "method": asked["method"],
-        "relinearisations": asked["relinearisations"] or 0,
-        "mesh": chosen_mesh(asked),
+    options = {
+        "method": settings["method"],
+        "relinearisations": settings["relinearisations"] or 0,
+        "mesh": chosen_mesh(settings),
     }
-    how |= {"extrapolate": bool(asked["extrapolate"]), **effect_options(asked)}
-    result = solve(scene, targets, **how)
-    return solve(scene, targets, **how) if result.time < MAX_REPEATED_SOLVE else result
+    options |= {"extrapolate": bool(settings["extrapolate"]), **effect_options(settings)}
+    result = solve(scene, targets, **options)
+    return solve(scene, targets, **options) if result.time < MAX_REPEATED_SOLVE else result
 
 
-def chosen_mesh(asked: dict[str, Any]) -> Any:
+def chosen_mesh(settings: dict[str, Any]) -> Any:
     """The mesh of `elements` per leaf; None for strain-mode leaves."""
-    count = asked["elements"]
+    count = settings["elements"]
     return None if count is None else Mesh(leaf="corotational", elements=count)

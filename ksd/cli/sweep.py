@@ -20,16 +20,16 @@ WRITERS = {".csv": "to_csv", ".h5": "to_hdf5", ".hdf5": "to_hdf5", ".mat": "to_m
 
 
 def run(options: argparse.Namespace) -> int:
-    """Sweep, print, write; a pose that fails is a row that says why, and the exit code is then 3."""
+    """Sweep, print, write; the row of a pose that fails has the reason, and the exit code is then 3."""
     check_plot(options.plot)
     write = None if options.out is None else table_writer(options.out)
     scene, targets, written = load_with_options(options.scene)
-    asked = merged_options(written, options)
-    found = dict(stroke_value(scene, text) for text in options.set)
-    if not found:  # the values of the file are the end of the stroke
-        found = {n: np.linspace(0.0, v, DEFAULT_POSES) for n, v in targets.items()}
-    stroke = {n: v for n, v in targets.items() if n not in found} | found
-    words = {k: v for k, v in effect_options(asked).items() if k != "accuracy"}
+    settings = merged_options(written, options)
+    varied = dict(stroke_value(scene, text) for text in options.set)
+    if not varied:  # the values of the file are the end of the stroke
+        varied = {n: np.linspace(0.0, v, DEFAULT_POSES) for n, v in targets.items()}
+    stroke = {n: v for n, v in targets.items() if n not in varied} | varied
+    effects = {k: v for k, v in effect_options(settings).items() if k != "accuracy"}
     again = (
         "with --resume FILE a sweep keeps its finished lines"
         if options.resume is None
@@ -37,10 +37,10 @@ def run(options: argparse.Namespace) -> int:
     )
     with interrupt_message(f"interrupted; no table was written, {again}"):
         table = sweep(
-            scene, stroke, **words, questions=tuple(options.question) or None, together=not options.set,
-            mesh=chosen_mesh(asked), method=asked["method"], accuracy=asked["accuracy"],
-            relinearisations=asked["relinearisations"] or 0,
-            extrapolate=bool(asked["extrapolate"]), progress=not options.quiet, resume=options.resume,
+            scene, stroke, **effects, questions=tuple(options.question) or None, together=not options.set,
+            mesh=chosen_mesh(settings), method=settings["method"], accuracy=settings["accuracy"],
+            relinearisations=settings["relinearisations"] or 0,
+            extrapolate=bool(settings["extrapolate"]), progress=not options.quiet, resume=options.resume,
         )  # fmt: skip
     console().print(str(table), soft_wrap=True)
     if write is not None:
@@ -64,7 +64,7 @@ def table_writer(path: str) -> str:
 
 
 def stroke_value(scene: Any, text: str) -> tuple[str, Any]:
-    """Name and values (SI) from "top=0mm:300mm:31"; a single value stays a number. SceneError for what does not fit."""
+    """Name and values (SI) from "top=0mm:300mm:31"; a single value stays a number. Raises SceneError."""
     name, equals, words = text.rpartition("=")
     parts = words.split(":")
     if not equals or len(parts) > 3:
@@ -77,6 +77,7 @@ def stroke_value(scene: Any, text: str) -> tuple[str, Any]:
 
 
 def _pose_count(word: str, text: str) -> int:
+    """The number of poses in the argument `text` of --set. Raises SceneError unless it is 2 to 100000."""
     if not word.strip().isdecimal() or not 2 <= int(word) <= 100_000:
         raise SceneError(f"--set {text}: POSES = {word} must be a whole number between 2 and 100000")
     return int(word)

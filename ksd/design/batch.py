@@ -202,7 +202,10 @@ def _farthest_pose(
 
 
 def _combine(results: list[Any], count: int) -> Batch:
-    """The batch of all designs at `count` poses; results: a `DesignResult` each, or the error that prevented it."""
+    """The batch of all designs at `count` poses; results: a `DesignResult` each, or the error that prevented it.
+
+    Numbers are nan where a design or a pose was not solved. Raises SceneError where no design was.
+    """
     first = next((r for r in results if isinstance(r, DesignResult)), None)
     if first is None:
         raise SceneError(

@@ -90,7 +90,7 @@ class TrainedRange:
         return float(own.get(self.shape.name, np.nan))
 
     def margin(self, shapes: Sequence[Mapping[str, float]]) -> float:
-        """Distance to the ends of the range: 1 in its middle, 0 at its ends, negative outside."""
+        """Distance to the ends of the range: 1 in its middle, 0 at its ends, negative outside, -1 without a value."""
         value = self.value(shapes)
         has_position = np.isfinite(value) and (self.shape.scale != "log" or value > 0.0)
         return 1.0 - abs(self.shape.place(value)) if has_position else -1.0
@@ -165,7 +165,7 @@ def _dependencies(
 def _interval_within(
     function: Callable[..., Any], bounds: Bounds, own: TrainedRange, i: int
 ) -> tuple[float, float]:
-    """The part of the bounds of parameter i where a shape parameter is within its range; (most, least) where it never is."""
+    """The part of the bounds of parameter i where a shape parameter is within its range; (high, low) where it never is."""
     low, high = list(bounds.values())[i]
 
     def margin(fraction: float) -> float:

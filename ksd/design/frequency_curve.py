@@ -70,7 +70,7 @@ class FrequencyCurve(PrintableAnswer):
         return max((abs(e) for d, (_, e) in self.checked.items() if d < 0.0), default=float("nan"))
 
     def __call__(self, d: Any) -> Any:
-        """Frequency [Hz] at drive values `d` [m or rad]; nan where the polynomial is not positive."""
+        """Frequency [Hz] at drive values `d` [m or rad]; nan where the polynomial for 1/omega^2 is not positive."""
         x = np.asarray(d, float) ** 2
         c0, c2, c4 = self.coefficients
         inverse = c0 + c2 * x + c4 * x * x
@@ -78,7 +78,7 @@ class FrequencyCurve(PrintableAnswer):
 
 
 def even_curve(drive: str, values: Any, frequency_Hz: Any, checks: dict[float, float]) -> FrequencyCurve:
-    """The curve through values (3,) [m or rad] and frequencies (3,); checks: further frequencies by drive value."""
+    """The curve through frequencies (3,) [Hz] at values (3,) [m or rad]; checks: further frequencies by drive value."""
     d, f = np.asarray(values, float), np.asarray(frequency_Hz, float)
     size = np.abs(d).max()
     powers = np.stack([(d / size) ** n for n in (0, 2, 4)], axis=1)

@@ -130,6 +130,7 @@ def _term(term: Any) -> str:
 
 
 def _vector(values: Any, unit: str) -> str:
+    """Components as text, such as "(0, 1, 0) m"; they are in `unit` already."""
     return f"({', '.join(f'{v:.4g}' for v in values)}) {unit}".strip()
 
 

@@ -33,7 +33,7 @@ def rotation_vectors(R: Array) -> Array:
 
 
 def chain_rotations(amplitudes: Array, orders: tuple[int, int, int], n: int) -> Array:
-    """Rotation vectors (..., 2n-1, 3) of n elements, then n-1 nodes, of a leaf of length 1 with amplitudes (..., N).
+    """Rotation vectors (..., 2n-1, 3) of n elements, then n-1 nodes, of a unit leaf with curvature amplitudes (..., N).
 
     The rotation of an element about its chord is the mean of those of its nodes. The orientation is integrated by one
     fourth-order Magnus step between neighbouring Gauss points and nodes.

@@ -227,7 +227,10 @@ class Record:
         return np.array(places), tuple(outside)
 
     def _contract(self, places: Array, mesh: Mesh, outside: tuple[str, ...]) -> JointFunctions:
-        """Polynomials of the motions for one shape; places: its parameters in [-1, 1], outside: those extrapolated."""
+        """Polynomials of the motions for one shape.
+
+        places (s,): its parameters mapped to [-1, 1]; outside: names of those that are extrapolated.
+        """
         m = len(self.motions)
         largest = np.array([motion.max_magnitude for motion in self.motions])
         shape = legendre_products(self.powers[:, m:], places[None])[0]

@@ -176,7 +176,7 @@ class FreeCurve(Curve):
         chord: float | None = None,
         breaks: ArrayLike = (),
     ) -> FreeCurve:
-        """A curve with the curvature sum_i coefficients_i P_i(2 s - 1) / length, P_i Legendre polynomials.
+        """A curve of curvature sum_i coefficients_i [rad] P_i(2 s - 1) / length about e3, P_i Legendre polynomials.
 
         coefficients [rad]: the first is the angle between the tangents at both ends. Give its length, or the chord [m]
         between its ends. breaks: fractions of the length where pieces meet; coefficients is then a list for every

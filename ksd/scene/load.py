@@ -52,7 +52,10 @@ class PointMass:
 
 
 def _inertia(value: Any, owner: str) -> tuple[Vector, Vector, Vector]:
-    """Inertia matrix (3, 3) from None (zero), three moments or a matrix. Raises SceneError."""
+    """Inertia matrix (3, 3) [kg m^2] from None (zero), three moments or a matrix.
+
+    Raises SceneError unless it is symmetric without negative moments on its diagonal.
+    """
     if value is None:
         value = (0.0, 0.0, 0.0)
     rows = value.tolist() if hasattr(value, "tolist") else value

@@ -787,8 +787,7 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         """Add a torsion spring [Nm/rad] between the links of a joint, about the axis of its intended motion `motion`.
 
         motion: may be left out when the joint has one motion only. rest_angle [rad]: rotation of b relative to a without
-        moment; a positive one turns b in the positive sense. Raises
-        SceneError.
+        moment; a positive one turns b in the positive sense. Raises SceneError.
         """
         placed = self._find_joint(joint)
         turning = placed.joint.motion(motion)

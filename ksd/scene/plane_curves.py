@@ -25,7 +25,7 @@ Points = tuple[tuple[float, ...], ...]
 
 
 class PlaneCurvature:
-    """Base: curvature of a plane curve of arc `length` [m] as a function of the fraction s of that length.
+    """Base of plane curves of arc `length` [m]: their curvature about e3 [1/m] as a function of the fraction s of it.
 
     kind: the name of the shape in scene files.
     """

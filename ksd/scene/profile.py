@@ -47,7 +47,7 @@ class Profile(metaclass=ClearArgumentErrors):
 
 
 class _Rectangles(Profile):
-    """Base of profiles with rectangular sections of thickness and width `sizes(s)`."""
+    """Base of profiles with rectangular sections; `sizes(s)` returns thickness and width [m]."""
 
     def sizes(self, s: Any) -> tuple[Any, Any]:
         """Thickness and width [m] at a fraction s, or at fractions (k,)."""

@@ -142,6 +142,6 @@ class BalancedCrossedPivot(_Crossed):
         return {"angle": self.angle, "ratio": self.ratio, "width_ratio": width_ratio}
 
     def stiffness_at_rest(self) -> float:
-        """Undeformed drive stiffness [Nm/rad] for inextensible leaf springs, that of the mean width of both planes."""
+        """Undeformed drive stiffness [Nm/rad] for inextensible leaf springs; both planes share one end rotation."""
         mean = 0.5 * (self.inner_width + 2 * self.outer_width)
         return pivot_stiffness(self.ratio, bending_stiffness(self, mean) / self.length)
