@@ -284,7 +284,8 @@ class BatchLeafStress(NamedTuple):
 def batch_stress(states: StateBatch, *, points: int = DEFAULT_STATIONS) -> list[BatchLeafStress] | None:
     """Stress of every leaf in all states of a batch.
 
-    None where leaf springs have weight or a profile; `stress` evaluates such states one by one.
+    None where leaf springs have weight, a profile or points that divide them, or where panels differ; `stress` evaluates
+    such states one by one.
     """
     found, model = [], states.models[0]
     for group in leaf_groups(model):
@@ -333,8 +334,8 @@ class _BatchLeaves(NamedTuple):
 def _batch_leaves(states: StateBatch, group: LeafGroup, *, profiles: bool = False) -> _BatchLeaves | None:
     """Leaves of a group in all states of a batch.
 
-    None where leaf springs have weight, or a profile unless `profiles`, and where panels differ between states (steps and
-    kinks of profiles at different fractions).
+    None where leaf springs have weight or points that divide them, or a profile unless `profiles`, and where panels differ
+    between states (steps and kinks of profiles at different fractions).
     """
     names = [states.models[0].member_names[i] for i in group.members.tolist()]
     leaves = scene_leaves(states.models[0])
@@ -402,7 +403,8 @@ def batch_stress_at_peaks(
     """Von Mises stress (D,) [Pa] of every leaf by full name, at fixed points, for finite differences.
 
     In state d it is evaluated at the station and point of the section where the stress of the leaf is largest in state
-    reference[d] (D,). None where leaf springs have weight, panels differ, or sections of a leaf have different points.
+    reference[d] (D,). None where leaf springs have weight or points that divide them, panels differ,
+    or sections of a leaf have different points.
     """
     model = states.models[0]
     stress = np.empty((len(reference), len(model.member_names)))
@@ -506,7 +508,8 @@ class Stress(PrintableAnswer):
 def stress(
     model: Model, motion: State, *, points: int = DEFAULT_STATIONS, load_factor: float = 1.0
 ) -> Stress:
-    """Stress at `points` stations of every strain-mode leaf, or at the nodes of a chain."""
+    """Stress at `points` stations of every strain-mode leaf, or at the nodes of a chain (in a nodal mesh at both ends of
+    every element)."""
     return stress_from_forces(model, section_forces(model, motion, points=points, load_factor=load_factor))
 
 

@@ -449,7 +449,8 @@ class Configuration(NotebookTables):
         )  # fmt: skip
 
     def stress(self, *, points: int = 25) -> Stress:
-        """Stress [Pa] of every leaf at `points` stations (of a chain: at its nodes).
+        """Stress [Pa] of every leaf at `points` stations (of a chain: at its nodes; in a nodal mesh: at both ends of every
+        element).
 
         Raises SceneError for reduced solids.
         """

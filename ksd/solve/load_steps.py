@@ -323,7 +323,8 @@ def confirm_by_arc_length(
 def complete_by_arc_length(
     first: LoadStepResult, continuation: Callable[[], PathContinuation]
 ) -> LoadStepResult:
-    """The end of the path followed by arc length, where load steps have stopped before it; without one `first`.
+    """The end of the path followed by arc length, where load steps have stopped before it; `first` where it has
+    no end.
 
     A path with a singular point is not followed past it, since the mechanism would snap there; a doubt names the point.
     """

@@ -210,6 +210,7 @@ def _joints(d: dict[str, Any]) -> list[Any]:
 
 
 def _links(d: dict[str, Any]) -> list[Any]:
+    """Title and table of the links."""
     columns = ("x [mm]", "y [mm]", "z [mm]", "rx [deg]", "ry [deg]", "rz [deg]")
     table = _table("link", *columns)
     for name, link in d["links"].items():

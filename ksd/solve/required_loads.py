@@ -1,8 +1,8 @@
 """The inverse problem: loads that hold the links of a mechanism in given poses, and the part its drives can exert.
 
 Where all poses are given, the wrench of every leaf spring follows from its end poses, without iteration where its stiffness
-is constant; what is missing to equilibrium on a link is the load it needs. Fewer drives than motions balance these loads in
-the least-squares sense.
+is constant; the load that a link needs is the one missing for its equilibrium. Fewer drives than motions balance these
+loads in the least-squares sense.
 """
 
 from __future__ import annotations

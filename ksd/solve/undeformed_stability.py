@@ -50,7 +50,7 @@ class UndeformedInstability:
 def undeformed_instability(model: Model) -> tuple[UndeformedInstability, ...]:
     """The unstable equilibrium at zero drive values under preload, heat and assembly error, or else under loads too.
 
-    A tuple of one, or empty where both are stable or the scene has nothing of these.
+    A tuple of one; empty where both equilibria are stable, and where the scene has none of these.
     """
     inner, loads = _causes(model)
     found = _instability(model, inner, 0.0) if inner else ()

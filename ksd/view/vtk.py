@@ -84,7 +84,7 @@ def _array(kind: str, name: str, values: Any, parts: int = 1) -> str:
 
 
 def vtu_text(configuration: Any) -> str:
-    """The file's text."""
+    """Content of a .vtu file (XML) of a configuration, lengths in m."""
     grid = collect_cells(configuration)
     offsets = np.cumsum([len(c) for c in grid.cells])
     rigid = [int(k == _LINE) for k in grid.kinds]
