@@ -331,6 +331,7 @@ def as_table(model: Model, reference: Reference, results: Sequence[MethodResult]
 
 
 def _columns(result: MethodResult, efforts: Mapping[str, str]) -> dict[str, Any]:
+    """Row of the table of `compare`; efforts: column of the force of each drive by name."""
     labels = {"method": result.method, "leaf_springs": result.leaves}
     if result.forces is None:
         return labels | {STATUS: result.failure}

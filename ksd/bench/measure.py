@@ -212,6 +212,7 @@ def leaf_evaluations(pose: Configuration) -> int:
 
 
 def _failed(variant: Variant, reason: str) -> Measurement:
+    """The measurement of a variant that did not converge."""
     no_times = (math.nan,) * 3
     no_errors = (math.nan,) * 3
     return Measurement(
@@ -239,6 +240,7 @@ def machine_facts() -> dict[str, Any]:
 
 
 def _processor() -> str:
+    """Name of the processor, that of the machine type where it is unknown."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -297,6 +299,7 @@ def json_results(results: Sequence[CaseResult]) -> dict[str, Any]:
 
 
 def _without_nan(value: Any) -> Any:
+    """The value for JSON: dictionaries, lists and tuples with None for numbers that are not finite."""
     if isinstance(value, dict):
         return {k: _without_nan(v) for k, v in value.items()}
     if isinstance(value, tuple | list):

@@ -60,7 +60,7 @@ def _add_shared(parser: argparse.ArgumentParser, *words: str, **changes: str) ->
         parser.add_argument(word, **{**_SHARED_OPTIONS[word], **changes})
 
 
-def _demo(commands: Any) -> None:
+def _add_demo(commands: Any) -> None:
     parser = commands.add_parser(
         "demo",
         help="solve a fourbar by every method",
@@ -72,7 +72,7 @@ def _demo(commands: Any) -> None:
     parser.add_argument("--json", metavar="FILE", help="write the table; - is stdout, without the table")
 
 
-def _solve(commands: Any) -> None:
+def _add_solve(commands: Any) -> None:
     parser = commands.add_parser(
         "solve",
         help="solve a scene file",
@@ -81,7 +81,7 @@ def _solve(commands: Any) -> None:
     _add_shared(parser, "scene", "--set", *_SOLVER_OPTIONS, "--json", "--plot")
 
 
-def _new(commands: Any) -> None:
+def _add_new(commands: Any) -> None:
     parser = commands.add_parser(
         "new",
         help="write a scene file to start from",
@@ -97,7 +97,7 @@ def _new(commands: Any) -> None:
     )
 
 
-def _schema(commands: Any) -> None:
+def _add_schema(commands: Any) -> None:
     parser = commands.add_parser(
         "schema",
         help="print the JSON schema of scene or job files",
@@ -108,7 +108,7 @@ def _schema(commands: Any) -> None:
     parser.add_argument("--out", metavar="FILE", help="write it here; stdout when left out")
 
 
-def _compare(commands: Any) -> None:
+def _add_compare(commands: Any) -> None:
     parser = commands.add_parser(
         "compare",
         help="one pose of a scene by every method: answer, time, error",
@@ -124,7 +124,7 @@ def _compare(commands: Any) -> None:
     _add_shared(parser, "--quiet")
 
 
-def _effects(commands: Any) -> None:
+def _add_effects(commands: Any) -> None:
     parser = commands.add_parser(
         "effects",
         help="what every effect of a scene changes and costs",
@@ -137,7 +137,7 @@ def _effects(commands: Any) -> None:
     _add_shared(parser, "--plot", help="write the bars (.png, .pdf, .svg)")
 
 
-def _doctor(commands: Any) -> None:
+def _add_doctor(commands: Any) -> None:
     parser = commands.add_parser(
         "doctor",
         help="count freedoms and constraints of a scene",
@@ -147,7 +147,7 @@ def _doctor(commands: Any) -> None:
     _add_shared(parser, "--json", help="write counts and sentences; - is stdout, without text")
 
 
-def _sweep(commands: Any) -> None:
+def _add_sweep(commands: Any) -> None:
     parser = commands.add_parser(
         "sweep",
         help="answer all questions over the stroke",
@@ -172,7 +172,7 @@ def _sweep(commands: Any) -> None:
     _add_shared(parser, "--quiet")
 
 
-def _optimise(commands: Any) -> None:
+def _add_optimise(commands: Any) -> None:
     parser = commands.add_parser(
         "optimise",
         help="find the best design of a job",
@@ -206,7 +206,7 @@ def _optimise(commands: Any) -> None:
     _add_shared(parser, "--quiet")
 
 
-def _report(commands: Any) -> None:
+def _add_report(commands: Any) -> None:
     parser = commands.add_parser(
         "report",
         help="write an HTML report of a scene",
@@ -227,7 +227,7 @@ def _report(commands: Any) -> None:
     parser.set_defaults(accuracy=None, elements=None, relinearisations=None, extrapolate=None)
 
 
-def _train(commands: Any) -> None:
+def _add_train(commands: Any) -> None:
     parser = commands.add_parser(
         "train",
         help="train the record of a joint family",
@@ -246,7 +246,7 @@ def _train(commands: Any) -> None:
     _add_shared(parser, "--quiet")
 
 
-def _info(commands: Any) -> None:
+def _add_info(commands: Any) -> None:
     parser = commands.add_parser(
         "info",
         help="what the joint database holds",
@@ -259,7 +259,7 @@ def _info(commands: Any) -> None:
     )
 
 
-def _bench(commands: Any) -> None:
+def _add_bench(commands: Any) -> None:
     parser = commands.add_parser(
         "bench",
         help="measure every method: time beside error",
@@ -271,9 +271,9 @@ def _bench(commands: Any) -> None:
 
 
 COMMANDS = {
-    "demo": _demo, "new": _new, "solve": _solve, "compare": _compare, "effects": _effects, "doctor": _doctor,
-    "sweep": _sweep, "optimise": _optimise, "report": _report, "train": _train, "info": _info, "bench": _bench,
-    "schema": _schema,
+    "demo": _add_demo, "new": _add_new, "solve": _add_solve, "compare": _add_compare, "effects": _add_effects,
+    "doctor": _add_doctor, "sweep": _add_sweep, "optimise": _add_optimise, "report": _add_report, "train": _add_train,
+    "info": _add_info, "bench": _add_bench, "schema": _add_schema,
 }  # fmt: skip
 """Function that adds the parser of each command, in the order of the help; the module `ksd.cli.<name>` runs it."""
 

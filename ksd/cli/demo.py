@@ -128,6 +128,7 @@ _COLUMNS = (
 
 
 def _print(shown: Any, rows: list[MethodResult]) -> None:
+    """Print the results by method; shown: a Configuration of the scene with one drive."""
     screen = console()
     ((drive, value),) = shown.targets.items()
     screen.print(f"{shown.model.scene.name}: drive '{drive}' at {1e3 * value:.6g} mm", style="bold")
@@ -158,6 +159,7 @@ def _print(shown: Any, rows: list[MethodResult]) -> None:
 
 
 def _draw(shown: Any, rows: list[MethodResult], path: str) -> None:
+    """Write a picture of the mechanism, and of time against error by method, to `path`."""
     figure = new_figure(12.0, 4.6)
     left, right = figure.subplots(1, 2, width_ratios=(1.35, 1.0))
     ((_, value),) = shown.targets.items()

@@ -36,8 +36,9 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _print(scene: Any, choice: Any, rows: list[Any]) -> None:
-    said = f"{scene.name}: effects with and without, beside those chosen"
-    table = Table(title=said, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    """Print an `EffectCost` per row, and the reason why each effect of the choice is simulated or not."""
+    title = f"{scene.name}: effects with and without, beside those chosen"
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     keys = list(dict.fromkeys(key for row in rows for key in row.without))
     for column in ("effect", "chosen"):
         table.add_column(column)
@@ -63,13 +64,14 @@ def _print(scene: Any, choice: Any, rows: list[Any]) -> None:
 
 
 def _change(value: float) -> str:
-    """A relative change in percent, its sign that of putting the effect on."""
+    """The relative change that adding the effect makes, as text in percent."""
     if not math.isfinite(value):
         return "-"
     return "0" if abs(value) < 1e-9 else f"{format_signed_percent(100 * value)} %"
 
 
 def _draw(rows: list[Any], why: dict[str, str], accuracy: float, path: str) -> None:
+    """Write a picture of the largest relative change and the cost of each effect; why: reason by effect."""
     done = [row for row in rows if not row.failure]
     figure = new_figure(10.0, 1.2 + 0.62 * len(done))
     axes = figure.subplots(1, 2, gridspec_kw={"width_ratios": (3, 2)})

@@ -141,6 +141,7 @@ def _two_columns(title: str, rows: list[tuple[str, str]]) -> Any:
 
 
 def _listing_rows(listing: Any) -> list[tuple[str, str]]:
+    """(name, text) rows about a record file."""
     file = [("file", f"{listing.path}, {listing.size / 1024:.0f} kB"), ("sha256", listing.checksum)]
     if listing.problem:
         return [*file, ("problem", listing.problem)]

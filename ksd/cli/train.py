@@ -36,13 +36,14 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _train(family: str, options: argparse.Namespace) -> None:
+    """Train one family unless its record is up to date, and print the largest errors of the record."""
     begin = time.perf_counter()
     screen = console()
     if not options.restart and (words := up_to_date(family, out=options.out)):
         screen.print(f"{family}: up to date; {words} (--restart trains all the same)", soft_wrap=True)
         return
     again = "interrupted; the finished shapes are kept, run the same command again to go on"
-    with interrupt_message(again), warnings.catch_warnings(record=True) as told:
+    with interrupt_message(again), warnings.catch_warnings(record=True) as messages:
         warnings.simplefilter("always", UserWarning)
         record = train(family, out=options.out, resume=not options.restart, progress=not options.quiet)
     screen.print(
@@ -52,7 +53,7 @@ def _train(family: str, options: argparse.Namespace) -> None:
         rows = [r for r in record.residuals if r.group == group]
         worst = max(rows, key=lambda r: r.fresh_max)
         screen.print(f"  {group}: largest error {worst.fresh_max:.2g} on fresh shapes, mesh {worst.mesh}")
-    for message in told:
+    for message in messages:
         screen.print(f"  warning: {message.message}", soft_wrap=True)
     if unused := lookup_hint(record_path(family, options.out), family):
         screen.print(f"  {unused}", soft_wrap=True)

@@ -92,6 +92,7 @@ def scene_or_reason(mechanism: Any, parameters: Mapping[str, Any]) -> tuple[Scen
 
 
 def _needs_arguments(function: Callable[..., Any]) -> bool:
+    """Whether a function has parameters without default."""
     kinds = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
     return any(
         p.default is p.empty and p.kind not in kinds for p in inspect.signature(function).parameters.values()

@@ -218,6 +218,7 @@ class PoseAnalysis:
 
 
 def _force(pose: Any, questions: Questions) -> Row:
+    """Force or moment of every drive, with error columns where the method has an error estimate."""
     row, has_error = Row(), pose.method_error is not None
     for i, (drive, force) in enumerate(zip(pose.model.scene.drives, pose.forces.values(), strict=True)):
         effort = EFFORT_SUFFIX[drive_kind(drive)]
@@ -267,6 +268,7 @@ def other_principal_columns(column: str) -> tuple[str, ...]:
 
 
 def _stress(pose: Any, questions: Questions) -> Row:
+    """Largest von Mises stress, and the leaf spring and the point where it is."""
     leaves = pose.stress(points=questions.points).leaves
     return _stress_row(
         {name: PeakStress(leaf.largest_Pa, *leaf.where) for name, leaf in leaves.items()}, questions

@@ -188,6 +188,7 @@ class DeformedLeaf:
         self._draw(leaf, axes, origin)
 
     def _draw(self, leaf: Leaf, axes: PlaneAxes, origin: Array) -> None:
+        """Set length, kappa, phi, r, start and end from the drawing of `leaf`. Raises SceneError, see the class."""
         s, chord = self.stations, axes.project(leaf.end) - axes.project(leaf.start)
         distance = float(np.hypot(*chord))
         self.length = leaf.length

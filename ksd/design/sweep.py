@@ -257,6 +257,7 @@ def _run(paths: list[SweepPath], recipe: Recipe, executor: Executor | None, resu
 
 
 def _run_here(paths: list[SweepPath], recipe: Recipe, results: _Results) -> None:
+    """Solve paths in this process; paths of the same scene that follow each other share their solver."""
     solver, scene = None, None
     for path in paths:
         rows = results.partial[path.number] = _CountedRows(results.advance)
@@ -284,6 +285,7 @@ class _CountedRows(list[Any]):
 
 
 def _run_in_executor(executor: Executor, paths: list[SweepPath], recipe: Recipe, results: _Results) -> None:
+    """Solve paths in blocks in the workers of an executor. Raises KsdError where a worker process dies."""
     workers = getattr(executor, "_max_workers", None) or os.cpu_count() or 1
     size = math.ceil(len(paths) / (BLOCKS_PER_WORKER * workers))
     size = max(1, min(size, MAX_POSES_PER_BLOCK * len(paths) // max(1, _pose_count(paths))))

@@ -162,6 +162,7 @@ class Table(NotebookTables):
         return [*range(ROWS_PER_END), None, *range(count - ROWS_PER_END, count)]
 
     def _cell(self, name: str, row: int) -> str:
+        """A cell as printed: a failed status as its number in brackets, numbers with 5 digits, nan as "-"."""
         value = self.columns[name][row]
         if name == STATUS:
             reasons = list(self._reasons())
@@ -193,6 +194,7 @@ class Table(NotebookTables):
         return reasons
 
     def _grid(self, names: Sequence[str]) -> Any:
+        """A rich table of the printed rows of these columns."""
         grid = Grid(box=box.SIMPLE_HEAD, pad_edge=False)
         for name in names:
             is_text = any(isinstance(v, str) for v in self.columns[name])
