@@ -279,12 +279,12 @@ def vector(value: Any, what: str, *, owner: str = "", unit: str = "") -> Vector:
 
 def wrench_of(force: Any, moment: Any, owner: str) -> np.ndarray:
     """Force (3,) [N] and moment (3,) [Nm] together (6,), not all zero."""
-    found = np.array(
+    wrench = np.array(
         [*vector(force, "force", owner=owner, unit="N"), *vector(moment, "moment", owner=owner, unit="Nm")]
     )
-    if not found.any():
+    if not wrench.any():
         raise SceneError(f"{owner}: force and moment are zero; give one that is not zero.")
-    return found
+    return wrench
 
 
 def checked_question(question: Any) -> Callable[[Any], Any]:

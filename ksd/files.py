@@ -117,10 +117,10 @@ def read_file(
     """
     try:
         with open(os.fspath(path), "rb", opener=_without_waiting) as file:
-            found = os.fstat(file.fileno())
-            if not stat.S_ISREG(found.st_mode):
-                reason = f"it is {_kind(found.st_mode)}, no file"
-            elif found.st_size > most or len(content := file.read(most + 1)) > most:
+            status = os.fstat(file.fileno())
+            if not stat.S_ISREG(status.st_mode):
+                reason = f"it is {_kind(status.st_mode)}, no file"
+            elif status.st_size > most or len(content := file.read(most + 1)) > most:
                 reason = f"it is larger than the {most >> 20} MiB that are read"
             else:
                 return content

@@ -62,12 +62,12 @@ class BoundedReader:
         self._take(data)
         if self._h5py.check_string_dtype(data.dtype) is None or data.ndim != 1:
             raise ValueError(f"'{data.name}' holds no texts")
-        found: list[str] = []
+        result: list[str] = []
         for first in range(0, len(data), TEXTS_PER_READ):
             # many entries may point at one long text
-            found += data.asstr()[first : first + TEXTS_PER_READ].tolist()
-            self._spend(sum(map(len, found[first:])))
-        return found
+            result += data.asstr()[first : first + TEXTS_PER_READ].tolist()
+            self._spend(sum(map(len, result[first:])))
+        return result
 
     def text(self, attributes: Any, name: str) -> str:
         """A scalar text attribute."""
@@ -80,8 +80,8 @@ class BoundedReader:
 
     def whole(self, attributes: Any, name: str) -> int:
         """A scalar integer attribute."""
-        found = attributes.get_id(name)
-        if found.shape != () or found.dtype.kind not in "iu":
+        attribute = attributes.get_id(name)
+        if attribute.shape != () or attribute.dtype.kind not in "iu":
             raise ValueError(f"attribute '{name}' is no whole number")
         return int(attributes[name])
 

@@ -36,9 +36,9 @@ def join_printed(parts: Iterable[str]) -> PrintedText:
     return PrintedText("\n".join(parts), parts)
 
 
-def as_html(said: str) -> str:
+def as_html(text: str) -> str:
     """HTML of a text or of the tables it was printed from."""
-    parts = said.parts if isinstance(said, PrintedText) else (said,)
+    parts = text.parts if isinstance(text, PrintedText) else (text,)
     return f'<div style="font-size:90%">{"".join(map(_part_html, parts))}</div>'
 
 
@@ -65,11 +65,11 @@ def html_table(rows: Iterable[Iterable[Any]], heads: Iterable[str] = (), right: 
 
 
 def _row_html(tag: str, cells: Iterable[str], sides: list[str], style: str) -> str:
-    said = [
+    written = [
         f'<{tag} style="{style}{CELL_STYLE}{sides[k] if k < len(sides) else "left"}">{cell}</{tag}>'
         for k, cell in enumerate(cells)
     ]
-    return f"<tr>{''.join(said)}</tr>"
+    return f"<tr>{''.join(written)}</tr>"
 
 
 def _escaped(words: Any) -> str:

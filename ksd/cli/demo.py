@@ -83,13 +83,13 @@ def extrapolated_reference(scene: Any, targets: dict[str, float]) -> Reference:
 
 def reference_and_rows(scene: Any, targets: dict[str, float]) -> tuple[Reference, Any, list[MethodResult]]:
     """The reference, the configuration by method `full`, and a row per method."""
-    ways: list[ComparedMethod] = compared_methods(scene, targets, Mesh(), ELEMENTS)
-    shown = [way for way in ways if way.method not in OMITTED_METHODS]
+    cases: list[ComparedMethod] = compared_methods(scene, targets, Mesh(), ELEMENTS)
+    shown = [case for case in cases if case.method not in OMITTED_METHODS]
     # on an empty kernel cache, chains and strain-mode leaves compile in parallel
     with process_pool(spawn_context(scene, targets) or SpawnContext()) as others:
-        found = others.submit(extrapolated_reference, scene, targets)
+        pending = others.submit(extrapolated_reference, scene, targets)
         full = solve(scene, targets, method="full")
-        reference = found.result()
+        reference = pending.result()
     return reference, full, measure_methods(shown, scene.name, reference, REPEATS, report_error=False)
 
 

@@ -13,9 +13,9 @@ def run(options: argparse.Namespace) -> int:
     """Print the diagnosis. Raises SceneError for a scene that cannot be read."""
     check_json(options.json)
     mechanism = load_scene(options.scene)[0]
-    found = doctor(mechanism)
+    diagnosis = doctor(mechanism)
     if options.json:
-        write_json(found.as_dict(), options.json)
+        write_json(diagnosis.as_dict(), options.json)
     if options.json != STDOUT:
-        console().print(str(found), markup=False, soft_wrap=True)
+        console().print(str(diagnosis), markup=False, soft_wrap=True)
     return 0

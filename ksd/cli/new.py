@@ -34,8 +34,8 @@ def run(options: argparse.Namespace) -> int:
     if not schema.exists():
         write_file(schema, schema_text(jobs=is_job), what="schema")
         screen.print(f"{schema}: for editors that complete and check TOML", soft_wrap=True)
-    told, command = ("job", "optimise") if is_job else ("scene", "solve")
-    screen.print(f"{file}: a {told} like {options.like}; now `ksd {command} {file}`", soft_wrap=True)
+    kind, command = ("job", "optimise") if is_job else ("scene", "solve")
+    screen.print(f"{file}: a {kind} like {options.like}; now `ksd {command} {file}`", soft_wrap=True)
     return 0
 
 

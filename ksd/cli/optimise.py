@@ -27,8 +27,8 @@ def run(options: argparse.Namespace) -> int:
     job, words = load_job(options.job, drives=dict(_name_and_value(text, "--set") for text in options.set))
     words |= {k: v for k in ("starts", "method", "robust", "seed") if (v := getattr(options, k)) is not None}
     if options.start:
-        said = dict(_name_and_value(text, "--start") for text in options.start)
-        words["start"] = {n: si_value(_number_or_text(v), f"--start {n}") for n, v in said.items()}
+        given = dict(_name_and_value(text, "--start") for text in options.start)
+        words["start"] = {n: si_value(_number_or_text(v), f"--start {n}") for n, v in given.items()}
     if not words.get("robust", 0.0):
         # the file may hold the scatter of a robust optimum that is not asked for now
         words = {k: v for k, v in words.items() if k not in ("robust", "spread")}

@@ -67,8 +67,8 @@ def _check(family: str, options: argparse.Namespace) -> None:
         file = Path(folder) / f"{family}{RECORD_SUFFIX}"
         in_use = find_record_file(family)
         same = in_use is not None and file.read_bytes() == Path(in_use[0]).read_bytes()
-    said = "the record is, byte for byte, what the sources give" if same else _describe_difference(kept, made)
-    console().print(f"{family}: {said}", soft_wrap=True)
+    text = "the record is, byte for byte, what the sources give" if same else _describe_difference(kept, made)
+    console().print(f"{family}: {text}", soft_wrap=True)
 
 
 def _describe_difference(kept: Any, made: Any) -> str:

@@ -94,21 +94,21 @@ def _mode_swing(
     pose: Configuration, mode: int | str, modes: Modes | None, amplitude: float, view: View | None
 ) -> tuple[Callable[[float], Configuration], View | None, str]:
     """A function from the share of the swing of a mode to the pose, the view, and the title."""
-    found = pose.frequencies(freed=pose.model.drive_names) if modes is None else modes
-    row = _mode_row(found, mode)
-    moved = np.abs(found.shape[row, :, :3])
-    unit = amplitude * float(found.model.arrays.size) / max(float(moved.max()), 1e-300)
+    modes_found = pose.frequencies(freed=pose.model.drive_names) if modes is None else modes
+    row = _mode_row(modes_found, mode)
+    moved = np.abs(modes_found.shape[row, :, :3])
+    unit = amplitude * float(modes_found.model.arrays.size) / max(float(moved.max()), 1e-300)
     plane = mechanism_plane(pose)
     if plane is not None:
         across = "xyz".index(({*"xyz"} - {*plane}).pop())
         view = view or ("3d" if moved.max(axis=0).argmax() == across else plane)  # type: ignore[assignment]
-    still = replace(pose, model=found.model, method_was_chosen=False)
+    still = replace(pose, model=modes_found.model, method_was_chosen=False)
 
     def swing(share: float) -> Configuration:
         """The pose displaced by `share` (-1 to 1) of the amplitude of the mode."""
-        return replace(still, motion=found.moved(row, unit * share))
+        return replace(still, motion=modes_found.moved(row, unit * share))
 
-    title = f"mode {row + 1}, {found.names[row]}: {found.frequency_Hz[row]:.4g} Hz, amplitude for the eye"
+    title = f"mode {row + 1}, {modes_found.names[row]}: {modes_found.frequency_Hz[row]:.4g} Hz, amplitude for the eye"
     return swing, view, title
 
 

@@ -67,7 +67,7 @@ def edge_lines(place: Array, axes: Array, width: Array) -> tuple[Array, Array]:
 def clamp_pads(shape: Any, block: Any, *, rest: bool = False) -> list[Pad]:
     """The pads of a block, one per single point, joint or free leaf spring; of the undeformed block with `rest`."""
     places = block.rest if rest else block.place
-    found = [Pad(point[None], (), np.zeros((0, 3))) for point in places[block.leaf < 0]]
+    result = [Pad(point[None], (), np.zeros((0, 3))) for point in places[block.leaf < 0]]
     owners = np.where(block.leaf < 0, "", block.owner)
     for owner in dict.fromkeys(owners[block.leaf >= 0]):
         edges, away = [], []
@@ -82,8 +82,8 @@ def clamp_pads(shape: Any, block: Any, *, rest: bool = False) -> list[Pad]:
                 edge = np.concatenate([edge - across, edge + across])
             edges.append(edge)
             away.append(axes[:, 0] if j == 0 else -axes[:, 0])
-        found.append(Pad(np.concatenate(edges), tuple(edges), np.reshape(away, (-1, 3))))
-    return found
+        result.append(Pad(np.concatenate(edges), tuple(edges), np.reshape(away, (-1, 3))))
+    return result
 
 
 def has_varying_thickness(leaf: Any) -> bool:
@@ -91,13 +91,13 @@ def has_varying_thickness(leaf: Any) -> bool:
     return bool(np.ptp(leaf.thickness) > 0.0)
 
 
-def convex_parts(block: Any, found: list[Pad], size: float) -> list[Array]:
+def convex_parts(block: Any, pads: list[Pad], size: float) -> list[Array]:
     """Convex sets of points (k, 3) that make up a block: its pads, and a slimmer web between them, which ground has not.
     What is clamped all around has a pad per leaf spring, with a strut to the middle."""
-    middles = np.array([p.corners.mean(axis=0) for p in found])
+    middles = np.array([p.corners.mean(axis=0) for p in pads])
     alone = np.ptp(middles, axis=0).max() < 0.02 * size
     clamped = []
-    for pad, middle in zip(found, middles, strict=True):
+    for pad, middle in zip(pads, middles, strict=True):
         if not len(pad.away):
             continue
         if back_direction(pad) is not None or (alone and block.name != "ground"):
@@ -110,7 +110,7 @@ def convex_parts(block: Any, found: list[Pad], size: float) -> list[Array]:
         return clamped
     if alone:
         return clamped or [middles]
-    return [*clamped, np.concatenate([_shrunk(p.corners) for p in found])]
+    return [*clamped, np.concatenate([_shrunk(p.corners) for p in pads])]
 
 
 def _shrunk(corners: Array) -> Array:
@@ -137,7 +137,7 @@ def hull_faces(points: Array, half: float, color: Any, *, edge: Any) -> list[Pol
     around = np.concatenate([points + corner for corner in cube])
     hull = ConvexHull(around)
     normals = hull.equations[:, :3]
-    found = [
+    faces = [
         Polygon(around[corners], color, out, body=True)
         for corners, out in zip(hull.simplices, normals, strict=True)
     ]
@@ -146,8 +146,8 @@ def hull_faces(points: Array, half: float, color: Any, *, edge: Any) -> list[Pol
             if k < j and normals[k] @ normals[j] < SHARP_EDGE_COSINE:
                 # drawn with each of its two faces, of which one may be hidden
                 line = around[np.delete(corners, i)]
-                found += [Polygon(line, edge, normals[n], 0.7, body=True) for n in (k, j)]
-    return found
+                faces += [Polygon(line, edge, normals[n], 0.7, body=True) for n in (k, j)]
+    return faces
 
 
 def leaf_faces(leaf: Any, colors: Any, *, line: float) -> list[Polygon]:
@@ -156,7 +156,7 @@ def leaf_faces(leaf: Any, colors: Any, *, line: float) -> list[Polygon]:
     normals = leaf.axes[:, :, 1]
     each = [colors] * (len(low) - 1) if isinstance(colors, str) else list(colors)
     light = isinstance(colors, str)
-    found = []
+    faces = []
     strips = [(low, high, normals)]
     if has_varying_thickness(leaf):
         off = 0.5 * leaf.thickness[:, None] * normals
@@ -168,11 +168,11 @@ def leaf_faces(leaf: Any, colors: Any, *, line: float) -> list[Polygon]:
     for a, b, out in strips:
         quads = np.stack([a[:-1], a[1:], b[1:], b[:-1]], axis=1)
         # colours that show a value are not shaded
-        found += [
+        faces += [
             Polygon(quad, color, out[k] if light else None, line)
             for k, (quad, color) in enumerate(zip(quads, each, strict=True))
         ]
-    return found
+    return faces
 
 
 def with_fewer_stations(leaf: Any) -> Any:

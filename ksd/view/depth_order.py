@@ -18,13 +18,13 @@ CUT_COST = 4
 def back_to_front(polygons: list[Polygon], toward: Array, *, close: float) -> list[Polygon]:
     """The polygons, cut where they cross planes of others, in the order in which an eye far off at `toward` (3,) sees them,
     the farthest first. close [m]: distance of corners up to which they lie in a plane; lines in it come after its faces."""
-    found: list[Polygon] = []
+    ordered: list[Polygon] = []
     left: list[tuple[list[Polygon], bool]] = [(polygons, False)]
     while left:
         group, done = left.pop()
         faces = [k for k, p in enumerate(group) if len(p.corners) > 2]
         if done or len(group) < 2 or not faces:
-            found += sorted(group, key=lambda p: len(p.corners) == 2)
+            ordered += sorted(group, key=lambda p: len(p.corners) == 2)
             continue
         corners = np.concatenate([p.corners for p in group])
         starts = np.cumsum([0, *(len(p.corners) for p in group[:-1])])
@@ -55,7 +55,7 @@ def back_to_front(polygons: list[Polygon], toward: Array, *, close: float) -> li
             halves[IN_FRONT].append(polygon._replace(corners=_positive_side(polygon.corners, own)))
         sides = (BEHIND, IN_FRONT) if plane @ toward > 0.0 else (IN_FRONT, BEHIND)
         left += [(halves[sides[1]], False), (halves[IN_PLANE], True), (halves[sides[0]], False)]
-    return found
+    return ordered
 
 
 def _plane(corners: Array) -> tuple[Array, float]:

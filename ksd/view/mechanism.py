@@ -173,7 +173,7 @@ def _resize_figure(axes: Any, title: str, *, bar: float) -> str:
 
 def _polygons(shape: Any, camera: Camera, size: float, heat: StressColors | None) -> list[Polygon]:
     """Polygons of blocks, ground hatching and leaf springs, unordered."""
-    found: list[Polygon] = []
+    polygons: list[Polygon] = []
     colors = block_colors(shape)
     for block in shape.blocks:
         clamped, color = clamp_pads(shape, block), colors[block.name]
@@ -182,25 +182,25 @@ def _polygons(shape: Any, camera: Camera, size: float, heat: StressColors | None
         for k, points in enumerate(pieces):
             # the web, which is the last piece, is thinner, so that it ends within the pads
             half = PAD_HALF_THICKNESS * size * (0.8 if 0 < k == len(pieces) - 1 else 1.0)
-            found += hull_faces(points, half, pale, edge=edge)
+            polygons += hull_faces(points, half, pale, edge=edge)
         if block.name == "ground":
             lines = (line for pad in clamped for line in ground_hatches(pad, size, camera))
-            found += [Polygon(line, GROUND_COLOR, None, 0.9) for line in lines]
+            polygons += [Polygon(line, GROUND_COLOR, None, 0.9) for line in lines]
     for whole in shape.leaves:
         leaf = whole if heat or camera.plane or has_varying_thickness(whole) else with_fewer_stations(whole)
         # a face of varying thickness is pale, or its outline could not be seen
         plain = LEAF_COLOR if not has_varying_thickness(leaf) else blended(LEAF_COLOR, 0.45)
         drawn = plain if heat is None else heat.between(leaf.name)
-        found += leaf_faces(
+        polygons += leaf_faces(
             leaf, drawn, line=1.8 if camera.plane and not has_varying_thickness(leaf) else 0.4
         )
         edge = LEAF_COLOR if camera.plane else blended(LEAF_COLOR, -0.35)
         for ring in leaf_outlines(leaf, camera):
-            found += [
+            polygons += [
                 Polygon(p, TEXT_COLOR if heat else edge, None, 0.6)
                 for p in np.stack([ring[:-1], ring[1:]], axis=1)
             ]
-    return found
+    return polygons
 
 
 def draw_polygons(axes: Any, polygons: list[Polygon], camera: Camera) -> None:

@@ -14,9 +14,9 @@ STRESS_LABEL = "von Mises stress [MPa]"
 
 def stress_along(configuration: Any, shape: Any) -> dict[str, Array]:
     """Largest von Mises stress [MPa] over the section at the stations of every leaf of `shape`, by name."""
-    found = configuration.stress()
+    stress = configuration.stress()
     return {
-        leaf.name: 1e-6 * np.interp(leaf.s, found[leaf.name].s, found[leaf.name].von_mises_Pa.max(axis=1))
+        leaf.name: 1e-6 * np.interp(leaf.s, stress[leaf.name].s, stress[leaf.name].von_mises_Pa.max(axis=1))
         for leaf in shape.leaves
     }
 

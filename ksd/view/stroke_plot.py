@@ -139,24 +139,24 @@ def _panels_to_draw(table: Any, questions: Sequence[str]) -> list[tuple[_Panel, 
     for q in questions:
         if q not in _PANELS:
             raise SceneError(f"question {q!r} has no picture; choose among {', '.join(_PANELS)}")
-    found = []
+    panels = []
     for q in questions or _PANELS:
-        mine = []
+        drawn = []
         for panel in _PANELS[q]:
             matches = {c: re.fullmatch(panel.pattern, c) for c in table.columns}
             columns = {c: m.group(1).replace("_", " ") for c, m in matches.items() if m}
             # columns that are zero throughout are drawn only on request
             least = 0.0 if questions else _MIN_PANEL_VALUE
             if columns and any(np.nanmax(np.abs(table[c]), initial=-1.0) >= least for c in columns):
-                mine.append((panel, columns))
-        if questions and not mine:
+                drawn.append((panel, columns))
+        if questions and not drawn:
             raise SceneError(f"the table has no answers to {q!r}; ask for it with questions=(..., {q!r})")
-        found += mine
-    if not found:
+        panels += drawn
+    if not panels:
         raise SceneError(
             "the table has no answers to draw: " + (table.failures or [{"status": "no rows"}])[0]["status"]
         )
-    return found
+    return panels
 
 
 def _groups(table: Any, over: str) -> dict[str, np.ndarray]:
