@@ -198,10 +198,10 @@ def compared_methods(
         basis = ModalBasis() if modal else None
         return Solver(scene, mesh=kind, extrapolate=extrapolate, effects=effects, basis=basis)
 
-    def by(method: Any, kind: Mesh = mesh, **options: Any) -> Callable[[bool], Configuration]:
+    def by(method: Any, kind: Mesh = mesh, *, relinearisations: int = 0) -> Callable[[bool], Configuration]:
         modal = method == "modal"
         return lambda estimate: solver(kind, modal=modal)(
-            targets, method=method, estimate=estimate, **options
+            targets, method=method, estimate=estimate, relinearisations=relinearisations
         )
 
     fine, coarse = "strain-mode", f"{elements} elements"

@@ -275,8 +275,13 @@ def five_step_variants(
     solver = Solver(scene, mesh=mesh, extrapolate=extrapolate, planar=False)
     leaves, size = leaf_label(mesh), sum(mesh.orders) if mesh.leaf == "strain" else mesh.elements
 
-    def variant(name: str, method: Method, **options: Any) -> Variant:
-        return Variant(name, leaves, size, lambda: solver(targets, method=method, **options))
+    def variant(name: str, method: Method, *, relinearisations: int = 0, estimate: bool = True) -> Variant:
+        return Variant(
+            name,
+            leaves,
+            size,
+            lambda: solver(targets, method=method, relinearisations=relinearisations, estimate=estimate),
+        )
 
     def conventional(planar: bool) -> Configuration:
         return solve_conventional(solver.model, targets, planar=planar, storage=solver.storage)

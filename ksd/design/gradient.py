@@ -33,8 +33,8 @@ from ksd.design.questions import (
     frequency_row,
     parse_questions,
 )
-from ksd.design.sweep import make_recipe, sweep_paths
-from ksd.design.sweep_path import adequate_solver
+from ksd.design.sweep import check_recipe, sweep_paths
+from ksd.design.sweep_path import Recipe, adequate_solver
 from ksd.errors import KinematicsError, SceneError
 from ksd.html import join_printed
 from ksd.model.mesh import Mesh
@@ -192,10 +192,11 @@ def gradient(
     pose that fails.
     """
     selected = replace(parse_questions(questions, link, at, freed, modes=modes, errors=False), detailed=True)
-    recipe = make_recipe(
+    recipe = Recipe(
         selected, method=method, accuracy=accuracy, relinearisations=0, mesh=mesh, extrapolate=extrapolate,
         effects=(("effects", effects), ("with_", with_), ("without", without)),
     )  # fmt: skip
+    check_recipe(recipe)
     boolean(errors, "errors")
     values = drive_value_arrays(targets, drives, gradient)
     designs = None if at_design is None else [at_design]

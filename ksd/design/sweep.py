@@ -27,7 +27,6 @@ from ksd.design.design_scene import (
 )
 from ksd.design.questions import (
     ALL_QUESTIONS,
-    Questions,
     check_questions,
     parse_questions,
     unanswerable_questions,
@@ -114,11 +113,12 @@ def sweep(
 
     Raises SceneError for invalid input before any solve; SweepInterrupted (a KeyboardInterrupt with `.table`) on Ctrl-C.
     """
-    recipe = make_recipe(
+    recipe = Recipe(
         parse_questions(ALL_QUESTIONS if questions is None else questions, link, at, freed, modes=modes, errors=errors),
         method=method, accuracy=accuracy, relinearisations=relinearisations, mesh=mesh, extrapolate=extrapolate,
         effects=(("effects", effects), ("with_", with_), ("without", without)),
     )  # fmt: skip
+    check_recipe(recipe)
     check_executor(executor)
     boolean(together, "together")
     boolean(progress, "progress")
@@ -175,11 +175,12 @@ def fingerprint(paths: Sequence[SweepPath], recipe: Recipe) -> str:
     return digest.hexdigest()
 
 
-def make_recipe(questions: Questions, **options: Any) -> Recipe:
-    """A `Recipe` of these options. Raises SceneError for invalid ones."""
-    checked = ("mesh", "relinearisations", "accuracy", "method", "extrapolate")
-    check_solve_options(methods=METHODS, **{name: options[name] for name in checked})
-    return Recipe(questions, **options)
+def check_recipe(recipe: Recipe) -> None:
+    """Raise SceneError for invalid options of a recipe."""
+    check_solve_options(
+        mesh=recipe.mesh, relinearisations=recipe.relinearisations, accuracy=recipe.accuracy, method=recipe.method,
+        methods=METHODS, extrapolate=recipe.extrapolate,
+    )  # fmt: skip
 
 
 class _Results(NamedTuple):
