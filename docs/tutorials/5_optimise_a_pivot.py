@@ -138,8 +138,8 @@ print(made)
 
 safe = ksd.optimise(job, start=best.design, robust=2, spread={"thickness": 4 * um, "length": 20 * um})
 safely_made = ksd.tolerance(job, safe, spread={"thickness": 4 * um, "length": 20 * um}, samples=100)
-print(f"optimum {best.merit:.3g} N/m, {100 * made.kept:.0f} % hold every limit")
-print(f"robust  {safe.merit:.3g} N/m, {100 * safely_made.kept:.0f} % hold every limit")
+print(f"optimum {best.merit:.3g} N/m, {100 * made.yield_fraction:.0f} % hold every limit")
+print(f"robust  {safe.merit:.3g} N/m, {100 * safely_made.yield_fraction:.0f} % hold every limit")
 
 # %%
 # What does a smaller motor cost?

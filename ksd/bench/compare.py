@@ -136,17 +136,22 @@ def compare(
     chosen = [
         method
         for method in compared_methods(
-            model.said, values, mesh, element_count, extrapolate=extrapolate, effects=model.choice.present
+            model.original_scene,
+            values,
+            mesh,
+            element_count,
+            extrapolate=extrapolate,
+            effects=model.choice.present,
         )
         if method.method in names
     ]
-    if methods is None and len(model.said.leaf_names()) > MODAL_LEAVES:
+    if methods is None and len(model.original_scene.leaf_names()) > MODAL_LEAVES:
         why = f"not run: modal bodies of more than {MODAL_LEAVES} leaf springs take long; name it in methods to wait for it"
         chosen = [
             m if m.method != "modal" else replace(m, solve=lambda _: raise_not_run(why)) for m in chosen
         ]
     results = measure_methods(
-        chosen, model.said.name, reference, repeats, progress=boolean(progress, "progress")
+        chosen, model.original_scene.name, reference, repeats, progress=boolean(progress, "progress")
     )
     return as_table(model, reference, results)
 
@@ -316,7 +321,7 @@ def _reported_error(pose: Configuration) -> float | None:
 
 def as_table(model: Model, reference: Reference, results: Sequence[MethodResult]) -> Table:
     """The results as a table; see `compare` for its columns."""
-    efforts = {d.name: f"{d.name}_{EFFORT_SUFFIX[drive_kind(d)]}" for d in model.said.drives}
+    efforts = {d.name: f"{d.name}_{EFFORT_SUFFIX[drive_kind(d)]}" for d in model.original_scene.drives}
     facts = {
         "about": "Times: median thread time of a call with all prepared; the error figure of fast methods (estimate_us) "
         "comes on top. Errors: the larger of force and displacement error, mesh included, against "
@@ -325,8 +330,8 @@ def as_table(model: Model, reference: Reference, results: Sequence[MethodResult]
     }
     answer = tuple(efforts.values())[:3] or ("moved_mm",)
     return Table.of_rows(
-        [_columns(result, efforts) for result in results], ("method", "leaf_springs"), name=model.said.name, facts=facts,
-        leading=("time_us", *answer, "error_percent", "told_error_percent"),
+        [_columns(result, efforts) for result in results], ("method", "leaf_springs"), name=model.original_scene.name,
+        facts=facts, leading=("time_us", *answer, "error_percent", "told_error_percent"),
     )  # fmt: skip
 
 

@@ -104,7 +104,7 @@ def _other_methods(solver: Any, targets: dict[str, float], pose: Any) -> list[An
         *others,
         _compared_solve(
             f"conventional, {label}",
-            lambda: prepare(solver.model.said, mesh=fine, effects=solver.model.choice.present)(
+            lambda: prepare(solver.model.original_scene, mesh=fine, effects=solver.model.choice.present)(
                 targets, method="conventional"
             ),
         ),

@@ -152,7 +152,13 @@ class BatchSolver:
         all_bodies = layout(numbers, filled, shapes, extrapolate=self.extrapolate)
         models = [
             model_of_design(
-                design.scene, template, filled, numbers, d, said=design.described, choice=design.choice
+                design.scene,
+                template,
+                filled,
+                numbers,
+                d,
+                original_scene=design.described,
+                choice=design.choice,
             )
             for d, design in enumerate(designs)
         ]

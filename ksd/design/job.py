@@ -509,7 +509,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
                 rows[d] += design.rows
                 status[d] = design.status if status[d] == OK else status[d]
                 if design.poses:
-                    solved.append(SolvedPoses(design.poses[0].model.said, design.poses, steps))
+                    solved.append(SolvedPoses(design.poses[0].model.original_scene, design.poses, steps))
         answers = DesignAnswers(np.array([self._answers_from(own) for own in rows]), tuple(status))
         has_all_answers = status == [OK] and len(solved) == len(self.cases)
         return answers, solved if has_all_answers else []

@@ -170,7 +170,7 @@ def _drawn_in_wanted_shape(
     pieces: list[LeafPiece] = []
     for name, a, b, leaf in cut_leaves(scene):
         whole, i = whole_leaves[name], model.member_names.index(name)
-        curve = deformed_curve(leaf, model.mesh.of(whole), axes, (model, motion, i), gravity)
+        curve = deformed_curve(leaf, model.mesh.for_leaf(whole), axes, (model, motion, i), gravity)
         curves.setdefault(whole, []).append(curve)
         # a force at a point changes the angle between line and sections there, by shear: each piece has its own curve
         ends = moves[a].move_point(leaf.start), moves[b].move_point(leaf.end)

@@ -28,8 +28,9 @@ class Tolerance(PrintableAnswer):
 
     names: of the answers; nominal (answers,): values at the design; first_order, sampled (answers,): standard deviations to
     first order and of the samples, in units of their columns. blame (answers, parameters): share of each parameter in the
-    first-order variance. kept: share of the samples that meet every limit; reach (answers,): standard deviations to the
-    nearest limit. merits (samples,): worst target over its scale, nan for samples that failed and for jobs without targets;
+    first-order variance. yield_fraction: share of the samples that meet every limit; sds_to_limit (answers,): standard
+    deviations to the nearest limit. merits (samples,): worst target over its scale, nan for samples that failed and for
+    jobs without targets;
     sign: -1 where targets are minimised, so that merits are minus the worst. table: all samples.
     """
 
@@ -39,9 +40,9 @@ class Tolerance(PrintableAnswer):
     first_order: Array
     sampled: Array
     blame: Array
-    kept: float
+    yield_fraction: float
     merits: Array
-    reach: Array
+    sds_to_limit: Array
     table: Table
     sign: float
 
@@ -62,11 +63,11 @@ class Tolerance(PrintableAnswer):
         )
         failed = len(self.table.failures)
         failures = f", {failed} have no answers" if failed else ""
-        return f"{100 * self.kept:.3g} % of {len(self.merits)} samples hold every limit{failures}{worst}"
+        return f"{100 * self.yield_fraction:.3g} % of {len(self.merits)} samples hold every limit{failures}{worst}"
 
     def __str__(self) -> str:
         rows = []
-        for k in np.argsort(self.reach)[:MAX_PRINTED_ANSWERS].tolist():
+        for k in np.argsort(self.sds_to_limit)[:MAX_PRINTED_ANSWERS].tolist():
             name, share = next(iter(self.to_blame(self.names[k]).items()))
             numbers = (self.nominal[k], self.first_order[k], self.sampled[k])
             rows.append(

@@ -38,7 +38,9 @@ def with_chains(model: Model, leaves: Mapping[str, ModalBasis]) -> Model:
     elif chains:
         options = {k: getattr(mesh, k) for k in Mesh.__dataclass_fields__}
         mesh = MixedMesh(**options, others=tuple(chains.items()))
-    return model if mesh == model.mesh else compile_as_is(model.scene, mesh, model.said, model.choice)
+    return (
+        model if mesh == model.mesh else compile_as_is(model.scene, mesh, model.original_scene, model.choice)
+    )
 
 
 def chain_shape(model: Model, i: int, motion: State) -> LeafShape:

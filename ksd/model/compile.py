@@ -43,9 +43,9 @@ class Model(NotebookTables):
     node_names: "ground", links, then "joint/block"; member_names: "joint/leaf", then free leaf springs. joint_members[j] is
     the slice of members of joint j. drive_names: the first rows; support_names: those after them, held at zero.
     spring_names: of `arrays.springs`. scene: what is simulated, without the effects left out and with elastic links split
-    into parts; said: the scene as the user described it. choice: the effects and their reasons, None when the scene was
-    compiled as it is. bodies: reduced bodies in the place of leaf springs, by name (`ksd.model.reduced_bodies`); full: the
-    model that they reduce, None without.
+    into parts; original_scene: the scene as the user described it. choice: the effects and their reasons, None when the
+    scene was compiled as it is. bodies: reduced bodies in the place of leaf springs, by name (`ksd.model.reduced_bodies`);
+    full: the model that they reduce, None without.
     """
 
     scene: Any
@@ -58,7 +58,7 @@ class Model(NotebookTables):
     drive_names: tuple[str, ...]
     support_names: tuple[str, ...]
     spring_names: tuple[str, ...] = field(default=())
-    said: Any = field(default=None)
+    original_scene: Any = field(default=None)
     choice: Any = field(default=None)
     bodies: Mapping[str, Any] = field(default_factory=dict)
     full: Model | None = None
@@ -197,29 +197,36 @@ def model_source(model: Model) -> ModelSource:
     return source
 
 
-def compile_as_is(scene: Any, mesh: Mesh, said: Any = None, choice: EffectChoice | None = None) -> Model:
+def compile_as_is(
+    scene: Any, mesh: Mesh, original_scene: Any = None, choice: EffectChoice | None = None
+) -> Model:
     """The full model of a frozen scene with all its effects: every leaf spring is a member, every block a node.
 
-    said, choice: see `Model`; said is the scene itself where it is None.
+    original_scene, choice: see `Model`; original_scene is the scene itself where it is None.
     """
     source = _compile_source(scene, mesh)
     model = model_of_design(
-        scene, source.template, source.design_arrays, source.numbers, said=said, choice=choice
+        scene,
+        source.template,
+        source.design_arrays,
+        source.numbers,
+        original_scene=original_scene,
+        choice=choice,
     )
     model.derived["source"] = source
     return model
 
 
 def model_of_design(
-    scene: Any, template: Template, packed: DesignArrays, numbers: SceneNumbers, d: int = 0, *, said: Any = None,
+    scene: Any, template: Template, packed: DesignArrays, numbers: SceneNumbers, d: int = 0, *, original_scene: Any = None,
     choice: EffectChoice | None = None,
 ) -> Model:  # fmt: skip
-    """The model of design d of designs packed together; scene: its frozen scene; said, choice: as in `compile_as_is`."""
+    """The model of design d of designs packed together; scene: its frozen scene; the rest: as in `compile_as_is`."""
     layout = template.scene_layout
     model = Model(
         scene, template.mesh, arrays_of_design(packed.arrays, template.topology, d), state_of_design(packed.rest, d),
         template.node_names, template.member_names, template.joint_members, layout.drives, layout.supports,
-        template.spring_names, scene if said is None else said, choice,
+        template.spring_names, scene if original_scene is None else original_scene, choice,
     )  # fmt: skip
     if choice is not None and choice["spatial"].present:
         refuse_plane(model, f"six unknowns per node are wanted: {choice['spatial'].reason}")

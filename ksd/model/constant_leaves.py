@@ -101,7 +101,7 @@ def with_constant_leaves(model: Model) -> Model:
         # members with equal constants and end poses have equal stiffness
         key = int(model.arrays.members.value_at[i]), np.round([*d, *Q.ravel()], 12).tobytes()
         if key not in stiffness:
-            stiffness[key] = rest_stiffness(leaves[name], model.mesh.of(whole_leaf_name(name, wholes)))
+            stiffness[key] = rest_stiffness(leaves[name], model.mesh.for_leaf(whole_leaf_name(name, wholes)))
         bodies[name] = ConstantLeaf(stiffness[key], d)
     reduced = with_bodies(model, bodies)
     for i, body in enumerate(bodies.values()):

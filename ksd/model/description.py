@@ -108,7 +108,7 @@ def _present_lines(model: Any) -> list[tuple[str, str]]:
     if model.choice is None:
         return [(f"with {n}", "as the mesh says") for n in _names(model, present=True)]
     return [
-        (f"with {e.name}", effect_reason(e, model.said))
+        (f"with {e.name}", effect_reason(e, model.original_scene))
         for e in model.choice.effects
         if e.present and e.name != "spatial"
     ]
@@ -118,7 +118,7 @@ def _absent_lines(model: Any) -> list[tuple[str, str]]:
     if model.choice is None:
         return [(f"without {n}", "as the mesh says") for n in _names(model, present=False)]
     lines = [
-        (f"without {e.name}", effect_reason(e, model.said))
+        (f"without {e.name}", effect_reason(e, model.original_scene))
         for e in model.choice.effects
         if not e.present and e.name != "spatial" and e.reason != NOT_MENTIONED
     ]

@@ -62,7 +62,7 @@ class Mesh(metaclass=ClearArgumentErrors):
                 f"points = {self.points}: orders {self.orders} need at least {max(self.orders) + 1} points"
             )
 
-    def of(self, name: str, whole: str = "") -> Mesh:
+    def for_leaf(self, name: str, whole: str = "") -> Mesh:
         """The mesh of one leaf, by its name ("joint/leaf", or that of a free leaf); whole: the leaf it is a piece of."""
         return self
 
@@ -107,7 +107,7 @@ class MixedMesh(Mesh):
 
     others: tuple[tuple[Mesh, tuple[str, ...]], ...] = ()
 
-    def of(self, name: str, whole: str = "") -> Mesh:
+    def for_leaf(self, name: str, whole: str = "") -> Mesh:
         """The mesh of one leaf or piece of a leaf; a piece that is not named itself has the mesh of its whole leaf."""
         meshes = [mesh for wanted in (name, whole) for mesh, names in self.others if wanted in names]
         return meshes[0] if meshes else self

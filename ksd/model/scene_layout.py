@@ -172,7 +172,7 @@ class _PartCollector:
         names, layouts = list(blocks), []
         for name, leaf in leaves:
             full = before + name
-            mesh = self.mesh.of(full, "" if joint is not None else whole_leaf_name(name, self.free))
+            mesh = self.mesh.for_leaf(full, "" if joint is not None else whole_leaf_name(name, self.free))
             own = (leaf.start_block, leaf.end_block) if joint is not None else ("A", "B")
             if not mesh.nodal:
                 layouts.append(self._leaf(leaf, mesh, (before, name), own, length))
@@ -269,7 +269,7 @@ def split_scene(scene: Any, mesh: Mesh) -> SplitScene:
     places: list[float] = []
     turns: list[float] = []
     joints: list[Any] = []
-    plain = type(mesh).of is Mesh.of
+    plain = type(mesh).for_leaf is Mesh.for_leaf
     for placed in scene.joints:
         joint, before = placed.joint, f"{placed.name}/"
         key = (id(joint), placed.conditions, "" if plain else before)

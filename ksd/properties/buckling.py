@@ -14,8 +14,8 @@ static criterion finds; `ksd.properties.frequencies` does (Bolotin 1963; Ziegler
 
 The derivative is of first order, valid for small responses. Factors at which the load alone would rotate a link by more than
 LINEAR_RANGE, or move it by that fraction of the size, are left out: a fourbar pressed down with its drive released turns by
-0.26 rad before the 188 N that chains would give there, and is stable up to 300 N when the load is followed. `Buckling.reach`
-is the factor at that limit; for larger loads, apply the load and solve, or follow it (`ksd.follow`).
+0.26 rad before the 188 N that chains would give there, and is stable up to 300 N when the load is followed.
+`Buckling.linear_up_to` is the factor at that limit; for larger loads, apply the load and solve, or follow it (`ksd.follow`).
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class Buckling(PrintableAnswer):
     its direction. shape (k, nodes, 6): displacement [m] and rotation [rad] of the nodes of `model`, with largest entry 1;
     all zero where a leaf buckles between ends at rest. vector (k, size): all unknowns, inner ones included. mesh_error (k,):
     estimated relative mesh error of every factor; nan for chains of elements. unstable: number of directions in which the
-    state itself is not a minimum. reach: largest magnitude of a factor for which linear theory is used, inf where all
+    state itself is not a minimum. linear_up_to: largest magnitude of a factor for which linear theory is used, inf where all
     stresses grow. beyond: smallest factor that was left out for that, inf where there is none. conservative: False where
     loads follow their link or moments are fixed in space; factors and `unstable` are then those of divergence.
     backward_error: largest residual of (K + mu K') phi relative to its terms; at most 1e-6.
@@ -109,7 +109,7 @@ class Buckling(PrintableAnswer):
     vector: Array
     mesh_error: Array
     unstable: int
-    reach: float = np.inf
+    linear_up_to: float = np.inf
     beyond: float = np.inf
     conservative: bool = True
     backward_error: float = 0.0
@@ -135,11 +135,11 @@ class Buckling(PrintableAnswer):
         """Why there is no critical load factor, in one sentence; empty where there is one."""
         if len(self.factor):
             return ""
-        if not np.isfinite(self.reach):
+        if not np.isfinite(self.linear_up_to):
             return "no critical load factor: linear theory has no real one"
         left_out = f" (it would say {format_number(self.beyond)})" if np.isfinite(self.beyond) else ""
         far = f"a link has moved by {LINEAR_RANGE:g} rad or {100 * LINEAR_RANGE:g} % of the size and linear theory ends"
-        upto = f"no critical load factor up to {format_number(self.reach)}, where {far}{left_out}"
+        upto = f"no critical load factor up to {format_number(self.linear_up_to)}, where {far}{left_out}"
         return f"{upto}; put the load on, or follow it (ksd.follow)"
 
     def __str__(self) -> str:
@@ -359,11 +359,14 @@ def _strain_rates(model: Model, motion: State) -> Array:
 
 
 class _Pencil(NamedTuple):
-    """Matrices K and K' of (K + mu K') phi = 0, scipy CSC; reach: factor at which the load moves a link by LINEAR_RANGE."""
+    """Matrices K and K' of (K + mu K') phi = 0, scipy CSC.
+
+    linear_up_to: factor at which the load moves a link by LINEAR_RANGE.
+    """
 
     K: Any
     change: Any
-    reach: float
+    linear_up_to: float
 
 
 def _tangent_derivative(tangent: Tangent, loads: Array, rows: list[int], load_factor: float) -> _Pencil:
@@ -565,10 +568,10 @@ def _buckling_matrices(
         stressed, K = uncondensed_tangents(exact, state, rows=rows, load_factor=load_factor)
         return _Pencil(K, stressed - K, np.inf)
     loads, load_tangent_block = _added_load(tangent, *load)
-    K, change, reach = _tangent_derivative(replace(tangent, model=exact), loads, rows, load_factor)
+    K, change, linear_up_to = _tangent_derivative(replace(tangent, model=exact), loads, rows, load_factor)
     start = tangent.unknowns(node_of(model, load[0])).start
     load_change = assemble_blocks([start + np.arange(6)[None]], [load_tangent_block[None]], K.shape[0])
-    return _Pencil(K, change + load_change, reach)
+    return _Pencil(K, change + load_change, linear_up_to)
 
 
 def twice_finer_state(model: Model, motion: State, load_factor: float = 1.0) -> tuple[Model, State]:
@@ -621,8 +624,8 @@ def buckling(
     link: link (or internal block) on which the force (3,) [N] and moment (3,) [Nm], global, act, at the point that is at
     `at` (3,) [m] at rest (reference point where None). following: they turn with the link, otherwise they are fixed in
     space. freed: drives and supports released at their present force, which they keep, as do the loads of the scene, while
-    the added load grows. Factors beyond `Buckling.reach` are left out. Raises SceneError for unknown names, a zero load, or
-    a state without stress, ConvergenceError where factors are not found.
+    the added load grows. Factors beyond `Buckling.linear_up_to` are left out. Raises SceneError for unknown names, a zero
+    load, or a state without stress, ConvergenceError where factors are not found.
     """
     freed = names_of(freed, "freed")
     fine, state = twice_finer_state(model, motion, load_factor)
@@ -630,7 +633,7 @@ def buckling(
     assembled = assemble_tangent(fine, state, load_factor=load_factor)
     tangent = factor_tangent(assembled, freed)
     conservative = tangent.skew is None and not following and not np.any(moment)
-    K, change, reach = _buckling_matrices(tangent, load, load_factor)
+    K, change, linear_up_to = _buckling_matrices(tangent, load, load_factor)
     if conservative:
         change = 0.5 * (change + change.T)
     rounding = ROUNDING_EIGENVALUE if link is None else 0.0
@@ -652,7 +655,7 @@ def buckling(
             mesh_error = np.abs(np.divide.outer(found, factor) - 1.0).min(axis=0, initial=np.inf)
             kept = mesh_error < MAX_MESH_CHANGE
             factor, vectors, mesh_error = factor[kept], vectors[:, kept], mesh_error[kept]
-    within = np.abs(factor) <= reach
+    within = np.abs(factor) <= linear_up_to
     beyond = float(min(factor[~within], key=abs, default=np.inf))
     factor, vectors, mesh_error = factor[within], vectors[:, within], mesh_error[within]
     shape = np.zeros((len(factor), len(fine.node_names), 6))
@@ -664,4 +667,6 @@ def buckling(
     if skew is not None and unstable:
         other_negatives = len(fine.arrays.terms.start) - assembled.inner_negatives
         unstable = count_negative_eigenvalues(fine.arrays, assembled.matrix(freed), skew) - other_negatives
-    return Buckling(fine, factor, shape, vectors.T, mesh_error, unstable, reach, beyond, conservative, error)
+    return Buckling(
+        fine, factor, shape, vectors.T, mesh_error, unstable, linear_up_to, beyond, conservative, error
+    )

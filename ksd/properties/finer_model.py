@@ -55,7 +55,7 @@ def finer_mesh(model: Model) -> Mesh:
 def _check_chains_are_straight(model: Model) -> None:
     """Raise SceneError for curved or profiled leaves meshed as chains, which cannot be divided into single elements."""
     for name, leaf in scene_leaves(model).items():
-        mesh = model.mesh.of(name)
+        mesh = model.mesh.for_leaf(name)
         if (leaf.curve is not None or leaf.profile is not None) and mesh.leaf != "strain" and not mesh.nodal:
             raise SceneError(
                 f"leaf '{name}' is curved or has a profile: its frequencies and buckling are answered by "

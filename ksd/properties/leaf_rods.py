@@ -150,7 +150,7 @@ def _leaf_and_mesh(model: Model, name: str) -> tuple[Any, Any]:
     """Leaf (or its piece between points, or an element where the mesh is nodal) and mesh of the member `name`."""
     leaves, wholes = _pieces_and_leaves(model)
     piece = whole_leaf_name(name, leaves)
-    leaf, mesh = leaves[piece], model.mesh.of(whole_leaf_name(piece, wholes))
+    leaf, mesh = leaves[piece], model.mesh.for_leaf(whole_leaf_name(piece, wholes))
     # elements are equal parts
     return (leaf if name == piece else element_leaves(leaf, leaf.elements or mesh.elements)[0]), mesh
 

@@ -137,7 +137,7 @@ def _largest_strain(stress: LeafStress, material: Material) -> float:
 @cached_per_model
 def unusual_values(model: Model) -> tuple[str, ...]:
     """Sentences about unusual values in the scene of a model, see `ksd.scene.plausibility`."""
-    return plausibility_warnings(model.said or model.scene)
+    return plausibility_warnings(model.original_scene)
 
 
 __all__ = ["Strength", "strength", "unusual_values"]

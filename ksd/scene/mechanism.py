@@ -911,7 +911,7 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
     def scene(self) -> Scene:
         """The frozen, validated description; the same object again while nothing has changed. Raises SceneError."""
         last, fields = self._last, self._scene_fields()
-        if last is not None and last[0].unchangeable and hold_same_objects(fields, last[1]):
+        if last is not None and last[0].is_immutable and hold_same_objects(fields, last[1]):
             return last[0]
         frozen = Scene(**fields)
         if whole_checks_enabled():

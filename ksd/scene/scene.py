@@ -153,7 +153,7 @@ class Scene(NotebookTables):
         return [(one, two) for one, two in combinations(blocks, 2) if not blocks[one] & blocks[two]]
 
     @cached_property
-    def unchangeable(self) -> bool:
+    def is_immutable(self) -> bool:
         """Whether all contents are immutable: every joint is a frozen dataclass, and no leaf has a curve or profile."""
         leaves = self.leaf_names().values()
         params = (getattr(j.joint, "__dataclass_params__", None) for j in self.joints)
@@ -163,7 +163,7 @@ class Scene(NotebookTables):
 
     def fingerprint(self) -> str:
         """SHA-256 of all contents, in hexadecimal."""
-        return self._fingerprint if self.unchangeable else fingerprint(self)
+        return self._fingerprint if self.is_immutable else fingerprint(self)
 
     @cached_property
     def _fingerprint(self) -> str:

@@ -44,7 +44,7 @@ class Actuation:
     """Inverse statics of one model, prepared for many states."""
 
     def __init__(self, model: Model) -> None:
-        arrays, scene = model.arrays, model.said or model.scene
+        arrays, scene = model.arrays, model.original_scene
         self.model, self.arrays, self.work = model, arrays, make_workspace(arrays)
         self.links, self.drives = model.links, len(model.drive_names)
         # without the rows that hold a mechanism in its plane: they exert nothing in it

@@ -273,7 +273,7 @@ class Configuration(NotebookTables):
     @property
     def reactions(self) -> dict[str, float]:
         """Force [N] or moment [Nm] that every support exerts, by support name; not what holds a mechanism in its plane."""
-        count, supports = len(self.model.drive_names), (self.model.said or self.model.scene).supports
+        count, supports = len(self.model.drive_names), self.model.original_scene.supports
         efforts = zip(supports, self.motion.multiplier[count:], strict=False)
         return NamedAnswers({s.name: -float(m) for s, m in efforts}, "support")
 
@@ -532,7 +532,7 @@ class Configuration(NotebookTables):
         `ksd.solve.perturbed`.
         """
         checked_question(question)
-        scene = self.model.said or self.model.scene
+        scene = self.model.original_scene
         parameters = parameters_of(
             scene, self.targets, size=self.model.arrays.size, design=design, at_design=at_design, by=by, sizes=sizes
         )  # fmt: skip

@@ -484,7 +484,7 @@ def follow_load_path(
 
 def _rigid_conflicts(model: Model) -> Iterator[str]:
     """Sentences of the doctor on drives that contradict rigid parts alone, so that no leaf spring can give way."""
-    for fight in doctor(model.said or model.scene).fights:
+    for fight in doctor(model.original_scene).fights:
         if fight.what.startswith("drive ") and all(
             o.startswith(("drive ", "support ")) for o in fight.others
         ):

@@ -310,7 +310,7 @@ def _compile_scenes(model: Model, mesh: Mesh, scenes: Sequence[Any]) -> list[Mod
         filled = template(numbers)
         for d, (k, plain, _) in enumerate(members):
             found[k] = model_of_design(
-                plain, template, filled, numbers, d, said=scenes[k], choice=model.choice
+                plain, template, filled, numbers, d, original_scene=scenes[k], choice=model.choice
             )
     return [found[k] for k in range(len(scenes))]
 

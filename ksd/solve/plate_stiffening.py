@@ -90,6 +90,6 @@ def solve_with_plate_factors(
             break
         model = solver.model
         scene = with_conditions(model.scene, conditions)
-        solver = solver.of(compile_as_is(scene, model.mesh, model.said, model.choice))
+        solver = solver.of(compile_as_is(scene, model.mesh, model.original_scene, model.choice))
         found = solve(solver)
     return found, solver

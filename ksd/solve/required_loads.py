@@ -143,7 +143,7 @@ def required_loads(
                 n: leaf.condition for n, leaf in pose.model.scene.leaf_names().items() if leaf.condition
             }
             scene = with_conditions(model.scene, conditions)
-            model = compile_as_is(scene, model.mesh, model.said, model.choice)
+            model = compile_as_is(scene, model.mesh, model.original_scene, model.choice)
         state = model.rest.copy()
         state.x[:], state.R[:], state.inner[:] = pose.motion.x, pose.motion.R, pose.motion.inner
     state.multiplier[:] = 0.0
@@ -277,14 +277,14 @@ def _dead_centre(model: Model, state: State) -> tuple[str, ...]:
 
     The one that moves most comes first; empty where none can.
     """
-    hinged = {n for h in (model.said or model.scene).hinges for n in (h.a, h.b)}
+    hinged = {n for h in model.original_scene.hinges for n in (h.a, h.b)}
     unactuated = state.copy()
     unactuated.multiplier[:] = 0.0
     actuation = Actuation(model)
     actuation(unactuated)
     gradients = actuation.gradients.reshape(model.links - 1, 6, -1).copy()
     gradients[:, 3:] /= model.arrays.size
-    driven = {t.link for d in (model.said or model.scene).drives for t in d.terms}
+    driven = {t.link for d in model.original_scene.drives for t in d.terms}
     names = model.scene.links[1:]
     free = [k for k, name in enumerate(names) if name in hinged and name not in driven]
     if not free:
@@ -303,7 +303,7 @@ def _dead_centre(model: Model, state: State) -> tuple[str, ...]:
 
 def _pose_solver(solver: Solver, model: Model, poses_by_node: LinkPoses) -> tuple[Solver, dict[str, float]]:
     """A solver of the mechanism with drives that prescribe these poses, and the drive values."""
-    scene, found = model.said or model.scene, plane_of(model)
+    scene, found = model.original_scene, plane_of(model)
     axis = found.axis if isinstance(found, Plane) else None
     names = {model.node_names[i] for i in poses_by_node} | {GROUND}
     drives, targets = [], {}
@@ -334,7 +334,7 @@ def _pose_solver(solver: Solver, model: Model, poses_by_node: LinkPoses) -> tupl
 def _balance(model: Model, state: State, actuation: Actuation) -> RequiredLoads:
     """Loads that the links need at a state, and the drive and support forces that balance them."""
     names, found = model.scene.links[1:], actuation(state)
-    supports = (model.said or model.scene).supports
+    supports = model.original_scene.supports
     return RequiredLoads(
         dict(zip(names, found.needed, strict=True)),
         dict(zip(model.drive_names, found.forces.tolist(), strict=True)),

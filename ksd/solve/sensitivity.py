@@ -57,7 +57,7 @@ def sensitivity(
     """
     name = getattr(link, "name", link)
     model, state = pose.unreduced_state
-    scene = model.said or model.scene
+    scene = model.original_scene
     if name not in scene.links:
         raise SceneError(
             f"link '{name}' is not part of '{scene.name}'; its links are {', '.join(scene.links)}"

@@ -95,7 +95,7 @@ def _instability(model: Model, causes: tuple[str, ...], factor: float) -> tuple[
 
 def _causes(model: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Causes of strain in the undeformed configuration, in words: internal ones, and loads."""
-    springs, scene = _preloaded_springs(model), model.said or model.scene
+    springs, scene = _preloaded_springs(model), model.original_scene
     stressed = any(f.condition is not None for f in model.scene.leaf_names().values())
     inner = {
         f"the preload of {', '.join(springs)}": springs,

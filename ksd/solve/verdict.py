@@ -334,5 +334,5 @@ def _conflicting_drives(c: Configuration) -> str:
     """A clause about drives that prescribe one freedom against each other; empty where there are none."""
     if c.stable or len(c.model.drive_names) < 2:
         return ""
-    fights = [f.sentence for f in doctor(c.model.said or c.model.scene).fights if f.what.startswith("drive ")]
+    fights = [f.sentence for f in doctor(c.model.original_scene).fights if f.what.startswith("drive ")]
     return "".join(f"; {sentence}" for sentence in fights)

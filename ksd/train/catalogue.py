@@ -147,20 +147,23 @@ FAMILY_DESIGNS: dict[str, Design] = {
             "triple_infinity_hinge", (), partial(TripleInfinityHinge, _STEEL),
             {**STEEL, "length": 0.06, "thickness": 0.45e-3},
         ),
-        Design("parallel_guide", (_SPACING,), _parallel_guide, {**STEEL, **SHEET}, loose=0.5),
+        Design("parallel_guide", (_SPACING,), _parallel_guide, {**STEEL, **SHEET}, tolerance_factor=0.5),
         Design(
             "stiffened_guide", (_parameter("flexible", 0.1, 0.4), _SPACING), _stiffened_guide, {**STEEL, **SHEET},
         ),
         Design(
             "circular_notch", (_parameter("slenderness", 0.02, 0.3, scale="log"),), _circular_notch, {**STEEL, **_NOTCH},
-            loose=3.0,
+            tolerance_factor=3.0,
         ),
         # functions of longer chains jump where the middle of an element moves from fillet to neck
         Design(
             "filleted_notch", (_parameter("slenderness", 0.01, 0.1, scale="log"), _parameter("fillet", 0.05, 0.35)),
             _filleted_notch, {**STEEL, **_NECK}, ("strain", 1), 3.0,
         ),
-        Design("arc_hinge", (_parameter("angle", 20, 270, degrees=True),), _arc_hinge, {**STEEL, **SHEET}, loose=3.0),
+        Design(
+            "arc_hinge", (_parameter("angle", 20, 270, degrees=True),), _arc_hinge,
+            {**STEEL, **SHEET}, tolerance_factor=3.0,
+        ),
         Design("universal", (_parameter("aspect", 0.32, 0.64, scale="log"),), _universal, {**STEEL, **_LEAF}, SHORT_CHAINS),
     )
 }  # fmt: skip

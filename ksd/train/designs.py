@@ -23,7 +23,7 @@ ALL_MESHES: tuple[Mesh, ...] = ("strain", 1, 2, 3, 4, 5, 6, 7, 8)
 class Design:
     """A family for the trainer: make(**shape) draws the joint at shape parameters within `parameters`.
 
-    numbers: values held fixed, SI. meshes: those trained by default; loose: factor on all wanted errors. others:
+    numbers: values held fixed, SI. meshes: those trained by default; tolerance_factor: factor on all wanted errors. others:
     further parameters of make, {name: values}, that must not matter: the record holds the evidence. idle: parameters
     found not to matter; they stay in the middle of their range while sampling.
     """
@@ -33,7 +33,7 @@ class Design:
     make: Callable[..., Joint]
     numbers: Mapping[str, float] = field(default_factory=dict)
     meshes: tuple[Mesh, ...] = ALL_MESHES
-    loose: float = 1.0
+    tolerance_factor: float = 1.0
     others: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     idle: tuple[str, ...] = ()
 

@@ -82,7 +82,7 @@ def train(
     folder = target.with_name(f".{target.stem}.partial")
     title = f"train {design.family}"
     with Jobs(folder, executor=executor, resume=resume, progress=progress, title=title) as jobs:
-        tolerances = {group: design.loose * value for group, value in TOLERANCE.items()} | dict(
+        tolerances = {group: design.tolerance_factor * value for group, value in TOLERANCE.items()} | dict(
             tolerance or {}
         )
         record = _sample_and_fit(design, requested_meshes, jobs, tolerances, most_shapes)
@@ -143,7 +143,9 @@ def up_to_date(family_or_joint: str | Joint | Design, *, out: str | os.PathLike[
     try:
         record = read_record(target)
         same_design = all(getattr(record, name) == getattr(expected, name) for name in DESIGN_FIELDS)
-        within_tolerance = all(r.fit_rms <= design.loose * TOLERANCE[r.group] for r in record.residuals)
+        within_tolerance = all(
+            r.fit_rms <= design.tolerance_factor * TOLERANCE[r.group] for r in record.residuals
+        )
         if not (same_design and within_tolerance and set(record.functions) == set(design.meshes)):
             return ""
         return check_probes(record, design)

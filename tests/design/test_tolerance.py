@@ -21,7 +21,7 @@ def made():
 def test_samples_scatter_as_to_first_order_and_half_of_them_hold_the_limit(made):
     # four standard errors of a standard deviation and of a share
     assert made.sampled == pytest.approx(made.first_order, rel=4 / np.sqrt(2 * 120) + 0.05)
-    assert made.kept == pytest.approx(0.48, abs=4 * np.sqrt(0.25 / 120)) and len(made.table) == 121
+    assert made.yield_fraction == pytest.approx(0.48, abs=4 * np.sqrt(0.25 / 120)) and len(made.table) == 121
     assert np.nanmean(made.merits) == pytest.approx(0.5036, abs=4 * np.nanstd(made.merits) / np.sqrt(120))
     blame = made.to_blame("stress_MPa[hinge/inner]")
     assert next(iter(blame)) == "thickness" and sum(blame.values()) == pytest.approx(1.0)
@@ -33,7 +33,7 @@ def test_limits_alone_are_enough_and_say_the_same_as_beside_a_target():
     alone, both = job(maximise=(), **words), job(**words)
     found, asked = (ksd.tolerance(j, BEST, spread=SPREAD, samples=16, seed=1) for j in (alone, both))
     names = [n for n in found.names if n.startswith("stress")]
-    assert names == list(found.names) and 0.0 < found.kept == asked.kept < 1.0
+    assert names == list(found.names) and 0.0 < found.yield_fraction == asked.yield_fraction < 1.0
     k = [asked.names.index(n) for n in names]
     assert found.nominal == pytest.approx(asked.nominal[k])
     assert found.first_order == pytest.approx(asked.first_order[k])
@@ -72,7 +72,7 @@ def test_samples_without_answers_are_told():
     made = ksd.tolerance(job(function=stock, vary=vary, rules=[], turn=[0.1]), [70 * mm, 0.5 * mm],
                          spread={"thickness": 0.01 * mm}, samples=40)  # fmt: skip
     count = int(np.isnan(made.merits).sum())
-    assert 0 < count < 40 and made.kept == pytest.approx(1 - count / 40)
+    assert 0 < count < 40 and made.yield_fraction == pytest.approx(1 - count / 40)
     assert f"of 40 samples hold every limit, {count} have no answers, worst target" in str(made)
 
 

@@ -131,12 +131,12 @@ def test_multipliers_beyond_linear_theory_are_left_out(mesh):
     bent = solve_conventional(compile_scene(scene, mesh=mesh), {"top": 0.1}, steps=4)
     found = bent.buckling("top", at=at, force=(0, -1, 0), freed="top")
     assert len(found.factor) == 0 and np.isinf(found.positive)
-    assert found.reach == pytest.approx(72.0, rel=0.05)
+    assert found.linear_up_to == pytest.approx(72.0, rel=0.05)
     # an empty table says why
     assert str(found).count("o critical load factor up to 7") == 1 and "ksd.follow" in str(found)
     assert (
         repr(found).startswith("<Buckling: no critical load factor up to 7")
-        and np.abs(found.beyond) > found.reach
+        and np.abs(found.beyond) > found.linear_up_to
     )
     described = scene.scene()
     loads = (
@@ -153,7 +153,7 @@ def test_multipliers_beyond_linear_theory_are_left_out(mesh):
     pressed = solve_conventional(model, {}, steps=16)
     assert pressed.stable and pressed.links["top"][0][0] > 0.25
     # where links hardly move, nothing is left out
-    assert bent.buckling("top", at=at, force=(0, -1, 0), count=1).reach > 1e4
+    assert bent.buckling("top", at=at, force=(0, -1, 0), count=1).linear_up_to > 1e4
 
 
 def test_stresses_eliminated_give_back_the_tangent_of_chains():

@@ -114,7 +114,7 @@ def test_every_freed_drive_has_its_mode_and_the_next_is_the_first_parasitic(pose
 def test_sweep_report_and_animation_say_the_same(pose, tmp_path, monkeypatch):
     modes, first = freed(pose), len(pose.model.drive_names)
     how = {"method": "conventional", "questions": "frequencies", "progress": False, "together": True}
-    row = next(ksd.sweep(pose.model.said, {n: [v] for n, v in pose.targets.items()}, **how).rows())
+    row = next(ksd.sweep(pose.model.original_scene, {n: [v] for n, v in pose.targets.items()}, **how).rows())
     assert row["first_parasitic_Hz"] == pytest.approx(modes.first_parasitic_Hz, rel=1e-9)
     assert row["first_parasitic_mode"] == modes.names[first] == "parasitic_1"
     for k in range(first + 2):

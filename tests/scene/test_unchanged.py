@@ -77,7 +77,7 @@ def test_a_function_of_the_users_is_asked_every_time():
     scene = mechanism.scene()
     before = scene.fingerprint()
     width[0] = 8 * mm
-    assert not scene.unchangeable
+    assert not scene.is_immutable
     assert scene.fingerprint() != before
 
 
@@ -90,6 +90,6 @@ class Altered:
 
 def test_a_joint_that_can_be_altered_is_hashed_every_time():
     scene = fourbar().scene()
-    assert scene.unchangeable
+    assert scene.is_immutable
     placed = dataclasses.replace(scene.joints[0], joint=Altered())
-    assert not dataclasses.replace(scene, joints=(placed, *scene.joints[1:])).unchangeable
+    assert not dataclasses.replace(scene, joints=(placed, *scene.joints[1:])).is_immutable
