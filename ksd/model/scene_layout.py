@@ -48,9 +48,9 @@ class LeafLayout(NamedTuple):
     """A leaf of a part: its connections and everything else about it that is not a number.
 
     ends: names of the blocks at start and end; kind, number: kind and settings of the member; group: leaves of one group
-    have the same constants. explicit: lengths of the constants and of the inner state where they are explicit numbers, None
-    where they follow from LEAF_NUMBERS. amplitudes: number of modes about each axis where only the amplitudes of the
-    undeformed shape are explicit.
+    have the same constants, each part has groups of its own. explicit: lengths of the constants and of the inner state where
+    they are explicit numbers, None where they follow from LEAF_NUMBERS. amplitudes: number of modes about each axis where
+    only the amplitudes of the undeformed shape are explicit.
     """
 
     name: str
@@ -242,8 +242,11 @@ class _PartCollector:
         return layout._replace(number=number, group=group, explicit=(len(member.value), len(member.inner)))
 
     def _group(self, *constants: Any) -> int:
-        """Number of the group of leaves whose constants depend on these values."""
-        return self.groups.setdefault(constants, len(self.groups))
+        """Number of the group of leaves of the present part whose constants depend on these values.
+
+        Equal leaves of two joints are two groups, so that changing one joint does not change the layout.
+        """
+        return self.groups.setdefault((len(self.distinct), *constants), len(self.groups))
 
 
 def _is_stress_free(state: LeafCondition) -> bool:

@@ -159,6 +159,18 @@ def test_numbers_make_no_new_template_and_words_do(rng):
     assert template_of(other.layout, mesh) is not template_of(one.layout, mesh)
 
 
+def test_one_of_several_equal_joints_changes_without_another_template():
+    def layout(*thicknesses):
+        scene = ksd.Mechanism("line")
+        links = [scene.ground, *scene.links("one", "two")]
+        for k, thickness in enumerate(thicknesses):
+            joint = ksd.CrossedPivot(STEEL, length=0.06, angle=0.7, thickness=thickness, width=0.02)
+            scene.join(links[k], links[k + 1], joint, at=(0.1 * k, 0, 0), axis="z", toward="x")
+        return split_scene(scene.scene(), ksd.Mesh()).layout
+
+    assert layout(4e-4, 4e-4) == layout(4e-4, 5e-4)
+
+
 def test_leaves_drawn_alike_share_their_constants_at_every_scale(rng):
     for _ in range(20):
         members = compile_as_is(_arm(rng).scene(), ksd.Mesh()).arrays.members
