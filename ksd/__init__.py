@@ -23,8 +23,7 @@ from ksd.errors import (
     UnknownNameError,
     UnknownWordError,
 )
-
-__version__ = "0.1.0"
+from ksd.version import __version__ as __version__
 
 _HOMES = {
     "ksd.scene": (

@@ -18,7 +18,6 @@ import numpy as np
 from rich import box
 from rich.table import Table
 
-import ksd
 from ksd.bench.suite import REFERENCE_MESH, Case, Variant, case_variants
 from ksd.errors import ConvergenceError, KsdError
 from ksd.model.compile import Model, compile_scene
@@ -26,6 +25,7 @@ from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import solve_conventional
 from ksd.solve.solver import Solver
 from ksd.solve.steps import percent
+from ksd.version import __version__
 
 WARM_UP_ROUNDS = 2
 """Rounds that are not counted."""
@@ -229,7 +229,7 @@ def machine_facts() -> dict[str, Any]:
         "logical_cores": os.cpu_count(),
         "load_average": round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None,
         "python": platform.python_version(),
-        "ksd": ksd.__version__,
+        "ksd": __version__,
     }
     for package in ("numpy", "numba"):
         try:

@@ -14,9 +14,9 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import Any
 
-from ksd import __version__
 from ksd.cli.commands import parser
 from ksd.errors import KsdError, SceneWarning
+from ksd.version import __version__
 
 INTERRUPTED = 130
 BAD_INPUT = 2

@@ -9,8 +9,8 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-import ksd
 from ksd.properties.printing import format_number
+from ksd.version import __version__
 from ksd.view.figure import figure_bytes
 
 STYLE = """
@@ -35,7 +35,7 @@ def document(name: str, kind: str, parts: Sequence[str]) -> str:
     """A whole page as HTML text; name: the heading; kind: kind of report, below the heading; parts: HTML texts."""
     title = escape(f"{name}: {kind}")
     head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{title}</title>'
-    subtitle = f"{kind[0].upper()}{kind[1:]}, ksd {ksd.__version__}, {datetime.date.today():%d %B %Y}"
+    subtitle = f"{kind[0].upper()}{kind[1:]}, ksd {__version__}, {datetime.date.today():%d %B %Y}"
     body = "\n".join([f"<h1>{escape(name)}</h1>", f'<p class="sub">{subtitle}</p>', *parts])
     top = f'<!doctype html>\n<html lang="en"><head>{head}<style>{STYLE}</style></head>'
     return f"{top}\n<body><main>\n{body}\n</main></body></html>\n"

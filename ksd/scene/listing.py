@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ksd.html import PrintedText
 
-if TYPE_CHECKING:
-    from ksd.scene.scene import Scene
 
-
-def printed_scene(scene: Scene) -> PrintedText:
+def printed_scene(scene: Any) -> PrintedText:
     """The parts of a scene, one per line."""
     rows = list(_rows(scene))
     plane = "" if scene.plane is None else f"in the plane {scene.plane}, "
@@ -23,7 +20,7 @@ def printed_scene(scene: Scene) -> PrintedText:
     return PrintedText("\n".join([head, *lines]), [head, rows])
 
 
-def _rows(scene: Scene) -> Iterable[tuple[str, str, str, str]]:
+def _rows(scene: Any) -> Iterable[tuple[str, str, str, str]]:
     """Kind, name, location and description of every part."""
     for j in scene.joints:
         yield (

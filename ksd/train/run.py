@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 
-import ksd
 from ksd.checks import clear_argument_errors
 from ksd.errors import ConvergenceError, RecordError, SceneError
 from ksd.library import Evidence, Functions, Mesh, Record, Residual, Stroke, read_record, write_record
@@ -32,6 +31,7 @@ from ksd.train.probes import check_probes, probes_of
 from ksd.train.request_checks import check_design, check_meshes
 from ksd.train.sampling import Samples, SamplingPlan, chebyshev_line, even_line
 from ksd.train.softness import check_soft
+from ksd.version import __version__
 
 MODE_ORDERS = (4, 3, 5)
 """Least numbers of curvature modes of a leaf: torsion, strong and weak bending."""
@@ -123,7 +123,7 @@ def _sample_and_fit(
         residuals=_residuals(fit, plan, check_plan, (places, samples), (fresh_places, fresh)),
         evidence=evidence,
         samples=(len(places), len(fresh)),
-        version=str(getattr(ksd, "__version__", "0")),
+        version=__version__,
         history=(sentence,),
     )
 

@@ -7,14 +7,16 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from ksd.errors import SceneError
 from ksd.files import check_target, write_file
+from ksd.properties.frequencies import Modes
 from ksd.view.bodies import edge_lines
 from ksd.view.camera import Camera, View, camera_of
+from ksd.view.drawable import Drawable
 from ksd.view.figure import new_figure, without_math_text
 from ksd.view.mechanism import mechanism_plane, plot_mechanism
 
@@ -22,12 +24,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ksd.properties.frequencies import Modes
-    from ksd.solve.configuration import Configuration
-
 
 def animate_stroke(
-    configurations: Sequence[Configuration],
+    configurations: Sequence[Drawable],
     path: str | os.PathLike[str],
     *,
     view: View | None = None,
@@ -49,7 +48,7 @@ def animate_stroke(
 
 
 def animate_mode(
-    pose: Configuration,
+    pose: Drawable,
     path: str | os.PathLike[str],
     *,
     mode: int | str = 1,
@@ -73,7 +72,7 @@ def animate_mode(
 
 
 def plot_mode(
-    pose: Configuration,
+    pose: Drawable,
     *,
     mode: int | str = 1,
     modes: Modes | None = None,
@@ -91,8 +90,8 @@ def plot_mode(
 
 
 def _mode_swing(
-    pose: Configuration, mode: int | str, modes: Modes | None, amplitude: float, view: View | None
-) -> tuple[Callable[[float], Configuration], View | None, str]:
+    pose: Drawable, mode: int | str, modes: Modes | None, amplitude: float, view: View | None
+) -> tuple[Callable[[float], Drawable], View | None, str]:
     """A function from the share of the swing of a mode to the pose, the view, and the title."""
     modes_found = pose.frequencies(freed=pose.model.drive_names) if modes is None else modes
     row = _mode_row(modes_found, mode)
@@ -102,9 +101,9 @@ def _mode_swing(
     if plane is not None:
         across = "xyz".index(({*"xyz"} - {*plane}).pop())
         view = view or ("3d" if moved.max(axis=0).argmax() == across else plane)  # type: ignore[assignment]
-    still = replace(pose, model=modes_found.model, method_was_chosen=False)
+    still = replace(cast(Any, pose), model=modes_found.model, method_was_chosen=False)
 
-    def swing(share: float) -> Configuration:
+    def swing(share: float) -> Drawable:
         """The pose displaced by `share` (-1 to 1) of the amplitude of the mode."""
         return replace(still, motion=modes_found.moved(row, unit * share))
 

@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from ksd.properties.shape import Shape
 from ksd.view.camera import Camera
+from ksd.view.drawable import Drawable
 from ksd.view.figure import (
     DRIVE_COLOR,
     LABEL_BACKGROUND,
@@ -31,7 +33,7 @@ its axis, and tangent of that angle below which an arrow is drawn as a point."""
 
 
 def draw_arrows(
-    axes: Any, configuration: Any, shape: Any, camera: Camera, *, size: float, labels: bool
+    axes: Any, configuration: Drawable, shape: Shape, camera: Camera, *, size: float, labels: bool
 ) -> Array:
     """Draw drives and loads with their names and values; returns points (n, 2) [mm] along them that no label may cover."""
     busy = [np.zeros((0, 2))]
@@ -94,7 +96,7 @@ def _draw_load(axes: Any, load: Any, camera: Camera, size: float, *, labels: boo
     return busy
 
 
-def draw_distances(axes: Any, shape: Any, camera: Camera, *, labels: bool) -> Array:
+def draw_distances(axes: Any, shape: Shape, camera: Camera, *, labels: bool) -> Array:
     """Draw distances of the scene: both points, and a thin line along the direction of measurement, with its value; returns
     points (n, 2) [mm] that no label should cover."""
     busy = [np.zeros((0, 2))]
@@ -168,7 +170,7 @@ def _label(axes: Any, text: str, tip: Array, color: str) -> None:
     )
 
 
-def draw_springs(axes: Any, shape: Any, camera: Camera, size: float) -> None:
+def draw_springs(axes: Any, shape: Shape, camera: Camera, size: float) -> None:
     """Draw coil springs as zigzags between their ends, torsion springs as spirals."""
     for spring in shape.springs:
         if len(spring.ends) == 1:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from ksd.properties.shape import Shape
 from ksd.view.camera import Camera
 from ksd.view.figure import FAINT_COLOR, GROUND_COLOR, LINK_COLORS, Array
 
@@ -52,7 +53,7 @@ class Pad(NamedTuple):
     away: Array
 
 
-def mechanism_size(shape: Any) -> float:
+def mechanism_size(shape: Shape) -> float:
     """Largest extent [m] of leaf springs and blocks."""
     points = np.concatenate([leaf.place for leaf in shape.leaves] + [b.place for b in shape.blocks])
     return float(np.ptp(points, axis=0).max()) or 1.0
@@ -64,7 +65,7 @@ def edge_lines(place: Array, axes: Array, width: Array) -> tuple[Array, Array]:
     return place - half, place + half
 
 
-def clamp_pads(shape: Any, block: Any, *, rest: bool = False) -> list[Pad]:
+def clamp_pads(shape: Shape, block: Any, *, rest: bool = False) -> list[Pad]:
     """The pads of a block, one per single point, joint or free leaf spring; of the undeformed block with `rest`."""
     places = block.rest if rest else block.place
     result = [Pad(point[None], (), np.zeros((0, 3))) for point in places[block.leaf < 0]]
@@ -265,7 +266,7 @@ def _hatched_line(corners: Array, back: Array, size: float, camera: Camera) -> l
     return lines + [np.stack([middle + u, middle + u + stroke]) for u in places]
 
 
-def block_colors(shape: Any) -> dict[str, str]:
+def block_colors(shape: Shape) -> dict[str, str]:
     """Links in turn, blocks inside joints and ground in greys, by name."""
     names = [b.name for b in shape.blocks if b.name != "ground" and "/" not in b.name]
     turn = {name: LINK_COLORS[k % len(LINK_COLORS)] for k, name in enumerate(names)}

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from ksd.errors import SceneError
+from ksd.properties.shape import Shape
 from ksd.view.figure import Array
 
 View = Literal["xy", "xz", "yz", "3d"] | tuple[float, float]
@@ -35,7 +36,7 @@ class Camera(NamedTuple):
         return seen
 
 
-def camera_of(shape: Any, view: View | Camera | None, *, plane: str | None) -> Camera:
+def camera_of(shape: Shape, view: View | Camera | None, *, plane: str | None) -> Camera:
     """The camera of a `view`; None: onto `plane` if there is one, "3d" otherwise. SceneError for another view."""
     if isinstance(view, Camera):
         return view
@@ -64,7 +65,7 @@ def _camera_at(azimuth: float, elevation: float, axes: Array) -> Camera:
     return Camera(right @ axes, np.cross(toward, right) @ axes, toward @ axes)
 
 
-def _clearest_camera(shape: Any) -> Camera:
+def _clearest_camera(shape: Shape) -> Camera:
     """The direction from which leaf springs and links hide each other least; z is up, y where the mechanism lies flat."""
     places = [leaf.place for leaf in shape.leaves]
     points = np.array([p.mean(axis=0) for p in places] + [b.place.mean(axis=0) for b in shape.blocks])

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ksd.model.plane import Plane, plane_of
+from ksd.properties.shape import Shape
 from ksd.view.arrows import draw_arrows, draw_distances, draw_springs
 from ksd.view.bodies import (
     PAD_HALF_THICKNESS,
@@ -30,6 +31,7 @@ from ksd.view.bodies import (
 )
 from ksd.view.camera import Camera, View, camera_of
 from ksd.view.depth_order import back_to_front
+from ksd.view.drawable import Drawable
 from ksd.view.figure import (
     FAINT_COLOR,
     GROUND_COLOR,
@@ -50,7 +52,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ksd.solve.configuration import Configuration
 
 MAX_AXES_WIDTH, MAX_AXES_HEIGHT = 6.2, 5.4
 """Largest size of the axes [inch]."""
@@ -70,14 +71,14 @@ MAX_VISIBLE_TURN = np.deg2rad(6.0)
 """Largest turn between two stations of a leaf that does not show as a corner [rad]."""
 
 
-def mechanism_plane(configuration: Any) -> str | None:
+def mechanism_plane(configuration: Drawable) -> str | None:
     """The coordinate plane of a planar mechanism, else None."""
     found = plane_of(configuration.model)
     plane: str | None = configuration.model.scene.plane
     return plane or (("yz", "xz", "xy")[found.axis] if isinstance(found, Plane) else None)
 
 
-def smooth_shape(configuration: Configuration) -> Any:
+def smooth_shape(configuration: Drawable) -> Any:
     """The shape of a configuration with stations close enough that no leaf shows corners."""
     shape = configuration.shape()
     along = [axes[:, :, 0] for leaf in shape.leaves for axes in (leaf.axes, leaf.rest_axes)]
@@ -93,7 +94,7 @@ def smooth_shape(configuration: Configuration) -> Any:
 
 
 def plot_mechanism(
-    configuration: Configuration,
+    configuration: Drawable,
     *,
     axes: Axes | None = None,
     view: View | Camera | None = None,
@@ -149,7 +150,7 @@ def plot_mechanism(
     return figure
 
 
-def _caption(configuration: Any) -> str:
+def _caption(configuration: Drawable) -> str:
     """Default title of a picture."""
     return f"{configuration.model.scene.name}, {configuration.method}; undeformed in grey"
 
@@ -171,7 +172,7 @@ def _resize_figure(axes: Any, title: str, *, bar: float) -> str:
     return "\n".join(lines)
 
 
-def _polygons(shape: Any, camera: Camera, size: float, heat: StressColors | None) -> list[Polygon]:
+def _polygons(shape: Shape, camera: Camera, size: float, heat: StressColors | None) -> list[Polygon]:
     """Polygons of blocks, ground hatching and leaf springs, unordered."""
     polygons: list[Polygon] = []
     colors = block_colors(shape)
@@ -237,7 +238,7 @@ def _shaded_color(polygon: Polygon, camera: Camera) -> tuple[float, ...]:
     return tuple(color * (SHADED_SHARE + (1.0 - SHADED_SHARE) * share))
 
 
-def _draw_undeformed(axes: Any, shape: Any, camera: Camera, size: float) -> None:
+def _draw_undeformed(axes: Any, shape: Shape, camera: Camera, size: float) -> None:
     """Draw the undeformed leaf springs and links in grey, in the background."""
     for leaf in shape.leaves:
         for ring in leaf_outlines(leaf, camera, rest=True):
@@ -263,7 +264,7 @@ def _draw_line(axes: Any, points: Array, **style: Any) -> None:
     axes.plot(*points.T, solid_capstyle="round", **style)
 
 
-def _draw_hinges(axes: Any, shape: Any, camera: Camera, size: float) -> None:
+def _draw_hinges(axes: Any, shape: Shape, camera: Camera, size: float) -> None:
     """Draw a circle for every pin and a box on a guide for every slider."""
     reach = 60.0 * size
     style = {"color": TEXT_COLOR, "zorder": 5.5}
@@ -279,7 +280,7 @@ def _draw_hinges(axes: Any, shape: Any, camera: Camera, size: float) -> None:
         axes.plot(*place, marker=marker, markersize=6, markerfacecolor="white", **style)
 
 
-def _draw_names(axes: Any, shape: Any, camera: Camera) -> None:
+def _draw_names(axes: Any, shape: Shape, camera: Camera) -> None:
     """Write the names of the links onto them, that of ground at its first pad."""
     for block in shape.blocks:
         if "/" in block.name:
@@ -324,7 +325,7 @@ def _format_axes(axes: Any, camera: Camera, size: float, title: str) -> None:
     plain_axes(axes)
 
 
-def _draw_triad(axes: Any, shape: Any, camera: Camera, size: float, busy: Array) -> None:
+def _draw_triad(axes: Any, shape: Shape, camera: Camera, size: float, busy: Array) -> None:
     """Draw the coordinate axes, with their length, in an empty corner, else outside the mechanism."""
     digit = 10.0 ** np.floor(np.log10(0.16 * size))
     length = max(step * digit for step in (1, 2, 5) if step * digit <= 0.16 * size)

@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 
 from ksd.errors import SceneError
+from ksd.properties.shape import Shape
+from ksd.view.drawable import Drawable
 from ksd.view.figure import Array, color_map
 
 STRESS_LABEL = "von Mises stress [MPa]"
 
 
-def stress_along(configuration: Any, shape: Any) -> dict[str, Array]:
+def stress_along(configuration: Drawable, shape: Shape) -> dict[str, Array]:
     """Largest von Mises stress [MPa] over the section at the stations of every leaf of `shape`, by name."""
     stress = configuration.stress()
     return {
@@ -24,7 +26,7 @@ def stress_along(configuration: Any, shape: Any) -> dict[str, Array]:
 class StressColors:
     """Largest von Mises stress [MPa] along every leaf by name (`values`) and its colours."""
 
-    def __init__(self, configuration: Any, shape: Any) -> None:
+    def __init__(self, configuration: Drawable, shape: Shape) -> None:
         from matplotlib.colors import Normalize
 
         self.values = stress_along(configuration, shape)
@@ -47,7 +49,7 @@ class StressColors:
         bar.outline.set_visible(False)
 
 
-def stress_colors(configuration: Any, shape: Any, color: str | None) -> StressColors | None:
+def stress_colors(configuration: Drawable, shape: Shape, color: str | None) -> StressColors | None:
     """Colours for `color="stress"`; None without a colour option. Raises SceneError for any other."""
     if color is None:
         return None

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ksd.errors import SceneError
+from ksd.view.drawable import DrawableTable
 from ksd.view.figure import (
     DRIVE_COLOR,
     GROUND_COLOR,
@@ -25,7 +26,6 @@ from ksd.view.figure import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ksd.design.table import Table
 
 _STYLES = ("-", "--", ":", "-.")
 _MAX_KEY_ENTRIES = 8
@@ -100,7 +100,7 @@ _PANELS: dict[str, tuple[_Panel, ...]] = {
 
 
 def plot_stroke(
-    table: Table, questions: Sequence[str] = (), *, over: str | None = None, wide: int = 2
+    table: DrawableTable, questions: Sequence[str] = (), *, over: str | None = None, wide: int = 2
 ) -> Figure:
     """Draw the answers in `table` (of `ksd.sweep`) over a drive; returns the matplotlib figure.
 
@@ -125,7 +125,7 @@ def plot_stroke(
     return figure
 
 
-def _stroke_column(table: Any) -> str:
+def _stroke_column(table: DrawableTable) -> str:
     """Default column of the horizontal axis: the drive, or else the label, with most different values."""
     usable = table.moving or table.labels
     counts = {n: len(set(table.columns[n])) for n in usable if not isinstance(table[n], list)}
@@ -134,7 +134,7 @@ def _stroke_column(table: Any) -> str:
     return max(counts, key=lambda n: (counts[n], n.endswith(("_mm", "_deg"))))
 
 
-def _panels_to_draw(table: Any, questions: Sequence[str]) -> list[tuple[_Panel, dict[str, str]]]:
+def _panels_to_draw(table: DrawableTable, questions: Sequence[str]) -> list[tuple[_Panel, dict[str, str]]]:
     """Panels with values to draw, each with its columns (column -> name in the legend)."""
     for q in questions:
         if q not in _PANELS:
@@ -159,7 +159,7 @@ def _panels_to_draw(table: Any, questions: Sequence[str]) -> list[tuple[_Panel, 
     return panels
 
 
-def _groups(table: Any, over: str) -> dict[str, np.ndarray]:
+def _groups(table: DrawableTable, over: str) -> dict[str, np.ndarray]:
     """Row numbers of every design and load case, by the labels that distinguish them."""
     still = [n for n in table.labels if n != over and n not in table.moving]
     others = [n for n in still if len(set(table.columns[n])) > 1]
@@ -176,7 +176,7 @@ def _white_shares(count: int) -> Array:
 
 
 def _draw_panel(
-    axes: Any, table: Any, panel: _Panel, columns: dict[str, str], *, over: str, groups: Any
+    axes: Any, table: DrawableTable, panel: _Panel, columns: dict[str, str], *, over: str, groups: Any
 ) -> None:
     """Draw the curves of one panel, a cross for every failed pose, and its legend."""
     x = table[over]
@@ -207,7 +207,7 @@ def _draw_panel(
         _legend(axes, len(shown), panel.log, crowded=len(shown) * len(groups) > 3)
 
 
-def _covered_columns(table: Any, shown: dict[str, str]) -> set[str]:
+def _covered_columns(table: DrawableTable, shown: dict[str, str]) -> set[str]:
     """Columns whose curves later ones cover, and the worst direction, which repeats one of the others."""
     worst = {one for one in shown if shown[one] == "worst" and len(shown) > 1}
     plain = [one for one in shown if one not in worst]
@@ -255,7 +255,7 @@ def _axis_label(column: str) -> str:
     return f"{name} [{unit}]" if name and unit in ("mm", "deg", "SI") else column.replace("_", " ")
 
 
-def _draw_key(figure: Any, table: Any, groups: dict[str, np.ndarray]) -> None:
+def _draw_key(figure: Any, table: DrawableTable, groups: dict[str, np.ndarray]) -> None:
     """Draw the key of designs, load cases or drive values above all panels, and of the marks of failed poses."""
     from matplotlib.lines import Line2D
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
@@ -18,11 +18,9 @@ import numpy as np
 from ksd.errors import SceneError
 from ksd.files import write_file
 from ksd.view.bodies import edge_lines
+from ksd.view.drawable import Drawable
 from ksd.view.figure import Array
 from ksd.view.stress_colors import stress_along
-
-if TYPE_CHECKING:
-    from ksd.solve.configuration import Configuration
 
 _LINE, _QUAD = 3, 9
 
@@ -54,7 +52,7 @@ class _Grid:
         self.count += len(place)
 
 
-def collect_cells(configuration: Any) -> _Grid:
+def collect_cells(configuration: Drawable) -> _Grid:
     """Cells of the leaf springs and blocks of a configuration."""
     shape, grid = configuration.shape(), _Grid()
     # beam theory gives no stress in a solid
@@ -83,7 +81,7 @@ def _array(kind: str, name: str, values: Any, parts: int = 1) -> str:
     return f"{head}{text}</DataArray>"
 
 
-def vtu_text(configuration: Any) -> str:
+def vtu_text(configuration: Drawable) -> str:
     """Content of a .vtu file (XML) of a configuration, lengths in m."""
     grid = collect_cells(configuration)
     offsets = np.cumsum([len(c) for c in grid.cells])
@@ -117,7 +115,7 @@ def vtu_text(configuration: Any) -> str:
     )
 
 
-def write_vtu(configuration: Configuration, path: str | os.PathLike[str]) -> Path:
+def write_vtu(configuration: Drawable, path: str | os.PathLike[str]) -> Path:
     """Write a `Configuration` for ParaView to `path` (.vtu), which it returns. SceneError if not .vtu or not writable."""
     target = Path(path)
     if target.suffix.lower() != ".vtu":
@@ -125,7 +123,7 @@ def write_vtu(configuration: Configuration, path: str | os.PathLike[str]) -> Pat
     return write_file(target, vtu_text(configuration), what="VTK file")
 
 
-def write_pvd(configurations: Sequence[Configuration], path: str | os.PathLike[str]) -> Path:
+def write_pvd(configurations: Sequence[Drawable], path: str | os.PathLike[str]) -> Path:
     """Write a stroke for ParaView: one .vtu per configuration beside `path`, a .pvd file that lists them in order, with the
     value of the first drive [m or rad] as their time, or their number where it does not rise. Returns the path. Raises
     SceneError for no configurations, another file type, or what cannot be written.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -22,15 +22,13 @@ from ksd.view.bodies import (
     mechanism_size,
 )
 from ksd.view.camera import Camera, camera_of
+from ksd.view.drawable import Drawable
 from ksd.view.figure import TEXT_COLOR, UNDEFORMED_COLOR, Array, blended, check_picture, color_map
 from ksd.view.stress_colors import STRESS_LABEL
 from ksd.view.vtk import collect_cells
 
-if TYPE_CHECKING:
-    from ksd.solve.configuration import Configuration
 
-
-def show_mechanism(configuration: Configuration, path: str | os.PathLike[str] | None = None) -> Path | None:
+def show_mechanism(configuration: Drawable, path: str | os.PathLike[str] | None = None) -> Path | None:
     """Show leaf springs coloured by von Mises stress, links and ground as bodies, and the undeformed leaf springs in grey.
 
     path: a .png rendered off-screen in place of a window; returned. Raises SceneError where pyvista is not installed,
@@ -61,7 +59,7 @@ def show_mechanism(configuration: Configuration, path: str | os.PathLike[str] | 
     return write_file(target, content.getvalue(), what="picture")
 
 
-def _add_deformed(pyvista: Any, plotter: Any, configuration: Any) -> None:
+def _add_deformed(pyvista: Any, plotter: Any, configuration: Drawable) -> None:
     """Add leaf springs coloured by stress and blocks as bodies."""
     grid = collect_cells(configuration)
     cells = np.concatenate([np.concatenate([[len(c)], c]) for c in grid.cells])
@@ -112,7 +110,7 @@ def _outward_corners(polygon: Polygon) -> Array:
     return polygon.corners if np.cross(b - a, c - a) @ polygon.normal > 0.0 else polygon.corners[::-1]
 
 
-def _add_undeformed(plotter: Any, configuration: Any) -> None:
+def _add_undeformed(plotter: Any, configuration: Drawable) -> None:
     """Add the outlines of the undeformed leaf springs."""
     for leaf in configuration.shape().leaves:
         low, high = (1e3 * e for e in edge_lines(leaf.rest, leaf.rest_axes, leaf.width))

@@ -1,7 +1,8 @@
 """Imports go down the layers of the house, in no circle; heavy packages have one home each.
 
-Counted are imports anywhere in a file, inside functions too, and modules named in strings to be loaded later; not those
-for type checkers. The package itself (`ksd/__init__.py`) loads everything on its first use and is left out.
+Counted are imports anywhere in a file, inside functions too, and modules named in strings to be loaded later. Those for type
+checkers go down the layers as well, but files of one layer may name each other's types. The package itself
+(`ksd/__init__.py`) loads everything on its first use and is left out.
 """
 
 import ast
@@ -13,9 +14,9 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[2] / "ksd"
 LAYER = {
-    "errors": 0, "units": 0, "checks": 0, "files": 0, "hdf5": 0, "html": 0, "packages": 0, "numerics": 1,
-    "section": 2, "beam": 2, "scene": 3, "model": 4, "library": 4, "bodies": 5, "modal": 5, "properties": 5, "view": 5,
-    "solve": 6, "train": 7, "design": 7, "bench": 8, "cli": 9, "__main__": 10,
+    "errors": 0, "units": 0, "checks": 0, "files": 0, "hdf5": 0, "html": 0, "packages": 0, "version": 0, "numerics": 1,
+    "section": 2, "beam": 2, "scene": 3, "model": 4, "library": 4, "bodies": 5, "modal": 5, "properties": 5, "view": 6,
+    "solve": 7, "train": 8, "design": 8, "bench": 9, "cli": 10, "__main__": 11,
 }  # fmt: skip
 HOME = {
     "h5py": {"hdf5", "library"}, "skfem": {"section", "modal"}, "matplotlib": {"view"}, "pyvista": {"view"}, "vtk": {"view"},
@@ -24,11 +25,14 @@ HOME = {
 NUMPY_ALONE = {"errors", "units", "checks", "files", "html", "scene"}
 
 
-def named_in(source: str) -> set[str]:
-    """The full names a file imports, or gives as a string like "ksd.room.file" or "ksd.room.file:function"."""
+def named_in(source: str, *, types: bool = False) -> set[str]:
+    """The full names a file imports, or gives as a string like "ksd.room.file" or "ksd.room.file:function".
+
+    types: those for type checkers too.
+    """
     tree = ast.parse(source)
     for node in ast.walk(tree):
-        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING" and not types:
             node.body = []
     names = set()
     for node in ast.walk(tree):
@@ -45,8 +49,9 @@ def module_name(path: Path) -> str:
     return ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__")
 
 
-NAMED = {module_name(path): named_in(path.read_text()) for path in sorted(PACKAGE.rglob("*.py"))}
-del NAMED["ksd"]
+SOURCES = {module_name(path): path.read_text() for path in sorted(PACKAGE.rglob("*.py"))}
+del SOURCES["ksd"]
+NAMED = {module: named_in(source) for module, source in SOURCES.items()}
 
 
 def module_of(name: str) -> str | None:
@@ -77,18 +82,26 @@ def circle(edges: set[tuple[str, str]]) -> list[str]:
     return []
 
 
-EDGES = {
-    (here, there)
-    for here, names in NAMED.items()
-    for there in map(module_of, names)
-    if there is not None and there != here
-}
+def edges_of(named: dict[str, set[str]]) -> set[tuple[str, str]]:
+    return {
+        (here, there)
+        for here, names in named.items()
+        for there in map(module_of, names)
+        if there is not None and there != here
+    }
+
+
+EDGES = edges_of(NAMED)
 
 
 def test_imports_go_down_and_in_no_circle():
     assert not [name for names in NAMED.values() for name in names if name.startswith(".")], "relative import"
     assert not sorted(filter(goes_up, EDGES))
     assert not circle(EDGES)
+
+
+def test_types_come_from_the_layers_below_too():
+    assert not sorted(filter(goes_up, edges_of({m: named_in(s, types=True) for m, s in SOURCES.items()})))
 
 
 def test_kernels_are_plain_numba():
