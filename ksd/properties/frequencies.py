@@ -317,7 +317,7 @@ def _inverse_stiffness(tangent: Tangent, mass: Inertia, loads: Array) -> Array:
 
 def _dense_pairs(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]:
     """1/omega^2 (k,) and vectors (size, k), including all unstable modes; complex where modes flutter."""
-    from scipy.linalg import eig, eigh, lapack
+    from scipy.linalg import blas, eig, eigh, lapack
 
     M = mass.matrix.toarray()
     used = np.flatnonzero(M.diagonal() > 0.0)
@@ -326,7 +326,8 @@ def _dense_pairs(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Ar
     L = np.zeros((mass.size, rank))
     L[used[order - 1]] = (np.tril(C)[:, :rank].T / scale[order - 1]).T
     x = _inverse_stiffness(tangent, mass, L)
-    A = L.T @ x
+    # the BLAS of scipy, as `eigh` uses it: threads of numpy's own one would still occupy the cores
+    A = blas.dgemm(1.0, L, x, trans_a=True)
     if tangent.skew is not None:
         values, vectors = eig(A)
         grow = np.flatnonzero(grows(values))
