@@ -18,9 +18,10 @@ from ksd.errors import ConvergenceError, KsdError, SceneError
 from ksd.model.arrays import Arrays, Loads, carries_load
 from ksd.model.compile import Model
 from ksd.numerics.stopwatch import Stopwatch
+from ksd.solve.branch_check import follow_load_path
 from ksd.solve.configuration import Configuration
 from ksd.solve.joint_motions import JointMotionReader
-from ksd.solve.load_steps import LoadPath, as_step, follow_load_path, stop_sentence
+from ksd.solve.load_steps import LoadPath, as_step, stop_sentence
 from ksd.solve.steps import MAX_TURN_PER_STEP, RTOL, Stop
 from ksd.solve.storage import NewtonStorage, thread_storage
 from ksd.solve.verdict import is_solved

@@ -17,6 +17,7 @@ from ksd.bodies.mobility import MotionCompatibility, check_mobility
 from ksd.errors import ConvergenceError, KinematicsError
 from ksd.model.compile import Model
 from ksd.numerics.stopwatch import Stopwatch
+from ksd.solve.branch_check import MANY_ITERATIONS, slow_step_doubts
 from ksd.solve.configuration import Configuration
 from ksd.solve.five_steps import (
     FULL,
@@ -28,7 +29,6 @@ from ksd.solve.five_steps import (
     run_five_steps,
 )
 from ksd.solve.joint_motions import stored_joint_motions
-from ksd.solve.load_steps import MANY_ITERATIONS, slow_step_doubts
 from ksd.solve.method_error import error_to_stored_state, estimate_error
 from ksd.solve.nonconservative_stability import count_unstable_directions
 from ksd.solve.steps import FiveStepRecord, Step, StepRow, Stop

@@ -22,7 +22,8 @@ from ksd.numerics.rotations import rotation_log
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.properties.tangent import assemble_tangent, factor_tangent
 from ksd.scene.load import Load
-from ksd.solve.load_steps import LoadPath, as_step, follow_load_path, stop_sentence
+from ksd.solve.branch_check import follow_load_path
+from ksd.solve.load_steps import LoadPath, as_step, stop_sentence
 from ksd.solve.steps import Stop
 from ksd.solve.storage import thread_storage
 

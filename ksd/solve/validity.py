@@ -21,8 +21,9 @@ from ksd.model.constant_leaves import is_constant
 from ksd.model.reduced_bodies import inner_state, relative_end_pose
 from ksd.properties.shape import scene_leaves
 from ksd.scene.mechanism import Mechanism
+from ksd.solve.branch_check import follow_load_path
 from ksd.solve.full_bodies import error_indicator
-from ksd.solve.load_steps import LoadPath, follow_load_path
+from ksd.solve.load_steps import LoadPath
 from ksd.solve.steps import Stop
 from ksd.solve.storage import NewtonStorage
 

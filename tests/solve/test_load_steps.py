@@ -6,7 +6,7 @@ import pytest
 from scenes import STEEL, cross_flexure
 
 import ksd
-from ksd.solve import load_steps
+from ksd.solve import branch_check
 from ksd.solve.conventional import solve_conventional
 
 
@@ -51,7 +51,7 @@ def test_a_step_onto_another_branch_is_walked_again(made, said, monkeypatch):
     assert found.trusted and said in found.steps[-1].note
     fine = solve_conventional(model, targets, steps=64)
     assert fine.trusted and found.forces == pytest.approx(fine.forces, rel=1e-6)
-    monkeypatch.setattr(load_steps, "confirm_by_smaller_steps", lambda model, first, *_: first)
+    monkeypatch.setattr(branch_check, "confirm_by_smaller_steps", lambda model, first, *_: first)
     jumped = solve_conventional(model, targets)
     last = model.drive_names[-1]
     assert jumped.converged and abs(jumped.forces[last] / found.forces[last] - 1) > 0.5
@@ -61,8 +61,8 @@ def test_a_path_of_many_turns_is_said_by_its_first():
     """A path that wanders off has dozens, some before its start."""
     driven = SimpleNamespace(factorisations=1, _replace=lambda **_: driven)
     turns = [SimpleNamespace(kind="limit", point=SimpleNamespace(f=f)) for f in (0.5, 0.1, -3.0)]
-    path = SimpleNamespace(factorisations=3, singular_points=turns, stop_reason=load_steps.END_REACHED)
-    *_, doubts = load_steps.confirm_by_arc_length(
-        load_steps.LoadStepResult(driven, "", None, ("why",)), lambda: path
+    path = SimpleNamespace(factorisations=3, singular_points=turns, stop_reason=branch_check.END_REACHED)
+    *_, doubts = branch_check.confirm_by_arc_length(
+        branch_check.LoadStepResult(driven, "", None, ("why",)), lambda: path
     )
     assert doubts == ("why; the path from its start has a limit point at 50 % of the way, and 2 more",)

@@ -12,8 +12,8 @@ from ksd.errors import ConvergenceError, TrustError
 from ksd.model.compile import compile_scene
 from ksd.section import rectangle
 from ksd.solve import verdict
+from ksd.solve.branch_check import MANY_ITERATIONS, slow_step_doubts
 from ksd.solve.conventional import solve_conventional, solve_drives_first
-from ksd.solve.load_steps import MANY_ITERATIONS, slow_step_doubts
 from ksd.solve.steps import ErrorEstimate, Step, Stop
 from ksd.units import deg
 
