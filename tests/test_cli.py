@@ -244,7 +244,7 @@ def test_info_of_every_family(capsys):
         if family in FAMILY_DESIGNS:
             rows += [
                 "motion",
-                "fresh ones that the fit has not seen",
+                "others to check the fit",
                 "thickness twice",
                 "fresh shapes rms",
                 "trained at",

@@ -118,10 +118,10 @@ def compare(
     time), estimate_us (of the error estimate of the method, in addition), factorisations, drive forces, moved_mm (largest
     displacement of a link), force_error_percent (of a drive, over the largest force or moment), displacement_error_percent
     (of a link, over moved_mm), error_percent (the larger one; it includes the error of the mesh, as the reference has
-    strain-mode leaves of order 6, 5, 9, solved by the conventional method), estimated_error_percent and told_error_percent
-    (estimates of the answer itself, of its method alone and with its mesh). A method that cannot solve this scene is a row
-    whose `status` gives the reason. Raises SceneError for invalid arguments, ConvergenceError where the reference has no
-    equilibrium.
+    strain-mode leaves of order 6, 5, 9, solved by the conventional method), estimated_error_percent and
+    reported_error_percent (estimates of the answer itself, of its method alone and with its mesh). A method that cannot
+    solve this scene is a row whose `status` gives the reason. Raises SceneError for invalid arguments, ConvergenceError
+    where the reference has no equilibrium.
     """
     check_solve_options(mesh=None, relinearisations=0, extrapolate=extrapolate, progress=progress)
     names = METHODS if methods is None else names_of(methods, "methods")
@@ -325,13 +325,13 @@ def as_table(model: Model, reference: Reference, results: Sequence[MethodResult]
     facts = {
         "about": "Times: median thread time of a call with all prepared; the error figure of fast methods (estimate_us) "
         "comes on top. Errors: the larger of force and displacement error, mesh included, against "
-        f"{reference.description}. Told: what the answer itself says of it.",
+        f"{reference.description}. Reported error: the estimate of the answer itself.",
         "reference": reference.description,
     }
     answer = tuple(efforts.values())[:3] or ("moved_mm",)
     return Table.of_rows(
         [_columns(result, efforts) for result in results], ("method", "leaf_springs"), name=model.original_scene.name,
-        facts=facts, leading=("time_us", *answer, "error_percent", "told_error_percent"),
+        facts=facts, leading=("time_us", *answer, "error_percent", "reported_error_percent"),
     )  # fmt: skip
 
 
@@ -355,7 +355,7 @@ def _columns(result: MethodResult, efforts: Mapping[str, str]) -> dict[str, Any]
         "displacement_error_percent": in_percent(result.displacement_error),
         "error_percent": in_percent(result.error),
         "estimated_error_percent": in_percent(result.estimated_error),
-        "told_error_percent": in_percent(result.reported_error),
+        "reported_error_percent": in_percent(result.reported_error),
         "stable": float(result.stable),
         STATUS: OK,
     }

@@ -27,9 +27,7 @@ def run(options: argparse.Namespace) -> int:
     cases = [c for c in SUITE if any(w.lower() in c.name.lower() for w in words)]
     if not cases:
         known = "; ".join(c.name for c in SUITE)
-        raise SceneError(
-            f"--case {' '.join(words)}: no case of the benchmark is called so; there are: {known}"
-        )
+        raise SceneError(f"--case {' '.join(words)}: no such case of the benchmark; there are: {known}")
     screen, quiet = console(), options.json == STDOUT
     results = []
     for case in cases:

@@ -20,7 +20,7 @@ _SHARED_OPTIONS: dict[str, dict[str, Any]] = {
         "help": "a drive value, such as top=300mm or hinge=45deg; may be repeated",
     },
     "--method": {
-        "help": "kinematic, reduced, full, conventional or constant; the cheapest that will do when left out"
+        "help": "kinematic, reduced, full, conventional or constant; by default the cheapest that is accurate enough"
     },
     "--accuracy": {
         "type": float,
@@ -67,7 +67,7 @@ def _add_demo(commands: Any) -> None:
         description="Solve the fourbar of Dwarshuis et al. (2020), moved 300 mm sideways, by every method.",
     )
     parser.add_argument(
-        "--plot", metavar="FILE", default=DEMO_PICTURE, help=f"where the picture goes ({DEMO_PICTURE})"
+        "--plot", metavar="FILE", default=DEMO_PICTURE, help=f"file of the picture ({DEMO_PICTURE})"
     )
     parser.add_argument("--json", metavar="FILE", help="write the table; - is stdout, without the table")
 
@@ -85,8 +85,8 @@ def _add_new(commands: Any) -> None:
     parser = commands.add_parser(
         "new",
         help="write a scene file to start from",
-        description="Write NAME.toml, a commented scene that solves as it is, and ksd.schema.json beside it, by which "
-        "editors complete and check its words. Nothing that is there is overwritten.",
+        description="Write NAME.toml, a commented scene that solves as it is, and ksd.schema.json next to it, with which "
+        "editors complete and check its words. Existing files are not overwritten.",
     )
     parser.add_argument("name", metavar="NAME", help="of the mechanism; NAME.toml is written")
     parser.add_argument(
@@ -168,7 +168,9 @@ def _add_sweep(commands: Any) -> None:
     _add_shared(parser, *_SOLVER_OPTIONS)
     parser.add_argument("--out", metavar="FILE", help="write the table: .csv, .h5 or .mat")
     _add_shared(parser, "--plot", help="write a picture of the answers (.png, .pdf, .svg)")
-    parser.add_argument("--resume", metavar="FILE", help="keep finished poses here; give it again to go on")
+    parser.add_argument(
+        "--resume", metavar="FILE", help="save finished poses in this file; run again with it to continue"
+    )
     _add_shared(parser, "--quiet")
 
 
@@ -197,10 +199,12 @@ def _add_optimise(commands: Any) -> None:
     said = "move limits in by K standard deviations of the [optimise.spread] of the file"
     parser.add_argument("--robust", type=float, metavar="K", help=said)
     parser.add_argument("--seed", type=int, metavar="S", help="of the random starts (0)")
-    parser.add_argument("--resume", metavar="FILE", help="keep every design here; give it again to go on")
+    parser.add_argument(
+        "--resume", metavar="FILE", help="save every design in this file; run again with it to continue"
+    )
     parser.add_argument("--out", metavar="FILE", help="write every design that was tried: .csv, .h5 or .mat")
     _add_shared(parser, "--json")
-    _add_shared(parser, "--plot", help="write how it was found (.png, .pdf, .svg)")
+    _add_shared(parser, "--plot", help="write a picture of the search (.png, .pdf, .svg)")
     parser.add_argument("--report", metavar="FILE", help="write an HTML page")
     parser.add_argument("--save", metavar="FILE", help="write the optimum as a scene file")
     _add_shared(parser, "--quiet")
@@ -241,7 +245,7 @@ def _add_train(commands: Any) -> None:
         "--restart", action="store_true", help="train also where the record is up to date, and from the start"
     )
     parser.add_argument(
-        "--check", action="store_true", help="train beside the record in use and compare; writes nothing"
+        "--check", action="store_true", help="train, compare with the record in use, and write nothing"
     )
     _add_shared(parser, "--quiet")
 
@@ -262,7 +266,7 @@ def _add_info(commands: Any) -> None:
 def _add_bench(commands: Any) -> None:
     parser = commands.add_parser(
         "bench",
-        help="measure every method: time beside error",
+        help="measure time and error of every method",
         description="Measure every method and leaf model on the same scenes, interleaved, in thread CPU time.",
     )
     parser.add_argument("--quick", action="store_true", help="one mesh of each leaf model; under a minute")

@@ -46,5 +46,5 @@ def _draw(table: Table, path: str) -> None:
     if not marks:
         raise SceneError("--plot: no method has both a time and an error here; see the table")
     figure = new_figure(8.0, 5.0)
-    plot_cost(figure.subplots(), marks, title=f"{table.name}: what each method costs and misses")
+    plot_cost(figure.subplots(), marks, title=f"{table.name}: time and error of every method")
     save_figure(figure, path)

@@ -169,6 +169,6 @@ def _draw(shown: Any, rows: list[MethodResult], path: str) -> None:
     plot_cost(
         right,
         [Mark(r.method, r.leaves, r.steps_time, r.error) for r in rows],
-        title="What each method costs and misses",
+        title="Time and error of every method",
     )
     save_figure(figure, path)

@@ -37,7 +37,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _print(scene: Any, choice: Any, rows: list[Any]) -> None:
     """Print an `EffectCost` per row, and the reason why each effect of the choice is simulated or not."""
-    title = f"{scene.name}: effects with and without, beside those chosen"
+    title = f"{scene.name}: every effect switched on and off, the others as chosen"
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     keys = list(dict.fromkeys(key for row in rows for key in row.without))
     for column in ("effect", "chosen"):

@@ -64,7 +64,7 @@ def _print_family(family: str, *, check: bool) -> int:
     screen, rows = console(), describe_family(family)
     listing = listings.get(family)
     if listing is None:
-        none = "none, and none needed: a flexible constraint, said with Mechanism.constrain"
+        none = "none, and none needed: a flexible constraint, added by Mechanism.constrain"
         rows.append(("record", f"none; run `ksd train {family}`" if family in known_designs() else none))
         screen.print(_two_columns(family, rows))
         return 0
@@ -74,7 +74,7 @@ def _print_family(family: str, *, check: bool) -> int:
     signs = ", ".join(f"{n} {word}" for word, n in count_function_parities(record).items())
     rows.append(("so its functions", f"in the (first) motion {signs}"))
     fitted, fresh = record.samples
-    rows.append(("shapes", f"{fitted} fitted, {fresh} fresh ones that the fit has not seen"))
+    rows.append(("shapes", f"{fitted} fitted, {fresh} others to check the fit"))
     rows += [("history", sentence) for sentence in record.history]
     if check:
         design = design_of(family) if family in known_designs() else None

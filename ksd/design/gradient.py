@@ -321,7 +321,7 @@ def _reason(column: str, value: float, link: str) -> str:
     if not np.isfinite(value):
         return "the answer is no finite number at this pose"
     return (
-        "the answer is lost beside this pose: a mode that is not found again, or a number that is not finite"
+        "the answer cannot be followed from this pose: a mode is not found again, or a number is not finite"
     )
 
 

@@ -261,7 +261,7 @@ class RestShapeProblem:
         if count != len(self.free):
             raise SceneError(
                 f"rest_shape: {len(self.free)} loads or drives are free ({', '.join(self.free) or 'none'}) and {count} "
-                "forces are said; say as many forces as there are free ones."
+                "forces are given; give as many forces as there are free ones."
             )
 
     def _constraint_row(self, drive: Drive) -> ConstraintRow | None:

@@ -289,12 +289,10 @@ def _check_solids(model: Model, solids: Mapping[str, SolidBasis]) -> None:
     """Raises SceneError where a solid cannot replace the leaf of its name."""
     if model.full is not None:
         raise SceneError(
-            "solids beside modal bodies are not possible; leave the other leaf springs as they are"
+            "solids and modal bodies cannot be combined; leave the other leaf springs as they are"
         )
     if model.choice is not None and model.choice["plate"].present:
-        raise SceneError(
-            "solids beside leaf springs with plate stiffening are not possible: compile without='plate'"
-        )
+        raise SceneError("solids cannot be combined with plate stiffening: compile without='plate'")
     members = model.arrays.members
     for name, body in solids.items():
         if not isinstance(body, SolidBasis):

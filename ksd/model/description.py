@@ -55,7 +55,7 @@ def description_lines(model: Any) -> list[tuple[str, str]]:
         )
     lines += _absent_lines(model)
     lines.append(
-        ("made when asked for", "mass (frequencies, state space), spatial stiffness, stress, buckling")
+        ("computed on request", "mass (frequencies, state space), spatial stiffness, stress, buckling")
     )
     return lines
 

@@ -33,7 +33,7 @@ EFFECT_MEANINGS = {
     "warping": "warping restrained at clamped ends",
     "plate": "plate stiffening of wide leaf springs",
     "gravity": "gravity on links, payloads and along the leaf springs",
-    "following": "loads that turn with their link",
+    "following": "follower loads",
     "compliance": "compliance of links",
     "springs": "springs",
     "heat": "thermal strain",
@@ -92,7 +92,7 @@ def _names(words: Any, what: str) -> tuple[str, ...]:
 
 def mentioned_effects(scene: Any, mesh: Mesh) -> dict[str, str]:
     """The effects that the scene or the mesh mentions, by name, each with the reason; "spatial" and "shear" always are."""
-    reasons = {"spatial": "where the scene leaves its plane", "shear": "of every leaf, by its nature"}
+    reasons = {"spatial": "where the scene leaves its plane", "shear": "part of the beam model"}
     reasons |= {n: "the mesh has it" for n in ("warping", "plate") if getattr(mesh, n)}
     reasons |= dict.fromkeys(scene.consider, "the scene considers it")
     if has_gravity(scene):

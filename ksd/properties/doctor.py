@@ -79,7 +79,7 @@ class RedundantConstraint:
     @property
     def sentence(self) -> str:
         """The constraint, those it conflicts with and its release in one sentence."""
-        conflict = f"{self.what} {'nearly ' * self.nearly}fights {_joined(self.others)}"
+        conflict = f"{self.what} {'nearly ' * self.nearly}conflicts with {_joined(self.others)}"
         return f"{conflict}; to release it, {self.release}"
 
 
@@ -132,9 +132,7 @@ class Diagnosis(PrintableAnswer):
         if own:
             lines.append("with all of these released the mechanism would be exactly constrained")
         if self.fights:
-            lines.append(
-                "overconstrained mechanisms are solved all the same: the leaf springs take it up elastically"
-            )
+            lines.append("overconstrained mechanisms are solved as well: the leaf springs deform elastically")
         lines += [f"unusual: {sentence}" for sentence in self.unusual]
         return "\n".join(lines)
 

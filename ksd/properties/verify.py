@@ -132,7 +132,9 @@ class Verification(PrintableAnswer):
             for name, value in self.forces.items()
         ]
         drives = [format_table(("drive", "corrected [N, Nm]", "error [N, Nm]"), forces)] if forces else []
-        return render_text(self.sentence, format_table(("leaf", "gap [um]", "turned [mrad]"), rows), *drives)
+        return render_text(
+            self.sentence, format_table(("leaf", "gap [um]", "rotation [mrad]"), rows), *drives
+        )
 
 
 def _wrenches(assembled: AssembledTangent, mass: Array, load_factor: float) -> tuple[EndFrames, Array, Array]:

@@ -661,7 +661,7 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         names = [k for k, v in {"link": link, "joint": joint, "terms": terms}.items() if v is not None]
         if len(names) != 1:
             given = " and ".join(names) or "nothing"
-            raise SceneError(f"a drive is said by one of link, joint and terms, but {given} is given.")
+            raise SceneError(f"a drive needs exactly one of link, joint and terms, but {given} is given.")
         if terms is not None:
             return self._checked_terms(terms)
         if joint is not None:

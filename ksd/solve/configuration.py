@@ -306,7 +306,7 @@ class Configuration(NotebookTables):
         known = {d.name: d for d in self.model.scene.distances}
         if name not in known:
             raise SceneError(
-                f"distance {show(name)} is not asked for in this mechanism{name_hint(name, known)}"
+                f"distance {show(name)} is not defined in this mechanism{name_hint(name, known)}"
             )
         defined = known[name]
         i, j = self._node(defined.a), self._node(defined.b)
@@ -356,8 +356,8 @@ class Configuration(NotebookTables):
         solids = self.model.solids
         if solids:
             raise SceneError(
-                f"{question} is not known of reduced solids ({', '.join(solids)}); ask it of the leaves in their place, "
-                "or of the meshed solid itself"
+                f"{question} is not available for reduced solids ({', '.join(solids)}); use leaf springs in their place, "
+                "or the meshed solid itself"
             )
 
     def validity(self, *, leaf: str | None = None, error: float = 0.01) -> Validity:

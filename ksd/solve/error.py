@@ -159,7 +159,7 @@ def refined_configuration(pose: Configuration) -> Configuration:
     fine, state, negatives = refined_equilibrium(pose)
     if state is None:
         raise ConvergenceError(
-            "the error of this answer cannot be told: Newton steps find no equilibrium next to it on a finer mesh; ask the "
+            "the error of this answer is not known: Newton steps find no equilibrium next to it on a finer mesh; ask the "
             "question of method='full' on a finer mesh"
         )
     return replace(

@@ -161,7 +161,7 @@ def _design_scene(
                 raise SceneError(f"{show(drawn)} is no mechanism")
     except (SceneError, ArithmeticError, ValueError) as reason:
         raise SceneError(
-            f"there is no gradient by '{name}': the design cannot be built at {value:.9g}, beside the value asked about: "
+            f"there is no gradient by '{name}': the design cannot be built at {value:.9g}, next to the given value: "
             f"{reason}"
         ) from reason
     # load cases come after the loads of the design itself
@@ -245,7 +245,7 @@ class PerturbedEquilibria:
             sizes.append(take_newton_step(arrays, motion, target, pose.load_factor, work, RTOL))
         # a hundredth of the negligible size is rounding
         if not sizes[-1] <= MAX_STEP_RATIO * sizes[0] + 0.01:
-            where = f"beside this pose, at another '{name}'" if name else "of this pose"
+            where = f"next to this pose, at another '{name}'" if name else "of this pose"
             raise ConvergenceError(
                 f"no gradient: Newton steps do not reach the equilibrium {where}; it is near the end of its branch"
             )

@@ -76,7 +76,7 @@ def named_bases(model: Model, basis: object) -> dict[str, ModalBasis | SolidBasi
     if has_solids(basis) and any(isinstance(body, ModalBasis) for body in basis.values()):
         # the error of the meshes of both would not be known
         raise SceneError(
-            "basis: solids beside modal leaves are not possible; name the solids alone, other leaf springs stay as they are"
+            "basis: solids and modal bodies cannot be combined; name the solids alone, other leaf springs stay as they are"
         )
     found = {}
     for name, body in basis.items():
@@ -154,7 +154,7 @@ def _five_step_solver(model: Model, records: Any, extrapolate: bool) -> FiveStep
     """The five-step solver of a model with leaf springs in full. Raises SceneError for leaf springs with weight."""
     if len(model.arrays.weight):
         raise SceneError(
-            "leaves with weight beside modal bodies are not possible: compile without='gravity', or use another method"
+            "leaf springs with weight cannot be combined with modal bodies: compile without='gravity', or use another method"
         )
     return FiveStepSolver(
         model, joint_bodies(model, records, extrapolate=extrapolate), extrapolate=extrapolate

@@ -148,12 +148,14 @@ def error_sentence(d: dict[str, Any]) -> str:
         mesh = (
             f"of which mesh {share} %"
             if d["method"] in FAST_METHODS or d["basis"] is not None
-            else "all of it mesh"
+            else "all of it of the mesh"
         )
     within = f" (links within {shift} um and {turn} mrad)" if error["relative_percent"] > 100 * RTOL else ""
     strain = (d["strength"] or {}).get("largest_strain_percent") or 0.0
     law_error = LAW_ERROR_PER_STRAIN * strain
-    law = f"; beside it, other laws of elasticity differ by about {law_error:.2g} % in force at its strain"
+    law = (
+        f"; in addition, at this strain the force depends on the law of elasticity by about {law_error:.2g} %"
+    )
     return f"Estimated error: {off} %, {mesh}{within}{law if strain > 100 * WARNING_STRAIN else ''}"
 
 

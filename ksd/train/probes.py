@@ -79,7 +79,7 @@ def check_probes(record: Record, design: Design | None = None) -> str:
                 record, key, solved.reshape(1, -1), stored[key][i : i + 1], allowed, "the solver"
             )
             share = max(share, difference / allowed)
-    return f"{summary}; solved again, within {share:.2g} times the errors told"
+    return f"{summary}; solved again, within {share:.2g} times the errors of the record"
 
 
 def _largest_difference(

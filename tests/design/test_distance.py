@@ -95,5 +95,5 @@ def test_refusals():
         scene.distance("low", "high", start=TIP, end=TOP, name="opening")
     with pytest.raises(SceneError, match=r"lo.*low"):
         scene.distance("lo", "high", start=TIP, end=TOP, name="other")
-    with pytest.raises(SceneError, match=r"'openin' is not asked for in this mechanism.*opening"):
+    with pytest.raises(SceneError, match=r"'openin' is not defined in this mechanism.*opening"):
         ksd.solve(scene, close=0.0).distance("openin")

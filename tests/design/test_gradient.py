@@ -517,5 +517,5 @@ def test_what_is_no_equilibrium_has_no_gradient(monkeypatch):
     pose = ksd.solve(pivot(**PIVOT), turn=0.3)
     far = perturbed.parameters_of(pose.model.scene, pose.targets, size=0.1, by="turn")
     monkeypatch.setattr(perturbed, "NEWTON_STEPS", 1)
-    with pytest.raises(ksd.ConvergenceError, match=r"no gradient.*beside this pose, at another 'turn'"):
+    with pytest.raises(ksd.ConvergenceError, match=r"no gradient.*next to this pose, at another 'turn'"):
         perturbed.PerturbedEquilibria()(pose, far)

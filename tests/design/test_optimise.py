@@ -136,7 +136,7 @@ def test_a_function_that_returns_nothing_beside_a_design_is_told():
     def half(length, thickness):
         return sheet(length, thickness) if thickness < 0.6 * mm else None
 
-    with pytest.raises(ksd.ConvergenceError, match=r"beside the value asked about: None is no mechanism"):
+    with pytest.raises(ksd.ConvergenceError, match=r"next to the given value: None is no mechanism"):
         ksd.optimise(small(half))
 
 

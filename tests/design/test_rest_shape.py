@@ -342,7 +342,7 @@ def falling():
         (falling, {}, r"gravity leaves the plane xy"),
         (cantilever, {"wanted": 3}, r"wanted = 3: give a pose"),
         (cantilever, {"free": "pull"}, r"free = 'pull' is neither a load nor a drive; there are push"),
-        (cantilever, {"free": "push"}, r"1 loads or drives are free \(push\) and 0 forces are said"),
+        (cantilever, {"free": "push"}, r"1 loads or drives are free \(push\) and 0 forces are given"),
         (cantilever, {"forces": {"leaf": {"x": 1.0}}}, r"0 loads or drives are free \(none\) and 1 forces"),
         (cantilever, {"free": "push", "forces": {"leaf": {"z": 1.0}}}, r"'leaf' has no component 'z'; give 'x' or 'y'"),
         (cantilever, {"free": "push", "forces": {"left": {"x": 1.0}}}, r"forces: 'left'.*such as \{'leaf': \{'x': -5.0\}\}"),

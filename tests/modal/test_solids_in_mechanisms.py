@@ -189,7 +189,7 @@ def test_beside_joints_and_leaves():
     assert 0 < error.max() < 0.2 * np.abs(C).max()
     assert "reduced solids (spring)" in str(pose)
     for question in ("stress", "frequencies", "buckling", "internal_stress"):
-        with pytest.raises(ksd.SceneError, match=r"not known of reduced solids \(spring\)"):
+        with pytest.raises(ksd.SceneError, match=r"not available for reduced solids \(spring\)"):
             getattr(pose, question)()
 
 
@@ -252,7 +252,7 @@ def test_what_is_not_possible_is_said(coarse):
             ksd.solve(model, method=method)
     with pytest.raises(ksd.SceneError, match=r"give what ksd\.modal\.solid_basis\.reduce_solid returns"):
         with_solids(model, {"spring": 3})
-    with pytest.raises(ksd.SceneError, match="solids beside modal leaves"):
+    with pytest.raises(ksd.SceneError, match="solids and modal bodies cannot be combined"):
         ksd.solve(scene, method="modal", basis={"spring": coarse, "other": ksd.ModalBasis()})
     for method in ("reduced", "full", "kinematic"):
         with pytest.raises(ksd.SceneError, match="solved in load steps"):
@@ -265,7 +265,7 @@ def test_what_is_not_possible_is_said(coarse):
     modal = with_modal_bodies(
         ksd.compile_scene(both, mesh=ksd.Mesh("corotational", elements=10)), ksd.ModalBasis(), only=["other"]
     )
-    with pytest.raises(ksd.SceneError, match="solids beside modal bodies"):
+    with pytest.raises(ksd.SceneError, match="solids and modal bodies cannot be combined"):
         with_solids(modal, {"spring": coarse})
     with pytest.raises(ksd.ConvergenceError, match="resists nothing out of its plane: hold that by supports"):
         ksd.solve(spring(driven=True), across=0.001, basis={"spring": coarse})

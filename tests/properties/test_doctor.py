@@ -94,7 +94,7 @@ def test_drives_that_fight_are_named():
 def test_a_misaligned_joint_nearly_fights_and_is_solved_all_the_same(tilt):
     found = ksd.doctor(askew(tilt))
     assert counts(found) == (1, 1, 0, 3)
-    assert any(f.nearly for f in found.fights) and "nearly fights" in str(found)
+    assert any(f.nearly for f in found.fights) and "nearly conflicts with" in str(found)
     straight = ksd.solve(fourbar(), top=0.1).forces["top"]
     assert ksd.solve(askew(tilt), top=0.1).forces["top"] == pytest.approx(straight, rel=0.02)
 

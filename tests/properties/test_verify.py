@@ -314,7 +314,7 @@ def test_it_prints():
         "% off (links within",
         "misses its end most",
         "gap [um]",
-        "turned [mrad]",
+        "rotation [mrad]",
         "hinge/inner",
         "turn ",
         "corrected",
@@ -340,7 +340,7 @@ def test_refusals():
     scene.support(tip, about="x")
     scene.support(tip, about="y")
     solid = reduce_solid(block(STEEL, 0.1, 0.01, width=0.02, cells=(4, 1)), order=2)
-    with pytest.raises(SceneError, match=r"verification is not known of reduced solids \(blade\)"):
+    with pytest.raises(SceneError, match=r"verification is not available for reduced solids \(blade\)"):
         ksd.solve(scene, basis={"blade": solid}, strict=False).verify()
 
 

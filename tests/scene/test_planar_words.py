@@ -426,7 +426,7 @@ def test_a_drive_that_rigid_hinges_lock_is_named(load):
     scene.load(crank, force=(0, load, 0), at=(0.05, 0.03, 0))
     scene.actuate(slide, along="x", at=(0.1, 0, 0), name="push")
     with pytest.raises(
-        ksd.ConvergenceError, match=r"drive 'push' fights support .*'knee.x'.* remove drive 'push'"
+        ksd.ConvergenceError, match=r"drive 'push' conflicts with support .*'knee.x'.* remove drive 'push'"
     ):
         ksd.solve(scene, push=1e-3)
 

@@ -60,7 +60,7 @@ def test_the_error_of_the_mesh_is_told(mesh, method):
     if method in ("conventional", "full"):
         assert pose.error.mesh == pose.error.relative
     assert pose.error.mesh == pytest.approx(exact.error.relative, rel=1e-3)
-    said = "all of it mesh" if method in ("conventional", "full") else "of which mesh"
+    said = "all of it of the mesh" if method in ("conventional", "full") else "of which mesh"
     assert said in str(pose) and "Not in the model: plate stiffening" in str(pose)
 
 

@@ -219,7 +219,7 @@ def test_an_error_too_small_to_see_is_under_the_bound_of_a_residual(exact):
     told["error"] = {
         "relative_percent": 0.0, "mesh_percent": 0.0, "displacement_um": 0.0, "rotation_mrad": 0.0
     }  # fmt: skip
-    assert error_sentence(told) == "Estimated error: under 1e-06 %, all of it mesh"
+    assert error_sentence(told) == "Estimated error: under 1e-06 %, all of it of the mesh"
 
 
 def test_without_drives_there_is_no_table_of_drives():

@@ -271,7 +271,8 @@ def test_drives_that_tear_at_one_freedom_are_named_where_that_makes_it_unstable(
     scene = fourbar()
     scene.actuate_joint("lower left", name="knee")
     with pytest.raises(
-        TrustError, match=r"UNSTABLE.*; drive 'knee' fights .*drive 'top'; to release it, remove drive 'knee'"
+        TrustError,
+        match=r"UNSTABLE.*; drive 'knee' conflicts with .*drive 'top'; to release it, remove drive 'knee'",
     ):
         ksd.solve(scene, top=0.1, knee=-0.2, method="conventional")
 

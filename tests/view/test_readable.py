@@ -119,7 +119,7 @@ def test_methods_and_effects():
     figure = new_figure(8.0, 5.0)
     marks = [Mark(n, g, t, e) for n, g, t, e in (("a", "strain-mode", 1e-4, 1e-6), ("b", "strain-mode", 2e-4, 1e-6),
                                                  ("c", "2 elements", 1e-3, 1e-2))]  # fmt: skip
-    plot_cost(figure.subplots(), marks, title="what each method costs and misses")
+    plot_cost(figure.subplots(), marks, title="time and error of every method")
     assert_readable(figure)
     figure = new_figure(10.0, 3.0)
     why = ["by its nature", "not mentioned; would be 23 % more torsional stiffness"]
