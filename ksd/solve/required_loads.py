@@ -19,10 +19,11 @@ from scipy.spatial.transform import Rotation
 from ksd.checks import clear_argument_errors, name_hint, show
 from ksd.checks import number as checked
 from ksd.errors import ConvergenceError, KsdError, SceneError, TrustError
-from ksd.model.arrays import State
+from ksd.model.arrays import State, make_workspace
 from ksd.model.compile import Model, compile_as_is, compile_with_effects
 from ksd.model.effects import with_conditions
 from ksd.model.mesh import Mesh
+from ksd.model.newton import assemble_nodes
 from ksd.model.orders import raise_order
 from ksd.model.plane import Plane, plane_of
 from ksd.numerics.rotations import rotation_exp
@@ -34,6 +35,7 @@ from ksd.scene.mechanism import Mechanism
 from ksd.scene.scene import Scene
 from ksd.solve.actuation import Actuation
 from ksd.solve.configuration import Configuration
+from ksd.solve.conventional import solve_conventional
 from ksd.solve.solver import DEFAULT_ACCURACY, MAX_RISES, Solver, prepare
 from ksd.solve.verdict import is_solved, solved_verdict
 
@@ -108,8 +110,9 @@ def required_loads(
     a mechanism with a plane the angle [rad]. Links without a pose take their equilibrium without actuation. method:
     "constant" uses leaf springs of constant stiffness, one evaluation where all poses are given; by default they are exact.
     The drives of the scene are the actuators: their forces, and those of the supports, balance the required loads in the
-    least-squares sense, moments over the size of the mechanism. The links are moved straight to their poses: where a leaf
-    spring can snap, the equilibrium found may differ from the one the poses were taken from. mesh: as in `ksd.solve`. Raises
+    least-squares sense, moments over the size of the mechanism. The links are moved straight to their poses, or, where leaf
+    springs cannot follow, first by the drives to the drive values which the poses imply; where a leaf spring can snap, the
+    equilibrium found may differ from the one the poses were taken from. mesh: as in `ksd.solve`. Raises
     SceneError for poses that no leaf can take, ConvergenceError for poses that are not reached, TrustError where the
     equilibrium there is not stable.
     """
@@ -236,12 +239,59 @@ def _prescribed_pose(solver: Solver, model: Model, poses_by_node: LinkPoses, met
         part = {name: share * value for name, value in targets.items()}
         return posing(part, method=method, estimate=False, strict=False)
 
+    straight, failure = None, None
     try:
-        return at(1.0)
+        straight = at(1.0)
     except ConvergenceError as reason:
-        low, obstacle = _obstacle(posing, at, targets)
-        obstacle = obstacle if "dead centre" in obstacle else f"{obstacle}; {reason}"
-        raise ConvergenceError(f"poses: {obstacle}", reached=low, result=reason.result) from None
+        failure = reason
+    if straight is not None and is_solved(straight):
+        return straight
+    if method != "constant":
+        other = _pose_from_drives(solver, posing.model, targets, poses_by_node)
+        if other is not None and (straight is None or is_solved(other)):
+            return other
+    if straight is not None:
+        return straight
+    assert failure is not None
+    low, obstacle = _obstacle(posing, at, targets)
+    obstacle = obstacle if "dead centre" in obstacle else f"{obstacle}; {failure}"
+    raise ConvergenceError(f"poses: {obstacle}", reached=low, result=failure.result) from None
+
+
+def _pose_from_drives(
+    solver: Solver, posed: Model, targets: Mapping[str, float], poses_by_node: LinkPoses
+) -> Configuration | None:
+    """The equilibrium in the poses, reached from that of the mechanism at the drive values which the poses imply.
+
+    posed: the model with drives that prescribe the poses, targets: their values. None where a drive acts on a link without a
+    pose, and where one of the equilibria is not found.
+    """
+    model = solver.model
+    names = {GROUND, *(model.node_names[i] for i in poses_by_node)}
+    links = {n for d in model.original_scene.drives for t in d.terms for n in (t.base, t.link)}
+    if not links or links - names or model.mesh.plate:
+        return None
+    state = model.rest.copy()
+    for i, (x, R) in poses_by_node.items():
+        state.x[i], state.R[i] = x, R
+    values = dict(zip(model.drive_names, _row_values(model, state).tolist(), strict=False))
+    try:
+        motion = solver(values, method="conventional", estimate=False, strict=False).motion
+        begin = State(motion.x, motion.R, motion.inner, np.zeros(len(posed.rest.multiplier)))
+        rows = dict(zip(posed.drive_names, _row_values(posed, begin).tolist(), strict=False))
+        near = Configuration(
+            posed, begin, "conventional", rows, (), negatives=0, expected_negatives=0, load_factor=1.0
+        )
+        return solve_conventional(posed, targets, start=near, planar="auto" if solver.planar else False)
+    except KsdError:
+        return None
+
+
+def _row_values(model: Model, state: State) -> Array:
+    """Values of the drives and supports (c,) at a state [m or rad]."""
+    work = make_workspace(model.arrays)
+    assemble_nodes(model.arrays, state, 0.0, work)
+    return work.rhs[model.arrays.terms.start].copy()
 
 
 def _obstacle(

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from published_planar import constant, inextensible
-from scenes import single_joint
+from scenes import cross_flexure, single_joint
 
 import ksd
 from ksd.errors import TrustError
@@ -226,6 +226,22 @@ def test_required_loads_in_space_give_the_drive_force_back():
     assert (np.abs(pose.rotation("body")) > 1e-3).all()
     need = ksd.required_loads(scene, pose.links)
     assert need.balanced and need.forces["push"] == pytest.approx(pose.forces["push"], rel=1e-5)
+
+
+@pytest.mark.parametrize("posed", [("top",), ("left", "top", "right")])
+def test_required_loads_where_links_cannot_be_moved_straight_to_their_poses(posed):
+    """Half way along the chord the leaf springs of a fourbar would be pressed until they buckle."""
+    joint, scene = cross_flexure(), ksd.Mechanism("fourbar")
+    left, top, right = scene.links("left", "top", "right")
+    for a, b, x, y in ((scene.ground, left, -0.2, 0), (left, top, -0.2, 0.3), (right, top, 0.2, 0.3),
+                       (scene.ground, right, 0.2, 0)):  # fmt: skip
+        scene.join(a, b, joint, at=(x, y, 0), axis="z", toward="y")
+    scene.actuate(top, along="x", at=(0, 0.4, 0), name="push")
+    scene.load(top, force=(0, -3, 1), at=(0, 0.4, 0))
+    pose = ksd.solve(scene, push=0.25, method="conventional")
+    found = ksd.required_loads(scene, {name: pose.links[name] for name in posed})
+    assert found.forces["push"] == pytest.approx(pose.forces["push"], rel=1e-4)
+    assert all(np.abs(rest).max() < 1e-3 * abs(pose.forces["push"]) for rest in found.unbalanced.values())
 
 
 def test_required_loads_of_a_state_that_is_not_stable():
