@@ -41,6 +41,8 @@ MAX_CORRECTION = 0.15
 """Largest Newton correction of a step relative to its arc; a longer one may end on another path."""
 MIN_CHECKED_ARC = 1e-5
 """Arc below which a step is accepted at any angle and correction."""
+MIN_SINGULAR_SPACING = 1e-4
+"""Arc, or parameter over its range, between singular points below which they are recorded as one."""
 MIN_SEPARATION = 3e-7
 """Arc below which two paths are not distinguished."""
 SAME_STATE_TOLERANCE = 1e-6
@@ -282,11 +284,10 @@ class PathContinuation:
         limit = direction[-1] * next_direction[-1] < 0.0
         branches = None
         if _another_path_crosses(before, direction, after, next_direction):
-            branches = (
-                after if arc < MIN_SEPARATION else self._crossing(before, direction, next_direction, arc)
-            )
-            if branches is None:
+            branches = self._crossing(before, direction, next_direction, arc)
+            if branches is None and arc >= MIN_SEPARATION:
                 return False
+            branches = branches or after
         elif abs(after.negatives - before.negatives) > int(limit):
             ends = self._bisect(before, direction, arc, lambda at, _: at.negatives != before.negatives)
             branches = after if ends is None or ends[1] is None else ends[1]
@@ -442,6 +443,11 @@ class PathContinuation:
             angle = self.newton.angle(direction, onward)
             if (angle > MAX_ANGLE or found.correction > MAX_CORRECTION * length) and length > MIN_CHECKED_ARC:
                 # a sharp turn: smaller steps, lest a limit point and the next one both lie in one step
+                arc = 0.5 * length
+                continue
+            spacing = max(length, abs(found.f - at.f) / abs(until - self.points[0].f))
+            if abs(found.negatives - at.negatives) > 1 and spacing > MIN_SINGULAR_SPACING:
+                # several singular points: smaller steps, so that each one is recorded
                 arc = 0.5 * length
                 continue
             if not self._find_singular_points(at, direction, found, onward, length):

@@ -61,6 +61,22 @@ def test_both_bifurcations_of_one_step_are_found():
         assert other == pytest.approx(found[0], abs=2e-3)
 
 
+@pytest.mark.parametrize("ratio", [1.002, 1.05])
+def test_two_bifurcations_that_one_step_passes_are_both_located(ratio):
+    """A column buckles about either axis of its nearly square section: the loads have the ratio of the sides squared."""
+    length, side, E = 0.1, 1e-3, 200e9
+    scene = ksd.Mechanism("column")
+    tip, section = scene.link("tip"), ksd.rectangle(side, ratio * side)
+    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=(length, 0, 0), section=section,
+               material=ksd.Material(E=E, nu=0.3), width_axis="z")  # fmt: skip
+    euler = np.pi**2 * E * section.Iz / (2 * length) ** 2
+    scene.load(tip, force=(-euler, 0, 0), at=(length, 0, 0))
+    path = ksd.follow(scene, until=1.6, first=0.3)
+    assert [t.kind for t in path.turnings] == ["bifurcation"] * 2
+    # the compression by the load, and shear, change the factors
+    assert [t.factor for t in path.turnings] == pytest.approx([1.0, ratio**2], abs=2e-4)
+
+
 def test_orientation_changes_where_paths_cross_alone():
     """At limit points both the inertia and the rate of the factor change; where one changes alone another path crosses."""
     path = ksd.follow(arch(0.0), until=0.3)
