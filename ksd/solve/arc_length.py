@@ -30,6 +30,7 @@ from ksd.model.weight import weight_force
 from ksd.numerics.indefinite import equilibration, negative_inertia
 from ksd.properties.nonconservative import count_negative_eigenvalues, skew_tangent
 from ksd.properties.tangent import stored_matrix
+from ksd.solve.load_steps import SAME_STATE_TOLERANCE, LoadPath, state_difference
 from ksd.solve.steps import RTOL, Stop
 
 Array = NDArray[np.float64]
@@ -45,8 +46,6 @@ MIN_SINGULAR_SPACING = 1e-4
 """Arc, or parameter over its range, between singular points below which they are recorded as one."""
 MIN_SEPARATION = 3e-7
 """Arc below which two paths are not distinguished."""
-SAME_STATE_TOLERANCE = 1e-6
-"""Largest distance of two equal states: rotation matrices, and positions over the size of the mechanism."""
 MIN_REGULAR_EIGENVALUE = 1e-2
 """Smallest absolute eigenvalue of an equilibrated tangent that counts as regular."""
 BISECTIONS = 16
@@ -54,26 +53,12 @@ BISECTIONS = 16
 
 
 @dataclass(frozen=True)
-class PathParameter:
-    """Meaning of the path parameter f: drive values drives + f drive_rate (c,), load factor factor + f factor_rate."""
-
-    drives: Array
-    drive_rate: Array
-    factor: float
-    factor_rate: float
-
-    def values_at(self, f: float) -> tuple[Array, float]:
-        """Drive values and load factor at f."""
-        return self.drives + f * self.drive_rate, self.factor + f * self.factor_rate
-
-
-@dataclass(frozen=True)
 class ArcLengthPoint:
     """An equilibrium on the path.
 
-    f: path parameter; negatives: negative pivots, those inside members and one per constraint row included, or
-    under non-conservative loads the count that replaces them (see `count_negative_eigenvalues`); K (n, n):
-    tangent with its skew part; b (n,): derivative of the residual by f; residual: over its bound; correction: arc length of
+    f: path parameter, the fraction of the `LoadPath`; negatives: negative pivots, those inside members and one per
+    constraint row included, or under non-conservative loads the count that replaces them (see
+    `count_negative_eigenvalues`); K (n, n): tangent with its skew part; b (n,): derivative of the residual by f; residual: over its bound; correction: arc length of
     the Newton steps after the predictor. local_angles_small: whether all elements are within their range.
     """
 
@@ -88,21 +73,21 @@ class ArcLengthPoint:
     correction: float = 0.0
 
 
-def residual_rate(model: Model, motion: State, parameter: PathParameter, work: Workspace) -> Array:
+def residual_rate(model: Model, motion: State, path: LoadPath, work: Workspace) -> Array:
     """Derivative (n,) of the residual by the path parameter; work: as assembled at `motion`."""
     arrays = model.arrays
     b = np.zeros(arrays.plan.unknowns)
-    b[arrays.terms.start] = -parameter.drive_rate
-    loads = arrays.loads
-    for i, node in enumerate(loads.node if parameter.factor_rate else ()):
+    b[arrays.terms.start] = path.start - path.target
+    loads, factor_rate = arrays.loads, path.factors[1] - path.factors[0]
+    for i, node in enumerate(loads.node if factor_rate else ()):
         u, T = int(arrays.start[node]), motion.R[node]
         turn = T if loads.following[i] else np.eye(3)
         force = turn @ loads.force[i]
         moment = turn @ loads.moment[i] + np.cross(T @ loads.point[i], force)
-        b[u : u + 3] -= parameter.factor_rate * force
-        b[u + 3 : u + 6] -= parameter.factor_rate * moment
-    if parameter.factor_rate and len(arrays.weight):
-        b += parameter.factor_rate * weight_force(arrays, work)
+        b[u : u + 3] -= factor_rate * force
+        b[u + 3 : u + 6] -= factor_rate * moment
+    if factor_rate and len(arrays.weight):
+        b += factor_rate * weight_force(arrays, work)
     return b
 
 
@@ -121,13 +106,13 @@ def solve_bordered(K: Array, b: Array, c: Array, right: Array) -> Array:
 
 
 class ArcLengthNewton:
-    """Newton with arc length for one model and path parameter; not for two threads at once.
+    """Newton with arc length for one model and path; not for two threads at once.
 
     Steps and directions are arrays (n + 1,): the unknowns of the model, and the path parameter.
     """
 
-    def __init__(self, model: Model, parameter: PathParameter, work: Workspace) -> None:
-        self.model, self.parameter, self.work = model, parameter, work
+    def __init__(self, model: Model, path: LoadPath) -> None:
+        self.model, self.path, self.work = model, path, make_workspace(model.arrays)
         self.metric = np.zeros(model.arrays.plan.unknowns + 1)
         for u in (int(s) for s in model.arrays.start if s >= 0):
             self.metric[u : u + 3] = model.arrays.size**-2
@@ -171,17 +156,17 @@ class ArcLengthNewton:
         step, corrections = predictor, np.zeros(n + 1)
         for count in range(max_iterations + 1):
             worst, _, inside, status = assemble(
-                arrays, motion, *self.parameter.values_at(f), work, RTOL, 0, ROUNDING_MULTIPLE
+                arrays, motion, *self.path.values_at(f), work, RTOL, 0, ROUNDING_MULTIPLE
             )
             if not math.isfinite(worst):
                 return None
-            K, b = stored_matrix(arrays, work.matrix), residual_rate(self.model, motion, self.parameter, work)
+            K, b = stored_matrix(arrays, work.matrix), residual_rate(self.model, motion, self.path, work)
             # looser than `ksd.model.newton.has_converged`: points are only passed, and chains converge to them slowly
             if step is None and (worst <= 1.0 or (worst <= STALLED_RESIDUAL_LIMIT and moved <= 1.0)):
                 if status == 2:
                     return None
                 # chains carry stresses extrapolated from the step before; at equilibrium they are the true ones
-                skew = skew_tangent(self.model.arrays, motion, self.parameter.values_at(f)[1])
+                skew = skew_tangent(arrays, motion, self.path.values_at(f)[1])
                 below = negative_inertia(K)
                 if skew is not None and below != len(arrays.terms.start):
                     below = count_negative_eigenvalues(arrays, K, skew)
@@ -191,7 +176,7 @@ class ArcLengthNewton:
                     motion, f, below + int(inside), full, b, count, status == 0, worst, correction
                 )
             if step is None:
-                skew = skew_tangent(self.model.arrays, motion, self.parameter.values_at(f)[1])
+                skew = skew_tangent(arrays, motion, self.path.values_at(f)[1])
                 right = np.append(-work.rhs, 0.0)
                 try:
                     step = solve_bordered(K if skew is None else K + skew, b, c, right)
@@ -212,9 +197,7 @@ class ArcLengthNewton:
         """The point an arc further along `direction`; None where Newton fails."""
         motion = at.motion.copy()
         # the members store results of their last assembly, which must be that of this state
-        assemble(
-            self.model.arrays, motion, *self.parameter.values_at(at.f), self.work, RTOL, 0, ROUNDING_MULTIPLE
-        )
+        assemble(self.model.arrays, motion, *self.path.values_at(at.f), self.work, RTOL, 0, ROUNDING_MULTIPLE)
         return self.correct(motion, at.f, direction, predictor=arc * direction)
 
 
@@ -252,9 +235,9 @@ RETURNED_TO_START = (
 class PathContinuation:
     """A path while it is followed: its points (without their tangents), its singular points, and why it stopped."""
 
-    def __init__(self, model: Model, parameter: PathParameter) -> None:
-        self.model, self.parameter = model, parameter
-        self.newton = ArcLengthNewton(model, parameter, make_workspace(model.arrays))
+    def __init__(self, model: Model, path: LoadPath) -> None:
+        self.model = model
+        self.newton = ArcLengthNewton(model, path)
         self.points: list[ArcLengthPoint] = []
         self.singular_points: list[SingularPoint] = []
         self.stop_reason = ""
@@ -348,7 +331,7 @@ class PathContinuation:
         tolerance = 5.0 * arc * 0.5**BISECTIONS + MIN_SEPARATION
         steepest = max(abs(direction[-1]), abs(next_direction[-1]))
         meets = (
-            self._distance(one.motion, other.motion) < tolerance
+            state_difference(self.model, one.motion, other.motion) < tolerance
             and abs(one.f - other.f) < steepest * tolerance + 1e-9
         )
         return other if meets else None
@@ -380,11 +363,6 @@ class PathContinuation:
                 low, ends = s, (at, ends[1])
         return ends
 
-    def _distance(self, one: State, other: State) -> float:
-        """Largest difference of rotation matrices, and of positions over the size of the mechanism."""
-        shift = np.abs(one.x - other.x).max() / self.model.arrays.size
-        return float(max(shift, np.abs(one.R - other.R).max()))
-
     def _returned(self, at: ArcLengthPoint, found: ArcLengthPoint) -> bool:
         """Whether the start of the path lies between two points."""
         home = self.points[0]
@@ -395,7 +373,9 @@ class PathContinuation:
         ):
             return False
         back = self.newton.correct(found.motion.copy(), home.f, None)
-        return back is not None and self._distance(back.motion, home.motion) < SAME_STATE_TOLERANCE
+        if back is None:
+            return False
+        return state_difference(self.model, back.motion, home.motion) < SAME_STATE_TOLERANCE
 
     def follow(
         self,
@@ -411,21 +391,10 @@ class PathContinuation:
 
         It stops once `max_singular_points` limit points and bifurcations have been found, or after `max_steps` steps.
         """
-        self.stop_reason = self._follow(at, direction, until, arc, max_steps, max_singular_points)
-
-    def _follow(
-        self,
-        at: ArcLengthPoint,
-        direction: Array,
-        until: float,
-        arc: float,
-        max_steps: int,
-        max_singular_points: float,
-    ) -> str:
-        """Follow the path and return the stop reason."""
         self._store(at)
+        self.stop_reason = END_REACHED
         if at.f == until:
-            return END_REACHED
+            return
         sign, max_arc = (1.0 if until >= at.f else -1.0), MAX_ARC * np.sqrt(len(self.model.node_names))
         for _ in range(max_steps):
             length, slope = min(arc, max_arc), float(direction[-1])
@@ -437,7 +406,8 @@ class PathContinuation:
                 # no equilibrium in that plane, or past the end
                 arc = 0.5 * length
                 if arc < 1e-9:
-                    return "the arc was halved to its smallest size without reaching equilibrium"
+                    self.stop_reason = "the arc was halved to its smallest size without reaching equilibrium"
+                    return
                 continue
             onward = self.newton.direction(found, direction)
             angle = self.newton.angle(direction, onward)
@@ -454,19 +424,22 @@ class PathContinuation:
                 arc = 0.5 * length
                 continue
             if len(self.singular_points) >= max_singular_points:
-                return "it turns"
+                self.stop_reason = "it turns"
+                return
             if self._returned(at, found):
-                return RETURNED_TO_START
+                self.stop_reason = RETURNED_TO_START
+                return
             at, direction = found, onward
             if abs(at.f - until) <= 2e-6 * abs(until):
                 self._store(self.newton.correct(at.motion, until, None) or at)
-                return END_REACHED
+                return
             self._store(at)
             if not at.local_angles_small:
-                return Stop.LOCAL_ANGLE.sentence
+                self.stop_reason = Stop.LOCAL_ANGLE.sentence
+                return
             growth = min((4.0 / max(at.iterations, 1)) ** 0.5, 0.5 * MAX_ANGLE / max(angle, 1e-9))
             arc = max(arc, length) * float(np.clip(growth, 0.5, 1.5))
-        return f"{max_steps} steps were taken"
+        self.stop_reason = f"{max_steps} steps were taken"
 
 
 def require_start(at: ArcLengthPoint | None) -> ArcLengthPoint:
@@ -479,19 +452,19 @@ def require_start(at: ArcLengthPoint | None) -> ArcLengthPoint:
 
 
 def follow_by_arc_length(
-    model: Model, parameter: PathParameter, motion: State, *, max_singular_points: float = math.inf
+    model: Model, path: LoadPath, motion: State, *, max_singular_points: float = math.inf
 ) -> PathContinuation:
-    """Follow the path from the equilibrium `motion` at parameter 0 to 1, or until `max_singular_points` limit points
-    and bifurcations have been found.
+    """Follow a path from the equilibrium `motion` at its start to its end, or until `max_singular_points` limit points and
+    bifurcations have been found.
 
     Raises ConvergenceError where the start is no equilibrium.
     """
-    path = PathContinuation(model, parameter)
-    at = require_start(path.newton.correct(motion.copy(), 0.0, None, max_iterations=40))
-    direction = path.newton.direction(at, None)
+    followed = PathContinuation(model, path)
+    at = require_start(followed.newton.correct(motion.copy(), 0.0, None, max_iterations=40))
+    direction = followed.newton.direction(at, None)
     arc = 0.02 / max(abs(float(direction[-1])), 1e-9)
-    path.follow(at, direction, until=1.0, arc=arc, max_steps=300, max_singular_points=max_singular_points)
-    return path
+    followed.follow(at, direction, until=1.0, arc=arc, max_steps=300, max_singular_points=max_singular_points)
+    return followed
 
 
 def switch_branch(

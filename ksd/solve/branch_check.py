@@ -20,8 +20,15 @@ from ksd.model.arrays import State, carries_load
 from ksd.model.compile import Model
 from ksd.numerics.rotations import rotation_log
 from ksd.properties.cache import cached_per_model
-from ksd.solve.arc_length import END_REACHED, PathContinuation, PathParameter, follow_by_arc_length
-from ksd.solve.load_steps import LoadPath, LoadStepRecord, LoadStepResult, take_path
+from ksd.solve.arc_length import END_REACHED, PathContinuation, follow_by_arc_length
+from ksd.solve.load_steps import (
+    SAME_STATE_TOLERANCE,
+    LoadPath,
+    LoadStepRecord,
+    LoadStepResult,
+    state_difference,
+    take_path,
+)
 from ksd.solve.steps import Step, Stop
 from ksd.solve.storage import NewtonStorage
 
@@ -35,8 +42,6 @@ SMALL_STEP = 0.2
 """Fraction of the load path; a solve that needed a smaller step is confirmed."""
 MIN_CONFIRMING_STEPS = 16
 """Number of load steps up to which an answer is confirmed at least."""
-SAME_STATE_TOLERANCE = 1e-6
-"""Largest difference of two equal states: rotation matrices, and positions over the size of the mechanism."""
 NOT_A_MINIMUM = "its inertia is not that of a minimum"
 """The doubt that only a path by arc length settles: load steps may have passed a limit point or a bifurcation."""
 
@@ -130,12 +135,6 @@ def slow_step_doubts(steps: Iterable[Step]) -> tuple[str, ...]:
     return tuple(
         f"step '{s.name}' took {s.iterations} iterations" for s in steps if s.iterations > MANY_ITERATIONS
     )
-
-
-def state_difference(model: Model, one: State, other: State) -> float:
-    """Largest difference of two states: positions over the size of the mechanism, and rotation matrices."""
-    shift = np.abs(one.x - other.x).max(initial=0.0) / model.arrays.size
-    return float(max(shift, np.abs(one.R - other.R).max(initial=0.0)))
 
 
 def confirm_by_smaller_steps(
@@ -257,9 +256,7 @@ def follow_load_path(
         return take_path(storage, begin, finer, planar, from_rest)
 
     def continuation(max_singular_points: float = math.inf) -> PathContinuation:
-        low, high = path.factors
-        parameter = PathParameter(path.start, path.target - path.start, low, high - low)
-        return follow_by_arc_length(model, parameter, begin, max_singular_points=max_singular_points)
+        return follow_by_arc_length(model, path, begin, max_singular_points=max_singular_points)
 
     if first.record.stop is Stop.SINGULAR and first.record.fraction_reached == 0.0:
         # a part that nothing holds from the start on has no path

@@ -27,6 +27,8 @@ from ksd.solve.storage import NewtonStorage
 
 WEAK_PIVOT = 1e-9
 """Relative pivot below which a load step, or the count of its negative pivots, is repeated with pivoting."""
+SAME_STATE_TOLERANCE = 1e-6
+"""Largest difference of two equal states, see `state_difference`."""
 START_FRACTION = 1e-3
 """Fraction of the load path up to which a solve counts as stopped at its start."""
 
@@ -60,10 +62,11 @@ class LoadStepResult(NamedTuple):
 
 
 class LoadPath(NamedTuple):
-    """Drive values from `start` to `target` (c,), loads between two factors, and the settings of the steps.
+    """Drive values from `start` to `target` (c,), loads between two factors, and the settings of load steps.
 
     steps: number of equal steps tried first; rtol, max_iterations, max_turn, eps_max: of every Newton solve, see
-    `ksd.model.newton.solve_equilibrium`; smallest_step: fraction of the path below which steps are not halved any more.
+    `ksd.model.newton.solve_equilibrium`; smallest_step: fraction of the path below which steps are not halved any more. A
+    path by arc length has no use for these settings; its fraction may leave the range from 0 to 1.
     """
 
     start: np.ndarray
@@ -83,6 +86,12 @@ class LoadPath(NamedTuple):
             # the end exactly
             return self.target, high
         return self.start + fraction * (self.target - self.start), low + fraction * (high - low)
+
+
+def state_difference(model: Model, one: State, other: State) -> float:
+    """Largest difference of two states: positions over the size of the mechanism, and rotation matrices."""
+    shift = np.abs(one.x - other.x).max(initial=0.0) / model.arrays.size
+    return float(max(shift, np.abs(one.R - other.R).max(initial=0.0)))
 
 
 def take_load_steps(

@@ -23,12 +23,12 @@ from ksd.solve.arc_length import (
     END_REACHED,
     ArcLengthPoint,
     PathContinuation,
-    PathParameter,
     require_start,
     switch_branch,
 )
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import solve_without_loads
+from ksd.solve.load_steps import LoadPath
 from ksd.solve.solver import COMPILED_MODEL_MESSAGE, DEFAULT_ACCURACY
 from ksd.solve.steps import Step, Stop
 from ksd.solve.verdict import with_mesh_check
@@ -134,8 +134,8 @@ def follow(
     begin = start or (branch.configuration if branch else None)
     if begin is None and control == "load" and any((targets or {}).values()):
         begin = solve_without_loads(model, targets or {})
-    parameter, f = _path_parameter(model, targets, control, start=begin, branched=branch is not None)
-    path = PathContinuation(model, parameter)
+    load_path, f = _load_path(model, targets, control, start=begin, branched=branch is not None)
+    path = PathContinuation(model, load_path)
     clock = Stopwatch()
     motion = (begin.motion if begin else model.rest).copy()
     if branch is not None:
@@ -156,7 +156,7 @@ def follow(
 
 def _configuration(path: PathContinuation, at: ArcLengthPoint) -> Configuration:
     """A point of the path as a configuration."""
-    target, factor = path.parameter.values_at(at.f)
+    target, factor = path.newton.path.values_at(at.f)
     names = zip(path.model.drive_names, target, strict=False)
     stop = Stop.CONVERGED if at.local_angles_small else Stop.LOCAL_ANGLE
     step = Step("path", at.iterations, 0.0, at.residual, stop)
@@ -167,15 +167,15 @@ def _configuration(path: PathContinuation, at: ArcLengthPoint) -> Configuration:
     return with_mesh_check(found, DEFAULT_ACCURACY)
 
 
-def _path_parameter(
+def _load_path(
     model: Model,
     targets: Mapping[str, float] | None,
     control: str,
     *,
     start: Configuration | None,
     branched: bool,
-) -> tuple[PathParameter, float]:
-    """The path parameter of `follow`, and its value at the start."""
+) -> tuple[LoadPath, float]:
+    """The path of `follow`, and the value of its parameter at the start."""
     start_values = dict(start.targets) if start else dict.fromkeys(model.drive_names, 0.0)
     start_factor = start.load_factor if start else 0.0
     if control not in ("load", "drives"):
@@ -185,11 +185,12 @@ def _path_parameter(
     goal = model.targets({**start_values, **(targets or {})})
     model.refuse_turns(goal)
     if control == "load":
-        return PathParameter(goal, np.zeros(len(goal)), 0.0, 1.0), start_factor
+        return LoadPath(goal, goal), start_factor
     here = model.targets(start_values)
     begin = np.zeros(len(goal)) if branched else here
     change = goal - begin
     if not change.any():
         raise SceneError("control = 'drives': give targets that differ from where the path starts")
     f = float((here - begin) @ change / (change @ change))
-    return PathParameter(begin, change, start_factor if start else 1.0, 0.0), f
+    factor = start_factor if start else 1.0
+    return LoadPath(begin, goal, (factor, factor)), f

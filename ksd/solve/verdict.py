@@ -28,8 +28,9 @@ from ksd.model.mesh import MAX_ORDER
 from ksd.properties.doctor import doctor
 from ksd.properties.printing import format_number
 from ksd.scene.rules import plane_hint
-from ksd.solve.branch_check import loads_dominate, state_difference
+from ksd.solve.branch_check import loads_dominate
 from ksd.solve.joint_range import MAX_UNINTENDED_DISPLACEMENT, MAX_UNINTENDED_ROTATION
+from ksd.solve.load_steps import state_difference
 from ksd.solve.steps import ErrorEstimate, Verdict, percent
 
 if TYPE_CHECKING:

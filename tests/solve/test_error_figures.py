@@ -8,7 +8,7 @@ import pytest
 
 import ksd
 from ksd.model.compile import compile_scene
-from ksd.solve.branch_check import state_difference
+from ksd.solve.load_steps import state_difference
 from ksd.solve.method_error import _extrapolated_error, newton_step_error
 from ksd.solve.steps import ErrorEstimate
 

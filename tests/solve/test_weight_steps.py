@@ -6,8 +6,9 @@ from scenes import STEEL, fourbar, slider
 
 import ksd
 from ksd.model.compile import compile_scene
-from ksd.solve.arc_length import PathParameter, residual_rate
+from ksd.solve.arc_length import residual_rate
 from ksd.solve.conventional import solve_conventional, solve_drives_first
+from ksd.solve.load_steps import LoadPath
 
 MESHES = {"modes": ksd.Mesh(), "chain": ksd.Mesh("corotational", elements=3)}
 
@@ -111,7 +112,7 @@ def test_derivative_of_the_residual_by_the_load_factor(mesh):
 
     difference = (residual(1.001) - residual(0.999)) / 0.002
     residual(1.0)
-    exact = residual_rate(model, motion, PathParameter(np.zeros(1), np.zeros(1), 0.0, 1.0), work)
+    exact = residual_rate(model, motion, LoadPath(target, target), work)
     assert np.abs(difference - exact).max() < 1e-5 * np.abs(difference).max()
 
 
