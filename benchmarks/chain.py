@@ -17,12 +17,10 @@ from common import machine, parse_options, time_in_turns, write_json
 import ksd
 from ksd.bench.suite import chain
 from ksd.design.prepared_design import PreparedDesign
-from ksd.solve.five_steps import FULL, REDUCED
 from ksd.solve.solver import Solver
 
 JOINTS = (3, 10, 30, 100)
 MAX_RELATIVE_INCREASE = 0.25
-WAYS = {"reduced": REDUCED, "full": FULL}
 LEAVES = {"strain-mode": ksd.Mesh(), "5 elements": ksd.Mesh("corotational", elements=5)}
 
 
@@ -36,7 +34,7 @@ def storage_bytes(part: Any) -> int:
 class Case:
     """One chain by one method: called, it solves `count` configurations."""
 
-    def __init__(self, joints: int, method: int, mesh: ksd.Mesh) -> None:
+    def __init__(self, joints: int, method: str, mesh: ksd.Mesh) -> None:
         scene, targets = chain(joints)
         self.prepared = PreparedDesign(Solver(scene, mesh=mesh).five_steps, method=method)
         self.count = max(3, 300 // joints)
@@ -53,7 +51,7 @@ class Case:
 
 def joint_times(leaves: str, method: str, joints: Sequence[int], *, repeats: int) -> dict[str, Any]:
     """Time per joint and configuration [us] by number of joints, and its relative difference from the shortest chain."""
-    cases = {n: Case(n, WAYS[method], LEAVES[leaves]) for n in joints}
+    cases = {n: Case(n, method, LEAVES[leaves]) for n in joints}
     times = time_in_turns({str(n): case for n, case in cases.items()}, repeats=repeats)
     each = {n: times[str(n)].median / case.count / n for n, case in cases.items()}
     off = max(abs(us / each[joints[0]] - 1.0) for us in each.values())
@@ -80,7 +78,11 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Measure, print, write chain.json; returns what was found."""
     asked = parse_options(__doc__, argv)
     joints, repeats = ((3, 10), 2) if asked.quick else (JOINTS, 9)
-    rows = [joint_times(leaves, method, joints, repeats=repeats) for leaves in LEAVES for method in WAYS]
+    rows = [
+        joint_times(leaves, method, joints, repeats=repeats)
+        for leaves in LEAVES
+        for method in ("reduced", "full")
+    ]
     found = {"machine": machine(), "bound": MAX_RELATIVE_INCREASE, "rows": rows}
     write_json(found, asked.out / "chain.json")
     return found

@@ -114,7 +114,10 @@ def with_samples(model: Model, states: Sequence[State], *, tolerance: float = 1e
             raise SceneError(
                 f"leaf '{name}' is on a quadratic manifold: only bodies of free derivatives are sampled"
             )
-        parts = [(*relative_end_pose(model.arrays.members, i, s), inner_state(model, s, i)) for s in states]
+        parts = [
+            (*relative_end_pose(model.arrays.members, i, s), inner_state(model.arrays.members, i, s))
+            for s in states
+        ]
         if not parts:
             raise SceneError("there are no training states: give deformed states of the modal model")
         G = training(body, parts)

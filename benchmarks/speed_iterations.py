@@ -17,7 +17,7 @@ from ksd.model.arrays import Arrays, State, Workspace, make_workspace
 from ksd.model.newton import assemble, solve_equilibrium, take_step
 from ksd.numerics.blocks import backward_blocks, factor_blocks, solve_blocks
 from ksd.solve.five_step_solver import CLOSURE_TOLERANCE
-from ksd.solve.five_steps import KINEMATIC, run_five_steps
+from ksd.solve.five_steps import run_five_steps
 from ksd.solve.steps import MAX_TURN_PER_STEP, RTOL
 
 TARGET = np.array([STROKE])
@@ -44,7 +44,7 @@ def systems() -> dict[str, System]:
         solver = ksd.prepare(fourbar(1), mesh=mesh)
         b = solver.five_steps.storage
         # steps 1 and 2
-        run_five_steps(b, TARGET, KINEMATIC, 0, CLOSURE_TOLERANCE)
+        run_five_steps(b, TARGET, "kinematic", 0, CLOSURE_TOLERANCE)
         arrays, reduced = b.model.arrays, b.bodies.reduced
         found[f"full, {name}"] = System(arrays, b.model.rest.copy(), b.full_work, (1, 4))
         found[f"reduced, {name}"] = System(reduced, b.reduced_state.copy(), b.reduced_work, (0, 2))

@@ -9,7 +9,7 @@ of the second term is extrapolated in the previous iteration; otherwise it is S 
 Arrays (float64, SI): `value` holds n records of 16 (L0, S1, S2, S3a, S3b, S4a, S4b, T (9, row-major, columns n_x n_y
 n_z)) and the undeformed orientation Q0 (9) of end q; `inner` holds n-1 nodes of 12 (position 3, rotation from the
 undeformed state 9, row-major), then n x 6 stresses; `number` = [n, 1 for MIP or 0 for plain Newton]; `store` passes
-data from `condense` to `recover`. `corotational_values` makes them. A chain with weight has its lumped masses after
+data from `condense` to `recover`. `ksd.beam.corotational_values` makes them. A chain with weight has its lumped masses after
 that in `value` and a longer `store`: see `ksd.beam.weight`.
 
 Compiled code raises nothing; status is 0 (fine), 1 (a local angle beyond 60 degrees, short of the 90 degrees where asin

@@ -32,11 +32,6 @@ class PartlyCondensed(NamedTuple):
     joint: np.ndarray
     member: np.ndarray
 
-    def inner(self, motion: State, m: int) -> np.ndarray:
-        """Inner state of member m, a view."""
-        at = self.arrays.members.inner_at
-        return motion.inner[at[m] : at[m + 1]]
-
 
 def condense_some_joints(model: Model, linear: Arrays, condensed: Sequence[bool]) -> PartlyCondensed:
     """The mechanism of `model` with the joints marked in `condensed` (J,) condensed; linear: the mechanism of all
@@ -94,6 +89,6 @@ def _member(model: Model, i: int, new_node: Mapping[int, int]) -> Member:
     a, b = m.node[i]
     return Member(
         model.member_names[i], int(m.kind[i]), (new_node[int(a)], new_node[int(b)]), m.offset[i], m.frame[i],
-        m.value[m.value_at[i] : stop], m.number[i], inner_state(model, model.rest, i),
+        m.value[m.value_at[i] : stop], m.number[i], inner_state(m, i, model.rest),
         int(m.store_at[i + 1] - m.store_at[i]), float(m.length[i]), float(m.stiffness_scale[i]),
     )  # fmt: skip

@@ -33,7 +33,6 @@ from ksd.errors import SceneError
 from ksd.model.mesh import Mesh
 from ksd.properties.printing import PrintableAnswer
 from ksd.scene.link import Link
-from ksd.solve.five_steps import FULL, REDUCED
 from ksd.solve.pose_batch import UNANSWERED
 
 NOT_BUILT = 20
@@ -162,7 +161,7 @@ def batch(
     workers = (os.cpu_count() or 1) if threads is None else whole_number(threads, "threads")
     values = _equal_lengths(drive_value_arrays(targets, drives, batch))
     options: dict[str, Any] = {
-        "method": FULL if method == "full" else REDUCED,
+        "method": method,
         "relinearisations": relinearisations,
         "tabulated": tabulated,
         "questions": parsed,

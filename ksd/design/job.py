@@ -71,7 +71,6 @@ from ksd.scene import Mechanism, Scene
 from ksd.scene.link import Link
 from ksd.scene.load import Load
 from ksd.solve.configuration import Configuration
-from ksd.solve.five_steps import FULL, REDUCED
 from ksd.solve.perturbed import RELATIVE_STEP
 from ksd.solve.solver import DEFAULT_ACCURACY
 from ksd.solve.verdict import with_mesh_check
@@ -537,8 +536,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     def _solvers(self) -> dict[bool, BatchSolver]:
         """Solvers of designs by whether they keep the poses."""
         values = {n: np.array([step[n] for step in self.steps]) for n in self.drives}
-        method = FULL if self.method == "full" else REDUCED
-        options = {"method": method, "questions": self.questions, "equilibrate": True}
+        options = {"method": self.method, "questions": self.questions, "equilibrate": True}
         return {
             keep: BatchSolver(values, {**options, "keep_configurations": keep}, self.mesh, self.extrapolate)
             for keep in (False, True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from ksd.properties.tangent import row_numbers
 from ksd.solve.configuration import Configuration
 from ksd.solve.error import converge_fast_state
 from ksd.solve.five_step_solver import FiveStepSolver
-from ksd.solve.five_steps import REDUCED
 from ksd.solve.joint_tables import joint_tables
 from ksd.solve.pose_batch import (
     STATUS_MESSAGES,
@@ -82,7 +81,7 @@ class DesignResult:
 class PreparedDesign:
     """One design prepared for batches: call it with arrays (N,) of drive values [m or rad] by drive name.
 
-    method: REDUCED or FULL. tabulated: joints are interpolated in tables over their stroke. keep_configurations: they are
+    method: "reduced" or "full". tabulated: joints are interpolated in tables over their stroke. keep_configurations: they are
     in `DesignResult.poses`. equilibrate: configurations hold the equilibrium near the answer of the method, which is where
     questions are answered in any case. Raises SceneError for a mesh with plate stiffening and for invalid questions.
     """
@@ -91,7 +90,7 @@ class PreparedDesign:
         self,
         solver: FiveStepSolver,
         *,
-        method: int = REDUCED,
+        method: Literal["reduced", "full"] = "reduced",
         relinearisations: int = 0,
         tabulated: bool = False,
         questions: Questions | None = None,
@@ -165,10 +164,10 @@ class _QuestionsOfPoses:
         """Answer the questions of pose n, at the equilibrium near it where the method gives none; returns its status."""
         b, target = self.design.solver.storage, self.targets[n]
         state = equilibrium = b.full_state.copy()
-        at_equilibrium = self.design.method != REDUCED or not (
+        at_equilibrium = self.design.method != "reduced" or not (
             self.only_stiffness and self._is_near_intended_motion()
         )
-        if self.design.method == REDUCED and at_equilibrium:
+        if self.design.method == "reduced" and at_equilibrium:
             status, equilibrium = _equilibrium_near(b.model, state, target, b.full_work)
             if status:
                 return status
@@ -191,11 +190,11 @@ class _QuestionsOfPoses:
 
     def _configuration(self, state: State, equilibrium: State, target: np.ndarray) -> Configuration:
         """Configuration with this state; equilibrium: where questions other than forces and poses are answered."""
-        model, reduced = self.design.solver.model, self.design.method == REDUCED
+        model, reduced = self.design.solver.model, self.design.method == "reduced"
         values = dict(zip(model.drive_names, target.tolist(), strict=False))
         count = len(target)
         pose = Configuration(
-            model, state, "reduced" if reduced else "full", values, SOLVED, negatives=count,
+            model, state, self.design.method, values, SOLVED, negatives=count,
             expected_negatives=count, method_was_chosen=reduced,
         )  # fmt: skip
         pose.__dict__["equilibrium"] = equilibrium

@@ -48,7 +48,7 @@ def chain_shape(model: Model, i: int, motion: State) -> LeafShape:
     members = model.arrays.members
     n = int(members.number[i, 0])
     value = members.value[members.value_at[i] : members.value_at[i] + 16 * n + 9]
-    nodes = inner_state(model, motion, i)[: 12 * (n - 1)].reshape(-1, 12)
+    nodes = inner_state(model.arrays.members, i, motion)[: 12 * (n - 1)].reshape(-1, 12)
     d, Q = relative_end_pose(members, i, motion)
     x = np.vstack([np.zeros(3), nodes[:, :3], d])
     R = np.concatenate(
@@ -138,8 +138,9 @@ def full_model_state(model: Model, motion: State) -> tuple[Model, State]:
         body = model.bodies.get(name)
         if isinstance(body, LeafBasis):
             x, R = body.nodes(
-                *relative_end_pose(model.arrays.members, i, motion), inner_state(model, motion, i)
+                *relative_end_pose(model.arrays.members, i, motion),
+                inner_state(model.arrays.members, i, motion),
             )
-            nodes = inner_state(model.full, state, i)[: 12 * (len(x) - 2)]
+            nodes = inner_state(model.full.arrays.members, i, state)[: 12 * (len(x) - 2)]
             nodes[:] = np.hstack([x[1:-1], R[1:-1].reshape(-1, 9)]).ravel()
     return model.full, state

@@ -14,12 +14,12 @@ import numpy as np
 
 from ksd.beam.linear import LINEAR_INNER
 from ksd.errors import ConvergenceError, SceneError
-from ksd.model.arrays import LINEAR, Arrays, State, Workspace, make_workspace
+from ksd.model.arrays import Arrays, State, Workspace, make_workspace
 from ksd.model.compile import Model, compile_as_is
 from ksd.model.leaves import cut_leaves, whole_leaf_name
 from ksd.model.mesh import Mesh
 from ksd.model.newton import assemble, take_step
-from ksd.model.reduced_bodies import inner_state, relative_end_pose, transfer_state, with_bodies
+from ksd.model.reduced_bodies import LinearBody, inner_state, relative_end_pose, transfer_state, with_bodies
 from ksd.numerics.rotations import rotation_exp, rotation_log
 from ksd.scene.drive import GROUND
 from ksd.scene.scene import PlacedLeaf, Scene
@@ -35,7 +35,7 @@ PART_COUNTS = (1, 4, 16, 64)
 
 
 @dataclass(frozen=True)
-class ConstantLeaf:
+class ConstantLeaf(LinearBody):
     """A leaf of constant stiffness.
 
     stiffness (6, 6): of its end q in the frame of its end p; end_position (3,) [m]: of the undeformed end q in that frame.
@@ -43,12 +43,6 @@ class ConstantLeaf:
 
     stiffness: np.ndarray
     end_position: np.ndarray
-
-    kind = LINEAR
-
-    def constants(self) -> tuple[np.ndarray, np.ndarray]:
-        """Empty arrays, as its numbers are stored in its inner state."""
-        return np.zeros(0), np.zeros(4, np.int64)
 
     def __str__(self) -> str:
         return "constant stiffness, that of the undeformed leaf"
@@ -105,7 +99,7 @@ def with_constant_leaves(model: Model) -> Model:
         bodies[name] = ConstantLeaf(stiffness[key], d)
     reduced = with_bodies(model, bodies)
     for i, body in enumerate(bodies.values()):
-        inner = inner_state(reduced, reduced.rest, i)
+        inner = inner_state(reduced.arrays.members, i, reduced.rest)
         inner[:3], inner[3:12], inner[18:LINEAR_INNER] = (
             body.end_position,
             np.eye(3).ravel(),

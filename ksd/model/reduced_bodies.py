@@ -30,6 +30,16 @@ class ReducedBody(Protocol):
         """Constants `value` and settings `number` (4,) of its kernel."""
 
 
+class LinearBody:
+    """A body of constant stiffness, all of whose numbers are in its inner state (`ksd.beam.linear`)."""
+
+    kind = LINEAR
+
+    def constants(self) -> tuple[np.ndarray, np.ndarray]:
+        """Empty: it has neither constants nor settings."""
+        return np.zeros(0), np.zeros(4, np.int64)
+
+
 def with_bodies(model: Model, bodies: Mapping[str, ReducedBody]) -> Model:
     """`model` with leaf springs replaced by undeformed bodies, given by the name of the leaf.
 
@@ -39,7 +49,7 @@ def with_bodies(model: Model, bodies: Mapping[str, ReducedBody]) -> Model:
         return model
     old, names = model.arrays.members, model.member_names
     kind, number, frame, value_at = (a.copy() for a in (old.kind, old.number, old.frame, old.value_at))
-    states = [inner_state(model, model.rest, i) for i in range(len(kind))]
+    states = [inner_state(old, i, model.rest) for i in range(len(kind))]
     stores, values, at = np.diff(old.store_at), [old.value], len(old.value)
     stored_at: dict[int, int] = {}
     for name, body in bodies.items():
@@ -73,9 +83,9 @@ def _rest_orientation(members: Members, i: int) -> np.ndarray:
     return np.asarray(members.frame[i, 0].T @ members.frame[i, 1])
 
 
-def inner_state(model: Model, state: State, i: int) -> np.ndarray:
-    """Inner state of member i in a state of `model`, a view."""
-    at = model.arrays.members.inner_at
+def inner_state(members: Members, i: int, state: State) -> np.ndarray:
+    """Inner state of member i in a state, a view."""
+    at = members.inner_at
     return state.inner[at[i] : at[i + 1]]
 
 
@@ -95,8 +105,9 @@ def transfer_state(model: Model, state: State, other: Model) -> State:
     """
     transferred = other.rest.copy()
     transferred.x[:], transferred.R[:], transferred.multiplier[:] = state.x, state.R, state.multiplier
-    for i in np.flatnonzero(model.arrays.members.kind == other.arrays.members.kind).tolist():
-        source, target = inner_state(model, state, i), inner_state(other, transferred, i)
+    members, others = model.arrays.members, other.arrays.members
+    for i in np.flatnonzero(members.kind == others.kind).tolist():
+        source, target = inner_state(members, i, state), inner_state(others, i, transferred)
         if len(source) == len(target):
             target[:] = source
     return transferred

@@ -58,8 +58,9 @@ class ArcLengthPoint:
 
     f: path parameter, the fraction of the `LoadPath`; negatives: negative pivots, those inside members and one per
     constraint row included, or under non-conservative loads the count that replaces them (see
-    `count_negative_eigenvalues`); K (n, n): tangent with its skew part; b (n,): derivative of the residual by f; residual: over its bound; correction: arc length of
-    the Newton steps after the predictor. local_angles_small: whether all elements are within their range.
+    `count_negative_eigenvalues`); K (n, n): tangent with its skew part; b (n,): derivative of the residual by f; residual:
+    over its bound; correction: arc length of the Newton steps after the predictor. local_angles_small: whether all elements
+    are within their range.
     """
 
     motion: State

@@ -20,9 +20,6 @@ from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve.branch_check import MANY_ITERATIONS, slow_step_doubts
 from ksd.solve.configuration import Configuration
 from ksd.solve.five_steps import (
-    FULL,
-    KINEMATIC,
-    REDUCED,
     FiveStepsStorage,
     close_joints,
     kinematic_forces,
@@ -33,8 +30,6 @@ from ksd.solve.method_error import error_to_stored_state, estimate_error
 from ksd.solve.nonconservative_stability import count_unstable_directions
 from ksd.solve.steps import FiveStepRecord, Step, StepRow, Stop
 from ksd.solve.verdict import check_trained_range
-
-_METHODS = {"kinematic": KINEMATIC, "reduced": REDUCED, "full": FULL}
 
 CLOSURE_TOLERANCE = 2e-3
 """Largest gap of a closed loop over the size of the mechanism: overconstrained joints never fit exactly, which their
@@ -83,19 +78,20 @@ class FiveStepSolver:
                 f"method 'kinematic' knows no force of '{self.compatibility.unmet_drives[0]}': no intended motion of the "
                 "joints meets it, elasticity alone does; use method='reduced' or 'full'"
             )
-        b, code = self.storage, _METHODS[method]
-        rows, negatives = run_five_steps(b, target, code, relinearisations, self.gap)
-        closing_step = None
-        if rows[0].stop != 0 or not rows[0].residual < self.gap * b.bodies.reduced.size:
-            closing_step = _close_along_drive(b, target, self.gap, rows[0])
-            rows, negatives = run_five_steps(b, target, code, relinearisations, self.gap, closed=True)
+        b = self.storage
+        rows, negatives = run_five_steps(b, target, method, relinearisations, self.gap)
+        along_drive = rows[0].stop != 0 or not rows[0].residual < self.gap * b.bodies.reduced.size
+        if along_drive:
+            closing_row = _close_along_drive(b, target, self.gap, rows[0])
+            rows, negatives = run_five_steps(b, target, method, relinearisations, self.gap, closed=True)
+            rows.insert(0, closing_row)
         in_range, near_intended = b.checks.tolist()
         converged = rows[-1].stop == 0
         notes = (
             [] if converged and in_range else check_trained_range(b, b.theta, extrapolate=self.extrapolate)
         )
-        steps = FiveStepRecord(rows, relinearisations, closing_step=closing_step)
-        if not converged or closing_step is not None:
+        steps = FiveStepRecord(rows, relinearisations, along_drive=along_drive)
+        if not converged:
             _require_convergence(steps)
         error = None
         joint_motions = stored_joint_motions(b)
@@ -111,11 +107,9 @@ class FiveStepSolver:
             steps.later_steps = (step,)
         if method != "kinematic" and steps.last_stop is Stop.CONVERGED:
             negatives = count_unstable_directions(self.model, b.full_state, 1.0, negatives)
-        doubts = (
-            slow_step_doubts(s for s in steps if s.name[0] in "35")
-            if steps.exceeded_iterations(MANY_ITERATIONS)
-            else ()
-        )
+        doubts: tuple[str, ...] = ()
+        if max(row.iterations for row in rows) > MANY_ITERATIONS:
+            doubts = slow_step_doubts(s for s in steps if s.name[0] in "35")
         found = Configuration(
             self.model, b.full_state.copy(), method, dict(values), steps, negatives=negatives,
             expected_negatives=self._expected, joint_motions=joint_motions, method_error=error,
@@ -148,7 +142,7 @@ class FiveStepSolver:
         return replace(answer, method_error=error, negatives=reduced.negatives)
 
 
-def _close_along_drive(b: FiveStepsStorage, target: np.ndarray, gap: float, tried: StepRow) -> Step:
+def _close_along_drive(b: FiveStepsStorage, target: np.ndarray, gap: float, tried: StepRow) -> StepRow:
     """Step 1 along the drive, in steps that are halved on failure, after it failed in one step with the row `tried`.
 
     gap: see `run_five_steps`. Raises ConvergenceError with the fraction of the drive motion reached.
@@ -173,8 +167,7 @@ def _close_along_drive(b: FiveStepsStorage, target: np.ndarray, gap: float, trie
             "the way, where the linkage locks; ask for less, or use method='conventional'",
             reached=done,
         )
-    time = tried.time + clock()
-    return Step("1 close loops", iterations, time, open_gap, Stop.CONVERGED, "in steps along the drive")
+    return StepRow(0, iterations, open_gap, tried.time + clock())
 
 
 def _require_convergence(steps: FiveStepRecord) -> None:

@@ -33,8 +33,6 @@ from ksd.numerics.kernel import kernel
 from ksd.solve.joint_range import check_joints, motion_limits
 from ksd.solve.steps import MAX_TURN_PER_STEP, RTOL, StepRow
 
-KINEMATIC, REDUCED, FULL = 0, 1, 2
-"""Methods, by the steps they take: 1 and 2; 1 to 4; all five."""
 CONDENSED_SIZE = 54
 """Inner numbers of a condensed joint in step 3: position d0 (3), rotation R0 (9), wrench F (6), stiffness K (36)."""
 MAX_CLOSURE_ITERATIONS = 40
@@ -274,13 +272,13 @@ def _reduce(
 def run_five_steps(
     b: FiveStepsStorage,
     target: np.ndarray,
-    method: int,
+    method: str,
     relinearisations: int,
     gap: float,
     *,
     closed: bool = False,
 ) -> tuple[list[StepRow], int]:
-    """Take the steps of `method` (KINEMATIC, REDUCED or FULL) at drive values target (c,).
+    """Take the steps of `method` at drive values target (c,): "kinematic" 1 and 2, "reduced" 1 to 4, "full" all five.
 
     gap: largest loop gap over the size at which step 1 counts as closed; closed: the storage holds closed loops already.
     Returns the rows of the steps taken, and the negative pivots of the last equilibrium.
@@ -292,12 +290,12 @@ def run_five_steps(
         record.add(reason, count, open_gap)
         if reason != 0 or not open_gap < gap * b.bodies.reduced.size:
             return record.rows, 0
-    negatives, converged = _reduce(b, target, relinearisations, method == KINEMATIC, record)
+    negatives, converged = _reduce(b, target, relinearisations, method == "kinematic", record)
     if not converged:
         return record.rows, negatives
-    if method == KINEMATIC:
+    if method == "kinematic":
         assemble_full_state(b)
-    if method == FULL:
+    if method == "full":
         reason, count, worst, negatives, _ = solve_equilibrium(
             b.model.arrays,
             b.full_state,

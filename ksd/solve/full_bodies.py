@@ -14,10 +14,10 @@ import numpy as np
 from ksd.errors import ConvergenceError
 from ksd.modal.leaf_bodies import full_model_state
 from ksd.modal.solid_solve import FullSolid
-from ksd.model.arrays import LINEAR, State, make_workspace
+from ksd.model.arrays import State, make_workspace
 from ksd.model.compile import Model
 from ksd.model.newton import solve_equilibrium
-from ksd.model.reduced_bodies import inner_state, relative_end_pose, transfer_state, with_bodies
+from ksd.model.reduced_bodies import LinearBody, inner_state, relative_end_pose, transfer_state, with_bodies
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.properties.tangent import exact_tangent_arrays
 from ksd.solve.method_error import relative_error
@@ -33,16 +33,6 @@ SOLID_TOLERANCE = 1e-10
 """Residual over the forces on a node in a step with full solids: the error of a good basis may be below RTOL."""
 MAX_SOLID_ITERATIONS = 30
 """Newton iterations of the mechanism for one condensation of its full solids."""
-
-
-class Condensed:
-    """A full solid condensed to its faces: a linear body whose inner state holds all its numbers."""
-
-    kind = LINEAR
-
-    def constants(self) -> tuple[np.ndarray, np.ndarray]:
-        """The body has no constants."""
-        return np.zeros(0), np.zeros(4, np.int64)
 
 
 class FullBodies:
@@ -61,13 +51,13 @@ class FullBodies:
         cell_factor: float = 1.0,
     ) -> None:
         chains, state = leaves or full_model_state(reduced, motion)
-        self.model = with_bodies(chains, {name: Condensed() for name in reduced.solids})
+        self.model = with_bodies(chains, {name: LinearBody() for name in reduced.solids})
         self.state = transfer_state(chains, state, self.model)
         self.full_solids: dict[int, FullSolid] = {}
         for name in reduced.solids:
             i, body = reduced.member_names.index(name), reduced.bodies[name]
             d, R = relative_end_pose(reduced.arrays.members, i, motion)
-            u = body.displacements(d, R, inner_state(reduced, motion, i))
+            u = body.displacements(d, R, inner_state(reduced.arrays.members, i, motion))
             solid = FullSolid(body.solid, u, d - np.array([body.solid.length, 0.0, 0.0]), R)
             if cell_factor != 1.0:
                 solid = solid.on_mesh(body.solid.refine(cell_factor))
@@ -81,7 +71,7 @@ class FullBodies:
         Returns the number of steps taken, None where the tangent is singular or numbers overflow.
         """
         for i, solid in self.full_solids.items():
-            _condense(inner_state(self.model, self.state, i), solid)
+            _condense(inner_state(self.arrays.members, i, self.state), solid)
         rtol, most = (SOLID_TOLERANCE, MAX_SOLID_ITERATIONS) if self.full_solids else (RTOL, most)
         reason, count, self.residual, self.negatives, _ = solve_equilibrium(
             self.arrays, self.state, target, factor, self.work, rtol, most, MAX_TURN_PER_STEP, math.inf

@@ -15,7 +15,7 @@ import numpy as np
 from ksd.errors import SceneError
 from ksd.model.arrays import LINEAR, Arrays, State, Workspace
 from ksd.model.compile import Model
-from ksd.model.newton import CONVERGED, SINGULAR, NewtonResult, assemble, solve_equilibrium
+from ksd.model.newton import CONVERGED, SINGULAR, NewtonResult, assemble, check_residual, solve_equilibrium
 from ksd.model.plane import Plane, plane_of, refuse_plane
 from ksd.properties.cache import cached_per_model
 from ksd.properties.doctor import doctor
@@ -214,7 +214,9 @@ def _take_path_in_plane(
     if _cannot_leave_plane(model):
         return record._replace(negatives=record.negatives + len(motion.multiplier) - len(plane.rows)), motion
     values, factor = path.values_at(record.fraction_reached)
-    residual, negatives, status = storage.check_residual(motion, values, path.rtol, factor)
+    residual, negatives, status = check_residual(
+        model.arrays, motion, values, factor, storage.work, path.rtol
+    )
     if residual > 1.0:
         share, node, force, moment = plane.imbalance(storage.work)
         if share > 1.0:

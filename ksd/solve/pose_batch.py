@@ -52,7 +52,7 @@ class PoseArrays(NamedTuple):
 
 
 def solve_poses(
-    b: FiveStepsStorage, targets: np.ndarray, method: int, relinearisations: int, gap: float, limits: np.ndarray,
+    b: FiveStepsStorage, targets: np.ndarray, method: str, relinearisations: int, gap: float, limits: np.ndarray,
     result: PoseArrays, answer: Callable[[int], int] | None = None,
 ) -> None:  # fmt: skip
     """Solve at targets (N, c) by the five steps and write into `result`.

@@ -295,14 +295,15 @@ class _PlacedByRecords:
         motion = mix.rest.copy()
         motion.x[:], motion.R[:] = state.x[mix.nodes], state.R[mix.nodes]
         for m in np.flatnonzero(mix.member >= 0).tolist():
-            mix.inner(motion, m)[:] = inner_state(model, state, int(mix.member[m]))
+            own = inner_state(mix.arrays.members, m, motion)
+            own[:] = inner_state(model.arrays.members, int(mix.member[m]), state)
         return motion, Step("bodies settled", count, clock(), 0.0, Stop.CONVERGED, "ends held")
 
     def _copy_condensed_joints(self, mixed: _MixedModel, motion: State) -> None:
         """Copy the condensed joints of step 2 into a state of the mixed model."""
         source = self.storage.reduced_state.inner
         for m in np.flatnonzero(mixed.mix.joint >= 0).tolist():
-            own = mixed.mix.inner(motion, m)
+            own = inner_state(mixed.mix.arrays.members, m, motion)
             own[:] = source[len(own) * mixed.mix.joint[m] :][: len(own)]
 
     def _configuration(
@@ -320,7 +321,8 @@ class _PlacedByRecords:
         state.x[mix.nodes], state.R[mix.nodes] = motion.x, motion.R
         state.multiplier[:] = motion.multiplier
         for m in np.flatnonzero(mix.member >= 0).tolist():
-            inner_state(model, state, int(mix.member[m]))[:] = mix.inner(motion, m)
+            source = inner_state(mix.arrays.members, m, motion)
+            inner_state(model.arrays.members, int(mix.member[m]), state)[:] = source
         # the pivots are those of the model with all leaf springs: condensed joints cannot buckle
         work, plan = make_workspace(model.arrays), model.arrays.plan
         _, _, member_negatives, _ = assemble(
@@ -386,7 +388,8 @@ class _MixedModel:
         motion = self.mix.rest.copy()
         motion.x[:], motion.R[:], motion.multiplier[:] = theirs.x, theirs.R, theirs.multiplier
         for m, i in enumerate(self.mix.member.tolist()):
-            own_inner, their_inner = self.mix.inner(motion, m), other.mix.inner(theirs, m)
+            own_inner = inner_state(self.mix.arrays.members, m, motion)
+            their_inner = inner_state(other.mix.arrays.members, m, theirs)
             name = self.model.member_names[i] if i >= 0 else ""
             body = self.model.bodies.get(name)
             if isinstance(body, LeafBasis):
@@ -412,7 +415,7 @@ def equilibrate_bodies(model: Model, state: State) -> int:
         if key not in known:
             known[key], steps = inner_equilibrium(model, i, d, Q)
             count += steps
-        inner_state(model, state, i)[:] = known[key]
+        inner_state(members, i, state)[:] = known[key]
     return count
 
 

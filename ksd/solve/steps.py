@@ -149,22 +149,12 @@ class StepRow(NamedTuple):
 class FiveStepRecord(Sequence[Step]):
     """The steps of a solve by the five-step method; each row is made a `Step` when it is read.
 
-    rows: one for each step, in order; relinearisations: relinearisation steps. closing_step: step 1 where it was solved
-    along the drive, for which `rows` has no row; later_steps: steps after the five, assigned when they are done.
+    rows: one for each step, in order; relinearisations: relinearisation steps; along_drive: whether step 1 was taken along
+    the drive. later_steps: steps after the five, assigned when they are done.
     """
 
-    def __init__(
-        self, rows: list[StepRow], relinearisations: int, *, closing_step: Step | None = None
-    ) -> None:
-        # a placeholder, for which `_step` returns `closing_step`
-        first = closing_step and [
-            StepRow(0, closing_step.iterations, closing_step.residual, closing_step.time)
-        ]
-        self.rows, self.relinearisations, self.closing_step = (
-            [*(first or []), *rows],
-            relinearisations,
-            closing_step,
-        )
+    def __init__(self, rows: list[StepRow], relinearisations: int, *, along_drive: bool = False) -> None:
+        self.rows, self.relinearisations, self.along_drive = rows, relinearisations, along_drive
         self.later_steps: tuple[Step, ...] = ()
 
     def __len__(self) -> int:
@@ -191,21 +181,15 @@ class FiveStepRecord(Sequence[Step]):
         """Stop reason of the last step."""
         return self.later_steps[-1].stop if self.later_steps else Stop(self.rows[-1].stop)
 
-    def exceeded_iterations(self, limit: int) -> bool:
-        """Whether any of the five steps took more than `limit` iterations."""
-        return max([row.iterations for row in self.rows]) > limit
-
     def _step(self, k: int) -> Step:
         if k >= len(self.rows):
             return self.later_steps[k - len(self.rows)]
-        if k == 0 and self.closing_step is not None:
-            return self.closing_step
         row = self.rows[k]
         kind = 0 if k == 0 else 1 + (k - 1) % 3
         name = _STEP_NAMES[kind] if k <= 3 * (self.relinearisations + 1) else "5 full equilibrium"
         residual, note = row.residual, ""
         if name is _STEP_NAMES[0]:
-            note = f"gap {residual:.1e} m"
+            note = "in steps along the drive" if self.along_drive else f"gap {residual:.1e} m"
         elif name is _STEP_NAMES[3]:
             note, residual = f"moved {residual:.1e} m, {row.rotation:.1e} rad", 0.0
         return Step(name, int(row.iterations), row.time, residual, Stop(row.stop), note)

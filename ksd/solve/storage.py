@@ -8,7 +8,7 @@ import numpy as np
 
 from ksd.model.arrays import State, Workspace, make_workspace
 from ksd.model.compile import Model
-from ksd.model.newton import NewtonResult, check_residual, solve_equilibrium
+from ksd.model.newton import NewtonResult, solve_equilibrium
 from ksd.model.plane import Plane
 
 
@@ -26,12 +26,6 @@ class NewtonStorage:
         return solve_equilibrium(
             self.model.arrays, motion, target, factor, self.work, rtol, most, cap, blow_up
         )
-
-    def check_residual(
-        self, motion: State, target: np.ndarray, rtol: float, factor: float = 1.0
-    ) -> tuple[float, int, int]:
-        """Residual over its bound, negative pivots and status of a state; the Newton step is left in `work.rhs`."""
-        return check_residual(self.model.arrays, motion, target, factor, self.work, rtol)
 
     def planar(self, plane: Plane) -> Workspace:
         """Workspace arrays of the model in its plane."""

@@ -206,9 +206,9 @@ def most_bent_body(model: Model, motion: State) -> tuple[str, float, float]:
     against its chord (of a solid: of face B)."""
     worst = ("", 0.0, -1.0)
     for name, body in model.bodies.items():
-        i = model.member_names.index(name)
+        i, members = model.member_names.index(name), model.arrays.members
         stroke, turn = body.stroke_and_rotation(
-            *relative_end_pose(model.arrays.members, i, motion), inner_state(model, motion, i)
+            *relative_end_pose(members, i, motion), inner_state(members, i, motion)
         )
         if turn >= worst[2]:
             worst = (name, stroke, turn)

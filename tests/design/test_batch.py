@@ -12,7 +12,6 @@ from ksd.design.batch import NOT_BUILT
 from ksd.design.prepared_design import PreparedDesign
 from ksd.design.questions import ALL_QUESTIONS
 from ksd.model.mesh import Mesh
-from ksd.solve.five_steps import FULL, REDUCED
 from ksd.solve.pose_batch import UNSTABLE
 from ksd.solve.solver import Solver
 from ksd.units import GPa, deg, mm
@@ -89,8 +88,7 @@ def test_batches_answer_as_designs_prepared_one_by_one(name):
         assert found.solved >= 15
         for d, size in enumerate(sizes):
             five = Solver(maker(**size), mesh=mesh).five_steps
-            method = FULL if ways else REDUCED
-            alone = PreparedDesign(five, method=method)(
+            alone = PreparedDesign(five, **ways)(
                 {"drive": stroke, **{n: np.full(3, v) for n, v in more.items()}}
             )
             assert found.status[d].tolist() == alone.status.tolist()
