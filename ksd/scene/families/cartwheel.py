@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import dataclass
 from typing import ClassVar
 
-from ksd.checks import Vector, between
+from ksd.checks import Vector
 from ksd.errors import SceneError
 from ksd.scene.families.crossed_pivot import pivot_stiffness
 from ksd.scene.families.sheet import (
@@ -14,19 +14,19 @@ from ksd.scene.families.sheet import (
     JointFamily,
     Point,
     bending_stiffness,
+    check_angle,
     check_sheet,
     in_plane_blocks,
     parameter_dimensions,
     sheet_leaf,
 )
 from ksd.scene.leaf import Leaf
-from ksd.scene.material import Material
 
 _CARTWHEEL_STROKE = math.radians(20)
 _BUTTERFLY_STROKE = math.radians(30)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Cartwheel(InclinedLeaves):
     """Two leaf springs crossing in their middle and joined there by a hub; B turns about z, +-20 degrees.
 
@@ -42,8 +42,6 @@ class Cartwheel(InclinedLeaves):
     stroke = _CARTWHEEL_STROKE
     quantities = parameter_dimensions("length", "thickness", "width", angle="angle")
 
-    material: Material
-    _: KW_ONLY
     length: float
     angle: float
     thickness: float
@@ -84,7 +82,7 @@ _PIVOTS = (
 """The pivots of a butterfly in series: two blocks, and the direction [rad] of the bisector of its leaf springs."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Butterfly(JointFamily):
     """Four remote-centre pivots in series around one centre O; B turns about z, +-30 degrees.
 
@@ -102,8 +100,6 @@ class Butterfly(JointFamily):
     stroke = _BUTTERFLY_STROKE
     quantities = parameter_dimensions("length", "inner", "thickness", "width", half_angle="angle")
 
-    material: Material
-    _: KW_ONLY
     length: float
     inner: float
     half_angle: float
@@ -114,13 +110,11 @@ class Butterfly(JointFamily):
 
     def __post_init__(self) -> None:
         check_sheet(self, "inner", "width")
-        name, degree = type(self).__name__, math.radians(1)
-        half = between(self.half_angle, "half_angle", 0.0, math.pi / 6, owner=name, unit="deg", scale=degree)
-        object.__setattr__(self, "half_angle", half)
-        if self.inner * math.sin(half) < 0.5 * self.thickness:
+        check_angle(self, "half_angle", math.pi / 6)
+        if self.inner * math.sin(self.half_angle) < 0.5 * self.thickness:
             raise SceneError(
-                f"{name}: inner = {self.inner:g} m brings the leaf springs of one pair together at half_angle = "
-                f"{half / degree:g} deg; move them outward."
+                f"Butterfly: inner = {self.inner:g} m brings the leaf springs of one pair together at half_angle = "
+                f"{self.half_angle / math.radians(1):g} deg; move them outward."
             )
 
     @property
@@ -137,14 +131,12 @@ class Butterfly(JointFamily):
         return self._outer_radius + radius * math.cos(angle), radius * math.sin(angle)
 
     def blocks(self) -> dict[str, Vector]:
-        left_and_top = in_plane_blocks(
-            {
-                "left": self._on_ray(self.inner, math.radians(150)),
-                "top": self._on_ray(self._outer_radius, math.pi / 2),
-            }
-        )
-        right = in_plane_blocks({"right": self._on_ray(self.inner, math.radians(30))})
-        return {**super().blocks(), **left_and_top, **right}
+        points = {
+            "left": self._on_ray(self.inner, math.radians(150)),
+            "top": self._on_ray(self._outer_radius, math.pi / 2),
+            "right": self._on_ray(self.inner, math.radians(30)),
+        }
+        return {**super().blocks(), **in_plane_blocks(points)}
 
     def leaves(self) -> tuple[Leaf, ...]:
         leaves = []

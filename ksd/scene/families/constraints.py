@@ -6,17 +6,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import dataclass
 from typing import ClassVar
 
 from ksd.checks import Vector
 from ksd.scene.families.sheet import JointFamily, check_sheet, parameter_dimensions, sheet_leaf
 from ksd.scene.leaf import Leaf
 from ksd.scene.leaf import wire as make_wire
-from ksd.scene.material import Material
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FoldedLeaf(JointFamily):
     """A leaf spring folded at a right angle: stiff along its fold line only, soft in all other directions.
 
@@ -29,8 +28,6 @@ class FoldedLeaf(JointFamily):
     family: ClassVar[str] = "folded_leaf"
     quantities = parameter_dimensions("length", "thickness", "width")
 
-    material: Material
-    _: KW_ONLY
     length: float
     thickness: float
     width: float
@@ -70,7 +67,7 @@ class FoldedLeaf(JointFamily):
         return 1 / (2 * cantilever)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class WireFlexure(JointFamily):
     """A round wire, clamped at both ends: stiff along its axis, soft in the five other directions.
 
@@ -81,8 +78,6 @@ class WireFlexure(JointFamily):
     family: ClassVar[str] = "wire_flexure"
     quantities = parameter_dimensions("length", "diameter")
 
-    material: Material
-    _: KW_ONLY
     length: float
     diameter: float
     elements: int | None = None

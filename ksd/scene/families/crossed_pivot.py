@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import dataclass
 from typing import ClassVar
 
 from ksd.checks import not_negative
 from ksd.scene.families.sheet import (
     InclinedLeaves,
     bending_stiffness,
-    number_within,
+    check_ratio,
     parameter_dimensions,
     sheet_leaf,
 )
 from ksd.scene.leaf import Leaf
-from ksd.scene.material import Material
 
 _STROKE = math.radians(30)
 _RATIO_RANGE = (-1.0, 2.0)
@@ -30,22 +29,8 @@ def pivot_stiffness(ratio: float, bending_per_length: float) -> float:
     return 8 * (1 - 3 * ratio + 3 * ratio**2) * bending_per_length
 
 
-class _Crossed(InclinedLeaves):
-    """Base of crossed pivots: their stroke, and the check of their parameter ratio."""
-
-    stroke = _STROKE
-    ratio: float
-
-    def check_crossed(self, *lengths: str) -> None:
-        """Apply `check_inclined`, and check that the ratio is within its bounds. Raises SceneError."""
-        self.check_inclined(*lengths)
-        object.__setattr__(
-            self, "ratio", number_within(self.ratio, "ratio", _RATIO_RANGE, owner=type(self).__name__)
-        )
-
-
-@dataclass(frozen=True)
-class CrossedPivot(_Crossed):
+@dataclass(frozen=True, kw_only=True)
+class CrossedPivot(InclinedLeaves):
     """Two leaf springs crossing at the fraction `ratio` of their length from A; B turns about z, +-30 degrees.
 
     Joint axes: A at the origin, B at (L cos(angle), 0, 0). With s = L sin(angle) the rising leaf runs from
@@ -60,11 +45,10 @@ class CrossedPivot(_Crossed):
     """
 
     family: ClassVar[str] = "crossed_pivot"
+    stroke = _STROKE
     windows = True
     quantities = parameter_dimensions("length", "thickness", "width", angle="angle", ratio="number")
 
-    material: Material
-    _: KW_ONLY
     length: float
     angle: float
     thickness: float
@@ -74,7 +58,8 @@ class CrossedPivot(_Crossed):
     orders: tuple[int, int, int] | None = None
 
     def __post_init__(self) -> None:
-        self.check_crossed("width")
+        self.check_inclined("width")
+        check_ratio(self, "ratio", *_RATIO_RANGE)
 
     def leaves(self) -> tuple[Leaf, ...]:
         x, s = self.pose_B[0], self.length * math.sin(self.angle)
@@ -91,8 +76,8 @@ class CrossedPivot(_Crossed):
         return pivot_stiffness(self.ratio, bending_stiffness(self, self.width) / self.length)
 
 
-@dataclass(frozen=True)
-class BalancedCrossedPivot(_Crossed):
+@dataclass(frozen=True, kw_only=True)
+class BalancedCrossedPivot(InclinedLeaves):
     """The crossed pivot with one inner and two outer leaf springs, symmetric in z; B turns about z, +-30 degrees.
 
     The inner leaf is the rising one of `CrossedPivot`, the outer leaf springs are the falling one at z = +-c, c =
@@ -104,12 +89,11 @@ class BalancedCrossedPivot(_Crossed):
     """
 
     family: ClassVar[str] = "balanced_crossed_pivot"
+    stroke = _STROKE
     quantities = parameter_dimensions(
         "length", "thickness", "inner_width", "outer_width", "gap", angle="angle", ratio="number"
     )
 
-    material: Material
-    _: KW_ONLY
     length: float
     angle: float
     thickness: float
@@ -121,9 +105,9 @@ class BalancedCrossedPivot(_Crossed):
     orders: tuple[int, int, int] | None = None
 
     def __post_init__(self) -> None:
-        self.check_crossed("inner_width", "outer_width")
-        gap = not_negative(self.gap, "gap", owner=type(self).__name__, unit="m")
-        object.__setattr__(self, "gap", gap)
+        self.check_inclined("inner_width", "outer_width")
+        check_ratio(self, "ratio", *_RATIO_RANGE)
+        object.__setattr__(self, "gap", not_negative(self.gap, "gap", owner="BalancedCrossedPivot", unit="m"))
 
     def leaves(self) -> tuple[Leaf, ...]:
         x, s = self.pose_B[0], self.length * math.sin(self.angle)

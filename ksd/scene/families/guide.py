@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import dataclass
 from typing import ClassVar
 
 from ksd.checks import Vector
 from ksd.scene.families.sheet import (
     JointFamily,
     bending_stiffness,
+    check_ratio,
     check_sheet,
-    number_within,
     parameter_dimensions,
     sheet_leaf,
 )
 from ksd.scene.joint import Motion
 from ksd.scene.leaf import Leaf
-from ksd.scene.material import Material
 
 _STROKE = 0.25
 """Stroke of a guide to either side, over its length."""
 
 
 class _Guide(JointFamily):
-    """Base of guides: the motion of B, driven at half the length of the leaf springs, where its force causes no moment."""
+    """Base of guides: the motion of B, driven at half the length of the leaf springs, where its force causes no moment,
+    and the sides.
+    """
+
+    spacing: float
 
     @property
     def motions(self) -> tuple[Motion, ...]:
@@ -31,8 +34,12 @@ class _Guide(JointFamily):
         stroke_range = (-_STROKE * L, _STROKE * L)
         return (Motion("stroke", "translation", (0.0, 1.0, 0.0), stroke_range, (0.5 * L, 0.0, 0.0)),)
 
+    def _sides(self) -> tuple[tuple[str, float], ...]:
+        """Name and y [m] of both sides."""
+        return ("low", -0.5 * self.spacing), ("high", 0.5 * self.spacing)
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, kw_only=True)
 class ParallelGuide(_Guide):
     """Two parallel leaf springs; B moves along y, +-L/4, and sinks toward A by 0.6 stroke^2 / L.
 
@@ -48,8 +55,6 @@ class ParallelGuide(_Guide):
     family: ClassVar[str] = "parallel_guide"
     quantities = parameter_dimensions("length", "thickness", "width", "spacing")
 
-    material: Material
-    _: KW_ONLY
     length: float
     thickness: float
     width: float
@@ -62,8 +67,7 @@ class ParallelGuide(_Guide):
 
     def leaves(self) -> tuple[Leaf, ...]:
         return tuple(
-            sheet_leaf(self, name, ((0.0, y), (self.length, y)), self.width)
-            for name, y in (("low", -0.5 * self.spacing), ("high", 0.5 * self.spacing))
+            sheet_leaf(self, name, ((0.0, y), (self.length, y)), self.width) for name, y in self._sides()
         )
 
     def shape(self) -> dict[str, float]:
@@ -75,7 +79,7 @@ class ParallelGuide(_Guide):
         return 24 * bending_stiffness(self, self.width) / self.length**3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StiffenedGuide(_Guide):
     """The parallel guide with a stiffened middle in both leaf springs; B moves along y, +-L/4.
 
@@ -89,8 +93,6 @@ class StiffenedGuide(_Guide):
     family: ClassVar[str] = "stiffened_guide"
     quantities = parameter_dimensions("length", "thickness", "width", "spacing", flexible="number")
 
-    material: Material
-    _: KW_ONLY
     length: float
     flexible: float
     thickness: float
@@ -101,12 +103,7 @@ class StiffenedGuide(_Guide):
 
     def __post_init__(self) -> None:
         check_sheet(self, "width", "spacing")
-        flexible = number_within(self.flexible, "flexible", (0.05, 0.45), owner=type(self).__name__)
-        object.__setattr__(self, "flexible", flexible)
-
-    def _sides(self) -> tuple[tuple[str, float], ...]:
-        """Name and y [m] of both sides."""
-        return (("low", -0.5 * self.spacing), ("high", 0.5 * self.spacing))
+        check_ratio(self, "flexible", 0.05, 0.45)
 
     def blocks(self) -> dict[str, Vector]:
         middles = {name: (0.5 * self.length, y, 0.0) for name, y in self._sides()}

@@ -9,7 +9,7 @@ this package, since figures 1 and 14 of paper 1 are not available.
 from __future__ import annotations
 
 import math
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import dataclass
 from typing import ClassVar
 
 from ksd.checks import Vector
@@ -17,15 +17,14 @@ from ksd.scene.clearance import check_clear
 from ksd.scene.families.sheet import (
     JointFamily,
     Point,
+    check_ratio,
     check_sheet,
     in_plane_blocks,
-    number_within,
     parameter_dimensions,
     sheet_leaf,
 )
 from ksd.scene.joint import joint_leaves
 from ksd.scene.leaf import Leaf
-from ksd.scene.material import Material
 
 _FOOT = 0.02
 """Distance |y| of the ends of folded leaf springs from the main leaf, over L."""
@@ -35,7 +34,7 @@ _INFINITY_STROKE = math.radians(30)
 _TRIPLE_INFINITY_STROKE = math.radians(45)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class InfinityHinge(JointFamily):
     """A main leaf with two folded leaf springs against torsion and a strut against lateral motion; +-30 degrees about z.
 
@@ -53,8 +52,6 @@ class InfinityHinge(JointFamily):
     stroke = _INFINITY_STROKE
     quantities = parameter_dimensions("length", "thickness", "width", reach="number", strut="number")
 
-    material: Material
-    _: KW_ONLY
     length: float
     thickness: float
     width: float
@@ -65,10 +62,9 @@ class InfinityHinge(JointFamily):
 
     def __post_init__(self) -> None:
         check_sheet(self, "width")
-        name = type(self).__name__
-        object.__setattr__(self, "reach", number_within(self.reach, "reach", (0.25, 0.6), owner=name))
-        object.__setattr__(self, "strut", number_within(self.strut, "strut", (0.1, 0.6), owner=name))
-        check_clear(joint_leaves(self), owner=name, advice="raise reach or reduce strut")
+        check_ratio(self, "reach", 0.25, 0.6)
+        check_ratio(self, "strut", 0.1, 0.6)
+        check_clear(joint_leaves(self), owner="InfinityHinge", advice="raise reach or reduce strut")
 
     def blocks(self) -> dict[str, Vector]:
         L, y = self.length, self.reach * self.length
@@ -111,7 +107,7 @@ _BARS = (("inner", 1.0, 0.0, 4.0), ("outer_low", -1.0, -4.0, 2.0), ("outer_high"
 """Bars of one stage: name, sign of the slope, z, width."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TripleInfinityHinge(JointFamily):
     """The 3x-infinity hinge: 30 flexible leaf springs of 0.45 mm, B turns about z, +-45 degrees.
 
@@ -139,8 +135,6 @@ class TripleInfinityHinge(JointFamily):
     stroke = _TRIPLE_INFINITY_STROKE
     quantities = parameter_dimensions("thickness", "length")
 
-    material: Material
-    _: KW_ONLY
     thickness: float = 0.45e-3
     length: float = _LENGTH * _MM
     elements: int | None = None

@@ -7,30 +7,28 @@ shift of B. The mechanism around them has to constrain those motions (`held_by_o
 from __future__ import annotations
 
 import math
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from ksd.checks import Vector, between
+from ksd.checks import Vector
 from ksd.errors import SceneError
 from ksd.scene.curve import Arc
-from ksd.scene.families.sheet import JointFamily, check_lengths, parameter_dimensions, sheet_leaf
+from ksd.scene.families.sheet import (
+    JointFamily,
+    check_angle,
+    check_lengths,
+    parameter_dimensions,
+    sheet_leaf,
+)
 from ksd.scene.leaf import Leaf
-from ksd.scene.material import Material
 from ksd.scene.profile import CircularNotch, FilletedNotch
 
 _NOTCH_STROKE = math.radians(10)
 _ARC_STROKE = math.radians(30)
 
 
-class _Notch(JointFamily):
-    """Base of notch hinges: B at the end of the neck, and the stroke."""
-
-    held_by_others = True
-    stroke = _NOTCH_STROKE
-
-
-@dataclass(frozen=True)
-class CircularNotchHinge(_Notch):
+@dataclass(frozen=True, kw_only=True)
+class CircularNotchHinge(JointFamily):
     """A neck between two half circles; B turns about z, +-10 degrees.
 
     Joint axes: A at the origin, B at (2R, 0, 0); the neck runs along x, t(x) = minimum + 2 (R - sqrt(R^2 - (x - R)^2))
@@ -40,10 +38,10 @@ class CircularNotchHinge(_Notch):
     """
 
     family: ClassVar[str] = "circular_notch"
+    held_by_others = True
+    stroke = _NOTCH_STROKE
     quantities = parameter_dimensions("radius", "minimum", "width")
 
-    material: Material
-    _: KW_ONLY
     radius: float
     minimum: float
     width: float
@@ -89,8 +87,8 @@ def _notch_integral(g: float) -> float:
     return g * third - second
 
 
-@dataclass(frozen=True)
-class FilletedNotchHinge(_Notch):
+@dataclass(frozen=True, kw_only=True)
+class FilletedNotchHinge(JointFamily):
     """A straight neck with quarter-circle fillets at both ends; B turns about z, +-10 degrees.
 
     Joint axes: A at the origin, B at (length, 0, 0); the neck runs along x, width along z (Lobontiu, Compliant
@@ -101,10 +99,10 @@ class FilletedNotchHinge(_Notch):
     """
 
     family: ClassVar[str] = "filleted_notch"
+    held_by_others = True
+    stroke = _NOTCH_STROKE
     quantities = parameter_dimensions("length", "radius", "minimum", "width")
 
-    material: Material
-    _: KW_ONLY
     length: float
     radius: float
     minimum: float
@@ -142,7 +140,7 @@ def _neck(joint: Any, profile: CircularNotch | FilletedNotch) -> Leaf:
     return sheet_leaf(joint, "neck", ends, joint.width, thickness=joint.minimum, profile=profile)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ArcHinge(JointFamily):
     """A leaf whose undeformed shape is a circular arc, the curved beam of paper 3; B turns about z, +-30 degrees.
 
@@ -158,8 +156,6 @@ class ArcHinge(JointFamily):
     stroke = _ARC_STROKE
     quantities = parameter_dimensions("radius", "thickness", "width", angle="angle")
 
-    material: Material
-    _: KW_ONLY
     radius: float
     angle: float
     thickness: float
@@ -169,11 +165,8 @@ class ArcHinge(JointFamily):
 
     def __post_init__(self) -> None:
         check_lengths(self, "radius", "thickness", "width")
-        degree = math.radians(1)
         # an angle of 270 degrees is allowed
-        limit = 1.5 * math.pi * (1 + 1e-12)
-        angle = between(self.angle, "angle", 0.0, limit, owner="ArcHinge", unit="deg", scale=degree)
-        object.__setattr__(self, "angle", angle)
+        check_angle(self, "angle", 1.5 * math.pi * (1 + 1e-12))
         if self.thickness >= 0.5 * self.radius:
             raise SceneError(
                 f"ArcHinge: thickness = {self.thickness:g} m must be below half the radius, {self.radius / 2:g} m."

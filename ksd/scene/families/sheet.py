@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, ClassVar
 
@@ -20,12 +21,14 @@ Point = tuple[float, float]
 """A point (x, y) [m] in the plane of a sheet."""
 
 
+@dataclass(frozen=True)
 class JointFamily(Joint):
-    """Base of joint families with its defaults: B on the x axis at `length`, no shape parameter.
+    """Base of joint families of one material, with their defaults: B on the x axis at `length`, no shape parameter.
 
     B turns about z by +-`stroke` [rad]; for a stroke of zero there is no intended motion.
     """
 
+    material: Material
     stroke: ClassVar[float] = 0.0
 
     @property
@@ -53,9 +56,7 @@ class InclinedLeaves(JointFamily):
     def check_inclined(self, *lengths: str) -> None:
         """Apply `check_sheet`, and check that the angle is between 0 and 90 degrees. Raises SceneError."""
         check_sheet(self, *lengths)
-        owner, degree = type(self).__name__, math.radians(1)
-        angle = between(self.angle, "angle", 0.0, 0.5 * math.pi, owner=owner, unit="deg", scale=degree)
-        object.__setattr__(self, "angle", angle)
+        check_angle(self, "angle", 0.5 * math.pi)
 
 
 def parameter_dimensions(*lengths: str, **others: str) -> dict[str, str]:
@@ -85,6 +86,24 @@ def check_sheet(joint: Any, *lengths: str, slender: str = "thickness") -> None:
             f"{owner}: {slender} = {thickness:g} m must be below half the leaf length, {joint.length / 2:g} m; "
             "a leaf is slender."
         )
+
+
+def check_angle(joint: Any, name: str, high: float) -> None:
+    """Check that the angle `name` [rad] of a joint lies between 0 and `high`, and make it a float. Raises SceneError."""
+    own, owner = joint.__dict__, type(joint).__name__
+    own[name] = between(own[name], name, 0.0, high, owner=owner, unit="deg", scale=math.radians(1))
+
+
+def check_ratio(joint: Any, name: str, low: float, high: float) -> None:
+    """Check that the number `name` of a joint lies within its bounds, ends included, and make it a float.
+
+    Raises SceneError.
+    """
+    own, owner = joint.__dict__, type(joint).__name__
+    value = number(own[name], name, owner=owner)
+    if not low <= value <= high:
+        raise SceneError(f"{owner}: {name} = {show(own[name])} must lie between {low:g} and {high:g}.")
+    own[name] = value
 
 
 _cached_rectangle = lru_cache(maxsize=256)(rectangle)
@@ -131,14 +150,6 @@ def rotation_about_z(stroke: float) -> tuple[Motion, ...]:
 def bending_stiffness(joint: Any, width: float) -> float:
     """E I [N m^2] of a leaf of `joint` with `width` [m]."""
     return float(joint.material.E * width * joint.thickness**3 / 12)
-
-
-def number_within(value: float, name: str, bounds: tuple[float, float], *, owner: str) -> float:
-    """A dimensionless number within `bounds`, ends included. Raises SceneError."""
-    (low, high), result = bounds, number(value, name, owner=owner)
-    if not low <= result <= high:
-        raise SceneError(f"{owner}: {name} = {show(value)} must lie between {low:g} and {high:g}.")
-    return result
 
 
 def in_plane_blocks(points: Mapping[str, Point]) -> dict[str, Vector]:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import dataclass
 from typing import ClassVar
 
 from ksd.checks import Vector
 from ksd.scene.families.sheet import JointFamily, bending_stiffness, check_sheet, parameter_dimensions
 from ksd.scene.joint import Motion
 from ksd.scene.leaf import Leaf
-from ksd.scene.material import Material
 from ksd.section import rectangle
 
 _STROKE = math.radians(25)
@@ -18,7 +17,7 @@ _ANGLE = math.radians(45)
 """Angle [rad] between the leaf springs and the x axis."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class UniversalJoint(JointFamily):
     """Two cross flexures in series; B turns about z and about y, +-25 degrees each.
 
@@ -34,8 +33,6 @@ class UniversalJoint(JointFamily):
     family: ClassVar[str] = "universal"
     quantities = parameter_dimensions("length", "thickness", "width")
 
-    material: Material
-    _: KW_ONLY
     length: float
     thickness: float
     width: float
