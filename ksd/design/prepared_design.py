@@ -81,9 +81,9 @@ class DesignResult:
 class PreparedDesign:
     """One design prepared for batches: call it with arrays (N,) of drive values [m or rad] by drive name.
 
-    method: "reduced" or "full". tabulated: joints are interpolated in tables over their stroke. keep_configurations: they are
-    in `DesignResult.poses`. equilibrate: configurations hold the equilibrium near the answer of the method, which is where
-    questions are answered in any case. Raises SceneError for a mesh with plate stiffening and for invalid questions.
+    method: "reduced" or "full". tabulated: joints are interpolated in tables over their stroke. keep_configurations: they
+    are in `DesignResult.poses`. equilibrate: configurations hold the equilibrium near the answer of the method, which is
+    where questions are answered in any case. Raises SceneError for a mesh with plate stiffening and for invalid questions.
     """
 
     def __init__(
