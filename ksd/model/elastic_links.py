@@ -17,7 +17,8 @@ from ksd.scene.leaf import Leaf
 from ksd.scene.scene import PlacedLeaf
 
 ATTACHMENT_TOLERANCE = 1e-6
-"""Distance [m] below which two points are one attachment."""
+"""Distance below which two points are one attachment: relative to that of the farthest attachments of the link, at most
+1e-6 m."""
 
 
 def _attachments(scene: Any, link: str) -> list[tuple[str, int, int, np.ndarray]]:
@@ -30,6 +31,12 @@ def _attachments(scene: Any, link: str) -> list[tuple[str, int, int, np.ndarray]
         places = (np.asarray(f.leaf.start, float), np.asarray(f.leaf.end, float))
         attached += [("leaves", i, e, places[e]) for e, name in enumerate((f.a, f.b)) if name == link]
     return attached
+
+
+def _same_point_distance(places: list[np.ndarray]) -> float:
+    """Distance [m] below which two of the attachments (3,) [m] of a link are one: micromechanisms are as small as 1e-6 m."""
+    span = max((float(np.linalg.norm(p - places[0])) for p in places), default=0.0)
+    return ATTACHMENT_TOLERANCE * min(1.0, span)
 
 
 def _width_axis(scene: Any, compliance: Compliance) -> np.ndarray:
@@ -83,8 +90,9 @@ def beams_of(scene: Any, compliance: Compliance) -> list[tuple[np.ndarray, np.nd
     places = [p for *_, p in _attachments(scene, compliance.link)]
     hub = np.mean(places, axis=0) if compliance.hub is None else np.asarray(compliance.hub, float)
     ends: list[np.ndarray] = []
+    same = _same_point_distance([*places, hub])
     for place in places:
-        if all(np.linalg.norm(place - p) > ATTACHMENT_TOLERANCE for p in (*ends, hub)):
+        if all(np.linalg.norm(place - p) > same for p in (*ends, hub)):
             ends.append(place)
     return [(hub, place) for place in ends]
 
@@ -92,12 +100,13 @@ def beams_of(scene: Any, compliance: Compliance) -> list[tuple[np.ndarray, np.nd
 def _split_by_section(scene: Any, split: _SplitLinks, compliance: Compliance) -> None:
     axis = _width_axis(scene, compliance)
     beams = beams_of(scene, compliance)
+    same = _same_point_distance([p for beam in beams for p in beam])
     for n, (hub, place) in enumerate(beams):
         part = f"{compliance.link}/{n + 1}"
         split.links.append(part)
         split.add_beam(compliance, (hub, place), axis, part)
         for kind, i, end, at in _attachments(scene, compliance.link):
-            if np.linalg.norm(at - place) <= ATTACHMENT_TOLERANCE:
+            if np.linalg.norm(at - place) <= same:
                 split.move(kind, i, end, part)
 
 

@@ -75,6 +75,8 @@ MIN_OTHER_SIGN_RATIO = 1e-3
 ENTRY_PERTURBATION = 1e-7
 """Relative perturbation of the entries of unsymmetric matrices, below any mesh error; a 1/mu that it may move to zero is
 rejected. A clamped rod does not diverge under a moment, but its matrices have eigenvalues from rounding."""
+ENTRY_ROUNDING = 1e-16
+"""Size of an entry of -K^-1 K', relative to the sum of the sizes of its terms, below which it is rounding."""
 MAX_MESH_CHANGE = 0.1
 """Relative change by a finer mesh above which a factor of unsymmetric matrices is rejected as an artefact of the mesh: on
 every mesh Beck's column has different real factors, but the column has none."""
@@ -440,15 +442,13 @@ def critical_factors(
     chosen = np.flatnonzero(_is_real(values) & (np.abs(values) > least * largest))
     chosen = chosen[largest_of_both_signs(values[chosen].real, count)]
     factor, shape = 1.0 / values[chosen].real, vectors[:, chosen].real
-    resistance, load = A @ shape, B @ (shape * factor)
-    residual, norm = (np.linalg.norm(part, axis=0) for part in (resistance + load, shape))
-    error = np.max(residual / (np.linalg.norm(A.data) * norm + np.linalg.norm(load, axis=0)), initial=0.0)
+    error = _backward_error(A, B, factor, shape)
     if not error <= MAX_BACKWARD_ERROR:
         raise ConvergenceError(
             "buckling: rounding left no digits of the critical load factors: a motion is left that hardly anything resists; "
             "hold more drives"
         )
-    return CriticalFactors(factor, shape * scale[:, None], largest, float(error))
+    return CriticalFactors(factor, shape * scale[:, None], largest, error)
 
 
 def largest_of_both_signs(values: Array, count: int) -> NDArray[np.intp]:
@@ -472,10 +472,16 @@ def _dense_pairs(A: Array, B: Array, symmetric: bool) -> tuple[Array, Array]:
 
     P = -np.linalg.solve(A, B)
     # entries from rounding disturb the balancing inside eig, and vectors lose half of their digits
-    P[np.abs(P) < 1e-18 * np.abs(P).max()] = 0.0
+    small = np.abs(P) < 1e-18 * np.abs(P).max()
     if symmetric:
-        values, vectors = eig(P)
-        return values, vectors
+        # units differ: beside the largest entry, those that matter in leaf springs of micrometres are as small
+        flexibility = np.abs(np.linalg.inv(A))
+        terms = flexibility @ (np.abs(A) @ (flexibility @ np.abs(B)))
+        values, vectors = eig(np.where(np.abs(P) < ENTRY_ROUNDING * terms, 0.0, P))
+        real = _is_real(values) & (np.abs(values) > MIN_OTHER_SIGN_RATIO * np.abs(values).max())
+        error = _backward_error(A, B, 1.0 / values[real].real, vectors[:, real].real)
+        return (values, vectors) if error <= MAX_BACKWARD_ERROR else eig(np.where(small, 0.0, P))
+    P[small] = 0.0
     values, left, vectors = eig(P, left=True)
     sensitivity, size = np.abs(np.linalg.solve(A.T, left.conj())), np.abs(vectors)
     change = np.sum(sensitivity * (np.abs(B) @ size + np.abs(values) * (np.abs(A) @ size)), axis=0)
@@ -535,6 +541,14 @@ def _nearest_factors(A: Any, B: Any, shift: float, count: int) -> tuple[Array, A
     start = np.random.default_rng(0).normal(size=size)
     values, vectors = eigs(operator, k=count, which="LM", v0=start, tol=1e-9, maxiter=20 if shift else None)
     return shift + 1.0 / values, vectors
+
+
+def _backward_error(A: Any, B: Any, factor: Array, shape: Array) -> float:
+    """Largest residual of (A + mu B) phi, relative to its terms; factor (k,), shape (n, k)."""
+    resistance, load = A @ shape, B @ (shape * factor)
+    residual, norm = (np.linalg.norm(part, axis=0) for part in (resistance + load, shape))
+    entries = float(np.linalg.norm(A if isinstance(A, np.ndarray) else A.data))
+    return float(np.max(residual / (entries * norm + np.linalg.norm(load, axis=0)), initial=0.0))
 
 
 def _is_real(values: Array) -> Any:

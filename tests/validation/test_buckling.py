@@ -39,3 +39,15 @@ def test_a_loaded_column_loses_its_stability_at_the_multiplier():
         state = solve_conventional(compile_scene(scene), {})
         counts.append(state.negatives - state.expected_negatives)
     assert counts == [0, 1]
+
+
+@pytest.mark.parametrize("length", [1e-6, 1e-3, 10.0])
+def test_critical_loads_of_a_bent_column_of_any_size(length):
+    """Free at its end, of micrometres to metres: Euler's loads of one, three and five quarter waves."""
+    scene, bent = ksd.Mechanism("column"), rectangle(length / 100, length / 5)
+    tip, at = scene.link("tip"), (length, 0, 0)
+    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=at, section=bent, material=STEEL, width_axis="z")
+    load = np.pi**2 / 4 * STEEL.E * bent.Iz / length**2
+    scene.load(tip, force=(0, 1e-3 * load, 0), at=at)
+    found = ksd.solve(scene).buckling("tip", force=(-load, 0, 0), at=at, count=2)
+    assert found.factor == pytest.approx([1.0, 9.0], rel=1e-5)

@@ -230,3 +230,18 @@ def test_plate_stiffening_of_very_wide_strips_goes_on_past_the_closed_form():
         curvature = p**2 / np.sqrt(3 * (1 - nu**2)) * thickness
         missing = 1 / (1 - nu**2) - plate_factor(1.0, thickness, curvature, nu)
         assert p * missing == pytest.approx(1.5 * nu**2 / (1 - nu**2), rel=1e-6)
+
+
+@pytest.mark.parametrize("length", [1e-6, 0.1])
+def test_an_elastic_link_between_two_leaves_bends_in_mechanisms_of_any_size(length):
+    """A cantilever of one section, its middle an elastic link: tip deflection F L^3 / 3EI, also of a micrometre."""
+    steel, section = ksd.Material(E=200e9, nu=0.3), ksd.rectangle(length / 100, length / 5)
+    scene = ksd.Mechanism("cantilever", plane="xy")
+    middle, tip = scene.links("middle", "tip")
+    ends = [(share * length, 0, 0) for share in (0.0, 1.0, 1.8, 2.8)]
+    scene.leaf(scene.ground, middle, start=ends[0], end=ends[1], section=section, material=steel)
+    scene.leaf(middle, tip, start=ends[2], end=ends[3], section=section, material=steel)
+    scene.compliance(middle, section=section, material=steel)
+    scene.load(tip, force=(0, 1e-4 * steel.E * section.Iz / length**2, 0), at=ends[3])
+    moved = ksd.solve(scene).displacement(tip, ends[3])
+    assert moved[1] == pytest.approx(1e-4 * 2.8**3 / 3 * length, rel=1e-4)
