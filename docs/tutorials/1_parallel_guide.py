@@ -1,17 +1,17 @@
 """A parallel guide, from drawing to report
 
-A stage of half a kilogram has to move by 5 mm to both sides on two leaf springs of spring steel. What a designer
-wants to know: which force moves it, how straight it runs, how stiff it stays in the directions it should hold, what
-stress the leaf springs see, which frequencies there are, and whether the numbers can be believed.
+A stage of half a kilogram has to move by 5 mm to both sides on two leaf springs of spring steel. This
+tutorial computes the drive force, the parasitic motion, the support stiffness over the stroke, the stress in the leaf
+springs and the natural frequencies, and checks the accuracy of these numbers.
 """
 
 # %%
 # Drawing
 # -------
 #
-# All numbers are SI; `ksd.units` has the factors. The yield stress changes no answer: it lets answers say the
-# share of it in use. `ksd.ParallelGuide` is two leaf springs side by side; interface A is where they leave the
-# ground, interface B is on the stage.
+# All numbers are in SI units; `ksd.units` has the factors. The yield stress does not change the solution; answers
+# compare the stress with it. `ksd.ParallelGuide` consists of two parallel leaf springs. Interface A is their end at
+# the ground, interface B their end at the stage.
 
 import tempfile
 from pathlib import Path
@@ -25,10 +25,10 @@ steel = ksd.Material(E=200 * GPa, nu=0.3, density=7800, yield_stress=1300 * MPa,
 leaf_springs = ksd.ParallelGuide(steel, length=80 * mm, thickness=0.4 * mm, width=25 * mm, spacing=60 * mm)
 
 # %%
-# A mechanism is links, what joins them, and what moves them. `at` is interface A, `toward` the direction from A
-# to B, `axis` the direction of the widths. A guide moves along `axis` x `toward`: here z x x, which is y; with
-# `toward="y"` a positive stroke would go along -x. The stage weighs 0.5 kg, its centre of mass lies 40 mm along the
-# leaf springs.
+# A mechanism consists of links, joints and drives. `at` is the position of interface A, `toward` the direction from A
+# to B, `axis` the direction of the widths. A guide moves along the cross product `axis` x `toward`: here z x x = y.
+# With `toward="y"` a positive stroke would be along -x. The stage has a mass of 0.5 kg; its centre of mass is 40 mm
+# from the ground, at the middle of the leaf springs.
 
 scene = ksd.Mechanism("guide")
 stage = scene.link("stage", mass=0.5, inertia=(3e-4, 3e-4, 5e-4), at=(40 * mm, 0, 0))
@@ -37,9 +37,8 @@ scene.actuate_joint(guide, name="push")
 print(scene)
 
 # %%
-# Is it constrained as meant? The doctor counts freedoms and constraints before anything is solved. A parallel
-# guide is overconstrained by one, inside the joint: both leaf springs hold the same turn. We come back to what
-# that costs.
+# `ksd.doctor` counts freedoms and constraints before anything is solved. A parallel guide has one redundant
+# constraint, inside the joint: both leaf springs constrain the same rotation. Its effect is computed below.
 
 print(ksd.doctor(scene))
 
@@ -47,36 +46,37 @@ print(ksd.doctor(scene))
 # One position
 # ------------
 #
-# Drives are given by name. Without a `method` the cheapest one is taken that is within `accuracy`, one part in a
-# thousand.
+# Drive values are given by the name of the drive. Without `method` the cheapest method within `accuracy` is used; the
+# default accuracy is one part in a thousand.
 
 pose = ksd.solve(scene, push=5 * mm)
 print(pose)
 
 # %%
-# The table tells more than the force. It says how the answer was found, by how much it may be off, what is not in
-# the model and what that is worth here, how much of the yield stress is in use, and whether the state is stable
-# and the one that was meant. Where it were not, `ksd.solve` would raise `ksd.TrustError`.
+# Besides the force, the table shows the method, the estimated error, the effects that are not in the model and their
+# size, the stress relative to the yield stress, and whether the state is stable and on the intended branch. If it is
+# not, `ksd.solve` raises `ksd.TrustError`.
 
 pose.plot(color="stress")
 
 # %%
-# The stage sinks towards the ground while it moves: its parasitic motion is what no drive prescribes. It follows
-# 0.6 d^2/L.
+# The stage moves towards the ground during its stroke. Parasitic motion is the motion that no drive prescribes. Here
+# it is close to the closed form 0.6 d^2/L, with stroke d and length L.
 
 print(pose.parasitic(stage, at=(40 * mm, 0, 0)))
 print(f"0.6 d^2/L = {0.6 * 5**2 / 80:.4f} mm")
 
 # %%
-# How stiff is it in the directions it should hold? Stiffness is asked of a point; we take the middle of the leaf
-# springs, where the stage is pushed: the drive of a joint acts on the point that the joint's docstring names, here
-# half a length from A. The motion of the drive is held, so y is "held"; asked of another point, y has the stiffness
-# that is left when the stage turns about the first.
+# Support stiffness is the stiffness in the other directions. It is that of a point of the stage; we take the middle of
+# the leaf springs, where the drive acts. (The docstring of a joint states the point on which its drive acts, here half
+# a length from A.) The drive is held, so the table shows "held" for y. At another point the stiffness along y is
+# finite, because the stage can rotate about the point that the drive holds.
 
 print(pose.stiffness(stage, at=(40 * mm, 0, 0)))
 
 # %%
-# Frequencies with the drive let go: the first is the motion meant, the second the first that was not.
+# Natural frequencies with the drive released: the first mode is the intended motion, the second is the first parasitic
+# mode.
 
 print(pose.frequencies(freed=["push"]))
 
@@ -84,16 +84,16 @@ print(pose.frequencies(freed=["push"]))
 # Over the stroke
 # ---------------
 #
-# Leaf springs that are bent are soft lengthwise: the numbers at rest promise too much. `ksd.sweep` asks all
-# questions at every position and returns a table.
+# The support stiffness of bent leaf springs is much lower than that of straight ones, so the values at rest are too
+# optimistic. `ksd.sweep` evaluates all answers at every position and returns a table.
 
 strokes = np.linspace(0, 8, 9) * mm
 table = ksd.sweep(scene, push=strokes, progress=False)
 print(table)
 
 # %%
-# "support y" has no value, since the drive holds that direction. The numbers are columns with their unit in the
-# name; the plot draws one panel for every question.
+# "support y" has no value, because the drive holds that direction. The names of the columns contain the units. The
+# plot has one panel for every question.
 
 left = table["support_z_N_per_m"][5] / table["support_z_N_per_m"][0]
 print(f"across the stage {100 * left:.0f} % of its stiffness is left at 5 mm")
@@ -103,8 +103,8 @@ table.plot("support_stiffness", "frequencies", "stress", "parasitic")
 # A better guide
 # --------------
 #
-# A stiff middle in the leaf springs keeps more of it, for a little more force and stress. Drawing a variant is
-# one function; a sweep takes its parameters as `designs`.
+# With a stiff middle part the leaf springs keep more of their support stiffness, at a somewhat higher force and stress.
+# A function returns the mechanism for given parameters; a sweep takes values of these parameters as `designs`.
 
 
 def stiffened(flexible):
@@ -133,12 +133,12 @@ for share in (0.2, 0.3, 0.4):
     )
 
 # %%
-# What the numbers stand on
-# -------------------------
+# Checking the accuracy
+# ---------------------
 #
-# Three checks before a drawing is released. First, integrate the exact rod equations along every leaf spring,
-# from the forces found; by how far the ends miss is the error of forces and positions. Second, any answer with
-# its own error. Third, what was left out.
+# Three checks before a drawing is released. First, `verify` integrates the exact rod equations along every leaf spring
+# from the computed forces; the closure error at its end gives the error of forces and positions. Second, `with_error`
+# computes any answer together with its error. Third, `left_out` estimates the effects that are not in the model.
 
 print(pose.verify())
 stiffness, error = pose.with_error(lambda p: p.stiffness(stage, at=(40 * mm, 0, 0)).support("z"))
@@ -147,13 +147,13 @@ for effect, changes in pose.left_out.items():
     print(f"{effect:8}", ", ".join(f"{name} {100 * change:+.2g} %" for name, change in changes.items()))
 
 # %%
-# Leaf springs this wide are stiffer by plate stiffening than the model has it. It is put in by a word.
+# Plate stiffening makes leaf springs of this width stiffer than a beam. `with_="plate"` includes it.
 
 with_plate = ksd.solve(scene, push=5 * mm, with_="plate")
 print(f"{pose.forces['push']:.4f} N, with plate stiffening {with_plate.forces['push']:.4f} N")
 
 # %%
-# And the constraint too many: what does a leaf spring cost that is clamped 10 um, or 0.1 mrad, beside its place?
+# The redundant constraint causes internal stress if a leaf spring is clamped out of position, here by 10 um or 0.1 mrad.
 
 print(pose.internal_stress())
 
@@ -161,13 +161,12 @@ print(pose.internal_stress())
 # The report
 # ----------
 #
-# The same scene as a file makes one HTML page with pictures, tables over the stroke, convergence and errors: `ksd
-# report guide.toml` in a terminal. The file can be edited, and drawn again by `ksd.load_scene`.
+# Save the scene to a file and run `ksd report guide.toml` in a terminal: it writes one HTML page with pictures, tables
+# over the stroke, convergence and errors. You can edit the file and read it again with `ksd.load_scene`.
 
 folder = Path(tempfile.mkdtemp())
 ksd.save_scene(scene, folder / "guide.toml", targets={"push": 5 * mm})
 print((folder / "guide.toml").read_text())
 
 # %%
-# Next: two guides on each other make an XY stage, in the next tutorial; load cases and gravity are in the how-to page
-# on loads.
+# The next tutorial stacks two guides to an XY stage. The how-to page on loads shows load cases and gravity.

@@ -1,16 +1,15 @@
 """An XY stage with its payload
 
-Two parallel guides, one on the other, move a camera of 0.5 kg in x and y by 5 mm. The questions are those of every
-stage in series: does one axis disturb the other, how stiff is the table where the payload sits, and how fast can it
-be controlled?
+Two parallel guides in series move a camera of 0.5 kg in x and y by 5 mm. This tutorial computes the coupling of the
+two axes, the stiffness and frequencies of the table over its field, the effect of gravity, and a model for the controller.
 """
 
 # %%
 # Drawing
 # -------
 #
-# The leaf springs of the lower guide run along y and let the carriage move along x; on the carriage a second
-# guide lets the table move along y. Every link gets its mass; a mass without inertia is a point.
+# The leaf springs of the lower guide are parallel to y, so the carriage moves along x. A second guide on the carriage
+# lets the table move along y. Each link has a mass; without `inertia` it would be a point mass.
 
 import numpy as np
 
@@ -29,8 +28,8 @@ scene.join(carriage, table, guide, at=(-30 * mm, 30 * mm, 0), axis="z", toward="
 print(scene)
 
 # %%
-# Both motors stand on the ground and act on the table: the drives are displacements of one of its points. (A
-# motor on the carriage would be `relative_to=carriage`.)
+# Both motors are fixed to the ground and act on the table: the drives prescribe the displacement of one of its points.
+# (For a motor on the carriage use `relative_to=carriage`.)
 
 scene.actuate(table, along="x", at=middle, name="x")
 scene.actuate(table, along="y", at=middle, name="y")
@@ -40,19 +39,20 @@ print(ksd.doctor(scene))
 # One position, one prepared solver
 # ---------------------------------
 #
-# All drives need a value. In a loop, or for a controller, prepare once and only solve.
+# All drives need a value. To solve many poses of the same scene, call `ksd.prepare` once and then the solver.
 
 solver = ksd.prepare(scene)
 rest, corner = solver(x=0.0, y=0.0), solver(x=5 * mm, y=5 * mm)
 corner.plot()
 
 # %%
-# Does x disturb y? The drive stiffness is a matrix: off the diagonal stands what one motor feels of the other.
+# The drive stiffness is a matrix. Its off-diagonal terms couple the force of one motor to the displacement of the other.
 
 print(corner.drive_stiffness())
 
 # %%
-# What is left over is parasitic: the drives prescribe where the point is, and the table may still turn.
+# The drives prescribe the position of the point in x and y; the parasitic motion is the rest: motion along z and
+# rotation of the table.
 
 print(corner.parasitic(table, at=middle))
 
@@ -60,8 +60,8 @@ print(corner.parasitic(table, at=middle))
 # Frequencies
 # -----------
 #
-# With both drives let go the first two modes are the motions meant. What limits a controller is the first that is
-# not.
+# With both drives released the first two modes are the intended motions. The first parasitic mode limits the bandwidth
+# of the controller.
 
 free = rest.frequencies(freed=["x", "y"])
 print(free)
@@ -69,8 +69,8 @@ there = corner.frequencies(freed=["x", "y"])
 print(there)
 
 # %%
-# In the corner of the field the first parasitic mode has dropped much, and the table now turns while it moves along
-# z. `shape` holds every mode by link (m and rad, of any scale), :func:`ksd.view.animate_mode` makes a GIF of it.
+# In the corner of the field the first parasitic frequency is much lower, and the table rotates while it moves along z.
+# `shape` contains the modes by link (in m and rad, with arbitrary scale); :func:`ksd.view.animate_mode` makes a GIF.
 
 print(
     f"first parasitic mode {free.first_parasitic_Hz:.1f} Hz at rest, {there.first_parasitic_Hz:.1f} Hz in the corner"
@@ -85,8 +85,7 @@ for place, modes in {"at rest": free, "in the corner": there}.items():
 # Over the whole field
 # --------------------
 #
-# A sweep walks all combinations of the drives. The table holds one row for every position; its columns are
-# arrays, ready for a map.
+# A sweep solves all combinations of the drive values. Its table has one row per position, and its columns are arrays.
 
 steps = np.linspace(-5, 5, 5) * mm
 field = ksd.sweep(
@@ -103,8 +102,8 @@ print("first parasitic mode [Hz], x down, y across")
 print(np.round(first, 1))
 
 # %%
-# What makes it soft is the twist of bent leaf springs. Two ways out: leaf springs that are stiff in their middle, or
-# shorter strokes. The first is another joint.
+# The cause is the torsional compliance of bent leaf springs. Leaf springs with a stiff middle part, or shorter strokes,
+# reduce the effect. The first is another joint of the library.
 
 stiffer = ksd.StiffenedGuide(
     steel, length=60 * mm, flexible=0.2, thickness=0.3 * mm, width=25 * mm, spacing=50 * mm
@@ -135,9 +134,9 @@ for name, joint in {"leaf springs": guide, "with a stiff middle": stiffer}.items
 # Under its own weight
 # --------------------
 #
-# So far the masses were for frequencies only. Here gravity pulls across the stage, with a payload 30 mm above the
-# leaf springs. Rest is the drawing without weight, so the parasitic motion tells how far the table sinks:
-# little at rest, ten times as much in the corner, where bent leaf springs twist.
+# So far the masses affected only the frequencies. Now gravity acts along -z, with a payload 30 mm above the leaf springs.
+# The undeformed configuration is that without weight, so the parasitic motion along z is the sag of the table: small
+# in the middle of the field, ten times as much in the corner.
 
 hanging = stage_of(guide)
 hanging.mass("table", mass=0.2, inertia=(5e-5, 5e-5, 5e-5), at=middle + np.array((0, 0, 30)) * mm)
@@ -156,11 +155,12 @@ for weight in (None, (0, 0, -9.81)):
 # A model for the controller
 # --------------------------
 #
-# Inputs are the motor forces, outputs the motions of the drives; six modes with one percent of damping.
+# The inputs are the motor forces, the outputs the displacements of the drives. The model has six modes with a damping
+# ratio of one percent.
 
 plant = ksd.state_space(corner, modes=6, damping=0.01)
 response = plant.response([1.0, 10.0, 100.0])
 print("x per newton of x at 1, 10, 100 Hz [mm/N]:", np.round(abs(response[:, 0, 0]) / mm, 4))
 
 # %%
-# `plant.to_mat("plant.mat")` writes it for MATLAB; the tutorial on vibrations goes on from here with `scipy.signal`.
+# `plant.to_mat("plant.mat")` writes the model for MATLAB. The tutorial on vibrations shows its use with `scipy.signal`.

@@ -1,16 +1,16 @@
 """A tip-tilt-piston mirror
 
-A mirror has to tip, tilt and move up and down, and must not move in its own plane. That is three freedoms and three
-constraints. A folded leaf spring holds one direction, that of its fold line: three of them around the mirror do it,
-and three voice coils move it.
+A mirror has to tip, tilt and move up and down, but not in its own plane: three freedoms and three constraints. A folded
+leaf spring constrains one direction, that of its fold line. Three of them support the mirror, and three voice coils
+move it.
 """
 
 # %%
 # Drawing
 # -------
 #
-# `ksd.FoldedLeaf` has no intended motion: it only holds. So it is not joined but put in by `constrain`, and
-# computed in full, without a record.
+# `ksd.FoldedLeaf` has no intended motion; it only constrains. It is therefore added by `constrain` instead of `join`,
+# and needs no record.
 
 import numpy as np
 
@@ -39,9 +39,9 @@ for k in range(3):
     scene.actuate(mirror, along="z", at=radius * out, name=f"coil {k + 1}")
 
 # %%
-# `axis` is the fold line and the direction of the widths, `toward` goes from the ground to the mirror. The doctor
-# finds nothing held twice; what it calls free are the folds, which only the bending of their own leaf springs
-# holds.
+# `axis` is the direction of the fold line and of the widths, `toward` the direction from the ground to the mirror.
+# The doctor reports no redundant constraint. The freedoms that it lists at the folds are constrained only by the bending
+# stiffness of their leaf springs.
 
 print(ksd.doctor(scene))
 
@@ -49,7 +49,8 @@ print(ksd.doctor(scene))
 # Tip, tilt and piston
 # --------------------
 #
-# The drives are the lifts at the coils; a tilt is a pattern of them. Names with a space are given in a mapping.
+# The drives prescribe the vertical displacement at each coil; a tilt is a combination of the three. Drive names that
+# contain a space are given in a mapping.
 
 solver = ksd.prepare(scene)
 places = radius * np.array([(np.cos(2 * np.pi * k / 3), np.sin(2 * np.pi * k / 3)) for k in range(3)])
@@ -66,25 +67,24 @@ print(tilted.forces)
 tilted.plot(view=(-75, 20))
 
 # %%
-# The centre of the mirror moves sideways when it tilts. Why? Fold lines lie beside the mirror, not in it, and the
-# mirror turns about a point in their plane. The lever is the height of the folds.
+# The centre of the mirror moves sideways when it tilts, because the mirror rotates about a point in the plane of the fold
+# lines. The lever is the distance of the mirror from that plane.
 
 print(tilted.parasitic(mirror, at=(0, 0, 0)))
 print(f"tilt times the height of the folds {5 * mrad * length / np.sqrt(2) / mm:.4f} mm")
 
 # %%
-# If that matters, mount the mirror at the height of the folds: its optical face, not its leaf springs, is what
-# must stand still.
+# If this matters, mount the mirror so that its optical face is at the height of the folds.
 
 face = (0, 0, length / np.sqrt(2))
 print(tilted.parasitic(mirror, at=face))
 
 # %%
-# Is it stiff enough where it should hold?
-# ----------------------------------------
+# Support stiffness
+# -----------------
 #
-# At rest with the coils let go, at the height of the folds, every direction is either held or free, and nothing
-# couples. The difference should be large.
+# At rest with the coils released, at the height of the folds, the directions do not couple: each is either constrained
+# or free. The ratio of the two stiffnesses should be large.
 
 rest = pose_at()
 coils = [f"coil {k + 1}" for k in range(3)]
@@ -93,8 +93,8 @@ print(stiffness)
 print(rest.frequencies(freed=coils))
 
 # %%
-# Over the stroke the leaf springs bend and hold less. `together=True` moves all coils at the same time, here from
-# the bottom to the top.
+# Over the stroke the leaf springs bend and the support stiffness decreases. `together=True` changes all drive values at
+# the same time, here from the bottom to the top.
 
 lifts = np.linspace(-2, 2, 9) * mm
 table = ksd.sweep(
@@ -113,8 +113,8 @@ for lift, x, stress in zip(table["coil 1_mm"], table["support_x_N_per_m"], table
 # Gravity and heat
 # ----------------
 #
-# Two more questions. How far does the mirror sag with the coils without current? For that the drives are left out,
-# and gravity is given. And how far does it move when the coils warm the folded leaf springs by ten kelvin?
+# The sag of the mirror without coil current is computed without drives, with gravity. A second scene computes the motion
+# when the coils heat the folded leaf springs by 10 K.
 
 sagging = ksd.Mechanism("sagging mirror")
 hung = sagging.link("mirror", mass=0.2, inertia=(9e-5, 9e-5, 18e-5), at=(0, 0, 0))
@@ -138,5 +138,5 @@ print(f"sag {sagged.displacement(hung)[2] / mm:.3f} mm, weight over stiffness {e
 print(f"10 K warmer: moves by {abs(warm.displacement(hung)).max() / mm * 1e6:.3f} nm")
 
 # %%
-# Three leaf springs that grow alike push nothing anywhere: the middle is the thermal centre. `print(pose.model)` lists
-# what is in the model and what is not.
+# Because the three leaf springs expand equally, the centre of the mirror does not move: it is the thermal
+# centre. `print(pose.model)` lists the effects that the model contains and those it does not.

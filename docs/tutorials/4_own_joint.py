@@ -1,17 +1,16 @@
 """A joint of your own, trained and used
 
-The library has the joints of textbooks. Yours may be another: here two leaf springs that converge towards the moving
-side, so that it turns about a point outside of the joint, a remote centre. We draw it, ask what it is worth, and
-train it, so that mechanisms with many of them are solved as fast as with those of the library.
+The library contains the common joints. This tutorial describes one that is not in it: two leaf springs that converge
+towards the moving side, so that it rotates about a remote centre outside the joint. We draw the joint, compute its
+properties and train a record, so that mechanisms with many of them are solved as fast as with joints of the library.
 """
 
 # %%
 # Drawing
 # -------
 #
-# A joint is drawn in its own axes: interface A at the origin, x towards B, z the axis it turns about. Leaf
-# springs hang between blocks; `A` and `B` are always two of them. A motion says what the joint is for, and how
-# far it may go.
+# A joint is drawn in its own axes: interface A at the origin, x towards B, z along the axis of rotation. Leaf springs
+# connect blocks, two of which are `A` and `B`. `ksd.Motion` is an intended motion with its range.
 
 import os
 import tempfile
@@ -45,11 +44,11 @@ joint = ksd.DrawnJoint(
 )
 
 # %%
-# What is it worth?
-# -----------------
+# Properties of the joint
+# -----------------------
 #
-# Without a record it works like any joint, by the conventional method. The leaf springs meet where it turns
-# about, at wide/(wide - narrow) of the length.
+# Without a record the joint is solved by the conventional method. The centre of rotation is the point where the lines
+# of the two leaf springs intersect, at wide/(wide - narrow) times the length.
 
 scene = ksd.Mechanism("remote centre")
 arm = scene.link("arm", mass=0.1, inertia=(1e-5, 1e-5, 2e-5), at=(length, 0, 0))
@@ -63,7 +62,7 @@ print(pose.pivot_shift(placed, at=centre))
 pose.plot(color="stress")
 
 # %%
-# How far may it turn, and how stiff is its centre? The same questions as of any mechanism.
+# Moment, support stiffness at the centre and stress over the range show how far the joint may rotate.
 
 table = ksd.sweep(
     scene,
@@ -79,7 +78,7 @@ table.plot("force", "support_stiffness", "stress")
 # Training
 # --------
 #
-# The fast methods need to know how the joint moves. Asked for without a record, they say so.
+# The fast methods need a record of the motion of the joint. Without one they raise `ksd.RecordError`.
 
 try:
     ksd.solve(scene, turn=5 * deg, method="reduced")
@@ -87,10 +86,10 @@ except ksd.RecordError as reason:
     print(reason)
 
 # %%
-# `ksd.train` moves the joint through its range, from its own finite element model, and writes polynomials of
-# where B goes and how the leaf springs bend into one file. For a joint like this that is done while you wait. `meshes`
-# says for which leaf springs: without it chains of beam elements are trained besides. Without `out` the record lands in
-# `database/` where you are; elsewhere it is found by the environment variable `KSD_DATABASE`.
+# `ksd.train` solves the finite element model of the joint over its range and writes one file with polynomials for the
+# pose of B and the bending of the leaf springs. For a joint like this it takes little time. `meshes` selects the
+# models of the leaf springs: without it chains of beam elements are trained as well. `out` is the folder of the record,
+# by default `database/` in the current folder; the environment variable `KSD_DATABASE` names any other folder.
 
 folder = tempfile.mkdtemp()
 record = ksd.train(joint, out=folder, meshes=("strain",), progress=False)
@@ -98,33 +97,33 @@ os.environ["KSD_DATABASE"] = folder
 print(record)
 
 # %%
-# What it learned, and by how much it may be off, relative to the length of the joint, is in the record;
-# :literal:`ksd info trapezium` prints it with its range, its source and its age, and with `--check` solves a few
-# of its states again. A joint whose leaf springs work against each other may be fitted less well than wanted; a
-# warning says so, and `ksd.compare` what it is worth.
+# The record contains the errors of its polynomials, relative to the length of the joint.
+# :literal:`ksd info trapezium` prints them with range, source and age of the record; with `--check` it also solves some
+# trained states again. For some overconstrained joints the fit is less accurate than requested; a warning then says so,
+# and `ksd.compare` shows the effect on the answers.
 
 for residual in record.residuals:
-    print(f"{residual.group:12} off by at most {residual.fit_max:.1e}")
+    print(f"{residual.group:12} error at most {residual.fit_max:.1e}")
 
 # %%
 # Using it
 # --------
 #
-# The same scene now is solved by every method.
+# Now every method can solve the same scene.
 
 for method in ("kinematic", "reduced", "full", "conventional"):
     found = ksd.solve(scene, turn=5 * deg, method=method)
     print(f"{method:13} {found.forces['turn']:.6f} Nm")
 
 # %%
-# `ksd.compare` puts times and errors beside them. Without a record it works as well: the methods that need one
-# are rows that say so.
+# `ksd.compare` prints answer, time and error of every method. If there is no record, the rows of the methods that need
+# one say so.
 
 print(ksd.compare(scene, turn=5 * deg, progress=False))
 
 # %%
-# Where it pays: many of them. Four of these joints carry a platform like a swing; the reduced method moves four
-# condensed joints instead of eight leaf springs.
+# The record pays in mechanisms with many joints. In this swing four joints carry a platform; the reduced method solves
+# four condensed joints instead of eight leaf springs.
 
 
 def swing():
@@ -140,17 +139,17 @@ def swing():
 
 swinging = ksd.solve(swing(), push=5 * mm, method="reduced")
 exact = ksd.solve(swing(), push=5 * mm, method="conventional")
-told = swinging.method_error.relative
+error = swinging.method_error.relative
 print(
-    f"reduced {swinging.forces['push']:.5f} N, told {100 * told:.1g} % off; "
+    f"reduced {swinging.forces['push']:.5f} N, estimated error {100 * error:.1g} %; "
     f"conventional {exact.forces['push']:.5f} N"
 )
 print(swinging.motions)
 swinging.plot()
 
 # %%
-# Outside its range a record refuses, with the joint, the value and the range in the message. `extrapolate=True`
-# goes on with a warning.
+# Outside the range of the record the solve is refused; the message states the joint, the value and the range.
+# `extrapolate=True` solves with a warning instead.
 
 try:
     ksd.solve(scene, turn=15 * deg, method="reduced")
@@ -158,8 +157,8 @@ except ksd.RangeError as reason:
     print(reason)
 
 # %%
-# A family over a range of shapes, `ksd.Design`, is trained in the same way: see the how-to page on the database.
-# What a record cannot say is refused with the reason: a motion that is not the soft one, a second soft freedom that
-# is not declared, leaf springs that run through each other or that do not lie symmetrically about the plane of motion.
+# `ksd.Design` describes a family of joints over a range of shapes, which is trained in the same way; see the how-to page
+# on the database. Joints that a record cannot represent are refused with the reason: an intended motion that is not soft,
+# a second soft freedom that is not declared, leaf springs that intersect or are not symmetric about the plane of motion.
 
 del os.environ["KSD_DATABASE"]

@@ -1,8 +1,8 @@
 """Optimisation of a pivot
 
-A cross flexure has to turn by 20 degrees inside a housing 60 mm high. It should be as stiff as possible in its worst
-direction, at every angle, must not see more than 500 MPa, and the motor gives half a newton metre. Which length,
-angle, thickness and widths?
+A cross flexure has to rotate by 20 degrees in a housing 60 mm high. Its support stiffness in the softest direction has to
+be as large as possible at every angle, with a stress of at most 500 MPa and a motor moment of at most 0.5 Nm. The
+optimiser determines length, angle, thickness and widths.
 """
 
 # %%
@@ -44,11 +44,11 @@ start = {
 turns = np.array([0, 10, 20]) * deg
 
 # %%
-# What matters?
+# Sensitivities
 # -------------
 #
-# Before an optimiser runs, look at the slopes: by how many percent does an answer change per percent of a
-# parameter? `ksd.gradient` gives exact derivatives of any answer of a sweep.
+# Before you run an optimiser, look at the relative derivatives: by how many percent an answer changes per percent of a
+# parameter. `ksd.gradient` gives exact derivatives of any answer of a sweep.
 
 slopes = ksd.gradient(
     pivot,
@@ -67,17 +67,17 @@ for name in start:
     print(f"{name:18} {moment:10.2f} {stress:8.2f} {support:12.2f}")
 
 # %%
-# A slope is an exponent. What makes the support stiff, thickness, makes the moment grow as fast: the motor will be what
-# limits it.
+# A relative derivative is the exponent of a power law. A larger thickness increases both the support stiffness and the
+# moment, so the motor will limit the design.
 #
 # The job
 # -------
 #
-# A job says what to vary and between which bounds, what to make large, what limits it, and rules of geometry that
-# must not be negative, here that the widths and the gaps fit in 60 mm. Answers are columns of a sweep, at every pose;
-# a name that is not one is answered with all there are. Several targets are a tuple: the worst of them counts. A
-# limit of one number is the most: a pivot that turns both ways says `"turn_moment_Nm": (-0.5, 0.5)`. `"size_mm": (60,
-# 40, None)` limits the room along x, y, z that its leaf springs take up, over all poses together.
+# A job has parameters to vary with their bounds, a target, limits, and geometric rules that must not be negative; here
+# the widths and the gaps have to fit in 60 mm. Target and limits are columns of a sweep and are evaluated at every pose;
+# an unknown name raises an error that lists all names. Several targets are given as a tuple, of which the worst counts.
+# A single number is an upper limit; for a pivot that rotates both ways give `"turn_moment_Nm": (-0.5, 0.5)`.
+# `"size_mm": (60, 40, None)` limits the space along x, y, z that the leaf springs occupy in all poses together.
 
 job = ksd.Job(
     pivot,
@@ -100,41 +100,41 @@ job = ksd.Job(
 # The optimum
 # -----------
 #
-# Two starts, the second one random: where both end in the same design it is hardly a local one. The table counts
-# those that agree to 1e-5.
+# `starts=2` adds a random start to the first. If both end in the same design, it is probably the global optimum. The
+# table counts the starts that agree to 1e-5.
 
 best = ksd.optimise(job, start=start, starts=2)
 print(best)
 print("ends of the starts:", *(f"{end.merit:.5g} N/m" for end in best.starts))
 
 # %%
-# Read the last table first. It says what holds the optimum back, and what every limit is worth, in percent of stiffness per
-# percent that it is moved. Of two that can be moved the larger number is where to go: ask whether leaf springs may be
-# shorter than 40 mm before asking for a larger motor. The stress is not in the table, so it does not limit.
+# Read the last table first. It lists the active limits and how many percent of stiffness is gained per percent by which a
+# limit is moved. Change the limit with the largest number first: ask for leaf springs shorter than 40 mm before you ask
+# for a larger motor. The stress is not in the table, so it is not an active limit.
 
 best.plot()
 
 # %%
-# `best.plot("optimum.png")` writes the picture. The optimum is a mechanism like any other: draw it, ask it, look at
-# it at the pose that is worst.
+# `best.plot("optimum.png")` writes the picture. The optimum is a mechanism like any other: you can plot and solve it, for
+# example at its worst pose.
 
 worst = best.pose()
 print(worst.stiffness("arm", at=(0, 0, 0)))
 worst.plot(color="stress")
 
 # %%
-# Does it survive the workshop?
-# -----------------------------
+# Tolerances
+# ----------
 #
-# Sheet scatters by some micrometres of thickness. The optimum lies on its limits, so much of what is made will exceed
-# them.
+# The thickness of sheet metal varies by some micrometres. The optimum lies on its limits, so many of the parts made
+# will exceed them.
 
 made = ksd.tolerance(job, best, spread={"thickness": 4 * um, "length": 20 * um}, samples=100)
 print(made)
 
 # %%
-# `[2]` and `[3]` of the support stiffness are its second and third softest direction. `robust=2` moves
-# the limits in by two standard deviations of what they limit.
+# `[2]` and `[3]` of the support stiffness are its second and third softest direction. `robust=2` tightens each limit by
+# two standard deviations of the limited quantity.
 
 safe = ksd.optimise(job, start=best.design, robust=2, spread={"thickness": 4 * um, "length": 20 * um})
 safely_made = ksd.tolerance(job, safe, spread={"thickness": 4 * um, "length": 20 * um}, samples=100)
@@ -142,16 +142,15 @@ print(f"optimum {best.merit:.3g} N/m, {100 * made.yield_fraction:.0f} % hold eve
 print(f"robust  {safe.merit:.3g} N/m, {100 * safely_made.yield_fraction:.0f} % hold every limit")
 
 # %%
-# What does a smaller motor cost?
-# -------------------------------
+# Support stiffness against motor moment
+# --------------------------------------
 #
-# The front: the best design for ever smaller moments, each found from its neighbour.
+# The Pareto front contains the best design for a series of moments. Each optimisation starts from the previous design.
 
 front = ksd.pareto(job, against="turn_moment_Nm", points=3, start=best.design)
 print(front)
 front.plot()
 
 # %%
-# Long jobs keep what they have computed: `resume="pivot.jsonl"` goes on where Ctrl-C ended it, and `executor=`
-# runs starts in other processes. Any other optimiser takes `job.values(x)` and `job.jacobian(x)`: see the how-to
-# page on jobs.
+# With `resume="pivot.jsonl"` a long job saves its results and continues after Ctrl-C. `executor=` runs starts in other
+# processes. Other optimisers can use `job.values(x)` and `job.jacobian(x)`; see the how-to page on jobs.

@@ -1,16 +1,15 @@
 """A gripper
 
-A gripper of plastic, made in one piece: a parallelogram whose hinges are arcs of 270 degrees. It lives in a plane, so
-it is drawn in one. What a designer asks: how far must the crank turn for an opening, how hard does it grip, what does
-the plastic bear, and can the wanted jaw positions be held at all?
+A monolithic plastic gripper: a parallelogram whose hinges are arcs of 270 degrees, drawn in a plane. This tutorial
+computes the opening over the crank angle, moment and stress, the effect of a gripping force, and the moments that hold
+the jaw in a given position.
 """
 
 # %%
 # Drawing in a plane
 # ------------------
 #
-# `plane="xy"` holds every link in it: nothing can leave the plane, and a drawing in the plane is enough. The same
-# gripper is a scene file, `ksd/scenes/gripper.toml`.
+# `plane="xy"` constrains every link to the plane. The same gripper is also a scene file, `ksd/scenes/gripper.toml`.
 
 import numpy as np
 
@@ -33,7 +32,7 @@ tip = (70 * mm, 45 * mm, 0)
 # Opening
 # -------
 #
-# The tip of the jaw is a point of a link; `displacement` tells where it goes.
+# The tip of the jaw is a point of a link; `displacement` returns its motion.
 
 open_pose = ksd.solve(scene, crank=15 * deg)
 print(f"moment {open_pose.forces['crank'] * 1e3:.2f} mNm")
@@ -42,8 +41,8 @@ print(f"the jaw turns by {open_pose.rotation(jaw)[2] / deg:.3f} degrees: a paral
 open_pose.plot(color="stress")
 
 # %%
-# Of a gripper with two jaws `scene.distance` names the opening, a column of sweeps: see the how-to page on planar
-# linkages. Over the stroke: moment, stress, and how stiff the tip is.
+# For a gripper with two jaws, `scene.distance` defines the opening as a column of sweeps; see the how-to page on planar
+# linkages. A sweep over the stroke gives the moment, the stress and the stiffness of the tip.
 
 table = ksd.sweep(
     scene,
@@ -56,7 +55,7 @@ table = ksd.sweep(
 table.plot("force", "stress", "support_stiffness", "parasitic")
 
 # %%
-# How far may it go? Stress against what the plastic bears:
+# The allowable stress of the plastic limits the stroke:
 
 share = np.array(table["stress_MPa"]) / 50
 for angle, used in zip(table["crank_deg"], share, strict=True):
@@ -66,7 +65,7 @@ for angle, used in zip(table["crank_deg"], share, strict=True):
 # Gripping
 # --------
 #
-# A gripped part pushes back on the tip. Its force is a load; the moment of the crank grows by what that takes.
+# A gripped part exerts a force on the tip, which is modelled as a load. The moment of the crank increases accordingly.
 
 part = ksd.sweep(
     scene,
@@ -84,16 +83,16 @@ for row in part.rows():
     )
 
 # %%
-# The other way round
+# The inverse problem
 # -------------------
 #
-# Which moment holds the jaw where I want it? `ksd.required_loads` takes positions of links and tells the drive
-# forces, and what they cannot balance. Links without a position find their own, without a force. First the pose
-# found above: the moment must come back. Then the same pose, but with a jaw that does not turn: "unbalanced" are the
-# forces and moments that no drive gives, so which actuator is missing.
+# `ksd.required_loads` takes poses of links and returns the drive forces that hold them there, and the forces that the
+# drives cannot balance. Links without a given pose are in equilibrium without external force. The first example uses
+# the pose computed above, so the result must be the moment computed above. The second prescribes the same pose without
+# rotation of the jaw: "unbalanced" lists the forces and moments that no drive exerts, which shows where an actuator is
+# missing.
 #
-# How hard two jaws grip a stiff object of a given size is a question of contact, which is answered by a drive: see
-# :doc:`Contact </theory/contact>`.
+# The page :doc:`Contact </theory/contact>` shows how to compute the force of two jaws on a stiff object of given size.
 
 poses = {name: open_pose.links[name] for name in ("crank", "jaw")}
 needed = ksd.required_loads(scene, poses)
@@ -102,15 +101,16 @@ poses["jaw"] = (open_pose.displacement(jaw), 0.0)
 print(ksd.required_loads(scene, poses))
 
 # %%
-# How grippers are often analysed
-# -------------------------------
+# Constant hinge stiffness
+# ------------------------
 #
-# With the stiffness the hinges have at rest. `method="constant"` does that, and says by how much it is off.
+# Grippers are often analysed with the stiffness of the hinges at rest. `method="constant"` does this and estimates the
+# error.
 
 constant = ksd.solve(scene, crank=15 * deg, method="constant", strict=False)
 off = constant.forces["crank"] / open_pose.forces["crank"] - 1
 print(f"constant stiffness: {100 * off:+.2f} % off in the moment, told {100 * constant.error.relative:.2f} %")
 
 # %%
-# Next: make the crank shorter or the arcs larger by a function of their sizes, as in the tutorial on
-# optimisation; give the linkage pins and sliders, as in the how-to page on planar linkages.
+# To vary the length of the crank or the size of the arcs, write a function as in the tutorial on optimisation. The how-to
+# page on planar linkages adds pins and sliders.

@@ -1,16 +1,16 @@
 """Dynamics: the vibrations of a guide
 
-The parallel guide of the first tutorial carries a camera, and a controller is to hold it still. Which frequencies does it
-have, which of them is the motion meant and which is not, where do they go over the stroke and with the payload, and what
-does the controller see? All of it is linear: small vibrations about one pose, which is what the package has of dynamics.
+The parallel guide of the first tutorial carries a camera whose position is controlled. This tutorial computes its
+frequencies, distinguishes the intended mode from parasitic modes, shows the influence of stroke and payload, and derives a
+state-space model for the controller. All of this is linear: small vibrations about one pose.
 """
 
 # %%
 # What has mass
 # -------------
 #
-# Leaf springs have the mass of their material's density. A link has the mass that is said, with its inertia about its
-# centre of mass `at`; `scene.mass` puts more on it, here a camera. A mass without inertia is a point.
+# The mass of leaf springs follows from the density of their material. A link has the given mass, with its inertia about its
+# centre of mass `at`. `scene.mass` adds mass to a link, here a camera. A mass without inertia is a point mass.
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -38,11 +38,11 @@ def guide_with(camera=0.0, above=0.0, gravity=None):
 
 
 # %%
-# Frequencies and what they belong to
-# -----------------------------------
+# Frequencies and modes
+# ---------------------
 #
-# A drive holds what it drives; `freed="push"` lets it go. One mode then is the motion meant: "intended". All others are
-# parasitic, and the first of them bounds what a controller can do.
+# Drives are held unless they are named in `freed`. With `freed="push"` one mode is the intended motion. All others are
+# parasitic; the first of them limits the bandwidth of the controller.
 
 scene = guide_with()
 rest = ksd.solve(scene, push=0.0)
@@ -51,16 +51,16 @@ print(free)
 print(dict(zip(free.names, free.frequency_Hz.round(2).tolist(), strict=True)))
 
 # %%
-# A leaf spring has modes of its own, "between the ends": the stage stands still in them, and here they are the lowest that
-# are not meant. `names` are counted at this pose, from the lowest. With the drive held the intended mode is gone; what is
-# left is what a stiff motor sees.
+# Leaf springs have modes of their own, "between the ends", in which the stage does not move. Here they are the lowest
+# parasitic modes. `names` numbers the modes of this pose from the lowest. With the drive held, as by a stiff motor, there
+# is no intended mode.
 
 held = rest.frequencies(count=2)
 print(f"first parasitic: {free.first_parasitic_Hz:.2f} Hz let go, {held.first_parasitic_Hz:.2f} Hz held")
 
 # %%
-# The table says what moves most, the picture how: here the lowest parasitic mode in which the stage itself moves, its
-# amplitude chosen for the eye.
+# The table names the part that moves most in each mode. The picture shows the lowest parasitic mode in which the stage
+# moves, with an arbitrary amplitude.
 
 ksd.view.plot_mode(rest, mode="parasitic_3", modes=free, view="xz", amplitude=0.15)
 
@@ -70,8 +70,8 @@ ksd.view.plot_mode(rest, mode="parasitic_3", modes=free, view="xz", amplitude=0.
 # By hand
 # -------
 #
-# Two checks that share nothing with the eigenvalue problem above. First, two leaf springs clamped at both ends have the
-# stiffness 24 EI/L^3, and each takes part with 13/35 of its mass, that of their deflected shape.
+# Two checks are independent of the eigenvalue problem above. First, two leaf springs with both ends clamped have the
+# stiffness 24 EI/L^3, and the effective mass of each is 13/35 of its mass, by the kinetic energy of the deflected shape.
 
 EI = steel.E * width * thickness**3 / 12
 leaf_mass = steel.density * length * thickness * width
@@ -79,8 +79,8 @@ by_hand = np.sqrt(24 * EI / length**3 / (0.5 + 2 * 13 / 35 * leaf_mass)) / (2 * 
 print(f"intended mode: {free.frequency_Hz[0]:.4f} Hz, by hand {by_hand:.4f} Hz")
 
 # %%
-# Second, the stage as a rigid body on the stiffness that its centre of mass has: six frequencies without any mass of
-# the leaf springs, which are a little high.
+# Second, the stage as a rigid body on the 6 by 6 stiffness at its centre of mass has six frequencies. They are slightly
+# too high, because the mass of the leaf springs is neglected.
 
 support = rest.stiffness("stage", at=centre, freed="push")
 lumped_mass = np.diag((0.5, 0.5, 0.5, 3e-4, 3e-4, 5e-4))
@@ -91,10 +91,10 @@ print("rigid stage:", lumped_Hz.round(2), "Hz")
 # Over the stroke
 # ---------------
 #
-# Bent leaf springs are soft in the directions they should hold, so parasitic frequencies fall. In a sweep a mode keeps
-# the name it has at the first pose, and is followed by its shape (MAC): two that cross keep their names, and
-# "parasitic_2" here need not be the second one that `pose.frequencies()` counts at another pose. `first_parasitic_Hz` is
-# the lowest at each pose, whichever it is.
+# The support stiffness of bent leaf springs is lower, so parasitic frequencies decrease. In a sweep a mode is followed by
+# its shape (MAC) and keeps the name it has at the first pose, also where two modes cross. "parasitic_2" of the sweep can
+# therefore differ from "parasitic_2" of `pose.frequencies()` at another pose. `first_parasitic_Hz` is the lowest parasitic
+# frequency at each pose.
 
 table = ksd.sweep(scene, push=np.linspace(0, 8, 9) * mm, questions=("frequencies",), progress=False)
 for row in table.rows():
@@ -105,16 +105,16 @@ for row in table.rows():
 table.plot("frequencies")
 
 # %%
-# Why do they fall so far? Across the stage less than a quarter of the stiffness is left at 5 mm, as bent leaf springs twist.
+# The cause is the torsional compliance of bent leaf springs: along z less than a quarter of the stiffness remains at 5 mm.
 
 moved_pose = ksd.solve(scene, push=5 * mm)
 bent = moved_pose.frequencies(freed="push")
 ksd.view.plot_mode(moved_pose, mode="parasitic_1", modes=bent, amplitude=0.03)
 
 # %%
-# The modes of the stage fall below those of the leaf springs: the first parasitic mode at rest and the one at the end of
-# the stroke are different motions. So a curve through three poses fits a mode that is followed, "parasitic_3" as
-# counted at rest, and not the lowest of them all, which has a kink where they cross. The errors at other poses tell:
+# The frequencies of the stage fall below those of the leaf springs, so the first parasitic mode at rest and that at the end
+# of the stroke are different motions. The lowest frequency has a kink where they cross and should not be fitted. Fit one
+# mode that is followed, here "parasitic_3" of the pose at rest. The errors at poses between the three fitted ones:
 
 print(ksd.frequency_curve(scene, "push", 8 * mm, mode="parasitic_3"))
 print(ksd.frequency_curve(scene, "push", 8 * mm, mode="first_parasitic"))
@@ -123,16 +123,17 @@ print(ksd.frequency_curve(scene, "push", 8 * mm, mode="first_parasitic"))
 # With the camera
 # ---------------
 #
-# A payload lowers all of them. How high it sits does not matter to the motion meant, and much to those in which the stage
-# turns.
+# A payload lowers all frequencies. Its height has no influence on the intended mode, but a large influence on the modes in
+# which the stage rotates.
 
 for words in ({}, {"camera": 0.2}, {"camera": 0.2, "above": 40 * mm}):
     modes = ksd.solve(guide_with(**words), push=5 * mm).frequencies(freed="push", count=4)
     print(f"{words!s:35}", *(f"{f:8.2f}" for f in modes.frequency_Hz), "Hz")
 
 # %%
-# Weight counts where it is said. Standing upright, x up, the leaf springs carry the stage and are softer for it; hanging,
-# stiffer: by 6 P/(5 L) of the load P on the two of them, to first order.
+# Weight is included if `gravity` is given. If the guide stands upright (x up), the leaf springs carry the stage in
+# compression and the drive stiffness is lower; if it hangs, the stiffness is higher. To first order the change is
+# 6 P/(5 L), with P the total load on the two leaf springs.
 
 upright = []
 for name, gravity in {"standing": (-9.81, 0, 0), "no weight": None, "hanging": (9.81, 0, 0)}.items():
@@ -145,13 +146,13 @@ for name, gravity in {"standing": (-9.81, 0, 0), "no weight": None, "hanging": (
     )
 
 # %%
-# What the controller sees
-# ------------------------
+# State-space model for the controller
+# ------------------------------------
 #
-# `ksd.state_space` is the linear model about a pose: forces of the drives in, their motions out, the lowest modes with
-# the damping ratio that you give, and the static compliance of the modes left out in D. None of the damping is
-# computed. Its four matrices go into `scipy.signal`, and the modal stiffness and mass are in `frequencies`:
-# `omega_squared` for unit mass.
+# `ksd.state_space` returns the linear model about a pose. Its inputs are the drive forces, its outputs the drive
+# displacements. It contains the lowest modes with the damping ratio that you give (damping is not computed), and in D the
+# static compliance of all other modes. Use its four matrices in `scipy.signal`. The modal stiffness for unit modal mass is
+# `omega_squared` of `frequencies`.
 
 damping = 0.01
 plant = ksd.state_space(moved_pose, modes=6, damping=damping)
@@ -161,8 +162,8 @@ frequency = np.geomspace(1, 500, 4000)
 _, gain = signal.freqresp(linear, 2 * np.pi * frequency)
 
 # %%
-# Three checks: the gain at zero frequency is one over the drive stiffness; the peak lies at f sqrt(1 - 2 zeta^2) of the
-# intended frequency, and is 1/(2 zeta) times the static one.
+# Three checks: the gain at zero frequency is one over the drive stiffness, the resonance peak is at f sqrt(1 - 2 zeta^2)
+# with f the intended frequency, and the amplification at the peak is 1/(2 zeta).
 
 near = plant.frequency_Hz[0] * np.linspace(0.99, 1.01, 2001)
 _, peak = signal.freqresp(linear, 2 * np.pi * near)
@@ -176,14 +177,14 @@ print(f"peak at {peak_Hz:.4f} Hz, told {plant.frequency_Hz[0] * np.sqrt(1 - 2 * 
 print(f"amplification {amplification:.2f}, 1/(2 zeta) = {1 / (2 * damping):.0f}")
 
 # %%
-# The parasitic modes hardly show: the drive acts through the middle of the guide and does not excite them. A drive beside
-# it would, and so would floor vibration.
+# The parasitic modes are hardly visible, because the drive acts at the middle of the guide and does not excite them. An
+# eccentric drive or floor vibration would.
 #
-# In time
-# -------
+# Step response
+# -------------
 #
-# The same matrices in time: a step of the force, small enough for the mechanism to stay linear. The stage overshoots to
-# nearly twice the static motion and rings.
+# The same matrices give the response to a force step that is small enough for linear behaviour. The stage overshoots to
+# nearly twice the static displacement and then oscillates.
 
 force = 0.1
 seconds = np.linspace(0, 1, 2000)
@@ -205,12 +206,12 @@ figure.align_labels()
 figure  # noqa: B018  (the page shows it)
 
 # %%
-# How far is linear? The stiffness of the drive must not change over the swing. Here it does by little:
+# The linear model is valid if the drive stiffness hardly changes over the vibration amplitude. Here the change is small:
 
 for swing in (0.1 * mm, 1 * mm):
     ends = [ksd.solve(scene, push=5 * mm + side * swing).drive_stiffness()["push"] for side in (-1, 1)]
     print(f"+-{swing / mm:.1f} mm: drive stiffness {ends[0]:.1f} to {ends[1]:.1f} N/m")
 
 # %%
-# Motion at speed from one pose to another, spin-up and impact are not in the package; what stands for them is in the
-# theory, on the page on vibrations. `plant.to_mat("plant.mat")` hands the linear model to a program for control.
+# Fast motion from one pose to another, spin-up and impact are not computed; the theory page on vibrations lists what to use
+# instead. `plant.to_mat("plant.mat")` writes the linear model for MATLAB.
