@@ -109,7 +109,9 @@ print(ksd.required_loads(scene, poses))
 
 constant = ksd.solve(scene, crank=15 * deg, method="constant", strict=False)
 off = constant.forces["crank"] / open_pose.forces["crank"] - 1
-print(f"constant stiffness: {100 * off:+.2f} % off in the moment, told {100 * constant.error.relative:.2f} %")
+print(
+    f"constant stiffness: {100 * off:+.2f} % error of the moment, estimated {100 * constant.error.relative:.2f} %"
+)
 
 # %%
 # To vary the length of the crank or the size of the arcs, write a function as in the tutorial on optimisation. The how-to

@@ -173,7 +173,9 @@ amplification = np.abs(peak).max() / static
 _, first = signal.freqresp(linear, [1e-3])
 static_gain = abs(first[0]) / static
 print(f"static gain over compliance {static_gain:.6f}")
-print(f"peak at {peak_Hz:.4f} Hz, told {plant.frequency_Hz[0] * np.sqrt(1 - 2 * damping**2):.4f} Hz")
+print(
+    f"peak at {peak_Hz:.4f} Hz, by the formula {plant.frequency_Hz[0] * np.sqrt(1 - 2 * damping**2):.4f} Hz"
+)
 print(f"amplification {amplification:.2f}, 1/(2 zeta) = {1 / (2 * damping):.0f}")
 
 # %%
