@@ -598,3 +598,33 @@ def test_without_a_command_the_commands_are_listed(capsys):
     assert main([]) == 2
     said = capsys.readouterr().err
     assert "optimise  find the best design of a job" in said and said.endswith("ksd: give a command.\n")
+
+
+@pytest.mark.parametrize("keys", [1, 7])
+def test_table_of_effects_never_cuts_a_number_off(capsys, keys):
+    """Three drives once cut "172-298" to "172-29…" and dropped the column of unknowns."""
+    from types import SimpleNamespace
+
+    from ksd.cli.effects import _print
+    from ksd.design.effect_cost import EffectCost
+
+    off = {f"support stiffness {i}": 1.0 for i in range(keys)}
+    on = dict.fromkeys(off, 0.98765)
+    row = EffectCost("plate", False, on, off, (298e-6, 172e-6), (1234, 567))
+    _print(SimpleNamespace(name="stage"), SimpleNamespace(effects=()), [row])
+    said = capsys.readouterr().out
+    assert "172\N{EN DASH}298" in said and "567\N{EN DASH}1234" in said
+    assert "\N{HORIZONTAL ELLIPSIS}" not in said and said.count("-1.2 %") == keys and "without" in said
+
+
+def test_help_begins_with_two_commands_and_names_every_exit_code_and_method(capsys):
+    from ksd.solve.solver import METHODS
+
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "ksd solve mine.toml" in said and "130 interrupted" in said
+    with pytest.raises(SystemExit):
+        main(["solve", "--help"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert all(method in said for method in METHODS)

@@ -20,7 +20,7 @@ _SHARED_OPTIONS: dict[str, dict[str, Any]] = {
         "help": "a drive value, such as top=300mm or hinge=45deg; may be repeated",
     },
     "--method": {
-        "help": "kinematic, reduced, full, conventional or constant; by default the cheapest that is accurate enough"
+        "help": "kinematic, reduced, full, conventional, modal or constant; by default the cheapest that is accurate enough"
     },
     "--accuracy": {
         "type": float,
@@ -287,7 +287,8 @@ def parser(version: str) -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(
         prog="ksd",
         description="Deformed configurations of flexure mechanisms in large deflection, from fast to exact.",
-        epilog="exit codes: 0 solved, 2 bad input, 3 not converged, 4 joint record missing or damaged",
+        epilog="To begin: `ksd new mine`, then `ksd solve mine.toml`; `ksd COMMAND --help` explains one. "
+        "Exit codes: 0 solved, 2 bad input, 3 not converged, 4 joint record missing or damaged, 130 interrupted.",
     )
     top.add_argument("--version", action="version", version=f"ksd {version}")
     commands = top.add_subparsers(title="commands", metavar="COMMAND", dest="command")

@@ -38,21 +38,26 @@ def run(options: argparse.Namespace) -> int:
 def _print(scene: Any, choice: Any, rows: list[Any]) -> None:
     """Print an `EffectCost` per row, and the reason why each effect of the choice is simulated or not."""
     title = f"{scene.name}: every effect switched on and off, the others as chosen"
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     keys = list(dict.fromkeys(key for row in rows for key in row.without))
-    for column in ("effect", "chosen"):
-        table.add_column(column)
-    for column in (*keys, "time [\N{MICRO SIGN}s]", "unknowns"):
-        table.add_column(column, justify="right", min_width=max(map(len, column.split())))
-    for row in rows:
-        changes = row.relative_changes()
-        cells = [_change(changes[k]) if k in changes else "-" for k in keys]
-        on, off = row.times
-        time = "-" if row.failure else f"{1e6 * off:.0f}\N{EN DASH}{1e6 * on:.0f}"
-        count = "-" if row.failure else f"{row.unknowns[1]}\N{EN DASH}{row.unknowns[0]}"
-        table.add_row(row.name, "with" if row.is_simulated else "without", *cells, time, count)
+    names = {
+        "effect": [row.name for row in rows],
+        "chosen": ["with" if row.is_simulated else "without" for row in rows],
+    }
+    changes = [row.relative_changes() for row in rows]
+    answers = {key: [_change(row[key]) if key in row else "-" for row in changes] for key in keys}
+    cost = {
+        "time [\N{MICRO SIGN}s]": [_range(row, 1e6 * row.times[1], 1e6 * row.times[0]) for row in rows],
+        "unknowns": [_range(row, row.unknowns[1], row.unknowns[0]) for row in rows],
+    }
     screen = console()
-    screen.print(table)
+    # cells that do not fit would be cut off: columns go on in a further table
+    shown: dict[str, list[str]] = {}
+    for head, cells in (answers | cost).items():
+        if shown and _table_width(_table("", names, shown | {head: cells})) > screen.width:
+            screen.print(_table(title, names, shown))
+            shown, title = {}, ""
+        shown[head] = cells
+    screen.print(_table(title, names, shown))
     for row in rows:
         if row.failure:
             screen.print(f"{row.name}: no numbers, {row.failure}", soft_wrap=True)
@@ -61,6 +66,27 @@ def _print(scene: Any, choice: Any, rows: list[Any]) -> None:
             f"{'with' if effect.present else 'without'} {effect.name}: {effect_reason(effect, scene)}",
             soft_wrap=True,
         )
+
+
+def _table(title: str, names: dict[str, list[str]], columns: dict[str, list[str]]) -> Table:
+    """A table of cells by column, names to the left, no cell narrower than its text."""
+    table = Table(title=title or None, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for head, cells in (names | columns).items():
+        width = max(map(len, (*head.split(), *cells)), default=0)
+        table.add_column(head, justify="left" if head in names else "right", width=width)
+    for cells in zip(*names.values(), *columns.values(), strict=True):
+        table.add_row(*cells)
+    return table
+
+
+def _table_width(table: Table) -> int:
+    """Characters that a table needs, three between columns."""
+    return sum((column.width or 0) + 3 for column in table.columns)
+
+
+def _range(row: Any, without: float, with_: float) -> str:
+    """The cost without and with an effect, as text; "-" where there are no numbers."""
+    return "-" if row.failure else f"{without:.0f}\N{EN DASH}{with_:.0f}"
 
 
 def _change(value: float) -> str:
