@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Sequence, Set
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -287,9 +287,9 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
 
     # Elastic connections
 
-    def _new_name(self, name: str | None, default: str) -> str:
-        """A name that no joint or leaf has yet. Raises SceneError."""
-        used = {j.name for j in self._joints} | {leaf.name for leaf in self._leaves}
+    def _new_name(self, name: str | None, default: str, more: Set[str] = frozenset()) -> str:
+        """A name that no joint or leaf has yet and that is not in `more`. Raises SceneError."""
+        used = {j.name for j in self._joints} | {leaf.name for leaf in self._leaves} | more
         return _free_name(name, default, used, self.name, each="joint and leaf")
 
     def join(
@@ -322,7 +322,9 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         self, kind: str, a: Any, b: Any, joint: Any, *, at: Any, axis: Any, toward: Any, name: str | None
     ) -> PlacedJoint:
         """A joint placed between links a and b, see `join`; kind: its word in messages. Raises SceneError."""
-        label = self._new_name(name, f"{link_name(a)}-{link_name(b)}")
+        # leaf springs of a constraint are called "name/leaf"
+        constraints = {leaf.name.rpartition("/")[0] for leaf in self._leaves}
+        label = self._new_name(name, f"{link_name(a)}-{link_name(b)}", constraints)
         owner = f"{kind} '{label}'"
         first, second = self._link_pair(a, b, owner)
         if not isinstance(joint, Joint):

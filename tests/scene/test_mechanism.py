@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ksd.errors import SceneError
-from ksd.scene import CrossFlexure, Drive, DriveTerm, FreeCurve, Material, Mechanism, Scene
+from ksd.scene import CrossFlexure, Drive, DriveTerm, FoldedLeaf, FreeCurve, Material, Mechanism, Scene
 from ksd.section import rectangle
 from ksd.units import GPa, deg, mm
 
@@ -128,6 +128,19 @@ def test_free_form_leaves_and_wires():
     assert [leaf.name for leaf in scene.leaves] == ["leaf", "wire"]
     assert (scene.leaves[0].leaf.start_block, scene.leaves[0].leaf.end_block) == ("ground", "stage")
     assert scene.leaves[1].leaf.elements == 3
+
+
+def test_constraints_without_a_name_are_numbered_and_a_used_name_is_named():
+    made = Mechanism("stage")
+    table = made.link("table")
+    fold = FoldedLeaf(STEEL, length=40 * mm, thickness=0.3 * mm, width=20 * mm)
+    for x in (0.0, 0.1):
+        made.constrain(made.ground, table, fold, at=(x, 0, 0), axis="z", toward="y")
+    names = {leaf.name.split("/")[0] for leaf in made.scene().leaves}
+    assert len(names) == 2 and "ground-table" in names
+    with pytest.raises(SceneError, match="the name 'ground-table' is used already"):
+        made.constrain(made.ground, table, fold, at=(0.2, 0, 0), axis="z", toward="y", name="ground-table")
+    assert len(made.scene().leaves) == 4
 
 
 # Bad sentences
