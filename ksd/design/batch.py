@@ -20,6 +20,7 @@ from ksd.checks import clear_argument_errors, similar_name_hint, whole_number
 from ksd.design.arguments import check_drives, check_executor, check_solve_options, drive_value_arrays
 from ksd.design.batch_solver import BatchSolver, scene_factories
 from ksd.design.design_scene import (
+    CANNOT_BE_BUILT,
     DesignsLike,
     MechanismLike,
     build_scene,
@@ -207,9 +208,10 @@ def _combine(results: list[Any], count: int) -> Batch:
     """
     first = next((r for r in results if isinstance(r, DesignResult)), None)
     if first is None:
-        raise SceneError(
-            f"no design could be prepared; the first: {results[0]}; ksd.sweep takes every mechanism"
-        )
+        reason = str(results[0]).removesuffix(".")
+        # a sweep cannot help where the scene itself is missing
+        other = "" if reason.startswith(CANNOT_BE_BUILT) else "; ksd.sweep takes every mechanism"
+        raise SceneError(f"no design could be prepared; the first: {reason}{other}")
     designs: list[DesignResult | None] = []
     reasons: dict[Any, str] = {}
     for d, result in enumerate(results):

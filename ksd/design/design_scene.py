@@ -72,6 +72,10 @@ def build_scene(mechanism: Any, parameters: Mapping[str, Any]) -> Scene:
             scene = scene.scene() if isinstance(scene, Mechanism) else scene
         except (SceneError, ArithmeticError, ValueError) as reason:
             raise SceneError(f"{CANNOT_BE_BUILT}{str(reason).removeprefix(CANNOT_BE_BUILT)}") from reason
+    if scene is None and parameters and callable(mechanism):
+        raise SceneError(
+            f"{CANNOT_BE_BUILT}its function returned None; end it with a return of its ksd.Mechanism"
+        )
     if not isinstance(scene, Scene):
         raise NotAMechanism(
             f"{show(scene)} is not a mechanism: give a function returning a mechanism, or {MECHANISM_HINT}."

@@ -340,6 +340,24 @@ def test_leaf_springs_without_joints_are_sent_to_a_sweep():
         ksd.batch(strip, designs=[{"length": 0.04}], turn=0.05)
 
 
+def test_a_design_without_a_scene_is_named_and_no_sweep_is_offered_for_it():
+    def forgotten(length):
+        if length < 0.1:
+            return bar(length=length)
+        return None
+
+    def short(length):
+        return bar(length="50 mm" if length else length)
+
+    with pytest.raises(ksd.SceneError, match="its function returned None; end it with a return") as told:
+        ksd.batch(forgotten, designs=[{"length": 0.1}], turn=0.05)
+    assert "ksd.sweep" not in str(told.value)
+    with pytest.raises(ksd.SceneError, match=r"cannot be built.*50 \* ksd\.units\.mm$"):
+        ksd.batch(short, designs=[{"length": 0.1}], turn=0.05)
+    table = ksd.sweep(forgotten, designs=[{"length": 0.1}], turn=[0.05], questions=("force",), progress=False)
+    assert "its function returned None" in table["status"][0]
+
+
 def pair(first):
     """Two hinges side by side, in one order or the other."""
     scene = ksd.Mechanism("pair")
