@@ -19,7 +19,7 @@ from ksd.model.arrays import State
 from ksd.model.compile import Model
 from ksd.properties.cache import cached_per_model
 from ksd.properties.printing import PrintableAnswer, format_number
-from ksd.properties.shape import DEFAULT_STATIONS, LeafShape, leaf_members, mechanism_shape
+from ksd.properties.shape import LeafShape, leaf_members, mechanism_shape
 from ksd.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -56,10 +56,10 @@ class Clearance(PrintableAnswer):
         return f"Smallest clearance: {self._line()}"
 
 
-def extent(model: Model, motion: State, *, points: int = DEFAULT_STATIONS) -> Array:
+def extent(model: Model, motion: State) -> Array:
     """Smallest and largest coordinates (2, 3) [m, global] of all leaf springs, width and thickness included."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for leaf in mechanism_shape(model, motion, points=points).leaves:
+    for leaf in mechanism_shape(model, motion).leaves:
         # half extent of the sections along the global axes
         half = 0.5 * (
             np.abs(leaf.axes[:, :, 1]).T * leaf.thickness + np.abs(leaf.axes[:, :, 2]).T * leaf.width
@@ -69,9 +69,9 @@ def extent(model: Model, motion: State, *, points: int = DEFAULT_STATIONS) -> Ar
     return np.array([low, high])
 
 
-def clearance(model: Model, motion: State, *, points: int = DEFAULT_STATIONS) -> Clearance:
+def clearance(model: Model, motion: State) -> Clearance:
     """Clearance of a configuration, see `Clearance`; raises SceneError where no two leaf springs have one."""
-    leaves = mechanism_shape(model, motion, points=points).leaves
+    leaves = mechanism_shape(model, motion).leaves
     one, two = _leaf_pairs(model)
     if not len(one):
         raise SceneError(f"'{model.scene.name}' has no clearance: {why_no_clearance(model.scene)}.")

@@ -62,13 +62,13 @@ def empty_table(*columns: str) -> Any:
     return grid
 
 
-def render_text(*parts: Any, width: int = TABLE_WIDTH) -> PrintedText:
-    """Render rich objects and plain text as text of `width` characters that notebooks show as HTML tables."""
+def render_text(*parts: Any) -> PrintedText:
+    """Render rich objects and plain text as text of TABLE_WIDTH characters that notebooks show as HTML tables."""
     from rich.console import Console
 
     # in a notebook rich would otherwise display the table immediately, in addition to the value of the cell
     console = Console(
-        width=width, highlight=False, markup=False, emoji=False, color_system=None, force_jupyter=False
+        width=TABLE_WIDTH, highlight=False, markup=False, emoji=False, color_system=None, force_jupyter=False
     )
     with console.capture() as text:
         for part in parts:

@@ -439,25 +439,14 @@ def drive_stiffness(
 
 
 def drive_coupling(
-    model: Model,
-    motion: State,
-    link: Any,
-    *,
-    at: Any = None,
-    axes: Any = "global",
-    freed: Iterable[str] = (),
-    load_factor: float = 1.0,
+    model: Model, motion: State, link: Any, *, at: Any = None, load_factor: float = 1.0
 ) -> dict[str, Array]:
-    """Motion (6,) of a point of `link` [m, rad] per unit motion of every held drive, by name of the drive.
+    """Motion (6,) of a point of `link` [m, rad, global] per unit motion of every drive, by name of the drive.
 
     Arguments as in `point_stiffness`.
     """
-    freed = names_of(freed, "freed")
     node = node_of(model, link)
-    found = finer_tangent(model, motion, freed=freed, load_factor=load_factor)
-    rows = [i for i, n in enumerate(model.drive_names) if n not in freed]
+    found = finer_tangent(model, motion, load_factor=load_factor)
     _, B = point_motion(model, found.motion, node, at)
-    columns = _axis_columns(axes, motion.R[node])
-    moved = B @ _drive_response(found, rows)[0][found.unknowns(node)]
-    turned = np.vstack([columns.T @ moved[:3], columns.T @ moved[3:]])
-    return {model.drive_names[i]: turned[:, k] for k, i in enumerate(rows)}
+    moved = B @ _drive_response(found, range(len(model.drive_names)))[0][found.unknowns(node)]
+    return dict(zip(model.drive_names, moved.T, strict=True))
