@@ -74,8 +74,8 @@ def _table(title: str, names: dict[str, list[str]], columns: dict[str, list[str]
     for head, cells in (names | columns).items():
         width = max(map(len, (*head.split(), *cells)), default=0)
         table.add_column(head, justify="left" if head in names else "right", width=width)
-    for cells in zip(*names.values(), *columns.values(), strict=True):
-        table.add_row(*cells)
+    for row in zip(*names.values(), *columns.values(), strict=True):
+        table.add_row(*row)
     return table
 
 

@@ -33,7 +33,7 @@ from ksd.design.questions import (
     frequency_row,
     parse_questions,
 )
-from ksd.design.sweep import check_recipe, sweep_paths
+from ksd.design.sweep import sweep_paths
 from ksd.design.sweep_path import Recipe, adequate_solver
 from ksd.errors import KinematicsError, SceneError
 from ksd.html import join_printed
@@ -196,7 +196,6 @@ def gradient(
         selected, method=method, accuracy=accuracy, relinearisations=0, mesh=mesh, extrapolate=extrapolate,
         effects=(("effects", effects), ("with_", with_), ("without", without)),
     )  # fmt: skip
-    check_recipe(recipe)
     boolean(errors, "errors")
     values = drive_value_arrays(targets, drives, gradient)
     designs = None if at_design is None else [at_design]

@@ -14,6 +14,7 @@ from typing import Any
 from ksd.design.page_parts import cards, document, escape, figure, format_cell, table
 from ksd.design.table import OK, STATUS, Table, label_and_unit
 from ksd.errors import KsdError
+from ksd.scene.listing import in_millimetres, vector_text
 from ksd.solve.answer import as_dict
 from ksd.solve.report import verdict_lines
 
@@ -110,13 +111,15 @@ def _scene(scene: Any) -> list[str]:
     drives = [(d.name, " + ".join(_term(t) for t in d.terms)) for d in scene.drives]
     drives += [(f"{s.name} (held at zero)", " + ".join(_term(t) for t in s.terms)) for s in scene.supports]
     parts.append(table((("drive or support", ""), ("what it prescribes", "")), drives))
-    loads = [(p.name, p.link, _vector(p.force, "N"), _vector(p.moment, "Nm")) for p in scene.loads]
+    loads = [
+        (p.name, p.link, f"{vector_text(p.force)} N", f"{vector_text(p.moment)} Nm") for p in scene.loads
+    ]
     if scene.gravity is not None:
-        loads.append(("gravity", "everything with mass", _vector(scene.gravity, "m/s²"), ""))
+        loads.append(("gravity", "everything with mass", f"{vector_text(scene.gravity)} m/s²", ""))
     if loads:
         parts.append(table((("load", ""), ("on", ""), ("force", ""), ("moment", "")), loads))
     if scene.masses:
-        masses = [(m.link, m.mass, _vector([1e3 * c for c in m.at], "mm")) for m in scene.masses]
+        masses = [(m.link, m.mass, in_millimetres(m.at)) for m in scene.masses]
         parts.append(table((("mass on link", ""), ("mass", "kg"), ("centre", "")), masses))
     return parts
 
@@ -124,14 +127,9 @@ def _scene(scene: Any) -> list[str]:
 def _term(term: Any) -> str:
     """A term of a drive or support as text."""
     factor = "" if term.coefficient == 1.0 else f"{term.coefficient:g} × "
-    along = _vector(term.direction, "")
+    along = vector_text(term.direction)
     motion = f"{term.kind} of {term.link} {'along' if term.kind == 'translation' else 'about'} {along}"
     return factor + motion + ("" if term.base == "ground" else f" relative to {term.base}")
-
-
-def _vector(values: Any, unit: str) -> str:
-    """Components as text, such as "(0, 1, 0) m"; they are in `unit` already."""
-    return f"({', '.join(f'{v:.4g}' for v in values)}) {unit}".strip()
 
 
 def _model(model: Any) -> list[str]:

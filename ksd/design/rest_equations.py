@@ -378,13 +378,3 @@ def _path_tangent(equations: RestEquations, point: Array, previous: Array | None
             "rest_shape: the drawn mechanism can move without any force, so that its rest shape is not determined; hold it "
             "by a drive or support."
         ) from None
-
-
-__all__ = [
-    "ConstraintRow",
-    "PrescribedForce",
-    "RestEquations",
-    "RestSolution",
-    "Term",
-    "solve_rest_equations",
-]

@@ -315,6 +315,3 @@ def deformed_curve(
         # Newton steps to the points whose position along the deformed line is that of the stations
         u = np.clip(u - (s.evaluate(sigma, u) - s.u) * total / s.evaluate(rate, u), 0.0, 1.0)
     return s.curve(length * total, side * s.evaluate(line_curvature, u))
-
-
-__all__ = ["DeformedLeaf", "PlaneAxes", "deformed_curve", "plane_axes", "rotation_matrix"]

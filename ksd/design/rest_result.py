@@ -127,6 +127,3 @@ class RestShape(PrintableAnswer, Scene):
                 (placed.name, s, *p) for s, p in zip(stations.tolist(), line.tolist(), strict=True)
             )
         return write_file(path, text.getvalue(), what="table")
-
-
-__all__ = ["CHECK_MESH", "RestShape", "leaf_pieces"]

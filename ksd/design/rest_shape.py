@@ -478,6 +478,3 @@ def _equilibrium_check(shape: RestShape, moves: Mapping[str, RigidMove], mesh: M
     if unbalanced > RETURN_TOLERANCE * leaf_force:
         return f"held in the wanted shape {format_number(unbalanced, 2)} N are missing to equilibrium; "
     return "in equilibrium in the wanted shape, where it has to be led by hand or is not stable: "
-
-
-__all__ = ["rest_shape"]

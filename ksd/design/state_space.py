@@ -124,18 +124,12 @@ def state_space(
     A[k:, k:] = -np.diag(2 * damping * np.sqrt(np.abs(squared)))
     B = np.vstack([np.zeros((k, len(freed))), phi.T])
     C = np.hstack([phi, np.zeros((len(freed), k))])
-    D = _static_compliance(pose, freed) - (phi / squared) @ phi.T
+    stiffness = pose.drive_stiffness()
+    rows = [stiffness.names.index(d) for d in freed]
+    D = np.linalg.inv(stiffness.matrix[np.ix_(rows, rows)]) - (phi / squared) @ phi.T
     kinds = {d.name: drive_kind(d) for d in pose.model.scene.drives}
     inputs = tuple({"translation": "N", "rotation": "Nm"}.get(kinds[d], "SI") for d in freed)
     outputs = tuple({"mm": "m", "deg": "rad"}.get(DRIVE_VALUE_UNITS[kinds[d]][0], "SI") for d in freed)
     return StateSpace(
         A, B, C, 0.5 * (D + D.T), freed, inputs, outputs, lowest_modes.frequency_Hz.copy(), dict(pose.targets)
     )
-
-
-def _static_compliance(pose: Any, freed: tuple[str, ...]) -> Array:
-    """Static compliance (d, d) of the freed drives, the others fixed [m/N, rad/N or rad/Nm]."""
-    stiffness = pose.drive_stiffness()
-    rows = [stiffness.names.index(d) for d in freed]
-    compliance: Array = np.linalg.inv(stiffness.matrix[np.ix_(rows, rows)])
-    return compliance

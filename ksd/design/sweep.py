@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ksd.checks import boolean, clear_argument_errors
-from ksd.design.arguments import check_drives, check_executor, check_solve_options, drive_value_arrays
+from ksd.design.arguments import check_drives, check_executor, drive_value_arrays
 from ksd.design.design_scene import (
     DesignsLike,
     MechanismLike,
@@ -47,7 +47,7 @@ from ksd.model.mesh import Mesh
 from ksd.numerics.processes import process_pool, spawn_context
 from ksd.properties.printing import progress_bar
 from ksd.scene.link import Link
-from ksd.solve.solver import METHODS, Method
+from ksd.solve.solver import Method
 
 BLOCKS_PER_WORKER = 4
 """Blocks of paths for each worker, so that none is idle for long at the end."""
@@ -118,7 +118,6 @@ def sweep(
         method=method, accuracy=accuracy, relinearisations=relinearisations, mesh=mesh, extrapolate=extrapolate,
         effects=(("effects", effects), ("with_", with_), ("without", without)),
     )  # fmt: skip
-    check_recipe(recipe)
     check_executor(executor)
     boolean(together, "together")
     boolean(progress, "progress")
@@ -173,14 +172,6 @@ def fingerprint(paths: Sequence[SweepPath], recipe: Recipe) -> str:
         scene = path.failure if path.scene is None else path.scene.fingerprint()
         digest.update(f"{path.number} {dict(path.labels)} {scene} {path.drive_values}".encode())
     return digest.hexdigest()
-
-
-def check_recipe(recipe: Recipe) -> None:
-    """Raise SceneError for invalid options of a recipe."""
-    check_solve_options(
-        mesh=recipe.mesh, relinearisations=recipe.relinearisations, accuracy=recipe.accuracy, method=recipe.method,
-        methods=METHODS, extrapolate=recipe.extrapolate,
-    )  # fmt: skip
 
 
 class _Results(NamedTuple):

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ksd.design.arguments import check_solve_options
 from ksd.design.questions import (
     NOT_ANSWERED,
     POSE_ERRORS,
@@ -33,7 +34,7 @@ from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import solve_conventional
 from ksd.solve.plate_stiffening import solve_with_plate_factors
 from ksd.solve.pose_batch import STATUS_MESSAGES, UNSTABLE
-from ksd.solve.solver import DEFAULT_ACCURACY, MAX_RISES, Method, Solver
+from ksd.solve.solver import DEFAULT_ACCURACY, MAX_RISES, METHODS, Method, Solver
 from ksd.solve.verdict import with_mesh_check
 
 Row = dict[str, Any]
@@ -48,7 +49,7 @@ class Recipe:
     """How every pose is solved, and the questions about it; see `ksd.sweep`.
 
     with_verdict: rows hold stability, method and warnings, and modes keep their names along a path. Without it a pose that
-    is not stable has no answers, and its modes are named as in `Modes.names`.
+    is not stable has no answers, and its modes are named as in `Modes.names`. Raises SceneError for invalid options.
     """
 
     questions: Questions
@@ -59,6 +60,12 @@ class Recipe:
     extrapolate: bool = False
     effects: tuple[tuple[str, Any], ...] = ()
     with_verdict: bool = True
+
+    def __post_init__(self) -> None:
+        check_solve_options(
+            mesh=self.mesh, relinearisations=self.relinearisations, accuracy=self.accuracy, method=self.method,
+            methods=METHODS, extrapolate=self.extrapolate,
+        )  # fmt: skip
 
     def fingerprint_text(self) -> str:
         """Text of the recipe in the fingerprint of a resume file; it must not change, or old files are refused."""

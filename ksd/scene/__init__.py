@@ -1,4 +1,4 @@
-"""The description of mechanisms: materials, joints, links, drives, loads. Imports no package but numpy."""
+"""The description of mechanisms: materials, joints, links, drives, loads. Imports numpy, and scipy for splines, alone."""
 
 from ksd.scene.curve import Arc, Curve, FreeCurve
 from ksd.scene.drive import GROUND, Drive, DriveTerm

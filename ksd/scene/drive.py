@@ -98,3 +98,11 @@ def _component(term: DriveTerm) -> tuple[Any, ...]:
     # the rotation of a rigid link is the same at every point of it
     point = tuple(round(c, 12) + 0.0 for c in term.point) if term.kind == "translation" else ()
     return (term.kind, term.base, term.link, along, point, sign * term.coefficient)
+
+
+def direction_suffix(term: DriveTerm) -> str:
+    """x, y, z for a displacement along a global axis, rx, ry, rz for a rotation about one; "" for other directions."""
+    for axis, component in zip("xyz", term.direction, strict=True):
+        if abs(abs(component) - 1.0) < 1e-9:
+            return axis if term.kind == "translation" else f"r{axis}"
+    return ""

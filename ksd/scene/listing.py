@@ -39,8 +39,8 @@ def _rows(scene: Any) -> Iterable[tuple[str, str, str, str]]:
         for d in drives:
             yield kind, d.name, d.terms[0].link, " + ".join(map(_term, d.terms))
     for p in scene.loads:
-        force = [f"force {_vector(p.force)} N"] * any(p.force)
-        moment = [f"moment {_vector(p.moment)} Nm"] * any(p.moment)
+        force = [f"force {vector_text(p.force)} N"] * any(p.force)
+        moment = [f"moment {vector_text(p.moment)} Nm"] * any(p.moment)
         yield "load", p.name, p.link, ", ".join(force + moment) + ", following" * p.following
     for m in scene.masses:
         yield "mass", "", m.link, f"{m.mass:.4g} kg at {in_millimetres(m.at)}"
@@ -48,7 +48,7 @@ def _rows(scene: Any) -> Iterable[tuple[str, str, str, str]]:
         unit = "Nm/rad" if hasattr(s, "axis") else "N/m"
         yield "spring", s.name, f"{s.a} to {s.b}", f"{s.stiffness:.4g} {unit}"
     if scene.gravity is not None:
-        yield "gravity", "", "", f"{_vector(scene.gravity)} m/s\N{SUPERSCRIPT TWO}"
+        yield "gravity", "", "", f"{vector_text(scene.gravity)} m/s\N{SUPERSCRIPT TWO}"
     for c in scene.compliances:
         yield "flexible", "", c.link, "link"
     for kind, parts in (("heat", scene.heats), ("assembly error", scene.fits)):
@@ -59,15 +59,17 @@ def _rows(scene: Any) -> Iterable[tuple[str, str, str, str]]:
 def _term(term: Any) -> str:
     """A drive term as text."""
     factor = "" if term.coefficient == 1.0 else f"{term.coefficient:g} \N{MULTIPLICATION SIGN} "
-    component = f"{term.kind} {'along' if term.kind == 'translation' else 'about'} {_vector(term.direction)}"
+    component = (
+        f"{term.kind} {'along' if term.kind == 'translation' else 'about'} {vector_text(term.direction)}"
+    )
     return factor + component + ("" if term.base == "ground" else f" relative to {term.base}")
 
 
 def in_millimetres(position: Any) -> str:
     """A position (3,) [m] as text in mm."""
-    return f"{_vector(position, 1e3)} mm"
+    return f"{vector_text(position, 1e3)} mm"
 
 
-def _vector(values: Any, scale: float = 1.0) -> str:
+def vector_text(values: Any, scale: float = 1.0) -> str:
     """A vector times `scale` as text."""
     return f"({', '.join(f'{scale * v:.4g}' for v in values)})"

@@ -28,7 +28,7 @@ from ksd.checks import (
 from ksd.errors import SceneError, UnknownNameError, UnknownWordError
 from ksd.html import NotebookTables
 from ksd.scene.curve import Curve
-from ksd.scene.drive import GROUND, Drive, DriveTerm
+from ksd.scene.drive import GROUND, Drive, DriveTerm, direction_suffix
 from ksd.scene.effects import (
     OPTIONAL_EFFECTS,
     Compliance,
@@ -47,7 +47,6 @@ from ksd.scene.link import Link, link_name
 from ksd.scene.link_matrix import link_matrix
 from ksd.scene.load import Load, PointMass
 from ksd.scene.material import Material
-from ksd.scene.placement import direction_suffix, joint_rotation
 from ksd.scene.profile import Profile
 from ksd.scene.rules import check_scene
 from ksd.scene.scene import (
@@ -58,6 +57,7 @@ from ksd.scene.scene import (
     global_leaf,
     hold_same_objects,
     joint_angle,
+    joint_rotation,
 )
 from ksd.section import Section
 

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ksd.checks import Vector, as_given, as_vector, dot
+from ksd.checks import Vector, as_given, as_vector, cross, direction, dot, show, unit
+from ksd.errors import SceneError
 from ksd.html import NotebookTables
 from ksd.scene.curve import Curve
 from ksd.scene.drive import GROUND, Drive
@@ -211,6 +212,29 @@ def hold_same_objects(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
         if not all(map(operator.is_, first, second)):
             return False
     return True
+
+
+def joint_rotation(axis: Any, toward: Any, owner: str) -> Matrix:
+    """Rotation matrix (3, 3) with columns x = toward, y = axis x toward, z = axis.
+
+    Raises SceneError unless axis and toward are perpendicular.
+    """
+    # in plain numbers: a design loop calls this for every joint, and arrays of three cost ten times as much
+    z = direction(axis, "axis", owner=owner)
+    x = direction(toward, "toward", owner=owner)
+    cosine = dot(x, z)
+    if abs(cosine) > 1e-6:
+        raise SceneError(
+            f"{owner}: toward = {show(toward)} must be perpendicular to axis = {show(axis)}; "
+            f"the angle between them is {np.degrees(np.arccos(np.clip(cosine, -1, 1))):.4g} degrees."
+        )
+    if abs(cosine) > 1e-15:
+        x = unit(tuple(a - cosine * b for a, b in zip(x, z, strict=True)))
+    y = cross(z, x)
+    # -0.0 becomes 0.0
+    return (
+        (x[0] + 0.0, y[0] + 0.0, z[0] + 0.0), (x[1] + 0.0, y[1] + 0.0, z[1] + 0.0), (x[2] + 0.0, y[2] + 0.0, z[2] + 0.0),
+    )  # fmt: skip
 
 
 def joint_angle(joint: PlacedJoint, motion: Motion) -> tuple[str, Vector, Vector]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
@@ -296,7 +297,5 @@ def toml_string(text: str) -> str:
     """Text as a basic string of TOML. Raises SceneError."""
     if any("\ud800" <= c <= "\udfff" for c in text):
         raise SceneError(f"the name {show(text)} holds half a character and cannot be written to a file.")
-    escapes = {'"': '\\"', "\\": "\\\\"}
-    return (
-        '"' + "".join(escapes.get(c, f"\\u{ord(c):04x}" if c < " " or c == "\x7f" else c) for c in text) + '"'
-    )
+    # a string of JSON is one of TOML, but that TOML escapes DEL, too
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
