@@ -14,11 +14,11 @@ from common import STROKE, element_mesh, fourbar, summarise_times
 
 import ksd
 from ksd.model.arrays import Arrays, State, Workspace, make_workspace
-from ksd.model.newton import assemble, solve_equilibrium, take_step
+from ksd.model.newton import RTOL, assemble, solve_equilibrium, take_step
 from ksd.numerics.blocks import backward_blocks, factor_blocks, solve_blocks
 from ksd.solve.five_step_solver import CLOSURE_TOLERANCE
 from ksd.solve.five_steps import run_five_steps
-from ksd.solve.steps import MAX_TURN_PER_STEP, RTOL
+from ksd.solve.steps import MAX_TURN_PER_STEP
 
 TARGET = np.array([STROKE])
 WARM_UP_ROUNDS = 3

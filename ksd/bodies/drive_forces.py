@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 
-from ksd.bodies.joint_arrays import CLOSING_COUNT, FIRST_MOTION, JOINT_COUNT, MONOMIAL_COUNT
-from ksd.bodies.joint_poses import joint_poses
-from ksd.bodies.kinematics import MIN_PIVOT, least_squares, least_squares_scratch, loop_equations
+from ksd.bodies.joint_arrays import CLOSING_COUNT, FIRST_MOTION, JOINT_COUNT
+from ksd.bodies.kinematics import MIN_PIVOT, least_squares, least_squares_scratch, loop_equations_at
 from ksd.model.arrays import (
     LOAD_FOLLOWING,
     LOAD_FORCE,
@@ -35,33 +34,9 @@ def drive_forces(ints, floats, joint_ints, geometry, theta, target, x, R, pose, 
     that of the loads, mu_i = -Q . J^+ e_i, where J^+ e_i is the change of theta per unit of row i while the loops stay
     closed. Multipliers that are undetermined are nan.
     """
-    closing, motions, links = 6 * joint_ints[CLOSING_COUNT], len(theta), len(x)
-    rows, length_scale = closing + ints[ROWS], floats[0]
-    W, J, series = (
-        np.zeros((links, motions, 6)),
-        np.zeros((rows, motions)),
-        np.empty((3, joint_ints[MONOMIAL_COUNT])),
-    )
-    residual, Q, rate = np.zeros(rows), np.zeros(motions), np.zeros(motions)
-    ancestry, scratch = np.empty((2, links), np.int64), least_squares_scratch(rows, motions)
-    frames, slope = np.empty((4, 4, 3)), np.empty((8, 3))
-    joint_poses(joint_ints, geometry, theta, pose, series)
-    loop_equations(
-        ints,
-        floats,
-        joint_ints,
-        geometry,
-        target,
-        x,
-        R,
-        pose,
-        ancestry,
-        W,
-        J,
-        residual,
-        frames,
-        slope,
-    )
+    closing, motions, length_scale = 6 * joint_ints[CLOSING_COUNT], len(theta), floats[0]
+    residual, J, W = loop_equations_at(ints, floats, joint_ints, geometry, theta, target, x, R, pose)
+    Q, rate, scratch = np.zeros(motions), np.zeros(motions), least_squares_scratch(len(residual), motions)
     for j in range(joint_ints[JOINT_COUNT]):
         first = joint_ints[joint_ints[FIRST_MOTION] + j]
         for q in range(first, joint_ints[joint_ints[FIRST_MOTION] + j + 1]):

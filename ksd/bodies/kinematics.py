@@ -22,7 +22,6 @@ from ksd.bodies.joint_arrays import (
     MONOMIAL_COUNT,
     TREE,
     TREE_COUNT,
-    JointKinematics,
 )
 from ksd.bodies.joint_poses import joint_poses
 from ksd.model.arrays import (
@@ -32,8 +31,6 @@ from ksd.model.arrays import (
     TERM_KIND,
     TERM_NODE,
     TRANSLATION,
-    Arrays,
-    State,
 )
 from ksd.model.loading import term_slope
 from ksd.numerics.kernel import kernel
@@ -41,6 +38,8 @@ from ksd.numerics.rotations import rotation_log
 
 MIN_PIVOT = 1e-13
 """Relative pivot of the normal equations below which they count as singular."""
+MAX_ITERATIONS = 40
+"""Gauss-Newton iterations of step 1."""
 MAX_STEP = 0.5
 """Largest change of an intended motion in one iteration (rad, or stroke over joint length)."""
 CONVERGED_STEP = 1e-6
@@ -341,27 +340,29 @@ def least_squares(J, residual, step, scratch):
     return worst
 
 
-def close_loops(
-    arrays: Arrays,
-    kinematics: JointKinematics,
-    theta: np.ndarray,
-    target: np.ndarray,
-    motion: State,
-    pose: np.ndarray,
-    max_iterations: int,
-) -> tuple[int, int, float]:
-    """Solve step 1 in place. Returns (reason, iterations, largest residual [m]).
+@kernel
+def loop_equations_at(ints, floats, joint_ints, geometry, theta, target, x, R, pose):
+    """Residual (E,), Jacobian J (E, motions) and twists W (k, motions, 6) of `loop_equations` at theta.
 
-    reason: 0 closed, 1 too many iterations, 3 singular, 5 not finite.
+    Link poses are written into x, R, joint poses into pose (J, 24).
     """
-    result: tuple[int, int, float] = _close(
-        *arrays.flat[:2], *kinematics.flat, theta, target, motion.x, motion.R, pose, max_iterations
-    )
-    return result
+    rows, motions, links = 6 * joint_ints[CLOSING_COUNT] + ints[ROWS], len(theta), len(x)
+    residual, J, W = np.zeros(rows), np.zeros((rows, motions)), np.zeros((links, motions, 6))
+    series, ancestry = np.empty((3, joint_ints[MONOMIAL_COUNT])), np.empty((2, links), np.int64)
+    joint_poses(joint_ints, geometry, theta, pose, series)
+    loop_equations(
+        ints, floats, joint_ints, geometry, target, x, R, pose, ancestry, W, J, residual, np.empty((4, 4, 3)),
+        np.empty((8, 3)),
+    )  # fmt: skip
+    return residual, J, W
 
 
 @kernel
-def _close(ints, floats, joint_ints, geometry, theta, target, x, R, pose, max_iterations):
+def close_loops(ints, floats, joint_ints, geometry, theta, target, x, R, pose):
+    """Solve step 1 in place, from the motions theta. Returns (reason, iterations, largest residual [m]).
+
+    reason: 0 closed, 1 too many iterations, 3 singular, 5 not finite; arguments: see `loop_equations`.
+    """
     rows, motions, links = 6 * joint_ints[CLOSING_COUNT] + ints[ROWS], len(theta), len(x)
     W, J, series = (
         np.zeros((links, motions, 6)),
@@ -380,8 +381,8 @@ def _close(ints, floats, joint_ints, geometry, theta, target, x, R, pose, max_it
             for r in range(len(residual)):
                 gap = max(gap, abs(residual[r]))
             return 0, n, gap
-        if n == max_iterations:
-            return 1, max_iterations, math.inf
+        if n == MAX_ITERATIONS:
+            return 1, n, math.inf
         if not least_squares(J, residual, step, scratch) > MIN_PIVOT:
             return 3, n, math.inf
         largest = apply_limited_step(theta, step)

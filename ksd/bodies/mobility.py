@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ksd.bodies.joint_poses import joint_poses
 from ksd.bodies.joints import JointBodies
-from ksd.bodies.kinematics import loop_equations
+from ksd.bodies.kinematics import loop_equations_at
 from ksd.errors import KinematicsError
 from ksd.model.compile import Model
 
@@ -30,18 +29,13 @@ _AXES = ("x", "y", "z")
 def _jacobian(bodies: JointBodies, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Jacobian J (E, motions) of loops and constraint rows at theta, and the twists W (nodes, motions, 6) of all nodes."""
     arrays, kinematics = bodies.reduced, bodies.kinematics
-    rows = 6 * len(kinematics.closing) + len(arrays.terms.start)
-    motions = len(theta)
-    J, residual = np.zeros((rows, motions)), np.zeros(rows)
-    W = np.zeros((len(arrays.start), motions, 6))
-    pose, series = np.zeros((len(kinematics.node), 24)), np.zeros((3, kinematics.pose.shape[2]))
-    target, ancestry = np.zeros(len(arrays.terms.start)), np.zeros((2, len(arrays.start)), np.int64)
-    x, R = bodies.reduced_rest.x.copy(), bodies.reduced_rest.R.copy()
-    joint_poses(*kinematics.flat, theta, pose, series)
-    frames, slope = np.zeros((4, 4, 3)), np.zeros((8, 3))
-    loop_equations(
-        *arrays.flat[:2], *kinematics.flat, target, x, R, pose, ancestry, W, J, residual, frames, slope
-    )  # fmt: skip
+    x, R, target = (
+        bodies.reduced_rest.x.copy(),
+        bodies.reduced_rest.R.copy(),
+        np.zeros(len(arrays.terms.start)),
+    )
+    pose = np.zeros((len(kinematics.node), 24))
+    _, J, W = loop_equations_at(*arrays.flat[:2], *kinematics.flat, theta, target, x, R, pose)
     return J, W
 
 

@@ -27,41 +27,14 @@ from ksd.bodies.joint_arrays import (
     NEAR_FUNCTION_COUNT,
     NEAR_JOINT,
     NEAR_TARGET,
-    InteriorFunctions,
     JointKinematics,
 )
 from ksd.bodies.joint_poses import monomials, pose_from_polynomials
 from ksd.bodies.kinematics import interface_pose
 from ksd.model.arrays import Arrays, State, Workspace
-from ksd.model.newton import ROUNDING_MULTIPLE, assemble
 from ksd.numerics.blocks import BLOCKS, DIAGONAL, START, backward_blocks, factor_blocks, forward_blocks
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_log
-
-
-def set_near_configuration(
-    kinematics: JointKinematics,
-    interior: InteriorFunctions,
-    theta: np.ndarray,
-    pose: np.ndarray,
-    motion: State,
-    work: Workspace,
-) -> None:
-    """Step 2, first half: set the near configuration, the state of the substructures at pure intended motion theta.
-
-    It follows from the database functions only. pose (J, 24): poses of step 1. Nodes of the substructures:
-    internal blocks as in `InteriorFunctions`; the last J are the interfaces B.
-    """
-    _set_near_state(
-        *kinematics.flat,
-        *interior.flat,
-        theta,
-        pose,
-        motion.x,
-        motion.R,
-        motion.inner,
-        work.linearisation,
-    )
 
 
 @kernel(inline="late")
@@ -87,7 +60,15 @@ def _evaluate_functions(
 
 
 @kernel
-def _set_near_state(joint_ints, geometry, interior_ints, interior_floats, theta, pose, x, R, inner, near):
+def set_near_configuration(
+    joint_ints, geometry, interior_ints, interior_floats, theta, pose, x, R, inner, near
+):  # fmt: skip
+    """Step 2, first half: set the near configuration, the state of the substructures at pure intended motion theta.
+
+    It follows from the database functions only. pose (J, 24): poses of step 1; x, R, inner: of the substructures, whose
+    nodes are the internal blocks as in `InteriorFunctions` and last the J interfaces B; near:
+    `ksd.model.arrays.Workspace.linearisation`.
+    """
     joints, size = joint_ints[JOINT_COUNT], joint_ints[MONOMIAL_COUNT]
     series, counts = np.empty((joints, 3, size)), np.empty(joints, np.int64)
     block_pose, f = np.empty((1, 24)), np.empty((3, 6))
@@ -114,22 +95,10 @@ def _set_near_state(joint_ints, geometry, interior_ints, interior_floats, theta,
 
 
 def condense_joints(
-    substructures: Arrays, joints: int, motion: State, work: Workspace, near: int, reduced_inner: np.ndarray
-) -> int:
-    """Linearise all joints at `motion` and condense them; write the linear bodies (d0, R0, F, K) of step 3 into
-    reduced_inner.
-
-    near: see `ksd.model.newton.assemble`. Returns the worst status of a leaf.
-    """
-    *_, status = assemble(substructures, motion, np.zeros(0), 1.0, work, 1e-8, near, ROUNDING_MULTIPLE)
-    condense_assembled(substructures, joints, motion, work, reduced_inner)
-    return status
-
-
-def condense_assembled(
     substructures: Arrays, joints: int, motion: State, work: Workspace, reduced_inner: np.ndarray
 ) -> None:
-    """Condense the substructures as assembled in `work`: the second half of `condense_joints`."""
+    """Condense all joints, as assembled in `work` at `motion`; write the linear bodies (d0, R0, F, K) of step 3 into
+    reduced_inner."""
     _condense_blocks(
         substructures.plan.ints, substructures.start, joints, motion.x, motion.R, work.matrix, work.scaled_rows, work.rhs,
         reduced_inner,

@@ -61,7 +61,7 @@ def rest_stiffness(leaf: Any, mesh: Mesh) -> np.ndarray:
     alone = Scene("leaf", (GROUND, "end"), leaves=(PlacedLeaf("leaf", GROUND, "end", leaf),))
     model = compile_as_is(alone, mesh)
     arrays, work = model.arrays, make_workspace(model.arrays)
-    assemble(arrays, model.rest, np.zeros(0), 0.0, work, 1e-8, 0, 10.0)
+    assemble(arrays, model.rest, np.zeros(0), 0.0, work)
     K = work.matrix[arrays.plan.diagonal[0] :][:36].reshape(6, 6)
     if np.abs(work.rhs[:6]).max() > 1e-9 * np.abs(K).max() * leaf.length:
         raise SceneError(
@@ -147,7 +147,7 @@ def _equilibrate_inside(arrays: Arrays, state: State, work: Workspace, rounding:
     no_step, target = np.zeros(arrays.plan.unknowns), np.zeros(len(arrays.terms.start))
     for _ in range(MAX_NEWTON_STEPS):
         before = state.inner.copy()
-        assemble(arrays, state, target, 0.0, work, 1e-8, 0, 10.0)
+        assemble(arrays, state, target, 0.0, work)
         take_step(arrays, state, no_step, work, 1.0)
         change = np.abs(state.inner - before).max(initial=0.0)
         if not np.isfinite(change):

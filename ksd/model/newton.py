@@ -66,6 +66,8 @@ from ksd.numerics.blocks import BLOCKS, factor_blocks, solve_blocks
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import reorthonormalise, rotate
 
+RTOL = 1e-8
+"""Residual of a node, relative to the sum of the element forces on it, at which Newton has converged."""
 ROUNDING_MULTIPLE = 10.0
 """Factor on the rounding error of stiffness times position in the residual bounds."""
 STALLED_RESIDUAL_LIMIT = 1000.0
@@ -424,7 +426,7 @@ NewtonResult = tuple[int, int, float, int, float]
 
 def _run(
     arrays: Arrays | KernelArrays, motion: State, target: np.ndarray, work: Workspace, task: int, *, linearise: int = 0,
-    max_steps: int = 0, factor: float = 1.0, rtol: float = 1e-8, rounding: float = ROUNDING_MULTIPLE,
+    max_steps: int = 0, factor: float = 1.0, rtol: float = RTOL, rounding: float = ROUNDING_MULTIPLE,
     max_turn: float = math.inf, divergence_limit: float = math.inf,
 ) -> NewtonResult:  # fmt: skip
     # arguments are converted because every other type would be compiled again
@@ -460,9 +462,9 @@ def assemble(
     target: np.ndarray,
     factor: float,
     work: Workspace,
-    rtol: float,
-    linearise: int,
-    rounding: float,
+    rtol: float = RTOL,
+    linearise: int = 0,
+    rounding: float = ROUNDING_MULTIPLE,
 ) -> tuple[float, float, int, int]:
     """Residual and tangent at `motion`. Returns (residual over its bound, largest gap [m], negatives, status).
 
@@ -497,7 +499,7 @@ def check_residual(
     target: np.ndarray,
     factor: float,
     work: Workspace,
-    rtol: float,
+    rtol: float = RTOL,
 ) -> tuple[float, int, int]:
     """Residual over its bound, negative pivots and status at `motion`; the Newton step is left in work.rhs."""
     status, _, worst, negatives, _ = _run(arrays, motion, target, work, CHECK, factor=factor, rtol=rtol)
@@ -510,14 +512,13 @@ def take_newton_step(
     target: np.ndarray,
     factor: float,
     work: Workspace,
-    rtol: float,
 ) -> float:
     """Take a full Newton step from `motion`, in place, and return its size.
 
     The size is the larger of 1e6 times the largest rotation of a node [rad] and 1e7 times the largest displacement over the
     size of the mechanism.
     """
-    return _run(arrays, motion, target, work, FULL_STEP, factor=factor, rtol=rtol)[2]
+    return _run(arrays, motion, target, work, FULL_STEP, factor=factor)[2]
 
 
 def take_step_at_fixed_rows(

@@ -288,7 +288,7 @@ def _chain_tangent(model: Model, motion: State, rows: Iterable[int], load_factor
     """Node tangent (n, n) of a model of chains without inner nodes, with constraint `rows` released."""
     arrays = model.arrays
     work = make_workspace(arrays)
-    assemble(arrays, motion, np.zeros(len(arrays.terms.start)), load_factor, work, 1e-8, 0, 10.0)
+    assemble(arrays, motion, np.zeros(len(arrays.terms.start)), load_factor, work)
     release_rows(arrays, work.matrix, rows)
     return stored_matrix(arrays, work.matrix)
 
@@ -353,7 +353,7 @@ def _strain_rates(model: Model, motion: State) -> Array:
     for k in range(6):
         state.inner[:] = 0.0
         state.inner[members.inner_at[:-1] + k] = 1.0
-        assemble(arrays, state, target, 0.0, work, 1e-8, 0, 10.0)
+        assemble(arrays, state, target, 0.0, work)
         D[:, k] = work.lam[: len(number), 6:]
     relative = end_jacobians(end_frames(model, motion, np.arange(len(number))))[1]
     rates: Array = D @ relative

@@ -434,7 +434,7 @@ def rest_matrix(model: Model) -> Array:
     """Tangent (n, n) of an undeformed model without loads, in the order of its unknowns."""
     arrays = exact_tangent_arrays(model)
     work = make_workspace(arrays)
-    assemble(arrays, model.rest, np.zeros(len(arrays.terms.start)), 0.0, work, 1e-8, 0, 10.0)
+    assemble(arrays, model.rest, np.zeros(len(arrays.terms.start)), 0.0, work)
     return stored_matrix(arrays, work.matrix)
 
 

@@ -135,7 +135,7 @@ def end_wrenches(model: Model, motion: State, *, load_factor: float = 1.0) -> Ar
     if model.kinds - {STRAIN}:
         # the assembly condenses the inner unknowns and stores the end wrenches
         held, work = np.zeros(len(motion.multiplier)), make_workspace(model.arrays)
-        assemble(model.arrays, motion, held, load_factor, work, 1e-8, 0, 10.0)
+        assemble(model.arrays, motion, held, load_factor, work)
         found[:] = work.lam[: len(found), :6]
     for group in leaf_groups(model):
         found[group.members] = motion.inner[group.inner_index][:, group.modes :]

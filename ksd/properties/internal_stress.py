@@ -159,7 +159,7 @@ def _chain_change(model: Model, motion: State, load_factor: float, points: int) 
         frame[member, 1] = frame[member, 1] @ Rotation.from_rotvec(misplaced[3:]).as_matrix()
         moved = arrays._replace(members=members._replace(offset=offset, frame=frame))
         state = motion.copy()
-        take_newton_step(moved, state, target, load_factor, make_workspace(moved), 1e-8)
+        take_newton_step(moved, state, target, load_factor, make_workspace(moved))
         return section_forces(replace(model, arrays=moved), state, **options)  # type: ignore[arg-type]
 
     # the step to the equilibrium of the chains, where the state is not quite one, cancels in the difference

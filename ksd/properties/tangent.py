@@ -144,7 +144,7 @@ def batch_responses(states: StateBatch, loads: Array) -> BatchResponse:
     ):
         if len(work.weight):
             work.weight[:] = arrays.weight
-        _, _, inner_negatives, status = assemble(arrays, motion, held, factor, work, 1e-8, 0, 10.0)
+        _, _, inner_negatives, status = assemble(arrays, motion, held, factor, work)
         stored[:] = work.matrix
         negatives, pivot = factor_blocks(plan, work.matrix, work.scaled_rows, len(topology.plan.size))
         if pivot > SINGULAR_PIVOT:
@@ -352,7 +352,7 @@ def assemble_tangent(
     arrays = exact_tangent_arrays(model)
     work = make_workspace(arrays)
     held = np.zeros(len(arrays.terms.start)) if target is None else target
-    _, _, inner_negatives, _ = assemble(arrays, motion, held, load_factor, work, 1e-8, 0, 10.0)
+    _, _, inner_negatives, _ = assemble(arrays, motion, held, load_factor, work)
     skew = skew_block(arrays, motion, load_factor)
     return AssembledTangent(model, motion, arrays, work.matrix.copy(), int(inner_negatives), skew, work)
 

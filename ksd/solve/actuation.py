@@ -14,10 +14,9 @@ from ksd.checks import show
 from ksd.errors import SceneError
 from ksd.model.arrays import State, make_workspace
 from ksd.model.compile import Model
-from ksd.model.newton import ROUNDING_MULTIPLE, assemble
+from ksd.model.newton import assemble
 from ksd.numerics.rotations import rotation_exp
 from ksd.scene.hinges import plane_normal
-from ksd.solve.steps import RTOL
 
 Array = NDArray[np.float64]
 BALANCE_TOLERANCE = 1e-6
@@ -77,7 +76,7 @@ class Actuation:
     def __call__(self, state: State) -> RequiredForces:
         """The loads that hold a state whose multipliers are zero."""
         work = self.work
-        assemble(self.arrays, state, self.zero_target, 1.0, work, RTOL, 0, ROUNDING_MULTIPLE)
+        assemble(self.arrays, state, self.zero_target, 1.0, work)
         needed = work.rhs[self.link_unknowns]
         weighted = (self.weight * needed).ravel()
         forces = np.zeros(self.rows)

@@ -19,7 +19,6 @@ from ksd.errors import ConvergenceError
 from ksd.model.arrays import State, Workspace, make_workspace
 from ksd.model.compile import Model
 from ksd.model.newton import (
-    ROUNDING_MULTIPLE,
     STALLED_RESIDUAL_LIMIT,
     assemble,
     largest_displacement,
@@ -31,7 +30,7 @@ from ksd.numerics.indefinite import equilibration, negative_inertia
 from ksd.properties.nonconservative import count_negative_eigenvalues, skew_tangent
 from ksd.properties.tangent import stored_matrix
 from ksd.solve.load_steps import SAME_STATE_TOLERANCE, LoadPath, state_difference
-from ksd.solve.steps import RTOL, Stop
+from ksd.solve.steps import Stop
 
 Array = NDArray[np.float64]
 MAX_ARC = 0.15
@@ -156,9 +155,7 @@ class ArcLengthNewton:
         moved = math.inf
         step, corrections = predictor, np.zeros(n + 1)
         for count in range(max_iterations + 1):
-            worst, _, inside, status = assemble(
-                arrays, motion, *self.path.values_at(f), work, RTOL, 0, ROUNDING_MULTIPLE
-            )
+            worst, _, inside, status = assemble(arrays, motion, *self.path.values_at(f), work)
             if not math.isfinite(worst):
                 return None
             K, b = stored_matrix(arrays, work.matrix), residual_rate(self.model, motion, self.path, work)
@@ -198,7 +195,7 @@ class ArcLengthNewton:
         """The point an arc further along `direction`; None where Newton fails."""
         motion = at.motion.copy()
         # the members store results of their last assembly, which must be that of this state
-        assemble(self.model.arrays, motion, *self.path.values_at(at.f), self.work, RTOL, 0, ROUNDING_MULTIPLE)
+        assemble(self.model.arrays, motion, *self.path.values_at(at.f), self.work)
         return self.correct(motion, at.f, direction, predictor=arc * direction)
 
 

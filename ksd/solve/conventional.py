@@ -17,12 +17,13 @@ import numpy as np
 from ksd.errors import ConvergenceError, KsdError, SceneError
 from ksd.model.arrays import Arrays, Loads, carries_load
 from ksd.model.compile import Model
+from ksd.model.newton import RTOL
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve.branch_check import follow_load_path
 from ksd.solve.configuration import Configuration
 from ksd.solve.joint_motions import JointMotionReader
 from ksd.solve.load_steps import LoadPath, as_step, stop_sentence
-from ksd.solve.steps import MAX_TURN_PER_STEP, RTOL, Stop
+from ksd.solve.steps import MAX_TURN_PER_STEP, Stop
 from ksd.solve.storage import NewtonStorage, thread_storage
 from ksd.solve.verdict import is_solved
 
@@ -104,9 +105,9 @@ def solve_without_loads(
 ) -> Configuration:
     """The equilibrium at `targets` without loads, with the model that has them and a load factor of 0. Raises
     ConvergenceError."""
-    return replace(
-        solve_conventional(without_loads_model(model), targets, planar=planar), model=model, load_factor=0.0
-    )
+    scene = replace(model.scene, loads=(), gravity=None)
+    unloaded = replace(model, scene=scene, arrays=without_loads_arrays(model.arrays))
+    return replace(solve_conventional(unloaded, targets, planar=planar), model=model, load_factor=0.0)
 
 
 def solve_in_either_order(
@@ -139,12 +140,6 @@ def solve_in_either_order(
         assert failure is not None
         raise failure
     return result
-
-
-def without_loads_model(model: Model) -> Model:
-    """The same model without loads and weight."""
-    scene = replace(model.scene, loads=(), gravity=None)
-    return replace(model, scene=scene, arrays=without_loads_arrays(model.arrays))
 
 
 def without_loads_arrays(arrays: Arrays) -> Arrays:

@@ -24,7 +24,7 @@ from ksd.errors import ConvergenceError
 from ksd.model.arrays import COROTATIONAL, STRAIN, Arrays, State, Workspace, make_workspace
 from ksd.model.compile import Model, compile_as_is
 from ksd.model.leaves import whole_leaf_name
-from ksd.model.newton import check_residual, solve_equilibrium, take_step
+from ksd.model.newton import RTOL, check_residual, solve_equilibrium, take_step
 from ksd.properties.cache import cached_per_model
 from ksd.properties.finer_model import finer_model, pad_amplitudes
 from ksd.properties.forces import SectionForces, forces_of_members
@@ -39,7 +39,7 @@ from ksd.properties.leaf_groups import (
 from ksd.properties.tangent import exact_tangent_arrays
 from ksd.solve.full_bodies import full_equilibrium
 from ksd.solve.method_error import newton_step_error, relative_error
-from ksd.solve.steps import FAST_METHODS, MAX_TURN_PER_STEP, RTOL, ErrorEstimate, Stop
+from ksd.solve.steps import FAST_METHODS, MAX_TURN_PER_STEP, ErrorEstimate, Stop
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
@@ -188,7 +188,7 @@ def converge_fast_state(
 ) -> tuple[Stop, int]:
     """As `converge`, from the state of a fast method: a first step below NEGLIGIBLE_METHOD_ERROR is the last one, and the
     residual after it is not checked."""
-    _, negatives, status = check_residual(model.arrays, state, target, factor, work, RTOL)
+    _, negatives, status = check_residual(model.arrays, state, target, factor, work)
     step_size = newton_step_error(model, state, work.rhs).relative
     if math.isfinite(step_size):
         take_step(model.arrays, state, work.rhs, work, 1.0)

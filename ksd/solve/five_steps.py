@@ -28,17 +28,16 @@ from ksd.bodies.substructures import (
 from ksd.bodies.weight import gravity_in_joint_axes, place_joint_weights
 from ksd.model.arrays import flatten_arrays, make_workspace, unflatten_arrays
 from ksd.model.compile import Model
-from ksd.model.newton import solve_equilibrium, take_step
+from ksd.model.newton import RTOL, assemble, solve_equilibrium, take_step
 from ksd.numerics.kernel import kernel
 from ksd.solve.joint_range import check_joints, motion_limits
-from ksd.solve.steps import MAX_TURN_PER_STEP, RTOL, StepRow
+from ksd.solve.steps import MAX_TURN_PER_STEP, StepRow
 
 CONDENSED_SIZE = 54
 """Inner numbers of a condensed joint in step 3: position d0 (3), rotation R0 (9), wrench F (6), stiffness K (36)."""
-MAX_CLOSURE_ITERATIONS = 40
 MAX_REDUCED_ITERATIONS = 25
 MAX_FULL_ITERATIONS = 30
-"""Newton iterations of steps 1, 3 and 5."""
+"""Newton iterations of steps 3 and 5."""
 
 
 class FiveStepsStorage:
@@ -48,8 +47,7 @@ class FiveStepsStorage:
     theta (q,): intended motions of step 1; joint_pose (J, 24): interface B in the axes of A at theta, with derivatives;
     relative_pose (J, 12): the same of the result; series (3, M): scratch. answer_theta (q,), unintended (J, 6), is_known
     (J,): intended motions of the result, what they leave, and 1 where they were found (`ksd.bodies.intended_motions`).
-    limits (q, 4), checks (2,): see `ksd.solve.joint_range`; trained_low, trained_high (q,): trained ranges, widened by
-    their tolerance.
+    limits (q, 4), checks (2,): see `ksd.solve.joint_range`.
     """
 
     def __init__(self, model: Model, bodies: JointBodies) -> None:
@@ -59,7 +57,6 @@ class FiveStepsStorage:
         self.series = np.zeros((3, bodies.kinematics.pose.shape[2]))
         self.unintended, self.is_known = np.zeros((joints, 6)), np.zeros(joints, np.int64)
         self.limits, self.checks = motion_limits(bodies.motion_range), np.zeros(2, np.int64)
-        self.trained_low, self.trained_high, _, _ = self.limits.T
         self.joint_names = tuple(p.name for p in model.scene.joints)
         self.substructure_state, self.reduced_state = (
             bodies.substructure_rest.copy(),
@@ -97,15 +94,10 @@ class FiveStepsStorage:
 def close_joints(b: FiveStepsStorage, target: np.ndarray) -> tuple[int, int, float]:
     """Step 1 from the present motions theta; also places links that only leaves hold. Returns (stop reason, iterations, gap
     [m])."""
-    found = close_loops(
-        b.bodies.reduced,
-        b.bodies.kinematics,
-        b.theta,
-        target,
-        b.reduced_state,
+    found: tuple[int, int, float] = close_loops(
+        *b.bodies.reduced.flat[:2], *b.bodies.kinematics.flat, b.theta, target, b.reduced_state.x, b.reduced_state.R,
         b.joint_pose,
-        MAX_CLOSURE_ITERATIONS,
-    )
+    )  # fmt: skip
     if b.bodies.leaf_links:
         place_leaf_links(b.bodies, b.reduced_state)
     return found
@@ -141,14 +133,11 @@ def kinematic_forces(b: FiveStepsStorage, target: np.ndarray) -> None:
 
 def set_linearisation_point(b: FiveStepsStorage) -> None:
     """Step 2, first half: put all substructures where their intended motions lead, to linearise them there."""
+    state = b.substructure_state
     set_near_configuration(
-        b.bodies.kinematics,
-        b.bodies.interior,
-        b.theta,
-        b.joint_pose,
-        b.substructure_state,
-        b.substructure_work,
-    )
+        *b.bodies.kinematics.flat, *b.bodies.interior.flat, b.theta, b.joint_pose, state.x, state.R, state.inner,
+        b.substructure_work.linearisation,
+    )  # fmt: skip
 
 
 def condense_joint_bodies(b: FiveStepsStorage, near: int) -> int:
@@ -163,9 +152,9 @@ def condense_joint_bodies(b: FiveStepsStorage, near: int) -> int:
         gravity_in_joint_axes(
             weights.owner, loops.node, b.reduced_state.R, loops.frame, substructures.weight, work.weight
         )
-    status = condense_joints(
-        substructures, len(loops.node), b.substructure_state, work, near, b.reduced_state.inner
-    )
+    motion = b.substructure_state
+    *_, status = assemble(substructures, motion, np.zeros(0), 1.0, work, linearise=near)
+    condense_joints(substructures, len(loops.node), motion, work, b.reduced_state.inner)
     if len(weights.owner):
         place_joint_weights(
             weights.owner, weights.load, members.node, members.store_at, b.substructure_state.x, work.pose, work.store,

@@ -16,12 +16,12 @@ from ksd.modal.leaf_bodies import full_model_state
 from ksd.modal.solid_solve import FullSolid
 from ksd.model.arrays import State, make_workspace
 from ksd.model.compile import Model
-from ksd.model.newton import solve_equilibrium
+from ksd.model.newton import RTOL, solve_equilibrium
 from ksd.model.reduced_bodies import LinearBody, inner_state, relative_end_pose, transfer_state, with_bodies
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.properties.tangent import exact_tangent_arrays
 from ksd.solve.method_error import relative_error
-from ksd.solve.steps import MAX_TURN_PER_STEP, RTOL, ErrorEstimate, Step, Stop
+from ksd.solve.steps import MAX_TURN_PER_STEP, ErrorEstimate, Step, Stop
 
 FIRST_STEPS, FURTHER_STEPS, MAX_STEPS = 3, 2, 20
 """Corrector steps of chains at first, in every further round, and at most: far from equilibrium the first ones may lead away

@@ -15,14 +15,22 @@ import numpy as np
 from ksd.errors import SceneError
 from ksd.model.arrays import LINEAR, Arrays, State, Workspace
 from ksd.model.compile import Model
-from ksd.model.newton import CONVERGED, SINGULAR, NewtonResult, assemble, check_residual, solve_equilibrium
+from ksd.model.newton import (
+    CONVERGED,
+    RTOL,
+    SINGULAR,
+    NewtonResult,
+    assemble,
+    check_residual,
+    solve_equilibrium,
+)
 from ksd.model.plane import Plane, plane_of, refuse_plane
 from ksd.properties.cache import cached_per_model
 from ksd.properties.doctor import doctor
 from ksd.scene.hinges import plane_supports
 from ksd.solve.nonconservative_stability import count_unstable_directions
 from ksd.solve.pivoted_newton import iterate_pivoted, moves_freely
-from ksd.solve.steps import MAX_TURN_PER_STEP, RTOL, Step, Stop
+from ksd.solve.steps import MAX_TURN_PER_STEP, Step, Stop
 from ksd.solve.storage import NewtonStorage
 
 WEAK_PIVOT = 1e-9
@@ -201,14 +209,14 @@ def _take_path_in_plane(
         found = solve_equilibrium(plane.arrays, motion, values, factor, work, *settings)
         if found[0] == CONVERGED and found[4] < WEAK_PIVOT:
             # a part that nothing holds has converged too, at rest and where no force acts against it
-            assemble(plane.arrays, motion, values, factor, work, settings[0], 0, 0.0)
+            assemble(plane.arrays, motion, values, factor, work, settings[0], rounding=0.0)
             return (SINGULAR, *found[1:]) if moves_freely(plane.arrays, work) else found
         return found
 
     record = take_load_steps(motion, newton, path, begin=begin)
     if record.smallest_step < 0.9 / path.steps:
         # a step was halved: a part that nothing holds at the start swings to and fro where its pivot of zero is rounded up
-        assemble(plane.arrays, begin, *path.values_at(record.smallest_step), work, path.rtol, 0, 0.0)
+        assemble(plane.arrays, begin, *path.values_at(record.smallest_step), work, path.rtol, rounding=0.0)
         if moves_freely(plane.arrays, work):
             return record._replace(stop=Stop.SINGULAR, fraction_reached=0.0), begin.copy()
     if _cannot_leave_plane(model):

@@ -13,7 +13,7 @@ from ksd.model.compile import Model
 from ksd.model.newton import check_residual, take_step
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve.five_steps import FiveStepsStorage
-from ksd.solve.steps import RTOL, ErrorEstimate, Step, Stop
+from ksd.solve.steps import ErrorEstimate, Step, Stop
 
 MAX_ONE_STEP_ERROR = 0.01
 """Relative size of the first corrector step above which further ones are taken: it may be only part of the error."""
@@ -33,7 +33,7 @@ def estimate_error(
     one step does not measure it.
     """
     clock = Stopwatch()
-    residual, negatives, status = check_residual(b.model.arrays, b.full_state, target, 1.0, b.full_work, RTOL)
+    residual, negatives, status = check_residual(b.model.arrays, b.full_state, target, 1.0, b.full_work)
     error, count = newton_step_error(b.model, b.full_state, b.full_work.rhs), 1
     stop = Stop.CONVERGED if status == 0 else (Stop.LOCAL_ANGLE if status == 1 else Stop.NOT_FINITE)
     threshold = MAX_ONE_STEP_ERROR_RELINEARISED if relinearised else MAX_ONE_STEP_ERROR
@@ -89,7 +89,7 @@ def _further_steps(b: FiveStepsStorage, target: np.ndarray) -> Corrections:
     try:
         take_step(b.model.arrays, b.full_state, b.full_work.rhs, b.full_work, 1.0)
         while True:
-            check_residual(b.model.arrays, b.full_state, target, 1.0, b.full_work, RTOL)
+            check_residual(b.model.arrays, b.full_state, target, 1.0, b.full_work)
             step = newton_step_error(b.model, b.full_state, b.full_work.rhs)
             take_step(b.model.arrays, b.full_state, b.full_work.rhs, b.full_work, 1.0)
             yield step, error_to_stored_state(start, b, zero)

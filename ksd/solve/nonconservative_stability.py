@@ -17,7 +17,7 @@ import numpy as np
 from ksd.errors import KinematicsError, SceneError
 from ksd.model.arrays import State, make_workspace
 from ksd.model.compile import Model
-from ksd.model.newton import ROUNDING_MULTIPLE, assemble
+from ksd.model.newton import assemble
 from ksd.properties.frequencies import frequencies
 from ksd.properties.nonconservative import count_negative_eigenvalues, skew_tangent
 from ksd.properties.tangent import assemble_and_factor, exact_tangent_arrays, stored_matrix
@@ -69,9 +69,7 @@ def count_unstable_directions(model: Model, motion: State, factor: float, negati
         return negatives
     arrays = exact_tangent_arrays(model)
     work = make_workspace(arrays)
-    _, _, member_negatives, _ = assemble(
-        arrays, motion, np.zeros(len(arrays.terms.start)), factor, work, 1e-8, 0, ROUNDING_MULTIPLE
-    )
+    _, _, member_negatives, _ = assemble(arrays, motion, np.zeros(len(arrays.terms.start)), factor, work)
     skew = skew_tangent(arrays, motion, factor)
     assert skew is not None
     return count_negative_eigenvalues(arrays, stored_matrix(arrays, work.matrix), skew) + int(

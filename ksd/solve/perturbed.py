@@ -20,7 +20,7 @@ import numpy as np
 
 from ksd.checks import name_hint, number, show, without_whole_checks
 from ksd.errors import ConvergenceError, SceneError
-from ksd.model.arrays import STRAIN, Arrays, State, Workspace, make_workspace
+from ksd.model.arrays import STRAIN, State, make_workspace
 from ksd.model.compile import Model, model_of_design
 from ksd.model.effects import apply_effects, with_conditions
 from ksd.model.mesh import Mesh, MixedMesh
@@ -30,7 +30,7 @@ from ksd.model.template import Template, template_of
 from ksd.properties.tangent import exact_tangent_arrays
 from ksd.scene.leaf import LeafCondition
 from ksd.solve.error import equilibrium_near
-from ksd.solve.steps import FAST_METHODS, RTOL
+from ksd.solve.steps import FAST_METHODS
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
@@ -197,9 +197,8 @@ class PerturbedEquilibria:
             raise SceneError(f"this pose {why}: gradients are those of equilibria of leaf springs")
         if self._cached_models is None or self._cached_models[0] is not pose.model:
             self._cached_models = pose.model, self._models(pose.model, parameters)
-        work = _WorkCache()
         start = equilibrium_near(pose) if pose.method in FAST_METHODS else pose.motion
-        here, _ = self._equilibrium(pose, pose.model, start, pose.targets, work)
+        here, _ = self._equilibrium(pose, pose.model, start, pose.targets)
         sides = []
         for parameter, models in zip(parameters, self._cached_models[1], strict=True):
             own: list[Configuration] = []
@@ -209,9 +208,7 @@ class PerturbedEquilibria:
                 # steps come in pairs of opposite sign: the second one starts opposite to the first, a Newton step closer
                 opposite = len(own) % 2 == 1 and model.kinds <= {STRAIN}
                 start = _opposite_state(here.motion, own[-1].motion) if opposite else here.motion
-                found, first = self._equilibrium(
-                    pose, model, start, values, work, parameter.name, first * opposite
-                )
+                found, first = self._equilibrium(pose, model, start, values, parameter.name, first * opposite)
                 own.append(found)
             sides.append(own)
         return here, sides
@@ -230,7 +227,6 @@ class PerturbedEquilibria:
         model: Model,
         start: State,
         targets: Mapping[str, float],
-        cache: _WorkCache,
         name: str = "",
         first: float = 0.0,
     ) -> tuple[Configuration, float]:
@@ -239,10 +235,10 @@ class PerturbedEquilibria:
         name: of the changed parameter; first: size of the first step to the opposite side, which replaces the one here.
         """
         arrays, motion, target = exact_tangent_arrays(model), start.copy(), model.targets(targets)
-        work = cache.work_for(arrays)
+        work = make_workspace(arrays)
         sizes = [first] * (first > 0.0)
         while len(sizes) < NEWTON_STEPS:
-            sizes.append(take_newton_step(arrays, motion, target, pose.load_factor, work, RTOL))
+            sizes.append(take_newton_step(arrays, motion, target, pose.load_factor, work))
         # a hundredth of the negligible size is rounding
         if not sizes[-1] <= MAX_STEP_RATIO * sizes[0] + 0.01:
             where = f"next to this pose, at another '{name}'" if name else "of this pose"
@@ -261,22 +257,6 @@ def _opposite_state(here: State, side: State) -> State:
     """The state of strain-mode leaf springs as far from `here` as `side`, on the opposite side."""
     R = here.R @ side.R.swapaxes(1, 2) @ here.R
     return State(2 * here.x - side.x, R, 2 * here.inner - side.inner, 2 * here.multiplier - side.multiplier)
-
-
-class _WorkCache:
-    """Storage shared by consecutive models of the same layout."""
-
-    def __init__(self) -> None:
-        self.ints: Any = None
-        self.work: Any = None
-
-    def work_for(self, arrays: Arrays) -> Workspace:
-        """Storage for these arrays: that of the previous ones where their layout is the same."""
-        if arrays.flat.ints is not self.ints:
-            self.ints, self.work = arrays.flat.ints, make_workspace(arrays)
-        work: Workspace = self.work
-        work.weight[:] = arrays.weight
-        return work
 
 
 def perturbed_models(model: Model, scenes: Sequence[Any]) -> list[Model]:
@@ -370,14 +350,14 @@ def answer_derivatives(
     """Derivatives of question(pose) (number, array, or mapping of them; in the same shape), by name of the parameter."""
     _, sides = PerturbedEquilibria()(pose, parameters)
     return {
-        p.name: _difference(question(own[0]), question(own[1]), 2 * RELATIVE_STEP * p.scale)
+        p.name: difference_quotient(question(own[0]), question(own[1]), 2 * RELATIVE_STEP * p.scale)
         for p, own in zip(parameters, sides, strict=True)
     }
 
 
-def _difference(plus: Any, minus: Any, width: float) -> Any:
+def difference_quotient(plus: Any, minus: Any, width: float) -> Any:
     """Difference quotient of two answers (numbers, arrays, or mappings of them) at parameters `width` apart."""
     if isinstance(plus, Mapping):
-        return {k: _difference(v, minus[k], width) for k, v in plus.items()}
+        return {k: difference_quotient(v, minus[k], width) for k, v in plus.items()}
     found = (np.asarray(plus, float) - np.asarray(minus, float)) / width
     return float(found) if found.ndim == 0 else found

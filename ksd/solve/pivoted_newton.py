@@ -44,7 +44,7 @@ def iterate_pivoted(arrays: Arrays, motion: State, *arguments: Any) -> tuple[int
     worst, before, moved, condition = math.inf, math.inf, math.inf, 1.0
     for n in range(most + 1):
         worst, _, inside, status = assemble(
-            arrays, motion, target, factor, work, rtol, 0, ROUNDING_MULTIPLE if n > 0 else 0.0
+            arrays, motion, target, factor, work, rtol, rounding=ROUNDING_MULTIPLE if n > 0 else 0.0
         )
         if not math.isfinite(worst):
             return Stop.NOT_FINITE, n, worst, 0, condition

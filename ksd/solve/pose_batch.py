@@ -15,12 +15,11 @@ import numpy as np
 
 from ksd.bodies.intended_motions import intended_motions
 from ksd.bodies.substructures import relative_poses
-from ksd.model.newton import CONVERGED, solve_equilibrium
+from ksd.model.newton import CONVERGED, RTOL, solve_equilibrium
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotate, rotation_log
 from ksd.solve.five_steps import CONDENSED_SIZE, FiveStepsStorage, close_joints, run_five_steps
 from ksd.solve.joint_range import is_far_off, is_outside
-from ksd.solve.steps import RTOL
 
 LOCKED, OUT_OF_RANGE, UNSTABLE, FAR_OFF, UNANSWERED = 10, 11, 12, 13, 14
 """Statuses of a pose beyond those of `ksd.solve.steps.Stop`."""

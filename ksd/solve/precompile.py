@@ -19,7 +19,7 @@ import numpy as np
 from ksd.beam.member_tangent import member_tangent
 from ksd.beam.strain import leaf_fields, strain_condense, strain_recover, strain_tangent
 from ksd.bodies.joints import joint_bodies
-from ksd.bodies.substructures import condense_assembled, interface_step
+from ksd.bodies.substructures import condense_joints, interface_step
 from ksd.errors import KsdError
 from ksd.library import find_record
 from ksd.model.arrays import make_workspace
@@ -84,6 +84,6 @@ def precompile_kernels() -> None:
     with suppress(KsdError):
         b = FiveStepsStorage(model, joint_bodies(model, find_record))
         substructures, state, room = b.bodies.substructures, b.substructure_state, b.substructure_work
-        condense_assembled(substructures, 1, state, room, b.reduced_state.inner)
+        condense_joints(substructures, 1, state, room, b.reduced_state.inner)
         interface_step(substructures, b.bodies.kinematics, b.reduced_state, state, room, b.relative_pose)
         assemble_full_state(b)

@@ -28,7 +28,7 @@ from ksd.modal.leaf_bodies import full_model_state, with_chains, with_modal_bodi
 from ksd.modal.solid_basis import SolidBasis, with_solids
 from ksd.model.arrays import Arrays, State, make_workspace
 from ksd.model.compile import Model
-from ksd.model.newton import ROUNDING_MULTIPLE, assemble, solve_equilibrium
+from ksd.model.newton import RTOL, assemble, solve_equilibrium
 from ksd.model.reduced_bodies import inner_state, relative_end_pose, transfer_state
 from ksd.numerics.blocks import factor_blocks
 from ksd.numerics.stopwatch import Stopwatch
@@ -44,7 +44,7 @@ from ksd.solve.five_steps import (
 from ksd.solve.full_bodies import error_indicator
 from ksd.solve.joint_motions import stored_joint_motions
 from ksd.solve.load_steps import LoadPath, take_load_steps
-from ksd.solve.steps import MAX_TURN_PER_STEP, RTOL, Step, Stop
+from ksd.solve.steps import MAX_TURN_PER_STEP, Step, Stop
 from ksd.solve.validity import most_bent_body, validity
 
 MAX_BASIS_ERROR = 0.05
@@ -325,9 +325,7 @@ class _PlacedByRecords:
             inner_state(model.arrays.members, int(mix.member[m]), state)[:] = source
         # the pivots are those of the model with all leaf springs: condensed joints cannot buckle
         work, plan = make_workspace(model.arrays), model.arrays.plan
-        _, _, member_negatives, _ = assemble(
-            model.arrays, state, model.targets(values), 1.0, work, RTOL, 0, ROUNDING_MULTIPLE
-        )
+        _, _, member_negatives, _ = assemble(model.arrays, state, model.targets(values), 1.0, work)
         negatives, _ = factor_blocks(plan.ints, work.matrix, work.scaled_rows, len(plan.size))
         read_answer_motions(b)
         expected = len(model.drive_names) + len(model.support_names)

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from ksd.model.newton import RTOL
 from ksd.properties.printing import empty_table as _table
 from ksd.properties.printing import format_number, format_signed_percent
 from ksd.properties.strength import LAW_ERROR_PER_STRAIN, WARNING_STRAIN
 from ksd.solve.answer import as_dict
-from ksd.solve.steps import FAST_METHODS, RTOL, percent
+from ksd.solve.steps import FAST_METHODS, percent
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration

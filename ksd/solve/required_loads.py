@@ -393,6 +393,3 @@ def _balance(model: Model, state: State, actuation: Actuation) -> RequiredLoads:
         {name: state.x[i + 1].copy() for i, name in enumerate(names)},
         float(model.arrays.size),
     )
-
-
-__all__ = ["RequiredLoads", "prescribed_pose", "required_loads"]

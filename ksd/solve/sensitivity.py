@@ -6,7 +6,7 @@ two states, in the norm of the diagonal, forces of drives and supports included,
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +24,7 @@ from ksd.properties.tangent import assemble_tangent, factor_tangent
 from ksd.scene.load import Load
 from ksd.solve.branch_check import follow_load_path
 from ksd.solve.load_steps import LoadPath, as_step, stop_sentence
+from ksd.solve.perturbed import difference_quotient
 from ksd.solve.steps import Stop
 from ksd.solve.storage import thread_storage
 
@@ -85,10 +86,7 @@ def sensitivity(
             f"(backward error {error:.1e}): give a larger load, or hold what hardly anything resists"
         )
     plus, minus = (question(loaded_pose) for loaded_pose in states)
-    if isinstance(plus, Mapping):
-        return {k: (v - minus[k]) / (2 * LOAD_FRACTION) for k, v in plus.items()}
-    found = (np.asarray(plus, float) - np.asarray(minus, float)) / (2 * LOAD_FRACTION)
-    return float(found) if found.ndim == 0 else found
+    return difference_quotient(plus, minus, 2 * LOAD_FRACTION)
 
 
 def _scale_loads(scene: Any, factor: float) -> Any:

@@ -141,13 +141,13 @@ def solve(
         ("planar", planar),
     ):
         boolean(given, word)
+    options: dict[str, Any] = {
+        "extrapolate": extrapolate, "effects": effects, "with_": with_, "without": without, "basis": basis,
+        "planar": planar,
+    }  # fmt: skip
     if isinstance(mechanism, Model):
         refuse_unknown_drives(drives, mechanism.drive_names, solve)
-        prepared = Solver(
-            mechanism, mesh=mesh, extrapolate=extrapolate, basis=basis, planar=planar, effects=effects, with_=with_,
-            without=without,
-        )  # fmt: skip
-        return prepared(
+        return Solver(mechanism, mesh=mesh, **options)(
             values,
             method=method,
             accuracy=accuracy,
@@ -160,10 +160,6 @@ def solve(
         refuse_unknown_drives(drives, (d.name for d in scene.drives), solve)
     wanted = DEFAULT_ACCURACY if accuracy is None else checked_accuracy(accuracy)
     grid = mesh if mesh is not None else (DEFAULT_MESH if accuracy is None else mesh_for_accuracy(wanted))
-    options: dict[str, Any] = {
-        "extrapolate": extrapolate, "effects": effects, "with_": with_, "without": without, "basis": basis,
-        "planar": planar,
-    }  # fmt: skip
     for rise in range(MAX_RISES + 1):
         solver = _cached_solver(scene, grid, options)
         found = solver.answer(

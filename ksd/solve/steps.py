@@ -1,4 +1,4 @@
-"""The record of a solve: steps, stop reasons, error estimate and verdict; and the tolerances of the Newton iterations."""
+"""The record of a solve: steps, stop reasons, error estimate and verdict."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-RTOL = 1e-8
-"""Residual of a node, relative to the sum of the element forces on it, at which Newton has converged."""
+from ksd.model.newton import RTOL
+
 MAX_TURN_PER_STEP = 0.3
 """Largest rotation [rad] of a node in one Newton iteration after the predictor."""
 

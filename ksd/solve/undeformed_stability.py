@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from ksd.model.arrays import COIL, TORSION, State, make_workspace
 from ksd.model.compile import Model
-from ksd.model.newton import solve_equilibrium
+from ksd.model.newton import RTOL, solve_equilibrium
 from ksd.numerics.rotations import rotation_log
 from ksd.properties.cache import cached_per_model
 from ksd.properties.forces import energy_of_one_spring
 from ksd.properties.printing import axis_in_words, describe_node_motion, node_travel
 from ksd.properties.tangent import assemble_tangent, row_gradients
-from ksd.solve.steps import MAX_TURN_PER_STEP, RTOL, Stop
+from ksd.solve.steps import MAX_TURN_PER_STEP, Stop
 
 Array = NDArray[np.float64]
 ZERO_ENERGY = 1e-15

@@ -215,7 +215,7 @@ def check_trained_range(b: FiveStepsStorage, theta: np.ndarray, *, extrapolate: 
     for k, (name, value, scale) in enumerate(
         zip(b.bodies.motion_names, theta, b.bodies.motion_scale, strict=True)
     ):
-        if b.trained_low[k] <= value <= b.trained_high[k]:
+        if b.limits[k, 0] <= value <= b.limits[k, 1]:
             continue
         excess = _range_sentence(name, value, *b.bodies.motion_range[k], scale=scale)
         if not extrapolate:

@@ -7,9 +7,9 @@ from scenes import fourbar
 import ksd
 from ksd.beam.corotational import recover
 from ksd.beam.corotational_linearised import condense_linearised
-from ksd.bodies.substructures import set_near_configuration
 from ksd.model.newton import assemble, take_step
 from ksd.model.poses import member_pose
+from ksd.solve.five_steps import set_linearisation_point
 from ksd.units import GPa, deg, mm
 
 
@@ -44,7 +44,7 @@ def test_wrenches_and_inner_nodes_are_those_of_each(scene, elements, drives, rng
     given, state, work = b.bodies.substructures, b.substructure_state, b.substructure_work
     members = given.members
     state.assign(b.bodies.substructure_rest)
-    set_near_configuration(b.bodies.kinematics, b.bodies.interior, b.theta, b.joint_pose, state, work)
+    set_linearisation_point(b)
     assemble(given, state, np.zeros(0), 1.0, work, 1e-8, 1, 10.0)
     alone, kept = [], []
     pose, Q = np.zeros(18), np.zeros((3, 3))
