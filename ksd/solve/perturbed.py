@@ -236,7 +236,7 @@ class PerturbedEquilibria:
         """
         arrays, motion, target = exact_tangent_arrays(model), start.copy(), model.targets(targets)
         work = make_workspace(arrays)
-        sizes = [first] * (first > 0.0)
+        sizes = [first] if first > 0.0 else []
         while len(sizes) < NEWTON_STEPS:
             sizes.append(take_newton_step(arrays, motion, target, pose.load_factor, work))
         # a hundredth of the negligible size is rounding
