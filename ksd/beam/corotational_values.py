@@ -69,7 +69,7 @@ def lumped_masses(value: Array, n: int, line_mass: Array) -> Array:
 def stiffness_numbers(section: ElementSection, length: float) -> tuple[float, ...]:
     """(S1, S2, S3a, S3b, S4a, S4b) of an element of `length` m: paper 1 (A.15), shear factors by errata 2.
 
-    Phi of S3 (deflection along z) is 12 E Iy/(kz G A L0^2); the print has ky and kz swapped.
+    Phi of S3 (deflection along z) is 12 E Iy/(kz G A L0^2); paper 1 prints Phi_y and Phi_z exchanged in (A.16).
     """
     phi_y, phi_z = shear_ratios(section, length)
     s3 = section.E * section.Iy / ((1 + phi_z) * length**3)

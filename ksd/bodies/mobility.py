@@ -86,8 +86,14 @@ def check_mobility(model: Model, bodies: JointBodies) -> MotionCompatibility:
 
     A drive without effect at rest because the pose is singular (dead centre) is reported as such. A mechanism locked by
     misalignment only is checked as if it were aligned. Raises KinematicsError for an under-constrained or
-    overconstrained mechanism, naming the link or the drives.
+    overconstrained mechanism, naming the link or the drives, and for elastic links, whose parts no joint connects.
     """
+    for compliance in model.original_scene.compliances:
+        if not {f"{compliance.link}/{n}" for n in (1, 2)}.isdisjoint(model.scene.links):
+            raise KinematicsError(
+                f"link '{compliance.link}' is elastic, and the kinematic start moves rigid links only; use "
+                "method='conventional'"
+            )
     theta = np.zeros(len(bodies.motion_names))
     J, W = _jacobian(bodies, theta)
     loop_rows = 6 * len(bodies.kinematics.closing)

@@ -100,6 +100,11 @@ def beams_of(scene: Any, compliance: Compliance) -> list[tuple[np.ndarray, np.nd
 def _split_by_section(scene: Any, split: _SplitLinks, compliance: Compliance) -> None:
     axis = _width_axis(scene, compliance)
     beams = beams_of(scene, compliance)
+    if not beams:
+        raise SceneError(
+            f"compliance of link '{compliance.link}': nothing of it can bend, as its only attachment is its hub; give hub=, "
+            "the point on which its loads, drives and masses act."
+        )
     same = _same_point_distance([p for beam in beams for p in beam])
     for n, (hub, place) in enumerate(beams):
         part = f"{compliance.link}/{n + 1}"
@@ -133,7 +138,7 @@ def _split_by_matrix(scene: Any, split: _SplitLinks, compliance: Compliance) -> 
 def with_elastic_links(scene: Any) -> Any:
     """The scene with elastic links replaced by their parts; those with a matrix stay in `compliances`.
 
-    Raises SceneError where an attachment is not at an interface of its matrix, or a beam has no width axis.
+    Raises SceneError where an attachment is not at an interface of its matrix, a beam has no width axis, or a link no beam.
     """
     split = _SplitLinks(scene)
     for compliance in scene.compliances:

@@ -393,6 +393,13 @@ def test_error_figures_stand_beside():
         assert abs(found[column, "thickness"] - slope) <= 3 * figure + 10 * own + 1e-9 * abs(slope)
         assert 0.0 < figure < 2e-6 * abs(slope)
     assert found.relative.errors["turn_moment_Nm", "thickness"] < 1e-7
+    for printed, heading in (
+        (found, "Gradient per SI unit at"),
+        (found.errors, "Gradient per SI unit, errors at"),
+        (found.relative, "Relative gradient [%/%] at"),
+        (found.relative.errors, "Relative gradient [%/%], errors at"),
+    ):
+        assert str(printed).startswith(heading)
     with pytest.raises(ksd.SceneError, match=r"errors=True"):
         _ = ksd.gradient(cross, CROSS, turn=0.3, questions="force").errors
 

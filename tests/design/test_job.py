@@ -484,7 +484,7 @@ def strip(lean):
 def elastic(lean):
     """A pivot with a link that bends."""
     scene = pivot(60 * mm, 45 * deg, 0.3 * mm, 20 * mm, 10 * mm + lean)
-    scene.compliance("arm", section=ksd.rectangle(5 * mm, 20 * mm), material=STEEL)
+    scene.compliance("arm", section=ksd.rectangle(5 * mm, 20 * mm), material=STEEL, hub=(80 * mm, 0, 0))
     return scene
 
 

@@ -226,3 +226,14 @@ def test_a_spring_whose_ends_meet_is_told(away, expected):
         rounding=10.0,
     )
     assert (status, np.isinf(worst)) == (expected, expected == 2)
+
+
+def test_a_link_of_which_nothing_bends_is_refused():
+    guide = ksd.ParallelGuide(HOT, length=0.08, thickness=0.4e-3, width=0.025, spacing=0.06)
+    scene = ksd.Mechanism("guide")
+    stage = scene.link("stage")
+    placed = scene.join("ground", stage, guide, at=(0, 0, 0), axis="z", toward="y")
+    scene.actuate_joint(placed, name="push")
+    scene.compliance("stage", section=ksd.rectangle(6e-3, 25e-3), material=HOT)
+    with pytest.raises(ksd.SceneError, match=r"'stage': nothing of it can bend.*give hub="):
+        ksd.solve(scene, push=5e-3)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scenes import cross_flexure, fourbar, guided_leaf, single_joint, slider
+from scenes import STEEL, cross_flexure, fourbar, guided_leaf, single_joint, slider
 
 import ksd
 from ksd.model.orders import mesh_for_accuracy, raise_order
@@ -174,6 +174,16 @@ def test_indeterminate_mechanism_names_the_free_motion():
         ksd.KinematicsError, match=r"link '(first|second)' can (turn about|slide along) [xyz]"
     ):
         ksd.solve(scene, tilt=0.1, method="reduced")
+
+
+@pytest.mark.parametrize("link", ["left", "top"])
+def test_elastic_links_have_no_kinematic_start(link):
+    scene = fourbar()
+    scene.compliance(link, section=ksd.rectangle(20e-3, 40e-3), material=STEEL)
+    with pytest.raises(ksd.KinematicsError, match=f"link '{link}' is elastic.*method='conventional'"):
+        ksd.solve(scene, top=0.05, method="reduced")
+    assert ksd.solve(scene, top=0.05, planar=False).method == "conventional"
+    assert ksd.solve(scene, top=0.05, method="reduced", without="compliance").trusted
 
 
 def test_two_drives_on_one_freedom_are_refused():
