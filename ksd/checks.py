@@ -202,6 +202,7 @@ def python_unit_hint(given: Any, unit: str = "") -> str:
 
 
 def _as_float(value: Any) -> float:
+    """A number as float; inf where it is too large for one."""
     try:
         return float(value)
     except OverflowError:

@@ -13,7 +13,7 @@ from typing import Any
 class _CallablePackage(ModuleType):
     """A package; calling it calls the function of its name, whose signature and docstring it shows.
 
-    A function in its place would hide what is in the package: `import ksd.solve.path as path` failed.
+    A function in its place would hide what is in the package: `import ksd.solve.path as path` would fail.
     """
 
     _home: str

@@ -64,7 +64,7 @@ def node_axes(v, tail):
 
 @kernel(inline="late")
 def chord(s, tail):
-    """Chord direction l and length from the positions of both nodes (A.5)."""
+    """Write the chord direction l into `s` and |L| [m] into `tail`, from the positions of both nodes (A.5)."""
     x = tail[Q_AT] - tail[P_AT]
     y = tail[Q_AT + 1] - tail[P_AT + 1]
     z = tail[Q_AT + 2] - tail[P_AT + 2]
@@ -293,8 +293,11 @@ def unstressed_tangent(v, s, tail, first):
 
 @kernel(inline="late")
 def _carry_forces(s, tail, first):
-    """Write the residual of node p into B and the forces on node q into C; return the squared force and moment residual
-    of node p."""
+    """Write the residual of node p into B and the forces on node q into C.
+
+    first: node p is the fixed end p, without residual. Returns the squares of the force [N^2] and moment [N^2 m^2] by which
+    node p is out of balance.
+    """
     worst_force = worst_moment = 0.0
     for i in range(3):
         force, at_p, at_q = node_forces(s, tail, i)

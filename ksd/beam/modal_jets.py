@@ -81,7 +81,8 @@ def _second_derivative_index(i, j):
 def chord_jets(D, F, length):
     """Write jets F (9, 28) of the rows of the chord frame (row r of F = F^T e_r) and `length` (28,) of |d|.
 
-    The chord frame is the shortest rotation of e1 onto d: it adds no roll, and is defined where the leaf is straight.
+    D (3, 28): jets of the position d of end q. The chord frame is the shortest rotation of e1 onto d: it adds no roll, and
+    is defined where the leaf is straight.
     """
     s, inverse = np.zeros(JET), np.zeros(JET)
     for r in range(3):

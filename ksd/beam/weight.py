@@ -30,10 +30,10 @@ from ksd.numerics.kernel import kernel
 
 @kernel(inline="late")
 def start_chain_weight(mass, n, gravity, coupling):
-    """Initialise the gravity block and the couplings with the lump at end p, before the first element.
+    """Initialise the gravity block and the couplings of a chain of n elements, before the first: the lump at end p.
 
-    `mass` (n+7,): lumps p, inner nodes, q [kg], first moments of the lumps p and q in their frames [kg m]; coupling (6
-    (n+1), 3): couplings of the nodes with g.
+    `mass` (n+7,): lumps p, inner nodes, q [kg], first moments of the lumps p and q in their frames [kg m]; coupling (18
+    (n+1),): couplings (6, 3) of the nodes with g.
     """
     for r in range(3):
         gravity[3 + r] = gravity[6 + r] = mass[n + 1 + r]
@@ -59,7 +59,8 @@ def add_inner_weight(mass, gravity, tail):
 def eliminate_gravity_coupling(mass, s, gravity, own, carried):
     """Eliminate node p from the couplings with g, as `corotational_element.eliminate` does for the other blocks.
 
-    own (18,): coupling of node p, completed here and stored for `recover` as L^-1 of it; carried (18,): of node q.
+    mass: lump of node p [kg]; own (18,): coupling of node p, completed here and stored for `recover` as L^-1 of it;
+    carried (18,): of node q.
     """
     for r in range(3):
         own[4 * r] -= mass

@@ -62,7 +62,7 @@ def _times_gravity_cross(pose, block, at, g, U):
 @kernel
 def add_member_weight(pose, store, mass, T, force):
     """Add the weight of a condensed leaf of `mass` [kg] to its tangent T (12, 12) and forces (12,) on both nodes: the
-    terms of the module docstring."""
+    terms of the module docstring. The last numbers of `store` are its gravity block."""
     block = store[len(store) - GRAVITY_BLOCK_SIZE :]
     U, M = np.empty((3, 3)), np.empty((3, 3))
     g, P, O, column = np.empty(3), np.empty(3), np.empty(3), np.empty(12)

@@ -174,6 +174,7 @@ def reference_from(pose: Configuration, description: str) -> Reference:
 
 
 def _largest_displacement(pose: Configuration, positions: np.ndarray) -> float:
+    """Largest displacement [m] of the links at positions (links, 3) [m] from the undeformed mechanism of `pose`."""
     return float(np.linalg.norm(positions - pose.model.rest.x[: len(positions)], axis=1).max())
 
 

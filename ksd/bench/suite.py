@@ -122,7 +122,7 @@ def arm_by_joints() -> tuple[Mechanism, Targets]:
 
 
 def arm_by_location() -> tuple[Mechanism, Targets]:
-    """The same arm, its end driven along x, y, z to where 45 degrees in every joint move it."""
+    """The arm of `arm_by_joints`, its end driven along x, y, z to where 45 degrees in every joint move it."""
     by_joints, angles = arm_by_joints()
     pose = solve_conventional(compile_scene(by_joints), angles)
     displacement = pose.displacement("third", TIP)

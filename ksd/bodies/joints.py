@@ -271,8 +271,11 @@ class JointLayout:
     def _leaf_functions(
         self, u: int, n: int, kind: int, number: list[int]
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Functions of leaf n of joint u: rows among all functions, entries of its inner state (or near configuration),
-        and scales."""
+        """Functions of leaf n of distinct joint u that are not zero, for a member of this kind with these settings.
+
+        Returns their rows among all functions, the entries of its inner state (or near configuration), and their scales,
+        UNIT_SCALE .. MOMENT_SCALE.
+        """
         functions, part = self.polynomials[u], self.template.scene_layout.distinct_parts[u]
         first, scales = self.first_row[u] + 6 + 6 * len(part.blocks), []
         if kind == COROTATIONAL:
@@ -491,7 +494,8 @@ def joint_bodies_of_design(layout: JointLayout, bodies: JointBodies, d: int) -> 
 
 
 def _of_design(part: T, names: Sequence[str], d: int) -> T:
-    """Kinematics or interior functions of design d; the flat floats are joined once for all designs."""
+    """Kinematics or interior functions of design d; the floats of all designs are joined at the first call and kept with
+    `part`."""
     all_designs: Any = part
     one_design = fields_of_design(all_designs, names, d)
     joined = all_designs.__dict__.get("joined")

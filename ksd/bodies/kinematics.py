@@ -158,8 +158,10 @@ def _place_next_link(joint_ints, geometry, pose, t, x, R, W, ancestry, frames):
 
 @kernel(inline="late")
 def _close_joint(joint_ints, geometry, pose, c, length_scale, x, R, W, J, residual, frames):
-    """Write the six equations of the joint that closes loop c: pose of B on its own link minus that which follows from
-    A."""
+    """Write the six equations of the joint that closes loop c: pose of B on its own link minus that which follows from A.
+
+    Rows 6 c to 6 c + 5 of residual and J: translation [m], and rotation [rad] times length_scale [m]. frames: scratch.
+    """
     j, row = joint_ints[joint_ints[CLOSING] + c], 6 * c
     a, b = joint_ints[joint_ints[JOINT_NODE] + 2 * j], joint_ints[joint_ints[JOINT_NODE] + 2 * j + 1]
     for end in range(2):

@@ -155,16 +155,16 @@ def _add_sweep(commands: Any) -> None:
         "stroke. Several drives with a range are combined, the last one moving along the stroke.",
     )
     _add_shared(parser, "scene")
-    said = (
+    help_text = (
         f"a range FROM:TO or FROM:TO:POSES ({DEFAULT_POSES} poses), such as top=0mm:300mm:31, or one value; "
         "may be repeated"
     )
-    _add_shared(parser, "--set", metavar="DRIVE=RANGE", help=said)
-    said = (
+    _add_shared(parser, "--set", metavar="DRIVE=RANGE", help=help_text)
+    help_text = (
         "force, drive_stiffness, support_stiffness, frequencies, stress, parasitic, energy, buckling, size, clearance "
         "or distance; may be repeated"
     )
-    parser.add_argument("--question", action="append", default=[], metavar="Q", help=said)
+    parser.add_argument("--question", action="append", default=[], metavar="Q", help=help_text)
     _add_shared(parser, *_SOLVER_OPTIONS)
     parser.add_argument("--out", metavar="FILE", help="write the table: .csv, .h5 or .mat")
     _add_shared(parser, "--plot", help="write a picture of the answers (.png, .pdf, .svg)")
@@ -188,16 +188,16 @@ def _add_optimise(commands: Any) -> None:
         metavar="DRIVE=RANGE",
         help="drive values, such as turn=0deg:30deg:3; may be repeated",
     )
-    said = "where to start, such as joint.cross.thickness=0.4mm; all that varies, or none for the middle of the bounds"
-    parser.add_argument("--start", action="append", default=[], metavar="NAME=VALUE", help=said)
+    help_text = "where to start, such as joint.cross.thickness=0.4mm; all that varies, or none for the middle of the bounds"
+    parser.add_argument("--start", action="append", default=[], metavar="NAME=VALUE", help=help_text)
     parser.add_argument("--starts", type=int, metavar="N", help="starts, the others random (1)")
     _add_shared(
         parser,
         "--method",
         help="gradient (the default), trust-constr, cobyla, or cma, which needs the package cma",
     )
-    said = "move limits in by K standard deviations of the [optimise.spread] of the file"
-    parser.add_argument("--robust", type=float, metavar="K", help=said)
+    help_text = "move limits in by K standard deviations of the [optimise.spread] of the file"
+    parser.add_argument("--robust", type=float, metavar="K", help=help_text)
     parser.add_argument("--seed", type=int, metavar="S", help="of the random starts (0)")
     parser.add_argument(
         "--resume", metavar="FILE", help="save every design in this file; run again with it to continue"

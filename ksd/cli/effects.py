@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from rich import box
@@ -11,8 +12,9 @@ from rich.table import Table
 
 from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.cli.solve import load_with_options
-from ksd.design.effect_cost import effect_cost
+from ksd.design.effect_cost import EffectCost, effect_cost
 from ksd.model.description import effect_reason
+from ksd.model.effects import EffectChoice
 from ksd.properties.printing import format_signed_percent
 from ksd.view.effect_cost_plot import plot_effect_cost
 from ksd.view.figure import new_figure, save_figure
@@ -35,8 +37,8 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _print(scene: Any, choice: Any, rows: list[Any]) -> None:
-    """Print an `EffectCost` per row, and the reason why each effect of the choice is simulated or not."""
+def _print(scene: Any, choice: EffectChoice, rows: list[EffectCost]) -> None:
+    """Print a row per effect, and the reason why each effect of the choice is simulated or not."""
     title = f"{scene.name}: every effect switched on and off, the others as chosen"
     keys = list(dict.fromkeys(key for row in rows for key in row.without))
     names = {
@@ -84,7 +86,7 @@ def _table_width(table: Table) -> int:
     return sum((column.width or 0) + 3 for column in table.columns)
 
 
-def _range(row: Any, without: float, with_: float) -> str:
+def _range(row: EffectCost, without: float, with_: float) -> str:
     """The cost without and with an effect, as text; "-" where there are no numbers."""
     return "-" if row.failure else f"{without:.0f}\N{EN DASH}{with_:.0f}"
 
@@ -96,7 +98,7 @@ def _change(value: float) -> str:
     return "0" if abs(value) < 1e-9 else f"{format_signed_percent(100 * value)} %"
 
 
-def _draw(rows: list[Any], why: dict[str, str], accuracy: float, path: str) -> None:
+def _draw(rows: list[EffectCost], why: dict[str, str], accuracy: float, path: str) -> None:
     """Write a picture of the largest relative change and the cost of each effect; why: reason by effect."""
     done = [row for row in rows if not row.failure]
     figure = new_figure(10.0, 1.2 + 0.62 * len(done))
@@ -112,8 +114,8 @@ def _draw(rows: list[Any], why: dict[str, str], accuracy: float, path: str) -> N
     save_figure(figure, path)
 
 
-def as_dict(choice: Any, rows: list[Any]) -> dict[str, Any]:
-    """Every number of the table; relative changes are those of putting the effect on."""
+def as_dict(choice: EffectChoice, rows: list[EffectCost]) -> dict[str, Any]:
+    """The reasons and numbers of all effects for JSON, None for no number; relative_change: by adding the effect."""
     return {
         "effects": {e.name: {"simulated": e.present, "reason": e.reason} for e in choice.effects},
         "effect_cost": {
@@ -133,5 +135,6 @@ def as_dict(choice: Any, rows: list[Any]) -> dict[str, Any]:
     }
 
 
-def _finite(values: Any) -> dict[str, float | None]:
+def _finite(values: Mapping[str, float]) -> dict[str, float | None]:
+    """The values with None for those that are not finite, which JSON does not have."""
     return {key: (value if math.isfinite(value) else None) for key, value in values.items()}

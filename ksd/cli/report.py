@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -64,8 +66,8 @@ def _answerable_questions(scene: Any, pose: Any) -> tuple[str, ...]:
     return tuple(q for q in ALL_QUESTIONS if q not in missing)
 
 
-def _compared_solve(name: str, solve: Any) -> Any:
-    """Drive force, first parasitic frequency and stress of the pose that `solve` returns."""
+def _compared_solve(name: str, solve: Callable[[], Any]) -> ComparedSolve:
+    """First drive force [N or Nm], first parasitic frequency [Hz] and stress [MPa] of the pose that `solve` returns."""
     try:
         pose = solve()
         force = next(iter(pose.forces.values()), float("nan"))
@@ -86,7 +88,7 @@ def _first_parasitic(pose: Any) -> float:
 def _other_methods(solver: Any, targets: dict[str, float], pose: Any) -> list[Any]:
     """The same pose by the other methods, and with a finer mesh."""
     others = [
-        _compared_solve(m, lambda m=m: solver(targets, method=m, estimate=False))
+        _compared_solve(m, partial(solver, targets, method=m, estimate=False))
         for m in ("reduced", "full", "conventional")
         if m != pose.method
     ]

@@ -13,7 +13,7 @@ from ksd.scene.json_schema import json_schema
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print or write it."""
+    """Print the schema, or write it to a file."""
     text = schema_text(jobs=options.job)
     if options.out is None:
         sys.stdout.write(text)

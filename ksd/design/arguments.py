@@ -86,16 +86,12 @@ def check_design_parameters(
         return
     takes_all = any(p.kind is p.VAR_KEYWORD for p in signature.parameters.values())
     name = getattr(mechanism, "__name__", "the function")
-    needed = [
-        p.name
-        for p in signature.parameters.values()
-        if p.default is p.empty and p.name in _keyword_names(mechanism)
-    ]
     known = set(_keyword_names(mechanism))
+    needed = [n for n, p in signature.parameters.items() if p.default is p.empty and n in known]
     for design in designs:
         if not isinstance(design, Mapping) or not all(isinstance(n, str) for n in design):
             raise SceneError(
-                f"designs: {show(design)} is not a set of parameters by name, such as {{'thickness': 1e-3}}"
+                f"{argument}: {show(design)} is not a set of parameters by name, such as {{'thickness': 1e-3}}"
             )
         for given in design:
             if given not in known and not takes_all:

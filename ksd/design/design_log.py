@@ -103,7 +103,7 @@ class DesignLog:
         self._requested_row(key)
 
     def _requested_row(self, key: str) -> Row:
-        """The row of a design, which becomes one of `rows`."""
+        """The row of a design, which is added to `rows`."""
         row: Row = self.file.entries[key][0]
         self.rows.setdefault(key, row)
         return row

@@ -78,7 +78,10 @@ class FrequencyCurve(PrintableAnswer):
 
 
 def even_curve(drive: str, values: Any, frequency_Hz: Any, checks: dict[float, float]) -> FrequencyCurve:
-    """The curve through frequencies (3,) [Hz] at values (3,) [m or rad]; checks: further frequencies by drive value."""
+    """The curve through frequencies (3,) [Hz] at drive values (3,) [m or rad], 1/omega^2 = c0 + c2 d^2 + c4 d^4.
+
+    checks: further frequencies [Hz] by drive value, whose errors the curve reports.
+    """
     d, f = np.asarray(values, float), np.asarray(frequency_Hz, float)
     size = np.abs(d).max()
     powers = np.stack([(d / size) ** n for n in (0, 2, 4)], axis=1)

@@ -314,7 +314,7 @@ class PathPoint(NamedTuple):
 
 
 def _path(equations: RestEquations, y: Array, sign: float) -> Iterator[PathPoint]:
-    """Points of the path from zero load, towards positive or negative fractions, also beyond the full loads.
+    """Points of the path from zero load, with scaled unknowns y, towards load fractions of this sign, also beyond 1.
 
     The point at the full loads has a load fraction of exactly 1.
     """

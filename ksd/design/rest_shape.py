@@ -460,7 +460,7 @@ def _snapped_leaf_message(shape: RestShape, pose: Configuration) -> str:
 
 
 def _wanted_point(move: RigidMove, point: Array) -> Array:
-    """Position (3,) in the wanted shape of a point of a link in the undeformed configuration."""
+    """Position (3,) [m] in the wanted shape of a point of a link; `move`: of the link from there to the undeformed shape."""
     return np.asarray(move.rotation.T @ (point - move.shift))
 
 

@@ -107,7 +107,7 @@ def extend_chain(strain: JointFunctions, n: int, *, known: JointFunctions | None
 
 
 def _monomials_on_grid(strain: JointFunctions) -> Array:
-    """Monomials (k, P) at a grid of Chebyshev points over the trained range."""
+    """Monomials (k, P) of functions of the strain mesh at a grid of Chebyshev points over their trained range."""
     points_by_motion = []
     for j, (low, high) in enumerate(strain.motion_range):
         count = 2 * int(strain.powers[:, j].max()) + 3

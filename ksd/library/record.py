@@ -94,9 +94,10 @@ class Residual:
 
 @dataclass(frozen=True)
 class Evidence:
-    """Largest changes of the functions by a change of one input: of interface and blocks, and of the rotations.
+    """Largest changes of the functions of the joint in the middle of the shapes when one input changes.
 
-    parameter: the input; change: its change as text ("0.5 times"); interface: rad and joint lengths; rotations: rad.
+    parameter: the input; change: its change as text ("0.5 times"); interface: of interface B and the blocks, in rad and
+    joint lengths; rotations: of elements and nodes, in rad.
     """
 
     parameter: str

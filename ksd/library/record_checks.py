@@ -82,7 +82,7 @@ def _check_powers(record: Record) -> None:
 
 
 def _check_functions(record: Record, mesh: Mesh) -> None:
-    """Shapes and values of the coefficients of a mesh."""
+    """Raise ValueError for coefficients of a mesh of wrong shape or that are not finite."""
     leaves, M = len(record.leaves), len(record.powers)
     shapes: dict[str, tuple[int, ...]] = {"interface": (6, M), "blocks": (len(record.blocks), 6, M)}
     if mesh == "strain":
@@ -113,7 +113,7 @@ def _check_residuals_and_evidence(record: Record) -> None:
 
 
 def _check_probes(record: Record) -> None:
-    """Shapes and values of the probes."""
+    """Raise ValueError for probes of wrong shape or that are not finite."""
     probes = record.probes
     if probes is None:
         return

@@ -218,7 +218,8 @@ def _coordinates(n: int, frame: str, straight: bool) -> tuple[list[int], list[in
 
 
 def tangent_function(element_constants: np.ndarray, x: np.ndarray, orientation: np.ndarray):
-    """The function that returns the tangent (6 (n+1), 6 (n+1)) at additive coordinates (6 (n+1),)."""
+    """The function that returns the tangent (6 (n+1), 6 (n+1)) at coordinates (6 (n+1),) in addition to x: displacements [m]
+    and rotation vectors of the nodes from `orientation`."""
     first, size = np.arange(len(element_constants)), 6 * len(x)
     z0 = np.hstack([x, np.zeros_like(x)])
     g = np.empty(size)

@@ -59,8 +59,9 @@ class RodState(NamedTuple):
 
 @kernel
 def _part_pose(a, b, i, j, first, last, x, R, offset, frame, position, axes, pose, Q, d):
-    """Pose (18,) of part j of rod i as in `ksd.model.poses.member_pose`, where a station is its own node, and orientation
-    Q (3, 3) and position d (3,) of its end in the frame of its start."""
+    """Write the pose (18,) of part j of rod i, parts first .. last - 1, between nodes a and b as in
+    `ksd.model.poses.member_pose`, where a station is its own node, and orientation Q (3, 3) and position d (3,) [m] of its
+    end in the frame of its start. position, axes: of the stations, global."""
     for r in range(3):
         start, lever = 0.0, 0.0
         if j == first:

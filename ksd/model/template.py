@@ -244,7 +244,8 @@ class Template:
         self.distinct_of_part = np.array([p[3] for p in layout.parts], int)
 
     def _list_members(self) -> list[MemberTopology]:
-        """List the members, the leaves of every part, and return their topologies."""
+        """Topologies of the members, the leaves of every part in turn; sets what is known of them, `member_names` to
+        `member_part`."""
         layout = self.scene_layout
         topologies: list[MemberTopology] = []
         names, leaf, part, slices = [], [], [], []

@@ -70,7 +70,7 @@ class Blocks(NamedTuple):
 
 
 def unflatten_blocks(ints: np.ndarray) -> Blocks:
-    """The plan at the beginning of an array of integers."""
+    """The plan at the beginning of an array of integers, as views."""
     places = ints[SIZE : END + 1].tolist()
     views = [ints[a:b] for a, b in pairwise(places)]
     parts: Any = (*views, int(ints[VALUES]), int(ints[UNKNOWNS]), ints[: places[-1]])
@@ -128,15 +128,15 @@ def plan_blocks(
 def _plan_blocks(
     size: tuple[int, ...], pairs: tuple[tuple[int, int], ...], waits: tuple[bool, ...], last: int
 ) -> Plan:
+    """`plan_blocks` of hashable arguments."""
     count = len(size)
     neighbours: list[set[int]] = [set() for _ in range(count)]
     for a, b in pairs:
         if a != b:
             neighbours[a].add(b)
             neighbours[b].add(a)
-    rows = [i for i, wait in enumerate(waits) if wait]
-    held = {i: sorted(neighbours[i]) for i in rows}
-    for nodes in held.values():
+    nodes_of_row = {i: sorted(neighbours[i]) for i, wait in enumerate(waits) if wait}
+    for nodes in nodes_of_row.values():
         # the term J' s J couples all nodes of a row
         for a, b in combinations(nodes, 2):
             neighbours[a].add(b)
@@ -156,7 +156,7 @@ def _plan_blocks(
         rows = sorted(below[k])
         for index, j in enumerate(rows):
             below[j].update(rows[index + 1 :])
-    ordered = {position[i]: sorted(position[n] for n in nodes) for i, nodes in held.items()}
+    ordered = {position[i]: sorted(position[n] for n in nodes) for i, nodes in nodes_of_row.items()}
     sizes = np.array(size, np.int64)[order]
     offsets = _offsets(sizes.tolist(), below)
     return _lay_out(sizes, below, ordered, offsets), where, offsets

@@ -88,6 +88,7 @@ def end_with_parent() -> None:
 
 
 def _wait_for_parent() -> None:
+    """End this process when its parent has ended."""
     parent = parent_process()
     if parent is not None:
         parent.join()

@@ -31,7 +31,8 @@ class Modes(NamedTuple):
 
 
 class Derivatives(NamedTuple):
-    """Derivatives of the static path: shapes (n, p), and the mode indices of each, two for theta and three for chi."""
+    """Derivatives of the static path by mode amplitudes: shapes (n, p), and the modes of each, (i, j) of theta_ij or
+    (i, j, k) of chi_ijk."""
 
     shapes: Array
     pairs: tuple[tuple[int, ...], ...]
@@ -199,8 +200,10 @@ def second_derivatives(modes: Modes, derived: Derivatives) -> Array:
 
 
 class Basis(NamedTuple):
-    """A conditioned basis: columns (n, rank), orthonormal in the scaled coordinates, and the condition number of the unit
-    columns before that, without the singular values that were cut."""
+    """A conditioned basis: columns (n, rank), orthonormal in the scaled coordinates.
+
+    condition: ratio of the singular values that were kept, of the given columns scaled to length one.
+    """
 
     columns: Array
     rank: int

@@ -172,7 +172,7 @@ def tangent_factors(t2):
 
 @kernel(inline="late")
 def log_tangent(v, T):
-    """T (3, 3): log(exp(dphi) exp(v)) = v + T dphi to first order (inverse of `exp_tangent`)."""
+    """Write T (3, 3): log(exp(dphi) exp(v)) = v + T dphi to first order (inverse of `exp_tangent`)."""
     x, y, z = v[0], v[1], v[2]
     t2 = x * x + y * y + z * z
     if t2 < 0.01:
@@ -185,7 +185,7 @@ def log_tangent(v, T):
 
 @kernel(inline="late")
 def _rotation_polynomial(x, y, z, b, c, T):
-    """T = I + b [v]x + c [v]x^2."""
+    """Write T (3, 3) = I + b [v]x + c [v]x^2, v = (x, y, z)."""
     T[0, 0] = 1.0 - c * (y * y + z * z)
     T[1, 1] = 1.0 - c * (x * x + z * z)
     T[2, 2] = 1.0 - c * (x * x + y * y)

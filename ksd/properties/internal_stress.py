@@ -190,24 +190,21 @@ def _state_after_misplacement(
     """
     model, motion = tangent.model, tangent.motion
     loads = np.zeros(model.arrays.plan.unknowns + 1)
+    R = _end_axes(model, motion, member)
     moved = []
     for group, leaf, unknowns in zip(leaf_groups(model), flexible, inner_unknowns(model), strict=True):
         # xi in frame p is the misplacement in the axes of q at this state
         xi = np.zeros((len(group.members), 6))
-        here = group.members == member
-        R = _end_axes(model, motion, member)
-        xi[here] = np.concatenate([R @ misplaced[:3], R @ misplaced[3:]])
-        K = leaf.ends
-        pull = leaf.relative.swapaxes(1, 2) @ (K @ xi[..., None])
+        xi[group.members == member] = np.concatenate([R @ misplaced[:3], R @ misplaced[3:]])
+        pull = leaf.relative.swapaxes(1, 2) @ (leaf.ends @ xi[..., None])
         at = np.where(unknowns[:, :12] < 0, len(loads) - 1, unknowns[:, :12])
         np.add.at(loads, at, -pull[..., 0])
-        moved.append((group, leaf, at, xi, K))
-    response = tangent.solve(loads[:-1, None])[:, 0]
-    nodes = np.append(response, 0.0)
+        moved.append((group, leaf, at, xi))
+    nodes = np.append(tangent.solve(loads[:-1, None])[:, 0], 0.0)
     state = motion.copy()
-    for group, leaf, at, xi, K in moved:
+    for group, leaf, at, xi in moved:
         total = xi + (leaf.relative @ nodes[at][..., None])[..., 0]
-        bent, wrench = (leaf.P @ total[..., None])[..., 0], (K @ total[..., None])[..., 0]
+        bent, wrench = (leaf.P @ total[..., None])[..., 0], (leaf.ends @ total[..., None])[..., 0]
         state.inner[group.inner_index] += np.hstack([bent, wrench])
     return state
 

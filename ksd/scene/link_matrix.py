@@ -19,7 +19,7 @@ KEYS = ("points", "K")
 """Names of the arrays in a file."""
 
 
-def _of_npz(content: bytes) -> dict[str, np.ndarray]:
+def _arrays_of_npz(content: bytes) -> dict[str, np.ndarray]:
     """The arrays KEYS of a numpy file, as far as they exist."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         names = {f"{key}.npy" for key in KEYS} & set(archive.namelist())
@@ -45,7 +45,7 @@ def _array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
     return array
 
 
-def _of_hdf5(content: bytes) -> dict[str, np.ndarray]:
+def _arrays_of_hdf5(content: bytes) -> dict[str, np.ndarray]:
     """The arrays KEYS of an HDF5 file, as far as they exist."""
 
     def arrays(reader: BoundedReader) -> dict[str, np.ndarray]:
@@ -55,7 +55,7 @@ def _of_hdf5(content: bytes) -> dict[str, np.ndarray]:
     return read_hdf5(content, arrays)
 
 
-READERS = {".npz": _of_npz, ".h5": _of_hdf5}
+READERS = {".npz": _arrays_of_npz, ".h5": _arrays_of_hdf5}
 """Reader of a file content by the suffix of the file name."""
 
 

@@ -55,6 +55,7 @@ def _warping_constant(short: Any, long: Any, exp: Callable[[Any], Any] = math.ex
 
 
 def _check_poisson(nu: float | None, owner: str) -> float | None:
+    """Poisson's ratio of the option `cowper`, checked; None stays None. Raises SceneError."""
     return None if nu is None else between(nu, "cowper (Poisson's ratio)", -1.0, 0.500001, owner=owner)
 
 

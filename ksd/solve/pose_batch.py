@@ -117,7 +117,7 @@ def _extrapolate_motions(target, last, before, theta, previous):
 
 @kernel
 def _link_offsets(x, R, start_x, start_R, offset):
-    """Write displacement and rotation vector of every link from start_x, start_R to x, R into offset (links, 6)."""
+    """Write displacement [m] and rotation vector of every link from start_x, start_R to x, R into offset (links, 6)."""
     turned, v = np.empty((3, 3)), np.empty(3)
     for k in range(len(offset)):
         for r in range(3):

@@ -346,7 +346,7 @@ class Solver:
     def _with_reduced_bodies(
         self, values: Mapping[str, float], method: str | None, relinearisations: int, estimate: bool
     ) -> Configuration:
-        """Solve with reduced bodies: beside condensed joints by method "modal", else in load steps."""
+        """Solve with reduced bodies; method "modal" condenses the joints, None or "conventional" solves in load steps."""
         if method not in (None, "conventional", "modal"):
             raise SceneError(
                 f"method = {show(method)}: a mechanism with reduced solids is solved in load steps; give no method, or "

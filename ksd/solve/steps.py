@@ -182,6 +182,7 @@ class FiveStepRecord(Sequence[Step]):
         return self.later_steps[-1].stop if self.later_steps else Stop(self.rows[-1].stop)
 
     def _step(self, k: int) -> Step:
+        """Step k with its name and note."""
         if k >= len(self.rows):
             return self.later_steps[k - len(self.rows)]
         row = self.rows[k]

@@ -20,12 +20,13 @@ class NewtonStorage:
         self._planar: Workspace | None = None
 
     def newton(
-        self, motion: State, target: np.ndarray, factor: float, rtol: float, most: int, cap: float, blow_up: float
+        self, motion: State, target: np.ndarray, factor: float, rtol: float, max_steps: int,
+        max_turn: float, divergence_limit: float,
     ) -> NewtonResult:  # fmt: skip
         """Iterate the state to equilibrium, in place: see `ksd.model.newton.solve_equilibrium`."""
         return solve_equilibrium(
-            self.model.arrays, motion, target, factor, self.work, rtol, most, cap, blow_up
-        )
+            self.model.arrays, motion, target, factor, self.work, rtol, max_steps, max_turn, divergence_limit
+        )  # fmt: skip
 
     def planar(self, plane: Plane) -> Workspace:
         """Workspace arrays of the model in its plane."""

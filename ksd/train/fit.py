@@ -23,7 +23,10 @@ DECIMALS = 10
 
 @dataclass(frozen=True)
 class Fit:
-    """powers (M, m + s), coefficients (rows, M), chosen degrees, and leave-one-out rms errors over tolerance."""
+    """A fit of functions (rows) of m motions and s shape parameters: powers (M, m + s) and coefficients (rows, M).
+
+    motion_degree, shape_degree: its total degrees; motion_error, shape_error: leave-one-out rms errors over tolerance.
+    """
 
     powers: NDArray[np.int64]
     coefficients: Array
@@ -131,8 +134,10 @@ def _motion_degree(
 
 
 def _leave_one_out(basis: Array, values: Array) -> Array:
-    """Leave-one-out residuals (k, g, rows) with the mean leverage (generalised), since a sweep always includes its end
-    points."""
+    """Leave-one-out residuals of values (k, g, rows) fitted by basis (g, powers) over the grid points.
+
+    All points have the mean leverage (generalised cross-validation), since a sweep always includes its end points.
+    """
     q, _ = np.linalg.qr(basis)
     residuals = values - np.einsum("gq,hq,khr->kgr", q, q, values, optimize=True)
     return np.asarray(residuals / (1.0 - basis.shape[1] / basis.shape[0]))
@@ -141,7 +146,7 @@ def _leave_one_out(basis: Array, values: Array) -> Array:
 def _motion_fit(
     values: Array, grid: Array, classes: NDArray[np.int64], powers: NDArray[np.int64]
 ) -> tuple[Array, Array]:
-    """Coefficients (k, powers, rows) at every shape, and the basis (g, powers)."""
+    """Coefficients (k, powers, rows) that fit values (k, g, rows) at each of k shapes, and the basis (g, powers)."""
     basis = monomials(powers, grid)
     coefficients = np.zeros((len(values), len(powers), values.shape[2]))
     for symmetry in np.unique(classes, axis=0):

@@ -287,7 +287,7 @@ def _shape_places(design: Design, count: int) -> Array:
 
 
 def _fresh_places(design: Design) -> Array:
-    """Places of the fresh shapes, uniformly distributed."""
+    """Places (k, s) in [-1, 1] of the fresh shapes, uniformly distributed."""
     varying = _varying_parameters(design)
     if not varying:
         return np.zeros((1, len(design.parameters)))

@@ -113,15 +113,12 @@ def shape_phrase(joint: Joint) -> str:
 
 
 def largest_intended_stiffness(joint: Joint) -> float:
-    """Stiffness of the stiffest intended motion at rest with all else free [Nm, over the joint length]."""
+    """Stiffness [Nm] at rest of the stiffest intended motion with all else free, displacements over the joint length."""
     return max(intended_stiffnesses(joint, rest_stiffness(soften_leaves(joint, 1.0))))
 
 
 def intended_stiffnesses(joint: Joint, stiffness: Array) -> list[float]:
-    """Stiffness [Nm] of every intended motion with all else free.
-
-    stiffness (6, 6): at rest, as of `rest_stiffness`.
-    """
+    """Stiffness [Nm] of every intended motion with all else free; stiffness (6, 6): of `rest_stiffness`."""
     compliance = np.linalg.inv(stiffness)
     return [1.0 / float(axis @ compliance @ axis) for axis in _declared_directions(joint)]
 

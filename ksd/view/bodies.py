@@ -45,8 +45,10 @@ class Polygon(NamedTuple):
 
 
 class Pad(NamedTuple):
-    """Where a joint, drive or hinge is clamped to a block: all corners (k, 3) [m], those of each of its n leaf springs, and
-    the directions (n, 3) of these away from the block; n = 0 for a driven or hinged point."""
+    """Where the n leaf springs of a joint are clamped to a block, or with n = 0 a driven or hinged point.
+
+    corners (k, 3) [m]: of all leaf springs; edges: those of each; away (n, 3): its direction away from the block.
+    """
 
     corners: Array
     edges: tuple[Array, ...]
@@ -214,8 +216,8 @@ def leaf_outlines(leaf: Any, camera: Camera, *, rest: bool = False) -> list[Arra
 
 
 def ground_hatches(pad: Pad, size: float, camera: Camera) -> list[Array]:
-    """Lines (2, 3) [m] of ground behind a pad: its edge, then strokes; behind every one of its leaf springs where it has no
-    one back; below a pin."""
+    """Lines (2, 3) [m] of the ground symbol, an edge and strokes: behind a pad, or behind each of its leaf springs where the
+    pad has no back; below a point. size: of the mechanism [m]."""
     if not len(pad.away):
         return _hatched_line(pad.corners, -camera.up, size, camera)
     back = back_direction(pad)
@@ -267,7 +269,7 @@ def _hatched_line(corners: Array, back: Array, size: float, camera: Camera) -> l
 
 
 def block_colors(shape: Shape) -> dict[str, str]:
-    """Links in turn, blocks inside joints and ground in greys, by name."""
+    """Colours by name of block: LINK_COLORS repeated for links, greys for ground and blocks inside joints."""
     names = [b.name for b in shape.blocks if b.name != "ground" and "/" not in b.name]
     turn = {name: LINK_COLORS[k % len(LINK_COLORS)] for k, name in enumerate(names)}
     return {
