@@ -407,6 +407,15 @@ def test_wrong_arguments_exit_2(argv, capsys):
     assert "usage" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("argv", [["report", "a.toml", "b.html"], ["report", "a.toml", "-o", "b.html"]])
+def test_unknown_arguments_show_the_usage_of_their_command(argv, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(argv)
+    told = capsys.readouterr().err
+    assert stop.value.code == 2
+    assert "usage: ksd report" in told and "b.html" in told and "--out FILE" in told
+
+
 def test_version(capsys):
     with pytest.raises(SystemExit) as stop:
         main(["--version"])

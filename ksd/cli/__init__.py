@@ -31,7 +31,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     if sys.stdout is None:
         return _fail("standard output is closed; send it to a file or to /dev/null", BAD_INPUT)
     commands = parser(__version__)
-    options = commands.parse_args(argv)
+    options, unknown = commands.parse_known_args(argv)
+    if unknown:
+        options.refuse(f"unrecognized arguments: {' '.join(unknown)}")
     if options.command is None:
         commands.print_help(sys.stderr)
         return _fail("give a command", BAD_INPUT)

@@ -283,7 +283,8 @@ COMMANDS = {
 
 
 def parser(version: str) -> argparse.ArgumentParser:
-    """The parser of all commands; `options.command` is the one that was given, None without."""
+    """The parser of all commands; `options.command` is the one that was given, None without, and `options.refuse` prints its
+    usage with a sentence and exits."""
     top = argparse.ArgumentParser(
         prog="ksd",
         description="Deformed configurations of flexure mechanisms in large deflection, from fast to exact.",
@@ -294,4 +295,7 @@ def parser(version: str) -> argparse.ArgumentParser:
     commands = top.add_subparsers(title="commands", metavar="COMMAND", dest="command")
     for add in COMMANDS.values():
         add(commands)
+    # an unknown argument is refused by its command, with the usage of that command
+    for command in (top, *commands.choices.values()):
+        command.set_defaults(refuse=command.error)
     return top

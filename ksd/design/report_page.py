@@ -23,6 +23,10 @@ LOAD_FACTOR_EXPLANATION = (
     "Critical load factors: by what factor all stresses of a pose grow, at its geometry and with its drives held, when it "
     "buckles; negative ones with all stresses reversed."
 )
+CHEAPEST_EXPLANATION = (
+    "Each pose is solved with the cheapest method and number of relinearisation steps that is accurate enough; where "
+    "another one takes over, the estimated error jumps."
+)
 MAX_COLUMNS = 10
 """Number of columns that fit on the page."""
 
@@ -60,10 +64,11 @@ def report_page(pose: Any, stroke: Table, compared: Sequence[ComparedSolve]) -> 
 
 def _warnings(pose: Any, facts: dict[str, Any], stroke: Table) -> list[str]:
     """Sentences on what limits the trust in the report."""
-    warnings = [*facts["warnings"]]
     trusted = facts["trust"]["trusted"]
-    if pose.stable and not trusted["yes"]:
-        warnings.append(f"{trusted['sentence'][0].upper()}{trusted['sentence'][1:]}.")
+    doubts = [trusted["sentence"]] if pose.stable and not trusted["yes"] else []
+    warnings = [
+        f"{w[0].upper()}{w[1:]}{'' if w.endswith('.') else '.'}" for w in (*facts["warnings"], *doubts)
+    ]
     if not pose.stable:
         warnings.append(f"The state is not a minimum of energy. {facts['stability']}")
     if stroke.failures:
@@ -159,7 +164,9 @@ def _pose(facts: dict[str, Any]) -> list[str]:
             [
                 n,
                 ", ".join(
-                    f"{k.rsplit('_', 1)[0]} {v:.5g} {k.rsplit('_', 1)[1]}" for k, v in j["intended"].items()
+                    f"{label} {v:.5g} {unit}"
+                    for k, v in j["intended"].items()
+                    for label, unit in (label_and_unit(k),)
                 ),
             ]
             for n, j in facts["joints"].items()
@@ -185,9 +192,11 @@ def _stroke(stroke: Table) -> list[str]:
             figure(stroke.plot(wide=2), "Answers over the stroke; a cross marks a pose without full answer.")
         )
     hidden = {
-        "method", "warnings", "stable", "stress_leaf", "stress_s_mm", "stress_point", "mac", "first_parasitic_mode",
+        "warnings", "stable", "stress_leaf", "stress_s_mm", "stress_point", "mac", "first_parasitic_mode",
     }  # fmt: skip
     hidden |= {c for c in stroke.columns if c.startswith("parasitic_") and c.endswith("_Hz")}
+    if len({*stroke.columns.get("method", ())} - {""}) < 2:
+        hidden.add("method")
     if not stroke.failures:
         hidden.add(STATUS)
     shown = [
@@ -199,6 +208,8 @@ def _stroke(stroke: Table) -> list[str]:
     answers = [c for c in shown if c not in stroke.labels]
     if any(c in shown for c in BUCKLING):
         parts.append(f"<p>{LOAD_FACTOR_EXPLANATION}</p>")
+    if "error_percent" in shown and stroke.facts.get("method") == "cheapest":
+        parts.append(f"<p>{CHEAPEST_EXPLANATION}</p>")
     table_count = max(1, math.ceil(len(answers) / max(3, MAX_COLUMNS - len(labels))))
     # all tables have about the same width
     size = max(1, math.ceil(len(answers) / table_count))

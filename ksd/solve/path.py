@@ -29,7 +29,7 @@ from ksd.solve.arc_length import (
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import solve_without_loads
 from ksd.solve.load_steps import LoadPath
-from ksd.solve.solver import COMPILED_MODEL_MESSAGE, DEFAULT_ACCURACY
+from ksd.solve.solver import COMPILED_MODEL_MESSAGE, DEFAULT_ACCURACY, given_values, refuse_unknown_drives
 from ksd.solve.steps import Step, Stop
 from ksd.solve.verdict import with_mesh_check
 
@@ -113,16 +113,18 @@ def follow(
     first: float = 0.02,
     most: int = 1000,
     mesh: Mesh | None = None,
+    **drives: float,
 ) -> Path:
     """Follow the equilibrium path by arc length, through limit points.
 
-    scene: a Mechanism, Scene or Model. control "load": the parameter is a factor on the loads, from 0 (or that of `start`)
-    to `until`, with the drives constant at `targets`, to which they are moved first. control "drives": the parameter is the
-    fraction of the drive motion to `targets`, from 0 (or `start`) to `until`, with constant loads. branch: switch to the
-    other branch at this bifurcation of an earlier path, on the `side` (+-1, times 0.01 rad or size) of its mode. until < 0
-    goes backward. first: first step in the parameter; most: largest number of steps. mesh: stays as given, where
-    `ksd.solve` refines it; states for which it is too coarse carry a warning, and so does the path (`Path.warnings`). Raises
-    SceneError for a path without a parameter (no load, no drive motion), ConvergenceError where its start is no equilibrium.
+    scene: a Mechanism, Scene or Model. Drive values [m or rad] by name, as keywords or in a mapping, `targets`. control
+    "load": the parameter is a factor on the loads, from 0 (or that of `start`) to `until`, with the drives constant at their
+    values, to which they are moved first. control "drives": the parameter is the fraction of the drive motion to these
+    values, from 0 (or `start`) to `until`, with constant loads. branch: switch to the other branch at this bifurcation of an
+    earlier path, on the `side` (+-1, times 0.01 rad or size) of its mode. until < 0 goes backward. first: first step in the
+    parameter; most: largest number of steps. mesh: stays as given, where `ksd.solve` refines it; states for which it is too
+    coarse carry a warning, and so does the path (`Path.warnings`). Raises SceneError for a path without a parameter (no
+    load, no drive motion), ConvergenceError where its start is no equilibrium.
     """
     for value, name in ((until, "until"), (side, "side")):
         checked_number(value, name)
@@ -131,10 +133,16 @@ def follow(
     if isinstance(scene, Model) and mesh is not None:
         raise SceneError(COMPILED_MODEL_MESSAGE)
     model = scene if isinstance(scene, Model) else compile_scene(scene, mesh=mesh)
+    values = given_values(targets, drives)
+    refuse_unknown_drives(drives, model.drive_names, follow)
     begin = start or (branch.configuration if branch else None)
-    if begin is None and control == "load" and any((targets or {}).values()):
-        begin = solve_without_loads(model, targets or {})
-    load_path, f = _load_path(model, targets, control, start=begin, branched=branch is not None)
+    if (
+        begin is None
+        and control == "load"
+        and model.targets({**dict.fromkeys(model.drive_names, 0.0), **values}).any()
+    ):
+        begin = solve_without_loads(model, values)
+    load_path, f = _load_path(model, values, control, start=begin, branched=branch is not None)
     path = PathContinuation(model, load_path)
     clock = Stopwatch()
     motion = (begin.motion if begin else model.rest).copy()
@@ -169,7 +177,7 @@ def _configuration(path: PathContinuation, at: ArcLengthPoint) -> Configuration:
 
 def _load_path(
     model: Model,
-    targets: Mapping[str, float] | None,
+    values: Mapping[str, float],
     control: str,
     *,
     start: Configuration | None,
@@ -182,7 +190,7 @@ def _load_path(
         raise SceneError(f"control = {control!r}: choose 'load' or 'drives'")
     if control == "load" and not carries_load(model.arrays):
         raise SceneError("control = 'load': this mechanism carries no load; use control = 'drives'")
-    goal = model.targets({**start_values, **(targets or {})})
+    goal = model.targets({**start_values, **values})
     model.refuse_turns(goal)
     if control == "load":
         return LoadPath(goal, goal), start_factor
@@ -190,7 +198,9 @@ def _load_path(
     begin = np.zeros(len(goal)) if branched else here
     change = goal - begin
     if not change.any():
-        raise SceneError("control = 'drives': give targets that differ from where the path starts")
+        raise SceneError(
+            "control = 'drives': give drive values that differ from where the path starts, for example top=0.1"
+        )
     f = float((here - begin) @ change / (change @ change))
     factor = start_factor if start else 1.0
     return LoadPath(begin, goal, (factor, factor)), f

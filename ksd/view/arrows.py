@@ -63,9 +63,12 @@ def draw_arrows(
         axes.plot(*place, marker="o", markersize=5, color=DRIVE_COLOR, markerfacecolor="white", zorder=6)
         busy.append(place[None])
         if labels:
-            unit = "N" if driven.kind == "translation" else "Nm"
-            force = amount_with_unit(configuration.reported_forces[driven.name], unit)
-            _label(axes, f"{driven.name}: {value_with_unit(value, driven.kind)}, {force}", tip, DRIVE_COLOR)
+            force = configuration.reported_forces[driven.name]
+            amount = amount_with_unit(force, "N" if driven.kind == "translation" else "Nm")
+            # the arrow shows the motion; force and value both count along the direction of the drive
+            against = " against the arrow" if force * np.sign(value or 1.0) < 0.0 else ""
+            text = f"{driven.name}: {value_with_unit(value, driven.kind)}, {amount}{against}"
+            _label(axes, text, tip, DRIVE_COLOR)
     busy += [_draw_load(axes, load, camera, size, labels=labels) for load in shape.loads]
     return np.concatenate(busy)
 

@@ -6,11 +6,13 @@ import subprocess
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
 import ksd
 from ksd.cli import main
+from ksd.design.report_page import ComparedSolve, report_page
 
 SCENES = Path(ksd.__file__).parent / "scenes"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome", "headless_shell")
@@ -104,6 +106,23 @@ def test_several_drives_share_one_stroke(tmp_path):
 def test_bad_input_exits_2(capsys, words, told):
     assert main(["report", str(SCENES / "fourbar.toml"), "--quiet", *words]) == 2
     assert told in capsys.readouterr().err
+
+
+def test_a_method_that_changes_along_the_stroke_is_a_column(written):
+    scene, targets, _ = ksd.load_scene(SCENES / "delta_stage.toml")
+    drives = {n: v * np.array([0.0, 1.0]) for n, v in targets.items()}
+    pose = ksd.solve(scene, targets)
+    table = ksd.sweep(scene, drives, together=True, questions="force", progress=False)
+    assert set(table["method"]) == {"full", "reduced"}
+    page = report_page(pose, table, [ComparedSolve("reduced")])
+    assert "<td class=t>full</td>" in page and "the estimated error jumps" in page
+    assert "<td class=t>conventional</td>" not in written.read_text(encoding="utf-8")
+    assert "about z " in page and "about_z" not in page
+
+
+def test_warnings_are_sentences(written):
+    warnings = re.findall(r'<p class="warn">(.*?)</p>', written.read_text(encoding="utf-8"), re.DOTALL)
+    assert warnings and all(w[0].isupper() and w.endswith(".") for w in warnings)
 
 
 def test_page_opens_in_a_browser(written, tmp_path):

@@ -151,10 +151,25 @@ def test_a_path_needs_a_parameter():
     scene, _, _ = bistable()
     with pytest.raises(SceneError, match="no load"):
         follow(scene)
-    with pytest.raises(SceneError, match="targets"):
+    with pytest.raises(SceneError, match="give drive values that differ"):
         follow(scene, control="drives")
     with pytest.raises(SceneError, match="choose"):
         follow(scene, control="force")
+
+
+def test_drive_values_are_keywords_or_a_mapping():
+    scene, _, rise = bistable()
+    mapped = follow(scene, {"push": -0.1 * rise}, control="drives", first=0.2)
+    named = follow(scene, push=-0.1 * rise, control="drives", first=0.2)
+    assert named.states[-1].forces == mapped.states[-1].forces
+    with pytest.raises(SceneError, match="two values"):
+        follow(scene, {"push": 0.1}, push=0.2, control="drives")
+    with pytest.raises(SceneError, match=r"drive 'pusch' is not in .*\"push\""):
+        follow(scene, pusch=0.1, control="drives")
+    with pytest.raises(SceneError, match="push"):
+        follow(scene, push=[0.1, 0.2], control="drives")
+    with pytest.raises(SceneError, match="push"):
+        follow(scene, push=[0.1, 0.2])
 
 
 def test_a_path_on_a_coarse_mesh_warns_and_a_finer_one_turns():

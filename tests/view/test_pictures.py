@@ -386,6 +386,19 @@ def test_forces_of_rounding_read_as_zero_and_small_true_ones_do_not():
     assert any(text.startswith("d: 0 mm, 0.09598 ") for text in texts(once.plot()))
 
 
+def test_a_force_against_the_arrow_of_its_drive_is_labelled(bent):
+    """A load of 900 N along the drive would carry the link past 300 mm: the drive holds it back."""
+    assert "top: 300 mm, 521.2 N" in texts(bent.plot())
+    scene = fourbar()
+    scene.load("top", force=(900.0, 0.0, 0.0), at=(0.0, 0.37, 0.0))
+    held = solve_conventional(compile_scene(scene), {"top": 0.3})
+    assert any(
+        t.startswith("top: 300 mm, -378") and t.endswith(" N against the arrow") for t in texts(held.plot())
+    )
+    back = solve_conventional(compile_scene(fourbar()), {"top": -0.1})
+    assert back.forces["top"] < 0.0 and not any("against" in t for t in texts(back.plot()))
+
+
 @pytest.mark.parametrize(
     ("value", "unit", "said"),
     [(521.23, "N", "521.2 N"), (84600.0, "N", "84.6 kN"), (1.114e-4, "N", "0.1114 mN"), (-2.37e-6, "Nm", "-2.37 µNm"),
