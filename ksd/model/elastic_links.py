@@ -121,10 +121,11 @@ def _split_by_matrix(scene: Any, split: _SplitLinks, compliance: Compliance) -> 
     Raises SceneError for an attachment that is not at an interface.
     """
     points = np.asarray(compliance.matrix.points)  # type: ignore[union-attr]
+    same = _same_point_distance(list(points))
     split.links.append(f"{compliance.link}/2")
     for kind, i, end, at in _attachments(scene, compliance.link):
         off = np.linalg.norm(points - at, axis=1)
-        if off.min() > ATTACHMENT_TOLERANCE:
+        if off.min() > same:
             name = getattr(scene, kind)[i].name
             raise SceneError(
                 f"compliance of link '{compliance.link}': '{name}' is attached at {tuple(at.tolist())}, "

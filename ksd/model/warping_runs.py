@@ -21,6 +21,9 @@ from ksd.section.warping import SLICES_PER_PIECE, Slice, twist_factors, warping_
 IN_LINE_COSINE = -1.0 + 1e-6
 """Cosine between the outward directions of two leaf ends below which the two leaves lie in one line."""
 
+MEETING_DISTANCE = 1e-5
+"""Largest distance of two ends that meet, relative to the length of the shorter leaf."""
+
 
 class Junction(NamedTuple):
     """Two leaf springs that are clamped to one block in one point.
@@ -66,17 +69,21 @@ def folded_junctions(scene: Any) -> list[Junction]:
 
 def _end_pairs(scene: Any) -> Iterator[tuple[str, _End, _End, bool]]:
     """(block, end, end, whether the block carries nothing else) of all leaf ends that share a point of a block."""
-    blocks: dict[str, dict[tuple[float, ...], list[_End]]] = {}
+    blocks: dict[str, list[tuple[Any, _End]]] = {}
     for block, place, end in _leaf_ends(scene):
-        # ends more than 1e-6 m apart do not meet
-        key = tuple(round(float(c), 6) + 0.0 for c in place)
-        blocks.setdefault(block, {}).setdefault(key, []).append(end)
+        blocks.setdefault(block, []).append((place, end))
     loaded = _loaded_blocks(scene)
-    for block, places in blocks.items():
-        alone = sum(map(len, places.values())) == 2 and block not in loaded
-        for here in places.values():
-            for k, a in enumerate(here):
-                yield from ((block, a, b, alone) for b in here[k + 1 :] if a.name != b.name)
+    for block, ends in blocks.items():
+        alone = len(ends) == 2 and block not in loaded
+        places, length = (
+            np.array([place for place, _ in ends]),
+            np.array([end.leaf.length for _, end in ends]),
+        )
+        apart = np.linalg.norm(places[:, None] - places, axis=2) / np.minimum.outer(length, length)
+        for i, j in np.argwhere(np.triu(apart < MEETING_DISTANCE, 1)).tolist():
+            a, b = ends[i][1], ends[j][1]
+            if a.name != b.name:
+                yield block, a, b, alone
 
 
 def run_torsion_factors(scene: Any) -> dict[str, float]:

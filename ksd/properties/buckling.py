@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from ksd.beam.member_tangent import geometric_tangent
 from ksd.checks import names_of, wrench_of
 from ksd.errors import ConvergenceError, SceneError
-from ksd.model.arrays import COIL, STRAIN, TORSION, State, make_workspace
+from ksd.model.arrays import COIL, ROTATION, STRAIN, TORSION, State, make_workspace
 from ksd.model.compile import Model
 from ksd.model.loading import twist
 from ksd.model.newton import assemble, assemble_nodes, move_nodes
@@ -75,8 +75,6 @@ MIN_OTHER_SIGN_RATIO = 1e-3
 ENTRY_PERTURBATION = 1e-7
 """Relative perturbation of the entries of unsymmetric matrices, below any mesh error; a 1/mu that it may move to zero is
 rejected. A clamped rod does not diverge under a moment, but its matrices have eigenvalues from rounding."""
-ENTRY_ROUNDING = 1e-16
-"""Size of an entry of -K^-1 K', relative to the sum of the sizes of its terms, below which it is rounding."""
 MAX_MESH_CHANGE = 0.1
 """Relative change by a finer mesh above which a factor of unsymmetric matrices is rejected as an artefact of the mesh: on
 every mesh Beck's column has different real factors, but the column has none."""
@@ -370,6 +368,36 @@ class _Pencil(NamedTuple):
     change: Any
     linear_up_to: float
 
+    def in_units(self, unit: Array) -> _Pencil:
+        """The same with unknowns in units (n,)."""
+        from scipy.sparse import diags
+
+        scale = diags(unit)
+        K, change = ((scale @ part @ scale).tocsc() for part in (self.K, self.change))
+        return _Pencil(K, change, self.linear_up_to)
+
+
+def _natural_units(model: Model, size: int) -> Array:
+    """Units (size,) of the unknowns of a pencil: the size of the mechanism, and the force that bends its leaf springs by it.
+
+    In these units a mechanism and the same one in micrometres have the same matrices, and the same rounding.
+    """
+    arrays, leaves = model.arrays, model.scene.leaf_names().values()
+    length, nodes = arrays.size, arrays.plan.unknowns
+    bending = [leaf.material.E * leaf.section.Iz for leaf in leaves]
+    force = float(np.exp(np.mean(np.log(bending)))) / length**2 if bending else 1.0
+    unit = np.ones(size)
+    unit[arrays.start[arrays.start >= 0, None] + np.arange(3)] = length
+    first = arrays.terms.first[:-1]
+    unit[arrays.terms.start] = force * np.where(arrays.terms.kind[first] == ROTATION, length, 1.0)
+    for group in leaf_groups(model):
+        unit[nodes + group.inner_index[:, : group.modes]] = 1.0 / length
+        unit[nodes + group.inner_index[:, group.modes :]] = force * np.repeat([1.0, length], 3)
+    if not leaf_groups(model):
+        # stresses of chains are forces
+        unit[nodes:] = force
+    return unit
+
 
 def _tangent_derivative(tangent: Tangent, loads: Array, rows: list[int], load_factor: float) -> _Pencil:
     """K, and K' along the linear response to nodal `loads` (n,).
@@ -442,7 +470,10 @@ def critical_factors(
     chosen = np.flatnonzero(_is_real(values) & (np.abs(values) > least * largest))
     chosen = chosen[largest_of_both_signs(values[chosen].real, count)]
     factor, shape = 1.0 / values[chosen].real, vectors[:, chosen].real
-    error = _backward_error(A, B, factor, shape)
+    resistance, load = A @ shape, B @ (shape * factor)
+    residual, norm = (np.linalg.norm(part, axis=0) for part in (resistance + load, shape))
+    terms = np.linalg.norm(A.data) * norm + np.linalg.norm(load, axis=0)
+    error = float(np.max(residual / terms, initial=0.0))
     if not error <= MAX_BACKWARD_ERROR:
         raise ConvergenceError(
             "buckling: rounding left no digits of the critical load factors: a motion is left that hardly anything resists; "
@@ -472,16 +503,10 @@ def _dense_pairs(A: Array, B: Array, symmetric: bool) -> tuple[Array, Array]:
 
     P = -np.linalg.solve(A, B)
     # entries from rounding disturb the balancing inside eig, and vectors lose half of their digits
-    small = np.abs(P) < 1e-18 * np.abs(P).max()
+    P[np.abs(P) < 1e-18 * np.abs(P).max()] = 0.0
     if symmetric:
-        # units differ: beside the largest entry, those that matter in leaf springs of micrometres are as small
-        flexibility = np.abs(np.linalg.inv(A))
-        terms = flexibility @ (np.abs(A) @ (flexibility @ np.abs(B)))
-        values, vectors = eig(np.where(np.abs(P) < ENTRY_ROUNDING * terms, 0.0, P))
-        real = _is_real(values) & (np.abs(values) > MIN_OTHER_SIGN_RATIO * np.abs(values).max())
-        error = _backward_error(A, B, 1.0 / values[real].real, vectors[:, real].real)
-        return (values, vectors) if error <= MAX_BACKWARD_ERROR else eig(np.where(small, 0.0, P))
-    P[small] = 0.0
+        values, vectors = eig(P)
+        return values, vectors
     values, left, vectors = eig(P, left=True)
     sensitivity, size = np.abs(np.linalg.solve(A.T, left.conj())), np.abs(vectors)
     change = np.sum(sensitivity * (np.abs(B) @ size + np.abs(values) * (np.abs(A) @ size)), axis=0)
@@ -543,14 +568,6 @@ def _nearest_factors(A: Any, B: Any, shift: float, count: int) -> tuple[Array, A
     return shift + 1.0 / values, vectors
 
 
-def _backward_error(A: Any, B: Any, factor: Array, shape: Array) -> float:
-    """Largest residual of (A + mu B) phi, relative to its terms; factor (k,), shape (n, k)."""
-    resistance, load = A @ shape, B @ (shape * factor)
-    residual, norm = (np.linalg.norm(part, axis=0) for part in (resistance + load, shape))
-    entries = float(np.linalg.norm(A if isinstance(A, np.ndarray) else A.data))
-    return float(np.max(residual / (entries * norm + np.linalg.norm(load, axis=0)), initial=0.0))
-
-
 def _is_real(values: Array) -> Any:
     """Whether values are real up to rounding."""
     return np.abs(values.imag) <= 1e-6 * np.abs(values)
@@ -572,7 +589,7 @@ def _added_load(
 def _buckling_matrices(
     tangent: Tangent, load: tuple[Any, Any, tuple[Any, Any], bool] | None, load_factor: float
 ) -> _Pencil:
-    """K and K' at the state of a tangent.
+    """K and K' at the state of a tangent, in natural units.
 
     load: link, point, (force, moment), and whether they follow the link; None: all stresses grow.
     """
@@ -580,12 +597,12 @@ def _buckling_matrices(
     exact = replace(model, arrays=exact_tangent_arrays(model))
     if load is None:
         stressed, K = uncondensed_tangents(exact, state, rows=rows, load_factor=load_factor)
-        return _Pencil(K, stressed - K, np.inf)
+        return _Pencil(K, stressed - K, np.inf).in_units(_natural_units(model, K.shape[0]))
     loads, load_tangent_block = _added_load(tangent, *load)
     K, change, linear_up_to = _tangent_derivative(replace(tangent, model=exact), loads, rows, load_factor)
     start = tangent.unknowns(node_of(model, load[0])).start
     load_change = assemble_blocks([start + np.arange(6)[None]], [load_tangent_block[None]], K.shape[0])
-    return _Pencil(K, change + load_change, linear_up_to)
+    return _Pencil(K, change + load_change, linear_up_to).in_units(_natural_units(model, K.shape[0]))
 
 
 def twice_finer_state(model: Model, motion: State, load_factor: float = 1.0) -> tuple[Model, State]:
@@ -669,6 +686,7 @@ def buckling(
             mesh_error = np.abs(np.divide.outer(found, factor) - 1.0).min(axis=0, initial=np.inf)
             kept = mesh_error < MAX_MESH_CHANGE
             factor, vectors, mesh_error = factor[kept], vectors[:, kept], mesh_error[kept]
+    vectors = _natural_units(fine, K.shape[0])[:, None] * vectors
     within = np.abs(factor) <= linear_up_to
     beyond = float(min(factor[~within], key=abs, default=np.inf))
     factor, vectors, mesh_error = factor[within], vectors[:, within], mesh_error[within]

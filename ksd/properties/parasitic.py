@@ -28,8 +28,9 @@ MIN_DRIVEN_MOTION = 1e-2
 """Motion of a link, relative to the largest that the drives cause, up to which drives only strain its connections."""
 CROSSING_TOLERANCE = 1e-6
 """Distance, relative to the length of the leaf springs, up to which they count as crossing in one point."""
-SAME_POINT_DISTANCE = 1e-7
-"""Largest distance [m] of the point of a drive from an interface that counts as the same point."""
+SAME_POINT_DISTANCE = 1e-6
+"""Largest distance of the point of a drive from an interface that counts as the same point, relative to that of the
+interfaces."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -100,7 +101,7 @@ def _turned_joint(scene: Any, term: Any) -> Any:
         if (
             pair
             and term.kind == "rotation"
-            and math.dist(j.place(j.joint.pose_B), term.point) < SAME_POINT_DISTANCE
+            and math.dist(j.place(j.joint.pose_B), term.point) < SAME_POINT_DISTANCE * j.joint.length_AB
         ):
             return j
     return None
