@@ -750,7 +750,7 @@ def _solve_conventionally(
     paths: DrivePaths,
     designs: Sequence[Mapping[str, float]],
     *,
-    keep_poses: bool = False,
+    keep_poses: bool,
 ) -> list[_SolvedDesign]:
     """Designs by the conventional method, each pose started from the one before."""
     solved = []

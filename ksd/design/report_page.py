@@ -51,7 +51,7 @@ def report_page(pose: Any, stroke: Table, compared: Sequence[ComparedSolve]) -> 
     scene, facts = pose.model.scene, as_dict(pose)
     parts = [
         *(f'<p class="warn">{escape(w)}</p>' for w in _warnings(pose, facts, stroke)),
-        _cards(pose, facts, stroke),
+        _cards(facts, stroke),
         figure(pose.plot(color="stress"), "The mechanism at the pose below, over the undeformed one (grey)."),
         "<h2>The scene</h2>", *_scene(scene),
         "<h2>What was simulated, and what was left out</h2>", *_model(pose.model),
@@ -78,7 +78,7 @@ def _warnings(pose: Any, facts: dict[str, Any], stroke: Table) -> list[str]:
     return warnings
 
 
-def _cards(pose: Any, facts: dict[str, Any], stroke: Table) -> str:
+def _cards(facts: dict[str, Any], stroke: Table) -> str:
     """The main numbers: drive forces at the pose, and the worst answers over the stroke."""
     numbers: list[tuple[str, str]] = []
     for name, row in facts["drives"].items():

@@ -26,6 +26,7 @@ from ksd.model.warping_runs import run_torsion_factors
 from ksd.scene.effects import leaf_conditions
 from ksd.scene.hinges import plane_supports
 from ksd.scene.leaf import LeafCondition
+from ksd.scene.listing import vector_text
 
 EFFECT_MEANINGS = {
     "spatial": "six unknowns per node",
@@ -104,7 +105,7 @@ def mentioned_effects(scene: Any, mesh: Mesh) -> dict[str, str]:
             )
         # gravity has no effect without masses
         if pulled:
-            reasons["gravity"] = f"{_vector(scene.gravity)} m/s^2 on {' and '.join(pulled)}"
+            reasons["gravity"] = f"{vector_text(scene.gravity)} m/s^2 on {' and '.join(pulled)}"
     following = [load.link for load in scene.loads if load.following]
     if following:
         reasons["following"] = f"a load of {_listed(following)} turns with its link"
@@ -117,10 +118,6 @@ def mentioned_effects(scene: Any, mesh: Mesh) -> dict[str, str]:
     if scene.fits:
         reasons["fit"] = f"of {_listed([fit.leaf for fit in scene.fits])}"
     return reasons
-
-
-def _vector(values: Any) -> str:
-    return f"({', '.join(f'{v:.4g}' for v in values)})"
 
 
 def _count(number: int, one: str, more: str) -> str:

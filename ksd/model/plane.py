@@ -40,6 +40,7 @@ from ksd.model.arrays import (
     unflatten_arrays,
 )
 from ksd.model.pack import coupled_blocks, number_unknowns, replace_constants
+from ksd.scene.listing import vector_text
 
 if TYPE_CHECKING:
     from ksd.model.compile import Model
@@ -231,10 +232,6 @@ def _normal_axis(arrays: Arrays) -> tuple[int, np.ndarray]:
     return axis, k if k[axis] > 0.0 else -k
 
 
-def _vector_text(v: np.ndarray) -> str:
-    return f"({', '.join(f'{c + 0.0:.4g}' for c in v)})"
-
-
 def _out_of_plane_member(model: Model, k: np.ndarray) -> str:
     """Why the first member that is not in the plane normal to k (3,) is not; empty when all are."""
     members = model.arrays.members
@@ -265,7 +262,7 @@ def _out_of_plane_member(model: Model, k: np.ndarray) -> str:
         return f"'{name}' is a reduced body, which has no planar form"
     for axis, off in zip(e3[i], tilt[i], strict=True):
         if off > PARALLEL:
-            return f"the width of leaf '{name}' is along {_vector_text(axis)}, that of the others along {_vector_text(k)}"
+            return f"the width of leaf '{name}' is along {vector_text(axis)}, that of the others along {vector_text(k)}"
     return f"leaf '{name}' is curved or twisted out of the plane at rest"
 
 
@@ -333,7 +330,7 @@ def _planar_rows(model: Model, k: np.ndarray) -> np.ndarray | str:
     t = first[i] + int(np.argmin(inside[first[i] : terms.first[i + 1]]))
     what = "rotates about" if is_rotation[t] else "moves along"
     word, name = "drive" if i < drives else "support", (*model.drive_names, *model.support_names)[i]
-    return f"{word} '{name}' {what} {_vector_text(terms.direction[t])}, out of the plane normal to {_vector_text(k)}"
+    return f"{word} '{name}' {what} {vector_text(terms.direction[t])}, out of the plane normal to {vector_text(k)}"
 
 
 def _load_name(model: Model, i: int) -> str:
@@ -346,16 +343,16 @@ def _load_name(model: Model, i: int) -> str:
 def _out_of_plane_load(model: Model, k: np.ndarray) -> str:
     """Why the first load that acts out of the plane normal to k (3,) does; empty when none does."""
     loads = model.arrays.loads
-    outside = f"out of the plane normal to {_vector_text(k)}"
+    outside = f"out of the plane normal to {vector_text(k)}"
     for i in range(len(loads.node)):
         force, moment = loads.force[i], loads.moment[i]
         if abs(force @ k) > PARALLEL * np.linalg.norm(force):
-            return f"{_load_name(model, i)} pushes along {_vector_text(force)} N, {outside}"
+            return f"{_load_name(model, i)} pushes along {vector_text(force)} N, {outside}"
         if np.linalg.norm(np.cross(moment, k)) > PARALLEL * np.linalg.norm(moment):
-            return f"{_load_name(model, i)} turns about {_vector_text(moment)} Nm, {outside}"
+            return f"{_load_name(model, i)} turns about {vector_text(moment)} Nm, {outside}"
     gravity = model.arrays.weight[:1, 1:].ravel()
     if len(gravity) and abs(gravity @ k) > PARALLEL * np.linalg.norm(gravity):
-        return f"the weight of the leaf springs pulls along {_vector_text(gravity)} m/s^2, {outside}"
+        return f"the weight of the leaf springs pulls along {vector_text(gravity)} m/s^2, {outside}"
     return ""
 
 
@@ -372,7 +369,7 @@ def _find_plane(model: Model) -> Plane | str:
     if reason := _out_of_plane_load(model, k) or _out_of_plane_spring(model, k):
         return reason
     if max(abs(k[axis - 1]), abs(k[axis - 2])) > PARALLEL:
-        return f"its plane, across {_vector_text(k)}, is across none of the global axes"
+        return f"its plane, across {vector_text(k)}, is across none of the global axes"
     return Plane(model.arrays, model.rest, axis, rows)
 
 

@@ -205,6 +205,7 @@ class PrintableAnswer(NotebookTables):
     """Mixin of answers: ``repr`` is the name of the class and the one-line summary `_line`."""
 
     def _line(self) -> str:
+        """The answer in one line, without the name of its class."""
         raise NotImplementedError
 
     def __repr__(self) -> str:

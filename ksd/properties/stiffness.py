@@ -305,13 +305,13 @@ def batch_stiffness(
 
 
 def finer_tangent(
-    model: Model, motion: State, *, freed: Iterable[str] = (), load_factor: float = 1.0, finer: bool = True
+    model: Model, motion: State, *, freed: Iterable[str] = (), load_factor: float = 1.0
 ) -> Tangent:
-    """Factored tangent of a state, with one more mode per axis where all members are strain-mode leaves and `finer` is set.
+    """Factored tangent of a state, with one more mode per axis where all members are strain-mode leaves.
 
     See `ksd.properties.finer_model`; models with chains stay as they are.
     """
-    if finer and model.kinds <= {STRAIN}:
+    if model.kinds <= {STRAIN}:
         model, motion = finer_state(model, motion, load_factor=load_factor)
     return assemble_and_factor(model, motion, freed=freed, load_factor=load_factor)
 

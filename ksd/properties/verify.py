@@ -88,7 +88,6 @@ class Verification(PrintableAnswer):
     unclosed: tuple[str, ...] = ()
 
     def _line(self) -> str:
-        """The relative error as text."""
         if self.unclosed:
             return f"not known, '{self.unclosed[0]}' cannot be integrated to its end"
         return f"{format_number(100 * self.relative, 2, zero=1e-9)} % by integration of {len(self.gaps.names)} leaf springs"

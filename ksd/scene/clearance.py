@@ -89,9 +89,9 @@ def overlapping_leaves(
                 yield (one.name, two.name), stations
 
 
-def overlaps_itself(body: LeafBoxes, *, tolerance: float = OVERLAP_TOLERANCE) -> bool:
+def overlaps_itself(body: LeafBoxes) -> bool:
     """Whether a leaf runs through itself: boxes overlap that are not next to each other."""
-    stations = _overlapping_stations(body, body, tolerance)
+    stations = _overlapping_stations(body, body, OVERLAP_TOLERANCE)
     return bool((np.abs(stations[:, 1] - stations[:, 0]) > MIN_BOXES_APART / len(body.half)).any())
 
 

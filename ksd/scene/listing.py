@@ -72,4 +72,4 @@ def in_millimetres(position: Any) -> str:
 
 def vector_text(values: Any, scale: float = 1.0) -> str:
     """A vector times `scale` as text."""
-    return f"({', '.join(f'{scale * v:.4g}' for v in values)})"
+    return f"({', '.join(f'{scale * v + 0.0:.4g}' for v in values)})"

@@ -80,7 +80,6 @@ class RequiredLoads(PrintableAnswer):
         return float(max(np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:]) / self.size))
 
     def _line(self) -> str:
-        """The forces of the drives and whether they balance the loads, as text."""
         forces = ", ".join(f"{n} {format_number(v)}" for n, v in self.forces.items()) or "no drives"
         return f"{forces}; {'balanced' if self.balanced else 'not balanced by them'} [N, Nm]"
 

@@ -17,6 +17,8 @@ from ksd.library.functions import Array, legendre_products, monomials
 
 ZERO_TOLERANCE = 1e-8
 """Samples below this count as zero in tests for symmetries and vanishing functions; solves are converged far below."""
+MAX_DEGREE = 12
+"""Largest total degree tried, of motions and of shape."""
 DECIMALS = 10
 """Decimals of every stored coefficient."""
 
@@ -48,20 +50,18 @@ def exponents_up_to(variables: int, degree: int) -> NDArray[np.int64]:
     return np.array(exponents, np.int64).reshape(len(exponents), variables)
 
 
-def fit_functions(
-    values: Array, grid: Array, places: Array, *, tolerance: Array, degrees: tuple[int, int] = (12, 12)
-) -> Fit:
+def fit_functions(values: Array, grid: Array, places: Array, *, tolerance: Array) -> Fit:
     """Fit values (k, g, rows), sampled at motions grid (g, m) and shapes places (k, s) in [-1, 1].
 
-    grid: each motion over its largest magnitude. tolerance (rows,): wanted rms error. degrees: largest total degrees
-    tried, motions and shape; the smallest with a leave-one-out error within tolerance is taken, else that with the
-    smallest error.
+    grid: each motion over its largest magnitude. tolerance (rows,): wanted rms error. Of the total degrees up to
+    MAX_DEGREE, of motions and of shape, the smallest with a leave-one-out error within tolerance is taken, else that with
+    the smallest error.
     """
     classes = _symmetry_classes(values, grid)
-    motion_degree, motion_error = _motion_degree(values, grid, classes, tolerance, degrees[0])
+    motion_degree, motion_error = _motion_degree(values, grid, classes, tolerance, MAX_DEGREE)
     powers = exponents_up_to(grid.shape[1], motion_degree)
     by_shape, basis = _motion_fit(values, grid, classes, powers)
-    degree, shape_error = _shape_degree(by_shape, basis, places, tolerance, degrees[1])
+    degree, shape_error = _shape_degree(by_shape, basis, places, tolerance, MAX_DEGREE)
     terms = exponents_up_to(places.shape[1], degree)
     solve = np.linalg.pinv(legendre_products(terms, places))
     products = np.einsum("qk,kpr->rpq", solve, by_shape)
