@@ -8,11 +8,12 @@ columns is ints[ints[F] + w i + c] for integers and floats[ints[F] + w i + c] ot
 from __future__ import annotations
 
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from ksd.model.arrays import join_fields
+from ksd.model.template import fields_of_design
 
 
 class FlatFields(NamedTuple):
@@ -48,11 +49,18 @@ class JointKinematicsFields(NamedTuple):
 class JointKinematics(JointKinematicsFields):
     """`JointKinematicsFields` with their flat form for kernels."""
 
+    float_names = "anchor", "frame", "length", "pose"
+
     @cached_property
     def flat(self) -> FlatFields:
         """All fields of a single design in two arrays."""
         counts = len(self.node), len(self.tree), len(self.closing), self.pose.shape[2]
         return FlatFields(*join_fields(counts, (), self))
+
+    @cached_property
+    def joined(self) -> FlatFields:
+        """`flat` of D designs: integers of one, floats (D, f)."""
+        return _join_designs(self)
 
 
 JOINT_COUNT, TREE_COUNT, CLOSING_COUNT, MONOMIAL_COUNT = range(4)
@@ -88,11 +96,18 @@ class InteriorFunctionsFields(NamedTuple):
 class InteriorFunctions(InteriorFunctionsFields):
     """`InteriorFunctionsFields` with their flat form for kernels."""
 
+    float_names = "block_pose", "coefficient", "near_coefficient"
+
     @cached_property
     def flat(self) -> FlatFields:
         """All fields of a single design in two arrays."""
         counts = len(self.block_node), len(self.joint), len(self.near_joint)
         return FlatFields(*join_fields(counts, (), self))
+
+    @cached_property
+    def joined(self) -> FlatFields:
+        """`flat` of D designs: integers of one, floats (D, f)."""
+        return _join_designs(self)
 
 
 INNER_BLOCK_COUNT, FUNCTION_COUNT, NEAR_FUNCTION_COUNT = range(3)
@@ -101,3 +116,20 @@ the near configuration."""
 BLOCK_NODE, BLOCK_JOINT, BLOCK_POSE, FUNCTION_JOINT, FUNCTION_TARGET, FUNCTION_COEFFICIENT = range(3, 9)
 NEAR_JOINT, NEAR_TARGET, NEAR_COEFFICIENT = range(9, 12)
 """Indices of its fields, up to here."""
+
+
+def _join_designs(part: JointKinematics | InteriorFunctions) -> FlatFields:
+    """Integers of one design and floats (D, f) of D designs, whose float fields have a leading axis."""
+    fields = [getattr(part, name) for name in part.float_names]
+    floats = np.concatenate([field.reshape(len(field), -1) for field in fields], axis=1)
+    return FlatFields(fields_of_design(part, part.float_names, 0).flat.ints, floats)
+
+
+Functions = TypeVar("Functions", JointKinematics, InteriorFunctions)
+
+
+def functions_of_design(part: Functions, d: int) -> Functions:
+    """Kinematics or interior functions of design d of several."""
+    one_design: Functions = fields_of_design(part, part.float_names, d)
+    one_design.flat = FlatFields(part.joined.ints, part.joined.floats[d])
+    return one_design

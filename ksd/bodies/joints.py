@@ -10,27 +10,28 @@ from __future__ import annotations
 import heapq
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from ksd.beam.linear import LINEAR_INNER
-from ksd.bodies.joint_arrays import FlatFields, InteriorFunctions, JointKinematics
+from ksd.bodies.joint_arrays import InteriorFunctions, JointKinematics, functions_of_design
 from ksd.bodies.polynomials import MotionPolynomials
 from ksd.bodies.record_match import check_record
 from ksd.bodies.weight import NO_JOINT_WEIGHTS, JointWeights
 from ksd.errors import KinematicsError, RecordError, SceneError
 from ksd.library import Record
-from ksd.model.arrays import COROTATIONAL, LINEAR, Arrays, State
-from ksd.model.compile import Model, model_source
-from ksd.model.pack import (
+from ksd.model.arrays import (
+    COROTATIONAL,
+    LINEAR,
     LOAD_FLOATS,
     MEMBER_FLOATS,
     TERM_FLOATS,
-    MemberTopology,
-    largest_extent,
-    topology_arrays,
+    Arrays,
+    State,
 )
+from ksd.model.compile import Model, model_source
+from ksd.model.pack import MemberTopology, largest_extent, topology_arrays
 from ksd.model.scene_layout import SceneNumbers
 from ksd.model.template import (
     DesignArrays,
@@ -38,15 +39,10 @@ from ksd.model.template import (
     LeafPacking,
     Template,
     arrays_of_design,
-    fields_of_design,
     repeat_fields,
     state_of_design,
 )
 
-T = TypeVar("T", JointKinematics, InteriorFunctions)
-KINEMATICS_FLOATS = ("anchor", "frame", "length", "pose")
-INTERIOR_FLOATS = ("block_pose", "coefficient", "near_coefficient")
-"""Fields of floats of `JointKinematics` and `InteriorFunctions`, in order."""
 UNIT_SCALE, INVERSE_LENGTH, FORCE_SCALE, MOMENT_SCALE = 0, 1, 2, 3
 """Scales of the functions of a leaf: 1, 1/L, EIz/L^2, EIz/L."""
 
@@ -485,26 +481,12 @@ def _scales(numbers: SceneNumbers, leaves: LeafGeometry) -> np.ndarray:
 def joint_bodies_of_design(layout: JointLayout, bodies: JointBodies, d: int) -> JointBodies:
     """Joint bodies of design d of those that `layout` made."""
     return JointBodies(
-        _of_design(bodies.kinematics, KINEMATICS_FLOATS, d), _of_design(bodies.interior, INTERIOR_FLOATS, d),
+        functions_of_design(bodies.kinematics, d), functions_of_design(bodies.interior, d),
         arrays_of_design(bodies.substructures, layout.substructures, d), state_of_design(bodies.substructure_rest, d),
         arrays_of_design(bodies.reduced, layout.reduced, d), state_of_design(bodies.reduced_rest, d), bodies.near_lengths,
         bodies.full_node, bodies.motion_range, bodies.motion_scale[d], bodies.motion_names, bodies.joint_weights,
         bodies.leaf_links,
     )  # fmt: skip
-
-
-def _of_design(part: T, names: Sequence[str], d: int) -> T:
-    """Kinematics or interior functions of design d; the floats of all designs are joined at the first call and kept with
-    `part`."""
-    all_designs: Any = part
-    one_design = fields_of_design(all_designs, names, d)
-    joined = all_designs.__dict__.get("joined")
-    if joined is None:
-        fields = [getattr(all_designs, name) for name in names]
-        floats = np.concatenate([field.reshape(len(field), -1) for field in fields], axis=1)
-        joined = all_designs.__dict__["joined"] = one_design.flat.ints, floats
-    one_design.flat = FlatFields(joined[0], joined[1][d])
-    return one_design
 
 
 def joint_layout(template: Template, joints: Sequence[Any], records: Callable[[str], Record]) -> JointLayout:

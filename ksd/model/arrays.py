@@ -7,6 +7,7 @@ undeformed offset from the reference point of the link. Lengths m, forces N, mom
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from functools import cached_property
 from itertools import accumulate
 from typing import Any, NamedTuple
 
@@ -104,17 +105,53 @@ class ArrayFields(NamedTuple):
     active_dofs: np.ndarray
 
 
+MEMBER_FLOATS = ("offset", "frame", "value", "length", "stiffness_scale")
+TERM_FLOATS = ("coefficient", "direction", "point")
+LOAD_FLOATS = ("point", "force", "moment")
+FLOATS_OF_PARTS = {
+    "members": MEMBER_FLOATS,
+    "terms": TERM_FLOATS,
+    "loads": LOAD_FLOATS,
+    "springs": MEMBER_FLOATS,
+}
+"""Names of the float fields, in the order of `FlatArrays.floats`, between the size and the weight."""
+
+
 class Arrays(ArrayFields):
-    """One mechanism as arrays; flat: all fields in the form for compiled code, made on first access (`FlatArrays`)."""
+    """One mechanism as arrays, or D designs where float fields and size have a leading axis over them."""
 
-    flat: FlatArrays
+    @cached_property
+    def flat(self) -> FlatArrays:
+        """A copy of all fields of a mechanism in the form for compiled code."""
+        return flatten_arrays(self)
 
-    def __getattr__(self, name: str) -> Any:
-        # made on first access; an object made by _replace makes its own
-        if name != "flat":
-            raise AttributeError(name)
-        self.flat = flatten_arrays(self)
-        return self.flat
+    @cached_property
+    def joined_floats(self) -> np.ndarray:
+        """`FlatArrays.floats` (D, f) of D designs."""
+        size: Any = self.size
+        fields = [getattr(getattr(self, part), n) for part, names in FLOATS_OF_PARTS.items() for n in names]
+        return np.concatenate([f.reshape(len(size), -1) for f in (size, *fields, self.weight)], axis=1)
+
+    @cached_property
+    def float_slices(self) -> list[tuple[int, list[tuple[int, slice, tuple[int, ...]]]]]:
+        """(index of the part in `Arrays`, its non-empty float fields) of every part that has floats.
+
+        A field is given as (index in its part, slice of `FlatArrays.floats`, shape).
+        """
+        at, parts = 1, []
+        for part, names in FLOATS_OF_PARTS.items():
+            own = getattr(self, part)
+            fields = [getattr(own, name) for name in names]
+            ends = list(accumulate((field.size for field in fields), initial=at))
+            filled = [
+                (own._fields.index(name), slice(*ends[k : k + 2]), field.shape)
+                for k, (name, field) in enumerate(zip(names, fields, strict=True))
+                if field.size
+            ]
+            if filled:
+                parts.append((self._fields.index(part), filled))
+            at = ends[-1]
+        return parts
 
     def __reduce__(self) -> Any:
         return unflatten_arrays, (self.flat,)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import accumulate, pairwise
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +16,9 @@ import numpy as np
 from ksd.model.arrays import (
     LENGTH,
     LINEAR,
+    LOAD_FLOATS,
     MEMBERS,
+    TERM_FLOATS,
     VALUE,
     Arrays,
     FlatArrays,
@@ -224,57 +226,20 @@ def topology_arrays(
     )
 
 
-MEMBER_FLOATS = ("offset", "frame", "value", "length", "stiffness_scale")
-TERM_FLOATS = ("coefficient", "direction", "point")
-LOAD_FLOATS = ("point", "force", "moment")
-_PART_INDEX = {name: k for k, name in enumerate(Arrays._fields)}
-_FLOATS = {"members": MEMBER_FLOATS, "terms": TERM_FLOATS, "loads": LOAD_FLOATS, "springs": MEMBER_FLOATS}
-
-
-def float_fields(arrays: Arrays) -> list[np.ndarray]:
-    """The float fields, in the order of `FlatArrays.floats` after the size."""
-    fields = [getattr(getattr(arrays, part), name) for part, names in _FLOATS.items() for name in names]
-    return [*fields, arrays.weight]
-
-
-def _float_slices(topology: Arrays) -> list[tuple[int, list[tuple[int, slice, tuple[int, ...]]]]]:
-    """(index of the part in `Arrays`, its non-empty float fields) of every part that has floats.
-
-    A field is given as (index in its part, slice of `FlatArrays.floats`, shape).
-    """
-    at, parts = 1, []
-    for part, names in _FLOATS.items():
-        own = getattr(topology, part)
-        fields = [getattr(own, name) for name in names]
-        ends = list(accumulate((field.size for field in fields), initial=at))
-        filled = [
-            (own._fields.index(name), slice(*ends[k : k + 2]), field.shape)
-            for k, (name, field) in enumerate(zip(names, fields, strict=True))
-            if field.size
-        ]
-        if filled:
-            parts.append((_PART_INDEX[part], filled))
-        at = ends[-1]
-    return parts
-
-
 def replace_floats(topology: Arrays, floats: np.ndarray) -> Arrays:
     """Arrays that share the integers of `topology` and have their floats as views of `floats` (`FlatArrays.floats`).
 
     It takes a third of the time of `unflatten_arrays`, which makes views of the integers too.
     """
-    parts = topology.__dict__.get("float_slices")
-    if parts is None:
-        parts = topology.__dict__["float_slices"] = _float_slices(topology)
     fields: list[Any] = list(topology)
-    for part, float_fields_of_part in parts:
+    for part, float_fields_of_part in topology.float_slices:
         own = list(fields[part])
         for k, at, shape in float_fields_of_part:
             own[k] = floats[at].reshape(shape)
         fields[part] = fields[part]._make(own)
-    fields[_PART_INDEX["size"]] = float(floats[0])
+    fields[Arrays._fields.index("size")] = float(floats[0])
     if topology.weight.size:
-        fields[_PART_INDEX["weight"]] = floats[-topology.weight.size :].reshape(-1, 4)
+        fields[Arrays._fields.index("weight")] = floats[-topology.weight.size :].reshape(-1, 4)
     arrays = Arrays._make(fields)
     arrays.flat = FlatArrays(topology.flat.ints, floats, topology.flat.member_kinds)
     return arrays

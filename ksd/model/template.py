@@ -19,7 +19,7 @@ from ksd.beam.strain_values import strain_sizes, strain_value_count, strain_valu
 from ksd.model.arrays import STRAIN, Arrays, Members, State
 from ksd.model.leaves import leaf_axes
 from ksd.model.mesh import Mesh
-from ksd.model.pack import MemberTopology, float_fields, largest_extent, replace_floats, topology_arrays
+from ksd.model.pack import MemberTopology, largest_extent, replace_floats, topology_arrays
 from ksd.model.scene_layout import (
     GEOMETRY_NUMBERS,
     LEAF_NUMBERS,
@@ -463,13 +463,7 @@ def fields_of_design(part: Any, names: Sequence[str], d: int) -> Any:
 
 def arrays_of_design(arrays: Arrays, topology: Arrays, d: int) -> Arrays:
     """Arrays of design d; topology: arrays whose integers they share."""
-    all_floats = arrays.__dict__.get("all_floats")
-    if all_floats is None:
-        size: Any = arrays.size
-        floats = [field.reshape(len(size), -1) for field in float_fields(arrays)]
-        # joined once for all designs
-        all_floats = arrays.__dict__["all_floats"] = np.concatenate([size[:, None], *floats], axis=1)
-    return replace_floats(topology, all_floats[d].copy())
+    return replace_floats(topology, arrays.joined_floats[d].copy())
 
 
 def state_of_design(state: State, d: int) -> State:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -76,7 +76,7 @@ Answer = TypeVar("Answer")
 
 
 @clear_argument_errors_of_methods
-@dataclass(frozen=True, repr=False, init=False)
+@dataclass(frozen=True, repr=False)
 class Configuration(NotebookTables):
     """A deformed configuration: the model, its state, and the record of the solve that led to it.
 
@@ -98,41 +98,16 @@ class Configuration(NotebookTables):
     method: str
     targets: Mapping[str, float]
     steps: Sequence[Step]
+    _: KW_ONLY
     negatives: int
     expected_negatives: int
-    joint_motions: JointMotions | Callable[[State], JointMotions | None] | None
-    method_error: ErrorEstimate | None
-    notes: tuple[str, ...]
-    load_factor: float
-    doubts: tuple[str, ...]
-    method_was_chosen: bool
-    joints_near_intended: bool
-
-    def __init__(
-        self,
-        model: Model,
-        motion: State,
-        method: str,
-        targets: Mapping[str, float],
-        steps: Sequence[Step],
-        *,
-        negatives: int,
-        expected_negatives: int,
-        joint_motions: JointMotions | Callable[[State], JointMotions | None] | None = None,
-        method_error: ErrorEstimate | None = None,
-        notes: tuple[str, ...] = (),
-        load_factor: float = 1.0,
-        doubts: tuple[str, ...] = (),
-        method_was_chosen: bool = False,
-        joints_near_intended: bool = False,
-    ) -> None:
-        # the __init__ of a frozen dataclass takes 5 us for so many fields, a tenth of a planar solve
-        self.__dict__.update(
-            model=model, motion=motion, method=method, targets=targets, steps=steps, negatives=negatives,
-            expected_negatives=expected_negatives, method_error=method_error, notes=notes, load_factor=load_factor,
-            doubts=doubts, method_was_chosen=method_was_chosen, joints_near_intended=joints_near_intended,
-            joint_motions=joint_motions,
-        )  # fmt: skip
+    joint_motions: JointMotions | Callable[[State], JointMotions | None] | None = None
+    method_error: ErrorEstimate | None = None
+    notes: tuple[str, ...] = ()
+    load_factor: float = 1.0
+    doubts: tuple[str, ...] = ()
+    method_was_chosen: bool = False
+    joints_near_intended: bool = False
 
     def __dir__(self) -> list[str]:
         return sorted(set(super().__dir__()) - INSIDE)
