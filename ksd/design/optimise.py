@@ -378,11 +378,13 @@ def _descend(problem: ScaledProblem, y: Array, method: str) -> Array:
     """The end of a local method from y (P,).
 
     After a design that fails, the method restarts from the last design with answers, within half the step to the failed
-    one; after a run that ends at the border of its box, within a box twice as large.
+    one; after a run that ends at the border of its box, within a box twice as large; after one that ends nearer to the
+    limits but does not meet them, from there.
     """
     radius, box = np.inf, problem.bounds
     problem.margins(y)
     for _ in range(MAX_RESTARTS):
+        score = problem.best.score
         try:
             end = _minimise_in_box(problem, y, box, method)
         except DesignFailed as failed:
@@ -397,7 +399,7 @@ def _descend(problem: ScaledProblem, y: Array, method: str) -> Array:
         else:
             is_inside = np.abs(end - y).max() < 0.99 * radius
             y, radius = end, 2.0 * radius
-            if is_inside:
+            if is_inside and (problem.best_feasible or problem.best.score <= score + LEVEL_TOLERANCE):
                 break
         box = np.column_stack(
             [np.maximum(problem.bounds[:, 0], y - radius), np.minimum(problem.bounds[:, 1], y + radius)]

@@ -17,6 +17,7 @@ import ksd
 from ksd.design import job as rooms
 from ksd.design import optimise as room
 from ksd.design import scaled_problem
+from ksd.design.optimise import MAX_ITERATIONS
 from ksd.design.scaled_problem import _extended_log
 from ksd.units import mm
 
@@ -256,6 +257,13 @@ def test_a_flat_direction_is_named():
     best = ksd.optimise(ratio, start=[60 * mm, 0.6 * mm])
     assert set(best.flat) == {"length", "thickness"} and "Flat" in str(best)
     assert best.flat["length"] == pytest.approx(best.flat["thickness"], rel=1e-3)
+
+
+def test_a_run_that_stops_before_the_limits_are_met_is_continued(monkeypatch):
+    largest = {name: high for name, (_, high) in VARY.items()}
+    whole = ksd.optimise(full(), start=largest)
+    monkeypatch.setitem(MAX_ITERATIONS, "gradient", 2)
+    assert ksd.optimise(full(), start=largest).merit == pytest.approx(whole.merit, rel=1e-4)
 
 
 def test_a_run_goes_on_from_its_file(tmp_path, monkeypatch):
