@@ -70,7 +70,7 @@ print(there)
 
 # %%
 # In the corner of the field the first parasitic frequency is much lower, and the table rotates while it moves along z.
-# `shape` contains the modes by link (in m and rad, with arbitrary scale); :func:`ksd.view.animate_mode` makes a GIF.
+# `shape` contains the modes by link (in m and rad, scaled to unit modal mass); :func:`ksd.view.animate_mode` makes a GIF.
 
 print(
     f"first parasitic mode {free.first_parasitic_Hz:.1f} Hz at rest, {there.first_parasitic_Hz:.1f} Hz in the corner"

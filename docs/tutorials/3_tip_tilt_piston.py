@@ -83,7 +83,7 @@ print(tilted.parasitic(mirror, at=face))
 # Support stiffness
 # -----------------
 #
-# At rest with the coils released, at the height of the folds, the directions do not couple: each is either constrained
+# At rest with the coils released, at the height of the folds, the directions hardly couple: each is either constrained
 # or free. The ratio of the two stiffnesses should be large.
 
 rest = pose_at()

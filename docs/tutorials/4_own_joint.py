@@ -97,7 +97,8 @@ os.environ["KSD_DATABASE"] = folder
 print(record)
 
 # %%
-# The record contains the errors of its polynomials, relative to the length of the joint.
+# The record contains the errors of its polynomials as numbers without unit: displacements over the length of the joint,
+# rotations, curvatures times the length L of their leaf spring, forces times L^2/EI and moments times L/EI.
 # :literal:`ksd info trapezium` prints them with range, source and age of the record; with `--check` it also solves some
 # trained states again. For some overconstrained joints the fit is less accurate than requested; a warning then says so,
 # and `ksd.compare` shows the effect on the answers.

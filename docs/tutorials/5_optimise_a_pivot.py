@@ -48,7 +48,7 @@ turns = np.array([0, 10, 20]) * deg
 # -------------
 #
 # Before you run an optimiser, look at the relative derivatives: by how many percent an answer changes per percent of a
-# parameter. `ksd.gradient` gives exact derivatives of any answer of a sweep.
+# parameter. `ksd.gradient` gives the derivatives of any answer of a sweep.
 
 slopes = ksd.gradient(
     pivot,
@@ -101,7 +101,7 @@ job = ksd.Job(
 # -----------
 #
 # `starts=2` adds a random start to the first. If both end in the same design, it is probably the global optimum. The
-# table counts the starts that agree to 1e-5.
+# table counts the starts that agree to 1e-4.
 
 best = ksd.optimise(job, start=start, starts=2)
 print(best)

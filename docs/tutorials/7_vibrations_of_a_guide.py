@@ -56,7 +56,7 @@ print(dict(zip(free.names, free.frequency_Hz.round(2).tolist(), strict=True)))
 # is no intended mode.
 
 held = rest.frequencies(count=2)
-print(f"first parasitic: {free.first_parasitic_Hz:.2f} Hz let go, {held.first_parasitic_Hz:.2f} Hz held")
+print(f"first parasitic: {free.first_parasitic_Hz:.2f} Hz released, {held.first_parasitic_Hz:.2f} Hz held")
 
 # %%
 # The table names the part that moves most in each mode. The picture shows the lowest parasitic mode in which the stage
@@ -192,7 +192,7 @@ force = 0.1
 seconds = np.linspace(0, 1, 2000)
 _, moved, _ = signal.lsim(linear, np.full_like(seconds, force), seconds)
 overshoot = moved.max() / (force * static)
-print(f"overshoot {overshoot:.3f} times, exp(-pi zeta) says {1 + np.exp(-np.pi * damping):.3f}")
+print(f"overshoot {overshoot:.3f} times, 1 + exp(-pi zeta) = {1 + np.exp(-np.pi * damping):.3f}")
 
 figure = Figure(figsize=(9, 3.6), layout="constrained")
 left, right = figure.subplots(1, 2)

@@ -690,7 +690,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         return job
 
     def fingerprint(self) -> str:
-        """Text of all that answers depend on beside the parameters: options, the scenes of two designs, joint records."""
+        """Text of all that answers depend on except the parameters: options, the scenes of two designs, joint records."""
         scenes, failures = [], []
         for x in self.random(2):
             try:

@@ -25,7 +25,7 @@ class Section:
 
     A [m^2]; J [m^4] Saint-Venant torsion constant (for warping-free ends); Iw [m^6] warping constant about
     the shear centre, 0 when it does not matter. ky, kz [-]: Timoshenko shear coefficients for a shear force
-    along y and z, V = k G A gamma. Unless said otherwise they are the energy coefficients at Poisson's ratio
+    along y and z, V = k G A gamma. By default they are the energy coefficients at Poisson's ratio
     0: V^2 / (2 k G A) is the shear energy per length of Saint-Venant flexure. width, thickness [m]: extents
     along z and y, needed for stress only, 0 when unknown. outline: rings of (y, z) points [m] in section
     axes, the outer ring first, then holes; None for closed forms. shear_centre (y, z) [m] from the centroid.

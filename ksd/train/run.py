@@ -68,7 +68,7 @@ def train(
     Appendix A elements per leaf; those of the design when None. out: folder or .h5 file; $KSD_DATABASE or ./database
     when None; records elsewhere are found only where KSD_DATABASE names their folder. executor: any
     `concurrent.futures` executor; two processes when None. resume: use the shapes that an interrupted run has finished
-    (stored beside the record in a .partial folder, also on Ctrl-C). trained: date written into the record, ISO, today
+    (stored next to the record in a .partial folder, also on Ctrl-C). trained: date written into the record, ISO, today
     when None; the same inputs give the same bytes. most_shapes: limit of the adaptive sampling. tolerance: wanted
     errors by group, see TOLERANCE.
 

@@ -60,7 +60,7 @@ def animate_mode(
 ) -> Path:
     """Write one swing of a mode of a `Configuration` about its deformed state as an animated GIF.
 
-    mode: its number, from 1, in the table that `modes` prints (`pose.frequencies()` with all drives let go when None), or
+    mode: its number, from 1, in the table that `modes` prints (`pose.frequencies()` with all drives released when None), or
     its name there ("intended", "parasitic_1", see `Modes.names`). amplitude: largest displacement over the size of the
     mechanism, for the eye only. view: as in `plot_mechanism`, in space where a planar one leaves its plane. frames: of one
     swing; dpi: of the film. Returns the path. Raises SceneError as `animate_stroke`, and for a mode that is not there.

@@ -105,7 +105,7 @@ def plot_stroke(
     """Draw the answers in `table` (of `ksd.sweep`) over a drive; returns the matplotlib figure.
 
     questions: which, all that the table holds when empty. over: label column of the horizontal axis, the one with most
-    values when None. wide: panels side by side. Other labels (designs, load cases) are told apart by line style. Raises
+    values when None. wide: panels side by side. Other labels (designs, load cases) have different line styles. Raises
     SceneError for a question the table has no answer to.
     """
     over = over or _stroke_column(table)

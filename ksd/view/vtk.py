@@ -124,7 +124,7 @@ def write_vtu(configuration: Drawable, path: str | os.PathLike[str]) -> Path:
 
 
 def write_pvd(configurations: Sequence[Drawable], path: str | os.PathLike[str]) -> Path:
-    """Write a stroke for ParaView: one .vtu per configuration beside `path`, a .pvd file that lists them in order, with the
+    """Write a stroke for ParaView: one .vtu per configuration next to `path`, a .pvd file that lists them in order, with the
     value of the first drive [m or rad] as their time, or their number where it does not rise. Returns the path. Raises
     SceneError for no configurations, another file type, or what cannot be written.
     """
