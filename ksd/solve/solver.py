@@ -124,8 +124,8 @@ def solve(
 
     basis: of method "modal": a `ksd.ModalBasis` for all leaf springs, or several by joint or leaf, {"hinge":
     ksd.ModalBasis()}: then joints not named are condensed as in "reduced", and other leaf springs computed in full; or
-    reduced solids by leaf, {"spring": reduce_solid(...)}, see `ksd.modal.solid_basis`: with method "modal" together with condensed
-    joints, without a method together with leaf springs in full.
+    reduced solids by leaf, {"spring": reduce_solid(...)}, see `ksd.modal.solid_basis`: with method "modal" together with
+    condensed joints, without a method together with leaf springs in full.
 
     effects: "auto" simulates what the scene mentions, "all" also all that a leaf can have, a list of names just these;
     with_="warping", without="shear" override single ones (`ksd.model.effects`; print(pose.model) lists what was simulated).
