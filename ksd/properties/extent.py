@@ -2,7 +2,7 @@
 
 A sheet is divided into flat pieces between its stations. The distance of two pieces is the smallest distance of two edges,
 or of a corner and a face, in closed form (Ericson, Real-Time Collision Detection, 2005, section 5.1). Half the thickness of
-both is subtracted.
+both is subtracted. A leaf of round section is its centreline less half the diameter.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 _CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 PAIRS_PER_CHUNK = 32
 """Number of pairs of flat pieces evaluated together, the nearest first."""
+LINE_WIDTH = 1e-6
+"""Width of the centreline of a round leaf, relative to its diameter."""
 _FIRST_EDGE, _SECOND_EDGE = (k.ravel() for k in np.meshgrid(np.arange(4), np.arange(4)))
 
 
@@ -61,9 +63,11 @@ def extent(model: Model, motion: State) -> Array:
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for leaf in mechanism_shape(model, motion).leaves:
         # half extent of the sections along the global axes
-        half = 0.5 * (
-            np.abs(leaf.axes[:, :, 1]).T * leaf.thickness + np.abs(leaf.axes[:, :, 2]).T * leaf.width
+        second, third = (
+            np.abs(leaf.axes[:, :, 1]).T * leaf.thickness,
+            np.abs(leaf.axes[:, :, 2]).T * leaf.width,
         )
+        half = 0.5 * (np.hypot(second, third) if leaf.is_round else second + third)
         low = np.minimum(low, (leaf.place - half.T).min(axis=0))
         high = np.maximum(high, (leaf.place + half.T).max(axis=0))
     return np.array([low, high])
@@ -101,8 +105,9 @@ def _leaf_pairs(model: Model) -> NDArray[np.int64]:
 
 
 def _flat_pieces(leaf: LeafShape) -> Array:
-    """Centres, half edges along and half edges across (3, k, 3) of the flat pieces of a sheet."""
-    across = 0.5 * leaf.width[:, None] * leaf.axes[:, :, 2]
+    """Centres, half edges along and half edges across (3, k, 3) of the flat pieces of a sheet; a round leaf is a line."""
+    width = LINE_WIDTH * leaf.width if leaf.is_round else leaf.width
+    across = 0.5 * width[:, None] * leaf.axes[:, :, 2]
     ends = leaf.place[:-1], leaf.place[1:]
     return np.array([0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0]), 0.5 * (across[:-1] + across[1:])])
 

@@ -28,6 +28,7 @@ from ksd.properties.cache import cached_per_model
 from ksd.properties.leaf_groups import EndFrames, LeafGroup, end_axes, end_frames
 from ksd.scene.effects import Spring
 from ksd.scene.joint import joint_leaves
+from ksd.section.closed_forms import round_ratio
 from ksd.section.section import thickness_and_width
 
 Array = NDArray[np.float64]
@@ -43,7 +44,8 @@ class LeafShape:
 
     s (k,): distance from its start along the undeformed leaf [m]. rest, place (k, 3): undeformed and deformed positions [m],
     global. rest_axes, axes (k, 3, 3): section axes e1, e2 (thickness), e3 (width) as columns, global. width, thickness (k,)
-    [m]: of the section; of a section without these sizes, from its second moments.
+    [m]: of the section; of a section without these sizes, from its second moments. is_round: circles or tubes, of which
+    both are the diameter and e2, e3 any directions.
     """
 
     name: str
@@ -54,6 +56,7 @@ class LeafShape:
     axes: Array
     width: Array
     thickness: Array
+    is_round: bool = False
 
 
 @dataclass(frozen=True)
@@ -521,8 +524,9 @@ def _leaf_shape(model: Model, motion: State, name: str, members: list[int], poin
     thickness, width = np.array(
         [np.max([thickness_and_width(q) for q in sides], axis=0) for sides in sections]
     ).T
+    is_round = all(round_ratio(q) is not None for sides in sections for q in sides)
     (rest, rest_axes), (place, axes) = joined
-    return LeafShape(name, s, rest, place, rest_axes, axes, width, thickness)
+    return LeafShape(name, s, rest, place, rest_axes, axes, width, thickness, is_round)
 
 
 def _driven(model: Model, motion: State) -> tuple[DrivenPoint, ...]:

@@ -43,6 +43,7 @@ from ksd.properties.shape import (
 )
 from ksd.properties.state_batch import StateBatch
 from ksd.scene.profile import Profile
+from ksd.section.closed_forms import round_ratio
 from ksd.section.section import Section, thickness_and_width
 
 Array = NDArray[np.float64]
@@ -181,13 +182,8 @@ def stress_points(section: Any) -> StressPoints:
     """Points at which the stress of a section is evaluated; the kind of section follows from its outline and numbers."""
     if section.outline is not None:
         return _outline_points(section)
-    if section.thickness == section.width > 0.0:
-        # the second moments of a circle or tube follow from diameter and area
-        empty = 1.0 - section.A / (math.pi * section.thickness**2 / 4)
-        moment = section.A * section.thickness**2 * (1.0 + empty) / 16
-        if empty > -1e-6 and np.allclose([section.Iy, section.Iz], moment, rtol=1e-6, atol=0.0):
-            return _round_points(section, math.sqrt(empty) if empty > 1e-6 else 0.0)
-    return _rectangle_points(section)
+    ratio = round_ratio(section)
+    return _rectangle_points(section) if ratio is None else _round_points(section, ratio)
 
 
 @lru_cache(maxsize=1024)

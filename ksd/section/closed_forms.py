@@ -156,6 +156,18 @@ def is_rectangle(section: Section) -> bool:
     return math.isclose(section.Iw, _warping_constant(min(sides), max(sides)), rel_tol=1e-9)
 
 
+def round_ratio(section: Section) -> float | None:
+    """Inner over outer diameter of a tube, 0 of a full circle, None of any other section."""
+    if section.outline is not None or not section.thickness == section.width > 0.0:
+        return None
+    # the second moments of a circle or tube follow from diameter and area
+    empty = 1.0 - section.A / (math.pi * section.thickness**2 / 4)
+    moment = section.A * section.thickness**2 * (1.0 + empty) / 16
+    if empty > -1e-6 and all(math.isclose(own, moment, rel_tol=1e-6) for own in (section.Iy, section.Iz)):
+        return math.sqrt(empty) if empty > 1e-6 else 0.0
+    return None
+
+
 def restrained_warping_factor(length: float, width: float, nu: float) -> float:
     """Factor on GJ of a thin leaf that is clamped, and so cannot warp, at both ends; 1 for long leaf springs.
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ksd.errors import KsdError
-from ksd.model.arrays import SOLID, State
+from ksd.model.arrays import ROTATION, SOLID, State
 from ksd.model.compile import Model, compile_as_is
 from ksd.model.effects import with_conditions, with_torsion
 from ksd.model.warping_runs import run_torsion_factors
@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 COMPARED = ("force", "displacement", "support_stiffness")
 """Quantities that are compared."""
+ROUNDING_DISPLACEMENT, ROUNDING_FORCE = 1e-11, 1e-13
+"""Displacement relative to the size of the mechanism, and force relative to EA of its stiffest leaf, that
+count as rounding."""
 
 
 class LeftOut(NamedAnswerTable[dict[str, float]]):
@@ -56,8 +59,8 @@ def left_out(pose: Configuration) -> LeftOut:
     """Signed relative changes by effect that is left out and that some leaf could have.
 
     "force": largest change of a drive force, relative to the largest force; "displacement": of the largest link
-    displacement; "support_stiffness": of the softest one of the first driven link. Empty where nothing converged, and with
-    solids.
+    displacement; "support_stiffness": of the softest one of the first driven link. Of forces and displacements that are
+    rounding, as those of an unloaded mechanism, the change is 0. Empty where nothing converged, and with solids.
     """
     model, motion = pose.unreduced_state
     if not pose.converged or SOLID in model.kinds:
@@ -104,16 +107,18 @@ def _changes(
     """Relative changes from the state without an effect to that with it."""
     (model, one), (_, other) = without, with_
     drives, links = len(model.drive_names), model.links
+    size, stiffness = model.arrays.size, float(model.arrays.members.stiffness_scale.max(initial=0.0))
+    unit = np.where(model.arrays.terms.kind[model.arrays.terms.first[:drives]] == ROTATION, size, 1.0)
     found = {}
     if drives:
         # of the force that changes most, relative to the largest force
-        first, second = (np.abs(m.multiplier[:drives]) for m in (one, other))
+        first, second = (np.abs(m.multiplier[:drives]) / unit for m in (one, other))
         most = int(np.argmax(np.abs(second - first)))
-        found["force"] = _ratio(second[most] - first[most], first.max())
+        found["force"] = _ratio(second[most] - first[most], first.max(), ROUNDING_FORCE * stiffness * size)
     moved = [
         np.linalg.norm(m.x[1:links] - model.rest.x[1:links], axis=1).max(initial=0.0) for m in (one, other)
     ]
-    found["displacement"] = _ratio(moved[1] - moved[0], moved[0])
+    found["displacement"] = _ratio(moved[1] - moved[0], moved[0], ROUNDING_DISPLACEMENT * size)
     terms = [t for d in model.scene.drives for t in d.terms]
     link = terms[0].link if terms else model.scene.links[1]
     try:
@@ -123,6 +128,6 @@ def _changes(
     return found | {"support_stiffness": _ratio(soft[1] - soft[0], soft[0])}
 
 
-def _ratio(change: float, whole: float) -> float:
-    """Relative change; 0 where the whole is zero or infinite."""
-    return float(change / whole) if whole > 0.0 and np.isfinite(whole) else 0.0
+def _ratio(change: float, whole: float, rounding: float = 0.0) -> float:
+    """Relative change; 0 where the whole is rounding or infinite."""
+    return float(change / whole) if whole > rounding and np.isfinite(whole) else 0.0

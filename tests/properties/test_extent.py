@@ -170,3 +170,23 @@ def test_worst_support_stiffness_is_the_least_of_all_directions():
                          progress=False).rows())  # fmt: skip
     assert row["support_worst_N_per_m"] == pytest.approx(found.worst[0], rel=1e-6)
     assert row["support_worst_Nm_per_rad"] == pytest.approx(found.worst[1], rel=1e-6)
+
+
+@pytest.mark.parametrize("width_axis", [(0, 0, 1), (0, 1, 0), (0, 1, 1)])
+def test_size_and_clearance_of_wires_do_not_depend_on_their_width_axis(width_axis):
+    """Two wires of 4 mm that cross at a distance of 10 mm, and a third one, as cylinders."""
+    scene, section = ksd.Mechanism("wires"), ksd.circle(4 * mm)
+    one, two, three = scene.links("one", "two", "three")
+    for a, b, start, end, axis, name in (
+        (scene.ground, one, (0, 0, 0), (0.1, 0, 0), width_axis, "first"),
+        (one, two, (0.2, 0, 0), (0.2, 0.1, 0), "z", "second"),
+        (two, three, (0.0, 0.01, 0.01), (0.1, 0.01, 0.01), width_axis, "third"),
+    ):
+        scene.leaf(a, b, start=start, end=end, width_axis=axis, section=section, material=STEEL, name=name)
+    scene.actuate(three, along="x", at=(0.1, 0, 0), name="drive")
+    pose = ksd.solve(scene, drive=0.0)
+    assert pose.clearance().leaves == ("first", "third")
+    assert pose.clearance().distance == pytest.approx(np.hypot(10 * mm, 10 * mm) - 4 * mm, rel=1e-5)
+    low, high = pose.extent()
+    assert low == pytest.approx((0, -2 * mm, -2 * mm), abs=1e-9)
+    assert high == pytest.approx((202 * mm, 100 * mm, 12 * mm), abs=1e-9)

@@ -96,3 +96,11 @@ def test_what_is_left_out_prints_as_a_table(pose):
     assert repr(found).startswith("<LeftOut: plate {force: +2.5 %, ")
     assert "support stiffness" in str(found) and "warping" in str(found)
     assert pickle.loads(pickle.dumps(found)) == found and isinstance(found["plate"]["force"], float)
+
+
+@pytest.mark.parametrize("method", ["conventional", "reduced"])
+def test_effects_that_are_left_out_change_nothing_of_a_force_that_is_rounding(method):
+    unloaded = ksd.solve(fourbar(), top=0.0, method=method).left_out
+    for changes in unloaded.values():
+        assert (changes["force"], changes["displacement"]) == (0.0, 0.0)
+    assert unloaded["warping"]["support_stiffness"] > 1e-5
