@@ -107,6 +107,7 @@ def condense_joints(
 
 @kernel
 def _condense_blocks(plan, start, joints, x, R, value, spare, rhs, inner):
+    """`condense_joints` from the assembled matrix `value` and residual `rhs`; both are overwritten, spare: factors."""
     stop, nodes = plan[BLOCKS] - joints, len(start)
     factor_blocks(plan, value, spare, stop)
     forward_blocks(plan, spare, rhs, stop)
@@ -169,6 +170,7 @@ def interface_step(
 
 @kernel
 def _recover_blocks(joint_ints, geometry, plan, start, link_x, link_R, relative, x, R, value, spare, rhs):
+    """Kernel of `interface_step`: writes the step of the substructures into rhs."""
     relative_poses(joint_ints, geometry, link_x, link_R, relative)
     joints = joint_ints[JOINT_COUNT]
     stop = plan[BLOCKS] - joints

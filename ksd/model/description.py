@@ -99,6 +99,7 @@ def _rigid_text(model: Any) -> str:
 
 
 def _names(model: Any, *, present: bool) -> tuple[str, ...]:
+    """Names of the effects that are simulated (`present`), or of those that are left out."""
     if model.choice is None:
         return tuple(n for n in ("shear", "warping", "plate") if getattr(model.mesh, n) is present)
     return tuple(model.choice.present if present else model.choice.absent)

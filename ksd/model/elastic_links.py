@@ -98,6 +98,7 @@ def beams_of(scene: Any, compliance: Compliance) -> list[tuple[np.ndarray, np.nd
 
 
 def _split_by_section(scene: Any, split: _SplitLinks, compliance: Compliance) -> None:
+    """Divide a link with a section into a hub and beams, written into `split`. Raises SceneError where nothing can bend."""
     axis = _width_axis(scene, compliance)
     beams = beams_of(scene, compliance)
     if not beams:

@@ -224,6 +224,7 @@ def _node_motion(ints, step, node, motion):
 def _move_rods(
     ints, x, R, at_part, offset, frame, position, axes, wrench, gap, wrench_change, elimination, closing, step
 ):
+    """Kernel of `move_rods`."""
     pose, Q, d = np.empty(18), np.empty((3, 3)), np.empty(3)
     start, motion, next_motion, relative = np.empty(6), np.empty(6), np.empty(6), np.empty(3)
     for i in range(len(at_part) - 1):

@@ -108,11 +108,14 @@ def axes_along(axis: np.ndarray) -> np.ndarray:
     return np.column_stack([e1, np.cross(e3, e1), e3])
 
 
-def _member(name: str, kind: int, nodes: tuple[int, int], offset: Any, **more: Any) -> Member:
-    axes = more["axes"]
+def _member(
+    name: str, kind: int, nodes: tuple[int, int], offset: np.ndarray, axes: np.ndarray, value: Any, length: float,
+    stiffness_scale: float,
+) -> Member:  # fmt: skip
+    """A member without inner state, with the same axes (3, 3) at both ends; other arguments as in `Member`."""
     return Member(
-        name, kind, nodes, np.asarray(offset, float), np.array([axes, axes]), np.asarray(more["value"], float),
-        np.zeros(1, np.int64), np.zeros(0), 0, more["length"], more["stiffness_scale"],
+        name, kind, nodes, offset, np.array([axes, axes]), np.asarray(value, float), np.zeros(1, np.int64), np.zeros(0), 0,
+        length, stiffness_scale,
     )  # fmt: skip
 
 
@@ -124,17 +127,19 @@ def spring_members(
     for s in springs:
         nodes = (index[s.a], index[s.b])
         if isinstance(s, Spring):
-            ends = np.array([s.start, s.end])
+            kind, ends, axes, rest = COIL, np.array([s.start, s.end]), np.eye(3), s.free_length
             length = max(float(np.linalg.norm(ends[1] - ends[0])), s.free_length, 1e-9)
-            words: dict[str, Any] = {"value": (s.stiffness, s.free_length), "axes": np.eye(3)}
-            words |= {"length": length, "stiffness_scale": s.stiffness}
-            members.append(_member(f"spring '{s.name}'", COIL, nodes, ends - places[list(nodes)], **words))
         else:
-            at = np.array([s.at, s.at]) - places[list(nodes)]
-            words = {"value": (s.stiffness, s.rest_angle), "axes": axes_along(np.asarray(s.axis))}
+            kind, ends, axes, rest = (
+                TORSION,
+                np.array([s.at, s.at]),
+                axes_along(np.array(s.axis)),
+                s.rest_angle,
+            )
             # for the bound of rounding only: the stiffness of a couple with unit arm
-            words |= {"length": 1.0, "stiffness_scale": s.stiffness}
-            members.append(_member(f"spring '{s.name}'", TORSION, nodes, at, **words))
+            length = 1.0
+        offset, value = ends - places[list(nodes)], (s.stiffness, rest)
+        members.append(_member(f"spring '{s.name}'", kind, nodes, offset, axes, value, length, s.stiffness))
     return members
 
 
@@ -155,10 +160,6 @@ def matrix_member(
     turn = np.kron(np.eye(2), axes)
     K = turn.T @ np.asarray(matrix.stiffness)[6:, 6:] @ turn
     value = np.concatenate([axes.T @ arm, np.eye(3).ravel(), np.zeros(6), K.ravel()])
-    words = {
-        "value": value,
-        "axes": axes,
-        "length": float(np.linalg.norm(arm)),
-        "stiffness_scale": float(np.abs(K[:3, :3]).max()),
-    }
-    return _member(f"link '{name}'", LINEAR, nodes, points - places[list(nodes)], **words)
+    length, stiffness_scale = float(np.linalg.norm(arm)), float(np.abs(K[:3, :3]).max())
+    offset = points - places[list(nodes)]
+    return _member(f"link '{name}'", LINEAR, nodes, offset, axes, value, length, stiffness_scale)

@@ -177,6 +177,7 @@ class LeafPacking:
 
 
 def _joined(parts: list[Array]) -> Array:
+    """Arrays of indices joined; empty without any."""
     return np.concatenate([np.zeros(0, np.int64), *parts])
 
 

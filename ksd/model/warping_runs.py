@@ -93,7 +93,7 @@ def run_torsion_factors(scene: Any) -> dict[str, float]:
     """
     leaves = scene.leaf_names()
     groups: list[set[str]] = [
-        {n} for n, leaf in leaves.items() if leaf.profile is not None and _has_warping(leaf)
+        {n} for n, leaf in leaves.items() if leaf.profile is not None and leaf.section.Iw > 0.0
     ]
     for junction in in_line_junctions(scene):
         if junction.warping_passes:
@@ -124,10 +124,6 @@ def half_clamped_torsion_factor(leaf: Any) -> float:
     if len(slices) == 1:
         return clamped_ends_factor(2.0 * slices[0].decay * leaf.length)
     return twist_factors([slices + slices[::-1]])[0]
-
-
-def _has_warping(leaf: Any) -> bool:
-    return bool(leaf.section.Iw > 0.0)
 
 
 def _run_slices(leaves: dict[str, Any]) -> dict[str, list[Slice]]:
@@ -183,7 +179,7 @@ def _loaded_blocks(scene: Any) -> set[str]:
 
 def _warping_can_pass(one: Any, two: Any) -> bool:
     """Whether warping can pass between two leaf springs in one line: both are straight and their widths are parallel."""
-    straight = all(leaf.curve is None and _has_warping(leaf) for leaf in (one, two))
+    straight = all(leaf.curve is None and leaf.section.Iw > 0.0 for leaf in (one, two))
     across = (
         np.zeros(3)
         if one.width_axis is None or two.width_axis is None

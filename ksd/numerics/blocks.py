@@ -163,6 +163,7 @@ def _plan_blocks(
 
 
 def _offsets(size: list[int], below: list[set[int]]) -> dict[tuple[int, int], int]:
+    """Offset of every stored block by (row, column); below: rows of the blocks under the diagonal of each column."""
     offsets: dict[tuple[int, int], int] = {}
     at = 0
     for k in range(len(size)):
@@ -173,8 +174,12 @@ def _offsets(size: list[int], below: list[set[int]]) -> dict[tuple[int, int], in
 
 
 def _lay_out(
-    size: np.ndarray, below: list[set[int]], held: dict[int, list[int]], offsets: dict[tuple[int, int], int]
+    size: np.ndarray,
+    below: list[set[int]],
+    nodes_of_row: dict[int, list[int]],
+    offsets: dict[tuple[int, int], int],
 ) -> Blocks:
+    """The plan of blocks in elimination order; below, offsets: see `_offsets`; nodes_of_row: of every constraint row."""
     count = len(size)
     first, row, place, first_target, target = [0], [], [], [0], []
     for k in range(count):
@@ -185,21 +190,21 @@ def _lay_out(
         first.append(len(row))
         first_target.append(len(target))
     first_node, node, lever, first_pair, pair = [0], [], [], [0], []
-    for i, nodes in held.items():
+    for i, nodes in nodes_of_row.items():
         node += nodes
         lever += [offsets[(i, k)] for k in nodes]
         pair += [offsets[(a, b)] for n, a in enumerate(nodes) for b in nodes[: n + 1]]
         first_node.append(len(node))
         first_pair.append(len(pair))
-    values = sum(int(size[i] * size[k]) for i, k in offsets) + len(held)
+    values = sum(int(size[i] * size[k]) for i, k in offsets) + len(nodes_of_row)
     start = np.concatenate([[0], np.cumsum(size)]).astype(np.int64)
     diagonal = np.array([offsets[(k, k)] for k in range(count)], np.int64)
     parts: tuple[Any, ...] = (
-        size, start, diagonal, first, row, place, first_target, target, list(held), first_node, node, lever,
+        size, start, diagonal, first, row, place, first_target, target, list(nodes_of_row), first_node, node, lever,
         first_pair, pair,
     )  # fmt: skip
     places = END + 1 + np.cumsum([0, *(len(part) for part in parts)])
-    head = [values, start[-1], count, len(held), *places]
+    head = [values, start[-1], count, len(nodes_of_row), *places]
     return unflatten_blocks(np.concatenate([np.asarray(part, np.int64) for part in (head, *parts)]))
 
 

@@ -100,8 +100,8 @@ def progress_bar(shown: bool) -> Any:
     columns = (title, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     console = Console(stderr=True)
     # rich warns in notebooks without ipywidgets
-    shown = shown and not (console.is_jupyter and find_spec("ipywidgets") is None)
-    return Progress(*columns, console=console, disable=not shown, transient=True)
+    disable = console.is_jupyter and find_spec("ipywidgets") is None
+    return Progress(*columns, console=console, disable=disable, transient=True)
 
 
 def format_table(columns: Sequence[str], rows: Sequence[Sequence[str]], *lines: str) -> str:

@@ -351,6 +351,7 @@ def chain_axes(value: Array, number: NDArray[np.int64]) -> Array:
 
 @kernel
 def _make_rotations(A: Array) -> None:
+    """Replace matrices (k, 3, 3), not far from rotations, by the nearest rotations."""
     for k in range(len(A)):
         for _ in range(ORTHONORMALISATION_STEPS):
             reorthonormalise(A[k])
@@ -500,6 +501,7 @@ def _rest_lines(model: Model) -> dict[tuple[int, int], tuple[Array, Array, Array
 
 
 def _leaf_shape(model: Model, motion: State, name: str, members: list[int], points: int) -> LeafShape:
+    """Shape of a whole leaf of these members, at `points` stations or a few more."""
     leaf = scene_leaves(model)[name]
     count = max(2, math.ceil((points - 1) / len(members)) + 1)
     rest_lines = _rest_lines(model)

@@ -196,6 +196,7 @@ def design_of(
 
 
 def _with_ranges(design: Design, shapes: Mapping[str, tuple[float, float]]) -> Design:
+    """The design with other ranges of shape parameters. Raises SceneError."""
     known = {p.name: p for p in design.parameters}
     for name, ends in shapes.items():
         if name not in known:
@@ -217,6 +218,7 @@ class FixedJoint:
 
 
 def _design_of_joint(joint: Joint) -> Design:
+    """The design of one joint, with its shape fixed."""
     parameters = tuple(Parameter(name, value, value) for name, value in joint.shape().items())
     # a family is identified by its shape parameters, a drawing by all its proportions
     drawing = joint_proportions(joint) if isinstance(joint, DrawnJoint) else {}

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ksd.checks import Vector
+from ksd.checks import Vector, as_vector
 from ksd.library import Mesh, Parameter
 from ksd.scene import DrawnJoint, Joint, Leaf, Material
 from ksd.scene.curve import Curve
@@ -129,11 +129,6 @@ def _in_aluminium(leaf: Leaf) -> Leaf:
     return replace(leaf, material=Material(E=71e9, nu=0.33))
 
 
-def _scale_vector(point: Vector, factor: float) -> Vector:
-    x, y, z = (factor * c for c in point)
-    return x, y, z
-
-
 @dataclass(frozen=True)
 class _ScaledCurve(Curve):
     """A curve `factor` times as long."""
@@ -149,22 +144,25 @@ class _ScaledCurve(Curve):
         return self.curve.curvature(s) / self.factor
 
 
-def _scale_leaf(leaf: Leaf, factor: float) -> Leaf:
-    curve = None if leaf.curve is None else _ScaledCurve(leaf.curve, factor)
-    return replace(
-        leaf, start=_scale_vector(leaf.start, factor), end=_scale_vector(leaf.end, factor), curve=curve
-    )
-
-
 def _scale_lengths(joint: Joint, factor: float) -> DrawnJoint:
     """The joint with all distances multiplied by `factor` and unchanged sections."""
-    leaves = tuple(_scale_leaf(leaf, factor) for leaf in joint.leaves())
-    blocks = {name: _scale_vector(point, factor) for name, point in joint.blocks().items()}
+
+    def scaled(point: Vector) -> Vector:
+        return as_vector(factor * c for c in point)
+
+    leaves = tuple(
+        replace(
+            leaf, start=scaled(leaf.start), end=scaled(leaf.end),
+            curve=None if leaf.curve is None else _ScaledCurve(leaf.curve, factor),
+        )
+        for leaf in joint.leaves()
+    )  # fmt: skip
+    blocks = {name: scaled(point) for name, point in joint.blocks().items()}
     motions = tuple(
         replace(
             m,
             range=(factor * m.range[0], factor * m.range[1]),
-            point=None if m.point is None else _scale_vector(m.point, factor),
+            point=None if m.point is None else scaled(m.point),
         )
         if m.kind == "translation"
         else m

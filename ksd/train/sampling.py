@@ -66,6 +66,7 @@ def even_line(low: float, high: float, count: int) -> tuple[float, ...]:
 
 
 def _fractions(low: float, high: float, x: Array) -> tuple[float, ...]:
+    """Points x in [-1, 1] of the range (low, high), as fractions of its largest magnitude."""
     reach = max(abs(low), abs(high))
     return tuple(float(v) for v in (0.5 * (low + high) + 0.5 * (high - low) * x) / reach)
 

@@ -174,6 +174,7 @@ def _share_of_length(boxes: set[int]) -> float:
 
 
 def _width(leaf: Leaf) -> float:
+    """Width [m] of a leaf."""
     return thickness_and_width(leaf.section)[1]
 
 

@@ -34,7 +34,7 @@ def plot_optimum(optimum: Any) -> Figure:
     for k, name in enumerate(names):
         own = by == name
         color = LINK_COLORS[k % len(LINK_COLORS)]
-        _one_start(top, low, tried.merits[own], tried.exceeded[own], color, name, job.merit_sign)
+        _draw_start(top, low, tried.merits[own], tried.exceeded[own], color, name, job.merit_sign)
     top.axhline(job.merit_sign * optimum.merit, color=LEAF_COLOR, linewidth=0.8, zorder=0)
     title_style: dict[str, Any] = {"fontsize": 9, "loc": "left", "color": TEXT_COLOR}
     top.set_title(f"{job.merit_name},\n{job.merit_sign * optimum.merit:.6g} at the optimum", **title_style)
@@ -57,7 +57,7 @@ def plot_optimum(optimum: Any) -> Figure:
     return figure
 
 
-def _one_start(
+def _draw_start(
     top: Any, low: Any, merits: np.ndarray, exceeded: np.ndarray, color: str, name: str, sign: float
 ) -> None:
     """Draw the designs of a start in their order, filled where limits are met; of many, the best so far that meets them."""
