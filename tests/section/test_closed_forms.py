@@ -9,7 +9,7 @@ import pytest
 import ksd.section as section
 from ksd.errors import SceneError
 from ksd.section import circle, numbers, rectangle, restrained_warping_factor, tube
-from ksd.section.closed_forms import rectangles
+from ksd.section.closed_forms import clamped_ends_factor, rectangles
 
 
 def test_rectangle_moments_follow_the_stated_axes():
@@ -71,6 +71,12 @@ def test_warping_factor_limits():
     assert restrained_warping_factor(1e4, 1.0, 0.3) == pytest.approx(1.0, rel=1e-4)
     left, right = restrained_warping_factor(2.32e-3, 1.0, 0.3), restrained_warping_factor(2.33e-3, 1.0, 0.3)
     assert left > right > 0
+
+
+@pytest.mark.parametrize("x", [1e-4, 9e-3])
+def test_warping_factor_of_a_very_short_piece(x):
+    """Against x - 2 tanh(x/2) = x^3/12 (1 - x^2/10 + 17 x^4/1680 - ..), from the series of the hyperbolic tangent."""
+    assert clamped_ends_factor(x) == pytest.approx(12 / x**2 / (1 - x**2 / 10 + 17 * x**4 / 1680), rel=1e-11)
 
 
 def test_rigidity_and_compliance_order():

@@ -9,7 +9,7 @@ import pytest
 
 from ksd.errors import SceneError
 from ksd.section import circle, polygon, rectangle, tube
-from ksd.section.outline_mesh import triangulate
+from ksd.section.outline_mesh import edge_distance, edges_of, element_sizes, triangulate
 
 KEYS = ("A", "J", "Iy", "Iz", "Iw", "ky", "kz")
 
@@ -111,6 +111,34 @@ def test_shear_centre_of_angle_is_at_the_crossing_of_its_legs():
     assert drawn == pytest.approx([0.5, 0.5], abs=0.15)
 
 
+@pytest.mark.parametrize(("t", "w"), [(1.0, 3.0), (3.0, 1.0)], ids=["upright", "flat"])
+@pytest.mark.parametrize("angle", [-0.75, -0.3, 0.0, 0.3, 0.75])
+def test_y_is_the_principal_axis_within_45_degrees_of_the_one_drawn(t, w, angle):
+    c, s = math.cos(angle), math.sin(angle)
+    found = polygon(np.array(box(t, w)) @ np.array([[c, s], [-s, c]]))
+    assert found.tilt == pytest.approx(angle, abs=1e-9)
+    assert (found.thickness, found.width) == pytest.approx((t, w), rel=1e-9)
+    assert (found.Iz, found.Iy) == pytest.approx((w * t**3 / 12, t * w**3 / 12), rel=1e-9)
+
+
+@pytest.mark.parametrize(("b", "h"), [(10, 5), (5, 10), (10, -5), (-5, 10)])
+def test_principal_axes_of_an_angle_with_unequal_legs(b, h):
+    """Second moments of two rectangles, b x 1 and 1 x (h - 1), by Steiner's theorem."""
+    signs = np.sign([b, h])
+    outline = np.array([(0, 0), (abs(b), 0), (abs(b), 1), (1, 1), (1, abs(h)), (0, abs(h))]) * signs
+    sides = np.array([(abs(b), 1), (1, abs(h) - 1)], float)
+    centres, areas = (np.array([(0, 0), (0, 1)]) + sides / 2) * signs, sides.prod(axis=1)
+    arms = centres - areas @ centres / areas.sum()
+    moment = np.einsum("k,ki,kj->ij", areas, arms, arms) + np.diag(areas @ sides**2 / 12)
+    values, axes = np.linalg.eigh(moment)
+    # the axis nearest to y, pointing along y
+    nearest = int(np.argmax(np.abs(axes[0])))
+    y, z = axes[:, nearest] * np.sign(axes[0, nearest])
+    found = polygon(outline)
+    assert found.tilt == pytest.approx(math.atan2(z, y), rel=1e-9)
+    assert (found.Iz, found.Iy) == pytest.approx((values[nearest], values[1 - nearest]), rel=1e-9)
+
+
 def test_turning_the_drawing_turns_nothing_but_the_tilt():
     straight = polygon(T_SHAPE)
     angle = 0.3
@@ -144,12 +172,39 @@ def test_hole_off_centre():
     assert found.J < rectangle(1.0, 1.0).J
 
 
-def test_mesh_covers_the_outline_and_follows_its_edges():
-    points, triangles = triangulate([np.array(H_SHAPE, float)])
+# edges close to each other, whose points are not opposite each other: Delaunay's triangles do not follow them at once
+NARROW = [box(1.0, 1.0), [(0.1, 0.5), (0.5, 0.9), (0.9, 0.5)], [(0.12, 0.499), (0.88, 0.499), (0.5, 0.1)]]
+
+
+@pytest.mark.parametrize(
+    ("rings", "area"), [([H_SHAPE], 28.0), (NARROW, 1 - 0.16 - 0.15162)], ids=["H", "narrow"]
+)
+def test_mesh_covers_the_outline_and_follows_its_edges(rings, area):
+    points, triangles = triangulate([np.array(r, float) for r in rings], mesh_size=0.5)
     a, b, c = (points[triangles[:, k]] for k in range(3))
     u, v = b - a, c - a
-    assert 0.5 * np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]).sum() == pytest.approx(28.0, rel=1e-12)
+    assert 0.5 * np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]).sum() == pytest.approx(area, rel=1e-12)
     assert len(np.unique(triangles)) == len(points)
+    sides, uses = np.unique(
+        np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)), axis=0, return_counts=True
+    )
+    edges = edges_of([np.array(r, float) for r in rings])
+    for end in (0, 0.5, 1):
+        on = (1 - end) * points[sides[uses == 1, 0]] + end * points[sides[uses == 1, 1]]
+        assert edge_distance(on, edges).max() < 1e-12 * edges.length.sum()
+
+
+def test_a_mesh_is_as_fine_upright_as_flat():
+    upright, flat = (len(triangulate([np.array(box(*sides))])[0]) for sides in ((0.1, 1.0), (1.0, 0.1)))
+    assert upright == pytest.approx(flat, rel=0.05)
+
+
+def test_elements_follow_the_local_thickness():
+    """A wedge from 1 to 0.1: elements are about a quarter of the thickness there."""
+    wedge = np.array([(0.0, -0.5), (10.0, -0.05), (10.0, 0.05), (0.0, 0.5)])
+    sizes = element_sizes([wedge], None)
+    thin, thick = sizes.at(np.array([(9.9, 0.0), (0.1, 0.0)]))
+    assert thin == pytest.approx(0.025, rel=0.6) and thick == pytest.approx(0.25, rel=0.6)
 
 
 @pytest.mark.parametrize(
