@@ -73,6 +73,7 @@ def test_the_middle_leaf_of_three_misplaced_along():
     # bent into an S: 6 E (t/2) offset / L^2
     bent = 3 * STEEL.E * 5e-4 * 1e-5 / 0.1**2
     assert found.stress_Pa["joint0/leaf1", "across"] == pytest.approx(bent, rel=1e-3)
+    assert found.worst_leaf["joint0/leaf1", "along"] == "joint0/leaf1"
     twice = pose.internal_stress(leaves=("joint0/leaf1",), offset=2e-5)
     assert twice.stress_Pa["joint0/leaf1", "along"] == pytest.approx(2 * expected, rel=1e-3)
 
@@ -150,3 +151,30 @@ def test_wrong_words():
         pose.internal_stress(leaves=("low",))
     with pytest.raises(SceneError, match="must be positive"):
         pose.internal_stress(offset=0.0)
+
+
+@pytest.mark.parametrize("direction", ["along", "across", "tilt"])
+def test_a_misplaced_end_of_a_curved_leaf(direction):
+    """In the axes at that end, which the arc turns by 1 rad from those at the start, in which an assembly error is given."""
+    word, size = ("turn", 1e-6) if direction == "tilt" else ("shift", 1e-7)
+    c, n = np.cos(1.0), np.sin(1.0)
+    error = size * np.array({"along": (c, n, 0), "across": (-n, c, 0), "tilt": (0, 0, 1)}[direction])
+    forces = []
+    for put_in in (False, True):
+        scene = ksd.Mechanism("arcs", plane="xy")
+        table = scene.link("table")
+        for name, y in (("low", 0.0), ("high", 0.05)):
+            scene.leaf(
+                scene.ground, table, start=(0, y, 0), end=(0.1, y, 0), section=ksd.rectangle(5e-4, 0.02), material=STEEL,
+                curve=ksd.Arc(0.05 / np.sin(0.5), 1.0), name=name,
+            )  # fmt: skip
+        scene.actuate(table, along="y", at=(0.1, 0, 0), name="drive")
+        if put_in:
+            scene.fit("high", **{word: error})
+        pose = ksd.solve(scene, drive=0.0, method="conventional", effects="all")
+        if not put_in:
+            told = pose.internal_stress(leaves=("high",), offset=1e-7, rotation=1e-6)
+        forces.append(pose.section_forces(points=13))
+    change = {n: replace(f, values=f.values - forces[0][n].values) for n, f in forces[1].items()}
+    expected = stress_from_forces(pose.model, change).largest_Pa
+    assert told.stress_Pa["high", direction] == pytest.approx(expected, rel=1e-2)

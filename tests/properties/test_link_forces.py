@@ -83,3 +83,19 @@ def test_joints_in_space():
     lever = pose.displacement("top", at) - held.point + np.array(at)
     assert held.force == pytest.approx((pose.forces["top"], 0, 0), abs=1e-6)
     assert held.moment == pytest.approx(np.cross(lever, held.force), abs=1e-6)
+
+
+def test_what_is_applied_has_the_moment_of_the_load_and_its_lever():
+    scene, at = fourbar(), (0.05, 0.35, 0.02)
+    force, moment = (3.0, -2.0, 1.0), (0.1, 0.2, 0.3)
+    scene.load("left", force=force, moment=moment, at=at)
+    pose = ksd.solve(scene, top=0.1, method="conventional")
+    (found,) = (r for r in pose.link_forces().rows if (r.part, r.at, r.of) == ("link", "left", "applied"))
+    lever = np.array(at) + pose.displacement("left", at) - found.point
+    assert found.force == pytest.approx(force, abs=1e-6)
+    assert found.moment == pytest.approx(moment + np.cross(lever, force), abs=1e-6)
+    # about another point: the lever between the two
+    forces, other = pose.interface_forces(), np.array([0.3, -0.2, 0.1])
+    here, there = forces.on("left", about=found.point), forces.on("left", about=other)
+    assert there[3:] == pytest.approx(here[3:] + np.cross(found.point - other, here[:3]), abs=1e-12)
+    assert here[3:] == pytest.approx(-found.moment, abs=1e-12)

@@ -14,7 +14,7 @@ from ksd.properties.buckling import uncondensed_tangents
 from ksd.properties.finer_model import finer_state
 from ksd.properties.frequencies import frequencies
 from ksd.properties.leaf_groups import leaf_groups
-from ksd.properties.mass import assemble_inertia
+from ksd.properties.mass import _leaf_mass_roots, _member_leaves, assemble_inertia
 from ksd.properties.tangent import row_numbers
 from ksd.section import rectangle
 from ksd.solve.conventional import solve_conventional
@@ -133,8 +133,6 @@ def test_nodal_and_condensed_chains_are_the_same():
 def test_rigid_mass_is_that_of_the_leaves():
     """A uniform velocity and a uniform spin of all nodes see the total mass and inertia, in any
     configuration."""
-    from ksd.properties.mass import _leaf_mass_roots, _member_leaves
-
     model = compile_scene(single_joint())
     state = solve_conventional(model, {"turn": 0.7}).motion
     lines, total, energy = _member_leaves(model), 0.0, 0.0
@@ -297,3 +295,25 @@ def test_chains_of_a_tapered_leaf_say_what_to_do():
     model = compile_scene(scene, mesh=Mesh("corotational", elements=4))
     with pytest.raises(SceneError, match="leaf 'wedge' is curved or has a profile"):
         frequencies(model, model.rest)
+
+
+def test_a_rigid_spin_of_a_thick_leaf_has_the_inertia_of_a_box():
+    """Rotary inertia of its sections about all three axes, those of a block of the same density."""
+    scene, (L, t, w) = ksd.Mechanism("block"), (0.05, 0.02, 0.03)
+    tip = scene.link("tip")
+    stuff = ksd.Material(E=200e9, nu=0.3, density=7800)
+    scene.leaf(
+        scene.ground, tip, start=(-L / 2, 0, 0), end=(L / 2, 0, 0), section=rectangle(t, w), width_axis="z",
+        material=stuff, name="block",
+    )  # fmt: skip
+    model = compile_scene(scene)
+    (group,), (leaf,) = leaf_groups(model), assemble_inertia(model, model.rest).leaves
+    (root,) = _leaf_mass_roots(leaf, np.stack([_member_leaves(model)[i][1] for i in group.members]))
+    ends = model.rest.x[model.arrays.members.node[0]] + model.arrays.members.offset[0]
+    assert ends[:, 0] == pytest.approx([-L / 2, L / 2])
+    inertia = np.array([t**2 + w**2, L**2 + w**2, L**2 + t**2]) * 7800 * L * t * w / 12
+    for axis in range(3):
+        spin = np.eye(3)[axis]
+        turn = [np.concatenate([np.cross(spin, model.rest.x[k]), spin]) for k in model.arrays.members.node[0]]
+        moved = root @ np.concatenate([*turn, np.zeros(root.shape[1] - 12)])
+        assert np.sum(moved**2) == pytest.approx(inertia[axis], rel=1e-9)

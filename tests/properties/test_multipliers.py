@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scenes import STEEL, fourbar
 from scipy.sparse import csc_matrix
+from scipy.spatial.transform import Rotation
 
 import ksd
 from ksd.errors import SceneError
@@ -19,6 +20,7 @@ from ksd.properties.buckling import (
     uncondensed_tangents,
 )
 from ksd.properties.finer_model import finer_state
+from ksd.properties.nonconservative import cross_matrix, load_tangent
 from ksd.properties.tangent import assemble_and_factor
 from ksd.scene.load import Load
 from ksd.section import rectangle
@@ -81,13 +83,16 @@ def test_stiffness_is_lost_where_the_multiplier_says(mesh):
         assert pressed.buckling("top", force=(0, -1, 0), at=at, freed="top").unstable == int(share > 1.0)
 
 
+@pytest.mark.parametrize("gravity", [None, (200.0, -981.0, 300.0)], ids=("light", "heavy"))
 @pytest.mark.parametrize("mesh", [Mesh(), Mesh("corotational", elements=3)], ids=("strain", "chain"))
-def test_uncondensed_tangent_condenses_to_the_solver_s(mesh):
+def test_uncondensed_tangent_condenses_to_the_solver_s(mesh, gravity):
     scene = fourbar()
+    scene.gravity = gravity
     scene.load("top", force=(0, -30.0, 20.0), at=(0, 0.35, 0))
     fine, state = finer_state(
-        *_of(solve_conventional(compile_scene(scene, mesh=mesh), {"top": 0.1}, steps=4))
+        *_of(solve_conventional(compile_scene(scene, mesh=mesh, effects="all"), {"top": 0.1}, steps=4))
     )
+    assert (len(fine.arrays.weight) > 0) == (gravity is not None)
     K = uncondensed_tangents(fine, state)[0].toarray()
     assert pytest.approx(K.T, abs=1e-9 * np.abs(K).max()) == K
     n = fine.arrays.plan.unknowns
@@ -287,3 +292,20 @@ def test_a_change_of_nothing_but_rounding_has_no_factors(rng):
     factor, shapes, largest, error = critical_factors(K, csc_matrix(noise + noise.T), 3, rounding=1e-9)
     assert factor.size == 0 and shapes.shape == (20, 0) and 0.0 < largest < 1e-9 and error == 0.0
     assert critical_factors(K, csc_matrix(noise + noise.T), 3)[0].size >= 1
+
+
+@pytest.mark.parametrize("following", [False, True], ids=["dead", "following"])
+def test_the_tangent_of_a_load_is_the_derivative_of_its_generalised_force(following, rng):
+    """Central differences of the virtual work in a displacement and a rotation vector, whose spin is (1 + theta x / 2) its
+    rate to first order."""
+    force, moment, point = rng.normal(size=(3, 3))
+
+    def generalised(q):
+        R = Rotation.from_rotvec(q[3:]).as_matrix()
+        F, M = (R @ force, R @ moment) if following else (force, moment)
+        spin = np.eye(3) + 0.5 * cross_matrix(q[3:])
+        return np.concatenate([F, spin.T @ (np.cross(R @ point, F) + M)])
+
+    steps = 1e-5 * np.eye(6)
+    slopes = np.array([generalised(-s) - generalised(s) for s in steps]).T / 2e-5
+    assert load_tangent(force, moment, point, following=following) == pytest.approx(slopes, abs=1e-9)

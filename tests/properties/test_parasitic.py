@@ -40,3 +40,22 @@ def test_a_driven_joint_prescribes_a_turn_about_its_crossing(ratio):
     assert pose.parasitic(arm, at=crossing).shift == pytest.approx(whole, abs=1e-12)
     assert pose.pivot_shift(placed).shift == pytest.approx(whole, abs=1e-12)
     assert pose.parasitic(arm, at=beyond).shift == pytest.approx(whole, abs=1e-9)
+
+
+@pytest.mark.parametrize("absolute", [False, True], ids=["relative", "absolute"])
+def test_a_drive_that_acts_past_the_carrier_prescribes_its_motion_too(absolute):
+    """A stage on a stage: the upper one is driven from the lower one or from ground."""
+    scene = ksd.Mechanism("stages")
+    lower, upper = scene.links("lower", "upper")
+    guide = ksd.ParallelGuide(STEEL, length=0.05, thickness=0.3e-3, width=0.02, spacing=0.04)
+    scene.join(scene.ground, lower, guide, at=(0, 0, 0), axis="z", toward="x")
+    scene.join(lower, upper, guide, at=(0.06, 0.1, 0), axis="z", toward="y")
+    scene.actuate(lower, along="y", at=(0.05, 0, 0), name="first")
+    at, base = (0.06, 0.15, 0), scene.ground if absolute else lower
+    scene.actuate(upper, along="x", at=at, relative_to=base, name="second")
+    pose = ksd.solve(scene, first=2e-3, second=1e-3, method="conventional")
+    found = pose.parasitic(upper, at=at)
+    assert set(found.drives) == {"first", "second"}
+    # driven from ground, nothing is left along x; on the lower stage, the way that this stage is shortened by its arc
+    shortened = 0.6 * 2e-3**2 / 0.05
+    assert found.shift[0] == pytest.approx(0.0 if absolute else -shortened, rel=5e-2, abs=1e-9)

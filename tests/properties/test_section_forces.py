@@ -140,3 +140,21 @@ def test_few_stations_have_the_forces_of_many(profile):
         assert known[[0, -1]].all()
         assert (np.abs(few.values[known] - many.values[at[known]]) < 5e-3 * scale).all()
         assert len(few.s) == points or profile
+
+
+@pytest.mark.parametrize("mesh", [STRAIN, CHAIN, NODAL], ids=["strain", "chain", "nodal"])
+def test_a_leaf_under_its_own_weight(mesh):
+    """V = -m g (1 - s/L), M = -m g L/2 (1 - s/L)^2 of a stiff cantilever."""
+    scene = ksd.Mechanism("shelf")
+    tip = scene.link("tip")
+    heavy = ksd.Material(E=200 * GPa, nu=0.3, density=7800)
+    scene.leaf(
+        scene.ground, tip, start=(0, 0, 0), end=(LENGTH, 0, 0), section=ksd.rectangle(5 * mm, 20 * mm), material=heavy,
+        width_axis="z", name="blade",
+    )  # fmt: skip
+    scene.gravity = (0, -9.81, 0)
+    c = solve_conventional(compile_scene(scene, mesh=mesh, effects="all"), {})
+    found = section_forces(c.model, c.motion)["blade"]
+    left, weight = 1 - found.s / LENGTH, 7800 * 5 * mm * 20 * mm * LENGTH * 9.81
+    assert found.values[:, 1] == pytest.approx(-weight * left, abs=1e-4 * weight)
+    assert found.values[:, 5] == pytest.approx(-0.5 * weight * LENGTH * left**2, abs=2e-3 * weight * LENGTH)

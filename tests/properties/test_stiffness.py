@@ -82,6 +82,8 @@ def test_matrices_are_symmetric_and_inverse_to_each_other():
     assert found.support("x") == pytest.approx(1 / found.compliance[0, 0])
     held = found.support("x", held=("y", "z", "rx", "ry", "rz"))
     assert held == pytest.approx(K[0, 0], rel=1e-6)
+    for own, part in zip(found.principal, (found.compliance[:3, :3], found.compliance[3:, 3:]), strict=True):
+        assert own == pytest.approx(1.0 / np.linalg.eigvalsh(part)[::-1], rel=1e-9)
 
 
 def test_axes_turn_the_matrix():
@@ -181,6 +183,7 @@ def test_many_states_together_have_the_stiffness_of_each(gravity):
         assert row[5] > 1e9
         assert row[:5] == pytest.approx(1.0 / np.diagonal(C)[:5])
         assert own[0] == pytest.approx(1.0 / np.linalg.eigvalsh(C[:3, :3])[::-1])
+        assert own[1, :2] == pytest.approx(1.0 / np.linalg.eigvalsh(C[3:, 3:])[:0:-1]) and own[1, 2] > 1e9
 
 
 def test_it_is_told_where_many_states_are_at_a_stable_equilibrium():
@@ -204,6 +207,25 @@ def test_it_is_told_where_many_states_are_at_a_stable_equilibrium():
     found = batch_stiffness(group, "tip", at=[None])
     assert found.valid.all() and found.stable.tolist() == [True, False, False]
     assert found.compliance[0, 1, 1] > 0 > found.compliance[1, 1, 1]
+
+
+def test_many_states_tell_a_leaf_that_buckles_between_its_ends():
+    """Both ends are held but for the way along: all that is unstable is inside the leaf."""
+    scene = ksd.Mechanism("strut")
+    tip = scene.link("tip")
+    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(1e-3, 1e-2), material=STEEL,
+               width_axis="z")  # fmt: skip
+    scene.actuate(tip, along="y", at=(0.1, 0, 0), name="d")
+    scene.support(tip, about="z")
+    critical = 4 * np.pi**2 * STEEL.E * (1e-2 * 1e-9 / 12) / 0.1**2
+    scene.load(tip, force=(-critical, 0, 0), at=(0.1, 0, 0))
+    model, states = compile_scene(scene), []
+    for factor in (0.9, 1.1):
+        straight = model.rest.copy()
+        find_equilibrium(model.arrays, straight, model.targets({"d": 0.0}), factor)
+        states.append((model, straight, factor))
+    ((_, group),) = group_states(states)
+    assert batch_stiffness(group, "tip", at=[None]).stable.tolist() == [True, False]
 
 
 def test_what_a_drive_holds_is_held_to_the_last_digit(rng):

@@ -172,3 +172,18 @@ def rod_force(length, thickness, width, way):
         found = solve_bvp(slope, ends, *guess, tol=1e-6, max_nodes=100_000)
         assert found.success
     return 0.01 * EA * found.p[1]
+
+
+@pytest.mark.parametrize(("ratio", "nu"), [(1.0, 0.0), (1 / 2.6, 0.3), (0.25, 0.5)])
+def test_principal_strain_of_a_bent_and_twisted_wire(ratio, nu):
+    """Poisson's ratio E/2G - 1, within 0 and 0.5 where the moduli are not those of an isotropic material."""
+    m = ksd.Mechanism("shaft")
+    tip = m.link("tip")
+    material = ksd.Material(E=200e9, G=ratio * 200e9)
+    m.wire(m.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), diameter=2e-3, material=material, name="shaft")
+    for axis, name in zip("xyz", ("twist", "level", "bend"), strict=True):
+        m.actuate(tip, about=axis, name=name)
+    pose = ksd.solve(m, twist=0.01, level=0.0, bend=0.01, method="conventional")
+    e = g = 0.01 * 1e-3 / 0.1
+    wanted = 0.5 * ((1 - nu) * e + np.hypot((1 + nu) * e, g))
+    assert pose.strength.strain == pytest.approx(wanted, rel=2e-3)

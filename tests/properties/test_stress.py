@@ -228,3 +228,30 @@ def test_a_profile_of_unlike_sections():
             forces.values[None, k : k + 1], stresses._section_tables((q,)), outlined=True
         )[2].max()
         assert found.von_mises_Pa[k].max() == pytest.approx(float(want), rel=1e-12)
+
+
+@pytest.mark.parametrize(("t", "w"), [(1e-3, 4e-3), (4e-3, 1e-3)])
+def test_stress_points_of_a_rectangle_are_its_corners_sides_and_centre(t, w):
+    """Their names say on which side they are; shear flows around as the twist does."""
+    points = stress_points(ksd.rectangle(t, w))
+    for name, y, z in zip(points.names, points.y.tolist(), points.z.tolist(), strict=True):
+        sides = [
+            0.5 * size * (f"+{axis}" in name) - 0.5 * size * (f"-{axis}" in name)
+            for axis, size in (("y", t), ("z", w))
+        ]
+        assert (y, z) == pytest.approx(tuple(sides))
+    # the moment of the torsional shear about the centre is positive at every point of the rim
+    turning = points.y * points.torsion[:, 1] - points.z * points.torsion[:, 0]
+    assert (turning[4:8] > 0.0).all() and np.allclose(points.torsion[[0, 1, 2, 3, 8]], 0.0)
+    # a parabola across the section: half more than the mean where it is largest
+    assert points.along_y[8, 0] == points.along_z[8, 1] == pytest.approx(1.5 / (t * w))
+
+
+def test_an_outline_bears_no_less_than_the_rectangle_it_is():
+    drawn = stress_points(ksd.polygon([(0, 0), (1e-3, 0), (1e-3, 4e-3), (0, 4e-3)]))
+    exact = stress_points(ksd.rectangle(1e-3, 4e-3))
+    for name in ("along_y", "along_z"):
+        assert np.abs(getattr(drawn, name)).max() == pytest.approx(
+            np.abs(getattr(exact, name)).max(), rel=1e-9
+        )
+    assert np.abs(exact.torsion).max() < np.abs(drawn.torsion).max() < 1.25 * np.abs(exact.torsion).max()

@@ -1,5 +1,6 @@
 """Verification by integration: gaps against scipy's, corrected answers against independent ones and finer meshes."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -321,6 +322,15 @@ def test_it_prints():
     ):
         assert word in text
     assert "% by integration of 3 leaf springs" in repr(told)
+    percent, shift, turn, miss = map(float, re.findall(r"(\d[-+.e\d]*) (?:um|mrad|%)", told.sentence))
+    assert (percent, miss) == pytest.approx((100 * told.relative, 100 * _largest_gap(told)), rel=0.05)
+    assert (1e-6 * shift, 1e-3 * turn) == pytest.approx((told.displacement, told.rotation), rel=0.05)
+
+
+def _largest_gap(told):
+    """Displacement relative to the length, or rotation, whichever is larger, of the leaf that misses its end most."""
+    pairs = zip(told.gaps.values, told.gaps.lengths, strict=True)
+    return max(max(np.linalg.norm(gap[:3]) / length, np.linalg.norm(gap[3:])) for gap, length in pairs)
 
 
 def test_refusals():
