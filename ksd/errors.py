@@ -35,6 +35,10 @@ class UnknownWordError(SceneError, AttributeError):
     """There is no method or attribute of this name; the message lists those there are."""
 
 
+class ResumeError(SceneError):
+    """The file of `resume=` cannot be written any more; what is in it is kept. It ends the search."""
+
+
 class SceneWarning(UserWarning):
     """A value in a scene file is possible but probably not meant."""
 

@@ -71,6 +71,7 @@ def check_target(path: Name, *, what: str = "file", error: type[KsdError] = Scen
             raise error(
                 f"{what} {_named(path)}: folder {_named(folder)} does not exist; make it first."
             ) from None
+        _check_folder(place.parent, path, what, error)
         return place
     except (OSError, ValueError, TypeError) as reason:
         # a null character, half a character, or no name at all
@@ -81,7 +82,14 @@ def check_target(path: Name, *, what: str = "file", error: type[KsdError] = Scen
         raise error(_cannot_write(what, path, f"it is {_kind(status.st_mode)}, no file"))
     if not os.access(place, os.W_OK):
         raise error(_cannot_write(what, path, "Permission denied"))
+    _check_folder(place.parent, path, what, error)
     return place
+
+
+def _check_folder(folder: Path, path: Name, what: str, error: type[KsdError]) -> None:
+    """Raise `error` where no file can be made in the folder of `path`, before anything is computed for that file."""
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise error(_cannot_write(what, path, "Permission denied, its folder is read-only"))
 
 
 def _cannot_write(what: str, path: Name, reason: str) -> str:

@@ -22,7 +22,7 @@ from ksd.design.optimum import Optimum
 from ksd.design.scaled_problem import ScaledProblem
 from ksd.design.sweep import SweepInterrupted
 from ksd.design.table import OK, Table
-from ksd.errors import KsdError, SceneError
+from ksd.errors import KsdError, ResumeError, SceneError
 from ksd.properties.printing import PrintableAnswer, format_number, format_table, progress_bar
 from ksd.view import save_figure
 from ksd.view.design_plots import plot_front
@@ -163,6 +163,8 @@ def pareto(
                     optimise_from(job.limited(against, limit), log, [x], "gradient", progress=update_bar)
                 )
                 status.append(OK)
+            except ResumeError:
+                raise
             except KsdError as reason:
                 optima.append(None)
                 status.append(str(reason))
@@ -304,8 +306,10 @@ def _table_of_results(results: Mapping[str, Optimum | str]) -> Table:
 
 
 def _optimum_or_reason(job: Job, starts: int, seed: int, resume: Path | None) -> Optimum | str:
-    """The optimum of a job, or why there is none."""
+    """The optimum of a job, or why there is none. Raises ResumeError."""
     try:
         return optimise(job, starts=starts, seed=seed, resume=resume)
+    except ResumeError:
+        raise
     except KsdError as reason:
         return str(reason)

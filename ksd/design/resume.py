@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ksd.checks import show
-from ksd.errors import RecordError, SceneError
+from ksd.errors import RecordError, ResumeError, SceneError
 from ksd.files import check_target, read_file, write_file
 from ksd.library.record_files import find_record, record_bytes
 
@@ -67,7 +67,7 @@ class ResumeFile:
         return intact
 
     def add(self, key: int | str, rows: Rows) -> None:
-        """Add a finished entry; it is on disk when this returns."""
+        """Add a finished entry; it is on disk when this returns. Raises ResumeError where it cannot be written."""
         self.entries[key] = rows
         if self.path is None:
             return
@@ -78,7 +78,7 @@ class ResumeFile:
                 file.flush()
                 os.fsync(file.fileno())
         except OSError as error:
-            raise SceneError(
+            raise ResumeError(
                 f"resume = '{self.path}' cannot be written any more: {error.strerror}; what is in it is kept, make room "
                 "and start again."
             ) from error

@@ -15,7 +15,7 @@ import numpy as np
 from ksd.design.design_log import DesignLog
 from ksd.design.job import Job
 from ksd.design.table import OK
-from ksd.errors import KsdError
+from ksd.errors import KsdError, ResumeError
 from ksd.properties.printing import format_number
 
 Array = np.ndarray
@@ -154,6 +154,8 @@ class ScaledProblem:
             x = self.unscaled(y)
             try:
                 values, slopes = self.log.slopes(x, by=self.label)
+            except ResumeError:
+                raise
             except KsdError as reason:
                 raise DesignFailed(y, str(reason)) from reason
             inner = np.where(self.is_log, x, self.parameter_scale)

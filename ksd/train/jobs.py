@@ -128,6 +128,9 @@ class Jobs:
                 "The training processes ended unexpectedly; finished shapes are kept. Call train under "
                 "`if __name__ == '__main__':`, or give it another executor."
             ) from error
+        except KeyboardInterrupt:
+            again = f"the finished shapes are kept in '{self.folder}'; train it again to continue"
+            raise KeyboardInterrupt(f"interrupted: {again}") from None
         finally:
             for future in futures:
                 future.cancel()

@@ -1,6 +1,8 @@
 """The optimum of a job: found from any start, held by what is said, at a price that moving a limit confirms."""
 
+import errno
 import multiprocessing
+import os
 import sys
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
@@ -19,6 +21,7 @@ from ksd.design import optimise as room
 from ksd.design import scaled_problem
 from ksd.design.optimise import MAX_ITERATIONS
 from ksd.design.scaled_problem import _extended_log
+from ksd.errors import ResumeError
 from ksd.units import mm
 
 LIMITS = {"stress_MPa": 500, "turn_moment_Nm": (-3, 3)}
@@ -286,6 +289,30 @@ def test_workers_go_on_from_the_file_too(tmp_path, monkeypatch):
         ends = first.starts[:starts]
         assert [s.design for s in again.starts] == [s.design for s in ends]
         assert len(again.table) == sum(s.values for s in ends)
+
+
+@pytest.mark.parametrize(
+    ("search", "room_for"),
+    [
+        (lambda folder: ksd.optimise(small(), resume=folder / "job.jsonl"), 8),
+        # past its first optimum
+        (lambda folder: ksd.pareto(small(), against="stress_MPa", points=3, resume=folder / "job.jsonl"), 30),
+        (lambda folder: ksd.choose({"one": small(), "other": small()}, resume=folder), 8),
+    ],
+)
+def test_a_full_disk_ends_a_search_and_is_no_failed_design(search, room_for, monkeypatch, tmp_path):
+    written, fsync = [], os.fsync
+
+    def full_disk(number):
+        written.append(number)
+        if len(written) > room_for:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        fsync(number)
+
+    monkeypatch.setattr(os, "fsync", full_disk)
+    with pytest.raises(ResumeError, match=r"^resume = '.*jsonl' cannot be written any more: No space left"):
+        search(tmp_path)
+    assert len(written) == room_for + 1
 
 
 def test_interrupted_runs_keep_what_is_done_and_end_as_others(monkeypatch, tmp_path):

@@ -19,7 +19,8 @@ from processes import environment
 import ksd.library.record_files as files
 from ksd.design import Table
 from ksd.design.resume import ResumeFile
-from ksd.errors import RecordError
+from ksd.errors import RecordError, SceneError
+from ksd.files import check_target
 from ksd.library import read_record, read_result, write_record
 from ksd.library.result_files import write_result
 
@@ -220,6 +221,19 @@ def test_a_full_disk_is_one_sentence_and_old_files_stay(record, table, tmp_path)
     for name, said in found.items():
         assert "cannot be written" in said, (name, said)
         assert "\n" not in said and "too large" in said
+
+
+def test_a_read_only_folder_is_refused_before_anything_is_computed(monkeypatch, tmp_path):
+    closed, access = tmp_path / "closed", os.access
+    closed.mkdir()
+    (closed / "old.csv").touch()
+    monkeypatch.setattr(os, "access", lambda path, mode: path != closed and access(path, mode))
+    for name in ("new.csv", "old.csv"):
+        with pytest.raises(
+            SceneError, match=rf"--out '.*{name}' cannot be written: .* its folder is read-only"
+        ):
+            check_target(closed / name, what="--out")
+        assert check_target(tmp_path / name) == tmp_path / name
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs POSIX permissions")

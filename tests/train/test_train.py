@@ -176,7 +176,7 @@ def test_a_broken_run_keeps_what_is_done(tmp_path, threads, monkeypatch):
         return sample_joint(job.joint, job.plan)
 
     monkeypatch.setattr(jobs_module, "run_job", broken)
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(KeyboardInterrupt, match=r"\.part\.partial'; train it again to continue"):
         train("cross_flexure", out=tmp_path / "part.h5", **options)
     kept = list((tmp_path / ".part.partial").glob("*.npz"))
     assert not (tmp_path / "part.h5").exists() and 15 <= len(kept) <= 20
