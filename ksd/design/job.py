@@ -368,11 +368,14 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     # ---- designs ---------------------------------------------------------------------------------------------------------
 
     def design_at(self, x: ArrayLike) -> dict[str, float]:
-        """Parameters by name of x (P,)."""
-        values = np.asarray(x, float)
+        """Parameters by name of x (P,). Raises SceneError for what is no design."""
+        try:
+            values = np.asarray(x, float)
+        except (TypeError, ValueError):
+            values = np.array(np.nan)
         if values.shape != (len(self.vary),):
             raise SceneError(
-                f"a design of this job is {len(self.vary)} numbers: {', '.join(self.parameters)}"
+                f"design {show(x)}: a design of this job is {len(self.vary)} numbers: {', '.join(self.parameters)}"
             )
         return dict(zip(self.vary, values.tolist(), strict=True))
 

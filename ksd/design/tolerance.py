@@ -70,9 +70,8 @@ class Tolerance(PrintableAnswer):
         for k in np.argsort(self.sds_to_limit)[:MAX_PRINTED_ANSWERS].tolist():
             name, share = next(iter(self.to_blame(self.names[k]).items()))
             numbers = (self.nominal[k], self.first_order[k], self.sampled[k])
-            rows.append(
-                (self.names[k], *(format_number(float(v)) for v in numbers), f"{name} {100 * share:.0f} %")
-            )
+            blamed = f"{name} {100 * share:.0f} %" if share else ""
+            rows.append((self.names[k], *(format_number(float(v)) for v in numbers), blamed))
         return format_table(
             ("answer", "nominal", "sd, first order", "sd, sampled", "<to blame"), rows, self._line()
         )

@@ -291,6 +291,18 @@ def test_workers_go_on_from_the_file_too(tmp_path, monkeypatch):
         assert len(again.table) == sum(s.values for s in ends)
 
 
+def test_an_answer_that_does_not_scatter_blames_no_parameter():
+    found = ksd.tolerance(
+        small(), {"length": 70 * mm, "thickness": 0.5 * mm}, spread={"length": 2e-5}, samples=4
+    )
+    still = [k for k, sd in enumerate(found.first_order) if sd == 0.0]
+    assert [found.names[k] for k in still] == ["support_worst_Nm_per_rad[3]"] and np.isinf(
+        found.nominal[still]
+    ).all()
+    assert "support_worst_Nm_per_rad[3]" in str(found) and "length 100 %" in str(found)
+    assert "length 0 %" not in str(found)
+
+
 @pytest.mark.parametrize(
     ("search", "room_for"),
     [

@@ -113,6 +113,8 @@ def test_wrong_words_of_tolerance():
         ({"spread": {"thickness": 0.0}}, "must be positive"),
         ({"spread": SPREAD, "samples": 1}, "samples = 1"),
         ({"spread": SPREAD, "design": {**BEST, "angle": 2.0}}, "lies outside"),
+        ({"spread": SPREAD, "design": "cross"}, "design 'cross': a design of this job is 5 numbers: length"),
+        ({"spread": SPREAD, "design": [0.1, 0.2]}, "a design of this job is 5 numbers: length"),
     ):
         with pytest.raises(ksd.SceneError, match=sentence):
             ksd.tolerance(one, words.pop("design", BEST), **words)
