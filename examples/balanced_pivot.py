@@ -1,8 +1,9 @@
 """Which spring takes the stiffness out of a pivot?
 
-A spring of no free length, hung at radius a on both sides of the pivot, pulls with the moment k a^2 sin(angle) away from
-rest (Herder, Energy-free systems, 2001). It also pulls the pivot along its centre shift L q^2/(12 cos c), c the angle of the
-leaf springs: to second order a cross flexure of stiffness K is balanced by k = K/(a^2 + a L/(3 cos c)).
+A spring of zero free length between two points at radius a on both sides of the pivot drives it away from rest with the
+moment k a^2 sin(q), q the rotation (Herder, Energy-free systems, 2001). It also pulls the pivot along its centre shift L
+q^2/(12 cos c), c the angle of the leaf springs. To second order k = K/(a^2 + a L/(3 cos c)) balances a pivot of stiffness
+K.
 """
 
 import numpy as np

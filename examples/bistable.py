@@ -1,7 +1,8 @@
 """At which force does a bistable switch snap, and where does it rest?
 
-A double curved beam y = h/2 (1 - cos 2 pi x/l) held in its middle: half of it, its end on a slider. Qiu, Lang and Slocum
-(J. MEMS 13, 2004) give for a perfect beam of large Q = h/t 740 EI h/l^3, -370 EI h/l^3 and a second rest at 1.99 h.
+A double curved beam y = h/2 (1 - cos 2 pi x/l), moved at its middle. One half is modelled, its end on a slider. For a
+perfect beam of large Q = h/t, Qiu, Lang and Slocum (J. MEMS 13, 2004) give snap forces of 740 and -370 EI h/l^3 and a
+second rest position at 1.99 h.
 """
 
 import numpy as np
@@ -16,7 +17,7 @@ plastic = ksd.Material(E=2 * GPa, nu=0.35)
 
 # the beam by its arc length: slope and curvature of the drawn curve
 x = np.linspace(0, l / 2, 4001)
-# as made, with three hundredths of its thickness of its third mode: a perfect beam would have to choose its side
+# with an imperfection in its third mode, 3 % of the thickness: the path of a perfect beam has a bifurcation
 shape = ((h / 2, 2 * np.pi / l), (0.03 * t / 2, 4 * np.pi / l))
 slope = sum(a * b * np.sin(b * x) for a, b in shape)
 arc = np.concatenate(([0], np.cumsum(np.diff(x) * np.sqrt(1 + ((slope[1:] + slope[:-1]) / 2) ** 2))))
@@ -41,7 +42,7 @@ rest = float(np.interp(0.0, load.factor[k - 1 : k + 1], down[k - 1 : k + 1]))
 
 
 def picture(path=None):
-    """Force over the motion of the shuttle: it falls through between the two snaps."""
+    """Force over the motion of the shuttle; it snaps at the two limit points."""
     figure = Figure(figsize=(6, 3.6), layout="constrained")
     axes = figure.add_subplot(xlabel="motion over h", ylabel="force / (EI h/l^3)")
     axes.plot(down, 1000 * load.factor, color="#c2410c")

@@ -1,7 +1,7 @@
-"""How far does a slender cantilever bend under a force across its tip?
+"""How far does a slender cantilever bend under a transverse force at its tip?
 
-Lan, Computational Models for Design and Analysis of Compliant Mechanisms (2005), table 2.3: EI .08 Nm^2, length
-101.6 mm, 15 N. The thesis leaves out stretch and shear, so the section here has 1e9 times EI/L^2 for both.
+Lan, Computational Models for Design and Analysis of Compliant Mechanisms (2005), table 2.3: EI 0.08 Nm^2, length
+101.6 mm, 15 N. The thesis neglects stretch and shear, so the section here has axial and shear stiffness 1e9 EI/L^2.
 """
 
 import numpy as np
@@ -34,7 +34,7 @@ def picture(path=None):
 
 
 print(f"tip at x = {x / mm:.6f} mm, y = {y / mm:.6f} mm, turned by {angle / deg:.5f} deg")
-print(f"by integration of the rod this is {100 * check:.2g} % off")
+print(f"it differs from an integrated rod by {100 * check:.2g} %")
 
 if __name__ == "__main__":
     picture("cantilever.png")

@@ -1,7 +1,7 @@
-"""Which moment and which stress does a cross flexure need for 45 degrees?
+"""Which moment turns a cross flexure by 45 degrees, and which stress does that cause?
 
-At small angles every leaf bends to a circle: M = EI angle/L, stress E t angle/(2 L) (paper 1, eq. 4.3 without its
-factor 2, see errata). At 45 degrees both are more, which exact rods confirm.
+At small angles every leaf spring bends to a circle: M = EI angle/L, stress E t angle/(2 L) (paper 1, eq. 4.3 without its
+factor 2, see errata). At 45 degrees both are larger; the tests compare them with exact rods.
 """
 
 import ksd

@@ -1,8 +1,8 @@
 """How far must the motors of a delta stage turn, and does its platform stay level?
 
 Three legs of a hinge, an arm, a universal joint, a rod and a universal joint carry a platform
-(`ksd/scenes/delta_stage.toml`). With rigid links and joints that turn about points, the hinge angles follow from
-circles; what leaf springs add is small.
+(`ksd/scenes/delta_stage.toml`). For rigid links and ideal joints the hinge angles are intersections of circles; the
+leaf springs change them only slightly.
 """
 
 from pathlib import Path
@@ -19,7 +19,7 @@ pose = ksd.solve(mechanism, dict(zip("xyz", target, strict=True)))
 angles = [float(pose.motions[f"base {k + 1}"]) for k in range(3)]
 tilt = float(np.linalg.norm(pose.rotation("platform")))
 
-# rigid links: in the plane of every leg, from the middle of its hinge over that of the lower joint to that of the upper one
+# rigid links, in the plane of each leg: centres of the hinge, of the lower and of the upper universal joint
 step = 50 * mm / np.sqrt(2)
 lean = np.array((-0.4, 0, 0.916515138991168))  # of the rods
 hinge = np.array((100 * mm + step / 2, 0, 0))
@@ -30,7 +30,7 @@ rigid = []
 for k in range(3):
     c, s = np.cos(2 * np.pi * k / 3), np.sin(2 * np.pi * k / 3)
     to = upper + np.array(((c, s, 0), (-s, c, 0), (0, 0, 1))) @ target - hinge
-    # |to - turned arm| = rod, the arm turned by q about the axis of the hinge
+    # |to - arm| = rod, with the arm rotated by the hinge angle; of two solutions the smaller angle
     a, b = to[0] * arm[0] + to[2] * arm[2], to[0] * arm[2] - to[2] * arm[0]
     reach = (to @ to + arm @ arm - rod**2) / 2
     both = np.arctan2(b, a) + np.arccos(reach / np.hypot(a, b)) * np.array((-1, 1))
@@ -40,7 +40,7 @@ off = float(max(abs(q - r) for q, r in zip(angles, rigid, strict=True)))
 
 
 def picture(path=None):
-    """The stage beside its place at rest."""
+    """The moved stage over the one at rest."""
     return pose.plot(path, labels=False)
 
 

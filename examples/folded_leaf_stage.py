@@ -1,8 +1,8 @@
-"""How stiff is a stage in its plane that hangs on three folded leaf springs?
+"""How stiff in its plane is a stage on three folded leaf springs?
 
-Every folded leaf holds one direction, that of its fold line. Three of them around a stage, fold lines along its edge,
-hold x, y and the turn about z and leave tip, tilt and piston free. Closed form with k of a fold line at radius r: in
-the plane 3 k/2, about z 3 k r^2, and 1/k = 2 (L^3/3EI + 6 L/5 GA), I = t w^3/12 (van Eijk, 1985).
+A folded leaf spring constrains one direction, that of its fold line. Three of them with tangential fold lines at radius r
+constrain x, y and the rotation about z and leave tip, tilt and piston free. With the stiffness k along a fold line,
+1/k = 2 (L^3/3EI + 6 L/5GA), I = t w^3/12 (van Eijk, 1985), it is 3 k/2 along x and y and 3 k r^2 about z.
 """
 
 import numpy as np
@@ -14,7 +14,9 @@ L, t, w, R = 40 * mm, 0.3 * mm, 20 * mm, 60 * mm
 
 steel = ksd.Material(E=200 * GPa, nu=0.3, density=7800)
 folded = ksd.FoldedLeaf(steel, length=L, thickness=t, width=w)
-reach = L * np.sqrt(2)  # from one end of a folded leaf to the other; the fold is half of it further out
+reach = L * np.sqrt(
+    2
+)  # distance between the ends of a folded leaf spring; its fold lies half of that further out
 
 scene = ksd.Mechanism("folded leaf stage")
 stage = scene.link("stage", mass=0.5, inertia=(4e-4, 4e-4, 8e-4), at=(0, 0, 0))

@@ -1,7 +1,7 @@
 """Which shape should the curved link of a grasper have, so that it takes the least force to move?
 
-Lan (2005), section 5.6: a link between a clamp and a guide 50.8 mm apart, its tip moved across by 12.7 mm, EI .0100 Nm^2, at
-most 85 mm long; its angle at rest is a sine series. The thesis finds 7.62, 6.01 and 5.43 N with one, two and three terms.
+Lan (2005), section 5.6: a link between a clamp and a guide 50.8 mm apart, EI 0.0100 Nm^2, at most 85 mm long, its tip moved
+transversely by 12.7 mm. Its slope at rest is a sine series: 7.62, 6.01 and 5.43 N with one, two and three terms.
 """
 
 import ksd
@@ -9,18 +9,18 @@ from ksd.units import mm
 
 EI, chord, stroke, longest = 0.0100, 50.8 * mm, 12.7 * mm, 85 * mm
 
-stuff, area = ksd.Material(E=1e9, nu=0.3), EI / longest**2  # no stretch and shear: 1e9 times EI/L^2
+stuff, area = ksd.Material(E=1e9, nu=0.3), EI / longest**2  # neither stretch nor shear: 1e9 EI/L^2
 section = ksd.numbers(A=area, J=EI / 1e9, Iy=EI / 1e9, Iz=EI / 1e9, width=4 * mm, thickness=4 * mm)
 fine = ksd.Mesh(orders=(3, 2, 12), points=16)
 
 
 def link(**c):
-    """Its curve by the amplitudes c1, c2, ... [rad]."""
+    """The curve of the link with amplitudes c1, c2, ... [rad]."""
     return ksd.FreeCurve.sine(list(c.values()), chord=chord)
 
 
 def grasper(**c):
-    """The link between ground and a guide, driven across."""
+    """The link between ground and a guide, driven transversely."""
     curve, tip = link(**c), (chord, 0, 0)
     scene = ksd.Mechanism("grasper", plane="xy")
     words = {"end": tip, "curve": curve, "section": section, "material": stuff, "name": "link"}
@@ -33,7 +33,7 @@ def grasper(**c):
 
 
 def optimum(start):
-    """The shape of least force by so many terms, from amplitudes `start`."""
+    """The shape of least force with as many terms as amplitudes in `start`, where the search begins."""
     names = [f"c{i + 1}" for i in range(len(start))]
     rules = [lambda c: 1 - link(**c).length / longest]
     words = {"minimise": "d_force_N", "d": stroke, "method": "conventional", "rules": rules, "mesh": fine}

@@ -1,8 +1,8 @@
 """How much may a guide carry on its leaf springs before it buckles?
 
-Two leaf springs upright, the load on top. Closed forms (Euler): with the drive let go both sway, 2 pi^2 EI/L^2; with
-the drive held they are clamped at both ends, 8 pi^2 EI/L^2. Half the first load takes half the drive stiffness away,
-nearly.
+Two upright leaf springs with the load on top. Closed forms (Euler): with a free drive the stage sways at 2 pi^2 EI/L^2; with
+the drive held the leaf springs buckle as clamped at both ends, at 8 pi^2 EI/L^2. Half of the first load reduces the drive
+stiffness by nearly a half.
 """
 
 import numpy as np
@@ -40,8 +40,8 @@ def picture(path=None):
     return half.plot(path)
 
 
-print(f"buckles at {let_go:.2f} N with the drive let go, at {held:.1f} N with it held")
-print(f"under half of the first the drive stiffness is {100 * left:.2f} % of that without load")
+print(f"buckles at {let_go:.2f} N with a free drive, at {held:.1f} N with the drive held")
+print(f"under half of the first load the drive stiffness is {100 * left:.2f} % of that without load")
 
 if __name__ == "__main__":
     picture("guide_buckling.png")

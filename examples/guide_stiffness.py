@@ -1,7 +1,7 @@
 """How much support stiffness does a parallel guide lose over its stroke?
 
-Two leaf springs, 100 mm long. Closed forms at the stroke d: drive stiffness 24 EI/L^3, sink 0.6 d^2/L, and along the leaf
-springs 1/K = L/EI (t^2/24 + d^2/1400) (Awtar, Slocum and Sevincer, J. Mech. Design 129, 2007).
+Two leaf springs, 100 mm long. Closed forms at the stroke d (Awtar, Slocum and Sevincer, J. Mech. Design 129, 2007): drive
+stiffness 24 EI/L^3, lowering of the stage 0.6 d^2/L, stiffness along the leaf springs 1/K = L/EI (t^2/24 + d^2/1400).
 """
 
 import numpy as np

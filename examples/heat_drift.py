@@ -1,7 +1,8 @@
-"""How far does a guide drift when it warms, and when one leaf is warmer than the other?
+"""How far does a guide drift when it warms, and when one leaf spring is warmer than the other?
 
-Closed form: warmed by T it grows by a T L along its leaf springs; with only the upper leaf of two, a distance b apart,
-warmed, the stage tilts by a T L/b less what the bending of the leaf springs holds back, t^2/(3 b^2) of it and less.
+Closed forms, a the coefficient of expansion: a guide that is warmer by T moves by a T L along its leaf springs. If only the
+upper one of two leaf springs at a distance b is warmer, the stage tilts by a T L/b; bending of the leaf springs reduces this
+by at most the share t^2/(3 b^2).
 """
 
 import ksd
@@ -15,7 +16,7 @@ joint = ksd.ParallelGuide(steel, length=L, thickness=t, width=w, spacing=b)
 
 
 def drift(leaves):
-    """The guide with some of its leaf springs warmer."""
+    """The guide with these leaf springs warmer, all of them for None."""
     scene = ksd.Mechanism("guide")
     stage = scene.link("stage")
     placed = scene.join(scene.ground, stage, joint, at=(0, 0, 0), axis="z", toward="x", name="guide")
@@ -31,13 +32,13 @@ sideways = abs(float(upper.displacement("stage", (L, 0, 0))[1]))
 
 
 def picture(path=None):
-    """The guide with a warm upper leaf."""
+    """The guide with a warm upper leaf spring."""
     return upper.plot(path)
 
 
 print(f"all {warmer:g} K warmer: the stage moves by {grows / um:.4f} um")
 print(
-    f"upper leaf alone: it tilts by {tilts / urad:.4f} urad, its edge moves sideways by {sideways / um:.4f} um"
+    f"upper leaf spring alone: it tilts by {tilts / urad:.4f} urad, its edge moves sideways by {sideways / um:.4f} um"
 )
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """How far does a curved finger push the pawl of an indexer sideways?
 
-After Lan (2005), chapter 2: an arc of 12 mm radius and 1.2 rad hangs on a block that only moves along y; its end is
-clamped to a joint C on a straight leaf spring of 8 mm. The block goes down by 1 and 2 mm.
+After Lan (2005), chapter 2: an arc of 12 mm radius and 1.2 rad is clamped to a block that only moves along y. Its other end
+is clamped to a body C on top of a straight leaf spring of 8 mm. The block moves down by 1 and 2 mm.
 """
 
 import numpy as np

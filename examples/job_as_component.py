@@ -1,7 +1,7 @@
 """How does a job become a component of a larger system, as OpenMDAO calls it: inputs, outputs, partial derivatives?
 
-`Pivot` has the methods of an `openmdao.api.ExplicitComponent`, its base there: setup, compute, compute_partials.
-Here a few Newton steps stand for the system: which thickness makes a crossed pivot 1.5 Nm/rad stiff? K = 2 E w t^3 / (12 L).
+`Pivot` has the methods setup, compute and compute_partials of an `openmdao.api.ExplicitComponent`, its base class in
+OpenMDAO. A few Newton steps replace the system here: which thickness gives a crossed pivot 2 E w t^3/(12 L) = 1.5 Nm/rad?
 """
 
 import ksd

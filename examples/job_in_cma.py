@@ -1,7 +1,7 @@
-"""What does evolution (CMA-ES, `pip install cma`) make of a job, population by population?
+"""How does CMA-ES (`pip install cma`) optimise a job, population by population?
 
-The stiffest crossed pivot that turns 2 degrees below 60 MPa. Both leaf springs bend to an arc: stress E t turn / (2 L),
-stiffness 2 EI / L. So L is as long as it may be, and t = 2 L sigma / (E turn).
+The stiffest crossed pivot with at most 60 MPa at 2 degrees. Both leaf springs bend to an arc: stress E t turn / (2 L),
+stiffness 2 EI / L. So the optimum has the largest L, and t = 2 L sigma / (E turn).
 """
 
 import numpy as np
@@ -35,7 +35,7 @@ low, high = job.bounds.T
 
 
 def costs(places):
-    """Minus the logarithm of the stiffness, plus ten times what the limit is exceeded by; 1000 where a design fails."""
+    """Minus the logarithm of the stiffness, plus ten times the violation of the limit; 1000 where a design fails."""
     values, _ = job.batch(low + np.array(places) * (high - low))
     beyond = np.array([-np.minimum(job.margins(v), 0).sum() for v in values])
     return np.nan_to_num(10 * beyond - np.log([job.merit(v) for v in values]), nan=1e3).tolist()

@@ -1,7 +1,7 @@
-"""How stiff can a guide be that moves 10 mm below 400 MPa? A job handed to `scipy.optimize.minimize`.
+"""How stiff can a guide with a stroke of 10 mm be within 400 MPa? A job solved by `scipy.optimize.minimize`.
 
 Leaf springs of 100 mm x 30 mm, at least 0.3 mm thick, stiffened in their middle: thickness t and the flexible share f at
-every end are free. Bending stress of the flexible ends: 3 E t d / (L^2 (1 - (1 - 2 f)^3)), so that at the least thickness
+each end are varied. Bending stress of the flexible ends: 3 E t d / (L^2 (1 - (1 - 2 f)^3)), so that at the least thickness
 2 f = 1 - (1 - 3 E t d / (sigma L^2))^(1/3).
 """
 

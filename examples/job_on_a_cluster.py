@@ -1,8 +1,8 @@
 """How do the starts of an optimisation share a cluster? With Dask, as with any `concurrent.futures` executor.
 
 Needs `pip install 'dask[distributed]'`. The workers here are threads of this process; `distributed.Client("address:8786")`
-reaches others, where the script must be importable.
-Crossed pivot, as stiff as 60 MPa at 2 degrees allow: L as long as it may be, t = 2 L sigma / (E turn).
+reaches others, which must be able to import the script. The stiffest crossed pivot within 60 MPa at 2 degrees has the
+largest L, and t = 2 L sigma / (E turn).
 """
 
 import ksd
@@ -43,7 +43,7 @@ print(best)
 
 
 def picture(path=None):
-    """How every start went."""
+    """The designs of every start."""
     return best.plot(path)
 
 

@@ -1,7 +1,7 @@
 """How stiff is a circular notch hinge, and when does it yield?
 
-Closed form of Paros and Weisbord (Machine Design 37, 1965): K = 2 E b t^2.5/(9 pi sqrt(R)) for thin necks; the
-stress in the middle is 6 M/(b t^2), without the concentration of the fillet.
+Closed forms of Paros and Weisbord (Machine Design 37, 1965) for thin necks: K = 2 E b t^2.5/(9 pi sqrt(R)), and stress
+6 M/(b t^2) in the middle, without stress concentration.
 """
 
 import ksd

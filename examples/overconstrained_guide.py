@@ -1,7 +1,7 @@
-"""What stress does a parallel guide get when one leaf is clamped 10 um beside its place?
+"""What stress does a parallel guide get when one leaf spring is clamped 10 um out of place?
 
-A guide of two leaf springs holds three directions twice. `internal_stress` tells what a misplacement costs, one leaf and
-direction at a time; `fit` puts the same misplacement in, and the stress must be the same.
+A guide of two leaf springs has one redundant constraint. `internal_stress` computes the stress of misplacing one leaf spring
+in one direction, for all of them; `fit` adds such a misplacement to the scene, and the stress must be the same.
 """
 
 import ksd
@@ -14,7 +14,7 @@ joint = ksd.ParallelGuide(steel, length=L, thickness=t, width=w, spacing=spacing
 
 
 def guide(shift=None):
-    """The guide, its low leaf clamped beside its place by `shift` in leaf axes."""
+    """The guide, its low leaf spring clamped out of place by `shift` in leaf axes."""
     scene = ksd.Mechanism("guide")
     stage = scene.link("stage")
     placed = scene.join(scene.ground, stage, joint, at=(0, 0, 0), axis="z", toward="x", name="guide")
@@ -26,20 +26,20 @@ def guide(shift=None):
 
 found = ksd.doctor(guide())
 redundant = len(found.fights)
-told = ksd.solve(guide(), d=0.0).internal_stress(offset=off)
-across = told.stress_Pa["guide/low", "sideways"]
+estimated = ksd.solve(guide(), d=0.0).internal_stress(offset=off)
+across = estimated.stress_Pa["guide/low", "sideways"]
 misplaced = ksd.solve(guide((0, 0, off)), d=0.0)
 solved = misplaced.stress().largest_Pa
 
 
 def picture(path=None):
-    """The guide with a misplaced leaf, coloured by stress."""
+    """The guide with a misplaced leaf spring, coloured by stress."""
     return misplaced.plot(path, color="stress")
 
 
 print(f"{redundant} redundant constraint: {found.fights[0].what}")
-print(f"10 um along the width: {across / MPa:.3f} MPa told, {solved / MPa:.3f} MPa with the leaf put in so")
-print(f"worst, of 10 um and 0.1 mrad: {' '.join(told.worst)}, {told.largest_Pa / MPa:.3f} MPa")
+print(f"10 um along the width: {across / MPa:.3f} MPa estimated, {solved / MPa:.3f} MPa solved")
+print(f"worst, of 10 um and 0.1 mrad: {' '.join(estimated.worst)}, {estimated.largest_Pa / MPa:.3f} MPa")
 
 if __name__ == "__main__":
     picture("overconstrained_guide.png")

@@ -1,7 +1,8 @@
 """How straight does a parallel mechanism move, and how does its stiffness grow?
 
-Lan (2005), chapter 2, example 2: a bar of 25.4 mm on two leaf springs of the same length and EI .3 Nm^2, pushed across
-at its lower end A. At half the length leaf springs stretch as much as they bend: the answer depends on their section.
+Lan (2005), chapter 2, example 2: a bar of 25.4 mm on two leaf springs of the same length and EI 0.3 Nm^2, moved
+transversely at its lower end A. Moved by half their length, leaf springs stretch as much as they bend: the answer depends
+on their section.
 """
 
 import ksd
@@ -18,7 +19,7 @@ scene.leaf(scene.ground, bar, start=(0, 0, 0), end=A, section=section, material=
 scene.leaf(scene.ground, bar, start=(0, size, 0), end=B, section=section, material=steel)
 scene.actuate(bar, along="y", at=A, name="d")
 
-# leaf springs a tenth as thick as long, bent to half their length: their strain is beyond any steel, and said to be
+# leaf springs a tenth as thick as long, moved by half their length: no steel bears the strain, and a warning says so
 solver = ksd.prepare(scene, mesh=ksd.Mesh(orders=(3, 2, 12), points=16))
 quarter, half = (solver(d=d, strict=False) for d in (size / 4, size / 2))
 force_quarter, force_half = quarter.forces["d"], half.forces["d"]

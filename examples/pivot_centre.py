@@ -1,7 +1,7 @@
 """Where must two leaf springs cross for a pivot whose centre stays where it is?
 
-Closed form to second order: the centre moves by L angle^2 (9 r^2 - 9 r + 1)/(15 cos a), r the crossing ratio, a the
-angle of the leaf springs to their mean: nothing at r = 1/2 - sqrt(5)/6 (Zhao and others, J. Mech. Design 133, 2011).
+To second order the centre moves by L angle^2 (9 r^2 - 9 r + 1)/(15 cos a), r the crossing ratio, a the angle of the leaf
+springs to their mean; this is zero at r = 1/2 - sqrt(5)/6 (Zhao and others, J. Mech. Design 133, 2011).
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
 """How much does the stiffness of a pivot scatter with its thickness, length and width?
 
-K = EI/L of all leaf springs: a percent of thickness is three percent of stiffness, a percent of length or modulus one. With
-independent scatter the parts add as squares.
+K is the sum of EI/L of all leaf springs: one percent of thickness changes it by three percent, one percent of length or
+width by one percent. Variances of independent parameters add.
 """
 
 import numpy as np

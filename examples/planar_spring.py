@@ -1,8 +1,7 @@
 """How stiff is a folded planar spring when it is pulled, and when it is pressed?
 
-Lan (2005), chapter 2, example 4: a spring whose angle at rest is 1.6 cos(5 pi s/L), 50 um long, EI 1.04e-11 Nm^2, its
-end kept at its height and angle. Without stretch and shear (1e9 times EI/L^2). The thesis prints 32667 N/m, the mean
-of a pull and a push.
+Lan (2005), chapter 2, example 4: a spring with the slope 1.6 cos(5 pi s/L) at rest, 50 um long, EI 1.04e-11 Nm^2, its end
+held in height and angle, without stretch and shear (1e9 EI/L^2). The thesis prints 32667 N/m, the mean of a pull and a push.
 """
 
 import numpy as np
@@ -28,7 +27,7 @@ scene.leaf(
     scene.ground, tip, start=(0, 0, 0), end=end, curve=curve, section=section, material=stuff, name="spring"
 )
 for k in range(1, 5):
-    # it turns by 16 rad in all: five pieces, each with modes of its own
+    # its slope varies by 16 rad in total: five pieces, each with modes of its own
     scene.point("spring", 0.2 * k * length)
 scene.slider(tip, along="x", at=end)
 scene.actuate(tip, along="x", at=end, name="d")

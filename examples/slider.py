@@ -1,7 +1,7 @@
-"""Which force pushes a slider against two leaf springs that a pin joins?
+"""Which force moves a slider on two leaf springs that are joined by a pin?
 
-Lan (2005), chapter 2: leaf 1 from ground to C, leaf 2 from a slider along x to C, both clamped at their base and
-pinned to each other at C. EI .08 Nm^2, 100 mm each, without stretch and shear (1e9 times EI/L^2).
+Lan (2005), chapter 2: leaf spring 1 from ground to C, leaf spring 2 from a slider along x to C, both clamped at their base
+and pinned to each other at C. EI 0.08 Nm^2, 100 mm each, without stretch and shear (1e9 EI/L^2).
 """
 
 import numpy as np

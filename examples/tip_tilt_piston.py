@@ -1,8 +1,8 @@
-"""What do three voice coils under a tip-tilt-piston mirror have to push?
+"""Which forces do three voice coils under a tip-tilt-piston mirror need?
 
-A mirror on three folded leaf springs at radius R, lifted by three drives along z at the same radius. What holds it in its
-plane are the fold lines, L/sqrt(2) beside it: it turns about a point in their plane, so a tilt moves its centre by tilt
-L/sqrt(2). And the moment of the drives must be the stiffness about y, with the drives let go, times the tilt.
+A mirror on three folded leaf springs, moved by three drives along z at radius R. The fold lines constrain it in a plane at
+the distance L/sqrt(2); it tilts about a point of that plane, so that its centre moves by tilt L/sqrt(2). The moment of the
+drives must equal the tilt times the stiffness about y with free drives.
 """
 
 import numpy as np
@@ -22,7 +22,7 @@ places = []
 for k in range(3):
     out = np.array([np.cos(2 * np.pi * k / 3), np.sin(2 * np.pi * k / 3), 0])
     along = np.cross((0, 0, 1), out)
-    # from ground outside of the mirror inward, fold lines along its edge
+    # from ground outside of the mirror inwards, fold lines tangential
     start = (R + L * np.sqrt(2)) * out
     scene.constrain(scene.ground, mirror, folded, at=start, axis=along, toward=-out, name=f"leaf {k + 1}")
     places.append(R * out)
@@ -50,9 +50,9 @@ def picture(path=None):
     return tilted.plot(path, view=(-75, 20))
 
 
-print(f"piston of 0.3 mm: {force_piston:.4f} N a coil; tilt of 5 mrad: {force_tilt:.4f} N from coil 1")
+print(f"piston of 0.3 mm: {force_piston:.4f} N per coil; tilt of 5 mrad: {force_tilt:.4f} N from coil 1")
 print(f"the mirror turns by {reached / mrad:.4f} mrad, its centre moves by {shift / mm * 1e3:.3f} um")
-print(f"coils let go: lowest frequency {lowest:.2f} Hz")
+print(f"free coils: lowest frequency {lowest:.2f} Hz")
 
 if __name__ == "__main__":
     picture("tip_tilt_piston.png")

@@ -1,7 +1,7 @@
 """Which joint for 10 degrees: crossed pivot, cartwheel, or butterfly?
 
-All of 0.3 mm sheet, 20 mm wide, about 45 mm long. Closed forms of the stiffness at small angles: leaf springs of length L
-crossing at the ratio r of it 8 (1 - 3 r + 3 r^2) EI/L, cartwheel 8 EI/L, butterfly a quarter of a pivot of r = -inner/L.
+All of 0.3 mm sheet, 20 mm wide, about 45 mm long. Closed forms of the stiffness at small angles: 8 (1 - 3 r + 3 r^2) EI/L of
+leaf springs of length L that cross at the ratio r, cartwheel 8 EI/L, butterfly a quarter of a pivot with r = -inner/L.
 """
 
 import numpy as np

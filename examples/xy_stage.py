@@ -1,6 +1,6 @@
-"""Which frequencies does an XY stage have with its payload, and where do they go over the stroke?
+"""Which frequencies does an XY stage have with its payload, and how do they change over the stroke?
 
-Two parallel guides, one on the other, carry 0.5 kg. Closed form for the two drive modes with leaf springs without mass:
+Two parallel guides in series carry 0.5 kg. Closed form for the two drive modes with leaf springs without mass:
 2 pi f = sqrt(24 EI/L^3/m), m the payload, and for x also the mass of the middle stage.
 """
 
@@ -16,7 +16,7 @@ guide = ksd.ParallelGuide(steel, length=L, thickness=t, width=w, spacing=spacing
 scene = ksd.Mechanism("xy stage")
 middle = scene.link("middle", mass=middle_mass, inertia=(2e-4, 2e-4, 3e-4), at=(-40 * mm, 40 * mm, 0))
 table = scene.link("table", mass=payload, inertia=(2e-4, 2e-4, 3e-4), at=(20 * mm, 30 * mm, 0))
-# leaf springs along y let the middle stage move along x; on it, leaf springs along x let the table move along y
+# the guide with leaf springs along y lets the middle stage move along x, the other one the table along y
 lower = scene.join(scene.ground, middle, guide, at=(-40 * mm, 0, 0), axis="z", toward="y", name="x guide")
 upper = scene.join(middle, table, guide, at=(-30 * mm, 30 * mm, 0), axis="z", toward="x", name="y guide")
 scene.actuate(table, along="x", at=(30 * mm, 30 * mm, 0), name="x")
