@@ -70,8 +70,8 @@ REFERENCE = {
     ),
     "Errors": (
         "What is raised, each with one sentence that says what to do.",
-        "KsdError SceneError RangeError RecordError SceneFileError UnknownNameError UnknownWordError KinematicsError "
-        "ConvergenceError TrustError SceneWarning",
+        "KsdError SceneError RangeError RecordError ResumeError SceneFileError UnknownNameError UnknownWordError "
+        "KinematicsError ConvergenceError TrustError SceneWarning",
     ),
 }
 """Page of the reference: what it is about, and the public names on it."""
