@@ -376,3 +376,9 @@ def test_a_misspelt_attribute_is_refused():
         scene.gravty = (0, 0, -9.81)
     scene.gravity = (0, 0, -9.81)
     scene.name = "other"
+
+
+def test_a_negative_zero_is_listed_as_zero():
+    scene = Mechanism()
+    scene.load(scene.link("tip"), force=(-0.0, 1.0, 0.0), at=(0, 0, 0))
+    assert "force (0, 1, 0) N" in str(scene)
