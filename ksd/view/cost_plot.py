@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ksd.view.figure import LINE_COLORS, TEXT_COLOR, plain_axes
+from ksd.view.figure import LINE_COLORS, TEXT_COLOR, label_axes
 from ksd.view.labels import separate_labels
 
 SAME_ERROR_RATIO, NEAR_TIME_RATIO = 10**0.15, 1.5
@@ -37,10 +37,9 @@ def plot_cost(axes: Any, marks: Sequence[Mark], *, title: str = "") -> None:
             axes.annotate(
                 text, place, (9, 0), textcoords="offset points", fontsize=8, color=TEXT_COLOR, va="center"
             )
-    _format_axes(axes, marks)
-    axes.set_xlabel("thread time of a solve [\N{MICRO SIGN}s]")
-    axes.set_ylabel("error of force and displacement [%]")
-    axes.set_title(title, fontsize=10, color=TEXT_COLOR, loc="left")
+    _scale_axes(axes, marks)
+    time, error = "thread time of a solve [\N{MICRO SIGN}s]", "error of force and displacement [%]"
+    label_axes(axes, title, x=time, y=error)
     axes.legend(fontsize=8, frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3)
     separate_labels(axes, np.array([(1e6 * m.time, 100 * m.error) for m in marks]), np.zeros((0, 2)))
 
@@ -62,7 +61,7 @@ def shared_label_rows(marks: Sequence[Any]) -> list[list[Any]]:
     return rows
 
 
-def _format_axes(axes: Any, marks: Sequence[Mark]) -> None:
+def _scale_axes(axes: Any, marks: Sequence[Mark]) -> None:
     """Log axes with plain numbers, and room for the names."""
     times, errors = (np.array([getattr(m, key) for m in marks]) for key in ("time", "error"))
     axes.set_xscale("log")
@@ -71,4 +70,3 @@ def _format_axes(axes: Any, marks: Sequence[Mark]) -> None:
     axes.set_ylim(30 * errors.min(), 500 * errors.max())
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter("{x:g}")
-    plain_axes(axes)

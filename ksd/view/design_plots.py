@@ -13,9 +13,10 @@ from ksd.view.figure import (
     TEXT_COLOR,
     Array,
     color_map,
+    label_axes,
     new_figure,
     parameter_with_unit,
-    plain_axes,
+    write_title,
 )
 
 if TYPE_CHECKING:
@@ -32,12 +33,9 @@ def plot_front(front: Any) -> Figure:
     good = np.isfinite(front.merits)
     job = front.job
     left.plot(front.limits[good], job.merit_sign * front.merits[good], "o-", color=LEAF_COLOR, markersize=4)
-    left.set_xlabel(f"most {front.against}", fontsize=9)
-    left.set_title(job.merit_name, fontsize=9, loc="left", color=TEXT_COLOR)
-    left.tick_params(labelsize=8)
-    plain_axes(left)
+    label_axes(left, job.merit_name, x=f"most {front.against}")
     draw_designs(right, job.parameters, job.bounds, front.designs[good], front.merits[good])
-    right.set_title("designs, the best dark", fontsize=9, loc="left", color=TEXT_COLOR)
+    write_title(right, "designs, the best dark")
     return figure
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ksd.view.figure import LABEL_BACKGROUND, LEAF_COLOR, TEXT_COLOR, UNDEFORMED_COLOR, plain_axes
+from ksd.view.figure import LABEL_BACKGROUND, LEAF_COLOR, TEXT_COLOR, UNDEFORMED_COLOR, label_axes
 
 SIMULATED_COLOR, LEFT_OUT_COLOR = LEAF_COLOR, UNDEFORMED_COLOR
 
@@ -33,10 +33,8 @@ def plot_effect_cost(
     left.set_xscale("log")
     left.set_xlim(100 * floor, max(1e3 * floor, 4 * max(shown, default=1.0)))
     left.axvline(100 * accuracy, color=TEXT_COLOR, linewidth=0.9, linestyle=(0, (4, 3)))
-    left.set_xlabel("largest change of a quantity asked for [%] (dashed: accuracy asked for)")
     right.barh(y, [100 * c for c in costs], color=colors, height=0.5)
     right.axvline(0.0, color=TEXT_COLOR, linewidth=0.9)
-    right.set_xlabel("change of solve time [%]")
     for row, name, one, why in zip(y, names, kept, reasons, strict=True):
         text = f"{name}, {'simulated' if one else 'left out'}: {why}"
         left.annotate(
@@ -45,15 +43,11 @@ def plot_effect_cost(
         )  # fmt: skip
     left.set_yticks(y, [""] * len(y))
     right.set_yticks(y, [""] * len(y))
+    title = "What an effect changes (orange: simulated, grey: left out)"
+    change = "largest change of a quantity asked for [%] (dashed: accuracy asked for)"
+    label_axes(left, title, x=change, grid="x")
+    label_axes(right, "What it costs", x="change of solve time [%]", grid="x")
     for one in axes:
         one.set_ylim(-0.5, len(names) + 0.05)
         one.xaxis.set_major_formatter("{x:g}")
-        plain_axes(one, grid="x")
         one.tick_params(axis="y", length=0)
-    left.set_title(
-        "What an effect changes (orange: simulated, grey: left out)",
-        fontsize=10,
-        color=TEXT_COLOR,
-        loc="left",
-    )
-    right.set_title("What it costs", fontsize=10, color=TEXT_COLOR, loc="left")

@@ -136,6 +136,22 @@ def plain_axes(axes: Any, *, grid: Literal["both", "x"] = "both") -> None:
         axes.spines[side].set_visible(False)
 
 
+def write_title(axes: Any, title: str) -> None:
+    """Write the title of axes at their left."""
+    axes.set_title(title, fontsize=10, loc="left", color=TEXT_COLOR)
+
+
+def label_axes(
+    axes: Any, title: str, *, x: str = "", y: str = "", grid: Literal["both", "x"] = "both"
+) -> None:
+    """Write the title and the axis labels, with small numbers, on `plain_axes`."""
+    write_title(axes, title)
+    axes.set_xlabel(x, fontsize=9)
+    axes.set_ylabel(y, fontsize=9)
+    axes.tick_params(labelsize=8)
+    plain_axes(axes, grid=grid)
+
+
 def value_with_unit(value: float, kind: str) -> str:
     """A drive value with its unit: mm or, where small, µm for translations, degrees for rotations."""
     if kind != "translation":

@@ -42,8 +42,9 @@ from ksd.view.figure import (
     UNDEFORMED_FACE,
     Array,
     blended,
+    label_axes,
     new_figure,
-    plain_axes,
+    write_title,
 )
 from ksd.view.labels import FIXED_LABEL, separate_labels
 from ksd.view.stress_colors import StressColors, stress_colors
@@ -312,17 +313,16 @@ def _ground_name_position(pad: Pad, camera: Camera) -> tuple[Array, int, str]:
 
 def _format_axes(axes: Any, camera: Camera, size: float, title: str) -> None:
     """Set the title and, in a planar view, axis labels in mm or, for a small mechanism, in µm; size [m]."""
-    axes.set_title(title, fontsize=10, color=TEXT_COLOR, loc="left")
     if camera.plane is None:
+        write_title(axes, title)
         axes.set_axis_off()
         return
     small = size < MICROMETRE_SIZE
-    for axis, name in zip((axes.xaxis, axes.yaxis), camera.plane, strict=True):
-        axis.set_label_text(f"{name} [{'µm' if small else 'mm'}]", fontsize=9)
-        if small:
+    x, y = (f"{name} [{'µm' if small else 'mm'}]" for name in camera.plane)
+    label_axes(axes, title, x=x, y=y)
+    if small:
+        for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_formatter(lambda value, _: f"{1e3 * value:.6g}")
-    axes.tick_params(labelsize=8)
-    plain_axes(axes)
 
 
 def _draw_triad(axes: Any, shape: Shape, camera: Camera, size: float, busy: Array) -> None:

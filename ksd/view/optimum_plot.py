@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ksd.view.design_plots import draw_designs
-from ksd.view.figure import LEAF_COLOR, LINK_COLORS, TEXT_COLOR, new_figure, plain_axes
+from ksd.view.figure import LEAF_COLOR, LINK_COLORS, label_axes, new_figure, write_title
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,24 +36,19 @@ def plot_optimum(optimum: Any) -> Figure:
         color = LINK_COLORS[k % len(LINK_COLORS)]
         _draw_start(top, low, tried.merits[own], tried.exceeded[own], color, name, job.merit_sign)
     top.axhline(job.merit_sign * optimum.merit, color=LEAF_COLOR, linewidth=0.8, zorder=0)
-    title_style: dict[str, Any] = {"fontsize": 9, "loc": "left", "color": TEXT_COLOR}
-    top.set_title(f"{job.merit_name},\n{job.merit_sign * optimum.merit:.6g} at the optimum", **title_style)
+    label_axes(top, f"{job.merit_name},\n{job.merit_sign * optimum.merit:.6g} at the optimum")
     top.tick_params(labelbottom=False)
     if len(names) <= MAX_KEY_STARTS:
         top.legend(fontsize=8, frameon=False)
-    low.set_title("limit exceeded most [%]", **title_style)
-    for axes in (top, low):
-        plain_axes(axes)
-        axes.tick_params(labelsize=8)
+    label_axes(low, "limit exceeded most [%]", x="designs of a start")
     low.set_yscale("symlog", linthresh=100 * LIMIT_TOLERANCE)
     low.set_ylim(bottom=0)
-    low.set_xlabel("designs of a start", fontsize=9)
     # designs are counted by whole numbers
     low.xaxis.set_major_locator(MaxNLocator(integer=True))
     met = tried.met if tried.met.any() else np.ones_like(tried.met)
     best = np.array(list(optimum.design.values()))
     draw_designs(right, job.parameters, job.bounds, tried.designs[met], tried.merits[met], best=best)
-    right.set_title("designs within the limits, the better the darker;\nthe optimum thick", **title_style)
+    write_title(right, "designs within the limits, the better the darker;\nthe optimum thick")
     return figure
 
 

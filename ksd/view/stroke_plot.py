@@ -15,12 +15,11 @@ from ksd.view.figure import (
     DRIVE_COLOR,
     GROUND_COLOR,
     LINE_COLORS,
-    TEXT_COLOR,
     Array,
     blended,
+    label_axes,
     label_with_value,
     new_figure,
-    plain_axes,
 )
 
 if TYPE_CHECKING:
@@ -242,11 +241,7 @@ def _format_panel(axes: Any, panel: _Panel, over: str) -> None:
             axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high / low < 30 else (1.0, 3.0)))
             axes.yaxis.set_major_formatter("{x:g}" if plain else powers)
             axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.set_xlabel(over, fontsize=9)
-    axes.set_ylabel(panel.label, fontsize=9)
-    axes.set_title(panel.title, fontsize=10, color=TEXT_COLOR, loc="left")
-    axes.tick_params(labelsize=8)
-    plain_axes(axes)
+    label_axes(axes, panel.title, x=over, y=panel.label)
 
 
 def _axis_label(column: str) -> str:
