@@ -120,7 +120,7 @@ def reference(folder: Path) -> None:
 
 def command_line(folder: Path) -> None:
     """The help of every command."""
-    words = parser(ksd.__version__)
+    words = parser()
     words.prog = "ksd"
     commands = next(a.choices for a in words._actions if isinstance(a, argparse._SubParsersAction))
     lines = []

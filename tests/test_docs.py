@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 from readable import assert_readable
 
-import ksd
 from ksd.cli.commands import parser
 from ksd.cli.schema import schema_text
 from ksd.solve.five_step_solver import LOOSE_CLOSURE_TOLERANCE
@@ -44,9 +43,7 @@ def test_blocks_of_a_page_run_in_order(page, monkeypatch, tmp_path):
 
 @pytest.mark.parametrize("page", NAMES)
 def test_commands_of_a_page_exist(page):
-    commands = next(
-        a.choices for a in parser(ksd.__version__)._actions if isinstance(a, argparse._SubParsersAction)
-    )
+    commands = next(a.choices for a in parser()._actions if isinstance(a, argparse._SubParsersAction))
     text = (DOCS / page).read_text()
     named = re.findall(r"`ksd +([a-z]\w*)([^`]*)`", text) + re.findall(
         r"^(?:\$ )?ksd ([a-z]\w*)(.*)$", text, re.M

@@ -13,7 +13,7 @@ import numpy as np
 
 from ksd.bench.measure import quartiles, reference_configuration, round_count, time_in_turns
 from ksd.bench.suite import REFERENCE_MESH, Variant, raise_not_run
-from ksd.checks import boolean, clear_argument_errors, name_hint, names_of, show, whole_number
+from ksd.checks import clear_argument_errors, name_hint, names_of, show, whole_number
 from ksd.design.arguments import check_solve_options
 from ksd.design.questions import EFFORT_SUFFIX
 from ksd.design.table import OK, STATUS, Table
@@ -133,26 +133,21 @@ def compare(
     effect_options: dict[str, Any] = {"effects": effects, "with_": with_, "without": without}
     reference, model = finest_reference(mechanism, values, extrapolate=extrapolate, **effect_options)
     mesh = _default_mesh(mechanism, values, extrapolate=extrapolate, **effect_options)
-    chosen = [
-        method
-        for method in compared_methods(
-            model.original_scene,
-            values,
-            mesh,
-            element_count,
-            extrapolate=extrapolate,
-            effects=model.choice.present,
-        )
-        if method.method in names
-    ]
+    possible = compared_methods(
+        model.original_scene,
+        values,
+        mesh,
+        element_count,
+        extrapolate=extrapolate,
+        effects=model.choice.present,
+    )
+    chosen = [method for method in possible if method.method in names]
     if methods is None and len(model.original_scene.leaf_names()) > MODAL_LEAVES:
         why = f"not run: modal bodies of more than {MODAL_LEAVES} leaf springs take long; name it in methods to wait for it"
         chosen = [
             m if m.method != "modal" else replace(m, solve=lambda _: raise_not_run(why)) for m in chosen
         ]
-    results = measure_methods(
-        chosen, model.original_scene.name, reference, repeats, progress=boolean(progress, "progress")
-    )
+    results = measure_methods(chosen, model.original_scene.name, reference, repeats, progress=progress)
     return as_table(model, reference, results)
 
 

@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import date
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -213,30 +213,24 @@ def leaf_evaluations(pose: Configuration) -> int:
 
 def _failed(variant: Variant, reason: str) -> Measurement:
     """The measurement of a variant that did not converge."""
-    no_times = (math.nan,) * 3
-    no_errors = (math.nan,) * 3
+    unknown = (math.nan,) * 3
     return Measurement(
-        variant.method, variant.leaves, variant.size, 0, no_times, no_times, math.nan, *no_errors, False,
+        variant.method, variant.leaves, variant.size, 0, unknown, unknown, math.nan, *unknown, False,
         variant.note, reason,
     )  # fmt: skip
 
 
 def machine_facts() -> dict[str, Any]:
     """Date, processor and versions, without anything that identifies the computer."""
-    facts: dict[str, Any] = {
+    return {
         "date": date.today().isoformat(),
         "processor": _processor(),
         "logical_cores": os.cpu_count(),
         "load_average": round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None,
         "python": platform.python_version(),
         "ksd": __version__,
+        **{package: version(package) for package in ("numpy", "numba")},
     }
-    for package in ("numpy", "numba"):
-        try:
-            facts[package] = version(package)
-        except PackageNotFoundError:
-            facts[package] = "unknown"
-    return facts
 
 
 def _processor() -> str:
@@ -284,17 +278,12 @@ def pareto_rows(rows: Iterable[Measurement], key: str) -> list[Measurement]:
 
 def json_results(results: Sequence[CaseResult]) -> dict[str, Any]:
     """Results for JSON: "machine", and per case the fields of its measurements; numbers that are not finite are None."""
-    cases = {
-        m.case: {
-            "repeats": m.repeats,
-            "rows": [_without_nan(asdict(r)) for r in m.rows],
-        }
-        for m in results
-    }
     return {
         "machine": machine_facts(),
         "times": "thread CPU time [us]: lower quartile, median, upper",
-        "cases": cases,
+        "cases": {
+            m.case: {"repeats": m.repeats, "rows": [_without_nan(asdict(r)) for r in m.rows]} for m in results
+        },
     }
 
 
@@ -324,14 +313,8 @@ def table(measured: CaseResult) -> Any:
             grid.add_row(r.method, r.leaves, *["-"] * 5, "failed")
             continue
         name = r.method + " *" * (id(r) in marked) + " !" * (not r.stable)
-        times = [f"{r.call[1]:.0f}", f"{r.steps[1]:.0f}"]
-        grid.add_row(
-            name,
-            r.leaves,
-            str(r.iterations),
-            *times,
-            *[f"{percent(getattr(r, key))} %" for key in ERROR_LABELS],
-        )
+        numbers = (str(r.iterations), f"{r.call[1]:.0f}", f"{r.steps[1]:.0f}")
+        grid.add_row(name, r.leaves, *numbers, *(f"{percent(getattr(r, key))} %" for key in ERROR_LABELS))
     return grid
 
 

@@ -16,7 +16,6 @@ from typing import Any
 
 from ksd.cli.commands import parser
 from ksd.errors import KsdError, SceneWarning
-from ksd.version import __version__
 
 INTERRUPTED = 130
 BAD_INPUT = 2
@@ -30,7 +29,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115
     if sys.stdout is None:
         return _fail("standard output is closed; send it to a file or to /dev/null", BAD_INPUT)
-    commands = parser(__version__)
+    commands = parser()
     options, unknown = commands.parse_known_args(argv)
     if unknown:
         options.refuse(f"unrecognized arguments: {' '.join(unknown)}")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from ksd.version import __version__
+
 DEMO_PICTURE = "ksd-demo.png"
 """Default file of the picture of `ksd demo`."""
 DEFAULT_POSES = 31
@@ -282,7 +284,7 @@ COMMANDS = {
 """Function that adds the parser of each command, in the order of the help; the module `ksd.cli.<name>` runs it."""
 
 
-def parser(version: str) -> argparse.ArgumentParser:
+def parser() -> argparse.ArgumentParser:
     """The parser of all commands; `options.command` is the one that was given, None without, and `options.refuse` prints its
     usage with a sentence and exits."""
     top = argparse.ArgumentParser(
@@ -291,7 +293,7 @@ def parser(version: str) -> argparse.ArgumentParser:
         epilog="To begin: `ksd new mine`, then `ksd solve mine.toml`; `ksd COMMAND --help` explains one. "
         "Exit codes: 0 solved, 2 bad input, 3 not converged, 4 joint record missing or damaged, 130 interrupted.",
     )
-    top.add_argument("--version", action="version", version=f"ksd {version}")
+    top.add_argument("--version", action="version", version=f"ksd {__version__}")
     commands = top.add_subparsers(title="commands", metavar="COMMAND", dest="command")
     for add in COMMANDS.values():
         add(commands)

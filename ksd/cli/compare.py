@@ -6,9 +6,8 @@ import argparse
 import math
 
 from ksd.bench.compare import compare
-from ksd.cli.output import check_plot, console
+from ksd.cli.output import check_plot, check_table, console, write_table
 from ksd.cli.solve import effect_options, load_with_options
-from ksd.cli.sweep import table_writer
 from ksd.design.table import Table
 from ksd.errors import SceneError
 from ksd.view.cost_plot import Mark, plot_cost
@@ -18,17 +17,16 @@ from ksd.view.figure import new_figure, save_figure
 def run(options: argparse.Namespace) -> int:
     """Load, solve, print, write. Errors as in `ksd.load_scene` and `ksd.compare`."""
     check_plot(options.plot)
-    write = None if options.out is None else table_writer(options.out)
+    check_table(options.out)
     scene, targets, written = load_with_options(options.scene, options.set)
     settings = {key: getattr(options, key) or written.get(key) for key in ("effects", "with", "without")}
-    effects = {key: value for key, value in effect_options(settings).items() if key != "accuracy"}
     table = compare(
         scene, targets, methods=options.method, elements=options.elements or written.get("elements") or 5,
-        extrapolate=bool(options.extrapolate or written.get("extrapolate")), progress=not options.quiet, **effects,
+        extrapolate=bool(options.extrapolate or written.get("extrapolate")), progress=not options.quiet,
+        **effect_options(settings),
     )  # fmt: skip
     console().print(str(table), soft_wrap=True)
-    if write is not None:
-        getattr(table, write)(options.out)
+    write_table(table, options.out)
     if options.plot:
         _draw(table, options.plot)
     return 0

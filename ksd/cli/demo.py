@@ -17,14 +17,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from ksd.bench.compare import (
-    ComparedMethod,
-    MethodResult,
-    Reference,
-    compared_methods,
-    measure_methods,
-    reference_from,
-)
+from ksd.bench.compare import MethodResult, Reference, compared_methods, measure_methods, reference_from
 from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
@@ -83,7 +76,7 @@ def extrapolated_reference(scene: Any, targets: dict[str, float]) -> Reference:
 
 def reference_and_rows(scene: Any, targets: dict[str, float]) -> tuple[Reference, Any, list[MethodResult]]:
     """The reference, the configuration by method `full`, and a row per method."""
-    cases: list[ComparedMethod] = compared_methods(scene, targets, Mesh(), ELEMENTS)
+    cases = compared_methods(scene, targets, Mesh(), ELEMENTS)
     shown = [case for case in cases if case.method not in OMITTED_METHODS]
     # on an empty kernel cache, chains and strain-mode leaves compile in parallel
     with process_pool(spawn_context(scene, targets) or SpawnContext()) as others:

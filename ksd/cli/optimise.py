@@ -4,10 +4,18 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
 
-from ksd.cli.output import STDOUT, check_json, check_plot, console, interrupt_message, write_json
-from ksd.cli.sweep import table_writer
+from ksd.cli.output import (
+    STDOUT,
+    check_json,
+    check_plot,
+    check_table,
+    console,
+    interrupt_message,
+    write_json,
+    write_table,
+)
+from ksd.cli.solve import number_or_text
 from ksd.design.job_file import load_job
 from ksd.design.optimise import optimise
 from ksd.errors import SceneError
@@ -23,12 +31,12 @@ def run(options: argparse.Namespace) -> int:
     for path, what in ((options.report, "--report"), (options.save, "--save")):
         if path is not None:
             check_target(Path(path), what=what)
-    write = None if options.out is None else table_writer(options.out)
+    check_table(options.out)
     job, words = load_job(options.job, drives=dict(_name_and_value(text, "--set") for text in options.set))
     words |= {k: v for k in ("starts", "method", "robust", "seed") if (v := getattr(options, k)) is not None}
     if options.start:
         given = dict(_name_and_value(text, "--start") for text in options.start)
-        words["start"] = {n: si_value(_number_or_text(v), f"--start {n}") for n, v in given.items()}
+        words["start"] = {n: si_value(number_or_text(v), f"--start {n}") for n, v in given.items()}
     if not words.get("robust", 0.0):
         # the file may hold the scatter of a robust optimum that is not asked for now
         words = {k: v for k, v in words.items() if k not in ("robust", "spread")}
@@ -43,8 +51,7 @@ def run(options: argparse.Namespace) -> int:
         write_json(best.as_dict(), options.json)
     if options.json != STDOUT:
         console().print(str(best), soft_wrap=True)
-    if write is not None:
-        getattr(best.table, write)(options.out)
+    write_table(best.table, options.out)
     if options.plot:
         best.plot(options.plot)
     if options.report:
@@ -64,11 +71,3 @@ def _name_and_value(text: str, option: str) -> tuple[str, str]:
 
 
 _EXAMPLES = {"--set": "turn=0deg:30deg:3", "--start": "joint.cross.thickness=0.4mm"}
-
-
-def _number_or_text(value: str) -> Any:
-    """Text that is a number, as that number."""
-    try:
-        return float(value)
-    except ValueError:
-        return value

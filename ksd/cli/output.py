@@ -11,12 +11,15 @@ from typing import Any
 
 from rich.console import Console
 
+from ksd.errors import SceneError
 from ksd.files import check_target
 from ksd.library.result_files import write_result
 from ksd.properties.printing import TABLE_WIDTH
 from ksd.view.figure import check_picture
 
 STDOUT = "-"
+TABLE_WRITERS = {".csv": "to_csv", ".h5": "to_hdf5", ".hdf5": "to_hdf5", ".mat": "to_mat"}
+"""Method of `ksd.Table` that writes a file, by its ending."""
 
 
 def console() -> Any:
@@ -57,6 +60,21 @@ def check_plot(path: str | None, *, kinds: tuple[str, ...] = ()) -> None:
         check_target(path, what="--plot")
         return
     check_picture(path)
+
+
+def check_table(path: str | None) -> None:
+    """Raises SceneError for a table file of an unknown ending, or in a missing folder."""
+    if path is None:
+        return
+    if Path(path).suffix.lower() not in TABLE_WRITERS:
+        raise SceneError(f"--out {path}: the ending must be one of {', '.join(TABLE_WRITERS)}")
+    check_target(path, what="--out")
+
+
+def write_table(table: Any, path: str | None) -> None:
+    """Write a `ksd.Table` to `path`, if there is one."""
+    if path is not None:
+        getattr(table, TABLE_WRITERS[Path(path).suffix.lower()])(path)
 
 
 def write_json(numbers: dict[str, Any], path: str) -> None:

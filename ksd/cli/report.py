@@ -36,13 +36,16 @@ def run(options: argparse.Namespace) -> int:
         "accuracy": settings["accuracy"],
         "relinearisations": settings["relinearisations"] or 0,
     }
-    solver = prepare(scene, mesh=mesh, extrapolate=bool(settings["extrapolate"]), **effect_options(settings))
+    extrapolate = bool(settings["extrapolate"])
+    solver = prepare(
+        scene, mesh=mesh, extrapolate=extrapolate, accuracy=settings["accuracy"], **effect_options(settings)
+    )
     pose = solver(targets, **method)
     share = np.linspace(-1.0 if options.both else 0.0, 1.0, options.poses)
     with interrupt_message("interrupted; no report was written"):
         table = sweep(
             scene, {n: v * share for n, v in targets.items()}, together=True, progress=not options.quiet,
-            questions=_answerable_questions(scene, pose), extrapolate=bool(settings["extrapolate"]),
+            questions=_answerable_questions(scene, pose), extrapolate=extrapolate,
             effects=solver.model.choice.present, **method,
         )  # fmt: skip
     compared = [

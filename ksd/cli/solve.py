@@ -101,7 +101,6 @@ def effect_options(settings: dict[str, Any]) -> dict[str, Any]:
         "effects": effects if effects in ("auto", "all") else names(effects),
         "with_": names(settings.get("with")),
         "without": names(settings.get("without")),
-        "accuracy": settings.get("accuracy"),
     }
 
 
@@ -113,10 +112,7 @@ def drive_value(scene: Any, text: str) -> tuple[str, float]:
         raise SceneError(f"--set {text}: write it as DRIVE=VALUE, for example --set top=300mm")
     if name not in drives:
         raise SceneError(f"--set {text}: there is no drive '{name}'{name_hint(name, drives)}")
-    try:
-        plain: float | str = float(value)
-    except ValueError:
-        plain = value
+    plain = number_or_text(value)
     dimension = drives[name].dimension
     target = quantity(plain, dimension, f"--set {name}")
     unit = likely_unit(target, dimension, name) if isinstance(plain, float) else ""
@@ -130,14 +126,21 @@ def drive_value(scene: Any, text: str) -> tuple[str, float]:
     return name, target
 
 
+def number_or_text(value: str) -> float | str:
+    """Text that is a number, as that number."""
+    try:
+        return float(value)
+    except ValueError:
+        return value
+
+
 def solve_warm(scene: Any, targets: dict[str, float], settings: dict[str, Any]) -> Any:
     """The configuration by `ksd.solve`, repeated if quick, so that its times exclude the loading of kernels."""
     options = {
-        "method": settings["method"],
-        "relinearisations": settings["relinearisations"] or 0,
-        "mesh": chosen_mesh(settings),
-    }
-    options |= {"extrapolate": bool(settings["extrapolate"]), **effect_options(settings)}
+        "method": settings["method"], "accuracy": settings["accuracy"], "mesh": chosen_mesh(settings),
+        "relinearisations": settings["relinearisations"] or 0, "extrapolate": bool(settings["extrapolate"]),
+        **effect_options(settings),
+    }  # fmt: skip
     result = solve(scene, targets, **options)
     return solve(scene, targets, **options) if result.time < MAX_REPEATED_SOLVE else result
 

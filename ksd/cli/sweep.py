@@ -3,33 +3,27 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ksd.cli.commands import DEFAULT_POSES
-from ksd.cli.output import check_plot, console, interrupt_message
+from ksd.cli.output import check_plot, check_table, console, interrupt_message, write_table
 from ksd.cli.solve import chosen_mesh, drive_value, effect_options, load_with_options, merged_options
 from ksd.design.sweep import sweep
 from ksd.errors import ConvergenceError, SceneError
-from ksd.files import check_target
-
-WRITERS = {".csv": "to_csv", ".h5": "to_hdf5", ".hdf5": "to_hdf5", ".mat": "to_mat"}
-"""Method of Table that writes a file, by its ending."""
 
 
 def run(options: argparse.Namespace) -> int:
     """Sweep, print, write; the row of a pose that fails has the reason, and the exit code is then 3."""
     check_plot(options.plot)
-    write = None if options.out is None else table_writer(options.out)
+    check_table(options.out)
     scene, targets, written = load_with_options(options.scene)
     settings = merged_options(written, options)
     varied = dict(stroke_value(scene, text) for text in options.set)
     if not varied:  # the values of the file are the end of the stroke
         varied = {n: np.linspace(0.0, v, DEFAULT_POSES) for n, v in targets.items()}
     stroke = {n: v for n, v in targets.items() if n not in varied} | varied
-    effects = {k: v for k, v in effect_options(settings).items() if k != "accuracy"}
     again = (
         "with --resume FILE a sweep keeps its finished lines"
         if options.resume is None
@@ -37,14 +31,13 @@ def run(options: argparse.Namespace) -> int:
     )
     with interrupt_message(f"interrupted; no table was written, {again}"):
         table = sweep(
-            scene, stroke, **effects, questions=tuple(options.question) or None, together=not options.set,
+            scene, stroke, **effect_options(settings), questions=tuple(options.question) or None, together=not options.set,
             mesh=chosen_mesh(settings), method=settings["method"], accuracy=settings["accuracy"],
             relinearisations=settings["relinearisations"] or 0,
             extrapolate=bool(settings["extrapolate"]), progress=not options.quiet, resume=options.resume,
         )  # fmt: skip
     console().print(str(table), soft_wrap=True)
-    if write is not None:
-        getattr(table, write)(options.out)
+    write_table(table, options.out)
     if options.plot:
         table.plot(path=options.plot)
     if table.failures:
@@ -53,14 +46,6 @@ def run(options: argparse.Namespace) -> int:
             f"{len(table.failures)} of {len(table)} poses have no full answer; the first: {first}"
         )
     return 0
-
-
-def table_writer(path: str) -> str:
-    """Name of the method of Table that writes this file. Raises SceneError for an unknown ending."""
-    if Path(path).suffix.lower() not in WRITERS:
-        raise SceneError(f"--out {path}: the ending must be one of {', '.join(WRITERS)}")
-    check_target(path, what="--out")
-    return WRITERS[Path(path).suffix.lower()]
 
 
 def stroke_value(scene: Any, text: str) -> tuple[str, Any]:

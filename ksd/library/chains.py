@@ -11,6 +11,7 @@ import itertools
 from collections.abc import Callable
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ksd.library.functions import Array, Functions, JointFunctions, monomials
 
@@ -20,15 +21,11 @@ GAUSS_POINTS = 4
 
 def rotation_matrices(v: Array) -> Array:
     """Rotation matrices (..., 3, 3) of rotation vectors (..., 3)."""
-    from scipy.spatial.transform import Rotation
-
     return np.asarray(Rotation.from_rotvec(v.reshape(-1, 3)).as_matrix()).reshape(*v.shape, 3)
 
 
 def rotation_vectors(R: Array) -> Array:
     """Rotation vectors (..., 3) of rotation matrices (..., 3, 3)."""
-    from scipy.spatial.transform import Rotation
-
     return np.asarray(Rotation.from_matrix(R.reshape(-1, 3, 3)).as_rotvec()).reshape(R.shape[:-1])
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -207,19 +207,9 @@ def _with_ranges(design: Design, shapes: Mapping[str, tuple[float, float]]) -> D
     return replace(design, parameters=tuple(known.values()))
 
 
-@dataclass(frozen=True)
-class FixedJoint:
-    """A make function that ignores the shape: always one joint as drawn."""
-
-    joint: Joint
-
-    def __call__(self, **_: float) -> Joint:
-        return self.joint
-
-
 def _design_of_joint(joint: Joint) -> Design:
     """The design of one joint, with its shape fixed."""
     parameters = tuple(Parameter(name, value, value) for name, value in joint.shape().items())
     # a family is identified by its shape parameters, a drawing by all its proportions
     drawing = joint_proportions(joint) if isinstance(joint, DrawnJoint) else {}
-    return Design(joint.family, parameters, FixedJoint(joint), {"length": joint.length, **drawing})
+    return Design(joint.family, parameters, lambda **_: joint, {"length": joint.length, **drawing})

@@ -10,7 +10,7 @@ import numpy as np
 
 from ksd.checks import Vector, as_vector
 from ksd.library import Mesh, Parameter
-from ksd.scene import DrawnJoint, Joint, Leaf, Material
+from ksd.scene import DrawnJoint, Joint, Leaf, Link, Material, Mechanism
 from ksd.scene.curve import Curve
 from ksd.scene.profile import Profile
 from ksd.section import Section
@@ -70,6 +70,14 @@ def redraw_joint(joint: Joint, leaves: tuple[Leaf, ...], **changed: Any) -> Draw
     return DrawnJoint(joint.family, leaves=leaves, **(arguments | changed))
 
 
+def held_joint(joint: Joint) -> tuple[Mechanism, Link]:
+    """A mechanism of the joint alone, in the global axes, and its link B; interface A is ground."""
+    scene = Mechanism(joint.family)
+    link = scene.link("B")
+    scene.join(scene.ground, link, joint, at=(0, 0, 0), axis="z", toward="x", name="joint")
+    return scene, link
+
+
 def _scale_thickness(section: Section, factor: float) -> Section:
     """A thin section with `factor` times its thickness."""
     s, f = section, factor
@@ -124,11 +132,6 @@ def soften_leaves(joint: Joint, factor: float) -> DrawnJoint:
     return _with_changed_sections(joint, _scale_soft_stiffness, factor)
 
 
-def _in_aluminium(leaf: Leaf) -> Leaf:
-    """The leaf in an aluminium alloy."""
-    return replace(leaf, material=Material(E=71e9, nu=0.33))
-
-
 @dataclass(frozen=True)
 class _ScaledCurve(Curve):
     """A curve `factor` times as long."""
@@ -180,6 +183,7 @@ def irrelevant_changes(joint: Joint) -> dict[tuple[str, str], DrawnJoint]:
         changed["thickness", words] = _with_changed_sections(joint, _scale_thickness, factor)
         changed["width", words] = _with_changed_sections(joint, _scale_width, factor)
         changed["length", words] = _scale_lengths(joint, factor)
-    aluminium = tuple(_in_aluminium(leaf) for leaf in joint.leaves())
-    changed["material", "aluminium for steel"] = redraw_joint(joint, aluminium)
+    aluminium = Material(E=71e9, nu=0.33)
+    leaves = tuple(replace(leaf, material=aluminium) for leaf in joint.leaves())
+    changed["material", "aluminium for steel"] = redraw_joint(joint, leaves)
     return changed

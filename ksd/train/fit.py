@@ -58,16 +58,14 @@ def fit_functions(values: Array, grid: Array, places: Array, *, tolerance: Array
     the smallest error.
     """
     classes = _symmetry_classes(values, grid)
-    motion_degree, motion_error = _motion_degree(values, grid, classes, tolerance, MAX_DEGREE)
+    motion_degree, motion_error = _motion_degree(values, grid, classes, tolerance)
     powers = exponents_up_to(grid.shape[1], motion_degree)
     by_shape, basis = _motion_fit(values, grid, classes, powers)
-    degree, shape_error = _shape_degree(by_shape, basis, places, tolerance, MAX_DEGREE)
+    degree, shape_error = _shape_degree(by_shape, basis, places, tolerance)
     terms = exponents_up_to(places.shape[1], degree)
     solve = np.linalg.pinv(legendre_products(terms, places))
     products = np.einsum("qk,kpr->rpq", solve, by_shape)
-    powers_of_terms = np.array([[*p, *t] for p in powers for t in terms], np.int64).reshape(
-        -1, grid.shape[1] + places.shape[1]
-    )
+    powers_of_terms = np.array([[*p, *t] for p in powers for t in terms], np.int64)
     coefficients = np.round(products.reshape(len(products), -1), DECIMALS) + 0.0
     used = np.any(coefficients != 0.0, axis=0)
     return Fit(powers_of_terms[used], coefficients[:, used], motion_degree, degree, motion_error, shape_error)
@@ -108,11 +106,11 @@ def _allowed_powers(symmetry: Array, powers: NDArray[np.int64]) -> NDArray[np.bo
 
 
 def _motion_degree(
-    values: Array, grid: Array, classes: NDArray[np.int64], tolerance: Array, max_degree: int
+    values: Array, grid: Array, classes: NDArray[np.int64], tolerance: Array
 ) -> tuple[int, float]:
     """Smallest total degree within tolerance when any one grid point is left out, and its error over tolerance."""
     errors = []
-    for degree in range(1, max_degree + 1):
+    for degree in range(1, MAX_DEGREE + 1):
         powers = exponents_up_to(grid.shape[1], degree)
         if len(powers) > 0.7 * len(grid):
             break
@@ -158,15 +156,13 @@ def _motion_fit(
     return coefficients, basis
 
 
-def _shape_degree(
-    by_shape: Array, basis: Array, places: Array, tolerance: Array, max_degree: int
-) -> tuple[int, float]:
+def _shape_degree(by_shape: Array, basis: Array, places: Array, tolerance: Array) -> tuple[int, float]:
     """Smallest total degree within tolerance when any one shape is left out, and its error over tolerance."""
     if places.shape[1] == 0 or len(places) == 1:
         return 0, 0.0
     gram = basis.T @ basis / len(basis)
     errors = []
-    for degree in range(max_degree + 1):
+    for degree in range(MAX_DEGREE + 1):
         terms = exponents_up_to(places.shape[1], degree)
         if len(terms) > 0.6 * len(places):
             break

@@ -30,7 +30,7 @@ from ksd.train.jobs import Job, Jobs
 from ksd.train.probes import check_probes, probes_of
 from ksd.train.request_checks import check_design, check_meshes
 from ksd.train.sampling import Samples, SamplingPlan, chebyshev_line, even_line
-from ksd.train.softness import check_soft
+from ksd.train.softness import check_soft, listed_values
 from ksd.version import __version__
 
 MODE_ORDERS = (4, 3, 5)
@@ -200,9 +200,7 @@ def _corner_joints(design: Design) -> list[DrawnJoint]:
         try:
             joints.append(design.joint(np.array(places)))
         except SceneError as error:
-            shape = ", ".join(
-                f"{name} = {value:.4g}" for name, value in design.shape(np.array(places)).items()
-            )
+            shape = listed_values(design.shape(np.array(places)))
             raise SceneError(
                 f"{design.family}: the range of shapes holds one that cannot be drawn, {shape}: {error}"
             ) from None
@@ -222,7 +220,7 @@ def _sampling_plans(
 ) -> tuple[SamplingPlan, SamplingPlan]:
     """Plans of the samples for the fit, and of those for the check at other points of the stroke."""
     ranges = [motion.range for motion in joint.motions]
-    count = GRID_POINTS.get(len(ranges), 7)
+    count = GRID_POINTS[len(ranges)]
     fitted = tuple(chebyshev_line(low, high, count) for low, high in ranges)
     checked = tuple(even_line(low, high, count - 2) for low, high in ranges)
     return SamplingPlan(fitted, meshes, orders), SamplingPlan(checked, meshes, orders)
@@ -261,11 +259,8 @@ def _irrelevant_parameters(
         for e in evidence
         if e.interface > tolerances["interface"] or e.rotations > tolerances["rotations"]
     }
-    return tuple(
-        p.name
-        for i, p in enumerate(design.parameters)
-        if i in _varying_parameters(design) and p.name not in relevant
-    )
+    varying = (design.parameters[i].name for i in _varying_parameters(design))
+    return tuple(name for name in varying if name not in relevant)
 
 
 def _expand_places(design: Design, parameters: list[int], unit: Array) -> Array:
@@ -397,19 +392,19 @@ def _evidence(design: Design, middle: DrawnJoint, plan: SamplingPlan, jobs: Jobs
     # leaf springs twice as wide may overlap, which does not affect their bending
     changed = SamplingPlan(plan.lines, compared_meshes, plan.orders, refuse_collisions=False)
     others = jobs.run([Job(j, changed, may_be_impossible=True) for j in cases.values()])
-    evidence = []
+    first, evidence = compared_meshes[0], []
     for (parameter, words), other in zip(cases, others, strict=True):
         if not other:
             evidence.append(Evidence(parameter, words, math.inf, math.inf))
             continue
-        first = compared_meshes[0]
         pose_changes = [np.abs(other[first, group] - base[first, group]) for group in ("interface", "blocks")]
         pose = max(float(d.max(initial=0.0)) for d in pose_changes)
         rotation_changes = [
             np.abs(other[k] - base[k]).max() for k in base if k[1] in ("rotations", "amplitudes")
         ]
-        rotations = rotation_changes[-1] if rotation_changes else 0.0
-        evidence.append(Evidence(parameter, words, float(f"{pose:.3g}"), float(f"{rotations:.3g}")))
+        evidence.append(
+            Evidence(parameter, words, float(f"{pose:.3g}"), float(f"{rotation_changes[-1]:.3g}"))
+        )
     return tuple(evidence)
 
 

@@ -18,11 +18,11 @@ from ksd.library.functions import Array, Mesh
 from ksd.model.arrays import COROTATIONAL, State
 from ksd.model.compile import Model, compile_as_is
 from ksd.model.mesh import Mesh as LeafMesh
-from ksd.scene import Joint, Leaf, Mechanism
+from ksd.scene import Joint, Leaf
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import solve_conventional
 from ksd.solve.storage import NewtonStorage
-from ksd.train.designs import redraw_joint
+from ksd.train.designs import held_joint, redraw_joint
 from ksd.train.poses import block_poses
 from ksd.train.stroke_checks import check_clear, check_plane, check_stays_soft, state_phrase
 
@@ -96,9 +96,7 @@ def _driven_model(joint: Joint, mesh: Mesh, plan: SamplingPlan) -> Model:
     if mesh == "strain":
         # set for each leaf, so that a curved leaf does not choose its own
         joint = redraw_joint(joint, tuple(replace(leaf, orders=plan.orders) for leaf in joint.leaves()))
-    scene = Mechanism(joint.family)
-    link = scene.link("B")
-    scene.join(scene.ground, link, joint, at=(0, 0, 0), axis="z", toward="x", name="joint")
+    scene, link = held_joint(joint)
     for motion in joint.motions:
         if motion.kind == "rotation":
             scene.actuate(link, name=motion.name, about=motion.axis)
@@ -125,11 +123,7 @@ def _solve_grid(joint: Joint, model: Model, plan: SamplingPlan, mesh: Mesh) -> l
         state = f"{joint.family} ({mesh} mesh) at {state_phrase(joint, values)}"
         try:
             configuration = solve_conventional(
-                model,
-                values,
-                start=start,
-                rtol=SOLVE_TOLERANCE,
-                storage=storage,
+                model, values, start=start, rtol=SOLVE_TOLERANCE, storage=storage
             )
         except ConvergenceError as error:
             raise SceneError(f"{state} cannot be trained: {error}; reduce its range of motion.") from error

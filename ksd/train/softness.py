@@ -8,6 +8,7 @@ stiffnesses counts them.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,9 +17,9 @@ from scipy.linalg import eigh, null_space
 from ksd.errors import SceneError
 from ksd.library.functions import Array
 from ksd.model.compile import compile_scene
-from ksd.scene import DrawnJoint, Joint, Mechanism
+from ksd.scene import DrawnJoint, Joint
 from ksd.solve.conventional import solve_conventional
-from ksd.train.designs import soften_leaves
+from ksd.train.designs import held_joint, soften_leaves
 
 PROBE_STEP = 1e-6
 """Displacement over joint length, or rotation in rad, small enough for the linear stiffness."""
@@ -61,9 +62,7 @@ def scaling(joint: Joint) -> Array:
 def rest_stiffness(joint: DrawnJoint) -> Array:
     """Stiffness (6, 6) [Nm] of B at rest: from displacement over the joint length and rotation to force times length
     and moment."""
-    scene = Mechanism(joint.family)
-    link = scene.link("B")
-    scene.join(scene.ground, link, joint, at=(0, 0, 0), axis="z", toward="x", name="joint")
+    scene, link = held_joint(joint)
     for axis in "xyz":
         scene.actuate(link, along=axis, at=joint.pose_B, name=axis)
     for axis in "xyz":
@@ -108,8 +107,13 @@ def check_soft(joint: DrawnJoint) -> None:
 
 def shape_phrase(joint: Joint) -> str:
     """Phrase naming the shape of a joint, empty without shape parameters."""
-    shape = ", ".join(f"{name} = {value:.4g}" for name, value in joint.shape().items())
+    shape = listed_values(joint.shape())
     return f" in the shape {shape}" if shape else ""
+
+
+def listed_values(values: Mapping[str, float]) -> str:
+    """Names and values as text, such as "angle = 0.7854, ratio = 0.5"."""
+    return ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
 
 
 def largest_intended_stiffness(joint: Joint) -> float:

@@ -4,7 +4,6 @@ no other motion becomes as soft as the intended one."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,6 +27,7 @@ from ksd.train.softness import (
     MAX_STIFFNESS_RATIO,
     describe_soft_motion,
     largest_intended_stiffness,
+    listed_values,
     scaling,
     shape_phrase,
 )
@@ -42,10 +42,7 @@ Windows are left out of the model, so they have to be small; crossed pivots need
 
 def state_phrase(joint: Joint, values: Mapping[str, float]) -> str:
     """Phrase naming the motions of a state and the shape of the joint."""
-    motion, shape = (
-        ", ".join(f"{name} = {value:.4g}" for name, value in numbers.items())
-        for numbers in (values, joint.shape())
-    )
+    motion, shape = listed_values(values), listed_values(joint.shape())
     return motion + (f" (shape {shape})" if shape else "")
 
 
@@ -88,8 +85,7 @@ def check_clear(joint: Joint, states: list[Configuration]) -> None:
     """Raise SceneError where leaf springs collide in any of the states, except for small windows where the joint has
     them."""
     if joint.windows:
-        windows = LeafWindows.of(joint, states)
-        leaf, share, others = windows.largest()
+        leaf, share, others = largest_window(window_shares(joint, states))
         if share > MAX_WINDOW_SHARE:
             raise SceneError(
                 f"{joint.family}: the windows of leaf '{leaf}' for {others} would take {share:.0%} of its area over the "
@@ -121,51 +117,47 @@ def _leaf_boxes(joint: Joint, state: Configuration, count: int) -> list[LeafBoxe
     return bodies
 
 
-@dataclass(frozen=True)
-class LeafWindows:
-    """Windows that a joint needs: share of the area of a leaf, by its name and that of the leaf that passes."""
+def window_shares(joint: Joint, states: list[Configuration]) -> dict[tuple[str, str], float]:
+    """Windows needed where leaf springs overlap in any of the states: share of the area of a leaf, by its name and that of
+    the leaf that passes.
 
-    shares: dict[tuple[str, str], float]
+    The wider of two has the window; a leaf of the same width passes as a tongue of half its width. Raises SceneError where
+    a leaf sticks out at an edge of the other, so that no window is possible.
+    """
+    leaves = {leaf.name: leaf for leaf in joint.leaves()}
+    boxes_of_pair: dict[tuple[str, str], set[int]] = {}
+    for state in states:
+        for (one, two), stations in overlapping_leaves(
+            _leaf_boxes(joint, state, FINE_BOX_COUNT), tolerance=DEFORMED_OVERLAP_TOLERANCE
+        ):
+            for k, pair in enumerate(((one, two), (two, one))):
+                boxes_of_pair.setdefault(pair, set()).update(
+                    (FINE_BOX_COUNT * stations[:, k]).astype(int).tolist()
+                )
+            wide, narrow = sorted((leaves[one], leaves[two]), key=lambda leaf: -_width(leaf))
+            if not _is_between_edges(narrow, wide):
+                raise SceneError(
+                    f"{joint.family}: leaves '{one}' and '{two}' run into each other at an edge, where no window makes "
+                    f"way, at {state_phrase(joint, state.targets)}; move them apart."
+                )
+    shares: dict[tuple[str, str], float] = {}
+    for (one, two), boxes in boxes_of_pair.items():
+        ratio = _width(leaves[two]) / _width(leaves[one])
+        if ratio < 1 - 1e-9 or (ratio < 1 + 1e-9 and (two, one) not in shares):
+            shares[one, two] = _share_of_length(boxes) * min(ratio, 0.5)
+    return shares
 
-    @classmethod
-    def of(cls, joint: Joint, states: list[Configuration]) -> LeafWindows:
-        """Windows needed where leaf springs overlap in any of the states.
 
-        The wider of two has the window; a leaf of the same width passes as a tongue of half its width. Raises
-        SceneError where a leaf sticks out at an edge of the other, so that no window is possible.
-        """
-        leaves = {leaf.name: leaf for leaf in joint.leaves()}
-        boxes_of_pair: dict[tuple[str, str], set[int]] = {}
-        for state in states:
-            for (one, two), stations in overlapping_leaves(
-                _leaf_boxes(joint, state, FINE_BOX_COUNT), tolerance=DEFORMED_OVERLAP_TOLERANCE
-            ):
-                for k, pair in enumerate(((one, two), (two, one))):
-                    boxes_of_pair.setdefault(pair, set()).update(
-                        (FINE_BOX_COUNT * stations[:, k]).astype(int).tolist()
-                    )
-                wide, narrow = sorted((leaves[one], leaves[two]), key=lambda leaf: -_width(leaf))
-                if not _is_between_edges(narrow, wide):
-                    raise SceneError(
-                        f"{joint.family}: leaves '{one}' and '{two}' run into each other at an edge, where no window makes "
-                        f"way, at {state_phrase(joint, state.targets)}; move them apart."
-                    )
-        shares = {}
-        for (one, two), boxes in boxes_of_pair.items():
-            ratio = _width(leaves[two]) / _width(leaves[one])
-            if ratio < 1 - 1e-9 or (ratio < 1 + 1e-9 and (two, one) not in shares):
-                shares[one, two] = _share_of_length(boxes) * min(ratio, 0.5)
-        return cls(shares)
-
-    def largest(self) -> tuple[str, float, str]:
-        """The leaf with the largest windows, their share of its area, and the leaf springs that pass, in words."""
-        if not self.shares:
-            return "", 0.0, ""
-        totals: dict[str, float] = {}
-        for (leaf, _), share in self.shares.items():
-            totals[leaf] = totals.get(leaf, 0.0) + share
-        widest = max(totals, key=lambda name: totals[name])
-        return widest, totals[widest], ", ".join(f"'{two}'" for one, two in self.shares if one == widest)
+def largest_window(shares: Mapping[tuple[str, str], float]) -> tuple[str, float, str]:
+    """The leaf with the largest windows, their share of its area, and the leaf springs that pass, in words; shares: as of
+    `window_shares`."""
+    if not shares:
+        return "", 0.0, ""
+    totals: dict[str, float] = {}
+    for (leaf, _), share in shares.items():
+        totals[leaf] = totals.get(leaf, 0.0) + share
+    widest = max(totals, key=lambda name: totals[name])
+    return widest, totals[widest], ", ".join(f"'{two}'" for one, two in shares if one == widest)
 
 
 def _share_of_length(boxes: set[int]) -> float:
@@ -188,7 +180,7 @@ def _is_between_edges(narrow: Leaf, wide: Leaf) -> bool:
 
 def check_stays_soft(joint: Joint, model: Model, states: list[Configuration]) -> None:
     """Raise SceneError where another motion becomes softer over the stroke than the intended ones are at rest."""
-    if joint.held_by_others or len(joint.motions) > 5:
+    if joint.held_by_others:
         return
     own = largest_intended_stiffness(joint)
     scale = scaling(joint)

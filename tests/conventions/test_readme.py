@@ -6,7 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import ksd
 from ksd.cli.commands import parser
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -46,9 +45,7 @@ def test_pictures_exist():
 def test_every_command_line_named_exists():
     """Commands and their options in the README and in the changelog of this version."""
     newest = re.split(r"^## ", (ROOT / "CHANGELOG.md").read_text(), flags=re.M)[1]
-    commands = next(
-        a.choices for a in parser(ksd.__version__)._actions if isinstance(a, argparse._SubParsersAction)
-    )
+    commands = next(a.choices for a in parser()._actions if isinstance(a, argparse._SubParsersAction))
     named = re.findall(r"`ksd\s+(\w+)([^`]*)`", TEXT + newest)
     assert len(named) > 20
     for word, rest in named:

@@ -81,10 +81,11 @@ def test_motion_errors_are_those_of_fits_that_left_a_point_out():
         np.testing.assert_allclose(found, refitted_without_each(basis, of_shape), atol=1e-12)
 
 
-def test_shape_errors_are_those_of_fits_that_left_a_shape_out():
+def test_shape_errors_are_those_of_fits_that_left_a_shape_out(monkeypatch):
+    monkeypatch.setattr("ksd.train.fit.MAX_DEGREE", 2)
     rng = np.random.default_rng(4)
     places = rng.uniform(-1, 1, (30, 2))
     values = 1 + places[:, 0] * places[:, 1] + 0.01 * rng.standard_normal(30)
-    degree, error = _shape_degree(values[:, None, None], np.ones((1, 1)), places, np.full(1, 1e-9), 2)
+    degree, error = _shape_degree(values[:, None, None], np.ones((1, 1)), places, np.full(1, 1e-9))
     left = refitted_without_each(legendre_products(exponents_up_to(2, 2), places), values)
     assert degree == 2 and 1e-9 * error == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-9)

@@ -10,7 +10,7 @@ from ksd.errors import SceneError
 from ksd.scene import DrawnJoint, Material
 from ksd.train.catalogue import design_of
 from ksd.train.sampling import SamplingPlan, _driven_model, _solve_grid, even_line, sample_joint
-from ksd.train.stroke_checks import MAX_WINDOW_SHARE, LeafWindows
+from ksd.train.stroke_checks import MAX_WINDOW_SHARE, largest_window, window_shares
 
 STEEL = Material(E=200e9, G=76.9e9)
 
@@ -26,7 +26,7 @@ def plan_of(joint, count=5):
 
 def openings(joint):
     plan = plan_of(joint)
-    return LeafWindows.of(joint, _solve_grid(joint, _driven_model(joint, "strain", plan), plan, "strain"))
+    return window_shares(joint, _solve_grid(joint, _driven_model(joint, "strain", plan), plan, "strain"))
 
 
 def pivot(*, angle=60, ratio=0.5):
@@ -49,12 +49,12 @@ def drawn(joint, *, degrees=30, change=lambda leaf: leaf):
 def test_the_windows_of_crossed_pivots_are_small(angle, ratio):
     """Half the width over the length the crossing wanders; none where the leaves meet in the clamp or on their extension."""
     found = openings(pivot(angle=angle, ratio=ratio))
-    assert found.largest()[1] < 0.16 < MAX_WINDOW_SHARE
-    assert bool(found.shares) == (0.05 < ratio < 0.95)
+    assert largest_window(found)[1] < 0.16 < MAX_WINDOW_SHARE
+    assert bool(found) == (0.05 < ratio < 0.95)
 
 
 def test_the_windows_of_the_3x_infinity_hinge_are_small():
-    leaf, share, others = openings(design_of("triple_infinity_hinge").make()).largest()
+    leaf, share, others = largest_window(openings(design_of("triple_infinity_hinge").make()))
     assert leaf.startswith("fold_2") and "bar" in others
     assert 0.1 < share < 0.2 < MAX_WINDOW_SHARE
 
@@ -88,4 +88,4 @@ def test_leaves_beside_each_other_need_no_window():
         z = 0.021 if leaf.name == "falling" else -0.021
         return replace(leaf, start=(*leaf.start[:2], z), end=(*leaf.end[:2], z))
 
-    assert openings(drawn(pivot(), change=apart)).shares == {}
+    assert openings(drawn(pivot(), change=apart)) == {}
