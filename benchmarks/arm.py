@@ -19,6 +19,7 @@ plain Newton 262 solves at eps_max = 1e4, 174 at 1e5, 231 at 3e8, and MIP 198, 6
 
 from __future__ import annotations
 
+import math
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -131,14 +132,9 @@ def state_errors(states: Mapping[str, ksd.Configuration]) -> dict[str, float]:
     }
 
 
-def arm_scene(scene_name: str) -> Any:
-    """A scene of the arm by file name."""
-    return ksd.load_scene(SCENES / scene_name)[0]
-
-
 def run_mesh(mesh: Mesh, angles: Sequence[float], *, repeats: int) -> dict[str, Any]:
     """Both cases over all angles [deg]."""
-    joints, location = arm_scene("arm_joints.toml"), arm_scene("arm.toml")
+    joints, location = (ksd.load_scene(SCENES / name)[0] for name in ("arm_joints.toml", "arm.toml"))
     turned = {a: dict.fromkeys(JOINTS, a * deg) for a in angles}
     widest = max(angles, key=abs)
     case = Case(joints, mesh, turned[widest])
@@ -182,16 +178,15 @@ def table(title: str, rows: Mapping[float, Mapping[str, Any]]) -> str:
 BASES = ("plain_ms", "mip_nodes_ms", "mip_ms")
 
 
-def _ratios(row: Mapping[str, Any]) -> list[float | None]:
-    """How many times as fast full and reduced are as plain Newton, then as MIP on all nodes and on condensed leaves."""
-    return [
-        row[base] / row[way] if base in row else None for base in BASES for way in ("full_ms", "reduced_ms")
-    ]
+def _ratios(row: Mapping[str, Any]) -> list[float]:
+    """How many times as fast full and reduced are as plain Newton, then as MIP on all nodes and on condensed leaves; nan
+    where that was not measured."""
+    return [row.get(base, math.nan) / row[way] for base in BASES for way in ("full_ms", "reduced_ms")]
 
 
 def _table_row(name: str, row: Mapping[str, Any]) -> str:
     cells = [(f"{row[c]:.2f}" if c.endswith("_ms") else str(row[c])) if c in row else "-" for c in COLUMNS]
-    cells += ["-" if r is None else f"{r:.3g}" for r in _ratios(row)]
+    cells += ["-" if math.isnan(r) else f"{r:.3g}" for r in _ratios(row)]
     return (
         f"| {name} | "
         + " | ".join(cells)
@@ -249,7 +244,7 @@ def targets_table(found: Mapping[str, Any], mesh: str) -> str:
         here = rows[45.0]
         for k, least in enumerate((*wanted, *wanted[2:])):
             value = _ratios(here)[k]
-            best = max(_ratios(r)[k] or 0.0 for r in rows.values())
+            best = max(_ratios(r)[k] for r in rows.values())
             base = here[BASES[k // 2]]
             quick = f"{1e3 * base / table_us:.3g}" if k % 2 else "-"
             solved = found[f"{case} tabulated"]["unsolved"] == 0

@@ -13,12 +13,13 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from typing import Any
 
 import numpy as np
-from common import machine, parse_options, time_in_turns, write_json
+from common import linkage, machine, parse_options, time_in_turns, write_json
 from floor import one_pass
 
 import ksd
@@ -51,13 +52,8 @@ def fourbar(
         thickness=thickness,
         widths=(inner, 0.5 * inner),
     )
-    scene = ksd.Mechanism("fourbar")
-    left, top, right = scene.links("left", "top", "right")
-    scene.join(scene.ground, left, joint, at=(-0.2, 0, 0), axis="z", toward="y")
-    scene.join(left, top, joint, at=(-0.2, high, 0), axis="z", toward="y")
-    scene.join(right, top, joint, at=(0.2, high, 0), axis="z", toward="y")
-    scene.join(scene.ground, right, joint, at=(0.2, 0, 0), axis="z", toward="y")
-    scene.actuate(top, along="x", at=(0, high + joint.length_AB, 0))
+    scene = linkage([joint] * 4, high)
+    scene.actuate("top", along="x", at=(0, high + joint.length_AB, 0))
     return scene
 
 
@@ -137,14 +133,8 @@ def time_parts(designs: list[dict[str, float]], stroke: np.ndarray) -> dict[str,
             threads=1,
         )
 
-    # threads of a batch are not this one, so process time is what tells
-    spent = {
-        "scene": 0.0,
-        "in a batch, one pose": 0.0,
-        f"in a batch, {POSES} poses": 0.0,
-        "alone, one pose": 0.0,
-    }
-    calls = {
+    spent: dict[str, float] = {}
+    calls: dict[str, Callable[[], Any]] = {
         "scene": lambda: [fourbar(**d) for d in designs],
         "in a batch, one pose": lambda: batch(one),
         f"in a batch, {POSES} poses": lambda: batch(stroke),
@@ -154,6 +144,7 @@ def time_parts(designs: list[dict[str, float]], stroke: np.ndarray) -> dict[str,
     }
     for name, call in calls.items():
         call()
+        # threads of a batch are not this one, so process time is what tells
         begin = time.process_time()
         call()
         spent[name] = 1e6 * (time.process_time() - begin) / len(designs)
@@ -178,9 +169,7 @@ def measure_tabulated(count: int) -> list[dict[str, Any]]:
             )
             values = arm_positions(case, targets, count)
             few = {name: v[:: max(1, count // 20)] for name, v in values.items()}
-            times = time_in_turns(
-                {"near": lambda n=near, v=values: n(v), "exact": lambda e=exact, v=few: e(v)}, repeats=5
-            )
+            times = time_in_turns({"near": partial(near, values), "exact": partial(exact, few)}, repeats=5)
             a, b = near(few), exact(few)
             good = (a.status == 0) & (b.status == 0)
             off = float(np.abs(a.force - b.force)[good].max() / np.abs(b.force[good]).max())

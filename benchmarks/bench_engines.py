@@ -38,8 +38,6 @@ LOAD_STEPS = 20
 """At the start; Exudyn adapts them. Measured cheapest among 1, 2, 5, 10 and 20."""
 LINK_SHEAR_FACTOR = 1e3
 """Shear stiffness of links, over their stretch stiffness."""
-ENGINES = {"OpenSees": "openseespy", "Exudyn": "exudyn"}
-"""Engines by name, and the package each needs."""
 
 
 @dataclass(frozen=True)
@@ -75,50 +73,39 @@ class EngineRow:
     said: str = ""
 
 
-class _Points:
-    """Points of the frame while they are collected."""
-
-    def __init__(self) -> None:
-        self.places: list[np.ndarray] = []
-        self.fixed: list[int] = []
-        self.bars: list[Bar] = []
-
-    def add(self, place: np.ndarray) -> int:
-        self.places.append(place)
-        return len(self.places) - 1
-
-
 def frame_of(scene: Any, targets: Mapping[str, float], elements: int) -> Frame:
     """The planar frame of a scene. Raises SceneError for one that is not planar or not driven along one axis."""
     plane = plane_of(compile_scene(scene, mesh=Mesh("corotational", elements=elements)))
     if not isinstance(plane, Plane):
         raise SceneError(f"other engines are given planar scenes; {scene.name}: {plane}")
-    arrays, members, found = plane.arrays, plane.arrays.members, _Points()
-    axes = plane.arrays.active_dofs[:2]
-    places = plane.rest.x[:, axes]
-    centre = [found.add(p) for p in places]
-    found.fixed.append(centre[0])
-    leaves = _leaves(members, axes)
+    arrays, axes = plane.arrays, plane.arrays.active_dofs[:2]
+    # the first points are the centres of the nodes, of which ground is the first
+    points, fixed, bars = list(plane.rest.x[:, axes]), [0], []
+    leaves = _leaves(arrays.members, axes)
     EA, EI = (
         times * max(leaf[k] for leaf in leaves.values()) for k, times in enumerate(LINK_STIFFNESS_FACTORS)
     )
 
+    def add(place: np.ndarray) -> int:
+        points.append(place)
+        return len(points) - 1
+
     def hung(node: int, offset: np.ndarray) -> int:
         if np.linalg.norm(offset) < 1e-9 * arrays.size:
-            return centre[node]
-        point = found.add(places[node] + offset)
+            return node
+        point = add(points[node] + offset)
         if node == 0:
-            found.fixed.append(point)
+            fixed.append(point)
         else:
-            found.bars.append(Bar(centre[node], point, EA, EI))
+            bars.append(Bar(node, point, EA, EI))
         return point
 
     for where, stiffness in leaves.items():
         ends = [hung(node, np.array(offset)) for node, offset in where]
-        p, q = (found.places[e] for e in ends)
-        between = [found.add(p + (q - p) * k / elements) for k in range(1, elements)]
+        p, q = (points[e] for e in ends)
+        between = [add(p + (q - p) * k / elements) for k in range(1, elements)]
         chain = [ends[0], *between, ends[1]]
-        found.bars += [Bar(a, b, *stiffness) for a, b in pairwise(chain)]
+        bars += [Bar(a, b, *stiffness) for a, b in pairwise(chain)]
     terms = arrays.terms
     if len(terms.kind) != 1 or terms.kind[0] != TRANSLATION or terms.node[0, 0] != 0:
         raise SceneError("other engines are given scenes with one drive along one axis")
@@ -127,7 +114,7 @@ def frame_of(scene: Any, targets: Mapping[str, float], elements: int) -> Frame:
     sign = float(np.sign(direction[axis]))
     point = hung(int(terms.node[0, 1]), terms.point[0, 1, axes])
     value = sign * next(iter(targets.values()))
-    return Frame(np.array(found.places), tuple(found.fixed), tuple(found.bars), (point, axis, value))
+    return Frame(np.array(points), tuple(fixed), tuple(bars), (point, axis, value))
 
 
 def _leaves(members: Members, axes: np.ndarray) -> dict[Any, tuple[float, float, float]]:
@@ -278,7 +265,8 @@ def _analyse_exudyn(held: dict[str, Any]) -> tuple[float, int]:
     return float(held["model"].GetObjectOutput(held["drive"], exu.OutputVariableType.Force)), count
 
 
-_MAKERS = {"OpenSees": opensees, "Exudyn": exudyn}
+ENGINES = {"OpenSees": ("openseespy", opensees), "Exudyn": ("exudyn", exudyn)}
+"""Engines by name: the package each needs, and its function."""
 
 
 def measure_engines(
@@ -286,7 +274,7 @@ def measure_engines(
 ) -> list[EngineRow]:
     """Results of every engine; force: the exact one [N]. Engines that are not installed have a row that says so."""
     rows = []
-    for engine, package in ENGINES.items():
+    for engine, (package, _) in ENGINES.items():
         try:
             if find_spec(package) is None:
                 raise ImportError(f"{package} is not installed")
@@ -297,7 +285,7 @@ def measure_engines(
 
 
 def _row(engine: str, elements: int, frame: Frame, force: float, repeats: int) -> EngineRow:
-    build, solve = _MAKERS[engine](frame)
+    build, solve = ENGINES[engine][1](frame)
     spent, found, count = [], math.nan, 0
     for _ in range(repeats):
         build()

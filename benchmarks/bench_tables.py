@@ -69,9 +69,9 @@ def call_times(m: CaseResult, leaves: str) -> dict[str, float]:
     return found
 
 
-def ratio_table(results: Sequence[ExtendedCase], elements: int = 5) -> str:
+def ratio_table(results: Sequence[ExtendedCase]) -> str:
     """Markdown: time ratios of conventional methods to the five steps on equal Appendix A elements, whole calls."""
-    leaves = f"{elements} element{'s' * (elements > 1)}"
+    leaves = f"{COMPARED_ELEMENTS} elements"
     times = [call_times(m, leaves) for m in results]
     shown = [(m.case, t) for m, t in zip(results, times, strict=True) if len(t) > 1]
     lines = ["| times as fast | " + " | ".join(case for case, _ in shown) + " |"]

@@ -34,7 +34,7 @@ def storage_bytes(part: Any) -> int:
 class Case:
     """One chain by one method: called, it solves `count` configurations."""
 
-    def __init__(self, joints: int, method: str, mesh: ksd.Mesh) -> None:
+    def __init__(self, joints: int, method: Any, mesh: ksd.Mesh) -> None:
         scene, targets = chain(joints)
         self.prepared = PreparedDesign(Solver(scene, mesh=mesh).five_steps, method=method)
         self.count = max(3, 300 // joints)

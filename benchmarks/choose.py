@@ -79,7 +79,7 @@ JOINTS: dict[str, tuple[Callable[..., ksd.Mechanism], dict[str, tuple[float, flo
 """Function and bounds of every joint."""
 
 
-def jobs(names: Sequence[str] = tuple(JOINTS)) -> dict[str, ksd.Job]:
+def jobs(names: Sequence[str]) -> dict[str, ksd.Job]:
     """The same job for every joint; without trained ranges as bounds, which are no property of a joint."""
     return {
         name: ksd.Job(

@@ -14,7 +14,7 @@ import math
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -22,30 +22,26 @@ from typing import Any
 import numpy as np
 
 import ksd
-from ksd.bench.measure import machine_facts as processor
+from ksd.bench import suite
+from ksd.bench.measure import machine_facts
+from ksd.bench.suite import EPS_MAX_VALUES
 from ksd.files import write_file
 from ksd.model.mesh import Mesh
 from ksd.solve.conventional import solve_conventional
 from ksd.solve.storage import NewtonStorage
-from ksd.units import GPa, deg, mm
-from ksd.view.figure import plain_axes
+from ksd.view.figure import new_figure, plain_axes
 
 RESULTS = Path(__file__).resolve().parent / "results"
-STEEL = ksd.Material(E=200 * GPa, G=76.9 * GPa, density=7800)
+STEEL, REFERENCE_MESH = suite.STEEL, suite.REFERENCE_MESH
 STROKE = 0.3
 """Largest displacement d [m] of the fourbar's top link."""
-EPS_MAX = (1e4, 1e5, 3e5, 1e6, 3e6, 1e7, 3e7, 1e8, 3e8, 1e9, math.inf)
-"""Residual thresholds tried for the conventional method of paper 1, Appendix B, which does not print its own."""
-REFERENCE_MESH = Mesh(orders=(6, 5, 9), points=14)
-"""Reference: strain-mode leaves whose next refinement changes the fourbar force by less than 1e-8."""
 READINGS = {1: "H between joint centres", 2: "H is the side link"}
 """The two interpretations of Fig. 9 of paper 1, which is lost."""
 
 
 def cross_flexure(**changes: Any) -> ksd.CrossFlexure:
     """The joint of paper 1, Table 1, with changes."""
-    sizes = {"length": 100 * mm, "angle": 45 * deg, "thickness": 1 * mm, "widths": (40 * mm, 20 * mm)}
-    return ksd.CrossFlexure(**{"material": STEEL, **sizes, **changes})
+    return replace(suite.cross_flexure(), **changes)
 
 
 def bending_stiffness(joint: ksd.CrossFlexure) -> float:
@@ -77,15 +73,29 @@ def fourbar(reading: int = 1, *, moment: float = 0.0) -> ksd.Mechanism:
     Driven in x at the centre of the top link, at the level of the upper interfaces B.
     """
     joint, high = cross_flexure(), height(reading)
+    scene = linkage([joint] * 4, high)
+    scene.actuate("top", along="x", at=(0, high + joint.length_AB, 0))
+    if moment:
+        scene.load("top", moment=(0, 0, moment))
+    return scene
+
+
+def linkage(
+    joints: Sequence[ksd.Joint], high: float, *, half: float = 0.2, low: float = 0.0
+) -> ksd.Mechanism:
+    """Four joints that carry the link 'top' on the links 'left' and 'right', not driven.
+
+    joints: lower left, upper left, upper right, lower right, at -`half` and `half` along x; the lower ones at `low` along
+    y, the upper ones `high` above them [m].
+    """
     scene = ksd.Mechanism("fourbar")
     left, top, right = scene.links("left", "top", "right")
-    scene.join(scene.ground, left, joint, at=(-0.2, 0, 0), axis="z", toward="y", name="lower left")
-    scene.join(left, top, joint, at=(-0.2, high, 0), axis="z", toward="y", name="upper left")
-    scene.join(right, top, joint, at=(0.2, high, 0), axis="z", toward="y", name="upper right")
-    scene.join(scene.ground, right, joint, at=(0.2, 0, 0), axis="z", toward="y", name="lower right")
-    scene.actuate(top, along="x", at=(0, high + joint.length_AB, 0))
-    if moment:
-        scene.load(top, moment=(0, 0, moment))
+    places = (
+        (scene.ground, left, (-half, low, 0), "lower left"), (left, top, (-half, low + high, 0), "upper left"),
+        (right, top, (half, low + high, 0), "upper right"), (scene.ground, right, (half, low, 0), "lower right"),
+    )  # fmt: skip
+    for joint, (a, b, at, name) in zip(joints, places, strict=True):
+        scene.join(a, b, joint, at=at, axis="z", toward="y", name=name)
     return scene
 
 
@@ -99,7 +109,7 @@ class PlainNewton:
 
     Plain Newton on all element nodes (`nodal`) or on the condensed chains, or with mixed integration points (`mip`);
     a step is given up when the residual exceeds eps_max, and halved; in space as in the paper, or in the plane
-    (`planar`). Every converged state is accepted, as in the paper. eps_max is chosen once, from EPS_MAX, by the
+    (`planar`). Every converged state is accepted, as in the paper. eps_max is chosen once, from EPS_MAX_VALUES, by the
     number of factorisations among those that end in the state found with the smallest. `scene` may be a compiled
     model, which is then solved as it is. Raises ConvergenceError when none converges.
     """
@@ -122,7 +132,7 @@ class PlainNewton:
         self.targets, self.storage = dict(targets), NewtonStorage(self.model)
         self.tried: dict[float, int | None] = {}
         first: np.ndarray | None = None
-        for eps_max in EPS_MAX:
+        for eps_max in EPS_MAX_VALUES:
             try:
                 found = self(eps_max)
             except ksd.ConvergenceError:
@@ -140,7 +150,7 @@ class PlainNewton:
     def __call__(
         self, eps_max: float | None = None, targets: Mapping[str, float] | None = None
     ) -> ksd.Configuration:
-        """Solve from rest; `most` and `cap` leave the decisions to eps_max, as in the paper."""
+        """Solve from rest; limits of iterations and turns leave the decisions to eps_max, as in the paper."""
         limit = self.eps_max if eps_max is None else eps_max
         # a finite limit also switches off the load steps that confirm a doubtful branch, which the paper does not have
         return solve_conventional(
@@ -163,13 +173,9 @@ class Times:
     high: float
     repeats: int
 
-    def numbers(self) -> dict[str, float]:
+    def numbers(self) -> dict[str, Any]:
         """For JSON."""
-        return {
-            "median_us": self.median,
-            "quartiles_us": [self.low, self.high],
-            "repeats": self.repeats,
-        }
+        return {"median_us": self.median, "quartiles_us": [self.low, self.high], "repeats": self.repeats}
 
 
 def summarise_times(spent: Sequence[float]) -> Times:
@@ -198,7 +204,7 @@ def time_in_turns(cases: Mapping[str, Callable[[], Any]], *, repeats: int, warm:
 
 def machine() -> dict[str, Any]:
     """Date, processor, load and versions, without anything that identifies the computer."""
-    return {**processor(), **{package: version(package) for package in ("scipy", "matplotlib")}}
+    return {**machine_facts(), **{package: version(package) for package in ("scipy", "matplotlib")}}
 
 
 def machine_line(found: Mapping[str, Any]) -> str:
@@ -249,11 +255,8 @@ def save_picture(figure: Any, path: Path, *, numbers: Path | None = None) -> Non
 
     numbers: by default the file of the same name in its folder, or the stored one.
     """
-    write_file(
-        path,
-        png_with_digest(figure, numbers or numbers_file(path, path.with_suffix(".json").name)),
-        what="picture",
-    )
+    numbers = numbers or numbers_file(path, path.with_suffix(".json").name)
+    write_file(path, png_with_digest(figure, numbers), what="picture")
 
 
 def png_with_digest(figure: Any, numbers: Path) -> bytes:
@@ -266,11 +269,7 @@ def png_with_digest(figure: Any, numbers: Path) -> bytes:
 
 def figure_grid(rows: int, columns: int, *, size: tuple[float, float], title: str) -> tuple[Any, np.ndarray]:
     """A figure with rows x columns axes, each `size` inches, and its title; needs no display."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(columns * size[0], rows * size[1]), dpi=140, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure: Any = new_figure(columns * size[0], rows * size[1], dpi=140)
     figure.suptitle(f"{title}\ncomputed by ksd", fontsize=10)
     axes = figure.subplots(rows, columns, squeeze=False)
     for a in axes.flat:

@@ -22,7 +22,7 @@ from ksd.model.mesh import Mesh
 from ksd.properties.buckling import buckling
 from ksd.solve.conventional import solve_conventional
 from ksd.units import deg
-from ksd.view.figure import GROUND_COLOR, TEXT_COLOR, new_figure, ordered_colors, plain_axes
+from ksd.view.figure import GROUND_COLOR, TEXT_COLOR, label_axes, new_figure, ordered_colors
 
 REFERENCE = Mesh(orders=(7, 5, 10), points=14)
 ELEMENTS = (2, 4, 8, 16, 32)
@@ -98,10 +98,16 @@ def fourbar_rotation(mesh: Mesh) -> float:
     return float(_state(common.fourbar(2), mesh, steps=3, top=0.3).rotation("top")[2])
 
 
-def _strip(**leaf: object) -> ksd.Mechanism:
+def _strip(**leaf: Any) -> ksd.Mechanism:
     scene = ksd.Mechanism("strip")
     tip = scene.link("tip")
-    words = {"section": THIN, "material": STEEL, "width_axis": (0, 0, 1), "end": (0.1, 0, 0), **leaf}
+    words: dict[str, Any] = {
+        "section": THIN,
+        "material": STEEL,
+        "width_axis": (0, 0, 1),
+        "end": (0.1, 0, 0),
+        **leaf,
+    }
     scene.leaf(scene.ground, tip, start=(0, 0, 0), name="leaf", **words)
     return scene
 
@@ -109,8 +115,10 @@ def _strip(**leaf: object) -> ksd.Mechanism:
 def column(mesh: Mesh) -> float:
     """Buckling load of a clamped-clamped leaf [N]."""
     scene = _strip()
-    for kind, axis in (("along", "y"), ("along", "z"), ("about", "x"), ("about", "y"), ("about", "z")):
-        scene.support("tip", at=(0.1, 0, 0), **{kind: axis})
+    for axis in "yz":
+        scene.support("tip", along=axis, at=(0.1, 0, 0))
+    for axis in "xyz":
+        scene.support("tip", about=axis, at=(0.1, 0, 0))
     model = ksd.compile_scene(scene, mesh=mesh)
     return float(buckling(model, model.rest, "tip", force=(-1, 0, 0), at=(0.1, 0, 0)).positive)
 
@@ -225,27 +233,17 @@ def picture(found: Mapping[str, Any], path: Path) -> None:
         )  # fmt: skip
     slope = [1e-3 * (elements[0] / n) ** 2 for n in elements]
     axes.loglog(elements, slope, "--", color=GROUND_COLOR, lw=1.2)
+    place = (elements[0], slope[0])
     axes.annotate(
-        "second order",
-        (elements[0], slope[0]),
-        (-4, -20),
-        textcoords="offset points",
-        fontsize=8,
-        color=GROUND_COLOR,
+        "second order", place, (-4, -20), textcoords="offset points", fontsize=8, color=GROUND_COLOR
     )
     axes.set_xticks(elements, [str(n) for n in elements])
     axes.minorticks_off()
     axes.yaxis.set_major_formatter("{x:g}")
-    axes.set_xlabel("Appendix A elements per leaf", fontsize=9)
-    axes.set_ylabel("relative error against the strain-mode leaf", fontsize=9)
-    axes.set_title(
-        "Chains of Appendix A elements converge to the strain-mode leaf",
-        fontsize=10,
-        loc="left",
-        color=TEXT_COLOR,
-    )
-    axes.tick_params(labelsize=8)
-    plain_axes(axes)
+    label_axes(
+        axes, "Chains of Appendix A elements converge to the strain-mode leaf",
+        x="Appendix A elements per leaf", y="relative error against the strain-mode leaf",
+    )  # fmt: skip
     save_picture(figure, path)
 
 

@@ -15,6 +15,7 @@ import itertools
 import os
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,12 +24,14 @@ from common import (
     REFERENCE_MESH,
     STEEL,
     cross_flexure,
+    linkage,
     machine,
     parse_options,
     thread_us,
     time_in_turns,
     write_json,
 )
+from gradients import arm
 
 import ksd
 from ksd.bench.suite import TIP, chain
@@ -59,31 +62,12 @@ def fourbar(length: float = 100 * mm, thickness: float = 1 * mm, *, effects: boo
     """The fourbar of the README; `effects`: with gravity, a spring and heat."""
     steel = ksd.Material(E=STEEL.E, G=STEEL.G, density=STEEL.density, expansion=12e-6 if effects else None)
     joint = cross_flexure(length=length, thickness=thickness, material=steel)
-    scene = ksd.Mechanism("fourbar")
-    left, top, right = scene.links("left", "top", "right")
-    scene.join(scene.ground, left, joint, at=(-0.2, 0, 0), axis="z", toward="y")
-    scene.join(left, top, joint, at=(-0.2, 0.3, 0), axis="z", toward="y")
-    scene.join(right, top, joint, at=(0.2, 0.3, 0), axis="z", toward="y")
-    scene.join(scene.ground, right, joint, at=(0.2, 0, 0), axis="z", toward="y")
-    scene.actuate(top, along="x", at=(0, 0.3 + joint.length_AB, 0))
+    scene = linkage([joint] * 4, 0.3)
+    scene.actuate("top", along="x", at=(0, 0.3 + joint.length_AB, 0))
     if effects:
-        scene.spring("ground", top, start=(0, 0, 0), end=(0, 0.3, 0), stiffness=200, free_length=0)
+        scene.spring("ground", "top", start=(0, 0, 0), end=(0, 0.3, 0), stiffness=200, free_length=0)
         scene.gravity = (0, -9.81, 0)
         scene.heat(20)
-    return scene
-
-
-def arm(length: float = 60 * mm, thickness: float = 0.45 * mm) -> ksd.Mechanism:
-    """The spatial arm of the package, with hinges of these sizes."""
-    hinge = ksd.TripleInfinityHinge(STEEL, thickness=thickness, length=length)
-    scene = ksd.Mechanism("arm")
-    first, second, third = scene.links("first", "second", "third")
-    for a, b, at, axis, toward, name in (
-        (scene.ground, first, (0, 0, 0), "z", "x", "base"),
-        (first, second, (150 * mm, 0, 50 * mm), "y", (1, 0, 1), "shoulder"),
-        (second, third, (330 * mm, 0, 230 * mm), "y", (1, 0, -1), "elbow"),
-    ):
-        scene.actuate_joint(scene.join(a, b, hinge, at=at, axis=axis, toward=toward, name=name), name=name)
     return scene
 
 
@@ -97,7 +81,7 @@ CASES: dict[str, tuple[Callable[..., ksd.Mechanism], dict[str, float], str, Any,
 """By name: function that returns the scene, drive values, link of the stiffness, nominal length and thickness [m]."""
 
 
-def design(name: str, n: int) -> dict[str, float]:
+def design(name: str, n: int) -> dict[str, Any]:
     """The n-th design: length and thickness slightly changed."""
     length, thickness = CASES[name][4]
     rng = np.random.default_rng(n)
@@ -116,17 +100,20 @@ def new_designs(repeats: int) -> list[dict[str, Any]]:
     fresh = itertools.count(1)
     pool = {name: itertools.cycle([make(**design(name, next(fresh))) for _ in range(repeats + 3)])
             for name, (make, *_) in CASES.items()}  # fmt: skip
-    whole = time_in_turns(
-        {name: lambda name=name: solve_and_answer(name, next(pool[name])) for name in CASES}, repeats=repeats
-    )
-    scene = time_in_turns(
-        {name: lambda name=name: CASES[name][0](**design(name, next(fresh))) for name in CASES},
-        repeats=repeats,
-    )
+
+    def solving(name: str) -> Callable[[], Any]:
+        return lambda: solve_and_answer(name, next(pool[name]))
+
+    def building(name: str) -> Callable[[], Any]:
+        return lambda: CASES[name][0](**design(name, next(fresh)))
+
+    whole = time_in_turns({name: solving(name) for name in CASES}, repeats=repeats)
+    scene = time_in_turns({name: building(name) for name in CASES}, repeats=repeats)
     rows = []
     for name, (make, *_) in CASES.items():
         near, stiffness = solve_and_answer(name, make())
         fine, exact = solve_and_answer(name, make(), mesh=REFERENCE_MESH)
+        assert near.error is not None
         force = max(abs(near.forces[k] / fine.forces[k] - 1) for k in near.forces)
         before, alone, _ = TARGET_MS[name]
         rows.append(
@@ -158,12 +145,16 @@ def batch_time(name: str, count: int, questions: Sequence[str] = ("support_stiff
 
 
 def chain_times(joints: int, repeats: int) -> float:
-    """Times [ms] of preparing and of first solving a chain."""
+    """Time [ms] of preparing a chain and solving it once."""
     spent = []
     for _ in range(repeats + 1):
         scene, targets = chain(joints)
-        spent.append(thread_us(lambda scene=scene, targets=targets: ksd.prepare(scene)(targets)) / 1e3)
+        spent.append(thread_us(partial(_prepare_and_solve, scene, targets)) / 1e3)
     return float(np.median(spent[1:]))
+
+
+def _prepare_and_solve(scene: ksd.Mechanism, targets: dict[str, float]) -> ksd.Configuration:
+    return ksd.prepare(scene)(targets)
 
 
 def memory_left(count: int) -> float:
@@ -187,12 +178,9 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     quick = given.quick
     rows = new_designs(3 if quick else 25)
     for row in rows:
-        row["batch_ms"], row["batch_wanted_ms"] = (
-            batch_time(row["what"], 10 if quick else 1000),
-            TARGET_MS[row["what"]][2],
-        )
-        asked = ("support_stiffness", "stress")
-        row["batch_stress_ms"] = batch_time(row["what"], 10 if quick else 1000, asked)
+        name, count = row["what"], 10 if quick else 1000
+        row["batch_ms"], row["batch_wanted_ms"] = batch_time(name, count), TARGET_MS[name][2]
+        row["batch_stress_ms"] = batch_time(name, count, ("support_stiffness", "stress"))
         print(
             f"{row['what']:16} {row['ms']:7.2f} ms (wanted {row['wanted_ms']:g}, first release "
             f"{row['first_release_ms']:g}), the scene alone {row['scene_alone_ms']:.2f}; {row['batch_ms']:.2f} each in one "

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import machine, parse_options, save_picture, write_json
+from common import STEEL, machine, parse_options, save_picture, write_json
 
 import ksd
 from ksd.library import find_record
@@ -57,11 +57,9 @@ def resized_joint(joint: Joint, rng: np.random.Generator) -> Joint:
     """The joint with other sizes, on which its record does not depend: lengths, thickness, widths by a factor each."""
     longer, thicker, wider = np.exp(rng.uniform(-1, 1, 3) * math.log(MAX_SIZE_FACTOR)).tolist()
     # the width of a universal joint over its length is a shape parameter
-    across = (
-        ()
-        if isinstance(joint, ksd.UniversalJoint)
-        else ("width", "widths", "inner_width", "outer_width", "gap")
-    )
+    across: tuple[str, ...] = ("width", "widths", "inner_width", "outer_width", "gap")
+    if isinstance(joint, ksd.UniversalJoint):
+        across = ()
     across += ("spacing",) if isinstance(joint, ksd.CrossFlexure) else ()
     words = {}
     for key, kind in joint.quantities.items():
@@ -77,14 +75,15 @@ def resized_joint(joint: Joint, rng: np.random.Generator) -> Joint:
 
 def family_errors(name: str, *, shapes: int) -> dict[str, float]:
     """Largest errors over random shapes, four motions each."""
-    force, place = errors(name, shapes if FAMILY_DESIGNS[name].parameters else 1)
+    count = shapes if FAMILY_DESIGNS[name].parameters else 1
+    force, place = errors(name, count)
     # the filleted notch is trained with one element alone
     mesh = Mesh("corotational", elements=4 if 4 in FAMILY_DESIGNS[name].meshes else 1)
     sizes = errors(name, shapes, other_sizes=True)
     return {
         "force_error": force,
         "interface_error": place,
-        "chain_force_error": errors(name, shapes if FAMILY_DESIGNS[name].parameters else 1, mesh=mesh)[0],
+        "chain_force_error": errors(name, count, mesh=mesh)[0],
         "sizes_force_error": sizes[0],
         "sizes_interface_error": sizes[1],
     }
@@ -170,11 +169,8 @@ def table(found: dict[str, dict[str, Any]]) -> str:
 
 
 CONSTRAINTS: dict[str, tuple[Joint, float]] = {
-    "folded leaf": (
-        ksd.FoldedLeaf(ksd.Material(E=200e9, G=76.9e9), length=0.05, thickness=3e-4, width=0.02),
-        0.1,
-    ),
-    "wire": (ksd.WireFlexure(ksd.Material(E=200e9, G=76.9e9), length=0.05, diameter=5e-4), 0.15),
+    "folded leaf": (ksd.FoldedLeaf(STEEL, length=0.05, thickness=3e-4, width=0.02), 0.1),
+    "wire": (ksd.WireFlexure(STEEL, length=0.05, diameter=5e-4), 0.15),
 }
 """Flexible constraints, and displacement of B across them in the picture, over their length."""
 
@@ -191,10 +187,9 @@ def constrained(joint: Joint, share: float) -> ksd.Configuration:
 
 STIFF_DIRECTION = {"folded leaf": ("z", "along its fold"), "wire": ("x", "along its axis")}
 """The only stiff direction of a flexible constraint."""
-STEEL = ksd.Material(E=200e9, G=76.9e9)
 
 
-def random_constraint(name: str, rng: np.random.Generator) -> Joint:
+def random_constraint(name: str, rng: np.random.Generator) -> ksd.FoldedLeaf | ksd.WireFlexure:
     """A flexible constraint of random size and of a shape within its typical ranges, evenly in the logarithm."""
 
     def between(low: float, high: float) -> float:
@@ -203,9 +198,8 @@ def random_constraint(name: str, rng: np.random.Generator) -> Joint:
     L = between(0.01, 0.2)
     if name == "wire":
         return ksd.WireFlexure(STEEL, length=L, diameter=L * between(1 / 200, 1 / 25))
-    return ksd.FoldedLeaf(
-        STEEL, length=L, thickness=L * between(1 / 400, 1 / 50), width=L * between(0.2, 1.0)
-    )
+    thickness, width = L * between(1 / 400, 1 / 50), L * between(0.2, 1.0)
+    return ksd.FoldedLeaf(STEEL, length=L, thickness=thickness, width=width)
 
 
 def constraint_facts(name: str, *, shapes: int) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from ksd.view.figure import (
     LINE_COLORS,
     TEXT_COLOR,
     UNDEFORMED_COLOR,
-    plain_axes,
+    label_axes,
 )
 from ksd.view.labels import separate_labels
 
@@ -72,9 +72,8 @@ def draw_fronts(panels: Sequence[Panel]) -> None:
     parted = []
     for panel in panels:
         parted.append(_draw(panel.axes, panel.marks))
-        panel.axes.set_title(panel.title, fontsize=10, loc="left", color=TEXT_COLOR)
-        panel.axes.set_xlabel(f"{panel.time} [\N{MICRO SIGN}s]", fontsize=9)
-        panel.axes.set_ylabel(f"error of the {panel.error} [%]", fontsize=9)
+        time, error = f"{panel.time} [\N{MICRO SIGN}s]", f"error of the {panel.error} [%]"
+        label_axes(panel.axes, panel.title, x=time, y=error)
     # all words have their place before the labels look for one
     for panel, (busy, rest) in zip(panels, parted, strict=True):
         separate_labels(panel.axes, busy, rest)
@@ -101,26 +100,13 @@ def _draw(axes: Any, every: Iterable[Mark]) -> tuple[Any, Any]:
     )
     strain = [m for m in marks if m.method in NAMED_METHODS and not m.elements]
     for m in strain:
-        axes.plot(
-            m.time,
-            m.error,
-            "o",
-            color=NAMED_METHODS[m.method],
-            markersize=7,
-            markeredgecolor="white",
-            zorder=4,
-        )
+        look = {"color": NAMED_METHODS[m.method], "markersize": 7, "markeredgecolor": "white", "zorder": 4}
+        axes.plot(m.time, m.error, "o", **look)
     axes.set_xlim(low, high)
     axes.set_ylim(0.15 * min(m.error for m in marks), 6.0 * max(m.error for m in marks))
     for row in shared_label_rows(strain):
-        _annotate(
-            axes,
-            "; ".join(LABELS.get(m.method, m.method) for m in row),
-            row[-1],
-            TEXT_COLOR,
-            (9, 0),
-            side="left",
-        )
+        said = "; ".join(LABELS.get(m.method, m.method) for m in row)
+        _annotate(axes, said, row[-1], TEXT_COLOR, (9, 0), side="left")
     for method in CHAINS:
         if row := [m for m in marks if m.method == method and m.elements]:
             ends = (" and " if len(row) == 2 else " to ").join(
@@ -164,5 +150,3 @@ def plain_scales(axes: Any) -> None:
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter(NullFormatter())
         axis.set_minor_locator(NullLocator())
-    plain_axes(axes)
-    axes.tick_params(labelsize=8)

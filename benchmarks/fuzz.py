@@ -37,7 +37,7 @@ from scenes import single_joint  # noqa: E402
 import ksd  # noqa: E402
 from ksd.errors import KsdError  # noqa: E402
 from ksd.solve.branch_check import secant_work  # noqa: E402
-from ksd.solve.conventional import solve_conventional, solve_drives_first, without_loads_arrays  # noqa: E402
+from ksd.solve.conventional import solve_conventional, without_loads_arrays  # noqa: E402
 from ksd.solve.load_steps import state_difference  # noqa: E402
 
 BATCH = 250
@@ -99,10 +99,20 @@ def kinds(folder: Path) -> dict[str, Kind]:
     }
 
 
-def by_arc(model: Any, targets: dict[str, float], steps: int) -> Any:
-    """The state at the end of the path of the loads, followed by arc length; KsdError where it turns before."""
+def loads_last(model: Any, targets: dict[str, float], *, steps: int) -> Any:
+    """The state where the drives are moved without loads, in load steps, and the loads applied then."""
+    return solve_conventional(model, targets, start=without_loads(model, targets, steps), steps=steps)
+
+
+def without_loads(model: Any, targets: dict[str, float], steps: int) -> Any:
+    """The equilibrium without loads, of `model` with them and a load factor of 0."""
     bare = solve_conventional(replace(model, arrays=without_loads_arrays(model.arrays)), targets, steps=steps)
-    start = replace(bare, model=model, load_factor=0.0)
+    return replace(bare, model=model, load_factor=0.0)
+
+
+def by_arc(model: Any, targets: dict[str, float], *, steps: int) -> Any:
+    """The state at the end of the path of the loads, followed by arc length; KsdError where it turns before."""
+    start = without_loads(model, targets, steps)
     path = ksd.follow(model, targets, control="load", start=start, first=1.0 / steps)
     if path.turnings or not path.ended:
         passed = [f"{t.kind} at {t.factor:.3g}" for t in path.turnings]
@@ -116,8 +126,9 @@ def compare_with_fine_path(found: Any, targets: dict[str, float]) -> tuple[str, 
     Elsewhere: fine walks end in another minimum. Unsettled: none of them ends in a minimum.
     """
     said, verdict = [], "unsettled"
+    ways: tuple[Callable[..., Any], ...] = (solve_conventional, loads_last, by_arc)
     for steps in (32, 128):
-        for way in (solve_conventional, solve_drives_first, by_arc):
+        for way in ways:
             named = f"{way.__name__}, {steps} steps"
             try:
                 walk = way(found.model, targets, steps=steps)

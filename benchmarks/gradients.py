@@ -13,11 +13,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from common import STEEL, machine, parse_options, time_in_turns, write_json
+from common import STEEL, linkage, machine, parse_options, time_in_turns, write_json
 
 import ksd
 from ksd.bench.suite import TIP
@@ -42,7 +43,7 @@ TARGET_COSTS = {"fourbar": 3.0, "arm": 1.0}
 def hinge(family: Callable[..., Any]) -> Callable[..., ksd.Mechanism]:
     """A joint turned by "turn", or moved, as a function of its parameters."""
 
-    def design(**parameters: float) -> ksd.Mechanism:
+    def design(**parameters: Any) -> ksd.Mechanism:
         if family is ksd.CrossFlexure:
             parameters["widths"] = (parameters.pop("inner"), parameters.pop("outer"))
         joint = family(STEEL, **parameters)
@@ -86,27 +87,22 @@ SIDES = ("a", "b", "c", "d")
 
 def fourbar(height: float, span: float, **sizes: float) -> ksd.Mechanism:
     """The README's fourbar, each of its four joints with length, thickness and two widths of its own."""
-    joints = {
-        s: ksd.CrossFlexure(
+    joints = [
+        ksd.CrossFlexure(
             STEEL, length=sizes[f"length_{s}"], angle=45 * deg, thickness=sizes[f"thickness_{s}"],
             widths=(sizes[f"inner_{s}"], sizes[f"outer_{s}"]),
         )
         for s in SIDES
-    }  # fmt: skip
-    scene = ksd.Mechanism("fourbar")
-    left, top, right = scene.links("left", "top", "right")
-    half = 0.5 * span
-    scene.join(scene.ground, left, joints["a"], at=(-half, 0, 0), axis="z", toward="y")
-    scene.join(left, top, joints["b"], at=(-half, height, 0), axis="z", toward="y")
-    scene.join(right, top, joints["c"], at=(half, height, 0), axis="z", toward="y")
-    scene.join(scene.ground, right, joints["d"], at=(half, 0, 0), axis="z", toward="y")
-    scene.actuate(top, along="x", at=(0, height + 70 * mm, 0), name="top")
+    ]  # fmt: skip
+    scene = linkage(joints, height, half=0.5 * span)
+    scene.actuate("top", along="x", at=(0, height + 70 * mm, 0), name="top")
     return scene
 
 
 def arm(
-    length: float, thickness: float, forward: float, up: float, reach: float, rise: float
-) -> ksd.Mechanism:
+    length: float = 60 * mm, thickness: float = 0.45 * mm, forward: float = 150 * mm, up: float = 50 * mm,
+    reach: float = 180 * mm, rise: float = 180 * mm,
+) -> ksd.Mechanism:  # fmt: skip
     """The spatial arm the package brings: size of its hinges and where the second and third are."""
     joint = ksd.TripleInfinityHinge(STEEL, thickness=thickness, length=length)
     scene = ksd.Mechanism("arm")
@@ -138,7 +134,7 @@ def stage(length: float, thickness: float, width: float, spacing: float, distanc
 
 
 OF_JOINT = {"length": 100 * mm, "thickness": 1 * mm, "inner": 40 * mm, "outer": 20 * mm}
-MECHANISMS: dict[str, tuple[Callable[..., ksd.Mechanism], dict[str, float], dict[str, float], str, Any]] = {
+MECHANISMS: dict[str, tuple[Callable[..., ksd.Mechanism], dict[str, float], dict[str, Any], str, Any]] = {
     "fourbar": (
         fourbar,
         {"height": 0.3, "span": 0.4} | {f"{n}_{s}": v for s in SIDES for n, v in OF_JOINT.items()},
@@ -167,7 +163,7 @@ def random_design(
 def gradient_errors(
     design: Callable[..., Any],
     at_design: Mapping[str, float],
-    drives: Mapping[str, float],
+    drives: Mapping[str, Any],
     words: Mapping[str, Any],
 ) -> dict[str, list[float]]:
     """(error of the gradient, its figure, error of the re-solves) of every answer, the largest over the parameters."""
@@ -208,7 +204,7 @@ def gradient_errors(
 def accuracy(*, designs: int, heavy: int, names: Sequence[str]) -> list[dict[str, Any]]:
     """Errors of every answer at random designs of families and mechanisms."""
     rows = []
-    cases = {n: (*FAMILIES[n], {}) for n in FAMILIES} | {
+    cases: dict[str, tuple[Any, ...]] = {n: (*FAMILIES[n], {}) for n in FAMILIES} | {
         n: (make, at, drives, {"link": link, "at": point})
         for n, (make, at, drives, link, point) in MECHANISMS.items()
     }
@@ -240,33 +236,25 @@ def accuracy(*, designs: int, heavy: int, names: Sequence[str]) -> list[dict[str
     return rows
 
 
-def costs(repeats: int, names: Sequence[str] = ("fourbar", "arm")) -> list[dict[str, Any]]:
+def costs(repeats: int, names: Sequence[str]) -> list[dict[str, Any]]:
     """Thread ms of a value (a new design prepared, solved, asked for force and 6x6) and of its gradient by all
     parameters."""
-    rng, cases, pools = np.random.default_rng(3), {}, {}
+    rng, pools = np.random.default_rng(3), {}
     for name in names:
-        make, usual, drives, link, point = MECHANISMS[name]
+        usual = MECHANISMS[name][1]
         pools[name] = itertools.cycle([random_design(usual, rng, 0.02) for _ in range(repeats + 3)])
 
-        def value(
-            name: str = name, make: Any = make, drives: Any = drives, link: str = link, point: Any = point
-        ) -> None:
-            pose = ksd.prepare(make(**next(pools[name])))(drives)
-            pose.stiffness(link, at=point)
+    def value(name: str) -> None:
+        make, _, drives, link, point = MECHANISMS[name]
+        ksd.prepare(make(**next(pools[name])))(drives).stiffness(link, at=point)
 
-        def gradient(
-            name: str = name, make: Any = make, drives: Any = drives, link: str = link, point: Any = point
-        ) -> None:
-            ksd.gradient(
-                make,
-                next(pools[name]),
-                questions=("force", "support_stiffness"),
-                link=link,
-                at=point,
-                **drives,
-            )
+    def gradient(name: str) -> None:
+        make, _, drives, link, point = MECHANISMS[name]
+        asked = ("force", "support_stiffness")
+        ksd.gradient(make, next(pools[name]), questions=asked, link=link, at=point, **drives)
 
-        cases |= {f"{name} value": value, f"{name} gradient": gradient}
+    ways = (("value", value), ("gradient", gradient))
+    cases = {f"{name} {what}": partial(call, name) for name in names for what, call in ways}
     found = time_in_turns(cases, repeats=repeats)
     rows = []
     for name in names:
@@ -291,17 +279,21 @@ def pivot(length: float, angle: float, thickness: float, inner: float, outer: fl
     return scene
 
 
-def optima(starts: int, methods: Sequence[str]) -> list[dict[str, Any]]:
-    """The job of a cross flexure turned by 0, 15 and 30 degrees, by every method: how good, how many values and
-    gradients, and CPU seconds."""
-    job = ksd.Job(
-        pivot, turn=np.array([0, 15, 30]) * deg, link="arm", at=(0, 0, 0), method="conventional",
+def pivot_job(**words: Any) -> ksd.Job:
+    """A cross flexure of five parameters turned by 0, 15 and 30 degrees, as stiff at its worst as stress and moment allow;
+    words: further ones of `ksd.Job`."""
+    return ksd.Job(
+        pivot, turn=np.array([0, 15, 30]) * deg, link="arm", at=(0, 0, 0), **words,
         vary={"length": (40 * mm, 80 * mm), "angle": (31 * deg, 59 * deg), "thickness": (0.2 * mm, 1 * mm),
               "inner": (10 * mm, 60 * mm), "outer": (4 * mm, 30 * mm)},
         maximise={"support_worst_N_per_m": 1e6, "support_worst_Nm_per_rad": 300},
         limits={"stress_MPa": 500, "turn_moment_Nm": (-3, 3)}, rules=[lambda p: 70 * mm - p["inner"] - 2 * p["outer"]],
     )  # fmt: skip
-    rows = []
+
+
+def optima(starts: int, methods: Sequence[Any]) -> list[dict[str, Any]]:
+    """`pivot_job` by every method: how good, how many values and gradients, and CPU seconds."""
+    job, rows = pivot_job(method="conventional"), []
     for method in methods:
         try:
             best = ksd.optimise(job, starts=starts if method == "gradient" else 1, method=method)

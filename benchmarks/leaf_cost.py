@@ -65,18 +65,18 @@ def _case(
     return run
 
 
-def _constants(orders: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+def _constants(orders: tuple[int, int, int, int]) -> tuple[np.ndarray, np.ndarray]:
     s = SECTION
     return strain_values(
         length=LENGTH,
         rigidity=np.array([s.G * s.J, s.E * s.Iy, s.E * s.Iz]),
         compliance=1.0 / np.array([s.E * s.A, s.ky * s.G * s.A, s.kz * s.G * s.A]),
-        orders=tuple(orders[:3]),
+        orders=orders[:3],
         points=orders[3],
     )
 
 
-def _modes(orders: Sequence[int]) -> Callable[[], None]:
+def _modes(orders: tuple[int, int, int, int]) -> Callable[[], None]:
     """A strain-mode leaf bent about all three axes."""
     value, number = _constants(orders)
     state, store = strain_sizes(number)
@@ -90,7 +90,7 @@ def _elements(count: int) -> Callable[[], None]:
     return _case(_chain, value, number, inner, corotational_values.sizes(count).store)
 
 
-def _planar_modes(orders: Sequence[int]) -> Callable[[], None]:
+def _planar_modes(orders: tuple[int, int, int, int]) -> Callable[[], None]:
     """A strain-mode leaf that bends in its plane."""
     value, number = _constants(orders)
     inner = np.random.default_rng(1).normal(size=strain_sizes(number)[0])

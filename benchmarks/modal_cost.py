@@ -13,20 +13,31 @@ import math
 import statistics
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
-from common import REFERENCE_MESH, STEEL, fourbar, hinge, machine, machine_line, parse_options, write_json
+from common import (
+    REFERENCE_MESH,
+    STEEL,
+    fourbar,
+    hinge,
+    machine,
+    machine_line,
+    parse_options,
+    time_in_turns,
+    write_json,
+)
 from paper2_tangent import tangent_solve
-from reduced_solids import press_reduced
+from reduced_solids import LoadedFace, load_face, press_reduced
 
 import ksd
 from ksd.beam.modal import factor_dense, modal_recover, modal_sizes, solve_dense
 from ksd.beam.polynomial_solid import polynomial_condense
 from ksd.modal import ModalBasis, with_modal_bodies
+from ksd.modal.leaf_basis import _cached_undeformed_basis
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import SolidBasis, reduce_solid
-from ksd.modal.solid_solve import LoadedFace, load_face
 from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
 from ksd.solve.configuration import Configuration
@@ -107,25 +118,20 @@ def _answers(found: Configuration) -> list[float]:
 def time_calls(repeats: int) -> list[dict[str, Any]]:
     """Whole calls of a prepared solver, fourbar at 0.3 m: the first with its bases, the median of later ones without
     and with the error indicator [ms]."""
-    from ksd.modal.leaf_basis import _cached_undeformed_basis
-
     trained = ModalBasis(expansion="trained", frame="node", internal=0)
     chains, names = Mesh("corotational", elements=10), ("lower left", "upper right")
-    leaf_variants: dict[str, tuple[dict[str, Any], str]] = {
+    variants: dict[str, tuple[dict[str, Any], Any]] = {
         "reduced, strain modes": ({}, "reduced"),
         "full, strain modes": ({}, "full"),
         "full, chains of 10 elements": ({"mesh": chains}, "full"),
         "modal, default": ({"basis": ModalBasis()}, "modal"),
         "modal, tangent basis": ({"basis": trained}, "modal"),
-        "modal, two of four joints, the others condensed": (
-            {"basis": dict.fromkeys(names, ModalBasis())},
-            "modal",
-        ),
-    }
-    rows = []
-    solvers, exact = {n: ksd.prepare(fourbar(), **w) for n, (w, _) in leaf_variants.items()}, math.nan
+        "modal, two of four joints, the others condensed": ({"basis": dict.fromkeys(names, ModalBasis())}, "modal"),
+    }  # fmt: skip
+    rows: list[dict[str, Any]] = []
+    solvers, exact = {n: ksd.prepare(fourbar(), **w) for n, (w, _) in variants.items()}, math.nan
     aim: dict[str, float] = {}
-    for name, (words, method) in leaf_variants.items():
+    for name, (words, method) in variants.items():
         # compiled before, its bases made anew
         ksd.prepare(fourbar(), **words)(top=0.3, method=method)
         _cached_undeformed_basis.cache_clear()
@@ -140,14 +146,13 @@ def time_calls(repeats: int) -> list[dict[str, Any]]:
         row["error"] = row["force"] / exact - 1.0
         row["support_error"] = max((row["stiffness"][d] / aim[d] - 1.0 for d in SUPPORTS), key=abs)
     for key, estimate in (("alone_ms", False), ("whole_ms", True)):
-        times: dict[str, list[float]] = {n: [] for n in leaf_variants}
-        for _ in range(repeats):
-            for name, (_, method) in leaf_variants.items():
-                clock = time.thread_time_ns()
-                solvers[name](top=0.3, method=method, estimate=estimate)
-                times[name].append(1e-6 * (time.thread_time_ns() - clock))
+        calls = {
+            n: partial(solvers[n], {"top": 0.3}, method=m, estimate=estimate)
+            for n, (_, m) in variants.items()
+        }
+        times = time_in_turns(calls, repeats=repeats, warm=0)
         for row in rows:
-            row[key] = statistics.median(times[row["way"]])
+            row[key] = 1e-3 * times[row["way"]].median
     return rows
 
 
@@ -249,8 +254,7 @@ def markdown_tables(found: dict[str, Any]) -> str:
         errors = [f"{100 * r[k]:.2g} %" for k in ("moment_error", "in_plane_error", "across_error")]
         times = [
             r["iterations"],
-            f"{r['iteration_us']:.0f}",
-            f"{r['solve_us']:.0f}",
+            *(f"{r[k]:.0f}" for k in ("iteration_us", "solve_us")),
             f"{r['over_4_elements']:.2f}",
         ]
         said.append(_markdown_row(r["way"], r["unknowns per leaf"] or "", *times, *errors, verdict))
@@ -272,17 +276,9 @@ def markdown_tables(found: dict[str, Any]) -> str:
              "|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|"]  # fmt: skip
     for r in found["solids"]:
         met = r["faster"] >= 300 and r["tip_error"] <= 1e-4
-        numbers = [
-            r["dofs"],
-            r["unknowns"],
-            f"{r['stroke']:.3g} L",
-            f"{r['full_us']:.0f}",
-            f"{r['reduced_us']:.0f}",
-        ]
-        errors = [
-            f"{r['faster']:.0f}",
-            *(f"{100 * r[k]:.2g} %" for k in ("tip_error", "told", "support_error")),
-        ]
+        times = [f"{r[k]:.0f}" for k in ("full_us", "reduced_us", "faster")]
+        numbers = [r["dofs"], r["unknowns"], f"{r['stroke']:.3g} L", *times]
+        errors = [f"{100 * r[k]:.2g} %" for k in ("tip_error", "told", "support_error")]
         said.append(_markdown_row(r["solid"], *numbers, *errors, "met" if met else "MISSED"))
     return "\n".join([*said, ""])
 

@@ -18,13 +18,13 @@ from typing import Any
 
 import numpy as np
 from common import machine, machine_line, parse_options, write_json
-from paper2_cases import DEFAULT, EI, PRINTED, STEEL, L, T, W, _leaves
+from paper2_cases import DEFAULT, EI, PRINTED, STEEL, L, T, W, add_leaves
+from reduced_solids import load_face
 
 import ksd
 from ksd.modal import ModalBasis, with_modal_bodies
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import SolidBasis, reduce_solid
-from ksd.modal.solid_solve import load_face
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.section import rectangle
@@ -42,7 +42,7 @@ SEEDS = (7, 8)
 
 def cantilever(scene: ksd.Mechanism, tip: Any) -> float:
     """One leaf."""
-    _leaves(scene, tip, [((0, 0), (L, 0))])
+    add_leaves(scene, tip, [((0, 0), (L, 0))])
     return 0.8
 
 
@@ -58,14 +58,14 @@ def tapered(scene: ksd.Mechanism, tip: Any) -> float:
 
 def guide(scene: ksd.Mechanism, tip: Any) -> float:
     """Two parallel leaf springs."""
-    _leaves(scene, tip, [((0, y), (L, y)) for y in (-0.025, 0.025)])
+    add_leaves(scene, tip, [((0, y), (L, y)) for y in (-0.025, 0.025)])
     return 4.0
 
 
 def crossed(scene: ksd.Mechanism, tip: Any) -> float:
     """Two leaf springs crossing at 90 degrees."""
     c = L * np.sqrt(0.5)
-    _leaves(scene, tip, [((0, -0.5 * c), (c, 0.5 * c)), ((0, 0.5 * c), (c, -0.5 * c))])
+    add_leaves(scene, tip, [((0, -0.5 * c), (c, 0.5 * c)), ((0, 0.5 * c), (c, -0.5 * c))])
     return 1.2
 
 

@@ -22,6 +22,7 @@ from common import (
     element_mesh,
     figure_grid,
     label_axes,
+    linkage,
     machine,
     parse_options,
     save_picture,
@@ -60,22 +61,16 @@ class Answer:
         return -np.log(self.stiffness) + 20.0 * over
 
 
-def fourbar(x: Sequence[float]) -> ksd.Mechanism:
+def fourbar(x: Sequence[float] | np.ndarray) -> ksd.Mechanism:
     """The fourbar with joints of thickness, angle and widths `x`; the joint centres stay where they are."""
     t, angle, inner, outer = (float(v) for v in x)
     joint = ksd.CrossFlexure(STEEL, length=100 * mm, angle=angle, thickness=t, widths=(inner, outer))
-    scene = ksd.Mechanism("fourbar")
-    left, top, right = scene.links("left", "top", "right")
-    low = -0.5 * joint.length_AB
-    scene.join(scene.ground, left, joint, at=(-0.2, low, 0), axis="z", toward="y")
-    scene.join(left, top, joint, at=(-0.2, low + 0.3, 0), axis="z", toward="y")
-    scene.join(right, top, joint, at=(0.2, low + 0.3, 0), axis="z", toward="y")
-    scene.join(scene.ground, right, joint, at=(0.2, low, 0), axis="z", toward="y")
-    scene.actuate(top, along="x", at=(0, 0.3, 0))
+    scene = linkage([joint] * 4, 0.3, low=-0.5 * joint.length_AB)
+    scene.actuate("top", along="x", at=(0, 0.3, 0))
     return scene
 
 
-def answer(x: Sequence[float], mesh: ksd.Mesh | None = None, **how: Any) -> Answer:
+def answer(x: Sequence[float] | np.ndarray, mesh: ksd.Mesh | None = None, **how: Any) -> Answer:
     """Answers of one design at the end of the stroke."""
     pose = ksd.prepare(fourbar(x), mesh=mesh)(top=STROKE, **how)
     stiffness = pose.stiffness("top", at=(0, 0.3, 0)).support("z")

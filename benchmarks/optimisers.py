@@ -19,32 +19,19 @@ from typing import Any
 
 import numpy as np
 from common import figure_grid, label_axes, machine, parse_options, save_picture, write_json
-from gradients import SIDES, fourbar, pivot
+from gradients import SIDES, fourbar, pivot_job
 from scipy.optimize import minimize
 
 import ksd
 from ksd.design.design_log import DesignLog
 from ksd.design.optimise import optimise_from
 from ksd.design.scaled_problem import ScaledProblem
-from ksd.units import deg, mm
+from ksd.units import mm
 from ksd.view.figure import LINE_COLORS
 
-OPTIMUM = 0.5035665
-"""Optimum of the pivot, from the specification of this job."""
 SAME_VALUE_SHARE = 0.999
 """Fraction of an optimum from which on a value counts as equal to it."""
 COLORS = dict(zip(("gradient", "CMA-ES", "Nelder-Mead"), LINE_COLORS, strict=False))
-
-
-def pivot_job() -> ksd.Job:
-    """Five parameters, three poses."""
-    return ksd.Job(
-        pivot, turn=np.array([0, 15, 30]) * deg, link="arm", at=(0, 0, 0),
-        vary={"length": (40 * mm, 80 * mm), "angle": (31 * deg, 59 * deg), "thickness": (0.2 * mm, 1 * mm),
-              "inner": (10 * mm, 60 * mm), "outer": (4 * mm, 30 * mm)},
-        maximise={"support_worst_N_per_m": 1e6, "support_worst_Nm_per_rad": 300},
-        limits={"stress_MPa": 500, "turn_moment_Nm": (-3, 3)}, rules=[lambda p: 70 * mm - p["inner"] - 2 * p["outer"]],
-    )  # fmt: skip
 
 
 def fourbar_job() -> ksd.Job:
@@ -63,16 +50,13 @@ class Course:
     """Records CPU time [s] and the best objective so far of designs that meet limits and rules."""
 
     def __init__(self) -> None:
-        self.began, self.rows, self.best = time.process_time(), [], -np.inf
+        self.began, self.best = time.process_time(), -np.inf
+        self.rows: list[tuple[float, float]] = []
 
     def __call__(self, merit: float, met: bool) -> None:
         if met and merit > self.best:
             self.best = merit
             self.rows.append((time.process_time() - self.began, merit))
-
-    def until(self, merit: float) -> float:
-        """CPU time [s] until this objective; nan where it was never reached."""
-        return next((t for t, m in self.rows if m >= merit), np.nan)
 
 
 def by_gradients(job: ksd.Job, x: np.ndarray) -> tuple[Course, int, int]:
@@ -147,13 +131,8 @@ def row(way: str, start: int, course: tuple[Course, int, int]) -> dict[str, Any]
         flush=True,
     )
     return {
-        "way": way,
-        "start": start + 1,
-        "merit": told.best,
-        "values": values,
-        "gradients": gradients,
-        "course": told.rows,
-    }
+        "way": way, "start": start + 1, "merit": told.best, "values": values, "gradients": gradients, "course": told.rows,
+    }  # fmt: skip
 
 
 def five_parameters(starts: int, ways: Sequence[str]) -> list[dict[str, Any]]:

@@ -43,9 +43,9 @@ class DefaultShape:
     def __getattr__(self, name: str) -> Any:
         return getattr(self.record, name)
 
-    def contract(self, shape: Any, mesh: Any, **parse_options: Any) -> Any:
+    def contract(self, shape: Any, mesh: Any, **words: Any) -> Any:
         """Functions of the default shape."""
-        return self.record.contract(self.shape, mesh, **parse_options)
+        return self.record.contract(self.shape, mesh, **words)
 
 
 def fem_path(scene: Any, mesh: ksd.Mesh) -> list[ksd.Configuration]:
@@ -67,7 +67,7 @@ def moments(joint: Any, n: int, *, records: Any = None) -> dict[str, list[float]
     return {"fe": (fe / unit).tolist(), "eob": (eob / unit).tolist()}
 
 
-def figure_7(*, meshes: tuple[int, ...] = (2, 4, 6)) -> dict[str, Any]:
+def figure_7(*, meshes: tuple[int, ...]) -> dict[str, Any]:
     """Normalised moment over rotation: the default joint; outer leaf springs four times as wide."""
     default, wide = cross_flexure(), cross_flexure(widths=(40 * mm, WIDTH_FACTOR * 20 * mm))
     found: dict[str, Any] = {
@@ -146,13 +146,10 @@ def under_side_force(n: int, scaled: float) -> dict[str, Any]:
     return found
 
 
-def figure_8(*, n: int = 4, forces: tuple[float, ...] = SCALED_FORCES) -> dict[str, Any]:
+def figure_8(*, forces: tuple[float, ...] = SCALED_FORCES) -> dict[str, Any]:
     """Disturbance force in z on node B, four elements per leaf: lift and moment, reduced and full."""
-    return {
-        "rotation_deg": ANGLES.tolist(),
-        "elements": n,
-        "cases": {f: under_side_force(n, f) for f in forces},
-    }
+    cases = {f: under_side_force(4, f) for f in forces}
+    return {"rotation_deg": ANGLES.tolist(), "elements": 4, "cases": cases}
 
 
 def draw_8(found: dict[str, Any]) -> Any:

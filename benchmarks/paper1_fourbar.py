@@ -8,6 +8,7 @@ step when the residual exceeds eps_max, with the eps_max best for it in each cas
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from common import (
 
 import ksd
 from ksd.solve.conventional import solve_conventional
+from ksd.solve.solver import Method
 from ksd.view.figure import GROUND_COLOR, LEAF_COLOR, LINE_COLORS, ordered_colors
 
 COLORS = {"plain": GROUND_COLOR, "mip": LINE_COLORS[3], "step 3": LINE_COLORS[2], "step 5": LEAF_COLOR}
@@ -43,10 +45,9 @@ def forces(reading: int, n: int, places: np.ndarray) -> dict[str, Any]:
     """Force and rotation of the top link at displacements `places` [m], full and reduced."""
     solver = ksd.prepare(fourbar(reading), mesh=element_mesh(n))
     found: dict[str, Any] = {}
-    for method in ("full", "reduced"):
-        states = [
-            solver(top=d, method=method, **({} if method == "full" else {"estimate": False})) for d in places
-        ]
+    methods: tuple[Method, ...] = ("full", "reduced")
+    for method in methods:
+        states = [solver({"top": d}, method=method, estimate=method == "full") for d in places]
         found[method] = {
             "force_N": [c.forces["top"] for c in states],
             "rotation_rad": [float(c.rotation("top")[2]) for c in states],
@@ -124,7 +125,7 @@ def effort(reading: int, n: int, *, repeats: int) -> dict[str, Any]:
     }
 
 
-def figure_11(*, meshes: tuple[int, ...] = (1, 2, 3, 4, 5, 6), repeats: int = 15) -> dict[str, Any]:
+def figure_11(*, meshes: tuple[int, ...] = (1, 2, 3, 4, 5, 6), repeats: int = 15) -> dict[int, Any]:
     """Iterations, and time per iteration, over the number of elements per leaf.
 
     Time per iteration: time of the step over its factorisations, so that it carries the last assembly, which
@@ -155,7 +156,7 @@ def draw_11(found: dict[str, Any]) -> Any:
         row[0].set_yticks([1, 3, 10, 30, 100], labels=["1", "3", "10", "30", "100"])
         for axes in row:
             axes.set_xticks(meshes)
-        where = {"legend": reading == 1, "ncols": 2, "loc": "upper left"}
+        where: dict[str, Any] = {"legend": reading == 1, "ncols": 2, "loc": "upper left"}
         title = f"reading {reading}: {spoken}"
         label_axes(row[0], x="elements per leaf n", y="iterations", title=title, **where)
         label_axes(
@@ -164,7 +165,7 @@ def draw_11(found: dict[str, Any]) -> Any:
     return figure
 
 
-def attempt(solve: Any) -> ksd.Configuration | None:
+def attempt(solve: Callable[[], Any]) -> Any:
     """The configuration, or None where the solver does not converge."""
     try:
         return solve()
@@ -180,7 +181,7 @@ def under_moment(reading: int, moment: float, n: int, *, repeats: int) -> dict[s
     scene, targets = fourbar(reading, moment=moment), {"top": STROKE}
     solver = ksd.prepare(scene, mesh=element_mesh(n))
     plain = attempt(lambda: PlainNewton(scene, n, targets))
-    ways = {
+    ways: dict[str, Callable[[], Any]] = {
         "step 5": lambda: solver(targets, method="full"),
         "reduced": lambda: solver(targets, method="reduced", estimate=False),
         "mip": lambda: solve_conventional(solver.model, targets, planar=False),

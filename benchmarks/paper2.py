@@ -81,7 +81,7 @@ def beam_modes() -> dict[str, Any]:
     vibration = craig_bampton(K0, [], free, M=mass, internal=2)
     inner = [k for k in free if k < 60]
     bending = craig_bampton(K0, [61, 65], inner)
-    found = {}
+    found: dict[str, Any] = {}
     for name, modes, within in (("figure_1", vibration, free), ("figure_2", bending, free)):
         # figure 2 frees the right node, as eq. 8 says
         derived = modal_derivatives(K, modes, within)
@@ -205,7 +205,7 @@ def mode_figure(modes: dict[str, Any], title: str) -> Any:
     return figure
 
 
-LEGEND_BESIDE = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "fontsize": 9}
+LEGEND_BESIDE: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "fontsize": 9}
 
 
 def shape_figure(state: dict[str, Any], title: str) -> Any:
@@ -242,22 +242,12 @@ def shape_figure(state: dict[str, Any], title: str) -> Any:
     axis.set_aspect("equal")
     axis.margins(y=0.3 if flat else 0.05)
     others = [f"{name}: {value:.4f}{unit}" for name, value in state["stroke"].items() if name not in drawn]
-    label_axes(
-        axis,
-        x="x [mm]",
-        y="y [mm]",
-        title="deformed leaf springs; not drawn:\n" + ",\n".join(others),
-        legend=False,
-    )
+    said = "deformed leaf springs; not drawn:\n" + ",\n".join(others)
+    label_axes(axis, x="x [mm]", y="y [mm]", title=said, legend=False)
     apart.set_yscale("log")
     apart.yaxis.set_major_formatter("{x:g}")
-    label_axes(
-        apart,
-        x="place along the leaf x/L [-]",
-        y="distance [mm]",
-        title="distance from the full model",
-        legend=False,
-    )
+    where, title = "place along the leaf x/L [-]", "distance from the full model"
+    label_axes(apart, x=where, y="distance [mm]", title=title, legend=False)
     figure.legend(fontsize=8, loc="outside lower center", ncols=2, frameon=False)
     return figure
 
@@ -314,12 +304,11 @@ def spacings(*, quick: bool) -> list[dict[str, Any]]:
     for words in (*apart, *centred, {"held": True}):
         CASES["parallel guide"] = (partial(guide, **words), (L, 0.0, 0.0))
         at, order = one_percent("parallel guide", PRINTED)
-        row = {
-            "guide": "shuttle kept from turning"
-            if "held" in words
-            else f"leaves {1e3 * words['spread']:.0f} mm apart{', loaded at half length' if 'level' in words else ''}"
-        }
-        row |= {"stroke": at, "order": order, "early": early_order()}
+        name = "shuttle kept from turning"
+        if "held" not in words:
+            level = ", loaded at half length" if "level" in words else ""
+            name = f"leaves {1e3 * words['spread']:.0f} mm apart{level}"
+        row: dict[str, Any] = {"guide": name, "stroke": at, "order": order, "early": early_order()}
         for elements in (10,) if quick else (10, 160):
             m = basis_errors(
                 "parallel guide", LARGE_LOADS["parallel guide"], replace(DEFAULT, elements=elements)
@@ -442,10 +431,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Run, write, return the numbers."""
     chosen = parse_options(__doc__, argv)
     found = {"machine": machine(), **figures()}
-    found["acceptance"], found["variants"] = (
-        acceptance(quick=chosen.quick),
-        variant_errors(quick=chosen.quick),
-    )
+    found["acceptance"] = acceptance(quick=chosen.quick)
+    found["variants"] = variant_errors(quick=chosen.quick)
     for case in CASES:
         found["acceptance"] += errors_around(case)
     found["space"] = in_space()

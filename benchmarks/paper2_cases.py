@@ -33,7 +33,8 @@ DEFAULT = ModalBasis(plane=True)
 """Director coordinates, chord frame, 2 internal modes: 19 unknowns in the plane of a leaf."""
 
 
-def _leaves(scene: ksd.Mechanism, link: Any, ends: list[tuple[tuple, tuple]]) -> None:
+def add_leaves(scene: ksd.Mechanism, link: Any, ends: list[tuple[tuple, tuple]]) -> None:
+    """Leaf springs from ground to a link, each between two points (x, y) [m]."""
     for k, (start, end) in enumerate(ends):
         scene.leaf(
             scene.ground, link, start=(*start, 0.0), end=(*end, 0.0), section=rectangle(T, W), material=STEEL,
@@ -45,7 +46,7 @@ def cantilever(load: float) -> ksd.Mechanism:
     """A leaf with a dead transverse tip load [EI/L^2]; stroke: deflection over L."""
     scene = ksd.Mechanism("cantilever")
     tip = scene.link("tip")
-    _leaves(scene, tip, [((0, 0), (L, 0))])
+    add_leaves(scene, tip, [((0, 0), (L, 0))])
     scene.load(tip, force=(0, load * EI / L**2, 0), at=(L, 0, 0))
     return scene
 
@@ -59,7 +60,7 @@ def guide(
     """
     scene = ksd.Mechanism("parallel guide")
     tip = scene.link("tip")
-    _leaves(scene, tip, [((0, y), (L, y)) for y in (-0.5 * spread, 0.5 * spread)])
+    add_leaves(scene, tip, [((0, y), (L, y)) for y in (-0.5 * spread, 0.5 * spread)])
     if held:
         scene.support(tip, about="z")
     scene.load(tip, force=(0, load * EI / L**2, 0), at=(level * L, 0, 0))
@@ -70,7 +71,7 @@ def cross(load: float) -> ksd.Mechanism:
     """Two leaf springs crossing at 90 degrees under a moment [EI/L]; stroke: rotation in degrees."""
     scene = ksd.Mechanism("cross flexure")
     tip, c = scene.link("tip"), L * np.sqrt(0.5)
-    _leaves(scene, tip, [((0, -0.5 * c), (c, 0.5 * c)), ((0, 0.5 * c), (c, -0.5 * c))])
+    add_leaves(scene, tip, [((0, -0.5 * c), (c, 0.5 * c)), ((0, 0.5 * c), (c, -0.5 * c))])
     scene.load(tip, moment=(0, 0, load * EI / L))
     return scene
 
@@ -117,8 +118,6 @@ def basis_errors(case: str, load: float, basis: ModalBasis) -> dict[str, float]:
         "stroke_error": stroke(b) / stroke(a) - 1.0,
         "support_error": support_compliance(b, at) / support_compliance(a, at) - 1.0,
         "unknowns": float(max(b.unknowns for b in reduced.bodies.values())),
-        "iterations": float(b.iterations),
-        "full_iterations": float(a.iterations),
     }
 
 

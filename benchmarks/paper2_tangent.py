@@ -161,6 +161,3 @@ def space_table(rows: list[dict[str, Any]]) -> list[str]:
         errors = " | ".join(f"{100 * r[k]:.2g} %" for k in ("moment", "support", "frequency"))
         said.append(f"| {r['angle']:g} | {r['way']} | {errors} | {r['Hz']:.1f} |")
     return said
-
-
-__all__ = ["CASES", "errors_around", "in_space", "space_acceptance", "space_table"]

@@ -1,9 +1,9 @@
 """Everything that may not go wrong in silence, one script after the other; what each counts goes to results/robust.md.
 
-    python benchmarks/robust.py [arms estimates files kills trust use]
+    python benchmarks/robust.py [arms estimates files kills trust]
 
 arms: open chains of joints against differences and pivoting; estimates: error figures against the truth; files: damage;
-kills: bit flips and training killed at random moments; trust: scenes no flexure has, taut leaves; use: memory, threads.
+kills: bit flips and training killed at random moments; trust: scenes no flexure has, taut leaves.
 Only a run of all parts is written.
 """
 

@@ -14,8 +14,9 @@ import resource
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -57,7 +58,7 @@ def damages(content: bytes, rng: np.random.Generator) -> Iterator[bytes]:
             yield bytes(altered)
 
 
-def kinds(folder: Path) -> dict:
+def kinds(folder: Path) -> dict[str, tuple[Path, Callable[[Path], Any]]]:
     """Every kind of file: path and reader."""
     record = folder / "filleted_notch.h5"
     record.write_bytes((shipped_folder() / record.name).read_bytes())
@@ -97,7 +98,8 @@ def main() -> int:
     with tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as name:
         every = kinds(Path(name))
         for kind, (path, read) in every.items():
-            content, told = path.read_bytes(), Counter()
+            content = path.read_bytes()
+            told: Counter[str] = Counter()
             read(path)
             for _, damaged in zip(range(-(-asked.files // len(every))), damages(content, rng), strict=False):
                 path.write_bytes(damaged)

@@ -19,6 +19,7 @@ from scipy.integrate import solve_bvp
 
 import ksd
 from ksd.errors import KsdError
+from ksd.solve.conventional import solve_conventional
 
 E, NU = 200e9, 0.3
 ACCURACY = 1e-3
@@ -76,7 +77,7 @@ def check_taut(count: int, rng: np.random.Generator) -> int:
     silent, worst, told = 0, 0.0, 0
     for _ in range(count):
         slenderness, way = 10 ** rng.uniform(1.3, 2.5), 10 ** rng.uniform(-1.7, -0.5)
-        solution = None
+        solution: Any = None
         for share in np.linspace(0.25, 1.0, 4):
             solution = rod(slenderness, share * way, solution)
         right = 0.01 * solution.p[1] * E * 0.1 / slenderness * 0.02
@@ -119,8 +120,6 @@ def check_units(count: int, rng: np.random.Generator) -> int:
 
 def check_residuals(count: int, rng: np.random.Generator) -> int:
     """Residuals beyond their bound beside "within its bound", and forces changed by one more Newton step."""
-    from ksd.solve.conventional import solve_conventional
-
     wrong, solved, most = 0, 0, 0.0
     for _ in range(count):
         slenderness, way = 10 ** rng.uniform(1.3, 3.2), 10 ** rng.uniform(-3.0, -0.5)

@@ -107,6 +107,7 @@ def with_samples(model: Model, states: Sequence[State], *, tolerance: float = 1e
     tolerance: of the norm of all of them, each scaled by its own size. Raises SceneError without states, or where the
     tolerance cannot be met.
     """
+    assert model.full is not None
     bodies = {}
     for name, body in model.bodies.items():
         i = model.member_names.index(name)

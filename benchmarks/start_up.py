@@ -55,18 +55,16 @@ def first_solution(program: str, cache: str | None = None) -> dict[str, Any]:
     return {"prepared_s": ready, "solved_s": solved, "cpu_s": used, "message": "compiling" in done.stderr}
 
 
-def start_up(*, repeats: int = 3, cold: bool = True) -> dict[str, Any]:
+def start_up() -> dict[str, Any]:
     """Medians for a warm cache, and one run with an empty one."""
     found: dict[str, Any] = {}
     for name, program in CASES.items():
         first_solution(program)
-        runs = [first_solution(program) for _ in range(repeats)]
+        runs = [first_solution(program) for _ in range(3)]
         found[name] = {
             key: statistics.median(r[key] for r in runs) for key in ("prepared_s", "solved_s", "cpu_s")
         }
-    if cold:
+    for name, program in (("empty cache", CASES["full, strain-mode"]), ("empty cache, demo", DEMO)):
         with tempfile.TemporaryDirectory() as empty:
-            found["empty cache"] = first_solution(CASES["full, strain-mode"], empty)
-        with tempfile.TemporaryDirectory() as empty:
-            found["empty cache, demo"] = first_solution(DEMO, empty)
+            found[name] = first_solution(program, empty)
     return found

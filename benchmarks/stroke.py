@@ -9,6 +9,7 @@ Run: python benchmarks/stroke.py
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,15 +18,8 @@ from common import REFERENCE_MESH, STROKE, fourbar, machine, parse_options, time
 import ksd
 
 QUESTIONS = (
-    "force",
-    "drive_stiffness",
-    "support_stiffness",
-    "frequencies",
-    "stress",
-    "parasitic",
-    "energy",
-    "buckling",
-)
+    "force", "drive_stiffness", "support_stiffness", "frequencies", "stress", "parasitic", "energy", "buckling",
+)  # fmt: skip
 TARGETS = {"reduced": 0.3, "full": 1.5}
 """Seconds of thread time, see above."""
 COMPARED_COLUMNS = ("top_force_N", "support_z_N_per_m", "first_parasitic_Hz", "stress_MPa")
@@ -51,12 +45,12 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Measure, print, write stroke.json; returns what was found."""
     asked = parse_options(__doc__, argv)
     poses, repeats = (5, 1) if asked.quick else (31, 7)
-    ways = {
+    ways: dict[str, tuple[str, tuple[str, ...]]] = {
         f"{method}{' and buckling' if 'buckling' in questions else ''}": (method, questions)
         for method in TARGETS
         for questions in (QUESTIONS[:-1], QUESTIONS)
     }
-    calls = {name: (lambda m=m, q=q: stroke(poses, q, method=m)) for name, (m, q) in ways.items()}
+    calls = {name: partial(stroke, poses, questions, method=m) for name, (m, questions) in ways.items()}
     times = time_in_turns(calls, repeats=repeats, warm=1)
     exact = stroke(poses, QUESTIONS[:-1], method="conventional", mesh=REFERENCE_MESH)
     rows = []

@@ -93,7 +93,8 @@ def main() -> int:
     words.add_argument("--scenes", type=int, default=300)
     words.add_argument("--seed", type=int, default=0)
     options = words.parse_args()
-    found, costs, number, unclosed = [], [], 0, 0
+    found: list[tuple[float, float, int]] = []
+    costs, number, unclosed = [], 0, 0
     for number, (scene, targets, rng) in enumerate(
         scenes(options.seed, (*JOINTED, frame, random_stage, random_stage, random_stage))
     ):

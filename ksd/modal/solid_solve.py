@@ -1,39 +1,15 @@
-"""Equilibrium of a meshed solid under a load on face B, and the solid condensed to that face.
+"""A meshed solid in equilibrium under a load on face B, and condensed to that face.
 
 Face A is fixed; face B is rigid, its pose (shift, rotation) is unknown, and a dead force and moment act on its middle.
 """
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
 
-from ksd.errors import ConvergenceError
 from ksd.modal.solid import Solid
-
-MAX_ITERATIONS = 40
-"""Newton steps per load step."""
-
-
-@dataclass(frozen=True)
-class LoadedFace:
-    """Equilibrium of face B under load.
-
-    shift (3,) [m], rotation R (3, 3), stiffness (6, 6) about the middle of the face with the inner degrees of freedom
-    condensed (rows out of the plane zero in 2D), Newton iterations, thread time [s] of one iteration, and the displacements
-    `state` (size,) [m].
-    """
-
-    shift: np.ndarray
-    R: np.ndarray
-    stiffness: np.ndarray
-    iterations: int
-    time: float
-    state: np.ndarray
 
 
 class FullSolid:
@@ -121,21 +97,3 @@ class FullSolid:
         self.face_wrench[self.free] = (T.T @ f[face])[self.free]
         self.wrench[self.free] = (T.T @ f[face] - Kib.T @ X[:, 6])[self.free]
         return float(np.abs(f[inner]).max()), X, float(np.abs(f).max())
-
-
-def load_face(solid: Solid, force: np.ndarray, moment: np.ndarray, *, steps: int = 4) -> LoadedFace:
-    """Equilibrium under `force` (3,) [N] and `moment` (3,) [Nm] on face B, in load steps. Raises ConvergenceError."""
-    full = FullSolid(solid, np.zeros(solid.dof_count), np.zeros(3), np.eye(3))
-    count, spent, wrench = 0, 0.0, np.concatenate([force, moment])
-    for k in range(1, steps + 1):
-        for _ in range(MAX_ITERATIONS):
-            clock = time.thread_time()
-            at_rest = full.step(k / steps * wrench)
-            count, spent = count + 1, spent + time.thread_time() - clock
-            if at_rest:
-                break
-        else:
-            raise ConvergenceError(
-                f"the solid did not come to rest within {MAX_ITERATIONS} iterations at {100 * k / steps:.3g} %"
-            )
-    return LoadedFace(full.shift, full.R, full.stiffness, count, spent / count, full.u)

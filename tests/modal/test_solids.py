@@ -1,7 +1,7 @@
 """Reduced solids: tensors against scikit-fem, finite rotations, the full model beside them, and use in a mechanism."""
 
+import sys
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,6 @@ import ksd
 from ksd.beam.polynomial_solid import quartic
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import reduce_solid, with_solids
-from ksd.modal.solid_solve import load_face
 from ksd.modal.symmetry import mirror_planes, split_by_parity
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
@@ -20,17 +19,12 @@ from ksd.solve.conventional import solve_conventional
 from ksd.solve.full_bodies import error_indicator
 from ksd.solve.validity import validity
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
+from reduced_solids import load_face, press_reduced
+
 STEEL = ksd.Material(E=200e9, G=76.9e9, density=7800)
 LENGTH, THICK, WIDTH = 0.1, 0.01, 0.02
 EI = STEEL.E * WIDTH * THICK**3 / 12
-
-
-@pytest.fixture(scope="module")
-def press_reduced():
-    patch = pytest.MonkeyPatch()
-    patch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "benchmarks"))
-    yield import_module("reduced_solids").press_reduced
-    patch.undo()
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +70,7 @@ def test_tensors_are_the_energy(which, request):
     assert np.tril(G) == pytest.approx(np.tril(tangent), abs=1e-9 * np.abs(tangent).max())
 
 
-def test_products_that_do_not_meet_are_kept_apart(press_reduced, spatial, reduced, monkeypatch):
+def test_products_that_do_not_meet_are_kept_apart(spatial, reduced, monkeypatch):
     """Half of the largest tensor is left with one plane of symmetry; without it the same energy stands in one family."""
     assert len(mirror_planes(spatial)) == 2
     assert len(mirror_planes(replace(spatial, position=spatial.position + np.array([0.0, 1e-4, 0.0])))) == 1
@@ -91,7 +85,7 @@ def test_products_that_do_not_meet_are_kept_apart(press_reduced, spatial, reduce
     assert fast.stiffness == pytest.approx(slow.stiffness, abs=1e-6 * np.abs(slow.stiffness).max())
 
 
-def test_a_square_rod_keeps_its_planes(press_reduced):
+def test_a_square_rod_keeps_its_planes():
     """Two bending modes of one frequency: made even and odd, whatever mixture the eigenvalues come with."""
     rod = block(STEEL, LENGTH, THICK, width=THICK, cells=(3, 1, 1))
     body = reduce_solid(rod, internal=2, order=1)
@@ -114,7 +108,7 @@ def test_small_load_is_beam_theory(flat):
 
 
 @pytest.mark.parametrize("frame", ["chord", "node"])
-def test_reduced_beside_full(press_reduced, flat, frame):
+def test_reduced_beside_full(flat, frame):
     """0.2 L: tip within 0.01 % in the chord frame, within 0.1 % in the node frame; axial compliance at that stroke."""
     body = reduce_solid(flat, frame=frame)
     force = np.array([0.0, 0.63 * EI / LENGTH**2, 0.0])
@@ -128,7 +122,7 @@ def test_reduced_beside_full(press_reduced, flat, frame):
     assert b == pytest.approx(a, abs=(3e-4 if frame == "chord" else 3e-3) * np.abs(a).max())
 
 
-def test_without_derivatives_it_is_too_stiff(press_reduced, flat):
+def test_without_derivatives_it_is_too_stiff(flat):
     """The linear modes alone."""
     force = np.array([0.0, 0.3 * EI / LENGTH**2, 0.0])
     full = load_face(flat, force, np.zeros(3))
@@ -139,7 +133,7 @@ def test_without_derivatives_it_is_too_stiff(press_reduced, flat):
 
 
 @pytest.mark.parametrize("frame", ["chord", "node"])
-def test_the_error_told_is_the_true_one(press_reduced, flat, frame):
+def test_the_error_told_is_the_true_one(flat, frame):
     """From a hundred thousandth to a fifth, by basis and load."""
     errors = []
     for words in ({}, {"order": 1}):
@@ -177,7 +171,7 @@ def leaf_scene(load):
     return scene
 
 
-def test_a_solid_in_a_mechanism(press_reduced, spatial):
+def test_a_solid_in_a_mechanism(spatial):
     """A 3D solid where a leaf was, turned by 90 degrees: the same as pressed alone; out of plane it is stiff, not loose."""
     body = reduce_solid(spatial, internal=0)
     load = 0.3 * EI / LENGTH**2

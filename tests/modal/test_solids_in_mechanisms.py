@@ -1,6 +1,8 @@
 """Mechanisms with reduced solids judge themselves: error of forces and poses, range, refusal, questions."""
 
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,10 +11,12 @@ import ksd
 from ksd.modal import with_modal_bodies
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import reduce_solid, with_solids
-from ksd.modal.solid_solve import load_face
 from ksd.section import rectangle
 from ksd.solve.conventional import solve_conventional
 from ksd.solve.validity import most_bent_body
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
+from reduced_solids import load_face
 
 STEEL = ksd.Material(E=200e9, G=76.9e9, density=7800)
 LENGTH, THICK, WIDTH = 0.1, 0.01, 0.02
