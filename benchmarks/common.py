@@ -14,7 +14,7 @@ import math
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from ksd.files import write_file
 from ksd.model.mesh import Mesh
 from ksd.solve.conventional import solve_conventional
 from ksd.solve.storage import NewtonStorage
+from ksd.units import deg, mm
 from ksd.view.figure import new_figure, plain_axes
 
 RESULTS = Path(__file__).resolve().parent / "results"
@@ -41,7 +42,8 @@ READINGS = {1: "H between joint centres", 2: "H is the side link"}
 
 def cross_flexure(**changes: Any) -> ksd.CrossFlexure:
     """The joint of paper 1, Table 1, with changes."""
-    return replace(suite.cross_flexure(), **changes)
+    sizes = {"length": 100 * mm, "angle": 45 * deg, "thickness": 1 * mm, "widths": (40 * mm, 20 * mm)}
+    return ksd.CrossFlexure(**{"material": STEEL, **sizes, **changes})
 
 
 def bending_stiffness(joint: ksd.CrossFlexure) -> float:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from rich import box
 from rich.table import Table
+from rich.text import Text
 
 from ksd.bench.suite import REFERENCE_MESH, Case, Variant, case_variants
 from ksd.errors import ConvergenceError, KsdError
@@ -299,11 +300,19 @@ def _without_nan(value: Any) -> Any:
 def table(measured: CaseResult) -> Any:
     """A rich table of one case: * marks the Pareto front of time and any error, ! an unstable state."""
     marked = {id(r) for key in ERROR_LABELS for r in pareto_rows(measured.rows, key)}
-    grid = Table(box=box.SIMPLE_HEAD, title=measured.case, title_justify="left", pad_edge=False)
-    for i, name in enumerate(
-        ("method", "leaves", "it.", "call [us]", "steps [us]", "force", "displ.", "stiffness")
-    ):
-        grid.add_column(name, justify="left" if i < 2 else "right", no_wrap=True)
+    grid = Table(box=box.SIMPLE_HEAD, title=measured.case, title_justify="left", padding=(0, 1, 0, 0))
+    heads = (
+        "method",
+        "leaves",
+        "it.",
+        "call\n[us]",
+        "steps\n[us]",
+        "force\n[%]",
+        "displ.\n[%]",
+        "stiffness\n[%]",
+    )
+    for i, name in enumerate(heads):
+        grid.add_column(Text(name), justify="left" if i < 2 else "right", no_wrap=True)
     before = measured.rows[0]
     for r in measured.rows:
         if r.leaves != before.leaves:
@@ -314,7 +323,7 @@ def table(measured: CaseResult) -> Any:
             continue
         name = r.method + " *" * (id(r) in marked) + " !" * (not r.stable)
         numbers = (str(r.iterations), f"{r.call[1]:.0f}", f"{r.steps[1]:.0f}")
-        grid.add_row(name, r.leaves, *numbers, *(f"{percent(getattr(r, key))} %" for key in ERROR_LABELS))
+        grid.add_row(name, r.leaves, *numbers, *(percent(getattr(r, key)) for key in ERROR_LABELS))
     return grid
 
 

@@ -18,6 +18,7 @@ from ksd.bench.measure import (
 )
 from ksd.cli import main
 from ksd.model.compile import compile_scene
+from ksd.properties.printing import render_text
 
 
 def row(method, call, force, stiffness=0.0, stable=True):
@@ -84,6 +85,11 @@ def test_numbers_are_strict_json_and_every_row_is_in_the_table(fourbar):
     assert json.loads(text)["cases"][fourbar.case]["rows"][0]["method"] == "kinematic"
     assert table(fourbar).row_count == len(fourbar.rows)
     assert any("plain Newton" in line for line in summary(fourbar))
+
+
+def test_the_table_of_a_file_or_pipe_is_not_cut(fourbar):
+    text = str(render_text(table(fourbar)))
+    assert "\N{HORIZONTAL ELLIPSIS}" not in text and "conventional, planar" in text
 
 
 def test_command(tmp_path, capsys):
