@@ -96,13 +96,15 @@ def _wait_for_parent() -> None:
 
 
 @contextmanager
-def process_pool(context: SpawnContext) -> Iterator[ProcessPoolExecutor]:
-    """A pool with one process per core.
+def process_pool(context: SpawnContext, workers: int | None = None) -> Iterator[ProcessPoolExecutor]:
+    """A pool of `workers` processes, one per core when None.
 
     On an exception (Ctrl-C) the processes are terminated at once, as the interpreter would wait for their tasks at its exit.
     """
     others = active_children()
-    pool = ProcessPoolExecutor(os.cpu_count() or 1, mp_context=context, initializer=end_with_parent)
+    pool = ProcessPoolExecutor(
+        workers or os.cpu_count() or 1, mp_context=context, initializer=end_with_parent
+    )
     try:
         yield pool
     except BaseException:

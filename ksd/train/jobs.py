@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import io
 import shutil
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -17,7 +18,7 @@ import numpy as np
 from ksd.errors import KsdError, RecordError, SceneError
 from ksd.files import read_file, write_file
 from ksd.library.record_files import make_parent_folder
-from ksd.numerics.processes import end_with_parent, spawn_context
+from ksd.numerics.processes import process_pool, spawn_context
 from ksd.properties.printing import progress_bar
 from ksd.scene import DrawnJoint
 from ksd.scene.scene import fingerprint
@@ -67,6 +68,7 @@ class Jobs:
         self.folder, self.resume = folder, resume
         self._given = executor
         self._pool: Executor | None = None
+        self._closing = ExitStack()
         self._bar = progress_bar(progress)
         self._task = self._bar.add_task(title, total=0)
         self._made: set[Path] = set()
@@ -79,8 +81,9 @@ class Jobs:
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self._bar.stop()
-        if self._pool is not None:
+        if isinstance(self._pool, ThreadPoolExecutor):
             self._pool.shutdown(wait=kind is None, cancel_futures=True)
+        self._closing.__exit__(kind, error, trace)
 
     def _add_to_total(self, count: int) -> None:
         """Add `count` jobs to the progress bar."""
@@ -143,7 +146,7 @@ class Jobs:
             # spawned, not forked: compiled kernels and threads are not safe across a fork
             context = spawn_context(job)
             if context is not None:
-                self._pool = ProcessPoolExecutor(WORKERS, mp_context=context, initializer=end_with_parent)
+                self._pool = self._closing.enter_context(process_pool(context, WORKERS))
             else:
                 self._pool = ThreadPoolExecutor(WORKERS)
         return self._pool

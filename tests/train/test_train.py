@@ -8,6 +8,7 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from multiprocessing import active_children
 from pathlib import Path
 
 import numpy as np
@@ -236,6 +237,22 @@ def test_ctrl_c_in_a_process_run_keeps_finished_shapes(tmp_path):
     assert process.wait(timeout=60) != 0
     assert b"KeyboardInterrupt" in process.stderr.read()
     assert len(list(folder.glob("*.npz"))) >= 5 and not (tmp_path / "cross_flexure.h5").exists()
+
+
+def test_interrupted_training_ends_its_processes(tmp_path):
+    """The interpreter would wait for their tasks at its exit."""
+    before = active_children()
+    options = {"executor": None, "resume": True, "progress": False, "title": "train"}
+    with pytest.raises(KeyboardInterrupt), jobs_module.Jobs(tmp_path / "kept", **options) as jobs:
+        pool = jobs._executor(jobs_module.Job(cross(), None))
+        assert pool.submit(abs, -1).result() == 1
+        own = [child for child in active_children() if child not in before]
+        for _ in own:
+            pool.submit(time.sleep, 120)
+        raise KeyboardInterrupt
+    for child in own:
+        child.join(60)
+    assert own and not any(child.is_alive() for child in own)
 
 
 def test_a_single_joint_trains_as_drawn(tmp_path, threads):
