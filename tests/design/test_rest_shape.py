@@ -14,6 +14,9 @@ from numpy.polynomial import Polynomial
 from planar_scenes import FINE, SOFT, indexer, rod, slider
 
 import ksd
+from ksd.design.rest_leaf import plane_axes
+from ksd.design.rest_shape import RestShapeProblem
+from ksd.model.leaves import cut_leaves
 
 STEEL = ksd.Material(E=200e9, nu=0.3, density=7800.0)
 
@@ -239,6 +242,23 @@ def test_weight_stretch_and_shear(profile):
     same_leaves(back, bent, rel=1e-6 if profile else 1e-7)
 
 
+def test_derivatives_of_the_equations_are_differences(rng):
+    """Also those by the load fraction, which is a factor of weight too."""
+    scene = cantilever((40, 3, 0), section=ksd.rectangle(0.5e-3, 10e-3), material=STEEL)
+    scene.mass("tip", mass=0.05, at=(0.1, 0.01, 0))
+    scene.gravity = (5, -9.81, 0)
+    frozen = scene.scene()
+    problem = RestShapeProblem(frozen, cut_leaves(frozen), plane_axes("xy"), {}, (), {}, FINE)
+    equations = problem.equations
+    y, fraction = 0.3 * rng.normal(size=len(equations.scales)), 0.7
+    F, J = equations.evaluate(y, fraction)
+    for k in range(len(y) + 1):
+        step = 1e-6 * (np.arange(len(y) + 1) == k)
+        ahead, behind = (equations.evaluate(y + s * step[:-1], fraction + s * step[-1])[0] for s in (1, -1))
+        assert J[:, k] == pytest.approx((ahead - behind) / 2e-6, abs=1e-6 * np.abs(J).max())
+    assert np.abs(J[:, -1]).max() > 0.0 and J.shape == (len(F), len(F) + 1)
+
+
 def test_points_and_following_loads():
     """A load at a point of a leaf, and one that turns with its link; the rest scene keeps both, and returns."""
     scene = cantilever((0, 2, 0))
@@ -294,7 +314,13 @@ def test_a_rest_shape_is_a_scene():
     assert isinstance(found, ksd.Scene) and isinstance(found.leaves[0].leaf.curve, ksd.FreeCurve)
     assert repr(found).startswith("<RestShape: of 'cantilever', solved forward it comes back")
     text = str(found)
-    assert "length [mm]" in text and "M start [Nm]" in text and "leaf" in text
+    assert "length [mm]" in text and "M start [Nm]" in text
+    leaf, row = (
+        found.leaves[0].leaf,
+        next(line for line in text.splitlines() if line.startswith(" leaf  ") and "[" not in line),
+    )
+    sizes = (1e3 * leaf.length, 1e3 * math.dist(leaf.start, leaf.end), *found.leaf_forces["leaf"])
+    assert [float(word) for word in row.split()[1:]] == pytest.approx(sizes, rel=1e-4, abs=1e-9)
     assert ksd.solve(found).trusted and ksd.solve(replace(found, name="other")).trusted
     assert "not solved forward" in ksd.rest_shape(cantilever(), check=False).checked
 

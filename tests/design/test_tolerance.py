@@ -50,6 +50,29 @@ def test_limits_alone_are_enough_and_say_the_same_as_beside_a_target():
     assert "No job has an optimum" in str(chosen) and "Best" not in str(chosen)
 
 
+def test_so_many_standard_deviations_lead_to_the_limit_or_to_the_worst_target(made):
+    """A value moved by them lies on its nearest limit; a target moved by them is as bad as the worst."""
+    one, kinds = job(turn=[0.5235987755982988]), set()
+    for k, (answer, far) in enumerate(zip(one.answers, made.sds_to_limit, strict=True)):
+        if not np.isfinite(far):
+            assert made.first_order[k] == 0.0
+            continue
+        moved = made.nominal[k] + far * made.first_order[k] * np.array([1, -1])
+        if answer.role == "limit":
+            left = [np.abs(answer.margins(v)).min() for v in moved]
+        else:
+            left = [abs(answer.merit(v) - one.merit(made.nominal)) for v in moved]
+        assert min(left) == pytest.approx(0.0, abs=1e-9)
+        kinds.add((answer.role, np.isfinite(answer.low), far > 0.0))
+    # limits on one side and on both, the worst target and others
+    assert kinds == {
+        ("limit", False, True),
+        ("limit", True, True),
+        ("maximise", False, True),
+        ("maximise", False, False),
+    }
+
+
 def test_standard_deviations_are_those_of_slopes(made):
     one = job(turn=[0.5235987755982988])
     x = one.point(BEST)
