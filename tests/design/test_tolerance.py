@@ -50,15 +50,19 @@ def test_limits_alone_are_enough_and_say_the_same_as_beside_a_target():
     assert "No job has an optimum" in str(chosen) and "Best" not in str(chosen)
 
 
-def test_so_many_standard_deviations_lead_to_the_limit_or_to_the_worst_target(made):
+def test_so_many_standard_deviations_lead_to_the_limit_or_to_the_worst_target():
     """A value moved by them lies on its nearest limit; a target moved by them is as bad as the worst."""
-    one, kinds = job(turn=[0.5235987755982988]), set()
+    one, kinds = job(turn=[0.5235987755982988], limits={"stress_MPa": 500, "turn_moment_Nm": (1.5, 3)}), set()
+    made = ksd.tolerance(one, BEST, spread=SPREAD, samples=2)
     for k, (answer, far) in enumerate(zip(one.answers, made.sds_to_limit, strict=True)):
         if not np.isfinite(far):
             assert made.first_order[k] == 0.0
             continue
-        moved = made.nominal[k] + far * made.first_order[k] * np.array([1, -1])
+        gap = far * made.first_order[k] * np.array([1, -1])
+        moved = made.nominal[k] + gap
         if answer.role == "limit":
+            # and none is nearer
+            assert all(min(answer.margins(v)) > 0.0 for v in made.nominal[k] + 0.99 * gap)
             left = [np.abs(answer.margins(v)).min() for v in moved]
         else:
             left = [abs(answer.merit(v) - one.merit(made.nominal)) for v in moved]

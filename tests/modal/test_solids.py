@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 import ksd
 from ksd.beam.polynomial_solid import quartic
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import reduce_solid, with_solids
+from ksd.modal.solid_solve import FullSolid
 from ksd.modal.symmetry import mirror_planes, split_by_parity
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
@@ -227,3 +229,28 @@ def test_the_unit_of_length_changes_nothing_in_a_basis():
     ]
     assert len({b.unknowns for b in made}) == 1
     assert [b.condition for b in made[1:]] == pytest.approx([made[0].condition] * 2, rel=1e-6)
+
+
+def test_a_square_solid_bends_about_both_axes_alike():
+    """With y and z exchanged its basis spans the same displacements."""
+    solid = block(STEEL, LENGTH, THICK, width=THICK, cells=(3, 1, 1))
+    reduced = reduce_solid(solid, internal=0, order=2)
+    columns = np.hstack([reduced.patterns, reduced.inner])
+    points = np.column_stack([solid.position, 10 * LENGTH * solid.component])
+    other = np.column_stack(
+        [solid.position[:, [0, 2, 1]], 10 * LENGTH * np.array([0, 2, 1])[solid.component]]
+    )
+    distance, image = cKDTree(points).query(other)
+    assert distance.max() < 1e-9
+    columns = columns / np.linalg.norm(columns, axis=0)
+    left = columns[image] - columns @ np.linalg.lstsq(columns, columns[image], rcond=None)[0]
+    assert np.abs(left).max() < 1e-7
+
+
+@pytest.mark.parametrize("which", ["flat", "spatial"])
+def test_displacements_on_a_finer_mesh_are_interpolated(which, request, rng):
+    solid = request.getfixturevalue(which)
+    fine, slope = solid.refine(2.0), rng.normal(size=(solid.position.shape[1],) * 2)
+    one, other = (np.einsum("ki,ki->k", slope[s.component], s.position) for s in (solid, fine))
+    found = FullSolid(solid, one, np.zeros(3), np.eye(3)).on_mesh(fine)
+    assert len(other) > 2 * len(one) and found.u == pytest.approx(other, abs=1e-12)
