@@ -1,11 +1,14 @@
 """Load steps that converge onto another branch are caught: walked again in smaller steps, then by arc length."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
-from scenes import STEEL, cross_flexure
+from scenes import STEEL, cross_flexure, fourbar
 
 import ksd
+from ksd.model.compile import compile_scene
 from ksd.solve import branch_check
 from ksd.solve.conventional import solve_conventional
 
@@ -66,3 +69,24 @@ def test_a_path_of_many_turns_is_said_by_its_first():
         branch_check.LoadStepResult(driven, "", None, ("why",)), lambda: path
     )
     assert doubts == ("why; the path from its start has a limit point at 50 % of the way, and 2 more",)
+
+
+@pytest.mark.parametrize("pull", ["loads", "weight"])
+def test_the_secant_work_becomes_strain_energy(pull):
+    """Clapeyron's theorem, at small displacements: half of forces and moments times their motions, of drives and loads."""
+    scene = fourbar()
+    if pull == "loads":
+        scene.load("left", force=(3.0, -2.0, 1.0), moment=(0.2, -0.1, 0.1), at=(-0.1, 0.25, 0.03))
+        scene.load("top", force=(-1.0, 0.5, 0.3), at=(0.1, 0.4, 0.02))
+    else:
+        scene.gravity = (30.0, -9.81, 0.0)
+    free = replace(scene.scene(), drives=())
+    pose = solve_conventional(compile_scene(free, effects="all"), {})
+    driving, loading = branch_check.secant_work(pose.model, pose.motion, np.zeros(0))
+    energy = sum(pose.strain_energy().values())
+    assert driving == 0.0 < energy
+    # of weight, the centre of a leaf moves only about like the mean of its ends
+    assert loading == pytest.approx(energy, rel=2e-2 if pull == "loads" else 0.1)
+    held = solve_conventional(compile_scene(fourbar()), {"top": 1e-3})
+    driving, loading = branch_check.secant_work(held.model, held.motion, np.array([1e-3]))
+    assert loading == 0.0 and driving == pytest.approx(sum(held.strain_energy().values()), rel=1e-3)
