@@ -25,7 +25,7 @@ def guide(shift=None):
 
 
 found = ksd.doctor(guide())
-redundant = len(found.fights)
+redundant = len(found.redundant)
 estimated = ksd.solve(guide(), d=0.0).internal_stress(offset=off)
 across = estimated.stress_Pa["guide/low", "sideways"]
 misplaced = ksd.solve(guide((0, 0, off)), d=0.0)
@@ -37,7 +37,7 @@ def picture(path=None):
     return misplaced.plot(path, color="stress")
 
 
-print(f"{redundant} redundant constraint: {found.fights[0].what}")
+print(f"{redundant} redundant constraint: {found.redundant[0].what}")
 print(f"10 um along the width: {across / MPa:.3f} MPa estimated, {solved / MPa:.3f} MPa solved")
 print(f"worst, of 10 um and 0.1 mrad: {' '.join(estimated.worst)}, {estimated.largest_Pa / MPa:.3f} MPa")
 

@@ -110,7 +110,7 @@ def mentioned_effects(scene: Any, mesh: Mesh) -> dict[str, str]:
     if following:
         reasons["following"] = f"a load of {_listed(following)} turns with its link"
     if scene.compliances:
-        reasons["compliance"] = f"{_listed([c.link for c in scene.compliances])} said to be elastic"
+        reasons["compliance"] = f"{_listed([c.link for c in scene.compliances])} elastic"
     if scene.springs:
         reasons["springs"] = _listed([s.name for s in scene.springs])
     if scene.heats:
@@ -158,7 +158,7 @@ def choose_effects(
     reasons = mentioned_effects(scene, mesh)
     for name in {*on, *(named or ())} - {*reasons, *INTRINSIC_EFFECTS}:
         raise SceneError(
-            f"effect '{name}' is asked for, but the scene says nothing of it; {_HOW_TO_MENTION[name]}"
+            f"effect '{name}' is asked for, but the scene does not mention it; {_HOW_TO_MENTION[name]}"
         )
 
     everything = named is None and effects == "all"
@@ -202,7 +202,7 @@ def _choose(
     return EffectChoice(tuple(map(effect, EFFECT_MEANINGS)))
 
 
-NOT_MENTIONED = "the scene says nothing of it"
+NOT_MENTIONED = "the scene does not mention it"
 _HOW_TO_MENTION = {
     "gravity": "say mechanism.gravity = (0, -9.81, 0) and give links a mass or materials a density",
     "following": "say following=True of a load",

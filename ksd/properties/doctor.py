@@ -89,7 +89,7 @@ class Diagnosis(PrintableAnswer):
 
     freedoms: number of freedoms that joints, leaf springs and supports leave; held: number of these held by drives;
     constraints, independent: number of rows of joints, leaf springs and supports, and their rank; free: motions left with
-    all drives held; fights: redundant constraints, of the mechanism and then inside joints; singular_values: of all rows,
+    all drives held; redundant: redundant constraints, of the mechanism and then inside joints; singular_values: of all rows,
     descending; unusual: sentences about unusual sizes and materials (`ksd.scene.plausibility`); hint: set where links can
     leave a plane that the scene does not name.
     """
@@ -100,7 +100,7 @@ class Diagnosis(PrintableAnswer):
     constraints: int
     independent: int
     free: tuple[FreeMotion, ...]
-    fights: tuple[RedundantConstraint, ...]
+    redundant: tuple[RedundantConstraint, ...]
     singular_values: Array
     unusual: tuple[str, ...] = ()
     hint: str = ""
@@ -108,13 +108,13 @@ class Diagnosis(PrintableAnswer):
     @property
     def exact(self) -> bool:
         """Whether every freedom is constrained exactly once, apart from the inside of joints."""
-        return not self.free and not any(not f.inside for f in self.fights)
+        return not self.free and not any(not f.inside for f in self.redundant)
 
     def _line(self) -> str:
         return str(self).splitlines()[0]
 
     def __str__(self) -> str:
-        own = [f for f in self.fights if not f.inside]
+        own = [f for f in self.redundant if not f.inside]
         lines = [
             f"{self.mechanism}: {self.freedoms} freedom{'s' * (self.freedoms != 1)} before driving, {self.held} held by "
             f"drives; {self.constraints} constraints, {self.independent} of them independent",
@@ -126,12 +126,12 @@ class Diagnosis(PrintableAnswer):
         lines += [f"free: {f.sentence}" for f in self.free]
         lines += [f"hint: {self.hint}"] * bool(self.hint and self.free)
         lines += [f"overconstrained: {f.sentence}" for f in own]
-        for names in dict.fromkeys(f.inside for f in self.fights if f.inside):
-            within = [f.what for f in self.fights if f.inside == names]
+        for names in dict.fromkeys(f.inside for f in self.redundant if f.inside):
+            within = [f.what for f in self.redundant if f.inside == names]
             lines.append(f"inside {_joints(names)}, {len(within)} redundant by design: {_joined(within)}")
         if own:
             lines.append("with all of these released the mechanism would be exactly constrained")
-        if self.fights:
+        if self.redundant:
             lines.append("overconstrained mechanisms are solved as well: the leaf springs deform elastically")
         lines += [f"unusual: {sentence}" for sentence in self.unusual]
         return "\n".join(lines)
@@ -147,9 +147,9 @@ class Diagnosis(PrintableAnswer):
             "exact": self.exact,
             "free": [{"sentence": f.sentence, "stiffness": f.stiffness} for f in self.free],
             "overconstrained": [
-                {"what": f.what, "fights": list(f.others), "release": f.release, "nearly": f.nearly,
+                {"what": f.what, "conflicts_with": list(f.others), "release": f.release, "nearly": f.nearly,
                  "inside": list(f.inside), "sentence": f.sentence}
-                for f in self.fights
+                for f in self.redundant
             ],
             "singular_values": self.singular_values.tolist(),
             "unusual": list(self.unusual),
@@ -175,7 +175,7 @@ def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
     own, everything = [*in_plane, *supports, *rows], [*in_plane, *supports, *rows, *drives]
     rank, total = _rank(own), _rank(everything)
     unknowns = 6 * (len(positions) - 1)
-    fights = [_redundant_constraint(*found) for found in _redundant_rows(everything, total)]
+    redundant = [_redundant_constraint(*found) for found in _redundant_rows(everything, total)]
     return Diagnosis(
         mechanism=scene.name,
         freedoms=unknowns - rank,
@@ -183,7 +183,7 @@ def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
         constraints=len(own) - len(in_plane),
         independent=rank - len(in_plane),
         free=tuple(_free_motions(everything, total, springs, (scene.links, positions, size))),
-        fights=(*fights, *_redundant_inside_joints(scene)),
+        redundant=(*redundant, *_redundant_inside_joints(scene)),
         singular_values=_singular_values(everything),
         unusual=plausibility_warnings(scene),
         hint=plane_hint(scene),

@@ -48,7 +48,7 @@ class Parasitic(PrintableAnswer):
     drives: tuple[str, ...]
 
     def _line(self) -> str:
-        drives = f"beside what {', '.join(self.drives)} prescribe{'s' * (len(self.drives) == 1)}"
+        drives = f"in addition to what {', '.join(self.drives)} prescribe{'s' * (len(self.drives) == 1)}"
         size = f"{_format_vector(self.shift, 1e3)} mm, {_format_vector(self.turn, 1e3)} mrad (x y z)"
         return f"'{self.link}' {size}, {drives if self.drives else 'all of its motion: no drive acts on it alone'}"
 

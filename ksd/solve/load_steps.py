@@ -252,11 +252,10 @@ def _with_divergences(model: Model, motion: State, record: LoadStepRecord, path:
 
 def _rigid_conflicts(model: Model) -> Iterator[str]:
     """Sentences of the doctor on drives that contradict rigid parts alone, so that no leaf spring can give way."""
-    for fight in doctor(model.original_scene).fights:
-        if fight.what.startswith("drive ") and all(
-            o.startswith(("drive ", "support ")) for o in fight.others
-        ):
-            yield fight.sentence
+    for redundant in doctor(model.original_scene).redundant:
+        prescribed = (name.startswith(("drive ", "support ")) for name in redundant.others)
+        if redundant.what.startswith("drive ") and all(prescribed):
+            yield redundant.sentence
 
 
 def as_step(record: LoadStepRecord, how: str, time: float) -> Step:

@@ -335,5 +335,5 @@ def _conflicting_drives(c: Configuration) -> str:
     """A clause about drives that prescribe one freedom against each other; empty where there are none."""
     if c.stable or len(c.model.drive_names) < 2:
         return ""
-    fights = [f.sentence for f in doctor(c.model.original_scene).fights if f.what.startswith("drive ")]
-    return "".join(f"; {sentence}" for sentence in fights)
+    redundant = doctor(c.model.original_scene).redundant
+    return "".join(f"; {r.sentence}" for r in redundant if r.what.startswith("drive "))

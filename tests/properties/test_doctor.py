@@ -13,7 +13,7 @@ SHEET = {"section": ksd.rectangle(0.5e-3, 0.03), "material": STEEL, "width_axis"
 
 
 def counts(found):
-    return found.freedoms, found.held, len(found.free), sum(not f.inside for f in found.fights)
+    return found.freedoms, found.held, len(found.free), sum(not f.inside for f in found.redundant)
 
 
 def test_a_sheet_holds_three_directions_and_a_wire_one():
@@ -31,7 +31,7 @@ def test_a_sheet_holds_three_directions_and_a_wire_one():
 
 @pytest.mark.parametrize("turn", [False, True])
 def test_the_planar_fourbar_has_three_too_many(turn, rng):
-    """Gruebler in space: 6 * 3 - 4 * 5 = -2 where the plane has 1, so three constraints fight."""
+    """Gruebler in space: 6 * 3 - 4 * 5 = -2 where the plane has 1, so three constraints redundant."""
     if not turn:
         found = ksd.doctor(fourbar())
         assert found.constraints == 20 and found.independent == 17
@@ -41,19 +41,19 @@ def test_the_planar_fourbar_has_three_too_many(turn, rng):
         T = np.linalg.qr(rng.normal(size=(3, 3)))[0]
         found = ksd.doctor(frame(turn=T * np.sign(np.linalg.det(T)), unit=1e-6))
     assert counts(found) == (1, 1, 0, 3)
-    inside = [f for f in found.fights if f.inside]
+    inside = [f for f in found.redundant if f.inside]
     # three leaf springs of three constraints for five directions
     assert len(inside) == 4 and len(inside[0].inside) == 4
-    assert not found.exact and not any(f.nearly for f in found.fights)
+    assert not found.exact and not any(f.nearly for f in found.redundant)
 
 
-def test_releasing_what_fights_makes_it_exact():
-    """The parallel guide: one sheet is to lose its bending in the plane; as two wires along and across nothing fights."""
+def test_releasing_what_conflicts_makes_it_exact():
+    """The parallel guide: one sheet is to lose its bending in the plane; as two wires along and across nothing conflicts."""
     found = ksd.doctor(guide())
-    (fight,) = found.fights
-    assert fight.what == "bending in its plane of leaf 'leaf.2'"
-    assert fight.others == ("bending in its plane of leaf 'leaf'",)
-    assert fight.release == "notch the width of leaf 'leaf.2'"
+    (redundant,) = found.redundant
+    assert redundant.what == "bending in its plane of leaf 'leaf.2'"
+    assert redundant.others == ("bending in its plane of leaf 'leaf'",)
+    assert redundant.release == "notch the width of leaf 'leaf.2'"
     scene = ksd.Mechanism("released")
     shuttle = scene.link("shuttle")
     scene.leaf(scene.ground, shuttle, start=(0, -0.03, 0), end=(0.1, -0.03, 0), **SHEET)
@@ -81,20 +81,20 @@ def test_what_is_free_is_said_with_its_stiffness():
     assert sum("no leaf spring or support holds it" in s for s in said) == 6
 
 
-def test_drives_that_fight_are_named():
+def test_conflicting_drives_are_named():
     found = ksd.doctor(guide(twist=True))
-    drive = next(f for f in found.fights if f.what == "drive 'twist'")
+    drive = next(f for f in found.redundant if f.what == "drive 'twist'")
     assert "leaf" in drive.sentence and drive.release == "remove drive 'twist'"
     scene = fourbar()
     scene.actuate("left", about="z", name="other")
-    assert any(f.what == "drive 'other'" for f in ksd.doctor(scene).fights)
+    assert any(f.what == "drive 'other'" for f in ksd.doctor(scene).redundant)
 
 
 @pytest.mark.parametrize("tilt", [1e-3, 5e-3])
-def test_a_misaligned_joint_nearly_fights_and_is_solved_all_the_same(tilt):
+def test_a_misaligned_joint_nearly_conflicts_and_is_solved_all_the_same(tilt):
     found = ksd.doctor(askew(tilt))
     assert counts(found) == (1, 1, 0, 3)
-    assert any(f.nearly for f in found.fights) and "nearly conflicts with" in str(found)
+    assert any(f.nearly for f in found.redundant) and "nearly conflicts with" in str(found)
     straight = ksd.solve(fourbar(), top=0.1).forces["top"]
     assert ksd.solve(askew(tilt), top=0.1).forces["top"] == pytest.approx(straight, rel=0.02)
 

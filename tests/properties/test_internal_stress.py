@@ -60,7 +60,7 @@ def guide(count=2, width=0.03):
 def test_what_is_held_twice_costs_stress(joint, within):
     """The doctor counts it, and a misplaced end of a leaf that takes part is paid for in every such joint."""
     pose = solved(joint)
-    assert sum(bool(f.inside) for f in ksd.doctor(pose.model).fights) == within
+    assert sum(bool(f.inside) for f in ksd.doctor(pose.model).redundant) == within
     assert pose.internal_stress(offset=1e-5, rotation=1e-4).largest_Pa > 1e6
 
 

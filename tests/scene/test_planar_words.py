@@ -233,7 +233,7 @@ def test_what_is_printed():
     told = ksd.doctor(scene)
     assert (told.freedoms, told.held) == (4, 1)
     assert not any(w in str(told) for w in ("along z", "about x", "in xy"))
-    assert told.exact is False and len(told.free) == 3 and not told.fights
+    assert told.exact is False and len(told.free) == 3 and not told.redundant
 
 
 def test_the_plane_is_hinted_at():

@@ -276,7 +276,7 @@ def test_the_model_says_what_it_simulates_in_the_words_of_the_scene():
     for said in (
         "with gravity: (0, -1e-09, 0) m/s^2 on 1 mass and 12 of 12 leaf springs, those of known density",
         "with following: a load of 'left' turns with its link",
-        "with compliance: 'top' said to be elastic",
+        "with compliance: 'top' elastic",
         "with springs: 'spring'",
         "with heat: 1e-09 K on all leaf springs",
         "with fit: of 'lower left/inner'",
@@ -287,7 +287,7 @@ def test_the_model_says_what_it_simulates_in_the_words_of_the_scene():
         assert said in text, text
     bare = str(ksd.compile_scene(fourbar()))
     assert "left out: gravity on links, payloads and along the leaf springs, follower loads" in bare
-    assert "prestress and assembly error of leaf springs: the scene says nothing of them" in bare
+    assert "prestress and assembly error of leaf springs: the scene does not mention them" in bare
     off = str(ksd.compile_scene(full_of_effects(), without=("heat", "shear")))
     assert (
         "without heat: switched off; 1e-09 K on all leaf springs" in off

@@ -272,7 +272,7 @@ def _joints() -> list[Case]:
     cases += [
         Case(
             f"cross flexure mounted {1e3 * w:g} mrad askew",
-            "overconstrained: torsion fights the mount",
+            "overconstrained: torsion conflicts with the mount",
             twisted,
             (m,),
             {"turn": 45 * deg, "tilt": w},
