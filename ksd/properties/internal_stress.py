@@ -28,7 +28,7 @@ from ksd.properties.tangent import Tangent, assemble_and_factor, exact_tangent_a
 
 Array = NDArray[np.float64]
 DIRECTIONS = ("along", "across", "sideways", "twist", "tilt", "yaw")
-"""Misplacement of a leaf's end in its own axes: along e1, e2 (thickness), e3 (width); about e1, e3 and e2."""
+"""Misplacement of a leaf's end in its axes at that end: along e1, e2 (thickness), e3 (width); about e1, e3 and e2."""
 
 
 class _Misplacements(dict[tuple[str, str], Any]):
@@ -93,7 +93,8 @@ def internal_stress(
 ) -> Misplaced:
     """Internal stress by a misplaced end of a leaf, one leaf and direction at a time.
 
-    offset [m], rotation [rad]: misplacement of the end in the axes of the leaf, see DIRECTIONS; results are linear in both.
+    offset [m], rotation [rad]: misplacement of the end in the axes of the leaf there, see DIRECTIONS (`fit` takes those at
+    the start); results are linear in both.
     leaves: full names, all where empty. Raises SceneError for unknown names or misplacements that are not positive.
     """
     names = leaf_members(model)

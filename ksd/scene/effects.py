@@ -249,7 +249,7 @@ class Fit:
     """Assembly of a leaf: its stress-free length, and the pose error of its clamp on the end block.
 
     natural_length [m]: stress-free length, None as drawn; shift (3,) [m] and turn (3,) [rad], a rotation vector: from the
-    drawn pose of end q to the pose in which it is clamped, in the leaf's axes e1, e2, e3.
+    drawn pose of end q to the pose in which it is clamped, in the leaf's axes e1, e2, e3 at its start.
     """
 
     leaf: str

@@ -859,7 +859,7 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         """Prestress a leaf by its natural_length [m], or misplace its clamp by an assembly error shift [m] and turn [rad].
 
         leaf: full name ("joint/leaf") or a free-form leaf; shift (3,) and turn (3,), a rotation vector: from the drawn pose
-        of end q to the pose in which it is clamped, in the axes of the leaf. Raises SceneError.
+        of end q to the pose in which it is clamped, in the axes of the leaf at its start. Raises SceneError.
         """
         self._fits.append(
             Fit(str(getattr(leaf, "name", leaf)), natural_length, as_given(shift), as_given(turn))

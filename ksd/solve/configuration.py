@@ -519,7 +519,7 @@ class Configuration(NotebookTables):
         """Largest von Mises stress [Pa] when the end of a leaf is clamped with an error of position or orientation, for one
         leaf and direction at a time.
 
-        offset [m] and rotation [rad] of the end in the leaf's own axes, both positive; leaves: full names, all when empty;
+        offset [m] and rotation [rad] of the end in the leaf's axes there, both positive; leaves: full names, all when empty;
         points: stations per leaf. Raises SceneError for unknown names, sizes that are not positive, and reduced solids.
         """
         self._of_leaves("internal stress")
