@@ -10,8 +10,8 @@ import sys
 from pathlib import Path
 
 CELLS = (
-    "# A fourbar in a notebook\n\nFour cross flexures, drawn in steel. Every answer shows itself: scenes, poses and "
-    "tables as tables, figures as pictures.",
+    "# A fourbar in a notebook\n\nFour cross flexures, drawn in steel. In a notebook scenes, poses and tables are "
+    "shown as tables, and figures as pictures.",
     "import ksd\nfrom ksd.units import GPa, deg, mm\n\n"
     "steel = ksd.Material(E=200 * GPa, G=76.9 * GPa, density=7800)\n"
     "cross = ksd.CrossFlexure(steel, length=100 * mm, angle=45 * deg, thickness=1 * mm, widths=(40 * mm, 20 * mm))\n\n"
@@ -27,10 +27,10 @@ CELLS = (
     'pose.plot(color="stress")',
     "From the side, in space:",
     'pose.plot(view="3d")',
-    "How stiff is the top link there, and how does it vibrate?",
+    "Stiffness and frequencies of the top link in this pose:",
     'pose.stiffness("top")',
     "pose.frequencies()",
-    "The stroke:",
+    "Force, support stiffness and stress over the stroke:",
     "stroke = ksd.sweep(\n"
     '    fourbar, questions=("force", "support_stiffness", "stress"), top=[d * mm for d in range(0, 301, 30)]\n'
     ")\nstroke",

@@ -753,7 +753,7 @@ def _solve_conventionally(
     paths: DrivePaths,
     designs: Sequence[Mapping[str, float]],
     *,
-    keep_poses: bool,
+    keep_poses: bool = False,
 ) -> list[_SolvedDesign]:
     """Designs by the conventional method, each pose started from the one before."""
     solved = []
