@@ -70,7 +70,7 @@ def assert_readable(figure):
         for asked in ("get_color", "get_facecolor", "get_edgecolor"):
             found = getattr(artist, asked, lambda: "none")()
             each = found if isinstance(found, list | np.ndarray) and np.ndim(found) == 2 else [found]
-            for color in each:
+            for color in dict.fromkeys(c if isinstance(c, str) else tuple(c) for c in each):
                 assert to_hex(color) not in forgotten, f"{artist}: {to_hex(color)} is matplotlib's own"
         if isinstance(artist, ScalarMappable) and artist.get_array() is not None:
             assert artist.get_cmap().name == color_map().name, f"{artist} has another colour map"

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ksd.view.figure import Array, without_math_text
-
-if TYPE_CHECKING:
-    from matplotlib.transforms import Bbox
 
 FIXED_LABEL = "fixed"
 """The gid (matplotlib) of labels that stay where they are."""
@@ -44,60 +41,69 @@ def separate_labels(axes: Any, keep_off: Array, avoid: Array) -> None:
     figure.set_layout_engine("none")
     renderer, scale = figure.canvas.get_renderer(), figure.dpi / 72
     marks, lines = (axes.transData.transform(np.reshape(p, (-1, 2))) for p in (keep_off, avoid))
-    taken: list[Bbox] = [text.get_window_extent(renderer) for text in texts if text not in labels]
+    frame, margin = axes.bbox.get_points(), scale * LABEL_MARGIN
+    taken = [text.get_window_extent(renderer).get_points() for text in texts if text not in labels]
     for text in labels:
-        box = text.get_window_extent(renderer)
+        box = text.get_window_extent(renderer).get_points()
         # also right-aligned or centred at the given position
-        back = np.array([[box.width, 0.0]]) / scale
+        back = np.array([[box[1, 0] - box[0, 0], 0.0]]) / scale
         moves = np.concatenate([_MOVES, _MOVES - 0.5 * back, _MOVES - back])
-        boxes = [box.translated(*(scale * move)) for move in moves]
+        boxes = box + scale * moves[:, None]
         named = axes.transData.transform(text.xy)
-        free_distance = max(_distance(box, named), _FREE_DISTANCE * scale)
-        costs = [
-            _hidden_share(b, taken, axes.bbox)
-            + _points_inside(b.padded(*(scale * LABEL_MARGIN)), marks)
-            + _COVERED_POINT_COST * _points_inside(b, lines)
-            + _DISTANCE_COST * max(_distance(b, named) - free_distance, 0.0) / scale
-            + _CROSSED_LABEL_COST
-            * sum(_points_inside(other, _leader_points(b, named)) > 0 for other in taken)
-            for b in boxes
-        ]
+        leaders = _leader_points(boxes, named)
+        distances = np.linalg.norm(leaders[:, -1] - named, axis=1)
+        free_distance = max(distances[0], _FREE_DISTANCE * scale)
+        costs = (
+            _hidden_share(boxes, taken, frame)
+            + _points_inside(boxes + np.array([-margin, margin]), marks)
+            + _COVERED_POINT_COST * _points_inside(boxes, lines)
+            + _DISTANCE_COST * np.maximum(distances - free_distance, 0.0) / scale
+            + _CROSSED_LABEL_COST * sum(_is_inside(leaders, other).any(axis=1) for other in taken)
+        )
         best = int(np.argmin(costs))
         text.set_position(tuple(np.array(text.get_position(), float) + moves[best]))
         taken.append(boxes[best])
-        if _distance(boxes[best], named) > _LEADER_DISTANCE * scale:
-            leader = _leader_points(boxes[best], named)
+        if distances[best] > _LEADER_DISTANCE * scale:
+            leader = leaders[best]
             marks = np.concatenate([marks, leader])
             line = axes.transData.inverted().transform(leader[[0, -1]])
             style = {"color": text.get_color(), "linewidth": 0.5, "alpha": 0.6, "zorder": 5}
             axes.plot(*line.T, scalex=False, scaley=False, **style)
 
 
-def _leader_points(box: Bbox, point: Array) -> Array:
-    """Points (n, 2) on the straight line from a point to the nearest point of a box."""
-    return np.linspace(point, np.clip(point, box.min, box.max), 20)
+def _leader_points(boxes: Array, point: Array) -> Array:
+    """Points (m, 20, 2) on the straight lines from a point (2,) to the nearest points of boxes (m, 2, 2)."""
+    return np.linspace(point, np.clip(point, boxes[:, 0], boxes[:, 1]), 20, axis=1)
 
 
-def _distance(box: Bbox, point: Array) -> float:
-    """Distance from a point to a box [pixels]; 0 inside."""
-    return float(np.linalg.norm(np.diff(_leader_points(box, point)[[0, -1]], axis=0)))
-
-
-def _hidden_share(box: Bbox, taken: list[Bbox], frame: Bbox) -> float:
-    """Share of the label that is outside the frame, and of it or of others where they lie on each other."""
-    area = box.width * box.height
-    near = box.padded(12.0, 4.0)
-    on_others = sum(_overlap_area(near, other) / min(area, other.width * other.height) for other in taken)
+def _hidden_share(boxes: Array, taken: list[Array], frame: Array) -> Array:
+    """Share (m,) of the label that is outside the frame, and of it or of others where they lie on each other."""
+    area = _area(boxes)
+    near = boxes + np.array([[-12.0, -4.0], [12.0, 4.0]])
+    on_others = sum(_overlap_area(near, other) / np.minimum(area, _area(other)) for other in taken)
     # a label that is cut off cannot be read
-    return 20.0 * (1.0 - _overlap_area(box, frame) / area) + on_others
+    return 20.0 * (1.0 - _overlap_area(boxes, frame) / area) + on_others
 
 
-def _overlap_area(one: Bbox, other: Bbox) -> float:
-    """Area common to two boxes [pixels^2]."""
-    both = one.intersection(one, other)
-    return 0.0 if both is None else float(both.width * both.height)
+def _area(boxes: Array) -> Array:
+    """Areas of boxes (..., 2, 2), lower left and upper right corner [pixels^2]."""
+    return np.asarray((boxes[..., 1, :] - boxes[..., 0, :]).prod(axis=-1))
 
 
-def _points_inside(box: Bbox, points: Array) -> int:
-    """Number of points (n, 2) inside a box."""
-    return int(np.all((points > box.min) & (points < box.max), axis=1).sum())
+def _overlap_area(boxes: Array, other: Array) -> Array:
+    """Areas (m,) that boxes (m, 2, 2) have in common with another (2, 2) [pixels^2]."""
+    sides = np.minimum(boxes[:, 1], other[1]) - np.maximum(boxes[:, 0], other[0])
+    return np.asarray(np.maximum(sides, 0.0).prod(axis=1))
+
+
+def _is_inside(points: Array, box: Array) -> Array:
+    """Which points (..., 2) are inside a box (2, 2)."""
+    return np.asarray(((points > box[0]) & (points < box[1])).all(axis=-1))
+
+
+def _points_inside(boxes: Array, points: Array) -> Array:
+    """Numbers (m,) of points (n, 2) inside boxes (m, 2, 2)."""
+    x, y = points[np.argsort(points[:, 0])].T
+    first, end = np.searchsorted(x, boxes[:, 0, 0], "right"), np.searchsorted(x, boxes[:, 1, 0], "left")
+    columns = zip(first.tolist(), end.tolist(), boxes[:, :, 1].tolist(), strict=True)
+    return np.array([np.count_nonzero((y[i:j] > low) & (y[i:j] < high)) for i, j, (low, high) in columns])
