@@ -19,6 +19,8 @@ from ksd.scene.scene import PlacedLeaf
 ATTACHMENT_TOLERANCE = 1e-6
 """Distance below which two points are one attachment: relative to that of the farthest attachments of the link, at most
 1e-6 m."""
+INTERFACE_TOLERANCE = 1e-4
+"""Largest distance of an attachment from an interface of a matrix, relative to that of the interfaces; at most 1e-6 m."""
 
 
 def _attachments(scene: Any, link: str) -> list[tuple[str, int, int, np.ndarray]]:
@@ -122,11 +124,11 @@ def _split_by_matrix(scene: Any, split: _SplitLinks, compliance: Compliance) -> 
     Raises SceneError for an attachment that is not at an interface.
     """
     points = np.asarray(compliance.matrix.points)  # type: ignore[union-attr]
-    same = _same_point_distance(list(points))
+    largest = min(INTERFACE_TOLERANCE * float(np.linalg.norm(points[1] - points[0])), 1e-6)
     split.links.append(f"{compliance.link}/2")
     for kind, i, end, at in _attachments(scene, compliance.link):
         off = np.linalg.norm(points - at, axis=1)
-        if off.min() > same:
+        if off.min() > largest:
             name = getattr(scene, kind)[i].name
             raise SceneError(
                 f"compliance of link '{compliance.link}': '{name}' is attached at {tuple(at.tolist())}, "

@@ -141,8 +141,8 @@ def _leaf_mass_roots(leaf: LeafFlexibility, line: Array) -> Array:
 def _square_root(M: Array) -> Array:
     """B (1, n, n) with B^T B = M, for a positive semidefinite M (n, n)."""
     # units differ: in micrometres inertia is less than the rounding of mass
-    unit = np.sqrt(np.diagonal(M))
-    unit = np.where(unit > 0.0, unit, 1.0)
+    unit = np.sqrt(np.maximum(np.diagonal(M), 0.0))
+    unit[unit == 0.0] = 1.0
     value, vector = np.linalg.eigh(M / np.outer(unit, unit))
     root: Array = (np.sqrt(np.maximum(value, 0.0)) * vector).T[None] * unit
     return root

@@ -78,6 +78,22 @@ def test_the_middle_leaf_of_three_misplaced_along():
     assert twice.stress_Pa["joint0/leaf1", "along"] == pytest.approx(2 * expected, rel=1e-3)
 
 
+def estimated_and_solved(draw, leaf, drive, error):
+    """Internal stress by misplacements of a leaf, by (leaf, direction), and that of the change of the state when `draw()`
+    is solved with this assembly error of the leaf."""
+    forces = []
+    for put_in in (False, True):
+        scene = draw()
+        if put_in:
+            scene.fit(leaf, **error)
+        pose = ksd.solve(scene, drive=drive, method="conventional", effects="all")
+        if not put_in:
+            estimated = pose.internal_stress(leaves=(leaf,), offset=1e-7, rotation=1e-6)
+        forces.append(pose.section_forces(points=13))
+    change = {n: replace(f, values=f.values - forces[0][n].values) for n, f in forces[1].items()}
+    return estimated.stress_Pa, stress_from_forces(pose.model, change).largest_Pa
+
+
 @pytest.mark.parametrize("turn", [0.0, 0.3])
 @pytest.mark.parametrize(
     "direction, assembly_error",
@@ -92,21 +108,16 @@ def test_the_middle_leaf_of_three_misplaced_along():
 def test_against_an_assembly_error_in_the_scene(direction, assembly_error, turn):
     """Three crossed leaves, one of them put in beside its place: the change of the state solved for is the one told."""
     joint = CrossFlexure(STEEL, angle=0.8, widths=(0.03, 0.015), **SIZES)
-    forces = []
-    for put_in in (False, True):
+
+    def draw():
         scene = ksd.Mechanism("assembly_error")
         table = scene.link("table")
         scene.join(scene.ground, table, joint, at=(0, 0, 0), axis="z", toward="x", name="joint0")
         scene.actuate_joint("joint0", name="drive")
-        if put_in:
-            scene.fit("joint0/outer_low", **assembly_error)
-        pose = ksd.solve(scene, drive=turn, method="conventional", effects="all")
-        if not put_in:
-            told = pose.internal_stress(leaves=("joint0/outer_low",), offset=1e-7, rotation=1e-6)
-        forces.append(pose.section_forces(points=13))
-    change = {n: replace(f, values=f.values - forces[0][n].values) for n, f in forces[1].items()}
-    expected = stress_from_forces(pose.model, change).largest_Pa
-    assert told.stress_Pa["joint0/outer_low", direction] == pytest.approx(expected, rel=2e-2)
+        return scene
+
+    estimated, expected = estimated_and_solved(draw, "joint0/outer_low", turn, assembly_error)
+    assert estimated["joint0/outer_low", direction] == pytest.approx(expected, rel=2e-2)
 
 
 def test_chains_tell_what_strain_modes_do():
@@ -159,8 +170,8 @@ def test_a_misplaced_end_of_a_curved_leaf(direction):
     word, size = ("turn", 1e-6) if direction == "tilt" else ("shift", 1e-7)
     c, n = np.cos(1.0), np.sin(1.0)
     error = size * np.array({"along": (c, n, 0), "across": (-n, c, 0), "tilt": (0, 0, 1)}[direction])
-    forces = []
-    for put_in in (False, True):
+
+    def draw():
         scene = ksd.Mechanism("arcs", plane="xy")
         table = scene.link("table")
         for name, y in (("low", 0.0), ("high", 0.05)):
@@ -169,12 +180,7 @@ def test_a_misplaced_end_of_a_curved_leaf(direction):
                 curve=ksd.Arc(0.05 / np.sin(0.5), 1.0), name=name,
             )  # fmt: skip
         scene.actuate(table, along="y", at=(0.1, 0, 0), name="drive")
-        if put_in:
-            scene.fit("high", **{word: error})
-        pose = ksd.solve(scene, drive=0.0, method="conventional", effects="all")
-        if not put_in:
-            told = pose.internal_stress(leaves=("high",), offset=1e-7, rotation=1e-6)
-        forces.append(pose.section_forces(points=13))
-    change = {n: replace(f, values=f.values - forces[0][n].values) for n, f in forces[1].items()}
-    expected = stress_from_forces(pose.model, change).largest_Pa
-    assert told.stress_Pa["high", direction] == pytest.approx(expected, rel=1e-2)
+        return scene
+
+    estimated, expected = estimated_and_solved(draw, "high", 0.0, {word: error})
+    assert estimated["high", direction] == pytest.approx(expected, rel=1e-2)

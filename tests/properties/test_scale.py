@@ -1,5 +1,7 @@
 """The same mechanism in metres, millimetres and micrometres: all answers scale."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 from effect_scenes import free_beam
@@ -92,3 +94,24 @@ def test_an_attachment_aside_of_a_small_matrix_is_refused():
     scene.leaf(scene.ground, bar, start=start, end=(0, 4e-7, 0), section=ksd.circle(1e-7), material=STEEL)
     with pytest.raises(ksd.SceneError, match="mm from the nearest interface"):
         with_elastic_links(scene.scene())
+
+
+def test_an_attachment_within_a_micrometre_of_an_interface_is_at_it():
+    """Coordinates of a finite element program have few digits; those of a link of ordinary size count to 1 um."""
+    points = ((0.0, 0.0, 0.0), (0.05, 0.0, 0.0))
+    for off, is_refused in ((9e-7, False), (1.1e-6, True)):
+        scene = ksd.Mechanism("matrix")
+        bar = scene.link("bar")
+        scene.compliance(bar, matrix=ksd.LinkMatrix(points, free_beam(points, 1.0)))
+        section = ksd.rectangle(1e-3, 1e-2)
+        scene.leaf(
+            scene.ground,
+            bar,
+            start=(-0.05, off, 0),
+            end=(0, off, 0),
+            section=section,
+            material=STEEL,
+            width_axis="z",
+        )
+        with pytest.raises(ksd.SceneError, match="nearest interface") if is_refused else nullcontext():
+            with_elastic_links(scene.scene())
