@@ -58,7 +58,7 @@ from ksd.solve.nonconservative_stability import nonconservative_stability
 from ksd.solve.perturbed import answer_derivatives, parameters_of
 from ksd.solve.report import tables
 from ksd.solve.sensitivity import sensitivity
-from ksd.solve.steps import FAST_METHODS, ErrorEstimate, FiveStepRecord, Step, Stop, Verdict
+from ksd.solve.steps import FAST_METHODS, ErrorEstimate, Step, Stop, Verdict
 from ksd.solve.undeformed_stability import multiple_minima_note
 from ksd.solve.validity import Validity, validity
 from ksd.solve.verdict import Trust, trust_verdicts
@@ -138,8 +138,7 @@ class Configuration(NotebookTables):
     @property
     def converged(self) -> bool:
         """Whether the last step reached equilibrium (for method "kinematic": closed all loops)."""
-        steps = self.steps
-        return (steps.last_stop if isinstance(steps, FiveStepRecord) else steps[-1].stop) is Stop.CONVERGED
+        return self.steps[-1].stop is Stop.CONVERGED
 
     @property
     def stable(self) -> bool:

@@ -7,7 +7,7 @@ fast.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from ksd.bodies.mobility import MotionCompatibility, check_mobility
 from ksd.errors import ConvergenceError, KinematicsError
 from ksd.model.compile import Model
 from ksd.numerics.stopwatch import Stopwatch
-from ksd.solve.branch_check import MANY_ITERATIONS, slow_step_doubts
+from ksd.solve.branch_check import slow_step_doubts
 from ksd.solve.configuration import Configuration
 from ksd.solve.five_steps import (
     FiveStepsStorage,
@@ -28,7 +28,7 @@ from ksd.solve.five_steps import (
 from ksd.solve.joint_motions import stored_joint_motions
 from ksd.solve.method_error import error_to_stored_state, estimate_error
 from ksd.solve.nonconservative_stability import count_unstable_directions
-from ksd.solve.steps import FiveStepRecord, Step, StepRow, Stop
+from ksd.solve.steps import Step, Stop
 from ksd.solve.verdict import check_trained_range
 
 CLOSURE_TOLERANCE = 2e-3
@@ -79,18 +79,16 @@ class FiveStepSolver:
                 "joints meets it, elasticity alone does; use method='reduced' or 'full'"
             )
         b = self.storage
-        rows, negatives = run_five_steps(b, target, method, relinearisations, self.gap)
-        along_drive = rows[0].stop != 0 or not rows[0].residual < self.gap * b.bodies.reduced.size
-        if along_drive:
-            closing_row = _close_along_drive(b, target, self.gap, rows[0])
-            rows, negatives = run_five_steps(b, target, method, relinearisations, self.gap, closed=True)
-            rows.insert(0, closing_row)
+        steps, negatives = run_five_steps(b, target, method, relinearisations, self.gap)
+        if steps[0].stop != 0 or not steps[0].residual < self.gap * b.bodies.reduced.size:
+            closing = _close_along_drive(b, target, self.gap, steps[0])
+            steps, negatives = run_five_steps(b, target, method, relinearisations, self.gap, closed=True)
+            steps.insert(0, closing)
         in_range, near_intended = b.checks.tolist()
-        converged = rows[-1].stop == 0
+        converged = steps[-1].stop == 0
         notes = (
             [] if converged and in_range else check_trained_range(b, b.theta, extrapolate=self.extrapolate)
         )
-        steps = FiveStepRecord(rows, relinearisations, along_drive=along_drive)
         if not converged:
             _require_convergence(steps)
         error = None
@@ -98,37 +96,34 @@ class FiveStepSolver:
         if method == "kinematic":
             clock = Stopwatch()
             kinematic_forces(b, target)
-            last = steps.rows[-1]
-            steps.rows[-1] = last._replace(time=last.time + clock())
+            steps[-1] = steps[-1]._replace(time=steps[-1].time + clock())
             negatives = len(target)
         elif estimate and method == "reduced":
             # condensed joints cannot buckle: the inertia is that of the full model at the recovered state
             error, step, negatives = estimate_error(b, target, relinearised=relinearisations > 0)
-            steps.later_steps = (step,)
-        if method != "kinematic" and steps.last_stop is Stop.CONVERGED:
+            steps.append(step)
+        if method != "kinematic" and steps[-1].stop is Stop.CONVERGED:
             negatives = count_unstable_directions(self.model, b.full_state, 1.0, negatives)
-        doubts: tuple[str, ...] = ()
-        if max(row.iterations for row in rows) > MANY_ITERATIONS:
-            doubts = slow_step_doubts(s for s in steps if s.name[0] in "35")
+        doubts = slow_step_doubts(s for s in steps if s.name[0] in "35")
         found = Configuration(
-            self.model, b.full_state.copy(), method, dict(values), steps, negatives=negatives,
+            self.model, b.full_state.copy(), method, dict(values), tuple(steps), negatives=negatives,
             expected_negatives=self._expected, joint_motions=joint_motions, method_error=error,
-            notes=(*notes, *self._misfit_note(steps)), doubts=doubts, joints_near_intended=near_intended == 1,
+            notes=(*notes, *self._assembly_note(steps[0].residual)), doubts=doubts, joints_near_intended=near_intended == 1,
         )  # fmt: skip
-        return self._with_error(found, target, steps) if estimate and method == "kinematic" else found
+        return self._with_error(found, target) if estimate and method == "kinematic" else found
 
-    def _misfit_note(self, steps: FiveStepRecord) -> tuple[str, ...]:
-        """The warning about the gap that the leaf springs take up, where intended motions do not fit together."""
+    def _assembly_note(self, gap: float) -> tuple[str, ...]:
+        """The warning about the gap [m] that the leaf springs take up, where intended motions do not fit together."""
         if self.compatibility.is_exact:
             return ()
         reasons = [f"no intended motion meets '{n}'" for n in self.compatibility.unmet_drives]
         if self.compatibility.misalignment > 0:
             off = f"{1e3 * self.compatibility.misalignment:.2g} mrad"
             reasons.insert(0, f"the joints are overconstrained and misaligned by {off}")
-        gap = f"{1e3 * steps[0].residual:.2g} mm"
-        return (f"{'; '.join(reasons)}: step 1 left a gap of {gap}, which the leaf springs take up by force",)
+        taken_up = f"step 1 left a gap of {1e3 * gap:.2g} mm, which the leaf springs take up by force"
+        return (f"{'; '.join(reasons)}: {taken_up}",)
 
-    def _with_error(self, answer: Configuration, target: np.ndarray, steps: FiveStepRecord) -> Configuration:
+    def _with_error(self, answer: Configuration, target: np.ndarray) -> Configuration:
         """A kinematic result with its error: the distance to the reduced result plus the error estimate of that."""
         reduced = self(answer.targets, target, method="reduced", relinearisations=0, estimate=True)
         assert reduced.method_error is not None
@@ -138,18 +133,17 @@ class FiveStepSolver:
         last = Step(
             "error estimate", iterations, time, extra[-1].residual, extra[-1].stop, "by steps 3 and 4"
         )
-        steps.later_steps = (last,)
-        return replace(answer, method_error=error, negatives=reduced.negatives)
+        return replace(answer, steps=(*answer.steps, last), method_error=error, negatives=reduced.negatives)
 
 
-def _close_along_drive(b: FiveStepsStorage, target: np.ndarray, gap: float, tried: StepRow) -> StepRow:
-    """Step 1 along the drive, in steps that are halved on failure, after it failed in one step with the row `tried`.
+def _close_along_drive(b: FiveStepsStorage, target: np.ndarray, gap: float, tried: Step) -> Step:
+    """Step 1 along the drive, in steps that are halved on failure, after it failed in the one step `tried`.
 
     gap: see `run_five_steps`. Raises ConvergenceError with the fraction of the drive motion reached.
     """
     b.restart()
     clock, done, size = Stopwatch(), 0.0, FIRST_CLOSING_STEP
-    iterations, open_gap = int(tried.iterations), 0.0
+    iterations, open_gap = tried.iterations, 0.0
     while done < 1.0 and size > MIN_CLOSING_STEP:
         theta, last_closed = b.theta.copy(), b.reduced_state.copy()
         goal = min(1.0, done + size)
@@ -167,10 +161,11 @@ def _close_along_drive(b: FiveStepsStorage, target: np.ndarray, gap: float, trie
             "the way, where the linkage locks; ask for less, or use method='conventional'",
             reached=done,
         )
-    return StepRow(0, iterations, open_gap, tried.time + clock())
+    time = tried.time + clock()
+    return Step(tried.name, iterations, time, open_gap, Stop.CONVERGED, "in steps along the drive")
 
 
-def _require_convergence(steps: FiveStepRecord) -> None:
+def _require_convergence(steps: Sequence[Step]) -> None:
     """Raise ConvergenceError for the first step that did not converge."""
     for k, step in enumerate(steps):
         if step.stop is not Stop.CONVERGED:
@@ -178,5 +173,5 @@ def _require_convergence(steps: FiveStepRecord) -> None:
                 f"step '{step.name}' stopped after {step.iterations} iterations: {step.stop.sentence}; "
                 "try method='conventional'",
                 reached=0.0,
-                result=steps[: k + 1],
+                result=tuple(steps[: k + 1]),
             )

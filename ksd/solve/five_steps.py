@@ -31,7 +31,7 @@ from ksd.model.compile import Model
 from ksd.model.newton import RTOL, assemble, solve_equilibrium, take_step
 from ksd.numerics.kernel import kernel
 from ksd.solve.joint_range import check_joints, motion_limits
-from ksd.solve.steps import MAX_TURN_PER_STEP, StepRow
+from ksd.solve.steps import MAX_TURN_PER_STEP, Step, Stop
 
 CONDENSED_SIZE = 54
 """Inner numbers of a condensed joint in step 3: position d0 (3), rotation R0 (9), wrench F (6), stiffness K (36)."""
@@ -210,16 +210,17 @@ def read_answer_motions(b: FiveStepsStorage) -> None:
 
 
 class _Recorder:
-    """Collects the rows of a solve and the thread time of each step."""
+    """Collects the steps of a solve with their thread times."""
 
     def __init__(self) -> None:
-        self.rows: list[StepRow] = []
+        self.steps: list[Step] = []
         self._time_ns = time.thread_time_ns()
 
-    def add(self, stop: int, iterations: int, residual: float, rotation: float = 0.0) -> None:
-        """Add the row of the step that has just ended."""
+    def add(self, name: str, stop: int, iterations: int, residual: float, note: str = "") -> None:
+        """Add the step that has just ended."""
         before, self._time_ns = self._time_ns, time.thread_time_ns()
-        self.rows.append(StepRow(stop, iterations, residual, 1e-9 * (self._time_ns - before), rotation))
+        elapsed = 1e-9 * (self._time_ns - before)
+        self.steps.append(Step(name, int(iterations), elapsed, residual, Stop(stop), note))
 
 
 def _reduce(
@@ -234,7 +235,7 @@ def _reduce(
     for n in range(relinearisations + 1):
         status = condense_joint_bodies(b, 1 if n == 0 else 0)
         # the status of leaves is 1 for a local angle, 2 for a singular matrix
-        record.add(status + (status > 0), 0, 0.0)
+        record.add("2 joint stiffness", status + (status > 0), 0, 0.0)
         if status != 0 or kinematic:
             return negatives, status == 0
         reason, count, worst, negatives, _ = solve_equilibrium(
@@ -248,13 +249,13 @@ def _reduce(
             math.inf,
             math.inf,
         )
-        record.add(reason, count, worst)
+        record.add("3 reduced equilibrium", reason, count, worst)
         if reason != 0:
             return negatives, False
         shift, twist = recover_substructures(b)
         if n == relinearisations:
             assemble_full_state(b)
-        record.add(0, 0, shift, twist)
+        record.add("4 recovery", 0, 0, 0.0, f"moved {shift:.1e} m, {twist:.1e} rad")
     return negatives, True
 
 
@@ -266,22 +267,22 @@ def run_five_steps(
     gap: float,
     *,
     closed: bool = False,
-) -> tuple[list[StepRow], int]:
+) -> tuple[list[Step], int]:
     """Take the steps of `method` at drive values target (c,): "kinematic" 1 and 2, "reduced" 1 to 4, "full" all five.
 
     gap: largest loop gap over the size at which step 1 counts as closed; closed: the storage holds closed loops already.
-    Returns the rows of the steps taken, and the negative pivots of the last equilibrium.
+    Returns the steps taken, and the negative pivots of the last equilibrium.
     """
     record = _Recorder()
     if not closed:
         b.restart()
         reason, count, open_gap = close_joints(b, target)
-        record.add(reason, count, open_gap)
+        record.add("1 close loops", reason, count, open_gap, f"gap {open_gap:.1e} m")
         if reason != 0 or not open_gap < gap * b.bodies.reduced.size:
-            return record.rows, 0
+            return record.steps, 0
     negatives, converged = _reduce(b, target, relinearisations, method == "kinematic", record)
     if not converged:
-        return record.rows, negatives
+        return record.steps, negatives
     if method == "kinematic":
         assemble_full_state(b)
     if method == "full":
@@ -296,6 +297,6 @@ def run_five_steps(
             MAX_TURN_PER_STEP,
             math.inf,
         )
-        record.add(reason, count, worst)
+        record.add("5 full equilibrium", reason, count, worst)
     read_answer_motions(b)
-    return record.rows, negatives
+    return record.steps, negatives

@@ -61,9 +61,9 @@ def solve_poses(
     """
     full, links, length = b.full_state, result.x.shape[1], b.bodies.kinematics.length
     for n, target in enumerate(targets):
-        rows, negatives = run_five_steps(b, target, method, relinearisations, gap)
-        status = int(rows[-1].stop)
-        if rows[0].stop != 0 or not rows[0].residual < gap * b.bodies.reduced.size:
+        steps, negatives = run_five_steps(b, target, method, relinearisations, gap)
+        status = int(steps[-1].stop)
+        if steps[0].stop != 0 or not steps[0].residual < gap * b.bodies.reduced.size:
             status = LOCKED
         elif is_outside(b.theta, limits, 0):
             status = OUT_OF_RANGE

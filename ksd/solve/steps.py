@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -130,67 +129,3 @@ class Verdict:
 
     def __str__(self) -> str:
         return self.sentence
-
-
-_STEP_NAMES = ("1 close loops", "2 joint stiffness", "3 reduced equilibrium", "4 recovery")
-
-
-class StepRow(NamedTuple):
-    """Numbers of one of the five steps: stop reason, iterations, residual over its bound (step 1: loop gap [m]; step 4:
-    largest unintended displacement [m]), thread time [s], and largest unintended rotation [rad] (step 4)."""
-
-    stop: int
-    iterations: int
-    residual: float
-    time: float
-    rotation: float = 0.0
-
-
-class FiveStepRecord(Sequence[Step]):
-    """The steps of a solve by the five-step method; each row is made a `Step` when it is read.
-
-    rows: one for each step, in order; relinearisations: relinearisation steps; along_drive: whether step 1 was taken along
-    the drive. later_steps: steps after the five, assigned when they are done.
-    """
-
-    def __init__(self, rows: list[StepRow], relinearisations: int, *, along_drive: bool = False) -> None:
-        self.rows, self.relinearisations, self.along_drive = rows, relinearisations, along_drive
-        self.later_steps: tuple[Step, ...] = ()
-
-    def __len__(self) -> int:
-        return len(self.rows) + len(self.later_steps)
-
-    def __getitem__(self, k: Any) -> Any:
-        if isinstance(k, slice):
-            return tuple(self._step(n) for n in range(*k.indices(len(self))))
-        if not -len(self) <= k < len(self):
-            raise IndexError(f"step {k}: there are {len(self)}")
-        return self._step(k % len(self))
-
-    def __iter__(self) -> Iterator[Step]:
-        return iter(self[:])
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Sequence) and self[:] == tuple(other)
-
-    def __repr__(self) -> str:
-        return repr(self[:])
-
-    @property
-    def last_stop(self) -> Stop:
-        """Stop reason of the last step."""
-        return self.later_steps[-1].stop if self.later_steps else Stop(self.rows[-1].stop)
-
-    def _step(self, k: int) -> Step:
-        """Step k with its name and note."""
-        if k >= len(self.rows):
-            return self.later_steps[k - len(self.rows)]
-        row = self.rows[k]
-        kind = 0 if k == 0 else 1 + (k - 1) % 3
-        name = _STEP_NAMES[kind] if k <= 3 * (self.relinearisations + 1) else "5 full equilibrium"
-        residual, note = row.residual, ""
-        if name is _STEP_NAMES[0]:
-            note = "in steps along the drive" if self.along_drive else f"gap {residual:.1e} m"
-        elif name is _STEP_NAMES[3]:
-            note, residual = f"moved {residual:.1e} m, {row.rotation:.1e} rad", 0.0
-        return Step(name, int(row.iterations), row.time, residual, Stop(row.stop), note)
