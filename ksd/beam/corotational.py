@@ -105,14 +105,22 @@ def _strains_and_stresses(v, s, tail):
     return status
 
 
-@kernel
-def condense(value, number, inner, store, d, Q, lam, K):
-    """Force and moment on end q at d (3,) [m], orientation Q (3, 3), and their tangent K (6, 6), frame of p.
+@kernel(inline="late")
+def _set_element(v, s, tail, mip, sigma, H, R, move):
+    """Strains and stresses of the element between the loaded nodes, and the stresses of its geometric stiffness: sigma (6,)
+    for MIP, else its own. Returns the status; H, R, move: unused."""
+    status = _strains_and_stresses(v, s, tail)
+    for i in range(6):
+        tail[Z_AT + i] = sigma[i] if mip != 0 else tail[S_AT + i]
+    return status
 
-    lam (12,): 0..5 force [N] and moment [Nm] with the linear prediction of the inner nodes; 6..11 those of the stresses
-    the geometric stiffness is built from, for the geometric terms of a moving end p. Returns (negative pivots, force
-    error [N], moment error [Nm], status); the errors are the change of lam by the inner residual, or the largest inner
-    residual if larger. Source: paper 1, (A.4)-(A.19), and errata 3 for the second derivatives.
+
+@kernel(inline="always")
+def condense_elements(set_element, add_tangent, value, number, inner, store, d, Q, lam, K, H, R):
+    """Condense a chain from p to q, see `condense`; set_element: kernel for the strains and stresses of an element, with
+    scratch H, R (3, 3) or larger and lam; add_tangent: kernel for its force and tangent.
+
+    Returns (negative pivots, squared force and moment errors, largest status of an element, whether it is regular).
     """
     n = number[0]
     tail = store[ELEMENT_STORE_SIZE * n : ELEMENT_STORE_SIZE * n + CHAIN_SCRATCH_SIZE]
@@ -129,15 +137,11 @@ def condense(value, number, inner, store, d, Q, lam, K):
         v = value[16 * k : 16 * k + 16]
         s = store[ELEMENT_STORE_SIZE * k : ELEMENT_STORE_SIZE * k + ELEMENT_STORE_SIZE]
         load_node(tail, inner, k if k < n - 1 else -1, d, K)
-        status = _strains_and_stresses(v, s, tail)
         # a large angle is allowed during the iteration; only a converged state with one is refused
-        angle = max(angle, status)
-        at = 12 * (n - 1) + 6 * k
-        for i in range(6):
-            tail[Z_AT + i] = inner[at + i] if number[1] != 0 else tail[S_AT + i]
+        angle = max(angle, set_element(v, s, tail, number[1], inner[12 * (n - 1) + 6 * k :], H, R, lam))
         if k > 0 and len(gravity) > 0:
             add_inner_weight(mass[k], gravity, tail)
-        rf, rm = tangent(v, s, tail, k == 0)
+        rf, rm = add_tangent(v, s, tail, k == 0)
         if k > 0:
             force, moment = max(force, rf), max(moment, rm)
             element_negatives = eliminate(s, tail)
@@ -153,6 +157,21 @@ def condense(value, number, inner, store, d, Q, lam, K):
             if len(gravity) > 0:
                 finish_chain_weight(mass, n, gravity, coupling[18 * n : 18 * n + 18], d, Q, lam, K)
     is_regular = not singular and math.isfinite(force + moment + lam[0] + K[0, 0])
+    return negatives, force, moment, angle, is_regular
+
+
+@kernel
+def condense(value, number, inner, store, d, Q, lam, K):
+    """Force and moment on end q at d (3,) [m], orientation Q (3, 3), and their tangent K (6, 6), frame of p.
+
+    lam (12,): 0..5 force [N] and moment [Nm] with the linear prediction of the inner nodes; 6..11 those of the stresses
+    the geometric stiffness is built from, for the geometric terms of a moving end p. Returns (negative pivots, force
+    error [N], moment error [Nm], status); the errors are the change of lam by the inner residual, or the largest inner
+    residual if larger. Source: paper 1, (A.4)-(A.19), and errata 3 for the second derivatives.
+    """
+    negatives, force, moment, angle, is_regular = condense_elements(
+        _set_element, tangent, value, number, inner, store, d, Q, lam, K, K, K
+    )
     return negatives, math.sqrt(force), math.sqrt(moment), angle if is_regular else 2
 
 

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import math
 
-from ksd.beam.corotational import end_rotation, finish_condensation, weight_offsets
+from ksd.beam.corotational import condense_elements
 from ksd.beam.corotational_element import (
     A_AT,
-    CHAIN_SCRATCH_SIZE,
     ELEMENT_STORE_SIZE,
     L_AT,
     N_AT,
@@ -18,19 +17,10 @@ from ksd.beam.corotational_element import (
     U_AT,
     V_AT,
     Z_AT,
-    eliminate,
-    fix_start,
     gradients,
-    load_node,
     node_axes,
     stresses,
     unstressed_tangent,
-)
-from ksd.beam.weight import (
-    add_inner_weight,
-    eliminate_gravity_coupling,
-    finish_chain_weight,
-    start_chain_weight,
 )
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_exp, rotation_log_below_150
@@ -100,6 +90,20 @@ def _place_nodes(value, n, inner, store, near, d, H, x):
                 inner[12 * k + 3 + 3 * i + j] = H[i, j]
 
 
+@kernel(inline="late")
+def _set_element(v, s, tail, mip, sigma, H, R, move):
+    """Strains and stresses of an element linearised about its orientation; returns the status. H, R (3, 3), move (12,):
+    scratch; mip, sigma: unused."""
+    node_axes(v, tail)
+    _set_chord(v, s, tail, H)
+    status = gradients(v[0], s, tail)
+    _flexible_strains(v, s, tail, H, R, move)
+    stresses(v, s, tail)
+    for i in range(6):
+        tail[Z_AT + i] = 0.0
+    return status
+
+
 @kernel
 def condense_linearised(value, number, inner, store, near, d, Q, lam, K, A, M):
     """Condensed stiffness linearised in the near configuration (paper 1, section 3).
@@ -109,47 +113,10 @@ def condense_linearised(value, number, inner, store, near, d, Q, lam, K, A, M):
     D. Sets the inner nodes and leaves `store` so that `recover` gives the deformed inner state with extrapolated
     stresses. A, M (3, 3) or larger: scratch. Other arguments and returns as `condense`.
     """
-    n = number[0]
-    tail = store[ELEMENT_STORE_SIZE * n : ELEMENT_STORE_SIZE * n + CHAIN_SCRATCH_SIZE]
-    # lam and K are scratch until the last element is done
-    _place_nodes(value, n, inner, store, near, d, A, lam)
-    end_rotation(value, n, Q, K)
-    fix_start(tail)
-    for i in range(6):
-        tail[Z_AT + i] = 0.0
-    coupling_at, gravity_at = weight_offsets(n, store)
-    mass, gravity, coupling = value[16 * n + 9 :], store[gravity_at:], store[coupling_at:gravity_at]
-    if len(gravity) > 0:
-        start_chain_weight(mass, n, gravity, coupling)
-    negatives, is_folded, singular = 0, False, False
-    force = moment = 0.0
-    for k in range(n):
-        v = value[16 * k : 16 * k + 16]
-        s = store[ELEMENT_STORE_SIZE * k : ELEMENT_STORE_SIZE * k + ELEMENT_STORE_SIZE]
-        load_node(tail, inner, k if k < n - 1 else -1, d, K)
-        node_axes(v, tail)
-        _set_chord(v, s, tail, A)
-        is_folded = is_folded or gradients(v[0], s, tail) != 0
-        _flexible_strains(v, s, tail, A, M, lam)
-        stresses(v, s, tail)
-        if k > 0 and len(gravity) > 0:
-            add_inner_weight(mass[k], gravity, tail)
-        rf, rm = unstressed_tangent(v, s, tail, k == 0)
-        if k > 0:
-            force, moment = max(force, rf), max(moment, rm)
-            element_negatives = eliminate(s, tail)
-            singular = singular or element_negatives < 0
-            negatives += element_negatives
-            if len(gravity) > 0:
-                eliminate_gravity_coupling(
-                    mass[k], s, gravity, coupling[18 * k : 18 * k + 18], coupling[18 * k + 18 : 18 * k + 36]
-                )
-        if k == n - 1:
-            ef, em = finish_condensation(s, tail, lam, K)
-            force, moment = max(force, ef), max(moment, em)
-            if len(gravity) > 0:
-                finish_chain_weight(mass, n, gravity, coupling[18 * n : 18 * n + 18], d, Q, lam, K)
-    if is_folded:
+    _place_nodes(value, number[0], inner, store, near, d, A, lam)
+    negatives, force, moment, is_folded, is_regular = condense_elements(
+        _set_element, unstressed_tangent, value, number, inner, store, d, Q, lam, K, A, M
+    )
+    if is_folded != 0:
         return negatives, math.inf, math.inf, 1
-    is_regular = not singular and math.isfinite(force + moment + lam[0] + K[0, 0])
     return negatives, math.sqrt(force), math.sqrt(moment), 0 if is_regular else 2
