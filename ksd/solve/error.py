@@ -107,13 +107,8 @@ def _error_of_solids(pose: Configuration, own: ErrorEstimate) -> ErrorEstimate:
     change = relative_error(model, full_state, remeshed_state)
     if can_refine:
         own = relative_error(pose.model, pose.motion, remeshed_state)
-    return ErrorEstimate(
-        own.force + change.force / 3,
-        own.displacement + change.displacement / 3,
-        own.rotation + change.rotation / 3,
-        own.relative + change.relative / 3,
-        change.relative * (4 / 3 if can_refine else 1 / 3),
-    )
+    mesh = change.relative * (4 / 3 if can_refine else 1 / 3)
+    return replace(own.plus(change, 1 / 3), mesh=mesh)
 
 
 def _unknown_error(pose: Configuration) -> ErrorEstimate:

@@ -67,19 +67,11 @@ def _extrapolated_error(first: ErrorEstimate, steps: Corrections) -> tuple[Error
         contraction = step.relative / max(last.relative, 1e-300)
         reliable = count > 2 or step.relative > MAX_ONE_STEP_ERROR
         if contraction < MAX_CONTRACTION or (reliable and contraction < 1.0):
-            return _add_multiple(distance, step, contraction / (1.0 - contraction)), count
+            return distance.plus(step, contraction / (1.0 - contraction)), count
         if step.relative > MAX_ONE_STEP_ERROR or count == MAX_CORRECTOR_STEPS:
             break
         last = step
     return ErrorEstimate.unknown(len(first.force)), count
-
-
-def _add_multiple(one: ErrorEstimate, other: ErrorEstimate, factor: float) -> ErrorEstimate:
-    """The sum of an estimate and a multiple of another."""
-    return ErrorEstimate(
-        one.force + factor * other.force, one.displacement + factor * other.displacement,
-        one.rotation + factor * other.rotation, one.relative + factor * other.relative,
-    )  # fmt: skip
 
 
 def _further_steps(b: FiveStepsStorage, target: np.ndarray) -> Corrections:

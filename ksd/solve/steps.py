@@ -97,6 +97,13 @@ class ErrorEstimate:
         """The estimate where the error of a model with so many drives is not known."""
         return ErrorEstimate(np.full(drives, np.inf), np.inf, np.inf, np.inf, mesh)
 
+    def plus(self, other: ErrorEstimate, factor: float) -> ErrorEstimate:
+        """The sum of this estimate and a multiple of another; `mesh` is that of this one."""
+        return ErrorEstimate(
+            self.force + factor * other.force, self.displacement + factor * other.displacement,
+            self.rotation + factor * other.rotation, self.relative + factor * other.relative, self.mesh,
+        )  # fmt: skip
+
     def __str__(self) -> str:
         if not np.isfinite(self.relative):
             return "not known"
