@@ -197,7 +197,7 @@ class _QuestionsOfPoses:
             model, state, self.design.method, values, SOLVED, negatives=count,
             expected_negatives=count, method_was_chosen=reduced,
         )  # fmt: skip
-        pose.__dict__["equilibrium"] = equilibrium
+        pose.set_equilibrium(equilibrium)
         return pose
 
 
@@ -241,7 +241,7 @@ def answer_deferred(designs: Sequence[DesignResult], questions: Questions) -> No
                 model = pose.model
                 target, work = model.targets(pose.targets), make_workspace(model.arrays)
                 result.status[n], equilibrium = _equilibrium_near(model, pose.motion, target, work)
-                pose.configuration.__dict__["equilibrium"] = equilibrium
+                pose.configuration.set_equilibrium(equilibrium)
                 again += [(result, DeferredPose(n, pose, True))] if result.status[n] == 0 else []
                 continue
             answers = answer_questions(pose, questions, known.rows)

@@ -306,6 +306,10 @@ class Configuration(NotebookTables):
             return equilibrium_near(self)
         return self.motion
 
+    def set_equilibrium(self, state: State) -> None:
+        """Set `equilibrium` where it is known already."""
+        self.__dict__["equilibrium"] = state
+
     @cached_property
     def unreduced_state(self) -> tuple[Model, State]:
         """Model and state with every modal body replaced by the chain of elements that it reduces; without modal bodies
@@ -624,6 +628,7 @@ INSIDE = frozenset(
     (
         "doubts", "equilibrium", "expected_negatives", "joint_motions", "joints_near_intended", "mesh_adequacy",
         "method_was_chosen", "negatives", "nonconservative_stability", "notes", "refinement_start", "reported_forces",
+        "set_equilibrium",
         "unreduced_equilibrium", "unreduced_state", "_joints", "_node", "_of_leaves",
     )
 )  # fmt: skip
