@@ -32,7 +32,7 @@ from ksd.model.arrays import (
 )
 from ksd.model.compile import Model, model_source
 from ksd.model.pack import MemberTopology, largest_extent, topology_arrays
-from ksd.model.scene_layout import SceneNumbers
+from ksd.model.scene_layout import LEAF_E, LEAF_IZ, SceneNumbers
 from ksd.model.template import (
     DesignArrays,
     LeafGeometry,
@@ -474,7 +474,7 @@ class JointLayout:
 
 def _scales(numbers: SceneNumbers, leaves: LeafGeometry) -> np.ndarray:
     """Scales (D, F, 4) of the functions of all leaf springs, see UNIT_SCALE .. MOMENT_SCALE."""
-    L, bending = leaves.length, numbers.leaf[..., 10] * numbers.leaf[..., 15]
+    L, bending = leaves.length, numbers.leaf[..., LEAF_E] * numbers.leaf[..., LEAF_IZ]
     return np.stack([np.ones_like(L), 1.0 / L, bending / L**2, bending / L], axis=2)
 
 

@@ -32,9 +32,9 @@ from ksd.model.springs import matrix_member, spring_members
 from ksd.scene.hinges import PLANES, plane_supports
 from ksd.scene.leaf import LeafCondition
 
-LEAF_NUMBERS = 21
+LEAF_NUMBERS, LEAF_E, LEAF_IZ = 21, 10, 15
 """Count of the numbers of a leaf: start, end, width axis (3 each), length, E, G, A, J, Iy, Iz, ky, kz, density, factors on
-GJ and E Iz."""
+GJ and E Iz; and the columns of E and Iz."""
 SPRING_NUMBERS = 26
 """Count of the numbers of a spring before its constants: ends (2, 3), end frames (2, 3, 3), length, stiffness scale."""
 GEOMETRY_NUMBERS = 25
