@@ -8,11 +8,15 @@ without a writer, an endless device or a file of 80 GB raises an error at once.
 from __future__ import annotations
 
 import contextlib
+import csv
+import io
 import os
 import secrets
 import stat
 import sys
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from ksd.errors import KsdError, SceneError
 
@@ -149,3 +153,12 @@ def _kind(mode: int) -> str:
     """What is there instead of a regular file, from the mode of its status: "a folder", "a pipe", ..."""
     kinds = ((stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a pipe"), (stat.S_ISSOCK, "a socket"))
     return next((name for test, name in kinds if test(mode)), "a device")
+
+
+def write_csv(path: str | os.PathLike[str], header: Iterable[str], rows: Iterable[Iterable[Any]]) -> Path:
+    """Write a table of comma-separated values (UTF-8, full precision, one header line) as `write_file` does."""
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(header)
+    writer.writerows(rows)
+    return write_file(path, text.getvalue(), what="table")

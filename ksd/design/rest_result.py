@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,7 +14,7 @@ from numpy.typing import NDArray
 from ksd.checks import name_hint, show, whole_number
 from ksd.design.rest_leaf import DeformedLeaf, plane_axes
 from ksd.errors import SceneError
-from ksd.files import write_file
+from ksd.files import write_csv
 from ksd.model.leaves import cut_leaves
 from ksd.model.mesh import Mesh
 from ksd.properties.printing import PrintableAnswer, format_number, format_table, render_text
@@ -117,13 +115,9 @@ class RestShape(PrintableAnswer, Scene):
     def to_csv(self, path: str | os.PathLike[str], *, points: int = DEFAULT_POINTS) -> Path:
         """Write the lines of all undeformed leaf springs: leaf, s_m along it, x_m, y_m, z_m (UTF-8, full precision, one
         header line). Returns the path."""
-        text = io.StringIO(newline="")
-        writer = csv.writer(text)
-        writer.writerow(("leaf", "s_m", "x_m", "y_m", "z_m"))
+        rows = []
         for placed in self.leaves:
             line = self.line(placed.name, points=points)
             stations = np.linspace(0.0, placed.leaf.length, len(line))
-            writer.writerows(
-                (placed.name, s, *p) for s, p in zip(stations.tolist(), line.tolist(), strict=True)
-            )
-        return write_file(path, text.getvalue(), what="table")
+            rows += [(placed.name, s, *p) for s, p in zip(stations.tolist(), line.tolist(), strict=True)]
+        return write_csv(path, ("leaf", "s_m", "x_m", "y_m", "z_m"), rows)

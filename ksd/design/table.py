@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import math
 import os
@@ -21,7 +20,7 @@ from rich.text import Text
 
 from ksd.checks import clear_argument_errors, name_hint, names_of, show
 from ksd.errors import RecordError, SceneError
-from ksd.files import write_file
+from ksd.files import write_csv, write_file
 from ksd.html import NotebookTables
 from ksd.library.result_files import read_columns, write_columns
 from ksd.properties.printing import TABLE_WIDTH, format_number, render_text
@@ -247,11 +246,7 @@ class Table(NotebookTables):
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write comma-separated values (UTF-8, full precision, one header line). Returns the path."""
-        text = io.StringIO(newline="")
-        writer = csv.writer(text)
-        writer.writerow(self.columns)
-        writer.writerows(zip(*self.columns.values(), strict=True))
-        return write_file(path, text.getvalue(), what="table")
+        return write_csv(path, self.columns, zip(*self.columns.values(), strict=True))
 
     def to_hdf5(self, path: str | os.PathLike[str]) -> Path:
         """Write one dataset per column, facts as attributes (HDF5, with a checksum: see `from_hdf5`). Returns the path."""

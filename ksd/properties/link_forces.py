@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import SceneError
-from ksd.files import write_file
+from ksd.files import write_csv
 from ksd.model.arrays import State
 from ksd.model.compile import Model
 from ksd.properties.forces import ROUNDING_TOLERANCE, InterfaceForce, interface_forces, leaf_end_forces
@@ -89,13 +87,10 @@ class LinkForces(PrintableAnswer):
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write comma-separated values (UTF-8, full precision) with header COLUMNS; returns the path."""
-        text = io.StringIO(newline="")
-        writer = csv.writer(text)
-        writer.writerow(COLUMNS)
-        for r in self.rows:
-            values = np.concatenate([r.force, r.moment, r.point]).tolist()
-            writer.writerow((r.part, r.of, r.at, *values))
-        return write_file(path, text.getvalue(), what="table")
+        rows = (
+            (r.part, r.of, r.at, *np.concatenate([r.force, r.moment, r.point]).tolist()) for r in self.rows
+        )
+        return write_csv(path, COLUMNS, rows)
 
 
 def link_forces(model: Model, motion: State, *, load_factor: float = 1.0) -> LinkForces:
