@@ -25,7 +25,7 @@ from ksd.model.mesh import MAX_ORDER, Mesh, MixedMesh
 from ksd.model.newton import take_step_at_fixed_rows
 from ksd.model.reduced_bodies import with_bodies
 from ksd.properties.cache import cached_per_model
-from ksd.properties.shape import scene_leaves
+from ksd.properties.shape import member_ends, scene_leaves
 
 MAX_STEP = 0.1
 """Limit of the Newton step: rotation [rad], or displacement relative to the size of the mechanism.
@@ -152,12 +152,8 @@ def _expand_chain(
     model: Model, motion: State, i: int, inner: np.ndarray, nodes: list[int], state: State
 ) -> None:
     """Write the inner nodes of chain `i`, with r and R (from the undeformed state) in frame p, into `state`."""
-    members = model.arrays.members
-    a = members.node[i, 0]
-    rest = members.frame[i, 0]
-    frame = motion.R[a] @ rest
-    start = motion.x[a] + motion.R[a] @ members.offset[i, 0]
+    ends, rest = member_ends(model, motion, i), model.arrays.members.frame[i, 0]
     for k, node in enumerate(nodes):
         r, R = inner[12 * k : 12 * k + 3], inner[12 * k + 3 : 12 * k + 12].reshape(3, 3)
-        state.x[node] = start + frame @ r
-        state.R[node] = frame @ R @ rest.T
+        state.x[node] = ends.start + ends.frame @ r
+        state.R[node] = ends.frame @ R @ rest.T

@@ -18,13 +18,13 @@ from ksd.checks import positive, show
 from ksd.errors import SceneError
 from ksd.model.arrays import STRAIN, State, make_workspace
 from ksd.model.compile import Model
-from ksd.model.newton import assemble_nodes, take_newton_step
+from ksd.model.newton import take_newton_step
 from ksd.properties.forces import SectionForces, section_forces
 from ksd.properties.leaf_groups import LeafFlexibility, inner_unknowns, leaf_flexibilities, leaf_groups
 from ksd.properties.printing import PrintableAnswer
-from ksd.properties.shape import leaf_members
+from ksd.properties.shape import leaf_members, member_ends
 from ksd.properties.stress import stress_from_forces
-from ksd.properties.tangent import Tangent, assemble_and_factor, exact_tangent_arrays
+from ksd.properties.tangent import Tangent, assemble_and_factor, exact_tangent_arrays, row_values
 
 Array = NDArray[np.float64]
 DIRECTIONS = ("along", "across", "sideways", "twist", "tilt", "yaw")
@@ -149,7 +149,7 @@ the result that differs between processors.
 def _chain_change(model: Model, motion: State, load_factor: float, points: int) -> Change:
     """`Change` for chains."""
     arrays, options = exact_tangent_arrays(model), {"points": points, "load_factor": load_factor}
-    target = _row_values(model, motion)
+    target = row_values(model, motion)
 
     def forces(member: int, misplaced: Array) -> dict[str, SectionForces]:
         from scipy.spatial.transform import Rotation
@@ -174,14 +174,6 @@ def _chain_change(model: Model, motion: State, load_factor: float, points: int) 
     return change
 
 
-def _row_values(model: Model, motion: State) -> Array:
-    """Values (c,) of the drives and supports at `motion`."""
-    work = make_workspace(model.arrays)
-    assemble_nodes(model.arrays, motion, 0.0, work)
-    values: Array = work.rhs[model.arrays.terms.start]
-    return values
-
-
 def _state_after_misplacement(
     tangent: Tangent, flexible: list[LeafFlexibility], member: int, misplaced: Array
 ) -> State:
@@ -191,7 +183,7 @@ def _state_after_misplacement(
     """
     model, motion = tangent.model, tangent.motion
     loads = np.zeros(model.arrays.plan.unknowns + 1)
-    R = _end_axes(model, motion, member)
+    R = member_ends(model, motion, member).Q
     moved = []
     for group, leaf, unknowns in zip(leaf_groups(model), flexible, inner_unknowns(model), strict=True):
         # xi in frame p is the misplacement in the axes of q at this state
@@ -208,12 +200,3 @@ def _state_after_misplacement(
         bent, wrench = (leaf.P @ total[..., None])[..., 0], (leaf.ends @ total[..., None])[..., 0]
         state.inner[group.inner_index] += np.hstack([bent, wrench])
     return state
-
-
-def _end_axes(model: Model, motion: State, member: int) -> Array:
-    """Axes (3, 3) of end q of a member as columns, in frame p."""
-    members = model.arrays.members
-    a, b = members.node[member]
-    frame_p, frame_q = motion.R[a] @ members.frame[member, 0], motion.R[b] @ members.frame[member, 1]
-    axes: Array = frame_p.T @ frame_q
-    return axes

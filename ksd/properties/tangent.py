@@ -20,7 +20,7 @@ from ksd.errors import KinematicsError, SceneError
 from ksd.model.arrays import COROTATIONAL, LINEAR, SOLID, Arrays, FlatArrays, State, Workspace, make_workspace
 from ksd.model.compile import Model
 from ksd.model.loading import term_slope
-from ksd.model.newton import SINGULAR_PIVOT, assemble
+from ksd.model.newton import SINGULAR_PIVOT, assemble, assemble_nodes
 from ksd.numerics.blocks import factor_blocks, residual_blocks, solve_blocks, solve_refined_rows
 from ksd.numerics.indefinite import equilibration, negative_inertia, solve_scaled
 from ksd.properties.cache import cached_per_model
@@ -60,6 +60,13 @@ def row_numbers(model: Model, names: Iterable[str]) -> list[int]:
                 f"{', '.join(known) or 'none'}"
             )
     return [known.index(name) for name in names]
+
+
+def row_values(model: Model, motion: State) -> Array:
+    """Values (c,) of the drives and supports at `motion` [m or rad]."""
+    work = make_workspace(model.arrays)
+    assemble_nodes(model.arrays, motion, 0.0, work)
+    return work.rhs[model.arrays.terms.start].copy()
 
 
 def release_rows(arrays: Arrays, value: Array, rows: Iterable[int]) -> None:

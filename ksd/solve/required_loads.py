@@ -19,15 +19,15 @@ from scipy.spatial.transform import Rotation
 from ksd.checks import clear_argument_errors, name_hint, show
 from ksd.checks import number as checked
 from ksd.errors import ConvergenceError, KsdError, SceneError, TrustError
-from ksd.model.arrays import State, make_workspace
+from ksd.model.arrays import State
 from ksd.model.compile import Model, compile_as_is, compile_with_effects
 from ksd.model.effects import with_conditions
 from ksd.model.mesh import Mesh
-from ksd.model.newton import assemble_nodes
 from ksd.model.orders import raise_order
 from ksd.model.plane import Plane, plane_of
 from ksd.numerics.rotations import rotation_exp
 from ksd.properties.printing import PrintableAnswer, format_number, format_table
+from ksd.properties.tangent import row_values
 from ksd.scene.drive import GROUND, Drive, DriveTerm
 from ksd.scene.hinges import plane_normal
 from ksd.scene.link import Link, link_name
@@ -274,24 +274,17 @@ def _pose_from_drives(
     state = model.rest.copy()
     for i, (x, R) in poses_by_node.items():
         state.x[i], state.R[i] = x, R
-    values = dict(zip(model.drive_names, _row_values(model, state).tolist(), strict=False))
+    values = dict(zip(model.drive_names, row_values(model, state).tolist(), strict=False))
     try:
         motion = solver(values, method="conventional", estimate=False, strict=False).motion
         begin = State(motion.x, motion.R, motion.inner, np.zeros(len(posed.rest.multiplier)))
-        rows = dict(zip(posed.drive_names, _row_values(posed, begin).tolist(), strict=False))
+        rows = dict(zip(posed.drive_names, row_values(posed, begin).tolist(), strict=False))
         near = Configuration(
             posed, begin, "conventional", rows, (), negatives=0, expected_negatives=0, load_factor=1.0
         )
         return solve_conventional(posed, targets, start=near, planar="auto" if solver.planar else False)
     except KsdError:
         return None
-
-
-def _row_values(model: Model, state: State) -> Array:
-    """Values of the drives and supports (c,) at a state [m or rad]."""
-    work = make_workspace(model.arrays)
-    assemble_nodes(model.arrays, state, 0.0, work)
-    return work.rhs[model.arrays.terms.start].copy()
 
 
 def _obstacle(

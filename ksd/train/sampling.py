@@ -18,6 +18,7 @@ from ksd.library.functions import Array, Mesh
 from ksd.model.arrays import COROTATIONAL, State
 from ksd.model.compile import Model, compile_as_is
 from ksd.model.mesh import Mesh as LeafMesh
+from ksd.model.reduced_bodies import relative_end_pose
 from ksd.scene import Joint, Leaf
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import solve_conventional
@@ -181,7 +182,7 @@ def _chain_rotations(model: Model, states: list[State], i: int) -> Array:
         [s.inner[members.inner_at[i] : members.inner_at[i] + NODE_RECORD_SIZE * (n - 1)] for s in states]
     )
     nodes = inner.reshape(len(states), n - 1, NODE_RECORD_SIZE)
-    d, Q = _end_pose(model, states, i)
+    d, Q = map(np.array, zip(*(relative_end_pose(members, i, s) for s in states), strict=True))
     position = np.concatenate([np.zeros((len(d), 1, 3)), nodes[:, :, :3], d[:, None]], axis=1)
     first = np.broadcast_to(np.eye(3), Q.shape)[:, None]
     last = (Q @ value[ELEMENT_RECORD_SIZE * n :].reshape(3, 3).T)[:, None]
@@ -191,14 +192,3 @@ def _chain_rotations(model: Model, states: list[State], i: int) -> Array:
     axes = element_axes(np.diff(position, axis=1), across)
     elements = axes @ np.swapaxes(rest, 1, 2)
     return rotation_vectors(np.concatenate([elements, rotation[:, 1:-1]], axis=1))
-
-
-def _end_pose(model: Model, states: list[State], i: int) -> tuple[Array, Array]:
-    """Position d (g, 3) and orientation Q (g, 3, 3) of end q of leaf i in the frame of end p."""
-    members = model.arrays.members
-    a, b = members.node[i]
-    x, R = np.array([s.x for s in states]), np.array([s.R for s in states])
-    p = x[:, a] + R[:, a] @ members.offset[i, 0]
-    q = x[:, b] + R[:, b] @ members.offset[i, 1]
-    P = np.swapaxes(R[:, a] @ members.frame[i, 0], 1, 2)
-    return np.einsum("gij,gj->gi", P, q - p), P @ R[:, b] @ members.frame[i, 1]
