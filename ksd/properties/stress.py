@@ -262,42 +262,6 @@ class PeakStress(NamedTuple):
     point: str
 
 
-class BatchLeafStress(NamedTuple):
-    """Von Mises stress of n leaf springs of one group, with sections of the same kind, in the states of a batch.
-
-    state, member (n,): state and member of each; section (n,): number in `sections`; s (n, S): stations [m]; mises
-    (n, S, P) [Pa]: stress at the points of the sections.
-    """
-
-    state: NDArray[np.int64]
-    member: NDArray[np.int64]
-    section: NDArray[np.int64]
-    sections: list[Any]
-    s: Array
-    mises: Array
-
-
-def batch_stress(states: StateBatch, *, points: int = DEFAULT_STATIONS) -> list[BatchLeafStress] | None:
-    """Stress of every leaf in all states of a batch.
-
-    None where leaf springs have weight, a profile or points that divide them, or where panels differ; `stress` evaluates
-    such states one by one.
-    """
-    found, model = [], states.models[0]
-    for group in leaf_groups(model):
-        leaves = _batch_leaves(states, group)
-        if leaves is None:
-            return None
-        value, inner, number, sections = leaves
-        s, forces = strain_forces(value, inner, group.number, points)
-        state, k = np.divmod(np.arange(len(s)), len(group.members))
-        for pick, mises in _mises_by_section_kind(forces, number, [_point_table(q) for q in sections]):
-            found.append(
-                BatchLeafStress(state[pick], group.members[k[pick]], number[pick], sections, s[pick], mises)
-            )
-    return found
-
-
 def _mises_by_section_kind(
     forces: Array, number: NDArray[np.int64], tables: list[_PointTable]
 ) -> Iterator[tuple[NDArray[np.int64], Array]]:
@@ -375,21 +339,29 @@ def _batch_sections(states: StateBatch, names: list[str]) -> tuple[NDArray[np.in
 def batch_peak_stress(
     states: StateBatch, *, points: int = DEFAULT_STATIONS
 ) -> list[dict[str, PeakStress]] | None:
-    """Largest stress of every leaf by full name, for every state; None as in `batch_stress`."""
-    groups = batch_stress(states, points=points)
-    if groups is None:
-        return None
+    """Largest stress of every leaf by full name, for every state.
+
+    None where leaf springs have weight, a profile or points that divide them, or where panels differ; `stress` evaluates
+    such states one by one.
+    """
     names = states.models[0].member_names
     found: list[dict[str, Any]] = [dict.fromkeys(names) for _ in states.model_index]
-    for part in groups:
-        at = part.mises.reshape(len(part.mises), -1).argmax(axis=1)
-        for j, (d, i, n) in enumerate(zip(*(v.tolist() for v in part[:3]), strict=True)):
-            station, point = divmod(int(at[j]), part.mises.shape[2])
-            found[d][names[i]] = PeakStress(
-                float(part.mises[j, station, point]),
-                float(part.s[j, station]),
-                stress_points(part.sections[n]).names[point],
-            )
+    for group in leaf_groups(states.models[0]):
+        leaves = _batch_leaves(states, group)
+        if leaves is None:
+            return None
+        value, inner, number, sections = leaves
+        s, forces = strain_forces(value, inner, group.number, points)
+        for pick, mises in _mises_by_section_kind(forces, number, [_point_table(q) for q in sections]):
+            at = mises.reshape(len(mises), -1).argmax(axis=1)
+            for row, j in enumerate(pick.tolist()):
+                state, k = divmod(j, len(group.members))
+                station, point = divmod(int(at[row]), mises.shape[2])
+                found[state][names[group.members[k]]] = PeakStress(
+                    float(mises[row, station, point]),
+                    float(s[j, station]),
+                    stress_points(sections[number[j]]).names[point],
+                )
     return found
 
 
