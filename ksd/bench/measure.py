@@ -21,6 +21,7 @@ from rich.text import Text
 
 from ksd.bench.suite import REFERENCE_MESH, Case, Variant, case_variants
 from ksd.errors import ConvergenceError, KsdError
+from ksd.library.result_files import json_object
 from ksd.model.compile import Model, compile_scene
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import solve_conventional
@@ -279,22 +280,9 @@ def pareto_rows(rows: Iterable[Measurement], key: str) -> list[Measurement]:
 
 def json_results(results: Sequence[CaseResult]) -> dict[str, Any]:
     """Results for JSON: "machine", and per case the fields of its measurements; numbers that are not finite are None."""
-    return {
-        "machine": machine_facts(),
-        "times": "thread CPU time [us]: lower quartile, median, upper",
-        "cases": {
-            m.case: {"repeats": m.repeats, "rows": [_without_nan(asdict(r)) for r in m.rows]} for m in results
-        },
-    }
-
-
-def _without_nan(value: Any) -> Any:
-    """The value for JSON: dictionaries, lists and tuples with None for numbers that are not finite."""
-    if isinstance(value, dict):
-        return {k: _without_nan(v) for k, v in value.items()}
-    if isinstance(value, tuple | list):
-        return [_without_nan(v) for v in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    cases = {m.case: {"repeats": m.repeats, "rows": [asdict(r) for r in m.rows]} for m in results}
+    times = "thread CPU time [us]: lower quartile, median, upper"
+    return json_object({"machine": machine_facts(), "times": times, "cases": cases})
 
 
 def table(measured: CaseResult) -> Any:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Mapping
 from typing import Any
 
 from rich import box
@@ -13,6 +12,7 @@ from rich.table import Table
 from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.cli.solve import load_with_options
 from ksd.design.effect_cost import EffectCost, effect_cost
+from ksd.library.result_files import json_object
 from ksd.model.description import effect_reason
 from ksd.model.effects import EffectChoice
 from ksd.properties.printing import format_signed_percent
@@ -116,25 +116,22 @@ def _draw(rows: list[EffectCost], why: dict[str, str], accuracy: float, path: st
 
 def as_dict(choice: EffectChoice, rows: list[EffectCost]) -> dict[str, Any]:
     """The reasons and numbers of all effects for JSON, None for no number; relative_change: by adding the effect."""
-    return {
-        "effects": {e.name: {"simulated": e.present, "reason": e.reason} for e in choice.effects},
-        "effect_cost": {
-            r.name: {
-                "simulated": r.is_simulated,
-                "with": _finite(r.with_),
-                "without": _finite(r.without),
-                "relative_change": _finite(r.relative_changes()),
-                "time_with_s": None if r.failure else r.times[0],
-                "time_without_s": None if r.failure else r.times[1],
-                "unknowns_with": r.unknowns[0],
-                "unknowns_without": r.unknowns[1],
-                "failed": r.failure,
-            }
-            for r in rows
-        },
-    }
-
-
-def _finite(values: Mapping[str, float]) -> dict[str, float | None]:
-    """The values with None for those that are not finite, which JSON does not have."""
-    return {key: (value if math.isfinite(value) else None) for key, value in values.items()}
+    return json_object(
+        {
+            "effects": {e.name: {"simulated": e.present, "reason": e.reason} for e in choice.effects},
+            "effect_cost": {
+                r.name: {
+                    "simulated": r.is_simulated,
+                    "with": r.with_,
+                    "without": r.without,
+                    "relative_change": r.relative_changes(),
+                    "time_with_s": None if r.failure else r.times[0],
+                    "time_without_s": None if r.failure else r.times[1],
+                    "unknowns_with": r.unknowns[0],
+                    "unknowns_without": r.unknowns[1],
+                    "failed": r.failure,
+                }
+                for r in rows
+            },
+        }
+    )

@@ -20,6 +20,7 @@ from ksd.design.table import OK, Table
 from ksd.errors import SceneError
 from ksd.files import check_target, write_file
 from ksd.html import join_printed
+from ksd.library.result_files import json_object
 from ksd.properties.printing import PrintableAnswer, format_number, format_table
 from ksd.solve.configuration import Configuration
 from ksd.solve.solver import prepare
@@ -151,16 +152,12 @@ class Optimum(PrintableAnswer):
 
     def as_dict(self) -> dict[str, Any]:
         """Everything but the table, for JSON; numbers that are not finite become None."""
-
-        def plain(values: Mapping[str, float]) -> dict[str, float | None]:
-            return {n: float(v) if np.isfinite(v) else None for n, v in values.items()}
-
-        return {
-            "method": self.method, "merit": self.merit, "design": plain(self.design), "worst": self.worst,
-            "answers": plain(self.answers), "held": plain(self.held), "flat": plain(self.flat), "robust": self.robust,
-            "margins": plain(self.margins), "values": self.evaluations, "gradients": self.gradients,
-            "seconds": self.seconds, "starts": [s._asdict() | plain({"merit": s.merit}) for s in self.starts],
-        }  # fmt: skip
+        return json_object({
+            "method": self.method, "merit": self.merit, "design": self.design, "worst": self.worst,
+            "answers": self.answers, "held": self.held, "flat": self.flat, "robust": self.robust,
+            "margins": self.margins, "values": self.evaluations, "gradients": self.gradients,
+            "seconds": self.seconds, "starts": [s._asdict() for s in self.starts],
+        })  # fmt: skip
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
         """Matplotlib figure of the convergence of every start, and of all designs as parallel coordinates; written to

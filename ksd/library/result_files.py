@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -84,6 +85,21 @@ def read_columns(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str
 def _json_text(numbers: Mapping[str, Any]) -> str:
     """The text of a JSON answer. Raises ValueError for numbers that are not finite."""
     return json.dumps(numbers, indent=1, allow_nan=False) + "\n"
+
+
+def json_object(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Numbers, texts and arrays by name, nested as they may be, for strict JSON: None for numbers that are not finite."""
+    return {key: _json_value(value) for key, value in values.items()}
+
+
+def _json_value(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return json_object(value)
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, tuple | list):
+        return [_json_value(v) for v in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def write_result(numbers: Mapping[str, Any], path: str | os.PathLike[str]) -> Path:

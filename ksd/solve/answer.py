@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ksd.library.result_files import json_object
 from ksd.solve.steps import Stop
 from ksd.solve.validity import basis_use
 from ksd.solve.verdict import stability_sentence
@@ -106,33 +107,35 @@ SCHEMA: dict[str, str] = {
 def as_dict(configuration: Configuration) -> dict[str, Any]:
     """All numbers of a configuration, ready for `json.dumps`; keys and units as in SCHEMA."""
     c = configuration
-    return {
-        "format": FORMAT,
-        "mechanism": c.model.scene.name,
-        "method": c.method,
-        "leaf_model": c.model.leaf_models,
-        "converged": c.converged,
-        "stable": c.stable,
-        "stability": stability_sentence(c),
-        "trust": _trust(c),
-        "doubts": list(c.doubts),
-        "negative_pivots": int(c.negatives),
-        "expected_negative_pivots": int(c.expected_negatives),
-        "iterations": c.iterations,
-        "time_us": _finite(1e6 * c.time),
-        "load_factor": _finite(c.load_factor),
-        "steps": [_step(s) for s in c.steps],
-        "drives": _drives(c),
-        "supports": _supports(c),
-        "error": _error(c),
-        "basis": _basis(c),
-        "strength": _strength(c),
-        "links": _links(c),
-        "joints": _joints(c),
-        "leaves": _leaves(c),
-        "left_out": _left_out(c),
-        "warnings": list(c.warnings),
-    }
+    return json_object(
+        {
+            "format": FORMAT,
+            "mechanism": c.model.scene.name,
+            "method": c.method,
+            "leaf_model": c.model.leaf_models,
+            "converged": c.converged,
+            "stable": c.stable,
+            "stability": stability_sentence(c),
+            "trust": _trust(c),
+            "doubts": list(c.doubts),
+            "negative_pivots": int(c.negatives),
+            "expected_negative_pivots": int(c.expected_negatives),
+            "iterations": c.iterations,
+            "time_us": 1e6 * c.time,
+            "load_factor": c.load_factor,
+            "steps": [_step(s) for s in c.steps],
+            "drives": _drives(c),
+            "supports": _supports(c),
+            "error": _error(c),
+            "basis": _basis(c),
+            "strength": _strength(c),
+            "links": _links(c),
+            "joints": _joints(c),
+            "leaves": _leaves(c),
+            "left_out": _left_out(c),
+            "warnings": list(c.warnings),
+        }
+    )
 
 
 def _trust(c: Configuration) -> dict[str, dict[str, Any]]:
@@ -151,14 +154,6 @@ _EFFORT_ERROR = {"translation": "force_error_N", "rotation": "moment_error_Nm", 
 _VALUE = {"translation": ("value_mm", 1e3), "rotation": ("value_deg", 180 / math.pi), "mixed": ("value", 1.0)}
 
 
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
-def _list(values: Any, factor: float = 1.0) -> list[float | None]:
-    return [_finite(factor * v) for v in np.asarray(values, float)]
-
-
 def _step(step: Any) -> dict[str, Any]:
     stop = Stop(step.stop)
     closing = step.name.startswith("1 ")
@@ -167,9 +162,9 @@ def _step(step: Any) -> dict[str, Any]:
     return {
         "name": step.name,
         "iterations": None if direct else int(step.iterations),
-        "time_us": _finite(1e6 * step.time),
-        "residual_over_bound": None if direct or closing else _finite(step.residual),
-        "gap_m": _finite(step.residual) if closing else None,
+        "time_us": 1e6 * step.time,
+        "residual_over_bound": None if direct or closing else step.residual,
+        "gap_m": step.residual if closing else None,
         "stop": stop.name.lower(),
         "reason": step.reason,
         "note": step.note,
@@ -181,10 +176,10 @@ def _drives(c: Configuration) -> dict[str, dict[str, float | None]]:
     for i, drive in enumerate(c.model.scene.drives):
         kind = drive_kind(drive)
         key, factor = _VALUE[kind]
-        error = None if c.error is None else _finite(c.error.force[i])
+        error = None if c.error is None else c.error.force[i]
         drives[drive.name] = {
-            key: _finite(factor * c.targets[drive.name]),
-            _EFFORT[kind]: _finite(forces[drive.name]),
+            key: factor * c.targets[drive.name],
+            _EFFORT[kind]: forces[drive.name],
             _EFFORT_ERROR[kind]: error,
         }
     return drives
@@ -193,7 +188,7 @@ def _drives(c: Configuration) -> dict[str, dict[str, float | None]]:
 def _supports(c: Configuration) -> dict[str, dict[str, float | None]]:
     reactions = c.reactions
     return {
-        s.name: {_EFFORT[drive_kind(s)]: _finite(reactions[s.name])}
+        s.name: {_EFFORT[drive_kind(s)]: reactions[s.name]}
         for s in c.model.scene.supports
         if s.name in reactions
     }
@@ -203,16 +198,16 @@ def _error(c: Configuration) -> dict[str, float | None] | None:
     if c.error is None:
         return None
     return {
-        "relative_percent": _finite(100 * c.error.relative),
-        "mesh_percent": _finite(100 * c.error.mesh),
-        "displacement_um": _finite(1e6 * c.error.displacement),
-        "rotation_mrad": _finite(1e3 * c.error.rotation),
+        "relative_percent": 100 * c.error.relative,
+        "mesh_percent": 100 * c.error.mesh,
+        "displacement_um": 1e6 * c.error.displacement,
+        "rotation_mrad": 1e3 * c.error.rotation,
     }
 
 
 def _left_out(c: Configuration) -> dict[str, dict[str, float | None]]:
     return {
-        name: {f"{what}_percent": _finite(100 * change) for what, change in changes.items()}
+        name: {f"{what}_percent": 100 * change for what, change in changes.items()}
         for name, changes in c.left_out.items()
     }
 
@@ -224,12 +219,12 @@ def _basis(c: Configuration) -> dict[str, Any] | None:
     return {
         "of": use.name,
         "coordinates": use.coordinates,
-        "condition": _finite(use.condition),
-        "stroke": _finite(use.stroke),
-        "turn_deg": _finite(180 / math.pi * use.turn),
-        "within_percent": _finite(100 * use.error),
-        "most_stroke": _finite(use.most_stroke),
-        "most_turn_deg": _finite(180 / math.pi * use.most_turn),
+        "condition": use.condition,
+        "stroke": use.stroke,
+        "turn_deg": 180 / math.pi * use.turn,
+        "within_percent": 100 * use.error,
+        "most_stroke": use.most_stroke,
+        "most_turn_deg": 180 / math.pi * use.most_turn,
     }
 
 
@@ -244,15 +239,15 @@ def _strength(c: Configuration) -> dict[str, Any] | None:
     limits: dict[str, Any] = {}
     for key, (share, leaf) in shares.items():
         limits |= {
-            f"{key}_percent": None if share is None else _finite(100 * share),
+            f"{key}_percent": None if share is None else 100 * share,
             f"{key}_leaf": leaf or None,
         }
     return {
-        "largest_strain_percent": _finite(100 * strength.strain),
+        "largest_strain_percent": 100 * strength.strain,
         "strain_leaf": strength.strain_leaf,
-        "largest_stress_MPa": _finite(1e-6 * strength.stress_Pa),
+        "largest_stress_MPa": 1e-6 * strength.stress_Pa,
         "stress_leaf": strength.stress_leaf,
-        "stress_s_mm": _finite(1e3 * strength.s),
+        "stress_s_mm": 1e3 * strength.s,
         "stress_point": strength.point,
         **limits,
     }
@@ -263,9 +258,9 @@ def _links(c: Configuration) -> dict[str, dict[str, Any]]:
     for i, (name, (displacement, _)) in enumerate(c.links.items()):
         if i > 0:
             links[name] = {
-                "displacement_mm": _list(displacement, 1e3),
-                "reference_mm": _list(c.model.rest.x[i], 1e3),
-                "rotation_deg": _list(c.rotation(name), 180 / math.pi),
+                "displacement_mm": 1e3 * displacement,
+                "reference_mm": 1e3 * c.model.rest.x[i],
+                "rotation_deg": 180 / math.pi * c.rotation(name),
             }
     return links
 
@@ -276,12 +271,12 @@ def _joints(c: Configuration) -> dict[str, dict[str, Any]]:
         intended = {}
         for motion, value in zip(placed.joint.motions, _intended(c, placed), strict=True):
             unit, factor = ("mm", 1e3) if motion.kind == "translation" else ("deg", 180 / math.pi)
-            intended[f"{motion.name}_{unit}"] = _finite(factor * value)
+            intended[f"{motion.name}_{unit}"] = factor * value
         off = c.unintended.get(placed.name)
         joints[placed.name] = {
             "intended": intended,
-            "unintended_displacement_um": None if off is None else _list(off[:3], 1e6),
-            "unintended_rotation_mrad": None if off is None else _list(off[3:], 1e3),
+            "unintended_displacement_um": None if off is None else 1e6 * off[:3],
+            "unintended_rotation_mrad": None if off is None else 1e3 * off[3:],
         }
     return joints
 
@@ -305,10 +300,10 @@ def _intended(c: Configuration, placed: Any) -> list[float]:
 def _leaves(c: Configuration) -> dict[str, dict[str, Any]]:
     return {
         name: {
-            "start_force_N": _list(f.start[:3]),
-            "start_moment_Nm": _list(f.start[3:]),
-            "end_force_N": _list(f.end[:3]),
-            "end_moment_Nm": _list(f.end[3:]),
+            "start_force_N": f.start[:3],
+            "start_moment_Nm": f.start[3:],
+            "end_force_N": f.end[:3],
+            "end_moment_Nm": f.end[3:],
         }
         for name, f in c.section_forces(points=2).items()
     }
