@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ksd.bench.measure import quartiles, reference_configuration, round_count, time_in_turns
-from ksd.bench.suite import REFERENCE_MESH, Variant, raise_not_run
+from ksd.bench.suite import REFERENCE_MESH, raise_not_run
 from ksd.checks import clear_argument_errors, name_hint, names_of, show, whole_number
 from ksd.design.arguments import check_solve_options
 from ksd.design.questions import EFFORT_SUFFIX
@@ -248,10 +248,7 @@ def measure_methods(
                 failure = " ".join(str(reason).split()) or type(reason).__name__
                 results[k] = MethodResult(method.method, method.leaves, failure=failure)
             bar.advance(task)
-        timed = {
-            k: Variant(methods[k].method, methods[k].leaves, 0, partial(methods[k].solve, False))
-            for k in poses
-        }
+        timed = {k: partial(methods[k].solve, False) for k in poses}
         rounds = {k: round_count(1e6 * solved[1].time, repeats) for k, solved in poses.items()}
         calls, steps = time_in_turns(timed, rounds)
         for k, solved in poses.items():

@@ -7,7 +7,7 @@ import os
 import platform
 import statistics
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import date
 from importlib.metadata import version
@@ -115,7 +115,7 @@ def measure(case: Case, *, quick: bool = False, repeats: int = 15) -> CaseResult
         except KsdError as error:
             rows[k] = _failed(variant, str(error))
     rounds = {k: round_count(first[k], repeats) for k in results}
-    calls, steps = time_in_turns({k: variants[k] for k in results}, rounds)
+    calls, steps = time_in_turns({k: variants[k].solve for k in results}, rounds)
     for k, pose in results.items():
         times = (quartiles(calls[k]), quartiles(steps[k]), first[k])
         rows[k] = _measurement(variants[k], pose, times, reference, reference_stiffness, case)
@@ -138,31 +138,31 @@ def round_count(first_call: float, repeats: int) -> int:
 
 
 def time_in_turns(
-    variants: dict[int, Variant], rounds: dict[int, int]
+    calls: Mapping[int, Callable[[], Configuration]], rounds: Mapping[int, int]
 ) -> tuple[dict[int, list[float]], dict[int, list[float]]]:
-    """Thread times [us] of the calls and of their steps; variant k is timed rounds[k] times after the warm-up."""
-    calls_in_a_row = dict.fromkeys(variants, CALLS_IN_A_ROW)
-    calls: dict[int, list[float]] = {k: [] for k in variants}
-    steps: dict[int, list[float]] = {k: [] for k in variants}
+    """Thread times [us] of the calls and of their steps; call k is timed rounds[k] times after the warm-up."""
+    calls_in_a_row = dict.fromkeys(calls, CALLS_IN_A_ROW)
+    call_times: dict[int, list[float]] = {k: [] for k in calls}
+    step_times: dict[int, list[float]] = {k: [] for k in calls}
     for turn in range(WARM_UP_ROUNDS + max(rounds.values(), default=0)):
-        for k, variant in variants.items():
+        for k, solve in calls.items():
             # slow ones need no warm-up
             warm_up = WARM_UP_ROUNDS if rounds[k] > 3 else 0
             if turn >= warm_up + rounds[k]:
                 continue
             count = calls_in_a_row[k]
             if turn >= warm_up and count > 1:
-                variant.solve()
+                solve()
             step_time = 0.0
             begin = time.thread_time_ns()
             for _ in range(count):
-                step_time += variant.solve().time
+                step_time += solve().time
             call_time = 1e-3 * (time.thread_time_ns() - begin) / count
             calls_in_a_row[k] = CALLS_IN_A_ROW if call_time < SHORT_CALL else 1
             if turn >= warm_up:
-                calls[k].append(call_time)
-                steps[k].append(1e6 * (step_time / count))
-    return calls, steps
+                call_times[k].append(call_time)
+                step_times[k].append(1e6 * (step_time / count))
+    return call_times, step_times
 
 
 def _support_stiffness(pose: Configuration, case: Case) -> np.ndarray:

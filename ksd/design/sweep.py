@@ -5,11 +5,11 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, Future, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -192,15 +192,17 @@ def _solve_paths(
     progress: bool,
 ) -> Table:
     """The table of all paths; those in `finished` are not solved again. Raises SweepInterrupted."""
-    partial: dict[int, list[dict[str, Any]]] = {}
+    unfinished: dict[int, list[dict[str, Any]]] = {}
     facts = {"method": recipe.method or "cheapest", "questions": ", ".join(recipe.questions.names)}
     try:
-        with _progress_bar(f"sweep {name}", _pose_count(paths), progress) as advance:
+        with progress_bar(progress) as bar:
+            task = bar.add_task(f"sweep {name}", total=_pose_count(paths))
+            advance = partial(bar.advance, task)
             missing = [path for path in paths if path.number not in finished.entries]
             advance(sum(len(rows) for rows in finished.entries.values()))
-            _run(missing, recipe, executor, _Results(finished, partial, advance))
+            _run(missing, recipe, executor, _Results(finished, unfinished, advance))
     except KeyboardInterrupt:
-        table = _table(paths, finished.entries | partial, name, facts)
+        table = _table(paths, finished.entries | unfinished, name, facts)
         raise SweepInterrupted("the rows done are", table, finished.path) from None
     return _table(paths, finished.entries, name, facts)
 
@@ -298,11 +300,3 @@ def _run_in_executor(executor: Executor, paths: list[SweepPath], recipe: Recipe,
     finally:
         for future in futures:
             future.cancel()
-
-
-@contextmanager
-def _progress_bar(title: str, total: int, shown: bool) -> Iterator[Callable[[int], None]]:
-    """A progress bar on stderr with the time left; yields a function that advances it."""
-    with progress_bar(shown) as bar:
-        task = bar.add_task(title, total=total)
-        yield lambda count: bar.advance(task, count)
