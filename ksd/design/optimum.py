@@ -14,7 +14,7 @@ import numpy as np
 from ksd.checks import name_hint
 from ksd.design.design_log import DesignLog
 from ksd.design.job import Job
-from ksd.design.optimum_page import NO_GRADIENT_TEXT, optimum_page
+from ksd.design.optimum_page import optimum_page
 from ksd.design.scaled_problem import BINDING_MARGIN, ScaledProblem
 from ksd.design.table import OK, Table
 from ksd.errors import SceneError
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = np.ndarray
+NO_GRADIENT_TEXT = "What holds it is not known: there is no gradient at this design"
 
 
 class StartResult(NamedTuple):

@@ -9,12 +9,16 @@ import numpy as np
 from ksd.design.page_parts import cards, document, escape, figure, format_cell, table
 from ksd.design.table import OK
 from ksd.errors import KsdError
+from ksd.html import as_html
 from ksd.view.optimum_plot import plot_optimum
 
 if TYPE_CHECKING:
     from ksd.design.optimum import Optimum
 
-NO_GRADIENT_TEXT = "What holds it is not known: there is no gradient at this design"
+WORTH_EXPLANATION = (
+    "Worth: percent by which the worst target grows per percent that a limit or bound is moved; of targets the share "
+    "that each has in the worst, of rules per percent of their range."
+)
 
 
 def optimum_page(optimum: Optimum) -> str:
@@ -23,9 +27,8 @@ def optimum_page(optimum: Optimum) -> str:
     parts = [
         cards(_cards(optimum)),
         *_worst_pose(optimum),
-        "<h2>The job</h2>", _job(optimum),
-        "<h2>The optimum</h2>", *_design(optimum),
-        "<h2>What holds it</h2>", *_held(optimum),
+        "<h2>The job</h2>", as_html(str(optimum.job)), _job(optimum),
+        "<h2>The optimum and what holds it</h2>", as_html(str(optimum)), f"<p>{WORTH_EXPLANATION}</p>",
         "<h2>How it was found</h2>", *_search(optimum),
         "<h2>Answers</h2>", _answers(optimum),
     ]  # fmt: skip
@@ -58,59 +61,17 @@ def _worst_pose(optimum: Optimum) -> list[str]:
 
 
 def _job(optimum: Optimum) -> str:
-    """A table of targets, limits, rules, drive values and load cases."""
+    """A table of targets, rules, drive values and load cases."""
     job = optimum.job
     rows: list[tuple[str, str]] = []
     for column, a in {a.column.split("[")[0]: a for a in job.answers if a.role != "limit"}.items():
         rows.append((a.role, f"{column} over {format_cell(a.scale)}"))
-    for column, (low, high) in job.limits.items():
-        ends = [f"at least {format_cell(low)}"] * bool(np.isfinite(low))
-        ends += [f"at most {format_cell(high)}"] * bool(np.isfinite(high))
-        rows.append(("limit", " ".join([column, *ends])))
     rows += [("rule", n) for n in job.rule_names]
     for name, values in job.drives.items():
         listing = ", ".join(format_cell(v) for v in values.tolist())
         rows.append(("drive", f"{name}: {listing} (SI)"))
     rows += [("load case", case) for case in job.cases if case]
     return table((("", ""), ("", "")), rows)
-
-
-def _design(optimum: Optimum) -> list[str]:
-    """A table of the parameters with their bounds."""
-    job = optimum.job
-    heads = [("parameter", ""), ("value", "SI"), ("least", "SI"), ("most", "SI"), ("", "")]
-    rows = []
-    for (name, value), (low, high) in zip(optimum.design.items(), job.bounds.tolist(), strict=True):
-        reasons = "; ".join(
-            job.bound_reasons[name, s] for s in ("least", "most") if (name, s) in job.bound_reasons
-        )
-        rows.append((name, *(f"{v:.6g}" for v in (value, low, high)), reasons))
-    return [table(heads, rows)]
-
-
-def _held(optimum: Optimum) -> list[str]:
-    """Tables of the active constraints and of the margins of a robust optimum, and warnings."""
-    if not optimum.held:
-        return [f"<p>{NO_GRADIENT_TEXT}</p>"]
-    heads = [("held by", ""), ("value", "in units of its name"), ("worth", "% per %")]
-    rows = [(n, optimum.answers.get(n), worth) for n, worth in optimum.held.items()]
-    explanation = (
-        "Worth: percent by which the worst target grows per percent that a limit or bound is moved; of targets the share "
-        "that each has in the worst, of rules per percent of their range."
-    )
-    parts = [table(heads, rows), f"<p>{explanation}</p>"]
-    if optimum.robust:
-        heads = [("answer", ""), ("margin", "in units of its name"), ("value", "in units of its name")]
-        margins = [(n, by, optimum.answers[n]) for n, by in optimum.margins.items() if n in optimum.held]
-        title = f"Margins for {optimum.robust:g} standard deviations"
-        parts += [f"<h3>{title}</h3>", table(heads, margins)]
-    if optimum.flat:
-        direction = ", ".join(f"{escape(n)} {100 * v:+.3g} %" for n, v in optimum.flat.items())
-        parts.append(f'<p class="warn">Flat: nothing that holds it changes along {direction}.</p>')
-    return [
-        *parts,
-        *(f'<p class="warn">{escape(warning)}.</p>' for warning in filter(None, [optimum.few_modes])),
-    ]
 
 
 def _search(optimum: Optimum) -> list[str]:

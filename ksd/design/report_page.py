@@ -14,9 +14,8 @@ from typing import Any
 from ksd.design.page_parts import cards, document, escape, figure, format_cell, table
 from ksd.design.table import OK, STATUS, Table, label_and_unit
 from ksd.errors import KsdError
-from ksd.scene.listing import in_millimetres, vector_text
+from ksd.html import as_html
 from ksd.solve.answer import as_dict
-from ksd.solve.report import verdict_lines
 
 BUCKLING = ("buckling_positive", "buckling_negative")
 LOAD_FACTOR_EXPLANATION = (
@@ -53,11 +52,11 @@ def report_page(pose: Any, stroke: Table, compared: Sequence[ComparedSolve]) -> 
         *(f'<p class="warn">{escape(w)}</p>' for w in _warnings(pose, facts, stroke)),
         _cards(facts, stroke),
         figure(pose.plot(color="stress"), "The mechanism at the pose below, over the undeformed one (grey)."),
-        "<h2>The scene</h2>", *_scene(scene),
-        "<h2>What was simulated, and what was left out</h2>", *_model(pose.model),
-        "<h2>The pose</h2>", *_pose(facts), *_interfaces(pose),
+        "<h2>The scene</h2>", as_html(str(scene)),
+        "<h2>What was simulated, and what was left out</h2>", as_html(str(pose.model)),
+        "<h2>The pose</h2>", as_html(str(pose)), as_html(str(pose.interface_forces())),
         "<h2>Over the stroke</h2>", *_stroke(stroke),
-        "<h2>Convergence and error</h2>", *_error(pose, facts, compared),
+        "<h2>Convergence and error</h2>", *_error(pose, compared),
     ]  # fmt: skip
     return document(scene.name, "flexure mechanism report", parts)
 
@@ -102,88 +101,6 @@ def _cards(facts: dict[str, Any], stroke: Table) -> str:
     return cards(numbers)
 
 
-def _scene(scene: Any) -> list[str]:
-    """Tables of joints and leaf springs, drives and supports, loads, and masses."""
-    leaves = [
-        (j.name, j.joint.family.replace("_", " "), f"{j.a} to {j.b}", 1e3 * j.joint.length)
-        for j in scene.joints
-    ]
-    leaves += [(f.name, "single leaf", f"{f.a} to {f.b}", 1e3 * f.leaf.length) for f in scene.leaves]
-    parts = [
-        f"<p>Links: {escape(', '.join(scene.links))}.</p>",
-        table((("joint or leaf", ""), ("kind", ""), ("between", ""), ("length", "mm")), leaves),
-    ]
-    drives = [(d.name, " + ".join(_term(t) for t in d.terms)) for d in scene.drives]
-    drives += [(f"{s.name} (held at zero)", " + ".join(_term(t) for t in s.terms)) for s in scene.supports]
-    parts.append(table((("drive or support", ""), ("what it prescribes", "")), drives))
-    loads = [
-        (p.name, p.link, f"{vector_text(p.force)} N", f"{vector_text(p.moment)} Nm") for p in scene.loads
-    ]
-    if scene.gravity is not None:
-        loads.append(("gravity", "everything with mass", f"{vector_text(scene.gravity)} m/s²", ""))
-    if loads:
-        parts.append(table((("load", ""), ("on", ""), ("force", ""), ("moment", "")), loads))
-    if scene.masses:
-        masses = [(m.link, m.mass, in_millimetres(m.at)) for m in scene.masses]
-        parts.append(table((("mass on link", ""), ("mass", "kg"), ("centre", "")), masses))
-    return parts
-
-
-def _term(term: Any) -> str:
-    """A term of a drive or support as text."""
-    factor = "" if term.coefficient == 1.0 else f"{term.coefficient:g} × "
-    along = vector_text(term.direction)
-    motion = f"{term.kind} of {term.link} {'along' if term.kind == 'translation' else 'about'} {along}"
-    return factor + motion + ("" if term.base == "ground" else f" relative to {term.base}")
-
-
-def _model(model: Any) -> list[str]:
-    """The printed description of the model as a table, a row per line."""
-    rows = []
-    for line in str(model).splitlines():
-        head, colon, rest = line.partition(": ")
-        rows.append((head, rest) if colon else ("", line))
-    return [table((("", ""), ("", "")), rows)]
-
-
-def _pose(facts: dict[str, Any]) -> list[str]:
-    """Tables of drives, links and intended motions of joints."""
-    parts = [f"<p>Solved by method <b>{escape(facts['method'])}</b>, {escape(facts['leaf_model'])}.</p>"]
-    kinds: dict[tuple[str, ...], list[list[Any]]] = {}
-    for name, row in facts["drives"].items():
-        kinds.setdefault(tuple(row), []).append([name, *row.values()])
-    for keys, rows in kinds.items():
-        parts.append(table([("drive", ""), *(label_and_unit(k) for k in keys)], rows))
-    links = facts["links"]
-    heads = [("link", ""), *((f"{a}", "mm") for a in "xyz"), *((f"r{a}", "deg") for a in "xyz")]
-    parts.append("<h3>Displacement and rotation of the links</h3>")
-    parts.append(table(heads, [[n, *v["displacement_mm"], *v["rotation_deg"]] for n, v in links.items()]))
-    if facts["joints"]:
-        heads = [("joint", ""), ("intended motion", "")]
-        motions = [
-            [
-                n,
-                ", ".join(
-                    f"{label} {v:.5g} {unit}"
-                    for k, v in j["intended"].items()
-                    for label, unit in (label_and_unit(k),)
-                ),
-            ]
-            for n, j in facts["joints"].items()
-        ]
-        parts += ["<h3>Intended motion of the joints</h3>", table(heads, motions)]
-    return parts
-
-
-def _interfaces(pose: Any) -> list[str]:
-    """A table of the wrenches that joints, leaf springs and springs exert on links and ground."""
-    rows = [(name, link, *wrench) for name, link, wrench in pose.interface_forces().listing]
-    heads = [("of", ""), ("on link", ""), *((f"force {a}", "N") for a in "xyz")]
-    heads += [(f"moment {a}", "Nm") for a in "xyz"]
-    note = "<p>On the link, ground too; moments about the interface where it is now, global axes.</p>"
-    return ["<h3>Forces of joints and leaf springs</h3>", table(heads, rows), note]
-
-
 def _stroke(stroke: Table) -> list[str]:
     """Pictures and tables of the answers over the stroke; wide tables are split by columns."""
     parts = []
@@ -224,21 +141,8 @@ def _head(column: str) -> tuple[str, str]:
     return (column.replace("_", " "), "factor") if column in BUCKLING else label_and_unit(column)
 
 
-def _error(pose: Any, facts: dict[str, Any], compared: Sequence[ComparedSolve]) -> list[str]:
-    """Steps of the solve, verdicts on it, and the same pose by other methods and meshes."""
-    heads = (
-        ("step", ""),
-        ("iterations", ""),
-        ("time", "µs"),
-        ("residual", "of its bound"),
-        ("stopped because", ""),
-    )
-    steps = [
-        (s["name"], s["iterations"], s["time_us"], s["residual_over_bound"], s["reason"])
-        for s in facts["steps"]
-    ]
-    sentences = [sentence for sentence, _ in verdict_lines(facts)] + _verification(pose)
-    verdicts = "".join(f"<li>{escape(sentence)}.</li>" for sentence in sentences)
+def _error(pose: Any, compared: Sequence[ComparedSolve]) -> list[str]:
+    """The verification of the pose, and the same pose by other methods and meshes."""
     first = compared[0]
     rows: list[tuple[Any, ...]] = []
     for c in compared:
@@ -247,16 +151,15 @@ def _error(pose: Any, facts: dict[str, Any], compared: Sequence[ComparedSolve]) 
         else:
             pairs = ((c.force, first.force), (c.frequency, first.frequency), (c.stress, first.stress))
             rows.append((c.name, *(v for a, b in pairs for v in (a, _difference_percent(a, b))), ""))
-    compared_heads = [
+    heads = [
         ("way to the pose", ""),
         ("drive force or moment", "N, Nm"),
         ("off by", "%"),
         ("first parasitic", "Hz"),
     ]
-    compared_heads += [("off by", "%"), ("largest stress", "MPa"), ("off by", "%"), ("", "")]
+    heads += [("off by", "%"), ("largest stress", "MPa"), ("off by", "%"), ("", "")]
     return [
-        table(heads, steps), f"<ul>{verdicts}</ul>",
-        "<h3>The same pose by other ways</h3>", table(compared_heads, rows),
+        *_verification(pose), "<h3>The same pose by other ways</h3>", table(heads, rows),
         "<p>“Off by” is the difference from the first line. More modes or elements per leaf show the error of the mesh, "
         "the other methods that of the method.</p>",
     ]  # fmt: skip
@@ -265,7 +168,7 @@ def _error(pose: Any, facts: dict[str, Any], compared: Sequence[ComparedSolve]) 
 def _verification(pose: Any) -> list[str]:
     """The result of integrating every leaf spring, where the pose can be verified."""
     try:
-        return [pose.verify().sentence]
+        return [f"<p>{escape(pose.verify().sentence)}.</p>"]
     except KsdError:
         return []
 

@@ -199,7 +199,7 @@ def _joints(d: dict[str, Any]) -> list[Any]:
         for key, value in j["intended"].items():
             motion, unit = key.rsplit("_", 1)
             motions.append(
-                f"{motion + ' ' if has_several else ''}{format_number(value, 5, zero=1e-9)} {unit}"
+                f"{motion.replace('_', ' ') + ' ' if has_several else ''}{format_number(value, 5, zero=1e-9)} {unit}"
             )
         row = [
             *(j["unintended_displacement_um"] or [None] * 3),

@@ -484,7 +484,7 @@ def test_pictures_and_page_of_an_optimum(tmp_path):
     checked = Checked()
     checked.feed(page)
     assert not checked.open and checked.headings == [
-        "The job", "The optimum", "What holds it", "How it was found", "Answers",
+        "The job", "The optimum and what holds it", "How it was found", "Answers",
     ]  # fmt: skip
     assert all(a.startswith("data:image/png") for a in checked.addresses) and len(checked.addresses) == 2
     assert "length at its most" in page and f"{best.design['thickness']:.6g}" in page
