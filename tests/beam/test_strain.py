@@ -5,8 +5,16 @@ import pytest
 
 from ksd.beam.strain import fill_leaf_fields, leaf_fields, strain_condense, strain_recover, strain_tangent
 from ksd.beam.strain_flat import is_flat
+from ksd.beam.strain_uncondensed import (
+    gravity_derivatives,
+    quadrature_points,
+    strain_flexibility,
+    strain_mass_root,
+    stretch_shear_compliances,
+    uncondensed_leaves,
+)
 from ksd.beam.strain_values import GRAVITY_BLOCK_SIZE, make_modes, strain_sizes, strain_values
-from ksd.numerics.rotations import rotation_exp
+from ksd.numerics.rotations import rotation_exp, rotation_log
 
 L, EA, KGA = 0.1, 6e6, 1.9e6
 RIGIDITY = np.array([0.75, 450.0, 0.5])
@@ -16,6 +24,12 @@ RIGIDITY = np.array([0.75, 450.0, 0.5])
 def exp(v):
     found = np.empty((3, 3))
     rotation_exp(np.asarray(v, float), found)
+    return found
+
+
+def log(R):
+    found = np.empty(3)
+    rotation_log(np.ascontiguousarray(R), found)
     return found
 
 
@@ -201,3 +215,59 @@ def test_a_leaf_with_any_moment_force_or_curvature_out_of_its_plane_is_not_flat(
         pulled = n.copy()
         pulled[h, 2] = 1e-200
         assert not is_flat(number, inner, pulled)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_leaf_before_condensation(kind):
+    """Its fields are differences of its shape, its blocks those of the inverse of the whole, its mass that of its points."""
+    leaf, rng = Leaf(kind), np.random.default_rng(0)
+    leaf.settle(*leaf.load(rng))
+    N, K, inner, number, pull = leaf.N, leaf.K.copy(), leaf.inner.copy(), leaf.number, leaf.pull
+
+    def at(state, g=pull):
+        found = uncondensed_leaves(leaf.value[None], number, state[None], g[None] if len(g) else None)
+        moment = gravity_derivatives(leaf.value[None], number, state[None], g[None]).s[0] if len(g) else 0.0
+        return found, moment
+
+    leaves, _ = at(inner)
+    S, J, steps = np.zeros((6, 6)), leaves.J[0], [*[1e-3] * N, *[1.0] * 3]
+    S[:3, :3] = leaves.S[0]
+    by_state = gravity_derivatives(leaf.value[None], number, inner[None], pull[None]) if len(pull) else None
+    for i, h in enumerate(steps):
+        (up, s_up), (down, s_down) = (at(inner + k * h * np.eye(N + 6)[i]) for k in (1, -1))
+        moved, end = (up.r - down.r)[0] / (2 * h), (up.end - down.end)[0] / (2 * h)
+        if i < N:
+            turns = [log(a @ b.T) / (2 * h) for a, b in zip(up.R[0], down.R[0], strict=True)]
+            assert leaves.rho[0, :, :, i] == pytest.approx(moved, rel=1e-5, abs=1e-8)
+            assert leaves.psi[0, :, :, i] == pytest.approx(np.array(turns), rel=1e-5, abs=1e-8)
+            assert J[:3, i] == pytest.approx(end, rel=1e-5, abs=1e-8)
+        else:
+            assert S[:3, i - N] == pytest.approx(end, rel=1e-5, abs=1e-6 * np.abs(S).max())
+        if by_state is not None:
+            found = by_state.eta[0, :, i] if i < N else by_state.B[0, :, i - N]
+            size = np.abs(by_state.eta if i < N else by_state.B).max()
+            assert found == pytest.approx((s_up - s_down) / (2 * h), rel=1e-5, abs=1e-7 * size)
+    for i in range(len(pull)):
+        s_up, s_down = (at(inner, pull + k * np.eye(3)[i])[1] for k in (1, -1))
+        assert by_state.D[0, :, i] == pytest.approx(
+            0.5 * (s_up - s_down), abs=1e-6 * np.abs(by_state.D).max()
+        )
+    assert stretch_shear_compliances(leaf.value[None], number, inner[None])[0] == pytest.approx(leaves.S[0])
+    P, Z, whole = (part[0] for part in strain_flexibility(leaves))
+    scale = np.sqrt(np.abs(np.diag(K)))
+    assert np.abs((whole - K) / np.outer(scale, scale)).max() < 1e-9
+    inverse = np.linalg.inv(np.block([[leaves.W[0], -J.T], [J, S]]))
+    assert pytest.approx(inverse[:N, N:], abs=1e-9 * np.abs(P).max()) == P
+    assert pytest.approx(inverse[:N, :N], abs=1e-9 * np.abs(Z).max()) == Z
+    # kinetic energy of a rate of everything; stretch and shear are spread evenly
+    line, rate, xi, b = np.array([3.0, 0.2, 0.5, 0.1]), *(rng.normal(size=n) for n in (6, 6, N))
+    a, twice = P @ xi + b, 0.0
+    for w, s, r, R, rho, psi in zip(
+        *(getattr(leaves, n)[0] for n in ("weight", "s", "r", "R", "rho", "psi")), strict=True
+    ):
+        velocity = rate[:3] + np.cross(rate[3:], r) + rho @ a + s * (xi[:3] - J[:3] @ a)
+        spin = R.T @ (rate[3:] + psi @ a)
+        twice += L * w * (line[0] * velocity @ velocity + spin @ (line[1:] * spin))
+    root = strain_mass_root(leaves, P[None], line)[0] @ np.concatenate([rate, xi, b])
+    assert root @ root == pytest.approx(twice, rel=1e-10)
+    assert leaves.s[0] == pytest.approx(quadrature_points(leaf.value, number))

@@ -23,3 +23,9 @@ def test_a_motion_that_nothing_holds_has_no_pivot():
     J, step = np.zeros((3, 2)), np.zeros(2)
     J[:, 0] = 1.0
     assert least_squares(J, np.ones(3), step, least_squares_scratch(3, 2)) == 0.0
+
+
+def test_entries_of_one_are_entries():
+    J, step = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 1.0], [1.0, 0.0, 1.0]]), np.zeros(3)
+    assert least_squares(J, np.array([1.0, 2.0, 5.0]), step, least_squares_scratch(3, 3)) > 0.1
+    assert step == pytest.approx([-2.0, 1.0, -3.0])

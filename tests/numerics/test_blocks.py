@@ -1,5 +1,7 @@
 """Block factorisation with constraint rows: solution, inertia and refinement, where the order without pivots decides."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -171,3 +173,44 @@ def test_a_pivot_that_vanishes_is_told(rng):
     at = plan.diagonal[0]
     value[at : at + 36] = 0.0
     assert factor_blocks(plan.ints, value, np.zeros_like(value), 3) == (0, 0.0)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-9, 1e7])
+def test_the_compliance_of_a_row_is_that_of_what_it_acts_on(unit, rng):
+    """By the diagonal before elimination, doubled, and no less than a hundredth of the largest of its component."""
+    plan, value, _, rows = chain(rng, 3, 2, loose=True)
+    value *= unit
+    for lever in plan.lever:
+        value[lever : lever + 6] *= rng.uniform(0.5, 2.0, 6) / unit
+    nodes = np.flatnonzero(plan.size == 6)
+    diagonal = {k: np.abs(value[plan.diagonal[k] : plan.diagonal[k] + 36 : 7]) for k in nodes}
+    largest = np.max(list(diagonal.values()), axis=0)
+    least = {k: np.maximum(own, 0.01 * largest) for k, own in diagonal.items()}
+    exact = []
+    for i in range(rows):
+        each = range(plan.first_node[i], plan.first_node[i + 1])
+        levers = {plan.node[e]: value[plan.lever[e] : plan.lever[e] + 6].copy() for e in each}
+        exact.append(sum((lever**2 / (2 * least[k])).sum() for k, lever in levers.items()))
+    spare = np.zeros_like(value)
+    _, pivot = factor_blocks(plan.ints, value, spare, len(plan.size))
+    assert spare[plan.diagonal[plan.rows]] == pytest.approx(exact, rel=1e-12)
+    assert pivot > 1e-10
+
+
+def test_residuals_have_twice_the_digits(rng):
+    """Where nothing is left of a right-hand side but its rounding, beside fractions."""
+    plan, value, whole, _ = chain(rng, 2, 2)
+    x, none, low = rng.normal(size=len(whole)), np.zeros(len(whole)), np.empty(len(whole))
+    for unit, column in zip(-np.eye(len(whole)), whole, strict=True):
+        residual_blocks(plan.ints, value, none, unit, column, low)
+    whole = whole.T
+    right, rest = whole @ x, np.empty_like(x)
+    residual_blocks(plan.ints, value, right, x, rest, low)
+    exact = [
+        float(
+            Fraction(b)
+            - sum(Fraction(a) * Fraction(c) for a, c in zip(row.tolist(), x.tolist(), strict=True))
+        )
+        for row, b in zip(whole, right.tolist(), strict=True)
+    ]
+    assert rest == pytest.approx(exact, rel=1e-8, abs=1e-22 * np.abs(right).max())

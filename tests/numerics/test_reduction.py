@@ -120,3 +120,44 @@ def test_conditioning_drops_what_says_nothing():
     assert edge[BOUNDARY] == pytest.approx(np.eye(2))
     assert rest.shape == (N, 3)
     assert rest[BOUNDARY] == pytest.approx(0, abs=1e-12)
+
+
+def test_units_of_the_coordinates_change_nothing():
+    """m beside um and km: the same modes, and no mechanism is seen."""
+    unit = 10.0 ** np.array([6, -6, 0, 3, -3, 0, 0])
+    modes = craig_bampton(K2, BOUNDARY, INNER)
+    scaled = craig_bampton(unit[:, None] * K2 * unit, BOUNDARY, INNER)
+    assert unit[:, None] * scaled.shapes == pytest.approx(modes.shapes, rel=1e-9)
+    assert modes.omega.shape == (0,)
+    inside = craig_bampton(K2, [], INNER, M=np.eye(N), internal=2)
+    assert inside.boundary == 0 and inside.shapes.shape == (N, 2)
+    assert modal_derivatives(tangent, modes, INNER, analytic=lambda v: 2 * K3 @ v).shapes == pytest.approx(
+        2 * modal_derivatives(tangent, modes, INNER).shapes, rel=1e-7, abs=1e-9
+    )
+
+
+def test_a_basis_is_orthonormal_in_scaled_coordinates():
+    columns, scale = RNG.normal(size=(N, 3)), 10.0 ** RNG.uniform(-3, 3, N)
+    columns = np.column_stack([columns * scale[:, None], np.zeros(N), columns[:, 0] * scale])
+    found = condition_basis(columns, scale=scale)
+    scaled = found.columns / scale[:, None]
+    assert found.rank == 3 and scaled.T @ scaled == pytest.approx(np.eye(3), abs=1e-12)
+    kept = columns[:, :3] / scale[:, None]
+    assert scaled @ (scaled.T @ kept) == pytest.approx(kept, abs=1e-12)
+    unit = columns[:, [0, 1, 2, 4]] / scale[:, None]
+    values = np.linalg.svd(unit / np.linalg.norm(unit, axis=0), compute_uv=False)
+    assert found.condition == pytest.approx(values[0] / values[2])
+    nothing = condition_basis(np.zeros((N, 2)))
+    assert nothing.columns.shape == (N, 0) and (nothing.rank, nothing.condition) == (0, 1.0)
+
+
+def test_boundary_values_that_hang_together():
+    """Two rows in one proportion in every column, and a column of zeros: one coordinate at the boundary is left."""
+    columns = np.column_stack([RNG.normal(size=(N, 4)), np.zeros(N)])
+    columns[6] = 0.5 * columns[5]
+    edge, rest = split_boundary(columns, BOUNDARY)
+    along = np.array([1.0, 0.5]) / np.hypot(1.0, 0.5)
+    assert edge[BOUNDARY] == pytest.approx(np.outer(along, along), abs=1e-12)
+    assert rest.shape == (N, 3)
+    assert rest[BOUNDARY] == pytest.approx(0, abs=1e-12)
+    assert np.linalg.matrix_rank(np.column_stack([edge, rest])) == 4

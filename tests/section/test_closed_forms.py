@@ -1,5 +1,6 @@
 """Closed forms of rectangle, circle and tube, the warping factor, and the sentence each bad number gets."""
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -10,6 +11,7 @@ import ksd.section as section
 from ksd.errors import SceneError
 from ksd.section import circle, numbers, rectangle, restrained_warping_factor, tube
 from ksd.section.closed_forms import clamped_ends_factor, rectangles
+from ksd.section.warping import Slice, twist_factors, warping_decay
 
 
 def test_rectangle_moments_follow_the_stated_axes():
@@ -185,3 +187,32 @@ def test_many_rectangles_are_those_made_one_by_one(rng):
     assert square == pytest.approx(1 / 3 - 64 / math.pi**5 * series, rel=1e-12)
     with pytest.raises(SceneError, match=r"Iy = 8\.33333"):
         rectangles(np.array([1e-3, 1e-3]), np.array([1.0, 1e29]))
+
+
+def test_pieces_of_a_run_twist_as_the_solutions_of_vlasov_joined(rng):
+    """g = T/GJ + a cosh ks + b sinh ks in every slice; g and GJ/k^2 g' go on, g = 0 at both ends."""
+    for counts in ((1,), (1, 1), (2, 1, 3)):
+        run = [[Slice(*rng.uniform(0.4, 2.0, 3)) for _ in range(n)] for n in counts]
+        slices = [s for piece in run for s in piece]
+        n = len(slices)
+        A, right = np.zeros((2 * n, 2 * n)), np.zeros(2 * n)
+        A[0, 0], right[0], right[-1] = 1.0, -1.0 / slices[0].stiffness, -1.0 / slices[-1].stiffness
+        for i, (length, stiff, k) in enumerate(slices):
+            c, s, at = math.cosh(k * length), math.sinh(k * length), slice(2 * i, 2 * i + 2)
+            A[2 * i + 1, at] = c, s
+            if i + 1 < n:
+                _, after, k_after = slices[i + 1]
+                A[2 * i + 1, 2 * i + 2], right[2 * i + 1] = -1.0, 1.0 / after - 1.0 / stiff
+                A[2 * i + 2, at], A[2 * i + 2, 2 * i + 3] = np.array([s, c]) * stiff / k, -after / k_after
+        a, b = np.linalg.solve(A, right).reshape(n, 2).T
+        length, stiff, k = np.array(slices).T
+        twist = length / stiff + (a * np.sinh(k * length) + b * (np.cosh(k * length) - 1.0)) / k
+        ends = np.cumsum([0, *counts])
+        exact = [(length / stiff)[i:j].sum() / twist[i:j].sum() for i, j in itertools.pairwise(ends)]
+        assert twist_factors(run) == pytest.approx(exact, rel=1e-9)
+
+
+def test_decay_of_warping():
+    assert warping_decay(rectangle(1e-3, 0.02), 200e9, 0.3, 77e9) == pytest.approx(math.sqrt(24 / 1.3) / 0.02)
+    given = numbers(A=1e-5, J=2e-12, Iy=3e-12, Iz=4e-12, Iw=5e-18)
+    assert warping_decay(given, 200e9, 0.3, 77e9) == pytest.approx(math.sqrt(77e9 * 2e-12 / (200e9 * 5e-18)))
