@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +33,6 @@ from paper2_cases import (
     L,
     basis_errors,
     full_model,
-    guide,
     one_percent,
     solve_loads,
     strain_mode_errors,
@@ -290,32 +288,28 @@ def acceptance(*, quick: bool) -> list[dict[str, Any]]:
     return rows
 
 
-def early_order() -> float:
-    """Order with which the error of the guide as printed grows from 0.005 to 0.01 L."""
-    low, high = (basis_errors("parallel guide", load, PRINTED) for load in (0.125, 0.25))
+def early_order(**words: Any) -> float:
+    """Order with which the error of the guide as printed grows from 0.005 to 0.01 L; words: of its scene."""
+    low, high = (basis_errors("parallel guide", load, PRINTED, **words) for load in (0.125, 0.25))
     return float(np.log(high["stroke_error"] / low["stroke_error"]) / np.log(high["stroke"] / low["stroke"]))
 
 
 def spacings(*, quick: bool) -> list[dict[str, Any]]:
     """The guide with its leaf springs closer or wider: why the order of the error and refinement depend on it."""
-    rows = []
+    rows, load = [], LARGE_LOADS["parallel guide"]
     apart: tuple[dict[str, Any], ...] = tuple({"spread": d} for d in (0.05, 0.06, 0.09, 0.1, 0.15))
     centred = tuple({"spread": d, "level": 0.5} for d in (0.05, 0.1))
     for words in (*apart, *centred, {"held": True}):
-        CASES["parallel guide"] = (partial(guide, **words), (L, 0.0, 0.0))
-        at, order = one_percent("parallel guide", PRINTED)
+        at, order = one_percent("parallel guide", PRINTED, **words)
         name = "shuttle kept from turning"
         if "held" not in words:
             level = ", loaded at half length" if "level" in words else ""
             name = f"leaves {1e3 * words['spread']:.0f} mm apart{level}"
-        row: dict[str, Any] = {"guide": name, "stroke": at, "order": order, "early": early_order()}
+        row: dict[str, Any] = {"guide": name, "stroke": at, "order": order, "early": early_order(**words)}
         for elements in (10,) if quick else (10, 160):
-            m = basis_errors(
-                "parallel guide", LARGE_LOADS["parallel guide"], replace(DEFAULT, elements=elements)
-            )
-            row[f"support_{elements}"] = m["support_error"]
+            basis = replace(DEFAULT, elements=elements)
+            row[f"support_{elements}"] = basis_errors("parallel guide", load, basis, **words)["support_error"]
         rows.append(row)
-    CASES["parallel guide"] = (guide, (L, 0.0, 0.0))
     return rows
 
 

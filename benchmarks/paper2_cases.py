@@ -76,12 +76,12 @@ def cross(load: float) -> ksd.Mechanism:
     return scene
 
 
-CASES: dict[str, tuple[Callable[[float], ksd.Mechanism], tuple[float, float, float]]] = {
+CASES: dict[str, tuple[Callable[..., ksd.Mechanism], tuple[float, float, float]]] = {
     "cantilever": (cantilever, (L, 0.0, 0.0)),
     "parallel guide": (guide, (L, 0.0, 0.0)),
     "cross flexure": (cross, (L * np.sqrt(0.5) / 2, 0.0, 0.0)),
 }
-"""Function of the load that returns the scene, and the point of the support stiffness."""
+"""Function of the load, and of words for the scene, that returns it, and the point of the support stiffness."""
 
 
 def stroke(found: Configuration) -> float:
@@ -97,9 +97,9 @@ def support_compliance(found: Configuration, at: tuple[float, float, float]) -> 
     return 1.0 / point_stiffness(found.model, found.motion, "tip", at=at).support("x", held=(held,))
 
 
-def full_model(case: str, load: float, elements: int) -> Model:
-    """Model of a case with chains of Appendix A elements."""
-    return compile_scene(CASES[case][0](load), mesh=Mesh("corotational", elements=elements))
+def full_model(case: str, load: float, elements: int, **words: Any) -> Model:
+    """Model of a case with chains of Appendix A elements; words: of its scene."""
+    return compile_scene(CASES[case][0](load, **words), mesh=Mesh("corotational", elements=elements))
 
 
 def solve_loads(model: Model, *, planar: bool = False) -> Configuration:
@@ -107,9 +107,10 @@ def solve_loads(model: Model, *, planar: bool = False) -> Configuration:
     return solve_conventional(model, {}, planar=planar, steps=4)
 
 
-def basis_errors(case: str, load: float, basis: ModalBasis) -> dict[str, float]:
-    """Stroke of the full model, and errors of stroke and support compliance of the reduced one (fractions)."""
-    model = full_model(case, load, basis.elements)
+def basis_errors(case: str, load: float, basis: ModalBasis, **words: Any) -> dict[str, float]:
+    """Stroke of the full model, and errors of stroke and support compliance of the reduced one (fractions); words: of the
+    scene."""
+    model = full_model(case, load, basis.elements, **words)
     reduced = with_modal_bodies(model, basis)
     a, b = solve_loads(model, planar=True), solve_loads(reduced)
     at = CASES[case][1]
@@ -132,18 +133,19 @@ def strain_mode_errors(case: str, load: float, order: int, reference: Mesh) -> d
     return {"stroke": a, "stroke_error": b / a - 1.0, "support_error": d / c - 1.0, "unknowns": float(order)}
 
 
-def one_percent(case: str, basis: ModalBasis) -> tuple[float, float]:
-    """Stroke at which the stroke error is 1 %, and the order with which the error grows there."""
+def one_percent(case: str, basis: ModalBasis, **words: Any) -> tuple[float, float]:
+    """Stroke at which the stroke error is 1 %, and the order with which the error grows there; words: of the scene."""
     from scipy.optimize import brentq
 
     low, high = {"cantilever": (0.15, 0.5), "parallel guide": (1.0, 5.0), "cross flexure": (0.2, 0.6)}[case]
     found: dict[float, dict[str, float]] = {}
 
     def excess(load: float) -> float:
-        found[load] = basis_errors(case, load, basis)
+        found[load] = basis_errors(case, load, basis, **words)
         return abs(found[load]["stroke_error"]) - 0.01
 
     load = float(brentq(excess, low, high, xtol=1e-3 * low))
-    at, half = found.get(load) or basis_errors(case, load, basis), basis_errors(case, 0.5 * load, basis)
+    at = found.get(load) or basis_errors(case, load, basis, **words)
+    half = basis_errors(case, 0.5 * load, basis, **words)
     order = np.log(at["stroke_error"] / half["stroke_error"]) / np.log(at["stroke"] / half["stroke"])
     return at["stroke"], float(order)
