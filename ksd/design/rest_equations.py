@@ -33,6 +33,9 @@ MAX_PATH_STEPS, MAX_LOAD_FRACTION = 200, 10.0
 """Largest number of steps along a path, and largest load fraction up to which it is followed."""
 MIN_DIRECTION_COSINE = 0.9
 """Cosine of the angle between successive directions of the path below which a step is halved."""
+MAX_CROSSING_STEP = 1e-3
+"""Step up to which the path may change its orientation, as it does at a crossing with another path. In a longer step it
+has leapt to another one, beyond a fold perhaps."""
 SINGULAR_VALUE_TOLERANCE = 1e-10
 """Smallest over largest singular value of the equilibrium equations above which a mechanism is statically determinate."""
 MAX_LEAF_TURN = 4.0 * np.pi
@@ -319,7 +322,8 @@ def _path(equations: RestEquations, y: Array, sign: float) -> Iterator[PathPoint
     The point at the full loads has a load fraction of exactly 1.
     """
     point, step = np.append(y, 0.0), FIRST_STEP
-    direction = _path_tangent(equations, point, None)
+    direction, orientation = _path_tangent(equations, point, None)
+    orientation *= sign
     # a unit of the load fraction counts as much as the largest change of an unknown by it
     scale = np.append(
         np.full(len(y), abs(direction[-1]) / max(float(np.abs(direction[:-1]).max()), 1e-12)), 1.0
@@ -327,12 +331,14 @@ def _path(equations: RestEquations, y: Array, sign: float) -> Iterator[PathPoint
     direction = sign * np.copysign(1.0, direction[-1]) * direction / np.linalg.norm(scale * direction)
     for _ in range(MAX_PATH_STEPS):
         new = equations.solve(point + step * direction, scale * scale * direction)
-        cosine = 0.0
+        cosine, leapt = 0.0, False
         if new is not None:
-            new_direction = _path_tangent(equations, new, direction)
+            new_direction, new_orientation = _path_tangent(equations, new, direction)
             new_direction = new_direction / np.linalg.norm(scale * new_direction)
             cosine = float((scale * new_direction) @ (scale * direction))
-        if new is None or abs(cosine) < MIN_DIRECTION_COSINE:
+            new_orientation *= np.copysign(1.0, cosine)
+            leapt = new_orientation != orientation and step > MAX_CROSSING_STEP
+        if new is None or leapt or abs(cosine) < MIN_DIRECTION_COSINE:
             step *= 0.5
             if step < MIN_STEP:
                 return
@@ -361,18 +367,18 @@ def _path(equations: RestEquations, y: Array, sign: float) -> Iterator[PathPoint
         yield PathPoint(
             new[:-1], new_fraction if new_fraction != 1.0 else float(np.nextafter(1.0, 0.0)), fold
         )
-        point, direction = new, new_direction
+        point, direction, orientation = new, new_direction, new_orientation
         step = min(MAX_STEP, 1.5 * step)
 
 
-def _path_tangent(equations: RestEquations, point: Array, previous: Array | None) -> Array:
-    """Tangent (n + 1,) of the path at a point, in the previous direction; of growing loads without one. Raises
-    ConvergenceError."""
+def _path_tangent(equations: RestEquations, point: Array, previous: Array | None) -> tuple[Array, float]:
+    """Tangent (n + 1,) of the path at a point, in the previous direction; of growing loads without one. Second, its
+    orientation, the sign of the determinant of the equations bordered by it. Raises ConvergenceError."""
     _, J = equations.evaluate(point[:-1], float(point[-1]))
     zeros = np.zeros(len(J))
+    A = np.vstack([J, np.append(zeros, 1.0) if previous is None else previous])
     try:
-        A = np.vstack([J, np.append(zeros, 1.0) if previous is None else previous])
-        return np.asarray(np.linalg.solve(A, np.append(zeros, 1.0)))
+        return np.asarray(np.linalg.solve(A, np.append(zeros, 1.0))), float(np.linalg.slogdet(A)[0])
     except np.linalg.LinAlgError:
         raise ConvergenceError(
             "rest_shape: the drawn mechanism can move without any force, so that its rest shape is not determined; hold it "

@@ -169,6 +169,21 @@ def test_no_rest_shape_beyond_the_fold():
         ksd.rest_shape(cantilever(), beyond_fold=True)
 
 
+@pytest.mark.parametrize("force", [200.0, 400.0, 1000.0])
+def test_a_long_step_does_not_leap_over_the_fold(force):
+    """A square frame pushed at a corner folds at 172.61 N, however large the load that is asked for; steps of 90 N led to
+    another path beyond it at 400 N, and to a fold of that one, 489 N, at 1000 N."""
+    scene = ksd.Mechanism("frame", plane="xy")
+    corners = np.array([(0, 0, 0), (0, 0.1, 0), (0.1, 0.1, 0), (0.1, 0, 0)])
+    links = ["ground", *scene.links("a", "b"), "ground"]
+    for k in range(3):
+        scene.leaf(links[k], links[k + 1], start=corners[k], end=corners[k + 1], section=rod(0.08, 0.1),
+                   material=SOFT)  # fmt: skip
+    scene.load("a", force=(force, 0, 0), at=corners[1], name="push")
+    with pytest.raises(ksd.ConvergenceError, match=r"beyond a fold at .* % .*'push' 172\.6\d+ N"):
+        ksd.rest_shape(scene, check=False)
+
+
 @pytest.mark.parametrize("share", [0.95, 0.99, 0.998, 0.9999])
 def test_what_the_fold_allows_has_two_rest_shapes(share):
     """Up to the number that the fold is told at, the next solution and the other one, which meet there."""
