@@ -107,12 +107,13 @@ def required_loads(
 
     poses: by link, (displacement (3,) [m], rotation) of its reference point, as `pose.links` gives them, or (displacement,
     rotation, at) of the point that is at `at` (3,) [m] at rest; rotation: matrix (3, 3), rotation vector (3,) [rad], or in
-    a mechanism with a plane the angle [rad]. Links without a pose take their equilibrium without actuation. method:
-    "constant" uses leaf springs of constant stiffness, one evaluation where all poses are given; by default they are exact.
-    The drives of the scene are the actuators: their forces, and those of the supports, balance the required loads in the
-    least-squares sense, moments over the size of the mechanism. The links are moved straight to their poses, or, where leaf
-    springs cannot follow, first by the drives to the drive values which the poses imply; where a leaf spring can snap, the
-    equilibrium found may differ from the one the poses were taken from. mesh: as in `ksd.solve`. Raises
+    a mechanism with a plane the angle [rad], up to half a turn. Links without a pose take their equilibrium without
+    actuation. method: "constant" uses leaf springs of constant stiffness, one evaluation where all poses are given; by
+    default they are exact. The drives of the scene are the actuators: their forces, and those of the supports, balance the
+    required loads in the least-squares sense, moments over the size of the mechanism. The links are moved straight to
+    their poses, or, where leaf springs cannot follow, first by the drives to the drive values which the poses imply; where
+    a leaf spring can snap, the equilibrium found may differ from the one the poses were taken from. mesh: as in
+    `ksd.solve`. Raises
     SceneError for poses that no leaf can take, ConvergenceError for poses that are not reached, TrustError where the
     equilibrium there is not stable.
     """
@@ -164,18 +165,30 @@ def _link_poses(model: Model, poses: Mapping[str, Any]) -> LinkPoses:
         name = link_name(link) if isinstance(link, Link) else link
         if name not in links:
             raise SceneError(f"poses: link {show(name)} does not exist{name_hint(name, links)}")
-        if name == GROUND:
-            continue
         try:
             displacement, rotation, *at = pose
             i, shift = links.index(name), np.asarray(displacement, float).reshape(3)
-            R = _rotation(model, rotation)
+            turn = np.asarray(rotation, float)
+            if turn.shape == () and model.scene.plane is not None:
+                turn = float(turn) * np.asarray(plane_normal(model.scene.plane))
+            turn = turn if turn.shape == (3, 3) else turn.reshape(3)
             rest = model.rest.x[i]
             point = np.asarray(at[0], float).reshape(3) if at else rest
         except (TypeError, ValueError):
             raise SceneError(
                 f"poses: {show(name)}: {show(pose)} must be (displacement (3,), rotation), or (displacement, rotation, at)."
             ) from None
+        if not (np.isfinite([shift, point]).all() and np.isfinite(turn).all()):
+            raise SceneError(
+                f"poses: {show(name)}: {show(pose)} is not finite; give finite numbers in m and rad."
+            )
+        R = _rotation_matrix(name, turn, rotation)
+        if name == GROUND:
+            if shift.any() or np.abs(R - np.eye(3)).max() > PLANE_TOLERANCE:
+                raise SceneError(
+                    f"poses: '{GROUND}': {show(pose)}: ground does not move; leave it out, or give it zero."
+                )
+            continue
         if model.scene.plane is not None:
             normal = np.asarray(plane_normal(model.scene.plane))
             if (
@@ -190,15 +203,25 @@ def _link_poses(model: Model, poses: Mapping[str, Any]) -> LinkPoses:
     return found
 
 
-def _rotation(model: Model, rotation: Any) -> Array:
-    """Rotation matrix (3, 3) from a matrix, a rotation vector, or an angle in the plane."""
-    given = np.asarray(rotation, float)
-    if given.shape == (3, 3):
-        return given
-    if given.shape == () and model.scene.plane is not None:
-        given = float(given) * np.asarray(plane_normal(model.scene.plane))
-    R = np.empty((3, 3))
-    rotation_exp(given.reshape(3), R)
+def _rotation_matrix(link: str, turn: Array, rotation: Any) -> Array:
+    """Rotation matrix (3, 3) of a link from a matrix or a rotation vector (3,) `turn`, given as `rotation`.
+
+    Raises SceneError for a matrix that is no rotation, and for more than half a turn.
+    """
+    if turn.shape == (3, 3):
+        if np.abs(turn.T @ turn - np.eye(3)).max() > PLANE_TOLERANCE or np.linalg.det(turn) < 0.0:
+            raise SceneError(
+                f"poses: '{link}': {show(rotation)} is no rotation matrix; give one, or the rotation vector in rad."
+            )
+        return turn
+    angle, R = float(np.linalg.norm(turn)), np.empty((3, 3))
+    if angle > math.pi * (1.0 + PLANE_TOLERANCE):
+        same = math.remainder(angle, 2.0 * math.pi) / angle * np.asarray(rotation, float)
+        raise SceneError(
+            f"poses: '{link}': a pose tells its rotation within {math.pi:.5g} rad either way, not {show(rotation)}; "
+            f"{show(np.round(same, 5).tolist())} is the same pose, and further turns take a moment (mechanism.load)."
+        )
+    rotation_exp(turn, R)
     return R
 
 

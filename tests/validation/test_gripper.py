@@ -377,6 +377,26 @@ def test_required_loads_are_as_fine_as_a_solve():
     assert need.balanced and need.forces["push"] == pytest.approx(want, rel=2e-5)
 
 
+@pytest.mark.parametrize("method", [None, "constant"])
+@pytest.mark.parametrize(
+    "pose, said",
+    [
+        (((0, 0, 0), 60.0), r"within 3\.1416 rad either way, not 60\.0; -2\.83185 is the same pose"),
+        (((0, 0, 0), (0, 0, -3.5)), r"not \(0, 0, -3\.5\); \[.*2\.78319\] is the same pose"),
+        (((0, 0, 0), math.nan), r"'crank': .* is not finite"),
+        (((math.inf, 0, 0), 0.0), r"'crank': .* is not finite"),
+        (((0, 0, 0), 0.0, (0, math.nan, 0)), r"'crank': .* is not finite"),
+        (((0, 0, 0), 2 * np.eye(3)), r"'crank': .* is no rotation matrix"),
+        (((0, 0, 0), np.diag([-1, 1, 1])), r"'crank': .* is no rotation matrix"),
+    ],
+)
+def test_rotations_that_are_none_are_refused(paper, pose, said, method):
+    """They were answered as for another pose, or ended in an error of numpy."""
+    poses = dict.fromkeys(("jaw", "rocker"), ((0, 0, 0), 0.0))
+    with pytest.raises(ksd.SceneError, match=said):
+        ksd.required_loads(paper.gripper(driven=True), {"crank": pose, **poses}, method=method)
+
+
 def test_wrong_poses_are_refused(paper):
     scene = paper.gripper(driven=True)
     with pytest.raises(ksd.SceneError, match=r"leaf 'arc 0' would be .* apart, but it is 18.85 mm long"):
@@ -387,6 +407,8 @@ def test_wrong_poses_are_refused(paper):
         ksd.required_loads(scene, {"crank": 0.3})
     with pytest.raises(ksd.SceneError, match="method"):
         ksd.required_loads(scene, {"crank": ((0, 0, 0), 0.0)}, method="full")
+    with pytest.raises(ksd.SceneError, match=r"'ground': .* does not move"):
+        ksd.required_loads(scene, {"ground": ((0.01, 0, 0), 0.0)})
     heavy = paper.gripper(driven=True)
     heavy.fit("arc 0", shift=(1e-4, 0, 0))
     with pytest.raises(ksd.SceneError, match="under stress at rest"):
