@@ -5,11 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import ksd
 from ksd.model.compile import compile_scene
 from ksd.solve.load_steps import state_difference
-from ksd.solve.method_error import _extrapolated_error, newton_step_error
+from ksd.solve.method_error import _extrapolated_error, newton_step_error, relative_error
 from ksd.solve.steps import ErrorEstimate
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "benchmarks"))
@@ -137,3 +138,7 @@ def test_sizes_of_steps_and_differences_are_the_largest_of_all_links():
     moved.x[2, 1] += 0.5 * model.arrays.size
     turned.R[1] = np.diag([1.0, -1.0, -1.0])
     assert [state_difference(model, model.rest, m) for m in (moved, turned)] == pytest.approx([0.5, 2.0])
+    turned.R[2], turned.R[1] = Rotation.from_rotvec([0.3, -0.2, 0.6]).as_matrix(), np.diag([1.0, 1.0, 1.0])
+    turned.x[1] += (0.003, 0.0, 0.004)
+    found = relative_error(model, turned, model.rest)
+    assert (found.displacement, found.rotation) == pytest.approx((0.005, 0.7))
