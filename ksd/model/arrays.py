@@ -6,6 +6,7 @@ undeformed offset from the reference point of the link. Lengths m, forces N, mom
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 from itertools import accumulate
@@ -311,6 +312,14 @@ class State(NamedTuple):
         """Copy the numbers of `other`, in place."""
         for mine, theirs in zip(self, other, strict=True):
             mine[...] = theirs
+
+    def largest_move(self, other: State, links: int) -> tuple[float, float]:
+        """Largest displacement [m] and rotation [rad] of the first `links` nodes from another state, which may have more."""
+        shift, turn = self.x[:links] - other.x[:links], self.R[:links] - other.R[:links]
+        # Frobenius norm of a rotation by t less the unit matrix: 2 sqrt(2) sin(t / 2)
+        chord = math.sqrt(float((turn * turn).sum(axis=(1, 2)).max()) / 8.0)
+        largest = math.sqrt(float((shift * shift).sum(axis=1).max()))
+        return largest, 2.0 * math.asin(min(chord, 1.0))
 
 
 class Workspace(NamedTuple):

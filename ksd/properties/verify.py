@@ -251,7 +251,7 @@ class _RodMechanism:
             if k == 0 and largest < MAX_LINEAR_GAP and _is_linear(self.cut, self.state, moves):
                 return True
             last = scale.relative(*_step_change(self.model, step))
-            total = scale.relative(*_state_change(model, begin, motion))
+            total = scale.relative(*_state_change(model, begin, motion)[:2])
             if largest < MAX_LINEAR_GAP and last <= MAX_LAST_STEP_SHARE * total + ROUNDING_STEP:
                 return True
             if not largest <= MAX_STEP_RATIO * before or largest_rotation(arrays, step) > MAX_TURN_PER_STEP:
@@ -280,22 +280,13 @@ def _is_linear(cut: RodParts, state: RodState, moves: Array) -> bool:
     return float((cut.axial * moves * moves).max()) <= most
 
 
-def _state_change(model: Model, before: State, now: State) -> tuple[Array, float]:
-    """Change of the multipliers (c,) and largest displacement of a link [m] between two states."""
-    shift = now.x[: model.links] - before.x[: model.links]
-    return np.abs(now.multiplier - before.multiplier), math.sqrt(float((shift * shift).sum(axis=1).max()))
-
-
-def _largest_rotation(model: Model, before: State, now: State) -> float:
-    """Largest rotation of a link between two states [rad]."""
-    difference = now.R[: model.links] - before.R[: model.links]
-    # Frobenius norm of a rotation by t less the unit matrix: 2 sqrt(2) sin(t / 2)
-    norm = math.sqrt(float((difference * difference).sum(axis=(1, 2)).max()))
-    return 2.0 * math.asin(min(norm / math.sqrt(8.0), 1.0))
+def _state_change(model: Model, before: State, now: State) -> tuple[Array, float, float]:
+    """Change of the multipliers (c,) and largest displacement [m] and rotation [rad] of a link between two states."""
+    return np.abs(now.multiplier - before.multiplier), *now.largest_move(before, model.links)
 
 
 def _step_change(model: Model, step: Array) -> tuple[Array, float]:
-    """`_state_change` of a Newton step."""
+    """Change of the multipliers (c,) and largest displacement of a link [m] in a Newton step."""
     shift = step[model.arrays.start[1 : model.links, None] + np.arange(3)]
     most = float((shift * shift).sum(axis=1).max(initial=0.0))
     return np.abs(step[model.arrays.terms.start]), math.sqrt(most)
@@ -368,12 +359,12 @@ def _verification(
     drives = len(model.drive_names)
     if unclosed:
         now = State(*(np.full_like(part, math.nan) for part in now))
-    change, shift = _state_change(model, motion, now)
+    change, shift, turn = _state_change(model, motion, now)
     moved = now.x[: model.links] - model.rest.x[: model.links]
     placed = {link: (moved[i], now.R[i].copy()) for i, link in enumerate(model.scene.links)}
     forces, named = -now.multiplier, (model.drive_names, model.support_names)
     return Verification(
         gaps, dict(zip(named[0], forces.tolist(), strict=False)), dict(zip(named[0], change.tolist(), strict=False)),
         dict(zip(named[1], forces[drives:].tolist(), strict=True)), placed, shift,
-        math.nan if unclosed else _largest_rotation(model, motion, now), scale.relative(change, shift), unclosed,
+        turn, scale.relative(change, shift), unclosed,
     )  # fmt: skip

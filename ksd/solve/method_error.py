@@ -141,7 +141,4 @@ def _difference(model: Model, one: State, other: State) -> tuple[np.ndarray, flo
     """Differences of the drive forces (d,), and the largest difference of link positions [m] and rotations [rad]."""
     links, drives = model.links, len(model.drive_names)
     force = np.abs(one.multiplier[:drives] - other.multiplier[:drives])
-    shift = math.sqrt(np.square(one.x[:links] - other.x[:links]).sum(axis=1).max())
-    # |R - S| = 2 sqrt(2) sin(angle / 2), by the Frobenius norm
-    chord = math.sqrt(np.square(one.R[:links] - other.R[:links]).sum(axis=(1, 2)).max() / 8)
-    return force, shift, 2 * math.asin(min(chord, 1.0))
+    return force, *one.largest_move(other, links)
