@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from ksd.beam.strain_values import GRAVITY_BLOCK_SIZE
 
@@ -139,8 +140,6 @@ def undeformed_inner(value: Array, number: NDArray[np.int64]) -> Array:
 def stretched_inner(value: Array, number: NDArray[np.int64], d: Array, Q: Array) -> Array:
     """Inner state where end q is at d (3,) [m] with axes Q (3, 3): the motion from the undeformed end is spread evenly
     over the nodes, so that no element takes all of it."""
-    from scipy.spatial.transform import Rotation
-
     n, inner = int(number[0]), undeformed_inner(value, number)
     end, clamp = undeformed_end(value, number)
     rotation = Rotation.from_matrix(Q @ clamp.T).as_rotvec()

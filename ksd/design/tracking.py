@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from ksd.errors import KsdError
 from ksd.properties.frequencies import Modes
@@ -70,8 +71,6 @@ def continue_tracks(previous: Tracks | None, modes: Modes, count: int, *, by_spa
 
     by_span: modes of nearly equal frequency are compared by the space they span.
     """
-    from scipy.optimize import linear_sum_assignment
-
     if previous is None:
         return start_tracks(modes, count)
     alive = [t for t, k in enumerate(previous.rank) if k >= 0]

@@ -12,6 +12,7 @@ from functools import lru_cache
 from itertools import permutations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ksd.beam.modal import chain_tangent
 from ksd.beam.modal_jets import JET, boundary_jets
@@ -101,8 +102,6 @@ class LeafBasis:
 
     def nodes(self, d: np.ndarray, Q: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Positions (n+1, 3) and rotations from rest (n+1, 3, 3) of all nodes, in the frame of end p."""
-        from scipy.spatial.transform import Rotation
-
         z = self.values(d, Q, eta).reshape(-1, self.values_per_node)
         if self.choices.coordinates == "angle":
             start = self.orientation.reshape(-1, 3, 3).transpose(0, 2, 1)

@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from ksd.checks import positive, show, whole_number
 from ksd.errors import SceneError
@@ -104,8 +105,6 @@ class Solid:
 
     def _sparse(self, K: np.ndarray) -> Any:
         """Sparse matrix (size, size) of the element matrices K (elements, shapes, shapes)."""
-        from scipy.sparse import csr_matrix
-
         entry, columns, starts = self._sparsity
         summed = np.bincount(entry, K.ravel(), len(columns))
         return csr_matrix((summed, columns, starts), shape=(self.dof_count, self.dof_count))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.ndimage import map_coordinates
+from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
 from ksd.modal.solid import Solid
@@ -72,8 +73,6 @@ class FullSolid:
         Returns the largest inner residual [N], the response (inner, 7) of the inner degrees of freedom to the pose of face B
         and to that residual, and the largest internal force [N].
         """
-        from scipy.sparse.linalg import splu
-
         solid, inner, face, row = self.solid, self.inner, self.face, self.row
         turned, every = self.arm @ self.R.T, np.arange(len(face))
         self.u[face] = (self.shift + turned - self.arm)[every, row]

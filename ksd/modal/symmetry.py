@@ -7,6 +7,7 @@ three quarters of the tensors of a body with two planes of symmetry are exactly 
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from ksd.modal.solid import Solid
 from ksd.numerics.reduction import Basis, condition_basis
@@ -19,8 +20,6 @@ MirrorPlanes = list[tuple[np.ndarray, np.ndarray]]
 
 def mirror_planes(solid: Solid) -> MirrorPlanes:
     """The planes among y = 0 and z = 0 about which the mesh equals its mirror image."""
-    from scipy.spatial import cKDTree
-
     # components far apart, so that the nearest point is of the same component
     points = np.column_stack([solid.position, 10.0 * solid.length * solid.component])
     tree, found = cKDTree(points), []

@@ -15,6 +15,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ksd.beam import corotational_values as chains
 from ksd.beam.strain import fill_leaf_fields, leaf_fields
@@ -380,8 +381,6 @@ def _displaced_clamp(
     state: LeafCondition, axes: np.ndarray, tip: np.ndarray, clamp: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Position and axes of the clamp of end q, displaced and rotated by the assembly error."""
-    from scipy.spatial.transform import Rotation
-
     tip = tip + axes @ np.asarray(state.shift)
     if any(state.turn):
         clamp = Rotation.from_rotvec(axes @ np.asarray(state.turn)).as_matrix() @ clamp

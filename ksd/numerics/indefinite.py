@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigvalsh_tridiagonal, lapack, ldl
 
 Array = NDArray[np.float64]
 
@@ -19,8 +20,6 @@ def equilibration(K: Array) -> Array:
 
 def negative_inertia(K: Array) -> int:
     """Number of negative eigenvalues of a symmetric K (n, n), n > 0, by Bunch-Kaufman (Sylvester's law of inertia)."""
-    from scipy.linalg import eigvalsh_tridiagonal, ldl
-
     scale = equilibration(K)
     # D has pivots of size one and two
     _, D, _ = ldl(K * np.outer(scale, scale))
@@ -33,8 +32,6 @@ def solve_scaled(A: Array, b: Array, scale: Array) -> tuple[Array, float]:
 
     Returns x and the reciprocal condition number, zeros where A is singular.
     """
-    from scipy.linalg import lapack
-
     S = A * np.outer(scale, scale)
     lu, pivots, info = lapack.dgetrf(S)
     if info != 0 or not np.isfinite(lu).all():

@@ -16,6 +16,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigh, lu_factor, lu_solve
+from scipy.sparse.linalg import eigsh, splu
 
 Array = NDArray[np.float64]
 Tangent = Callable[[Array], Any]
@@ -78,23 +80,15 @@ def _part(K: Any, rows: Sequence[int], columns: Sequence[int]) -> Any:
 def _lowest(K: Any, M: Any, count: int) -> tuple[Array, Array]:
     """The lowest `count` eigenvalues and vectors of K v = w M v."""
     if isinstance(K, np.ndarray):
-        from scipy.linalg import eigh
-
         values, vectors = eigh(K, M, subset_by_index=(0, count - 1))
         return values, vectors
-    from scipy.sparse.linalg import eigsh
-
     values, vectors = eigsh(K.tocsc(), count, M.tocsc(), sigma=0.0, v0=np.ones(K.shape[0]))
     return values, vectors
 
 
 def _solve(K: Any, right: Array) -> Array:
     """K^-1 right; raises ValueError where K is singular to working precision."""
-    from scipy.linalg import lu_factor, lu_solve
-
     if not isinstance(K, np.ndarray):
-        from scipy.sparse.linalg import splu
-
         return np.asarray(
             splu(K.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(right)
         )

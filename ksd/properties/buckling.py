@@ -27,6 +27,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eig
+from scipy.sparse import block_diag, bmat, coo_matrix, csc_matrix, diags
+from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, splu
 
 from ksd.beam.member_tangent import geometric_tangent
 from ksd.checks import names_of, wrench_of
@@ -190,8 +193,6 @@ def uncondensed_tangents(
     except for loads that are not conservative. rows: constraint rows that are released. Chains must have all nodes in the
     model (no inner nodes); the results are then the node tangents.
     """
-    from scipy.sparse import csc_matrix
-
     arrays, skew = model.arrays, skew_tangent(model.arrays, motion, load_factor)
     if np.any(arrays.members.kind == STRAIN):
         stressed = _node_tangent(model, motion, rows, load_factor)
@@ -312,8 +313,6 @@ def chain_tangent_with_stresses(model: Model, motion: State, K: Any) -> Any:
     only one of the two factors at a time and underestimates the stiffness: a fourbar at mid-stroke would buckle under a
     quarter of its load.
     """
-    from scipy.sparse import block_diag, bmat, coo_matrix
-
     S, rates = _element_stiffnesses(model), _strain_rates(model, motion)
     first = model.arrays.start[model.arrays.members.node]
     columns = np.repeat(first[..., None] + np.arange(6), 6, axis=0).reshape(-1, 12)
@@ -370,8 +369,6 @@ class _Pencil(NamedTuple):
 
     def in_units(self, unit: Array) -> _Pencil:
         """The same with unknowns in units (n,)."""
-        from scipy.sparse import diags
-
         scale = diags(unit)
         K, change = ((scale @ part @ scale).tocsc() for part in (self.K, self.change))
         return _Pencil(K, change, self.linear_up_to)
@@ -405,8 +402,6 @@ def _tangent_derivative(tangent: Tangent, loads: Array, rows: list[int], load_fa
     The unknowns of chains include stresses where the state has any. Without stress node motions suffice and give the
     classical theory without the deflection before buckling (0.1 % of the load of a strip).
     """
-    from scipy.sparse.linalg import splu
-
     model, motion = tangent.model, tangent.motion
     arrays = model.arrays
     chains = not np.any(arrays.members.kind == STRAIN)
@@ -450,8 +445,6 @@ def critical_factors(
     Both matrices are scipy CSC. rounding: largest |1/mu| of a change that is only rounding, for which there are no factors.
     Raises ConvergenceError where they are not found, or where the backward error exceeds MAX_BACKWARD_ERROR.
     """
-    from scipy.sparse import csc_matrix, diags
-
     size = K.shape[0]
     values, vectors = np.zeros(0), np.zeros((size, 0))
     if not np.any(change.data):
@@ -499,8 +492,6 @@ def largest_of_both_signs(values: Array, count: int) -> NDArray[np.intp]:
 
 def _dense_pairs(A: Array, B: Array, symmetric: bool) -> tuple[Array, Array]:
     """All 1/mu and vectors; of unsymmetric matrices without real ones that ENTRY_PERTURBATION may move to zero."""
-    from scipy.linalg import eig
-
     P = -np.linalg.solve(A, B)
     # entries from rounding disturb the balancing inside eig, and vectors lose half of their digits
     P[np.abs(P) < 1e-18 * np.abs(P).max()] = 0.0
@@ -521,8 +512,6 @@ def _arnoldi_pairs(A: Any, B: Any, count: int) -> tuple[Array, Array]:
     None where the iteration does not converge and all can be computed instead. Raises ConvergenceError where there are too
     many unknowns for that.
     """
-    from scipy.sparse.linalg import ArpackNoConvergence
-
     size = A.shape[0]
     try:
         values, vectors = _nearest_factors(A, B, 0.0, min(2 * count + 4, size - 2))
@@ -559,8 +548,6 @@ def _arnoldi_pairs(A: Any, B: Any, count: int) -> tuple[Array, Array]:
 
 def _nearest_factors(A: Any, B: Any, shift: float, count: int) -> tuple[Array, Array]:
     """The `count` mu nearest to a shift of (A + mu B) phi = 0, with vectors; sparse matrices."""
-    from scipy.sparse.linalg import LinearOperator, eigs, splu
-
     factor, size = splu(A + shift * B), A.shape[0]
     operator = LinearOperator(A.shape, matvec=lambda x: -factor.solve(B @ x), dtype=float)
     start = np.random.default_rng(0).normal(size=size)
@@ -622,8 +609,6 @@ def _mesh_error(model: Model, K: Any, change: Any, factor: Array, vectors: Array
     Two modes, as a single one may have the other symmetry. The factor without them is found by one step of Rayleigh quotient
     iteration from its mode.
     """
-    from scipy.sparse.linalg import splu
-
     members = model.arrays.members
     ends = members.inner_at[:-1, None] + np.cumsum(members.number[:, :3], axis=1)
     highest = model.arrays.plan.unknowns + np.concatenate([ends - 1, ends - 2])

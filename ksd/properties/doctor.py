@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import qr
 
 from ksd.checks import clear_argument_errors
 from ksd.errors import SceneError
@@ -293,8 +294,6 @@ def _free_motions(
     where: tuple[Sequence[str], Array, float],
 ) -> list[FreeMotion]:
     """Motions that the rows leave free, each with the other ones held; where: names and positions of the links, and size."""
-    from scipy.linalg import qr
-
     links, positions, size = where
     unknowns = 6 * (len(positions) - 1)
     A = _matrix(rows)
@@ -462,8 +461,6 @@ def stiff_directions(K: Array, expected: int | None = None) -> list[tuple[int, A
 
     expected: their number, used where the stiffness does not contradict it.
     """
-    from scipy.linalg import qr
-
     values, vectors = np.linalg.eigh(K)
     values, vectors = np.maximum(values[::-1], 1e-15 * values[-1]), vectors[:, ::-1]
     ratio = values[:-1] / values[1:]

@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from ksd.errors import SceneError
 from ksd.model.arrays import COIL, STRAIN, TORSION, State, Workspace, make_workspace
@@ -380,8 +381,6 @@ def energy_of_one_spring(model: Model, motion: State, i: int) -> float:
     d = pose[:9].reshape(3, 3).T @ pose[15:]
     if springs.kind[i] == COIL:
         return 0.5 * float(value[0]) * (math.sqrt(float(d @ d)) - float(value[1])) ** 2
-    from scipy.spatial.transform import Rotation
-
     if springs.kind[i] == TORSION:
         _, _, z, w = Rotation.from_matrix(Q).as_quat()
         angle = 2.0 * math.atan2(z, w)

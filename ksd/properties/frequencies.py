@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import blas, eig, eigh, lapack
+from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, eigsh
 
 from ksd.checks import names_of
 from ksd.errors import ConvergenceError
@@ -317,8 +319,6 @@ def _inverse_stiffness(tangent: Tangent, mass: Inertia, loads: Array) -> Array:
 
 def _dense_pairs(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]:
     """1/omega^2 (k,) and vectors (size, k), including all unstable modes; complex where modes flutter."""
-    from scipy.linalg import blas, eig, eigh, lapack
-
     M = mass.matrix.toarray()
     used = np.flatnonzero(M.diagonal() > 0.0)
     scale = 1.0 / np.sqrt(M.diagonal()[used])
@@ -349,8 +349,6 @@ def _iterated_pairs(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array,
 
     Raises ConvergenceError where they are not found.
     """
-    from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, eigsh
-
     size, M = mass.size, mass.matrix
     values, vectors = np.zeros(0), np.zeros((size, 0))
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from ksd.checks import positive, show
 from ksd.errors import SceneError
@@ -152,8 +153,6 @@ def _chain_change(model: Model, motion: State, load_factor: float, points: int) 
     target = row_values(model, motion)
 
     def forces(member: int, misplaced: Array) -> dict[str, SectionForces]:
-        from scipy.spatial.transform import Rotation
-
         members = arrays.members
         offset, frame = members.offset.copy(), members.frame.copy()
         offset[member, 1] += frame[member, 1] @ misplaced[:3]

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
 
 from ksd.beam.strain_uncondensed import (
     GravityDerivatives,
@@ -219,8 +220,6 @@ def inner_unknowns(model: Model) -> tuple[NDArray[np.int64], ...]:
 
 def assemble_blocks(unknowns: Sequence[NDArray[np.int64]], blocks: Sequence[Array], size: int) -> Any:
     """Sum (size, size), scipy CSR, of stacks of matrices (k, m, m) with the unknowns (k, m) of each, -1 for none."""
-    from scipy.sparse import coo_matrix
-
     values, rows, columns = [], [], []
     for at, block in zip(unknowns, blocks, strict=True):
         own = (at >= 0)[:, :, None] & (at >= 0)[:, None, :]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import null_space
 
 from ksd.model.arrays import Arrays, State
 
@@ -65,8 +66,6 @@ def count_negative_eigenvalues(arrays: Arrays, K: Array, skew: Array) -> int:
 
     K: symmetric part, multipliers included; skew: skew part. Displacements are relative to the size of the mechanism.
     """
-    from scipy.linalg import null_space
-
     rows = arrays.terms.start
     unit = np.ones(len(K))
     for u in (int(s) for s in arrays.start if s >= 0):
