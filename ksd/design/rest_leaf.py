@@ -178,7 +178,7 @@ class DeformedLeaf:
         normal = float(np.asarray(leaf.width_axis)[axes.normal])
         if abs(normal) < 1.0 - 1e-9:
             raise SceneError(
-                f"rest_shape: leaf '{name}' has no width across the plane of the mechanism; it leaves the plane."
+                f"rest_shape: leaf '{name}' has no width normal to the plane of the mechanism; it leaves the plane."
             )
         # sign of rotations about the width axis in the plane
         self.side = np.sign(normal)

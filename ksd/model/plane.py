@@ -257,7 +257,7 @@ def _out_of_plane_member(model: Model, k: np.ndarray) -> str:
     i = int(np.argmax(outside))
     name = model.member_names[i]
     if members.kind[i] == LINEAR:
-        return f"'{name}' couples motions in the plane with motions across it"
+        return f"'{name}' couples motions in the plane with motions out of it"
     if members.kind[i] in (MODAL, SOLID):
         return f"'{name}' is a reduced body, which has no planar form"
     for axis, off in zip(e3[i], tilt[i], strict=True):
@@ -369,7 +369,7 @@ def _find_plane(model: Model) -> Plane | str:
     if reason := _out_of_plane_load(model, k) or _out_of_plane_spring(model, k):
         return reason
     if max(abs(k[axis - 1]), abs(k[axis - 2])) > PARALLEL:
-        return f"its plane, across {vector_text(k)}, is across none of the global axes"
+        return f"its plane, normal to {vector_text(k)}, is normal to none of the global axes"
     return Plane(model.arrays, model.rest, axis, rows)
 
 

@@ -91,7 +91,7 @@ def check_hinge_in_plane(hinge: Hinge, plane: str | None) -> Hinge:
     cosine = abs(float(np.dot(hinge.axis, plane_normal(plane))))
     if hinge.kind == "pin" and cosine < 1.0 - 1e-9:
         raise SceneError(
-            f"pin '{hinge.name}': its axis {show(hinge.axis)} must be across the plane {plane}; leave axis out."
+            f"pin '{hinge.name}': its axis {show(hinge.axis)} must be normal to the plane {plane}; leave axis out."
         )
     if hinge.kind == "slider" and cosine > 1e-9:
         raise SceneError(

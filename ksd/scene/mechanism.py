@@ -391,7 +391,7 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
             if abs(normal_distance) > 1e-6 * math.dist(*ends):
                 raise SceneError(
                     f"leaf '{label}' leaves the plane {self.plane}: its ends are "
-                    f"{1e3 * abs(normal_distance):.4g} mm apart across it; put both in it, or say width_axis."
+                    f"{1e3 * abs(normal_distance):.4g} mm apart along its normal; put both in it, or say width_axis."
                 )
         made = Leaf(
             start=as_given(start),

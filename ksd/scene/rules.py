@@ -168,6 +168,6 @@ def plane_hint(scene: Scene) -> str:
     if scene.plane or plane is None or not normals or connected_links(scene.neighbours()) == set(scene.links):
         return ""
     return (
-        f"all {what} across the plane {plane}: if the mechanism lives in it, say "
+        f"all {what} normal to the plane {plane}: if the mechanism lives in it, say "
         f"ksd.Mechanism('{scene.name}', plane='{plane}'), which holds every link in it"
     )

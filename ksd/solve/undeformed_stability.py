@@ -100,7 +100,7 @@ def _causes(model: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
     inner = {
         f"the preload of {', '.join(springs)}": springs,
         "heat": stressed and scene.heats,
-        f"the fit of {', '.join(repr(fit.leaf) for fit in scene.fits)}": stressed and scene.fits,
+        f"the assembly error of {', '.join(repr(fit.leaf) for fit in scene.fits)}": stressed and scene.fits,
     }
     loads = {"loads": len(model.arrays.loads.node), "weight": len(model.arrays.weight)}
     return tuple(c for c, there in inner.items() if there), tuple(c for c, there in loads.items() if there)

@@ -399,7 +399,7 @@ def falling():
          r"leaf 'leaf' are wanted 100 mm apart, but its curve is 90 mm long; bring them within"),
         (lambda: cantilever(curve=ksd.Arc(0.1, 1.5)), {}, r"spans 136\.328 mm, but its ends are drawn 100 mm apart"),
         (lambda: cantilever(curve=ksd.FreeCurve(0.1, lambda s: (0, 1.0, 0))), {}, r"'leaf' leaves the plane"),
-        (lambda: cantilever(width_axis="y"), {}, r"'leaf' has no width across the plane"),
+        (lambda: cantilever(width_axis="y"), {}, r"'leaf' has no width normal to the plane"),
     ],
 )  # fmt: skip
 def test_wrong_words(scene, words, message):

@@ -343,7 +343,7 @@ def test_what_leaves_the_plane_is_refused():
     scene = bent()
     words = {"section": THIN, "material": STEEL, "start": (0, 0.1, 0)}
     said = refused(lambda: scene.leaf("ground", "tip", end=(0.1, 0, 1e-3), **words))
-    assert "leaves the plane xy: its ends are 1 mm apart across it" in said
+    assert "leaves the plane xy: its ends are 1 mm apart along its normal" in said
     for pose in (((0, 0, 1e-3), 0.0), ((0, 0, 0), (0.1, 0, 0))):
         assert "leaves the plane xy" in refused(lambda pose=pose: ksd.required_loads(scene, {"tip": pose}))
 

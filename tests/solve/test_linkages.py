@@ -132,7 +132,7 @@ def test_what_nothing_holds_is_said():
     assert "1 under-constrained motion" in str(ksd.doctor(loose))
     # four pins in space fight where they do not in their plane
     with pytest.raises(
-        ksd.TrustError, match=r"all pins turn about an axis across the plane xy: .* plane='xy'"
+        ksd.TrustError, match=r"all pins turn about an axis normal to the plane xy: .* plane='xy'"
     ):
         ksd.solve(linkage(plane=None))
 

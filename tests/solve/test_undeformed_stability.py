@@ -109,7 +109,7 @@ def guided(cause, share):
 
 SAID = {
     "heat": "heat makes the undeformed configuration unstable in one direction ('tip' moves along y)",
-    "fit": "the fit of 'leaf' makes the undeformed configuration unstable in one direction ('tip' moves along y)",
+    "fit": "the assembly error of 'leaf' makes the undeformed configuration unstable in one direction ('tip' moves along y)",
     "loads": "loads make the undeformed configuration unstable in one direction ('tip' moves along y)",
 }
 
