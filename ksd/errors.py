@@ -70,3 +70,12 @@ class RecordError(KsdError):
     """A joint record is missing, truncated, altered, or of a format this version cannot read."""
 
     exit_code = 4
+
+
+DESIGN_ERRORS = (SceneError, ArithmeticError, ValueError, AssertionError, RuntimeError)
+"""Errors by which a function of parameters refuses a design; others are mistakes in the function."""
+
+
+def reason_text(error: BaseException) -> str:
+    """The message of an error; its type where it has none, as that of a bare assert."""
+    return str(error) or type(error).__name__

@@ -18,7 +18,8 @@ from ksd.cli.output import (
 from ksd.cli.solve import number_or_text
 from ksd.design.job_file import load_job
 from ksd.design.optimise import optimise
-from ksd.errors import SceneError
+from ksd.design.table import Table
+from ksd.errors import ConvergenceError, SceneError
 from ksd.files import check_target
 from ksd.scene.formula import si_value
 from ksd.scene.toml_file import save_scene
@@ -46,7 +47,12 @@ def run(options: argparse.Namespace) -> int:
         else f"the designs done are in {options.resume}, give the same command again to go on"
     )
     with interrupt_message(f"interrupted; nothing more was written, {again}"):
-        best = optimise(job, **words, resume=options.resume, progress=not options.quiet)
+        try:
+            best = optimise(job, **words, resume=options.resume, progress=not options.quiet)
+        except ConvergenceError as failed:
+            if isinstance(failed.result, Table):
+                write_table(failed.result, options.out)
+            raise
     if options.json:
         write_json(best.as_dict(), options.json)
     if options.json != STDOUT:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ksd.checks import show
 from ksd.design.arguments import check_design_parameters
-from ksd.errors import SceneError
+from ksd.errors import DESIGN_ERRORS, SceneError, reason_text
 from ksd.scene import Mechanism, Scene
 from ksd.scene.load import Load
 from ksd.scene.scene import MECHANISM_HINT
@@ -70,8 +70,10 @@ def build_scene(mechanism: Any, parameters: Mapping[str, Any]) -> Scene:
         try:
             scene = mechanism(**parameters)
             scene = scene.scene() if isinstance(scene, Mechanism) else scene
-        except (SceneError, ArithmeticError, ValueError) as reason:
-            raise SceneError(f"{CANNOT_BE_BUILT}{str(reason).removeprefix(CANNOT_BE_BUILT)}") from reason
+        except DESIGN_ERRORS as reason:
+            raise SceneError(
+                f"{CANNOT_BE_BUILT}{reason_text(reason).removeprefix(CANNOT_BE_BUILT)}"
+            ) from reason
     if scene is None and parameters and callable(mechanism):
         raise SceneError(
             f"{CANNOT_BE_BUILT}its function returned None; end it with a return of its ksd.Mechanism"

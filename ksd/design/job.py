@@ -61,7 +61,7 @@ from ksd.design.questions import (
 from ksd.design.resume import record_hashes
 from ksd.design.sweep_path import DrivePaths, Recipe, SweepPath, adequate_mesh, drive_paths, run_path
 from ksd.design.table import OK
-from ksd.errors import KsdError, RecordError, SceneError
+from ksd.errors import DESIGN_ERRORS, KsdError, RecordError, SceneError, reason_text
 from ksd.library import find_record
 from ksd.model.compile import compile_scene
 from ksd.model.effects import mentioned_effects
@@ -80,6 +80,8 @@ SPARE_SCENES = 8
 """Scenes cached in addition to those of a gradient."""
 MAX_RANDOM_TRIALS = 4096
 """Random designs at which rules are evaluated before they count as never met."""
+MAX_SKIPPED_DESIGNS = 100
+"""Random designs that cannot be built and are passed over; after so many, the search itself says why."""
 Targets = str | Sequence[str] | Mapping[str, float]
 Rule = Callable[[Mapping[str, float]], float]
 
@@ -400,7 +402,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         return np.clip(x, *self.bounds.T)
 
     def random(self, count: int, seed: int = 0) -> Array:
-        """Designs (count, P) within bounds and rules; the first is in the middle where it meets the rules.
+        """Designs (count, P) within bounds and rules, as far as they can be built; the first is in the middle if possible.
 
         Parameters with positive bounds are uniform in their logarithms. Raises SceneError where too few of
         the designs that are tried meet all rules.
@@ -409,7 +411,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         positive = (self.bounds > 0.0).all(axis=1)
         ends = self.bounds.copy()
         ends[positive] = np.log(ends[positive])
-        largest, span = np.full(len(self.rule_names), -np.inf), np.diff(ends)[:, 0]
+        largest, span, skipped = np.full(len(self.rule_names), -np.inf), np.diff(ends)[:, 0], 0
         for k in range(MAX_RANDOM_TRIALS + 50 * count):
             fractions = np.full(len(ends), 0.5) if k == 0 and seed == 0 else rng.uniform(size=len(ends))
             scaled = ends[:, 0] + fractions * span
@@ -420,10 +422,16 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
                 values = self.rule_values(x)
             largest[: len(values)] = np.fmax(largest[: len(values)], values)
             if (values >= 0.0).all():
+                if skipped < MAX_SKIPPED_DESIGNS and not self._can_be_built(x):
+                    skipped += 1
+                    continue
                 designs.append(x)
             if len(designs) == count:
                 return np.array(designs)
-        if self.coupled_ranges and (largest[len(self.rules) :] <= -1.0).all():
+        ranges = largest[len(self.rules) :]
+        # not evaluated where no design meets the rules before them, and not to blame
+        ranges[np.isneginf(ranges)] = 0.0
+        if self.coupled_ranges and (ranges <= -1.0).all():
             try:
                 build_scene(self.build, self.design_at(x))
             except SceneError as reason:
@@ -433,6 +441,13 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         never = [n for n, v in zip(self.rule_names, largest, strict=True) if v < 0.0]
         subject = f"rule {never[0]} is met" if never else "all rules are met together"
         raise SceneError(f"{subject} by none of {MAX_RANDOM_TRIALS} designs within the bounds")
+
+    def _can_be_built(self, x: Array) -> bool:
+        try:
+            build_scene(self.build, self.design_at(x))
+        except SceneError:
+            return False
+        return True
 
     @property
     def rule_names(self) -> tuple[str, ...]:
@@ -454,8 +469,8 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
                         f"it is {value}; in place of a < b give b - a, not negative where it is met"
                     )
                 values.append(float(value))
-            except (KeyError, TypeError, ValueError, ArithmeticError) as reason:
-                text = str(reason)
+            except (*DESIGN_ERRORS, LookupError, AttributeError, TypeError) as reason:
+                text = reason_text(reason)
                 if isinstance(reason, KeyError):
                     text = f"no parameter {reason}{name_hint(reason.args[0], self.parameters)}"
                 raise SceneError(f"rule {_rule_name(k, rule)} gives no number: {text}") from None
@@ -509,12 +524,25 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
             function = _LoadedSceneFunction(self.build, case_loads)
             for d, design in enumerate(self._solve_case(function, designs, steps, executor)):
                 rows[d] += design.rows
-                status[d] = design.status if status[d] == OK else status[d]
+                if status[d] == OK:
+                    status[d] = self._other_leaves(design.rows) if design.status == OK else design.status
                 if design.poses:
                     solved.append(SolvedPoses(design.poses[0].model.original_scene, design.poses, steps))
         answers = DesignAnswers(np.array([self._answers_from(own) for own in rows]), tuple(status))
         has_all_answers = status == [OK] and len(solved) == len(self.cases)
         return answers, solved if has_all_answers else []
+
+    def _other_leaves(self, rows: Sequence[Row]) -> str:
+        """Why a design with these rows has other stresses than the job asks for; "ok" where it has the same."""
+        known = {a.column for a in self.answers if a.column.startswith("stress_MPa[")}
+        own = {c for c in rows[0] if c.startswith("stress_MPa[")}
+        if not known or own == known:
+            return OK
+        column = min(known ^ own)
+        return (
+            f"it has {'no' if column in known else 'an additional'} leaf spring '{column[len('stress_MPa[') : -1]}': the "
+            "stress of every leaf spring counts, so all designs of the job need the same ones"
+        )
 
     def _solve_case(
         self, function: Any, designs: list[dict[str, float]], steps: list[Any], executor: Executor | None
@@ -685,6 +713,12 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         ends = (low if np.isfinite(low) else None, min(high, MAX_MAGNITUDE))
         limits = {**(self.arguments["limits"] or {}), column: ends}
         return Job(self.function, **{**self.arguments, "limits": limits})
+
+    def beyond_ranges(self) -> Job:
+        """The same job, which also solves designs outside the trained ranges; its answers within them are the same."""
+        job = copy(self)
+        job.__dict__["extrapolate"] = True
+        return job
 
     def _with_answers(self, answers: tuple[Answer, ...]) -> Job:
         """The same job with other limits or factors of its answers."""

@@ -347,7 +347,8 @@ def _robust_optima(
         if best.result.status != OK:
             raise ConvergenceError(
                 f"limits moved in by {robust:g} standard deviations are met by no design near the optimum: "
-                f"{best.result.status}; {_largest_margin_text(job, margins)}"
+                f"{best.result.status}; {_largest_margin_text(job, margins)}",
+                result=log.table(),
             )
     return runs, dict(zip(job.names, margins.tolist(), strict=True))
 

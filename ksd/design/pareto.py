@@ -254,6 +254,8 @@ def choose(
     if not isinstance(jobs, Mapping) or not jobs or not all(isinstance(j, Job) for j in jobs.values()):
         raise SceneError(f"jobs = {show(jobs)}: give jobs by name, such as {{'cross': ksd.Job(...)}}")
     check_executor(executor)
+    whole_number(starts, "starts")
+    whole_number(seed, "seed", least=0)
     files = _resume_files(resume, list(jobs))
     tasks = [(job, starts, seed, file) for job, file in zip(jobs.values(), files, strict=True)]
     futures = [

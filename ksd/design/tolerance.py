@@ -101,6 +101,8 @@ def tolerance(
     x, sd = job.point(getattr(design, "design", design)), check_spread(job, spread)
     count = whole_number(samples, "samples", least=2)
     log = DesignLog(job, resume=resume, executor=executor, progress=progress)
+    # parts that scatter out of a trained range are solved as the others
+    log.job = job.beyond_ranges()
     X = x + sd * np.random.default_rng(whole_number(seed, "seed", least=0)).normal(size=(count, len(x)))
     with log.interruptible():
         nominal, slopes = log.slopes(x, by="tolerance")

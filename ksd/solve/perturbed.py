@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ksd.checks import name_hint, number, show, without_whole_checks
-from ksd.errors import ConvergenceError, SceneError
+from ksd.errors import DESIGN_ERRORS, ConvergenceError, SceneError, reason_text
 from ksd.model.arrays import STRAIN, State, make_workspace
 from ksd.model.compile import Model, model_of_design
 from ksd.model.effects import apply_effects, with_conditions
@@ -159,10 +159,10 @@ def _design_scene(
             scene = drawn.scene() if hasattr(drawn, "scene") else drawn
             if not hasattr(scene, "fingerprint"):
                 raise SceneError(f"{show(drawn)} is no mechanism")
-    except (SceneError, ArithmeticError, ValueError) as reason:
+    except DESIGN_ERRORS as reason:
         raise SceneError(
             f"there is no gradient by '{name}': the design cannot be built at {value:.9g}, next to the given value: "
-            f"{reason}"
+            f"{reason_text(reason)}"
         ) from reason
     # load cases come after the loads of the design itself
     extra = loaded.loads[len(scene.loads) :]

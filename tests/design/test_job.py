@@ -365,6 +365,9 @@ def failing(thickness):
         ({"rules": [lambda p: -1.0]}, "rule 1 is met by none of"),
         ({"rules": [lambda p: p["inner"], lambda p: p["width"]]}, "rule 2 gives no number: no parameter 'width'"),
         ({"rules": [lambda p: p["inner"] < 0.02]}, "rule 1 gives no number: it is False; in place of a < b give b - a"),
+        ({"rules": [lambda p: p.inner]}, "rule 1 gives no number: 'dict' object has no attribute 'inner'"),
+        ({"rules": [lambda p: [][0]]}, "rule 1 gives no number: list index out of range"),
+        ({"rules": [lambda p: 0.08 - p["length"], lambda p: p["length"] - 0.09]}, "all rules are met together by none of"),
         ({"rules": "wide"}, "give functions of the parameters"),
         ({"turn": None}, "drive values turn"),
         ({"turm": [0.1]}, "'turm' is not a drive"),
@@ -404,6 +407,55 @@ def test_designs_within_the_rules_that_cannot_be_built_are_told():
     count = 500
     with pytest.raises(ksd.SceneError, match=r"within the bounds and rules could be built.*no steel is left"):
         own.random(1, seed=3)
+
+
+def stocked(length, thickness):
+    """A pivot of sheet that is on stock, which is not that in the middle of the bounds."""
+    if thickness >= 0.4 * mm:
+        # as of an assert, which pytest would rewrite
+        raise AssertionError
+    if length > 60 * mm:
+        raise RuntimeError("too long for the machine")
+    return pivot(length, 40 * deg, thickness, 30 * mm, 15 * mm)
+
+
+def test_starts_can_be_built_where_a_function_refuses_the_middle_of_the_bounds():
+    """Functions refuse designs by assert and RuntimeError too."""
+    words = {
+        "function": stocked, "rules": [], "turn": 0.3, "maximise": "turn_stiffness_Nm_per_rad",
+        "limits": {"stress_MPa": 200},
+    }  # fmt: skip
+    thickness = (0.3 * mm, 0.8 * mm)
+    one = job(vary={"length": (40 * mm, 90 * mm), "thickness": thickness}, **words)
+    assert all(length <= 60 * mm and thickness < 0.4 * mm for length, thickness in one.random(8))
+    answers = one.batch([one.point(None), [70 * mm, 0.35 * mm], [50 * mm, 0.5 * mm]])
+    assert answers.status[0] == "ok" and answers.status[1].endswith("too long for the machine")
+    assert answers.status[2] == "this design cannot be built: AssertionError"
+    best = ksd.optimise(job(vary={"length": (40 * mm, 55 * mm), "thickness": thickness}, **words))
+    assert best.starts[0].status == "ok" and best.design["length"] == pytest.approx(55 * mm)
+
+
+def sheets(count, thickness):
+    """So many leaf springs side by side."""
+    scene = ksd.Mechanism("sheets")
+    body = scene.link("body")
+    for k in range(round(count)):
+        start, end = (0.02 * k, 0, 0), (0.02 * k, 0.06, 0)
+        scene.leaf("ground", body, start=start, end=end, width_axis="z", section=ksd.rectangle(thickness, 0.02),
+                   material=STEEL)  # fmt: skip
+    scene.actuate(body, along="x", at=(0.02, 0.03, 0), name="push")
+    return scene
+
+
+def test_designs_of_other_leaf_springs_are_told_where_stresses_count():
+    """The stress of a leaf spring that the design in the middle does not have was left out in silence."""
+    words = {"vary": {"count": (2, 5), "thickness": (0.2 * mm, 0.6 * mm)}, "push": 2 * mm}
+    X = [[n, 0.3 * mm] for n in (4, 3, 5)]
+    own = ksd.Job(sheets, minimise="stress_MPa", **words).batch(X)
+    assert own.status[0] == "ok" and "it has no leaf spring 'leaf.4': the stress of every" in own.status[1]
+    assert "it has an additional leaf spring 'leaf.5'" in own.status[2]
+    force = ksd.Job(sheets, minimise="push_force_N", **words).batch(X)
+    assert force.status == ("ok",) * 3 and np.ptp(force.values[:, 0] / (4, 3, 5)) < 1e-3 * force.values[0, 0]
 
 
 def test_a_job_without_drives_and_starts_outside(plain):

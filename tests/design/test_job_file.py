@@ -180,8 +180,10 @@ def test_wrong_options(words, sentence, tmp_path, capsys, monkeypatch):
 
 def test_no_design_exits_3_and_ctrl_c_130(tmp_path, capsys, monkeypatch):
     path = written(tmp_path, SMALL.replace("stress_MPa = 500", "stress_MPa = 1"))
-    assert main(["optimise", str(path), "--quiet"]) == 3
+    tried = tmp_path / "tried.csv"
+    assert main(["optimise", str(path), "--out", str(tried), "--quiet"]) == 3
     assert "none of 1 starts led to a design that meets the limits" in capsys.readouterr().err
+    assert len(tried.read_text().splitlines()) > 3
 
     def pressed(*words):
         raise KeyboardInterrupt

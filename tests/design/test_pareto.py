@@ -144,6 +144,8 @@ def test_choices_go_on_and_run_in_executors(monkeypatch, tmp_path):
         (lambda: ksd.pareto(small(), against="moment", span=(1, 2)), "there is no answer 'moment'"),
         (lambda: ksd.choose({"one": sheet}), "give jobs by name"),
         (lambda: ksd.choose({}), "give jobs by name"),
+        (lambda: ksd.choose({"one": small()}, starts=0), "starts = 0 must be"),
+        (lambda: ksd.choose({"one": small()}, seed=-1), "seed = -1 must be"),
     ],
 )
 def test_wrong_words(call, sentence):

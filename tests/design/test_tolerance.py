@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_job import BEST, job, pivot, strip
+from test_job import BEST, VARY, job, pivot, strip
 
 import ksd
 from ksd.design import design_log
@@ -101,6 +101,19 @@ def test_samples_without_answers_are_told():
     count = int(np.isnan(made.merits).sum())
     assert 0 < count < 40 and made.yield_fraction == pytest.approx(1 - count / 40)
     assert f"of 40 samples hold every limit, {count} have no answers, worst target" in str(made)
+
+
+def test_samples_beyond_a_trained_range_are_parts_as_others():
+    """At the end of a trained range half of the samples had no answers, and counted as bad parts."""
+    one = job(vary={**VARY, "angle": (31 * deg, 80 * deg)}, turn=[0.2], limits={"turn_moment_Nm": 3.0})
+    x = one.point({**BEST, "angle": 60 * deg, "thickness": 0.4 * mm})
+    made = ksd.tolerance(one, x, spread={"angle": 0.1 * deg}, samples=40)
+    assert made.yield_fraction == 1.0 and not made.table.failures
+    free = ksd.tolerance(job(method="conventional", turn=[0.2], vary={**VARY, "angle": (31 * deg, 80 * deg)},
+                             limits={"turn_moment_Nm": 3.0}), x, spread={"angle": 0.1 * deg}, samples=40)  # fmt: skip
+    assert made.sampled[-1] == pytest.approx(free.sampled[-1], rel=1e-6)
+    # the job itself keeps to its ranges
+    assert "outside its trained range" in one.batch([x * (1, 1.01, 1, 1, 1)]).status[0]
 
 
 def test_limits_are_moved_in_on_both_sides():
