@@ -9,6 +9,7 @@ import ksd
 from ksd.beam.strain_values import GRAVITY_BLOCK_SIZE
 from ksd.bodies.drive_forces import drive_forces
 from ksd.bodies.intended_motions import intended_motions
+from ksd.bodies.joint_arrays import JointKinematics
 from ksd.bodies.joint_poses import _set_planar_pose, _set_spatial_pose, joint_poses
 from ksd.bodies.joints import joint_bodies
 from ksd.bodies.kinematics import close_loops, loop_equations_at
@@ -180,7 +181,7 @@ def test_intended_motions_are_those_nearest_to_a_pose(loop, rng):
         assert relative[j, 3:] == pytest.approx((A.T @ B).ravel(), abs=1e-14)
     found, left, known = np.zeros(8), np.zeros((joints, 6)), np.zeros(joints, np.int64)
     intended_motions(*loops.flat, relative, found, pose, series, left, known)
-    assert known.all()
+    assert known.tolist() == [1] * joints
     exact = places(loops, found)
     for j, (own, given) in enumerate(zip(exact, relative, strict=True)):
         off = turned(given[3:].reshape(3, 3) @ own[:9].reshape(3, 3).T)
@@ -196,29 +197,31 @@ def test_intended_motions_are_those_nearest_to_a_pose(loop, rng):
 
 
 def test_drive_forces_are_those_of_virtual_work(rng):
-    """Two joints in a row under any wrenches, loads of every kind: each drive does the work of all the rest."""
+    """Two joints in a row under any wrenches, loads of every kind: the drives do the work of all the rest, three of them the
+    least."""
     scene = ksd.Mechanism("row")
     scene.links("a", "b")
     scene.join(scene.ground, "a", cross_flexure(), at=(0, 0.1, 0), axis=(0.6, 0, 0.8), toward="y")
     scene.join("b", "a", cross_flexure(), at=(0.3, 0.2, 0), axis="z", toward=(0.6, 0.8, 0))
     scene.actuate("b", along="y", at=(0.4, 0.3, 0.1), name="stroke")
     scene.actuate("a", about="z", relative_to="b", name="turn")
+    scene.actuate("b", about="x", name="once more")
     scene.load("a", force=(1.0, -2.0, 3.0), at=(0.2, 0.1, -0.1))
     scene.load("b", force=(-1.0, 1.5, 0.5), moment=(0.3, -0.2, 0.1), at=(0.3, 0.1, 0.2), following=True)
     scene.load("b", moment=(0.1, 0.4, -0.3))
     bodies, theta, h = joint_bodies(ksd.compile_scene(scene), find_record), np.array([0.3, -0.2]), 1e-6
     _residual, _, _, x, R, pose = equations(bodies, theta)
-    wrench, mu, loads = rng.normal(size=(2, 54)), np.zeros(2), bodies.reduced.loads
+    wrench, mu, loads = rng.normal(size=(2, 54)), np.zeros(3), bodies.reduced.loads
     drive_forces(
-        *bodies.reduced.flat[:2], *bodies.kinematics.flat, theta, np.zeros(2), x.copy(), R.copy(), pose.copy(),
+        *bodies.reduced.flat[:2], *bodies.kinematics.flat, theta, np.zeros(3), x.copy(), R.copy(), pose.copy(),
         wrench.ravel(), mu,
     )  # fmt: skip
-    work, rows = np.zeros(2), np.zeros((2, 2))
+    work, rows = np.zeros(2), np.zeros((3, 2))
     for q in range(2):
         (up, _, _, x1, R1, P1), (down, _, _, x2, R2, P2) = (
             equations(bodies, theta + s * np.eye(2)[q]) for s in (h, -h)
         )
-        rows[:, q] = (up - down) / (2 * h) / [1.0, bodies.reduced.size]
+        rows[:, q] = (up - down) / (2 * h)
         for j in range(2):
             turn = turned(P1[j, :9].reshape(3, 3) @ P2[j, :9].reshape(3, 3).T)
             work[q] += wrench[j, 12:18] @ np.concatenate([P1[j, 9:12] - P2[j, 9:12], turn]) / (2 * h)
@@ -228,7 +231,55 @@ def test_drive_forces_are_those_of_virtual_work(rng):
             f, m = (R[n] @ f, R[n] @ m) if follows else (f, m)
             moved = (x1 - x2)[n] + (R1[n] - R2[n]) @ p
             work[q] -= (f @ moved + m @ turned(R1[n] @ R2[n].T)) / (2 * h)
-    assert mu == pytest.approx(-np.linalg.solve(rows.T, work), rel=1e-6)
+    assert mu == pytest.approx(
+        -work @ np.linalg.pinv(rows) * [1.0, bodies.reduced.size, bodies.reduced.size], rel=1e-6
+    )
+
+
+def test_drive_forces_that_nothing_determines_are_not_numbers():
+    """Two motions, one drive, and no wrench that could tell them apart."""
+    scene = ksd.Mechanism("row")
+    scene.links("a", "b")
+    scene.join(scene.ground, "a", cross_flexure(), at=(0, 0.1, 0), axis="z", toward="y")
+    scene.join("a", "b", cross_flexure(), at=(0.3, 0.2, 0), axis="z", toward="x")
+    scene.actuate("b", along="y", at=(0.4, 0.3, 0.1), name="stroke")
+    bodies, theta, mu = joint_bodies(ksd.compile_scene(scene), find_record), np.zeros(2), np.zeros(1)
+    _, _, _, x, R, pose = equations(bodies, theta)
+    drive_forces(
+        *bodies.reduced.flat[:2], *bodies.kinematics.flat, theta, np.zeros(1), x, R, pose, np.zeros(108), mu
+    )
+    assert np.isnan(mu).all()
+
+
+def two_motions(turns, shifts):
+    """A joint whose rotation vector and chord are linear in its two motions, with the rows of turns and shifts (2, 3)."""
+    coefficients = np.zeros((1, 6, 3))
+    coefficients[0, :3, 1:], coefficients[0, 3:, 1:] = np.array(turns)[::-1].T, np.array(shifts)[::-1].T
+    return JointKinematics(
+        node=np.array([[0, 1]]), anchor=np.zeros((1, 2, 3)), frame=np.eye(3)[None], length=np.array([0.5]),
+        first=np.array([0, 2]), tree=np.array([[0, 1]]), closing=np.zeros(0, np.int64), power_first=np.array([0, 3]),
+        power=np.array([[0, 0], [0, 1], [1, 0]]), pose=coefficients,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("turning", [True, False])
+def test_intended_motions_that_are_much_alike_are_told_apart(turning):
+    """With axes of motion a quarter of a radian apart; motions of no effect are unknown, and stay as they were."""
+    near = np.array([[0.6, 0.0, 0.8], [0.4, 0.1, 0.9]])
+    loops = two_motions(near if turning else 1e-3 * near, 0.1 * near[::-1] if turning else near)
+    assert places(loops, np.zeros(2)).shape == (1, 24)
+    theta, series = np.array([0.3, -0.4]), np.zeros((3, 3))
+    given, pose = places(loops, theta)[0], np.zeros((1, 24))
+    relative, found = np.concatenate([given[9:12], given[:9]])[None], np.zeros(2)
+    left, known = np.zeros((1, 6)), np.zeros(1, np.int64)
+    intended_motions(*loops.flat, relative, found, pose, series, left, known)
+    assert known.tolist() == [1]
+    assert found == pytest.approx(theta, abs=1e-11)
+    for alike in (np.zeros((2, 3)), near[[0, 0]]):
+        found = np.array([0.1, 0.2])
+        intended_motions(*two_motions(alike, alike).flat, relative, found, pose, series, left, known)
+        assert known.tolist() == [0]
+        assert found.tolist() == [0.1, 0.2]
 
 
 def test_blocks_and_weights_of_joints_in_the_mechanism(rng):
@@ -255,19 +306,33 @@ def test_blocks_and_weights_of_joints_in_the_mechanism(rng):
     assert seen[:, 0].tolist() == given[:, 0].tolist()
     for i, j in enumerate(weights.owner):
         assert seen[i, 1:] == pytest.approx(interface(bodies, j, 0, x, R)[1].T @ given[i, 1:], abs=1e-13)
-    members, point = bodies.substructures.members, np.zeros_like(bodies.reduced.loads.point)
-    m = len(weights.owner)
+    members, m, anchor = bodies.substructures.members, len(weights.owner), rng.normal(size=(2, 2, 3))
+    load, point = np.array([1, 0]), np.zeros((2, 3))
     pose, store = rng.normal(size=(m, 18)), rng.normal(size=int(members.store_at[-1]))
     place_joint_weights(
-        weights.owner, weights.load, members.node, members.store_at, block_x, pose, store, seen, loops.anchor,
-        loops.frame, point,
-    )  # fmt: skip
+        weights.owner,
+        load,
+        members.node,
+        members.store_at,
+        block_x,
+        pose,
+        store,
+        seen,
+        anchor,
+        loops.frame,
+        point,
+    )
     for j in range(2):
         total, mass = np.zeros(3), 0.0
         for i in np.flatnonzero((weights.owner == j) & (seen[:, 0] > 0)):
             start = block_x[members.node[i, 0]] + pose[i, 9:12] - pose[i, 15:18]
             first = store[members.store_at[i + 1] - GRAVITY_BLOCK_SIZE + 3 :][:3]
             mass, total = mass + seen[i, 0], total + seen[i, 0] * start + pose[i, :9].reshape(3, 3) @ first
-        if weights.load[j] >= 0:
-            assert point[weights.load[j]] == pytest.approx(loops.anchor[j, 0] + loops.frame[j] @ total / mass)
-    assert (weights.load >= 0).any()
+        assert point[load[j]] == pytest.approx(anchor[j, 0] + loops.frame[j] @ total / mass)
+    assert (weights.load >= 0).tolist() == [False, True]
+    untouched = np.ones((1, 3))
+    place_joint_weights(
+        weights.owner, np.array([-1, 0]), members.node, members.store_at, block_x, pose, store, seen, anchor,
+        loops.frame, untouched,
+    )  # fmt: skip
+    assert untouched[0].tolist() == point[0].tolist()

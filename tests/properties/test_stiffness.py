@@ -1,5 +1,7 @@
 """Stiffness and compliance by formula against finite differences of loads and drives, and their algebra."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from scenes import STEEL, cross_flexure, fourbar, single_joint
@@ -9,6 +11,7 @@ import ksd
 from ksd.errors import KinematicsError, SceneError
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
+from ksd.numerics.indefinite import equilibration, solve_scaled
 from ksd.properties.finer_model import finer_state
 from ksd.properties.state_batch import group_states
 from ksd.properties.stiffness import (
@@ -20,6 +23,7 @@ from ksd.properties.stiffness import (
     support_stiffness,
 )
 from ksd.properties.stress import batch_peak_stress
+from ksd.properties.tangent import DenseTangent
 from ksd.solve.conventional import solve_conventional
 from ksd.solve.error import find_equilibrium
 
@@ -332,3 +336,35 @@ def test_what_a_direction_is_most_coupled_with():
     said = [line.split() for line in str(ksd.solve(scene).stiffness("tip", at=(0.1, 0, 0))).splitlines()]
     assert [line[-2:] for line in said if line[:1] == ["y"]] == [["rz", f"({0.75**0.5:.2f})"]]
     assert [line[-1] for line in said if line[:1] == ["rx"]] == ["rad/Nm"]
+
+
+def by_fractions(K, loads):
+    """K^-1 loads without rounding."""
+    rows = [[Fraction(v) for v in row] for row in np.column_stack([K, loads]).tolist()]
+    for c in range(len(K)):
+        rows[c:] = sorted(rows[c:], key=lambda row, c=c: -abs(row[c]))
+        rows[c] = [v / rows[c][c] for v in rows[c]]
+        rows = [
+            row if i == c else [v - row[c] * w for v, w in zip(row, rows[c], strict=True)]
+            for i, row in enumerate(rows)
+        ]
+    return np.array([[float(v) for v in row[len(K) :]] for row in rows])
+
+
+def test_a_dense_tangent_tells_the_digits_it_lost(rng):
+    """Of an almost singular matrix, beside the exact solution: the change by one refinement bounds the error before it."""
+    turned = np.linalg.qr(rng.normal(size=(6, 6)))[0]
+    loads, unit = rng.normal(size=(6, 2)), 10.0 ** np.arange(-3, 3)
+    for smallest, most in ((1.0, 1e-14), (1e-9, 1e-6)):
+        K = unit[:, None] * (turned * [1.0, -2.0, 3.0, 2.0, -1.0, smallest]) @ turned.T * unit
+        K = 0.5 * (K + K.T)
+        tangent = DenseTangent(None, None, None, None, None, None, 0, matrix=K)
+        found, error = tangent._symmetric(loads)
+        exact = by_fractions(K, loads)
+        first = solve_scaled(K, loads, equilibration(K))[0]
+        off, size = (
+            np.linalg.norm(part * tangent.weight()[:, None], axis=0) for part in (first - exact, exact)
+        )
+        assert 0.1 * (off / size).max() < error < most
+        assert found * unit[:, None] == pytest.approx(exact * unit[:, None], rel=1e-6 * most**0.1)
+        assert tangent._residual(loads, found) == pytest.approx(loads - K @ found)

@@ -54,6 +54,14 @@ def test_shear_coefficient_depends_on_poisson_as_published():
     assert polygon(ring(1.0), nu=0.3).ky == pytest.approx(6 * 1.69 / (7 + 4.2 + 0.72), rel=1e-3)
 
 
+def test_shear_coefficients_at_any_poisson_ratio_change_places_with_the_axes():
+    wedge = np.array([(0.0, 0.0), (6.0, 0.0), (3.0, 4.0)])
+    one, other = polygon(wedge, nu=0.3), polygon(wedge[::-1, ::-1], nu=0.3)
+    assert abs(one.ky - polygon(wedge).ky) > 1e-3 * one.ky and abs(one.ky / one.kz - 1) > 0.01
+    assert (one.ky, one.kz) == pytest.approx((other.kz, other.ky), rel=1e-4)
+    assert polygon(box(3.0, 1.0), nu=0.3).kz == pytest.approx(polygon(box(1.0, 3.0), nu=0.3).ky, rel=1e-6)
+
+
 def test_circle_and_tube_polygons():
     found, exact = polygon(ring(1.0, 256)), circle(2.0)
     for key in ("A", "J", "Iy", "Iz", "ky", "kz"):

@@ -6,11 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scenes import STEEL, cross_flexure, fourbar
+from scipy.spatial.transform import Rotation
 
 import ksd
 from ksd.model.compile import compile_scene
 from ksd.solve import branch_check
 from ksd.solve.conventional import solve_conventional
+from ksd.solve.load_steps import LoadPath
 
 
 def strut():
@@ -90,3 +92,54 @@ def test_the_secant_work_becomes_strain_energy(pull):
     held = solve_conventional(compile_scene(fourbar()), {"top": 1e-3})
     driving, loading = branch_check.secant_work(held.model, held.motion, np.array([1e-3]))
     assert loading == 0.0 and driving == pytest.approx(sum(held.strain_energy().values()), rel=1e-3)
+
+
+def test_values_along_a_path():
+    start, target = np.array([0.1, -0.2]), np.array([0.5, 0.4])
+    path = LoadPath(start, target, factors=(0.25, 0.75))
+    for fraction in (0.0, 0.3, 1.2):
+        values, factor = path.values_at(fraction)
+        assert values == pytest.approx((1 - fraction) * start + fraction * target)
+        assert factor == pytest.approx(0.25 + 0.5 * fraction)
+    assert path.values_at(1.0)[0] is target and path.values_at(1.0)[1] == 0.75
+
+
+def test_work_of_dead_loads_is_force_times_way(rng):
+    """Half of it, from the undeformed state, with the weight of each leaf at the mean of its ends."""
+    scene = ksd.Mechanism("loaded")
+    one, two = scene.links("one", "two")
+    ends = {"one": ((0, 0.1, 0), (0.2, 0.1, 0.05)), "two": ((0.3, 0.1, 0), (0.4, -0.1, 0))}
+    for name, a, b in (("one", scene.ground, one), ("two", one, two)):
+        scene.leaf(
+            a, b, start=ends[name][0], end=ends[name][1], section=ksd.rectangle(1e-3, 0.02), material=STEEL,
+            width_axis="z" if name == "two" else (0, 1, 0), name=name,
+        )  # fmt: skip
+    scene.actuate(two, along="y", at=(0.4, 0, 0), name="a")
+    scene.actuate(two, along="x", at=(0.4, 0, 0), name="b")
+    scene.load(one, force=(1.0, -2.0, 3.0), at=(0.25, 0.2, -0.1))
+    scene.load(two, force=(0.5, 1.0, -1.0), moment=(0.3, 0.1, -0.2), at=(0.4, 0.1, 0.1))
+    scene.gravity = (2.0, -9.0, 4.0)
+    model = compile_scene(scene, with_="gravity")
+    motion, turn = model.rest.copy(), {}
+    for k, name in enumerate(model.node_names):
+        if name != "ground":
+            v = 0.5 * rng.normal(size=3)
+            turn[name] = Rotation.from_rotvec(v).as_matrix(), model.rest.x[k].copy(), rng.normal(size=3), v
+            motion.R[k], motion.x[k] = turn[name][0], model.rest.x[k] + turn[name][2]
+    motion.multiplier[:] = (0.7, -0.4)
+
+    def way(link, at):
+        if link == "ground":
+            return np.zeros(3)
+        R, rest, shift, _ = turn[link]
+        return shift + (R - np.eye(3)) @ (np.array(at) - rest)
+
+    work = np.dot((1.0, -2.0, 3.0), way("one", (0.25, 0.2, -0.1)))
+    work += np.dot((0.5, 1.0, -1.0), way("two", (0.4, 0.1, 0.1))) + np.dot((0.3, 0.1, -0.2), turn["two"][3])
+    for name, links in (("one", ("ground", "one")), ("two", ("one", "two"))):
+        a, b = np.array(ends[name])
+        weight = 7800 * 1e-3 * 0.02 * np.linalg.norm(b - a) * np.array(scene.gravity)
+        work += 0.5 * weight @ (way(links[0], a) + way(links[1], b))
+    driving, loading = branch_check.secant_work(model, motion, np.array([0.2, 0.3]))
+    assert driving == pytest.approx(-0.5 * (0.7 * 0.2 - 0.4 * 0.3))
+    assert loading == pytest.approx(0.5 * work)
