@@ -14,7 +14,8 @@ from ksd.numerics.blocks import (
     solve_blocks,
     solve_refined,
 )
-from ksd.numerics.indefinite import negative_inertia
+from ksd.numerics.elimination import solve_small
+from ksd.numerics.indefinite import equilibration, negative_inertia, solve_scaled
 
 SOFT, STIFF = 0.3, 1e8
 
@@ -214,3 +215,33 @@ def test_residuals_have_twice_the_digits(rng):
         for row, b in zip(whole, right.tolist(), strict=True)
     ]
     assert rest == pytest.approx(exact, rel=1e-8, abs=1e-22 * np.abs(right).max())
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 9])
+def test_small_systems_are_solved_with_pivoting(n, rng):
+    """Also with zeros on the diagonal, where rows have to change places, and the smallest where it would do harm."""
+    for zeros in (0.0, 1e-14, 1.0):
+        A, B = rng.normal(size=(n, n)), rng.normal(size=(n, 3))
+        A[np.diag_indices(n)] *= zeros if n > 1 else 1.0
+        found = B.copy()
+        solve_small(A.copy(), found)
+        assert found == pytest.approx(np.linalg.solve(A, B), rel=1e-9, abs=1e-9)
+
+
+def test_dense_indefinite_matrices_of_mixed_units(rng):
+    """Inertia, solution and condition, whatever the units; a singular matrix has no digits."""
+    for negative in range(6):
+        turned, unit = np.linalg.qr(rng.normal(size=(5, 5)))[0], 10.0 ** rng.uniform(-8, 8, 5)
+        plain = turned * np.where(np.arange(5) < negative, -1.0, 1.0) * np.arange(1.0, 6.0) @ turned.T
+        plain[np.diag_indices(5)] *= [1.0, 1.0, 1.0, 1.0, 1.0 if negative % 2 else 0.0]
+        plain = 0.5 * (plain + plain.T)
+        K, b = unit[:, None] * plain * unit, rng.normal(size=(5, 2))
+        assert negative_inertia(K) == np.sum(np.linalg.eigvalsh(plain) < 0)
+        scale = equilibration(K)
+        even = K * np.outer(scale, scale)
+        assert np.abs(even).max() < 1.3 and np.abs(even).max(axis=1).min() > 0.02
+        x, reciprocal = solve_scaled(K, b, scale)
+        assert x * unit[:, None] == pytest.approx(np.linalg.solve(plain, b / unit[:, None]), rel=1e-9)
+        assert 0.99 < reciprocal * np.linalg.cond(even, 1) < 3.0
+    x, reciprocal = solve_scaled(np.zeros((2, 2)), np.ones((2, 1)), equilibration(np.zeros((2, 2))))
+    assert x.tolist() == [[0.0], [0.0]] and reciprocal == 0.0
