@@ -1,9 +1,18 @@
 """The strain-mode leaf in space: its tangents are the derivatives of its residual and of its wrench."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
-from ksd.beam.strain import fill_leaf_fields, leaf_fields, strain_condense, strain_recover, strain_tangent
+from ksd.beam.strain import (
+    fill_leaf_fields,
+    leaf_fields,
+    strain_condense,
+    strain_gravity_block,
+    strain_recover,
+    strain_tangent,
+)
 from ksd.beam.strain_flat import is_flat
 from ksd.beam.strain_uncondensed import (
     gravity_derivatives,
@@ -61,15 +70,21 @@ class Leaf:
         self.lam, self.K = np.zeros(12), np.zeros((6, 6))
         self.d, self.Q = np.array([L, 0, 0]), np.eye(3)
 
+    def condense(self, d, Q):
+        if len(self.pull):
+            self.store[-GRAVITY_BLOCK_SIZE:][:3], self.store[-3:] = self.pull, 0.0
+        args = self.value, self.number, self.inner, self.store, self.fields
+        assert strain_condense(*args, d, Q, self.lam, self.K)[3] == 0
+        strain_gravity_block(*args, self.lam, self.K)
+
+    def first_moment(self):
+        """Of its mass about end p, predicted; nothing without weight."""
+        return self.store[-GRAVITY_BLOCK_SIZE:][3:6].copy() if len(self.pull) else np.zeros(0)
+
     def settle(self, d, Q, iterations=30):
         """Wrench (6,) with end q at d, Q, the leaf in equilibrium to rounding."""
         for _ in range(iterations):
-            if len(self.pull):
-                self.store[-GRAVITY_BLOCK_SIZE:][:3], self.store[-3:] = self.pull, 0.0
-            found = strain_condense(
-                self.value, self.number, self.inner, self.store, self.fields, d, Q, self.lam, self.K
-            )
-            assert found[3] == 0
+            self.condense(d, Q)
             strain_recover(self.value, self.number, self.inner, self.store, np.zeros(6), 1.0, np.empty(6))
         return self.inner[self.N :].copy()
 
@@ -271,3 +286,54 @@ def test_the_leaf_before_condensation(kind):
     root = strain_mass_root(leaves, P[None], line)[0] @ np.concatenate([rate, xi, b])
     assert root @ root == pytest.approx(twice, rel=1e-10)
     assert leaves.s[0] == pytest.approx(quadrature_points(leaf.value, number))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_a_leaf_recovers_is_off_by_the_square_of_the_step(kind):
+    """End q moved and turned about all axes, and gravity changed, from an equilibrium that carries force and moment."""
+    leaf, rng = Leaf(kind), np.random.default_rng(1)
+    d, Q = leaf.load(rng)
+    inner, pull, off = leaf.inner.copy(), leaf.pull.copy(), []
+    xi = np.concatenate([1e-5 * rng.normal(size=3), 3e-3 * rng.normal(size=3)])
+    change = 0.2 * rng.normal(size=3) * pull if len(pull) else np.zeros(0)
+    for share in (1.0, 0.01):
+        leaf.inner[:], leaf.pull = inner, pull
+        leaf.settle(d, Q, 2)
+        leaf.condense(d, Q)
+        before = np.concatenate([leaf.inner, leaf.lam[:6], leaf.first_moment()])
+        if len(pull):
+            # the last numbers of the gravity block are the change of gravity, which the condensation does not know
+            leaf.store[-3:] = share * change
+        strain_recover(leaf.value, leaf.number, leaf.inner, leaf.store, share * xi, 1.0, np.empty(6))
+        recovered = leaf.inner.copy()
+        leaf.inner[:], leaf.pull = inner, pull + share * change
+        there = d + share * xi[:3], exp(share * xi[3:]) @ Q
+        leaf.condense(*there)
+        predicted = np.concatenate([recovered, leaf.lam[:6], leaf.first_moment()])
+        leaf.settle(*there)
+        after = np.concatenate([leaf.inner, leaf.inner[leaf.N :], leaf.first_moment()])
+        cuts = np.cumsum([0, leaf.N, 3, 3, 3, 3] + [3] * (kind == "weight"))
+        off.append(
+            [
+                np.abs((predicted - after)[i:j]).max() / np.abs((after - before)[i:j]).max()
+                for i, j in pairwise(cuts)
+            ]
+        )
+    assert np.all(np.array(off[1]) < 0.02 * np.array(off[0]))
+    assert np.max(off[0]) < 0.1
+
+
+@pytest.mark.parametrize("k", range(6))
+def test_any_force_or_moment_alone_loads_a_leaf(k, rng):
+    """As with a second one that is too small for any number to notice."""
+    leaf = Leaf("light")
+    f, N = leaf.fields, leaf.N
+    inner, found = np.concatenate([8.0 * rng.normal(size=N), np.zeros(6)]), []
+    for load in (0.0, 300.0, 300.0):
+        inner[N + k] = load
+        inner[N + (k + 1) % 6] = 1e-200 if len(found) == 2 else 0.0
+        fill_leaf_fields(leaf.value, leaf.number, inner, leaf.pull, f)
+        strain_tangent(leaf.value, leaf.number, inner, f)
+        found.append(f.W.copy())
+    assert found[1] == pytest.approx(found[2], rel=1e-12, abs=1e-12 * np.abs(found[2]).max())
+    assert np.abs(found[1] - found[0]).max() > 1e-6 * np.abs(found[0]).max()

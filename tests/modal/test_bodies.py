@@ -16,8 +16,8 @@ from ksd.beam.modal import (
     modal_recover,
     modal_sizes,
 )
-from ksd.beam.modal_jets import JET, boundary_jets
-from ksd.beam.modal_nodes import element_values
+from ksd.beam.modal_jets import JET, _log_factor, boundary_jets
+from ksd.beam.modal_nodes import _angle_curvature, _director_curvature, _director_node, element_values
 from ksd.modal import with_modal_bodies
 from ksd.modal.leaf_basis import chain_element_constants, rotation_without_roll, undeformed_basis
 from ksd.model.compile import compile_scene
@@ -48,7 +48,16 @@ def test_boundary_values_and_their_derivatives(frame, angle):
         boundary_jets(frame, angle, reference, d + xi[:3], TURN(xi[3:]).as_matrix() @ Q, out)
         return out
 
-    found = jets(np.zeros(6))
+    def rotation(A, end):
+        """Values of the end with axes A: columns, or the rotation vector from the reference."""
+        start = reference.reshape(2, 3, 3)[end].T
+        return Rotation.from_matrix(A @ start.T).as_rotvec() if angle else A[:, :2].T.ravel()
+
+    found, F = jets(np.zeros(6)), rotation_without_roll(d)
+    values = (
+        [d, rotation(Q, 1)] if frame == 0 else [[np.linalg.norm(d)], rotation(F.T, 0), rotation(F.T @ Q, 1)]
+    )
+    assert found[:, 0] == pytest.approx(np.concatenate(values), abs=1e-13)
     assert found[:, 1:7] == pytest.approx(differences(lambda e: jets(e)[:, 0], 6), abs=1e-8)
     upper = np.triu_indices(6)
     h = 1e-4
@@ -56,6 +65,44 @@ def test_boundary_values_and_their_derivatives(frame, angle):
     for k, (i, j) in enumerate(zip(*upper, strict=True)):
         second = jets(E[i] + E[j]) - jets(E[i] - E[j]) - jets(E[j] - E[i]) + jets(-E[i] - E[j])
         assert found[:, 7 + k] == pytest.approx(second[:, 0] / (4 * h * h), abs=1e-6)
+
+
+@pytest.mark.parametrize("turn", [1e-3, 0.03, 0.04472, 0.04473, 0.3, 1.5, 3.0])
+def test_factor_of_the_rotation_vector(turn):
+    """Angle over sine by the cosine, with derivatives: h' = (c h - 1)/s^2, h'' = (3 c h' + h)/s^2."""
+    c, s2 = np.cos(turn), np.sin(turn) ** 2
+    # 1 - c is known to rounding only
+    off = 3e-16 / s2
+    h, h1, h2 = _log_factor(c)
+    assert h == pytest.approx(turn / np.sin(turn), rel=4 * off + 1e-15)
+    assert h1 == pytest.approx((c * h - 1.0) / s2, rel=1e-15 + 4 * off)
+    # its series ends earlier
+    assert h2 == pytest.approx((3.0 * c * h1 + h) / s2, rel=2e-9 + 20 * off)
+
+
+def test_curvature_of_rotations_in_node_values(rng):
+    """Second derivatives of m . phi by rotation vectors and by directors, phi the rotation vector of the increment."""
+    m, v, z = rng.normal(size=3), rng.normal(size=3), rng.normal(size=6)
+    H, R, W = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 6))
+    _angle_curvature(v, m, H)
+
+    def by_angle(e):
+        return m @ (TURN(v + e) * TURN(v).inv()).as_rotvec()
+
+    def twice(function, size, h=2e-3):
+        return differences(lambda x: differences(lambda y: function(x + y), size, h), size, h)
+
+    assert pytest.approx(twice(by_angle, 3), abs=2e-5) == H
+    norms = _director_node(z, R, W)
+    start, C = R.copy(), np.empty((6, 6))
+    _director_curvature(*norms, R.copy(), m, C)
+
+    def by_directors(e):
+        _director_node(z + e, R, W)
+        return m @ Rotation.from_matrix(R @ start.T).as_rotvec()
+
+    exact = twice(by_directors, 6)
+    assert pytest.approx(exact, abs=1e-4 * np.abs(exact).max()) == C
 
 
 @pytest.mark.parametrize("angle", [0, 1])
