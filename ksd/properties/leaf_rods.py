@@ -35,8 +35,12 @@ MAX_TURN_PER_STEP = 0.35
 """Largest rotation by curvature plus exponent of growth of perturbations, per step [rad]."""
 TURN_PER_STIFFNESS_RATIO_E = 1.5
 """Rotation [rad] that counts for a variation of the bending stiffness by a factor e."""
-MAX_GROWTH_PER_PART, MAX_GROWTH_PER_PART_WITH_WEIGHT = 2.0, 8.0
-"""Exponent of the growth of perturbations by tension between two stations, without and with weight of the leaf."""
+MAX_GROWTH_PER_PART, MAX_GROWTHS_PER_PART_WITH_WEIGHT = 2.0, (8.0, 2.0)
+"""Exponent of the growth of perturbations by tension between two stations, without and with weight of the leaf.
+
+The tangent of a part neglects that its weight turns with its first station: leaves with weight get few parts, and more where
+the gaps of these do not close.
+"""
 MAX_TOTAL_TURN = 300.0
 """Upper limit of rotation and growth for which steps are provided."""
 END_MARGIN = 1e-9
@@ -218,14 +222,16 @@ class RodParts(NamedTuple):
     share: Array
 
 
-def cut_rods(model: Model, wrench: Array) -> RodParts:
-    """Divide all leaves into the steps and parts required by an integration from wrenches (k, 6) at end p."""
+def cut_rods(model: Model, wrench: Array, max_growth_with_weight: float) -> RodParts:
+    """Divide all leaves into the steps and parts required by an integration from wrenches (k, 6) at end p.
+
+    max_growth_with_weight: one of `MAX_GROWTHS_PER_PART_WITH_WEIGHT`.
+    """
     length, compliance, rest_turn, mass, min_steps = rod_sizes(model)
     force, moment = np.sqrt((wrench * wrench).reshape(-1, 2, 3).sum(axis=2)).T
     growth = np.minimum(length * np.sqrt(force * compliance), MAX_TOTAL_TURN)
     turn = np.minimum(rest_turn + length * compliance * moment + growth, MAX_TOTAL_TURN)
-    # the tangent of a part neglects that its weight turns with its first station: leaves with weight get few parts
-    max_growth = np.where(mass > 0.0, MAX_GROWTH_PER_PART_WITH_WEIGHT, MAX_GROWTH_PER_PART)
+    max_growth = np.where(mass > 0.0, max_growth_with_weight, MAX_GROWTH_PER_PART)
     parts = np.maximum(1, np.ceil(growth / max_growth - 0.5)).astype(int)
     turn = np.maximum(turn, MAX_TURN_PER_STEP * np.where(parts > 1, parts, 0))
     # 1, 1.5, 2, 3, 4, 6 ... times the smallest number of steps, so that few divisions occur

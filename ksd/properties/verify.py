@@ -26,7 +26,7 @@ from ksd.model.compile import Model
 from ksd.model.newton import assemble_nodes, largest_rotation, move_nodes
 from ksd.model.rods import RodState, add_rods, move_rods
 from ksd.properties.leaf_groups import EndFrames, chain_groups, end_frames, leaf_groups
-from ksd.properties.leaf_rods import RodParts, cut_rods, rod_sizes
+from ksd.properties.leaf_rods import MAX_GROWTHS_PER_PART_WITH_WEIGHT, RodParts, cut_rods, rod_sizes
 from ksd.properties.printing import PrintableAnswer, format_number, format_table, render_text
 from ksd.properties.shape import cross_rows, poses_along
 from ksd.properties.tangent import AssembledTangent, assemble_tangent, factor_tangent, skew_block
@@ -191,16 +191,21 @@ def _initial_rod_state(
 class _RodMechanism:
     """A model with rods in place of its leaves, which starts at the state of a tangent.
 
-    verified: the state that is verified; its distance decides about convergence.
+    verified: the state that is verified; its distance decides about convergence. max_growth: see `cut_rods`.
     """
 
     def __init__(
-        self, assembled: AssembledTangent, target: Array, load_factor: float, verified: _VerifiedState
+        self,
+        assembled: AssembledTangent,
+        target: Array,
+        load_factor: float,
+        verified: _VerifiedState,
+        max_growth: float,
     ) -> None:
         self.model, self.work, self.verified = assembled.model, assembled.work, verified
         self.target, self.load_factor = target, load_factor
         ends, at_p, gravity = _wrenches(assembled, rod_sizes(self.model).mass, load_factor)
-        self.cut = cut_rods(self.model, at_p)
+        self.cut = cut_rods(self.model, at_p, max_growth)
         self.motion = assembled.motion.copy()
         self.state = _initial_rod_state(self.model, self.motion, self.cut, ends, at_p, gravity)
         self._assemble()
@@ -345,10 +350,13 @@ def verify(
         step, now = factor_tangent(assembled).solve(-assembled.work.rhs[:, None])[:, 0], motion.copy()
         move_nodes(model.arrays, now, step, 1.0)
         return _verification(verified, now, Gaps((), np.zeros((0, 6)), np.zeros(0)), ())
-    rods = _RodMechanism(assembled, target, load_factor, verified)
-    gaps = rods.gaps()
-    unclosed = () if rods.close() else rods.unclosed()
-    return _verification(verified, rods.motion, gaps, unclosed)
+    for max_growth in MAX_GROWTHS_PER_PART_WITH_WEIGHT:
+        rods = _RodMechanism(assembled, target, load_factor, verified, max_growth)
+        gaps = rods.gaps()
+        closed = rods.close()
+        if closed or not rod_sizes(model).mass.any():
+            break
+    return _verification(verified, rods.motion, gaps, () if closed else rods.unclosed())
 
 
 def _verification(

@@ -354,6 +354,29 @@ def test_refusals():
         ksd.solve(scene, basis={"blade": solid}, strict=False).verify()
 
 
+@pytest.mark.parametrize("pull, g", [(50.0, 9.81), (200.0, 981.0), (1000.0, 98.1)])
+def test_taut_leaves_with_weight_are_cut_again_where_their_gaps_do_not_close(pull, g):
+    """Two leaf springs under tension and weight, of which long parts do not close: they were not verified."""
+    answers = {}
+    for points in (0, 15):
+        scene = ksd.Mechanism("two taut leaf springs", plane="xy")
+        stage = scene.link("stage")
+        for name, y in (("low", 0.0), ("high", 0.05)):
+            scene.leaf("ground", stage, start=(0, y, 0), end=(0.2, y, 0), section=ksd.rectangle(0.2e-3, 0.01),
+                       material=HEAVY, name=name)  # fmt: skip
+            for k in range(points):
+                scene.point(name, 0.2 * (k + 1) / (points + 1))
+        scene.gravity = (0, -g, 0)
+        scene.load(stage, force=(pull, 0, 0), at=(0.2, 0.025, 0))
+        scene.actuate(stage, along="y", at=(0.2, 0.025, 0), name="d")
+        answers[points] = ksd.solve(scene, d=5e-3, strict=False, mesh=FINE if points else None)
+    verification = answers[0].verify()
+    assert not verification.unclosed
+    exact, own = answers[15].forces["d"], answers[0].forces["d"]
+    assert verification.forces["d"] == pytest.approx(exact, rel=1e-7)
+    assert verification.relative == pytest.approx(abs(own / exact - 1), rel=0.5, abs=1e-7)
+
+
 @pytest.mark.parametrize("d", [0.003, 0.004])
 def test_a_taut_curved_leaf_is_cut_where_its_state_has_the_stations(d):
     """Beside a tapered and a straight one: the figure is that of a finer mesh."""
