@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from typing import Any
@@ -110,10 +110,18 @@ class DesignLog:
 
     def add_from_worker(self, entries: Mapping[Any, list[Row]]) -> None:
         """Add designs and slopes from the log of a worker, as if they had been computed here."""
+        self.file.read_again()
         for key, rows in entries.items():
             if key not in self.file.entries:
                 self.file.add(key, rows)
             if not key.startswith("slopes"):
+                self._requested_row(key)
+
+    def add_from_file(self, known: Collection[str]) -> None:
+        """Add the designs that workers have written to the file, but those with the keys `known`."""
+        self.file.read_again()
+        for key in self.file.entries:
+            if key not in known and not key.startswith("slopes"):
                 self._requested_row(key)
 
     def table(self) -> Table:

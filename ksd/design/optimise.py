@@ -27,6 +27,7 @@ from ksd.design.arguments import check_executor, submit_task
 from ksd.design.design_log import DesignLog
 from ksd.design.job import Job, check_job
 from ksd.design.optimum import Optimum, StartResult
+from ksd.design.resume import ResumeFile
 from ksd.design.scaled_problem import BINDING_MARGIN, DesignFailed, ScaledProblem, ScoredPoint
 from ksd.design.table import OK
 from ksd.design.tolerance import check_spread, first_order
@@ -119,7 +120,7 @@ def optimise(
     standard deviations of the answers, to first order, by which limits are moved in and targets lowered (targets by those
     of their logarithms), where parameters scatter by `spread`, as in `ksd.tolerance`. executor: gets whole starts; with a
     single start, the populations of "cma". resume, progress: as in `ksd.sweep`; designs in the file `resume` are not
-    computed again.
+    computed again, and workers on the same disk write theirs to it at once.
 
     Raises SceneError for wrong arguments, ConvergenceError where no start leads to a design that meets the limits, with
     every evaluated design in its `.result`; Ctrl-C raises SweepInterrupted, with every evaluated design in its `.table`.
@@ -249,9 +250,9 @@ def _run_starts(
         for x, label in zip(X, labels, strict=True):
             yield _run_start(ScaledProblem(job, log, label, on_new_design=on_new_design), x, method)
         return
-    known = dict(log.file.entries)
+    known, file = set(log.file.entries), log.file.for_worker()
     futures = [
-        submit_task(executor, _run_start_in_worker, job, x, method, label, known)
+        submit_task(executor, _run_start_in_worker, job, x, method, label, file)
         for x, label in zip(X, labels, strict=True)
     ]
     collected: list[Future[_WorkerRun]] = []
@@ -269,13 +270,16 @@ def _run_starts(
                 and future.exception() is None
             ):
                 _collect(job, future, log, label)
+        log.add_from_file(known)
         raise
 
 
-def _run_start_in_worker(job: Job, x: Array, method: str, label: str, known: Mapping[Any, Any]) -> _WorkerRun:
-    """Run one start in a worker; known: entries of the log of the calling process."""
-    log = DesignLog(job)
-    log.file.entries |= known
+def _run_start_in_worker(job: Job, x: Array, method: str, label: str, file: ResumeFile) -> _WorkerRun:
+    """Run one start in a worker; file: that of the log of the calling process, with its entries."""
+    log, known = DesignLog(job), set(file.entries)
+    log.file = file.for_worker()
+    if not file.is_there():
+        log.file.path = None
     run = _run_start(ScaledProblem(job, log, label), x, method, time.thread_time)
     entries = {k: rows for k, rows in log.file.entries.items() if k in log.rows or k not in known}
     p = run.problem

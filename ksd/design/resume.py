@@ -10,6 +10,8 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable
+from contextlib import suppress
+from copy import copy
 from pathlib import Path
 from typing import Any
 
@@ -35,21 +37,43 @@ class ResumeFile:
         if path is not None and not isinstance(path, str | os.PathLike):
             raise SceneError(f"resume = {show(path)}: give the name of a file")
         self.path = None if path is None else Path(path)
-        self.what = what
+        self.what, self._head = what, ""
         self.entries: dict[Any, Rows] = {}
         if self.path is None:
             return
         check_target(self.path, what="resume")
-        head = json.dumps({f"ksd {what}": fingerprint()})
-        intact = self._read(head) if self.path.exists() and self.path.stat().st_size else [head]
+        self._head = json.dumps({f"ksd {what}": fingerprint()})
+        intact = self._read() if self.path.exists() and self.path.stat().st_size else [self._head]
         # replaced as a whole: a kill here must not lose the lines of earlier runs
         write_file(self.path, "\n".join(intact) + "\n", what="resume")
 
-    def _read(self, head: str) -> list[str]:
+    def for_worker(self) -> ResumeFile:
+        """The same file for a worker, which adds its entries to it too, where it is on the disk of the worker."""
+        own = copy(self)
+        own.entries = dict(self.entries)
+        own.path = None if self.path is None else self.path.absolute()
+        return own
+
+    def read_again(self) -> None:
+        """Add the entries that workers have written."""
+        if self.path is not None:
+            with suppress(SceneError):
+                self._read()
+
+    def is_there(self) -> bool:
+        """Whether the file on disk is this one."""
+        try:
+            assert self.path is not None
+            with open(self.path, encoding="utf-8") as file:
+                return file.readline().rstrip("\n") == self._head
+        except (AssertionError, OSError, ValueError):
+            return False
+
+    def _read(self) -> list[str]:
         """Lines of the file up to the first damaged one; fills `entries`. Raises SceneError for the file of another run."""
         assert self.path is not None
         lines = read_file(self.path, what="resume").decode("utf-8", errors="replace").splitlines()
-        if lines[:1] != [head]:
+        if lines[:1] != [self._head]:
             raise SceneError(
                 f"resume = '{self.path}' belongs to another {self.what} (other scene, values, questions, method or joint "
                 "records); give another file name, or delete it to begin anew."
@@ -73,7 +97,8 @@ class ResumeFile:
             return
         body = json.dumps({"line": key, "rows": rows})
         try:
-            with open(self.path, "a", encoding="utf-8") as file:
+            # one write, as workers add their lines to the same file
+            with open(self.path, "a", encoding="utf-8", buffering=len(body) + 8192) as file:
                 file.write(f"{_hash(body)} {body}\n")
                 file.flush()
                 os.fsync(file.fileno())

@@ -1,9 +1,12 @@
 """The optimum of a job: found from any start, held by what is said, at a price that moving a limit confirms."""
 
 import errno
+import json
 import multiprocessing
 import os
+import signal
 import sys
+import threading
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from types import SimpleNamespace
@@ -456,16 +459,51 @@ def test_what_worker_processes_cannot_be_sent_is_told_in_words():
 
 
 def test_a_worker_that_fails_loses_no_start_that_is_done(monkeypatch):
-    def interrupted(job, x, method, by, known):
+    def interrupted(job, x, method, by, file):
         if by.endswith("2"):
             raise KeyboardInterrupt
-        return room._run_start_in_worker_again(job, x, method, by, known)
+        return room._run_start_in_worker_again(job, x, method, by, file)
 
     monkeypatch.setattr(room, "_run_start_in_worker_again", room._run_start_in_worker, raising=False)
     monkeypatch.setattr(room, "_run_start_in_worker", interrupted)
     with ThreadPoolExecutor(1) as pool, pytest.raises(ksd.SweepInterrupted) as caught:
         ksd.optimise(small(), starts=3, executor=pool)
     assert {row["by"] for row in caught.value.table.rows()} >= {"gradient, start 1"}
+
+
+def test_ctrl_c_keeps_the_designs_of_starts_that_still_run(tmp_path):
+    """All designs of the starts in workers were lost, even those in the file."""
+    path, words = tmp_path / "job.jsonl", {"starts": 2, "seed": 2}
+    alone = ksd.optimise(small(rules=[]), **words)
+
+    def waits(function):
+        def waiting(self, y):
+            if len(self.known_margins) == 3:
+                pressed.set()
+                after.wait(60)
+            return function(self, y)
+
+        return waiting
+
+    def press():
+        pressed.wait(60)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    pressed, after = threading.Event(), threading.Event()
+    with pytest.MonkeyPatch.context() as patch, ThreadPoolExecutor(2) as pool:
+        patch.setattr(scaled_problem.ScaledProblem, "margins", waits(scaled_problem.ScaledProblem.margins))
+        threading.Thread(target=press).start()
+        try:
+            with pytest.raises(ksd.SweepInterrupted) as caught:
+                ksd.optimise(small(rules=[]), executor=pool, resume=path, **words)
+        finally:
+            after.set()
+    assert len(caught.value.table) >= 3
+    # the workers have ended, and what they found is in the file
+    again = ksd.optimise(small(rules=[]), resume=path, **words)
+    assert again.design == alone.design and list(again.table.rows()) == list(alone.table.rows())
+    keys = [json.loads(line.partition(" ")[2])["line"] for line in path.read_text().splitlines()[1:]]
+    assert len(keys) == len(set(keys)) > len(again.table)
 
 
 def test_pictures_and_page_of_an_optimum(tmp_path):
