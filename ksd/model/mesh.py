@@ -40,7 +40,7 @@ class Mesh(metaclass=ClearArgumentErrors):
     def __post_init__(self) -> None:
         if not isinstance(self.leaf, str) or self.leaf not in ("strain", "corotational"):
             raise SceneError(f"leaf = {show(self.leaf)}: the leaf models are 'strain' and 'corotational'")
-        for name in ("mip", "nodal", "warping"):
+        for name in ("mip", "nodal", "warping", "plate", "shear"):
             boolean(getattr(self, name), name, owner="Mesh")
         for name, value in (("points", self.points), ("elements", self.elements)):
             object.__setattr__(self, name, whole_number(value, name, owner="Mesh"))

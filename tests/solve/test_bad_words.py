@@ -25,6 +25,8 @@ from ksd.errors import SceneError
         (lambda: ksd.Mesh("corotational", elements=2.5), "elements = 2.5 must be a whole number"),
         (lambda: ksd.Mesh(points=float("nan")), "points = nan must be a whole number"),
         (lambda: ksd.Mesh(orders="a"), "orders = 'a' must be three numbers"),
+        (lambda: ksd.Mesh(shear="no"), "Mesh: shear = 'no' must be True or False"),
+        (lambda: ksd.Mesh(plate=1), "Mesh: plate = 1 must be True or False"),
     ],
 )
 def test_a_description_with_a_wrong_word(make, sentence):
