@@ -11,6 +11,7 @@ from scipy.linalg import expm
 from ksd.beam import corotational as chain
 from ksd.beam import corotational_values as setup
 from ksd.beam.corotational_linearised import condense_linearised
+from ksd.beam.strain_values import GRAVITY_BLOCK_SIZE
 from ksd.numerics.rotations import rotation_exp, rotation_log
 
 L = 0.1
@@ -279,14 +280,15 @@ def near_rotations(leaf):
     for k in range(n - 1):
         record = leaf.inner[12 * k : 12 * k + 12]
         nodes.append((record[:3], record[3:].reshape(3, 3)))
-    nodes.append((leaf.d, leaf.Q))
+    nodes.append((leaf.d, leaf.Q @ leaf.value[16 * n :][:9].reshape(3, 3).T))
     turns = []
-    for (rp, Rp), (rq, Rq) in pairwise(nodes):
+    for k, ((rp, Rp), (rq, Rq)) in enumerate(pairwise(nodes)):
+        rest = leaf.value[16 * k + 7 : 16 * k + 16].reshape(3, 3)
         x = (rq - rp) / np.linalg.norm(rq - rp)
-        y = Rp[:, 1] + Rq[:, 1]
+        y = (Rp + Rq) @ rest[:, 1]
         y -= (y @ x) * x
         y /= np.linalg.norm(y)
-        turns.append(log(np.column_stack([x, y, np.cross(x, y)])))
+        turns.append(log(np.column_stack([x, y, np.cross(x, y)]) @ rest.T))
     turns += [log(R) for _, R in nodes[1:-1]]
     return np.concatenate(turns)
 
@@ -362,6 +364,9 @@ def test_near_configuration_of_a_straight_leaf_is_the_linear_leaf():
     rest.condense()
     assert np.allclose(K, rest.K, rtol=1e-9, atol=1e-9)
     assert np.allclose(lam, rest.K[:, :3] @ [1e-9, 2e-9, 3e-9], rtol=1e-6, atol=1e-12)
+    leaf.Q = exp([3e-8, 0, 0])
+    near(leaf, np.zeros(15))
+    assert leaf.lam[3] == pytest.approx(rest.K[3, 3] * 3e-8, rel=1e-6)
 
 
 def test_element_mass_carries_rigid_motion_exactly():
@@ -405,3 +410,74 @@ def test_a_chain_that_resists_nothing_is_told():
     leaf.condense(status=2)
     args = leaf.value, leaf.number, leaf.inner, leaf.store, np.zeros(15), leaf.d, leaf.Q, leaf.lam, leaf.K
     assert condense_linearised(*args, *SCRATCH)[3] == 2
+
+
+def test_near_configuration_of_a_curved_leaf_is_the_state_it_was_made_from():
+    curve = arc_nodes(np.array([0.0, 0.0, 9.0]), L, 4)
+    leaf = Leaf(LEAF, L, 4, curve=curve)
+    leaf.load([0, 0, 0, 0, 0, 0.5 * LEAF.E * LEAF.Iz / L], steps=2)
+    leaf.settle()
+    rotations, exact, inner = near_rotations(leaf), leaf.lam[:6].copy(), leaf.inner.copy()
+    leaf.inner[:] = 0.0
+    near(leaf, rotations)
+    scale = LEAF.E * LEAF.Iz / L
+    assert leaf.lam[3:6] == pytest.approx(exact[3:], abs=1e-7 * scale)
+    leaf.move(np.zeros(6))
+    assert leaf.inner == pytest.approx(inner, abs=1e-9, rel=1e-6)
+
+
+def test_a_gap_of_the_near_configuration_is_spread_over_its_nodes():
+    gap, n = np.array([1e-4, 2e-4, -3e-4]), 4
+    curve = arc_nodes(np.array([3.0, -4.0, 9.0]), L, n)
+    leaf, share = Leaf(LEAF, L, n, curve=curve), np.arange(1, n)[:, None] / n
+    leaf.d = leaf.d + gap
+    near(leaf, np.zeros(3 * (2 * n - 1)))
+    places = leaf.inner[: 12 * (n - 1)].reshape(n - 1, 12)[:, :3]
+    assert places == pytest.approx(curve[0][1:-1] + share * gap, abs=1e-15)
+
+
+def test_what_a_chain_recovers_is_off_by_the_square_of_the_step():
+    """Nodes, and the stresses extrapolated for the geometric stiffness, end q moved and turned about all axes."""
+    off, n = [], 4
+    for share in (1.0, 0.1):
+        leaf = sample(3, n, mip=1)
+        before = leaf.inner.copy()
+        leaf.move(share * np.array([1e-6, 2e-5, -1e-6, 2e-3, 1e-4, -3e-3]))
+        found = leaf.inner.copy()
+        leaf.settle()
+        cut, parts = 12 * (n - 1), []
+        for i in range(6):
+            # stresses of one kind in all elements
+            parts.append(slice(cut + i, None, 6))
+        parts += [slice(i, cut, 12) for i in range(12)]
+        off.append(
+            [np.abs((found - leaf.inner)[p]).max() / np.abs((leaf.inner - before)[p]).max() for p in parts]
+        )
+    assert np.all(np.array(off[1]) < 0.2 * np.array(off[0]))
+
+
+def test_lumped_masses_of_a_curved_chain():
+    """Half of each element at each of its nodes; the levers of the halves at the ends are a sixth of their elements."""
+    n, line = 3, np.array([2.0, 3.0, 5.0])
+    positions, axes = arc_nodes(np.array([3.0, -4.0, 9.0]), L, n)
+    value = setup.chain_values(LEAF, L, n, (positions, axes))
+    half = 0.5 * line * np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    lumps = [half[0], half[0] + half[1], half[1] + half[2], half[2]]
+    chords = np.diff(positions, axis=0) / 6.0
+    found = setup.lumped_masses(value, n, line)
+    exact = np.concatenate([lumps, half[0] * chords[0], -axes[-1].T @ (half[2] * chords[2])])
+    assert found == pytest.approx(exact)
+    sizes = setup.sizes(n, has_weight=True)
+    assert sizes.value == len(value) + len(found) and setup.sizes(n).value == len(value)
+    assert sizes.store - setup.sizes(n).store == 18 * (n + 1) + GRAVITY_BLOCK_SIZE
+
+
+def test_a_stretched_state_takes_the_motion_of_the_end_evenly():
+    leaf = Leaf(LEAF, L, 4, curve=arc_nodes(np.array([0.0, 0.0, 9.0]), L, 4))
+    turn, shift = np.array([0.2, -0.1, 0.4]), np.array([0.01, -0.02, 0.03])
+    rest = setup.undeformed_inner(leaf.value, leaf.number)[:36].reshape(3, 12)
+    found = setup.stretched_inner(leaf.value, leaf.number, leaf.d + shift, exp(turn) @ leaf.Q)[:36]
+    for k, node in enumerate(found.reshape(3, 12)):
+        share = (k + 1) / 4
+        assert node[:3] == pytest.approx(rest[k, :3] + share * shift)
+        assert node[3:] == pytest.approx(exp(share * turn).ravel())
