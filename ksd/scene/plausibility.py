@@ -11,7 +11,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from ksd.checks import show
+from ksd.checks import Vector, show
+from ksd.scene.effects import Spring
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.scene.scene import Scene
@@ -105,13 +106,33 @@ def _size_warnings(scene: Scene) -> Iterator[str]:
                 continue
             if np.max(value) > LENGTH_RANGE[1]:
                 yield f"joint '{placed.name}': {key} = {show(value)} is in m, and that of no flexure; did you mean mm?"
-    positions = [j.origin for j in scene.joints] + [
-        end for f in scene.leaves for end in (f.leaf.start, f.leaf.end)
-    ]
-    extent = np.ptp([*positions, *(m.at for m in scene.masses)] or [(0.0, 0.0, 0.0)], axis=0)
-    k = int(np.argmax(extent))
-    if extent[k] > MAX_MECHANISM_SIZE:
-        yield f"its joints, leaf springs and masses are {extent[k]:g} m apart along {'xyz'[k]}; lengths are in m"
+    named = list(_placed_points(scene))
+    points = np.array([point for _, point in named] or [(0.0, 0.0, 0.0)])
+    away = np.abs(points - np.median(points, axis=0))
+    k, axis = np.unravel_index(int(np.argmax(away)), away.shape)
+    extent = float(np.ptp(points[:, axis]))
+    if extent > MAX_MECHANISM_SIZE:
+        yield f"its parts are {extent:g} m apart along {'xyz'[axis]}, {named[k][0]} farthest off; lengths are in m"
+
+
+def _placed_points(scene: Scene) -> Iterator[tuple[str, Vector]]:
+    """Points (3,) [m] of all parts of a scene, global, undeformed, with their names; joints last."""
+    for load in scene.loads:
+        yield f"load '{load.name}'", load.at
+    for spring in scene.springs:
+        if isinstance(spring, Spring):
+            yield from ((f"an end of spring '{spring.name}'", end) for end in (spring.start, spring.end))
+    for drive in scene.drives:
+        moves = (term for term in drive.terms if term.kind == "translation")
+        yield from ((f"the point of drive '{drive.name}'", term.point) for term in moves)
+    for hinge in scene.hinges:
+        yield f"{hinge.kind} '{hinge.name}'", hinge.at
+    for mass in scene.masses:
+        yield f"a mass on '{mass.link}'", mass.at
+    for free in scene.leaves:
+        yield from ((f"an end of leaf '{free.name}'", end) for end in (free.leaf.start, free.leaf.end))
+    for placed in scene.joints:
+        yield f"joint '{placed.name}'", placed.origin
 
 
 def thinnest_section(leaf: Leaf) -> Section:

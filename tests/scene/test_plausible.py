@@ -81,7 +81,31 @@ def test_parts_too_far_apart_are_doubted_once():
         "joint 'ground-stage': spacing = 60.0 is in m, and that of no flexure; did you mean mm?"
     )
     (said,) = plausibility_warnings(far_apart(0.06, 60.0))
-    assert said == "its joints, leaf springs and masses are 60 m apart along y; lengths are in m"
+    assert said == "its parts are 60 m apart along y, joint 'ground-stage' farthest off; lengths are in m"
+
+
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        (lambda m, at: m.pin("ground", m.link("crank"), at=at, axis="z"), "pin 'ground-crank'"),
+        (lambda m, at: m.load("stage", force=(1, 0, 0), at=at), "load 'stage.load'"),
+        (lambda m, at: m.actuate("stage", along="x", at=at), "the point of drive 'stage'"),
+        (lambda m, at: m.mass("stage", mass=0.1, at=at), "a mass on 'stage'"),
+        (
+            lambda m, at: m.spring("ground", "stage", start=(0, 0, 0), end=at, stiffness=1.0),
+            "an end of spring 'spring'",
+        ),
+    ],
+)
+def test_one_point_far_off_is_named(place, said):
+    for far, mechanism in ((0.02, ksd.Mechanism("near")), (20.0, ksd.Mechanism("far"))):
+        stage, steel = mechanism.link("stage"), ksd.Material(200e9, nu=0.3)
+        guide = ksd.ParallelGuide(steel, length=0.1, thickness=5e-4, width=0.02, spacing=0.06)
+        mechanism.join(mechanism.ground, stage, guide, at=(0, 0, 0), axis="z", toward="x")
+        place(mechanism, (0, far, 0))
+        found = plausibility_warnings(mechanism.draft())
+        expected = f"its parts are 20 m apart along y, {said} farthest off; lengths are in m"
+        assert found == (() if far < 1 else (expected,))
 
 
 def test_a_notch_is_judged_where_it_is_thinnest():
