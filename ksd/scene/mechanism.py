@@ -527,12 +527,19 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         if position is None:
             raise SceneError(f"{owner}: 'at' is missing; give the point (x, y, z) in m where it is.")
         added = check_hinge_in_plane(Hinge(label, kind, first, second, position, as_given(axis)), self.plane)
+        tolerance = 1e-6 * max((f.leaf.length for f in self._leaves), default=0.0)
+        apart = math.dist(*leaf_points.values()) if len(leaf_points) == 2 else 0.0
         for point, point_at in leaf_points.items():
             distance = math.dist(point_at, added.at)
-            if kind == "pin" and distance > 1e-6 * max(f.leaf.length for f in self._leaves):
+            if kind == "pin" and distance > tolerance:
+                remedy = f"give at={show(point_at)}"
+                if apart > tolerance:
+                    remedy = (
+                        "give both points an s at which their leaf springs meet, or put a link between them"
+                    )
                 raise SceneError(
                     f"{owner}: '{first}' and '{second}' do not meet: '{point}' is at {show(point_at)} m, "
-                    f"{1e3 * distance:.4g} mm from {show(added.at)}; give at={show(point_at)}."
+                    f"{1e3 * distance:.4g} mm from {show(added.at)}; {remedy}."
                 )
         self._hinges[label] = added, added.supports(self.plane)
         return added

@@ -348,6 +348,21 @@ def test_what_leaves_the_plane_is_refused():
         assert "leaves the plane xy" in refused(lambda pose=pose: ksd.required_loads(scene, {"tip": pose}))
 
 
+def test_no_place_pins_two_points_of_leaves_that_are_apart():
+    """They were told to be pinned at one of them, and there at the other."""
+    scene = ksd.Mechanism("pair", plane="xy")
+    for name, y in (("low", 0.0), ("high", 0.05)):
+        scene.leaf("ground", scene.link(f"on {name}"), start=(0, y, 0), end=(0.1, y, 0),
+                   section=ksd.rectangle(0.5e-3, 0.01), material=STEEL, name=name)  # fmt: skip
+    low, high = scene.point("low", 0.05), scene.point("high", 0.05)
+    for at in (None, (0.05, 0.0, 0.0), (0.05, 0.05, 0.0)):
+        said = refused(lambda at=at: scene.pin(low, high, at=at))
+        assert "50 mm from" in said and "an s at which their leaf springs meet" in said
+    said = refused(lambda: scene.pin(low, "on high", at=(0.06, 0.05, 0)))
+    assert said.endswith("give at=(0.05, 0.0, 0.0).")
+    scene.pin(low, "on high", at=(0.05, 0.0, 0.0))
+
+
 def test_a_plane_said_last_is_that_of_the_pins_too():
     """They kept holding what the plane holds, and the answer was not certain."""
 
