@@ -24,7 +24,7 @@ from ksd.view.labels import separate_labels
 NAMED_METHODS = {
     "kinematic": LINE_COLORS[4],
     "reduced": LINE_COLORS[2],
-    "reduced, 1 pass": LINE_COLORS[1],
+    "reduced, 1 step": LINE_COLORS[1],
     "full": LEAF_COLOR,
     "conventional": LINE_COLORS[3],
     "plain Newton": GROUND_COLOR,
@@ -32,7 +32,7 @@ NAMED_METHODS = {
 """Methods that are named in the picture with strain-mode leaf springs, and their colours."""
 CHAINS = ("conventional", "plain Newton")
 """Methods whose row of element meshes is drawn."""
-LABELS = {"reduced, 1 pass": "reduced, one step", "plain Newton": "plain Newton, as the paper's baseline"}
+LABELS = {"reduced, 1 step": "reduced, one step", "plain Newton": "plain Newton, as the paper's baseline"}
 MIN_ERROR = 1e-6
 """Errors [%] below this are those of the reference, and are drawn at this value."""
 

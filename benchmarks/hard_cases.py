@@ -34,7 +34,7 @@ METHODS: dict[str, dict[str, Any]] = {
     "default": {},
     "kinematic": {"method": "kinematic"},
     "reduced": {"method": "reduced"},
-    "1 pass": {"method": "reduced", "relinearisations": 1},
+    "1 step": {"method": "reduced", "relinearisations": 1},
     "full": {"method": "full"},
     "conventional": {"method": "conventional"},
     "chain": {"mesh": Mesh("corotational", elements=10)},

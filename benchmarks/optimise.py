@@ -96,7 +96,7 @@ class Loop:
 
 
 WAYS: dict[str, tuple[ksd.Mesh | None, dict[str, Any]]] = {
-    "reduced, 1 pass": (None, {"method": "reduced", "relinearisations": 1}),
+    "reduced, 1 step": (None, {"method": "reduced", "relinearisations": 1}),
     "full": (None, {"method": "full"}),
     "conventional": (None, {"method": "conventional"}),
     "conventional, 10 elements": (element_mesh(10), {"method": "conventional"}),

@@ -64,7 +64,7 @@ def five_steps(scene: Any, mesh: ksd.Mesh, leaves: str, elements: int) -> list[C
         case("kinematic", "kinematic", estimate=False),
         case("reduced", "reduced", estimate=False),
         case("reduced with estimate", "reduced"),
-        case("reduced, 1 pass", "reduced", relinearisations=1, estimate=False),
+        case("reduced, 1 step", "reduced", relinearisations=1, estimate=False),
         case("full", "full"),
         in_space("conventional", planar=False),
         in_space("conventional, planar", planar=True),

@@ -239,7 +239,7 @@ def five_step_variants(
 
     variants = [variant("kinematic", "kinematic", estimate=False)]
     for relinearisations in range(3):
-        name = ("reduced", "reduced, 1 pass", "reduced, 2 passes")[relinearisations]
+        name = ("reduced", "reduced, 1 step", "reduced, 2 steps")[relinearisations]
         variants.append(variant(name, "reduced", relinearisations=relinearisations, estimate=False))
     variants += [variant("full", "full"), Variant("conventional", leaves, size, lambda: conventional(False))]
     if _is_planar(solver, targets):

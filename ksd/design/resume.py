@@ -62,11 +62,12 @@ class ResumeFile:
 
     def is_there(self) -> bool:
         """Whether the file on disk is this one."""
+        if self.path is None:
+            return False
         try:
-            assert self.path is not None
             with open(self.path, encoding="utf-8") as file:
                 return file.readline().rstrip("\n") == self._head
-        except (AssertionError, OSError, ValueError):
+        except (OSError, ValueError):
             return False
 
     def _read(self) -> list[str]:
