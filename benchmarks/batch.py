@@ -198,8 +198,8 @@ def minimum_work(prepared: PreparedDesign, values: Mapping[str, float]) -> str:
     one = one_pass(five.storage.bodies.reduced)
     first, third = (next(s.iterations for s in found.steps if s.name[0] == n) for n in "13")
     return (
-        f"from rest step 1 takes {first} iterations and one look, step 3 {third} and one look of {one} each, in blocks "
-        "of six, too short for vector registers"
+        f"from rest step 1 takes {first} iterations and one residual check, step 3 {third} and one residual check of {one} "
+        "each, in blocks of six, too short for vector registers"
     )
 
 

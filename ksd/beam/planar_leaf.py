@@ -147,7 +147,7 @@ def condense(value, number, inner, store, d, Q, lam, K):
     # F = J W^-1 J^T + L sum w R C R^T, gap = closure + J W^-1 g
     f02, f12, f22 = 0.0, 0.0, 0.0
     x, y, turn = d[0] - end0, d[1] - end1, math.atan2(Q[1, 0], Q[0, 0]) - angle
-    turn -= FULL_TURN * round(turn / FULL_TURN)
+    turn -= FULL_TURN * np.rint(turn / FULL_TURN)
     for i in range(nz):
         j = 4 * nz + 4 * i
         jx, jy, jt = store[j], store[j + 1], store[j + 2]
@@ -168,7 +168,9 @@ def condense(value, number, inner, store, d, Q, lam, K):
     d1 = f11 - l1 * f12 - l2 * e
     if not (abs(f22) > 0.0 and abs(d0) > TINY_PIVOT * abs(f00) and abs(d1) > TINY_PIVOT * abs(f11)):
         status = 2
-    negatives -= (f22 < 0.0) + (d0 < 0.0) + (d1 < 0.0)
+    for pivot in (f22, d0, d1):
+        if pivot < 0.0:
+            negatives -= 1
     # columns of the unit lower inverse, order (moment, x, y): rows (1), (-l0, 1), (l0 l2 - l1, -l2, 1)
     u = l0 * l2 - l1
     k00, k01, k11 = 1.0 / d0 + l2 * l2 / d1, -l2 / d1, 1.0 / d1

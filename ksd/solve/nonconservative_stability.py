@@ -49,7 +49,7 @@ def nonconservative_stability(model: Model, motion: State, load_factor: float) -
     try:
         modes = frequencies(model, motion, count=8, load_factor=load_factor)
     except SceneError:
-        return Verdict(True, f"{stable}; {loads} and nothing has mass, so flutter was not looked at")
+        return Verdict(True, f"{stable}; {loads} and nothing has mass, so flutter was not checked")
     worst = int(np.argmax(modes.growth_per_s))
     if modes.growth_per_s[worst] > 0.0:
         if modes.omega_squared[worst] < 0.0:

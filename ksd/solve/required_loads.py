@@ -60,7 +60,8 @@ class RequiredLoads(PrintableAnswer):
     loads: force and moment (6,) [N, Nm] that every link needs in addition to the loads of the scene, about its reference
     point; forces: of the drives that balance them, [N or Nm] by name; reactions: of the supports, likewise; unbalanced:
     force and moment (6,) on every link that neither can balance, zero where there are enough drives; points: displaced
-    reference points of the links (3,) [m]. size [m]: by which moments are divided to compare them with forces.
+    reference points of the links (3,) [m]. size [m]: by which moments are divided to compare them with forces. warnings:
+    sentences about the strain and stress of the leaf springs in the poses; none by method "constant".
     """
 
     loads: dict[str, Array]
@@ -69,6 +70,7 @@ class RequiredLoads(PrintableAnswer):
     unbalanced: dict[str, Array]
     points: dict[str, Array]
     size: float
+    warnings: tuple[str, ...] = ()
 
     @property
     def balanced(self) -> bool:
@@ -92,7 +94,8 @@ class RequiredLoads(PrintableAnswer):
             for what, wrench in (("needs", self.loads[n]), ("unbalanced", self.unbalanced[n]))
         ]
         title = f"Required loads, about the reference points; drives: {self._line()}"
-        return format_table(("", "<link", *columns), rows, title)
+        warnings = "".join(f"\nwarning: {sentence}" for sentence in self.warnings)
+        return format_table(("", "<link", *columns), rows, title) + warnings
 
 
 @clear_argument_errors
@@ -123,6 +126,7 @@ def required_loads(
     model = solver.constant[0] if method == "constant" else solver.model
     poses_by_node = _link_poses(model, poses)
     _check_leaf_lengths(model, poses_by_node)
+    warnings: tuple[str, ...] = ()
     if method == "constant" and len(poses_by_node) == len(model.node_names) - 1:
         state = model.rest.copy()
         for i, (x, R) in poses_by_node.items():
@@ -148,12 +152,14 @@ def required_loads(
             }
             scene = with_conditions(model.scene, conditions)
             model = compile_as_is(scene, model.mesh, model.original_scene, model.choice)
+        if method != "constant" and pose.strength is not None:
+            warnings = pose.strength.warnings
         state = model.rest.copy()
         state.x[:], state.R[:], state.inner[:] = pose.motion.x, pose.motion.R, pose.motion.inner
     state.multiplier[:] = 0.0
     with solver.lock:
         actuation = solver.actuation if method == "constant" else Actuation(model)
-        return _balance(model, state, actuation)
+        return replace(_balance(model, state, actuation), warnings=warnings)
 
 
 def _link_poses(model: Model, poses: Mapping[str, Any]) -> LinkPoses:

@@ -63,7 +63,7 @@ class Step(NamedTuple):
         if self.name.startswith("1 "):
             return "loops closed"
         if self.name == "error estimate":
-            return "looked at, not iterated"
+            return "steps of the full model, not iterated to equilibrium"
         if self.residual <= 1.0:
             return Stop.CONVERGED.sentence
         return (

@@ -14,6 +14,8 @@ from ksd.beam.corotational_linearised import condense_linearised
 from ksd.beam.strain_values import GRAVITY_BLOCK_SIZE
 from ksd.numerics.rotations import rotation_exp, rotation_log
 
+pytestmark = pytest.mark.plain
+
 L = 0.1
 LEAF = setup.ElementSection(E=200e9, G=76.9e9, A=3e-5, J=0.98e-11, Iy=2.25e-9, Iz=2.5e-12, ky=5 / 6, kz=5 / 6)
 SCRATCH = np.empty((6, 6)), np.empty((6, 12))

@@ -10,6 +10,8 @@ from ksd.beam.spring import coil_condense
 from ksd.beam.strain_values import GRAVITY_BLOCK_SIZE
 from ksd.beam.weight_assembly import add_member_weight, rotate_member_gravity, set_member_gravity
 
+pytestmark = pytest.mark.plain
+
 STENCIL = ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0))
 
 

@@ -19,6 +19,8 @@ from ksd.beam.strain_values import (
     strain_values,
 )
 
+pytestmark = pytest.mark.plain
+
 L = 0.1
 LEAF = chain_setup.ElementSection(E=200e9, G=76.9e9, A=3e-5, J=0.98e-11, Iy=2.25e-9, Iz=2.5e-12)
 IN_PLANE = [0, 1, 5]

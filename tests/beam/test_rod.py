@@ -18,6 +18,8 @@ from ksd.beam.rod import (
 )
 from ksd.beam.strain_centreline import integrate_centrelines
 
+pytestmark = pytest.mark.plain
+
 GRAVITY, WRENCH = np.array([0.5, -0.7, 0.4]), np.array([0.6, -0.5, 0.8, 0.4, 0.9, -0.7])
 
 

@@ -18,6 +18,8 @@ from ksd.numerics.rotations import (
     tangent_factors,
 )
 
+pytestmark = pytest.mark.plain
+
 ANGLES = [
     0.0,
     1e-12,

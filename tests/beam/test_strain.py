@@ -25,6 +25,8 @@ from ksd.beam.strain_uncondensed import (
 from ksd.beam.strain_values import GRAVITY_BLOCK_SIZE, make_modes, strain_sizes, strain_values
 from ksd.numerics.rotations import rotation_exp, rotation_log
 
+pytestmark = pytest.mark.plain
+
 L, EA, KGA = 0.1, 6e6, 1.9e6
 RIGIDITY = np.array([0.75, 450.0, 0.5])
 """GJ, EIy, EIz [N m^2]."""

@@ -20,6 +20,8 @@ from ksd.beam.corotational_element import (
 )
 from ksd.numerics.rotations import rotation_exp
 
+pytestmark = pytest.mark.plain
+
 
 @pytest.mark.parametrize("first", [True, False])
 def test_tangents_agree_where_nothing_is_stressed(first, rng):

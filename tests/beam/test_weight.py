@@ -17,6 +17,8 @@ from ksd.beam.strain_values import (
     strain_values,
 )
 
+pytestmark = pytest.mark.plain
+
 L, MU = 0.1, 3.0
 LEAF = ElementSection(E=200e9, G=76.9e9, A=3e-5, J=0.98e-11, Iy=2.25e-9, Iz=2.5e-12)
 COMPLIANCE = np.array([1 / (LEAF.E * LEAF.A), 1.2 / (LEAF.G * LEAF.A), 1.2 / (LEAF.G * LEAF.A)])

@@ -17,6 +17,8 @@ from ksd.numerics.blocks import (
 from ksd.numerics.elimination import solve_small
 from ksd.numerics.indefinite import equilibration, negative_inertia, solve_scaled
 
+pytestmark = pytest.mark.plain
+
 SOFT, STIFF = 0.3, 1e8
 
 

@@ -13,6 +13,8 @@ from ksd.numerics.reduction import (
     tangent_derivative,
 )
 
+pytestmark = pytest.mark.plain
+
 N, BOUNDARY, INNER = 7, [5, 6], [0, 1, 2, 3, 4]
 RNG = np.random.default_rng(3)
 _root = RNG.normal(size=(N, N))

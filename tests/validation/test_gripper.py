@@ -228,6 +228,20 @@ def test_required_loads_in_space_give_the_drive_force_back():
     assert need.balanced and need.forces["push"] == pytest.approx(pose.forces["push"], rel=1e-5)
 
 
+def test_required_loads_warn_of_strained_leaf_springs():
+    """A leaf pulled 3 % longer was answered with its 60 kN and no other word."""
+    scene = ksd.Mechanism("pulled")
+    tip = scene.link("tip")
+    scene.leaf(
+        "ground", tip, start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(5e-4, 0.02), width_axis="z",
+        material=ksd.Material(E=200e9, nu=0.3, yield_stress=1e9),
+    )  # fmt: skip
+    strained, yields = ksd.required_loads(scene, {"tip": ((0.003, 0, 0), (0, 0, 0))}).warnings
+    assert "strained by 3 %" in strained and "the stress in leaf" in yields
+    printed = ksd.required_loads(scene, {"tip": ((0.0, 0.003, 0), (0, 0, 0))})
+    assert printed.warnings == () and "warning" not in str(printed)
+
+
 @pytest.mark.parametrize("posed", [("top",), ("left", "top", "right")])
 def test_required_loads_where_links_cannot_be_moved_straight_to_their_poses(posed):
     """Half way along the chord the leaf springs of a fourbar would be pressed until they buckle."""

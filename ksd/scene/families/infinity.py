@@ -126,7 +126,7 @@ class TripleInfinityHinge(JointFamily):
 
     Where folded leaf springs and bars cross, the folded leaf springs have windows, which are not modelled: over the stroke
     up to 0.19 of the area of a leaf (`ksd.train.stroke_checks.LeafWindows`; rigid blocks
-    have no shape here and are not looked at). length [m] scales all dimensions but thickness [m], which is free like the
+    have no shape here and are not counted). length [m] scales all dimensions but thickness [m], which is free like the
     material. Raises SceneError naming the parameter out of bounds.
     """
 
