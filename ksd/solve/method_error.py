@@ -44,7 +44,7 @@ def estimate_error(
 
 
 Corrections = Generator[tuple[ErrorEstimate, ErrorEstimate], None, None]
-"""Corrector steps after the first: (the step, the distance from the first state including it)."""
+"""Corrector steps after the first: (the step, the sum of all steps)."""
 
 
 def _has_moved(b: FiveStepsStorage) -> bool:
@@ -75,15 +75,17 @@ def _extrapolated_error(first: ErrorEstimate, steps: Corrections) -> tuple[Error
 
 def _further_steps(b: FiveStepsStorage, target: np.ndarray) -> Corrections:
     """Newton steps after the one in storage; restores the state in storage when closed."""
-    start = b.full_state.copy()
-    zero = ErrorEstimate(np.zeros(len(b.model.drive_names)), 0.0, 0.0, 0.0)
+    arrays, start, total = b.model.arrays, b.full_state.copy(), b.full_work.rhs.copy()
     try:
-        take_step(b.model.arrays, b.full_state, b.full_work.rhs, b.full_work, 1.0)
         while True:
-            check_residual(b.model.arrays, b.full_state, target, 1.0, b.full_work)
-            step = newton_step_error(b.model, b.full_state, b.full_work.rhs)
-            take_step(b.model.arrays, b.full_state, b.full_work.rhs, b.full_work, 1.0)
-            yield step, error_to_stored_state(start, b, zero)
+            take_step(arrays, b.full_state, b.full_work.rhs, b.full_work, 1.0)
+            check_residual(arrays, b.full_state, target, 1.0, b.full_work)
+            step = b.full_work.rhs
+            total += step
+            yield (
+                newton_step_error(b.model, b.full_state, step),
+                newton_step_error(b.model, b.full_state, total),
+            )
     finally:
         b.full_state.assign(start)
 
