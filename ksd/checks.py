@@ -125,7 +125,8 @@ def _argument_error(called: Callable[..., Any], given: dict[str, Any], reason: s
         how = f"name them: {'=, '.join(named or known)}=." if known and not any_name else ""
         how = how or ("write name=value." if any_name else "it takes none.")
         return f"{name_of}: more values than it takes without a name; {how}"
-    return f"{name_of}: {reason}; it takes {', '.join(known)}."
+    # Python 3.13 says of what kind the argument is
+    return f"{name_of}: {reason.replace('keyword-only ', '')}; it takes {', '.join(known)}."
 
 
 _SECTION = "give section=ksd.rectangle(thickness, width)"
