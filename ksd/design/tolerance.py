@@ -93,9 +93,9 @@ def tolerance(
 
     job: with or without a target; its limits decide the yield. design: an optimum of `ksd.optimise`, or parameters by name
     or in order. spread: standard deviations of parameters by name, SI; other parameters are exact. samples: number of Monte
-    Carlo samples by `seed`; they need not be within bounds and rules, which do not hold for manufactured parts. executor,
-    resume, progress: as in `ksd.optimise`, Ctrl-C too. Raises SceneError for wrong arguments, KsdError where the design
-    itself has no answers.
+    Carlo samples by `seed`; they need not be within bounds, rules and trained ranges, which do not hold for manufactured
+    parts. executor, resume, progress: as in `ksd.optimise`, Ctrl-C too. Raises SceneError for wrong arguments, KsdError
+    where the design itself has no answers.
     """
     check_job(job, target=False)
     x, sd = job.point(getattr(design, "design", design)), check_spread(job, spread)

@@ -108,17 +108,20 @@ def _size_warnings(scene: Scene) -> Iterator[str]:
                 yield f"joint '{placed.name}': {key} = {show(value)} is in m, and that of no flexure; did you mean mm?"
     named = list(_placed_points(scene))
     points = np.array([point for _, point in named] or [(0.0, 0.0, 0.0)])
-    away = np.abs(points - np.median(points, axis=0))
-    k, axis = np.unravel_index(int(np.argmax(away)), away.shape)
-    extent = float(np.ptp(points[:, axis]))
+    axis = int(np.argmax(np.ptp(points, axis=0)))
+    along = points[:, axis]
+    extent = float(np.ptp(along))
     if extent > MAX_MECHANISM_SIZE:
-        yield f"its parts are {extent:g} m apart along {'xyz'[axis]}, {named[k][0]} farthest off; lengths are in m"
+        farthest, _ = named[int(np.argmax(np.abs(along - np.median(along))))]
+        yield f"its parts are {extent:g} m apart along {'xyz'[axis]}, {farthest} farthest off; lengths are in m"
 
 
 def _placed_points(scene: Scene) -> Iterator[tuple[str, Vector]]:
     """Points (3,) [m] of all parts of a scene, global, undeformed, with their names; joints last."""
     for load in scene.loads:
-        yield f"load '{load.name}'", load.at
+        # a moment acts on its link, wherever `at` is
+        if any(load.force):
+            yield f"load '{load.name}'", load.at
     for spring in scene.springs:
         if isinstance(spring, Spring):
             yield from ((f"an end of spring '{spring.name}'", end) for end in (spring.start, spring.end))

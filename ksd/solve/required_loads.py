@@ -94,7 +94,7 @@ class RequiredLoads(PrintableAnswer):
             for what, wrench in (("needs", self.loads[n]), ("unbalanced", self.unbalanced[n]))
         ]
         title = f"Required loads, about the reference points; drives: {self._line()}"
-        warnings = "".join(f"\nwarning: {sentence}" for sentence in self.warnings)
+        warnings = "".join(f"\nWarning: {sentence}." for sentence in self.warnings)
         return format_table(("", "<link", *columns), rows, title) + warnings
 
 
@@ -116,9 +116,8 @@ def required_loads(
     required loads in the least-squares sense, moments over the size of the mechanism. The links are moved straight to
     their poses, or, where leaf springs cannot follow, first by the drives to the drive values which the poses imply; where
     a leaf spring can snap, the equilibrium found may differ from the one the poses were taken from. mesh: as in
-    `ksd.solve`. Raises
-    SceneError for poses that no leaf can take, ConvergenceError for poses that are not reached, TrustError where the
-    equilibrium there is not stable.
+    `ksd.solve`. Raises SceneError for poses that no leaf can take, ConvergenceError for poses that are not reached,
+    TrustError where the equilibrium there is not stable.
     """
     if method not in (None, "constant", "conventional"):
         raise SceneError(f"method = {show(method)}: give 'constant', or nothing for exact leaf springs")

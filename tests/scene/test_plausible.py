@@ -108,6 +108,18 @@ def test_one_point_far_off_is_named(place, said):
         assert found == (() if far < 1 else (expected,))
 
 
+def test_a_moment_has_no_place_and_the_longest_side_counts():
+    """Moments act on their link; of a frame 12 m high the height is told, though a part is farther off along x."""
+    mechanism, steel = ksd.Mechanism("frame"), ksd.Material(200e9, nu=0.3)
+    tip = mechanism.link("tip")
+    for x, y in ((100.0, 0.0), (100.0, 12.0), (107.0, 6.0)):
+        guide = ksd.ParallelGuide(steel, length=0.1, thickness=5e-4, width=0.02, spacing=0.06)
+        mechanism.join(mechanism.ground, tip, guide, at=(x, y, 0), axis="z", toward="x")
+    mechanism.load(tip, moment=(0, 0, 0.1))
+    (said,) = plausibility_warnings(mechanism.draft())
+    assert said == "its parts are 12 m apart along y, joint 'ground-tip' farthest off; lengths are in m"
+
+
 def test_a_notch_is_judged_where_it_is_thinnest():
     notch = CircularNotch(5e-3, 5e-4, 0.01)
     assert (
