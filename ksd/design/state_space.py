@@ -3,7 +3,7 @@
 In modal coordinates x = (eta, eta') with unit modal mass: eta'' + 2 zeta omega eta' + omega^2 eta = Phi^T f and
 y = Phi eta + D f. D is the compliance of the truncated modes (exact static compliance less that of the retained modes), so
 the gain at zero frequency is that of the full model (residual flexibility; Craig and Kurdila, Fundamentals of Structural
-Dynamics, 2006).
+Dynamics, 2006). A motion without stiffness is a mode of 0 Hz, a double integrator.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class StateSpace(PrintableAnswer):
         return f"{len(self.A)} states, drives {', '.join(self.drives)}"
 
     def __str__(self) -> str:
-        gain = self.C @ np.linalg.solve(-self.A, self.B) + self.D
+        gain = self._static_gain()
         rows = [
             (f"{n} [{o}]", *(format_number(g, 5) for g in row))
             for n, o, row in zip(self.drives, self.output_units, gain, strict=True)
@@ -68,6 +68,17 @@ class StateSpace(PrintableAnswer):
             f"Modes of {', '.join(format_number(f) for f in self.frequency_Hz)} Hz",
             "Gain at zero frequency, motion of a row per force or moment of a column:",
         )
+
+    def _static_gain(self) -> Array:
+        """Gain at zero frequency; infinite where a force moves a drive without resistance."""
+        k = len(self.frequency_Hz)
+        rigid, phi = self.frequency_Hz == 0.0, self.C[:, :k]
+        elastic = phi[:, ~rigid]
+        unbounded = phi[:, rigid] @ phi[:, rigid].T
+        finite = (elastic / -self.A[k:, :k].diagonal()[~rigid]) @ elastic.T + self.D
+        # rounding, relative to the drives
+        unbounded[np.abs(unbounded) <= 1e-12 * np.abs(phi @ phi.T)] = 0.0
+        return np.where(unbounded == 0.0, finite, np.copysign(np.inf, unbounded))
 
     def response(self, frequency_Hz: Any) -> Array:
         """Complex frequency response (n, outputs, inputs) at frequencies (n,) [Hz]."""
@@ -124,9 +135,9 @@ def state_space(
     A[k:, k:] = -np.diag(2 * damping * np.sqrt(np.abs(squared)))
     B = np.vstack([np.zeros((k, len(freed))), phi.T])
     C = np.hstack([phi, np.zeros((len(freed), k))])
-    stiffness = pose.drive_stiffness()
-    rows = [stiffness.names.index(d) for d in freed]
-    D = np.linalg.inv(stiffness.matrix[np.ix_(rows, rows)]) - (phi / squared) @ phi.T
+    elastic = squared != 0.0
+    order = np.argsort(np.argsort(columns))
+    D = lowest_modes.drive_compliance[np.ix_(order, order)] - (phi[:, elastic] / squared[elastic]) @ phi[:, elastic].T
     kinds = {d.name: drive_kind(d) for d in pose.model.scene.drives}
     inputs = tuple({"translation": "N", "rotation": "Nm"}.get(kinds[d], "SI") for d in freed)
     outputs = tuple({"mm": "m", "deg": "rad"}.get(DRIVE_VALUE_UNITS[kinds[d]][0], "SI") for d in freed)

@@ -5,6 +5,10 @@ M = L L^T the symmetric matrix L^T K^-1 L has the eigenvalues 1/omega^2: K may b
 unstable state has a negative one. Up to MAX_DENSE unknowns with mass the matrices are dense (`scipy.linalg`); above, ARPACK
 works on K^-1 M with the factored tangent (shift and invert; `scipy.sparse.linalg`), and once more with the pairs found
 deflated, as a single start vector may miss the second of two equal frequencies of a symmetric mechanism.
+
+A motion N of unit modal mass that released drives leave without stiffness has 0 Hz. The others are found by inertia relief:
+K^-1 becomes P^T K_h^-1 P with P = 1 - M N N^T, which removes the free motion from loads and responses, and K_h with as many
+of these drives held, which then carry nothing (Craig and Kurdila, Fundamentals of Structural Dynamics, 2006, 17.7).
 """
 
 from __future__ import annotations
@@ -16,11 +20,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import blas, eig, eigh, lapack
+from scipy.linalg import blas, cholesky, eig, eigh, lapack, null_space
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, eigsh
 
 from ksd.checks import names_of
-from ksd.errors import ConvergenceError
+from ksd.errors import ConvergenceError, KinematicsError
 from ksd.model.arrays import STRAIN, State
 from ksd.model.compile import Model
 from ksd.model.leaves import whole_leaf_name
@@ -48,6 +52,10 @@ MIN_ENERGY_SHARE = 0.25
 """Kinetic energy, relative to the largest, above which a leaf or link may name a mode."""
 MIN_COMPLIANCE_RATIO = 1e-10
 """Compliance of a combination of released drives, relative to the largest, up to which the drives count as dependent."""
+MIN_MASS_SHARE = 1e-12
+"""Mass of a motion without stiffness, relative to that of the other such motions, up to which it counts as none."""
+MIN_DRIVE_TRAVEL = 1e-9
+"""Motion of a drive in a motion without stiffness, relative to that of the links, up to which it counts as none."""
 MIN_INTENDED_CANDIDATES = 60
 """Number of modes among which intended motions are searched where the requested modes do not contain them."""
 MIN_EIGENVALUE_RATIO = 1e-13
@@ -62,12 +70,12 @@ class Modes(PrintableAnswer):
     comes first. omega_squared (k,) [1/s^2]. shape (k, nodes, 6): displacement [m] and rotation [rad] of every node of
     `model` for unit modal mass [kg m^2]; vector (k, size): all unknowns, inner ones included. drive_motion (k, drives):
     coordinate of every drive in each mode [m or rad]; zero where it is held. drive_compliance (d, d) [m/N, rad/Nm]: static
-    compliance of the released drives. intended: rows of the modes that are intended motions, ascending, at most one per
-    released drive (see `intended_modes`), independent of the number of modes requested. growth_per_s (k,): growth rate of a
-    mode: of an unstable one, or, where loads are not conservative, of a pair that flutters at one frequency; both come
-    first. freed: names of released drives and supports. motion, mass: the state and its mass. massless: materials without a
-    density, whose leaves have no mass here. backward_error: change of a mode by one more inverse iteration, relative to the
-    response of the softest mode.
+    compliance of the released drives; with modes at 0 Hz, that of the others. intended: rows of the modes that are intended
+    motions, ascending, at most one per released drive (see `intended_modes`), independent of the number of modes requested.
+    growth_per_s (k,): growth rate of a mode: of an unstable one, or, where loads are not conservative, of a pair that
+    flutters at one frequency; both come first. freed: names of released drives and supports. motion, mass: the state and
+    its mass. massless: materials without a density, whose leaves have no mass here. backward_error: change of a mode by one
+    more inverse iteration, relative to the response of the softest mode.
     """
 
     model: Model
@@ -306,18 +314,53 @@ def grows(values: Array) -> Any:
     return (values.real < -bound) | (np.abs(values.imag) > np.maximum(bound, 1e-6 * np.abs(values)))
 
 
-def _inverse_stiffness(tangent: Tangent, mass: Inertia, loads: Array) -> Array:
-    """K^-1 times loads (size, k), from the factored node tangent and the flexibilities of the leaf springs."""
+def _inverse_stiffness(tangent: Tangent, mass: Inertia, rigid: Array, loads: Array) -> Array:
+    """K^-1 times loads (size, k), from the factored node tangent and the flexibilities of the leaf springs.
+
+    rigid (size, m): motions without stiffness, of unit modal mass, which are removed from loads and response.
+    """
     n = tangent.arrays.plan.unknowns
+    if rigid.size:
+        loads = loads - mass.matrix @ (rigid @ (rigid.T @ loads))
     response = np.empty_like(loads)
     many = loads.shape[1] > n
     response[:n] = tangent.solve(np.eye(n)) @ loads[:n] if many else tangent.solve(loads[:n])
     for leaf in mass.leaves:
         response[leaf.inner] = leaf.Z @ loads[leaf.inner]
-    return response
+    return response - rigid @ (rigid.T @ (mass.matrix @ response)) if rigid.size else response
 
 
-def _dense_pairs(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]:
+def _rigid_motions(tangent: Tangent, mass: Inertia) -> Array:
+    """Motions (size, m) without stiffness, of unit modal mass; raises KinematicsError where one has no mass either."""
+    rigid = np.zeros((mass.size, tangent.free.shape[1]))
+    if not rigid.size:
+        return rigid
+    rigid[: len(tangent.free)] = tangent.free
+    rooted = mass.rooted(rigid)
+    own = rooted.T @ rooted
+    unit = np.sqrt(np.maximum(own.diagonal(), 0.0))
+    unit[unit == 0.0] = 1.0
+    if np.linalg.eigvalsh(own / np.outer(unit, unit))[0] <= MIN_MASS_SHARE:
+        raise KinematicsError(
+            f"with {', '.join(tangent.freed)} released a motion has neither stiffness nor mass, and so no frequency: give "
+            "what moves a mass, or hold more drives"
+        )
+    return np.asarray(np.linalg.solve(cholesky(own).T, rigid.T).T)
+
+
+def _drive_travel(tangent: Tangent, rigid: Array, own: Array) -> Array:
+    """Motions (d, m) of drives with gradients own (unknowns, d) in motions without stiffness; zero where it is rounding."""
+    nodes, start = rigid[: len(own)], tangent.arrays.start
+    size = np.ones(len(own))
+    size[start[start >= 0, None] + np.arange(3, 6)] = tangent.arrays.size
+    travel = own.T @ nodes
+    most = np.linalg.norm(own / size[:, None], axis=0)[:, None] * np.linalg.norm(
+        nodes * size[:, None], axis=0
+    )
+    return np.where(np.abs(travel) > MIN_DRIVE_TRAVEL * most, travel, 0.0)
+
+
+def _dense_pairs(tangent: Tangent, mass: Inertia, rigid: Array, count: int) -> tuple[Array, Array]:
     """1/omega^2 (k,) and vectors (size, k), including all unstable modes; complex where modes flutter."""
     M = mass.matrix.toarray()
     used = np.flatnonzero(M.diagonal() > 0.0)
@@ -325,7 +368,7 @@ def _dense_pairs(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Ar
     C, order, rank, _ = lapack.dpstrf(M[np.ix_(used, used)] * np.outer(scale, scale), lower=1)
     L = np.zeros((mass.size, rank))
     L[used[order - 1]] = (np.tril(C)[:, :rank].T / scale[order - 1]).T
-    x = _inverse_stiffness(tangent, mass, L)
+    x = _inverse_stiffness(tangent, mass, rigid, L)
     # the BLAS of scipy, as `eigh` uses it: threads of numpy's own one would still occupy the cores
     A = blas.dgemm(1.0, L, x, trans_a=True)
     if tangent.skew is not None:
@@ -344,7 +387,7 @@ def _dense_pairs(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Ar
     return values, x @ vectors
 
 
-def _iterated_pairs(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array, Array]:
+def _iterated_pairs(tangent: Tangent, mass: Inertia, rigid: Array, count: int) -> tuple[Array, Array]:
     """1/omega^2 (k,) and vectors (size, k) of many unknowns: the largest, and all unstable ones of conservative loads.
 
     Raises ConvergenceError where they are not found.
@@ -355,7 +398,7 @@ def _iterated_pairs(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array,
     def inverse(load: Array) -> Array:
         # pairs that are known, of unit modal mass, are deflated
         known = vectors @ (values * (vectors.T @ load.ravel()))
-        return np.asarray(_inverse_stiffness(tangent, mass, load.reshape(-1, 1))[:, 0] - known)
+        return np.asarray(_inverse_stiffness(tangent, mass, rigid, load.reshape(-1, 1))[:, 0] - known)
 
     def outermost(solve: Any, k: int, which: str) -> tuple[Array, Array]:
         start = np.random.default_rng(len(values)).normal(size=size)
@@ -384,14 +427,14 @@ def _iterated_pairs(tangent: Tangent, mass: Inertia, count: int) -> tuple[Array,
     return values, vectors
 
 
-def _backward_error(tangent: Tangent, mass: Inertia, squared: Array, vectors: Array) -> float:
+def _backward_error(tangent: Tangent, mass: Inertia, rigid: Array, squared: Array, vectors: Array) -> float:
     """Normwise backward error of modes: their change by one more inverse iteration, relative to the response of the softest.
 
     squared: omega^2 (k,); vectors (size, k): of unit modal mass. Raises KinematicsError where it is too large.
     """
     if not len(squared):
         return 0.0
-    again = squared * _inverse_stiffness(tangent, mass, mass.matrix @ vectors)
+    again = squared * _inverse_stiffness(tangent, mass, rigid, mass.matrix @ vectors)
     change = np.linalg.norm(mass.rooted(again - vectors), axis=0)
     error = float(np.max(change * np.abs(squared).min() / np.abs(squared)))
     check_backward_error(error)
@@ -409,31 +452,47 @@ def frequencies(
 ) -> Modes:
     """The `count` lowest eigenfrequencies at `motion`, with all drives and supports held except those named in `freed`.
 
-    Released drives keep their present force. dense: True or False selects dense or sparse matrices. Raises SceneError where
-    nothing has mass, KinematicsError where a motion has no stiffness.
+    Released drives keep their present force; a motion that this leaves without stiffness has 0 Hz. dense: True or False
+    selects dense or sparse matrices. Raises SceneError where nothing has mass, KinematicsError where a motion has neither
+    stiffness nor mass.
     """
     freed = names_of(freed, "freed")
     fine, state = finer_state(model, motion, load_factor=load_factor)
     mass = assemble_inertia(fine, state, load_factor=load_factor)
-    tangent = assemble_and_factor(fine, state, freed=freed, load_factor=load_factor)
+    tangent = assemble_and_factor(fine, state, freed=freed, load_factor=load_factor, free_motions=True)
+    rigid = _rigid_motions(tangent, mass)
     # all modes are needed where the tangent is unsymmetric and its symmetric part is not positive definite
     most = MAX_DENSE_SKEW if tangent.skew is not None and tangent.unstable else MAX_DENSE
     small = np.count_nonzero(mass.matrix.diagonal()) <= most if dense is None else dense
     pairs = _dense_pairs if small else _iterated_pairs
     gradient = row_gradients(fine.arrays, state, range(len(fine.drive_names)))
     own = gradient[:, [i for i, n in enumerate(fine.drive_names) if n in freed]]
-    compliance = own.T @ tangent.solve(own)
+    loads = np.zeros((mass.size, own.shape[1]))
+    loads[: len(own)] = own
+    compliance = loads.T @ _inverse_stiffness(tangent, mass, rigid, loads)
     compliance = 0.5 * (compliance + compliance.T)
+    travel = _drive_travel(tangent, rigid, own)
+    # combinations of drive forces that leave the motions without stiffness at rest
+    balanced = null_space(travel.T) if rigid.size else np.eye(own.shape[1])
     for wanted in (count, max(count, MIN_INTENDED_CANDIDATES)):
-        squared, vectors, grown = _order_modes(*pairs(tangent, mass, wanted), wanted)
+        squared, vectors, grown = _order_modes(*pairs(tangent, mass, rigid, wanted), wanted)
         vectors = vectors / np.sqrt(np.sum(mass.rooted(vectors) ** 2, axis=0))
-        intended = intended_modes(vectors[: len(own)].T @ own, squared, compliance)
-        if len(intended) == own.shape[1]:
+        moved = vectors[: len(own)].T @ own
+        intended = intended_modes(moved @ balanced, squared, balanced.T @ compliance @ balanced)
+        if len(intended) == balanced.shape[1]:
             break
-    squared, vectors, grown = squared[:count], vectors[:, :count], grown[:count]
     # fluttering modes are parts of complex ones
     real = (grown == 0.0) | (squared < 0.0)
-    error = _backward_error(tangent, mass, squared[real], vectors[:, real])
+    error = _backward_error(
+        tangent, mass, rigid, squared[:count][real[:count]], vectors[:, :count][:, real[:count]]
+    )
+    if rigid.size:
+        first, zeros = int(np.count_nonzero(grown)), np.zeros(rigid.shape[1])
+        squared, grown = np.insert(squared, first, zeros), np.insert(grown, first, zeros)
+        vectors = np.insert(vectors, [first] * len(zeros), rigid, axis=1)
+        driven = first + np.flatnonzero(travel.any(axis=0))
+        intended = np.union1d(intended + len(zeros) * (intended >= first), driven)
+    squared, vectors, grown = squared[:count], vectors[:, :count], grown[:count]
     shape = np.zeros((len(squared), len(fine.node_names), 6))
     for k in range(1, len(fine.node_names)):
         shape[:, k] = vectors[int(fine.arrays.start[k]) :][:6].T

@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import null_space
 
 from ksd.checks import names_of
 from ksd.errors import KinematicsError, SceneError
@@ -41,6 +42,8 @@ UNITS, COMPLIANCE_UNITS = ("N/m",) * 3 + ("Nm/rad",) * 3, ("m/N",) * 3 + ("rad/N
 _UNSYMMETRIC = "Loads that follow their link, or moments fixed in space, are not conservative: the matrix is not symmetric"
 MIN_RELATIVE_COMPLIANCE = 1e-13
 """Compliance, relative to the largest (rotations times the size of the model), below which it counts as zero."""
+MIN_RELATIVE_FREE = 1e-9
+"""Motion of a point in a motion without stiffness, relative to that of the links, below which it counts as none."""
 MIN_COMPLIANCE = 1e-25
 """Compliance [m/N] below which it counts as zero: rounding of a point that is held in all directions."""
 
@@ -49,22 +52,29 @@ MIN_COMPLIANCE = 1e-25
 class PointStiffness(PrintableAnswer):
     """Compliance of one point of a link, and every stiffness that follows from it.
 
-    compliance (6, 6): motion of the point (m, rad) per unit force and moment (N, Nm) on it, rows and columns
-    as in DIRECTIONS, in `axes` (3, 3; columns, global) at the deformed position `point` (3,) [m]. freed: names of the
-    released drives and supports. size [m]: length by which rotations are compared with translations. conservative: False
-    where loads follow their link or moments are fixed in space, so that their work depends on the path: the matrices are
-    then not symmetric; rows of `compliance` are motions, rows of `matrix` loads. backward_error: see
-    `ksd.properties.tangent.Tangent.solve_with_error`; at most 1e-6.
+    elastic (6, 6): motion of the point (m, rad) per unit force and moment (N, Nm) on it by deformation, rows and columns
+    as in DIRECTIONS, in `axes` (3, 3; columns, global) at the deformed position `point` (3,) [m]. free (6, m): its motions
+    that nothing resists with the drives and supports named in `freed` released. size [m]: length by which rotations are
+    compared with translations. conservative: False where loads follow their link or moments are fixed in space, so that
+    their work depends on the path: the matrices are then not symmetric; rows of `compliance` are motions, rows of `matrix`
+    loads. backward_error: see `ksd.properties.tangent.Tangent.solve_with_error`; at most 1e-6.
     """
 
     link: str
     point: Array
     axes: Array
-    compliance: Array
+    elastic: Array
     freed: tuple[str, ...]
     size: float
     conservative: bool = True
     backward_error: float = 0.0
+    free: Array = field(default_factory=lambda: np.zeros((6, 0)))
+
+    @property
+    def compliance(self) -> Array:
+        """Motion (6, 6) of the point per unit load, see `elastic`; infinite where a load moves it without resistance."""
+        unbounded = self.free @ self.free.T
+        return np.where(unbounded == 0.0, self.elastic, np.copysign(np.inf, unbounded))
 
     def _line(self) -> str:
         rows = (f"{d} {format_number(k)}" for d, k in self.supports.items())
@@ -74,8 +84,9 @@ class PointStiffness(PrintableAnswer):
         rows = []
         for d, unit, compliance_unit in zip(DIRECTIONS, UNITS, COMPLIANCE_UNITS, strict=True):
             k = self.support(d)
-            held = ("held", "", "0", compliance_unit)
-            values = (f"{k:.5g}", unit, f"{1.0 / k:.4e}", compliance_unit) if np.isfinite(k) else held
+            values = (f"{k:.5g}", unit, f"{1.0 / k:.4e}" if k else "unbounded", compliance_unit)
+            if not np.isfinite(k):
+                values = ("held", "", "0", compliance_unit)
             rows.append((d, *values, self._most_coupled(d)))
         at = ", ".join(f"{1e3 * v:.6g}" for v in np.round(self.point, 12))
         return format_table(
@@ -84,13 +95,15 @@ class PointStiffness(PrintableAnswer):
             f"Stiffness of link '{self.link}' at ({at}) mm, each direction with the others free; "
             + released_text(self.freed),
             *[_UNSYMMETRIC] * (not self.conservative),
+            *[f"Stiffness 0: nothing resists this motion with {', '.join(self.freed)} freed"]
+            * bool(self.free.size),
         )
 
     def _most_coupled(self, direction: str) -> str:
         """Direction most coupled with `direction`, with C_ij / sqrt(C_ii C_jj); empty where none is."""
         C, i = self._scaled(), _direction_index(direction)
         threshold = _zero_threshold(C)
-        if C[i, i] < threshold:
+        if C[i, i] < threshold or self.free[i].any():
             return ""
         own = np.diagonal(C)
         share = np.abs(C[:, i]) / np.sqrt(C[i, i] * np.maximum(own, 1e-300))
@@ -106,9 +119,12 @@ class PointStiffness(PrintableAnswer):
         """
         pick = [_direction_index(d) for d in directions]
         scale = np.where(np.array(pick) < 3, 1.0, self.size)
-        part = self.compliance[np.ix_(pick, pick)] * np.outer(scale, scale)
-        moves, values, loads = np.linalg.svd(part)
-        if values[-1] < _zero_threshold(self._scaled()):
+        part = self.elastic[np.ix_(pick, pick)] * np.outer(scale, scale)
+        # loads that do no work on free motions; the others meet no resistance
+        balanced = null_space((self.free[pick] * scale[:, None]).T)
+        moves, values, loads = np.linalg.svd(balanced.T @ part @ balanced)
+        moves, loads = balanced @ moves, loads @ balanced.T
+        if values.min(initial=np.inf) < _zero_threshold(self._scaled()):
             worst = np.argmax(np.abs(moves[:, -1]))
             raise KinematicsError(
                 f"link '{self.link}' cannot move along {directions[int(worst)]} while the drives and supports "
@@ -119,33 +135,49 @@ class PointStiffness(PrintableAnswer):
     def support(self, direction: str, *, held: Sequence[str] = ()) -> float:
         """Stiffness [N/m or Nm/rad] in one direction, all others free except `held`.
 
-        It is a unit force divided by its displacement; inf where held drives and supports leave no compliance.
+        It is a unit force divided by its displacement; inf where held drives and supports leave no compliance, 0 where
+        released ones leave nothing that resists.
         """
         C, i = self._scaled(), _direction_index(direction)
         fixed = [_direction_index(d) for d in held if d != direction]
-        value = C[i, i]
-        if fixed:
-            value -= (
-                C[i, fixed]
-                @ np.linalg.pinv(C[np.ix_(fixed, fixed)], rcond=MIN_RELATIVE_COMPLIANCE)
-                @ C[fixed, i]
-            )
-        if abs(value) < _zero_threshold(C):
-            return float("inf")
-        return float((self.size**2 if i >= 3 else 1.0) / value)
+        unit = self.size**2 if i >= 3 else 1.0
+        # the unit load, and reactions of what is held, do no work on free motions
+        load, free = np.eye(6)[i], self._scaled_free()
+        reaction = np.eye(6)[:, fixed]
+        if free[i].any():
+            load = load - reaction @ (np.linalg.pinv(free[fixed].T) @ free[i])
+            if np.abs(load @ free).max() > MIN_RELATIVE_FREE * np.abs(free).max():
+                return 0.0
+        reaction = reaction @ null_space(free[fixed].T)
+        value = load @ C @ load
+        if reaction.size:
+            held_part = np.linalg.pinv(reaction.T @ C @ reaction, rcond=MIN_RELATIVE_COMPLIANCE)
+            value -= load @ C @ reaction @ held_part @ (reaction.T @ C @ load)
+        return float("inf") if abs(value) < _zero_threshold(C) else float(unit / value)
 
     @property
     def supports(self) -> dict[str, float]:
         """`support` in all six directions: x, y, z [N/m], rx, ry, rz [Nm/rad]."""
-        return dict(zip(DIRECTIONS, support_stiffness(self.compliance, self.size).tolist(), strict=True))
+        found = support_stiffness(self.elastic, self.size)
+        return dict(zip(DIRECTIONS, np.where(self.free.any(axis=1), 0.0, found).tolist(), strict=True))
 
     @property
     def principal(self) -> Array:
         """Principal stiffnesses (2, 3), ascending: translational [N/m] and rotational [Nm/rad], the other directions free.
 
-        They are the reciprocal eigenvalues of the translational and of the rotational compliance; inf where held.
+        They are the reciprocal eigenvalues of the translational and of the rotational compliance; inf where held, 0 where
+        nothing resists.
         """
-        return principal_stiffness(self.compliance, self.size)
+        if not self.free.size:
+            return principal_stiffness(self.elastic, self.size)
+        free, C = self._scaled_free(), self._scaled()
+        found = np.zeros((2, 3))
+        for row, part, unit in ((0, slice(3), 1.0), (1, slice(3, 6), self.size**2)):
+            balanced = null_space(free[part].T)
+            values = np.linalg.eigvalsh(balanced.T @ C[part, part] @ balanced)[::-1]
+            is_held = values <= _zero_threshold(C)
+            found[row, 3 - len(values) :] = np.where(is_held, np.inf, unit / np.where(is_held, 1.0, values))
+        return found
 
     @property
     def worst(self) -> tuple[float, float]:
@@ -154,8 +186,12 @@ class PointStiffness(PrintableAnswer):
         return translational, rotational
 
     def _scaled(self) -> Array:
-        """Compliance with rotations times the size, all in m/N."""
-        return _scaled(self.compliance, self.size)
+        """Compliance by deformation with rotations times the size, all in m/N."""
+        return _scaled(self.elastic, self.size)
+
+    def _scaled_free(self) -> Array:
+        """Free motions (6, m) with rotations times the size."""
+        return np.asarray(self.free * np.repeat([1.0, self.size], 3)[:, None])
 
 
 def _scaled(compliance: Array, size: Any) -> Array:
@@ -309,11 +345,12 @@ def finer_tangent(
 ) -> Tangent:
     """Factored tangent of a state, with one more mode per axis where all members are strain-mode leaves.
 
-    See `ksd.properties.finer_model`; models with chains stay as they are.
+    See `ksd.properties.finer_model`; models with chains stay as they are. Motions that only the drives and supports in
+    `freed` hold are its `free`.
     """
     if model.kinds <= {STRAIN}:
         model, motion = finer_state(model, motion, load_factor=load_factor)
-    return assemble_and_factor(model, motion, freed=freed, load_factor=load_factor)
+    return assemble_and_factor(model, motion, freed=freed, load_factor=load_factor, free_motions=True)
 
 
 def point_stiffness(
@@ -348,7 +385,14 @@ def point_stiffness(
     gradients = row_gradients(found.model.arrays, found.motion, rows)
     loads = remove_row_components(found.arrays, found.arrays.size, gradients, loads)[0]
     response, error = found.solve_with_error(loads)
-    C = loads.T @ response
+    C, free = loads.T @ response, np.zeros((6, 0))
+    if found.free.size:
+        free = turn.T @ B @ found.free[here]
+        travel = np.linalg.norm(found.free * found.lengths()[:, None], axis=0)
+        is_rounding = (
+            np.abs(free) * np.repeat([1.0, model.arrays.size], 3)[:, None] < MIN_RELATIVE_FREE * travel
+        )
+        free = np.where(is_rounding, 0.0, free / travel)
     return PointStiffness(
         model.node_names[node],
         point,
@@ -358,6 +402,7 @@ def point_stiffness(
         model.arrays.size,
         found.skew is None,
         error,
+        free[:, free.any(axis=0)],
     )
 
 

@@ -7,13 +7,14 @@ row), so the stability check does not change.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import qr
 
 from ksd.checks import names_of
 from ksd.errors import KinematicsError, SceneError
@@ -30,6 +31,10 @@ from ksd.properties.state_batch import StateBatch
 Array = NDArray[np.float64]
 ROW_SHARE_TOLERANCE = 1e-9
 """Share of a load below which the part that rows do not carry counts as rounding."""
+FREE_SHARE = 1e-13
+"""Stiffness of released rows, relative to that of the nodes they move, up to which their motion has no stiffness."""
+SURE_PIVOT = 1e-9
+"""Relative pivot above which no released row needs to be tried for a motion without stiffness."""
 MAX_BACKWARD_ERROR = 1e-6
 """Largest accepted change of a solution by its last refinement, relative to the solution."""
 CONVERGED_STEP = 1e-9
@@ -220,7 +225,9 @@ class Tangent:
 
     value, spare: factors in block storage; assembled: the matrix before factorisation, with which every solution is refined;
     unstable: number of directions in which the state is not a minimum; freed: names of the released drives and supports;
-    skew: skew part, None where all loads are conservative.
+    skew: skew part, None where all loads are conservative; free (unknowns, m): motions that the released rows leave without
+    stiffness. As many of these rows are held in the factors: a response is complete but for an amount of `free`, and an
+    equilibrium where the load does no work on them.
     """
 
     model: Model
@@ -232,6 +239,7 @@ class Tangent:
     unstable: int
     freed: tuple[str, ...] = ()
     skew: SkewBlock | None = None
+    free: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def solve(self, loads: Array) -> Array:
         """Response (unknowns, k) to `loads` (unknowns, k), in the order of the plan.
@@ -296,6 +304,12 @@ class Tangent:
         plan = self.arrays.plan
         own = [self.spare[at : at + n] for at, n in zip(plan.diagonal, plan.size, strict=True)]
         return np.asarray(np.sqrt(np.concatenate(own)))
+
+    def lengths(self) -> Array:
+        """Factors (unknowns,) that make motions of nodes lengths: the size of the mechanism for rotations, else 1."""
+        start, found = self.arrays.start, np.ones(self.arrays.plan.unknowns)
+        found[start[start >= 0, None] + _ROTATIONS] = self.arrays.size
+        return found
 
     @cached_property
     def _woodbury(self) -> tuple[Array, Array]:
@@ -373,28 +387,71 @@ def skew_block(arrays: Arrays, motion: State, load_factor: float) -> SkewBlock |
     return SkewBlock(index, skew[np.ix_(index, index)])
 
 
-def factor_tangent(assembled: AssembledTangent, freed: Iterable[str] = ()) -> Tangent:
+def factor_tangent(
+    assembled: AssembledTangent, freed: Iterable[str] = (), *, free_motions: bool = False
+) -> Tangent:
     """Factor a copy of a tangent, with the drives and supports named in `freed` released at constant force.
 
-    Raises SceneError for an unknown name, KinematicsError where a motion has no stiffness.
+    free_motions: motions that only those hold are returned in `Tangent.free`, not refused. Raises SceneError for an unknown
+    name, KinematicsError where a motion has no stiffness.
     """
     freed = names_of(freed, "freed")
-    arrays, value = assembled.arrays, assembled.value.copy()
     if not assembled.model.kinds.isdisjoint((SOLID, LINEAR)):
         return _factor_dense(assembled, freed)
-    spare = np.zeros(len(value))
-    release_rows(arrays, value, row_numbers(assembled.model, freed))
-    stored = value.copy()
-    negatives, pivot = factor_blocks(arrays.plan.ints, value, spare, len(arrays.plan.size))
+    rows = row_numbers(assembled.model, freed)
+    found, pivot = _factor_released(assembled, freed, rows)
+    if free_motions and rows and found.skew is None and not pivot > SURE_PIVOT:
+        free, stopped = _free_motions(factor_tangent(assembled), rows)
+        if stopped:
+            found, pivot = _factor_released(assembled, freed, [i for i in rows if i not in stopped])
+            found = replace(found, free=free)
     if not pivot > SINGULAR_PIVOT:
         raise KinematicsError(
             f"the tangent is singular (relative pivot {pivot:.1e}): a motion is left that nothing resists, or the "
             "state is exactly at its critical load; hold more drives"
         )
+    return found
+
+
+def _factor_released(
+    assembled: AssembledTangent, freed: tuple[str, ...], rows: Sequence[int]
+) -> tuple[Tangent, float]:
+    """Tangent with the constraint rows `rows` released, and its smallest relative pivot."""
+    arrays, value = assembled.arrays, assembled.value.copy()
+    spare = np.zeros(len(value))
+    release_rows(arrays, value, rows)
+    stored = value.copy()
+    negatives, pivot = factor_blocks(arrays.plan.ints, value, spare, len(arrays.plan.size))
     unstable = int(negatives + assembled.inner_negatives) - len(arrays.terms.start)
-    return Tangent(
+    tangent = Tangent(
         assembled.model, assembled.motion, arrays, stored, value, spare, unstable, freed, assembled.skew
     )
+    return tangent, float(pivot)
+
+
+def _free_motions(held: Tangent, rows: list[int]) -> tuple[Array, list[int]]:
+    """Motions (unknowns, m) that the constraint rows `rows` alone hold, and m of these rows that stop them.
+
+    A combination of rows whose motion needs no force is such a motion; each moves one of the rows returned by 1.
+    """
+    plan, at = held.arrays.plan, held.arrays.terms.start[rows]
+    units = np.zeros((plan.unknowns, len(rows)))
+    units[at, range(len(rows))] = 1.0
+    motion = held.solve(units)
+    stiffness = -motion[at]
+    motion[held.arrays.terms.start] = 0.0
+    # of the nodes, without what cancels between them
+    own = np.concatenate(
+        [held.assembled[d : d + n * n : n + 1] for d, n in zip(plan.diagonal, plan.size, strict=True)]
+    )
+    scale = np.sqrt(np.abs(own) @ motion**2)
+    scale[scale == 0.0] = 1.0
+    share, axes = np.linalg.eigh(0.5 * (stiffness + stiffness.T) / np.outer(scale, scale))
+    free = axes[:, np.abs(share) <= FREE_SHARE] / scale[:, None]
+    if not free.size:
+        return motion[:, :0], []
+    stopped = np.sort(qr(free.T * scale, mode="r", pivoting=True)[1][: free.shape[1]])
+    return motion @ free @ np.linalg.inv(free[stopped]), [rows[i] for i in stopped]
 
 
 def _factor_dense(assembled: AssembledTangent, freed: tuple[str, ...]) -> Tangent:
@@ -414,13 +471,20 @@ def _factor_dense(assembled: AssembledTangent, freed: tuple[str, ...]) -> Tangen
 
 
 def assemble_and_factor(
-    model: Model, motion: State, *, freed: Iterable[str] = (), load_factor: float = 1.0
+    model: Model,
+    motion: State,
+    *,
+    freed: Iterable[str] = (),
+    load_factor: float = 1.0,
+    free_motions: bool = False,
 ) -> Tangent:
     """Assemble and factor the exact tangent at `motion`, see `factor_tangent`."""
     freed = names_of(freed, "freed")
     # unknown names are refused before any work is done
     row_numbers(model, freed)
-    return factor_tangent(assemble_tangent(model, motion, load_factor=load_factor), freed)
+    return factor_tangent(
+        assemble_tangent(model, motion, load_factor=load_factor), freed, free_motions=free_motions
+    )
 
 
 def stored_matrix(arrays: Arrays, value: Array) -> Array:
