@@ -137,7 +137,10 @@ def state_space(
     C = np.hstack([phi, np.zeros((len(freed), k))])
     elastic = squared != 0.0
     order = np.argsort(np.argsort(columns))
-    D = lowest_modes.drive_compliance[np.ix_(order, order)] - (phi[:, elastic] / squared[elastic]) @ phi[:, elastic].T
+    D = (
+        lowest_modes.drive_compliance[np.ix_(order, order)]
+        - (phi[:, elastic] / squared[elastic]) @ phi[:, elastic].T
+    )
     kinds = {d.name: drive_kind(d) for d in pose.model.scene.drives}
     inputs = tuple({"translation": "N", "rotation": "Nm"}.get(kinds[d], "SI") for d in freed)
     outputs = tuple({"mm": "m", "deg": "rad"}.get(DRIVE_VALUE_UNITS[kinds[d]][0], "SI") for d in freed)

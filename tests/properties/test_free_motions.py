@@ -27,12 +27,15 @@ def reaction_stage(*, spring=0.0, material=STEEL, carriages=1, plane="xy", massl
         for k in range(2):
             stage = scene.link(f"stage{c}{k}")
             scene.mass(
-                stage, mass=0.3 + 0.2 * k, inertia=(1e-4, 1e-4, 1e-4), at=at + (0.2 * k + 0.025, 0.06, 0)
+                stage,
+                mass=0.3 + 0.2 * k,
+                inertia=(1e-4, 1e-4, 1e-4),
+                at=at + np.array([0.2 * k + 0.025, 0.06, 0]),
             )
-            for x in (0.2 * k, 0.2 * k + 0.05):
+            for foot in at + np.array([[0.2 * k, 0, 0], [0.2 * k + 0.05, 0, 0]]):
                 leaf = ksd.rectangle(width=20 * mm, thickness=(0.3 + 0.1 * c) * mm)
                 scene.leaf(
-                    carriage, stage, start=at + (x, 0, 0), end=at + (x, 0.06, 0), section=leaf, material=material,
+                    carriage, stage, start=foot, end=foot + np.array([0, 0.06, 0]), section=leaf, material=material,
                     width_axis="z",
                 )  # fmt: skip
     return scene

@@ -4,6 +4,7 @@ from functools import partial
 
 import numpy as np
 from published import numbers
+from published_beams import inextensible
 from scenes import STEEL
 from scipy.optimize import brentq
 
@@ -86,7 +87,8 @@ def on_arms(kind):
 
 def beck(spring, mesh=None):
     """A force that follows the tip, and a lateral spring of `spring` EI/L^3: factors of what is added, and of its own."""
-    scene, tip = clamped()
+    # without stretch and shear, as the closed form
+    scene, tip = clamped(inextensible(ROD))
     for far in ((L, 100 * L, 0), (L, 0, 100 * L)) if spring else ():
         # from so far away that its direction does not turn
         ends = {"start": far, "end": (L, 0, 0)}

@@ -43,11 +43,45 @@ def test_a_loaded_column_loses_its_stability_at_the_multiplier():
 
 @pytest.mark.parametrize("length", [1e-6, 1e-3, 10.0])
 def test_critical_loads_of_a_bent_column_of_any_size(length):
-    """Free at its end, of micrometres to metres: Euler's loads of one, three and five quarter waves."""
+    """Free at its end, of micrometres to metres: Haringx' loads of one and three quarter waves."""
     scene, bent = ksd.Mechanism("column"), rectangle(length / 100, length / 5)
     tip, at = scene.link("tip"), (length, 0, 0)
     scene.leaf(scene.ground, tip, start=(0, 0, 0), end=at, section=bent, material=STEEL, width_axis="z")
     load = np.pi**2 / 4 * STEEL.E * bent.Iz / length**2
     scene.load(tip, force=(0, 1e-3 * load, 0), at=at)
     found = ksd.solve(scene).buckling("tip", force=(-load, 0, 0), at=at, count=2)
-    assert found.factor == pytest.approx([1.0, 9.0], rel=1e-5)
+    expected = [haringx(n * n * load, bent) / load for n in (1, 3)]
+    assert found.factor == pytest.approx(expected, rel=5e-6)
+
+
+def haringx(load, section):
+    """Critical load of a column whose critical load without stretch and shear is `load`, P (1 + P/GA - P/EA) = load:
+    Haringx, On highly compressible helical springs and rubber rods, Philips Research Reports 3 (1948)."""
+    soft = 1 / (section.ky * STEEL.G * section.A) - 1 / (STEEL.E * section.A)
+    return (np.sqrt(1 + 4 * load * soft) - 1) / (2 * soft)
+
+
+@pytest.mark.parametrize("slenderness", [30, 10, 3])
+def test_shear_lowers_critical_loads(slenderness):
+    """From rest, from half of the load, as a multiple of all stresses, and in the loaded state itself: one load."""
+    scene, thick = ksd.Mechanism("column", plane="xy"), rectangle(5e-3, 0.02)
+    length = slenderness * thick.thickness
+    at, tip = (length, 0, 0), scene.link("tip")
+    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=at, section=thick, material=STEEL)
+    bent = np.pi**2 / 4 * STEEL.E * thick.Iz / length**2
+    critical = haringx(bent, thick)
+    rest = ksd.solve(scene).buckling("tip", force=(-critical, 0, 0), at=at)
+    assert rest.positive == pytest.approx(1.0, rel=1e-7)
+    scene.load(tip, force=(-0.5 * critical, 0, 0), at=at)
+    half = ksd.solve(scene)
+    assert half.buckling("tip", force=(-0.5 * critical, 0, 0), at=at).positive == pytest.approx(1.0, rel=1e-7)
+    found = half.buckling().factor
+    assert 0.5 * found[0] == pytest.approx(1.0, rel=1e-7)
+    assert 0.5 * critical * found[1] == pytest.approx(haringx(9 * bent, thick), rel=1e-6)
+    for share, stable in ((1 - 1e-6, True), (1 + 1e-6, False)):
+        loaded = ksd.Mechanism("column", plane="xy")
+        end = loaded.link("tip")
+        loaded.leaf(loaded.ground, end, start=(0, 0, 0), end=at, section=thick, material=STEEL)
+        loaded.load(end, force=(-share * critical, 0, 0), at=at)
+        state = solve_conventional(compile_scene(loaded), {})
+        assert (state.negatives == state.expected_negatives) == stable
