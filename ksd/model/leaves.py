@@ -236,9 +236,16 @@ def leaf_modes(leaf: Any, mesh: Mesh) -> Modes:
     return make_modes(orders, max(6, max(orders) // 2), breaks=(0.0, *inner, 1.0), shape=softness)
 
 
+def mass_density(leaf: Any) -> float:
+    """Density [kg/m^3] by which sections and natural length of a leaf have its mass: less where heat has stretched it; zero
+    for a material without density."""
+    expansion: float = 1.0 if leaf.condition is None else leaf.condition.expansion
+    return (leaf.material.density or 0.0) / expansion
+
+
 def line_mass(leaf: Any, s: np.ndarray) -> np.ndarray:
-    """Mass per length (len(s),) [kg/m] of a leaf at fractions s of its length; zero for a material without density."""
-    density = leaf.material.density or 0.0
+    """Mass per natural length (len(s),) [kg/m] of a leaf at fractions s of it; zero for a material without density."""
+    density = mass_density(leaf)
     if leaf.profile is None:
         return np.full(len(s), density * leaf.section.A)
     return np.asarray(density * leaf.profile.sections(s).A)

@@ -21,6 +21,7 @@ from ksd.beam.strain_uncondensed import quadrature_points, strain_mass_root
 from ksd.errors import SceneError
 from ksd.model.arrays import STRAIN, State
 from ksd.model.compile import Model
+from ksd.model.leaves import mass_density
 from ksd.properties.cache import cached_per_model
 from ksd.properties.leaf_groups import (
     LeafFlexibility,
@@ -67,7 +68,7 @@ def leaf_line_mass(leaf: Any, s: Array) -> Array:
 
     Zero without a density.
     """
-    density, profile = leaf.material.density or 0.0, getattr(leaf, "profile", None)
+    density, profile = mass_density(leaf), leaf.profile
     sections = [leaf.section if profile is None else profile.section(float(x)) for x in s]
     return density * np.array([[q.A, q.Iy + q.Iz, q.Iy, q.Iz] for q in sections])
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -288,11 +288,11 @@ def leaf_conditions(
                 f"fit of leaf '{fit.leaf}': natural_length = {fit.natural_length:g} m is more than 10 % off its drawn "
                 f"length of {leaf.length:g} m; redraw the leaf."
             )
-        conditions[fit.leaf] = LeafCondition(
-            before.stretch * stretch,
-            before.natural_curvature,
-            _add(before.shift, fit.shift),
-            _add(before.turn, fit.turn),
+        conditions[fit.leaf] = replace(
+            before,
+            stretch=before.stretch * stretch,
+            shift=_add(before.shift, fit.shift),
+            turn=_add(before.turn, fit.turn),
         )
     return conditions
 
@@ -321,9 +321,10 @@ def _add_heat(before: LeafCondition, leaf: Any, heat: Heat, name: str) -> LeafCo
     if heat.through != 0.0 and not thickness > 0.0:
         raise SceneError(f"heat: leaf '{name}': its section has no thickness, which 'through' needs.")
     curvature = -alpha * heat.through / thickness if heat.through != 0.0 else 0.0
-    return LeafCondition(
-        before.stretch * (1.0 + alpha * heat.temperature),
-        before.natural_curvature + curvature,
-        before.shift,
-        before.turn,
+    longer = 1.0 + alpha * heat.temperature
+    return replace(
+        before,
+        stretch=before.stretch * longer,
+        expansion=before.expansion * longer,
+        natural_curvature=before.natural_curvature + curvature,
     )

@@ -36,12 +36,14 @@ from ksd.section import Section, circle
 class LeafCondition:
     """Deviation of an unloaded leaf from its drawing, by the heats and fits of a scene, and its plate and warping data.
 
-    stretch: natural over drawn length; natural_curvature [1/m]: about e3, added to the drawn one; shift (3,) [m] and turn
-    (3,) [rad]: pose of the clamp of end q relative to the drawn one, in leaf axes. plate_curvature [1/m]: curvature at which
+    stretch: natural over drawn length; expansion: the part of it that is by heat, which adds no mass. natural_curvature
+    [1/m]: about e3, added to the drawn one; shift (3,) [m] and turn (3,) [rad]: pose of the clamp of end q relative to the
+    drawn one, in leaf axes. plate_curvature [1/m]: curvature at which
     the plate stiffening is evaluated; torsion_factor: factor on GJ from restrained warping, 0 for that of the leaf alone.
     """
 
     stretch: float = 1.0
+    expansion: float = 1.0
     natural_curvature: float = 0.0
     shift: Vector = (0.0, 0.0, 0.0)
     turn: Vector = (0.0, 0.0, 0.0)

@@ -335,3 +335,49 @@ def test_buckling_load_added_to_the_weight():
     assert found[1] == pytest.approx(0.7, abs=0.02)
     assert found[2] == pytest.approx(0.4, abs=0.02)
     assert found[1] > 0.7 and found[2] > 0.4
+
+
+def heated_bar(kelvin, *, profile=None, natural_length=None):
+    """An aluminium bar along x with a massless link at its end, which follows its expansion without force."""
+    aluminium = ksd.Material(E=70e9, nu=0.33, density=2700, expansion=24e-6)
+    scene = ksd.Mechanism("bar")
+    scene.gravity = (0, -9.81, 0)
+    end = scene.link("end")
+    section = ksd.rectangle(2 * mm, 10 * mm)
+    scene.leaf(
+        scene.ground, end, start=(0, 0, 0), end=(0.1, 0, 0), section=section, material=aluminium,
+        width_axis="z", name="bar", profile=profile,
+    )  # fmt: skip
+    for axis in "yz":
+        scene.support(end, along=axis, at=(0.1, 0, 0))
+    for axis in "xyz":
+        scene.support(end, about=axis)
+    scene.actuate(end, along="x", at=(0.1, 0, 0), name="drive")
+    if kelvin:
+        scene.heat(kelvin)
+    if natural_length:
+        scene.fit("bar", natural_length=natural_length)
+    return scene
+
+
+@pytest.mark.parametrize(
+    "profile", [None, ksd.Taper((2 * mm, 3 * mm), (10 * mm, 8 * mm))], ids=("uniform", "tapered")
+)
+@pytest.mark.parametrize("mesh", [None, ksd.Mesh("corotational")], ids=("leaf", "chain"))
+def test_heat_adds_no_mass(mesh, profile):
+    """The held end carries what it carried cold; frequencies go as length^-1.5, for EI/(m L^3) of equal mass."""
+    kelvin, longer = 100.0, 1 + 24e-6 * 100
+    cold = ksd.solve(heated_bar(0, profile=profile), drive=0.0, mesh=mesh)
+    hot = ksd.solve(heated_bar(kelvin, profile=profile), drive=0.1 * (longer - 1), mesh=mesh)
+    held = "end.held"
+    # tension by the sag differs a little
+    assert hot.reactions[held] == pytest.approx(cold.reactions[held], rel=1e-6 if profile else 1e-9)
+    if mesh is None:
+        ratio = hot.frequencies(count=2).frequency_Hz / cold.frequencies(count=2).frequency_Hz
+        assert ratio == pytest.approx(longer**-1.5, rel=2e-5)
+        assert hot.verify().reactions[held] == pytest.approx(hot.reactions[held], rel=1e-9)
+
+
+def test_a_leaf_spring_made_longer_is_heavier():
+    made, drawn = (ksd.solve(heated_bar(0, natural_length=length), drive=5e-4) for length in (0.1005, None))
+    assert made.reactions["end.held"] == pytest.approx(1.005 * drawn.reactions["end.held"], rel=1e-4)
