@@ -79,7 +79,7 @@ def reference_and_rows(scene: Any, targets: dict[str, float]) -> tuple[Reference
     cases = compared_methods(scene, targets, Mesh(), ELEMENTS)
     shown = [case for case in cases if case.method not in OMITTED_METHODS]
     # on an empty kernel cache, chains and strain-mode leaves compile in parallel
-    with process_pool(spawn_context(scene, targets) or SpawnContext()) as others:
+    with process_pool(spawn_context(scene, targets) or SpawnContext(), 1) as others:
         pending = others.submit(extrapolated_reference, scene, targets)
         full = solve(scene, targets, method="full")
         reference = pending.result()

@@ -12,13 +12,19 @@ import pickle
 import signal
 import sys
 import threading
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+import traceback
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import active_children, parent_process
+from multiprocessing import parent_process
+from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
-from typing import Any
+from queue import SimpleQueue
+from typing import Any, TypeVar
+
+T = TypeVar("T")
 
 
 class _ProcessWithoutScript(SpawnProcess):
@@ -95,22 +101,83 @@ def _wait_for_parent() -> None:
         os._exit(1)
 
 
-@contextmanager
-def process_pool(context: SpawnContext, workers: int | None = None) -> Iterator[ProcessPoolExecutor]:
-    """A pool of `workers` processes, one per core when None.
+class ProcessPool(ThreadPoolExecutor):
+    """Threads that hand every task to a process over a pipe of its own; a task whose process ends raises
+    BrokenProcessPool.
 
-    On an exception (Ctrl-C) the processes are terminated at once, as the interpreter would wait for their tasks at its exit.
+    The other end of a pipe is open in its process only: when that ends, whatever it was writing, its thread reads the end
+    of the pipe. The queue that the processes of a `ProcessPoolExecutor` share has no end, so that half a message in it is
+    waited for for ever.
     """
-    others = active_children()
-    pool = ProcessPoolExecutor(
-        workers or os.cpu_count() or 1, mp_context=context, initializer=end_with_parent
-    )
+
+    def __init__(self, context: SpawnContext, workers: int) -> None:
+        super().__init__(workers)
+        self._workers: list[tuple[SpawnProcess, Connection]] = []
+        self._idle: SimpleQueue[Connection] = SimpleQueue()
+        for _ in range(workers):
+            ours, theirs = context.Pipe()
+            with theirs:
+                process = context.Process(target=_run_tasks, args=(theirs,), daemon=True)
+                process.start()
+            self._workers.append((process, ours))
+            self._idle.put(ours)
+
+    def submit(self, function: Callable[..., T], /, *arguments: Any) -> Future[T]:  # type: ignore[override]
+        """Run function(*arguments) in one of the processes."""
+        return super().submit(self._run, function, arguments)
+
+    def _run(self, function: Callable[..., T], arguments: tuple[Any, ...]) -> T:
+        pipe = self._idle.get()
+        try:
+            pipe.send((function, arguments))
+            result, error = pipe.recv()
+        except (EOFError, OSError) as reason:
+            raise BrokenProcessPool("a process ended while it worked on a task") from reason
+        finally:
+            self._idle.put(pipe)
+        if error is not None:
+            raise error
+        return result  # type: ignore[no-any-return]
+
+    def terminate(self) -> None:
+        """End all processes at once; their tasks raise BrokenProcessPool."""
+        for process, _ in self._workers:
+            process.terminate()
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """As any executor; processes end when their tasks are done."""
+        super().shutdown(wait, cancel_futures=cancel_futures)
+        if wait:
+            for process, pipe in self._workers:
+                pipe.close()
+                process.join()
+
+
+def _run_tasks(pipe: Connection) -> None:
+    """Answer tasks (function, arguments) with (result, None) or (None, error) until the other end is closed."""
+    end_with_parent()
+    while True:
+        try:
+            task = pipe.recv_bytes()
+        except (EOFError, OSError):
+            return
+        try:
+            function, arguments = pickle.loads(task)
+            answer = pickle.dumps((function(*arguments), None))
+        except Exception as error:
+            error.add_note(f"in a worker process:\n{traceback.format_exc()}")
+            answer = pickle.dumps((None, error))
+        pipe.send_bytes(answer)
+
+
+@contextmanager
+def process_pool(context: SpawnContext, workers: int | None = None) -> Iterator[ProcessPool]:
+    """A pool of `workers` processes, one per core when None; on an exception (Ctrl-C) they are terminated at once."""
+    pool = ProcessPool(context, workers or os.cpu_count() or 1)
     try:
         yield pool
     except BaseException:
-        for child in active_children():
-            if child not in others:
-                child.terminate()
+        pool.terminate()
         raise
     finally:
-        pool.shutdown(wait=False, cancel_futures=True)
+        pool.shutdown(cancel_futures=True)

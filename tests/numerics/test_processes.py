@@ -1,11 +1,15 @@
 """Processes started from a script without a guard do not run it again, leave Ctrl-C to it and end with it."""
 
+import math
 import os
+import pickle
 import signal
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import active_children
 
 import pytest
@@ -31,6 +35,20 @@ def own(x):
 if __name__ == "__main__":
     with ProcessPoolExecutor(1, mp_context=spawn_context(own)) as pool:
         print(pool.submit(own, 2.0).result(), __file__ is not None)
+"""
+GIVEN_UP = """
+import sys, time
+from ksd.numerics.processes import process_pool, spawn_context
+
+for wait in (0.0, 0.01, 0.02):
+    try:
+        with process_pool(spawn_context(bytes), 1) as pool:
+            pending = [pool.submit(bytes, 100_000_000) for _ in range(20)]
+            pending[0].result()
+            time.sleep(wait)
+            raise KeyboardInterrupt
+    except KeyboardInterrupt:
+        print(sum(future.done() for future in pending) == 20, flush=True)
 """
 KILLED = """
 import os, signal, time
@@ -69,17 +87,39 @@ def nothing():
 
 
 def test_a_pool_that_is_given_up_ends_its_processes():
+    """They would be waited for for an hour."""
     before = active_children()
-    with pytest.raises(KeyboardInterrupt), process_pool(spawn_context(nothing)) as pool:
+    with pytest.raises(KeyboardInterrupt), process_pool(spawn_context(nothing), 2) as pool:
         assert pool.submit(abs, -1).result() == 1
         own = [child for child in active_children() if child not in before]
-        for _ in own:
-            pool.submit(time.sleep, 3600)
+        given_up = [pool.submit(time.sleep, 3600) for _ in range(3)]
         raise KeyboardInterrupt
-    for child in own:
-        # the interpreter would wait an hour for them at its exit
-        child.join(60)
-    assert own and not any(child.is_alive() for child in own)
+    assert len(own) == 2 and not any(child.is_alive() for child in own)
+    assert given_up[2].cancelled()
+    with pytest.raises(BrokenProcessPool):
+        given_up[0].result()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="kills as POSIX does")
+def test_a_process_that_ends_while_it_writes_a_result_is_not_waited_for():
+    """Interrupted within results of 100 MB; fifty interrupted training runs: benchmarks/interrupts.py."""
+    done = subprocess.run([sys.executable, "-c", GIVEN_UP], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout.split()) == (0, ["True"] * 3), done.stderr
+
+
+def test_what_a_process_answers_instead_of_a_result():
+    """The error of the task, with where it was raised; that of what cannot be sent back; the end of the process."""
+    with process_pool(spawn_context(nothing), 1) as pool:
+        with pytest.raises(ValueError, match="math domain error") as told:
+            pool.submit(math.sqrt, -1.0).result()
+        assert "_run_tasks" in told.value.__notes__[0]
+        with pytest.raises(TypeError, match=r"cannot pickle '_thread\.lock'"):
+            pool.submit(threading.Lock).result()
+        with pytest.raises((AttributeError, pickle.PicklingError), match="local object"):
+            pool.submit(lambda: 0).result()
+        assert pool.submit(math.sqrt, 4.0).result() == 2.0
+        with pytest.raises(BrokenProcessPool, match="ended while it worked on a task"):
+            pool.submit(os._exit, 3).result()
 
 
 def handler_of_a_new_process():
