@@ -11,7 +11,7 @@ from typing import Any
 
 from rich.console import Console
 
-from ksd.errors import SceneError
+from ksd.errors import ConvergenceError, SceneError
 from ksd.files import check_target
 from ksd.library.result_files import write_result
 from ksd.properties.printing import TABLE_WIDTH
@@ -75,6 +75,16 @@ def write_table(table: Any, path: str | None) -> None:
     """Write a `ksd.Table` to `path`, if there is one."""
     if path is not None:
         getattr(table, TABLE_WRITERS[Path(path).suffix.lower()])(path)
+
+
+def require_answers(table: Any) -> None:
+    """Raise ConvergenceError where poses of a `ksd.Table` failed or are refused."""
+    failures = table.failures
+    if failures:
+        first = failures[0]["status"]
+        raise ConvergenceError(
+            f"{len(failures)} of {len(table)} poses have no full answer; the first: {first}"
+        )
 
 
 def write_json(numbers: dict[str, Any], path: str) -> None:

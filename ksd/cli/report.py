@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ksd.cli.output import console, interrupt_message
+from ksd.cli.output import console, interrupt_message, require_answers
 from ksd.cli.solve import effect_options, load_with_options, merged_options, solve_warm
 from ksd.design.questions import ALL_QUESTIONS, unanswerable_questions
 from ksd.design.report_page import ComparedSolve, report_page
@@ -56,6 +56,7 @@ def run(options: argparse.Namespace) -> int:
     console().print(
         f"{target}: {len(table)} poses, {len(table.failures)} without full answer", soft_wrap=True
     )
+    require_answers(table)
     return 0
 
 

@@ -8,10 +8,17 @@ from typing import Any
 import numpy as np
 
 from ksd.cli.commands import DEFAULT_POSES
-from ksd.cli.output import check_plot, check_table, console, interrupt_message, write_table
+from ksd.cli.output import (
+    check_plot,
+    check_table,
+    console,
+    interrupt_message,
+    require_answers,
+    write_table,
+)
 from ksd.cli.solve import chosen_mesh, drive_value, effect_options, load_with_options, merged_options
 from ksd.design.sweep import sweep
-from ksd.errors import ConvergenceError, SceneError
+from ksd.errors import SceneError
 
 
 def run(options: argparse.Namespace) -> int:
@@ -40,11 +47,7 @@ def run(options: argparse.Namespace) -> int:
     write_table(table, options.out)
     if options.plot:
         table.plot(path=options.plot)
-    if table.failures:
-        first = table.failures[0]["status"]
-        raise ConvergenceError(
-            f"{len(table.failures)} of {len(table)} poses have no full answer; the first: {first}"
-        )
+    require_answers(table)
     return 0
 
 

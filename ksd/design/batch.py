@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ksd.checks import clear_argument_errors, similar_name_hint, whole_number
+from ksd.checks import boolean, clear_argument_errors, similar_name_hint, whole_number
 from ksd.design.arguments import check_drives, check_executor, check_solve_options, drive_value_arrays
 from ksd.design.batch_solver import BatchSolver, scene_factories
 from ksd.design.design_scene import (
@@ -34,7 +34,7 @@ from ksd.errors import SceneError
 from ksd.model.mesh import Mesh
 from ksd.properties.printing import PrintableAnswer
 from ksd.scene.link import Link
-from ksd.solve.pose_batch import UNANSWERED
+from ksd.solve.pose_batch import REFUSED, UNANSWERED
 
 NOT_BUILT = 20
 """Status of all poses of a design that could not be prepared."""
@@ -50,12 +50,13 @@ class Batch(PrintableAnswer):
     """Results of D designs at N poses.
 
     forces: drive force or moment by drive name (D, N) [N, Nm]; positions (D, N, links, 3) [m] and rotations (D, N, links,
-    3, 3) of the links' reference points, in the order of `links`; motions: intended motion by joint (D, N) [rad, m];
-    status (D, N): 0 where solved, else see `failures`; numbers are nan where it is not 0. errors (D,): interpolation error
-    of tabulated joints, nan without. reasons: by design number for designs that could not be prepared, by design and pose
-    for poses with a question that was not answered. answers: of the questions, by column as in `ksd.sweep`, (D, N) each;
-    text where the column is one. compliance (D, N, 6, 6): motion [m, rad] of the point of the questions per unit force and
-    moment [N, Nm] on it, global axes (`PointStiffness`); None without the question "support_stiffness".
+    3, 3) of the links' reference points, in the order of `links`; motions: intended motion by joint (D, N) [rad, m]; status
+    (D, N): 0 where solved, else see `failures`; numbers are nan where it is not 0 (with strict=False, refused poses have
+    theirs). errors (D,): interpolation error of tabulated joints, nan without. reasons: by design number for designs that
+    could not be prepared, by design and pose for poses that `ksd.solve` would refuse (its sentence), or with a question
+    that was not answered. answers: of the questions, by column as in `ksd.sweep`, (D, N) each; text where the column is
+    one. compliance (D, N, 6, 6): motion [m, rad] of the point of the questions per unit force and moment [N, Nm] on it,
+    global axes (`PointStiffness`); None without the question "support_stiffness".
     """
 
     links: tuple[str, ...]
@@ -129,6 +130,7 @@ def batch(
     modes: int = 3,
     mesh: Mesh | None = None,
     extrapolate: bool = False,
+    strict: bool = True,
     threads: int | None = None,
     executor: Executor | None = None,
     **drives: ArrayLike,
@@ -139,11 +141,13 @@ def batch(
     parameters that returns one. Drive values [m or rad] by name, numbers or arrays of one length. tabulated: take the
     condensed joints from tables over their stroke, made once per design; it pays from some hundred poses on. questions,
     link, at, freed, modes: as in `ksd.sweep`, answered in `Batch.answers`; with "reduced" they are answered at the
-    equilibrium near the reduced state, as for a pose of `ksd.solve`; modes are numbered at every pose from the lowest. mesh:
-    when None the default one, with the curvature modes that are enough for the first design at its farthest pose.
-    relinearisations, extrapolate: as in `ksd.solve`. targets: drive values as a mapping. threads: cores when None. executor:
-    any concurrent.futures executor instead of threads; with processes, where Python works in parallel too, `mechanism` must
-    be a function they can import. Raises SceneError for bad input; designs, poses and questions that fail are in the result.
+    equilibrium near the reduced state, as for a pose of `ksd.solve`; modes are numbered at every pose from the lowest.
+    mesh: when None the default one, with the curvature modes that are enough for the first design at its farthest pose. A
+    pose that `ksd.solve(..., estimate=False)` would refuse has no answers, and its sentence for a reason; strict=False
+    answers it all the same (of tabulated joints the insides are not known, and not checked). relinearisations, extrapolate:
+    as in `ksd.solve`. targets: drive values as a mapping. threads: cores when None. executor: any concurrent.futures
+    executor instead of threads; with processes, where Python works in parallel too, `mechanism` must be a function they can
+    import. Raises SceneError for bad input; designs, poses and questions that fail are in the result.
     """
     check_solve_options(
         mesh=mesh, relinearisations=relinearisations, method=method, methods=("reduced", "full"),
@@ -166,6 +170,7 @@ def batch(
         "relinearisations": relinearisations,
         "tabulated": tabulated,
         "questions": parsed,
+        "strict": boolean(strict, "strict"),
     }
     points = design_parameters(mechanism, designs)
     if designs is None:
@@ -178,7 +183,9 @@ def batch(
         results = solver.solve(scene_factories(mechanism, points), workers)
     else:
         results = solver.solve_in(executor, mechanism, points)
-    return _combine(results, len(next(iter(values.values()))))
+    return _combine(
+        results, len(next(iter(values.values()))), kept=(0, UNANSWERED, *(() if strict else (REFUSED,)))
+    )
 
 
 def _equal_lengths(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -201,10 +208,11 @@ def _farthest_pose(
     return SweepPath(0, {}, scene, ({n: float(v[far]) for n, v in values.items()},), failure)
 
 
-def _combine(results: list[Any], count: int) -> Batch:
+def _combine(results: list[Any], count: int, kept: tuple[int, ...]) -> Batch:
     """The batch of all designs at `count` poses; results: a `DesignResult` each, or the error that prevented it.
 
-    Numbers are nan where a design or a pose was not solved. Raises SceneError where no design was.
+    Numbers are nan where a design or a pose has a status that is not in `kept`. Raises SceneError where no design was
+    solved.
     """
     first = next((r for r in results if isinstance(r, DesignResult)), None)
     if first is None:
@@ -221,7 +229,7 @@ def _combine(results: list[Any], count: int) -> Batch:
             reasons[d] = DIFFERENT_LAYOUT if isinstance(result, DesignResult) else str(result)
     for d, design in enumerate(designs):
         if design is not None:
-            reasons |= {(d, n): why for n, why in design.reasons.items()}
+            reasons |= {(d, n): why for n, why in (*design.reasons.items(), *design.refused.items())}
     status = np.array([np.full(count, NOT_BUILT) if design is None else design.status for design in designs])
     fields = ("force", "x", "R", "motion", *(("compliance",) if first.compliance is not None else ()))
     arrays: dict[str, np.ndarray] = {}
@@ -229,7 +237,7 @@ def _combine(results: list[Any], count: int) -> Batch:
         blank = np.full(getattr(first, field).shape, np.nan)
         parts = [blank if design is None else getattr(design, field) for design in designs]
         arrays[field] = np.array(parts, float)
-        arrays[field][(status != 0) & (status != UNANSWERED)] = np.nan
+        arrays[field][~np.isin(status, kept)] = np.nan
     force, motion = arrays["force"], arrays["motion"]
     return Batch(
         first.links,

@@ -35,7 +35,7 @@ from ksd.design.questions import (
 )
 from ksd.design.sweep import sweep_paths
 from ksd.design.sweep_path import Recipe, adequate_solver
-from ksd.errors import KinematicsError, SceneError
+from ksd.errors import KinematicsError, SceneError, TrustError
 from ksd.html import join_printed
 from ksd.model.mesh import Mesh
 from ksd.numerics.rotations import rotation_log
@@ -73,7 +73,8 @@ class Gradient(PrintableAnswer):
     poses: drive values and load case of each. point: derivative of the displacement [m] and rotation [rad] (poses, 6) of
     the point of the questions, by parameter. reasons: why there is no gradient, by column and pose; the slope is nan there.
     error_slopes: |g(h) - g(2h)| / 3 in the shape of `slopes`, or the difference of the one-sided slopes where there is a
-    kink; None without errors=True. heading: what the printed table holds.
+    kink; None without errors=True. heading: what the printed table holds. refused: by number of the pose, why `ksd.solve`
+    would refuse it (strict=False).
     """
 
     columns: tuple[str, ...]
@@ -86,6 +87,7 @@ class Gradient(PrintableAnswer):
     reasons: Mapping[tuple[str, int], str] = field(default_factory=dict)
     error_slopes: Array | None = None
     heading: str = "Gradient per SI unit"
+    refused: Mapping[int, str] = field(default_factory=dict)
 
     def _indices(self, key: Any) -> tuple[int, int]:
         """Indices of a column and a parameter. Raises as `__getitem__`."""
@@ -152,6 +154,8 @@ class Gradient(PrintableAnswer):
             ]
             title = f"{self.heading}{' at ' if where else ''}{where}"
             tables.append(format_table(("answer", "value", *self.parameters), rows, title))
+            if n in self.refused:
+                tables.append(self.refused[n])
         return join_printed(tables)
 
 
@@ -173,6 +177,7 @@ def gradient(
     accuracy: float | None = None,
     mesh: Mesh | None = None,
     extrapolate: bool = False,
+    strict: bool = True,
     effects: str | Iterable[str] = "auto",
     with_: str | Iterable[str] = (),
     without: str | Iterable[str] = (),
@@ -192,11 +197,12 @@ def gradient(
     from the lowest.
 
     Raises SceneError for unknown names, a parameter that changes more than numbers, and reduced bodies; KsdError of the
-    pose that fails.
+    pose that fails; TrustError of a pose that `ksd.solve` would refuse, which strict=False differentiates all the same: then
+    `Gradient.refused` has the reason.
     """
     selected = replace(parse_questions(questions, link, at, freed, modes=modes, errors=False), detailed=True)
     recipe = Recipe(
-        selected, method=method, accuracy=accuracy, relinearisations=0, mesh=mesh, extrapolate=extrapolate,
+        selected, method=method, accuracy=accuracy, relinearisations=0, mesh=mesh, extrapolate=extrapolate, strict=strict,
         effects=(("effects", effects), ("with_", with_), ("without", without)),
     )  # fmt: skip
     boolean(errors, "errors")
@@ -206,20 +212,26 @@ def gradient(
         design, values, designs, loads, together=boolean(together, "together"), call=gradient
     )
 
+    reasons: list[str] = []
+
     def solved() -> Iterator[SolvedPoses]:
         for path in paths:
             if path.scene is None:
                 raise SceneError(path.failure)
             solver = adequate_solver(path, recipe, None)
             case = {"load_case": path.labels["load_case"]} if loads else {}
-            yield SolvedPoses(
-                path.scene,
-                [solver.solve(v) for v in path.drive_values],
-                [{**case, **v} for v in path.drive_values],
-            )
+            poses = []
+            for v in path.drive_values:
+                pose, reason = solver.judge(v)
+                if reason and strict:
+                    raise TrustError(reason, reached=1.0, result=pose)
+                reasons.append(reason)
+                poses.append(pose)
+            yield SolvedPoses(path.scene, poses, [{**case, **v} for v in path.drive_values])
 
     function = design if callable(design) else None
-    return gradient_at(solved(), selected, function, at_design, by=by, sizes=sizes, errors=errors)
+    found = gradient_at(solved(), selected, function, at_design, by=by, sizes=sizes, errors=errors)
+    return replace(found, refused={n: reason for n, reason in enumerate(reasons) if reason})
 
 
 class SolvedPoses(NamedTuple):

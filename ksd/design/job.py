@@ -777,7 +777,7 @@ def _solved_design(result: DesignResult | KsdError, pose_count: int) -> _SolvedD
     if not len(failed):
         return _SolvedDesign(result.rows, OK, result.poses)
     n = int(failed[0])
-    reason = result.reasons.get(n) or status_sentence(int(result.status[n]))
+    reason = result.refused.get(n) or result.reasons.get(n) or status_sentence(int(result.status[n]))
     return _SolvedDesign(result.rows, reason, result.poses)
 
 

@@ -4,11 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from ksd.design.questions import PoseAnalysis, Questions, Row, answer_batch, answer_questions
+from ksd.design.questions import (
+    POSE_ERRORS,
+    PoseAnalysis,
+    Questions,
+    Row,
+    answer_batch,
+    answer_questions,
+)
 from ksd.design.sweep_path import error_sentence
 from ksd.errors import SceneError
 from ksd.model.arrays import State, Workspace, make_workspace
@@ -20,14 +28,18 @@ from ksd.solve.error import converge_fast_state
 from ksd.solve.five_step_solver import FiveStepSolver
 from ksd.solve.joint_tables import joint_tables
 from ksd.solve.pose_batch import (
+    REFUSED,
     STATUS_MESSAGES,
     UNANSWERED,
     UNSTABLE,
+    Judged,
     PoseArrays,
     solve_poses,
     solve_tabulated_poses,
 )
+from ksd.solve.solver import DEFAULT_ACCURACY, Solver
 from ksd.solve.steps import Step, Stop
+from ksd.solve.verdict import refusal, with_mesh_check
 
 SOLVED = (Step("in a batch", 0, 0.0, 0.0, Stop.CONVERGED),)
 """Solver steps of the configurations in a batch: questions are answered at equilibria only."""
@@ -53,7 +65,8 @@ class DesignResult:
 
     drives: names of the rows of `force`; joints: names of the columns of `motion` [rad, m]. error: interpolation error of
     tabulated joints, nan without. rows (N): answers by column. reasons: of questions without an answer, by pose.
-    compliance (N, 6, 6): of the point of the questions, None without "support_stiffness". deferred: poses for
+    refused: why `ksd.solve` would refuse a pose. compliance (N, 6, 6): of the point of the questions, None without
+    "support_stiffness". deferred: poses for
     `answer_deferred`. poses: the solved configurations, if they are kept.
     """
 
@@ -68,6 +81,7 @@ class DesignResult:
     error: float = np.nan
     rows: list[Row] = field(default_factory=list)
     reasons: dict[int, str] = field(default_factory=dict)
+    refused: dict[int, str] = field(default_factory=dict)
     compliance: np.ndarray | None = None
     deferred: list[DeferredPose] = field(default_factory=list)
     poses: list[Configuration] = field(default_factory=list)
@@ -83,7 +97,8 @@ class PreparedDesign:
 
     method: "reduced" or "full". tabulated: joints are interpolated in tables over their stroke. keep_configurations: they
     are in `DesignResult.poses`. equilibrate: configurations hold the equilibrium near the answer of the method, which is
-    where questions are answered in any case. Raises SceneError for a mesh with plate stiffening and for invalid questions.
+    where questions are answered in any case. strict: a pose that `ksd.solve` would refuse without an error estimate has no
+    answers. Raises SceneError for a mesh with plate stiffening and for invalid questions.
     """
 
     def __init__(
@@ -96,6 +111,7 @@ class PreparedDesign:
         questions: Questions | None = None,
         keep_configurations: bool = False,
         equilibrate: bool = False,
+        strict: bool = True,
     ) -> None:
         if solver.model.mesh.plate:
             raise SceneError(
@@ -103,7 +119,7 @@ class PreparedDesign:
                 "ksd.sweep, or leave 'plate' out of what the scene considers"
             )
         self.solver, self.method, self.relinearisations = solver, method, relinearisations
-        self.keep_configurations, self.equilibrate = keep_configurations, equilibrate
+        self.keep_configurations, self.equilibrate, self.strict = keep_configurations, equilibrate, strict
         self.questions = questions if questions is not None and questions.names else None
         if self.questions is not None:
             # these raise SceneError for names that are not there, before anything is solved
@@ -131,17 +147,62 @@ class PreparedDesign:
         error = self.tables.error if self.tables else np.nan
         result = DesignResult(*names, force, x, R, motion, status, error)
         gap = self.solver.gap
+
+        def judge(pose: Judged) -> int:
+            reason = self._refusal(targets[pose.n], pose)
+            if reason:
+                result.refused[pose.n] = reason
+            return REFUSED if reason else 0
+
         if self.tables is None:
             answer = (
                 None if self.questions is None else _QuestionsOfPoses(self, self.questions, targets, result)
             )
-            solve_poses(b, targets, self.method, self.relinearisations, gap, self._limits, arrays, answer)
+            settings = self.method, self.relinearisations, gap, self._limits
+            solve_poses(b, targets, *settings, arrays, judge, answer)
         else:
             t = self.tables
             limits = np.column_stack([self._limits, t.limits])
-            solve_tabulated_poses(b, t.cubic, t.table, targets, gap, limits, arrays)
+            solve_tabulated_poses(b, t.cubic, t.table, targets, gap, limits, arrays, judge)
+            self._judge_tabulated(targets, result)
         result.motion = motion * b.bodies.motion_scale
         return result
+
+    @cached_property
+    def _full_solver(self) -> Solver:
+        """A solver as `ksd.solve` has, with the same five steps."""
+        solver = Solver(self.solver.model, extrapolate=self.solver.extrapolate)
+        solver.five_steps = self.solver
+        return solver
+
+    def _refusal(self, target: np.ndarray, pose: Judged) -> str:
+        """The sentence with which `ksd.solve` would refuse a converged pose, whose state is in the storage; empty where it
+        would not."""
+        return "" if self.solver.is_evidently_solved(target, pose) else self._full_refusal(target)
+
+    def _judge_tabulated(self, targets: np.ndarray, result: DesignResult) -> None:
+        """Judge the insides of joints, which tables do not know: at the largest drive values and at the largest forces, and
+        at all poses where one of these is refused."""
+        solved = np.flatnonzero(result.status == 0)
+        sizes = (np.linalg.norm(values[solved], axis=1) for values in (targets, result.force))
+        extremes = {int(solved[size.argmax()]) for size in sizes if len(solved)}
+        if any(self._full_refusal(targets[n]) for n in extremes):
+            for n in solved.tolist():
+                reason = self._full_refusal(targets[n])
+                if reason:
+                    result.refused[n], result.status[n] = reason, REFUSED
+
+    def _full_refusal(self, target: np.ndarray) -> str:
+        """`_refusal` by the five steps and all checks."""
+        values = dict(zip(self.solver.model.drive_names, target.tolist(), strict=False))
+        try:
+            found = self._full_solver.answer(
+                values, method=self.method, accuracy=DEFAULT_ACCURACY, relinearisations=self.relinearisations,
+                estimate=False,
+            )  # fmt: skip
+            return refusal(with_mesh_check(found, DEFAULT_ACCURACY))
+        except POSE_ERRORS as reason:
+            return error_sentence(reason)
 
 
 class _QuestionsOfPoses:
@@ -167,9 +228,11 @@ class _QuestionsOfPoses:
         at_equilibrium = self.design.method != "reduced" or not (
             self.only_stiffness and self._is_near_intended_motion()
         )
+        if n in self.result.refused and self.design.strict:
+            return 0
         if self.design.method == "reduced" and at_equilibrium:
             status, equilibrium = _equilibrium_near(b.model, state, target, b.full_work)
-            if status:
+            if status and not (status == UNSTABLE and n in self.result.refused):
                 return status
         shown = equilibrium if self.design.equilibrate else state
         analysis = PoseAnalysis(self._configuration(shown, equilibrium, target))
@@ -217,12 +280,18 @@ def status_sentence(code: int) -> str:
 
 def _status_of_answers(result: DesignResult, n: int, failures: Mapping[str, Exception]) -> int:
     """Add to `result` why questions of pose n were not answered; returns the status of the pose."""
+    if n in result.refused:
+        result.refused[n] = "; ".join([result.refused[n], *_failure_sentences(failures)])
+        return REFUSED
     if failures:
         earlier = [result.reasons[n]] if n in result.reasons else []
-        result.reasons[n] = "; ".join(
-            [*earlier, *(f"{q}: {error_sentence(why)}" for q, why in failures.items())]
-        )
+        result.reasons[n] = "; ".join([*earlier, *_failure_sentences(failures)])
     return UNANSWERED if n in result.reasons else 0
+
+
+def _failure_sentences(failures: Mapping[str, Exception]) -> list[str]:
+    """Why questions were not answered."""
+    return [f"{question}: {error_sentence(why)}" for question, why in failures.items()]
 
 
 def answer_deferred(designs: Sequence[DesignResult], questions: Questions) -> None:
@@ -237,7 +306,7 @@ def answer_deferred(designs: Sequence[DesignResult], questions: Questions) -> No
         again = []
         batch_answers = answer_batch([deferred.analysis for _, deferred in waiting], questions)
         for (result, (n, pose, at_equilibrium)), known in zip(waiting, batch_answers, strict=True):
-            if not (at_equilibrium or known.stable):
+            if not (at_equilibrium or known.stable or n in result.refused):
                 model = pose.model
                 target, work = model.targets(pose.targets), make_workspace(model.arrays)
                 result.status[n], equilibrium = _equilibrium_near(model, pose.motion, target, work)

@@ -84,6 +84,7 @@ def sweep(
     relinearisations: int = 0,
     mesh: Mesh | None = None,
     extrapolate: bool = False,
+    strict: bool = True,
     effects: str | Iterable[str] = "auto",
     with_: str | Iterable[str] = (),
     without: str | Iterable[str] = (),
@@ -108,15 +109,16 @@ def sweep(
     question with the error of its answers, that of method and mesh, at several times the cost. executor: any
     concurrent.futures.Executor; without one, this process or, for many poses, a pool of processes. method, accuracy, mesh,
     relinearisations, extrapolate, effects, with_, without: as in `ksd.solve`. targets: drive values as a mapping. resume: a
-    file that keeps finished paths; give it again to continue. progress: show a progress bar. A pose that fails is a row
-    whose `status` gives the reason.
+    file that keeps finished paths; give it again to continue. progress: show a progress bar. A pose that fails, or that
+    `ksd.solve` would refuse, is a row without answers whose `status` gives the reason; with strict=False a refused pose is
+    answered, and its status still gives the reason.
 
     Raises SceneError for invalid input before any solve; SweepInterrupted (a KeyboardInterrupt with `.table`) on Ctrl-C.
     """
     recipe = Recipe(
         parse_questions(ALL_QUESTIONS if questions is None else questions, link, at, freed, modes=modes, errors=errors),
         method=method, accuracy=accuracy, relinearisations=relinearisations, mesh=mesh, extrapolate=extrapolate,
-        effects=(("effects", effects), ("with_", with_), ("without", without)),
+        strict=strict, effects=(("effects", effects), ("with_", with_), ("without", without)),
     )  # fmt: skip
     check_executor(executor)
     boolean(together, "together")

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ksd.checks import boolean
 from ksd.design.arguments import check_solve_options
 from ksd.design.questions import (
     NOT_ANSWERED,
@@ -33,9 +34,8 @@ from ksd.properties.mesh_adequacy import mode_adequacy
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import solve_conventional
 from ksd.solve.plate_stiffening import solve_with_plate_factors
-from ksd.solve.pose_batch import STATUS_MESSAGES, UNSTABLE
-from ksd.solve.solver import DEFAULT_ACCURACY, MAX_RISES, METHODS, Method, Solver
-from ksd.solve.verdict import with_mesh_check
+from ksd.solve.solver import DEFAULT_ACCURACY, MAX_RISES, METHODS, Method, Solver, solve
+from ksd.solve.verdict import is_solved, refusal, with_mesh_check
 
 Row = dict[str, Any]
 DrivePaths = list[tuple[dict[str, float], ...]]
@@ -48,8 +48,8 @@ CHUNK = 32
 class Recipe:
     """How every pose is solved, and the questions about it; see `ksd.sweep`.
 
-    with_verdict: rows hold stability, method and warnings, and modes keep their names along a path. Without it a pose that
-    is not stable has no answers, and its modes are named as in `Modes.names`. Raises SceneError for invalid options.
+    with_verdict: rows hold stability, method and warnings, and modes keep their names along a path; else they are named as
+    in `Modes.names`. strict: a pose that `ksd.solve` would refuse has no answers. Raises SceneError for invalid options.
     """
 
     questions: Questions
@@ -60,19 +60,21 @@ class Recipe:
     extrapolate: bool = False
     effects: tuple[tuple[str, Any], ...] = ()
     with_verdict: bool = True
+    strict: bool = True
 
     def __post_init__(self) -> None:
         check_solve_options(
             mesh=self.mesh, relinearisations=self.relinearisations, accuracy=self.accuracy, method=self.method,
             methods=METHODS, extrapolate=self.extrapolate,
         )  # fmt: skip
+        boolean(self.strict, "strict")
 
     def fingerprint_text(self) -> str:
         """Text of the recipe in the fingerprint of a resume file; it must not change, or old files are refused."""
         return (
             f"Recipe(asked={self.questions.fingerprint_text()}, method={self.method!r}, accuracy={self.accuracy!r}, "
             f"relinearisations={self.relinearisations!r}, mesh={self.mesh!r}, extrapolate={self.extrapolate!r}, "
-            f"effects={self.effects!r}, judged={self.with_verdict!r})"
+            f"effects={self.effects!r}, judged={self.with_verdict!r}, strict={self.strict!r})"
         )
 
 
@@ -152,8 +154,33 @@ class PathSolver:
             values, method=r.method, accuracy=r.accuracy, relinearisations=r.relinearisations, strict=False
         )
 
+    def judge(self, values: Mapping[str, float]) -> tuple[Configuration, str]:
+        """The configuration at drive values by name [m or rad], and the sentence with which `ksd.solve` would refuse it,
+        empty where it would not. Raises what `ksd.solve` raises."""
+        r, pose = self.recipe, self.solve(values)
+        reason = refusal(pose)
+        if reason and r.mesh is None and not pose.mesh_adequacy.missed_share <= self.accuracy:
+            # on a coarse mesh a state may falsely seem unstable or on another branch
+            pose = solve(
+                self.solver.model.original_scene, values, method=r.method, accuracy=r.accuracy, strict=False,
+                relinearisations=r.relinearisations, extrapolate=r.extrapolate, **dict(r.effects),
+            )  # fmt: skip
+            reason = refusal(pose)
+            self.continue_from(pose)
+        if reason:
+            self.continue_from(None)
+        return pose, reason
+
+    @property
+    def accuracy(self) -> float:
+        """The relative accuracy of the recipe."""
+        return self.recipe.accuracy or DEFAULT_ACCURACY
+
     def continue_from(self, pose: Configuration | None) -> None:
-        """Start the next pose of method "conventional" from `pose`, from the undeformed configuration when None."""
+        """Start the next pose of method "conventional" from `pose`, from the undeformed configuration when None, or when it
+        is on another mesh."""
+        if pose is not None and pose.motion.inner.shape != self.solver.model.rest.inner.shape:
+            pose = None
         if self.recipe.method == "conventional":
             self.previous = pose
 
@@ -166,20 +193,21 @@ class PathSolver:
             self.previous = previous
 
     def _solve_conventional(self, values: Mapping[str, float]) -> Configuration:
-        """Solve from the previous pose, or from the undeformed configuration where that does not converge."""
+        """Solve from the previous pose, or as `ksd.solve` does where that leads to no solved state."""
 
         def solve_with(solver: Solver) -> Configuration:
             if self.previous is not None:
-                try:
-                    return solve_conventional(
+                with suppress(ConvergenceError):
+                    found = solve_conventional(
                         solver.model, values, start=self.previous, planar=solver.in_plane
                     )
-                except ConvergenceError:
-                    self.previous = None
-            return solve_conventional(solver.model, values, planar=solver.in_plane)
+                    if is_solved(found):
+                        return found
+                self.previous = None
+            return solver.by_load_steps(values)
 
-        accuracy = self.recipe.accuracy or DEFAULT_ACCURACY
-        return with_mesh_check(solve_with_plate_factors(self.solver, solve_with, 0.1 * accuracy)[0], accuracy)
+        found, _ = solve_with_plate_factors(self.solver, solve_with, 0.1 * self.accuracy)
+        return with_mesh_check(found, self.accuracy)
 
 
 def adequate_solver(path: SweepPath, recipe: Recipe, solver: Solver | None) -> PathSolver:
@@ -203,7 +231,7 @@ def adequate_solver(path: SweepPath, recipe: Recipe, solver: Solver | None) -> P
                 break
             path_solver.cache[frozenset(values.items())] = pose
             share, _, axis, _ = mode_adequacy(pose.model, pose.motion)
-            if share <= (recipe.accuracy or DEFAULT_ACCURACY):
+            if share <= path_solver.accuracy:
                 break
             finer = raise_order(path_solver.solver.model.mesh, axis)
             path_solver = PathSolver(Solver(path.scene, mesh=finer, **options), recipe)
@@ -230,8 +258,9 @@ def run_path(
 ) -> Solver | None:
     """Solve the poses of a path and answer the questions at each.
 
-    A row per pose is appended to `rows`, and each configuration to `poses`, if given. solver: one of the same scene.
-    Returns the solver, for the next path of that scene; None where there is none.
+    A row per pose is appended to `rows`, and each configuration to `poses`, if given. The status of a pose that `ksd.solve`
+    would refuse is its sentence. solver: one of the same scene. Returns the solver, for the next path of that scene; None
+    where there is none.
     """
     if path.scene is None:
         rows.extend(unanswered_rows(path, path.failure))
@@ -246,7 +275,8 @@ def run_path(
         results = [
             _pose_or_reason(path_solver, values) for values in path.drive_values[first : first + CHUNK]
         ]
-        solved, last = [pose for pose in results if not isinstance(pose, str)], path_solver.previous
+        solved = [r[0] for r in results if not isinstance(r, str) and not (r[1] and recipe.strict)]
+        last = path_solver.previous
         if poses is not None:
             poses += solved
         # with error figures, every question is answered by itself
@@ -255,36 +285,36 @@ def run_path(
             if recipe.questions.errors
             else answer_batch(solved, recipe.questions)
         )
-        for values, pose in zip(path.drive_values[first:], results, strict=False):
+        for values, result in zip(path.drive_values[first:], results, strict=False):
             row = row_labels(path, values)
-            if isinstance(pose, str):
-                rows.append(row | {STATUS: pose})
+            if isinstance(result, str):
+                rows.append(row | {STATUS: result})
+                continue
+            pose, refused = result
+            verdict = {}
+            if recipe.with_verdict:
+                verdict = {
+                    "stable": float(pose.stable), "method": pose.method, "warnings": "; ".join(pose.warnings),
+                }  # fmt: skip
+            if refused and recipe.strict:
+                rows.append(row | verdict | {STATUS: refused})
                 continue
             batch_rows = next(batch_answers).rows
-            if not recipe.with_verdict and pose.negatives != pose.expected_negatives:
-                rows.append(row | {STATUS: STATUS_MESSAGES[UNSTABLE]})
-                continue
             path_solver.continue_from(pose)
             analysis = PoseAnalysis(pose, previous if recipe.with_verdict else PreviousPose())
             answers = answer_questions(analysis, recipe.questions, batch_rows)
             previous = answers.previous
-            row |= answers.row
-            if recipe.with_verdict:
-                row |= {
-                    "stable": float(pose.stable),
-                    "method": pose.method,
-                    "warnings": "; ".join(pose.warnings),
-                }
-            failures = "; ".join(f"{name}: {error_sentence(why)}" for name, why in answers.failures.items())
-            rows.append(row | {STATUS: failures or OK})
+            failures = [f"{name}: {error_sentence(why)}" for name, why in answers.failures.items()]
+            status = "; ".join(filter(None, [refused, *failures])) or OK
+            rows.append(row | answers.row | verdict | {STATUS: status})
         path_solver.continue_from(last)
     return path_solver.solver
 
 
-def _pose_or_reason(path_solver: PathSolver, values: Mapping[str, float]) -> Configuration | str:
-    """The configuration at drive values, or why there is none."""
+def _pose_or_reason(path_solver: PathSolver, values: Mapping[str, float]) -> tuple[Configuration, str] | str:
+    """`PathSolver.judge` at drive values, or why there is no configuration."""
     try:
-        return path_solver.solve(values)
+        return path_solver.judge(values)
     except POSE_ERRORS as reason:
         return error_sentence(reason)
 

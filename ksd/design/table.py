@@ -24,6 +24,7 @@ from ksd.files import write_csv, write_file
 from ksd.html import NotebookTables
 from ksd.library.result_files import read_columns, write_columns
 from ksd.properties.printing import TABLE_WIDTH, format_number, render_text
+from ksd.solve.verdict import NOT_SOLVED, NOT_TRUSTED
 from ksd.view import plot_stroke, save_figure
 
 if TYPE_CHECKING:
@@ -99,8 +100,9 @@ class Table(NotebookTables):
         return list(values) if any(isinstance(v, str) for v in values) else np.array(values, float)
 
     def __repr__(self) -> str:
-        bad = len(self.failures)
-        return f"<Table of '{self.name}': {len(self)} rows, {len(self.columns)} columns, {bad} failed>"
+        refused = len(self.refused)
+        failed = f"{len(self.failures) - refused} failed{f', {refused} refused' if refused else ''}"
+        return f"<Table of '{self.name}': {len(self)} rows, {len(self.columns)} columns, {failed}>"
 
     def __str__(self) -> str:
         return render_text(*self._excerpt())
@@ -210,9 +212,14 @@ class Table(NotebookTables):
 
     @property
     def failures(self) -> list[dict[str, Any]]:
-        """Labels and status of the rows without full answers."""
+        """Labels and status of the rows without full answers, and of the refused ones."""
         names = (*self.labels, STATUS)
         return [{n: row[n] for n in names} for row in self.rows() if row[STATUS] != OK]
+
+    @property
+    def refused(self) -> list[dict[str, Any]]:
+        """Those of the `failures` that `ksd.solve` would refuse: an equilibrium was found, but it is not to be trusted."""
+        return [row for row in self.failures if row[STATUS].startswith((NOT_SOLVED, NOT_TRUSTED))]
 
     @clear_argument_errors
     def where(self, **labels: float | str) -> Table:

@@ -15,9 +15,11 @@ import numpy as np
 from ksd.bodies.joints import JointBodies
 from ksd.bodies.mobility import MotionCompatibility, check_mobility
 from ksd.errors import ConvergenceError, KinematicsError
+from ksd.model.arrays import carries_load
 from ksd.model.compile import Model
 from ksd.numerics.stopwatch import Stopwatch
-from ksd.solve.branch_check import slow_step_doubts
+from ksd.properties.mesh_adequacy import mode_adequacy
+from ksd.solve.branch_check import FEW_ITERATIONS, MANY_ITERATIONS, loads_dominate, slow_step_doubts
 from ksd.solve.configuration import Configuration
 from ksd.solve.five_steps import (
     FiveStepsStorage,
@@ -26,10 +28,12 @@ from ksd.solve.five_steps import (
     run_five_steps,
 )
 from ksd.solve.joint_motions import stored_joint_motions
-from ksd.solve.method_error import error_to_stored_state, estimate_error
+from ksd.solve.joint_range import is_far_off
+from ksd.solve.method_error import error_to_stored_state, estimate_error, full_model_negatives
 from ksd.solve.nonconservative_stability import count_unstable_directions
-from ksd.solve.steps import Step, Stop
-from ksd.solve.verdict import check_trained_range
+from ksd.solve.pose_batch import Judged
+from ksd.solve.steps import Step, Stop, equilibrium_steps
+from ksd.solve.verdict import MAX_HIGHEST_MODE_SHARE, MAX_TURN_PER_POINT, check_trained_range
 
 CLOSURE_TOLERANCE = 2e-3
 """Largest gap of a closed loop over the size of the mechanism: overconstrained joints never fit exactly, which their
@@ -102,15 +106,37 @@ class FiveStepSolver:
             # condensed joints cannot buckle: the inertia is that of the full model at the recovered state
             error, step, negatives = estimate_error(b, target, relinearised=relinearisations > 0)
             steps.append(step)
+        elif method == "reduced":
+            negatives = full_model_negatives(b, target)
         if method != "kinematic" and steps[-1].stop is Stop.CONVERGED:
             negatives = count_unstable_directions(self.model, b.full_state, 1.0, negatives)
-        doubts = slow_step_doubts(s for s in steps if s.name[0] in "35")
+        doubts = slow_step_doubts(equilibrium_steps(steps))
         found = Configuration(
             self.model, b.full_state.copy(), method, dict(values), tuple(steps), negatives=negatives,
             expected_negatives=self._expected, joint_motions=joint_motions, method_error=error,
             notes=(*notes, *self._assembly_note(steps[0].residual)), doubts=doubts, joints_near_intended=near_intended == 1,
         )  # fmt: skip
         return self._with_error(found, target) if estimate and method == "kinematic" else found
+
+    def is_evidently_solved(self, target: np.ndarray, pose: Judged) -> bool:
+        """Whether a converged pose of a batch, whose state is in the storage, is solved without doubt: a minimum of energy,
+        all joints near their intended motion, found in few iterations, its leaf springs resolved by their modes.
+
+        Of tabulated joints the state inside is not known, and not checked.
+        """
+        b, model = self.storage, self.model
+        if pose.negatives != self._expected or pose.iterations > MANY_ITERATIONS or not model.conservative:
+            return False
+        if not pose.steps:
+            few = pose.iterations <= FEW_ITERATIONS or not carries_load(model.arrays)
+            return few and not is_far_off(b.unintended, b.bodies.kinematics.length, 0)
+        if b.checks[1] != 1 or loads_dominate(model, b.full_state, target, pose.iterations):
+            return False
+        share, _, _, turn = mode_adequacy(model, b.full_state)
+        if share > MAX_HIGHEST_MODE_SHARE or turn >= MAX_TURN_PER_POINT:
+            return False
+        is_full = pose.steps[-1].name.startswith("5")
+        return is_full or full_model_negatives(b, target) == self._expected
 
     def _assembly_note(self, gap: float) -> tuple[str, ...]:
         """The warning about the gap [m] that the leaf springs take up, where intended motions do not fit together."""

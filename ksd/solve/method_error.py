@@ -43,6 +43,13 @@ def estimate_error(
     return error, Step("error estimate", count, clock(), residual, stop), negatives
 
 
+def full_model_negatives(b: FiveStepsStorage, target: np.ndarray) -> int:
+    """Negative pivots of the full model at the full state in storage: those of condensed joints miss leaf springs that
+    buckle inside a joint, or out of the plane."""
+    _, negatives, _ = check_residual(b.model.arrays, b.full_state, target, 1.0, b.full_work)
+    return int(negatives)
+
+
 Corrections = Generator[tuple[ErrorEstimate, ErrorEstimate], None, None]
 """Corrector steps after the first: (the step, the sum of all steps)."""
 

@@ -1,14 +1,14 @@
 """Solve many poses of one design, for batches.
 
 Every pose starts from rest, as a single solve does (a tabulated one from its neighbour where that is near), and gets a
-status: solved, or why not. `solve_tabulated_poses` takes the condensed joints from a table over their stroke
-(`ksd.solve.joint_tables`) instead of step 2, and does not recover their substructures.
+status: solved, or why not; `judge` gives it the verdict of `ksd.solve`. `solve_tabulated_poses` takes the condensed joints
+from a table over their stroke (`ksd.solve.joint_tables`) instead of step 2, and does not recover their substructures.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,16 +19,17 @@ from ksd.model.newton import CONVERGED, RTOL, solve_equilibrium
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotate, rotation_log
 from ksd.solve.five_steps import CONDENSED_SIZE, FiveStepsStorage, close_joints, run_five_steps
-from ksd.solve.joint_range import is_far_off, is_outside
+from ksd.solve.joint_range import is_outside
+from ksd.solve.steps import Step, equilibrium_iterations
 
-LOCKED, OUT_OF_RANGE, UNSTABLE, FAR_OFF, UNANSWERED = 10, 11, 12, 13, 14
+LOCKED, OUT_OF_RANGE, UNSTABLE, REFUSED, UNANSWERED = 10, 11, 12, 13, 14
 """Statuses of a pose beyond those of `ksd.solve.steps.Stop`."""
 STATUS_MESSAGES = {
     LOCKED: "the joints cannot reach this pose by their intended motions",
     OUT_OF_RANGE: "a joint would leave its trained range",
-    UNSTABLE: "the state found is not a minimum of energy",
+    UNSTABLE: "the equilibrium next to the state found is not a minimum of energy",
+    REFUSED: "the state found is not to be trusted",
     UNANSWERED: "a question was not answered",
-    FAR_OFF: "a joint is too far off its intended motion to be the state its record describes",
 }
 MAX_WARM_ITERATIONS, MAX_ITERATIONS = 4, 25
 """Newton iterations from the offset of the pose before, and from the kinematic pose."""
@@ -37,6 +38,16 @@ MAX_NEIGHBOUR_DISTANCE = 0.1
 starts from there."""
 MAX_EXTENSION = 3.0
 """Distance to the new drive values over that of the last two poses up to which motions are extrapolated."""
+
+
+class Judged(NamedTuple):
+    """A pose for `judge`: its number, the steps taken (none with tabulated joints), the largest number of Newton iterations
+    to its equilibrium, and the negative pivots of that."""
+
+    n: int
+    steps: Sequence[Step]
+    iterations: int
+    negatives: int
 
 
 class PoseArrays(NamedTuple):
@@ -52,14 +63,15 @@ class PoseArrays(NamedTuple):
 
 def solve_poses(
     b: FiveStepsStorage, targets: np.ndarray, method: str, relinearisations: int, gap: float, limits: np.ndarray,
-    result: PoseArrays, answer: Callable[[int], int] | None = None,
+    result: PoseArrays, judge: Callable[[Judged], int], answer: Callable[[int], int] | None = None,
 ) -> None:  # fmt: skip
     """Solve at targets (N, c) by the five steps and write into `result`.
 
-    method, gap: see `run_five_steps`; limits (q, 2): trained ranges with tolerance. answer: called with the number of every
-    solved pose, whose state is in the storage, returns its status.
+    method, gap: see `run_five_steps`; limits (q, 2): trained ranges with tolerance. judge: returns 0 or REFUSED for a
+    converged pose, whose state is in the storage; answer: called with the number of every pose that is solved, or refused
+    as a flag only, returns its status.
     """
-    full, links, length = b.full_state, result.x.shape[1], b.bodies.kinematics.length
+    full, links = b.full_state, result.x.shape[1]
     for n, target in enumerate(targets):
         steps, negatives = run_five_steps(b, target, method, relinearisations, gap)
         status = int(steps[-1].stop)
@@ -67,13 +79,12 @@ def solve_poses(
             status = LOCKED
         elif is_outside(b.theta, limits, 0):
             status = OUT_OF_RANGE
-        elif status == 0 and negatives != len(target):
-            status = UNSTABLE
-        elif status == 0 and is_far_off(b.unintended, length, 0):
-            status = FAR_OFF
+        elif status == 0:
+            status = judge(Judged(n, steps, equilibrium_iterations(steps), negatives))
         result.force[n], result.motion[n] = -full.multiplier, b.answer_theta
         result.x[n], result.R[n] = full.x[:links], full.R[:links]
-        result.status[n] = answer(n) if answer is not None and status == 0 else status
+        answered = answer(n) if answer is not None and status in (0, REFUSED) else 0
+        result.status[n] = status or answered
 
 
 @kernel
@@ -142,40 +153,40 @@ def _move_links(x, R, offset):
         rotate(offset[k, 3:6], R[k])
 
 
-def _reduced_equilibrium(b: FiveStepsStorage, target: np.ndarray, offset: np.ndarray) -> tuple[int, int]:
-    """Equilibrium of links and condensed joints, in storage. Returns (stop reason, negative pivots).
+def _reduced_equilibrium(b: FiveStepsStorage, target: np.ndarray, offset: np.ndarray) -> tuple[int, int, int]:
+    """Equilibrium of links and condensed joints, in storage. Returns (stop reason, iterations, negative pivots).
 
     offset (links, 6): that of the pose before from its kinematic pose, from which Newton starts unless it is zero; becomes
     that of this pose.
     """
     arrays, motion, work = b.bodies.reduced, b.reduced_state, b.reduced_work
-    x, R, reason, negatives = motion.x.copy(), motion.R.copy(), -1, 0
+    x, R, reason, count, negatives = motion.x.copy(), motion.R.copy(), -1, 0, 0
 
-    def newton(most: int) -> tuple[int, int]:
+    def newton(most: int) -> tuple[int, int, int]:
         found = solve_equilibrium(arrays, motion, target, 1.0, work, RTOL, most, math.inf, math.inf)
-        return found[0], found[3]
+        return found[0], found[1], found[3]
 
     if offset.any():
         _move_links(motion.x, motion.R, offset)
-        reason, negatives = newton(MAX_WARM_ITERATIONS)
+        reason, count, negatives = newton(MAX_WARM_ITERATIONS)
     if reason != CONVERGED:
         # from the kinematic pose itself; the failed attempt may have left numbers that are not finite
         motion.x[:], motion.R[:], motion.multiplier[:], offset[:] = x, R, 0.0, 0.0
-        reason, negatives = newton(MAX_ITERATIONS)
+        reason, count, negatives = newton(MAX_ITERATIONS)
     if reason == CONVERGED:
         _link_offsets(motion.x, motion.R, x, R, offset)
-    return reason, negatives
+    return reason, count, negatives
 
 
 def solve_tabulated_poses(
     b: FiveStepsStorage, cubic: np.ndarray, table: np.ndarray, targets: np.ndarray, gap: float, limits: np.ndarray,
-    result: PoseArrays,
+    result: PoseArrays, judge: Callable[[Judged], int],
 ) -> None:  # fmt: skip
     """Take steps 1 and 3 at targets (N, c) with tabulated joints, and write into `result`.
 
     cubic (T, pieces, 4, 27), table (J,): see `JointTables`; gap: see `run_five_steps`; limits (q, 4): trained ranges with
-    tolerance, then as they are. A pose near the one before starts from the extrapolation of the last two, and from rest if
-    that fails.
+    tolerance, then as they are. judge: see `solve_poses`. A pose near the one before starts from the extrapolation of the
+    last two, and from rest if that fails.
     """
     loops, reduced, theta, status = b.bodies.kinematics, b.reduced_state, b.theta, result.status
     joints, max_gap = len(loops.node), gap * b.bodies.reduced.size
@@ -204,15 +215,13 @@ def solve_tabulated_poses(
             continue
         inner[:, :3], inner[:, 3:12] = b.joint_pose[:, 9:12], b.joint_pose[:, :9]
         _interpolate_joints(cubic, table, (theta[first] - low) / span, inner)
-        status[n], negatives = _reduced_equilibrium(b, target, offset)
+        status[n], count, negatives = _reduced_equilibrium(b, target, offset)
         relative_poses(*loops.flat, reduced.x, reduced.R, b.relative_pose)
         b.answer_theta[:] = theta
         intended_motions(
             *loops.flat, b.relative_pose, b.answer_theta, b.joint_pose, b.series, b.unintended, b.is_known
         )
-        if status[n] == 0 and negatives != len(target):
-            status[n] = UNSTABLE
-        elif status[n] == 0 and is_far_off(b.unintended, loops.length, 0):
-            status[n] = FAR_OFF
+        if status[n] == 0:
+            status[n] = judge(Judged(n, (), count, negatives))
         result.force[n], result.motion[n] = -reduced.multiplier, b.answer_theta
         result.x[n], result.R[n] = reduced.x, reduced.R

@@ -289,7 +289,7 @@ class Solver:
                 )
                 if method is None or not needs_load_step_check(found):
                     return found
-                doubt, other = compare_with_load_steps(found, lambda: plate_solver._by_load_steps(values))
+                doubt, other = compare_with_load_steps(found, lambda: plate_solver.by_load_steps(values))
                 error = found.method_error
                 if error is not None and other is not None:
                     # the exact state is known now, so that the error need not be estimated
@@ -377,7 +377,7 @@ class Solver:
         if method is None:
             return self._cheapest(values, accuracy)
         if method == "conventional":
-            return self._by_load_steps(values)
+            return self.by_load_steps(values)
         if method == "modal":
             return self._with_reduced_bodies(values, method, relinearisations, estimate)
         target = self.model.targets(values)
@@ -424,25 +424,25 @@ class Solver:
         except (RecordError, KinematicsError, ConvergenceError, RangeError) as reason:
             if isinstance(reason, KinematicsError) and "same freedom" in str(reason):
                 raise
-            found = self._by_load_steps(values)
+            found = self.by_load_steps(values)
             return replace(found, notes=(*found.notes, f"conventional solver used: {reason}"))
         except SceneError:
             if self.model.scene.joints:
                 raise
-            return self._by_load_steps(values)
+            return self.by_load_steps(values)
 
     def _with_load_step_check(self, found: Configuration, values: Mapping[str, float]) -> Configuration:
         """The result of the five steps, or that of load steps where loads are large and the two differ."""
         if not needs_load_step_check(found):
             return found
-        doubt, other = compare_with_load_steps(found, lambda: self._by_load_steps(values))
+        doubt, other = compare_with_load_steps(found, lambda: self.by_load_steps(values))
         if not doubt:
             return found
         if other is None:
             return replace(found, doubts=(*found.doubts, doubt))
         return replace(other, notes=(*other.notes, f"load steps used: the five steps led elsewhere: {doubt}"))
 
-    def _by_load_steps(self, values: Mapping[str, float]) -> Configuration:
+    def by_load_steps(self, values: Mapping[str, float]) -> Configuration:
         """Solve by the conventional solver."""
         return solve_in_either_order(
             self.model, values, storage=self.storage, planar=self.in_plane, joints=self._joints

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
@@ -70,6 +71,16 @@ class Step(NamedTuple):
             f"equilibrium reached: the last step moved nothing, the residual of {self.residual:.2g} times its bound is what "
             "rounding leaves in the stiff directions"
         )
+
+
+def equilibrium_steps(steps: Iterable[Step]) -> list[Step]:
+    """The steps of the five that iterate to an equilibrium, 3 and 5."""
+    return [s for s in steps if s.name[0] in "35"]
+
+
+def equilibrium_iterations(steps: Iterable[Step]) -> int:
+    """The largest number of Newton iterations of one of the `equilibrium_steps`."""
+    return max((s.iterations for s in equilibrium_steps(steps)), default=0)
 
 
 FAST_METHODS = ("kinematic", "reduced", "modal", "constant")

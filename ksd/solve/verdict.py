@@ -10,7 +10,9 @@
 6. `solved_verdict`: the equations converged, 1 and 2 hold, and the error is smaller than the result.
 7. `strength_verdict`: strain and stress are within what a linear elastic beam and its material allow.
 
-`trust_verdicts` collects the verdicts (`Configuration.trust`); `require_solved` raises TrustError for what is not solved.
+`trust_verdicts` collects the verdicts (`Configuration.trust`). `refusal` is the sentence with which `ksd.solve` refuses
+what is not solved (`require_solved` raises it); sweeps, batches, gradients and jobs refuse the same poses with the same
+sentence.
 """
 
 from __future__ import annotations
@@ -31,12 +33,14 @@ from ksd.scene.rules import plane_hint
 from ksd.solve.branch_check import loads_dominate
 from ksd.solve.joint_range import MAX_UNINTENDED_DISPLACEMENT, MAX_UNINTENDED_ROTATION
 from ksd.solve.load_steps import state_difference
-from ksd.solve.steps import ErrorEstimate, Verdict, percent
+from ksd.solve.steps import ErrorEstimate, Verdict, equilibrium_iterations, percent
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
     from ksd.solve.five_steps import FiveStepsStorage
 
+NOT_SOLVED, NOT_TRUSTED = "not solved: ", "not to be trusted: "
+"""How the sentence of a verdict begins that says no."""
 NEGLIGIBLE_DISPLACEMENT = 1e-3
 """Error of a link position, over the size of the mechanism, that is accepted however small the displacements are."""
 MAX_TURN_PER_POINT = np.deg2rad(60.0)
@@ -155,8 +159,8 @@ def needs_load_step_check(found: Configuration) -> bool:
     """Whether a result of the five steps must be compared with load steps, because loads do much of the work."""
     if found.method not in ("reduced", "full") or not carries_load(found.model.arrays):
         return False
-    longest = max((s.iterations for s in found.steps if s.name[0] in "35"), default=0)
-    return loads_dominate(found.model, found.motion, found.model.targets(found.targets), longest)
+    target = found.model.targets(found.targets)
+    return loads_dominate(found.model, found.motion, target, equilibrium_iterations(found.steps))
 
 
 def compare_with_load_steps(
@@ -251,11 +255,11 @@ def _verdict_with_error(
 ) -> Verdict:
     """See `solved_verdict`. error: the total error, or that of the method alone."""
     if not c.converged:
-        return Verdict(False, f"not solved: {c.steps[-1].stop.sentence}")
+        return Verdict(False, f"{NOT_SOLVED}{c.steps[-1].stop.sentence}")
     if not minimum:
-        return Verdict(False, "not to be trusted: " + "; ".join([str(minimum), *c.doubts]))
+        return Verdict(False, NOT_TRUSTED + "; ".join([str(minimum), *c.doubts]))
     if not branch:
-        return Verdict(False, f"not to be trusted: {branch}")
+        return Verdict(False, f"{NOT_TRUSTED}{branch}")
     if error is not None and error.mesh == math.inf:
         return Verdict(
             True,
@@ -268,7 +272,7 @@ def _verdict_with_error(
             else "corrector steps of the full model grow from one to the next or end at no state of its kind, so its error "
             "is not known"
         )
-        return Verdict(False, f"not to be trusted: {reason}")
+        return Verdict(False, f"{NOT_TRUSTED}{reason}")
     if error is None and c.model.solids:
         return Verdict(
             True, "trusted but for the bases of its solids, whose error was not estimated (ksd.solve does)"
@@ -300,27 +304,32 @@ def trust_verdicts(c: Configuration) -> Trust:
     minimum, branch, beam = stability_verdict(c), branch_verdict(c), strength_verdict(c)
     trusted = _verdict_with_error(c, minimum, branch, c.error)
     if trusted and not beam and c.strength is not None:
-        trusted = Verdict(False, f"not to be trusted: {c.strength.beyond}")
+        trusted = Verdict(False, f"{NOT_TRUSTED}{c.strength.beyond}")
     return Trust(minimum, branch, beam, trusted)
 
 
-def require_solved(c: Configuration) -> Configuration:
-    """The configuration itself if it is solved; else TrustError with the reason, and the configuration as its `result`.
+def refusal(c: Configuration) -> str:
+    """Why a configuration is refused unless strict=False, in one sentence; empty where it is solved.
 
     Strain and stress are not checked: that would take longer than the Newton steps of a prepared solve.
     """
     if _is_evidently_solved(c):
-        return c
+        return ""
     verdict = solved_verdict(c)
     if verdict:
-        return c
+        return ""
     minimum = f"; {c.minimum}" * bool(c.minimum)
     units = "".join(f"; {sentence}" for sentence in c.far_drives)
-    raise TrustError(
-        f"{verdict}{minimum}{_conflicting_drives(c)}; strict=False (in Python) returns the state all the same{units}",
-        reached=1.0,
-        result=c,
-    )
+    hint = "strict=False (in Python) returns the state all the same"
+    return f"{verdict}{minimum}{_conflicting_drives(c)}; {hint}{units}"
+
+
+def require_solved(c: Configuration) -> Configuration:
+    """The configuration itself if it is solved; else TrustError with its `refusal`, and the configuration as `result`."""
+    reason = refusal(c)
+    if reason:
+        raise TrustError(reason, reached=1.0, result=c)
+    return c
 
 
 def _is_evidently_solved(c: Configuration) -> bool:

@@ -79,11 +79,17 @@ def test_a_job_has_the_curvature_modes_that_a_solve_has():
     assert stress == pytest.approx(1e-6 * solved.stress().largest_Pa, rel=1e-9)
     assert force == pytest.approx(solved.forces["across"], rel=1e-9) and not job.few_modes([0.2 * mm])
     # those of a mesh that is given stay, and it is told that they are few
-    coarse = ksd.Job(taut, mesh=ksd.Mesh(), **words)
-    assert coarse.values([0.2 * mm])[0] > 1.2 * stress
+    coarse = ksd.Job(taut, mesh=ksd.Mesh(orders=(4, 3, 9), points=10), **words)
+    assert coarse.values([0.2 * mm])[0] > 1.05 * stress
     best = ksd.optimise(coarse)
-    said = "the curvature modes (4, 3, 6) are few for this state: raise the orders of the mesh"
-    assert said in coarse.few_modes([0.2 * mm]) and said in str(best)
+    said = "the curvature modes {} are few for this state: raise the orders of the mesh"
+    assert said.format((4, 3, 9)) in coarse.few_modes([0.2 * mm]) and said.format((4, 3, 9)) in str(best)
+    # where a leaf spring is not resolved at all, ksd.solve refuses the pose, and so does the job
+    refused = ksd.Job(taut, mesh=ksd.Mesh(), **words).batch([[0.2 * mm]])
+    with pytest.raises(ksd.TrustError) as why:
+        ksd.solve(taut(0.2 * mm), across=5 * mm, mesh=ksd.Mesh())
+    assert refused.status == (str(why.value),) and said.format((4, 3, 6)) in refused.status[0]
+    assert np.isnan(refused.values).all()
 
 
 def test_a_design_that_is_not_stable_has_no_answers():
@@ -101,7 +107,7 @@ def test_a_design_that_is_not_stable_has_no_answers():
     euler = np.pi**2 * STEEL.E * 10 * mm * (0.5 * mm) ** 3 / 12 / 0.1**2
     job = ksd.Job(column, vary={"load": (0.1 * euler, 1.5 * euler)}, limits={"stress_MPa": 500}, turn=0.0)
     judged = job.batch([[0.9 * euler], [1.1 * euler]])
-    assert judged.status == ("ok", "the state found is not a minimum of energy")
+    assert judged.status[0] == "ok" and judged.status[1].startswith("not to be trusted: UNSTABLE")
     assert np.isfinite(judged.values[0]).all() and np.isnan(judged.values[1]).all()
 
 

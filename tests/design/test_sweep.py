@@ -19,6 +19,7 @@ from ksd.design.questions import ALL_QUESTIONS, Questions
 from ksd.design.sweep import sweep
 from ksd.design.sweep_path import error_sentence
 from ksd.library.result_files import read_columns
+from ksd.solve.verdict import refusal
 
 QUIET = {"progress": False}
 ROOT = Path(__file__).resolve().parents[2]
@@ -388,7 +389,7 @@ def test_the_text_in_fingerprints_is_that_of_resume_files_written_before():
     assert recipe.fingerprint_text() == (
         "Recipe(asked=Asked(questions=('stress',), link=None, at=None, freed=None, modes=3, points=25, errors=False, "
         "every=True, usual=False), method='full', accuracy=None, relinearisations=0, mesh=None, extrapolate=False, "
-        "effects=(), judged=False)"
+        "effects=(), judged=False, strict=True)"
     )
 
 
@@ -402,13 +403,14 @@ def test_a_pose_without_answers_leaves_those_of_the_poses_behind_it_where_they_a
     solve = sweep_path._pose_or_reason
 
     def second_is_unstable(solver, target):
-        pose = solve(solver, target)
-        return replace(pose, negatives=pose.negatives + 1) if target == values[1] else pose
+        pose, _ = solve(solver, target)
+        pose = replace(pose, negatives=pose.negatives + 1) if target == values[1] else pose
+        return pose, refusal(pose)
 
     monkeypatch.setattr(sweep_path, "_pose_or_reason", second_is_unstable)
     sweep_path.run_path(path, recipe, None, some)
     assert [row["status"] == "ok" for row in some] == [True, False, True]
-    assert "minimum" in some[1]["status"]
+    assert "UNSTABLE" in some[1]["status"]
     for one, other in zip(every[::2], some[::2], strict=True):
         assert one.keys() == other.keys() and one["stress_MPa"] == other["stress_MPa"]
         assert one["top_stiffness_N_per_m"] == pytest.approx(other["top_stiffness_N_per_m"], rel=1e-9)
