@@ -176,6 +176,8 @@ def _statement_schema(name: str) -> Tree:
         more["terms"] = {"type": "array", "items": _table_schema(schema.TERM)}
     if name == "actuate":
         more["value"] = {"anyOf": [_value_schema("length"), _value_schema("angle")]}
+    if name == "damper":
+        more["damping"] = {"anyOf": [_value_schema("damping"), _value_schema("torsional damping")]}
     return _table_schema(keys, about=about, **more)
 
 

@@ -47,6 +47,12 @@ def _rows(scene: Any) -> Iterable[tuple[str, str, str, str]]:
     for s in scene.springs:
         unit = "Nm/rad" if hasattr(s, "axis") else "N/m"
         yield "spring", s.name, f"{s.a} to {s.b}", f"{s.stiffness:.4g} {unit}"
+    for d in scene.dampers:
+        unit = "N s/m" if d.term.kind == "translation" else "Nm s/rad"
+        yield "damper", d.name, f"{d.term.base} to {d.term.link}", f"{d.damping:.4g} {unit}, {_term(d.term)}"
+    for s in scene.sensors:
+        what = f"{s.kind}{', absolute' * s.absolute}"
+        yield "sensor", s.name, s.term.link, f"{what}: {_term(s.term)}"
     if scene.gravity is not None:
         yield "gravity", "", "", f"{vector_text(scene.gravity)} m/s\N{SUPERSCRIPT TWO}"
     for c in scene.compliances:

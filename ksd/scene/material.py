@@ -14,7 +14,8 @@ class Material(metaclass=ClearArgumentErrors):
 
     The third follows from E = 2 G (1 + nu); any positive pair of E and G is accepted (an anisotropic leaf). density
     [kg/m^3]: needed for masses and weight; expansion [1/K]: linear thermal expansion, needed for temperatures.
-    yield_stress, fatigue_limit [Pa]: strength once, and for unlimited cycles; answers then report stresses as shares of
+    loss_factor: damping of free vibrations, twice the damping ratio of a leaf spring of it; from 0 to 1. yield_stress,
+    fatigue_limit [Pa]: strength once, and for unlimited cycles; answers then report stresses as shares of
     them, and nothing else depends on them. name: shown in messages.
 
     Raises SceneError for a modulus, density or limit that is not positive and finite, nu outside (-1, 0.5], fewer than two
@@ -29,6 +30,7 @@ class Material(metaclass=ClearArgumentErrors):
     expansion: float | None
     yield_stress: float | None
     fatigue_limit: float | None
+    loss_factor: float | None
 
     def __init__(
         self,
@@ -41,6 +43,7 @@ class Material(metaclass=ClearArgumentErrors):
         expansion: float | None = None,
         yield_stress: float | None = None,
         fatigue_limit: float | None = None,
+        loss_factor: float | None = None,
     ) -> None:
         if not isinstance(name, str):
             raise SceneError(f"Material: name = {show(name)} must be text.")
@@ -54,10 +57,14 @@ class Material(metaclass=ClearArgumentErrors):
             density = positive(density, "density", owner=owner, unit="kg/m^3")
         if expansion is not None:
             expansion = number(expansion, "expansion", owner=owner, unit="1/K")
+        if loss_factor is not None:
+            loss_factor = between(loss_factor, "loss_factor", 0.0, 1.0, owner=owner)
         limits = {"yield_stress": yield_stress, "fatigue_limit": fatigue_limit}
         for key, limit in limits.items():
             limits[key] = None if limit is None else positive(limit, key, owner=owner, unit="Pa")
-        self.__dict__.update(limits, E=E, G=G, nu=nu, density=density, name=name, expansion=expansion)
+        self.__dict__.update(
+            limits, E=E, G=G, nu=nu, density=density, name=name, expansion=expansion, loss_factor=loss_factor
+        )
 
 
 def _complete(E: float | None, G: float | None, nu: float | None, owner: str) -> tuple[float, float, float]:

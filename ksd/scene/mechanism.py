@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Iterable, Sequence, Set
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from numpy.typing import ArrayLike
 
@@ -59,6 +59,7 @@ from ksd.scene.scene import (
     joint_angle,
     joint_rotation,
 )
+from ksd.scene.sensor import Damper, Sensor
 from ksd.section import Section
 
 SETTABLE_ATTRIBUTES = ("name", "plane", "gravity")
@@ -78,7 +79,7 @@ FUNCTIONS_OF_KSD = (
 SYNONYMS = {
     "drive": "actuate", "move": "actuate", "prescribe": "actuate", "fix": "support", "hold": "support", "clamp": "support",
     "force": "load", "moment": "load", "torque": "load", "connect": "join", "joint": "join", "hinge": "pin", "body": "link",
-    "beam": "leaf", "flexure": "leaf", "temperature": "heat",
+    "beam": "leaf", "flexure": "leaf", "temperature": "heat", "dashpot": "damper", "measure": "sensor", "probe": "sensor",
 }  # fmt: skip
 """Other words for methods of a mechanism."""
 
@@ -113,6 +114,8 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
     _fits: list[Fit]
     _consider: tuple[str, ...]
     _distances: list[Distance]
+    _sensors: list[Sensor]
+    _dampers: list[Damper]
     _last: tuple[Scene, dict[str, Any]] | None
 
     def __init__(self, name: str = "mechanism", *, plane: str | None = None) -> None:
@@ -121,7 +124,7 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         self.__dict__.update(
             ground=ground, _links={GROUND: ground}, _hinges={}, _masses=[], _compliances={}, _gravity=None, _points=[],
             _joints=[], _leaves=[], _drives=[], _supports=[], _loads=[], _springs=[], _heats=[], _fits=[], _consider=(),
-            _distances=[], _last=None,
+            _distances=[], _sensors=[], _dampers=[], _last=None,
         )  # fmt: skip
         self.name, self.plane = name, plane
 
@@ -131,7 +134,11 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
             raise SceneError(f"a mechanism has no '{name}' to be set{name_hint(name, SETTABLE_ATTRIBUTES)}")
         if name == "plane":
             value = check_plane(value)
-            for kind, drives in (("drive", self._drives), ("support", self._supports)):
+            observed = [Drive(s.name, (s.term,)) for s in self._sensors]
+            damped = [Drive(d.name, (d.term,)) for d in self._dampers]
+            for kind, drives in (
+                ("drive", self._drives), ("support", self._supports), ("sensor", observed), ("damper", damped),
+            ):  # fmt: skip
                 for drive in drives:
                     check_drive_in_plane(drive, value, kind)
             hinges = {n: check_hinge_in_plane(h, value) for n, (h, _) in self._hinges.items()}
@@ -578,18 +585,19 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         return self._term(link, about, "rotation", at, relative_to) * coefficient
 
     def _term(
-        self, link: Link | str, along: Any, kind: str, at: Any, relative_to: Link | str | None
+        self, link: Any, along: Any, kind: str, at: Any, relative_to: Any, owner: str = ""
     ) -> DriveTerm:
-        """The drive term of `displacement` or `rotation` with coefficient 1. Raises SceneError."""
-        owner = f"drive of '{link_name(link)}'"
+        """The drive term of `displacement` or `rotation` with coefficient 1; owner starts messages. Raises SceneError."""
+        driven = "driven" if not owner else "measured"
+        owner = owner or f"drive of '{link_name(link)}'"
         name = self._checked_link(link, owner)
         base = GROUND if relative_to is None else self._checked_link(relative_to, owner)
         if name == base:
-            raise SceneError(f"{owner}: a link cannot be driven relative to itself; '{name}' is both.")
+            raise SceneError(f"{owner}: a link cannot be {driven} relative to itself; '{name}' is both.")
         at = self._position_or_default(name, at)
         if at is None:
             raise SceneError(
-                f"{owner}: 'at' is missing; a displacement needs the point (x, y, z) that is driven."
+                f"{owner}: 'at' is missing; a displacement needs the point (x, y, z) that is {driven}."
             )
         axis = direction(along, "along" if kind == "translation" else "about", owner=owner)
         return DriveTerm(1.0, kind, base, name, axis, vector(at, "at", owner=owner, unit="m"))
@@ -677,15 +685,20 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
             placed = self._find_joint(joint)
             kind, axis, point = joint_angle(placed, placed.joint.motion(motion))
             return (DriveTerm(1.0, kind, placed.a, placed.b, axis, point),), placed.name
+        return (self._component(link, along, about, at, relative_to),), link_name(link)
+
+    def _component(
+        self, link: Any, along: Any, about: Any, at: Any, relative_to: Any, owner: str = ""
+    ) -> DriveTerm:
+        """The displacement along, or the rotation about a direction, whichever is given. Raises SceneError."""
         if (along is None) == (about is None):
+            who = owner or f"drive of '{link_name(link)}'"
             raise SceneError(
-                f"drive of '{link_name(link)}': give one of along=direction (a displacement) "
-                "and about=axis (a rotation)."
+                f"{who}: give one of along=direction (a displacement) and about=axis (a rotation)."
             )
         if along is not None:
-            return (self._term(link, along, "translation", at, relative_to),), link_name(link)
-        at = (0.0, 0.0, 0.0) if at is None else at
-        return (self._term(link, about, "rotation", at, relative_to),), link_name(link)
+            return self._term(link, along, "translation", at, relative_to, owner)
+        return self._term(link, about, "rotation", (0.0, 0.0, 0.0) if at is None else at, relative_to, owner)
 
     def _checked_terms(self, terms: Any) -> tuple[tuple[DriveTerm, ...], str]:
         """Terms given by the user as a tuple, and the name of the first link. Raises SceneError."""
@@ -782,6 +795,32 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         length = math.dist(*ends) if free_length is None else free_length
         added = Spring(label, first, second, ends[0], ends[1], stiffness, length)
         self._springs.append(added)
+        return added
+
+    def damper(
+        self,
+        a: Link | str,
+        b: Link | str,
+        *,
+        damping: float,
+        along: Axis | None = None,
+        about: Axis | None = None,
+        at: ArrayLike | None = None,
+        name: str | None = None,
+    ) -> Damper:
+        """Add a dashpot between two links: a force of `damping` [N s/m] times the speed of point `at` (3,) [m] of `b` along
+        a direction fixed in `a`, or with about= a moment of `damping` [Nm s/rad] times the rate of rotation.
+
+        It resists motion only: answers about vibrations have it, static ones do not. The default name is "damper". Raises
+        SceneError.
+        """
+        label = _free_name(name, "damper", {d.name for d in self._dampers}, "damper")
+        owner = f"damper '{label}'"
+        first, second = self._link_pair(a, b, owner)
+        term = self._component(second, along, about, at, None if first == GROUND else first, owner)
+        added = Damper(label, term, damping)
+        check_drive_in_plane(Drive(label, (term,)), self.plane, "damper")
+        self._dampers.append(added)
         return added
 
     def joint_spring(
@@ -911,6 +950,37 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         self._distances.append(added)
         return added
 
+    def sensor(
+        self,
+        link: Link | str,
+        *,
+        along: Axis | None = None,
+        about: Axis | None = None,
+        at: ArrayLike | None = None,
+        relative_to: Link | str | None = None,
+        kind: Literal["displacement", "rotation", "velocity", "acceleration"] | None = None,
+        name: str | None = None,
+    ) -> Sensor:
+        """Observe the motion of point `at` (3,) [m] of a link along a direction, or its rotation about one.
+
+        kind: the motion itself ("displacement" or "rotation", the default), its rate or its acceleration; `pose.response` and the like answer it. relative_to: ground,
+        which a shaken base moves with it, a link, in whose axes the direction is then fixed, or "absolute", in space; the
+        default is "absolute" for an acceleration, ground for the others. The default name is that of the link. Raises
+        SceneError.
+        """
+        used = {s.name for s in self._sensors}
+        label = _free_name(name, link_name(link), used, "sensor")
+        owner = f"sensor '{label}'"
+        absolute = relative_to == "absolute" and "absolute" not in self._links
+        absolute |= relative_to is None and kind == "acceleration"
+        base = None if absolute or relative_to == GROUND else relative_to
+        term = self._component(link, along, about, at, base, owner)
+        own = "rotation" if along is None else "displacement"
+        added = Sensor(label, term, own if kind is None else kind, absolute)
+        check_drive_in_plane(Drive(label, (added.term,)), self.plane, "sensor")
+        self._sensors.append(added)
+        return added
+
     # The whole
 
     def validate(self) -> None:
@@ -951,6 +1021,8 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
             "points": tuple(self._points),
             "springs": tuple(sorted(self._springs, key=lambda s: isinstance(s, TurnSpring))),
             "distances": tuple(self._distances),
+            "sensors": tuple(self._sensors),
+            "dampers": tuple(self._dampers),
             "compliances": tuple(self._compliances.values()),
             "heats": tuple(self._heats),
             "fits": tuple(self._fits),

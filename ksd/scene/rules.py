@@ -73,6 +73,10 @@ def _unknown_links(scene: Scene) -> Iterator[str]:
     for kind, drives in (("drive", scene.drives), ("support", scene.supports)):
         references += [(kind, d.name, link) for d in drives for t in d.terms for link in (t.base, t.link)]
     references += [("load", load.name, load.link) for load in scene.loads]
+    for kind, observed in (("sensor", scene.sensors), ("damper", scene.dampers)):
+        references += [
+            (kind, part.name, link) for part in observed for link in (part.term.base, part.term.link)
+        ]
     references += [("distance", d.name, link) for d in scene.distances for link in (d.a, d.b)]
     references += [("spring", s.name, link) for s in scene.springs for link in (s.a, s.b)]
     references += [(h.kind, h.name, link) for h in scene.hinges for link in (h.a, h.b)]

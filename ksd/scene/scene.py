@@ -26,6 +26,7 @@ from ksd.scene.leaf import Leaf, LeafCondition
 from ksd.scene.listing import in_millimetres, printed_scene
 from ksd.scene.load import Load, PointMass
 from ksd.scene.profile import Profile
+from ksd.scene.sensor import Damper, Sensor
 
 Matrix = tuple[Vector, Vector, Vector]
 """A matrix (3, 3) as a tuple of rows."""
@@ -106,8 +107,9 @@ class Scene(NotebookTables):
     springs; drives, supports, loads, masses: in the order of their statements. gravity (3,) [m/s^2], None when not
     mentioned; springs, compliances, heats, fits: see `ksd.scene.effects`; consider: optional effects of the leaf springs to
     simulate. plane: "xy", "xz" or "yz" for a planar mechanism; hinges: pins and sliders, whose supports are among
-    `supports`; points: links that are points of leaf springs; distances: to be reported. Scenes with the same contents are
-    equal, and have the same `fingerprint` in every process and on every machine.
+    `supports`; points: links that are points of leaf springs; distances: to be reported; sensors, dampers: see
+    `ksd.scene.sensor`. Scenes with the same contents are equal, and have the same `fingerprint` in every process and on
+    every machine.
     """
 
     name: str
@@ -128,6 +130,8 @@ class Scene(NotebookTables):
     hinges: tuple[Hinge, ...] = ()
     points: tuple[LeafPoint, ...] = ()
     distances: tuple[Distance, ...] = ()
+    sensors: tuple[Sensor, ...] = ()
+    dampers: tuple[Damper, ...] = ()
 
     def __str__(self) -> str:
         """The parts of the mechanism, one per line."""

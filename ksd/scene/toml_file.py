@@ -252,10 +252,13 @@ class _SceneReader:
 
     def _state(self, statement: str, table: Table) -> None:
         """Apply the statement of one table to the mechanism."""
-        words = table.read(schema.STATEMENTS[statement], self.parts)
+        keys = schema.STATEMENTS[statement]
+        if statement == "damper" and "about" in table:
+            keys = keys | {"damping": "torsional damping!"}
+        words = table.read(keys, self.parts)
         for key in schema.LINK_KEYS:
             with table.collect_errors():
-                if key in words:
+                if key in words and (statement, words[key]) != ("sensor", "absolute"):
                     self._or_invalid(self.mechanism._checked_link)(link=words[key], owner=key)
         if statement == "actuate":
             self._state_drive(table, words)

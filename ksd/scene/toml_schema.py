@@ -32,7 +32,7 @@ TOP: Schema = {
 
 MATERIAL: Schema = {
     "E": "stress", "G": "stress", "nu": "number", "density": "density", "expansion": "expansion",
-    "yield_stress": "stress", "fatigue_limit": "stress", "name": "text",
+    "yield_stress": "stress", "fatigue_limit": "stress", "loss_factor": "number", "name": "text",
 }  # fmt: skip
 
 SECTIONS: dict[str, Schema] = {
@@ -142,6 +142,10 @@ STATEMENTS: dict[str, Schema] = {
         "start": "length[3]!", "end": "length[3]!", "stiffness": "stiffness!", "free_length": "length", "name": "text",
     },
     "distance": LINK_PAIR | {"start": "length[3]!", "end": "length[3]!", "along": "direction", "name": "text!"},
+    "sensor": _COMPONENT | {"link": "text!", "kind": "text", "name": "text"},
+    "damper": LINK_PAIR | {
+        "along": "direction", "about": "direction", "at": "length[3]", "damping": "damping!", "name": "text",
+    },
     "joint_spring": {
         "joint": "text!", "stiffness": "torsional stiffness!", "rest_angle": "angle", "motion": "text", "name": "text",
     },

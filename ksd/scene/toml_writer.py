@@ -22,6 +22,7 @@ from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.scene import PlacedJoint, Scene
+from ksd.scene.sensor import Damper, Sensor
 from ksd.scene.toml_schema import (
     BLOCKS,
     DRAWN,
@@ -78,6 +79,8 @@ def _scene_tree(scene: Scene, targets: dict[str, float]) -> Tree:
         "support": [_drive_tree(s) for s in scene.supports if s.name not in of_hinges],
         "pin": [_hinge_tree(h) for h in scene.hinges if h.kind == "pin"],
         "slider": [_hinge_tree(h) for h in scene.hinges if h.kind == "slider"],
+        "sensor": [_sensor_tree(s) for s in scene.sensors],
+        "damper": [_damper_tree(d) for d in scene.dampers],
         "compliance": [_compliance_tree(c, names) for c in scene.compliances],
     }
     by_schema: dict[str, Iterable[Any]] = {
@@ -254,6 +257,21 @@ def _term_tree(term: DriveTerm) -> Tree:
     key = "along" if term.kind == "translation" else "about"
     tree = {"link": term.link, key: term.direction, "at": term.point}
     return tree if term.base == GROUND else tree | {"relative_to": term.base}
+
+
+def _sensor_tree(sensor: Sensor) -> Tree:
+    """The table [[sensor]] of a sensor."""
+    # the default of an acceleration is absolute
+    base = {"relative_to": "absolute"} if sensor.absolute else {"relative_to": sensor.term.base}
+    return {"name": sensor.name, "kind": sensor.kind} | _term_tree(sensor.term) | base
+
+
+def _damper_tree(damper: Damper) -> Tree:
+    """The table [[damper]] of a dashpot."""
+    tree = _term_tree(damper.term) | {"a": damper.term.base, "b": damper.term.link}
+    del tree["link"]
+    tree.pop("relative_to", None)
+    return {"name": damper.name, "damping": damper.damping} | tree
 
 
 def _toml_lines(tree: Tree, path: str) -> list[str]:
