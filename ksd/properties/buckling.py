@@ -322,7 +322,7 @@ def chain_tangent_with_stresses(model: Model, motion: State, K: Any) -> Any:
     only one of the two factors at a time and underestimates the stiffness: a fourbar at mid-stroke would buckle under a
     quarter of its load.
     """
-    S, rates = _element_stiffnesses(model), _strain_rates(model, motion)
+    S, rates = element_stiffnesses(model), strain_rates(model, motion)
     first = model.arrays.start[model.arrays.members.node]
     columns = np.repeat(first[..., None] + np.arange(6), 6, axis=0).reshape(-1, 12)
     own = np.repeat(np.repeat(first >= 0, 6, axis=1), 6, axis=0)
@@ -332,7 +332,7 @@ def chain_tangent_with_stresses(model: Model, motion: State, K: Any) -> Any:
     return bmat([[K - stiffness, B.T], [B, -block_diag(np.linalg.inv(S))]], format="csc")
 
 
-def _element_stiffnesses(model: Model) -> Array:
+def element_stiffnesses(model: Model) -> Array:
     """Stiffness S (m, 6, 6) of every element: sigma = S eps (A.13)."""
     members = model.arrays.members
     numbers = np.stack([members.value[at + 1 : at + 7] for at in members.value_at[: len(members.kind)]])
@@ -344,7 +344,7 @@ def _element_stiffnesses(model: Model) -> Array:
     return S
 
 
-def _strain_rates(model: Model, motion: State) -> Array:
+def strain_rates(model: Model, motion: State) -> Array:
     """Strains B (m, 6, 12) of every element per motion of its two nodes.
 
     As the end wrench is B^T sigma, the rows are obtained from unit stresses.

@@ -24,14 +24,15 @@ from scipy.linalg import blas, cholesky, eig, eigh, lapack, null_space
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, eigsh
 
 from ksd.checks import names_of
-from ksd.errors import ConvergenceError, KinematicsError
-from ksd.model.arrays import STRAIN, State
+from ksd.errors import ConvergenceError, KinematicsError, SceneError
+from ksd.model.arrays import State
 from ksd.model.compile import Model
 from ksd.model.leaves import whole_leaf_name
 from ksd.model.newton import move_nodes
 from ksd.properties.finer_model import finer_state
 from ksd.properties.leaf_groups import leaf_groups
-from ksd.properties.mass import Inertia, assemble_inertia
+from ksd.properties.mass import Inertia, assemble_inertia, base_load, stack_nodes
+from ksd.properties.material_damping import material_stiffness, member_loss_factors
 from ksd.properties.printing import (
     PrintableAnswer,
     describe_node_motion,
@@ -52,6 +53,7 @@ MIN_ENERGY_SHARE = 0.25
 """Kinetic energy, relative to the largest, above which a leaf or link may name a mode."""
 MIN_COMPLIANCE_RATIO = 1e-10
 """Compliance of a combination of released drives, relative to the largest, up to which the drives count as dependent."""
+_BASE_DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 MIN_MASS_SHARE = 1e-12
 """Mass of a motion without stiffness, relative to that of the other such motions, up to which it counts as none."""
 MIN_DRIVE_TRAVEL = 1e-9
@@ -74,8 +76,9 @@ class Modes(PrintableAnswer):
     motions, ascending, at most one per released drive (see `intended_modes`), independent of the number of modes requested.
     growth_per_s (k,): growth rate of a mode: of an unstable one, or, where loads are not conservative, of a pair that
     flutters at one frequency; both come first. freed: names of released drives and supports. motion, mass: the state and
-    its mass. massless: materials without a density, whose leaves have no mass here. backward_error: change of a mode by one
-    more inverse iteration, relative to the response of the softest mode.
+    its mass; tangent: stiffness there; rigid (size, m): motions of 0 Hz. massless: materials without a density, whose leaves
+    have no mass here. backward_error: change of a mode by one more inverse iteration, relative to the response of the
+    softest mode.
     """
 
     model: Model
@@ -91,6 +94,8 @@ class Modes(PrintableAnswer):
     massless: tuple[str, ...]
     mass: Inertia = field(repr=False)
     motion: State = field(repr=False)
+    tangent: Tangent = field(repr=False)
+    rigid: Array = field(repr=False)
     conservative: bool = True
     backward_error: float = 0.0
 
@@ -170,16 +175,11 @@ class Modes(PrintableAnswer):
         """
         found = np.zeros((len(self.model.node_names), len(self)))
         moves = node_travel(self.model, self.shape).T ** 2
-        members = self.model.arrays.members
-        chains = np.flatnonzero(members.kind != STRAIN)
-        ends = [members.node[group.members] for group in leaf_groups(self.model)]
-        ends += [members.node[i][None] for i in chains]
-        ends += [np.array([[self.model.scene.links.index(m.link)] * 2]) for m in self.model.scene.masses]
         padded = np.vstack([self.vector.T, np.zeros((1, len(self)))])
-        for nodes, (places, B) in zip(ends, self.mass.stacks, strict=True):
+        for nodes, (places, B) in zip(stack_nodes(self.model), self.mass.stacks, strict=True):
             energy = ((B @ padded[places]) ** 2).sum(axis=1)
             both = moves[nodes].sum(axis=1)
-            for e in range(2):
+            for e in range(nodes.shape[1]):
                 share = np.divide(moves[nodes[:, e]], both, out=np.zeros_like(both), where=both > 0.0)
                 np.add.at(found, nodes[:, e], share * energy)
         return found
@@ -217,6 +217,45 @@ class Modes(PrintableAnswer):
             state.inner[group.inner_index[:, : group.modes]] += bent
         move_nodes(self.model.arrays, state, x[: self.model.arrays.plan.unknowns], 1.0)
         return state
+
+    def static_response(self, loads: Array) -> Array:
+        """Displacement (size, n) of all unknowns under loads (size, n), without the motions of 0 Hz."""
+        return _inverse_stiffness(self.tangent, self.mass, self.rigid, loads)
+
+    def participation(self, direction: str) -> Array:
+        """Participation factors (k,) [kg^0.5; kg^0.5 m] of the modes where everything, ground included, is moved along or
+        turned about a global axis through the origin: "x", "y", "z", "rx", "ry" or "rz"."""
+        if direction not in _BASE_DIRECTIONS:
+            raise SceneError(
+                f"direction {direction!r} is not known; give one of {', '.join(_BASE_DIRECTIONS)}"
+            )
+        motion = np.eye(6)[_BASE_DIRECTIONS.index(direction)]
+        return np.asarray(self.vector @ base_load(self.mass, self.model, self.motion, motion))
+
+    @cached_property
+    def effective_mass(self) -> Array:
+        """Effective masses (k, 3) [kg] of the modes along x, y, z; over all modes they sum to the mass that moves."""
+        return np.column_stack([self.participation(d) ** 2 for d in "xyz"])
+
+    @cached_property
+    def _leaf_shares(self) -> Array:
+        """Elastic stiffness (members, k) of every leaf spring in every mode over omega^2; nan where that is not positive."""
+        stiffness = material_stiffness(self.model, self.motion, self.mass.leaves, self.vector)
+        squared = np.where(self.omega_squared > 0.0, self.omega_squared, np.nan)
+        return np.asarray(stiffness / squared)
+
+    @property
+    def elastic_share(self) -> Array:
+        """Share (k,) of the stiffness of every mode that is elastic, in leaf springs: below 1 in those that stand under a
+        weight or hang on springs, above 1 in those that gravity or stress stiffen. nan for modes of 0 Hz."""
+        return np.asarray(self._leaf_shares.sum(axis=0))
+
+    @property
+    def damping(self) -> Array:
+        """Damping ratio (k,) of every mode by the loss factors of its leaf springs, half of each over its share; 0 where
+        materials have none, and for modes of 0 Hz."""
+        lost = 0.5 * member_loss_factors(self.model) @ self._leaf_shares
+        return np.where(np.isnan(lost), 0.0, lost)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -510,6 +549,8 @@ def frequencies(
         massless=mass.massless,
         mass=mass,
         motion=state,
+        tangent=tangent,
+        rigid=rigid,
         conservative=not fine.arrays.loads.skew.any(),
         backward_error=error,
     )

@@ -115,7 +115,7 @@ def _point_mass(model: Model, motion: State, mass: Any) -> tuple[int, Array]:
 
 
 @cached_per_model
-def _member_leaves(model: Model) -> dict[int, tuple[Any, Array]]:
+def member_leaves(model: Model) -> dict[int, tuple[Any, Array]]:
     """Leaf of the scene of every member, and its `leaf_line_mass` at the quadrature points of the member."""
     members, leaves = model.arrays.members, scene_leaves(model)
     found = {}
@@ -149,9 +149,34 @@ def _square_root(M: Array) -> Array:
     return root
 
 
+def stack_nodes(model: Model) -> list[NDArray[np.int64]]:
+    """Nodes (k, 2), or (k, 1) of point masses, of every stack of `Inertia`."""
+    members = model.arrays.members
+    leaves = [members.node[group.members] for group in leaf_groups(model)]
+    chains = [members.node[i][None] for i in np.flatnonzero(members.kind != STRAIN).tolist()]
+    masses = [np.array([[model.scene.links.index(m.link)]]) for m in model.scene.masses]
+    return [*leaves, *chains, *masses]
+
+
+def base_load(mass: Inertia, model: Model, motion: State, direction: Array) -> Array:
+    """Mass matrix times a unit motion (6,) of everything, ground included: displacement and rotation about the origin.
+
+    Its negative is the load (size,) of a base that is accelerated by it.
+    """
+    found = np.zeros(mass.size)
+    for (places, B), nodes in zip(mass.stacks, stack_nodes(model), strict=True):
+        r = np.zeros((len(B), B.shape[2]))
+        for e in range(nodes.shape[1]):
+            r[:, 6 * e : 6 * e + 3] = direction[:3] + np.cross(direction[3:], motion.x[nodes[:, e]])
+            r[:, 6 * e + 3 : 6 * e + 6] = direction[3:]
+        load = (B.swapaxes(1, 2) @ (B @ r[..., None]))[..., 0]
+        np.add.at(found, places[places >= 0], load[places >= 0])
+    return found
+
+
 def assemble_inertia(model: Model, motion: State, *, load_factor: float = 1.0) -> Inertia:
     """Mass of a model without inner chain nodes at a state; raises SceneError where nothing in the scene has mass."""
-    members, owner = model.arrays.members, _member_leaves(model)
+    members, owner = model.arrays.members, member_leaves(model)
     leaves, stacks = tuple(leaf_flexibilities(model, motion, load_factor=load_factor)), []
     for group, leaf, unknowns in zip(leaf_groups(model), leaves, inner_unknowns(model), strict=True):
         line = np.stack([owner[i][1] for i in group.members.tolist()])

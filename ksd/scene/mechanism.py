@@ -963,10 +963,10 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
     ) -> Sensor:
         """Observe the motion of point `at` (3,) [m] of a link along a direction, or its rotation about one.
 
-        kind: the motion itself ("displacement" or "rotation", the default), its rate or its acceleration; `pose.response` and the like answer it. relative_to: ground,
-        which a shaken base moves with it, a link, in whose axes the direction is then fixed, or "absolute", in space; the
-        default is "absolute" for an acceleration, ground for the others. The default name is that of the link. Raises
-        SceneError.
+        kind: the motion itself ("displacement" or "rotation", the default), its rate or its acceleration; answered by
+        `pose.response` and the like. relative_to: ground, which a shaken base moves with it, a link, in whose axes the
+        direction is then fixed, or "absolute", in space; the default is "absolute" for an acceleration, ground for the
+        others. The default name is that of the link. Raises SceneError.
         """
         used = {s.name for s in self._sensors}
         label = _free_name(name, link_name(link), used, "sensor")

@@ -14,7 +14,7 @@ from ksd.properties.buckling import uncondensed_tangents
 from ksd.properties.finer_model import finer_state
 from ksd.properties.frequencies import frequencies
 from ksd.properties.leaf_groups import leaf_groups
-from ksd.properties.mass import _leaf_mass_roots, _member_leaves, assemble_inertia
+from ksd.properties.mass import _leaf_mass_roots, member_leaves, assemble_inertia
 from ksd.properties.tangent import row_numbers
 from ksd.section import rectangle
 from ksd.solve.conventional import solve_conventional
@@ -135,7 +135,7 @@ def test_rigid_mass_is_that_of_the_leaves():
     configuration."""
     model = compile_scene(single_joint())
     state = solve_conventional(model, {"turn": 0.7}).motion
-    lines, total, energy = _member_leaves(model), 0.0, 0.0
+    lines, total, energy = member_leaves(model), 0.0, 0.0
     spin = np.array([0.3, -0.2, 0.5])
     for group, leaf in zip(leaf_groups(model), assemble_inertia(model, state).leaves, strict=True):
         # ground is fixed: the whole of every leaf, both ends moving
@@ -308,7 +308,7 @@ def test_a_rigid_spin_of_a_thick_leaf_has_the_inertia_of_a_box():
     )  # fmt: skip
     model = compile_scene(scene)
     (group,), (leaf,) = leaf_groups(model), assemble_inertia(model, model.rest).leaves
-    (root,) = _leaf_mass_roots(leaf, np.stack([_member_leaves(model)[i][1] for i in group.members]))
+    (root,) = _leaf_mass_roots(leaf, np.stack([member_leaves(model)[i][1] for i in group.members]))
     ends = model.rest.x[model.arrays.members.node[0]] + model.arrays.members.offset[0]
     assert ends[:, 0] == pytest.approx([-L / 2, L / 2])
     inertia = np.array([t**2 + w**2, L**2 + w**2, L**2 + t**2]) * 7800 * L * t * w / 12
