@@ -37,6 +37,7 @@ _HOMES = {
     "ksd.section": ("Section", "circle", "numbers", "polygon", "rectangle", "tube"),
     "ksd.scene.effects": ("LinkMatrix",),
     "ksd.scene.link_matrix": ("link_matrix",),
+    "ksd.scene.motion": ("HalfSine",),
     "ksd.scene.toml_file": ("load_scene", "save_scene"),
     "ksd.model.mesh": ("Mesh",),
     "ksd.modal.choices": ("ModalBasis",),
@@ -64,16 +65,16 @@ _HOME = {name: home for home, names in _HOMES.items() for name in names}
 __all__ = [
     "Arc", "ArcHinge", "BalancedCrossedPivot", "Batch", "Butterfly", "Cartwheel", "Choice", "CircularNotch",
     "CircularNotchHinge", "Configuration", "ConvergenceError", "CrossFlexure", "CrossedPivot", "Design", "DrawnJoint",
-    "FilletedNotch", "FilletedNotchHinge", "FoldedLeaf", "FreeCurve", "Front", "Gradient", "InfinityHinge", "Job",
-    "JobFile", "Joint", "KinematicsError", "KsdError", "Leaf", "LinkMatrix", "Material", "Mechanism", "Mesh",
-    "ModalBasis", "Model", "Motion", "Optimum", "ParallelGuide", "Parameter", "Path", "RangeError", "Record",
-    "RecordError", "RequiredLoads", "ResumeError", "RestShape", "Scene", "SceneError", "SceneFileError", "SceneWarning",
-    "Section", "Solver", "StiffenedGuide", "StiffenedMiddle", "SweepInterrupted", "Table", "Taper", "Tolerance",
-    "TripleInfinityHinge", "TrustError", "UniversalJoint", "UnknownNameError", "UnknownWordError", "Varying", "WireFlexure",
-    "batch", "choose", "circle", "compare", "compile_scene", "doctor", "errors", "find_record", "follow", "frequency_curve",
-    "gradient", "joint_families", "link_matrix", "load_job", "load_scene", "numbers", "optimise", "pareto", "polygon",
-    "prepare", "read_result", "rectangle", "required_loads", "rest_shape", "save_scene", "solve", "state_space",
-    "sweep", "tolerance", "train", "tube", "units", "wire",
+    "FilletedNotch", "FilletedNotchHinge", "FoldedLeaf", "FreeCurve", "Front", "Gradient", "HalfSine", "InfinityHinge",
+    "Job", "JobFile", "Joint", "KinematicsError", "KsdError", "Leaf", "LinkMatrix", "Material", "Mechanism", "Mesh",
+    "ModalBasis", "Model", "Motion", "Optimum", "ParallelGuide", "Parameter", "Path", "RangeError", "Record", "RecordError",
+    "RequiredLoads", "RestShape", "ResumeError", "Scene", "SceneError", "SceneFileError", "SceneWarning", "Section",
+    "Solver", "StiffenedGuide", "StiffenedMiddle", "SweepInterrupted", "Table", "Taper", "Tolerance", "TripleInfinityHinge",
+    "TrustError", "UniversalJoint", "UnknownNameError", "UnknownWordError", "Varying", "WireFlexure", "batch", "choose",
+    "circle", "compare", "compile_scene", "doctor", "errors", "find_record", "follow", "frequency_curve", "gradient",
+    "joint_families", "link_matrix", "load_job", "load_scene", "numbers", "optimise", "pareto", "polygon", "prepare",
+    "read_result", "rectangle", "required_loads", "rest_shape", "save_scene", "solve", "state_space", "sweep", "tolerance",
+    "train", "tube", "units", "wire",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
@@ -132,6 +133,7 @@ if TYPE_CHECKING:
     )
     from ksd.scene.effects import LinkMatrix
     from ksd.scene.link_matrix import link_matrix
+    from ksd.scene.motion import HalfSine
     from ksd.scene.toml_file import load_scene, save_scene
     from ksd.section import Section, circle, numbers, polygon, rectangle, tube
     from ksd.solve.configuration import Configuration

@@ -1,9 +1,10 @@
-"""A linear state-space model (A, B, C, D) about a deformed, loaded pose: drive forces in, drive motions out.
+"""A linear state-space model (A, B, C, D) about a deformed, loaded pose, from drive forces, loads and a shaken base to drive
+motions and sensors.
 
-In modal coordinates x = (eta, eta') with unit modal mass: eta'' + 2 zeta omega eta' + omega^2 eta = Phi^T f and
-y = Phi eta + D f. D is the compliance of the truncated modes (exact static compliance less that of the retained modes), so
-the gain at zero frequency is that of the full model (residual flexibility; Craig and Kurdila, Fundamentals of Structural
-Dynamics, 2006). A motion without stiffness is a mode of 0 Hz, a double integrator.
+It is the modal model of `ksd.properties.plant`, x = (eta, eta') with unit modal mass: eta'' + 2 zeta omega eta' + omega^2
+eta = Phi^T f and y = Phi eta + D f. D is the compliance of the truncated modes, so the gain at zero frequency is that of the
+full model (residual flexibility; Craig and Kurdila, Fundamentals of Structural Dynamics, 2006). A motion without stiffness
+is a mode of 0 Hz, a double integrator.
 """
 
 from __future__ import annotations
@@ -17,15 +18,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.checks import clear_argument_errors, names_of, not_negative, show, whole_number
-from ksd.design.questions import DRIVE_VALUE_UNITS
+from ksd.checks import clear_argument_errors, names_of, show, whole_number
 from ksd.design.table import write_mat
 from ksd.errors import SceneError
+from ksd.properties.plant import Damping
 from ksd.properties.printing import PrintableAnswer, format_number, format_table
-from ksd.properties.tangent import assemble_and_factor
-from ksd.solve.answer import drive_kind
 from ksd.solve.configuration import Configuration
-from ksd.solve.nonconservative_stability import MAX_DAMPED_SKEW_SHARE
 
 Array = NDArray[np.float64]
 
@@ -34,51 +32,42 @@ Array = NDArray[np.float64]
 class StateSpace(PrintableAnswer):
     """State-space model x' = A x + B u, y = C x + D u about a pose.
 
-    u: force or moment of every freed drive in addition to that at the pose [N or Nm]; y: its motion from the pose [m or
-    rad]; x (2k,): modal amplitudes [m kg^0.5] and their rates. drives, input_units, output_units: names and units of the
-    entries of u and y; frequency_Hz (k,): frequencies of the modes; pose: drive values [m or rad].
+    u: inputs, forces of freed drives in addition to those at the pose [N or Nm], factors of loads, or accelerations of the
+    base; y: outputs, drive motions from the pose [m or rad] and sensors; x (2k,): modal amplitudes [m kg^0.5] and their
+    rates. inputs, outputs, input_units, output_units: their names and units; frequency_Hz (k,): of the modes; static_gain
+    (outputs, inputs): at zero frequency, infinite where nothing resists; pose: drive values [m or rad]; freed: released
+    drives.
     """
 
     A: Array
     B: Array
     C: Array
     D: Array
-    drives: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
     input_units: tuple[str, ...]
     output_units: tuple[str, ...]
     frequency_Hz: Array
+    static_gain: Array
     pose: dict[str, float]
+    freed: tuple[str, ...]
 
     def _line(self) -> str:
-        return f"{len(self.A)} states, drives {', '.join(self.drives)}"
+        return f"{len(self.A)} states, {', '.join(self.inputs)} to {', '.join(self.outputs)}"
 
     def __str__(self) -> str:
-        gain = self._static_gain()
         rows = [
             (f"{n} [{o}]", *(format_number(g, 5) for g in row))
-            for n, o, row in zip(self.drives, self.output_units, gain, strict=True)
+            for n, o, row in zip(self.outputs, self.output_units, self.static_gain, strict=True)
         ]
-        at = ", ".join(
-            f"{n} = {v:.6g} {u}" for (n, v), u in zip(self.pose.items(), self.output_units, strict=False)
-        )
+        at = ", ".join(f"{n} = {v:.6g}" for n, v in self.pose.items())
         return format_table(
-            ("motion", *(f"{n} [{u}]" for n, u in zip(self.drives, self.input_units, strict=True))),
+            ("output", *(f"{n} [{u}]" for n, u in zip(self.inputs, self.input_units, strict=True))),
             rows,
             f"State-space model about {at}: {len(self.A)} states",
             f"Modes of {', '.join(format_number(f) for f in self.frequency_Hz)} Hz",
-            "Gain at zero frequency, motion of a row per force or moment of a column:",
+            "Gain at zero frequency, output of a row per input of a column:",
         )
-
-    def _static_gain(self) -> Array:
-        """Gain at zero frequency; infinite where a force moves a drive without resistance."""
-        k = len(self.frequency_Hz)
-        rigid, phi = self.frequency_Hz == 0.0, self.C[:, :k]
-        elastic = phi[:, ~rigid]
-        unbounded = phi[:, rigid] @ phi[:, rigid].T
-        finite = (elastic / -self.A[k:, :k].diagonal()[~rigid]) @ elastic.T + self.D
-        # rounding, relative to the drives
-        unbounded[np.abs(unbounded) <= 1e-12 * np.abs(phi @ phi.T)] = 0.0
-        return np.where(unbounded == 0.0, finite, np.copysign(np.inf, unbounded))
 
     def response(self, frequency_Hz: Any) -> Array:
         """Complex frequency response (n, outputs, inputs) at frequencies (n,) [Hz]."""
@@ -89,61 +78,51 @@ class StateSpace(PrintableAnswer):
         )
         return response
 
+    def to_scipy(self) -> Any:
+        """The model as `scipy.signal.StateSpace`."""
+        from scipy.signal import StateSpace as Scipy
+
+        return Scipy(self.A, self.B, self.C, self.D)
+
     def to_mat(self, path: str | os.PathLike[str]) -> Path:
         """Write A, B, C, D, names and units for MATLAB: ``load file; sys = ss(A, B, C, D)``. Returns the path."""
         numbers = {"A": self.A, "B": self.B, "C": self.C, "D": self.D, "frequency_Hz": self.frequency_Hz}
-        texts = {"drives": self.drives, "input_units": self.input_units, "output_units": self.output_units}
-        named = {k: np.array(v, dtype=object) for k, v in texts.items()}
-        values = np.array([self.pose.get(d, 0.0) for d in self.drives])
-        return write_mat(path, {**numbers, **named, "pose": values})
+        names = ("inputs", "outputs", "input_units", "output_units", "freed")
+        texts = {key: np.array(getattr(self, key), dtype=object) for key in names}
+        values = {"drives": np.array(list(self.pose), dtype=object), "pose": np.array([*self.pose.values()])}
+        return write_mat(path, {**numbers, **texts, **values})
 
 
 @clear_argument_errors
 def state_space(
-    pose: Configuration, *, modes: int = 6, damping: float = 0.01, drives: Iterable[str] | None = None
+    pose: Configuration,
+    *,
+    modes: int = 6,
+    damping: Damping | None = None,
+    drives: Iterable[str] | None = None,
+    inputs: str | Iterable[str] | None = None,
+    outputs: str | Iterable[str] | None = None,
 ) -> StateSpace:
     """State-space model of a `Configuration`, returned as a `StateSpace`.
 
-    modes: number of lowest modes; damping: modal damping ratio zeta of every mode. drives: those released and used as
-    inputs and outputs, all when None; the others stay fixed. Raises SceneError for names, modes or damping out of range,
-    for a scene without mass, and under loads that are not conservative.
+    modes: number of lowest modes; inputs, outputs, damping: as in `Configuration.response`, but that outputs are all drives
+    when None. drives: those released, also where inputs and outputs are None; those among inputs and outputs when None, and
+    all where these are None, too; the others stay fixed. Raises SceneError for names, modes or damping out of range, for a
+    scene without mass, and under loads that are not conservative; KinematicsError for an unstable pose.
     """
     if not isinstance(pose, Configuration):
         raise SceneError(f"pose = {show(pose)} is no configuration; give what ksd.solve returns.")
     known = pose.model.drive_names
-    freed = tuple(known) if drives is None else names_of(drives, "drives")
-    if not freed or any(d not in known for d in freed):
+    freed = None if drives is None else names_of(drives, "drives")
+    if freed is not None and (not freed or any(d not in known for d in freed)):
         raise SceneError(f"drives = {freed}: name drives to be let go, out of {', '.join(known) or 'none'}")
-    if not not_negative(damping, "damping") < 1.0:
-        raise SceneError(f"damping = {damping}: a ratio from 0 to below 1 is needed")
-    lowest_modes = pose.frequencies(count=whole_number(modes, "modes"), freed=freed)
-    if (
-        not lowest_modes.conservative
-        and assemble_and_factor(*pose.unreduced_state, load_factor=pose.load_factor).skew_share()
-        > MAX_DAMPED_SKEW_SHARE
-    ):
-        raise SceneError(
-            "state_space: the loads follow their link or are moments fixed in space, and not conservative: modes are "
-            "no basis of a linear model then; take those loads off, or put them on as forces that keep their direction"
-        )
-    columns = [list(known).index(d) for d in freed]
-    phi, squared = lowest_modes.drive_motion[:, columns].T, lowest_modes.omega_squared
-    k = len(squared)
-    A = np.zeros((2 * k, 2 * k))
-    A[:k, k:] = np.eye(k)
-    A[k:, :k] = -np.diag(squared)
-    A[k:, k:] = -np.diag(2 * damping * np.sqrt(np.abs(squared)))
-    B = np.vstack([np.zeros((k, len(freed))), phi.T])
-    C = np.hstack([phi, np.zeros((len(freed), k))])
-    elastic = squared != 0.0
-    order = np.argsort(np.argsort(columns))
-    D = (
-        lowest_modes.drive_compliance[np.ix_(order, order)]
-        - (phi[:, elastic] / squared[elastic]) @ phi[:, elastic].T
-    )
-    kinds = {d.name: drive_kind(d) for d in pose.model.scene.drives}
-    inputs = tuple({"translation": "N", "rotation": "Nm"}.get(kinds[d], "SI") for d in freed)
-    outputs = tuple({"mm": "m", "deg": "rad"}.get(DRIVE_VALUE_UNITS[kinds[d]][0], "SI") for d in freed)
+    every = known if freed is None else freed
+    plant = pose.plant(
+        inputs=every if inputs is None else inputs, outputs=every if outputs is None else outputs, damping=damping,
+        modes=whole_number(modes, "modes"), freed=freed,
+    )  # fmt: skip
+    A, B, C, D = plant.state_space()
     return StateSpace(
-        A, B, C, 0.5 * (D + D.T), freed, inputs, outputs, lowest_modes.frequency_Hz.copy(), dict(pose.targets)
-    )
+        A, B, C, D, plant.inputs, plant.outputs, plant.input_units, plant.output_units, plant.frequency_Hz.copy(),
+        plant.static_gain(), dict(pose.targets), plant.freed,
+    )  # fmt: skip

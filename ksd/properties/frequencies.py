@@ -42,7 +42,13 @@ from ksd.properties.printing import (
     released_text,
 )
 from ksd.properties.shape import scene_leaves
-from ksd.properties.tangent import Tangent, assemble_and_factor, check_backward_error, row_gradients
+from ksd.properties.tangent import (
+    Tangent,
+    assemble_and_factor,
+    check_backward_error,
+    remove_row_components,
+    row_gradients,
+)
 
 Array = NDArray[np.float64]
 MAX_DENSE = 300
@@ -220,7 +226,7 @@ class Modes(PrintableAnswer):
 
     def static_response(self, loads: Array) -> Array:
         """Displacement (size, n) of all unknowns under loads (size, n), without the motions of 0 Hz."""
-        return _inverse_stiffness(self.tangent, self.mass, self.rigid, loads)
+        return _inverse_stiffness(self.tangent, self.mass, self.rigid, _without_carried(self.tangent, loads))
 
     def participation(self, direction: str) -> Array:
         """Participation factors (k,) [kg^0.5; kg^0.5 m] of the modes where everything, ground included, is moved along or
@@ -369,6 +375,18 @@ def _inverse_stiffness(tangent: Tangent, mass: Inertia, rigid: Array, loads: Arr
     return response - rigid @ (rigid.T @ (mass.matrix @ response)) if rigid.size else response
 
 
+def _without_carried(tangent: Tangent, loads: Array) -> Array:
+    """Loads (size, k) without what held drives and supports carry: it moves nothing, and would leave rounding."""
+    names = (*tangent.model.drive_names, *tangent.model.support_names)
+    held = [i for i, n in enumerate(names) if n not in tangent.freed]
+    gradients = row_gradients(tangent.arrays, tangent.motion, held)
+    found = np.array(loads, float)
+    if held:
+        nodes = found[: len(gradients)]
+        nodes[:] = remove_row_components(tangent.arrays, tangent.arrays.size, gradients, nodes)[0]
+    return found
+
+
 def _rigid_motions(tangent: Tangent, mass: Inertia) -> Array:
     """Motions (size, m) without stiffness, of unit modal mass; raises KinematicsError where one has no mass either."""
     rigid = np.zeros((mass.size, tangent.free.shape[1]))
@@ -407,6 +425,7 @@ def _dense_pairs(tangent: Tangent, mass: Inertia, rigid: Array, count: int) -> t
     C, order, rank, _ = lapack.dpstrf(M[np.ix_(used, used)] * np.outer(scale, scale), lower=1)
     L = np.zeros((mass.size, rank))
     L[used[order - 1]] = (np.tril(C)[:, :rank].T / scale[order - 1]).T
+    L = _without_carried(tangent, L)
     x = _inverse_stiffness(tangent, mass, rigid, L)
     # the BLAS of scipy, as `eigh` uses it: threads of numpy's own one would still occupy the cores
     A = blas.dgemm(1.0, L, x, trans_a=True)

@@ -60,7 +60,9 @@ class Inertia:
     def rooted(self, vectors: Array) -> Array:
         """B times vectors (size, k)."""
         padded = np.vstack([vectors, np.zeros((1, vectors.shape[1]))])
-        return np.concatenate([(B @ padded[at]).reshape(-1, vectors.shape[1]) for at, B in self.stacks])
+        return np.concatenate(
+            [(B @ padded[at]).reshape(B.shape[0] * B.shape[1], vectors.shape[1]) for at, B in self.stacks]
+        )
 
 
 def leaf_line_mass(leaf: Any, s: Array) -> Array:

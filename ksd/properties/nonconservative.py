@@ -12,6 +12,9 @@ from scipy.linalg import null_space
 from ksd.model.arrays import Arrays, State
 
 Array = NDArray[np.float64]
+MAX_DAMPED_SKEW_SHARE = 1e-3
+"""Skew share rho of the tangent up to which flutter is left to damping: a damping ratio of rho / 2 is less than flexures
+have."""
 REAL_TOLERANCE = 1e-9
 """Imaginary part of an eigenvalue, relative to its magnitude, up to which it counts as real."""
 

@@ -14,7 +14,7 @@ Dashpots are forces between further inputs and sensors, fed back exactly (Woodbu
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -27,21 +27,27 @@ from ksd.model.compile import Model
 from ksd.properties.frequencies import Modes, frequencies
 from ksd.properties.mass import base_load
 from ksd.properties.material_damping import has_loss_factors
+from ksd.properties.nonconservative import MAX_DAMPED_SKEW_SHARE
 from ksd.properties.stiffness import point_jacobian
 from ksd.properties.tangent import row_gradients
 from ksd.scene.drive import GROUND, DriveTerm
 from ksd.scene.sensor import KINDS
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 Damping = float | Sequence[float] | Sequence[tuple[float, float]] | Literal["materials"]
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 """Directions of a base: displacements along and rotations about the global axes, through the origin."""
+BASE_INPUTS = tuple(f"base {d}" for d in DIRECTIONS)
+"""Names of the inputs of a shaken base."""
 DEFAULT_RATIO = 0.01
 """Damping ratio of every mode where the scene says nothing about damping."""
 DEFAULT_MODES = 12
 """Number of modes where neither it nor a frequency is given."""
 MAX_MODES = 200
 """Largest number of modes that is chosen for the highest frequency asked for."""
+ROUNDING_GAIN = 1e-12
+"""Part of a gain in motions without stiffness, relative to that of all modes, up to which it is rounding."""
 BAND_RATIO = 3.0
 """Lowest frequency left out over the highest asked for, where the number of modes is chosen."""
 
@@ -51,11 +57,11 @@ class Plant:
     """Modal model between inputs and outputs about a pose.
 
     omega_squared [1/s^2], ratio (k,): of the modes, 0 for motions without stiffness; force (k, i), motion (o, k): work of
-    unit inputs on, and readings of outputs in, modes of unit modal mass; rest (o, i): static response of the modes left out;
-    carried (o, i): reading of an absolute sensor per displacement of the base; derivatives (o,): time derivatives in each
-    output. dashpots (d,): their damping; damper_force (k, d), damper_motion (d, k), damper_rest: the same between them and
-    inputs (d, i), outputs (o, d) and one another (d, d). left_out_Hz: lowest frequency left out, inf where none is.
-    damping_text: what the damping ratios are.
+    unit inputs on, and readings of outputs in, modes of unit modal mass; rest (o, i): static response of modes left out;
+    carried (o, i): reading of an absolute sensor per motion of the base; base_motion (o, i): the same of every sensor, as if
+    all were absolute; derivatives (o,): time derivatives in each output. dashpots (d,): their damping; damper_force (k, d),
+    damper_rest: the same between them and inputs (d, i), outputs (o, d) and one another (d, d). left_out_Hz: lowest
+    frequency left out, inf where none is. damping_text: what the damping ratios are.
     """
 
     inputs: tuple[str, ...]
@@ -68,6 +74,7 @@ class Plant:
     motion: Array
     rest: Array
     carried: Array
+    base_motion: Array
     derivatives: NDArray[np.intp]
     dashpots: Array
     damper_force: Array
@@ -82,17 +89,12 @@ class Plant:
         """Frequencies (k,) [Hz] of the modes."""
         return self.modes.frequency_Hz[: len(self.omega_squared)]
 
-    def modal(self, frequency_Hz: Array) -> Array:
-        """Complex amplitudes (n, k, i) of the modes per unit input at frequencies (n,) [Hz], dashpots included."""
-        w = 2.0 * np.pi * np.asarray(frequency_Hz, float)[:, None]
+    def _gain(self, w: Array) -> Any:
+        """Complex amplitude (n, k) of every mode per unit force on it alone, at angular frequencies w (n, 1)."""
         own = self.omega_squared
-        gain = 1.0 / (own - w**2 + 2j * self.ratio * np.sqrt(np.abs(own)) * w)
-        free: Array = gain[:, :, None] * self.force
-        if not len(self.dashpots):
-            return free
-        return free + gain[:, :, None] * (self.damper_force @ self._dashpot_forces(gain, w))
+        return 1.0 / (own - w**2 + 2j * self.ratio * np.sqrt(np.abs(own)) * w)
 
-    def _dashpot_forces(self, gain: Array, w: Array) -> Array:
+    def _dashpot_forces(self, gain: Any, w: Array) -> Any:
         """Forces (n, d, i) of the dashpots per unit input, from the compliance between them."""
         to_input, _, own = self.damper_rest
         seen = self.damper_force.T
@@ -101,21 +103,44 @@ class Plant:
         rate = 1j * w[:, :, None] * self.dashpots[:, None]
         return -np.linalg.solve(np.eye(len(self.dashpots)) + rate * between, rate * reached)
 
-    def transfer(self, frequency_Hz: Any) -> Array:
+    def modal(self, frequency_Hz: Any) -> Complex:
+        """Complex amplitudes (n, k, i) of the modes per unit input at frequencies (n,) [Hz], dashpots included."""
+        w = 2.0 * np.pi * np.asarray(frequency_Hz, float)[:, None]
+        gain = self._gain(w)
+        found = gain[:, :, None] * self.force
+        if len(self.dashpots):
+            found = found + gain[:, :, None] * (self.damper_force @ self._dashpot_forces(gain, w))
+        return np.asarray(found)
+
+    def transfer(self, frequency_Hz: Any) -> Complex:
         """Complex response (n, outputs, inputs) at frequencies (n,) [Hz]: amplitude of an output per unit input."""
         f = np.atleast_1d(np.asarray(frequency_Hz, float))
-        response = self.motion @ self.modal(f) + self.rest
+        w = 2.0 * np.pi * f[:, None]
+        response: Any = self.motion @ self.modal(f) + self.rest
         if len(self.dashpots):
-            w = 2.0 * np.pi * f[:, None]
-            gain = 1.0 / (
-                self.omega_squared - w**2 + 2j * self.ratio * np.sqrt(np.abs(self.omega_squared)) * w
-            )
-            response = response + self.damper_rest[1] @ self._dashpot_forces(gain, w)
-        rate = (2j * np.pi * f)[:, None]
+            response = response + self.damper_rest[1] @ self._dashpot_forces(self._gain(w), w)
+        rate: Any = 1j * w[:, :, None]
         with np.errstate(divide="ignore", invalid="ignore"):
-            base = np.where(self.carried == 0.0, 0.0, rate[:, :, None] ** -2.0 * self.carried)
-        found: Array = rate[:, :, None] ** self.derivatives[:, None] * (response + base)
-        return found
+            base = np.where(self.carried == 0.0, 0.0, rate**-2.0 * self.carried)
+        return np.asarray(rate ** self.derivatives[:, None] * (response + base))
+
+    def per_base_motion(self) -> Plant:
+        """The plant with the motion of the base as its input instead of its acceleration, and absolute readings.
+
+        Raises SceneError for velocities, whose ratio to a motion is none.
+        """
+        for name, order in zip(self.outputs, self.derivatives.tolist(), strict=True):
+            if order == 1:
+                raise SceneError(
+                    f"transmissibility: sensor '{name}' reads a velocity; give displacements or accelerations"
+                )
+        units = tuple("m" if u == "m/s^2" else "rad" for u in self.input_units)
+        plain = tuple(u.removesuffix("/s^2") for u in self.output_units)
+        still = np.full(len(self.derivatives), 2)
+        # an acceleration per acceleration is a motion per motion
+        return replace(
+            self, input_units=units, output_units=plain, derivatives=still, carried=self.base_motion
+        )
 
     def truncation_error(self, frequency_Hz: Any) -> Array:
         """Bound (n, outputs, inputs) of what the modes left out add to their static response at frequencies (n,) [Hz].
@@ -129,6 +154,18 @@ class Plant:
         rate = (2.0 * np.pi * f)[:, None] ** self.derivatives
         bound = (share[:, None] * rate)[:, :, None] * np.abs(self.rest)
         return np.where(self.rest == 0.0, 0.0, bound)
+
+    def static_gain(self) -> Array:
+        """Gain (outputs, inputs) at zero frequency; infinite where an input moves an output without resistance."""
+        rigid, still = self.omega_squared == 0.0, self.derivatives > 0
+        elastic = self.motion[:, ~rigid] / self.omega_squared[~rigid] @ self.force[~rigid] + self.rest
+        unbounded = self.motion[:, rigid] @ self.force[rigid]
+        largest = np.abs(self.motion) @ np.abs(self.force)
+        unbounded[np.abs(unbounded) <= ROUNDING_GAIN * largest] = 0.0
+        gain = np.where(unbounded == 0.0, elastic, np.copysign(np.inf, unbounded))
+        # an acceleration of a free motion, or of a base that takes the sensor along
+        moved = np.where(self.derivatives[:, None] == 2, unbounded + self.carried, 0.0)
+        return np.where(still[:, None], moved, gain)
 
     def state_space(self) -> tuple[Array, Array, Array, Array]:
         """Matrices A, B, C, D of x = (eta, eta'), the modal amplitudes and their rates.
@@ -306,7 +343,9 @@ def _is_translation(scene: Any, drive: str) -> bool:
 
 
 def _carried(model: Model, state: State, term: DriveTerm, base: Array) -> float:
-    """Reading of an absolute sensor per unit motion of its base (6,), about the origin."""
+    """Reading of an absolute sensor per unit motion of its base (6,), about the origin; 0 of one relative to a link."""
+    if term.base != GROUND:
+        return 0.0
     direction, node = np.asarray(term.direction), model.node_names.index(term.link)
     if term.kind == "rotation":
         return float(term.coefficient * direction @ base[3:])
@@ -337,7 +376,7 @@ def make_plant(
     """
     scene, drives = model.scene, model.drive_names
     sensors, loads = {s.name: s for s in scene.sensors}, {load.name: load for load in scene.loads}
-    chosen = _choose_names("inputs", inputs, drives, (*drives, *loads, *(f"base {d}" for d in DIRECTIONS)))
+    chosen = _choose_names("inputs", inputs, drives, (*drives, *loads, *BASE_INPUTS))
     seen = _choose_names("outputs", outputs, tuple(sensors) or drives, (*sensors, *drives))
     released = (
         tuple(d for d in drives if d in chosen or d in seen) if freed is None else names_of(freed, "freed")
@@ -346,7 +385,7 @@ def make_plant(
         if name in drives and name not in released:
             raise SceneError(f"inputs: drive '{name}' is held, and its force moves nothing; name it in freed")
     found, kept = _enough_modes(model, motion, modes, released, up_to_Hz, load_factor)
-    if not found.conservative:
+    if not found.conservative and found.tangent.skew_share() > MAX_DAMPED_SKEW_SHARE:
         raise SceneError(
             "the loads follow their link or are moments fixed in space, and not conservative: modes are no basis of a "
             "linear model then; take those loads off, or put them on as forces that keep their direction"
@@ -378,15 +417,16 @@ def make_plant(
             input_units.append("m/s^2" if direction[:3].any() else "rad/s^2")
         base_motion.append(direction)
     gradient, output_units, derivatives = [], [], []
-    carried = np.zeros((len(seen), len(chosen)))
+    carried, along = np.zeros((2, len(seen), len(chosen)))
     for o, name in enumerate(seen):
         if name in sensors:
             sensor = sensors[name]
             gradient.append(term_gradient(fine, state, sensor.term, size))
             output_units.append(sensor.unit)
             derivatives.append(KINDS[sensor.kind])
+            along[o] = [_carried(fine, state, sensor.term, r) for r in base_motion]
             if sensor.absolute:
-                carried[o] = [_carried(fine, state, sensor.term, r) for r in base_motion]
+                carried[o] = along[o]
         else:
             gradient.append(drive_row(name))
             output_units.append("m" if _is_translation(scene, name) else "rad")
@@ -406,7 +446,7 @@ def make_plant(
     ratio, text = modal_ratios(found, kept, damping)
     return Plant(
         chosen, seen, tuple(input_units), tuple(output_units), squared, ratio, phi @ b.T, c @ phi.T,
-        rest(c, b, to_b), carried, np.array(derivatives, dtype=np.intp),
+        rest(c, b, to_b), carried, along, np.array(derivatives, dtype=np.intp),
         np.array([damper.damping for damper in scene.dampers]), phi @ d.T,
         (rest(d, b, to_b), rest(c, d, to_d), rest(d, d, to_d)), left_out, text, found, released,
     )  # fmt: skip

@@ -208,14 +208,24 @@ def _weaker_section(profile: Profile, s: float) -> Section:
     return min(profile.sides(s), key=lambda q: q.Iz / thickness_and_width(q)[0])
 
 
+def _sections_along(leaf: Any, s: Array) -> tuple[Any, ...]:
+    """Sections of a leaf at stations s [m]; one for a uniform leaf."""
+    profile = getattr(leaf, "profile", None)
+    if profile is None:
+        return (leaf.section,)
+    return tuple(_weaker_section(profile, x) for x in (s / s[-1]).tolist())
+
+
+def signed_stress(forces: list[SectionForces], leaf: Any) -> tuple[Array, Array]:
+    """Normal stress (k, s, p) and shear stress (k, 2, s, p) along y and z [Pa] by k section forces of one leaf."""
+    stations = _section_tables(_sections_along(leaf, forces[0].s))
+    normal, *_, twist, transverse = _stresses(np.array([f.values for f in forces]), stations, outlined=False)
+    return normal, np.moveaxis(twist + transverse, 0, 1)
+
+
 def _leaf_stresses(forces: list[SectionForces], leaf: Any) -> list[LeafStress]:
     """Stress of leaf springs that have the section, or the profile, of `leaf`, and the same stations."""
-    profile, s = getattr(leaf, "profile", None), forces[0].s
-    sections = (
-        (leaf.section,)
-        if profile is None
-        else tuple(_weaker_section(profile, x) for x in (s / s[-1]).tolist())
-    )
+    s, sections = forces[0].s, _sections_along(leaf, forces[0].s)
     stations = _section_tables(sections)
     outlined = any(q.outline is not None for q in sections)
     values = np.array([f.values for f in forces])

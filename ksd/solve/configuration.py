@@ -35,7 +35,9 @@ from ksd.properties.frequencies import Modes, frequencies
 from ksd.properties.internal_stress import Misplaced, internal_stress
 from ksd.properties.link_forces import LinkForces, link_forces
 from ksd.properties.mesh_adequacy import ModeAdequacy, mode_adequacy
+from ksd.properties.modal_stress import modal_stress
 from ksd.properties.parasitic import Parasitic, PivotShift, parasitic, pivot_shift
+from ksd.properties.plant import BASE_INPUTS, Damping, Plant, make_plant
 from ksd.properties.printing import NamedAnswers, render_text
 from ksd.properties.shape import Shape, mechanism_shape, point_position
 from ksd.properties.stiffness import DriveStiffness, PointStiffness, drive_stiffness, point_stiffness
@@ -43,6 +45,7 @@ from ksd.properties.strength import Strength, strength, unusual_values
 from ksd.properties.stress import Stress, strain_energy, stress
 from ksd.properties.verify import Verification, verify
 from ksd.scene.link import Link
+from ksd.scene.motion import HalfSine
 from ksd.scene.scene import PlacedJoint
 from ksd.solve.answer import as_dict, drive_kind
 from ksd.solve.error import (
@@ -56,8 +59,11 @@ from ksd.solve.joint_motions import JointMotions
 from ksd.solve.left_out import left_out
 from ksd.solve.nonconservative_stability import nonconservative_stability
 from ksd.solve.perturbed import answer_derivatives, parameters_of
+from ksd.solve.random_vibration import RandomVibration, Spectrum, check_spectra, vibrate
 from ksd.solve.report import tables
+from ksd.solve.response import Response, frequency_grid, respond
 from ksd.solve.sensitivity import sensitivity
+from ksd.solve.shock import Shock, check_pulse, shake
 from ksd.solve.steps import FAST_METHODS, ErrorEstimate, Step, Stop, Verdict
 from ksd.solve.undeformed_stability import multiple_minima_note
 from ksd.solve.validity import Validity, validity
@@ -399,6 +405,133 @@ class Configuration(NotebookTables):
             load_factor=self.load_factor,
             dense=dense,
         )
+
+    def plant(
+        self,
+        *,
+        inputs: str | Iterable[str] | None = None,
+        outputs: str | Iterable[str] | None = None,
+        damping: Damping | None = None,
+        modes: int | None = None,
+        freed: Iterable[str] | None = None,
+        up_to_Hz: float | None = None,
+    ) -> Plant:
+        """The modal model between inputs and outputs on which `response` and the like stand.
+
+        up_to_Hz: highest frequency of interest [Hz], by which the number of modes is chosen. Other arguments as in
+        `response`.
+        """
+        self._of_leaves("response")
+        return make_plant(
+            *full_model_state(self.model, self.refinement_start), inputs=inputs, outputs=outputs, damping=damping,
+            modes=modes, freed=freed, up_to_Hz=up_to_Hz, load_factor=self.load_factor,
+        )  # fmt: skip
+
+    def response(
+        self,
+        frequency_Hz: ArrayLike | None = None,
+        *,
+        inputs: str | Iterable[str] | None = None,
+        outputs: str | Iterable[str] | None = None,
+        damping: Damping | None = None,
+        modes: int | None = None,
+        freed: Iterable[str] | None = None,
+    ) -> Response:
+        """Frequency response of sensors and drive motions to drive forces, loads and base acceleration, small about this
+        state.
+
+        frequency_Hz (n,): around the modes when None. inputs: drives, loads of the scene (1 is that load once more), or
+        "base x" ... "base rz" [m/s^2, rad/s^2]; all drives when None. outputs: sensors and drives; all sensors when None, or
+        all drives where there are none. damping: ratio of all modes, ratios, two pairs (frequency [Hz], ratio) of Rayleigh,
+        or "materials"; when None the loss factors of the materials, .01 where there are none. Dampers come on top. modes:
+        their number, chosen by the frequencies when None; what others would change is in `error`. freed: drives and supports
+        released, those among inputs and outputs when None. Raises SceneError, KinematicsError where the state is unstable.
+        """
+        grid = None if frequency_Hz is None else frequency_grid(frequency_Hz)
+        highest = None if grid is None else float(grid[-1])
+        plant = self.plant(
+            inputs=inputs, outputs=outputs, damping=damping, modes=modes, freed=freed, up_to_Hz=highest
+        )
+        return respond(plant, grid)
+
+    def transmissibility(
+        self,
+        direction: str,
+        frequency_Hz: ArrayLike | None = None,
+        *,
+        outputs: str | Iterable[str] | None = None,
+        damping: Damping | None = None,
+        modes: int | None = None,
+        freed: Iterable[str] = (),
+    ) -> Response:
+        """Absolute motion of sensors per motion of a shaken base along or about a global axis: 1 at low frequencies.
+
+        direction: "x" ... "rz"; outputs: sensors of displacements or accelerations, read in space whatever they are relative
+        to ground; drives are held except those in `freed`. Other arguments as in `response`.
+        """
+        grid = None if frequency_Hz is None else frequency_grid(frequency_Hz)
+        highest = None if grid is None else float(grid[-1])
+        plant = self.plant(
+            inputs=(f"base {direction}",),
+            outputs=outputs,
+            damping=damping,
+            modes=modes,
+            freed=freed,
+            up_to_Hz=highest,
+        )
+        return respond(plant.per_base_motion(), grid)
+
+    def random_vibration(
+        self,
+        psd: Mapping[str, Spectrum],
+        *,
+        outputs: str | Iterable[str] | None = None,
+        damping: Damping | None = None,
+        modes: int | None = None,
+        freed: Iterable[str] | None = None,
+    ) -> RandomVibration:
+        """Root mean squares of sensors, and of stress, under stationary random inputs.
+
+        psd: one-sided spectra by input, points (frequency [Hz], density [unit^2/Hz]), such as {"base y": [(1, 1e-3), (200,
+        1e-3)]}, straight between points on logarithmic axes. Other arguments as in `response`.
+        """
+        known = (
+            *self.model.drive_names, *(load.name for load in self.model.scene.loads), *BASE_INPUTS,
+        )  # fmt: skip
+        spectra = check_spectra(psd, known)
+        highest = max(float(rows[-1, 0]) for rows in spectra.values())
+        plant = self.plant(
+            inputs=tuple(spectra),
+            outputs=outputs,
+            damping=damping,
+            modes=modes,
+            freed=freed,
+            up_to_Hz=highest,
+        )
+        stress = modal_stress(plant.modes, len(plant.frequency_Hz), load_factor=self.load_factor)
+        return vibrate(plant, spectra, stress)
+
+    def shock(
+        self,
+        pulse: HalfSine | Sequence[tuple[float, float]],
+        *,
+        source: str = "base y",
+        outputs: str | Iterable[str] | None = None,
+        damping: Damping | None = None,
+        modes: int | None = None,
+        freed: Iterable[str] | None = None,
+    ) -> Shock:
+        """Response of sensors to a pulse of base acceleration, or of another input, and its response spectrum.
+
+        pulse: `ksd.HalfSine(amplitude, duration)`, or points (t [s], value). source: input that follows it. Other arguments
+        as in `response`. Sensors of a displacement or velocity must be relative to ground.
+        """
+        given = check_pulse(pulse)
+        highest = 4.0 / given.duration
+        plant = self.plant(
+            inputs=(source,), outputs=outputs, damping=damping, modes=modes, freed=freed, up_to_Hz=highest
+        )
+        return shake(plant, given)
 
     def buckling(
         self,

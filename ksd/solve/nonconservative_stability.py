@@ -19,13 +19,9 @@ from ksd.model.arrays import State, make_workspace
 from ksd.model.compile import Model
 from ksd.model.newton import assemble
 from ksd.properties.frequencies import frequencies
-from ksd.properties.nonconservative import count_negative_eigenvalues, skew_tangent
+from ksd.properties.nonconservative import MAX_DAMPED_SKEW_SHARE, count_negative_eigenvalues, skew_tangent
 from ksd.properties.tangent import assemble_and_factor, exact_tangent_arrays, stored_matrix
 from ksd.solve.steps import Verdict
-
-MAX_DAMPED_SKEW_SHARE = 1e-3
-"""Skew share rho of the tangent up to which flutter is left to damping: a damping ratio of rho / 2 is less than flexures
-have."""
 
 
 def nonconservative_stability(model: Model, motion: State, load_factor: float) -> Verdict:

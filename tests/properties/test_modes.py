@@ -14,7 +14,7 @@ from ksd.properties.buckling import uncondensed_tangents
 from ksd.properties.finer_model import finer_state
 from ksd.properties.frequencies import frequencies
 from ksd.properties.leaf_groups import leaf_groups
-from ksd.properties.mass import _leaf_mass_roots, member_leaves, assemble_inertia
+from ksd.properties.mass import _leaf_mass_roots, assemble_inertia, member_leaves
 from ksd.properties.tangent import row_numbers
 from ksd.section import rectangle
 from ksd.solve.conventional import solve_conventional
