@@ -70,11 +70,14 @@ def interrupted(code: str, folder: str, wait: float) -> str:
         return f"ended with {run.returncode} after {wait:.2f} s: {last}"
     if errors.count("Traceback") > 1 and "During handling" not in errors and "direct cause" not in errors:
         return f"more than one traceback after {wait:.2f} s:\n{errors}"
-    time.sleep(1.0)
-    try:
-        os.killpg(run.pid, signal.SIGKILL)
-    except ProcessLookupError:
-        return ""
+    end = time.monotonic() + LIMIT
+    while time.monotonic() < end:
+        try:
+            os.killpg(run.pid, 0)
+        except ProcessLookupError:
+            return ""
+        time.sleep(0.2)
+    os.killpg(run.pid, signal.SIGKILL)
     return f"left processes after {wait:.2f} s"
 
 

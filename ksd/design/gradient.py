@@ -9,6 +9,7 @@ load factors mu are differentiated as 1/mu, because mu passes through infinity w
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import chain, pairwise
 from typing import Any, NamedTuple
@@ -35,7 +36,7 @@ from ksd.design.questions import (
 )
 from ksd.design.sweep import sweep_paths
 from ksd.design.sweep_path import Recipe, adequate_solver
-from ksd.errors import KinematicsError, SceneError, TrustError
+from ksd.errors import ConvergenceError, KinematicsError, SceneError, TrustError
 from ksd.html import join_printed
 from ksd.model.mesh import Mesh
 from ksd.numerics.rotations import rotation_log
@@ -44,6 +45,7 @@ from ksd.properties.state_batch import StateBatch, group_states
 from ksd.properties.stress import batch_stress_at_peaks
 from ksd.scene.link import Link
 from ksd.solve.configuration import Configuration
+from ksd.solve.error import refined_configuration
 from ksd.solve.perturbed import (
     FOURTH_ORDER_STEP,
     RELATIVE_STEP,
@@ -72,9 +74,9 @@ class Gradient(PrintableAnswer):
     poses): the derivatives. at_design: parameters by name, SI; values: answers (poses,) of the same equilibria by column;
     poses: drive values and load case of each. point: derivative of the displacement [m] and rotation [rad] (poses, 6) of
     the point of the questions, by parameter. reasons: why there is no gradient, by column and pose; the slope is nan there.
-    error_slopes: |g(h) - g(2h)| / 3 in the shape of `slopes`, or the difference of the one-sided slopes where there is a
-    kink; None without errors=True. heading: what the printed table holds. refused: by number of the pose, why `ksd.solve`
-    would refuse it (strict=False).
+    error_slopes: in the shape of `slopes`, the change to the derivative on a finer mesh, plus |g(h) - g(2h)| / 3 or, where
+    there is a kink, the difference of the one-sided slopes; None without errors=True. heading: what the printed table holds.
+    refused: by number of the pose, why `ksd.solve` would refuse it (strict=False).
     """
 
     columns: tuple[str, ...]
@@ -191,10 +193,10 @@ def gradient(
     design: a function of the parameters `at_design` (by name, SI) that returns a mechanism; a mechanism where only
     derivatives by drives and loads are needed. by: names of parameters, drives, or components of loads ("payload_force_z");
     by default all numbers of `at_design`, without one all drives. sizes: typical sizes of parameters that are zero. errors:
-    differences of fourth order with an error estimate for each, at twice the cost. The other arguments, and drive values
-    [m or rad] by name, are those of `ksd.sweep`. Values and derivatives are those of the equilibrium for every `method`;
-    modes, orders, effects and plate curvatures are fixed when a parameter is perturbed. Modes are numbered at every pose
-    from the lowest.
+    differences of fourth order with the error of each, that of the mesh included, at several times the cost. The other
+    arguments, and drive values [m or rad] by name, are those of `ksd.sweep`. Values and derivatives are those of the
+    equilibrium for every `method`; modes, orders and effects are fixed when a parameter is perturbed. Modes are numbered
+    at every pose from the lowest.
 
     Raises SceneError for unknown names, a parameter that changes more than numbers, and reduced bodies; KsdError of the
     pose that fails; TrustError of a pose that `ksd.solve` would refuse, which strict=False differentiates all the same: then
@@ -253,6 +255,48 @@ def gradient_at(
     errors: bool = False,
 ) -> Gradient:
     """`gradient` at solved poses; design: the function of the parameters, None for a mechanism."""
+
+    def differences(solved: Iterable[SolvedPoses], names: tuple[str, ...] = questions.names) -> Gradient:
+        return _gradient_by_differences(
+            solved, replace(questions, names=names), design, at_design, by=by, sizes=sizes, errors=errors
+        )
+
+    def on_finer_mesh(scene: Any, pose: Configuration, label: Mapping[str, Any]) -> dict[str, Array]:
+        """Derivatives (parameters,) by column, without those of questions that have no answer there."""
+        slopes: dict[str, Array] = {}
+        with suppress(ConvergenceError):
+            refined = SolvedPoses(scene, [refined_configuration(pose)], [label])
+            for name in questions.names:
+                with suppress(*POSE_ERRORS):
+                    fine = differences([refined], (name,))
+                    slopes |= dict(zip(fine.columns, fine.slopes[..., 0], strict=True))
+        return slopes
+
+    if not errors:
+        return differences(solved)
+    cases = list(solved)
+    found = differences(cases)
+    assert found.error_slopes is not None
+    error_slopes = found.error_slopes.copy()
+    poses = [(case.scene, pose) for case in cases for pose in case.poses]
+    for n, (scene, pose) in enumerate(poses):
+        fine_slopes = on_finer_mesh(scene, pose, found.poses[n])
+        for i, column in enumerate(found.columns):
+            error_slopes[i, :, n] += np.abs(fine_slopes.get(column, np.inf) - found.slopes[i, :, n])
+    return replace(found, error_slopes=error_slopes)
+
+
+def _gradient_by_differences(
+    solved: Iterable[SolvedPoses],
+    questions: Questions,
+    design: Callable[..., Any] | None,
+    at_design: Mapping[str, Any] | None,
+    *,
+    by: str | Iterable[str] | None,
+    sizes: Mapping[str, float] | None,
+    errors: bool,
+) -> Gradient:
+    """`gradient_at`; the error slopes are those of the differences on the mesh of the poses."""
     step = FOURTH_ORDER_STEP if errors else RELATIVE_STEP
     offsets = (step, -step, 2 * step, -2 * step) if errors else (step, -step)
     # of every pose: the pose itself, then those at the offsets of every parameter
