@@ -23,6 +23,11 @@ def script(monkeypatch):
     return import_module
 
 
+def test_turns_are_counted(script, capsys):
+    assert script("turns").main(["--quick"]) == 0
+    assert "21 cases, 0 wrong" in capsys.readouterr().out
+
+
 def test_figures_of_paper_1(script, tmp_path):
     found = script("paper1").main(["--quick", "--out", str(tmp_path)])
     fourbar = found["figure_10"]["readings"][1]["elements"][2]

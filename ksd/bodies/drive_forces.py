@@ -24,18 +24,18 @@ from ksd.numerics.kernel import kernel
 
 
 @kernel
-def drive_forces(ints, floats, joint_ints, geometry, theta, target, x, R, pose, wrench, mu):
+def drive_forces(ints, floats, joint_ints, geometry, theta, target, x, R, angle, pose, wrench, mu):
     """Write mu (c,): multipliers of drives and supports in step 1 by virtual work, with the links at the poses that
     theta gives.
 
     ints, floats: of the reduced mechanism, as in `ksd.model.arrays.FlatArrays`; joint_ints, geometry: as in
-    `ksd.bodies.joint_arrays`; x, R: of its links, overwritten. wrench (54 J,): inner states of the condensed joints,
+    `ksd.bodies.joint_arrays`; x, R, angle: of its links, overwritten. wrench (54 J,): inner states of the condensed joints,
     with their wrench F at 12 (`ksd.beam.linear`). With Q the work of the joints' wrenches in pure intended motion minus
     that of the loads, mu_i = -Q . J^+ e_i, where J^+ e_i is the change of theta per unit of row i while the loops stay
     closed. Multipliers that are undetermined are nan.
     """
     closing, motions, length_scale = 6 * joint_ints[CLOSING_COUNT], len(theta), floats[0]
-    residual, J, W = loop_equations_at(ints, floats, joint_ints, geometry, theta, target, x, R, pose)
+    residual, J, W = loop_equations_at(ints, floats, joint_ints, geometry, theta, target, x, R, angle, pose)
     Q, rate, scratch = np.zeros(motions), np.zeros(motions), least_squares_scratch(len(residual), motions)
     for j in range(joint_ints[JOINT_COUNT]):
         first = joint_ints[joint_ints[FIRST_MOTION] + j]

@@ -29,6 +29,7 @@ from ksd.model.arrays import (
     TERM_FLOATS,
     Arrays,
     State,
+    angle_count,
 )
 from ksd.model.compile import Model, model_source
 from ksd.model.pack import MemberTopology, largest_extent, topology_arrays
@@ -42,6 +43,7 @@ from ksd.model.template import (
     repeat_fields,
     state_of_design,
 )
+from ksd.model.turns import count_from_links, node_rotations
 
 UNIT_SCALE, INVERSE_LENGTH, FORCE_SCALE, MOMENT_SCALE = 0, 1, 2, 3
 """Scales of the functions of a leaf: 1, 1/L, EIz/L^2, EIz/L."""
@@ -137,14 +139,23 @@ def _leaf_links(
 def place_leaf_links(bodies: JointBodies, motion: State) -> None:
     """Place links held by leaf springs only at the mean of where each neighbour, moved as one body with them, would put
     them."""
-    rest = bodies.reduced_rest
+    rest, arrays = bodies.reduced_rest, bodies.reduced
+    counted = node_rotations(arrays, motion)
     for link, neighbours in bodies.leaf_links:
+        counted[link] = counted[neighbours].mean(axis=0)
         rotations = motion.R[neighbours].sum(axis=0)
         moved = np.einsum("kij,kj->ki", motion.R[neighbours], rest.x[link] - rest.x[neighbours])
         motion.x[link] = (motion.x[neighbours] + moved).mean(axis=0)
         # rotation nearest to the mean of the neighbours' rotations
         u, _, v = np.linalg.svd(rotations)
         motion.R[link] = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
+    # step 1 has counted the angles between the other links
+    pairs = np.concatenate([arrays.terms.node, arrays.springs.node])
+    own = np.flatnonzero(np.isin(pairs, [link for link, _ in bodies.leaf_links]).any(axis=1))
+    if len(own):
+        again = motion._replace(angle=np.zeros(len(motion.angle)))
+        count_from_links(arrays, again, counted)
+        motion.angle[own] = again.angle[own]
 
 
 class JointLayout:
@@ -413,7 +424,8 @@ class JointLayout:
             springs=repeat_fields(topology.springs, MEMBER_FLOATS, count),
             weight=weight if len(topology.weight) else weight[:, :0],
         )
-        return arrays, State(x, np.tile(np.eye(3), (count, nodes, 1, 1)), inner, np.zeros((count, 0)))
+        rotations, angles = np.tile(np.eye(3), (count, nodes, 1, 1)), np.zeros((count, angle_count(topology)))
+        return arrays, State(x, rotations, inner, np.zeros((count, 0)), angles)
 
     def _fill_reduced(
         self, numbers: SceneNumbers, designs: DesignArrays, kinematics: JointKinematics
@@ -457,7 +469,10 @@ class JointLayout:
             weight=weight,
         )  # fmt: skip
         rotations = np.tile(np.eye(3), (count, links, 1, 1))
-        return arrays, State(x, rotations, inner, np.zeros((count, len(topology.terms.start))))
+        multipliers, angles = (
+            np.zeros((count, n)) for n in (len(topology.terms.start), angle_count(topology))
+        )
+        return arrays, State(x, rotations, inner, multipliers, angles)
 
     def _loads_with_joint_weights(self, numbers: SceneNumbers, designs: DesignArrays) -> Any:
         """Loads of D designs followed by the weights of the joints, whose points step 2 sets."""

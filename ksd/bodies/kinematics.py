@@ -33,6 +33,7 @@ from ksd.model.arrays import (
     TRANSLATION,
 )
 from ksd.model.loading import term_slope
+from ksd.model.turns import add_rotations
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_log
 
@@ -198,7 +199,7 @@ def _close_joint(joint_ints, geometry, pose, c, length_scale, x, R, W, J, residu
 
 @kernel
 def loop_equations(
-    ints, floats, joint_ints, geometry, target, x, R, pose, ancestry, W, J, residual, frames, slope
+    ints, floats, joint_ints, geometry, target, x, R, angle, pose, ancestry, W, J, residual, frames, slope
 ):  # fmt: skip
     """Write link poses (into x, R), residual (E,) and Jacobian J (E, motions) for the joint poses pose (J, 24).
 
@@ -215,7 +216,7 @@ def loop_equations(
     for c in range(joint_ints[CLOSING_COUNT]):
         _close_joint(joint_ints, geometry, pose, c, floats[0], x, R, W, J, residual, frames)
     _constraint_equations(
-        ints, floats, target, x, R, ancestry, W, J, residual, 6 * joint_ints[CLOSING_COUNT], slope
+        ints, floats, target, x, R, angle, ancestry, W, J, residual, 6 * joint_ints[CLOSING_COUNT], slope
     )
 
 
@@ -247,7 +248,7 @@ def _row_columns(ints, ancestry, i):
 
 
 @kernel(inline="late")
-def _constraint_equations(ints, floats, target, x, R, ancestry, W, J, residual, row, slope):
+def _constraint_equations(ints, floats, target, x, R, angle, ancestry, W, J, residual, row, slope):
     """Write one equation per drive or support: sum of its terms minus target, and its derivative by the motions."""
     for i in range(ints[ROWS]):
         rotations, length_scale, total = 0, floats[0], -target[i]
@@ -257,7 +258,7 @@ def _constraint_equations(ints, floats, target, x, R, ancestry, W, J, residual, 
             J[row + i, q] = 0.0
         for t in range(begin, end):
             c = floats[ints[TERM_COEFFICIENT] + t]
-            total += c * term_slope(ints, floats, x, R, t, slope)
+            total += c * term_slope(ints, floats, x, R, angle, t, slope)
             a, b = ints[ints[TERM_NODE] + 2 * t], ints[ints[TERM_NODE] + 2 * t + 1]
             low, high = _term_columns(ints, ancestry, t)
             is_rotation = ints[ints[TERM_KIND] + t] != TRANSLATION
@@ -343,7 +344,7 @@ def least_squares(J, residual, step, scratch):
 
 
 @kernel
-def loop_equations_at(ints, floats, joint_ints, geometry, theta, target, x, R, pose):
+def loop_equations_at(ints, floats, joint_ints, geometry, theta, target, x, R, angle, pose):
     """Residual (E,), Jacobian J (E, motions) and twists W (k, motions, 6) of `loop_equations` at theta.
 
     Link poses are written into x, R, joint poses into pose (J, 24).
@@ -353,14 +354,14 @@ def loop_equations_at(ints, floats, joint_ints, geometry, theta, target, x, R, p
     series, ancestry = np.empty((3, joint_ints[MONOMIAL_COUNT])), np.empty((2, links), np.int64)
     joint_poses(joint_ints, geometry, theta, pose, series)
     loop_equations(
-        ints, floats, joint_ints, geometry, target, x, R, pose, ancestry, W, J, residual, np.empty((4, 4, 3)),
+        ints, floats, joint_ints, geometry, target, x, R, angle, pose, ancestry, W, J, residual, np.empty((4, 4, 3)),
         np.empty((8, 3)),
     )  # fmt: skip
     return residual, J, W
 
 
 @kernel
-def close_loops(ints, floats, joint_ints, geometry, theta, target, x, R, pose):
+def close_loops(ints, floats, joint_ints, geometry, theta, target, x, R, angle, pose):
     """Solve step 1 in place, from the motions theta. Returns (reason, iterations, largest residual [m]).
 
     reason: 0 closed, 1 too many iterations, 3 singular, 5 not finite; arguments: see `loop_equations`.
@@ -377,7 +378,7 @@ def close_loops(ints, floats, joint_ints, geometry, theta, target, x, R, pose):
     while True:
         joint_poses(joint_ints, geometry, theta, pose, series)
         loop_equations(
-            ints, floats, joint_ints, geometry, target, x, R, pose, ancestry, W, J, residual, frames, slope
+            ints, floats, joint_ints, geometry, target, x, R, angle, pose, ancestry, W, J, residual, frames, slope
         )  # fmt: skip
         if closed:
             for r in range(len(residual)):
@@ -390,9 +391,21 @@ def close_loops(ints, floats, joint_ints, geometry, theta, target, x, R, pose):
         largest = apply_limited_step(theta, step)
         if not math.isfinite(largest):
             return 5, n, math.inf
+        _count_rotations(ints, floats, W, ancestry, step, MAX_STEP / max(largest, MAX_STEP), R, angle)
         # poses still have to follow the last step
         closed = largest < CONVERGED_STEP
         n += 1
+
+
+@kernel(inline="late")
+def _count_rotations(ints, floats, W, ancestry, step, scale, R, angle):
+    """Add the rotations of `scale` times a step of the motions, with the links still before it, to the counted angles."""
+    spin = np.zeros((len(W), 3))
+    for k in range(len(W)):
+        for q in range(ancestry[0, k]):
+            for r in range(3):
+                spin[k, r] += scale * W[k, q, 3 + r] * step[q]
+    add_rotations(ints, floats, R, angle, spin)
 
 
 @kernel(inline="late")

@@ -29,13 +29,9 @@ _AXES = ("x", "y", "z")
 def _jacobian(bodies: JointBodies, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Jacobian J (E, motions) of loops and constraint rows at theta, and the twists W (nodes, motions, 6) of all nodes."""
     arrays, kinematics = bodies.reduced, bodies.kinematics
-    x, R, target = (
-        bodies.reduced_rest.x.copy(),
-        bodies.reduced_rest.R.copy(),
-        np.zeros(len(arrays.terms.start)),
-    )
+    (x, R, _, target, angle) = bodies.reduced_rest.copy()
     pose = np.zeros((len(kinematics.node), 24))
-    _, J, W = loop_equations_at(*arrays.flat[:2], *kinematics.flat, theta, target, x, R, pose)
+    _, J, W = loop_equations_at(*arrays.flat[:2], *kinematics.flat, theta, target, x, R, angle, pose)
     return J, W
 
 

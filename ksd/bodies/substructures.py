@@ -22,6 +22,7 @@ from ksd.bodies.joint_arrays import (
     JOINT_AXES,
     JOINT_COUNT,
     JOINT_LENGTH,
+    JOINT_NODE,
     MONOMIAL_COUNT,
     NEAR_COEFFICIENT,
     NEAR_FUNCTION_COUNT,
@@ -200,13 +201,13 @@ def _recover_blocks(joint_ints, geometry, plan, start, link_x, link_R, relative,
 
 
 @kernel
-def place_internal_blocks(joint_ints, geometry, interior_ints, full_node, block_x, block_R, x, R):
+def place_internal_blocks(joint_ints, geometry, interior_ints, full_node, block_x, block_R, x, R, rotations):
     """Write the poses of the internal blocks of the substructures (axes of interface A) into the nodes of the full
     model (global).
 
-    full_node (K,): node of every block in the full model; block_x, block_R: poses in the substructures; x, R: of the
-    full model, with its links in place. Frames of blocks are identity at rest in both, so R_full = R_a F R_block F^T
-    with F the joint axes at rest.
+    full_node (K,): node of every block in the full model; block_x, block_R: poses in the substructures; x, R, and
+    counted rotation vectors (`ksd.model.turns`): of the full model, with its links in place. Frames of blocks are
+    identity at rest in both, so R_full = R_a F R_block F^T with F the joint axes at rest.
     """
     frames, T = np.empty((1, 4, 3)), np.empty((3, 3))
     # an expression, since numba would compile `interface_pose` once more for a literal
@@ -221,7 +222,9 @@ def place_internal_blocks(joint_ints, geometry, interior_ints, full_node, block_
             x[f, r] = frames[0, 3, r] + p * block_x[b, 0] + q * block_x[b, 1] + s * block_x[b, 2]
             for c in range(3):
                 T[r, c] = p * block_R[b, 0, c] + q * block_R[b, 1, c] + s * block_R[b, 2, c]
+        link = joint_ints[joint_ints[JOINT_NODE] + 2 * j]
         for r in range(3):
+            rotations[f, r] = rotations[link, r]
             p, q, s = T[r, 0], T[r, 1], T[r, 2]
             for c in range(3):
                 R[f, r, c] = (

@@ -30,6 +30,7 @@ from ksd.design.table import OK, STATUS
 from ksd.errors import ConvergenceError, SceneError
 from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.model.orders import raise_order
+from ksd.model.turns import node_rotations, relative_angles
 from ksd.properties.mesh_adequacy import mode_adequacy
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import solve_conventional
@@ -37,6 +38,9 @@ from ksd.solve.plate_stiffening import solve_with_plate_factors
 from ksd.solve.solver import DEFAULT_ACCURACY, MAX_RISES, METHODS, Method, Solver, solve
 from ksd.solve.verdict import is_solved, refusal, with_mesh_check
 
+FAR_TURN, SAME_TURN = 0.5 * math.pi, 0.1
+"""Rotations [rad] between poses of a path beyond which one from rest is compared with one continued, and up to which these
+two are the same."""
 Row = dict[str, Any]
 DrivePaths = list[tuple[dict[str, float], ...]]
 """Drive values by name [m or rad] of the poses of every path."""
@@ -136,7 +140,8 @@ def row_labels(path: SweepPath, values: Mapping[str, float]) -> Row:
 
 
 class PathSolver:
-    """Solves the poses of a path in order; those of method "conventional" start from the previous one."""
+    """Solves the poses of a path in order; those of method "conventional" start from the previous one, and so do others
+    whose rotations a solve from rest would not count on (`ksd.model.turns`)."""
 
     def __init__(self, solver: Solver, recipe: Recipe) -> None:
         self.solver, self.recipe = solver, recipe
@@ -146,20 +151,17 @@ class PathSolver:
 
     def solve(self, values: Mapping[str, float]) -> Configuration:
         """The configuration at drive values by name [m or rad]. Raises what `ksd.solve` raises."""
-        r = self.recipe
-        if r.method == "conventional":
-            self.previous = self._solve_conventional(values)
-            return self.previous
-        return self.cache.get(frozenset(values.items())) or self.solver(
-            values, method=r.method, accuracy=r.accuracy, relinearisations=r.relinearisations, strict=False
-        )
+        conventional = self.recipe.method == "conventional"
+        self.previous = self._solve_conventional(values) if conventional else self._solve_or_continue(values)
+        return self.previous
 
     def judge(self, values: Mapping[str, float]) -> tuple[Configuration, str]:
         """The configuration at drive values by name [m or rad], and the sentence with which `ksd.solve` would refuse it,
         empty where it would not. Raises what `ksd.solve` raises."""
-        r, pose = self.recipe, self.solve(values)
-        reason = refusal(pose)
-        if reason and r.mesh is None and not pose.mesh_adequacy.missed_share <= self.accuracy:
+        r, before, pose = self.recipe, self.previous, self.solve(values)
+        reason, model = refusal(pose), self.solver.model
+        turned = bool(model.turn_to_guess(model.targets(values)))
+        if reason and not turned and r.mesh is None and not pose.mesh_adequacy.missed_share <= self.accuracy:
             # on a coarse mesh a state may falsely seem unstable or on another branch
             pose = solve(
                 self.solver.model.original_scene, values, method=r.method, accuracy=r.accuracy, strict=False,
@@ -168,7 +170,8 @@ class PathSolver:
             reason = refusal(pose)
             self.continue_from(pose)
         if reason:
-            self.continue_from(None)
+            # turns are not counted on from rest
+            self.continue_from(before if turned else None)
         return pose, reason
 
     @property
@@ -177,12 +180,34 @@ class PathSolver:
         return self.recipe.accuracy or DEFAULT_ACCURACY
 
     def continue_from(self, pose: Configuration | None) -> None:
-        """Start the next pose of method "conventional" from `pose`, from the undeformed configuration when None, or when it
-        is on another mesh."""
+        """Continue the path from `pose`, from the undeformed configuration when None, or when it is on another mesh."""
         if pose is not None and pose.motion.inner.shape != self.solver.model.rest.inner.shape:
             pose = None
-        if self.recipe.method == "conventional":
-            self.previous = pose
+        self.previous = pose
+
+    def _solve_or_continue(self, values: Mapping[str, float]) -> Configuration:
+        """Solve from rest; from the previous pose where a drive has turned too far for that, or where a rotation is far from
+        that of the previous pose, and not when continued from there."""
+        r, model, before = self.recipe, self.solver.model, self.previous
+        target = model.targets(values)
+
+        def solve_from(start: Configuration | None) -> Configuration:
+            return self.solver(
+                values, method=r.method, accuracy=r.accuracy, relinearisations=r.relinearisations, strict=False,
+                start=start,
+            )  # fmt: skip
+
+        if before is None:
+            return self.cache.get(frozenset(values.items())) or solve_from(None)
+        if model.turn_to_guess(target):
+            return solve_from(before)
+        reachable = not model.turn_to_guess(target, model.targets(before.targets))
+        found = self.cache.get(frozenset(values.items())) or solve_from(None)
+        if reachable and r.method is None and _turned_apart(before, found) > FAR_TURN:
+            with suppress(*POSE_ERRORS):
+                continued = solve_from(before)
+                return continued if _turned_apart(continued, found) > SAME_TURN else found
+        return found
 
     def solve_detached(self, values: Mapping[str, float]) -> Configuration:
         """As `solve`, but the next pose of the path starts where it would have started."""
@@ -196,18 +221,34 @@ class PathSolver:
         """Solve from the previous pose, or as `ksd.solve` does where that leads to no solved state."""
 
         def solve_with(solver: Solver) -> Configuration:
-            if self.previous is not None:
-                with suppress(ConvergenceError):
-                    found = solve_conventional(
-                        solver.model, values, start=self.previous, planar=solver.in_plane
-                    )
-                    if is_solved(found):
+            model, before = solver.model, self.previous
+            target = model.targets(values)
+            turned = bool(model.turn_to_guess(target))
+            if before is not None and (
+                turned or not model.turn_to_guess(target, model.targets(before.targets))
+            ):
+                try:
+                    found = solve_conventional(model, values, start=before, planar=solver.in_plane)
+                    if turned or is_solved(found):
                         return found
+                except ConvergenceError:
+                    if turned:
+                        raise
                 self.previous = None
             return solver.by_load_steps(values)
 
         found, _ = solve_with_plate_factors(self.solver, solve_with, 0.1 * self.accuracy)
         return with_mesh_check(found, self.accuracy)
+
+
+def _turned_apart(one: Configuration, other: Configuration) -> float:
+    """Largest difference [rad] of a counted angle or rotation of a link in two states of one mechanism."""
+    links = one.model.links
+    angles = [
+        np.append(relative_angles(c.model.arrays, c.motion), node_rotations(c.model.arrays, c.motion)[:links])
+        for c in (one, other)
+    ]
+    return float(np.abs(angles[0] - angles[1]).max(initial=0.0))
 
 
 def adequate_solver(path: SweepPath, recipe: Recipe, solver: Solver | None) -> PathSolver:
@@ -220,8 +261,11 @@ def adequate_solver(path: SweepPath, recipe: Recipe, solver: Solver | None) -> P
     options = {"extrapolate": recipe.extrapolate, **dict(recipe.effects)}
     solver = solver or Solver(path.scene, mesh=recipe.mesh, **options)
     path_solver, rises = PathSolver(solver, recipe), MAX_RISES if recipe.mesh is None else 0
+    model = path_solver.solver.model
+    from_rest = [v for v in path.drive_values if not model.turn_to_guess(model.targets(v))]
     farthest, nearest = (
-        end(path.drive_values, key=lambda pose: sum(v * v for v in pose.values())) for end in (max, min)
+        end(from_rest or path.drive_values, key=lambda pose: sum(v * v for v in pose.values()))
+        for end in (max, min)
     )
     for values in (farthest,) if nearest is farthest else (farthest, nearest):
         while rises:

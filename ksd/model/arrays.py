@@ -20,8 +20,9 @@ from ksd.numerics.kernel import kernel
 STRAIN, COROTATIONAL, LINEAR, COIL, TORSION, MODAL, SOLID, PLANAR = 0, 1, 2, 3, 4, 5, 6, 7
 """Kinds of members and springs: strain-mode leaf, chain, linear body, coil and torsion spring, modal body, polynomial solid,
 strain-mode leaf in a plane."""
-TRANSLATION, ROTATION = 0, 1
-"""Kinds of terms of constraint rows."""
+TRANSLATION, ROTATION, ALIGNMENT = 0, 1, 2
+"""Kinds of terms of constraint rows; an alignment is zero where the node has not tilted about `direction`, however far it
+has turned about its axis."""
 
 
 class Members(NamedTuple):
@@ -52,9 +53,9 @@ class Terms(NamedTuple):
     """c constraint rows as sums of t terms; row i has the terms first[i] .. first[i+1]-1.
 
     A term has coefficient, kind, node (base, node), direction (3,) fixed in the base, and point (2, 3), offsets in the axes
-    of base and node. start (c,): unknown of the multiplier, -1 for a row that is left out. block (t, 5): offsets of the
-    blocks that couple the multiplier with base and node, and of the blocks base-base, node-node and base-node; flip (t,): 1
-    where the last one is stored as (base, node).
+    of base and node, or twice the axis of an alignment. start (c,): unknown of the multiplier, -1 for a row that is left
+    out. block (t, 5): offsets of the blocks that couple the multiplier with base and node, and of the blocks base-base,
+    node-node and base-node; flip (t,): 1 where the last one is stored as (base, node).
     """
 
     first: np.ndarray
@@ -290,6 +291,11 @@ def unflatten_arrays(flat: FlatArrays) -> Arrays:
     return arrays
 
 
+def angle_count(arrays: ArrayFields) -> int:
+    """Size of `State.angle`."""
+    return len(arrays.terms.node) + len(arrays.springs.kind) + 3 * len(arrays.start)
+
+
 def carries_load(arrays: Arrays) -> bool:
     """Whether there are loads on links or members with weight."""
     return len(arrays.loads.node) > 0 or len(arrays.weight) > 0
@@ -297,16 +303,18 @@ def carries_load(arrays: Arrays) -> bool:
 
 class State(NamedTuple):
     """State of a mechanism: positions x (k, 3) [m] and rotations R (k, 3, 3) of nodes, inner states (flat), multipliers
-    (c,)."""
+    (c,), and angle (t + s + 3 k,) [rad]: angles of the constraint terms, angles of the springs, and rotation vectors of the
+    nodes, with the whole turns that R does not tell (`ksd.model.turns`)."""
 
     x: np.ndarray
     R: np.ndarray
     inner: np.ndarray
     multiplier: np.ndarray
+    angle: np.ndarray
 
     def copy(self) -> State:
         """An independent copy."""
-        return State(self.x.copy(), self.R.copy(), self.inner.copy(), self.multiplier.copy())
+        return State(*(field.copy() for field in self))
 
     def assign(self, other: State) -> None:
         """Copy the numbers of `other`, in place."""

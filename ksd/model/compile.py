@@ -120,21 +120,31 @@ class Model(NotebookTables):
         """One sentence per drive value [m or rad] that was probably meant in another unit."""
         return drive_value_warnings(self.scene, values, self.arrays.size)
 
-    def refuse_turns(self, target: np.ndarray) -> None:
-        """Raise SceneError for a rotation drive beyond half a turn, which cannot be read from the pose of its links."""
-        if all(-math.pi <= value <= math.pi for value in target[: len(self.drive_names)].tolist()):
-            return
+    def turn_to_guess(self, target: np.ndarray, begin: np.ndarray | None = None) -> str:
+        """Why one solve from the drive values `begin` (c,), zero when None, to `target` (c,) would have to guess how a
+        rotation drive turns; empty where each turns by half a turn at most."""
+        change = target if begin is None else target - begin
+        if all(-math.pi <= value <= math.pi for value in change[: len(self.drive_names)].tolist()):
+            return ""
         terms = self.arrays.terms
-        for name, value, first, end in zip(
-            self.drive_names, target, terms.first, terms.first[1:], strict=False
-        ):
-            limit = np.pi * float(np.abs(terms.coefficient[first:end]).sum())
-            if np.all(terms.kind[first:end] == ROTATION) and abs(value) > limit:
-                raise SceneError(
-                    f"drive '{name}' = {np.rad2deg(value):.6g} deg: a prescribed rotation is read from the pose of its "
-                    f"links, which tells it within {np.rad2deg(limit):.6g} deg either way; turn further by a moment "
-                    f"(mechanism.load){''.join(f'; {warning}' for warning in self.far_drives({name: value}))}"
+        for i, name in enumerate(self.drive_names):
+            own = slice(terms.first[i], terms.first[i + 1])
+            limit = np.pi * float(np.abs(terms.coefficient[own]).sum())
+            if np.all(terms.kind[own] == ROTATION) and abs(change[i]) > limit * (1.0 + 1e-12):
+                value, most = np.rad2deg(target[i]), np.rad2deg(limit)
+                away = "at rest" if begin is None else f"at {np.rad2deg(begin[i]):.6g} deg"
+                return (
+                    f"drive '{name}' = {value:.6g} deg: a single solve that starts {away} would have to guess how it turns "
+                    f"there; follow the turn, by ksd.sweep through values at most {most:.6g} deg apart, by ksd.follow with "
+                    "control='drives', or by ksd.solve with start= a pose on the way"
+                    + "".join(f"; {warning}" for warning in self.far_drives({name: float(target[i])}))
                 )
+        return ""
+
+    def refuse_turns(self, target: np.ndarray, begin: np.ndarray | None = None) -> None:
+        """Raise SceneError with the sentence of `turn_to_guess`."""
+        if reason := self.turn_to_guess(target, begin):
+            raise SceneError(reason)
 
     def targets(self, values: Mapping[str, float]) -> np.ndarray:
         """Right-hand sides (c,) of all constraint rows for drive values by name [m or rad].

@@ -131,7 +131,7 @@ def equilibrate_bent_leaves(model: Model, state: State) -> State:
             if not _equilibrate_inside(arrays, bent, work, rounding):
                 break
         else:
-            bent.R[:] = end.R
+            bent.R[:], bent.angle[:] = end.R, end.angle
             return bent
     raise ConvergenceError(
         "the leaf springs cannot follow the poses of method 'constant', which is too far off; ask for less, or use another "

@@ -9,6 +9,7 @@ import numpy as np
 from ksd.beam.member_tangent import geometric_tangent
 from ksd.model.arrays import (
     ACTIVE_DOFS,
+    ALIGNMENT,
     DOFS_PER_NODE,
     LOAD_BLOCK,
     LOAD_FOLLOWING,
@@ -31,6 +32,7 @@ from ksd.model.arrays import (
     TRANSLATION,
 )
 from ksd.model.tangents import couple
+from ksd.model.turns import nearest_turn
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_log
 
@@ -87,12 +89,14 @@ def add_loads(ints, floats, R, factor, rtol, matrix, rhs, scale):
 
 
 @kernel(inline="late")
-def term_slope(ints, floats, x, R, t, slope):
+def term_slope(ints, floats, x, R, angle, t, slope):
     """Value of constraint term t; writes its derivatives and auxiliary vectors into slope (8, 3).
 
-    Translation: u.(x_b + s_b - x_a - s_a), where u and s_a rotate with the base a. Rotation: twist of R_a^T R_b about u.
+    Translation: u.(x_b + s_b - x_a - s_a), where u and s_a rotate with the base a. Alignment of an axis n normal to u, as of
+    a pin: (u x n).m, where u x n rotates with a and m, which is n at rest, with b. Rotation: twist of R_a^T R_b about u,
+    with the whole turns that angle[t] has counted, where it is stored.
     slope[:4]: derivatives by displacement and rotation of base and node; slope[4]: u; slope[5:]: for a translation zero, the
-    lever and s_b; for a rotation (q0, .., ..), unused, and q, see `twist`.
+    lever and s_b; for an alignment zero, u x n and m; for a rotation (q0, .., ..), unused, and q, see `twist`.
     """
     a, b = ints[ints[TERM_NODE] + 2 * t], ints[ints[TERM_NODE] + 2 * t + 1]
     direction, point = ints[TERM_DIRECTION] + 3 * t, ints[TERM_POINT] + 6 * t
@@ -113,8 +117,24 @@ def term_slope(ints, floats, x, R, t, slope):
             slope[0, r], slope[2, r] = -slope[4, r], slope[4, r]
             slope[1, r] = slope[4, j] * slope[6, k] - slope[4, k] * slope[6, j]
             slope[3, r] = slope[7, j] * slope[4, k] - slope[7, k] * slope[4, j]
+    elif ints[ints[TERM_KIND] + t] == ALIGNMENT:
+        value = 0.0
+        for r in range(3):
+            j, k = (r + 1) % 3, (r + 2) % 3
+            n_j, n_k = 0.0, 0.0
+            for c in range(3):
+                n_j += R[a, j, c] * floats[point + c]
+                n_k += R[a, k, c] * floats[point + c]
+            slope[6, r] = slope[4, j] * n_k - slope[4, k] * n_j
+            value += slope[6, r] * slope[7, r]
+        for r in range(3):
+            j, k = (r + 1) % 3, (r + 2) % 3
+            slope[3, r] = slope[7, j] * slope[6, k] - slope[7, k] * slope[6, j]
+            slope[0, r], slope[1, r], slope[2, r] = 0.0, -slope[3, r], 0.0
     else:
         value, slope[5, 0] = twist(R[a], R[b], slope[4], slope[7], slope[3], slope)
+        value = nearest_turn(value, angle[t])
+        angle[t] = value
         for r in range(3):
             slope[0, r], slope[1, r], slope[2, r] = 0.0, -slope[3, r], 0.0
     return value
@@ -176,8 +196,25 @@ def twist_curvature(u, q, q0, slope, weight, tangent):
         tangent[3 + j, 9 + k] -= c
 
 
+@kernel(inline="late")
+def _alignment_curvature(d, m, weight, tangent):
+    """Add weight times the second derivatives of d.m, where d (3,) rotates with a and m (3,) with b, to tangent (12, 12)."""
+    product = weight * (d[0] * m[0] + d[1] * m[1] + d[2] * m[2])
+    for i in range(3):
+        tangent[3 + i, 3 + i] -= product
+        tangent[9 + i, 9 + i] -= product
+        tangent[3 + i, 9 + i] += product
+        tangent[9 + i, 3 + i] += product
+        for j in range(3):
+            both = 0.5 * weight * (d[i] * m[j] + m[i] * d[j])
+            tangent[3 + i, 3 + j] += both
+            tangent[9 + i, 9 + j] += both
+            tangent[3 + i, 9 + j] -= weight * m[i] * d[j]
+            tangent[9 + i, 3 + j] -= weight * d[i] * m[j]
+
+
 @kernel
-def add_terms(ints, floats, x, R, multiplier, target, rtol, matrix, rhs, scale):
+def add_terms(ints, floats, x, R, multiplier, angle, target, rtol, matrix, rhs, scale):
     """Add constraint rows: gap to the residual, gradient to the matrix, multiplier times second derivative to the tangent.
 
     Returns the largest gap, in metres (rotations times the model's length scale).
@@ -191,13 +228,16 @@ def add_terms(ints, floats, x, R, multiplier, target, rtol, matrix, rhs, scale):
         gap, reach = -target[i], 1.0
         for t in range(ints[ints[TERM_FIRST] + i], ints[ints[TERM_FIRST] + i + 1]):
             c = floats[ints[TERM_COEFFICIENT] + t]
-            gap += c * term_slope(ints, floats, x, R, t, slope)
+            gap += c * term_slope(ints, floats, x, R, angle, t, slope)
             tangent[:, :] = 0.0
             if ints[ints[TERM_KIND] + t] == TRANSLATION:
                 # as for a member with the force mu c u
                 for r in range(3):
                     slope[4, r] *= mu * c
                 geometric_tangent(slope[4:], tangent)
+            elif ints[ints[TERM_KIND] + t] == ALIGNMENT:
+                reach = size
+                _alignment_curvature(slope[6], slope[7], mu * c, tangent)
             else:
                 reach = size
                 twist_curvature(slope[4], slope[7], slope[5, 0], slope[3], mu * c, tangent)

@@ -62,6 +62,7 @@ from ksd.model.assembly import (
 from ksd.model.loading import add_loads, add_terms
 from ksd.model.nonconservative import correct_newton_step
 from ksd.model.springs import add_springs
+from ksd.model.turns import add_rotations, anchor_rotations
 from ksd.numerics.blocks import BLOCKS, factor_blocks, solve_blocks
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import reorthonormalise, rotate
@@ -130,15 +131,15 @@ def _largest_coordinate(ints, floats, x):
 
 @kernel(inline="always")
 def _add_springs_loads_rows(
-    springs, ints, floats, x, R, multiplier, target, matrix, rhs, scale, poses, lams, factor, rtol, noise
+    springs, ints, floats, x, R, multiplier, angle, target, matrix, rhs, scale, poses, lams, factor, rtol, noise
 ):  # fmt: skip
     """Add springs, loads and constraint rows to matrix and residual. Returns (largest gap [m], status of the springs)."""
     status = 0
     if ints[SPRING_COUNT] > 0:
-        status = springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, poses, lams)
+        status = springs(ints, floats, x, R, angle, rtol, noise, matrix, rhs, scale, poses, lams)
     if ints[LOADS] > 0:
         add_loads(ints, floats, R, factor, rtol, matrix, rhs, scale)
-    return add_terms(ints, floats, x, R, multiplier, target, rtol, matrix, rhs, scale), status
+    return add_terms(ints, floats, x, R, multiplier, angle, target, rtol, matrix, rhs, scale), status
 
 
 @kernel
@@ -183,18 +184,22 @@ def _relative_motion(ints, poses, i, step, move, xi):
 
 
 @kernel(inline="late")
-def _move_nodes(ints, x, R, multiplier, step, scale, v):
-    """Take `scale` times a step in positions, rotations (R <- exp(dphi) R) and multipliers; v (6,) or more: scratch."""
-    for r in range(6):
-        v[r] = 0.0
+def _move_nodes(ints, floats, x, R, multiplier, angle, step, scale):
+    """Take `scale` times a step in positions, rotations (R <- exp(dphi) R) and multipliers, and count the rotations."""
+    spin = np.zeros((ints[NODES], 3))
     for k in range(ints[NODES]):
         u = ints[ints[START] + k]
         if u >= 0:
             for r in range(ints[DOFS_PER_NODE]):
-                v[ints[ints[ACTIVE_DOFS] + r]] = scale * step[u + r]
-            for r in range(3):
-                x[k, r] += v[r]
-            rotate(v[3:], R[k])
+                c = ints[ints[ACTIVE_DOFS] + r]
+                if c < 3:
+                    x[k, c] += scale * step[u + r]
+                else:
+                    spin[k, c - 3] = scale * step[u + r]
+    add_rotations(ints, floats, R, angle, spin)
+    for k in range(ints[NODES]):
+        if ints[ints[START] + k] >= 0:
+            rotate(spin[k], R[k])
             reorthonormalise(R[k])
     for i in range(len(multiplier)):
         row = ints[ints[TERM_START] + i]
@@ -212,6 +217,7 @@ def _take_step(
     R,
     inner,
     multiplier,
+    angle,
     step,
     store,
     poses,
@@ -232,13 +238,13 @@ def _take_step(
             ints[ints[MEMBERS + KIND] + i], floats[ints[MEMBERS + VALUE] + value :], ints[number : number + 4],
             inner[ints[inner_at] : ints[inner_at + 1]], member_store, xi, scale, move,
         )  # fmt: skip
-    _move_nodes(ints, x, R, multiplier, step, scale, move)
+    _move_nodes(ints, floats, x, R, multiplier, angle, step, scale)
 
 
 @kernel(inline="always")
 def _newton(
     members, condense, set_gravity, leaf_gravity, add_weight, springs, recover, rotate_gravity, correct_step,
-    ints, floats, x, R, inner, multiplier, target, flat, at, task, linearise,
+    ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
     max_steps, factor, rtol, rounding, max_turn, divergence_limit,
 ):  # fmt: skip
     """See `newton`; the first nine arguments are the kernels for the kinds of members, springs and loads of the mechanism.
@@ -273,7 +279,7 @@ def _newton(
                     rtol, noise, linearise,
                 )  # fmt: skip
             gap, spring_status = _add_springs_loads_rows(
-                springs, ints, floats, x, R, multiplier, target, matrix, rhs, scales, poses, lams, factor, rtol, noise
+                springs, ints, floats, x, R, multiplier, angle, target, matrix, rhs, scales, poses, lams, factor, rtol, noise
             )  # fmt: skip
             worst = max(
                 worst,
@@ -344,8 +350,11 @@ def _newton(
                 if task != SOLVE:
                     reason, worst = status, step_size
             _take_step(
-                recover, rotate_gravity, ints, floats, x, R, inner, multiplier, rhs, store, poses, weight, move, xi, scale
+                recover, rotate_gravity, ints, floats, x, R, inner, multiplier, angle, rhs, store, poses, weight, move, xi,
+                scale,
             )  # fmt: skip
+    if task == SOLVE and reason == CONVERGED:
+        anchor_rotations(ints, R, angle)
     if task == SOLVE and reason == CONVERGED and status > 0:
         # a state with a replaced tiny pivot or a local angle beyond its range is refused, however small the residual
         reason = LOCAL_ANGLE_LIMIT if status == 1 else SINGULAR
@@ -353,7 +362,7 @@ def _newton(
 
 
 @kernel(inline="always")
-def _skip_springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, poses, lams):
+def _skip_springs(ints, floats, x, R, angle, rtol, noise, matrix, rhs, scale, poses, lams):
     """`add_springs` for mechanisms without springs."""
     return 0
 
@@ -370,7 +379,7 @@ def _skip_step_correction(ints, floats, plan, R, matrix, spare, rhs, factor):
 
 @kernel
 def newton(
-    ints, floats, x, R, inner, multiplier, target, flat, at, task, linearise,
+    ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
     max_steps, factor, rtol, rounding, max_turn, divergence_limit
 ):  # fmt: skip
     """Perform a task on a mechanism: see `solve_equilibrium`; ints, floats as in `FlatArrays`, flat, at as in `Workspace`.
@@ -384,35 +393,35 @@ def newton(
     return _newton(
         add_members, condense_linear, skip_set_gravity, skip_leaf_gravity, skip_add_weight, _skip_springs, recover_leaf,
         _skip_rotate_gravity, _skip_step_correction,
-        ints, floats, x, R, inner, multiplier, target, flat, at, task, linearise,
+        ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
         max_steps, factor, rtol, rounding, max_turn, divergence_limit,
     )  # fmt: skip
 
 
 @kernel
 def newton_beams(
-    ints, floats, x, R, inner, multiplier, target, flat, at, task, linearise,
+    ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
     max_steps, factor, rtol, rounding, max_turn, divergence_limit
 ):  # fmt: skip
     """`newton` also for chains, springs, weight of members, and loads that are not conservative."""
     return _newton(
         add_members, condense_beam, set_member_gravity, set_leaf_gravity, add_member_weight, add_springs, recover_beam,
         rotate_member_gravity, correct_newton_step,
-        ints, floats, x, R, inner, multiplier, target, flat, at, task, linearise,
+        ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
         max_steps, factor, rtol, rounding, max_turn, divergence_limit,
     )  # fmt: skip
 
 
 @kernel
 def newton_any(
-    ints, floats, x, R, inner, multiplier, target, flat, at, task, linearise,
+    ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
     max_steps, factor, rtol, rounding, max_turn, divergence_limit
 ):  # fmt: skip
     """`newton_beams` for members of every kind."""
     return _newton(
         add_members, condense_any, set_member_gravity, set_leaf_gravity, add_member_weight, add_springs, recover_any,
         rotate_member_gravity, correct_newton_step,
-        ints, floats, x, R, inner, multiplier, target, flat, at, task, linearise,
+        ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
         max_steps, factor, rtol, rounding, max_turn, divergence_limit,
     )  # fmt: skip
 
@@ -550,8 +559,8 @@ def take_step(
 
 def move_nodes(arrays: Arrays, motion: State, step: np.ndarray, scale: float) -> None:
     """As `take_step`, for positions, rotations and multipliers only."""
-    x, R, _, multiplier = motion
-    _move_nodes(arrays.flat.ints, x, R, multiplier, np.ascontiguousarray(step), float(scale), np.empty(6))
+    (ints, floats, _), (x, R, _, multiplier, angle) = arrays.flat, motion
+    _move_nodes(ints, floats, x, R, multiplier, angle, np.ascontiguousarray(step), float(scale))
 
 
 def largest_rotation(arrays: Arrays | KernelArrays, step: np.ndarray) -> float:

@@ -26,6 +26,7 @@ from ksd.model.arrays import (
     Members,
     State,
     Terms,
+    angle_count,
 )
 from ksd.numerics.blocks import Blocks, plan_blocks
 
@@ -331,4 +332,5 @@ def pack_members(
             loads=topology.loads._replace(**{name: getattr(like.loads, name) for name in LOAD_FLOATS}),
         )
     inner = np.concatenate([np.zeros(0), *[m.inner for m in members]])
-    return arrays, State(reference, np.tile(np.eye(3), (nodes, 1, 1)), inner, np.zeros(len(rows)))
+    rotations = np.tile(np.eye(3), (nodes, 1, 1))
+    return arrays, State(reference, rotations, inner, np.zeros(len(rows)), np.zeros(angle_count(arrays)))

@@ -28,10 +28,10 @@ from ksd.model.arrays import (
     LINEAR,
     MODAL,
     PLANAR,
-    ROTATION,
     SOLID,
     STRAIN,
     TORSION,
+    TRANSLATION,
     Arrays,
     FlatArrays,
     Members,
@@ -312,7 +312,7 @@ def _planar_rows(model: Model, k: np.ndarray) -> np.ndarray | str:
     terms, drives = model.arrays.terms, len(model.drive_names)
     if not len(terms.start):
         return np.zeros(0, np.int64)
-    is_rotation, d = terms.kind == ROTATION, terms.direction @ k
+    is_rotation, d = terms.kind != TRANSLATION, terms.direction @ k
     off = terms.direction - d[:, None] * k
     along, across = np.abs(d), np.sqrt((off * off).sum(axis=1))
     inside = np.where(is_rotation, across, along) <= PARALLEL

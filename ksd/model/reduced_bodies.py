@@ -105,6 +105,7 @@ def transfer_state(model: Model, state: State, other: Model) -> State:
     """
     transferred = other.rest.copy()
     transferred.x[:], transferred.R[:], transferred.multiplier[:] = state.x, state.R, state.multiplier
+    transferred.angle[:] = state.angle
     members, others = model.arrays.members, other.arrays.members
     for i in np.flatnonzero(members.kind == others.kind).tolist():
         source, target = inner_state(members, i, state), inner_state(others, i, transferred)

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ksd.model.arrays import COROTATIONAL, ROTATION, STRAIN, TRANSLATION
+from ksd.model.arrays import ALIGNMENT, COROTATIONAL, ROTATION, STRAIN, TRANSLATION
 from ksd.model.leaves import (
     cut_leaves,
     element_leaves,
@@ -29,6 +29,7 @@ from ksd.model.leaves import (
 from ksd.model.mesh import Mesh
 from ksd.model.pack import Member
 from ksd.model.springs import matrix_member, spring_members
+from ksd.scene.drive import DriveTerm
 from ksd.scene.hinges import PLANES, plane_supports
 from ksd.scene.leaf import LeafCondition
 
@@ -315,15 +316,17 @@ def _rows(scene: Any, index: dict[str, int]) -> tuple[tuple[Any, ...], list[floa
     layout: list[tuple[tuple[int, int, int], ...]] = []
     numbers: list[float] = []
     for row in (*scene.drives, *scene.supports):
-        layout.append(
-            tuple(
-                (ROTATION if t.kind == "rotation" else TRANSLATION, index[t.base], index[t.link])
-                for t in row.terms
-            )
-        )
+        layout.append(tuple((_term_kind(t), index[t.base], index[t.link]) for t in row.terms))
         for t in row.terms:
-            numbers += (t.coefficient, *t.direction, *t.point)
+            numbers += (t.coefficient, *t.direction, *(t.point if t.axis is None else t.axis))
     return tuple(layout), numbers
+
+
+def _term_kind(term: DriveTerm) -> int:
+    """Kind of a term of a drive or support in `ksd.model.arrays.Terms`."""
+    if term.kind == "translation":
+        return TRANSLATION
+    return ROTATION if term.axis is None else ALIGNMENT
 
 
 def _loads(scene: Any, index: dict[str, int]) -> tuple[tuple[Any, ...], list[float]]:

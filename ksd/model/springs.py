@@ -23,10 +23,12 @@ from ksd.model.arrays import (
     MEMBER_COUNT,
     NODE,
     OFFSET,
+    ROWS,
     SPRING_COUNT,
     SPRINGS,
     START,
     STIFFNESS_SCALE,
+    TERM_FIRST,
     TORSION,
     VALUE,
     VALUE_AT,
@@ -35,19 +37,21 @@ from ksd.model.loading import twist, twist_curvature
 from ksd.model.pack import Member
 from ksd.model.poses import member_pose
 from ksd.model.tangents import scatter
+from ksd.model.turns import nearest_turn
 from ksd.numerics.kernel import kernel
 from ksd.scene.effects import LinkMatrix, Spring, TurnSpring
 
 
 @kernel
-def add_springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, poses, lams):
+def add_springs(ints, floats, x, R, angle, rtol, noise, matrix, rhs, scale, poses, lams):
     """Add all springs to the matrix and the residual, and return their status.
 
     Their rows of poses and lams (`Workspace`) follow those of the members. A torsion spring about u = e3 of end p, which
-    rotates with its node, has the moment M = k (angle - rest) and the tangent k g g^T + M (second derivatives of the angle),
-    where g is the gradient of the angle; see `ksd.model.loading.twist`.
+    rotates with its node, has the moment M = k (turn - rest), with the whole turns that `State.angle` counts, and the
+    tangent k g g^T + M (second derivatives of the angle), where g is its gradient; see `ksd.model.loading.twist`.
     """
     status = 0
+    terms = ints[ints[TERM_FIRST] + ints[ROWS]]
     node, value_at, block = ints[SPRINGS + NODE], ints[SPRINGS + VALUE_AT], ints[SPRINGS + BLOCK]
     Q, K, pose, lam, norms = np.empty((3, 3)), np.empty((6, 6)), np.empty(18), np.empty(12), np.empty(6)
     T, force, d, A, M = np.empty((12, 12)), np.empty(12), np.empty(3), np.empty((6, 6)), np.empty((6, 12))
@@ -66,8 +70,10 @@ def add_springs(ints, floats, x, R, rtol, noise, matrix, rhs, scale, poses, lams
                 d[c] = pose[3 * c + 2]
             T[:, :] = 0.0
             force[:] = 0.0
-            angle, q0 = twist(R[a], R[b], d, q, slope, A)
-            moment = value[0] * (angle - value[1])
+            turn, q0 = twist(R[a], R[b], d, q, slope, A)
+            turn = nearest_turn(turn, angle[terms + i])
+            angle[terms + i] = turn
+            moment = value[0] * (turn - value[1])
             twist_curvature(d, q, q0, slope, moment, T)
             for r in range(3):
                 force[3 + r], force[9 + r] = -moment * slope[r], moment * slope[r]

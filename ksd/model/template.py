@@ -16,7 +16,7 @@ import numpy as np
 
 from ksd.beam import corotational_values as chains
 from ksd.beam.strain_values import strain_sizes, strain_value_count, strain_values
-from ksd.model.arrays import STRAIN, Arrays, Members, State
+from ksd.model.arrays import ALIGNMENT, STRAIN, Arrays, Members, State, angle_count
 from ksd.model.leaves import leaf_axes
 from ksd.model.mesh import Mesh
 from ksd.model.pack import MemberTopology, largest_extent, replace_floats, topology_arrays
@@ -219,6 +219,7 @@ class Template:
         self._attach()
         terms, loads = self.topology.terms, self.topology.loads
         self.term_nodes, self.load_nodes = terms.node, loads.node
+        self.is_point = terms.kind != ALIGNMENT
         sizes = [SPRING_NUMBERS + s[3] for s in layout.springs]
         self.spring_first = np.cumsum([0, *sizes])
         # set by ksd.bodies.joints
@@ -308,7 +309,7 @@ class Template:
         terms = topology.terms._replace(
             coefficient=n.terms[..., 0],
             direction=n.terms[..., 1:4],
-            point=at[:, :, None] - places[:, self.term_nodes],
+            point=at[:, :, None] - self.is_point[:, None, None] * places[:, self.term_nodes],
         )
         loads = topology.loads._replace(
             point=n.loads[..., :3] - places[:, self.load_nodes],
@@ -319,7 +320,7 @@ class Template:
             size = np.maximum(largest_extent(places, ends), length.max(axis=1))
         else:
             # without leaf springs: the extent of the points of constraint rows, loads and springs
-            named = np.concatenate([at, n.loads[..., :3], *self._spring_ends(n)], axis=1)
+            named = np.concatenate([at[:, self.is_point], n.loads[..., :3], *self._spring_ends(n)], axis=1)
             size = (named.max(axis=1, initial=-np.inf) - named.min(axis=1, initial=np.inf)).max(axis=1)
             size[~(size > 0.0)] = 1.0
         arrays = topology._replace(
@@ -327,7 +328,10 @@ class Template:
             weight=self._weight(leaves.mass[:, self.member_leaf], n),
         )  # fmt: skip
         rotations = self.identity[None].repeat(count, axis=0)
-        rest = State(places, rotations, inner, np.zeros((count, len(topology.terms.start))))
+        multipliers, angles = (
+            np.zeros((count, n)) for n in (len(topology.terms.start), angle_count(topology))
+        )
+        rest = State(places, rotations, inner, multipliers, angles)
         return DesignArrays(arrays, rest, leaves, points)
 
     def leaves(self, n: SceneNumbers) -> LeafGeometry:

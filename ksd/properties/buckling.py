@@ -39,10 +39,11 @@ from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, splu
 from ksd.beam.member_tangent import geometric_tangent
 from ksd.checks import names_of, wrench_of
 from ksd.errors import ConvergenceError, SceneError
-from ksd.model.arrays import COIL, ROTATION, STRAIN, TORSION, State, make_workspace
+from ksd.model.arrays import COIL, STRAIN, TORSION, TRANSLATION, State, make_workspace
 from ksd.model.compile import Model
 from ksd.model.loading import twist
 from ksd.model.newton import assemble, assemble_nodes, move_nodes
+from ksd.model.turns import nearest_turn
 from ksd.properties.finer_model import finer_state
 from ksd.properties.leaf_groups import (
     EndFrames,
@@ -246,7 +247,8 @@ def _with_relaxed_springs(model: Model, motion: State) -> Model:
         if springs.kind[i] == COIL:
             here[1] = np.linalg.norm(d)
         elif springs.kind[i] == TORSION:
-            here[1], _ = twist(R[a], R[b], frame[:, 2].copy(), np.zeros(3), np.zeros(3), np.zeros((3, 3)))
+            angle, _ = twist(R[a], R[b], frame[:, 2].copy(), np.zeros(3), np.zeros(3), np.zeros((3, 3)))
+            here[1] = nearest_turn(angle, motion.angle[len(model.arrays.terms.node) + i])
         else:
             # position and rotation at rest, then the wrench there
             here[:3], here[3:12] = d, (frame.T @ R[b] @ springs.frame[i, 1]).ravel()
@@ -406,7 +408,7 @@ def _natural_units(model: Model, size: int) -> Array:
     unit = np.ones(size)
     unit[arrays.start[arrays.start >= 0, None] + np.arange(3)] = length
     first = arrays.terms.first[:-1]
-    unit[arrays.terms.start] = force * np.where(arrays.terms.kind[first] == ROTATION, length, 1.0)
+    unit[arrays.terms.start] = force * np.where(arrays.terms.kind[first] == TRANSLATION, 1.0, length)
     for group in leaf_groups(model):
         unit[nodes + group.inner_index[:, : group.modes]] = 1.0 / length
         unit[nodes + group.inner_index[:, group.modes :]] = force * np.repeat([1.0, length], 3)

@@ -24,6 +24,7 @@ from ksd.model.leaves import piece_name
 from ksd.model.mesh import MAX_ORDER, Mesh, MixedMesh
 from ksd.model.newton import take_step_at_fixed_rows
 from ksd.model.reduced_bodies import with_bodies
+from ksd.model.turns import copy_angles
 from ksd.properties.cache import cached_per_model
 from ksd.properties.shape import member_ends, scene_leaves
 
@@ -125,12 +126,13 @@ def _expand_state(model: Model, motion: State, fine: Model) -> State:
     state = fine.rest.copy()
     if model.member_names == fine.member_names and model.kinds <= {STRAIN}:
         state.inner[finer_inner_index(members.number.tobytes(), finer.number.tobytes())] = motion.inner
-        return State(motion.x.copy(), motion.R.copy(), state.inner, motion.multiplier.copy())
+        return motion.copy()._replace(inner=state.inner)
     index = {name: k for k, name in enumerate(fine.node_names)}
     member = {name: i for i, name in enumerate(fine.member_names)}
     for k, name in enumerate(model.node_names):
         state.x[index[name]], state.R[index[name]] = motion.x[k], motion.R[k]
     state.multiplier[:] = motion.multiplier
+    copy_angles(model.arrays, motion, fine.arrays, state, nodes=[index[name] for name in model.node_names])
     for i, name in enumerate(model.member_names):
         inner = motion.inner[members.inner_at[i] : members.inner_at[i + 1]]
         if name in member:

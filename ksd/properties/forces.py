@@ -29,6 +29,7 @@ from ksd.model.compile import Model
 from ksd.model.loading import twist
 from ksd.model.newton import assemble, assemble_nodes
 from ksd.model.poses import member_pose
+from ksd.model.turns import nearest_turn
 from ksd.properties.leaf_groups import LeafGroup, chain_groups, leaf_groups, local_gravity
 from ksd.properties.printing import NamedAnswerTable, PrintableAnswer, format_number, format_table
 from ksd.properties.shape import (
@@ -383,9 +384,7 @@ def energy_of_one_spring(model: Model, motion: State, i: int) -> float:
         return 0.5 * float(value[0]) * (math.sqrt(float(d @ d)) - float(value[1])) ** 2
     if springs.kind[i] == TORSION:
         _, _, z, w = Rotation.from_matrix(Q).as_quat()
-        angle = 2.0 * math.atan2(z, w)
-        # the branch of the kernel: between -180 and 180 degrees
-        angle -= 2.0 * math.pi * round(angle / (2.0 * math.pi))
+        angle = nearest_turn(2.0 * math.atan2(z, w), motion.angle[len(model.arrays.terms.node) + i])
         return 0.5 * float(value[0]) * (angle - float(value[1])) ** 2
     turned = Rotation.from_matrix(Q @ value[3:12].reshape(3, 3).T).as_rotvec()
     xi = np.concatenate([d - value[:3], turned])

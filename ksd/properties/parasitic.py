@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import ROTATION, State
+from ksd.model.arrays import TRANSLATION, State
 from ksd.model.compile import Model
 from ksd.numerics.rotations import rotation_exp, rotation_log
 from ksd.properties.nonconservative import cross_matrix
@@ -193,7 +193,7 @@ def _remove_leg_motion(
     arrays = model.arrays
     motions = drive_coupling(model, model.rest, model.node_names[node], at=point, load_factor=0.0)
     size = np.repeat([1.0, arrays.size], 3)
-    turns = arrays.terms.kind[arrays.terms.first[:-1]] == ROTATION
+    turns = arrays.terms.kind[arrays.terms.first[:-1]] != TRANSLATION
     columns = np.stack([
         size * np.concatenate([R @ w[:3], R @ w[3:]]) / (arrays.size if turn else 1.0)
         for (n, w), turn in zip(motions.items(), turns, strict=False) if n in legs

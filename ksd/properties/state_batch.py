@@ -104,7 +104,7 @@ class StateBatch:
         inner = np.zeros((len(self.model_index), int(fine.topology.members.inner_at[-1])))
         number, wider = (b.members.number.tobytes() for b in (self.topology, fine.topology))
         inner[:, finer_inner_index(number, wider)] = m.inner
-        motion = State(m.x.copy(), m.R.copy(), inner, m.multiplier.copy())
+        motion = m.copy()._replace(inner=inner)
         finer = replace(self, template=fine, topology=fine.topology, floats=floats, motion=motion)
         work = make_workspace(fine.topology)
         for (arrays, state), load_factor in zip(finer.states, self.load_factor.tolist(), strict=True):

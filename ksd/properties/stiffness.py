@@ -20,7 +20,7 @@ from scipy.linalg import null_space
 
 from ksd.checks import names_of
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import ROTATION, STRAIN, State
+from ksd.model.arrays import STRAIN, TRANSLATION, State
 from ksd.model.compile import Model
 from ksd.properties.finer_model import finer_state
 from ksd.properties.nonconservative import cross_matrix
@@ -460,7 +460,7 @@ def _drive_response(found: Tangent, rows: Sequence[int]) -> tuple[Array, float]:
 def drive_units(model: Model, rows: Iterable[int]) -> tuple[str, ...]:
     """Units of the stiffness of the drives `rows`."""
     terms = model.arrays.terms
-    return tuple("Nm/rad" if terms.kind[terms.first[i]] == ROTATION else "N/m" for i in rows)
+    return tuple("N/m" if terms.kind[terms.first[i]] == TRANSLATION else "Nm/rad" for i in rows)
 
 
 def drive_stiffness(

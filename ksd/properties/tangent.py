@@ -97,7 +97,7 @@ def row_gradients(
     slope = np.empty((8, 3))
     for k, row in enumerate(rows):
         for t in range(terms.first[row], terms.first[row + 1]):
-            term_slope(flat.ints, flat.floats, motion.x, motion.R, t, slope)
+            term_slope(flat.ints, flat.floats, motion.x, motion.R, motion.angle, t, slope)
             for e in range(2):
                 start = arrays.start[terms.node[t, e]]
                 if start >= 0:

@@ -18,7 +18,8 @@ class DriveTerm:
 
     kind "translation" [m]: displacement of `point` of the link along `direction`; "rotation" [rad]: rotation about
     `direction`. direction (3,), a unit vector, and point (3,) [m] are global, undeformed; the direction then turns with
-    `base`. Terms can be added and scaled: 2 * a - b is a tuple of terms for `Mechanism.actuate(terms=...)`.
+    `base`. axis (3,): normal to the direction of a held rotation, where the link turns freely about it, as on a pin. Terms
+    can be added and scaled: 2 * a - b is a tuple of terms for `Mechanism.actuate(terms=...)`.
     """
 
     coefficient: float
@@ -27,6 +28,7 @@ class DriveTerm:
     link: str
     direction: Vector
     point: Vector
+    axis: Vector | None = None
 
     def __post_init__(self) -> None:
         owner = f"drive term on '{self.link}'"

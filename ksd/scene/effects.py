@@ -6,7 +6,6 @@ forces are in N, moments in Nm, angles in rad, temperatures in K above that of t
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -97,8 +96,9 @@ class Spring:
 class TurnSpring:
     """A torsion spring from link `a` to link `b` about `axis` through `at`: moment = stiffness (angle - rest_angle).
 
-    stiffness [Nm/rad]; rest_angle [rad]: rotation of b relative to a without moment. The angle is the component about
-    `axis`, which turns with a, of the rotation vector of b relative to a; it is below 180 degrees.
+    stiffness [Nm/rad]; rest_angle [rad]: rotation of b relative to a without moment, zero as drawn; that of a wound spring
+    may be several turns. The angle is the rotation of b about `axis`, which turns with a, with its whole turns as counted
+    along the path of the solve.
     """
 
     name: str
@@ -112,8 +112,6 @@ class TurnSpring:
     def __post_init__(self) -> None:
         owner = f"joint spring '{word(self.name, 'name', owner='joint spring')}'"
         angle = number(self.rest_angle, "rest_angle", owner=owner, unit="rad")
-        if not abs(angle) < math.pi:
-            raise SceneError(f"{owner}: rest_angle = {show(self.rest_angle)} rad must be below 180 degrees.")
         self.__dict__.update(
             at=vector(self.at, "at", owner=owner, unit="m"),
             axis=direction(self.axis, "axis", owner=owner),

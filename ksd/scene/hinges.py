@@ -65,8 +65,9 @@ class Hinge:
         fixed += [
             ("rotation", e, f"r{n}") for e, n in rotations if plane is None or abs(float(normal @ e)) > 0.5
         ]
+        turns = {"translation": None, "rotation": self.axis if self.kind == "pin" else None}
         return tuple(
-            Drive(f"{self.name}.{n}", (DriveTerm(1.0, kind, self.a, self.b, e, self.at),))
+            Drive(f"{self.name}.{n}", (DriveTerm(1.0, kind, self.a, self.b, e, self.at, turns[kind]),))
             for kind, e, n in fixed
         )
 
@@ -143,12 +144,12 @@ def plane_supports(scene: Any) -> tuple[Drive, ...]:
 @lru_cache(maxsize=256)
 def _link_plane_supports(link: str, plane: str) -> tuple[Drive, ...]:
     """Supports that keep a link in a plane."""
-    across = PLANES[plane]
+    across, normal = PLANES[plane], {"translation": None, "rotation": plane_normal(plane)}
     fixed = [("translation", across), *(("rotation", k) for k in range(3) if k != across)]
     return tuple(
         Drive(
             f"{link} in {plane}: {'r' * (kind == 'rotation')}{_GLOBAL_AXES[k][1]}",
-            (DriveTerm(1.0, kind, GROUND, link, _GLOBAL_AXES[k][0], (0.0, 0.0, 0.0)),),
+            (DriveTerm(1.0, kind, GROUND, link, _GLOBAL_AXES[k][0], (0.0, 0.0, 0.0), normal[kind]),),
         )
         for kind, k in fixed
     )

@@ -115,6 +115,7 @@ def _move_drive(drive: Drive, all_moves: Mapping[str, RigidMove]) -> Drive:
             t,
             direction=all_moves[t.base].turn_direction(t.direction),
             point=all_moves[t.link].move_point(t.point),
+            axis=t.axis and all_moves[t.base].turn_direction(t.axis),
         )
         for t in drive.terms
     )

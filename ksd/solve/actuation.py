@@ -15,7 +15,8 @@ from ksd.errors import SceneError
 from ksd.model.arrays import State, make_workspace
 from ksd.model.compile import Model
 from ksd.model.newton import assemble
-from ksd.numerics.rotations import rotation_exp
+from ksd.model.turns import count_from_links
+from ksd.numerics.rotations import rotation_exp, rotation_log
 from ksd.scene.hinges import plane_normal
 
 Array = NDArray[np.float64]
@@ -104,22 +105,30 @@ class Actuation:
             )
         try:
             state.x[1:] = self.model.rest.x[1:] + np.reshape(displacement, (count, 3))
-            state.R[1:] = self._rotation_matrices(np.asarray(rotation, float), count)
+            state.R[1:], turned = self._rotations(np.asarray(rotation, float), count)
         except (TypeError, ValueError):
             raise SceneError(
                 f"required_forces: give displacement ({count}, 3) [m] and rotation ({count}, 3, 3), or rotation vectors "
                 f"({count}, 3), or in a plane angles ({count},) [rad], of {', '.join(self.model.scene.links[1:])}; got "
                 f"{show(displacement)} and {show(rotation)}"
             ) from None
+        if len(self.arrays.springs.kind):
+            count_from_links(self.arrays, state, np.vstack([np.zeros(3), turned]))
         return self(state)
 
-    def _rotation_matrices(self, rotation: Array, count: int) -> Any:
-        """Matrices (count, 3, 3) from matrices, rotation vectors (count, 3) [rad] or angles in the plane (count,) [rad]."""
+    def _rotations(self, rotation: Array, count: int) -> tuple[Any, Array]:
+        """Matrices (count, 3, 3) and vectors (count, 3) [rad] from matrices, vectors or angles in the plane (count,) [rad].
+
+        Vectors and angles may be several turns; matrices tell half a turn at most.
+        """
         if rotation.shape == (count, 3, 3):
-            return rotation
+            vectors = np.empty((count, 3))
+            for R, vector in zip(rotation, vectors, strict=True):
+                rotation_log(R, vector)
+            return rotation, vectors
         if rotation.shape == (count,) and self.normal is not None:
             rotation = rotation[:, None] * self.normal
-        matrices = np.empty((count, 3, 3))
-        for vector, R in zip(rotation.reshape(count, 3), matrices, strict=True):
+        matrices, vectors = np.empty((count, 3, 3)), rotation.reshape(count, 3)
+        for vector, R in zip(vectors, matrices, strict=True):
             rotation_exp(vector, R)
-        return matrices
+        return matrices, vectors

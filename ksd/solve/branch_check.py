@@ -18,7 +18,7 @@ import numpy as np
 from ksd.errors import ConvergenceError
 from ksd.model.arrays import State, carries_load
 from ksd.model.compile import Model
-from ksd.numerics.rotations import rotation_log
+from ksd.model.turns import counted_rotation, node_rotations, relative_angles
 from ksd.properties.cache import cached_per_model
 from ksd.solve.arc_length import END_REACHED, PathContinuation, follow_by_arc_length
 from ksd.solve.load_steps import (
@@ -63,7 +63,8 @@ def secant_work(model: Model, motion: State, target: np.ndarray) -> tuple[float,
         np.empty(3),
     )
     for i in dead.moments:
-        rotation_log(motion.R[loads.node[i]], turned)
+        node = loads.node[i]
+        counted_rotation(motion.R[node], node_rotations(model.arrays, motion)[node], turned)
         work += float(loads.moment[i] @ turned)
     return driving, 0.5 * work
 
@@ -109,11 +110,11 @@ def loads_dominate(model: Model, motion: State, target: np.ndarray, most_iterati
 
 
 def branch_doubt(
-    model: Model, motion: State, record: LoadStepRecord, target: np.ndarray, *, from_rest: bool, steps: int
-) -> str:
+    model: Model, begin: State, motion: State, record: LoadStepRecord, target: np.ndarray, *, from_rest: bool, steps: int
+) -> str:  # fmt: skip
     """Why the state may be on another branch than the intended one; empty without a doubt.
 
-    from_rest: the load path began at the undeformed state; steps: number of equal steps tried first.
+    begin: where the load path began, from_rest: at the undeformed state; steps: number of equal steps tried first.
     """
     if record.negatives != len(target):
         return NOT_A_MINIMUM
@@ -121,6 +122,10 @@ def branch_doubt(
         return f"a load step took {record.most_iterations} iterations"
     if record.smallest_step < min(SMALL_STEP, 0.9 / steps):
         return f"a load step had to be cut to {100 * record.smallest_step:.2g} % of the way"
+    change = relative_angles(model.arrays, motion) - relative_angles(model.arrays, begin)
+    turned = float(np.abs(change).max(initial=0.0)) / steps
+    if turned > math.pi:
+        return f"a load step turned a torsion spring or a drive by {math.degrees(turned):.4g} deg"
     if not from_rest:
         return ""
     if sum(secant_work(model, motion, target)) < 0.0:
@@ -264,6 +269,6 @@ def follow_load_path(
     if first.record.stop is not Stop.CONVERGED:
         return complete_by_arc_length(first, lambda: continuation(max_singular_points=1))
     doubt = branch_doubt(
-        model, first.motion, first.record, path.target, from_rest=from_rest, steps=path.steps
+        model, begin, first.motion, first.record, path.target, from_rest=from_rest, steps=path.steps
     )
     return confirm_by_smaller_steps(model, first, repeat, continuation, doubt) if doubt else first

@@ -27,7 +27,7 @@ from ksd.modal.leaf_bodies import full_model_state
 from ksd.model.arrays import State
 from ksd.model.compile import Model
 from ksd.model.newton import ROUNDING_MULTIPLE
-from ksd.numerics.rotations import rotation_log
+from ksd.model.turns import counted_rotation, node_rotations
 from ksd.properties.buckling import Buckling, buckling
 from ksd.properties.extent import Clearance, clearance, extent
 from ksd.properties.forces import InterfaceForces, SectionForces, interface_forces, section_forces
@@ -212,8 +212,12 @@ class Configuration(NotebookTables):
 
     @property
     def far_drives(self) -> tuple[str, ...]:
-        """Drive values that were probably given in another unit, a sentence each."""
-        return self.model.far_drives(self.targets)
+        """Drive values that were probably given in another unit, a sentence each.
+
+        Not rotations: more than half a turn is refused unless the path has followed it.
+        """
+        angles = {d.name for d in self.model.scene.drives if d.dimension == "angle"}
+        return self.model.far_drives({n: v for n, v in self.targets.items() if n not in angles})
 
     @cached_property
     def minimum(self) -> str:
@@ -268,9 +272,10 @@ class Configuration(NotebookTables):
         return NamedAnswers(moved, "link")
 
     def rotation(self, link: Link | str) -> np.ndarray:
-        """Rotation vector (3,) [rad] of a link from rest, global axes. Raises SceneError for an unknown name."""
-        rotation = np.empty(3)
-        rotation_log(self.motion.R[self._node(link)], rotation)
+        """Rotation vector (3,) [rad] of a link from rest, global axes, with its whole turns as counted along the path of the
+        solve. Raises SceneError for an unknown name."""
+        node, rotation = self._node(link), np.empty(3)
+        counted_rotation(self.motion.R[node], node_rotations(self.model.arrays, self.motion)[node], rotation)
         return rotation
 
     def displacement(self, link: Link | str, at: ArrayLike | None = None) -> np.ndarray:

@@ -58,9 +58,9 @@ def solve_conventional(
     if planar not in ("auto", True, False):
         raise SceneError(f"planar = {planar!r}: choose 'auto', True or False")
     target = model.targets(targets)
-    model.refuse_turns(target)
     storage, clock = storage or thread_storage(model), Stopwatch()
     begin = model.targets(start.targets) if start else np.zeros(len(target))
+    model.refuse_turns(target, begin if start else None)
     begin_factor = start.load_factor if start else 0.0
     path = LoadPath(
         begin, target, (begin_factor, 1.0), steps, rtol, max_iterations, max_turn, eps_max, smallest_step

@@ -26,6 +26,7 @@ from ksd.model.compile import Model, compile_as_is
 from ksd.model.effects import with_conditions
 from ksd.model.leaves import whole_leaf_name
 from ksd.model.newton import RTOL, check_residual, solve_equilibrium, take_step
+from ksd.model.turns import copy_angles
 from ksd.properties.cache import cached_per_model
 from ksd.properties.finer_model import finer_model, pad_amplitudes
 from ksd.properties.forces import SectionForces, forces_of_members
@@ -262,6 +263,7 @@ def _initial_state(model: Model, motion: State, fine: Model, load_factor: float)
     node = {name: k for k, name in enumerate(model.node_names)}
     same = [node[name] for name in fine.node_names]
     state.x[:], state.R[:], state.multiplier[:] = motion.x[same], motion.R[same], motion.multiplier
+    copy_angles(model.arrays, motion, fine.arrays, state, of=same)
     index = {name: k for k, name in enumerate(fine.member_names)}
     chains: dict[str, list[int]] = {}
     for i, name in enumerate(model.member_names):

@@ -29,6 +29,7 @@ from ksd.bodies.weight import gravity_in_joint_axes, place_joint_weights
 from ksd.model.arrays import flatten_arrays, make_workspace, unflatten_arrays
 from ksd.model.compile import Model
 from ksd.model.newton import RTOL, assemble, solve_equilibrium, take_step
+from ksd.model.turns import copy_angles, node_rotations
 from ksd.numerics.kernel import kernel
 from ksd.solve.joint_range import check_joints, motion_limits
 from ksd.solve.steps import MAX_TURN_PER_STEP, Step, Stop
@@ -96,7 +97,7 @@ def close_joints(b: FiveStepsStorage, target: np.ndarray) -> tuple[int, int, flo
     [m])."""
     found: tuple[int, int, float] = close_loops(
         *b.bodies.reduced.flat[:2], *b.bodies.kinematics.flat, b.theta, target, b.reduced_state.x, b.reduced_state.R,
-        b.joint_pose,
+        b.reduced_state.angle, b.joint_pose,
     )  # fmt: skip
     if b.bodies.leaf_links:
         place_leaf_links(b.bodies, b.reduced_state)
@@ -111,9 +112,10 @@ def assemble_full_state(b: FiveStepsStorage) -> None:
     free = reduced.inner[CONDENSED_SIZE * len(bodies.kinematics.node) :]
     full.inner[:inner], full.inner[inner : inner + len(free)] = substructures.inner, free
     full.multiplier[:] = reduced.multiplier
+    copy_angles(bodies.reduced, reduced, b.model.arrays, full, nodes=slice(links))
     place_internal_blocks(
         *bodies.kinematics.flat, bodies.interior.flat.ints, bodies.full_node, substructures.x, substructures.R,
-        full.x, full.R,
+        full.x, full.R, node_rotations(b.model.arrays, full),
     )  # fmt: skip
 
 
@@ -126,7 +128,7 @@ def kinematic_forces(b: FiveStepsStorage, target: np.ndarray) -> None:
     reduced = b.reduced_state
     drive_forces(
         *b.bodies.reduced.flat[:2], *b.bodies.kinematics.flat, b.theta, target, reduced.x.copy(), reduced.R.copy(),
-        b.joint_pose, reduced.inner, reduced.multiplier,
+        reduced.angle.copy(), b.joint_pose, reduced.inner, reduced.multiplier,
     )  # fmt: skip
     b.full_state.multiplier[:] = reduced.multiplier
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ksd.errors import KsdError
-from ksd.model.arrays import ROTATION, SOLID, State
+from ksd.model.arrays import SOLID, TRANSLATION, State
 from ksd.model.compile import Model, compile_as_is
 from ksd.model.effects import with_conditions, with_torsion
 from ksd.model.warping_runs import run_torsion_factors
@@ -108,7 +108,7 @@ def _changes(
     (model, one), (_, other) = without, with_
     drives, links = len(model.drive_names), model.links
     size, stiffness = model.arrays.size, float(model.arrays.members.stiffness_scale.max(initial=0.0))
-    unit = np.where(model.arrays.terms.kind[model.arrays.terms.first[:drives]] == ROTATION, size, 1.0)
+    unit = np.where(model.arrays.terms.kind[model.arrays.terms.first[:drives]] == TRANSLATION, 1.0, size)
     found = {}
     if drives:
         # of the force that changes most, relative to the largest force

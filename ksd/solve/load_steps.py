@@ -25,6 +25,7 @@ from ksd.model.newton import (
     solve_equilibrium,
 )
 from ksd.model.plane import Plane, plane_of, refuse_plane
+from ksd.model.turns import relative_angles
 from ksd.properties.cache import cached_per_model
 from ksd.properties.doctor import doctor
 from ksd.scene.hinges import plane_supports
@@ -97,9 +98,10 @@ class LoadPath(NamedTuple):
 
 
 def state_difference(model: Model, one: State, other: State) -> float:
-    """Largest difference of two states: positions over the size of the mechanism, and rotation matrices."""
+    """Largest difference of two states: positions over the size of the mechanism, rotation matrices, and counted angles."""
     shift = np.abs(one.x - other.x).max(initial=0.0) / model.arrays.size
-    return float(max(shift, np.abs(one.R - other.R).max(initial=0.0)))
+    change = relative_angles(model.arrays, one) - relative_angles(model.arrays, other)
+    return float(max(shift, np.abs(one.R - other.R).max(initial=0.0), np.abs(change).max(initial=0.0)))
 
 
 def take_load_steps(

@@ -29,7 +29,13 @@ from ksd.solve.arc_length import (
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import solve_without_loads
 from ksd.solve.load_steps import LoadPath
-from ksd.solve.solver import COMPILED_MODEL_MESSAGE, DEFAULT_ACCURACY, given_values, refuse_unknown_drives
+from ksd.solve.solver import (
+    COMPILED_MODEL_MESSAGE,
+    DEFAULT_ACCURACY,
+    given_values,
+    refuse_unknown_drives,
+    require_start_of,
+)
 from ksd.solve.steps import Step, Stop
 from ksd.solve.verdict import with_mesh_check
 
@@ -120,11 +126,12 @@ def follow(
     scene: a Mechanism, Scene or Model. Drive values [m or rad] by name, as keywords or in a mapping, `targets`. control
     "load": the parameter is a factor on the loads, from 0 (or that of `start`) to `until`, with the drives constant at their
     values, to which they are moved first. control "drives": the parameter is the fraction of the drive motion to these
-    values, from 0 (or `start`) to `until`, with constant loads. branch: switch to the other branch at this bifurcation of an
-    earlier path, on the `side` (+-1, times 0.01 rad or size) of its mode. until < 0 goes backward. first: first step in the
-    parameter; most: largest number of steps. mesh: stays as given, where `ksd.solve` refines it; states for which it is too
-    coarse carry a warning, and so does the path (`Path.warnings`). Raises SceneError for a path without a parameter (no
-    load, no drive motion), ConvergenceError where its start is no equilibrium.
+    values, from 0 (or `start`) to `until`, with constant loads; rotations may take any number of turns. branch: switch to
+    the other branch at this bifurcation of an earlier path, on the `side` (+-1, times 0.01 rad or size) of its mode. until <
+    0 goes backward. first: first step in the parameter; most: largest number of steps. mesh: that of `start` when None, or
+    the default one; it stays as it is, where `ksd.solve` refines it; states for which it is too coarse carry a warning, and
+    so does the path (`Path.warnings`). Raises SceneError for a path without a parameter (no load, no drive motion) and a
+    start of another mechanism, ConvergenceError where the start is no equilibrium.
     """
     for value, name in ((until, "until"), (side, "side")):
         checked_number(value, name)
@@ -132,10 +139,14 @@ def follow(
     whole_number(most, "most")
     if isinstance(scene, Model) and mesh is not None:
         raise SceneError(COMPILED_MODEL_MESSAGE)
+    begin = start or (branch.configuration if branch else None)
+    if mesh is None and isinstance(begin, Configuration):
+        mesh = begin.model.mesh
     model = scene if isinstance(scene, Model) else compile_scene(scene, mesh=mesh)
+    if begin is not None:
+        require_start_of(model, begin)
     values = given_values(targets, drives)
     refuse_unknown_drives(drives, model.drive_names, follow)
-    begin = start or (branch.configuration if branch else None)
     if (
         begin is None
         and control == "load"
@@ -190,11 +201,10 @@ def _load_path(
         raise SceneError(f"control = {control!r}: choose 'load' or 'drives'")
     if control == "load" and not carries_load(model.arrays):
         raise SceneError("control = 'load': this mechanism carries no load; use control = 'drives'")
-    goal = model.targets({**start_values, **values})
-    model.refuse_turns(goal)
+    goal, here = model.targets({**start_values, **values}), model.targets(start_values)
     if control == "load":
+        model.refuse_turns(goal, here)
         return LoadPath(goal, goal), start_factor
-    here = model.targets(start_values)
     begin = np.zeros(len(goal)) if branched else here
     change = goal - begin
     if not change.any():

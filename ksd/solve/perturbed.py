@@ -317,7 +317,8 @@ class PerturbedEquilibria:
 def _opposite_state(here: State, side: State) -> State:
     """The state of strain-mode leaf springs as far from `here` as `side`, on the opposite side."""
     R = here.R @ side.R.swapaxes(1, 2) @ here.R
-    return State(2 * here.x - side.x, R, 2 * here.inner - side.inner, 2 * here.multiplier - side.multiplier)
+    # all but the rotation matrices are vectors
+    return State(*(2 * own - other for own, other in zip(here, side, strict=True)))._replace(R=R)
 
 
 def _curvature_change(sides: Sequence[Configuration], names: Sequence[str]) -> np.ndarray:

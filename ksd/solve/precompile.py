@@ -70,8 +70,8 @@ def precompile_kernels() -> None:
     strain_condense(value, number, inner, store, leaf, np.zeros(3), np.eye(3), lam, K)
     factor_blocks(plan, work.matrix, work.scaled_rows, plan[BLOCKS])
     add_terms(
-        ints, floats, motion.x, motion.R, motion.multiplier, target, 1e-8, work.matrix, work.rhs, work.scale
-    )
+        ints, floats, motion.x, motion.R, motion.multiplier, motion.angle, target, 1e-8, work.matrix, work.rhs, work.scale
+    )  # fmt: skip
     solve_blocks(plan, work.matrix, work.scaled_rows, work.rhs)
     move_nodes(arrays, motion, work.rhs, 1.0)
     strain_recover(value, number, inner, store, np.zeros(6), 1.0, np.zeros(6))

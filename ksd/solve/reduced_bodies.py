@@ -30,6 +30,7 @@ from ksd.model.arrays import Arrays, State, make_workspace
 from ksd.model.compile import Model
 from ksd.model.newton import RTOL, assemble, solve_equilibrium
 from ksd.model.reduced_bodies import inner_state, relative_end_pose, transfer_state
+from ksd.model.turns import copy_angles
 from ksd.numerics.blocks import factor_blocks
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve.configuration import Configuration
@@ -235,6 +236,7 @@ class _PlacedByRecords:
                 steps.append(step)
             reduced = self.storage.reduced_state
             reduced.x[:], reduced.R[:] = motion.x[:links], motion.R[:links]
+            copy_angles(mixed.mix.arrays, motion, self.storage.bodies.reduced, reduced, of=slice(links))
             clock()
             shift, _ = recover_substructures(self.storage)
             steps.append(Step("4 recovery", 0, clock(), shift, Stop.CONVERGED))
@@ -294,6 +296,7 @@ class _PlacedByRecords:
         count = equilibrate_bodies(model, state)
         motion = mix.rest.copy()
         motion.x[:], motion.R[:] = state.x[mix.nodes], state.R[mix.nodes]
+        copy_angles(model.arrays, state, mix.arrays, motion, of=mix.nodes)
         for m in np.flatnonzero(mix.member >= 0).tolist():
             own = inner_state(mix.arrays.members, m, motion)
             own[:] = inner_state(model.arrays.members, int(mix.member[m]), state)
@@ -319,6 +322,7 @@ class _PlacedByRecords:
         assemble_full_state(b)
         state = transfer_state(self.model, b.full_state, model)
         state.x[mix.nodes], state.R[mix.nodes] = motion.x, motion.R
+        copy_angles(mix.arrays, motion, model.arrays, state, nodes=mix.nodes)
         state.multiplier[:] = motion.multiplier
         for m in np.flatnonzero(mix.member >= 0).tolist():
             source = inner_state(mix.arrays.members, m, motion)
@@ -385,6 +389,7 @@ class _MixedModel:
         """The state of this model nearest to a state of the same bodies with other bases."""
         motion = self.mix.rest.copy()
         motion.x[:], motion.R[:], motion.multiplier[:] = theirs.x, theirs.R, theirs.multiplier
+        motion.angle[:] = theirs.angle
         for m, i in enumerate(self.mix.member.tolist()):
             own_inner = inner_state(self.mix.arrays.members, m, motion)
             their_inner = inner_state(other.mix.arrays.members, m, theirs)

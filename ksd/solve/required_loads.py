@@ -8,7 +8,7 @@ loads in the least-squares sense.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -19,13 +19,14 @@ from scipy.spatial.transform import Rotation
 from ksd.checks import clear_argument_errors, name_hint, show
 from ksd.checks import number as checked
 from ksd.errors import ConvergenceError, KsdError, SceneError, TrustError
-from ksd.model.arrays import State
+from ksd.model.arrays import TORSION, State
 from ksd.model.compile import Model, compile_as_is, compile_with_effects
 from ksd.model.effects import with_conditions
 from ksd.model.mesh import Mesh
 from ksd.model.orders import raise_order
 from ksd.model.plane import Plane, plane_of
-from ksd.numerics.rotations import rotation_exp
+from ksd.model.turns import count_from_links, node_rotations, relative_angles
+from ksd.numerics.rotations import rotation_exp, rotation_log
 from ksd.properties.printing import PrintableAnswer, format_number, format_table
 from ksd.properties.tangent import row_values
 from ksd.scene.drive import GROUND, Drive, DriveTerm
@@ -127,9 +128,7 @@ def required_loads(
     _check_leaf_lengths(model, poses_by_node)
     warnings: tuple[str, ...] = ()
     if method == "constant" and len(poses_by_node) == len(model.node_names) - 1:
-        state = model.rest.copy()
-        for i, (x, R) in poses_by_node.items():
-            state.x[i], state.R[i] = x, R
+        state = _state_in_poses(model, poses_by_node)
     else:
         pose = _prescribed_pose(solver, model, poses_by_node, method or "conventional")
         # refine the mesh as `solve` would
@@ -155,7 +154,9 @@ def required_loads(
             warnings = pose.strength.warnings
         state = model.rest.copy()
         state.x[:], state.R[:], state.inner[:] = pose.motion.x, pose.motion.R, pose.motion.inner
+        count_from_links(model.arrays, state, node_rotations(pose.model.arrays, pose.motion))
     state.multiplier[:] = 0.0
+    warnings = (*warnings, *_uncertain_turns(model, state))
     with solver.lock:
         actuation = solver.actuation if method == "constant" else Actuation(model)
         return replace(_balance(model, state, actuation), warnings=warnings)
@@ -224,7 +225,7 @@ def _rotation_matrix(link: str, turn: Array, rotation: Any) -> Array:
         same = math.remainder(angle, 2.0 * math.pi) / angle * np.asarray(rotation, float)
         raise SceneError(
             f"poses: '{link}': a pose tells its rotation within {math.pi:.5g} rad either way, not {show(rotation)}; "
-            f"{show(np.round(same, 5).tolist())} is the same pose, and further turns take a moment (mechanism.load)."
+            f"{show(np.round(same, 5).tolist())} is the same pose; further turns are followed by drives (ksd.follow)."
         )
     rotation_exp(turn, R)
     return R
@@ -286,6 +287,29 @@ def _prescribed_pose(solver: Solver, model: Model, poses_by_node: LinkPoses, met
     raise ConvergenceError(f"poses: {obstacle}", reached=low, result=failure.result) from None
 
 
+def _uncertain_turns(model: Model, state: State) -> Iterator[str]:
+    """A sentence per torsion spring that the poses of its links, within half a turn each, turn by half a turn or more."""
+    angles = relative_angles(model.arrays, state)[len(model.arrays.terms.node) :]
+    for name, kind, angle in zip(model.spring_names, model.arrays.springs.kind, angles.tolist(), strict=True):
+        if kind == TORSION and abs(angle) > math.pi * (1.0 - PLANE_TOLERANCE):
+            other = angle - math.copysign(2.0 * math.pi, angle)
+            yield (
+                f"poses: {name} counts as turned by {math.degrees(angle):.4g} deg, as its links turn by at most half a turn "
+                f"each; in the same poses it may be turned by {math.degrees(other):.4g} deg: follow the path there "
+                "(ksd.follow) to know"
+            )
+
+
+def _state_in_poses(model: Model, poses_by_node: LinkPoses) -> State:
+    """The undeformed state with links in poses, whose rotations from rest are at most half a turn."""
+    state, rotations = model.rest.copy(), np.zeros((len(model.node_names), 3))
+    for i, (x, R) in poses_by_node.items():
+        state.x[i], state.R[i] = x, R
+        rotation_log(R, rotations[i])
+    count_from_links(model.arrays, state, rotations)
+    return state
+
+
 def _pose_from_drives(
     solver: Solver, posed: Model, targets: Mapping[str, float], poses_by_node: LinkPoses
 ) -> Configuration | None:
@@ -299,13 +323,13 @@ def _pose_from_drives(
     links = {n for d in model.original_scene.drives for t in d.terms for n in (t.base, t.link)}
     if not links or links - names or model.mesh.plate:
         return None
-    state = model.rest.copy()
-    for i, (x, R) in poses_by_node.items():
-        state.x[i], state.R[i] = x, R
+    state = _state_in_poses(model, poses_by_node)
     values = dict(zip(model.drive_names, row_values(model, state).tolist(), strict=False))
     try:
         motion = solver(values, method="conventional", estimate=False, strict=False).motion
-        begin = State(motion.x, motion.R, motion.inner, np.zeros(len(posed.rest.multiplier)))
+        begin = posed.rest.copy()
+        begin.x[:], begin.R[:], begin.inner[:] = motion.x, motion.R, motion.inner
+        count_from_links(posed.arrays, begin, node_rotations(model.arrays, motion))
         rows = dict(zip(posed.drive_names, row_values(posed, begin).tolist(), strict=False))
         near = Configuration(
             posed, begin, "conventional", rows, (), negatives=0, expected_negatives=0, load_factor=1.0

@@ -111,6 +111,7 @@ def solve(
     basis: Basis | None = None,
     estimate: bool = True,
     planar: bool = True,
+    start: Configuration | None = None,
     **drives: float,
 ) -> Configuration:
     """Solve one configuration of a mechanism at drive values [m or rad] by name, as keywords or in a mapping, `targets`.
@@ -121,6 +122,8 @@ def solve(
     leaves out the error estimate of a fast method, and its cost. mesh: leaf model; when None, strain-mode leaves of orders
     that suit `accuracy`, raised when their highest modes carry too much energy. extrapolate, planar: see `prepare`. strict:
     raise TrustError where the result is unstable or on a doubtful branch; False returns it with its verdicts (`trust`).
+    start: a pose of this mechanism, solved or loaded, from which load steps continue on its mesh; they count whole turns on,
+    so that rotation drives may go beyond half a turn, at most half a turn from `start`.
 
     basis: of method "modal": a `ksd.ModalBasis` for all leaf springs, or several by joint or leaf, {"hinge":
     ksd.ModalBasis()}: then joints not named are condensed as in "reduced", and other leaf springs computed in full; or
@@ -154,16 +157,24 @@ def solve(
             relinearisations=relinearisations,
             strict=strict,
             estimate=estimate,
+            start=start,
         )
     scene = mechanism.scene() if hasattr(mechanism, "scene") else mechanism
     if hasattr(scene, "drives"):
         refuse_unknown_drives(drives, (d.name for d in scene.drives), solve)
     wanted = DEFAULT_ACCURACY if accuracy is None else checked_accuracy(accuracy)
+    if mesh is None and isinstance(start, Configuration):
+        mesh = start.model.mesh
     grid = mesh if mesh is not None else (DEFAULT_MESH if accuracy is None else mesh_for_accuracy(wanted))
     for rise in range(MAX_RISES + 1):
         solver = _cached_solver(scene, grid, options)
         found = solver.answer(
-            values, method=method, accuracy=wanted, relinearisations=relinearisations, estimate=estimate
+            values,
+            method=method,
+            accuracy=wanted,
+            relinearisations=relinearisations,
+            estimate=estimate,
+            start=start,
         )
         # verdicts only on the final mesh: on a coarse one a state may falsely seem unstable or on another branch
         share, _, axis, _ = found.mesh_adequacy
@@ -247,6 +258,7 @@ class Solver:
         relinearisations: int = 0,
         estimate: bool = True,
         strict: bool = True,
+        start: Configuration | None = None,
         **drives: float,
     ) -> Configuration:
         """Solve at drive values given by name [m or rad]; see `ksd.solve` for the options.
@@ -260,7 +272,12 @@ class Solver:
         boolean(strict, "strict")
         wanted = self.accuracy if accuracy is None else checked_accuracy(accuracy)
         found = self.answer(
-            values, method=method, accuracy=wanted, relinearisations=relinearisations, estimate=estimate
+            values,
+            method=method,
+            accuracy=wanted,
+            relinearisations=relinearisations,
+            estimate=estimate,
+            start=start,
         )
         found = with_mesh_check(found, wanted)
         return require_solved(found) if strict else found
@@ -273,21 +290,23 @@ class Solver:
         accuracy: float,
         relinearisations: int = 0,
         estimate: bool = True,
+        start: Configuration | None = None,
     ) -> Configuration:
         """The result without checks of mesh and trust; options as in `ksd.solve`."""
         try:
             with self.lock:
                 _check_method(method, relinearisations)
+                self._check_turns(values, start)
                 if method == "constant":
-                    return self._by_constant_leaves(values, estimate)
+                    return self._by_constant_leaves(values, estimate, start)
                 if self._has_bodies():
                     return self._with_reduced_bodies(values, method, relinearisations, estimate)
                 found, plate_solver = solve_with_plate_factors(
                     self,
-                    lambda s: s._solve(values, method, accuracy, relinearisations, estimate),
+                    lambda s: s._solve(values, method, accuracy, relinearisations, estimate, start),
                     0.1 * accuracy,
                 )
-                if method is None or not needs_load_step_check(found):
+                if start is not None or method is None or not needs_load_step_check(found):
                     return found
                 doubt, other = compare_with_load_steps(found, lambda: plate_solver.by_load_steps(values))
                 error = found.method_error
@@ -301,6 +320,14 @@ class Solver:
             if units:
                 error.args = (f"{str(error).rstrip('.')}; {units}",)
             raise
+
+    def _check_turns(self, values: Mapping[str, float], start: Configuration | None) -> None:
+        """Raise SceneError for a start of another mechanism, and where a rotation drive turns too far in one solve."""
+        begin = None
+        if start is not None:
+            require_start_of(self.model, start)
+            begin = self.model.targets(start.targets)
+        self.model.refuse_turns(self.model.targets(values), begin)
 
     @cached_property
     def constant(self) -> tuple[Model, NewtonStorage]:
@@ -326,12 +353,21 @@ class Solver:
         """Inverse statics of the model with leaf springs of constant stiffness, for `required_forces`."""
         return Actuation(self.constant[0])
 
-    def _by_constant_leaves(self, values: Mapping[str, float], estimate: bool) -> Configuration:
+    def _by_constant_leaves(
+        self, values: Mapping[str, float], estimate: bool, start: Configuration | None
+    ) -> Configuration:
         """Solve with leaf springs of constant stiffness; the error is estimated by corrector steps of the full model."""
         model, storage = self.constant
-        found = solve_in_either_order(
-            model, values, storage=storage, planar=self.in_plane, joints=self._joints, method="constant"
-        )
+        words: dict[str, Any] = {
+            "storage": storage,
+            "planar": self.in_plane,
+            "joints": self._joints,
+            "method": "constant",
+        }
+        if start is not None and start.method == "constant":
+            found = solve_conventional(model, values, start=start, **words)
+        else:
+            found = solve_in_either_order(model, values, **words)
         if not estimate:
             return found
         error, step = error_indicator(
@@ -372,8 +408,18 @@ class Solver:
         accuracy: float,
         relinearisations: int,
         estimate: bool,
+        start: Configuration | None,
     ) -> Configuration:
         """Solve by a method, or when None by the cheapest one; target values and options as in `ksd.solve`."""
+        if start is not None and method in (None, "conventional"):
+            return solve_conventional(
+                self.model,
+                values,
+                start=start,
+                planar=self.in_plane,
+                storage=self.storage,
+                joints=self._joints,
+            )
         if method is None:
             return self._cheapest(values, accuracy)
         if method == "conventional":
@@ -458,6 +504,19 @@ def _check_method(method: object, relinearisations: object) -> None:
     if method != "conventional" and whole_number(relinearisations, "relinearisations", least=0) > 50:
         raise SceneError(
             f"relinearisations = {relinearisations}: between 0 and 50 relinearisation steps are possible"
+        )
+
+
+def require_start_of(model: Model, start: Any) -> None:
+    """Raise SceneError unless `start` is a configuration whose state has the layout of the model."""
+    if not isinstance(start, Configuration):
+        raise SceneError(f"start = {show(start)}: give a pose, as ksd.solve returns it")
+    own, other = model, start.model
+    sizes = [tuple(len(field) for field in m.rest) for m in (own, other)]
+    if own.node_names != other.node_names or own.drive_names != other.drive_names or sizes[0] != sizes[1]:
+        raise SceneError(
+            f"start: this pose of '{other.scene.name}' by {start.method}, with {other.leaf_models}, is not one of "
+            f"'{own.scene.name}' with {own.leaf_models}; give a pose of this mechanism on this mesh"
         )
 
 

@@ -74,10 +74,12 @@ def loop():
 
 def equations(bodies, theta, target=None):
     """Residual, Jacobian, twists of all links, their poses, poses of all joints."""
-    x, R = bodies.reduced_rest.x.copy(), bodies.reduced_rest.R.copy()
+    x, R, _, _, angle = bodies.reduced_rest.copy()
     pose = np.zeros((len(bodies.kinematics.node), 24))
     target = np.zeros(len(bodies.reduced.terms.start)) if target is None else target
-    found = loop_equations_at(*bodies.reduced.flat[:2], *bodies.kinematics.flat, theta, target, x, R, pose)
+    found = loop_equations_at(
+        *bodies.reduced.flat[:2], *bodies.kinematics.flat, theta, target, x, R, angle, pose
+    )
     return *found, x, R, pose
 
 
@@ -141,9 +143,9 @@ def test_loops_are_closed_in_few_steps(rng):
     rest = bodies.reduced_rest
     for size, most in ((0.0, 5), (0.1, 6)):
         theta, pose = size * rng.normal(size=6), np.zeros((len(bodies.kinematics.node), 24))
-        x, R, target = rest.x.copy(), rest.R.copy(), np.array([0.05, 0.2, -0.1])
+        (x, R, _, _, angle), target = rest.copy(), np.array([0.05, 0.2, -0.1])
         reason, iterations, gap = close_loops(
-            *bodies.reduced.flat[:2], *bodies.kinematics.flat, theta, target, x, R, pose
+            *bodies.reduced.flat[:2], *bodies.kinematics.flat, theta, target, x, R, angle, pose
         )
         residual = equations(bodies, theta, target)[0]
         assert reason == 0 and iterations <= most
@@ -213,8 +215,8 @@ def test_drive_forces_are_those_of_virtual_work(rng):
     _residual, _, _, x, R, pose = equations(bodies, theta)
     wrench, mu, loads = rng.normal(size=(2, 54)), np.zeros(3), bodies.reduced.loads
     drive_forces(
-        *bodies.reduced.flat[:2], *bodies.kinematics.flat, theta, np.zeros(3), x.copy(), R.copy(), pose.copy(),
-        wrench.ravel(), mu,
+        *bodies.reduced.flat[:2], *bodies.kinematics.flat, theta, np.zeros(3), x.copy(), R.copy(),
+        bodies.reduced_rest.angle.copy(), pose.copy(), wrench.ravel(), mu,
     )  # fmt: skip
     work, rows = np.zeros(2), np.zeros((3, 2))
     for q in range(2):
@@ -246,8 +248,9 @@ def test_drive_forces_that_nothing_determines_are_not_numbers():
     bodies, theta, mu = joint_bodies(ksd.compile_scene(scene), find_record), np.zeros(2), np.zeros(1)
     _, _, _, x, R, pose = equations(bodies, theta)
     drive_forces(
-        *bodies.reduced.flat[:2], *bodies.kinematics.flat, theta, np.zeros(1), x, R, pose, np.zeros(108), mu
-    )
+        *bodies.reduced.flat[:2], *bodies.kinematics.flat, theta, np.zeros(1), x, R, bodies.reduced_rest.angle.copy(), pose,
+        np.zeros(108), mu,
+    )  # fmt: skip
     assert np.isnan(mu).all()
 
 
@@ -295,11 +298,13 @@ def test_blocks_and_weights_of_joints_in_the_mechanism(rng):
     full = len(x) + K
     far, axes = np.concatenate([x, np.zeros((K, 3))]), np.concatenate([R, np.zeros((K, 3, 3))])
     nodes = np.arange(len(x), full)
-    place_internal_blocks(*loops.flat, interior.flat.ints, nodes, block_x, block_R, far, axes)
+    counted = rng.normal(size=(full, 3))
+    place_internal_blocks(*loops.flat, interior.flat.ints, nodes, block_x, block_R, far, axes, counted)
     for k, (j, b) in enumerate(zip(interior.block_joint, interior.block_node, strict=True)):
         a, A = interface(bodies, j, 0, x, R)
         assert far[nodes[k]] == pytest.approx(a + A @ block_x[b], abs=1e-14)
         assert axes[nodes[k]] == pytest.approx(A @ block_R[b] @ loops.frame[j].T, abs=1e-14)
+        assert np.all(counted[nodes[k]] == counted[loops.node[j, 0]])
     weights, given = bodies.joint_weights, bodies.substructures.weight
     seen = given.copy()
     gravity_in_joint_axes(weights.owner, loops.node, R, loops.frame, given, seen)

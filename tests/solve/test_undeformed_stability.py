@@ -8,7 +8,6 @@ import pytest
 from scenes import STEEL
 
 import ksd
-from ksd.model.arrays import State
 from ksd.section import rectangle
 from ksd.solve.conventional import solve_conventional
 from ksd.solve.undeformed_stability import multiple_minima_note, undeformed_instability
@@ -43,7 +42,7 @@ def test_the_answer_says_which_of_several_minima_it_is(way):
     led.actuate("tip", along="y", at=(L, 0, 0), name="aside")
     bent = ksd.solve(led, aside=way, method="conventional").motion
     between = ksd.solve(free, strict=False)
-    start = replace(between, motion=State(bent.x, bent.R, bent.inner, np.zeros(0)))
+    start = replace(between, motion=between.motion._replace(x=bent.x, R=bent.R, inner=bent.inner))
     found = solve_conventional(between.model, {}, start=start)
     aside = 1e3 * found.links["tip"][0][1]
     assert found.trusted and aside * way > 0 and abs(aside) > 10
@@ -127,8 +126,8 @@ def test_of_heat_assembly_error_and_loads_too(cause, share, far, side):
     led.actuate("tip", along="y", at=(L, 0, 0), name="aside")
     driven = ksd.solve(led, aside=side * far, method="conventional", **words)
     between = ksd.solve(scene, strict=False, **words)
-    rows = driven.motion.multiplier[1:]
-    start = replace(between, motion=State(driven.motion.x, driven.motion.R, driven.motion.inner, rows))
+    x, R, inner, rows, _ = driven.motion
+    start = replace(between, motion=between.motion._replace(x=x, R=R, inner=inner, multiplier=rows[1:]))
     found = solve_conventional(between.model, {}, start=start)
     aside = 1e3 * found.links["tip"][0][1]
     said = [w for w in found.warnings if "several minima are near" in w]
