@@ -26,6 +26,7 @@ DIMENSIONS: dict[str, dict[str, float]] = {
     "torsional stiffness": {"Nm/rad": 1.0, "Nmm/rad": 1e-3, "mNm/rad": 1e-3, "Nm/deg": 1 / deg, "Nmm/deg": 1e-3 / deg},
     "damping": {"N s/m": 1.0, "N s/mm": 1e3, "mN s/mm": 1.0},
     "torsional damping": {"Nm s/rad": 1.0, "Nmm s/rad": 1e-3, "mNm s/rad": 1e-3},
+    "frequency": {"Hz": 1.0, "kHz": 1e3, "mHz": 1e-3},
     "inertia": {"kg m^2": 1.0, "kg mm^2": 1e-6, "g cm^2": 1e-7, "g mm^2": 1e-9},
     "temperature": {"K": 1.0},
     "expansion": {"1/K": 1.0, "um/m/K": 1e-6},

@@ -10,6 +10,7 @@ from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
 from processes import environment
 
@@ -637,3 +638,91 @@ def test_help_begins_with_two_commands_and_names_every_exit_code_and_method(caps
         main(["solve", "--help"])
     said = " ".join(capsys.readouterr().out.split())
     assert all(method in said for method in METHODS)
+
+
+SHAKEN = """
+links = ["stage"]
+plane = "xy"
+[material.steel]
+E = "200 GPa"
+nu = 0.3
+density = 7800
+loss_factor = 0.004
+[[leaf]]
+a = "ground"
+b = "stage"
+start = [0, 0, 0]
+end = [0, "60 mm", 0]
+thickness = "0.3 mm"
+width = "20 mm"
+material = "steel"
+[[actuate]]
+link = "stage"
+along = "x"
+at = [0, "60 mm", 0]
+name = "push"
+value = 0
+[[mass]]
+link = "stage"
+mass = 1.0
+inertia = [1e-3, 1e-3, 1e-3]
+at = [0, "60 mm", 0]
+[[sensor]]
+link = "stage"
+along = "x"
+at = [0, "60 mm", 0]
+name = "tip"
+[[damper]]
+a = "ground"
+b = "stage"
+about = "z"
+damping = "2e-3 Nm s/rad"
+"""
+
+
+def test_respond_prints_writes_and_draws(tmp_path, capsys):
+    import ksd
+
+    scene = tmp_path / "shaken.toml"
+    scene.write_text(SHAKEN)
+    files = {
+        word: tmp_path / name
+        for word, name in (("--out", "a.csv"), ("--json", "a.json"), ("--plot", "a.svg"))
+    }
+    words = [text for word, file in files.items() for text in (word, str(file))]
+    argv = ["respond", str(scene), "--base", "x", "--freed", "push", "--frequencies", "1Hz:0.1kHz:20"]
+    assert main([*argv, *words]) == 0
+    assert "tip" in capsys.readouterr().out and all(file.stat().st_size for file in files.values())
+    numbers = ksd.read_result(files["--json"])
+    (found,) = numbers["responses"]
+    pose = ksd.solve(ksd.load_scene(scene)[0], push=0.0)
+    response = pose.response(np.geomspace(1, 100, 20), inputs="base x", outputs="tip", freed=["push"])
+    assert found["gain"] == pytest.approx(response.gain[:, 0, 0].tolist(), rel=1e-12)
+    assert main(["respond", str(scene), "--psd", "base x=1:1e-3,50:1e-3", "--freed", "push"]) == 0
+    assert "Random vibration, 1.000 to 50.00 Hz" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "words, sentence",
+    [
+        (["--frequencies", "1Hz"], "write FROM:TO or FROM:TO:POINTS"),
+        (["--frequencies", "2Hz:1Hz"], "from above 0 up"),
+        (["--frequencies", "1Hz:2mm"], "a frequency is expected"),
+        (["--psd", "base x"], "write INPUT=HZ:DENSITY"),
+        (["--psd", "base x=1:1e-3"], "one point is no spectrum"),
+        (["--psd", "base x=1:1,2:1", "--plot", "a.png"], "leave --psd out"),
+        (["--base", "q"], "a base moves along or about an axis"),
+        (["--out", "a.txt"], "the ending must be .csv"),
+        (["--output", "tipp"], 'did you mean "tip"'),
+    ],
+)
+def test_respond_refuses(tmp_path, capsys, words, sentence):
+    scene = tmp_path / "shaken.toml"
+    scene.write_text(SHAKEN)
+    refused(capsys, ["respond", str(scene), *words], 2, sentence)
+
+
+def test_damping_of_a_torsional_dashpot_is_not_that_of_a_translation(tmp_path, capsys):
+    scene = tmp_path / "shaken.toml"
+    scene.write_text(SHAKEN.replace("Nm s/rad", "N s/m"))
+    refused(capsys, ["solve", str(scene)], 2, "a torsional damping is expected")

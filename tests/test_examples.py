@@ -47,6 +47,17 @@ NUMBERS = {
         "moment": (1.4309743209, 1e-6, SHOOTING),
         "axial_at_rest": (2 * 200e9 * 0.5e-3 * 40e-3 / 100e-3 * 0.5, 1e-4, "EA/L cos^2"),
     },
+    "plant_for_a_controller": {
+        # two masses on one guide, leaf springs without mass
+        "mode": (math.sqrt(24 * EI(1e-3, 30e-3) / 40e-3**3 * (1 / 3 + 1 / 1)) / (2 * math.pi), 2e-2, "k (1/M + 1/m)"),
+        "margin": (math.degrees(math.atan(3 * 36.45 / 30) - math.atan(36.45 / 90)), 2e-2, "lead, before the mode"),
+    },
+    "shaken_stage": {
+        # white noise at the mode: pi f S/(4 zeta)/w^4, with S = w^2 v^2/(.2316 f)
+        "rms": (math.sqrt(math.pi * 12.5e-6**2 / (4 * 0.2316 * 0.002)) / (2 * math.pi * 4.590), 2e-2, "one resonance"),
+        # a short pulse is a change of speed
+        "hit": (0.5 * 2 / math.pi * 11e-3 / (2 * math.pi * 4.590), 2e-2, "momentum"),
+    },
     "delta_stage": {
         # pivots of flexures shift: a milliradian
         "first": (math.radians(-1.3680), 6e-2, "circles of rigid links"),

@@ -212,6 +212,33 @@ def _add_optimise(commands: Any) -> None:
     _add_shared(parser, "--quiet")
 
 
+def _add_respond(commands: Any) -> None:
+    parser = commands.add_parser(
+        "respond",
+        help="what sensors see when a scene is driven or shaken",
+        description="Frequency responses about a pose, from drive forces, loads and a shaken base to sensors and drive "
+        "motions; with --psd root mean squares under random vibration.",
+    )
+    _add_shared(parser, "scene", "--set", *_SOLVER_OPTIONS)
+    repeated: dict[str, Any] = {"action": "append", "default": []}
+    for word, name, text in (
+        ("--input", "NAME", "a drive (its force) or a load of the scene; may be repeated"),
+        ("--base", "AXIS", "shake the base along x, y, z or about rx, ry, rz; may be repeated"),
+        ("--output", "NAME", "a sensor or a drive; may be repeated"),
+        ("--freed", "DRIVE", "a drive or support that is let go; may be repeated"),
+        ("--psd", "INPUT=HZ:DENSITY,...", "a spectrum [unit^2/Hz], such as 'base y=1:1e-3,200:1e-3'"),
+    ):
+        parser.add_argument(word, metavar=name, help=text, **repeated)
+    help_text = "FROM:TO or FROM:TO:POINTS, such as 1Hz:2kHz:500; around the modes if left out"
+    parser.add_argument("--frequencies", metavar="RANGE", help=help_text)
+    parser.add_argument("--damping", metavar="RATIO", help="of all modes, such as 0.01, or materials")
+    help_text = "number of modes; chosen by the frequencies if left out"
+    parser.add_argument("--modes", type=int, metavar="N", help=help_text)
+    parser.add_argument("--out", metavar="FILE", help="write gain, phase and error: .csv")
+    _add_shared(parser, "--json")
+    _add_shared(parser, "--plot", help="write a Bode plot (.png, .pdf, .svg)")
+
+
 def _add_report(commands: Any) -> None:
     parser = commands.add_parser(
         "report",
@@ -278,8 +305,8 @@ def _add_bench(commands: Any) -> None:
 
 COMMANDS = {
     "demo": _add_demo, "new": _add_new, "solve": _add_solve, "compare": _add_compare, "effects": _add_effects,
-    "doctor": _add_doctor, "sweep": _add_sweep, "optimise": _add_optimise, "report": _add_report, "train": _add_train,
-    "info": _add_info, "bench": _add_bench, "schema": _add_schema,
+    "doctor": _add_doctor, "sweep": _add_sweep, "respond": _add_respond, "optimise": _add_optimise,
+    "report": _add_report, "train": _add_train, "info": _add_info, "bench": _add_bench, "schema": _add_schema,
 }  # fmt: skip
 """Function that adds the parser of each command, in the order of the help; the module `ksd.cli.<name>` runs it."""
 
