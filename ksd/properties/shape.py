@@ -28,6 +28,7 @@ from ksd.properties.cache import cached_per_model
 from ksd.properties.leaf_groups import EndFrames, LeafGroup, end_axes, end_frames
 from ksd.scene.effects import Spring
 from ksd.scene.joint import joint_leaves
+from ksd.scene.sensor import Damper
 from ksd.section.closed_forms import round_ratio
 from ksd.section.section import thickness_and_width
 
@@ -127,6 +128,18 @@ class DistanceShape:
 
 
 @dataclass(frozen=True)
+class SensorShape:
+    """A sensor, or a damper (`damps`): deformed place (3,) [m], and the direction (3,) along which it acts, or about which
+    where it `turns`."""
+
+    name: str
+    place: Array
+    direction: Array
+    turns: bool
+    damps: bool
+
+
+@dataclass(frozen=True)
 class Shape:
     """Everything that is drawn of a configuration; leaf springs and blocks in the order of the model."""
 
@@ -137,6 +150,7 @@ class Shape:
     loads: tuple[LoadShape, ...] = ()
     springs: tuple[SpringShape, ...] = ()
     distances: tuple[DistanceShape, ...] = ()
+    sensors: tuple[SensorShape, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -578,7 +592,7 @@ def _blocks(model: Model, motion: State) -> tuple[BlockShape, ...]:
 
 
 def _points_on_links(model: Model) -> Iterator[tuple[str, ArrayLike, str]]:
-    """Link, position (3,) [m] at rest and name of all loads, masses, ends of springs and ends of distances."""
+    """Link, position (3,) [m] at rest and name of loads, masses, sensors, dampers, ends of springs and of distances."""
     scene = model.scene
     for load in scene.loads:
         if np.any(load.force):
@@ -590,6 +604,9 @@ def _points_on_links(model: Model) -> Iterator[tuple[str, ArrayLike, str]]:
         if isinstance(spring, Spring):
             yield spring.a, spring.start, spring.name
             yield spring.b, spring.end, spring.name
+    for part in (*scene.sensors, *scene.dampers):
+        if part.term.kind == "translation":
+            yield part.term.link, part.term.point, part.name
     for distance in scene.distances:
         yield distance.a, distance.start, distance.name
         yield distance.b, distance.end, distance.name
@@ -649,6 +666,20 @@ def _distances(model: Model, motion: State) -> tuple[DistanceShape, ...]:
     return tuple(found)
 
 
+def _sensors(model: Model, motion: State) -> tuple[SensorShape, ...]:
+    index, found = {link: i for i, link in enumerate(model.scene.links)}, []
+    for part in (*model.scene.sensors, *model.scene.dampers):
+        term = part.term
+        turns = term.kind == "rotation"
+        node = index[term.link]
+        # a rotation without a point is that of the whole link
+        at = model.rest.x[node] if turns and not any(term.point) else term.point
+        direction = motion.R[index[term.base]] @ np.asarray(term.direction)
+        place = point_position(model, motion, node, at)
+        found.append(SensorShape(part.name, place, direction, turns, isinstance(part, Damper)))
+    return tuple(found)
+
+
 def point_position(model: Model, motion: State, node: int, at: ArrayLike) -> Array:
     """Deformed position (3,) [m] of the point of a node that is at `at` (3,) [m] at rest."""
     arm = np.asarray(at, float) - model.rest.x[node]
@@ -664,4 +695,5 @@ def mechanism_shape(
     return Shape(
         leaves, _blocks(model, motion), _driven(model, motion), _hinges(model, motion),
         _loads(model, motion, factor=load_factor), _springs(model, motion), _distances(model, motion),
+        _sensors(model, motion),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Drives, forces, moments, masses, springs and distances, drawn at a legible size."""
+"""Drives, forces, moments, masses, springs, sensors and distances, drawn at a legible size."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from ksd.view.figure import (
     DRIVE_COLOR,
     LABEL_BACKGROUND,
     LOAD_COLOR,
+    SENSOR_COLOR,
     TEXT_COLOR,
     Array,
     amount_with_unit,
     value_with_unit,
 )
 
-MIN_DRIVE_ARROW, LOAD_ARROW = 0.1, 0.13
-"""Shortest arrow of a drive and length of the arrow of a load, relative to the size of the mechanism."""
+MIN_DRIVE_ARROW, LOAD_ARROW, SENSOR_ARROW = 0.1, 0.13, 0.07
+"""Shortest arrow of a drive, and lengths of the arrows of a load and of a sensor, relative to the size of the mechanism."""
 COIL_SIZE = 0.015
 """Half the width of a coil spring, and the length of one coil, relative to that size."""
 ROTATION_RADIUS = 0.05
@@ -114,6 +115,26 @@ def draw_distances(axes: Any, shape: Shape, camera: Camera, *, labels: bool) -> 
         if labels:
             text = f"{distance.name}: {value_with_unit(value, 'translation')}"
             _label(axes, text, line[:2].mean(axis=0), TEXT_COLOR)
+    return np.concatenate(busy)
+
+
+def draw_sensors(axes: Any, shape: Shape, camera: Camera, *, size: float, labels: bool) -> Array:
+    """Draw sensors as open triangles and dampers as open squares, with a thin arrow along or a ring about their direction;
+    returns points (n, 2) [mm] that no label should cover."""
+    busy = [np.zeros((0, 2))]
+    for sensor in shape.sensors:
+        place = camera.flat(sensor.place)
+        if sensor.turns:
+            points = _draw_rotation(axes, camera, sensor.place, sensor.direction, 0.7 * size, SENSOR_COLOR)
+        else:
+            end = sensor.place + SENSOR_ARROW * size * sensor.direction
+            _draw_arrow_in_space(axes, camera, sensor.place, end, SENSOR_COLOR)
+            points = np.linspace(place, camera.flat(end), 15)
+        marker = "s" if sensor.damps else "^"
+        axes.plot(*place, marker=marker, markersize=6, color=SENSOR_COLOR, markerfacecolor="white", zorder=6)
+        busy += [place[None], points]
+        if labels:
+            _label(axes, sensor.name, points[-1], SENSOR_COLOR)
     return np.concatenate(busy)
 
 

@@ -25,6 +25,7 @@ UNDEFORMED_COLOR = "#c3c9d4"
 LEAF_COLOR = "#c2410c"
 DRIVE_COLOR = "#b91c1c"
 LOAD_COLOR = "#0f6674"
+SENSOR_COLOR = "#6d28d9"
 GROUND_COLOR = "#4b5563"
 NOTEBOOK_SCALE = 0.64
 """Displayed width of a figure in a notebook relative to its pixels, for screens of double resolution."""

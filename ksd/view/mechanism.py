@@ -10,7 +10,7 @@ import numpy as np
 
 from ksd.model.plane import Plane, plane_of
 from ksd.properties.shape import Shape
-from ksd.view.arrows import draw_arrows, draw_distances, draw_springs
+from ksd.view.arrows import draw_arrows, draw_distances, draw_sensors, draw_springs
 from ksd.view.bodies import (
     PAD_HALF_THICKNESS,
     Pad,
@@ -130,6 +130,7 @@ def plot_mechanism(
         [
             draw_arrows(axes, configuration, shape, camera, size=size, labels=labels),
             draw_distances(axes, shape, camera, labels=labels),
+            draw_sensors(axes, shape, camera, size=size, labels=labels),
         ]
     )
     if labels:

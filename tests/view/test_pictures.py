@@ -12,7 +12,7 @@ from matplotlib.colors import to_hex, to_rgba
 from PIL import Image
 from processes import environment
 from readable import assert_readable
-from scenes import fourbar, single_joint
+from scenes import STEEL, fourbar, single_joint
 
 import ksd
 from ksd.errors import SceneError
@@ -602,3 +602,22 @@ def test_hull():
         line[[-1, 0]]
     )
     assert len(convex_hull(np.zeros((3, 2)))) == 2
+
+
+def test_sensors_and_dampers_are_drawn_with_their_names():
+    scene = ksd.Mechanism("guide", plane="xy")
+    stage = scene.link("stage")
+    for x in (0, 0.05):
+        leaf = ksd.rectangle(3e-4, 0.02)
+        scene.leaf("ground", stage, start=(x, 0, 0), end=(x, 0.06, 0), section=leaf, material=STEEL)
+    scene.actuate(stage, along="x", at=(0, 0.06, 0), name="push")
+    scene.sensor(stage, along="y", at=(0.05, 0.06, 0), name="level")
+    scene.sensor(stage, about="z", name="tilt")
+    scene.damper("ground", stage, along="x", at=(0, 0.06, 0), damping=1.0, name="pot")
+    pose = ksd.solve(scene, push=2e-3)
+    shown = {sensor.name: sensor for sensor in pose.shape().sensors}
+    moved = pose.displacement("stage", (0.05, 0.06, 0))
+    assert shown["level"].place == pytest.approx(moved + (0.05, 0.06, 0))
+    assert shown["tilt"].turns and shown["pot"].damps and not shown["level"].damps
+    texts = {text.get_text() for text in pose.plot().axes[0].texts}
+    assert {"level", "tilt", "pot"} <= texts
