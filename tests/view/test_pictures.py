@@ -617,7 +617,7 @@ def test_sensors_and_dampers_are_drawn_with_their_names():
     pose = ksd.solve(scene, push=2e-3)
     shown = {sensor.name: sensor for sensor in pose.shape().sensors}
     moved = pose.displacement("stage", (0.05, 0.06, 0))
-    assert shown["level"].place == pytest.approx(moved + (0.05, 0.06, 0))
+    assert shown["level"].place == pytest.approx(np.add(moved, (0.05, 0.06, 0)))
     assert shown["tilt"].turns and shown["pot"].damps and not shown["level"].damps
     texts = {text.get_text() for text in pose.plot().axes[0].texts}
     assert {"level", "tilt", "pot"} <= texts
