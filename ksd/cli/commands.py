@@ -47,12 +47,16 @@ _SHARED_OPTIONS: dict[str, dict[str, Any]] = {
     "--effects": {"metavar": "E", "help": "auto (what the scene mentions), all, or names: shear,gravity"},
     "--with": {"metavar": "E", "help": "effects to simulate besides, such as warping,plate"},
     "--without": {"metavar": "E", "help": "effects to leave out, such as shear"},
+    "--order": {
+        "metavar": "FIRST",
+        "help": "what acts first, where that decides: loads (then drives), drives, or together",
+    },
     "--json": {"metavar": "FILE", "help": "write every number; - is stdout, without tables"},
     "--plot": {"metavar": "FILE", "help": "write a picture (.png, .pdf, .svg) or a ParaView file (.vtu)"},
     "--quiet": {"action": "store_true", "help": "no progress bar"},
 }
 """Options that several commands share, with the arguments of `add_argument`."""
-_SOLVER_OPTIONS = tuple(_SHARED_OPTIONS)[2:10]
+_SOLVER_OPTIONS = tuple(_SHARED_OPTIONS)[2:11]
 """Names of the options that control a solve."""
 
 
@@ -251,7 +255,7 @@ def _add_report(commands: Any) -> None:
     _add_shared(
         parser, "--set", help="a drive value at the end of the stroke, such as top=300mm; may be repeated"
     )
-    _add_shared(parser, "--method", "--effects", "--with", "--without")
+    _add_shared(parser, "--method", "--effects", "--with", "--without", "--order")
     parser.add_argument(
         "--poses", type=int, default=DEFAULT_POSES, metavar="N", help=f"poses of the stroke ({DEFAULT_POSES})"
     )

@@ -38,15 +38,16 @@ def run(options: argparse.Namespace) -> int:
     }
     extrapolate = bool(settings["extrapolate"])
     solver = prepare(
-        scene, mesh=mesh, extrapolate=extrapolate, accuracy=settings["accuracy"], **effect_options(settings)
-    )
+        scene, mesh=mesh, extrapolate=extrapolate, accuracy=settings["accuracy"], order=settings["order"] or "loads",
+        **effect_options(settings),
+    )  # fmt: skip
     pose = solver(targets, **method)
     share = np.linspace(-1.0 if options.both else 0.0, 1.0, options.poses)
     with interrupt_message("interrupted; no report was written"):
         table = sweep(
             scene, {n: v * share for n, v in targets.items()}, together=True, progress=not options.quiet,
             questions=_answerable_questions(scene, pose), extrapolate=extrapolate,
-            effects=solver.model.choice.present, **method,
+            effects=solver.model.choice.present, order=solver.order, **method,
         )  # fmt: skip
     compared = [
         _compared_solve(f"{pose.method} (this report)", lambda: pose),

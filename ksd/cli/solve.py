@@ -21,7 +21,7 @@ from ksd.units import DIMENSIONS
 
 OPTIONS = {
     "method": str, "accuracy": float, "elements": int, "relinearisations": int, "extrapolate": bool,
-    "effects": str, "with": str, "without": str,
+    "effects": str, "with": str, "without": str, "order": str,
 }  # fmt: skip
 """Keys of [options] in a scene file, with their types; the command line wins over them."""
 MAX_REPEATED_SOLVE = 20.0
@@ -139,7 +139,7 @@ def solve_warm(scene: Any, targets: dict[str, float], settings: dict[str, Any]) 
     options = {
         "method": settings["method"], "accuracy": settings["accuracy"], "mesh": chosen_mesh(settings),
         "relinearisations": settings["relinearisations"] or 0, "extrapolate": bool(settings["extrapolate"]),
-        **effect_options(settings),
+        "order": settings["order"] or "loads", **effect_options(settings),
     }  # fmt: skip
     result = solve(scene, targets, **options)
     return solve(scene, targets, **options) if result.time < MAX_REPEATED_SOLVE else result

@@ -39,6 +39,7 @@ def run(options: argparse.Namespace) -> int:
     with interrupt_message(f"interrupted; no table was written, {again}"):
         table = sweep(
             scene, stroke, **effect_options(settings), questions=tuple(options.question) or None, together=not options.set,
+            order=settings["order"] or "loads",
             mesh=chosen_mesh(settings), method=settings["method"], accuracy=settings["accuracy"],
             relinearisations=settings["relinearisations"] or 0,
             extrapolate=bool(settings["extrapolate"]), progress=not options.quiet, resume=options.resume,

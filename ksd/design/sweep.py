@@ -47,6 +47,7 @@ from ksd.model.mesh import Mesh
 from ksd.numerics.processes import process_pool, spawn_context
 from ksd.properties.printing import progress_bar
 from ksd.scene.link import Link
+from ksd.solve.loading_order import Order, check_order
 from ksd.solve.solver import Method
 
 BLOCKS_PER_WORKER = 4
@@ -88,6 +89,7 @@ def sweep(
     effects: str | Iterable[str] = "auto",
     with_: str | Iterable[str] = (),
     without: str | Iterable[str] = (),
+    order: Order = "loads",
     together: bool = False,
     executor: Executor | None = None,
     progress: bool = True,
@@ -108,17 +110,18 @@ def sweep(
     None), modes: how many are followed in addition to the intended ones, more where modes cross. errors: a column per
     question with the error of its answers, that of method and mesh, at several times the cost. executor: any
     concurrent.futures.Executor; without one, this process or, for many poses, a pool of processes. method, accuracy, mesh,
-    relinearisations, extrapolate, effects, with_, without: as in `ksd.solve`. targets: drive values as a mapping. resume: a
-    file that keeps finished paths; give it again to continue. progress: show a progress bar. A pose that fails, or that
-    `ksd.solve` would refuse, is a row without answers whose `status` gives the reason; with strict=False a refused pose is
-    answered, and its status still gives the reason.
+    relinearisations, extrapolate, effects, with_, without, order: as in `ksd.solve`. targets: drive values as a mapping.
+    resume: a file that keeps finished paths; give it again to continue. progress: show a progress bar. A pose that fails, or
+    that `ksd.solve` would refuse, is a row without answers whose `status` gives the reason; with strict=False a refused pose
+    is answered, and its status still gives the reason.
 
     Raises SceneError for invalid input before any solve; SweepInterrupted (a KeyboardInterrupt with `.table`) on Ctrl-C.
     """
     recipe = Recipe(
         parse_questions(ALL_QUESTIONS if questions is None else questions, link, at, freed, modes=modes, errors=errors),
         method=method, accuracy=accuracy, relinearisations=relinearisations, mesh=mesh, extrapolate=extrapolate,
-        strict=strict, effects=(("effects", effects), ("with_", with_), ("without", without)),
+        strict=strict,
+        effects=(("effects", effects), ("with_", with_), ("without", without), *_order_option(order)),
     )  # fmt: skip
     check_executor(executor)
     boolean(together, "together")
@@ -137,6 +140,11 @@ def sweep(
     table = _solve_paths(paths, recipe, finished, name, executor, progress)
     reasons = ", ".join(f"{question} ({reason})" for question, reason in left_out.items())
     return replace(table, facts={**table.facts, "left_out": reasons}) if reasons else table
+
+
+def _order_option(order: Order) -> tuple[tuple[str, Any], ...]:
+    """The loading order as an option of a solver; none for the usual one, so that files of resumed sweeps stay valid."""
+    return () if check_order(order) == "loads" else (("order", order),)
 
 
 def sweep_paths(

@@ -53,7 +53,8 @@ class Recipe:
     """How every pose is solved, and the questions about it; see `ksd.sweep`.
 
     with_verdict: rows hold stability, method and warnings, and modes keep their names along a path; else they are named as
-    in `Modes.names`. strict: a pose that `ksd.solve` would refuse has no answers. Raises SceneError for invalid options.
+    in `Modes.names`. strict: a pose that `ksd.solve` would refuse has no answers. effects: options of `ksd.prepare` on
+    effects and the loading order. Raises SceneError for invalid options.
     """
 
     questions: Questions

@@ -6,7 +6,6 @@ with the paper's eps_max, an option of the mesh and of the call, is the baseline
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Mapping
 from dataclasses import replace
@@ -14,8 +13,8 @@ from typing import Literal
 
 import numpy as np
 
-from ksd.errors import ConvergenceError, KsdError, SceneError
-from ksd.model.arrays import Arrays, Loads, carries_load
+from ksd.errors import ConvergenceError, SceneError
+from ksd.model.arrays import Arrays, Loads
 from ksd.model.compile import Model
 from ksd.model.newton import RTOL
 from ksd.numerics.stopwatch import Stopwatch
@@ -25,7 +24,6 @@ from ksd.solve.joint_motions import JointMotionReader
 from ksd.solve.load_steps import LoadPath, as_step, stop_sentence
 from ksd.solve.steps import MAX_TURN_PER_STEP, Stop
 from ksd.solve.storage import NewtonStorage, thread_storage
-from ksd.solve.verdict import is_solved
 
 
 def solve_conventional(
@@ -85,21 +83,6 @@ def solve_conventional(
     return result
 
 
-def solve_drives_first(
-    model: Model,
-    targets: Mapping[str, float],
-    *,
-    planar: bool | Literal["auto"] = "auto",
-    joints: JointMotionReader | None = None,
-) -> Configuration:
-    """Solve at `targets` by moving the drives without loads, and applying the loads afterwards.
-
-    planar, joints: see `solve_conventional`. Raises ConvergenceError.
-    """
-    start = solve_without_loads(model, targets, planar=planar)
-    return solve_conventional(model, targets, start=start, steps=4, planar=planar, joints=joints)
-
-
 def solve_without_loads(
     model: Model, targets: Mapping[str, float], *, planar: bool | Literal["auto"] = "auto"
 ) -> Configuration:
@@ -108,38 +91,6 @@ def solve_without_loads(
     scene = replace(model.scene, loads=(), gravity=None)
     unloaded = replace(model, scene=scene, arrays=without_loads_arrays(model.arrays))
     return replace(solve_conventional(unloaded, targets, planar=planar), model=model, load_factor=0.0)
-
-
-def solve_in_either_order(
-    model: Model,
-    targets: Mapping[str, float],
-    *,
-    storage: NewtonStorage | None = None,
-    planar: bool | Literal["auto"] = "auto",
-    joints: JointMotionReader | None = None,
-    method: str = "conventional",
-) -> Configuration:
-    """Solve with drives and loads together; where that fails or cannot be trusted, with the drives first and the loads
-    afterwards.
-
-    storage, planar, joints, method: see `solve_conventional`. Raises ConvergenceError.
-    """
-    result, failure = None, None
-    try:
-        result = solve_conventional(
-            model, targets, storage=storage, planar=planar, joints=joints, method=method
-        )
-    except ConvergenceError as reason:
-        failure = reason
-    if carries_load(model.arrays) and not (result is not None and is_solved(result)):
-        with contextlib.suppress(KsdError):
-            other = solve_drives_first(model, targets, planar=planar, joints=joints)
-            if is_solved(other) or result is None:
-                result = replace(other, notes=(*other.notes, "loads put on after the drives"), method=method)
-    if result is None:
-        assert failure is not None
-        raise failure
-    return result
 
 
 def without_loads_arrays(arrays: Arrays) -> Arrays:

@@ -34,7 +34,6 @@ from ksd.model.turns import copy_angles
 from ksd.numerics.blocks import factor_blocks
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.solve.configuration import Configuration
-from ksd.solve.conventional import solve_in_either_order
 from ksd.solve.five_step_solver import FiveStepSolver
 from ksd.solve.five_steps import (
     assemble_full_state,
@@ -45,6 +44,7 @@ from ksd.solve.five_steps import (
 from ksd.solve.full_bodies import error_indicator
 from ksd.solve.joint_motions import stored_joint_motions
 from ksd.solve.load_steps import LoadPath, take_load_steps
+from ksd.solve.loading_order import Order, solve_in_order
 from ksd.solve.steps import MAX_TURN_PER_STEP, Step, Stop
 from ksd.solve.validity import most_bent_body, validity
 
@@ -137,8 +137,11 @@ class ReducedBodySolver:
         """The model with all bodies, their bases expanded at the undeformed configuration."""
         return with_modal_bodies(self.full, self.modal) if self.modal else self.full
 
-    def __call__(self, values: Mapping[str, float], *, relinearisations: int = 0) -> Configuration:
-        """Solve at drive values by name [m or rad]. relinearisations: steps in which the joints are condensed again.
+    def __call__(
+        self, values: Mapping[str, float], *, relinearisations: int = 0, order: Order = "loads"
+    ) -> Configuration:
+        """Solve at drive values by name [m or rad]. relinearisations: steps in which the joints are condensed again; order:
+        see `ksd.solve.loading_order`.
 
         Raises RangeError, and ConvergenceError ("basis no longer successful") where no reduced equilibrium is found.
         """
@@ -148,7 +151,7 @@ class ReducedBodySolver:
             # takes a few iterations from there, and tens of them from rest
             with contextlib.suppress(ConvergenceError, RangeError):
                 return self.placed(values, 0)
-        return solve_bodies_by_load_steps(self.at_rest, values)
+        return solve_bodies_by_load_steps(self.at_rest, values, order)
 
 
 def _five_step_solver(model: Model, records: Any, extrapolate: bool) -> FiveStepSolver:
@@ -461,13 +464,13 @@ def inner_equilibrium(model: Model, i: int, d: np.ndarray, Q: np.ndarray) -> tup
     return rest.inner, taken
 
 
-def solve_bodies_by_load_steps(model: Model, values: Mapping[str, float]) -> Configuration:
-    """Equilibrium of a model with reduced bodies at drive values by name [m or rad], by load steps.
+def solve_bodies_by_load_steps(model: Model, values: Mapping[str, float], order: Order) -> Configuration:
+    """Equilibrium of a model with reduced bodies at drive values by name [m or rad], by load steps in `order`.
 
     Raises ConvergenceError.
     """
     try:
-        return solve_in_either_order(model, values)
+        return solve_in_order(model, values, order=order)
     except ConvergenceError as reason:
         is_unsupported = reason.reached == 0.0 and any(model.bodies[n].solid.is_2d for n in model.solids)
         flat = (

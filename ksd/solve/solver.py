@@ -28,10 +28,11 @@ from ksd.scene.mechanism import Mechanism
 from ksd.scene.scene import Scene
 from ksd.solve.actuation import Actuation, RequiredForces
 from ksd.solve.configuration import Configuration
-from ksd.solve.conventional import solve_conventional, solve_in_either_order
+from ksd.solve.conventional import solve_conventional
 from ksd.solve.five_step_solver import FiveStepSolver
 from ksd.solve.full_bodies import error_indicator
 from ksd.solve.joint_motions import JointMotionReader
+from ksd.solve.loading_order import Order, check_order, settle_order, solve_in_order
 from ksd.solve.method_error import relative_error
 from ksd.solve.plate_stiffening import solve_with_plate_factors
 from ksd.solve.precompile import start_precompiling
@@ -80,17 +81,19 @@ def prepare(
     accuracy: float | None = None,
     planar: bool = True,
     basis: Basis | None = None,
+    order: Order = "loads",
 ) -> Solver:
     """A `Solver` of this mechanism for many solves: everything that does not depend on the drive values is done once.
 
     mesh: leaf model and its fineness (strain-mode leaves when None). extrapolate: use joint records beyond their trained
     range, with a warning in the result. effects, with_, without: what is simulated (see `ksd.model.effects`). accuracy: for
     solves without an accuracy of their own. planar: False solves in space, by every method, even where the scene stays in
-    its plane. basis: for method "modal", see `solve`. Raises SceneError for a scene that cannot be compiled.
+    its plane. basis: for method "modal", order: of loads and drives, see `solve`. Raises SceneError for a scene that cannot
+    be compiled.
     """
     return Solver(
         mechanism, mesh=mesh, extrapolate=extrapolate, planar=planar, basis=basis, effects=effects, with_=with_,
-        without=without, accuracy=accuracy,
+        without=without, accuracy=accuracy, order=order,
     )  # fmt: skip
 
 
@@ -111,6 +114,7 @@ def solve(
     basis: Basis | None = None,
     estimate: bool = True,
     planar: bool = True,
+    order: Order = "loads",
     start: Configuration | None = None,
     **drives: float,
 ) -> Configuration:
@@ -133,6 +137,9 @@ def solve(
     effects: "auto" simulates what the scene mentions, "all" also all that a leaf can have, a list of names just these;
     with_="warping", without="shear" override single ones (`ksd.model.effects`; print(pose.model) lists what was simulated).
 
+    order: what acts first where that decides the equilibrium, because leaf springs buckle on the way: "loads" (then the
+    drives, as in a machine), "drives" (then the loads), or "together"; a warning says so where the ends differ.
+
     Raises SceneError (bad input), RangeError (outside a trained range), RecordError (joint record missing or damaged),
     KinematicsError (indeterminate or over-driven), ConvergenceError (with the fraction reached).
     """
@@ -146,7 +153,7 @@ def solve(
         boolean(given, word)
     options: dict[str, Any] = {
         "extrapolate": extrapolate, "effects": effects, "with_": with_, "without": without, "basis": basis,
-        "planar": planar,
+        "planar": planar, "order": order,
     }  # fmt: skip
     if isinstance(mechanism, Model):
         refuse_unknown_drives(drives, mechanism.drive_names, solve)
@@ -177,6 +184,8 @@ def solve(
             start=start,
         )
         # verdicts only on the final mesh: on a coarse one a state may falsely seem unstable or on another branch
+        if found.mesh_adequacy.missed_share <= wanted or mesh is not None or rise == MAX_RISES:
+            found = solver.settled(found, start)
         share, _, axis, _ = found.mesh_adequacy
         if share <= wanted:
             return require_solved(found) if strict else found
@@ -209,6 +218,7 @@ class Solver:
         with_: str | Iterable[str] = (),
         without: str | Iterable[str] = (),
         accuracy: float | None = None,
+        order: Order = "loads",
     ) -> None:
         start_precompiling()
         if not isinstance(mechanism, Model):
@@ -217,7 +227,7 @@ class Solver:
             raise SceneError(COMPILED_MODEL_MESSAGE)
         self.model: Model = mechanism
         self.records, self.extrapolate, self.planar = records, extrapolate, boolean(planar, "planar")
-        self.basis, self.accuracy = basis, checked_accuracy(accuracy)
+        self.basis, self.accuracy, self.order = basis, checked_accuracy(accuracy), check_order(order)
         self._drives = frozenset(mechanism.drive_names)
         self._reduced: dict[bool, ReducedBodySolver] = {}
         self._joints = JointMotionReader(mechanism, records, extrapolate)
@@ -246,7 +256,7 @@ class Solver:
         """A solver of another model of the same scene with the options of this one."""
         return type(self)(
             model, records=self.records, extrapolate=self.extrapolate, planar=self.planar, basis=self.basis,
-            accuracy=self.accuracy,
+            accuracy=self.accuracy, order=self.order,
         )  # fmt: skip
 
     def __call__(
@@ -279,7 +289,7 @@ class Solver:
             estimate=estimate,
             start=start,
         )
-        found = with_mesh_check(found, wanted)
+        found = with_mesh_check(self.settled(found, start), wanted)
         return require_solved(found) if strict else found
 
     def answer(
@@ -292,7 +302,7 @@ class Solver:
         estimate: bool = True,
         start: Configuration | None = None,
     ) -> Configuration:
-        """The result without checks of mesh and trust; options as in `ksd.solve`."""
+        """The result without checks of loading order, mesh and trust; options as in `ksd.solve`."""
         try:
             with self.lock:
                 _check_method(method, relinearisations)
@@ -328,6 +338,13 @@ class Solver:
             require_start_of(self.model, start)
             begin = self.model.targets(start.targets)
         self.model.refuse_turns(self.model.targets(values), begin)
+
+    def settled(self, found: Configuration, start: Configuration | None) -> Configuration:
+        """The result in which the loading order of this solver ends, see `settle_order`; a start has a path of its own."""
+        if start is not None:
+            return found
+        with self.lock:
+            return settle_order(found, self.order, self._joints)
 
     @cached_property
     def constant(self) -> tuple[Model, NewtonStorage]:
@@ -367,7 +384,7 @@ class Solver:
         if start is not None and start.method == "constant":
             found = solve_conventional(model, values, start=start, **words)
         else:
-            found = solve_in_either_order(model, values, **words)
+            found = solve_in_order(model, values, order=self.order, **words)
         if not estimate:
             return found
         error, step = error_indicator(
@@ -389,7 +406,7 @@ class Solver:
                 "'conventional'"
             )
         if self.model.bodies:
-            found = solve_bodies_by_load_steps(self.model, values)
+            found = solve_bodies_by_load_steps(self.model, values, self.order)
         else:
             condense_joints = method == "modal"
             if condense_joints not in self._reduced:
@@ -397,7 +414,9 @@ class Solver:
                     self.model, self.basis, condense_joints=condense_joints, records=self.records,
                     extrapolate=self.extrapolate,
                 )  # fmt: skip
-            found = self._reduced[condense_joints](values, relinearisations=relinearisations)
+            found = self._reduced[condense_joints](
+                values, relinearisations=relinearisations, order=self.order
+            )
         found = replace(found, method=method or "conventional")
         return with_error_indicator(found) if estimate else found
 
@@ -490,9 +509,9 @@ class Solver:
 
     def by_load_steps(self, values: Mapping[str, float]) -> Configuration:
         """Solve by the conventional solver."""
-        return solve_in_either_order(
-            self.model, values, storage=self.storage, planar=self.in_plane, joints=self._joints
-        )
+        return solve_in_order(
+            self.model, values, order=self.order, storage=self.storage, planar=self.in_plane, joints=self._joints
+        )  # fmt: skip
 
 
 def _check_method(method: object, relinearisations: object) -> None:
