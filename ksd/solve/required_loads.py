@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from typing import Any, Literal
 
 import numpy as np
@@ -37,7 +38,9 @@ from ksd.scene.scene import Scene
 from ksd.solve.actuation import Actuation
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import solve_conventional
+from ksd.solve.error import refined_configuration, refined_model
 from ksd.solve.solver import DEFAULT_ACCURACY, MAX_RISES, Solver, prepare
+from ksd.solve.steps import percent
 from ksd.solve.verdict import is_solved, solved_verdict
 
 Array = NDArray[np.float64]
@@ -62,7 +65,8 @@ class RequiredLoads(PrintableAnswer):
     point; forces: of the drives that balance them, [N or Nm] by name; reactions: of the supports, likewise; unbalanced:
     force and moment (6,) on every link that neither can balance, zero where there are enough drives; points: displaced
     reference points of the links (3,) [m]. size [m]: by which moments are divided to compare them with forces. warnings:
-    sentences about the strain and stress of the leaf springs in the poses; none by method "constant".
+    sentences about the strain and stress of the leaf springs in the poses; none by method "constant". refined: makes the
+    same on a finer mesh, of exact leaf springs.
     """
 
     loads: dict[str, Array]
@@ -72,6 +76,31 @@ class RequiredLoads(PrintableAnswer):
     points: dict[str, Array]
     size: float
     warnings: tuple[str, ...] = ()
+    refined: Callable[[], RequiredLoads] | None = field(default=None, compare=False)
+
+    @cached_property
+    def errors(self) -> RequiredLoads:
+        """Error of every number: its absolute change on a finer mesh; inf where there is no equilibrium on it."""
+        try:
+            fine = self if self.refined is None else self.refined()
+        except KsdError:
+            fine = None
+
+        def change(name: str) -> dict[str, Any]:
+            own, other = getattr(self, name), {} if fine is None else getattr(fine, name)
+            return {n: abs(v - other[n]) if other else np.full_like(v, np.inf)[()] for n, v in own.items()}
+
+        return RequiredLoads(
+            change("loads"), change("forces"), change("reactions"), change("unbalanced"), change("points"),
+            self.size,
+        )  # fmt: skip
+
+    @property
+    def error(self) -> float:
+        """Largest error of a required load over the largest required load."""
+        largest = max((self._magnitude(w) for w in self.loads.values()), default=0.0)
+        error = max((self._magnitude(w) for w in self.errors.loads.values()), default=0.0)
+        return error / largest if largest else error
 
     @property
     def balanced(self) -> bool:
@@ -84,7 +113,8 @@ class RequiredLoads(PrintableAnswer):
 
     def _line(self) -> str:
         forces = ", ".join(f"{n} {format_number(v)}" for n, v in self.forces.items()) or "no drives"
-        return f"{forces}; {'balanced' if self.balanced else 'not balanced by them'} [N, Nm]"
+        error = f"estimated error {percent(self.error)} %" if math.isfinite(self.error) else "error not known"
+        return f"{forces}; {'balanced' if self.balanced else 'not balanced by them'} [N, Nm]; {error}"
 
     def __str__(self) -> str:
         columns = (*(f"F{a} [N]" for a in "xyz"), *(f"M{a} [Nm]" for a in "xyz"))
@@ -117,8 +147,8 @@ def required_loads(
     required loads in the least-squares sense, moments over the size of the mechanism. The links are moved straight to
     their poses, or, where leaf springs cannot follow, first by the drives to the drive values which the poses imply; where
     a leaf spring can snap, the equilibrium found may differ from the one the poses were taken from. mesh: as in
-    `ksd.solve`. Raises SceneError for poses that no leaf can take, ConvergenceError for poses that are not reached,
-    TrustError where the equilibrium there is not stable.
+    `ksd.solve`. The answer tells its error, computed when it is read or printed. Raises SceneError for poses that no leaf
+    can take, ConvergenceError for poses that are not reached, TrustError where the equilibrium there is not stable.
     """
     if method not in (None, "constant", "conventional"):
         raise SceneError(f"method = {show(method)}: give 'constant', or nothing for exact leaf springs")
@@ -126,7 +156,6 @@ def required_loads(
     model = solver.constant[0] if method == "constant" else solver.model
     poses_by_node = _link_poses(model, poses)
     _check_leaf_lengths(model, poses_by_node)
-    warnings: tuple[str, ...] = ()
     if method == "constant" and len(poses_by_node) == len(model.node_names) - 1:
         state = _state_in_poses(model, poses_by_node)
     else:
@@ -143,23 +172,49 @@ def required_loads(
             raise TrustError(
                 f"poses: what is found there is {solved_verdict(pose)}", reached=1.0, result=pose
             )
-        if method != "constant" and model.mesh.plate:
-            # the plate factors depend on the curvature of the leaf springs there
-            conditions = {
-                n: leaf.condition for n, leaf in pose.model.scene.leaf_names().items() if leaf.condition
-            }
-            scene = with_conditions(model.scene, conditions)
-            model = compile_as_is(scene, model.mesh, model.original_scene, model.choice)
-        if method != "constant" and pose.strength is not None:
-            warnings = pose.strength.warnings
-        state = model.rest.copy()
-        state.x[:], state.R[:], state.inner[:] = pose.motion.x, pose.motion.R, pose.motion.inner
-        count_from_links(model.arrays, state, node_rotations(pose.model.arrays, pose.motion))
+        if method != "constant":
+            strained = () if pose.strength is None else pose.strength.warnings
+            found = _loads_at(model, pose)
+            return replace(
+                found, warnings=(*strained, *found.warnings), refined=partial(_refined_loads, model, pose)
+            )
+        state = _state_of(model, pose)
     state.multiplier[:] = 0.0
-    warnings = (*warnings, *_uncertain_turns(model, state))
     with solver.lock:
-        actuation = solver.actuation if method == "constant" else Actuation(model)
-        return replace(_balance(model, state, actuation), warnings=warnings)
+        return replace(
+            _balance(model, state, solver.actuation),
+            refined=partial(_refined_exact_loads, solver, dict(poses)),
+        )
+
+
+def _loads_at(model: Model, pose: Configuration) -> RequiredLoads:
+    """The loads that the links of a model need in a pose, with the plate factors that its leaf springs have there."""
+    if model.mesh.plate:
+        leaves = pose.model.scene.leaf_names()
+        scene = with_conditions(model.scene, {n: q.condition for n, q in leaves.items() if q.condition})
+        model = compile_as_is(scene, model.mesh, model.original_scene, model.choice)
+    return _balance(model, _state_of(model, pose), Actuation(model))
+
+
+def _refined_loads(model: Model, pose: Configuration) -> RequiredLoads:
+    """`_loads_at` on the refined mesh. Raises ConvergenceError."""
+    return _loads_at(refined_model(model), refined_configuration(pose))
+
+
+def _refined_exact_loads(solver: Solver, poses: Mapping[str, Any]) -> RequiredLoads:
+    """Loads of exact leaf springs on the refined mesh. Raises what `required_loads` raises."""
+    exact = required_loads(solver, poses)
+    assert exact.refined is not None
+    return exact.refined()
+
+
+def _state_of(model: Model, pose: Configuration) -> State:
+    """The links and leaf springs of a pose as a state of a model without drives and supports that act."""
+    state = model.rest.copy()
+    state.x[:], state.R[:], state.inner[:] = pose.motion.x, pose.motion.R, pose.motion.inner
+    count_from_links(model.arrays, state, node_rotations(pose.model.arrays, pose.motion))
+    state.multiplier[:] = 0.0
+    return state
 
 
 def _link_poses(model: Model, poses: Mapping[str, Any]) -> LinkPoses:
@@ -437,4 +492,5 @@ def _balance(model: Model, state: State, actuation: Actuation) -> RequiredLoads:
         dict(zip(names, found.unbalanced, strict=True)),
         {name: state.x[i + 1].copy() for i, name in enumerate(names)},
         float(model.arrays.size),
+        tuple(_uncertain_turns(model, state)),
     )

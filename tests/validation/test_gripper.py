@@ -1,6 +1,7 @@
 """The planar gripper of paper 3 beside the numbers of `published_planar`: constant flexure matrices, tangents, errors."""
 
 import math
+from dataclasses import replace
 from importlib import import_module, resources
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from ksd.model.plane import Plane, plane_of
 from ksd.properties.tangent import stored_matrix
 from ksd.solve import branch_check, load_steps
 from ksd.solve.arc_length import follow_by_arc_length
+from ksd.solve.steps import percent
 
 FINE = ksd.Mesh(orders=(3, 2, 16), points=20)
 
@@ -226,6 +228,46 @@ def test_required_loads_in_space_give_the_drive_force_back():
     assert (np.abs(pose.rotation("body")) > 1e-3).all()
     need = ksd.required_loads(scene, pose.links)
     assert need.balanced and need.forces["push"] == pytest.approx(pose.forces["push"], rel=1e-5)
+
+
+def test_required_loads_tell_their_error():
+    """Against a mesh of many more modes: errors of the mesh, of a mesh that is given, and of constant stiffness."""
+
+    def bent(**how):
+        scene = ksd.Mechanism("bent")
+        tip = scene.link("tip")
+        scene.leaf(
+            "ground", tip, start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(5e-4, 0.03), width_axis="z",
+            material=ksd.Material(E=200e9, nu=0.3),
+        )  # fmt: skip
+        if how.pop("plate", False):
+            scene.consider("plate")
+        scene.actuate(tip, along="y", at=(0.1, 0, 0), name="push")
+        return ksd.required_loads(scene, {"tip": ((-0.004, 0.02, 0.001), (0.02, 0.01, 0.3))}, **how)
+
+    for how in (
+        {},
+        {"plate": True},
+        {"mesh": ksd.Mesh("corotational", elements=3)},
+        {"method": "constant"},
+    ):
+        found = bent(**how)
+        fine = bent(mesh=ksd.Mesh(orders=(9, 8, 14), points=24), plate=how.get("plate", False))
+        off = np.abs(found.loads["tip"] - fine.loads["tip"])
+        told = found.errors.loads["tip"]
+        largest = np.abs(fine.loads["tip"] / [1, 1, 1, 0.1, 0.1, 0.1]).max()
+        assert np.all(np.abs(told - off) <= 0.1 * off.max() + 1e-7 * largest), how
+        assert found.errors.forces["push"] == pytest.approx(
+            abs(found.forces["push"] - fine.forces["push"]), rel=0.1, abs=1e-7 * largest
+        )
+        assert f"estimated error {percent(found.error)} %" in " ".join(str(found).split())
+        assert 1e-9 < found.error <= 1.0
+
+    def nowhere():
+        raise ksd.ConvergenceError("no equilibrium there", reached=0.0)
+
+    lost = replace(bent(), refined=nowhere)
+    assert lost.error == np.inf and "error not known" in " ".join(str(lost).split())
 
 
 def test_required_loads_warn_of_strained_leaf_springs():
