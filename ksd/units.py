@@ -3,10 +3,13 @@
 from math import pi
 
 m, cm, mm, um, nm = 1.0, 1e-2, 1e-3, 1e-6, 1e-9
-inch = 0.0254
+inch, ft = 0.0254, 0.3048
 rad, mrad, urad, deg = 1.0, 1e-3, 1e-6, pi / 180
 Pa, kPa, MPa, GPa = 1.0, 1e3, 1e6, 1e9
-N, mN, kN = 1.0, 1e-3, 1e3
+N, mN, kN, MN = 1.0, 1e-3, 1e3, 1e6
+lb = 0.45359237
+lbf = 9.80665 * lb
+psi, ksi = lbf / inch**2, 1e3 * lbf / inch**2
 Nm, mNm, Nmm = 1.0, 1e-3, 1e-3
 kg, g, tonne = 1.0, 1e-3, 1e3
 s, ms = 1.0, 1e-3
@@ -14,24 +17,32 @@ Hz = 2 * pi
 """One hertz as an angular frequency in rad/s."""
 
 DIMENSIONS: dict[str, dict[str, float]] = {
-    "length": {"m": m, "cm": cm, "mm": mm, "um": um, "nm": nm, "inch": inch, "in": inch},
+    "length": {"m": m, "cm": cm, "mm": mm, "um": um, "nm": nm, "inch": inch, "in": inch, "ft": ft},
     "angle": {"rad": rad, "mrad": mrad, "urad": urad, "deg": deg},
-    "stress": {"Pa": Pa, "kPa": kPa, "MPa": MPa, "GPa": GPa},
-    "force": {"N": N, "mN": mN, "kN": kN},
-    "moment": {"Nm": Nm, "mNm": mNm, "Nmm": Nmm, "kNm": kN},
-    "mass": {"kg": kg, "g": g, "tonne": tonne},
-    "density": {"kg/m^3": 1.0, "g/cm^3": 1e3},
-    "acceleration": {"m/s^2": 1.0, "mm/s^2": mm},
-    "stiffness": {"N/m": 1.0, "N/mm": 1e3, "mN/mm": 1.0, "kN/m": 1e3},
-    "torsional stiffness": {"Nm/rad": 1.0, "Nmm/rad": 1e-3, "mNm/rad": 1e-3, "Nm/deg": 1 / deg, "Nmm/deg": 1e-3 / deg},
+    "stress": {
+        "Pa": Pa, "kPa": kPa, "MPa": MPa, "GPa": GPa, "N/m^2": 1.0, "N/mm^2": MPa, "kN/mm^2": GPa, "psi": psi, "ksi": ksi,
+    },
+    "force": {"N": N, "mN": mN, "kN": kN, "MN": MN, "lbf": lbf},
+    "moment": {
+        "Nm": Nm, "mNm": mNm, "Nmm": Nmm, "kNm": kN, "lbf in": lbf * inch, "in lbf": lbf * inch, "lbf ft": lbf * ft,
+        "ft lbf": lbf * ft,
+    },
+    "mass": {"kg": kg, "g": g, "tonne": tonne, "lb": lb},
+    "density": {"kg/m^3": 1.0, "g/cm^3": 1e3, "lb/in^3": lb / inch**3, "lb/ft^3": lb / ft**3},
+    "acceleration": {"m/s^2": 1.0, "mm/s^2": mm, "ft/s^2": ft, "in/s^2": inch},
+    "stiffness": {"N/m": 1.0, "N/mm": 1e3, "mN/mm": 1.0, "kN/m": 1e3, "lbf/in": lbf / inch, "lbf/ft": lbf / ft},
+    "torsional stiffness": {
+        "Nm/rad": 1.0, "Nmm/rad": 1e-3, "mNm/rad": 1e-3, "Nm/deg": 1 / deg, "Nmm/deg": 1e-3 / deg,
+        "lbf in/rad": lbf * inch, "in lbf/rad": lbf * inch, "lbf in/deg": lbf * inch / deg, "in lbf/deg": lbf * inch / deg,
+    },
     "damping": {"N s/m": 1.0, "N s/mm": 1e3, "mN s/mm": 1.0},
     "torsional damping": {"Nm s/rad": 1.0, "Nmm s/rad": 1e-3, "mNm s/rad": 1e-3},
     "frequency": {"Hz": 1.0, "kHz": 1e3, "mHz": 1e-3},
-    "inertia": {"kg m^2": 1.0, "kg mm^2": 1e-6, "g cm^2": 1e-7, "g mm^2": 1e-9},
+    "inertia": {"kg m^2": 1.0, "kg mm^2": 1e-6, "g cm^2": 1e-7, "g mm^2": 1e-9, "lb in^2": lb * inch**2},
     "temperature": {"K": 1.0},
     "expansion": {"1/K": 1.0, "um/m/K": 1e-6},
-    "area": {"m^2": 1.0, "cm^2": cm**2, "mm^2": mm**2, "um^2": um**2},
-    "second moment": {"m^4": 1.0, "cm^4": cm**4, "mm^4": mm**4, "um^4": um**4},
+    "area": {"m^2": 1.0, "cm^2": cm**2, "mm^2": mm**2, "um^2": um**2, "in^2": inch**2},
+    "second moment": {"m^4": 1.0, "cm^4": cm**4, "mm^4": mm**4, "um^4": um**4, "in^4": inch**4},
     "warping constant": {"m^6": 1.0, "mm^6": mm**6},
 }  # fmt: skip
 """Units a scene file may use, with their SI factors, by dimension; the first is the SI unit, in which plain numbers are."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -16,7 +17,7 @@ from ksd.scene.joint import DrawnJoint
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.toml_schema import SHAPE_CLASSES
-from ksd.scene.toml_table import unit_pattern
+from ksd.scene.toml_table import POWER_PATTERN, has_exact_prefix, unit_pattern
 from ksd.units import DIMENSIONS
 
 Tree = dict[str, Any]
@@ -81,17 +82,38 @@ def _with_formulas(tree: Any) -> Any:
     return {key: _with_formulas(value) for key, value in tree.items()}
 
 
+_NUMBER = (
+    r"(?:[+−–-]?\d{1,3}(?:[\s'’]\d{3})+(?:\.\d*)?"
+    f"|{NUMBER_PATTERN.replace('[+-]', '[+−–-]')})(?:{POWER_PATTERN.replace('[+-]', '[+−–-]')})?"
+)
+"""A number with typographic signs."""
+
+
+def _in_any_case(unit: str) -> str:
+    """`unit_pattern` in upper and lower case, without other prefixes, as `ksd.scene.toml_table.find_unit` reads it."""
+
+    def both(part: re.Match[str]) -> str:
+        letter = part[0]
+        return letter.replace("u", "uU") if len(letter) > 1 else f"[{letter.lower()}{letter.upper()}]"
+
+    pattern = re.sub(r"\\.|\[[^]]*\]|[A-Za-z]", both, unit_pattern(unit))
+    if unit[0] not in "mM" or not unit[1:2].isalpha():
+        return pattern
+    other = unit[0].swapcase()
+    return f"(?!{other}{'' if has_exact_prefix(unit) else rf'{unit_pattern(unit[1:])}{chr(92)}s*$'}){pattern}"
+
+
 def _definitions() -> Tree:
     """Definitions of quantities by dimension, single or in lists of any depth, and of directions."""
     definitions: Tree = {}
     for dimension, units in DIMENSIONS.items():
-        units_pattern = "|".join(unit_pattern(unit) for unit in units)
+        units_pattern = "|".join(map(_in_any_case, units))
         si, *others = units
         definitions[dimension] = {
             "description": f"{dimension}: a number in {si}, or text with a unit: {', '.join([si, *others])}",
             "anyOf": [
                 {"type": "number"},
-                {"type": "string", "pattern": rf"^\s*{NUMBER_PATTERN}\s*(?:{units_pattern})\s*$"},
+                {"type": "string", "pattern": rf"^\s*{_NUMBER}\s*(?:{units_pattern})\s*$"},
             ],
         }
         lists = {"type": "array", "items": {"$ref": f"#/definitions/{dimension}[]"}}

@@ -27,6 +27,7 @@ import os
 import tomllib
 import warnings
 from collections.abc import Callable, Collection
+from contextlib import suppress
 from functools import partial
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -46,7 +47,9 @@ from ksd.scene.leaf import Leaf
 from ksd.scene.leaf import wire as make_wire
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
+from ksd.scene.other_files import HEAD_BYTES, other_format
 from ksd.scene.rules import broken_rules
+from ksd.scene.scene import joint_rotation
 from ksd.scene.toml_lines import LineNumbers
 from ksd.scene.toml_schema import SHAPE_CLASSES
 from ksd.scene.toml_table import ANY_NAME, FileMistakes, InvalidTable, Table, make_each
@@ -137,13 +140,31 @@ def _read_text(file: Path) -> str:
         if is_shipped
         else ""
     )
-    content = read_file(file, what="scene file", most=MAX_FILE_BYTES, hint=hint or "check the path")
+    try:
+        content = read_file(file, what="scene file", most=MAX_FILE_BYTES, hint=hint or "check the path")
+    except SceneError:
+        head = b""
+        with suppress(OSError, ValueError):
+            if file.is_file():
+                with file.open("rb") as opened:
+                    head = opened.read(HEAD_BYTES)
+        _refuse_other_format(head, file.name)
+        raise
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
+        _refuse_other_format(content[:HEAD_BYTES], file.name)
         raise SceneError(
             f"{file.name}: byte {error.start + 1} is not UTF-8 text; save the file as UTF-8."
         ) from None
+
+
+def _refuse_other_format(head: bytes, name: str) -> None:
+    """Raise SceneError where the first bytes of a file are those of another program."""
+    if found := other_format(head, Path(name).suffix):
+        raise SceneError(
+            f"{name} is {found}, and no scene file, which is text in TOML: `ksd new NAME` writes one to start from."
+        )
 
 
 def _parse_toml(text: str, name: str) -> dict[str, Any]:
@@ -153,6 +174,7 @@ def _parse_toml(text: str, name: str) -> dict[str, Any]:
     except RecursionError:
         raise SceneError(f"{name}: brackets are nested too deeply.") from None
     except tomllib.TOMLDecodeError as error:
+        _refuse_other_format(text[:HEAD_BYTES].encode(), name)
         raise SceneError(f"{name} is not valid TOML: {error}.") from None
     except ValueError:
         raise SceneError(f"{name} is not valid TOML: it holds a number of thousands of digits.") from None
@@ -263,6 +285,10 @@ class _SceneReader:
         if statement == "actuate":
             self._state_drive(table, words)
             return
+        if "joint" in table and "joint" not in words and {"axis", "toward"} <= words.keys():
+            # the joint has a mistake of its own, its placement may have others
+            with table.collect_errors():
+                joint_rotation(words["axis"], words["toward"], statement)
         if statement == "support":
             words |= self._read_terms(table)
         elif statement in ("leaf", "wire"):
@@ -345,6 +371,7 @@ class _SceneReader:
         with table.collect_errors():
             words["motions"] = make_each(_make_motion, motions)
         table.is_valid &= blocks.is_valid and shape.is_valid
+        table.has_gaps |= blocks.has_gaps or shape.has_gaps
         return table.call(DrawnJoint, words)
 
     def _make_drawn_leaf(self, table_and_kind: tuple[Table, str]) -> Leaf:

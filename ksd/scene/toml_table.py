@@ -11,7 +11,9 @@ from typing import Any, TypeVar
 
 from ksd.checks import NUMBER_PATTERN, direction, name_hint, number, show, similar_name_hint
 from ksd.errors import SceneError
+from ksd.scene.material import Material
 from ksd.scene.plausibility import likely_unit
+from ksd.section import rectangle
 from ksd.units import DIMENSIONS
 
 T = TypeVar("T")
@@ -22,16 +24,30 @@ _EXAMPLES = {
     "inertia": "3 kg mm^2", "temperature": "20 K", "expansion": "12e-6 1/K", "area": "40 mm^2",
     "second moment": "3 mm^4", "warping constant": "2 mm^6",
 }  # fmt: skip
+_SIGNS = str.maketrans(
+    dict.fromkeys("−–‒﹣－", "-") | {"＋": "+"} | dict.fromkeys("\u00a0\u2002\u2003\u2007\u2009\u202f", " ")
+)
+"""Typographic signs and spaces, and those of a keyboard that they stand for."""
+_SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻", "0123456789+-")
+POWER_PATTERN = r"\s*[×·⋅∙*]\s*10(?:\^?([+-]\d+)|\^(\d+)|([⁺⁻]?[⁰¹²³⁴⁵⁶⁷⁸⁹]+))"
+"""Regular expression of a power of ten behind a number: "12·10⁻⁶" or "2 × 10^5"."""
+_POWER = re.compile(r"(?<=\d)" + POWER_PATTERN)
+_GROUPS = re.compile(r"\s*[+-]?\d{1,3}(?:[ '’]\d{3})+(?!\d)")
 _QUANTITY = re.compile(rf"\s*({NUMBER_PATTERN})\s*(.*?)\s*", re.DOTALL)
 ANY_NAME = ""
 """Name that stands for any name, where a mistake makes it unknown which names a file defines."""
+_STAND_INS = {
+    "material": Material(E=2e11, nu=0.3, density=7.8e3, expansion=1e-5, yield_stress=1e9, fatigue_limit=1e9),
+    "section": rectangle(1e-6, 1e-6),
+}
+"""Parts in the place of those with mistakes, so that the mistakes of what is made of them are found as well."""
 Parts = Mapping[str, Mapping[str, Any]]
 """Materials, sections and joints of a file by kind and name."""
 
 
 _UNIT_SPELLINGS = {
-    " ": r"\s*[ *·]\s*", "_": r"\s*[*·]?\s*", "1/": "1?/", "/": r"\s*/\s*", "^2": "(?:\\^?2|²)", "^3": "(?:\\^?3|³)",
-    "^4": "\\^?4", "^6": "\\^?6", "deg": "(?:deg|°)", "um": "[uµμ]m",
+    " ": r"\s*[- *·⋅∙•]\s*", "_": r"\s*[*·⋅∙•]?\s*", "1/": "1?/", "/": r"\s*[/∕⁄]\s*", "^2": "(?:\\^?2|²)",
+    "^3": "(?:\\^?3|³)", "^4": "(?:\\^?4|⁴)", "^6": "(?:\\^?6|⁶)", "deg": "(?:deg|[°º˚])", "um": "[uµμ]m",
 }  # fmt: skip
 """Regular expressions of the ways to write parts of a unit; "_" stands between force and length of a moment."""
 
@@ -44,11 +60,46 @@ def unit_pattern(unit: str) -> str:
     return pattern
 
 
+def plain_signs(text: str) -> str:
+    """A number with a unit in the signs of a keyboard: "−5 mm" as "-5 mm", "12·10⁻⁶ 1/K" as "12e-6 1/K", "1 000 mm" as
+    "1000 mm"."""
+    ungrouped = _GROUPS.sub(lambda m: re.sub("[ '’]", "", m[0]), text.translate(_SIGNS))
+    return _POWER.sub(lambda m: "e" + next(filter(None, m.groups())).translate(_SUPERSCRIPTS), ungrouped)
+
+
 @cache
-def find_unit(text: str) -> str | None:
-    """The unit of `DIMENSIONS` written as `text`, None if there is none."""
-    units = (unit for units in DIMENSIONS.values() for unit in units)
-    return next((unit for unit in units if re.fullmatch(unit_pattern(unit), text)), None)
+def find_unit(text: str, dimension: str = "") -> str | None:
+    """The unit of `DIMENSIONS` written as `text`, None if there is none.
+
+    In letters of another case only where one unit can be meant, of `dimension` where it is given: "MM" is mm, but neither
+    "mPa" nor "Mm" another prefix.
+    """
+    exact = (
+        unit for units in DIMENSIONS.values() for unit in units if re.fullmatch(unit_pattern(unit), text)
+    )
+    if found := next(exact, None):
+        return found
+    meant = {
+        (name, factor): unit
+        for name, units in DIMENSIONS.items()
+        for unit, factor in units.items()
+        if name == (dimension or name)
+        and re.fullmatch(unit_pattern(unit), text, re.IGNORECASE)
+        and not _is_other_prefix(text, unit)
+    }
+    return next(iter(meant.values())) if len(meant) == 1 else None
+
+
+def has_exact_prefix(unit: str) -> bool:
+    """Whether milli of a unit can be confused with mega in capitals, as of mN, MN and mHz, so that only m and M tell."""
+    return unit[0] in "mM" and (unit[1:2] == "N" or (unit[0].islower() and unit[1:2].isupper()))
+
+
+def _is_other_prefix(text: str, unit: str) -> bool:
+    """Whether text that spells a unit in another case has mega for milli, or milli for mega."""
+    if text[0] + unit[0] not in ("mM", "Mm") or not unit[1:2].isalpha():
+        return False
+    return has_exact_prefix(unit) or re.fullmatch(unit_pattern(unit[1:]), text[1:]) is not None
 
 
 def quantity(value: Any, dimension: str, what: str) -> float:
@@ -64,16 +115,19 @@ def quantity(value: Any, dimension: str, what: str) -> float:
         raise SceneError(f"{what} = {show(value)}: a plain number is expected, without quotes.")
     article = "an" if dimension[0] in "aei" else "a"
     expected = f"{article} {dimension} is expected, e.g. '{_EXAMPLES[dimension]}'"
-    match = _QUANTITY.fullmatch(value)
+    match = _QUANTITY.fullmatch(plain_signs(value))
     if match is None or not match[2]:
         raise SceneError(f"{what} = {show(value)}: {expected}.")
     if re.match(r",\s*\d", match[2]):
         raise SceneError(f"{what} = {show(value)}: write a decimal point; {expected}.")
-    unit, units = find_unit(match[2]), DIMENSIONS[dimension]
+    unit, units = find_unit(match[2], dimension), DIMENSIONS[dimension]
     if unit is None:
-        raise SceneError(
-            f"{what} = {show(value)}: the unit '{match[2]}' is unknown{name_hint(match[2], units)}"
-        )
+        alike = [u for u in units if re.fullmatch(unit_pattern(u), match[2], re.IGNORECASE)]
+        hint = (
+            f"may be {' or '.join(alike)}; write the one you mean." if alike
+            else f"is unknown{name_hint(match[2], units)}"
+        )  # fmt: skip
+        raise SceneError(f"{what} = {show(value)}: the unit '{match[2]}' {hint}")
     if unit not in units:
         raise SceneError(f"{what} = {show(value)}: {expected}.")
     return number(float(match[1]) * units[unit], what)
@@ -81,7 +135,7 @@ def quantity(value: Any, dimension: str, what: str) -> float:
 
 def parse_quantity(text: str) -> tuple[float, str] | None:
     """The number (SI) and the dimension of text such as "100 mm"; None for other text."""
-    match = _QUANTITY.fullmatch(text)
+    match = _QUANTITY.fullmatch(plain_signs(text))
     unit = find_unit(match[2]) if match else None
     if match is None or unit is None:
         return None
@@ -114,7 +168,8 @@ class Table:
     """One table of a scene file, and its location for messages (`where`), e.g. "fourbar.toml, [joint.cross]".
 
     `read` reads the keys of a schema; `note_unknown_keys` then reports all others. file_mistakes: collects mistakes, and
-    `is_valid` is False once this table has one; without it the first mistake is raised as SceneError.
+    `is_valid` is False once this table has one; without it the first mistake is raised as SceneError. has_gaps: whether a
+    value is missing because of one, so that the part that the table describes cannot be tried.
     """
 
     def __init__(
@@ -127,7 +182,8 @@ class Table:
         file_mistakes: FileMistakes | None = None,
     ) -> None:
         self.where = f"{file}, [[{path}]] {row}" if row else f"{file}, [{path}]" if path else file
-        self.is_valid, self._file_mistakes, self._unit_doubts = True, file_mistakes, list[str]()
+        self.is_valid, self.has_gaps = True, False
+        self._file_mistakes, self._unit_doubts = file_mistakes, list[str]()
         self.values: dict[str, Any] = values if isinstance(values, dict) else {}
         self._file, self._path, self._row = file, path, row
         self._known_keys: set[str] = set()
@@ -145,7 +201,7 @@ class Table:
         """Collect a mistake of this table, a full message. Raises SceneError if mistakes are not collected."""
         if self._file_mistakes is None:
             raise SceneError(mistake)
-        self.is_valid = False
+        self.is_valid, self.has_gaps = False, True
         if mistake not in self._file_mistakes.mistakes:
             self._file_mistakes.mistakes.append(mistake)
 
@@ -158,7 +214,7 @@ class Table:
         try:
             yield
         except InvalidTable:
-            self.is_valid = False
+            self.is_valid, self.has_gaps = False, True
         except SceneError as error:
             doubts = " ".join(self._unit_doubts if with_unit_doubts else ())
             self.note_mistake(
@@ -178,9 +234,12 @@ class Table:
         values = {}
         for key, kind in schema.items():
             if key in self.values:
+                had_gaps = self.has_gaps
                 with self.collect_errors(with_unit_doubts=False):
                     values[key] = _value(self.values[key], kind.rstrip("!"), key, parts or {})
                     self._note_unit_doubt(key, kind, self.values[key])
+                if key not in values and kind.rstrip("!") in _STAND_INS:
+                    values[key], self.has_gaps = _STAND_INS[kind.rstrip("!")], had_gaps
             elif kind.endswith("!") and self._is_table:
                 # a given key of a similar name is probably this one misspelt: one mistake, not two
                 meant = [k for k in self.unread_keys() if similar_name_hint(key, [k], cutoff=0.7) != "."][:1]
@@ -209,12 +268,15 @@ class Table:
     def call(self, statement: Callable[..., T], words: Mapping[str, Any]) -> T:
         """The result of `statement(**words)`. Raises InvalidTable if this table has unknown keys or other mistakes.
 
-        A SceneError of the statement is collected as a mistake of this table.
+        A SceneError of the statement is collected as a mistake of this table. It is also called for its mistakes alone,
+        where only the material or section is not known.
         """
         self.note_unknown_keys()
-        if self.is_valid:
+        if not self.has_gaps:
             with self.collect_errors():
-                return statement(**words)
+                made = statement(**words)
+                if self.is_valid:
+                    return made
         raise InvalidTable(f"{self.where}: see above")
 
     def table(self, key: str) -> Table:
@@ -306,6 +368,7 @@ def _value(value: Any, kind: str, key: str, parts: Parts) -> Any:
     known = parts[kind]
     if value not in known and ANY_NAME not in known:
         raise SceneError(f"{key} = {show(value)}: there is no {kind} of that name{name_hint(value, known)}")
-    if known.get(value) is None:
+    part = known.get(value) or _STAND_INS.get(kind)
+    if part is None:
         raise InvalidTable(f"the {kind} '{value}' has a mistake of its own")
-    return known[value]
+    return part

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 import ksd.scene
 from ksd.errors import SceneError, SceneFileError, SceneWarning
 from ksd.scene import CrossFlexure, DrawnJoint, FreeCurve, Leaf, Material, Mechanism, Motion
+from ksd.scene.json_schema import json_schema
 from ksd.scene.toml_file import load_scene, save_scene
 from ksd.scene.toml_lines import LineNumbers
 from ksd.scene.toml_table import find_unit, quantity
@@ -165,6 +166,12 @@ def test_every_unit_has_one_dimension():
     assert all(next(iter(units.values())) == 1.0 for units in DIMENSIONS.values())
 
 
+def fits_schema(text, dimension):
+    """Whether an editor takes the text for a quantity of this dimension."""
+    _, as_text = json_schema()["definitions"][dimension]["anyOf"]
+    return re.search(as_text["pattern"], text) is not None
+
+
 @pytest.mark.parametrize(
     ("text", "dimension", "value"),
     [
@@ -218,7 +225,7 @@ MISTAKES = [
     ("[section.blade]", "[section]\nblade = 3\n[section.other]", ["[section.blade] = 3 must be a table"]),
     ('E = "200 GPa"', "E = 0", ["[material.steel]", "E = 0", "positive"]),
     ('E = "200 GPa"', "", ["[material.steel]", "two of E, G and nu"]),
-    ('E = "200 GPa"', 'E = "200 GPA"', ["unit 'GPA' is unknown", '"GPa"']),
+    ('E = "200 GPa"', 'E = "200 mPa"', ["unit 'mPa' may be MPa; write"]),
     ('kind = "rectangle"', 'kind = "rectangel"', ["[section.blade]", '"rectangle"']),
     ('width = "40 mm"', "", ["[section.blade]", "'width' is missing"]),
     ('width = "40 mm"', "width = 0", ["[section.blade]", "width = 0", "positive"]),
@@ -280,8 +287,8 @@ def test_one_mistake_gets_a_sentence(read, old, new, words):
 
 # Several mistakes at once: what is put where, and what each line says; nothing more is said of what only follows
 TOGETHER = [
-    ({'E = "200 GPa"': 'E = "200 GPA"', 'joint = "cross"\n': 'joint = "cros"\n', '"0.5 mm"': '"0.5 kg"'},
-     ["[material.steel]: E = '200 GPA'", "[[join]] 1: joint = 'cros'", "[[wire]] 1: diameter = '0.5 kg'"]),
+    ({'E = "200 GPa"': 'E = "200 GPx"', 'joint = "cross"\n': 'joint = "cros"\n', '"0.5 mm"': '"0.5 kg"'},
+     ["[material.steel]: E = '200 GPx'", "[[join]] 1: joint = 'cros'", "[[wire]] 1: diameter = '0.5 kg'"]),
     # one key twice wrong, one missing, one unknown in the same table
     ({'length = "100 mm"': 'lenght = "100 mm"', '"45 deg"': '"45 mm"', '"1 mm"\nwidths': '"1 kg"\ncolour = 3\nwidths'},
      ["[joint.cross]: key 'lenght' is unknown; did you mean \"length\"?", "[joint.cross]: angle = '45 mm'",
@@ -418,12 +425,104 @@ def test_a_plain_number_in_another_unit_stands_at_the_end_of_the_mistakes(read):
     [
         ("N m", "Nm"), ("N*m", "Nm"), ("N·mm", "Nmm"), ("mN m", "mNm"), ("N mm/rad", "Nmm/rad"), ("kg/m3", "kg/m^3"),
         ("kg / m³", "kg/m^3"), ("m/s2", "m/s^2"), ("µm", "um"), ("μm", "um"), ("°", "deg"), ("kg·m²", "kg m^2"),
-        ("/K", "1/K"), ("µm/m/K", "um/m/K"), ("mm4", "mm^4"), ("in", "in"), ("m N", None), ("MM", None), ("", None),
-        ("kgm^2", None), ("mm\n", None),
+        ("/K", "1/K"), ("µm/m/K", "um/m/K"), ("mm4", "mm^4"), ("in", "in"), ("m N", None), ("MM", "mm"), ("", None),
+        ("kgm^2", None), ("mm\n", None), ("N/mm2", "N/mm^2"), ("N/mm^2", "N/mm^2"), ("PSI", "psi"), ("Ksi", "ksi"),
+        ("lbf", "lbf"), ("FT", "ft"), ("lbf·in", "lbf in"), ("in-lbf", "in lbf"), ("kg-m2", "kg m^2"), ("gpa", "GPa"),
+        ("Kn", "kN"), ("mPa", None), ("Mm", None), ("Mm2", None), ("mn", "mN"), ("MHZ", None), ("KHZ", "kHz"),
+        ("NM", None), ("MNM", None), ("µM", "um"),
+        ("M/s^2", "m/s^2"), ("mm⁴", "mm^4"),
     ],
 )  # fmt: skip
 def test_units_as_engineers_write_them(text, unit):
     assert find_unit(text) == unit
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "value"),
+    [
+        ("−5 mm", "length", -5e-3), ("–5\u202fmm", "length", -5e-3), ("1\u2009234.5 mm", "length", 1.2345),
+        ("12’500 mm", "length", 12.5), ("12·10⁻⁶ 1/K", "expansion", 12e-6), ("2 × 10^5 N/mm²", "stress", 2e11),
+        ("1.2*10-5 1/K", "expansion", 1.2e-5), ("45º", "angle", math.pi / 4), ("9.81 m∕s²", "acceleration", 9.81),
+        ("30e6 psi", "stress", 30e6 * 4.4482216152605 / 0.0254**2), ("10 ksi", "stress", 68.9475729e6),
+        ("2 lbf", "force", 8.896443230521), ("3 FT", "length", 0.9144), ("7 NM", "moment", 7.0), ("7 NM", "length", 7e-9),
+        ("1 lbf in", "moment", 0.1129848290276167), ("0.29 lb/in^3", "density", 8027.171),
+        ("1 lbf/in", "stiffness", 175.126835246), ("200 GPA", "stress", 2e11),
+    ],
+)  # fmt: skip
+def test_numbers_and_units_of_other_places(text, dimension, value):
+    """Values of the pound and inch: NIST SP 811 (2008), appendix B."""
+    assert quantity(text, dimension, "x") == pytest.approx(value, rel=1e-6)
+    assert fits_schema(text, dimension)
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "said"),
+    [
+        ("70 mPa", "stress", "'mPa' may be MPa; write the one you mean"), ("3 Mm", "length", "'Mm' may be mm"),
+        ("5 MNM", "moment", "'MNM' may be mNm"), ("1,5 mm", "length", "write a decimal point"),
+    ],
+)  # fmt: skip
+def test_units_in_another_case_are_not_guessed(text, dimension, said):
+    with pytest.raises(SceneError, match=said):
+        quantity(text, dimension, "x")
+    assert not fits_schema(text, dimension)
+
+
+OTHER_FILES = [
+    ("a.step", b"ISO-10303-21;\nHEADER;\n", "a STEP file"),
+    ("a.inp", b"** made by hand\n*HEADING\nbeam\n*NODE\n1, 0., 0.\n", "an Abaqus or CalculiX input file"),
+    ("a.dat", b"/BATCH\n/PREP7\nET,1,BEAM188\n", "an ANSYS input file"),
+    ("a.mac", b"! leaf spring\nfinish\n/clear\n", "an ANSYS input file"),
+    ("a.bdf", b"SOL 101\nCEND\nBEGIN BULK\n", "a Nastran input file"),
+    ("a.dat", b"PLBEAM 1 1 2 3 4\nHINGE 2 4 5\n", "a SPACAR input file"),
+    ("a.json", b'{"links": ["arm"]}', "a JSON file"),
+    ("a.yaml", b"name: lever\nlinks:\n  - arm\n", "a YAML file"),
+    ("a.urdf", b'<?xml version="1.0"?>\n<robot name="r">', "a robot description"),
+    ("a.py", b"import ksd\n", "a Python script"),
+    ("a.m", b"% flexure\nclear all; clc\n", "a MATLAB script"),
+    ("a.stl", b"solid part\n facet normal 0 0 1\n", "an STL mesh"),
+    ("a.stl", bytes(80) + b"\xff\xfe\x80", "an STL mesh"),
+    ("a.h5", b"\x89HDF\r\n\x1a\n", "an HDF5 file"),
+    ("a.mph", b"PK\x03\x04\xff\xff", "a COMSOL model"),
+    ("a.pdf", b"%PDF-1.7\n\xff", "a PDF document"),
+    ("a.csv", b"x,y,z\n0,1,2\n", "a table of comma-separated values"),
+    ("a.k", b"$ header\n*KEYWORD\n" + b" " * (5 << 20), "an LS-DYNA input file"),
+]
+
+
+@pytest.mark.parametrize(("name", "content", "what"), OTHER_FILES)
+def test_a_file_of_another_program_is_named(tmp_path, name, content, what):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(SceneError, match=f"{name} is {what}.*ksd new"):
+        ksd.load_scene(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    "start", ["[[leaf]]\na = \n", "# scene\nname = lever\n", "[material.steel\n", "links = [\n", "=\n"]
+)
+def test_a_broken_scene_is_no_other_file(tmp_path, start):
+    (tmp_path / "a.toml").write_text(start)
+    with pytest.raises(SceneError, match="not valid TOML"):
+        ksd.load_scene(tmp_path / "a.toml")
+
+
+def test_a_mistake_in_a_part_hides_none_in_what_is_made_of_it(read):
+    """Of the material in its joint and its leaf, of the section in its leaf, and of the joint in its placement."""
+    text = GOOD
+    for old, new in (
+        ('E = "200 GPa"', 'E = "-200 GPa"'), ('angle = "45 deg"', 'angle = "145 deg"'), ('thickness = "1 mm"\nwidth =',
+        'thickness = "1 kg"\nwidth ='), ("end = [0.1, 0.2, 0]", "end = [0, 0.2, 0]"), ('toward = "x"', 'toward = "z"'),
+    ):  # fmt: skip
+        assert old in text
+        text = text.replace(old, new, 1)
+    with pytest.raises(SceneFileError) as caught:
+        read(text)
+    for part in ("E = -200000000000.0 Pa", "angle = 145", "thickness = '1 kg'", "[[leaf]] 1", "[[join]] 1"):
+        assert sum(part in said for said in caught.value.mistakes) == 1, (part, caught.value.mistakes)
+    assert len(caught.value.mistakes) == 5
+    with pytest.raises(SceneFileError) as caught:
+        read(GOOD.replace('material = "steel"', 'material = "stel"', 1).replace('"45 deg"', '"145 deg"', 1))
+    assert len(caught.value.mistakes) == 2
 
 
 UNITS = [(dimension, unit) for dimension, units in DIMENSIONS.items() for unit in units]
