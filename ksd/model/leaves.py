@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -31,8 +31,8 @@ from ksd.model.arrays import COROTATIONAL, STRAIN
 from ksd.model.mesh import Mesh
 from ksd.model.pack import Member
 from ksd.model.warping_runs import clamped_torsion_factor
-from ksd.scene.curve import Curve, CurvePart, cached_line
-from ksd.scene.leaf import LeafCondition
+from ksd.scene.curve import MAX_CURVE_MODES, Curve, CurvePart, cached_line, projection_error
+from ksd.scene.leaf import CHORD_FIT, LeafCondition
 from ksd.scene.profile import ProfilePart
 from ksd.section import Section
 from ksd.section.plate import plate_factor
@@ -106,6 +106,10 @@ class _StressFreeCurve(Curve):
     leaf: Any
     length: float
 
+    def __post_init__(self) -> None:
+        if self.leaf.curve is not None:
+            object.__setattr__(self, "breaks", self.leaf.curve.breaks)
+
     def curvature(self, s: float) -> np.ndarray:
         """(3,) 1/m at fraction s of the arc length."""
         own = np.zeros(3) if self.leaf.curve is None else self.leaf.curve.curvature(s)
@@ -146,30 +150,10 @@ class _Body:
     mass: float = 0.0
 
 
-MAX_CURVE_MODES = 16
-"""Largest number of curvature modes about an axis that a leaf gets because it is curved."""
 CURVE_TURN_TOLERANCE = 1e-4
 """Rotation [rad], root mean square over a leaf, by which its modes may deviate from its curve."""
 MIN_FOLLOWED_TURN = 5.0
 """Total rotation [rad] of a wavy curve that the modes of one leaf can always represent."""
-
-
-@cache
-def _legendre_projector() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gauss points (64,) in [-1, 1], roots of their weights (64, 1), orthonormal Legendre polynomials there (64, modes)."""
-    x, w = np.polynomial.legendre.leggauss(64)
-    root = np.sqrt(w)[:, None]
-    norm = np.sqrt(np.arange(MAX_CURVE_MODES) + 0.5)
-    return x, root, root * np.polynomial.legendre.legvander(x, MAX_CURVE_MODES - 1) * norm
-
-
-def _projection_error(curve: Any, pieces: int = 1) -> np.ndarray:
-    """Shares (MAX_CURVE_MODES,) of the squared curvature that 1, 2, ... modes on each of equal pieces do not represent."""
-    x, root, V = _legendre_projector()
-    s = (np.arange(pieces) + 0.5 * (x[:, None] + 1.0)) / pieces
-    kappa = root * curve.curvatures(s.ravel()).reshape(64, -1)
-    represented = ((V.T @ kappa) ** 2).sum(axis=1).cumsum()
-    return np.asarray(1.0 - represented / max((kappa**2).sum(), 1e-300))
 
 
 def leaf_orders(leaf: Any, mesh: Mesh) -> tuple[tuple[int, int, int], int]:
@@ -202,7 +186,7 @@ def _curved_orders(length: float, curve: Any, mesh: Mesh) -> tuple[tuple[int, in
     tolerance = (
         CURVE_TURN_TOLERANCE / max(np.sqrt((kappa**2).mean(axis=0).sum()), CURVE_TURN_TOLERANCE)
     ) ** 2
-    needed = min(1 + int((_projection_error(curve) > tolerance).sum()), MAX_CURVE_MODES)
+    needed = min(1 + int((projection_error(curve) > tolerance).sum()), MAX_CURVE_MODES)
     # a bend turns moments into torsion, a twist mixes all axes
     is_curved = kappa.any(axis=0)
     least = np.where([is_curved.any(), *(is_curved[1:] | is_curved[0])], needed, 0).tolist()
@@ -332,15 +316,35 @@ def _chain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
     return _Body(COROTATIONAL, value, number, inner, store, d, Q, mass)
 
 
-def _wavy_curve_error(leaf: Any, name: str) -> SceneError:
-    """The error for a leaf whose modes cannot represent its curve."""
+def _check_shape_kept(leaf: Any, d: np.ndarray, name: str) -> None:
+    """Check that the modes of a leaf represent its curve: their end q is at d (3,) in the frame of end p.
+
+    Raises SceneError where their chord differs from that of the curve by more than `CHORD_FIT` of it.
+    """
+    exact, _ = cached_line(leaf.curve, 1.0)
+    if abs(np.linalg.norm(d) - np.linalg.norm(exact)) <= CHORD_FIT * np.linalg.norm(exact):
+        return
+    curve, first, last = leaf.curve, 0.0, 1.0
+    if isinstance(curve, CurvePart):
+        # between two points of the leaf that was drawn
+        (first, last), curve, name = curve.part, curve.whole, name.rpartition(":")[0]
+    where = f"leaf '{name}'"
+    if last - first < 1.0:
+        where += f", from s = {1e3 * first * curve.length:.4g} to {1e3 * last * curve.length:.4g} mm,"
+    inside = [1e3 * b * curve.length for b in curve.breaks if first < b < last]
+    if inside:
+        places = ", ".join(f"{b:.4g}" for b in inside[:6]) + ", ..." * (len(inside) > 6)
+        raise SceneError(
+            f"{where} has breaks of its curvature at s = {places} mm, which curvature modes do not follow; put a point at "
+            f"each, mechanism.point('{name}', s), and each piece has modes of its own"
+        )
     turning = leaf.length * np.abs(leaf.curve.curvatures(np.linspace(0.0, 1.0, 65))).sum(axis=1).mean()
     pieces = max(2, math.ceil(turning / MIN_FOLLOWED_TURN))
     pieces = next(
-        (n for n in range(pieces, pieces + 64) if _projection_error(leaf.curve, n)[11] < 1e-6), pieces
+        (n for n in range(pieces, pieces + 64) if projection_error(leaf.curve, n)[11] < 1e-6), pieces
     )
-    return SceneError(
-        f"leaf '{name}': its curve bends to and fro more often than the curvature modes of a leaf; put points on it, "
+    raise SceneError(
+        f"{where}: its curve bends to and fro more often than the curvature modes of a leaf; put points on it, "
         f"mechanism.point('{name}', s) every {1e3 * leaf.length / pieces:.3g} mm, and each piece has modes of its own"
     )
 
@@ -349,25 +353,11 @@ def _place_leaf(leaf: Any, d: np.ndarray, name: str) -> tuple[np.ndarray, np.nda
     """Axes (3, 3) of end p such that end q, at d (3,) in them, lies in the direction of the given end, and its position
     (3,).
 
-    Raises SceneError where the chord of a curved leaf differs from the distance between its ends by more than 1e-3 of it,
-    and where the chord is along the width of its start.
+    Raises SceneError for a curve that the modes of the leaf do not represent.
     """
+    if leaf.curve is not None:
+        _check_shape_kept(leaf, d, name)
     start, end, width = (np.asarray(v, float) for v in (leaf.start, leaf.end, leaf.width_axis))
-    chord, distance = float(np.linalg.norm(d)), float(np.linalg.norm(end - start))
-    if abs(chord - distance) > 1e-3 * distance:
-        with np.errstate(all="ignore"):
-            exact_chord = math.nan if leaf.curve is None else float(np.linalg.norm(leaf.curve.line(1.0)[0]))
-        if abs(exact_chord - distance) < 1e-3 * distance:
-            raise _wavy_curve_error(leaf, name)
-        raise SceneError(
-            f"leaf '{name}': its curve spans {chord:.6g} m from start to end, but the ends are {distance:.6g} m apart; "
-            "move an end or change the curve"
-        )
-    if np.hypot(d[0], d[1]) < 1e-6 * chord:
-        raise SceneError(
-            f"leaf '{name}': its curve ends straight along the width of its start, so that width_axis does not say how it "
-            "is turned about the line between its ends; cut it into two leaves"
-        )
     axes = leaf_axes(start, end, width) @ leaf_axes(np.zeros(3), d, np.array([0.0, 0.0, 1.0])).T
     return axes, start + axes @ d
 
@@ -457,6 +447,12 @@ def split_leaf(leaf: Any, cuts: Sequence[float]) -> list[Any]:
         (start, axes), (end, _) = sections[k], sections[k + 1]
         along = (end - start) / np.linalg.norm(end - start)
         width = axes[:, 2] - (axes[:, 2] @ along) * along
+        if not np.linalg.norm(width) > 1e-6:
+            first, last = (1e3 * s * leaf.length for s in part)
+            raise SceneError(
+                f"leaf '{leaf.name}': its curve ends straight along the width of its start from s = {first:.4g} to "
+                f"{last:.4g} mm, so that its width there cannot be said; move a point, or put one between"
+            )
         own = replace(state, torsion_factor=torsion)
         if misplaced and part[1] < 1.0:
             own = replace(own, shift=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0))

@@ -176,9 +176,10 @@ def _sample_leaf(leaf: Any, mesh: Any, has_weight: bool, count: int) -> _LeafSam
 def _sample_sections(leaf: Any, mesh: Any, has_weight: bool, count: int) -> tuple[Array, Array]:
     """Lengths (s,) [m] of the steps along a leaf, `count` between breaks, and rod constants (s, 5, ROD) at their nodes."""
     edges = np.linspace(0.0, 1.0, count + 1)
-    if leaf.profile is not None:
+    if leaf.profile is not None or (leaf.curve is not None and leaf.curve.breaks):
         graded = 0.5 - 0.5 * np.cos(np.pi * edges)
-        cuts = [0.0, *leaf.profile.breaks, 1.0]
+        inside = {b for part in (leaf.profile, leaf.curve) if part is not None for b in part.breaks}
+        cuts = [0.0, *sorted(inside), 1.0]
         edges = np.unique([a + (b - a) * x for a, b in pairwise(cuts) for x in graded])
     share = np.diff(edges)
     s = (edges[:-1, None] + share[:, None] * np.clip(NODES, END_MARGIN, 1.0 - END_MARGIN)).ravel()

@@ -6,6 +6,7 @@ import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -15,14 +16,21 @@ from ksd.checks import ClearArgumentErrors, number, positive, show
 from ksd.errors import SceneError
 from ksd.scene.plane_curves import PlaneCurvature, legendre_shape, sine_shape, spline_shape
 
-COARSE_STEPS = 60
-"""Integration steps along a curve of the coarser of two solutions, from which the line is extrapolated."""
+LINE_TOLERANCE = 2e-11
+"""Largest difference of one step and two along a panel: of the position at its end, over the length, and of its axes."""
+FIRST_PANELS, MAX_HALVINGS, MAX_PANELS = 12, 40, 20_000
+"""Panels of every piece before any is halved; how often one is halved at most, so that a jump takes no length; and how
+many there may be."""
 
 
 class Curve(metaclass=ClearArgumentErrors):
-    """Base of all stress-free shapes: arc `length` [m] and `curvature(s)` (3,) [1/m] about e1, e2, e3, s in [0, 1]."""
+    """Base of all stress-free shapes: arc `length` [m] and `curvature(s)` (3,) [1/m] about e1, e2, e3, s in [0, 1].
+
+    breaks: fractions s where the curvature has a jump or kink, strictly between 0 and 1 in rising order.
+    """
 
     length: float
+    breaks: tuple[float, ...] = ()
 
     def curvature(self, s: float) -> np.ndarray:
         """Curvature (3,) [1/m] at fraction s of the arc length."""
@@ -35,37 +43,81 @@ class Curve(metaclass=ClearArgumentErrors):
     def line(self, s: float) -> tuple[np.ndarray, np.ndarray]:
         """Position (3,) [m] and axes (3, 3) of the section at fraction s, relative to the start and in its axes.
 
-        Integrates R' = R [kappa]x, r' = R e1 by Magnus steps of fourth order, twice, and extrapolates (Richardson).
+        Integrates R' = R [kappa]x, r' = R e1 from break to break by Magnus steps of fourth order on panels that are halved
+        until one step and two of half its length agree; their extrapolation (Richardson) is kept.
         """
+        ends = np.array([0.0, *(b for b in self.breaks if b < s), s])
+        first = np.concatenate(
+            [a + (b - a) * np.arange(FIRST_PANELS) / FIRST_PANELS for a, b in pairwise(ends)]
+        )
+        size = np.repeat(np.diff(ends) / FIRST_PANELS, FIRST_PANELS)
+        starts, steps = np.zeros(0), np.zeros((0, 4, 4))
+        for halving in range(MAX_HALVINGS + 1):
+            whole, halves = (self._steps(first, size, parts) for parts in (1, 2))
+            error = np.abs(halves - whole).max(axis=(1, 2))
+            if len(starts) + len(first) > MAX_PANELS or not np.isfinite(error).all():
+                raise SceneError(
+                    f"{type(self).__name__}: its curvature varies too fast to be integrated, {MAX_PANELS} panels along it "
+                    "are not enough; smooth it, or cut the leaf."
+                )
+            kept = (error <= LINE_TOLERANCE) | (halving == MAX_HALVINGS)
+            starts = np.concatenate([starts, first[kept]])
+            steps = np.concatenate([steps, (halves + (halves - whole) / 15)[kept]])
+            if kept.all():
+                break
+            size = np.repeat(0.5 * size[~kept], 2)
+            first = np.repeat(first[~kept], 2)
+            first[1::2] += size[1::2]
+        # their product by pairs from the start on
+        product = steps[np.argsort(starts)]
+        while len(product) > 1:
+            odd = product[-1:] if len(product) % 2 else product[:0]
+            product = np.concatenate([product[:-1:2] @ product[1::2], odd])
+        return self.length * product[0, :3, 3], product[0, :3, :3]
 
-        def transform(steps: int) -> np.ndarray:
-            """Homogeneous transformation (4, 4) from the start to fraction s."""
-            h, rate = s * self.length / steps, np.zeros((2, steps, 4, 4))
-            gauss = np.array([[0.5 - math.sqrt(3) / 6], [0.5 + math.sqrt(3) / 6]])
-            at = s * (np.arange(steps) + gauss) / steps
-            x, y, z = self.curvatures(at.ravel()).T.reshape(3, 2, steps)
-            rate[..., 0, 1], rate[..., 0, 2], rate[..., 1, 2] = -z, y, -x
-            rate[..., 1, 0], rate[..., 2, 0], rate[..., 2, 1] = z, -y, x
-            rate[..., 0, 3] = 1.0
-            one, two = rate
-            step = 0.5 * h * (one + two) + math.sqrt(3) / 12 * h**2 * (one @ two - two @ one)
-            # exponentials of all steps by a Taylor series, then their product by pairs from the start on
-            product = np.eye(4) + step / 9
-            for n in range(8, 0, -1):
-                product = np.eye(4) + step @ product / n
-            while len(product) > 1:
-                odd = product[-1:] if len(product) % 2 else product[:0]
-                product = np.concatenate([product[:-1:2] @ product[1::2], odd])
-            return product[0]
+    def _steps(self, first: np.ndarray, size: np.ndarray, parts: int) -> np.ndarray:
+        """Homogeneous transformations (k, 4, 4) along panels by Magnus steps, `parts` each; positions over the length.
 
-        if s == 0.0:
-            return np.zeros(3), np.eye(3)
-        fine = transform(2 * COARSE_STEPS)
-        end = fine + (fine - transform(COARSE_STEPS)) / 15
-        return end[:3, 3], end[:3, :3]
+        first, size (k,): fraction at which a panel starts, and its size.
+        """
+        h = np.repeat(size / parts, parts)
+        start = np.repeat(first, parts) + np.tile(np.arange(parts), len(first)) * h
+        # Simpson's points, which miss no jump, as points inside of a step may; its ends are just inside of it
+        at = start + np.array([[1e-9], [0.5], [1.0 - 1e-9]]) * h
+        rate = np.zeros((3, len(h), 4, 4))
+        x, y, z = self.length * self.curvatures(at.ravel()).T.reshape(3, 3, len(h))
+        rate[..., 0, 1], rate[..., 0, 2], rate[..., 1, 2] = -z, y, -x
+        rate[..., 1, 0], rate[..., 2, 0], rate[..., 2, 1] = z, -y, x
+        rate[..., 0, 3] = 1.0
+        one, middle, two = rate
+        h = h[:, None, None]
+        step = h / 6 * (one + 4 * middle + two) + h**2 / 12 * (one @ two - two @ one)
+        # exponentials of all steps by a Taylor series
+        product = np.eye(4) + step / 9
+        for n in range(8, 0, -1):
+            product = np.eye(4) + step @ product / n
+        return product if parts == 1 else product[::2] @ product[1::2]
 
 
-_hashable_line = functools.lru_cache(maxsize=64)(Curve.line)
+_hashable_line = functools.lru_cache(maxsize=256)(Curve.line)
+
+
+def _deviation(curve: Curve) -> float:
+    """Rotation [rad], root mean square, by which the curvature modes of a leaf miss its curve."""
+    kappa = curve.length * curve.curvatures(0.5 * (_legendre_projector()[0] + 1.0))
+    share = max(projection_error(curve)[-1], 0.0)
+    return float(np.sqrt(share * (kappa**2).sum(axis=1).mean()) / MAX_CURVE_MODES)
+
+
+_hashable_deviation = functools.lru_cache(maxsize=256)(_deviation)
+
+
+def cached_deviation(curve: Curve) -> float:
+    """`_deviation`, cached for hashable curves."""
+    try:
+        return _hashable_deviation(curve)
+    except TypeError:
+        return _deviation(curve)
 
 
 def cached_line(curve: Curve, s: float) -> tuple[np.ndarray, np.ndarray]:
@@ -85,7 +137,9 @@ class CurvePart(Curve):
     part: tuple[float, float]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "length", (self.part[1] - self.part[0]) * self.whole.length)
+        first, last = self.part
+        inside = tuple((b - first) / (last - first) for b in self.whole.breaks if first < b < last)
+        self.__dict__.update(length=(last - first) * self.whole.length, breaks=inside)
 
     def curvature(self, s: float) -> np.ndarray:
         """Curvature (3,) [1/m] of the whole curve at fraction s of the part."""
@@ -94,6 +148,36 @@ class CurvePart(Curve):
     def curvatures(self, s: ArrayLike) -> np.ndarray:
         """Curvatures (k, 3) [1/m] of the whole curve at fractions s (k,) of the part."""
         return self.whole.curvatures(self.part[0] + np.asarray(s, float) * (self.part[1] - self.part[0]))
+
+    def line(self, s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Position (3,) [m] and axes (3, 3) of the section at fraction s of the part, relative to its start."""
+        first, last = self.part
+        (start, axes), (end, turned) = (
+            cached_line(self.whole, a) for a in (first, first + s * (last - first))
+        )
+        return axes.T @ (end - start), axes.T @ turned
+
+
+MAX_CURVE_MODES = 16
+"""Largest number of curvature modes about an axis that a leaf gets because it is curved."""
+
+
+@functools.cache
+def _legendre_projector() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Gauss points (64,) in [-1, 1], roots of their weights (64, 1), orthonormal Legendre polynomials there (64, modes)."""
+    x, w = np.polynomial.legendre.leggauss(64)
+    root = np.sqrt(w)[:, None]
+    norm = np.sqrt(np.arange(MAX_CURVE_MODES) + 0.5)
+    return x, root, root * np.polynomial.legendre.legvander(x, MAX_CURVE_MODES - 1) * norm
+
+
+def projection_error(curve: Curve, pieces: int = 1) -> np.ndarray:
+    """Shares (MAX_CURVE_MODES,) of the squared curvature that 1, 2, ... modes on each of equal pieces do not represent."""
+    x, root, V = _legendre_projector()
+    s = (np.arange(pieces) + 0.5 * (x[:, None] + 1.0)) / pieces
+    kappa = root * curve.curvatures(s.ravel()).reshape(64, -1)
+    represented = ((V.T @ kappa) ** 2).sum(axis=1).cumsum()
+    return np.asarray(1.0 - represented / max((kappa**2).sum(), 1e-300))
 
 
 @dataclass(frozen=True)
@@ -147,10 +231,10 @@ class Arc(Curve):
 class FreeCurve(Curve):
     """Any stress-free shape: `function(s)` returns the curvature (3,) [1/m] at fraction s of the arc `length` [m].
 
-    The function must be smooth; the curvature modes of the leaf represent it. `sine`, `legendre` and `spline` make a
-    curve from a few numbers, which scene files can hold and by which answers have gradients (`ksd.gradient`,
-    `ksd.Job`); these bend about e3, positive towards e2. Raises SceneError for a length that is not positive, and
-    unless function is callable.
+    The function must be smooth, since the curvature modes of the leaf represent it; put a `Mechanism.point` where it jumps.
+    `sine`, `legendre` and `spline` make a curve from a few numbers, which scene files can hold and by which answers have
+    gradients (`ksd.gradient`, `ksd.Job`); these bend about e3, positive towards e2. Raises SceneError for a length that is
+    not positive, and unless function is callable.
     """
 
     length: float
@@ -204,6 +288,8 @@ class FreeCurve(Curve):
             raise SceneError(
                 f"FreeCurve: function = {show(self.function)} must be a function of s in [0, 1]."
             )
+        if isinstance(self.function, PlaneCurvature):
+            object.__setattr__(self, "breaks", self.function.breaks)
 
     def curvature(self, s: float) -> np.ndarray:
         """Curvature (3,) [1/m] at fraction s. Raises SceneError unless the function returns three finite numbers."""

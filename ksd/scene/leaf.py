@@ -31,6 +31,9 @@ from ksd.scene.material import Material
 from ksd.scene.profile import Profile
 from ksd.section import Section, circle
 
+CHORD_FIT = 1e-3
+"""Largest difference of the chord of a curve and the distance of the ends of its leaf, over that distance."""
+
 
 @dataclass(frozen=True)
 class LeafCondition:
@@ -63,7 +66,8 @@ class Leaf(metaclass=ClearArgumentErrors):
     to the model. profile: how the section varies along the leaf (`section` is then the nominal one); None is uniform.
     curve: its stress-free shape, whose chord must equal the distance from start to end; None is straight. condition:
     set by the model from the heats and fits of a scene (`Mechanism.heat`, `Mechanism.fit`). Raises SceneError for a
-    leaf without length, a width axis that is not perpendicular to it, or numbers that are not finite.
+    leaf without length, a width axis that is not perpendicular to it, a curve that does not fit between the ends, or numbers
+    that are not finite.
     """
 
     start: Vector
@@ -98,6 +102,9 @@ class Leaf(metaclass=ClearArgumentErrors):
         if self.curve is not None and not isinstance(self.curve, Curve):
             raise SceneError(f"{owner}: curve = {show(self.curve)} must be a Curve, or None.")
         self._check_axes(owner)
+        if self.curve is not None and self.condition is None:
+            # with a condition it is a leaf that was checked when it was drawn
+            self._check_curve(owner, self.curve)
 
     def _check_axes(self, owner: str) -> None:
         """Check the length and the width axis, and make the width axis a unit vector. Raises SceneError."""
@@ -122,6 +129,21 @@ class Leaf(metaclass=ClearArgumentErrors):
                 f"({', '.join(f'{c:.6g}' for c in e1)}){hint}."
             )
         self.__dict__["width_axis"] = axis
+
+    def _check_curve(self, owner: str, curve: Curve) -> None:
+        """Check that the curve fits between the ends, and has a chord by which it can be placed. Raises SceneError."""
+        end, _ = cached_line(curve, 1.0)
+        chord, distance = math.hypot(*end), math.dist(self.start, self.end)
+        if not abs(chord - distance) <= CHORD_FIT * distance:
+            raise SceneError(
+                f"{owner}: its curve spans {chord:.6g} m from start to end, but the ends are {distance:.6g} m apart; "
+                "move an end or change the curve."
+            )
+        if math.hypot(end[0], end[1]) < 1e-6 * chord:
+            raise SceneError(
+                f"{owner}: its curve ends straight along the width of its start, so that width_axis does not say how it is "
+                "turned about the line between its ends; cut it into two leaves."
+            )
 
     @property
     def length(self) -> float:

@@ -5,6 +5,7 @@ They are frozen values, so that curves of equal numbers are equal and scene file
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,8 +19,11 @@ from ksd.errors import SceneError
 
 MAX_NEWTON_STEPS = 30
 """Limit of the Newton steps that find a spline's parameter at a given arc length."""
-CHORD_QUADRATURE, LENGTH_QUADRATURE = legendre.leggauss(128), legendre.leggauss(16)
-"""Gauss points and weights on [-1, 1] for the chord of a curve, and for the arc length of a spline segment."""
+QUADRATURE = legendre.leggauss(16)
+"""Gauss points and weights on [-1, 1], of a panel of the chord of a curve and of the arc length of a spline segment."""
+CHORD_PANELS = (8, 16, 32, 64, 128, 256, 512, 1024)
+"""Counts of panels of the chord of a curve, until two agree to `CHORD_TOLERANCE` of the length."""
+CHORD_TOLERANCE = 1e-13
 Points = tuple[tuple[float, ...], ...]
 """Rows of numbers: points (k, 2) [m], or coefficients of pieces."""
 
@@ -27,11 +31,12 @@ Points = tuple[tuple[float, ...], ...]
 class PlaneCurvature:
     """Base of plane curves of arc `length` [m]: their curvature about e3 [1/m] as a function of the fraction s of it.
 
-    kind: the name of the shape in scene files.
+    kind: the name of the shape in scene files; breaks: fractions s where the curvature has a jump or kink.
     """
 
     kind: ClassVar[str]
     length: Any
+    breaks: Any = ()
 
     def curvature_e3(self, s: np.ndarray) -> np.ndarray:
         """Curvature about e3 [1/m] at fractions s, in the shape of s."""
@@ -124,7 +129,7 @@ class _Segments(NamedTuple):
 
     def arc_lengths(self, k: np.ndarray, t: np.ndarray) -> np.ndarray:
         """Arc lengths [m] from the start of segments k to their fractions t."""
-        x, w = LENGTH_QUADRATURE
+        x, w = QUADRATURE
         first, _ = self.derivatives(k[..., None], 0.5 * t[..., None] * (x + 1.0))
         return np.asarray(0.5 * t * self.distances[k] * (np.hypot(first[..., 0], first[..., 1]) @ w))
 
@@ -159,6 +164,11 @@ class Spline(PlaneCurvature):
     def length(self) -> float:
         """Arc length [m]."""
         return float(self._lengths_at_points[-1])
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Fractions of the arc length at the points between both ends, where the curvature has kinks."""
+        return tuple((self._lengths_at_points[1:-1] / self.length).tolist())
 
     def curvature_e3(self, s: np.ndarray) -> np.ndarray:
         """Curvature about e3 [1/m] at fractions s, in the shape of s."""
@@ -199,9 +209,14 @@ def length_of(length: Any, chord: Any, angle: Callable[[np.ndarray], np.ndarray]
         raise SceneError(f"{owner}: give one of length and chord [m].")
     if chord is None:
         return positive(length, "length", owner=owner, unit="m")
-    x, w = CHORD_QUADRATURE
-    theta = angle(0.5 * (x + 1.0))
-    chord_over_length = float(np.hypot(0.5 * w @ np.cos(theta), 0.5 * w @ np.sin(theta)))
+    x, w = QUADRATURE
+    chord_over_length = math.inf
+    for panels in CHORD_PANELS:
+        theta = angle((np.arange(panels)[:, None] + 0.5 * (x + 1.0)) / panels)
+        coarser = chord_over_length
+        chord_over_length = float(abs((np.exp(1j * theta) @ w).sum())) / (2 * panels)
+        if abs(chord_over_length - coarser) < CHORD_TOLERANCE:
+            break
     if chord_over_length < 1e-6:
         raise SceneError(f"{owner}: its ends meet, so that no length gives it a chord; give its length.")
     return positive(chord, "chord", owner=owner, unit="m") / chord_over_length

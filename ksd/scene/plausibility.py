@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from ksd.checks import Vector, show
+from ksd.scene.curve import Arc, CurvePart, cached_deviation
 from ksd.scene.effects import Spring
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
@@ -44,6 +46,8 @@ MAX_MECHANISM_SIZE = 10.0
 """Usual limit of the distance [m] between parts of one mechanism."""
 DENSITY_RANGE = (10.0, 23e3)
 """Usual densities [kg/m^3], from foam to osmium."""
+MAX_CURVE_DEVIATION = 1e-3
+"""Deviation [rad] of a leaf from its drawn shape, root mean square, above which answers say so."""
 MAX_ACCELERATION, MAX_MASS = 1e3, 100.0
 """Usual limits of accelerations [m/s^2] (a hundred g) and masses [kg]; larger plain numbers are probably in another unit."""
 STRENGTH_RATIO_RANGE = (1e-5, 0.5)
@@ -94,7 +98,32 @@ def plausibility_warnings(scene: Scene) -> tuple[str, ...]:
     warnings = [warning for material in materials for warning in _material_warnings(material)]
     for leaf_warning in (_length_warning, _thickness_warning, _width_warning):
         warnings += _grouped_warnings(leaves, leaf_warning)
+    warnings += _curve_warnings(scene, leaves)
     return (*warnings, *_size_warnings(scene))
+
+
+def _curve_warnings(scene: Scene, leaves: Mapping[str, Leaf]) -> Iterator[str]:
+    """Warnings about curves that the curvature modes of a leaf, between its points, do not follow as drawn."""
+    for name, leaf in leaves.items():
+        if leaf.curve is None or isinstance(leaf.curve, Arc):
+            continue
+        cuts = sorted(p.s / leaf.length for p in scene.points if p.leaf == name)
+        parts = (
+            [CurvePart(leaf.curve, part) for part in pairwise((0.0, *cuts, 1.0))] if cuts else [leaf.curve]
+        )
+        largest = max(map(cached_deviation, parts))
+        if largest > MAX_CURVE_DEVIATION:
+            inside = [b for b in leaf.curve.breaks if all(abs(b - cut) > 1e-9 for cut in cuts)]
+            where = ", ".join(f"{b * leaf.length:.6g}" for b in inside[:6]) + ", ..." * (len(inside) > 6)
+            at = (
+                f"at the breaks of its curvature, s = {where} m"
+                if inside
+                else "where its curvature varies fast"
+            )
+            yield (
+                f"leaf '{name}': curvature modes follow its drawn shape to {largest:.1g} rad only, which no error figure "
+                f"holds; put points on it {at} (mechanism.point('{name}', s)), between which it is kept"
+            )
 
 
 def _size_warnings(scene: Scene) -> Iterator[str]:

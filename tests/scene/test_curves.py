@@ -12,6 +12,7 @@ from test_json_schema import SCHEMA, fits
 
 import ksd
 from ksd.scene.clearance import leaf_boxes
+from ksd.scene.curve import Curve, CurvePart
 
 
 def angles(curve, s):
@@ -281,3 +282,113 @@ def test_boxes_of_a_curve_in_space_follow_it():
     assert body.axes[:, :, 2] @ body.axes[:, :, 2].T == pytest.approx(
         ((r / rate) ** 2 + slope**2 * np.cos(np.subtract.outer(a, a))), abs=2e-3
     )
+
+
+def planar_line(curve, breaks=()):
+    """End (2,) of a plane curve over its length: its angle and its tangent by Gauss quadrature on short panels."""
+    x, w = np.polynomial.legendre.leggauss(16)
+    inner = 0.5 * np.vander(x, 17, increasing=True)[:, 1:] / np.arange(1, 17)
+    start = 0.5 * np.vander([-1.0], 17, increasing=True)[:, 1:] / np.arange(1, 17)
+    antiderivative = (inner - start) @ np.linalg.inv(np.vander(x, 16, increasing=True))
+    turn, end = 0.0, np.zeros(2)
+    for a, b in pairwise((0.0, *breaks, 1.0)):
+        edges = np.linspace(a, b, 201)
+        for left, right in pairwise(edges):
+            h = right - left
+            kappa = curve.length * curve.curvatures(left + 0.5 * h * (x + 1))[:, 2]
+            angle = turn + h * antiderivative @ kappa
+            end += 0.5 * h * np.array([w @ np.cos(angle), w @ np.sin(angle)])
+            turn += 0.5 * h * w @ kappa
+    return end
+
+
+@pytest.mark.parametrize(
+    "curve, breaks",
+    [
+        (ksd.FreeCurve.legendre([[0.5, 0.3], [-2.0], [1.0]], length=0.1, breaks=[0.37, 0.41]), (0.37, 0.41)),
+        (ksd.FreeCurve.sine([0.0] * 39 + [0.5], length=0.1), ()),
+        (ksd.FreeCurve.sine([0.0] * 24 + [0.5], chord=0.1), ()),
+        (ksd.FreeCurve.spline([(0, 0), (0.03, 0.02), (0.05, -0.01), (0.1, 0)]), None),
+        (ksd.FreeCurve(0.1, lambda s: (0, 0, 5.0 if s > 0.333 else -30.0)), (0.333,)),
+        (ksd.FreeCurve(0.1, lambda s: (0, 0, 5.0 if s > 0.9999 else -30.0)), (0.9999,)),
+    ],
+)
+def test_a_line_is_integrated_by_the_scale_of_its_curve(curve, breaks):
+    """Jumps, known and unknown, and many waves: to 1e-10 of the length; parts of it join to the whole."""
+    breaks = curve.breaks if breaks is None else breaks
+    end, axes = curve.line(1.0)
+    assert end[:2] / curve.length == pytest.approx(planar_line(curve, breaks), abs=1e-10)
+    middle, turned = curve.line(0.3)
+    rest, last = CurvePart(curve, (0.3, 1.0)).line(1.0)
+    assert middle + turned @ rest == pytest.approx(end, abs=1e-10 * curve.length)
+    assert turned @ last == pytest.approx(axes, abs=1e-10)
+
+
+def test_curvature_without_end_is_refused():
+    class Noise(Curve):
+        length, generator = 0.1, np.random.default_rng(1)
+
+        def curvatures(self, s):
+            return 100 * self.generator.random((len(s), 3))
+
+    with pytest.raises(ksd.SceneError, match=r"Noise: its curvature varies too fast to be integrated"):
+        Noise().line(1.0)
+
+
+STEEL = ksd.Material(E=200e9, nu=0.3)
+
+
+def bent(curve, marks=(), end=None, **words):
+    """A curved leaf from ground to a loaded tip, with points at fractions of its length."""
+    end = tuple(curve.line(1.0)[0]) if end is None else end
+    made = ksd.Mechanism("bent")
+    made.leaf("ground", made.link("tip"), start=(0, 0, 0), end=end, width_axis="z", curve=curve, name="w",
+              section=ksd.rectangle(0.2e-3, 5e-3), material=STEEL, **words)  # fmt: skip
+    for s in marks:
+        made.point("w", s * curve.length)
+    made.load("tip", force=(0, 0.05, 0), at=end)
+    return made
+
+
+@pytest.mark.parametrize("words", [{}, {"orders": (1, 1, 1)}, {"elements": 3}])
+def test_drawn_ends_that_do_not_fit_are_refused_when_drawn(words):
+    """Whatever is on the leaf, and however it is meshed: the check is one of the leaf as drawn."""
+    arc = ksd.Arc(0.02, math.radians(90))
+    with pytest.raises(
+        ksd.SceneError, match=r"leaf 'w': its curve spans 0.0282843 m .* are 0.0311127 m apart"
+    ):
+        bent(arc, end=tuple(1.1 * arc.line(1.0)[0]), **words)
+    with pytest.raises(ksd.SceneError, match=r"leaf 'w': its curve spans .*e-1. m from"):
+        circle = ksd.FreeCurve(0.1, lambda s: (0, 0, 20 * math.pi))
+        bent(circle, end=(0.03, 0, 0), **words)
+
+
+def test_many_waves_and_jumps_with_points_are_the_same_however_they_are_cut():
+    """A jump with a point on it and with more; unloaded, a wavy leaf stays as it is drawn."""
+    curve = ksd.FreeCurve.legendre([[0.5], [-2.0]], length=0.1, breaks=[0.37])
+    once, more = (ksd.solve(bent(curve, marks)) for marks in ((0.37,), (0.2, 0.37, 0.6, 0.8)))
+    assert once.displacement("tip") == pytest.approx(more.displacement("tip"), rel=1e-6, abs=1e-9)
+    assert once.verify().relative < 1e-6
+    waves = ksd.FreeCurve.sine([0.0] * 19 + [0.5], length=0.1)
+    cuts = np.linspace(0, 1, 41)[1:-1]
+    assert ksd.solve(bent(waves, cuts)).trusted
+
+
+def test_where_the_drawn_shape_is_not_kept_is_said_of_the_leaf_that_was_drawn():
+    waves = ksd.FreeCurve.sine([0.0] * 19 + [0.5], length=0.1)
+    with pytest.raises(
+        ksd.SceneError, match=r"leaf 'w': its curve bends to and fro .*mechanism.point\('w', s\)"
+    ):
+        ksd.solve(bent(waves))
+    with pytest.raises(ksd.SceneError, match=r"leaf 'w', from s = 0 to 50 mm,: its curve bends"):
+        ksd.solve(bent(waves, (0.5,)))
+    jump = ksd.FreeCurve.legendre([[0.5], [-2.0]], length=0.1, breaks=[0.37])
+    with pytest.raises(
+        ksd.SceneError, match=r"leaf 'w' has breaks of its curvature at s = 37 mm.*put a point at each"
+    ):
+        ksd.solve(bent(jump))
+    # below a thousandth of the chord it is an answer, which says so
+    small = ksd.FreeCurve.legendre([[0.5], [0.0]], length=0.1, breaks=[0.37])
+    said = [w for w in ksd.solve(bent(small)).warnings if "drawn shape" in w]
+    assert said and "'w'" in said[0] and "s = 0.037 m" in said[0]
+    assert not [w for w in ksd.solve(bent(small, (0.37,))).warnings if "drawn shape" in w]

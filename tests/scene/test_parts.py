@@ -118,7 +118,9 @@ def test_wire_needs_no_width_axis():
 
 
 def test_leaf_keeps_mesh_and_curvature():
-    made = leaf(elements=3, orders=[4, 3, 5], curve=FreeCurve(1.0, lambda s: (0, 0, s)))
+    curve = FreeCurve(1.0, lambda s: (0, 0, s))
+    chord = float(np.linalg.norm(curve.line(1.0)[0]))
+    made = leaf(elements=3, orders=[4, 3, 5], end=(chord, 0, 0), curve=curve)
     assert (made.elements, made.orders) == (3, (4, 3, 5))
     assert tuple(made.curve.curvature(0.5)) == (0, 0, 0.5)
 
