@@ -207,7 +207,7 @@ class DeformedLeaf:
         span = float(np.hypot(*end))
         if abs(span - distance) > CHORD_TOLERANCE * distance:
             raise SceneError(
-                f"rest_shape: the wanted curve of leaf '{self.name}' turns to and fro too often for its {s.u.size} stations; "
+                f"rest_shape: the wanted curve of leaf '{self.name}' turns to and fro too often for {s.u.size} stations; "
                 "put points on it, between which each part has its own."
             )
         start_angle = np.arctan2(chord[1], chord[0]) - np.arctan2(end[1], end[0])
