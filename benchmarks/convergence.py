@@ -163,7 +163,7 @@ def curved(mesh: Mesh) -> float:
     square = ksd.numbers(A=1.0, J=1 / 6, Iy=1 / 12, Iz=1 / 12, ky=1.0, kz=1.0, width=1.0, thickness=1.0)
     a = math.pi / 4
     end = (100 * math.sin(a), 100 * (1 - math.cos(a)), 0)
-    scene = _strip(end=end, section=square, material=material, curve=ksd.Arc(100.0, a))
+    scene = _strip(end=end, section=square, material=material, curve=ksd.Arc(radius=100.0, angle=a))
     scene.load("tip", force=(0, 0, 600), at=end)
     return float(np.linalg.norm(_state(scene, mesh, steps=6).links["tip"][0]))
 
@@ -178,7 +178,7 @@ def taper(mesh: Mesh) -> float:
 
 def notch(mesh: Mesh) -> float:
     """Rotation of a circular notch hinge, t/R = 0.2, under a moment [rad]."""
-    profile = ksd.CircularNotch(5e-3, 1e-3, 10e-3)
+    profile = ksd.CircularNotch(radius=5e-3, minimum=1e-3, width=10e-3)
     scene = _strip(section=profile.section(0.5), profile=profile, end=(10e-3, 0, 0))
     scene.load("tip", moment=(0, 0, 1e-3), at=(10e-3, 0, 0))
     return float(_state(scene, mesh).rotation("tip")[2])
@@ -187,7 +187,7 @@ def notch(mesh: Mesh) -> float:
 def arc(mesh: Mesh) -> float:
     """Linear compliance of a circular arc of 180 degrees, across its ends [m]."""
     end = (0.0, 0.1, 0.0)
-    scene = _strip(end=end, curve=ksd.Arc(0.05, math.pi))
+    scene = _strip(end=end, curve=ksd.Arc(radius=0.05, angle=math.pi))
     scene.load("tip", force=(0, 1e-4, 0), at=end)
     return float(_state(scene, mesh).links["tip"][0][1])
 

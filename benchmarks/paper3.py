@@ -59,7 +59,7 @@ def gripper(
         start, end, _ = arc_ends(k)
         scene.leaf(
             "ground" if a is None else bodies[a], bodies[b], start=(*start, 0), end=(*end, 0), name=f"arc {k}",
-            curve=ksd.Arc(R, ANGLE), section=section, material=PLASTIC,
+            curve=ksd.Arc(radius=R, angle=ANGLE), section=section, material=PLASTIC,
         )  # fmt: skip
     if torque:
         scene.load("crank", moment=(0, 0, torque))
@@ -73,7 +73,9 @@ def gripper(
 def arc_stiffness(section: ksd.Section = SECTION) -> np.ndarray:
     """K (3, 3) of the arcs at end B, in closed form, in the frame at B."""
     E, G = PLASTIC.E, PLASTIC.G
-    C = ksd.Arc(R, ANGLE).compliance(E * section.Iz, E * section.A, section.ky * G * section.A)
+    C = ksd.Arc(radius=R, angle=ANGLE).compliance(
+        E * section.Iz, EA=E * section.A, GA=section.ky * G * section.A
+    )
     return np.linalg.inv(C)
 
 
@@ -203,7 +205,7 @@ def inverse_problem() -> dict[str, Any]:
     calls: dict[str, Callable[[], Any]] = {
         "direct, constant": lambda: loaded(method="constant", estimate=False, strict=False),
         "direct, exact": lambda: loaded(method="conventional", strict=False),
-        "inverse, constant": lambda: solver.required_forces(places, turns),
+        "inverse, constant": lambda: solver.required_forces(places, rotation=turns),
         "inverse by names, constant": lambda: ksd.required_loads(solver, wanted, method="constant"),
     }
     return found | {"microseconds": {n: t.median for n, t in time_in_turns(calls, repeats=200).items()}}

@@ -41,9 +41,13 @@ def random_stage(rng: np.random.Generator) -> tuple[Any, dict[str, float]]:
         words: dict[str, Any] = {}
         if rng.random() < 0.5:
             angle = float(rng.choice([-1, 1]) * rng.uniform(0.2, 2.0))
-            words["curve"] = ksd.Arc(0.5 * float(np.linalg.norm(along)) / math.sin(0.5 * abs(angle)), angle)
+            words["curve"] = ksd.Arc(
+                radius=0.5 * float(np.linalg.norm(along)) / math.sin(0.5 * abs(angle)), angle=angle
+            )
         if rng.random() < 0.5:
-            words["profile"] = ksd.Taper((t, t * rng.uniform(0.6, 1.7)), (w, w * rng.uniform(0.6, 1.7)))
+            words["profile"] = ksd.Taper(
+                thickness=(t, t * rng.uniform(0.6, 1.7)), width=(w, w * rng.uniform(0.6, 1.7))
+            )
         foot, section = np.array([0.0, 0.6 * k * L, 0.0]), ksd.rectangle(t, w)
         scene.leaf(
             scene.ground, stage, start=tuple(foot), end=tuple(foot + along), section=section, material=WARM_STEEL,

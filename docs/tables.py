@@ -114,8 +114,18 @@ def reference(folder: Path) -> None:
         pages.append(page)
         body = "\n".join(directive(name) for name in names.split())
         (folder / f"{page}.rst").write_text(f"{title}\n{'=' * len(title)}\n\n{about}\n\n{body}")
+    pages.append("units")
+    factors = "\n".join(f"   ``{name}``, {value:g}" for name, value in unit_factors().items())
+    (folder / "units.rst").write_text(
+        f"Units\n=====\n\n{inspect.getdoc(ksd.units)}\n\n.. csv-table:: Names of ``ksd.units``, and what they are in SI\n\n{factors}\n"
+    )
     listed = "\n".join(f"   {page}" for page in pages)
     (folder / "index.rst").write_text(f"Reference\n=========\n\n.. toctree::\n\n{listed}\n")
+
+
+def unit_factors() -> dict[str, float]:
+    """The names of `ksd.units` and their factors."""
+    return {name: value for name, value in vars(ksd.units).items() if isinstance(value, float)}
 
 
 def command_line(folder: Path) -> None:

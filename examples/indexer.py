@@ -16,7 +16,13 @@ C = radius * np.array([np.sin(angle), np.cos(angle) - 1, 0])
 scene = ksd.Mechanism("indexer", plane="xy")
 block, joint = scene.links("block", "C")
 scene.leaf(
-    block, joint, start=(0, 0, 0), end=C, curve=ksd.Arc(radius, -angle), section=section, material=stuff
+    block,
+    joint,
+    start=(0, 0, 0),
+    end=C,
+    curve=ksd.Arc(radius=radius, angle=-angle),
+    section=section,
+    material=stuff,
 )
 scene.leaf(scene.ground, joint, start=C - (0, post, 0), end=C, section=section, material=stuff)
 scene.slider(block, along="y", at=(0, 0, 0))

@@ -168,4 +168,4 @@ def _meant(name: str) -> str:
 
 
 def __dir__() -> list[str]:
-    return sorted({*__all__, *_ROOMS, "__version__", "__doc__"})
+    return sorted({*__all__, "__version__", "__doc__"})

@@ -9,7 +9,10 @@ from __future__ import annotations
 import difflib
 import inspect
 import math
+import os
 import re
+import sys
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -21,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ksd import units
-from ksd.errors import SceneError
+from ksd.errors import SceneError, SceneWarning
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -297,6 +300,41 @@ def checked_question(question: Any) -> Callable[[Any], Any]:
         )
     found: Callable[[Any], Any] = question
     return found
+
+
+PERPENDICULAR, EXACTLY_PERPENDICULAR = 1e-5, 1e-6
+"""Cosine of the angle of two directions up to which coordinates of six digits may mean a right angle, and up to which no
+word is lost about it."""
+
+
+def warn_user(message: str, category: type[Warning]) -> None:
+    """Warn at the line of the user that called the package, whatever lies between (a dataclass has an `__init__` of its own)."""
+    frame, level = sys._getframe(1), 2
+    while frame.f_back is not None and frame.f_code.co_filename.startswith((_PACKAGE, "<string>")):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(message, category, stacklevel=level)
+
+
+_PACKAGE = os.path.dirname(os.path.abspath(__file__)) + os.sep
+
+
+def made_perpendicular(axis: Vector, to: Vector, what: str, owner: str) -> Vector | None:
+    """The unit vector `axis` perpendicular to the unit vector `to`, if it nearly is; None if it is not.
+
+    One that is off by more than `EXACTLY_PERPENDICULAR` is turned, with a warning; one that is nearer stays as it is.
+    """
+    cosine = dot(axis, to)
+    if abs(cosine) <= EXACTLY_PERPENDICULAR:
+        return axis
+    if abs(cosine) > PERPENDICULAR:
+        return None
+    x, y, z = (a - cosine * b for a, b in zip(axis, to, strict=True))
+    warn_user(
+        f"{owner}: {what} is {abs(cosine):.1g} rad off a right angle, as coordinates of few digits are; it was made "
+        f"perpendicular, ({x:.9g}, {y:.9g}, {z:.9g}).",
+        SceneWarning,
+    )
+    return unit((x, y, z))
 
 
 _AXES: dict[str, Vector] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}

@@ -40,7 +40,7 @@ class ResumeError(SceneError):
 
 
 class SceneWarning(UserWarning):
-    """A value in a scene file is possible but probably not meant."""
+    """A value of a scene is possible but probably not meant, or was corrected."""
 
 
 class KinematicsError(SceneError):

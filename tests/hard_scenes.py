@@ -16,7 +16,7 @@ def arch(half, *, hinged, parts=1):
     points = [(R * np.sin(a), R * np.cos(a), 0.0) for a in np.linspace(-half, half, n + 1)]
     for k in range(n):
         scene.leaf(links[k], links[k + 1], start=points[k], end=points[k + 1], section=section, material=stuff,
-                   width_axis=(0, 0, 1), curve=ksd.Arc(R, -half / parts))  # fmt: skip
+                   width_axis=(0, 0, 1), curve=ksd.Arc(radius=R, angle=-half / parts))  # fmt: skip
     for link, point in ((links[0], points[0]), (links[-1], points[-1]))[0 if hinged else 1 :]:
         pin(scene, link, point)
     scene.load(links[parts], force=(0, -1.0, 0), at=points[parts])

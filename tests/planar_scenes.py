@@ -41,7 +41,15 @@ def indexer():
     end = np.array([r * math.sin(a), -r * (1 - math.cos(a)), 0.0])
     scene = ksd.Mechanism("indexer", plane="xy")
     block, joint = scene.links("block", "C")
-    scene.leaf(block, joint, start=(0, 0, 0), end=end, curve=ksd.Arc(r, -a), section=section, material=stuff)
+    scene.leaf(
+        block,
+        joint,
+        start=(0, 0, 0),
+        end=end,
+        curve=ksd.Arc(radius=r, angle=-a),
+        section=section,
+        material=stuff,
+    )
     scene.leaf("ground", joint, start=end - (0, 8e-3, 0), end=end, section=section, material=stuff)
     scene.slider(block, along="y", at=(0, 0, 0))
     scene.actuate(block, along="y", at=(0, 0, 0), name="d")

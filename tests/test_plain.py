@@ -112,7 +112,7 @@ def test_leaves_curved_at_rest():
     tip = scene.link("tip")
     scene.leaf(
         scene.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(0.5e-3, 0.02), material=STEEL,
-        width_axis="z", curve=ksd.Arc(0.05 / np.sin(0.15), 0.3), name="arc",
+        width_axis="z", curve=ksd.Arc(radius=0.05 / np.sin(0.15), angle=0.3), name="arc",
     )  # fmt: skip
     scene.load(tip, force=(0, 0.05, 0), at=(0.1, 0, 0))
     assert ksd.solve(scene).converged
@@ -145,7 +145,7 @@ def test_verification_of_a_curved_leaf():
     scene = ksd.Mechanism("finger", plane="xy")
     tip, end = scene.link("tip"), (0.02 * np.sin(1.0), 0.02 * (1.0 - np.cos(1.0)), 0.0)
     words = {"section": ksd.rectangle(5e-4, 5e-3), "material": ksd.Material(E=2e9, nu=0.3)}
-    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=end, curve=ksd.Arc(0.02, 1.0), **words)
+    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=end, curve=ksd.Arc(radius=0.02, angle=1.0), **words)
     scene.load(tip, force=(0, 0.01, 0), at=end)
     assert not ksd.solve(scene).verify().unclosed
 

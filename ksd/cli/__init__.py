@@ -58,7 +58,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _scene_warnings_as_sentences(otherwise: Callable[..., None]) -> Callable[..., None]:
-    """A `warnings.showwarning` that prints warnings about scene files as a sentence on stderr and passes others on."""
+    """A `warnings.showwarning` that prints warnings about scenes as a sentence on stderr and passes others on."""
 
     def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
         if issubclass(category, SceneWarning):

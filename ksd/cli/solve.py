@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ksd.checks import name_hint
+from ksd.checks import name_hint, warn_user
 from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.errors import SceneError, SceneWarning
 from ksd.model.mesh import Mesh
@@ -118,10 +117,9 @@ def drive_value(scene: Any, text: str) -> tuple[str, float]:
     unit = likely_unit(target, dimension, name) if isinstance(plain, float) else ""
     if unit:
         si = next(iter(DIMENSIONS[dimension]))
-        warnings.warn(
+        warn_user(
             f"--set {text} is {target:g} {si}: did you mean --set {name}={value}{unit}? Plain numbers are in SI.",
             SceneWarning,
-            stacklevel=2,
         )
     return name, target
 

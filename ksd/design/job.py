@@ -401,7 +401,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
                 )
         return np.clip(x, *self.bounds.T)
 
-    def random(self, count: int, seed: int = 0) -> Array:
+    def random(self, count: int, *, seed: int = 0) -> Array:
         """Designs (count, P) within bounds and rules, as far as they can be built; the first is in the middle if possible.
 
         Parameters with positive bounds are uniform in their logarithms. Raises SceneError where too few of

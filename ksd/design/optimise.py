@@ -134,7 +134,7 @@ def optimise(
         _import_cma()
     deviations = _parameter_deviations(job, robust, spread)
     count = whole_number(starts, "starts")
-    X = [job.point(start), *job.random(count, whole_number(seed, "seed", least=0) + 1)[: count - 1]]
+    X = [job.point(start), *job.random(count, seed=whole_number(seed, "seed", least=0) + 1)[: count - 1]]
     check_executor(executor)
     log = DesignLog(job, resume=resume, executor=None if count > 1 else executor)
     with log.interruptible(), progress_bar(boolean(progress, "progress")) as bar:

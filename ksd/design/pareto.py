@@ -126,7 +126,9 @@ def pareto(
     high = np.inf if span is None else _check_span(span)[1]
     widest = job.limited(against, high)
     start_count = whole_number(starts, "starts")
-    random_starts = widest.random(start_count, whole_number(seed, "seed", least=0) + 1)[: start_count - 1]
+    random_starts = widest.random(start_count, seed=whole_number(seed, "seed", least=0) + 1)[
+        : start_count - 1
+    ]
     X = [widest.point(start), *random_starts]
     log = DesignLog(widest, resume=resume)
     optima: list[Optimum | None] = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 
 from ksd.checks import ClearArgumentErrors, boolean, number, show, whole_number
 from ksd.errors import SceneError
@@ -31,6 +31,7 @@ class ModalBasis(metaclass=ClearArgumentErrors):
     """
 
     coordinates: str = "director"
+    _: KW_ONLY
     frame: str = "chord"
     internal: int = DEFAULT_INTERNAL_MODES
     order: int = 2

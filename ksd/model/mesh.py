@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import KW_ONLY, dataclass, fields, replace
 
 from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS
 from ksd.checks import ClearArgumentErrors, boolean, show, whole_number
@@ -28,6 +28,7 @@ class Mesh(metaclass=ClearArgumentErrors):
     """
 
     leaf: str = "strain"
+    _: KW_ONLY
     orders: tuple[int, int, int] = DEFAULT_ORDERS
     points: int = DEFAULT_POINTS
     elements: int = 4

@@ -180,7 +180,7 @@ def projection_error(curve: Curve, pieces: int = 1) -> np.ndarray:
     return np.asarray(1.0 - represented / max((kappa**2).sum(), 1e-300))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Arc(Curve):
     """A circular arc of `radius` [m] and `angle` [rad], curved about e3 (width), towards e2 for positive angles.
 
@@ -210,7 +210,7 @@ class Arc(Curve):
         """Distance between its ends [m]."""
         return 2 * self.radius * abs(math.sin(self.angle / 2))
 
-    def compliance(self, EI: float, EA: float = math.inf, GA: float = math.inf) -> np.ndarray:
+    def compliance(self, EI: float, *, EA: float = math.inf, GA: float = math.inf) -> np.ndarray:
         """Compliance (3, 3) of the end of the arc: displacements x, y and rotation per force x, y and moment there.
 
         The start is clamped. The frame at the end has x along the tangent away from the arc and y to the centre. EI [N m^2];

@@ -6,13 +6,13 @@ constrain the remaining freedoms only.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from ksd.checks import Vector, direction, show, vector, word
+from ksd.checks import PERPENDICULAR, Vector, direction, dot, made_perpendicular, show, vector, word
 from ksd.errors import SceneError
 from ksd.scene.drive import GROUND, Drive, DriveTerm
 
@@ -89,17 +89,25 @@ def check_hinge_in_plane(hinge: Hinge, plane: str | None) -> Hinge:
     """The hinge. Raises SceneError unless a pin is normal to the plane, or a slider in it."""
     if plane is None:
         return hinge
-    cosine = abs(float(np.dot(hinge.axis, plane_normal(plane))))
-    if hinge.kind == "pin" and cosine < 1.0 - 1e-9:
+    normal = plane_normal(plane)
+    if hinge.kind == "pin" and not parallel(hinge.axis, normal):
         raise SceneError(
             f"pin '{hinge.name}': its axis {show(hinge.axis)} must be normal to the plane {plane}; leave axis out."
         )
-    if hinge.kind == "slider" and cosine > 1e-9:
+    if hinge.kind == "pin":
+        return hinge
+    along = made_perpendicular(hinge.axis, normal, "along", f"slider '{hinge.name}'")
+    if along is None:
         raise SceneError(
             f"slider '{hinge.name}': along = {show(hinge.axis)} leaves the plane {plane}, in which the mechanism lives; "
             f'give a direction in it, such as along="{plane[0]}".'
         )
-    return hinge
+    return hinge if along == hinge.axis else replace(hinge, axis=along)
+
+
+def parallel(axis: Vector, to: Vector) -> bool:
+    """Whether two unit vectors are parallel, to the six digits that coordinates of files have."""
+    return abs(dot(axis, to)) >= 1.0 - 1e-9
 
 
 def check_drive_in_plane(drive: Drive, plane: str | None, kind: str = "drive") -> Drive:
@@ -107,18 +115,24 @@ def check_drive_in_plane(drive: Drive, plane: str | None, kind: str = "drive") -
 
     A support of a motion that the plane fixes already is accepted.
     """
-    for term in drive.terms if plane else ():
-        cosine = abs(float(np.dot(term.direction, plane_normal(str(plane)))))
-        fixed_by_plane = cosine > 1.0 - 1e-9 if term.kind == "translation" else cosine < 1e-9
-        if kind == "support" and fixed_by_plane:
-            continue
-        if cosine > 1e-9 if term.kind == "translation" else cosine < 1.0 - 1e-9:
-            word = "along" if term.kind == "translation" else "about"
+    if plane is None:
+        return drive
+    normal, terms = plane_normal(plane), []
+    for term in drive.terms:
+        is_normal, moves = parallel(term.direction, normal), term.kind == "translation"
+        fixed_by_plane = is_normal if moves else abs(dot(term.direction, normal)) <= PERPENDICULAR
+        if not moves or (kind == "support" and fixed_by_plane):
+            within = term.direction if is_normal or kind == "support" and fixed_by_plane else None
+        else:
+            within = made_perpendicular(term.direction, normal, "along", f"{kind} '{drive.name}'")
+        if within is None:
+            word = "along" if moves else "about"
             raise SceneError(
                 f"{kind} '{drive.name}' leaves the plane {plane}, in which the mechanism lives: {word} = "
-                f'{show(term.direction)}; give along a direction in it, or about="{_GLOBAL_AXES[PLANES[str(plane)]][1]}".'
+                f'{show(term.direction)}; give along a direction in it, or about="{_GLOBAL_AXES[PLANES[plane]][1]}".'
             )
-    return drive
+        terms.append(term if within == term.direction else replace(term, direction=within))
+    return drive if tuple(terms) == drive.terms else replace(drive, terms=tuple(terms))
 
 
 def plane_supports(scene: Any) -> tuple[Drive, ...]:

@@ -18,6 +18,7 @@ from ksd.checks import (
     cross,
     direction,
     dot,
+    made_perpendicular,
     positive,
     show,
     unit,
@@ -120,15 +121,16 @@ class Leaf(metaclass=ClearArgumentErrors):
             axis = direction(np.cross(unit(e1), most_normal), "width_axis", owner=owner)
         else:
             axis = direction(self.width_axis, "width_axis", owner=owner)
-        cosine = dot(axis, e1)
-        if abs(cosine) > 1e-6:
+        perpendicular = made_perpendicular(axis, e1, "width_axis", owner)
+        if perpendicular is None:
+            cosine = dot(axis, e1)
             projected = [a - cosine * b for a, b in zip(axis, e1, strict=True)]
             hint = f"; nearest: ({', '.join(f'{c:.6g}' for c in projected)})" if abs(cosine) < 0.999 else ""
             raise SceneError(
                 f"{owner}: width_axis = {show(self.width_axis)} must be perpendicular to the leaf along "
                 f"({', '.join(f'{c:.6g}' for c in e1)}){hint}."
             )
-        self.__dict__["width_axis"] = axis
+        self.__dict__["width_axis"] = perpendicular
 
     def _check_curve(self, owner: str, curve: Curve) -> None:
         """Check that the curve fits between the ends, and has a chord by which it can be placed. Raises SceneError."""

@@ -35,8 +35,8 @@ class Material(metaclass=ClearArgumentErrors):
     def __init__(
         self,
         E: float | None = None,
-        G: float | None = None,
         *,
+        G: float | None = None,
         nu: float | None = None,
         density: float | None = None,
         name: str = "",

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from numpy.typing import ArrayLike
 
 from ksd.checks import (
+    PERPENDICULAR,
     Axis,
     ClearArgumentErrors,
     Vector,
@@ -134,13 +135,11 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
             raise SceneError(f"a mechanism has no '{name}' to be set{name_hint(name, SETTABLE_ATTRIBUTES)}")
         if name == "plane":
             value = check_plane(value)
-            observed = [Drive(s.name, (s.term,)) for s in self._sensors]
-            damped = [Drive(d.name, (d.term,)) for d in self._dampers]
-            for kind, drives in (
-                ("drive", self._drives), ("support", self._supports), ("sensor", observed), ("damper", damped),
-            ):  # fmt: skip
-                for drive in drives:
-                    check_drive_in_plane(drive, value, kind)
+            for kind, drives in (("drive", self._drives), ("support", self._supports)):
+                drives[:] = [check_drive_in_plane(drive, value, kind) for drive in drives]
+            for kind, words in (("sensor", self._sensors), ("damper", self._dampers)):
+                for said in words:
+                    check_drive_in_plane(Drive(said.name, (said.term,)), value, kind)
             hinges = {n: check_hinge_in_plane(h, value) for n, (h, _) in self._hinges.items()}
             self._hinges = {n: (h, h.supports(value)) for n, h in hinges.items()}
         super().__setattr__(name, word(value, "name", owner="Mechanism") if name == "name" else value)
@@ -395,7 +394,7 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
                 vector(end, "end", owner=f"leaf '{label}'"),
             )
             normal_distance = sum(n * (b - a) for n, a, b in zip(width_axis, *ends, strict=True))
-            if abs(normal_distance) > 1e-6 * math.dist(*ends):
+            if abs(normal_distance) > PERPENDICULAR * math.dist(*ends):
                 raise SceneError(
                     f"leaf '{label}' leaves the plane {self.plane}: its ends are "
                     f"{1e3 * abs(normal_distance):.4g} mm apart along its normal; put both in it, or say width_axis."

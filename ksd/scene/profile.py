@@ -69,7 +69,7 @@ def _check_positive(profile: Profile, *lengths: str) -> None:
     own.update({name: positive(own[name], name, owner=owner, unit="m") for name in lengths})
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Taper(_Rectangles):
     """Thickness and width [m], two numbers each, that vary linearly from start to end. Raises SceneError for lengths that
     are not positive."""
@@ -91,7 +91,7 @@ class Taper(_Rectangles):
         return t, w
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CircularNotch(_Rectangles):
     """Circular notch of length 2 radius: thickness minimum + 2 (R - sqrt(R^2 - x^2)) at distance x from the middle.
 
@@ -113,7 +113,7 @@ class CircularNotch(_Rectangles):
         return self.minimum + 2 * rise, self.width
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FilletedNotch(_Rectangles):
     """Corner-filleted notch hinge: a straight leaf of `minimum` thickness with quarter-circle fillets at its ends.
 
@@ -143,7 +143,7 @@ class FilletedNotch(_Rectangles):
         return self.minimum + 2 * rise, self.width
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StiffenedMiddle(_Rectangles):
     """A leaf of one `width` [m] with a thicker middle: `thickness` [m] at both ends, `middle` [m] over the middle `part`
     (fraction of the length). Raises SceneError for lengths that are not positive, and unless 0 < part < 1."""

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ksd.checks import Vector, as_given, as_vector, cross, direction, dot, show, unit
+from ksd.checks import Vector, as_given, as_vector, cross, direction, dot, made_perpendicular, show, unit
 from ksd.errors import SceneError
 from ksd.html import NotebookTables
 from ksd.scene.curve import Curve
@@ -226,12 +226,14 @@ def joint_rotation(axis: Any, toward: Any, owner: str) -> Matrix:
     # in plain numbers: a design loop calls this for every joint, and arrays of three cost ten times as much
     z = direction(axis, "axis", owner=owner)
     x = direction(toward, "toward", owner=owner)
-    cosine = dot(x, z)
-    if abs(cosine) > 1e-6:
+    perpendicular = made_perpendicular(x, z, "toward", owner)
+    if perpendicular is None:
+        cosine = dot(x, z)
         raise SceneError(
             f"{owner}: toward = {show(toward)} must be perpendicular to axis = {show(axis)}; "
             f"the angle between them is {np.degrees(np.arccos(np.clip(cosine, -1, 1))):.4g} degrees."
         )
+    x, cosine = perpendicular, dot(perpendicular, z)
     if abs(cosine) > 1e-15:
         x = unit(tuple(a - cosine * b for a, b in zip(x, z, strict=True)))
     y = cross(z, x)

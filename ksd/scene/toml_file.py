@@ -25,7 +25,6 @@ from __future__ import annotations
 
 import os
 import tomllib
-import warnings
 from collections.abc import Callable, Collection
 from contextlib import suppress
 from functools import partial
@@ -35,7 +34,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ksd import section
-from ksd.checks import name_hint, show, similar_name_hint
+from ksd.checks import name_hint, show, similar_name_hint, warn_user
 from ksd.errors import SceneError, SceneFileError, SceneWarning, UnknownNameError
 from ksd.files import named_file, read_file
 from ksd.scene import toml_schema as schema
@@ -106,7 +105,7 @@ def scene_from_tables(
         raise SceneFileError(_mistake_list(file.name, mistakes, doubts), mistakes=tuple(mistakes))
     if doubts:
         more = f" So for {len(doubts) - 1} more." if len(doubts) > 1 else ""
-        warnings.warn(f"{doubts[0]} Plain numbers are in SI.{more}", SceneWarning, stacklevel=3)
+        warn_user(f"{doubts[0]} Plain numbers are in SI.{more}", SceneWarning)
     return reader.mechanism, reader.targets, options
 
 

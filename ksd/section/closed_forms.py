@@ -85,7 +85,7 @@ def _rectangle(t: float, w: float, nu: float | None, name: str) -> Section:
     A, Iy, Iz = t * w, t * w**3 / 12, w * t**3 / 12
     if not (min(A, J, Iy, Iz) >= MIN_POSITIVE and max(A, J, Iy, Iz, Iw) <= MAX_MAGNITUDE and Iw >= 0.0):
         # raises SceneError with the reason
-        return Section(A, J, Iy, Iz, k, k, Iw, width=w, thickness=t, name=name)
+        return Section(A=A, J=J, Iy=Iy, Iz=Iz, ky=k, kz=k, Iw=Iw, width=w, thickness=t, name=name)
     # without the checks of a section: a profile has many sections, and a design loop makes them anew for every design
     found = object.__new__(Section)
     found.__dict__.update(A=A, J=J, Iy=Iy, Iz=Iz, ky=k, kz=k, Iw=Iw, width=w, thickness=t, name=name)
@@ -125,7 +125,9 @@ def circle(diameter: float, *, cowper: float | None = None, name: str = "circle"
     d = positive(diameter, "diameter", owner=name, unit="m")
     nu = _check_poisson(cowper, name) or 0.0
     k, moment = 6 * (1 + nu) / (7 + 6 * nu), math.pi * d**4 / 64
-    return Section(math.pi * d**2 / 4, 2 * moment, moment, moment, k, k, width=d, thickness=d, name=name)
+    return Section(
+        A=math.pi * d**2 / 4, J=2 * moment, Iy=moment, Iz=moment, ky=k, kz=k, width=d, thickness=d, name=name
+    )
 
 
 @clear_argument_errors
@@ -145,7 +147,7 @@ def tube(outer: float, inner: float, *, cowper: float | None = None, name: str =
     k = 6 * (1 + nu) * s / ((7 + 6 * nu) * s + (20 + 12 * nu) * ratio)
     moment = math.pi * (D**4 - d**4) / 64
     A = math.pi * (D**2 - d**2) / 4
-    return Section(A, 2 * moment, moment, moment, k, k, width=D, thickness=D, name=name)
+    return Section(A=A, J=2 * moment, Iy=moment, Iz=moment, ky=k, kz=k, width=D, thickness=D, name=name)
 
 
 def is_rectangle(section: Section) -> bool:
@@ -168,7 +170,7 @@ def round_ratio(section: Section) -> float | None:
     return None
 
 
-def restrained_warping_factor(length: float, width: float, nu: float) -> float:
+def restrained_warping_factor(*, length: float, width: float, nu: float) -> float:
     """Factor on GJ of a thin leaf that is clamped, and so cannot warp, at both ends; 1 for long leaf springs.
 
     a c / (a c - 2 tanh(a c / 2)) with a = length/width, c = sqrt(24 / (1 + nu)); lengths in m, nu Poisson's

@@ -15,7 +15,7 @@ from ksd.errors import SceneError
 Point = tuple[float, float]
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, kw_only=True)
 class Section:
     """Cross-section numbers about the principal axes through the centroid; all SI.
 
@@ -69,11 +69,11 @@ class Section:
         ]
         return f"<Section '{self.name}': {', '.join(parts)}>"
 
-    def rigidity(self, E: float, G: float) -> tuple[float, float, float]:
+    def rigidity(self, *, E: float, G: float) -> tuple[float, float, float]:
         """(GJ, EIy, EIz) [N m^2] for moduli E, G [Pa]: torsion, bending about e2, bending about e3."""
         return G * self.J, E * self.Iy, E * self.Iz
 
-    def compliance(self, E: float, G: float) -> tuple[float, float, float]:
+    def compliance(self, *, E: float, G: float) -> tuple[float, float, float]:
         """(1/EA, 1/(ky GA), 1/(kz GA)) [1/N] for moduli E, G [Pa]: stretch, shear along y, shear along z."""
         return 1.0 / (E * self.A), 1.0 / (self.ky * G * self.A), 1.0 / (self.kz * G * self.A)
 
@@ -141,4 +141,6 @@ def numbers(
 ) -> Section:
     """A section given directly by its numbers; meanings, units and errors as in `Section`."""
     place = {"outline": outline, "shear_centre": shear_centre, "tilt": tilt}
-    return Section(A, J, Iy, Iz, ky, kz, Iw, width=width, thickness=thickness, name=name, **place)
+    return Section(
+        A=A, J=J, Iy=Iy, Iz=Iz, ky=ky, kz=kz, Iw=Iw, width=width, thickness=thickness, name=name, **place
+    )

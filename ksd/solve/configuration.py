@@ -81,9 +81,16 @@ Answer = TypeVar("Answer")
 """What a question returns: a number, an array, or a mapping of them."""
 
 
+class _WithoutInside(type):
+    """Type whose `dir` leaves out what is for other modules of the package, as `dir` of its instances does."""
+
+    def __dir__(cls) -> list[str]:
+        return sorted(set(super().__dir__()) - INSIDE)
+
+
 @clear_argument_errors_of_methods
 @dataclass(frozen=True, repr=False)
-class Configuration(NotebookTables):
+class Configuration(NotebookTables, metaclass=_WithoutInside):
     """A deformed configuration: the model, its state, and the record of the solve that led to it.
 
     motion: state of the full model (positions [m], rotation matrices, inner states, multipliers). method: "kinematic",

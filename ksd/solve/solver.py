@@ -352,7 +352,7 @@ class Solver:
         model = with_constant_leaves(self.model)
         return model, NewtonStorage(model)
 
-    def required_forces(self, displacement: ArrayLike, rotation: ArrayLike) -> RequiredForces:
+    def required_forces(self, displacement: ArrayLike, *, rotation: ArrayLike) -> RequiredForces:
         """The forces of drives and supports that hold all links in given poses, with leaf springs of constant stiffness.
 
         The inverse problem of a control loop, in one evaluation without iteration. displacement (links, 3) [m] of their

@@ -7,7 +7,6 @@ import datetime
 import itertools
 import math
 import os
-import warnings
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -15,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ksd.checks import clear_argument_errors
+from ksd.checks import clear_argument_errors, warn_user
 from ksd.errors import ConvergenceError, RecordError, SceneError
 from ksd.library import Evidence, Functions, Mesh, Record, Residual, Stroke, read_record, write_record
 from ksd.library.functions import Array, legendre_products, monomials
@@ -156,11 +155,11 @@ def up_to_date(family_or_joint: str | Joint | Design, *, out: str | os.PathLike[
 def _warn_of_missed_errors(design: Design, fit: Fit) -> None:
     """Warn where the fit misses the wanted errors."""
     if not fit.converged:
-        warnings.warn(
+        warn_user(
             f"{design.family}: the functions are fitted no better than {max(fit.motion_error, fit.shape_error):.2g} times "
             "the wanted errors; the residuals in the record tell them. Reduce the range of motion or of the shape, or "
             "raise most_shapes.",
-            stacklevel=4,
+            UserWarning,
         )
 
 
@@ -169,10 +168,10 @@ def _warn_of_relevant_others(design: Design, evidence: tuple[Evidence, ...]) -> 
     for name in design.others:
         largest = max(e.interface for e in evidence if e.parameter == name)
         if largest > RELEVANT_CHANGE:
-            warnings.warn(
+            warn_user(
                 f"{design.family}: {name} moves interface B or a block by {largest:.2g} (rad or joint lengths), and the "
                 "record does not know it; make it one of the parameters.",
-                stacklevel=4,
+                UserWarning,
             )
 
 

@@ -72,9 +72,41 @@ def test_documented_with_types_and_real_parameters(name):
             assert word in BY_NAME, f"{name}: **{word} hides what may be said"
 
 
+NUMBERS = {"float", "int", "float | None", "int | None"}
+ALIKE = {
+    "ksd.rectangle": "thickness times width, as every drawing has it; exchanged ones are doubted by their size",
+    "ksd.tube": "two diameters, the outer one being the larger",
+    "ksd.Parameter": "two bounds, which must rise",
+    "ksd.Batch.why": "the two indices of the arrays of a batch, in their order",
+}
+"""Functions with numbers by position, and why they may be."""
+MADE_BY_KSD = {"Optimum", "Gradient", "Batch", "Tolerance", "Case", "CaseResult", "Measurement"}
+MADE_BY_KSD |= {"FrequencyCurve", "Evidence", "Residual", "Stroke", "Listing"}
+"""Answers, which users read and never make."""
+
+
+@pytest.mark.parametrize("name", CALLABLES)
+def test_numbers_of_unlike_meaning_have_names(name):
+    """`Material(200 * GPa, 0.3)` took .3 for a shear modulus: of two numbers only the first has a meaning by its place."""
+    function = plain(CALLABLES[name])
+    if function is None or name in ALIKE or name.rpartition(".")[2] in MADE_BY_KSD:
+        return
+    if isinstance(function, type) and issubclass(function, Exception):
+        return
+    parameters = [p for p in inspect.signature(function).parameters.values() if p.name != "self"]
+    by_place = [
+        p.name
+        for p in parameters
+        if p.kind is p.POSITIONAL_OR_KEYWORD
+        and (p.annotation in NUMBERS or p.annotation in (float, int, "tuple[float, float]"))
+    ]
+    assert len(by_place) < 2, f"{name} takes {' and '.join(by_place)} by position"
+
+
 def test_what_completion_shows_of_the_package():
     shown = {n for n in dir(ksd) if not n.startswith("_")}
-    assert shown == set(ksd.__all__) | set(ksd._ROOMS)
+    assert shown == set(ksd.__all__)
+    assert all(getattr(ksd, room) for room in ksd._ROOMS)
     called = {room for room in ksd._ROOMS if callable(getattr(ksd, room))}
     assert called == {"solve", "train"}
     held = (
@@ -105,7 +137,7 @@ def test_what_completion_shows_of_an_answer():
         "joint_motions",
         "joints_near_intended",
     }
-    assert not inside & set(dir(pose))
+    assert not inside & set(dir(pose)) and not inside & set(dir(Configuration))
     assert not hasattr(Configuration, "__getattr__")
     for name in ("motions", "unintended", *own):
         assert name in dir(pose)

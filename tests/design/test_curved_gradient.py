@@ -41,7 +41,7 @@ def tapered(length, start, end, width, load):
     scene = ksd.Mechanism("link", plane="xy")
     tip, area = scene.link("tip"), ksd.rectangle
     profile = ksd.Varying(lambda s: area(start + (end - start) * s + (s > 0.5) * 1e-4, width), (0.5,))
-    for k, shape in enumerate((ksd.Taper((start, end), (width, width)), profile)):
+    for k, shape in enumerate((ksd.Taper(thickness=(start, end), width=(width, width)), profile)):
         scene.leaf("ground", tip, start=(0, k * length, 0), end=(length, k * length, 0), name=f"leaf {k}",
                    section=area(start, width), profile=shape, material=STEEL)  # fmt: skip
     scene.load(tip, force=(load, 0, 0), at=(length, 0, 0))
@@ -58,7 +58,10 @@ def test_gradient_by_sizes_of_profiles():
 def filleted(length, radius, thickness, load):
     """A leaf spring with fillets at its ends, whose stress is largest where one of them begins."""
     scene = ksd.Mechanism("link", plane="xy")
-    tip, notch = scene.link("tip"), ksd.FilletedNotch(length, radius, thickness, 0.01)
+    tip, notch = (
+        scene.link("tip"),
+        ksd.FilletedNotch(length=length, radius=radius, minimum=thickness, width=0.01),
+    )
     scene.leaf("ground", tip, start=(0, 0, 0), end=(length, 0, 0), name="leaf",
                section=ksd.rectangle(thickness, 0.01), profile=notch, material=STEEL)  # fmt: skip
     scene.load(tip, force=(load, 0, 0), at=(length, 0, 0))

@@ -50,7 +50,8 @@ BEND = 0.1 / 0.08
 CHORD = 2 * 0.08 * math.sin(BEND / 2)
 ROWS = [
     (None, (0.1, 0, 0), 5, (0.09741194, -0.02060173), -0.3125),
-    (ksd.Arc(0.08, BEND), (CHORD * math.cos(BEND / 2), CHORD * math.sin(BEND / 2), 0), 6, (0.08597403, 0.04206484),
+    (ksd.Arc(radius=0.08, angle=BEND),
+     (CHORD * math.cos(BEND / 2), CHORD * math.sin(BEND / 2), 0), 6, (0.08597403, 0.04206484),
      1.009254),
 ]  # fmt: skip
 
@@ -233,7 +234,7 @@ def test_planes(plane, turn):
 
 
 @pytest.mark.parametrize(
-    "profile", [None, ksd.Taper((0.8e-3, 0.4e-3), (10e-3, 5e-3))], ids=["uniform", "taper"]
+    "profile", [None, ksd.Taper(thickness=(0.8e-3, 0.4e-3), width=(10e-3, 5e-3))], ids=["uniform", "taper"]
 )
 def test_weight_stretch_and_shear(profile):
     """A soft strip with a payload under its own weight, drawn level; and a round trip from another pose."""
@@ -395,7 +396,8 @@ def falling():
         (lambda: "cantilever", {}, r"is no mechanism"),
         (heated, {}, r"'cantilever' has heat, of which rest shapes are not known"),
         (cantilever, {"wanted": {"tip": ((0.03, 0, 0), 0.0)}}, r"leaf 'leaf' would be 130 mm apart, but it is 100 mm long"),
-        (lambda: cantilever(curve=ksd.Arc(0.1, 1.5)), {}, r"spans 0\.136328 m .* but the ends are 0\.1 m apart"),
+        (lambda: cantilever(curve=ksd.Arc(radius=0.1, angle=1.5)), {},
+         r"spans 0\.136328 m .* but the ends are 0\.1 m apart"),
         (lambda: cantilever(curve=ksd.FreeCurve(0.1, lambda s: (0, 1.0, 0))), {}, r"'leaf' leaves the plane"),
         (lambda: cantilever(width_axis="y"), {}, r"'leaf' has no width normal to the plane"),
     ],
@@ -429,7 +431,7 @@ def test_a_leaf_spring_that_snaps_on_the_way_from_rest_is_told(values):
     """Both links are held: the forward solution brings them back, whichever way the slender leaf spring buckles."""
     scene = ksd.Mechanism("pressed", plane="xy")
     body, stuff = scene.link("body"), ksd.Material(E=200e9, G=77e9)
-    stiffened = ksd.StiffenedMiddle(0.74e-3, 18.5e-3, 2.22e-3, 0.5)
+    stiffened = ksd.StiffenedMiddle(thickness=0.74e-3, width=18.5e-3, middle=2.22e-3, part=0.5)
     scene.leaf(
         "ground", body, start=(1e-3, -16e-3, 0), end=(14.5e-3, 65e-3, 0), section=ksd.rectangle(0.74e-3, 18.5e-3),
         material=stuff, profile=stiffened, name="guide",

@@ -175,7 +175,7 @@ def test_chains_converge_to_the_modes(case):
     leaf = {}
     if case == "curved":
         a, r = 1.2, 0.08
-        leaf = {"curve": ksd.Arc(r, a), "end": (r * np.sin(a), r * (1 - np.cos(a)), 0.0)}
+        leaf = {"curve": ksd.Arc(radius=r, angle=a), "end": (r * np.sin(a), r * (1 - np.cos(a)), 0.0)}
     if case == "tapered":
         leaf = {"profile": ksd.Taper(thickness=(T, 0.6 * T), width=(B, 0.5 * B))}
     gravity = (0, -30.0, 0.5)

@@ -21,7 +21,7 @@ def stage(*, backwards):
     for name, angle, start in shapes:
         end = np.add(start, (0.1, 0.01, 0.0))
         chord = float(np.linalg.norm(end - start))
-        curve = ksd.Arc(chord / (2 * np.sin(abs(angle) / 2)), turned * angle) if angle else None
+        curve = ksd.Arc(radius=chord / (2 * np.sin(abs(angle) / 2)), angle=turned * angle) if angle else None
         thickness, width = (
             ((0.6e-3, 0.9e-3), (0.02, 0.01)) if name == "tapered" else ((0.7e-3,) * 2, (0.015,) * 2)
         )

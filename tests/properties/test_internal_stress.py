@@ -177,7 +177,7 @@ def test_a_misplaced_end_of_a_curved_leaf(direction):
         for name, y in (("low", 0.0), ("high", 0.05)):
             scene.leaf(
                 scene.ground, table, start=(0, y, 0), end=(0.1, y, 0), section=ksd.rectangle(5e-4, 0.02), material=STEEL,
-                curve=ksd.Arc(0.05 / np.sin(0.5), 1.0), name=name,
+                curve=ksd.Arc(radius=0.05 / np.sin(0.5), angle=1.0), name=name,
             )  # fmt: skip
         scene.actuate(table, along="y", at=(0.1, 0, 0), name="drive")
         return scene

@@ -258,7 +258,7 @@ def test_a_tapered_leaf_vibrates_as_many_short_ones():
             (
                 (0, 0, 0),
                 (0.1, 0, 0),
-                {"profile": ksd.Taper(thick, (0.02, 0.02)), "section": rectangle(1e-3, 0.02)},
+                {"profile": ksd.Taper(thickness=thick, width=(0.02, 0.02)), "section": rectangle(1e-3, 0.02)},
             )
         ]
     )
@@ -280,8 +280,8 @@ def test_a_curved_leaf_vibrates_as_its_two_halves():
     radius, angle = 0.1, 1.0
     end = radius * np.array([np.sin(angle), 1 - np.cos(angle), 0])
     middle = radius * np.array([np.sin(angle / 2), 1 - np.cos(angle / 2), 0])
-    one = row([((0, 0, 0), tuple(end), {"curve": ksd.Arc(radius, angle)})])
-    half = ksd.Arc(radius, angle / 2)
+    one = row([((0, 0, 0), tuple(end), {"curve": ksd.Arc(radius=radius, angle=angle)})])
+    half = ksd.Arc(radius=radius, angle=angle / 2)
     two = row([((0, 0, 0), tuple(middle), {"curve": half}), (tuple(middle), tuple(end), {"curve": half})])
     assert one == pytest.approx(two, rel=2e-3)
 
@@ -290,7 +290,7 @@ def test_chains_of_a_tapered_leaf_say_what_to_do():
     scene = ksd.Mechanism("taper")
     scene.leaf(
         scene.ground, scene.link("tip"), start=(0, 0, 0), end=(0.1, 0, 0), section=rectangle(1e-3, 0.02),
-        material=STEEL, width_axis=(0, 0, 1), name="wedge", profile=ksd.Taper((2e-3, 1e-3), (0.02, 0.02)),
+        material=STEEL, width_axis=(0, 0, 1), name="wedge", profile=ksd.Taper(thickness=(2e-3, 1e-3), width=(0.02, 0.02)),
     )  # fmt: skip
     model = compile_scene(scene, mesh=Mesh("corotational", elements=4))
     with pytest.raises(SceneError, match="leaf 'wedge' is curved or has a profile"):

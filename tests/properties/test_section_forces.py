@@ -118,7 +118,9 @@ def test_components_are_named():
     assert COMPONENTS == ("N", "Vy", "Vz", "T", "My", "Mz")
 
 
-@pytest.mark.parametrize("profile", [None, ksd.StiffenedMiddle(0.5e-3, 0.01, 1.5e-3, 0.4)])
+@pytest.mark.parametrize(
+    "profile", [None, ksd.StiffenedMiddle(thickness=0.5e-3, width=0.01, middle=1.5e-3, part=0.4)]
+)
 def test_few_stations_have_the_forces_of_many(profile):
     """The line between two stations was walked in one step."""
     scene = ksd.Mechanism("strip", plane="xy")

@@ -255,7 +255,8 @@ def test_curved_leaves_together_have_the_stiffness_and_stress_of_each():
         scene = ksd.Mechanism("arc")
         tip, end = scene.link("tip"), 2 * radius * np.sin(0.4)
         scene.leaf(scene.ground, tip, start=(0, 0, 0), end=(end, 0, 0), section=ksd.rectangle(5e-4, 1e-2), width_axis="z",
-                   material=ksd.Material(E=200e9, nu=0.3), curve=ksd.Arc(radius, 0.8), name="leaf", **words)  # fmt: skip
+                   material=ksd.Material(E=200e9, nu=0.3), curve=ksd.Arc(radius=radius, angle=0.8),
+                   name="leaf", **words)  # fmt: skip
         scene.actuate(tip, along="y", at=(end, 0, 0), name="d")
         return scene
 
@@ -268,7 +269,7 @@ def test_curved_leaves_together_have_the_stiffness_and_stress_of_each():
         assert found.compliance[k] == pytest.approx(pose.stiffness("tip").compliance, rel=1e-9, abs=1e-12)
         assert found.drives[k] == pytest.approx(pose.drive_stiffness().matrix, rel=1e-9)
         assert peak[k]["leaf"].largest_Pa == pytest.approx(pose.stress().largest_Pa, rel=1e-12)
-    profile = ksd.Taper((5e-4, 4e-4), (1e-2, 1e-2))
+    profile = ksd.Taper(thickness=(5e-4, 4e-4), width=(1e-2, 1e-2))
     tapered = [ksd.solve(arc(r, profile=profile), d=d) for r, d in ((0.05, 1e-3), (0.06, -3e-3))]
     ((_, group),) = group_states([(p.model, p.motion, 1.0) for p in tapered])
     found = batch_stiffness(group, "tip", at=[None] * 2, drives=True)

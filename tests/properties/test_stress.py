@@ -189,7 +189,7 @@ THICK, THIN = ksd.rectangle(2e-3, 0.01), ksd.rectangle(1e-3, 0.01)
     [
         (ksd.Varying(lambda s: THICK if s <= 0.5 else THIN, breaks=(0.5,)), 0.5),
         (ksd.Varying(lambda s: THICK if s < 0.5 else THIN, breaks=(0.5,)), 0.5),
-        (ksd.StiffenedMiddle(2e-3, 0.01, 1e-3, 0.4), 0.3),
+        (ksd.StiffenedMiddle(thickness=2e-3, width=0.01, middle=1e-3, part=0.4), 0.3),
     ],
 )
 def test_stress_at_a_step_is_that_of_the_thin_side(profile, step):

@@ -25,8 +25,8 @@ FINE = ksd.Mesh(orders=(8, 7, 12), points=16)
 HEAVY = ksd.Material(E=200e9, G=76.9e9, density=7850.0, expansion=12e-6)
 START, END = np.array((0.01, 0.02, 0.0)), np.array((0.09, 0.06, 0.02))
 TIP, FORCE, MOMENT = np.array((0.1, 0.05, 0.03)), np.array((0.6, 2.5, -1.4)), np.array((0.02, -0.01, 0.03))
-TAPER = ksd.Taper((0.8e-3, 0.5e-3), (12e-3, 8e-3))
-ARC = ksd.Arc(0.5 * float(np.linalg.norm(END - START)) / np.sin(0.5), 1.0)
+TAPER = ksd.Taper(thickness=(0.8e-3, 0.5e-3), width=(12e-3, 8e-3))
+ARC = ksd.Arc(radius=0.5 * float(np.linalg.norm(END - START)) / np.sin(0.5), angle=1.0)
 
 
 def bent(*, curve=None, profile=None, material=STEEL, name="bent leaf"):
@@ -236,7 +236,7 @@ def test_gripper_with_arc_flexures(mesh):
         ]
         scene.leaf(
             a, b, start=ends[0], end=ends[1], section=ksd.rectangle(0.4e-3, 6e-3), material=material, width_axis="z",
-            curve=ksd.Arc(r, np.deg2rad(270)), name=f"arc {k}",
+            curve=ksd.Arc(radius=r, angle=np.deg2rad(270)), name=f"arc {k}",
         )  # fmt: skip
     for link in (crank, coupler, rocker):
         scene.support(link, along="z", at=(0, 0, 0))
@@ -383,7 +383,7 @@ def test_a_taut_curved_leaf_is_cut_where_its_state_has_the_stations(d):
     scene = ksd.Mechanism("loop", plane="xy")
     a, b = scene.links("a", "b")
     words = {"section": ksd.rectangle(0.5e-3, 10e-3), "material": STEEL}
-    taper = ksd.Taper((0.8e-3, 0.4e-3), (10e-3, 6e-3))
+    taper = ksd.Taper(thickness=(0.8e-3, 0.4e-3), width=(10e-3, 6e-3))
     scene.leaf("ground", a, start=(0, 0, 0), end=(0.05, 0.02, 0), profile=taper, **words)
     curve = ksd.FreeCurve.sine([0.5], chord=0.05)
     scene.leaf(a, b, start=(0.05, 0.02, 0), end=(0.1, 0.02, 0), curve=curve, **words)

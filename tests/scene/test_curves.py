@@ -49,7 +49,7 @@ def test_sine():
 def test_legendre():
     """The first coefficient alone is an arc."""
     arc = ksd.FreeCurve.legendre([1.2], length=0.03)
-    want = ksd.Arc(0.025, 1.2)
+    want = ksd.Arc(radius=0.025, angle=1.2)
     assert arc.length == pytest.approx(want.length) and arc.curvature(0.4) == pytest.approx(
         want.curvature(0.4)
     )
@@ -156,7 +156,7 @@ lengths = st.floats(0.01, 10.0)
 lists = st.lists(amounts, min_size=1, max_size=4)
 curves = st.one_of(
     st.none(),
-    st.builds(ksd.Arc, lengths, amounts),
+    st.builds(ksd.Arc, radius=lengths, angle=amounts),
     st.builds(lambda c, length: ksd.FreeCurve.sine(c, length=length), lists, lengths),
     st.builds(lambda c, chord: ksd.FreeCurve.sine(c, chord=chord), lists, lengths),
     st.builds(lambda c, length: ksd.FreeCurve.legendre(c, length=length), lists, lengths),
@@ -171,10 +171,17 @@ curves = st.one_of(
 )  # fmt: skip
 profiles = st.one_of(
     st.none(),
-    st.builds(ksd.Taper, st.tuples(lengths, lengths), st.tuples(lengths, lengths)),
-    st.builds(ksd.CircularNotch, lengths, lengths, lengths),
-    st.builds(lambda r, t, w: ksd.FilletedNotch(3 * r, r, t, w), lengths, lengths, lengths),
-    st.builds(ksd.StiffenedMiddle, lengths, lengths, lengths, st.floats(0.1, 0.9)),
+    st.builds(ksd.Taper, thickness=st.tuples(lengths, lengths), width=st.tuples(lengths, lengths)),
+    st.builds(ksd.CircularNotch, radius=lengths, minimum=lengths, width=lengths),
+    st.builds(
+        lambda r, t, w: ksd.FilletedNotch(length=3 * r, radius=r, minimum=t, width=w),
+        lengths,
+        lengths,
+        lengths,
+    ),
+    st.builds(
+        ksd.StiffenedMiddle, thickness=lengths, width=lengths, middle=lengths, part=st.floats(0.1, 0.9)
+    ),
 )
 
 
@@ -216,7 +223,7 @@ def test_files_hold_curves_and_profiles(curve, profile, tmp_path_factory):
 )
 def test_wrong_curves_in_files(said, line, message, tmp_path):
     file = tmp_path / "curved.toml"
-    ksd.save_scene(curved(ksd.Arc(0.1, 1.0), None), file)
+    ksd.save_scene(curved(ksd.Arc(radius=0.1, angle=1.0), None), file)
     text = file.read_text().partition("[leaf.curve]")
     file.write_text(text[0] + text[1] + "\n" + said + "\n")
     with pytest.raises(ksd.SceneError, match=rf"line {line}, \[\[leaf\]\] 2, \[leaf.curve\].*{message}"):
@@ -225,7 +232,7 @@ def test_wrong_curves_in_files(said, line, message, tmp_path):
 
 @pytest.mark.parametrize("number", [np.float64, np.float32, np.int64, int, np.array])
 def test_an_arc_of_any_number_is_written_and_remembered(number, tmp_path):
-    mechanism, file = curved(ksd.Arc(number(1), number(-1)), None), tmp_path / "arc.toml"
+    mechanism, file = curved(ksd.Arc(radius=number(1), angle=number(-1)), None), tmp_path / "arc.toml"
     ksd.save_scene(mechanism, file)
     scene = mechanism.draft()
     assert ksd.load_scene(file)[0].draft() == scene and len(scene.fingerprint()) > 1 and hash(scene)
@@ -353,7 +360,7 @@ def bent(curve, marks=(), end=None, **words):
 @pytest.mark.parametrize("words", [{}, {"orders": (1, 1, 1)}, {"elements": 3}])
 def test_drawn_ends_that_do_not_fit_are_refused_when_drawn(words):
     """Whatever is on the leaf, and however it is meshed: the check is one of the leaf as drawn."""
-    arc = ksd.Arc(0.02, math.radians(90))
+    arc = ksd.Arc(radius=0.02, angle=math.radians(90))
     with pytest.raises(
         ksd.SceneError, match=r"leaf 'w': its curve spans 0.0282843 m .* are 0.0311127 m apart"
     ):

@@ -14,7 +14,7 @@ from ksd.scene import CrossFlexure, Drive, DriveTerm, FoldedLeaf, FreeCurve, Mat
 from ksd.section import rectangle
 from ksd.units import GPa, deg, mm
 
-STEEL = Material(200 * GPa, 76.9 * GPa, density=7800)
+STEEL = Material(200 * GPa, G=76.9 * GPa, density=7800)
 CROSS = CrossFlexure(STEEL, length=0.1, angle=45 * deg, thickness=1 * mm, widths=(40 * mm, 20 * mm))
 BLADE = rectangle(1 * mm, 40 * mm)
 PLACE = {"at": (0, 0, 0), "axis": "z", "toward": "y"}

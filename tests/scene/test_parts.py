@@ -3,11 +3,14 @@
 import math
 import subprocess
 import sys
+import warnings
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
+import ksd
+from ksd.checks import dot
 from ksd.errors import SceneError
 from ksd.scene import (
     Butterfly,
@@ -34,7 +37,7 @@ from ksd.section import circle, rectangle
 from ksd.train.catalogue import FAMILY_DESIGNS
 from ksd.units import GPa, deg, mm
 
-STEEL = Material(200 * GPa, 76.9 * GPa, density=7800)
+STEEL = Material(200 * GPa, G=76.9 * GPa, density=7800)
 BLADE = rectangle(1 * mm, 40 * mm)
 SIZES = {"length": 0.1, "angle": 45 * deg, "thickness": 1 * mm, "widths": (40 * mm, 20 * mm)}
 TURN = Motion("angle", "rotation", "z", (-1.0, 1.0))
@@ -74,26 +77,26 @@ def test_third_modulus_follows():
     assert pytest.approx(200e9 / 2.6) == Material(200e9, nu=0.3).G
     assert pytest.approx(192.5e9) == Material(G=77e9, nu=0.25).E
     assert STEEL.nu == pytest.approx(200 / 153.8 - 1)
-    assert Material(200e9, 200e9 / 2.6, nu=0.3).nu == 0.3
+    assert Material(200e9, G=200e9 / 2.6, nu=0.3).nu == 0.3
     assert Material(200e9, nu=0.0).G == 100e9
-    assert Material(200 * GPa, 76.9 * GPa, density=7800) == STEEL
-    assert STEEL.density == 7800.0 and Material(1, 1).density is None
+    assert Material(200 * GPa, G=76.9 * GPa, density=7800) == STEEL
+    assert STEEL.density == 7800.0 and Material(1, G=1).density is None
 
 
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: Material(-1, 1), ["Material", "E = -1 Pa", "positive"]),
-        (lambda: Material(0, 1), ["E = 0", "positive"]),
-        (lambda: Material(1, math.nan), ["G = nan", "finite"]),
+        (lambda: Material(-1, G=1), ["Material", "E = -1 Pa", "positive"]),
+        (lambda: Material(0, G=1), ["E = 0", "positive"]),
+        (lambda: Material(1, G=math.nan), ["G = nan", "finite"]),
         (lambda: Material(1, nu=0.6), ["nu", "0.6", "between -1 and 0.5"]),
         (lambda: Material(1, nu=-1), ["nu", "-1", "between"]),
         (lambda: Material(1), ["two of E, G and nu", "only E"]),
         (lambda: Material(), ["two of E, G and nu", "none"]),
-        (lambda: Material(200e9, 100e9, nu=0.3), ["contradict", "give two"]),
-        (lambda: Material(1, 1, density=0, name="foam"), ["'foam'", "density = 0", "positive"]),
-        (lambda: Material("200 GPa", 1), ["E = '200 GPa'", "not a number"]),
-        (lambda: Material(1, 1, name=3), ["name = 3", "text"]),
+        (lambda: Material(200e9, G=100e9, nu=0.3), ["contradict", "give two"]),
+        (lambda: Material(1, G=1, density=0, name="foam"), ["'foam'", "density = 0", "positive"]),
+        (lambda: Material("200 GPa", G=1), ["E = '200 GPa'", "not a number"]),
+        (lambda: Material(1, G=1, name=3), ["name = 3", "text"]),
     ],
 )
 def test_bad_material(call, words):
@@ -318,10 +321,12 @@ def test_a_drawn_joint_and_a_link_print_as_what_they_are():
 @pytest.mark.parametrize(
     "profile",
     [
-        Taper((1 * mm, 0.3 * mm), (40 * mm, 0.6 * mm)), CircularNotch(5 * mm, 0.2 * mm, 8 * mm),
-        FilletedNotch(20 * mm, 3 * mm, 0.5 * mm, 8 * mm), StiffenedMiddle(0.4 * mm, 20 * mm, 2 * mm, 0.6),
+        Taper(thickness=(1 * mm, 0.3 * mm), width=(40 * mm, 0.6 * mm)),
+        CircularNotch(radius=5 * mm, minimum=0.2 * mm, width=8 * mm),
+        FilletedNotch(length=20 * mm, radius=3 * mm, minimum=0.5 * mm, width=8 * mm),
+        StiffenedMiddle(thickness=0.4 * mm, width=20 * mm, middle=2 * mm, part=0.6),
         Varying(lambda s: rectangle((1 + s) * mm, 5 * mm) if s < 0.5 else circle(2 * mm), (0.5,)),
-        ProfilePart(FilletedNotch(20 * mm, 3 * mm, 0.5 * mm, 8 * mm), (0.1, 0.7)),
+        ProfilePart(FilletedNotch(length=20 * mm, radius=3 * mm, minimum=0.5 * mm, width=8 * mm), (0.1, 0.7)),
     ],
     ids=lambda profile: type(profile).__name__,
 )  # fmt: skip
@@ -335,8 +340,8 @@ def test_sections_of_a_profile_are_those_at_each_place(profile):
 def test_sizes_of_notches():
     """At their middle, where a fillet ends, and at their ends, by hand."""
     round_, filleted = (
-        CircularNotch(5 * mm, 0.2 * mm, 8 * mm),
-        FilletedNotch(20 * mm, 3 * mm, 0.5 * mm, 8 * mm),
+        CircularNotch(radius=5 * mm, minimum=0.2 * mm, width=8 * mm),
+        FilletedNotch(length=20 * mm, radius=3 * mm, minimum=0.5 * mm, width=8 * mm),
     )
     assert round_.sections(np.array([0.0, 0.2, 0.5])).thickness == pytest.approx(
         [10.2 * mm, 2.2 * mm, 0.2 * mm]
@@ -349,3 +354,51 @@ def test_sizes_of_notches():
 def test_a_part_of_a_profile_breaks_where_the_whole_does():
     whole = Varying(lambda s: rectangle(1e-3 * (1 + s), 0.01), breaks=(0.2, 0.5, 0.8))
     assert ProfilePart(whole, (0.25, 0.85)).breaks == pytest.approx([5 / 12, 11 / 12])
+
+
+def six_digits(direction):
+    """A direction as files with six digits have it."""
+    return tuple(float(f"{c:.5f}") for c in direction)
+
+
+@pytest.mark.parametrize("off, warned", [(0.5e-6, False), (2e-6, True), (0.9e-5, True)])
+def test_width_axes_of_six_digits_are_made_perpendicular(off, warned):
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        made = leaf(width_axis=(off, 0, 1))
+    assert abs(made.axes[:, 0] @ made.axes[:, 2]) < 1e-15
+    assert bool(said) == warned
+    if warned:
+        assert made.width_axis == (0, 0, 1)
+        (one,) = said
+        assert one.filename == __file__ and issubclass(one.category, ksd.SceneWarning)
+        assert "leaf 'leaf': width_axis is" in str(one.message) and "rad off a right angle" in str(one.message)
+
+
+@pytest.mark.filterwarnings("ignore::ksd.SceneWarning")
+def test_directions_of_six_digits_are_accepted_everywhere():
+    """Random axes rounded to five digits behind the point: leaf springs, joints, and all directions in a plane."""
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        axes = np.linalg.qr(rng.normal(size=(3, 3)))[0].T
+        one, two = map(six_digits, axes[:2])
+        made = leaf(start=(0, 0, 0), end=one, width_axis=two)
+        assert abs(dot(made.width_axis, made.axes[:, 0])) <= 1e-6
+        m = ksd.Mechanism()
+        b = m.link("b")
+        m.join("ground", b, CrossFlexure(STEEL, length=0.1, angle=0.8, thickness=1e-3, widths=(0.04, 0.02)),
+               at=(0, 0, 0), axis=one, toward=two)  # fmt: skip
+        rotation = np.array(m.scene().joints[0].rotation)
+        assert np.abs(rotation.T @ rotation - np.eye(3)).max() < 1e-14
+    m = ksd.Mechanism(plane="xy")
+    b = m.link("b")
+    words = {"section": rectangle(1 * mm, 8 * mm), "material": STEEL}
+    m.leaf("ground", b, start=(0, 0, 0), end=(0.1, 0, 5e-7), **words)
+    slider = m.slider(b, along=(1, 0, 5e-6), at=(0.1, 0, 0))
+    drive = m.actuate(b, along=(0.6, 0.8, -3e-6), at=(0.1, 0, 0), name="d")
+    support = m.support(b, about=(3e-6, 0, 1), name="s")
+    assert slider.axis[2] == drive.terms[0].direction[2] == 0.0 and support.terms
+    with pytest.raises(SceneError, match="leaves the plane xy"):
+        m.actuate(b, along=(0.6, 0.8, 2e-5), at=(0.1, 0, 0), name="e")
+    with pytest.raises(SceneError, match="perpendicular"):
+        leaf(width_axis=(1.2e-5, 0, 1))

@@ -103,8 +103,8 @@ def bent(**words):
     return scene
 
 
-ARC = {"curve": ksd.Arc(0.05, 2.0), "end": (0.1 * math.sin(1.0), 0, 0)}
-TAPER = {"profile": ksd.Taper((0.8e-3, 0.4e-3), (10e-3, 5e-3))}
+ARC = {"curve": ksd.Arc(radius=0.05, angle=2.0), "end": (0.1 * math.sin(1.0), 0, 0)}
+TAPER = {"profile": ksd.Taper(thickness=(0.8e-3, 0.4e-3), width=(10e-3, 5e-3))}
 WAVE = {
     "curve": ksd.FreeCurve(0.1, lambda s: (0, 0, 8 * math.pi * math.cos(2 * math.pi * s))),
     "end": (

@@ -121,7 +121,7 @@ def test_a_moment_has_no_place_and_the_longest_side_counts():
 
 
 def test_a_notch_is_judged_where_it_is_thinnest():
-    notch = CircularNotch(5e-3, 5e-4, 0.01)
+    notch = CircularNotch(radius=5e-3, minimum=5e-4, width=0.01)
     assert (
         plausibility_warnings(scene(length=0.01, thickness=0.0105, width=0.01, profile=notch).scene()) == ()
     )

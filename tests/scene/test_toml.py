@@ -22,7 +22,7 @@ from ksd.section import circle, numbers, polygon, rectangle, tube
 from ksd.units import DIMENSIONS, deg
 
 SHIPPED = Path(ksd.scene.__file__).parent.parent / "scenes"
-STEEL = Material(200e9, 76.9e9, density=7800, name="steel")
+STEEL = Material(200e9, G=76.9e9, density=7800, name="steel")
 CROSS = CrossFlexure(STEEL, length=0.1, angle=math.pi / 4, thickness=1e-3, widths=(0.04, 0.02))
 
 GOOD = """
@@ -113,7 +113,7 @@ def test_good_file_says_the_same_as_python(read):
     made = Mechanism("lever")
     made.gravity = (0, -9.81, 0)
     arm = made.link("arm")
-    steel = Material(200e9, 76.9e9, name="steel")
+    steel = Material(200e9, G=76.9e9, name="steel")
     cross = CrossFlexure(steel, length=100 * 1e-3, angle=45 * deg, thickness=1e-3, widths=(40 * 1e-3, 0.02))
     made.join("ground", arm, cross, at=(0, 0, 1e-3), axis="z", toward="x")
     blade = rectangle(1e-3, 40 * 1e-3)
@@ -731,7 +731,7 @@ def mechanisms(draw):
     links = draw(st.lists(names.filter(lambda n: n != "ground"), min_size=1, max_size=4, unique=True))
     for i, link in enumerate(links):
         made.link(link)
-        material = Material(draw(lengths), draw(lengths), name=draw(st.text(max_size=3)))
+        material = Material(draw(lengths), G=draw(lengths), name=draw(st.text(max_size=3)))
         joint = CrossFlexure(
             material,
             length=1.0,

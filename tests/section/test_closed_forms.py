@@ -66,12 +66,17 @@ def test_circle_and_tube():
 @pytest.mark.parametrize(("aspect", "factor"), [(1, 1.828058), (3, 1.183652)])
 def test_restrained_warping_factor(aspect, factor):
     # acceptance.md A, nu = 0.3
-    assert restrained_warping_factor(aspect * 0.02, 0.02, 0.3) == pytest.approx(factor, abs=5e-7)
+    assert restrained_warping_factor(length=aspect * 0.02, width=0.02, nu=0.3) == pytest.approx(
+        factor, abs=5e-7
+    )
 
 
 def test_warping_factor_limits():
-    assert restrained_warping_factor(1e4, 1.0, 0.3) == pytest.approx(1.0, rel=1e-4)
-    left, right = restrained_warping_factor(2.32e-3, 1.0, 0.3), restrained_warping_factor(2.33e-3, 1.0, 0.3)
+    assert restrained_warping_factor(length=1e4, width=1.0, nu=0.3) == pytest.approx(1.0, rel=1e-4)
+    left, right = (
+        restrained_warping_factor(length=2.32e-3, width=1.0, nu=0.3),
+        restrained_warping_factor(length=2.33e-3, width=1.0, nu=0.3),
+    )
     assert left > right > 0
 
 
@@ -83,10 +88,10 @@ def test_warping_factor_of_a_very_short_piece(x):
 
 def test_rigidity_and_compliance_order():
     s = rectangle(1e-3, 40e-3)
-    GJ, EIy, EIz = s.rigidity(200e9, 77e9)
+    GJ, EIy, EIz = s.rigidity(E=200e9, G=77e9)
     assert (GJ, EIy, EIz) == (77e9 * s.J, 200e9 * s.Iy, 200e9 * s.Iz)
     assert EIy > 1000 * EIz
-    axial, along_y, along_z = s.compliance(200e9, 77e9)
+    axial, along_y, along_z = s.compliance(E=200e9, G=77e9)
     assert axial == pytest.approx(1 / (200e9 * s.A))
     assert along_y == along_z == pytest.approx(1 / (5 / 6 * 77e9 * s.A))
 
@@ -125,8 +130,8 @@ def test_given_numbers_and_equality():
         (lambda: numbers(A=1, J=1, Iy=1, Iz=1, shear_centre=(1,)), ["point", "two numbers"]),
         (lambda: numbers(A=1, J=1, Iy=1, Iz=1, outline=3), ["outline = 3", "rings"]),
         (lambda: numbers(A=1, J=1, Iy=1, Iz=1, name=3), ["name = 3", "text"]),
-        (lambda: restrained_warping_factor(0, 1, 0.3), ["length = 0", "positive"]),
-        (lambda: restrained_warping_factor(1, 1, -2), ["nu = -2", "between"]),
+        (lambda: restrained_warping_factor(length=0, width=1, nu=0.3), ["length = 0", "positive"]),
+        (lambda: restrained_warping_factor(length=1, width=1, nu=-2), ["nu = -2", "between"]),
     ],
 )
 def test_bad_numbers_get_a_sentence(make, words):

@@ -490,7 +490,7 @@ def test_warping_passes_through_pieces_of_one_leaf(lengths):
     pieces, whole = strip(lengths), strip((0.04,))
     assert torsion(pieces, with_="warping") == pytest.approx(torsion(whole, with_="warping"), rel=1e-9)
     assert torsion(pieces) == pytest.approx(torsion(whole), rel=1e-9)
-    factor = ksd.section.restrained_warping_factor(0.04, 20e-3, HOT.nu)
+    factor = ksd.section.restrained_warping_factor(length=0.04, width=20e-3, nu=HOT.nu)
     assert torsion(pieces, with_="warping") / torsion(pieces) == pytest.approx(factor, rel=1e-9)
     assert "carries nothing else: one run, whose factors are 1." in str(ksd.compile_scene(pieces))
     # bending and its shear know nothing of it
@@ -510,7 +510,7 @@ def test_warping_passes_through_pieces_of_one_leaf(lengths):
 )
 def test_a_body_between_pieces_holds_their_ends_plane(said):
     scene = strip((0.02, 0.02), said=said)
-    factor = ksd.section.restrained_warping_factor(0.02, 20e-3, HOT.nu)
+    factor = ksd.section.restrained_warping_factor(length=0.02, width=20e-3, nu=HOT.nu)
     # a spring of next to nothing holds the warping, not the twist
     assert torsion(scene, with_="warping") / torsion(scene) == pytest.approx(factor, rel=1e-6)
     assert "a body that holds their ends plane" in str(ksd.compile_scene(scene))
@@ -580,7 +580,7 @@ def test_warping_passes_through_unlike_pieces(sizes):
     assert [factors[f"piece {k}"] for k in range(len(sizes))] == pytest.approx(list(free / each), rel=1e-6)
     # between free and held plane at every meeting
     alone = sum(
-        f / ksd.section.restrained_warping_factor(s[0], s[2], HOT.nu)
+        f / ksd.section.restrained_warping_factor(length=s[0], width=s[2], nu=HOT.nu)
         for f, s in zip(free, sizes, strict=True)
     )
     assert alone < each.sum() < sum(free)

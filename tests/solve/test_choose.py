@@ -63,7 +63,7 @@ def test_the_share_counts_every_pair_of_modes():
     """Beside the sums leaf by leaf, with a profile, whose modes are coupled."""
     scene = ksd.Mechanism("notched")
     tip = scene.link("tip")
-    notch = ksd.CircularNotch(5e-3, 1e-3, 10e-3)
+    notch = ksd.CircularNotch(radius=5e-3, minimum=1e-3, width=10e-3)
     steel = ksd.Material(E=200e9, G=76.9e9)
     drawn = {"section": notch.section(0.5), "material": steel, "width_axis": (0, 0, 1), "profile": notch}
     scene.leaf(scene.ground, tip, start=(0, 0, 0), end=(0.01, 0, 0), name="notch", **drawn)

@@ -189,9 +189,9 @@ def test_the_benchmark_runs(capsys, monkeypatch):
 
 PROFILES = {
     "taper": ksd.Taper(thickness=(1 * mm, 0.3 * mm), width=(30 * mm, 15 * mm)),
-    "notch": ksd.CircularNotch(50 * mm, 0.4 * mm, 20 * mm),
-    "fillet": ksd.FilletedNotch(100 * mm, 10 * mm, 0.4 * mm, 20 * mm),
-    "stiff middle": ksd.StiffenedMiddle(0.4 * mm, 20 * mm, 3 * mm, 0.5),
+    "notch": ksd.CircularNotch(radius=50 * mm, minimum=0.4 * mm, width=20 * mm),
+    "fillet": ksd.FilletedNotch(length=100 * mm, radius=10 * mm, minimum=0.4 * mm, width=20 * mm),
+    "stiff middle": ksd.StiffenedMiddle(thickness=0.4 * mm, width=20 * mm, middle=3 * mm, part=0.5),
 }
 
 

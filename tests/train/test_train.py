@@ -294,7 +294,8 @@ def guide(*, apart=0.03, scale=1.0, thicker=1.0, wide=(0, 0, 1), taper=0.0, wave
     leaves = [
         ksd.Leaf(
             start=(x, 0, 0), end=(x, L, 0), width_axis=wide, section=rectangle(t, 0.03), material=STEEL, name=name,
-            curve=curve, profile=ksd.Taper((t * (1 - taper), t * (1 + taper)), (0.03, 0.03)) if taper else None,
+            curve=curve,
+            profile=ksd.Taper(thickness=(t * (1 - taper), t * (1 + taper)), width=(0.03, 0.03)) if taper else None,
         )
         for name, x, t in (("left", -apart * scale, 0.5e-3), ("right", apart * scale, thicker * 0.5e-3))
     ]  # fmt: skip

@@ -195,7 +195,7 @@ def bend():
     tip = scene.link("tip")
     end = (100 * np.sin(a), 100 * (1 - np.cos(a)), 0)
     scene.leaf(scene.ground, tip, start=(0, 0, 0), end=end, section=square, material=stuff, width_axis="z",
-               curve=ksd.Arc(100.0, a))  # fmt: skip
+               curve=ksd.Arc(radius=100.0, angle=a))  # fmt: skip
     scene.load(tip, force=(0, 0, 600.0), at=end)
     return scene
 

@@ -56,7 +56,7 @@ def elastica(alpha, mesh=None):
 
 def notch(ratio):
     R, b, moment = 5e-3, 10e-3, 1e-3
-    profile = ksd.CircularNotch(R, ratio * R, b)
+    profile = ksd.CircularNotch(radius=R, minimum=ratio * R, width=b)
     found = cantilever(
         length=2 * R, load={"moment": (0, 0, moment)}, section=profile.section(0.5), profile=profile
     )
@@ -73,7 +73,7 @@ def bend():
         load={"force": (0, 0, 600)},
         section=square,
         material=ksd.Material(E=1e7, nu=0.0),
-        curve=ksd.Arc(100.0, a),
+        curve=ksd.Arc(radius=100.0, angle=a),
         steps=6,
     )
     tip = end + found.links["tip"][0]
@@ -171,7 +171,7 @@ def lees_frame():
 
 
 def warping(aspect):
-    return (restrained_warping_factor(aspect, 1.0, 0.3),)
+    return (restrained_warping_factor(length=aspect, width=1.0, nu=0.3),)
 
 
 def _rows():

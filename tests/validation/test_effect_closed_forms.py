@@ -125,7 +125,7 @@ def test_restrained_warping_multiplies_the_torsional_stiffness(aspect, factor, m
         return solve_conventional(model, dict.fromkeys("bcyz", 0.0) | {"a": 1e-4}).forces["a"]
 
     assert twisted(with_="warping") / twisted() == pytest.approx(factor, rel=1e-6)
-    assert restrained_warping_factor(aspect, 1.0, 0.3) == pytest.approx(factor, abs=5e-7)
+    assert restrained_warping_factor(length=aspect, width=1.0, nu=0.3) == pytest.approx(factor, abs=5e-7)
 
 
 @pytest.mark.parametrize("searle", [0.3, 3.0, 12.0, 40.0, 200.0])

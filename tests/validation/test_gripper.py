@@ -45,16 +45,16 @@ def test_partial_balance(paper):
 def test_compliance_of_an_arc(paper):
     """The closed form against the leaf at rest, stretch and shear in, turned from end B to end A; 1/EI alone as printed."""
     leaf = ksd.Leaf(
-        start=(0, 0, 0), end=(2 * 4e-3 * math.sin(0.6), 0, 0), width_axis=(0, 0, 1), curve=ksd.Arc(4e-3, 1.2),
+        start=(0, 0, 0), end=(2 * 4e-3 * math.sin(0.6), 0, 0), width_axis=(0, 0, 1), curve=ksd.Arc(radius=4e-3, angle=1.2),
         section=paper.SECTION, material=paper.PLASTIC,
     )  # fmt: skip
     E, G, section = paper.PLASTIC.E, paper.PLASTIC.G, paper.SECTION
-    words = E * section.Iz, E * section.A, section.ky * G * section.A
+    stretch, shear = E * section.A, section.ky * G * section.A
     K = rest_stiffness(leaf, FINE)[np.ix_([0, 1, 5], [0, 1, 5])]
     turn = np.eye(3)
     turn[:2, :2] = paper.rotation_matrix(1.2)
     assert np.linalg.inv(turn.T @ K @ turn) == pytest.approx(
-        leaf.curve.compliance(*words), rel=1e-9, abs=1e-12
+        leaf.curve.compliance(E * section.Iz, EA=stretch, GA=shear), rel=1e-9, abs=1e-12
     )
     r, a = 4e-3, 1.2
     s, c = math.sin(a), math.cos(a)
@@ -63,7 +63,7 @@ def test_compliance_of_an_arc(paper):
         [r**3 * (1 - c - s * s / 2), r**3 * (a / 2 - s * c / 2), r**2 * (1 - c)],
         [r**2 * (a - s), r**2 * (1 - c), r * a],
     ]
-    assert ksd.Arc(r, a).compliance(2.0) == pytest.approx(np.array(printed) / 2.0, rel=1e-12)
+    assert ksd.Arc(radius=r, angle=a).compliance(2.0) == pytest.approx(np.array(printed) / 2.0, rel=1e-12)
 
 
 @pytest.mark.parametrize("linear", [False, True])
@@ -323,16 +323,16 @@ def test_required_forces_of_a_control_loop(paper):
         need = ksd.required_loads(solver, pose.links, method="constant")
         angles = [pose.rotation(n)[2] for n in ("crank", "jaw", "rocker")]
         for said in (turn, angles, np.outer(angles, (0, 0, 1))):
-            found = solver.required_forces(shift, said)
+            found = solver.required_forces(shift, rotation=said)
             assert found.forces == pytest.approx(list(need.forces.values()), rel=1e-9)
             assert found.reactions == pytest.approx([need.reactions["rest"]], rel=1e-9)
             assert found.unbalanced == pytest.approx(np.array(list(need.unbalanced.values())), abs=1e-12)
             assert found.needed[0] == pytest.approx([0, 0, 0, 0, 0, torque], abs=1e-8)
     with pytest.raises(ksd.SceneError, match=r"give displacement \(3, 3\) .* of crank, jaw, rocker"):
-        solver.required_forces(shift[:2], turn)
+        solver.required_forces(shift[:2], rotation=turn)
     inner = ksd.prepare(single_joint(), mesh=ksd.Mesh("corotational", elements=2))
     with pytest.raises(ksd.SceneError, match="give displacement"):
-        inner.required_forces(np.zeros((1, 3)), 0.0)
+        inner.required_forces(np.zeros((1, 3)), rotation=0.0)
 
 
 def test_fewer_actuators_than_poses(paper):

@@ -66,7 +66,7 @@ def notch_compliance(ratio):
 @pytest.mark.parametrize("ratio", [0.05, 0.1, 0.3, 0.4])
 def test_circular_notch_over_its_range(ratio):
     R, b = 5e-3, 10e-3
-    notch = ksd.CircularNotch(R, ratio * R, b)
+    notch = ksd.CircularNotch(radius=R, minimum=ratio * R, width=b)
     found = cantilever(length=2 * R, load={"moment": (0, 0, 1e-3)}, section=notch.section(0.5), profile=notch)
     assert found.rotation("tip")[2] / 1e-3 * E * b * R**2 == pytest.approx(notch_compliance(ratio), rel=1e-3)
 
@@ -85,7 +85,7 @@ def arc_compliance(r, a):
 @pytest.mark.parametrize("angle", [90, 180, 270, 300])
 def test_circular_arc_linear_compliance(angle):
     r, a = 0.05, angle * deg
-    arc = ksd.Arc(r, a)
+    arc = ksd.Arc(radius=r, angle=a)
     # start at the origin along e1 of the arc; B's frame: x tangent pointing away from the beam, y towards the centre
     end = r * np.array([np.sin(a), 1 - np.cos(a), 0])
     axes = np.array([[np.cos(a), np.sin(a), 0], [-np.sin(a), np.cos(a), 0], [0, 0, 1]])
@@ -123,7 +123,7 @@ def test_wavy_leaf(a):
 
 def test_free_curve_equals_arc():
     a, r = 60 * deg, 0.05
-    arc = ksd.Arc(r, a)
+    arc = ksd.Arc(radius=r, angle=a)
     free = ksd.FreeCurve(arc.length, lambda s: (0.0, 0.0, 1 / r))
     end = tuple(r * np.array([np.sin(a), 1 - np.cos(a), 0]))
     one, two = (cantilever(end=end, load={"force": (0, 20.0, 3.0)}, curve=c) for c in (arc, free))
@@ -133,14 +133,14 @@ def test_free_curve_equals_arc():
 def test_curved_leaf_is_free_of_stress_at_rest():
     a, r = 200 * deg, 0.05
     end = tuple(r * np.array([np.sin(a), 1 - np.cos(a), 0]))
-    found = cantilever(end=end, curve=ksd.Arc(r, a))
+    found = cantilever(end=end, curve=ksd.Arc(radius=r, angle=a))
     assert np.abs(found.links["tip"][0]).max() < 1e-15
     assert np.abs(found.motion.inner[-6:]).max() < 1e-6
 
 
 def test_curve_that_does_not_fit_its_ends_is_refused():
     with pytest.raises(ksd.SceneError, match=r"leaf 'leaf': its curve spans .* m from start to end"):
-        cantilever(end=(0.2, 0, 0), curve=ksd.Arc(0.05, 1.0))
+        cantilever(end=(0.2, 0, 0), curve=ksd.Arc(radius=0.05, angle=1.0))
 
 
 def test_half_circle_about_the_strong_axis_is_refused():
@@ -168,7 +168,7 @@ def test_chains_converge_to_the_tapered_leaf(elements):
 def test_chains_converge_to_the_curved_leaf():
     a, r = 120 * deg, 0.05
     end = tuple(r * np.array([np.sin(a), 1 - np.cos(a), 0]))
-    words = {"end": end, "load": {"force": (0, 3.0, 1.0)}, "curve": ksd.Arc(r, a)}
+    words = {"end": end, "load": {"force": (0, 3.0, 1.0)}, "curve": ksd.Arc(radius=r, angle=a)}
     exact = cantilever(**words).links["tip"][0]
     errors = [
         np.linalg.norm(cantilever(mesh=Mesh("corotational", elements=n), **words).links["tip"][0] - exact)
@@ -179,7 +179,7 @@ def test_chains_converge_to_the_curved_leaf():
 
 def test_stiffened_middle_is_three_leaves_in_series():
     part, t, T = 0.4, 0.5e-3, 3e-3
-    profile = ksd.StiffenedMiddle(t, 40e-3, T, part)
+    profile = ksd.StiffenedMiddle(thickness=t, width=40e-3, middle=T, part=part)
     found = cantilever(load={"moment": (0, 0, 0.1)}, section=profile.section(0.0), profile=profile)
     thin, thick = E * 40e-3 * t**3 / 12, E * 40e-3 * T**3 / 12
     assert found.rotation("tip")[2] == pytest.approx(0.1 * 0.1 * ((1 - part) / thin + part / thick), rel=1e-9)

@@ -61,7 +61,7 @@ class CircularNotchHinge(JointFamily):
         return 2 * self.radius
 
     def leaves(self) -> tuple[Leaf, ...]:
-        return (_neck(self, CircularNotch(self.radius, self.minimum, self.width)),)
+        return (_neck(self, CircularNotch(radius=self.radius, minimum=self.minimum, width=self.width)),)
 
     def shape(self) -> dict[str, float]:
         """The shape parameter slenderness = minimum / R."""
@@ -118,7 +118,12 @@ class FilletedNotchHinge(JointFamily):
             )
 
     def leaves(self) -> tuple[Leaf, ...]:
-        return (_neck(self, FilletedNotch(self.length, self.radius, self.minimum, self.width)),)
+        return (
+            _neck(
+                self,
+                FilletedNotch(length=self.length, radius=self.radius, minimum=self.minimum, width=self.width),
+            ),
+        )
 
     def shape(self) -> dict[str, float]:
         """The shape parameters slenderness = minimum / length and fillet = radius / length."""
@@ -183,7 +188,7 @@ class ArcHinge(JointFamily):
 
     def leaves(self) -> tuple[Leaf, ...]:
         ends = (0.0, 0.0), self.pose_B[:2]
-        return (sheet_leaf(self, "arc", ends, self.width, curve=Arc(self.radius, self.angle)),)
+        return (sheet_leaf(self, "arc", ends, self.width, curve=Arc(radius=self.radius, angle=self.angle)),)
 
     def shape(self) -> dict[str, float]:
         """The shape parameter angle of the arc [rad]."""
