@@ -117,7 +117,8 @@ def reference(folder: Path) -> None:
     pages.append("units")
     factors = "\n".join(f"   ``{name}``, {value:g}" for name, value in unit_factors().items())
     (folder / "units.rst").write_text(
-        f"Units\n=====\n\n{inspect.getdoc(ksd.units)}\n\n.. csv-table:: Names of ``ksd.units``, and what they are in SI\n\n{factors}\n"
+        f"Units\n=====\n\n{inspect.getdoc(ksd.units)}\n\n"
+        f".. csv-table:: Names of ``ksd.units``, and what they are in SI\n\n{factors}\n"
     )
     listed = "\n".join(f"   {page}" for page in pages)
     (folder / "index.rst").write_text(f"Reference\n=========\n\n.. toctree::\n\n{listed}\n")

@@ -308,7 +308,7 @@ word is lost about it."""
 
 
 def warn_user(message: str, category: type[Warning]) -> None:
-    """Warn at the line of the user that called the package, whatever lies between (a dataclass has an `__init__` of its own)."""
+    """Warn at the line of the user that called the package, whatever lies between; dataclasses have files of no name."""
     frame, level = sys._getframe(1), 2
     while frame.f_back is not None and frame.f_code.co_filename.startswith((_PACKAGE, "<string>")):
         frame, level = frame.f_back, level + 1

@@ -122,7 +122,7 @@ def check_drive_in_plane(drive: Drive, plane: str | None, kind: str = "drive") -
         is_normal, moves = parallel(term.direction, normal), term.kind == "translation"
         fixed_by_plane = is_normal if moves else abs(dot(term.direction, normal)) <= PERPENDICULAR
         if not moves or (kind == "support" and fixed_by_plane):
-            within = term.direction if is_normal or kind == "support" and fixed_by_plane else None
+            within = term.direction if is_normal or (kind == "support" and fixed_by_plane) else None
         else:
             within = made_perpendicular(term.direction, normal, "along", f"{kind} '{drive.name}'")
         if within is None:

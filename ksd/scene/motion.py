@@ -16,7 +16,7 @@ from ksd.errors import SceneError
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class HalfSine:
     """A pulse amplitude * sin(pi t / duration) for 0 < t < duration [s], zero before and after."""
 

@@ -79,7 +79,7 @@ def check_pulse(pulse: Any) -> HalfSine | TimeTable:
     if isinstance(pulse, list | tuple | np.ndarray):
         return TimeTable(pulse)  # type: ignore[arg-type]
     raise SceneError(
-        f"pulse = {show(pulse)}: give ksd.HalfSine(amplitude, duration), or points (t [s], value)"
+        f"pulse = {show(pulse)}: give ksd.HalfSine(amplitude=, duration=), or points (t [s], value)"
     )
 
 

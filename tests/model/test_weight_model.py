@@ -361,7 +361,9 @@ def heated_bar(kelvin, *, profile=None, natural_length=None):
 
 
 @pytest.mark.parametrize(
-    "profile", [None, ksd.Taper((2 * mm, 3 * mm), (10 * mm, 8 * mm))], ids=("uniform", "tapered")
+    "profile",
+    [None, ksd.Taper(thickness=(2 * mm, 3 * mm), width=(10 * mm, 8 * mm))],
+    ids=("uniform", "tapered"),
 )
 @pytest.mark.parametrize("mesh", [None, ksd.Mesh("corotational")], ids=("leaf", "chain"))
 def test_heat_adds_no_mass(mesh, profile):

@@ -372,7 +372,9 @@ def test_width_axes_of_six_digits_are_made_perpendicular(off, warned):
         assert made.width_axis == (0, 0, 1)
         (one,) = said
         assert one.filename == __file__ and issubclass(one.category, ksd.SceneWarning)
-        assert "leaf 'leaf': width_axis is" in str(one.message) and "rad off a right angle" in str(one.message)
+        assert "leaf 'leaf': width_axis is" in str(one.message) and "rad off a right angle" in str(
+            one.message
+        )
 
 
 @pytest.mark.filterwarnings("ignore::ksd.SceneWarning")

@@ -214,9 +214,9 @@ def test_a_shock_is_the_response_in_time():
     pose = ksd.solve(guide(material=WEIGHTLESS, held=True), push=0.0)
     w = 2 * np.pi * pose.frequencies(freed=["push"]).frequency_Hz[0]
     words = {"source": "base x", "outputs": "tip", "damping": 0.0, "freed": ["push"]}
-    slow = pose.shock(ksd.HalfSine(2.0, 60 * 2 * np.pi / w), **words)
+    slow = pose.shock(ksd.HalfSine(amplitude=2.0, duration=60 * 2 * np.pi / w), **words)
     assert slow.largest["tip"] == pytest.approx(2.0 / w**2, rel=0.02)
-    fast = pose.shock(ksd.HalfSine(2.0, 1e-3 * 2 * np.pi / w), **words)
+    fast = pose.shock(ksd.HalfSine(amplitude=2.0, duration=1e-3 * 2 * np.pi / w), **words)
     assert fast.largest["tip"] == pytest.approx(2.0 * 2 / np.pi * 1e-3 * 2 * np.pi / w / w, rel=1e-3)
     # half-sine: an undamped oscillator of the same period reads 2 pi/4 at 1/(2 duration)
     low, high = fast.spectrum[np.searchsorted(fast.spectrum[:, 0], 0.5 / 1e-3 * w / (2 * np.pi)) - 1 :][:2, 1]
