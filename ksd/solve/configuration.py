@@ -535,8 +535,8 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
     ) -> Shock:
         """Response of sensors to a pulse of base acceleration, or of another input, and its response spectrum.
 
-        pulse: `ksd.HalfSine(amplitude=, duration=)`, or points (t [s], value). source: input that follows it. Other arguments
-        as in `response`. Sensors of a displacement or velocity must be relative to ground.
+        pulse: `ksd.HalfSine(amplitude=, duration=)`, or points (t [s], value). source: input that follows it. Other
+        arguments as in `response`. Sensors of a displacement or velocity must be relative to ground.
         """
         given = check_pulse(pulse)
         highest = 4.0 / given.duration
