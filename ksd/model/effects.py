@@ -27,6 +27,7 @@ from ksd.scene.effects import leaf_conditions
 from ksd.scene.hinges import plane_supports
 from ksd.scene.leaf import LeafCondition
 from ksd.scene.listing import vector_text
+from ksd.scene.scene import LeafPoint
 
 EFFECT_MEANINGS = {
     "spatial": "six unknowns per node",
@@ -241,10 +242,25 @@ def apply_effects(scene: Any, mesh: Mesh, choice: EffectChoice) -> tuple[Any, Me
         plain = replace(plain, supports=(*plain.supports, *holds))
     if scene.compliances:
         plain = with_elastic_links(plain) if "compliance" in present else replace(plain, compliances=())
+    plain = with_middle_points(plain)
     words: dict[str, Any] = {name: name in present for name in ("shear", "warping", "plate")}
     if any(getattr(mesh, name) != value for name, value in words.items()):
         mesh = replace(mesh, **words)
     return plain, mesh
+
+
+def with_middle_points(scene: Any) -> Any:
+    """The scene with a point in the middle of every leaf with both ends on one link and no point: a member has two nodes."""
+    known = {p.leaf for p in scene.points}
+    middles = tuple(
+        LeafPoint(f"{f.name} middle", f.name, 0.5 * f.leaf.length)
+        for f in scene.leaves
+        if f.a == f.b and f.name not in known
+    )
+    if not middles:
+        return scene
+    links = (*scene.links, *(p.name for p in middles))
+    return replace(scene, links=links, points=(*scene.points, *middles))
 
 
 def with_torsion(scene: Any, factors: Mapping[str, float]) -> Any:

@@ -24,6 +24,7 @@ from ksd.checks import clear_argument_errors
 from ksd.errors import SceneError
 from ksd.model.arrays import make_workspace
 from ksd.model.compile import Model, compile_scene, reference_points
+from ksd.model.effects import with_middle_points
 from ksd.model.leaves import cut_leaves
 from ksd.model.newton import assemble
 from ksd.properties.nonconservative import cross_matrix
@@ -55,12 +56,14 @@ class FreeMotion:
     """A motion that no drive, support or stiff direction holds.
 
     stiffness [N/m, or Nm/rad for a rotation]: resistance of soft leaves, 0 without any; twist (links, 6): displacements [m]
-    and rotations [rad] of all links.
+    and rotations [rad] of all links; link: the one that moves most; turns: whether it turns, or slides.
     """
 
     sentence: str
     stiffness: float
     twist: Array
+    link: str = ""
+    turns: bool = False
 
 
 @dataclass(frozen=True)
@@ -124,7 +127,7 @@ class Diagnosis(PrintableAnswer):
             else f"{len(self.free)} under-constrained motion{'s' * (len(self.free) != 1)}, {len(own)} redundant "
             f"constraint{'s' * (len(own) != 1)}",
         ]
-        lines += [f"free: {f.sentence}" for f in self.free]
+        lines += [f"free: {sentence}" for sentence in _by_kind(self.free)]
         lines += [f"hint: {self.hint}"] * bool(self.hint and self.free)
         lines += [f"overconstrained: {f.sentence}" for f in own]
         for names in dict.fromkeys(f.inside for f in self.redundant if f.inside):
@@ -163,7 +166,10 @@ def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
 
     Raises SceneError for a mechanism without links or with unknown names.
     """
-    scene = _scene_of(mechanism)
+    scene = with_middle_points(_scene_of(mechanism))
+    if scene.compliances:
+        # elastic links count as rigid: the beams in them are no freedoms of the mechanism
+        scene, mechanism = replace(scene, compliances=()), scene
     model = mechanism if isinstance(mechanism, Model) else compile_scene(scene)
     positions, size = reference_points(scene), model.arrays.size
     index = {link: i for i, link in enumerate(scene.links)}
@@ -212,11 +218,11 @@ def _constraints_in_plane(scene: Scene, *parts: list[Constraint]) -> list[list[C
 def _scene_of(mechanism: Any) -> Scene:
     """Scene of a mechanism, scene or model; a mechanism may have links without connection. Raises SceneError."""
     if isinstance(mechanism, Model):
-        return mechanism.scene
+        return mechanism.original_scene if mechanism.original_scene.compliances else mechanism.scene
     scene = mechanism.draft() if hasattr(mechanism, "draft") else mechanism
     if not isinstance(scene, Scene):
         raise SceneError(f"{type(mechanism).__name__} is not a mechanism; {MECHANISM_HINT}.")
-    if len(scene.links) < 2:
+    if len(scene.links) < 2 and not scene.leaves:
         raise SceneError(f"mechanism '{scene.name}' has no link; add one with mechanism.link(name).")
     return scene
 
@@ -328,7 +334,35 @@ def _describe_free_motion(links: Sequence[str], twist: Array, energy: float, siz
     unit = "Nm/rad" if turns else "N/m"
     resistance = f"only leaf springs that bend hold it, with {value:.3g} {unit}"
     why = resistance if value > 0.0 else "no leaf spring or support holds it"
-    return FreeMotion(f"link '{links[link]}' can {motion}: {why}", value, twist)
+    return FreeMotion(f"link '{links[link]}' can {motion}: {why}", value, twist, links[link], bool(turns))
+
+
+MAX_OF_A_KIND = 3
+"""Free motions of one kind that are told one by one; more are told together."""
+
+
+def _by_kind(free: Sequence[FreeMotion]) -> list[str]:
+    """Sentences about free motions: one for all that turn, or slide, and are held by leaf springs, or by nothing."""
+    kinds: dict[tuple[bool, bool], list[FreeMotion]] = {}
+    for motion in free:
+        kinds.setdefault((motion.turns, motion.stiffness > 0.0), []).append(motion)
+    said = []
+    for (turns, held), motions in kinds.items():
+        if len(motions) <= MAX_OF_A_KIND:
+            said += [m.sentence for m in motions]
+            continue
+        links = sorted({m.link for m in motions})
+        names = _joined([repr(n) for n in links[:6]] + [f"{len(links) - 6} more"] * (len(links) > 6))
+        unit, low, high = "Nm/rad" if turns else "N/m", *(f(m.stiffness for m in motions) for f in (min, max))
+        why = (
+            f"only leaf springs that bend hold them, with {low:.3g} to {high:.3g} {unit}"
+            if held
+            else "nothing holds them"
+        )
+        said.append(
+            f"link{'s' * (len(links) > 1)} {names} can {'turn' if turns else 'slide'}, {len(motions)} motions in all: {why}"
+        )
+    return said
 
 
 def _redundant_inside_joints(scene: Scene) -> list[RedundantConstraint]:

@@ -90,7 +90,8 @@ class DrivenPoint:
 
 @dataclass(frozen=True)
 class HingeShape:
-    """A "pin" or "slider": its undeformed and deformed position (3,) [m] on its second link, and its deformed axis (3,)."""
+    """A "pin", "slider", "ball" or "cylindrical" hinge: its undeformed and deformed position (3,) [m] on its second
+    link, and its deformed axis (3,)."""
 
     name: str
     kind: str

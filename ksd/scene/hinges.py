@@ -1,6 +1,6 @@
-"""Pins, sliders and the plane of a mechanism, all of which stand for supports between links.
+"""Pins, sliders, ball joints, cylindrical hinges and the plane of a mechanism, which stand for supports between links.
 
-In a planar mechanism displacements normal to the plane and rotations out of it are fixed; its pins and sliders then
+In a planar mechanism displacements normal to the plane and rotations out of it are fixed; its hinges then
 constrain the remaining freedoms only.
 """
 
@@ -38,7 +38,7 @@ class Hinge:
     """A joint without stiffness between links `a` and `b` at the point `at` (3,) [m], global, undeformed.
 
     kind "pin": b turns about `axis` (3,) through `at`; "slider": b slides along `axis`, which is fixed in a, without
-    turning.
+    turning; "cylindrical": b turns about `axis` and slides along it; "ball": b turns about `at`, axis has no meaning.
     """
 
     name: str
@@ -46,26 +46,27 @@ class Hinge:
     a: str
     b: str
     at: Vector
-    axis: Vector
+    axis: Vector = (0.0, 0.0, 1.0)
 
     def __post_init__(self) -> None:
         owner = f"{self.kind} '{word(self.name, 'name', owner=self.kind)}'"
         object.__setattr__(self, "at", vector(self.at, "at", owner=owner, unit="m"))
-        what = "axis" if self.kind == "pin" else "along"
+        what = "along" if self.kind == "slider" else "axis"
         object.__setattr__(self, "axis", direction(self.axis, what, owner=owner))
 
     def supports(self, plane: str | None) -> tuple[Drive, ...]:
         """The equivalent supports, named "name.x" ... "name.rz"; in a plane, those that the plane does not fix already."""
         across = _perpendicular_directions(self.axis)
-        displacements, rotations = (
-            ([*across, (self.axis, "along")], across) if self.kind == "pin" else (across, _GLOBAL_AXES)
-        )
+        displacements, rotations = {
+            "pin": ((*across, (self.axis, "along")), across), "slider": (across, _GLOBAL_AXES),
+            "cylindrical": (across, across), "ball": (_GLOBAL_AXES, ()),
+        }[self.kind]  # fmt: skip
         normal = np.zeros(3) if plane is None else np.array(plane_normal(plane))
         fixed = [("translation", e, n) for e, n in displacements if abs(float(normal @ e)) < 0.5]
         fixed += [
             ("rotation", e, f"r{n}") for e, n in rotations if plane is None or abs(float(normal @ e)) > 0.5
         ]
-        turns = {"translation": None, "rotation": self.axis if self.kind == "pin" else None}
+        turns = {"translation": None, "rotation": self.axis if self.kind in ("pin", "cylindrical") else None}
         return tuple(
             Drive(f"{self.name}.{n}", (DriveTerm(1.0, kind, self.a, self.b, e, self.at, turns[kind]),))
             for kind, e, n in fixed
@@ -86,21 +87,24 @@ def _perpendicular_directions(axis: Vector) -> tuple[tuple[Vector, str], ...]:
 
 
 def check_hinge_in_plane(hinge: Hinge, plane: str | None) -> Hinge:
-    """The hinge. Raises SceneError unless a pin is normal to the plane, or a slider in it."""
-    if plane is None:
+    """The hinge. Raises SceneError unless a pin is normal to the plane, a slider in it, and a cylindrical hinge either."""
+    if plane is None or hinge.kind == "ball":
         return hinge
     normal = plane_normal(plane)
+    if hinge.kind == "cylindrical" and parallel(hinge.axis, normal):
+        return hinge
     if hinge.kind == "pin" and not parallel(hinge.axis, normal):
         raise SceneError(
             f"pin '{hinge.name}': its axis {show(hinge.axis)} must be normal to the plane {plane}; leave axis out."
         )
     if hinge.kind == "pin":
         return hinge
-    along = made_perpendicular(hinge.axis, normal, "along", f"slider '{hinge.name}'")
+    what = "along" if hinge.kind == "slider" else "axis"
+    along = made_perpendicular(hinge.axis, normal, what, f"{hinge.kind} '{hinge.name}'")
     if along is None:
         raise SceneError(
-            f"slider '{hinge.name}': along = {show(hinge.axis)} leaves the plane {plane}, in which the mechanism lives; "
-            f'give a direction in it, such as along="{plane[0]}".'
+            f"{hinge.kind} '{hinge.name}': {what} = {show(hinge.axis)} leaves the plane {plane}, in which the mechanism "
+            f'lives; give a direction in it, such as {what}="{plane[0]}".'
         )
     return hinge if along == hinge.axis else replace(hinge, axis=along)
 

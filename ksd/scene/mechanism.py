@@ -79,7 +79,8 @@ FUNCTIONS_OF_KSD = (
 """Functions that take a mechanism, and are no methods of it."""
 SYNONYMS = {
     "drive": "actuate", "move": "actuate", "prescribe": "actuate", "fix": "support", "hold": "support", "clamp": "support",
-    "force": "load", "moment": "load", "torque": "load", "connect": "join", "joint": "join", "hinge": "pin", "body": "link",
+    "force": "load", "moment": "load", "torque": "load", "connect": "join", "joint": "join", "hinge": "pin",
+    "spherical": "ball", "cylinder": "cylindrical", "body": "link",
     "beam": "leaf", "flexure": "leaf", "temperature": "heat", "dashpot": "damper", "measure": "sensor", "probe": "sensor",
 }  # fmt: skip
 """Other words for methods of a mechanism."""
@@ -383,10 +384,12 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
     ) -> PlacedLeaf:
         """Add a free-form leaf clamped to link `a` at `start` (3,) [m] and to `b` at `end`; other parameters as in `Leaf`.
 
+        Both may be the same link, as for a string of a bow or a membrane; a `point` on it then carries what acts on it, and
+        without one the model puts the point "NAME middle" on it.
         The default width_axis is the normal of the plane of the mechanism, if it has one. Raises SceneError.
         """
         label = self._new_name(name, "leaf")
-        first, second = self._link_pair(a, b, f"leaf '{label}'")
+        first, second = (self._checked_link(link, f"leaf '{label}'") for link in (a, b))
         if width_axis is None and self.plane is not None:
             width_axis = plane_normal(self.plane)
             ends = (
@@ -434,7 +437,7 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
     ) -> PlacedLeaf:
         """Add a round wire of `diameter` [m] from link `a` to link `b`; other parameters as in `leaf`. Raises SceneError."""
         label = self._new_name(name, "wire")
-        first, second = self._link_pair(a, b, f"wire '{label}'")
+        first, second = (self._checked_link(link, f"wire '{label}'") for link in (a, b))
         made = make_wire(
             diameter=diameter, material=material, start=start, end=end, width_axis=width_axis, start_block=first,
             end_block=second, name=label, elements=elements, orders=orders, profile=profile, curve=curve,
@@ -479,7 +482,7 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         link = self._links[added.name] = replace(self._links[added.name], at=tuple(position.tolist()))
         return link
 
-    # Pins and sliders
+    # Hinges
 
     def pin(
         self,
@@ -521,11 +524,38 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
             "slider", GROUND if relative_to is None else relative_to, link, at, along, name
         )
 
+    def ball(
+        self, a: Link | str, b: Link | str, *, at: ArrayLike | None = None, name: str | None = None
+    ) -> Hinge:
+        """Add a ball joint: link `b` turns on link `a` about the point `at` (3,) [m] in any direction, without stiffness.
+
+        at: default is the position of a link that is a point of a leaf. Its force is in `reactions` as "name.x", "name.y",
+        "name.z", in the axes of `a`, and in global axes in `interface_forces`. A rod between two of them can spin about its
+        own axis: support that rotation, or give it a pin at one end. The default name is "a-b". Raises SceneError.
+        """
+        return self._add_hinge("ball", a, b, at, "z", name)
+
+    def cylindrical(
+        self,
+        a: Link | str,
+        b: Link | str,
+        *,
+        axis: Axis,
+        at: ArrayLike | None = None,
+        name: str | None = None,
+    ) -> Hinge:
+        """Add a cylindrical hinge: link `b` turns about `axis` through `at` (3,) [m] of `a` and slides along it, freely.
+
+        Its forces and moments are in `reactions` as those of a pin, but for the force along the axis. The default name is
+        "a-b". Raises SceneError.
+        """
+        return self._add_hinge("cylindrical", a, b, at, axis, name)
+
     def _add_hinge(self, kind: str, a: Any, b: Any, at: Any, axis: Any, name: str | None) -> Hinge:
-        """Add a "pin" or "slider" of link b on link a. Raises SceneError."""
+        """Add a hinge of link b on link a, see `ksd.scene.hinges.Hinge`. Raises SceneError."""
         used = {*self._hinges, *(d.name for d in (*self._drives, *self._supports))}
         default = f"{link_name(a)}-{link_name(b)}"
-        label = _free_name(name, default, used, kind, each="pin and slider")
+        label = _free_name(name, default, used, kind, each="hinge")
         owner = f"{kind} '{label}'"
         first, second = self._link_pair(a, b, owner)
         leaf_points = {n: p for n in (first, second) if (p := self._links[n].at) is not None}
@@ -537,7 +567,7 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         apart = math.dist(*leaf_points.values()) if len(leaf_points) == 2 else 0.0
         for point, point_at in leaf_points.items():
             distance = math.dist(point_at, added.at)
-            if kind == "pin" and distance > tolerance:
+            if kind in ("pin", "ball") and distance > tolerance:
                 remedy = f"give at={show(point_at)}"
                 if apart > tolerance:
                     remedy = (
@@ -1004,7 +1034,7 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
     def _scene_fields(self) -> dict[str, Any]:
         """The fields of `Scene` by name."""
         points = [p.name for p in self._points]
-        # pins before sliders, and coil springs before torsion springs, as in scene files
+        # kind by kind, and coil springs before torsion springs, as in scene files
         hinges = sorted(self._hinges.values(), key=lambda h: h[0].kind)
         return {
             "name": self.name,

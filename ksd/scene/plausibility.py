@@ -42,6 +42,8 @@ METAL_NAME_PARTS = (
     "magnesium",
 )
 """Parts of names of metals."""
+MAX_THICKNESS_RATIO = 5.0
+"""Thickness of a leaf over its width above which the two were probably exchanged."""
 MAX_MECHANISM_SIZE = 10.0
 """Usual limit of the distance [m] between parts of one mechanism."""
 DENSITY_RANGE = (10.0, 23e3)
@@ -96,7 +98,7 @@ def plausibility_warnings(scene: Scene) -> tuple[str, ...]:
     leaves = scene.leaf_names()
     materials = dict.fromkeys(leaf.material for leaf in leaves.values())
     warnings = [warning for material in materials for warning in _material_warnings(material)]
-    for leaf_warning in (_length_warning, _thickness_warning, _width_warning):
+    for leaf_warning in (_length_warning, _exchange_warning, _thickness_warning, _width_warning):
         warnings += _grouped_warnings(leaves, leaf_warning)
     warnings += _curve_warnings(scene, leaves)
     return (*warnings, *_size_warnings(scene))
@@ -215,6 +217,17 @@ def _thickness_warning(leaf: Leaf) -> str:
     return (
         f"length {1e3 * leaf.length:.4g} mm is only {leaf.length / thickness:.2g} thicknesses; below {MIN_SLENDERNESS:g} a "
         "beam clamped in rigid blocks is a poor model, and the real one is softer"
+    )
+
+
+def _exchange_warning(leaf: Leaf) -> str:
+    """Warning about a leaf that is much thicker than wide; "" when it is not."""
+    thickness, width = thickness_and_width(leaf.section)
+    if not leaf.section.thickness or thickness <= MAX_THICKNESS_RATIO * width:
+        return ""
+    return (
+        f"thickness {1e3 * thickness:.4g} mm is more than its width {1e3 * width:.4g} mm, so that it bends most "
+        "easily along its width_axis; were the two exchanged? A rectangle takes thickness, then width"
     )
 
 

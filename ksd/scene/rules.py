@@ -27,7 +27,7 @@ def check_scene(scene: Scene) -> None:
 
 def broken_rules(scene: Scene) -> Iterator[str]:
     """A message for every rule that a scene breaks; rules other than those about names only when all names are right."""
-    if len(scene.links) < 2:
+    if len(scene.links) < 2 and not scene.leaves:
         yield f"mechanism '{scene.name}' has no link; add one with mechanism.link(name)."
     # "hinge/fold" is a block or a leaf inside joint 'hinge'
     has_slash = any("/" in name for name in (*scene.links, *(f.name for f in scene.leaves)))
@@ -43,7 +43,7 @@ def broken_rules(scene: Scene) -> Iterator[str]:
     messages = [message for kind, names in named.items() for message in _duplicate_names(kind, names)]
     messages += _unknown_links(scene)
     yield from messages
-    if messages or len(scene.links) < 2:
+    if messages or (len(scene.links) < 2 and not scene.leaves):
         return
     yield from _unattached_links(scene)
     yield from _duplicate_freedoms(scene)
@@ -67,7 +67,7 @@ def _unknown_links(scene: Scene) -> Iterator[str]:
     references: list[tuple[str, str, str]] = []
     for kind, placed in (("joint", scene.joints), ("leaf", scene.leaves)):
         for item in placed:
-            if item.a == item.b:
+            if item.a == item.b and kind == "joint":
                 yield f"{kind} '{item.name}' connects link '{item.a}' with itself; it needs two different links."
             references += [(kind, item.name, item.a), (kind, item.name, item.b)]
     for kind, drives in (("drive", scene.drives), ("support", scene.supports)):
@@ -169,7 +169,14 @@ def plane_hint(scene: Scene) -> str:
     what = "leaf springs have their width" if normals else "pins turn about an axis"
     normals += [h.axis for h in scene.hinges if h.kind == "pin"]
     plane = next((p for p, k in PLANES.items() if all(abs(e[k]) > 1.0 - 1e-9 for e in normals)), None)
-    if scene.plane or plane is None or not normals or connected_links(scene.neighbours()) == set(scene.links):
+    in_space = any(h.kind in ("ball", "cylindrical") for h in scene.hinges)
+    if (
+        scene.plane
+        or plane is None
+        or not normals
+        or in_space
+        or connected_links(scene.neighbours()) == set(scene.links)
+    ):
         return ""
     return (
         f"all {what} normal to the plane {plane}: if the mechanism lives in it, say "

@@ -106,7 +106,7 @@ class Scene(NotebookTables):
     name: of the mechanism; links: their names, links[0] is "ground"; joints, leaves: placed joints and free-form leaf
     springs; drives, supports, loads, masses: in the order of their statements. gravity (3,) [m/s^2], None when not
     mentioned; springs, compliances, heats, fits: see `ksd.scene.effects`; consider: optional effects of the leaf springs to
-    simulate. plane: "xy", "xz" or "yz" for a planar mechanism; hinges: pins and sliders, whose supports are among
+    simulate. plane: "xy", "xz" or "yz" for a planar mechanism; hinges: those without stiffness, whose supports are among
     `supports`; points: links that are points of leaf springs; distances: to be reported; sensors, dampers: see
     `ksd.scene.sensor`. Scenes with the same contents are equal, and have the same `fingerprint` in every process and on
     every machine.
@@ -180,7 +180,7 @@ class Scene(NotebookTables):
         hinges: pins and sliders connect too; supports: all supports connect too.
         """
         neighbours: dict[str, set[str]] = {link: set() for link in self.links}
-        pairs = [(j.a, j.b) for j in self.joints] + [(f.a, f.b) for f in self.leaves]
+        pairs = [(j.a, j.b) for j in self.joints] + [(f.a, f.b) for f in self.leaves if f.a != f.b]
         ends = {f.name: f.a for f in self.leaves}
         pairs += [(ends[p.leaf], p.name) for p in self.points if p.leaf in ends]
         if hinges:

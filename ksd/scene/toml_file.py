@@ -12,6 +12,7 @@
     [leaf.curve]       behind it: kind = "arc", radius, angle; or "sine", "legendre", "spline";  [leaf.profile]  likewise
     [[point]]          leaf, s = "30 mm", name
     [[pin]]            a, b, at (and axis, where there is no plane);  [[slider]]  link, along, at
+    [[ball]]           a, b, at;  [[cylindrical]]  a, b, at, axis
     [[actuate]]        link, about = "z", value = "30 deg"; or along and at; or joint; or terms = [{...}, ...]
     [[distance]]       a, b, start, end, name (and along, a direction): to be reported, such as the opening of a jaw
     [[compliance]]     link, section and material (hub, width_axis); or matrix = "file.npz" or "file.h5"

@@ -130,6 +130,8 @@ STATEMENTS: dict[str, Schema] = {
     "actuate": _MOTION,
     "support": _MOTION,
     "pin": LINK_PAIR | {"at": "length[3]", "axis": "direction", "name": "text"},
+    "ball": LINK_PAIR | {"at": "length[3]", "name": "text"},
+    "cylindrical": LINK_PAIR | {"at": "length[3]", "axis": "direction!", "name": "text"},
     "slider": {
         "link": "text!", "along": "direction!", "at": "length[3]", "relative_to": "text", "name": "text",
     },

@@ -79,6 +79,8 @@ def _scene_tree(scene: Scene, targets: dict[str, float]) -> Tree:
         "support": [_drive_tree(s) for s in scene.supports if s.name not in of_hinges],
         "pin": [_hinge_tree(h) for h in scene.hinges if h.kind == "pin"],
         "slider": [_hinge_tree(h) for h in scene.hinges if h.kind == "slider"],
+        "ball": [_hinge_tree(h) for h in scene.hinges if h.kind == "ball"],
+        "cylindrical": [_hinge_tree(h) for h in scene.hinges if h.kind == "cylindrical"],
         "sensor": [_sensor_tree(s) for s in scene.sensors],
         "damper": [_damper_tree(d) for d in scene.dampers],
         "compliance": [_compliance_tree(c, names) for c in scene.compliances],
@@ -244,10 +246,11 @@ def _drive_tree(drive: Drive) -> Tree:
 
 
 def _hinge_tree(hinge: Hinge) -> Tree:
-    """The table [[pin]] or [[slider]] of a hinge."""
+    """The table [[pin]], [[slider]], [[ball]] or [[cylindrical]] of a hinge."""
     tree: Tree = {"name": hinge.name, "at": hinge.at}
-    if hinge.kind == "pin":
-        return tree | {"a": hinge.a, "b": hinge.b, "axis": hinge.axis}
+    if hinge.kind != "slider":
+        axis = {} if hinge.kind == "ball" else {"axis": hinge.axis}
+        return tree | {"a": hinge.a, "b": hinge.b} | axis
     base = {} if hinge.a == GROUND else {"relative_to": hinge.a}
     return tree | {"link": hinge.b, "along": hinge.axis} | base
 

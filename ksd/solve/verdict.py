@@ -29,6 +29,7 @@ from ksd.model.arrays import STRAIN, carries_load
 from ksd.model.mesh import MAX_ORDER
 from ksd.properties.doctor import doctor
 from ksd.properties.printing import format_number
+from ksd.properties.strength import unusual_values
 from ksd.scene.rules import plane_hint
 from ksd.solve.branch_check import loads_dominate
 from ksd.solve.joint_range import MAX_UNINTENDED_DISPLACEMENT, MAX_UNINTENDED_ROTATION
@@ -321,7 +322,8 @@ def refusal(c: Configuration) -> str:
     minimum = f"; {c.minimum}" * bool(c.minimum)
     units = "".join(f"; {sentence}" for sentence in c.far_drives)
     hint = "strict=False (in Python) returns the state all the same"
-    return f"{verdict}{minimum}{_conflicting_drives(c)}; {hint}{units}"
+    unusual = "" if c.stable else "".join(f"; {sentence}" for sentence in unusual_values(c.model))
+    return f"{verdict}{minimum}{_conflicting_drives(c)}{unusual}; {hint}{units}"
 
 
 def require_solved(c: Configuration) -> Configuration:

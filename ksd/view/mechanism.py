@@ -267,19 +267,20 @@ def _draw_line(axes: Any, points: Array, **style: Any) -> None:
 
 
 def _draw_hinges(axes: Any, shape: Shape, camera: Camera, size: float) -> None:
-    """Draw a circle for every pin and a box on a guide for every slider."""
+    """Draw a circle for every pin, a ball for every ball joint, and a box or circle on a guide for what slides."""
     reach = 60.0 * size
     style = {"color": TEXT_COLOR, "zorder": 5.5}
     for hinge in shape.hinges:
         place = camera.flat(hinge.place)
-        if hinge.kind == "slider":
+        if hinge.kind in ("slider", "cylindrical"):
             along = 1e-3 * camera.flat(hinge.axis)
             side = 0.25 * reach * np.array([-along[1], along[0]])
             for edge in (side, -side):
                 rail = np.stack([place + edge - 1.5 * reach * along, place + edge + 1.5 * reach * along])
                 _draw_line(axes, rail, linewidth=0.9, **style)
-        marker = "o" if hinge.kind == "pin" else "s"
-        axes.plot(*place, marker=marker, markersize=6, markerfacecolor="white", **style)
+        marker = "s" if hinge.kind == "slider" else "o"
+        inside = TEXT_COLOR if hinge.kind == "ball" else "white"
+        axes.plot(*place, marker=marker, markersize=6, markerfacecolor=inside, **style)
 
 
 def _draw_names(axes: Any, shape: Shape, camera: Camera) -> None:

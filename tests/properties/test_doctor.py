@@ -114,3 +114,60 @@ def test_the_command_and_its_errors(capsys, tmp_path):
     assert (tmp_path / "a.json").stat().st_size > 500
     with pytest.raises(ksd.SceneError, match="not a mechanism"):
         ksd.doctor(3)
+
+
+def exchanged(thickness, width):
+    """A stage on two leaf springs, driven along x."""
+    scene = ksd.Mechanism("stage")
+    stage = scene.link("stage")
+    section, steel = ksd.rectangle(thickness, width), ksd.Material(E=200e9, nu=0.3)
+    for x in (0, 0.05):
+        scene.leaf(
+            "ground", stage, start=(x, 0, 0), end=(x, 0.1, 0), width_axis="z", section=section, material=steel
+        )
+    scene.actuate(stage, along="x", at=(0, 0.1, 0), name="d")
+    return scene
+
+
+def test_thickness_and_width_exchanged_are_doubted():
+    assert not ksd.doctor(exchanged(0.3e-3, 0.02)).unusual
+    (said,) = ksd.doctor(exchanged(0.02, 0.3e-3)).unusual[:1]
+    assert "thickness 20 mm is more than its width 0.3 mm" in said and "exchanged?" in said
+    with pytest.raises(ksd.TrustError, match=r"UNSTABLE.*were the two exchanged\?"):
+        ksd.solve(exchanged(0.02, 0.3e-3), d=5e-3)
+
+
+def test_an_elastic_link_counts_as_rigid():
+    """A frame with an elastic link and a drive: the counts are those of the rigid frame."""
+    found = []
+    for elastic in (False, True):
+        scene = exchanged(0.3e-3, 0.02)
+        if elastic:
+            steel = ksd.Material(E=200e9, nu=0.3)
+            scene.compliance("stage", section=ksd.rectangle(5e-3, 10e-3), material=steel, width_axis="z")
+        diagnosis = ksd.doctor(scene)
+        found.append((diagnosis.freedoms, diagnosis.held, diagnosis.constraints, diagnosis.independent))
+        assert ksd.doctor(ksd.compile_scene(scene)).freedoms == diagnosis.freedoms
+    assert found[0] == found[1]
+
+
+def test_free_motions_of_one_kind_are_told_once():
+    """A hexapod on six legs of a foot wire, a slide and a head wire: 30 soft motions in two lines."""
+    scene, steel = ksd.Mechanism("hexapod"), ksd.Material(E=200e9, nu=0.3)
+    scene.link("top")
+    for k in range(6):
+        foot, head = (np.deg2rad(120 * (k // 2) + (1 if k % 2 else -1) * angle) for angle in (20, 50))
+        a = np.array([0.1 * np.cos(foot), 0.1 * np.sin(foot), 0])
+        b = np.array([0.08 * np.cos(head), 0.08 * np.sin(head), 0.1])
+        along = (b - a) / np.linalg.norm(b - a)
+        lower, upper = scene.links(f"lower {k}", f"upper {k}")
+        wire = {"diameter": 1e-3, "material": steel}
+        scene.wire("ground", lower, start=a, end=a + 0.01 * along, name=f"foot {k}", **wire)
+        scene.wire(upper, "top", start=b - 0.01 * along, end=b, name=f"head {k}", **wire)
+        scene.slider(upper, along=along, at=a, relative_to=lower, name=f"slide {k}")
+        scene.actuate(upper, along=along, at=a, relative_to=lower, name=f"d{k}")
+    diagnosis = ksd.doctor(scene)
+    assert len(diagnosis.free) == 30
+    lines = [line for line in str(diagnosis).splitlines() if line.startswith("free: ")]
+    assert len(lines) == 2
+    assert "can turn, 18 motions in all: only leaf springs that bend hold them, with" in "".join(lines)
