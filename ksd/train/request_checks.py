@@ -15,6 +15,8 @@ from ksd.scene import DrawnJoint, Joint
 from ksd.train.catalogue import FAMILY_DESIGNS
 from ksd.train.designs import Design
 
+MIN_STROKE = 1e-5
+"""Smallest range of an intended motion [rad or joint lengths] whose functions are told from their wanted errors."""
 MAX_MOTIONS = 2
 """Largest number of intended motions of a joint that records and compiled steps support."""
 
@@ -48,6 +50,14 @@ def check_design(design: Design) -> None:
             f"{design.family}: at {shape} make returned a joint '{joint.family}' of shape {drawn_shape}, under which the "
             "record would not be found; say the same family and shape={...} in the joint."
         )
+    for motion in joint.motions:
+        unit, sign = (joint.length, "joint lengths") if motion.kind == "translation" else (1.0, "rad")
+        reach = max(abs(v) for v in motion.range) / unit
+        if reach < MIN_STROKE:
+            raise SceneError(
+                f"{design.family}: the range of motion '{motion.name}' is {reach:.2g} {sign}, which a record does not tell "
+                f"from none; give it at least {MIN_STROKE:g} {sign}."
+            )
     if len(joint.motions) > MAX_MOTIONS:
         raise SceneError(
             f"{design.family}: {len(joint.motions)} intended motions ({', '.join(m.name for m in joint.motions)}); a record "

@@ -42,6 +42,8 @@ CORNER_POINTS = 9
 """Points per motion of the checks at the corners of the shapes."""
 RELEVANT_CHANGE = 1e-4
 """Change of a pose [rad, joint lengths] above which train warns of a parameter that a record leaves out."""
+WARNED_MISS, REFUSED_MISS = 10.0, 100.0
+"""Errors over the wanted ones of TOLERANCE: on fresh shapes, above which train warns; above which a record is refused."""
 FIRST_ROUND_SHAPES, FRESH_SHAPES = 16, 8
 """Shapes of the first round (doubled from round to round), and shapes reserved for the check."""
 
@@ -71,8 +73,9 @@ def train(
     when None; the same inputs give the same bytes. most_shapes: limit of the adaptive sampling. tolerance: wanted
     errors by group, see TOLERANCE.
 
-    Raises SceneError for unknown names and for joints that cannot be represented (see `ksd.train.sampling`),
-    RecordError when the record cannot be written. Warns (UserWarning) when the wanted errors are missed.
+    Raises SceneError for unknown names and for joints that cannot be represented (see `ksd.train.sampling`; also where the
+    functions miss the wanted errors by more than REFUSED_MISS times), RecordError when the record cannot be written. Warns
+    (UserWarning) when the wanted errors are missed.
     """
     design = design_of(family_or_joint, shapes)
     check_design(design)
@@ -104,11 +107,12 @@ def _sample_and_fit(
     evidence = _evidence(design, middle, plan, jobs)
     _check_corners(corners, plan, jobs)
     _warn_of_relevant_others(design, evidence)
-    design = replace(design, idle=_irrelevant_parameters(design, evidence, tolerances))
+    design = replace(design, idle=_irrelevant_parameters(design, evidence, tolerances, plan, jobs))
     places, samples, fit = _fit_in_rounds(design, plan, jobs, tolerances, max_shapes)
-    _warn_of_missed_errors(design, fit)
     fresh_places = _fresh_places(design)
     fresh = jobs.run([Job(design.joint(p), check_plan) for p in fresh_places])
+    residuals = _residuals(fit, plan, check_plan, (places, samples), (fresh_places, fresh))
+    _check_missed_errors(design, fit, residuals)
     sentence = (
         f"trained on {len(places)} shapes, checked on {len(fresh)} fresh ones; total degrees "
         f"{fit.motion_degree} in the motions, {fit.shape_degree} in the shape; leave-one-out errors over "
@@ -119,7 +123,7 @@ def _sample_and_fit(
     return replace(
         record,
         probes=probes_of(record, fresh_places, check_plan.grid),
-        residuals=_residuals(fit, plan, check_plan, (places, samples), (fresh_places, fresh)),
+        residuals=residuals,
         evidence=evidence,
         samples=(len(places), len(fresh)),
         version=__version__,
@@ -152,13 +156,25 @@ def up_to_date(family_or_joint: str | Joint | Design, *, out: str | os.PathLike[
         return ""
 
 
-def _warn_of_missed_errors(design: Design, fit: Fit) -> None:
-    """Warn where the fit misses the wanted errors."""
-    if not fit.converged:
+def _check_missed_errors(design: Design, fit: Fit, residuals: tuple[Residual, ...]) -> None:
+    """Warn where the functions miss the wanted errors; raise SceneError where they are far from the joint."""
+    wanted = {group: design.tolerance_factor * value for group, value in TOLERANCE.items()}
+    fitted = max(r.fit_rms / wanted[r.group] for r in residuals)
+    missed = max(fitted, *(r.fresh_rms / wanted[r.group] for r in residuals))
+    if missed > REFUSED_MISS:
+        raise SceneError(
+            f"{design.family}: the functions miss the joint by {missed:.2g} times the wanted errors, so that no record is "
+            + (
+                "written: over the stroke it is not smooth, as where a leaf spring buckles; reduce its range of motion."
+                if fit.motion_error > fit.shape_error and fitted > REFUSED_MISS
+                else "written: they do not follow its shape; reduce the range of the shape, or raise most_shapes."
+            )
+        )
+    if not fit.converged or missed > WARNED_MISS:
+        missed = max(missed, fit.motion_error, fit.shape_error)
         warn_user(
-            f"{design.family}: the functions are fitted no better than {max(fit.motion_error, fit.shape_error):.2g} times "
-            "the wanted errors; the residuals in the record tell them. Reduce the range of motion or of the shape, or "
-            "raise most_shapes.",
+            f"{design.family}: the functions are fitted no better than {missed:.2g} times the wanted errors; the residuals "
+            "in the record tell them. Reduce the range of motion or of the shape, or raise most_shapes.",
             UserWarning,
         )
 
@@ -247,9 +263,14 @@ def _fitted_parameters(design: Design) -> list[int]:
 
 
 def _irrelevant_parameters(
-    design: Design, evidence: tuple[Evidence, ...], tolerances: Mapping[str, float]
+    design: Design,
+    evidence: tuple[Evidence, ...],
+    tolerances: Mapping[str, float],
+    plan: SamplingPlan,
+    jobs: Jobs,
 ) -> tuple[str, ...]:
-    """Shape parameters whose ends change no function by more than its wanted error.
+    """Shape parameters that change no function by more than its wanted error, neither at their ends nor at fresh shapes,
+    where they are put in the middle (a parameter can have an effect between ends that equal the middle).
 
     The record leaves them out; fresh shapes vary them nevertheless.
     """
@@ -258,8 +279,26 @@ def _irrelevant_parameters(
         for e in evidence
         if e.interface > tolerances["interface"] or e.rotations > tolerances["rotations"]
     }
-    varying = (design.parameters[i].name for i in _varying_parameters(design))
-    return tuple(name for name in varying if name not in relevant)
+    candidates = [i for i in _varying_parameters(design) if design.parameters[i].name not in relevant]
+    if not candidates:
+        return ()
+    few = SamplingPlan(plan.lines, plan.meshes[:1], plan.orders, refuse_collisions=False)
+    fresh = _fresh_places(design)
+    base = jobs.run([Job(design.joint(p), few) for p in fresh])
+    irrelevant = []
+    for i in candidates:
+        places = fresh.copy()
+        places[:, i] = 0.0
+        others = jobs.run([Job(design.joint(p), few) for p in places])
+        same = all(
+            np.abs(one[key] - other[key]).max(initial=0.0) <= tolerances[key[1]]
+            for one, other in zip(base, others, strict=True)
+            for key in one
+            if key[1] != "wrench"
+        )
+        if same:
+            irrelevant.append(design.parameters[i].name)
+    return tuple(irrelevant)
 
 
 def _expand_places(design: Design, parameters: list[int], unit: Array) -> Array:

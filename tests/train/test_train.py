@@ -499,6 +499,65 @@ def test_a_record_worse_than_wanted_is_told(tmp_path, threads):
         train(guide(), tolerance={"amplitudes": 1e-17}, **options)
 
 
+def shortened(middle, stroke=0.02):
+    """A guide of three leaf springs of 0.1 m, the middle one of another length, which is then compressed by a stroke."""
+    leaves = [
+        ksd.Leaf(start=(0.1 - length, y, 0), end=(0.1, y, 0), width_axis=(0, 0, 1), section=rectangle(5e-4, 0.02),
+                 material=STEEL, name=name, start_block="A", end_block="B")
+        for name, y, length in (("low", -0.03, 0.1), ("middle", 0.0, middle), ("high", 0.03, 0.1))
+    ]  # fmt: skip
+    motion = Motion("stroke", "translation", (0, 1, 0), (-stroke, stroke))
+    blocks = {"A": (0, 0, 0), "B": (0.1, 0, 0)}
+    return DrawnJoint("shortened", blocks=blocks, leaves=leaves, motions=[motion], length=0.1)
+
+
+def test_a_joint_whose_leaf_springs_buckle_in_the_stroke_has_no_record(tmp_path, threads):
+    """Reduced answers of such a record had 30 times the energy; with leaf springs of one length there is one."""
+    options = {"out": tmp_path, "executor": threads, "meshes": ("strain",), "progress": False}
+    with pytest.raises(
+        SceneError, match=r"shortened: .* not smooth, as where a leaf spring buckles; reduce its range"
+    ):
+        train(shortened(0.08), **options)
+    assert not (tmp_path / "shortened.h5").exists()
+    with pytest.warns(UserWarning, match="no better than"):
+        assert train(shortened(0.1), **options).samples == (1, 1)
+
+
+def test_a_stroke_too_small_to_tell_is_refused(tmp_path, threads):
+    options = {"out": tmp_path, "executor": threads, "meshes": ("strain",), "progress": False}
+    with pytest.raises(SceneError, match=r"range of motion 'stroke' is 1e-09 joint lengths.*at least 1e-05"):
+        train(shortened(0.1, 1e-10), **options)
+
+
+def there_and_back(*, position):
+    """The angle is that of the middle at both ends too."""
+    joint = cross(angle=0.78 + 0.03 * position * (1 - position**2), gap=0.005)
+    return DrawnJoint(
+        "there_and_back", blocks=joint.blocks(), leaves=joint.leaves(), motions=joint.motions,
+        length=joint.length, shape={"position": position},
+    )  # fmt: skip
+
+
+def test_a_parameter_whose_ends_equal_the_middle_is_not_left_out(tmp_path, threads):
+    """It was, and the record was 17,000 times the wanted error off at the shapes between."""
+    record = train(
+        Design("there_and_back", (Parameter("position", -1.0, 1.0),), there_and_back),
+        out=tmp_path, executor=threads, meshes=("strain",), progress=False,
+    )  # fmt: skip
+    assert record.powers[:, len(record.motions)].any() and "No dependence" not in record.history[-1]
+    assert record.worst("strain") < 1e-5
+
+
+def test_functions_that_miss_the_shapes_are_refused(tmp_path, threads, monkeypatch):
+    """The same where the parameter is left out: fresh shapes see it."""
+    monkeypatch.setattr("ksd.train.run._irrelevant_parameters", lambda *_: ("position",))
+    with pytest.raises(SceneError, match="they do not follow its shape; reduce the range of the shape"):
+        train(
+            Design("there_and_back", (Parameter("position", -1.0, 1.0),), there_and_back),
+            out=tmp_path, executor=threads, meshes=("strain",), progress=False,
+        )  # fmt: skip
+
+
 def gapped(*, angle, gap):
     joint = cross(angle=angle, gap=0.01 * gap)
     return DrawnJoint(
