@@ -69,7 +69,9 @@ UNSUPPORTED = {
 """Parts that a scene may not have, by its fields, in words for a message."""
 
 
+# shapes on the way to an answer may overflow; what is not finite is refused or left by a shorter step
 @clear_argument_errors
+@np.errstate(all="ignore")
 def rest_shape(
     mechanism: Mechanism | Scene,
     wanted: Configuration | Mapping[str, Any] | None = None,

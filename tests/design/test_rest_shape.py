@@ -466,3 +466,21 @@ def test_drives_the_other_way_about_and_along():
     scene.actuate(tip, about=(0, 0, -1), name="turn")
     scene.actuate(tip, along=(0, -1, 0), at=(0.1, 0, 0), name="lift")
     round_trip(scene, turn=0.2, lift=0.01)
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("force", [1e3, 1e6, 1e9])
+def test_loads_that_overflow_are_refused_or_answered_without_warnings_of_numpy(force):
+    """Some 400 warnings of overflow left the package."""
+    scene = ksd.Mechanism("overloaded", plane="xy")
+    tip = scene.link("tip")
+    scene.leaf(
+        "ground", tip, start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(5e-4, 0.02), width_axis="z",
+        material=ksd.Material(E=200e9, nu=0.3),
+    )  # fmt: skip
+    scene.load(tip, force=(0, force, 0), at=(0.1, 0, 0))
+    if force < 1e9:
+        assert ksd.rest_shape(scene)
+    else:
+        with pytest.raises(ksd.ConvergenceError, match="the way to the rest shape of 'overloaded' ends"):
+            ksd.rest_shape(scene)
