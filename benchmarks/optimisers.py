@@ -64,8 +64,8 @@ def by_gradients(job: ksd.Job, x: np.ndarray) -> tuple[Course, int, int]:
     told = Course()
 
     def heard(search: ScaledProblem, _: int) -> None:
-        for margins in list(search.known_margins.values())[-1:]:
-            told(float(np.exp(search.level(margins))), search.is_feasible(margins))
+        for found in list(search.evaluated.values())[-1:]:
+            told(found.merit, search.is_feasible(search.margins(found.y)))
 
     found = optimise_from(job, DesignLog(job), [x], "gradient", progress=heard)
     return told, found.evaluations, found.gradients

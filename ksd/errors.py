@@ -72,10 +72,12 @@ class RecordError(KsdError):
     exit_code = 4
 
 
-DESIGN_ERRORS = (SceneError, ArithmeticError, ValueError, AssertionError, RuntimeError)
-"""Errors by which a function of parameters refuses a design; others are mistakes in the function."""
+DESIGN_ERRORS = (Exception,)
+"""Errors by which a function of parameters refuses a design: any, as one design must not end a search for all others."""
 
 
 def reason_text(error: BaseException) -> str:
-    """The message of an error; its type where it has none, as that of a bare assert."""
+    """The message of an error; with its type where it is none by itself, as that of a bare assert or of a missing key."""
+    if isinstance(error, KeyError) and str(error):
+        return f"{type(error).__name__}: {error}"
     return str(error) or type(error).__name__

@@ -45,6 +45,18 @@ def test_figures_of_paper_1(script, tmp_path):
     assert json.loads((tmp_path / "paper1.json").read_text())["machine"]["numba"]
 
 
+def test_optima(script, tmp_path):
+    found = script("optima").main(["--quick", "--out", str(tmp_path)])
+    shares = found["summary"]["gradient, 4 starts"]
+    assert shares["jobs"] == shares["best of all"] + shares["failed"] >= 1
+    assert all(
+        own["missed near, untold"] == own["violated"] == 0
+        for name, own in found["summary"].items()
+        if name != "worths"
+    )
+    assert (tmp_path / "optima.json").stat().st_size > 1000
+
+
 def test_speed(script, tmp_path):
     readme = tmp_path / "README.md"
     readme.write_text("before\n<!-- measured:begin -->\nold\n<!-- measured:end -->\nafter\n")

@@ -62,7 +62,9 @@ def first_buildable(function: Callable[..., Any], bounds: Bounds) -> Any:
             return function(**parameters_between(bounds, fractions))
         except SceneError as reason:
             first_reason = first_reason or reason
-    raise SceneError(f"no design within the bounds could be built; the one in the middle: {first_reason}")
+    raise SceneError(
+        f"no design within the bounds could be built; the one in the middle: {first_reason}"
+    ) from first_reason
 
 
 def joints_between(function: Callable[..., Any], bounds: Bounds, fractions: Array) -> list[Joint]:

@@ -23,6 +23,8 @@ from ksd.properties.printing import progress_bar
 Array = np.ndarray
 BLOCK_SIZE = 32
 """Designs evaluated together; an interruption loses at most one block."""
+NO_DESIGN = ("slopes", "finer mesh")
+"""Beginnings of keys of other entries than designs."""
 
 
 class DesignLog:
@@ -66,7 +68,7 @@ class DesignLog:
     def batch(self, X: ArrayLike, *, by: str = "") -> DesignAnswers:
         """Answers of designs X (D, P) as by `Job.batch`; a design is on disk when its block is done."""
         X = np.atleast_2d(np.asarray(X, float))
-        keys = [_key(x) for x in X]
+        keys = [self._key(x) for x in X]
         first_index = {key: k for k, key in reversed(list(enumerate(keys)))}
         new = sorted(k for key, k in first_index.items() if key not in self.file.entries)
         with progress_bar(self.progress and len(new) > 1) as bar:
@@ -90,12 +92,23 @@ class DesignLog:
     def slopes(self, x: ArrayLike, *, by: str = "") -> tuple[Array, Array]:
         """Answers (answers,) of a design as by `values`, and their slopes (answers, P); raises what `Job.slopes` raises."""
         x = np.asarray(x, float)
-        values, key = self.values(x, by=by), f"slopes {_key(x)}"
+        values, key = self.values(x, by=by), f"slopes {self._key(x)}"
         if key not in self.file.entries:
             slopes = self.job.slopes(x)[1]
             self.file.add(key, [dict(zip(self.job.names, s.tolist(), strict=True)) for s in slopes.T])
         rows = self.file.entries[key]
         return values, np.array([[row[n] for n in self.job.names] for row in rows]).T
+
+    def on_finer_mesh(self, x: Array) -> DesignAnswers:
+        """Answers of a design x (P,) on a finer mesh, see `Job.on_finer_mesh`."""
+        key = f"finer mesh {self._key(x)}"
+        if key not in self.file.entries:
+            values, status = self.job.on_finer_mesh().batch(x)
+            self.file.add(
+                key, [dict(zip(self.job.names, values[0].tolist(), strict=True)) | {"status": status[0]}]
+            )
+        row = self.file.entries[key][0]
+        return DesignAnswers(np.array([[row[n] for n in self.job.names]]), (str(row.get("status", "")),))
 
     def _add(self, key: str, x: Array, values: Array, status: str, by: str) -> None:
         row = {**self.job.design_at(x), **dict(zip(self.job.names, values.tolist(), strict=True))}
@@ -114,21 +127,22 @@ class DesignLog:
         for key, rows in entries.items():
             if key not in self.file.entries:
                 self.file.add(key, rows)
-            if not key.startswith("slopes"):
+            if not key.startswith(NO_DESIGN):
                 self._requested_row(key)
 
     def add_from_file(self, known: Collection[str]) -> None:
         """Add the designs that workers have written to the file, but those with the keys `known`."""
         self.file.read_again()
         for key in self.file.entries:
-            if key not in known and not key.startswith("slopes"):
+            if key not in known and not key.startswith(NO_DESIGN):
                 self._requested_row(key)
 
     def table(self) -> Table:
         """A row per design, in the order of the first request."""
-        return Table.of_rows(list(self.rows.values()), self.job.parameters, name="job")
+        return Table.of_rows(
+            [self.job.as_told(row) for row in self.rows.values()], self.job.parameters, name="job"
+        )
 
-
-def _key(x: Array) -> str:
-    """The parameters of a design as exact hexadecimal text."""
-    return " ".join(float(v).hex() for v in x)
+    def _key(self, x: Array) -> str:
+        """The parameters of a design as exact hexadecimal text; with the method where it is not that of the job as given."""
+        return ("conventional " if self.job.method_note else "") + " ".join(float(v).hex() for v in x)

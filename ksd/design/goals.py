@@ -23,7 +23,7 @@ class Answer:
     """A target or limit: a column of `ksd.sweep` at a pose, or over all poses (None).
 
     role: "maximise", "minimise" or "limit"; scale: divisor of a target; low, high: of a limit; factor: multiplies a target
-    to make it robust; is_absolute: the absolute value of the column is the answer.
+    to make it robust; is_absolute: the absolute value of the answer counts.
     """
 
     name: str
@@ -45,6 +45,7 @@ class Answer:
         """A target over its scale, larger is better; infinite for a limit."""
         if self.role == "limit":
             return np.inf
+        value = abs(value) if self.is_absolute else value
         return (value if self.role == "maximise" else -value) * self.factor / self.scale
 
     def margins(self, value: float) -> list[float]:

@@ -80,6 +80,8 @@ SPARE_SCENES = 8
 """Scenes cached in addition to those of a gradient."""
 MAX_RANDOM_TRIALS = 4096
 """Random designs at which rules are evaluated before they count as never met."""
+MAX_FAILED_RULES = 50
+"""Random designs at which a rule may fail before one at which all rules have values."""
 MAX_SKIPPED_DESIGNS = 100
 """Random designs that cannot be built and are passed over; after so many, the search itself says why."""
 Targets = str | Sequence[str] | Mapping[str, float]
@@ -180,6 +182,10 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     paths: DrivePaths
     method: Literal["full", "reduced", "conventional"]
     extrapolate: bool
+    # why the method is another one than the default
+    method_note: str
+    # whether answers of which the absolute value is minimised have their signs, which optimisers need
+    is_signed: bool
     # the design solved last, as bytes, and its poses, which its slopes need
     last_solved: tuple[bytes, list[SolvedPoses]] | None
 
@@ -222,7 +228,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         check_design_parameters(function, [given_bounds], "vary")
         self.__dict__.update(
             function=function, build=_CachedSceneFunction(function, 2 * len(given_bounds) + SPARE_SCENES),
-            vary=given_bounds, loads=loads, extrapolate=extrapolate, last_solved=None,
+            vary=given_bounds, loads=loads, extrapolate=extrapolate, last_solved=None, method_note="", is_signed=False,
             drives=values, cases=load_cases(loads), rules=_check_rules(rules),
             paths=drive_paths(values, together=boolean(together, "together")),
             **({} if mesh is None else {"mesh": mesh}),
@@ -234,7 +240,8 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
             failure = add_loads(scene, case_loads)[1]
             if failure:
                 raise SceneError(failure)
-        known = column_questions(scene, modes)
+        released = parse_questions((), link, at, freed, modes=modes).freed
+        known = column_questions(scene, modes, released)
         goals = parse_goals(maximise, minimise, limits, known)
         names = tuple(dict.fromkeys(known[goal.column] for goal in goals))
         questions = replace(parse_questions(names, link, at, freed, modes=modes), detailed=True)
@@ -314,7 +321,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
             lines.append(
                 f"  {column} {' and '.join(t for t, v in ((least, low), (most, high)) if np.isfinite(v))}"
             )
-        return "\n".join(lines)
+        return "\n".join([*lines, *filter(None, [self.method_note])])
 
     def _answers_at_poses(self, goals: list[Answer], scene: Scene, signed: set[str]) -> tuple[Answer, ...]:
         """Answers of every goal at every pose, those of sizes over all poses together.
@@ -401,6 +408,37 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
                 )
         return np.clip(x, *self.bounds.T)
 
+    def conventionally(self, reason: str) -> Job | None:
+        """The same job by the conventional method, with a note of the reason; None where the method was given."""
+        if self.method == "conventional" or self.arguments["method"] is not None:
+            return None
+        job = Job(self.function, **{**self.arguments, "method": "conventional"})
+        job.__dict__.update(
+            answers=self.answers,
+            is_signed=self.is_signed,
+            method_note=f"Solved by the conventional method, as the start is beyond what the joint records hold: {reason}",
+        )
+        return job
+
+    def with_signs(self, is_signed: bool = True) -> Job:
+        """The same job whose answers have their signs also where their absolute values are minimised, or not."""
+        job = copy(self)
+        job.__dict__["is_signed"] = is_signed
+        return job
+
+    def as_told(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Answers by name without the signs of those whose absolute values are minimised; other entries unchanged."""
+        absolute = {a.name for a in self.answers if a.is_absolute}
+        return {n: abs(v) if n in absolute else v for n, v in values.items()}
+
+    def on_finer_mesh(self) -> Job:
+        """The same job by the conventional method on the reference mesh for errors, see `Mesh.refined`."""
+        job = copy(self)
+        for name in ("_solvers", "mesh"):
+            job.__dict__.pop(name, None)
+        job.__dict__.update(method="conventional", mesh=self.mesh.refined(), last_solved=None)
+        return job
+
     def random(self, count: int, *, seed: int = 0) -> Array:
         """Designs (count, P) within bounds and rules, as far as they can be built; the first is in the middle if possible.
 
@@ -411,12 +449,19 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         positive = (self.bounds > 0.0).all(axis=1)
         ends = self.bounds.copy()
         ends[positive] = np.log(ends[positive])
-        largest, span, skipped = np.full(len(self.rule_names), -np.inf), np.diff(ends)[:, 0], 0
+        largest, span = np.full(len(self.rule_names), -np.inf), np.diff(ends)[:, 0]
+        skipped, failures = 0, list[SceneError]()
         for k in range(MAX_RANDOM_TRIALS + 50 * count):
             fractions = np.full(len(ends), 0.5) if k == 0 and seed == 0 else rng.uniform(size=len(ends))
             scaled = ends[:, 0] + fractions * span
             x = np.clip(np.where(positive, np.exp(np.where(positive, scaled, 0.0)), scaled), *self.bounds.T)
-            values = self.rule_values(x, shapes=False)
+            try:
+                values = self.rule_values(x, shapes=False)
+            except SceneError as reason:
+                failures.append(reason)
+                if len(failures) == k + 1 == MAX_FAILED_RULES:
+                    raise failures[0] from None
+                continue
             if (values >= 0.0).all() and self.coupled_ranges:
                 # evaluated last, as building a scene costs more than most rules
                 values = self.rule_values(x)
@@ -428,6 +473,8 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
                 designs.append(x)
             if len(designs) == count:
                 return np.array(designs)
+        if failures and np.isneginf(largest).all():
+            raise failures[0]
         ranges = largest[len(self.rules) :]
         # not evaluated where no design meets the rules before them, and not to blame
         ranges[np.isneginf(ranges)] = 0.0
@@ -469,9 +516,9 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
                         f"it is {value}; in place of a < b give b - a, not negative where it is met"
                     )
                 values.append(float(value))
-            except (*DESIGN_ERRORS, LookupError, AttributeError, TypeError) as reason:
+            except DESIGN_ERRORS as reason:
                 text = reason_text(reason)
-                if isinstance(reason, KeyError):
+                if isinstance(reason, KeyError) and reason.args and reason.args[0] not in parameters:
                     text = f"no parameter {reason}{name_hint(reason.args[0], self.parameters)}"
                 raise SceneError(f"rule {_rule_name(k, rule)} gives no number: {text}") from None
         if self.coupled_ranges and shapes:
@@ -490,11 +537,17 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         """Slopes (ranges, P) of the last rules, the trained ranges, from the same scenes as `slopes`."""
         parameters, slopes = self.design_at(x), np.zeros((len(self.coupled_ranges), len(self.vary)))
         for i, (name, value) in enumerate(parameters.items() if self.coupled_ranges else ()):
-            h = RELATIVE_STEP * (abs(value) or 1.0)
+            h = RELATIVE_STEP * self._step_sizes.get(name, abs(value))
             with without_whole_checks():
                 plus, minus = (self._range_margins({**parameters, name: value + s}) for s in (h, -h))
             slopes[:, i] = (np.array(plus) - minus) / (2 * h)
         return slopes
+
+    @property
+    def _step_sizes(self) -> dict[str, float]:
+        """Ranges of the parameters that can be zero, to which their steps are relative; others' are to their values."""
+        pairs = zip(self.vary, self.bounds.tolist(), strict=True)
+        return {name: high - low for name, (low, high) in pairs if low <= 0.0}
 
     # ---- answers ---------------------------------------------------------------------------------------------------------
 
@@ -586,7 +639,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
             else:
                 row = rows[a.pose]
                 value = row.get(a.column, np.nan)
-                value = abs(value) if a.is_absolute else value
+                value = abs(value) if a.is_absolute and not self.is_signed else value
                 values[k] = a.value_if_nan if a.column in row and np.isnan(value) else value
         return values
 
@@ -606,7 +659,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
             answers, solved = self._solve_batch(x[None])
             if not solved:
                 raise KsdError(f"no gradient: {answers.status[0]}")
-        gradient = gradient_at(solved, self.questions, self.build, self.design_at(x))
+        gradient = gradient_at(solved, self.questions, self.build, self.design_at(x), sizes=self._step_sizes)
         index = {c: i for i, c in enumerate(gradient.columns)}
         rows = [{c: float(gradient.values[c][n]) for c in index} for n in range(len(self.poses))]
         slopes = np.zeros((len(self.answers), len(self.vary)))
@@ -617,7 +670,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
                 slopes[k] -= gradient.slopes[index[lowest], :, np.argmin(gradient.values[lowest])]
             elif a.column in index:
                 slopes[k] = gradient.slopes[index[a.column], :, a.pose]
-                slopes[k] *= np.sign(rows[a.pose][a.column]) if a.is_absolute else 1.0
+                slopes[k] *= np.sign(rows[a.pose][a.column]) if a.is_absolute and not self.is_signed else 1.0
         values = self._answers_from(rows)
         slopes[np.isinf(values)] = 0.0
         return values, slopes
@@ -631,12 +684,15 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         return "".join(with_mesh_check(worst, DEFAULT_ACCURACY).notes[len(worst.notes) :])
 
     def merit(self, values: ArrayLike) -> float:
-        """The worst target over its scale, larger is better; nan for a job that has limits alone.
+        """The worst finite target over its scale, larger is better; nan for a job that has limits alone.
 
-        Where targets are minimised, it is minus the largest of them over its scale.
+        Where targets are minimised, it is minus the largest of them over its scale. An infinite target never is the worst:
+        nothing moves that it asks for, or nothing buckles.
         """
         pairs = zip(self.answers, np.asarray(values, float), strict=True)
-        return float(np.min([a.merit(v) for a, v in pairs if a.role != "limit"] or [np.nan]))
+        merits = np.array([a.merit(v) for a, v in pairs if a.role != "limit"])
+        finite = merits[~np.isinf(merits)]
+        return float(np.min(finite if len(finite) else np.append(merits, np.nan)[:1]))
 
     def merit_spoken(self, *merits: float, digits: int = 3) -> str:
         """The worst target as text, at one design or as a range of two: over its scale, or with its column where there is
@@ -712,7 +768,13 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         low = self.limits.get(column, (-np.inf, np.inf))[0]
         ends = (low if np.isfinite(low) else None, min(high, MAX_MAGNITUDE))
         limits = {**(self.arguments["limits"] or {}), column: ends}
-        return Job(self.function, **{**self.arguments, "limits": limits})
+        job = Job(self.function, **{**self.arguments, "method": self.method, "limits": limits})
+        job.__dict__.update(
+            is_signed=self.is_signed,
+            method_note=self.method_note,
+            arguments={**self.arguments, "limits": limits},
+        )
+        return job
 
     def beyond_ranges(self) -> Job:
         """The same job, which also solves designs outside the trained ranges; its answers within them are the same."""
@@ -736,7 +798,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
                 failures.append(str(reason))
         contents = (
             self.method, self.mesh, self.extrapolate, self.poses, self.loads, self.names,
-            [a.is_absolute for a in self.answers], [scene.fingerprint() for scene in scenes],
+            [a.is_absolute and not self.is_signed for a in self.answers], [scene.fingerprint() for scene in scenes],
             record_hashes(scenes, self.method), failures,
         )  # fmt: skip
         return f"{self.parameters} ({self.questions.fingerprint_text()}, {repr(contents)[1:]}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -14,8 +14,9 @@ import numpy as np
 from ksd.checks import name_hint
 from ksd.design.design_log import DesignLog
 from ksd.design.job import Job
+from ksd.design.optimality import MESH_SHARE, NEIGHBOURS, STOPPED, Proof
 from ksd.design.optimum_page import optimum_page
-from ksd.design.scaled_problem import BINDING_MARGIN, ScaledProblem
+from ksd.design.scaled_problem import FEASIBLE_MARGIN, ScaledProblem
 from ksd.design.table import OK, Table
 from ksd.errors import SceneError
 from ksd.files import check_target, write_file
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = np.ndarray
+AGREEMENT = 1e-4
+"""Relative difference of merits up to which starts end at the same optimum."""
 NO_GRADIENT_TEXT = "What holds it is not known: there is no gradient at this design"
 
 
@@ -38,7 +41,8 @@ class StartResult(NamedTuple):
     """Result of one start.
 
     start, design: its first and last design by parameter; merit: worst target over its scale at the last one; values,
-    gradients: number of evaluations; status: "ok" or why it is no optimum.
+    gradients: number of evaluations; status: "ok" or why it is no optimum; note: where the search began elsewhere, or ended
+    for want of a gradient.
     """
 
     start: dict[str, float]
@@ -47,6 +51,7 @@ class StartResult(NamedTuple):
     values: int
     gradients: int
     status: str
+    note: str = ""
 
 
 class TriedDesigns(NamedTuple):
@@ -64,7 +69,12 @@ class TriedDesigns(NamedTuple):
     @property
     def met(self) -> Array:
         """Whether all limits and rules are met (n,)."""
-        return self.exceeded <= BINDING_MARGIN
+        return self.exceeded <= FEASIBLE_MARGIN
+
+    @property
+    def searches(self) -> list[str]:
+        """Labels of the searches; the neighbours of the optimum are not part of one."""
+        return [name for name in dict.fromkeys(self.by) if name != NEIGHBOURS]
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -74,10 +84,10 @@ class Optimum(PrintableAnswer):
     job: with the limits that were applied; method: of the search; design: parameters by name, SI; merit: the worst target
     over its scale; answers: by name. held: the active targets, limits, rules and bounds by name, with their worth: percent
     by which the merit grows per percent that a limit or bound is moved (of targets the share that each has in the worst, of
-    rules per percent of their range); empty where the design has no gradient. flat: a direction of parameters by name along
-    which no active constraint changes; starts: result of each start; table: every design; seconds: CPU time. robust: number
-    of standard deviations by which limits of `job` are moved in and targets lowered; margins: the amounts by answer, in
-    units of its column.
+    rules per percent of their range, of a bound at 0 per percent of the range of its parameter); empty where the design has
+    no gradient. flat: a direction of parameters by name along which no active constraint changes; starts: result of each
+    start; table: every design; seconds: CPU time. robust: number of standard deviations by which limits of `job` are moved
+    in and targets lowered; margins: the amounts by answer, in units of its column. proof: what shows that it is an optimum.
     """
 
     job: Job
@@ -92,6 +102,12 @@ class Optimum(PrintableAnswer):
     seconds: float
     robust: float = 0.0
     margins: Mapping[str, float] = field(default_factory=dict)
+    proof: Proof = field(default_factory=lambda: Proof(STOPPED))
+
+    @property
+    def status(self) -> str:
+        """ "optimum", "no better neighbour found" or "stopped", see `Proof`."""
+        return self.proof.status
 
     @property
     def mechanism(self) -> Any:
@@ -110,10 +126,9 @@ class Optimum(PrintableAnswer):
 
     @property
     def agreed(self) -> int:
-        """Number of starts whose merit is within 1e-4 of the best: limits are met to 1e-5, and the merit may change by
-        several times as much."""
+        """Number of starts whose merit is within 1e-4 of the best."""
         good = [s.merit for s in self.starts if s.status == OK]
-        return sum(abs(m - max(good)) <= 10 * BINDING_MARGIN * abs(max(good)) for m in good)
+        return sum(abs(m - self.merit) <= AGREEMENT * abs(self.merit) for m in good)
 
     @property
     def worst(self) -> str:
@@ -145,7 +160,7 @@ class Optimum(PrintableAnswer):
         values = np.array([[row[n] for n in self.job.names] for row in rows])
         problem = ScaledProblem(self.job, DesignLog(self.job), "")
         pairs = zip(X, values, strict=True)
-        exceeded = [problem.violation(problem.margins_from(v, self.job.rule_values(x))) for x, v in pairs]
+        exceeded = [problem.violation(problem.margins_from(v, problem.rules_or_nan(x))) for x, v in pairs]
         return TriedDesigns(
             tuple(row["by"] for row in rows), X, np.array([self.job.merit(v) for v in values]),
             np.array(exceeded),
@@ -156,7 +171,8 @@ class Optimum(PrintableAnswer):
         return json_object({
             "method": self.method, "merit": self.merit, "design": self.design, "worst": self.worst,
             "answers": self.answers, "held": self.held, "flat": self.flat, "robust": self.robust,
-            "margins": self.margins, "values": self.evaluations, "gradients": self.gradients,
+            "margins": self.margins, "status": self.status,
+            "proof": asdict(self.proof), "values": self.evaluations, "gradients": self.gradients,
             "seconds": self.seconds, "starts": [s._asdict() for s in self.starts],
         })  # fmt: skip
 
@@ -180,8 +196,8 @@ class Optimum(PrintableAnswer):
         bounds = dict(zip(self.job.parameters, self.job.bounds.tolist(), strict=True))
         rows = [(n, f"{v:.6g}", *(f"{b:.4g}" for b in bounds[n])) for n, v in self.design.items()]
         head = (
-            f"Optimum by {self.method}: {self.job.merit_spoken(self.merit, digits=7)}; {self.agreed} of {len(self.starts)} "
-            f"starts end here; {self.evaluations} values, {self.gradients} gradients, "
+            f"{self.status.capitalize()} by {self.method}: {self.job.merit_spoken(self.merit, digits=7)}; "
+            f"{self.agreed} of {len(self.starts)} starts end here; {self.evaluations} values, {self.gradients} gradients, "
             f"{self.seconds:.2f} s"
         )
         held = [
@@ -190,6 +206,8 @@ class Optimum(PrintableAnswer):
         ]
         parts = [format_table(("parameter", "value [SI]", "least", "most"), rows, head)]
         parts.append(format_table(("held by", "value", "worth [%/%]"), held) if held else NO_GRADIENT_TEXT)
+        parts.append(self._proof_text())
+        parts += [f"Start {k + 1}: {s.note}" for k, s in enumerate(self.starts) if s.note]
         for name, side in self.job.bound_reasons:
             if f"{name} at its {side}" in self.held:
                 parts.append(f"{name}: {self.job.bound_reasons[name, side]}")
@@ -201,5 +219,31 @@ class Optimum(PrintableAnswer):
             parts.append(
                 f"Flat: nothing that holds it changes along {direction}; fix one of these parameters"
             )
-        parts += filter(None, [self.few_modes])
+        parts += filter(None, [self.job.method_note, self.few_modes])
         return join_printed(parts)
+
+    def _proof_text(self) -> str:
+        """What shows that it is an optimum, as text."""
+        proof, said = self.proof, []
+        if np.isfinite(proof.remainder):
+            said += [
+                f"shares of targets sum to {proof.target_share:.4f}",
+                f"1 % of step would gain {proof.remainder:.2g} % to first order",
+            ]
+        if proof.neighbours:
+            gain = proof.neighbour_gain
+            best = (
+                f"the best of them gains {100 * gain:+.2g} %"
+                if np.isfinite(gain)
+                else "none meets the limits"
+            )
+            said.append(f"{proof.neighbours} neighbours were solved, {best}")
+        if np.isfinite(proof.mesh_change):
+            finer = f"a finer mesh changes the worst target by {100 * proof.mesh_change:+.2g} %"
+            exceeds = proof.mesh_violation > MESH_SHARE
+            said.append(
+                finer + (f" and exceeds a limit by {100 * proof.mesh_violation:.2g} %" if exceeds else "")
+            )
+        if proof.kinks:
+            said.append(f"kinks, where a worth depends on the direction: {', '.join(proof.kinks)}")
+        return f"{self.status.capitalize()}: {'; '.join(said) or 'nothing could be shown'}"

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 WORTH_EXPLANATION = (
     "Worth: percent by which the worst target grows per percent that a limit or bound is moved; of targets the share "
-    "that each has in the worst, of rules per percent of their range."
+    "that each has in the worst, of rules per percent of their range, of a bound at 0 per percent of the range of its "
+    "parameter."
 )
 
 
@@ -40,6 +41,7 @@ def _cards(optimum: Optimum) -> list[tuple[str, str]]:
     starts = f"{optimum.agreed} of {len(optimum.starts)}"
     return [
         (format_cell(optimum.job.merit_sign * optimum.merit, 6), optimum.job.merit_name),
+        (optimum.status, "status"),
         (starts, "starts end here"),
         (f"{optimum.evaluations} + {optimum.gradients}", "values and gradients"),
         (f"{format_cell(optimum.seconds, 3)} s", "CPU time"),

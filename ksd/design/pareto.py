@@ -17,7 +17,8 @@ from ksd.checks import boolean, clear_argument_errors, number, show, whole_numbe
 from ksd.design.arguments import check_executor, submit_task
 from ksd.design.design_log import DesignLog
 from ksd.design.job import Job, check_job
-from ksd.design.optimise import optimise, optimise_from, progress_text
+from ksd.design.optimality import BETTER_SHARE, OPTIMUM
+from ksd.design.optimise import answering_start, optimise, optimise_from, progress_text
 from ksd.design.optimum import Optimum
 from ksd.design.scaled_problem import ScaledProblem
 from ksd.design.sweep import SweepInterrupted
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
 Array = np.ndarray
 DEFAULT_SPAN_RATIO = 10.0
 """Largest limit over the smallest one, where no span is given."""
+EXTRA_STARTS = 2
+"""Random starts in addition at the first, the middle and the last point; at all points where these find better designs."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -55,6 +58,11 @@ class Front(PrintableAnswer):
         return np.array([np.nan if p is None else p.merit for p in self.points])
 
     @property
+    def proven(self) -> int:
+        """Number of points that are shown to be optima, see `ksd.design.optimality.Proof`."""
+        return sum(p is not None and p.status == OPTIMUM for p in self.points)
+
+    @property
     def designs(self) -> Array:
         """Parameters (n, P) of the points."""
         blank = dict.fromkeys(self.job.parameters, np.nan)
@@ -62,11 +70,13 @@ class Front(PrintableAnswer):
 
     @property
     def table(self) -> Table:
-        """Table with a row per point: limit, merit, parameters, status."""
+        """Table with a row per point: limit, merit, parameters, what is shown of it, status."""
         rows = [
             {f"most {self.against}": float(limit), "merit": float(merit), **dict(zip(self.job.parameters, x, strict=True)),
-             "status": status}
-            for limit, merit, x, status in zip(self.limits, self.merits, self.designs.tolist(), self.status, strict=True)
+             "proof": "" if p is None else p.status, "status": status}
+            for limit, merit, x, p, status in zip(
+                self.limits, self.merits, self.designs.tolist(), self.points, self.status, strict=True
+            )
         ]  # fmt: skip
         return Table.of_rows(rows, (f"most {self.against}",), name="front")
 
@@ -82,14 +92,14 @@ class Front(PrintableAnswer):
                 format_number(limit),
                 format_number(merit, 5),
                 *map(format_number, x),
-                "" if status == OK else status,
+                proof if status == OK else status,
             )
-            for limit, merit, *x, status in (row.values() for row in self.table.rows())
+            for limit, merit, *x, proof, status in (row.values() for row in self.table.rows())
         ]
         return format_table(
             (f"most {self.against}", "worst target", *self.job.parameters, "<"),
             rows,
-            f"Front: {self._line()}",
+            f"Front: {self._line()}; {self.proven} points are proven optima",
         )
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
@@ -125,12 +135,8 @@ def pareto(
     count = whole_number(points, "points", least=2)
     high = np.inf if span is None else _check_span(span)[1]
     widest = job.limited(against, high)
-    start_count = whole_number(starts, "starts")
-    random_starts = widest.random(start_count, seed=whole_number(seed, "seed", least=0) + 1)[
-        : start_count - 1
-    ]
-    X = [widest.point(start), *random_starts]
-    log = DesignLog(widest, resume=resume)
+    start_count, seed = whole_number(starts, "starts"), whole_number(seed, "seed", least=0)
+    log = DesignLog(widest.with_signs(), resume=resume)
     optima: list[Optimum | None] = []
     status: list[str] = []
 
@@ -143,6 +149,12 @@ def pareto(
         def update_bar(problem: ScaledProblem, _: int) -> None:
             bar.update(task, description=progress_text(problem, "points"), completed=len(optima))
 
+        widest, x = answering_start(log, start, "gradient, start 1")
+        told = job
+        job = (job.conventionally(widest.method_note) if widest.method_note else None) or job
+        job = job.with_signs()
+        extra = list(widest.random(EXTRA_STARTS, seed=seed + 2))
+        X = [x, *widest.random(start_count, seed=seed + 1)[: start_count - 1]]
         first = optimise_from(widest, log, X, "gradient", progress=update_bar)
         optima.append(first)
         status.append(OK)
@@ -157,20 +169,51 @@ def pareto(
                 )
             span = most / DEFAULT_SPAN_RATIO, most
         limits = np.geomspace(span[1], span[0], count)
-        problem = ScaledProblem(widest, log, "gradient, start 1")
-        for limit in limits[1:].tolist():
+
+        def point(k: int, X: list[Array]) -> tuple[Optimum | None, str]:
+            """The optimum of point k from starts X, and "ok" or why there is none."""
             try:
-                x = _next_start(problem, optima)
-                optima.append(
-                    optimise_from(job.limited(against, limit), log, [x], "gradient", progress=update_bar)
-                )
-                status.append(OK)
+                own = widest if k == 0 else job.limited(against, float(limits[k]))
+                return optimise_from(own, log, X, "gradient", progress=update_bar), OK
             except ResumeError:
                 raise
             except KsdError as reason:
-                optima.append(None)
-                status.append(str(reason))
-    return Front(job, against, limits, tuple(optima), tuple(status))
+                return None, str(reason)
+
+        def improve(k: int, X: list[Array]) -> bool:
+            """Search point k again from starts X; whether it is better then."""
+            found, own = point(k, X)[0], optima[k]
+            if found is None or (own is not None and _gain(found.merit, own.merit) <= BETTER_SHARE):
+                return False
+            optima[k], status[k] = found, OK
+            return True
+
+        problem = ScaledProblem(widest, log, "gradient, start 1")
+        for k in range(1, count):
+            found, reason = point(k, [_next_start(problem, optima)])
+            optima.append(found)
+            status.append(reason)
+        checked = {0, count // 2, count - 1}
+        improved = [improve(k, extra) for k in sorted(checked)]
+        if any(improved):
+            for k in set(range(count)) - checked:
+                improve(k, extra)
+        # a tighter limit gives no better optimum: where it seems to, the wider one is searched again from there
+        for k in reversed(range(count - 1)):
+            own, tighter = optima[k], optima[k + 1]
+            if tighter is not None and (own is None or _gain(tighter.merit, own.merit) > BETTER_SHARE):
+                improve(k, [np.array(list(tighter.design.values()))])
+        # and where a point is better than before, so may be those beyond it
+        for k in range(1, count):
+            own, wider = optima[k], optima[k - 1]
+            if wider is not None and (own is None or own.status != OPTIMUM):
+                improve(k, [np.array(list(wider.design.values()))])
+    return Front(told, against, limits, tuple(optima), tuple(status))
+
+
+def _gain(merit: float, other: float) -> float:
+    """By how much a merit is better than another, relative to it."""
+    return (merit - other) / (abs(other) or 1.0)
 
 
 def _next_start(problem: ScaledProblem, optima: list[Optimum | None]) -> Array:
@@ -224,15 +267,15 @@ class Choice(PrintableAnswer):
             (
                 name,
                 *(
-                    (format_number(o.merit, 5), str(o.evaluations), ", ".join(o.held))
+                    (format_number(o.merit, 5), str(o.evaluations), o.status, ", ".join(o.held))
                     if o
-                    else ("", "", self.status[name])
+                    else ("", "", "", self.status[name])
                 ),
             )
             for name, o in self.optima.items()
         ]
         best = "No job has an optimum" if self.optima[self.best] is None else f"Best: {self.best}"
-        return format_table(("job", "worst target", "values", "<held by"), rows, best)
+        return format_table(("job", "worst target", "values", "<", "<held by"), rows, best)
 
 
 @clear_argument_errors

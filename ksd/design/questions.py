@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -158,8 +158,8 @@ def drive_columns(scene: Any) -> dict[str, tuple[str, float]]:
     return columns
 
 
-def column_questions(scene: Any, modes: int) -> dict[str, str]:
-    """Question by column, for all columns that a target or limit of a job can name."""
+def column_questions(scene: Any, modes: int, freed: Collection[str] | None = None) -> dict[str, str]:
+    """Question by column, for all columns that a target or limit of a job can name; freed: drives, all when None."""
     columns: dict[str, str] = {}
     for drive in scene.drives:
         columns[f"{drive.name}_{EFFORT_SUFFIX[drive_kind(drive)]}"] = "force"
@@ -168,7 +168,9 @@ def column_questions(scene: Any, modes: int) -> dict[str, str]:
     for d in (*DIRECTIONS, "worst"):
         columns |= {f"support_{d}_N_per_m": "support_stiffness"} if len(d) != 2 else {}
         columns |= {f"support_{d}_Nm_per_rad": "support_stiffness"} if len(d) != 1 else {}
-    tracked = ["intended", *(f"intended_{k + 1}" for k in range(len(scene.drives)))]
+    count = len(scene.drives) if freed is None else len(freed)
+    # as in `mode_names`
+    tracked = ["intended"] if count == 1 else [f"intended_{k + 1}" for k in range(count)]
     tracked += [f"parasitic_{k + 1}" for k in range(modes)]
     columns |= {f"{name}_Hz": "frequencies" for name in ("first_parasitic", *tracked)}
     columns |= {"stress_MPa": "stress", "strain_energy_J": "energy", "clearance_mm": "clearance"}

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import warnings
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from copy import copy
@@ -16,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from ksd.checks import show
-from ksd.errors import RecordError, ResumeError, SceneError
+from ksd.errors import RecordError, ResumeError, SceneError, SceneWarning
 from ksd.files import check_target, read_file, write_file
 from ksd.library.record_files import find_record, record_bytes
 
@@ -79,7 +80,7 @@ class ResumeFile:
                 f"resume = '{self.path}' belongs to another {self.what} (other scene, values, questions, method or joint "
                 "records); give another file name, or delete it to begin anew."
             )
-        intact = lines[:1]
+        intact, replaced = lines[:1], 0
         for text in lines[1:]:
             digest, _, body = text.partition(" ")
             entry = (
@@ -87,8 +88,16 @@ class ResumeFile:
             )
             if entry is None:
                 break
+            replaced += self.entries.get(entry["line"], entry["rows"]) != entry["rows"]
             self.entries[entry["line"]] = entry["rows"]
             intact.append(text)
+        if replaced:
+            warnings.warn(
+                f"resume = '{self.path}' has two lines with different answers for {replaced} of its entries; the later line "
+                "is taken",
+                SceneWarning,
+                stacklevel=2,
+            )
         return intact
 
     def add(self, key: int | str, rows: Rows) -> None:

@@ -1,32 +1,54 @@
 """A job as an optimisation problem: margins of targets, limits and rules, and their slopes, over scaled parameters.
 
 Parameters and answers are in logarithms where possible: a step then means the same share of every parameter, and an answer
-far from its limit has the same weight as one near it.
+far from its limit has the same weight as one near it. Answers far below their size at the reference design, limits of zero
+and rules are linear, relative to their own size there, so that no unit matters. The reference design is renewed by the
+search (`ScaledProblem.renew`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ksd.design.design_log import DesignLog
 from ksd.design.job import Job
 from ksd.design.table import OK
-from ksd.errors import KsdError, ResumeError
+from ksd.errors import KsdError, ResumeError, SceneError
 from ksd.properties.printing import format_number
 
 Array = np.ndarray
-BINDING_MARGIN = 1e-5
-"""Margin, in logarithms, up to which a target or limit counts as active, and up to which a limit may be exceeded."""
+FEASIBLE_MARGIN = 1e-12
+"""Relative rounding up to which a limit or rule may be exceeded by a design that meets it."""
+BACKOFF = 1e-7
+"""Margin, in logarithms, that the search keeps to limits and rules, so that where it ends they are met."""
+BOUND_MARGIN = 1e-7
+"""Distance to a bound, in scaled parameters, up to which it counts as active."""
+ACTIVE_MARGIN = 1e-4
+"""Margin, in logarithms, up to which a target or limit counts as active."""
 LOG_RATIO_MIN = 0.1
-"""Ratio of an answer to its limit below which its margin is linear in the answer instead of logarithmic."""
+"""Ratio of an answer to its size below which its margin is linear in the answer instead of logarithmic."""
+RENEWAL_RATIO = 2.0
+"""Ratio by which a size differs from that at the reference design before a search is continued with it."""
 INFINITE_ANSWER_MARGIN = 10.0
-"""Margin of an answer that is infinite, because nothing moves or nothing buckles."""
+"""Margin of an answer that is infinite, because nothing moves or nothing buckles: it never binds."""
 VIOLATION_PENALTY = 10.0
 """Weight of the sum of violations, in logarithms, in the fitness of a design."""
+STATE = (
+    "evaluated",
+    "raw_slopes",
+    "best_feasible",
+    "last_valid",
+    "edges",
+    "target_size",
+    "zero_sizes",
+    "rule_sizes",
+)
+"""Attributes of `ScaledProblem` that a search changes."""
 
 
 class DesignFailed(Exception):
@@ -46,17 +68,19 @@ class _Side(NamedTuple):
     is_target: bool
 
 
-class ScoredPoint(NamedTuple):
-    """Scaled parameters y (P,) and their score."""
+class EvaluatedDesign(NamedTuple):
+    """Scaled parameters y (P,), answers (answers,), rule values (R,), and the merit."""
 
-    score: float
     y: Array
+    values: Array
+    rules: Array
+    merit: float
 
 
-def _extended_log(r: Array) -> tuple[Array, Array]:
-    """log r, continued by its tangent below LOG_RATIO_MIN, and its derivative."""
-    bounded = np.maximum(r, LOG_RATIO_MIN)
-    return np.log(bounded) + np.minimum(r - LOG_RATIO_MIN, 0.0) / LOG_RATIO_MIN, 1.0 / bounded
+def _extended_log(r: Array, least: Array | float = LOG_RATIO_MIN) -> tuple[Array, Array]:
+    """log r, continued by its tangent below `least`, and its derivative."""
+    bounded = np.maximum(r, least)
+    return np.log(bounded) + np.minimum(r - least, 0.0) / least, 1.0 / bounded
 
 
 class ScaledProblem:
@@ -64,9 +88,10 @@ class ScaledProblem:
 
     y: logarithms of parameters whose bounds are positive; other parameters over their range. The margin of a target is
     log(answer / scale), that of a limit the logarithm of the ratio to the limit; a margin is not negative where a limit is
-    met. The level of a design is its least target margin, the t of the epigraph form. label: of new designs in the log.
-    on_new_design: called after every new design. best: the point of largest fitness; best_feasible: the point of largest
-    level that meets all limits and rules; last_valid (P,): the last y that had answers.
+    met. A target of which the magnitude counts has a margin for either sign. The level of a design is its least finite
+    target margin, the t of the epigraph form. label: of new designs in the log. on_new_design: called after every new
+    design. evaluated: all designs with answers by y as bytes; best_feasible: the one of largest merit that meets all limits
+    and rules; last_valid (P,): the last y that had answers.
     """
 
     def __init__(
@@ -82,13 +107,38 @@ class ScaledProblem:
         self.is_log = low > 0.0
         self.parameter_scale = np.where(self.is_log, 1.0, high - low)
         self.bounds = np.column_stack([self.scaled(low), self.scaled(high)])
+        # bounds, tightened to where designs begin to fail
+        self.edges = self.bounds.copy()
         self.sides = _sides(job)
+        self.answer_of_side = np.array([s.answer for s in self.sides], int)
         self.is_target = np.array([s.is_target for s in self.sides] + [False] * len(job.rule_names))
         self.last_valid: Array | None = None
-        self.best = ScoredPoint(-np.inf, np.zeros(len(low)))
-        self.best_feasible: ScoredPoint | None = None
-        self.known_margins: dict[bytes, Array] = {}
-        self.known_slopes: dict[bytes, Array] = {}
+        self.best_feasible: EvaluatedDesign | None = None
+        self.evaluated: dict[bytes, EvaluatedDesign] = {}
+        self.raw_slopes: dict[bytes, tuple[Array, Array]] = {}
+        # sizes at the reference design: of targets over their scales, of answers whose limit is zero, and of rules
+        self.target_size = 1.0
+        self.zero_sizes = np.ones(len(self.sides))
+        self.rule_sizes = np.ones(len(job.rule_names))
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """What the problem has found, and its sizes."""
+        return {name: getattr(self, name) for name in STATE}
+
+    @state.setter
+    def state(self, found: dict[str, Any]) -> None:
+        self.__dict__.update(found)
+
+    @cached_property
+    def rule_scales(self) -> Array:
+        """Ranges (R,) of the rules: the largest absolute value of each at the ends and in the middle of the bounds."""
+        largest = np.zeros(len(self.job.rule_names))
+        for x in (*self.job.bounds.T, self.job.bounds.mean(axis=1)):
+            with suppress(SceneError):
+                values = np.abs(self.job.rule_values(x))
+                largest = np.fmax(largest, np.where(np.isfinite(values), values, 0.0))
+        return np.where(largest > 0.0, largest, 1.0)
 
     def scaled(self, x: Array) -> Array:
         """y of parameters x (P,)."""
@@ -99,86 +149,172 @@ class ScaledProblem:
         x = np.where(self.is_log, np.exp(np.where(self.is_log, y, 0.0)), y * self.parameter_scale)
         return np.clip(x, *self.job.bounds.T)
 
+    # ---- designs ---------------------------------------------------------------------------------------------------------
+
+    def design(self, y: Array) -> EvaluatedDesign:
+        """Answers and rules at y. Raises DesignFailed where the design has no answers or a rule no value."""
+        key = y.tobytes()
+        if key not in self.evaluated:
+            self.designs([y])
+        found = self.evaluated.get(key)
+        if found is None:
+            raise DesignFailed(y, self._failure(y))
+        self.last_valid = y.copy()
+        return found
+
+    def designs(self, Y: list[Array], *, by: str = "") -> list[EvaluatedDesign | None]:
+        """Answers and rules at several y, solved together; None where there are none. by: label in place of that of the
+        problem."""
+        new = [y for y in Y if y.tobytes() not in self.evaluated]
+        if new:
+            X = [self.unscaled(y) for y in new]
+            for y, x, values, status in zip(new, X, *self.log.batch(X, by=by or self.label), strict=True):
+                if status == OK and not np.isnan(values).any():
+                    self._add(y, x, values)
+            self.on_new_design(self)
+        return [self.evaluated.get(y.tobytes()) for y in Y]
+
+    def _add(self, y: Array, x: Array, values: Array) -> None:
+        rules = self.rules_or_nan(x)
+        if np.isnan(rules).any() or np.isneginf(rules).any():
+            return
+        found = EvaluatedDesign(y.copy(), values, rules, self.job.merit(values))
+        self.evaluated[y.tobytes()] = found
+        is_better = self.best_feasible is None or found.merit > self.best_feasible.merit
+        if is_better and np.isfinite(found.merit) and self.is_feasible(self.margins_from(values, rules)):
+            self.best_feasible = found
+
+    def rules_or_nan(self, x: Array, *, shapes: bool = True) -> Array:
+        """Rule values (R,) at x as by `Job.rule_values`, nan where a rule has none."""
+        try:
+            return self.job.rule_values(x, shapes=shapes)
+        except SceneError:
+            return np.full(len(self.job.rule_names) if shapes else len(self.job.rules), np.nan)
+
+    def _failure(self, y: Array) -> str:
+        """Why there are no answers at y."""
+        x = self.unscaled(y)
+        values, status = self.log.batch(x, by=self.label)
+        if status[0] != OK:
+            return status[0]
+        missing = np.isnan(values[0])
+        if missing.any():
+            return f"there is no {self.job.names[int(np.argmax(missing))]}"
+        try:
+            rules = self.job.rule_values(x)
+        except SceneError as reason:
+            return str(reason)
+        bad = int(np.argmax(np.isnan(rules) | np.isneginf(rules)))
+        return f"rule {self.job.rule_names[bad]} is {rules[bad]:g}"
+
+    # ---- margins ---------------------------------------------------------------------------------------------------------
+
+    def renew(self, y: Array) -> bool:
+        """Take the sizes at y as those of the reference design; whether one has changed by more than RENEWAL_RATIO.
+
+        Raises DesignFailed.
+        """
+        found = self.design(y)
+        before = np.concatenate([[self.target_size], self.zero_sizes, self.rule_sizes])
+        if np.isfinite(found.merit) and found.merit != 0.0:
+            self.target_size = abs(found.merit)
+        columns = [a.column.split("[")[0] for a in self.job.answers]
+        for k, side in enumerate(self.sides):
+            if side.reference == 0.0:
+                same = [
+                    abs(v)
+                    for c, v in zip(columns, found.values, strict=True)
+                    if c == columns[side.answer] and np.isfinite(v)
+                ]
+                self.zero_sizes[k] = max(same, default=0.0) or self.zero_sizes[k]
+        count = len(self.job.rules)
+        if count:
+            sizes, own = np.abs(self._rule_slopes(y)).max(axis=1), np.abs(found.rules[:count])
+            self.rule_sizes[:count] = np.where(
+                sizes > 0.0, sizes, np.where(np.isfinite(own) & (own > 0.0), own, 1.0)
+            )
+        ratio = np.concatenate([[self.target_size], self.zero_sizes, self.rule_sizes]) / before
+        return bool((np.abs(np.log(ratio)) > np.log(RENEWAL_RATIO)).any())
+
     def margins_from(self, values: Array, rules: Array) -> Array:
         """Margins (m,) from answers and rule values."""
-        return np.concatenate([self._answer_margins(values)[0], rules / self.rule_scales])
+        own = np.where(np.isposinf(rules), INFINITE_ANSWER_MARGIN, rules / self.rule_sizes)
+        return np.concatenate([self._answer_margins(values)[0], own])
 
     def _answer_margins(self, values: Array) -> tuple[Array, Array]:
         """Margins of all sides of answers, and their derivatives by the answers."""
-        v = values[[s.answer for s in self.sides]]
+        v = values[self.answer_of_side]
         sign, reference = np.array([s.sign for s in self.sides]), np.array([s.reference for s in self.sides])
-        finite = np.isfinite(v)
-        size = np.where(reference == 0.0, 1.0, reference)
+        finite, is_target = np.isfinite(v), self.is_target[: len(self.sides)]
+        is_zero = reference == 0.0
+        size = np.where(is_zero, self.zero_sizes, reference)
         ratio = np.where(finite, v, 1.0) / size
-        value, slope = _extended_log(ratio)
-        value, slope = np.where(reference == 0.0, ratio, value), np.where(reference == 0.0, 1.0, slope)
-        good = sign * np.sign(v) * np.sign(size) > 0.0
+        least = np.where(is_target, LOG_RATIO_MIN * self.target_size, LOG_RATIO_MIN)
+        value, slope = _extended_log(ratio, least)
+        value, slope = np.where(is_zero, ratio, value), np.where(is_zero, 1.0, slope)
+        good = is_target | (sign * np.sign(v) * np.sign(size) > 0.0)
         infinite = np.where(good, INFINITE_ANSWER_MARGIN, -INFINITE_ANSWER_MARGIN)
         return np.where(finite, sign * value, infinite), np.where(finite, sign * slope / size, 0.0)
 
-    @cached_property
-    def rule_scales(self) -> Array:
-        """Scales (R,) of the rules: the largest absolute value of each at the ends and in the middle of the bounds."""
-        designs = (*self.job.bounds.T, self.job.bounds.mean(axis=1))
-        largest = np.nan_to_num(np.max([np.abs(self.job.rule_values(x)) for x in designs], axis=0))
-        return np.where(largest > 0.0, largest, 1.0)
-
     def margins(self, y: Array) -> Array:
         """Margins (m,) at y. Raises DesignFailed where the design has no answers."""
-        key = y.tobytes()
-        is_new = key not in self.known_margins
-        if is_new:
-            x = self.unscaled(y)
-            values, status = self.log.batch(x, by=self.label)
-            missing = np.isnan(values[0])
-            if status[0] != OK or missing.any():
-                no_answer = f"there is no {self.job.names[int(np.argmax(missing))]}"
-                raise DesignFailed(y, status[0] if status[0] != OK else no_answer)
-            self.known_margins[key] = self.margins_from(values[0], self.job.rule_values(x))
-        self.last_valid = y.copy()
-        margins = self.known_margins[key]
-        if self.fitness(margins) > self.best.score:
-            self.best = ScoredPoint(self.fitness(margins), y.copy())
-        if self.is_feasible(margins) and (
-            self.best_feasible is None or self.level(margins) > self.best_feasible.score
-        ):
-            self.best_feasible = ScoredPoint(self.level(margins), y.copy())
-        if is_new:
-            self.on_new_design(self)
-        return margins
+        found = self.design(y)
+        margins = self.margins_from(found.values, found.rules)
+        # an infinite target never binds, whatever the level of the others
+        binding = self.binding_targets(found.values)
+        level = margins[binding].min() if binding.any() else 0.0
+        return np.where(
+            self.is_target & ~binding, np.maximum(margins, level + INFINITE_ANSWER_MARGIN), margins
+        )
+
+    def binding_targets(self, values: Array) -> Array:
+        """Which margins (m,) are those of finite targets."""
+        binding = self.is_target.copy()
+        binding[: len(self.sides)] &= np.isfinite(values[self.answer_of_side])
+        return binding
 
     def slopes(self, y: Array) -> Array:
-        """Slopes (m, P) of the margins at y, those of rules by central differences. Raises DesignFailed."""
+        """Slopes (m, P) of the margins at y, those of rules by differences. Raises DesignFailed."""
         key = y.tobytes()
-        if key not in self.known_slopes:
+        if key not in self.raw_slopes:
             x = self.unscaled(y)
             try:
-                values, slopes = self.log.slopes(x, by=self.label)
+                slopes = self.log.slopes(x, by=self.label)[1]
+                rules = np.vstack([self._rule_slopes(y), self._range_slopes(x)])
             except ResumeError:
                 raise
             except KsdError as reason:
                 raise DesignFailed(y, str(reason)) from reason
-            inner = np.where(self.is_log, x, self.parameter_scale)
-            _, outer = self._answer_margins(values)
-            rows = outer[:, None] * slopes[[s.answer for s in self.sides]] * inner
-            missing = np.isnan(rows).any(axis=1)
+            missing = np.isnan(slopes).any(axis=1)
             if missing.any():
-                name = self.job.names[self.sides[int(np.argmax(missing))].answer]
-                raise DesignFailed(y, f"there is no gradient of {name}")
-            ranges = self.job.range_slopes(x) * inner / self.rule_scales[len(self.job.rules) :, None]
-            self.known_slopes[key] = np.vstack([rows, self._rule_slopes(y), ranges])
-        return self.known_slopes[key]
+                raise DesignFailed(y, f"there is no gradient of {self.job.names[int(np.argmax(missing))]}")
+            self.raw_slopes[key] = slopes, rules
+        slopes, rules = self.raw_slopes[key]
+        inner = np.where(self.is_log, self.unscaled(y), self.parameter_scale)
+        outer = self._answer_margins(self.design(y).values)[1]
+        return np.vstack(
+            [outer[:, None] * slopes[self.answer_of_side] * inner, rules / self.rule_sizes[:, None]]
+        )
+
+    def _range_slopes(self, x: Array) -> Array:
+        """Slopes (ranges, P) by y of the last rules, the trained ranges."""
+        return self.job.range_slopes(x) * np.where(self.is_log, x, self.parameter_scale)
 
     def _rule_slopes(self, y: Array) -> Array:
-        """Slopes (R, P) of the rules of the job that are functions of the parameters."""
+        """Slopes (R, P) of the rules of the job that are functions of the parameters; 0 where one is infinite."""
         count = len(self.job.rules)
         h, slopes = 1e-6, np.zeros((count, len(y)))
         for i in range(len(y) if count else 0):
             step = h * (np.arange(len(y)) == i)
-            # a parameter at its bound gets a one-sided difference
+            # a parameter at its bound, or where a rule has no value beyond, gets a one-sided difference
             ends = [np.clip(y + s * step, *self.bounds.T) for s in (1, -1)]
-            plus, minus = (self.job.rule_values(self.unscaled(e), shapes=False) for e in ends)
-            slopes[:, i] = (plus - minus) / (ends[0][i] - ends[1][i]) / self.rule_scales[:count]
+            values = [self.rules_or_nan(self.unscaled(e), shapes=False) for e in ends]
+            for k in range(2):
+                if np.isnan(values[k]).any():
+                    ends[k], values[k] = y, self.design(y).rules[:count]
+            finite = np.isfinite(values[0]) & np.isfinite(values[1])
+            difference = np.where(finite, values[0], 0.0) - np.where(finite, values[1], 0.0)
+            slopes[:, i] = difference / ((ends[0][i] - ends[1][i]) or 1.0)
         return slopes
 
     def level(self, margins: Array) -> float:
@@ -201,21 +337,22 @@ class ScaledProblem:
         if k >= len(self.sides):
             return f"rule {self.job.rule_names[k - len(self.sides)]}"
         side = self.sides[k]
-        value = float(self.log.values(self.unscaled(y))[side.answer])
+        value = float(self.design(y).values[side.answer])
         return f"{self.job.names[side.answer]}: {format_number(value)}, the limit is {format_number(side.reference)}"
 
     def is_feasible(self, margins: Array) -> bool:
         """Whether limits and rules are met."""
-        return self.violation(margins) <= BINDING_MARGIN
+        return self.violation(margins) <= FEASIBLE_MARGIN
 
 
 def _sides(job: Job) -> tuple[_Side, ...]:
-    """Sides of all answers: one of a target, one or two of a limit."""
+    """Sides of all answers: one of a target, two of one whose magnitude is minimised, one or two of a limit."""
     sides = []
     for k, a in enumerate(job.answers):
         if a.role != "limit":
-            sign = 1.0 if a.role == "maximise" else -1.0
-            sides.append(_Side(k, sign, a.scale / a.factor, True))
+            sign, scale = (1.0 if a.role == "maximise" else -1.0), a.scale / a.factor
+            sides += [_Side(k, sign, scale, True)]
+            sides += [_Side(k, sign, -scale, True)] if a.is_absolute else []
             continue
         # v <= high is log(high / v) >= 0, for negative numbers log(v / high) >= 0
         sides += [_Side(k, -1.0 if a.high >= 0.0 else 1.0, a.high, False)] if np.isfinite(a.high) else []

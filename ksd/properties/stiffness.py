@@ -165,8 +165,8 @@ class PointStiffness(PrintableAnswer):
     def principal(self) -> Array:
         """Principal stiffnesses (2, 3), ascending: translational [N/m] and rotational [Nm/rad], the other directions free.
 
-        They are the reciprocal eigenvalues of the translational and of the rotational compliance; inf where held, 0 where
-        nothing resists.
+        They are the reciprocal eigenvalues of the translational and of the rotational compliance, those of directions that
+        are not stable negative; inf where held, 0 where nothing resists.
         """
         if not self.free.size:
             return principal_stiffness(self.elastic, self.size)
@@ -175,9 +175,9 @@ class PointStiffness(PrintableAnswer):
         for row, part, unit in ((0, slice(3), 1.0), (1, slice(3, 6), self.size**2)):
             balanced = null_space(free[part].T)
             values = np.linalg.eigvalsh(balanced.T @ C[part, part] @ balanced)[::-1]
-            is_held = values <= _zero_threshold(C)
+            is_held = np.abs(values) <= _zero_threshold(C)
             found[row, 3 - len(values) :] = np.where(is_held, np.inf, unit / np.where(is_held, 1.0, values))
-        return found
+        return np.sort(found, axis=1)
 
     @property
     def worst(self) -> tuple[float, float]:
@@ -222,9 +222,9 @@ def principal_stiffness(compliance: Array, size: Any) -> Array:
     threshold = _zero_threshold(C)
     C = 0.5 * (C + C.swapaxes(-1, -2))
     values = np.linalg.eigvalsh(np.stack([C[..., :3, :3], C[..., 3:, 3:]], axis=-3))[..., ::-1]
-    is_free = values > threshold[..., None, None]
+    is_free = np.abs(values) > threshold[..., None, None]
     unit = np.stack([np.ones(np.shape(size)), np.asarray(size) ** 2], axis=-1)[..., None]
-    return np.where(is_free, unit / np.where(is_free, values, 1.0), np.inf)
+    return np.sort(np.where(is_free, unit / np.where(is_free, values, 1.0), np.inf), axis=-1)
 
 
 def _direction_index(direction: str) -> int:

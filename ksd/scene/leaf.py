@@ -117,8 +117,10 @@ class Leaf(metaclass=ClearArgumentErrors):
         (x0, y0, z0), (x1, y1, z1) = self.start, self.end
         e1 = (x1 - x0) / length, (y1 - y0) / length, (z1 - z0) / length
         if self.width_axis is None:
-            most_normal = np.eye(3)[np.argmin(np.abs(e1))]
-            axis = direction(np.cross(unit(e1), most_normal), "width_axis", owner=owner)
+            sizes = tuple(map(abs, e1))
+            k = sizes.index(min(sizes))
+            most_normal = (float(k == 0), float(k == 1), float(k == 2))
+            axis = direction(cross(unit(e1), most_normal), "width_axis", owner=owner)
         else:
             axis = direction(self.width_axis, "width_axis", owner=owner)
         perpendicular = made_perpendicular(axis, e1, "width_axis", owner)

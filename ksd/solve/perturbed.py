@@ -57,13 +57,32 @@ class GradientParameter:
     """A number that a pose depends on.
 
     scale: magnitude to which its steps are relative; scene: makes the scene at another value; None for the value of the
-    drive `name`.
+    drive `name`; is_central: whether the scenes of opposite steps are on both sides of the value.
     """
 
     name: str
     value: float
     scale: float
     scene: Callable[[float], Any] | None = None
+    is_central: bool = True
+
+    def one_sided(self, steps: Sequence[float]) -> GradientParameter:
+        """The parameter, whose scenes are moved to one side where those at `steps` cannot all be built: differences are then
+        those at twice the largest step from the value. Raises SceneError where neither side can be built."""
+        make, reasons = self.scene, []
+        if make is None:
+            return self
+        for shift in (0.0, 2.0 * min(steps) * self.scale, 2.0 * max(steps) * self.scale):
+            try:
+                for step in steps:
+                    make(self.value + step * self.scale + shift)
+            except SceneError as reason:
+                reasons.append(reason)
+                continue
+            return (
+                replace(self, scene=partial(_moved_scene, make, shift), is_central=False) if shift else self
+            )
+        raise reasons[0]
 
     def targets_at(self, targets: Mapping[str, float], value: float) -> dict[str, float]:
         """Drive values where the parameter has this value."""
@@ -174,6 +193,11 @@ def _design_scene(
     return replace(scene, loads=(*scene.loads, *extra)) if extra else scene
 
 
+def _moved_scene(make: Callable[[float], Any], shift: float, value: float) -> Any:
+    """The scene that `make` returns at a value moved by `shift`."""
+    return make(value + shift)
+
+
 def _load_scene(scene: Any, k: int, kind: str, axis: int, value: float) -> Any:
     """The scene with another value of one component of load k."""
     vector = list(getattr(scene.loads[k], kind))
@@ -188,6 +212,7 @@ class PerturbedEquilibria:
     def __init__(self, steps: Sequence[float] = (RELATIVE_STEP, -RELATIVE_STEP)) -> None:
         self.steps = tuple(steps)
         self._cached_models: tuple[Model, list[list[Model]]] | None = None
+        self._one_sided: dict[str, GradientParameter] = {}
 
     def __call__(
         self, pose: Configuration, parameters: Sequence[GradientParameter]
@@ -201,7 +226,18 @@ class PerturbedEquilibria:
             why = "holds reduced bodies" if pose.converged else "did not converge"
             raise SceneError(f"this pose {why}: gradients are those of equilibria of leaf springs")
         if self._cached_models is None or self._cached_models[0] is not pose.model:
-            self._cached_models = pose.model, self._models(pose.model, parameters)
+            self._one_sided = {}
+            try:
+                found = self._models(pose.model, parameters)
+            except SceneError:
+                # some design next to this one cannot be built
+                own = [p.one_sided(self.steps) for p in parameters]
+                self._one_sided = {p.name: p for p in own if not p.is_central}
+                if not self._one_sided:
+                    raise
+                found = self._models(pose.model, own)
+            self._cached_models = pose.model, found
+        parameters = [self._one_sided.get(p.name, p) for p in parameters]
         start = equilibrium_near(pose) if pose.method in FAST_METHODS else pose.motion
         here, _ = self._equilibrium(pose, pose.model, start, pose.targets)
         sides = self._sides(here, parameters, self._cached_models[1])
@@ -221,7 +257,7 @@ class PerturbedEquilibria:
             for step, model in zip(self.steps, own_models, strict=True):
                 values = parameter.targets_at(here.targets, parameter.value + step * parameter.scale)
                 # steps come in pairs of opposite sign: the second one starts opposite to the first, a Newton step closer
-                opposite = len(own) % 2 == 1 and model.kinds <= {STRAIN}
+                opposite = len(own) % 2 == 1 and model.kinds <= {STRAIN} and parameter.is_central
                 start = _opposite_state(here.motion, own[-1].motion) if opposite else here.motion
                 found, first = self._equilibrium(here, model, start, values, parameter.name, first * opposite)
                 own.append(found)

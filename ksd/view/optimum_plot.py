@@ -16,7 +16,7 @@ MAX_KEY_STARTS = 8
 """Largest number of starts that are named in a key."""
 MAX_DRAWN_DESIGNS = 60
 """Largest number of designs of a start drawn one by one; of more, the best so far is drawn."""
-LIMIT_TOLERANCE = 1e-5
+LIMIT_TOLERANCE = 1e-9
 """Relative excess of a limit up to which it counts as met."""
 
 
@@ -30,7 +30,7 @@ def plot_optimum(optimum: Any) -> Figure:
     low, right = figure.add_subplot(grid[1, 0], sharex=top), figure.add_subplot(grid[:, 1])
     tried, job = optimum.tried, optimum.job
     by = np.array(tried.by)
-    names = list(dict.fromkeys(tried.by))
+    names = tried.searches
     for k, name in enumerate(names):
         own = by == name
         color = LINK_COLORS[k % len(LINK_COLORS)]
@@ -41,7 +41,7 @@ def plot_optimum(optimum: Any) -> Figure:
     if len(names) <= MAX_KEY_STARTS:
         top.legend(fontsize=8, frameon=False)
     label_axes(low, "limit exceeded most [%]", x="designs of a start")
-    low.set_yscale("symlog", linthresh=100 * LIMIT_TOLERANCE)
+    low.set_yscale("symlog", linthresh=1e-3)
     low.set_ylim(bottom=0)
     # designs are counted by whole numbers
     low.xaxis.set_major_locator(MaxNLocator(integer=True))

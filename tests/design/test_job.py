@@ -293,8 +293,8 @@ def test_designs_that_fail_are_rows_with_the_reason_and_replayed(tmp_path, monke
         DesignLog(job(turn=[0.1]), resume=file)
 
 
-def test_a_design_without_slopes_keeps_its_answers(tmp_path):
-    """At the end of what can be built there are answers, and no design beside them; one that cannot be built has neither."""
+def test_slopes_at_the_edge_of_what_can_be_built(tmp_path):
+    """There are no designs on one side: differences are those of the other one; a design that cannot be built has none."""
 
     def edge(length, thickness):
         if length > 70 * mm:
@@ -306,21 +306,45 @@ def test_a_design_without_slopes_keeps_its_answers(tmp_path):
         "vary": {"length": (40 * mm, 80 * mm), "thickness": (0.3 * mm, 0.8 * mm)},
     }  # fmt: skip
     asked, path = job(**words), tmp_path / "job.jsonl"
+    whole = job(
+        **{
+            **words,
+            "function": lambda length, thickness: pivot(length, 40 * deg, thickness, 30 * mm, 15 * mm),
+        }
+    )
     first, x = DesignLog(asked, resume=path), np.array([70 * mm, 0.5 * mm])
-    for at, why in ((x, "no gradient by 'length'"), (1.1 * x, "no gradient: .*longer than the stock")):
-        with pytest.raises(ksd.KsdError, match=why):
-            first.slopes(at)
-    later = DesignLog(asked, resume=path)
-    known = later.batch([x, 1.1 * x])
+    (_, slopes), (values, free) = first.slopes(x), whole.slopes(x)
+    finite = np.isfinite(values)
+    assert np.abs((slopes - free) * x)[finite] == pytest.approx(
+        0.0, abs=1e-3 * np.abs(free * x).max(initial=1.0)
+    )
+    assert slopes[finite] == pytest.approx(free[finite], rel=2e-3)
+    with pytest.raises(ksd.KsdError, match=r"no gradient: .*longer than the stock"):
+        first.slopes(1.1 * x)
+    known = DesignLog(asked, resume=path).batch([x, 1.1 * x])
     assert known.status[0] == "ok" and known.values[0] == pytest.approx(asked.values(x), rel=1e-12)
     assert "longer than the stock" in known.status[1] and np.isnan(known.values[1]).all()
-    # and so for a method without derivatives that goes on from the file of one with
-    with pytest.raises(ksd.KsdError, match="no gradient by 'length'"):
-        ksd.tolerance(asked, x, spread={"length": 1e-4}, samples=4, resume=tmp_path / "made.jsonl")
-    best = ksd.optimise(asked, start=x, method="cobyla", resume=tmp_path / "made.jsonl")
-    assert best.starts[0].status == best.table["status"][0] == "ok"
+
+
+def test_where_there_is_no_gradient_the_printout_says_so(tmp_path):
+    """The function of one design alone: a method without derivatives ends there, and nothing holds it."""
+
+    def only(length, thickness):
+        if abs(length - 60 * mm) > 1e-9 or abs(thickness - 0.5 * mm) > 1e-9:
+            raise KeyError("stock")
+        return pivot(length, 40 * deg, thickness, 30 * mm, 15 * mm)
+
+    asked = job(
+        function=only,
+        rules=[],
+        turn=0.3,
+        vary={"length": (50 * mm, 70 * mm), "thickness": (0.3 * mm, 0.7 * mm)},
+    )
+    best = ksd.optimise(asked, start=[60 * mm, 0.5 * mm], method="cobyla")
     said = "there is no gradient at this design"
     assert not best.held and said in str(best) and said in best.report(tmp_path / "p.html").read_text()
+    assert best.status == "stopped"
+    assert any("cannot be built: KeyError: 'stock'" in row["status"] for row in best.table.rows())
 
 
 def test_ctrl_c_keeps_the_blocks_that_are_done(tmp_path, monkeypatch, plain):

@@ -104,14 +104,14 @@ def test_progress_and_ctrl_c_across_the_points_of_a_front(front, monkeypatch, tm
         ksd.pareto(small(), against=MOMENT, points=3, resume=file, progress=True)
     assert said[0] == ("points", 3) and {done for _, done in said[1:]} == {0, 1}
     assert "worst target" in said[-1][0]
-    computed = len(caught.value.table)
+    done = {(row["length"], row["thickness"]) for row in caught.value.table.rows()}
     asked = []
     batch = ksd.Job.batch
     monkeypatch.setattr(ksd.Job, "batch", lambda job, X, **how: asked.append(X) or batch(job, X, **how))
     again = ksd.pareto(small(), against=MOMENT, points=3, resume=file)
     assert again.merits == pytest.approx(front.merits, rel=1e-12)
-    # the designs of the first two points were not computed again
-    assert computed > 5 and len(asked) + computed <= len(again.points[-1].table)
+    # the designs of the first two points are not computed again
+    assert len(done) > 5 and not done & {tuple(x) for X in asked for x in np.atleast_2d(X).tolist()}
 
 
 def test_choices_go_on_and_run_in_executors(monkeypatch, tmp_path):

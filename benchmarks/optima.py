@@ -1,0 +1,527 @@
+"""Whether optima are optima: random jobs by every method, each end against designs around it.
+
+Jobs of all joint families and of drawn leaf springs at sizes from 1/30 to 3, with one to six parameters, one to four poses,
+random targets, limits, scales and rules. Every optimum is compared with 50 designs near it, all with 200 designs within the
+bounds; its limits are checked by the conventional method. Written: how many are proven (status "optimum"), how many of these
+have a better neighbour by more than .1 %, how many exceed a limit, how often each method finds the best of all; the worth of
+the limit worth most against optima with it moved by half a percent; values and CPU time per optimum for 1 to 20 parameters.
+Run: python benchmarks/optima.py [--quick] [--jobs N] [--first SEED]
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from common import STEEL, machine, parse_options, write_json
+
+import ksd
+from ksd.design.design_log import DesignLog
+from ksd.design.scaled_problem import ScaledProblem
+from ksd.errors import KsdError
+from ksd.train.catalogue import FAMILY_DESIGNS, design_of
+from ksd.units import mm
+
+SAME_MERIT = 1e-3
+"""Relative difference of merits that does not count."""
+MET = 1e-6
+"""Relative excess of a limit in another solve that does not count."""
+DRAWN = ("guide", "chain", "pivot")
+
+
+class FamilyDesign:
+    """A joint of a family by factors on its sizes and by its shape parameters, at a scale; its link carries a mass."""
+
+    def __init__(self, family: str, scale: float, mass: float) -> None:
+        self.family, self.scale, self.mass = family, scale, mass
+
+    def joint(self, values: Mapping[str, float]) -> Any:
+        """The joint of a design."""
+        design = design_of(self.family)
+        shapes = design.shape(np.zeros(len(design.parameters)))
+        joint = design.make(**{n: values.get(n, v) for n, v in shapes.items()})
+        sizes: dict[str, Any] = {}
+        for key, kind in joint.quantities.items():
+            value = getattr(joint, key, None)
+            if kind == "length" and value is not None:
+                factor = self.scale * values.get(f"{key}_factor", 1.0)
+                sizes[key] = tuple(factor * v for v in value) if isinstance(value, tuple) else factor * value
+        if isinstance(joint, ksd.CrossFlexure):
+            sizes.pop("gap", None)
+        return replace(joint, **sizes)  # type: ignore[type-var]
+
+    def __call__(self, **values: float) -> ksd.Mechanism:
+        joint = self.joint(values)
+        scene = ksd.Mechanism(self.family)
+        tip = scene.link("tip")
+        placed = scene.join(scene.ground, tip, joint, at=(0, 0, 0), axis="z", toward="x", name="joint")
+        size = self.scale * 0.1
+        mass = self.mass * self.scale**3
+        scene.mass(tip, mass=mass, at=(size, 0.1 * size, 0), inertia=(0.1 * mass * size**2,) * 3)
+        for motion in joint.motions:
+            scene.actuate_joint(placed, name=motion.name, motion=motion.name)
+        return scene
+
+    def parameters(self) -> dict[str, tuple[float, float]]:
+        """Bounds of all parameters that can be varied."""
+        design = design_of(self.family)
+        joint = design.make(**design.shape(np.zeros(len(design.parameters))))
+        sizes = [k for k, kind in joint.quantities.items() if kind == "length" and getattr(joint, k, None)]
+        bounds = {
+            f"{k}_factor": (0.7, 1.4)
+            for k in sizes
+            if k not in ("gap", "spacing", "inner", "radius", "minimum")
+        }
+        for p in design.parameters:
+            low, high = p.low, p.high
+            # a little within the trained range
+            ends = (low**0.95 * high**0.05, low**0.05 * high**0.95) if p.scale == "log" else (
+                0.95 * low + 0.05 * high, 0.05 * low + 0.95 * high)  # fmt: skip
+            bounds[p.name] = ends
+        return bounds
+
+    def drives(self) -> dict[str, float]:
+        """Largest drive value."""
+        joint = self.joint({})
+        return {m.name: m.range[1] * (1.0 if m.kind == "rotation" else self.scale) for m in joint.motions}
+
+
+class DrawnDesign:
+    """Drawn leaf springs: a guide of two, a chain of pieces, or two that cross."""
+
+    def __init__(self, kind: str, scale: float, mass: float) -> None:
+        self.family, self.scale, self.mass = kind, scale, mass
+
+    def parameters(self) -> dict[str, tuple[float, float]]:
+        s = self.scale
+        if self.family == "chain":
+            return {f"t{k}": (0.2 * mm * s, 0.9 * mm * s) for k in range(4)} | {
+                "width": (6 * mm * s, 25 * mm * s),
+                "length": (60 * mm * s, 110 * mm * s),
+            }
+        common = {
+            "length": (50 * mm * s, 90 * mm * s),
+            "thickness": (0.2 * mm * s, 0.7 * mm * s),
+            "width": (8 * mm * s, 25 * mm * s),
+        }
+        if self.family == "guide":
+            return common | {
+                "spacing": (20 * mm * s, 80 * mm * s),
+                "second": (0.2 * mm * s, 0.7 * mm * s),
+                "lean": (-5 * mm * s, 5 * mm * s),
+            }
+        return common | {"angle": (0.55, 1.02), "second": (0.2 * mm * s, 0.7 * mm * s), "offset": (-0.2, 0.2)}
+
+    def drives(self) -> dict[str, float]:
+        return {"drive": 0.3 if self.family == "pivot" else 6 * mm * self.scale}
+
+    def __call__(self, **values: float) -> ksd.Mechanism:
+        v = {n: 0.5 * (a + b) for n, (a, b) in self.parameters().items()} | values
+        scene = ksd.Mechanism(self.family)
+        stage = scene.link("stage")
+
+        def leaf(start: Any, end: Any, thickness: float, a: Any = "ground", b: Any = stage) -> None:
+            scene.leaf(
+                a, b, start=start, end=end, section=ksd.rectangle(thickness, v["width"]), material=STEEL
+            )
+
+        L = v["length"]
+        if self.family == "guide":
+            leaf((0, 0, 0), (L, 0, 0), v["thickness"])
+            leaf((0, v["spacing"], 0), (L, v["spacing"] + v["lean"], 0), v["second"])
+            at = (L, 0.5 * v["spacing"], 0)
+            scene.actuate(stage, along="y", at=at, name="drive")
+        elif self.family == "chain":
+            links = ["ground", *(scene.link(f"block{k}") for k in range(3)), stage]
+            for k in range(4):
+                leaf((k * L / 4, 0, 0), ((k + 1) * L / 4, 0, 0), v[f"t{k}"], links[k], links[k + 1])
+            at = (L, 0, 0)
+            scene.actuate(stage, along="y", at=at, name="drive")
+        else:
+            c, s = L * np.cos(v["angle"]), L * np.sin(v["angle"])
+            gap = v["width"]
+            leaf((0, 0, 0), (s, c, 0), v["thickness"])
+            leaf((0, c * (1 + v["offset"]), gap), (s, c * v["offset"], gap), v["second"])
+            at = (s, 0.5 * c, 0)
+            scene.actuate(stage, about="z", name="drive")
+        m = self.mass * self.scale**3
+        size = 0.1 * self.scale
+        scene.mass(stage, mass=m, at=at, inertia=(0.1 * m * size**2,) * 3)
+        return scene
+
+
+TARGETS = (
+    ("maximise", "support_worst_N_per_m"), ("maximise", "support_worst_Nm_per_rad"), ("maximise", "support_x_N_per_m"),
+    ("maximise", "support_z_N_per_m"), ("maximise", "support_rx_Nm_per_rad"), ("maximise", "intended_Hz"),
+    ("maximise", "first_parasitic_Hz"), ("maximise", "parasitic_2_Hz"), ("minimise", "stress_MPa"),
+    ("minimise", "strain_energy_J"), ("minimise", "effort"), ("minimise", "drive_stiffness"),
+    ("maximise", "drive_stiffness"), ("minimise", "parasitic_x_mm"), ("minimise", "parasitic_rz_mrad"),
+    ("minimise", "parasitic_y_mm"), ("maximise", "buckling_positive"), ("maximise", "two"),
+)  # fmt: skip
+LIMITS = (
+    "stress_MPa", "effort", "drive_stiffness", "support_worst_N_per_m", "support_z_N_per_m", "intended_Hz",
+    "first_parasitic_Hz", "strain_energy_J", "size",
+)  # fmt: skip
+
+
+def random_job(seed: int) -> ksd.Job:
+    """A random job; raises RuntimeError where none of 50 trials has answers."""
+    rng = np.random.default_rng(seed)
+    for _ in range(50):
+        try:
+            job = _trial(rng)
+        except KsdError:
+            continue
+        if job is not None:
+            return job
+    raise RuntimeError("no job")
+
+
+def _trial(rng: np.random.Generator) -> ksd.Job | None:
+    names = (*FAMILY_DESIGNS, *DRAWN, *DRAWN)
+    name = names[rng.integers(len(names))]
+    scale = float(10 ** rng.uniform(-1.5, 0.5)) if rng.random() < 0.5 else 1.0
+    design: Any = (DrawnDesign if name in DRAWN else FamilyDesign)(
+        name, scale, float(10 ** rng.uniform(-2, 0))
+    )
+    bounds = design.parameters()
+    count = min(len(bounds), int(rng.integers(1, 7)))
+    vary = {n: bounds[n] for n in sorted(rng.choice(sorted(bounds), count, replace=False))}
+    poses = int(rng.integers(1, 5))
+    drives = {
+        n: v * rng.uniform(0.2, 0.8) * np.linspace(0, 1, poses) if poses > 1 else [v * rng.uniform(0.1, 0.8)]
+        for n, v in design.drives().items()
+    }
+    first = next(iter(drives))
+    is_rotation = name not in ("guide", "chain") and "guide" not in name
+    effort, stiffness = (
+        (f"{first}_moment_Nm", f"{first}_stiffness_Nm_per_rad")
+        if is_rotation
+        else (f"{first}_force_N", f"{first}_stiffness_N_per_m")
+    )
+
+    def column(word: str) -> str:
+        return {"effort": effort, "drive_stiffness": stiffness}.get(word, word)
+
+    role, target = TARGETS[rng.integers(len(TARGETS))]
+    words: dict[str, Any] = {"vary": vary, **({} if len(drives) == 1 else {"together": True}), **drives}
+    if rng.random() < 0.3:
+        words["method"] = "conventional"
+    if rng.random() < 0.3:
+        words["freed"] = first
+    goals: Any = column(target)
+    # sizes of the answers decide scales and limits
+    wanted = {
+        column(w)
+        for w in (
+            "stress_MPa",
+            "effort",
+            "drive_stiffness",
+            "support_worst_N_per_m",
+            "support_worst_Nm_per_rad",
+            "support_z_N_per_m",
+            "intended_Hz" if len(drives) == 1 else "intended_1_Hz",
+            "first_parasitic_Hz",
+            "strain_energy_J",
+        )
+    }
+    if len(drives) > 1 and goals == "intended_Hz":
+        goals = "intended_1_Hz"
+    probe = ksd.Job(
+        design, **words, limits=dict.fromkeys(sorted(wanted), 1e15) | {"size_mm": (1e9, None, None)}, rules=[]
+    )
+    X = probe.random(5, seed=int(rng.integers(1, 1000)))
+    values, status = probe.batch(X)
+    good = [k for k, s in enumerate(status) if s == "ok"]
+    if len(good) < 2:
+        return None
+    a = X[good[0]]
+
+    def value(c: str, k: int) -> float:
+        own = [
+            abs(v)
+            for v, an in zip(values[k], probe.answers, strict=True)
+            if an.column.split("[")[0] == c and np.isfinite(v)
+        ]
+        return (float(min(own)) if "support" in c or "Hz" in c else float(max(own))) if own else float("nan")
+
+    if target == "two":
+        goals = {c: value(c, good[0]) for c in ("support_worst_N_per_m", "first_parasitic_Hz")}
+        if not all(np.isfinite(v) and v > 0 for v in goals.values()):
+            return None
+    limits: dict[str, Any] = {}
+    for word in rng.choice(LIMITS, int(rng.integers(1, 4)), replace=False):
+        c = column(str(word))
+        c = "intended_1_Hz" if c == "intended_Hz" and len(drives) > 1 else c
+        if c in ((goals,) if isinstance(goals, str) else goals):
+            continue
+        if c == "size":
+            extent = [
+                v for v, an in zip(values[good[0]], probe.answers, strict=True) if an.column == "size_x_mm"
+            ]
+            limits["size_mm"] = (extent[0] * float(rng.uniform(0.95, 1.2)), None, None)
+            continue
+        v = value(c, good[0]) * float(
+            np.exp(rng.uniform(-0.1, 0.4) * (-1 if "support" in c or "Hz" in c else 1))
+        )
+        if not np.isfinite(v) or v == 0:
+            continue
+        low = "support" in c or "Hz" in c
+        limits[c] = (v, None) if low else (-v, v) if c == effort else (None, v)
+    rules = []
+    if len(vary) > 1 and rng.random() < 0.4:
+        p, q = list(vary)[:2]
+        ap, aq = float(a[0]), float(a[1])
+        rules.append(lambda d: 1.05 - 0.5 * d[p] / ap - 0.5 * d[q] / aq)
+    scale_of = float(10 ** rng.uniform(-3, 3)) if rng.random() < 0.3 and isinstance(goals, str) else None
+    if scale_of is not None:
+        goals = {goals: scale_of}
+    if not limits and rng.random() < 0.7:
+        limits = {"stress_MPa": value("stress_MPa", good[0])}
+    return ksd.Job(design, **words, **{role: goals}, limits=limits, rules=rules)
+
+
+class Chain:
+    """A chain of ten leaf springs between blocks by their thicknesses and widths; moved at its end."""
+
+    def __init__(self, count: int) -> None:
+        names = [f"t{k}" for k in range(10)] + [f"w{k}" for k in range(10)]
+        self.vary = {n: (0.2 * mm, 0.8 * mm) if n[0] == "t" else (8 * mm, 24 * mm) for n in names[:count]}
+
+    def __call__(self, **values: float) -> ksd.Mechanism:
+        scene = ksd.Mechanism("chain of ten")
+        links: list[Any] = ["ground", *(scene.link(f"block{k}") for k in range(10))]
+        for k in range(10):
+            section = ksd.rectangle(values.get(f"t{k}", 0.4 * mm), values.get(f"w{k}", 15 * mm))
+            ends = ((12 * k * mm, 0, 0), (12 * (k + 1) * mm, 0, 0))
+            scene.leaf(links[k], links[k + 1], start=ends[0], end=ends[1], section=section, material=STEEL)
+        scene.actuate(links[-1], along="y", at=(120 * mm, 0, 0), name="drive")
+        return scene
+
+    def job(self) -> ksd.Job:
+        """As stiff at its end as stress and force allow, at three poses."""
+        return ksd.Job(
+            self, vary=self.vary, maximise="support_worst_N_per_m", limits={"stress_MPa": 400, "drive_force_N": 3},
+            drive=np.array([0.0, 3.0, 6.0]) * mm,
+        )  # fmt: skip
+
+
+def costs() -> list[dict[str, Any]]:
+    """Values, gradients and CPU time per optimum, and value with gradient over a value, by number of parameters."""
+    rows = []
+    for count in (1, 4, 10, 20):
+        job = Chain(count).job()
+        X = job.random(4, seed=1)
+        job.slopes(X[0])
+        begin = time.process_time()
+        for x in X:
+            job.values(x)
+        value = (time.process_time() - begin) / len(X)
+        begin = time.process_time()
+        for x in X * 0.999:
+            job.values(x)
+            job.slopes(x)
+        both = (time.process_time() - begin) / len(X)
+        begin = time.process_time()
+        best = ksd.optimise(job)
+        rows.append({
+            "parameters": count, "values": best.evaluations, "gradients": best.gradients, "designs": len(best.table),
+            "CPU_s": time.process_time() - begin, "status": best.status, "merit": best.merit,
+            "value_and_gradient_over_value": both / value,
+        })  # fmt: skip
+        print(rows[-1], flush=True)
+    return rows
+
+
+def designs_around(
+    job: ksd.Job, best: ksd.Optimum | None, near: int, far: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Merits of random designs (nan where a limit is not met): near an optimum, and within the bounds."""
+    rng = np.random.default_rng(1)
+    search = ScaledProblem(job, DesignLog(job), "")
+    groups = [list(job.random(far, seed=5)) if far else []]
+    if best is not None:
+        y = search.scaled(np.array(list(best.design.values())))
+        steps = 10 ** rng.uniform(-3, -1.5, (near, 1)) * rng.uniform(-1, 1, (near, len(y)))
+        groups.insert(0, [search.unscaled(p) for p in y + steps])
+    found = []
+    for X in groups:
+        merits = np.full(len(X), np.nan)
+        if X:
+            for k, (x, v, status) in enumerate(zip(X, *job.batch(X), strict=True)):
+                good = status == "ok" and not np.isnan(v).any() and (job.margins(v) >= 0).all()
+                if good and (job.rule_values(x) >= 0).all() and np.isfinite(job.merit(v)):
+                    merits[k] = job.merit(v)
+        found.append(merits)
+    return (found[0], found[-1]) if best is not None else (np.array([]), found[-1])
+
+
+def single_merit(job: ksd.Job, design: Mapping[str, float]) -> tuple[float, float]:
+    """Merit and least margin to a limit of a design, each pose solved by itself on the reference mesh of a job."""
+    fresh = ksd.Job(job.function, **{**job.arguments, "method": "conventional", "mesh": job.mesh})
+    (values,), (status,) = fresh.batch(list(design.values()))
+    if status != "ok":
+        return np.nan, np.nan
+    return fresh.merit(values), float(np.min(fresh.margins(values), initial=np.inf))
+
+
+def better_by(merit: float, other: float) -> float:
+    """By how much a merit is better than another, relative to it."""
+    return (merit - other) / (abs(other) or 1.0)
+
+
+def compare_worth(job: ksd.Job, best: ksd.Optimum) -> dict[str, Any] | None:
+    """The worth of the limit that is worth most against optima with it moved by half a percent either way."""
+    worth: dict[str, float] = {}
+    for name, w in best.held.items():
+        column = name.split(" at ")[0].split("[")[0]
+        if column in (job.arguments["limits"] or {}) and not column.startswith("size"):
+            worth[column] = worth.get(column, 0.0) + w
+    if not worth:
+        return None
+    column = max(worth, key=lambda c: worth[c])
+    merits = []
+    for factor in (1.005, 0.995):
+        given = dict(job.arguments["limits"])
+        v = given[column]
+        is_low = isinstance(v, tuple) and v[1] is None
+        scale = 1 / factor if is_low else factor
+        given[column] = (
+            tuple(None if e is None else e * scale for e in v) if isinstance(v, tuple) else v * scale
+        )
+        try:
+            moved = ksd.Job(job.function, **{**job.arguments, "limits": given, "mesh": job.mesh})
+            merits.append(ksd.optimise(moved, start=best.design).merit)
+        except KsdError:
+            return None
+    own = float(np.log(merits[0] / merits[1]) / np.log(1.005 / 0.995)) * (-1 if best.merit < 0 else 1)
+    off = abs(own - worth[column]) / max(abs(own), 1e-3)
+    return {
+        "limit": column,
+        "worth": worth[column],
+        "re-optimised": own,
+        "off": off,
+        "kink": bool(best.proof.kinks),
+    }
+
+
+WAYS: dict[str, dict[str, Any]] = {
+    "gradient, 4 starts": {"starts": 4},
+    "gradient": {},
+    "trust-constr": {"method": "trust-constr"},
+    "cobyla": {"method": "cobyla"},
+}
+
+
+def one_job(seed: int, near: int, far: int) -> dict[str, Any] | None:
+    """Every way on one random job, each optimum against designs near it, and the best of all against random ones."""
+    try:
+        job = random_job(seed)
+    except RuntimeError:
+        return None
+    _, merits = designs_around(job, None, 0, far)
+    row: dict[str, Any] = {
+        "seed": seed, "family": getattr(job.function, "family", ""), "parameters": len(job.vary),
+        "poses": len(job.poses), "job": job._line(), "random": float(np.nanmax(merits, initial=-np.inf)), "ways": {},
+    }  # fmt: skip
+    for way, words in WAYS.items():
+        begin = time.process_time()
+        try:
+            best = ksd.optimise(job, **words)
+        except KsdError as reason:
+            row["ways"][way] = {
+                "status": "failed",
+                "why": str(reason)[:200],
+                "CPU_s": time.process_time() - begin,
+            }
+            continue
+        spent = time.process_time() - begin
+        around, _ = designs_around(job, best, near, 0)
+        merit, margin = single_merit(best.job, best.design)
+        row["ways"][way] = {
+            "status": best.status, "merit": best.merit, "values": best.evaluations, "gradients": best.gradients,
+            "designs": len(best.table), "CPU_s": spent, "remainder": best.proof.remainder,
+            "near": better_by(float(np.nanmax(around, initial=-np.inf)), best.merit),
+            "single_difference": better_by(merit, best.merit), "single_margin": margin,
+        }  # fmt: skip
+        if way == "gradient":
+            row["worth"] = compare_worth(job, best)
+    return row
+
+
+def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Shares by way: proven, missed without a word, violated, the best found; values and CPU time per optimum."""
+    table = {}
+    for way in WAYS:
+        pairs = [(r, r["ways"][way]) for r in rows if any(np.isfinite(w.get("merit", np.nan)) for w in r["ways"].values())
+                 or np.isfinite(r["random"])]  # fmt: skip
+        good = [(r, w) for r, w in pairs if w["status"] != "failed"]
+        found = 0
+        for r, w in good:
+            top = max([v["merit"] for v in r["ways"].values() if "merit" in v] + [r["random"]])
+            found += better_by(top, w["merit"]) <= SAME_MERIT
+        table[way] = {
+            "jobs": len(pairs), "failed": len(pairs) - len(good),
+            "optimum": sum(w["status"] == "optimum" for _, w in good),
+            "no better neighbour": sum(w["status"].startswith("no better") for _, w in good),
+            "stopped": sum(w["status"] == "stopped" for _, w in good),
+            "missed near, untold": sum(w["near"] > SAME_MERIT and w["status"] == "optimum" for _, w in good),
+            "violated": sum(w["single_margin"] < -MET for _, w in good),
+            "best of all": found, "values": float(np.mean([w["values"] for _, w in good])),
+            "CPU_s": float(np.mean([w["CPU_s"] for _, w in good])),
+        }  # fmt: skip
+    worths = [r["worth"] for r in rows if r.get("worth")]
+    table["worths"] = {
+        "compared": len(worths), "within 5 %": sum(w["off"] <= 0.05 for w in worths),
+        "named as kinks": sum(w["off"] > 0.05 and w["kink"] for w in worths),
+    }  # fmt: skip
+    return table
+
+
+def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
+    """Run, print, write; returns what was found."""
+
+    def more(parser: Any) -> None:
+        parser.add_argument("--jobs", type=int, default=200)
+        parser.add_argument("--first", type=int, default=0)
+
+    asked = parse_options(__doc__, argv, more)
+    count, near, far = (1, 4, 4) if asked.quick else (asked.jobs, 50, 200)
+    rows: list[dict[str, Any]] = []
+    for seed in range(asked.first, asked.first + count):
+        row = one_job(seed, near, far)
+        if row is None:
+            continue
+        rows.append(row)
+        said = {
+            w: f"{r['status']} {r.get('merit', np.nan):.6g} near {r.get('near', np.nan):+.1e}"
+            for w, r in row["ways"].items()
+        }
+        print(
+            seed,
+            row["family"],
+            row["job"][:50],
+            f"random {row['random']:.6g}",
+            said,
+            row.get("worth"),
+            flush=True,
+        )
+        found = {"machine": machine(), "summary": summary(rows), "jobs": rows}
+        write_json(found, asked.out / "optima.json")
+    found = {
+        "machine": machine(),
+        "summary": summary(rows),
+        "cost": [] if asked.quick else costs(),
+        "jobs": rows,
+    }
+    for way, shares in summary(rows).items():
+        print(way, shares)
+    write_json(found, asked.out / "optima.json")
+    return found
+
+
+if __name__ == "__main__":
+    main()
