@@ -28,7 +28,7 @@ REFERENCE = {
     "Scenes": (
         "What a mechanism is made of.",
         "Mechanism Material Leaf wire Section rectangle circle tube polygon numbers Arc FreeCurve Taper Varying "
-        "CircularNotch FilletedNotch StiffenedMiddle LinkMatrix link_matrix Scene load_scene save_scene",
+        "CircularNotch FilletedNotch StiffenedMiddle LinkMatrix link_matrix HalfSine Scene load_scene save_scene",
     ),
     "Joints": (
         "Families of flexure joints, and joints of your own. All take a `Material`, and as `elements` or `orders` a mesh of "
@@ -56,7 +56,8 @@ REFERENCE = {
         "properties.parasitic.Parasitic properties.parasitic.PivotShift properties.forces.SectionForces "
         "properties.forces.InterfaceForces properties.forces.InterfaceForce properties.link_forces.LinkForces "
         "properties.link_forces.LinkForce properties.internal_stress.Misplaced properties.extent.Clearance "
-        "properties.verify.Verification properties.doctor.Diagnosis "
+        "properties.verify.Verification properties.doctor.Diagnosis properties.plant.Plant solve.response.Response "
+        "solve.random_vibration.RandomVibration solve.shock.Shock "
         "design.frequency_curve.FrequencyCurve design.state_space.StateSpace",
     ),
     "Pictures": (
