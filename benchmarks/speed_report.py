@@ -161,8 +161,8 @@ def readme_table(found: dict[str, Any]) -> str:
             *_first_runs(found.get("start_up", {})),
             f"{machine_line(found['machine'])}; thread time, medians;",
             "`python benchmarks/speed.py --readme README.md` renews it. Errors against finer leaves, orders (6, 5, 9).",
-            "[Methods at equal accuracy](benchmarks/results/bench.md); new designs, chains, optimisers and more: *Measured* in the "
-            "documentation.",
+            "[Methods at equal accuracy](benchmarks/results/bench.md); new designs, chains, optimisers and more: *Measured* "
+            "in the documentation.",
         ]
     )
 
