@@ -72,7 +72,7 @@ from ksd.scene.link import Link
 from ksd.scene.load import Load
 from ksd.solve.configuration import Configuration
 from ksd.solve.perturbed import RELATIVE_STEP
-from ksd.solve.solver import DEFAULT_ACCURACY
+from ksd.solve.steps import DEFAULT_ACCURACY
 from ksd.solve.verdict import with_mesh_check
 
 Array = np.ndarray

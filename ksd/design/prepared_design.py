@@ -37,8 +37,8 @@ from ksd.solve.pose_batch import (
     solve_poses,
     solve_tabulated_poses,
 )
-from ksd.solve.solver import DEFAULT_ACCURACY, Solver
-from ksd.solve.steps import Step, Stop
+from ksd.solve.solver import Solver
+from ksd.solve.steps import DEFAULT_ACCURACY, Step, Stop
 from ksd.solve.verdict import refusal, with_mesh_check
 
 SOLVED = (Step("in a batch", 0, 0.0, 0.0, Stop.CONVERGED),)

@@ -293,9 +293,9 @@ def _stress_row(peaks: Mapping[str, PeakStress], questions: Questions) -> Row:
 
 
 def _parasitic(pose: Any, questions: Questions) -> Row:
-    """Motion of the point and rotation of its link, less what the drives of this link prescribe along their axes."""
+    """Motion of the point and rotation of its link, less what the drives prescribe, see `Configuration.parasitic`."""
     link, at = questions.point(pose.model.scene)
-    motion = parasitic(pose.model, pose.motion, link, at=at)
+    motion = parasitic(pose.model, pose.motion, pose.targets, link, at=at)
     shift, turn = motion.shift, motion.turn
     row: Row = {f"parasitic_{a}_mm": 1e3 * float(v) for a, v in zip("xyz", shift, strict=True)}
     return row | {f"parasitic_r{a}_mrad": 1e3 * float(v) for a, v in zip("xyz", turn, strict=True)}

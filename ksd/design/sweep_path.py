@@ -35,7 +35,8 @@ from ksd.properties.mesh_adequacy import mode_adequacy
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import solve_conventional
 from ksd.solve.plate_stiffening import solve_with_plate_factors
-from ksd.solve.solver import DEFAULT_ACCURACY, MAX_RISES, METHODS, Method, Solver, solve
+from ksd.solve.solver import MAX_RISES, METHODS, Method, Solver, solve
+from ksd.solve.steps import DEFAULT_ACCURACY
 from ksd.solve.verdict import is_solved, refusal, with_mesh_check
 
 FAR_TURN, SAME_TURN = 0.5 * math.pi, 0.1

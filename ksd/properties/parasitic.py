@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
@@ -11,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.checks import direction
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import TRANSLATION, State
+from ksd.model.arrays import State
 from ksd.model.compile import Model
 from ksd.numerics.rotations import rotation_exp, rotation_log
 from ksd.properties.nonconservative import cross_matrix
@@ -24,8 +26,6 @@ from ksd.scene.drive import GROUND
 from ksd.scene.scene import connected_links
 
 Array = NDArray[np.float64]
-MIN_DRIVEN_MOTION = 1e-2
-"""Motion of a link, relative to the largest that the drives cause, up to which drives only strain its connections."""
 CROSSING_TOLERANCE = 1e-6
 """Distance, relative to the length of the leaf springs, up to which they count as crossing in one point."""
 SAME_POINT_DISTANCE = 1e-6
@@ -38,7 +38,9 @@ class Parasitic(PrintableAnswer):
     """Motion of a point of a link from rest that its drives do not prescribe.
 
     shift (3,) [m], turn (3,) [rad]: displacement and rotation vector, global axes, at `point` (3,) [m] at rest. drives:
-    names of the drives whose prescribed motion is removed.
+    names of the drives whose motion is removed; linear: those of them that act on other links, whose motion of this link to
+    first order at rest is removed. along (3,): the direction of the wanted displacement where the caller named it, which
+    alone is removed then.
     """
 
     link: str
@@ -46,11 +48,20 @@ class Parasitic(PrintableAnswer):
     shift: Array
     turn: Array
     drives: tuple[str, ...]
+    linear: tuple[str, ...] = ()
+    along: Array | None = None
 
     def _line(self) -> str:
-        drives = f"in addition to what {', '.join(self.drives)} prescribe{'s' * (len(self.drives) == 1)}"
+        wanted = (
+            [f"what {', '.join(self.drives)} prescribe{'s' * (len(self.drives) == 1)}"] if self.drives else []
+        )
+        if self.linear:
+            wanted.append(f"what {', '.join(self.linear)} would move in proportion, as at rest")
+        if self.along is not None:
+            wanted.append("the wanted displacement along ({:.4g} {:.4g} {:.4g})".format(*self.along))
+        whole = "all of its motion: no drive moves it"
         size = f"{_format_vector(self.shift, 1e3)} mm, {_format_vector(self.turn, 1e3)} mrad (x y z)"
-        return f"'{self.link}' {size}, {drives if self.drives else 'all of its motion: no drive acts on it alone'}"
+        return f"'{self.link}' {size}, {'in addition to ' + ' and to '.join(wanted) if wanted else whole}"
 
     def __str__(self) -> str:
         return f"Parasitic motion: {self._line()}"
@@ -112,16 +123,25 @@ def _middle(joint: Any) -> tuple[float, ...]:
     return tuple(joint.place(0.5 * np.asarray(joint.joint.pose_B, float)).tolist())
 
 
-def parasitic(model: Model, motion: State, link: Any = None, *, at: Any = None) -> Parasitic:
+def parasitic(
+    model: Model,
+    motion: State,
+    targets: Mapping[str, float],
+    link: Any = None,
+    *,
+    at: Any = None,
+    along: Any = None,
+) -> Parasitic:
     """Motion of the point of `link` at `at` (3,) [m] at rest, without the motion that drives and supports prescribe.
 
     Prescribed are rotations about axes and displacements along directions, by single drives or by several together (three
     along z prescribe a lift and both tilts). The prescribed motion of a link that carries this one is removed too, as a
     rigid motion: a rotation is about the pivot of the driven joint (where its leaf springs cross, or else the middle between
-    its interfaces), or about the point of the drive. Where no drive acts on this link, but drives act on legs that hold it
-    together with others, the motions of this link by these drives, to first order at rest, are removed, with rotations times
-    the size. Default: link and point of the first drive.
-    Raises SceneError for an unknown link, or where there is neither a link nor a drive.
+    its interfaces), or about the point of the drive. Drives of legs, which hold this link together with others, prescribe
+    nothing of it: removed is the motion that they, at `targets` by name [m or rad], would cause if it stayed in proportion
+    to them as at rest. along: direction of the wanted displacement, "x", "y", "z" or a vector, global; then the displacement
+    along it alone is removed. Default: link and point of the first drive. Raises SceneError for an unknown link or a wrong
+    direction, or where there is neither a link nor a drive.
     """
     if link is None:
         link, point = default_point(model.scene)
@@ -129,17 +149,24 @@ def parasitic(model: Model, motion: State, link: Any = None, *, at: Any = None) 
     node = node_of(model, link)
     here, _ = point_motion(model, motion, node, at)
     point = model.rest.x[node] if at is None else np.asarray(at, float)
+    if along is not None:
+        wanted, turned = np.asarray(direction(along, "along")), np.empty(3)
+        rotation_log(motion.R[node], turned)
+        moved = here - point
+        shift = moved - wanted * (wanted @ moved)
+        return Parasitic(model.node_names[node], point, shift, turned, (), along=wanted)
     cuts = _carrying_links(model.scene, model.node_names[node])
     driven = {name for d in model.scene.drives for t in d.terms for name in (t.base, t.link)}
     carriers = [model.node_names.index(name) for name in cuts if name in driven]
     frames = [0, *carriers, node]
     drives: set[str] = set()
+    linear: set[str] = set()
     shift, turn, before = np.zeros(3), np.zeros(3), point
     for base, end in pairwise(frames):
         now = point_position(model, motion, end, point)
         moved, turned = now - before, np.empty(3)
         rotation_log(motion.R[end] @ motion.R[base].T, turned)
-        along, about, acting = _prescribed_motion(model, motion, base, end, now)
+        axes, about, acting = _prescribed_motion(model, motion, base, end, now)
         own = about @ (about.T @ turned)
         pivot = _pivot(model.scene, acting, carried=end != node)
         if pivot is not None:
@@ -147,21 +174,24 @@ def parasitic(model: Model, motion: State, link: Any = None, *, at: Any = None) 
             Q = np.empty((3, 3))
             rotation_exp(own, Q)
             moved -= Q @ arm - arm
-        moved, turned, before = moved - along @ (along.T @ moved), turned - own, now
+        moved, turned, before = moved - axes @ (axes.T @ moved), turned - own, now
         drives.update(acting)
         legs = _leg_drives(model.scene, cuts, model.node_names[node]) - drives
         if legs and end == node and not acting:
             # where a motion has no stiffness at rest, there is no first-order motion
             with suppress(KinematicsError):
-                moved, turned = _remove_leg_motion(model, node, point, motion.R[base], legs, (moved, turned))
+                shifted, tilted = _motion_in_proportion(model, node, point, targets, legs)
+                shifted, tilted = motion.R[base] @ shifted, motion.R[base] @ tilted
+                moved, turned = moved - shifted, turned - tilted
+                linear = legs
                 drives.update(legs)
         shift, turn = shift + moved, turn + turned
     if carriers:
-        along, about, acting = _prescribed_motion(model, motion, 0, node, here)
-        shift, turn = shift - along @ (along.T @ shift), turn - about @ (about.T @ turn)
+        axes, about, acting = _prescribed_motion(model, motion, 0, node, here)
+        shift, turn = shift - axes @ (axes.T @ shift), turn - about @ (about.T @ turn)
         drives.update(acting)
-    named = tuple(n for n in model.drive_names if n in drives)
-    return Parasitic(model.node_names[node], point, shift, turn, named)
+    named, proportional = (tuple(n for n in model.drive_names if n in names) for names in (drives, linear))
+    return Parasitic(model.node_names[node], point, shift, turn, named, proportional)
 
 
 def _carrying_links(scene: Any, link: str) -> list[str]:
@@ -183,26 +213,13 @@ def _leg_drives(scene: Any, cuts: list[str], link: str) -> set[str]:
     return {d.name for d in scene.drives if any({t.base, t.link} & legs for t in d.terms)}
 
 
-def _remove_leg_motion(
-    model: Model, node: int, point: Array, R: Array, legs: set[str], moved: tuple[Array, Array]
+def _motion_in_proportion(
+    model: Model, node: int, point: Array, targets: Mapping[str, float], drives: set[str]
 ) -> tuple[Array, Array]:
-    """Displacement and rotation (3,) of a node without their components along motions by the drives in `legs`.
-
-    These are the motions of its `point` by each drive at rest, rotated by R (3, 3); moved: displacement and rotation vector.
-    """
-    arrays = model.arrays
+    """Displacement and rotation vector (3,) of a point of a node by `drives` at `targets`, to first order at rest."""
     motions = drive_coupling(model, model.rest, model.node_names[node], at=point, load_factor=0.0)
-    size = np.repeat([1.0, arrays.size], 3)
-    turns = arrays.terms.kind[arrays.terms.first[:-1]] != TRANSLATION
-    columns = np.stack([
-        size * np.concatenate([R @ w[:3], R @ w[3:]]) / (arrays.size if turn else 1.0)
-        for (n, w), turn in zip(motions.items(), turns, strict=False) if n in legs
-    ], axis=1)  # fmt: skip
-    axes, share, _ = np.linalg.svd(columns, full_matrices=False)
-    axes = axes[:, share > MIN_DRIVEN_MOTION * share[0]]
-    scaled = np.concatenate(moved) * size
-    rest = (scaled - axes @ (axes.T @ scaled)) / size
-    return rest[:3], rest[3:]
+    total = sum((targets[n] * w for n, w in motions.items() if n in drives), np.zeros(6))
+    return total[:3], total[3:]
 
 
 def _prescribed_motion(

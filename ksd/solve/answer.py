@@ -65,6 +65,9 @@ SCHEMA: dict[str, str] = {
     "error.mesh_percent": "the same of the mesh alone; null where it is not known",
     "error.displacement_um": "estimated error of the worst link position",
     "error.rotation_mrad": "estimated error of the worst link rotation",
+    "uncertainty.percent": "the larger of the error and of the changes of force and displacement in left_out",
+    "uncertainty.effect": "the effect left out that is the larger one; null where the error is",
+    "uncertainty.quantity": "what that effect changes most, force or displacement; null where the error is larger",
     "basis": "of the reduced body bent furthest, a leaf or a solid; null where nothing is reduced",
     "basis.of": "its name",
     "basis.coordinates": "independent coordinates of its basis (rank)",
@@ -127,6 +130,7 @@ def as_dict(configuration: Configuration) -> dict[str, Any]:
             "drives": _drives(c),
             "supports": _supports(c),
             "error": _error(c),
+            "uncertainty": _uncertainty(c),
             "basis": _basis(c),
             "strength": _strength(c),
             "links": _links(c),
@@ -202,6 +206,15 @@ def _error(c: Configuration) -> dict[str, float | None] | None:
         "mesh_percent": 100 * c.error.mesh,
         "displacement_um": 1e6 * c.error.displacement,
         "rotation_mrad": 1e3 * c.error.rotation,
+    }
+
+
+def _uncertainty(c: Configuration) -> dict[str, Any]:
+    found = c.uncertainty
+    return {
+        "percent": 100 * found.relative,
+        "effect": found.effect or None,
+        "quantity": found.quantity or None,
     }
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ksd.checks import (
+    Axis,
     checked_question,
     clear_argument_errors_of_methods,
     name_hint,
@@ -64,10 +65,10 @@ from ksd.solve.report import tables
 from ksd.solve.response import Response, frequency_grid, respond
 from ksd.solve.sensitivity import sensitivity
 from ksd.solve.shock import Shock, check_pulse, shake
-from ksd.solve.steps import FAST_METHODS, ErrorEstimate, Step, Stop, Verdict
+from ksd.solve.steps import DEFAULT_ACCURACY, FAST_METHODS, ErrorEstimate, Step, Stop, Verdict
 from ksd.solve.undeformed_stability import multiple_minima_note
 from ksd.solve.validity import Validity, validity
-from ksd.solve.verdict import Trust, trust_verdicts
+from ksd.solve.verdict import Trust, Uncertainty, trust_verdicts, uncertainty
 from ksd.view import plot_mechanism, save_figure, show_mechanism, write_vtu
 from ksd.view.camera import View
 
@@ -103,7 +104,7 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
     which the branch is in doubt, and that smaller load steps did not remove. joint_motions: motions of the joints, or a
     function that computes them from the state; None where the joints have no known records. method_was_chosen: `solve` chose
     the method for its estimated error. joints_near_intended: the solve has checked that every joint is near its intended
-    motion.
+    motion. accuracy: the relative accuracy that was asked for.
     """
 
     model: Model
@@ -121,6 +122,7 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
     doubts: tuple[str, ...] = ()
     method_was_chosen: bool = False
     joints_near_intended: bool = False
+    accuracy: float = DEFAULT_ACCURACY
 
     def __dir__(self) -> list[str]:
         return sorted(set(super().__dir__()) - INSIDE)
@@ -191,6 +193,12 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         would make, by effect that is not in the model; computed when first read (`ksd.solve.left_out`)."""
         return left_out(self)
 
+    @cached_property
+    def uncertainty(self) -> Uncertainty:
+        """Relative error of forces and poses: the larger of `error`, against the model, and of the largest change of a force
+        or displacement by an effect that the model leaves out, with the name of that effect."""
+        return uncertainty(self)
+
     @property
     def branch(self) -> str:
         """Why this is, or is not, the intended branch, in one sentence."""
@@ -199,7 +207,8 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
     @property
     def trusted(self) -> bool:
         """Whether the result can be relied on: converged, stable, on the intended branch, within what a beam and its
-        material bear, and with an error smaller than itself (see `error`). `trust.trusted` has the reason in a sentence."""
+        material bear, and with an `uncertainty` of 10 % at most, or the accuracy asked for. `trust.trusted` has the reason
+        in a sentence."""
         return self.trust.trusted.yes
 
     @cached_property
@@ -686,15 +695,21 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         there. The result prints as a table; its `to_csv` writes a file."""
         return link_forces(*self.unreduced_equilibrium, load_factor=self.load_factor)
 
-    def parasitic(self, link: Link | str | None = None, *, at: ArrayLike | None = None) -> Parasitic:
+    def parasitic(
+        self, link: Link | str | None = None, *, at: ArrayLike | None = None, along: Axis | None = None
+    ) -> Parasitic:
         """Displacement [m] and rotation [rad] from rest that no drive or support prescribes, of the point of `link` at `at`
         (3,) [m] at rest; link and point of the first drive when None.
+
+        Drives that act on other links prescribe nothing of this one: removed is what they would cause if the link moved in
+        proportion to them, as at rest. along: "x", "y", "z" or a vector (3,), the direction of the wanted displacement; then
+        all but that component is parasitic.
 
         Rest is the undeformed configuration, without weight and loads. A driven joint prescribes a rotation about its pivot,
         where its leaf springs cross; where they do not cross, about the middle between its interfaces. Raises SceneError for
         an unknown link, and where no link is named and there is no drive.
         """
-        return parasitic(self.model, self.motion, link, at=at)
+        return parasitic(self.model, self.motion, self.targets, link, at=at, along=along)
 
     def extent(self) -> np.ndarray:
         """Lowest and highest coordinates (2, 3) [m, global] of the leaf springs, width and thickness included."""

@@ -31,12 +31,11 @@ from ksd.solve.conventional import solve_without_loads
 from ksd.solve.load_steps import LoadPath
 from ksd.solve.solver import (
     COMPILED_MODEL_MESSAGE,
-    DEFAULT_ACCURACY,
     given_values,
     refuse_unknown_drives,
     require_start_of,
 )
-from ksd.solve.steps import Step, Stop
+from ksd.solve.steps import DEFAULT_ACCURACY, Step, Stop
 from ksd.solve.verdict import with_mesh_check
 
 Array = NDArray[np.float64]

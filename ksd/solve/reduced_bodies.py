@@ -33,6 +33,7 @@ from ksd.model.reduced_bodies import inner_state, relative_end_pose, transfer_st
 from ksd.model.turns import copy_angles
 from ksd.numerics.blocks import factor_blocks
 from ksd.numerics.stopwatch import Stopwatch
+from ksd.properties.printing import format_number
 from ksd.solve.configuration import Configuration
 from ksd.solve.five_step_solver import FiveStepSolver
 from ksd.solve.five_steps import (
@@ -48,6 +49,8 @@ from ksd.solve.loading_order import Order, solve_in_order
 from ksd.solve.steps import MAX_TURN_PER_STEP, Step, Stop
 from ksd.solve.validity import most_bent_body, validity
 
+MAX_OUT_OF_PLANE_SHARE = 1e-5
+"""Load of a leaf spring out of its plane, over that in it, above which a basis of that plane alone is refused."""
 MAX_BASIS_ERROR = 0.05
 """Estimated relative error above which a basis is no longer successful."""
 MAX_BODY_ITERATIONS, BODY_TOLERANCE = 40, 1e-6
@@ -485,6 +488,32 @@ def solve_bodies_by_load_steps(model: Model, values: Mapping[str, float], order:
             reached=reason.reached,
             result=reason.result,
         ) from reason
+
+
+def with_plane_check(found: Configuration) -> Configuration:
+    """The configuration with a note where bases know the plane of their leaf springs alone. Raises SceneError where such a
+    leaf spring carries load out of its plane, which it resists up to ten times too stiffly."""
+    bodies = [
+        n for n, body in found.model.bodies.items() if isinstance(body, LeafBasis) and body.choices.plane
+    ]
+    if not bodies:
+        return found
+    forces = found.section_forces(points=2)
+    for name in bodies:
+        arm = np.array([1.0, 1.0, 1.0, *3 * [1.0 / forces[name].s[-1]]])
+        size = np.abs(forces[name].values).max(axis=0) * arm
+        out, within = size[[2, 3, 4]].max(), size[[0, 1, 5]].max()
+        if out > MAX_OUT_OF_PLANE_SHARE * within:
+            raise SceneError(
+                f"leaf '{name}' carries load out of its plane, {format_number(float(out))} N (moments over its length), and "
+                "its basis ModalBasis(plane=True) knows deformation in that plane alone; give ksd.ModalBasis(plane=False)"
+            )
+    others = f" and of {len(bodies) - 1} other leaf springs" if len(bodies) > 1 else ""
+    note = (
+        f"the basis of '{bodies[0]}'{others} knows deformation in its plane alone (plane=True): stiffness, frequencies and "
+        "critical load factors out of that plane are far too high"
+    )
+    return replace(found, notes=(*found.notes, note))
 
 
 def with_error_indicator(found: Configuration) -> Configuration:

@@ -13,6 +13,7 @@ from ksd.properties.printing import format_number, format_signed_percent
 from ksd.properties.strength import LAW_ERROR_PER_STRAIN, WARNING_STRAIN
 from ksd.solve.answer import as_dict
 from ksd.solve.steps import FAST_METHODS, percent
+from ksd.solve.verdict import EFFECT_NAMES
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
@@ -27,7 +28,6 @@ _STOPS = {
 }
 NEGLIGIBLE_CHANGE = 1e-3
 """Change [%] below which an effect counts as changing nothing."""
-EFFECTS = {"plate": "plate stiffening", "warping": "restrained warping"}
 _UNITS = {
     "value_mm": "mm",
     "value_deg": "deg",
@@ -115,7 +115,7 @@ def _drives(d: dict[str, Any]) -> Any:
 def verdict_lines(d: dict[str, Any]) -> list[tuple[str, bool]]:
     """Sentences about error, effects left out and verdicts, each with whether it is good news."""
     lines = [
-        (error_sentence(d), True),
+        (headline(d), True),
         *((s, True) for s in (*_effects_left_out(d["left_out"]), *_basis_range(d["basis"]))),
     ]
     lines.append((f"State: {d['stability']}", d["stable"]))
@@ -126,8 +126,25 @@ def verdict_lines(d: dict[str, Any]) -> list[tuple[str, bool]]:
     return lines
 
 
+def _effect_name(name: str) -> str:
+    return EFFECT_NAMES.get(name, name.replace("_", " "))
+
+
+def headline(d: dict[str, Any]) -> str:
+    """The error in one sentence: that against the model, after a larger change by an effect that the model leaves out."""
+    own, effect, share = error_sentence(d), d["uncertainty"]["effect"], d["uncertainty"]["percent"]
+    if effect is None or share < NEGLIGIBLE_CHANGE:
+        return own
+    _, _, told = own.partition("rror: ")
+    quantity = d["uncertainty"]["quantity"]
+    return (
+        f"Estimated error: {percent(0.01 * share)} %, the {quantity} by {_effect_name(effect)}, which is not in the model; "
+        f"against the model: {told}"
+    )
+
+
 def error_sentence(d: dict[str, Any]) -> str:
-    """The estimated error in one sentence."""
+    """The estimated error against the model in one sentence."""
     error = d["error"]
     if error is None and (d["basis"] is not None or d["method"] in ("kinematic", "reduced", "modal")):
         return "Error: not estimated"
@@ -170,7 +187,7 @@ def _effects_left_out(left_out: dict[str, dict[str, float | None]]) -> list[str]
             for what, value in changes.items()
             if value is not None and abs(value) >= NEGLIGIBLE_CHANGE
         ]
-        effects.append(f"{EFFECTS[name]} ({', '.join(shares) or 'changes nothing here'})")
+        effects.append(f"{_effect_name(name)} ({', '.join(shares) or 'changes nothing here'})")
     return [f"Not in the model: {', '.join(effects)}"] if effects else []
 
 

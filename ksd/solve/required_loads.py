@@ -39,8 +39,8 @@ from ksd.solve.actuation import Actuation
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import solve_conventional
 from ksd.solve.error import refined_configuration, refined_model
-from ksd.solve.solver import DEFAULT_ACCURACY, MAX_RISES, Solver, prepare
-from ksd.solve.steps import percent
+from ksd.solve.solver import MAX_RISES, Solver, prepare
+from ksd.solve.steps import DEFAULT_ACCURACY, percent
 from ksd.solve.verdict import is_solved, solved_verdict
 
 Array = NDArray[np.float64]

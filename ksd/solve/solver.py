@@ -41,7 +41,9 @@ from ksd.solve.reduced_bodies import (
     has_solids,
     solve_bodies_by_load_steps,
     with_error_indicator,
+    with_plane_check,
 )
+from ksd.solve.steps import DEFAULT_ACCURACY
 from ksd.solve.storage import NewtonStorage
 from ksd.solve.verdict import (
     compare_with_load_steps,
@@ -55,7 +57,6 @@ Basis = ModalBasis | Mapping[str, ModalBasis | SolidBasis]
 """The basis of modal bodies: one for all leaf springs, or several by the name of a joint, leaf or solid."""
 Method = Literal["kinematic", "reduced", "full", "conventional", "modal", "constant"]
 METHODS = ("kinematic", "reduced", "full", "conventional", "modal", "constant")
-DEFAULT_ACCURACY = 1e-3
 MAX_PLANAR_ITERATIONS = 10
 """Newton iterations of the planar solve that is tried first, at most."""
 MAX_RISES = 5
@@ -187,9 +188,7 @@ def solve(
         if found.mesh_adequacy.missed_share <= wanted or mesh is not None or rise == MAX_RISES:
             found = solver.settled(found, start)
         share, _, axis, _ = found.mesh_adequacy
-        if share <= wanted:
-            return require_solved(found) if strict else found
-        if mesh is not None or rise == MAX_RISES:
+        if share <= wanted or mesh is not None or rise == MAX_RISES:
             break
         grid = raise_order(grid, axis)
     found = with_mesh_check(found, wanted)
@@ -417,7 +416,7 @@ class Solver:
             found = self._reduced[condense_joints](
                 values, relinearisations=relinearisations, order=self.order
             )
-        found = replace(found, method=method or "conventional")
+        found = with_plane_check(replace(found, method=method or "conventional"))
         return with_error_indicator(found) if estimate else found
 
     def _solve(

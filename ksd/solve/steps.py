@@ -83,6 +83,8 @@ def equilibrium_iterations(steps: Iterable[Step]) -> int:
     return max((s.iterations for s in equilibrium_steps(steps)), default=0)
 
 
+DEFAULT_ACCURACY = 1e-3
+"""Relative accuracy that is wanted where none is named."""
 FAST_METHODS = ("kinematic", "reduced", "modal", "constant")
 """Methods whose states are not equilibria of the full model."""
 

@@ -9,6 +9,8 @@
 5. `check_trained_range`: every joint is within the range its record was trained on.
 6. `solved_verdict`: the equations converged, 1 and 2 hold, and the error is smaller than the result.
 7. `strength_verdict`: strain and stress are within what a linear elastic beam and its material allow.
+8. `error_verdict`: the estimated error against the model, and what effects would change that the model leaves out, are
+   within MAX_TRUSTED_ERROR.
 
 `trust_verdicts` collects the verdicts (`Configuration.trust`). `refusal` is the sentence with which `ksd.solve` refuses
 what is not solved (`require_solved` raises it); sweeps, batches, gradients and jobs refuse the same poses with the same
@@ -20,7 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -28,7 +30,7 @@ from ksd.errors import ConvergenceError, RangeError, TrustError
 from ksd.model.arrays import STRAIN, carries_load
 from ksd.model.mesh import MAX_ORDER
 from ksd.properties.doctor import doctor
-from ksd.properties.printing import format_number
+from ksd.properties.printing import format_number, format_signed_percent
 from ksd.properties.strength import unusual_values
 from ksd.scene.rules import plane_hint
 from ksd.solve.branch_check import loads_dominate
@@ -48,6 +50,14 @@ MAX_TURN_PER_POINT = np.deg2rad(60.0)
 """Turn of a strain-mode leaf per quadrature point [rad] above which the inertia of the tangent is not reliable."""
 EQUAL_STATE_TOLERANCE, REDUCED_STATE_TOLERANCE = 1e-5, 0.02
 """Largest difference of equal states (positions over the size, rotations [rad]): of exact ones, and with a reduced one."""
+MAX_TRUSTED_ERROR = 0.1
+"""Relative error, or change by an effect left out, above which nothing is trusted unless a coarser accuracy is asked for."""
+EFFECT_NAMES = {"plate": "plate stiffening", "warping": "restrained warping"}
+"""Effects that a model can leave out, as they are printed; others by their own name."""
+NEGLIGIBLE_EFFECT = 1e-5
+"""Relative change by an effect left out below which it is not told."""
+ERROR_QUANTITIES = ("force", "displacement")
+"""What the relative error of a result is of, among the quantities that effects change."""
 MAX_HIGHEST_MODE_SHARE = 0.05
 """Energy share of a leaf in its highest mode above which its curvature is not resolved."""
 NEGLIGIBLE_ENERGY_SHARE = 1e-3
@@ -59,8 +69,8 @@ class Trust:
     """The verdicts on a configuration.
 
     stable: it is a minimum of energy; branch: it is on the branch that leads from rest by the intended motions; strength: a
-    linear elastic beam can be in this state; trusted: all three, converged, and with an error smaller than the result, which
-    the sentence states.
+    linear elastic beam can be in this state; trusted: all three, converged, and with an error of 10 % at most (or
+    the accuracy asked for), which the sentence states, as it does effects left out that change more than that accuracy.
     """
 
     stable: Verdict
@@ -193,9 +203,11 @@ def compare_with_load_steps(
 
 
 def with_mesh_check(found: Configuration, wanted: float) -> Configuration:
-    """The result with a note where a leaf has more than `wanted` of its energy in its highest modes, and with a doubt where
-    its curvature is not resolved and the leaf matters."""
+    """The result with the accuracy that is `wanted`, a note where a leaf has more than that of its energy in its highest
+    modes, and a doubt where its curvature is not resolved and the leaf matters."""
     share, where, axis, _ = found.mesh_adequacy
+    if wanted != found.accuracy:
+        found = replace(found, accuracy=wanted)
     if share <= wanted:
         return found
     more = "raise the orders of the mesh"
@@ -279,11 +291,8 @@ def _verdict_with_error(
             True, "trusted but for the bases of its solids, whose error was not estimated (ksd.solve does)"
         )
     if c.method_error is not None and error is not None:
-        return Verdict(True, f"trusted within its estimated error of {percent(error.relative)} %")
-    off = "" if error is None else f", within an estimated error of {percent(error.relative)} %"
-    return Verdict(
-        True, f"trusted: {c.steps[-1].reason}, it is a minimum, and the branch is the one meant{off}"
-    )
+        return Verdict(True, "trusted")
+    return Verdict(True, f"trusted: {c.steps[-1].reason}, it is a minimum, and the branch is the one meant")
 
 
 def _exceeds_result(c: Configuration, e: ErrorEstimate) -> bool:
@@ -304,9 +313,73 @@ def trust_verdicts(c: Configuration) -> Trust:
     """All verdicts on a configuration."""
     minimum, branch, beam = stability_verdict(c), branch_verdict(c), strength_verdict(c)
     trusted = _verdict_with_error(c, minimum, branch, c.error)
+    if trusted:
+        trusted = error_verdict(c, trusted)
     if trusted and not beam and c.strength is not None:
         trusted = Verdict(False, f"{NOT_TRUSTED}{c.strength.beyond}")
     return Trust(minimum, branch, beam, trusted)
+
+
+class Uncertainty(NamedTuple):
+    """Relative error of forces and poses: the larger of that against the model and of the largest change by an effect that
+    the model leaves out.
+
+    relative: inf where the error is not known, nan where none was estimated and no effect changes anything. effect,
+    quantity: the effect, and what it changes most; "" where the error against the model is the larger one.
+    """
+
+    relative: float
+    effect: str = ""
+    quantity: str = ""
+
+
+def uncertainty(c: Configuration) -> Uncertainty:
+    """The relative error of forces and poses, see `Uncertainty`."""
+    own = math.nan if c.error is None else c.error.relative
+    changes = (
+        Uncertainty(abs(change), effect, quantity)
+        for effect, row in c.left_out.items()
+        for quantity, change in row.items()
+        if quantity in ERROR_QUANTITIES and change != 0.0
+    )
+    largest = max(changes, key=lambda change: change.relative, default=Uncertainty(own))
+    # negated, so that an effect counts where the error was not estimated
+    return Uncertainty(own) if own >= largest.relative else largest
+
+
+def error_verdict(c: Configuration, verdict: Verdict) -> Verdict:
+    """A verdict that is yes so far, with the error against the model and the effects left out that change more than the
+    accuracy asked for; no where one of them is above MAX_TRUSTED_ERROR."""
+    effects = []
+    for name, row in c.left_out.items():
+        shares = [
+            f"{quantity.replace('_', ' ')} {format_signed_percent(100 * change)} %"
+            for quantity, change in row.items()
+            if abs(change) > c.accuracy
+        ]
+        effects += (
+            [f"{EFFECT_NAMES.get(name, name.replace('_', ' '))} ({', '.join(shares)})"] if shares else []
+        )
+    left_out = f"its model leaves out {' and '.join(effects)}" if effects else ""
+    largest, error, bound = uncertainty(c), c.error, max(MAX_TRUSTED_ERROR, c.accuracy)
+    own = "" if error is None else f"an estimated error of {percent(error.relative)} %"
+    if error is not None and bound < error.relative < math.inf:
+        also = f"; {left_out}" * bool(left_out)
+        sentence = f"its estimated error is {percent(error.relative)} %, more than {percent(bound)} %{also}"
+        return Verdict(False, NOT_TRUSTED + sentence)
+    if largest.effect and largest.relative > bound:
+        against = f", and has {own} against it" * bool(own)
+        return Verdict(False, f"{NOT_TRUSTED}{left_out}, more than {percent(bound)} %{against}")
+    if error is None or error.mesh == math.inf:
+        return replace(verdict, sentence=f"{verdict}{f'; {left_out}' * bool(left_out)}")
+    comma = "," if ": " in verdict.sentence else ""
+    within = f"within {own}"
+    if largest.effect and largest.relative > c.accuracy:
+        within = f"within {percent(largest.relative)} %: {left_out}, and has {own} against it"
+    elif left_out or (largest.effect and largest.relative > NEGLIGIBLE_EFFECT):
+        within = f"within {percent(largest.relative)} %, of which {own} against its model"
+        within += f"; {left_out}" * bool(left_out)
+    return Verdict(True, f"{verdict}{comma} {within}")
 
 
 def refusal(c: Configuration) -> str:

@@ -7,6 +7,7 @@ from scenes import STEEL
 import ksd
 from ksd.cli import main
 from ksd.solve import branch_check, five_step_solver
+from ksd.solve.left_out import LeftOut
 from ksd.units import mm
 
 EULER = np.pi**2 * STEEL.E * 20 * mm * (0.5 * mm) ** 3 / 12 / (4 * (100 * mm) ** 2)
@@ -131,3 +132,85 @@ def test_a_batch_carries_doubts_about_the_branch(method, monkeypatch):
         scene, push=10 * mm, method=method, mesh=ksd.Mesh(), threads=1, questions="stress", strict=False
     )
     assert loose.why(0, 0) == found.why(0, 0) and loose["stress_MPa"][0, 0] > 100
+
+
+def wide_strip(**words):
+    """A wide cantilever of one leaf spring, its tip bent down: a plate, (1 - nu^2) times stiffer than the beam that it is
+    modelled as unless the scene considers plate stiffening."""
+    scene = ksd.Mechanism("wide strip")
+    tip = scene.link("tip", at=(0.1, 0, 0))
+    scene.leaf(
+        scene.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(0.3 * mm, 60 * mm), material=STEEL,
+        width_axis="z",
+    )  # fmt: skip
+    scene.actuate(tip, along="y", at=(0.1, 0, 0), name="push")
+    return ksd.solve(scene, push=30 * mm, **words)
+
+
+def test_the_error_of_a_pose_is_the_larger_of_its_own_and_of_what_its_model_leaves_out():
+    """The change that is told is that of a second solve with the effect."""
+    pose, stiffer = wide_strip(), wide_strip(effects="all")
+    change = stiffer.forces["push"] / pose.forces["push"] - 1.0
+    assert pose.error.relative < 1e-6 < 0.01 < change < 0.1
+    assert pose.uncertainty[1:] == ("plate", "force")
+    assert pose.uncertainty.relative == pytest.approx(change, rel=0.02)
+    said, told = pose.trust.trusted.sentence, f"{100 * pose.uncertainty.relative:.2g} %"
+    assert pose.trusted and f"within {told}: its model leaves out plate stiffening (force +{told}" in said
+    assert "an estimated error of under 1e-06 % against it" in said
+    page = " ".join(str(pose).split())
+    assert (
+        f"Estimated error: {told}, the force by plate stiffening, which is not in the model; against" in page
+    )
+    numbers = pose.as_dict()["uncertainty"]
+    assert numbers["effect"] == "plate" and numbers["percent"] == pytest.approx(100 * change, rel=0.02)
+    assert stiffer.uncertainty[1:] == ("", "") and "leaves out" not in stiffer.trust.trusted.sentence
+    # named where it changes more than the accuracy asked for
+    coarse = wide_strip(accuracy=0.2).trust.trusted.sentence
+    assert "plate" not in coarse and f"within {told}, of which an estimated error of" in coarse
+
+
+def test_another_effect_left_out_shows_up_by_itself_and_decides():
+    pose = wide_strip()
+    changes = {"force": -0.02, "displacement": 0.0, "support_stiffness": 0.5}
+    pose.__dict__["left_out"] = LeftOut({"clamped_width": changes})
+    said = pose.trust.trusted.sentence
+    assert pose.trusted
+    assert "within 2 %: its model leaves out clamped width (force -2 %, support stiffness +50 %)" in said
+    assert "clamped width" in str(pose)
+    pose = wide_strip()
+    pose.__dict__["left_out"] = LeftOut({"clamped_width": {"force": 0.3}})
+    assert not pose.trusted
+    said = "not to be trusted: its model leaves out clamped width (force +30 %), more than 10 %"
+    assert said in pose.trust.trusted.sentence
+
+
+@pytest.mark.parametrize(("push", "trusted"), ((1, True), (45, False)))
+def test_an_error_above_a_tenth_is_not_trusted(push, trusted):
+    """Leaf springs of constant stiffness, by which a guide moved far is far off."""
+    words = {"push": push * mm, "method": "constant", "strict": False, "effects": "all"}
+    pose = ksd.solve(loaded_guide(0.0), **words)
+    assert (pose.error.relative <= 0.1) == trusted == pose.trusted
+    if not trusted:
+        assert "not to be trusted" in pose.trust.trusted.sentence
+
+
+def test_a_basis_of_the_plane_alone_refuses_load_out_of_it():
+    """Its stiffness along z is far above that of the full basis: the force is refused, the stiffness warned of."""
+
+    def strip(force):
+        scene = upright(0.0)
+        scene.load("top", force=force, at=(0, 0.1, 0))
+        return scene
+
+    flat, full = ksd.ModalBasis(plane=True), ksd.ModalBasis()
+    with pytest.raises(
+        ksd.SceneError, match=r"carries load out of its plane, .*plane=True.*; give ksd.ModalBasis"
+    ):
+        ksd.solve(strip((0, 0, 1.0)), turn=0.0, basis=flat, method="modal")
+    push = {"turn": 0.0, "method": "modal"}
+    one, other = (ksd.solve(strip((1.5, 0, 0)), basis=basis, **push) for basis in (flat, full))
+    stiffness = [p.stiffness("top", at=(0, 0.1, 0)).supports["z"] for p in (one, other)]
+    assert stiffness[0] > 2 * stiffness[1]
+    assert any("plane=True" in w and "far too high" in w for w in one.warnings)
+    assert not any("plane=True" in w for w in other.warnings)
+    assert one.displacement("top")[0] == pytest.approx(other.displacement("top")[0], rel=1e-3)

@@ -59,3 +59,55 @@ def test_a_drive_that_acts_past_the_carrier_prescribes_its_motion_too(absolute):
     # driven from ground, nothing is left along x; on the lower stage, the way that this stage is shortened by its arc
     shortened = 0.6 * 2e-3**2 / 0.05
     assert found.shift[0] == pytest.approx(0.0 if absolute else -shortened, rel=5e-2, abs=1e-9)
+
+
+def xy_stage(length):
+    """Four pairs of leaf springs: two carriages, driven along x and y, and a stage that each of them leaves free along the
+    other axis."""
+    scene = ksd.Mechanism("parallel XY stage")
+    stage, by_x, by_y = scene.links("stage", "by x", "by y")
+    words = {"section": ksd.rectangle(0.3e-3, 0.02), "material": STEEL, "width_axis": "z"}
+    half = 0.02
+
+    def pair(a, b, start, along):
+        for side in (-half, half):
+            across = np.array([side, 0, 0]) if along[1] else np.array([0, side, 0])
+            begin = np.asarray(start) + across
+            scene.leaf(a, b, start=begin, end=begin + length * np.asarray(along), **words)
+
+    # carriage "by x" on leaf springs along y moves along x; the stage on it, on leaf springs along x, moves along y
+    pair(scene.ground, by_x, (-0.1, -length, 0), (0, 1, 0))
+    pair(by_x, stage, (-0.02 - length, 0, 0), (1, 0, 0))
+    pair(scene.ground, by_y, (-length, -0.1, 0), (1, 0, 0))
+    pair(by_y, stage, (0, -0.02 - length, 0), (0, 1, 0))
+    scene.actuate(by_x, along="x", at=(-0.1, 0, 0), name="x")
+    scene.actuate(by_y, along="y", at=(0, -0.1, 0), name="y")
+    return scene
+
+
+def test_drives_of_other_links_do_not_prescribe_what_a_stage_does_elsewhere():
+    """Leaf springs moved by d shorten by .6 d^2/L: those between carriage y and the stage take it along y by that."""
+    length, d = 48e-3, 3e-3
+    pose = ksd.solve(xy_stage(length), x=d, y=0.0)
+    rest, here = (0.0, 0.0, 0.0), pose.displacement("stage", (0, 0, 0))
+    shortened = 0.6 * d**2 / length
+    found = pose.parasitic("stage", at=rest)
+    assert abs(here[1]) == pytest.approx(shortened, rel=0.05)
+    assert found.shift[1] == pytest.approx(here[1], rel=0.02)
+    # the way along x in proportion to the drive is that of a small stroke
+    plus, minus = (ksd.solve(xy_stage(length), x=x, y=0.0) for x in (1e-6, -1e-6))
+    slope = (plus.displacement("stage", rest) - minus.displacement("stage", rest)) / 2e-6
+    assert found.shift == pytest.approx(here - d * slope, abs=1e-9)
+    assert found.linear == found.drives == ("x", "y") and "in proportion, as at rest" in str(found)
+    named = pose.parasitic("stage", at=rest, along="x")
+    assert named.shift == pytest.approx([0, here[1], here[2]], abs=1e-12)
+    assert named.turn == pytest.approx(pose.rotation("stage"), abs=1e-12)
+    assert "in addition to the wanted displacement along (1 0 0)" in str(named)
+    with pytest.raises(ksd.SceneError, match="along"):
+        pose.parasitic("stage", along=(0, 0, 0))
+    table = ksd.sweep(
+        xy_stage(length), x=d, y=0.0, questions="parasitic", link="stage", at=rest, progress=False
+    )
+    assert table["parasitic_y_mm"][0] == pytest.approx(1e3 * found.shift[1], rel=1e-6)
+    # on the carriage itself the drive prescribes its direction
+    assert pose.parasitic("by x", at=(-0.1, 0, 0)).drives == ("x",)

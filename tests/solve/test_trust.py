@@ -173,7 +173,9 @@ def test_a_state_is_judged_on_the_mesh_it_ends_on():
         ksd.solve(m, drives, mesh=ksd.Mesh())
     pose = ksd.solve(m, drives)
     end = ksd.follow(m, drives, mesh=ksd.Mesh(orders=(8, 8, 12), points=16)).states[-1]
-    assert pose.trusted and end.stable
+    # what is left to say is the restrained warping that its model leaves out, which a torsion so strong needs
+    assert pose.trust.branch and pose.stable and end.stable
+    assert not pose.trusted and "not to be trusted: its model leaves out" in pose.trust.trusted.sentence
     # the mesh is to 1e-3 of the energy
     assert pose.displacement("hand") == pytest.approx(end.displacement("hand"), abs=2e-5)
 
@@ -188,7 +190,12 @@ def test_condensed_joints_do_not_hide_a_buckled_state():
     pose, finer = (
         ksd.solve(scene, top=1e-4, mesh=mesh) for mesh in (None, ksd.Mesh(orders=(8, 8, 12), points=16))
     )
-    assert pose.trusted and pose.stable and finer.stable
+    # a quarter of the displacement would go with restrained warping, which the model leaves out
+    assert pose.trust.branch and pose.stable and finer.stable
+    assert (
+        not pose.trusted
+        and "restrained warping (force -0.21 %, displacement -26 %" in pose.trust.trusted.sentence
+    )
     assert pose.displacement("top") == pytest.approx(finer.displacement("top"), rel=1e-4)
     # with the drive moved first it is another stable one
     last = ksd.follow(scene, {"top": 1e-4}, mesh=finer.model.mesh)
