@@ -260,7 +260,9 @@ def _support_stiffness_rows(supports: np.ndarray, principal: np.ndarray, questio
     for column in WORST_SUPPORT_COLUMNS:
         names = (*names, column, *other_principal_columns(column)[: count - 1])
     values = np.concatenate([supports, principal[:, :, :count].reshape(len(supports), -1)], axis=1)
-    values[np.isinf(values)] = np.nan
+    # a direction that drives hold has no stiffness to speak of; a least stiffness that is infinite is one
+    directions = values[:, : len(SUPPORT_COLUMNS)]
+    directions[np.isinf(directions)] = np.nan
     return [dict(zip(names, own, strict=True)) for own in values.tolist()]
 
 
@@ -410,7 +412,9 @@ def frequency_row(pose: PoseAnalysis, questions: Questions) -> tuple[Row, Tracks
     first = tracks.first_parasitic
     row["first_parasitic_Hz"] = float("nan") if first is None else tracks.frequency_Hz(first)
     row["first_parasitic_mode"] = "" if first is None else tracks.names[first]
-    row["mac"] = min(a for a, k in zip(tracks.mac, tracks.rank, strict=True) if k >= 0)
+    if pose.previous.solve is not None:
+        # along a path alone; elsewhere modes are numbered at every pose, and followed from none
+        row["mac"] = min(a for a, k in zip(tracks.mac, tracks.rank, strict=True) if k >= 0)
     return row, tracks
 
 

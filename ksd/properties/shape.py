@@ -660,8 +660,9 @@ def _distances(model: Model, motion: State) -> tuple[DistanceShape, ...]:
     for distance in model.scene.distances:
         points = (distance.a, distance.start), (distance.b, distance.end)
         ends = np.array([point_position(model, motion, index[link], at) for link, at in points])
-        along = distance.along
-        direction = ends[1] - ends[0] if along is None else motion.R[index[distance.a]] @ np.asarray(along)
+        direction = ends[1] - ends[0] if distance.along is None else np.asarray(distance.along)
+        if distance.turns_with is not None:
+            direction = motion.R[index[distance.turns_with]] @ direction
         norm = max(float(np.linalg.norm(direction)), 1e-300)
         found.append(DistanceShape(distance.name, ends, direction / norm))
     return tuple(found)

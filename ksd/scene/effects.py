@@ -37,8 +37,8 @@ OPTIONAL_EFFECTS = ("warping", "plate")
 class Distance:
     """A distance to report: that [m] of point `end` of link `b` from point `start` of link `a`.
 
-    start, end (3,) [m]: global, undeformed. along (3,): report the signed component along this direction, which turns with
-    `a`; None for the whole distance.
+    start, end (3,) [m]: global, undeformed. along (3,): report the signed component along this direction of the scene, or of
+    link `turns_with`, with which it turns; None for the whole distance.
     """
 
     name: str
@@ -47,6 +47,7 @@ class Distance:
     start: Vector
     end: Vector
     along: Vector | None = None
+    turns_with: str | None = None
 
     def __post_init__(self) -> None:
         owner = f"distance '{word(self.name, 'name', owner='distance')}'"
@@ -54,7 +55,11 @@ class Distance:
             object.__setattr__(self, key, vector(getattr(self, key), key, owner=owner, unit="m"))
         if self.along is not None:
             object.__setattr__(self, "along", direction(self.along, "along", owner=owner))
-        elif self.start == self.end:
+        elif self.turns_with is not None:
+            raise SceneError(
+                f"{owner}: turns_with names the link that a direction turns with; give along= as well."
+            )
+        if self.along is None and self.start == self.end:
             raise SceneError(
                 f"{owner}: its two points are one and the same at rest, {self.start}; give along= a direction, that in "
                 "which they part."

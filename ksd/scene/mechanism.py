@@ -962,20 +962,22 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         start: ArrayLike,
         end: ArrayLike,
         along: Axis | None = None,
+        turns_with: Link | str | None = None,
         name: str,
     ) -> Distance:
         """Report the distance of the point `end` (3,) [m] of link `b` from the point `start` (3,) [m] of link `a`.
 
         It is `pose.distance(name)`, and the column "distance_NAME_mm" of sweeps, jobs and gradients, for example the
-        opening of a jaw. along: report the signed component along this direction, which turns with `a`; None for the whole
-        distance. Raises SceneError.
+        opening of a jaw. along: report the signed component along this direction, "x" of the scene or a vector (3,), which
+        turns with the link `turns_with` where one is named; None for the whole distance. Raises SceneError.
         """
         owner = f"distance '{word(name, 'name', owner='distance')}'"
         if name in {d.name for d in self._distances}:
             raise SceneError(f"{owner}: the name is used already; every distance needs its own.")
         first, second = self._link_pair(a, b, owner)
         axis = None if along is None else as_given(along)
-        added = Distance(name, first, second, as_given(start), as_given(end), axis)
+        carrier = None if turns_with is None else self._checked_link(turns_with, owner)
+        added = Distance(name, first, second, as_given(start), as_given(end), axis, carrier)
         self._distances.append(added)
         return added
 

@@ -14,7 +14,8 @@ import numpy as np
 
 from ksd.checks import Vector, show
 from ksd.scene.curve import Arc, CurvePart, cached_deviation
-from ksd.scene.effects import Spring
+from ksd.scene.effects import Spring, TurnSpring
+from ksd.scene.hinges import PLANES, plane_normal
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.scene.scene import Scene
@@ -44,6 +45,8 @@ METAL_NAME_PARTS = (
 """Parts of names of metals."""
 MAX_THICKNESS_RATIO = 5.0
 """Thickness of a leaf over its width above which the two were probably exchanged."""
+IN_PLANE_TOLERANCE = 1e-6
+"""Component out of a plane, over the whole, that counts as rounding."""
 MAX_MECHANISM_SIZE = 10.0
 """Usual limit of the distance [m] between parts of one mechanism."""
 DENSITY_RANGE = (10.0, 23e3)
@@ -101,7 +104,58 @@ def plausibility_warnings(scene: Scene) -> tuple[str, ...]:
     for leaf_warning in (_length_warning, _exchange_warning, _thickness_warning, _width_warning):
         warnings += _grouped_warnings(leaves, leaf_warning)
     warnings += _curve_warnings(scene, leaves)
-    return (*warnings, *_size_warnings(scene))
+    return (*warnings, *_size_warnings(scene), *_plane_warnings(scene))
+
+
+def _plane_warnings(scene: Scene) -> Iterator[str]:
+    """A warning about all that acts out of the plane of a scene, which holds every link in it."""
+    if scene.plane is None:
+        return
+    normal, axis = np.array(plane_normal(scene.plane)), "xyz"[PLANES[scene.plane]]
+    held = list(_efforts_out_of_plane(scene, normal, axis))
+    if held:
+        yield (
+            f"the plane {scene.plane} holds what acts out of it, {'; '.join(held)}: forces, stress and motion by that are not "
+            f"in the answer; leave plane='{scene.plane}' out to simulate them"
+        )
+
+
+def _efforts_out_of_plane(scene: Scene, normal: np.ndarray, axis: str) -> Iterator[str]:
+    """Every load, weight and spring that acts out of the plane with this normal, and with how much at rest."""
+
+    def effort(
+        owner: str, force: Sequence[float] | np.ndarray, moment: Sequence[float] | np.ndarray
+    ) -> Iterator[str]:
+        out = float(np.dot(force, normal))
+        tilting = float(np.linalg.norm(np.asarray(moment) - np.dot(moment, normal) * normal))
+        parts = [f"{out:.4g} N along {axis}"] * (abs(out) > IN_PLANE_TOLERANCE * float(np.linalg.norm(force)))
+        tilts = tilting > IN_PLANE_TOLERANCE * float(np.linalg.norm(moment))
+        parts += [f"{tilting:.4g} Nm about axes in it"] * tilts
+        if parts:
+            yield f"{' and '.join(parts)} of {owner}"
+
+    for load in scene.loads:
+        yield from effort(f"load '{load.name}'", load.force, load.moment)
+    if scene.gravity is not None:
+        mass = sum(m.mass for m in scene.masses) + sum(map(_leaf_mass, scene.leaf_names().values()))
+        yield from effort(f"gravity on {mass:.4g} kg", mass * np.asarray(scene.gravity), (0.0, 0.0, 0.0))
+    for spring in scene.springs:
+        if isinstance(spring, Spring):
+            line = np.subtract(spring.end, spring.start)
+            length = float(np.linalg.norm(line))
+            tension = spring.stiffness * (length - spring.free_length)
+            if length > 0.0 and abs(line @ normal) > IN_PLANE_TOLERANCE * length:
+                yield from effort(f"spring '{spring.name}'", tension * line / length, (0.0, 0.0, 0.0))
+        elif isinstance(spring, TurnSpring) and abs(np.dot(spring.axis, normal)) < 1.0 - IN_PLANE_TOLERANCE:
+            moment = spring.stiffness * spring.rest_angle * np.asarray(spring.axis)
+            held = list(effort(f"torsion spring '{spring.name}'", (0.0, 0.0, 0.0), moment))
+            yield from held or [f"torsion spring '{spring.name}', whose axis is not normal to it"]
+
+
+def _leaf_mass(leaf: Leaf) -> float:
+    """Mass [kg] of a leaf spring, 0 where its material has no density."""
+    areas = [leaf.section.A] if leaf.profile is None else [leaf.profile.section(k / 32).A for k in range(33)]
+    return float(np.mean(areas)) * leaf.length * (leaf.material.density or 0.0)
 
 
 def _curve_warnings(scene: Scene, leaves: Mapping[str, Leaf]) -> Iterator[str]:

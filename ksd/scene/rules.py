@@ -77,7 +77,12 @@ def _unknown_links(scene: Scene) -> Iterator[str]:
         references += [
             (kind, part.name, link) for part in observed for link in (part.term.base, part.term.link)
         ]
-    references += [("distance", d.name, link) for d in scene.distances for link in (d.a, d.b)]
+    references += [
+        ("distance", d.name, link)
+        for d in scene.distances
+        for link in (d.a, d.b, d.turns_with)
+        if link is not None
+    ]
     references += [("spring", s.name, link) for s in scene.springs for link in (s.a, s.b)]
     references += [(h.kind, h.name, link) for h in scene.hinges for link in (h.a, h.b)]
     references += [("compliance", "", c.link) for c in scene.compliances]

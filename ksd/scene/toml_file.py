@@ -14,7 +14,7 @@
     [[pin]]            a, b, at (and axis, where there is no plane);  [[slider]]  link, along, at
     [[ball]]           a, b, at;  [[cylindrical]]  a, b, at, axis
     [[actuate]]        link, about = "z", value = "30 deg"; or along and at; or joint; or terms = [{...}, ...]
-    [[distance]]       a, b, start, end, name (and along, a direction): to be reported, such as the opening of a jaw
+    [[distance]]       a, b, start, end, name (and along, turns_with): to be reported, such as the opening of a jaw
     [[compliance]]     link, section and material (hub, width_axis); or matrix = "file.npz" or "file.h5"
     [options]          options of the solver, e.g. method = "reduced"
 

@@ -143,7 +143,9 @@ STATEMENTS: dict[str, Schema] = {
     "spring": LINK_PAIR | {
         "start": "length[3]!", "end": "length[3]!", "stiffness": "stiffness!", "free_length": "length", "name": "text",
     },
-    "distance": LINK_PAIR | {"start": "length[3]!", "end": "length[3]!", "along": "direction", "name": "text!"},
+    "distance": LINK_PAIR | {
+        "start": "length[3]!", "end": "length[3]!", "along": "direction", "turns_with": "text", "name": "text!",
+    },  # fmt: skip
     "sensor": _COMPONENT | {"link": "text!", "kind": "text", "name": "text"},
     "damper": LINK_PAIR | {
         "along": "direction", "about": "direction", "at": "length[3]", "damping": "damping!", "name": "text",

@@ -315,7 +315,8 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         span = end - point_position(self.model, self.motion, i, defined.start)
         if defined.along is None:
             return float(np.linalg.norm(span))
-        return float(span @ self.motion.R[i] @ np.asarray(defined.along))
+        turned = np.eye(3) if defined.turns_with is None else self.motion.R[self._node(defined.turns_with)]
+        return float(span @ turned @ np.asarray(defined.along))
 
     def _node(self, named: Link | str) -> int:
         """Node number of a link or internal block. Raises SceneError for an unknown name."""

@@ -124,6 +124,11 @@ def plot_stroke(
     return figure
 
 
+def _finite(values: Array) -> Array:
+    """The finite ones of values."""
+    return values[np.isfinite(values)]
+
+
 def _stroke_column(table: DrawableTable) -> str:
     """Default column of the horizontal axis: the drive, or else the label, with most different values."""
     usable = table.moving or table.labels
@@ -144,9 +149,9 @@ def _panels_to_draw(table: DrawableTable, questions: Sequence[str]) -> list[tupl
         for panel in _PANELS[q]:
             matches = {c: re.fullmatch(panel.pattern, c) for c in table.columns}
             columns = {c: m.group(1).replace("_", " ") for c, m in matches.items() if m}
-            # columns that are zero throughout are drawn only on request
+            # columns that are zero throughout are drawn only on request, and infinite ones never
             least = 0.0 if questions else _MIN_PANEL_VALUE
-            if columns and any(np.nanmax(np.abs(table[c]), initial=-1.0) >= least for c in columns):
+            if any(np.max(np.abs(_finite(table[c])), initial=-1.0) >= least for c in columns):
                 drawn.append((panel, columns))
         if questions and not drawn:
             raise SceneError(f"the table has no answers to {q!r}; ask for it with questions=(..., {q!r})")
@@ -182,10 +187,10 @@ def _draw_panel(
     # the same range in all panels, whichever values are missing in them
     low, high = float(np.nanmin(x)), float(np.nanmax(x))
     axes.set_xlim(low - 0.04 * (high - low), high + 0.04 * (high - low))
-    largest = max(np.nanmax(np.abs(table[c])) for c in columns if np.isfinite(table[c]).any())
+    largest = max(np.max(np.abs(_finite(table[c])), initial=0.0) for c in columns)
     noise = 0.0 if panel.log else _ZERO_SHARE * largest
     # a single point makes no line
-    shown = {c: n for c, n in columns.items() if np.sum(np.abs(table[c]) > noise) > 1}
+    shown = {c: n for c, n in columns.items() if np.sum(np.abs(_finite(table[c])) > noise) > 1}
     hidden = _covered_columns(table, shown)
     for color, (column, name) in zip(cycle(LINE_COLORS), (shown or columns).items(), strict=False):
         for style, shade, (label, rows) in zip(

@@ -13,7 +13,7 @@ PLASTIC = ksd.Material(E=2.5e9, nu=0.3)
 TIP, TOP = (0.05, 0.0, 0.0), (0.05, 0.02, 0.0)
 
 
-def tweezers(thickness=0.5 * mm, *, along=None):
+def tweezers(thickness=0.5 * mm, *, along=None, turns_with=None):
     """Two leaf springs side by side with tips that a drive and a load close."""
     scene = ksd.Mechanism("tweezers", plane="xy")
     low, high = scene.links("low", "high")
@@ -22,7 +22,7 @@ def tweezers(thickness=0.5 * mm, *, along=None):
                    material=PLASTIC)  # fmt: skip
     scene.load(low, force=(0, 0.02, 0), at=TIP)
     scene.actuate(high, along="y", at=TOP, name="close")
-    scene.distance(low, high, start=TIP, end=TOP, along=along, name="opening")
+    scene.distance(low, high, start=TIP, end=TOP, along=along, turns_with=turns_with, name="opening")
     return scene
 
 
@@ -37,11 +37,16 @@ def test_distance_of_a_pose():
     (drawn,) = pose.shape().distances
     assert drawn.direction == pytest.approx(parted(pose) / np.linalg.norm(parted(pose)), abs=1e-12)
     across = ksd.solve(tweezers(along="y"), close=-4 * mm)
-    # the direction turns with the link at start
-    turn = across.rotation("low")[2]
-    want = parted(across) @ (-np.sin(turn), np.cos(turn), 0)
-    assert abs(turn) > 0.05
-    assert across.distance("opening") == pytest.approx(want, rel=1e-12)
+    # a direction of the scene stays, that of a link turns with it, whichever end it is
+    assert across.distance("opening") == pytest.approx(parted(across)[1], rel=1e-12)
+    for link in ("low", "high"):
+        pose = ksd.solve(tweezers(along="y", turns_with=link), close=-4 * mm)
+        turn = pose.rotation(link)[2]
+        want = parted(pose) @ (-np.sin(turn), np.cos(turn), 0)
+        assert abs(turn) > 0.05 and abs(want - parted(pose)[1]) > 1e-5
+        assert pose.distance("opening") == pytest.approx(want, rel=1e-12)
+        (drawn,) = pose.shape().distances
+        assert drawn.direction == pytest.approx([-np.sin(turn), np.cos(turn), 0], abs=1e-12)
 
 
 def test_sweep_gradient_and_job():
@@ -67,7 +72,7 @@ def test_sweep_gradient_and_job():
 
 
 def test_file_round_trip(tmp_path):
-    scene = tweezers(along="y")
+    scene = tweezers(along="y", turns_with="high")
     ksd.save_scene(scene, tmp_path / "tweezers.toml")
     back, _, _ = ksd.load_scene(tmp_path / "tweezers.toml")
     assert back.scene() == scene.scene()
@@ -91,6 +96,12 @@ def test_refusals():
     scene = tweezers()
     with pytest.raises(SceneError, match="distance 'same': its two points are one and the same at rest"):
         scene.distance("low", "high", start=TIP, end=TIP, name="same")
+    with pytest.raises(
+        SceneError, match=r"distance 'other': turns_with names the link .*; give along= as well"
+    ):
+        scene.distance("low", "high", start=TIP, end=TOP, turns_with="low", name="other")
+    with pytest.raises(SceneError, match=r"lo.*low"):
+        scene.distance("low", "high", start=TIP, end=TOP, along="y", turns_with="lo", name="other")
     with pytest.raises(SceneError, match="the name is used already"):
         scene.distance("low", "high", start=TIP, end=TOP, name="opening")
     with pytest.raises(SceneError, match=r"lo.*low"):

@@ -214,3 +214,26 @@ def test_a_basis_of_the_plane_alone_refuses_load_out_of_it():
     assert any("plane=True" in w and "far too high" in w for w in one.warnings)
     assert not any("plane=True" in w for w in other.warnings)
     assert one.displacement("top")[0] == pytest.approx(other.displacement("top")[0], rel=1e-3)
+
+
+def test_a_batch_tells_no_similarity_of_modes_and_a_sweep_an_infinite_stiffness():
+    """Modes of a batch are numbered at every pose and followed from none; the point of `held` is held in all directions."""
+    scene = loaded_guide(0.0)
+    push = {"push": [1 * mm, 8 * mm]}
+    words = {"questions": ("frequencies", "support_stiffness"), "link": "stage", "at": (0, 0.1, 0)}
+    found = ksd.batch(scene, **push, threads=1, **words)
+    table = ksd.sweep(scene, **push, progress=False, **words)
+    assert "mac" not in found.answers and "intended_Hz" in found.answers and table["mac"].max() <= 1.0
+    held = upright(0.0)
+    for axis in "xyz":
+        held.support("top", along=axis, at=(0, 0.1, 0))
+    asked = {"link": "top", "at": (0, 0.1, 0)}
+    worst = ksd.solve(held, turn=0.1).stiffness(**asked).worst
+    table = ksd.sweep(held, turn=[0.0, 0.1], questions="support_stiffness", progress=False, **asked)
+    assert np.isinf(worst[0]) and np.isinf(table["support_worst_N_per_m"]).all()
+    assert table["support_worst_Nm_per_rad"][1] == pytest.approx(worst[1], rel=1e-6)
+    assert "inf" in str(table)
+    # nothing to draw where all is infinite
+    assert [a.get_title() for a in table.plot("support_stiffness").axes if a.get_visible()] == [
+        "Support stiffness, rotations"
+    ]

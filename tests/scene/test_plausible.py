@@ -267,3 +267,74 @@ def test_a_drive_value_in_another_unit_is_doubted_where_the_solve_stops_and_wher
 )
 def test_plain_gravity_and_masses_in_another_unit(value, dimension, unit):
     assert likely_unit(value, dimension, "") == unit
+
+
+def planar_leaf(**words):
+    m = ksd.Mechanism("planar leaf", plane=words.pop("plane", "xy"))
+    tip = m.link("tip", at=(0.1, 0, 0), mass=words.pop("mass", None))
+    steel = ksd.Material(E=200e9, nu=0.3, density=7800.0)
+    m.leaf(
+        m.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(5e-4, 0.02), material=steel,
+        **({} if m.plane else {"width_axis": "z"}),
+    )  # fmt: skip
+    m.actuate(tip, about="z", name="turn")
+    return m, tip
+
+
+@pytest.mark.parametrize(
+    ("effort", "said"),
+    [
+        (lambda m, t: m.load(t, force=(1, 0, 5), at=(0.1, 0, 0), name="push"), "5 N along z of load 'push'"),
+        (
+            lambda m, t: m.load(t, moment=(0.3, 0.4, 9), name="twist"),
+            "0.5 Nm about axes in it of load 'twist'",
+        ),
+        # a leaf spring of 7.8 g
+        (lambda m, t: setattr(m, "gravity", (0, 0, -10)), "-0.078 N along z of gravity on 0.0078 kg"),
+        (
+            lambda m, t: m.spring(
+                m.ground,
+                t,
+                start=(0.1, 0, 0.03),
+                end=(0.1, 0.04, 0),
+                stiffness=100,
+                free_length=0.0,
+                name="pull",
+            ),
+            "-3 N along z of spring 'pull'",
+        ),
+        (
+            lambda m, t: m.turn_spring(
+                m.ground, t, at=(0, 0, 0), axis="x", stiffness=2.0, rest_angle=0.1, name="coil"
+            ),
+            "0.2 Nm about axes in it of torsion spring 'coil'",
+        ),
+    ],
+)
+def test_what_acts_out_of_the_plane_of_a_mechanism_is_told(effort, said):
+    """The plane holds it: the answer has no displacement by it, and says so with its size, as the doctor does."""
+    mechanism, tip = planar_leaf()
+    effort(mechanism, tip)
+    pose = ksd.solve(mechanism, turn=0.1)
+    (warning,) = [w for w in pose.warnings if "the plane xy holds what acts out of it" in w]
+    assert said in warning and "leave plane='xy' out to simulate" in warning
+    assert abs(pose.displacement(tip)[2]) < 1e-12 and said in str(ksd.doctor(mechanism))
+
+
+def test_what_acts_in_the_plane_is_no_warning():
+    mechanism, tip = planar_leaf()
+    mechanism.load(tip, force=(1, 2, 0), moment=(0, 0, 0.01), at=(0.1, 0, 0))
+    mechanism.gravity = (0, -9.81, 0)
+    mechanism.spring(
+        mechanism.ground,
+        tip,
+        start=(0.1, 0.05, 0),
+        end=(0.1, 0, 0),
+        stiffness=10,
+        free_length=0.01,
+        name="pull",
+    )
+    assert not any("plane" in w for w in plausibility_warnings(mechanism.scene()))
+    free, end = planar_leaf(plane=None)
+    free.load(end, force=(0, 0, 5), at=(0.1, 0, 0))
+    assert not any("plane xy" in w for w in plausibility_warnings(free.scene()))
