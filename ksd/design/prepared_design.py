@@ -38,8 +38,8 @@ from ksd.solve.pose_batch import (
     solve_tabulated_poses,
 )
 from ksd.solve.solver import Solver
-from ksd.solve.steps import DEFAULT_ACCURACY, Step, Stop
-from ksd.solve.verdict import refusal, with_mesh_check
+from ksd.solve.steps import Step, Stop
+from ksd.solve.verdict import refusal
 
 SOLVED = (Step("in a batch", 0, 0.0, 0.0, Stop.CONVERGED),)
 """Solver steps of the configurations in a batch: questions are answered at equilibria only."""
@@ -196,11 +196,14 @@ class PreparedDesign:
         """`_refusal` by the five steps and all checks."""
         values = dict(zip(self.solver.model.drive_names, target.tolist(), strict=False))
         try:
-            found = self._full_solver.answer(
-                values, method=self.method, accuracy=DEFAULT_ACCURACY, relinearisations=self.relinearisations,
+            found = self._full_solver(
+                values,
+                method=self.method,
+                relinearisations=self.relinearisations,
                 estimate=False,
-            )  # fmt: skip
-            return refusal(with_mesh_check(found, DEFAULT_ACCURACY))
+                strict=False,
+            )
+            return refusal(found)
         except POSE_ERRORS as reason:
             return error_sentence(reason)
 

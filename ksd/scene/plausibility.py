@@ -115,8 +115,8 @@ def _plane_warnings(scene: Scene) -> Iterator[str]:
     held = list(_efforts_out_of_plane(scene, normal, axis))
     if held:
         yield (
-            f"the plane {scene.plane} holds what acts out of it, {'; '.join(held)}: forces, stress and motion by that are not "
-            f"in the answer; leave plane='{scene.plane}' out to simulate them"
+            f"the plane {scene.plane} holds what acts out of it, {'; '.join(held)}: forces, stress and motion by that are "
+            f"not in the answer; leave plane='{scene.plane}' out to simulate them"
         )
 
 

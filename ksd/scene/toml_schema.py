@@ -145,7 +145,7 @@ STATEMENTS: dict[str, Schema] = {
     },
     "distance": LINK_PAIR | {
         "start": "length[3]!", "end": "length[3]!", "along": "direction", "turns_with": "text", "name": "text!",
-    },  # fmt: skip
+    },
     "sensor": _COMPONENT | {"link": "text!", "kind": "text", "name": "text"},
     "damper": LINK_PAIR | {
         "along": "direction", "about": "direction", "at": "length[3]", "damping": "damping!", "name": "text",
@@ -165,7 +165,7 @@ STATEMENTS: dict[str, Schema] = {
 }  # fmt: skip
 """Keys of the arrays [[NAME]], each for the method of `Mechanism` of that name, in the order in which they are applied."""
 
-LINK_KEYS = ("a", "b", "link", "relative_to")
+LINK_KEYS = ("a", "b", "link", "relative_to", "turns_with")
 """Keys whose value is the name of a link."""
 
 
