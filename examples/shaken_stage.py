@@ -25,7 +25,7 @@ velocity = 12.5e-6**2 / (0.2316 * f)
 floor = list(zip(f.tolist(), ((2 * np.pi * f) ** 2 * velocity).tolist(), strict=True))
 shaken = pose.random_vibration({"base x": floor}, freed=["coil"])
 rms = float(shaken.rms[0])
-hit = pose.shock(ksd.HalfSine(0.5, 11e-3), source="base x", freed=["coil"]).largest["lens"]
+hit = pose.shock(ksd.HalfSine(amplitude=0.5, duration=11e-3), source="base x", freed=["coil"]).largest["lens"]
 
 
 def picture(path=None):

@@ -85,3 +85,19 @@ def test_shear_lowers_critical_loads(slenderness):
         loaded.load(end, force=(-share * critical, 0, 0), at=at)
         state = solve_conventional(compile_scene(loaded), {})
         assert (state.negatives == state.expected_negatives) == stable
+
+
+def test_dense_and_iterated_factors_of_a_short_wide_guide_agree(monkeypatch):
+    """Its matrices have many entries of one size; rounding among them once cost the dense eigensolution its digits."""
+    import ksd.properties.buckling as module
+
+    joint = ksd.ParallelGuide(STEEL, length=0.05, thickness=5e-4, width=0.04, spacing=0.06)
+    scene = ksd.Mechanism("guide")
+    stage = scene.link("stage")
+    placed = scene.join(scene.ground, stage, joint, at=(0, 0, 0), axis="z", toward="x")
+    scene.actuate_joint(placed, name="push")
+    scene.consider("plate")
+    pose = ksd.solve(scene, push=5e-3, method="conventional")
+    dense = pose.buckling().factor
+    monkeypatch.setattr(module, "MAX_DENSE", 0)
+    assert pose.buckling().factor == pytest.approx(dense, rel=1e-7)
