@@ -352,10 +352,12 @@ def error_verdict(c: Configuration, verdict: Verdict) -> Verdict:
     accuracy asked for; no where one of them is above MAX_TRUSTED_ERROR."""
     effects = []
     for name, row in c.left_out.items():
+        # beside a change ten times as large, the list of effects left out tells it
+        least = max(c.accuracy, 0.1 * max(map(abs, row.values()), default=0.0))
         shares = [
             f"{quantity.replace('_', ' ')} {format_signed_percent(100 * change)} %"
             for quantity, change in row.items()
-            if abs(change) > c.accuracy
+            if abs(change) > least
         ]
         effects += (
             [f"{EFFECT_NAMES.get(name, name.replace('_', ' '))} ({', '.join(shares)})"] if shares else []
@@ -368,14 +370,14 @@ def error_verdict(c: Configuration, verdict: Verdict) -> Verdict:
         sentence = f"its estimated error is {percent(error.relative)} %, more than {percent(bound)} %{also}"
         return Verdict(False, NOT_TRUSTED + sentence)
     if largest.effect and largest.relative > bound:
-        against = f", and has {own} against it" * bool(own)
+        against = f"; {own} against it" * bool(own)
         return Verdict(False, f"{NOT_TRUSTED}{left_out}, more than {percent(bound)} %{against}")
     if error is None or error.mesh == math.inf:
         return replace(verdict, sentence=f"{verdict}{f'; {left_out}' * bool(left_out)}")
     comma = "," if ": " in verdict.sentence else ""
     within = f"within {own}"
     if largest.effect and largest.relative > c.accuracy:
-        within = f"within {percent(largest.relative)} %: {left_out}, and has {own} against it"
+        within = f"within {percent(largest.relative)} %: {left_out}; {own} against it"
     elif left_out or (largest.effect and largest.relative > NEGLIGIBLE_EFFECT):
         within = f"within {percent(largest.relative)} %, of which {own} against its model"
         within += f"; {left_out}" * bool(left_out)

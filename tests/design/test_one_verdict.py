@@ -171,11 +171,11 @@ def test_the_error_of_a_pose_is_the_larger_of_its_own_and_of_what_its_model_leav
 
 def test_another_effect_left_out_shows_up_by_itself_and_decides():
     pose = wide_strip()
-    changes = {"force": -0.02, "displacement": 0.0, "support_stiffness": 0.5}
+    changes = {"force": -0.02, "displacement": 0.0, "support_stiffness": 0.15}
     pose.__dict__["left_out"] = LeftOut({"clamped_width": changes})
     said = pose.trust.trusted.sentence
     assert pose.trusted
-    assert "within 2 %: its model leaves out clamped width (force -2 %, support stiffness +50 %)" in said
+    assert "within 2 %: its model leaves out clamped width (force -2 %, support stiffness +15 %)" in said
     assert "clamped width" in str(pose)
     pose = wide_strip()
     pose.__dict__["left_out"] = LeftOut({"clamped_width": {"force": 0.3}})
