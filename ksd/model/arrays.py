@@ -105,6 +105,7 @@ class ArrayFields(NamedTuple):
     springs: Members
     weight: np.ndarray
     active_dofs: np.ndarray
+    carried: np.ndarray
 
 
 MEMBER_FLOATS = ("offset", "frame", "value", "length", "stiffness_scale")
@@ -185,15 +186,15 @@ class KernelArrays(NamedTuple):
     weight: np.ndarray
 
 
-NODES, MEMBER_COUNT, ROWS, LOADS, SPRING_COUNT, DOFS_PER_NODE, PLAN, START, MEMBERS = range(9)
+NODES, MEMBER_COUNT, ROWS, LOADS, SPRING_COUNT, DOFS_PER_NODE, CARRIED_NODES, PLAN, START, MEMBERS = range(10)
 KIND, NODE, OFFSET, FRAME, NUMBER, VALUE_AT, VALUE, INNER_AT, STORE_AT, LENGTH, STIFFNESS_SCALE, BLOCK = (
     range(12)
 )
 """Positions of the starts of the fields of members, relative to MEMBERS, and of springs, relative to SPRINGS."""
-TERM_FIRST, TERM_START, TERM_COEFFICIENT, TERM_KIND, TERM_NODE = range(20, 25)
-TERM_DIRECTION, TERM_POINT, TERM_BLOCK, TERM_FLIP = range(25, 29)
-LOAD_NODE, LOAD_POINT, LOAD_FORCE, LOAD_MOMENT, LOAD_FOLLOWING, LOAD_SKEW, LOAD_BLOCK = range(29, 36)
-SPRINGS, WEIGHT, ACTIVE_DOFS, FLOATS = 36, 48, 49, 50
+TERM_FIRST, TERM_START, TERM_COEFFICIENT, TERM_KIND, TERM_NODE = range(21, 26)
+TERM_DIRECTION, TERM_POINT, TERM_BLOCK, TERM_FLIP = range(26, 30)
+LOAD_NODE, LOAD_POINT, LOAD_FORCE, LOAD_MOMENT, LOAD_FOLLOWING, LOAD_SKEW, LOAD_BLOCK = range(30, 37)
+SPRINGS, WEIGHT, ACTIVE_DOFS, CARRIED, FLOATS = 37, 49, 50, 51, 52
 """Positions in `FlatArrays.ints` of the counts, of the starts of fields, and last of the number of floats."""
 
 
@@ -234,7 +235,7 @@ def flatten_arrays(arrays: ArrayFields) -> FlatArrays:
     """A copy of the fields as `FlatArrays`."""
     counts = (
         len(arrays.start), len(arrays.members.kind), len(arrays.terms.start), len(arrays.loads.node),
-        len(arrays.springs.kind), len(arrays.active_dofs),
+        len(arrays.springs.kind), len(arrays.active_dofs), len(arrays.carried),
     )  # fmt: skip
     return FlatArrays(*join_fields(counts, (arrays.size,), _flat_fields(arrays)), _member_kinds(arrays))
 
@@ -263,6 +264,7 @@ _LOAD_ROWS = (
 )  # fmt: skip
 _ROWS = (
     (_INT, ()), (_INT, ()), *_MEMBER_ROWS, *_TERM_ROWS, *_LOAD_ROWS, *_MEMBER_ROWS, (_FLOAT, (4,)), (_INT, ()),
+    (_INT, (2,)),
 )  # fmt: skip
 """(integer or float, shape of a row) of every field."""
 
@@ -284,8 +286,8 @@ def unflatten_arrays(flat: FlatArrays) -> Arrays:
         Terms(*views[terms:loads]),
         Loads(*views[loads:springs]),
         float(flat.floats[0]),
-        Members(*views[springs:-2]),
-        *views[-2:],
+        Members(*views[springs:-3]),
+        *views[-3:],
     )
     arrays.flat = flat
     return arrays

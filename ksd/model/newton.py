@@ -22,6 +22,8 @@ import numpy as np
 from ksd.beam.weight_assembly import add_member_weight, rotate_member_gravity, set_member_gravity
 from ksd.model.arrays import (
     ACTIVE_DOFS,
+    CARRIED,
+    CARRIED_NODES,
     DOFS_PER_NODE,
     INNER_AT,
     KIND,
@@ -65,7 +67,7 @@ from ksd.model.springs import add_springs
 from ksd.model.turns import add_rotations, anchor_rotations
 from ksd.numerics.blocks import BLOCKS, factor_blocks, solve_blocks
 from ksd.numerics.kernel import kernel
-from ksd.numerics.rotations import reorthonormalise, rotate
+from ksd.numerics.rotations import reorthonormalise, rotate, rotation_factors
 
 RTOL = 1e-8
 """Residual of a node, relative to the sum of the element forces on it, at which Newton has converged."""
@@ -83,6 +85,11 @@ SOLVE, FULL_STEP, FIXED_ROWS_STEP, CHECK, ASSEMBLE, ASSEMBLE_NODES, TAKE_STEP = 
 SOLVE: iterate to equilibrium; FULL_STEP: assemble and take a Newton step; FIXED_ROWS_STEP: the same with fixed drives and
 supports, and with fixed nodes where one would move by more than `max_turn`; CHECK: assemble and compute the Newton step;
 ASSEMBLE: assemble; ASSEMBLE_NODES: assemble without members; TAKE_STEP: take a given step.
+"""
+MAX_PREDICTOR_TURN, CUT_PREDICTOR_TURN = 3.2, 1.0
+"""Rotation of a node [rad] above which the first step predicts nothing, as in a slack cable, and the one it is cut to.
+
+A drive may turn a link by half a turn in one step.
 """
 SINGULAR_PIVOT = 1e-14
 """Relative pivot below which the tangent counts as singular."""
@@ -207,6 +214,64 @@ def _move_nodes(ints, floats, x, R, multiplier, angle, step, scale):
             multiplier[i] += scale * step[row]
 
 
+@kernel
+def _carry_nodes(ints, x, R, step, scale, v):
+    """Move the nodes of long chains (`Arrays.carried`) again, after `_move_nodes` has moved all; v (12,): scratch.
+
+    Each one takes its part of the step relative to the node that carries it, in the axes of that node, which have turned
+    through the whole angle. Along straight lines the nodes of a chain that turns by t would stretch its leaf springs by
+    t^2 / 2, which the following iterations have to take back: the more of them, the finer the chain.
+    """
+    first, count = ints[CARRIED], ints[CARRIED_NODES]
+    # from the far ends, because here the carrying nodes must be where `_move_nodes` left them
+    for c in range(count - 1, -1, -1):
+        for e in range(2):
+            u = ints[ints[START] + ints[first + 2 * c + e]]
+            for r in range(6):
+                v[6 * e + r] = 0.0
+            if u >= 0:
+                for r in range(ints[DOFS_PER_NODE]):
+                    v[6 * e + ints[ints[ACTIVE_DOFS] + r]] = scale * step[u + r]
+        k, p = ints[first + 2 * c], ints[first + 2 * c + 1]
+        # R <- exp(dphi_p) exp(dphi - dphi_p) exp(-dphi) R, x <- exp(dphi_p) (d - dphi_p x (d - dx + dx_p)), d = x - x_p
+        a, b, e = v[9], v[10], v[11]
+        v[9], v[10], v[11] = -v[3], -v[4], -v[5]
+        rotate(v[9:], R[k])
+        v[9], v[10], v[11] = v[3] - a, v[4] - b, v[5] - e
+        rotate(v[9:], R[k])
+        v[9], v[10], v[11] = a, b, e
+        rotate(v[9:], R[k])
+        for r in range(3):
+            v[r] = x[k, r] - x[p, r] - v[r] + v[6 + r]
+        for r in range(3):
+            i, j = (r + 1) % 3, (r + 2) % 3
+            v[3 + r] = x[k, r] - x[p, r] - (v[9 + i] * v[j] - v[9 + j] * v[i])
+        f, g = rotation_factors(a * a + b * b + e * e)
+        for r in range(3):
+            i, j = (r + 1) % 3, (r + 2) % 3
+            v[r] = v[9 + i] * v[3 + j] - v[9 + j] * v[3 + i]
+        for r in range(3):
+            i, j = (r + 1) % 3, (r + 2) % 3
+            v[6 + r] = v[3 + r] + f * v[r] + g * (v[9 + i] * v[j] - v[9 + j] * v[i])
+        # into the axes of the carrying node
+        for r in range(3):
+            x[k, r] = R[p, 0, r] * v[6] + R[p, 1, r] * v[7] + R[p, 2, r] * v[8]
+        for j in range(3):
+            a, b, e = R[k, 0, j], R[k, 1, j], R[k, 2, j]
+            for r in range(3):
+                R[k, r, j] = R[p, 0, r] * a + R[p, 1, r] * b + R[p, 2, r] * e
+    for c in range(count):
+        k, p = ints[first + 2 * c], ints[first + 2 * c + 1]
+        a, b, e = x[k, 0], x[k, 1], x[k, 2]
+        for r in range(3):
+            x[k, r] = x[p, r] + R[p, r, 0] * a + R[p, r, 1] * b + R[p, r, 2] * e
+        for j in range(3):
+            a, b, e = R[k, 0, j], R[k, 1, j], R[k, 2, j]
+            for r in range(3):
+                R[k, r, j] = R[p, r, 0] * a + R[p, r, 1] * b + R[p, r, 2] * e
+        reorthonormalise(R[k])
+
+
 @kernel(inline="always")
 def _take_step(
     recover,
@@ -239,6 +304,8 @@ def _take_step(
             inner[ints[inner_at] : ints[inner_at + 1]], member_store, xi, scale, move,
         )  # fmt: skip
     _move_nodes(ints, floats, x, R, multiplier, angle, step, scale)
+    if ints[CARRIED_NODES] > 0:
+        _carry_nodes(ints, x, R, step, scale, move)
 
 
 @kernel(inline="always")
@@ -341,6 +408,8 @@ def _newton(
                 turned = _largest(ints, rhs, 3 + 0 * n)
                 if n > 0 and turned > max_turn:
                     scale = max_turn / turned
+                elif task == SOLVE and turned > MAX_PREDICTOR_TURN and not math.isfinite(divergence_limit):
+                    scale = CUT_PREDICTOR_TURN / turned
                 # a variable instead of the literal 0, for which numba would compile the function once more
                 shift = _largest(ints, rhs, 0 * n) / floats[0]
                 step_size = max(turned / 1e-6, shift / 1e-7)
@@ -454,8 +523,9 @@ def solve_equilibrium(
 ) -> NewtonResult:  # fmt: skip
     """Newton iterations to equilibrium at the drive values `target` (c,) and load `factor`, in place.
 
-    The first step (the predictor) is taken in full; later ones are scaled so that no node rotates by more than `max_turn`
-    [rad]. divergence_limit: stop when the norm of the residual exceeds it (the eps_max of Appendix B); inf switches it off.
+    The first step (the predictor) is taken in full, unless it turns a node by more than MAX_PREDICTOR_TURN; later ones are
+    scaled so that no node rotates by more than `max_turn` [rad]. divergence_limit: stop when the norm of the residual exceeds
+    it (the eps_max of Appendix B, with which all predictors are full); inf switches it off.
     Local angles beyond 60 degrees are allowed during the iterations, but not in a converged state.
     Returns (reason, steps taken, residual over its bound, negative pivots, smallest relative pivot).
     """

@@ -18,6 +18,7 @@ from ksd.model.arrays import (
     LINEAR,
     LOAD_FLOATS,
     MEMBERS,
+    STRAIN,
     TERM_FLOATS,
     VALUE,
     Arrays,
@@ -69,6 +70,8 @@ class MemberTopology(NamedTuple):
     group: int
 
 
+MIN_CHAIN = 8
+"""Leaf springs in a row from which a chain is long, so that its nodes are carried along in a Newton step."""
 TermTopology = tuple[int, int, int]
 """(kind, base node, node) of a term of a constraint row."""
 LoadTopology = tuple[int, bool, bool]
@@ -224,7 +227,32 @@ def topology_arrays(
         _members(springs, places) if springs else NO_SPRINGS,
         np.zeros((0, 4)),
         np.arange(6),
+        _carried_nodes(nodes, members, rows),
     )
+
+
+def _carried_nodes(
+    nodes: int, members: Sequence[MemberTopology], rows: Sequence[Sequence[TermTopology]]
+) -> np.ndarray:
+    """`Arrays.carried`, along strain-mode leaf springs from ground and from the nodes of constraint rows, which move as the
+    rows demand; empty where no node is MIN_CHAIN leaf springs away from these."""
+    neighbours: list[list[int]] = [[] for _ in range(nodes)]
+    for m in members:
+        if m.kind == STRAIN:
+            a, b = m.nodes
+            neighbours[a].append(b)
+            neighbours[b].append(a)
+    depth = dict.fromkeys([0, *(node for row in rows for _, *ends in row for node in ends)], 0)
+    carried, front = [], list(depth)
+    for node in front:
+        for other in neighbours[node]:
+            if other not in depth:
+                depth[other] = depth[node] + 1
+                carried.append((other, node))
+                front.append(other)
+    if max(depth.values()) < MIN_CHAIN:
+        carried = []
+    return np.array(carried, np.int64).reshape(-1, 2)
 
 
 def replace_floats(topology: Arrays, floats: np.ndarray) -> Arrays:

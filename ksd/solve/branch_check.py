@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ksd.errors import ConvergenceError
-from ksd.model.arrays import State, carries_load
+from ksd.model.arrays import COROTATIONAL, State, carries_load
 from ksd.model.compile import Model
 from ksd.model.turns import counted_rotation, node_rotations, relative_angles
 from ksd.properties.cache import cached_per_model
@@ -29,6 +29,7 @@ from ksd.solve.load_steps import (
     state_difference,
     take_path,
 )
+from ksd.solve.stable_steps import take_stable_steps
 from ksd.solve.steps import Step, Stop
 from ksd.solve.storage import NewtonStorage
 
@@ -238,6 +239,42 @@ def complete_by_arc_length(
     return LoadStepResult(record, ", ".join(filter(None, [first.how, "by arc length"])), end.motion)
 
 
+def _take_first_steps(
+    storage: NewtonStorage, begin: State, path: LoadPath, planar: bool | Literal["auto"], from_rest: bool
+) -> tuple[LoadStepResult, bool]:
+    """The path as one step; where that does not end in a minimum, in stable steps, and last in steps halved on failure.
+
+    Returns it and whether it needs no confirmation: stable steps, and a path that may not be cut, which is an attempt only.
+    """
+    model, whole = storage.model, 1.0 / path.steps
+    is_attempt = path.smallest_step >= whole
+    # under loads without a potential the inertia is no verdict, nor is that of chains, whose stresses are extrapolated
+    judged = model.conservative and COROTATIONAL not in model.kinds
+    once = path._replace(smallest_step=whole, max_iterations=min(path.max_iterations, MANY_ITERATIONS))
+    first = take_path(storage, begin, once if judged else path, planar, from_rest)
+    if is_attempt or not judged or _is_minimum(first, path):
+        return first, is_attempt and not _is_minimum(first, path)
+    stable = take_path(storage, begin, path, planar, from_rest, stepping=take_stable_steps)
+    if _is_minimum(stable, path):
+        how = ", ".join(filter(None, [stable.how, "loads first, every step to a minimum"]))
+        return _with_tries(stable._replace(how=how), first), True
+    return _with_tries(take_path(storage, begin, path, planar, from_rest), first, stable), False
+
+
+def _with_tries(last: LoadStepResult, *tries: LoadStepResult) -> LoadStepResult:
+    """The last result, with the iterations and load steps of the tries before it."""
+    record = last.record._replace(
+        factorisations=sum(t.record.factorisations for t in (*tries, last)),
+        steps_tried=sum(t.record.steps_tried for t in (*tries, last)),
+    )
+    return last._replace(record=record)
+
+
+def _is_minimum(found: LoadStepResult, path: LoadPath) -> bool:
+    """Whether the end of the path was reached, in a minimum."""
+    return found.record.stop is Stop.CONVERGED and found.record.negatives == len(path.target)
+
+
 def follow_load_path(
     storage: NewtonStorage,
     begin: State,
@@ -251,9 +288,11 @@ def follow_load_path(
     from_rest: whether `begin` is the undeformed state; planar: see `ksd.solve.conventional.solve_conventional`.
     """
     model = storage.model
-    first = take_path(storage, begin, path, planar, from_rest)
     # with eps_max it is the paper's own program, which accepts every converged state
     if path.eps_max < math.inf:
+        return take_path(storage, begin, path, planar, from_rest)
+    first, settled = _take_first_steps(storage, begin, path, planar, from_rest)
+    if settled:
         return first
 
     def repeat(steps: int) -> LoadStepResult:

@@ -30,12 +30,10 @@ from ksd.properties.cache import cached_per_model
 from ksd.properties.doctor import doctor
 from ksd.scene.hinges import plane_supports
 from ksd.solve.nonconservative_stability import count_unstable_directions
-from ksd.solve.pivoted_newton import iterate_pivoted, moves_freely
+from ksd.solve.pivoted_newton import WEAK_PIVOT, iterate_pivoted, moves_freely
 from ksd.solve.steps import MAX_TURN_PER_STEP, Step, Stop
 from ksd.solve.storage import NewtonStorage
 
-WEAK_PIVOT = 1e-9
-"""Relative pivot below which a load step, or the count of its negative pivots, is repeated with pivoting."""
 SAME_STATE_TOLERANCE = 1e-6
 """Largest difference of two equal states, see `state_difference`."""
 START_FRACTION = 1e-3
@@ -59,6 +57,11 @@ class LoadStepRecord(NamedTuple):
     steps_with_pivoting: int = 0
     most_iterations: int = 0
     smallest_step: float = 1.0
+
+
+Stepping = Callable[[Model, Arrays, State, Workspace, "LoadPath"], LoadStepRecord]
+"""Takes the steps of a path on a model with its arrays in space or in its plane; the state, given at the start, ends at the
+last equilibrium."""
 
 
 class LoadStepResult(NamedTuple):
@@ -156,18 +159,31 @@ def _needs_pivoting(arrays: Arrays, reason: int, pivot: float) -> bool:
 
 
 def take_path(
-    storage: NewtonStorage, begin: State, path: LoadPath, planar: bool | Literal["auto"], from_rest: bool
+    storage: NewtonStorage,
+    begin: State,
+    path: LoadPath,
+    planar: bool | Literal["auto"],
+    from_rest: bool,
+    *,
+    stepping: Stepping | None = None,
 ) -> LoadStepResult:
-    """Take load steps from `begin`, in the plane where the scene is planar, else in space."""
+    """Take load steps from `begin`, in the plane where the scene is planar, else in space.
+
+    stepping: another way to take the steps than `take_load_steps`.
+    """
     reason = ""
     if planar is not False:
         plane = plane_of(storage.model)
         found = (
-            plane if isinstance(plane, str) else _take_path_in_plane(storage, plane, begin, path, from_rest)
+            plane
+            if isinstance(plane, str)
+            else _take_path_in_plane(storage, plane, begin, path, from_rest, stepping)
         )
         if not isinstance(found, str):
             record, motion = found
-            if planar is True or record.stop in (Stop.CONVERGED, Stop.LOCAL_ANGLE):
+            # a way that is only tried has no second try in space
+            tried = stepping is not None or path.smallest_step >= 1.0 / path.steps
+            if planar is True or tried or record.stop in (Stop.CONVERGED, Stop.LOCAL_ANGLE):
                 how = "planar, 3 unknowns per node"
                 return LoadStepResult(_with_divergences(storage.model, motion, record, path), how, motion)
             # in space there is the Newton with pivoting
@@ -177,10 +193,13 @@ def take_path(
                 f"planar = True: this mechanism is not planar: {found}; use planar = 'auto' or False"
             )
         reason = f"spatial: {found}"
-    motion = begin.copy()
-    record = take_load_steps(
-        motion, storage.newton, path, begin=begin, pivoting=(storage.model.arrays, storage.work)
-    )
+    motion, arrays = begin.copy(), storage.model.arrays
+    if stepping is not None:
+        record = stepping(storage.model, arrays, motion, storage.work, path)
+    else:
+        record = take_load_steps(
+            motion, storage.newton, path, begin=begin, pivoting=(arrays, storage.work)
+        )
     return LoadStepResult(_with_divergences(storage.model, motion, record, path), reason, motion)
 
 
@@ -193,7 +212,12 @@ def _cannot_leave_plane(model: Model) -> bool:
 
 
 def _take_path_in_plane(
-    storage: NewtonStorage, plane: Plane, begin: State, path: LoadPath, from_rest: bool
+    storage: NewtonStorage,
+    plane: Plane,
+    begin: State,
+    path: LoadPath,
+    from_rest: bool,
+    stepping: Stepping | None,
 ) -> tuple[LoadStepRecord, State] | str:
     """`take_load_steps` with three unknowns per node, and the state reached; or the reason why that is not possible.
 
@@ -215,8 +239,11 @@ def _take_path_in_plane(
             return (SINGULAR, *found[1:]) if moves_freely(plane.arrays, work) else found
         return found
 
-    record = take_load_steps(motion, newton, path, begin=begin)
-    if record.smallest_step < 0.9 / path.steps:
+    if stepping is not None:
+        record = stepping(model, plane.arrays, motion, work, path)
+    else:
+        record = take_load_steps(motion, newton, path, begin=begin)
+    if stepping is None and record.smallest_step < 0.9 / path.steps:
         # a step was halved: a part that nothing holds at the start swings to and fro where its pivot of zero is rounded up
         assemble(plane.arrays, begin, *path.values_at(record.smallest_step), work, path.rtol, rounding=0.0)
         if moves_freely(plane.arrays, work):

@@ -16,6 +16,8 @@ import numpy as np
 
 from ksd.model.arrays import Arrays, State, Workspace
 from ksd.model.newton import (
+    CUT_PREDICTOR_TURN,
+    MAX_PREDICTOR_TURN,
     ROUNDING_MULTIPLE,
     assemble,
     has_converged,
@@ -23,6 +25,7 @@ from ksd.model.newton import (
     largest_rotation,
     take_step,
 )
+from ksd.numerics.blocks import factor_blocks
 from ksd.numerics.indefinite import equilibration, negative_inertia, solve_scaled
 from ksd.properties.nonconservative import skew_tangent
 from ksd.properties.tangent import stored_matrix
@@ -30,6 +33,9 @@ from ksd.solve.steps import Stop
 
 MIN_RECIPROCAL_CONDITION = 1e-15
 """Reciprocal condition number of the equilibrated matrix below which it counts as singular."""
+WEAK_PIVOT = 1e-9
+"""Relative pivot of the block factorisation below which a step, or the count of its negative pivots, is repeated with
+pivoting."""
 ZERO_EIGENVALUE = 1e-14
 """Eigenvalue of the equilibrated matrix below which it is rounding."""
 
@@ -68,7 +74,9 @@ def iterate_pivoted(arrays: Arrays, motion: State, *arguments: Any) -> tuple[int
         before = worst
         turn = largest_rotation(arrays, work.rhs)
         moved = max(turn / 1e-6, largest_displacement(arrays, work.rhs) / (1e-7 * arrays.size))
-        take_step(arrays, motion, work.rhs, work, cap / turn if n > 0 and turn > cap else 1.0)
+        longest = cap if n > 0 else (MAX_PREDICTOR_TURN if math.isinf(blow_up) else math.inf)
+        shortened = cap if n > 0 else CUT_PREDICTOR_TURN
+        take_step(arrays, motion, work.rhs, work, shortened / turn if turn > longest else 1.0)
     return Stop.TOO_MANY, most, worst, 0, condition
 
 
@@ -77,6 +85,10 @@ def moves_freely(arrays: Arrays, work: Workspace) -> bool:
 
     The null space of its tangent then contains more than forces of redundant supports.
     """
+    value = work.matrix.copy()
+    _, pivot = factor_blocks(arrays.plan.ints, value, np.empty_like(value), len(arrays.plan.size))
+    if pivot > WEAK_PIVOT:
+        return False
     K = stored_matrix(arrays, work.matrix)
     scale = equilibration(K)
     values, vectors = np.linalg.eigh(K * np.outer(scale, scale))
