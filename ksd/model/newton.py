@@ -524,8 +524,8 @@ def solve_equilibrium(
     """Newton iterations to equilibrium at the drive values `target` (c,) and load `factor`, in place.
 
     The first step (the predictor) is taken in full, unless it turns a node by more than MAX_PREDICTOR_TURN; later ones are
-    scaled so that no node rotates by more than `max_turn` [rad]. divergence_limit: stop when the norm of the residual exceeds
-    it (the eps_max of Appendix B, with which all predictors are full); inf switches it off.
+    scaled so that no node rotates by more than `max_turn` [rad]. divergence_limit: stop when the norm of the residual
+    exceeds it (the eps_max of Appendix B, with which all predictors are full); inf switches it off.
     Local angles beyond 60 degrees are allowed during the iterations, but not in a converged state.
     Returns (reason, steps taken, residual over its bound, negative pivots, smallest relative pivot).
     """

@@ -197,9 +197,7 @@ def take_path(
     if stepping is not None:
         record = stepping(storage.model, arrays, motion, storage.work, path)
     else:
-        record = take_load_steps(
-            motion, storage.newton, path, begin=begin, pivoting=(arrays, storage.work)
-        )
+        record = take_load_steps(motion, storage.newton, path, begin=begin, pivoting=(arrays, storage.work))
     return LoadStepResult(_with_divergences(storage.model, motion, record, path), reason, motion)
 
 
