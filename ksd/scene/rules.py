@@ -7,6 +7,8 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
+
 from ksd.checks import as_given, name_hint
 from ksd.errors import SceneError
 from ksd.scene.drive import GROUND, Drive
@@ -14,6 +16,7 @@ from ksd.scene.effects import leaf_conditions
 from ksd.scene.hinges import PLANES
 from ksd.scene.joint import joint_leaves
 from ksd.scene.scene import Scene, connected_links
+from ksd.section.closed_forms import round_ratio
 
 
 def check_scene(scene: Scene) -> None:
@@ -169,21 +172,33 @@ def _duplicate_freedoms(scene: Scene) -> Iterator[str]:
 
 
 def plane_hint(scene: Scene) -> str:
-    """Hint for a scene that looks planar without a plane, and has links connected to ground by supports alone; else ""."""
-    normals = [as_given(leaf.width_axis) for leaf in scene.leaf_names().values()]
+    """Hint for a scene that looks planar without a plane, and has links connected to ground by supports alone; else "".
+
+    Round wires have no width; they, gravity and forces must lie in the plane.
+    """
+    leaves = scene.leaf_names().values()
+    round_leaves = [leaf for leaf in leaves if round_ratio(leaf.section) is not None]
+    normals = [as_given(leaf.width_axis) for leaf in leaves if leaf not in round_leaves]
     what = "leaf springs have their width" if normals else "pins turn about an axis"
     normals += [h.axis for h in scene.hinges if h.kind == "pin"]
-    plane = next((p for p, k in PLANES.items() if all(abs(e[k]) > 1.0 - 1e-9 for e in normals)), None)
+    within = [np.subtract(leaf.end, leaf.start) for leaf in round_leaves] + [x.force for x in scene.loads]
+    within += [scene.gravity] * (scene.gravity is not None)
+    plane = next(
+        (
+            p
+            for p, k in PLANES.items()
+            if all(abs(e[k]) > 1.0 - 1e-9 for e in normals)
+            and all(abs(v[k]) <= 1e-9 * np.linalg.norm(v) for v in within)
+        ),
+        None,
+    )
     in_space = any(h.kind in ("ball", "cylindrical") for h in scene.hinges)
-    if (
-        scene.plane
-        or plane is None
-        or not normals
-        or in_space
-        or connected_links(scene.neighbours()) == set(scene.links)
-    ):
+    if scene.plane or plane is None or in_space or not (normals or within):
         return ""
+    if connected_links(scene.neighbours()) == set(scene.links):
+        return ""
+    where = f"{what} normal to" if normals else "wires and loads lie in"
     return (
-        f"all {what} normal to the plane {plane}: if the mechanism lives in it, say "
+        f"all {where} the plane {plane}: if the mechanism lives in it, say "
         f"ksd.Mechanism('{scene.name}', plane='{plane}'), which holds every link in it"
     )

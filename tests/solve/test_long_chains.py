@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 import ksd
 from ksd.model.arrays import make_workspace
 from ksd.model.newton import assemble, take_step
+from ksd.scene.rules import plane_hint
 from ksd.units import GPa, mm
 
 STEEL = ksd.Material(E=200 * GPa, G=77 * GPa, density=7800)
@@ -143,3 +144,18 @@ def test_a_slack_cable_hangs(modulus, span, points):
     if points:
         middle = -pose.displacement(f"wire point {(points + 1) // 2}")[2]
         assert middle == pytest.approx(low, rel=0.02) and middle == pytest.approx(0.26858, abs=5e-6)
+
+
+def test_the_hint_at_a_plane_of_wires_follows_their_loads():
+    """The axis of the width that a round wire gets is arbitrary; it said xy for a cable that hangs along z."""
+    scene = ksd.Mechanism("cable")
+    scene.wire("ground", scene.link("end"), start=(0, 0, 0), end=(1, 0, 0), diameter=10 * mm, material=RUBBER)
+    scene.link("weight")
+    for axis in "xyz":
+        scene.support("weight", along=axis, at=(1, 0, 0))
+    scene.gravity = (0, 0, -9.81)
+    assert "wires and loads lie in the plane xz" in plane_hint(scene.draft())
+    scene.gravity = (0, -9.81, 0)
+    assert "wires and loads lie in the plane xy" in plane_hint(scene.draft())
+    scene.gravity = (0, -9.81, 9.81)
+    assert not plane_hint(scene.draft())
