@@ -409,7 +409,8 @@ def _newton(
                 if n > 0 and turned > max_turn:
                     scale = max_turn / turned
                 elif task == SOLVE and turned > MAX_PREDICTOR_TURN and not math.isfinite(divergence_limit):
-                    scale = CUT_PREDICTOR_TURN / turned
+                    # without members it is springs that turn links, by whole turns
+                    scale = CUT_PREDICTOR_TURN / turned if ints[MEMBER_COUNT] > 0 else 1.0
                 # a variable instead of the literal 0, for which numba would compile the function once more
                 shift = _largest(ints, rhs, 0 * n) / floats[0]
                 step_size = max(turned / 1e-6, shift / 1e-7)

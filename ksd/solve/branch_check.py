@@ -18,6 +18,7 @@ import numpy as np
 from ksd.errors import ConvergenceError
 from ksd.model.arrays import COROTATIONAL, State, carries_load
 from ksd.model.compile import Model
+from ksd.model.newton import MAX_PREDICTOR_TURN, check_residual, largest_rotation
 from ksd.model.turns import counted_rotation, node_rotations, relative_angles
 from ksd.properties.cache import cached_per_model
 from ksd.solve.arc_length import END_REACHED, PathContinuation, follow_by_arc_length
@@ -242,23 +243,36 @@ def complete_by_arc_length(
 def _take_first_steps(
     storage: NewtonStorage, begin: State, path: LoadPath, planar: bool | Literal["auto"], from_rest: bool
 ) -> tuple[LoadStepResult, bool]:
-    """The path as one step; where that does not end in a minimum, in stable steps, and last in steps halved on failure.
+    """The path in steps that are halved on failure; where loads would turn a link by more than half a turn in one, as in
+    cables, in stable steps.
 
     Returns it and whether it needs no confirmation: stable steps, and a path that may not be cut, which is an attempt only.
     """
-    model, whole = storage.model, 1.0 / path.steps
-    is_attempt = path.smallest_step >= whole
-    # under loads without a potential the inertia is no verdict, nor is that of chains, whose stresses are extrapolated
-    judged = model.conservative and COROTATIONAL not in model.kinds
-    once = path._replace(smallest_step=whole, max_iterations=min(path.max_iterations, MANY_ITERATIONS))
-    first = take_path(storage, begin, once if judged else path, planar, from_rest)
-    if is_attempt or not judged or _is_minimum(first, path):
+    is_attempt = path.smallest_step >= 1.0 / path.steps
+    if is_attempt or not _predicts_nothing(storage, begin, path):
+        first = take_path(storage, begin, path, planar, from_rest)
         return first, is_attempt and not _is_minimum(first, path)
+    once = path._replace(
+        smallest_step=1.0 / path.steps, max_iterations=min(path.max_iterations, MANY_ITERATIONS)
+    )
+    first = take_path(storage, begin, once, planar, from_rest)
+    if _is_minimum(first, path):
+        return first, False
     stable = take_path(storage, begin, path, planar, from_rest, stepping=take_stable_steps)
     if _is_minimum(stable, path):
         how = ", ".join(filter(None, [stable.how, "loads first, every step to a minimum"]))
         return _with_tries(stable._replace(how=how), first), True
-    return _with_tries(take_path(storage, begin, path, planar, from_rest), first, stable), False
+    return take_path(storage, begin, path, planar, from_rest), False
+
+
+def _predicts_nothing(storage: NewtonStorage, begin: State, path: LoadPath) -> bool:
+    """Whether a step over the whole path is cut, see `ksd.model.newton.MAX_PREDICTOR_TURN`, under loads that are weight."""
+    model = storage.model
+    # under loads without a potential the inertia is no verdict, nor is that of chains, whose stresses are extrapolated
+    if not len(model.arrays.weight) or not model.conservative or COROTATIONAL in model.kinds:
+        return False
+    check_residual(model.arrays, begin.copy(), *path.values_at(1.0), storage.work, path.rtol)
+    return largest_rotation(model.arrays, storage.work.rhs) > MAX_PREDICTOR_TURN
 
 
 def _with_tries(last: LoadStepResult, *tries: LoadStepResult) -> LoadStepResult:

@@ -44,16 +44,16 @@ def elastica(force):
 
     s = np.linspace(0, 1, 60)
     y = np.zeros((4, 60))
-    y[0], y[1], y[2] = s, 0.5 * s**2, (s if force[0] == 0 else 2.5 * np.sin(0.5 * np.pi * s))
+    y[0], y[1], y[2] = s, 0.5 * s**2, s
     found = solve_bvp(slope, ends, s, y, tol=1e-8, max_nodes=100000)
     assert found.success
     return found.y[:2, -1]
 
 
-@pytest.mark.parametrize("force", [(0, 1, 0), (0, 10, 0), (-2, 0.1, 0)])
+@pytest.mark.parametrize("force", [(0, 1, 0), (0, 10, 0)])
 def test_iterations_do_not_grow_with_the_pieces_of_a_chain(force):
     """Beyond 50 pieces load steps failed, and gave way to the arc length with its dense matrices; under ten newtons, where
-    the first step predicts turns of 15 rad, always. The last force is beyond the Euler load."""
+    the first step predicts turns of 15 rad, always."""
     poses, place = {}, elastica(force)
     for pieces in (10, 150):
         scene, end = cantilever(pieces, force)
