@@ -34,6 +34,8 @@ from ksd.solve.pivoted_newton import WEAK_PIVOT, iterate_pivoted, moves_freely
 from ksd.solve.steps import MAX_TURN_PER_STEP, Step, Stop
 from ksd.solve.storage import NewtonStorage
 
+EASY_ITERATIONS = 5
+"""Iterations of a step up to which no part has swung round."""
 SAME_STATE_TOLERANCE = 1e-6
 """Largest difference of two equal states, see `state_difference`."""
 START_FRACTION = 1e-3
@@ -241,8 +243,9 @@ def _take_path_in_plane(
         record = stepping(model, plane.arrays, motion, work, path)
     else:
         record = take_load_steps(motion, newton, path, begin=begin)
-    if stepping is None and record.smallest_step < 0.9 / path.steps:
-        # a step was halved: a part that nothing holds at the start swings to and fro where its pivot of zero is rounded up
+    halved = record.smallest_step < 0.9 / path.steps
+    if stepping is None and (halved or record.most_iterations > EASY_ITERATIONS):
+        # a part that nothing holds at the start swings round where its pivot of zero is rounded up
         assemble(plane.arrays, begin, *path.values_at(record.smallest_step), work, path.rtol, rounding=0.0)
         if moves_freely(plane.arrays, work):
             return record._replace(stop=Stop.SINGULAR, fraction_reached=0.0), begin.copy()
