@@ -8,10 +8,11 @@ N + i V = (nx + i ny) exp(-i theta), hence h' = V + (cN - cV) N V and h'' = -N +
 of the strain-mode note.
 
 It uses the inner state of the spatial leaf, of which it changes the amplitudes of weak bending and three numbers of the
-wrench. `number`: nz, points, index of the first weak-bending amplitude, of the wrench. `value`: K (nz, nz) [N m^3],
-stress-free a0 (nz), then per point: weight times L, cN = 1/EA, cV = 1/(ky G A), psi (nz); then psi at the end; for a
-leaf with weight the mass beyond each point [kg]. `store`: W^-1 (J, g) (nz, 4), J and g (nz, 4), W (nz, nz), gap (3), K
-(6); with weight eta and W^-1 eta (nz, 4) and the gravity block of `ksd.beam.weight`.
+wrench. `number`: nz, points, index of the first weak-bending amplitude, of the wrench, whether it has plate stiffening.
+`value`: K (nz, nz) [N m^3], stress-free a0 (nz), then per point: weight times L, cN = 1/EA, cV = 1/(ky G A), psi (nz); then
+psi at the end; with plate stiffening per point the numbers of `ksd.beam.plate_energy` and the modes (nz); for a leaf with
+weight the mass beyond each point [kg]. `store`: W^-1 (J, g) (nz, 4), J and g (nz, 4), W (nz, nz), gap (3), K (6); with
+weight eta and W^-1 eta (nz, 4) and the gravity block of `ksd.beam.weight`.
 
 With weight the force at a point is n + M g, M the mass beyond it and g gravity in frame p; dH/dg = int M r' ds is the
 first moment of the mass about end p, and eta its derivative by the amplitudes.
@@ -24,6 +25,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from ksd.beam.plate_energy import POINT_NUMBERS, plate_point
 from ksd.beam.strain_values import GRAVITY_BLOCK_SIZE, masses_beyond
 from ksd.numerics.kernel import kernel
 
@@ -51,6 +53,11 @@ def _assemble(value, number, inner, store):
         store[J + 4 * i], store[J + 4 * i + 1] = 0.0, 0.0
         store[J + 4 * i + 2], store[J + 4 * i + 3] = value[end + i], g
         angle += inner[first + i] * value[end + i]
+    mass_at = end + nz
+    if number[4]:
+        for _ in range(points):
+            _add_plate_point(value, mass_at, nz, first, inner, store)
+            mass_at += POINT_NUMBERS + nz
     x, y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0
     for p in range(points):
         at = nz * nz + nz + p * point_size
@@ -60,7 +67,7 @@ def _assemble(value, number, inner, store):
             theta += inner[first + i] * value[at + 3 + i]
         c, s = math.cos(theta), math.sin(theta)
         if has_weight:
-            mass = value[end + nz + p]
+            mass = value[mass_at + p]
             fx, fy = nx + mass * store[gravity_at], ny + mass * store[gravity_at + 1]
         N, V = c * fx + s * fy, c * fy - s * fx
         cn_minus_cv = cn - cv
@@ -84,6 +91,20 @@ def _assemble(value, number, inner, store):
             for j in range(i + 1):
                 store[W + i * nz + j] -= curve * psi * value[at + 3 + j]
     return x, y, angle, xx, xy, yy
+
+
+@kernel
+def _add_plate_point(value, at, nz, first, inner, store):
+    """Add the energy of curling lost at a point with plate numbers value[at:] to W and g in the store."""
+    curvature, bend, basis = 0.0, 0.0, at + POINT_NUMBERS
+    for i in range(nz):
+        curvature += inner[first + i] * value[basis + i]
+        bend += (inner[first + i] - value[nz * nz + i]) * value[basis + i]
+    moment, stiffness = plate_point(value, at, curvature, bend)
+    for i in range(nz):
+        store[4 * nz + 4 * i + 3] += moment * value[basis + i]
+        for j in range(nz):
+            store[8 * nz + i * nz + j] += stiffness * value[basis + i] * value[basis + j]
 
 
 @kernel(inline="late")
@@ -204,14 +225,14 @@ def gravity_block(value, number, inner, store, lam):
     """
     nz, points, first, wrench = number[0], number[1], number[2], number[3]
     J, W, gap_at, block_at = 4 * nz, 8 * nz, 8 * nz + nz * nz, len(store) - GRAVITY_BLOCK_SIZE
-    eta, end = gap_at + 9, nz * nz + nz + points * (3 + nz)
+    eta, masses = gap_at + 9, nz * nz + 2 * nz + points * (3 + nz + number[4] * (POINT_NUMBERS + nz))
     if len(store) == eta:
         return
     Z, G, s = np.zeros((3, 2)), np.zeros((2, 2)), np.zeros(2)
     for i in range(4 * nz):
         store[eta + i] = 0.0
     for p in range(points):
-        at, mass = nz * nz + nz + p * (3 + nz), value[end + nz + p]
+        at, mass = nz * nz + nz + p * (3 + nz), value[masses + p]
         w, cn, cv, theta = mass * value[at], value[at + 1], value[at + 2], 0.0
         for i in range(nz):
             theta += inner[first + i] * value[at + 3 + i]
@@ -329,6 +350,10 @@ def planar_values(
     psi = length * np.cumsum(parts[9].reshape(ng + 1, 3, total)[:, 0, first:], axis=0)
     table = np.column_stack([length * parts[5], compliance[:, 0], compliance[:, 1], psi[:-1]])
     flat = [parts[3], amplitudes[first:], table.ravel(), psi[-1]]
+    if number[4]:
+        at, basis = sum(sizes), parts[7].reshape(total, ng)[first:].T
+        points = value[at : at + POINT_NUMBERS * ng].reshape(ng, POINT_NUMBERS)
+        flat.append(np.column_stack([points, basis]).ravel())
     if has_weight:
         flat.append(masses_beyond(value, number))
-    return np.concatenate(flat), np.array([nz, ng, first, total], np.int64)
+    return np.concatenate(flat), np.array([nz, ng, first, total, number[4]], np.int64)

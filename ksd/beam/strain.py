@@ -31,6 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ksd.beam.magnus import magnus_rotation, magnus_second_derivative
+from ksd.beam.plate_energy import POINT_NUMBERS, plate_point
 from ksd.beam.strain_flat import flat_tangent, is_flat
 from ksd.beam.strain_values import GRAVITY_BLOCK_SIZE
 from ksd.numerics.kernel import kernel
@@ -77,14 +78,14 @@ class LeafFields(NamedTuple):
 @kernel
 def constant_offsets(number):
     """Offsets in `value` of the stress-free amplitudes, weights, compliances, moments over the intervals and masses
-    beyond the points, see `ksd.beam.strain_values`."""
+    beyond the points, see `ksd.beam.strain_values`; plate numbers, if any, stand before the masses."""
     nx, ny, nz, ng = number[0], number[1], number[2], number[3]
     N = nx + ny + nz
     amplitudes = 1 + nx * nx + ny * ny + nz * nz
     weight = amplitudes + N
     compliance = weight + ng + ng * ng + N * ng
     moment = compliance + 3 * ng
-    return amplitudes, weight, compliance, moment, moment + 3 * N * (ng + 1)
+    return amplitudes, weight, compliance, moment, moment + 3 * N * (ng + 1) + POINT_NUMBERS * ng * number[4]
 
 
 def allocate_leaf_fields(N, ng):  # type: ignore[no-untyped-def]
@@ -307,6 +308,27 @@ def strain_tangent(value, number, inner, fields):
                 Y[i, 6] += value[at] * (inner[j] - value[amplitudes + j])
                 at += 1
         first += count
+    if number[4]:
+        _add_plate(value, number, inner, W, Y)
+
+
+@kernel
+def _add_plate(value, number, inner, W, Y):
+    """Add the energy of curling that is lost at a large curvature, see `ksd.beam.plate_energy`, to W and the residual."""
+    N, ng, nz = number[0] + number[1] + number[2], number[3], number[2]
+    amplitudes, weight, _, _, beyond = constant_offsets(number)
+    at, basis, first = beyond - POINT_NUMBERS * ng, weight + ng + ng * ng + (N - nz) * ng, N - nz
+    for g in range(ng):
+        curvature, own = 0.0, 0.0
+        for i in range(nz):
+            curvature += inner[first + i] * value[basis + i * ng + g]
+            own += value[amplitudes + first + i] * value[basis + i * ng + g]
+        moment, stiffness = plate_point(value, at + POINT_NUMBERS * g, curvature, curvature - own)
+        for i in range(nz):
+            b = value[basis + i * ng + g]
+            Y[first + i, 6] += moment * b
+            for j in range(nz):
+                W[first + i, first + j] += stiffness * b * value[basis + j * ng + g]
 
 
 @kernel(inline="late")

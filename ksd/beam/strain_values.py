@@ -2,8 +2,8 @@
 
 Layout of the flat array (N = nx + ny + nz modes, ng points): L; stiffness blocks (nx^2, ny^2, nz^2) [N m^3 per
 (1/m)^2]; stress-free amplitudes a0 (N); weights (ng), sum 1; integration matrix (ng, ng); modes (N, ng); compliances
-(ng, 3): 1/EA, 1/(ky GA), 1/(kz GA); moments of the modes over the intervals (ng+1, 3, N); for a leaf with weight the
-mass beyond each point (ng) [kg].
+(ng, 3): 1/EA, 1/(ky GA), 1/(kz GA); moments of the modes over the intervals (ng+1, 3, N); for a leaf with plate stiffening
+the numbers of its points (ng, 5, see `ksd.beam.plate_energy`); for a leaf with weight the mass beyond each point (ng) [kg].
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+
+from ksd.beam.plate_energy import POINT_NUMBERS
 
 DEFAULT_ORDERS = (4, 3, 6)
 DEFAULT_POINTS = 7
@@ -27,7 +29,8 @@ class Modes(NamedTuple):
     """Unit-length tables of a set of curvature modes: points s, weights, integration matrix, modes.
 
     moments (ng+1, 3, N): their moments over the intervals as `ksd.beam.magnus` takes them; energy (N, N): stiffness for
-    unit rigidity, integrals of products of modes divided by their shape.
+    unit rigidity, integrals of products of modes divided by their shape; plate (ng, 5): see `ksd.beam.plate_energy`, None
+    without plate stiffening.
     """
 
     s: np.ndarray
@@ -36,6 +39,7 @@ class Modes(NamedTuple):
     basis: np.ndarray
     moments: np.ndarray
     energy: np.ndarray
+    plate: np.ndarray | None = None
 
 
 def legendre_modes(orders: tuple[int, int, int], s: np.ndarray) -> np.ndarray:
@@ -144,9 +148,11 @@ def strain_values(
         C.ravel(),
         table.moments.ravel(),
     ]
+    if table.plate is not None:
+        parts.append(table.plate.ravel())
     if line_mass is not None:
         parts.append(length * (table.weight - table.integral) @ line_mass)
-    return np.concatenate(parts).astype(float), np.array([nx, ny, nz, ng], np.int64)
+    return np.concatenate(parts).astype(float), np.array([nx, ny, nz, ng, table.plate is not None], np.int64)
 
 
 def strain_sizes(number: np.ndarray, *, has_weight: bool = False) -> tuple[int, int]:
@@ -157,10 +163,10 @@ def strain_sizes(number: np.ndarray, *, has_weight: bool = False) -> tuple[int, 
 
 def strain_value_count(number: np.ndarray, *, has_weight: bool = False) -> int:
     """Number of constants that `strain_values` makes."""
-    nx, ny, nz, ng = (int(n) for n in number[:4])
+    nx, ny, nz, ng, plate = (int(n) for n in number)
     N = nx + ny + nz
     own = 1 + nx * nx + ny * ny + nz * nz + N + ng * (1 + ng + N + 3)
-    return own + 3 * N * (ng + 1) + has_weight * ng
+    return own + 3 * N * (ng + 1) + plate * POINT_NUMBERS * ng + has_weight * ng
 
 
 def masses_beyond(value: np.ndarray, number: np.ndarray) -> np.ndarray:

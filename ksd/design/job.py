@@ -64,7 +64,6 @@ from ksd.design.table import OK
 from ksd.errors import DESIGN_ERRORS, KsdError, RecordError, SceneError, reason_text
 from ksd.library import find_record
 from ksd.model.compile import compile_scene
-from ksd.model.effects import mentioned_effects
 from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.properties.printing import PrintableAnswer, format_number
 from ksd.scene import Mechanism, Scene
@@ -362,9 +361,8 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         return labels
 
     def _default_method(self, scene: Scene, mesh: Mesh) -> Literal["full", "conventional"]:
-        """ "full" where links are rigid, plate factors are not simulated, and all joints match their records at two designs;
-        else "conventional"."""
-        if not scene.joints or scene.compliances or "plate" in mentioned_effects(scene, mesh):
+        """ "full" where links are rigid and all joints match their records at two designs, else "conventional"."""
+        if not scene.joints or scene.compliances:
             return "conventional"
         other_joints = joints_between(self.build, self.vary, np.full(len(self.vary), PROBE_FRACTION))
         try:

@@ -18,7 +18,6 @@ from ksd.design.questions import (
     answer_questions,
 )
 from ksd.design.sweep_path import error_sentence
-from ksd.errors import SceneError
 from ksd.model.arrays import State, Workspace, make_workspace
 from ksd.model.compile import Model
 from ksd.properties.stiffness import node_of
@@ -98,7 +97,7 @@ class PreparedDesign:
     method: "reduced" or "full". tabulated: joints are interpolated in tables over their stroke. keep_configurations: they
     are in `DesignResult.poses`. equilibrate: configurations hold the equilibrium near the answer of the method, which is
     where questions are answered in any case. strict: a pose that `ksd.solve` would refuse without an error estimate has no
-    answers. Raises SceneError for a mesh with plate stiffening and for invalid questions.
+    answers. Raises SceneError for invalid questions.
     """
 
     def __init__(
@@ -113,11 +112,6 @@ class PreparedDesign:
         equilibrate: bool = False,
         strict: bool = True,
     ) -> None:
-        if solver.model.mesh.plate:
-            raise SceneError(
-                "plate stiffening depends on how much each leaf is bent, and is not settled pose by pose in batches: use "
-                "ksd.sweep, or leave 'plate' out of what the scene considers"
-            )
         self.solver, self.method, self.relinearisations = solver, method, relinearisations
         self.keep_configurations, self.equilibrate, self.strict = keep_configurations, equilibrate, strict
         self.questions = questions if questions is not None and questions.names else None

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ksd.errors import SceneError
 from ksd.model.arrays import State
 from ksd.model.compile import Model
-from ksd.model.leaves import line_mass, rigidities
+from ksd.model.leaves import line_mass, rod_compliances
 from ksd.model.mesh import Mesh
 from ksd.properties.shape import curvature, member_arrays, member_ends
 from ksd.scene.hinges import PLANES
@@ -154,15 +154,14 @@ class LeafCompliances:
             tuple(b for part in (profile, leaf.curve) if part is not None for b in part.breaks)
         )
         shape = self.stations.u.shape
-        places = self.stations.u.ravel().tolist()
-        sections = [leaf.section] if profile is None else [profile.section(s) for s in places]
-        rigidity_pairs = [rigidities(section, leaf, mesh) for section in sections]
-        stiff, soft = (
-            np.broadcast_to(np.array(part), (len(places), 3)).reshape(*shape, 3)
-            for part in zip(*rigidity_pairs, strict=True)
+        places = self.stations.u.ravel()
+        bending, soft = (
+            np.broadcast_to(part, (3, len(places))) for part in rod_compliances(leaf, mesh, places)
         )
-        self.bending, self.stretch, self.shear = 1.0 / stiff[..., 2], soft[..., 0], soft[..., 1]
-        self.mass = line_mass(leaf, np.array(places)).reshape(shape)
+        self.bending, self.stretch, self.shear = (
+            part.reshape(shape) for part in (bending[2], soft[0], soft[1])
+        )
+        self.mass = line_mass(leaf, places).reshape(shape)
 
 
 class DeformedLeaf:

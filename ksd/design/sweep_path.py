@@ -34,7 +34,7 @@ from ksd.model.turns import node_rotations, relative_angles
 from ksd.properties.mesh_adequacy import mode_adequacy
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import solve_conventional
-from ksd.solve.plate_stiffening import solve_with_plate_factors
+from ksd.solve.plate_stiffening import solve_with_secants
 from ksd.solve.solver import MAX_RISES, METHODS, Method, Solver, solve
 from ksd.solve.steps import DEFAULT_ACCURACY
 from ksd.solve.verdict import is_solved, refusal, with_mesh_check
@@ -239,7 +239,7 @@ class PathSolver:
                 self.previous = None
             return solver.by_load_steps(values)
 
-        found, _ = solve_with_plate_factors(self.solver, solve_with, 0.1 * self.accuracy)
+        found, _ = solve_with_secants(self.solver, solve_with, 0.1 * self.accuracy, modal=False)
         return with_mesh_check(found, self.accuracy)
 
 

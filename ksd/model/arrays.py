@@ -29,8 +29,8 @@ class Members(NamedTuple):
     """m elastic bodies, each between end p on node[:, 0] and end q on node[:, 1].
 
     kind (m,): STRAIN, ...; offset (m, 2, 3): ends minus the reference points of their nodes, in node axes; frame (m, 2, 3,
-    3): end axes (columns) in node axes; number (m, 4): settings; value (flat), from value_at (m,): constants; inner_at,
-    store_at (m+1,): starts of the inner state, and of the numbers stored from assembly to update; length (m,);
+    3): end axes (columns) in node axes; number (m, SETTINGS): settings; value (flat), from value_at (m,): constants;
+    inner_at, store_at (m+1,): starts of the inner state, and of the numbers stored from assembly to update; length (m,);
     stiffness_scale (m,): EA/L of a leaf [N/m]; block (m, 4): offsets of the stored blocks pp, qq and coupling, -1 where an
     end is fixed, and 1 where the coupling is stored as (p, q).
     """
@@ -186,6 +186,8 @@ class KernelArrays(NamedTuple):
     weight: np.ndarray
 
 
+SETTINGS = 5
+"""Number of the settings of a member."""
 NODES, MEMBER_COUNT, ROWS, LOADS, SPRING_COUNT, DOFS_PER_NODE, CARRIED_NODES, PLAN, START, MEMBERS = range(10)
 KIND, NODE, OFFSET, FRAME, NUMBER, VALUE_AT, VALUE, INNER_AT, STORE_AT, LENGTH, STIFFNESS_SCALE, BLOCK = (
     range(12)
@@ -252,8 +254,8 @@ def _member_kinds(arrays: ArrayFields) -> int:
 
 _INT, _FLOAT = 0, 1
 _MEMBER_ROWS = (
-    (_INT, ()), (_INT, (2,)), (_FLOAT, (2, 3)), (_FLOAT, (2, 3, 3)), (_INT, (4,)), (_INT, ()), (_FLOAT, ()), (_INT, ()),
-    (_INT, ()), (_FLOAT, ()), (_FLOAT, ()), (_INT, (4,)),
+    (_INT, ()), (_INT, (2,)), (_FLOAT, (2, 3)), (_FLOAT, (2, 3, 3)), (_INT, (SETTINGS,)), (_INT, ()), (_FLOAT, ()),
+    (_INT, ()), (_INT, ()), (_FLOAT, ()), (_FLOAT, ()), (_INT, (4,)),
 )  # fmt: skip
 _TERM_ROWS = (
     (_INT, ()), (_INT, ()), (_FLOAT, ()), (_INT, ()), (_INT, (2,)), (_FLOAT, (3,)), (_FLOAT, (2, 3)), (_INT, (5,)),

@@ -32,6 +32,7 @@ from ksd.model.arrays import (
     NUMBER,
     OFFSET,
     PLANAR,
+    SETTINGS,
     SOLID,
     START,
     STIFFNESS_SCALE,
@@ -141,7 +142,7 @@ def _equals_previous(ints, i, numbers, one, two, count, d, Q, previous):
     kind, value_at, number = (
         ints[MEMBERS + KIND] + i,
         ints[MEMBERS + VALUE_AT] + i,
-        ints[MEMBERS + NUMBER] + 4 * i,
+        ints[MEMBERS + NUMBER] + SETTINGS * i,
     )
     same = i > 0
     for r in range(3):
@@ -152,8 +153,8 @@ def _equals_previous(ints, i, numbers, one, two, count, d, Q, previous):
             previous[3 + 3 * r + c] = Q[r, c]
     same &= ints[value_at] == ints[value_at - 1]
     same &= ints[kind] == ints[kind - 1]
-    for c in range(4):
-        same &= ints[number + c] == ints[number - 4 + c]
+    for c in range(SETTINGS):
+        same &= ints[number + c] == ints[number - SETTINGS + c]
     for k in range(count if same else 0):
         same &= numbers[one + k] == numbers[two + k]
     return same
@@ -202,7 +203,7 @@ def allocate_leaf_scratch(ints):
     modes = points = ints[0] * 0
     for i in range(ints[MEMBER_COUNT]):
         if ints[ints[MEMBERS + KIND] + i] == STRAIN:
-            number = ints[MEMBERS + NUMBER] + 4 * i
+            number = ints[MEMBERS + NUMBER] + SETTINGS * i
             modes = max(modes, ints[number] + ints[number + 1] + ints[number + 2])
             points = max(points, ints[number + 3])
     return allocate_leaf_fields_compiled(modes, points)
@@ -272,7 +273,7 @@ def add_members(
             if has_weight:
                 set_gravity(pose, weight, i, factor, member_store)
             state = inner[inner_start : inner_start + state_size]
-            number = ints[number_at + 4 * i : number_at + 4 * i + 4]
+            number = ints[number_at + SETTINGS * i : number_at + SETTINGS * (i + 1)]
             value = floats[ints[MEMBERS + VALUE] + ints[value_at + i] :]
             # leaf springs are not called by `condense`, as handing on their scratch counts references of two dozen arrays
             if kind == PLANAR:

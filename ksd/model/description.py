@@ -8,6 +8,7 @@ import numpy as np
 
 from ksd.model.effects import EFFECT_MEANINGS, NOT_MENTIONED, Effect
 from ksd.model.plane import plane_of
+from ksd.model.plate_runs import plate_conditions
 from ksd.model.warping_runs import (
     clamped_torsion_factor,
     folded_junctions,
@@ -140,13 +141,19 @@ def effect_reason(effect: Effect, scene: Any) -> str:
 
 
 def _plate_text(scene: Any) -> str:
-    """The largest bending stiffness that suppressed anticlastic bending can add to a leaf, 1 / (1 - nu^2) - 1."""
-    largest, which = 0.0, "no leaf is wide"
-    for name, leaf in scene.leaf_names().items():
-        more = 1.0 / (1.0 - leaf.material.nu**2) - 1.0
-        if leaf.section.width > leaf.section.thickness > 0.0 and more > largest:
-            largest, which = more, f"leaf '{name}', at most"
-    return f"{100 * largest:.2g} % more bending stiffness ({which})"
+    """The bending stiffness that plate stiffening adds to the leaf to which it adds most, at small and at any curvature."""
+    largest, text = 0.0, "no leaf is wide: 0 % more bending stiffness"
+    leaves = scene.leaf_names()
+    for name, condition in plate_conditions(scene).items():
+        bent, guided = (1.0, 1.0) if condition.plate is None else condition.plate.small_factors
+        if guided > largest:
+            most = 1.0 / (1.0 - leaves[name].material.nu ** 2)
+            largest, ratio = guided, leaves[name].section.width / leaves[name].length
+            text = (
+                f"{100 * (bent - 1):.2g} % more bending stiffness at small curvature, {100 * (guided - 1):.2g} % with its "
+                f"ends kept parallel, at most {100 * (most - 1):.2g} % at a large one (leaf '{name}', w/L = {ratio:.3g})"
+            )
+    return text
 
 
 def _warping_text(scene: Any) -> str:

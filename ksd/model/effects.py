@@ -21,6 +21,7 @@ from ksd.checks import name_hint, show
 from ksd.errors import SceneError
 from ksd.model.elastic_links import with_elastic_links
 from ksd.model.mesh import Mesh
+from ksd.model.plate_runs import has_width, plate_conditions
 from ksd.model.scene_layout import has_gravity
 from ksd.model.warping_runs import run_torsion_factors
 from ksd.scene.effects import leaf_conditions
@@ -162,6 +163,14 @@ def choose_effects(
             f"effect '{name}' is asked for, but the scene does not mention it; {_HOW_TO_MENTION[name]}"
         )
 
+    asked = "plate" in (*on, *(named or ())) or (
+        "plate" in scene.consider and "plate" not in off and named is None
+    )
+    if asked and not any(has_width(leaf.section) for leaf in scene.leaf_names().values()):
+        raise SceneError(
+            "effect 'plate' is asked for, but no leaf spring is wider than thick: round wires and sections given by numbers "
+            "without width and thickness do not curl; leave 'plate' out"
+        )
     everything = named is None and effects == "all"
     return _choose(tuple(reasons.items()), on, off, named, everything, mesh.shear, has_gravity(scene))
 
@@ -237,6 +246,8 @@ def apply_effects(scene: Any, mesh: Mesh, choice: EffectChoice) -> tuple[Any, Me
         plain = with_conditions(plain, leaf_conditions(scene.leaf_names(), heats, fits))
     if "warping" in present:
         plain = with_torsion(plain, run_torsion_factors(scene))
+    if "plate" in present:
+        plain = with_conditions(plain, plate_conditions(plain))
     holds = plane_supports(plain)
     if holds and holds[0].name not in {s.name for s in plain.supports}:
         plain = replace(plain, supports=(*plain.supports, *holds))
@@ -270,11 +281,13 @@ def with_torsion(scene: Any, factors: Mapping[str, float]) -> Any:
         name: replace(leaves[name].condition or LeafCondition(), torsion_factor=factor)
         for name, factor in factors.items()
     }
-    return with_conditions(scene, conditions) if conditions else scene
+    return with_conditions(scene, conditions)
 
 
 def with_conditions(scene: Any, conditions: Mapping[str, LeafCondition]) -> Any:
     """The scene with the given conditions, by full name of the leaf spring."""
+    if not conditions:
+        return scene
     joints = []
     for placed in scene.joints:
         inside = tuple(

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ksd.beam import corotational_values as chains
+from ksd.beam.plate_energy import POINT_NUMBERS, curl_loss, plate_point
 from ksd.beam.strain import fill_leaf_fields, leaf_fields
 from ksd.beam.strain_values import (
     Modes,
@@ -35,9 +36,10 @@ from ksd.scene.curve import MAX_CURVE_MODES, Curve, CurvePart, cached_line, proj
 from ksd.scene.leaf import CHORD_FIT, LeafCondition
 from ksd.scene.profile import ProfilePart
 from ksd.section import Section
-from ksd.section.plate import plate_factor
 from ksd.section.section import SectionArrays
 
+SECANT_STEPS = 8
+"""Newton steps to the curvature of a leaf with plate stiffening at a moment, to rounding."""
 PANELS = 8
 """Number of equal quadrature panels of a leaf with a profile, further divided at its breaks."""
 
@@ -59,30 +61,41 @@ def leaf_axes(start: np.ndarray, end: np.ndarray, width: np.ndarray) -> np.ndarr
     return axes
 
 
-def rigidity_factors(section: Any, leaf: Any, mesh: Mesh) -> tuple[float, float]:
-    """Factors on GJ from restrained warping and on E Iz from plate stiffening, for one section of a leaf."""
-    torsion, plate = 1.0, 1.0
-    if mesh.warping and section.Iw > 0.0:
-        torsion = (leaf.condition and leaf.condition.torsion_factor) or _own_torsion_factor(leaf)
-    if mesh.plate and section.width > section.thickness > 0.0:
-        bend = leaf.condition.plate_curvature if leaf.condition else 0.0
-        plate = plate_factor(section.width, section.thickness, bend, leaf.material.nu)
-    return torsion, plate
+def torsion_factor(section: Any, leaf: Any, mesh: Mesh) -> float:
+    """Factor on GJ from restrained warping, for one section of a leaf."""
+    if not (mesh.warping and section.Iw > 0.0):
+        return 1.0
+    return (leaf.condition and leaf.condition.torsion_factor) or _own_torsion_factor(leaf)
 
 
 def rigidities(section: Section | SectionArrays, leaf: Any, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """(GJ, EIy, EIz) [N m^2] and (1/EA, 1/(ky GA), 1/(kz GA)) [1/N] of one section of a leaf; (3, k) each of many."""
+    """(GJ, EIy, EIz) [N m^2] and (1/EA, 1/(ky GA), 1/(kz GA)) [1/N] of one section of a leaf; (3, k) each of many.
+
+    Without plate stiffening, which is not local to a section (`LeafCondition.plate`).
+    """
     E, G = leaf.material.E, leaf.material.G
     torsion: Any = 1.0
-    plate: Any = 1.0
     if isinstance(section, Section):
-        torsion, plate = rigidity_factors(section, leaf, mesh)
-    elif mesh.warping or mesh.plate:
+        torsion = torsion_factor(section, leaf, mesh)
+    elif mesh.warping:
         each = map(SectionArrays._make, zip(*section, strict=True))
-        torsion, plate = np.array([rigidity_factors(one, leaf, mesh) for one in each]).T
-    stiff = np.array([torsion * G * section.J, E * section.Iy, plate * E * section.Iz])
+        torsion = np.array([torsion_factor(one, leaf, mesh) for one in each])
+    stiff = np.array([torsion * G * section.J, E * section.Iy, E * section.Iz])
     shear = np.array([1.0 / (section.ky * G * section.A), 1.0 / (section.kz * G * section.A)])
     return stiff, np.concatenate([[1.0 / (E * section.A)], shear if mesh.shear else 0.0 * shear])
+
+
+def rod_compliances(leaf: Any, mesh: Mesh, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(1/GJ, 1/EIy, 1/EIz) [1/(N m^2)] and (1/EA, 1/(ky GA), 1/(kz GA)) [1/N] of a leaf at fractions s (k,), (3, k) or
+    (3, 1) each, with plate stiffening at small curvature."""
+    if leaf.profile is None:
+        stiff, soft = (a[:, None] for a in rigidities(leaf.section, leaf, mesh))
+    else:
+        stiff, soft = rigidities(leaf.profile.sections(s), leaf, mesh)
+    bending = 1.0 / stiff
+    if leaf.condition is not None and leaf.condition.plate is not None:
+        bending = bending * np.stack([np.ones(len(s)), np.ones(len(s)), leaf.condition.plate(s).compliance])
+    return bending, soft
 
 
 @lru_cache(maxsize=256)
@@ -220,6 +233,87 @@ def leaf_modes(leaf: Any, mesh: Mesh) -> Modes:
     return make_modes(orders, max(6, max(orders) // 2), breaks=(0.0, *inner, 1.0), shape=softness)
 
 
+def _with_plate(modes: Modes, leaf: Any, mesh: Mesh, orders: tuple[int, int, int]) -> Modes:
+    """Modes of a leaf with plate stiffening: those of the leaf with its own stiffness about e3, and its plate numbers.
+
+    At small curvature a moment sum m_j P_j bends the leaf by c(s) times its sum of modes. The amplitudes are those of the
+    modes with which moments have the same work, so that constant and linear moments bend the leaf exactly, however steep the
+    compliance c is near a clamp.
+    """
+    plate, z = leaf.condition.plate, slice(orders[0] + orders[1], sum(orders))
+    cuts = np.unique([*plate.breaks, *(leaf.profile.breaks if leaf.profile is not None else ())])
+    x, weight = np.polynomial.legendre.leggauss(12)
+    s = (cuts[:-1, None] + np.diff(cuts)[:, None] * 0.5 * (1.0 + x)).ravel()
+    weight = (np.diff(cuts)[:, None] * 0.5 * weight).ravel() * plate(s).compliance
+    if leaf.profile is not None:
+        nominal = rigidities(leaf.section, leaf, mesh)[0][2]
+        weight *= nominal / rigidities(leaf.profile.sections(s), leaf, mesh)[0][2]
+    P = np.polynomial.legendre.legvander(2.0 * s - 1.0, orders[2] - 1).T
+    energy = modes.energy.copy()
+    stiff = energy[z, z] @ np.linalg.solve((weight * P) @ P.T, energy[z, z])
+    energy[z, z] = 0.5 * (stiff + stiff.T)
+    return modes._replace(energy=energy, plate=_plate_numbers(modes, leaf))
+
+
+def secant_compliances(
+    leaf: Any, s: np.ndarray, moments: np.ndarray, compliance: np.ndarray, own: np.ndarray
+) -> np.ndarray:
+    """Curvature by moment (k,) [1/(N m^2)] of a leaf with plate stiffening at fractions s (k,) under these moments [Nm].
+
+    compliance: at small curvature; own: curvature at rest [1/m].
+    """
+    _, loss, rate = leaf.condition.plate(s)
+    numbers = _point_numbers(leaf, s, loss, rate, own)
+    found = compliance.copy()
+    for k in np.flatnonzero(moments).tolist():
+        bend = moments[k] * compliance[k]
+        for _ in range(SECANT_STEPS):
+            moment, stiffness = plate_point(numbers[k], 0, own[k] + bend, bend)
+            bend -= (bend / compliance[k] + moment - moments[k]) / (1.0 / compliance[k] + stiffness)
+        found[k] = bend / moments[k]
+    return found
+
+
+def _plate_numbers(modes: Modes, leaf: Any) -> np.ndarray:
+    """Numbers (ng, POINT_NUMBERS) of `ksd.beam.plate_energy` at the points of a leaf, in its stress-free shape."""
+    plate, s = leaf.condition.plate, modes.s
+    if leaf.profile is None:
+        # with these weights the sum over the points is exact for polynomials, however steep chi is near a clamp
+        cuts = np.array(plate.breaks)
+        x, weight = np.polynomial.legendre.leggauss(12)
+        fine = (cuts[:-1, None] + np.diff(cuts)[:, None] * 0.5 * (1.0 + x)).ravel()
+        weight = (np.diff(cuts)[:, None] * 0.5 * weight).ravel()
+        at, basis = (np.polynomial.legendre.legvander(2.0 * x - 1.0, len(s) - 1) for x in (s, fine))
+        interpolated = (at * (2 * np.arange(len(s)) + 1)) @ (basis.T * weight)
+        loss, rate = (interpolated @ values for values in plate(fine)[1:])
+    else:
+        # of the part of the leaf that a point stands for
+        loss, rate = plate.means(np.concatenate([[0.0], np.cumsum(modes.weight)]))[1:]
+    own = np.zeros(len(s)) if leaf.curve is None else leaf.curve.curvatures(s)[:, 2]
+    numbers = _point_numbers(leaf, s, loss, rate, own)
+    numbers[:, 0] *= leaf.length * modes.weight
+    return numbers
+
+
+def _point_numbers(
+    leaf: Any, s: np.ndarray, loss: np.ndarray, rate: np.ndarray, own: np.ndarray
+) -> np.ndarray:
+    """Numbers (k, POINT_NUMBERS) of `ksd.beam.plate_energy` per length at fractions s (k,) of a leaf."""
+    nu, section = leaf.material.nu, leaf.section if leaf.profile is None else leaf.profile.sections(s)
+    width, thickness, Iz = (
+        np.broadcast_to(getattr(section, n), len(s)) for n in ("width", "thickness", "Iz")
+    )
+    wide = width > thickness
+    found = np.zeros((len(s), POINT_NUMBERS))
+    found[:, 0] = wide * nu**2 / (1.0 - nu**2) * leaf.material.E * Iz
+    found[wide, 1] = 3.0 * (1.0 - nu**2) * (width**2 / thickness)[wide] ** 2
+    found[:, 2], found[:, 3] = loss, np.maximum(rate, 0.0)
+    if own.any():
+        phi = np.array([curl_loss(z)[0] for z in (found[:, 1] * own**2).tolist()])
+        found[:, 4] = found[:, 2] * phi / (1.0 + found[:, 3] * phi)
+    return found
+
+
 def mass_density(leaf: Any) -> float:
     """Density [kg/m^3] by which sections and natural length of a leaf have its mass: less where heat has stretched it; zero
     for a material without density."""
@@ -247,6 +341,8 @@ def _strain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
             soft = rigidities(leaf.profile.sections(modes.s), leaf, mesh)[1].T
         if leaf.curve is not None:
             words["amplitudes"] = _curve_amplitudes(leaf, modes, orders)
+    if leaf.condition is not None and leaf.condition.plate is not None:
+        words["modes"] = _with_plate(words.get("modes") or uniform_modes(orders, points), leaf, mesh, orders)
     mass = 0.0
     if heavy:
         words["modes"] = modes = words.get("modes") or uniform_modes(orders, points)
@@ -271,8 +367,10 @@ def _undeformed_end(
     return fields.end.copy(), fields.R[-1].copy()
 
 
-def _element_section(section: Section, leaf: Any, mesh: Mesh) -> chains.ElementSection:
-    """Section and material numbers of an element of a chain."""
+def _element_section(
+    section: Section, leaf: Any, mesh: Mesh, compliance: float = 1.0
+) -> chains.ElementSection:
+    """Section and material numbers of an element of a chain; compliance: of its plate stiffening."""
     E, G = leaf.material.E, leaf.material.G
     stiff, _ = rigidities(section, leaf, mesh)
     shear_factor = 1.0 if mesh.shear else math.inf
@@ -282,7 +380,7 @@ def _element_section(section: Section, leaf: Any, mesh: Mesh) -> chains.ElementS
         section.A,
         stiff[0] / G,
         section.Iy,
-        stiff[2] / E,
+        stiff[2] / E / compliance,
         shear_factor * section.ky,
         shear_factor * section.kz,
     )
@@ -295,13 +393,15 @@ def _chain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
         nodes = [cached_line(leaf.curve, k / count) for k in range(count + 1)]
         curve = np.array([place for place, _ in nodes]), np.array([axes for _, axes in nodes])
     value = chains.chain_values(_element_section(leaf.section, leaf, mesh), leaf.length, count, curve)
-    if leaf.profile is not None:
+    plate = None if leaf.condition is None else leaf.condition.plate
+    soft = np.ones(count) if plate is None else plate.means(np.linspace(0.0, 1.0, count + 1)).compliance
+    if leaf.profile is not None or plate is not None:
         for k in range(count):
             # each element has the section of its middle
-            section = leaf.profile.section((k + 0.5) / count)
+            section = leaf.section if leaf.profile is None else leaf.profile.section((k + 0.5) / count)
             at = 16 * k
             value[at + 1 : at + 7] = chains.stiffness_numbers(
-                _element_section(section, leaf, mesh), value[at]
+                _element_section(section, leaf, mesh, soft[k]), value[at]
             )
     number = np.array([count, int(mesh.mip)], np.int64)
     d, Q = chains.undeformed_end(value, number)
@@ -453,7 +553,8 @@ def split_leaf(leaf: Any, cuts: Sequence[float]) -> list[Any]:
                 f"leaf '{leaf.name}': its curve ends straight along the width of its start from s = {first:.4g} to "
                 f"{last:.4g} mm, so that its width there cannot be said; move a point, or put one between"
             )
-        own = replace(state, torsion_factor=torsion)
+        plate = None if state.plate is None else state.plate.of_part(*part)
+        own = replace(state, torsion_factor=torsion, plate=plate)
         if misplaced and part[1] < 1.0:
             own = replace(own, shift=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0))
         pieces.append(
@@ -477,7 +578,8 @@ def element_leaves(leaf: Any, elements: int) -> list[Any]:
         raise SceneError(
             f"leaf '{leaf.name}': nodal meshes are for straight uniform leaf springs; leave nodal out"
         )
-    if replace(leaf.condition or LeafCondition(), plate_curvature=0.0, torsion_factor=0.0) != LeafCondition():
+    state = replace(leaf.condition or LeafCondition(), torsion_factor=0.0, plate=None)
+    if state != LeafCondition():
         raise SceneError(
             f"leaf '{leaf.name}': nodal meshes are for leaves without heat, prestress and assembly error; leave nodal out"
         )

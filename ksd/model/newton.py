@@ -34,6 +34,7 @@ from ksd.model.arrays import (
     NODES,
     NUMBER,
     PLAN,
+    SETTINGS,
     SPRING_COUNT,
     START,
     STORE_AT,
@@ -295,12 +296,12 @@ def _take_step(
     for i in range(ints[MEMBER_COUNT]):
         _relative_motion(ints, poses, i, step, move, xi)
         inner_at, store_at = ints[MEMBERS + INNER_AT] + i, ints[MEMBERS + STORE_AT] + i
-        value, number = ints[ints[MEMBERS + VALUE_AT] + i], ints[MEMBERS + NUMBER] + 4 * i
+        value, number = ints[ints[MEMBERS + VALUE_AT] + i], ints[MEMBERS + NUMBER] + SETTINGS * i
         member_store = store[ints[store_at] : ints[store_at + 1]]
         if len(weight) > 0 and weight[i, 0] > 0.0:
             rotate_gravity(poses[i], move, member_store)
         recover(
-            ints[ints[MEMBERS + KIND] + i], floats[ints[MEMBERS + VALUE] + value :], ints[number : number + 4],
+            ints[ints[MEMBERS + KIND] + i], floats[ints[MEMBERS + VALUE] + value :], ints[number : number + SETTINGS],
             inner[ints[inner_at] : ints[inner_at + 1]], member_store, xi, scale, move,
         )  # fmt: skip
     _move_nodes(ints, floats, x, R, multiplier, angle, step, scale)

@@ -18,6 +18,7 @@ from ksd.model.arrays import (
     LINEAR,
     LOAD_FLOATS,
     MEMBERS,
+    SETTINGS,
     STRAIN,
     TERM_FLOATS,
     VALUE,
@@ -145,7 +146,7 @@ def _members(topologies: Sequence[MemberTopology], places: BlockOffsets) -> Memb
             first[m.group] = total
             total += m.values
         at.append(first[m.group])
-    number = np.zeros((count, 4), np.int64)
+    number = np.zeros((count, SETTINGS), np.int64)
     for row, m in zip(number, topologies, strict=True):
         row[: len(m.number)] = m.number
     return Members(

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ksd.beam.planar_leaf import planar_values, store_size
+from ksd.beam.plate_energy import POINT_NUMBERS
 from ksd.beam.strain_values import masses_beyond, strain_values
 from ksd.model.arrays import (
     COIL,
@@ -178,7 +179,7 @@ def _planar_members(
         kind[own], number[own], value_at[own] = PLANAR, planar, end
         store[own] = store_size(int(planar[0]), has_weight=bool(weighs))
         leaves.append((at, bool(weighs), tuple(settings)))
-        end += len(of) + weighs * settings[3]
+        end += len(of) + planar[4] * settings[3] * (POINT_NUMBERS + settings[2]) + weighs * settings[3]
     planar_members = members._replace(
         kind=kind,
         number=number,
@@ -194,15 +195,16 @@ def _unit_leaf(settings: tuple[int, ...]) -> tuple[slice, np.ndarray, np.ndarray
     """How the planar constants of a uniform leaf follow from its spatial ones.
 
     Returns the slice of the mode tables among the spatial constants, these tables, the planar settings, and index and factor
-    of the spatial constant that gives each planar constant.
+    of the spatial constant that gives each planar constant, without those of plate stiffening.
     """
-    nx, ny, nz, ng = settings
+    nx, ny, nz, ng, plate = settings
     value, _ = strain_values(
         length=1.0, rigidity=np.ones(3), compliance=np.ones(3), orders=(nx, ny, nz), points=ng
     )
     total, first = nx + ny + nz, 1 + nx * nx + ny * ny
     tables = slice(first + nz * nz + total, first + nz * nz + total + ng * (1 + ng + total))
-    multiple, planar = planar_values(value, np.array(settings))
+    multiple, planar = planar_values(value, np.array([nx, ny, nz, ng, 0]))
+    planar[4] = plate
     of = np.zeros(len(multiple), np.int64)
     # bending stiffness, stress-free amplitudes, and 1/EA and 1/(ky GA) of each point are copied; all other constants are
     # proportional to the length, spatial constant 0
@@ -218,7 +220,7 @@ def _unit_leaf(settings: tuple[int, ...]) -> tuple[slice, np.ndarray, np.ndarray
 def _planar_constants(value: np.ndarray, weighs: bool, settings: tuple[int, ...]) -> np.ndarray:
     """Planar constants of a leaf from its spatial ones; weighs: whether it has weight."""
     tables, known, _, of, multiple = _unit_leaf(settings)
-    if not np.array_equal(value[tables], known):
+    if settings[4] or not np.array_equal(value[tables], known):
         return planar_values(value, np.array(settings), has_weight=weighs)[0]
     constants = multiple * value[of]
     return np.concatenate([constants, masses_beyond(value, np.array(settings))]) if weighs else constants

@@ -27,7 +27,7 @@ class ReducedBody(Protocol):
         """Kind of its member, of `ksd.model.arrays`."""
 
     def constants(self) -> tuple[np.ndarray, np.ndarray]:
-        """Constants `value` and settings `number` (4,) of its kernel."""
+        """Constants `value` and settings `number` of its kernel."""
 
 
 class LinearBody:
@@ -61,7 +61,9 @@ def with_bodies(model: Model, bodies: Mapping[str, ReducedBody]) -> Model:
         # the kernel takes rotations of end q relative to the undeformed leaf, in the frame of end p
         frame[i, 1] = old.frame[i, 1] @ _rest_orientation(old, i).T
         size, stores[i] = (LINEAR_INNER, 0) if body.kind == LINEAR else modal_sizes(int(settings[1]))
-        kind[i], number[i], value_at[i], states[i] = body.kind, settings, stored_at[id(body)], np.zeros(size)
+        kind[i], value_at[i], states[i] = body.kind, stored_at[id(body)], np.zeros(size)
+        number[i] = 0
+        number[i, : len(settings)] = settings
     members = old._replace(
         kind=kind, number=number, frame=frame, value_at=value_at, value=np.concatenate([*values, np.zeros(1)]),
         inner_at=np.cumsum([0] + [len(s) for s in states]).astype(np.int64),

@@ -2,8 +2,8 @@
 
 Scenes with equal layouts differ in numbers only and give models with the same unknowns (`ksd.model.template`). A part is a
 placed joint, or a free leaf between two links. Most constants of a leaf follow from its LEAF_NUMBERS. Curved leaves have the
-amplitudes of their undeformed shape among the explicit numbers; tapered, heated or prestressed leaves have all their
-constants there.
+amplitudes of their undeformed shape among the explicit numbers; tapered, heated, prestressed and plate-stiffened
+leaves have all their constants there.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ksd.model.leaves import (
     leaf_member,
     leaf_orders,
     piece_name,
-    rigidity_factors,
+    torsion_factor,
     whole_leaf_name,
 )
 from ksd.model.mesh import Mesh
@@ -33,9 +33,9 @@ from ksd.scene.drive import DriveTerm
 from ksd.scene.hinges import PLANES, plane_supports
 from ksd.scene.leaf import LeafCondition
 
-LEAF_NUMBERS, LEAF_E, LEAF_IZ = 21, 10, 15
-"""Count of the numbers of a leaf: start, end, width axis (3 each), length, E, G, A, J, Iy, Iz, ky, kz, density, factors on
-GJ and E Iz; and the columns of E and Iz."""
+LEAF_NUMBERS, LEAF_E, LEAF_IZ = 20, 10, 15
+"""Count of the numbers of a leaf: start, end, width axis (3 each), length, E, G, A, J, Iy, Iz, ky, kz, density, factor on
+GJ; and the columns of E and Iz."""
 SPRING_NUMBERS = 26
 """Count of the numbers of a spring before its constants: ends (2, 3), end frames (2, 3, 3), length, stiffness scale."""
 GEOMETRY_NUMBERS = 25
@@ -199,20 +199,20 @@ class _PartCollector:
     ) -> LeafLayout:
         """Collect the numbers of a leaf and return its layout; name: (prefix, name in its part)."""
         section, material, state = leaf.section, leaf.material, leaf.condition
-        torsion, plate = rigidity_factors(section, leaf, mesh)
+        torsion = torsion_factor(section, leaf, mesh)
         long, density = leaf.length, material.density or 0.0
         has_weight = self.heavy and density > 0.0
         size = (
             material.E, material.G, section.A, section.J, section.Iy, section.Iz, section.ky, section.kz, density,
         )  # fmt: skip
-        self.leaf += (*leaf.start, *leaf.end, *leaf.width_axis, long, *size, torsion, plate)
+        self.leaf += (*leaf.start, *leaf.end, *leaf.width_axis, long, *size, torsion)
         key: tuple[Any, ...] = (round(COMPARISON_PRECISION * long / length), length, size, has_weight)
-        if torsion != 1.0 or plate != 1.0:
-            key += (round(COMPARISON_PRECISION * torsion), round(COMPARISON_PRECISION * plate))
+        if torsion != 1.0:
+            key += (round(COMPARISON_PRECISION * torsion),)
         if (
             leaf.profile is not None
             or leaf.curve is not None
-            or not (state is None or _is_stress_free(state))
+            or not (state is None or _has_constants_of_its_section(state))
         ):
             member = leaf_member(leaf, mesh, name="".join(name), heavy=has_weight)
             return self._explicit_leaf(
@@ -221,7 +221,7 @@ class _PartCollector:
         number: tuple[int, ...]
         if mesh.leaf == "strain":
             orders, points = leaf_orders(leaf, mesh)
-            kind, number = STRAIN, (*orders, points)
+            kind, number = STRAIN, (*orders, points, 0)
         else:
             kind, number = COROTATIONAL, (leaf.elements or mesh.elements, int(mesh.mip))
         return LeafLayout(name[1], ends, kind, number, has_weight, self._group(*key, kind, number))
@@ -233,7 +233,8 @@ class _PartCollector:
         self.explicit += [*member.offset.ravel().tolist(), *member.frame.ravel().tolist(), member.mass]
         number = tuple(member.number.tolist())
         uniform = member.kind == STRAIN and leaf.profile is None and leaf.orders is None
-        if uniform and (leaf.condition is None or leaf.condition.stretch == 1.0):
+        state = leaf.condition or LeafCondition()
+        if uniform and state.stretch == 1.0 and state.plate is None:
             amplitudes = member.inner[:-6].tolist()
             self.explicit += amplitudes
             group = self._group(*key, number, tuple(amplitudes))
@@ -250,10 +251,11 @@ class _PartCollector:
         return self.groups.setdefault((len(self.distinct), *constants), len(self.groups))
 
 
-def _is_stress_free(state: LeafCondition) -> bool:
-    """Whether a leaf in this condition is free of stress in the configuration described."""
+def _has_constants_of_its_section(state: LeafCondition) -> bool:
+    """Whether a leaf in this condition is free of stress as described, and its constants are those of its section."""
     return (
-        state.stretch == 1.0
+        state.plate is None
+        and state.stretch == 1.0
         and state.natural_curvature == 0.0
         and not any(state.shift)
         and not any(state.turn)

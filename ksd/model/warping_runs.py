@@ -9,7 +9,7 @@ with which it twists as it does in the run, whose warping is restrained at the t
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -92,19 +92,40 @@ def run_torsion_factors(scene: Any) -> dict[str, float]:
     All others have the closed form of `ksd.section.restrained_warping_factor`.
     """
     leaves = scene.leaf_names()
-    groups: list[set[str]] = [
-        {n} for n, leaf in leaves.items() if leaf.profile is not None and leaf.section.Iw > 0.0
-    ]
-    for junction in in_line_junctions(scene):
-        if junction.warping_passes:
-            pair = {junction.one, junction.two}
-            touched = [g for g in groups if g & pair]
-            groups = [g for g in groups if not g & pair] + [pair.union(*touched)]
+    warping = {name: leaf for name, leaf in leaves.items() if leaf.section.Iw > 0.0}
     factors: dict[str, float] = {}
-    for group in groups:
-        run = _run_slices({n: leaves[n] for n in sorted(group)})
-        factors |= dict(zip(run, twist_factors(list(run.values())), strict=True))
+    for run in runs_of_leaves(scene, warping):
+        if len(run) > 1 or leaves[run[0][0]].profile is not None:
+            pieces = [_slices(leaves[name])[:: 1 if along else -1] for name, along in run]
+            factors |= dict(zip((name for name, _ in run), twist_factors(pieces), strict=True))
     return factors
+
+
+def runs_of_leaves(scene: Any, leaves: Mapping[str, Any]) -> list[list[tuple[str, bool]]]:
+    """Runs of those leaves between which warping and curling pass: names in order, and whether a leaf points along the run.
+
+    A leaf that meets none of the others is a run of its own.
+    """
+    groups = {name: {name} for name in leaves}
+    for junction in in_line_junctions(scene) if len(leaves) > 1 else ():
+        if junction.warping_passes and junction.one in leaves and junction.two in leaves:
+            joined = groups[junction.one] | groups[junction.two]
+            groups |= dict.fromkeys(joined, joined)
+    runs = []
+    for group in {id(g): g for g in groups.values()}.values():
+        along = np.subtract(leaves[min(group)].end, leaves[min(group)].start)
+        order = sorted(group, key=lambda n: float(along @ np.add(leaves[n].start, leaves[n].end)))
+        runs.append([(n, bool(along @ np.subtract(leaves[n].end, leaves[n].start) > 0.0)) for n in order])
+    return runs
+
+
+def free_ends(scene: Any) -> set[tuple[str, bool]]:
+    """(full name of a leaf, whether it is its start) of the ends on blocks that carry nothing else."""
+    on: dict[str, list[tuple[str, bool]]] = {}
+    for k, (block, _, end) in enumerate(_leaf_ends(scene)):
+        on.setdefault(block, []).append((end.name, k % 2 == 0))
+    loaded = _loaded_blocks(scene)
+    return {ends[0] for block, ends in on.items() if len(ends) == 1 and block not in loaded}
 
 
 def clamped_torsion_factor(leaf: Any) -> float:
@@ -124,15 +145,6 @@ def half_clamped_torsion_factor(leaf: Any) -> float:
     if len(slices) == 1:
         return clamped_ends_factor(2.0 * slices[0].decay * leaf.length)
     return twist_factors([slices + slices[::-1]])[0]
-
-
-def _run_slices(leaves: dict[str, Any]) -> dict[str, list[Slice]]:
-    """Uniform slices of the leaves of one run, by name, in order from one end of the run to the other."""
-    first = next(iter(leaves.values()))
-    along = np.subtract(first.end, first.start)
-    order = sorted(leaves, key=lambda n: float(along @ np.add(leaves[n].start, leaves[n].end)))
-    is_forward = {n: along @ np.subtract(leaves[n].end, leaves[n].start) > 0.0 for n in order}
-    return {n: _slices(leaves[n])[:: 1 if is_forward[n] else -1] for n in order}
 
 
 def _slices(leaf: Any) -> list[Slice]:

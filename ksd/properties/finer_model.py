@@ -18,7 +18,7 @@ from functools import lru_cache
 import numpy as np
 
 from ksd.errors import SceneError
-from ksd.model.arrays import COROTATIONAL, STRAIN, State, make_workspace
+from ksd.model.arrays import COROTATIONAL, SETTINGS, STRAIN, State, make_workspace
 from ksd.model.compile import Model, remesh_model
 from ksd.model.leaves import piece_name
 from ksd.model.mesh import MAX_ORDER, Mesh, MixedMesh
@@ -106,11 +106,11 @@ def pad_amplitudes(
 
 @lru_cache(maxsize=64)
 def finer_inner_index(number: bytes, finer_number: bytes) -> np.ndarray:
-    """Positions at which `pad_amplitudes` writes the inner states of all members; settings (m, 4) of both models."""
+    """Positions at which `pad_amplitudes` writes the inner states of all members; settings (m, SETTINGS) of both models."""
     index, first = [], 0
     for coarse, fine in zip(
-        np.frombuffer(number, np.int64).reshape(-1, 4),
-        np.frombuffer(finer_number, np.int64).reshape(-1, 4),
+        np.frombuffer(number, np.int64).reshape(-1, SETTINGS),
+        np.frombuffer(finer_number, np.int64).reshape(-1, SETTINGS),
         strict=True,
     ):
         marks, padded = np.arange(1.0, coarse[:3].sum() + 7), np.zeros(int(fine[:3].sum()) + 6)

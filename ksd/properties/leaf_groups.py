@@ -31,8 +31,8 @@ Array = NDArray[np.float64]
 class LeafGroup:
     """k leaf springs of the same layout.
 
-    members (k,): their numbers; number (4,): common settings; value (k, v): constants; inner_index (k, N + 6): positions of
-    their inner states in the flat inner state of the model; has_weight: they have weight.
+    members (k,): their numbers; number (SETTINGS,): common settings; value (k, v): constants; inner_index (k, N + 6):
+    positions of their inner states in the flat inner state of the model; has_weight: they have weight.
     """
 
     members: NDArray[np.int64]

@@ -9,8 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from ksd.beam.rod import NODES, ROD, WEIGHTS, unloaded_rod_end
+from ksd.model.arrays import STRAIN, State
 from ksd.model.compile import Model
 from ksd.model.leaves import (
     cut_leaves,
@@ -18,12 +20,14 @@ from ksd.model.leaves import (
     leaf_ends,
     leaf_member,
     line_mass,
-    rigidities,
+    rod_compliances,
+    secant_compliances,
     stress_free_leaf,
     whole_leaf_name,
 )
 from ksd.model.rods import Rods
 from ksd.properties.cache import cached_per_model
+from ksd.properties.forces import forces_of_members
 
 Array = NDArray[np.float64]
 MIN_STEPS, MIN_STEPS_VARYING = 4, 16
@@ -45,6 +49,8 @@ MAX_TOTAL_TURN = 300.0
 """Upper limit of rotation and growth for which steps are provided."""
 END_MARGIN = 1e-9
 """Distance, relative to a step, of sampling points from the ends of the step, where a section may jump."""
+MOMENT_STATIONS = 25
+"""Stations at which the moments along a leaf with plate stiffening are evaluated."""
 MAX_CACHED_CUTS = 8
 """Largest number of divisions of the leaves that are cached per model."""
 
@@ -181,17 +187,41 @@ def _sample_sections(leaf: Any, mesh: Any, has_weight: bool, count: int) -> tupl
         inside = {b for part in (leaf.profile, leaf.curve) if part is not None for b in part.breaks}
         cuts = [0.0, *sorted(inside), 1.0]
         edges = np.unique([a + (b - a) * x for a, b in pairwise(cuts) for x in graded])
+    if leaf.condition is not None and leaf.condition.plate is not None:
+        edges = np.unique([*edges, *leaf.condition.plate.breaks])
     share = np.diff(edges)
     s = (edges[:-1, None] + share[:, None] * np.clip(NODES, END_MARGIN, 1.0 - END_MARGIN)).ravel()
     rod = np.zeros((len(s), ROD))
     if leaf.curve is not None:
         rod[:, :3] = leaf.curve.curvatures(s)
-    section = leaf.section if leaf.profile is None else leaf.profile.sections(s)
-    stiff, soft = rigidities(section, leaf, mesh)
-    rod[:, 3:6], rod[:, 6:9] = 1.0 / stiff.T, soft.T
+    bending, soft = rod_compliances(leaf, mesh, s)
+    rod[:, 3:6], rod[:, 6:9] = bending.T, soft.T
     if has_weight:
         rod[:, 9] = line_mass(leaf, s)
     return leaf.length * share, rod.reshape(-1, len(NODES), ROD)
+
+
+def with_plate_moments(model: Model, motion: State, cut: RodParts) -> RodParts:
+    """The rods of `cut_rods` with the secant compliance in bending that plate stiffening has at the moments of a state."""
+    if not model.mesh.plate:
+        return cut
+    forces = forces_of_members(
+        model, motion, {n: [i] for i, n in enumerate(model.member_names)}, MOMENT_STATIONS, 1.0
+    )
+    rods, rod = cut.rods, cut.rods.rod.copy()
+    for i, name in enumerate(model.member_names):
+        leaf, _ = _leaf_and_mesh(model, name)
+        plate = None if leaf.condition is None else leaf.condition.plate
+        if plate is None or model.arrays.members.kind[i] != STRAIN:
+            continue
+        own = slice(*rods.at_step[rods.at_part[[i, i + 1]]])
+        along = np.cumsum(rods.step[own]) - rods.step[own]
+        s = ((along[:, None] + rods.step[own][:, None] * NODES) / rods.step[own].sum()).ravel()
+        moments = CubicSpline(forces[name].s / forces[name].s[-1], forces[name].values[:, 5])(s)
+        at = rod[own].reshape(-1, ROD)
+        at[:, 5] = secant_compliances(leaf, s, moments, at[:, 5], at[:, 2])
+        rod[own] = at.reshape(rod[own].shape)
+    return cut._replace(rods=rods._replace(rod=rod))
 
 
 def _end_offsets(leaf: Any, mesh: Any, count: int) -> _EndOffsets | None:

@@ -26,7 +26,13 @@ from ksd.model.compile import Model
 from ksd.model.newton import assemble_nodes, largest_rotation, move_nodes
 from ksd.model.rods import RodState, add_rods, move_rods
 from ksd.properties.leaf_groups import EndFrames, chain_groups, end_frames, leaf_groups
-from ksd.properties.leaf_rods import MAX_GROWTHS_PER_PART_WITH_WEIGHT, RodParts, cut_rods, rod_sizes
+from ksd.properties.leaf_rods import (
+    MAX_GROWTHS_PER_PART_WITH_WEIGHT,
+    RodParts,
+    cut_rods,
+    rod_sizes,
+    with_plate_moments,
+)
 from ksd.properties.printing import PrintableAnswer, format_number, format_table, render_text
 from ksd.properties.shape import cross_rows, poses_along
 from ksd.properties.tangent import AssembledTangent, assemble_tangent, factor_tangent, skew_block
@@ -205,8 +211,8 @@ class _RodMechanism:
         self.model, self.work, self.verified = assembled.model, assembled.work, verified
         self.target, self.load_factor = target, load_factor
         ends, at_p, gravity = _wrenches(assembled, rod_sizes(self.model).mass, load_factor)
-        self.cut = cut_rods(self.model, at_p, max_growth)
         self.motion = assembled.motion.copy()
+        self.cut = with_plate_moments(self.model, self.motion, cut_rods(self.model, at_p, max_growth))
         self.state = _initial_rod_state(self.model, self.motion, self.cut, ends, at_p, gravity)
         self._assemble()
 

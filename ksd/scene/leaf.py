@@ -31,6 +31,7 @@ from ksd.scene.curve import Curve, cached_line
 from ksd.scene.material import Material
 from ksd.scene.profile import Profile
 from ksd.section import Section, circle
+from ksd.section.plate import PlateStiffening
 
 CHORD_FIT = 1e-3
 """Largest difference of the chord of a curve and the distance of the ends of its leaf, over that distance."""
@@ -42,8 +43,8 @@ class LeafCondition:
 
     stretch: natural over drawn length; expansion: the part of it that is by heat, which adds no mass. natural_curvature
     [1/m]: about e3, added to the drawn one; shift (3,) [m] and turn (3,) [rad]: pose of the clamp of end q relative to the
-    drawn one, in leaf axes. plate_curvature [1/m]: curvature at which
-    the plate stiffening is evaluated; torsion_factor: factor on GJ from restrained warping, 0 for that of the leaf alone.
+    drawn one, in leaf axes. torsion_factor: factor on GJ from restrained warping, 0 for that of the leaf alone; plate: its
+    plate stiffening, None without.
     """
 
     stretch: float = 1.0
@@ -51,8 +52,8 @@ class LeafCondition:
     natural_curvature: float = 0.0
     shift: Vector = (0.0, 0.0, 0.0)
     turn: Vector = (0.0, 0.0, 0.0)
-    plate_curvature: float = 0.0
     torsion_factor: float = 0.0
+    plate: PlateStiffening | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,7 +23,6 @@ import numpy as np
 from ksd.errors import ConvergenceError
 from ksd.model.arrays import COROTATIONAL, STRAIN, Arrays, State, Workspace, make_workspace
 from ksd.model.compile import Model, compile_as_is
-from ksd.model.effects import with_conditions
 from ksd.model.leaves import whole_leaf_name
 from ksd.model.newton import RTOL, check_residual, solve_equilibrium, take_step
 from ksd.model.turns import copy_angles
@@ -41,7 +40,6 @@ from ksd.properties.leaf_groups import (
 from ksd.properties.tangent import exact_tangent_arrays
 from ksd.solve.full_bodies import full_equilibrium
 from ksd.solve.method_error import newton_step_error, relative_error
-from ksd.solve.plate_stiffening import MAX_ROUNDS, plate_conditions
 from ksd.solve.steps import FAST_METHODS, MAX_TURN_PER_STEP, ErrorEstimate, Stop
 
 if TYPE_CHECKING:
@@ -54,8 +52,6 @@ MAX_REFINED_SOLID = 10_000
 NEGLIGIBLE_METHOD_ERROR = 1e-5
 """Relative error of a fast method that one Newton step removes: it leaves at most 3e-8 of a compliance or frequency
 in random arms and closed loops; of an error of 1e-4 it leaves 5e-6."""
-PLATE_TOLERANCE = 1e-9
-"""Relative change of plate factors up to which they are converged on the finer mesh."""
 MOMENT_STATIONS = 25
 """Stations along a chain at which its moments are evaluated, to start the strain-mode leaf in its place."""
 
@@ -147,7 +143,7 @@ def refined_equilibrium(pose: Configuration) -> tuple[Model, State | None, int]:
 
 
 def refined_configuration(pose: Configuration) -> Configuration:
-    """The equilibrium on the refined mesh next to a state, with its own plate factors; for reduced solids that of the full
+    """The equilibrium on the refined mesh next to a state; for reduced solids that of the full
     solids, with twice the cells where they are small enough.
 
     Raises ConvergenceError where Newton steps find none.
@@ -162,13 +158,6 @@ def refined_configuration(pose: Configuration) -> Configuration:
             "the error of this answer is not known: Newton steps find no equilibrium next to it on a finer mesh; ask the "
             "question of method='full' on a finer mesh"
         )
-    for _ in range(MAX_ROUNDS if fine.mesh.plate else 0):
-        conditions, change = plate_conditions(fine, state)
-        if change <= PLATE_TOLERANCE:
-            break
-        scene = with_conditions(fine.scene, conditions)
-        fine = compile_as_is(scene, fine.mesh, fine.original_scene, fine.choice)
-        converge(fine.arrays, state, fine.targets(pose.targets), pose.load_factor)
     return replace(
         pose, model=fine, motion=state, negatives=negatives, method="conventional", method_error=None,
         method_was_chosen=False,

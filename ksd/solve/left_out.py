@@ -15,13 +15,13 @@ from ksd.errors import KsdError
 from ksd.model.arrays import SOLID, TRANSLATION, State
 from ksd.model.compile import Model, compile_as_is
 from ksd.model.effects import with_conditions, with_torsion
+from ksd.model.plate_runs import is_wide, plate_conditions
 from ksd.model.warping_runs import run_torsion_factors
 from ksd.properties.cache import cached_per_model
 from ksd.properties.printing import NamedAnswerTable, format_signed_percent
 from ksd.properties.stiffness import point_stiffness
 from ksd.properties.tangent import exact_tangent_arrays
 from ksd.solve.error import find_equilibrium
-from ksd.solve.plate_stiffening import plate_conditions
 
 if TYPE_CHECKING:
     from ksd.solve.configuration import Configuration
@@ -70,7 +70,7 @@ def left_out(pose: Configuration) -> LeftOut:
     if own is None:
         return LeftOut({})
     changes = {}
-    for name, other in (("plate", _with_plates(model, own)), ("warping", _with_warping(model))):
+    for name, other in (("plate", _with_plates(model)), ("warping", _with_warping(model))):
         there = (
             None
             if other is model
@@ -81,13 +81,13 @@ def left_out(pose: Configuration) -> LeftOut:
     return LeftOut(changes)
 
 
-def _with_plates(model: Model, motion: State) -> Model:
-    """The model with plate stiffening at the present curvatures; the model itself where it has that, or no leaf is wide."""
-    wide = [leaf.section.width > leaf.section.thickness > 0.0 for _, leaf in model.scene.leaf_names().items()]
-    if model.mesh.plate or not any(wide):
+@cached_per_model
+def _with_plates(model: Model) -> Model:
+    """The model with plate stiffening; the model itself where it has that, or no leaf is wide."""
+    if model.mesh.plate or not any(is_wide(leaf) for leaf in model.scene.leaf_names().values()):
         return model
-    conditions, _ = plate_conditions(model, motion)
-    return compile_as_is(with_conditions(model.scene, conditions), model.mesh.with_effect("plate"))
+    stiffened = with_conditions(model.scene, plate_conditions(model.scene))
+    return compile_as_is(stiffened, model.mesh.with_effect("plate"))
 
 
 @cached_per_model

@@ -6,10 +6,6 @@ One step N(x, p) = x - K^-1 R has dN/dp = -K^-1 dR/dp, the exact derivative of t
 multipliers included; a second one removes its rounding and the error left by the curvature of that path. The second side of
 a parameter starts opposite to the first, where one step does both. No effect, mesh or order is chosen anew at p0 +- h, so
 answers do not jump: a curved leaf that would take more modes on one side keeps those it has.
-
-Plate stiffening: the curvatures b of the plate factors are those that the leaf springs have, b = B(p, b), so that db/dp is
-(1 - dB/db)^-1 dB/dp. Equilibria with b as at p0 give dB/dp, those with the curvature of one leaf changed give a column of
-dB/db each, and the equilibria at p0 +- h are taken again with b +- h db/dp.
 """
 
 from __future__ import annotations
@@ -34,7 +30,6 @@ from ksd.model.template import Template, template_of
 from ksd.properties.tangent import exact_tangent_arrays
 from ksd.scene.leaf import LeafCondition
 from ksd.solve.error import equilibrium_near
-from ksd.solve.plate_stiffening import rms_curvatures
 from ksd.solve.steps import FAST_METHODS
 
 if TYPE_CHECKING:
@@ -240,11 +235,7 @@ class PerturbedEquilibria:
         parameters = [self._one_sided.get(p.name, p) for p in parameters]
         start = equilibrium_near(pose) if pose.method in FAST_METHODS else pose.motion
         here, _ = self._equilibrium(pose, pose.model, start, pose.targets)
-        sides = self._sides(here, parameters, self._cached_models[1])
-        curvatures = _plate_curvatures(pose.model)
-        if curvatures and parameters:
-            sides = self._sides_with_own_curvatures(here, parameters, sides, curvatures)
-        return here, sides
+        return here, self._sides(here, parameters, self._cached_models[1])
 
     def _sides(
         self, here: Configuration, parameters: Sequence[GradientParameter], models: Sequence[Sequence[Model]]
@@ -264,59 +255,13 @@ class PerturbedEquilibria:
             sides.append(own)
         return sides
 
-    def _sides_with_own_curvatures(
-        self,
-        here: Configuration,
-        parameters: Sequence[GradientParameter],
-        sides: list[list[Configuration]],
-        curvatures: Mapping[str, float],
-    ) -> list[list[Configuration]]:
-        """The equilibria `sides`, with the plate factors of `here`, taken again with factors that follow the parameters.
-
-        curvatures: those of the plate factors of `here` [1/m], by leaf.
-        """
-        names, b = list(curvatures), np.array(list(curvatures.values()))
-        scene = here.model.original_scene
-        by_leaf = [GradientParameter(n, v, v, lambda _: scene) for n, v in curvatures.items()]
-        changed = [
-            {**curvatures, n: (1.0 + step) * v} for n, v in curvatures.items() for step in self.steps[:2]
-        ]
-        pair = PerturbedEquilibria(self.steps[:2])
-        models = perturbed_models(here.model, [scene] * len(changed), changed)
-        by_curvature = pair._sides(here, by_leaf, [models[k : k + 2] for k in range(0, len(models), 2)])
-        jacobian = (
-            np.stack([_curvature_change(own, names) / (2 * self.steps[0]) for own in by_curvature], 1) / b
-        )
-        changes = [_curvature_change(own, names) / (2 * self.steps[0]) for own in sides]
-        slopes = np.linalg.solve(np.eye(len(b)) - jacobian, np.stack(changes, 1)).T
-        followed = [
-            dict(zip(names, (b + step * slope).tolist(), strict=True))
-            for slope in slopes
-            for step in self.steps
-        ]
-        return self._sides(here, parameters, self._models(here.model, parameters, followed))
-
-    def _models(
-        self,
-        model: Model,
-        parameters: Sequence[GradientParameter],
-        curvatures: Sequence[Mapping[str, float]] = (),
-    ) -> list[list[Model]]:
-        """The models with changed parameters, by parameter and step; curvatures: of the plate factors of each, those of
-        `model` without them."""
-        if not curvatures:
-            scenes = [
-                p.scene(p.value + s * p.scale) for p in parameters if p.scene is not None for s in self.steps
-            ]
-            perturbed = iter(perturbed_models(model, scenes))
-            return [[model if p.scene is None else next(perturbed) for _ in self.steps] for p in parameters]
+    def _models(self, model: Model, parameters: Sequence[GradientParameter]) -> list[list[Model]]:
+        """The models with changed parameters, by parameter and step."""
         scenes = [
-            model.original_scene if p.scene is None else p.scene(p.value + s * p.scale)
-            for p in parameters
-            for s in self.steps
+            p.scene(p.value + s * p.scale) for p in parameters if p.scene is not None for s in self.steps
         ]
-        found = perturbed_models(model, scenes, curvatures)
-        return [found[k : k + len(self.steps)] for k in range(0, len(found), len(self.steps))]
+        perturbed = iter(perturbed_models(model, scenes))
+        return [[model if p.scene is None else next(perturbed) for _ in self.steps] for p in parameters]
 
     def _equilibrium(
         self,
@@ -357,33 +302,15 @@ def _opposite_state(here: State, side: State) -> State:
     return State(*(2 * own - other for own, other in zip(here, side, strict=True)))._replace(R=R)
 
 
-def _curvature_change(sides: Sequence[Configuration], names: Sequence[str]) -> np.ndarray:
-    """Change of the curvatures of leaf springs [1/m] from the second of two equilibria to the first."""
-    one, other = (rms_curvatures(side.model, side.motion) for side in sides[:2])
-    return np.array([one[n] - other[n] for n in names])
-
-
-def _plate_curvatures(model: Model) -> dict[str, float]:
-    """Curvatures of the plate factors of a model [1/m], by leaf; without leaf springs that are straight."""
-    if not model.mesh.plate:
-        return {}
-    leaves = {n: leaf.condition for n, leaf in model.scene.leaf_names().items() if leaf.condition}
-    return {n: condition.plate_curvature for n, condition in leaves.items() if condition.plate_curvature}
-
-
-def perturbed_models(
-    model: Model, scenes: Sequence[Any], curvatures: Sequence[Mapping[str, float]] = ()
-) -> list[Model]:
+def perturbed_models(model: Model, scenes: Sequence[Any]) -> list[Model]:
     """Models of changed scenes with the effects, mesh and orders of a model, packed together where possible.
 
-    curvatures: of the plate factors of every scene [1/m], by leaf; those of the model without them. Raises SceneError for a
-    scene that differs in more than numbers.
+    Raises SceneError for a scene that differs in more than numbers.
     """
-    curvatures = curvatures or [_plate_curvatures(model)] * len(scenes)
-    found = _compile_scenes(model, model.mesh, scenes, curvatures)
+    found = _compile_scenes(model, model.mesh, scenes)
     if all(_same_layout(model, other) for other in found):
         return found
-    found = _compile_scenes(model, _fixed_orders_mesh(model), scenes, curvatures)
+    found = _compile_scenes(model, _fixed_orders_mesh(model), scenes)
     if not all(_same_layout(model, other) for other in found):
         raise SceneError(
             "no gradient: a small change of a parameter changes what the mechanism consists of (links, leaf springs, drives "
@@ -392,14 +319,13 @@ def perturbed_models(
     return found
 
 
-def _compile_scenes(
-    model: Model, mesh: Mesh, scenes: Sequence[Any], curvatures: Sequence[Mapping[str, float]]
-) -> list[Model]:
-    """Models of scenes with the effects of `model` and given plate curvatures; those of one template are packed together."""
+def _compile_scenes(model: Model, mesh: Mesh, scenes: Sequence[Any]) -> list[Model]:
+    """Models of scenes with the effects of `model`; those of one template are packed together."""
     groups: dict[Template, list[tuple[int, Any, list[float]]]] = {}
-    for k, (scene, bends) in enumerate(zip(scenes, curvatures, strict=True)):
+    for k, scene in enumerate(scenes):
         plain = scene if model.choice is None else apply_effects(scene, mesh, model.choice)[0]
-        plain = _with_curvatures(plain, bends)
+        if mesh.plate and not model.kinds <= {STRAIN}:
+            plain = _with_secants(plain, model)
         drawing = split_scene(plain, mesh)
         groups.setdefault(template_of(drawing.layout, mesh), []).append((k, plain, drawing.numbers))
     found: dict[int, Model] = {}
@@ -413,15 +339,15 @@ def _compile_scenes(
     return [found[k] for k in range(len(scenes))]
 
 
-def _with_curvatures(scene: Any, curvatures: Mapping[str, float]) -> Any:
-    """The scene with given curvatures of its plate factors [1/m], by leaf."""
-    leaves = scene.leaf_names() if curvatures else {}
-    own = {
-        n: replace(leaves[n].condition or LeafCondition(), plate_curvature=b)
-        for n, b in curvatures.items()
-        if n in leaves
+def _with_secants(scene: Any, model: Model) -> Any:
+    """The scene with the secants of plate stiffening that the chains of a model have."""
+    known, leaves = model.scene.leaf_names(), scene.leaf_names()
+    secants = {
+        n: replace(leaves[n].condition or LeafCondition(), plate=leaf.condition.plate)
+        for n, leaf in known.items()
+        if n in leaves and leaf.condition is not None and leaf.condition.plate is not None
     }
-    return with_conditions(scene, own) if own else scene
+    return with_conditions(scene, secants)
 
 
 def _same_layout(one: Model, other: Model) -> bool:

@@ -22,7 +22,6 @@ from ksd.checks import number as checked
 from ksd.errors import ConvergenceError, KsdError, SceneError, TrustError
 from ksd.model.arrays import TORSION, State
 from ksd.model.compile import Model, compile_as_is, compile_with_effects
-from ksd.model.effects import with_conditions
 from ksd.model.mesh import Mesh
 from ksd.model.orders import raise_order
 from ksd.model.plane import Plane, plane_of
@@ -188,11 +187,7 @@ def required_loads(
 
 
 def _loads_at(model: Model, pose: Configuration) -> RequiredLoads:
-    """The loads that the links of a model need in a pose, with the plate factors that its leaf springs have there."""
-    if model.mesh.plate:
-        leaves = pose.model.scene.leaf_names()
-        scene = with_conditions(model.scene, {n: q.condition for n, q in leaves.items() if q.condition})
-        model = compile_as_is(scene, model.mesh, model.original_scene, model.choice)
+    """The loads that the links of a model need in a pose."""
     return _balance(model, _state_of(model, pose), Actuation(model))
 
 
@@ -376,7 +371,7 @@ def _pose_from_drives(
     model = solver.model
     names = {GROUND, *(model.node_names[i] for i in poses_by_node)}
     links = {n for d in model.original_scene.drives for t in d.terms for n in (t.base, t.link)}
-    if not links or links - names or model.mesh.plate:
+    if not links or links - names:
         return None
     state = _state_in_poses(model, poses_by_node)
     values = dict(zip(model.drive_names, row_values(model, state).tolist(), strict=False))

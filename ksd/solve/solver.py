@@ -34,7 +34,7 @@ from ksd.solve.full_bodies import error_indicator
 from ksd.solve.joint_motions import JointMotionReader
 from ksd.solve.loading_order import Order, check_order, settle_order, solve_in_order
 from ksd.solve.method_error import relative_error
-from ksd.solve.plate_stiffening import solve_with_plate_factors
+from ksd.solve.plate_stiffening import solve_with_secants
 from ksd.solve.precompile import start_precompiling
 from ksd.solve.reduced_bodies import (
     ReducedBodySolver,
@@ -310,10 +310,11 @@ class Solver:
                     return self._by_constant_leaves(values, estimate, start)
                 if self._has_bodies():
                     return self._with_reduced_bodies(values, method, relinearisations, estimate)
-                found, plate_solver = solve_with_plate_factors(
+                found, plate_solver = solve_with_secants(
                     self,
                     lambda s: s._solve(values, method, accuracy, relinearisations, estimate, start),
                     0.1 * accuracy,
+                    modal=method == "modal",
                 )
                 if start is not None or method is None or not needs_load_step_check(found):
                     return found

@@ -78,7 +78,7 @@ class Leaf:
 
     def energy(self):
         """Of the planar leaf, from its constants: bending of the amplitudes, stretch and shear at the points."""
-        nz, points, first, wrench = self.number
+        nz, points, first, wrench = self.number[:4]
         K = self.value[: nz * nz].reshape(nz, nz)
         a = self.inner[first : first + nz]
         bend = a - self.value[nz * nz : nz * nz + nz]
@@ -218,7 +218,7 @@ class Heavy(Leaf):
 
     def potential(self):
         """Energy of the leaf less the work of gravity on its mass, at its present inner state."""
-        nz, points, first, wrench = self.number
+        nz, points, first, wrench = self.number[:4]
         table = self.value[nz * nz + nz :][: points * (3 + nz)].reshape(points, -1)
         theta = table[:, 3:] @ self.inner[first : first + nz]
         n = self.inner[wrench : wrench + 2] + self.value[-points:, None] * self.g[:2]

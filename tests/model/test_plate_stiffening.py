@@ -1,0 +1,183 @@
+"""Plate stiffening of leaf springs with clamped ends, in mechanisms."""
+
+import numpy as np
+import pytest
+
+import ksd
+from ksd.errors import SceneError
+from ksd.section.plate import plate_factor
+from ksd.units import deg, mm
+
+STEEL = ksd.Material(E=200e9, nu=0.3)
+
+
+def strip(length, width, thickness, *, nu=0.3, guided=False, points=(), radius=0.0, **words):
+    """A leaf along x from ground to the link 'tip', which 'drive' turns, or moves along y without turning (`guided`)."""
+    scene = ksd.Mechanism("strip")
+    tip = scene.link("tip")
+    chord = 2 * radius * np.sin(0.5 * length / radius) if radius else length
+    if radius:
+        words["curve"] = ksd.Arc(radius=radius, angle=length / radius)
+    scene.leaf(
+        scene.ground, tip, start=(0, 0, 0), end=(chord, 0, 0), section=ksd.rectangle(thickness, width),
+        material=ksd.Material(E=200e9, nu=nu), width_axis="z", name="blade", **words,
+    )  # fmt: skip
+    for s in points:
+        scene.point("blade", s)
+    if guided:
+        scene.actuate(tip, along="y", at=(chord, 0, 0), name="drive")
+        scene.support(tip, about="z")
+    else:
+        scene.actuate(tip, about="z", name="drive")
+    return scene
+
+
+def effort(scene, value, **words):
+    return ksd.solve(scene, drive=value, method="conventional", **words).forces["drive"]
+
+
+def effect(scene, value):
+    """Relative change [%] of the drive force by plate stiffening."""
+    return 100 * (effort(scene, value, with_="plate") / effort(scene, value) - 1)
+
+
+SOLIDS = [
+    ((60, 20, 0.3), 0.3, False, 0.01 * deg, 2.529),
+    ((60, 20, 0.3), 0.3, True, 0.01 * mm, 5.518),
+    ((60, 20, 0.3), 0.45, True, 0.01 * mm, 13.45),
+    ((50, 40, 0.5), 0.3, False, 0.01 * deg, 5.600),
+    ((100, 10, 0.5), 0.3, True, 0.01 * mm, 2.068),
+    ((60, 20, 0.3), 0.3, False, 5 * deg, 3.076),
+    ((60, 20, 0.3), 0.3, False, 20 * deg, 6.123),
+    ((60, 20, 0.3), 0.3, True, 5 * mm, 6.598),
+    ((100, 50, 0.5), 0.3, True, 10 * mm, 7.977),
+    ((50, 40, 0.5), 0.45, False, 10 * deg, 17.941),
+]
+"""Size [mm], nu, guided, drive value and effect [%] of solids, from benchmarks/clamped_width.py."""
+
+
+@pytest.mark.parametrize(("size", "nu", "guided", "value", "solid"), SOLIDS)
+def test_a_leaf_is_as_stiff_as_a_solid(size, nu, guided, value, solid):
+    """To 5 % of the effect; the meshes of the solids still fall by up to .2 points when doubled, at nu .45 by .8."""
+    scene = strip(*(1e-3 * s for s in size), nu=nu, guided=guided)
+    assert effect(scene, value) == pytest.approx(solid, rel=0.05)
+
+
+def test_an_arc_curls_as_little_as_its_own_curvature_lets_it():
+    """Solids: 6.94 %, and 6.76 % for a flexure of the gripper, whose radius is ten times its thickness."""
+    assert effect(strip(0.06, 0.02, 0.3e-3, radius=0.06), 1e-4) == pytest.approx(6.941, rel=0.02)
+    assert effect(strip(1.5 * np.pi * 4e-3, 6e-3, 0.4e-3, radius=4e-3), 1 * deg) == pytest.approx(
+        6.755, rel=0.04
+    )
+
+
+def test_nu_0_changes_no_digit():
+    for value in (1e-4, 0.5):
+        scene = strip(0.06, 0.03, 0.3e-3, nu=0.0)
+        assert effort(scene, value, with_="plate") == effort(scene, value)
+
+
+def test_a_long_leaf_is_ashwells_strip():
+    width, thickness = 20e-3, 0.3e-3
+    for length in (2.0, 20.0):
+        moment = effort(strip(length, width, thickness), 3.0, with_="plate")
+        # clamps take less than a width of the leaf
+        beam = 200e9 * width * thickness**3 / 12 * 3.0 / length
+        assert moment == pytest.approx(
+            beam * plate_factor(width, thickness, 3.0 / length, 0.3), rel=0.09 * width / length
+        )
+
+
+@pytest.mark.parametrize("guided", [False, True])
+def test_points_clamp_nothing(guided):
+    """Uncut, and cut at two places: the same leaf."""
+    words = {"guided": guided}
+    whole = strip(0.06, 0.02, 0.3e-3, **words)
+    cut = strip(0.06, 0.02, 0.3e-3, points=(0.013, 0.041), **words)
+    for value in (1e-6,):
+        one, other = (effort(s, value, with_="plate", without="shear") for s in (whole, cut))
+        assert other == pytest.approx(one, rel=1e-9)
+
+
+def test_curling_passes_through_a_block_that_carries_nothing_else():
+    def two(loaded):
+        scene = ksd.Mechanism("two")
+        middle, tip = scene.links("middle", "tip")
+        words = {"section": ksd.rectangle(0.3e-3, 0.02), "material": STEEL, "width_axis": "z"}
+        scene.leaf("ground", middle, start=(0, 0, 0), end=(0.02, 0, 0), name="one", **words)
+        scene.leaf(tip, middle, start=(0.06, 0, 0), end=(0.02, 0, 0), name="two", **words)
+        scene.actuate(tip, about="z", name="drive")
+        if loaded:
+            scene.mass(middle, mass=0.1, at=(0.02, 0, 0))
+        return scene
+
+    one = effort(strip(0.06, 0.02, 0.3e-3), 1e-6, with_="plate")
+    assert effort(two(loaded=False), 1e-6, with_="plate") == pytest.approx(one, rel=1e-9)
+    assert effort(two(loaded=True), 1e-6, with_="plate") > 1.02 * one
+
+
+def test_stiffness_is_the_slope_of_the_force():
+    """The tangent has the change of the plate stiffening with the curvature: against forces at neighbouring values."""
+    scene, h = strip(0.06, 0.02, 0.3e-3, guided=True), 1e-6
+    pose = ksd.solve(scene, drive=4e-3, with_="plate", method="conventional")
+    sides = [effort(scene, 4e-3 + s, with_="plate") for s in (h, -h)]
+    assert pose.drive_stiffness().matrix[0, 0] == pytest.approx((sides[0] - sides[1]) / (2 * h), rel=1e-6)
+
+
+def test_in_the_plane_and_in_space_a_leaf_is_the_same():
+    for words in ({}, {"radius": 0.05}):
+        scene = strip(0.06, 0.02, 0.3e-3, **words)
+        flat, spatial = (
+            ksd.prepare(scene, with_="plate", planar=p)(drive=0.4, method="conventional").forces["drive"]
+            for p in (True, False)
+        )
+        assert spatial == pytest.approx(flat, rel=1e-9)
+
+
+def test_chains_have_it_at_small_curvature():
+    for guided in (False, True):
+        scene = strip(0.06, 0.02, 0.3e-3, guided=guided)
+        fine = ksd.Mesh("corotational", elements=40)
+        chain, plain = (effort(scene, 1e-5, mesh=fine, with_=w) for w in ("plate", ()))
+        assert 100 * (chain / plain - 1) == pytest.approx(effect(scene, 1e-5), rel=0.02)
+
+
+def test_a_taper_has_it_too():
+    """A taper of nothing is the uniform leaf."""
+    scene = strip(0.06, 0.02, 0.3e-3, profile=ksd.Taper((0.3e-3, 0.3e-3), (0.02, 0.02)))
+    for value in (1e-5, 0.3):
+        assert effect(scene, value) == pytest.approx(effect(strip(0.06, 0.02, 0.3e-3), value), rel=5e-3)
+
+
+def test_what_is_left_out_is_what_the_effect_adds():
+    scene = strip(0.06, 0.02, 0.3e-3, guided=True)
+    left_out = ksd.solve(scene, drive=5e-3, method="conventional").left_out["plate"]["force"]
+    assert 100 * left_out == pytest.approx(effect(scene, 5e-3), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "section",
+    [ksd.circle(1 * mm), ksd.numbers(A=1e-5, J=1e-12, Iy=1e-10, Iz=1e-12)],
+    ids=["round", "numbers"],
+)
+def test_sections_without_width_are_refused(section):
+    scene = ksd.Mechanism("wire")
+    tip = scene.link("tip")
+    scene.leaf(
+        "ground",
+        tip,
+        start=(0, 0, 0),
+        end=(0.1, 0, 0),
+        section=section,
+        material=STEEL,
+        width_axis="z",
+        name="wire",
+    )
+    scene.actuate(tip, about="z", name="drive")
+    with pytest.raises(SceneError, match="no leaf spring is wider than thick"):
+        ksd.solve(scene, drive=0.1, with_="plate")
+    ksd.solve(scene, drive=0.1, effects="all")
+    scene.consider("plate")
+    with pytest.raises(SceneError, match="no leaf spring is wider than thick"):
+        ksd.compile_scene(scene)
+    ksd.compile_scene(scene, without="plate")
