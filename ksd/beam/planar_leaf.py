@@ -8,7 +8,7 @@ N + i V = (nx + i ny) exp(-i theta), hence h' = V + (cN - cV) N V and h'' = -N +
 of the strain-mode note.
 
 It uses the inner state of the spatial leaf, of which it changes the amplitudes of weak bending and three numbers of the
-wrench. `number`: nz, points, index of the first weak-bending amplitude, of the wrench, whether it has plate stiffening.
+wrench. `number`: nz, points, index of the first weak-bending amplitude, of the wrench, number of plate points.
 `value`: K (nz, nz) [N m^3], stress-free a0 (nz), then per point: weight times L, cN = 1/EA, cV = 1/(ky G A), psi (nz); then
 psi at the end; with plate stiffening per point the numbers of `ksd.beam.plate_energy` and the modes (nz); for a leaf with
 weight the mass beyond each point [kg]. `store`: W^-1 (J, g) (nz, 4), J and g (nz, 4), W (nz, nz), gap (3), K (6); with
@@ -55,7 +55,7 @@ def _assemble(value, number, inner, store):
         angle += inner[first + i] * value[end + i]
     mass_at = end + nz
     if number[4]:
-        for _ in range(points):
+        for _ in range(number[4]):
             _add_plate_point(value, mass_at, nz, first, inner, store)
             mass_at += POINT_NUMBERS + nz
     x, y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -225,7 +225,7 @@ def gravity_block(value, number, inner, store, lam):
     """
     nz, points, first, wrench = number[0], number[1], number[2], number[3]
     J, W, gap_at, block_at = 4 * nz, 8 * nz, 8 * nz + nz * nz, len(store) - GRAVITY_BLOCK_SIZE
-    eta, masses = gap_at + 9, nz * nz + 2 * nz + points * (3 + nz + number[4] * (POINT_NUMBERS + nz))
+    eta, masses = gap_at + 9, nz * nz + 2 * nz + points * (3 + nz) + number[4] * (POINT_NUMBERS + nz)
     if len(store) == eta:
         return
     Z, G, s = np.zeros((3, 2)), np.zeros((2, 2)), np.zeros(2)
@@ -351,9 +351,7 @@ def planar_values(
     table = np.column_stack([length * parts[5], compliance[:, 0], compliance[:, 1], psi[:-1]])
     flat = [parts[3], amplitudes[first:], table.ravel(), psi[-1]]
     if number[4]:
-        at, basis = sum(sizes), parts[7].reshape(total, ng)[first:].T
-        points = value[at : at + POINT_NUMBERS * ng].reshape(ng, POINT_NUMBERS)
-        flat.append(np.column_stack([points, basis]).ravel())
+        flat.append(value[sum(sizes) :][: int(number[4]) * (POINT_NUMBERS + nz)])
     if has_weight:
         flat.append(masses_beyond(value, number))
     return np.concatenate(flat), np.array([nz, ng, first, total, number[4]], np.int64)

@@ -85,7 +85,13 @@ def constant_offsets(number):
     weight = amplitudes + N
     compliance = weight + ng + ng * ng + N * ng
     moment = compliance + 3 * ng
-    return amplitudes, weight, compliance, moment, moment + 3 * N * (ng + 1) + POINT_NUMBERS * ng * number[4]
+    return (
+        amplitudes,
+        weight,
+        compliance,
+        moment,
+        moment + 3 * N * (ng + 1) + (POINT_NUMBERS + nz) * number[4],
+    )
 
 
 def allocate_leaf_fields(N, ng):  # type: ignore[no-untyped-def]
@@ -315,20 +321,19 @@ def strain_tangent(value, number, inner, fields):
 @kernel
 def _add_plate(value, number, inner, W, Y):
     """Add the energy of curling that is lost at a large curvature, see `ksd.beam.plate_energy`, to W and the residual."""
-    N, ng, nz = number[0] + number[1] + number[2], number[3], number[2]
-    amplitudes, weight, _, _, beyond = constant_offsets(number)
-    at, basis, first = beyond - POINT_NUMBERS * ng, weight + ng + ng * ng + (N - nz) * ng, N - nz
-    for g in range(ng):
-        curvature, own = 0.0, 0.0
+    nz, first = number[2], number[0] + number[1]
+    amplitudes, _, _, _, at = constant_offsets(number)
+    for _ in range(number[4]):
+        at -= POINT_NUMBERS + nz
+        curvature, own, basis = 0.0, 0.0, at + POINT_NUMBERS
         for i in range(nz):
-            curvature += inner[first + i] * value[basis + i * ng + g]
-            own += value[amplitudes + first + i] * value[basis + i * ng + g]
-        moment, stiffness = plate_point(value, at + POINT_NUMBERS * g, curvature, curvature - own)
+            curvature += inner[first + i] * value[basis + i]
+            own += value[amplitudes + first + i] * value[basis + i]
+        moment, stiffness = plate_point(value, at, curvature, curvature - own)
         for i in range(nz):
-            b = value[basis + i * ng + g]
-            Y[first + i, 6] += moment * b
+            Y[first + i, 6] += moment * value[basis + i]
             for j in range(nz):
-                W[first + i, first + j] += stiffness * b * value[basis + j * ng + g]
+                W[first + i, first + j] += stiffness * value[basis + i] * value[basis + j]
 
 
 @kernel(inline="late")

@@ -2,8 +2,9 @@
 
 Layout of the flat array (N = nx + ny + nz modes, ng points): L; stiffness blocks (nx^2, ny^2, nz^2) [N m^3 per
 (1/m)^2]; stress-free amplitudes a0 (N); weights (ng), sum 1; integration matrix (ng, ng); modes (N, ng); compliances
-(ng, 3): 1/EA, 1/(ky GA), 1/(kz GA); moments of the modes over the intervals (ng+1, 3, N); for a leaf with plate stiffening
-the numbers of its points (ng, 5, see `ksd.beam.plate_energy`); for a leaf with weight the mass beyond each point (ng) [kg].
+(ng, 3): 1/EA, 1/(ky GA), 1/(kz GA); moments of the modes over the intervals (ng+1, 3, N); for a leaf with plate
+stiffening the numbers and weak-bending modes of its plate points (k, 5 + nz, see `ksd.beam.plate_energy`); for a leaf
+with weight the mass beyond each point (ng) [kg].
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ class Modes(NamedTuple):
     """Unit-length tables of a set of curvature modes: points s, weights, integration matrix, modes.
 
     moments (ng+1, 3, N): their moments over the intervals as `ksd.beam.magnus` takes them; energy (N, N): stiffness for
-    unit rigidity, integrals of products of modes divided by their shape; plate (ng, 5): see `ksd.beam.plate_energy`, None
+    unit rigidity, integrals of products of modes divided by their shape; plate (k, 5 + nz): numbers of plate points, None
     without plate stiffening.
     """
 
@@ -152,7 +153,9 @@ def strain_values(
         parts.append(table.plate.ravel())
     if line_mass is not None:
         parts.append(length * (table.weight - table.integral) @ line_mass)
-    return np.concatenate(parts).astype(float), np.array([nx, ny, nz, ng, table.plate is not None], np.int64)
+    return np.concatenate(parts).astype(float), np.array(
+        [nx, ny, nz, ng, 0 if table.plate is None else len(table.plate)], np.int64
+    )
 
 
 def strain_sizes(number: np.ndarray, *, has_weight: bool = False) -> tuple[int, int]:
@@ -166,7 +169,7 @@ def strain_value_count(number: np.ndarray, *, has_weight: bool = False) -> int:
     nx, ny, nz, ng, plate = (int(n) for n in number)
     N = nx + ny + nz
     own = 1 + nx * nx + ny * ny + nz * nz + N + ng * (1 + ng + N + 3)
-    return own + 3 * N * (ng + 1) + plate * POINT_NUMBERS * ng + has_weight * ng
+    return own + 3 * N * (ng + 1) + plate * (POINT_NUMBERS + nz) + has_weight * ng
 
 
 def masses_beyond(value: np.ndarray, number: np.ndarray) -> np.ndarray:

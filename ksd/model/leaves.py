@@ -38,6 +38,11 @@ from ksd.scene.profile import ProfilePart
 from ksd.section import Section
 from ksd.section.section import SectionArrays
 
+PLATE_DEGREE = 6
+"""Degree of the polynomial that represents the compliance of plate stiffening along a leaf; constant and linear moments
+need 2."""
+PLATE_POINTS = 16
+"""Gauss points of the energy of plate stiffening of a uniform leaf; more where it has more than 14 modes."""
 SECANT_STEPS = 8
 """Newton steps to the curvature of a leaf with plate stiffening at a moment, to rounding."""
 PANELS = 8
@@ -244,7 +249,12 @@ def _with_plate(modes: Modes, leaf: Any, mesh: Mesh, orders: tuple[int, int, int
     cuts = np.unique([*plate.breaks, *(leaf.profile.breaks if leaf.profile is not None else ())])
     x, weight = np.polynomial.legendre.leggauss(12)
     s = (cuts[:-1, None] + np.diff(cuts)[:, None] * 0.5 * (1.0 + x)).ravel()
-    weight = (np.diff(cuts)[:, None] * 0.5 * weight).ravel() * plate(s).compliance
+    weight = (np.diff(cuts)[:, None] * 0.5 * weight).ravel()
+    # the moments up to this degree of the compliance, on every mesh, which converges as for a smooth one
+    low = np.polynomial.legendre.legvander(2.0 * s - 1.0, PLATE_DEGREE)
+    weight = weight * (
+        low @ ((2 * np.arange(PLATE_DEGREE + 1) + 1) * (low.T @ (weight * plate(s).compliance)))
+    )
     if leaf.profile is not None:
         nominal = rigidities(leaf.section, leaf, mesh)[0][2]
         weight *= nominal / rigidities(leaf.profile.sections(s), leaf, mesh)[0][2]
@@ -252,7 +262,7 @@ def _with_plate(modes: Modes, leaf: Any, mesh: Mesh, orders: tuple[int, int, int
     energy = modes.energy.copy()
     stiff = energy[z, z] @ np.linalg.solve((weight * P) @ P.T, energy[z, z])
     energy[z, z] = 0.5 * (stiff + stiff.T)
-    return modes._replace(energy=energy, plate=_plate_numbers(modes, leaf))
+    return modes._replace(energy=energy, plate=_plate_numbers(modes, leaf, z))
 
 
 def secant_compliances(
@@ -274,25 +284,32 @@ def secant_compliances(
     return found
 
 
-def _plate_numbers(modes: Modes, leaf: Any) -> np.ndarray:
-    """Numbers (ng, POINT_NUMBERS) of `ksd.beam.plate_energy` at the points of a leaf, in its stress-free shape."""
-    plate, s = leaf.condition.plate, modes.s
+def _plate_numbers(modes: Modes, leaf: Any, z: slice) -> np.ndarray:
+    """Numbers of `ksd.beam.plate_energy` and modes about e3 at the plate points (k, POINT_NUMBERS + nz) of a leaf.
+
+    The points of a uniform leaf are the same on most meshes, so that the error of the mesh is that of the modes.
+    """
+    plate, s, share, basis = leaf.condition.plate, modes.s, modes.weight, modes.basis[z].T
     if leaf.profile is None:
+        points = max(PLATE_POINTS, basis.shape[1] + 2)
+        x, share = np.polynomial.legendre.leggauss(points)
+        s, share = 0.5 * (1.0 + x), 0.5 * share
+        basis = np.polynomial.legendre.legvander(x, basis.shape[1] - 1)
         # with these weights the sum over the points is exact for polynomials, however steep chi is near a clamp
         cuts = np.array(plate.breaks)
-        x, weight = np.polynomial.legendre.leggauss(12)
-        fine = (cuts[:-1, None] + np.diff(cuts)[:, None] * 0.5 * (1.0 + x)).ravel()
+        y, weight = np.polynomial.legendre.leggauss(12)
+        fine = (cuts[:-1, None] + np.diff(cuts)[:, None] * 0.5 * (1.0 + y)).ravel()
         weight = (np.diff(cuts)[:, None] * 0.5 * weight).ravel()
-        at, basis = (np.polynomial.legendre.legvander(2.0 * x - 1.0, len(s) - 1) for x in (s, fine))
-        interpolated = (at * (2 * np.arange(len(s)) + 1)) @ (basis.T * weight)
+        at, all_ = (np.polynomial.legendre.legvander(2.0 * v - 1.0, points - 1) for v in (s, fine))
+        interpolated = (at * (2 * np.arange(points) + 1)) @ (all_.T * weight)
         loss, rate = (interpolated @ values for values in plate(fine)[1:])
     else:
         # of the part of the leaf that a point stands for
-        loss, rate = plate.means(np.concatenate([[0.0], np.cumsum(modes.weight)]))[1:]
+        loss, rate = plate.means(np.concatenate([[0.0], np.cumsum(share)]))[1:]
     own = np.zeros(len(s)) if leaf.curve is None else leaf.curve.curvatures(s)[:, 2]
     numbers = _point_numbers(leaf, s, loss, rate, own)
-    numbers[:, 0] *= leaf.length * modes.weight
-    return numbers
+    numbers[:, 0] *= leaf.length * share
+    return np.column_stack([numbers, basis])
 
 
 def _point_numbers(

@@ -179,7 +179,7 @@ def _planar_members(
         kind[own], number[own], value_at[own] = PLANAR, planar, end
         store[own] = store_size(int(planar[0]), has_weight=bool(weighs))
         leaves.append((at, bool(weighs), tuple(settings)))
-        end += len(of) + planar[4] * settings[3] * (POINT_NUMBERS + settings[2]) + weighs * settings[3]
+        end += len(of) + planar[4] * (POINT_NUMBERS + settings[2]) + weighs * settings[3]
     planar_members = members._replace(
         kind=kind,
         number=number,

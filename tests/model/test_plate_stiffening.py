@@ -147,7 +147,7 @@ def test_chains_have_it_at_small_curvature():
 
 def test_a_taper_has_it_too():
     """A taper of nothing is the uniform leaf."""
-    scene = strip(0.06, 0.02, 0.3e-3, profile=ksd.Taper((0.3e-3, 0.3e-3), (0.02, 0.02)))
+    scene = strip(0.06, 0.02, 0.3e-3, profile=ksd.Taper(thickness=(0.3e-3, 0.3e-3), width=(0.02, 0.02)))
     for value in (1e-5, 0.3):
         assert effect(scene, value) == pytest.approx(effect(strip(0.06, 0.02, 0.3e-3), value), rel=5e-3)
 

@@ -93,7 +93,7 @@ def test_a_wrong_question_is_one_sentence(pose, ask, sentence):
 
 def test_what_is_left_out_prints_as_a_table(pose):
     found = pose.left_out
-    assert repr(found).startswith("<LeftOut: plate {force: +2.5 %, ")
+    assert repr(found).startswith("<LeftOut: plate {force: +3.6 %, ")
     assert "support stiffness" in str(found) and "warping" in str(found)
     assert pickle.loads(pickle.dumps(found)) == found and isinstance(found["plate"]["force"], float)
 
