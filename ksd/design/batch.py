@@ -32,6 +32,7 @@ from ksd.design.questions import Row, parse_questions
 from ksd.design.sweep_path import Recipe, SweepPath, adequate_mesh
 from ksd.errors import SceneError
 from ksd.model.mesh import Mesh
+from ksd.numerics.threads import small_matrices
 from ksd.properties.printing import PrintableAnswer
 from ksd.scene.link import Link
 from ksd.solve.pose_batch import REFUSED, UNANSWERED
@@ -115,6 +116,7 @@ class Batch(PrintableAnswer):
 
 
 @clear_argument_errors
+@small_matrices
 def batch(
     mechanism: MechanismLike,
     targets: Mapping[str, ArrayLike] | None = None,

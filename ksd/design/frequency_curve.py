@@ -18,6 +18,7 @@ from ksd.checks import clear_argument_errors
 from ksd.design.tracking import SPARE_MODES, Tracks, follow_with_bisection, start_tracks
 from ksd.errors import SceneError
 from ksd.model.compile import Model
+from ksd.numerics.threads import small_matrices
 from ksd.properties.printing import PrintableAnswer, format_number, format_table
 from ksd.scene import Mechanism, Scene
 from ksd.solve.error import refined_configuration
@@ -95,6 +96,7 @@ TRACKING_POSES = 24
 
 
 @clear_argument_errors
+@small_matrices
 def frequency_curve(
     mechanism: Mechanism | Scene | Model | Solver,
     drive: str,

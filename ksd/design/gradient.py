@@ -40,6 +40,7 @@ from ksd.errors import ConvergenceError, KinematicsError, SceneError, TrustError
 from ksd.html import join_printed
 from ksd.model.mesh import Mesh
 from ksd.numerics.rotations import rotation_log
+from ksd.numerics.threads import small_matrices
 from ksd.properties.printing import PrintableAnswer, format_number, format_table
 from ksd.properties.state_batch import StateBatch, group_states
 from ksd.properties.stress import batch_stress_at_peaks
@@ -162,6 +163,7 @@ class Gradient(PrintableAnswer):
 
 
 @clear_argument_errors
+@small_matrices
 def gradient(
     design: MechanismLike,
     at_design: Mapping[str, Any] | None = None,
@@ -244,6 +246,7 @@ class SolvedPoses(NamedTuple):
     labels: Sequence[Mapping[str, Any]]
 
 
+@small_matrices
 def gradient_at(
     solved: Iterable[SolvedPoses],
     questions: Questions,

@@ -31,6 +31,7 @@ from ksd.design.scaled_problem import DesignFailed, ScaledProblem
 from ksd.design.table import OK
 from ksd.design.tolerance import check_spread, first_order
 from ksd.errors import ConvergenceError, SceneError
+from ksd.numerics.threads import small_matrices
 from ksd.properties.printing import format_number, progress_bar
 
 Array = np.ndarray
@@ -78,6 +79,7 @@ ProgressCallback = Callable[[ScaledProblem, int], None]
 
 
 @clear_argument_errors
+@small_matrices
 def optimise(
     job: Job,
     *,
@@ -164,6 +166,7 @@ def answering_start(log: DesignLog, start: Any, by: str) -> tuple[Job, Array]:
     return job, job.point(start)
 
 
+@small_matrices
 def optimise_from(
     job: Job,
     log: DesignLog,

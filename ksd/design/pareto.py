@@ -24,6 +24,7 @@ from ksd.design.scaled_problem import ScaledProblem
 from ksd.design.sweep import SweepInterrupted
 from ksd.design.table import OK, Table
 from ksd.errors import KsdError, ResumeError, SceneError
+from ksd.numerics.threads import small_matrices
 from ksd.properties.printing import PrintableAnswer, format_number, format_table, progress_bar
 from ksd.view import save_figure
 from ksd.view.design_plots import plot_front
@@ -109,6 +110,7 @@ class Front(PrintableAnswer):
 
 
 @clear_argument_errors
+@small_matrices
 def pareto(
     job: Job,
     *,
@@ -279,6 +281,7 @@ class Choice(PrintableAnswer):
 
 
 @clear_argument_errors
+@small_matrices
 def choose(
     jobs: Mapping[str, Job],
     *,

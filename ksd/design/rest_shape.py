@@ -32,6 +32,7 @@ from ksd.model.arrays import STRAIN
 from ksd.model.leaves import cut_leaves
 from ksd.model.mesh import Mesh
 from ksd.numerics.rotations import rotation_log
+from ksd.numerics.threads import small_matrices
 from ksd.properties.printing import format_number
 from ksd.scene.clearance import (
     FINE_BOX_COUNT,
@@ -71,6 +72,7 @@ UNSUPPORTED = {
 
 # shapes on the way to an answer may overflow; what is not finite is refused or left by a shorter step
 @clear_argument_errors
+@small_matrices
 @np.errstate(all="ignore")
 def rest_shape(
     mechanism: Mechanism | Scene,

@@ -45,6 +45,7 @@ from ksd.design.table import STATUS, Table
 from ksd.errors import KsdError
 from ksd.model.mesh import Mesh
 from ksd.numerics.processes import process_pool, spawn_context
+from ksd.numerics.threads import small_matrices
 from ksd.properties.printing import progress_bar
 from ksd.scene.link import Link
 from ksd.solve.loading_order import Order, check_order
@@ -68,6 +69,7 @@ class SweepInterrupted(KeyboardInterrupt):
 
 
 @clear_argument_errors
+@small_matrices
 def sweep(
     mechanism: MechanismLike,
     targets: Mapping[str, ArrayLike] | None = None,

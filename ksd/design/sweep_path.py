@@ -31,6 +31,7 @@ from ksd.errors import ConvergenceError, SceneError
 from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.model.orders import raise_order
 from ksd.model.turns import node_rotations, relative_angles
+from ksd.numerics.threads import small_matrices
 from ksd.properties.mesh_adequacy import mode_adequacy
 from ksd.solve.configuration import Configuration
 from ksd.solve.conventional import solve_conventional
@@ -365,6 +366,7 @@ def _pose_or_reason(path_solver: PathSolver, values: Mapping[str, float]) -> tup
         return error_sentence(reason)
 
 
+@small_matrices
 def run_paths(paths: tuple[SweepPath, ...], recipe: Recipe) -> list[list[Row]]:
     """Rows of every path of a block: the task of a worker process."""
     rows_by_path: list[list[Row]] = []

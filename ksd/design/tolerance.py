@@ -15,6 +15,7 @@ from ksd.design.design_log import DesignLog
 from ksd.design.job import Job, check_job
 from ksd.design.table import OK, Table
 from ksd.errors import KsdError, SceneError
+from ksd.numerics.threads import small_matrices
 from ksd.properties.printing import PrintableAnswer, format_number, format_table
 
 Array = np.ndarray
@@ -78,6 +79,7 @@ class Tolerance(PrintableAnswer):
 
 
 @clear_argument_errors
+@small_matrices
 def tolerance(
     job: Job,
     design: Any,

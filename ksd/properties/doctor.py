@@ -27,6 +27,7 @@ from ksd.model.compile import Model, compile_scene, reference_points
 from ksd.model.effects import with_middle_points
 from ksd.model.leaves import cut_leaves
 from ksd.model.newton import assemble
+from ksd.numerics.threads import small_matrices
 from ksd.properties.nonconservative import cross_matrix
 from ksd.properties.printing import PrintableAnswer
 from ksd.properties.tangent import exact_tangent_arrays, stored_matrix
@@ -161,6 +162,7 @@ class Diagnosis(PrintableAnswer):
 
 
 @clear_argument_errors
+@small_matrices
 def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
     """Find freedoms, redundant constraints and their releases of an undeformed mechanism (or Scene, or Model).
 

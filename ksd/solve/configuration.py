@@ -29,6 +29,7 @@ from ksd.model.arrays import State
 from ksd.model.compile import Model
 from ksd.model.newton import ROUNDING_MULTIPLE
 from ksd.model.turns import counted_rotation, node_rotations
+from ksd.numerics.threads import small_matrices
 from ksd.properties.buckling import Buckling, buckling
 from ksd.properties.extent import Clearance, clearance, extent
 from ksd.properties.forces import InterfaceForces, SectionForces, interface_forces, section_forces
@@ -405,6 +406,7 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         """
         return drive_stiffness(self.model, self.refinement_start, freed=freed, load_factor=self.load_factor)
 
+    @small_matrices
     def frequencies(
         self,
         *,
@@ -428,6 +430,7 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
             dense=dense,
         )
 
+    @small_matrices
     def plant(
         self,
         *,
@@ -555,6 +558,7 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         )
         return shake(plant, given)
 
+    @small_matrices
     def buckling(
         self,
         link: Link | str | None = None,
@@ -604,6 +608,7 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         """
         return with_error(self, question)
 
+    @small_matrices
     def verify(self) -> Verification:
         """Independent check: every leaf is integrated from its start as an exact rod under the computed wrench.
 
@@ -671,6 +676,7 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         )  # fmt: skip
         return answer_derivatives(self, question, parameters)
 
+    @small_matrices
     def internal_stress(
         self, *, offset: float = 1e-5, rotation: float = 1e-4, leaves: Iterable[str] = (), points: int = 13
     ) -> Misplaced:

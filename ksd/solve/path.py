@@ -16,6 +16,7 @@ from ksd.model.arrays import carries_load
 from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
 from ksd.numerics.stopwatch import Stopwatch
+from ksd.numerics.threads import small_matrices
 from ksd.properties.printing import PrintableAnswer, format_number, format_table
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.scene import Scene
@@ -106,6 +107,7 @@ class Path(PrintableAnswer):
 
 
 @clear_argument_errors
+@small_matrices
 def follow(
     scene: Mechanism | Scene | Model,
     targets: Mapping[str, float] | None = None,

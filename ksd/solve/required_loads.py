@@ -27,6 +27,7 @@ from ksd.model.orders import raise_order
 from ksd.model.plane import Plane, plane_of
 from ksd.model.turns import count_from_links, node_rotations, relative_angles
 from ksd.numerics.rotations import rotation_exp, rotation_log
+from ksd.numerics.threads import small_matrices
 from ksd.properties.printing import PrintableAnswer, format_number, format_table
 from ksd.properties.tangent import row_values
 from ksd.scene.drive import GROUND, Drive, DriveTerm
@@ -129,6 +130,7 @@ class RequiredLoads(PrintableAnswer):
 
 
 @clear_argument_errors
+@small_matrices
 def required_loads(
     mechanism: Mechanism | Scene | Solver,
     poses: Mapping[str, Any],
