@@ -10,6 +10,7 @@ from ksd.numerics.indefinite import equilibration, negative_inertia, solve_scale
 from ksd.properties.buckling import buckling, twice_finer_state, uncondensed_tangents
 from ksd.properties.finer_model import finer_state
 from ksd.properties.frequencies import frequencies
+from ksd.properties.leaf_groups import leaf_groups
 from ksd.properties.mass import assemble_inertia as inertia_of
 from ksd.properties.stiffness import drive_stiffness, point_stiffness
 from ksd.properties.tangent import assemble_and_factor, assemble_tangent, factor_tangent
@@ -198,14 +199,22 @@ def frequency_error(found, count=4):
 
 def buckling_error(found, count=2):
     """Largest relative error of the smallest critical load factors on the state's own stresses, against all eigenvalues of
-    -C K', C the flexibility without stress of the motions and amplitudes that stress acts on."""
+    1 + mu C K' + mu^2 C K'', C the flexibility without stress of the motions and amplitudes that stress acts on; K' and K''
+    from the tangents with all stresses once and twice."""
     model, motion = twice_finer_state(*found.unreduced_state)
     stressed, K = (part.toarray() for part in uncondensed_tangents(model, motion))
-    change = stressed - K
+    inner = motion.inner.copy()
+    for group in leaf_groups(model):
+        inner[group.inner_index[:, group.modes :]] *= 2.0
+    twice = motion._replace(inner=inner, multiplier=2.0 * motion.multiplier)
+    doubled = uncondensed_tangents(model, twice, load_factor=2.0)[0].toarray()
+    change, curvature = 2.0 * stressed - 0.5 * doubled - 1.5 * K, 0.5 * doubled - stressed + 0.5 * K
     used = np.flatnonzero(change.any(axis=0))
     scale = equilibration(K)
     flexible = solve_scaled(K, np.eye(len(K))[:, used], scale)[0][used] / scale[used, None]
-    values = np.linalg.eigvals(-flexible @ change[np.ix_(used, used)] * scale[used])
+    A, B = (flexible @ part[np.ix_(used, used)] * scale[used] for part in (change, curvature))
+    # 1/mu of the quadratic problem
+    values = np.linalg.eigvals(np.block([[-A, -B], [np.eye(len(A)), np.zeros_like(A)]]))
     exact = 1.0 / values[np.argsort(-np.abs(values))[: 2 * count]]
     own = buckling(*found.unreduced_state, count=count).factor
     own = own[np.argsort(np.abs(own))][:count]

@@ -201,7 +201,7 @@ def test_without_weight_or_springs_nothing_happens():
     assert skip_leaf_gravity(*[None] * 8) is None
     assert _skip_rotate_gravity(None, None, None) is None
     assert _skip_step_correction(*[None] * 8) is None
-    assert _skip_springs(*[None] * 11) == 0
+    assert _skip_springs(*[None] * 12) == 0
 
 
 def kernels():

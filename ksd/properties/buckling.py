@@ -98,6 +98,10 @@ ROUNDING_CURVATURE = 1e-10
 """Second difference of an entry of the tangent, relative to it, up to which it is rounding."""
 MAX_CORRECTIONS = 6
 """Steps of inverse iteration by which a factor of the linear problem is corrected for what is quadratic in the stress."""
+SPARE_FACTORS = 2
+"""Number of factors corrected besides those that are wanted."""
+MIN_LIKENESS = 0.9
+"""Cosine between a mode and the same one corrected, below which it is another one."""
 MIN_CORRECTION = 1e-9
 """Relative correction of a factor below which the iteration ends."""
 ROUNDING_EIGENVALUE = 1e-9
@@ -278,10 +282,14 @@ def _leaf_tangents(model: Model, motion: State, group: LeafGroup, load_factor: f
     N = group.modes
     unstressed = np.zeros((len(group.members), 18 + N, 18 + N))
     unstressed[:, 12 : 12 + N, 12 : 12 + N] = elastic_stiffness(group)
-    unstressed[:, 12 + N :, 12 : 12 + N] = -parts.J
+    # shear and stretch along turned sections: J depends on the force, too
+    relaxed = motion._replace(inner=motion.inner.copy())
+    relaxed.inner[group.inner_index[:, N:]] = 0.0
+    unstressed[:, 12 + N :, 12 : 12 + N] = -group_parts(model, relaxed, group, 0.0).J
     unstressed[:, 12 + N : 15 + N, 12 + N : 15 + N] = -parts.S
     unstressed[:, 12 + N :, :12] = end_jacobians(ends)[1]
     stressed = unstressed.copy()
+    stressed[:, 12 + N :, 12 : 12 + N] = -parts.J
     stressed[:, 12 : 12 + N, 12 : 12 + N] = parts.W
     stressed[:, :12, :12] = _wrench_tangents(motion, group, ends)
     weight = leaf_weight(model, motion, group, load_factor)
@@ -540,7 +548,10 @@ def _quadratic_factors(
     pencil: _Pencil, count: int, *, symmetric: bool, rounding: float = 0.0
 ) -> CriticalFactors:
     """`critical_factors` of a pencil, corrected for its curvature; those that it takes away are left out."""
-    found = critical_factors(pencil.K, pencil.change, count, symmetric=symmetric, rounding=rounding)
+    # the correction may change the order of those that are nearly equal
+    found = critical_factors(
+        pencil.K, pencil.change, count + SPARE_FACTORS, symmetric=symmetric, rounding=rounding
+    )
     factor, shape, kept = found.factor.copy(), found.shape.copy(), np.ones(len(found.factor), bool)
     for i in range(len(factor)):
         left = right = shape[:, i]
@@ -555,11 +566,17 @@ def _quadratic_factors(
                 break
             A, B = pencil.about(factor[i])
             inverse = splu((A + factor[i] * (1.0 + SHIFT_OFFSET) * B).tocsc())
-            right = inverse.solve(B @ right)
+            better = inverse.solve(B @ right)
+            alike = abs(better @ right) / (np.linalg.norm(better) * np.linalg.norm(right))
+            if alike < MIN_LIKENESS:
+                # another mode of nearly the same factor: this one is as good as it gets
+                break
+            right = better / np.abs(better).max()
             left = right if symmetric else inverse.solve(B.T @ left, trans="T")
-            left, right = left / np.abs(left).max(), right / np.abs(right).max()
+            left = left / np.abs(left).max()
         shape[:, i] = right
-    order = np.flatnonzero(kept)[np.argsort(np.abs(factor[kept]), kind="stable")]
+    order = np.flatnonzero(kept)
+    order = order[largest_of_both_signs(1.0 / factor[order], count)]
     return CriticalFactors(factor[order], shape[:, order], found.largest_inverse, found.backward_error)
 
 

@@ -56,6 +56,7 @@ BAND_RATIO = 3.0
 class Plant:
     """Modal model between inputs and outputs about a pose.
 
+    inputs, outputs, input_units, output_units: their names and units; freed: drives and supports that are released.
     omega_squared [1/s^2], ratio (k,): of the modes, 0 for motions without stiffness; force (k, i), motion (o, k): work of
     unit inputs on, and readings of outputs in, modes of unit modal mass; rest (o, i): static response of modes left out;
     carried (o, i): reading of an absolute sensor per motion of the base; base_motion (o, i): the same of every sensor, as if

@@ -38,7 +38,7 @@ class RandomVibration(PrintableAnswer):
     outputs, units (o,): names and units; rms (o,); share (o, k + 1): of each mode in rms^2, and of the response of the modes
     left out, which sum to 1 (a share may be negative, where a mode works against others). frequency_Hz (k,): of the modes.
     range_Hz: of the spectra. stress_MPa: three times the rms of the von Mises stress by leaf spring, about the stress of the
-    pose; None where it was not asked for.
+    pose. damping_text: what the damping is.
     """
 
     outputs: tuple[str, ...]

@@ -48,7 +48,7 @@ def pose():
             "question = 5: give a function of a pose, such as lambda pose: pose.forces['top'].",
         ),
         (lambda p: p.plot(path=5), "picture: 5 is no name of a file."),
-        (lambda p: ksd.state_space(p, damping="a"), "damping = 'a' is not a number"),
+        (lambda p: ksd.state_space(p, damping="a"), "damping = 'a': give a ratio"),
         (lambda p: ksd.state_space(p, modes=0), "modes = 0 must be a whole number of at least 1."),
         (
             lambda p: p.buckling("top", force="x", at=(0, 0, 0)),
