@@ -308,14 +308,22 @@ word is lost about it."""
 
 
 def warn_user(message: str, category: type[Warning]) -> None:
-    """Warn at the line of the user that called the package, whatever lies between; dataclasses have files of no name."""
+    """Warn at the line of the user that called the package, whatever lies between: this package, installed libraries that
+    call it back, and files of no name, which dataclasses have."""
     frame, level = sys._getframe(1), 2
-    while frame.f_back is not None and frame.f_code.co_filename.startswith((_PACKAGE, "<string>")):
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(_NOT_THE_USERS):
         frame, level = frame.f_back, level + 1
     warnings.warn(message, category, stacklevel=level)
 
 
-_PACKAGE = os.path.dirname(os.path.abspath(__file__)) + os.sep
+_NOT_THE_USERS = (
+    *(
+        os.path.dirname(os.path.abspath(f)) + os.sep
+        for f in (__file__, os.__file__, os.path.dirname(np.__file__))
+    ),
+    "<string>",
+    "<frozen ",
+)
 
 
 def made_perpendicular(axis: Vector, to: Vector, what: str, owner: str) -> Vector | None:

@@ -9,14 +9,13 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import warnings
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from copy import copy
 from pathlib import Path
 from typing import Any
 
-from ksd.checks import show
+from ksd.checks import show, warn_user
 from ksd.errors import RecordError, ResumeError, SceneError, SceneWarning
 from ksd.files import check_target, read_file, write_file
 from ksd.library.record_files import find_record, record_bytes
@@ -92,11 +91,10 @@ class ResumeFile:
             self.entries[entry["line"]] = entry["rows"]
             intact.append(text)
         if replaced:
-            warnings.warn(
+            warn_user(
                 f"resume = '{self.path}' has two lines with different answers for {replaced} of its entries; the later line "
                 "is taken",
                 SceneWarning,
-                stacklevel=2,
             )
         return intact
 
