@@ -136,7 +136,7 @@ def _unmet_drives(
         name = names[is_idle.index(True)]
         raise KinematicsError(
             f"drive '{name}' moves nothing: no intended motion of the joints changes it at rest; drive another "
-            "component, or start from a pose that is not a dead centre"
+            "component, or start from a pose that is no singular position (dead centre)"
         )
     if undetermined.shape[1]:
         twist = np.einsum("kqr,q->kr", W, free @ undetermined[:, 0])

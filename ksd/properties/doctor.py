@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
+from scipy.spatial.transform import Rotation
 
 from ksd.checks import clear_argument_errors
 from ksd.errors import SceneError
@@ -57,7 +58,8 @@ class FreeMotion:
     """A motion that no drive, support or stiff direction holds.
 
     stiffness [N/m, or Nm/rad for a rotation]: resistance of soft leaves, 0 without any; twist (links, 6): displacements [m]
-    and rotations [rad] of all links; link: the one that moves most; turns: whether it turns, or slides.
+    and rotations [rad] of all links; link: the one that moves most; turns: whether it turns, or slides; what: the
+    motion in words.
     """
 
     sentence: str
@@ -65,6 +67,7 @@ class FreeMotion:
     twist: Array
     link: str = ""
     turns: bool = False
+    what: str = ""
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,8 @@ class RedundantConstraint:
     """A redundant constraint.
 
     what: the constraint; others: those it conflicts with; release: how to remove it; nearly: it is redundant up to a small
-    misalignment; inside: names of the equal joints inside which it occurs, empty for one of the mechanism.
+    misalignment; inside: names of the equal joints inside which it occurs, empty for one of the mechanism; free: the motion
+    that it holds as soon as the links leave this singular position (toggle, dead centre), in words, empty elsewhere.
     """
 
     what: str
@@ -80,11 +84,17 @@ class RedundantConstraint:
     release: str
     nearly: bool = False
     inside: tuple[str, ...] = ()
+    free: str = ""
 
     @property
     def sentence(self) -> str:
         """The constraint, those it conflicts with and its release in one sentence."""
         conflict = f"{self.what} {'nearly ' * self.nearly}conflicts with {_joined(self.others)}"
+        if self.free:
+            return (
+                f"singular position (toggle, dead centre): here {conflict} and does not hold that {self.free}; draw the "
+                f"mechanism some degrees off this position, or prescribe that motion instead of {self.what}"
+            )
         return f"{conflict}; to release it, {self.release}"
 
 
@@ -153,7 +163,7 @@ class Diagnosis(PrintableAnswer):
             "free": [{"sentence": f.sentence, "stiffness": f.stiffness} for f in self.free],
             "overconstrained": [
                 {"what": f.what, "conflicts_with": list(f.others), "release": f.release, "nearly": f.nearly,
-                 "inside": list(f.inside), "sentence": f.sentence}
+                 "inside": list(f.inside), "free": f.free, "sentence": f.sentence}
                 for f in self.redundant
             ],
             "singular_values": self.singular_values.tolist(),
@@ -185,18 +195,81 @@ def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
     rank, total = _rank(own), _rank(everything)
     unknowns = 6 * (len(positions) - 1)
     redundant = [_redundant_constraint(*found) for found in _redundant_rows(everything, total)]
+    free = _free_motions(everything, total, springs, (scene.links, positions, size))
+    redundant = _in_singular_position(redundant, free, springs, scene, model)
     return Diagnosis(
         mechanism=scene.name,
         freedoms=unknowns - rank,
         held=total - rank,
         constraints=len(own) - len(in_plane),
         independent=rank - len(in_plane),
-        free=tuple(_free_motions(everything, total, springs, (scene.links, positions, size))),
+        free=tuple(free),
         redundant=(*redundant, *_redundant_inside_joints(scene)),
         singular_values=_singular_values(everything),
         unusual=plausibility_warnings(scene),
         hint=plane_hint(scene),
     )
+
+
+SMALL_MOTION = 1e-3
+"""Motion [size of the mechanism, or rad] by which a singular position is left, to first order."""
+GAIN = 0.02
+"""Independent part of a unit row per `SMALL_MOTION` above which the row holds what it did not; parts of second order are
+less than `SMALL_MOTION`."""
+
+
+def _in_singular_position(
+    redundant: list[RedundantConstraint],
+    free: list[FreeMotion],
+    springs: Sequence[ElasticConnection],
+    scene: Scene,
+    model: Model,
+) -> list[RedundantConstraint]:
+    """The redundant constraints, with the free motion that a drive or support among them holds off this position.
+
+    In a singular position a prescribed row depends on the others, and no longer after a small free motion.
+    """
+    doubted = [i for i, r in enumerate(redundant) if r.what.startswith(("drive ", "support "))]
+    found = list(redundant)
+    if not doubted or not free:
+        return found
+    rest = _rows_off_rest(springs, scene, model, np.zeros((len(scene.links), 6)))
+    for motion in free:
+        size = model.arrays.size
+        unit = motion.twist / np.abs(motion.twist / np.array([size, size, size, 1, 1, 1])).max()
+        moved = [_rows_off_rest(springs, scene, model, h * unit) for h in (SMALL_MOTION, -SMALL_MOTION)]
+        for i in doubted:
+            what = redundant[i].what
+            new = max(_independent_part(rows, what) for rows in moved)
+            if not found[i].free and new - _independent_part(rest, what) > GAIN * SMALL_MOTION:
+                found[i] = replace(redundant[i], free=motion.what)
+    return found
+
+
+def _rows_off_rest(
+    springs: Sequence[ElasticConnection], scene: Scene, model: Model, twist: Array
+) -> list[Constraint]:
+    """All constraints after small motions of the links, twist (links, 6) [m, rad]; springs: of joints, then of leaves."""
+    size, positions = model.arrays.size, reference_points(scene)
+    moved, rows = positions + twist[:, :3], []
+    for i, spring in enumerate(springs):
+        joint = scene.joints[i].joint if i < len(scene.joints) else None
+        expected = None if joint is None else 6 - len(joint.motions)
+        now = spring.moved(twist, positions, turns_with_chord=joint is None)
+        rows += spring_rows(now, moved, size, owner="", words=_LEAF, expected=expected)
+    supports, drives = prescribed_rows(model, size, twist)
+    if scene.plane is not None:
+        in_plane, supports, rows, drives = _constraints_in_plane(scene, supports, rows, drives)
+        rows = [*in_plane, *rows]
+    return [*supports, *rows, *drives]
+
+
+def _independent_part(rows: Sequence[Constraint], what: str) -> float:
+    """Norm of the part of the row `what` that does not depend on the other rows, those that are new by motion included."""
+    row = next(c.row[6:] for c in rows if c.what == what)
+    _, values, basis = np.linalg.svd(_matrix([c for c in rows if c.what != what]), full_matrices=False)
+    basis = basis[values > GAIN * SMALL_MOTION]
+    return float(np.linalg.norm(row - basis.T @ (basis @ row)))
 
 
 def _constraints_in_plane(scene: Scene, *parts: list[Constraint]) -> list[list[Constraint]]:
@@ -333,10 +406,17 @@ def _describe_free_motion(links: Sequence[str], twist: Array, energy: float, siz
     twist = twist / twist[link, k]
     value = energy / (amount[link, k] / (size if turns else 1.0)) ** 2
     motion = f"turn about {'xyz'[k - 3]}" if turns else f"slide along {'xyz'[k]}"
+    own = np.linalg.norm(twist[link, 3:])
+    others = np.delete(amount, link, axis=0).max(initial=0.0)
+    if turns and own > 1.0 + EXACT_TOLERANCE and others < EXACT_TOLERANCE * amount[link].max():
+        # a link that turns alone, as a leg between two ball joints, has an axis of its own
+        twist, value = twist / own, value / own**2
+        motion = f"turn about its axis ({' '.join(f'{v:.3g}' for v in twist[link, 3:] + 0.0)})"
     unit = "Nm/rad" if turns else "N/m"
     resistance = f"only leaf springs that bend hold it, with {value:.3g} {unit}"
     why = resistance if value > 0.0 else "no leaf spring or support holds it"
-    return FreeMotion(f"link '{links[link]}' can {motion}: {why}", value, twist, links[link], bool(turns))
+    what = f"link '{links[link]}' can {motion}"
+    return FreeMotion(f"{what}: {why}", value, twist, links[link], bool(turns), what)
 
 
 MAX_OF_A_KIND = 3
@@ -355,15 +435,23 @@ def _by_kind(free: Sequence[FreeMotion]) -> list[str]:
             continue
         links = sorted({m.link for m in motions})
         names = _joined([repr(n) for n in links[:6]] + [f"{len(links) - 6} more"] * (len(links) > 6))
-        unit, low, high = "Nm/rad" if turns else "N/m", *(f(m.stiffness for m in motions) for f in (min, max))
+        values = " to ".join(dict.fromkeys(f"{f(m.stiffness for m in motions):.3g}" for f in (min, max)))
+        unit, verb = ("Nm/rad", "turn about") if turns else ("N/m", "slide along")
+        counts = {sum(m.link == name for m in motions) for name in links}
+        axes = {m.what.split(verb)[1].split(" (")[0].strip() for m in motions}
+        if len(counts) > 1:
+            who, motion = f"links {names}", f"{verb.split()[0]}, {len(motions)} motions in all"
+        else:
+            each = counts.pop()
+            who = f"each of the {len(links)} links {names}" if len(links) > 1 else f"link {names}"
+            motion = f"{verb} {f'{each} axes' if each > 1 else axes.pop() if len(axes) == 1 else 'one axis'}"
+        them = "them" if who.startswith("links") else "it"
         why = (
-            f"only leaf springs that bend hold them, with {low:.3g} to {high:.3g} {unit}"
+            f"only leaf springs that bend hold {them}, with {values} {unit}"
             if held
-            else "nothing holds them"
+            else f"nothing holds {them}"
         )
-        said.append(
-            f"link{'s' * (len(links) > 1)} {names} can {'turn' if turns else 'slide'}, {len(motions)} motions in all: {why}"
-        )
+        said.append(f"{who} can {motion}: {why}")
     return said
 
 
@@ -443,6 +531,18 @@ class ElasticConnection:
             J[3:, at + 3 : at + 6] += sign * self.axes.T * (self.length / size)
         return J
 
+    def moved(self, twist: Array, positions: Array, *, turns_with_chord: bool) -> ElasticConnection:
+        """The connection after small motions of all nodes, twist (nodes, 6) [m, rad].
+
+        turns_with_chord: its axes turn with the line between its ends, as those of a leaf; else as its ends on average.
+        """
+        shift = [twist[n, :3] + np.cross(twist[n, 3:], self.point - positions[n]) for n in self.nodes]
+        turn = 0.5 * (twist[self.nodes[0], 3:] + twist[self.nodes[1], 3:])
+        if turns_with_chord:
+            turn = turn + np.cross(self.axes[:, 0], shift[1] - shift[0]) / self.length
+        axes = Rotation.from_rotvec(turn).as_matrix() @ self.axes
+        return replace(self, point=self.point + 0.5 * (shift[0] + shift[1]), axes=axes)
+
 
 def stiffness_at_rest(scene: Scene, point: Array, axes: Array, length: float) -> Array:
     """Stiffness (6, 6) [N/m] of the only link of `scene` at `point`, in `axes`, rotations times `length`, all else
@@ -465,11 +565,16 @@ def stiffness_at_rest(scene: Scene, point: Array, axes: Array, length: float) ->
     return 0.5 * (stiffness + stiffness.T)
 
 
-def rest_matrix(model: Model) -> Array:
-    """Tangent (n, n) of an undeformed model without loads, in the order of its unknowns."""
+def rest_matrix(model: Model, twist: Array | None = None) -> Array:
+    """Tangent (n, n) of an undeformed model without loads, in the order of its unknowns; after small motions of its links,
+    twist (links, 6) [m, rad], where these are given."""
     arrays = exact_tangent_arrays(model)
-    work = make_workspace(arrays)
-    assemble(arrays, model.rest, np.zeros(len(arrays.terms.start)), 0.0, work)
+    work, state = make_workspace(arrays), model.rest.copy()
+    if twist is not None:
+        links = len(twist)
+        state.x[:links] += twist[:, :3]
+        state.R[:links] = Rotation.from_rotvec(twist[:, 3:]).as_matrix() @ state.R[:links]
+    assemble(arrays, state, np.zeros(len(arrays.terms.start)), 0.0, work)
     return stored_matrix(arrays, work.matrix)
 
 
@@ -577,9 +682,11 @@ def _direction_names(axes: Array) -> tuple[str, ...]:
     return (*[f"{n}-displacement" for n in own], *[f"{n}-rotation" for n in own])
 
 
-def prescribed_rows(model: Model, size: float) -> tuple[list[Constraint], list[Constraint]]:
-    """Constraints of the supports, and constraints of the drives."""
-    K, arrays = rest_matrix(model), model.arrays
+def prescribed_rows(
+    model: Model, size: float, twist: Array | None = None
+) -> tuple[list[Constraint], list[Constraint]]:
+    """Constraints of the supports, and constraints of the drives; twist: see `rest_matrix`."""
+    K, arrays = rest_matrix(model, twist), model.arrays
     names = (*model.drive_names, *model.support_names)
     scale = np.array([1.0, 1.0, 1.0, 1 / size, 1 / size, 1 / size])
     found = []

@@ -281,10 +281,10 @@ def _with_divergences(model: Model, motion: State, record: LoadStepRecord, path:
 
 
 def _rigid_conflicts(model: Model) -> Iterator[str]:
-    """Sentences of the doctor on drives that contradict rigid parts alone, so that no leaf spring can give way."""
+    """Sentences of the doctor on drives that contradict rigid parts alone, or that start in a singular position."""
     for redundant in doctor(model.original_scene).redundant:
         prescribed = (name.startswith(("drive ", "support ")) for name in redundant.others)
-        if redundant.what.startswith("drive ") and all(prescribed):
+        if redundant.what.startswith("drive ") and (redundant.free or all(prescribed)):
             yield redundant.sentence
 
 

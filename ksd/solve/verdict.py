@@ -418,8 +418,11 @@ def _is_evidently_solved(c: Configuration) -> bool:
 
 
 def _conflicting_drives(c: Configuration) -> str:
-    """A clause about drives that prescribe one freedom against each other; empty where there are none."""
-    if c.stable or len(c.model.drive_names) < 2:
+    """A clause about drives that conflict with each other, or in a singular position; empty where there are none."""
+    if c.stable or not c.model.drive_names:
         return ""
     redundant = doctor(c.model.original_scene).redundant
-    return "".join(f"; {r.sentence}" for r in redundant if r.what.startswith("drive "))
+    several = len(c.model.drive_names) > 1
+    return "".join(
+        f"; {r.sentence}" for r in redundant if r.what.startswith("drive ") and (several or r.free)
+    )
