@@ -59,6 +59,8 @@ MIN_ENERGY_SHARE = 0.25
 """Kinetic energy, relative to the largest, above which a leaf or link may name a mode."""
 MIN_COMPLIANCE_RATIO = 1e-10
 """Compliance of a combination of released drives, relative to the largest, up to which the drives count as dependent."""
+OFF_POLE = 1e-5
+"""Relative change of the inner state of leaf springs by which a spectrum is taken off the poles of their flexibility."""
 _BASE_DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 MIN_MASS_SHARE = 1e-12
 """Mass of a motion without stiffness, relative to that of the other such motions, up to which it counts as none."""
@@ -483,6 +485,33 @@ def _iterated_pairs(tangent: Tangent, mass: Inertia, rigid: Array, count: int) -
         found.append(outermost(eigsh, 1, "SA"))
         values, vectors = np.concatenate([v for v, _ in found]), np.hstack([x for _, x in found])
     return values, vectors
+
+
+def lowest_squares(
+    model: Model,
+    motion: State,
+    *,
+    count: int = 8,
+    freed: Iterable[str] = (),
+    load_factor: float = 1.0,
+    without_density: float = 0.0,
+) -> Array:
+    """omega^2 (k,) of loads that are not conservative, by modulus; complex where modes flutter.
+
+    All of them up to MAX_DENSE_SKEW unknowns with mass, else about `count`. without_density: see `assemble_inertia`. Raises
+    as `frequencies`.
+    """
+    fine, state = finer_state(model, motion, load_factor=load_factor)
+    # a leaf bent to a full turn is neutral between fixed ends: its flexibility has a pole, which the spectrum has not
+    state = state._replace(inner=(1.0 + OFF_POLE) * state.inner)
+    mass = assemble_inertia(fine, state, load_factor=load_factor, without_density=without_density)
+    tangent = assemble_and_factor(fine, state, freed=freed, load_factor=load_factor)
+    small = np.count_nonzero(mass.matrix.diagonal()) <= MAX_DENSE_SKEW
+    values, _ = (_dense_pairs if small else _iterated_pairs)(
+        tangent, mass, np.zeros((mass.size, 0)), mass.size if small else count
+    )
+    values = values[np.abs(values) > MIN_EIGENVALUE_RATIO * np.abs(values).max(initial=0.0)]
+    return np.asarray(1.0 / values[np.argsort(-np.abs(values))] + 0j)
 
 
 def _backward_error(tangent: Tangent, mass: Inertia, rigid: Array, squared: Array, vectors: Array) -> float:

@@ -66,13 +66,11 @@ class Inertia:
 
 
 def leaf_line_mass(leaf: Any, s: Array) -> Array:
-    """Mass per length [kg/m] and rotary inertia per length about e1, e2, e3 [kg m] (len(s), 4) at fractions s of a leaf.
-
-    Zero without a density.
-    """
-    density, profile = mass_density(leaf), leaf.profile
+    """Mass per length and rotary inertia per length about e1, e2, e3 (len(s), 4), over the density [m^2, m^4], at fractions
+    s of a leaf."""
+    profile = leaf.profile
     sections = [leaf.section if profile is None else profile.section(float(x)) for x in s]
-    return density * np.array([[q.A, q.Iy + q.Iz, q.Iy, q.Iz] for q in sections])
+    return np.array([[q.A, q.Iy + q.Iz, q.Iy, q.Iz] for q in sections])
 
 
 def _chain_element(model: Model, motion: State, i: int, leaf: Any, line: Array) -> Array:
@@ -176,15 +174,25 @@ def base_load(mass: Inertia, model: Model, motion: State, direction: Array) -> A
     return found
 
 
-def assemble_inertia(model: Model, motion: State, *, load_factor: float = 1.0) -> Inertia:
-    """Mass of a model without inner chain nodes at a state; raises SceneError where nothing in the scene has mass."""
+def assemble_inertia(
+    model: Model, motion: State, *, load_factor: float = 1.0, without_density: float = 0.0
+) -> Inertia:
+    """Mass of a model without inner chain nodes at a state; raises SceneError where nothing in the scene has mass.
+
+    without_density [kg/m^3]: density of leaves whose material has none.
+    """
     members, owner = model.arrays.members, member_leaves(model)
+
+    def line_of(i: int) -> Array:
+        leaf, line = owner[i]
+        return (mass_density(leaf) or without_density) * line
+
     leaves, stacks = tuple(leaf_flexibilities(model, motion, load_factor=load_factor)), []
     for group, leaf, unknowns in zip(leaf_groups(model), leaves, inner_unknowns(model), strict=True):
-        line = np.stack([owner[i][1] for i in group.members.tolist()])
+        line = np.stack([line_of(i) for i in group.members.tolist()])
         stacks.append((unknowns, _leaf_mass_roots(leaf, line)))
     for i in np.flatnonzero(members.kind != STRAIN).tolist():
-        root = _square_root(_chain_element(model, motion, i, owner[i][0], owner[i][1][0]))
+        root = _square_root(_chain_element(model, motion, i, owner[i][0], line_of(i)[0]))
         stacks.append((node_unknowns(model, members.node[i][None]), root))
     for mass in model.scene.masses:
         node, own = _point_mass(model, motion, mass)

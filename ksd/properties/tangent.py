@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
+from scipy.linalg import lu_factor, lu_solve, qr
 
 from ksd.checks import names_of
 from ksd.errors import KinematicsError, SceneError
@@ -363,6 +363,25 @@ class DenseTangent(Tangent):
         return np.asarray(1.0 / equilibration(self.matrix))
 
 
+@dataclass(frozen=True)
+class UnsymmetricTangent(Tangent):
+    """Tangent of loads that are not conservative whose symmetric part is all but singular, as under an end moment that turns
+    a leaf by half a turn: responses are those of the complete `matrix` (unknowns, unknowns)."""
+
+    matrix: Array = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def solve_with_error(self, loads: Array) -> tuple[Array, float]:
+        scale = equilibration(self.matrix)
+        K, b = self.matrix * np.outer(scale, scale), scale[:, None] * np.asarray(loads, float)
+        factors = lu_factor(K)
+        x = lu_solve(factors, b)
+        change = lu_solve(factors, b - K @ x)
+        changed, total = np.linalg.norm(change, axis=0), np.linalg.norm(x, axis=0)
+        error = float(np.max(changed / np.maximum(total, 1e-300), initial=0.0))
+        check_backward_error(error)
+        return np.asarray(scale[:, None] * (x + change)), error
+
+
 def assemble_tangent(
     model: Model, motion: State, *, load_factor: float = 1.0, target: Array | None = None
 ) -> AssembledTangent:
@@ -405,6 +424,12 @@ def factor_tangent(
         if stopped:
             found, pivot = _factor_released(assembled, freed, [i for i in rows if i not in stopped])
             found = replace(found, free=free)
+    if found.skew is not None and not pivot > SURE_PIVOT:
+        matrix = assembled.matrix(freed)
+        matrix[np.ix_(found.skew.unknowns, found.skew.unknowns)] += found.skew.matrix
+        if solve_scaled(matrix, np.zeros((len(matrix), 1)), equilibration(matrix))[1] > SINGULAR_PIVOT:
+            fields = {name: getattr(found, name) for name in Tangent.__dataclass_fields__}
+            return UnsymmetricTangent(**fields, matrix=matrix)
     if not pivot > SINGULAR_PIVOT:
         raise KinematicsError(
             f"the tangent is singular (relative pivot {pivot:.1e}): a motion is left that nothing resists, or the "

@@ -13,15 +13,32 @@ more than rho omega / 2, which a damping ratio of rho / 2 suppresses.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import State, make_workspace
+from ksd.model.arrays import LINEAR, SOLID, State, make_workspace
 from ksd.model.compile import Model
 from ksd.model.newton import assemble
-from ksd.properties.frequencies import frequencies
-from ksd.properties.nonconservative import MAX_DAMPED_SKEW_SHARE, count_negative_eigenvalues, skew_tangent
+from ksd.properties.frequencies import lowest_squares
+from ksd.properties.nonconservative import (
+    MAX_DAMPED_SKEW_SHARE,
+    REAL_TOLERANCE,
+    Array,
+    count_negative_eigenvalues,
+    skew_tangent,
+)
 from ksd.properties.tangent import assemble_and_factor, exact_tangent_arrays, stored_matrix
 from ksd.solve.steps import Verdict
+
+LOWEST_MODES = 8
+"""Number of modes that are checked for flutter."""
+ANY_DENSITY = 1000.0
+"""Density [kg/m^3] of leaf springs without one where slow departures are counted."""
+
+
+def is_divergence(squared: Array) -> NDArray[np.bool_]:
+    """Whether modes with the complex omega^2 = squared depart slowly: real and negative."""
+    return np.asarray((squared.real < 0.0) & (np.abs(squared.imag) <= REAL_TOLERANCE * np.abs(squared)))
 
 
 def nonconservative_stability(model: Model, motion: State, load_factor: float) -> Verdict:
@@ -43,26 +60,52 @@ def nonconservative_stability(model: Model, motion: State, load_factor: float) -
     else:
         stable += " (divergence; no real negative eigenvalue of the unsymmetric tangent)"
     try:
-        modes = frequencies(model, motion, count=8, load_factor=load_factor)
+        squared = lowest_squares(model, motion, count=LOWEST_MODES, load_factor=load_factor)
     except SceneError:
         return Verdict(True, f"{stable}; {loads} and nothing has mass, so flutter was not checked")
-    worst = int(np.argmax(modes.growth_per_s))
-    if modes.growth_per_s[worst] > 0.0:
-        if modes.omega_squared[worst] < 0.0:
-            return Verdict(False, f"UNSTABLE: it diverges by {modes.growth_per_s[worst]:.3g} per second")
-        growth = f"{modes.frequency_Hz[worst]:.3g} Hz, growing by {modes.growth_per_s[worst]:.3g} per second"
-        return Verdict(False, f"UNSTABLE: FLUTTER, as {loads}, at {growth} (without damping)")
-    return Verdict(True, f"{stable}, and no mode of its masses flutters (without damping; {loads})")
+    except KinematicsError as reason:
+        return Verdict(False, f"NOT CERTAIN: {reason}")
+    diverges = is_divergence(squared)
+    if diverges.any():
+        rate = np.sqrt(np.abs(squared[diverges]).max())
+        return Verdict(False, f"UNSTABLE: it diverges by {rate:.3g} per second")
+    # pairs count once; shapes of higher modes are those of the mesh
+    omega = np.sqrt(squared[squared.imag >= -REAL_TOLERANCE * np.abs(squared)][:LOWEST_MODES])
+    ratio = np.abs(omega.imag) / np.abs(omega)
+    worst = int(np.argmax(np.abs(omega.imag) * (ratio > 0.5 * MAX_DAMPED_SKEW_SHARE)))
+    if ratio[worst] > 0.5 * MAX_DAMPED_SKEW_SHARE:
+        growth = (
+            f"{omega[worst].real / (2 * np.pi):.3g} Hz, growing by {abs(omega[worst].imag):.3g} per second"
+        )
+        return Verdict(
+            False,
+            f"UNSTABLE: FLUTTER, as {loads}, at {growth} (without damping; a damping ratio of {ratio[worst]:.2g} stops it)",
+        )
+    return Verdict(
+        True,
+        f"{stable}, and no mode of its masses flutters (of the {len(omega)} lowest, with a damping ratio above "
+        f"{0.5 * MAX_DAMPED_SKEW_SHARE:.1g}; {loads})",
+    )
 
 
 def count_unstable_directions(model: Model, motion: State, factor: float, negatives: int) -> int:
     """Negative pivots of a state, or, where loads are not conservative and the symmetric part of the tangent is not positive
-    definite, the number of real negative eigenvalues that takes their place (`count_negative_eigenvalues`).
+    definite, the number of real negative omega^2 that takes their place.
+
+    With all unknowns and in the metric of the mass this number is that of the leaf springs, not of their points and modes:
+    of an unsymmetric tangent only the sign of the determinant is the same in every metric.
 
     factor: load factor; negatives: negative pivots of the symmetric part.
     """
     if model.conservative or negatives == len(model.arrays.terms.start):
         return negatives
+    if model.kinds.isdisjoint((SOLID, LINEAR)):
+        try:
+            squared = lowest_squares(model, motion, load_factor=factor, without_density=ANY_DENSITY)
+            return len(model.arrays.terms.start) + int(is_divergence(squared).sum())
+        except (SceneError, KinematicsError):
+            # chains that cannot be divided
+            pass
     arrays = exact_tangent_arrays(model)
     work = make_workspace(arrays)
     _, _, member_negatives, _ = assemble(arrays, motion, np.zeros(len(arrays.terms.start)), factor, work)
