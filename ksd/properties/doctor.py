@@ -440,18 +440,18 @@ def _by_kind(free: Sequence[FreeMotion]) -> list[str]:
         counts = {sum(m.link == name for m in motions) for name in links}
         axes = {m.what.split(verb)[1].split(" (")[0].strip() for m in motions}
         if len(counts) > 1:
-            who, motion = f"links {names}", f"{verb.split()[0]}, {len(motions)} motions in all"
+            who, way = f"links {names}", f"{verb.split()[0]}, {len(motions)} motions in all"
         else:
             each = counts.pop()
             who = f"each of the {len(links)} links {names}" if len(links) > 1 else f"link {names}"
-            motion = f"{verb} {f'{each} axes' if each > 1 else axes.pop() if len(axes) == 1 else 'one axis'}"
+            way = f"{verb} {f'{each} axes' if each > 1 else axes.pop() if len(axes) == 1 else 'one axis'}"
         them = "them" if who.startswith("links") else "it"
         why = (
             f"only leaf springs that bend hold {them}, with {values} {unit}"
             if held
             else f"nothing holds {them}"
         )
-        said.append(f"{who} can {motion}: {why}")
+        said.append(f"{who} can {way}: {why}")
     return said
 
 
