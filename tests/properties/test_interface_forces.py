@@ -154,9 +154,9 @@ def test_parasitic_motion_is_what_no_drive_prescribes():
     assert found.shift == pytest.approx([0, whole[1], 0], abs=1e-12)
     assert found.turn == pytest.approx(pose.rotation("top"), abs=1e-15)
     assert pose.parasitic("top", at=at).shift == pytest.approx(found.shift, abs=1e-15)
-    # the crank is a leg of the coupler that is driven: its turn is commanded, but for the arc of a second order
+    # the crank is a leg of the coupler that is driven: its turn is commanded, but for what is not linear in the drive
     left, turned = pose.parasitic("left"), pose.rotation("left")
-    assert left.drives == ("top",) and abs(left.turn[2]) < 0.05 * abs(turned[2])
+    assert left.drives == ("top",) and abs(left.turn[2]) < 0.07 * abs(turned[2])
     free = ksd.Mechanism("free")
     tip = free.link("tip")
     free.join(free.ground, tip, cross_flexure(), at=(0, 0, 0), axis="z", toward="x")
