@@ -9,6 +9,7 @@ from scenes import STEEL, cross_flexure, fourbar, single_joint
 import ksd
 from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
+from ksd.model.leaves import mass_density
 from ksd.model.mesh import Mesh
 from ksd.properties.buckling import uncondensed_tangents
 from ksd.properties.finer_model import finer_state
@@ -139,7 +140,9 @@ def test_rigid_mass_is_that_of_the_leaves():
     spin = np.array([0.3, -0.2, 0.5])
     for group, leaf in zip(leaf_groups(model), assemble_inertia(model, state).leaves, strict=True):
         # ground is fixed: the whole of every leaf, both ends moving
-        roots = _leaf_mass_roots(leaf, np.stack([lines[i][1] for i in group.members]))
+        roots = _leaf_mass_roots(
+            leaf, np.stack([mass_density(lines[i][0]) * lines[i][1] for i in group.members])
+        )
         for root, i in zip(roots, group.members, strict=True):
             nodes, still = model.arrays.members.node[i], np.zeros(root.shape[1] - 12)
             move = np.concatenate([np.tile([1.0, 0, 0, 0, 0, 0], 2), still])
@@ -308,7 +311,7 @@ def test_a_rigid_spin_of_a_thick_leaf_has_the_inertia_of_a_box():
     )  # fmt: skip
     model = compile_scene(scene)
     (group,), (leaf,) = leaf_groups(model), assemble_inertia(model, model.rest).leaves
-    (root,) = _leaf_mass_roots(leaf, np.stack([member_leaves(model)[i][1] for i in group.members]))
+    (root,) = _leaf_mass_roots(leaf, np.stack([7800 * member_leaves(model)[i][1] for i in group.members]))
     ends = model.rest.x[model.arrays.members.node[0]] + model.arrays.members.offset[0]
     assert ends[:, 0] == pytest.approx([-L / 2, L / 2])
     inertia = np.array([t**2 + w**2, L**2 + w**2, L**2 + t**2]) * 7800 * L * t * w / 12
