@@ -107,6 +107,27 @@ def test_springs_and_constraints_of_every_kind():
     assert solve_conventional(compile_scene(scene), {}, planar=False).converged
 
 
+def test_plates():
+    scene, _ = blade(load=({"force": (0, 0.05, 0)},))
+    scene.consider("plate")
+    model = compile_scene(scene)
+    one, other = (solve_conventional(model, {}, planar=p).motion.x[1] for p in (True, False))
+    assert one == pytest.approx(other, abs=1e-12)
+
+
+def test_a_chain_of_leaf_springs_is_carried_along():
+    scene, count = ksd.Mechanism("chain", plane="xy"), 9
+    links = [scene.ground, *scene.links(*(f"p{k}" for k in range(count)))]
+    for k in range(count):
+        scene.leaf(
+            links[k], links[k + 1], start=(0.02 * k, 0, 0), end=(0.02 * (k + 1), 0, 0), material=STEEL,
+            section=ksd.rectangle(0.5e-3, 0.02),
+        )  # fmt: skip
+    scene.load(links[-1], force=(0, 1.0, 0), at=(0.02 * count, 0, 0))
+    pose = ksd.solve(scene)
+    assert pose.converged and pose.rotation(links[-1])[2] > 0.0
+
+
 def test_leaves_curved_at_rest():
     scene = ksd.Mechanism("arc")
     tip = scene.link("tip")
