@@ -116,12 +116,12 @@ def test_plates():
 
 
 def test_a_chain_of_leaf_springs_is_carried_along():
-    scene, count = ksd.Mechanism("chain", plane="xy"), 9
+    scene, count = ksd.Mechanism("chain"), 9
     links = [scene.ground, *scene.links(*(f"p{k}" for k in range(count)))]
     for k in range(count):
         scene.leaf(
             links[k], links[k + 1], start=(0.02 * k, 0, 0), end=(0.02 * (k + 1), 0, 0), material=STEEL,
-            section=ksd.rectangle(0.5e-3, 0.02),
+            section=ksd.rectangle(0.5e-3, 0.02), width_axis="z",
         )  # fmt: skip
     scene.load(links[-1], force=(0, 1.0, 0), at=(0.02 * count, 0, 0))
     pose = ksd.solve(scene)

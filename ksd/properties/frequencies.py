@@ -560,7 +560,7 @@ def frequencies(
     compliance = 0.5 * (compliance + compliance.T)
     travel = _drive_travel(tangent, rigid, own)
     # combinations of drive forces that leave the motions without stiffness at rest
-    balanced = null_space(travel.T) if rigid.size else np.eye(own.shape[1])
+    balanced = null_space(travel.T) if travel.size else np.eye(own.shape[1])
     for wanted in (count, max(count, MIN_INTENDED_CANDIDATES)):
         squared, vectors, grown = _order_modes(*pairs(tangent, mass, rigid, wanted), wanted)
         vectors = vectors / np.sqrt(np.sum(mass.rooted(vectors) ** 2, axis=0))

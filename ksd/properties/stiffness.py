@@ -121,7 +121,7 @@ class PointStiffness(PrintableAnswer):
         scale = np.where(np.array(pick) < 3, 1.0, self.size)
         part = self.elastic[np.ix_(pick, pick)] * np.outer(scale, scale)
         # loads that do no work on free motions; the others meet no resistance
-        balanced = null_space((self.free[pick] * scale[:, None]).T)
+        balanced = loads_at_rest(self.free[pick] * scale[:, None])
         moves, values, loads = np.linalg.svd(balanced.T @ part @ balanced)
         moves, loads = balanced @ moves, loads @ balanced.T
         if values.min(initial=np.inf) < _zero_threshold(self._scaled()):
@@ -148,7 +148,7 @@ class PointStiffness(PrintableAnswer):
             load = load - reaction @ (np.linalg.pinv(free[fixed].T) @ free[i])
             if np.abs(load @ free).max() > MIN_RELATIVE_FREE * np.abs(free).max():
                 return 0.0
-        reaction = reaction @ null_space(free[fixed].T)
+        reaction = reaction @ loads_at_rest(free[fixed])
         value = load @ C @ load
         if reaction.size:
             held_part = np.linalg.pinv(reaction.T @ C @ reaction, rcond=MIN_RELATIVE_COMPLIANCE)
@@ -173,7 +173,7 @@ class PointStiffness(PrintableAnswer):
         free, C = self._scaled_free(), self._scaled()
         found = np.zeros((2, 3))
         for row, part, unit in ((0, slice(3), 1.0), (1, slice(3, 6), self.size**2)):
-            balanced = null_space(free[part].T)
+            balanced = loads_at_rest(free[part])
             values = np.linalg.eigvalsh(balanced.T @ C[part, part] @ balanced)[::-1]
             is_held = np.abs(values) <= _zero_threshold(C)
             found[row, 3 - len(values) :] = np.where(is_held, np.inf, unit / np.where(is_held, 1.0, values))
@@ -192,6 +192,12 @@ class PointStiffness(PrintableAnswer):
     def _scaled_free(self) -> Array:
         """Free motions (6, m) with rotations times the size."""
         return np.asarray(self.free * np.repeat([1.0, self.size], 3)[:, None])
+
+
+def loads_at_rest(free: Array) -> Array:
+    """Orthonormal loads (n, k) that do no work on motions free (n, m)."""
+    # scipy 1.10 has no null space of an empty matrix
+    return np.asarray(null_space(free.T)) if free.size else np.eye(len(free))
 
 
 def _scaled(compliance: Array, size: Any) -> Array:
