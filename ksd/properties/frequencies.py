@@ -42,6 +42,7 @@ from ksd.properties.printing import (
     released_text,
 )
 from ksd.properties.shape import scene_leaves
+from ksd.properties.stiffness import DIRECTIONS
 from ksd.properties.tangent import (
     Tangent,
     assemble_and_factor,
@@ -61,7 +62,6 @@ MIN_COMPLIANCE_RATIO = 1e-10
 """Compliance of a combination of released drives, relative to the largest, up to which the drives count as dependent."""
 OFF_POLE = 1e-5
 """Relative change of the inner state of leaf springs by which a spectrum is taken off the poles of their flexibility."""
-_BASE_DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 MIN_MASS_SHARE = 1e-12
 """Mass of a motion without stiffness, relative to that of the other such motions, up to which it counts as none."""
 MIN_DRIVE_TRAVEL = 1e-9
@@ -233,11 +233,9 @@ class Modes(PrintableAnswer):
     def participation(self, direction: str) -> Array:
         """Participation factors (k,) [kg^0.5; kg^0.5 m] of the modes where everything, ground included, is moved along or
         turned about a global axis through the origin: "x", "y", "z", "rx", "ry" or "rz"."""
-        if direction not in _BASE_DIRECTIONS:
-            raise SceneError(
-                f"direction {direction!r} is not known; give one of {', '.join(_BASE_DIRECTIONS)}"
-            )
-        motion = np.eye(6)[_BASE_DIRECTIONS.index(direction)]
+        if direction not in DIRECTIONS:
+            raise SceneError(f"direction {direction!r} is not known; give one of {', '.join(DIRECTIONS)}")
+        motion = np.eye(6)[DIRECTIONS.index(direction)]
         return np.asarray(self.vector @ base_load(self.mass, self.model, self.motion, motion))
 
     @cached_property

@@ -28,7 +28,7 @@ from ksd.properties.frequencies import Modes, frequencies
 from ksd.properties.mass import base_load
 from ksd.properties.material_damping import has_loss_factors
 from ksd.properties.nonconservative import MAX_DAMPED_SKEW_SHARE
-from ksd.properties.stiffness import point_jacobian
+from ksd.properties.stiffness import DIRECTIONS, point_jacobian
 from ksd.properties.tangent import row_gradients
 from ksd.scene.drive import GROUND, DriveTerm
 from ksd.scene.sensor import KINDS
@@ -36,10 +36,8 @@ from ksd.scene.sensor import KINDS
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Damping = float | Sequence[float] | Sequence[tuple[float, float]] | Literal["materials"]
-DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
-"""Directions of a base: displacements along and rotations about the global axes, through the origin."""
 BASE_INPUTS = tuple(f"base {d}" for d in DIRECTIONS)
-"""Names of the inputs of a shaken base."""
+"""Names of the inputs of a shaken base: along and about the global axes, through the origin."""
 DEFAULT_RATIO = 0.01
 """Damping ratio of every mode where the scene says nothing about damping."""
 DEFAULT_MODES = 12
