@@ -171,6 +171,10 @@ def _add_sweep(commands: Any) -> None:
         "or distance; may be repeated"
     )
     parser.add_argument("--question", action="append", default=[], metavar="Q", help=help_text)
+    help_text = "the link of support_stiffness and parasitic, at its reference point; that of the first drive if left out"
+    parser.add_argument("--link", metavar="LINK", help=help_text)
+    help_text = "the wanted direction of parasitic, x, y, z or three numbers, such as 1,1,0"
+    parser.add_argument("--along", metavar="DIRECTION", help=help_text)
     _add_shared(parser, *_SOLVER_OPTIONS)
     parser.add_argument("--out", metavar="FILE", help="write the table: .csv, .h5 or .mat")
     _add_shared(parser, "--plot", help="write a picture of the answers (.png, .pdf, .svg)")

@@ -128,6 +128,7 @@ def batch(
     questions: str | Iterable[str] = (),
     link: Link | str | None = None,
     at: ArrayLike | None = None,
+    along: ArrayLike | str | None = None,
     freed: str | Iterable[str] | None = None,
     modes: int = 3,
     mesh: Mesh | None = None,
@@ -142,7 +143,7 @@ def batch(
     mechanism: a Mechanism or Scene, or, with `designs` (parameters by name, as in `ksd.sweep`), a function of those
     parameters that returns one. Drive values [m or rad] by name, numbers or arrays of one length. tabulated: take the
     condensed joints from tables over their stroke, made once per design; it pays from some hundred poses on. questions,
-    link, at, freed, modes: as in `ksd.sweep`, answered in `Batch.answers`; with "reduced" they are answered at the
+    link, at, along, freed, modes: as in `ksd.sweep`, answered in `Batch.answers`; with "reduced" they are answered at the
     equilibrium near the reduced state, as for a pose of `ksd.solve`; modes are numbered at every pose from the lowest.
     mesh: when None the default one, with the curvature modes that are enough for the first design at its farthest pose. A
     pose that `ksd.solve(..., estimate=False)` would refuse has no answers, and its sentence for a reason; strict=False
@@ -159,7 +160,7 @@ def batch(
         raise SceneError(
             "tabulated = True: tabulated joints serve method='reduced' without relinearisation steps"
         )
-    parsed = parse_questions(questions, link, at, freed, modes=modes)
+    parsed = parse_questions(questions, link, at, freed, along=along, modes=modes)
     if tabulated and parsed.names:
         raise SceneError(
             "tabulated = True: tables know nothing of the insides of joints, so they answer no questions"

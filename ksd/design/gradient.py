@@ -174,6 +174,7 @@ def gradient(
     questions: str | Iterable[str] = ("force", "support_stiffness", "stress"),
     link: Link | str | None = None,
     at: ArrayLike | None = None,
+    along: ArrayLike | str | None = None,
     freed: str | Iterable[str] | None = None,
     modes: int = 3,
     errors: bool = False,
@@ -204,7 +205,7 @@ def gradient(
     pose that fails; TrustError of a pose that `ksd.solve` would refuse, which strict=False differentiates all the same: then
     `Gradient.refused` has the reason.
     """
-    selected = replace(parse_questions(questions, link, at, freed, modes=modes, errors=False), detailed=True)
+    selected = replace(parse_questions(questions, link, at, freed, along=along, modes=modes), detailed=True)
     recipe = Recipe(
         selected, method=method, accuracy=accuracy, relinearisations=0, mesh=mesh, extrapolate=extrapolate, strict=strict,
         effects=(("effects", effects), ("with_", with_), ("without", without)),

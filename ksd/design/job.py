@@ -143,18 +143,19 @@ class _LoadedSceneFunction:
 class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     """Parameters to vary, targets to maximise or minimise, and limits; see `ksd.optimise`.
 
-    function: of the parameters, returns a mechanism. vary: least and most of every parameter, SI. maximise or minimise: one
-    column of `ksd.sweep`, or several with the scale that divides each; the worst of them over its scale, over all poses and
-    load cases, is the merit; where forces, moments or parasitic motion are minimised, it is their absolute value. limits:
-    the most by column, or (least, most), None for neither, in units of the column; a job with limits alone suffices for
-    `ksd.tolerance`; "size_mm" takes the most along x, y and z. rules: functions of the parameters by name that must not be
-    negative; they are evaluated before a design is solved. link, at, freed, modes, loads, together: as in `ksd.sweep`, and
-    so the drive values [m or rad]; but modes are numbered at every pose from the lowest. method: "full", "reduced", or
-    "conventional", which needs no trained ranges; for the others these are bounds. When None it is "full" where every joint
-    has a record that matches it for all parameters, else "conventional". mesh: when None the default, with as many
-    curvature modes as suffice in the middle of the bounds; where they are too few at an optimum, it prints a warning.
-    extrapolate: as in `ksd.solve`; targets: drive values as a mapping. All answers are those of the equilibrium,
-    independent of the method, so that slopes are theirs. A design that is not stable at a pose has no answers.
+    function: of the parameters, returns a mechanism. vary: least and most of every parameter, SI. maximise or minimise:
+    one column of `ksd.sweep`, or several with the scale that divides each; the worst of them over its scale, over all
+    poses and load cases, is the merit; where forces, moments or parasitic motion are minimised, it is their absolute
+    value. limits: the most by column, or (least, most), None for neither, in units of the column; a job with limits
+    alone suffices for `ksd.tolerance`; "size_mm" takes the most along x, y and z. rules: functions of the parameters by
+    name that must not be negative; they are evaluated before a design is solved. link, at, along, freed, modes, loads,
+    together: as in `ksd.sweep`, and so the drive values [m or rad]; but modes are numbered at every pose from the
+    lowest. method: "full", "reduced", or "conventional", which needs no trained ranges; for the others these are
+    bounds. When None it is "full" where every joint has a record that matches it for all parameters, else
+    "conventional". mesh: when None the default, with as many curvature modes as suffice in the middle of the bounds;
+    where they are too few at an optimum, it prints a warning. extrapolate: as in `ksd.solve`; targets: drive values as
+    a mapping. All answers are those of the equilibrium, independent of the method, so that slopes are theirs. A design
+    that is not stable at a pose has no answers.
 
     Raises SceneError for everything that is wrong before a solve.
     """
@@ -200,6 +201,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         loads: Mapping[str, Sequence[Mapping[str, Any]]] | None = None,
         link: Link | str | None = None,
         at: ArrayLike | None = None,
+        along: ArrayLike | str | None = None,
         freed: str | Sequence[str] | None = None,
         modes: int = 3,
         method: Literal["full", "reduced", "conventional"] | None = None,
@@ -211,7 +213,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     ) -> None:
         self.__dict__["arguments"] = {
             "vary": vary, "maximise": maximise, "minimise": minimise, "limits": limits, "rules": rules, "loads": loads,
-            "link": link, "at": at, "freed": freed, "modes": modes, "method": method, "mesh": mesh,
+            "link": link, "at": at, "along": along, "freed": freed, "modes": modes, "method": method, "mesh": mesh,
             "extrapolate": extrapolate, "together": together, "targets": targets, **drives,
         }  # fmt: skip
         methods = ("full", "reduced", "conventional")
@@ -243,7 +245,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         known = column_questions(scene, modes, released)
         goals = parse_goals(maximise, minimise, limits, known)
         names = tuple(dict.fromkeys(known[goal.column] for goal in goals))
-        questions = replace(parse_questions(names, link, at, freed, modes=modes), detailed=True)
+        questions = replace(parse_questions(names, link, at, freed, along=along, modes=modes), detailed=True)
         check_questions(questions, scene)
         signed = {column for column, question in known.items() if question in SIGNED_QUESTIONS}
         self.__dict__.update(questions=questions, answers=self._answers_at_poses(goals, scene, signed))

@@ -1,7 +1,7 @@
 """Jobs in TOML files, with the arguments of `ksd.Job` and `ksd.optimise` and the keys of the scene.
 
-    [job]              scene = "pivot.toml" (left out where the scene is in this file), link, at, maximise, minimise, limits,
-                       rules = ["70 mm - joint.cross.widths[0]"], freed, modes, method, extrapolate, together
+    [job]              scene = "pivot.toml" (left out where the scene is in this file), link, at, along, maximise, minimise,
+                       limits, rules = ["70 mm - joint.cross.widths[0]"], freed, modes, method, extrapolate, together
     [job.vary]         joint.cross.thickness = ["0.2 mm", "1 mm"]: least and most of a key of the scene; of a list, those of
                        every item that varies: joint.cross.widths = [["10 mm", "60 mm"], "20 mm"]
     [job.drives]       turn = ["0 deg", "15 deg", "30 deg"], or "0deg:30deg:3"; by default the values of the scene
@@ -45,8 +45,9 @@ from ksd.scene.toml_file import read_tables, scene_from_tables
 from ksd.scene.toml_table import Table, error_location, quantity
 
 JOB_KEYS = {
-    "scene": "text", "link": "text", "at": "length[3]", "maximise": "any", "minimise": "any", "limits": "any",
-    "rules": "any", "freed": "any", "modes": "any", "method": "text", "extrapolate": "flag", "together": "flag",
+    "scene": "text", "link": "text", "at": "length[3]", "along": "direction", "maximise": "any", "minimise": "any",
+    "limits": "any", "rules": "any", "freed": "any", "modes": "any", "method": "text", "extrapolate": "flag",
+    "together": "flag",
 }  # fmt: skip
 """Keys of [job] with their kinds, without its tables vary, drives and loads."""
 OPTIMISE_KEYS = {"starts": "any", "method": "text", "robust": "number", "seed": "any"}

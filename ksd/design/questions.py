@@ -11,7 +11,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ksd.checks import boolean, name_hint, names_of, show, similar_name_hint, vector, whole_number, word
+from ksd.checks import (
+    boolean,
+    direction,
+    name_hint,
+    names_of,
+    show,
+    similar_name_hint,
+    vector,
+    whole_number,
+    word,
+)
 from ksd.design.table import label_and_unit
 from ksd.design.tracking import SPARE_MODES, IntermediateModes, Tracks, follow_with_bisection
 from ksd.errors import ConvergenceError, KsdError, SceneError
@@ -50,10 +60,11 @@ class Questions:
     """Questions and their options.
 
     names: of ALL_QUESTIONS. link, at: point of "support_stiffness" and "parasitic", at (3,) [m] undeformed; that of the
-    first drive when None. freed: drives and supports released for "frequencies", all drives when None. modes: number of
-    modes followed in addition to the intended ones. points: stations per leaf spring for "stress". errors: each question
-    is also answered at the equilibrium on a finer mesh. detailed: also the stress of every leaf spring and all principal
-    stiffnesses. is_default: the caller named no questions, so that a state without critical load factors is no failure.
+    first drive when None. along (3,): wanted direction of "parasitic", see `parasitic`. freed: drives and supports
+    released for "frequencies", all drives when None. modes: number of modes followed in addition to the intended ones.
+    points: stations per leaf spring for "stress". errors: each question is also answered at the equilibrium on a finer
+    mesh. detailed: also the stress of every leaf spring and all principal stiffnesses. is_default: the caller named no
+    questions, so that a state without critical load factors is no failure.
     """
 
     names: tuple[str, ...]
@@ -65,6 +76,7 @@ class Questions:
     errors: bool = False
     detailed: bool = False
     is_default: bool = False
+    along: tuple[float, float, float] | None = None
 
     @cached_property
     def has_point_question(self) -> bool:
@@ -93,7 +105,7 @@ class Questions:
         return (
             f"Asked(questions={self.names!r}, link={self.link!r}, at={self.at!r}, freed={self.freed!r}, "
             f"modes={self.modes!r}, points={self.points!r}, errors={self.errors!r}, every={self.detailed!r}, "
-            f"usual={self.is_default!r})"
+            f"usual={self.is_default!r})" + ("" if self.along is None else f", along={self.along!r}")
         )
 
 
@@ -114,7 +126,14 @@ def check_questions(questions: Questions, scene: Any) -> None:
 
 
 def parse_questions(
-    questions: Any, link: Any, at: Any, freed: Any, *, modes: int = 3, errors: bool = False
+    questions: Any,
+    link: Any,
+    at: Any,
+    freed: Any,
+    *,
+    along: Any = None,
+    modes: int = 3,
+    errors: bool = False,
 ) -> Questions:
     """Questions from the arguments of a public function. Raises SceneError for invalid ones."""
     names = names_of(questions, "questions")
@@ -128,7 +147,8 @@ def parse_questions(
     point = None if at is None else vector(at, "at", unit="m")
     let_go = None if freed is None else names_of(freed, "freed")
     name = None if link is None else word(getattr(link, "name", link), "link")
-    return Questions(names, name, point, let_go, modes, errors=boolean(errors, "errors"))
+    wanted = None if along is None else direction(along, "along")
+    return Questions(names, name, point, let_go, modes, errors=boolean(errors, "errors"), along=wanted)
 
 
 def unanswerable_questions(scene: Any, link: str | None = None) -> dict[str, str]:
@@ -297,7 +317,7 @@ def _stress_row(peaks: Mapping[str, PeakStress], questions: Questions) -> Row:
 def _parasitic(pose: Any, questions: Questions) -> Row:
     """Motion of the point and rotation of its link, less what the drives prescribe, see `Configuration.parasitic`."""
     link, at = questions.point(pose.model.scene)
-    motion = parasitic(pose.model, pose.motion, pose.targets, link, at=at)
+    motion = parasitic(pose.model, pose.motion, pose.targets, link, at=at, along=questions.along)
     shift, turn = motion.shift, motion.turn
     row: Row = {f"parasitic_{a}_mm": 1e3 * float(v) for a, v in zip("xyz", shift, strict=True)}
     return row | {f"parasitic_r{a}_mrad": 1e3 * float(v) for a, v in zip("xyz", turn, strict=True)}

@@ -46,6 +46,7 @@ from ksd.errors import KsdError
 from ksd.model.mesh import Mesh
 from ksd.numerics.processes import process_pool, spawn_context
 from ksd.numerics.threads import small_matrices
+from ksd.properties.parasitic import wanted_motion
 from ksd.properties.printing import progress_bar
 from ksd.scene.link import Link
 from ksd.solve.loading_order import Order, check_order
@@ -79,6 +80,7 @@ def sweep(
     questions: str | Iterable[str] | None = None,
     link: Link | str | None = None,
     at: ArrayLike | None = None,
+    along: ArrayLike | str | None = None,
     freed: str | Iterable[str] | None = None,
     modes: int = 3,
     errors: bool = False,
@@ -108,7 +110,8 @@ def sweep(
     "drive_stiffness", "support_stiffness", "frequencies", "stress", "parasitic", "energy", "buckling", "size", "clearance",
     "distance" (those of `Mechanism.distance`); when None all that the mechanism has an answer to, as `ksd report` shows.
     link, at: the point of "support_stiffness" and "parasitic", link and point of the first drive when None
-    (`Configuration.stiffness` takes the reference point of the link). freed: drives released for frequencies (all when
+    (`Configuration.stiffness` takes the reference point of the link). along: direction of the wanted displacement, which
+    alone is removed for "parasitic" then (`Configuration.parasitic`). freed: drives released for frequencies (all when
     None), modes: how many are followed in addition to the intended ones, more where modes cross. errors: a column per
     question with the error of its answers, that of method and mesh, at several times the cost. executor: any
     concurrent.futures.Executor; without one, this process or, for many poses, a pool of processes. method, accuracy, mesh,
@@ -120,7 +123,9 @@ def sweep(
     Raises SceneError for invalid input before any solve; SweepInterrupted (a KeyboardInterrupt with `.table`) on Ctrl-C.
     """
     recipe = Recipe(
-        parse_questions(ALL_QUESTIONS if questions is None else questions, link, at, freed, modes=modes, errors=errors),
+        parse_questions(
+            ALL_QUESTIONS if questions is None else questions, link, at, freed, along=along, modes=modes, errors=errors
+        ),
         method=method, accuracy=accuracy, relinearisations=relinearisations, mesh=mesh, extrapolate=extrapolate,
         strict=strict,
         effects=(("effects", effects), ("with_", with_), ("without", without), *_order_option(order)),
@@ -140,8 +145,10 @@ def sweep(
     recipe = replace(recipe, questions=replace(recipe.questions, names=names, is_default=questions is None))
     finished = ResumeFile(resume, lambda: fingerprint(paths, recipe))
     table = _solve_paths(paths, recipe, finished, name, executor, progress)
-    reasons = ", ".join(f"{question} ({reason})" for question, reason in left_out.items())
-    return replace(table, facts={**table.facts, "left_out": reasons}) if reasons else table
+    facts = {"left_out": ", ".join(f"{question} ({reason})" for question, reason in left_out.items())}
+    if recipe.questions.along is not None and "parasitic" in names:
+        facts["about"] = f"parasitic motion: in addition to {wanted_motion(recipe.questions.along)}"
+    return replace(table, facts={**table.facts, **{k: text for k, text in facts.items() if text}})
 
 
 def _order_option(order: Order) -> tuple[tuple[str, Any], ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
@@ -58,7 +58,7 @@ class Parasitic(PrintableAnswer):
         if self.linear:
             wanted.append(f"what {', '.join(self.linear)} would move in proportion, as at rest")
         if self.along is not None:
-            wanted.append("the wanted displacement along ({:.4g} {:.4g} {:.4g})".format(*self.along))
+            wanted.append(wanted_motion(self.along))
         whole = "all of its motion: no drive moves it"
         size = f"{_format_vector(self.shift, 1e3)} mm, {_format_vector(self.turn, 1e3)} mrad (x y z)"
         return f"'{self.link}' {size}, {'in addition to ' + ' and to '.join(wanted) if wanted else whole}"
@@ -86,6 +86,11 @@ class PivotShift(PrintableAnswer):
 
     def __str__(self) -> str:
         return f"Pivot shift: {self._line()}"
+
+
+def wanted_motion(along: Iterable[float]) -> str:
+    """The wanted displacement in words; along (3,): its direction."""
+    return "the wanted displacement along ({:.4g} {:.4g} {:.4g})".format(*along)
 
 
 def _format_vector(values: Array, factor: float) -> str:

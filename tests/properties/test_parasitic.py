@@ -1,10 +1,15 @@
 """Parasitic motion in linkages of pins and sliders, and of joints that are driven."""
 
+import csv
+
 import numpy as np
 import pytest
 from scenes import STEEL
 
 import ksd
+from ksd.cli import main
+from ksd.cli.sweep import _direction
+from ksd.design.job_file import load_job
 
 
 def test_a_crank_does_not_carry_the_piston_behind_a_rod():
@@ -111,3 +116,65 @@ def test_drives_of_other_links_do_not_prescribe_what_a_stage_does_elsewhere():
     assert table["parasitic_y_mm"][0] == pytest.approx(1e3 * found.shift[1], rel=1e-6)
     # on the carriage itself the drive prescribes its direction
     assert pose.parasitic("by x", at=(-0.1, 0, 0)).drives == ("x",)
+
+
+def guide(thickness=0.3e-3):
+    scene = ksd.Mechanism("guide")
+    stage = scene.link("stage")
+    joint = ksd.ParallelGuide(STEEL, length=0.05, thickness=thickness, width=0.02, spacing=0.04)
+    scene.join(scene.ground, stage, joint, at=(0, 0, 0), axis="z", toward="x")
+    scene.actuate(stage, along="y", at=(0.05, 0, 0), name="drive")
+    return scene
+
+
+ASKED = [("x", "x"), ((1, 1, 0), "1,1,0")]
+COLUMNS = tuple(f"parasitic_{a}_mm" for a in "xyz")
+
+
+@pytest.mark.parametrize(("along", "text"), ASKED, ids=["word", "numbers"])
+def test_the_wanted_direction_serves_sweeps_batches_gradients_and_jobs(along, text, tmp_path, capsys):
+    """All of them tell the motion of a pose less its component along the direction, and the slope of that."""
+    at, words = (0.05, 0, 0), {"questions": "parasitic", "drive": 3e-3}
+    wanted = {"link": "stage", "at": at, "along": along}
+
+    def expected(thickness=0.3e-3):
+        moved = ksd.solve(guide(thickness), drive=3e-3, method="full").displacement("stage", at)
+        axis = np.eye(3)[0] if along == "x" else np.array([1, 1, 0]) / np.sqrt(2)
+        return 1e3 * (moved - axis * (axis @ moved))
+
+    table = ksd.sweep(guide(), **words, **wanted, method="full", progress=False)
+    assert [table[c][0] for c in COLUMNS] == pytest.approx(expected(), abs=1e-9)
+    assert "in addition to the wanted displacement along" in str(table)
+    found = ksd.batch(guide(), **words, **wanted, method="full")
+    assert [found[c][0, 0] for c in COLUMNS] == pytest.approx(expected(), abs=1e-9)
+    job = ksd.Job(guide, vary={"thickness": (2e-4, 4e-4)}, minimise=COLUMNS[:2], drive=3e-3, **wanted)
+    assert job.values([0.3e-3])[:2] == pytest.approx(np.abs(expected()[:2]), rel=1e-4)
+    slopes = ksd.gradient(guide, {"thickness": 0.3e-3}, **words, **wanted, method="full")
+    assert slopes.values[COLUMNS[1]][0] == pytest.approx(job.values([0.3e-3])[1] * np.sign(expected()[1]))
+    file = tmp_path / "guide.toml"
+    ksd.save_scene(guide(), file, targets={"drive": 3e-3})
+    out = tmp_path / "table.csv"
+    command = ["sweep", str(file), "--question", "parasitic", "--link", "stage", "--along", text, "--quiet"]
+    assert main([*command, "--method", "full", "--set", "drive=3mm", "--out", str(out)]) == 0
+    assert "in addition to" in capsys.readouterr().out
+    moved = ksd.solve(guide(), drive=3e-3, method="full").parasitic("stage", along=along)
+    with open(out) as lines:
+        row = next(csv.DictReader(line for line in lines if not line.startswith("#")))
+    assert [float(row[c]) for c in COLUMNS] == pytest.approx(1e3 * moved.shift, abs=1e-9)
+    listed = "'x'" if along == "x" else "[1, 1, 0]"
+    (tmp_path / "job.toml").write_text(
+        "[job]\nscene = 'guide.toml'\nlink = 'stage'\nat = ['50 mm', 0, 0]\nminimise = ['parasitic_x_mm']\n"
+        f"along = {listed}\n[job.vary]\njoint.parallel_guide.thickness = ['0.2 mm', '0.4 mm']\n"
+    )
+    assert load_job(tmp_path / "job.toml").job.questions.along == job.questions.along
+
+
+@pytest.mark.parametrize("call", [ksd.sweep, ksd.batch, ksd.gradient])
+def test_a_direction_that_is_none_is_refused(call):
+    with pytest.raises(ksd.SceneError, match="along"):
+        call(guide(), drive=1e-3, questions="parasitic", along="up")
+
+
+def test_a_direction_on_the_command_line_has_three_numbers():
+    with pytest.raises(ksd.SceneError, match="--along 1,a,0: write x, y, z or three numbers"):
+        _direction("1,a,0")
