@@ -32,8 +32,8 @@ from common import PlainNewton, element_mesh, machine, parse_options, write_json
 from scipy.interpolate import CubicSpline
 
 import ksd
-from ksd.design.prepared_design import PreparedDesign
 from ksd.model.mesh import Mesh
+from ksd.study.prepared_design import PreparedDesign
 from ksd.units import deg
 
 SCENES = Path(ksd.__file__).parent / "scenes"

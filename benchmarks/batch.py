@@ -24,9 +24,9 @@ from floor import one_pass
 
 import ksd
 from ksd.bench.suite import TIP, arm_by_joints, arm_by_location
-from ksd.design.batch import NOT_BUILT
-from ksd.design.prepared_design import PreparedDesign
-from ksd.solve.solver import Solver
+from ksd.solvers.solver import Solver
+from ksd.study.batch import NOT_BUILT
+from ksd.study.prepared_design import PreparedDesign
 from ksd.units import GPa, deg, mm
 
 DESIGNS, POSES = 10_000, 10

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from bench_engines import EngineRow
 
 from ksd.bench.measure import CaseResult, Measurement, is_accurate, machine_facts
-from ksd.solve.steps import percent
+from ksd.solvers.steps import percent
 
 
 @dataclass(frozen=True)

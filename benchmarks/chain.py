@@ -16,8 +16,8 @@ from common import machine, parse_options, time_in_turns, write_json
 
 import ksd
 from ksd.bench.suite import chain
-from ksd.design.prepared_design import PreparedDesign
-from ksd.solve.solver import Solver
+from ksd.solvers.solver import Solver
+from ksd.study.prepared_design import PreparedDesign
 
 JOINTS = (3, 10, 30, 100)
 MAX_RELATIVE_INCREASE = 0.25

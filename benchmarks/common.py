@@ -27,8 +27,8 @@ from ksd.bench.measure import machine_facts
 from ksd.bench.suite import EPS_MAX_VALUES
 from ksd.files import write_file
 from ksd.model.mesh import Mesh
-from ksd.solve.conventional import solve_conventional
-from ksd.solve.storage import NewtonStorage
+from ksd.solvers.conventional import solve_conventional
+from ksd.solvers.storage import NewtonStorage
 from ksd.units import deg, mm
 from ksd.view.figure import new_figure, plain_axes
 

@@ -18,9 +18,9 @@ import numpy as np
 from common import STEEL, machine, parse_options, save_picture, write_json
 
 import ksd
+from ksd.answers.buckling import buckling
 from ksd.model.mesh import Mesh
-from ksd.properties.buckling import buckling
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers.conventional import solve_conventional
 from ksd.units import deg
 from ksd.view.figure import GROUND_COLOR, TEXT_COLOR, label_axes, new_figure, ordered_colors
 

@@ -26,9 +26,9 @@ from ksd.library import find_record
 from ksd.library.record_files import shipped_folder
 from ksd.model.mesh import Mesh
 from ksd.scene import Joint
-from ksd.solve.conventional import solve_conventional
-from ksd.train.catalogue import FAMILY_DESIGNS, design_of
-from ksd.train.family_description import FAMILY_ORIGINS, TYPICAL_RANGES, count_function_parities
+from ksd.solvers.conventional import solve_conventional
+from ksd.training.catalogue import FAMILY_DESIGNS, design_of
+from ksd.training.family_description import FAMILY_ORIGINS, TYPICAL_RANGES, count_function_parities
 from ksd.view import plot_mechanism
 from ksd.view.figure import new_figure
 

@@ -36,9 +36,9 @@ from scenes import single_joint  # noqa: E402
 
 import ksd  # noqa: E402
 from ksd.errors import KsdError  # noqa: E402
-from ksd.solve.branch_check import secant_work  # noqa: E402
-from ksd.solve.conventional import solve_conventional, without_loads_arrays  # noqa: E402
-from ksd.solve.load_steps import state_difference  # noqa: E402
+from ksd.solvers.branch_check import secant_work  # noqa: E402
+from ksd.solvers.conventional import solve_conventional, without_loads_arrays  # noqa: E402
+from ksd.solvers.load_steps import state_difference  # noqa: E402
 
 BATCH = 250
 """Examples of a batch, which is logged when it is finished."""

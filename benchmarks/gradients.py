@@ -22,8 +22,8 @@ from common import STEEL, linkage, machine, parse_options, time_in_turns, write_
 
 import ksd
 from ksd.bench.suite import TIP
-from ksd.design.questions import ALL_QUESTIONS
 from ksd.errors import KsdError
+from ksd.study.questions import ALL_QUESTIONS
 from ksd.units import deg, mm
 
 QUESTIONS = tuple(q for q in ALL_QUESTIONS if q not in ("clearance", "buckling"))

@@ -28,7 +28,7 @@ import ksd  # noqa: E402
 from ksd.errors import ConvergenceError, KsdError  # noqa: E402
 from ksd.model.compile import compile_scene  # noqa: E402
 from ksd.model.mesh import Mesh  # noqa: E402
-from ksd.solve.conventional import solve_conventional  # noqa: E402
+from ksd.solvers.conventional import solve_conventional  # noqa: E402
 
 METHODS: dict[str, dict[str, Any]] = {
     "default": {},

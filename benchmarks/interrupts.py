@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[1]
 LIMIT = 60.0
 TRAIN = """
 import sys, math, ksd
-from ksd.train import train
+from ksd.training import train
 print("ready", flush=True)
 shapes = {"angle": (math.radians(44), math.radians(46)), "width_ratio": (0.9, 1.1)}
 while True:

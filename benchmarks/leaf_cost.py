@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from common import machine, parse_options, time_in_turns, write_json
 
-from ksd.beam import corotational, corotational_values, planar_leaf, strain
-from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS, strain_sizes, strain_values
+from ksd.elements import corotational, corotational_values, planar_leaf, strain
+from ksd.elements.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS, strain_sizes, strain_values
 from ksd.numerics.kernel import kernel
 
 LENGTH = 0.1

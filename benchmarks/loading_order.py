@@ -5,7 +5,7 @@
 Random planar mechanisms of four kinds (guides of three unequal leaf springs, two stages in series, a pivot with a heavy arm,
 three leaf springs in a row), with weight in a random direction, one drive, a stroke up to .3 of a leaf spring. Each is
 solved with drives and loads together, and followed by arc length in both orders. Tabulated: trusted answers whose orders end
-apart, or meet a singular point on one way, by the compression over pi^2 EI / L^2 (`ksd.solve.loading_order.compression`);
+apart, or meet a singular point on one way, by the compression over pi^2 EI / L^2 (`ksd.solvers.loading_order.compression`);
 and the share of scenes that is followed at several bounds. Prints the table, writes loading_order.json.
 """
 
@@ -19,9 +19,9 @@ import numpy as np
 from common import machine, parse_options, write_json
 
 import ksd
-from ksd.solve import loading_order
-from ksd.solve.conventional import solve_conventional
-from ksd.solve.load_steps import state_difference
+from ksd.solvers import loading_order
+from ksd.solvers.conventional import solve_conventional
+from ksd.solvers.load_steps import state_difference
 
 STEEL = ksd.Material(E=200e9, nu=0.3, density=7800)
 MESH = ksd.Mesh(orders=(3, 2, 7), points=12)

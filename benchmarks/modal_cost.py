@@ -32,16 +32,16 @@ from paper2_tangent import tangent_solve
 from reduced_solids import LoadedFace, load_face, press_reduced
 
 import ksd
-from ksd.beam.modal import factor_dense, modal_recover, modal_sizes, solve_dense
-from ksd.beam.polynomial_solid import polynomial_condense
+from ksd.elements.modal import factor_dense, modal_recover, modal_sizes, solve_dense
+from ksd.elements.polynomial_solid import polynomial_condense
 from ksd.modal import ModalBasis, with_modal_bodies
 from ksd.modal.leaf_basis import _cached_undeformed_basis
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import SolidBasis, reduce_solid
 from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
-from ksd.solve.configuration import Configuration
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers.configuration import Configuration
+from ksd.solvers.conventional import solve_conventional
 
 LENGTH, STROKE = 0.1, np.deg2rad(45.0)
 DIRECTIONS = ("x", "y", "z", "rx", "ry")

@@ -28,9 +28,9 @@ from ksd.modal.solid_basis import SolidBasis, reduce_solid
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.section import rectangle
-from ksd.solve.conventional import solve_conventional
-from ksd.solve.full_bodies import error_indicator
-from ksd.solve.method_error import relative_error
+from ksd.solvers.conventional import solve_conventional
+from ksd.solvers.full_bodies import error_indicator
+from ksd.solvers.method_error import relative_error
 
 BASES = (PRINTED, replace(PRINTED, internal=1), replace(PRINTED, frame="chord"), replace(DEFAULT, internal=0))
 CORRECTORS = (1, 2, 3, 4, None)

@@ -19,10 +19,10 @@ import numpy as np
 from common import STEEL, machine, parse_options, write_json
 
 import ksd
-from ksd.design.design_log import DesignLog
-from ksd.design.scaled_problem import ScaledProblem
 from ksd.errors import KsdError
-from ksd.train.catalogue import FAMILY_DESIGNS, design_of
+from ksd.optimisation.design_log import DesignLog
+from ksd.optimisation.scaled_problem import ScaledProblem
+from ksd.training.catalogue import FAMILY_DESIGNS, design_of
 from ksd.units import mm
 
 SAME_MERIT = 1e-3

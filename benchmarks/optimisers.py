@@ -23,9 +23,9 @@ from gradients import SIDES, fourbar, pivot_job
 from scipy.optimize import minimize
 
 import ksd
-from ksd.design.design_log import DesignLog
-from ksd.design.optimise import optimise_from
-from ksd.design.scaled_problem import ScaledProblem
+from ksd.optimisation.design_log import DesignLog
+from ksd.optimisation.optimise import optimise_from
+from ksd.optimisation.scaled_problem import ScaledProblem
 from ksd.units import mm
 from ksd.view.figure import LINE_COLORS
 

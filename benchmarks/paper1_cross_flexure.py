@@ -21,7 +21,7 @@ from common import (
 )
 
 import ksd
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers.conventional import solve_conventional
 from ksd.units import deg, mm
 from ksd.view.figure import FAINT_COLOR, TEXT_COLOR, ordered_colors
 

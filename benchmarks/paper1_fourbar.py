@@ -27,8 +27,8 @@ from common import (
 )
 
 import ksd
-from ksd.solve.conventional import solve_conventional
-from ksd.solve.solver import Method
+from ksd.solvers.conventional import solve_conventional
+from ksd.solvers.solver import Method
 from ksd.view.figure import GROUND_COLOR, LEAF_COLOR, LINE_COLORS, ordered_colors
 
 COLORS = {"plain": GROUND_COLOR, "mip": LINE_COLORS[3], "step 3": LINE_COLORS[2], "step 5": LEAF_COLOR}

@@ -47,7 +47,7 @@ from ksd.modal.leaf_bodies import chain_shape
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.numerics.reduction import craig_bampton, modal_derivatives
-from ksd.solve.configuration import Configuration
+from ksd.solvers.configuration import Configuration
 from ksd.view.figure import FAINT_COLOR, LINE_COLORS
 
 PLANE = (0, 1, 5)
@@ -92,7 +92,7 @@ def beam_modes() -> dict[str, Any]:
 
 def projected_path(basis: np.ndarray, load: float) -> np.ndarray:
     """Tip path of eq. 10: K R eta = R^T F for a tip load [EI/L^2], displacements (11, 2) m, Newton in load steps."""
-    from ksd.beam.modal import chain_tangent
+    from ksd.elements.modal import chain_tangent
 
     record, _ = chain()
     orientation, first = np.tile(np.eye(3).ravel(), (11, 1)), np.arange(10)

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 import ksd
+from ksd.answers.stiffness import point_stiffness
 from ksd.modal import ModalBasis, with_modal_bodies
 from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
-from ksd.properties.stiffness import point_stiffness
 from ksd.section import rectangle
-from ksd.solve.configuration import Configuration
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers.configuration import Configuration
+from ksd.solvers.conventional import solve_conventional
 
 STEEL = ksd.Material(E=200e9, G=76.9e9, density=7800)
 L, W, T = 0.1, 0.02, 0.5e-3

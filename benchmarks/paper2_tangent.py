@@ -14,14 +14,14 @@ import numpy as np
 from paper2_cases import CASES, L
 
 import ksd
+from ksd.answers.stiffness import point_stiffness
 from ksd.modal import ModalBasis, with_modal_bodies
 from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
 from ksd.numerics.stopwatch import Stopwatch
-from ksd.properties.stiffness import point_stiffness
-from ksd.solve.configuration import Configuration
-from ksd.solve.conventional import solve_conventional
-from ksd.solve.steps import Step, Stop
+from ksd.solvers.configuration import Configuration
+from ksd.solvers.conventional import solve_conventional
+from ksd.solvers.steps import Step, Stop
 
 BASIS = ModalBasis(frame="node", internal=0)
 STEEL = ksd.Material(E=200e9, G=200e9 / 2.6, density=7800)

@@ -19,9 +19,9 @@ from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.model.newton import NewtonResult, solve_equilibrium
 from ksd.model.plane import Plane, plane_of
-from ksd.solve.conventional import solve_conventional
-from ksd.solve.load_steps import LoadPath, take_load_steps
-from ksd.solve.storage import NewtonStorage
+from ksd.solvers.conventional import solve_conventional
+from ksd.solvers.load_steps import LoadPath, take_load_steps
+from ksd.solvers.storage import NewtonStorage
 
 MESHES = {
     "strain-mode leaves": Mesh(),

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ksd.beam.modal import modal_recover, modal_sizes
-from ksd.beam.polynomial_solid import polynomial_condense
+from ksd.elements.modal import modal_recover, modal_sizes
+from ksd.elements.polynomial_solid import polynomial_condense
 from ksd.errors import ConvergenceError
 from ksd.modal.solid import Solid
 from ksd.modal.solid_basis import SolidBasis

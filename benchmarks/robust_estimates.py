@@ -21,8 +21,8 @@ import numpy as np
 import ksd
 from ksd.errors import KsdError
 from ksd.modal import ModalBasis
-from ksd.solve.method_error import relative_error
-from ksd.train.catalogue import FAMILY_DESIGNS
+from ksd.solvers.method_error import relative_error
+from ksd.training.catalogue import FAMILY_DESIGNS
 
 HINGES = (
     "cross_flexure", "crossed_pivot", "balanced_crossed_pivot", "cartwheel", "butterfly", "infinity_hinge",

@@ -27,12 +27,12 @@ sys.path[:0] = [str(ROOT / "tests" / "library"), str(ROOT)]
 from test_hostile_files import POINTS, stiffness  # noqa: E402
 
 import ksd  # noqa: E402
-from ksd.design import Table  # noqa: E402
-from ksd.design.resume import ResumeFile  # noqa: E402
 from ksd.errors import KsdError  # noqa: E402
 from ksd.library import read_record, read_result  # noqa: E402
 from ksd.library.record_files import shipped_folder  # noqa: E402
 from ksd.library.result_files import write_result  # noqa: E402
+from ksd.study import Table  # noqa: E402
+from ksd.study.resume import ResumeFile  # noqa: E402
 
 CHECKSUMMED = {"record", "table", "result"}
 

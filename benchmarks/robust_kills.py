@@ -19,9 +19,9 @@ sys.path[:0] = [str(ROOT / "tests" / "library"), str(ROOT / "tests"), str(ROOT)]
 
 from test_damage import SMALLEST, all_refused, killed_training  # noqa: E402
 
-from ksd.design import Table  # noqa: E402
 from ksd.library import read_record, read_result  # noqa: E402
 from ksd.library.result_files import write_result  # noqa: E402
+from ksd.study import Table  # noqa: E402
 
 
 def main() -> int:

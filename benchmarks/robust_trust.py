@@ -19,7 +19,7 @@ from scipy.integrate import solve_bvp
 
 import ksd
 from ksd.errors import KsdError
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers.conventional import solve_conventional
 
 E, NU = 200e9, 0.3
 ACCURACY = 1e-3

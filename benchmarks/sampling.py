@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import nnls
 
-from ksd.beam.modal import ELEMENT_SCRATCH_SIZE
-from ksd.beam.modal_nodes import element_values
+from ksd.elements.modal import ELEMENT_SCRATCH_SIZE
+from ksd.elements.modal_nodes import element_values
 from ksd.errors import SceneError
 from ksd.modal.leaf_basis import LeafBasis
 from ksd.model.arrays import State

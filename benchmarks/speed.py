@@ -33,7 +33,7 @@ from speed_report import insert_table, markdown, picture, readme_table
 from start_up import start_up
 
 import ksd
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers.conventional import solve_conventional
 
 TARGETS = {"top": STROKE}
 WARM_UP_ROUNDS = 2

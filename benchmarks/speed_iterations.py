@@ -16,9 +16,9 @@ import ksd
 from ksd.model.arrays import Arrays, State, Workspace, make_workspace
 from ksd.model.newton import RTOL, assemble, solve_equilibrium, take_step
 from ksd.numerics.blocks import backward_blocks, factor_blocks, solve_blocks
-from ksd.solve.five_step_solver import CLOSURE_TOLERANCE
-from ksd.solve.five_steps import run_five_steps
-from ksd.solve.steps import MAX_TURN_PER_STEP
+from ksd.solvers.five_step_solver import CLOSURE_TOLERANCE
+from ksd.solvers.five_steps import run_five_steps
+from ksd.solvers.steps import MAX_TURN_PER_STEP
 
 TARGET = np.array([STROKE])
 WARM_UP_ROUNDS = 3

@@ -21,7 +21,7 @@ from robust_estimates import JOINTED, equilibrium_near, frame, random_mesh, repo
 
 import ksd
 from ksd.errors import KsdError
-from ksd.solve.method_error import relative_error
+from ksd.solvers.method_error import relative_error
 
 REFERENCE_MESH = ksd.Mesh(orders=(8, 7, 12), points=16)
 REPEATS = 5

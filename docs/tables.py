@@ -15,13 +15,13 @@ from validated import write_validated
 
 import ksd
 import ksd.view
+from ksd.answers.printing import PrintableAnswer
 from ksd.cli.commands import parser
 from ksd.cli.solve import OPTIONS
-from ksd.design import job_file
-from ksd.properties.printing import PrintableAnswer
+from ksd.optimisation import job_file
 from ksd.scene import toml_schema as schema
 from ksd.scene.toml_schema import SHAPE_CLASSES
-from ksd.solve.configuration import INSIDE
+from ksd.solvers.configuration import INSIDE
 from ksd.units import DIMENSIONS
 
 REFERENCE = {
@@ -51,14 +51,14 @@ REFERENCE = {
     ),
     "Answers": (
         "What questions to a `Configuration` return: each prints as a table and holds arrays in SI units.",
-        "properties.stiffness.PointStiffness properties.stiffness.DriveStiffness properties.frequencies.Modes "
-        "properties.buckling.Buckling properties.stress.Stress properties.stress.LeafStress properties.strength.Strength "
-        "properties.parasitic.Parasitic properties.parasitic.PivotShift properties.forces.SectionForces "
-        "properties.forces.InterfaceForces properties.forces.InterfaceForce properties.link_forces.LinkForces "
-        "properties.link_forces.LinkForce properties.internal_stress.Misplaced properties.extent.Clearance "
-        "properties.verify.Verification properties.doctor.Diagnosis properties.plant.Plant solve.response.Response "
-        "solve.random_vibration.RandomVibration solve.shock.Shock "
-        "design.frequency_curve.FrequencyCurve design.state_space.StateSpace",
+        "answers.stiffness.PointStiffness answers.stiffness.DriveStiffness answers.frequencies.Modes "
+        "answers.buckling.Buckling answers.stress.Stress answers.stress.LeafStress answers.strength.Strength "
+        "answers.parasitic.Parasitic answers.parasitic.PivotShift answers.forces.SectionForces "
+        "answers.forces.InterfaceForces answers.forces.InterfaceForce answers.link_forces.LinkForces "
+        "answers.link_forces.LinkForce answers.internal_stress.Misplaced answers.extent.Clearance "
+        "answers.verify.Verification answers.doctor.Diagnosis answers.plant.Plant solvers.response.Response "
+        "solvers.random_vibration.RandomVibration solvers.shock.Shock "
+        "study.frequency_curve.FrequencyCurve study.state_space.StateSpace",
     ),
     "Pictures": (
         "Drawn with matplotlib, without a display; `Configuration.plot`, `Table.plot` and `Configuration.view` call them.",
@@ -76,7 +76,7 @@ REFERENCE = {
     ),
 }
 """Page of the reference: what it is about, and the public names on it."""
-CALLED = {"solve": "ksd.solve.solver.solve", "train": "ksd.train.run.train"}
+CALLED = {"solve": "ksd.solvers.solver.solve", "train": "ksd.training.run.train"}
 """Packages that can be called: the function that answers."""
 
 
@@ -96,7 +96,9 @@ def without_page() -> set[str]:
     """Public names that are on no page of the reference: those of `ksd` and `ksd.view`, and every class of answers."""
     named = {name for _, names in REFERENCE.values() for name in names.split()}
     for module in pkgutil.walk_packages(ksd.__path__, "ksd."):
-        if module.name.startswith(("ksd.properties", "ksd.design", "ksd.solve")):
+        if module.name.startswith(
+            ("ksd.answers", "ksd.study", "ksd.optimisation", "ksd.rest_shapes", "ksd.solvers")
+        ):
             import_module(module.name)
     own = {pkgutil.resolve_name(f"ksd.{name}") for name in named}
     answers = {

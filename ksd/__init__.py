@@ -42,23 +42,24 @@ _HOMES = {
     "ksd.model.mesh": ("Mesh",),
     "ksd.modal.choices": ("ModalBasis",),
     "ksd.model.compile": ("Model", "compile_scene"),
-    "ksd.solve.solver": ("Solver", "prepare"),
-    "ksd.solve.configuration": ("Configuration",),
-    "ksd.solve.path": ("Path", "follow"),
-    "ksd.solve.required_loads": ("RequiredLoads", "required_loads"),
-    "ksd.properties.doctor": ("doctor",),
-    "ksd.train.designs": ("Design",),
-    "ksd.design": ("Batch", "SweepInterrupted", "Table", "batch", "frequency_curve", "state_space", "sweep"),
+    "ksd.solvers.solver": ("Solver", "prepare", "solve"),
+    "ksd.solvers.configuration": ("Configuration",),
+    "ksd.solvers.path": ("Path", "follow"),
+    "ksd.solvers.required_loads": ("RequiredLoads", "required_loads"),
+    "ksd.answers.doctor": ("doctor",),
+    "ksd.training": ("train",),
+    "ksd.training.designs": ("Design",),
+    "ksd.study": ("Batch", "SweepInterrupted", "Table", "batch", "frequency_curve", "state_space", "sweep"),
     "ksd.bench.compare": ("compare",),
-    "ksd.design.gradient": ("Gradient", "gradient"),
-    "ksd.design.job": ("Job",),
-    "ksd.design.job_file": ("JobFile", "load_job"),
-    "ksd.design.optimise": ("optimise",),
-    "ksd.design.optimum": ("Optimum",),
-    "ksd.design.pareto": ("Choice", "Front", "choose", "pareto"),
-    "ksd.design.rest_result": ("RestShape",),
-    "ksd.design.rest_shape": ("rest_shape",),
-    "ksd.design.tolerance": ("Tolerance", "tolerance"),
+    "ksd.study.gradient": ("Gradient", "gradient"),
+    "ksd.optimisation.job": ("Job",),
+    "ksd.optimisation.job_file": ("JobFile", "load_job"),
+    "ksd.optimisation.optimise": ("optimise",),
+    "ksd.optimisation.optimum": ("Optimum",),
+    "ksd.optimisation.pareto": ("Choice", "Front", "choose", "pareto"),
+    "ksd.rest_shapes.rest_result": ("RestShape",),
+    "ksd.rest_shapes.rest_shape": ("rest_shape",),
+    "ksd.optimisation.tolerance": ("Tolerance", "tolerance"),
     "ksd.library": ("Parameter", "Record", "find_record", "read_result"),
 }  # fmt: skip
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
@@ -78,26 +79,20 @@ __all__ = [
 ]  # fmt: skip
 
 if TYPE_CHECKING:
+    from ksd.answers.doctor import doctor
     from ksd.bench.compare import compare
-    from ksd.design import Batch, SweepInterrupted, Table
-    from ksd.design.batch import batch
-    from ksd.design.frequency_curve import frequency_curve
-    from ksd.design.gradient import Gradient, gradient
-    from ksd.design.job import Job
-    from ksd.design.job_file import JobFile, load_job
-    from ksd.design.optimise import optimise
-    from ksd.design.optimum import Optimum
-    from ksd.design.pareto import Choice, Front, choose, pareto
-    from ksd.design.rest_result import RestShape
-    from ksd.design.rest_shape import rest_shape
-    from ksd.design.state_space import state_space
-    from ksd.design.sweep import sweep
-    from ksd.design.tolerance import Tolerance, tolerance
     from ksd.library import Parameter, Record, find_record, read_result
     from ksd.modal.choices import ModalBasis
     from ksd.model.compile import Model, compile_scene
     from ksd.model.mesh import Mesh
-    from ksd.properties.doctor import doctor
+    from ksd.optimisation.job import Job
+    from ksd.optimisation.job_file import JobFile, load_job
+    from ksd.optimisation.optimise import optimise
+    from ksd.optimisation.optimum import Optimum
+    from ksd.optimisation.pareto import Choice, Front, choose, pareto
+    from ksd.optimisation.tolerance import Tolerance, tolerance
+    from ksd.rest_shapes.rest_result import RestShape
+    from ksd.rest_shapes.rest_shape import rest_shape
     from ksd.scene import (
         Arc,
         ArcHinge,
@@ -136,17 +131,33 @@ if TYPE_CHECKING:
     from ksd.scene.motion import HalfSine
     from ksd.scene.toml_file import load_scene, save_scene
     from ksd.section import Section, circle, numbers, polygon, rectangle, tube
-    from ksd.solve.configuration import Configuration
-    from ksd.solve.path import Path, follow
-    from ksd.solve.required_loads import RequiredLoads, required_loads
-    from ksd.solve.solver import Solver, prepare, solve
-    from ksd.train import train
-    from ksd.train.designs import Design
+    from ksd.solvers.configuration import Configuration
+    from ksd.solvers.path import Path, follow
+    from ksd.solvers.required_loads import RequiredLoads, required_loads
+    from ksd.solvers.solver import Solver, prepare, solve
+    from ksd.study import Batch, SweepInterrupted, Table
+    from ksd.study.batch import batch
+    from ksd.study.frequency_curve import frequency_curve
+    from ksd.study.gradient import Gradient, gradient
+    from ksd.study.state_space import state_space
+    from ksd.study.sweep import sweep
+    from ksd.training import train
+    from ksd.training.designs import Design
 
 
-_ROOMS = ("bench", "design", "library", "modal", "scene", "solve", "train", "view")
-"""Packages of this one that can be reached without an import of their own, such as ksd.view.write_pvd; `ksd.solve` and
-`ksd.train` can be called (`ksd.packages`)."""
+_ROOMS = (
+    "answers",
+    "bench",
+    "library",
+    "modal",
+    "optimisation",
+    "scene",
+    "solvers",
+    "study",
+    "training",
+    "view",
+)
+"""Packages of this one that can be reached without an import of their own, such as ksd.view.write_pvd."""
 
 
 def __getattr__(name: str) -> Any:

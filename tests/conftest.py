@@ -20,7 +20,7 @@ def pytest_configure(config):
         return
     tests = Path(__file__).parent
     parts = [[sys.executable, tests / "kernels.py", part] for part in ("equilibrium", "joints")]
-    # these two are enough (`ksd.solve.precompile`)
+    # these two are enough (`ksd.solvers.precompile`)
     given = environment(tests, NUMBA_NUM_THREADS="1")
     for process in [subprocess.Popen(part, env=given) for part in parts]:
         assert process.wait() == 0, "kernels.py does not run"

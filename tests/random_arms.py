@@ -5,18 +5,18 @@ from typing import NamedTuple
 import numpy as np
 
 import ksd
+from ksd.answers.buckling import buckling, twice_finer_state, uncondensed_tangents
+from ksd.answers.finer_model import finer_state
+from ksd.answers.frequencies import frequencies
+from ksd.answers.leaf_groups import leaf_groups
+from ksd.answers.mass import assemble_inertia as inertia_of
+from ksd.answers.stiffness import drive_stiffness, point_stiffness
+from ksd.answers.tangent import assemble_and_factor, assemble_tangent, factor_tangent
 from ksd.errors import KsdError
 from ksd.numerics.indefinite import equilibration, negative_inertia, solve_scaled
-from ksd.properties.buckling import buckling, twice_finer_state, uncondensed_tangents
-from ksd.properties.finer_model import finer_state
-from ksd.properties.frequencies import frequencies
-from ksd.properties.leaf_groups import leaf_groups
-from ksd.properties.mass import assemble_inertia as inertia_of
-from ksd.properties.stiffness import drive_stiffness, point_stiffness
-from ksd.properties.tangent import assemble_and_factor, assemble_tangent, factor_tangent
 from ksd.scene.families.universal import UniversalJoint
-from ksd.solve.conventional import solve_conventional
-from ksd.train.catalogue import FAMILY_DESIGNS, design_of
+from ksd.solvers.conventional import solve_conventional
+from ksd.training.catalogue import FAMILY_DESIGNS, design_of
 
 STEEL = ksd.Material(E=200e9, G=76.9e9, density=7850.0)
 FAMILIES = tuple(FAMILY_DESIGNS)

@@ -234,7 +234,7 @@ def test_info_of_every_family(capsys):
     """Source, symmetry, closed form, ranges, evidence and errors on fresh shapes are printed for all that ships."""
     from ksd.library import describe_database
     from ksd.scene import joint_families
-    from ksd.train.catalogue import FAMILY_DESIGNS
+    from ksd.training.catalogue import FAMILY_DESIGNS
 
     shipped = {entry.family for entry in describe_database()}
     assert shipped >= set(FAMILY_DESIGNS)
@@ -573,12 +573,12 @@ def test_streams_that_are_closed_or_full(shell, tmp_path):
 def test_interrupting_a_sweep_says_how_to_go_on(scene, capsys, monkeypatch, tmp_path, resume):
     monkeypatch.chdir(tmp_path)
 
-    import_module("ksd.design.sweep")
+    import_module("ksd.study.sweep")
 
     def stop(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(sys.modules["ksd.design.sweep"], "run_path", stop)
+    monkeypatch.setattr(sys.modules["ksd.study.sweep"], "run_path", stop)
     argv = ["sweep", scene(), "--set", "turn=0deg:5deg:3", "--out", "a.csv", "--quiet", *resume]
     said = ("kept.jsonl", "same command") if resume else ("--resume",)
     assert main(argv) == 130
@@ -616,7 +616,7 @@ def test_table_of_effects_never_cuts_a_number_off(capsys, keys):
     from types import SimpleNamespace
 
     from ksd.cli.effects import _print
-    from ksd.design.effect_cost import EffectCost
+    from ksd.study.effect_cost import EffectCost
 
     off = {f"support stiffness {i}": 1.0 for i in range(keys)}
     on = dict.fromkeys(off, 0.98765)
@@ -628,7 +628,7 @@ def test_table_of_effects_never_cuts_a_number_off(capsys, keys):
 
 
 def test_help_begins_with_two_commands_and_names_every_exit_code_and_method(capsys):
-    from ksd.solve.solver import METHODS
+    from ksd.solvers.solver import METHODS
 
     with pytest.raises(SystemExit):
         main(["--help"])

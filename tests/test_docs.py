@@ -14,10 +14,10 @@ from readable import assert_readable
 
 from ksd.cli.commands import parser
 from ksd.cli.schema import schema_text
-from ksd.solve.five_step_solver import LOOSE_CLOSURE_TOLERANCE
-from ksd.solve.nonconservative_stability import MAX_DAMPED_SKEW_SHARE
-from ksd.solve.solver import DEFAULT_ACCURACY
-from ksd.train.softness import SOFTENING_FACTOR
+from ksd.solvers.five_step_solver import LOOSE_CLOSURE_TOLERANCE
+from ksd.solvers.nonconservative_stability import MAX_DAMPED_SKEW_SHARE
+from ksd.solvers.solver import DEFAULT_ACCURACY
+from ksd.training.softness import SOFTENING_FACTOR
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGES = sorted(

@@ -15,15 +15,15 @@ import pytest
 from scenes import STEEL, fourbar, guided_leaf, single_joint
 
 import ksd
-from ksd.bodies.joint_poses import pose_from_polynomials
+from ksd.joints.joint_poses import pose_from_polynomials
 from ksd.modal import ModalBasis, with_modal_bodies
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import reduce_solid
 from ksd.model.assembly import skip_add_weight, skip_leaf_gravity, skip_set_gravity
 from ksd.model.compile import compile_scene
 from ksd.model.newton import _skip_rotate_gravity, _skip_springs, _skip_step_correction
-from ksd.solve import joint_tables
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers import joint_tables
+from ksd.solvers.conventional import solve_conventional
 
 pytestmark = pytest.mark.plain
 INTERPRETED = os.environ.get("NUMBA_DISABLE_JIT") == "1"

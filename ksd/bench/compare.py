@@ -11,23 +11,23 @@ from typing import Any
 
 import numpy as np
 
+from ksd.answers.printing import progress_bar
 from ksd.bench.measure import quartiles, reference_configuration, round_count, time_in_turns
 from ksd.bench.suite import REFERENCE_MESH, raise_not_run
 from ksd.checks import clear_argument_errors, name_hint, names_of, show, whole_number
-from ksd.design.arguments import check_solve_options
-from ksd.design.questions import EFFORT_SUFFIX
-from ksd.design.table import OK, STATUS, Table
 from ksd.errors import KsdError, SceneError
 from ksd.modal.choices import ModalBasis
 from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
-from ksd.properties.printing import progress_bar
 from ksd.scene import Mechanism, Scene
-from ksd.solve.answer import drive_kind
-from ksd.solve.configuration import Configuration
-from ksd.solve.conventional import solve_conventional
-from ksd.solve.solver import Solver, given_values, solve
-from ksd.solve.steps import percent
+from ksd.solvers.answer import drive_kind
+from ksd.solvers.configuration import Configuration
+from ksd.solvers.conventional import solve_conventional
+from ksd.solvers.solver import Solver, given_values, solve
+from ksd.solvers.steps import percent
+from ksd.study.arguments import check_solve_options
+from ksd.study.questions import EFFORT_SUFFIX
+from ksd.study.table import OK, STATUS, Table
 
 ESTIMATE = "error estimate"
 """Name of the solver step that computes the error estimate."""

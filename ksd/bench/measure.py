@@ -23,10 +23,10 @@ from ksd.bench.suite import REFERENCE_MESH, Case, Variant, case_variants
 from ksd.errors import ConvergenceError, KsdError
 from ksd.library.result_files import json_object
 from ksd.model.compile import Model, compile_scene
-from ksd.solve.configuration import Configuration
-from ksd.solve.conventional import solve_conventional
-from ksd.solve.solver import Solver
-from ksd.solve.steps import percent
+from ksd.solvers.configuration import Configuration
+from ksd.solvers.conventional import solve_conventional
+from ksd.solvers.solver import Solver
+from ksd.solvers.steps import percent
 from ksd.version import __version__
 
 WARM_UP_ROUNDS = 2

@@ -22,10 +22,10 @@ from ksd.model.mesh import Mesh
 from ksd.scene import CrossFlexure, Material, Mechanism
 from ksd.scene.families.guide import ParallelGuide
 from ksd.scene.toml_file import load_scene
-from ksd.solve.configuration import Configuration
-from ksd.solve.conventional import solve_conventional
-from ksd.solve.solver import Method, Solver
-from ksd.solve.storage import NewtonStorage
+from ksd.solvers.configuration import Configuration
+from ksd.solvers.conventional import solve_conventional
+from ksd.solvers.solver import Method, Solver
+from ksd.solvers.storage import NewtonStorage
 from ksd.units import GPa, deg, mm
 
 Targets = dict[str, float]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
+from ksd.answers.doctor import doctor
 from ksd.cli.output import STDOUT, check_json, console, write_json
-from ksd.properties.doctor import doctor
 from ksd.scene.toml_file import load_scene
 
 

@@ -9,13 +9,13 @@ from typing import Any
 from rich import box
 from rich.table import Table
 
+from ksd.answers.printing import format_signed_percent
 from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.cli.solve import load_with_options
-from ksd.design.effect_cost import EffectCost, effect_cost
 from ksd.library.result_files import json_object
+from ksd.model.chosen_effects import EffectChoice
 from ksd.model.description import effect_reason
-from ksd.model.effects import EffectChoice
-from ksd.properties.printing import format_signed_percent
+from ksd.study.effect_cost import EffectCost, effect_cost
 from ksd.view.effect_cost_plot import plot_effect_cost
 from ksd.view.figure import new_figure, save_figure
 

@@ -15,8 +15,8 @@ from ksd.cli.output import console
 from ksd.errors import RecordError, SceneError
 from ksd.library import describe_database, read_record, record_folders
 from ksd.scene import joint_families
-from ksd.train import check_probes, design_of, known_designs
-from ksd.train.family_description import count_function_parities, describe_family
+from ksd.training import check_probes, design_of, known_designs
+from ksd.training.family_description import count_function_parities, describe_family
 
 _PER_RADIAN = 180 / math.pi
 _UNITS = {

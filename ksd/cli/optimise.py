@@ -16,13 +16,13 @@ from ksd.cli.output import (
     write_table,
 )
 from ksd.cli.solve import number_or_text
-from ksd.design.job_file import load_job
-from ksd.design.optimise import optimise
-from ksd.design.table import Table
 from ksd.errors import ConvergenceError, SceneError
 from ksd.files import check_target
+from ksd.optimisation.job_file import load_job
+from ksd.optimisation.optimise import optimise
 from ksd.scene.formula import si_value
 from ksd.scene.toml_file import save_scene
+from ksd.study.table import Table
 
 
 def run(options: argparse.Namespace) -> int:

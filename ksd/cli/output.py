@@ -11,10 +11,10 @@ from typing import Any
 
 from rich.console import Console
 
+from ksd.answers.printing import TABLE_WIDTH
 from ksd.errors import ConvergenceError, SceneError
 from ksd.files import check_target
 from ksd.library.result_files import write_result
-from ksd.properties.printing import TABLE_WIDTH
 from ksd.view.figure import check_picture
 
 STDOUT = "-"

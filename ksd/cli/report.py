@@ -13,12 +13,12 @@ import numpy as np
 
 from ksd.cli.output import console, interrupt_message, require_answers
 from ksd.cli.solve import effect_options, load_with_options, merged_options, solve_warm
-from ksd.design.questions import ALL_QUESTIONS, unanswerable_questions
-from ksd.design.report_page import ComparedSolve, report_page
-from ksd.design.sweep import sweep
 from ksd.errors import KsdError, SceneError
 from ksd.files import check_target, write_file
-from ksd.solve.solver import prepare
+from ksd.pages.report_page import ComparedSolve, report_page
+from ksd.solvers.solver import prepare
+from ksd.study.questions import ALL_QUESTIONS, unanswerable_questions
+from ksd.study.sweep import sweep
 
 
 def run(options: argparse.Namespace) -> int:

@@ -7,8 +7,8 @@ import json
 import sys
 
 from ksd.cli.solve import OPTIONS
-from ksd.design.job_file import JOB_KEYS, OPTIMISE_KEYS
 from ksd.files import write_file
+from ksd.optimisation.job_file import JOB_KEYS, OPTIMISE_KEYS
 from ksd.scene.json_schema import json_schema
 
 

@@ -15,7 +15,7 @@ from ksd.scene import Scene
 from ksd.scene.plausibility import likely_unit
 from ksd.scene.toml_file import load_scene
 from ksd.scene.toml_table import quantity
-from ksd.solve.solver import solve
+from ksd.solvers.solver import solve
 from ksd.units import DIMENSIONS
 
 OPTIONS = {

@@ -17,8 +17,8 @@ from ksd.cli.output import (
     write_table,
 )
 from ksd.cli.solve import chosen_mesh, drive_value, effect_options, load_with_options, merged_options
-from ksd.design.sweep import sweep
 from ksd.errors import SceneError
+from ksd.study.sweep import sweep
 
 
 def run(options: argparse.Namespace) -> int:

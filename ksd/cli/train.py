@@ -16,8 +16,8 @@ from ksd.cli.output import console, interrupt_message
 from ksd.errors import RecordError
 from ksd.library import find_record
 from ksd.library.record_files import RECORD_SUFFIX, find_record_file, lookup_hint
-from ksd.train import known_designs, train, up_to_date
-from ksd.train.run import record_path
+from ksd.training import known_designs, train, up_to_date
+from ksd.training.run import record_path
 
 ROUNDING = 2e-9
 """Largest difference of coefficients (ten decimals) that rounding on another machine may cause."""

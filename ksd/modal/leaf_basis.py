@@ -14,8 +14,8 @@ from itertools import permutations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ksd.beam.modal import chain_tangent
-from ksd.beam.modal_jets import JET, boundary_jets
+from ksd.elements.modal import chain_tangent
+from ksd.elements.modal_jets import JET, boundary_jets
 from ksd.modal.choices import ModalBasis
 from ksd.model.arrays import MODAL
 from ksd.numerics.reduction import (
@@ -136,7 +136,7 @@ class LeafBasis:
         return _values_per_node(self.choices)
 
     def constants(self, weights: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """`value` and `number` of the kernel `ksd.beam.modal`; weights (n,): of the elements, those of zero are left out."""
+        """`value` and `number` of the kernel `ksd.elements.modal`; weights (n,) of elements, without those of zero."""
         q, n = self.values_per_node, len(self.element_constants)
         w = np.ones(n) if weights is None else weights
         columns = np.hstack([self.boundary, self.inner])
@@ -276,7 +276,7 @@ def _higher_order_terms(key: tuple[int, ...], index: dict, spin: np.ndarray, v: 
 
 
 def _boundary_rows(choices: ModalBasis, n: int) -> list[int]:
-    """Rows of z with the boundary values of `ksd.beam.modal_jets.boundary_jets`, in its order."""
+    """Rows of z with the boundary values of `ksd.elements.modal_jets.boundary_jets`, in its order."""
     q = _values_per_node(choices)
     last = q * n
     if choices.frame == "node":

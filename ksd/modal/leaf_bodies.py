@@ -1,6 +1,6 @@
 """Leaf springs of a model as modal bodies: the chains they reduce, their bases, and the nodes of these chains at a state.
 
-The kernel of modal bodies is `ksd.beam.modal`; they can be mixed with leaf springs in full and condensed joints.
+The kernel of modal bodies is `ksd.elements.modal`; they can be mixed with leaf springs in full and condensed joints.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ksd.beam.corotational_values import sizes as chain_sizes
+from ksd.elements.corotational_values import sizes as chain_sizes
 from ksd.errors import SceneError
 from ksd.modal.choices import ModalBasis
 from ksd.modal.leaf_basis import LeafBasis, LeafShape, chain_element_constants, make_basis, undeformed_basis

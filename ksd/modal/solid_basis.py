@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from ksd.beam.modal_jets import JET
-from ksd.beam.polynomial_solid import face_jets
 from ksd.checks import show
+from ksd.elements.modal_jets import JET
+from ksd.elements.polynomial_solid import face_jets
 from ksd.errors import SceneError
 from ksd.modal.choices import ModalBasis
 from ksd.modal.solid import Solid
@@ -31,8 +31,8 @@ from ksd.numerics.reduction import Modes, craig_bampton, modal_derivatives, stat
 class SolidBasis:
     """A reduced solid: displacement = patterns (size, nb) (b - b0) + inner (size, m) eta, in the frame `frame`.
 
-    b (nb,): the entries `pose_indices` of the pose values of `ksd.beam.polynomial_solid.face_jets`; b0 (nb,): the same at
-    rest; value, number: the constants of that kernel; condition: condition number of the inner columns.
+    b (nb,): the entries `pose_indices` of the pose values of `ksd.elements.polynomial_solid.face_jets`; b0 (nb,): the
+    same at rest; value, number: the constants of that kernel; condition: condition number of the inner columns.
     """
 
     solid: Solid
@@ -56,7 +56,7 @@ class SolidBasis:
         return int(self.number[1] + self.number[2])
 
     def constants(self) -> tuple[np.ndarray, np.ndarray]:
-        """`value` and `number` of `ksd.beam.polynomial_solid`."""
+        """`value` and `number` of `ksd.elements.polynomial_solid`."""
         return self.value, self.number
 
     def stroke_and_rotation(self, d: np.ndarray, R: np.ndarray, eta: np.ndarray) -> tuple[float, float]:
@@ -218,7 +218,8 @@ def _vibration(solid: Solid, rest: Any, internal: int, planes: MirrorPlanes) -> 
 
 
 def energy_tensors(solid: Solid, columns: np.ndarray, parity: np.ndarray) -> np.ndarray:
-    """Constants of `ksd.beam.polynomial_solid.quartic`: energy of displacements columns (size, M) y of given parity (M,).
+    """Constants of `ksd.elements.polynomial_solid.quartic`: energy of displacements columns (size, M) y of given parity
+    (M,).
 
     With H_a the gradients of the columns, E = sym(H_a) y_a + sym(H_a^T H_b) y_a y_b / 2; the tensors are the
     integrals of products of these by the elasticity, made symmetric in all indices. Products of other parity are zero.

@@ -72,8 +72,8 @@ class Terms(NamedTuple):
 class Loads(NamedTuple):
     """l loads on nodes: node (l,), point (l, 3), force (l, 3), moment (l, 3), following (l,): 1 for a follower load.
 
-    skew (l,): 1 where the tangent of the load has a skew part, so that it is not conservative (`ksd.model.nonconservative`);
-    block (l,): offset of the diagonal block of the node.
+    skew (l,): 1 where the tangent of the load has a skew part, so that it is not conservative
+    (`ksd.model.follower_correction`); block (l,): offset of the diagonal block of the node.
     """
 
     node: np.ndarray
@@ -90,7 +90,7 @@ class ArrayFields(NamedTuple):
 
     plan: of the block matrix; start (k,): first unknown of each node, -1 where it is fixed; size: length scale [m]. springs:
     elastic bodies without inner unknowns, packed as members: COIL has the constants (stiffness [N/m], free length [m]),
-    TORSION (stiffness [Nm/rad], rest angle [rad]) about e3 of end p, LINEAR those of `ksd.beam.linear`. Their rows of
+    TORSION (stiffness [Nm/rad], rest angle [rad]) about e3 of end p, LINEAR those of `ksd.elements.linear`. Their rows of
     Workspace.lam and Workspace.pose follow those of the members. active_dofs (w,): which of x, y, z, rx, ry, rz of every
     node are unknown: all six, or three in a plane (`ksd.model.plane`). weight (m, 4): mass of every member [kg], 0 without
     weight, and its gravity [m/s^2]; (0, 4) where no member has weight.

@@ -1,4 +1,4 @@
-"""Compiled assembly of the forces and tangents of all members (`ksd.beam.member_tangent`)."""
+"""Compiled assembly of the forces and tangents of all members (`ksd.elements.member_tangent`)."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ksd.beam import corotational, planar_leaf
-from ksd.beam.corotational_linearised import condense_linearised
-from ksd.beam.linear import linear_condense
-from ksd.beam.member_tangent import member_norms, member_tangent
-from ksd.beam.modal import modal_condense, modal_recover
-from ksd.beam.polynomial_solid import polynomial_condense
-from ksd.beam.strain import (
+from ksd.elements import corotational, planar_leaf
+from ksd.elements.corotational_linearised import condense_linearised
+from ksd.elements.linear import linear_condense
+from ksd.elements.member_tangent import member_norms, member_tangent
+from ksd.elements.modal import modal_condense, modal_recover
+from ksd.elements.polynomial_solid import polynomial_condense
+from ksd.elements.strain import (
     allocate_leaf_fields_compiled,
     strain_condense,
     strain_gravity_block,
@@ -124,12 +124,12 @@ def recover_any(kind, value, number, state, store, xi, scale, step):
 
 @kernel(inline="always")
 def skip_set_gravity(pose, weight, i, factor, store):
-    """`ksd.beam.weight_assembly.set_member_gravity` for mechanisms without weight of members."""
+    """`ksd.elements.weight_assembly.set_member_gravity` for mechanisms without weight of members."""
 
 
 @kernel(inline="always")
 def skip_add_weight(pose, store, mass, T, force):
-    """`ksd.beam.weight_assembly.add_member_weight` for mechanisms without weight of members."""
+    """`ksd.elements.weight_assembly.add_member_weight` for mechanisms without weight of members."""
 
 
 @kernel(inline="late")
@@ -198,7 +198,7 @@ def allocate_member_scratch():
 
 @kernel
 def allocate_leaf_scratch(ints):
-    """`ksd.beam.strain.LeafFields` for the strain-mode leaves there are."""
+    """`ksd.elements.strain.LeafFields` for the strain-mode leaves there are."""
     # no literals, for which numba would compile twice
     modes = points = ints[0] * 0
     for i in range(ints[MEMBER_COUNT]):

@@ -17,8 +17,8 @@ from ksd.checks import MAX_MAGNITUDE, clear_argument_errors, number, show, simil
 from ksd.errors import SceneError
 from ksd.html import NotebookTables, PrintedText
 from ksd.model.arrays import LINEAR, MODAL, ROTATION, SOLID, Arrays, State
+from ksd.model.chosen_effects import EffectChoice, apply_effects, choose_effects
 from ksd.model.description import description_lines
-from ksd.model.effects import EffectChoice, apply_effects, choose_effects
 from ksd.model.leaves import cut_leaves
 from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.model.pack import replace_constants
@@ -274,7 +274,7 @@ def compile_scene(
     """The full model of a scene (a Mechanism or its frozen Scene) with the effects it mentions.
 
     mesh: of the leaf springs, `ksd.Mesh()` when None. effects: "auto", "all" or the names wanted; with_, without: single
-    effects switched on or off, see `ksd.model.effects`. Raises SceneError where the scene cannot be compiled (see
+    effects switched on or off, see `ksd.model.chosen_effects`. Raises SceneError where the scene cannot be compiled (see
     `Mechanism.validate`) or an effect is unknown.
     """
     scene = scene.scene() if hasattr(scene, "scene") else scene

@@ -1,8 +1,8 @@
 """Leaf springs as bodies of constant stiffness: the constant-matrix flexure of planar grippers (paper 3, partial balance).
 
-A leaf becomes the linear body of `ksd.beam.linear` with its stiffness K in the undeformed configuration: in the frame of its
-end p, the wrench is K (d - d0, rotation vector of Q Q0^T). It is the gradient of an energy, so its wrenches balance and its
-tangent is symmetric. Finite end poses are exact; the change of stiffness by the deformation is left out.
+A leaf becomes the linear body of `ksd.elements.linear` with its stiffness K in the undeformed configuration: in the
+frame of its end p, the wrench is K (d - d0, rotation vector of Q Q0^T). It is the gradient of an energy, so its wrenches
+balance and its tangent is symmetric. Finite end poses are exact; the change of stiffness by the deformation is left out.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ksd.beam.linear import LINEAR_INNER
+from ksd.elements.linear import LINEAR_INNER
 from ksd.errors import ConvergenceError, SceneError
 from ksd.model.arrays import Arrays, State, Workspace, make_workspace
 from ksd.model.compile import Model, compile_as_is

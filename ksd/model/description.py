@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ksd.model.effects import EFFECT_MEANINGS, NOT_MENTIONED, Effect
+from ksd.model.chosen_effects import EFFECT_MEANINGS, NOT_MENTIONED, Effect
 from ksd.model.plane import plane_of
 from ksd.model.plate_runs import plate_conditions
 from ksd.model.warping_runs import (

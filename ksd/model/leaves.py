@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ksd.beam import corotational_values as chains
-from ksd.beam.plate_energy import POINT_NUMBERS, curl_loss, plate_point
-from ksd.beam.strain import fill_leaf_fields, leaf_fields
-from ksd.beam.strain_values import (
+from ksd.elements import corotational_values as chains
+from ksd.elements.plate_energy import POINT_NUMBERS, curl_loss, plate_point
+from ksd.elements.strain import fill_leaf_fields, leaf_fields
+from ksd.elements.strain_values import (
     Modes,
     make_modes,
     strain_sizes,
@@ -285,7 +285,7 @@ def secant_compliances(
 
 
 def _plate_numbers(modes: Modes, leaf: Any, z: slice) -> np.ndarray:
-    """Numbers of `ksd.beam.plate_energy` and modes about e3 at the plate points (k, POINT_NUMBERS + nz) of a leaf.
+    """Numbers of `ksd.elements.plate_energy` and modes about e3 at the plate points (k, POINT_NUMBERS + nz) of a leaf.
 
     The points of a uniform leaf are the same on most meshes, so that the error of the mesh is that of the modes.
     """
@@ -315,7 +315,7 @@ def _plate_numbers(modes: Modes, leaf: Any, z: slice) -> np.ndarray:
 def _point_numbers(
     leaf: Any, s: np.ndarray, loss: np.ndarray, rate: np.ndarray, own: np.ndarray
 ) -> np.ndarray:
-    """Numbers (k, POINT_NUMBERS) of `ksd.beam.plate_energy` per length at fractions s (k,) of a leaf."""
+    """Numbers (k, POINT_NUMBERS) of `ksd.elements.plate_energy` per length at fractions s (k,) of a leaf."""
     nu, section = leaf.material.nu, leaf.section if leaf.profile is None else leaf.profile.sections(s)
     width, thickness, Iz = (
         np.broadcast_to(getattr(section, n), len(s)) for n in ("width", "thickness", "Iz")

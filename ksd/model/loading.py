@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ksd.beam.member_tangent import geometric_tangent
+from ksd.elements.member_tangent import geometric_tangent
 from ksd.model.arrays import (
     ACTIVE_DOFS,
     ALIGNMENT,
@@ -42,7 +42,7 @@ def add_loads(ints, floats, R, factor, rtol, matrix, rhs, scale):
     """Add `factor` times the external loads: dead loads keep their direction, follower loads rotate with the node.
 
     The tangent of a dead force at lever s is -[(s F' + F s')/2 - (s.F) I]. Follower loads and moments have an unsymmetric
-    tangent, whose symmetric part is added here; its skew part enters in the solve (`ksd.model.nonconservative`).
+    tangent, whose symmetric part is added here; its skew part enters in the solve (`ksd.model.follower_correction`).
     """
     active, w = ints[ACTIVE_DOFS], ints[DOFS_PER_NODE]
     F, M, s, force, tangent = np.empty(3), np.empty(3), np.empty(3), np.empty(6), np.empty((6, 6))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass, fields, replace
 
-from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS
 from ksd.checks import ClearArgumentErrors, boolean, show, whole_number
+from ksd.elements.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS
 from ksd.errors import SceneError
 
 MAX_ORDER = 24
@@ -23,7 +23,7 @@ class Mesh(metaclass=ClearArgumentErrors):
     iterates. warping: multiply the torsion constant by the factor of warping restrained at both clamped ends
     (`ksd.section.restrained_warping_factor`); plate: multiply E Iz by the factor of suppressed anticlastic bending
     (`ksd.section.plate.plate_factor`); shear: Timoshenko shear, False makes the leaf stiff in shear. The last three are
-    chosen by the words of `ksd.model.effects`. Raises SceneError for numbers out of bounds: below orders (3, 2, 4)
+    chosen by the words of `ksd.model.chosen_effects`. Raises SceneError for numbers out of bounds: below orders (3, 2, 4)
     support stiffness is wrong by factors.
     """
 

@@ -19,7 +19,7 @@ import math
 
 import numpy as np
 
-from ksd.beam.weight_assembly import add_member_weight, rotate_member_gravity, set_member_gravity
+from ksd.elements.weight_assembly import add_member_weight, rotate_member_gravity, set_member_gravity
 from ksd.model.arrays import (
     ACTIVE_DOFS,
     CARRIED,
@@ -62,8 +62,8 @@ from ksd.model.assembly import (
     skip_leaf_gravity,
     skip_set_gravity,
 )
+from ksd.model.follower_correction import correct_newton_step
 from ksd.model.loading import add_loads, add_terms
-from ksd.model.nonconservative import correct_newton_step
 from ksd.model.springs import add_springs
 from ksd.model.turns import add_rotations, anchor_rotations
 from ksd.numerics.blocks import BLOCKS, factor_blocks, solve_blocks

@@ -2,7 +2,7 @@
 
 The table follows measured errors of moment, support stiffness and buckling (see the validation tests). It never goes below
 nz 4, nx 3, ny 2, under which the support stiffness is wrong by factors. Whether the orders suffice is checked on the
-answer: `ksd.properties.mesh_adequacy`.
+answer: `ksd.answers.mesh_adequacy`.
 """
 
 from __future__ import annotations

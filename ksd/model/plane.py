@@ -6,7 +6,7 @@ section 4).
 
 A planar model is the spatial one with z, rx and ry left out of the numbering (`Arrays.active_dofs`), for a
 plane normal to one of the global axes: same members, same state, same rows; strain-mode leaves condense in closed form
-in the angle (`ksd.beam.planar_leaf`). An oblique plane is solved in space.
+in the angle (`ksd.elements.planar_leaf`). An oblique plane is solved in space.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ksd.beam.planar_leaf import planar_values, store_size
-from ksd.beam.plate_energy import POINT_NUMBERS
-from ksd.beam.strain_values import masses_beyond, strain_values
+from ksd.elements.planar_leaf import planar_values, store_size
+from ksd.elements.plate_energy import POINT_NUMBERS
+from ksd.elements.strain_values import masses_beyond, strain_values
 from ksd.model.arrays import (
     COIL,
     COROTATIONAL,
@@ -298,7 +298,7 @@ def _out_of_plane_spring(model: Model, k: np.ndarray) -> str:
 
 
 def _is_coupled(value: np.ndarray) -> bool:
-    """Whether a linear body with these constants (`ksd.beam.linear`) couples in-plane with out-of-plane motions."""
+    """Whether a linear body with these constants (`ksd.elements.linear`) couples in-plane with out-of-plane motions."""
     d0, R0, F, K = value[:3], value[3:12].reshape(3, 3), value[12:18], value[18:54].reshape(6, 6)
     coupling = max(
         np.abs(K[np.ix_(IN_PLANE, OUT_OF_PLANE)]).max() / np.abs(K).max(), abs(d0[2]), np.abs(R0[:2, 2]).max()

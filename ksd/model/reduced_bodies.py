@@ -13,8 +13,8 @@ from typing import Protocol
 
 import numpy as np
 
-from ksd.beam.linear import LINEAR_INNER
-from ksd.beam.modal import modal_sizes
+from ksd.elements.linear import LINEAR_INNER
+from ksd.elements.modal import modal_sizes
 from ksd.model.arrays import COROTATIONAL, LINEAR, Members, State
 from ksd.model.compile import Model
 
@@ -31,7 +31,7 @@ class ReducedBody(Protocol):
 
 
 class LinearBody:
-    """A body of constant stiffness, all of whose numbers are in its inner state (`ksd.beam.linear`)."""
+    """A body of constant stiffness, all of whose numbers are in its inner state (`ksd.elements.linear`)."""
 
     kind = LINEAR
 

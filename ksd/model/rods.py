@@ -1,4 +1,4 @@
-"""Assembly of exact rods (`ksd.beam.rod`) in the position of the leaf springs of a model.
+"""Assembly of exact rods (`ksd.elements.rod`) in the position of the leaf springs of a model.
 
 Where integration from one end would suffer from cancellation a rod is cut into parts at stations, which are nodes of the rod
 itself. The wrench at the start of every part is unknown, every part has to end at the next station, and the stations are
@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ksd.beam.member_tangent import member_tangent
-from ksd.beam.rod import STATE, allocate_rod_scratch, integrate_rod
+from ksd.elements.member_tangent import member_tangent
+from ksd.elements.rod import STATE, allocate_rod_scratch, integrate_rod
 from ksd.model.arrays import ACTIVE_DOFS, BLOCK, DOFS_PER_NODE, MEMBERS, NODE, START
 from ksd.model.tangents import scatter
 from ksd.numerics.elimination import solve_small

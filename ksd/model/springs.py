@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ksd.beam.linear import linear_condense
-from ksd.beam.member_tangent import member_norms, member_tangent
-from ksd.beam.spring import coil_condense
+from ksd.elements.linear import linear_condense
+from ksd.elements.member_tangent import member_norms, member_tangent
+from ksd.elements.spring import coil_condense
 from ksd.model.arrays import (
     BLOCK,
     COIL,

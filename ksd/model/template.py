@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ksd.beam import corotational_values as chains
-from ksd.beam.strain_values import strain_sizes, strain_value_count, strain_values
+from ksd.elements import corotational_values as chains
+from ksd.elements.strain_values import strain_sizes, strain_value_count, strain_values
 from ksd.model.arrays import ALIGNMENT, STRAIN, Arrays, Members, State, angle_count
 from ksd.model.leaves import leaf_axes
 from ksd.model.mesh import Mesh
@@ -222,7 +222,7 @@ class Template:
         self.is_point = terms.kind != ALIGNMENT
         sizes = [SPRING_NUMBERS + s[3] for s in layout.springs]
         self.spring_first = np.cumsum([0, *sizes])
-        # set by ksd.bodies.joints
+        # set by ksd.joints.joints
         self.joint_layout: Any = None
         self._slices = number_slices(layout)
         self._on_mesh: dict[Mesh, Template | None] = {}
@@ -359,7 +359,7 @@ class Template:
     def _set_chain_scales(
         self, scale: Array, L: Array, soft: Array, shear: list[Array], stiff: tuple[Array, ...], line: Array
     ) -> None:
-        """Set the scales of chains, in place; see `ksd.beam.corotational_values.stiffness_numbers`."""
+        """Set the scales of chains, in place; see `ksd.elements.corotational_values.stiffness_numbers`."""
         h = L / self.elements
         phi_y, phi_z = 12 * stiff[2] * shear[0] / h**2, 12 * stiff[1] * shear[1] / h**2
         s3, s4 = stiff[1] / ((1 + phi_z) * h**3), stiff[2] / ((1 + phi_y) * h**3)

@@ -30,7 +30,7 @@ from ksd.scene.material import Material
 from ksd.section import Section
 
 OPTIONAL_EFFECTS = ("warping", "plate")
-"""Arguments of `Mechanism.consider`: effects of leaf springs that are simulated on request, see `ksd.model.effects`."""
+"""Arguments of `Mechanism.consider`: effects of leaf springs simulated on request, see `ksd.model.chosen_effects`."""
 
 
 @dataclass(frozen=True)

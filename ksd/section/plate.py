@@ -1,7 +1,7 @@
 """Plate stiffening: a wide leaf bends stiffer than a beam, where its cross-section cannot curl.
 
 Two things keep it from curling: clamps, which hold the end sections flat (`curl_along`), and bending to a large curvature,
-which would stretch the edges of a curled section (`plate_factor`, Ashwell's strip). `ksd.beam.plate_energy` has both.
+which would stretch the edges of a curled section (`plate_factor`, Ashwell's strip). `ksd.elements.plate_energy` has both.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ class Curling(NamedTuple):
     """Curling along strips whose ends are held flat, at the Gauss points of elements or elsewhere.
 
     compliance: curvature by the moment over that of a beam, E Iz kappa / M, at small curvature; loss, rate: chi and r of
-    `ksd.beam.plate_energy`.
+    `ksd.elements.plate_energy`.
     """
 
     compliance: Array

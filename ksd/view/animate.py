@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from ksd.answers.frequencies import Modes
 from ksd.errors import SceneError
 from ksd.files import check_target, write_file
-from ksd.properties.frequencies import Modes
 from ksd.view.bodies import edge_lines
 from ksd.view.camera import Camera, View, camera_of
 from ksd.view.drawable import Drawable
+from ksd.view.drawing import mechanism_plane, plot_mechanism
 from ksd.view.figure import new_figure, without_math_text
-from ksd.view.mechanism import mechanism_plane, plot_mechanism
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ksd.properties.shape import Shape
+from ksd.answers.shape import Shape
 from ksd.view.camera import Camera
 from ksd.view.drawable import Drawable
 from ksd.view.figure import (

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from ksd.properties.shape import Shape
+from ksd.answers.shape import Shape
 from ksd.view.camera import Camera
 from ksd.view.figure import FAINT_COLOR, GROUND_COLOR, LINK_COLORS, Array
 

@@ -6,8 +6,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from ksd.answers.shape import Shape
 from ksd.errors import SceneError
-from ksd.properties.shape import Shape
 from ksd.view.figure import Array
 
 View = Literal["xy", "xz", "yz", "3d"] | tuple[float, float]

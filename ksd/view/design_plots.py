@@ -27,7 +27,7 @@ MAX_STRAIGHT_LABEL = 9
 
 
 def plot_front(front: Any) -> Figure:
-    """Matplotlib figure of a `ksd.design.pareto.Front`."""
+    """Matplotlib figure of a `ksd.optimisation.pareto.Front`."""
     figure = new_figure(8.4, 3.6)
     left, right = figure.subplots(1, 2)
     good = np.isfinite(front.merits)

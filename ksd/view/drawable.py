@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Protocol
 
+from ksd.answers.frequencies import Modes
+from ksd.answers.shape import Shape
+from ksd.answers.stress import Stress
 from ksd.model.compile import Model
-from ksd.properties.frequencies import Modes
-from ksd.properties.shape import Shape
-from ksd.properties.stress import Stress
 
 
 class Drawable(Protocol):

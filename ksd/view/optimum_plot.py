@@ -21,7 +21,7 @@ LIMIT_TOLERANCE = 1e-9
 
 
 def plot_optimum(optimum: Any) -> Figure:
-    """Matplotlib figure of a `ksd.design.optimum.Optimum`: convergence on the left, designs on the right."""
+    """Matplotlib figure of a `ksd.optimisation.optimum.Optimum`: convergence on the left, designs on the right."""
     from matplotlib.ticker import MaxNLocator
 
     figure = new_figure(8.4, 4.4)

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from ksd.answers.shape import Shape
 from ksd.errors import SceneError
-from ksd.properties.shape import Shape
 from ksd.view.drawable import Drawable
 from ksd.view.figure import Array, color_map
 

@@ -6,6 +6,7 @@ import math
 import pytest
 
 import ksd
+from ksd.answers.printing import render_text
 from ksd.bench import SUITE, Case, Measurement, measure
 from ksd.bench.measure import (
     fastest_accurate,
@@ -18,7 +19,6 @@ from ksd.bench.measure import (
 )
 from ksd.cli import main
 from ksd.model.compile import compile_scene
-from ksd.properties.printing import render_text
 
 
 def row(method, call, force, stiffness=0.0, stable=True):

@@ -1,8 +1,6 @@
 """What users call: names that completion shows, documented, every parameter and answer with its type."""
 
 import inspect
-import subprocess
-import sys
 from dataclasses import is_dataclass
 from importlib import import_module
 
@@ -10,10 +8,10 @@ import numpy as np
 import pytest
 
 import ksd
-from ksd.solve.configuration import Configuration
-from ksd.solve.solver import Solver
+from ksd.solvers.configuration import Configuration
+from ksd.solvers.solver import Solver
 
-ROOMS = ("bench", "design", "library", "modal", "scene", "section", "train", "view")
+ROOMS = ("bench", "library", "modal", "scene", "section", "study", "training", "view")
 BY_NAME = {"drives", "labels", "parameters"}
 """What may stand for words of the user's own: drive values, columns of a table, parameters of a joint family."""
 
@@ -107,13 +105,7 @@ def test_what_completion_shows_of_the_package():
     shown = {n for n in dir(ksd) if not n.startswith("_")}
     assert shown == set(ksd.__all__)
     assert all(getattr(ksd, room) for room in ksd._ROOMS)
-    called = {room for room in ksd._ROOMS if callable(getattr(ksd, room))}
-    assert called == {"solve", "train"}
-    held = (
-        set(ksd._HOME)
-        | called
-        | {kept.__name__.rpartition(".")[2] for kept in (*errors(), ksd.errors, ksd.units)}
-    )
+    held = set(ksd._HOME) | {kept.__name__.rpartition(".")[2] for kept in (*errors(), ksd.errors, ksd.units)}
     assert set(ksd.__all__) == held
     assert len(ksd.__all__) == len(held)
     for name in shown:
@@ -146,25 +138,12 @@ def test_what_completion_shows_of_an_answer():
 
 
 def test_answers_are_documented_dataclasses():
-    module = vars(import_module("ksd.solve.configuration"))
+    module = vars(import_module("ksd.solvers.configuration"))
     for question in ("stiffness", "drive_stiffness", "frequencies", "buckling", "stress", "internal_stress",
                      "interface_forces", "parasitic", "pivot_shift", "shape"):  # fmt: skip
         said = inspect.signature(getattr(Configuration, question)).return_annotation
         answer = module[said]
         assert is_dataclass(answer) and inspect.getdoc(answer), question
-
-
-@pytest.mark.parametrize("call", ["solve", "train"])
-def test_a_package_that_is_called_shows_what_is_called_and_what_is_in_it(call):
-    home = {"solve": "ksd.solve.solver", "train": "ksd.train.run"}[call]
-    code = (
-        f"import inspect, pickle, ksd; shown = ksd.{call}; ksd.Solver; assert ksd.{call} is shown;"
-        f"import {home} as home; function = home.{call}; assert inspect.isfunction(function);"
-        "assert inspect.signature(shown) == inspect.signature(function) and shown.__doc__ == function.__doc__;"
-        f"assert pickle.loads(pickle.dumps(shown)) is shown; from ksd import {call}; assert {call} is shown"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
 
 
 def test_solver_takes_the_words_of_prepare():

@@ -17,12 +17,12 @@ import pytest
 from processes import environment
 
 import ksd.library.record_files as files
-from ksd.design import Table
-from ksd.design.resume import ResumeFile
 from ksd.errors import RecordError, SceneError
 from ksd.files import check_target
 from ksd.library import read_record, read_result, write_record
 from ksd.library.result_files import write_result
+from ksd.study import Table
+from ksd.study.resume import ResumeFile
 
 FLIPS, CUTS = 5000, 1000
 SMALLEST = files.shipped_folder() / "filleted_notch.h5"
@@ -261,7 +261,7 @@ def test_a_read_only_folder_is_one_sentence(record, table, tmp_path):
 TRAINING = """
 import math, sys
 from concurrent.futures import ThreadPoolExecutor
-from ksd.train import train
+from ksd.training import train
 shapes = {"angle": (math.radians(44), math.radians(46)), "width_ratio": (0.9, 1.1)}
 with ThreadPoolExecutor(1) as pool:
     train("cross_flexure", shapes=shapes, meshes=("strain",), out=sys.argv[1], trained="2024-05-01", progress=False,

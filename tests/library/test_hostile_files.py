@@ -17,13 +17,13 @@ import pytest
 
 import ksd
 import ksd.files
-from ksd.design import Table
-from ksd.design.design_log import DesignLog
-from ksd.design.resume import ResumeFile, _hash
 from ksd.errors import KsdError, RecordError, SceneError
 from ksd.files import read_file, write_file
 from ksd.library import describe_database, find_record, read_record, read_result, record_files, write_record
 from ksd.library.result_files import sealed_header, write_result
+from ksd.optimisation.design_log import DesignLog
+from ksd.study import Table
+from ksd.study.resume import ResumeFile, _hash
 
 POINTS = np.array([[0.0, 0, 0], [0.2, 0, 0]])
 needs_posix = pytest.mark.skipif(os.name != "posix", reason="pipes and devices of POSIX")

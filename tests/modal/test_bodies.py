@@ -8,21 +8,21 @@ from scenes import STEEL, cross_flexure, fourbar, single_joint
 from scipy.spatial.transform import Rotation
 
 import ksd
-from ksd.beam.corotational_values import ElementSection, chain_values, sizes
-from ksd.beam.modal import (
+from ksd.elements.corotational_values import ElementSection, chain_values, sizes
+from ksd.elements.modal import (
     ELEMENT_SCRATCH_SIZE,
     modal_condense,
     modal_gradient_and_tangent,
     modal_recover,
     modal_sizes,
 )
-from ksd.beam.modal_jets import JET, _log_factor, boundary_jets
-from ksd.beam.modal_nodes import _angle_curvature, _director_curvature, _director_node, element_values
+from ksd.elements.modal_jets import JET, _log_factor, boundary_jets
+from ksd.elements.modal_nodes import _angle_curvature, _director_curvature, _director_node, element_values
 from ksd.modal import with_modal_bodies
 from ksd.modal.leaf_basis import chain_element_constants, rotation_without_roll, undeformed_basis
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers.conventional import solve_conventional
 from ksd.units import deg
 
 CHAINS = Mesh("corotational", elements=6)

@@ -6,11 +6,11 @@ from scenes import STEEL
 from scipy.spatial.transform import Rotation
 
 import ksd
-from ksd.beam.modal import modal_condense, modal_recover
+from ksd.elements.modal import modal_condense, modal_recover
 from ksd.modal import ModalBasis, with_modal_bodies
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers.conventional import solve_conventional
 
 L, SPREAD = 0.1, 0.06
 SECTION = ksd.rectangle(0.5e-3, 0.02)

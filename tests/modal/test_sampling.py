@@ -11,7 +11,7 @@ import ksd
 from ksd.modal import ModalBasis, with_modal_bodies
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers.conventional import solve_conventional
 from ksd.units import deg
 
 BASIS = ModalBasis(elements=40, plane=True)

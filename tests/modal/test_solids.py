@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 import ksd
-from ksd.beam.polynomial_solid import quartic
+from ksd.elements.polynomial_solid import quartic
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import reduce_solid, with_solids
 from ksd.modal.solid_solve import FullSolid
@@ -17,9 +17,9 @@ from ksd.modal.symmetry import mirror_planes, split_by_parity
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.section import rectangle
-from ksd.solve.conventional import solve_conventional
-from ksd.solve.full_bodies import error_indicator
-from ksd.solve.validity import validity
+from ksd.solvers.conventional import solve_conventional
+from ksd.solvers.full_bodies import error_indicator
+from ksd.solvers.validity import validity
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 from reduced_solids import load_face, press_reduced

@@ -12,8 +12,8 @@ from ksd.modal import with_modal_bodies
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import reduce_solid, with_solids
 from ksd.section import rectangle
-from ksd.solve.conventional import solve_conventional
-from ksd.solve.validity import most_bent_body
+from ksd.solvers.conventional import solve_conventional
+from ksd.solvers.validity import most_bent_body
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 from reduced_solids import load_face
@@ -93,7 +93,7 @@ NOTCH = {"outline": lambda u: 1 - 0.6 * np.sin(np.pi * u) ** 4}
 def test_the_error_told_includes_the_mesh_of_the_solid(monkeypatch, cells, load, shape, best, large):
     """Against the solid pressed on its own on a much finer mesh; of a large solid estimated on a coarser one."""
     if large:
-        monkeypatch.setattr("ksd.solve.error.MAX_REFINED_SOLID", 0)
+        monkeypatch.setattr("ksd.solvers.error.MAX_REFINED_SOLID", 0)
     bodies = [block(STEEL, LENGTH, THICK, width=WIDTH, cells=c, **shape) for c in (cells, best)]
     words = {"basis": {"spring": reduce_solid(bodies[0])}, "strict": False}
     pose = ksd.solve(spring(load=load, flat=len(cells) == 2), **words)

@@ -10,12 +10,12 @@ from scenes import fourbar
 from scipy.spatial.transform import Rotation
 
 import ksd
+from ksd.answers.tangent import assemble_and_factor
 from ksd.model.arrays import make_workspace
+from ksd.model.chosen_effects import EFFECT_MEANINGS
 from ksd.model.compile import compile_as_is, compile_scene
-from ksd.model.effects import EFFECT_MEANINGS
 from ksd.model.newton import assemble
-from ksd.properties.tangent import assemble_and_factor
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers.conventional import solve_conventional
 
 HOT = ksd.Material(E=200e9, G=76.9e9, density=7800, expansion=12e-6, name="hot steel")
 BLADE = ksd.rectangle(0.5e-3, 20e-3)

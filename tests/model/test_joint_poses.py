@@ -6,15 +6,15 @@ from scenes import STEEL, cross_flexure, fourbar, slider
 from scipy.spatial.transform import Rotation
 
 import ksd
-from ksd.beam.strain_values import GRAVITY_BLOCK_SIZE
-from ksd.bodies.drive_forces import drive_forces
-from ksd.bodies.intended_motions import intended_motions
-from ksd.bodies.joint_arrays import JointKinematics
-from ksd.bodies.joint_poses import _set_planar_pose, _set_spatial_pose, joint_poses
-from ksd.bodies.joints import joint_bodies
-from ksd.bodies.kinematics import close_loops, loop_equations_at
-from ksd.bodies.substructures import place_internal_blocks, relative_poses
-from ksd.bodies.weight import gravity_in_joint_axes, place_joint_weights
+from ksd.elements.strain_values import GRAVITY_BLOCK_SIZE
+from ksd.joints.drive_forces import drive_forces
+from ksd.joints.intended_motions import intended_motions
+from ksd.joints.joint_arrays import JointKinematics
+from ksd.joints.joint_poses import _set_planar_pose, _set_spatial_pose, joint_poses
+from ksd.joints.joint_weight import gravity_in_joint_axes, place_joint_weights
+from ksd.joints.joints import joint_bodies
+from ksd.joints.kinematics import close_loops, loop_equations_at
+from ksd.joints.substructures import place_internal_blocks, relative_poses
 from ksd.library import find_record
 from ksd.numerics.rotations import rotation_log
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ksd.bodies.kinematics import least_squares, least_squares_scratch
+from ksd.joints.kinematics import least_squares, least_squares_scratch
 
 
 @pytest.mark.parametrize("share", [1.0, 0.5, 0.15])

@@ -10,7 +10,7 @@ from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.model.newton import assemble, move_nodes, take_step
 from ksd.model.plane import Plane, plane_of
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers.conventional import solve_conventional
 from ksd.units import deg, mm
 
 MESHES = {

@@ -5,11 +5,11 @@ import pytest
 from scenes import fourbar
 
 import ksd
-from ksd.beam.corotational import recover
-from ksd.beam.corotational_linearised import condense_linearised
+from ksd.elements.corotational import recover
+from ksd.elements.corotational_linearised import condense_linearised
 from ksd.model.newton import assemble, take_step
 from ksd.model.poses import member_pose
-from ksd.solve.five_steps import set_linearisation_point
+from ksd.solvers.five_steps import set_linearisation_point
 from ksd.units import GPa, deg, mm
 
 

@@ -5,7 +5,7 @@ import pytest
 from hard_scenes import STEEL
 
 import ksd
-from ksd.bodies.joints import joint_bodies, joint_bodies_of_design, joint_layout
+from ksd.joints.joints import joint_bodies, joint_bodies_of_design, joint_layout
 from ksd.model.compile import compile_as_is
 from ksd.model.scene_layout import split_scene
 from ksd.model.template import Template, arrays_of_design, state_of_design, template_of

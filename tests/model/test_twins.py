@@ -7,7 +7,7 @@ from scenes import fourbar
 import ksd
 from ksd.model.arrays import make_workspace
 from ksd.model.newton import assemble, take_newton_step
-from ksd.solve.five_steps import condense_joint_bodies, set_linearisation_point
+from ksd.solvers.five_steps import condense_joint_bodies, set_linearisation_point
 
 MESHES = {"strain": ksd.Mesh(), "chain": ksd.Mesh("corotational", elements=3)}
 SLIGHT = 1e-14

@@ -9,13 +9,13 @@ from scipy.integrate import solve_bvp
 from scipy.spatial.transform import Rotation
 
 import ksd
+from ksd.answers.tangent import stored_matrix
 from ksd.model.arrays import make_workspace
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.model.newton import assemble, take_step
 from ksd.model.plane import plane_of
-from ksd.properties.tangent import stored_matrix
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers.conventional import solve_conventional
 from ksd.units import mm
 
 MESHES = {

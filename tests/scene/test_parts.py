@@ -34,7 +34,7 @@ from ksd.scene import (
 )
 from ksd.scene.profile import ProfilePart
 from ksd.section import circle, rectangle
-from ksd.train.catalogue import FAMILY_DESIGNS
+from ksd.training.catalogue import FAMILY_DESIGNS
 from ksd.units import GPa, deg, mm
 
 STEEL = Material(200 * GPa, G=76.9 * GPa, density=7800)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from ksd.beam.plate_energy import curl_loss, plate_point
+from ksd.elements.plate_energy import curl_loss, plate_point
 from ksd.section.plate import Strips, curl_along, curl_points, element_edges, free_curl, plate_factor
 
 

@@ -8,7 +8,7 @@ from hard_cases import Case
 from scenes import STEEL, guided_leaf
 
 import ksd
-from ksd.train.catalogue import FAMILY_DESIGNS
+from ksd.training.catalogue import FAMILY_DESIGNS
 
 CHAINS = "chains of 200 and 400 elements, extrapolated"
 

@@ -8,12 +8,12 @@ from published import numbers
 from scenes import STEEL
 
 import ksd
+from ksd.answers.buckling import buckling
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.properties.buckling import buckling
 from ksd.section import rectangle, restrained_warping_factor
-from ksd.solve.conventional import solve_conventional
-from ksd.solve.path import follow
+from ksd.solvers.conventional import solve_conventional
+from ksd.solvers.path import follow
 from ksd.units import deg
 
 LEAF, COLUMN, LOOP = "Leaf spring", "Columns, strips and frames", "Arches and frames beyond a limit point"

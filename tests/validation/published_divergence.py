@@ -9,10 +9,10 @@ from scenes import STEEL
 from scipy.optimize import brentq
 
 import ksd
+from ksd.answers.buckling import buckling
 from ksd.model.compile import compile_scene
-from ksd.properties.buckling import buckling
 from ksd.section import rectangle
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers.conventional import solve_conventional
 
 DIVERGENCE = "Divergence: critical load factors of rods"
 L, ROD = 0.1, rectangle(1e-3, 1e-3)

@@ -12,7 +12,7 @@ from ksd.model.mesh import Mesh
 from ksd.scene.joint import Motion
 from ksd.scene.leaf import Leaf
 from ksd.section import rectangle
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers.conventional import solve_conventional
 from ksd.units import deg, mm
 
 RODS = "exact planar rods"

@@ -6,11 +6,11 @@ from published_beams import CLAMPED, L, euler, strip
 from scenes import STEEL
 
 import ksd
+from ksd.answers.buckling import buckling
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.properties.buckling import buckling
 from ksd.section import rectangle
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers.conventional import solve_conventional
 
 
 @pytest.mark.parametrize("n, expected", [(4, 1.2157), (8, 1.0523), (16, 1.0130)])
@@ -89,7 +89,7 @@ def test_shear_lowers_critical_loads(slenderness):
 
 def test_dense_and_iterated_factors_of_a_short_wide_guide_agree(monkeypatch):
     """Its matrices have many entries of one size; rounding among them once cost the dense eigensolution its digits."""
-    import ksd.properties.buckling as module
+    import ksd.answers.buckling as module
 
     joint = ksd.ParallelGuide(STEEL, length=0.05, thickness=5e-4, width=0.04, spacing=0.06)
     scene = ksd.Mechanism("guide")

@@ -8,7 +8,7 @@ from scenes import cross_flexure, single_joint
 import ksd
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers.conventional import solve_conventional
 from ksd.units import deg
 
 

@@ -18,10 +18,10 @@ from published_divergence import (
 from scenes import STEEL
 
 import ksd
+from ksd.answers.buckling import buckling
+from ksd.answers.nonconservative import load_tangent, skew_tangent
+from ksd.answers.tangent import assemble_tangent
 from ksd.model.compile import compile_scene
-from ksd.properties.buckling import buckling
-from ksd.properties.nonconservative import load_tangent, skew_tangent
-from ksd.properties.tangent import assemble_tangent
 from ksd.section import rectangle
 
 MESHES = pytest.mark.parametrize(

@@ -24,7 +24,7 @@ import ksd
 from ksd.model.compile import compile_as_is
 from ksd.section import restrained_warping_factor
 from ksd.section.plate import plate_factor
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers.conventional import solve_conventional
 
 MESHES = {"strain": ksd.Mesh(), "chain": ksd.Mesh("corotational", elements=8)}
 

@@ -20,10 +20,10 @@ from ksd.scene.families.guide import ParallelGuide, StiffenedGuide
 from ksd.scene.families.infinity import TripleInfinityHinge
 from ksd.scene.families.notch import ArcHinge, CircularNotchHinge, FilletedNotchHinge
 from ksd.scene.families.universal import UniversalJoint
-from ksd.solve.conventional import solve_conventional
-from ksd.solve.joint_range import RANGE_TOLERANCE
-from ksd.train.catalogue import FAMILY_DESIGNS, design_of
-from ksd.train.softness import rest_stiffness
+from ksd.solvers.conventional import solve_conventional
+from ksd.solvers.joint_range import RANGE_TOLERANCE
+from ksd.training.catalogue import FAMILY_DESIGNS, design_of
+from ksd.training.softness import rest_stiffness
 from ksd.units import deg
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -6,10 +6,10 @@ from scenes import STEEL
 from scipy.linalg import eigvals
 
 import ksd
-from ksd.properties.finer_model import finer_state
-from ksd.properties.mass import assemble_inertia
-from ksd.properties.nonconservative import skew_tangent
-from ksd.properties.tangent import assemble_tangent
+from ksd.answers.finer_model import finer_state
+from ksd.answers.mass import assemble_inertia
+from ksd.answers.nonconservative import skew_tangent
+from ksd.answers.tangent import assemble_tangent
 
 L, SECTION = 0.1, ksd.circle(1e-3)
 CHAIN = ksd.Mesh("corotational", elements=40)

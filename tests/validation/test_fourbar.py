@@ -7,7 +7,7 @@ from scenes import fourbar
 import ksd
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers.conventional import solve_conventional
 
 
 @pytest.fixture(scope="module", params=[1, 2, 5], ids=lambda n: f"n={n}")

@@ -6,7 +6,7 @@ from published_vibrations import CLAMPED, FREE, beam, nearest
 
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers.conventional import solve_conventional
 from ksd.units import deg
 
 

@@ -11,15 +11,15 @@ from published_planar import constant, inextensible
 from scenes import cross_flexure, single_joint
 
 import ksd
+from ksd.answers.tangent import stored_matrix
 from ksd.errors import TrustError
 from ksd.model.arrays import make_workspace
 from ksd.model.constant_leaves import rest_stiffness
 from ksd.model.newton import assemble, take_step
 from ksd.model.plane import Plane, plane_of
-from ksd.properties.tangent import stored_matrix
-from ksd.solve import branch_check, load_steps
-from ksd.solve.arc_length import follow_by_arc_length
-from ksd.solve.steps import percent
+from ksd.solvers import branch_check, load_steps
+from ksd.solvers.arc_length import follow_by_arc_length
+from ksd.solvers.steps import percent
 
 FINE = ksd.Mesh(orders=(3, 2, 16), points=20)
 

@@ -13,7 +13,7 @@ from scenes import fourbar
 import ksd
 from ksd.errors import ConvergenceError
 from ksd.model.compile import compile_scene
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers.conventional import solve_conventional
 
 QUICK = [c for c in CASES if c.quick]
 

@@ -93,7 +93,7 @@ def test_two_alike_guides_at_four_fifths_of_their_stroke(method):
 @pytest.mark.parametrize("family", ["cartwheel", "butterfly", "infinity_hinge", "crossed_pivot"])
 def test_any_pivot_in_a_fourbar(family):
     """A catalogue pivot with internal blocks in a closed loop, placed in both senses."""
-    from ksd.train.catalogue import design_of
+    from ksd.training.catalogue import design_of
 
     design = design_of(family)
     joint = design.make(**design.shape(np.full(len(design.parameters), 0.2)))

@@ -9,11 +9,11 @@ import pytest
 from scenes import cross_flexure, single_joint
 
 import ksd
+from ksd.answers.stiffness import point_stiffness
 from ksd.modal import with_modal_bodies
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.properties.stiffness import point_stiffness
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers.conventional import solve_conventional
 from ksd.units import deg
 
 

@@ -8,15 +8,15 @@ from scipy.optimize import fsolve
 from scipy.spatial.transform import Rotation
 
 import ksd
-from ksd.design.state_space import state_space
+from ksd.answers.nonconservative import skew_tangent
+from ksd.answers.tangent import assemble_and_factor, exact_tangent_arrays, stored_matrix
 from ksd.model.arrays import make_workspace
 from ksd.model.compile import compile_scene
 from ksd.model.newton import assemble, move_nodes, take_step
-from ksd.properties.nonconservative import skew_tangent
-from ksd.properties.tangent import assemble_and_factor, exact_tangent_arrays, stored_matrix
 from ksd.section import rectangle
-from ksd.solve.conventional import solve_conventional
-from ksd.solve.nonconservative_stability import MAX_DAMPED_SKEW_SHARE
+from ksd.solvers.conventional import solve_conventional
+from ksd.solvers.nonconservative_stability import MAX_DAMPED_SKEW_SHARE
+from ksd.study.state_space import state_space
 
 L, SECTION = 0.1, rectangle(0.5e-3, 0.02)
 EI = STEEL.E * SECTION.Iz

@@ -8,8 +8,8 @@ from random_arms import three_universal
 import ksd
 from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
-from ksd.solve.conventional import solve_conventional
-from ksd.solve.path import follow
+from ksd.solvers.conventional import solve_conventional
+from ksd.solvers.path import follow
 from ksd.units import deg
 
 CHAIN = ksd.Mesh("corotational", elements=16)

@@ -7,7 +7,7 @@ from published_beams import ISOTROPIC as STEEL
 from scipy.interpolate import CubicSpline
 
 import ksd
-from ksd.beam.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS
+from ksd.elements.strain_values import DEFAULT_ORDERS, DEFAULT_POINTS
 from ksd.model.mesh import Mesh
 from ksd.units import deg
 

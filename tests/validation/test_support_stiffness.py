@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from published_joints import D0, SUPPORT, at_crossing, hinge
 
+from ksd.answers.stiffness import point_stiffness
+from ksd.answers.tangent import assemble_and_factor
 from ksd.model.mesh import Mesh
-from ksd.properties.stiffness import point_stiffness
-from ksd.properties.tangent import assemble_and_factor
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers.conventional import solve_conventional
 from ksd.units import deg
 
 

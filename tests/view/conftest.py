@@ -5,7 +5,7 @@ import pytest
 from scenes import fourbar
 
 import ksd
-from ksd.design.questions import ALL_QUESTIONS
+from ksd.study.questions import ALL_QUESTIONS
 
 
 @pytest.fixture(scope="session")

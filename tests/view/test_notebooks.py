@@ -14,8 +14,8 @@ from PIL import Image
 from scenes import fourbar
 
 import ksd
+from ksd.answers.printing import empty_table, render_text
 from ksd.html import as_html
-from ksd.properties.printing import empty_table, render_text
 
 
 class Page(HTMLParser):

@@ -18,7 +18,7 @@ import ksd
 from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.solve.conventional import solve_conventional
+from ksd.solvers.conventional import solve_conventional
 from ksd.view import plot_mechanism, write_pvd
 from ksd.view.bodies import (
     PAD_HALF_THICKNESS,
@@ -35,6 +35,7 @@ from ksd.view.bodies import (
 from ksd.view.camera import camera_of
 from ksd.view.cost_plot import Mark, plot_cost
 from ksd.view.depth_order import back_to_front
+from ksd.view.drawing import draw_polygons
 from ksd.view.figure import (
     FAINT_COLOR,
     LOAD_COLOR,
@@ -43,7 +44,6 @@ from ksd.view.figure import (
     new_figure,
     parameter_with_unit,
 )
-from ksd.view.mechanism import draw_polygons
 from ksd.view.stress_colors import stress_colors
 
 SCENES = Path(ksd.__file__).parent / "scenes"

@@ -9,7 +9,7 @@ from readable import assert_readable
 from scenes import cross_flexure, single_joint
 
 import ksd
-from ksd.design.questions import ALL_QUESTIONS
+from ksd.study.questions import ALL_QUESTIONS
 from ksd.units import mm
 from ksd.view import figure as palette
 from ksd.view.cost_plot import Mark, plot_cost

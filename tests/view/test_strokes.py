@@ -8,7 +8,7 @@ from readable import assert_readable
 from scenes import cross_flexure, fourbar, single_joint
 
 import ksd
-from ksd.design.table import Table
+from ksd.study.table import Table
 from ksd.view import animate_mode, animate_stroke, plot_mode
 from ksd.view.effect_cost_plot import plot_effect_cost
 from ksd.view.figure import new_figure
@@ -193,7 +193,7 @@ def test_animation_of_a_mode(tmp_path):
     moved = modes.moved(1, size)
     assert (moved.x - modes.motion.x) / size == pytest.approx(modes.shape[1, :, :3], abs=1e-9)
     # a leaf drawn from its own curvature ends where its link is, but for its stretch
-    from ksd.properties.shape import member_arrays, member_ends, strain_curve
+    from ksd.answers.shape import member_arrays, member_ends, strain_curve
 
     for i in range(len(modes.model.arrays.members.kind)):
         ends = [member_ends(modes.model, m, i).d for m in (modes.motion, moved)]

@@ -125,7 +125,7 @@ class TripleInfinityHinge(JointFamily):
       Each acts as a pivot where its bars cross, so both together as a rod from A to B across the main leaf.
 
     Where folded leaf springs and bars cross, the folded leaf springs have windows, which are not modelled: over the stroke
-    up to 0.19 of the area of a leaf (`ksd.train.stroke_checks.LeafWindows`; rigid blocks
+    up to 0.19 of the area of a leaf (`ksd.training.stroke_checks.LeafWindows`; rigid blocks
     have no shape here and are not counted). length [m] scales all dimensions but thickness [m], which is free like the
     material. Raises SceneError naming the parameter out of bounds.
     """

@@ -1,0 +1,391 @@
+"""Section forces along leaf springs, and interface forces of joints, leaf springs, springs and hinges on links.
+
+Section forces N, Vy, Vz [N], T, My, Mz [Nm] are positive on the section whose outward normal points along the leaf, in the
+axes of the deformed section. For both leaf models they follow from the leaf's end wrench (n, m) by equilibrium: force n and
+moment m + (r(L) - r(s)) x n, plus for a leaf with weight those of the weight beyond s, in the axes of the section. Other
+methods are less accurate where the stress is largest. In a strain-mode leaf the curvature series times the rigidity is
+accurate in the mean, not at the ends (7e-4 of the moment in a cross flexure turned by 45 degrees). In a chain the strains of
+Appendix A give bending moments, but shear only as their difference over an element whose two ends have different axes, which
+under twist mixes weak and strong bending.
+
+Interface forces are those that joints, free leaves and springs exert on the links they are clamped to, ground included. They
+are the wrenches at the ends of leaves; those of a joint are summed about its interface. On every link they balance loads,
+drives, supports and weight.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from ksd.answers.leaf_groups import LeafGroup, chain_groups, leaf_groups, local_gravity
+from ksd.answers.printing import NamedAnswerTable, PrintableAnswer, format_number, format_table
+from ksd.answers.shape import (
+    DEFAULT_STATIONS,
+    chain_lines,
+    cross_rows,
+    leaf_members,
+    member_arrays,
+    member_ends,
+    point_position,
+    strain_curves,
+)
+from ksd.errors import SceneError
+from ksd.model.arrays import COIL, STRAIN, TORSION, State, Workspace, make_workspace
+from ksd.model.compile import Model
+from ksd.model.loading import twist
+from ksd.model.newton import assemble, assemble_nodes
+from ksd.model.poses import member_pose
+from ksd.model.turns import nearest_turn
+
+Array = NDArray[np.float64]
+COMPONENTS = ("N", "Vy", "Vz", "T", "My", "Mz")
+"""Columns of `SectionForces.values`; the first three in N, the others in Nm."""
+
+
+@dataclass(frozen=True, repr=False)
+class SectionForces(PrintableAnswer):
+    """Section forces of one leaf.
+
+    s (k,): stations [m] from its start, of a chain its nodes; values (k, 6): columns N, Vy, Vz [N] and T, My, Mz [Nm].
+    """
+
+    name: str
+    s: Array
+    values: Array
+
+    def _line(self) -> str:
+        most = np.abs(self.values).max(axis=0)
+        components = ", ".join(f"{c} {format_number(v, 3)}" for c, v in zip(COMPONENTS, most, strict=True))
+        return f"'{self.name}', at most {components} [N, Nm]"
+
+    def __str__(self) -> str:
+        rows = [
+            (
+                format_number(1e3 * s, 4),
+                *(format_number(v, 4, zero=1e-9 * float(np.abs(self.values).max())) for v in row),
+            )
+            for s, row in zip(self.s, self.values, strict=True)
+        ]
+        return format_table(("s [mm]", *COMPONENTS), rows, f"Section forces [N, Nm] along leaf '{self.name}'")
+
+    @property
+    def start(self) -> Array:
+        """Values (6,) at the start of the leaf."""
+        return self.values[0]
+
+    @property
+    def end(self) -> Array:
+        """Values (6,) at the end of the leaf."""
+        return self.values[-1]
+
+
+def section_forces(
+    model: Model, motion: State, *, points: int = DEFAULT_STATIONS, load_factor: float = 1.0
+) -> NamedAnswerTable[SectionForces]:
+    """Section forces of all leaves by full name.
+
+    points: stations per strain-mode leaf; load_factor: factor of their weight.
+    """
+    found = forces_of_members(model, motion, leaf_members(model), points, load_factor)
+    title = "Section forces, the largest along every leaf"
+    units = [f"{c} [{'N' if c in COMPONENTS[:3] else 'Nm'}]" for c in COMPONENTS]
+    return NamedAnswerTable(found, title, ("leaf", *units), _largest_components)
+
+
+def forces_of_members(
+    model: Model, motion: State, lines: dict[str, list[int]], points: int, load_factor: float
+) -> dict[str, SectionForces]:
+    """Section forces along `lines`, sequences of members, by name; other arguments as in `section_forces`."""
+    parts: dict[int, tuple[Array, Array]] = {}
+    wrenches = end_wrenches(model, motion, load_factor=load_factor)
+    for group in (*leaf_groups(model), *chain_groups(model)):
+        gravity = local_gravity(model, motion, group, load_factor)
+        if model.arrays.members.kind[group.members[0]] == STRAIN:
+            results = strain_forces(
+                group.value, motion.inner[group.inner_index], group.number, points, gravity
+            )
+        else:
+            results = _chain_forces(model, motion, group, wrenches, gravity)
+        parts |= zip(group.members.tolist(), zip(*results, strict=True), strict=True)
+    found = {}
+    for name, members in lines.items():
+        at, stations, values = 0.0, [], []
+        for i in members:
+            s, forces = parts[i] if i in parts else _solid_forces(model, motion, i, wrenches)
+            stations.append(at + s)
+            values.append(forces)
+            at += s[-1]
+        found[name] = SectionForces(name, np.concatenate(stations), np.concatenate(values))
+    return found
+
+
+def _largest_components(forces: SectionForces) -> list[str]:
+    """Largest magnitudes of the six components, formatted."""
+    most = np.abs(forces.values).max(axis=0)
+    return [format_number(float(v), 4, zero=1e-9 * float(most.max())) for v in most]
+
+
+def end_wrenches(model: Model, motion: State, *, load_factor: float = 1.0) -> Array:
+    """Force and moment (members, 6) [N, Nm] on end q of every member, in its frame p."""
+    found = np.empty((len(model.member_names), 6))
+    if model.kinds - {STRAIN}:
+        # the assembly condenses the inner unknowns and stores the end wrenches
+        held, work = np.zeros(len(motion.multiplier)), make_workspace(model.arrays)
+        assemble(model.arrays, motion, held, load_factor, work)
+        found[:] = work.lam[: len(found), :6]
+    for group in leaf_groups(model):
+        found[group.members] = motion.inner[group.inner_index][:, group.modes :]
+    return found
+
+
+def strain_forces(
+    value: Array, inner: Array, number: NDArray[np.int64], points: int, gravity: Array | None = None
+) -> tuple[Array, Array]:
+    """Stations (leaves, k) [m] and section forces (leaves, k, 6) of strain-mode leaves of one group.
+
+    value (leaves, v), inner: their constants and inner states; gravity (leaves, 3) [m/s^2]: in their frames p.
+    """
+    s, r, R, *beyond = strain_curves(value, number, inner, points, gravity)
+    weight = () if gravity is None else (gravity[:, None], *beyond)
+    return s, forces_along(r, R, inner[:, None, int(number[:3].sum()) :], *weight)
+
+
+def _chain_forces(
+    model: Model, motion: State, group: LeafGroup, wrenches: Array, gravity: Array | None
+) -> tuple[Array, Array]:
+    """Stations (chains, k) [m] and section forces (chains, k, 6) at the nodes of the chains of a group.
+
+    wrenches (members, 6): on end q of all members; gravity (chains, 3) [m/s^2]: in their frames p.
+    """
+    _, r, axes = chain_lines(model, motion, group)
+    count = int(group.number[0])
+    s = np.zeros(r.shape[:2])
+    np.cumsum(group.value[:, : 16 * count : 16], axis=1, out=s[:, 1:])
+    weight = () if gravity is None else (gravity[:, None], *_chain_masses(group.value, count, r))
+    return s, forces_along(r, axes, wrenches[group.members, None], *weight)
+
+
+def _solid_forces(model: Model, motion: State, i: int, wrenches: Array) -> tuple[Array, Array]:
+    """Stations (k,) [m] and section forces (k, 6) along the middle line of a reduced solid."""
+    ends = member_ends(model, motion, i)
+    solid = model.bodies[model.member_names[i]]
+    s, r, R = solid.middle_line(ends.d, ends.Q, member_arrays(model, motion, i)[2])
+    return s, forces_along(r[None], R[None], wrenches[None, i : i + 1])[0]
+
+
+def _chain_masses(value: Array, count: int, r: Array) -> tuple[Array, Array]:
+    """Mass M (chains, k) [kg] beyond every node, and its first moment int M dr (chains, k, 3) [kg m] up to there."""
+    lumps = value[:, 16 * count + 9 : 17 * count + 10]
+    mass, first = np.zeros(r.shape[:2]), np.zeros_like(r)
+    for k in reversed(range(count)):
+        # each node carries half of the mass of an element
+        mass[:, k] = 2 * lumps[:, k + 1 :].sum(axis=1) - mass[:, k + 1]
+    middle = 0.5 * (mass[:, 1:] + mass[:, :-1])[..., None]
+    np.cumsum(middle * np.diff(r, axis=1), axis=1, out=first[:, 1:])
+    return mass, first
+
+
+def forces_along(r: Array, R: Array, wrench: Array, *weight: Array) -> Array:
+    """Section forces (leaves, k, 6) from positions r and axes R along leaves, and the wrench (leaves, 1, 6) on end q.
+
+    weight: gravity (leaves, 1, 3), mass M beyond every station (leaves, k), and int M dr up to there (leaves, k, 3).
+    """
+    n = wrench[..., :3]
+    moment, forces = wrench[..., 3:] + cross_rows(r[:, -1:] - r, n), np.broadcast_to(n, r.shape)
+    if weight:
+        gravity, mass, first = weight
+        forces = forces + mass[..., None] * gravity
+        moment = moment + cross_rows(first[:, -1:] - first, gravity)
+    found: Array = np.concatenate([forces, moment], axis=2).reshape(*r.shape[:2], 2, 3) @ R
+    return found.reshape(*r.shape[:2], 6)
+
+
+ROUNDING_TOLERANCE = 1e-9
+"""Magnitude, relative to the largest force, up to which a component counts as rounding."""
+WEIGHTLESS_TOLERANCE = 1e-6
+"""Relative change of the force along a leaf up to which it counts as a leaf without weight."""
+
+
+@dataclass(frozen=True, repr=False)
+class InterfaceForce(PrintableAnswer):
+    """Force (3,) [N] and moment (3,) [Nm] that one joint, leaf, spring, pin or slider exerts on one link.
+
+    point (3,) [m]: deformed position of the interface or end, about which the moment is taken; global axes.
+    """
+
+    name: str
+    link: str
+    point: Array
+    force: Array
+    moment: Array
+
+    def _line(self) -> str:
+        force, moment = (
+            " ".join(
+                format_number(float(v), 4, zero=ROUNDING_TOLERANCE * float(np.abs(part).max())) for v in part
+            )
+            for part in (self.force, self.moment)
+        )
+        return f"'{self.name}' on '{self.link}': {force} N, {moment} Nm"
+
+
+@dataclass(frozen=True, repr=False)
+class InterfaceForces(PrintableAnswer):
+    """All interface forces in the order of the scene: joints, free leaf springs, springs, pins and sliders; two rows each.
+
+    size [m]: length by which moments are compared with forces.
+    """
+
+    rows: tuple[InterfaceForce, ...]
+    size: float
+
+    def _line(self) -> str:
+        most = max(self.rows, key=lambda row: float(np.linalg.norm(row.force)))
+        return f"{len(self.rows)} interfaces, at most {format_number(float(np.linalg.norm(most.force)))} N, of '{most.name}'"
+
+    @property
+    def listing(self) -> list[tuple[str, str, list[float]]]:
+        """Name, link, and force and moment (6) of every row, with components that are rounding set to zero."""
+        noise = ROUNDING_TOLERANCE * max((float(np.abs(r.force).max()) for r in self.rows), default=0.0)
+        bounds = np.repeat([noise, noise * self.size], 3)
+        wrenches = (np.concatenate([r.force, r.moment]) for r in self.rows)
+        cleaned = (np.where(np.abs(w) > bounds, w, 0.0).tolist() for w in wrenches)
+        return [(r.name, r.link, wrench) for r, wrench in zip(self.rows, cleaned, strict=True)]
+
+    def __str__(self) -> str:
+        rows = [(name, link, *(format_number(v, 4) for v in wrench)) for name, link, wrench in self.listing]
+        columns = (*(f"F{a} [N]" for a in "xyz"), *(f"M{a} [Nm]" for a in "xyz"))
+        title = "Interface forces: on the link, moments about the interface, global axes"
+        return format_table(("of", "<on link", *columns), rows, title)
+
+    def of(self, name: str, link: str) -> InterfaceForce:
+        """Force of one joint, leaf or spring on one of its links; raises SceneError where there is none."""
+        for row in self.rows:
+            if (row.name, row.link) == (name, link):
+                return row
+        known = ", ".join(f"'{r.name}' on '{r.link}'" for r in self.rows)
+        raise SceneError(f"'{name}' is not clamped to link '{link}'; there are {known}")
+
+    def on(self, link: str, *, about: Any = (0.0, 0.0, 0.0)) -> Array:
+        """Sum of all forces [N] and moments [Nm] (6,) on a link, or "ground", about a global point (3,) [m].
+
+        Raises SceneError for a link to which nothing is clamped.
+        """
+        mine = [r for r in self.rows if r.link == link]
+        if not mine:
+            known = ", ".join(f"'{name}'" for name in dict.fromkeys(r.link for r in self.rows))
+            raise SceneError(f"no joint, leaf or spring is clamped to link '{link}'; there are {known}")
+        moments = [r.moment + np.cross(r.point - np.asarray(about, float), r.force) for r in mine]
+        return np.concatenate([sum(r.force for r in mine), sum(moments)])
+
+
+def interface_forces(model: Model, motion: State, *, load_factor: float = 1.0) -> InterfaceForces:
+    """Forces of all joints, free leaves, springs, pins and sliders on their links; load_factor: factor of their weight."""
+    ends = leaf_end_forces(model, motion, load_factor)
+    rows = []
+    for placed in model.scene.joints:
+        mine = [e for e in ends if e.name.startswith(f"{placed.name}/")]
+        for link, point in ((placed.a, placed.origin), (placed.b, placed.place(placed.joint.pose_B))):
+            node = model.node_names.index(link)
+            here = point_position(model, motion, node, point)
+            theirs = [e for e in mine if e.link == link]
+            force = sum((e.force for e in theirs), np.zeros(3))
+            moment = sum((e.moment + np.cross(e.point - here, e.force) for e in theirs), np.zeros(3))
+            rows.append(InterfaceForce(placed.name, link, here, force, moment))
+    names = {placed.name for placed in model.scene.leaves}
+    rows += [e for e in ends if e.name in names]
+    if model.spring_names:
+        assemble_nodes(model.arrays, motion, load_factor, work := make_workspace(model.arrays))
+        rows += [
+            row for i in range(len(model.spring_names)) for row in _spring_forces(model, motion, i, work)
+        ]
+    for hinge in model.scene.hinges:
+        rows += _hinge_forces(model, motion, hinge)
+    return InterfaceForces(tuple(rows), model.arrays.size)
+
+
+def leaf_end_forces(model: Model, motion: State, load_factor: float) -> list[InterfaceForce]:
+    """Forces of every leaf on the nodes at its start and at its end, two rows per leaf."""
+    found, members = [], model.arrays.members
+    forces = section_forces(model, motion, load_factor=load_factor)
+    wrenches = end_wrenches(model, motion, load_factor=load_factor)
+    for name, parts in leaf_members(model).items():
+        first, last = member_ends(model, motion, parts[0]), member_ends(model, motion, parts[-1])
+        n, m = wrenches[parts[0], :3], wrenches[parts[0], 3:]
+        force, moment = n, m + np.cross(first.d, n)
+        if np.abs(forces[name].start[:3] - n).max() > WEIGHTLESS_TOLERANCE * np.abs(n).max():
+            # a leaf with weight transmits it at its start
+            force, moment = forces[name].start[:3], forces[name].start[3:]
+        node = model.node_names[members.node[parts[0], 0]]
+        found.append(InterfaceForce(name, node, first.start, first.frame @ force, first.frame @ moment))
+        n, m = wrenches[parts[-1], :3], wrenches[parts[-1], 3:]
+        node, end = model.node_names[members.node[parts[-1], 1]], last.start + last.frame @ last.d
+        found.append(InterfaceForce(name, node, end, -(last.frame @ n), -(last.frame @ m)))
+    return found
+
+
+def _hinge_forces(model: Model, motion: State, hinge: Any) -> list[InterfaceForce]:
+    """Forces of a pin or slider on its links: the sum of its support forces."""
+    force, moment = np.zeros(3), np.zeros(3)
+    nodes = [model.node_names.index(link) for link in (hinge.a, hinge.b)]
+    names, drives = model.support_names, len(model.drive_names)
+    for held in hinge.supports(model.scene.plane):
+        term = held.terms[0]
+        direction = motion.R[nodes[0]] @ np.asarray(term.direction)
+        share = -float(motion.multiplier[drives + names.index(held.name)]) * direction
+        if term.kind == "translation":
+            force = force + share
+        else:
+            moment = moment + share
+    point = point_position(model, motion, nodes[1], hinge.at)
+    return [
+        InterfaceForce(hinge.name, hinge.a, point, -force, -moment),
+        InterfaceForce(hinge.name, hinge.b, point, force, moment),
+    ]
+
+
+def _spring_forces(model: Model, motion: State, i: int, work: Workspace) -> list[InterfaceForce]:
+    """Forces of spring or elastic link `i` on the nodes at its ends, from the assembled `work`."""
+    springs, R = model.arrays.springs, motion.R
+    a, b = springs.node[i].tolist()
+    start, end = (motion.x[n] + R[n] @ springs.offset[i, e] for e, n in enumerate((a, b)))
+    frame = R[a] @ springs.frame[i, 0]
+    n, m = work.lam[len(model.member_names) + i, :6].reshape(2, 3) @ frame.T
+    if springs.kind[i] == TORSION:
+        # its moment acts along the gradient of the angle, which leaves the axis where the links turn about another one
+        twist(R[a], R[b], frame[:, 2].copy(), np.zeros(3), slope := np.zeros(3), np.zeros((3, 3)))
+        m = float(m @ frame[:, 2]) * slope
+    name = model.spring_names[i]
+    return [
+        InterfaceForce(name, model.node_names[a], start, n, m + np.cross(end - start, n)),
+        InterfaceForce(name, model.node_names[b], end, -n, -m),
+    ]
+
+
+def spring_energy(model: Model, motion: State) -> dict[str, float]:
+    """Energy [J] of all springs and links with a matrix, by name."""
+    return {name: energy_of_one_spring(model, motion, i) for i, name in enumerate(model.spring_names)}
+
+
+def energy_of_one_spring(model: Model, motion: State, i: int) -> float:
+    """Energy [J] of spring i: k (l - l0)^2 / 2, k (angle - rest)^2 / 2, or W xi + xi K xi / 2."""
+    springs = model.arrays.springs
+    value, pose, Q = springs.value[springs.value_at[i] :], np.empty(18), np.empty((3, 3))
+    offset, frame = springs.offset[i].ravel(), springs.frame[i].ravel()
+    member_pose(springs.node[i], 0, offset, 0, frame, 0, motion.x, motion.R, pose, Q)
+    d = pose[:9].reshape(3, 3).T @ pose[15:]
+    if springs.kind[i] == COIL:
+        return 0.5 * float(value[0]) * (math.sqrt(float(d @ d)) - float(value[1])) ** 2
+    if springs.kind[i] == TORSION:
+        _, _, z, w = Rotation.from_matrix(Q).as_quat()
+        angle = nearest_turn(2.0 * math.atan2(z, w), motion.angle[len(model.arrays.terms.node) + i])
+        return 0.5 * float(value[0]) * (angle - float(value[1])) ** 2
+    turned = Rotation.from_matrix(Q @ value[3:12].reshape(3, 3).T).as_rotvec()
+    xi = np.concatenate([d - value[:3], turned])
+    return float(value[12:18] @ xi + 0.5 * xi @ value[18:54].reshape(6, 6) @ xi)

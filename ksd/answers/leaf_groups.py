@@ -1,0 +1,269 @@
+"""Groups of strain-mode leaves with the same orders, points and panels, and of chains with the same number of elements,
+evaluated together as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+
+from ksd.answers.derived import cached_per_model
+from ksd.answers.nonconservative import cross_matrix
+from ksd.elements.strain_uncondensed import (
+    GravityDerivatives,
+    UncondensedLeaves,
+    gravity_derivatives,
+    strain_flexibility,
+    uncondensed_leaves,
+)
+from ksd.elements.strain_values import strain_value_count
+from ksd.model.arrays import COROTATIONAL, STRAIN, State
+from ksd.model.compile import Model
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LeafGroup:
+    """k leaf springs of the same layout.
+
+    members (k,): their numbers; number (SETTINGS,): common settings; value (k, v): constants; inner_index (k, N + 6):
+    positions of their inner states in the flat inner state of the model; has_weight: they have weight.
+    """
+
+    members: NDArray[np.int64]
+    number: NDArray[np.int64]
+    value: Array
+    inner_index: NDArray[np.int64]
+    has_weight: bool = False
+
+    @property
+    def modes(self) -> int:
+        """Number of amplitudes N per leaf."""
+        return int(self.number[:3].sum())
+
+
+def panel_table_slice(number: NDArray[np.int64]) -> slice:
+    """Slice of the constants of a leaf spring with the weights and integrals of its points; they are equal for equal
+    panels."""
+    nx, ny, nz, ng = (int(n) for n in number[:4])
+    first = 1 + nx * nx + ny * ny + nz * nz + nx + ny + nz
+    return slice(first, first + ng * (ng + 1))
+
+
+def _has_weight(model: Model) -> NDArray[np.bool_]:
+    """Whether each member (k,) has weight."""
+    has_weight = np.zeros(len(model.arrays.members.kind), bool)
+    has_weight[: len(model.arrays.weight)] = model.arrays.weight[:, 0] > 0.0
+    return has_weight
+
+
+@cached_per_model
+def leaf_groups(model: Model) -> tuple[LeafGroup, ...]:
+    """Groups of all strain-mode members of a model, in order of first appearance."""
+    members = model.arrays.members
+    found: dict[tuple[bytes, bytes, bool], list[int]] = {}
+    has_weight = _has_weight(model)
+    for i in np.flatnonzero(members.kind == STRAIN).tolist():
+        own = members.value[members.value_at[i] :]
+        layout = members.number[i].tobytes(), own[panel_table_slice(members.number[i])].tobytes()
+        found.setdefault((*layout, bool(has_weight[i])), []).append(i)
+    groups = []
+    for (*_, weighs), same in found.items():
+        size = strain_value_count(members.number[same[0]], has_weight=weighs)
+        value = np.stack([members.value[members.value_at[i] :][:size] for i in same])
+        inner_index = np.stack([np.arange(members.inner_at[i], members.inner_at[i + 1]) for i in same])
+        groups.append(LeafGroup(np.array(same), members.number[same[0]], value, inner_index, weighs))
+    return tuple(groups)
+
+
+@cached_per_model
+def chain_groups(model: Model) -> tuple[LeafGroup, ...]:
+    """Groups of all chains of a model by number of elements; `value` has constants of elements, of the clamped end, and
+    masses."""
+    members, has_weight = model.arrays.members, _has_weight(model)
+    found: dict[tuple[int, bool], list[int]] = {}
+    for i in np.flatnonzero(members.kind == COROTATIONAL).tolist():
+        found.setdefault((int(members.number[i, 0]), bool(has_weight[i])), []).append(i)
+    groups = []
+    for (count, weighs), same in found.items():
+        size = 16 * count + 9 + weighs * (count + 1)
+        value = np.stack([members.value[members.value_at[i] :][:size] for i in same])
+        inner_index = members.inner_at[same][:, None] + np.arange(12 * (count - 1))
+        groups.append(LeafGroup(np.array(same), members.number[same[0]], value, inner_index, weighs))
+    return tuple(groups)
+
+
+@dataclass(frozen=True)
+class EndFrames:
+    """End frames of k members.
+
+    p is at start (k, 3) with axes frame (k, 3, 3), global; q at d (k, 3), in frame p. arms (k, 2, 3): vectors from the nodes
+    to both ends; reach (k, 3): from the node of p to q; global.
+    """
+
+    start: Array
+    frame: Array
+    d: Array
+    arms: Array
+    reach: Array
+
+
+def end_frames(model: Model, motion: State, which: NDArray[np.int64] | slice) -> EndFrames:
+    """End frames of the members `which` (k,) at `motion`."""
+    members = model.arrays.members
+    nodes = members.node[which]
+    R = motion.R[nodes]
+    arms = (R @ members.offset[which][..., None])[..., 0]
+    frame = R[:, 0] @ members.frame[which, 0]
+    start, end = (motion.x[nodes[:, e]] + arms[:, e] for e in (0, 1))
+    d = ((end - start)[:, None] @ frame)[:, 0]
+    return EndFrames(start, frame, d, arms, end - motion.x[nodes[:, 0]])
+
+
+def end_axes(model: Model, motion: State, which: NDArray[np.int64], ends: EndFrames) -> Array:
+    """Axes (k, 3, 3) of end q of the members `which` (k,), in frame p."""
+    members = model.arrays.members
+    axes: Array = ends.frame.swapaxes(1, 2) @ motion.R[members.node[which, 1]] @ members.frame[which, 1]
+    return axes
+
+
+def end_jacobians(ends: EndFrames) -> tuple[Array, Array]:
+    """Jacobians (k, 6, 12) of the motion of end p, and of end q relative to p, with respect to the motions of both nodes.
+
+    Both motions are in frame p.
+    """
+    count = len(ends.start)
+    own, relative = np.zeros((count, 6, 12)), np.zeros((count, 6, 12))
+    turn = ends.frame.swapaxes(1, 2)
+    own[:, :3, :3] = own[:, 3:, 3:6] = relative[:, :3, 6:9] = relative[:, 3:, 9:] = turn
+    relative[:, :3, :3] = relative[:, 3:, 3:6] = -turn
+    own[:, :3, 3:6] = -turn @ cross_matrix(ends.arms[:, 0])
+    relative[:, :3, 3:6] = turn @ cross_matrix(ends.reach)
+    relative[:, :3, 9:] = -turn @ cross_matrix(ends.arms[:, 1])
+    return own, relative
+
+
+def local_gravity(model: Model, motion: State, group: LeafGroup, load_factor: float) -> Array | None:
+    """Gravity (k, 3) [m/s^2] times the load factor, in the frames p of a group of leaf springs; None without weight."""
+    if not group.has_weight:
+        return None
+    members, weight = model.arrays.members, model.arrays.weight[group.members]
+    frame = motion.R[members.node[group.members, 0]] @ members.frame[group.members, 0]
+    found: Array = load_factor * (weight[:, None, 1:] @ frame)[:, 0]
+    return found
+
+
+def group_parts(model: Model, motion: State, group: LeafGroup, load_factor: float) -> UncondensedLeaves:
+    """Tangent blocks and mode fields of all leaf springs of a group (k, ...), see `ksd.elements.strain_uncondensed`."""
+    gravity = local_gravity(model, motion, group, load_factor)
+    return uncondensed_leaves(group.value, group.number, motion.inner[group.inner_index], gravity)
+
+
+@dataclass(frozen=True)
+class LeafWeight:
+    """Contribution of the weight of k leaves to their tangents.
+
+    derivatives: with respect to gravity in frame p; gravity_jacobian (k, 3, 12): derivative of gravity in frame p with
+    respect to the motions of both nodes; node_tangent (k, 12, 12): second derivatives of the potential of the weight at end
+    p with the first moment of the leaf.
+    """
+
+    derivatives: GravityDerivatives
+    gravity_jacobian: Array
+    node_tangent: Array
+
+
+def leaf_weight(model: Model, motion: State, group: LeafGroup, load_factor: float) -> LeafWeight | None:
+    """Contribution of the weight of a group of leaves to their tangents, see `ksd.elements.weight_assembly`; None without
+    weight."""
+    gravity = local_gravity(model, motion, group, load_factor)
+    if gravity is None:
+        return None
+    derivatives = gravity_derivatives(group.value, group.number, motion.inner[group.inner_index], gravity)
+    ends = end_frames(model, motion, group.members)
+    jacobian, tangent = np.zeros((len(gravity), 3, 12)), np.zeros((len(gravity), 12, 12))
+    jacobian[:, :, 3:6] = np.cross(gravity[:, None], ends.frame).swapaxes(1, 2)
+    weight = model.arrays.weight[group.members]
+    g = load_factor * weight[:, 1:]
+    first = weight[:, :1] * ends.arms[:, 0] + (ends.frame @ derivatives.s[..., None])[..., 0]
+    product = first[:, :, None] * g[:, None]
+    trace = np.einsum("kii->k", product)[:, None, None] * np.eye(3)
+    tangent[:, 3:6, 3:6] = trace - 0.5 * (product + product.swapaxes(1, 2))
+    return LeafWeight(derivatives, jacobian, tangent)
+
+
+def node_unknowns(model: Model, nodes: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Unknowns (k, 6 n) of the motions of nodes (k, n), -1 where one is fixed."""
+    first = model.arrays.start[nodes][..., None]
+    return np.where(first < 0, -1, first + np.arange(6)).reshape(len(nodes), -1)
+
+
+@cached_per_model
+def inner_unknowns(model: Model) -> tuple[NDArray[np.int64], ...]:
+    """Unknowns (k, 12 + N) of the leaves of every group.
+
+    These are the motions of both nodes in elimination order, -1 where a node is fixed, then the inner coordinates of the
+    leaf, which follow all node unknowns.
+    """
+    at, found = model.arrays.plan.unknowns, []
+    for group in leaf_groups(model):
+        own = at + np.arange(group.inner_index[:, : group.modes].size).reshape(-1, group.modes)
+        found.append(np.hstack([node_unknowns(model, model.arrays.members.node[group.members]), own]))
+        at += own.size
+    return tuple(found)
+
+
+def assemble_blocks(unknowns: Sequence[NDArray[np.int64]], blocks: Sequence[Array], size: int) -> Any:
+    """Sum (size, size), scipy CSR, of stacks of matrices (k, m, m) with the unknowns (k, m) of each, -1 for none."""
+    values, rows, columns = [], [], []
+    for at, block in zip(unknowns, blocks, strict=True):
+        own = (at >= 0)[:, :, None] & (at >= 0)[:, None, :]
+        values.append(block[own])
+        rows.append(np.broadcast_to(at[:, :, None], own.shape)[own])
+        columns.append(np.broadcast_to(at[:, None, :], own.shape)[own])
+    where = np.concatenate(rows), np.concatenate(columns)
+    return coo_matrix((np.concatenate(values), where), shape=(size, size)).tocsr()
+
+
+@dataclass(frozen=True)
+class LeafFlexibility:
+    """Leaf springs of one group at a state in the coordinates (motions of both nodes, b), with amplitudes a = P xi + b.
+
+    xi is the motion of end q relative to end p. parts: tangent blocks and fields; P (k, N, 6); Z (k, N, N): flexibility of b
+    with the ends held; ends (k, 6, 6): end wrench per xi; own, relative (k, 6, 12): motion of end p, and xi, from the
+    motions of both nodes; inner (k, N): unknowns of b.
+    """
+
+    parts: UncondensedLeaves
+    P: Array
+    Z: Array
+    ends: Array
+    own: Array
+    relative: Array
+    inner: NDArray[np.int64]
+
+
+def leaf_flexibilities(model: Model, motion: State, *, load_factor: float = 1.0) -> list[LeafFlexibility]:
+    """Flexibilities of all groups of leaf springs at `motion`."""
+    found = []
+    for group, unknowns in zip(leaf_groups(model), inner_unknowns(model), strict=True):
+        parts = group_parts(model, motion, group, load_factor)
+        P, Z, K = strain_flexibility(parts)
+        own, relative = end_jacobians(end_frames(model, motion, group.members))
+        found.append(LeafFlexibility(parts, P, Z, K, own, relative, unknowns[:, 12:]))
+    return found
+
+
+def elastic_stiffness(group: LeafGroup) -> Array:
+    """Stiffness (k, N, N) of the amplitudes of stress-free leaves."""
+    K, at, first = np.zeros((len(group.value), group.modes, group.modes)), 1, 0
+    for n in (int(n) for n in group.number[:3]):
+        K[:, first : first + n, first : first + n] = group.value[:, at : at + n * n].reshape(-1, n, n)
+        at += n * n
+        first += n
+    return K

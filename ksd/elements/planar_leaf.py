@@ -1,0 +1,357 @@
+"""The strain-mode leaf restricted to its bending plane: `ksd.elements.strain` in closed form in the angle.
+
+End p at the origin, unrotated; end q at d, rotated by Q about e3. Unknowns are the amplitudes a (nz,) of
+kappa = sum a_k B_k(s) [1/m] and lam = (nx, ny, m), force and moment on end q. The angle is the integral of kappa,
+theta = sum a_k psi_k with known psi_k(s) = int B_k, so the mixed functional 1/2 a K a - H + lam.(closure) needs one sum
+over the Gauss points, the same as in space: H = L sum w h(theta) + m theta(L), h = N + (cN N^2 + cV V^2)/2,
+N + i V = (nx + i ny) exp(-i theta), hence h' = V + (cN - cV) N V and h'' = -N + (cN - cV)(V^2 - N^2). Source: the S model
+of the strain-mode note.
+
+It uses the inner state of the spatial leaf, of which it changes the amplitudes of weak bending and three numbers of the
+wrench. `number`: nz, points, index of the first weak-bending amplitude, of the wrench, number of plate points.
+`value`: K (nz, nz) [N m^3], stress-free a0 (nz), then per point: weight times L, cN = 1/EA, cV = 1/(ky G A), psi (nz); then
+psi at the end; with plate stiffening per point the numbers of `ksd.elements.plate_energy` and the modes (nz); for a leaf
+with weight the mass beyond each point [kg]. `store`: W^-1 (J, g) (nz, 4), J and g (nz, 4), W (nz, nz), gap (3), K (6); with
+weight eta and W^-1 eta (nz, 4) and the gravity block of `ksd.elements.weight`.
+
+With weight the force at a point is n + M g, M the mass beyond it and g gravity in frame p; dH/dg = int M r' ds is the
+first moment of the mass about end p, and eta its derivative by the amplitudes.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+
+from ksd.elements.plate_energy import POINT_NUMBERS, plate_point
+from ksd.elements.strain_values import GRAVITY_BLOCK_SIZE, masses_beyond
+from ksd.numerics.kernel import kernel
+
+TINY_PIVOT = 1e-15
+"""A pivot below this fraction of its diagonal before elimination counts as zero."""
+FULL_TURN = 2.0 * math.pi
+
+
+@kernel(inline="late")
+def _assemble(value, number, inner, store):
+    """Write W (lower) and (J, g) into the store; return position and angle of end q, and the force block of F."""
+    nz, points, first, wrench = number[0], number[1], number[2], number[3]
+    J, W = 4 * nz, 8 * nz
+    nx, ny, moment = inner[wrench], inner[wrench + 1], inner[wrench + 5]
+    point_size, gravity_at = 3 + nz, len(store) - GRAVITY_BLOCK_SIZE
+    end = nz * nz + nz + points * point_size
+    has_weight = len(store) > W + nz * nz + 9
+    angle, fx, fy = 0.0, nx, ny
+    for i in range(nz):
+        g = -moment * value[end + i]
+        for j in range(nz):
+            stiffness = value[i * nz + j]
+            store[W + i * nz + j] = stiffness
+            g += stiffness * (inner[first + j] - value[nz * nz + j])
+        store[J + 4 * i], store[J + 4 * i + 1] = 0.0, 0.0
+        store[J + 4 * i + 2], store[J + 4 * i + 3] = value[end + i], g
+        angle += inner[first + i] * value[end + i]
+    mass_at = end + nz
+    if number[4]:
+        for _ in range(number[4]):
+            _add_plate_point(value, mass_at, nz, first, inner, store)
+            mass_at += POINT_NUMBERS + nz
+    x, y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0
+    for p in range(points):
+        at = nz * nz + nz + p * point_size
+        w, cn, cv = value[at], value[at + 1], value[at + 2]
+        theta = 0.0
+        for i in range(nz):
+            theta += inner[first + i] * value[at + 3 + i]
+        c, s = math.cos(theta), math.sin(theta)
+        if has_weight:
+            mass = value[mass_at + p]
+            fx, fy = nx + mass * store[gravity_at], ny + mass * store[gravity_at + 1]
+        N, V = c * fx + s * fy, c * fy - s * fx
+        cn_minus_cv = cn - cv
+        # r' = R (1 + cN N, cV V) and R C R^T
+        a, b = w * (1.0 + cn * N), w * cv * V
+        x += c * a - s * b
+        y += s * a + c * b
+        xx += w * (cn * c * c + cv * s * s)
+        xy += w * cn_minus_cv * c * s
+        yy += w * (cn * s * s + cv * c * c)
+        # h', h'' and d h'/d(nx, ny)
+        slope = w * (V + cn_minus_cv * N * V)
+        curve = w * (cn_minus_cv * (V * V - N * N) - N)
+        a, b = w * cn_minus_cv * V, w * (1.0 + cn_minus_cv * N)
+        hx, hy = c * a - s * b, s * a + c * b
+        for i in range(nz):
+            psi = value[at + 3 + i]
+            store[J + 4 * i] += hx * psi
+            store[J + 4 * i + 1] += hy * psi
+            store[J + 4 * i + 3] -= slope * psi
+            for j in range(i + 1):
+                store[W + i * nz + j] -= curve * psi * value[at + 3 + j]
+    return x, y, angle, xx, xy, yy
+
+
+@kernel
+def _add_plate_point(value, at, nz, first, inner, store):
+    """Add the energy of curling lost at a point with plate numbers value[at:] to W and g in the store."""
+    curvature, bend, basis = 0.0, 0.0, at + POINT_NUMBERS
+    for i in range(nz):
+        curvature += inner[first + i] * value[basis + i]
+        bend += (inner[first + i] - value[nz * nz + i]) * value[basis + i]
+    moment, stiffness = plate_point(value, at, curvature, bend)
+    for i in range(nz):
+        store[4 * nz + 4 * i + 3] += moment * value[basis + i]
+        for j in range(nz):
+            store[8 * nz + i * nz + j] += stiffness * value[basis + i] * value[basis + j]
+
+
+@kernel(inline="late")
+def _solve(nz, store):
+    """Write W^-1 (J, g) into the head of the store, by LDL^T in place of W (lower); return (negative pivots, status)."""
+    negatives, status, J, W = 0, 0, 4 * nz, 8 * nz
+    for j in range(nz):
+        pivot = store[W + j * nz + j]
+        before = abs(pivot)
+        x, y, turn, g = store[J + 4 * j], store[J + 4 * j + 1], store[J + 4 * j + 2], store[J + 4 * j + 3]
+        for c in range(j):
+            l = store[W + j * nz + c]
+            pivot -= l * l * store[W + c * nz + c]
+            x -= l * store[4 * c]
+            y -= l * store[4 * c + 1]
+            turn -= l * store[4 * c + 2]
+            g -= l * store[4 * c + 3]
+        store[4 * j], store[4 * j + 1], store[4 * j + 2], store[4 * j + 3] = x, y, turn, g
+        if not abs(pivot) > TINY_PIVOT * before:
+            status = 2
+        store[W + j * nz + j] = pivot
+        if pivot < 0.0:
+            negatives += 1
+        inverse = 1.0 / pivot
+        for i in range(j + 1, nz):
+            t = store[W + i * nz + j]
+            for c in range(j):
+                t -= store[W + i * nz + c] * store[W + j * nz + c] * store[W + c * nz + c]
+            store[W + i * nz + j] = t * inverse
+    for j in range(nz - 1, -1, -1):
+        inverse = 1.0 / store[W + j * nz + j]
+        x, y, turn, g = (
+            inverse * store[4 * j],
+            inverse * store[4 * j + 1],
+            inverse * store[4 * j + 2],
+            inverse * store[4 * j + 3],
+        )
+        for c in range(j + 1, nz):
+            l = store[W + c * nz + j]
+            x -= l * store[4 * c]
+            y -= l * store[4 * c + 1]
+            turn -= l * store[4 * c + 2]
+            g -= l * store[4 * c + 3]
+        store[4 * j], store[4 * j + 1], store[4 * j + 2], store[4 * j + 3] = x, y, turn, g
+    return negatives, status
+
+
+@kernel
+def condense(value, number, inner, store, d, Q, lam, K):
+    """Condense one leaf at end pose d (3,) [m], Q (3, 3), as `ksd.elements.strain.strain_condense`; lam (12,) and K (6, 6)
+    are zero out of the plane.
+
+    Returns (negative pivots of W minus those of F, |change of n| [N], |change of m| [Nm], status).
+    """
+    nz, wrench = number[0], number[3]
+    gap_at = 8 * nz + nz * nz
+    lam[:] = 0.0
+    K[:, :] = 0.0
+    end0, end1, angle, f00, f01, f11 = _assemble(value, number, inner, store)
+    negatives, status = _solve(nz, store)
+    # F = J W^-1 J^T + L sum w R C R^T, gap = closure + J W^-1 g
+    f02, f12, f22 = 0.0, 0.0, 0.0
+    x, y, turn = d[0] - end0, d[1] - end1, math.atan2(Q[1, 0], Q[0, 0]) - angle
+    turn -= FULL_TURN * np.rint(turn / FULL_TURN)
+    for i in range(nz):
+        j = 4 * nz + 4 * i
+        jx, jy, jt = store[j], store[j + 1], store[j + 2]
+        yx, yy, yt, yg = store[4 * i], store[4 * i + 1], store[4 * i + 2], store[4 * i + 3]
+        f00 += jx * yx
+        f01 += jx * yy
+        f11 += jy * yy
+        f02 += jx * yt
+        f12 += jy * yt
+        f22 += jt * yt
+        x += jx * yg
+        y += jy * yg
+        turn += jt * yg
+    # K = F^-1 by LDL^T, the moment first since its pivot is never small
+    l0, l1 = f02 / f22, f12 / f22
+    d0, e = f00 - l0 * f02, f01 - l0 * f12
+    l2 = e / d0
+    d1 = f11 - l1 * f12 - l2 * e
+    if not (abs(f22) > 0.0 and abs(d0) > TINY_PIVOT * abs(f00) and abs(d1) > TINY_PIVOT * abs(f11)):
+        status = 2
+    for pivot in (f22, d0, d1):
+        if pivot < 0.0:
+            negatives -= 1
+    # columns of the unit lower inverse, order (moment, x, y): rows (1), (-l0, 1), (l0 l2 - l1, -l2, 1)
+    u = l0 * l2 - l1
+    k00, k01, k11 = 1.0 / d0 + l2 * l2 / d1, -l2 / d1, 1.0 / d1
+    k02, k12 = -l0 / d0 - l2 * u / d1, u / d1
+    k22 = 1.0 / f22 + l0 * l0 / d0 + u * u / d1
+    K[0, 0], K[0, 1], K[0, 5] = k00, k01, k02
+    K[1, 0], K[1, 1], K[1, 5] = k01, k11, k12
+    K[5, 0], K[5, 1], K[5, 5] = k02, k12, k22
+    store[gap_at], store[gap_at + 1], store[gap_at + 2] = x, y, turn
+    store[gap_at + 3], store[gap_at + 4], store[gap_at + 5] = k00, k01, k02
+    store[gap_at + 6], store[gap_at + 7], store[gap_at + 8] = k11, k12, k22
+    c0, c1 = k00 * x + k01 * y + k02 * turn, k01 * x + k11 * y + k12 * turn
+    c2 = k02 * x + k12 * y + k22 * turn
+    n0, n1, m = inner[wrench], inner[wrench + 1], inner[wrench + 5]
+    lam[6], lam[7], lam[11] = n0, n1, m
+    lam[0], lam[1], lam[5] = n0 + c0, n1 + c1, m + c2
+    force, moment = math.sqrt(c0 * c0 + c1 * c1), abs(c2)
+    if not math.isfinite(force + moment + k00):
+        status = 2
+    if status == 2:
+        force, moment = math.inf, math.inf
+    return negatives, force, moment, status
+
+
+@kernel
+def gravity_block(value, number, inner, store, lam):
+    """Write the gravity block of a leaf with weight after `condense`, zero out of the plane; nothing without weight.
+
+    As `ksd.elements.strain.strain_gravity_block`. With B = int M S, S = R C R^T, and Z = J W^-1 eta + B (force rows):
+    V_xi,g = -K Z, V_g,g = Z^T K Z - eta W^-1 eta - int M^2 S.
+    """
+    nz, points, first, wrench = number[0], number[1], number[2], number[3]
+    J, W, gap_at, block_at = 4 * nz, 8 * nz, 8 * nz + nz * nz, len(store) - GRAVITY_BLOCK_SIZE
+    eta, masses = gap_at + 9, nz * nz + 2 * nz + points * (3 + nz) + number[4] * (POINT_NUMBERS + nz)
+    if len(store) == eta:
+        return
+    Z, G, s = np.zeros((3, 2)), np.zeros((2, 2)), np.zeros(2)
+    for i in range(4 * nz):
+        store[eta + i] = 0.0
+    for p in range(points):
+        at, mass = nz * nz + nz + p * (3 + nz), value[masses + p]
+        w, cn, cv, theta = mass * value[at], value[at + 1], value[at + 2], 0.0
+        for i in range(nz):
+            theta += inner[first + i] * value[at + 3 + i]
+        c, sine = math.cos(theta), math.sin(theta)
+        fx, fy = inner[wrench] + mass * store[block_at], inner[wrench + 1] + mass * store[block_at + 1]
+        N, V, cn_minus_cv = c * fx + sine * fy, c * fy - sine * fx, cn - cv
+        s[0] += w * (c * (1.0 + cn * N) - sine * cv * V)
+        s[1] += w * (sine * (1.0 + cn * N) + c * cv * V)
+        xx, xy, yy = cn * c * c + cv * sine * sine, cn_minus_cv * c * sine, cn * sine * sine + cv * c * c
+        for r in range(2):
+            for e in range(2):
+                compliance = xy if r != e else (xx if r == 0 else yy)
+                Z[r, e] += w * compliance
+                G[r, e] += w * mass * compliance
+        a, b = mass * value[at] * cn_minus_cv * V, mass * value[at] * (1.0 + cn_minus_cv * N)
+        for i in range(nz):
+            psi = value[at + 3 + i]
+            store[eta + 4 * i] += (c * a - sine * b) * psi
+            store[eta + 4 * i + 1] += (sine * a + c * b) * psi
+    # W^-1 eta, by the factors `condense` leaves
+    for e in range(2):
+        for i in range(nz):
+            t = store[eta + 4 * i + e]
+            for c in range(i):
+                t -= store[W + i * nz + c] * store[eta + 4 * c + 2 + e]
+            store[eta + 4 * i + 2 + e] = t
+        for i in range(nz - 1, -1, -1):
+            t = store[eta + 4 * i + 2 + e] / store[W + i * nz + i]
+            for c in range(i + 1, nz):
+                t -= store[W + c * nz + i] * store[eta + 4 * c + 2 + e]
+            store[eta + 4 * i + 2 + e] = t
+    for r in range(3, GRAVITY_BLOCK_SIZE):
+        store[block_at + r] = 0.0
+    K = np.empty((3, 3))
+    for r in range(3):
+        for c in range(3):
+            i, j = min(r, c), max(r, c)
+            K[r, c] = store[gap_at + 3 + i * (5 - i) // 2 + j]
+    for e in range(2):
+        store[block_at + 6 + e] = s[e]
+        for i in range(nz):
+            s[e] -= store[eta + 4 * i + e] * store[4 * i + 3]
+            x = store[eta + 4 * i + 2 + e]
+            for r in range(3):
+                Z[r, e] += store[J + 4 * i + r] * x
+            for r in range(2):
+                G[r, e] += store[eta + 4 * i + r] * x
+        store[block_at + 3 + e] = s[e]
+        for r in range(3):
+            # x, y, rz among the six of the wrench
+            row = 5 if r == 2 else r
+            store[block_at + 3 + e] += Z[r, e] * (lam[row] - lam[6 + row])
+    for e in range(2):
+        for r in range(3):
+            row = 5 if r == 2 else r
+            t = 0.0
+            for k in range(3):
+                t -= K[r, k] * Z[k, e]
+            store[block_at + 9 + 3 * row + e] = t
+        for r in range(2):
+            t = -G[r, e]
+            for k in range(3):
+                row = 5 if k == 2 else k
+                t -= Z[k, r] * store[block_at + 9 + 3 * row + e]
+            store[block_at + 27 + 3 * r + e] = t
+
+
+@kernel
+def recover(value, number, inner, store, xi, scale):
+    """Add dlam = K (xi + gap) and da = W^-1 (J^T dlam - g), times `scale`, after end q moved by xi (6,) in frame p."""
+    nz, first, wrench = number[0], number[2], number[3]
+    gap_at = 8 * nz + nz * nz
+    has_weight, block_at = len(store) > gap_at + 9, len(store) - GRAVITY_BLOCK_SIZE
+    x, y, turn = xi[0] + store[gap_at], xi[1] + store[gap_at + 1], xi[5] + store[gap_at + 2]
+    k00, k01, k02 = store[gap_at + 3], store[gap_at + 4], store[gap_at + 5]
+    k11, k12, k22 = store[gap_at + 6], store[gap_at + 7], store[gap_at + 8]
+    d0, d1, d2 = (
+        k00 * x + k01 * y + k02 * turn,
+        k01 * x + k11 * y + k12 * turn,
+        k02 * x + k12 * y + k22 * turn,
+    )
+    g0, g1 = 0.0, 0.0
+    if has_weight:
+        # the change of gravity in frame p
+        g0, g1 = store[block_at + 36], store[block_at + 37]
+        d0 += store[block_at + 9] * g0 + store[block_at + 10] * g1
+        d1 += store[block_at + 12] * g0 + store[block_at + 13] * g1
+        d2 += store[block_at + 24] * g0 + store[block_at + 25] * g1
+    for i in range(nz):
+        t = store[4 * i] * d0 + store[4 * i + 1] * d1 + store[4 * i + 2] * d2 - store[4 * i + 3]
+        if has_weight:
+            t += store[gap_at + 9 + 4 * i + 2] * g0 + store[gap_at + 9 + 4 * i + 3] * g1
+        inner[first + i] += scale * t
+    inner[wrench] += scale * d0
+    inner[wrench + 1] += scale * d1
+    inner[wrench + 5] += scale * d2
+
+
+def store_size(nz: int, *, has_weight: bool = False) -> int:
+    """Length of the `store` of a leaf with nz modes of weak bending; has_weight: with weight."""
+    return 8 * nz + nz * nz + 9 + has_weight * (4 * nz + GRAVITY_BLOCK_SIZE)
+
+
+def planar_values(
+    value: np.ndarray, number: np.ndarray, *, has_weight: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
+    """Constants and settings (value, number) from those of the spatial leaf (`ksd.elements.strain_values`), which must be
+    undeformed in its plane; has_weight: with weight."""
+    nx, ny, nz, ng = (int(n) for n in number[:4])
+    total, first = nx + ny + nz, nx + ny
+    sizes = [1, nx * nx, ny * ny, nz * nz, total, ng, ng * ng, total * ng, 3 * ng, 3 * (ng + 1) * total]
+    parts = [value[a:b] for a, b in pairwise(np.cumsum([0, *sizes]))]
+    length, amplitudes, compliance = float(parts[0][0]), parts[4], parts[8].reshape(ng, 3)
+    # psi at the points and, last, at the end
+    psi = length * np.cumsum(parts[9].reshape(ng + 1, 3, total)[:, 0, first:], axis=0)
+    table = np.column_stack([length * parts[5], compliance[:, 0], compliance[:, 1], psi[:-1]])
+    flat = [parts[3], amplitudes[first:], table.ravel(), psi[-1]]
+    if number[4]:
+        flat.append(value[sum(sizes) :][: int(number[4]) * (POINT_NUMBERS + nz)])
+    if has_weight:
+        flat.append(masses_beyond(value, number))
+    return np.concatenate(flat), np.array([nz, ng, first, total, number[4]], np.int64)

@@ -1,0 +1,182 @@
+"""The strain-mode leaf before condensation: its tangent, mass, inner flexibility and derivatives by gravity.
+
+The velocity of the leaf is that of end p plus the mode fields (rho_i, psi_i) of `ksd.elements.strain` times the rates of
+the amplitudes; the stretch and shear that join it to end q (a velocity of 1/EA times the rate of the force) are spread
+linearly along it, so that the mass depends on motions only and is never negative. Everything is in frame p. Arrays of k
+leaf springs with equal settings have a leading axis (k,).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.elements.strain import LeafFields, constant_offsets, fill_leaf_fields, leaf_fields, strain_tangent
+from ksd.elements.strain_values import masses_beyond
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class UncondensedLeaves:
+    """k leaf springs at one state each: W (k, N, N), J (k, 6, N), S (k, 3, 3) of the uncondensed tangent, and the mode
+    fields.
+
+    Tangent in (xi, a, lam): [0 0 I; 0 W -J^T; I -J -S], S in the force block only. length (k,) [m]; r (k, ng, 3):
+    points; end (k, 3): end q; R (k, ng, 3, 3): orientations; rho, psi (k, ng, 3, N): displacement and rotation per unit
+    amplitude; weight (k, ng), sum 1; s (k, ng): points in units of the length.
+    """
+
+    W: Array
+    J: Array
+    S: Array
+    length: Array
+    s: Array
+    weight: Array
+    r: Array
+    end: Array
+    R: Array
+    rho: Array
+    psi: Array
+
+
+def quadrature_points(value: Array, number: NDArray[np.int64]) -> Array:
+    """Quadrature points (ng,) of a leaf in units of its length."""
+    _, weight, _, _, _ = constant_offsets(number)
+    ng = int(number[3])
+    return value[weight + ng : weight + ng + ng * ng].reshape(ng, ng).sum(axis=1)
+
+
+@dataclass(frozen=True)
+class GravityDerivatives:
+    """Dependence of the uncondensed leaf on gravity g in frame p, see `ksd.elements.weight`: first moment s (3,) [kg m] and
+    its derivatives eta (3, N) by a, B (3, 3) by n and D (3, 3) by g."""
+
+    s: Array
+    eta: Array
+    B: Array
+    D: Array
+
+
+def uncondensed_leaves(
+    value: Array, number: NDArray[np.int64], inner: Array, gravity: Array | None = None
+) -> UncondensedLeaves:
+    """`UncondensedLeaves` from constants (k, v) and inner states (k, N + 6) of k leaf springs of equal settings
+    `number`.
+
+    gravity (k, 3) [m/s^2] in frames p of leaves with weight.
+    """
+    return _leaves_and_fields(value, number, inner, gravity)[0]
+
+
+def gravity_derivatives(
+    value: Array, number: NDArray[np.int64], inner: Array, gravity: Array
+) -> GravityDerivatives:
+    """`GravityDerivatives` of k leaf springs with weight under gravity (k, 3) [m/s^2], frames p; arrays as in
+    `uncondensed_leaves`."""
+    leaves, v, S, eta = _leaves_and_fields(value, number, inner, gravity)
+    M = np.stack([masses_beyond(leaf, number) for leaf in value])
+    mass_weight = leaves.length[:, None] * leaves.weight * M
+    B, D = (np.einsum("kg,kgij->kij", a, S) for a in (mass_weight, mass_weight * M))
+    return GravityDerivatives(np.einsum("kg,kgi->ki", mass_weight, v), eta, B, D)
+
+
+def _stacked_fields(
+    value: Array, number: NDArray[np.int64], inner: Array, gravity: Array, *, tangent: bool
+) -> LeafFields:
+    """`LeafFields` of k leaf springs, every array with a leading axis (k,), with W and Y where `tangent`."""
+    value, inner = np.ascontiguousarray(value), np.ascontiguousarray(inner)
+    stacked = LeafFields(*(np.empty((len(value), *part.shape)) for part in leaf_fields(number)))
+    for i in range(len(value)):
+        fields = LeafFields(*(part[i] for part in stacked))
+        fill_leaf_fields(value[i], number, inner[i], gravity[i], fields)
+        if tangent:
+            strain_tangent(value[i], number, inner[i], fields)
+    return stacked
+
+
+def stretch_shear_compliances(value: Array, number: NDArray[np.int64], inner: Array) -> Array:
+    """S (k, 3, 3) [m/N] of k leaf springs, without the rest of `uncondensed_leaves`."""
+    _, first, _, _, _ = constant_offsets(number)
+    ng = int(number[3])
+    fields = _stacked_fields(value, number, inner, np.zeros((len(value), 0)), tangent=False)
+    weight = value[:, :1] * value[:, first : first + ng]
+    compliances: Array = np.einsum("kg,kgij->kij", weight, fields.S)
+    return compliances
+
+
+def _leaves_and_fields(
+    value: Array, number: NDArray[np.int64], inner: Array, gravity: Array | None
+) -> tuple[UncondensedLeaves, Array, Array, Array]:
+    """The leaves, and v (k, ng, 3), S (k, ng, 3, 3), eta (k, 3, N) of their `ksd.elements.strain.LeafFields`."""
+    _, at, _, _, _ = constant_offsets(number)
+    k, ng = len(value), int(number[3])
+    L, weight = value[:, 0], value[:, at : at + ng]
+    integral = value[:, at + ng : at + ng + ng * ng].reshape(k, ng, ng)
+    given_gravity = np.zeros((k, 0)) if gravity is None else np.ascontiguousarray(gravity)
+    fields = _stacked_fields(value, number, inner, given_gravity, tangent=True)
+    inside = L[:, None, None] * integral
+    leaves = UncondensedLeaves(
+        W=fields.W,
+        J=np.concatenate([fields.rho, fields.psi[:, -1]], axis=1),
+        S=np.einsum("k,kg,kgij->kij", L, weight, fields.S),
+        length=L,
+        s=integral.sum(axis=2),
+        weight=weight,
+        r=inside @ fields.v,
+        end=fields.end,
+        R=fields.R[:, 1:-1],
+        rho=np.einsum("kgh,khri->kgri", inside, fields.slope),
+        psi=fields.psi[:, 1:-1],
+    )
+    return leaves, fields.v, fields.S, fields.eta
+
+
+def strain_flexibility(leaves: UncondensedLeaves) -> tuple[Array, Array, Array]:
+    """(P (k, N, 6), Z (k, N, N), K (k, 6, 6)): a = P xi + b, with b = Z f under inner loads f while the ends are fixed,
+    and K xi the wrench at end q.
+
+    With a = P xi + b the stiffness of a leaf decouples into its condensed K on xi and Z^-1 on b: keeping b as an
+    unknown besides the end motions is exact, and needs no further factorisation.
+    """
+    flexibility = np.linalg.inv(leaves.W)
+    Y = flexibility @ leaves.J.swapaxes(-1, -2)
+    F = leaves.J @ Y
+    F[..., :3, :3] += leaves.S
+    K = np.linalg.inv(F)
+    K = 0.5 * (K + K.swapaxes(-1, -2))
+    P = Y @ K
+    Z = flexibility - P @ Y.swapaxes(-1, -2)
+    return P, 0.5 * (Z + Z.swapaxes(-1, -2)), K
+
+
+def strain_mass_root(leaves: UncondensedLeaves, P: Array, line: Array) -> Array:
+    """B (k, 6 ng, 12 + N) with the mass matrix B^T B of a leaf in (motion of p, xi, b), frame p.
+
+    Motion of p: velocity and spin (6); xi: motion of q relative to p (6); b as in `strain_flexibility`. line (ng, 4),
+    (4,) or (k, ng, 4): mass per length [kg/m], rotary inertia per length about e1, e2, e3 [kg m].
+    """
+    batch, N = leaves.W.shape[:-2], leaves.W.shape[-1]
+    ng, s = leaves.weight.shape[-1], leaves.s[..., None, None]
+    move, spin = np.zeros((*batch, ng, 3, 12 + N)), np.zeros((*batch, ng, 3, 12 + N))
+    relative_rho = leaves.rho - s * leaves.J[..., None, :3, :]
+    end_motion = P[..., None, :, :]
+    move[..., 0:3] = np.eye(3)
+    # spin x r
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        move[..., j, 3 + i] = -leaves.r[..., k]
+        move[..., k, 3 + i] = leaves.r[..., j]
+    move[..., 6:12] = relative_rho @ end_motion
+    move[..., 6:9] += s * np.eye(3)
+    move[..., 12:] = relative_rho
+    spin[..., 3:6] = np.eye(3)
+    spin[..., 6:12] = leaves.psi @ end_motion
+    spin[..., 12:] = leaves.psi
+    spin = leaves.R.swapaxes(-1, -2) @ spin
+    scale = leaves.length[..., None] * leaves.weight
+    root = np.sqrt(scale[..., None] * np.broadcast_to(line, (*batch, ng, 4)))
+    move *= root[..., :1, None]
+    spin *= root[..., 1:, None]
+    return np.concatenate([x.reshape(*batch, 3 * ng, 12 + N) for x in (move, spin)], axis=-2)

@@ -1,0 +1,178 @@
+"""Tables of the strain-mode leaf: modes, quadrature, moments over intervals, and its constants as one flat array.
+
+Layout of the flat array (N = nx + ny + nz modes, ng points): L; stiffness blocks (nx^2, ny^2, nz^2) [N m^3 per
+(1/m)^2]; stress-free amplitudes a0 (N); weights (ng), sum 1; integration matrix (ng, ng); modes (N, ng); compliances
+(ng, 3): 1/EA, 1/(ky GA), 1/(kz GA); moments of the modes over the intervals (ng+1, 3, N); for a leaf with plate
+stiffening the numbers and weak-bending modes of its plate points (k, 5 + nz, see `ksd.elements.plate_energy`); for a leaf
+with weight the mass beyond each point (ng) [kg].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from ksd.elements.plate_energy import POINT_NUMBERS
+
+DEFAULT_ORDERS = (4, 3, 6)
+DEFAULT_POINTS = 7
+"""Default orders have one weak-bending mode more than needed for a support stiffness to 1e-4: with five the elastica at
+PL^2/EI = 5 has an error of 1.7e-6, with six 1.3e-7."""
+GRAVITY_BLOCK_SIZE = 39
+"""Length of the gravity block of a leaf with weight, see `ksd.elements.weight`."""
+
+
+class Modes(NamedTuple):
+    """Unit-length tables of a set of curvature modes: points s, weights, integration matrix, modes.
+
+    moments (ng+1, 3, N): their moments over the intervals as `ksd.elements.magnus` takes them; energy (N, N): stiffness for
+    unit rigidity, integrals of products of modes divided by their shape; plate (k, 5 + nz): numbers of plate points, None
+    without plate stiffening.
+    """
+
+    s: np.ndarray
+    weight: np.ndarray
+    integral: np.ndarray
+    basis: np.ndarray
+    moments: np.ndarray
+    energy: np.ndarray
+    plate: np.ndarray | None = None
+
+
+def legendre_modes(orders: tuple[int, int, int], s: np.ndarray) -> np.ndarray:
+    """Shifted Legendre polynomials P_k(2 s - 1) (N, len(s)), stacked for the three axes."""
+    full = np.polynomial.legendre.legvander(2 * np.asarray(s) - 1, max(orders) - 1).T
+    return np.concatenate([full[:n] for n in orders])
+
+
+@lru_cache(maxsize=256)
+def _quadrature(points: int, breaks: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Gauss points on the panels between `breaks`, weights (sum 1), and the matrix of integrals from 0."""
+    x, w = np.polynomial.legendre.leggauss(points)
+    lagrange = np.linalg.inv(np.polynomial.legendre.legvander(x, points - 1))
+    # int_{-1}^{x} of the Lagrange polynomials through the points
+    raised = np.array([np.polynomial.legendre.legint(c, lbnd=-1) for c in lagrange.T])
+    local = np.polynomial.legendre.legval(x, raised.T).T
+    s, weight, rows = [], [], []
+    total = points * (len(breaks) - 1)
+    for p, (a, b) in enumerate(pairwise(breaks)):
+        half = 0.5 * (b - a)
+        s.append(a + half * (1 + x))
+        weight.append(half * w)
+        block = np.zeros((points, total))
+        for q in range(p):
+            block[:, q * points : (q + 1) * points] = weight[q]
+        block[:, p * points : (p + 1) * points] = half * local
+        rows.append(block)
+    return np.concatenate(s), np.concatenate(weight), np.concatenate(rows)
+
+
+def make_modes(
+    orders: tuple[int, int, int],
+    points: int,
+    *,
+    breaks: tuple[float, ...] = (0.0, 1.0),
+    shape: Callable[[np.ndarray], np.ndarray] | None = None,
+) -> Modes:
+    """Tables for given orders and quadrature points per panel.
+
+    `shape(s)` (3, len(s)) multiplies the Legendre modes of each axis: the compliance of a tapered leaf relative to its
+    mean, so that a moment linear in s needs two modes for any taper. `breaks` in units of the length.
+    """
+    s, weight, integral = _quadrature(points, breaks)
+    axis = np.repeat(np.arange(3), orders)
+
+    def shaped(x: np.ndarray, values: np.ndarray) -> np.ndarray:
+        return values if shape is None else values * shape(x)[axis]
+
+    edges = np.concatenate([[0.0], s, [1.0]])
+    # an interval across a break is split there, since modes may jump
+    panels = np.unique(np.concatenate([edges, breaks]))
+    x, w, _ = _quadrature(12, (0.0, 1.0))
+    at = (panels[:-1, None] + np.diff(panels)[:, None] * x).ravel()
+    plain = legendre_modes(orders, at)
+    values = shaped(at, plain) * (np.diff(panels)[:, None] * w).ravel()
+    interval = np.searchsorted(edges, at) - 1
+    # Legendre expansion over an interval: the mean, and the factors of t and t^2 about its middle
+    t = 2.0 * (at - edges[interval]) / np.diff(edges)[interval] - 1.0
+    expansion = np.stack([np.ones(len(t)), 6.0 * t, 15.0 * (3.0 * t * t - 1.0)])
+    moments = np.add.reduceat(
+        expansion * values[:, None], np.searchsorted(interval, np.arange(len(s) + 1)), axis=2
+    )
+    basis = shaped(s, legendre_modes(orders, s))
+    return Modes(
+        s, weight, integral, basis, np.ascontiguousarray(moments.transpose(2, 1, 0)), plain @ values.T
+    )
+
+
+@lru_cache(maxsize=64)
+def uniform_modes(orders: tuple[int, int, int], points: int) -> Modes:
+    """`make_modes` of a leaf without profile, cached."""
+    return make_modes(orders, points)
+
+
+def strain_values(
+    *,
+    length: float,
+    rigidity: np.ndarray,
+    compliance: np.ndarray,
+    orders: tuple[int, int, int] = DEFAULT_ORDERS,
+    points: int = DEFAULT_POINTS,
+    modes: Modes | None = None,
+    amplitudes: np.ndarray | None = None,
+    line_mass: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Flat constants and settings (value, number) of one leaf.
+
+    length [m]; rigidity (3,): GJ, EIy, EIz [N m^2], for a leaf with a profile those its mode shapes are relative to;
+    compliance (3,) or (ng, 3): 1/EA, 1/(ky G A), 1/(kz G A) [1/N]; amplitudes (N,): stress-free [1/m], zero when None;
+    line_mass (ng,) [kg/m], None without weight.
+    """
+    table = modes or uniform_modes(tuple(orders), points)
+    nx, ny, nz = orders
+    ng, total = len(table.s), sum(orders)
+    C = np.broadcast_to(np.asarray(compliance, float), (ng, 3))
+    y, z = slice(nx, nx + ny), slice(nx + ny, total)
+    x = slice(0, nx)
+    own = [length * D * table.energy[c, c].ravel() for D, c in zip(rigidity, (x, y, z), strict=True)]
+    parts = [
+        [length],
+        *own,
+        np.zeros(total) if amplitudes is None else np.asarray(amplitudes, float),
+        table.weight,
+        table.integral.ravel(),
+        table.basis.ravel(),
+        C.ravel(),
+        table.moments.ravel(),
+    ]
+    if table.plate is not None:
+        parts.append(table.plate.ravel())
+    if line_mass is not None:
+        parts.append(length * (table.weight - table.integral) @ line_mass)
+    return np.concatenate(parts).astype(float), np.array(
+        [nx, ny, nz, ng, 0 if table.plate is None else len(table.plate)], np.int64
+    )
+
+
+def strain_sizes(number: np.ndarray, *, has_weight: bool = False) -> tuple[int, int]:
+    """Lengths of the inner state and of the `store` of one leaf; has_weight: with weight."""
+    total = int(number[0] + number[1] + number[2])
+    return total + 6, 8 * total + 42 + has_weight * (3 * total + GRAVITY_BLOCK_SIZE)
+
+
+def strain_value_count(number: np.ndarray, *, has_weight: bool = False) -> int:
+    """Number of constants that `strain_values` makes."""
+    nx, ny, nz, ng, plate = (int(n) for n in number)
+    N = nx + ny + nz
+    own = 1 + nx * nx + ny * ny + nz * nz + N + ng * (1 + ng + N + 3)
+    return own + 3 * N * (ng + 1) + plate * (POINT_NUMBERS + nz) + has_weight * ng
+
+
+def masses_beyond(value: np.ndarray, number: np.ndarray) -> np.ndarray:
+    """Mass (ng,) [kg] of a leaf with weight between every quadrature point and end q."""
+    at = strain_value_count(number)
+    return value[at : at + int(number[3])]

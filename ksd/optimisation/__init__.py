@@ -1,0 +1,1 @@
+"""Optimisation of designs: jobs with targets and limits, local search, proof of optima, trade-offs and tolerances."""

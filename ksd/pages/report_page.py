@@ -1,0 +1,178 @@
+"""The report of a scene as one HTML page with its pictures, which needs no network.
+
+Sections: scene; effects that were simulated or left out; pose; answers over the stroke; convergence, and differences from
+other methods and a finer mesh.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ksd.errors import KsdError
+from ksd.html import as_html
+from ksd.pages.page_parts import cards, document, escape, figure, format_cell, table
+from ksd.solvers.answer import as_dict
+from ksd.study.table import OK, STATUS, Table, label_and_unit
+
+BUCKLING = ("buckling_positive", "buckling_negative")
+LOAD_FACTOR_EXPLANATION = (
+    "Critical load factors: by what factor all stresses of a pose grow, at its geometry and with its drives held, when it "
+    "buckles; negative ones with all stresses reversed."
+)
+CHEAPEST_EXPLANATION = (
+    "Each pose is solved with the cheapest method and number of relinearisation steps that is accurate enough; where "
+    "another one takes over, the estimated error jumps."
+)
+MAX_COLUMNS = 10
+"""Number of columns that fit on the page."""
+
+
+@dataclass(frozen=True)
+class ComparedSolve:
+    """The same pose by one method or mesh; quantities that do not exist are nan.
+
+    force: drive force [N] or moment [Nm]; frequency: first parasitic frequency [Hz]; stress: largest stress [MPa]; failure:
+    why there are no numbers.
+    """
+
+    name: str
+    force: float = math.nan
+    frequency: float = math.nan
+    stress: float = math.nan
+    failure: str = ""
+
+
+def report_page(pose: Any, stroke: Table, compared: Sequence[ComparedSolve]) -> str:
+    """The report as HTML text; pose: a Configuration; stroke: answers over its stroke; compared[0]: the pose itself."""
+    scene, facts = pose.model.scene, as_dict(pose)
+    parts = [
+        *(f'<p class="warn">{escape(w)}</p>' for w in _warnings(pose, facts, stroke)),
+        _cards(facts, stroke),
+        figure(pose.plot(color="stress"), "The mechanism at the pose below, over the undeformed one (grey)."),
+        "<h2>The scene</h2>", as_html(str(scene)),
+        "<h2>What was simulated, and what was left out</h2>", as_html(str(pose.model)),
+        "<h2>The pose</h2>", as_html(str(pose)), as_html(str(pose.interface_forces())),
+        "<h2>Over the stroke</h2>", *_stroke(stroke),
+        "<h2>Convergence and error</h2>", *_error(pose, compared),
+    ]  # fmt: skip
+    return document(scene.name, "flexure mechanism report", parts)
+
+
+def _warnings(pose: Any, facts: dict[str, Any], stroke: Table) -> list[str]:
+    """Sentences on what limits the trust in the report."""
+    trusted = facts["trust"]["trusted"]
+    doubts = [trusted["sentence"]] if pose.stable and not trusted["yes"] else []
+    warnings = [
+        f"{w[0].upper()}{w[1:]}{'' if w.endswith('.') else '.'}" for w in (*facts["warnings"], *doubts)
+    ]
+    if not pose.stable:
+        warnings.append(f"The state is not a minimum of energy. {facts['stability']}")
+    if stroke.failures:
+        warnings.append(
+            f"{len(stroke.failures)} of {len(stroke)} poses of the stroke have no full answer; see the table."
+        )
+    return warnings
+
+
+def _cards(facts: dict[str, Any], stroke: Table) -> str:
+    """The main numbers: drive forces at the pose, and the worst answers over the stroke."""
+    numbers: list[tuple[str, str]] = []
+    for name, row in facts["drives"].items():
+        effort = next(k for k in row if k.startswith(("force_", "moment_", "effort")) and "error" not in k)
+        unit = label_and_unit(f"x_{effort}")[1]
+        numbers.append(
+            (f"{format_cell(row[effort])} {unit}", f"{name}: drive {effort.split('_')[0]} at the pose")
+        )
+    for column, caption, worst in (
+        ("stress_MPa", "largest stress over the stroke", max),
+        ("first_parasitic_Hz", "lowest parasitic frequency", min),
+    ):
+        values = [v for v in stroke.columns.get(column, ()) if math.isfinite(v)]
+        if values:
+            numbers.append((f"{format_cell(worst(values), 4)} {label_and_unit(column)[1]}", caption))
+    factors = [v for c in BUCKLING for v in stroke.columns.get(c, ()) if math.isfinite(v)]
+    if factors:
+        numbers.append(
+            (format_cell(min(factors, key=abs), 4), "smallest critical load factor on all stresses")
+        )
+    return cards(numbers)
+
+
+def _stroke(stroke: Table) -> list[str]:
+    """Pictures and tables of the answers over the stroke; wide tables are split by columns."""
+    parts = []
+    if stroke.columns[STATUS].count(OK) > 1:
+        parts.append(
+            figure(stroke.plot(wide=2), "Answers over the stroke; a cross marks a pose without full answer.")
+        )
+    hidden = {
+        "warnings", "stable", "stress_leaf", "stress_s_mm", "stress_point", "mac", "first_parasitic_mode",
+    }  # fmt: skip
+    hidden |= {c for c in stroke.columns if c.startswith("parasitic_") and c.endswith("_Hz")}
+    if len({*stroke.columns.get("method", ())} - {""}) < 2:
+        hidden.add("method")
+    if not stroke.failures:
+        hidden.add(STATUS)
+    shown = [
+        column
+        for column, values in stroke.columns.items()
+        if column not in hidden and any(not isinstance(v, float) or (math.isfinite(v) and v) for v in values)
+    ]
+    labels = [c for c in shown if c in stroke.labels]
+    answers = [c for c in shown if c not in stroke.labels]
+    if any(c in shown for c in BUCKLING):
+        parts.append(f"<p>{LOAD_FACTOR_EXPLANATION}</p>")
+    if "error_percent" in shown and stroke.facts.get("method") == "cheapest":
+        parts.append(f"<p>{CHEAPEST_EXPLANATION}</p>")
+    table_count = max(1, math.ceil(len(answers) / max(3, MAX_COLUMNS - len(labels))))
+    # all tables have about the same width
+    size = max(1, math.ceil(len(answers) / table_count))
+    for first in range(0, max(1, len(answers)), size):
+        columns = [*labels, *answers[first : first + size]]
+        parts.append(table([_head(c) for c in columns], ([row[c] for c in columns] for row in stroke.rows())))
+    return parts
+
+
+def _head(column: str) -> tuple[str, str]:
+    """Title and unit of a column."""
+    return (column.replace("_", " "), "factor") if column in BUCKLING else label_and_unit(column)
+
+
+def _error(pose: Any, compared: Sequence[ComparedSolve]) -> list[str]:
+    """The verification of the pose, and the same pose by other methods and meshes."""
+    first = compared[0]
+    rows: list[tuple[Any, ...]] = []
+    for c in compared:
+        if c.failure:
+            rows.append((c.name, "", "", "", "", "", "", c.failure))
+        else:
+            pairs = ((c.force, first.force), (c.frequency, first.frequency), (c.stress, first.stress))
+            rows.append((c.name, *(v for a, b in pairs for v in (a, _difference_percent(a, b))), ""))
+    heads = [
+        ("way to the pose", ""),
+        ("drive force or moment", "N, Nm"),
+        ("off by", "%"),
+        ("first parasitic", "Hz"),
+    ]
+    heads += [("off by", "%"), ("largest stress", "MPa"), ("off by", "%"), ("", "")]
+    return [
+        *_verification(pose), "<h3>The same pose by other ways</h3>", table(heads, rows),
+        "<p>“Off by” is the difference from the first line. More modes or elements per leaf show the error of the mesh, "
+        "the other methods that of the method.</p>",
+    ]  # fmt: skip
+
+
+def _verification(pose: Any) -> list[str]:
+    """The result of integrating every leaf spring, where the pose can be verified."""
+    try:
+        return [f"<p>{escape(pose.verify().sentence)}.</p>"]
+    except KsdError:
+        return []
+
+
+def _difference_percent(value: float, reference: float) -> float:
+    """Relative difference [%]; nan without a reference."""
+    return 100 * (value / reference - 1) if reference else math.nan

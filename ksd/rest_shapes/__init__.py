@@ -1,0 +1,1 @@
+"""Undeformed shapes of mechanisms that take a wanted shape when they are loaded."""

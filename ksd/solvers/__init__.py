@@ -1,0 +1,1 @@
+"""Solvers are functions: model and drive values in, `Configuration` out."""
