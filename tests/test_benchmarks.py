@@ -57,6 +57,12 @@ def test_optima(script, tmp_path):
     assert (tmp_path / "optima.json").stat().st_size > 1000
 
 
+def test_shape(script, tmp_path):
+    found = script("shape").main(["--quick", "--out", str(tmp_path)])
+    assert found["scenes"]["fourbar"]["leaves"] == 12 and found["scenes"]["gripper"]["shape_over_solve"] > 0
+    assert "| gripper | 4 |" in (tmp_path / "shape.md").read_text()
+
+
 def test_speed(script, tmp_path):
     readme = tmp_path / "README.md"
     readme.write_text("before\n<!-- measured:begin -->\nold\n<!-- measured:end -->\nafter\n")

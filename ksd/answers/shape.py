@@ -18,14 +18,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ksd.answers.derived import cached_per_model
-from ksd.answers.leaf_groups import EndFrames, LeafGroup, end_axes, end_frames
+from ksd.answers.leaf_groups import EndFrames, LeafGroup, chain_groups, end_axes, end_frames, leaf_groups
 from ksd.elements.strain_centreline import integrate_centrelines
 from ksd.elements.strain_values import masses_beyond
 from ksd.model.arrays import COROTATIONAL, SOLID, STRAIN, State
 from ksd.model.compile import Model
 from ksd.model.leaves import whole_leaf_name
-from ksd.numerics.kernel import kernel
-from ksd.numerics.rotations import reorthonormalise
+from ksd.numerics.rotations import make_rotations
 from ksd.scene.effects import Spring
 from ksd.scene.joint import joint_leaves
 from ksd.scene.sensor import Damper
@@ -35,8 +34,6 @@ from ksd.section.section import thickness_and_width
 Array = NDArray[np.float64]
 DEFAULT_STATIONS = 25
 """Default number of stations per leaf."""
-ORTHONORMALISATION_STEPS = 9
-"""Newton steps to the nearest rotation from a mean of two rotations that are up to 120 degrees apart."""
 
 
 @dataclass(frozen=True)
@@ -66,12 +63,16 @@ class BlockShape:
     loads and springs, positions of masses, and ends of distances.
 
     rest, place (k, 3): undeformed and deformed positions [m], global; owner (k,): name of what each point belongs to. leaf,
-    station (k,): number of the leaf that ends there, -1 where none does, and its station there (0 or -1).
+    station (k,): number of the leaf that ends there, -1 where none does, and its station there (0 or -1). rotation (3, 3),
+    position (3,) [m]: of the global frame when it is moved with the block: what is at x at rest comes to position +
+    rotation @ x.
     """
 
     name: str
     rest: Array
     place: Array
+    rotation: Array
+    position: Array
     owner: tuple[str, ...]
     leaf: NDArray[np.int64]
     station: NDArray[np.int64]
@@ -258,22 +259,15 @@ MIN_INTEGRATION_STEPS = 8
 """Smallest number of integration steps along a leaf, also for fewer stations."""
 
 
-def strain_curve(value: Array, number: NDArray[np.int64], inner: Array, points: int) -> tuple[Array, ...]:
-    """Stations (k,) [m], positions (k, 3) [m] and orientations (k, 3, 3) along a strain-mode leaf, in frame p.
-
-    There are `points` stations or a few more, as the edges of the panels of a leaf with a profile are stations too.
-    """
-    s, r, R = strain_curves(value[None], number, inner[None], points)
-    return s[0], r[0], R[0]
-
-
 def strain_curves(
     value: Array, number: NDArray[np.int64], inner: Array, points: int, gravity: Array | None = None
 ) -> tuple[Array, ...]:
-    """`strain_curve` of several leaves of one group: constants (leaves, v), inner states (leaves, N + 6).
+    """Stations (leaves, k) [m], positions (leaves, k, 3) [m] and orientations (leaves, k, 3, 3) along strain-mode leaves of
+    one group, in frames p, from constants (leaves, v) and inner states (leaves, N + 6).
 
-    All results have a first axis (leaves,). With gravity (leaves, 3) [m/s^2] in frames p, two more follow: the mass M
-    (leaves, k) [kg] beyond every station and its first moment up to there, int M dr (leaves, k, 3) [kg m].
+    There are `points` stations or a few more, as the edges of the panels of a leaf with a profile are stations too. With
+    gravity (leaves, 3) [m/s^2] in frames p, two more follow: the mass M (leaves, k) [kg] beyond every station and its first
+    moment up to there, int M dr (leaves, k, 3) [kg m].
     """
     total, L = int(number[:3].sum()), value[:, 0]
     tables, n = _unpacked(value, number, inner[:, :total]), inner[:, None, total : total + 3]
@@ -364,18 +358,10 @@ def chain_axes(value: Array, number: NDArray[np.int64]) -> Array:
     return axes
 
 
-@kernel
-def _make_rotations(A: Array) -> None:
-    """Replace matrices (k, 3, 3), not far from rotations, by the nearest rotations."""
-    for k in range(len(A)):
-        for _ in range(ORTHONORMALISATION_STEPS):
-            reorthonormalise(A[k])
-
-
 def nearest_rotations(A: Array) -> Array:
     """Rotations nearest to matrices (..., 3, 3) that are means of rotations."""
     found = A.reshape(-1, 3, 3).copy()
-    _make_rotations(found)
+    make_rotations(found)
     return found.reshape(A.shape)
 
 
@@ -392,44 +378,51 @@ def _hermite_cubics(u: Array) -> Array:
     return np.array([1 - 3 * u**2 + 2 * u**3, 3 * u**2 - 2 * u**3, u - 2 * u**2 + u**3, u**3 - u**2])
 
 
-def _chain_curve(
-    value: Array, number: NDArray[np.int64], inner: Array, ends: Ends, points: int
+def _chain_curves(
+    value: Array, number: NDArray[np.int64], inner: Array, d: Array, Q: Array, points: int
 ) -> tuple[Array, ...]:
-    """Stations (k,) [m], positions (k, 3) and axes (k, 3, 3) along a chain, in frame p, by cubics between its nodes."""
-    n = int(number[0])
-    x, R = chain_nodes(value, number, inner, ends.d, ends.Q)
+    """Stations (m, k) [m], positions (m, k, 3) and axes (m, k, 3, 3) along m chains of one group, in frames p, by cubics
+    between their nodes; d (m, 3), Q (m, 3, 3): poses of ends q."""
+    m, n = len(value), int(number[0])
+    x, R = chain_nodes(value, number, inner, d, Q)
     axes = R @ chain_axes(value, number)
-    lengths = value[: 16 * n].reshape(n, 16)[:, 0]
+    lengths = value[:, : 16 * n : 16]
     u, weights = _station_cubics(max(1, math.ceil((points - 1) / n)))
-    slopes = lengths[:, None] * axes[:-1, :, 0], lengths[:, None] * axes[1:, :, 0]
-    position = np.einsum("wk,wni->nki", weights, np.array([x[:-1], x[1:], *slopes]))
+    slopes = (lengths[..., None] * axes[:, part, :, 0] for part in (slice(-1), slice(1, None)))
+    position = np.einsum("wk,wmni->mnki", weights, np.array([x[:, :-1], x[:, 1:], *slopes]))
     part = u[:, None, None]
-    between = nearest_rotations(((1 - part) * axes[:-1, None] + part * axes[1:, None]).reshape(-1, 3, 3))
-    s = (np.cumsum(lengths) - lengths)[:, None] + lengths[:, None] * u
+    between = nearest_rotations((1 - part) * axes[:, :-1, None] + part * axes[:, 1:, None])
+    s = (np.cumsum(lengths, axis=1) - lengths)[..., None] + lengths[..., None] * u
     return (
-        np.append(0.0, s),
-        np.concatenate([x[:1], position.reshape(-1, 3)]),
-        np.concatenate([axes[:1], between]),
+        np.concatenate([np.zeros((m, 1)), s.reshape(m, -1)], axis=1),
+        np.concatenate([x[:, :1], position.reshape(m, -1, 3)], axis=1),
+        np.concatenate([axes[:, :1], between.reshape(m, -1, 3, 3)], axis=1),
     )
 
 
-def member_centreline(model: Model, motion: State, i: int, points: int) -> tuple[Array, Array, Array]:
-    """Stations (k,) [m], positions (k, 3) and axes (k, 3, 3) along member `i`, global.
+def centrelines(
+    model: Model, motion: State, group: LeafGroup, which: NDArray[np.int64] | slice, points: int
+) -> tuple[Array, Array, Array]:
+    """Stations (m, k) [m], positions (m, k, 3) and axes (m, k, 3, 3), global, along members `which` (m,) of a group of leaf
+    springs or chains.
 
     The curve of a state of a fast method ends a little off its clamp (its error); the gap is distributed along the leaf.
     """
-    ends = member_ends(model, motion, i)
-    value, number, inner = member_arrays(model, motion, i)
-    kind = model.arrays.members.kind[i]
-    if kind == STRAIN:
-        s, r, R = strain_curve(value, number, inner, points)
-        r = r + (s / s[-1])[:, None] * (ends.d - r[-1])
-    elif kind == COROTATIONAL:
-        s, r, R = _chain_curve(value, number, inner, ends, points)
-    elif kind == SOLID:
-        s, r, R = model.bodies[model.member_names[i]].middle_line(ends.d, ends.Q, inner)
+    value, inner = group.value[which], motion.inner[group.inner_index[which]]
+    ends = end_frames(model, motion, group.members[which])
+    if model.arrays.members.kind[group.members[0]] == STRAIN:
+        s, r, R = strain_curves(value, group.number, inner, points)
+        r = r + (s / s[:, -1:])[..., None] * (ends.d - r[:, -1])[:, None]
     else:
-        raise ValueError(f"member '{model.member_names[i]}' is a condensed joint, which has no centreline")
+        Q = end_axes(model, motion, group.members[which], ends)
+        s, r, R = _chain_curves(value, group.number, inner, ends.d, Q, points)
+    return s, ends.start[:, None] + r @ ends.frame.swapaxes(1, 2), ends.frame[:, None] @ R
+
+
+def _solid_line(model: Model, motion: State, i: int) -> tuple[Array, Array, Array]:
+    """Stations (k,) [m], positions (k, 3) and axes (k, 3, 3), global, along the middle of the reduced solid `i`."""
+    ends, (_, _, inner) = member_ends(model, motion, i), member_arrays(model, motion, i)
+    s, r, R = model.bodies[model.member_names[i]].middle_line(ends.d, ends.Q, inner)
     return s, ends.start + r @ ends.frame.T, ends.frame @ R
 
 
@@ -445,18 +438,14 @@ def poses_along(
     if model.arrays.members.kind[group.members[0]] == COROTATIONAL:
         return _along_chains(model, motion, group, which, share)
     own, k = np.unique(which, return_inverse=True)
-    ends = end_frames(model, motion, group.members[own])
-    s, r, R = strain_curves(group.value[own], group.number, motion.inner[group.inner_index[own]], points)
-    along = (s / s[:, -1:])[..., None]
-    r = r + along * (ends.d - r[:, -1])[:, None]
-    after = np.maximum((along[k, :, 0] < share[:, None]).sum(axis=1), 1)
-    low, high = along[k, after - 1], along[k, after]
+    s, r, R = centrelines(model, motion, group, own, points)
+    along = s / s[:, -1:]
+    after = np.maximum((along[k] < share[:, None]).sum(axis=1), 1)
+    low, high = along[k, after - 1, None], along[k, after, None]
     part = (share[:, None] - low) / (high - low)
-    local = (1.0 - part) * r[k, after - 1] + part * r[k, after]
+    place = (1.0 - part) * r[k, after - 1] + part * r[k, after]
     part = part[..., None]
-    axes = nearest_rotations((1.0 - part) * R[k, after - 1] + part * R[k, after])
-    frame = ends.frame[k]
-    return ends.start[k] + (frame @ local[..., None])[..., 0], frame @ axes
+    return place, nearest_rotations((1.0 - part) * R[k, after - 1] + part * R[k, after])
 
 
 def chain_lines(
@@ -509,31 +498,71 @@ def leaf_members(model: Model) -> dict[str, list[int]]:
     return found
 
 
+class _LeafAtRest(NamedTuple):
+    """What a leaf is at its stations in every configuration: its members, those of their stations that count (the common
+    one of two members does once), and fields of its `LeafShape`."""
+
+    members: list[int]
+    stations: list[slice]
+    fixed: dict[str, Any]
+
+
+class _Stations(NamedTuple):
+    """Members to be drawn together, each a group, positions in it and number of stations, and all leaves at rest."""
+
+    together: list[tuple[LeafGroup, NDArray[np.int64], int]]
+    leaves: list[_LeafAtRest]
+
+
 @cached_per_model
-def _rest_lines(model: Model) -> dict[tuple[int, int], tuple[Array, Array, Array]]:
-    """Cache of `member_centreline` at rest, by member and number of stations."""
+def _stations_by_points(model: Model) -> dict[int, _Stations]:
+    """Cache of `_stations`."""
     return {}
 
 
-def _leaf_shape(model: Model, motion: State, name: str, members: list[int], points: int) -> LeafShape:
-    """Shape of a whole leaf of these members, at `points` stations or a few more."""
+def _stations(model: Model, points: int) -> _Stations:
+    """Stations of all leaves, of each `points` or a few more, divided among its members."""
+    cache = _stations_by_points(model)
+    if points not in cache:
+        leaves = leaf_members(model)
+        count = np.zeros(len(model.member_names), int)
+        for members in leaves.values():
+            count[members] = max(2, math.ceil((points - 1) / len(members)) + 1)
+        together = [
+            (group, np.flatnonzero(count[group.members] == n), int(n))
+            for group in (*leaf_groups(model), *chain_groups(model))
+            for n in np.unique(count[group.members])
+        ]
+        lines = _member_lines(model, model.rest, together)
+        cache[points] = _Stations(
+            together, [_leaf_at_rest(model, name, parts, lines) for name, parts in leaves.items()]
+        )
+    return cache[points]
+
+
+def _member_lines(
+    model: Model, motion: State, together: list[tuple[LeafGroup, NDArray[np.int64], int]]
+) -> dict[int, tuple[Array, Array, Array]]:
+    """Stations (k,) [m], positions (k, 3) and axes (k, 3, 3), global, along every leaf spring, chain and solid by member."""
+    kind = model.arrays.members.kind
+    lines = {int(i): _solid_line(model, motion, int(i)) for i in np.flatnonzero(kind == SOLID)}
+    for group, which, points in together:
+        each = centrelines(model, motion, group, which, points)
+        lines |= dict(zip(group.members[which].tolist(), zip(*each, strict=True), strict=True))
+    return lines
+
+
+def _leaf_at_rest(
+    model: Model, name: str, members: list[int], lines: dict[int, tuple[Array, Array, Array]]
+) -> _LeafAtRest:
+    """The whole leaf of these members, with their `lines` at rest."""
     leaf = scene_leaves(model)[name]
-    count = max(2, math.ceil((points - 1) / len(members)) + 1)
-    rest_lines = _rest_lines(model)
-    for i in members:
-        if (i, count) not in rest_lines:
-            rest_lines[i, count] = member_centreline(model, model.rest, i, count)
-    lines = [
-        [rest_lines[i, count] for i in members],
-        [member_centreline(model, motion, i, count) for i in members],
-    ]
-    at = np.cumsum([0.0] + [line[0][-1] for line in lines[0]])
-    # the common station of two members is used once
     own = [slice(int(k > 0), None) for k in range(len(members))]
-    joined = [
-        [np.concatenate([line[c][own[k]] for k, line in enumerate(ls)]) for c in (1, 2)] for ls in lines
-    ]
-    s = np.concatenate([line[0][own[k]] + at[k] for k, line in enumerate(lines[0])])
+    at = np.cumsum([0.0] + [lines[i][0][-1] for i in members])
+    s = np.concatenate(
+        [lines[i][0][part] + at[k] for k, (i, part) in enumerate(zip(members, own, strict=True))]
+    )
+    rest, rest_axes = (_joined(lines, members, own, c) for c in (1, 2))
     # at a step of the profile the larger side counts
     sections = [
         (leaf.section,) if leaf.profile is None else leaf.profile.sides(x) for x in (s / s[-1]).tolist()
@@ -542,8 +571,28 @@ def _leaf_shape(model: Model, motion: State, name: str, members: list[int], poin
         [np.max([thickness_and_width(q) for q in sides], axis=0) for sides in sections]
     ).T
     is_round = all(round_ratio(q) is not None for sides in sections for q in sides)
-    (rest, rest_axes), (place, axes) = joined
-    return LeafShape(name, s, rest, place, rest_axes, axes, width, thickness, is_round)
+    fixed = {
+        "name": name, "s": s, "rest": rest, "rest_axes": rest_axes, "width": width, "thickness": thickness,
+        "is_round": is_round,
+    }  # fmt: skip
+    return _LeafAtRest(members, own, fixed)
+
+
+def _joined(
+    lines: dict[int, tuple[Array, Array, Array]], members: list[int], stations: list[slice], column: int
+) -> Array:
+    """A column of the lines of the members of a leaf, joined."""
+    if len(members) == 1:
+        return lines[members[0]][column]
+    return np.concatenate([lines[i][column][part] for i, part in zip(members, stations, strict=True)])
+
+
+def _leaf_shapes(model: Model, motion: State, points: int) -> Iterator[LeafShape]:
+    """Shapes of all leaves, each at `points` stations or a few more."""
+    stations = _stations(model, points)
+    lines = _member_lines(model, motion, stations.together)
+    for members, own, fixed in stations.leaves:
+        yield LeafShape(place=_joined(lines, members, own, 1), axes=_joined(lines, members, own, 2), **fixed)
 
 
 def _driven(model: Model, motion: State) -> tuple[DrivenPoint, ...]:
@@ -561,7 +610,9 @@ def _driven(model: Model, motion: State) -> tuple[DrivenPoint, ...]:
     return tuple(found)
 
 
-def _blocks(model: Model, motion: State) -> tuple[BlockShape, ...]:
+@cached_per_model
+def _block_points(model: Model) -> list[tuple[int, dict[str, Any]]]:
+    """Node of every block that has points, and what its `BlockShape` is in every configuration."""
     members, leaves = model.arrays.members, leaf_members(model)
     # of every block: arm, owner, leaf and station of every point
     found: list[list[tuple[Array, str, int, int]]] = [[] for _ in model.node_names]
@@ -586,10 +637,16 @@ def _blocks(model: Model, motion: State) -> tuple[BlockShape, ...]:
     for node, name in enumerate(model.node_names):
         if found[node]:
             arms, owner, leaf, station = zip(*found[node], strict=True)
-            place = motion.x[node] + np.array(arms) @ motion.R[node].T
-            rest = model.rest.x[node] + np.array(arms)
-            blocks.append(BlockShape(name, rest, place, owner, np.array(leaf), np.array(station)))
-    return tuple(blocks)
+            fixed = {"name": name, "rest": model.rest.x[node] + np.array(arms), "owner": owner}
+            blocks.append((node, fixed | {"leaf": np.array(leaf), "station": np.array(station)}))
+    return blocks
+
+
+def _blocks(model: Model, motion: State) -> Iterator[BlockShape]:
+    for node, fixed in _block_points(model):
+        R, x, x_rest = motion.R[node], motion.x[node], model.rest.x[node]
+        place = x + (fixed["rest"] - x_rest) @ R.T
+        yield BlockShape(place=place, rotation=R.copy(), position=x - R @ x_rest, **fixed)
 
 
 def _points_on_links(model: Model) -> Iterator[tuple[str, ArrayLike, str]]:
@@ -693,9 +750,9 @@ def mechanism_shape(
     model: Model, motion: State, *, points: int = DEFAULT_STATIONS, load_factor: float = 1.0
 ) -> Shape:
     """Geometry of `model` at `motion`, with at least `points` stations per leaf and loads times load_factor."""
-    leaves = tuple(_leaf_shape(model, motion, n, m, points) for n, m in leaf_members(model).items())
     return Shape(
-        leaves, _blocks(model, motion), _driven(model, motion), _hinges(model, motion),
+        tuple(_leaf_shapes(model, motion, points)), tuple(_blocks(model, motion)), _driven(model, motion),
+        _hinges(model, motion),
         _loads(model, motion, factor=load_factor), _springs(model, motion), _distances(model, motion),
         _sensors(model, motion),
     )  # fmt: skip

@@ -10,6 +10,9 @@ import math
 
 from ksd.numerics.kernel import kernel
 
+ORTHONORMALISATION_STEPS = 9
+"""Newton steps to the nearest rotation from a mean of two rotations that are up to 120 degrees apart."""
+
 
 @kernel(inline="late")
 def _sine_series(u):
@@ -134,6 +137,15 @@ def reorthonormalise(R):
         R[i, 0] = a * c00 + b * c01 + c * c02
         R[i, 1] = a * c01 + b * c11 + c * c12
         R[i, 2] = a * c02 + b * c12 + c * c22
+
+
+@kernel
+def make_rotations(A):
+    """Replace matrices (k, 3, 3) by the nearest rotations, in place; they are means of two rotations that are up to 120
+    degrees apart."""
+    for k in range(len(A)):
+        for _ in range(ORTHONORMALISATION_STEPS):
+            reorthonormalise(A[k])
 
 
 @kernel(inline="late")

@@ -2,17 +2,18 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import ksd
 from ksd.answers.leaf_groups import chain_groups, leaf_groups
 from ksd.answers.shape import (
+    centrelines,
     curvature,
     mechanism_shape,
     member_arrays,
-    member_centreline,
     member_ends,
     poses_along,
-    strain_curve,
+    strain_curves,
 )
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
@@ -67,6 +68,9 @@ def test_leaf_meets_its_clamps_and_is_straight_at_rest(mesh):
             np.tile(np.eye(3), (len(axes), 1, 1)), abs=1e-12
         )
     assert leaf.width == pytest.approx(0.02) and leaf.thickness == pytest.approx(0.0005)
+    tip = blocks["tip"]
+    assert tip.place == pytest.approx(tip.position + tip.rest @ tip.rotation.T, abs=1e-15)
+    assert Rotation.from_matrix(tip.rotation).as_rotvec() == pytest.approx([0, 0, TURN])
 
 
 def test_both_leaf_models_draw_the_same_curve():
@@ -130,7 +134,7 @@ def test_a_tapered_leaf_meets_its_clamp_and_shows_its_width():
     scene.actuate(tip, about="z", name="turn")
     c = solve_conventional(compile_scene(scene), {"turn": 0.5})
     value, number, inner = member_arrays(c.model, c.motion, 0)
-    _, r, R = strain_curve(value, number, inner, 25)
+    _, (r,), (R,) = strain_curves(value[None], number, inner[None], 25)
     ends = member_ends(c.model, c.motion, 0)
     assert r[-1] == pytest.approx(ends.d, abs=1e-6 * LENGTH) and R[-1] == pytest.approx(ends.Q, abs=1e-5)
     (leaf,) = mechanism_shape(c.model, c.motion).leaves
@@ -153,8 +157,9 @@ def test_places_along_leaf_springs_are_those_of_their_lines(mesh):
     (group,) = (leaf_groups if mesh.leaf == "strain" else chain_groups)(pose.model)
     which, share = np.array([0, 1, 1]), np.array([0.25, 0.5, 0.7])
     place, axes = poses_along(pose.model, pose.motion, group, which, share, 200)
+    lines = centrelines(pose.model, pose.motion, group, slice(None), 2401)
     for i, x, r, R in zip(which, share, place, axes, strict=True):
-        s, line, turns = member_centreline(pose.model, pose.motion, int(i), 2401)
+        s, line, turns = (along[i] for along in lines)
         k = int(np.argmin(np.abs(s - x * s[-1])))
         assert s[k] == pytest.approx(x * s[-1], rel=1e-9)
         assert r == pytest.approx(line[k], abs=1e-5 * LENGTH)
@@ -194,3 +199,26 @@ def test_loads_are_drawn_as_they_act(following):
     angle = TURN if following else 0.0
     assert load.value == pytest.approx([-0.2 * np.sin(angle), 0.2 * np.cos(angle), 0], abs=1e-9)
     assert load.place == pytest.approx(np.array([LENGTH, 0, 0]) + pose.displacement("tip", (LENGTH, 0, 0)))
+
+
+def test_leaves_drawn_together_are_those_drawn_alone():
+    """Of one scene with leaves of two groups, one of them in two members."""
+    scene = ksd.Mechanism("row")
+    middle, tip = scene.links("middle", "tip")
+    whole = scene.leaf(scene.ground, middle, **BLADE)
+    scene.leaf(scene.ground, middle, **{**BLADE, "start": (0, 0.02, 0), "name": "other"})
+    arc = ksd.Arc(radius=0.05, angle=1.2)
+    end = (LENGTH + arc.chord, 0, 0)
+    scene.leaf(middle, tip, curve=arc, **{**BLADE, "start": (LENGTH, 0, 0), "end": end, "name": "arc"})
+    scene.point(whole, s=0.4 * LENGTH)
+    scene.actuate(tip, along="y", at=end, name="push")
+    pose = ksd.solve(scene, push=0.02)
+    for leaf in pose.shape(points=17).leaves:
+        own = [i for i, n in enumerate(pose.model.member_names) if n.startswith(leaf.name)]
+        lines = []
+        for group in leaf_groups(pose.model):
+            for k in np.flatnonzero(np.isin(group.members, own)):
+                points = 17 if len(own) == 1 else 9
+                lines.append(centrelines(pose.model, pose.motion, group, np.array([k]), points)[1][0])
+        assert np.array_equal(leaf.place, np.concatenate([lines[0], *(line[1:] for line in lines[1:])]))
+        assert np.ptp(np.diff(leaf.s)) < 0.3 * leaf.s[-1] / 8

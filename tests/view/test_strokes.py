@@ -193,11 +193,12 @@ def test_animation_of_a_mode(tmp_path):
     moved = modes.moved(1, size)
     assert (moved.x - modes.motion.x) / size == pytest.approx(modes.shape[1, :, :3], abs=1e-9)
     # a leaf drawn from its own curvature ends where its link is, but for its stretch
-    from ksd.answers.shape import member_arrays, member_ends, strain_curve
+    from ksd.answers.shape import member_arrays, member_ends, strain_curves
 
     for i in range(len(modes.model.arrays.members.kind)):
         ends = [member_ends(modes.model, m, i).d for m in (modes.motion, moved)]
-        tips = [strain_curve(*member_arrays(modes.model, m, i), 25)[1][-1] for m in (modes.motion, moved)]
+        inside = [member_arrays(modes.model, m, i) for m in (modes.motion, moved)]
+        tips = [strain_curves(value[None], n, inner[None], 25)[1][0, -1] for value, n, inner in inside]
         assert (tips[1] - tips[0]) / size == pytest.approx((ends[1] - ends[0]) / size, abs=5e-3)
     with pytest.raises(ksd.SceneError, match=f"1 to {len(modes)}"):
         animate_mode(pose, tmp_path / "m.gif", mode=99, modes=modes)
