@@ -3,6 +3,7 @@
 From the section forces of `ksd.answers.forces` by beam theory, in section axes y (thickness) and z (width):
 sigma = N/A + My z/Iy - Mz y/Iz. Shear stress of a rectangle: torsion by the exact series at the middle of its faces and
 edges, zero at corners (Timoshenko and Goodier, section 109); shear forces by the parabola 3 V / 2 A on the middle lines.
+With plate stiffening Mz varies across the width next to clamps (`PlateStiffening.moment_across`).
 Circle and tube: T R/J, and V/A times 4/3 (1 + m + m^2) / (1 + m^2) at the neutral axis, m inner over outer diameter
 (Timoshenko, Strength of Materials I, section 26). Any other section: bending at the corners of its outline; torsion T t/J
 and shear 1.5 V/A, upper bounds for a strip of its thickness, added everywhere. Stress concentrations at clamps and the
@@ -44,6 +45,7 @@ from ksd.model.arrays import SOLID, State
 from ksd.model.compile import Model
 from ksd.scene.profile import Profile
 from ksd.section.closed_forms import round_ratio
+from ksd.section.plate import PlateStiffening
 from ksd.section.section import Section, thickness_and_width
 
 Array = NDArray[np.float64]
@@ -219,7 +221,9 @@ def _sections_along(leaf: Any, s: Array) -> tuple[Any, ...]:
 def signed_stress(forces: list[SectionForces], leaf: Any) -> tuple[Array, Array]:
     """Normal stress (k, s, p) and shear stress (k, 2, s, p) along y and z [Pa] by k section forces of one leaf."""
     stations = _section_tables(_sections_along(leaf, forces[0].s))
-    normal, *_, twist, transverse = _stresses(np.array([f.values for f in forces]), stations, outlined=False)
+    values = np.array([f.values for f in forces])
+    uneven = _uneven_moments(values, forces[0].s, leaf, stations[1])
+    normal, *_, twist, transverse = _stresses(values, stations, outlined=False, uneven=uneven)
     return normal, np.moveaxis(twist + transverse, 0, 1)
 
 
@@ -229,7 +233,8 @@ def _leaf_stresses(forces: list[SectionForces], leaf: Any) -> list[LeafStress]:
     stations = _section_tables(sections)
     outlined = any(q.outline is not None for q in sections)
     values = np.array([f.values for f in forces])
-    *parts, bending, axial, twist, transverse = _stresses(values, stations, outlined=outlined)
+    uneven = _uneven_moments(values, s, leaf, stations[1])
+    *parts, bending, axial, twist, transverse = _stresses(values, stations, outlined=outlined, uneven=uneven)
     parts += [np.abs(bending).max(axis=2), axial[..., 0]]
     parts += [np.hypot(*shear).max(axis=2) for shear in (twist, transverse)]
     positions = [np.broadcast_to(v, (len(s), v.shape[1])) for v in stations[:2]]
@@ -242,17 +247,35 @@ def _leaf_stresses(forces: list[SectionForces], leaf: Any) -> list[LeafStress]:
     return [LeafStress(f.name, f.s, names, *positions, *(v[k] for v in parts)) for k, f in enumerate(forces)]
 
 
-def _stresses(values: Array, stations: tuple[Array, ...], *, outlined: bool) -> tuple[Array, ...]:
+def _plate(leaf: Any) -> PlateStiffening | None:
+    """Plate stiffening of a leaf, if it has any."""
+    return None if getattr(leaf, "condition", None) is None else leaf.condition.plate
+
+
+def _uneven_moments(values: Array, s: Array, leaf: Any, z: Array) -> Array | float:
+    """What Mz of section forces (leaves, s, 6) has more at points z (s or 1, p) of the section: next to clamps of a leaf
+    with plate stiffening, else nothing."""
+    plate = _plate(leaf)
+    if plate is None:
+        return 0.0
+    width = max(float(z.max()), 1e-300)
+    return plate.moment_across(s / s[-1], np.broadcast_to(z / width, (len(s), z.shape[1])), values[..., 5])
+
+
+def _stresses(
+    values: Array, stations: tuple[Array, ...], *, outlined: bool, uneven: Array | float = 0.0
+) -> tuple[Array, ...]:
     """Stress (leaves, s, p) by section forces (leaves, s, 6).
 
     Returns normal, shear, von Mises and bending stress (leaves, s, p), axial stress (leaves, s, 1), and shear stress of
     torsion and of transverse forces (2, leaves, s, p) along y and z. stations: as of `_section_tables`, with an axis over
-    leaves before that over stations where leaves differ; outlined: upper bounds of the shear stress are added.
+    leaves before that over stations where leaves differ; outlined: upper bounds of the shear stress are added; uneven
+    (leaves, s, p): added to Mz.
     """
     y, z, A, Iy, Iz, torsion, along_y, along_z = stations
     N, Vy, Vz, T, My, Mz = np.moveaxis(values, 2, 0)[..., None]
     axial = N / A
-    bending = My * z / Iy - Mz * y / Iz
+    bending = My * z / Iy - (Mz + uneven) * y / Iz
     twist, transverse = T * torsion, Vy * along_y + Vz * along_z
     shear = (
         np.abs(twist).sum(axis=0) + np.abs(transverse).sum(axis=0)
@@ -304,12 +327,14 @@ class _BatchLeaves(NamedTuple):
 def _batch_leaves(states: StateBatch, group: LeafGroup, *, profiles: bool = False) -> _BatchLeaves | None:
     """Leaves of a group in all states of a batch.
 
-    None where leaf springs have weight or points that divide them, or a profile unless `profiles`, and where panels differ
-    between states (steps and kinks of profiles at different fractions).
+    None where leaf springs have weight, plate stiffening or points that divide them, or a profile unless `profiles`, and
+    where panels differ between states (steps and kinks of profiles at different fractions).
     """
     names = [states.models[0].member_names[i] for i in group.members.tolist()]
     leaves = scene_leaves(states.models[0])
     if group.has_weight or any(n not in leaves or not (profiles or leaves[n].profile is None) for n in names):
+        return None
+    if any(_plate(leaves[n]) is not None for n in names):
         return None
     value = states.member_constants(group.members, group.value.shape[1])
     panels = panel_table_slice(group.number)
@@ -351,8 +376,8 @@ def batch_peak_stress(
 ) -> list[dict[str, PeakStress]] | None:
     """Largest stress of every leaf by full name, for every state.
 
-    None where leaf springs have weight, a profile or points that divide them, or where panels differ; `stress` evaluates
-    such states one by one.
+    None where leaf springs have weight, plate stiffening, a profile or points that divide them, or where panels differ;
+    `stress` evaluates such states one by one.
     """
     names = states.models[0].member_names
     found: list[dict[str, Any]] = [dict.fromkeys(names) for _ in states.model_index]
@@ -381,7 +406,7 @@ def batch_stress_at_peaks(
     """Von Mises stress (D,) [Pa] of every leaf by full name, at fixed points, for finite differences.
 
     In state d it is evaluated at the station and point of the section where the stress of the leaf is largest in state
-    reference[d] (D,). None where leaf springs have weight or points that divide them, panels differ,
+    reference[d] (D,). None where leaf springs have weight, plate stiffening or points that divide them, panels differ,
     or sections of a leaf have different points.
     """
     model = states.models[0]
@@ -498,7 +523,7 @@ def stress_from_forces(model: Model, section_forces: dict[str, SectionForces]) -
     for name, forces in section_forces.items():
         leaf = leaves[name]
         # leaves with a profile are evaluated one by one
-        kind = leaf.section if getattr(leaf, "profile", None) is None else name
+        kind = (leaf.section, _plate(leaf)) if getattr(leaf, "profile", None) is None else name
         equal.setdefault((kind, forces.s.tobytes()), []).append(name)
     stresses: dict[str, LeafStress] = {}
     for names in equal.values():

@@ -14,7 +14,7 @@ from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.cli.solve import load_with_options
 from ksd.library.result_files import json_object
 from ksd.model.chosen_effects import EffectChoice
-from ksd.model.description import effect_reason
+from ksd.model.description import curved_bar_text, effect_reason
 from ksd.study.effect_cost import EffectCost, effect_cost
 from ksd.view.effect_cost_plot import plot_effect_cost
 from ksd.view.figure import new_figure, save_figure
@@ -68,6 +68,9 @@ def _print(scene: Any, choice: EffectChoice, rows: list[EffectCost]) -> None:
             f"{'with' if effect.present else 'without'} {effect.name}: {effect_reason(effect, scene)}",
             soft_wrap=True,
         )
+    curved = curved_bar_text(scene)
+    if curved:
+        screen.print(f"not modelled: {curved}", soft_wrap=True)
 
 
 def _table(title: str, names: dict[str, list[str]], columns: dict[str, list[str]]) -> Table:

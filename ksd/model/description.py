@@ -17,6 +17,10 @@ from ksd.model.warping_runs import (
     run_torsion_factors,
 )
 
+NEGLIGIBLE_CURVED_BAR = 1e-5
+"""Softening of curved bars that is not said."""
+_CURVE_STATIONS = np.linspace(0.0, 1.0, 33)
+
 
 def description_lines(model: Any) -> list[tuple[str, str]]:
     """(heading, text) of every line: sizes, effects that are present or left out with the reason, what is made on demand."""
@@ -55,6 +59,9 @@ def description_lines(model: Any) -> list[tuple[str, str]]:
             ("without spatial", "it lies in a plane: three unknowns per node, the answer checked in space")
         )
     lines += _absent_lines(model)
+    curved = curved_bar_text(scene)
+    if curved:
+        lines.append(("not modelled", curved))
     lines.append(
         ("computed on request", "mass (frequencies, state space), spatial stiffness, stress, buckling")
     )
@@ -154,6 +161,23 @@ def _plate_text(scene: Any) -> str:
                 f"ends kept parallel, at most {100 * (most - 1):.2g} % at a large one (leaf '{name}', w/L = {ratio:.3g})"
             )
     return text
+
+
+def curved_bar_text(scene: Any) -> str:
+    """What bars of a small radius are softer than beams in bending, of the leaf with the smallest over its thickness; empty
+    below `NEGLIGIBLE_CURVED_BAR`."""
+    ratios = {
+        name: leaf.section.thickness * float(np.abs(leaf.curve.curvatures(_CURVE_STATIONS)[:, 2]).max())
+        for name, leaf in scene.leaf_names().items()
+        if leaf.curve is not None
+    }
+    name = max(ratios, key=ratios.__getitem__, default="")
+    if not name or ratios[name] ** 2 / 30.0 < NEGLIGIBLE_CURVED_BAR:
+        return ""
+    return (
+        f"curved bars: by up to (t/R)^2/30 = {100 * ratios[name] ** 2 / 30.0:.2g} % softer in bending "
+        f"(leaf '{name}', t/R = {ratios[name]:.2g})"
+    )
 
 
 def _warping_text(scene: Any) -> str:

@@ -80,13 +80,15 @@ def _stiffening(run: Run, held: tuple[bool, bool]) -> tuple[PlateStiffening, ...
         all_edges.append(length + leaf.length * edges[1:])
         length += leaf.length
     whole = Strips(*(np.concatenate(parts) for parts in zip(*strips, strict=True)))
-    values = np.array(curl_along(np.concatenate(all_edges), whole, held))
+    curling, uneven = curl_along(np.concatenate(all_edges), whole, held)
+    values = np.array([*curling, uneven.place, *uneven.constant, *uneven.linear])
     found, first = [], 0
     for (_, along), edges in zip(run, inside, strict=True):
         own = values[:, first : first + len(edges) - 1]
         first += len(edges) - 1
-        flat = (own if along else own[:, ::-1, ::-1]).ravel()
-        found.append(PlateStiffening(tuple(edges.tolist()), tuple(flat.tolist())))
+        rows = own if along else own[:, ::-1, ::-1]
+        curls, unevens = (tuple(part.ravel().tolist()) for part in np.split(rows, [len(curling)]))
+        found.append(PlateStiffening(tuple(edges.tolist()), curls, unevens))
     return tuple(found)
 
 

@@ -7,7 +7,7 @@ which would stretch the edges of a curled section (`plate_factor`, Ashwell's str
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ from numpy.polynomial.legendre import Legendre, leggauss
 from ksd.checks import between, positive
 
 Array = np.ndarray
-CURL_FUNCTIONS = 3
+CURL_FUNCTIONS = 4
 """Even Legendre polynomials across the width, of degrees 2, 4, 6. Of the stiffening of guides by their clamps one function
 has 13 % too much, two 1.5 %, three .5 %."""
 CURL_POINTS = 4
@@ -25,6 +25,8 @@ CURL_POINTS = 4
 FIRST_ELEMENT, ELEMENT_GROWTH, HALF_ELEMENTS = 0.06, 1.4, 8
 """Length of the element at an end over the width, growth from one to the next, and number of elements in half a leaf at
 least."""
+TWIST_EDGES = 0.63
+"""Part of J = w t^3/3 (1 - .63 t/w) that the edges of a rectangle take, over t/w."""
 SMALLEST_CURL = 1e-3
 """Smallest curl in a quotient; next to clamps it is slightly negative."""
 SHARE_LIMITS = 0.2, 2.0
@@ -143,20 +145,41 @@ class PlateStiffening:
     """Curling along a leaf or a part of one.
 
     edges (n+1,): of the elements of the whole leaf, in fractions of its length; values (3 n CURL_POINTS,): `Curling` at
-    their Gauss points; part: fractions of the whole leaf between which this leaf is.
+    their Gauss points, uneven ((1 + 2 CURL_FUNCTIONS) n CURL_POINTS,): `Uneven` there; part: fractions of the whole leaf
+    between which this leaf is.
     """
 
     edges: tuple[float, ...]
     values: tuple[float, ...]
+    uneven: tuple[float, ...] = ()
     part: tuple[float, float] = (0.0, 1.0)
 
     def __call__(self, s: Array) -> Curling:
         """Values (k,) at fractions s (k,) of the length, by cubic interpolation in every element."""
+        return Curling(*self._interpolated(self.values, s))
+
+    def _interpolated(self, values: tuple[float, ...], s: Array) -> Array:
+        """Rows of values at the Gauss points of the elements, at fractions s (k,) of the length."""
         start, end = self.part
         u, edges = start + np.asarray(s, float) * (end - start), np.array(self.edges)
         e = np.clip(np.searchsorted(edges, u, side="right") - 1, 0, len(edges) - 2)
         weights = _lagrange((u - edges[e]) / (edges[e + 1] - edges[e]))
-        return Curling(*np.einsum("kp,ckp->ck", weights, np.reshape(self.values, (3, -1, CURL_POINTS))[:, e]))
+        table = np.reshape(values, (-1, len(edges) - 1, CURL_POINTS))
+        return np.asarray(np.einsum("kp,ckp->ck", weights, table[:, e]))
+
+    def moment_across(self, s: Array, z: Array, moments: Array) -> Array:
+        """What the moment per width times the width has more than the moment of the section (..., k, p), at fractions s (k,)
+        of the length and at z (k, p), in half widths from the middle.
+
+        moments (..., k): of the sections; the stress of a leaf that is loaded at its ends, at small curvature.
+        """
+        x, *rows = self._interpolated(self.uneven, s)
+        constant, linear = np.reshape(rows, (2, CURL_FUNCTIONS, -1))
+        base = np.stack([np.ones(len(x)), x], axis=1)
+        parts = moments @ np.linalg.pinv(base).T
+        amplitudes = parts[..., :1, None] * constant + parts[..., 1:, None] * linear
+        f = np.stack([Legendre.basis(2 * k)(z) for k in range(1, CURL_FUNCTIONS + 1)])
+        return np.asarray(np.einsum("...ks,ksp->...sp", amplitudes, f))
 
     @cached_property
     def breaks(self) -> tuple[float, ...]:
@@ -187,7 +210,7 @@ class PlateStiffening:
         """Curling of the part between two fractions of the length."""
         start, end = self.part
         inside = (start + first * (end - start), start + last * (end - start))
-        return PlateStiffening(self.edges, self.values, inside)
+        return replace(self, part=inside)
 
 
 def _lagrange(x: Array) -> Array:
@@ -200,8 +223,20 @@ def _lagrange(x: Array) -> Array:
     )
 
 
-def curl_along(edges: Array, strips: Strips, held: tuple[bool, bool]) -> Curling:
-    """`Curling` at the Gauss points (n, CURL_POINTS) of the elements of strips.
+class Uneven(NamedTuple):
+    """How far the moment per width varies across the width, at the Gauss points of elements.
+
+    place: coordinate x along the strips; constant, linear (CURL_FUNCTIONS, ...): amplitudes of the curl functions in the
+    moment per width times the width, under the moments 1 and x.
+    """
+
+    place: Array
+    constant: Array
+    linear: Array
+
+
+def curl_along(edges: Array, strips: Strips, held: tuple[bool, bool]) -> tuple[Curling, Uneven]:
+    """`Curling` and `Uneven` at the Gauss points (n, CURL_POINTS) of the elements of strips.
 
     edges (n+1,) [m]: of the elements; held: whether clamps keep the first and the last section flat.
 
@@ -214,7 +249,7 @@ def curl_along(edges: Array, strips: Strips, held: tuple[bool, bool]) -> Curling
     = loss / curl makes it end where all curl is lost.
     """
     straight = strips._replace(own=np.zeros(strips.own.shape))
-    narrow, curl, moved = _solve_curl(edges, straight, held)
+    narrow, curl, moved, uneven = _solve_curl(edges, straight, held)
     free = np.linalg.solve(_curl_stiffness(straight), _curl_source(straight)[..., None])[..., 0]
     plain = _curl_tables()[0]
     most = np.maximum(np.einsum("...k,kl,...l", free, plain, free), 1e-300)
@@ -225,7 +260,7 @@ def curl_along(edges: Array, strips: Strips, held: tuple[bool, bool]) -> Curling
         edges, straight, loss, np.einsum("...k,kl,...l", moved[1], plain, moved[1]) / most, moved[0]
     )
     rate = loss / np.maximum(np.abs(mean), SMALLEST_CURL)
-    return Curling(_solve_curl(edges, strips, held)[0] if strips.own.any() else narrow, loss, rate)
+    return Curling(_solve_curl(edges, strips, held)[0] if strips.own.any() else narrow, loss, rate), uneven
 
 
 def _linear_share(edges: Array, strips: Strips, loss: Array, square: Array, bend: Array) -> Array:
@@ -265,9 +300,9 @@ def _curl_stiffness(strips: Strips) -> Array:
 
 def _solve_curl(
     edges: Array, strips: Strips, held: tuple[bool, bool]
-) -> tuple[Array, Array, tuple[Array, Array]]:
-    """`Curling.compliance`, the curl (n, q, K) by unit curvature under a constant moment, and curvature and curl under a
-    linear one."""
+) -> tuple[Array, Array, tuple[Array, Array], Uneven]:
+    """`Curling.compliance`, the curl (n, q, K) by unit curvature under a constant moment, curvature and curl under a linear
+    one, and `Uneven`."""
     _, thickness, nu, rigidity, own = strips
     plate, source, local = rigidity / (1.0 - nu**2), _curl_source(strips), _curl_stiffness(strips)
     point, weight = curl_points()
@@ -276,9 +311,13 @@ def _solve_curl(
     x = x - (weight * x).sum() / weight.sum()
     moments = np.stack([np.ones(x.shape), x], axis=-1)
     stiff = local - source[..., None] * source[..., None, :]
-    curl = _CurlSystem(np.diff(edges), strips, plate, held).solve(
+    curl, bent = _CurlSystem(np.diff(edges), strips, plate, held).solve(
         stiff, source[..., None] * moments[..., None, :]
     )
+    plain, _, _, mixed, _ = _curl_tables()
+    # f'' less its mean, as a sum of f
+    across = (4.0 * nu / strips.width**2)[..., None, None] * np.linalg.solve(plain, mixed)
+    uneven = -plate[..., None, None] * (bent + across @ curl)
     bends = moments + plate[..., None] * np.einsum("...k,...ki", source, curl)
     constant, linear = np.moveaxis((1.0 - nu**2)[..., None] * bends, -1, 0)
     square = x * x - (weight * x**3).sum() / (weight * x * x).sum() * x
@@ -290,7 +329,12 @@ def _solve_curl(
     p = np.sqrt(np.sqrt(3.0 * (1.0 - nu**2)) * strips.width**2 * np.abs(own) / thickness)
     exact = (1.0 - nu**2) / (1.0 - nu**2 * free_curl(p))
     compliance = exact + constant - far + lacking * square
-    return compliance, curl[..., 0] * (rigidity / constant)[..., None], (linear / rigidity, curl[..., 1])
+    return (
+        compliance,
+        curl[..., 0] * (rigidity / constant)[..., None],
+        (linear / rigidity, curl[..., 1]),
+        Uneven(x, *np.moveaxis(uneven, (2, 3), (1, 0))),
+    )
 
 
 class _CurlSystem:
@@ -307,8 +351,10 @@ class _CurlSystem:
         value, slope, bend = (
             slopes[:, :, None] * table / h[:, None, None] ** n for n, table in enumerate(_hermite_tables())
         )
-        self.value, self.plate = value, plate
+        self.value, self.bend, self.plate = value, bend, plate
         energy, twist = self.weight * plate, 8.0 * (1.0 - strips.nu) / strips.width**2
+        # a strip of some thickness twists softer at its edges
+        twist *= 1.0 - TWIST_EDGES * strips.thickness / strips.width
         poisson = np.einsum("eq,eiq,ejq->eij", energy * 4.0 * strips.nu / strips.width**2, bend, value)
         poisson = np.einsum("eij,kl->eikjl", poisson, mixed)
         self.fixed = (
@@ -323,9 +369,9 @@ class _CurlSystem:
         self.count = per_node * (len(h) + 1)
         self.kept = slice(per_node * held[0], self.count - per_node * held[1])
 
-    def solve(self, local: Array, load: Array) -> Array:
-        """Amplitudes (n, q, K, c) at the Gauss points under loads (n, q, K, c) per length; local (n, q, K, K): stiffness
-        density of the amplitudes over D w."""
+    def solve(self, local: Array, load: Array) -> tuple[Array, Array]:
+        """Amplitudes (n, q, K, c) at the Gauss points under loads (n, q, K, c) per length, and their second derivatives;
+        local (n, q, K, K): stiffness density of the amplitudes over D w."""
         from scipy.linalg import solveh_banded
 
         N, size = self.value, 4 * CURL_FUNCTIONS
@@ -343,4 +389,5 @@ class _CurlSystem:
         found = np.zeros((self.count, columns))
         found[self.kept] = solveh_banded(bands[:, self.kept], rhs[self.kept])
         amplitudes = found[self.unknown].reshape(len(N), 4, CURL_FUNCTIONS, columns)
-        return np.asarray(np.einsum("eiq,eikc->eqkc", N, amplitudes))
+        first, second = (np.einsum("eiq,eikc->eqkc", values, amplitudes) for values in (N, self.bend))
+        return first, second

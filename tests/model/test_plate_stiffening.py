@@ -162,6 +162,25 @@ def test_rods_confirm_it():
         assert small.verify().relative < 1e-6
 
 
+def test_stress_at_a_clamp_is_uneven_in_every_answer():
+    """Against a plate of Argyris elements (tests/section/test_plate.py): 1.21 of the mean in the middle of the width."""
+    scene, drive = strip(0.06, 0.02, 0.3e-3), 1e-3
+    pose = ksd.solve(scene, drive=drive, with_="plate", method="conventional")
+    leaf, moment = pose.stress()["blade"], pose.section_forces()["blade"].values[:, 5]
+    mean = 6 * moment / (0.02 * 0.3e-3**2)
+    face = leaf.points.index("face +y")
+    assert leaf.normal_Pa[0, face] == pytest.approx(-1.21 * mean[0], rel=0.01)
+    middle = len(mean) // 2
+    assert np.abs(leaf.normal_Pa[middle, :6]) == pytest.approx(np.full(6, abs(mean[middle])), rel=0.01)
+    # a sweep asks many states at once
+    scene.consider("plate")
+    row = ksd.sweep(scene, {"drive": [drive]}, questions="stress")
+    assert row["stress_MPa"][0] == pytest.approx(1e-6 * leaf.largest_Pa, rel=1e-9)
+    cut = strip(0.06, 0.02, 0.3e-3, points=(0.013, 0.041))
+    parts = ksd.solve(cut, drive=drive, with_="plate", method="conventional").stress()["blade"]
+    assert parts.normal_Pa[0, face] == pytest.approx(leaf.normal_Pa[0, face], rel=1e-6)
+
+
 def test_what_is_left_out_is_what_the_effect_adds():
     scene = strip(0.06, 0.02, 0.3e-3, guided=True)
     left_out = ksd.solve(scene, drive=5e-3, method="conventional").left_out["plate"]["force"]

@@ -1,5 +1,6 @@
 """Models and configurations say in a line or a few what they are."""
 
+import numpy as np
 from scenes import fourbar
 
 import ksd
@@ -32,3 +33,24 @@ def test_the_weight_of_the_leaves_is_listed():
     listed = f"weight of the leaf springs: {mass:.3g} kg along them, {9.81 * mass:.3g} N"
     assert listed in str(ksd.compile_scene(scene, with_="gravity"))
     assert "weight of the leaf springs" not in str(ksd.compile_scene(scene, without="gravity"))
+
+
+def test_curved_bars_are_said_where_they_matter():
+    """(t/R)^2/30 of the exact solution of a curved bar (Golovin): .033 % of an arc of a radius ten times its thickness."""
+    a, b, R = 0.95, 1.05, 1.0
+    exact = (b**2 - a**2) ** 2 - (2 * a * b * np.log(b / a)) ** 2
+    golovin = 1.0 - 3.0 * exact * R / (2.0 * (b - a) ** 3 * (b**2 - a**2))
+    scene = ksd.Mechanism("arcs")
+    tip = scene.link("tip")
+    words = {
+        "section": ksd.rectangle(0.4e-3, 6e-3),
+        "material": ksd.Material(E=200e9, nu=0.3),
+        "width_axis": "z",
+    }
+    for name, radius in (("mild", 9e-3), ("tight", 4e-3)):
+        curve = ksd.Arc(radius=radius, angle=1.0)
+        chord = 2 * radius * np.sin(0.5)
+        scene.leaf("ground", tip, start=(0, 0, 0), end=(chord, 0, 0), curve=curve, name=name, **words)
+    text = str(ksd.compile_scene(scene))
+    assert f"(t/R)^2/30 = {100 * golovin:.2g} % softer in bending (leaf 'tight', t/R = 0.1)" in text
+    assert "curved bars" not in str(ksd.compile_scene(fourbar()))

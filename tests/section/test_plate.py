@@ -5,17 +5,26 @@ import pytest
 from numpy.testing import assert_allclose
 
 from ksd.elements.plate_energy import curl_loss, plate_point
-from ksd.section.plate import Strips, curl_along, curl_points, element_edges, free_curl, plate_factor
+from ksd.section.plate import (
+    PlateStiffening,
+    Strips,
+    curl_along,
+    curl_points,
+    element_edges,
+    free_curl,
+    plate_factor,
+)
 
 
-def curling(width, length, nu, *, own=0.0, held=(True, True), thickness=0.3e-3):
-    """(weights, x in -1..1, `Curling`) of a uniform strip."""
+def curling(width, length, nu, *, own=0.0, held=(True, True), thickness=None):
+    """(weights, x in -1..1, `Curling`) of a uniform strip, which is thin unless a thickness is given."""
+    thickness = thickness or 1e-4 * width
     edges = element_edges(length, width) * length
     x, weight = curl_points()
     at = edges[:-1, None] + np.diff(edges)[:, None] * x
     one = np.ones(at.shape)
     strips = Strips(width * one, thickness * one, nu * one, one, own * one)
-    return np.diff(edges)[:, None] * weight / length, 2 * at / length - 1, curl_along(edges, strips, held)
+    return np.diff(edges)[:, None] * weight / length, 2 * at / length - 1, curl_along(edges, strips, held)[0]
 
 
 def stiffening(width, length, nu, **words):
@@ -64,6 +73,55 @@ def test_clamps_stiffen_a_leaf_as_they_do_a_plate(width, length, nu):
     """To 3 % of the effect, of bending by a moment and of ends kept parallel."""
     plate = plate_stiffening(width, length, nu)
     assert_allclose(np.array(stiffening(width, length, nu)) - 1.0, plate - 1.0, rtol=0.03)
+
+
+def moment_at_the_clamp(width, length, nu, cells=4):
+    """Moment per width in the middle of a clamp over its mean, of half a clamped Kirchhoff plate of Argyris elements:
+    bent by a moment, and with its ends kept parallel."""
+    from skfem import Basis, BilinearForm, ElementTriArgyris, MeshTri, condense, solve
+    from skfem.helpers import dd, ddot, eye, trace
+
+    @BilinearForm
+    def energy(u, v, _):
+        return ddot((1.0 - nu) * dd(u) + nu * eye(trace(dd(u)), 2), dd(v))
+
+    along = 0.5 * length * (1.0 - np.cos(np.linspace(0.0, np.pi, 2 * cells + 1)))
+    mesh = MeshTri.init_tensor(along, 0.5 * width * np.linspace(0.0, 1.0, cells // 2 + 1))
+    basis = Basis(mesh, ElementTriArgyris())
+    K = energy.assemble(basis)
+    near, far = (basis.get_dofs(lambda x, at=at: np.isclose(x[0], at)) for at in (0.0, length))
+    middle = basis.get_dofs(lambda x: np.isclose(x[1], 0.0))
+    fixed = [d.nodal[n] for d in (near, far) for n in ("u", "u_x", "u_y", "u_yy", "u_xy")]
+    fixed += [middle.nodal["u_y"], middle.nodal["u_xy"], *(d.facet["u_n"] for d in (near, far, middle))]
+    motions = np.zeros((2, basis.N))
+    motions[0, far.nodal["u_x"]] = motions[0, far.facet["u_n"]] = motions[1, far.nodal["u"]] = 1.0
+    w = np.array([solve(*condense(K, x=u, D=np.unique(np.concatenate(fixed)))) for u in motions])
+    (turn, both), (_, move) = w @ (K @ w.T)
+    (node,) = np.flatnonzero((mesh.p[0] == 0.0) & (mesh.p[1] == 0.0))
+    bend = w[:, basis.nodal_dofs[basis.elem.dofnames.index("u_xx"), node]]
+    bent = (bend[0] - both / move * bend[1]) / (turn - both**2 / move)
+    return 0.5 * width * np.abs([bent, bend[1] / (0.5 * move * length)])
+
+
+@pytest.mark.parametrize(
+    ("width", "length", "nu"), [(20e-3, 60e-3, 0.3), (40e-3, 50e-3, 0.3), (10e-3, 60e-3, 0.45)]
+)
+def test_stress_across_the_width_at_a_clamp_is_that_of_a_plate(width, length, nu):
+    """In the middle it is up to a third more than the mean; far from clamps it is even."""
+    edges = element_edges(length, width)
+    one = np.ones((len(edges) - 1, 4))
+    strips = Strips(width * one, 1e-4 * width * one, nu * one, one, 0 * one)
+    found, uneven = curl_along(edges * length, strips, (True, True))
+    values = (np.ravel(found), np.concatenate([np.ravel(u) for u in uneven]))
+    plate = PlateStiffening(tuple(edges), *(tuple(v) for v in values))
+    s, z = np.array([0.0, 0.5, 1.0]), np.zeros((3, 1))
+    moments = np.stack([np.ones(3), 1.0 - 2.0 * s])
+    more = plate.moment_across(s, z, moments)[..., 0]
+    assert_allclose(1.0 + more[:, 0], moment_at_the_clamp(width, length, nu), rtol=0.015)
+    assert_allclose(more[:, 2], more[:, 0] * moments[:, 2], rtol=1e-9)
+    # the mean is the moment of the section
+    y, weight = np.polynomial.legendre.leggauss(12)
+    assert_allclose(plate.moment_across(s, np.tile(y, (3, 1)), moments) @ weight, 0.0, atol=1e-12)
 
 
 def test_guides_have_the_stiffness_of_conforming_plates():
