@@ -184,10 +184,10 @@ def frequency_error(found, count=4):
     # G with K^-1 = G G^T: of the free motions, and of every leaf
     roots = [np.linalg.solve(np.linalg.cholesky(free.T @ K @ free), free.T).T]
     places = [np.arange(len(K))]
-    for leaf in mass.leaves:
-        values, vectors = np.linalg.eigh(leaf.Z)
+    for inner, Z in (*((leaf.inner, leaf.Z) for leaf in mass.leaves), *mass.bubbles):
+        values, vectors = np.linalg.eigh(Z)
         roots += list(vectors * np.sqrt(np.maximum(values, 0.0))[:, None])
-        places += list(leaf.inner)
+        places += list(inner)
     G = block_diag(*roots)
     moved = G.T @ mass.matrix.toarray()[np.ix_(np.concatenate(places), np.concatenate(places))] @ G
     size = len(moved)

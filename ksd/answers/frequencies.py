@@ -2,9 +2,9 @@
 
 K x = omega^2 M x with K the exact tangent (constraint rows and geometric terms included) and M the consistent mass. With
 M = L L^T the symmetric matrix L^T K^-1 L has the eigenvalues 1/omega^2: K may be a saddle, M may be singular, and an
-unstable state has a negative one. Up to MAX_DENSE unknowns with mass the matrices are dense (`scipy.linalg`); above, ARPACK
-works on K^-1 M with the factored tangent (shift and invert; `scipy.sparse.linalg`), and once more with the pairs found
-deflated, as a single start vector may miss the second of two equal frequencies of a symmetric mechanism.
+unstable state has a negative one. Where it is faster the matrices are dense (`scipy.linalg`); with more unknowns per mode,
+ARPACK works on K^-1 M with the factored tangent (shift and invert; `scipy.sparse.linalg`), and once more with the pairs
+found deflated, as a single start vector may miss the second of two equal frequencies of a symmetric mechanism.
 
 A motion N of unit modal mass that released drives leave without stiffness has 0 Hz. The others are found by inertia relief:
 K^-1 becomes P^T K_h^-1 P with P = 1 - M N N^T, which removes the free motion from loads and responses, and K_h with as many
@@ -52,8 +52,9 @@ from ksd.model.leaves import whole_leaf_name
 from ksd.model.newton import move_nodes
 
 Array = NDArray[np.float64]
-MAX_DENSE = 300
-"""Largest number of unknowns with mass for which dense matrices are used."""
+MAX_DENSE = 220
+"""Largest number of unknowns with mass, besides MAX_DENSE_PER_MODE for every mode, for which dense matrices are faster."""
+MAX_DENSE_PER_MODE = 10
 MAX_DENSE_SKEW = 1000
 """The same where modes that are not among the lowest may grow."""
 MIN_ENERGY_SHARE = 0.25
@@ -246,7 +247,7 @@ class Modes(PrintableAnswer):
     @cached_property
     def _leaf_shares(self) -> Array:
         """Elastic stiffness (members, k) of every leaf spring in every mode over omega^2; nan where that is not positive."""
-        stiffness = material_stiffness(self.model, self.motion, self.mass.leaves, self.vector)
+        stiffness = material_stiffness(self.model, self.motion, self.mass, self.vector)
         squared = np.where(self.omega_squared > 0.0, self.omega_squared, np.nan)
         return np.asarray(stiffness / squared)
 
@@ -370,8 +371,8 @@ def _inverse_stiffness(tangent: Tangent, mass: Inertia, rigid: Array, loads: Arr
     response = np.empty_like(loads)
     many = loads.shape[1] > n
     response[:n] = tangent.solve(np.eye(n)) @ loads[:n] if many else tangent.solve(loads[:n])
-    for leaf in mass.leaves:
-        response[leaf.inner] = leaf.Z @ loads[leaf.inner]
+    for inner, Z in (*((leaf.inner, leaf.Z) for leaf in mass.leaves), *mass.bubbles):
+        response[inner] = Z @ loads[inner]
     return response - rigid @ (rigid.T @ (mass.matrix @ response)) if rigid.size else response
 
 
@@ -502,7 +503,9 @@ def lowest_squares(
     fine, state = finer_state(model, motion, load_factor=load_factor)
     # a leaf bent to a full turn is neutral between fixed ends: its flexibility has a pole, which the spectrum has not
     state = state._replace(inner=(1.0 + OFF_POLE) * state.inner)
-    mass = assemble_inertia(fine, state, load_factor=load_factor, without_density=without_density)
+    mass = assemble_inertia(
+        fine, state, load_factor=load_factor, without_density=without_density, with_bubbles=False
+    )
     tangent = assemble_and_factor(fine, state, freed=freed, load_factor=load_factor)
     small = np.count_nonzero(mass.matrix.diagonal()) <= MAX_DENSE_SKEW
     values, _ = (_dense_pairs if small else _iterated_pairs)(
@@ -547,9 +550,8 @@ def frequencies(
     tangent = assemble_and_factor(fine, state, freed=freed, load_factor=load_factor, free_motions=True)
     rigid = _rigid_motions(tangent, mass)
     # all modes are needed where the tangent is unsymmetric and its symmetric part is not positive definite
-    most = MAX_DENSE_SKEW if tangent.skew is not None and tangent.unstable else MAX_DENSE
-    small = np.count_nonzero(mass.matrix.diagonal()) <= most if dense is None else dense
-    pairs = _dense_pairs if small else _iterated_pairs
+    all_needed = tangent.skew is not None and tangent.unstable
+    massive = np.count_nonzero(mass.matrix.diagonal())
     gradient = row_gradients(fine.arrays, state, range(len(fine.drive_names)))
     own = gradient[:, [i for i, n in enumerate(fine.drive_names) if n in freed]]
     loads = np.zeros((mass.size, own.shape[1]))
@@ -560,6 +562,8 @@ def frequencies(
     # combinations of drive forces that leave the motions without stiffness at rest
     balanced = null_space(travel.T) if travel.size else np.eye(own.shape[1])
     for wanted in (count, max(count, MIN_INTENDED_CANDIDATES)):
+        most = MAX_DENSE_SKEW if all_needed else MAX_DENSE + MAX_DENSE_PER_MODE * wanted
+        pairs = _dense_pairs if (massive <= most if dense is None else dense) else _iterated_pairs
         squared, vectors, grown = _order_modes(*pairs(tangent, mass, rigid, wanted), wanted)
         vectors = vectors / np.sqrt(np.sum(mass.rooted(vectors) ** 2, axis=0))
         moved = vectors[: len(own)].T @ own

@@ -1,9 +1,10 @@
 """Mass matrix of a model at a state: consistent mass of its leaf springs, point masses and inertias of its links.
 
 Unknowns: those of the node tangent (six per node, one per constraint row, in elimination order), then for every strain-mode
-leaf the inner coordinates b of `ksd.elements.strain_uncondensed` (a = P xi + b). In these coordinates the stiffness is block
-diagonal: the node tangent, and the inverse of a small flexibility Z per leaf, so nothing is condensed and nothing factored
-twice. Chains must have no inner nodes (`ksd.answers.finer_model`), and then have no inner coordinates.
+leaf the inner coordinates b of `ksd.elements.strain_uncondensed` (a = P xi + b), and after all of these its bubbles of stretch
+and shear. In these coordinates the stiffness is block diagonal: the node tangent, and the inverses of two small
+flexibilities per leaf, so nothing is condensed and nothing factored twice. Chains must have no inner nodes
+(`ksd.answers.finer_model`), and then have no inner coordinates.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from ksd.answers.leaf_groups import (
 from ksd.answers.nonconservative import cross_matrix
 from ksd.answers.shape import leaf_members, member_arrays, member_ends, scene_leaves
 from ksd.elements.corotational_values import ElementSection, element_mass, shear_ratios
-from ksd.elements.strain_uncondensed import quadrature_points, strain_mass_root
+from ksd.elements.strain_uncondensed import BUBBLES, bubble_flexibility, quadrature_points, strain_mass_root
 from ksd.errors import SceneError
 from ksd.model.arrays import STRAIN, State
 from ksd.model.compile import Model
@@ -42,13 +43,14 @@ class Inertia:
     """Mass matrix B^T B of a model at a state; inner unknowns follow those of the nodes.
 
     stacks: blocks of B, leaves first, each as unknowns (k, n), -1 for none, and rows (k, m, n); size: number of unknowns,
-    inner ones included; leaves: strain-mode leaves at this state, by group; massless: materials without density, whose
-    leaves have no mass.
+    inner ones included; leaves: strain-mode leaves at this state, by group; bubbles: unknowns (k, n) and flexibilities
+    (k, n, n) of their stretch and shear between the ends; massless: materials without density, whose leaves have no mass.
     """
 
     stacks: tuple[tuple[NDArray[np.int64], Array], ...]
     size: int
     leaves: tuple[LeafFlexibility, ...]
+    bubbles: tuple[tuple[NDArray[np.int64], Array], ...]
     massless: tuple[str, ...]
 
     @cached_property
@@ -132,7 +134,7 @@ def member_leaves(model: Model) -> dict[int, tuple[Any, Array]]:
 
 
 def _leaf_mass_roots(leaf: LeafFlexibility, line: Array) -> Array:
-    """B (k, 6 ng, 12 + N) of leaf springs of one group in the coordinates (motions of both nodes, b)."""
+    """B (k, 6 ng, n) of leaf springs of one group in the coordinates (motions of both nodes, b, bubbles)."""
     root = strain_mass_root(leaf.parts, leaf.P, line)
     return np.concatenate(
         [root[:, :, :6] @ leaf.own + root[:, :, 6:12] @ leaf.relative, root[:, :, 12:]], axis=2
@@ -175,11 +177,17 @@ def base_load(mass: Inertia, model: Model, motion: State, direction: Array) -> A
 
 
 def assemble_inertia(
-    model: Model, motion: State, *, load_factor: float = 1.0, without_density: float = 0.0
+    model: Model,
+    motion: State,
+    *,
+    load_factor: float = 1.0,
+    without_density: float = 0.0,
+    with_bubbles: bool = True,
 ) -> Inertia:
     """Mass of a model without inner chain nodes at a state; raises SceneError where nothing in the scene has mass.
 
-    without_density [kg/m^3]: density of leaves whose material has none.
+    without_density [kg/m^3]: density of leaves whose material has none. with_bubbles: leaf springs stretch and shear between
+    their ends, as modes of their own need.
     """
     members, owner = model.arrays.members, member_leaves(model)
 
@@ -187,21 +195,26 @@ def assemble_inertia(
         leaf, line = owner[i]
         return (mass_density(leaf) or without_density) * line
 
-    leaves, stacks = tuple(leaf_flexibilities(model, motion, load_factor=load_factor)), []
+    leaves, stacks, bubbles = tuple(leaf_flexibilities(model, motion, load_factor=load_factor)), [], []
+    size = model.arrays.plan.unknowns + sum(leaf.inner.size for leaf in leaves)
     for group, leaf, unknowns in zip(leaf_groups(model), leaves, inner_unknowns(model), strict=True):
         line = np.stack([line_of(i) for i in group.members.tolist()])
-        stacks.append((unknowns, _leaf_mass_roots(leaf, line)))
+        root = _leaf_mass_roots(leaf, line)
+        if with_bubbles:
+            own = size + np.arange(3 * BUBBLES * len(line)).reshape(len(line), -1)
+            size, unknowns = size + own.size, np.hstack([unknowns, own])
+            bubbles.append((own, bubble_flexibility(leaf.parts)))
+        stacks.append((unknowns, root[:, :, : unknowns.shape[1]]))
     for i in np.flatnonzero(members.kind != STRAIN).tolist():
         root = _square_root(_chain_element(model, motion, i, owner[i][0], line_of(i)[0]))
         stacks.append((node_unknowns(model, members.node[i][None]), root))
     for mass in model.scene.masses:
-        node, own = _point_mass(model, motion, mass)
-        stacks.append((node_unknowns(model, np.array([[node]])), _square_root(own)))
+        node, block = _point_mass(model, motion, mass)
+        stacks.append((node_unknowns(model, np.array([[node]])), _square_root(block)))
     if not any(np.any(B) for _, B in stacks):
         raise SceneError(
             "nothing in this scene has mass, so it has no frequencies: give a material its density "
             "[kg/m^3] or a link its mass [kg]"
         )
-    size = model.arrays.plan.unknowns + sum(leaf.inner.size for leaf in leaves)
     massless = {f.material.name or "unnamed" for f, _ in owner.values() if f.material.density is None}
-    return Inertia(tuple(stacks), size, leaves, tuple(sorted(massless)))
+    return Inertia(tuple(stacks), size, leaves, tuple(bubbles), tuple(sorted(massless)))

@@ -7,14 +7,12 @@ w_k^2 is not damped: a guide that stands on its leaf springs is damped more than
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ksd.answers.buckling import element_stiffnesses, strain_rates
-from ksd.answers.leaf_groups import LeafFlexibility, elastic_stiffness, leaf_groups, node_unknowns
-from ksd.answers.mass import member_leaves
+from ksd.answers.leaf_groups import elastic_stiffness, leaf_groups, node_unknowns
+from ksd.answers.mass import Inertia, member_leaves
 from ksd.errors import SceneError
 from ksd.model.arrays import STRAIN, State
 from ksd.model.compile import Model
@@ -33,23 +31,22 @@ def has_loss_factors(model: Model) -> bool:
     return any(leaf.material.loss_factor is not None for leaf in model.scene.leaf_names().values())
 
 
-def material_stiffness(
-    model: Model, motion: State, leaves: Sequence[LeafFlexibility], vectors: Array
-) -> Array:
+def material_stiffness(model: Model, motion: State, mass: Inertia, vectors: Array) -> Array:
     """phi.K phi (members, k) of every leaf spring for vectors (k, size), with its elastic stiffness K at zero stress.
 
-    leaves: of the groups of the model. Raises SceneError for chains beside strain-mode leaf springs.
+    Raises SceneError for chains beside strain-mode leaf springs.
     """
     kinds, found = model.arrays.members.kind, np.zeros((len(model.member_names), len(vectors)))
     padded = np.vstack([vectors.T, np.zeros((1, len(vectors)))])
-    for group, leaf in zip(leaf_groups(model), leaves, strict=True):
+    for group, leaf, (own, Z) in zip(leaf_groups(model), mass.leaves, mass.bubbles, strict=True):
         nodes = padded[node_unknowns(model, model.arrays.members.node[group.members])]
         moved = leaf.relative @ nodes
         bent = leaf.P @ moved + padded[leaf.inner]
         found[group.members] = np.einsum("kim,kij,kjm->km", bent, elastic_stiffness(group), bent)
         # stretch and shear: what bending leaves of the motion of the end
         longer = moved[:, :3] - leaf.parts.J[:, :3] @ bent
-        found[group.members] += np.einsum("kim,kij,kjm->km", longer, np.linalg.pinv(leaf.parts.S), longer)
+        for change, stiff in ((longer, np.linalg.pinv(leaf.parts.S)), (padded[own], np.linalg.inv(Z))):
+            found[group.members] += np.einsum("kim,kij,kjm->km", change, stiff, change)
     if (kinds == STRAIN).all():
         return found
     if (kinds == STRAIN).any():

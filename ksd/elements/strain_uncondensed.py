@@ -2,8 +2,10 @@
 
 The velocity of the leaf is that of end p plus the mode fields (rho_i, psi_i) of `ksd.elements.strain` times the rates of
 the amplitudes; the stretch and shear that join it to end q (a velocity of 1/EA times the rate of the force) are spread
-linearly along it, so that the mass depends on motions only and is never negative. Everything is in frame p. Arrays of k
-leaf springs with equal settings have a leading axis (k,).
+linearly along it, so that the mass depends on motions only and is never negative. What inertia between the ends adds to
+stretch and shear are displacements that vanish at both ends, `bubbles`: a constant force does no work on them, so that they
+are not coupled to any other stiffness. Everything is in frame p. Arrays of k leaf springs with equal settings have a leading
+axis (k,).
 """
 
 from __future__ import annotations
@@ -11,12 +13,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from ksd.elements.strain import LeafFields, constant_offsets, fill_leaf_fields, leaf_fields, strain_tangent
 from ksd.elements.strain_values import masses_beyond
 
 Array = NDArray[np.float64]
+BUBBLES = 3
+"""Shapes of stretch and shear between the ends, in each direction: displacements int P_j ds of Legendre polynomials P_j."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +31,8 @@ class UncondensedLeaves:
 
     Tangent in (xi, a, lam): [0 0 I; 0 W -J^T; I -J -S], S in the force block only. length (k,) [m]; r (k, ng, 3):
     points; end (k, 3): end q; R (k, ng, 3, 3): orientations; rho, psi (k, ng, 3, N): displacement and rotation per unit
-    amplitude; weight (k, ng), sum 1; s (k, ng): points in units of the length.
+    amplitude; compliance (k, ng, 3, 3) [1/N]: R C R^T of stretch and shear, whose integral is S; weight (k, ng), sum 1; s
+    (k, ng): points in units of the length.
     """
 
     W: Array
@@ -40,6 +46,7 @@ class UncondensedLeaves:
     R: Array
     rho: Array
     psi: Array
+    compliance: Array
 
 
 def quadrature_points(value: Array, number: NDArray[np.int64]) -> Array:
@@ -130,6 +137,7 @@ def _leaves_and_fields(
         R=fields.R[:, 1:-1],
         rho=np.einsum("kgh,khri->kgri", inside, fields.slope),
         psi=fields.psi[:, 1:-1],
+        compliance=fields.S,
     )
     return leaves, fields.v, fields.S, fields.eta
 
@@ -152,15 +160,35 @@ def strain_flexibility(leaves: UncondensedLeaves) -> tuple[Array, Array, Array]:
     return P, 0.5 * (Z + Z.swapaxes(-1, -2)), K
 
 
-def strain_mass_root(leaves: UncondensedLeaves, P: Array, line: Array) -> Array:
-    """B (k, 6 ng, 12 + N) with the mass matrix B^T B of a leaf in (motion of p, xi, b), frame p.
+def _bubbles(s: Array) -> tuple[Array, Array]:
+    """Slopes P_j and, over the length, displacements (..., BUBBLES) at points s (...)."""
+    P, j = np.asarray(legendre.legvander(2.0 * s - 1.0, BUBBLES + 1), float), np.arange(1, BUBBLES + 1)
+    return P[..., 1:-1], (P[..., 2:] - P[..., :-2]) / (4 * j + 2)
 
-    Motion of p: velocity and spin (6); xi: motion of q relative to p (6); b as in `strain_flexibility`. line (ng, 4),
-    (4,) or (k, ng, 4): mass per length [kg/m], rotary inertia per length about e1, e2, e3 [kg m].
+
+def bubble_flexibility(leaves: UncondensedLeaves) -> Array:
+    """Flexibility (k, 3 BUBBLES, 3 BUBBLES) of stretch and shear between fixed ends; the unknowns are shape by shape."""
+    slope = _bubbles(leaves.s)[0]
+    soft = leaves.compliance
+    # a leaf spring without shear is stiff, not singular
+    small = 1e-9 * np.trace(soft, axis1=-2, axis2=-1)[..., None, None] * np.eye(3)
+    stiff = (leaves.length[:, None] * leaves.weight)[..., None, None] * np.linalg.inv(soft + small)
+    K = np.einsum("kgi,kgab,kgj->kiajb", slope, stiff, slope)
+    n = 3 * BUBBLES
+    return np.linalg.inv(K.reshape(len(K), n, n))
+
+
+def strain_mass_root(leaves: UncondensedLeaves, P: Array, line: Array) -> Array:
+    """B (k, 6 ng, 12 + N + 3 BUBBLES) with the mass matrix B^T B of a leaf in (motion of p, xi, b, bubbles), frame p.
+
+    Motion of p: velocity and spin (6); xi: motion of q relative to p (6); b as in `strain_flexibility`; bubbles as in
+    `bubble_flexibility`. line (ng, 4), (4,) or (k, ng, 4): mass per length [kg/m], rotary inertia per length about e1, e2,
+    e3 [kg m].
     """
     batch, N = leaves.W.shape[:-2], leaves.W.shape[-1]
     ng, s = leaves.weight.shape[-1], leaves.s[..., None, None]
-    move, spin = np.zeros((*batch, ng, 3, 12 + N)), np.zeros((*batch, ng, 3, 12 + N))
+    size, bubbles = 12 + N + 3 * BUBBLES, leaves.length[..., None, None] * _bubbles(leaves.s)[1]
+    move, spin = np.zeros((2, *batch, ng, 3, size))
     relative_rho = leaves.rho - s * leaves.J[..., None, :3, :]
     end_motion = P[..., None, :, :]
     move[..., 0:3] = np.eye(3)
@@ -170,13 +198,15 @@ def strain_mass_root(leaves: UncondensedLeaves, P: Array, line: Array) -> Array:
         move[..., k, 3 + i] = leaves.r[..., j]
     move[..., 6:12] = relative_rho @ end_motion
     move[..., 6:9] += s * np.eye(3)
-    move[..., 12:] = relative_rho
+    move[..., 12 : 12 + N] = relative_rho
+    for i in range(3):
+        move[..., i, 12 + N + i :: 3] = bubbles
     spin[..., 3:6] = np.eye(3)
     spin[..., 6:12] = leaves.psi @ end_motion
-    spin[..., 12:] = leaves.psi
+    spin[..., 12 : 12 + N] = leaves.psi
     spin = leaves.R.swapaxes(-1, -2) @ spin
     scale = leaves.length[..., None] * leaves.weight
     root = np.sqrt(scale[..., None] * np.broadcast_to(line, (*batch, ng, 4)))
     move *= root[..., :1, None]
     spin *= root[..., 1:, None]
-    return np.concatenate([x.reshape(*batch, 3 * ng, 12 + N) for x in (move, spin)], axis=-2)
+    return np.concatenate([x.reshape(*batch, 3 * ng, size) for x in (move, spin)], axis=-2)

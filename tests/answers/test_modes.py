@@ -34,7 +34,7 @@ def bent():
 
 
 def uncondensed(model, motion, freed=()):
-    """(K, M) in all unknowns: nodes, multipliers, and (a, lam) of every leaf; a = P xi + b makes b = a - P
+    """(K, M) in all unknowns: nodes, multipliers, (a, lam) and the bubbles of every leaf; a = P xi + b makes b = a - P
     xi."""
     fine, state = finer_state(model, motion)
     K = uncondensed_tangents(fine, state, rows=row_numbers(fine, freed))[0].toarray()
@@ -50,6 +50,11 @@ def uncondensed(model, motion, freed=()):
                 start = fine.arrays.start[members.node[i, e]]
                 if start >= 0:
                     T[at, start : start + 6] -= P @ leaf.relative[k][:, 6 * e : 6 * e + 6]
+    own = np.concatenate([at.ravel() for at, _ in mass.bubbles] or [np.zeros(0, int)])
+    bubbles = np.zeros((mass.size, len(own)))
+    bubbles[own, np.arange(len(own))] = 1.0
+    T = np.hstack([T, bubbles])
+    K = scipy.linalg.block_diag(K, *(stiff for _, Z in mass.bubbles for stiff in np.linalg.inv(Z)))
     return K, T.T @ mass.matrix.toarray() @ T
 
 
@@ -103,6 +108,49 @@ def test_every_unstable_mode_is_found():
     assert not state.stable
     one, other = (state.frequencies(count=6, dense=dense).frequency_Hz for dense in (True, False))
     assert np.sum(one < 0) == 3 and other == pytest.approx(one, rel=1e-7)
+
+
+def _transfer(w, L, EA, GA, EI, mass, rotary):
+    """Transfer matrix (6, 6) of (u, v, theta, N, Q, M) along a Timoshenko beam that vibrates at w [rad/s]."""
+    A = np.zeros((6, 6))
+    A[0, 3], A[1, 4], A[2, 5], A[1, 2], A[5, 4] = 1 / EA, 1 / GA, 1 / EI, 1.0, -1.0
+    A[3, 0], A[4, 1], A[5, 2] = -mass * w**2, -mass * w**2, -rotary * w**2
+    units = np.array([L, L, 1.0, EI / L**2, EI / L**2, EI / L])
+    return scipy.linalg.expm(A * L * units / units[:, None])
+
+
+@pytest.mark.parametrize("thickness, in_plane", [(0.3e-3, [0, 1, 2, 3, 6]), (1e-3, [0, 1, 2, 3, 4])])
+def test_modes_of_leaf_springs_between_their_ends_are_those_of_beams(thickness, in_plane):
+    """A guide, by the exact dynamic stiffness of its two beams: it changes its sign within 1e-5 of every frequency.
+
+    Shear by the inertia between the ends of the leaf springs lowers their modes, by 1.6e-4 to 1.6e-3.
+    """
+    L, width, m, inertia, far = 0.06, 0.02, 1.0, 2e-3, 0.025
+    scene = ksd.Mechanism("guide", plane="xy")
+    stage = scene.link("stage", mass=m, inertia=(inertia,) * 3, at=(L, 0, 0))
+    section = rectangle(thickness, width)
+    for y in (-far, far):
+        scene.leaf("ground", stage, start=(0, y, 0), end=(L, y, 0), section=section, material=STEEL)
+    area, second = thickness * width, width * thickness**3 / 12
+    beam = {
+        "EA": STEEL.E * area, "GA": STEEL.G * area * section.ky, "EI": STEEL.E * second,
+        "mass": STEEL.density * area, "rotary": STEEL.density * second,
+    }  # fmt: skip
+    units = np.array([L, L, 1.0])
+
+    def stiffness(f):
+        w = 2 * np.pi * f
+        T = _transfer(w, L, **beam)
+        own = np.linalg.solve(T[:3, 3:].T, T[3:, 3:].T).T * beam["EI"] / L
+        whole = -(w**2) * np.diag([m, m, inertia]) * np.outer(units, units)
+        for y in (-far, far):
+            levers = np.array([[1, 0, -y / L], [0, 1, 0], [0, 0, 1]])
+            whole = whole + levers.T @ own @ levers
+        return np.linalg.det(whole) * np.linalg.det(T[:3, 3:]) ** 2
+
+    modes = ksd.solve(scene).frequencies(count=12)
+    near = [bool(stiffness(f * (1 - 1e-5)) * stiffness(f * (1 + 1e-5)) < 0) for f in modes.frequency_Hz]
+    assert np.flatnonzero(near).tolist() == in_plane
 
 
 def test_chain_of_elements_converges_to_the_strain_leaf(bent):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 from scenes import STEEL
+from test_modes import uncondensed
 
 import ksd
 from ksd.answers.buckling import uncondensed_tangents
@@ -67,20 +68,8 @@ def platform(drives="three"):
 
 def dense_Hz(pose, count):
     """Frequencies (count,) [Hz] with all drives freed, from the uncondensed matrices and a general eigensolver."""
-    fine, state = finer_state(pose.model, pose.motion)
-    K = uncondensed_tangents(fine, state, rows=row_numbers(fine, fine.drive_names))[0].toarray()
-    mass, members, nodes = assemble_inertia(fine, state), fine.arrays.members, fine.arrays.plan.unknowns
-    T = np.zeros((mass.size, len(K)))
-    T[:nodes, :nodes] = np.eye(nodes)
-    for group, leaf in zip(leaf_groups(fine), mass.leaves, strict=True):
-        for k, i in enumerate(group.members.tolist()):
-            at, first, P = leaf.inner[k], nodes + members.inner_at[i], leaf.P[k]
-            T[at, first + np.arange(len(P))] = 1.0
-            for e in range(2):
-                start = fine.arrays.start[members.node[i, e]]
-                if start >= 0:
-                    T[at, start : start + 6] -= P @ leaf.relative[k][:, 6 * e : 6 * e + 6]
-    values = scipy.linalg.eigvals(np.linalg.solve(K, T.T @ mass.matrix.toarray() @ T)).real
+    K, M = uncondensed(pose.model, pose.motion, pose.model.drive_names)
+    values = scipy.linalg.eigvals(np.linalg.solve(K, M)).real
     return 1 / np.sqrt(np.sort(values)[::-1][:count]) / (2 * np.pi)
 
 

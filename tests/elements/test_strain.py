@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from numpy.polynomial import Legendre
 
 from ksd.elements.strain import (
     fill_leaf_fields,
@@ -15,6 +16,7 @@ from ksd.elements.strain import (
 )
 from ksd.elements.strain_flat import is_flat
 from ksd.elements.strain_uncondensed import (
+    BUBBLES,
     gravity_derivatives,
     quadrature_points,
     strain_flexibility,
@@ -276,16 +278,19 @@ def test_the_leaf_before_condensation(kind):
     inverse = np.linalg.inv(np.block([[leaves.W[0], -J.T], [J, S]]))
     assert pytest.approx(inverse[:N, N:], abs=1e-9 * np.abs(P).max()) == P
     assert pytest.approx(inverse[:N, :N], abs=1e-9 * np.abs(Z).max()) == Z
-    # kinetic energy of a rate of everything; stretch and shear are spread evenly
+    # kinetic energy of a rate of everything; stretch and shear are spread evenly, but for bubbles
     line, rate, xi, b = np.array([3.0, 0.2, 0.5, 0.1]), *(rng.normal(size=n) for n in (6, 6, N))
+    bubble = 0.1 * rng.normal(size=(BUBBLES, 3))
+    shapes = [Legendre.basis(j + 1, domain=[0, 1]).integ(lbnd=0) for j in range(BUBBLES)]
     a, twice = P @ xi + b, 0.0
     for w, s, r, R, rho, psi in zip(
         *(getattr(leaves, n)[0] for n in ("weight", "s", "r", "R", "rho", "psi")), strict=True
     ):
         velocity = rate[:3] + np.cross(rate[3:], r) + rho @ a + s * (xi[:3] - J[:3] @ a)
+        velocity = velocity + L * sum(shape(s) * own for shape, own in zip(shapes, bubble, strict=True))
         spin = R.T @ (rate[3:] + psi @ a)
         twice += L * w * (line[0] * velocity @ velocity + spin @ (line[1:] * spin))
-    root = strain_mass_root(leaves, P[None], line)[0] @ np.concatenate([rate, xi, b])
+    root = strain_mass_root(leaves, P[None], line)[0] @ np.concatenate([rate, xi, b, bubble.ravel()])
     assert root @ root == pytest.approx(twice, rel=1e-10)
     assert leaves.s[0] == pytest.approx(quadrature_points(leaf.value, number))
 
