@@ -1,8 +1,8 @@
 """Mass matrix of a model at a state: consistent mass of its leaf springs, point masses and inertias of its links.
 
 Unknowns: those of the node tangent (six per node, one per constraint row, in elimination order), then for every strain-mode
-leaf the inner coordinates b of `ksd.elements.strain_uncondensed` (a = P xi + b), and after all of these its bubbles of stretch
-and shear. In these coordinates the stiffness is block diagonal: the node tangent, and the inverses of two small
+leaf the inner coordinates b of `ksd.elements.strain_uncondensed` (a = P xi + b), and after all of these its bubbles of
+stretch and shear. In these coordinates the stiffness is block diagonal: the node tangent, and the inverses of two small
 flexibilities per leaf, so nothing is condensed and nothing factored twice. Chains must have no inner nodes
 (`ksd.answers.finer_model`), and then have no inner coordinates.
 """

@@ -46,6 +46,8 @@ MAX_MODES = 200
 """Largest number of modes that is chosen for the highest frequency asked for."""
 ROUNDING_GAIN = 1e-12
 """Part of a gain in motions without stiffness, relative to that of all modes, up to which it is rounding."""
+SETTLED = 0.02
+"""Amplitude, relative to the first, at which a mode counts as settled."""
 BAND_RATIO = 3.0
 """Lowest frequency left out over the highest asked for, where the number of modes is chosen."""
 
@@ -87,6 +89,22 @@ class Plant:
     def frequency_Hz(self) -> Array:
         """Frequencies (k,) [Hz] of the modes."""
         return self.modes.frequency_Hz[: len(self.omega_squared)]
+
+    @property
+    def dynamics(self) -> Array:
+        """Matrix A (2k, 2k) of the modal amplitudes and their rates, x' = A x, dashpots included."""
+        k = len(self.omega_squared)
+        A = np.zeros((2 * k, 2 * k))
+        A[:k, k:] = np.eye(k)
+        A[k:, :k] = -np.diag(self.omega_squared)
+        A[k:, k:] = -np.diag(2.0 * self.ratio * np.sqrt(np.abs(self.omega_squared)))
+        A[k:, k:] -= (self.damper_force * self.dashpots) @ self.damper_force.T
+        return A
+
+    def settling_time(self) -> float:
+        """Time [s] in which the motion of every mode decays to SETTLED; infinite where one does not."""
+        slowest = float(-np.linalg.eigvals(self.dynamics).real.max(initial=-np.inf))
+        return float(-np.log(SETTLED) / slowest) if slowest > 0.0 else float("inf")
 
     def _gain(self, w: Array) -> Any:
         """Complex amplitude (n, k) of every mode per unit force on it alone, at angular frequencies w (n, 1)."""
@@ -172,12 +190,7 @@ class Plant:
         Outputs that are accelerations are without the rest, which has no such form: it grows with the square of the
         frequency. Raises SceneError for absolute displacements and velocities under a base acceleration.
         """
-        k = len(self.omega_squared)
-        A = np.zeros((2 * k, 2 * k))
-        A[:k, k:] = np.eye(k)
-        A[k:, :k] = -np.diag(self.omega_squared)
-        A[k:, k:] = -np.diag(2.0 * self.ratio * np.sqrt(np.abs(self.omega_squared)))
-        A[k:, k:] -= (self.damper_force * self.dashpots) @ self.damper_force.T
+        k, A = len(self.omega_squared), self.dynamics
         B = np.vstack([np.zeros_like(self.force), self.force])
         C, D = np.zeros((len(self.outputs), 2 * k)), np.zeros(self.rest.shape)
         for row, order in enumerate(self.derivatives):
@@ -249,7 +262,7 @@ def _load_vector(model: Model, state: State, load: Any, size: int) -> Array:
 def _choose_names(what: str, given: Any, default: Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
     """Names of inputs or outputs; all of `default` when None. Raises SceneError."""
     names = tuple(default) if given is None else names_of(given, what)
-    if not names:
+    if not names and given is None:
         raise SceneError(
             f"{what}: there is none; name some of {', '.join(known) or 'what the scene has none of'}"
         )
@@ -264,30 +277,39 @@ def modal_ratios(modes: Modes, count: int, damping: Any) -> tuple[Array, str]:
 
     Raises SceneError.
     """
-    f = modes.frequency_Hz[:count]
+    f, damping = modes.frequency_Hz[:count], check_damping(damping)
     if damping is None:
         damping = "materials" if has_loss_factors(modes.model) else DEFAULT_RATIO
-    if isinstance(damping, str):
-        if damping != "materials":
-            raise SceneError(f"damping = {show(damping)}: give a ratio, ratios, pairs or 'materials'")
+    if damping == "materials":
         return modes.damping[:count], "from the loss factors of the materials"
+    if isinstance(damping, float):
+        return np.where(f == 0.0, 0.0, damping), f"{damping:g} of critical in every mode"
+    if damping and isinstance(damping[0], tuple):
+        return _rayleigh(f, damping)
+    if len(damping) < len(f):
+        raise SceneError(
+            f"damping = {show(damping)}: {len(damping)} ratios for {len(f)} modes; give one for each"
+        )
+    return np.array(damping[: len(f)]), "one ratio per mode"
+
+
+def check_damping(damping: Any) -> Any:
+    """A ratio, a tuple of ratios or of two pairs (frequency [Hz], ratio), "materials", or None. Raises SceneError."""
+    if damping is None or (isinstance(damping, str) and damping == "materials"):
+        return damping
+    if isinstance(damping, str):
+        raise SceneError(f"damping = {show(damping)}: give a ratio, ratios, pairs or 'materials'")
     if not isinstance(damping, list | tuple | np.ndarray):
-        ratio = _ratio(damping)
-        return np.where(f == 0.0, 0.0, ratio), f"{ratio:g} of critical in every mode"
+        return _ratio(damping)
     if len(damping) and isinstance(damping[0], list | tuple | np.ndarray):
-        if len(damping) != 2 or any(len(pair) != 2 for pair in damping):
+        if len(damping) != 2 or any(
+            not isinstance(pair, list | tuple | np.ndarray) or len(pair) != 2 for pair in damping
+        ):
             raise SceneError(
                 f"damping = {show(damping)}: Rayleigh damping needs two pairs (frequency [Hz], ratio)"
             )
-        return _rayleigh(
-            f, [(float(number(a, "frequency of a pair", unit="Hz")), _ratio(z)) for a, z in damping]
-        )
-    ratios = [_ratio(z) for z in damping]
-    if len(ratios) < len(f):
-        raise SceneError(
-            f"damping = {show(damping)}: {len(ratios)} ratios for {len(f)} modes; give one for each"
-        )
-    return np.array(ratios[: len(f)]), "one ratio per mode"
+        return tuple((float(number(a, "frequency of a pair", unit="Hz")), _ratio(z)) for a, z in damping)
+    return tuple(_ratio(z) for z in damping)
 
 
 def _ratio(value: Any) -> float:
@@ -298,7 +320,7 @@ def _ratio(value: Any) -> float:
     return ratio
 
 
-def _rayleigh(f: Array, pairs: list[tuple[float, float]]) -> tuple[Array, str]:
+def _rayleigh(f: Array, pairs: Sequence[tuple[float, float]]) -> tuple[Array, str]:
     """Ratios a/(2 w) + b w/2 through two (frequency, ratio) pairs."""
     (f1, z1), (f2, z2) = pairs
     if not (f1 > 0.0 and f2 > 0.0 and f1 != f2):

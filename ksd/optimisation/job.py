@@ -18,6 +18,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ksd.answers.plant import Damping
 from ksd.answers.printing import PrintableAnswer, format_number
 from ksd.checks import (
     MAX_MAGNITUDE,
@@ -49,6 +50,7 @@ from ksd.scene.link import Link
 from ksd.scene.load import Load
 from ksd.solvers.configuration import Configuration
 from ksd.solvers.perturbed import RELATIVE_STEP
+from ksd.solvers.random_vibration import Spectrum
 from ksd.solvers.steps import DEFAULT_ACCURACY
 from ksd.solvers.verdict import with_mesh_check
 from ksd.study.arguments import (
@@ -148,9 +150,9 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     poses and load cases, is the merit; where forces, moments or parasitic motion are minimised, it is their absolute
     value. limits: the most by column, or (least, most), None for neither, in units of the column; a job with limits
     alone suffices for `ksd.tolerance`; "size_mm" takes the most along x, y and z. rules: functions of the parameters by
-    name that must not be negative; they are evaluated before a design is solved. link, at, along, freed, modes, loads,
-    together: as in `ksd.sweep`, and so the drive values [m or rad]; but modes are numbered at every pose from the
-    lowest. method: "full", "reduced", or "conventional", which needs no trained ranges; for the others these are
+    name that must not be negative; they are evaluated before a design is solved. link, at, along, freed, modes, psd,
+    damping, loads, together: as in `ksd.sweep`, and so the drive values [m or rad]; but modes are numbered at every pose
+    from the lowest. method: "full", "reduced", or "conventional", which needs no trained ranges; for the others these are
     bounds. When None it is "full" where every joint has a record that matches it for all parameters, else
     "conventional". mesh: when None the default, with as many curvature modes as suffice in the middle of the bounds;
     where they are too few at an optimum, it prints a warning. extrapolate: as in `ksd.solve`; targets: drive values as
@@ -204,6 +206,8 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         along: ArrayLike | str | None = None,
         freed: str | Sequence[str] | None = None,
         modes: int = 3,
+        psd: Mapping[str, Spectrum] | None = None,
+        damping: Damping | None = None,
         method: Literal["full", "reduced", "conventional"] | None = None,
         mesh: Mesh | None = None,
         extrapolate: bool = False,
@@ -213,8 +217,8 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     ) -> None:
         self.__dict__["arguments"] = {
             "vary": vary, "maximise": maximise, "minimise": minimise, "limits": limits, "rules": rules, "loads": loads,
-            "link": link, "at": at, "along": along, "freed": freed, "modes": modes, "method": method, "mesh": mesh,
-            "extrapolate": extrapolate, "together": together, "targets": targets, **drives,
+            "link": link, "at": at, "along": along, "freed": freed, "modes": modes, "psd": psd, "damping": damping,
+            "method": method, "mesh": mesh, "extrapolate": extrapolate, "together": together, "targets": targets, **drives,
         }  # fmt: skip
         methods = ("full", "reduced", "conventional")
         check_solve_options(
@@ -245,7 +249,12 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         known = column_questions(scene, modes, released)
         goals = parse_goals(maximise, minimise, limits, known)
         names = tuple(dict.fromkeys(known[goal.column] for goal in goals))
-        questions = replace(parse_questions(names, link, at, freed, along=along, modes=modes), detailed=True)
+        questions = replace(
+            parse_questions(names, link, at, freed, along=along, modes=modes, psd=psd, damping=damping),
+            detailed=True,
+        )
+        if psd is None and any(goal.column.startswith("rms_") for goal in goals):
+            raise SceneError("psd: rms values need spectra, psd = {'base y': [(1, 1e-3), (200, 1e-3)]}")
         check_questions(questions, scene)
         signed = {column for column, question in known.items() if question in SIGNED_QUESTIONS}
         self.__dict__.update(questions=questions, answers=self._answers_at_poses(goals, scene, signed))

@@ -1,10 +1,12 @@
 """Jobs in TOML files, with the arguments of `ksd.Job` and `ksd.optimise` and the keys of the scene.
 
     [job]              scene = "pivot.toml" (left out where the scene is in this file), link, at, along, maximise, minimise,
-                       limits, rules = ["70 mm - joint.cross.widths[0]"], freed, modes, method, extrapolate, together
+                       limits, rules = ["70 mm - joint.cross.widths[0]"], freed, modes, damping, method, extrapolate,
+                       together
     [job.vary]         joint.cross.thickness = ["0.2 mm", "1 mm"]: least and most of a key of the scene; of a list, those of
                        every item that varies: joint.cross.widths = [["10 mm", "60 mm"], "20 mm"]
     [job.drives]       turn = ["0 deg", "15 deg", "30 deg"], or "0deg:30deg:3"; by default the values of the scene
+    [job.psd]          "base y" = [["1 Hz", 1e-3], ["200 Hz", 1e-3]]: spectra of rms values
     [[job.loads.CASE]] link, force, moment, at, ...: as [[load]] of a scene
     [optimise]         start, starts, method, robust, seed, and [optimise.spread] joint.cross.thickness = "4 um"
 
@@ -46,8 +48,8 @@ from ksd.scene.toml_table import Table, error_location, quantity
 
 JOB_KEYS = {
     "scene": "text", "link": "text", "at": "length[3]", "along": "direction", "maximise": "any", "minimise": "any",
-    "limits": "any", "rules": "any", "freed": "any", "modes": "any", "method": "text", "extrapolate": "flag",
-    "together": "flag",
+    "limits": "any", "rules": "any", "freed": "any", "modes": "any", "damping": "any", "psd": "any", "method": "text",
+    "extrapolate": "flag", "together": "flag",
 }  # fmt: skip
 """Keys of [job] with their kinds, without its tables vary, drives and loads."""
 OPTIMISE_KEYS = {"starts": "any", "method": "text", "robust": "number", "seed": "any"}
@@ -159,6 +161,9 @@ def load_job(path: str | os.PathLike[str], *, drives: Mapping[str, str] | None =
     formulas_of_rules = _formula_texts(words.get("rules", []), job_table.where)
     words["rules"] = tuple(FormulaRule(function, formula) for formula in formulas_of_rules)
     words |= {"limits": _limits(words.get("limits")), "loads": loads}
+    if isinstance(words.get("psd"), dict):
+        with error_location(job_table.where):
+            words["psd"] = {name: _spectrum(knots, name) for name, knots in words["psd"].items()}
     with error_location(file.name):
         job = Job(function, vary=varied.bounds, targets=values, **words)
     return JobFile(job, _optimise_words(optimise_table, varied.keys))
@@ -344,6 +349,13 @@ def _formula_texts(value: Any, where: str) -> list[str]:
             f"{where}: rules = {show(value)}: give formulas that must not be negative, ['70 mm - joint.cross.length']"
         )
     return value
+
+
+def _spectrum(knots: Any, name: str) -> Any:
+    """Points of a spectrum with their frequencies [Hz] as numbers; what is no list of pairs unchanged."""
+    if not isinstance(knots, list) or not all(isinstance(k, list) and len(k) == 2 for k in knots):
+        return knots
+    return [(quantity(f, "frequency", f"psd of '{name}'"), density) for f, density in knots]
 
 
 def _limits(given: Any) -> Any:

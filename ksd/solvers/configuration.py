@@ -447,6 +447,9 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         `response`.
         """
         self._of_leaves("response")
+        for what, given in (("inputs", inputs), ("outputs", outputs)):
+            if given is not None and not names_of(given, what):
+                raise SceneError(f"{what} = {show(given)}: name one at least")
         return make_plant(
             *full_model_state(self.model, self.refinement_start), inputs=inputs, outputs=outputs, damping=damping,
             modes=modes, freed=freed, up_to_Hz=up_to_Hz, load_factor=self.load_factor,

@@ -78,14 +78,14 @@ class RandomVibration(PrintableAnswer):
         return f"{percent} at {format_number(float(self.frequency_Hz[k]))} Hz"
 
 
-def check_spectra(psd: Any, inputs: Sequence[str]) -> dict[str, Array]:
+def check_spectra(psd: Any, inputs: Sequence[str] | None = None) -> dict[str, Array]:
     """Knots (n, 2) of frequency [Hz] and power spectral density [unit^2/Hz] by input. Raises SceneError."""
     if not isinstance(psd, Mapping) or not psd:
         raise SceneError(f"psd = {show(psd)}: give spectra by input, {{'base y': [(1, 1e-3), (200, 1e-3)]}}")
     found = {}
     for name, knots in psd.items():
         owner = f"psd of '{name}'"
-        if name not in inputs:
+        if inputs is not None and name not in inputs:
             raise SceneError(f"{owner}: there is no such input; the inputs are {', '.join(inputs)}")
         rows = knots.tolist() if isinstance(knots, np.ndarray) else knots
         if not isinstance(rows, list | tuple) or any(
@@ -130,18 +130,29 @@ def _gauss_grid(plant: Plant, knots: Array) -> tuple[Array, Array]:
     return f.ravel(), (f * half[:, None] * w).ravel()
 
 
-def vibrate(plant: Plant, psd: Mapping[str, Array], stress: ModalStress) -> RandomVibration:
-    """Root mean squares under the spectra of `check_spectra`."""
-    knots = np.unique(np.concatenate([rows[:, 0] for rows in psd.values()]))
-    f, weight = _gauss_grid(plant, knots)
+def rms_values(plant: Plant, psd: Mapping[str, Array]) -> Array:
+    """Root mean squares (o,) of the outputs alone, as in `vibrate`."""
+    f, power = _power(plant, psd)
+    return np.asarray(np.sqrt(np.einsum("noi,ni->o", np.abs(plant.transfer(f)) ** 2, power)))
+
+
+def _power(plant: Plant, psd: Mapping[str, Array]) -> tuple[Array, Array]:
+    """Frequencies (n,) and power (n, i) of every input at them: its density times the weight of the integral."""
+    f, weight = _gauss_grid(plant, np.unique(np.concatenate([rows[:, 0] for rows in psd.values()])))
     S = np.zeros((len(f), len(plant.inputs)))
     for name, rows in psd.items():
         S[:, plant.inputs.index(name)] = _density(rows, f)
+    return f, weight[:, None] * S
+
+
+def vibrate(plant: Plant, psd: Mapping[str, Array], stress: ModalStress) -> RandomVibration:
+    """Root mean squares under the spectra of `check_spectra`."""
+    f, power = _power(plant, psd)
+    ends = [rows[[0, -1], 0] for rows in psd.values()]
     response, modal = plant.transfer(f), plant.modal(f)
     rate = (2j * np.pi * f)[:, None, None, None] ** plant.derivatives[None, :, None, None]
     # of every mode alone (n, o, k, i)
     by_mode = rate * (plant.motion[None, :, :, None] * modal[:, None])
-    power = weight[:, None] * S
     squared = np.einsum("noi,ni->o", np.abs(response) ** 2, power)
     shares = np.einsum("noki,noi,ni->ok", by_mode, response.conj(), power).real
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -151,5 +162,5 @@ def vibrate(plant: Plant, psd: Mapping[str, Array], stress: ModalStress) -> Rand
     three_sigma = {name: 3e-6 * value for name, value in stress.rms(covariance).items()}
     return RandomVibration(
         plant.outputs, plant.output_units, np.sqrt(squared), np.column_stack([shares, rest]), plant.frequency_Hz,
-        (float(knots[0]), float(knots[-1])), three_sigma, plant.damping_text,
+        (float(np.min(ends)), float(np.max(ends))), three_sigma, plant.damping_text,
     )  # fmt: skip

@@ -16,6 +16,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ksd.answers.plant import Damping
 from ksd.answers.printing import PrintableAnswer
 from ksd.checks import boolean, clear_argument_errors, similar_name_hint, whole_number
 from ksd.errors import SceneError
@@ -23,6 +24,7 @@ from ksd.model.mesh import Mesh
 from ksd.numerics.threads import small_matrices
 from ksd.scene.link import Link
 from ksd.solvers.pose_batch import REFUSED, UNANSWERED
+from ksd.solvers.random_vibration import Spectrum
 from ksd.study.arguments import check_drives, check_executor, check_solve_options, drive_value_arrays
 from ksd.study.batch_solver import BatchSolver, scene_factories
 from ksd.study.design_scene import (
@@ -131,6 +133,8 @@ def batch(
     along: ArrayLike | str | None = None,
     freed: str | Iterable[str] | None = None,
     modes: int = 3,
+    psd: Mapping[str, Spectrum] | None = None,
+    damping: Damping | None = None,
     mesh: Mesh | None = None,
     extrapolate: bool = False,
     strict: bool = True,
@@ -143,14 +147,15 @@ def batch(
     mechanism: a Mechanism or Scene, or, with `designs` (parameters by name, as in `ksd.sweep`), a function of those
     parameters that returns one. Drive values [m or rad] by name, numbers or arrays of one length. tabulated: take the
     condensed joints from tables over their stroke, made once per design; it pays from some hundred poses on. questions,
-    link, at, along, freed, modes: as in `ksd.sweep`, answered in `Batch.answers`; with "reduced" they are answered at the
-    equilibrium near the reduced state, as for a pose of `ksd.solve`; modes are numbered at every pose from the lowest.
-    mesh: when None the default one, with the curvature modes that are enough for the first design at its farthest pose. A
-    pose that `ksd.solve(..., estimate=False)` would refuse has no answers, and its sentence for a reason; strict=False
-    answers it all the same (of tabulated joints the insides are not known, and not checked). relinearisations, extrapolate:
-    as in `ksd.solve`. targets: drive values as a mapping. threads: cores when None. executor: any concurrent.futures
-    executor instead of threads; with processes, where Python works in parallel too, `mechanism` must be a function they can
-    import. Raises SceneError for bad input; designs, poses and questions that fail are in the result.
+    link, at, along, freed, modes, psd, damping: as in `ksd.sweep`, answered in `Batch.answers`; with "reduced" they are
+    answered at the equilibrium near the reduced state, as for a pose of `ksd.solve`; modes are numbered at every pose
+    from the lowest. mesh: when None the default one, with the curvature modes that are enough for the first design at
+    its farthest pose. A pose that `ksd.solve(..., estimate=False)` would refuse has no answers, and its sentence for a
+    reason; strict=False answers it all the same (of tabulated joints the insides are not known, and not checked).
+    relinearisations, extrapolate: as in `ksd.solve`. targets: drive values as a mapping. threads: cores when None.
+    executor: any concurrent.futures executor instead of threads; with processes, where Python works in parallel too,
+    `mechanism` must be a function they can import. Raises SceneError for bad input; designs, poses and questions that
+    fail are in the result.
     """
     check_solve_options(
         mesh=mesh, relinearisations=relinearisations, method=method, methods=("reduced", "full"),
@@ -160,7 +165,7 @@ def batch(
         raise SceneError(
             "tabulated = True: tabulated joints serve method='reduced' without relinearisation steps"
         )
-    parsed = parse_questions(questions, link, at, freed, along=along, modes=modes)
+    parsed = parse_questions(questions, link, at, freed, along=along, modes=modes, psd=psd, damping=damping)
     if tabulated and parsed.names:
         raise SceneError(
             "tabulated = True: tables know nothing of the insides of joints, so they answer no questions"

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ksd.answers.plant import Damping
 from ksd.answers.printing import PrintableAnswer, format_number, format_table
 from ksd.answers.state_batch import StateBatch, group_states
 from ksd.answers.stress import batch_stress_at_peaks
@@ -36,6 +37,7 @@ from ksd.solvers.perturbed import (
     PerturbedEquilibria,
     parameters_of,
 )
+from ksd.solvers.random_vibration import Spectrum
 from ksd.solvers.solver import Method
 from ksd.study.arguments import drive_value_arrays
 from ksd.study.design_scene import MechanismLike
@@ -177,6 +179,8 @@ def gradient(
     along: ArrayLike | str | None = None,
     freed: str | Iterable[str] | None = None,
     modes: int = 3,
+    psd: Mapping[str, Spectrum] | None = None,
+    damping: Damping | None = None,
     errors: bool = False,
     method: Method | None = None,
     accuracy: float | None = None,
@@ -205,7 +209,10 @@ def gradient(
     pose that fails; TrustError of a pose that `ksd.solve` would refuse, which strict=False differentiates all the same: then
     `Gradient.refused` has the reason.
     """
-    selected = replace(parse_questions(questions, link, at, freed, along=along, modes=modes), detailed=True)
+    selected = replace(
+        parse_questions(questions, link, at, freed, along=along, modes=modes, psd=psd, damping=damping),
+        detailed=True,
+    )
     recipe = Recipe(
         selected, method=method, accuracy=accuracy, relinearisations=0, mesh=mesh, extrapolate=extrapolate, strict=strict,
         effects=(("effects", effects), ("with_", with_), ("without", without)),

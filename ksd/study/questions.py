@@ -14,6 +14,7 @@ import numpy as np
 from ksd.answers.extent import clearance, extent, why_no_clearance
 from ksd.answers.frequencies import Modes, frequencies
 from ksd.answers.parasitic import default_point, parasitic
+from ksd.answers.plant import BASE_INPUTS, check_damping, make_plant
 from ksd.answers.state_batch import LoadedState, StateBatch, group_states
 from ksd.answers.stiffness import (
     DIRECTIONS,
@@ -43,6 +44,7 @@ from ksd.errors import ConvergenceError, KsdError, SceneError
 from ksd.modal.leaf_bodies import full_model_state
 from ksd.solvers.answer import drive_kind
 from ksd.solvers.error import refined_configuration
+from ksd.solvers.random_vibration import check_spectra, rms_values
 from ksd.study.table import label_and_unit
 from ksd.study.tracking import SPARE_MODES, IntermediateModes, Tracks, follow_with_bisection
 
@@ -59,12 +61,13 @@ EFFORT_SUFFIX = {"translation": "force_N", "rotation": "moment_Nm", "mixed": "ef
 class Questions:
     """Questions and their options.
 
-    names: of ALL_QUESTIONS. link, at: point of "support_stiffness" and "parasitic", at (3,) [m] undeformed; that of the
+    names: of KNOWN_QUESTIONS. link, at: point of "support_stiffness" and "parasitic", at (3,) [m] undeformed; that of the
     first drive when None. along (3,): wanted direction of "parasitic", see `parasitic`. freed: drives and supports
     released for "frequencies", all drives when None. modes: number of modes followed in addition to the intended ones.
     points: stations per leaf spring for "stress". errors: each question is also answered at the equilibrium on a finer
     mesh. detailed: also the stress of every leaf spring and all principal stiffnesses. is_default: the caller named no
-    questions, so that a state without critical load factors is no failure.
+    questions, so that a state without critical load factors is no failure. psd, damping: of "vibration", spectra by input
+    and damping as in `Configuration.random_vibration`.
     """
 
     names: tuple[str, ...]
@@ -77,6 +80,8 @@ class Questions:
     detailed: bool = False
     is_default: bool = False
     along: tuple[float, float, float] | None = None
+    psd: tuple[tuple[str, tuple[tuple[float, float], ...]], ...] = ()
+    damping: Any = None
 
     @cached_property
     def has_point_question(self) -> bool:
@@ -105,7 +110,10 @@ class Questions:
         return (
             f"Asked(questions={self.names!r}, link={self.link!r}, at={self.at!r}, freed={self.freed!r}, "
             f"modes={self.modes!r}, points={self.points!r}, errors={self.errors!r}, every={self.detailed!r}, "
-            f"usual={self.is_default!r})" + ("" if self.along is None else f", along={self.along!r}")
+            f"usual={self.is_default!r})"
+            + ("" if self.along is None else f", along={self.along!r}")
+            + (f", psd={self.psd!r}" if self.psd else "")
+            + ("" if self.damping is None else f", damping={self.damping!r}")
         )
 
 
@@ -123,6 +131,19 @@ def check_questions(questions: Questions, scene: Any) -> None:
                 raise SceneError(
                     f"{what} = {show(name)}: there is no such {kind} in '{scene.name}'{name_hint(name, known)}"
                 )
+    inputs = vibration_inputs(scene)
+    for name, _ in questions.psd:
+        if name not in inputs:
+            raise SceneError(f"psd of {show(name)}: there is no such input{name_hint(name, inputs)}")
+        if name in rows and questions.freed is not None and name not in questions.freed:
+            raise SceneError(
+                f"psd of '{name}': this drive is held, and its force moves nothing; name it in freed"
+            )
+
+
+def vibration_inputs(scene: Any) -> tuple[str, ...]:
+    """What may excite vibrations: drives, loads and the base."""
+    return (*(d.name for d in scene.drives), *(load.name for load in scene.loads), *BASE_INPUTS)
 
 
 def parse_questions(
@@ -134,13 +155,16 @@ def parse_questions(
     along: Any = None,
     modes: int = 3,
     errors: bool = False,
+    psd: Any = None,
+    damping: Any = None,
 ) -> Questions:
-    """Questions from the arguments of a public function. Raises SceneError for invalid ones."""
-    names = names_of(questions, "questions")
+    """Questions from the arguments of a public function; when None ALL_QUESTIONS. Raises SceneError for invalid ones."""
+    usual = ALL_QUESTIONS if psd is None else KNOWN_QUESTIONS
+    names = usual if questions is None else names_of(questions, "questions")
     for q in names:
-        if q not in ALL_QUESTIONS:
+        if q not in KNOWN_QUESTIONS:
             raise SceneError(
-                f"question {q!r} is not known; ask {', '.join(ALL_QUESTIONS)}{similar_name_hint(q, ALL_QUESTIONS)}"
+                f"question {q!r} is not known; ask {', '.join(KNOWN_QUESTIONS)}{similar_name_hint(q, KNOWN_QUESTIONS)}"
             )
     if whole_number(modes, "modes") > 50:
         raise SceneError(f"modes = {modes}: between 1 and 50 modes can be followed")
@@ -148,7 +172,11 @@ def parse_questions(
     let_go = None if freed is None else names_of(freed, "freed")
     name = None if link is None else word(getattr(link, "name", link), "link")
     wanted = None if along is None else direction(along, "along")
-    return Questions(names, name, point, let_go, modes, errors=boolean(errors, "errors"), along=wanted)
+    spectra = {} if psd is None else check_spectra(psd)
+    return Questions(
+        names, name, point, let_go, modes, errors=boolean(errors, "errors"), along=wanted,
+        psd=tuple((n, tuple(map(tuple, rows.tolist()))) for n, rows in spectra.items()), damping=check_damping(damping),
+    )  # fmt: skip
 
 
 def unanswerable_questions(scene: Any, link: str | None = None) -> dict[str, str]:
@@ -159,7 +187,7 @@ def unanswerable_questions(scene: Any, link: str | None = None) -> dict[str, str
     reasons: dict[str, str] = {}
     leaves = scene.leaf_names().values()
     if not scene.masses and not any(leaf.material.density for leaf in leaves):
-        reasons["frequencies"] = "nothing has mass"
+        reasons |= dict.fromkeys(("frequencies", "vibration"), "nothing has mass")
     if not leaves:
         reasons |= dict.fromkeys(("stress", "size"), "there is no leaf spring")
     if why_not := why_no_clearance(scene):
@@ -197,6 +225,7 @@ def column_questions(scene: Any, modes: int, freed: Collection[str] | None = Non
     columns |= {f"distance_{d.name}_mm": "distance" for d in scene.distances}
     columns |= {f"parasitic_{a}_mm": "parasitic" for a in "xyz"} | {f"size_{a}_mm": "size" for a in "xyz"}
     columns |= {f"parasitic_r{a}_mrad": "parasitic" for a in "xyz"}
+    columns |= dict.fromkeys(["settling_s", *(c for c, _ in rms_columns(scene))], "vibration")
     return columns | {f"buckling_{sign}": "buckling" for sign in ("positive", "negative")}
 
 
@@ -364,6 +393,37 @@ def _clearance(pose: Any, questions: Questions) -> Row:
     return {"clearance_mm": 1e3 * smallest.distance, "clearance_leaves": " and ".join(smallest.leaves)}
 
 
+RMS_UNITS = {"m": ("um", 1e6), "rad": ("mrad", 1e3), "m/s": ("mm_per_s", 1e3), "rad/s": ("mrad_per_s", 1e3)} | {
+    "m/s^2": ("m_per_s2", 1.0), "rad/s^2": ("rad_per_s2", 1.0),
+}  # fmt: skip
+"""Unit of the column of an rms value, and the factor to it, by SI unit of the sensor."""
+
+
+def rms_columns(scene: Any) -> list[tuple[str, float]]:
+    """Column, such as "rms_lens_um", and factor (column = factor * SI) of the rms value of every sensor."""
+    units = [(s.name, *RMS_UNITS[s.unit]) for s in scene.sensors]
+    return [(f"rms_{name}_{unit}", factor) for name, unit, factor in units]
+
+
+def _vibration(pose: Any, questions: Questions) -> Row:
+    """Settling time of the slowest mode, and the rms value of every sensor under the spectra."""
+    scene = pose.model.scene
+    freed = tuple(pose.model.drive_names) if questions.freed is None else questions.freed
+    spectra = {name: np.array(rows) for name, rows in questions.psd}
+    seen = tuple(s.name for s in scene.sensors) if spectra else ()
+    pose._of_leaves("vibration")
+    plant = make_plant(
+        *full_model_state(pose.model, pose.refinement_start), inputs=tuple(spectra), outputs=seen,
+        damping=questions.damping, freed=freed, load_factor=pose.load_factor,
+        up_to_Hz=max((rows[-1, 0] for rows in spectra.values()), default=None),
+    )  # fmt: skip
+    row: Row = {"settling_s": plant.settling_time()}
+    if seen:
+        rms = rms_values(plant, spectra).tolist()
+        row |= {column: factor * r for (column, factor), r in zip(rms_columns(scene), rms, strict=True)}
+    return row
+
+
 ANSWER_FUNCTIONS: dict[str, Callable[[Any, Questions], Row]] = {
     "force": _force,
     "drive_stiffness": _drive_stiffness,
@@ -375,17 +435,22 @@ ANSWER_FUNCTIONS: dict[str, Callable[[Any, Questions], Row]] = {
     "size": _size,
     "clearance": _clearance,
     "distance": _distance,
+    "vibration": _vibration,
 }
 ALL_QUESTIONS = (
     "force", "drive_stiffness", "support_stiffness", "frequencies", "stress", "parasitic", "energy", "buckling", "size",
     "clearance",
     "distance",
 )  # fmt: skip
-"""All questions. "size" and "clearance" concern the leaf springs; "distance" covers the distances that the scene names."""
+"""Questions of a sweep that names none.
+
+"size" and "clearance" concern the leaf springs; "distance" covers the distances that the scene names."""
 ROUNDING_TOLERANCE = 1e-9
 """Numbers below this, in the units of the columns, are rounding of an undeformed state."""
 MAX_LOAD_FACTOR = 1e9
 """Critical load factors beyond this belong to states whose stress is rounding."""
+KNOWN_QUESTIONS = (*ALL_QUESTIONS, "vibration")
+"""All questions; "vibration" is answered where it is named, or spectra are given."""
 BATCH_QUESTIONS = {"support_stiffness", "drive_stiffness", "stress"}
 """Questions that are answered for many poses at once."""
 BATCH_SIZE = 64

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ksd.answers.parasitic import wanted_motion
+from ksd.answers.plant import Damping
 from ksd.answers.printing import progress_bar
 from ksd.checks import boolean, clear_argument_errors
 from ksd.errors import KsdError
@@ -24,6 +25,7 @@ from ksd.numerics.processes import process_pool, spawn_context
 from ksd.numerics.threads import small_matrices
 from ksd.scene.link import Link
 from ksd.solvers.loading_order import Order, check_order
+from ksd.solvers.random_vibration import Spectrum
 from ksd.solvers.solver import Method
 from ksd.study.arguments import check_drives, check_executor, drive_value_arrays
 from ksd.study.design_scene import (
@@ -35,7 +37,6 @@ from ksd.study.design_scene import (
     scene_or_reason,
 )
 from ksd.study.questions import (
-    ALL_QUESTIONS,
     check_questions,
     parse_questions,
     unanswerable_questions,
@@ -84,6 +85,8 @@ def sweep(
     freed: str | Iterable[str] | None = None,
     modes: int = 3,
     errors: bool = False,
+    psd: Mapping[str, Spectrum] | None = None,
+    damping: Damping | None = None,
     method: Method | None = None,
     accuracy: float | None = None,
     relinearisations: int = 0,
@@ -108,12 +111,14 @@ def sweep(
     arrays together. designs: {"thickness": [...], ...} for all combinations, or a list of such mappings. loads: cases by
     name, each a list of dict(link=, force=, moment=, at=) added to the scene's own. questions: of "force",
     "drive_stiffness", "support_stiffness", "frequencies", "stress", "parasitic", "energy", "buckling", "size", "clearance",
-    "distance" (those of `Mechanism.distance`); when None all that the mechanism has an answer to, as `ksd report` shows.
-    link, at: the point of "support_stiffness" and "parasitic", link and point of the first drive when None
+    "distance" (those of `Mechanism.distance`), "vibration"; when None all that the mechanism has an answer to, as `ksd
+    report` shows. link, at: the point of "support_stiffness" and "parasitic", link and point of the first drive when None
     (`Configuration.stiffness` takes the reference point of the link). along: direction of the wanted displacement, which
     alone is removed for "parasitic" then (`Configuration.parasitic`). freed: drives released for frequencies (all when
     None), modes: how many are followed in addition to the intended ones, more where modes cross. errors: a column per
-    question with the error of its answers, that of method and mesh, at several times the cost. executor: any
+    question with the error of its answers, that of method and mesh, at several times the cost. psd, damping: spectra by
+    input and damping of "vibration", as in `Configuration.random_vibration`, whose columns are the rms value of every
+    sensor and the settling time in which every mode decays to 2 %. executor: any
     concurrent.futures.Executor; without one, this process or, for many poses, a pool of processes. method, accuracy, mesh,
     relinearisations, extrapolate, effects, with_, without, order: as in `ksd.solve`. targets: drive values as a mapping.
     resume: a file that keeps finished paths; give it again to continue. progress: show a progress bar. A pose that fails, or
@@ -124,7 +129,7 @@ def sweep(
     """
     recipe = Recipe(
         parse_questions(
-            ALL_QUESTIONS if questions is None else questions, link, at, freed, along=along, modes=modes, errors=errors
+            questions, link, at, freed, along=along, modes=modes, errors=errors, psd=psd, damping=damping
         ),
         method=method, accuracy=accuracy, relinearisations=relinearisations, mesh=mesh, extrapolate=extrapolate,
         strict=strict,

@@ -41,7 +41,7 @@ ROUNDING_TOLERANCE = 1e-9
 LEADING_COLUMNS = (
     r".+_(force_N|moment_Nm|effort_SI)", r"error_percent", r"(?!support_).+_stiffness_Nm?_per_\w+", r"support_worst_.*\w",
     r"intended(_\d+)?_Hz", r"first_parasitic_Hz", r"stress_MPa", r"distance_.+_mm", r"buckling_(positive|negative)",
-    r"clearance_mm", r".+_error_percent",
+    r"clearance_mm", r"settling_s", r"rms_.+", r".+_error_percent",
 )  # fmt: skip
 """Columns that are printed by default, as regular expressions, in the order in which they are printed."""
 
@@ -299,7 +299,8 @@ class Table(NotebookTables):
 
 
 _UNITS = (
-    "N_per_m", "Nm_per_rad", "N_per_rad", "percent", "mrad", "MPa", "deg", "mm", "Nm", "Hz", "SI", "us", "N", "J",
+    "N_per_m", "Nm_per_rad", "N_per_rad", "m_per_s2", "mm_per_s", "rad_per_s2", "mrad_per_s", "percent", "mrad", "MPa",
+    "deg", "mm", "Nm", "Hz", "SI", "us", "um", "N", "J", "s",
 )  # fmt: skip
 
 

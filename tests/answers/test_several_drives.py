@@ -7,11 +7,6 @@ from scenes import STEEL
 from test_modes import uncondensed
 
 import ksd
-from ksd.answers.buckling import uncondensed_tangents
-from ksd.answers.finer_model import finer_state
-from ksd.answers.leaf_groups import leaf_groups
-from ksd.answers.mass import assemble_inertia
-from ksd.answers.tangent import row_numbers
 from ksd.cli.report import _first_parasitic
 from ksd.units import mm
 from ksd.view import animate
