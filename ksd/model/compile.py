@@ -9,14 +9,14 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from ksd.checks import MAX_MAGNITUDE, clear_argument_errors, number, show, similar_name_hint
-from ksd.errors import SceneError
+from ksd.errors import RecordError, SceneError
 from ksd.html import NotebookTables, PrintedText
-from ksd.model.arrays import LINEAR, MODAL, ROTATION, SOLID, Arrays, State
+from ksd.model.arrays import LINEAR, MODAL, PLAN, ROTATION, SOLID, ArrayFields, Arrays, Members, State, Terms
 from ksd.model.chosen_effects import EffectChoice, apply_effects, choose_effects
 from ksd.model.description import description_lines
 from ksd.model.leaves import cut_leaves
@@ -34,6 +34,27 @@ from ksd.model.template import (
 )
 from ksd.scene.plausibility import drive_value_warnings
 from ksd.scene.scene import MECHANISM_HINT
+from ksd.version import __version__
+
+OTHER_VERSION = (
+    "this pose or model was pickled by another version of ksd, whose numbers mean something else here; solve it again "
+    "from its scene (scene files and tables are read by every version)"
+)
+"""Why a pickle is refused."""
+
+
+def _layout() -> str:
+    """What must be the same where a model is pickled and where it is read."""
+    return " ".join(
+        [__version__, str(PLAN), *(n for part in (ArrayFields, Members, Terms, State) for n in part._fields)]
+    )
+
+
+def _new_model(layout: str) -> Model:
+    """A model whose fields are read from a pickle with this layout. Raises RecordError for another one."""
+    if layout != _layout():
+        raise RecordError(OTHER_VERSION)
+    return object.__new__(Model)
 
 
 @dataclass(frozen=True, repr=False)
@@ -89,8 +110,14 @@ class Model(NotebookTables):
         """Cache of results that depend on this model only, by the name of the result; it is not pickled."""
         return {}
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name != "derived"}
+    def __new__(cls, *args: Any, **fields: Any) -> Self:
+        if not (args or fields):
+            # a pickle of the first release makes an object before it reads what is in it
+            raise RecordError(OTHER_VERSION)
+        return super().__new__(cls)
+
+    def __reduce__(self) -> Any:
+        return _new_model, (_layout(),), {n: value for n, value in vars(self).items() if n != "derived"}
 
     def __repr__(self) -> str:
         unknowns = self.arrays.plan.unknowns

@@ -12,8 +12,8 @@ from ksd.checks import number, show, similar_name_hint
 from ksd.errors import SceneError
 from ksd.study.questions import other_principal_columns
 
-VALUE_IF_NAN = {"support": np.inf, "buckling_positive": np.inf, "buckling_negative": -np.inf}
-"""Value of an answer that is nan, by the beginning of its column: nothing moves, or nothing buckles."""
+VALUE_IF_NAN = {"buckling_positive": np.inf, "buckling_negative": -np.inf}
+"""Value of an answer that is nan, by the beginning of its column: nothing buckles."""
 SIGNED_QUESTIONS = {"force", "parasitic"}
 """Questions whose answers have a sign: where they are minimised, it is their absolute value."""
 

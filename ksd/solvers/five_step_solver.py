@@ -29,6 +29,7 @@ from ksd.solvers.five_steps import (
 )
 from ksd.solvers.joint_motions import stored_joint_motions
 from ksd.solvers.joint_range import is_far_off
+from ksd.solvers.loading_order import compression
 from ksd.solvers.method_error import error_to_stored_state, estimate_error, full_model_negatives
 from ksd.solvers.nonconservative_stability import count_unstable_directions
 from ksd.solvers.pose_batch import Judged
@@ -120,7 +121,8 @@ class FiveStepSolver:
 
     def is_evidently_solved(self, target: np.ndarray, pose: Judged) -> bool:
         """Whether a converged pose of a batch, whose state is in the storage, is solved without doubt: a minimum of energy,
-        all joints near their intended motion, found in few iterations, its leaf springs resolved by their modes.
+        all joints near their intended motion, found in few iterations, its leaf springs resolved by their modes, and
+        none under loads so compressed that the loading order may decide.
 
         Of tabulated joints the state inside is not known, and not checked.
         """
@@ -134,6 +136,8 @@ class FiveStepSolver:
             return False
         share, _, _, turn = mode_adequacy(model, b.full_state)
         if share > MAX_HIGHEST_MODE_SHARE or turn >= MAX_TURN_PER_POINT:
+            return False
+        if carries_load(model.arrays) and compression(model, b.full_state):
             return False
         is_full = pose.steps[-1].name.startswith("5")
         return is_full or full_model_negatives(b, target) == self._expected

@@ -327,7 +327,9 @@ def _apart(end: OrderedPath, other: OrderedPath, model: Model) -> str:
     ours, theirs = (-state.multiplier[: len(model.drive_names)] for state in (end.state, other.state))
     k = int(np.argmax(np.abs(ours - theirs)))
     one, another = (format_number(float(forces[k]), 6) for forces in (theirs, ours))
+    drive = model.scene.drives[k]
+    unit = "N" if drive.dimension == "length" else "Nm"
     return (
-        f"{here}; {other.words} end in another equilibrium, with {one} instead of {another} N or Nm at drive "
-        f"'{model.drive_names[k]}' (order='{other.order}')"
+        f"{here}; {other.words} end in another equilibrium, with {one} instead of {another} {unit} at drive "
+        f"'{drive.name}' (order='{other.order}')"
     )

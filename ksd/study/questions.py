@@ -309,9 +309,6 @@ def _support_stiffness_rows(supports: np.ndarray, principal: np.ndarray, questio
     for column in WORST_SUPPORT_COLUMNS:
         names = (*names, column, *other_principal_columns(column)[: count - 1])
     values = np.concatenate([supports, principal[:, :, :count].reshape(len(supports), -1)], axis=1)
-    # a direction that drives hold has no stiffness to speak of; a least stiffness that is infinite is one
-    directions = values[:, : len(SUPPORT_COLUMNS)]
-    directions[np.isinf(directions)] = np.nan
     return [dict(zip(names, own, strict=True)) for own in values.tolist()]
 
 

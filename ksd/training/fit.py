@@ -8,13 +8,19 @@ exactly.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.library import Residual
 from ksd.library.functions import Array, legendre_products, monomials
 
+TOLERANCE = {"interface": 8e-7, "blocks": 8e-7, "rotations": 4e-6, "amplitudes": 8e-6, "wrench": 2e-4}
+"""Wanted leave-one-out rms errors by group; units as in `ksd.library.Residual`."""
+REFUSED_MISS = 100.0
+"""Errors over those of TOLERANCE above which a record is refused."""
 ZERO_TOLERANCE = 1e-8
 """Samples below this count as zero in tests for symmetries and vanishing functions; solves are converged far below."""
 MAX_DEGREE = 12
@@ -177,3 +183,15 @@ def _shape_degree(by_shape: Array, basis: Array, places: Array, tolerance: Array
             break
     best = int(np.argmin(errors))
     return best, errors[best]
+
+
+def missed_errors(residuals: Iterable[Residual], factor: float) -> tuple[float, float]:
+    """Largest rms error over `factor` times the wanted ones: of the fitted shapes, and of fresh shapes too."""
+    fitted = missed = 0.0
+    for r in residuals:
+        wanted = factor * TOLERANCE[r.group]
+        fitted, missed = (
+            max(fitted, r.fit_rms / wanted),
+            max(missed, r.fit_rms / wanted, r.fresh_rms / wanted),
+        )
+    return fitted, missed

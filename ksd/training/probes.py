@@ -12,7 +12,7 @@ from ksd.library import Mesh, Probes, Record
 from ksd.library.functions import Array
 from ksd.library.record_files import training_hint
 from ksd.training.designs import Design, without_mesh_choices
-from ksd.training.fit import DECIMALS
+from ksd.training.fit import DECIMALS, REFUSED_MISS, missed_errors
 from ksd.training.sampling import Samples, SamplingPlan, sample_joint
 
 PROBE_STATES = 4
@@ -42,7 +42,8 @@ def probes_of(record: Record, places: Array, grid: Array) -> Probes:
 def check_probes(record: Record, design: Design | None = None) -> str:
     """Agreement of a record with its probes, in words; without the design that draws its joint, nothing is solved.
 
-    Raises RecordError where the record holds no probes, where its functions differ from the stored values by more than
+    Raises RecordError where the record holds no probes, where its functions are as far from its joint as `train` refuses
+    to write, where they differ from the stored values by more than
     FUNCTION_TOLERANCE, or where a probe solved again differs from them by more than the recorded error on fresh shapes;
     SceneError and ConvergenceError where a probe cannot be solved.
     """
@@ -50,6 +51,13 @@ def check_probes(record: Record, design: Design | None = None) -> str:
     if record.probes is None or len(record.probes.motions) == 0:
         raise RecordError(
             f"record '{record.family}' holds no probe states (an older version wrote it); {again}"
+        )
+    fitted, missed = missed_errors(record.residuals, 1.0 if design is None else design.tolerance_factor)
+    if missed > REFUSED_MISS:
+        raise RecordError(
+            f"record '{record.family}' misses its joint by {missed:.2g} times the wanted errors, as where leaf "
+            f"springs buckle in the stroke; do not use it, and train it with a smaller range of "
+            f"{'motion' if fitted > REFUSED_MISS else 'the shape'}"
         )
     now = record.at(record.probes.shapes, record.probes.motions)
     ends = np.cumsum([values.shape[1] for values in now.values()])

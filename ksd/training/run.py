@@ -24,7 +24,7 @@ from ksd.model.mesh import Mesh as LeafMesh
 from ksd.scene import DrawnJoint, Joint
 from ksd.training.catalogue import design_of
 from ksd.training.designs import Design, irrelevant_changes
-from ksd.training.fit import Fit, fit_functions
+from ksd.training.fit import REFUSED_MISS, TOLERANCE, Fit, fit_functions, missed_errors
 from ksd.training.jobs import Job, Jobs
 from ksd.training.probes import check_probes, probes_of
 from ksd.training.request_checks import check_design, check_meshes
@@ -34,16 +34,14 @@ from ksd.version import __version__
 
 MODE_ORDERS = (4, 3, 5)
 """Least numbers of curvature modes of a leaf: torsion, strong and weak bending."""
-TOLERANCE = {"interface": 8e-7, "blocks": 8e-7, "rotations": 4e-6, "amplitudes": 8e-6, "wrench": 2e-4}
-"""Wanted leave-one-out rms errors by group; units as in `ksd.library.Residual`."""
 GRID_POINTS = {1: 25, 2: 11}
 """Grid points per motion, by number of motions."""
 CORNER_POINTS = 9
 """Points per motion of the checks at the corners of the shapes."""
 RELEVANT_CHANGE = 1e-4
 """Change of a pose [rad, joint lengths] above which train warns of a parameter that a record leaves out."""
-WARNED_MISS, REFUSED_MISS = 10.0, 100.0
-"""Errors over the wanted ones of TOLERANCE: on fresh shapes, above which train warns; above which a record is refused."""
+WARNED_MISS = 10.0
+"""Errors on fresh shapes over the wanted ones of TOLERANCE, above which train warns."""
 FIRST_ROUND_SHAPES, FRESH_SHAPES = 16, 8
 """Shapes of the first round (doubled from round to round), and shapes reserved for the check."""
 
@@ -158,9 +156,7 @@ def up_to_date(family_or_joint: str | Joint | Design, *, out: str | os.PathLike[
 
 def _check_missed_errors(design: Design, fit: Fit, residuals: tuple[Residual, ...]) -> None:
     """Warn where the functions miss the wanted errors; raise SceneError where they are far from the joint."""
-    wanted = {group: design.tolerance_factor * value for group, value in TOLERANCE.items()}
-    fitted = max(r.fit_rms / wanted[r.group] for r in residuals)
-    missed = max(fitted, *(r.fresh_rms / wanted[r.group] for r in residuals))
+    fitted, missed = missed_errors(residuals, design.tolerance_factor)
     if missed > REFUSED_MISS:
         raise SceneError(
             f"{design.family}: the functions miss the joint by {missed:.2g} times the wanted errors, so that no record is "

@@ -11,6 +11,7 @@ from ksd.cli import main
 from ksd.solvers import loading_order
 from ksd.solvers.conventional import solve_conventional
 from ksd.solvers.loading_order import compression, follow_in_order
+from ksd.study.prepared_design import PreparedDesign
 
 STEEL = ksd.Material(E=200e9, nu=0.3, density=7800)
 ORDERS = ("loads", "drives")
@@ -60,6 +61,7 @@ def test_the_order_that_is_asked_for_is_the_one_that_is_taken(lengths, mass, gra
         pose = ksd.solve(scene, push=push, order=order, method=method, mesh=by_default.model.mesh)
         assert pose.trusted and pose.forces == pytest.approx(right[order], rel=1e-7)
         (said,) = (w for w in pose.warnings if "the loading order decides" in w)
+        assert said.endswith(f" N at drive 'push' (order='{ORDERS[1 - ORDERS.index(order)]}')")
         other = ORDERS[1 - ORDERS.index(order)]
         assert f"order='{other}'" in said and f"{right[other]['push']:.6g} instead of" in said
     assert by_default.forces == pytest.approx(right["loads"], rel=1e-7)
@@ -135,3 +137,16 @@ def test_an_order_that_cannot_matter_costs_nothing(monkeypatch):
         assert pose.trusted and not pose.warnings
     with pytest.raises(ksd.SceneError, match=r"order = 'load': choose one of 'loads' \(loads, then drives\)"):
         ksd.solve(gentle, push=5e-3, order="load")
+
+
+def test_a_batch_asks_a_whole_solve_where_loads_compress_a_leaf_spring(monkeypatch):
+    """Above half of its critical load the order may decide; then, and only then, a pose of a batch is solved again."""
+    scene, asked = fourbar(), []
+    scene.load("left", force=(0, -5.0, 0), at=(-0.2, 0.2, 0))
+    whole = PreparedDesign._full_refusal
+    monkeypatch.setattr(PreparedDesign, "_full_refusal", lambda self, t: asked.append(t) or whole(self, t))
+    assert ksd.batch(scene, top=[-0.1]).solved == 1 and not asked
+    monkeypatch.setattr(loading_order, "MAX_COMPRESSION", 0.0)
+    model = ksd.compile_scene(scene)
+    assert compression(model, solve_conventional(model, {"top": -0.1}).motion) > 0.0
+    assert ksd.batch(scene, top=[-0.1]).solved == 1 and len(asked) == 1

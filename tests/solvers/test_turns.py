@@ -1,5 +1,6 @@
 """More than half a turn: counted along the path of a solve, and asked for where a solve would have to guess."""
 
+import copy
 import math
 import pickle
 
@@ -10,7 +11,8 @@ from scenes import STEEL
 import ksd
 from ksd.answers.buckling import _with_relaxed_springs
 from ksd.answers.tangent import stored_matrix
-from ksd.model.arrays import make_workspace
+from ksd.model import compile as compiled
+from ksd.model.arrays import State, make_workspace
 from ksd.model.newton import assemble, move_nodes
 from ksd.model.turns import counted_rotation, node_rotations
 from ksd.units import deg
@@ -195,3 +197,32 @@ def test_a_relaxed_spring_is_at_rest_where_it_is():
     pose = ksd.follow(pinned(), control="drives", turn=500 * deg).states[-1]
     relaxed = _with_relaxed_springs(pose.model, pose.motion)
     assert relaxed.arrays.springs.value[1] == pytest.approx(500 * deg, rel=1e-9)
+
+
+def _made(kind, *fields):
+    """What protocol 2 of pickle does with a class that says nothing."""
+    return kind.__new__(kind, *fields)
+
+
+def test_a_pose_pickled_by_another_version_is_refused_in_one_sentence(monkeypatch):
+    """The first release wrote no layout, and states without counted angles."""
+    pose = ksd.solve(pinned(None), turn=0.1)
+    sentence = "was pickled by another version of ksd.*solve it again"
+    assert pickle.loads(pickle.dumps(pose)).forces == copy.deepcopy(pose).forces == pose.forces
+    with monkeypatch.context() as other:
+        other.setattr(compiled, "_layout", lambda: "0.0.1 x R inner multiplier")
+        later = pickle.dumps(pose)
+    with pytest.raises(ksd.RecordError, match=sentence):
+        pickle.loads(later)
+
+    class FirstState(tuple):
+        def __reduce__(self):
+            return _made, (State, *self)
+
+    pose.__dict__["motion"] = pose.model.__dict__["rest"] = FirstState(pose.motion[:4])
+    monkeypatch.setattr(
+        compiled.Model, "__reduce__", lambda self: (_made, (compiled.Model,), {"rest": self.rest})
+    )
+    first = pickle.dumps(pose)
+    with pytest.raises(ksd.RecordError, match=sentence):
+        pickle.loads(first)

@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ksd.cli import main
 from ksd.errors import RecordError
 from ksd.library import Probes, find_record, read_record, write_record
 from ksd.library.record_files import record_bytes, shipped_folder
 from ksd.training import check_probes, design_of, up_to_date
 from ksd.training import probes as module
 from ksd.training.catalogue import FAMILY_DESIGNS
+from ksd.training.fit import TOLERANCE
 from ksd.training.sampling import sample_joint
 
 SHIPPED = sorted(shipped_folder().glob("*.h5"))
@@ -64,6 +66,24 @@ def test_a_solver_that_gives_something_else_is_found(record, monkeypatch):
     monkeypatch.setattr(module, "sample_joint", otherwise)
     with pytest.raises(RecordError, match=r"rotations of mesh 4 by the solver differ .* run `ksd train cart"):
         check_probes(record, design)
+
+
+@pytest.mark.parametrize(("field", "of"), [("fit_rms", "motion"), ("fresh_rms", "the shape")])
+def test_a_record_far_from_its_joint_is_refused(record, field, of, tmp_path, monkeypatch, capsys):
+    """As earlier versions wrote of joints whose leaf springs buckle: it agrees with its own errors, which are large."""
+    r = record.residuals[0]
+    bad = replace(r, **{field: 150 * TOLERANCE[r.group]}, fresh_max=1.0)
+    worse = replace(record, residuals=(bad, *record.residuals[1:]))
+    sentence = rf"'cartwheel' misses its joint by 1.5e\+02 times .* smaller range of {of}"
+    for design in (None, design_of("cartwheel")):
+        with pytest.raises(RecordError, match=sentence):
+            check_probes(worse, design)
+    write_record(worse, tmp_path / "cartwheel.h5")
+    monkeypatch.setenv("KSD_DATABASE", str(tmp_path))
+    assert main(["info", "cartwheel", "--check"]) == 4
+    assert "misses its joint" in capsys.readouterr().err
+    within = replace(r, **{field: 90 * TOLERANCE[r.group]})
+    assert "functions as kept" in check_probes(replace(record, residuals=(within, *record.residuals[1:])))
 
 
 def test_a_record_without_probes_says_so(record):
