@@ -140,7 +140,7 @@ class Diagnosis(PrintableAnswer):
         ]
         lines += [f"free: {sentence}" for sentence in _by_kind(self.free)]
         lines += [f"hint: {self.hint}"] * bool(self.hint and self.free)
-        lines += [f"overconstrained: {f.sentence}" for f in own]
+        lines += [f"overconstrained: {sentence}" for sentence in _redundant_by_kind(own)]
         for names in dict.fromkeys(f.inside for f in self.redundant if f.inside):
             within = [f.what for f in self.redundant if f.inside == names]
             lines.append(f"inside {_joints(names)}, {len(within)} redundant by design: {_joined(within)}")
@@ -420,7 +420,7 @@ def _describe_free_motion(links: Sequence[str], twist: Array, energy: float, siz
 
 
 MAX_OF_A_KIND = 3
-"""Free motions of one kind that are told one by one; more are told together."""
+"""Free motions or redundant constraints of one kind that are told one by one; more are told together."""
 
 
 def _by_kind(free: Sequence[FreeMotion]) -> list[str]:
@@ -434,7 +434,7 @@ def _by_kind(free: Sequence[FreeMotion]) -> list[str]:
             said += [m.sentence for m in motions]
             continue
         links = sorted({m.link for m in motions})
-        names = _joined([repr(n) for n in links[:6]] + [f"{len(links) - 6} more"] * (len(links) > 6))
+        names = _shortened([repr(n) for n in links])
         values = " to ".join(dict.fromkeys(f"{f(m.stiffness for m in motions):.3g}" for f in (min, max)))
         unit, verb = ("Nm/rad", "turn about") if turns else ("N/m", "slide along")
         counts = {sum(m.link == name for m in motions) for name in links}
@@ -453,6 +453,38 @@ def _by_kind(free: Sequence[FreeMotion]) -> list[str]:
         )
         said.append(f"{who} can {way}: {why}")
     return said
+
+
+def _redundant_by_kind(redundant: Sequence[RedundantConstraint]) -> list[str]:
+    """Sentences about redundant constraints: one for the same direction of many leaf springs, or of many joints."""
+    kinds: dict[tuple[str, ...], list[tuple[RedundantConstraint, str]]] = {}
+    for r in redundant:
+        direction, _, owner = r.what.partition(" of ")
+        alone = bool(r.free) or not owner
+        key = (
+            (r.what,)
+            if alone
+            else (direction, owner.split()[0], r.release.replace(owner, "each"), str(r.nearly))
+        )
+        kinds.setdefault(key, []).append((r, owner))
+    said = []
+    for key, found in kinds.items():
+        if len(found) <= MAX_OF_A_KIND:
+            said += [r.sentence for r, _ in found]
+            continue
+        direction, kind, release, _ = key
+        owners = sorted(owner.removeprefix(f"{kind} ") for _, owner in found)
+        others = list(dict.fromkeys(other for r, _ in found for other in r.others))
+        said.append(
+            f"{direction} of {len(found)} {'leaves' if kind == 'leaf' else 'joints'}, {_shortened(owners)}, "
+            f"{'nearly ' * found[0][0].nearly}conflicts with {_shortened(others)}; to release it, {release}"
+        )
+    return said
+
+
+def _shortened(names: Sequence[str]) -> str:
+    """Names joined by commas and "and", the first six of many."""
+    return _joined([*names[:6], *[f"{len(names) - 6} more"] * (len(names) > 6)])
 
 
 def _redundant_inside_joints(scene: Scene) -> list[RedundantConstraint]:

@@ -176,6 +176,31 @@ def test_free_motions_of_one_kind_are_told_once():
     assert re.search(told, "".join(lines))
 
 
+@pytest.mark.parametrize("parts", ["leaves", "joints"])
+def test_redundant_constraints_of_one_kind_are_told_once(parts):
+    """Eight guides in parallel: a line for each direction that all but a few of them hold too often, with its release."""
+    scene = ksd.Mechanism("eight guides")
+    stage = scene.link("stage")
+    joint = ksd.ParallelGuide(STEEL, length=0.1, thickness=0.3e-3, width=0.02, spacing=0.01)
+    for k in range(8):
+        x = 0.02 * k
+        if parts == "joints":
+            scene.join(scene.ground, stage, joint, at=(x, 0, 0), axis="z", toward="y", name=f"g{k}")
+        else:
+            scene.leaf(scene.ground, stage, start=(x, 0, 0), end=(x, 0.1, 0), section=ksd.rectangle(0.3e-3, 0.02),
+                       material=STEEL, width_axis="z", name=f"l{k}")  # fmt: skip
+    scene.actuate(stage, along="x", at=(0, 0.1, 0), name="push")
+    found = ksd.doctor(scene)
+    own = [r for r in found.redundant if not r.inside]
+    lines = [line for line in str(found).splitlines() if line.startswith("overconstrained: ")]
+    directions = {r.what.split(" of ")[0] for r in own}
+    assert len(lines) == len(directions) == {"leaves": 3, "joints": 5}[parts]
+    told = [int(re.search(rf"of (\d) {parts}, '", line).group(1)) for line in lines]
+    assert sum(told) == len(own) == found.constraints - 5
+    assert all(re.search(r"conflicts with .*; to release it, .*each", line) for line in lines)
+    assert len(found.as_dict()["overconstrained"]) == len(found.redundant), "one by one for programs"
+
+
 def test_legs_between_ball_joints_turn_about_their_axes():
     """A hexapod whose six legs are held by a ball joint at each end: six spins, each about the line between these."""
     scene = ksd.Mechanism("hexapod")
