@@ -5,13 +5,14 @@ from typing import NamedTuple
 import numpy as np
 
 import ksd
-from ksd.answers.buckling import buckling, twice_finer_state, uncondensed_tangents
+from ksd.answers.buckling import buckling, twice_finer_state
 from ksd.answers.finer_model import finer_state
 from ksd.answers.frequencies import frequencies
 from ksd.answers.leaf_groups import leaf_groups
 from ksd.answers.mass import assemble_inertia as inertia_of
 from ksd.answers.stiffness import drive_stiffness, point_stiffness
 from ksd.answers.tangent import assemble_and_factor, assemble_tangent, factor_tangent
+from ksd.answers.uncondensed import uncondensed_tangents
 from ksd.errors import KsdError
 from ksd.numerics.indefinite import equilibration, negative_inertia, solve_scaled
 from ksd.scene.families.universal import UniversalJoint

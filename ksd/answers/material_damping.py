@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.answers.buckling import element_stiffnesses, strain_rates
 from ksd.answers.leaf_groups import elastic_stiffness, leaf_groups, node_unknowns
 from ksd.answers.mass import Inertia, member_leaves
+from ksd.answers.uncondensed import element_stiffnesses, strain_rates
 from ksd.errors import SceneError
 from ksd.model.arrays import STRAIN, State
 from ksd.model.compile import Model

@@ -37,6 +37,8 @@ SURE_PIVOT = 1e-9
 """Relative pivot above which no released row needs to be tried for a motion without stiffness."""
 MAX_BACKWARD_ERROR = 1e-6
 """Largest accepted change of a solution by its last refinement, relative to the solution."""
+INVERSE_ITERATIONS = 20
+"""Inverse iterations for the softest motion, of which a tangent all but singular needs two."""
 CONVERGED_STEP = 1e-9
 """Largest Newton step of a converged state: rotations [rad], displacements relative to the size of the mechanism, forces
 relative to the largest drive force."""
@@ -274,7 +276,7 @@ class Tangent:
         """Response of the complete matrix from that of its symmetric part (Sherman, Morrison, Woodbury)."""
         assert self.skew is not None
         index, skew = self.skew
-        X, small = self._woodbury
+        X, small = self.woodbury
         response: Array = found - X @ np.linalg.solve(small, skew @ found[index])
         return response
 
@@ -305,6 +307,18 @@ class Tangent:
         own = [self.spare[at : at + n] for at, n in zip(plan.diagonal, plan.size, strict=True)]
         return np.asarray(np.sqrt(np.concatenate(own)))
 
+    def softest(self) -> tuple[Array, float]:
+        """Vector (unknowns,) of the smallest eigenvalue of the symmetric part, in magnitude and in the metric of its
+        diagonal, and that magnitude, by inverse iteration; the largest motion of a node is positive."""
+        weight, size = self.weight(), np.inf
+        x = np.random.default_rng(0).normal(size=len(weight)) / weight
+        for _ in range(INVERSE_ITERATIONS):
+            x = self._symmetric((weight**2 * x / np.linalg.norm(weight * x))[:, None])[0][:, 0]
+            size = float(np.linalg.norm(weight * x))
+        moving = np.zeros_like(x)
+        moving[self.arrays.start[self.arrays.start >= 0, None] + np.arange(6)] = 1.0
+        return x * np.sign(x[np.argmax(np.abs(x * self.lengths() * moving))]), 1.0 / size
+
     def lengths(self) -> Array:
         """Factors (unknowns,) that make motions of nodes lengths: the size of the mechanism for rotations, else 1."""
         start, found = self.arrays.start, np.ones(self.arrays.plan.unknowns)
@@ -312,7 +326,7 @@ class Tangent:
         return found
 
     @cached_property
-    def _woodbury(self) -> tuple[Array, Array]:
+    def woodbury(self) -> tuple[Array, Array]:
         """Response X (unknowns, k) of the symmetric part to unit loads on the unknowns of the skew part S, and 1 + S X."""
         assert self.skew is not None
         index, skew = self.skew
@@ -329,7 +343,7 @@ class Tangent:
         if self.skew is None:
             return 0.0
         index, skew = self.skew
-        return float(np.abs(np.linalg.eigvals(self._woodbury[0][index] @ skew)).max(initial=0.0))
+        return float(np.abs(np.linalg.eigvals(self.woodbury[0][index] @ skew)).max(initial=0.0))
 
     def unknowns(self, node: int) -> slice:
         """Positions of the motion (6,) of a node among the unknowns; ground has none."""
@@ -418,11 +432,11 @@ def factor_tangent(
     if not assembled.model.kinds.isdisjoint((SOLID, LINEAR)):
         return _factor_dense(assembled, freed)
     rows = row_numbers(assembled.model, freed)
-    found, pivot = _factor_released(assembled, freed, rows)
+    found, pivot = factor_released(assembled, freed, rows)
     if free_motions and rows and found.skew is None and not pivot > SURE_PIVOT:
         free, stopped = _free_motions(factor_tangent(assembled), rows)
         if stopped:
-            found, pivot = _factor_released(assembled, freed, [i for i in rows if i not in stopped])
+            found, pivot = factor_released(assembled, freed, [i for i in rows if i not in stopped])
             found = replace(found, free=free)
     if found.skew is not None and not pivot > SURE_PIVOT:
         matrix = assembled.matrix(freed)
@@ -438,10 +452,10 @@ def factor_tangent(
     return found
 
 
-def _factor_released(
-    assembled: AssembledTangent, freed: tuple[str, ...], rows: Sequence[int]
+def factor_released(
+    assembled: AssembledTangent, freed: tuple[str, ...] = (), rows: Sequence[int] = ()
 ) -> tuple[Tangent, float]:
-    """Tangent with the constraint rows `rows` released, and its smallest relative pivot."""
+    """Tangent with the constraint rows `rows`, named `freed`, released, and its smallest relative pivot."""
     arrays, value = assembled.arrays, assembled.value.copy()
     spare = np.zeros(len(value))
     release_rows(arrays, value, rows)

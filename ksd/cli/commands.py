@@ -85,6 +85,9 @@ def _add_solve(commands: Any) -> None:
         description="Solve one configuration of a scene; drive values come from the file or from --set.",
     )
     _add_shared(parser, "scene", "--set", *_SOLVER_OPTIONS, "--json", "--plot")
+    parser.add_argument(
+        "--side", metavar="N", type=float, help="1 or -1: side of a symmetric, unstable state that is taken"
+    )
 
 
 def _add_new(commands: Any) -> None:

@@ -20,7 +20,7 @@ from ksd.units import DIMENSIONS
 
 OPTIONS = {
     "method": str, "accuracy": float, "elements": int, "relinearisations": int, "extrapolate": bool,
-    "effects": str, "with": str, "without": str, "order": str,
+    "effects": str, "with": str, "without": str, "order": str, "side": float,
 }  # fmt: skip
 """Keys of [options] in a scene file, with their types; the command line wins over them."""
 MAX_REPEATED_SOLVE = 20.0
@@ -68,8 +68,12 @@ def load_with_options(
 
 def merged_options(written: dict[str, Any], options: argparse.Namespace) -> dict[str, Any]:
     """Values of OPTIONS, those of the command line before those of the file. Raises SceneError for a contradiction."""
-    given = {key: getattr(options, key) for key in OPTIONS}
+    given = {key: getattr(options, key, None) for key in OPTIONS}
     settings = {key: written.get(key) if value is None else value for key, value in given.items()}
+    if settings["side"] and not hasattr(options, "side"):
+        raise SceneError(
+            f"side = {settings['side']:g}: only ksd solve takes a side of an unstable state; leave it out"
+        )
     if options.accuracy is not None and options.method is None:
         settings["method"] = None
     if settings["method"] is not None and settings["accuracy"] is not None:
@@ -137,7 +141,7 @@ def solve_warm(scene: Any, targets: dict[str, float], settings: dict[str, Any]) 
     options = {
         "method": settings["method"], "accuracy": settings["accuracy"], "mesh": chosen_mesh(settings),
         "relinearisations": settings["relinearisations"] or 0, "extrapolate": bool(settings["extrapolate"]),
-        "order": settings["order"] or "loads", **effect_options(settings),
+        "order": settings["order"] or "loads", "side": settings["side"] or 0.0, **effect_options(settings),
     }  # fmt: skip
     result = solve(scene, targets, **options)
     return solve(scene, targets, **options) if result.time < MAX_REPEATED_SOLVE else result

@@ -2,7 +2,7 @@
 
 Bordered system of Riks (Int. J. Solids Structures 15, 1979) and Keller (1977): the correction stays in the plane normal to
 the predictor, in a metric of displacements over the size of the mechanism, rotations and the scaled parameter. The bordered
-matrix is regular at limit points, where the tangent itself is singular.
+matrix (`ksd.solvers.bordered`) is regular at limit points, where the tangent itself is singular.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.answers.nonconservative import count_negative_eigenvalues, skew_tangent
-from ksd.answers.tangent import stored_matrix
+from ksd.answers.divergence import count_unstable_directions
+from ksd.answers.tangent import Tangent
 from ksd.errors import ConvergenceError
 from ksd.model.arrays import State, Workspace, make_workspace
 from ksd.model.compile import Model
@@ -28,7 +28,7 @@ from ksd.model.newton import (
     take_step,
 )
 from ksd.model.weight_load import weight_force
-from ksd.numerics.indefinite import equilibration, negative_inertia
+from ksd.solvers.bordered import determinant_parity, path_tangent, solve_bordered
 from ksd.solvers.load_steps import SAME_STATE_TOLERANCE, LoadPath, state_difference
 from ksd.solvers.steps import Stop
 
@@ -46,7 +46,7 @@ MIN_SINGULAR_SPACING = 1e-4
 MIN_SEPARATION = 3e-7
 """Arc below which two paths are not distinguished."""
 MIN_REGULAR_EIGENVALUE = 1e-2
-"""Smallest absolute eigenvalue of an equilibrated tangent that counts as regular."""
+"""Smallest absolute eigenvalue of a tangent in the metric of its diagonal that counts as regular."""
 BISECTIONS = 16
 """Bisections of an arc on which a singular point is located."""
 
@@ -56,16 +56,17 @@ class ArcLengthPoint:
     """An equilibrium on the path.
 
     f: path parameter, the fraction of the `LoadPath`; negatives: negative pivots, those inside members and one per
-    constraint row included, or under non-conservative loads the count that replaces them (see
-    `count_negative_eigenvalues`); K (n, n): tangent with its skew part; b (n,): derivative of the residual by f; residual:
-    over its bound; correction: arc length of the Newton steps after the predictor. local_angles_small: whether all elements
-    are within their range.
+    constraint row included; changes: what changes at singular points, `negatives`, or under non-conservative loads the
+    parity of the determinant; tangent: None for a point that is only kept; b (n,): derivative of the residual by f;
+    residual: over its bound; correction: arc length of the Newton steps after the predictor. local_angles_small: whether all
+    elements are within their range.
     """
 
     motion: State
     f: float
     negatives: int
-    K: Array
+    changes: int
+    tangent: Tangent | None
     b: Array
     iterations: int
     local_angles_small: bool = True
@@ -89,20 +90,6 @@ def residual_rate(model: Model, motion: State, path: LoadPath, work: Workspace) 
     if factor_rate and len(arrays.weight):
         b += factor_rate * weight_force(arrays, work)
     return b
-
-
-def solve_bordered(K: Array, b: Array, c: Array, right: Array) -> Array:
-    """z (n + 1,) of [K b; c] z = right, equilibrated. Raises numpy.linalg.LinAlgError for a singular matrix."""
-    n = len(K)
-    A = np.zeros((n + 1, n + 1))
-    A[:n, :n], A[:n, n], A[n] = K, b, c
-    rows = np.append(equilibration(0.5 * (K + K.T)), 1.0)
-    columns = rows.copy()
-    columns[n] = 1.0 / max(float(np.abs(rows[:n] * b).max(initial=0.0)), 1e-300)
-    A *= columns
-    rows[n] = 1.0 / float(np.abs(A[n]).max())
-    A *= rows[:, None]
-    return columns * np.linalg.solve(A, rows * right)
 
 
 class ArcLengthNewton:
@@ -130,7 +117,8 @@ class ArcLengthNewton:
         """Unit direction of the path, at an acute angle to the direction `before`; of rising parameter when None."""
         n = len(at.b)
         c = np.append(np.zeros(n), 1.0) if before is None else self.metric * before
-        t = solve_bordered(at.K, at.b, c, np.append(np.zeros(n), 1.0))
+        assert at.tangent is not None
+        t = solve_bordered(at.tangent, at.b, c, np.append(np.zeros(n), 1.0))
         if before is None:
             # one unit of the parameter counts as much as the displacement it causes at first
             self.metric[n] = max(float(t[:n] @ (self.metric[:n] * t[:n])), 1e-12)
@@ -158,26 +146,30 @@ class ArcLengthNewton:
             worst, _, inside, status = assemble(arrays, motion, *self.path.values_at(f), work)
             if not math.isfinite(worst):
                 return None
-            K, b = stored_matrix(arrays, work.matrix), residual_rate(self.model, motion, self.path, work)
             # looser than `ksd.model.newton.has_converged`: points are only passed, and chains converge to them slowly
-            if step is None and (worst <= 1.0 or (worst <= STALLED_RESIDUAL_LIMIT and moved <= 1.0)):
-                if status == 2:
-                    return None
-                # chains carry stresses extrapolated from the step before; at equilibrium they are the true ones
-                skew = skew_tangent(arrays, motion, self.path.values_at(f)[1])
-                below = negative_inertia(K)
-                if skew is not None and below != len(arrays.terms.start):
-                    below = count_negative_eigenvalues(arrays, K, skew)
-                full = K if skew is None else K + skew
-                correction = self.arc_length(corrections)
-                return ArcLengthPoint(
-                    motion, f, below + int(inside), full, b, count, status == 0, worst, correction
-                )
+            done = step is None and (worst <= 1.0 or (worst <= STALLED_RESIDUAL_LIMIT and moved <= 1.0))
+            if (done and status == 2) or (not done and count == max_iterations):
+                return None
             if step is None:
-                skew = skew_tangent(arrays, motion, self.path.values_at(f)[1])
-                right = np.append(-work.rhs, 0.0)
+                factor, b = self.path.values_at(f)[1], residual_rate(self.model, motion, self.path, work)
+                tangent = path_tangent(self.model, motion, factor, work, int(inside))
+                if done:
+                    below = tangent.unstable + len(arrays.terms.start)
+                    changes = below if self.model.conservative else determinant_parity(tangent)
+                    return ArcLengthPoint(
+                        motion,
+                        f,
+                        below,
+                        changes,
+                        tangent,
+                        b,
+                        count,
+                        status == 0,
+                        worst,
+                        self.arc_length(corrections),
+                    )
                 try:
-                    step = solve_bordered(K if skew is None else K + skew, b, c, right)
+                    step = solve_bordered(tangent, b, c, np.append(-work.rhs, 0.0))
                 except np.linalg.LinAlgError:
                     return None
             turn, move = largest_rotation(arrays, step[:n]), largest_displacement(arrays, step[:n])
@@ -190,6 +182,10 @@ class ArcLengthNewton:
                 corrections += step
             step = None
         return None
+
+    def count_unstable(self, at: ArcLengthPoint) -> int:
+        """Negative pivots of a point, or the count that replaces them, see `count_unstable_directions`."""
+        return count_unstable_directions(self.model, at.motion, self.path.values_at(at.f)[1], at.negatives)
 
     def advance(self, at: ArcLengthPoint, direction: Array, arc: float) -> ArcLengthPoint | None:
         """The point an arc further along `direction`; None where Newton fails."""
@@ -215,10 +211,10 @@ def _another_path_crosses(
     """Whether the determinant of the bordered tangent has opposite signs at two points.
 
     It keeps its sign along a path and changes it where another path crosses (Allgower and Georg, Introduction to numerical
-    continuation methods, 2003, chapter 8). The sign is (-1)^negatives times that of the rate of the parameter.
+    continuation methods, 2003, chapter 8). The sign is (-1)^changes times that of the rate of the parameter.
     """
     reversed_ = direction[-1] * next_direction[-1] < 0.0
-    return reversed_ != ((after.negatives - before.negatives) % 2 == 1)
+    return reversed_ != ((after.changes - before.changes) % 2 == 1)
 
 
 END_REACHED = "the end was reached"
@@ -246,8 +242,8 @@ class PathContinuation:
         return sum(at.iterations for at in self.points)
 
     def _store(self, at: ArcLengthPoint) -> None:
-        """Append a point without its dense tangent, which would fill the memory on a long path."""
-        self.points.append(replace(at, K=np.zeros((0, 0)), b=np.zeros(0)))
+        """Append a point without its tangent, which would fill the memory on a long path."""
+        self.points.append(replace(at, tangent=None))
 
     def _find_singular_points(
         self,
@@ -269,8 +265,8 @@ class PathContinuation:
             if branches is None and arc >= MIN_SEPARATION:
                 return False
             branches = branches or after
-        elif abs(after.negatives - before.negatives) > int(limit):
-            ends = self._bisect(before, direction, arc, lambda at, _: at.negatives != before.negatives)
+        elif abs(after.changes - before.changes) > int(limit):
+            ends = self._bisect(before, direction, arc, lambda at, _: at.changes != before.changes)
             branches = after if ends is None or ends[1] is None else ends[1]
         if limit:
             self._record("limit", self._limit_point(before, direction, after, next_direction, arc))
@@ -279,14 +275,12 @@ class PathContinuation:
         return True
 
     def _record(self, kind: Literal["limit", "bifurcation"], at: ArcLengthPoint) -> None:
-        """Append a singular point with its mode, the eigenvector of the smallest eigenvalue of the equilibrated tangent."""
-        scale = equilibration(0.5 * (at.K + at.K.T))
-        values, vectors = np.linalg.eigh(0.5 * (at.K + at.K.T) * np.outer(scale, scale))
-        least = int(np.argmin(np.abs(values)))
-        mode = scale * vectors[:, least]
+        """Append a singular point with its mode, see `Tangent.softest`."""
+        assert at.tangent is not None
+        mode, value = at.tangent.softest()
         mode = mode / self.newton.arc_length(np.append(mode, 0.0))
         # a tangent of the nodes that is regular there: the singular part is condensed inside the leaf springs
-        inside = kind == "bifurcation" and abs(values[least]) > MIN_REGULAR_EIGENVALUE
+        inside = kind == "bifurcation" and value > MIN_REGULAR_EIGENVALUE
         self.singular_points.append(SingularPoint(kind, at, np.zeros_like(mode) if inside else mode))
 
     def _limit_point(
@@ -367,7 +361,7 @@ class PathContinuation:
         if (
             len(self.points) == 1
             or not (at.f - home.f) * (found.f - home.f) < 0.0
-            or found.negatives != home.negatives
+            or found.changes != home.changes
         ):
             return False
         back = self.newton.correct(found.motion.copy(), home.f, None)
@@ -414,7 +408,7 @@ class PathContinuation:
                 arc = 0.5 * length
                 continue
             spacing = max(length, abs(found.f - at.f) / abs(until - self.points[0].f))
-            if abs(found.negatives - at.negatives) > 1 and spacing > MIN_SINGULAR_SPACING:
+            if abs(found.changes - at.changes) > 1 and spacing > MIN_SINGULAR_SPACING:
                 # several singular points: smaller steps, so that each one is recorded
                 arc = 0.5 * length
                 continue

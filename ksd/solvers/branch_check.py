@@ -44,6 +44,8 @@ SMALL_STEP = 0.2
 """Fraction of the load path; a solve that needed a smaller step is confirmed."""
 MIN_CONFIRMING_STEPS = 16
 """Number of load steps up to which an answer is confirmed at least."""
+MAX_CONFIRMING_STEPS = 128
+"""Number of load steps above which an answer is confirmed by arc length at once, whose steps adapt to the path."""
 NOT_A_MINIMUM = "its inertia is not that of a minimum"
 """The doubt that only a path by arc length settles: load steps may have passed a limit point or a bifurcation."""
 
@@ -158,7 +160,7 @@ def confirm_by_smaller_steps(
     """
     solves, tried = first.record.factorisations, first.record.steps_tried
     last, size = first, max(4, int(np.ceil(2.0 / first.record.smallest_step)))
-    end, confirmed, reason = max(MIN_CONFIRMING_STEPS, 4 * size), False, doubt
+    end, confirmed, reason = min(max(MIN_CONFIRMING_STEPS, 4 * size), MAX_CONFIRMING_STEPS), False, doubt
     while size <= end and not confirmed:
         finer = repeat(size)
         solves, tried = solves + finer.record.factorisations, tried + finer.record.steps_tried
@@ -200,7 +202,9 @@ def confirm_by_arc_length(
     last = last._replace(how=f"{last.how}, then by arc length")
     if path.stop_reason == END_REACHED and not path.singular_points:
         end = path.points[-1]
-        return LoadStepResult(last.record._replace(negatives=end.negatives), last.how, end.motion)
+        return LoadStepResult(
+            last.record._replace(negatives=path.newton.count_unstable(end)), last.how, end.motion
+        )
     obstacle = f"no end: {path.stop_reason}"
     if path.singular_points:
         first, more = path.singular_points[0], len(path.singular_points) - 1
@@ -235,7 +239,7 @@ def complete_by_arc_length(
         return first
     end = path.points[-1]
     record = first.record._replace(
-        stop=Stop.CONVERGED, residual=1.0, negatives=end.negatives, fraction_reached=1.0
+        stop=Stop.CONVERGED, residual=1.0, negatives=path.newton.count_unstable(end), fraction_reached=1.0
     )
     return LoadStepResult(record, ", ".join(filter(None, [first.how, "by arc length"])), end.motion)
 

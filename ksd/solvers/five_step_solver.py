@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ksd.answers.divergence import count_unstable_directions
 from ksd.answers.mesh_adequacy import mode_adequacy
 from ksd.errors import ConvergenceError, KinematicsError
 from ksd.joints.joints import JointBodies
@@ -31,7 +32,6 @@ from ksd.solvers.joint_motions import stored_joint_motions
 from ksd.solvers.joint_range import is_far_off
 from ksd.solvers.loading_order import compression
 from ksd.solvers.method_error import error_to_stored_state, estimate_error, full_model_negatives
-from ksd.solvers.nonconservative_stability import count_unstable_directions
 from ksd.solvers.pose_batch import Judged
 from ksd.solvers.steps import Step, Stop, equilibrium_steps
 from ksd.solvers.verdict import MAX_HIGHEST_MODE_SHARE, MAX_TURN_PER_POINT, check_trained_range

@@ -13,6 +13,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from ksd.answers.derived import cached_per_model
+from ksd.answers.divergence import count_unstable_directions
 from ksd.answers.doctor import doctor
 from ksd.errors import SceneError
 from ksd.model.arrays import LINEAR, Arrays, State, Workspace
@@ -29,13 +30,12 @@ from ksd.model.newton import (
 from ksd.model.plane import Plane, plane_of, refuse_plane
 from ksd.model.turns import relative_angles
 from ksd.scene.hinges import plane_supports
-from ksd.solvers.nonconservative_stability import count_unstable_directions
 from ksd.solvers.pivoted_newton import WEAK_PIVOT, iterate_pivoted, moves_freely
 from ksd.solvers.steps import MAX_TURN_PER_STEP, Step, Stop
 from ksd.solvers.storage import NewtonStorage
 
 EASY_ITERATIONS = 5
-"""Iterations of a step up to which no part has swung round."""
+"""Iterations of a step up to which no part has swung round, and after which a halved step is doubled."""
 SAME_STATE_TOLERANCE = 1e-6
 """Largest difference of two equal states, see `state_difference`."""
 START_FRACTION = 1e-3
@@ -117,7 +117,8 @@ def take_load_steps(
     begin: State | None = None,
     pivoting: tuple[Arrays, Workspace] | None = None,
 ) -> LoadStepRecord:
-    """Take load steps along a path, halving them on failure; `motion` ends at the last equilibrium.
+    """Take load steps along a path, halving them on failure and doubling them again where they are easy, but with eps_max,
+    the paper's own program; `motion` ends at the last equilibrium.
 
     newton: brings a state to equilibrium in place, as `ksd.solvers.storage.NewtonStorage.newton`. begin: a copy of the state
     that `motion` starts from, where there is one. pivoting: spatial arrays and storage with which steps of weak pivots are
@@ -144,6 +145,8 @@ def take_load_steps(
             solves, pivoted = solves + count, pivoted + 1
         if reason == CONVERGED:
             done, most, smallest, safe = goal, max(most, count), min(smallest, size), None
+            if count <= EASY_ITERATIONS and path.eps_max == math.inf:
+                size = min(2.0 * size, 1.0 / path.steps)
             continue
         motion.assign(safe)
         size *= 0.5

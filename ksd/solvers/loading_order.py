@@ -184,7 +184,7 @@ def _follow(model: Model, target: Array, order: Order, max_singular_points: floa
         if followed.stop_reason != END_REACHED:
             failure = obstacle or f"no end of the {name}: {followed.stop_reason}"
             return OrderedPath(order, None, negatives, failure, count, clock())
-        state, negatives = followed.points[-1].motion, followed.points[-1].negatives
+        state, negatives = followed.points[-1].motion, followed.newton.count_unstable(followed.points[-1])
     if negatives != len(target):
         obstacle = obstacle or "states that are unstable from the start on"
     return OrderedPath(order, state, negatives, obstacle, count, clock())

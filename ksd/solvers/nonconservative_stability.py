@@ -13,32 +13,21 @@ more than rho omega / 2, which a damping ratio of rho / 2 suppresses.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ksd.answers.divergence import is_divergence
 from ksd.answers.frequencies import lowest_squares
 from ksd.answers.nonconservative import (
     MAX_DAMPED_SKEW_SHARE,
     REAL_TOLERANCE,
-    Array,
-    count_negative_eigenvalues,
-    skew_tangent,
 )
-from ksd.answers.tangent import assemble_and_factor, exact_tangent_arrays, stored_matrix
+from ksd.answers.tangent import assemble_and_factor
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import LINEAR, SOLID, State, make_workspace
+from ksd.model.arrays import State
 from ksd.model.compile import Model
-from ksd.model.newton import assemble
 from ksd.solvers.steps import Verdict
 
 LOWEST_MODES = 8
 """Number of modes that are checked for flutter."""
-ANY_DENSITY = 1000.0
-"""Density [kg/m^3] of leaf springs without one where slow departures are counted."""
-
-
-def is_divergence(squared: Array) -> NDArray[np.bool_]:
-    """Whether modes with the complex omega^2 = squared depart slowly: real and negative."""
-    return np.asarray((squared.real < 0.0) & (np.abs(squared.imag) <= REAL_TOLERANCE * np.abs(squared)))
 
 
 def nonconservative_stability(model: Model, motion: State, load_factor: float) -> Verdict:
@@ -85,32 +74,4 @@ def nonconservative_stability(model: Model, motion: State, load_factor: float) -
         True,
         f"{stable}, and no mode of its masses flutters (of the {len(omega)} lowest, with a damping ratio above "
         f"{0.5 * MAX_DAMPED_SKEW_SHARE:.1g}; {loads})",
-    )
-
-
-def count_unstable_directions(model: Model, motion: State, factor: float, negatives: int) -> int:
-    """Negative pivots of a state, or, where loads are not conservative and the symmetric part of the tangent is not positive
-    definite, the number of real negative omega^2 that takes their place.
-
-    With all unknowns and in the metric of the mass this number is that of the leaf springs, not of their points and modes:
-    of an unsymmetric tangent only the sign of the determinant is the same in every metric.
-
-    factor: load factor; negatives: negative pivots of the symmetric part.
-    """
-    if model.conservative or negatives == len(model.arrays.terms.start):
-        return negatives
-    if model.kinds.isdisjoint((SOLID, LINEAR)):
-        try:
-            squared = lowest_squares(model, motion, load_factor=factor, without_density=ANY_DENSITY)
-            return len(model.arrays.terms.start) + int(is_divergence(squared).sum())
-        except (SceneError, KinematicsError):
-            # chains that cannot be divided
-            pass
-    arrays = exact_tangent_arrays(model)
-    work = make_workspace(arrays)
-    _, _, member_negatives, _ = assemble(arrays, motion, np.zeros(len(arrays.terms.start)), factor, work)
-    skew = skew_tangent(arrays, motion, factor)
-    assert skew is not None
-    return count_negative_eigenvalues(arrays, stored_matrix(arrays, work.matrix), skew) + int(
-        member_negatives
     )

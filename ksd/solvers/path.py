@@ -182,7 +182,7 @@ def _configuration(path: PathContinuation, at: ArcLengthPoint) -> Configuration:
     step = Step("path", at.iterations, 0.0, at.residual, stop)
     found = Configuration(
         path.model, at.motion, "path", {n: float(v) for n, v in names}, (step,),
-        negatives=at.negatives, expected_negatives=len(target), load_factor=factor,
+        negatives=path.newton.count_unstable(at), expected_negatives=len(target), load_factor=factor,
     )  # fmt: skip
     return with_mesh_check(found, DEFAULT_ACCURACY)
 

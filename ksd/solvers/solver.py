@@ -29,6 +29,7 @@ from ksd.scene.scene import Scene
 from ksd.solvers.actuation import Actuation, RequiredForces
 from ksd.solvers.configuration import Configuration
 from ksd.solvers.conventional import solve_conventional
+from ksd.solvers.either_side import take_side
 from ksd.solvers.five_step_solver import FiveStepSolver
 from ksd.solvers.full_bodies import error_indicator
 from ksd.solvers.joint_motions import JointMotionReader
@@ -117,6 +118,7 @@ def solve(
     planar: bool = True,
     order: Order = "loads",
     start: Configuration | None = None,
+    side: float = 0.0,
     **drives: float,
 ) -> Configuration:
     """Solve one configuration of a mechanism at drive values [m or rad] by name, as keywords or in a mapping, `targets`.
@@ -140,7 +142,9 @@ def solve(
     simulated).
 
     order: what acts first where that decides the equilibrium, because leaf springs buckle on the way: "loads" (then the
-    drives, as in a machine), "drives" (then the loads), or "together"; a warning says so where the ends differ.
+    drives, as in a machine), "drives" (then the loads), or "together"; a warning says so where the ends differ. side: where
+    the state is unstable, as one that is symmetric, 1 or -1 takes the stable one on a side of it, with 1 the one to
+    which what moves most at the first bifurcation goes along its positive axis.
 
     Raises SceneError (bad input), RangeError (outside a trained range), RecordError (joint record missing or damaged),
     KinematicsError (indeterminate or over-driven), ConvergenceError (with the fraction reached).
@@ -192,6 +196,8 @@ def solve(
         if share <= wanted or mesh is not None or rise == MAX_RISES:
             break
         grid = raise_order(grid, axis)
+    if number(side, "side"):
+        found = take_side(found, side)
     found = with_mesh_check(found, wanted)
     return require_solved(found) if strict else found
 

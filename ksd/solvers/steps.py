@@ -14,6 +14,12 @@ from ksd.model.newton import RTOL
 MAX_TURN_PER_STEP = 0.3
 """Largest rotation [rad] of a node in one Newton iteration after the predictor."""
 
+EITHER_SIDE = (
+    "where it is symmetric, a small push picks the side: ksd.solve(..., side=1) or side=-1; "
+    "or go along the path (ksd.follow)"
+)
+"""What to do about a state between two others, in words."""
+
 
 class Stop(IntEnum):
     """Stop reasons of the compiled solvers; the numbers are those that the kernels return."""

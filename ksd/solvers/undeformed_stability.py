@@ -19,7 +19,7 @@ from ksd.model.arrays import COIL, TORSION, State, make_workspace
 from ksd.model.compile import Model
 from ksd.model.newton import RTOL, solve_equilibrium
 from ksd.numerics.rotations import rotation_log
-from ksd.solvers.steps import MAX_TURN_PER_STEP, Stop
+from ksd.solvers.steps import EITHER_SIDE, MAX_TURN_PER_STEP, Stop
 
 Array = NDArray[np.float64]
 ZERO_ENERGY = 1e-15
@@ -74,6 +74,13 @@ def _instability(model: Model, causes: tuple[str, ...], factor: float) -> tuple[
     moved = np.abs(motion.x - model.rest.x).max(initial=0.0)
     if Stop(stop) is not Stop.CONVERGED or not moved < MAX_DISPLACEMENT * model.arrays.size:
         return ()
+    count, shape = unstable_shape(model, motion, factor)
+    return (UndeformedInstability(causes, motion, count, shape),) if count else ()
+
+
+def unstable_shape(model: Model, motion: State, factor: float) -> tuple[int, Array]:
+    """Number of unstable directions at a load factor, drives held, and the shape (nodes, 6) [m, rad] of the most negative
+    stiffness, its largest component positive; zeros where that is within leaf springs."""
     tangent = assemble_tangent(model, motion, load_factor=factor)
     starts = model.arrays.start[1:]
     scale = np.array([1.0] * 3 + [1.0 / model.arrays.size] * 3)
@@ -86,11 +93,11 @@ def _instability(model: Model, causes: tuple[str, ...], factor: float) -> tuple[
     count = tangent.inner_negatives + int(
         np.sum(value < -ROUNDING_TOLERANCE * np.abs(value).max(initial=0.0))
     )
-    if not count:
-        return ()
-    still = value.min(initial=0.0) >= 0.0
-    shape = np.zeros((len(starts), 6)) if still else (free @ vector[:, 0]).reshape(-1, 6)
-    return (UndeformedInstability(causes, motion, count, np.vstack([np.zeros((1, 6)), shape])),)
+    if not count or value.min(initial=0.0) >= 0.0:
+        return count, np.zeros((len(starts) + 1, 6))
+    shape = free @ vector[:, 0]
+    shape *= np.sign(shape[np.argmax(np.abs(shape / scales[:, 0]))])
+    return count, np.vstack([np.zeros((1, 6)), shape.reshape(-1, 6)])
 
 
 def _causes(model: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -132,7 +139,7 @@ def multiple_minima_note(model: Model, motion: State, stable: bool) -> str:
         where = f"'{name}' {movement}" if movement else "within leaf springs"
         sentence = f"{why} {makes} the undeformed configuration unstable in {directions} ({where}): several minima are near"
         if not stable:
-            return f"{sentence}, and this state is between them; a load or another path leads to one (ksd.follow)"
+            return f"{sentence}, and this state is between them; {EITHER_SIDE}"
         return f"{sentence}; taken is " + (
             f"the one with '{name}' {_displacement(unstable, motion, node, movement)}"
             if movement

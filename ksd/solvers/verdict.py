@@ -36,7 +36,7 @@ from ksd.scene.rules import plane_hint
 from ksd.solvers.branch_check import loads_dominate
 from ksd.solvers.joint_range import MAX_UNINTENDED_DISPLACEMENT, MAX_UNINTENDED_ROTATION
 from ksd.solvers.load_steps import state_difference
-from ksd.solvers.steps import ErrorEstimate, Verdict, equilibrium_iterations, percent
+from ksd.solvers.steps import EITHER_SIDE, ErrorEstimate, Verdict, equilibrium_iterations, percent
 
 if TYPE_CHECKING:
     from ksd.solvers.configuration import Configuration
@@ -101,7 +101,9 @@ def stability_sentence(c: Configuration) -> str:
     hint = f"; {hint}" if hint else ""
     if surplus > 0:
         directions = "one direction" if surplus == 1 else f"{surplus} directions"
-        return f"UNSTABLE: the mechanism would leave this state by itself in {directions}{hint}"
+        return (
+            f"UNSTABLE: the mechanism would leave this state by itself in {directions}{hint}; {EITHER_SIDE}"
+        )
     return (
         f"NOT CERTAIN: {c.negatives} negative pivots where the drives and supports explain {c.expected_negatives}; "
         f"two of them may prescribe the same freedom{hint}"

@@ -7,12 +7,12 @@ import scipy.linalg
 from scenes import STEEL, cross_flexure, fourbar, single_joint
 
 import ksd
-from ksd.answers.buckling import uncondensed_tangents
 from ksd.answers.finer_model import finer_state
 from ksd.answers.frequencies import frequencies
 from ksd.answers.leaf_groups import leaf_groups
 from ksd.answers.mass import _leaf_mass_roots, assemble_inertia, member_leaves
 from ksd.answers.tangent import row_numbers
+from ksd.answers.uncondensed import uncondensed_tangents
 from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
 from ksd.model.leaves import mass_density

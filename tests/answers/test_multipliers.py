@@ -12,13 +12,12 @@ from scipy.spatial.transform import Rotation
 import ksd
 from ksd.answers.buckling import (
     buckling,
-    chain_tangent_with_stresses,
     critical_factors,
-    uncondensed_tangents,
 )
 from ksd.answers.finer_model import finer_state
 from ksd.answers.nonconservative import cross_matrix, load_tangent
 from ksd.answers.tangent import assemble_and_factor
+from ksd.answers.uncondensed import chain_tangent_with_stresses, uncondensed_tangents
 from ksd.errors import SceneError
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh

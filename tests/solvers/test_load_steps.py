@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hard_scenes import bistable
 from scenes import STEEL, cross_flexure, fourbar
 from scipy.spatial.transform import Rotation
 
@@ -61,6 +62,16 @@ def test_a_step_onto_another_branch_is_walked_again(made, said, jumps, monkeypat
     jumped = solve_conventional(model, targets)
     last = model.drive_names[-1]
     assert jumped.converged and (abs(jumped.forces[last] / found.forces[last] - 1) > 0.5) == jumps
+
+
+def test_a_path_that_needs_tiny_steps_is_not_repeated_in_thousands():
+    """This snap took 8542 load steps: halved ones were not doubled again, and a doubt was settled by the smallest size."""
+    scene, _, rise = bistable(Q=5)
+    pose = ksd.solve(scene, push=-1.7 * rise)
+    assert pose.trusted and sum(step.iterations for step in pose.steps) < 2000
+    # of the two branches that the flaw has taken apart, the one that it picks
+    path = ksd.follow(scene, control="drives", push=-1.7 * rise)
+    assert pose.forces["push"] == pytest.approx(path.states[-1].forces["push"], rel=1e-5)
 
 
 def test_a_path_of_many_turns_is_said_by_its_first():

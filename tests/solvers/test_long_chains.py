@@ -8,9 +8,12 @@ from scipy.integrate import solve_bvp
 from scipy.optimize import brentq
 
 import ksd
+from ksd.answers import tangent
 from ksd.model.arrays import make_workspace
 from ksd.model.newton import assemble, take_step
 from ksd.scene.rules import plane_hint
+from ksd.solvers import arc_length, bordered
+from ksd.solvers.load_steps import LoadPath
 from ksd.units import GPa, mm
 
 STEEL = ksd.Material(E=200 * GPa, G=77 * GPa, density=7800)
@@ -63,6 +66,48 @@ def test_iterations_do_not_grow_with_the_pieces_of_a_chain(force):
         assert np.add(pose.displacement(end)[:2], (1, 0)) == pytest.approx(place, abs=2e-5)
     few, many = (poses[n].steps[-1].iterations for n in (10, 150))
     assert many <= 1.25 * few
+
+
+@pytest.mark.parametrize("force", [(0, 1, 0), (-0.4, 0.02, 0)])
+def test_paths_of_long_chains_need_no_dense_matrices(force, monkeypatch):
+    """By arc length a piece of a chain of 200 cost seven times one of 10."""
+    dense = []
+    monkeypatch.setattr(bordered, "stored_matrix", lambda *a: dense.append(a))
+    monkeypatch.setattr(tangent, "stored_matrix", lambda *a: dense.append(a))
+    few, many = (ksd.follow(cantilever(n, force)[0], first=0.1) for n in (10, 150))
+    assert not dense and few.ended and many.ended
+    counts = [sum(step.iterations for state in path.states for step in state.steps) for path in (few, many)]
+    assert counts[1] <= 1.25 * counts[0]
+    place = np.add(many.states[-1].displacement("link 149")[:2], (1, 0))
+    assert place == pytest.approx(elastica(force), abs=3e-5)
+
+
+def test_bordered_systems_by_blocks_and_with_pivoting():
+    """Beside numpy, at a column just below its critical load and under a load that follows its link."""
+    scene, end = cantilever(6, (-0.99 * np.pi**2 * EI / 4, 1e-4, 0))
+    scene.load(end, at=(1, 0, 0), force=(0, 1e-3, 2e-3), following=True)
+    model = ksd.compile_scene(scene)
+    newton = arc_length.ArcLengthNewton(model, LoadPath(np.zeros(0), np.zeros(0)))
+    at = newton.correct(model.rest.copy(), 0.9, None)
+    rng = np.random.default_rng(1)
+    K = tangent.stored_matrix(model.arrays, at.tangent.assembled)
+    K[np.ix_(at.tangent.skew.unknowns, at.tangent.skew.unknowns)] += at.tangent.skew.matrix
+    c, right = rng.normal(size=(2, len(K) + 1))
+    fields = {name: getattr(at.tangent, name) for name in type(at.tangent).__dataclass_fields__}
+    by_blocks, pivoted = (
+        bordered.solve_bordered(one, at.b, c, right)
+        for one in (at.tangent, tangent.DenseTangent(**fields, matrix=K))
+    )
+    A = np.block([[K, at.b[:, None]], [c]])
+    assert np.linalg.norm(A @ by_blocks - right) < 1e-6 * np.linalg.norm(right)
+    assert by_blocks == pytest.approx(pivoted, rel=1e-6)
+    # the softest motion is that of the column, which bends in its plane
+    mode, value = at.tangent.softest()
+    scaled = (K + K.T) / 2 / np.outer(at.tangent.weight(), at.tangent.weight())
+    assert value == pytest.approx(np.abs(np.linalg.eigvalsh(scaled)).min(), rel=1e-6)
+    assert np.linalg.norm(scaled @ (at.tangent.weight() * mode)) < 1.001 * value * np.linalg.norm(
+        at.tangent.weight() * mode
+    )
 
 
 @pytest.mark.parametrize("load", [(0, 1, 0), (0.2, 0.5, 0.4)])

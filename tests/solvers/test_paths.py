@@ -80,9 +80,9 @@ def test_two_bifurcations_that_one_step_passes_are_both_located(ratio):
 def test_orientation_changes_where_paths_cross_alone():
     """At limit points both the inertia and the rate of the factor change; where one changes alone another path crosses."""
     path = ksd.follow(arch(0.0), until=0.3)
-    place = arc.ArcLengthPoint(None, 0.0, 0, None, None, 0)
+    place = arc.ArcLengthPoint(None, 0.0, 0, 0, None, None, 0)
     up, down = np.array([0.0, 1.0]), np.array([0.0, -1.0])
-    more = arc.ArcLengthPoint(None, 0.0, 1, None, None, 0)
+    more = arc.ArcLengthPoint(None, 0.0, 1, 1, None, None, 0)
     assert not _another_path_crosses(place, up, place, up) and not _another_path_crosses(
         place, up, more, down
     )

@@ -62,6 +62,11 @@ def test_the_verdict_is_that_of_a_fine_chain_whatever_the_points(kind, turns):
         pose = ksd.solve(wire(turns, kind, points), strict=False, **({"mesh": mesh} if mesh else {}))
         said = str(pose.trust.stable)
         assert pose.negatives == pose.expected_negatives and pose.stable == (not len(lowest)), (points, said)
+        if points in (0, 3):
+            # paths by arc length and critical loads have the same verdict
+            path = ksd.follow(wire(turns, kind, points), first=0.5)
+            assert path.ended and path.states[-1].negatives == pose.negatives
+            assert pose.buckling().unstable == 0
         if len(lowest):
             told = float(said.split("growing by ")[1].split(" per")[0])
             assert "FLUTTER" in said and np.abs(told / growth - 1.0).min() < 0.05, (points, said, growth)

@@ -1,0 +1,98 @@
+"""Symmetric states are refused with what to do, and a side of them is taken."""
+
+import numpy as np
+import pytest
+from scenes import STEEL
+from scipy.spatial.transform import Rotation
+
+import ksd
+from ksd.cli import main
+from ksd.solvers.either_side import _minimum, take_side
+from ksd.solvers.undeformed_stability import unstable_shape
+from ksd.units import mm
+
+
+def beam(*, pushed):
+    """A clamped beam in two leaf springs, its end driven in; its middle, where pushed, driven across."""
+    scene = ksd.Mechanism("pressed beam", plane="xy")
+    middle, end = scene.links("middle", "end")
+    for a, b, x in (("ground", middle, 0.0), (middle, end, 0.1)):
+        scene.leaf(a, b, start=(x, 0, 0), end=(x + 0.1, 0, 0), section=ksd.rectangle(0.5 * mm, 10 * mm),
+                   material=STEEL, width_axis="z")  # fmt: skip
+    scene.actuate(end, along="x", at=(0.2, 0, 0), name="press")
+    scene.support(end, along="y", at=(0.2, 0, 0))
+    scene.support(end, about="z")
+    if pushed:
+        scene.actuate(middle, along="y", at=(0.1, 0, 0), name="push")
+    return scene
+
+
+def refusal(scene, **drives):
+    with pytest.raises(ksd.TrustError) as refused:
+        ksd.solve(scene, **drives)
+    return str(refused.value)
+
+
+def test_a_pressed_beam_goes_to_the_side_that_is_asked_for():
+    """Its middle goes out by the first Euler mode, of which an extensible beam takes up 16 mm^2 / pi^2 per mm of stroke."""
+    said = refusal(beam(pushed=False), press=-0.1 * mm)
+    assert "where it is symmetric, a small push picks the side: ksd.solve(..., side=1) or side=-1" in said
+    high, low = (ksd.solve(beam(pushed=False), press=-0.1 * mm, side=side) for side in (1, -1))
+    for pose, sign in ((high, 1), (low, -1)):
+        assert pose.trusted and pose.stable
+        critical = 4 * np.pi**2 / 12 * (0.5 * mm) ** 2 / 0.2
+        rise = 2 / np.pi * np.sqrt(0.2 * (0.1 * mm - critical))
+        assert pose.displacement("middle")[1] == pytest.approx(sign * rise, rel=2e-3)
+        assert any(f"on the side {sign:+d} of one that is unstable" in note for note in pose.notes)
+
+
+def test_a_precompressed_beam_pushed_exactly_in_its_middle():
+    """It turns over to either side; what the push needs is the same. A push beside its middle is the judge."""
+    drives = {"press": -0.1 * mm, "push": 0.5 * mm}
+    assert "a small push picks the side" in refusal(beam(pushed=True), **drives)
+    one, other = (ksd.solve(beam(pushed=True), drives, side=side) for side in (1, -1))
+    turned = [Rotation.from_matrix(p.motion.R[1]).as_rotvec()[2] for p in (one, other)]
+    assert turned[0] == pytest.approx(-turned[1], rel=1e-6) and turned[0] > 0.01
+    assert one.forces["push"] == pytest.approx(other.forces["push"], rel=1e-6)
+    seeded = beam(pushed=True)
+    seeded.load("middle", moment=(0, 0, 1e-5))
+    path = ksd.follow(seeded, drives, control="drives")
+    assert path.states[-1].stable
+    assert path.states[-1].forces["push"] == pytest.approx(one.forces["push"], rel=1e-3)
+
+
+def test_downhill_from_the_unstable_state_is_where_its_branch_ends():
+    """The second way, which needs no bifurcation on the way from rest."""
+    scene = beam(pushed=False)
+    still = ksd.solve(scene, press=-0.1 * mm, strict=False)
+    _, shape = unstable_shape(still.model, still.motion, 1.0)
+    state, _ = _minimum(still.model, still, shape)
+    branch = [ksd.solve(scene, press=-0.1 * mm, side=side).motion.x for side in (1, -1)]
+    assert min(np.abs(state.x - x).max() for x in branch) < 1e-8
+    # what is stable already is left as it is
+    stable = ksd.solve(scene, press=-1e-7)
+    assert take_side(stable, 1.0) is stable
+
+
+def test_a_state_unstable_within_a_leaf_spring_has_no_side():
+    scene = ksd.Mechanism("column", plane="xy")
+    end = scene.link("end")
+    scene.leaf("ground", end, start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(0.5 * mm, 10 * mm),
+               material=STEEL, width_axis="z")  # fmt: skip
+    scene.actuate(end, along="x", at=(0.1, 0, 0), name="press")
+    scene.support(end, along="y", at=(0.1, 0, 0))
+    scene.support(end, about="z")
+    with pytest.raises(ksd.ConvergenceError, match="draw a point on them"):
+        ksd.solve(scene, press=-0.1 * mm, side=1)
+
+
+def test_the_side_in_files_and_on_the_command_line(tmp_path, capsys):
+    file = tmp_path / "beam.toml"
+    ksd.save_scene(beam(pushed=False), file)
+    assert main(["solve", str(file), "--set", "press=-0.1 mm", "--side", "1", "--json", "-"]) == 0
+    assert "on the side +1" in capsys.readouterr().out
+    file.write_text("options.side = -1\n" + file.read_text())
+    assert main(["solve", str(file), "--set", "press=-0.1 mm", "--json", "-"]) == 0
+    assert "on the side -1" in capsys.readouterr().out
+    assert main(["report", str(file), "--out", str(tmp_path / "page.html")]) == 2
+    assert "only ksd solve takes a side" in capsys.readouterr().err
