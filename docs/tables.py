@@ -65,6 +65,10 @@ REFERENCE = {
         "view.plot_mechanism view.plot_mode view.plot_stroke view.animate_stroke view.animate_mode view.save_figure "
         "view.show_mechanism view.write_vtu view.write_pvd",
     ),
+    "Exchange": (
+        "Files of other programs: `Configuration.export`, `ksd export` and `ksd new --from` call them.",
+        "export.export export.write_dxf export.write_bodies importing.read_dxf importing.read_spacar",
+    ),
     "Joint database": (
         "Training and reading joint records.",
         "train Design Parameter Record find_record read_result",

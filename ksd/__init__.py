@@ -148,6 +148,8 @@ if TYPE_CHECKING:
 _ROOMS = (
     "answers",
     "bench",
+    "export",
+    "importing",
     "library",
     "modal",
     "optimisation",

@@ -97,13 +97,54 @@ def _add_new(commands: Any) -> None:
         description="Write NAME.toml, a commented scene that solves as it is, and ksd.schema.json next to it, with which "
         "editors complete and check its words. Existing files are not overwritten.",
     )
-    parser.add_argument("name", metavar="NAME", help="of the mechanism; NAME.toml is written")
+    parser.add_argument(
+        "name",
+        metavar="NAME",
+        nargs="?",
+        help="of the mechanism; NAME.toml is written (with --from: that of FILE)",
+    )
     parser.add_argument(
         "--like",
         metavar="SCENE",
-        default="pivot",
         help="pivot, guide, fourbar, gripper, arm ..., or pivot_job, a job for `ksd optimise` (pivot)",
     )
+    help_text = "centre lines of a drawing (.dxf), or input of SPACAR Light (.mat)"
+    parser.add_argument("--from", dest="from_", metavar="FILE", help=help_text)
+    for word, name, text in (
+        (
+            "--layers",
+            "leaf=NAME,...",
+            "layers of the drawing with leaf, link and pin, where they have other names",
+        ),
+        ("--unit", "UNIT", "of the drawing, where it does not say it: mm, in ..."),
+        ("--join", "LENGTH", "distance within which ends in the drawing meet (0.05mm)"),
+        ("--thickness", "LENGTH", "of leaf springs of which the drawing does not tell it (0.5mm)"),
+        ("--width", "LENGTH", "the same (10mm)"),
+    ):
+        parser.add_argument(word, metavar=name, help=text)
+
+
+def _add_export(commands: Any) -> None:
+    parser = commands.add_parser(
+        "export",
+        help="write a scene for other programs: DXF, STL, 3MF, STEP",
+        description="A drawing with flat patterns of the sheets (dxf), or leaf springs and links as bodies (stl, 3mf, "
+        "step), deformed as the drive values of the scene say; in mm.",
+    )
+    _add_shared(parser, "scene")
+    parser.add_argument(
+        "--to", metavar="KIND", help="dxf, stl, 3mf, step or vtu; the ending of --out when left out"
+    )
+    parser.add_argument("--out", metavar="FILE", help="the file; beside the scene when left out")
+    parser.add_argument("--undeformed", action="store_true", help="bodies as they are at rest")
+    for word, name, text in (
+        ("--view", "PLANE", "of the drawing: xy, xz or yz"),
+        ("--margin", "LENGTH", "by which sheets go on in their clamps (10mm)"),
+        ("--hole", "LENGTH", "diameter of holes in the margins (none)"),
+        ("--tolerance", "LENGTH", "largest distance of a free curve from its polyline (0.001mm)"),
+    ):
+        parser.add_argument(word, metavar=name, help=text)
+    _add_shared(parser, "--set", *_SOLVER_OPTIONS)
 
 
 def _add_schema(commands: Any) -> None:
@@ -317,7 +358,8 @@ def _add_bench(commands: Any) -> None:
 COMMANDS = {
     "demo": _add_demo, "new": _add_new, "solve": _add_solve, "compare": _add_compare, "effects": _add_effects,
     "doctor": _add_doctor, "sweep": _add_sweep, "respond": _add_respond, "optimise": _add_optimise,
-    "report": _add_report, "train": _add_train, "info": _add_info, "bench": _add_bench, "schema": _add_schema,
+    "report": _add_report, "export": _add_export, "train": _add_train,
+    "info": _add_info, "bench": _add_bench, "schema": _add_schema,
 }  # fmt: skip
 """Function that adds the parser of each command, in the order of the help; the module `ksd.cli.<name>` runs it."""
 

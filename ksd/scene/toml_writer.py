@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from ksd.scene.joint import DrawnJoint, Joint
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
-from ksd.scene.scene import PlacedJoint, Scene
+from ksd.scene.scene import PlacedJoint, PlacedLeaf, Scene
 from ksd.scene.sensor import Damper, Sensor
 from ksd.scene.toml_schema import (
     BLOCKS,
@@ -64,7 +65,7 @@ def save_scene(
     tree = _scene_tree(scene, dict(targets or {}))
     if options:
         tree["options"] = dict(options)
-    text = "\n".join(_toml_lines(tree, ""))
+    text = "\n".join(toml_tree_lines(tree, ""))
     write_file(path, text.lstrip("\n") + "\n", what="scene file")
 
 
@@ -205,6 +206,19 @@ def _leaf_tree(leaf: Leaf, names: _PartNames, ends: Tree) -> Tree:
     return ends | _keys_tree(leaf, LEAF | SIZES["leaf"], names) | given
 
 
+def leaf_tables(placed: PlacedLeaf) -> Tree:
+    """The tables of one leaf as in a scene file, SI: "leaf", and "material" and "section" with its own by name.
+
+    A curve or profile that is a function is left out.
+    """
+    names, ends = _PartNames(), {"a": placed.a, "b": placed.b}
+    try:
+        tree = _leaf_tree(placed.leaf, names, ends)
+    except SceneError:
+        tree = _leaf_tree(replace(placed.leaf, curve=None, profile=None), names, ends)
+    return {"leaf": tree, "material": names.trees("material"), "section": names.trees("section")}
+
+
 def _shape_tree(key: str, value: Any, leaf: str) -> Tree:
     """The table of a curve or profile, empty for None. Raises SceneError for one that is a function."""
     own = value.function if isinstance(value, FreeCurve) else value
@@ -277,19 +291,19 @@ def _damper_tree(damper: Damper) -> Tree:
     return {"name": damper.name, "damping": damper.damping} | tree
 
 
-def _toml_lines(tree: Tree, path: str) -> list[str]:
+def toml_tree_lines(tree: Tree, path: str) -> list[str]:
     """Lines of TOML of the table `path`: values first, then [tables], then [[arrays of tables]]."""
     lines, tables, arrays = [], [], []
     for key, value in tree.items():
         inside = f"{path}.{_toml_key(key)}" if path else _toml_key(key)
         if isinstance(value, dict):
-            body = _toml_lines(value, inside)
+            body = toml_tree_lines(value, inside)
             # a table that holds tables only needs no header of its own
             only_tables = bool(value) and all(isinstance(v, dict) for v in value.values())
             tables += body if only_tables else ["", f"[{inside}]", *body]
         elif isinstance(value, list) and value and all(isinstance(v, dict) for v in value):
             for item in value:
-                arrays += ["", f"[[{inside}]]", *_toml_lines(item, inside)]
+                arrays += ["", f"[[{inside}]]", *toml_tree_lines(item, inside)]
         else:
             lines.append(f"{_toml_key(key)} = {_toml_value(value, key)}")
     return lines + tables + arrays

@@ -39,6 +39,7 @@ from ksd.checks import (
     whole_number,
 )
 from ksd.errors import ConvergenceError, SceneError
+from ksd.export.files import export
 from ksd.html import NotebookTables
 from ksd.modal.leaf_bodies import full_model_state
 from ksd.model.arrays import State
@@ -785,6 +786,35 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         `view` extra), or a .vtu file for ParaView; returns the path. Raises SceneError for another file type."""
         picture = path is None or str(path).lower().endswith(".png")
         return show_mechanism(self, path) if path is None or picture else write_vtu(self, path)
+
+    def export(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        deformed: bool | None = None,
+        points: int | None = None,
+        view: str | None = None,
+        margin: float | None = None,
+        hole: float | None = None,
+        tolerance: float | None = None,
+    ) -> Path:
+        """Write a file for another program, in mm, by its ending; returns the path.
+
+        .dxf: undeformed drawing with flat patterns of the sheets; view: plane of the drawing, margin, hole [m]: length of
+        the clamped margins and diameter of the holes in them, tolerance [m]: of free curves (`ksd.export.write_dxf`).
+        .stl, .3mf, .step: bodies; deformed: in this pose or at rest, points: stations along each leaf (`ksd.export.write_bodies`). .vtu:
+        for ParaView, in m. None leaves the default. Raises SceneError, also where the extra `cad` is needed and not
+        installed."""
+        return export(
+            self,
+            path,
+            deformed=deformed,
+            points=points,
+            view=view,
+            margin=margin,
+            hole=hole,
+            tolerance=tolerance,
+        )
 
     def tables(self) -> list[RenderableType]:
         """Tables and sentences of the result for rich's `Console.print`."""

@@ -132,12 +132,17 @@ def convex_hull(points: Array) -> Array:
     return points[ConvexHull(points).vertices]
 
 
-def hull_faces(points: Array, half: float, color: Any, *, edge: Any) -> list[Polygon]:
-    """The faces of the convex hull of `points` (k, 3) made thicker by `half` [m] all around, less where it is small, and its
-    sharp edges."""
+def thickened(points: Array, half: float) -> Array:
+    """Points (8 k, 3) whose convex hull is that of `points` (k, 3) made thicker by `half` [m] all around, less where it is
+    small."""
     half = min(half, max(0.06 * float(np.ptp(points, axis=0).max()), 0.2 * half))
     cube = half * np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
-    around = np.concatenate([points + corner for corner in cube])
+    return np.concatenate([points + corner for corner in cube])
+
+
+def hull_faces(points: Array, half: float, color: Any, *, edge: Any) -> list[Polygon]:
+    """The faces of the convex hull of `points` (k, 3), `thickened`, and its sharp edges."""
+    around = thickened(points, half)
     hull = ConvexHull(around)
     normals = hull.equations[:, :3]
     faces = [
