@@ -106,7 +106,8 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
     which the branch is in doubt, and that smaller load steps did not remove. joint_motions: motions of the joints, or a
     function that computes them from the state; None where the joints have no known records. method_was_chosen: `solve` chose
     the method for its estimated error. joints_near_intended: the solve has checked that every joint is near its intended
-    motion. accuracy: the relative accuracy that was asked for.
+    motion. accuracy: the relative accuracy that was asked for. kernel_time [s]: thread time in which a first solve of this
+    process loaded or compiled kernels, apart from the steps.
     """
 
     model: Model
@@ -125,6 +126,7 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
     method_was_chosen: bool = False
     joints_near_intended: bool = False
     accuracy: float = DEFAULT_ACCURACY
+    kernel_time: float = 0.0
 
     def __dir__(self) -> list[str]:
         return sorted(set(super().__dir__()) - INSIDE)

@@ -83,6 +83,15 @@ def _steps(d: dict[str, Any]) -> Any:
         table.add_row(s["name"], count, format_number(s["time_us"], 3), residual, why, s["note"])
     table.add_section()
     table.add_row("total", str(d["iterations"]), format_number(d["time_us"], 3), "", "", "")
+    if d["kernel_time_us"]:
+        table.add_row(
+            "first call: kernels",
+            "-",
+            format_number(d["kernel_time_us"], 3),
+            "",
+            "loaded",
+            "not in the total",
+        )
     return table
 
 

@@ -240,3 +240,18 @@ def test_without_drives_there_is_no_table_of_drives():
 )
 def test_changes_have_a_sign_and_no_exponent_where_they_are_large(percent, text):
     assert format_signed_percent(percent) == text
+
+
+def test_first_solve_of_a_process_tells_its_own_times(monkeypatch):
+    from ksd.solvers import solver
+
+    calls, answer = [], solver.Solver._answer
+    monkeypatch.setattr(solver, "_LOADED", set())
+    monkeypatch.setattr(solver.Solver, "_answer", lambda *a: calls.append(0) or answer(*a))
+    prepared = ksd.prepare(fourbar())
+    first, again = prepared(top=0.1), prepared(top=0.1)
+    assert len(calls) == 3 and first.forces == again.forces
+    assert first.kernel_time >= 0.0 == again.kernel_time
+    loaded = replace(first, kernel_time=0.25)
+    assert as_dict(loaded)["time_us"] == as_dict(first)["time_us"] and "first call: kernels" not in str(again)
+    assert re.search(r"first call: kernels +- +250000 .*not in the total", str(loaded))
