@@ -1,15 +1,18 @@
 """Whether optima are optima: random jobs by every method, each end against designs around it.
 
 Jobs of all joint families and of drawn leaf springs at sizes from 1/30 to 3, with one to six parameters, one to four poses,
-random targets, limits, scales and rules. Every optimum is compared with 50 designs near it, all with 200 designs within the
-bounds; its limits are checked by the conventional method. Written: how many are proven (status "optimum"), how many of these
-have a better neighbour by more than .1 %, how many exceed a limit, how often each method finds the best of all; the worth of
-the limit worth most against optima with it moved by half a percent; values and CPU time per optimum for 1 to 20 parameters.
-Run: python benchmarks/optima.py [--quick] [--jobs N] [--first SEED]
+random targets, limits, scales and rules. Every optimum is compared with `--near` designs near it, all with `--far` designs
+within the bounds; its limits are checked by the conventional method. Written: how many are proven (status "optimum"), how
+many of these have a better neighbour by more than .1 %, how many exceed a limit, how often each method finds the best of
+all; values and CPU time per optimum for 1 to 20 parameters. trust-constr, COBYLA, and the worth of the limit worth most
+against optima with it moved by half a percent, are tried at every fifth job. Each job is added to optima.jsonl when it is
+done, and not computed again: the run may be stopped and continued.
+Run: python benchmarks/optima.py [--quick] [--jobs N] [--first SEED] [--near N] [--far N] [--minutes M]
 """
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -30,6 +33,8 @@ SAME_MERIT = 1e-3
 MET = 1e-6
 """Relative excess of a limit in another solve that does not count."""
 DRAWN = ("guide", "chain", "pivot")
+EVERY = 5
+"""Jobs of which one is tried by the other methods, and has its worths compared."""
 
 
 class FamilyDesign:
@@ -416,38 +421,37 @@ WAYS: dict[str, dict[str, Any]] = {
 }
 
 
-def one_job(seed: int, near: int, far: int) -> dict[str, Any] | None:
+def one_job(seed: int, near: int, far: int) -> dict[str, Any]:
     """Every way on one random job, each optimum against designs near it, and the best of all against random ones."""
     try:
         job = random_job(seed)
     except RuntimeError:
-        return None
+        return {"seed": seed}
     _, merits = designs_around(job, None, 0, far)
     row: dict[str, Any] = {
         "seed": seed, "family": getattr(job.function, "family", ""), "parameters": len(job.vary),
         "poses": len(job.poses), "job": job._line(), "random": float(np.nanmax(merits, initial=-np.inf)), "ways": {},
     }  # fmt: skip
-    for way, words in WAYS.items():
+    for way, words in list(WAYS.items())[: 2 if seed % EVERY else None]:
         begin = time.process_time()
         try:
             best = ksd.optimise(job, **words)
         except KsdError as reason:
-            row["ways"][way] = {
-                "status": "failed",
-                "why": str(reason)[:200],
-                "CPU_s": time.process_time() - begin,
-            }
+            spent = time.process_time() - begin
+            row["ways"][way] = {"status": "failed", "why": str(reason)[:200], "CPU_s": spent}
             continue
         spent = time.process_time() - begin
-        around, _ = designs_around(job, best, near, 0)
+        same = [r for r in row["ways"].values() if r.get("design") == best.design]
+        around = [same[0]["near_merit"]] if same else designs_around(job, best, near, 0)[0]
         merit, margin = single_merit(best.job, best.design)
+        near_merit = float(np.nanmax(around, initial=-np.inf))
         row["ways"][way] = {
             "status": best.status, "merit": best.merit, "values": best.evaluations, "gradients": best.gradients,
-            "designs": len(best.table), "CPU_s": spent, "remainder": best.proof.remainder,
-            "near": better_by(float(np.nanmax(around, initial=-np.inf)), best.merit),
+            "designs": len(best.table), "CPU_s": spent, "remainder": best.proof.remainder, "design": best.design,
+            "near": better_by(near_merit, best.merit), "near_merit": near_merit, "held": dict(best.held),
             "single_difference": better_by(merit, best.merit), "single_margin": margin,
         }  # fmt: skip
-        if way == "gradient":
+        if way == "gradient" and seed % EVERY == 0:
             row["worth"] = compare_worth(job, best)
     return row
 
@@ -456,9 +460,12 @@ def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Shares by way: proven, missed without a word, violated, the best found; values and CPU time per optimum."""
     table = {}
     for way in WAYS:
-        pairs = [(r, r["ways"][way]) for r in rows if any(np.isfinite(w.get("merit", np.nan)) for w in r["ways"].values())
-                 or np.isfinite(r["random"])]  # fmt: skip
+        tried = [r for r in rows if way in r.get("ways", {})]
+        pairs = [(r, r["ways"][way]) for r in tried if np.isfinite(r["random"])
+                 or any(np.isfinite(w.get("merit", np.nan)) for w in r["ways"].values())]  # fmt: skip
         good = [(r, w) for r, w in pairs if w["status"] != "failed"]
+        if not good:
+            continue
         found = 0
         for r, w in good:
             top = max([v["merit"] for v in r["ways"].values() if "merit" in v] + [r["random"]])
@@ -485,39 +492,33 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Run, print, write; returns what was found."""
 
     def more(parser: Any) -> None:
-        parser.add_argument("--jobs", type=int, default=200)
-        parser.add_argument("--first", type=int, default=0)
+        for name, default in (("jobs", 200), ("first", 0), ("near", 50), ("far", 200), ("minutes", 600)):
+            parser.add_argument(f"--{name}", type=int, default=default)
 
     asked = parse_options(__doc__, argv, more)
-    count, near, far = (1, 4, 4) if asked.quick else (asked.jobs, 50, 200)
-    rows: list[dict[str, Any]] = []
+    count, near, far = (1, 4, 4) if asked.quick else (asked.jobs, asked.near, asked.far)
+    end, file = time.monotonic() + 60 * asked.minutes, asked.out / "optima.jsonl"
+    rows = [json.loads(line) for line in file.read_text().splitlines()] if file.is_file() else []
+    done = {row["seed"] for row in rows}
     for seed in range(asked.first, asked.first + count):
-        row = one_job(seed, near, far)
-        if row is None:
+        if seed in done or time.monotonic() > end:
             continue
+        row = one_job(seed, near, far)
         rows.append(row)
+        with file.open("a") as stream:
+            stream.write(json.dumps(row) + "\n")
         said = {
             w: f"{r['status']} {r.get('merit', np.nan):.6g} near {r.get('near', np.nan):+.1e}"
-            for w, r in row["ways"].items()
+            for w, r in row.get("ways", {}).items()
         }
-        print(
-            seed,
-            row["family"],
-            row["job"][:50],
-            f"random {row['random']:.6g}",
-            said,
-            row.get("worth"),
-            flush=True,
-        )
-        found = {"machine": machine(), "summary": summary(rows), "jobs": rows}
-        write_json(found, asked.out / "optima.json")
+        print(seed, row.get("family"), row.get("job", "")[:50], said, row.get("worth"), flush=True)
     found = {
         "machine": machine(),
         "summary": summary(rows),
         "cost": [] if asked.quick else costs(),
         "jobs": rows,
     }
-    for way, shares in summary(rows).items():
+    for way, shares in found["summary"].items():
         print(way, shares)
     write_json(found, asked.out / "optima.json")
     return found

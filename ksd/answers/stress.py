@@ -349,10 +349,10 @@ def _batch_leaves(states: StateBatch, group: LeafGroup, *, profiles: bool = Fals
 def _profiled_leaves(states: StateBatch, group: LeafGroup) -> list[Any]:
     """Leaf springs of a group in all states, one state after the other; empty where they have no profiles."""
     names = [states.models[0].member_names[i] for i in group.members.tolist()]
-    leaves = [[scene_leaves(model)[n] for n in names] for model in states.models]
-    if any(leaf.profile is None for leaf in leaves[0]):
+    own = [scene_leaves(model) for model in states.models]
+    if any(own[0][n].profile is None for n in names):
         return []
-    return [leaf for u in states.model_index.tolist() for leaf in leaves[u]]
+    return [own[u][n] for u in states.model_index.tolist() for n in names]
 
 
 def _batch_sections(states: StateBatch, names: list[str]) -> tuple[NDArray[np.int64], list[Any]]:
@@ -443,7 +443,8 @@ def batch_stress_at_peaks(
         # section forces at the station need its distance from the end, so both are evaluated
         index = every.reshape(-1, 1), np.column_stack([station, np.full(len(number), -1)])
         forces = forces_along(r[index], R[index], wrench)[:, :1]
-        rows = np.array([[tables[n].rows[p]] for n, p in zip(number.tolist(), point.tolist(), strict=True)])
+        begin = np.cumsum([0, *(len(table.rows) for table in tables)])
+        rows = np.concatenate([table.rows for table in tables])[begin[number] + point][:, None]
         outlined = np.array([table.outlined for table in tables])[number]
         largest = np.empty(len(number))
         for kind in set(outlined.tolist()):

@@ -612,7 +612,14 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         """Every design under one load case; poses are returned for a single design."""
         keep_poses = len(designs) == 1 and executor is None
         if self.method == "conventional":
-            recipe = Recipe(self.questions, method="conventional", mesh=self.mesh, with_verdict=False)
+            # a pose without answers is a design without: the checks of the others would be for nothing
+            recipe = Recipe(
+                self.questions,
+                method="conventional",
+                mesh=self.mesh,
+                with_verdict=False,
+                ends_at_failure=True,
+            )
             if executor is not None:
                 return run_in_blocks(
                     executor, designs, 1, _solve_conventionally, function, recipe, self.paths
@@ -869,6 +876,9 @@ def _solve_conventionally(
         for k, drive_values in enumerate(paths):
             path = SweepPath(k, {}, scene, drive_values, failure)
             solver = run_path(path, recipe, solver, rows, poses if keep_poses else None)
+            if rows[-1]["status"] != OK:
+                break
         status = next((str(row["status"]) for row in rows if row["status"] != OK), OK)
-        solved.append(_SolvedDesign(rows, status, poses))
+        missing = sum(map(len, paths)) - len(rows)
+        solved.append(_SolvedDesign([*rows, *({} for _ in range(missing))], status, poses))
     return solved

@@ -44,7 +44,6 @@ from ksd.study.design_scene import MechanismLike
 from ksd.study.questions import (
     ANSWER_FUNCTIONS,
     BATCH_QUESTIONS,
-    BATCH_SIZE,
     NOT_ANSWERED,
     POSE_ERRORS,
     PoseAnalysis,
@@ -59,6 +58,8 @@ from ksd.study.sweep import sweep_paths
 from ksd.study.sweep_path import Recipe, adequate_solver
 
 Array = np.ndarray
+BATCH_LEAVES = 4096
+"""Leaf springs, in all states together, whose stresses are evaluated at once: some 30 MB."""
 TRACKED_QUESTIONS = ("stress", "frequencies")
 """Questions whose answers select a point or mode at the unperturbed pose."""
 EXCLUDED_COLUMNS = ("error", "_s_mm", "mac", "stable")
@@ -398,8 +399,8 @@ def _answer_rows(
     poses: list[list[Configuration]], questions: Questions, offset_count: int
 ) -> list[list[Row]]:
     """Answers of every pose and of its perturbed poses."""
-    # the stresses of so many states fit into memory
-    size = max(1, BATCH_SIZE // len(poses[0]))
+    count = len(poses[0]) * max(1, len(poses[0][0].model.member_names))
+    size = max(1, BATCH_LEAVES // count)
     return [
         row
         for k in range(0, len(poses), size)

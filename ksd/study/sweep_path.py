@@ -56,7 +56,8 @@ class Recipe:
 
     with_verdict: rows hold stability, method and warnings, and modes keep their names along a path; else they are named as
     in `Modes.names`. strict: a pose that `ksd.solve` would refuse has no answers. effects: options of `ksd.prepare` on
-    effects and the loading order. Raises SceneError for invalid options.
+    effects and the loading order. ends_at_failure: a path ends at its first pose that is not solved. Raises SceneError for
+    invalid options.
     """
 
     questions: Questions
@@ -68,6 +69,7 @@ class Recipe:
     effects: tuple[tuple[str, Any], ...] = ()
     with_verdict: bool = True
     strict: bool = True
+    ends_at_failure: bool = False
 
     def __post_init__(self) -> None:
         check_solve_options(
@@ -305,9 +307,9 @@ def run_path(
 ) -> Solver | None:
     """Solve the poses of a path and answer the questions at each.
 
-    A row per pose is appended to `rows`, and each configuration to `poses`, if given. The status of a pose that `ksd.solve`
-    would refuse is its sentence. solver: one of the same scene. Returns the solver, for the next path of that scene; None
-    where there is none.
+    A row per pose up to the end of the path is appended to `rows`, and each configuration to `poses`, if given. The status
+    of a pose that `ksd.solve` would refuse is its sentence. solver: one of the same scene. Returns the solver, for the next
+    path of that scene; None where there is none.
     """
     if path.scene is None:
         rows.extend(unanswered_rows(path, path.failure))
@@ -319,9 +321,14 @@ def run_path(
         return None
     previous = PreviousPose(solve=path_solver.solve_detached)
     for first in range(0, len(path.drive_values), CHUNK):
-        results = [
-            _pose_or_reason(path_solver, values) for values in path.drive_values[first : first + CHUNK]
-        ]
+        results: list[tuple[Configuration, str] | str] = []
+        ends = False
+        for values in path.drive_values[first : first + CHUNK]:
+            result = _pose_or_reason(path_solver, values)
+            results.append(result)
+            ends = recipe.ends_at_failure and bool(isinstance(result, str) or result[1])
+            if ends:
+                break
         solved = [r[0] for r in results if not isinstance(r, str) and not (r[1] and recipe.strict)]
         last = path_solver.previous
         if poses is not None:
@@ -355,6 +362,8 @@ def run_path(
             status = "; ".join(filter(None, [refused, *failures])) or OK
             rows.append(row | answers.row | verdict | {STATUS: status})
         path_solver.continue_from(last)
+        if ends:
+            break
     return path_solver.solver
 
 

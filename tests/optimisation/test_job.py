@@ -14,6 +14,7 @@ from ksd.library import find_record, write_record
 from ksd.optimisation import design_log
 from ksd.optimisation.design_log import DesignLog
 from ksd.optimisation.scaled_problem import ScaledProblem
+from ksd.study import sweep_path
 from ksd.units import deg, mm
 
 VARY = {
@@ -345,6 +346,24 @@ def test_where_there_is_no_gradient_the_printout_says_so(tmp_path):
     assert not best.held and said in str(best) and said in best.report(tmp_path / "p.html").read_text()
     assert best.status == "stopped"
     assert any("cannot be built: KeyError: 'stock'" in row["status"] for row in best.table.rows())
+
+
+def test_poses_beyond_one_that_fails_are_not_solved():
+    """Each was followed to its limit points by arc length: 7 s for a design without answers."""
+
+    def solved(turn):
+        own, poses = job(method="conventional", turn=turn), []
+        with pytest.MonkeyPatch.context() as patch:
+            judge = sweep_path.PathSolver.judge
+            patch.setattr(
+                sweep_path.PathSolver, "judge", lambda self, v: poses.append(v["turn"]) or judge(self, v)
+            )
+            status = own.batch(own.point(None)).status[0]
+        return poses, status
+
+    poses, status = solved([0.0, 9.0, 0.1, 0.2])
+    assert poses == [0.0, 9.0] and status != "ok"
+    assert solved([0.0, 0.1, 0.2]) == ([0.0, 0.1, 0.2], "ok")
 
 
 def test_ctrl_c_keeps_the_blocks_that_are_done(tmp_path, monkeypatch, plain):
