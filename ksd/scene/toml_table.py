@@ -120,6 +120,11 @@ def quantity(value: Any, dimension: str, what: str) -> float:
         raise SceneError(f"{what} = {show(value)}: {expected}.")
     if re.match(r",\s*\d", match[2]):
         raise SceneError(f"{what} = {show(value)}: write a decimal point; {expected}.")
+    if fraction := re.match(r"/\s*([1-9]\d*)\s*", match[2]):
+        amount, rest = float(match[1]) / int(fraction[1]), match[2][fraction.end() :]
+        raise SceneError(
+            f"{what} = {show(value)}: write a decimal number, not a fraction: '{amount:.6g} {rest}'."
+        )
     unit, units = find_unit(match[2], dimension), DIMENSIONS[dimension]
     if unit is None:
         alike = [u for u in units if re.fullmatch(unit_pattern(u), match[2], re.IGNORECASE)]

@@ -460,6 +460,7 @@ def test_numbers_and_units_of_other_places(text, dimension, value):
     [
         ("70 mPa", "stress", "'mPa' may be MPa; write the one you mean"), ("3 Mm", "length", "'Mm' may be mm"),
         ("5 MNM", "moment", "'MNM' may be mNm"), ("1,5 mm", "length", "write a decimal point"),
+        ("1/2 in", "length", "not a fraction: '0.5 in'"),
     ],
 )  # fmt: skip
 def test_units_in_another_case_are_not_guessed(text, dimension, said):
