@@ -12,7 +12,7 @@ each: displacement of the reference point, and rotation times the size of the me
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -106,7 +106,8 @@ class Diagnosis(PrintableAnswer):
     constraints, independent: number of rows of joints, leaf springs and supports, and their rank; free: motions left with
     all drives held; redundant: redundant constraints, of the mechanism and then inside joints; singular_values: of all rows,
     descending; unusual: sentences about unusual sizes and materials (`ksd.scene.plausibility`); hint: set where links can
-    leave a plane that the scene does not name.
+    leave a plane that the scene does not name; observed: sentences about sensors and dampers, and which of them are about a
+    motion that joints, leaf springs and supports hold.
     """
 
     mechanism: str
@@ -119,6 +120,7 @@ class Diagnosis(PrintableAnswer):
     singular_values: Array
     unusual: tuple[str, ...] = ()
     hint: str = ""
+    observed: tuple[str, ...] = ()
 
     @property
     def exact(self) -> bool:
@@ -148,7 +150,7 @@ class Diagnosis(PrintableAnswer):
             lines.append("with all of these released the mechanism would be exactly constrained")
         if self.redundant:
             lines.append("overconstrained mechanisms are solved as well: the leaf springs deform elastically")
-        lines += [f"unusual: {sentence}" for sentence in self.unusual]
+        lines += [*self.observed, *(f"unusual: {sentence}" for sentence in self.unusual)]
         return "\n".join(lines)
 
     def as_dict(self) -> dict[str, Any]:
@@ -168,6 +170,7 @@ class Diagnosis(PrintableAnswer):
             ],
             "singular_values": self.singular_values.tolist(),
             "unusual": list(self.unusual),
+            "observed": list(self.observed),
         }  # fmt: skip
 
 
@@ -208,7 +211,37 @@ def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
         singular_values=_singular_values(everything),
         unusual=plausibility_warnings(scene),
         hint=plane_hint(scene),
+        observed=tuple(_observed(scene, own, positions, size)),
     )
+
+
+def _observed(scene: Scene, own: Sequence[Constraint], positions: Array, size: float) -> Iterator[str]:
+    """A sentence about every sensor and damper; own: all constraints but the drives."""
+    parts = [("sensor", s, f"reads the {s.kind}") for s in scene.sensors]
+    parts += [("damper", d, "resists the motion") for d in scene.dampers]
+    if not parts:
+        return
+    _, values, basis = np.linalg.svd(_matrix(own), full_matrices=False)
+    basis = basis[values > RANK_TOLERANCE * values.max(initial=0.0)]
+    for kind, part, does in parts:
+        term, row = part.term, np.zeros((len(positions), 6))
+        direction = np.asarray(term.direction)
+        for name, sign in ((term.link, 1.0), (term.base, -1.0)):
+            node = scene.links.index(name)
+            turned = np.cross(np.asarray(term.point) - positions[node], direction) / size
+            row[node] = sign * np.concatenate(
+                [np.zeros(3), direction] if term.kind == "rotation" else [direction, turned]
+            )
+        moving = row.ravel()[6:] / np.linalg.norm(row.ravel()[6:])
+        free = float(np.linalg.norm(moving - basis.T @ (basis @ moving)))
+        way = "about" if term.kind == "rotation" else "along"
+        axis = "({:.3g} {:.3g} {:.3g})".format(*direction)
+        sentence = f"{kind} '{part.name}' {does} of '{term.link}' {way} {axis} relative to '{term.base}'"
+        if free <= RANK_TOLERANCE:
+            sentence += (
+                ": joints, leaf springs and supports hold it, so that little but their deformation is left"
+            )
+        yield sentence
 
 
 SMALL_MOTION = 1e-3

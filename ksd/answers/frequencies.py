@@ -219,13 +219,26 @@ class Modes(PrintableAnswer):
         """State of `model` displaced by `size` times the mode `row`, to first order, inner unknowns included."""
         # index -1, of fixed unknowns, reads the appended zero
         state, x = self.motion.copy(), np.append(size * self.vector[row], 0.0)
-        for group, leaf, (at, _) in zip(
-            leaf_groups(self.model), self.mass.leaves, self.mass.stacks, strict=False
-        ):
-            bent = x[leaf.inner] + (leaf.P @ (leaf.relative @ x[at[:, :12], None]))[..., 0]
-            state.inner[group.inner_index[:, : group.modes]] += bent
+        for group, bent in zip(leaf_groups(self.model), self._bent(row), strict=True):
+            state.inner[group.inner_index[:, : group.modes]] += size * bent
         move_nodes(self.model.arrays, state, x[: self.model.arrays.plan.unknowns], 1.0)
         return state
+
+    def _bent(self, row: int) -> list[Array]:
+        """Amplitudes (k, N) of the leaf springs of every group in the mode `row`."""
+        x = np.append(self.vector[row], 0.0)
+        return [
+            x[leaf.inner] + (leaf.P @ (leaf.relative @ x[at[:, :12], None]))[..., 0]
+            for leaf, (at, _) in zip(self.mass.leaves, self.mass.stacks, strict=False)
+        ]
+
+    def largest_displacement(self, row: int) -> float:
+        """Largest displacement of nodes, and of leaf springs relative to their ends, in the mode `row`."""
+        inside = [
+            float(np.abs(leaf.parts.rho @ bent[:, None, :, None]).max())
+            for leaf, bent in zip(self.mass.leaves, self._bent(row), strict=True)
+        ]
+        return max(float(np.abs(self.shape[row, :, :3]).max()), *inside, 0.0)
 
     def static_response(self, loads: Array) -> Array:
         """Displacement (size, n) of all unknowns under loads (size, n), without the motions of 0 Hz."""

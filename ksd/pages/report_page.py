@@ -1,7 +1,7 @@
 """The report of a scene as one HTML page with its pictures, which needs no network.
 
-Sections: scene; effects that were simulated or left out; pose; answers over the stroke; convergence, and differences from
-other methods and a finer mesh.
+Sections: scene; effects that were simulated or left out; pose; its modes and responses; answers over the stroke;
+convergence, and differences from other methods and a finer mesh.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from ksd.html import as_html
 from ksd.pages.page_parts import cards, document, escape, figure, format_cell, table
 from ksd.solvers.answer import as_dict
 from ksd.study.table import OK, STATUS, Table, label_and_unit
+from ksd.view.animate import plot_mode
 
 BUCKLING = ("buckling_positive", "buckling_negative")
 LOAD_FACTOR_EXPLANATION = (
@@ -26,6 +27,8 @@ CHEAPEST_EXPLANATION = (
     "Each pose is solved with the cheapest method and number of relinearisation steps that is accurate enough; where "
     "another one takes over, the estimated error jumps."
 )
+MODES, MODE_PICTURES = 6, 3
+"""Number of modes in the table, and in pictures."""
 MAX_COLUMNS = 10
 """Number of columns that fit on the page."""
 
@@ -55,6 +58,7 @@ def report_page(pose: Any, stroke: Table, compared: Sequence[ComparedSolve]) -> 
         "<h2>The scene</h2>", as_html(str(scene)),
         "<h2>What was simulated, and what was left out</h2>", as_html(str(pose.model)),
         "<h2>The pose</h2>", as_html(str(pose)), as_html(str(pose.interface_forces())),
+        *_vibrations(pose),
         "<h2>Over the stroke</h2>", *_stroke(stroke),
         "<h2>Convergence and error</h2>", *_error(pose, compared),
     ]  # fmt: skip
@@ -99,6 +103,39 @@ def _cards(facts: dict[str, Any], stroke: Table) -> str:
             (format_cell(min(factors, key=abs), 4), "smallest critical load factor on all stresses")
         )
     return cards(numbers)
+
+
+def _vibrations(pose: Any) -> list[str]:
+    """Modes with effective masses and pictures of the first, and a Bode plot where there are sensors; () without mass."""
+    drives, scene = pose.model.drive_names, pose.model.scene
+    try:
+        modes = pose.frequencies(count=MODES, freed=drives)
+    except KsdError:
+        return []
+    heads = [("mode", ""), ("frequency", "Hz"), ("kind", ""), ("what moves", "")]
+    heads += [(f"effective mass {a}", "kg") for a in "xyz"]
+    masses = modes.effective_mass.tolist()
+    rows = zip(
+        range(1, MODES + 1), modes.frequency_Hz.tolist(), modes.names, modes.movements, masses, strict=False
+    )
+    released = f", with {', '.join(drives)} let go" * bool(drives)
+    parts = [
+        f"<h2>Vibrations about the pose{escape(released)}</h2>",
+        table(heads, ([*row, *mass] for *row, mass in rows)),
+        *(
+            figure(plot_mode(pose, mode=k + 1, modes=modes), f"Mode {k + 1}, {modes.movements[k]}.")
+            for k in range(min(len(modes), MODE_PICTURES))
+        ),
+    ]
+    if scene.sensors:
+        inputs = drives or [f"base {a}" for a in scene.plane or "xyz"]
+        try:
+            response = pose.response(inputs=inputs, freed=drives)
+        except KsdError as reason:
+            return [*parts, f"<p>{escape(reason)}</p>"]
+        sentence = f"Response of the sensors to {', '.join(inputs)}."
+        parts += ["<h3>What the sensors see</h3>", as_html(str(response)), figure(response.plot(), sentence)]
+    return parts
 
 
 def _stroke(stroke: Table) -> list[str]:

@@ -18,6 +18,9 @@ from ksd.scene.joint import joint_leaves
 from ksd.scene.scene import Scene, connected_links
 from ksd.section.closed_forms import round_ratio
 
+INERTIA_TOLERANCE = 1e-6
+"""Excess of the largest principal moment of inertia over the sum of the others, relative to it, that is rounding."""
+
 
 def check_scene(scene: Scene) -> None:
     """Raise SceneError for the first broken rule: names, links connected to ground, drives on different freedoms.
@@ -51,6 +54,7 @@ def broken_rules(scene: Scene) -> Iterator[str]:
     yield from _unattached_links(scene)
     yield from _duplicate_freedoms(scene)
     yield from _distant_hinges(scene)
+    yield from _impossible_inertias(scene)
     if scene.heats or scene.fits:
         try:
             leaf_conditions(scene.leaf_names(), scene.heats, scene.fits)
@@ -94,6 +98,17 @@ def _unknown_links(scene: Scene) -> Iterator[str]:
         if link not in scene.links:
             owner = f"{kind} '{name}'" if name else kind
             yield f"{owner}: link '{link}' does not exist{name_hint(link, scene.links)}"
+
+
+def _impossible_inertias(scene: Scene) -> Iterator[str]:
+    """A message for every inertia that no rigid body has; in a plane one moment counts, and the others may be left zero."""
+    for mass in scene.masses if scene.plane is None else ():
+        least, middle, most = np.linalg.eigvalsh(np.array(mass.inertia)).tolist()
+        if least + middle < most * (1.0 - INERTIA_TOLERANCE):
+            yield (
+                f"mass on '{mass.link}': inertia with the principal moments {least:.4g}, {middle:.4g} and {most:.4g} kg m^2 "
+                "is that of no body, in which none is more than the sum of the other two; correct it"
+            )
 
 
 def _unattached_links(scene: Scene) -> Iterator[str]:

@@ -96,7 +96,9 @@ def _mode_swing(
     modes_found = pose.frequencies(freed=pose.model.drive_names) if modes is None else modes
     row = _mode_row(modes_found, mode)
     moved = np.abs(modes_found.shape[row, :, :3])
-    unit = amplitude * float(modes_found.model.arrays.size) / max(float(moved.max()), 1e-300)
+    unit = (
+        amplitude * float(modes_found.model.arrays.size) / max(modes_found.largest_displacement(row), 1e-300)
+    )
     plane = mechanism_plane(pose)
     if plane is not None:
         across = "xyz".index(({*"xyz"} - {*plane}).pop())
