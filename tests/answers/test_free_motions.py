@@ -141,3 +141,35 @@ def test_what_has_neither_stiffness_nor_mass_has_no_frequency():
         KinematicsError, match="with push0, nothing released a motion has neither stiffness nor mass"
     ):
         pose.frequencies(freed=["push0", "nothing"])
+
+
+def test_a_hexapod_on_six_released_carriages_has_six_free_motions():
+    """Rods with ball joints at both ends; a small stage on the platform has the modes that are left."""
+    scene = ksd.Mechanism("hexapod")
+    platform = scene.link("platform", mass=1.0, inertia=(2e-3, 2e-3, 4e-3), at=(0, 0, 0.2))
+    for k in range(6):
+        foot, top = (
+            r * np.array([np.cos(a), np.sin(a), 0.0])
+            for r, a in ((0.15, np.pi / 3 * k), (0.08, np.pi / 3 * k + 0.4 * (-1) ** k))
+        )
+        top = top + np.array([0, 0, 0.2])
+        carriage = scene.link(f"carriage {k}", mass=0.3, inertia=(1e-4, 1e-4, 1e-4), at=foot)
+        rod = scene.link(f"rod {k}", mass=0.05, inertia=(1e-4, 1e-4, 1e-4), at=0.5 * (foot + top))
+        scene.slider(carriage, along="z", at=foot)
+        scene.actuate(carriage, along="z", at=foot, name=f"lift {k}")
+        scene.ball(carriage, rod, at=foot)
+        scene.ball(rod, platform, at=top)
+        # a rod with two balls turns about itself
+        scene.support(rod, about=top - foot)
+    stage = scene.link("stage", mass=0.2, inertia=(1e-4, 1e-4, 1e-4), at=(0.02, 0, 0.27))
+    for x in (0.0, 0.04):
+        leaf = ksd.rectangle(0.3 * mm, 15 * mm)
+        scene.leaf(platform, stage, start=(x, 0, 0.21), end=(x, 0, 0.26), section=leaf, material=STEEL)
+    drives = [f"lift {k}" for k in range(6)]
+    pose = ksd.solve(scene, dict.fromkeys(drives, 0.0))
+    modes = pose.frequencies(count=9, freed=drives)
+    assert list(modes.frequency_Hz[:6]) == [0.0] * 6 and modes.frequency_Hz[6] > 5.0
+    # what is free has no elastic energy, and moves the platform in all six ways
+    assert np.linalg.matrix_rank(modes.shape[:6, 1]) == 6
+    held = pose.frequencies(count=3).frequency_Hz
+    assert modes.frequency_Hz[6] > held[0]
