@@ -52,7 +52,7 @@ def take_side(found: Configuration, side: float) -> Configuration:
                 f"side={side:+g}: this state is unstable within leaf springs, which have no node to push there; draw a "
                 "point on them, mechanism.point(leaf, s) with s [m] off their middle"
             )
-        state, more = _minimum(model, found, np.sign(side) * shape)
+        state, more = nearby_minimum(model, found, np.sign(side) * shape)
         steps += more
     if state is None:
         raise ConvergenceError(
@@ -92,7 +92,7 @@ def _on_branch(model: Model, found: Configuration, side: float) -> tuple[State |
     return (end.motion if stable else None), count
 
 
-def _minimum(model: Model, found: Configuration, shape: Array) -> tuple[State | None, int]:
+def nearby_minimum(model: Model, found: Configuration, shape: Array) -> tuple[State | None, int]:
     """The minimum reached from a state pushed along a shape (nodes, 6), None where there is none; and the steps."""
     arrays, work, motion = model.arrays, make_workspace(model.arrays), found.motion.copy()
     target, rows = model.targets(found.targets), len(arrays.terms.start)
@@ -103,9 +103,11 @@ def _minimum(model: Model, found: Configuration, shape: Array) -> tuple[State | 
         worst, _, inside, status = assemble(arrays, motion, target, found.load_factor, work)
         if n > 0:
             K, longest = stored_matrix(arrays, work.matrix), LARGEST_MOVE
+            if not np.isfinite(worst) or not np.isfinite(K).all():
+                return None, n
             stable = negative_inertia(K) + inside == rows
-            if not np.isfinite(worst) or (worst <= 1.0 and stable):
-                return (motion if stable and status == 0 else None), n
+            if worst <= 1.0 and stable:
+                return (motion if status == 0 else None), n
             if stable:
                 added = 0.0
             scale = equilibration(K)
@@ -116,6 +118,8 @@ def _minimum(model: Model, found: Configuration, shape: Array) -> tuple[State | 
             step = solve_scaled(K + np.diag(added * viscous), -work.rhs[:, None], scale)[0][:, 0]
             added /= GROWTH**2
         move = max(largest_rotation(arrays, step), largest_displacement(arrays, step) / arrays.size)
-        exact = n > 0 and move <= longest
-        take_step(arrays, motion, step, work, 1.0 if exact else longest / max(move, 1e-300))
+        if n == 0 and move > 0.0:
+            # the push is scaled itself, lest the inner unknowns be too
+            step, move = step * (longest / move), longest
+        take_step(arrays, motion, step, work, min(1.0, longest / max(move, longest)))
     return None, MAX_STEPS

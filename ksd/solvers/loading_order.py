@@ -29,11 +29,13 @@ from ksd.numerics.stopwatch import Stopwatch
 from ksd.solvers.arc_length import END_REACHED, follow_by_arc_length
 from ksd.solvers.configuration import Configuration
 from ksd.solvers.conventional import solve_conventional
+from ksd.solvers.either_side import nearby_minimum
 from ksd.solvers.error import equilibrium_near
 from ksd.solvers.joint_motions import JointMotionReader
 from ksd.solvers.load_steps import LoadPath, state_difference
 from ksd.solvers.steps import FAST_METHODS, Step, Stop
 from ksd.solvers.storage import NewtonStorage
+from ksd.solvers.undeformed_stability import strain_causes
 from ksd.solvers.verdict import EQUAL_STATE_TOLERANCE, is_solved
 
 Array = NDArray[np.float64]
@@ -247,6 +249,33 @@ def _other_ways(
             passing.append(path)
     for path in passing:
         yield _end_of(path, last, f"found by following {path.words}, past {path.obstacle}, {SNAPS}")
+    yield from _braced(model, target, last)
+
+
+def _braced(model: Model, target: Array, last: Configuration) -> Iterator[Configuration]:
+    """Where assembly errors, heat or preload strain the undeformed configuration, as in a bow with its string: the minimum
+    of energy that it goes down to, and from there the drives."""
+    if not model.conservative or not strain_causes(model)[0]:
+        return
+    clock, still = Stopwatch(), np.zeros((len(model.node_names), 6))
+    rest = replace(
+        last, motion=model.rest, targets=dict.fromkeys(model.drive_names, 0.0), load_factor=1.0, doubts=()
+    )
+    state, count = nearby_minimum(model, rest, still)
+    if state is None:
+        return
+    step = Step("equilibrium", count, clock(), 1.0, Stop.CONVERGED, "down the energy from rest")
+    note = "found by going down the energy from rest, where loads and what strains leaf springs act, then by the drives"
+    found = replace(
+        rest, motion=state, negatives=len(target), steps=(*last.steps, step), method="conventional"
+    )
+    if target.any():
+        try:
+            driven = solve_conventional(model, last.targets, start=found)
+        except ConvergenceError:
+            return
+        found = replace(driven, steps=(*found.steps, *driven.steps))
+    yield replace(found, notes=(*last.notes, note))
 
 
 def _by_preference(order: Order) -> tuple[Order, ...]:

@@ -52,7 +52,7 @@ def undeformed_instability(model: Model) -> tuple[UndeformedInstability, ...]:
 
     A tuple of one; empty where both equilibria are stable, and where the scene has none of these.
     """
-    inner, loads = _causes(model)
+    inner, loads = strain_causes(model)
     found = _instability(model, inner, 0.0) if inner else ()
     return found or (_instability(model, (*inner, *loads), 1.0) if loads and model.conservative else ())
 
@@ -100,7 +100,7 @@ def unstable_shape(model: Model, motion: State, factor: float) -> tuple[int, Arr
     return count, np.vstack([np.zeros((1, 6)), shape.reshape(-1, 6)])
 
 
-def _causes(model: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def strain_causes(model: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Causes of strain in the undeformed configuration, in words: internal ones, and loads."""
     springs, scene = _preloaded_springs(model), model.original_scene
     stressed = any(f.condition is not None for f in model.scene.leaf_names().values())

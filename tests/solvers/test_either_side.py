@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 import ksd
 from ksd.cli import main
-from ksd.solvers.either_side import _minimum, take_side
+from ksd.solvers.either_side import nearby_minimum, take_side
 from ksd.solvers.undeformed_stability import unstable_shape
 from ksd.units import mm
 
@@ -34,7 +34,7 @@ def refusal(scene, **drives):
 
 
 def test_a_pressed_beam_goes_to_the_side_that_is_asked_for():
-    """Its middle goes out by the first Euler mode, of which an extensible beam takes up 16 mm^2 / pi^2 per mm of stroke."""
+    """Its middle goes out by the clamped Euler mode: rise^2 = (2 / pi)^2 L times the stroke beyond the critical compression."""
     said = refusal(beam(pushed=False), press=-0.1 * mm)
     assert "where it is symmetric, a small push picks the side: ksd.solve(..., side=1) or side=-1" in said
     high, low = (ksd.solve(beam(pushed=False), press=-0.1 * mm, side=side) for side in (1, -1))
@@ -66,7 +66,7 @@ def test_downhill_from_the_unstable_state_is_where_its_branch_ends():
     scene = beam(pushed=False)
     still = ksd.solve(scene, press=-0.1 * mm, strict=False)
     _, shape = unstable_shape(still.model, still.motion, 1.0)
-    state, _ = _minimum(still.model, still, shape)
+    state, _ = nearby_minimum(still.model, still, shape)
     branch = [ksd.solve(scene, press=-0.1 * mm, side=side).motion.x for side in (1, -1)]
     assert min(np.abs(state.x - x).max() for x in branch) < 1e-8
     # what is stable already is left as it is
@@ -96,3 +96,31 @@ def test_the_side_in_files_and_on_the_command_line(tmp_path, capsys):
     assert "on the side -1" in capsys.readouterr().out
     assert main(["report", str(file), "--out", str(tmp_path / "page.html")]) == 2
     assert "only ksd solve takes a side" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("seed", [0, 1, 9, 16])
+def test_a_bow_is_braced(seed):
+    """Limbs drawn straight and a string too short by 2 to 9 %: refused as unstable, or without equilibrium at all. Both
+    limbs bend alike, on a fine mesh too."""
+    rng = np.random.default_rng(seed)
+    length, thickness, short = rng.uniform(0.4, 0.7), rng.uniform(4, 8) * mm, rng.uniform(0.02, 0.09)
+    scene = ksd.Mechanism("bow", plane="xy")
+    up, down = scene.links("up", "down")
+    glass, string = ksd.Material(E=40e9, nu=0.3), ksd.Material(E=10e9, nu=0.3)
+    tips = {link: (-0.01, sign * (0.1 + length), 0) for link, sign in ((up, 1), (down, -1))}
+    for link, tip in tips.items():
+        scene.leaf("ground", link, start=(0, np.sign(tip[1]) * 0.1, 0), end=tip,
+                   section=ksd.rectangle(thickness, 30 * mm), material=glass, width_axis="z")  # fmt: skip
+    scene.leaf(down, up, start=tips[down], end=tips[up], section=ksd.rectangle(2 * mm, 2 * mm), material=string,
+               width_axis="z", name="string")  # fmt: skip
+    scene.fit("string", natural_length=(1 - short) * 2 * (0.1 + length))
+    pose = ksd.solve(scene)
+    assert pose.stable and pose.negatives == pose.expected_negatives
+    high, low = pose.displacement("up"), pose.displacement("down")
+    assert high[0] == pytest.approx(low[0], abs=1e-6 * length) and high[1] == pytest.approx(
+        -low[1], abs=1e-6 * length
+    )
+    assert abs(high[0]) > 0.05 * length
+    # either side of the straight one may be taken, as far out within .6 %
+    fine = ksd.solve(scene, mesh=ksd.Mesh(orders=(8, 4, 12), points=20))
+    assert abs(fine.displacement("up")[0]) == pytest.approx(abs(high[0]), rel=1e-2)
