@@ -13,6 +13,7 @@ import math
 import os
 from collections.abc import Iterable
 from pathlib import Path
+from textwrap import wrap
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -48,6 +49,8 @@ VIEWS = {"xy": ((0, 1, 0), (0, 0, 1)), "xz": ((0, 0, 1), (0, -1, 0)), "yz": ((0,
 """Upward direction and direction to the eye of each view."""
 EDGE_ON = 1e-9
 """Largest component of a width axis in the plane of the drawing of a leaf spring that is seen edge-on."""
+TEXT_WIDTH = 110
+"""Letters in a line of the list of sheets."""
 MAX_CHORDS = 4096
 """Largest number of chords of a curve that is drawn as a polyline."""
 
@@ -324,7 +327,7 @@ class _Drawing:
                 f"sheet {number}: {len(names)} of {thickness}, {length:.6g} mm between clamps"
                 f" + 2 x {gap:g} mm, {2.0 * half:.6g} mm wide, {sheet.material}{sheet.remark}: {', '.join(names)}"
             )
-        for line in lines + wires:
+        for line in (part for text in lines + wires for part in wrap(text, TEXT_WIDTH)):
             y -= 2.0 * letter
             self.add_text(line, (x, y), letter)
 

@@ -413,8 +413,8 @@ class _Reader:
         """Comments at the top of the scene file."""
         layer = self.layers
         lines = [
-            f"Read from {self.file.name}, drawn in {self.unit}: {len(leaves)} leaf springs (layer '{layer['leaf']}'), "
-            f"{len(links)} links ('{layer['link']}', and where ends meet), {len(pins)} pins ('{layer['pin']}').",
+            f"Read from {self.file.name}, drawn in {self.unit}. Leaf springs: {len(leaves)} (layer '{layer['leaf']}'), "
+            f"links: {len(links)} ('{layer['link']}', and where ends meet), pins: {len(pins)} ('{layer['pin']}').",
             f"Ends within {self.join:.6g} {self.unit} of each other, or of an outline, are joined.",
             *self.notes,
         ]

@@ -326,9 +326,9 @@ class _Reader:
         tree |= {kind: made for kind, made in parts.tables.items() if made} | {"leaf": leaves}
         masses = list(self.masses())
         tree |= self.statements() | ({"mass": masses} if masses else {})
-        count = f"{len(leaves)} leaf springs, {len(links)} links"
+        count = f"leaf springs: {len(leaves)}, links: {len(links)}"
         head = [
-            f"Read from {self.file.name}, input of SPACAR Light, in SI units: {count}.",
+            f"Read from {self.file.name}, input of SPACAR Light, in SI units; {count}.",
             "A link has the numbers of its nodes as its name, a leaf spring that of its element.",
             *dict.fromkeys([*self.notes, *self.left_out()]),
         ]

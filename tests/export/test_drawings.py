@@ -91,6 +91,21 @@ def test_gripper_out_and_in_again(tmp_path):
     assert mechanism.scene().plane == "xy" and mechanism.scene().links[1:] == ("crank", "jaw", "rocker")
 
 
+def test_xy_stage_out_and_in_again(tmp_path):
+    guide = ksd.ParallelGuide(STEEL, length=60 * mm, thickness=0.3 * mm, width=25 * mm, spacing=50 * mm)
+    original = ksd.Mechanism("xy stage")
+    middle, table = original.links("middle", "table")
+    original.join("ground", middle, guide, at=(-0.04, 0, 0), axis="z", toward="y")
+    original.join(middle, table, guide, at=(-0.03, 0.03, 0), axis="z", toward="x")
+    drawn(original, tmp_path)
+    forces = []
+    for mechanism in (original, again(tmp_path)):
+        for axis in ("x", "y"):
+            mechanism.actuate("table", along=axis, at=(0.03, 0.03, 0), name=axis)
+        forces.append(ksd.solve(mechanism, x=5 * mm, y=3 * mm, method="conventional").forces)
+    assert min(forces[0].values()) > 1.0 and forces[1] == pytest.approx(dict(forces[0]), rel=1e-9)
+
+
 def test_flat_patterns_and_list_of_sheets(tmp_path):
     m = ksd.Mechanism("sheets")
     table = m.link("table")

@@ -75,6 +75,10 @@ def test_meshes_are_watertight_with_the_volume_of_sheets_and_links(kind, deforme
 @pytest.mark.parametrize("deformed", [True, False])
 def test_step_is_one_body_with_the_volume_that_was_fused(deformed, pose, tmp_path, capfd):
     gmsh = _gmsh()
+    gmsh.initialize([], False, False, False)
+    with pytest.raises(ksd.SceneError, match="gmsh is in use in this process"):
+        write_bodies(pose, tmp_path / "a.step")
+    gmsh.finalize()
     path = write_bodies(pose, tmp_path / "a.step", deformed=deformed)
     assert not capfd.readouterr().out
     gmsh.initialize([], False, False, False)
