@@ -173,7 +173,7 @@ def graded(elements: int, length: float, finest: float) -> np.ndarray:
     """Corners (elements + 1,) in [m] of elements that grow from `finest` [m] at 0, by `GROWTH` up to a largest size
     where this reaches, else by more."""
     grown = finest * GROWTH ** np.arange(elements)
-    if finest * elements > 0.999 * length:
+    if elements == 1 or finest * elements > 0.999 * length:
         sizes = np.ones(elements)
     elif grown.sum() > length:
         sizes = np.minimum(grown, brentq(lambda most: np.minimum(grown, most).sum() - length, 0.0, grown[-1]))
