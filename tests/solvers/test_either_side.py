@@ -34,7 +34,7 @@ def refusal(scene, **drives):
 
 
 def test_a_pressed_beam_goes_to_the_side_that_is_asked_for():
-    """Its middle goes out by the clamped Euler mode: rise^2 = (2 / pi)^2 L times the stroke beyond the critical compression."""
+    """Its middle goes out by the clamped Euler mode: rise^2 = (2 / pi)^2 L times the stroke beyond the critical one."""
     said = refusal(beam(pushed=False), press=-0.1 * mm)
     assert "where it is symmetric, a small push picks the side: ksd.solve(..., side=1) or side=-1" in said
     high, low = (ksd.solve(beam(pushed=False), press=-0.1 * mm, side=side) for side in (1, -1))
