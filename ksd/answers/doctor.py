@@ -494,18 +494,18 @@ def _redundant_by_kind(redundant: Sequence[RedundantConstraint]) -> list[str]:
     for r in redundant:
         direction, _, owner = r.what.partition(" of ")
         alone = bool(r.free) or not owner
-        key = (
+        key: tuple[str, ...] = (
             (r.what,)
             if alone
             else (direction, owner.split()[0], r.release.replace(owner, "each"), str(r.nearly))
         )
         kinds.setdefault(key, []).append((r, owner))
     said = []
-    for key, found in kinds.items():
+    for kind_key, found in kinds.items():
         if len(found) <= MAX_OF_A_KIND:
             said += [r.sentence for r, _ in found]
             continue
-        direction, kind, release, _ = key
+        direction, kind, release, _ = kind_key
         owners = sorted(owner.removeprefix(f"{kind} ") for _, owner in found)
         others = list(dict.fromkeys(other for r, _ in found for other in r.others))
         said.append(
