@@ -376,7 +376,7 @@ class _Reader:
         tables = []
         for leaf in leaves:
             own = dict(leaf.words.get("leaf", {}))
-            table = {"name": leaf.name, "a": leaf.links[0], "b": leaf.links[1]}
+            table: dict[str, Any] = {"name": leaf.name, "a": leaf.links[0], "b": leaf.links[1]}
             table |= {"start": self.point(leaf.ends[0]), "end": self.point(leaf.ends[1])}
             if own:
                 for kind in ("material", "section"):

@@ -223,7 +223,11 @@ class _Reader:
                 self.notes.append(
                     f"{owner}.flex names some deformations; here leaf springs are flexible in all of them."
                 )
-            table = {"name": f"element {e}", "a": self.links[ends[0]], "b": self.links[ends[1]]}
+            table: dict[str, Any] = {
+                "name": f"element {e}",
+                "a": self.links[ends[0]],
+                "b": self.links[ends[1]],
+            }
             table |= {"start": self.nodes[ends[0]].tolist(), "end": self.nodes[ends[1]].tolist()}
             if section["kind"] == "rectangle":
                 table["width_axis"] = self.width_axis(words, e, owner).tolist()
@@ -262,7 +266,11 @@ class _Reader:
                 continue
             owner = f"nprops({n})"
             mass = self.row(words, "mass", owner, 1).tolist()[0] if "mass" in words else 0.0
-            table = {"link": self.links[n - 1], "mass": mass, "at": self.nodes[n - 1].tolist()}
+            table: dict[str, Any] = {
+                "link": self.links[n - 1],
+                "mass": mass,
+                "at": self.nodes[n - 1].tolist(),
+            }
             if "mominertia" in words:
                 xx, xy, xz, yy, yz, zz = self.row(words, "mominertia", owner, 6).tolist()
                 table["inertia"] = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
@@ -289,7 +297,7 @@ class _Reader:
                         value = sum(self.row(words, key, owner, 1).tolist()[0] for key in keys)
                         drive = {"name": f"{word}_{axis} {n}", "link": link, way: axis, "at": at}
                         found["actuate"].append(drive | {"value": value})
-            load = {}
+            load: dict[str, Any] = {}
             for word in ("force", "moment"):
                 keys = [key for key in (word, f"{word}_initial") if key in words]
                 if keys:
