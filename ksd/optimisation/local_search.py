@@ -31,6 +31,10 @@ NEAR_CHANGE = 1e-3
 """Change of the level between two gradients of SLSQP from which on it is checked whether the design is stationary."""
 CONVERGED = 1e-4
 """Growth of the level per step, to first order, at which SLSQP is ended."""
+STALL_GRADIENTS = 12
+"""Gradients of SLSQP in which the level grows by more than STALL_GAIN; else its line search creeps along a limit."""
+STALL_GAIN = 1e-4
+"""Growth of the level, see STALL_GRADIENTS."""
 MAX_ITERATIONS = {"gradient": 100, "trust-constr": 200, "cobyla": 2000}
 """Iterations by method."""
 MAX_ROUNDS = 16
@@ -48,7 +52,7 @@ MAX_LINEAR_PROGRAMS = 12
 
 
 class _Converged(Exception):
-    """The design at y (P,) is stationary and meets the limits."""
+    """SLSQP need not go on: the design at y (P,) meets the limits and is stationary, or next to nothing is gained."""
 
     def __init__(self, y: Array) -> None:
         super().__init__()
@@ -163,17 +167,18 @@ def _minimise_in_box(problem: ScaledProblem, y: Array, box: Array, method: str) 
     def gap(z: Array) -> Array:
         return problem.margins(clipped(z[:-1], box)) - is_target * z[-1] - moved_in
 
-    level = -np.inf
+    levels: list[float] = []
 
     def gap_slopes(z: Array) -> Array:
-        nonlocal level
         y = clipped(z[:-1], box)
-        margins, before = problem.margins(y), level
-        level = problem.level(margins)
-        near = abs(level - before) < NEAR_CHANGE and problem.is_feasible(margins)
-        if near and method == "gradient" and remainder(problem, y) <= CONVERGED:
-            # SLSQP sums the violations; where these are rounding, its line search would halve steps without end
-            raise _Converged(y)
+        margins = problem.margins(y)
+        levels.append(problem.level(margins))
+        if method == "gradient" and problem.is_feasible(margins):
+            near = len(levels) > 1 and abs(levels[-1] - levels[-2]) < NEAR_CHANGE
+            creeps = len(levels) > STALL_GRADIENTS and np.ptp(levels[-STALL_GRADIENTS:]) < STALL_GAIN
+            if creeps or (near and remainder(problem, y) <= CONVERGED):
+                # SLSQP sums the violations; where these are rounding, its line search would halve steps without end
+                raise _Converged(y)
         return np.column_stack([problem.slopes(y), -is_target])
 
     z = np.append(y, problem.level(problem.margins(y)))
@@ -230,7 +235,13 @@ def _descend_by_linear_programs(problem: ScaledProblem, y: Array) -> Array:
             break
         end = clipped(y + step, problem.bounds)
         try:
-            is_better = _rank(problem, end) > _rank(problem, y) + LEVEL_TOLERANCE
+            least = _rank(problem, y) + LEVEL_TOLERANCE
+            is_better = _rank(problem, end) > least
+            if not is_better:
+                # second-order correction: the limits bend, and are taken as they are at the end of the step
+                step = linear_step(problem, y, radius, problem.margins(end) - problem.slopes(y) @ (end - y))
+                end = end if step is None else clipped(y + step, problem.bounds)
+                is_better = _rank(problem, end) > least
             if is_better:
                 problem.slopes(end)
         except DesignFailed:
@@ -239,10 +250,12 @@ def _descend_by_linear_programs(problem: ScaledProblem, y: Array) -> Array:
     return _best(problem, y)
 
 
-def linear_step(problem: ScaledProblem, y: Array, radius: float) -> Array | None:
+def linear_step(
+    problem: ScaledProblem, y: Array, radius: float, margins: Array | None = None
+) -> Array | None:
     """The step (P,) within a radius that raises the level most to first order, violations not counted less than by
-    `fitness`; None where the linear program has no answer."""
-    margins, slopes = problem.margins(y), problem.slopes(y)
+    `fitness`; None where the linear program has no answer. margins (m,): in place of those at y."""
+    slopes, margins = problem.slopes(y), problem.margins(y) if margins is None else margins
     count, is_target = len(y), problem.is_target
     # unknowns: step, level, largest violation
     cost = np.concatenate([np.zeros(count), [-1.0, 100.0]])

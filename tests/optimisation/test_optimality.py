@@ -10,7 +10,7 @@ from test_job import pivot
 from test_optimise import sheet, small
 
 import ksd
-from ksd.optimisation import optimality
+from ksd.optimisation import local_search, optimality
 from ksd.optimisation.design_log import DesignLog
 from ksd.optimisation.scaled_problem import ScaledProblem
 from ksd.units import deg, mm, um
@@ -381,6 +381,30 @@ def test_what_is_not_stationary_is_not_called_an_optimum(monkeypatch):
         best.as_dict()["status"] == "optimum"
         and best.as_dict()["proof"]["neighbours"] == best.proof.neighbours
     )
+
+
+class Valley:
+    """The level is the radius and a little of the angle, and the radius is limited: the best design is a quarter turn on."""
+
+    is_target = np.array([True, False])
+    bounds = edges = np.array([[0.0, 2.0], [0.0, 2.0]])
+    best_feasible = None
+    level, fitness = ScaledProblem.level, ScaledProblem.fitness
+
+    def margins(self, y):
+        r, angle = np.hypot(*y), np.arctan2(y[1], y[0])
+        return np.array([r + 0.003 * angle, 1.0 - r])
+
+    def slopes(self, y):
+        r = np.hypot(*y)
+        return np.array([y / r + 0.003 * np.array([-y[1], y[0]]) / r**2, -y / r])
+
+
+def test_linear_programs_do_not_creep_along_a_limit_that_bends():
+    """A search went on in steps of 1e-6 and ended .5 % below the best: every longer step left the limit by its square."""
+    problem = Valley()
+    y = local_search._descend_by_linear_programs(problem, np.array([1.0, 0.0]))
+    assert np.arctan2(y[1], y[0]) > 0.25 and abs(problem.margins(y)[1]) < 1e-4
 
 
 def test_a_coarse_mesh_is_said_to_change_the_optimum():
