@@ -503,7 +503,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     for seed in range(asked.first, asked.first + count):
         if seed in done or time.monotonic() > end:
             continue
-        row = one_job(seed, near, far)
+        row: dict[str, Any] = one_job(seed, near, far)
         rows.append(row)
         with file.open("a") as stream:
             stream.write(json.dumps(row) + "\n")

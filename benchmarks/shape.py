@@ -8,7 +8,7 @@ A page that follows the mouse draws every answer, so a shape should cost little 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -23,10 +23,13 @@ STATIONS = 17
 
 def cost(name: str, *, repeats: int) -> dict[str, Any]:
     """Time [us] of a prepared solve and of the shape of its answer, and their ratio."""
-    mechanism, targets, _ = ksd.load_scene(shipped_scenes()[name])
+    mechanism, targets, _ = ksd.load_scene(str(shipped_scenes()[name]))
     solver = ksd.prepare(mechanism)
     pose = solver(targets)
-    cases = {"solve": partial(solver, targets), "shape": partial(pose.shape, points=STATIONS)}
+    cases: dict[str, Callable[[], Any]] = {
+        "solve": partial(solver, targets),
+        "shape": partial(pose.shape, points=STATIONS),
+    }
     times = time_in_turns(cases, repeats=repeats)
     solve, shape = (times[key].median for key in cases)
     leaves = len(pose.shape(points=STATIONS).leaves)

@@ -621,7 +621,8 @@ def test_table_of_effects_never_cuts_a_number_off(capsys, keys):
     off = {f"support stiffness {i}": 1.0 for i in range(keys)}
     on = dict.fromkeys(off, 0.98765)
     row = EffectCost("plate", False, on, off, (298e-6, 172e-6), (1234, 567))
-    _print(SimpleNamespace(name="stage"), SimpleNamespace(effects=()), [row])
+    scene = SimpleNamespace(name="stage", leaf_names=dict)
+    _print(scene, SimpleNamespace(effects=()), [row])
     said = capsys.readouterr().out
     assert "172\N{EN DASH}298" in said and "567\N{EN DASH}1234" in said
     assert "\N{HORIZONTAL ELLIPSIS}" not in said and said.count("-1.2 %") == keys and "without" in said

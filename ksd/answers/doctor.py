@@ -217,7 +217,7 @@ def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
 
 def _observed(scene: Scene, own: Sequence[Constraint], positions: Array, size: float) -> Iterator[str]:
     """A sentence about every sensor and damper; own: all constraints but the drives."""
-    parts = [("sensor", s, f"reads the {s.kind}") for s in scene.sensors]
+    parts: list[tuple[str, Any, str]] = [("sensor", s, f"reads the {s.kind}") for s in scene.sensors]
     parts += [("damper", d, "resists the motion") for d in scene.dampers]
     if not parts:
         return

@@ -44,6 +44,8 @@ MAX_GENERATIONS = 1000
 """Largest number of generations of an evolution."""
 START_TRIALS = 64
 """Random designs among which one with answers is looked for where a start has none."""
+EQUAL_MERIT = 1e-9
+"""Relative difference of merits of equal ends."""
 MAX_BETTER_NEIGHBOURS = 4
 """Largest number of searches continued from a better neighbour of an optimum."""
 ROBUST_TOLERANCE = 1e-3
@@ -198,7 +200,10 @@ def optimise_from(
             f"none of {len(X)} starts led to {goal}; the first: {runs[0].result.status}{meant}",
             result=log.table(),
         )
-    best, margins = max(good, key=lambda run: run.result.merit), dict[str, float]()
+    # of equal ends the first, whatever rounding says, so that a run with fewer starts goes on from the same file
+    top = max(run.result.merit for run in good)
+    best = next(run for run in good if run.result.merit >= top - EQUAL_MERIT * abs(top))
+    margins: dict[str, float] = {}
     if robust and deviations is not None:
         rounds, margins = _robust_optima(job, best, log, robust, deviations, method, report)
         best, runs = rounds[-1], [*runs, *rounds]

@@ -3,7 +3,8 @@
 The tangent K is in the block storage of load steps, so that its cost is linear in the number of nodes. [K b; c d] z = r is
 solved by block elimination (Keller 1977): with y = K^-1 r and v = K^-1 b the solution is y - z v. Close to a limit point,
 where K is all but singular, that loses digits of a Newton correction, which the next one takes back, but none of the
-direction of the path, (-v, 1) over its length. Where blocks without pivoting break down, the matrix is dense.
+direction of the path, (-v, 1) over its length. Where blocks without pivoting break down, and for few
+unknowns, the matrix is dense.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ from ksd.model.compile import Model
 from ksd.numerics.indefinite import equilibration, negative_inertia
 
 Array = NDArray[np.float64]
+MAX_DENSE = 150
+"""Unknowns up to which the matrix is dense: rigid links that only hinges hold need its pivoting."""
 MIN_PIVOT = 1e-12
 """Relative pivot below which its sign, and a solution, are those of rounding; of long chains all are above."""
 
@@ -37,7 +40,7 @@ def path_tangent(model: Model, motion: State, factor: float, work: Workspace, in
     arrays = model.arrays
     skew = skew_block(arrays, motion, factor)
     assembled = AssembledTangent(model, motion, arrays, work.matrix.copy(), inside, skew, work)
-    if model.kinds.isdisjoint((SOLID, LINEAR)):
+    if arrays.plan.unknowns > MAX_DENSE and model.kinds.isdisjoint((SOLID, LINEAR)):
         found, pivot = factor_released(assembled)
         if pivot > MIN_PIVOT:
             return found

@@ -145,7 +145,8 @@ def sweep(
         check_questions(recipe.questions, scene)
     left_out = {}
     if questions is None and scene is not None:
-        left_out = unanswerable_questions(scene, recipe.questions.link)
+        unanswerable = unanswerable_questions(scene, recipe.questions.link)
+        left_out = {q: reason for q, reason in unanswerable.items() if q in recipe.questions.names}
     names = tuple(q for q in recipe.questions.names if q not in left_out)
     recipe = replace(recipe, questions=replace(recipe.questions, names=names, is_default=questions is None))
     finished = ResumeFile(resume, lambda: fingerprint(paths, recipe))

@@ -88,12 +88,12 @@ def test_the_part_of_moments_fixed_in_space_is_refined_and_guarded():
     K, (places, rest) = assembled.matrix(), assembled.skew
     K[np.ix_(places, places)] += rest
     assert np.abs(K @ right - loads).max() < 1e-9
-    X, small = tangent._woodbury
+    X, small = tangent.woodbury
     # a correction that is not that of its matrix stands for one that lost its digits
-    tangent.__dict__["_woodbury"] = X * (1.0 + 1e-6), small
+    tangent.__dict__["woodbury"] = X * (1.0 + 1e-6), small
     again, error = tangent.solve_with_error(loads)
     assert 1e-12 < error < 1e-6
     assert again == pytest.approx(right, rel=1e-12, abs=1e-14 * np.abs(right).max())
-    tangent.__dict__["_woodbury"] = X * 1.1, small
+    tangent.__dict__["woodbury"] = X * 1.1, small
     with pytest.raises(KinematicsError, match="all but singular"):
         tangent.solve(loads)

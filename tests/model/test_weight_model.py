@@ -367,7 +367,8 @@ def heated_bar(kelvin, *, profile=None, natural_length=None):
 )
 @pytest.mark.parametrize("mesh", [None, ksd.Mesh("corotational")], ids=("leaf", "chain"))
 def test_heat_adds_no_mass(mesh, profile):
-    """The held end carries what it carried cold; frequencies go as length^-1.5, for EI/(m L^3) of equal mass."""
+    """The held end carries what it carried cold; frequencies go as length^-1.5, for EI/(m L^3) of equal mass, but for shear,
+    of which a longer bar has less."""
     kelvin, longer = 100.0, 1 + 24e-6 * 100
     cold = ksd.solve(heated_bar(0, profile=profile), drive=0.0, mesh=mesh)
     hot = ksd.solve(heated_bar(kelvin, profile=profile), drive=0.1 * (longer - 1), mesh=mesh)
@@ -376,7 +377,7 @@ def test_heat_adds_no_mass(mesh, profile):
     assert hot.reactions[held] == pytest.approx(cold.reactions[held], rel=1e-6 if profile else 1e-9)
     if mesh is None:
         ratio = hot.frequencies(count=2).frequency_Hz / cold.frequencies(count=2).frequency_Hz
-        assert ratio == pytest.approx(longer**-1.5, rel=2e-5)
+        assert ratio == pytest.approx(longer**-1.5, rel=5e-5)
         assert hot.verify().reactions[held] == pytest.approx(hot.reactions[held], rel=1e-9)
 
 

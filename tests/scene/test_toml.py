@@ -755,9 +755,9 @@ def mechanisms(draw):
         if draw(st.booleans()):
             made.load(link, force=draw(points), at=draw(points), following=draw(st.booleans()))
         if draw(st.booleans()):
-            made.mass(
-                link, mass=draw(lengths), at=draw(points), inertia=draw(st.tuples(lengths, lengths, lengths))
-            )
+            # of a body: none is more than the sum of the other two
+            a, b, c = draw(st.tuples(lengths, lengths, lengths))
+            made.mass(link, mass=draw(lengths), at=draw(points), inertia=(b + c, a + c, a + b))
     if len(links) > 1 and draw(st.booleans()):
         term = made.rotation(links[0], draw(directions), relative_to=links[1])
         made.actuate(terms=draw(st.floats(0.1, 3)) * term - made.displacement(links[1], "x", at=draw(points)))

@@ -72,6 +72,7 @@ def test_iterations_do_not_grow_with_the_pieces_of_a_chain(force):
 def test_paths_of_long_chains_need_no_dense_matrices(force, monkeypatch):
     """By arc length a piece of a chain of 200 cost seven times one of 10."""
     dense = []
+    monkeypatch.setattr(bordered, "MAX_DENSE", 0)
     monkeypatch.setattr(bordered, "stored_matrix", lambda *a: dense.append(a))
     monkeypatch.setattr(tangent, "stored_matrix", lambda *a: dense.append(a))
     few, many = (ksd.follow(cantilever(n, force)[0], first=0.1) for n in (10, 150))
@@ -82,8 +83,9 @@ def test_paths_of_long_chains_need_no_dense_matrices(force, monkeypatch):
     assert place == pytest.approx(elastica(force), abs=3e-5)
 
 
-def test_bordered_systems_by_blocks_and_with_pivoting():
+def test_bordered_systems_by_blocks_and_with_pivoting(monkeypatch):
     """Beside numpy, at a column just below its critical load and under a load that follows its link."""
+    monkeypatch.setattr(bordered, "MAX_DENSE", 0)
     scene, end = cantilever(6, (-0.99 * np.pi**2 * EI / 4, 1e-4, 0))
     scene.load(end, at=(1, 0, 0), force=(0, 1e-3, 2e-3), following=True)
     model = ksd.compile_scene(scene)

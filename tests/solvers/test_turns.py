@@ -9,8 +9,8 @@ import pytest
 from scenes import STEEL
 
 import ksd
-from ksd.answers.buckling import _with_relaxed_springs
 from ksd.answers.tangent import stored_matrix
+from ksd.answers.uncondensed import _with_relaxed_springs
 from ksd.model import compile as compiled
 from ksd.model.arrays import State, make_workspace
 from ksd.model.newton import assemble, move_nodes

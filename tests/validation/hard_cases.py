@@ -136,15 +136,15 @@ def _fourbars() -> list[Case]:
             f"fourbar, moment {M} Nm",
             hard,
             partial(pushed, None, (0, 0, M)),
-            None,
+            answer,
             {"top": 0.3},
             quick=M in (-310, 250),
             verified="ksd.follow at d = 0.3 m: " + how,
         )
-        for M, hard, how in (
-            (-360, "beyond a limit point: it snaps", "limit point at -318 Nm"),
-            (-310, "buckled out of the plane", "bifurcation at -304.7 Nm"),
-            (250, "beyond a limit point: it snaps", "limit point at 216.5 Nm"),
+        for M, hard, answer, how in (
+            (-360, "beyond a limit point: it snaps", (2126.539803,), "past limit points at -318 and 135 Nm"),
+            (-310, "buckled out of the plane", None, "bifurcation at -304.7 Nm"),
+            (250, "beyond a limit point: it snaps", (1481.380118,), "past limit points at 216.5 and 71 Nm"),
         )
     ]
     wide = partial(pushed, (0, 0, 100), None, widths=(0.04, 0.08))
