@@ -503,7 +503,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     for seed in range(asked.first, asked.first + count):
         if seed in done or time.monotonic() > end:
             continue
-        row: dict[str, Any] = one_job(seed, near, far)
+        row = one_job(seed, near, far)
         rows.append(row)
         with file.open("a") as stream:
             stream.write(json.dumps(row) + "\n")
@@ -512,7 +512,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
             for w, r in row.get("ways", {}).items()
         }
         print(seed, row.get("family"), row.get("job", "")[:50], said, row.get("worth"), flush=True)
-    found = {
+    found: dict[str, Any] = {
         "machine": machine(),
         "summary": summary(rows),
         "cost": [] if asked.quick else costs(),
