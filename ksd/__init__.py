@@ -47,6 +47,7 @@ _HOMES = {
     "ksd.solvers.path": ("Path", "follow"),
     "ksd.solvers.required_loads": ("RequiredLoads", "required_loads"),
     "ksd.answers.doctor": ("doctor",),
+    "ksd.interactive.live": ("live",),
     "ksd.training": ("train",),
     "ksd.training.designs": ("Design",),
     "ksd.study": ("Batch", "SweepInterrupted", "Table", "batch", "frequency_curve", "state_space", "sweep"),
@@ -73,7 +74,7 @@ __all__ = [
     "Solver", "StiffenedGuide", "StiffenedMiddle", "SweepInterrupted", "Table", "Taper", "Tolerance", "TripleInfinityHinge",
     "TrustError", "UniversalJoint", "UnknownNameError", "UnknownWordError", "Varying", "WireFlexure", "batch", "choose",
     "circle", "compare", "compile_scene", "doctor", "errors", "find_record", "follow", "frequency_curve", "gradient",
-    "joint_families", "link_matrix", "load_job", "load_scene", "numbers", "optimise", "pareto", "polygon", "prepare",
+    "joint_families", "link_matrix", "live", "load_job", "load_scene", "numbers", "optimise", "pareto", "polygon", "prepare",
     "read_result", "rectangle", "required_loads", "rest_shape", "save_scene", "solve", "state_space", "sweep", "tolerance",
     "train", "tube", "units", "wire",
 ]  # fmt: skip
@@ -81,6 +82,7 @@ __all__ = [
 if TYPE_CHECKING:
     from ksd.answers.doctor import doctor
     from ksd.bench.compare import compare
+    from ksd.interactive.live import live
     from ksd.library import Parameter, Record, find_record, read_result
     from ksd.modal.choices import ModalBasis
     from ksd.model.compile import Model, compile_scene

@@ -20,3 +20,11 @@ def cad_package(name: str, what: str) -> Any:
             f"{what} needs the package {name}, which needs a library of the system: {reason}; on Debian: "
             "apt-get install libglu1-mesa libxcursor1 libxinerama1 libxft2"
         ) from None
+
+
+def live_package(name: str) -> Any:
+    """A package of the extra `live`, imported. Raises SceneError where it is not installed."""
+    try:
+        return import_module(name)
+    except ImportError:
+        raise SceneError(f"the live page needs the package {name}: pip install 'ksd[live]'") from None

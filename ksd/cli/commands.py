@@ -197,6 +197,25 @@ def _add_doctor(commands: Any) -> None:
     _add_shared(parser, "--json", help="write counts and sentences; - is stdout, without text")
 
 
+def _add_live(commands: Any) -> None:
+    parser = commands.add_parser(
+        "live",
+        help="move and draw a mechanism in the browser",
+        description="Serve a page on this machine with the mechanism in three dimensions and in a plane view to draw in, "
+        "sliders for drives and loads, and the numbers that follow them. A file that is not there is drawn from nothing.",
+    )
+    _add_shared(parser, "scene", "--set", *_SOLVER_OPTIONS)
+    port_help = "first port that is tried (8160); 0 is any free one"
+    parser.add_argument("--port", type=int, default=8160, metavar="N", help=port_help)
+    parser.add_argument(
+        "--host", default="127.0.0.1", help="address to serve on (127.0.0.1, this machine alone)"
+    )
+    parser.add_argument(
+        "--shared", action="store_true", help="let other machines see and change it, with --host"
+    )
+    parser.add_argument("--no-browser", action="store_true", help="print the address only")
+
+
 def _add_sweep(commands: Any) -> None:
     parser = commands.add_parser(
         "sweep",
@@ -357,7 +376,7 @@ def _add_bench(commands: Any) -> None:
 
 COMMANDS = {
     "demo": _add_demo, "new": _add_new, "solve": _add_solve, "compare": _add_compare, "effects": _add_effects,
-    "doctor": _add_doctor, "sweep": _add_sweep, "respond": _add_respond, "optimise": _add_optimise,
+    "doctor": _add_doctor, "live": _add_live, "sweep": _add_sweep, "respond": _add_respond, "optimise": _add_optimise,
     "report": _add_report, "export": _add_export, "train": _add_train,
     "info": _add_info, "bench": _add_bench, "schema": _add_schema,
 }  # fmt: skip

@@ -184,27 +184,48 @@ def solve(
     if mesh is None and isinstance(start, Configuration):
         mesh = start.model.mesh
     grid = mesh if mesh is not None else (DEFAULT_MESH if accuracy is None else mesh_for_accuracy(wanted))
-    for rise in range(MAX_RISES + 1):
-        solver = _cached_solver(scene, grid, options)
-        found = solver.answer(
-            values,
-            method=method,
-            accuracy=wanted,
-            relinearisations=relinearisations,
-            estimate=estimate,
-            start=start,
-        )
-        # verdicts only on the final mesh: on a coarse one a state may falsely seem unstable or on another branch
-        if found.mesh_adequacy.missed_share <= wanted or mesh is not None or rise == MAX_RISES:
-            found = solver.settled(found, start)
-        share, _, axis, _ = found.mesh_adequacy
-        if share <= wanted or mesh is not None or rise == MAX_RISES:
-            break
-        grid = raise_order(grid, axis)
+    how: dict[str, Any] = {"method": method, "relinearisations": relinearisations, "estimate": estimate}
+    rises = MAX_RISES if mesh is None else 0
+    found = solve_on_adequate_mesh(
+        lambda grid: _cached_solver(scene, grid, options),
+        grid,
+        values,
+        accuracy=wanted,
+        rises=rises,
+        start=start,
+        **how,
+    )
     if number(side, "side"):
         found = take_side(found, side)
     found = with_mesh_check(found, wanted)
     return require_solved(found) if strict else found
+
+
+def solve_on_adequate_mesh(
+    solver_of: Callable[[Mesh], Solver],
+    mesh: Mesh,
+    values: Mapping[str, float],
+    *,
+    accuracy: float,
+    rises: int,
+    start: Configuration | None = None,
+    **how: Any,
+) -> Configuration:
+    """The result on `mesh`, or where its highest modes are not negligible on finer ones, `rises` times at most.
+
+    solver_of: the solver of a mesh; how: options of `Solver.answer`.
+    """  # fmt: skip
+    for rise in range(rises + 1):
+        solver = solver_of(mesh)
+        found = solver.answer(values, accuracy=accuracy, start=start, **how)
+        # verdicts only on the final mesh: on a coarse one a state may falsely seem unstable or on another branch
+        if found.mesh_adequacy.missed_share <= accuracy or rise == rises:
+            found = solver.settled(found, start)
+        share, _, axis, _ = found.mesh_adequacy
+        if share <= accuracy:
+            break
+        mesh = raise_order(mesh, axis)
+    return found
 
 
 class Solver:

@@ -1,0 +1,204 @@
+"""The page in a real browser: Chromium without a window, by Playwright; skipped where there is none.
+
+Servers are processes of their own. No request may leave the machine, and nothing may be said on the console.
+"""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+
+import pytest
+
+import ksd
+from ksd.answers.printing import format_number
+from ksd.errors import SceneError
+from ksd.scene.toml_file import shipped_scenes
+from ksd.units import deg
+
+pytest.importorskip("nicegui", reason="the extra `live` is not installed")
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+if CHROMIUM is None:
+    pytest.skip("no Chromium on this machine", allow_module_level=True)
+
+from ksd.interactive.page import check_host, free_port  # noqa: E402
+
+FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+MOVES = 15
+
+
+@contextmanager
+def served(*arguments, **where):
+    """Address of a page served by a process of its own, which Ctrl-C must end."""
+    command = [sys.executable, "-m", "ksd", "live", *map(str, arguments), "--no-browser", "--port", "0"]
+    # not a test of its own to nicegui
+    given = {k: v for k, v in os.environ.items() if not k.startswith(("PYTEST", "NICEGUI"))}
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=given, **where
+    )
+    try:
+        said = ""
+        while "http://" not in said:
+            line = process.stdout.readline()
+            assert line, f"the page ended: {said}"
+            said += line
+        yield re.search(r"http://[^; ]+", said)[0]
+        process.send_signal(signal.SIGINT)
+        assert "Traceback" not in process.communicate(timeout=20)[0]
+    finally:
+        process.kill()
+        process.wait()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def opened(browser):
+    """A function that opens an address in a page that is checked at the end."""
+    said, pages = [], []
+
+    def open_page(address, wide=640, tall=480):
+        page = browser.new_page(viewport={"width": wide, "height": tall})
+        page.on("console", lambda message: said.append(message.text))
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.on("request", lambda request: said.append(request.url) if not local(request.url) else None)
+        wait_for_page(page, address)
+        pages.append(page)
+        return page
+
+    yield open_page
+    for page in pages:
+        page.close()
+    assert not said, said
+
+
+def local(url):
+    return url.startswith(("data:", "blob:", "http://127.0.0.1:", "ws://127.0.0.1:"))
+
+
+def wait_for_page(page, address):
+    for tried in range(40):
+        try:
+            page.goto(address)
+            break
+        except playwright.Error:
+            assert tried < 39
+            time.sleep(0.1)
+    page.wait_for_function("window.ksdUpdates > 0", timeout=20_000)
+
+
+def updates(page):
+    return page.evaluate("window.ksdUpdates")
+
+
+def drag_slider(page, moves, *, release=True):
+    """Drag the first slider by the mouse, waiting at each move for the picture; updates drawn meanwhile."""
+    box = page.locator(".q-slider").first.bounding_box()
+    x, y = box["x"] + 0.6 * box["width"], box["y"] + 0.5 * box["height"]
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.wait_for_timeout(300)
+    before = updates(page)
+    for k in range(moves):
+        page.mouse.move(x - 2 * (k + 1), y)
+        page.wait_for_function("n => window.ksdUpdates >= n", arg=before + k + 1, timeout=3000)
+    drawn = updates(page)
+    if release:
+        page.mouse.up()
+    return drawn - before
+
+
+@pytest.fixture(scope="module")
+def gripper(tmp_path_factory):
+    file = tmp_path_factory.mktemp("live") / "gripper.toml"
+    file.write_text(shipped_scenes()["gripper"].read_text())
+    with served(file) as address:
+        yield address
+
+
+def test_the_page_follows_the_mouse_and_typed_values(opened, gripper):
+    page = opened(gripper)
+    force = page.locator("tr", has_text="moment of crank").locator("td").last
+    before = force.inner_text()
+    assert drag_slider(page, MOVES) >= 0.9 * MOVES
+    drawn = updates(page)
+    page.wait_for_timeout(1000)
+    assert updates(page) - drawn <= 1 and force.inner_text() != before
+    typed = page.locator("input").first
+    typed.fill("40 deg")
+    typed.press("Enter")
+    mechanism, *_ = ksd.load_scene(shipped_scenes()["gripper"])
+    expected = format_number(ksd.solve(mechanism, crank=40 * deg).forces["crank"], 6)
+    page.get_by_text(f"{expected} Nm").wait_for(timeout=5000)
+    page.wait_for_function("!document.querySelector('.ksd-numbers .old')", timeout=20_000)
+    assert typed.input_value() == "40"
+    typed.fill("three")
+    typed.press("Enter")
+    page.get_by_text("crank = 'three'").wait_for()
+    assert typed.input_value() == "40"
+
+
+def test_a_refused_state_is_a_sentence_and_goes_again(opened, gripper):
+    page = opened(gripper)
+    typed = page.locator("input").first
+    typed.fill("400")
+    typed.press("Enter")
+    refused = page.locator(".ksd-refused")
+    refused.wait_for(state="visible", timeout=20_000)
+    page.wait_for_function(
+        "[...document.querySelectorAll('.ksd-bar')].some(b => b.style.background.includes('gradient'))"
+    )
+    typed.fill("2")
+    typed.press("Enter")
+    refused.wait_for(state="hidden")
+
+
+def test_two_viewers_see_the_same_and_one_may_go_away_in_mid_drag(opened, browser, gripper):
+    one = opened(gripper)
+    other = browser.new_page(viewport={"width": 640, "height": 480})
+    wait_for_page(other, gripper)
+    drag_slider(other, 5, release=False)
+    shown = other.locator("input").first.input_value()
+    one.wait_for_function("v => document.querySelector('input').value === v", arg=shown)
+    other.close()
+    one.wait_for_timeout(300)
+    assert drag_slider(one, 5) >= 4
+
+
+def test_a_file_with_three_mistakes_opens_with_three_sentences(opened, tmp_path):
+    text = shipped_scenes()["gripper"].read_text().replace('link = "crank"\nabout', 'link = "krank"\nabout')
+    file = tmp_path / "wrong.toml"
+    file.write_text(text.replace('"0.4 mm"', '"0.4 mn"').replace("nu = 0.3", "nu = 3"))
+    with served(file) as address:
+        page = opened(address)
+        told = page.locator(".ksd-refused").inner_text()
+        assert "3 mistakes" in told and "krank" in told and "0.4 mn" in told and "ratio) = 3" in told
+        # before its server ends
+        page.close()
+
+
+def test_hosts_and_ports(capsys):
+    import socket
+
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        assert free_port("127.0.0.1", port) > port
+    check_host("127.0.0.1", False)
+    check_host("0.0.0.0", True)
+    with pytest.raises(SceneError, match="add --shared"):
+        check_host("0.0.0.0", False)
+    with pytest.raises(SceneError, match="is not known"):
+        check_host("no.such.host.invalid", True)
