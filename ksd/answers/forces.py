@@ -35,13 +35,12 @@ from ksd.answers.shape import (
     point_position,
     strain_curves,
 )
+from ksd.elements.ends import member_pose
 from ksd.errors import SceneError
 from ksd.model.arrays import COIL, STRAIN, TORSION, State, Workspace, make_workspace
 from ksd.model.compile import Model
-from ksd.model.loading import twist
 from ksd.model.newton import assemble, assemble_nodes
-from ksd.model.poses import member_pose
-from ksd.model.turns import nearest_turn
+from ksd.numerics.rotations import nearest_turn
 
 Array = NDArray[np.float64]
 COMPONENTS = ("N", "Vy", "Vz", "T", "My", "Mz")
@@ -357,10 +356,6 @@ def _spring_forces(model: Model, motion: State, i: int, work: Workspace) -> list
     start, end = (motion.x[n] + R[n] @ springs.offset[i, e] for e, n in enumerate((a, b)))
     frame = R[a] @ springs.frame[i, 0]
     n, m = work.lam[len(model.member_names) + i, :6].reshape(2, 3) @ frame.T
-    if springs.kind[i] == TORSION:
-        # its moment acts along the gradient of the angle, which leaves the axis where the links turn about another one
-        twist(R[a], R[b], frame[:, 2].copy(), np.zeros(3), slope := np.zeros(3), np.zeros((3, 3)))
-        m = float(m @ frame[:, 2]) * slope
     name = model.spring_names[i]
     return [
         InterfaceForce(name, model.node_names[a], start, n, m + np.cross(end - start, n)),

@@ -153,11 +153,10 @@ def _chain_change(model: Model, motion: State, load_factor: float, points: int) 
     target = row_values(model, motion)
 
     def forces(member: int, misplaced: Array) -> dict[str, SectionForces]:
-        members = arrays.members
-        offset, frame = members.offset.copy(), members.frame.copy()
+        moved = arrays.copy()
+        offset, frame = moved.members.offset, moved.members.frame
         offset[member, 1] += frame[member, 1] @ misplaced[:3]
         frame[member, 1] = frame[member, 1] @ Rotation.from_rotvec(misplaced[3:]).as_matrix()
-        moved = arrays._replace(members=members._replace(offset=offset, frame=frame))
         state = motion.copy()
         take_newton_step(moved, state, target, load_factor, make_workspace(moved))
         return section_forces(replace(model, arrays=moved), state, **options)  # type: ignore[arg-type]

@@ -14,23 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.answers.finer_model import MAX_STEP, finer_inner_index, finer_mesh
-from ksd.model.arrays import (
-    MEMBERS,
-    STRAIN,
-    VALUE,
-    WEIGHT,
-    Arrays,
-    FlatArrays,
-    KernelArrays,
-    State,
-    make_workspace,
-)
+from ksd.model.arrays import MEMBER, STRAIN, Arrays, State, make_workspace
 from ksd.model.compile import Model
 from ksd.model.mesh import Mesh
 from ksd.model.newton import take_step_at_fixed_rows
 from ksd.model.pack import floats_with_constants
 from ksd.model.scene_layout import split_scene
-from ksd.model.template import LeafGeometry, Template, arrays_of_design, template_of
+from ksd.model.template import LeafGeometry, Template, template_of
 
 Array = NDArray[np.float64]
 LoadedState = tuple[Model, State, float]
@@ -42,7 +32,7 @@ class StateBatch:
     """D states of U models.
 
     model_index (D,): model of each state among models (U,); template: common layout, topology: its integer arrays; floats
-    (U, f): numbers of the models as in `FlatArrays`; motion: with a leading axis over states; load_factor (D,).
+    (U, f): numbers of the models as in `Arrays`; motion: with a leading axis over states; load_factor (D,).
     """
 
     models: tuple[Model, ...]
@@ -59,20 +49,16 @@ class StateBatch:
         return self.floats[self.model_index, 0]
 
     @cached_property
-    def states(self) -> list[tuple[KernelArrays, State]]:
+    def states(self) -> list[tuple[Arrays, State]]:
         """Arrays and state of each, views of the arrays of the batch."""
-        ints, kinds = self.topology.flat.ints, self.topology.flat.member_kinds
-        bare = [
-            KernelArrays(FlatArrays(ints, own, kinds), own[ints[WEIGHT] :].reshape(-1, 4))
-            for own in self.floats
-        ]
+        bare = [Arrays(self.topology.ints, own, self.topology) for own in self.floats]
         return [
             (bare[u], State(*own)) for u, *own in zip(self.model_index.tolist(), *self.motion, strict=True)
         ]
 
     def member_constants(self, members: NDArray[np.int64], size: int) -> Array:
         """First `size` constants (D, k, size) of members (k,) in every state."""
-        at = self.topology.flat.ints[MEMBERS + VALUE] + self.topology.members.value_at[members]
+        at = self.topology.ints[MEMBER.value] + self.topology.members.value_at[members]
         return np.take(self.floats, at[:, None] + np.arange(size), axis=1)[self.model_index]
 
     def on_finer_mesh(self) -> StateBatch | None:
@@ -91,16 +77,14 @@ class StateBatch:
             if any(other.layout != drawn[0].layout for other in drawn):
                 return None
             filled = fine(fine.numbers([own.numbers for own in drawn]))
-            floats = np.stack(
-                [arrays_of_design(filled.arrays, fine.topology, u).flat.floats for u in range(len(drawn))]
-            )
+            floats = filled.arrays.floats
         else:
             known = [model.derived["leaves"] for model in self.models]
             leaves = LeafGeometry(
                 *(np.concatenate(field) for field in zip(*(k[1] for k in known), strict=True))
             )
             value, _ = fine.packing.values(leaves, np.concatenate([k[2] for k in known]))
-            floats = floats_with_constants(self.topology.flat.ints, self.floats, value)
+            floats = floats_with_constants(self.topology, self.floats, value)
         inner = np.zeros((len(self.model_index), int(fine.topology.members.inner_at[-1])))
         number, wider = (b.members.number.tobytes() for b in (self.topology, fine.topology))
         inner[:, finer_inner_index(number, wider)] = m.inner
@@ -121,11 +105,7 @@ def group_states(states: Sequence[LoadedState]) -> list[tuple[list[int], StateBa
     groups: dict[int, list[int]] = {}
     for k, (model, _, _) in enumerate(states):
         template = model.derived.get("leaves", (None,))[0]
-        if (
-            template is not None
-            and not model.bodies
-            and model.arrays.flat.ints is template.topology.flat.ints
-        ):
+        if template is not None and not model.bodies and model.arrays.ints is template.topology.ints:
             groups.setdefault(id(template), []).append(k)
     found = []
     for numbers in groups.values():
@@ -137,7 +117,7 @@ def group_states(states: Sequence[LoadedState]) -> list[tuple[list[int], StateBa
         if type(template.mesh) is not Mesh or any(leaf.kind != STRAIN for leaf in template.leaf_layouts):
             continue
         motion = State(*(np.array(field) for field in zip(*(states[k][1] for k in numbers), strict=True)))
-        floats = np.array([model.arrays.flat.floats for model in models])
+        floats = np.array([model.arrays.floats for model in models])
         load_factor = np.array([states[k][2] for k in numbers])
         found.append(
             (

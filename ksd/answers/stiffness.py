@@ -324,7 +324,7 @@ def batch_stiffness(
         lever = fine.motion.R[:, node] @ arms[states.model_index, :, None]
         loads[:, :6, start : start + 6] = point_jacobian(lever[..., 0])
         if rows:
-            held = [row_gradients(topology, motion, rows, flat=arrays.flat) for arrays, motion in fine.states]
+            held = [row_gradients(arrays, motion, rows) for arrays, motion in fine.states]
             left, _ = remove_row_components(
                 topology, states.sizes, np.stack(held), loads[:, :6].swapaxes(1, 2)
             )

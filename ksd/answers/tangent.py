@@ -21,7 +21,7 @@ from ksd.answers.nonconservative import skew_tangent
 from ksd.answers.state_batch import StateBatch
 from ksd.checks import names_of
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import COROTATIONAL, LINEAR, SOLID, Arrays, FlatArrays, State, Workspace, make_workspace
+from ksd.model.arrays import COROTATIONAL, LINEAR, SOLID, Arrays, State, Workspace, make_workspace
 from ksd.model.compile import Model
 from ksd.model.loading import term_slope
 from ksd.model.newton import SINGULAR_PIVOT, assemble, assemble_nodes
@@ -53,7 +53,7 @@ def exact_tangent_arrays(model: Model) -> Arrays:
         return arrays
     number = arrays.members.number.copy()
     number[arrays.members.kind == COROTATIONAL, 1] = 0
-    return arrays._replace(members=arrays.members._replace(number=number))
+    return arrays.replace(members=arrays.members._replace(number=number))
 
 
 def row_numbers(model: Model, names: Iterable[str]) -> list[int]:
@@ -86,20 +86,14 @@ def release_rows(arrays: Arrays, value: Array, rows: Iterable[int]) -> None:
         value[plan.diagonal[int(np.searchsorted(plan.start, terms.start[row]))]] = -1.0
 
 
-def row_gradients(
-    arrays: Arrays, motion: State, rows: Iterable[int], *, flat: FlatArrays | None = None
-) -> Array:
-    """Derivatives (unknowns, len(rows)) of the coordinates of drives and supports with respect to the node motions.
-
-    flat: numbers of the model, where they are not those of `arrays`.
-    """
-    flat = arrays.flat if flat is None else flat
+def row_gradients(arrays: Arrays, motion: State, rows: Iterable[int]) -> Array:
+    """Derivatives (unknowns, len(rows)) of the coordinates of drives and supports with respect to the node motions."""
     terms, rows = arrays.terms, list(rows)
     found = np.zeros((arrays.plan.unknowns, len(rows)))
     slope = np.empty((8, 3))
     for k, row in enumerate(rows):
         for t in range(terms.first[row], terms.first[row + 1]):
-            term_slope(flat.ints, flat.floats, motion.x, motion.R, motion.angle, t, slope)
+            term_slope(*arrays.flat, motion.x, motion.R, motion.angle, t, slope)
             for e in range(2):
                 start = arrays.start[terms.node[t, e]]
                 if start >= 0:

@@ -27,12 +27,12 @@ from ksd.answers.leaf_groups import (
 )
 from ksd.answers.nonconservative import skew_tangent
 from ksd.answers.tangent import release_rows, stored_matrix
-from ksd.elements.member_tangent import geometric_tangent
+from ksd.elements.ends import geometric_tangent
 from ksd.model.arrays import COIL, STRAIN, TORSION, State, make_workspace
 from ksd.model.compile import Model
 from ksd.model.loading import twist
 from ksd.model.newton import assemble, assemble_nodes
-from ksd.model.turns import nearest_turn
+from ksd.numerics.rotations import nearest_turn
 
 Array = NDArray[np.float64]
 
@@ -78,12 +78,12 @@ def _node_tangent(model: Model, motion: State, rows: Iterable[int], load_factor:
 
 def _with_relaxed_springs(model: Model, motion: State) -> Model:
     """The model with springs and elastic links that carry no force at `motion`."""
-    springs = model.arrays.springs
-    if not len(springs.kind):
+    if not len(model.arrays.springs.kind):
         return model
-    value = springs.value.copy()
+    arrays = model.arrays.copy()
+    springs = arrays.springs
     for i, (a, b) in enumerate(springs.node.tolist()):
-        here, R = value[springs.value_at[i] :], motion.R
+        here, R = springs.value[springs.value_at[i] :], motion.R
         frame = R[a] @ springs.frame[i, 0]
         ends = [motion.x[n] + R[n] @ springs.offset[i, e] for e, n in enumerate((a, b))]
         d = frame.T @ (ends[1] - ends[0])
@@ -96,7 +96,7 @@ def _with_relaxed_springs(model: Model, motion: State) -> Model:
             # position and rotation at rest, then the wrench there
             here[:3], here[3:12] = d, (frame.T @ R[b] @ springs.frame[i, 1]).ravel()
             here[12:18] = 0.0
-    return replace(model, arrays=model.arrays._replace(springs=springs._replace(value=value)))
+    return replace(model, arrays=arrays)
 
 
 def _wrench_tangents(motion: State, group: LeafGroup, ends: EndFrames) -> Array:
@@ -159,7 +159,7 @@ def _unstressed_chains(model: Model, motion: State, rows: Iterable[int]) -> Arra
     number = members.number.copy()
     number[:, 1] = 1
     model = _with_relaxed_springs(model, motion)
-    model = replace(model, arrays=model.arrays._replace(members=members._replace(number=number)))
+    model = replace(model, arrays=model.arrays.replace(members=members._replace(number=number)))
     return _chain_tangent(model, state, rows, 0.0)
 
 
@@ -202,7 +202,7 @@ def strain_rates(model: Model, motion: State) -> Array:
     number = members.number.copy()
     # geometric forces from the stored unit stresses, not from those of the state
     number[:, 1] = 1
-    arrays = replace(model, arrays=model.arrays._replace(members=members._replace(number=number))).arrays
+    arrays = replace(model, arrays=model.arrays.replace(members=members._replace(number=number))).arrays
     work, target, state = make_workspace(arrays), np.zeros(len(arrays.terms.start)), motion.copy()
     D = np.empty((len(number), 6, 6))
     for k in range(6):

@@ -220,9 +220,7 @@ class _RodMechanism:
         """Assemble residual and tangent into the workspace."""
         motion, work = self.motion, self.work
         assemble_nodes(self.model.arrays, motion, self.load_factor, work, target=self.target)
-        add_rods(
-            self.model.arrays.flat.ints, motion.x, motion.R, self.cut.rods, self.state, work.matrix, work.rhs
-        )
+        add_rods(self.model.arrays.ints, motion.x, motion.R, self.cut.rods, self.state, work.matrix, work.rhs)
 
     def gaps(self) -> Gaps:
         """Closure gaps of all leaves; those of the parts of a leaf are added."""
@@ -255,7 +253,7 @@ class _RodMechanism:
                 if k == 0:
                     raise
                 return False
-            move_rods(arrays.flat.ints, motion.x, motion.R, self.cut.rods, self.state, step)
+            move_rods(arrays.ints, motion.x, motion.R, self.cut.rods, self.state, step)
             move_nodes(arrays, motion, step, 1.0)
             moves = _relative_gaps(self.state.closing, self.cut.length)
             largest = float(moves.max())

@@ -14,7 +14,7 @@ import numpy as np
 
 from ksd.elements.corotational import condense
 from ksd.elements.corotational_element import CHAIN_SCRATCH_SIZE, ELEMENT_STORE_SIZE
-from ksd.elements.member_tangent import member_tangent
+from ksd.elements.ends import member_tangent
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import exp_tangent, rotation_exp, tangent_factors
 

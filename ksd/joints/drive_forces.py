@@ -8,18 +8,7 @@ import numpy as np
 
 from ksd.joints.joint_arrays import CLOSING_COUNT, FIRST_MOTION, JOINT_COUNT
 from ksd.joints.kinematics import MIN_PIVOT, least_squares, least_squares_scratch, loop_equations_at
-from ksd.model.arrays import (
-    LOAD_FOLLOWING,
-    LOAD_FORCE,
-    LOAD_MOMENT,
-    LOAD_NODE,
-    LOAD_POINT,
-    LOADS,
-    ROWS,
-    TERM_FIRST,
-    TERM_KIND,
-    TRANSLATION,
-)
+from ksd.model.arrays import LOAD, LOADS, ROWS, TERM, TRANSLATION
 from ksd.numerics.kernel import kernel
 
 
@@ -28,7 +17,7 @@ def drive_forces(ints, floats, joint_ints, geometry, theta, target, x, R, angle,
     """Write mu (c,): multipliers of drives and supports in step 1 by virtual work, with the links at the poses that
     theta gives.
 
-    ints, floats: of the reduced mechanism, as in `ksd.model.arrays.FlatArrays`; joint_ints, geometry: as in
+    ints, floats: of the reduced mechanism, as in `ksd.model.arrays.Arrays`; joint_ints, geometry: as in
     `ksd.joints.joint_arrays`; x, R, angle: of its links, overwritten. wrench (54 J,): inner states of the condensed joints,
     with their wrench F at 12 (`ksd.elements.linear`). With Q the work of the joints' wrenches in pure intended motion minus
     that of the loads, mu_i = -Q . J^+ e_i, where J^+ e_i is the change of theta per unit of row i while the loops stay
@@ -45,9 +34,9 @@ def drive_forces(ints, floats, joint_ints, geometry, theta, target, x, R, angle,
                 Q[q] += wrench[54 * j + 12 + r] * pose[j, at + r]
     arm, force, moment = np.empty(3), np.empty(3), np.empty(3)
     for i in range(ints[LOADS]):
-        node, following = ints[ints[LOAD_NODE] + i], ints[ints[LOAD_FOLLOWING] + i] == 1
-        point_at, force_at = ints[LOAD_POINT] + 3 * i, ints[LOAD_FORCE] + 3 * i
-        moment_at = ints[LOAD_MOMENT] + 3 * i
+        node, following = ints[ints[LOAD.node] + i], ints[ints[LOAD.following] + i] == 1
+        point_at, force_at = ints[LOAD.point] + 3 * i, ints[LOAD.force] + 3 * i
+        moment_at = ints[LOAD.moment] + 3 * i
         for r in range(3):
             arm[r], force[r], moment[r] = 0.0, 0.0, 0.0
             for c in range(3):
@@ -69,7 +58,7 @@ def drive_forces(ints, floats, joint_ints, geometry, theta, target, x, R, angle,
             s, rotations = 0.0, True
             for q in range(motions):
                 s -= Q[q] * rate[q]
-            for t in range(ints[ints[TERM_FIRST] + i], ints[ints[TERM_FIRST] + i + 1]):
-                rotations = rotations and ints[ints[TERM_KIND] + t] != TRANSLATION
+            for t in range(ints[ints[TERM.first] + i], ints[ints[TERM.first] + i + 1]):
+                rotations = rotations and ints[ints[TERM.kind] + t] != TRANSLATION
             # rows of rotations only were multiplied by the length scale, so their multipliers are divided by it
             mu[i] = s * length_scale if rotations else s

@@ -1,6 +1,6 @@
 """Arrays of the joints of a model: their kinematics, and the database functions of their internal states.
 
-Kernels take two flat arrays in place of many, as for `ksd.model.arrays.FlatArrays`: `joint_ints` and `geometry` of a
+Kernels take two flat arrays in place of many, as for `ksd.model.arrays.Arrays`: `joint_ints` and `geometry` of a
 `JointKinematics`, `interior_ints` and `interior_floats` of an `InteriorFunctions`. Entry c of row i of a field F with w
 columns is ints[ints[F] + w i + c] for integers and floats[ints[F] + w i + c] otherwise.
 """
@@ -55,7 +55,7 @@ class JointKinematics(JointKinematicsFields):
     def flat(self) -> FlatFields:
         """All fields of a single design in two arrays."""
         counts = len(self.node), len(self.tree), len(self.closing), self.pose.shape[2]
-        return FlatFields(*join_fields(counts, (), self))
+        return FlatFields(*join_fields(counts, self))
 
     @cached_property
     def joined(self) -> FlatFields:
@@ -102,7 +102,7 @@ class InteriorFunctions(InteriorFunctionsFields):
     def flat(self) -> FlatFields:
         """All fields of a single design in two arrays."""
         counts = len(self.block_node), len(self.joint), len(self.near_joint)
-        return FlatFields(*join_fields(counts, (), self))
+        return FlatFields(*join_fields(counts, self))
 
     @cached_property
     def joined(self) -> FlatFields:

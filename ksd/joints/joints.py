@@ -24,12 +24,11 @@ from ksd.library import Record
 from ksd.model.arrays import (
     COROTATIONAL,
     LINEAR,
-    LOAD_FLOATS,
-    MEMBER_FLOATS,
-    TERM_FLOATS,
     Arrays,
     State,
     angle_count,
+    copy_floats,
+    write,
 )
 from ksd.model.compile import Model, model_source
 from ksd.model.pack import MemberTopology, largest_extent, topology_arrays
@@ -39,8 +38,6 @@ from ksd.model.template import (
     LeafGeometry,
     LeafPacking,
     Template,
-    arrays_of_design,
-    repeat_fields,
     state_of_design,
 )
 from ksd.model.turns import count_from_links, node_rotations
@@ -229,7 +226,7 @@ class JointLayout:
         self.substructures = topology_arrays(1 + blocks + len(self.nodes), shapes, last=len(self.nodes))
         self.leaf = template.member_leaf[: len(shapes)]
         if scene_layout.has_gravity and template.leaf_has_weight[self.leaf].any():
-            self.substructures = self.substructures._replace(weight=np.zeros((len(shapes), 4)))
+            self.substructures = self.substructures.replace(weight=np.zeros((len(shapes), 4)))
         same = len(shapes) == len(template.member_topologies)
         # without other members the constants are those of the full model
         self.substructure_packed = (
@@ -330,7 +327,7 @@ class JointLayout:
             links, [*linear_bodies, *other_leaves], scene_layout.rows, loads, springs
         )
         if scene_layout.has_gravity and template.leaf_has_weight[template.member_leaf[in_joints:]].any():
-            self.reduced = self.reduced._replace(weight=np.zeros((joints + len(other_leaves), 4)))
+            self.reduced = self.reduced.replace(weight=np.zeros((joints + len(other_leaves), 4)))
         self.reduced_packed = LeafPacking(
             template.leaf_layouts, template.member_leaf[len(self.leaf) :], self.reduced.members, joints
         )
@@ -405,26 +402,16 @@ class JointLayout:
             value, inner = full.value, designs.rest.inner
         else:
             value, inner = self.substructure_packed.values(leaves, numbers.explicit)
-        members = self.substructures.members._replace(
-            offset=ends - x[:, self.substructures.members.node],
-            frame=leaves.frame[:, leaf],
-            value=value,
-            length=length,
+        arrays = self.substructures.designs(count)
+        write(
+            arrays.members, offset=ends - x[:, arrays.members.node], frame=leaves.frame[:, leaf], value=value, length=length,
             stiffness_scale=leaves.stiffness_scale[:, leaf],
-        )
-        extent = np.maximum(largest_extent(x, ends), length.max(axis=1, initial=0.0))
+        )  # fmt: skip
+        arrays.floats[:, 0] = np.maximum(largest_extent(x, ends), length.max(axis=1, initial=0.0))
         # global gravity; rotated into the axes of each joint before it is condensed
-        weight = designs.arrays.weight[:, : len(leaf)]
-        topology = self.substructures
-        arrays = topology._replace(
-            members=members,
-            terms=repeat_fields(topology.terms, TERM_FLOATS, count),
-            loads=repeat_fields(topology.loads, LOAD_FLOATS, count),
-            size=extent,
-            springs=repeat_fields(topology.springs, MEMBER_FLOATS, count),
-            weight=weight if len(topology.weight) else weight[:, :0],
-        )
-        rotations, angles = np.tile(np.eye(3), (count, nodes, 1, 1)), np.zeros((count, angle_count(topology)))
+        if arrays.weight.size:
+            arrays.weight[...] = designs.arrays.weight[:, : len(leaf)]
+        rotations, angles = np.tile(np.eye(3), (count, nodes, 1, 1)), np.zeros((count, angle_count(arrays)))
         return arrays, State(x, rotations, inner, np.zeros((count, 0)), angles)
 
     def _fill_reduced(
@@ -432,7 +419,7 @@ class JointLayout:
     ) -> tuple[Arrays, State]:
         """The reduced mechanism of D designs and its rest state."""
         count, links, in_joints = len(numbers.leaf), len(self.template.scene_layout.links), len(self.leaf)
-        full, topology = designs.arrays, self.reduced
+        full, arrays = designs.arrays, self.reduced.designs(count)
         members = full.members
         value, inner = self.reduced_packed.values(designs.leaves, numbers.explicit)
         joint_stiffness_scale = np.maximum.reduceat(
@@ -445,46 +432,29 @@ class JointLayout:
         x = designs.rest.x[:, :links]
         offset = with_free(kinematics.anchor, members.offset)
         lengths = with_free(kinematics.length, members.length)
-        reduced_members = topology.members._replace(
-            offset=offset, frame=with_free(np.stack([kinematics.frame] * 2, axis=2), members.frame), value=value,
-            length=lengths, stiffness_scale=with_free(joint_stiffness_scale, members.stiffness_scale),
+        write(
+            arrays.members, offset=offset, frame=with_free(np.stack([kinematics.frame] * 2, axis=2), members.frame),
+            value=value, length=lengths, stiffness_scale=with_free(joint_stiffness_scale, members.stiffness_scale),
         )  # fmt: skip
-        loads = full.loads
+        given = full.loads.point.shape[1]
+        for name in ("point", "force", "moment"):
+            getattr(arrays.loads, name)[:, :given] = getattr(full.loads, name)
         if len(self.joint_weights.owner):
-            loads = self._loads_with_joint_weights(numbers, designs)
-        weight = full.weight
-        if weight.shape[1]:
-            free = weight[:, in_joints:]
-            linear = np.zeros((count, len(self.nodes), 4))
-            linear[..., 1:] = numbers.gravity[:, None]
-            weight = np.concatenate([linear, free], axis=1) if len(topology.weight) else weight[:, :0]
-        arrays = topology._replace(
-            members=reduced_members,
-            terms=topology.terms._replace(
-                coefficient=full.terms.coefficient, direction=full.terms.direction, point=full.terms.point
-            ),
-            loads=topology.loads._replace(point=loads.point, force=loads.force, moment=loads.moment),
-            size=np.maximum(largest_extent(x, x[:, reduced_members.node] + offset), lengths.max(axis=1, initial=0.0)),
-            springs=full.springs,
-            weight=weight,
-        )  # fmt: skip
+            # the weights of the joints follow; step 2 sets the points where they act
+            mass = np.add.reduceat(full.weight[:, :in_joints, 0], self.first_member, axis=1)
+            arrays.loads.force[:, given:] = (
+                mass[:, self.joint_weights.load >= 0, None] * numbers.gravity[:, None]
+            )
+        if arrays.weight.size:
+            arrays.weight[:, : len(self.nodes), 1:] = numbers.gravity[:, None]
+            arrays.weight[:, len(self.nodes) :] = full.weight[:, in_joints:]
+        copy_floats(full.terms, arrays.terms)
+        copy_floats(full.springs, arrays.springs)
+        extent = largest_extent(x, x[:, arrays.members.node] + offset)
+        arrays.floats[:, 0] = np.maximum(extent, lengths.max(axis=1, initial=0.0))
         rotations = np.tile(np.eye(3), (count, links, 1, 1))
-        multipliers, angles = (
-            np.zeros((count, n)) for n in (len(topology.terms.start), angle_count(topology))
-        )
+        multipliers, angles = (np.zeros((count, n)) for n in (len(arrays.terms.start), angle_count(arrays)))
         return arrays, State(x, rotations, inner, multipliers, angles)
-
-    def _loads_with_joint_weights(self, numbers: SceneNumbers, designs: DesignArrays) -> Any:
-        """Loads of D designs followed by the weights of the joints, whose points step 2 sets."""
-        loads, mass = designs.arrays.loads, designs.arrays.weight[:, : len(self.leaf), 0]
-        joint_mass = np.add.reduceat(mass, self.first_member, axis=1)[:, self.joint_weights.load >= 0]
-        force = joint_mass[..., None] * numbers.gravity[:, None]
-        zero = np.zeros_like(force)
-        return loads._replace(
-            point=np.concatenate([loads.point, zero], axis=1),
-            force=np.concatenate([loads.force, force], axis=1),
-            moment=np.concatenate([loads.moment, zero], axis=1),
-        )
 
 
 def _scales(numbers: SceneNumbers, leaves: LeafGeometry) -> np.ndarray:
@@ -497,8 +467,8 @@ def joint_bodies_of_design(layout: JointLayout, bodies: JointBodies, d: int) -> 
     """Joint bodies of design d of those that `layout` made."""
     return JointBodies(
         functions_of_design(bodies.kinematics, d), functions_of_design(bodies.interior, d),
-        arrays_of_design(bodies.substructures, layout.substructures, d), state_of_design(bodies.substructure_rest, d),
-        arrays_of_design(bodies.reduced, layout.reduced, d), state_of_design(bodies.reduced_rest, d), bodies.near_lengths,
+        bodies.substructures.design(d), state_of_design(bodies.substructure_rest, d),
+        bodies.reduced.design(d), state_of_design(bodies.reduced_rest, d), bodies.near_lengths,
         bodies.full_node, bodies.motion_range, bodies.motion_scale[d], bodies.motion_names, bodies.joint_weights,
         bodies.leaf_links,
     )  # fmt: skip

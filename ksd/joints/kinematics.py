@@ -24,14 +24,7 @@ from ksd.joints.joint_arrays import (
     TREE_COUNT,
 )
 from ksd.joints.joint_poses import joint_poses
-from ksd.model.arrays import (
-    ROWS,
-    TERM_COEFFICIENT,
-    TERM_FIRST,
-    TERM_KIND,
-    TERM_NODE,
-    TRANSLATION,
-)
+from ksd.model.arrays import ROWS, TERM, TRANSLATION
 from ksd.model.loading import term_slope
 from ksd.model.turns import add_rotations
 from ksd.numerics.kernel import kernel
@@ -203,7 +196,7 @@ def loop_equations(
 ):  # fmt: skip
     """Write link poses (into x, R), residual (E,) and Jacobian J (E, motions) for the joint poses pose (J, 24).
 
-    ints, floats: of a model with the links, as in `ksd.model.arrays.FlatArrays`; joint_ints, geometry: as in
+    ints, floats: of a model with the links, as in `ksd.model.arrays.Arrays`; joint_ints, geometry: as in
     `ksd.joints.joint_arrays`. Rows: six for each closing joint, then one for each constraint row of the model;
     rotations are multiplied by the length scale of the model. target (c,): drive values. W (k, motions, 6): twists of
     the nodes. W and J must hold zeros at the first call: entries that stay zero are not written, so that the cost of a
@@ -224,11 +217,11 @@ def loop_equations(
 def _term_columns(ints, ancestry, t):
     """Range of motions (first, end) that constraint term t depends on: a rotation between neighbouring links of the
     tree depends on the joint between them only."""
-    a, b = ints[ints[TERM_NODE] + 2 * t], ints[ints[TERM_NODE] + 2 * t + 1]
+    a, b = ints[ints[TERM.node] + 2 * t], ints[ints[TERM.node] + 2 * t + 1]
     from_a, from_b = ancestry[0, a], ancestry[0, b]
     before_a, before_b = ancestry[1, a], ancestry[1, b]
     first = 0
-    if ints[ints[TERM_KIND] + t] != TRANSLATION:
+    if ints[ints[TERM.kind] + t] != TRANSLATION:
         if before_b == a:
             first = from_a
         elif before_a == b:
@@ -239,9 +232,9 @@ def _term_columns(ints, ancestry, t):
 @kernel(inline="late")
 def _row_columns(ints, ancestry, i):
     """Range of motions (first, end) that constraint row i depends on."""
-    begin = ints[ints[TERM_FIRST] + i]
+    begin = ints[ints[TERM.first] + i]
     first, last = _term_columns(ints, ancestry, begin)
-    for t in range(begin + 1, ints[ints[TERM_FIRST] + i + 1]):
+    for t in range(begin + 1, ints[ints[TERM.first] + i + 1]):
         low, high = _term_columns(ints, ancestry, t)
         first, last = min(first, low), max(last, high)
     return first, last
@@ -252,16 +245,16 @@ def _constraint_equations(ints, floats, target, x, R, angle, ancestry, W, J, res
     """Write one equation per drive or support: sum of its terms minus target, and its derivative by the motions."""
     for i in range(ints[ROWS]):
         rotations, length_scale, total = 0, floats[0], -target[i]
-        begin, end = ints[ints[TERM_FIRST] + i], ints[ints[TERM_FIRST] + i + 1]
+        begin, end = ints[ints[TERM.first] + i], ints[ints[TERM.first] + i + 1]
         first, last = _row_columns(ints, ancestry, i)
         for q in range(first, last):
             J[row + i, q] = 0.0
         for t in range(begin, end):
-            c = floats[ints[TERM_COEFFICIENT] + t]
+            c = floats[ints[TERM.coefficient] + t]
             total += c * term_slope(ints, floats, x, R, angle, t, slope)
-            a, b = ints[ints[TERM_NODE] + 2 * t], ints[ints[TERM_NODE] + 2 * t + 1]
+            a, b = ints[ints[TERM.node] + 2 * t], ints[ints[TERM.node] + 2 * t + 1]
             low, high = _term_columns(ints, ancestry, t)
-            is_rotation = ints[ints[TERM_KIND] + t] != TRANSLATION
+            is_rotation = ints[ints[TERM.kind] + t] != TRANSLATION
             rotations += is_rotation
             for q in range(low, high):
                 s = 0.0

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ksd.elements.linear import LINEAR_INNER
-from ksd.model.arrays import LINEAR, Arrays, State, flatten_arrays, unflatten_arrays
+from ksd.model.arrays import LINEAR, Arrays, State
 from ksd.model.compile import Model
 from ksd.model.pack import Member, pack_members
 from ksd.model.reduced_bodies import inner_state
@@ -68,8 +68,7 @@ def single_member(model: Model, i: int) -> tuple[Arrays, State]:
     member = _member(model, i, dict.fromkeys(range(len(model.node_names)), 0))
     arrays, rest = pack_members(np.zeros((1, 3)), [member])
     arrays.members.offset[:], arrays.members.frame[:] = 0.0, np.eye(3)
-    # the offset and frame of end q can be changed in place
-    return unflatten_arrays(flatten_arrays(arrays)), rest
+    return arrays, rest
 
 
 def _linear_body(linear: Arrays, j: int, name: str) -> Member:

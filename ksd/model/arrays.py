@@ -1,16 +1,19 @@
-"""The frozen arrays of a model, their flat form for compiled kernels, its state, and the workspace of a thread.
+"""The frozen arrays of a model, views of two flat ones for compiled kernels, its state, and the workspace of a thread.
 
 Node 0 is ground. Node frames are the identity in the undeformed configuration, so a point of a link is x + R s, with s its
 undeformed offset from the reference point of the link. Lengths m, forces N, moments Nm, angles rad.
+
+The classes `Members` to `Fields` are the table of all fields: a line there gives a field its place in the flat arrays, its
+views, and its name in kernels.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from itertools import accumulate
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
 import numpy as np
 
@@ -23,6 +26,11 @@ strain-mode leaf in a plane."""
 TRANSLATION, ROTATION, ALIGNMENT = 0, 1, 2
 """Kinds of terms of constraint rows; an alignment is zero where the node has not tilted about `direction`, however far it
 has turned about its axis."""
+SETTINGS = 5
+"""Number of the settings of a member."""
+Ints = Annotated[np.ndarray, np.int64]
+Floats = Annotated[np.ndarray, np.float64]
+"""Types of fields; more numbers in `Annotated` are the shape of a row."""
 
 
 class Members(NamedTuple):
@@ -35,18 +43,18 @@ class Members(NamedTuple):
     end is fixed, and 1 where the coupling is stored as (p, q).
     """
 
-    kind: np.ndarray
-    node: np.ndarray
-    offset: np.ndarray
-    frame: np.ndarray
-    number: np.ndarray
-    value_at: np.ndarray
-    value: np.ndarray
-    inner_at: np.ndarray
-    store_at: np.ndarray
-    length: np.ndarray
-    stiffness_scale: np.ndarray
-    block: np.ndarray
+    kind: Ints
+    node: Annotated[Ints, 2]
+    offset: Annotated[Floats, 2, 3]
+    frame: Annotated[Floats, 2, 3, 3]
+    number: Annotated[Ints, SETTINGS]
+    value_at: Ints
+    value: Floats
+    inner_at: Ints
+    store_at: Ints
+    length: Floats
+    stiffness_scale: Floats
+    block: Annotated[Ints, 4]
 
 
 class Terms(NamedTuple):
@@ -58,15 +66,15 @@ class Terms(NamedTuple):
     node-node and base-node; flip (t,): 1 where the last one is stored as (base, node).
     """
 
-    first: np.ndarray
-    start: np.ndarray
-    coefficient: np.ndarray
-    kind: np.ndarray
-    node: np.ndarray
-    direction: np.ndarray
-    point: np.ndarray
-    block: np.ndarray
-    flip: np.ndarray
+    first: Ints
+    start: Ints
+    coefficient: Floats
+    kind: Ints
+    node: Annotated[Ints, 2]
+    direction: Annotated[Floats, 3]
+    point: Annotated[Floats, 2, 3]
+    block: Annotated[Ints, 5]
+    flip: Ints
 
 
 class Loads(NamedTuple):
@@ -76,151 +84,238 @@ class Loads(NamedTuple):
     (`ksd.model.follower_correction`); block (l,): offset of the diagonal block of the node.
     """
 
-    node: np.ndarray
-    point: np.ndarray
-    force: np.ndarray
-    moment: np.ndarray
-    following: np.ndarray
-    skew: np.ndarray
-    block: np.ndarray
+    node: Ints
+    point: Annotated[Floats, 3]
+    force: Annotated[Floats, 3]
+    moment: Annotated[Floats, 3]
+    following: Ints
+    skew: Ints
+    block: Ints
 
 
-class ArrayFields(NamedTuple):
+class Fields(NamedTuple):
     """The fields of `Arrays`.
 
-    plan: of the block matrix; start (k,): first unknown of each node, -1 where it is fixed; size: length scale [m]. springs:
-    elastic bodies without inner unknowns, packed as members: COIL has the constants (stiffness [N/m], free length [m]),
-    TORSION (stiffness [Nm/rad], rest angle [rad]) about e3 of end p, LINEAR those of `ksd.elements.linear`. Their rows of
-    Workspace.lam and Workspace.pose follow those of the members. active_dofs (w,): which of x, y, z, rx, ry, rz of every
-    node are unknown: all six, or three in a plane (`ksd.model.plane`). weight (m, 4): mass of every member [kg], 0 without
-    weight, and its gravity [m/s^2]; (0, 4) where no member has weight.
+    size (1,): length scale [m]; plan: `Blocks.ints` of the block matrix; start (k,): first unknown of each node, -1 where it
+    is fixed. The last rows of the members are `springs`, elastic bodies without inner unknowns: COIL has the constants
+    (stiffness [N/m], free length [m]), TORSION (stiffness [Nm/rad], rest angle [rad]) about e3 of end p, LINEAR those of
+    `ksd.elements.linear`. active_dofs (w,): which of x, y, z, rx, ry, rz of every node are unknown: all six, or three in a
+    plane (`ksd.model.plane`). weight (m, 4): mass of every other member [kg], 0 without weight, and its gravity [m/s^2];
+    (0, 4) where no member has weight. carried (c, 2): nodes of long chains, each with the node that carries it.
     """
 
-    plan: Blocks
+    size: Floats
+    plan: Ints
+    start: Ints
+    members: Members
+    terms: Terms
+    loads: Loads
+    weight: Annotated[Floats, 4]
+    active_dofs: Ints
+    carried: Annotated[Ints, 2]
+
+
+def _fields() -> dict[str, tuple[Any, tuple[int, ...]]]:
+    """Type and shape of a row of every field, by name, "members.kind" and the like."""
+    table = {}
+    for part, hint in get_type_hints(Fields, include_extras=True).items():
+        is_part = isinstance(hint, type)
+        own = get_type_hints(hint, include_extras=True) if is_part else {part: hint}
+        for name, field in own.items():
+            _, dtype, *shape = get_args(field)
+            table[f"{part}.{name}" if is_part else part] = dtype, tuple(shape)
+    return table
+
+
+FIELDS = _fields()
+"""Type and shape of a row of every field, by its name."""
+_COUNTED = "start", "members.kind", "terms.start", "loads.node", "active_dofs", "carried"
+NODES, MEMBER_COUNT, ROWS, LOADS, DOFS_PER_NODE, CARRIED_NODES, LEAF_COUNT = range(len(_COUNTED) + 1)
+"""Positions of the counts in `Arrays.ints`: lengths of the fields `_COUNTED`, and the number of members before the springs.
+The starts of all fields follow."""
+_PLACES: dict[str, Any] = {name: LEAF_COUNT + 1 + i for i, name in enumerate(FIELDS)}
+
+
+def _places(part: Any, name: str) -> Any:
+    return part(*(_PLACES[f"{name}.{field}"] for field in part._fields))
+
+
+MEMBER, TERM, LOAD = _places(Members, "members"), _places(Terms, "terms"), _places(Loads, "loads")
+AT = Fields(*(_PLACES.get(name, -1) for name in Fields._fields))
+"""Positions in `Arrays.ints` of the starts of fields, by name: entry c of row i of a field with w columns of the members is
+ints[ints[MEMBER.node] + w i + c], or floats[ints[MEMBER.offset] + w i + c]. Kernels read them so, as access to arrays in
+named tuples counts their references."""
+LEAF_MEMBERS, BEAM_MEMBERS, ALL_MEMBERS = range(3)
+
+
+class Arrays:
+    """One mechanism, or D designs with a leading axis over them in all floats: `Fields`, views of two flat arrays.
+
+    ints: counts, the start of every field, the number of floats, and the integer fields; floats (f,) or (D, f). Kernels read
+    these two, so they read what is written into a field. Here `members` are those before the springs; `springs.value_at`
+    counts from the constants of the springs.
+    """
+
     start: np.ndarray
     members: Members
     terms: Terms
     loads: Loads
-    size: float
     springs: Members
     weight: np.ndarray
     active_dofs: np.ndarray
     carried: np.ndarray
 
-
-MEMBER_FLOATS = ("offset", "frame", "value", "length", "stiffness_scale")
-TERM_FLOATS = ("coefficient", "direction", "point")
-LOAD_FLOATS = ("point", "force", "moment")
-FLOATS_OF_PARTS = {
-    "members": MEMBER_FLOATS,
-    "terms": TERM_FLOATS,
-    "loads": LOAD_FLOATS,
-    "springs": MEMBER_FLOATS,
-}
-"""Names of the float fields, in the order of `FlatArrays.floats`, between the size and the weight."""
-
-
-class Arrays(ArrayFields):
-    """One mechanism as arrays, or D designs where float fields and size have a leading axis over them."""
-
-    @cached_property
-    def flat(self) -> FlatArrays:
-        """A copy of all fields of a mechanism in the form for compiled code."""
-        return flatten_arrays(self)
-
-    @cached_property
-    def joined_floats(self) -> np.ndarray:
-        """`FlatArrays.floats` (D, f) of D designs."""
-        size: Any = self.size
-        fields = [getattr(getattr(self, part), n) for part, names in FLOATS_OF_PARTS.items() for n in names]
-        return np.concatenate([f.reshape(len(size), -1) for f in (size, *fields, self.weight)], axis=1)
-
-    @cached_property
-    def float_slices(self) -> list[tuple[int, list[tuple[int, slice, tuple[int, ...]]]]]:
-        """(index of the part in `Arrays`, its non-empty float fields) of every part that has floats.
-
-        A field is given as (index in its part, slice of `FlatArrays.floats`, shape).
-        """
-        at, parts = 1, []
-        for part, names in FLOATS_OF_PARTS.items():
-            own = getattr(self, part)
-            fields = [getattr(own, name) for name in names]
-            ends = list(accumulate((field.size for field in fields), initial=at))
-            filled = [
-                (own._fields.index(name), slice(*ends[k : k + 2]), field.shape)
-                for k, (name, field) in enumerate(zip(names, fields, strict=True))
-                if field.size
-            ]
-            if filled:
-                parts.append((self._fields.index(part), filled))
-            at = ends[-1]
-        return parts
+    def __init__(self, ints: np.ndarray, floats: np.ndarray, topology: Arrays | None = None) -> None:
+        """topology: arrays with the same integers, whose views are shared."""
+        self.ints, self.floats, self.topology = ints, floats, topology or self
 
     def __reduce__(self) -> Any:
-        return unflatten_arrays, (self.flat,)
+        return Arrays, (self.ints, self.floats)
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in (*Fields._fields, "springs"):
+            raise AttributeError(f"Arrays have no field '{name}'")
+        field = self._field(name)
+        setattr(self, name, field)
+        return field
+
+    def _field(self, name: str) -> Any:
+        """The views of a field or part."""
+        if name in FIELDS:
+            return self._view(name)
+        part = "members" if name == "springs" else name
+        if self.topology is self:
+            return _PARTS[part](*(self._view(f"{part}.{own}", name) for own in _PARTS[part]._fields))
+        shared = getattr(self.topology, name)
+        floats = (own for own in shared._fields if FIELDS[f"{part}.{own}"][0] is np.float64)
+        return shared._replace(**{own: self._view(f"{part}.{own}", name) for own in floats})
+
+    def _view(self, name: str, part: str = "") -> np.ndarray:
+        """The view of one field, of members and springs their own rows."""
+        place, shape = self.topology._slices[name]
+        if FIELDS[name][0] is np.int64:
+            view = self.ints[place].reshape(shape)
+        else:
+            view = self.floats[..., place].reshape(*self.floats.shape[:-1], *shape)
+        if part not in ("members", "springs"):
+            return view
+        leaves, constants = self.topology._split
+        own = name.partition(".")[2]
+        at = constants if own == "value" else leaves + (part == "members" and own in ("inner_at", "store_at"))
+        rows = slice(at) if part == "members" else slice(at, None)
+        view = view[rows] if view.ndim == len(shape) else view[:, rows]
+        return view - constants if part == "springs" and own == "value_at" else view
+
+    @cached_property
+    def _split(self) -> tuple[int, int]:
+        """Number of the members before the springs, and of their constants."""
+        leaves, value_at = int(self.ints[LEAF_COUNT]), self.ints[self._slices["members.value_at"][0]]
+        return leaves, int(value_at[leaves]) if leaves < len(value_at) else self._slices["members.value"][1][
+            0
+        ]
+
+    @cached_property
+    def _slices(self) -> dict[str, tuple[slice, tuple[int, ...]]]:
+        """Place in its flat array, and shape, of every field."""
+        ends, found = {np.int64: len(self.ints), np.float64: int(self.ints[LAST])}, {}
+        for name, (dtype, row) in reversed(FIELDS.items()):
+            first, width = int(self.ints[_PLACES[name]]), math.prod(row)
+            found[name] = slice(first, ends[dtype]), ((ends[dtype] - first) // width, *row)
+            ends[dtype] = first
+        return found
+
+    @property
+    def flat(self) -> tuple[np.ndarray, np.ndarray]:
+        """Both flat arrays, for kernels."""
+        return self.ints, self.floats
+
+    @property
+    def size(self) -> float:
+        """Length scale [m] of a single mechanism."""
+        return float(self.floats[0])
+
+    @cached_property
+    def plan(self) -> Blocks:
+        """The plan of the block matrix."""
+        if self.topology is not self:
+            return self.topology.plan
+        return unflatten_blocks(self._view("plan"))
+
+    @cached_property
+    def member_kinds(self) -> int:
+        """LEAF_MEMBERS where all members are strain-mode leaves or linear bodies without weight, there are no springs, and
+        no load has a skew tangent; ALL_MEMBERS where one is a modal body or a solid; else BEAM_MEMBERS."""
+        if self.topology is not self:
+            return self.topology.member_kinds
+        kind = self.members.kind
+        if np.isin(kind, (MODAL, SOLID)).any():
+            return ALL_MEMBERS
+        all_leaves = np.isin(kind, (STRAIN, PLANAR, LINEAR)).all()
+        has_more = len(self.weight) or len(self.springs.kind) or self.loads.skew.any()
+        return LEAF_MEMBERS if all_leaves and not has_more else BEAM_MEMBERS
+
+    def replace(self, **fields: Any) -> Arrays:
+        """New arrays of a mechanism with other `fields`, whose sizes may be others."""
+        return arrays_of(**{name: getattr(self, name) for name in (*Fields._fields, "springs")} | fields)
+
+    def copy(self) -> Arrays:
+        """An independent copy of all floats."""
+        return Arrays(self.ints, self.floats.copy(), self.topology)
+
+    def designs(self, count: int) -> Arrays:
+        """Arrays of `count` designs with these integers, all floats zero."""
+        return Arrays(self.ints, np.zeros((count, int(self.ints[LAST]))), self.topology)
+
+    def design(self, d: int) -> Arrays:
+        """A copy of design d of several."""
+        return Arrays(self.ints, self.floats[d].copy(), self.topology)
 
 
-LEAF_MEMBERS, BEAM_MEMBERS, ALL_MEMBERS = range(3)
+LAST = LEAF_COUNT + 1 + len(FIELDS)
+"""Position in `Arrays.ints` of the number of floats."""
+_PARTS: dict[str, Any] = {"members": Members, "terms": Terms, "loads": Loads}
 
 
-class FlatArrays(NamedTuple):
-    """`Arrays` as two arrays, for compiled code.
-
-    ints: counts, the start of every field, and the integer fields; floats: size and the float fields. member_kinds:
-    LEAF_MEMBERS where all members are strain-mode leaves or linear bodies without weight, there are no springs, and no load
-    has a skew tangent; ALL_MEMBERS where one is a modal body or a solid; else BEAM_MEMBERS.
-
-    Kernels read entry c of row i of a field f with w columns as ints[ints[f] + w i + c], or as floats[ints[f] + w i + c].
-    This avoids access to fields of named tuples, which counts the references of an array.
-    """
-
-    ints: np.ndarray
-    floats: np.ndarray
-    member_kinds: int
-
-
-class KernelArrays(NamedTuple):
-    """The part of `Arrays` that compiled code needs: their flat form, and the weight of the members."""
-
-    flat: FlatArrays
-    weight: np.ndarray
+def arrays_of(**fields: Any) -> Arrays:
+    """The arrays of a mechanism with a copy of all its `Fields` and springs; size: a number, plan: `Blocks`."""
+    fields["size"], fields["plan"] = np.array([fields["size"]]), fields["plan"].ints
+    members, springs = fields["members"], fields["springs"]
+    joined = {
+        name: np.concatenate([own, more])
+        for name, own, more in zip(Members._fields, members, springs, strict=True)
+    }
+    for name in ("inner_at", "store_at"):
+        own = getattr(members, name)
+        joined[name] = np.concatenate([own, own[-1:].repeat(len(springs.kind))])
+    joined["value_at"][len(members.kind) :] += len(members.value)
+    fields["members"] = Members(**joined)
+    values = {}
+    for name in FIELDS:
+        part, _, own = name.partition(".")
+        values[name] = getattr(fields[part], own) if own else fields[part]
+    counts = [len(values[name]) for name in _COUNTED]
+    return Arrays(*join_fields([*counts, len(members.kind)], values.values()))
 
 
-SETTINGS = 5
-"""Number of the settings of a member."""
-NODES, MEMBER_COUNT, ROWS, LOADS, SPRING_COUNT, DOFS_PER_NODE, CARRIED_NODES, PLAN, START, MEMBERS = range(10)
-KIND, NODE, OFFSET, FRAME, NUMBER, VALUE_AT, VALUE, INNER_AT, STORE_AT, LENGTH, STIFFNESS_SCALE, BLOCK = (
-    range(12)
-)
-"""Positions of the starts of the fields of members, relative to MEMBERS, and of springs, relative to SPRINGS."""
-TERM_FIRST, TERM_START, TERM_COEFFICIENT, TERM_KIND, TERM_NODE = range(21, 26)
-TERM_DIRECTION, TERM_POINT, TERM_BLOCK, TERM_FLIP = range(26, 30)
-LOAD_NODE, LOAD_POINT, LOAD_FORCE, LOAD_MOMENT, LOAD_FOLLOWING, LOAD_SKEW, LOAD_BLOCK = range(30, 37)
-SPRINGS, WEIGHT, ACTIVE_DOFS, CARRIED, FLOATS = 37, 49, 50, 51, 52
-"""Positions in `FlatArrays.ints` of the counts, of the starts of fields, and last of the number of floats."""
+def write(part: Any, **values: Any) -> None:
+    """Write values into the fields of these names of a part of `Arrays`."""
+    for name, value in values.items():
+        getattr(part, name)[...] = value
 
 
-def _flat_fields(part: Any) -> Iterator[np.ndarray]:
-    for field in part:
-        if isinstance(field, Blocks):
-            yield field.ints
-        elif isinstance(field, np.ndarray):
-            yield field
-        elif isinstance(field, tuple):
-            yield from _flat_fields(field)
+def copy_floats(part: Any, to: Any) -> None:
+    """Write all float fields of a part of `Arrays` into those of another."""
+    for own, other in zip(part, to, strict=True):
+        if own.dtype == np.float64:
+            other[...] = own
 
 
-def join_fields(
-    counts: Sequence[int], first: Sequence[float], fields: Iterable[np.ndarray]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Copies of fields in two arrays.
-
-    Returns (counts, the start of every field, the number of floats, the integer fields) and (the numbers `first`, the float
-    fields).
-    """
+def join_fields(counts: Sequence[int], fields: Iterable[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Copies of fields in two arrays: (counts, the start of every field, the number of floats, the integer fields) and the
+    float fields."""
     fields = list(fields)
-    ints, floats, places = [], [np.array(first, float)], []
-    at, to = len(counts) + len(fields) + 1, len(first)
+    ints, floats, places = [], [np.zeros(0)], []
+    at, to = len(counts) + len(fields) + 1, 0
     for field in fields:
         if field.dtype == np.int64:
             places.append(at)
@@ -233,69 +328,7 @@ def join_fields(
     return np.concatenate([np.array([*counts, *places, to], np.int64), *ints]), np.concatenate(floats)
 
 
-def flatten_arrays(arrays: ArrayFields) -> FlatArrays:
-    """A copy of the fields as `FlatArrays`."""
-    counts = (
-        len(arrays.start), len(arrays.members.kind), len(arrays.terms.start), len(arrays.loads.node),
-        len(arrays.springs.kind), len(arrays.active_dofs), len(arrays.carried),
-    )  # fmt: skip
-    return FlatArrays(*join_fields(counts, (arrays.size,), _flat_fields(arrays)), _member_kinds(arrays))
-
-
-def _member_kinds(arrays: ArrayFields) -> int:
-    """`FlatArrays.member_kinds` of these fields."""
-    kind = arrays.members.kind
-    if np.isin(kind, (MODAL, SOLID)).any():
-        return ALL_MEMBERS
-    all_leaves = np.isin(kind, (STRAIN, PLANAR, LINEAR)).all()
-    has_more = len(arrays.weight) or len(arrays.springs.kind) or arrays.loads.skew.any()
-    return LEAF_MEMBERS if all_leaves and not has_more else BEAM_MEMBERS
-
-
-_INT, _FLOAT = 0, 1
-_MEMBER_ROWS = (
-    (_INT, ()), (_INT, (2,)), (_FLOAT, (2, 3)), (_FLOAT, (2, 3, 3)), (_INT, (SETTINGS,)), (_INT, ()), (_FLOAT, ()),
-    (_INT, ()), (_INT, ()), (_FLOAT, ()), (_FLOAT, ()), (_INT, (4,)),
-)  # fmt: skip
-_TERM_ROWS = (
-    (_INT, ()), (_INT, ()), (_FLOAT, ()), (_INT, ()), (_INT, (2,)), (_FLOAT, (3,)), (_FLOAT, (2, 3)), (_INT, (5,)),
-    (_INT, ()),
-)  # fmt: skip
-_LOAD_ROWS = (
-    (_INT, ()), (_FLOAT, (3,)), (_FLOAT, (3,)), (_FLOAT, (3,)), (_INT, ()), (_INT, ()), (_INT, ()),
-)  # fmt: skip
-_ROWS = (
-    (_INT, ()), (_INT, ()), *_MEMBER_ROWS, *_TERM_ROWS, *_LOAD_ROWS, *_MEMBER_ROWS, (_FLOAT, (4,)), (_INT, ()),
-    (_INT, (2,)),
-)  # fmt: skip
-"""(integer or float, shape of a row) of every field."""
-
-
-def unflatten_arrays(flat: FlatArrays) -> Arrays:
-    """Arrays whose fields are views of `flat`, so that compiled code reads what is written into them."""
-    sources, ends = (flat.ints, flat.floats), [len(flat.ints), len(flat.floats)]
-    views: list[np.ndarray] = []
-    for (kind, shape), place in zip(reversed(_ROWS), reversed(flat.ints[PLAN:FLOATS].tolist()), strict=True):
-        part = sources[kind][place : ends[kind]]
-        views.append(part.reshape(-1, *shape) if shape else part)
-        ends[kind] = place
-    views.reverse()
-    members, terms, loads, springs = 2, 14, 23, 30
-    arrays = Arrays(
-        unflatten_blocks(views[0]),
-        views[1],
-        Members(*views[members:terms]),
-        Terms(*views[terms:loads]),
-        Loads(*views[loads:springs]),
-        float(flat.floats[0]),
-        Members(*views[springs:-3]),
-        *views[-3:],
-    )
-    arrays.flat = flat
-    return arrays
-
-
-def angle_count(arrays: ArrayFields) -> int:
+def angle_count(arrays: Arrays) -> int:
     """Size of `State.angle`."""
     return len(arrays.terms.node) + len(arrays.springs.kind) + 3 * len(arrays.start)
 
@@ -374,9 +407,8 @@ unflatten_workspace_kernel = kernel(unflatten_workspace)
 
 def make_workspace(arrays: Arrays, *, near: np.ndarray | None = None) -> Workspace:
     """Storage for one thread; near (m,): lengths of the rotation vectors about which members are linearised, if any."""
-    members, count = arrays.members, len(arrays.members.kind)
-    linearisation_at = [0] * (count + 1) if near is None else [0, *accumulate(near.tolist())]
-    rows = count + len(arrays.springs.kind)
+    members, rows = arrays.members, int(arrays.ints[MEMBER_COUNT])
+    linearisation_at = [0] * (rows + 1) if near is None else [0, *accumulate(near.tolist())]
     sizes = (
         arrays.plan.values, arrays.plan.values, arrays.plan.unknowns, int(members.store_at[-1]), 12 * rows, 18 * rows,
         2 * len(arrays.start), linearisation_at[-1], arrays.weight.size,

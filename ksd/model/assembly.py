@@ -1,4 +1,4 @@
-"""Compiled assembly of the forces and tangents of all members (`ksd.elements.member_tangent`)."""
+"""Compiled assembly of the forces and tangents of all members (`ksd.elements.ends`)."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ import numpy as np
 
 from ksd.elements import corotational, planar_leaf
 from ksd.elements.corotational_linearised import condense_linearised
+from ksd.elements.ends import member_norms, member_pose, member_tangent
 from ksd.elements.linear import linear_condense
-from ksd.elements.member_tangent import member_norms, member_tangent
 from ksd.elements.modal import modal_condense, modal_recover
 from ksd.elements.polynomial_solid import polynomial_condense
+from ksd.elements.spring import coil_condense, torsion_condense
 from ksd.elements.strain import (
     allocate_leaf_fields_compiled,
     strain_condense,
@@ -19,39 +20,31 @@ from ksd.elements.strain import (
     strain_recover,
 )
 from ksd.model.arrays import (
-    BLOCK,
+    AT,
+    COIL,
     COROTATIONAL,
-    FRAME,
-    INNER_AT,
-    KIND,
-    LENGTH,
+    DOFS_PER_NODE,
+    LEAF_COUNT,
+    MEMBER,
     MEMBER_COUNT,
-    MEMBERS,
     MODAL,
-    NODE,
-    NUMBER,
-    OFFSET,
     PLANAR,
+    ROWS,
     SETTINGS,
     SOLID,
-    START,
-    STIFFNESS_SCALE,
-    STORE_AT,
     STRAIN,
-    VALUE,
-    VALUE_AT,
-)
-from ksd.model.poses import member_pose
-from ksd.model.tangents import scatter
+    TERM,
+    TORSION,
+)  # fmt: skip
 from ksd.numerics.kernel import kernel
 
 
 @kernel(inline="always")
-def condense_any(kind, value, number, state, store, linearisation, d, Q, lam, K, A, M):
+def condense_any(kind, value, number, state, store, linearisation, counted, d, Q, lam, K, A, M):
     """Wrench lam (12,) and stiffness K (6, 6), in frame p, of a member that is not a strain-mode leaf.
 
     d (3,), Q (3, 3): pose of end q in frame p; linearisation: rotation vectors about which a chain is linearised, empty for
-    the exact tangent; A (6, 6), M (6, 12): scratch.
+    the exact tangent; counted: from the counted angle of a torsion spring, which is replaced; A (6, 6), M (6, 12): scratch.
     Returns (negative pivots, force error [N], moment error [Nm], status).
     """
     if kind == MODAL:
@@ -59,24 +52,30 @@ def condense_any(kind, value, number, state, store, linearisation, d, Q, lam, K,
     elif kind == SOLID:
         result = polynomial_condense(value, number, state, store, d, Q, lam, K)
     else:
-        result = condense_beam(kind, value, number, state, store, linearisation, d, Q, lam, K, A, M)
+        result = condense_beam(kind, value, number, state, store, linearisation, counted, d, Q, lam, K, A, M)
     return result
 
 
 @kernel(inline="always")
-def condense_beam(kind, value, number, state, store, linearisation, d, Q, lam, K, A, M):
+def condense_beam(kind, value, number, state, store, linearisation, counted, d, Q, lam, K, A, M):
     """`condense_any` without modal bodies and solids, which take as long to compile as all others together."""
     if len(linearisation) > 0:
         result = condense_linearised(value, number, state, store, linearisation, d, Q, lam, K, A, M)
     elif kind == COROTATIONAL:
         result = corotational.condense(value, number, state, store, d, Q, lam, K)
+    elif kind == COIL:
+        result = 0, 0.0, 0.0, coil_condense(value, d, lam, K)
+    elif kind == TORSION:
+        torsion_condense(value, counted, Q, lam, K)
+        result = 0, 0.0, 0.0, 0
     else:
-        result = condense_linear(kind, value, number, state, store, linearisation, d, Q, lam, K, A, M)
+        # condensed joints have their numbers as inner state, elastic links as constants
+        result = linear_condense(state if len(state) > 0 else value, d, Q, lam, K, A, M)
     return result
 
 
 @kernel(inline="always")
-def condense_linear(kind, value, number, state, store, linearisation, d, Q, lam, K, A, M):
+def condense_linear(kind, value, number, state, store, linearisation, counted, d, Q, lam, K, A, M):
     """`condense_any` for linear bodies only."""
     return linear_condense(state, d, Q, lam, K, A, M)
 
@@ -140,9 +139,9 @@ def _equals_previous(ints, i, numbers, one, two, count, d, Q, previous):
     the previous member, overwritten by those of member i.
     """
     kind, value_at, number = (
-        ints[MEMBERS + KIND] + i,
-        ints[MEMBERS + VALUE_AT] + i,
-        ints[MEMBERS + NUMBER] + SETTINGS * i,
+        ints[MEMBER.kind] + i,
+        ints[MEMBER.value_at] + i,
+        ints[MEMBER.number] + SETTINGS * i,
     )
     same = i > 0
     for r in range(3):
@@ -167,10 +166,39 @@ def _copy(numbers, one, two, count):
         numbers[two + k] = numbers[one + k]
 
 
+@kernel
+def scatter(ints, block, T, force, a, b, matrix, rhs):
+    """Add tangent T (12, 12) and force (12,) of a node pair to the block matrix and the residual, for the active degrees of
+    freedom. ints[block:]: offsets of the blocks as in `Members.block`; a, b: first unknowns of the nodes."""
+    active, w = ints[AT.active_dofs], ints[DOFS_PER_NODE]
+    for e in range(2):
+        at, u = ints[block + e], a if e == 0 else b
+        if at >= 0:
+            for r in range(w):
+                i = 6 * e + ints[active + r]
+                rhs[u + r] += force[i]
+                for c in range(w):
+                    matrix[at + w * r + c] += T[i, 6 * e + ints[active + c]]
+    couple(ints, ints[block + 2], ints[block + 3], T, matrix)
+
+
+@kernel(inline="late")
+def couple(ints, at, flipped, T, matrix):
+    """Add the coupling block of T (12, 12) to the block stored at `at`, whose rows belong to the first node where flipped
+    is 1."""
+    active, w = ints[AT.active_dofs], ints[DOFS_PER_NODE]
+    if at >= 0:
+        for r in range(w):
+            i = ints[active + r]
+            for c in range(w):
+                j = ints[active + c]
+                matrix[at + w * r + c] += T[i, 6 + j] if flipped == 1 else T[6 + i, j]
+
+
 class MemberScratch(NamedTuple):
     """Scratch for one member at a time.
 
-    pose (18,), Q, d: see `ksd.model.poses.member_pose`; lam, K: wrench and stiffness; T, force: tangent and forces on its
+    pose (18,), Q, d: see `ksd.elements.ends.member_pose`; lam, K: wrench and stiffness; T, force: tangent and forces on its
     nodes; norms (6,): of these; previous (12,): pose of the previous member; A, M: scratch of `member_tangent`.
     """
 
@@ -202,8 +230,8 @@ def allocate_leaf_scratch(ints):
     # no literals, for which numba would compile twice
     modes = points = ints[0] * 0
     for i in range(ints[MEMBER_COUNT]):
-        if ints[ints[MEMBERS + KIND] + i] == STRAIN:
-            number = ints[MEMBERS + NUMBER] + SETTINGS * i
+        if ints[ints[MEMBER.kind] + i] == STRAIN:
+            number = ints[MEMBER.number] + SETTINGS * i
             modes = max(modes, ints[number] + ints[number + 1] + ints[number + 2])
             points = max(points, ints[number + 3])
     return allocate_leaf_fields_compiled(modes, points)
@@ -211,10 +239,10 @@ def allocate_leaf_scratch(ints):
 
 @kernel(inline="always")
 def add_members(
-    condense, set_gravity, leaf_gravity, add_weight, ints, floats, x, R, inner, work, scratch, leaf, factor, rtol, noise,
-    linearise,
+    condense, set_gravity, leaf_gravity, add_weight, ints, floats, x, R, inner, angle, work, scratch, leaf, factor, rtol,
+    noise, linearise, first,
 ):  # fmt: skip
-    """Add all members, with `factor` times their weight, to work.matrix and work.rhs.
+    """Add the members from number `first` on, with `factor` times their weight, to work.matrix and work.rhs.
 
     condense, set_gravity, leaf_gravity, add_weight: kernels for the kinds of members of the mechanism. linearise 0: exact
     tangents at the state; 1: Appendix A chains are linearised about the element orientations in work.linearisation (paper 1,
@@ -231,19 +259,22 @@ def add_members(
     linearisation_at, linearisation = work.linearisation_at, work.linearisation
     matrix, rhs, scale = work.matrix, work.rhs, work.scale
     poses, lams = work.pose, work.lam
-    node, value_at, number_at = ints[MEMBERS + NODE], ints[MEMBERS + VALUE_AT], ints[MEMBERS + NUMBER]
-    inner_at, store_at, block = ints[MEMBERS + INNER_AT], ints[MEMBERS + STORE_AT], ints[MEMBERS + BLOCK]
+    node, value_at, number_at = ints[MEMBER.node], ints[MEMBER.value_at], ints[MEMBER.number]
+    inner_at, store_at, block = ints[MEMBER.inner_at], ints[MEMBER.store_at], ints[MEMBER.block]
     negatives, worst, status = 0, 0.0, 0
     member_negatives, dn, dm, member_status = 0, 0.0, 0.0, 0
-    for i in range(ints[MEMBER_COUNT]):
-        a, b, kind = ints[node + 2 * i], ints[node + 2 * i + 1], ints[ints[MEMBERS + KIND] + i]
+    # counted angles of the springs, the last members, follow those of the constraint terms
+    previous[0] = np.nan
+    turns = ints[ints[TERM.first] + ints[ROWS]] - ints[LEAF_COUNT]
+    for i in range(first, ints[MEMBER_COUNT]):
+        a, b, kind = ints[node + 2 * i], ints[node + 2 * i + 1], ints[ints[MEMBER.kind] + i]
         member_pose(
-            ints, node + 2 * i, floats, ints[MEMBERS + OFFSET] + 6 * i, floats, ints[MEMBERS + FRAME] + 18 * i, x, R, pose, Q
+            ints, node + 2 * i, floats, ints[MEMBER.offset] + 6 * i, floats, ints[MEMBER.frame] + 18 * i, x, R, pose, Q
         )  # fmt: skip
         for c in range(3):
             d[c] = pose[c] * pose[15] + pose[3 + c] * pose[16] + pose[6 + c] * pose[17]
         linearised = linearise == 1 and linearisation_at[i] < linearisation_at[i + 1]
-        has_weight = len(weight) > 0 and weight[i, 0] > 0.0
+        has_weight = i < len(weight) and weight[i, 0] > 0.0
         inner_start, store_start = ints[inner_at + i], ints[store_at + i]
         # sizes of its inner state and store, and where those of the previous member start
         state_size, store_size = ints[inner_at + i + 1] - inner_start, ints[store_at + i + 1] - store_start
@@ -264,7 +295,7 @@ def add_members(
                 is_equal = is_equal and weight[i - 1, r] == weight[i, r]
             for r in range(9):
                 is_equal = is_equal and poses[i - 1, r] == pose[r]
-        if is_equal:
+        if is_equal and kind != TORSION:
             _copy(store, store_previous, store_start, store_size)
             if linearised:
                 _copy(inner, inner_previous, inner_start, state_size)
@@ -274,7 +305,7 @@ def add_members(
                 set_gravity(pose, weight, i, factor, member_store)
             state = inner[inner_start : inner_start + state_size]
             number = ints[number_at + SETTINGS * i : number_at + SETTINGS * (i + 1)]
-            value = floats[ints[MEMBERS + VALUE] + ints[value_at + i] :]
+            value = floats[ints[MEMBER.value] + ints[value_at + i] :]
             # leaf springs are not called by `condense`, as handing on their scratch counts references of two dozen arrays
             if kind == PLANAR:
                 member_negatives, dn, dm, member_status = planar_leaf.condense(
@@ -288,7 +319,7 @@ def add_members(
                 member_negatives, dn, dm, member_status = condense(
                     kind, value, number, state, member_store,
                     linearisation[linearisation_at[i] : linearisation_at[i + 1] if linearised else linearisation_at[i]],
-                    d, Q, lam, K, A, M,
+                    angle[max(turns + i, 0) :], d, Q, lam, K, A, M,
                 )  # fmt: skip
             if has_weight:
                 leaf_gravity(kind, value, number, state, member_store, leaf, lam, K)
@@ -298,8 +329,8 @@ def add_members(
         if has_weight:
             add_weight(pose, store[store_start : store_start + store_size], weight[i, 0], T, force)
         member_norms(lam, force, norms)
-        n, m, L = norms[0], norms[1], floats[ints[MEMBERS + LENGTH] + i]
-        rounding = noise * floats[ints[MEMBERS + STIFFNESS_SCALE] + i]
+        n, m, L = norms[0], norms[1], floats[ints[MEMBER.length] + i]
+        rounding = noise * floats[ints[MEMBER.stiffness_scale] + i]
         worst = max(
             worst,
             dn / (rtol * (n + m / L) + rounding + 1e-300),
@@ -313,5 +344,7 @@ def add_members(
             poses[i, r] = pose[r]
         for r in range(12):
             lams[i, r] = lam[r]
-        scatter(ints, block + 4 * i, T, force, ints[ints[START] + a], ints[ints[START] + b], matrix, rhs)
+        scatter(
+            ints, block + 4 * i, T, force, ints[ints[AT.start] + a], ints[ints[AT.start] + b], matrix, rhs
+        )
     return negatives, worst, status

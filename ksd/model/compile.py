@@ -16,7 +16,7 @@ import numpy as np
 from ksd.checks import MAX_MAGNITUDE, clear_argument_errors, number, show, similar_name_hint
 from ksd.errors import RecordError, SceneError
 from ksd.html import NotebookTables, PrintedText
-from ksd.model.arrays import LINEAR, MODAL, PLAN, ROTATION, SOLID, ArrayFields, Arrays, Members, State, Terms
+from ksd.model.arrays import FIELDS, LINEAR, MODAL, ROTATION, SOLID, Arrays, State
 from ksd.model.chosen_effects import EffectChoice, apply_effects, choose_effects
 from ksd.model.description import description_lines
 from ksd.model.leaves import cut_leaves
@@ -28,7 +28,6 @@ from ksd.model.template import (
     DesignArrays,
     LeafGeometry,
     Template,
-    arrays_of_design,
     state_of_design,
     template_of,
 )
@@ -45,9 +44,7 @@ OTHER_VERSION = (
 
 def _layout() -> str:
     """What must be the same where a model is pickled and where it is read."""
-    return " ".join(
-        [__version__, str(PLAN), *(n for part in (ArrayFields, Members, Terms, State) for n in part._fields)]
-    )
+    return " ".join([__version__, *FIELDS, *State._fields])
 
 
 def _new_model(layout: str) -> Model:
@@ -261,7 +258,7 @@ def model_of_design(
     """The model of design d of designs packed together; scene: its frozen scene; the rest: as in `compile_as_is`."""
     layout = template.scene_layout
     model = Model(
-        scene, template.mesh, arrays_of_design(packed.arrays, template.topology, d), state_of_design(packed.rest, d),
+        scene, template.mesh, packed.arrays.design(d), state_of_design(packed.rest, d),
         template.node_names, template.member_names, template.joint_members, layout.drives, layout.supports,
         template.spring_names, scene if original_scene is None else original_scene, choice,
     )  # fmt: skip

@@ -16,18 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ksd.model.arrays import (
-    ACTIVE_DOFS,
-    DOFS_PER_NODE,
-    LOAD_FOLLOWING,
-    LOAD_FORCE,
-    LOAD_MOMENT,
-    LOAD_NODE,
-    LOAD_POINT,
-    LOAD_SKEW,
-    LOADS,
-    START,
-)
+from ksd.model.arrays import AT, DOFS_PER_NODE, LOAD, LOADS
 from ksd.numerics.blocks import solve_blocks
 from ksd.numerics.elimination import solve_small
 from ksd.numerics.kernel import kernel
@@ -36,11 +25,11 @@ from ksd.numerics.kernel import kernel
 @kernel
 def _skew_tangent(ints, floats, i, R, factor, B):
     """Skew tangent B (6, 6) of load i, see the module docstring."""
-    node = ints[ints[LOAD_NODE] + i]
-    point, force, moment = ints[LOAD_POINT] + 3 * i, ints[LOAD_FORCE] + 3 * i, ints[LOAD_MOMENT] + 3 * i
+    node = ints[ints[LOAD.node] + i]
+    point, force, moment = ints[LOAD.point] + 3 * i, ints[LOAD.force] + 3 * i, ints[LOAD.moment] + 3 * i
     F, M, s = np.zeros(3), np.zeros(3), np.zeros(3)
     for r in range(3):
-        if ints[ints[LOAD_FOLLOWING] + i] == 1:
+        if ints[ints[LOAD.following] + i] == 1:
             for c in range(3):
                 F[r] += 0.5 * factor * R[node, r, c] * floats[force + c]
                 M[r] += 0.5 * factor * R[node, r, c] * floats[moment + c]
@@ -59,12 +48,12 @@ def _skew_tangent(ints, floats, i, R, factor, B):
 @kernel
 def correct_newton_step(ints, floats, plan, R, matrix, spare, rhs, factor):
     """Correct the Newton step in rhs (n,), in place, for the skew tangents of loads; `matrix` is factored."""
-    n, active, width = len(rhs), ints[ACTIVE_DOFS], ints[DOFS_PER_NODE]
+    n, active, width = len(rhs), ints[AT.active_dofs], ints[DOFS_PER_NODE]
     # loads with a skew tangent on nodes that can move, and their first unknowns
     on, start, count = np.empty(ints[LOADS], np.int64), np.empty(ints[LOADS], np.int64), 0
     for i in range(ints[LOADS]):
-        u = ints[ints[START] + ints[ints[LOAD_NODE] + i]]
-        if ints[ints[LOAD_SKEW] + i] == 1 and u >= 0:
+        u = ints[ints[AT.start] + ints[ints[LOAD.node] + i]]
+        if ints[ints[LOAD.skew] + i] == 1 and u >= 0:
             on[count], start[count] = i, u
             count += 1
     k = width * count

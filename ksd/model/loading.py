@@ -6,35 +6,11 @@ import math
 
 import numpy as np
 
-from ksd.elements.member_tangent import geometric_tangent
-from ksd.model.arrays import (
-    ACTIVE_DOFS,
-    ALIGNMENT,
-    DOFS_PER_NODE,
-    LOAD_BLOCK,
-    LOAD_FOLLOWING,
-    LOAD_FORCE,
-    LOAD_MOMENT,
-    LOAD_NODE,
-    LOAD_POINT,
-    LOADS,
-    ROWS,
-    START,
-    TERM_BLOCK,
-    TERM_COEFFICIENT,
-    TERM_DIRECTION,
-    TERM_FIRST,
-    TERM_FLIP,
-    TERM_KIND,
-    TERM_NODE,
-    TERM_POINT,
-    TERM_START,
-    TRANSLATION,
-)
-from ksd.model.tangents import couple
-from ksd.model.turns import nearest_turn
+from ksd.elements.ends import geometric_tangent
+from ksd.model.arrays import ALIGNMENT, AT, DOFS_PER_NODE, LOAD, LOADS, ROWS, TERM, TRANSLATION
+from ksd.model.assembly import couple
 from ksd.numerics.kernel import kernel
-from ksd.numerics.rotations import rotation_log
+from ksd.numerics.rotations import nearest_turn, rotation_log
 
 
 @kernel
@@ -44,15 +20,15 @@ def add_loads(ints, floats, R, factor, rtol, matrix, rhs, scale):
     The tangent of a dead force at lever s is -[(s F' + F s')/2 - (s.F) I]. Follower loads and moments have an unsymmetric
     tangent, whose symmetric part is added here; its skew part enters in the solve (`ksd.model.follower_correction`).
     """
-    active, w = ints[ACTIVE_DOFS], ints[DOFS_PER_NODE]
+    active, w = ints[AT.active_dofs], ints[DOFS_PER_NODE]
     F, M, s, force, tangent = np.empty(3), np.empty(3), np.empty(3), np.empty(6), np.empty((6, 6))
     for i in range(ints[LOADS]):
-        node = ints[ints[LOAD_NODE] + i]
-        u, block = ints[ints[START] + node], ints[ints[LOAD_BLOCK] + i]
+        node = ints[ints[LOAD.node] + i]
+        u, block = ints[ints[AT.start] + node], ints[ints[LOAD.block] + i]
         if u < 0:
             continue
-        point, own, twist = ints[LOAD_POINT] + 3 * i, ints[LOAD_FORCE] + 3 * i, ints[LOAD_MOMENT] + 3 * i
-        following = ints[ints[LOAD_FOLLOWING] + i] == 1
+        point, own, twist = ints[LOAD.point] + 3 * i, ints[LOAD.force] + 3 * i, ints[LOAD.moment] + 3 * i
+        following = ints[ints[LOAD.following] + i] == 1
         for r in range(3):
             s[r], F[r], M[r] = 0.0, 0.0, 0.0
             for c in range(3):
@@ -98,8 +74,8 @@ def term_slope(ints, floats, x, R, angle, t, slope):
     slope[:4]: derivatives by displacement and rotation of base and node; slope[4]: u; slope[5:]: for a translation zero, the
     lever and s_b; for an alignment zero, u x n and m; for a rotation (q0, .., ..), unused, and q, see `twist`.
     """
-    a, b = ints[ints[TERM_NODE] + 2 * t], ints[ints[TERM_NODE] + 2 * t + 1]
-    direction, point = ints[TERM_DIRECTION] + 3 * t, ints[TERM_POINT] + 6 * t
+    a, b = ints[ints[TERM.node] + 2 * t], ints[ints[TERM.node] + 2 * t + 1]
+    direction, point = ints[TERM.direction] + 3 * t, ints[TERM.point] + 6 * t
     value = 0.0
     for r in range(3):
         u, p, arm = 0.0, 0.0, 0.0
@@ -111,13 +87,13 @@ def term_slope(ints, floats, x, R, angle, t, slope):
         lever = x[b, r] + arm - x[a, r]
         slope[4, r], slope[5, r], slope[6, r], slope[7, r] = u, 0.0, lever, arm
         value += u * (lever - p)
-    if ints[ints[TERM_KIND] + t] == TRANSLATION:
+    if ints[ints[TERM.kind] + t] == TRANSLATION:
         for r in range(3):
             j, k = (r + 1) % 3, (r + 2) % 3
             slope[0, r], slope[2, r] = -slope[4, r], slope[4, r]
             slope[1, r] = slope[4, j] * slope[6, k] - slope[4, k] * slope[6, j]
             slope[3, r] = slope[7, j] * slope[4, k] - slope[7, k] * slope[4, j]
-    elif ints[ints[TERM_KIND] + t] == ALIGNMENT:
+    elif ints[ints[TERM.kind] + t] == ALIGNMENT:
         value = 0.0
         for r in range(3):
             j, k = (r + 1) % 3, (r + 2) % 3
@@ -220,31 +196,31 @@ def add_terms(ints, floats, x, R, multiplier, angle, target, rtol, matrix, rhs, 
     Returns the largest gap, in metres (rotations times the model's length scale).
     """
     slope, tangent = np.empty((8, 3)), np.empty((12, 12))
-    largest, active, w, size = 0.0, ints[ACTIVE_DOFS], ints[DOFS_PER_NODE], floats[0]
+    largest, active, w, size = 0.0, ints[AT.active_dofs], ints[DOFS_PER_NODE], floats[0]
     for i in range(ints[ROWS]):
-        row, mu = ints[ints[TERM_START] + i], multiplier[i]
+        row, mu = ints[ints[TERM.start] + i], multiplier[i]
         if row < 0:
             continue
         gap, reach = -target[i], 1.0
-        for t in range(ints[ints[TERM_FIRST] + i], ints[ints[TERM_FIRST] + i + 1]):
-            c = floats[ints[TERM_COEFFICIENT] + t]
+        for t in range(ints[ints[TERM.first] + i], ints[ints[TERM.first] + i + 1]):
+            c = floats[ints[TERM.coefficient] + t]
             gap += c * term_slope(ints, floats, x, R, angle, t, slope)
             tangent[:, :] = 0.0
-            if ints[ints[TERM_KIND] + t] == TRANSLATION:
+            if ints[ints[TERM.kind] + t] == TRANSLATION:
                 # as for a member with the force mu c u
                 for r in range(3):
                     slope[4, r] *= mu * c
                 geometric_tangent(slope[4:], tangent)
-            elif ints[ints[TERM_KIND] + t] == ALIGNMENT:
+            elif ints[ints[TERM.kind] + t] == ALIGNMENT:
                 reach = size
                 _alignment_curvature(slope[6], slope[7], mu * c, tangent)
             else:
                 reach = size
                 twist_curvature(slope[4], slope[7], slope[5, 0], slope[3], mu * c, tangent)
-            block = ints[TERM_BLOCK] + 5 * t
+            block = ints[TERM.block] + 5 * t
             for e in range(2):
-                node = ints[ints[TERM_NODE] + 2 * t + e]
-                u, at, own = ints[ints[START] + node], ints[block + e], ints[block + 2 + e]
+                node = ints[ints[TERM.node] + 2 * t + e]
+                u, at, own = ints[ints[AT.start] + node], ints[block + e], ints[block + 2 + e]
                 if u < 0:
                     continue
                 f2, m2 = 0.0, 0.0
@@ -262,7 +238,7 @@ def add_terms(ints, floats, x, R, multiplier, angle, target, rtol, matrix, rhs, 
                         matrix[own + w * r + k] += tangent[6 * e + p, 6 * e + ints[active + k]]
                 scale[node, 0] += rtol * abs(mu) * math.sqrt(f2)
                 scale[node, 1] += rtol * abs(mu) * math.sqrt(m2)
-            couple(ints, ints[block + 4], ints[ints[TERM_FLIP] + t], tangent, matrix)
+            couple(ints, ints[block + 4], ints[ints[TERM.flip] + t], tangent, matrix)
         rhs[row] += gap
         largest = max(largest, abs(gap) * reach)
     return largest

@@ -21,28 +21,17 @@ import numpy as np
 
 from ksd.elements.weight_assembly import add_member_weight, rotate_member_gravity, set_member_gravity
 from ksd.model.arrays import (
-    ACTIVE_DOFS,
-    CARRIED,
+    AT,
     CARRIED_NODES,
     DOFS_PER_NODE,
-    INNER_AT,
-    KIND,
+    LEAF_COUNT,
     LOADS,
+    MEMBER,
     MEMBER_COUNT,
-    MEMBERS,
-    NODE,
     NODES,
-    NUMBER,
-    PLAN,
     SETTINGS,
-    SPRING_COUNT,
-    START,
-    STORE_AT,
-    TERM_START,
-    VALUE,
-    VALUE_AT,
+    TERM,
     Arrays,
-    KernelArrays,
     State,
     Workspace,
     unflatten_workspace_kernel,
@@ -64,7 +53,6 @@ from ksd.model.assembly import (
 )
 from ksd.model.follower_correction import correct_newton_step
 from ksd.model.loading import add_loads, add_terms
-from ksd.model.springs import add_springs
 from ksd.model.turns import add_rotations, anchor_rotations
 from ksd.numerics.blocks import BLOCKS, factor_blocks, solve_blocks
 from ksd.numerics.kernel import kernel
@@ -85,7 +73,7 @@ SOLVE, FULL_STEP, FIXED_ROWS_STEP, CHECK, ASSEMBLE, ASSEMBLE_NODES, TAKE_STEP = 
 
 SOLVE: iterate to equilibrium; FULL_STEP: assemble and take a Newton step; FIXED_ROWS_STEP: the same with fixed drives and
 supports, and with fixed nodes where one would move by more than `max_turn`; CHECK: assemble and compute the Newton step;
-ASSEMBLE: assemble; ASSEMBLE_NODES: assemble without members; TAKE_STEP: take a given step.
+ASSEMBLE: assemble; ASSEMBLE_NODES: assemble with springs only; TAKE_STEP: take a given step.
 """
 MAX_PREDICTOR_TURN, CUT_PREDICTOR_TURN = 3.2, 1.0
 """Rotation of a node [rad] above which the first step predicts nothing, as in a slack cable, and the one it is cut to.
@@ -115,11 +103,11 @@ def _largest_node_residual(ints, rhs, scale):
     """Largest residual of a node over its bound."""
     worst = 0.0
     for k in range(ints[NODES]):
-        u = ints[ints[START] + k]
+        u = ints[ints[AT.start] + k]
         if u >= 0:
             f, m = 0.0, 0.0
             for r in range(ints[DOFS_PER_NODE]):
-                if ints[ints[ACTIVE_DOFS] + r] < 3:
+                if ints[ints[AT.active_dofs] + r] < 3:
                     f += rhs[u + r] ** 2
                 else:
                     m += rhs[u + r] ** 2
@@ -137,29 +125,16 @@ def _largest_coordinate(ints, floats, x):
     return reach
 
 
-@kernel(inline="always")
-def _add_springs_loads_rows(
-    springs, ints, floats, x, R, multiplier, angle, target, matrix, rhs, scale, poses, lams, factor, rtol, noise
-):  # fmt: skip
-    """Add springs, loads and constraint rows to matrix and residual. Returns (largest gap [m], status of the springs)."""
-    status = 0
-    if ints[SPRING_COUNT] > 0:
-        status = springs(ints, floats, x, R, angle, rtol, noise, matrix, rhs, scale, poses, lams)
-    if ints[LOADS] > 0:
-        add_loads(ints, floats, R, factor, rtol, matrix, rhs, scale)
-    return add_terms(ints, floats, x, R, multiplier, angle, target, rtol, matrix, rhs, scale), status
-
-
 @kernel
 def _largest(ints, step, first):
     """Largest norm over the nodes of three components of a step: displacements for first = 0, rotations for first = 3."""
     largest = 0.0
     for k in range(ints[NODES]):
-        u = ints[ints[START] + k]
+        u = ints[ints[AT.start] + k]
         if u >= 0:
             s = 0.0
             for r in range(ints[DOFS_PER_NODE]):
-                if first <= ints[ints[ACTIVE_DOFS] + r] < first + 3:
+                if first <= ints[ints[AT.active_dofs] + r] < first + 3:
                     s += step[u + r] ** 2
             largest = max(largest, s)
     return math.sqrt(largest)
@@ -169,14 +144,14 @@ def _largest(ints, step, first):
 def _relative_motion(ints, poses, i, step, move, xi):
     """Displacements and rotations (12,) of the nodes a, b of member i in a step, into `move`, and the motion xi (6,) of
     its end q relative to its end p, in frame p: (dxb - dxa + dphib x s - dphia x w, dphib - dphia)."""
-    node = ints[MEMBERS + NODE] + 2 * i
+    node = ints[MEMBER.node] + 2 * i
     for e in range(2):
-        u = ints[ints[START] + ints[node + e]]
+        u = ints[ints[AT.start] + ints[node + e]]
         for r in range(6):
             move[6 * e + r] = 0.0
         if u >= 0:
             for r in range(ints[DOFS_PER_NODE]):
-                move[6 * e + ints[ints[ACTIVE_DOFS] + r]] = step[u + r]
+                move[6 * e + ints[ints[AT.active_dofs] + r]] = step[u + r]
     for r in range(6):
         xi[r] = 0.0
     for r in range(3):
@@ -196,21 +171,21 @@ def _move_nodes(ints, floats, x, R, multiplier, angle, step, scale):
     """Take `scale` times a step in positions, rotations (R <- exp(dphi) R) and multipliers, and count the rotations."""
     spin = np.zeros((ints[NODES], 3))
     for k in range(ints[NODES]):
-        u = ints[ints[START] + k]
+        u = ints[ints[AT.start] + k]
         if u >= 0:
             for r in range(ints[DOFS_PER_NODE]):
-                c = ints[ints[ACTIVE_DOFS] + r]
+                c = ints[ints[AT.active_dofs] + r]
                 if c < 3:
                     x[k, c] += scale * step[u + r]
                 else:
                     spin[k, c - 3] = scale * step[u + r]
     add_rotations(ints, floats, R, angle, spin)
     for k in range(ints[NODES]):
-        if ints[ints[START] + k] >= 0:
+        if ints[ints[AT.start] + k] >= 0:
             rotate(spin[k], R[k])
             reorthonormalise(R[k])
     for i in range(len(multiplier)):
-        row = ints[ints[TERM_START] + i]
+        row = ints[ints[TERM.start] + i]
         if row >= 0:
             multiplier[i] += scale * step[row]
 
@@ -223,16 +198,16 @@ def _carry_nodes(ints, x, R, step, scale, v):
     through the whole angle. Along straight lines the nodes of a chain that turns by t would stretch its leaf springs by
     t^2 / 2, which the following iterations have to take back: the more of them, the finer the chain.
     """
-    first, count = ints[CARRIED], ints[CARRIED_NODES]
+    first, count = ints[AT.carried], ints[CARRIED_NODES]
     # from the far ends, because here the carrying nodes must be where `_move_nodes` left them
     for c in range(count - 1, -1, -1):
         for e in range(2):
-            u = ints[ints[START] + ints[first + 2 * c + e]]
+            u = ints[ints[AT.start] + ints[first + 2 * c + e]]
             for r in range(6):
                 v[6 * e + r] = 0.0
             if u >= 0:
                 for r in range(ints[DOFS_PER_NODE]):
-                    v[6 * e + ints[ints[ACTIVE_DOFS] + r]] = scale * step[u + r]
+                    v[6 * e + ints[ints[AT.active_dofs] + r]] = scale * step[u + r]
         k, p = ints[first + 2 * c], ints[first + 2 * c + 1]
         # R <- exp(dphi_p) exp(dphi - dphi_p) exp(-dphi) R, x <- exp(dphi_p) (d - dphi_p x (d - dx + dx_p)), d = x - x_p
         a, b, e = v[9], v[10], v[11]
@@ -295,13 +270,13 @@ def _take_step(
     """Take `scale` times a step (n,), members first, as they need the old frames; move (12,), xi (6,): scratch."""
     for i in range(ints[MEMBER_COUNT]):
         _relative_motion(ints, poses, i, step, move, xi)
-        inner_at, store_at = ints[MEMBERS + INNER_AT] + i, ints[MEMBERS + STORE_AT] + i
-        value, number = ints[ints[MEMBERS + VALUE_AT] + i], ints[MEMBERS + NUMBER] + SETTINGS * i
+        inner_at, store_at = ints[MEMBER.inner_at] + i, ints[MEMBER.store_at] + i
+        value, number = ints[ints[MEMBER.value_at] + i], ints[MEMBER.number] + SETTINGS * i
         member_store = store[ints[store_at] : ints[store_at + 1]]
-        if len(weight) > 0 and weight[i, 0] > 0.0:
+        if i < len(weight) and weight[i, 0] > 0.0:
             rotate_gravity(poses[i], move, member_store)
         recover(
-            ints[ints[MEMBERS + KIND] + i], floats[ints[MEMBERS + VALUE] + value :], ints[number : number + SETTINGS],
+            ints[ints[MEMBER.kind] + i], floats[ints[MEMBER.value] + value :], ints[number : number + SETTINGS],
             inner[ints[inner_at] : ints[inner_at + 1]], member_store, xi, scale, move,
         )  # fmt: skip
     _move_nodes(ints, floats, x, R, multiplier, angle, step, scale)
@@ -311,19 +286,19 @@ def _take_step(
 
 @kernel(inline="always")
 def _newton(
-    members, condense, set_gravity, leaf_gravity, add_weight, springs, recover, rotate_gravity, correct_step,
+    members, condense, set_gravity, leaf_gravity, add_weight, recover, rotate_gravity, correct_step,
     ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
     max_steps, factor, rtol, rounding, max_turn, divergence_limit,
 ):  # fmt: skip
-    """See `newton`; the first nine arguments are the kernels for the kinds of members, springs and loads of the mechanism.
+    """See `newton`; the first eight arguments are the kernels for the kinds of members and loads of the mechanism.
 
     `members` is `add_members`, handed on because a call by its name would be inlined here once more in every variant.
     """
-    work, plan = unflatten_workspace_kernel(flat, at), ints[ints[PLAN] :]
+    work, plan = unflatten_workspace_kernel(flat, at), ints[ints[AT.plan] :]
     scratch, leaf = allocate_member_scratch(), allocate_leaf_scratch(ints)
     # local names, because every access to a field of a named tuple counts the references of an array
     matrix, spare, rhs = work.matrix, work.scaled_rows, work.rhs
-    scales, poses, lams = work.scale, work.pose, work.lam
+    scales, poses = work.scale, work.pose
     store, weight = work.store, work.weight
     move, xi = scratch.force, scratch.norms
     negatives, member_negatives, status, pivot = 0, 0, 0, 1.0
@@ -340,26 +315,23 @@ def _newton(
             matrix[:] = 0.0
             rhs[:] = 0.0
             scales[:, :] = 0.0
-            member_negatives, worst, status = 0, 0.0, 0
-            if task != ASSEMBLE_NODES:
-                member_negatives, worst, status = members(
-                    condense, set_gravity, leaf_gravity, add_weight, ints, floats, x, R, inner, work, scratch, leaf, factor,
-                    rtol, noise, linearise,
-                )  # fmt: skip
-            gap, spring_status = _add_springs_loads_rows(
-                springs, ints, floats, x, R, multiplier, angle, target, matrix, rhs, scales, poses, lams, factor, rtol, noise
+            member_negatives, worst, status = members(
+                condense, set_gravity, leaf_gravity, add_weight, ints, floats, x, R, inner, angle, work, scratch, leaf,
+                factor, rtol, noise, linearise, ints[LEAF_COUNT] if task == ASSEMBLE_NODES else 0,
             )  # fmt: skip
+            if ints[LOADS] > 0:
+                add_loads(ints, floats, R, factor, rtol, matrix, rhs, scales)
+            gap = add_terms(ints, floats, x, R, multiplier, angle, target, rtol, matrix, rhs, scales)
             worst = max(
                 worst,
                 gap / (1e-11 * floats[0] + 2e-15 * coordinate),
                 _largest_node_residual(ints, rhs, scales),
             )
-            status = max(status, spring_status)
             if not math.isfinite(worst) or status == 2:
                 worst, status = math.inf, 2
             if task == FIXED_ROWS_STEP:
                 for i in range(len(multiplier)):
-                    row = ints[ints[TERM_START] + i]
+                    row = ints[ints[TERM.start] + i]
                     if row >= 0:
                         rhs[row] = 0.0
         if CHECK < task <= ASSEMBLE_NODES:
@@ -411,7 +383,7 @@ def _newton(
                     scale = max_turn / turned
                 elif task == SOLVE and turned > MAX_PREDICTOR_TURN and not math.isfinite(divergence_limit):
                     # without members it is springs that turn links, by whole turns
-                    scale = CUT_PREDICTOR_TURN / turned if ints[MEMBER_COUNT] > 0 else 1.0
+                    scale = CUT_PREDICTOR_TURN / turned if ints[LEAF_COUNT] > 0 else 1.0
                 # a variable instead of the literal 0, for which numba would compile the function once more
                 shift = _largest(ints, rhs, 0 * n) / floats[0]
                 step_size = max(turned / 1e-6, shift / 1e-7)
@@ -433,12 +405,6 @@ def _newton(
 
 
 @kernel(inline="always")
-def _skip_springs(ints, floats, x, R, angle, rtol, noise, matrix, rhs, scale, poses, lams):
-    """`add_springs` for mechanisms without springs."""
-    return 0
-
-
-@kernel(inline="always")
 def _skip_rotate_gravity(pose, move, store):
     """`rotate_member_gravity` for mechanisms without weight of members."""
 
@@ -453,7 +419,7 @@ def newton(
     ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
     max_steps, factor, rtol, rounding, max_turn, divergence_limit
 ):  # fmt: skip
-    """Perform a task on a mechanism: see `solve_equilibrium`; ints, floats as in `FlatArrays`, flat, at as in `Workspace`.
+    """Perform a task on a mechanism: see `solve_equilibrium`; ints, floats as in `Arrays`, flat, at as in `Workspace`.
 
     max_turn: largest rotation of a node per step [rad], or of TAKE_STEP the scale of the step; linearise: see `assemble`.
     Returns (reason, steps taken, residual over its bound, negative pivots, smallest relative pivot). For CHECK, ASSEMBLE and
@@ -462,7 +428,7 @@ def newton(
     `take_newton_step`).
     """
     return _newton(
-        add_members, condense_linear, skip_set_gravity, skip_leaf_gravity, skip_add_weight, _skip_springs, recover_leaf,
+        add_members, condense_linear, skip_set_gravity, skip_leaf_gravity, skip_add_weight, recover_leaf,
         _skip_rotate_gravity, _skip_step_correction,
         ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
         max_steps, factor, rtol, rounding, max_turn, divergence_limit,
@@ -476,7 +442,7 @@ def newton_beams(
 ):  # fmt: skip
     """`newton` also for chains, springs, weight of members, and loads that are not conservative."""
     return _newton(
-        add_members, condense_beam, set_member_gravity, set_leaf_gravity, add_member_weight, add_springs, recover_beam,
+        add_members, condense_beam, set_member_gravity, set_leaf_gravity, add_member_weight, recover_beam,
         rotate_member_gravity, correct_newton_step,
         ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
         max_steps, factor, rtol, rounding, max_turn, divergence_limit,
@@ -490,7 +456,7 @@ def newton_any(
 ):  # fmt: skip
     """`newton_beams` for members of every kind."""
     return _newton(
-        add_members, condense_any, set_member_gravity, set_leaf_gravity, add_member_weight, add_springs, recover_any,
+        add_members, condense_any, set_member_gravity, set_leaf_gravity, add_member_weight, recover_any,
         rotate_member_gravity, correct_newton_step,
         ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
         max_steps, factor, rtol, rounding, max_turn, divergence_limit,
@@ -498,21 +464,20 @@ def newton_any(
 
 
 _ENTRIES = (newton, newton_beams, newton_any)
-"""The kernel for each value of `FlatArrays.member_kinds`."""
+"""The kernel for each value of `Arrays.member_kinds`."""
 
 NewtonResult = tuple[int, int, float, int, float]
 """Reason, steps taken, residual over its bound, negative pivots, smallest relative pivot: see `solve_equilibrium`."""
 
 
 def _run(
-    arrays: Arrays | KernelArrays, motion: State, target: np.ndarray, work: Workspace, task: int, *, linearise: int = 0,
+    arrays: Arrays, motion: State, target: np.ndarray, work: Workspace, task: int, *, linearise: int = 0,
     max_steps: int = 0, factor: float = 1.0, rtol: float = RTOL, rounding: float = ROUNDING_MULTIPLE,
     max_turn: float = math.inf, divergence_limit: float = math.inf,
 ) -> NewtonResult:  # fmt: skip
     # arguments are converted because every other type would be compiled again
-    flat = arrays.flat
-    result: NewtonResult = _ENTRIES[flat.member_kinds](
-        flat.ints, flat.floats, *motion, np.ascontiguousarray(target, np.float64), work.flat, work.at,
+    result: NewtonResult = _ENTRIES[arrays.member_kinds](
+        *arrays.flat, *motion, np.ascontiguousarray(target, np.float64), work.flat, work.at,
         task, int(linearise), int(max_steps), float(factor), float(rtol), float(rounding), float(max_turn),
         float(divergence_limit),
     )  # fmt: skip
@@ -538,7 +503,7 @@ def solve_equilibrium(
 
 
 def assemble(
-    arrays: Arrays | KernelArrays,
+    arrays: Arrays,
     motion: State,
     target: np.ndarray,
     factor: float,
@@ -575,7 +540,7 @@ def assemble_nodes(
 
 
 def check_residual(
-    arrays: Arrays | KernelArrays,
+    arrays: Arrays,
     motion: State,
     target: np.ndarray,
     factor: float,
@@ -588,7 +553,7 @@ def check_residual(
 
 
 def take_newton_step(
-    arrays: Arrays | KernelArrays,
+    arrays: Arrays,
     motion: State,
     target: np.ndarray,
     factor: float,
@@ -603,7 +568,7 @@ def take_newton_step(
 
 
 def take_step_at_fixed_rows(
-    arrays: Arrays | KernelArrays, motion: State, factor: float, work: Workspace, max_motion: float
+    arrays: Arrays, motion: State, factor: float, work: Workspace, max_motion: float
 ) -> None:
     """Take a Newton step from `motion`, in place, with fixed drives and supports.
 
@@ -621,9 +586,7 @@ def take_step_at_fixed_rows(
     )
 
 
-def take_step(
-    arrays: Arrays | KernelArrays, motion: State, step: np.ndarray, work: Workspace, scale: float
-) -> None:
+def take_step(arrays: Arrays, motion: State, step: np.ndarray, work: Workspace, scale: float) -> None:
     """motion <- motion + scale * step (n,), in place; `work` as assembled at `motion`; the step is left in work.rhs."""
     work.rhs[:] = step
     _run(arrays, motion, np.zeros(0), work, TAKE_STEP, max_turn=scale)
@@ -631,15 +594,15 @@ def take_step(
 
 def move_nodes(arrays: Arrays, motion: State, step: np.ndarray, scale: float) -> None:
     """As `take_step`, for positions, rotations and multipliers only."""
-    (ints, floats, _), (x, R, _, multiplier, angle) = arrays.flat, motion
+    (ints, floats), (x, R, _, multiplier, angle) = arrays.flat, motion
     _move_nodes(ints, floats, x, R, multiplier, angle, np.ascontiguousarray(step), float(scale))
 
 
-def largest_rotation(arrays: Arrays | KernelArrays, step: np.ndarray) -> float:
+def largest_rotation(arrays: Arrays, step: np.ndarray) -> float:
     """Largest rotation of any node in `step` (n,), rad."""
-    return float(_largest(arrays.flat.ints, np.ascontiguousarray(step), 3))
+    return float(_largest(arrays.ints, np.ascontiguousarray(step), 3))
 
 
-def largest_displacement(arrays: Arrays | KernelArrays, step: np.ndarray) -> float:
+def largest_displacement(arrays: Arrays, step: np.ndarray) -> float:
     """Largest displacement of any node in `step` (n,), m."""
-    return float(_largest(arrays.flat.ints, np.ascontiguousarray(step), 0))
+    return float(_largest(arrays.ints, np.ascontiguousarray(step), 0))

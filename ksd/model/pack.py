@@ -9,26 +9,23 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ksd.model.arrays import (
-    LENGTH,
     LINEAR,
-    LOAD_FLOATS,
-    MEMBERS,
+    MEMBER,
     SETTINGS,
     STRAIN,
-    TERM_FLOATS,
-    VALUE,
     Arrays,
-    FlatArrays,
     Loads,
     Members,
     State,
     Terms,
     angle_count,
+    arrays_of,
+    copy_floats,
 )
 from ksd.numerics.blocks import Blocks, plan_blocks
 
@@ -156,17 +153,13 @@ def _members(topologies: Sequence[MemberTopology], places: BlockOffsets) -> Memb
         frame=np.zeros((count, 2, 3, 3)),
         number=number,
         value_at=np.array(at, np.int64),
-        value=np.zeros(total + 1),
+        value=np.zeros(total + (count > 0)),
         inner_at=np.cumsum([0] + [m.inner for m in topologies]).astype(np.int64),
         store_at=np.cumsum([0] + [m.store for m in topologies]).astype(np.int64),
         length=np.zeros(count),
         stiffness_scale=np.zeros(count),
         block=np.array([places.member(*m.nodes) for m in topologies], np.int64).reshape(-1, 4),
     )
-
-
-NO_SPRINGS = _members((), BlockOffsets({}, np.zeros(0, np.int64)))
-"""The springs of all models without springs."""
 
 
 def _terms(
@@ -218,18 +211,11 @@ def topology_arrays(
     """
     pairs = coupled_blocks(nodes, (m.nodes for m in (*members, *springs)), rows)
     plan, places, start, row_start = number_unknowns(nodes, 6, pairs, len(rows), last)
-    return Arrays(
-        plan,
-        start,
-        _members(members, places),
-        _terms(rows, places, nodes, row_start),
-        _loads(loads, places),
-        0.0,
-        _members(springs, places) if springs else NO_SPRINGS,
-        np.zeros((0, 4)),
-        np.arange(6),
-        _carried_nodes(nodes, members, rows),
-    )
+    return arrays_of(
+        size=0.0, plan=plan, start=start, members=_members(members, places), terms=_terms(rows, places, nodes, row_start),
+        loads=_loads(loads, places), springs=_members(springs, places), weight=np.zeros((0, 4)), active_dofs=np.arange(6),
+        carried=_carried_nodes(nodes, members, rows),
+    )  # fmt: skip
 
 
 def _carried_nodes(
@@ -256,43 +242,22 @@ def _carried_nodes(
     return np.array(carried, np.int64).reshape(-1, 2)
 
 
-def replace_floats(topology: Arrays, floats: np.ndarray) -> Arrays:
-    """Arrays that share the integers of `topology` and have their floats as views of `floats` (`FlatArrays.floats`).
-
-    It takes a third of the time of `unflatten_arrays`, which makes views of the integers too.
-    """
-    fields: list[Any] = list(topology)
-    for part, float_fields_of_part in topology.float_slices:
-        own = list(fields[part])
-        for k, at, shape in float_fields_of_part:
-            own[k] = floats[at].reshape(shape)
-        fields[part] = fields[part]._make(own)
-    fields[Arrays._fields.index("size")] = float(floats[0])
-    if topology.weight.size:
-        fields[Arrays._fields.index("weight")] = floats[-topology.weight.size :].reshape(-1, 4)
-    arrays = Arrays._make(fields)
-    arrays.flat = FlatArrays(topology.flat.ints, floats, topology.flat.member_kinds)
-    return arrays
-
-
 def replace_constants(arrays: Arrays, topology: Arrays, value: np.ndarray) -> Arrays:
     """The arrays with the integers of `topology` and other constants `value` (v,) of the members.
 
     All other floats of `arrays` are kept, so both must have the same number of them.
     """
-    return replace_floats(
-        topology, floats_with_constants(arrays.flat.ints, arrays.flat.floats[None], value[None])[0]
+    return Arrays(
+        topology.ints, floats_with_constants(arrays.topology, arrays.floats[None], value[None])[0], topology
     )
 
 
-def floats_with_constants(ints: np.ndarray, floats: np.ndarray, value: np.ndarray) -> np.ndarray:
-    """`floats` (D, f) of D designs with other constants `value` (D, v) of the members.
-
-    ints: as in `FlatArrays`, of the floats that are given.
-    """
-    # the float field after the constants holds the lengths
-    first, end = ints[MEMBERS + VALUE], ints[MEMBERS + LENGTH]
-    return np.concatenate([floats[:, :first], value, floats[:, end:]], axis=1)
+def floats_with_constants(topology: Arrays, floats: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """`floats` (D, f) of D designs of `topology` with other constants `value` (D, v) of the members."""
+    first = topology.ints[MEMBER.value]
+    return np.concatenate(
+        [floats[:, :first], value, floats[:, first + len(topology.members.value) :]], axis=1
+    )
 
 
 def largest_extent(places: np.ndarray, ends: np.ndarray) -> np.ndarray:
@@ -316,18 +281,12 @@ def _topologies(members: Sequence[Member]) -> list[MemberTopology]:
     return topologies
 
 
-def _fill_members(packed: Members, members: Sequence[Member]) -> Members:
-    """The packed integers of members with their floats."""
-    value = packed.value.copy()
-    for at, m in zip(packed.value_at, members, strict=True):
-        value[at : at + len(m.value)] = m.value
-    return packed._replace(
-        offset=np.array([m.offset for m in members], float).reshape(-1, 2, 3),
-        frame=np.array([m.frame for m in members], float).reshape(-1, 2, 3, 3),
-        value=value,
-        length=np.array([m.length for m in members], float),
-        stiffness_scale=np.array([m.stiffness_scale for m in members], float),
-    )
+def _fill_members(packed: Members, members: Sequence[Member]) -> None:
+    """Write the floats of members into their packed form."""
+    for i, m in enumerate(members):
+        packed.offset[i], packed.frame[i], packed.length[i] = m.offset, m.frame, m.length
+        packed.stiffness_scale[i] = m.stiffness_scale
+        packed.value[packed.value_at[i] :][: len(m.value)] = m.value
 
 
 def pack_members(
@@ -347,19 +306,15 @@ def pack_members(
             zip(*(f.tolist() for f in (like.loads.node, like.loads.following, like.loads.skew)), strict=True)
         )
     nodes = len(reference)
-    topology = topology_arrays(nodes, _topologies(members), rows, load_topologies, _topologies(springs))
-    filled = _fill_members(topology.members, members)
+    arrays = topology_arrays(nodes, _topologies(members), rows, load_topologies, _topologies(springs))
+    filled = arrays.members
+    _fill_members(filled, members)
+    _fill_members(arrays.springs, springs)
     extent = largest_extent(reference[None], (reference[filled.node] + filled.offset)[None])[0]
-    arrays = topology._replace(
-        members=filled,
-        size=float(max(extent, filled.length.max(initial=0.0))),
-        springs=_fill_members(topology.springs, springs) if springs else topology.springs,
-    )
+    arrays.floats[0] = max(extent, filled.length.max(initial=0.0))
     if like is not None:
-        arrays = arrays._replace(
-            terms=topology.terms._replace(**{name: getattr(like.terms, name) for name in TERM_FLOATS}),
-            loads=topology.loads._replace(**{name: getattr(like.loads, name) for name in LOAD_FLOATS}),
-        )
+        copy_floats(like.terms, arrays.terms)
+        copy_floats(like.loads, arrays.loads)
     inner = np.concatenate([np.zeros(0), *[m.inner for m in members]])
     rotations = np.tile(np.eye(3), (nodes, 1, 1))
     return arrays, State(reference, rotations, inner, np.zeros(len(rows)), np.zeros(angle_count(arrays)))

@@ -24,8 +24,7 @@ from ksd.elements.strain_values import masses_beyond, strain_values
 from ksd.model.arrays import (
     COIL,
     COROTATIONAL,
-    FLOATS,
-    LEAF_MEMBERS,
+    LAST,
     LINEAR,
     MODAL,
     PLANAR,
@@ -34,11 +33,9 @@ from ksd.model.arrays import (
     TORSION,
     TRANSLATION,
     Arrays,
-    FlatArrays,
     Members,
     State,
     Workspace,
-    unflatten_arrays,
 )
 from ksd.model.pack import coupled_blocks, number_unknowns, replace_constants
 from ksd.scene.listing import vector_text
@@ -109,9 +106,9 @@ class _PlanarTopology(NamedTuple):
 
 @lru_cache(maxsize=64)
 def _planar_topology(ints: bytes, axis: int, rows: tuple[int, ...], heavy: bytes) -> _PlanarTopology:
-    """The integers of `_planar_arrays`; ints: as in `FlatArrays`, heavy: whether each member has weight, as bytes."""
+    """The integers of `_planar_arrays`; ints: of `Arrays`, heavy: whether each member has weight, as bytes."""
     flat = np.frombuffer(ints, np.int64)
-    space = unflatten_arrays(FlatArrays(flat, np.zeros(int(flat[FLOATS])), LEAF_MEMBERS))
+    space = Arrays(flat, np.zeros(int(flat[LAST])))
     active = np.array([*(c for c in range(3) if c != axis), 3 + axis])
     terms, loads, springs, nodes = space.terms, space.loads, space.springs, len(space.start)
     node, first = terms.node.tolist(), terms.first.tolist()
@@ -131,7 +128,7 @@ def _planar_topology(ints: bytes, axis: int, rows: tuple[int, ...], heavy: bytes
     )
     load_block = np.array([places.diagonal(n) for n in loads.node.tolist()], np.int64)
     members, leaves = _planar_members(space.members, np.frombuffer(heavy, bool))
-    topology = space._replace(
+    topology = space.replace(
         plan=plan,
         start=start,
         members=members._replace(block=member_block),
@@ -152,9 +149,7 @@ def _planar_arrays(arrays: Arrays, axis: int, rows: np.ndarray) -> Arrays:
     heavy = np.zeros(len(arrays.members.kind), bool)
     if len(arrays.weight):
         heavy[:] = arrays.weight[:, 0] > 0.0
-    topology, leaves = _planar_topology(
-        arrays.flat.ints.tobytes(), axis, tuple(rows.tolist()), heavy.tobytes()
-    )
+    topology, leaves = _planar_topology(arrays.ints.tobytes(), axis, tuple(rows.tolist()), heavy.tobytes())
     value = arrays.members.value
     planar_values_of_leaves = [
         _planar_constants(value[at:], weighs, settings) for at, weighs, settings in leaves

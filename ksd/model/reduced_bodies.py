@@ -71,7 +71,7 @@ def with_bodies(model: Model, bodies: Mapping[str, ReducedBody]) -> Model:
     )  # fmt: skip
     return replace(
         model,
-        arrays=model.arrays._replace(members=members),
+        arrays=model.arrays.replace(members=members),
         rest=model.rest._replace(inner=np.concatenate([np.zeros(0), *states])),
         bodies={**model.bodies, **bodies},
     )

@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ksd.elements.member_tangent import member_tangent
+from ksd.elements.ends import member_tangent
 from ksd.elements.rod import STATE, allocate_rod_scratch, integrate_rod
-from ksd.model.arrays import ACTIVE_DOFS, BLOCK, DOFS_PER_NODE, MEMBERS, NODE, START
-from ksd.model.tangents import scatter
+from ksd.model.arrays import AT, DOFS_PER_NODE, MEMBER
+from ksd.model.assembly import scatter
 from ksd.numerics.elimination import solve_small
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import reorthonormalise, rotate
@@ -60,7 +60,7 @@ class RodState(NamedTuple):
 @kernel
 def _part_pose(a, b, i, j, first, last, x, R, offset, frame, position, axes, pose, Q, d):
     """Write the pose (18,) of part j of rod i, parts first .. last - 1, between nodes a and b as in
-    `ksd.model.poses.member_pose`, where a station is its own node, and orientation Q (3, 3) and position d (3,) [m] of its
+    `ksd.elements.ends.member_pose`, where a station is its own node, and orientation Q (3, 3) and position d (3,) [m] of its
     end in the frame of its start. position, axes: of the stations, global."""
     for r in range(3):
         start, lever = 0.0, 0.0
@@ -178,7 +178,7 @@ def _add_rods(ints, x, R, at_part, at_step, step, rod, offset, frame, gravity, p
     K, lam, A, M = np.empty((6, 6)), np.empty(12), np.empty((6, 6)), np.empty((6, 12))
     T, force, E, g = np.empty((12, 12)), np.empty(12), np.empty((12, 12)), np.empty(12)
     for i in range(len(at_part) - 1):
-        node = ints[MEMBERS + NODE] + 2 * i
+        node = ints[MEMBER.node] + 2 * i
         a, b, first, last = ints[node], ints[node + 1], at_part[i], at_part[i + 1]
         has_weight = gravity[i, 0] != 0.0 or gravity[i, 1] != 0.0 or gravity[i, 2] != 0.0
         for j in range(first, last):
@@ -200,11 +200,11 @@ def _add_rods(ints, x, R, at_part, at_step, step, rod, offset, frame, gravity, p
                 _eliminate_station(E, g, T, force, elimination[j], A)
         scatter(
             ints,
-            ints[MEMBERS + BLOCK] + 4 * i,
+            ints[MEMBER.block] + 4 * i,
             E,
             g,
-            ints[ints[START] + a],
-            ints[ints[START] + b],
+            ints[ints[AT.start] + a],
+            ints[ints[AT.start] + b],
             matrix,
             rhs,
         )
@@ -213,11 +213,11 @@ def _add_rods(ints, x, R, at_part, at_step, step, rod, offset, frame, gravity, p
 @kernel
 def _node_motion(ints, step, node, motion):
     """Motion (6,) of a node in a step (unknowns,), into `motion`."""
-    u = ints[ints[START] + node]
+    u = ints[ints[AT.start] + node]
     motion[:] = 0.0
     if u >= 0:
         for r in range(ints[DOFS_PER_NODE]):
-            motion[ints[ints[ACTIVE_DOFS] + r]] = step[u + r]
+            motion[ints[ints[AT.active_dofs] + r]] = step[u + r]
 
 
 @kernel
@@ -228,7 +228,7 @@ def _move_rods(
     pose, Q, d = np.empty(18), np.empty((3, 3)), np.empty(3)
     start, motion, next_motion, relative = np.empty(6), np.empty(6), np.empty(6), np.empty(3)
     for i in range(len(at_part) - 1):
-        node = ints[MEMBERS + NODE] + 2 * i
+        node = ints[MEMBER.node] + 2 * i
         a, b, first, last = ints[node], ints[node + 1], at_part[i], at_part[i + 1]
         _node_motion(ints, step, a, start)
         _node_motion(ints, step, b, next_motion)

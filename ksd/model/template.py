@@ -1,7 +1,7 @@
 """Models of all scenes with one layout: integers are made once, floats for many designs at once.
 
 Every float array of `Arrays` and of the undeformed state has a leading axis over D designs here; a single design is D = 1.
-`arrays_of_design` and `state_of_design` take out one design.
+`Arrays.design` and `state_of_design` take out one design.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ import numpy as np
 
 from ksd.elements import corotational_values as chains
 from ksd.elements.strain_values import strain_sizes, strain_value_count, strain_values
-from ksd.model.arrays import ALIGNMENT, STRAIN, Arrays, Members, State, angle_count
+from ksd.model.arrays import ALIGNMENT, STRAIN, Arrays, Members, State, angle_count, write
 from ksd.model.leaves import leaf_axes
 from ksd.model.mesh import Mesh
-from ksd.model.pack import MemberTopology, largest_extent, replace_floats, topology_arrays
+from ksd.model.pack import MemberTopology, largest_extent, topology_arrays
 from ksd.model.scene_layout import (
     GEOMETRY_NUMBERS,
     LEAF_NUMBERS,
@@ -215,7 +215,7 @@ class Template:
         self.identity = np.tile(np.eye(3), (len(self.node_names), 1, 1))
         self.explicit_leaves = [f for f, w in enumerate(self.leaf_layouts) if w.explicit_count]
         if layout.has_gravity and self.leaf_has_weight.any():
-            self.topology = self.topology._replace(weight=np.zeros((len(self.member_leaf), 4)))
+            self.topology = self.topology.replace(weight=np.zeros((len(self.member_leaf), 4)))
         self._attach()
         terms, loads = self.topology.terms, self.topology.loads
         self.term_nodes, self.load_nodes = terms.node, loads.node
@@ -301,17 +301,21 @@ class Template:
         ends = n.origin[:, self.member_part, None] + leaves.ends[:, self.member_leaf] @ R.swapaxes(2, 3)
         value, inner = self.packing.values(leaves, n.explicit)
         length = leaves.length[:, self.member_leaf]
-        members = topology.members._replace(
-            offset=ends - places[:, topology.members.node], frame=R[:, :, None] @ leaves.frame[:, self.member_leaf],
-            value=value, length=length, stiffness_scale=leaves.stiffness_scale[:, self.member_leaf],
+        arrays = topology.designs(count)
+        write(
+            arrays.members, offset=ends - places[:, topology.members.node],
+            frame=R[:, :, None] @ leaves.frame[:, self.member_leaf], value=value, length=length,
+            stiffness_scale=leaves.stiffness_scale[:, self.member_leaf],
         )  # fmt: skip
         at = n.terms[..., 4:7]
-        terms = topology.terms._replace(
+        write(
+            arrays.terms,
             coefficient=n.terms[..., 0],
             direction=n.terms[..., 1:4],
             point=at[:, :, None] - self.is_point[:, None, None] * places[:, self.term_nodes],
         )
-        loads = topology.loads._replace(
+        write(
+            arrays.loads,
             point=n.loads[..., :3] - places[:, self.load_nodes],
             force=n.loads[..., 3:6],
             moment=n.loads[..., 6:9],
@@ -323,10 +327,13 @@ class Template:
             named = np.concatenate([at[:, self.is_point], n.loads[..., :3], *self._spring_ends(n)], axis=1)
             size = (named.max(axis=1, initial=-np.inf) - named.min(axis=1, initial=np.inf)).max(axis=1)
             size[~(size > 0.0)] = 1.0
-        arrays = topology._replace(
-            members=members, terms=terms, loads=loads, size=size, springs=self._springs(n, places),
-            weight=self._weight(leaves.mass[:, self.member_leaf], n),
-        )  # fmt: skip
+        arrays.floats[:, 0] = size
+        self._fill_springs(arrays.springs, n, places)
+        if len(topology.weight):
+            arrays.weight[..., 0], arrays.weight[..., 1:] = (
+                leaves.mass[:, self.member_leaf],
+                n.gravity[:, None],
+            )
         rotations = self.identity[None].repeat(count, axis=0)
         multipliers, angles = (
             np.zeros((count, n)) for n in (len(topology.terms.start), angle_count(topology))
@@ -379,33 +386,18 @@ class Template:
             mass[:, f] = n.explicit[:, at + 24]
             at += self.leaf_layouts[f].explicit_count
 
-    def _weight(self, mass: Array, n: SceneNumbers) -> Array:
-        """Mass [kg] of every member and its gravity [m/s^2] (D, m, 4); (D, 0, 4) where no member has weight."""
-        if not (self.scene_layout.has_gravity and self.leaf_has_weight.any()):
-            return np.zeros((len(mass), 0, 4))
-        gravity = np.broadcast_to(n.gravity[:, None], (*mass.shape, 3))
-        return np.concatenate([mass[..., None], gravity], axis=2)
-
     def _spring_ends(self, n: SceneNumbers) -> list[Array]:
         """Ends (D, 2, 3) [m] of every spring."""
         return [n.springs[:, a : a + 6].reshape(-1, 2, 3) for a in self.spring_first[:-1]]
 
-    def _springs(self, n: SceneNumbers, places: Array) -> Members:
-        """The springs of D designs."""
-        springs, count, first = self.topology.springs, len(places), self.spring_first
-        if not len(springs.kind):
-            # all other fields are empty
-            return springs._replace(value=np.zeros((count, 1)))
-        rows = [n.springs[:, a : a + SPRING_NUMBERS] for a in first[:-1]]
-        fixed = np.stack(rows, axis=1)
-        value = [n.springs[:, a + SPRING_NUMBERS : b] for a, b in pairwise(first)]
-        return springs._replace(
-            offset=fixed[..., :6].reshape(count, -1, 2, 3) - places[:, springs.node],
-            frame=fixed[..., 6:24].reshape(count, -1, 2, 3, 3),
-            length=fixed[..., 24],
-            stiffness_scale=fixed[..., 25],
-            value=np.concatenate([*value, np.zeros((count, 1))], axis=1),
-        )
+    def _fill_springs(self, springs: Members, n: SceneNumbers, places: Array) -> None:
+        """Write the floats of the springs of D designs."""
+        for i, (a, b) in enumerate(pairwise(self.spring_first)):
+            fixed, at = n.springs[:, a : a + SPRING_NUMBERS], springs.value_at[i]
+            springs.offset[:, i] = fixed[:, :6].reshape(-1, 2, 3) - places[:, springs.node[i]]
+            springs.frame[:, i] = fixed[:, 6:24].reshape(-1, 2, 3, 3)
+            springs.length[:, i], springs.stiffness_scale[:, i] = fixed[:, 24], fixed[:, 25]
+            springs.value[:, at : at + b - a - SPRING_NUMBERS] = n.springs[:, a + SPRING_NUMBERS : b]
 
     def on_mesh(self, mesh: Mesh) -> Template | None:
         """The template of the same leaves with the curvature modes of `mesh`.
@@ -456,19 +448,9 @@ class Template:
         return SceneNumbers(*(flat[:, at].reshape(len(rows), *shape) for at, shape in self._slices))
 
 
-def repeat_fields(part: Any, names: Sequence[str], count: int) -> Any:
-    """A named tuple of arrays with the fields `names` repeated `count` times along a new leading axis."""
-    return part._replace(**{n: getattr(part, n)[None].repeat(count, axis=0) for n in names})
-
-
 def fields_of_design(part: Any, names: Sequence[str], d: int) -> Any:
     """A named tuple of arrays with design d of the fields `names`, which have a leading axis over designs."""
     return part._replace(**{name: np.ascontiguousarray(getattr(part, name)[d]) for name in names})
-
-
-def arrays_of_design(arrays: Arrays, topology: Arrays, d: int) -> Arrays:
-    """Arrays of design d; topology: arrays whose integers they share."""
-    return replace_floats(topology, arrays.joined_floats[d].copy())
 
 
 def state_of_design(state: State, d: int) -> State:

@@ -14,36 +14,24 @@ from typing import Any
 import numpy as np
 
 from ksd.model.arrays import (
-    FRAME,
-    KIND,
-    NODE,
+    LEAF_COUNT,
+    MEMBER,
+    MEMBER_COUNT,
     NODES,
     ROTATION,
     ROWS,
-    SPRING_COUNT,
-    SPRINGS,
-    TERM_DIRECTION,
-    TERM_FIRST,
-    TERM_KIND,
-    TERM_NODE,
+    TERM,
     TORSION,
     Arrays,
     State,
 )
 from ksd.numerics.kernel import kernel
-from ksd.numerics.rotations import rotation_log
+from ksd.numerics.rotations import FULL_TURN, nearest_turn, rotation_log
 
-FULL_TURN = 2.0 * math.pi
 ANCHORED_ANGLE = 1.5
 """Rotation [rad] of a node up to which its vector is left as the sum of its steps."""
 NO_AXIS = 1e-6
 """Rotation [rad], up to whole turns, below which the matrix of a node tells no axis."""
-
-
-@kernel(inline="late")
-def nearest_turn(angle, counted):
-    """The angle [rad] that differs from `angle` by whole turns and is nearest to `counted`."""
-    return angle + FULL_TURN * np.rint((counted - angle) / FULL_TURN)
 
 
 @kernel
@@ -52,15 +40,16 @@ def add_rotations(ints, floats, R, angle, spin):
 
     spin (k, 3) [rad]: rotations of the nodes in the step, global axes.
     """
-    terms, springs = ints[ints[TERM_FIRST] + ints[ROWS]], ints[SPRING_COUNT]
+    terms, leaves = ints[ints[TERM.first] + ints[ROWS]], ints[LEAF_COUNT]
+    springs = ints[MEMBER_COUNT] - leaves
     for i in range(terms + springs):
         if i < terms:
-            pair, first, apart = ints[TERM_NODE] + 2 * i, ints[TERM_DIRECTION] + 3 * i, 1
-            counted = ints[ints[TERM_KIND] + i] == ROTATION
+            pair, first, apart = ints[TERM.node] + 2 * i, ints[TERM.direction] + 3 * i, 1
+            counted = ints[ints[TERM.kind] + i] == ROTATION
         else:
-            j = i - terms
-            pair, first, apart = ints[SPRINGS + NODE] + 2 * j, ints[SPRINGS + FRAME] + 18 * j + 2, 3
-            counted = ints[ints[SPRINGS + KIND] + j] == TORSION
+            j = leaves + i - terms
+            pair, first, apart = ints[MEMBER.node] + 2 * j, ints[MEMBER.frame] + 18 * j + 2, 3
+            counted = ints[ints[MEMBER.kind] + j] == TORSION
         if counted:
             a, b = ints[pair], ints[pair + 1]
             for r in range(3):
@@ -101,7 +90,7 @@ def anchor_rotations(ints, R, angle):
 
     A vector is kept where R is so near a whole turn that its axis is that of a small rotation on top of it.
     """
-    at, v = ints[ints[TERM_FIRST] + ints[ROWS]] + ints[SPRING_COUNT], np.empty(3)
+    at, v = len(angle) - 3 * ints[NODES], np.empty(3)
     for k in range(ints[NODES]):
         own = angle[at + 3 * k : at + 3 * k + 3]
         if own[0] * own[0] + own[1] * own[1] + own[2] * own[2] > ANCHORED_ANGLE * ANCHORED_ANGLE:
@@ -144,6 +133,4 @@ def count_from_links(arrays: Arrays, motion: State, rotations: np.ndarray) -> No
     both turn about parallel axes.
     """
     motion.angle[:] = 0.0
-    add_rotations(
-        arrays.flat.ints, arrays.flat.floats, motion.R, motion.angle, np.ascontiguousarray(rotations)
-    )
+    add_rotations(arrays.ints, arrays.floats, motion.R, motion.angle, np.ascontiguousarray(rotations))

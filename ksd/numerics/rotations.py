@@ -8,10 +8,19 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ksd.numerics.kernel import kernel
 
 ORTHONORMALISATION_STEPS = 9
 """Newton steps to the nearest rotation from a mean of two rotations that are up to 120 degrees apart."""
+FULL_TURN = 2.0 * math.pi
+
+
+@kernel(inline="late")
+def nearest_turn(angle, counted):
+    """The angle [rad] that differs from `angle` by whole turns and is nearest to `counted`."""
+    return angle + FULL_TURN * np.rint((counted - angle) / FULL_TURN)
 
 
 @kernel(inline="late")

@@ -96,4 +96,4 @@ def solve_without_loads(
 def without_loads_arrays(arrays: Arrays) -> Arrays:
     """The same arrays without loads and weight."""
     loads = Loads(*(a[:0] for a in arrays.loads))
-    return arrays._replace(loads=loads, weight=arrays.weight[:0])
+    return arrays.replace(loads=loads, weight=arrays.weight[:0])

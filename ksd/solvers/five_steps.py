@@ -26,7 +26,7 @@ from ksd.joints.substructures import (
     relative_poses,
     set_near_configuration,
 )
-from ksd.model.arrays import flatten_arrays, make_workspace, unflatten_arrays
+from ksd.model.arrays import make_workspace
 from ksd.model.compile import Model
 from ksd.model.newton import RTOL, assemble, solve_equilibrium, take_step
 from ksd.model.turns import copy_angles, node_rotations
@@ -82,7 +82,7 @@ class FiveStepsStorage:
         """Set the design that the arrays are used for."""
         if len(bodies.joint_weights.owner):
             # step 2 writes the points where joint weights act, so every storage needs its own copy
-            bodies = replace(bodies, reduced=unflatten_arrays(flatten_arrays(bodies.reduced)))
+            bodies = replace(bodies, reduced=bodies.reduced.copy())
         self.model, self.bodies = model, bodies
 
     def restart(self) -> None:

@@ -353,7 +353,7 @@ def _with_secants(scene: Any, model: Model) -> Any:
 def _same_layout(one: Model, other: Model) -> bool:
     """Whether two models have the same parts and unknowns."""
     a, b = one.arrays, other.arrays
-    if a.flat.ints is b.flat.ints and one.node_names is other.node_names:
+    if a.ints is b.ints and one.node_names is other.node_names:
         # of the same template
         return True
     pairs = ((a.members.number, b.members.number), (a.members.inner_at, b.members.inner_at),

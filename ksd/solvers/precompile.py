@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from ksd.answers.mesh_adequacy import mode_adequacy
-from ksd.elements.member_tangent import member_tangent
+from ksd.elements.ends import member_tangent
 from ksd.elements.strain import leaf_fields, strain_condense, strain_recover, strain_tangent
 from ksd.errors import KsdError
 from ksd.joints.joints import joint_bodies
@@ -62,7 +62,7 @@ def precompile_kernels() -> None:
     mechanism.actuate_joint(mechanism.join(mechanism.ground, link, joint, at=(0, 0, 0), axis="z", toward="x"))
     model = compile_scene(mechanism)
     arrays, motion, work = model.arrays, model.rest.copy(), make_workspace(model.arrays)
-    (ints, floats, _), members, plan = arrays.flat, arrays.members, arrays.plan.ints
+    (ints, floats), members, plan = arrays.flat, arrays.members, arrays.plan.ints
     inner, store = motion.inner[: members.inner_at[1]], work.store[: members.store_at[1]]
     value, number, target = members.value, members.number[0], np.zeros(len(motion.multiplier))
     leaf, lam, K, A = leaf_fields(number), np.zeros(12), np.zeros((6, 6)), np.zeros((6, 6))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from ksd.elements.ends import member_norms, member_tangent
 from ksd.elements.linear import linear_condense
-from ksd.elements.member_tangent import member_norms, member_tangent
 from ksd.elements.spring import coil_condense
 from ksd.elements.strain_values import GRAVITY_BLOCK_SIZE
 from ksd.elements.weight_assembly import add_member_weight, rotate_member_gravity, set_member_gravity

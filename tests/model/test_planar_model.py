@@ -5,7 +5,7 @@ import pytest
 from scenes import STEEL, cross_flexure, dense, fourbar, single_joint
 
 import ksd
-from ksd.model.arrays import flatten_arrays, make_workspace, unflatten_arrays
+from ksd.model.arrays import make_workspace
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.model.newton import assemble, move_nodes, take_step
@@ -74,7 +74,7 @@ def test_tangent_is_the_derivative_of_the_residual(mesh, weight, rng):
     scene = loaded_fourbar(weight)
     model = compile_scene(scene, mesh=MESHES[mesh])
     # of its own: integers are shared by models of the same words
-    arrays = unflatten_arrays(flatten_arrays(plane_of(model).arrays))
+    arrays = plane_of(model).arrays.replace()
     # a following load has an unsymmetric tangent, whose symmetric half is what is added
     arrays.loads.following[:] = 0
     target = np.zeros(2)

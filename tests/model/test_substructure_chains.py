@@ -7,8 +7,8 @@ from scenes import fourbar
 import ksd
 from ksd.elements.corotational import recover
 from ksd.elements.corotational_linearised import condense_linearised
+from ksd.elements.ends import member_pose
 from ksd.model.newton import assemble, take_step
-from ksd.model.poses import member_pose
 from ksd.solvers.five_steps import set_linearisation_point
 from ksd.units import GPa, deg, mm
 

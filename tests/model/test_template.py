@@ -6,9 +6,10 @@ from hard_scenes import STEEL
 
 import ksd
 from ksd.joints.joints import joint_bodies, joint_bodies_of_design, joint_layout
+from ksd.model.arrays import Arrays
 from ksd.model.compile import compile_as_is
 from ksd.model.scene_layout import split_scene
-from ksd.model.template import Template, arrays_of_design, state_of_design, template_of
+from ksd.model.template import Template, state_of_design, template_of
 from ksd.units import deg, mm
 
 DENSE = ksd.Material(E=200e9, G=76.9e9, density=7800, expansion=1.2e-5)
@@ -96,6 +97,8 @@ MESHES = {
 
 
 def _arrays(part):
+    if isinstance(part, Arrays):
+        part = part.ints, part.size, part.members, part.terms, part.loads, part.springs, part.weight
     if isinstance(part, tuple):
         return [a for field in part for a in _arrays(field)]
     return [np.asarray(part)]
@@ -125,7 +128,7 @@ def test_designs_in_one_call_are_those_made_one_by_one(name, mesh, rng):
     filled = template(numbers)
     for d, scene in enumerate(scenes):
         model = compile_as_is(scene, mesh)
-        several = arrays_of_design(filled.arrays, template.topology, d), state_of_design(filled.rest, d)
+        several = filled.arrays.design(d), state_of_design(filled.rest, d)
         _same((model.arrays, model.rest), several)
     if mesh.nodal or not drawings[0].joints:
         return

@@ -12,7 +12,7 @@ import ksd
 from ksd.errors import SceneError
 from ksd.model import chosen_effects as effects
 from ksd.model import compile as compiling
-from ksd.model import leaves, newton, pack
+from ksd.model import leaves, newton
 from ksd.model.arrays import make_workspace
 from ksd.model.chosen_effects import choose_effects
 from ksd.model.plane import plane_of
@@ -395,13 +395,11 @@ def test_an_absent_effect_is_not_called(name, monkeypatch):
 def test_the_assembly_calls_nothing_for_what_is_absent(monkeypatch):
     """The compiled assembly, run as Python with its parts replaced by counters."""
     calls = []
-    answers = {"add_members": (0, 0.0, 0), "add_springs": 0, "add_loads": None, "add_terms": 0.0}
+    answers = {"add_members": (0, 0.0, 0), "add_loads": None, "add_terms": 0.0}
     for part, answer in answers.items():
         monkeypatch.setattr(
             newton, part, lambda *a, part=part, answer=answer: (calls.append(part), answer)[1]
         )
-
-    monkeypatch.setattr(newton, "_add_springs_loads_rows", newton._add_springs_loads_rows.py_func)
 
     def assembled(scene):
         calls.clear()
@@ -409,10 +407,8 @@ def test_the_assembly_calls_nothing_for_what_is_absent(monkeypatch):
         arrays, rest, work = model.arrays, model.rest, make_workspace(model.arrays)
         newton._newton.py_func(
             newton.add_members,
-            *4 * [None],
-            newton.add_springs,
-            *3 * [None],
-            *arrays.flat[:2],
+            *7 * [None],
+            *arrays.flat,
             *rest,
             np.zeros(1),
             work.flat,
@@ -423,18 +419,13 @@ def test_the_assembly_calls_nothing_for_what_is_absent(monkeypatch):
         return set(calls)
 
     assert assembled(fourbar()) == {"add_members", "add_terms"}
-    sprung = fourbar()
-    sprung.joint_spring("lower left", stiffness=1.0)
-    assert assembled(sprung) == {"add_members", "add_terms", "add_springs"}
     heavy = also(fourbar(), weight(1.0, "top", (0, 0.37, 0)))
     assert assembled(heavy) == {"add_members", "add_terms", "add_loads"}
 
 
 def size(arrays):
-    """Bytes of all arrays of a model but those every model without springs shares."""
-    if arrays is pack.NO_SPRINGS:
-        return 0
-    return sum(map(size, arrays)) if isinstance(arrays, tuple) else getattr(arrays, "nbytes", 0)
+    """Bytes of all arrays of a model."""
+    return sum(field.nbytes for field in arrays.flat)
 
 
 def test_an_absent_effect_allocates_nothing():

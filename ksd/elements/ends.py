@@ -1,4 +1,4 @@
-"""Forces and tangent of a member on the two nodes it connects, compiled.
+"""The ends of a member: their pose, and the forces and tangent of the member on the two nodes it connects, compiled.
 
 A member depends on the relative pose of its ends only; its wrench (n, m) and stiffness K6 become forces and a symmetric
 tangent on nodes a and b. With w the lever from node a to end q, s the lever from node b to end q, all global, the
@@ -15,6 +15,36 @@ from __future__ import annotations
 import math
 
 from ksd.numerics.kernel import kernel
+
+
+@kernel
+def member_pose(node, n, offset, o, frame, f, x, R, pose, Q):
+    """Pose of a member whose nodes, offsets and frames (`Members`) start at node[n], offset[o] and frame[f].
+
+    Writes pose (18,) = end frame p (9, row-major), lever w of q about node p, lever s of q about its node, vector d from p
+    to q, all global, and Q (3, 3) = orientation of q in frame p.
+    """
+    a, b = node[n], node[n + 1]
+    for r in range(3):
+        sp, sq = 0.0, 0.0
+        for c in range(3):
+            sp += R[a, r, c] * offset[o + c]
+            sq += R[b, r, c] * offset[o + 3 + c]
+            s = 0.0
+            for k in range(3):
+                s += R[a, r, k] * frame[f + 3 * k + c]
+            pose[3 * r + c] = s
+        w = x[b, r] - x[a, r] + sq
+        pose[9 + r], pose[12 + r], pose[15 + r] = w, sq, w - sp
+    for c in range(3):
+        for r in range(3):
+            Q[r, c] = 0.0
+        for k in range(3):
+            t = 0.0
+            for l in range(3):
+                t += R[b, k, l] * frame[f + 9 + 3 * l + c]
+            for r in range(3):
+                Q[r, c] += pose[3 * k + r] * t
 
 
 @kernel(inline="late")
