@@ -133,15 +133,15 @@ _COUNTED = "start", "members.kind", "terms.start", "loads.node", "active_dofs", 
 NODES, MEMBER_COUNT, ROWS, LOADS, DOFS_PER_NODE, CARRIED_NODES, LEAF_COUNT = range(len(_COUNTED) + 1)
 """Positions of the counts in `Arrays.ints`: lengths of the fields `_COUNTED`, and the number of members before the springs.
 The starts of all fields follow."""
-_PLACES: dict[str, Any] = {name: LEAF_COUNT + 1 + i for i, name in enumerate(FIELDS)}
+_STARTS: dict[str, Any] = {name: LEAF_COUNT + 1 + i for i, name in enumerate(FIELDS)}
 
 
-def _places(part: Any, name: str) -> Any:
-    return part(*(_PLACES[f"{name}.{field}"] for field in part._fields))
+def _positions(part: Any, name: str) -> Any:
+    return part(*(_STARTS[f"{name}.{field}"] for field in part._fields))
 
 
-MEMBER, TERM, LOAD = _places(Members, "members"), _places(Terms, "terms"), _places(Loads, "loads")
-AT = Fields(*(_PLACES.get(name, -1) for name in Fields._fields))
+MEMBER, TERM, LOAD = _positions(Members, "members"), _positions(Terms, "terms"), _positions(Loads, "loads")
+AT = Fields(*(_STARTS.get(name, -1) for name in Fields._fields))
 """Positions in `Arrays.ints` of the starts of fields, by name: entry c of row i of a field with w columns of the members is
 ints[ints[MEMBER.node] + w i + c], or floats[ints[MEMBER.offset] + w i + c]. Kernels read them so, as access to arrays in
 named tuples counts their references."""
@@ -183,46 +183,59 @@ class Arrays:
         """The views of a field or part."""
         if name in FIELDS:
             return self._view(name)
-        part = "members" if name == "springs" else name
         if self.topology is self:
-            return _PARTS[part](*(self._view(f"{part}.{own}", name) for own in _PARTS[part]._fields))
-        shared = getattr(self.topology, name)
-        floats = (own for own in shared._fields if FIELDS[f"{part}.{own}"][0] is np.float64)
-        return shared._replace(**{own: self._view(f"{part}.{own}", name) for own in floats})
+            own = _PARTS[name](*(self._view(f"{name}.{field}") for field in _PARTS[name]._fields))
+            return own._replace(value_at=own.value_at - self._split[1]) if name == "springs" else own
+        views, lead = list(getattr(self.topology, name)), self.floats.shape[:-1]
+        for k, place, shape in self.topology._floats_of[name]:
+            views[k] = self.floats[..., place].reshape(lead + shape)
+        return _PARTS[name]._make(views)
 
-    def _view(self, name: str, part: str = "") -> np.ndarray:
-        """The view of one field, of members and springs their own rows."""
-        place, shape = self.topology._slices[name]
-        if FIELDS[name][0] is np.int64:
-            view = self.ints[place].reshape(shape)
-        else:
-            view = self.floats[..., place].reshape(*self.floats.shape[:-1], *shape)
-        if part not in ("members", "springs"):
-            return view
-        leaves, constants = self.topology._split
-        own = name.partition(".")[2]
-        at = constants if own == "value" else leaves + (part == "members" and own in ("inner_at", "store_at"))
-        rows = slice(at) if part == "members" else slice(at, None)
-        view = view[rows] if view.ndim == len(shape) else view[:, rows]
-        return view - constants if part == "springs" and own == "value_at" else view
+    def _view(self, name: str) -> np.ndarray:
+        """The view of one field."""
+        dtype, place, shape = self.topology._places[name]
+        if dtype is np.int64:
+            return self.ints[place].reshape(shape)
+        return self.floats[..., place].reshape(self.floats.shape[:-1] + shape)
 
     @cached_property
     def _split(self) -> tuple[int, int]:
         """Number of the members before the springs, and of their constants."""
-        leaves, value_at = int(self.ints[LEAF_COUNT]), self.ints[self._slices["members.value_at"][0]]
-        return leaves, int(value_at[leaves]) if leaves < len(value_at) else self._slices["members.value"][1][
-            0
-        ]
+        leaves, at = int(self.ints[LEAF_COUNT]), int(self.ints[MEMBER.value_at])
+        has_springs = leaves < self.ints[MEMBER_COUNT]
+        return leaves, int(
+            self.ints[at + leaves] if has_springs else self.ints[MEMBER.length] - self.ints[MEMBER.value]
+        )
 
     @cached_property
-    def _slices(self) -> dict[str, tuple[slice, tuple[int, ...]]]:
-        """Place in its flat array, and shape, of every field."""
+    def _places(self) -> dict[str, tuple[Any, slice, tuple[int, ...]]]:
+        """Type, place in its flat array, and shape of every field, of members and springs their own rows."""
         ends, found = {np.int64: len(self.ints), np.float64: int(self.ints[LAST])}, {}
+        leaves, constants = self._split
         for name, (dtype, row) in reversed(FIELDS.items()):
-            first, width = int(self.ints[_PLACES[name]]), math.prod(row)
-            found[name] = slice(first, ends[dtype]), ((ends[dtype] - first) // width, *row)
+            first, width = int(self.ints[_STARTS[name]]), math.prod(row)
+            rows, (part, _, own) = (ends[dtype] - first) // width, name.partition(".")
+            if part == "members":
+                at = constants if own == "value" else leaves
+                found[f"springs.{own}"] = dtype, slice(first + at * width, ends[dtype]), (rows - at, *row)
+                rows = at + (own in ("inner_at", "store_at"))
+            found[name] = dtype, slice(first, first + rows * width), (rows, *row)
             ends[dtype] = first
         return found
+
+    @cached_property
+    def _floats_of(self) -> dict[str, list[tuple[int, slice, tuple[int, ...]]]]:
+        """Number, place and shape of the float fields of every part."""
+        return {
+            name: [
+                (k, place, shape)
+                for k, (dtype, place, shape) in enumerate(
+                    self._places[f"{name}.{own}"] for own in part._fields
+                )
+                if dtype is np.float64
+            ]
+            for name, part in _PARTS.items()
+        }
 
     @property
     def flat(self) -> tuple[np.ndarray, np.ndarray]:
@@ -273,7 +286,7 @@ class Arrays:
 
 LAST = LEAF_COUNT + 1 + len(FIELDS)
 """Position in `Arrays.ints` of the number of floats."""
-_PARTS: dict[str, Any] = {"members": Members, "terms": Terms, "loads": Loads}
+_PARTS: dict[str, Any] = {"members": Members, "springs": Members, "terms": Terms, "loads": Loads}
 
 
 def arrays_of(**fields: Any) -> Arrays:
