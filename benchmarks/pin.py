@@ -164,7 +164,7 @@ def pinned(draw: Callable[[], Any]) -> dict[str, Any]:
         try:
             solver = ksd.prepare(scene, **options)
             pose = solver(targets, method=method, strict=False)
-        except ksd.KsdError as reason:
+        except (ksd.KsdError, ValueError) as reason:
             found[method] = {"refused": f"{type(reason).__name__}: {reason}"}
             continue
         found[method] = {
