@@ -14,6 +14,7 @@ import sys
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -160,6 +161,7 @@ def pinned(draw: Callable[[], Any]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     scene, targets, options = draw()
     link = _last_link(scene)
+    method: Any
     for method in METHODS:
         try:
             solver = ksd.prepare(scene, **options)
@@ -168,17 +170,19 @@ def pinned(draw: Callable[[], Any]) -> dict[str, Any]:
             found[method] = {"refused": f"{type(reason).__name__}: {reason}"}
             continue
         found[method] = {
-            name: attempt(lambda a=ask, p=pose: a(p, link))
+            name: attempt(partial(ask, pose, link))
             for name, ask in QUESTIONS.items()
             if method == "conventional" or name not in SLOW
         }
-        found[method]["prepared us"] = _median(
-            lambda s=solver, m=method: s(targets, method=m, strict=False), 5
-        )
+        found[method]["prepared us"] = _median(partial(solver, targets, method=method, strict=False), 5)
         if method in ("reduced", "full"):
-            new = lambda m=method: (lambda s, t, o: ksd.prepare(s, **o)(t, method=m, strict=False))(*draw())  # noqa: E731
-            found[method]["new design us"] = _median(new, 3)
+            found[method]["new design us"] = _median(partial(_solve_new, draw, method), 3)
     return found
+
+
+def _solve_new(draw: Callable[[], Any], method: Any) -> Any:
+    scene, targets, options = draw()
+    return ksd.prepare(scene, **options)(targets, method=method, strict=False)
 
 
 def _last_link(scene: Any) -> str:
@@ -197,7 +201,8 @@ def _median(call: Callable[[], Any], repeats: int) -> float:
 
 def compare(before: Mapping[str, Any], after: Mapping[str, Any]) -> int:
     """Print what differs by more than rounding, and the ratios of times; the number of differences."""
-    wrong, ratios = 0, {}
+    wrong = 0
+    ratios: dict[Any, list[float]] = {}
     for scene, methods in before.items():
         for method, answers in methods.items():
             for question, one in answers.items():

@@ -207,11 +207,8 @@ def confirm_by_arc_length(
         )
     obstacle = f"no end: {path.stop_reason}"
     if path.singular_points:
-        first, more = path.singular_points[0], len(path.singular_points) - 1
-        obstacle = (
-            f"a {first.kind} point at {100 * first.point.f:.3g} % of the way"
-            + f", and {more} more" * (more > 0)
-        )
+        first = path.singular_points[0]
+        obstacle = f"a {first.kind} point at {100 * first.point.f:.3g} % of the way"
     return last._replace(doubts=(f"{last.doubts[0]}; the path from its start has {obstacle}",))
 
 
@@ -317,14 +314,14 @@ def follow_load_path(
         finer = path._replace(steps=steps, smallest_step=min(path.smallest_step, 0.25 / steps))
         return take_path(storage, begin, finer, planar, from_rest)
 
-    def continuation(max_singular_points: float = math.inf) -> PathContinuation:
-        return follow_by_arc_length(model, path, begin, max_singular_points=max_singular_points)
+    def continuation() -> PathContinuation:
+        return follow_by_arc_length(model, path, begin, max_singular_points=1)
 
     if first.record.stop is Stop.SINGULAR and first.record.fraction_reached == 0.0:
         # a part that nothing holds from the start on has no path
         return first
     if first.record.stop is not Stop.CONVERGED:
-        return complete_by_arc_length(first, lambda: continuation(max_singular_points=1))
+        return complete_by_arc_length(first, continuation)
     doubt = branch_doubt(
         model, begin, first.motion, first.record, path.target, from_rest=from_rest, steps=path.steps
     )

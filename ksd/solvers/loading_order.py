@@ -217,7 +217,12 @@ def solve_in_order(
     if result is not None and is_solved(result):
         return result
     last, target = result or getattr(failure, "result", None), model.targets(targets)
-    if isinstance(last, Configuration) and last.steps[-1].stop is not Stop.SINGULAR:
+    # drive values in another unit are refused soon
+    if (
+        isinstance(last, Configuration)
+        and last.steps[-1].stop is not Stop.SINGULAR
+        and not model.far_drives(targets)
+    ):
         values = dict(zip(model.drive_names, target.tolist(), strict=False))
         last = replace(last, targets=values, load_factor=1.0)
         for candidate in _other_ways(model, target, order, last):
