@@ -113,7 +113,9 @@ def test_types_are_in_no_circle():
     typed = edges_of({m: named_in(s, types=True) for m, s in SOURCES.items()})
     for file in NAMED_ABOVE:
         others = NAMED_ABOVE - {file}
-        assert circle({edge for edge in typed if edge in EDGES or edge[1] not in others}), f"{file} is in no circle"
+        assert circle({edge for edge in typed if edge in EDGES or edge[1] not in others}), (
+            f"{file} is in no circle"
+        )
     assert not circle({edge for edge in typed if edge in EDGES or edge[1] not in NAMED_ABOVE})
 
 
