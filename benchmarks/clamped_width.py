@@ -13,43 +13,25 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import os
 import shutil
-import subprocess
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
 from common import RESULTS, machine, write_json
-from scipy.optimize import brentq
 
 import ksd
+from ksd.export.calculix import Deck, Mesh
+from ksd.export.confirm import run
 from ksd.model.compile import Model
-from ksd.model.leaves import cut_leaves
 from ksd.units import GPa, deg, mm
 
-GROWTH = 1.6
-"""Growth from one element to the next at ends and edges."""
 SMALL_VALUE = 1e-3
 """Drive value [m or rad] up to which a solid is loaded in one step."""
-LONGEST_RUN = 1800.0
-"""Seconds after which a run of CalculiX is given up."""
 
 
-class Mesh(NamedTuple):
-    """Elements in half the length of a leaf, in half its width and through its thickness; size [thicknesses] of those at its
-    ends and edges, from which they grow by a constant factor."""
-
-    along: int = 6
-    across: int = 3
-    through: int = 1
-    end: float = 1.0
-
-
-PLAIN_MESH = Mesh()
+PLAIN_MESH = Mesh(6, 3)
 
 
 @dataclass(frozen=True)
@@ -169,163 +151,12 @@ def cases() -> list[Case]:
     return found
 
 
-def graded(elements: int, length: float, finest: float) -> np.ndarray:
-    """Corners (elements + 1,) in [m] of elements that grow from `finest` [m] at 0, by `GROWTH` up to a largest size
-    where this reaches, else by more."""
-    grown = finest * GROWTH ** np.arange(elements)
-    if elements == 1 or finest * elements > 0.999 * length:
-        sizes = np.ones(elements)
-    elif grown.sum() > length:
-        sizes = np.minimum(grown, brentq(lambda most: np.minimum(grown, most).sum() - length, 0.0, grown[-1]))
-    else:
-        factor = brentq(lambda q: finest * (q**elements - 1.0) / (q - 1.0) - length, 1.1, 1e3)
-        sizes = factor ** np.arange(elements)
-    return np.concatenate([[0.0], length * np.cumsum(sizes) / sizes.sum()])
-
-
-def with_middles(corners: np.ndarray, parts: int) -> np.ndarray:
-    """Corners and middles of elements that are each divided into equal parts."""
-    return np.interp(
-        np.arange(2 * parts * (len(corners) - 1) + 1) / (2 * parts), np.arange(len(corners)), corners
-    )
-
-
-class Deck:
-    """The input of CalculiX of one half, z >= 0, of a mechanism with one drive that is symmetric about z = 0."""
-
-    def __init__(self, model: Model, mesh: Mesh, parts: int) -> None:
-        self.nodes: list[np.ndarray] = []
-        self.elements: list[str] = []
-        self.count = self.number = 0
-        self.faces: dict[int, list[int]] = {}
-        self.middle: list[int] = []
-        self.model = model
-        leaves = {f"{j.name}/{leaf.name}": (j, leaf) for j in model.scene.joints for leaf in j.leaves()}
-        leaves |= {name: (None, leaf) for name, _, _, leaf in cut_leaves(model.scene)}
-        for name, ends in zip(model.member_names, model.arrays.members.node.tolist(), strict=True):
-            self._mesh(*leaves[name], ends, mesh, parts)
-
-    def _mesh(self, joint: Any, leaf: Any, ends: list[int], mesh: Mesh, parts: int) -> None:
-        """Add the elements of a leaf; i along, j through the thickness, k across the width."""
-        t, w = leaf.section.thickness, leaf.section.width
-        sections = [leaf.section_at(0.5), leaf.section_at(0.0)]
-        at = [p if joint is None else joint.place(p) for p, _ in sections]
-        if at[0][2] < -1e-9:
-            return
-        axes_z = sections[1][1] if joint is None else np.asarray(joint.rotation) @ sections[1][1]
-        half = graded(mesh.along, 0.5 * leaf.length, mesh.end * t)
-        u = with_middles(np.concatenate([half, leaf.length - half[-2::-1]]), parts) / leaf.length
-        inside = 0.5 * w - graded(mesh.across, 0.5 * w, mesh.end * t)[::-1]
-        if abs(at[0][2]) > 1e-9:
-            inside = np.concatenate([-inside[:0:-1], inside])
-        v = with_middles(inside, parts)
-        # into z >= 0
-        v = v if axes_z[2, 2] > 0.0 else -v
-        shape = (len(u), 2 * mesh.through + 1, len(v))
-        ids = np.zeros(shape, int)
-        for i, s in enumerate(u):
-            place, axes = leaf.section_at(float(s))
-            if joint is not None:
-                place, axes = joint.place(place), np.asarray(joint.rotation) @ axes
-            for j in range(shape[1]):
-                for k in range(shape[2]):
-                    if (i % 2) + (j % 2) + (k % 2) > 1:
-                        continue
-                    self.count += 1
-                    ids[i, j, k] = self.count
-                    offset = np.array([0.0, (0.5 * j / mesh.through - 0.5) * t, v[k]])
-                    self.nodes.append(place + axes @ offset)
-        for end, face in zip(ends, (ids[0], ids[-1]), strict=True):
-            self.faces.setdefault(end, []).extend(face[face > 0].tolist())
-        # nodes of rigid bodies take no condition
-        if abs(v[0]) < 1e-9 * w:
-            self.middle += [n for n in ids[1:-1, :, 0].ravel().tolist() if n]
-        order = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2),
-                 (1, 0, 0), (2, 1, 0), (1, 2, 0), (0, 1, 0), (1, 0, 2), (2, 1, 2), (1, 2, 2), (0, 1, 2),
-                 (0, 0, 1), (2, 0, 1), (2, 2, 1), (0, 2, 1)]  # fmt: skip
-        mirror = v[-1] < v[0]
-        for i in range(0, shape[0] - 1, 2):
-            for j in range(0, shape[1] - 1, 2):
-                for k in range(0, shape[2] - 1, 2):
-                    self.number += 1
-                    numbers = [str(ids[i + a, j + b, k + (2 - c if mirror else c)]) for a, b, c in order]
-                    self.elements.append(
-                        f"{self.number}, {', '.join(numbers[:10])},\n{', '.join(numbers[10:])}"
-                    )
-
-    def text(self, value: float, steps: int) -> str:
-        """The deck in mm, N and MPa with the drive at `value` [m or rad]."""
-        scene, material = self.model.scene, next(iter(self.model.scene.leaf_names().values())).material
-        (term,) = scene.drives[0].terms
-        driven = scene.links.index(term.link)
-        lines = ["*NODE"] + [
-            f"{n}, {', '.join(f'{1e3 * x:.12g}' for x in p)}" for n, p in enumerate(self.nodes, 1)
-        ]
-        lines += ["*ELEMENT, TYPE=C3D20R, ELSET=LEAVES", *self.elements]
-        lines += ["*MATERIAL, NAME=M", "*ELASTIC", f"{1e-6 * material.E:.12g}, {material.nu:.12g}"]
-        lines += ["*SOLID SECTION, ELSET=LEAVES, MATERIAL=M"]
-        fixed, held = [], ["*BOUNDARY"]
-        for node, face in sorted(self.faces.items()):
-            lines += [f"*NSET, NSET=B{node}", ",\n".join(map(str, face))]
-            if node == 0:
-                fixed = ["*BOUNDARY", "B0, 1, 3"]
-                continue
-            ref, rot = self.count + 2 * node, self.count + 2 * node + 1
-            at = term.point if node == driven else self.model.rest.x[node]
-            place = ", ".join(f"{1e3 * x:.12g}" for x in at)
-            lines += ["*NODE", f"{ref}, {place}", f"{rot}, {place}"]
-            lines += [f"*RIGID BODY, NSET=B{node}, REF NODE={ref}, ROT NODE={rot}"]
-            # symmetry
-            held += [f"{ref}, 3, 3", f"{rot}, 1, 2"]
-            if node == driven:
-                self.reference, self.rotation = ref, rot
-        axis = int(np.abs(term.direction).argmax()) + 1
-        sign = float(np.sign(term.direction[axis - 1]))
-        rotates = term.kind == "rotation"
-        for support in scene.supports:
-            (own,) = support.terms
-            dof = int(np.abs(own.direction).argmax()) + 1
-            held.append(f"{self.rotation if own.kind == 'rotation' else self.reference}, {dof}, {dof}")
-        node = self.rotation if rotates else self.reference
-        self.output = node, axis, sign, 2e-3 if rotates else 2.0
-        given = sign * value * (1.0 if rotates else 1e3)
-        held += [f"{n}, 3, 3" for n in self.middle]
-        lines += fixed + held
-        lines += [
-            f"*NSET, NSET=OUT\n{node}",
-            "*STEP, NLGEOM, INC=1000",
-            "*STATIC",
-            f"{1 / steps:.6g}, 1.0, 1e-6, {1 / steps:.6g}",
-        ]
-        # the usual residual is half a percent of the mean force
-        lines += ["*CONTROLS, PARAMETERS=FIELD", "1e-5, 1e-2"]
-        lines += ["*BOUNDARY", f"{node}, {axis}, {axis}, {given:.12g}"]
-        lines += ["*NODE PRINT, NSET=OUT, FREQUENCY=1000", "U, RF", "*END STEP"]
-        return "\n".join(lines) + "\n"
-
-
 def solid_effort(model: Model, value: float, mesh: Mesh, parts: int, steps: int) -> float:
-    """Drive force [N] or moment [Nm] of the solid. Raises RuntimeError where CalculiX fails."""
-    deck = Deck(model, mesh, parts)
-    with tempfile.TemporaryDirectory() as folder:
-        Path(folder, "deck.inp").write_text(deck.text(value, steps))
-        threads = {**os.environ, "OMP_NUM_THREADS": "1", "CCX_NPROC_EQUATION_SOLVER": "1"}
-        run = subprocess.run(
-            ["ccx", "deck"],
-            cwd=folder,
-            capture_output=True,
-            text=True,
-            timeout=LONGEST_RUN,
-            check=False,
-            env=threads,
-        )
-        results = Path(folder, "deck.dat")
-        rows = results.read_text().split("forces (fx,fy,fz)") if results.exists() else []
-        if len(rows) < 2:
-            raise RuntimeError(f"CalculiX gave no forces: {run.stdout[-400:]}")
-    node, axis, sign, unit = deck.output
-    numbers = next(line.split() for line in rows[-1].splitlines() if line.split()[:1] == [str(node)])
-    return sign * unit * float(numbers[axis])
+    """Drive force [N] or moment [Nm] of the solid, of which half is solved. Raises ConvergenceError where CalculiX fails."""
+    deck = Deck(model, mesh._replace(parts=parts), {"drive": value}, increments=steps, half=True)
+    _, held = run(deck)
+    output = deck.forces["drive"]
+    return 2.0 * output.unit * float(held[output.node] @ output.direction)
 
 
 def solids(case: Case, factors: tuple[int, ...]) -> dict[str, Any]:

@@ -127,13 +127,13 @@ def _add_new(commands: Any) -> None:
 def _add_export(commands: Any) -> None:
     parser = commands.add_parser(
         "export",
-        help="write a scene for other programs: DXF, STL, 3MF, STEP",
+        help="write a scene for other programs: DXF, STL, 3MF, STEP, CalculiX",
         description="A drawing with flat patterns of the sheets (dxf), or leaf springs and links as bodies (stl, 3mf, "
         "step), deformed as the drive values of the scene say; in mm.",
     )
     _add_shared(parser, "scene")
     parser.add_argument(
-        "--to", metavar="KIND", help="dxf, stl, 3mf, step or vtu; the ending of --out when left out"
+        "--to", metavar="KIND", help="dxf, stl, 3mf, step, vtu or calculix; the ending of --out when left out"
     )
     parser.add_argument("--out", metavar="FILE", help="the file; beside the scene when left out")
     parser.add_argument("--undeformed", action="store_true", help="bodies as they are at rest")
@@ -145,6 +145,19 @@ def _add_export(commands: Any) -> None:
     ):
         parser.add_argument(word, metavar=name, help=text)
     _add_shared(parser, "--set", *_SOLVER_OPTIONS)
+
+
+def _add_confirm(commands: Any) -> None:
+    parser = commands.add_parser(
+        "confirm",
+        help="solve a scene again by CalculiX, with solids",
+        description="Solve the pose of a scene, solve it again with solids by CalculiX (ccx must be installed), and show "
+        "forces and positions of both, their difference, and what of it effects explain that the model leaves out.",
+    )
+    _add_shared(parser, "scene", "--set", *_SOLVER_OPTIONS)
+    parser.add_argument(
+        "--refine", action="store_true", help="also on a mesh twice as fine; it takes many times as long"
+    )
 
 
 def _add_schema(commands: Any) -> None:
@@ -377,7 +390,7 @@ def _add_bench(commands: Any) -> None:
 COMMANDS = {
     "demo": _add_demo, "new": _add_new, "solve": _add_solve, "compare": _add_compare, "effects": _add_effects,
     "doctor": _add_doctor, "live": _add_live, "sweep": _add_sweep, "respond": _add_respond, "optimise": _add_optimise,
-    "report": _add_report, "export": _add_export, "train": _add_train,
+    "report": _add_report, "export": _add_export, "confirm": _add_confirm, "train": _add_train,
     "info": _add_info, "bench": _add_bench, "schema": _add_schema,
 }  # fmt: skip
 """Function that adds the parser of each command, in the order of the help; the module `ksd.cli.<name>` runs it."""

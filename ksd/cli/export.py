@@ -21,7 +21,8 @@ ONLY_FOR = {
 
 def run(options: argparse.Namespace) -> int:
     """Solve, unless it is drawn undeformed, and write. Errors as in `ksd.solve` and `ksd.load_scene`."""
-    kind = f".{options.to}" if options.to else Path(options.out or "").suffix.lower()
+    named = "inp" if options.to == "calculix" else options.to
+    kind = f".{named}" if named else Path(options.out or "").suffix.lower()
     if kind not in WRITERS:
         raise SceneError(
             f"--to {options.to or ''}: say one of {', '.join(k.removeprefix('.') for k in WRITERS)}"

@@ -10,13 +10,16 @@ from typing import Any
 
 from ksd.checks import clear_argument_errors
 from ksd.errors import SceneError
+from ksd.export.calculix import write_deck
 from ksd.export.dxf import write_dxf
 from ksd.export.solids import SUFFIXES, write_bodies
 from ksd.view.vtk import write_vtu
 
-WRITERS: dict[str, Callable[..., Path]] = {".dxf": write_dxf, ".vtu": write_vtu} | dict.fromkeys(
-    SUFFIXES, write_bodies
-)
+WRITERS: dict[str, Callable[..., Path]] = {
+    ".dxf": write_dxf,
+    ".vtu": write_vtu,
+    ".inp": write_deck,
+} | dict.fromkeys(SUFFIXES, write_bodies)
 """The function that writes a configuration, by the ending of the file."""
 
 
@@ -35,7 +38,8 @@ def export(
     """Write a configuration to a file of another program, by the ending of `path`, which it returns.
 
     .dxf: view, margin [m], hole [m], tolerance [m] as in `write_dxf`; .stl, .3mf, .step: deformed, points as in
-    `write_bodies`; .vtu has none. None leaves the default. Raises SceneError, also for a word that the file has not.
+    `write_bodies`; .vtu and .inp (CalculiX): none.
+    None leaves the default. Raises SceneError, also for a word that the file has not.
     """
     kind = Path(path).suffix.lower()
     if kind not in WRITERS:

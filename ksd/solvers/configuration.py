@@ -805,7 +805,8 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         .dxf: undeformed drawing with flat patterns of the sheets; view: plane of the drawing, margin, hole [m]: length of
         the clamped margins and diameter of the holes in them, tolerance [m]: of free curves (`ksd.export.write_dxf`).
         .stl, .3mf, .step: bodies; deformed: in this pose or at rest, points: stations along each leaf
-        (`ksd.export.write_bodies`). .vtu: for ParaView, in m. None leaves the default. Raises SceneError, also where the
+        (`ksd.export.write_bodies`). .vtu: for ParaView, in m. .inp: for CalculiX
+        (`ksd.export.write_deck`). None leaves the default. Raises SceneError, also where the
         extra `cad` is needed and not installed."""
         return export(
             self,

@@ -143,6 +143,8 @@ WRONG = {name: (lambda _, n=name, w=sizes: getattr(ksd, n)(STEEL, **w)) for name
     "view.show_mechanism": lambda pose: ksd.view.show_mechanism(pose, "a.txt"),
     "export.export": lambda pose: ksd.export.export(pose, "a.txt"),
     "export.write_dxf": lambda pose: ksd.export.write_dxf(pose, "a.txt"),
+    "export.write_deck": lambda pose: ksd.export.write_deck(pose, "a.txt"),
+    "export.confirm": lambda pose: ksd.export.confirm(pose, refine=0),
     "export.write_bodies": lambda pose: ksd.export.write_bodies(pose, "a.txt"),
     "importing.read_dxf": lambda _: ksd.importing.read_dxf(f"{NOWHERE}.dxf"),
     "importing.read_spacar": lambda _: ksd.importing.read_spacar(f"{NOWHERE}.mat"),

@@ -1,0 +1,105 @@
+"""Input of CalculiX: solids by ccx with nu = 0 against ours; what the deck cannot say."""
+
+import shutil
+
+import pytest
+
+import ksd
+from ksd.cli import main
+from ksd.export import confirm
+from ksd.export.calculix import Mesh
+from ksd.units import GPa, deg, mm
+
+STEEL = ksd.Material(E=200 * GPa, nu=0.0, density=7800)
+needs_ccx = pytest.mark.skipif(
+    shutil.which("ccx") is None, reason="needs CalculiX: apt-get install calculix-ccx"
+)
+
+
+def guide(along="x", **load):
+    m = ksd.Mechanism("guide")
+    table = m.link("table", mass=0.5, at=(0, 0.08, 0))
+    for x in (-0.03, 0.03):
+        m.leaf(
+            "ground", table, start=(x, 0, 0), end=(x, 0.06, 0), section=ksd.rectangle(0.3 * mm, 20 * mm),
+            material=STEEL, width_axis="z", name=f"leaf {x}",
+        )  # fmt: skip
+    m.actuate(table, along=along, at=(0, 0.03, 0), name="d")
+    if load:
+        m.load(table, at=(0.01, 0.07, 0), name="push", **load)
+    return m
+
+
+def cross_flexure():
+    joint = ksd.CrossFlexure(STEEL, length=0.1, angle=45 * deg, thickness=0.5 * mm, widths=(20 * mm, 10 * mm))
+    m = ksd.Mechanism("cross")
+    tip = m.link("tip")
+    m.join(m.ground, tip, joint, at=(0, 0, 0), axis="z", toward="x", name="hinge")
+    m.actuate(tip, about="z", name="d")
+    return m
+
+
+def loaded():
+    m = guide(force=(1, -5, 0))
+    m.gravity = (0, -9.81, 0)
+    return m
+
+
+@needs_ccx
+@pytest.mark.parametrize(
+    ("scene", "value"),
+    [(guide(), 5 * mm), (guide((1, 0.02, 0)), 5 * mm), (cross_flexure(), 10 * deg), (loaded(), 5 * mm)],
+)
+def test_solids_give_the_same_forces_and_positions(scene, value):
+    found = confirm(ksd.solve(scene, d=value, method="conventional"), mesh=Mesh(8, 1, end=5.0))
+    assert abs(found.relative_force("d")) < 1e-4
+    assert all(found.distance(link) < 1e-4 * found.stroke for link in found.displacements)
+
+
+@needs_ccx
+def test_the_command_prints_both(tmp_path, capsys):
+    ksd.save_scene(guide(), tmp_path / "g.toml", targets={"d": 1 * mm})
+    assert main(["confirm", str(tmp_path / "g.toml")]) == 0
+    text = capsys.readouterr().out
+    assert "force of d:" in text and "position of table:" in text
+
+
+def test_the_command_exports_and_ccx_may_be_missing(tmp_path, capsys, monkeypatch):
+    ksd.save_scene(guide(), tmp_path / "g.toml", targets={"d": 1 * mm})
+    assert main(["export", str(tmp_path / "g.toml"), "--to", "calculix"]) == 0
+    assert "*RIGID BODY" in (tmp_path / "g.inp").read_text()
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert main(["confirm", str(tmp_path / "g.toml")]) == 2
+    assert "apt-get install calculix-ccx" in capsys.readouterr().err
+
+
+def spring(m):
+    m.spring(
+        "ground", "table", start=(0, 0, 0), end=(0, 0.1, 0), stiffness=10.0, free_length=0.1, name="coil"
+    )
+
+
+def wire(m):
+    m.wire(
+        "ground", "table", start=(0, 0, 0), end=(0, 0.06, 0), diameter=1 * mm, material=STEEL, name="round"
+    )
+
+
+@pytest.mark.parametrize(
+    ("add", "sentence"),
+    [
+        (spring, "spring 'coil' is not written"),
+        (wire, "leaf 'round' is no sheet"),
+        (
+            lambda m: m.load("table", force=(0, 1, 0), at=(0, 0, 0), following=True, name="f"),
+            "load 'f' turns with",
+        ),
+        (lambda m: m.support("table", about=(0, 1, 1), name="skew"), "'skew' is a rotation about"),
+    ],
+)
+def test_what_the_deck_cannot_say_is_refused_by_name(add, sentence, tmp_path):
+    m = guide()
+    add(m)
+    pose = ksd.solve(m, d=1 * mm, method="conventional", strict=False)
+    with pytest.raises(ksd.SceneError, match=sentence):
+        pose.export(tmp_path / "a.inp")
