@@ -23,7 +23,7 @@ from common import RESULTS, machine, write_json
 
 import ksd
 from ksd.export.calculix import Deck, Mesh
-from ksd.export.confirm import run
+from ksd.export.calculix_run import run
 from ksd.model.compile import Model
 from ksd.units import GPa, deg, mm
 

@@ -7,7 +7,7 @@ import argparse
 from ksd.answers.printing import format_signed_percent
 from ksd.cli.output import console
 from ksd.cli.solve import load_with_options, merged_options, solve_warm
-from ksd.export.confirm import confirm
+from ksd.export.calculix_run import confirm
 from ksd.model.description import curved_bar_text
 
 

@@ -25,7 +25,7 @@ def run(options: argparse.Namespace) -> int:
     kind = f".{named}" if named else Path(options.out or "").suffix.lower()
     if kind not in WRITERS:
         raise SceneError(
-            f"--to {options.to or ''}: say one of {', '.join(k.removeprefix('.') for k in WRITERS)}"
+            f"--to {options.to or ''}: say one of calculix, {', '.join(k.removeprefix('.') for k in WRITERS)}"
         )
     target = Path(options.out or Path(options.scene).with_suffix(kind))
     if target.suffix.lower() != kind:

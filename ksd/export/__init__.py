@@ -4,7 +4,7 @@
 """
 
 from ksd.export.calculix import write_deck
-from ksd.export.confirm import confirm
+from ksd.export.calculix_run import confirm
 from ksd.export.dxf import write_dxf
 from ksd.export.files import export
 from ksd.export.solids import write_bodies

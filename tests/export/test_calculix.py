@@ -48,7 +48,7 @@ def loaded():
 @needs_ccx
 @pytest.mark.parametrize(
     ("scene", "value"),
-    [(guide(), 5 * mm), (guide((1, 0.02, 0)), 5 * mm), (cross_flexure(), 10 * deg), (loaded(), 5 * mm)],
+    [(guide((1, 0.02, 0)), 3 * mm), (cross_flexure(), 10 * deg), (loaded(), 1 * mm)],
 )
 def test_solids_give_the_same_forces_and_positions(scene, value):
     found = confirm(ksd.solve(scene, d=value, method="conventional"), mesh=Mesh(8, 1, end=5.0))

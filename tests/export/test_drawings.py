@@ -205,7 +205,7 @@ def test_command(tmp_path, monkeypatch, capsys):
     assert "a.dxf: written" in capsys.readouterr().out
     assert len(ezdxf.readfile("a.dxf").modelspace().query('CIRCLE[layer=="hole"]')) == 4
     for words, said in (
-        (["--to", "dwg"], "--to dwg: say one of dxf, vtu, stl"),
+        (["--to", "dwg"], "--to dwg: say one of calculix, dxf, vtu"),
         (["--to", "dxf", "--out", "a.stl"], "ends in .dxf"),
         (["--to", "stl", "--hole", "2mm"], "--hole is not for .stl files"),
         (["--to", "dxf", "--undeformed"], "--undeformed is not for .dxf files"),
