@@ -10,9 +10,9 @@ from ksd.checks import clear_argument_errors
 from ksd.extras import live_package
 from ksd.interactive.page import PORT, serve
 from ksd.interactive.session import Session
+from ksd.interactive.tools import drawing_tools
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.scene import Scene
-from ksd.scene.toml_file import read_tables
 from ksd.solvers.solver import Method
 
 
@@ -49,8 +49,8 @@ def serve_file(
 ) -> None:
     """Serve the page of a scene file until Ctrl-C, with drive values [SI] to begin with."""
     session = Session(None, options=options)
-    session.draw(read_tables(file), file)
+    _, build = drawing_tools(file, session)
     session.settle(600.0)
     for name, value in values.items():
         session.wish(name, value)
-    serve(session, **address)
+    serve(session, build, **address)

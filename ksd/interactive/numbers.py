@@ -163,6 +163,9 @@ def ask(part: str, asked: Asked) -> list[Row]:
     """The rows of a part; where it has no answer, one row with the reason."""
     try:
         return PARTS[part](asked)
+    except KsdError as reason:
+        # a question that has no answer here is no bad news
+        return [(part, str(reason), True)]
     except Exception as reason:
         return [(part, sentence_of(reason), False)]
 

@@ -37,6 +37,7 @@ body{overflow:hidden} .nicegui-content{padding:0;gap:0;height:100vh}
 max-width:220px;overflow:hidden;text-overflow:ellipsis}
 .ksd-scale{position:absolute;right:12px;bottom:10px;font:12px Roboto,sans-serif;display:flex;gap:6px;align-items:center}
 .ksd-scale i{width:130px;height:10px;display:inline-block;border-radius:2px}
+.ksd-view svg:focus{outline:none}
 .ksd-failed{position:absolute;inset:12px auto auto 12px;font-size:13px;color:#4b5563}
 .ksd-refused{position:absolute;left:12px;right:12px;top:10px;z-index:5;background:#fef2f2;border:1px solid #fca5a5;
 color:#7f1d1d;padding:6px 10px;border-radius:6px;font-size:13px;white-space:pre-wrap;max-height:45%;overflow:auto}

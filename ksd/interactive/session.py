@@ -147,6 +147,11 @@ class Session:
         """Values of all sliders [SI] by name."""
         return {n: s.value for n, s in self.sliders.items()}
 
+    @property
+    def idle(self) -> bool:
+        """Whether the newest wish is solved."""
+        return self.latest.number >= self._wish
+
     def wish(self, name: str, value: float) -> None:
         """Move a slider to `value` [SI]; returns at once. Raises SceneError for an unknown name."""
         with self._changed:
@@ -271,7 +276,7 @@ class Session:
     def _present_scene(self, tables: tuple[dict[str, Any], Path] | None) -> Scene:
         """The scene of the present wish; the same object while nothing but drives has changed. Raises SceneError."""
         if tables is not None:
-            mechanism, targets, _ = scene_from_tables(*tables)
+            mechanism, targets, _ = scene_from_tables(*tables, whole=False)
             self._take_scene(mechanism.draft(), targets)
             check_scene(self.scene)
         elif self.design is not None:
@@ -291,10 +296,8 @@ class Session:
         for slider in scene_sliders(scene, targets):
             known = self.sliders.get(slider.name)
             if known is not None and (known.kind, known.dimension) == (slider.kind, slider.dimension):
-                given = slider.name in targets and targets is not self.targets
-                value = (
-                    slider.value if given or (slider.kind == "load" and self.design is None) else known.value
-                )
+                # what is drawn says all values; a design keeps those that were moved
+                value = known.value if self.design is not None else slider.value
                 slider = replace(known, value=value, low=min(known.low, value), high=max(known.high, value))
             fresh[slider.name] = slider
         self.scene, self.sliders = scene, fresh
@@ -411,6 +414,6 @@ class Session:
         with self._changed:
             if self.latest is not update or not free:
                 return
-            told = f"{update.refused.rstrip('.')}. Free: {'; '.join(free)}."
+            told = f"Free: {'; '.join(free)}. {update.refused}"
             self.latest = update = replace(update, refused=told)
         self._tell(update)

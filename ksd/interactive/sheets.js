@@ -205,6 +205,7 @@ export class Sheets {
   }
 
   paint(stress, most = "") {
+    if (!this.given) return;
     const color = this.sheets.geometry.attributes.color;
     const plain = stress === "grey" ? GREY : new THREE.Color(this.given.leafColor);
     const ramp = this.given.colors;

@@ -79,18 +79,24 @@ def load_scene(path: str | os.PathLike[str], *, option_names: Collection[str] | 
 
 
 def scene_from_tables(
-    tables: dict[str, Any], file: Path, *, option_names: Collection[str] | None = None, text: str = ""
+    tables: dict[str, Any],
+    file: Path,
+    *,
+    option_names: Collection[str] | None = None,
+    text: str = "",
+    whole: bool = True,
 ) -> LoadedScene:
     """As `load_scene`, from the tables of a file, as read or modified.
 
-    file: path for messages and for the folder of other files; text: text of the file, for line numbers in messages.
+    file: path for messages and for the folder of other files; text: text of the file, for line numbers in messages; whole:
+    False takes a mechanism that is not complete yet.
     """
     file_mistakes = FileMistakes()
     top = Table(tables, file.name, file_mistakes=file_mistakes)
     options = _read_options(top, option_names)
     reader = _SceneReader(top, file)
     reader.state_all()
-    if not file_mistakes.mistakes:
+    if whole and not file_mistakes.mistakes:
         file_mistakes.mistakes += [
             f"{reader.location_of(rule)}: {rule}" for rule in broken_rules(reader.mechanism.draft())
         ]

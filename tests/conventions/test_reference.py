@@ -123,6 +123,7 @@ WRONG = {name: (lambda _, n=name, w=sizes: getattr(ksd, n)(STEEL, **w)) for name
     "ModalBasis": lambda _: ksd.ModalBasis(frame=np.zeros(3)),
     "compile_scene": lambda _: ksd.compile_scene(3),
     "doctor": lambda _: ksd.doctor(3),
+    "live": lambda _: ksd.live(guide(), {"length": (1, 2)}),
     "sweep": lambda _: ksd.sweep(guide(), pull=1),
     "batch": lambda _: ksd.batch(guide(), pull=1),
     "gradient": lambda _: ksd.gradient(guide(), pull=1),

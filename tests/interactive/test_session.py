@@ -1,5 +1,6 @@
 """A session without a page: it follows the newest wish, keeps the last good pose, and no mistake ends it."""
 
+import sys
 import threading
 import time
 import tomllib
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import ksd
+from ksd.cli import main
 from ksd.errors import SceneError
 from ksd.interactive import numbers
 from ksd.interactive.numbers import BETWEEN_PICTURES, FOLLOWING, PARTS, parts_in_time
@@ -16,6 +18,7 @@ from ksd.interactive.sliders import Slider, design_sliders, rounded_end, scene_s
 from ksd.scene.toml_file import shipped_scenes
 from ksd.units import N, deg, mm
 
+pytest.importorskip("tomlkit", reason="the extra `live` is not installed")
 GUIDE = shipped_scenes()["guide"].read_text()
 
 
@@ -147,6 +150,33 @@ def test_mistakes_of_a_file_are_sentences_and_the_session_goes_on(started):
     assert "3 mistakes" in refused and all(w in refused for w in ("tabel", "0.3 mn", "mass"))
     session.draw(tomllib.loads(GUIDE), Path("guide.toml"))
     assert not session.settle().refused and session.values == {"table": 5 * mm}
+
+
+def test_a_file_with_mistakes_opens_with_a_sentence_for_each(tmp_path, monkeypatch):
+    served = []
+    monkeypatch.setattr(
+        "ksd.interactive.live.serve", lambda session, *_, **address: served.append((session, address))
+    )
+    file = tmp_path / "wrong.toml"
+    wrong = GUIDE.replace('link = "table"\nalong', 'link = "tabel"\nalong').replace('"0.3 mm"', '"0.3 mn"', 1)
+    file.write_text(wrong.replace('mass = "500 g"', 'mass = "-1 kg"'))
+    assert main(["live", str(file), "--no-browser", "--port", "0"]) == 0
+    file.write_text(GUIDE)
+    assert main(["live", str(file), "--set", "table=2mm", "--method", "conventional"]) == 0
+    assert main(["live", str(tmp_path / "new.toml")]) == 0
+    (session, address), (good, _), (empty, _) = served
+    assert "3 mistakes" in session.latest.refused and address["show"] is False and address["port"] == 0
+    assert good.settle().asked.pose.targets == {"table": 2 * mm} and "no link" in empty.latest.refused
+    for one in (session, good, empty):
+        one.close()
+
+
+def test_the_extra_is_asked_for(monkeypatch, capsys, tmp_path):
+    monkeypatch.setitem(sys.modules, "nicegui", None)
+    assert main(["live", str(tmp_path / "new.toml")]) == 2
+    assert "pip install 'ksd[live]'" in capsys.readouterr().err
+    with pytest.raises(SceneError, match="pip install"):
+        ksd.live(guide())
 
 
 def test_two_drives_of_one_name_and_no_drive_at_all(started):
