@@ -63,6 +63,12 @@ def test_shape(script, tmp_path):
     assert "| gripper | 4 |" in (tmp_path / "shape.md").read_text()
 
 
+def test_response(script, tmp_path):
+    found = script("response").main(["--quick", "--out", str(tmp_path)])
+    assert found["scenes"]["guide"]["curves"] == 2 and found["scenes"]["fourbar"]["response_over_modal"] > 0
+    assert "| fourbar |" in (tmp_path / "response.md").read_text()
+
+
 def test_speed(script, tmp_path):
     readme = tmp_path / "README.md"
     readme.write_text("before\n<!-- measured:begin -->\nold\n<!-- measured:end -->\nafter\n")
