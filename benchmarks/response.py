@@ -26,7 +26,7 @@ FREQUENCIES = np.geomspace(0.5, 500.0, 1000)
 
 def cost(name: str, *, repeats: int) -> dict[str, Any]:
     """Time [us] of a modal solve and of a response at FREQUENCIES from the same number of modes, and their ratio."""
-    mechanism, targets, _ = ksd.load_scene(shipped_scenes()[name])
+    mechanism, targets, _ = ksd.load_scene(str(shipped_scenes()[name]))
     scene = mechanism.scene()
     for link in scene.links[1:]:
         at = next(j.origin for j in scene.joints if link in (j.a, j.b)) if scene.joints else (0.0, 0.0, 0.0)
