@@ -18,13 +18,13 @@ def examples(count):
     )
 
 
-@examples(250)
+@examples(100)
 @given(strategies.leaf_scenes())
 def test_leaves_in_any_arrangement(case):
     fuzzing.solved(*case)
 
 
-@examples(150)
+@examples(60)
 @given(strategies.joint_scenes())
 def test_a_joint_of_any_shape(case):
     fuzzing.solved(*case)

@@ -149,7 +149,7 @@ def test_a_free_curve_is_a_polyline_within_its_tolerance(tmp_path):
         (line,) = document.modelspace().query('LWPOLYLINE[layer=="leaf"]')
         points = np.array(line.get_points("xy")) / 1e3
         counts.append(len(points))
-        s = np.linspace(0.0, 1.0, 2001)
+        s = np.linspace(0.0, 1.0, 501)
         true = np.array([m.scene().leaves[0].leaf.section_at(x)[0][:2] for x in s])
         a, edge = points[:-1], np.diff(points, axis=0)
         t = np.clip(((true[:, None] - a) * edge).sum(2) / (edge * edge).sum(1), 0, 1)

@@ -1,11 +1,8 @@
 """A second process compiles for the first answer what the first comes to late; the answer never hangs on it."""
 
-import math
 import os
-import signal
 import subprocess
 import sys
-import time
 from multiprocessing import current_process
 from pathlib import Path
 
@@ -13,7 +10,6 @@ import pytest
 from processes import environment
 
 from ksd.errors import RecordError
-from ksd.numerics.cache import source_hash
 from ksd.solvers import precompile
 
 TESTS = Path(__file__).parents[1]
@@ -36,45 +32,6 @@ if sys.argv[1] == "wait":
     child.join()
 print(child.pid, child.exitcode)
 """
-KERNELS = (
-    "strain_condense", "strain_tangent", "_move_nodes", "strain_recover", "solve_blocks", "factor_blocks", "add_terms",
-    "add_loads", "member_tangent", "read_joint_motions", "_worst_leaf", "_condense_blocks", "_recover_blocks",
-    "place_internal_blocks",
-)  # fmt: skip
-
-
-@pytest.mark.skipif(os.name == "nt", reason="kills as POSIX does")
-def test_an_empty_cache_is_filled_for_the_first_answer(tmp_path, monkeypatch):
-    """By a process that was killed, and another: every kernel once, as the answer wants it, which is what it always was."""
-    given = environment(TESTS, KSD_CACHE_DIR=str(tmp_path), NUMBA_NUM_THREADS="1", NUMBA_DISABLE_JIT="0")
-    folder = tmp_path / f"kernels-{source_hash()}"
-
-    def compiled():
-        """Names of the files of machine code, one for each kind of arguments."""
-        return [file.name for file in folder.rglob("*.nbc")]
-
-    killed = subprocess.Popen([sys.executable, "-c", SECOND], env=given)
-    while not compiled() and killed.poll() is None:
-        time.sleep(0.1)
-    killed.send_signal(signal.SIGKILL)
-    assert killed.wait() == -signal.SIGKILL
-
-    told = (
-        f"{SECOND}\nfrom pathlib import Path\nfor f in Path({str(folder)!r}).rglob('*.nbc'): print(f.name)\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", f"{told}print()\n{FIRST}"], env=given, capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-    ahead_of_it, force = done.stdout.split("\n\n")
-    for name in KERNELS:
-        assert sum(f".{name}-" in file for file in ahead_of_it.split("\n")) == 1, name
-        assert sum(f".{name}-" in file for file in compiled()) == 1, name
-    usual = subprocess.run(
-        [sys.executable, "-c", FIRST], env=environment(TESTS), capture_output=True, text=True
-    )
-    assert force == usual.stdout, usual.stderr
-    assert math.isfinite(float(force))
 
 
 def started(way, tmp_path):

