@@ -57,6 +57,13 @@ def test_optima(script, tmp_path):
     assert (tmp_path / "optima.json").stat().st_size > 1000
 
 
+def test_live(script, tmp_path):
+    pytest.importorskip("nicegui", reason="the extra `live` is not installed")
+    found = script("live").main(["--quick", "--out", str(tmp_path)])
+    assert found["scenes"]["fourbar"]["over_solve"] > 1 and found["drag"]["parts_us"]["model"] > 0
+    assert "| drag of a clamp |" in (tmp_path / "live.md").read_text()
+
+
 def test_shape(script, tmp_path):
     found = script("shape").main(["--quick", "--out", str(tmp_path)])
     assert found["scenes"]["fourbar"]["leaves"] == 12 and found["scenes"]["gripper"]["shape_over_solve"] > 0

@@ -13,10 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.answers.derived import cached_per_model
 from ksd.answers.printing import format_number
 from ksd.answers.shape import Shape
 from ksd.checks import Vector
 from ksd.errors import KsdError, reason_text
+from ksd.model.compile import Model
 from ksd.scene.drive import GROUND
 from ksd.solvers.answer import drive_kind
 from ksd.solvers.configuration import Configuration
@@ -78,36 +80,40 @@ def stress(asked: Asked) -> list[Row]:
     if not asked.shape.leaves:
         return []
     found = asked.pose.stress(points=len(asked.shape.leaves[0].s))
-    along = {
-        leaf.name: np.interp(leaf.s, found[leaf.name].s, found[leaf.name].von_mises_Pa.max(axis=1))
-        for leaf in asked.shape.leaves
-    }
-    asked.stress = np.concatenate(list(along.values()))
-    largest = {name: float(found[name].von_mises_Pa.max()) for name in along}
-    leaf = max(largest, key=largest.__getitem__)
-    rows = [("largest stress", f"{format_number(largest[leaf] / MPa)} MPa in {leaf}", True)]
-    limits = {n: own.material.yield_stress for n, own in asked.pose.model.scene.leaf_names().items()}
-    shares = {n: largest[n] / limit for n in largest if (limit := limits.get(n))}
-    if shares:
-        leaf = max(shares, key=shares.__getitem__)
-        rows.append(
-            (
-                "share of yield stress",
-                f"{format_number(100 * shares[leaf], 3)} % in {leaf}",
-                shares[leaf] <= 1.0,
-            )
+    along, largest = [], dict[str, float]()
+    for leaf in asked.shape.leaves:
+        own = found[leaf.name]
+        most = own.von_mises_Pa.max(axis=1)
+        along.append(
+            most if len(own.s) == len(leaf.s) and (own.s == leaf.s).all() else np.interp(leaf.s, own.s, most)
         )
+        largest[leaf.name] = float(most.max())
+    asked.stress = np.concatenate(along)
+    leaf_name = max(largest, key=largest.__getitem__)
+    rows = [("largest stress", f"{format_number(largest[leaf_name] / MPa)} MPa in {leaf_name}", True)]
+    shares = {n: largest[n] / limit for n, limit in _yield_stresses(asked.pose.model).items() if n in largest}
+    if shares:
+        worst = max(shares, key=shares.__getitem__)
+        text = f"{format_number(100 * shares[worst], 3)} % in {worst}"
+        rows.append(("share of yield stress", text, shares[worst] <= 1.0))
     return rows
+
+
+@cached_per_model
+def _yield_stresses(model: Model) -> dict[str, float]:
+    """Yield stress [Pa] of the leaf springs whose material has one."""
+    leaves = model.scene.leaf_names()
+    return {n: leaf.material.yield_stress for n, leaf in leaves.items() if leaf.material.yield_stress}
 
 
 def stiffness(asked: Asked) -> list[Row]:
     """Stiffness of the point asked for, each direction with the others free."""
     if asked.link is None:
         return []
-    found = asked.pose.stiffness(asked.link, at=asked.at)
+    found = asked.pose.stiffness(asked.link, at=asked.at).supports
     rows: list[Row] = []
     for names, unit, factor in (("xyz", "N/mm", 1e-3), (("rx", "ry", "rz"), "Nm/rad", 1.0)):
-        each = {name: found.support(name) for name in names}
+        each = {name: found[name] for name in names}
         text = ", ".join(
             f"{n} {format_number(factor * k) if np.isfinite(k) else 'held'}" for n, k in each.items()
         )
