@@ -57,7 +57,8 @@ def follow(name: str, *, repeats: int) -> dict[str, Any]:
     mechanism, targets, _ = ksd.load_scene(str(shipped_scenes()[name]))
     session = Session(mechanism, targets)
     try:
-        solver, drive, clock = ksd.prepare(mechanism), next(iter(targets)), time.thread_time
+        clock = time.thread_time
+        solver, drive = ksd.prepare(mechanism), next(iter(targets))
         rounds, plain = [], []
         for k in range(repeats + 5):
             values = targets | {drive: targets[drive] * (1.0 - 0.5 * k / repeats)}
@@ -87,27 +88,25 @@ def drag(*, repeats: int) -> dict[str, Any]:
             ("pin", "link.3", (30, 20), (30, 60)), ("drive", "", (-30, 60), (0, 60)),
         ):  # fmt: skip
             hand.tool, hand.end = tool, end or hand.end
-            a, b = ((x * mm, y * mm) for x, y in (start, to))
-            hand.press(a)
-            hand.move(b)
-            hand.release(b)
+            hand.press((start[0] * mm, start[1] * mm))
+            hand.release((to[0] * mm, to[1] * mm))
         drawing.set_drive("drive", 4 * mm, "mm")
     session.settle()
     solver, clock = ksd.prepare(session.scene), time.thread_time
     rounds, plain = [], []
     try:
         for k in range(repeats + 5):
-            start = clock()
+            began = clock()
             solver(drive=4 * mm + k * 1e-6, strict=False)
-            plain.append(clock() - start)
+            plain.append(clock() - began)
             drawing.tables["leaf"][0]["start"] = [f"{-30 - 0.05 * k} mm", 0, 0]
             tables = copy.deepcopy(drawing.tables)
             session.cost.clear()
             update = session._update(k + 1, (tables, drawing.file))
             assert update.asked is not None and not update.refused, update.refused
-            start = clock()
+            began = clock()
             json.dumps(pose_numbers(update.asked))
-            rounds.append({**update.times, "sent": clock() - start})
+            rounds.append({**update.times, "sent": clock() - began})
         return _medians(rounds[5:], plain[5:])
     finally:
         session.close()

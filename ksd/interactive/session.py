@@ -328,7 +328,9 @@ class Session:
             try:
                 pose = solver(update.asked.pose.targets)
             except Exception as reason:
-                self._refuse_questions(sentence_of(reason))
+                sentence = sentence_of(reason)
+                self._refuse_questions(sentence)
+                self._publish_part(update.number, "trust", [("", sentence, False)], update.asked)
                 continue
             self._answer_questions(pose)
             if update.refused:
