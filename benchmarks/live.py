@@ -27,15 +27,20 @@ from common import machine, machine_line, parse_options, write_json
 import ksd
 from ksd.interactive.hand import Hand
 from ksd.interactive.session import Session
-from ksd.interactive.sheets import pose_numbers
 from ksd.interactive.tools import drawing_tools
 from ksd.scene.toml_file import shipped_scenes
 from ksd.units import mm
+from ksd.view.sheets import sheets_pose
 
 SCENES = {"guide": 20, "fourbar": 8, "gripper": 7, "delta_stage": 5, "six_joint_arm": 2}
 """Scenes, and the largest wanted ratio of an update to a solve; of the arm with pose and forces alone."""
 DRAG_LIMIT = 45
 PARTS = ("model", "solve", "shape", "forces", "stress", "stiffness", "error", "sent")
+
+
+def _sent(asked: Any) -> dict[str, Any]:
+    """What the page is sent of a pose."""
+    return sheets_pose(asked.pose, asked.shape, asked.stress)
 
 
 def _medians(rounds: list[dict[str, float]], plain: list[float]) -> dict[str, Any]:
@@ -70,7 +75,7 @@ def follow(name: str, *, repeats: int) -> dict[str, Any]:
             update = session._update(k + 1, None)
             assert update.asked is not None and not update.refused, update.refused
             start = clock()
-            json.dumps(pose_numbers(update.asked))
+            json.dumps(_sent(update.asked))
             rounds.append({**update.times, "sent": clock() - start})
         return _medians(rounds[5:], plain[5:])
     finally:
@@ -105,7 +110,7 @@ def drag(*, repeats: int) -> dict[str, Any]:
             update = session._update(k + 1, (tables, drawing.file))
             assert update.asked is not None and not update.refused, update.refused
             began = clock()
-            json.dumps(pose_numbers(update.asked))
+            json.dumps(_sent(update.asked))
             rounds.append({**update.times, "sent": clock() - began})
         return _medians(rounds[5:], plain[5:])
     finally:

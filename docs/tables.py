@@ -63,7 +63,7 @@ REFERENCE = {
     "Pictures": (
         "Drawn with matplotlib, without a display; `Configuration.plot`, `Table.plot` and `Configuration.view` call them.",
         "view.plot_mechanism view.plot_mode view.plot_stroke view.animate_stroke view.animate_mode view.save_figure "
-        "view.show_mechanism view.write_vtu view.write_pvd live",
+        "view.show_mechanism view.write_vtu view.write_pvd view.write_page live",
     ),
     "Exchange": (
         "Files of other programs: `Configuration.export`, `ksd export` and `ksd new --from` call them.",

@@ -24,6 +24,7 @@ from ksd.solvers.answer import drive_kind
 from ksd.solvers.configuration import Configuration
 from ksd.solvers.report import verdict_lines
 from ksd.units import MPa, mm
+from ksd.view.sheets import station_stress
 
 Row = tuple[str, str, bool]
 """What it is, the number with its unit or a sentence, and whether it is good news."""
@@ -77,18 +78,9 @@ def forces(asked: Asked) -> list[Row]:
 
 def stress(asked: Asked) -> list[Row]:
     """Largest von Mises stress at the stations that are drawn, and its share of the yield stress."""
-    if not asked.shape.leaves:
+    asked.stress, largest = station_stress(asked.pose, asked.shape)
+    if not largest:
         return []
-    found = asked.pose.stress(points=len(asked.shape.leaves[0].s))
-    along, largest = [], dict[str, float]()
-    for leaf in asked.shape.leaves:
-        own = found[leaf.name]
-        most = own.von_mises_Pa.max(axis=1)
-        along.append(
-            most if len(own.s) == len(leaf.s) and (own.s == leaf.s).all() else np.interp(leaf.s, own.s, most)
-        )
-        largest[leaf.name] = float(most.max())
-    asked.stress = np.concatenate(along)
     leaf_name = max(largest, key=largest.__getitem__)
     rows = [("largest stress", f"{format_number(largest[leaf_name] / MPa)} MPa in {leaf_name}", True)]
     shares = {n: largest[n] / limit for n, limit in _yield_stresses(asked.pose.model).items() if n in largest}

@@ -14,7 +14,6 @@ import ipaddress
 import socket
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from ksd.errors import SceneError
@@ -22,8 +21,9 @@ from ksd.extras import live_package
 from ksd.html import html_table
 from ksd.interactive.numbers import BETWEEN_PICTURES, PARTS, sentence_of
 from ksd.interactive.session import Session, Update
-from ksd.interactive.sheets import geometry, pose_numbers
 from ksd.interactive.sliders import Slider
+from ksd.view.page import SCRIPT, scene_bundle
+from ksd.view.sheets import sheets_geometry, sheets_pose
 
 PORT, PORTS_TRIED = 8160, 50
 """First port, and how many after it are tried where it is in use."""
@@ -57,7 +57,7 @@ def serve(
     ui = live_package("nicegui").ui
     check_host(host, shared)
     free = free_port(host, port)
-    if free != port:
+    if port and free != port:
         print(f"ksd live: port {port} is in use; this page is on {free}", flush=True)
     seen = host if host not in ("0.0.0.0", "::") else socket.gethostname()
     others = " (everyone who reaches this machine can see and change it)" if shared else ""
@@ -110,11 +110,8 @@ def free_port(host: str, port: int) -> int:
 def sheets_class() -> Any:
     """The class of the component `sheets.js`, made at first use, as nicegui is needed for it."""
     element = live_package("nicegui").element.Element
-    bundle = Path(live_package("nicegui").__file__).parent / "elements" / "scene" / "dist"
-    source = Path(__file__).parent / "sheets.js"
-    return type(
-        "Sheets", (element,), {"__module__": __name__}, component=source, esm={"nicegui-scene": str(bundle)}
-    )
+    esm = {"nicegui-scene": str(scene_bundle().parent)}
+    return type("Sheets", (element,), {"__module__": __name__}, component=SCRIPT, esm=esm)
 
 
 class Viewer:
@@ -358,9 +355,9 @@ class Viewer:
             if asked is not None and self.mode.value == "space":
                 model = asked.pose.model, len(asked.shape.leaves[0].s) if asked.shape.leaves else 0
                 if model != self.model:
-                    self.model, sent["geometry"] = model, geometry(asked)
+                    self.model, sent["geometry"] = model, sheets_geometry(asked.pose, asked.shape)
                 if not update.refused or "geometry" in sent:
-                    sent["pose"] = pose_numbers(asked)
+                    sent["pose"] = sheets_pose(asked.pose, asked.shape, asked.stress)
             if self.plane is not None and self.mode.value == "plane":
                 sent |= self.plane()
             self.in_flight, self.shown = True, update
@@ -379,7 +376,7 @@ class Viewer:
             asked = update.asked
             self.stressed = asked is not None and asked.stress is not None
             if asked is not None and self.stressed and not had_stress:
-                self.view.run_method("colour", pose_numbers(asked))
+                self.view.run_method("colour", sheets_pose(asked.pose, asked.shape, asked.stress))
             for handler in self.after:
                 handler(update)
 

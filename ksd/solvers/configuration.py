@@ -71,7 +71,7 @@ from ksd.solvers.steps import DEFAULT_ACCURACY, FAST_METHODS, ErrorEstimate, Ste
 from ksd.solvers.undeformed_stability import multiple_minima_note
 from ksd.solvers.validity import Validity, validity
 from ksd.solvers.verdict import Trust, Uncertainty, trust_verdicts, uncertainty
-from ksd.view import plot_mechanism, save_figure, show_mechanism, write_vtu
+from ksd.view import plot_mechanism, save_figure, show_mechanism, write_page, write_vtu
 from ksd.view.camera import View
 
 if TYPE_CHECKING:
@@ -785,7 +785,10 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
 
     def view(self, path: str | os.PathLike[str] | None = None) -> Path | None:
         """The deformed mechanism in three dimensions: a window to turn it in, a .png rendered without one (both by the
-        `view` extra), or a .vtu file for ParaView; returns the path. Raises SceneError for another file type."""
+        `view` extra), a .html page to turn it on (`live`), or a .vtu file for ParaView; returns the path. Raises SceneError
+        for another file type."""
+        if path is not None and str(path).lower().endswith((".html", ".htm")):
+            return write_page(self, path)
         picture = path is None or str(path).lower().endswith(".png")
         return show_mechanism(self, path) if path is None or picture else write_vtu(self, path)
 

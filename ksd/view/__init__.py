@@ -8,6 +8,7 @@ matplotlib is imported on first use. Figures are made without pyplot, so they ne
 from ksd.view.animate import animate_mode, animate_stroke, plot_mode
 from ksd.view.drawing import plot_mechanism
 from ksd.view.figure import save_figure
+from ksd.view.page import write_page
 from ksd.view.stroke_plot import plot_stroke
 from ksd.view.vtk import write_pvd, write_vtu
 from ksd.view.window import show_mechanism
@@ -20,6 +21,7 @@ __all__ = [
     "plot_stroke",
     "save_figure",
     "show_mechanism",
+    "write_page",
     "write_pvd",
     "write_vtu",
 ]

@@ -150,6 +150,7 @@ WRONG = {name: (lambda _, n=name, w=sizes: getattr(ksd, n)(STEEL, **w)) for name
     "importing.read_dxf": lambda _: ksd.importing.read_dxf(f"{NOWHERE}.dxf"),
     "importing.read_spacar": lambda _: ksd.importing.read_spacar(f"{NOWHERE}.mat"),
     "view.write_vtu": lambda pose: ksd.view.write_vtu(pose, "a.txt"),
+    "view.write_page": lambda pose: ksd.view.write_page(pose, "a.txt"),
     "view.write_pvd": lambda _: ksd.view.write_pvd([], "a.pvd"),
     "train": lambda _: ksd.train("none of this name"),
     "find_record": lambda _: ksd.find_record("none of this name"),

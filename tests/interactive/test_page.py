@@ -182,6 +182,29 @@ def test_two_viewers_see_the_same_and_one_may_go_away_in_mid_drag(opened, browse
     assert drag_slider(one, 5) >= 4
 
 
+def test_a_path_in_one_file_is_turned_without_network(browser, tmp_path):
+    mechanism, *_ = ksd.load_scene(shipped_scenes()["gripper"])
+    file = ksd.view.write_page(
+        [ksd.solve(mechanism, crank=a * deg) for a in (0, 10, 20)], tmp_path / "path.html"
+    )
+    page, said = browser.new_page(viewport={"width": 400, "height": 300}), []
+    page.on("console", lambda message: said.append(message.text))
+    page.on("pageerror", lambda error: said.append(str(error)))
+    page.on(
+        "request",
+        lambda request: said.append(request.url) if not request.url.startswith(("file:", "blob:")) else 0,
+    )
+    page.goto(file.as_uri())
+    page.wait_for_function("window.ksdPoses === 3")
+    shown = page.locator("#name").inner_text()
+    page.locator("#at").fill("1")
+    assert shown.startswith("crank = 0.349066") and page.locator("#name").inner_text().startswith(
+        "crank = 0.174533"
+    )
+    page.close()
+    assert not said, said
+
+
 def test_hosts_and_ports(capsys):
     import socket
 

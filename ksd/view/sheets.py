@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from ksd.answers.shape import Shape
-from ksd.interactive.numbers import Asked
 from ksd.scene.scene import Scene
 from ksd.units import MPa, mm
 from ksd.view.bodies import (
@@ -25,6 +24,7 @@ from ksd.view.bodies import (
     mechanism_size,
     thickened,
 )
+from ksd.view.drawable import Drawable
 from ksd.view.figure import (
     DRIVE_COLOR,
     FAINT_COLOR,
@@ -109,9 +109,9 @@ def _marks(shape: Shape, size: float, scene: Scene) -> list[tuple[str, str, str,
     return marks
 
 
-def geometry(asked: Asked) -> dict[str, Any]:
-    """What stays as long as the model does, for JSON; lengths in mm."""
-    shape, scene = asked.shape, asked.pose.model.scene
+def sheets_geometry(pose: Drawable, shape: Shape) -> dict[str, Any]:
+    """What stays as long as the model of a pose does, for JSON; lengths in mm."""
+    scene = pose.model.scene
     size, colors = mechanism_size(shape), block_colors(shape)
     bodies = []
     for block in shape.blocks:
@@ -156,10 +156,14 @@ def _hull(points: Array, half: float) -> Array:
     return corners.reshape(-1, 3) / mm
 
 
-def pose_numbers(asked: Asked) -> dict[str, Any]:
-    """What moves with every pose, for `sheets.js`; `most`: stress [MPa] at the end of its scale."""
-    shape, scene = asked.shape, asked.pose.model.scene
-    size = float(asked.pose.model.arrays.size)
+def sheets_pose(
+    pose: Drawable, shape: Shape, stress: Array | None, *, most: float | None = None
+) -> dict[str, Any]:
+    """What moves with every pose, for JSON.
+
+    stress (stations of all leaf springs) [Pa]: for their colours; most [Pa]: end of their scale, the largest when None.
+    """
+    scene, size = pose.model.scene, float(pose.model.arrays.size)
     frames = np.empty((len(shape.blocks), 3, 4))
     for k, block in enumerate(shape.blocks):
         frames[k, :, :3], frames[k, :, 3] = block.rotation, block.position / mm
@@ -169,10 +173,25 @@ def pose_numbers(asked: Asked) -> dict[str, Any]:
         "frames": _packed(frames),
         "marks": _packed(np.array(marks).reshape(-1, 6) / mm),
     }
-    if asked.stress is None:
+    if stress is None:
         return sent
-    most = float(asked.stress.max(initial=0.0))
-    return sent | {"stress": _packed(asked.stress / (most or 1.0)), "most": f"{most / MPa:.4g}"}
+    end = float(stress.max(initial=0.0)) if most is None else most
+    return sent | {"stress": _packed(stress / (end or 1.0)), "most": f"{end / MPa:.4g}"}
+
+
+def station_stress(pose: Drawable, shape: Shape) -> tuple[Array, dict[str, float]]:
+    """Largest von Mises stress [Pa] over the section at the stations of all leaf springs, one after another, and the largest
+    of each leaf spring by name."""
+    if not shape.leaves:
+        return np.zeros(0), {}
+    found, along, largest = pose.stress(points=len(shape.leaves[0].s)), [], dict[str, float]()
+    for leaf in shape.leaves:
+        own = found[leaf.name]
+        most = own.von_mises_Pa.max(axis=1)
+        same = len(own.s) == len(leaf.s) and bool((own.s == leaf.s).all())
+        along.append(most if same else np.interp(leaf.s, own.s, most))
+        largest[leaf.name] = float(most.max())
+    return np.concatenate(along), largest
 
 
 def _packed(*arrays: Array) -> str:
