@@ -37,7 +37,7 @@ _HOMES = {
     "ksd.section": ("Section", "circle", "numbers", "polygon", "rectangle", "tube"),
     "ksd.scene.effects": ("LinkMatrix",),
     "ksd.scene.link_matrix": ("link_matrix",),
-    "ksd.scene.motion": ("HalfSine",),
+    "ksd.scene.functions_of_time": ("Cycloid", "HalfSine", "Ramp", "Sine", "Step", "TimeTable", "Trapezoid"),
     "ksd.scene.toml_file": ("load_scene", "save_scene"),
     "ksd.model.mesh": ("Mesh",),
     "ksd.modal.choices": ("ModalBasis",),
@@ -66,17 +66,18 @@ _HOMES = {
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 __all__ = [
     "Arc", "ArcHinge", "BalancedCrossedPivot", "Batch", "Butterfly", "Cartwheel", "Choice", "CircularNotch",
-    "CircularNotchHinge", "Configuration", "ConvergenceError", "CrossFlexure", "CrossedPivot", "Design", "DrawnJoint",
-    "FilletedNotch", "FilletedNotchHinge", "FoldedLeaf", "FreeCurve", "Front", "Gradient", "HalfSine", "InfinityHinge",
-    "Job", "JobFile", "Joint", "KinematicsError", "KsdError", "Leaf", "LinkMatrix", "Material", "Mechanism", "Mesh",
-    "ModalBasis", "Model", "Motion", "Optimum", "ParallelGuide", "Parameter", "Path", "RangeError", "Record", "RecordError",
-    "RequiredLoads", "RestShape", "ResumeError", "Scene", "SceneError", "SceneFileError", "SceneWarning", "Section",
-    "Solver", "StiffenedGuide", "StiffenedMiddle", "SweepInterrupted", "Table", "Taper", "Tolerance", "TripleInfinityHinge",
-    "TrustError", "UniversalJoint", "UnknownNameError", "UnknownWordError", "Varying", "WireFlexure", "batch", "choose",
-    "circle", "compare", "compile_scene", "doctor", "errors", "find_record", "follow", "frequency_curve", "gradient",
-    "joint_families", "link_matrix", "live", "load_job", "load_scene", "numbers", "optimise", "pareto", "polygon", "prepare",
-    "read_result", "rectangle", "required_loads", "rest_shape", "save_scene", "solve", "state_space", "sweep", "tolerance",
-    "train", "tube", "units", "wire",
+    "CircularNotchHinge", "Configuration", "ConvergenceError", "CrossFlexure", "CrossedPivot", "Cycloid", "Design",
+    "DrawnJoint", "FilletedNotch", "FilletedNotchHinge", "FoldedLeaf", "FreeCurve", "Front", "Gradient", "HalfSine",
+    "InfinityHinge", "Job", "JobFile", "Joint", "KinematicsError", "KsdError", "Leaf", "LinkMatrix", "Material",
+    "Mechanism", "Mesh", "ModalBasis", "Model", "Motion", "Optimum", "ParallelGuide", "Parameter", "Path", "Ramp",
+    "RangeError", "Record", "RecordError", "RequiredLoads", "RestShape", "ResumeError", "Scene", "SceneError",
+    "SceneFileError", "SceneWarning", "Section", "Sine", "Solver", "Step", "StiffenedGuide", "StiffenedMiddle",
+    "SweepInterrupted", "Table", "Taper", "TimeTable", "Tolerance", "Trapezoid", "TripleInfinityHinge", "TrustError",
+    "UniversalJoint", "UnknownNameError", "UnknownWordError", "Varying", "WireFlexure", "batch", "choose", "circle",
+    "compare", "compile_scene", "doctor", "errors", "find_record", "follow", "frequency_curve", "gradient",
+    "joint_families", "link_matrix", "live", "load_job", "load_scene", "numbers", "optimise", "pareto", "polygon",
+    "prepare", "read_result", "rectangle", "required_loads", "rest_shape", "save_scene", "solve", "state_space", "sweep",
+    "tolerance", "train", "tube", "units", "wire",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
@@ -129,8 +130,8 @@ if TYPE_CHECKING:
         wire,
     )
     from ksd.scene.effects import LinkMatrix
+    from ksd.scene.functions_of_time import Cycloid, HalfSine, Ramp, Sine, Step, TimeTable, Trapezoid
     from ksd.scene.link_matrix import link_matrix
-    from ksd.scene.motion import HalfSine
     from ksd.scene.toml_file import load_scene, save_scene
     from ksd.section import Section, circle, numbers, polygon, rectangle, tube
     from ksd.solvers.configuration import Configuration

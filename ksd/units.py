@@ -37,6 +37,7 @@ DIMENSIONS: dict[str, dict[str, float]] = {
     },
     "damping": {"N s/m": 1.0, "N s/mm": 1e3, "mN s/mm": 1.0},
     "torsional damping": {"Nm s/rad": 1.0, "Nmm s/rad": 1e-3, "mNm s/rad": 1e-3},
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
     "frequency": {"Hz": 1.0, "kHz": 1e3, "mHz": 1e-3},
     "inertia": {"kg m^2": 1.0, "kg mm^2": 1e-6, "g cm^2": 1e-7, "g mm^2": 1e-9, "lb in^2": lb * inch**2},
     "temperature": {"K": 1.0},

@@ -49,26 +49,38 @@ def dimension_of(value: Any) -> str | None:
     return None if quantity is None else quantity[1]
 
 
-def evaluate_formula(formula: str, tables: Mapping[str, Any]) -> float:
-    """The value (SI) of a formula over the numbers in `tables`.
+class Formula:
+    """A formula, read once; called with tables it returns its value (SI) over the numbers in them.
 
-    Raises SceneError for text that is no formula, a formula without a value, and unknown names (with the nearest).
+    Raises SceneError for text that is no formula; when called, for one without a value, and unknown names (with the
+    nearest).
     """
-    where = f"formula '{formula.strip()}'"
-    if len(formula) > MAX_FORMULA_LENGTH:
-        raise SceneError(f"formula '{formula[:40]}...' is longer than {MAX_FORMULA_LENGTH} letters")
-    in_si = _NUMBER_WITH_UNIT.sub(lambda m: repr(si_value(f"{m[1]} {m[2]}", where)), formula.strip())
-    try:
-        tree = ast.parse(in_si, mode="eval").body
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise SceneError(f"{where} cannot be read: write it as '70 mm - 2 * joint.cross.thickness'") from None
-    try:
-        value = _evaluate_node(tree, tables, where)
-    except ArithmeticError as error:
-        raise SceneError(f"{where} has no value: {error}") from None
-    if isinstance(value, complex) or not math.isfinite(value):
-        raise SceneError(f"{where} has no value")
-    return float(value)
+
+    def __init__(self, text: str) -> None:
+        self._where = f"formula '{text.strip()}'"
+        if len(text) > MAX_FORMULA_LENGTH:
+            raise SceneError(f"formula '{text[:40]}...' is longer than {MAX_FORMULA_LENGTH} letters")
+        in_si = _NUMBER_WITH_UNIT.sub(lambda m: repr(si_value(f"{m[1]} {m[2]}", self._where)), text.strip())
+        try:
+            self._tree = ast.parse(in_si, mode="eval").body
+        except (SyntaxError, ValueError, RecursionError, MemoryError):
+            raise SceneError(
+                f"{self._where} cannot be read: write it as '70 mm - 2 * joint.cross.thickness'"
+            ) from None
+
+    def __call__(self, tables: Mapping[str, Any]) -> float:
+        try:
+            value = _evaluate_node(self._tree, tables, self._where)
+        except ArithmeticError as error:
+            raise SceneError(f"{self._where} has no value: {error}") from None
+        if isinstance(value, complex) or not math.isfinite(value):
+            raise SceneError(f"{self._where} has no value")
+        return float(value)
+
+
+def evaluate_formula(formula: str, tables: Mapping[str, Any]) -> float:
+    """The value (SI) of a formula over the numbers in `tables`; raises what `Formula` raises."""
+    return Formula(formula)(tables)
 
 
 def _evaluate_node(node: ast.expr, tables: Mapping[str, Any], where: str) -> float:

@@ -47,8 +47,8 @@ from ksd.model.compile import Model
 from ksd.model.newton import ROUNDING_MULTIPLE
 from ksd.model.turns import counted_rotation, node_rotations
 from ksd.numerics.threads import small_matrices
+from ksd.scene.functions_of_time import HalfSine
 from ksd.scene.link import Link
-from ksd.scene.motion import HalfSine
 from ksd.scene.scene import PlacedJoint
 from ksd.solvers.answer import as_dict, drive_kind
 from ksd.solvers.error import (

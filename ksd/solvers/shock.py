@@ -17,7 +17,7 @@ from ksd.answers.plant import Plant
 from ksd.answers.printing import PrintableAnswer, format_number, format_table
 from ksd.checks import show
 from ksd.errors import SceneError
-from ksd.scene.motion import HalfSine, TimeTable
+from ksd.scene.functions_of_time import HalfSine, TimeTable
 
 Array = NDArray[np.float64]
 STEPS_PER_PULSE = 200
@@ -77,7 +77,7 @@ def check_pulse(pulse: Any) -> HalfSine | TimeTable:
     if isinstance(pulse, HalfSine | TimeTable):
         return pulse
     if isinstance(pulse, list | tuple | np.ndarray):
-        return TimeTable(pulse)  # type: ignore[arg-type]
+        return TimeTable(pulse, held=False)  # type: ignore[arg-type]
     raise SceneError(
         f"pulse = {show(pulse)}: give ksd.HalfSine(amplitude=, duration=), or points (t [s], value)"
     )

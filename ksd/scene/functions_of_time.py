@@ -1,0 +1,522 @@
+"""Functions of time that drives, loads and the base follow.
+
+A function has a value, its first three time derivatives (right-sided), the instants at which its value or a derivative
+jumps, and its shortest duration, from which the step in time is chosen.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from ksd.checks import ClearArgumentErrors, boolean, not_negative, number, positive, show
+from ksd.errors import SceneError
+from ksd.scene.formula import Formula, dimension_of, si_value
+from ksd.scene.toml_table import quantity
+
+Array = NDArray[np.float64]
+Rates = tuple[float, float, float]
+Jumps = tuple[tuple[float, int], ...]
+DIFFERENCE_STEP = 1e-4
+"""Step [s] of the differences that stand for the derivatives of formulas and functions of the user."""
+_DIFFERENCES = np.linalg.solve(
+    np.vander(np.arange(6.0), increasing=True).T, np.diag([1.0, 1, 2, 6, 24, 120])
+)[:, 1:4]
+"""Weights (6, 3) of values at 0, 1, ... 5 in the first three derivatives at 0."""
+
+
+class _Kind(type(ABC), ClearArgumentErrors):  # type: ignore[misc]
+    """Metaclass of functions of time: abstract, with one sentence for arguments that do not match."""
+
+
+class FunctionOfTime(ABC, metaclass=_Kind):
+    """A function of time t [s], zero or above.
+
+    dimension: of the unit its values were given in, None for plain numbers.
+    """
+
+    dimension: str | None = None
+
+    def __call__(self, t: Any) -> Any:
+        """Value at an instant, or values (n,) at instants (n,)."""
+        values = self._values(np.asarray(t, float))
+        return float(values) if np.ndim(t) == 0 else values
+
+    @abstractmethod
+    def _values(self, t: Array) -> Array:
+        """Values at instants of any shape."""
+
+    @abstractmethod
+    def rates(self, t: float) -> Rates:
+        """First, second and third time derivative, just after t."""
+
+    @property
+    def jumps(self) -> Jumps:
+        """Instants of jumps, each with the order of the lowest derivative that jumps there: 0 the value itself."""
+        return ()
+
+    @property
+    def shortest(self) -> float:
+        """Shortest duration [s] of a part, inf where there is none."""
+        return math.inf
+
+    def before(self, t: float) -> float:
+        """Value just before an instant: a step at t = 0 is not yet made when motion starts."""
+        jumped = any(order == 0 and at == t for at, order in self.jumps)
+        return float(self(np.nextafter(t, -math.inf))) if jumped else float(self(t))
+
+    def __add__(self, other: FunctionOfTime) -> Sum:
+        return Sum((*_parts(self), *_parts(other)))
+
+    def _set(self, **checked: Any) -> None:
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+
+    def _check_values(self, *names: str) -> None:
+        """Values of the function to SI: numbers, or texts with a unit, all of one dimension."""
+        given = {name: getattr(self, name) for name in names}
+        found = {dimension_of(v) for v in given.values() if isinstance(v, str)}
+        if len(found) > 1:
+            raise SceneError(f"{type(self).__name__}: {show(given)} are of different dimensions")
+        self._set(dimension=next(iter(found), None))
+        self._set(**{n: si_value(v, f"{type(self).__name__}: {n}") for n, v in given.items()})
+
+    def _check_times(self, *durations: str, delay: str = "") -> None:
+        """Times to SI: positive durations, and an instant that is not negative."""
+        owner = type(self).__name__
+        for name in durations:
+            self._set(
+                **{name: positive(_seconds(getattr(self, name), name, owner), name, owner=owner, unit="s")}
+            )
+        if delay:
+            self._set(
+                **{
+                    delay: not_negative(
+                        _seconds(getattr(self, delay), delay, owner), delay, owner=owner, unit="s"
+                    )
+                }
+            )
+
+
+def _seconds(value: Any, name: str, owner: str) -> float:
+    return quantity(value, "time", f"{owner}: {name}")
+
+
+def _parts(given: Any) -> tuple[FunctionOfTime, ...]:
+    if not isinstance(given, FunctionOfTime):
+        raise SceneError(f"{show(given)} cannot be added to a function of time; add another function of time")
+    return given.parts if isinstance(given, Sum) else (given,)
+
+
+@dataclass(frozen=True)
+class Sum(FunctionOfTime):
+    """The sum of functions of time, written with +."""
+
+    parts: tuple[FunctionOfTime, ...]
+
+    def __post_init__(self) -> None:
+        self._set(dimension=next((p.dimension for p in self.parts if p.dimension), None))
+
+    def _values(self, t: Array) -> Array:
+        return np.asarray(sum(np.asarray(p(t)) for p in self.parts))
+
+    def rates(self, t: float) -> Rates:
+        first, second, third = (float(sum(r)) for r in zip(*(p.rates(t) for p in self.parts), strict=True))
+        return first, second, third
+
+    @property
+    def jumps(self) -> Jumps:
+        lowest: dict[float, int] = {}
+        for at, order in sorted(jump for p in self.parts for jump in p.jumps):
+            lowest[at] = min(order, lowest.get(at, order))
+        return tuple(lowest.items())
+
+    @property
+    def shortest(self) -> float:
+        return min(p.shortest for p in self.parts)
+
+
+@dataclass(frozen=True)
+class Step(FunctionOfTime):
+    """`end` from the instant `delay` [s] on, `start` before it."""
+
+    end: float = 1.0
+    _: KW_ONLY
+    start: float = 0.0
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._check_values("end", "start")
+        self._check_times(delay="delay")
+
+    def _values(self, t: Array) -> Array:
+        return np.where(t < self.delay, self.start, self.end)
+
+    def rates(self, t: float) -> Rates:
+        return 0.0, 0.0, 0.0
+
+    @property
+    def jumps(self) -> Jumps:
+        return ((self.delay, 0),) if self.start != self.end else ()
+
+
+class _Stroke(FunctionOfTime):
+    """From `start` to `end` in `duration` [s] from the instant `delay` [s] on, by a law of the share u of the duration."""
+
+    start: float
+    end: float
+    duration: float
+    delay: float
+
+    def __post_init__(self) -> None:
+        self._check_values("end", "start")
+        self._check_times("duration", delay="delay")
+
+    @abstractmethod
+    def _law(self, u: Array) -> tuple[Array, Array, Array, Array]:
+        """Share of the stroke and its derivatives by u, for 0 <= u <= 1."""
+
+    @property
+    @abstractmethod
+    def _kinks(self) -> Jumps:
+        """Shares of the duration at which a derivative jumps, with its order."""
+
+    def _values(self, t: Array) -> Array:
+        share = self._law(np.clip((t - self.delay) / self.duration, 0.0, 1.0))[0]
+        return np.asarray(self.start + (self.end - self.start) * share)
+
+    def rates(self, t: float) -> Rates:
+        u = (t - self.delay) / self.duration
+        if not 0.0 <= u < 1.0:
+            return 0.0, 0.0, 0.0
+        _, *rates = self._law(np.asarray(u))
+        first, second, third = (
+            (self.end - self.start) * float(r) / self.duration**k for k, r in enumerate(rates, 1)
+        )
+        return first, second, third
+
+    @property
+    def jumps(self) -> Jumps:
+        return tuple((self.delay + u * self.duration, order) for u, order in self._kinks)
+
+    @property
+    def shortest(self) -> float:
+        return self.duration
+
+
+@dataclass(frozen=True)
+class Ramp(_Stroke):
+    """A rise from `start` to `end` in `duration` [s] from the instant `delay` [s] on, by half a cosine, or straight."""
+
+    duration: float
+    _: KW_ONLY
+    end: float = 1.0
+    start: float = 0.0
+    straight: bool = False
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        boolean(self.straight, "straight", owner="Ramp")
+
+    def _law(self, u: Array) -> tuple[Array, Array, Array, Array]:
+        if self.straight:
+            return u, np.ones_like(u), np.zeros_like(u), np.zeros_like(u)
+        w = math.pi
+        c, s = np.cos(w * u), np.sin(w * u)
+        return 0.5 * (1.0 - c), 0.5 * w * s, 0.5 * w**2 * c, -0.5 * w**3 * s
+
+    @property
+    def _kinks(self) -> Jumps:
+        order = 1 if self.straight else 2
+        return (0.0, order), (1.0, order)
+
+
+@dataclass(frozen=True)
+class Cycloid(_Stroke):
+    """A stroke to `end` in `duration` [s] with accelerations of a whole sine, which are zero at both ends.
+
+    start: value before it; delay [s]: instant at which it starts.
+    """
+
+    end: float
+    _: KW_ONLY
+    duration: float
+    start: float = 0.0
+    delay: float = 0.0
+
+    def _law(self, u: Array) -> tuple[Array, Array, Array, Array]:
+        w = 2.0 * math.pi
+        c, s = np.cos(w * u), np.sin(w * u)
+        return u - s / w, 1.0 - c, w * s, w**2 * c
+
+    @property
+    def _kinks(self) -> Jumps:
+        return (0.0, 3), (1.0, 3)
+
+
+@dataclass(frozen=True)
+class Trapezoid(_Stroke):
+    """A stroke to `end` in `duration` [s] whose speed rises for `rise` [s], stays, and falls for as long.
+
+    rise: a third of the duration when None, at most half of it; start: value before it; delay [s]: instant at which it
+    starts.
+    """
+
+    end: float
+    _: KW_ONLY
+    duration: float
+    rise: float | None = None
+    start: float = 0.0
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.rise is None:
+            self._set(rise=self.duration / 3.0)
+        self._check_times("rise")
+        if self._share > 0.5 * (1.0 + 1e-12):
+            raise SceneError(
+                f"Trapezoid: rise = {self.rise:g} s is more than half of its duration of {self.duration:g} s"
+            )
+
+    @property
+    def _share(self) -> float:
+        assert self.rise is not None
+        return self.rise / self.duration
+
+    def _law(self, u: Array) -> tuple[Array, Array, Array, Array]:
+        rise = min(self._share, 0.5)
+        speed = 1.0 / (1.0 - rise)
+        rising, falling, zero = u < rise, u >= 1.0 - rise, np.zeros_like(u)
+        left = 1.0 - u
+        share = np.where(
+            rising, u**2 / (2 * rise), np.where(falling, 1 / speed - left**2 / (2 * rise), u - rise / 2)
+        )
+        rate = np.where(rising, u / rise, np.where(falling, left / rise, 1.0))
+        return (
+            speed * share,
+            speed * rate,
+            speed * np.where(rising, 1.0, np.where(falling, -1.0, zero)) / rise,
+            zero,
+        )
+
+    @property
+    def _kinks(self) -> Jumps:
+        return tuple((u, 2) for u in sorted({0.0, self._share, 1.0 - self._share, 1.0}))
+
+    @property
+    def shortest(self) -> float:
+        assert self.rise is not None
+        return self.rise
+
+
+@dataclass(frozen=True)
+class HalfSine(FunctionOfTime):
+    """A pulse amplitude * sin(pi t / duration) of `duration` [s] from the instant `delay` [s] on, zero before and after."""
+
+    amplitude: float
+    duration: float
+    _: KW_ONLY
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._check_values("amplitude")
+        self._check_times("duration", delay="delay")
+
+    def _values(self, t: Array) -> Array:
+        u = (t - self.delay) / self.duration
+        return np.where((u > 0.0) & (u < 1.0), self.amplitude * np.sin(math.pi * u), 0.0)
+
+    def rates(self, t: float) -> Rates:
+        u, w = (t - self.delay) / self.duration, math.pi / self.duration
+        if not 0.0 <= u < 1.0:
+            return 0.0, 0.0, 0.0
+        c, s = self.amplitude * math.cos(math.pi * u), self.amplitude * math.sin(math.pi * u)
+        return w * c, -(w**2) * s, -(w**3) * c
+
+    @property
+    def jumps(self) -> Jumps:
+        return (self.delay, 1), (self.delay + self.duration, 1)
+
+    @property
+    def shortest(self) -> float:
+        return self.duration
+
+
+@dataclass(frozen=True)
+class Sine(FunctionOfTime):
+    """offset + amplitude * sin(2 pi frequency_Hz t + phase), phase [rad]."""
+
+    amplitude: float
+    frequency_Hz: float
+    _: KW_ONLY
+    phase: float = 0.0
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._check_values("amplitude", "offset")
+        frequency = quantity(self.frequency_Hz, "frequency", "Sine: frequency_Hz")
+        self._set(
+            frequency_Hz=positive(frequency, "frequency_Hz", owner="Sine", unit="Hz"),
+            phase=quantity(self.phase, "angle", "Sine: phase"),
+        )
+
+    def _values(self, t: Array) -> Array:
+        return np.asarray(
+            self.offset + self.amplitude * np.sin(2.0 * math.pi * self.frequency_Hz * t + self.phase)
+        )
+
+    def rates(self, t: float) -> Rates:
+        w = 2.0 * math.pi * self.frequency_Hz
+        c, s = self.amplitude * math.cos(w * t + self.phase), self.amplitude * math.sin(w * t + self.phase)
+        return w * c, -(w**2) * s, -(w**3) * c
+
+    @property
+    def shortest(self) -> float:
+        return 1.0 / self.frequency_Hz
+
+
+@dataclass(frozen=True)
+class TimeTable(FunctionOfTime):
+    """A function of time by points (t [s], value): straight between them, or `smooth` with a steady speed (monotone cubics).
+
+    held: the first value holds before and the last one after the table; otherwise it is zero there.
+    """
+
+    points: tuple[tuple[float, float], ...]
+    _: KW_ONLY
+    smooth: bool = False
+    held: bool = True
+
+    def __post_init__(self) -> None:
+        rows = self.points.tolist() if isinstance(self.points, np.ndarray) else self.points
+        if not isinstance(rows, list | tuple) or any(
+            not isinstance(row, list | tuple) or len(row) != 2 for row in rows
+        ):
+            raise SceneError(f"table of time: {show(self.points)} must be points (time [s], value).")
+        found = {dimension_of(v) for _, v in rows if isinstance(v, str)}
+        clean = tuple(
+            (quantity(t, "time", "table of time: time"), si_value(v, "table of time: value")) for t, v in rows
+        )
+        if len(clean) < 2 or any(b[0] <= a[0] for a, b in pairwise(clean)):
+            raise SceneError(
+                f"table of time: {show(self.points)} needs two points or more, at times that rise."
+            )
+        for name in ("smooth", "held"):
+            boolean(getattr(self, name), name, owner="table of time")
+        self._set(points=clean, dimension=next(iter(found), None))
+
+    @property
+    def duration(self) -> float:
+        """Time of the last point [s]."""
+        return self.points[-1][0]
+
+    @cached_property
+    def _knots(self) -> tuple[Array, Array]:
+        t, values = np.array(self.points).T
+        return t, values
+
+    @cached_property
+    def _cubics(self) -> Any:
+        return PchipInterpolator(*self._knots)
+
+    def _values(self, t: Array) -> Array:
+        at, values = self._knots
+        inside = self._cubics(np.clip(t, at[0], at[-1])) if self.smooth else np.interp(t, at, values)
+        return np.asarray(inside if self.held else np.where((t < at[0]) | (t > at[-1]), 0.0, inside))
+
+    def rates(self, t: float) -> Rates:
+        at, values = self._knots
+        if not at[0] <= t < at[-1]:
+            return 0.0, 0.0, 0.0
+        if self.smooth:
+            first, second, third = (float(self._cubics(t, k)) for k in (1, 2, 3))
+            return first, second, third
+        k = int(np.searchsorted(at, t, side="right"))
+        return float((values[k] - values[k - 1]) / (at[k] - at[k - 1])), 0.0, 0.0
+
+    @property
+    def jumps(self) -> Jumps:
+        at, values = self._knots
+        order = 2 if self.smooth else 1
+        found = [(float(t), order) for t in at]
+        if not self.smooth:
+            slopes = np.concatenate([[0.0], np.diff(values) / np.diff(at), [0.0]])
+            found = [(float(t), 1) for t, change in zip(at, np.diff(slopes), strict=True) if change != 0.0]
+        if not self.held:
+            ends = {float(t): 0 for t, v in zip(at[[0, -1]], values[[0, -1]], strict=True) if v != 0.0}
+            found = sorted({**dict(found), **ends}.items())
+        return tuple(found)
+
+    @property
+    def shortest(self) -> float:
+        return float(np.diff(self._knots[0]).min())
+
+
+@dataclass(frozen=True)
+class OfUser(FunctionOfTime):
+    """A function of the user, or a formula; its derivatives are differences just after t, and its jumps are not known."""
+
+    function: Callable[[float], float]
+    what: str = "function of time"
+
+    def _values(self, t: Array) -> Array:
+        return np.asarray([self._value(float(one)) for one in t.flat]).reshape(t.shape)
+
+    def _value(self, t: float) -> float:
+        try:
+            value = self.function(t)
+        except SceneError:
+            raise
+        except Exception as reason:
+            raise SceneError(
+                f"{self.what} raises {type(reason).__name__} at t = {t:g} s: {show(str(reason))}; "
+                "it must return a number at every instant"
+            ) from reason
+        return number(value, f"{self.what} at t = {t:g} s")
+
+    def rates(self, t: float) -> Rates:
+        values = np.array([self._value(t + k * DIFFERENCE_STEP) for k in range(6)])
+        first, second, third = (
+            float(values @ w) / DIFFERENCE_STEP**k for k, w in enumerate(_DIFFERENCES.T, 1)
+        )
+        return first, second, third
+
+
+def as_function_of_time(given: Any, what: str) -> FunctionOfTime:
+    """A function of time from one, a callable of t [s], points (t, value), a formula such as "1 - exp(-t / 5 ms)", or a
+    number that stays.
+
+    `what` names it in messages. Raises SceneError for anything else.
+    """
+    if isinstance(given, FunctionOfTime):
+        return given
+    if isinstance(given, type) or (callable(given) and not isinstance(given, str)):
+        checked = OfUser(given, what)
+        if checked(0.0) != checked(0.0):
+            raise SceneError(
+                f"{what}: it returns another value each time it is called with t = 0; give a function of t alone"
+            )
+        return checked
+    if isinstance(given, list | tuple | np.ndarray):
+        return TimeTable(given)  # type: ignore[arg-type]
+    if isinstance(given, str) and dimension_of(given) is None:
+        formula = Formula(given)
+        return OfUser(lambda t: formula({"t": t}), f"{what}: formula '{given}'")
+    if isinstance(given, str | int | float | np.number) and not isinstance(given, bool):
+        constant = Step(given, start=given)  # type: ignore[arg-type]
+        return constant
+    raise SceneError(
+        f"{what} = {show(given)}: give a function of time such as ksd.Ramp('20 ms'), a function of t, points (t [s], value), "
+        "a formula, or a number"
+    )

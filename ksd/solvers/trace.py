@@ -1,0 +1,46 @@
+"""The plain record of a motion in time, which the steps fill and `ksd.solvers.history.History` answers from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.model.compile import Model
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Instants of a motion.
+
+    t (k,) [s], rising; x (k, n): flattened states of `model` (`State.of_flat`). Nodes, ground first, as in the model:
+    position (k, nodes, 3) [m], rotation (k, nodes, 3, 3), velocity and acceleration (k, nodes, 6) [m/s, rad/s ...], global,
+    relative to a base that shakes. drive_value, drive_rate (k, d): of all drives, those let go included; drive_force (k, d)
+    [N or Nm]: positive along the drive, 0 of those let go. energy: kinetic, strain, gravity, work, damped, lost (k,) [J], by
+    name. error: estimated error of places, relative to the largest stroke, nan where only one step size was run. steps:
+    number of steps; halved: how often a step was halved. stop: why the motion ended early, None where it did not; at_end:
+    whether it got to its end. massless: names of links whose accelerations are algebra. notes: sentences on the run.
+    """
+
+    model: Model
+    t: Array
+    x: Array
+    position: Array
+    rotation: Array
+    velocity: Array
+    acceleration: Array
+    drive_value: Array
+    drive_rate: Array
+    drive_force: Array
+    energy: Mapping[str, Array]
+    error: float
+    steps: int
+    halved: int
+    stop: str | None
+    at_end: bool
+    massless: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
