@@ -52,7 +52,7 @@ def _case(
     call: Any, value: np.ndarray, number: np.ndarray, inner: np.ndarray, store: int
 ) -> Callable[[], None]:
     """`CALLS` iterations of one leaf."""
-    number = np.array([*number, 0, 0, 0, 0][:4], np.int64)
+    number = np.array([*number, *[0] * 7][:7], np.int64)
     store_array = np.zeros(store)
     d, Q = np.array([0.99 * LENGTH, 0.003, 1e-4]), np.eye(3)
     K, xi, lam = np.zeros((6, 6)), np.full(6, 1e-3), np.zeros(12)

@@ -8,14 +8,17 @@ N + i V = (nx + i ny) exp(-i theta), hence h' = V + (cN - cV) N V and h'' = -N +
 of the strain-mode note.
 
 It uses the inner state of the spatial leaf, of which it changes the amplitudes of weak bending and three numbers of the
-wrench. `number`: nz, points, index of the first weak-bending amplitude, of the wrench, number of plate points.
+wrench. `number`: nz, points, index of the first weak-bending amplitude, of the wrench, number of plate points, of force and of
+couple modes (`ksd.elements.strain_values.mode_counts`).
 `value`: K (nz, nz) [N m^3], stress-free a0 (nz), then per point: weight times L, cN = 1/EA, cV = 1/(ky G A), psi (nz); then
 psi at the end; with plate stiffening per point the numbers of `ksd.elements.plate_energy` and the modes (nz); for a leaf
-with weight the mass beyond each point [kg]. `store`: W^-1 (J, g) (nz, 4), J and g (nz, 4), W (nz, nz), gap (3), K (6); with
-weight eta and W^-1 eta (nz, 4) and the gravity block of `ksd.elements.weight`.
+with weight the mass beyond each point [kg], with inertia the tables of `ksd.elements.inertia`. `store`: W^-1 (J, g) (nz, 4),
+J and g (nz, 4), W (nz, nz), gap (3), K (6); with weight eta and W^-1 eta (nz, 4) of every mode, and the gravity block of
+`ksd.elements.weight`.
 
 With weight the force at a point is n + M g, M the mass beyond it and g gravity in frame p; dH/dg = int M r' ds is the
-first moment of the mass about end p, and eta its derivative by the amplitudes.
+first moment of the mass about end p, and eta its derivative by the amplitudes. With inertia it is n + sum Q_k f_k, and a
+couple e x sum Q_k f_k on the normal e = R e2 adds e.sum Q_k f_k to h.
 """
 
 from __future__ import annotations
@@ -26,7 +29,7 @@ from itertools import pairwise
 import numpy as np
 
 from ksd.elements.plate_energy import POINT_NUMBERS, plate_point
-from ksd.elements.strain_values import GRAVITY_BLOCK_SIZE, masses_beyond
+from ksd.elements.strain_values import masses_beyond, mode_counts
 from ksd.numerics.kernel import kernel
 
 TINY_PIVOT = 1e-15
@@ -40,16 +43,21 @@ def _assemble(value, number, inner, store):
     nz, points, first, wrench = number[0], number[1], number[2], number[3]
     J, W = 4 * nz, 8 * nz
     nx, ny, moment = inner[wrench], inner[wrench + 1], inner[wrench + 5]
-    point_size, gravity_at = 3 + nz, len(store) - GRAVITY_BLOCK_SIZE
+    forces, modes, block_size = mode_counts(number, len(store) > W + nz * nz + 9)
+    point_size, gravity_at = 3 + nz, len(store) - block_size
     end = nz * nz + nz + points * point_size
-    has_weight = len(store) > W + nz * nz + 9
     angle, fx, fy = 0.0, nx, ny
+    rate_at = wrench + 6 + 6 * modes
+    is_damped = len(inner) > rate_at
     for i in range(nz):
         g = -moment * value[end + i]
         for j in range(nz):
             stiffness = value[i * nz + j]
             store[W + i * nz + j] = stiffness
             g += stiffness * (inner[first + j] - value[nz * nz + j])
+            if is_damped:
+                store[W + i * nz + j] += inner[rate_at] * stiffness
+                g += inner[rate_at] * stiffness * (inner[first + j] - inner[rate_at + 1 + first + j])
         store[J + 4 * i], store[J + 4 * i + 1] = 0.0, 0.0
         store[J + 4 * i + 2], store[J + 4 * i + 3] = value[end + i], g
         angle += inner[first + i] * value[end + i]
@@ -66,9 +74,11 @@ def _assemble(value, number, inner, store):
         for i in range(nz):
             theta += inner[first + i] * value[at + 3 + i]
         c, s = math.cos(theta), math.sin(theta)
-        if has_weight:
-            mass = value[mass_at + p]
-            fx, fy = nx + mass * store[gravity_at], ny + mass * store[gravity_at + 1]
+        if modes > 0:
+            fx, fy = nx, ny
+            for k in range(forces):
+                mass = value[mass_at + modes * p + k]
+                fx, fy = fx + mass * store[gravity_at + 3 * k], fy + mass * store[gravity_at + 3 * k + 1]
         N, V = c * fx + s * fy, c * fy - s * fx
         cn_minus_cv = cn - cv
         # r' = R (1 + cN N, cV V) and R C R^T
@@ -81,6 +91,11 @@ def _assemble(value, number, inner, store):
         # h', h'' and d h'/d(nx, ny)
         slope = w * (V + cn_minus_cv * N * V)
         curve = w * (cn_minus_cv * (V * V - N * N) - N)
+        for k in range(forces, modes):
+            mass = w * value[mass_at + modes * p + k]
+            tx, ty = store[gravity_at + 3 * k], store[gravity_at + 3 * k + 1]
+            slope -= mass * (c * tx + s * ty)
+            curve += mass * (s * tx - c * ty)
         a, b = w * cn_minus_cv * V, w * (1.0 + cn_minus_cv * N)
         hx, hy = c * a - s * b, s * a + c * b
         for i in range(nz):
@@ -218,86 +233,105 @@ def condense(value, number, inner, store, d, Q, lam, K):
 
 @kernel
 def gravity_block(value, number, inner, store, lam):
-    """Write the gravity block of a leaf with weight after `condense`, zero out of the plane; nothing without weight.
+    """Write the gravity block of a leaf with weight or inertia after `condense`, zero out of the plane; nothing without.
 
     As `ksd.elements.strain.strain_gravity_block`. With B = int M S, S = R C R^T, and Z = J W^-1 eta + B (force rows):
-    V_xi,g = -K Z, V_g,g = Z^T K Z - eta W^-1 eta - int M^2 S.
+    V_xi,g = -K Z, V_g,g = Z^T K Z - eta W^-1 eta - int M^2 S. For several modes g has as many pairs of components.
     """
     nz, points, first, wrench = number[0], number[1], number[2], number[3]
-    J, W, gap_at, block_at = 4 * nz, 8 * nz, 8 * nz + nz * nz, len(store) - GRAVITY_BLOCK_SIZE
+    J, W, gap_at = 4 * nz, 8 * nz, 8 * nz + nz * nz
     eta, masses = gap_at + 9, nz * nz + 2 * nz + points * (3 + nz) + number[4] * (POINT_NUMBERS + nz)
     if len(store) == eta:
         return
-    Z, G, s = np.zeros((3, 2)), np.zeros((2, 2)), np.zeros(2)
-    for i in range(4 * nz):
+    forces, modes, block_size = mode_counts(number, True)
+    block_at, D = len(store) - block_size, 3 * modes
+    Z, G, s = np.zeros((3, 2 * modes)), np.zeros((2 * modes, 2 * modes)), np.zeros(2 * modes)
+    for i in range(4 * nz * modes):
         store[eta + i] = 0.0
     for p in range(points):
-        at, mass = nz * nz + nz + p * (3 + nz), value[masses + p]
-        w, cn, cv, theta = mass * value[at], value[at + 1], value[at + 2], 0.0
+        at, mass_at = nz * nz + nz + p * (3 + nz), masses + modes * p
+        cn, cv, theta = value[at + 1], value[at + 2], 0.0
         for i in range(nz):
             theta += inner[first + i] * value[at + 3 + i]
         c, sine = math.cos(theta), math.sin(theta)
-        fx, fy = inner[wrench] + mass * store[block_at], inner[wrench + 1] + mass * store[block_at + 1]
+        fx, fy = inner[wrench], inner[wrench + 1]
+        for k in range(forces):
+            mass = value[mass_at + k]
+            fx, fy = fx + mass * store[block_at + 3 * k], fy + mass * store[block_at + 3 * k + 1]
         N, V, cn_minus_cv = c * fx + sine * fy, c * fy - sine * fx, cn - cv
-        s[0] += w * (c * (1.0 + cn * N) - sine * cv * V)
-        s[1] += w * (sine * (1.0 + cn * N) + c * cv * V)
         xx, xy, yy = cn * c * c + cv * sine * sine, cn_minus_cv * c * sine, cn * sine * sine + cv * c * c
-        for r in range(2):
-            for e in range(2):
-                compliance = xy if r != e else (xx if r == 0 else yy)
-                Z[r, e] += w * compliance
-                G[r, e] += w * mass * compliance
-        a, b = mass * value[at] * cn_minus_cv * V, mass * value[at] * (1.0 + cn_minus_cv * N)
-        for i in range(nz):
-            psi = value[at + 3 + i]
-            store[eta + 4 * i] += (c * a - sine * b) * psi
-            store[eta + 4 * i + 1] += (sine * a + c * b) * psi
+        for k in range(modes):
+            mass = value[mass_at + k]
+            w = mass * value[at]
+            if k < forces:
+                s[2 * k] += w * (c * (1.0 + cn * N) - sine * cv * V)
+                s[2 * k + 1] += w * (sine * (1.0 + cn * N) + c * cv * V)
+                for r in range(2):
+                    for e in range(2):
+                        compliance = xy if r != e else (xx if r == 0 else yy)
+                        Z[r, 2 * k + e] += w * compliance
+                        for l in range(forces):
+                            G[2 * k + r, 2 * l + e] += w * value[mass_at + l] * compliance
+                a, b = mass * value[at] * cn_minus_cv * V, mass * value[at] * (1.0 + cn_minus_cv * N)
+                hx, hy = c * a - sine * b, sine * a + c * b
+            else:
+                s[2 * k] -= w * sine
+                s[2 * k + 1] += w * c
+                hx, hy = -w * c, -w * sine
+            for i in range(nz):
+                psi = value[at + 3 + i]
+                store[eta + 4 * (k * nz + i)] += hx * psi
+                store[eta + 4 * (k * nz + i) + 1] += hy * psi
     # W^-1 eta, by the factors `condense` leaves
-    for e in range(2):
-        for i in range(nz):
-            t = store[eta + 4 * i + e]
-            for c in range(i):
-                t -= store[W + i * nz + c] * store[eta + 4 * c + 2 + e]
-            store[eta + 4 * i + 2 + e] = t
-        for i in range(nz - 1, -1, -1):
-            t = store[eta + 4 * i + 2 + e] / store[W + i * nz + i]
-            for c in range(i + 1, nz):
-                t -= store[W + c * nz + i] * store[eta + 4 * c + 2 + e]
-            store[eta + 4 * i + 2 + e] = t
-    for r in range(3, GRAVITY_BLOCK_SIZE):
+    for k in range(modes):
+        own = eta + 4 * nz * k
+        for e in range(2):
+            for i in range(nz):
+                t = store[own + 4 * i + e]
+                for c in range(i):
+                    t -= store[W + i * nz + c] * store[own + 4 * c + 2 + e]
+                store[own + 4 * i + 2 + e] = t
+            for i in range(nz - 1, -1, -1):
+                t = store[own + 4 * i + 2 + e] / store[W + i * nz + i]
+                for c in range(i + 1, nz):
+                    t -= store[W + c * nz + i] * store[own + 4 * c + 2 + e]
+                store[own + 4 * i + 2 + e] = t
+    for r in range(D, block_size):
         store[block_at + r] = 0.0
     K = np.empty((3, 3))
     for r in range(3):
         for c in range(3):
             i, j = min(r, c), max(r, c)
             K[r, c] = store[gap_at + 3 + i * (5 - i) // 2 + j]
-    for e in range(2):
-        store[block_at + 6 + e] = s[e]
+    for j in range(2 * modes):
+        own, e, to = eta + 4 * nz * (j // 2), j % 2, 3 * (j // 2) + j % 2
+        store[block_at + 2 * D + to] = s[j]
         for i in range(nz):
-            s[e] -= store[eta + 4 * i + e] * store[4 * i + 3]
-            x = store[eta + 4 * i + 2 + e]
+            s[j] -= store[own + 4 * i + e] * store[4 * i + 3]
+            x = store[own + 4 * i + 2 + e]
             for r in range(3):
-                Z[r, e] += store[J + 4 * i + r] * x
-            for r in range(2):
-                G[r, e] += store[eta + 4 * i + r] * x
-        store[block_at + 3 + e] = s[e]
+                Z[r, j] += store[J + 4 * i + r] * x
+            for r in range(2 * modes):
+                G[r, j] += store[eta + 4 * (nz * (r // 2) + i) + r % 2] * x
+        store[block_at + D + to] = s[j]
         for r in range(3):
             # x, y, rz among the six of the wrench
             row = 5 if r == 2 else r
-            store[block_at + 3 + e] += Z[r, e] * (lam[row] - lam[6 + row])
-    for e in range(2):
+            store[block_at + D + to] += Z[r, j] * (lam[row] - lam[6 + row])
+    for j in range(2 * modes):
+        to = 3 * (j // 2) + j % 2
         for r in range(3):
             row = 5 if r == 2 else r
             t = 0.0
             for k in range(3):
-                t -= K[r, k] * Z[k, e]
-            store[block_at + 9 + 3 * row + e] = t
-        for r in range(2):
-            t = -G[r, e]
+                t -= K[r, k] * Z[k, j]
+            store[block_at + 3 * D + D * row + to] = t
+        for r in range(2 * modes):
+            t = -G[r, j]
             for k in range(3):
                 row = 5 if k == 2 else k
-                t -= Z[k, r] * store[block_at + 9 + 3 * row + e]
-            store[block_at + 27 + 3 * r + e] = t
+                t -= Z[k, r] * store[block_at + 3 * D + D * row + to]
+            store[block_at + 9 * D + D * (3 * (r // 2) + r % 2) + to] = t
 
 
 @kernel
@@ -305,7 +339,8 @@ def recover(value, number, inner, store, xi, scale):
     """Add dlam = K (xi + gap) and da = W^-1 (J^T dlam - g), times `scale`, after end q moved by xi (6,) in frame p."""
     nz, first, wrench = number[0], number[2], number[3]
     gap_at = 8 * nz + nz * nz
-    has_weight, block_at = len(store) > gap_at + 9, len(store) - GRAVITY_BLOCK_SIZE
+    _, modes, block_size = mode_counts(number, len(store) > gap_at + 9)
+    block_at, D = len(store) - block_size, 3 * modes
     x, y, turn = xi[0] + store[gap_at], xi[1] + store[gap_at + 1], xi[5] + store[gap_at + 2]
     k00, k01, k02 = store[gap_at + 3], store[gap_at + 4], store[gap_at + 5]
     k11, k12, k22 = store[gap_at + 6], store[gap_at + 7], store[gap_at + 8]
@@ -314,26 +349,27 @@ def recover(value, number, inner, store, xi, scale):
         k01 * x + k11 * y + k12 * turn,
         k02 * x + k12 * y + k22 * turn,
     )
-    g0, g1 = 0.0, 0.0
-    if has_weight:
+    change, rows = block_at + 9 * D + D * D, block_at + 3 * D
+    for k in range(modes):
         # the change of gravity in frame p
-        g0, g1 = store[block_at + 36], store[block_at + 37]
-        d0 += store[block_at + 9] * g0 + store[block_at + 10] * g1
-        d1 += store[block_at + 12] * g0 + store[block_at + 13] * g1
-        d2 += store[block_at + 24] * g0 + store[block_at + 25] * g1
+        g0, g1, at = store[change + 3 * k], store[change + 3 * k + 1], rows + 3 * k
+        d0 += store[at] * g0 + store[at + 1] * g1
+        d1 += store[at + D] * g0 + store[at + D + 1] * g1
+        d2 += store[at + 5 * D] * g0 + store[at + 5 * D + 1] * g1
     for i in range(nz):
         t = store[4 * i] * d0 + store[4 * i + 1] * d1 + store[4 * i + 2] * d2 - store[4 * i + 3]
-        if has_weight:
-            t += store[gap_at + 9 + 4 * i + 2] * g0 + store[gap_at + 9 + 4 * i + 3] * g1
+        for k in range(modes):
+            own = gap_at + 9 + 4 * (nz * k + i)
+            t += store[own + 2] * store[change + 3 * k] + store[own + 3] * store[change + 3 * k + 1]
         inner[first + i] += scale * t
     inner[wrench] += scale * d0
     inner[wrench + 1] += scale * d1
     inner[wrench + 5] += scale * d2
 
 
-def store_size(nz: int, *, has_weight: bool = False) -> int:
-    """Length of the `store` of a leaf with nz modes of weak bending; has_weight: with weight."""
-    return 8 * nz + nz * nz + 9 + has_weight * (4 * nz + GRAVITY_BLOCK_SIZE)
+def store_size(nz: int, *, has_weight: bool = False, modes: int = 1) -> int:
+    """Length of the `store` of a leaf with nz modes of weak bending; has_weight: with weight or inertia in `modes` modes."""
+    return 8 * nz + nz * nz + 9 + has_weight * (4 * nz * modes + 3 * modes * (10 + 3 * modes))
 
 
 def planar_values(
@@ -354,4 +390,4 @@ def planar_values(
         flat.append(value[sum(sizes) :][: int(number[4]) * (POINT_NUMBERS + nz)])
     if has_weight:
         flat.append(masses_beyond(value, number))
-    return np.concatenate(flat), np.array([nz, ng, first, total, number[4]], np.int64)
+    return np.concatenate(flat), np.array([nz, ng, first, total, *number[4:7]], np.int64)

@@ -18,7 +18,8 @@ the points behind it, in place of m + (r(L) - r(s)) x n of the rod.
 
 A leaf with weight has line mass mu [kg/m] in gravity g [m/s^2], in frame p; its tables end with M(s) = int_s^L mu. Then
 the force is n(s) = n + M g. dH/dg = int M v is the first moment of the mass about end p, and eta_i its derivative by
-the amplitudes. The gravity block of its store holds g (`ksd.elements.weight`).
+the amplitudes. The gravity block of its store holds g (`ksd.elements.weight`). A leaf with inertia has several force modes
+in place of M g, and couples on its width axis, tau(s).e3 in H (`ksd.elements.inertia`).
 
 For a leaf bent in its plane only, `ksd.elements.strain_flat` computes the same tangent faster.
 """
@@ -33,7 +34,7 @@ import numpy as np
 from ksd.elements.magnus import magnus_rotation, magnus_second_derivative
 from ksd.elements.plate_energy import POINT_NUMBERS, plate_point
 from ksd.elements.strain_flat import flat_tangent, is_flat
-from ksd.elements.strain_values import GRAVITY_BLOCK_SIZE
+from ksd.elements.strain_values import mode_counts
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotation_log, tangent_factors
 
@@ -49,7 +50,8 @@ class LeafFields(NamedTuple):
     (ng+1, 3, 3): from a change of turn to the rotation of everything behind; G = T J. R (ng+2, 3, 3): orientation; psi
     (ng+2, 3, N): rotation by the amplitudes. n (ng, 3): force; v (ng, 3) = r'; S (ng, 3, 3) = R C R^T [1/N]; slope (ng,
     3, N): v by the amplitudes, at fixed n. end (3,) [m]: position of end q; rho, eta (3, N): that position, and the
-    first moment of the mass, by the amplitudes; eta only with weight. W (N, N): tangent of the amplitudes; Y (N, 8):
+    first moment of the mass of every mode (3 rows each), by the amplitudes; eta only with weight. tau (ng, 3): vectors that
+    the width axis is multiplied with in H, only with couple modes. W (N, N): tangent of the amplitudes; Y (N, 8):
     right-hand sides, the seventh their residual; X (3, N), Z (N, 9), M (9, 9), V (3, 3): scratch.
     """
 
@@ -67,6 +69,7 @@ class LeafFields(NamedTuple):
     end: np.ndarray
     rho: np.ndarray
     eta: np.ndarray
+    tau: np.ndarray
     W: np.ndarray
     Y: np.ndarray
     X: np.ndarray
@@ -94,13 +97,13 @@ def constant_offsets(number):
     )
 
 
-def allocate_leaf_fields(N, ng):  # type: ignore[no-untyped-def]
-    """`LeafFields` for N modes and ng points; `allocate_leaf_fields_compiled` is the same for kernels."""
+def allocate_leaf_fields(N, ng, modes=1):  # type: ignore[no-untyped-def]
+    """`LeafFields` for N curvature modes, ng points and `modes` of a distributed load; `allocate_leaf_fields_compiled` is the same for kernels."""
     return LeafFields(
         np.empty((ng + 1, 9)), np.empty((ng + 1, 3)), np.empty((ng + 1, 3, 9)), np.empty((ng + 1, 3, 3)),
         np.empty((ng + 1, 3, 9)), np.empty((ng + 2, 3, 3)), np.empty((ng + 2, 3, N)), np.empty((ng, 3)),
-        np.empty((ng, 3)), np.empty((ng, 3, 3)), np.empty((ng, 3, N)), np.empty(3), np.empty((3, N)), np.empty((3, N)),
-        np.empty((N, N)), np.empty((N, 8)), np.empty((3, N)), np.empty((N, 9)), np.empty((9, 9)), np.empty((3, 3)),
+        np.empty((ng, 3)), np.empty((ng, 3, 3)), np.empty((ng, 3, N)), np.empty(3), np.empty((3, N)),
+        np.empty((3 * modes, N)), np.empty((ng, 3)), np.empty((N, N)), np.empty((N, 8)), np.empty((3, N)), np.empty((N, 9)), np.empty((9, 9)), np.empty((3, 3)),
     )  # fmt: skip
 
 
@@ -178,18 +181,25 @@ def _slopes(value, number, inner, gravity, fields):
     R, psi, force = fields.R, fields.psi, fields.n
     v, S, slope = fields.v, fields.S, fields.slope
     end, rho, eta = fields.end, fields.rho, fields.eta
-    N, has_weight = number[0] + number[1] + number[2], len(gravity) > 0
+    N, tau = number[0] + number[1] + number[2], fields.tau
+    forces, modes, _ = mode_counts(number, len(gravity) > 0)
     _, weight, compliance, _, beyond = constant_offsets(number)
     for r in range(3):
         end[r] = 0.0
         for i in range(N):
-            rho[r, i], eta[r, i] = 0.0, 0.0
+            rho[r, i] = 0.0
+    for r in range(3 * modes):
+        for i in range(N):
+            eta[r, i] = 0.0
     for g in range(number[3]):
-        w, mass = value[0] * value[weight + g], 0.0
-        if has_weight:
-            mass = value[beyond + g]
+        w = value[0] * value[weight + g]
         for r in range(3):
-            force[g, r] = inner[N + r] + mass * gravity[r] if has_weight else inner[N + r]
+            s, t = inner[N + r], 0.0
+            for k in range(forces):
+                s += value[beyond + modes * g + k] * gravity[3 * k + r]
+            for k in range(forces, modes):
+                t += value[beyond + modes * g + k] * gravity[3 * k + r]
+            force[g, r], tau[g, r] = s, t
         k0, k1, k2 = force[g, 0], force[g, 1], force[g, 2]
         for i in range(3):
             for j in range(3):
@@ -215,8 +225,13 @@ def _slopes(value, number, inner, gravity, fields):
                 s = b0 * psi[g + 1, 0, i] + b1 * psi[g + 1, 1, i] + b2 * psi[g + 1, 2, i]
                 slope[g, r, i] = s
                 rho[r, i] += w * s
-                if has_weight:
-                    eta[r, i] += w * mass * s
+                for k in range(forces):
+                    eta[3 * k + r, i] += w * value[beyond + modes * g + k] * s
+            for k in range(forces, modes):
+                j, l = (r + 1) % 3, (r + 2) % 3
+                s = w * value[beyond + modes * g + k]
+                for i in range(N):
+                    eta[3 * k + r, i] += s * (psi[g + 1, j, i] * R[g + 1, l, 2] - psi[g + 1, l, i] * R[g + 1, j, 2])
 
 
 @kernel(inline="late")
@@ -240,6 +255,7 @@ def strain_tangent(value, number, inner, fields):
     R, psi = fields.R, fields.psi
     n, v, slope = fields.n, fields.v, fields.slope
     M, V, W = fields.M, fields.V, fields.W
+    tau, has_couples = fields.tau, number[6] > 0
     Y, X, Z = fields.Y, fields.X, fields.Z
     N, ng, length = number[0] + number[1] + number[2], number[3], value[0]
     amplitudes, weight, _, modes, _ = constant_offsets(number)
@@ -252,10 +268,10 @@ def strain_tangent(value, number, inner, fields):
         for j in range(i + 1):
             W[i, j] = 0.0
     # without load, as at rest, W is the leaf's own stiffness
-    loaded = M0 != 0.0 or M1 != 0.0 or M2 != 0.0
+    loaded = M0 != 0.0 or M1 != 0.0 or M2 != 0.0 or has_couples
     for h in range(ng):
         loaded = loaded or n[h, 0] != 0.0 or n[h, 1] != 0.0 or n[h, 2] != 0.0
-    flat = loaded and is_flat(number, inner, n)
+    flat = loaded and not has_couples and is_flat(number, inner, n)
     if flat:
         flat_tangent(value, number, inner, modes, weight, moment, J, G, psi, n, v, slope, W, Y, X, Z)
     for h in range(ng if loaded and not flat else -1, -1, -1):
@@ -269,6 +285,18 @@ def strain_tangent(value, number, inner, fields):
                 X[0, i] += v1 * k2 - v2 * k1
                 X[1, i] += v2 * k0 - v0 * k2
                 X[2, i] += v0 * k1 - v1 * k0
+            if has_couples:
+                k0, k1, k2 = w * tau[h, 0], w * tau[h, 1], w * tau[h, 2]
+                v0, v1, v2 = R[h + 1, 0, 2], R[h + 1, 1, 2], R[h + 1, 2, 2]
+                M0, M1, M2 = M0 + v1 * k2 - v2 * k1, M1 + v2 * k0 - v0 * k2, M2 + v0 * k1 - v1 * k0
+                along = v0 * k0 + v1 * k1 + v2 * k2
+                for i in range(N):
+                    # (psi x e) x tau
+                    p0, p1, p2 = psi[h + 1, 0, i], psi[h + 1, 1, i], psi[h + 1, 2, i]
+                    d = p0 * k0 + p1 * k1 + p2 * k2
+                    X[0, i] += v0 * d - p0 * along
+                    X[1, i] += v1 * d - p1 * along
+                    X[2, i] += v2 * d - p2 * along
         u0 = T[h, 0, 0] * M0 + T[h, 1, 0] * M1 + T[h, 2, 0] * M2
         u1 = T[h, 0, 1] * M0 + T[h, 1, 1] * M1 + T[h, 2, 1] * M2
         u2 = T[h, 0, 2] * M0 + T[h, 1, 2] * M1 + T[h, 2, 2] * M2
@@ -306,12 +334,18 @@ def strain_tangent(value, number, inner, fields):
         for j in range(i):
             W[j, i] = W[i, j]
     first, at = 0, 1
+    # a leaf with weight has no such numbers
+    rate_at = N + 6 + 6 * (number[5] + number[6])
+    is_damped = number[5] > 0 and len(inner) > rate_at
     for axis in range(3):
         count = number[axis]
         for i in range(first, first + count):
             for j in range(first, first + count):
                 W[i, j] += value[at]
                 Y[i, 6] += value[at] * (inner[j] - value[amplitudes + j])
+                if is_damped:
+                    W[i, j] += inner[rate_at] * value[at]
+                    Y[i, 6] += inner[rate_at] * value[at] * (inner[j] - inner[rate_at + 1 + j])
                 at += 1
         first += count
     if number[4]:
@@ -373,14 +407,14 @@ def _solve_modes(N, W, Y):
 
 
 @kernel
-def _substitute(N, W, Y):
-    """Overwrite Y (N, 3) with W^-1 Y, W factored by `_solve_modes`."""
+def _substitute(N, W, Y, first):
+    """Overwrite three numbers per row, from number `first` on, of Y (N, n) with W^-1 Y, W factored by `_solve_modes`."""
     for j in range(N):
         for c in range(j):
-            for e in range(3):
+            for e in range(first, first + 3):
                 Y[j, e] -= W[j, c] * Y[c, e]
     for j in range(N - 1, -1, -1):
-        for e in range(3):
+        for e in range(first, first + 3):
             s = Y[j, e] / W[j, j]
             for c in range(j + 1, N):
                 s -= W[c, j] * Y[c, e]
@@ -431,10 +465,10 @@ def _half_cross(m, x, y, z, r):
 
 @kernel
 def strain_gravity_block(value, number, inner, store, fields, lam, K):
-    """Write the gravity block (39,) of a leaf with weight after `strain_condense`, see `ksd.elements.weight`; nothing
-    without weight.
+    """Write the gravity block of a leaf with weight or inertia after `strain_condense`, see `ksd.elements.weight`; nothing
+    without.
 
-    Before it in the store stands X (N, 3) = W^-1 eta(L)^T, for `strain_recover`. With B = int M S and Z = J X + B
+    Before it in the store stands X (N, D) = W^-1 eta(L)^T, for `strain_recover`. With B = int M S and Z = J X + B
     (force rows): V_xi,g = -K Z, V_g,g = Z^T K Z - eta X - int M^2 S. The first moment int M v is predicted with the
     step K (c + J W^-1 g) of the wrench: lam[0:6] - lam[6:12] and the rotation of m.
     """
@@ -442,47 +476,55 @@ def strain_gravity_block(value, number, inner, store, fields, lam, K):
     _, weight, _, _, beyond = constant_offsets(number)
     if len(store) == 8 * N + 42:
         return
-    block_at, v, S = len(store) - GRAVITY_BLOCK_SIZE, fields.v, fields.S
+    forces, modes, block_size = mode_counts(number, True)
+    block_at, D, v, S = len(store) - block_size, 3 * modes, fields.v, fields.S
     rho, psi, eta = fields.rho, fields.psi, fields.eta
-    X, Z = store[block_at - 3 * N : block_at].reshape(N, 3), np.zeros((6, 3))
-    G, step = np.zeros((3, 3)), np.empty(6)
+    R = fields.R
+    X, Z = store[8 * N + 42 : 8 * N + 42 + D * N].reshape(N, D), np.zeros((6, D))
+    G, step = np.zeros((D, D)), np.empty(6)
     for r in range(3):
         step[r] = lam[r] - lam[6 + r]
         step[3 + r] = lam[3 + r] - lam[9 + r] + _half_cross(lam[9:], store[7], store[15], store[23], r)
     for i in range(N):
-        for e in range(3):
+        for e in range(D):
             X[i, e] = eta[e, i]
-    _substitute(N, fields.W, X)
-    for e in range(3):
-        s = 0.0
+    for k in range(modes):
+        _substitute(N, fields.W, X, 3 * k)
+    for e in range(D):
+        k, c, s = e // 3, e % 3, 0.0
         for g in range(ng):
-            M = value[beyond + g]
+            M = value[beyond + modes * g + k]
             w = value[0] * value[weight + g] * M
-            s += w * v[g, e]
-            for r in range(3):
-                Z[r, e] += w * S[g, r, e]
-                G[r, e] += w * M * S[g, r, e]
-        store[block_at + 6 + e] = s
+            if k < forces:
+                s += w * v[g, c]
+                for r in range(3):
+                    Z[r, e] += w * S[g, r, c]
+                    for l in range(forces):
+                        G[3 * l + r, e] += w * value[beyond + modes * g + l] * S[g, r, c]
+            else:
+                s += w * R[g + 1, c, 2]
+        store[block_at + 2 * D + e] = s
         for i in range(N):
             s -= eta[e, i] * store[8 * i + 6]
             for r in range(3):
                 Z[r, e] += rho[r, i] * X[i, e]
                 Z[3 + r, e] += psi[ng + 1, r, i] * X[i, e]
+            for r in range(D):
                 G[r, e] += eta[r, i] * X[i, e]
         for r in range(6):
             s += Z[r, e] * step[r]
-        store[block_at + 3 + e] = s
-    for e in range(3):
+        store[block_at + D + e] = s
+    for e in range(D):
         for r in range(6):
             s = 0.0
             for k in range(6):
                 s -= K[r, k] * Z[k, e]
-            store[block_at + 9 + 3 * r + e] = s
-        for r in range(3):
+            store[block_at + 3 * D + D * r + e] = s
+        for r in range(D):
             s = -G[r, e]
             for k in range(6):
-                s -= Z[k, r] * store[block_at + 9 + 3 * k + e]
-            store[block_at + 27 + 3 * r + e] = s
+                s -= Z[k, r] * store[block_at + 3 * D + D * k + e]
+            store[block_at + 9 * D + D * r + e] = s
 
 
 @kernel
@@ -499,8 +541,8 @@ def strain_condense(value, number, inner, store, fields, d, Q, lam, K):
     _, weight, _, _, _ = constant_offsets(number)
     stiffness_at = N * 8
     gap_at = stiffness_at + 36
-    has_weight = len(store) > stiffness_at + 42
-    gravity = store[len(store) - GRAVITY_BLOCK_SIZE if has_weight else len(store) :]
+    _, _, block_size = mode_counts(number, len(store) > stiffness_at + 42)
+    gravity = store[len(store) - block_size :]
     # `fill_leaf_fields` inlined, so that it is not compiled
     _orientations(value, number, inner, fields)
     _slopes(value, number, inner, gravity, fields)
@@ -568,22 +610,23 @@ def strain_recover(value, number, inner, store, xi, scale, step):
     """Add dlam = K (xi + gap) and da = W^-1 (J^T dlam - g), times `scale`, to the inner state; m is rotated by half of
     c + xi.
 
-    A leaf with weight includes the change of gravity in frame p, the last three numbers of its gravity block. step
+    A leaf with weight includes the change of gravity in frame p, the last numbers of its gravity block. step
     (6,): scratch.
     """
     N = number[0] + number[1] + number[2]
     stiffness_at = N * 8
     gap_at = stiffness_at + 36
-    has_weight = len(store) > stiffness_at + 42
-    block_at = len(store) - GRAVITY_BLOCK_SIZE
+    _, modes, block_size = mode_counts(number, len(store) > stiffness_at + 42)
+    D = 3 * modes
+    rows = len(store) - block_size + 3 * D
+    change = rows + 6 * D + D * D
     m0, m1, m2 = inner[N + 3], inner[N + 4], inner[N + 5]
     for r in range(6):
         s = 0.0
         for e in range(6):
             s += store[stiffness_at + r * 6 + e] * (xi[e] + store[gap_at + e])
-        if has_weight:
-            for e in range(3):
-                s += store[block_at + 9 + 3 * r + e] * store[block_at + 36 + e]
+        for e in range(D):
+            s += store[rows + D * r + e] * store[change + e]
         step[r] = s
         inner[N + r] += scale * s
     x, y, z = store[7] + xi[3], store[15] + xi[4], store[23] + xi[5]
@@ -594,7 +637,6 @@ def strain_recover(value, number, inner, store, xi, scale, step):
         s = -store[i * 8 + 6]
         for e in range(6):
             s += store[i * 8 + e] * step[e]
-        if has_weight:
-            for e in range(3):
-                s += store[gap_at + 6 + 3 * i + e] * store[block_at + 36 + e]
+        for e in range(D):
+            s += store[gap_at + 6 + D * i + e] * store[change + e]
         inner[i] += scale * s

@@ -4,7 +4,7 @@ Layout of the flat array (N = nx + ny + nz modes, ng points): L; stiffness block
 (1/m)^2]; stress-free amplitudes a0 (N); weights (ng), sum 1; integration matrix (ng, ng); modes (N, ng); compliances
 (ng, 3): 1/EA, 1/(ky GA), 1/(kz GA); moments of the modes over the intervals (ng+1, 3, N); for a leaf with plate
 stiffening the numbers and weak-bending modes of its plate points (k, 5 + nz, see `ksd.elements.plate_energy`); for a leaf
-with weight the mass beyond each point (ng) [kg].
+with weight the mass beyond each point (ng) [kg], for one with inertia the tables of `ksd.elements.inertia`.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ksd.elements.plate_energy import POINT_NUMBERS
+from ksd.numerics.kernel import kernel
 
 DEFAULT_ORDERS = (4, 3, 6)
 DEFAULT_POINTS = 7
@@ -24,6 +25,20 @@ DEFAULT_POINTS = 7
 PL^2/EI = 5 has an error of 1.7e-6, with six 1.3e-7."""
 GRAVITY_BLOCK_SIZE = 39
 """Length of the gravity block of a leaf with weight, see `ksd.elements.weight`."""
+
+
+@kernel(inline="late")
+def mode_counts(number, has_weight):
+    """Number of force modes and of all modes of the distributed load of a leaf, and the length of its gravity block, which
+    has D = 3 numbers per mode in place of the three of gravity.
+
+    Weight is one force mode; a leaf with inertia has number[5] force and number[6] couple modes.
+    """
+    forces = number[5]
+    if forces == 0 and has_weight:
+        forces += 1
+    modes = forces + number[6]
+    return forces, modes, 3 * modes * (10 + 3 * modes)
 
 
 class Modes(NamedTuple):
@@ -154,7 +169,7 @@ def strain_values(
     if line_mass is not None:
         parts.append(length * (table.weight - table.integral) @ line_mass)
     return np.concatenate(parts).astype(float), np.array(
-        [nx, ny, nz, ng, 0 if table.plate is None else len(table.plate)], np.int64
+        [nx, ny, nz, ng, 0 if table.plate is None else len(table.plate), 0, 0], np.int64
     )
 
 
@@ -166,7 +181,7 @@ def strain_sizes(number: np.ndarray, *, has_weight: bool = False) -> tuple[int, 
 
 def strain_value_count(number: np.ndarray, *, has_weight: bool = False) -> int:
     """Number of constants that `strain_values` makes."""
-    nx, ny, nz, ng, plate = (int(n) for n in number)
+    nx, ny, nz, ng, plate = (int(n) for n in number[:5])
     N = nx + ny + nz
     own = 1 + nx * nx + ny * ny + nz * nz + N + ng * (1 + ng + N + 3)
     return own + 3 * N * (ng + 1) + plate * (POINT_NUMBERS + nz) + has_weight * ng

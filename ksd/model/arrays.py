@@ -26,7 +26,7 @@ strain-mode leaf in a plane."""
 TRANSLATION, ROTATION, ALIGNMENT = 0, 1, 2
 """Kinds of terms of constraint rows; an alignment is zero where the node has not tilted about `direction`, however far it
 has turned about its axis."""
-SETTINGS = 5
+SETTINGS = 7
 """Number of the settings of a member."""
 Ints = Annotated[np.ndarray, np.int64]
 Floats = Annotated[np.ndarray, np.float64]

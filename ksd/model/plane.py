@@ -192,13 +192,13 @@ def _unit_leaf(settings: tuple[int, ...]) -> tuple[slice, np.ndarray, np.ndarray
     Returns the slice of the mode tables among the spatial constants, these tables, the planar settings, and index and factor
     of the spatial constant that gives each planar constant, without those of plate stiffening.
     """
-    nx, ny, nz, ng, plate = settings
+    nx, ny, nz, ng, plate = settings[:5]
     value, _ = strain_values(
         length=1.0, rigidity=np.ones(3), compliance=np.ones(3), orders=(nx, ny, nz), points=ng
     )
     total, first = nx + ny + nz, 1 + nx * nx + ny * ny
     tables = slice(first + nz * nz + total, first + nz * nz + total + ng * (1 + ng + total))
-    multiple, planar = planar_values(value, np.array([nx, ny, nz, ng, 0]))
+    multiple, planar = planar_values(value, np.array([nx, ny, nz, ng, 0, 0, 0]))
     planar[4] = plate
     of = np.zeros(len(multiple), np.int64)
     # bending stiffness, stress-free amplitudes, and 1/EA and 1/(ky GA) of each point are copied; all other constants are
