@@ -7,16 +7,16 @@ jumps, and its shortest duration, from which the step in time is chosen.
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
+from abc import ABCMeta, abstractmethod
 from collections.abc import Callable
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, fields
 from functools import cached_property
 from itertools import pairwise
+from numbers import Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from ksd.checks import ClearArgumentErrors, boolean, not_negative, number, positive, show
 from ksd.errors import SceneError
@@ -34,11 +34,11 @@ _DIFFERENCES = np.linalg.solve(
 """Weights (6, 3) of values at 0, 1, ... 5 in the first three derivatives at 0."""
 
 
-class _Kind(type(ABC), ClearArgumentErrors):  # type: ignore[misc]
+class _Kind(ABCMeta, ClearArgumentErrors):
     """Metaclass of functions of time: abstract, with one sentence for arguments that do not match."""
 
 
-class FunctionOfTime(ABC, metaclass=_Kind):
+class FunctionOfTime(metaclass=_Kind):
     """A function of time t [s], zero or above.
 
     dimension: of the unit its values were given in, None for plain numbers.
@@ -388,9 +388,10 @@ class Sine(FunctionOfTime):
 
 @dataclass(frozen=True)
 class TimeTable(FunctionOfTime):
-    """A function of time by points (t [s], value): straight between them, or `smooth` with a steady speed (monotone cubics).
+    """A function of time by points (t [s], value), straight between them.
 
-    held: the first value holds before and the last one after the table; otherwise it is zero there.
+    smooth: cubic splines instead, of steady speed and acceleration, at rest at both ends. held: the first value holds
+    before and the last one after the table; otherwise it is zero there.
     """
 
     points: tuple[tuple[float, float], ...]
@@ -427,12 +428,38 @@ class TimeTable(FunctionOfTime):
         return t, values
 
     @cached_property
-    def _cubics(self) -> Any:
-        return PchipInterpolator(*self._knots)
+    def _slopes(self) -> Array:
+        """Speeds (n,) at the points of a spline at rest at both ends, by elimination of its three-term equations."""
+        t, values = self._knots
+        step = np.diff(t)
+        right = 3.0 * np.diff(values) / step**2
+        slopes, factor = np.zeros_like(t), np.zeros_like(t)
+        for i in range(1, len(t) - 1):
+            pivot = 2.0 * (1.0 / step[i - 1] + 1.0 / step[i]) - factor[i - 1] / step[i - 1]
+            slopes[i] = (right[i - 1] + right[i] - slopes[i - 1] / step[i - 1]) / pivot
+            factor[i] = 1.0 / step[i] / pivot
+        for i in range(len(t) - 2, 0, -1):
+            slopes[i] -= factor[i] * slopes[i + 1]
+        return slopes
+
+    def _cubic(self, t: Array) -> tuple[Array, Array, Array, Array]:
+        """Value and three derivatives of the spline at instants within the table."""
+        at, values = self._knots
+        k = np.clip(np.searchsorted(at, t, side="right") - 1, 0, len(at) - 2)
+        h, u = at[k + 1] - at[k], t - at[k]
+        mean = (values[k + 1] - values[k]) / h
+        first, last = self._slopes[k], self._slopes[k + 1]
+        b, c = (3.0 * mean - 2.0 * first - last) / h, (first + last - 2.0 * mean) / h**2
+        return (
+            values[k] + u * (first + u * (b + u * c)),
+            first + u * (2.0 * b + 3.0 * u * c),
+            2.0 * b + 6.0 * u * c,
+            6.0 * c,
+        )
 
     def _values(self, t: Array) -> Array:
         at, values = self._knots
-        inside = self._cubics(np.clip(t, at[0], at[-1])) if self.smooth else np.interp(t, at, values)
+        inside = self._cubic(np.clip(t, at[0], at[-1]))[0] if self.smooth else np.interp(t, at, values)
         return np.asarray(inside if self.held else np.where((t < at[0]) | (t > at[-1]), 0.0, inside))
 
     def rates(self, t: float) -> Rates:
@@ -440,7 +467,7 @@ class TimeTable(FunctionOfTime):
         if not at[0] <= t < at[-1]:
             return 0.0, 0.0, 0.0
         if self.smooth:
-            first, second, third = (float(self._cubics(t, k)) for k in (1, 2, 3))
+            _, first, second, third = (float(v) for v in self._cubic(np.asarray(t)))
             return first, second, third
         k = int(np.searchsorted(at, t, side="right"))
         return float((values[k] - values[k - 1]) / (at[k] - at[k - 1])), 0.0, 0.0
@@ -448,8 +475,7 @@ class TimeTable(FunctionOfTime):
     @property
     def jumps(self) -> Jumps:
         at, values = self._knots
-        order = 2 if self.smooth else 1
-        found = [(float(t), order) for t in at]
+        found = [(float(t), 2 if t in at[[0, -1]] else 3) for t in at]
         if not self.smooth:
             slopes = np.concatenate([[0.0], np.diff(values) / np.diff(at), [0.0]])
             found = [(float(t), 1) for t, change in zip(at, np.diff(slopes), strict=True) if change != 0.0]
@@ -469,6 +495,7 @@ class OfUser(FunctionOfTime):
 
     function: Callable[[float], float]
     what: str = "function of time"
+    formula: str = ""
 
     def _values(self, t: Array) -> Array:
         return np.asarray([self._value(float(one)) for one in t.flat]).reshape(t.shape)
@@ -497,11 +524,12 @@ def as_function_of_time(given: Any, what: str) -> FunctionOfTime:
     """A function of time from one, a callable of t [s], points (t, value), a formula such as "1 - exp(-t / 5 ms)", or a
     number that stays.
 
-    `what` names it in messages. Raises SceneError for anything else.
+    `what` names it in messages. Raises SceneError for anything else, and for a callable that returns another
+    value each time.
     """
     if isinstance(given, FunctionOfTime):
         return given
-    if isinstance(given, type) or (callable(given) and not isinstance(given, str)):
+    if callable(given):
         checked = OfUser(given, what)
         if checked(0.0) != checked(0.0):
             raise SceneError(
@@ -512,11 +540,58 @@ def as_function_of_time(given: Any, what: str) -> FunctionOfTime:
         return TimeTable(given)  # type: ignore[arg-type]
     if isinstance(given, str) and dimension_of(given) is None:
         formula = Formula(given)
-        return OfUser(lambda t: formula({"t": t}), f"{what}: formula '{given}'")
-    if isinstance(given, str | int | float | np.number) and not isinstance(given, bool):
-        constant = Step(given, start=given)  # type: ignore[arg-type]
-        return constant
+        written = OfUser(lambda t: formula({"t": t}), what, formula=given)
+        written(0.0)
+        return written
+    if isinstance(given, str | Real) and not isinstance(given, bool):
+        return Step(given, start=given)  # type: ignore[arg-type]
     raise SceneError(
-        f"{what} = {show(given)}: give a function of time such as ksd.Ramp('20 ms'), a function of t, points (t [s], value), "
-        "a formula, or a number"
+        f"{what} = {show(given)}: give a function of time such as ksd.Ramp('20 ms'), a function of t, points (t [s], "
+        "value), a formula, or a number"
     )
+
+
+KINDS: dict[str, tuple[type[FunctionOfTime], str]] = {
+    "ramp": (Ramp, "duration"), "cycloid": (Cycloid, "end"), "trapezoid": (Trapezoid, "end"), "step": (Step, "end"),
+    "half_sine": (HalfSine, "amplitude"), "sine": (Sine, "amplitude"), "table": (TimeTable, "points"),
+}  # fmt: skip
+"""Functions of time in files: the key that says which, with its class and the parameter that the key holds."""
+
+
+def function_of_table(table: Any, what: str) -> FunctionOfTime:
+    """A function of time from a table of a file: `ramp = "20 ms"` and the like with its parameters, `formula = "..."`,
+    `value = 1`, or a list of tables whose functions are added. Raises SceneError."""
+    if isinstance(table, list) and table and all(isinstance(one, dict) for one in table):
+        return Sum(tuple(function_of_table(one, what) for one in table))
+    if not isinstance(table, dict):
+        raise SceneError(f'{what} = {show(table)}: write a table such as {{ ramp = "20 ms" }}')
+    words = dict(table)
+    kinds = [key for key in words if key in KINDS or key in ("formula", "value")]
+    if len(kinds) != 1:
+        raise SceneError(
+            f"{what}: write one of {', '.join((*KINDS, 'formula', 'value'))}, not {', '.join(kinds) or 'none'}"
+        )
+    first = words.pop(kinds[0])
+    if kinds[0] in KINDS:
+        made, parameter = KINDS[kinds[0]]
+        return made(**{parameter: first}, **words)
+    if words:
+        raise SceneError(f"{what}: key '{next(iter(words))}' does not belong to a {kinds[0]}")
+    return as_function_of_time(first, f"{what}: {kinds[0]} '{first}'")
+
+
+def table_of_function(function: FunctionOfTime, what: str) -> Any:
+    """The table of a file from which `function_of_table` makes the function again. Raises SceneError for one of the user."""
+    if isinstance(function, Sum):
+        return [table_of_function(part, what) for part in function.parts]
+    if isinstance(function, OfUser):
+        if not function.formula:
+            raise SceneError(
+                f"{what} is a function of Python, which cannot be written to a file; write it as a formula in t"
+            )
+        return {"formula": function.formula}
+    kind = next(key for key, (made, _) in KINDS.items() if type(function) is made)
+    parameter = KINDS[kind][1]
+    others = {f.name: getattr(function, f.name) for f in fields(function) if f.name != parameter}  # type: ignore[arg-type]
+    defaults = {f.name: f.default for f in fields(function)}  # type: ignore[arg-type]
+    return {kind: getattr(function, parameter)} | {n: v for n, v in others.items() if v != defaults[n]}

@@ -1,4 +1,4 @@
-"""The plain record of a motion in time, which the steps fill and `ksd.solvers.history.History` answers from."""
+"""The plain record of a motion in time, which the steps fill and `ksd.study.history.History` answers from."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 class Trace:
     """Instants of a motion.
 
-    t (k,) [s], rising; x (k, n): flattened states of `model` (`State.of_flat`). Nodes, ground first, as in the model:
+    t (k,) [s], rising; x (k, n): flattened states of `model` (`flat_state`). Nodes, ground first, as in the model:
     position (k, nodes, 3) [m], rotation (k, nodes, 3, 3), velocity and acceleration (k, nodes, 6) [m/s, rad/s ...], global,
     relative to a base that shakes. drive_value, drive_rate (k, d): of all drives, those let go included; drive_force (k, d)
     [N or Nm]: positive along the drive, 0 of those let go. energy: kinetic, strain, gravity, work, damped, lost (k,) [J], by
