@@ -146,13 +146,13 @@ class Simulation:
             loads={n: as_function_of_time(f, f"load '{n}'") for n, f in _named(self.loads, "loads")},
             speeds={n: _speeds(v, n) for n, v in _named(self.speeds, "speeds")},
         )
-        for function in self.functions().values():
-            function(0.5 * self.until)
-            function(self.until)
         if self.base is not None and not isinstance(self.base, Shake):
             raise SceneError(
                 f'simulate: base = {show(self.base)}: give ksd.Shake(along="y", acceleration=...)'
             )
+        for function in self.functions().values():
+            function(0.5 * self.until)
+            function(self.until)
         if isinstance(self.start, str) and self.start not in STARTS:
             raise SceneError(
                 f"simulate: start = {show(self.start)}: {' or '.join(map(repr, STARTS))}, or a pose that ksd.solve returned"

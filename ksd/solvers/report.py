@@ -25,6 +25,7 @@ _STOPS = {
     "singular": "singular stiffness",
     "diverged": "residual over eps_max",
     "not_finite": "numbers overflowed",
+    "moving": "in motion",
 }
 NEGLIGIBLE_CHANGE = 1e-3
 """Change [%] below which an effect counts as changing nothing."""
@@ -63,8 +64,9 @@ def _head(d: dict[str, Any]) -> Any:
     """Heading: the mechanism, whether it is solved and by which method, and its leaf model."""
     from rich.text import Text
 
-    done = "solved" if d["converged"] else "NOT SOLVED"
-    text = Text(f"{d['mechanism']}: {done} by {d['method']}", style="bold")
+    done = "solved by" if d["converged"] else "NOT SOLVED by"
+    done = "" if d["steps"][-1]["stop"] == "moving" else f"{done} "
+    text = Text(f"{d['mechanism']}: {done}{d['method']}", style="bold")
     return text.append(f", {d['leaf_model']}", style="not bold")
 
 

@@ -30,6 +30,7 @@ class Stop(IntEnum):
     SINGULAR = 3
     DIVERGED = 4
     NOT_FINITE = 5
+    MOVING = 6
 
     @property
     def sentence(self) -> str:
@@ -45,6 +46,7 @@ _SENTENCES = {
     Stop.SINGULAR: "the stiffness matrix is singular: something can move without resistance at this state",
     Stop.DIVERGED: "the residual exceeded eps_max, so the step was given up",
     Stop.NOT_FINITE: "a number overflowed: the last step left the region where the equations make sense",
+    Stop.MOVING: "this is an instant of a motion, and no equilibrium",
 }
 
 

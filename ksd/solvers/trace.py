@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.model.arrays import State
 from ksd.model.compile import Model
 
 Array = NDArray[np.float64]
@@ -44,3 +45,16 @@ class Trace:
     at_end: bool
     massless: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+
+    def state(self, x: Array) -> State:
+        """The state of a row of `x`, or of numbers between rows."""
+        rest, parts, at = self.model.rest, [], 0
+        for part in rest:
+            parts.append(x[at : at + part.size].reshape(part.shape).copy())
+            at += part.size
+        return State(*parts)
+
+
+def flat_state(state: State) -> Array:
+    """A state as one row of `Trace.x`."""
+    return np.concatenate([part.ravel() for part in state])
