@@ -20,8 +20,6 @@ axial vector of A - A^T, A = c0 R P R^^T, and tangent tr(A) I - (A + A^T)/2.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from ksd.elements.plate_energy import POINT_NUMBERS
@@ -76,18 +74,6 @@ def set_inertia_forces(number, is_planar, pose, state, store):
             )
 
 
-@kernel(inline="late")
-def _rotated(pose, block, at, width, B):
-    """Write B (3, 3) = Rp M Rp^T, M in `block` from `at`, with rows `width` apart."""
-    for i in range(3):
-        a, b, c = pose[3 * i], pose[3 * i + 1], pose[3 * i + 2]
-        m0 = a * block[at] + b * block[at + width] + c * block[at + 2 * width]
-        m1 = a * block[at + 1] + b * block[at + width + 1] + c * block[at + 2 * width + 1]
-        m2 = a * block[at + 2] + b * block[at + width + 2] + c * block[at + 2 * width + 2]
-        for j in range(3):
-            B[i, j] = m0 * pose[3 * j] + m1 * pose[3 * j + 1] + m2 * pose[3 * j + 2]
-
-
 @kernel
 def add_member_inertia(active, w, c0, value, number, is_planar, xa, pose, state, store, mass, T, force):
     """Add the inertia of a condensed leaf of `mass` [kg] to its tangent T (12, 12) and forces (12,) on both nodes.
@@ -95,147 +81,170 @@ def add_member_inertia(active, w, c0, value, number, is_planar, xa, pose, state,
     active (w,): the degrees of freedom of nodes that are unknown; xa (3,): place of node a. Returns (negative pivots of the
     force modes less their number, largest change of mass times f_k to come [N], largest mass times f_k [N], status).
     """
-    modes = number[5] + number[6]
-    D, dims = 3 * modes, w // 2 if w == 6 else w - 1
+    modes, dims = number[5] + number[6], 3
+    if w == 3:
+        dims -= 1
+    turns, D, size = w - dims, 3 * modes, dims * modes
     wrench, c_at = inertia_places(number, is_planar)
     f_at, known_at = wrench + 6, wrench + 6 + D
     block = store[len(store) - D * (10 + D) :]
-    solved = store[len(store) - D * (10 + D) - 13 * D :]
-    A, X, Y = np.empty((D, D)), np.empty((D, 12)), np.empty((D, 13))
-    B, n, m, O, P = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
-    status, size = 0, dims * modes
+    Y = store[len(store) - D * (10 + D) - 13 * D :][: 13 * size].reshape(size, 13)
+    # over the unknown motions of nodes a and b: X = V_f,xi, then the gradient; F: motions of f when node a turns
+    A, X, F = np.empty((size, size)), np.empty((size, 12)), np.zeros((size, 3))
+    m, lever, status = np.empty((6, 3)), np.empty((3, 3)), 0
+    for r in range(3):
+        lever[0, r], lever[1, r], lever[2, r] = pose[9 + r], pose[12 + r], pose[9 + r] - pose[15 + r]
     for k in range(modes):
-        _rotated(pose, block, 3 * D + 3 * k, D, n)
-        _rotated(pose, block, 6 * D + 3 * k, D, B)
-        for c in range(3):
-            i = 3 * k + c
-            for r in range(3):
-                m[r] = B[r, c]
-            for r in range(3):
-                j, l = (r + 1) % 3, (r + 2) % 3
-                X[i, r], X[i, 6 + r] = -n[r, c], n[r, c]
-                X[i, 3 + r] = n[j, c] * pose[9 + l] - n[l, c] * pose[9 + j] - m[r]
-                X[i, 9 + r] = n[l, c] * pose[12 + j] - n[j, c] * pose[12 + l] + m[r]
-            for col in range(12):
-                Y[i, col] = X[i, col]
-    for k in range(modes):
+        for d in range(dims):
+            g = 3 * active[d]
+            for half in range(2):
+                for r in range(3):
+                    m[3 + r, 0] = 0.0
+                    for e in range(dims):
+                        m[3 + r, 0] += block[3 * D + D * (3 * half + r) + 3 * k + e] * pose[g + e]
+                for r in range(3):
+                    m[half, r] = pose[3 * r] * m[3, 0] + pose[3 * r + 1] * m[4, 0] + pose[3 * r + 2] * m[5, 0]
+            u = dims * k + d
+            for e in range(dims):
+                X[u, e], X[u, w + e] = -m[0, active[e]], m[0, active[e]]
+            for e in range(turns):
+                r = active[dims + e] - 3
+                i, j = (r + 1) % 3, (r + 2) % 3
+                X[u, dims + e] = m[0, i] * lever[0, j] - m[0, j] * lever[0, i] - m[1, r]
+                X[u, w + dims + e] = m[0, j] * lever[1, i] - m[0, i] * lever[1, j] + m[1, r]
+                f = state[f_at + 3 * k : f_at + 3 * k + 3]
+                # f x e_r
+                if active[d] == i:
+                    F[u, e] = f[j]
+                elif active[d] == j:
+                    F[u, e] = -f[i]
+            for v in range(2 * w):
+                Y[u, v] = X[u, v]
         for l in range(k + 1):
-            _rotated(pose, block, 9 * D + 3 * D * k + 3 * l, D, B)
-            for i in range(3):
-                for j in range(3):
-                    A[3 * k + i, 3 * l + j] = B[i, j]
-                    A[3 * l + j, 3 * k + i] = B[i, j]
-    # turning node a turns all forces in frame p: Y = X + A [f]x
-    for i in range(D):
-        for k in range(modes):
-            a0, a1, a2 = A[i, 3 * k], A[i, 3 * k + 1], A[i, 3 * k + 2]
-            f0, f1, f2 = state[f_at + 3 * k], state[f_at + 3 * k + 1], state[f_at + 3 * k + 2]
-            Y[i, 3] += a1 * f2 - a2 * f1
-            Y[i, 4] += a2 * f0 - a0 * f2
-            Y[i, 5] += a0 * f1 - a1 * f0
-    largest = 0.0
+            for d in range(dims):
+                g = 3 * active[d]
+                for e in range(dims):
+                    t = 0.0
+                    for h in range(dims):
+                        t += pose[g + h] * block[9 * D + D * (3 * k + h) + 3 * l + e]
+                    m[d, e] = t
+            for d in range(dims):
+                for e in range(dims):
+                    g, t = 3 * active[e], 0.0
+                    for h in range(dims):
+                        t += m[d, h] * pose[g + h]
+                    A[dims * k + d, dims * l + e] = t
+                    A[dims * l + e, dims * k + d] = t
+    for u in range(size):
+        for e in range(turns):
+            t = 0.0
+            for v in range(size):
+                t += A[u, v] * F[v, e]
+            Y[u, dims + e] += t
+    for e in range(turns):
+        row = active[dims + e]
+        for v in range(2 * w):
+            col, s, t = active[v % w] + (6 if v >= w else 0), 0.0, 0.0
+            for u in range(size):
+                s += F[u, e] * Y[u, v]
+                t += F[u, e] * X[u, v]
+            T[row, col] += s
+            T[col, row] += t
+    largest, P, O = 0.0, m[0], m[1]
     for k in range(modes):
         c, N = value[c_at + k], value[c_at + modes + k]
-        f0, f1, f2 = state[f_at + 3 * k], state[f_at + 3 * k + 1], state[f_at + 3 * k + 2]
-        largest = max(largest, mass * math.sqrt(f0 * f0 + f1 * f1 + f2 * f2))
-        Of = 0.0
+        f = state[f_at + 3 * k : f_at + 3 * k + 3]
+        largest, Of = max(largest, abs(f[0]) + abs(f[1]) + abs(f[2])), 0.0
         for r in range(3):
-            lever = pose[9 + r] - pose[15 + r]
-            p, o = 0.0, 0.0
+            P[r], O[r] = c * lever[2, r], c * lever[2, r]
             for e in range(3):
-                p += pose[3 * r + e] * block[D + 3 * k + e]
-                o += pose[3 * r + e] * block[2 * D + 3 * k + e]
-            P[r], O[r] = c * lever + p, c * lever + o
-            Of += O[r] * state[f_at + 3 * k + r]
-            # the gradient by f_k
-            Y[3 * k + r, 12] = (
-                N * state[known_at + 3 * k + r] - c * xa[r] - P[r] - N * state[f_at + 3 * k + r] / c0
-            )
-            A[3 * k + r, 3 * k + r] -= N / c0
-        for col in range(12):
-            # columns of [f]x' Y, and rows of X' [f]x
-            y0, y1, y2 = Y[3 * k, col], Y[3 * k + 1, col], Y[3 * k + 2, col]
-            T[3, col] += y1 * f2 - y2 * f1
-            T[4, col] += y2 * f0 - y0 * f2
-            T[5, col] += y0 * f1 - y1 * f0
-            x0, x1, x2 = X[3 * k, col], X[3 * k + 1, col], X[3 * k + 2, col]
-            T[col, 3] += x1 * f2 - x2 * f1
-            T[col, 4] += x2 * f0 - x0 * f2
-            T[col, 5] += x0 * f1 - x1 * f0
+                P[r] += pose[3 * r + e] * block[D + 3 * k + e]
+                O[r] += pose[3 * r + e] * block[2 * D + 3 * k + e]
+            Of += O[r] * f[r]
         for r in range(3):
-            j, l = (r + 1) % 3, (r + 2) % 3
-            f, fj, fl = state[f_at + 3 * k + r], state[f_at + 3 * k + j], state[f_at + 3 * k + l]
-            force[r] -= c * f
-            force[3 + r] -= P[j] * fl - P[l] * fj
+            i, j = (r + 1) % 3, (r + 2) % 3
+            force[r] -= c * f[r]
+            force[3 + r] -= P[i] * f[j] - P[j] * f[i]
             T[3 + r, 3 + r] += Of
             for e in range(3):
-                T[3 + r, 3 + e] -= 0.5 * (O[r] * state[f_at + 3 * k + e] + f * O[e])
-            Y[3 * k + r, r] -= c
-            # + [O]x
-            Y[3 * k + r, 3 + j] -= O[l]
-            Y[3 * k + r, 3 + l] += O[j]
-    # elimination of f in the active directions
+                T[3 + r, 3 + e] -= 0.5 * (O[r] * f[e] + f[r] * O[e])
+        for d in range(dims):
+            g, u = active[d], dims * k + d
+            # the gradient by f_k
+            Y[u, 12] = N * state[known_at + 3 * k + g] - c * xa[g] - P[g] - N * f[g] / c0
+            A[u, u] -= N / c0
+            Y[u, d] -= c
+            for e in range(turns):
+                r = active[dims + e] - 3
+                i, j = (r + 1) % 3, (r + 2) % 3
+                # O x e_r
+                if g == i:
+                    Y[u, dims + e] += O[j]
+                elif g == j:
+                    Y[u, dims + e] -= O[i]
+    # elimination of f
     negatives = -size
     for u in range(size):
-        i = 3 * (u // dims) + active[u % dims]
-        pivot = A[i, i]
+        pivot = A[u, u]
         if pivot < 0.0:
             negatives += 1
         if not abs(pivot) > 0.0:
             status = 2
         for v in range(u + 1, size):
-            j = 3 * (v // dims) + active[v % dims]
-            l = A[i, j] / pivot
-            if l != 0.0:
-                for t in range(v, size):
-                    k = 3 * (t // dims) + active[t % dims]
-                    A[j, k] -= l * A[i, k]
-                for col in range(13):
-                    Y[j, col] -= l * Y[i, col]
-    for u in range(size):
-        i = 3 * (u // dims) + active[u % dims]
-        inverse = 1.0 / A[i, i]
-        for a in range(2 * w):
-            row = 6 * (a // w) + active[a % w]
-            y = inverse * Y[i, row]
-            force[row] -= y * Y[i, 12]
-            for b in range(2 * w):
-                col = 6 * (b // w) + active[b % w]
-                T[row, col] -= y * Y[i, col]
+            l = A[u, v] / pivot
+            for t in range(v, size):
+                A[v, t] -= l * A[u, t]
+            for t in range(2 * w):
+                Y[v, t] -= l * Y[u, t]
+            Y[v, 12] -= l * Y[u, 12]
+    for a in range(2 * w):
+        row = active[a % w] + (6 if a >= w else 0)
+        for u in range(size):
+            F[u, 0] = Y[u, a] / A[u, u]
+        s = 0.0
+        for u in range(size):
+            s += F[u, 0] * Y[u, 12]
+        force[row] -= s
+        for b in range(2 * w):
+            s = 0.0
+            for u in range(size):
+                s += F[u, 0] * Y[u, b]
+            T[row, active[b % w] + (6 if b >= w else 0)] -= s
     change = 0.0
     for u in range(size - 1, -1, -1):
-        i = 3 * (u // dims) + active[u % dims]
-        for col in range(13):
-            y = Y[i, col]
-            for v in range(u + 1, size):
-                j = 3 * (v // dims) + active[v % dims]
-                y -= A[i, j] * solved[13 * j + col]
-            solved[13 * i + col] = y / A[i, i]
-        change = max(change, mass * abs(solved[13 * i + 12]))
-    return negatives, change, largest, status
+        inverse = 1.0 / A[u, u]
+        for t in range(13):
+            if t < 2 * w or t == 12:
+                y = Y[u, t]
+                for v in range(u + 1, size):
+                    y -= A[u, v] * Y[v, t]
+                Y[u, t] = inverse * y
+        change = max(change, abs(Y[u, 12]))
+    return negatives, mass * change, mass * largest, status
 
 
 @kernel
 def move_inertia_forces(active, w, number, is_planar, pose, move, state, scale, store):
     """Add `scale` times the step of the force modes, when the nodes move by move (12,), and write the change of the forces in
     frame p into the gravity block, for `recover`."""
-    modes = number[5] + number[6]
-    D, dims = 3 * modes, w // 2 if w == 6 else w - 1
-    f, _ = inertia_places(number, is_planar)
-    f, o = f + 6, len(store) - D * (10 + D)
+    modes, dims = number[5] + number[6], 3
+    if w == 3:
+        dims -= 1
+    D = 3 * modes
+    f_at, _ = inertia_places(number, is_planar)
+    f_at, o = f_at + 6, len(store) - D * (10 + D)
     change, solved, d = o + 9 * D + D * D, o - 13 * D, np.empty(3)
     for k in range(modes):
         d[:] = 0.0
+        f = state[f_at + 3 * k : f_at + 3 * k + 3]
+        f0, f1, f2 = f[0], f[1], f[2]
         for u in range(dims):
-            i = 3 * k + active[u]
-            s = store[solved + 13 * i + 12]
-            for a in range(2 * w):
-                col = 6 * (a // w) + active[a % w]
-                s += store[solved + 13 * i + col] * move[col]
+            at = solved + 13 * (dims * k + u)
+            s = store[at + 12]
+            for a in range(w):
+                s += store[at + a] * move[active[a]] + store[at + w + a] * move[6 + active[a]]
             d[active[u]] = -s
-        f0, f1, f2 = state[f + 3 * k], state[f + 3 * k + 1], state[f + 3 * k + 2]
-        for r in range(3):
-            state[f + 3 * k + r] += scale * d[r]
+            f[active[u]] -= scale * s
         d[0] += f1 * move[5] - f2 * move[4]
         d[1] += f2 * move[3] - f0 * move[5]
         d[2] += f0 * move[4] - f1 * move[3]

@@ -367,6 +367,31 @@ def recover(value, number, inner, store, xi, scale):
     inner[wrench + 5] += scale * d2
 
 
+@kernel
+def strain_energy(value, number, inner, store):
+    """Strain energy [J] of a leaf at a state at which its gravity block was set, without plate stiffening."""
+    nz, points, first, wrench = number[0], number[1], number[2], number[3]
+    forces, modes, block_size = mode_counts(number, len(store) > 8 * nz + nz * nz + 9)
+    energy, block_at = 0.0, len(store) - block_size
+    masses = nz * nz + 2 * nz + points * (3 + nz) + number[4] * (POINT_NUMBERS + nz)
+    for i in range(nz):
+        for j in range(nz):
+            a, b = inner[first + i] - value[nz * nz + i], inner[first + j] - value[nz * nz + j]
+            energy += 0.5 * a * value[i * nz + j] * b
+    for p in range(points):
+        at, theta = nz * nz + nz + p * (3 + nz), 0.0
+        for i in range(nz):
+            theta += inner[first + i] * value[at + 3 + i]
+        fx, fy = inner[wrench], inner[wrench + 1]
+        for k in range(forces):
+            mass = value[masses + modes * p + k]
+            fx, fy = fx + mass * store[block_at + 3 * k], fy + mass * store[block_at + 3 * k + 1]
+        c, s = math.cos(theta), math.sin(theta)
+        N, V = c * fx + s * fy, c * fy - s * fx
+        energy += 0.5 * value[at] * (value[at + 1] * N * N + value[at + 2] * V * V)
+    return energy
+
+
 def store_size(nz: int, *, has_weight: bool = False, modes: int = 1) -> int:
     """Length of the `store` of a leaf with nz modes of weak bending; has_weight: with weight or inertia in `modes` modes."""
     return 8 * nz + nz * nz + 9 + has_weight * (4 * nz * modes + 3 * modes * (10 + 3 * modes))

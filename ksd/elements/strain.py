@@ -606,6 +606,30 @@ def strain_condense(value, number, inner, store, fields, d, Q, lam, K):
 
 
 @kernel
+def strain_energy(value, number, inner, store, fields):
+    """Strain energy [J] of a leaf at a state at which its gravity block was set, without plate stiffening."""
+    N = number[0] + number[1] + number[2]
+    amplitudes, weight, _, _, _ = constant_offsets(number)
+    _, _, block_size = mode_counts(number, len(store) > N * 8 + 42)
+    _orientations(value, number, inner, fields)
+    _slopes(value, number, inner, store[len(store) - block_size :], fields)
+    n, S = fields.n, fields.S
+    energy, first, at = 0.0, 0, 1
+    for axis in range(3):
+        for i in range(first, first + number[axis]):
+            for j in range(first, first + number[axis]):
+                a, b = inner[i] - value[amplitudes + i], inner[j] - value[amplitudes + j]
+                energy += 0.5 * a * value[at] * b
+                at += 1
+        first += number[axis]
+    for g in range(number[3]):
+        for r in range(3):
+            for c in range(3):
+                energy += 0.5 * value[0] * value[weight + g] * n[g, r] * S[g, r, c] * n[g, c]
+    return energy
+
+
+@kernel
 def strain_recover(value, number, inner, store, xi, scale, step):
     """Add dlam = K (xi + gap) and da = W^-1 (J^T dlam - g), times `scale`, to the inner state; m is rotated by half of
     c + xi.

@@ -63,7 +63,8 @@ class Terms(NamedTuple):
     A term has coefficient, kind, node (base, node), direction (3,) fixed in the base, and point (2, 3), offsets in the axes
     of base and node, or twice the axis of an alignment. start (c,): unknown of the multiplier, -1 for a row that is left
     out. block (t, 5): offsets of the blocks that couple the multiplier with base and node, and of the blocks base-base,
-    node-node and base-node; flip (t,): 1 where the last one is stored as (base, node).
+    node-node and base-node; flip (t,): 1 where the last one is stored as (base, node). damping (c,) [N s/m or Nm s/rad]: of
+    the dashpots, rows of one term that have no multiplier; 0 of all other rows.
     """
 
     first: Ints
@@ -75,6 +76,7 @@ class Terms(NamedTuple):
     point: Annotated[Floats, 2, 3]
     block: Annotated[Ints, 5]
     flip: Ints
+    damping: Floats
 
 
 class Loads(NamedTuple):
@@ -93,6 +95,18 @@ class Loads(NamedTuple):
     block: Ints
 
 
+class Bodies(NamedTuple):
+    """b rigid bodies with inertia, at most one per node, in a time step.
+
+    node (b,); inertia (b, 13): mass [kg], its centre [m] and tr(J)/2 I - J [kg m^2] in node axes; block (b,): offset of the
+    diagonal block of the node.
+    """
+
+    node: Ints
+    inertia: Annotated[Floats, 13]
+    block: Ints
+
+
 class Fields(NamedTuple):
     """The fields of `Arrays`.
 
@@ -101,7 +115,9 @@ class Fields(NamedTuple):
     (stiffness [N/m], free length [m]), TORSION (stiffness [Nm/rad], rest angle [rad]) about e3 of end p, LINEAR those of
     `ksd.elements.linear`. active_dofs (w,): which of x, y, z, rx, ry, rz of every node are unknown: all six, or three in a
     plane (`ksd.model.plane`). weight (m, 4): mass of every other member [kg], 0 without weight, and its gravity [m/s^2];
-    (0, 4) where no member has weight. carried (c, 2): nodes of long chains, each with the node that carries it.
+    (0, 4) where no member has weight. carried (c, 2): nodes of long chains, each with the node that carries it. In a time
+    step (`ksd.solvers.time_steps`) members with inertia have weight, bodies are there, known (k, 12) are the known place and
+    orientation of every node, and rates (2,) are c0 [1/s^2] and c1 [1/s], which else are zero.
     """
 
     size: Floats
@@ -113,6 +129,9 @@ class Fields(NamedTuple):
     weight: Annotated[Floats, 4]
     active_dofs: Ints
     carried: Annotated[Ints, 2]
+    bodies: Bodies
+    known: Annotated[Floats, 12]
+    rates: Floats
 
 
 def _fields() -> dict[str, tuple[Any, tuple[int, ...]]]:
@@ -129,8 +148,8 @@ def _fields() -> dict[str, tuple[Any, tuple[int, ...]]]:
 
 FIELDS = _fields()
 """Type and shape of a row of every field, by its name."""
-_COUNTED = "start", "members.kind", "terms.start", "loads.node", "active_dofs", "carried"
-NODES, MEMBER_COUNT, ROWS, LOADS, DOFS_PER_NODE, CARRIED_NODES, LEAF_COUNT = range(len(_COUNTED) + 1)
+_COUNTED = "start", "members.kind", "terms.start", "loads.node", "active_dofs", "carried", "bodies.node"
+NODES, MEMBER_COUNT, ROWS, LOADS, DOFS_PER_NODE, CARRIED_NODES, BODIES, LEAF_COUNT = range(len(_COUNTED) + 1)
 """Positions of the counts in `Arrays.ints`: lengths of the fields `_COUNTED`, and the number of members before the springs.
 The starts of all fields follow."""
 _STARTS: dict[str, Any] = {name: LEAF_COUNT + 1 + i for i, name in enumerate(FIELDS)}
@@ -141,11 +160,12 @@ def _positions(part: Any, name: str) -> Any:
 
 
 MEMBER, TERM, LOAD = _positions(Members, "members"), _positions(Terms, "terms"), _positions(Loads, "loads")
+BODY = _positions(Bodies, "bodies")
 AT = Fields(*(_STARTS.get(name, -1) for name in Fields._fields))
 """Positions in `Arrays.ints` of the starts of fields, by name: entry c of row i of a field with w columns of the members is
 ints[ints[MEMBER.node] + w i + c], or floats[ints[MEMBER.offset] + w i + c]. Kernels read them so, as access to arrays in
 named tuples counts their references."""
-LEAF_MEMBERS, BEAM_MEMBERS, ALL_MEMBERS = range(3)
+LEAF_MEMBERS, BEAM_MEMBERS, ALL_MEMBERS, MOVING_MEMBERS = range(4)
 
 
 class Arrays:
@@ -257,9 +277,12 @@ class Arrays:
     @cached_property
     def member_kinds(self) -> int:
         """LEAF_MEMBERS where all members are strain-mode leaves or linear bodies without weight, there are no springs, and
-        no load has a skew tangent; ALL_MEMBERS where one is a modal body or a solid; else BEAM_MEMBERS."""
+        no load has a skew tangent; ALL_MEMBERS where one is a modal body or a solid; MOVING_MEMBERS in a time step; else
+        BEAM_MEMBERS."""
         if self.topology is not self:
             return self.topology.member_kinds
+        if len(self.known):
+            return MOVING_MEMBERS
         kind = self.members.kind
         if np.isin(kind, (MODAL, SOLID)).any():
             return ALL_MEMBERS
@@ -286,7 +309,10 @@ class Arrays:
 
 LAST = LEAF_COUNT + 1 + len(FIELDS)
 """Position in `Arrays.ints` of the number of floats."""
-_PARTS: dict[str, Any] = {"members": Members, "springs": Members, "terms": Terms, "loads": Loads}
+_PARTS: dict[str, Any] = {
+    "members": Members, "springs": Members, "terms": Terms, "loads": Loads, "bodies": Bodies,
+}  # fmt: skip
+NO_BODIES = Bodies(np.zeros(0, np.int64), np.zeros((0, 13)), np.zeros(0, np.int64))
 
 
 def arrays_of(**fields: Any) -> Arrays:

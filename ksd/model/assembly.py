@@ -9,6 +9,7 @@ import numpy as np
 from ksd.elements import corotational, planar_leaf
 from ksd.elements.corotational_linearised import condense_linearised
 from ksd.elements.ends import member_norms, member_pose, member_tangent
+from ksd.elements.inertia import add_member_inertia, move_inertia_forces, set_inertia_forces
 from ksd.elements.linear import linear_condense
 from ksd.elements.modal import modal_condense, modal_recover
 from ksd.elements.polynomial_solid import polynomial_condense
@@ -19,6 +20,7 @@ from ksd.elements.strain import (
     strain_gravity_block,
     strain_recover,
 )
+from ksd.elements.weight_assembly import add_member_weight, rotate_member_gravity, set_member_gravity
 from ksd.model.arrays import (
     AT,
     COIL,
@@ -82,7 +84,7 @@ def condense_linear(kind, value, number, state, store, linearisation, counted, d
 
 @kernel(inline="always")
 def set_leaf_gravity(kind, value, number, state, store, leaf, lam, K):
-    """Set the gravity block of a strain-mode leaf, after it was condensed, in its store."""
+    """Set the gravity block of a strain-mode leaf with weight or inertia, after it was condensed, in its store."""
     if kind == STRAIN:
         strain_gravity_block(value, number, state, store, leaf, lam, K)
     elif kind == PLANAR:
@@ -122,13 +124,62 @@ def recover_any(kind, value, number, state, store, xi, scale, step):
 
 
 @kernel(inline="always")
-def skip_set_gravity(pose, weight, i, factor, store):
-    """`ksd.elements.weight_assembly.set_member_gravity` for mechanisms without weight of members."""
+def set_gravity(ints, kind, number, pose, weight, i, factor, state, store):
+    """Write gravity, in its frame p, into the gravity block of a member with weight."""
+    set_member_gravity(pose, weight, i, factor, store)
 
 
 @kernel(inline="always")
-def skip_add_weight(pose, store, mass, T, force):
-    """`ksd.elements.weight_assembly.add_member_weight` for mechanisms without weight of members."""
+def add_weight(ints, floats, kind, value, number, x, pose, state, store, mass, T, force):
+    """Add the weight of a condensed member to its tangent T (12, 12) and forces (12,) on both nodes, x (3,) the place of the
+    first. Returns as `ksd.elements.inertia.add_member_inertia`."""
+    add_member_weight(pose, store, mass, T, force)
+    return 0, 0.0, 0.0, 0
+
+
+@kernel(inline="always")
+def rotate_gravity(ints, kind, number, pose, move, state, scale, store):
+    """Write the change of gravity in frame p, when the nodes of a member move by move (12,), into its gravity block."""
+    rotate_member_gravity(pose, move, store)
+
+
+@kernel(inline="always")
+def skip_set_gravity(ints, kind, number, pose, weight, i, factor, state, store):
+    """`set_gravity` for mechanisms without weight of members."""
+
+
+@kernel(inline="always")
+def skip_add_weight(ints, floats, kind, value, number, x, pose, state, store, mass, T, force):
+    """`add_weight` for mechanisms without weight of members."""
+    return 0, 0.0, 0.0, 0
+
+
+@kernel(inline="always")
+def skip_rotate_gravity(ints, kind, number, pose, move, state, scale, store):
+    """`rotate_gravity` for mechanisms without weight of members."""
+
+
+@kernel(inline="always")
+def set_inertia(ints, kind, number, pose, weight, i, factor, state, store):
+    """`set_gravity` in a time step."""
+    set_inertia_forces(number, kind == PLANAR, pose, state, store)
+
+
+@kernel(inline="always")
+def add_inertia(ints, floats, kind, value, number, x, pose, state, store, mass, T, force):
+    """`add_weight` in a time step."""
+    return add_member_inertia(
+        ints[ints[AT.active_dofs] :], ints[DOFS_PER_NODE], floats[ints[AT.rates]], value, number, kind == PLANAR, x, pose,
+        state, store, mass, T, force,
+    )  # fmt: skip
+
+
+@kernel(inline="always")
+def move_inertia(ints, kind, number, pose, move, state, scale, store):
+    """`rotate_gravity` in a time step."""
+    move_inertia_forces(
+        ints[ints[AT.active_dofs] :], ints[DOFS_PER_NODE], number, kind == PLANAR, pose, move, state, scale, store
+    )
 
 
 @kernel(inline="late")
@@ -229,12 +280,14 @@ def allocate_leaf_scratch(ints):
     """`ksd.elements.strain.LeafFields` for the strain-mode leaves there are."""
     # no literals, for which numba would compile twice
     modes = points = ints[0] * 0
+    loads = points + 1
     for i in range(ints[MEMBER_COUNT]):
         if ints[ints[MEMBER.kind] + i] == STRAIN:
             number = ints[MEMBER.number] + SETTINGS * i
             modes = max(modes, ints[number] + ints[number + 1] + ints[number + 2])
             points = max(points, ints[number + 3])
-    return allocate_leaf_fields_compiled(modes, points)
+            loads = max(loads, ints[number + 5] + ints[number + 6])
+    return allocate_leaf_fields_compiled(modes, points, loads)
 
 
 @kernel(inline="always")
@@ -295,6 +348,8 @@ def add_members(
                 is_equal = is_equal and weight[i - 1, r] == weight[i, r]
             for r in range(9):
                 is_equal = is_equal and poses[i - 1, r] == pose[r]
+        state = inner[inner_start : inner_start + state_size]
+        number = ints[number_at + SETTINGS * i : number_at + SETTINGS * (i + 1)]
         if is_equal and kind != TORSION:
             _copy(store, store_previous, store_start, store_size)
             if linearised:
@@ -302,9 +357,7 @@ def add_members(
         else:
             member_store = store[store_start : store_start + store_size]
             if has_weight:
-                set_gravity(pose, weight, i, factor, member_store)
-            state = inner[inner_start : inner_start + state_size]
-            number = ints[number_at + SETTINGS * i : number_at + SETTINGS * (i + 1)]
+                set_gravity(ints, kind, number, pose, weight, i, factor, state, member_store)
             value = floats[ints[MEMBER.value] + ints[value_at + i] :]
             # leaf springs are not called by `condense`, as handing on their scratch counts references of two dozen arrays
             if kind == PLANAR:
@@ -326,13 +379,20 @@ def add_members(
         member_tangent(pose, lam, K, T, force, A, M)
         negatives += member_negatives
         status = max(status, member_status)
+        df, heavy, rounding = 0.0, 0.0, noise * floats[ints[MEMBER.stiffness_scale] + i]
         if has_weight:
-            add_weight(pose, store[store_start : store_start + store_size], weight[i, 0], T, force)
+            more_negatives, df, heavy, weight_status = add_weight(
+                ints, floats, kind, floats[ints[MEMBER.value] + ints[value_at + i] :], number, x[a], pose, state,
+                store[store_start : store_start + store_size], weight[i, 0], T, force,
+            )  # fmt: skip
+            negatives += more_negatives
+            status = max(status, weight_status)
+            rounding += noise * weight[i, 0] * floats[ints[AT.rates]]
         member_norms(lam, force, norms)
         n, m, L = norms[0], norms[1], floats[ints[MEMBER.length] + i]
-        rounding = noise * floats[ints[MEMBER.stiffness_scale] + i]
         worst = max(
             worst,
+            df / (rtol * (n + m / L + heavy) + rounding + 1e-300),
             dn / (rtol * (n + m / L) + rounding + 1e-300),
             dm / (rtol * (n * L + m) + rounding * L + 1e-300),
         )

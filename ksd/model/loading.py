@@ -7,7 +7,19 @@ import math
 import numpy as np
 
 from ksd.elements.ends import geometric_tangent
-from ksd.model.arrays import ALIGNMENT, AT, DOFS_PER_NODE, LOAD, LOADS, ROWS, TERM, TRANSLATION
+from ksd.elements.inertia import add_body
+from ksd.model.arrays import (
+    ALIGNMENT,
+    AT,
+    BODIES,
+    BODY,
+    DOFS_PER_NODE,
+    LOAD,
+    LOADS,
+    ROWS,
+    TERM,
+    TRANSLATION,
+)
 from ksd.model.assembly import couple
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import nearest_turn, rotation_log
@@ -193,19 +205,25 @@ def _alignment_curvature(d, m, weight, tangent):
 def add_terms(ints, floats, x, R, multiplier, angle, target, rtol, matrix, rhs, scale):
     """Add constraint rows: gap to the residual, gradient to the matrix, multiplier times second derivative to the tangent.
 
-    Returns the largest gap, in metres (rotations times the model's length scale).
+    A row without multiplier but with damping is a dashpot: a spring of stiffness damping c1 to its target. Returns the largest gap, in metres (rotations times the model's length scale).
     """
     slope, tangent = np.empty((8, 3)), np.empty((12, 12))
     largest, active, w, size = 0.0, ints[AT.active_dofs], ints[DOFS_PER_NODE], floats[0]
     for i in range(ints[ROWS]):
         row, mu = ints[ints[TERM.start] + i], multiplier[i]
-        if row < 0:
+        stiffness = floats[ints[AT.rates] + 1] * floats[ints[TERM.damping] + i] if row < 0 else 0.0
+        if row < 0 and stiffness == 0.0:
             continue
         gap, reach = -target[i], 1.0
         for t in range(ints[ints[TERM.first] + i], ints[ints[TERM.first] + i + 1]):
             c = floats[ints[TERM.coefficient] + t]
             gap += c * term_slope(ints, floats, x, R, angle, t, slope)
             tangent[:, :] = 0.0
+            if row < 0:
+                mu = stiffness * gap
+                for p in range(12):
+                    for k in range(12):
+                        tangent[p, k] = stiffness * c * c * slope[p // 3, p % 3] * slope[k // 3, k % 3]
             if ints[ints[TERM.kind] + t] == TRANSLATION:
                 # as for a member with the force mu c u
                 for r in range(3):
@@ -228,7 +246,8 @@ def add_terms(ints, floats, x, R, multiplier, angle, target, rtol, matrix, rhs, 
                     p = ints[active + r]
                     value = c * slope[2 * e + p // 3, p % 3]
                     # the row is stored (multiplier, node) or (node, multiplier): w numbers either way
-                    matrix[at + r] += value
+                    if row >= 0:
+                        matrix[at + r] += value
                     rhs[u + r] += mu * value
                     if p < 3:
                         f2 += value * value
@@ -239,6 +258,31 @@ def add_terms(ints, floats, x, R, multiplier, angle, target, rtol, matrix, rhs, 
                 scale[node, 0] += rtol * abs(mu) * math.sqrt(f2)
                 scale[node, 1] += rtol * abs(mu) * math.sqrt(m2)
             couple(ints, ints[block + 4], ints[ints[TERM.flip] + t], tangent, matrix)
-        rhs[row] += gap
-        largest = max(largest, abs(gap) * reach)
+        if row >= 0:
+            rhs[row] += gap
+            largest = max(largest, abs(gap) * reach)
     return largest
+
+
+@kernel
+def add_bodies(ints, floats, x, R, rtol, noise, matrix, rhs, scale):
+    """Add the inertia of the rigid bodies of a time step (`ksd.elements.inertia`); noise [m]: rounding of places."""
+    active, w, c0 = ints[AT.active_dofs], ints[DOFS_PER_NODE], floats[ints[AT.rates]]
+    force, tangent = np.empty(6), np.empty((6, 6))
+    for i in range(ints[BODIES]):
+        node = ints[ints[BODY.node] + i]
+        u, block, body = ints[ints[AT.start] + node], ints[ints[BODY.block] + i], ints[BODY.inertia] + 13 * i
+        add_body(floats[body : body + 13], floats[ints[AT.known] + 12 * node :], c0, x[node], R[node], force, tangent)
+        f2, m2, spread = 0.0, 0.0, 0.0
+        for r in range(3):
+            f2 += force[r] ** 2
+            m2 += force[3 + r] ** 2
+            spread += floats[body + 4 + 4 * r]
+        for r in range(w):
+            p = ints[active + r]
+            rhs[u + r] += force[p]
+            for c in range(w):
+                matrix[block + w * r + c] += tangent[p, ints[active + c]]
+        scale[node, 0] += rtol * math.sqrt(f2) + noise * c0 * floats[body]
+        # orientations are rounded as numbers of size 1
+        scale[node, 1] += rtol * math.sqrt(m2) + 2e-15 * c0 * spread + noise * c0 * floats[body] * floats[0]

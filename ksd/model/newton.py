@@ -19,7 +19,6 @@ import math
 
 import numpy as np
 
-from ksd.elements.weight_assembly import add_member_weight, rotate_member_gravity, set_member_gravity
 from ksd.model.arrays import (
     AT,
     CARRIED_NODES,
@@ -37,22 +36,29 @@ from ksd.model.arrays import (
     unflatten_workspace_kernel,
 )
 from ksd.model.assembly import (
+    add_inertia,
     add_members,
+    add_weight,
     allocate_leaf_scratch,
     allocate_member_scratch,
     condense_any,
     condense_beam,
     condense_linear,
+    move_inertia,
     recover_any,
     recover_beam,
     recover_leaf,
+    rotate_gravity,
+    set_gravity,
+    set_inertia,
     set_leaf_gravity,
     skip_add_weight,
     skip_leaf_gravity,
+    skip_rotate_gravity,
     skip_set_gravity,
 )
 from ksd.model.follower_correction import correct_newton_step
-from ksd.model.loading import add_loads, add_terms
+from ksd.model.loading import add_bodies, add_loads, add_terms
 from ksd.model.turns import add_rotations, anchor_rotations
 from ksd.numerics.blocks import BLOCKS, factor_blocks, solve_blocks
 from ksd.numerics.kernel import kernel
@@ -272,13 +278,11 @@ def _take_step(
         _relative_motion(ints, poses, i, step, move, xi)
         inner_at, store_at = ints[MEMBER.inner_at] + i, ints[MEMBER.store_at] + i
         value, number = ints[ints[MEMBER.value_at] + i], ints[MEMBER.number] + SETTINGS * i
-        member_store = store[ints[store_at] : ints[store_at + 1]]
+        member_store, state = store[ints[store_at] : ints[store_at + 1]], inner[ints[inner_at] : ints[inner_at + 1]]
+        kind, settings = ints[ints[MEMBER.kind] + i], ints[number : number + SETTINGS]
         if i < len(weight) and weight[i, 0] > 0.0:
-            rotate_gravity(poses[i], move, member_store)
-        recover(
-            ints[ints[MEMBER.kind] + i], floats[ints[MEMBER.value] + value :], ints[number : number + SETTINGS],
-            inner[ints[inner_at] : ints[inner_at + 1]], member_store, xi, scale, move,
-        )  # fmt: skip
+            rotate_gravity(ints, kind, settings, poses[i], move, state, scale, member_store)
+        recover(kind, floats[ints[MEMBER.value] + value :], settings, state, member_store, xi, scale, move)
     _move_nodes(ints, floats, x, R, multiplier, angle, step, scale)
     if ints[CARRIED_NODES] > 0:
         _carry_nodes(ints, x, R, step, scale, move)
@@ -286,11 +290,11 @@ def _take_step(
 
 @kernel(inline="always")
 def _newton(
-    members, condense, set_gravity, leaf_gravity, add_weight, recover, rotate_gravity, correct_step,
+    members, condense, set_gravity, leaf_gravity, add_weight, recover, rotate_gravity, bodies, correct_step,
     ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
     max_steps, factor, rtol, rounding, max_turn, divergence_limit,
 ):  # fmt: skip
-    """See `newton`; the first eight arguments are the kernels for the kinds of members and loads of the mechanism.
+    """See `newton`; the first nine arguments are the kernels for the kinds of members and loads of the mechanism.
 
     `members` is `add_members`, handed on because a call by its name would be inlined here once more in every variant.
     """
@@ -319,6 +323,7 @@ def _newton(
                 condense, set_gravity, leaf_gravity, add_weight, ints, floats, x, R, inner, angle, work, scratch, leaf,
                 factor, rtol, noise, linearise, ints[LEAF_COUNT] if task == ASSEMBLE_NODES else 0,
             )  # fmt: skip
+            bodies(ints, floats, x, R, rtol, noise, matrix, rhs, scales)
             if ints[LOADS] > 0:
                 add_loads(ints, floats, R, factor, rtol, matrix, rhs, scales)
             gap = add_terms(ints, floats, x, R, multiplier, angle, target, rtol, matrix, rhs, scales)
@@ -405,8 +410,8 @@ def _newton(
 
 
 @kernel(inline="always")
-def _skip_rotate_gravity(pose, move, store):
-    """`rotate_member_gravity` for mechanisms without weight of members."""
+def _skip_bodies(ints, floats, x, R, rtol, noise, matrix, rhs, scale):
+    """`add_bodies` in statics."""
 
 
 @kernel(inline="always")
@@ -429,7 +434,7 @@ def newton(
     """
     return _newton(
         add_members, condense_linear, skip_set_gravity, skip_leaf_gravity, skip_add_weight, recover_leaf,
-        _skip_rotate_gravity, _skip_step_correction,
+        skip_rotate_gravity, _skip_bodies, _skip_step_correction,
         ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
         max_steps, factor, rtol, rounding, max_turn, divergence_limit,
     )  # fmt: skip
@@ -442,8 +447,8 @@ def newton_beams(
 ):  # fmt: skip
     """`newton` also for chains, springs, weight of members, and loads that are not conservative."""
     return _newton(
-        add_members, condense_beam, set_member_gravity, set_leaf_gravity, add_member_weight, recover_beam,
-        rotate_member_gravity, correct_newton_step,
+        add_members, condense_beam, set_gravity, set_leaf_gravity, add_weight, recover_beam,
+        rotate_gravity, _skip_bodies, correct_newton_step,
         ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
         max_steps, factor, rtol, rounding, max_turn, divergence_limit,
     )  # fmt: skip
@@ -456,14 +461,28 @@ def newton_any(
 ):  # fmt: skip
     """`newton_beams` for members of every kind."""
     return _newton(
-        add_members, condense_any, set_member_gravity, set_leaf_gravity, add_member_weight, recover_any,
-        rotate_member_gravity, correct_newton_step,
+        add_members, condense_any, set_gravity, set_leaf_gravity, add_weight, recover_any,
+        rotate_gravity, _skip_bodies, correct_newton_step,
         ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
         max_steps, factor, rtol, rounding, max_turn, divergence_limit,
     )  # fmt: skip
 
 
-_ENTRIES = (newton, newton_beams, newton_any)
+@kernel
+def newton_motion(
+    ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
+    max_steps, factor, rtol, rounding, max_turn, divergence_limit
+):  # fmt: skip
+    """`newton` for a time step (`ksd.elements.inertia`) of strain-mode leaves, linear bodies and springs."""
+    return _newton(
+        add_members, condense_beam, set_inertia, set_leaf_gravity, add_inertia, recover_leaf,
+        move_inertia, add_bodies, correct_newton_step,
+        ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
+        max_steps, factor, rtol, rounding, max_turn, divergence_limit,
+    )  # fmt: skip
+
+
+_ENTRIES = (newton, newton_beams, newton_any, newton_motion)
 """The kernel for each value of `Arrays.member_kinds`."""
 
 NewtonResult = tuple[int, int, float, int, float]

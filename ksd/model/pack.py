@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ksd.model.arrays import (
     LINEAR,
     MEMBER,
+    NO_BODIES,
     SETTINGS,
     STRAIN,
     Arrays,
@@ -134,6 +135,45 @@ def number_unknowns(
     return plan, BlockOffsets(offsets, position), start, plan.start[position[nodes - 1 :]]
 
 
+def renumber(arrays: Arrays, active: np.ndarray, rows: Sequence[int], dashpots: Sequence[int] = ()) -> dict[str, Any]:
+    """The fields of `arrays` that follow from the degrees of freedom of nodes `active` (w,) and the constraint rows `rows`
+    that have multipliers; dashpots: rows that couple their nodes without one."""
+    terms, bodies, nodes = arrays.terms, arrays.bodies, len(arrays.start)
+    node, first = terms.node.tolist(), terms.first.tolist()
+    own = [[(0, a, b) for a, b in node[first[row] : first[row + 1]]] for row in rows]
+    ends = [m.node.tolist() for m in (arrays.members, arrays.springs)]
+    coupled = [*ends[0], *ends[1], *(node[first[row]] for row in dashpots)]
+    plan, places, start, start_of_rows = number_unknowns(
+        nodes, len(active), coupled_blocks(nodes, coupled, own), len(rows)
+    )
+    row_start = np.full(len(first) - 1, -1, np.int64)
+    row_start[list(rows)] = start_of_rows
+    block, flip = np.full((len(node), 5), -1, np.int64), np.zeros(len(node), np.int64)
+    for i, row in enumerate(rows):
+        for t in range(first[row], first[row + 1]):
+            block[t], flip[t] = places.term(nodes - 1 + i, *node[t])
+    for row in dashpots:
+        t = first[row]
+        block[t, 2:4] = [places.diagonal(n) for n in node[t]]
+        block[t, 4], flip[t] = places.coupling(*node[t])
+    member_block, spring_block = (
+        np.array([places.member(a, b) for a, b in pairs], np.int64).reshape(-1, 4) for pairs in ends
+    )
+    load_block, body_block = (
+        np.array([places.diagonal(n) for n in part.node.tolist()], np.int64) for part in (arrays.loads, bodies)
+    )
+    return {
+        "plan": plan,
+        "start": start,
+        "members": arrays.members._replace(block=member_block),
+        "terms": terms._replace(start=row_start, block=block, flip=flip),
+        "loads": arrays.loads._replace(block=load_block),
+        "springs": arrays.springs._replace(block=spring_block),
+        "bodies": bodies._replace(block=body_block),
+        "active_dofs": active,
+    }
+
+
 def _members(topologies: Sequence[MemberTopology], places: BlockOffsets) -> Members:
     """Members with their integers; the floats are zero."""
     first: dict[int, int] = {}
@@ -178,6 +218,7 @@ def _terms(
         point=np.zeros((len(flat), 2, 3)),
         block=np.array([block for block, _ in blocks], np.int64).reshape(-1, 5),
         flip=np.array([turned for _, turned in blocks], np.int64),
+        damping=np.zeros(len(rows)),
     )
 
 
@@ -214,7 +255,7 @@ def topology_arrays(
     return arrays_of(
         size=0.0, plan=plan, start=start, members=_members(members, places), terms=_terms(rows, places, nodes, row_start),
         loads=_loads(loads, places), springs=_members(springs, places), weight=np.zeros((0, 4)), active_dofs=np.arange(6),
-        carried=_carried_nodes(nodes, members, rows),
+        carried=_carried_nodes(nodes, members, rows), bodies=NO_BODIES, known=np.zeros((0, 12)), rates=np.zeros(2),
     )  # fmt: skip
 
 

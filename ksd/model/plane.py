@@ -37,7 +37,7 @@ from ksd.model.arrays import (
     State,
     Workspace,
 )
-from ksd.model.pack import coupled_blocks, number_unknowns, replace_constants
+from ksd.model.pack import renumber, replace_constants
 from ksd.scene.listing import vector_text
 
 if TYPE_CHECKING:
@@ -110,33 +110,15 @@ def _planar_topology(ints: bytes, axis: int, rows: tuple[int, ...], heavy: bytes
     flat = np.frombuffer(ints, np.int64)
     space = Arrays(flat, np.zeros(int(flat[LAST])))
     active = np.array([*(c for c in range(3) if c != axis), 3 + axis])
-    terms, loads, springs, nodes = space.terms, space.loads, space.springs, len(space.start)
-    node, first = terms.node.tolist(), terms.first.tolist()
-    own = [[(0, a, b) for a, b in node[first[row] : first[row + 1]]] for row in rows]
-    ends = [m.node.tolist() for m in (space.members, springs)]
-    plan, places, start, start_of_rows = number_unknowns(
-        nodes, len(active), coupled_blocks(nodes, [*ends[0], *ends[1]], own), len(rows)
-    )
-    row_start = np.full(len(first) - 1, -1, np.int64)
-    row_start[list(rows)] = start_of_rows
-    block, flip = np.full((len(node), 5), -1, np.int64), np.zeros(len(node), np.int64)
-    for i, row in enumerate(rows):
-        for t in range(first[row], first[row + 1]):
-            block[t], flip[t] = places.term(nodes - 1 + i, *node[t])
-    member_block, spring_block = (
-        np.array([places.member(a, b) for a, b in pairs], np.int64).reshape(-1, 4) for pairs in ends
-    )
-    load_block = np.array([places.diagonal(n) for n in loads.node.tolist()], np.int64)
     members, leaves = _planar_members(space.members, np.frombuffer(heavy, bool))
+    numbered = renumber(space, active, rows)
     topology = space.replace(
-        plan=plan,
-        start=start,
-        members=members._replace(block=member_block),
-        terms=terms._replace(start=row_start, block=block, flip=flip),
-        # a moment about the normal is conservative in the plane
-        loads=loads._replace(block=load_block, skew=loads.following.copy()),
-        springs=springs._replace(block=spring_block),
-        active_dofs=active,
+        **numbered
+        | {
+            "members": members._replace(block=numbered["members"].block),
+            # a moment about the normal is conservative in the plane
+            "loads": numbered["loads"]._replace(skew=space.loads.following.copy()),
+        }
     )
     return _PlanarTopology(topology, leaves)
 

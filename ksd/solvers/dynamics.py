@@ -1,0 +1,739 @@
+"""Motion in time: `simulate`, a run of time steps (`ksd.solvers.time_steps`) from a start, through known jumps, to its end."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from ksd.answers.forces import energy_of_one_spring
+from ksd.answers.frequencies import frequencies
+from ksd.answers.printing import progress_bar
+from ksd.errors import KinematicsError, SceneError
+from ksd.model.arrays import State, make_workspace
+from ksd.model.compile import Model, compile_scene
+from ksd.model.leaves import mass_density
+from ksd.model.mesh import DEFAULT_MESH, Mesh
+from ksd.model.newton import (
+    CONVERGED,
+    LOCAL_ANGLE_LIMIT,
+    NOT_FINITE,
+    RTOL,
+    SINGULAR,
+    STEP_LIMIT,
+    assemble,
+    take_step,
+)
+from ksd.scene.sensor import KINDS
+from ksd.scene.simulation import Simulation
+from ksd.solvers.configuration import Configuration
+from ksd.solvers.moving_model import HEAVY_LEAVES, MovingModel, moving_model
+from ksd.solvers.solver import solve
+from ksd.solvers.time_steps import (
+    SCALARS,
+    Step,
+    count_places,
+    first_acceleration,
+    generalised_alpha,
+    impulse,
+    march,
+    measure,
+    second_acceleration,
+    start_places,
+)
+from ksd.solvers.trace import Trace, flat_state
+
+Array = NDArray[np.float64]
+CHUNK = 64
+"""Most steps of one compiled call."""
+MAX_HALVINGS = 12
+"""How often a step is halved before the motion is stopped."""
+MAX_ITERATIONS = 12
+TINY, SMALL = 1.0 / 200.0, 1.0 / 20.0
+"""Parts of a step from which the accelerations after a jump, and their rates, are found."""
+STEPS_PER_RAMP, STEPS_PER_PERIOD = 20.0, 100.0
+"""Steps in the shortest part of a function of time, and in the longest period, of the first pair of runs."""
+MAX_PAIRS = 4
+"""How often the step is made smaller for the accuracy."""
+FINE_ORDERS = (5, 4, 8)
+"""Orders of leaf springs that carry little but themselves."""
+
+REASONS = {
+    STEP_LIMIT: f"{MAX_ITERATIONS} iterations did not suffice", LOCAL_ANGLE_LIMIT: "a leaf spring left its range",
+    SINGULAR: "the tangent is singular", NOT_FINITE: "numbers left their range",
+}  # fmt: skip
+"""Words for the reasons of a refused step (`ksd.model.newton`)."""
+
+
+class Motion:
+    """A model in motion: its state and history at `t`, and what drives, loads and base do.
+
+    Arrays of a step are allocated once.
+    """
+
+    def __init__(
+        self, moving: MovingModel, words: Simulation, state: State, values: Mapping[str, float]
+    ) -> None:
+        """values: of the drives that do not move."""
+        self.moving, self.words = moving, words
+        scene = moving.model.scene
+        self.drives = [words.drives.get(n, values[n]) for n in moving.model.drive_names]
+        moved = [load for load in scene.loads if load.link != scene.links[0]]
+        self.factors = [words.loads.get(load.name) for load in moved]
+        self.gravity = np.zeros(3) if scene.gravity is None else np.asarray(scene.gravity, float)
+        self.arrays = moving.arrays.copy()
+        self.loads = self.arrays.loads.force.copy(), self.arrays.loads.moment.copy()
+        self.state = moving.moving_state(state)
+        self.work = make_workspace(self.arrays)
+        self.t = 0.0
+        count = int(count_places(self.arrays.ints, moving.tau))
+        self.history, self.known, self.q = np.zeros((4, count)), np.zeros((2, count)), np.zeros(count)
+        s = self.state
+        self.past = np.zeros((2, *s.x.shape)), np.zeros((2, *s.R.shape)), np.zeros((2, len(s.inner)))
+        self.known_past = 0
+        self.multiplier = self.right_multiplier = s.multiplier.copy()
+        self._set_weight()
+        self._read_places(self.history[0])
+
+    def _read_places(self, q: Array) -> None:
+        """Write the places q (p,) of the present state."""
+        s = self.state
+        self._assemble()
+        start_places(
+            *self.arrays.flat, s.x, s.R, s.inner, s.angle, self.moving.tau, self.work.flat, self.work.at, q
+        )
+
+    def _assemble(self) -> None:
+        self.arrays.rates[:] = 1.0, 0.0
+        assemble(self.arrays, self.state, self.targets(np.zeros(1))[0], 1.0, self.work)
+
+    def _set_weight(self) -> None:
+        """Write the forces of gravity alone into the leaf springs."""
+        members, gravity = self.arrays.members, self.gravity
+        for i in np.flatnonzero(self.moving.modes[:, 1]).tolist():
+            at = members.inner_at[i] + self._amplitudes(i) + 6
+            self.state.inner[at : at + 3] = gravity
+
+    def _amplitudes(self, i: int) -> int:
+        number = self.arrays.members.number[i]
+        return int(number[3] if self.moving.plane is not None else number[:3].sum())
+
+    def targets(self, t: Array) -> Array:
+        """Right-hand sides (k, c) of all rows at instants; those of drives that are let go are zero."""
+        found = np.zeros((len(t), len(self.moving.rows)))
+        for i, f in enumerate(self.drives):
+            found[:, i] = 0.0 if f is None else f(t) if callable(f) else f
+        return found
+
+    def gravities(self, t: Array) -> Array:
+        """Gravity less the acceleration of the base (k, 3) [m/s^2] at instants."""
+        found, base = np.tile(self.gravity, (len(t), 1)), self.words.base
+        if base is not None:
+            found -= base.acceleration(t)[:, None] * np.asarray(base.along)
+        return found
+
+    def load_factors(self, t: Array, *, before: bool = False) -> Array:
+        """Factors (k, l) of all loads at instants; before: just before them."""
+        found = np.ones((len(t), len(self.loads[0])))
+        for i, f in enumerate(self.factors):
+            if f is not None:
+                found[:, i] = [f.before(one) for one in t] if before else f(t)
+        return found
+
+    def take(self, step: Step, count: int, *, keep: bool = True) -> tuple[_Taken, int]:
+        """Take steps, or try one and leave the state as it is. Returns what was kept, and the reason of the last step."""
+        s, moving = self.state, self.moving
+        t = self.t + step.dt * np.arange(1, count + 1)
+        nodes = 12 * len(s.x)
+        size = sum(field.size for field in s)
+        taken = _Taken(
+            t,
+            np.empty((count, size)),
+            *(np.empty((count, nodes)) for _ in range(2)),
+            np.empty((count, SCALARS)),
+        )
+        before = None if keep else s.copy()
+        done, reason = march(
+            *self.arrays.flat, *s, self.work.flat, self.work.at, self.history, self.known, self.q, moving.body,
+            moving.tau, step.flat, *self.past, self.known_past if keep else 0,
+            self.targets(t), self.load_factors(t), self.gravities(t), *self.loads, taken.states, taken.speeds, taken.accelerations, taken.scalars, int(keep),
+            MAX_ITERATIONS, RTOL,
+        )  # fmt: skip
+        if before is not None:
+            self.multiplier = s.multiplier.copy()
+            s.assign(before)
+        elif done:
+            self.t = float(t[done - 1])
+            self.known_past = min(self.known_past + done, 2)
+        return _Taken(*(part[:done] for part in taken.parts)), reason
+
+    def probe(self, step: Step) -> Array:
+        """q'' (p,) of one step that is not taken. Raises _Refused."""
+        _, reason = self.take(step, 1, keep=False)
+        if reason != CONVERGED:
+            raise _Refused
+        return np.asarray(step.c0 * (self.q - self.known[0]))
+
+    def restart(self, step: Step, *, is_pushed: bool) -> None:
+        """Set the history to accelerations that fit places, speeds and loads just after t, before steps `step`.
+
+        is_pushed: the speeds of drives jump, or speeds were given: first make speeds fit the constraints. Raises _Refused.
+        """
+        dt, history = step.dt, self.history
+        self.known_past = 0
+        if is_pushed:
+            push = impulse(1e-3 * dt)
+            self.probe(push)
+            history[1] = (self.q - history[0]) / push.dt
+        jerk = np.zeros_like(self.q)
+        for _ in range(2):
+            history[2] = jerk
+            tiny, small = first_acceleration(TINY * dt), second_acceleration(SMALL * dt)
+            history[3] = self.probe(tiny) - tiny.dt * jerk
+            self.right_multiplier = self.multiplier
+            jerk = (self.probe(small) - history[3]) / small.dt
+        lag = step.am - step.af
+        beta = 0.25 * (step.gamma + 0.5) ** 2
+        history[2] = history[3] + lag * dt * jerk
+        history[1] += (1.0 / 6.0 - beta - 0.5 * lag) * dt**2 * jerk
+
+    def row(self) -> _Taken:
+        """The present instant as a row of what was taken."""
+        s, nodes, scalars = self.state, 12 * len(self.state.x), np.zeros((1, SCALARS))
+        measure(
+            *self.arrays.flat,
+            s.x,
+            s.R,
+            s.inner,
+            self.moving.tau,
+            self.history,
+            self.work.flat,
+            self.work.at,
+            scalars[0],
+        )
+        return _Taken(
+            np.array([self.t]), flat_state(s)[None], self.history[1, None, :nodes].copy(),
+            self.history[3, None, :nodes].copy(), scalars,
+        )  # fmt: skip
+
+    def set_speeds(self, speeds: Mapping[str, tuple[float, ...]]) -> None:
+        """Give links speeds (6,); links that are not named and have mass stay at rest, all else follows as in statics."""
+        model, start = self.moving.model, self.arrays.start
+        w, active = len(self.arrays.active_dofs), self.arrays.active_dofs
+        held = [
+            *speeds,
+            *(m.link for m in model.scene.masses if m.link not in speeds and m.link != model.node_names[0]),
+        ]
+        velocity = np.zeros((len(start), 6))
+        for name, own in speeds.items():
+            velocity[model.node_names.index(name)] = own
+        self._assemble()
+        matrix = _dense(self.arrays.plan, self.work.matrix)
+        given = np.concatenate([start[model.node_names.index(n)] + np.arange(w) for n in dict.fromkeys(held)])
+        step = np.zeros(len(matrix))
+        for k in np.flatnonzero(start >= 0).tolist():
+            step[start[k] : start[k] + w] = velocity[k, active]
+        # constraint rows are left to the impulse
+        rest = np.setdiff1d(
+            np.concatenate([start[k] + np.arange(w) for k in range(len(start)) if start[k] >= 0]), given
+        )
+        if len(rest):
+            step[rest] = -np.linalg.solve(
+                matrix[np.ix_(rest, rest)], matrix[np.ix_(rest, given)] @ step[given]
+            )
+        fastest = float(np.abs(step).max(initial=0.0))
+        if fastest == 0.0:
+            return
+        h, before, q = 1e-6 * self.arrays.size / fastest, self.state.copy(), np.empty_like(self.q)
+        take_step(self.arrays, self.state, step, self.work, h)
+        self._read_places(q)
+        self.history[1] = (q - self.history[0]) / h
+        for k in np.flatnonzero(start >= 0).tolist():
+            v = np.zeros(6)
+            v[active] = step[start[k] : start[k] + w]
+            self.history[1, 12 * k : 12 * k + 3] = v[:3]
+            self.history[1, 12 * k + 3 : 12 * k + 12] = np.cross(v[3:], before.R[k].T).T.ravel()
+        self.state.assign(before)
+
+
+def _dense(plan: Any, values: Array) -> Array:
+    """The symmetric matrix (n, n) of a block plan."""
+    found = np.zeros((plan.unknowns, plan.unknowns))
+    for k in range(len(plan.size)):
+        places = [(k, plan.diagonal[k])]
+        places += [(plan.row[e], plan.place[e]) for e in range(plan.first[k], plan.first[k + 1])]
+        for i, at in places:
+            block = values[at : at + plan.size[i] * plan.size[k]].reshape(plan.size[i], plan.size[k])
+            rows, columns = (slice(plan.start[b], plan.start[b] + plan.size[b]) for b in (i, k))
+            found[rows, columns] = block
+            found[columns, rows] = block.T
+    return found
+
+
+class _Refused(Exception):
+    """A step without which the motion cannot go on found no solution."""
+
+
+@dataclass
+class _Taken:
+    """Rows of consecutive instants: t (k,), states (k, n), speeds and accelerations (k, 12 nodes), scalars (k, SCALARS)."""
+
+    t: Array
+    states: Array
+    speeds: Array
+    accelerations: Array
+    scalars: Array
+
+    @property
+    def parts(self) -> tuple[Array, ...]:
+        """All arrays."""
+        return self.t, self.states, self.speeds, self.accelerations, self.scalars
+
+
+@dataclass
+class _Run:
+    """A motion with steps of one size: rows of all instants, and by number of the instant the multipliers just after it where
+    they jump."""
+
+    parts: list[_Taken]
+    right: dict[int, Array]
+    steps: int = 0
+    halved: int = 0
+    stop: str | None = None
+    at_event: bool = False
+
+    @property
+    def all(self) -> _Taken:
+        """All rows."""
+        return _Taken(*(np.concatenate(field) for field in zip(*(p.parts for p in self.parts), strict=True)))
+
+    @property
+    def instants(self) -> int:
+        """Number of rows."""
+        return sum(len(p.t) for p in self.parts)
+
+
+def _kicks(words: Simulation, freed: Iterable[str]) -> dict[float, bool]:
+    """Instants at which accelerations or their rates jump, and whether speeds of drives do."""
+    found: dict[float, bool] = {}
+    for name, f in words.functions().items():
+        is_drive = name.startswith("drive")
+        jumps = [(t, order) for t, order in f.jumps if order <= (3 if is_drive else 1)]
+        if any(f.rates(0.0)):
+            jumps.append((0.0, 1 if f.rates(0.0)[0] else 2))
+        for t, order in jumps:
+            if 0.0 <= t < words.until:
+                found[t] = found.get(t, False) or (is_drive and order <= 1)
+    if words.speeds or freed or words.start != "equilibrium":
+        found[0.0] = found.get(0.0, False) or bool(words.speeds)
+    return found
+
+
+def _segments(words: Simulation, kicks: Iterable[float], dt: float) -> list[tuple[float, float, int]]:
+    """(start, end, number of steps) of the parts of a motion between jumps."""
+    near = 1e-9 * words.until
+    edges = [0.0]
+    for t in sorted({*kicks, words.until}):
+        if t - edges[-1] > near:
+            edges.append(t)
+    edges[-1] = words.until
+    return [(a, b, max(1, math.ceil((b - a) / dt - 1e-9))) for a, b in pairwise(edges)]
+
+
+class _Marcher:
+    """Runs of one motion with several steps; advance: called with the number of steps made."""
+
+    def __init__(
+        self,
+        moving: MovingModel,
+        words: Simulation,
+        start: State,
+        values: Mapping[str, float],
+        freed: Iterable[str],
+    ) -> None:
+        self.moving, self.words, self.start, self.values = moving, words, start, values
+        self.kicks = _kicks(words, freed)
+        self.readers = {event.of: self._reader(event.of) for event in words.stop}
+        self.notes: list[str] = []
+
+    def _reader(self, name: str) -> Any:
+        """The value of a drive or sensor, by the flat state and the instant."""
+        moving, scene = self.moving, self.moving.model.scene
+        model, nodes = moving.model, len(moving.rest.x)
+        drive = {d.name: d for d in scene.drives}.get(name)
+        f = self.words.drives.get(name, 0.0)
+        if drive is not None and f is not None:
+            return lambda row, t: float(f(t)) if callable(f) else self.values[name]
+        sensor = {s.name: s for s in scene.sensors}.get(name)
+        if drive is None and KINDS[sensor.kind]:
+            raise SceneError(
+                f"event of '{name}': an event is a place, not a {sensor.kind}; use a sensor of displacement or rotation"
+            )
+        terms = drive.terms if drive is not None else (sensor.term,)
+
+        def read(row: Array, t: float) -> float:
+            x, R = row[: 3 * nodes].reshape(-1, 3), row[3 * nodes : 12 * nodes].reshape(-1, 3, 3)
+            return sum(one.coefficient * _term_value(model, one, x, R) for one in terms)
+
+        return read
+
+    def run(self, dt: float, finer: int = 1, advance: Any = None) -> _Run:
+        """A run with the largest step of at most `dt`, `finer` times as many steps."""
+        motion = Motion(self.moving, self.words, self.start, self.values)
+        if self.words.speeds:
+            motion.set_speeds(self.words.speeds)
+        run = _Run([], {})
+        try:
+            for a, b, count in _segments(self.words, self.kicks, dt):
+                motion.t = a
+                step = generalised_alpha((b - a) / (finer * count), self.words.rho)
+                kick = min(self.kicks, key=lambda t: abs(t - a), default=math.inf)
+                motion.known_past = 0
+                if abs(kick - a) <= 1e-9 * self.words.until:
+                    self._restart(motion, step, run, self.kicks[kick])
+                if not run.parts:
+                    run.parts.append(motion.row())
+                self._march(motion, step, finer * count, run, advance)
+                if run.stop is not None:
+                    break
+        except KeyboardInterrupt:
+            run.stop = f"interrupted at t = {motion.t:.6g} s"
+        except _Refused:
+            run.stop = f"at t = {motion.t:.6g} s the accelerations after a jump were not found"
+        if not run.parts:
+            run.parts.append(motion.row())
+        self.motion = motion
+        return run
+
+    def _restart(self, motion: Motion, step: Step, run: _Run, is_pushed: bool) -> None:
+        before = motion.history[1].copy()
+        motion.restart(step, is_pushed=is_pushed)
+        run.right[max(run.instants - 1, 0)] = motion.right_multiplier.copy()
+        if motion.t == 0.0 and self.words.speeds and not self.notes:
+            self._say_speeds(before, motion)
+
+    def _say_speeds(self, before: Array, motion: Motion) -> None:
+        """Say by how much speeds that were given contradict the constraints."""
+        for name in self.words.speeds:
+            own = 12 * self.moving.model.node_names.index(name)
+            off = float(np.abs(motion.history[1, own : own + 3] - before[own : own + 3]).max())
+            if off > 1e-3 * float(np.abs(before[own : own + 3]).max(initial=1e-12)):
+                self.notes.append(
+                    f"speeds of '{name}' contradict what holds it: by {off:.3g} m/s; it starts with the nearest speeds that do not"
+                )
+
+    def _march(self, motion: Motion, step: Step, count: int, run: _Run, advance: Any) -> None:
+        """Take `count` steps; one that finds no solution is halved."""
+        whole = 1 << MAX_HALVINGS
+        left, size, begin = count * whole, whole, motion.t
+        end = begin + count * step.dt
+        while left > 0 and run.stop is None:
+            now = step if size == whole else generalised_alpha(step.dt * size / whole, self.words.rho)
+            chunk = min(left // size, CHUNK if size == whole else 2)
+            saved = _Saved(motion) if self.words.stop else None
+            taken, reason = motion.take(now, chunk)
+            done = len(taken.t)
+            left -= done * size
+            # instants without the rounding of many sums
+            taken.t[:] = end - step.dt / whole * (left + size * np.arange(done - 1, -1, -1))
+            motion.t = end - step.dt / whole * left
+            if saved is not None and done:
+                taken = self._until_event(motion, now, saved, taken, run)
+                done = len(taken.t)
+            run.parts.append(taken)
+            run.steps += done
+            if advance is not None:
+                advance(done * size / whole)
+            if not (np.isfinite(taken.states).all() and np.isfinite(taken.scalars).all()):
+                run.stop = f"numbers are no longer finite at t = {motion.t:.6g} s"
+                run.parts[-1] = _Taken(*(part[:0] for part in taken.parts))
+            elif run.stop is None and reason != CONVERGED:
+                run.halved += 1
+                size //= 2
+                motion.known_past = 0
+                if size == 0:
+                    run.stop = (
+                        f"at t = {motion.t:.6g} s no step was found, down to {step.dt / whole:.3g} s: "
+                        f"{REASONS.get(reason, 'it did not converge')}"
+                    )
+            elif size < whole and left % (2 * size) == 0:
+                size *= 2
+                motion.known_past = 0
+
+    def _until_event(self, motion: Motion, step: Step, saved: _Saved, taken: _Taken, run: _Run) -> _Taken:
+        """What was taken up to the first event, if there is one, with a last step that ends there."""
+        for event in self.words.stop:
+            reading = self.readers[event.of]
+            rows, t = np.vstack([flat_state(saved.state), taken.states]), np.concatenate([[saved.t], taken.t])
+            values = np.array([event.excess(reading(row, one)) for row, one in zip(rows, t, strict=True)])
+            crossed = np.flatnonzero((values[:-1] < 0.0) & (values[1:] >= 0.0))
+            if not len(crossed):
+                continue
+            k = int(crossed[0])
+            saved.restore(motion)
+            kept = motion.take(step, k)[0] if k else _Taken(*(part[:0] for part in taken.parts))
+            kept.t[:] = taken.t[:k]
+            share = float(values[k] / (values[k] - values[k + 1]))
+            motion.t, motion.known_past = float(t[k]), 0
+            mark = _Saved(motion)
+            last = taken
+            for _ in range(3):
+                mark.restore(motion)
+                last, reason = motion.take(generalised_alpha(max(share, 1e-3) * step.dt, self.words.rho), 1)
+                if reason != CONVERGED:
+                    break
+                off = event.excess(reading(last.states[0], float(last.t[0])))
+                share = min(max(share - off / (values[k + 1] - values[k]), 1e-3), 1.0)
+            run.stop = f"event: {event} at t = {motion.t:.6g} s"
+            run.at_event = True
+            return _Taken(*(np.concatenate(pair) for pair in zip(kept.parts, last.parts, strict=True)))
+        return taken
+
+
+class _Saved:
+    """A copy of a state of motion."""
+
+    def __init__(self, motion: Motion) -> None:
+        self.t, self.state, self.history = motion.t, motion.state.copy(), motion.history.copy()
+        self.past, self.known_past = tuple(part.copy() for part in motion.past), motion.known_past
+
+    def restore(self, motion: Motion) -> None:
+        """Set a motion to it."""
+        motion.t, motion.known_past = self.t, self.known_past
+        motion.state.assign(self.state)
+        motion.history[...] = self.history
+        for part, own in zip(motion.past, self.past, strict=True):
+            part[...] = own
+
+
+def _term_value(model: Model, term: Any, x: Array, R: Array) -> float:
+    """Displacement [m] or rotation [rad], up to whole turns, of a component of motion at positions and rotations of nodes."""
+    base, link = (model.node_names.index(n) for n in (term.base, term.link))
+    along, rest = np.asarray(term.direction), model.rest.x
+    if term.kind == "rotation":
+        return float(Rotation.from_matrix(R[base].T @ R[link]).as_rotvec() @ along)
+    a, b = (x[k] + R[k] @ (np.asarray(term.point) - rest[k]) for k in (base, link))
+    return float(along @ (R[base].T @ (b - a)))
+
+
+def _work(motion: Motion, run: _Run, rows: _Taken, x: Array, R: Array, values: Array, forces: Array) -> Array:
+    """Work (k,) [J] of loads, drives and a base from the first instant on, by the trapezoidal rule; values, forces (k, d)."""
+    done = np.zeros(len(rows.t))
+    if len(rows.t) < 2:
+        return done
+    right = forces.copy()
+    for i, multiplier in run.right.items():
+        right[i] = -multiplier[: forces.shape[1]]
+    done[1:] += (0.5 * (right[:-1] + forces[1:]) * np.diff(values, axis=0)).sum(axis=1)
+    arrays = motion.arrays
+    after, before = motion.load_factors(rows.t[:-1]), motion.load_factors(rows.t[1:], before=True)
+    for i, node in enumerate(arrays.loads.node.tolist()):
+        point = x[:, node] + R[:, node] @ arrays.loads.point[i]
+        turn = Rotation.from_matrix(R[1:, node] @ R[:-1, node].swapaxes(1, 2)).as_rotvec()
+        axes = R[:, node] if arrays.loads.following[i] else np.broadcast_to(np.eye(3), (len(x), 3, 3))
+        for vector, moved in zip(motion.loads, (np.diff(point, axis=0), turn), strict=True):
+            push = axes @ vector[i]
+            mean = 0.5 * (after[:, i, None] * push[:-1] + before[:, i, None] * push[1:])
+            done[1:] += (mean * moved).sum(axis=1)
+    if motion.words.base is not None:
+        moment, pull = rows.scalars[:, 4:7], motion.gravities(rows.t) - motion.gravity
+        done[1:] += (0.5 * (pull[:-1] + pull[1:]) * np.diff(moment, axis=0)).sum(axis=1)
+    return np.cumsum(done)
+
+
+def _energies(motion: Motion, run: _Run, rows: _Taken, states: Array, trace_of: Any) -> dict[str, Array]:
+    """Energies (k,) [J] of a motion by name."""
+    model, values, forces, x, R = trace_of
+    springs = np.zeros(len(rows.t))
+    if model.spring_names:
+        for k, row in enumerate(states):
+            state = _unflatten(row, model.rest)
+            springs[k] = sum(energy_of_one_spring(model, state, i) for i in range(len(model.spring_names)))
+    kinetic, strain = rows.scalars[:, 0], rows.scalars[:, 1] + springs
+    gravity = -(rows.scalars[:, 4:7] - rows.scalars[0, 4:7]) @ motion.gravity
+    power = rows.scalars[:, 2] + rows.scalars[:, 3]
+    damped = np.concatenate([[0.0], np.cumsum(0.5 * (power[:-1] + power[1:]) * np.diff(rows.t))])
+    work = _work(motion, run, rows, x, R, values, forces)
+    total = kinetic + strain + gravity
+    return {
+        "kinetic": kinetic, "strain": strain, "gravity": gravity, "work": work, "damped": damped,
+        "lost": work - damped - (total - total[0]),
+    }  # fmt: skip
+
+
+def _unflatten(row: Array, like: State) -> State:
+    """The state of a flat row."""
+    parts = np.split(row, np.cumsum([field.size for field in like])[:-1])
+    return State(*(part.reshape(field.shape) for part, field in zip(parts, like, strict=True)))
+
+
+def _spins(rates: Array, R: Array) -> Array:
+    """Skew parts (k, n, 3) of rates (k, n, 3, 3) of orientations: angular speeds, or angular accelerations."""
+    M = rates @ R.swapaxes(-1, -2)
+    return 0.5 * np.stack(
+        [M[..., 2, 1] - M[..., 1, 2], M[..., 0, 2] - M[..., 2, 0], M[..., 1, 0] - M[..., 0, 1]], axis=-1
+    )
+
+
+def _trace(marcher: _Marcher, run: _Run, error: float) -> Trace:
+    """The record of a run."""
+    moving, motion, rows = marcher.moving, marcher.motion, run.all
+    kept = np.arange(len(rows.t))[:: marcher.words.every]
+    if len(kept) and kept[-1] != len(rows.t) - 1:
+        kept = np.append(kept, len(rows.t) - 1)
+    model, nodes = moving.model, len(moving.rest.x)
+    states = rows.states[:, moving.static_parts()]
+    x, R = (
+        states[:, : 3 * nodes].reshape(-1, nodes, 3),
+        states[:, 3 * nodes : 12 * nodes].reshape(-1, nodes, 3, 3),
+    )
+    drives = len(model.drive_names)
+    values = motion.targets(rows.t)[:, :drives]
+    at = 12 * nodes + len(moving.rest.inner)
+    forces = -rows.states[:, at : at + drives]
+    for i, name in enumerate(model.drive_names):
+        if marcher.words.drives.get(name, 0.0) is None:
+            terms = model.scene.drives[i].terms
+            values[:, i] = [
+                sum(t.coefficient * _term_value(model, t, *pair) for t in terms)
+                for pair in zip(x, R, strict=True)
+            ]
+            forces[:, i] = 0.0
+    energy = _energies(motion, run, rows, states, (model, values, forces, x, R))
+    rates = np.gradient(values, rows.t, axis=0) if len(rows.t) > 1 else np.zeros_like(values)
+    for i, f in enumerate(motion.drives):
+        if callable(f):
+            rates[:, i] = [f.rates(t)[0] for t in rows.t]
+    speeds, accelerations = (
+        np.concatenate([part[..., :3], _spins(part[..., 3:].reshape(*part.shape[:2], 3, 3), R)], axis=-1)
+        for part in (p.reshape(len(rows.t), nodes, 12) for p in (rows.speeds, rows.accelerations))
+    )
+    massless = tuple(n for k, n in enumerate(model.scene.links) if k and k not in moving.arrays.bodies.node)
+    return Trace(
+        model, rows.t[kept], states[kept], x[kept], R[kept], speeds[kept], accelerations[kept], values[kept], rates[kept],
+        forces[kept], {n: e[kept] for n, e in energy.items()}, error, run.steps, run.halved, run.stop,
+        run.stop is None or run.at_event, massless, tuple(marcher.notes),
+    )  # fmt: skip
+
+
+def _difference(fine: _Run, coarse: _Run, order: float, links: NDArray[np.int64]) -> float:
+    """Estimated error of the places of `links` in the finer of two runs, relative to the largest stroke.
+
+    order: the ratio of the errors of both runs.
+    """
+    rows, others = fine.all, coarse.all
+    _, own, other = np.intersect1d(np.round(rows.t, 12), np.round(others.t, 12), return_indices=True)
+    places = [r.states[:, : 3 * (links[-1] + 1)].reshape(len(r.t), -1, 3)[:, links] for r in (rows, others)]
+    stroke = np.linalg.norm(places[0] - places[0][:1], axis=2).max(initial=0.0)
+    off = np.linalg.norm(places[0][own] - places[1][other], axis=2).max(initial=0.0)
+    return float(off / (order - 1.0) / stroke) if stroke > 0.0 else 0.0
+
+
+def _start(
+    scene: Any, words: Simulation, mesh: Mesh
+) -> tuple[Model, State, dict[str, float], tuple[str, ...]]:
+    """Model, state and drive values at the start of a motion, and notes."""
+    names = [d.name for d in scene.drives]
+    values = {n: 0.0 if words.drives.get(n) is None else float(words.drives[n](0.0)) for n in names}
+    if isinstance(words.start, Configuration):
+        pose = words.start
+        values |= {n: pose.targets[n] for n in names if words.drives.get(n) is None}
+        return pose.model, pose.motion, values, ()
+    model = compile_scene(scene, mesh=mesh)
+    if words.start == "undeformed":
+        return model, model.rest, values, ()
+    moved = []
+    for load in scene.loads:
+        factor = words.loads[load.name].before(0.0) if load.name in words.loads else 1.0
+        push = (tuple(factor * f for f in load.force), tuple(factor * f for f in load.moment))
+        if any(map(any, push)):
+            moved.append(replace(load, force=push[0], moment=push[1]))
+    still = replace(scene, loads=tuple(moved))
+    if not any(values.values()) and not moved and (scene.gravity is None or not any(scene.gravity)):
+        pose = None
+    else:
+        pose = solve(still, values, method="conventional", mesh=mesh, estimate=False, strict=False)
+    notes = () if pose is None or pose.stable else ("it starts from an equilibrium that is not stable",)
+    return model, model.rest if pose is None else pose.motion, values, notes
+
+
+def _first_step(moving: MovingModel, start: State, words: Simulation, freed: Iterable[str]) -> float:
+    """The step [s] of the finer of the first pair of runs."""
+    ramp = words.shortest / STEPS_PER_RAMP
+    try:
+        found = frequencies(moving.model, start, count=3, freed=tuple(freed)).frequency_Hz
+    except (SceneError, KinematicsError):
+        found = np.zeros(0)
+    lowest = float(found[found > 0.0].min(initial=math.inf))
+    return min(ramp, 1.0 / (lowest * STEPS_PER_PERIOD), words.until / STEPS_PER_PERIOD)
+
+
+def trace_motion(scene: Any, words: Simulation, *, mesh: Mesh | None = None, progress: bool = True) -> Trace:
+    """The motion of a frozen scene; words: checked; mesh: of the leaf springs, chosen when None.
+
+    Raises SceneError for what cannot move in time.
+    """
+    if words.method != "generalised_alpha":
+        raise SceneError(f"simulate: method '{words.method}' is not there yet; use 'generalised_alpha'")
+    freed = tuple(n for n, f in words.drives.items() if f is None)
+    grid = DEFAULT_MESH if mesh is None else mesh
+    if mesh is None and leaf_share(compile_scene(scene, mesh=grid)) > HEAVY_LEAVES:
+        grid = replace(grid, orders=FINE_ORDERS, points=FINE_ORDERS[2] + 1)
+    model, start, values, notes = _start(scene, words, grid)
+    moving = moving_model(model, freed, damping_at=words.damping_at)
+    marcher = _Marcher(moving, words, start, values, freed)
+    marcher.notes += notes
+    dt = words.dt or _first_step(moving, start, words, freed)
+    steps = sum(n for _, _, n in _segments(words, marcher.kicks, dt))
+    words.check_memory(steps, sum(f.size for f in moving.rest) + 24 * len(moving.rest.x) + SCALARS)
+    links = np.array([k for k in range(1, model.links)] or [0])
+    with progress_bar(progress) as bar:
+        task = bar.add_task("motion", total=steps if words.dt else 1.5 * steps)
+
+        def advance(done: float) -> None:
+            bar.advance(task, done)
+
+        if words.dt is not None:
+            return _trace(marcher, marcher.run(words.dt, 1, advance), math.nan)
+        # the step of the coarser run of a pair, divided by whole numbers, so that instants agree
+        whole, finer = 2.0 * dt, 1
+        run, error, made = marcher.run(whole, 1, advance), math.inf, 1
+        expected = 0.5 * steps
+        for _ in range(MAX_PAIRS):
+            if run.stop is not None and not run.at_event:
+                finer = 2 * made
+            elif made > 1 and error <= words.accuracy:
+                break
+            else:
+                wanted = 2 if made == 1 else math.ceil(math.sqrt(error / (0.8 * words.accuracy)))
+                finer = made * min(max(wanted, 2), 8)
+            expected += 0.5 * finer * steps
+            bar.update(task, total=expected)
+            other = marcher.run(whole, finer, advance)
+            if run.stop is not None and run.stop.startswith("interrupted"):
+                break
+            error = _difference(other, run, (finer / made) ** 2, links)
+            run, made = other, finer
+            if run.stop is not None and run.stop.startswith("interrupted"):
+                break
+        if error > words.accuracy:
+            marcher.notes.append(
+                f"the estimated error of {error:.2g} of the largest stroke is above the accuracy of {words.accuracy:g}; "
+                "motion that is chaotic is not followed for long with any step"
+            )
+        return _trace(marcher, run, error)
+
+
+def leaf_share(model: Model) -> float:
+    """Share of the leaf springs in the mass that moves."""
+    own = sum(
+        float(mass_density(leaf)) * leaf.section.A * leaf.length for leaf in model.scene.leaf_names().values()
+    )
+    rigid = sum(m.mass for m in model.scene.masses if m.link != model.scene.links[0])
+    return own / (own + rigid) if own > 0.0 else 0.0
