@@ -38,6 +38,7 @@ _HOMES = {
     "ksd.scene.effects": ("LinkMatrix",),
     "ksd.scene.link_matrix": ("link_matrix",),
     "ksd.scene.functions_of_time": ("Cycloid", "HalfSine", "Ramp", "Sine", "Step", "TimeTable", "Trapezoid"),
+    "ksd.scene.simulation": ("Event", "Shake", "Simulation"),
     "ksd.scene.toml_file": ("load_scene", "save_scene"),
     "ksd.model.mesh": ("Mesh",),
     "ksd.modal.choices": ("ModalBasis",),
@@ -50,6 +51,8 @@ _HOMES = {
     "ksd.interactive.live": ("live",),
     "ksd.training": ("train",),
     "ksd.training.designs": ("Design",),
+    "ksd.study.history": ("History",),
+    "ksd.study.simulate": ("simulate",),
     "ksd.study": ("Batch", "SweepInterrupted", "Table", "batch", "frequency_curve", "state_space", "sweep"),
     "ksd.bench.compare": ("compare",),
     "ksd.study.gradient": ("Gradient", "gradient"),
@@ -67,17 +70,17 @@ _HOME = {name: home for home, names in _HOMES.items() for name in names}
 __all__ = [
     "Arc", "ArcHinge", "BalancedCrossedPivot", "Batch", "Butterfly", "Cartwheel", "Choice", "CircularNotch",
     "CircularNotchHinge", "Configuration", "ConvergenceError", "CrossFlexure", "CrossedPivot", "Cycloid", "Design",
-    "DrawnJoint", "FilletedNotch", "FilletedNotchHinge", "FoldedLeaf", "FreeCurve", "Front", "Gradient", "HalfSine",
-    "InfinityHinge", "Job", "JobFile", "Joint", "KinematicsError", "KsdError", "Leaf", "LinkMatrix", "Material",
-    "Mechanism", "Mesh", "ModalBasis", "Model", "Motion", "Optimum", "ParallelGuide", "Parameter", "Path", "Ramp",
-    "RangeError", "Record", "RecordError", "RequiredLoads", "RestShape", "ResumeError", "Scene", "SceneError",
-    "SceneFileError", "SceneWarning", "Section", "Sine", "Solver", "Step", "StiffenedGuide", "StiffenedMiddle",
-    "SweepInterrupted", "Table", "Taper", "TimeTable", "Tolerance", "Trapezoid", "TripleInfinityHinge", "TrustError",
-    "UniversalJoint", "UnknownNameError", "UnknownWordError", "Varying", "WireFlexure", "batch", "choose", "circle",
-    "compare", "compile_scene", "doctor", "errors", "find_record", "follow", "frequency_curve", "gradient",
-    "joint_families", "link_matrix", "live", "load_job", "load_scene", "numbers", "optimise", "pareto", "polygon",
-    "prepare", "read_result", "rectangle", "required_loads", "rest_shape", "save_scene", "solve", "state_space", "sweep",
-    "tolerance", "train", "tube", "units", "wire",
+    "DrawnJoint", "Event", "FilletedNotch", "FilletedNotchHinge", "FoldedLeaf", "FreeCurve", "Front", "Gradient",
+    "HalfSine", "History", "InfinityHinge", "Job", "JobFile", "Joint", "KinematicsError", "KsdError", "Leaf",
+    "LinkMatrix", "Material", "Mechanism", "Mesh", "ModalBasis", "Model", "Motion", "Optimum", "ParallelGuide",
+    "Parameter", "Path", "Ramp", "RangeError", "Record", "RecordError", "RequiredLoads", "RestShape", "ResumeError",
+    "Scene", "SceneError", "SceneFileError", "SceneWarning", "Section", "Shake", "Simulation", "Sine", "Solver", "Step",
+    "StiffenedGuide", "StiffenedMiddle", "SweepInterrupted", "Table", "Taper", "TimeTable", "Tolerance", "Trapezoid",
+    "TripleInfinityHinge", "TrustError", "UniversalJoint", "UnknownNameError", "UnknownWordError", "Varying",
+    "WireFlexure", "batch", "choose", "circle", "compare", "compile_scene", "doctor", "errors", "find_record", "follow",
+    "frequency_curve", "gradient", "joint_families", "link_matrix", "live", "load_job", "load_scene", "numbers",
+    "optimise", "pareto", "polygon", "prepare", "read_result", "rectangle", "required_loads", "rest_shape", "save_scene",
+    "simulate", "solve", "state_space", "sweep", "tolerance", "train", "tube", "units", "wire",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
@@ -132,6 +135,7 @@ if TYPE_CHECKING:
     from ksd.scene.effects import LinkMatrix
     from ksd.scene.functions_of_time import Cycloid, HalfSine, Ramp, Sine, Step, TimeTable, Trapezoid
     from ksd.scene.link_matrix import link_matrix
+    from ksd.scene.simulation import Event, Shake, Simulation
     from ksd.scene.toml_file import load_scene, save_scene
     from ksd.section import Section, circle, numbers, polygon, rectangle, tube
     from ksd.solvers.configuration import Configuration
@@ -142,6 +146,8 @@ if TYPE_CHECKING:
     from ksd.study.batch import batch
     from ksd.study.frequency_curve import frequency_curve
     from ksd.study.gradient import Gradient, gradient
+    from ksd.study.history import History
+    from ksd.study.simulate import simulate
     from ksd.study.state_space import state_space
     from ksd.study.sweep import sweep
     from ksd.training import train

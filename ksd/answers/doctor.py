@@ -106,8 +106,8 @@ class Diagnosis(PrintableAnswer):
     constraints, independent: number of rows of joints, leaf springs and supports, and their rank; free: motions left with
     all drives held; redundant: redundant constraints, of the mechanism and then inside joints; singular_values: of all rows,
     descending; unusual: sentences about unusual sizes and materials (`ksd.scene.plausibility`); hint: set where links can
-    leave a plane that the scene does not name; observed: sentences about sensors and dampers, and which of them are about a
-    motion that joints, leaf springs and supports hold.
+    leave a plane that the scene does not name; observed: sentences about sensors and dampers, which of them are about a
+    motion that joints, leaf springs and supports hold, and about a motion in time.
     """
 
     mechanism: str
@@ -181,7 +181,7 @@ def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
 
     Raises SceneError for a mechanism without links or with unknown names.
     """
-    scene = with_middle_points(_scene_of(mechanism))
+    scene, simulated = with_middle_points(_scene_of(mechanism)), _simulated(mechanism)
     if scene.compliances:
         # elastic links count as rigid: the beams in them are no freedoms of the mechanism
         scene, mechanism = replace(scene, compliances=()), scene
@@ -211,7 +211,7 @@ def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
         singular_values=_singular_values(everything),
         unusual=plausibility_warnings(scene),
         hint=plane_hint(scene),
-        observed=tuple(_observed(scene, own, positions, size)),
+        observed=(*_observed(scene, own, positions, size), *simulated),
     )
 
 
@@ -249,6 +249,12 @@ SMALL_MOTION = 1e-3
 GAIN = 0.02
 """Independent part of a unit row per `SMALL_MOTION` above which the row holds what it did not; parts of second order are
 less than `SMALL_MOTION`."""
+
+
+def _simulated(mechanism: Any) -> tuple[str, ...]:
+    """Sentences about the words of [simulate] of a mechanism. Raises SceneError for wrong ones."""
+    words = mechanism.simulation if isinstance(mechanism, Mechanism) else None
+    return () if words is None else tuple(f"simulate: {said}" for said in words.check(mechanism.draft()))
 
 
 def _in_singular_position(

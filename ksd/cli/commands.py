@@ -323,6 +323,23 @@ def _add_respond(commands: Any) -> None:
     _add_shared(parser, "--plot", help="write a Bode plot (.png, .pdf, .svg)")
 
 
+def _add_simulate(commands: Any) -> None:
+    parser = commands.add_parser(
+        "simulate",
+        help="how a scene moves in time",
+        description="The motion that [simulate] of a scene says: places, forces, sensors and energies over time.",
+    )
+    _add_shared(parser, "scene")
+    _add_shared(
+        parser, "--set", help="a drive value, or a word of [simulate], such as until=2s; may be repeated"
+    )
+    parser.add_argument("--out", metavar="FILE", help="write all signals: .csv, .h5 or .mat")
+    parser.add_argument("--film", metavar="FILE", help="write the motion as an animation: .gif")
+    _add_shared(parser, "--json")
+    _add_shared(parser, "--plot", help="write a plot over time (.png, .pdf, .svg)")
+    _add_shared(parser, "--quiet")
+
+
 def _add_report(commands: Any) -> None:
     parser = commands.add_parser(
         "report",
@@ -389,8 +406,8 @@ def _add_bench(commands: Any) -> None:
 
 COMMANDS = {
     "demo": _add_demo, "new": _add_new, "solve": _add_solve, "compare": _add_compare, "effects": _add_effects,
-    "doctor": _add_doctor, "live": _add_live, "sweep": _add_sweep, "respond": _add_respond, "optimise": _add_optimise,
-    "report": _add_report, "export": _add_export, "confirm": _add_confirm, "train": _add_train,
+    "doctor": _add_doctor, "live": _add_live, "sweep": _add_sweep, "respond": _add_respond, "simulate": _add_simulate,
+    "optimise": _add_optimise, "report": _add_report, "export": _add_export, "confirm": _add_confirm, "train": _add_train,
     "info": _add_info, "bench": _add_bench, "schema": _add_schema,
 }  # fmt: skip
 """Function that adds the parser of each command, in the order of the help; the module `ksd.cli.<name>` runs it."""

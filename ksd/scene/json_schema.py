@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import Any
 
 from ksd import section
@@ -12,10 +13,12 @@ from ksd.checks import NUMBER_PATTERN
 from ksd.scene import toml_schema as schema
 from ksd.scene.effects import OPTIONAL_EFFECTS
 from ksd.scene.families import joint_families
+from ksd.scene.functions_of_time import KINDS as FUNCTION_KINDS
 from ksd.scene.hinges import PLANES
 from ksd.scene.joint import DrawnJoint
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
+from ksd.scene.simulation import Event, Shake, Simulation
 from ksd.scene.toml_schema import SHAPE_CLASSES
 from ksd.scene.toml_table import POWER_PATTERN, has_exact_prefix, unit_pattern
 from ksd.units import DIMENSIONS
@@ -48,6 +51,7 @@ def json_schema(
         ),
         joint=_tables_by_name(_joint_schema()),
         options=_options_schema(options),
+        simulate=_simulate_schema(),
         **statements,
     )
     scenes = {
@@ -217,6 +221,24 @@ def _joint_schema() -> Tree:
         motion={"type": "array", "items": {"oneOf": motions}}, **leaves,
     )  # fmt: skip
     return _one_of("family", families, drawn=drawn | {"required": ["family"]})
+
+
+def _simulate_schema() -> Tree:
+    """Schema of [simulate]."""
+    kinds = []
+    for kind, (made, parameter) in FUNCTION_KINDS.items():
+        keys = [kind, *(f.name for f in fields(made) if f.name != parameter)]  # type: ignore[arg-type]
+        kinds.append(_table_schema(dict.fromkeys(keys, "any"), about=made) | {"required": [kind]})
+    kinds += [_table_schema({"formula": "text!"}), _table_schema({"value": "any!"})]
+    one = {"anyOf": [{"oneOf": kinds}, {"type": "array", "items": {"oneOf": kinds}}]}
+    let_go = _table_schema({}, let_go={"const": True}) | {"required": ["let_go"]}
+    event = _table_schema({"of": "text!", "above": "any", "below": "any"}, about=Event)
+    return _table_schema(
+        schema.SIMULATE, about=Simulation, drives=_tables_by_name({"anyOf": [*one["anyOf"], let_go]}),
+        loads=_tables_by_name(one), base=_table_schema({"along": "direction!"}, acceleration=one, about=Shake),
+        speeds=_tables_by_name({"type": "array", "items": {"type": "number"}}),
+        stop={"anyOf": [event, {"type": "array", "items": event}]}, every={"type": "integer"},
+    )  # fmt: skip
 
 
 def _options_schema(types: Mapping[str, type] | None) -> Tree:

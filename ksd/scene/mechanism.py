@@ -61,9 +61,10 @@ from ksd.scene.scene import (
     joint_rotation,
 )
 from ksd.scene.sensor import Damper, Sensor
+from ksd.scene.simulation import Simulation
 from ksd.section import Section
 
-SETTABLE_ATTRIBUTES = ("name", "plane", "gravity")
+SETTABLE_ATTRIBUTES = ("name", "plane", "gravity", "simulation")
 """Attributes of a mechanism that can be assigned; everything else is described by its methods."""
 FUNCTIONS_OF_KSD = (
     "solve",
@@ -75,6 +76,7 @@ FUNCTIONS_OF_KSD = (
     "optimise",
     "follow",
     "gradient",
+    "simulate",
 )
 """Functions that take a mechanism, and are no methods of it."""
 SYNONYMS = {
@@ -93,12 +95,14 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
     All positions [m] and directions are global, in the undeformed configuration, where every link is at zero
     displacement and parallel to the global axes. Each method checks its arguments at once and raises SceneError;
     `validate` checks the whole mechanism and `scene` freezes it. Links are given as the objects made by `link`, or by name.
-    name: of the mechanism. plane: "xy", "xz" or "yz" for a planar mechanism: displacements normal to the plane and rotations
+    name: of the mechanism. simulation: words of `ksd.simulate` that it takes where they are not given, None or a
+    `ksd.Simulation`. plane: "xy", "xz" or "yz" for a planar mechanism: displacements normal to the plane and rotations
     out of it are fixed, pins turn about its normal, and leaf springs have their width along it.
     """
 
     name: str
     plane: str | None
+    simulation: Simulation | None
     ground: Link
     _links: dict[str, Link]
     _hinges: dict[str, tuple[Hinge, tuple[Drive, ...]]]
@@ -126,7 +130,7 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         self.__dict__.update(
             ground=ground, _links={GROUND: ground}, _hinges={}, _masses=[], _compliances={}, _gravity=None, _points=[],
             _joints=[], _leaves=[], _drives=[], _supports=[], _loads=[], _springs=[], _heats=[], _fits=[], _consider=(),
-            _distances=[], _sensors=[], _dampers=[], _last=None,
+            _distances=[], _sensors=[], _dampers=[], _last=None, simulation=None,
         )  # fmt: skip
         self.name, self.plane = name, plane
 
@@ -134,6 +138,10 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         # a misspelt attribute would be accepted, and the scene solved without it
         if not name.startswith("_") and name not in SETTABLE_ATTRIBUTES:
             raise SceneError(f"a mechanism has no '{name}' to be set{name_hint(name, SETTABLE_ATTRIBUTES)}")
+        if name == "simulation" and not isinstance(value, Simulation | None):
+            raise SceneError(
+                f"simulation = {show(value)}: give ksd.Simulation(until=...), or the words to ksd.simulate"
+            )
         if name == "plane":
             value = check_plane(value)
             for kind, drives in (("drive", self._drives), ("support", self._supports)):

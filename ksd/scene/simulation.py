@@ -339,14 +339,6 @@ def _check_plane(along: Vector, plane: str | None) -> None:
         )
 
 
-_FILE_KEYS = {
-    "until": "time!", "dt": "time", "accuracy": "number", "method": "text", "rho": "number", "damping_at": "frequency",
-    "every": "any", "start": "text", "drives": "any", "loads": "any", "base": "any", "speeds": "any", "stop": "any",
-}  # fmt: skip
-SIMULATE = _FILE_KEYS
-"""Keys of the table [simulate] of a scene file, with their kinds (`ksd.scene.toml_schema`)."""
-
-
 def simulation_of_table(words: Mapping[str, Any]) -> Simulation:
     """A motion from the keys of [simulate]. Raises SceneError."""
     words = dict(words)

@@ -16,6 +16,7 @@
     [[actuate]]        link, about = "z", value = "30 deg"; or along and at; or joint; or terms = [{...}, ...]
     [[distance]]       a, b, start, end, name (and along, turns_with): to be reported, such as the opening of a jaw
     [[compliance]]     link, section and material (hub, width_axis); or matrix = "file.npz" or "file.h5"
+    [simulate]         words of `ksd.simulate`: until = "1 s", accuracy;  [simulate.drives.push]  cycloid = "5 mm", duration
     [options]          options of the solver, e.g. method = "reduced"
 
 Numbers are SI, or text with a unit ("100 mm", "45 deg", "3 N mm", "9.81 m/s^2"); files are read as UTF-8. All mistakes of a
@@ -50,6 +51,7 @@ from ksd.scene.mechanism import Mechanism
 from ksd.scene.other_files import HEAD_BYTES, other_format
 from ksd.scene.rules import broken_rules
 from ksd.scene.scene import joint_rotation
+from ksd.scene.simulation import simulation_of_table
 from ksd.scene.toml_lines import LineNumbers
 from ksd.scene.toml_schema import SHAPE_CLASSES
 from ksd.scene.toml_table import ANY_NAME, FileMistakes, InvalidTable, Table, make_each
@@ -94,12 +96,17 @@ def scene_from_tables(
     file_mistakes = FileMistakes()
     top = Table(tables, file.name, file_mistakes=file_mistakes)
     options = _read_options(top, option_names)
+    simulate = top.table("simulate")
     reader = _SceneReader(top, file)
     reader.state_all()
+    if simulate.values or not simulate.is_valid:
+        _state_simulation(reader.mechanism, simulate)
     if whole and not file_mistakes.mistakes:
-        file_mistakes.mistakes += [
-            f"{reader.location_of(rule)}: {rule}" for rule in broken_rules(reader.mechanism.draft())
-        ]
+        draft = reader.mechanism.draft()
+        file_mistakes.mistakes += [f"{reader.location_of(rule)}: {rule}" for rule in broken_rules(draft)]
+        if reader.mechanism.simulation is not None:
+            with simulate.collect_errors():
+                reader.mechanism.simulation.check(draft)
     line_numbers = LineNumbers(file.name, text)
     mistakes = [line_numbers.add_to(message) for message in file_mistakes.mistakes]
     # messages of mistakes contain the doubts about their own numbers
@@ -433,6 +440,15 @@ def _make_motion(table: Table) -> Motion:
     """An intended motion of a drawn joint. Raises InvalidTable."""
     kind = table.read({"kind": "text!"}).get("kind")
     return table.call(Motion, table.read(schema.MOTIONS.get(str(kind), schema.MOTIONS["rotation"])))
+
+
+def _state_simulation(mechanism: Mechanism, table: Table) -> None:
+    """The words of the table [simulate] as those of a mechanism."""
+    words = table.read(schema.SIMULATE)
+    table.note_unknown_keys()
+    if table.is_valid:
+        with table.collect_errors():
+            mechanism.simulation = simulation_of_table(words)
 
 
 def _read_options(top: Table, names: Collection[str] | None) -> dict[str, Any]:

@@ -165,6 +165,12 @@ STATEMENTS: dict[str, Schema] = {
 }  # fmt: skip
 """Keys of the arrays [[NAME]], each for the method of `Mechanism` of that name, in the order in which they are applied."""
 
+SIMULATE: Schema = {
+    "until": "time!", "dt": "time", "accuracy": "number", "method": "text", "rho": "number", "damping_at": "frequency",
+    "every": "any", "start": "text", "drives": "any", "loads": "any", "base": "any", "speeds": "any", "stop": "any",
+}  # fmt: skip
+"""Keys of the table [simulate], the words of `ksd.Simulation`."""
+
 LINK_KEYS = ("a", "b", "link", "relative_to", "turns_with")
 """Keys whose value is the name of a link."""
 

@@ -24,6 +24,7 @@ from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.scene import PlacedJoint, PlacedLeaf, Scene
 from ksd.scene.sensor import Damper, Sensor
+from ksd.scene.simulation import table_of_simulation
 from ksd.scene.toml_schema import (
     BLOCKS,
     DRAWN,
@@ -54,8 +55,8 @@ def save_scene(
     """Write the scene file `path` (UTF-8), from which `load_scene` reads an equal scene with equal fingerprint.
 
     mechanism: a mechanism or its scene; targets: {drive: value in SI}; options: contents of [options]. Raises SceneError for
-    an incomplete scene, a leaf whose profile or curve is a function, a joint of an unknown family, and a target without
-    drive.
+    an incomplete scene, a leaf whose profile or curve, or a motion in time, is a function of Python, a joint of an unknown
+    family, and a target without drive.
     """
     scene = mechanism.scene() if isinstance(mechanism, Mechanism) else mechanism
     if not isinstance(scene, Scene):
@@ -63,6 +64,8 @@ def save_scene(
             f"save_scene: {show(mechanism)} is not a mechanism; give the mechanism, then the file."
         )
     tree = _scene_tree(scene, dict(targets or {}))
+    if isinstance(mechanism, Mechanism) and mechanism.simulation is not None:
+        tree["simulate"] = table_of_simulation(mechanism.simulation)
     if options:
         tree["options"] = dict(options)
     text = "\n".join(toml_tree_lines(tree, ""))

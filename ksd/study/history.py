@@ -44,7 +44,7 @@ UNITS = RMS_UNITS | {"m": ("mm", 1e3)}
 ENERGIES = ("kinetic", "strain", "gravity", "work", "damped", "lost")
 SPECTRUM_POINTS = 1 << 20
 """Largest number of even instants of a spectrum."""
-FRAMES_PER_SECOND, LEAST_FRAMES, MOST_FRAMES = 25, 50, 150
+FRAMES_PER_SECOND, LEAST_FRAMES, MOST_FRAMES = 25, 40, 120
 """Of an animation; motions that are shorter or longer are shown slower or faster."""
 
 
@@ -380,7 +380,7 @@ class History(PrintableAnswer):
     ) -> Path:
         """Write the motion as an animated GIF. Returns the path.
 
-        slower: factor on the duration; such that the film has 50 to 150 frames when None. view, dpi: as in
+        slower: factor on the duration; such that the film has 40 to 120 frames when None. view, dpi: as in
         `ksd.view.animate_stroke`. Raises SceneError for another file type.
         """
         length = float(self.t[-1] - self.t[0])
