@@ -30,6 +30,7 @@ from ksd.model.newton import (
     assemble,
     take_step,
 )
+from ksd.model.plane import Plane
 from ksd.scene.sensor import KINDS
 from ksd.scene.simulation import Simulation
 from ksd.solvers.configuration import Configuration
@@ -55,8 +56,10 @@ CHUNK = 64
 MAX_HALVINGS = 12
 """How often a step is halved before the motion is stopped."""
 MAX_ITERATIONS = 12
-TINY, SMALL = 1.0 / 200.0, 1.0 / 20.0
-"""Parts of a step from which the accelerations after a jump, and their rates, are found."""
+RATE_PART, FIRST_PART, PUSH_PART = 0.25, 0.025, 1e-3
+"""Parts of a step from which the rates of accelerations after a jump, these, and speeds are found."""
+PASSES = 3
+"""How often each is found from the other; an error falls by FIRST_PART / RATE_PART."""
 STEPS_PER_RAMP, STEPS_PER_PERIOD = 20.0, 100.0
 """Steps in the shortest part of a function of time, and in the longest period, of the first pair of runs."""
 MAX_PAIRS = 4
@@ -188,16 +191,19 @@ class Motion:
         dt, history = step.dt, self.history
         self.known_past = 0
         if is_pushed:
-            push = impulse(1e-3 * dt)
-            self.probe(push)
-            history[1] = (self.q - history[0]) / push.dt
+            # linear in the length of the push, so two of them tell the speeds after none
+            once, twice = impulse(PUSH_PART * dt), impulse(2.0 * PUSH_PART * dt)
+            self.probe(once)
+            speed = 2.0 * (self.q - history[0]) / once.dt
+            self.probe(twice)
+            history[1] = speed - (self.q - history[0]) / twice.dt
         jerk = np.zeros_like(self.q)
-        for _ in range(2):
+        for _ in range(PASSES):
             history[2] = jerk
-            tiny, small = first_acceleration(TINY * dt), second_acceleration(SMALL * dt)
-            history[3] = self.probe(tiny) - tiny.dt * jerk
+            first, second = first_acceleration(FIRST_PART * dt), second_acceleration(RATE_PART * dt)
+            history[3] = self.probe(first) - first.dt * jerk
             self.right_multiplier = self.multiplier
-            jerk = (self.probe(small) - history[3]) / small.dt
+            jerk = (self.probe(second) - history[3]) / second.dt
         lag = step.am - step.af
         beta = 0.25 * (step.gamma + 0.5) ** 2
         history[2] = history[3] + lag * dt * jerk
@@ -329,7 +335,7 @@ def _kicks(words: Simulation, freed: Iterable[str]) -> dict[float, bool]:
             jumps.append((0.0, 1 if f.rates(0.0)[0] else 2))
         for t, order in jumps:
             if 0.0 <= t < words.until:
-                found[t] = found.get(t, False) or (is_drive and order <= 1)
+                found[t] = found.get(t, False) or is_drive
     if words.speeds or freed or words.start != "equilibrium":
         found[0.0] = found.get(0.0, False) or bool(words.speeds)
     return found
@@ -687,12 +693,23 @@ def trace_motion(scene: Any, words: Simulation, *, mesh: Mesh | None = None, pro
         grid = replace(grid, orders=FINE_ORDERS, points=FINE_ORDERS[2] + 1)
     model, start, values, notes = _start(scene, words, grid)
     moving = moving_model(model, freed, damping_at=words.damping_at)
-    marcher = _Marcher(moving, words, start, values, freed)
-    marcher.notes += notes
     dt = words.dt or _first_step(moving, start, words, freed)
+    marcher = _Marcher(moving, words, start, values, freed)
+    run, error = _runs(marcher, dt, progress)
+    if _leaves_plane(marcher, run, freed):
+        moving = moving_model(model, freed, damping_at=words.damping_at, spatial=True)
+        marcher = _Marcher(moving, words, start, values, freed)
+        run, error = _runs(marcher, dt, progress)
+    marcher.notes += notes
+    return _trace(marcher, run, error)
+
+
+def _runs(marcher: _Marcher, dt: float, progress: bool) -> tuple[_Run, float]:
+    """The run of the step that was given, or of one small enough for the accuracy, and its estimated error."""
+    moving, words = marcher.moving, marcher.words
     steps = sum(n for _, _, n in _segments(words, marcher.kicks, dt))
     words.check_memory(steps, sum(f.size for f in moving.rest) + 24 * len(moving.rest.x) + SCALARS)
-    links = np.array([k for k in range(1, model.links)] or [0])
+    links = np.array(list(range(1, moving.model.links)) or [0])
     with progress_bar(progress) as bar:
         task = bar.add_task("motion", total=steps if words.dt else 1.5 * steps)
 
@@ -700,7 +717,7 @@ def trace_motion(scene: Any, words: Simulation, *, mesh: Mesh | None = None, pro
             bar.advance(task, done)
 
         if words.dt is not None:
-            return _trace(marcher, marcher.run(words.dt, 1, advance), math.nan)
+            return marcher.run(words.dt, 1, advance), math.nan
         # the step of the coarser run of a pair, divided by whole numbers, so that instants agree
         whole, finer = 2.0 * dt, 1
         run, error, made = marcher.run(whole, 1, advance), math.inf, 1
@@ -727,7 +744,46 @@ def trace_motion(scene: Any, words: Simulation, *, mesh: Mesh | None = None, pro
                 f"the estimated error of {error:.2g} of the largest stroke is above the accuracy of {words.accuracy:g}; "
                 "motion that is chaotic is not followed for long with any step"
             )
-        return _trace(marcher, run, error)
+        return run, error
+
+
+def _leaves_plane(marcher: _Marcher, run: _Run, freed: tuple[str, ...]) -> bool:
+    """Whether forces out of the plane do not balance at some instants of a planar motion, found by the residual in space."""
+    flat, rows = marcher.moving, run.all
+    plane = flat.plane
+    if plane is None or len(rows.t) < 2:
+        return False
+    moving = moving_model(flat.model, freed, damping_at=marcher.words.damping_at, spatial=True)
+    space = Plane(moving.arrays, moving.rest, plane.axis, plane.rows)
+    nodes = len(moving.rest.x)
+    strongest = int(np.argmax(np.abs(rows.accelerations[1:, :]).max(axis=1))) + 1
+    for i in sorted({1, strongest, len(rows.t) - 1}):
+        other = Motion(moving, marcher.words, flat.model.rest, marcher.values)
+        state = _unflatten(rows.states[i], flat.rest)
+        static = State(state.x, state.R, state.inner[flat.inner], state.multiplier[: len(flat.model.arrays.terms.start)],
+                       flat.model.rest.angle)  # fmt: skip
+        other.state.assign(moving.moving_state(static))
+        for m in np.flatnonzero(moving.modes[:, 1]).tolist():
+            own = moving.arrays.members.inner_at[m] + int(moving.arrays.members.number[m, :3].sum()) + 6
+            at = flat.arrays.members.inner_at[m] + int(flat.arrays.members.number[m, 3]) + 6
+            count = 3 * int(flat.modes[m, 0])
+            other.state.inner[own : own + count] = state.inner[at : at + count]
+        q = np.empty_like(other.q)
+        other._read_places(q)
+        gravity = other.gravities(rows.t[i : i + 1])[0]
+        for m in np.flatnonzero(moving.modes[:, 1]).tolist():
+            own = moving.arrays.members.inner_at[m] + int(moving.arrays.members.number[m, :3].sum()) + 6
+            size = 3 * int(moving.modes[m, 1])
+            at = 12 * nodes + 3 * int(moving.modes[:m, 1].sum())
+            other.state.inner[own + size : own + 2 * size] = q[at : at + size] + other.state.inner[own : own + size]
+        other.arrays.known[:] = (q[: 12 * nodes] - rows.accelerations[i]).reshape(nodes, 12)
+        other.arrays.known[:, :3] += gravity
+        factors = other.load_factors(rows.t[i : i + 1])[0][:, None]
+        other.arrays.loads.force[:], other.arrays.loads.moment[:] = (factors * part for part in other.loads)
+        other._assemble()
+        if space.imbalance(other.work)[0] > 1.0:
+            return True
+    return False
 
 
 def leaf_share(model: Model) -> float:
