@@ -12,7 +12,7 @@ width, in the same way, which is a leaf whose mass lies on two lines. The f_k ar
 
 Constants of such a leaf, at the end: Q_k (points, modes) = int_s^L mu P_k ds [kg], or mu rho_w P_k [kg] of a couple mode; c_k;
 N_k [kg]. Inner state after the wrench: f (3 modes), q^ (3 modes), and with material damping tau c1 and the known amplitudes.
-The store has before the gravity block A^-1 (B, G) (3 modes, 13) of the elimination.
+The store has before the gravity block the eliminated equations of f, (B, G) and the factors of their matrix.
 
 Bodies keep the nine entries of R as places: P = tr(J)/2 I - J has the energy c0/2 tr((R - R^) P (R - R^)^T), whose moment is the
 axial vector of A - A^T, A = c0 R P R^^T, and tangent tr(A) I - (A + A^T)/2.
@@ -88,10 +88,14 @@ def add_member_inertia(active, w, c0, value, number, is_planar, xa, pose, state,
     wrench, c_at = inertia_places(number, is_planar)
     f_at, known_at = wrench + 6, wrench + 6 + D
     block = store[len(store) - D * (10 + D) :]
-    Y = store[len(store) - D * (10 + D) - 13 * D :][: 13 * size].reshape(size, 13)
+    solved, width = len(store) - D * (10 + D) - D * (13 + D), 2 * w + 1
+    Y = store[solved : solved + size * width].reshape(size, width)
+    A = store[solved + 13 * D : solved + 13 * D + size * size].reshape(size, size)
     # over the unknown motions of nodes a and b: X = V_f,xi, then the gradient; F: motions of f when node a turns
-    A, X, F = np.empty((size, size)), np.empty((size, 12)), np.zeros((size, 3))
+    X, F, cols = np.empty((size, 2 * w)), np.zeros((size, 3)), np.empty(2 * w, np.int64)
     m, lever, status = np.empty((6, 3)), np.empty((3, 3)), 0
+    for r in range(w):
+        cols[r], cols[w + r] = active[r], 6 + active[r]
     for r in range(3):
         lever[0, r], lever[1, r], lever[2, r] = pose[9 + r], pose[12 + r], pose[9 + r] - pose[15 + r]
     for k in range(modes):
@@ -144,7 +148,7 @@ def add_member_inertia(active, w, c0, value, number, is_planar, xa, pose, state,
     for e in range(turns):
         row = active[dims + e]
         for v in range(2 * w):
-            col, s, t = active[v % w] + (6 if v >= w else 0), 0.0, 0.0
+            col, s, t = cols[v], 0.0, 0.0
             for u in range(size):
                 s += F[u, e] * Y[u, v]
                 t += F[u, e] * X[u, v]
@@ -171,7 +175,7 @@ def add_member_inertia(active, w, c0, value, number, is_planar, xa, pose, state,
         for d in range(dims):
             g, u = active[d], dims * k + d
             # the gradient by f_k
-            Y[u, 12] = N * state[known_at + 3 * k + g] - c * xa[g] - P[g] - N * f[g] / c0
+            Y[u, 2 * w] = N * state[known_at + 3 * k + g] - c * xa[g] - P[g] - N * f[g] / c0
             A[u, u] -= N / c0
             Y[u, d] -= c
             for e in range(turns):
@@ -194,32 +198,24 @@ def add_member_inertia(active, w, c0, value, number, is_planar, xa, pose, state,
             l = A[u, v] / pivot
             for t in range(v, size):
                 A[v, t] -= l * A[u, t]
-            for t in range(2 * w):
+            for t in range(width):
                 Y[v, t] -= l * Y[u, t]
-            Y[v, 12] -= l * Y[u, 12]
-    for a in range(2 * w):
-        row = active[a % w] + (6 if a >= w else 0)
-        for u in range(size):
-            F[u, 0] = Y[u, a] / A[u, u]
-        s = 0.0
-        for u in range(size):
-            s += F[u, 0] * Y[u, 12]
-        force[row] -= s
-        for b in range(2 * w):
-            s = 0.0
-            for u in range(size):
-                s += F[u, 0] * Y[u, b]
-            T[row, active[b % w] + (6 if b >= w else 0)] -= s
+    for u in range(size):
+        inverse = 1.0 / A[u, u]
+        A[u, u] = inverse
+        for a in range(2 * w):
+            l = inverse * Y[u, a]
+            force[cols[a]] -= l * Y[u, 2 * w]
+            for b in range(2 * w):
+                T[cols[a], cols[b]] -= l * Y[u, b]
+    # what is left of the equations of f
     change = 0.0
     for u in range(size - 1, -1, -1):
-        inverse = 1.0 / A[u, u]
-        for t in range(13):
-            if t < 2 * w or t == 12:
-                y = Y[u, t]
-                for v in range(u + 1, size):
-                    y -= A[u, v] * Y[v, t]
-                Y[u, t] = inverse * y
-        change = max(change, abs(Y[u, 12]))
+        t = A[u, u] * Y[u, 2 * w]
+        for v in range(u + 1, size):
+            t -= A[u, u] * A[u, v] * F[v, 0]
+        F[u, 0] = t
+        change = max(change, abs(t))
     return negatives, mass * change, mass * largest, status
 
 
@@ -233,18 +229,25 @@ def move_inertia_forces(active, w, number, is_planar, pose, move, state, scale, 
     D = 3 * modes
     f_at, _ = inertia_places(number, is_planar)
     f_at, o = f_at + 6, len(store) - D * (10 + D)
-    change, solved, d = o + 9 * D + D * D, o - 13 * D, np.empty(3)
+    change, solved, d = o + 9 * D + D * D, o - D * (13 + D), np.empty(3)
+    size, width = dims * modes, 2 * w + 1
+    Y = store[solved : solved + size * width].reshape(size, width)
+    A = store[solved + 13 * D : solved + 13 * D + size * size].reshape(size, size)
+    step = np.empty(size)
+    for u in range(size - 1, -1, -1):
+        s = -Y[u, 2 * w]
+        for a in range(w):
+            s -= Y[u, a] * move[active[a]] + Y[u, w + a] * move[6 + active[a]]
+        for v in range(u + 1, size):
+            s -= A[u, v] * step[v]
+        step[u] = A[u, u] * s
     for k in range(modes):
         d[:] = 0.0
         f = state[f_at + 3 * k : f_at + 3 * k + 3]
         f0, f1, f2 = f[0], f[1], f[2]
         for u in range(dims):
-            at = solved + 13 * (dims * k + u)
-            s = store[at + 12]
-            for a in range(w):
-                s += store[at + a] * move[active[a]] + store[at + w + a] * move[6 + active[a]]
-            d[active[u]] = -s
-            f[active[u]] -= scale * s
+            d[active[u]] = step[dims * k + u]
+            f[active[u]] += scale * step[dims * k + u]
         d[0] += f1 * move[5] - f2 * move[4]
         d[1] += f2 * move[3] - f0 * move[5]
         d[2] += f0 * move[4] - f1 * move[3]

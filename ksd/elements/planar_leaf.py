@@ -244,13 +244,14 @@ def gravity_block(value, number, inner, store, lam):
     if len(store) == eta:
         return
     forces, modes, block_size = mode_counts(number, True)
-    block_at, D = len(store) - block_size, 3 * modes
-    Z, G, s = np.zeros((3, 2 * modes)), np.zeros((2 * modes, 2 * modes)), np.zeros(2 * modes)
-    for i in range(4 * nz * modes):
-        store[eta + i] = 0.0
+    block_at, D, n = len(store) - block_size, 3 * modes, 2 * modes
+    # one row per amplitude: eta, then W^-1 eta
+    Y = store[eta : eta + 2 * n * nz].reshape(nz, 2 * n)
+    Z, G, s = np.zeros((3, n)), np.zeros((n, n)), np.zeros(n)
+    Y[:, :] = 0.0
     for p in range(points):
-        at, mass_at = nz * nz + nz + p * (3 + nz), masses + modes * p
-        cn, cv, theta = value[at + 1], value[at + 2], 0.0
+        at, mass_at, theta = nz * nz + nz + p * (3 + nz), masses + modes * p, 0.0
+        weight, cn, cv = value[at], value[at + 1], value[at + 2]
         for i in range(nz):
             theta += inner[first + i] * value[at + 3 + i]
         c, sine = math.cos(theta), math.sin(theta)
@@ -260,78 +261,83 @@ def gravity_block(value, number, inner, store, lam):
             fx, fy = fx + mass * store[block_at + 3 * k], fy + mass * store[block_at + 3 * k + 1]
         N, V, cn_minus_cv = c * fx + sine * fy, c * fy - sine * fx, cn - cv
         xx, xy, yy = cn * c * c + cv * sine * sine, cn_minus_cv * c * sine, cn * sine * sine + cv * c * c
+        # r', and its derivative by the angle
+        a, b = 1.0 + cn * N, cv * V
+        rx, ry = c * a - sine * b, sine * a + c * b
+        a, b = cn_minus_cv * V, 1.0 + cn_minus_cv * N
+        hx, hy = c * a - sine * b, sine * a + c * b
         for k in range(modes):
-            mass = value[mass_at + k]
-            w = mass * value[at]
+            w, u, v = weight * value[mass_at + k], 2 * k, 2 * k + 1
             if k < forces:
-                s[2 * k] += w * (c * (1.0 + cn * N) - sine * cv * V)
-                s[2 * k + 1] += w * (sine * (1.0 + cn * N) + c * cv * V)
-                for r in range(2):
-                    for e in range(2):
-                        compliance = xy if r != e else (xx if r == 0 else yy)
-                        Z[r, 2 * k + e] += w * compliance
-                        for l in range(forces):
-                            G[2 * k + r, 2 * l + e] += w * value[mass_at + l] * compliance
-                a, b = mass * value[at] * cn_minus_cv * V, mass * value[at] * (1.0 + cn_minus_cv * N)
-                hx, hy = c * a - sine * b, sine * a + c * b
+                s[u] += w * rx
+                s[v] += w * ry
+                Z[0, u] += w * xx
+                Z[0, v] += w * xy
+                Z[1, u] += w * xy
+                Z[1, v] += w * yy
+                for l in range(k + 1):
+                    t = w * value[mass_at + l]
+                    G[u, 2 * l] += t * xx
+                    G[u, 2 * l + 1] += t * xy
+                    G[v, 2 * l] += t * xy
+                    G[v, 2 * l + 1] += t * yy
+                a, b = w * hx, w * hy
             else:
-                s[2 * k] -= w * sine
-                s[2 * k + 1] += w * c
-                hx, hy = -w * c, -w * sine
+                s[u] -= w * sine
+                s[v] += w * c
+                a, b = -w * c, -w * sine
             for i in range(nz):
                 psi = value[at + 3 + i]
-                store[eta + 4 * (k * nz + i)] += hx * psi
-                store[eta + 4 * (k * nz + i) + 1] += hy * psi
+                Y[i, u] += a * psi
+                Y[i, v] += b * psi
     # W^-1 eta, by the factors `condense` leaves
-    for k in range(modes):
-        own = eta + 4 * nz * k
-        for e in range(2):
-            for i in range(nz):
-                t = store[own + 4 * i + e]
-                for c in range(i):
-                    t -= store[W + i * nz + c] * store[own + 4 * c + 2 + e]
-                store[own + 4 * i + 2 + e] = t
-            for i in range(nz - 1, -1, -1):
-                t = store[own + 4 * i + 2 + e] / store[W + i * nz + i]
-                for c in range(i + 1, nz):
-                    t -= store[W + c * nz + i] * store[own + 4 * c + 2 + e]
-                store[own + 4 * i + 2 + e] = t
+    for i in range(nz):
+        for j in range(n):
+            Y[i, n + j] = Y[i, j]
+        for c in range(i):
+            l = store[W + i * nz + c]
+            for j in range(n):
+                Y[i, n + j] -= l * Y[c, n + j]
+    for i in range(nz - 1, -1, -1):
+        inverse = 1.0 / store[W + i * nz + i]
+        for j in range(n):
+            Y[i, n + j] *= inverse
+        for c in range(i + 1, nz):
+            l = store[W + c * nz + i]
+            for j in range(n):
+                Y[i, n + j] -= l * Y[c, n + j]
     for r in range(D, block_size):
         store[block_at + r] = 0.0
-    K = np.empty((3, 3))
-    for r in range(3):
-        for c in range(3):
-            i, j = min(r, c), max(r, c)
-            K[r, c] = store[gap_at + 3 + i * (5 - i) // 2 + j]
-    for j in range(2 * modes):
-        own, e, to = eta + 4 * nz * (j // 2), j % 2, 3 * (j // 2) + j % 2
-        store[block_at + 2 * D + to] = s[j]
-        for i in range(nz):
-            s[j] -= store[own + 4 * i + e] * store[4 * i + 3]
-            x = store[own + 4 * i + 2 + e]
-            for r in range(3):
-                Z[r, j] += store[J + 4 * i + r] * x
-            for r in range(2 * modes):
-                G[r, j] += store[eta + 4 * (nz * (r // 2) + i) + r % 2] * x
-        store[block_at + D + to] = s[j]
-        for r in range(3):
-            # x, y, rz among the six of the wrench
-            row = 5 if r == 2 else r
-            store[block_at + D + to] += Z[r, j] * (lam[row] - lam[6 + row])
-    for j in range(2 * modes):
+    for j in range(n):
+        store[block_at + 2 * D + 3 * (j // 2) + j % 2] = s[j]
+    for i in range(nz):
+        g, x, y, turn = store[4 * i + 3], store[J + 4 * i], store[J + 4 * i + 1], store[J + 4 * i + 2]
+        for j in range(n):
+            t = Y[i, n + j]
+            s[j] -= g * Y[i, j]
+            Z[0, j] += x * t
+            Z[1, j] += y * t
+            Z[2, j] += turn * t
+        for r in range(n):
+            t = Y[i, r]
+            for j in range(r + 1):
+                G[r, j] += t * Y[i, n + j]
+    k00, k01, k02 = store[gap_at + 3], store[gap_at + 4], store[gap_at + 5]
+    k11, k12, k22 = store[gap_at + 6], store[gap_at + 7], store[gap_at + 8]
+    # x, y, rz among the six of the wrench
+    d0, d1, d2 = lam[0] - lam[6], lam[1] - lam[7], lam[5] - lam[11]
+    rows, last = block_at + 3 * D, block_at + 9 * D
+    for j in range(n):
         to = 3 * (j // 2) + j % 2
-        for r in range(3):
-            row = 5 if r == 2 else r
-            t = 0.0
-            for k in range(3):
-                t -= K[r, k] * Z[k, j]
-            store[block_at + 3 * D + D * row + to] = t
-        for r in range(2 * modes):
-            t = -G[r, j]
-            for k in range(3):
-                row = 5 if k == 2 else k
-                t -= Z[k, r] * store[block_at + 3 * D + D * row + to]
-            store[block_at + 9 * D + D * (3 * (r // 2) + r % 2) + to] = t
+        x, y, turn = Z[0, j], Z[1, j], Z[2, j]
+        store[block_at + D + to] = s[j] + x * d0 + y * d1 + turn * d2
+        a, b, c = k00 * x + k01 * y + k02 * turn, k01 * x + k11 * y + k12 * turn, k02 * x + k12 * y + k22 * turn
+        store[rows + to], store[rows + D + to] = -a, -b
+        store[rows + 5 * D + to] = -c
+        for r in range(j, n):
+            of = 3 * (r // 2) + r % 2
+            t = Z[0, r] * a + Z[1, r] * b + Z[2, r] * c - G[r, j]
+            store[last + D * of + to], store[last + D * to + of] = t, t
 
 
 @kernel
@@ -359,8 +365,8 @@ def recover(value, number, inner, store, xi, scale):
     for i in range(nz):
         t = store[4 * i] * d0 + store[4 * i + 1] * d1 + store[4 * i + 2] * d2 - store[4 * i + 3]
         for k in range(modes):
-            own = gap_at + 9 + 4 * (nz * k + i)
-            t += store[own + 2] * store[change + 3 * k] + store[own + 3] * store[change + 3 * k + 1]
+            own = gap_at + 9 + 4 * modes * i + 2 * (modes + k)
+            t += store[own] * store[change + 3 * k] + store[own + 1] * store[change + 3 * k + 1]
         inner[first + i] += scale * t
     inner[wrench] += scale * d0
     inner[wrench + 1] += scale * d1

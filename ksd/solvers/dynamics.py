@@ -1,4 +1,4 @@
-"""Motion in time: `simulate`, a run of time steps (`ksd.solvers.time_steps`) from a start, through known jumps, to its end."""
+"""Motion in time: runs of time steps (`ksd.solvers.time_steps`) from a start, through known jumps, to an end."""
 
 from __future__ import annotations
 
@@ -31,6 +31,7 @@ from ksd.model.newton import (
     take_step,
 )
 from ksd.model.plane import Plane
+from ksd.scene.functions_of_time import Step as Constant
 from ksd.scene.sensor import KINDS
 from ksd.scene.simulation import Simulation
 from ksd.solvers.configuration import Configuration
@@ -56,10 +57,10 @@ CHUNK = 64
 MAX_HALVINGS = 12
 """How often a step is halved before the motion is stopped."""
 MAX_ITERATIONS = 12
+STEP_RTOL = 1e-6
+"""Residual of a step, relative to the forces: places are 1e-8 of the stroke off, far less than by the step."""
 RATE_PART, FIRST_PART, PUSH_PART = 0.25, 0.025, 1e-3
 """Parts of a step from which the rates of accelerations after a jump, these, and speeds are found."""
-PASSES = 3
-"""How often each is found from the other; an error falls by FIRST_PART / RATE_PART."""
 STEPS_PER_RAMP, STEPS_PER_PERIOD = 20.0, 100.0
 """Steps in the shortest part of a function of time, and in the longest period, of the first pair of runs."""
 MAX_PAIRS = 4
@@ -166,7 +167,7 @@ class Motion:
             *self.arrays.flat, *s, self.work.flat, self.work.at, self.history, self.known, self.q, moving.body,
             moving.tau, step.flat, *self.past, self.known_past if keep else 0,
             self.targets(t), self.load_factors(t), self.gravities(t), *self.loads, taken.states, taken.speeds, taken.accelerations, taken.scalars, int(keep),
-            MAX_ITERATIONS, RTOL,
+            MAX_ITERATIONS, STEP_RTOL if keep else RTOL,
         )  # fmt: skip
         if before is not None:
             self.multiplier = s.multiplier.copy()
@@ -198,16 +199,31 @@ class Motion:
             self.probe(twice)
             history[1] = speed - (self.q - history[0]) / twice.dt
         jerk = np.zeros_like(self.q)
-        for _ in range(PASSES):
+        for _ in range(2):
             history[2] = jerk
             first, second = first_acceleration(FIRST_PART * dt), second_acceleration(RATE_PART * dt)
             history[3] = self.probe(first) - first.dt * jerk
             self.right_multiplier = self.multiplier
-            jerk = (self.probe(second) - history[3]) / second.dt
+            # an error of the rate comes back as this part of it
+            jerk += ((self.probe(second) - history[3]) / second.dt - jerk) / (1.0 - FIRST_PART / RATE_PART)
         lag = step.am - step.af
         beta = 0.25 * (step.gamma + 0.5) ** 2
         history[2] = history[3] + lag * dt * jerk
         history[1] += (1.0 / 6.0 - beta - 0.5 * lag) * dt**2 * jerk
+
+    def push(self, step: Step, before: Array, after: Array) -> None:
+        """Add to the accelerations what loads do that jump from factors `before` (l,) to `after`, before steps `step`.
+
+        They come from two tiny steps that differ in nothing else, so that jumps may follow one another. Raises _Refused.
+        """
+        factors, lagging, found = self.factors, self.history[2].copy(), []
+        self.history[2] = 0.0
+        for given in (before, after):
+            self.factors = [Constant(f, start=f) for f in given.tolist()]
+            found.append(self.probe(first_acceleration(FIRST_PART * step.dt)))
+        self.factors, self.right_multiplier = factors, self.multiplier
+        self.history[2] = lagging + found[1] - found[0]
+        self.history[3] += found[1] - found[0]
 
     def row(self) -> _Taken:
         """The present instant as a row of what was taken."""
@@ -297,15 +313,19 @@ class _Taken:
     scalars: Array
 
     @property
+    def last(self) -> _Taken:
+        """The last row alone."""
+        return _Taken(*(part[-1:] for part in self.parts))
+
+    @property
     def parts(self) -> tuple[Array, ...]:
         """All arrays."""
         return self.t, self.states, self.speeds, self.accelerations, self.scalars
 
 
 @dataclass
-class _Run:
-    """A motion with steps of one size: rows of all instants, and by number of the instant the multipliers just after it where
-    they jump."""
+class Run:
+    """A motion with steps of one size: rows of all instants, and the multipliers just after those at which they jump."""
 
     parts: list[_Taken]
     right: dict[int, Array]
@@ -352,7 +372,7 @@ def _segments(words: Simulation, kicks: Iterable[float], dt: float) -> list[tupl
     return [(a, b, max(1, math.ceil((b - a) / dt - 1e-9))) for a, b in pairwise(edges)]
 
 
-class _Marcher:
+class Marcher:
     """Runs of one motion with several steps; advance: called with the number of steps made."""
 
     def __init__(
@@ -389,20 +409,23 @@ class _Marcher:
 
         return read
 
-    def run(self, dt: float, finer: int = 1, advance: Any = None) -> _Run:
+    def run(self, dt: float, finer: int = 1, advance: Any = None) -> Run:
         """A run with the largest step of at most `dt`, `finer` times as many steps."""
         motion = Motion(self.moving, self.words, self.start, self.values)
         if self.words.speeds:
             motion.set_speeds(self.words.speeds)
-        run = _Run([], {})
+        run = Run([], {})
         try:
             for a, b, count in _segments(self.words, self.kicks, dt):
                 motion.t = a
                 step = generalised_alpha((b - a) / (finer * count), self.words.rho)
                 kick = min(self.kicks, key=lambda t: abs(t - a), default=math.inf)
                 motion.known_past = 0
-                if abs(kick - a) <= 1e-9 * self.words.until:
-                    self._restart(motion, step, run, self.kicks[kick])
+                if a > 0.0 and abs(kick - a) <= 1e-9 * self.words.until and not self.kicks[kick]:
+                    self._push(motion, step, run, kick)
+                elif abs(kick - a) <= 1e-9 * self.words.until:
+                    # speeds on the way are off those of the drives by dt^2, which a tiny step would make a huge q''
+                    self._restart(motion, step, run, self.kicks[kick] or a > 0.0)
                 if not run.parts:
                     run.parts.append(motion.row())
                 self._march(motion, step, finer * count, run, advance)
@@ -417,7 +440,14 @@ class _Marcher:
         self.motion = motion
         return run
 
-    def _restart(self, motion: Motion, step: Step, run: _Run, is_pushed: bool) -> None:
+    def _push(self, motion: Motion, step: Step, run: Run, t: float) -> None:
+        at = np.array([t])
+        before, after = motion.load_factors(at, before=True)[0], motion.load_factors(at)[0]
+        if (before != after).any():
+            motion.push(step, before, after)
+            run.right[max(run.instants - 1, 0)] = motion.right_multiplier.copy()
+
+    def _restart(self, motion: Motion, step: Step, run: Run, is_pushed: bool) -> None:
         before = motion.history[1].copy()
         motion.restart(step, is_pushed=is_pushed)
         run.right[max(run.instants - 1, 0)] = motion.right_multiplier.copy()
@@ -431,10 +461,10 @@ class _Marcher:
             off = float(np.abs(motion.history[1, own : own + 3] - before[own : own + 3]).max())
             if off > 1e-3 * float(np.abs(before[own : own + 3]).max(initial=1e-12)):
                 self.notes.append(
-                    f"speeds of '{name}' contradict what holds it: by {off:.3g} m/s; it starts with the nearest speeds that do not"
+                    f"speeds of '{name}' contradict what holds it, by {off:.3g} m/s; it starts with the nearest that do not"
                 )
 
-    def _march(self, motion: Motion, step: Step, count: int, run: _Run, advance: Any) -> None:
+    def _march(self, motion: Motion, step: Step, count: int, run: Run, advance: Any) -> None:
         """Take `count` steps; one that finds no solution is halved."""
         whole = 1 << MAX_HALVINGS
         left, size, begin = count * whole, whole, motion.t
@@ -442,7 +472,7 @@ class _Marcher:
         while left > 0 and run.stop is None:
             now = step if size == whole else generalised_alpha(step.dt * size / whole, self.words.rho)
             chunk = min(left // size, CHUNK if size == whole else 2)
-            saved = _Saved(motion) if self.words.stop else None
+            saved = Saved(motion) if self.words.stop else None
             taken, reason = motion.take(now, chunk)
             done = len(taken.t)
             left -= done * size
@@ -472,7 +502,7 @@ class _Marcher:
                 size *= 2
                 motion.known_past = 0
 
-    def _until_event(self, motion: Motion, step: Step, saved: _Saved, taken: _Taken, run: _Run) -> _Taken:
+    def _until_event(self, motion: Motion, step: Step, saved: Saved, taken: _Taken, run: Run) -> _Taken:
         """What was taken up to the first event, if there is one, with a last step that ends there."""
         for event in self.words.stop:
             reading = self.readers[event.of]
@@ -487,7 +517,7 @@ class _Marcher:
             kept.t[:] = taken.t[:k]
             share = float(values[k] / (values[k] - values[k + 1]))
             motion.t, motion.known_past = float(t[k]), 0
-            mark = _Saved(motion)
+            mark = Saved(motion)
             last = taken
             for _ in range(3):
                 mark.restore(motion)
@@ -502,7 +532,7 @@ class _Marcher:
         return taken
 
 
-class _Saved:
+class Saved:
     """A copy of a state of motion."""
 
     def __init__(self, motion: Motion) -> None:
@@ -519,7 +549,7 @@ class _Saved:
 
 
 def _term_value(model: Model, term: Any, x: Array, R: Array) -> float:
-    """Displacement [m] or rotation [rad], up to whole turns, of a component of motion at positions and rotations of nodes."""
+    """Displacement [m] or rotation [rad], up to whole turns, of a component of motion."""
     base, link = (model.node_names.index(n) for n in (term.base, term.link))
     along, rest = np.asarray(term.direction), model.rest.x
     if term.kind == "rotation":
@@ -528,8 +558,8 @@ def _term_value(model: Model, term: Any, x: Array, R: Array) -> float:
     return float(along @ (R[base].T @ (b - a)))
 
 
-def _work(motion: Motion, run: _Run, rows: _Taken, x: Array, R: Array, values: Array, forces: Array) -> Array:
-    """Work (k,) [J] of loads, drives and a base from the first instant on, by the trapezoidal rule; values, forces (k, d)."""
+def _work(motion: Motion, run: Run, rows: _Taken, x: Array, R: Array, values: Array, forces: Array) -> Array:
+    """Work (k,) [J] of loads, drives and a base since the first instant, by the trapezoidal rule; values, forces (k, d)."""
     done = np.zeros(len(rows.t))
     if len(rows.t) < 2:
         return done
@@ -553,7 +583,7 @@ def _work(motion: Motion, run: _Run, rows: _Taken, x: Array, R: Array, values: A
     return np.cumsum(done)
 
 
-def _energies(motion: Motion, run: _Run, rows: _Taken, states: Array, trace_of: Any) -> dict[str, Array]:
+def _energies(motion: Motion, run: Run, rows: _Taken, states: Array, trace_of: Any) -> dict[str, Array]:
     """Energies (k,) [J] of a motion by name."""
     model, values, forces, x, R = trace_of
     springs = np.zeros(len(rows.t))
@@ -587,7 +617,7 @@ def _spins(rates: Array, R: Array) -> Array:
     )
 
 
-def _trace(marcher: _Marcher, run: _Run, error: float) -> Trace:
+def trace_of_run(marcher: Marcher, run: Run, error: float) -> Trace:
     """The record of a run."""
     moving, motion, rows = marcher.moving, marcher.motion, run.all
     kept = np.arange(len(rows.t))[:: marcher.words.every]
@@ -628,7 +658,7 @@ def _trace(marcher: _Marcher, run: _Run, error: float) -> Trace:
     )  # fmt: skip
 
 
-def _difference(fine: _Run, coarse: _Run, order: float, links: NDArray[np.int64]) -> float:
+def _difference(fine: Run, coarse: Run, order: float, links: NDArray[np.int64]) -> float:
     """Estimated error of the places of `links` in the finer of two runs, relative to the largest stroke.
 
     order: the ratio of the errors of both runs.
@@ -680,11 +710,10 @@ def _first_step(moving: MovingModel, start: State, words: Simulation, freed: Ite
     return min(ramp, 1.0 / (lowest * STEPS_PER_PERIOD), words.until / STEPS_PER_PERIOD)
 
 
-def trace_motion(scene: Any, words: Simulation, *, mesh: Mesh | None = None, progress: bool = True) -> Trace:
-    """The motion of a frozen scene; words: checked; mesh: of the leaf springs, chosen when None.
-
-    Raises SceneError for what cannot move in time.
-    """
+def begin_motion(
+    scene: Any, words: Simulation, mesh: Mesh | None = None
+) -> tuple[Marcher, float, tuple[str, ...], tuple[str, ...]]:
+    """What marches from the start of a motion, the step [s] to begin with, the drives that are let go, and notes."""
     if words.method != "generalised_alpha":
         raise SceneError(f"simulate: method '{words.method}' is not there yet; use 'generalised_alpha'")
     freed = tuple(n for n, f in words.drives.items() if f is None)
@@ -693,18 +722,29 @@ def trace_motion(scene: Any, words: Simulation, *, mesh: Mesh | None = None, pro
         grid = replace(grid, orders=FINE_ORDERS, points=FINE_ORDERS[2] + 1)
     model, start, values, notes = _start(scene, words, grid)
     moving = moving_model(model, freed, damping_at=words.damping_at)
+    if _starts_out_of_plane(moving, start, words):
+        moving = moving_model(model, freed, damping_at=words.damping_at, spatial=True)
     dt = words.dt or _first_step(moving, start, words, freed)
-    marcher = _Marcher(moving, words, start, values, freed)
+    marcher = Marcher(moving, words, start, values, freed)
+    return marcher, dt, freed, notes
+
+
+def trace_motion(scene: Any, words: Simulation, *, mesh: Mesh | None = None, progress: bool = True) -> Trace:
+    """The motion of a frozen scene; words: checked; mesh: of the leaf springs, chosen when None.
+
+    Raises SceneError for what cannot move in time.
+    """
+    marcher, dt, freed, notes = begin_motion(scene, words, mesh)
     run, error = _runs(marcher, dt, progress)
     if _leaves_plane(marcher, run, freed):
-        moving = moving_model(model, freed, damping_at=words.damping_at, spatial=True)
-        marcher = _Marcher(moving, words, start, values, freed)
+        moving = moving_model(marcher.moving.model, freed, damping_at=words.damping_at, spatial=True)
+        marcher = Marcher(moving, words, marcher.start, marcher.values, freed)
         run, error = _runs(marcher, dt, progress)
     marcher.notes += notes
-    return _trace(marcher, run, error)
+    return trace_of_run(marcher, run, error)
 
 
-def _runs(marcher: _Marcher, dt: float, progress: bool) -> tuple[_Run, float]:
+def _runs(marcher: Marcher, dt: float, progress: bool) -> tuple[Run, float]:
     """The run of the step that was given, or of one small enough for the accuracy, and its estimated error."""
     moving, words = marcher.moving, marcher.words
     steps = sum(n for _, _, n in _segments(words, marcher.kicks, dt))
@@ -747,7 +787,19 @@ def _runs(marcher: _Marcher, dt: float, progress: bool) -> tuple[_Run, float]:
         return run, error
 
 
-def _leaves_plane(marcher: _Marcher, run: _Run, freed: tuple[str, ...]) -> bool:
+def _starts_out_of_plane(moving: MovingModel, start: State, words: Simulation) -> bool:
+    """Whether the start, its speeds or the base are not in the plane of a planar model."""
+    if moving.plane is None:
+        return False
+    k = moving.plane.normal
+    speeds = [np.asarray(v, float) for v in words.speeds.values()]
+    across = [v[:3] @ k for v in speeds] + [v[3:] @ k * k - v[3:] for v in speeds]
+    if words.base is not None:
+        across.append(np.asarray(words.base.along) @ k)
+    return not moving.plane.contains(start) or any(np.any(np.abs(a) > 0.0) for a in across)
+
+
+def _leaves_plane(marcher: Marcher, run: Run, freed: tuple[str, ...]) -> bool:
     """Whether forces out of the plane do not balance at some instants of a planar motion, found by the residual in space."""
     flat, rows = marcher.moving, run.all
     plane = flat.plane
@@ -775,7 +827,9 @@ def _leaves_plane(marcher: _Marcher, run: _Run, freed: tuple[str, ...]) -> bool:
             own = moving.arrays.members.inner_at[m] + int(moving.arrays.members.number[m, :3].sum()) + 6
             size = 3 * int(moving.modes[m, 1])
             at = 12 * nodes + 3 * int(moving.modes[:m, 1].sum())
-            other.state.inner[own + size : own + 2 * size] = q[at : at + size] + other.state.inner[own : own + size]
+            other.state.inner[own + size : own + 2 * size] = (
+                q[at : at + size] + other.state.inner[own : own + size]
+            )
         other.arrays.known[:] = (q[: 12 * nodes] - rows.accelerations[i]).reshape(nodes, 12)
         other.arrays.known[:, :3] += gravity
         factors = other.load_factors(rows.t[i : i + 1])[0][:, None]

@@ -45,8 +45,8 @@ class MovingModel:
 
     model: of statics; arrays: of a time step; rest: its undeformed state. rows (c,): whether a row has a multiplier; inner
     (s,): positions of the inner state of statics in that of a time step. body (nodes, 21): of every node tr(J)/2 I - J, the
-    inverse of J, and the centre of mass, unit numbers where it has no mass. modes (m, 3): of every member the numbers of force
-    and all modes, and 1 where its material damps; tau (m,) [s]: its loss factor over the angular frequency of the damping.
+    inverse of J, and the centre of mass, unit numbers where it has no mass. modes (m, 2): of every member the numbers of force
+    and of all modes; tau (m,) [s]: its loss factor over the angular frequency at which that holds.
     leaf_mass (m,) [kg]; plane: of the motion, None in space.
     """
 
@@ -227,7 +227,7 @@ def _with_leaf_inertia(
     """The arrays with the inertia of leaf springs; returns also `MovingModel.inner`, .tau, .leaf_mass and .modes."""
     members, owner, count = arrays.members, member_leaves(model), len(arrays.members.kind)
     lines, space = {}, light.arrays.members
-    mass, tau, modes = np.zeros(count), np.zeros(count), np.zeros((count, 3), np.int64)
+    mass, tau, modes = np.zeros(count), np.zeros(count), np.zeros((count, 2), np.int64)
     for i in range(count):
         leaf, line = owner[i]
         table = _quadrature(space.value[space.value_at[i] :], space.number[i])
@@ -257,10 +257,9 @@ def _with_leaf_inertia(
             if at == end:
                 values.append(new)
                 end += len(new)
-            value_at[i], number[i, 5:7], modes[i, :2] = at, counts, (counts[0], sum(counts))
-            modes[i, 2] = tau[i] > 0.0
+            value_at[i], number[i, 5:7], modes[i] = at, counts, (counts[0], sum(counts))
             own += 2 * D + (1 + N) * (tau[i] > 0.0)
-            store[-1] += (4 if is_planar else 3) * loaded * sum(counts) + D * (10 + D) + 13 * D
+            store[-1] += (4 if is_planar else 3) * loaded * sum(counts) + D * (10 + D) + D * (13 + D)
         inner_size.append(own)
         size += own
     padded = np.concatenate([[0], np.cumsum(inner_size)]).astype(np.int64)

@@ -40,7 +40,7 @@ from ksd.model.arrays import (
 )
 from ksd.model.assembly import allocate_leaf_scratch
 from ksd.model.loading import term_slope
-from ksd.model.newton import CONVERGED, SOLVE, newton_motion
+from ksd.model.newton import CONVERGED, FULL_STEP, SOLVE, newton_motion
 from ksd.model.turns import add_rotations
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import reorthonormalise, rotate, rotation_log
@@ -444,6 +444,12 @@ def march(
                     past_inner,
                     known_past,
                 )
+            if keep == 0:
+                # a tiny step may be less than the tolerance of constraints
+                newton_motion(
+                    ints, floats, x, R, inner, multiplier, angle, target, flat, at, FULL_STEP, 0, 1, 1.0, rtol, 10.0, 0.5,
+                    math.inf,
+                )  # fmt: skip
             reason, n, _, _, _ = newton_motion(
                 ints, floats, x, R, inner, multiplier, angle, target, flat, at, SOLVE, 0, max_steps, 1.0, rtol, 10.0, 0.5,
                 math.inf,
