@@ -53,6 +53,7 @@ _HOMES = {
     "ksd.training.designs": ("Design",),
     "ksd.study.history": ("History",),
     "ksd.study.simulate": ("simulate",),
+    "ksd.study.stepper": ("MovingState", "Stepper", "stepper"),
     "ksd.study": ("Batch", "SweepInterrupted", "Table", "batch", "frequency_curve", "state_space", "sweep"),
     "ksd.bench.compare": ("compare",),
     "ksd.study.gradient": ("Gradient", "gradient"),
@@ -72,15 +73,16 @@ __all__ = [
     "CircularNotchHinge", "Configuration", "ConvergenceError", "CrossFlexure", "CrossedPivot", "Cycloid", "Design",
     "DrawnJoint", "Event", "FilletedNotch", "FilletedNotchHinge", "FoldedLeaf", "FreeCurve", "Front", "Gradient",
     "HalfSine", "History", "InfinityHinge", "Job", "JobFile", "Joint", "KinematicsError", "KsdError", "Leaf",
-    "LinkMatrix", "Material", "Mechanism", "Mesh", "ModalBasis", "Model", "Motion", "Optimum", "ParallelGuide",
-    "Parameter", "Path", "Ramp", "RangeError", "Record", "RecordError", "RequiredLoads", "RestShape", "ResumeError",
-    "Scene", "SceneError", "SceneFileError", "SceneWarning", "Section", "Shake", "Simulation", "Sine", "Solver", "Step",
-    "StiffenedGuide", "StiffenedMiddle", "SweepInterrupted", "Table", "Taper", "TimeTable", "Tolerance", "Trapezoid",
-    "TripleInfinityHinge", "TrustError", "UniversalJoint", "UnknownNameError", "UnknownWordError", "Varying",
-    "WireFlexure", "batch", "choose", "circle", "compare", "compile_scene", "doctor", "errors", "find_record", "follow",
-    "frequency_curve", "gradient", "joint_families", "link_matrix", "live", "load_job", "load_scene", "numbers",
-    "optimise", "pareto", "polygon", "prepare", "read_result", "rectangle", "required_loads", "rest_shape", "save_scene",
-    "simulate", "solve", "state_space", "sweep", "tolerance", "train", "tube", "units", "wire",
+    "LinkMatrix", "Material", "Mechanism", "Mesh", "ModalBasis", "Model", "Motion", "MovingState", "Optimum",
+    "ParallelGuide", "Parameter", "Path", "Ramp", "RangeError", "Record", "RecordError", "RequiredLoads", "RestShape",
+    "ResumeError", "Scene", "SceneError", "SceneFileError", "SceneWarning", "Section", "Shake", "Simulation", "Sine",
+    "Solver", "Step", "Stepper", "StiffenedGuide", "StiffenedMiddle", "SweepInterrupted", "Table", "Taper", "TimeTable",
+    "Tolerance", "Trapezoid", "TripleInfinityHinge", "TrustError", "UniversalJoint", "UnknownNameError",
+    "UnknownWordError", "Varying", "WireFlexure", "batch", "choose", "circle", "compare", "compile_scene", "doctor",
+    "errors", "find_record", "follow", "frequency_curve", "gradient", "joint_families", "link_matrix", "live",
+    "load_job", "load_scene", "numbers", "optimise", "pareto", "polygon", "prepare", "read_result", "rectangle",
+    "required_loads", "rest_shape", "save_scene", "simulate", "solve", "state_space", "stepper", "sweep", "tolerance",
+    "train", "tube", "units", "wire",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
@@ -149,6 +151,7 @@ if TYPE_CHECKING:
     from ksd.study.history import History
     from ksd.study.simulate import simulate
     from ksd.study.state_space import state_space
+    from ksd.study.stepper import MovingState, Stepper, stepper
     from ksd.study.sweep import sweep
     from ksd.training import train
     from ksd.training.designs import Design

@@ -121,6 +121,11 @@ class Instant(Configuration):
     velocity: Any = None
 
     @property
+    def speeds(self) -> dict[str, Array]:
+        """Velocity (6,) [m/s, rad/s] of every link, as `ksd.simulate` takes them."""
+        return {name: self.velocity[i] for i, name in enumerate(self.model.scene.links) if name != GROUND}
+
+    @property
     def stable(self) -> bool:
         """False: an instant of a motion is no equilibrium."""
         return False

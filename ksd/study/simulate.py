@@ -14,7 +14,7 @@ from ksd.scene.scene import Scene
 from ksd.scene.simulation import Event, Shake, Simulation
 from ksd.solvers.configuration import Configuration
 from ksd.solvers.dynamics import trace_motion
-from ksd.study.history import History
+from ksd.study.history import History, Instant
 
 STEPS_PER_PERIOD = 10.0
 """Steps in the longest free period below which a step that was given is warned of."""
@@ -65,6 +65,8 @@ def simulate(
         raise SceneError(f"simulate: {show(mechanism)} is no mechanism; give what is to move, then until=")
     if not isinstance(words.start, str | Configuration):
         raise SceneError(f"simulate: start = {show(words.start)}: give a pose that ksd.solve returned")
+    if isinstance(words.start, Instant) and not words.speeds:
+        words = replace(words, speeds=words.start.speeds)
     said = words.check(scene)
     trace = trace_motion(scene, words, mesh=mesh, progress=boolean(progress, "progress"))
     history = History(replace(trace, notes=(*said, *trace.notes)), words.base)

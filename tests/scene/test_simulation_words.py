@@ -1,10 +1,13 @@
 """What a motion in time may be asked for, and every sentence about what it may not."""
 
 import math
+import tomllib
 
 import numpy as np
 import pytest
 from scenes import STEEL
+from test_json_schema import SCHEMA, fits
+from test_toml import GOOD
 
 import ksd
 from ksd.errors import SceneError
@@ -141,3 +144,26 @@ def test_no_function_of_python_and_no_pose_in_a_file():
         table_of_simulation(Simulation(until=1.0, loads={"weight": np.sin}))
     with pytest.raises(SceneError, match="cannot be written"):
         table_of_simulation(Simulation(until=1.0, start=Pose()))
+
+
+MOTION = {
+    "until": "1 s", "dt": 1e-3, "drives": {"push": {"cycloid": "5 mm", "duration": "50 ms"}, "lock": {"let_go": True}},
+    "loads": {
+        "weight": {"table": [["0 s", 0], ["10 ms", 1]], "smooth": True}, "a.b": [{"ramp": 1.0}, {"ramp": 1.0, "delay": 2.0}],
+        "c": {"formula": "1 - exp(-t / 5 ms)"}, "d": {"value": 0.5},
+    },
+    "base": {"along": "y", "acceleration": {"half_sine": "50 m/s^2", "duration": "11 ms"}}, "speeds": {"stage": [0, 1, 0]},
+    "stop": [{"of": "push", "above": "4 mm"}], "every": 2, "start": "undeformed", "damping_at": "8 Hz",
+}  # fmt: skip
+
+
+def test_the_schema_for_editors():
+    whole = tomllib.loads(GOOD)
+    assert fits(whole | {"simulate": MOTION}, SCHEMA)
+    assert simulation_of_table(MOTION).every == 2
+    for wrong in (
+        {"drive": {}}, {"until": "1 mm"}, {"loads": {"c": {"romp": 1.0}}}, {"loads": {"c": {"ramp": 1.0, "sine": 2.0}}},
+        {"drives": {"push": {"let_go": False}}}, {"loads": {"c": {"let_go": True}}}, {"stop": {"above": 1.0}},
+        {"base": {"acceleration": {"ramp": 1.0}}}, {"speeds": {"stage": ["1 m/s"]}},
+    ):  # fmt: skip
+        assert not fits(whole | {"simulate": MOTION | wrong}, SCHEMA), wrong

@@ -1,0 +1,237 @@
+"""`ksd.simulate` from Python, files and the command line, starts from an instant, and steps one after another."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from scenes import STEEL
+
+import ksd
+from ksd.cli import main
+from ksd.errors import SceneError, SceneFileError
+from ksd.units import mm
+
+FILE = """
+name = "guide"
+plane = "xy"
+links = ["stage"]
+[material.steel]
+E = "200 GPa"
+nu = 0.3
+density = 7800
+[[leaf]]
+a = "ground"
+b = "stage"
+start = [0, 0, 0]
+end = [0, "60 mm", 0]
+thickness = "0.3 mm"
+width = "20 mm"
+material = "steel"
+[[leaf]]
+a = "ground"
+b = "stage"
+start = ["50 mm", 0, 0]
+end = ["50 mm", "60 mm", 0]
+thickness = "0.3 mm"
+width = "20 mm"
+material = "steel"
+[[mass]]
+link = "stage"
+mass = "500 g"
+at = ["25 mm", "60 mm", 0]
+[[actuate]]
+link = "stage"
+along = "x"
+at = ["25 mm", "60 mm", 0]
+name = "push"
+[[load]]
+link = "stage"
+force = ["5 N", 0, 0]
+name = "hit"
+at = ["25 mm", "60 mm", 0]
+[[sensor]]
+link = "stage"
+along = "x"
+at = ["25 mm", "60 mm", 0]
+name = "tip"
+[simulate]
+until = "40 ms"
+dt = "1 ms"
+[simulate.drives.push]
+let_go = true
+[[simulate.loads.hit]]
+ramp = "10 ms"
+[[simulate.loads.hit]]
+ramp = "10 ms"
+end = -1
+delay = "20 ms"
+[simulate.base]
+along = "x"
+acceleration = { half_sine = "2 m/s^2", duration = "8 ms" }
+"""
+WORDS = {
+    "until": 0.04, "dt": 1e-3, "drives": {"push": None},
+    "loads": {"hit": ksd.Ramp("10 ms") + ksd.Ramp("10 ms", end=-1, delay="20 ms")},
+    "base": ksd.Shake("x", ksd.HalfSine(2.0, "8 ms")),
+}  # fmt: skip
+
+
+def guide(**words):
+    m = ksd.Mechanism("guide", plane="xy")
+    stage = m.link("stage")
+    for x in (0.0, 0.05):
+        m.leaf(
+            m.ground,
+            stage,
+            start=(x, 0, 0),
+            end=(x, 0.06, 0),
+            material=STEEL,
+            section=ksd.rectangle(0.3 * mm, 20 * mm),
+        )
+    m.mass(stage, mass=0.5, inertia=(0, 0, 1e-4), at=(0.025, 0.06, 0))
+    m.load(stage, force=(1, 0, 0), at=(0.025, 0.06, 0), name="coil")
+    m.sensor(stage, along="x", at=(0.025, 0.06, 0), name="tip")
+    return m
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "guide.toml"
+    path.write_text(FILE)
+    return path
+
+
+def test_a_file_says_what_python_says(file, tmp_path):
+    mechanism, _, _ = ksd.load_scene(file)
+    found = ksd.simulate(mechanism)
+    said, mechanism.simulation = mechanism.simulation, None
+    known = ksd.simulate(mechanism, **WORDS)
+    assert np.array_equal(found.sensors["tip"], known.sensors["tip"]) and found.steps == 40
+    assert np.abs(found.sensors["tip"]).max() > 1e-4
+    mechanism.simulation = said
+    ksd.save_scene(mechanism, tmp_path / "again.toml")
+    again, _, _ = ksd.load_scene(tmp_path / "again.toml")
+    assert np.array_equal(ksd.simulate(again).sensors["tip"], known.sensors["tip"])
+    assert ksd.simulate(again, until="10 ms").t[-1] == pytest.approx(0.01)
+    assert ksd.simulate(again, until="10 ms", accuracy=1e-2).error < 1e-2
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ("simulate.drives.push", "simulate.drives.pusch", "there is no drive 'pusch'"),
+        ('until = "40 ms"', "", "key 'until' is missing"),
+        ('until = "40 ms"', 'until = "40 mm"', "a time is expected"),
+        ('dt = "1 ms"', 'dt = "1 ms"\naccuracy = 1e-3', "exclude each other"),
+        ('dt = "1 ms"', 'step = "1 ms"', "key 'step' is unknown"),
+        ("let_go = true", "let_go = false", "write one of"),
+        ("end = -1", "and = -1", "no parameter 'and'"),
+        ('ramp = "10 ms"\nend', 'ramp = "10 mm"\nend', "a time is expected"),
+        ('along = "x"\nacceleration', 'along = "z"\nacceleration', "out of the plane xy"),
+    ],
+)
+def test_mistakes_in_files(file, old, new, sentence):
+    file.write_text(FILE.replace(old, new))
+    with pytest.raises(SceneFileError) as caught:
+        ksd.load_scene(file)
+    assert sentence in str(caught.value) and "[simulate]" in str(caught.value)
+
+
+def test_doctor_tells_of_a_motion(file):
+    file.write_text(FILE.replace("let_go = true", 'sine = "1 mm"\nfrequency_Hz = "5 Hz"'))
+    assert "simulate: drive 'push': its speed jumps at t = 0 s" in str(ksd.doctor(ksd.load_scene(file)[0]))
+
+
+def test_command_line(file, tmp_path, capsys):
+    out = [str(tmp_path / name) for name in ("a.csv", "a.png", "a.json")]
+    words = ["--set", "until=20ms", "--out", out[0], "--plot", out[1], "--json", out[2], "--quiet"]
+    assert main(["simulate", str(file), *words]) == 0
+    assert "20 steps to t = 0.02 s" in capsys.readouterr().out
+    numbers = json.loads((tmp_path / "a.json").read_text())
+    assert numbers["steps"] == 20 and len(numbers["columns"]["tip_mm"]) == 21 and numbers["error"] is None
+    assert all((tmp_path / name).exists() for name in ("a.csv", "a.png"))
+    for wrong, sentence in (
+        (["--set", "until=soon"], "a time is expected"),
+        (["--set", "untl=1s"], "there is no drive 'untl'"),
+        (["--set", "loads=3"], "write [simulate.loads] in the file"),
+        (["--out", "a.txt"], "the ending must be one of .csv"),
+    ):
+        assert main(["simulate", str(file), *wrong]) == 2
+        assert sentence in re.sub(r"\s+", " ", capsys.readouterr().err)
+
+
+def test_wrong_words():
+    with pytest.raises(SceneError, match="until is missing"):
+        ksd.simulate(guide())
+    with pytest.raises(SceneError, match="is no mechanism"):
+        ksd.simulate(3, 1.0)
+    with pytest.raises(SceneError, match=r"give a pose that ksd\.solve returned"):
+        ksd.simulate(guide(), 1.0, start=3)
+    with pytest.raises(SceneError, match="no option 'untill'"):
+        ksd.simulate(guide(), untill=1.0)
+    with pytest.raises(SceneError, match=r"give ksd\.Simulation"):
+        guide().simulation = {"until": 1.0}
+
+
+def test_a_long_step_is_warned_of():
+    with pytest.warns(ksd.SceneWarning, match="more than a tenth of the longest free period"):
+        ksd.simulate(guide(), 0.1, dt=0.02, loads={"coil": ksd.Ramp("50 ms")})
+
+
+def test_a_motion_goes_on_from_an_instant():
+    whole = ksd.simulate(guide(), 0.06, dt=2.5e-4, loads={"coil": ksd.Step(5.0)})
+    rest = ksd.simulate(guide(), 0.03, dt=2.5e-4, loads={"coil": 5.0}, start=whole[0.03])
+    one, other = whole.sensors["tip"][-1], rest.sensors["tip"][-1]
+    assert other == pytest.approx(one, abs=1e-4 * np.abs(whole.sensors["tip"]).max())
+
+
+def pushed(t):
+    return 3.0 * np.sin(0.3 * t)
+
+
+@pytest.fixture(scope="module")
+def steps():
+    """Readings after steps of 1 ms under forces that jump from step to step, with parts of several lengths."""
+    found = {}
+    for longest in (1e-3, 5e-4, 2.5e-4):
+        step = ksd.stepper(guide(), longest=longest, loads={"coil": 0.0})
+        state, read = step.start, []
+        for k in range(60):
+            state = step(state, {"coil": pushed(k)}, "1 ms")
+            read.append(state.sensors["tip"])
+        found[longest] = np.array(read)
+    return found
+
+
+def test_steps_converge_with_order_two_though_forces_jump(steps):
+    coarse, middle, fine = steps.values()
+    ratio = np.abs(coarse - middle).max() / np.abs(middle - fine).max()
+    assert 2**1.7 < ratio < 2**2.3
+    assert np.abs(middle - fine).max() < 1e-3 * np.abs(fine).max()
+
+
+def test_steps_are_the_motion_under_the_same_forces(steps):
+    forces = [ksd.Step(pushed(k) - pushed(k - 1), delay=k * 1e-3) for k in range(1, 60)]
+    whole = ksd.simulate(guide(), 0.06, dt=2.5e-4, loads={"coil": sum(forces, ksd.Step(0.0))})
+    assert np.abs(whole.sensors["tip"][4::4] - steps[2.5e-4]).max() < 1e-4 * np.abs(steps[2.5e-4]).max()
+
+
+def test_a_state_can_be_gone_on_from_again():
+    step = ksd.stepper(guide(), longest="1 ms", loads={"coil": 0.0})
+    once = step(step.start, {"coil": 1.0}, 3e-3)
+    first, other = step(once, {"coil": -1.0}, 2e-3), step(once, {}, 2e-3)
+    assert step(once, {"coil": -1.0}, 2e-3).sensors == first.sensors != other.sensors
+    assert first.t == pytest.approx(5e-3) and first.history["stage"].velocity.shape == (1, 6)
+    assert first.pose.t == first.t and "t = 0.005 s: tip" in repr(first)
+    for wrong, sentence in (
+        ((once, {"coal": 1.0}, 1e-3), "there is no load 'coal'"),
+        ((once, {"coil": "x"}, 1e-3), "is not a number"),
+        ((once, 3.0, 1e-3), "factors of loads by name"),
+        ((once, {}, -1e-3), "must be positive"),
+        ((3, {}, 1e-3), "start from step.start"),
+    ):
+        with pytest.raises(SceneError, match=sentence):
+            step(*wrong)
+    with pytest.raises(SceneError, match="is no mechanism"):
+        ksd.stepper(3)
