@@ -2,20 +2,20 @@
 
 A time step is a static problem in which every mass is held by a spring to a known place, q'' = c0 (q - q^)
 (`ksd.solvers.time_steps`). A leaf of mass mu per length has the distributed force mu sum f_k P_k(s), with polynomials P_k
-that are orthogonal under mu, and the unknown accelerations f_k, global, are gravity less q_k'', where q_k = int mu P_k r ds / N_k
-are the places that are kept, N_k = int mu P_k^2 ds. The leaf adds to its functional (`ksd.elements.planar_leaf`)
+that are orthogonal under mu. The unknown accelerations f_k, global, are gravity less q_k'', where q_k = int mu P_k r ds /
+N_k are the places that are kept, N_k = int mu P_k^2 ds. The leaf adds to its functional (`ksd.elements.planar_leaf`)
 
     V(xi, Rp^T f) - sum f_k.(c_k x_p - N_k q^_k) - sum N_k |f_k|^2 / (2 c0),    c_k = int mu P_k ds
 
 with gravity in q^_0. In space, couple modes hold the width axis, e = rho_w e3 with the radius of gyration rho_w across the
 width, in the same way, which is a leaf whose mass lies on two lines. The f_k are eliminated here, after the leaf itself.
 
-Constants of such a leaf, at the end: Q_k (points, modes) = int_s^L mu P_k ds [kg], or mu rho_w P_k [kg] of a couple mode; c_k;
-N_k [kg]. Inner state after the wrench: f (3 modes), q^ (3 modes), and with material damping tau c1 and the known amplitudes.
-The store has before the gravity block the eliminated equations of f, (B, G) and the factors of their matrix.
+Constants of such a leaf, at the end: Q_k (points, modes) = int_s^L mu P_k ds [kg], or mu rho_w P_k [kg] of a couple mode;
+c_k and N_k [kg]. Inner state after the wrench: f (3 modes), q^ (3 modes), and with material damping tau c1 and the known
+amplitudes. The store has before the gravity block the eliminated equations of f: (B, G) and the factors of their matrix.
 
-Bodies keep the nine entries of R as places: P = tr(J)/2 I - J has the energy c0/2 tr((R - R^) P (R - R^)^T), whose moment is the
-axial vector of A - A^T, A = c0 R P R^^T, and tangent tr(A) I - (A + A^T)/2.
+Bodies keep the nine entries of R as places: P = tr(J)/2 I - J has the energy c0/2 tr((R - R^) P (R - R^)^T), whose moment is
+the axial vector of A - A^T, A = c0 R P R^^T, and tangent tr(A) I - (A + A^T)/2.
 """
 
 from __future__ import annotations
@@ -39,11 +39,18 @@ def inertia_places(number, is_planar):
     return wrench, at + points * modes
 
 
-def inertia_tables(points, weight, integral, line_mass, radius, counts):  # type: ignore[no-untyped-def]
+def inertia_tables(
+    points: np.ndarray,
+    weight: np.ndarray,
+    integral: np.ndarray,
+    line_mass: np.ndarray,
+    radius: np.ndarray,
+    counts: tuple[int, int],
+) -> np.ndarray:
     """Constants of the inertia of a leaf, flat: Q (points, modes), c (modes,) and N (modes,), see the module docstring.
 
-    points, weight (g,): places from 0 to 1 and lengths [m] of the quadrature; integral (g, g): lengths of the integrals from
-    0 to every point; line_mass (g,) [kg/m]; radius (g,) [m]: of gyration across the width; counts: of force and couple modes.
+    points, weight (g,): places from 0 to 1 and lengths [m] of the quadrature; integral (g, g): those of the integrals from 0
+    to every point; line_mass (g,) [kg/m]; radius (g,) [m]: of gyration across the width; counts: of force and couple modes.
     """
     legendre = np.polynomial.legendre.legvander(2.0 * points - 1.0, max(counts) - 1)
     basis = np.zeros_like(legendre)
@@ -51,13 +58,17 @@ def inertia_tables(points, weight, integral, line_mass, radius, counts):  # type
         # orthogonal under the mass, twice against rounding
         for _ in range(2):
             for other in basis.T[:k]:
-                column = column - other * ((weight * line_mass * other) @ column) / ((weight * line_mass * other) @ other)
+                column = column - other * ((weight * line_mass * other) @ column) / (
+                    (weight * line_mass * other) @ other
+                )
         basis[:, k] = column
     heavy = line_mass[:, None] * basis
     N, c = (weight[:, None] * heavy * basis).sum(axis=0), weight @ heavy
     forces, couples = (heavy[:, :n] for n in counts)
     Q = np.hstack([weight @ forces - integral @ forces, radius[:, None] * couples])
-    ends = [np.concatenate([own[: counts[0]], (own if own is N else 0.0 * own)[: counts[1]]]) for own in (c, N)]
+    ends = [
+        np.concatenate([own[: counts[0]], (own if own is N else 0.0 * own)[: counts[1]]]) for own in (c, N)
+    ]
     return np.concatenate([Q.ravel(), *ends])
 
 
@@ -70,7 +81,9 @@ def set_inertia_forces(number, is_planar, pose, state, store):
     for k in range(modes):
         for r in range(3):
             store[o + 3 * k + r] = (
-                pose[r] * state[f + 3 * k] + pose[3 + r] * state[f + 3 * k + 1] + pose[6 + r] * state[f + 3 * k + 2]
+                pose[r] * state[f + 3 * k]
+                + pose[3 + r] * state[f + 3 * k + 1]
+                + pose[6 + r] * state[f + 3 * k + 2]
             )
 
 
@@ -221,8 +234,8 @@ def add_member_inertia(active, w, c0, value, number, is_planar, xa, pose, state,
 
 @kernel
 def move_inertia_forces(active, w, number, is_planar, pose, move, state, scale, store):
-    """Add `scale` times the step of the force modes, when the nodes move by move (12,), and write the change of the forces in
-    frame p into the gravity block, for `recover`."""
+    """Add `scale` times the step of the force modes, when the nodes move by move (12,), and write the change of the forces
+    in frame p into the gravity block, for `recover`."""
     modes, dims = number[5] + number[6], 3
     if w == 3:
         dims -= 1

@@ -8,8 +8,8 @@ N + i V = (nx + i ny) exp(-i theta), hence h' = V + (cN - cV) N V and h'' = -N +
 of the strain-mode note.
 
 It uses the inner state of the spatial leaf, of which it changes the amplitudes of weak bending and three numbers of the
-wrench. `number`: nz, points, index of the first weak-bending amplitude, of the wrench, number of plate points, of force and of
-couple modes (`ksd.elements.strain_values.mode_counts`).
+wrench. `number`: nz, points, index of the first weak-bending amplitude, of the wrench, number of plate points, of force and
+of couple modes (`ksd.elements.strain_values.mode_counts`).
 `value`: K (nz, nz) [N m^3], stress-free a0 (nz), then per point: weight times L, cN = 1/EA, cV = 1/(ky G A), psi (nz); then
 psi at the end; with plate stiffening per point the numbers of `ksd.elements.plate_energy` and the modes (nz); for a leaf
 with weight the mass beyond each point [kg], with inertia the tables of `ksd.elements.inertia`. `store`: W^-1 (J, g) (nz, 4),
@@ -331,7 +331,11 @@ def gravity_block(value, number, inner, store, lam):
         to = 3 * (j // 2) + j % 2
         x, y, turn = Z[0, j], Z[1, j], Z[2, j]
         store[block_at + D + to] = s[j] + x * d0 + y * d1 + turn * d2
-        a, b, c = k00 * x + k01 * y + k02 * turn, k01 * x + k11 * y + k12 * turn, k02 * x + k12 * y + k22 * turn
+        a, b, c = (
+            k00 * x + k01 * y + k02 * turn,
+            k01 * x + k11 * y + k12 * turn,
+            k02 * x + k12 * y + k22 * turn,
+        )
         store[rows + to], store[rows + D + to] = -a, -b
         store[rows + 5 * D + to] = -c
         for r in range(j, n):

@@ -98,12 +98,14 @@ def constant_offsets(number):
 
 
 def allocate_leaf_fields(N, ng, modes=1):  # type: ignore[no-untyped-def]
-    """`LeafFields` for N curvature modes, ng points and `modes` of a distributed load; `allocate_leaf_fields_compiled` is the same for kernels."""
+    """`LeafFields` for N curvature modes, ng points and `modes` of a distributed load; `allocate_leaf_fields_compiled` is
+    the same for kernels."""
     return LeafFields(
         np.empty((ng + 1, 9)), np.empty((ng + 1, 3)), np.empty((ng + 1, 3, 9)), np.empty((ng + 1, 3, 3)),
         np.empty((ng + 1, 3, 9)), np.empty((ng + 2, 3, 3)), np.empty((ng + 2, 3, N)), np.empty((ng, 3)),
         np.empty((ng, 3)), np.empty((ng, 3, 3)), np.empty((ng, 3, N)), np.empty(3), np.empty((3, N)),
-        np.empty((3 * modes, N)), np.empty((ng, 3)), np.empty((N, N)), np.empty((N, 8)), np.empty((3, N)), np.empty((N, 9)), np.empty((9, 9)), np.empty((3, 3)),
+        np.empty((3 * modes, N)), np.empty((ng, 3)), np.empty((N, N)), np.empty((N, 8)), np.empty((3, N)),
+        np.empty((N, 9)), np.empty((9, 9)), np.empty((3, 3)),
     )  # fmt: skip
 
 
@@ -231,7 +233,9 @@ def _slopes(value, number, inner, gravity, fields):
                 j, l = (r + 1) % 3, (r + 2) % 3
                 s = w * value[beyond + modes * g + k]
                 for i in range(N):
-                    eta[3 * k + r, i] += s * (psi[g + 1, j, i] * R[g + 1, l, 2] - psi[g + 1, l, i] * R[g + 1, j, 2])
+                    eta[3 * k + r, i] += s * (
+                        psi[g + 1, j, i] * R[g + 1, l, 2] - psi[g + 1, l, i] * R[g + 1, j, 2]
+                    )
 
 
 @kernel(inline="late")

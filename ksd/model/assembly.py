@@ -178,7 +178,15 @@ def add_inertia(ints, floats, kind, value, number, x, pose, state, store, mass, 
 def move_inertia(ints, kind, number, pose, move, state, scale, store):
     """`rotate_gravity` in a time step."""
     move_inertia_forces(
-        ints[ints[AT.active_dofs] :], ints[DOFS_PER_NODE], number, kind == PLANAR, pose, move, state, scale, store
+        ints[ints[AT.active_dofs] :],
+        ints[DOFS_PER_NODE],
+        number,
+        kind == PLANAR,
+        pose,
+        move,
+        state,
+        scale,
+        store,
     )
 
 

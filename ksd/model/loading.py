@@ -205,7 +205,8 @@ def _alignment_curvature(d, m, weight, tangent):
 def add_terms(ints, floats, x, R, multiplier, angle, target, rtol, matrix, rhs, scale):
     """Add constraint rows: gap to the residual, gradient to the matrix, multiplier times second derivative to the tangent.
 
-    A row without multiplier but with damping is a dashpot: a spring of stiffness damping c1 to its target. Returns the largest gap, in metres (rotations times the model's length scale).
+    A row without multiplier but with damping is a dashpot: a spring of stiffness damping c1 to its target. Returns the
+    largest gap, in metres (rotations times the model's length scale).
     """
     slope, tangent = np.empty((8, 3)), np.empty((12, 12))
     largest, active, w, size = 0.0, ints[AT.active_dofs], ints[DOFS_PER_NODE], floats[0]
@@ -272,7 +273,15 @@ def add_bodies(ints, floats, x, R, rtol, noise, matrix, rhs, scale):
     for i in range(ints[BODIES]):
         node = ints[ints[BODY.node] + i]
         u, block, body = ints[ints[AT.start] + node], ints[ints[BODY.block] + i], ints[BODY.inertia] + 13 * i
-        add_body(floats[body : body + 13], floats[ints[AT.known] + 12 * node :], c0, x[node], R[node], force, tangent)
+        add_body(
+            floats[body : body + 13],
+            floats[ints[AT.known] + 12 * node :],
+            c0,
+            x[node],
+            R[node],
+            force,
+            tangent,
+        )
         f2, m2, spread = 0.0, 0.0, 0.0
         for r in range(3):
             f2 += force[r] ** 2

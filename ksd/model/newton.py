@@ -70,6 +70,8 @@ ROUNDING_MULTIPLE = 10.0
 """Factor on the rounding error of stiffness times position in the residual bounds."""
 STALLED_RESIDUAL_LIMIT = 1000.0
 """Largest residual over its bound that is accepted after a negligible step."""
+SETTLED_STEP = 30.0
+"""Newton step of a time step, over the negligible one, after which it has converged: 3e-5 rad, or 3e-6 of the size."""
 STALLED_RATIO = 0.1
 """Ratio of the residual after and before a step above which the step did not reduce it."""
 
@@ -278,7 +280,10 @@ def _take_step(
         _relative_motion(ints, poses, i, step, move, xi)
         inner_at, store_at = ints[MEMBER.inner_at] + i, ints[MEMBER.store_at] + i
         value, number = ints[ints[MEMBER.value_at] + i], ints[MEMBER.number] + SETTINGS * i
-        member_store, state = store[ints[store_at] : ints[store_at + 1]], inner[ints[inner_at] : ints[inner_at + 1]]
+        member_store, state = (
+            store[ints[store_at] : ints[store_at + 1]],
+            inner[ints[inner_at] : ints[inner_at + 1]],
+        )
         kind, settings = ints[ints[MEMBER.kind] + i], ints[number : number + SETTINGS]
         if i < len(weight) and weight[i, 0] > 0.0:
             rotate_gravity(ints, kind, settings, poses[i], move, state, scale, member_store)
@@ -290,11 +295,11 @@ def _take_step(
 
 @kernel(inline="always")
 def _newton(
-    members, condense, set_gravity, leaf_gravity, add_weight, recover, rotate_gravity, bodies, correct_step,
+    members, condense, set_gravity, leaf_gravity, add_weight, recover, rotate_gravity, bodies, correct_step, settles,
     ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
     max_steps, factor, rtol, rounding, max_turn, divergence_limit,
 ):  # fmt: skip
-    """See `newton`; the first nine arguments are the kernels for the kinds of members and loads of the mechanism.
+    """See `newton`; the first ten arguments are the kernels for the kinds of members and loads of the mechanism.
 
     `members` is `add_members`, handed on because a call by its name would be inlined here once more in every variant.
     """
@@ -307,7 +312,7 @@ def _newton(
     move, xi = scratch.force, scratch.norms
     negatives, member_negatives, status, pivot = 0, 0, 0, 1.0
     worst, previous, step_size, gap = math.inf, math.inf, math.inf, 0.0
-    n, extra_step, reason = 0, False, RUNNING
+    n, extra_step, reason, is_last = 0, False, RUNNING, False
     # a single return: each one releases all arrays, which would be a third of the kernel
     while reason == RUNNING:
         done = False
@@ -393,6 +398,7 @@ def _newton(
                 shift = _largest(ints, rhs, 0 * n) / floats[0]
                 step_size = max(turned / 1e-6, shift / 1e-7)
                 n += 1
+                is_last = settles(step_size)
                 if task == FIXED_ROWS_STEP and (max(turned, shift) > max_turn or not pivot > SINGULAR_PIVOT):
                     rhs[:] = 0.0
                 if task != SOLVE:
@@ -401,12 +407,26 @@ def _newton(
                 recover, rotate_gravity, ints, floats, x, R, inner, multiplier, angle, rhs, store, poses, weight, move, xi,
                 scale,
             )  # fmt: skip
+            if is_last and task == SOLVE and pivot > 0.0:
+                reason = CONVERGED
     if task == SOLVE and reason == CONVERGED:
         anchor_rotations(ints, R, angle)
     if task == SOLVE and reason == CONVERGED and status > 0:
         # a state with a replaced tiny pivot or a local angle beyond its range is refused, however small the residual
         reason = LOCAL_ANGLE_LIMIT if status == 1 else SINGULAR
     return reason, min(n, max_steps), worst, negatives, pivot
+
+
+@kernel(inline="always")
+def _never_settles(step_size):
+    """In statics the residual after a step is always looked at."""
+    return False
+
+
+@kernel(inline="always")
+def _settles(step_size):
+    """Whether a Newton step of a time step is so small that what is left is of the order of its square."""
+    return step_size <= SETTLED_STEP
 
 
 @kernel(inline="always")
@@ -434,7 +454,7 @@ def newton(
     """
     return _newton(
         add_members, condense_linear, skip_set_gravity, skip_leaf_gravity, skip_add_weight, recover_leaf,
-        skip_rotate_gravity, _skip_bodies, _skip_step_correction,
+        skip_rotate_gravity, _skip_bodies, _skip_step_correction, _never_settles,
         ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
         max_steps, factor, rtol, rounding, max_turn, divergence_limit,
     )  # fmt: skip
@@ -448,7 +468,7 @@ def newton_beams(
     """`newton` also for chains, springs, weight of members, and loads that are not conservative."""
     return _newton(
         add_members, condense_beam, set_gravity, set_leaf_gravity, add_weight, recover_beam,
-        rotate_gravity, _skip_bodies, correct_newton_step,
+        rotate_gravity, _skip_bodies, correct_newton_step, _never_settles,
         ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
         max_steps, factor, rtol, rounding, max_turn, divergence_limit,
     )  # fmt: skip
@@ -462,7 +482,7 @@ def newton_any(
     """`newton_beams` for members of every kind."""
     return _newton(
         add_members, condense_any, set_gravity, set_leaf_gravity, add_weight, recover_any,
-        rotate_gravity, _skip_bodies, correct_newton_step,
+        rotate_gravity, _skip_bodies, correct_newton_step, _never_settles,
         ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
         max_steps, factor, rtol, rounding, max_turn, divergence_limit,
     )  # fmt: skip
@@ -476,7 +496,7 @@ def newton_motion(
     """`newton` for a time step (`ksd.elements.inertia`) of strain-mode leaves, linear bodies and springs."""
     return _newton(
         add_members, condense_beam, set_inertia, set_leaf_gravity, add_inertia, recover_leaf,
-        move_inertia, add_bodies, correct_newton_step,
+        move_inertia, add_bodies, correct_newton_step, _settles,
         ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
         max_steps, factor, rtol, rounding, max_turn, divergence_limit,
     )  # fmt: skip

@@ -135,7 +135,9 @@ def number_unknowns(
     return plan, BlockOffsets(offsets, position), start, plan.start[position[nodes - 1 :]]
 
 
-def renumber(arrays: Arrays, active: np.ndarray, rows: Sequence[int], dashpots: Sequence[int] = ()) -> dict[str, Any]:
+def renumber(
+    arrays: Arrays, active: np.ndarray, rows: Sequence[int], dashpots: Sequence[int] = ()
+) -> dict[str, Any]:
     """The fields of `arrays` that follow from the degrees of freedom of nodes `active` (w,) and the constraint rows `rows`
     that have multipliers; dashpots: rows that couple their nodes without one."""
     terms, bodies, nodes = arrays.terms, arrays.bodies, len(arrays.start)
@@ -160,7 +162,8 @@ def renumber(arrays: Arrays, active: np.ndarray, rows: Sequence[int], dashpots: 
         np.array([places.member(a, b) for a, b in pairs], np.int64).reshape(-1, 4) for pairs in ends
     )
     load_block, body_block = (
-        np.array([places.diagonal(n) for n in part.node.tolist()], np.int64) for part in (arrays.loads, bodies)
+        np.array([places.diagonal(n) for n in part.node.tolist()], np.int64)
+        for part in (arrays.loads, bodies)
     )
     return {
         "plan": plan,

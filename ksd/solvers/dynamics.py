@@ -31,7 +31,6 @@ from ksd.model.newton import (
     take_step,
 )
 from ksd.model.plane import Plane
-from ksd.scene.functions_of_time import Step as Constant
 from ksd.scene.sensor import KINDS
 from ksd.scene.simulation import Simulation
 from ksd.solvers.configuration import Configuration
@@ -95,7 +94,7 @@ class Motion:
         self.loads = self.arrays.loads.force.copy(), self.arrays.loads.moment.copy()
         self.state = moving.moving_state(state)
         self.work = make_workspace(self.arrays)
-        self.t = 0.0
+        self.t, self.jump = 0.0, math.inf
         count = int(count_places(self.arrays.ints, moving.tau))
         self.history, self.known, self.q = np.zeros((4, count)), np.zeros((2, count)), np.zeros(count)
         s = self.state
@@ -135,11 +134,12 @@ class Motion:
             found[:, i] = 0.0 if f is None else f(t) if callable(f) else f
         return found
 
-    def gravities(self, t: Array) -> Array:
-        """Gravity less the acceleration of the base (k, 3) [m/s^2] at instants."""
+    def gravities(self, t: Array, *, before: bool = False) -> Array:
+        """Gravity less the acceleration of the base (k, 3) [m/s^2] at instants; before: just before them."""
         found, base = np.tile(self.gravity, (len(t), 1)), self.words.base
         if base is not None:
-            found -= base.acceleration(t)[:, None] * np.asarray(base.along)
+            shaken = [base.acceleration.before(one) for one in t] if before else base.acceleration(t)
+            found -= np.asarray(shaken)[:, None] * np.asarray(base.along)
         return found
 
     def load_factors(self, t: Array, *, before: bool = False) -> Array:
@@ -150,23 +150,32 @@ class Motion:
                 found[:, i] = [f.before(one) for one in t] if before else f(t)
         return found
 
-    def take(self, step: Step, count: int, *, keep: bool = True) -> tuple[_Taken, int]:
-        """Take steps, or try one and leave the state as it is. Returns what was kept, and the reason of the last step."""
+    def acting(self, t: Array, *, before: bool = False) -> tuple[Array, Array]:
+        """`load_factors` and `gravities` at instants."""
+        return self.load_factors(t, before=before), self.gravities(t, before=before)
+
+    def take(
+        self, step: Step, count: int, *, keep: bool = True, acting: tuple[Array, Array] | None = None
+    ) -> tuple[_Taken, int]:
+        """Take steps, or try one and leave the state as it is. Returns what was kept, and the reason of the last step.
+
+        acting: loads and gravity of a step that is tried; those of its instant when None.
+        """
         s, moving = self.state, self.moving
-        t = self.t + step.dt * np.arange(1, count + 1)
+        t: Array = self.t + step.dt * np.arange(1.0, count + 1.0)
+        pushes, pulls = self.acting(t) if acting is None else acting
+        if acting is None and abs(t[-1] - self.jump) <= 1e-6 * step.dt:
+            # the step ends just before the jump
+            pushes[-1:], pulls[-1:] = self.acting(np.array([self.jump]), before=True)
         nodes = 12 * len(s.x)
         size = sum(field.size for field in s)
-        taken = _Taken(
-            t,
-            np.empty((count, size)),
-            *(np.empty((count, nodes)) for _ in range(2)),
-            np.empty((count, SCALARS)),
-        )
+        speeds, accelerations = np.empty((count, nodes)), np.empty((count, nodes))
+        taken = _Taken(t, np.empty((count, size)), speeds, accelerations, np.empty((count, SCALARS)))
         before = None if keep else s.copy()
         done, reason = march(
             *self.arrays.flat, *s, self.work.flat, self.work.at, self.history, self.known, self.q, moving.body,
             moving.tau, step.flat, *self.past, self.known_past if keep else 0,
-            self.targets(t), self.load_factors(t), self.gravities(t), *self.loads, taken.states, taken.speeds, taken.accelerations, taken.scalars, int(keep),
+            self.targets(t), pushes, pulls, *self.loads, taken.states, speeds, accelerations, taken.scalars, int(keep),
             MAX_ITERATIONS, STEP_RTOL if keep else RTOL,
         )  # fmt: skip
         if before is not None:
@@ -177,9 +186,9 @@ class Motion:
             self.known_past = min(self.known_past + done, 2)
         return _Taken(*(part[:done] for part in taken.parts)), reason
 
-    def probe(self, step: Step) -> Array:
+    def probe(self, step: Step, acting: tuple[Array, Array] | None = None) -> Array:
         """q'' (p,) of one step that is not taken. Raises _Refused."""
-        _, reason = self.take(step, 1, keep=False)
+        _, reason = self.take(step, 1, keep=False, acting=acting)
         if reason != CONVERGED:
             raise _Refused
         return np.asarray(step.c0 * (self.q - self.known[0]))
@@ -211,19 +220,19 @@ class Motion:
         history[2] = history[3] + lag * dt * jerk
         history[1] += (1.0 / 6.0 - beta - 0.5 * lag) * dt**2 * jerk
 
-    def push(self, step: Step, before: Array, after: Array) -> None:
-        """Add to the accelerations what loads do that jump from factors `before` (l,) to `after`, before steps `step`.
+    def push(self, step: Step, before: tuple[Array, Array], after: tuple[Array, Array]) -> None:
+        """Add to the accelerations what loads and base do that jump from `before` to `after` (see `acting`), before steps
+        `step`.
 
         They come from two tiny steps that differ in nothing else, so that jumps may follow one another. Raises _Refused.
         """
-        factors, lagging, found = self.factors, self.history[2].copy(), []
+        lagging, tiny = self.history[2].copy(), first_acceleration(FIRST_PART * step.dt)
         self.history[2] = 0.0
-        for given in (before, after):
-            self.factors = [Constant(f, start=f) for f in given.tolist()]
-            found.append(self.probe(first_acceleration(FIRST_PART * step.dt)))
-        self.factors, self.right_multiplier = factors, self.multiplier
-        self.history[2] = lagging + found[1] - found[0]
-        self.history[3] += found[1] - found[0]
+        change = -self.probe(tiny, before)
+        change += self.probe(tiny, after)
+        self.right_multiplier = self.multiplier
+        self.history[2] = lagging + change
+        self.history[3] += change
 
     def row(self) -> _Taken:
         """The present instant as a row of what was taken."""
@@ -350,10 +359,10 @@ def _kicks(words: Simulation, freed: Iterable[str]) -> dict[float, bool]:
     found: dict[float, bool] = {}
     for name, f in words.functions().items():
         is_drive = name.startswith("drive")
-        jumps = [(t, order) for t, order in f.jumps if order <= (3 if is_drive else 1)]
+        instants = [t for t, order in f.jumps if order <= (3 if is_drive else 1)]
         if any(f.rates(0.0)):
-            jumps.append((0.0, 1 if f.rates(0.0)[0] else 2))
-        for t, order in jumps:
+            instants.append(0.0)
+        for t in instants:
             if 0.0 <= t < words.until:
                 found[t] = found.get(t, False) or is_drive
     if words.speeds or freed or words.start != "equilibrium":
@@ -396,12 +405,15 @@ class Marcher:
         f = self.words.drives.get(name, 0.0)
         if drive is not None and f is not None:
             return lambda row, t: float(f(t)) if callable(f) else self.values[name]
-        sensor = {s.name: s for s in scene.sensors}.get(name)
-        if drive is None and KINDS[sensor.kind]:
-            raise SceneError(
-                f"event of '{name}': an event is a place, not a {sensor.kind}; use a sensor of displacement or rotation"
-            )
-        terms = drive.terms if drive is not None else (sensor.term,)
+        if drive is not None:
+            terms = drive.terms
+        else:
+            sensor = next(s for s in scene.sensors if s.name == name)
+            if KINDS[sensor.kind]:
+                raise SceneError(
+                    f"event of '{name}': an event is a place, not a {sensor.kind}; use a sensor of displacement or rotation"
+                )
+            terms = (sensor.term,)
 
         def read(row: Array, t: float) -> float:
             x, R = row[: 3 * nodes].reshape(-1, 3), row[3 * nodes : 12 * nodes].reshape(-1, 3, 3)
@@ -417,7 +429,8 @@ class Marcher:
         run = Run([], {})
         try:
             for a, b, count in _segments(self.words, self.kicks, dt):
-                motion.t = a
+                near = (t for t in self.kicks if abs(t - b) <= 1e-9 * self.words.until)
+                motion.t, motion.jump = a, min(near, default=math.inf)
                 step = generalised_alpha((b - a) / (finer * count), self.words.rho)
                 kick = min(self.kicks, key=lambda t: abs(t - a), default=math.inf)
                 motion.known_past = 0
@@ -441,9 +454,8 @@ class Marcher:
         return run
 
     def _push(self, motion: Motion, step: Step, run: Run, t: float) -> None:
-        at = np.array([t])
-        before, after = motion.load_factors(at, before=True)[0], motion.load_factors(at)[0]
-        if (before != after).any():
+        before, after = (motion.acting(np.array([t]), before=side) for side in (True, False))
+        if any((a != b).any() for a, b in zip(before, after, strict=True)):
             motion.push(step, before, after)
             run.right[max(run.instants - 1, 0)] = motion.right_multiplier.copy()
 
@@ -578,8 +590,11 @@ def _work(motion: Motion, run: Run, rows: _Taken, x: Array, R: Array, values: Ar
             mean = 0.5 * (after[:, i, None] * push[:-1] + before[:, i, None] * push[1:])
             done[1:] += (mean * moved).sum(axis=1)
     if motion.words.base is not None:
-        moment, pull = rows.scalars[:, 4:7], motion.gravities(rows.t) - motion.gravity
-        done[1:] += (0.5 * (pull[:-1] + pull[1:]) * np.diff(moment, axis=0)).sum(axis=1)
+        moment, pulled = (
+            rows.scalars[:, 4:7],
+            motion.gravities(rows.t[:-1]) + motion.gravities(rows.t[1:], before=True),
+        )
+        done[1:] += ((0.5 * pulled - motion.gravity) * np.diff(moment, axis=0)).sum(axis=1)
     return np.cumsum(done)
 
 
@@ -692,11 +707,12 @@ def _start(
             moved.append(replace(load, force=push[0], moment=push[1]))
     still = replace(scene, loads=tuple(moved))
     if not any(values.values()) and not moved and (scene.gravity is None or not any(scene.gravity)):
-        pose = None
-    else:
-        pose = solve(still, values, method="conventional", mesh=mesh, estimate=False, strict=False)
-    notes = () if pose is None or pose.stable else ("it starts from an equilibrium that is not stable",)
-    return model, model.rest if pose is None else pose.motion, values, notes
+        work = make_workspace(model.arrays)
+        if assemble(model.arrays, model.rest.copy(), model.targets(values), 0.0, work)[0] <= 1.0:
+            return model, model.rest, values, ()
+    found = solve(still, values, method="conventional", mesh=mesh, estimate=False, strict=False)
+    notes = () if found.stable else ("it starts from an equilibrium that is not stable",)
+    return model, found.motion, values, notes
 
 
 def _first_step(moving: MovingModel, start: State, words: Simulation, freed: Iterable[str]) -> float:

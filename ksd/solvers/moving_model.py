@@ -45,8 +45,8 @@ class MovingModel:
 
     model: of statics; arrays: of a time step; rest: its undeformed state. rows (c,): whether a row has a multiplier; inner
     (s,): positions of the inner state of statics in that of a time step. body (nodes, 21): of every node tr(J)/2 I - J, the
-    inverse of J, and the centre of mass, unit numbers where it has no mass. modes (m, 2): of every member the numbers of force
-    and of all modes; tau (m,) [s]: its loss factor over the angular frequency at which that holds.
+    inverse of J, and the centre of mass, unit numbers where it has no mass. modes (m, 2): of every member the numbers of
+    force and of all modes; tau (m,) [s]: its loss factor over the angular frequency at which that holds.
     leaf_mass (m,) [kg]; plane: of the motion, None in space.
     """
 
@@ -239,7 +239,8 @@ def _with_leaf_inertia(
     heavy = total > HEAVY_LEAVES * (total + sum(m for m, _, _ in bodies.values()))
     number, value_at, kind = members.number.copy(), members.value_at.copy(), members.kind
     inner_size, store, inner = [], [], []
-    values, groups, end, size = [members.value], {}, len(members.value), 0
+    groups: dict[bytes, int] = {}
+    values, end, size = [members.value], len(members.value), 0
     for i in range(count):
         is_planar = kind[i] == PLANAR
         counts = HEAVY_MODES if heavy else FORCE_MODES, 0 if is_planar else COUPLE_MODES

@@ -407,9 +407,9 @@ def march(
 ):  # fmt: skip
     """As many time steps as `targets` (n, c) has rows, from the state x, R, .. with its history (4, p), in place.
 
-    factors (n, l): of the loads forces, moments (l, 3); gravities (n, 3) [m/s^2]: at the ends of the steps. keep: 1 where the
-    steps are taken, 0 where only q (p,) and `known` of one step are wanted. states (n, s), speeds, accelerations (n, 12 k) of
-    the nodes and scalars (n, SCALARS) are written. Returns (steps taken, reason of `newton` of the last one).
+    factors (n, l): of the loads forces, moments (l, 3); gravities (n, 3) [m/s^2]: at the ends of the steps. keep: 1 where
+    the steps are taken, 0 where only q (p,) and `known` of one step are wanted. states (n, s), speeds, accelerations (n, 12
+    k) of the nodes and scalars (n, SCALARS) are written. Returns (steps taken, reason of `newton` of the last one).
     """
     bx, bR, binner = x.copy(), R.copy(), inner.copy()
     bmultiplier, bangle = multiplier.copy(), angle.copy()

@@ -1,0 +1,107 @@
+"""Motion in time: cost of a step against a static solve of the same scene, and the robustness of random motions.
+
+Steps are those of a trace, without what is said about it; times are of one thread, medians of five, and their ratios.
+python benchmarks/motion.py [random]
+"""
+
+import statistics
+import sys
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+import ksd
+
+sys.path[:0] = [
+    str(Path(__file__).parent.parent / "tests"),
+    str(Path(__file__).parent.parent / "tests" / "solvers"),
+]
+
+REPEATS, STEPS = 5, 60
+
+
+def step_time(scene, dt, freed=(), **words):
+    """Thread time [s] of a step of `dt`, and its Newton iterations."""
+    from ksd.scene.simulation import Simulation
+    from ksd.solvers.dynamics import Motion
+    from ksd.solvers.moving_model import moving_model
+    from ksd.solvers.time_steps import generalised_alpha
+
+    model, step, times = ksd.compile_scene(scene.scene()), generalised_alpha(dt, 0.8), []
+    moving = moving_model(model, freed)
+    motion = Motion(
+        moving, Simulation(until=1.0, dt=dt, **words), model.rest, dict.fromkeys(model.drive_names, 0.0)
+    )
+    motion.take(step, STEPS)
+    for _ in range(REPEATS):
+        start = time.thread_time()
+        taken, _ = motion.take(step, STEPS)
+        times.append((time.thread_time() - start) / len(taken.t))
+    return statistics.median(times), float(taken.scalars[:, 7].mean())
+
+
+def solve_time(scene, freed=()):
+    """Thread time [s] of a static kernel solve from a near state in which the loads differ by 1 %."""
+    from ksd.model.arrays import make_workspace
+    from ksd.model.newton import solve_equilibrium
+    from ksd.solvers.moving_model import moving_model
+
+    moving = moving_model(ksd.compile_scene(scene.scene()), freed)
+    plane, model, times = moving.plane, moving.model, []
+    arrays, rest = (model.arrays, model.rest) if plane is None else (plane.arrays, model.rest)
+    state, work, target = rest.copy(), make_workspace(arrays), np.zeros(len(rest.multiplier))
+    for factor in np.linspace(0.1, 1.0, 10):
+        solve_equilibrium(arrays, state, target, factor, work, 1e-8, 20, 1.0, np.inf)
+    for _ in range(REPEATS):
+        start = time.thread_time()
+        for k in range(200):
+            solve_equilibrium(arrays, state, target, 1.0 + 0.01 * (k % 2), work, 1e-8, 20, 1.0, np.inf)
+        times.append((time.thread_time() - start) / 200)
+    return statistics.median(times)
+
+
+def costs():
+    """A table of steps of 1 ms against static solves."""
+    from motion_scenes import four_hinges, guide, strip
+
+    cases = (
+        ("parallel guide", guide(), (), {"loads": {"push": ksd.Ramp(0.02)}}),
+        ("fourbar", four_hinges(), ("top",), {"loads": {"push": ksd.Ramp(0.1)}, "drives": {"top": None}}),
+        ("strip in space", strip(), (), {}),
+    )
+    print("| scene | step [us] | iterations | static solve [us] | ratio | simulated time / CPU |")
+    print("|---|---|---|---|---|---|")
+    for name, scene, freed, words in cases:
+        step, iterations = step_time(scene, 1e-3, freed, **words)
+        still = solve_time(scene)
+        print(
+            f"| {name} | {1e6 * step:.0f} | {iterations:.2f} | {1e6 * still:.0f} | {step / still:.2f} | {1e-3 / step:.0f} |"
+        )
+
+
+def robustness(count=200):
+    """Ends of random motions."""
+    from test_motion import motion, random_motion
+
+    ended, stopped, broken, halved = 0, 0, 0, 0
+    for seed in range(count):
+        scene, words = random_motion(np.random.default_rng(1000 + seed))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            trace = motion(scene, **words)
+        finite = all(np.isfinite(p).all() for p in (trace.x, trace.velocity, *trace.energy.values()))
+        ended += trace.at_end
+        stopped += not trace.at_end and bool(trace.stop)
+        broken += not finite or not (trace.at_end or trace.stop)
+        halved += trace.halved > 0
+        if trace.stop:
+            print(f"seed {seed}: {trace.stop}")
+    print(
+        f"{count} motions: {ended} ended, {stopped} stopped with a reason, {broken} broken; steps halved in {halved}"
+    )
+
+
+if __name__ == "__main__":
+    robustness() if "random" in sys.argv else costs()
