@@ -114,7 +114,7 @@ def test_the_width_of_a_strip_turns_as_an_independent_model_says():
     # with the payload on the axis the strip stays in its plane, where it is found to
     flat = motion(strip(0.0), 0.3, dt=1e-3, start="undeformed")
     assert np.abs(flat.position[..., 2]).max() == 0.0
-    found = [(place(flat, "tip", t, (0.25, 0, 0)) + (0.25, 0, 0))[:2] for t in (0.1, 0.3)]
+    found = [place(flat, "tip", t, (0.25, 0, 0))[:2] + np.array([0.25, 0.0]) for t in (0.1, 0.3)]
     assert np.array(found) == pytest.approx(
         np.array([(0.2448778, -0.0462997), (0.166808, -0.166843)]), abs=1e-5
     )
