@@ -9,6 +9,7 @@ import sys
 import time
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -66,7 +67,7 @@ def costs():
     """A table of steps of 1 ms against static solves."""
     from motion_scenes import four_hinges, guide, strip
 
-    cases = (
+    cases: tuple[Any, ...] = (
         ("parallel guide", guide(), (), {"loads": {"push": ksd.Ramp(0.02)}}),
         ("fourbar", four_hinges(), ("top",), {"loads": {"push": ksd.Ramp(0.1)}, "drives": {"top": None}}),
         ("strip in space", strip(), (), {}),
