@@ -28,7 +28,7 @@ REFERENCE = {
     "Scenes": (
         "What a mechanism is made of.",
         "Mechanism Material Leaf wire Section rectangle circle tube polygon numbers Arc FreeCurve Taper Varying "
-        "CircularNotch FilletedNotch StiffenedMiddle LinkMatrix link_matrix HalfSine Scene load_scene save_scene",
+        "CircularNotch FilletedNotch StiffenedMiddle LinkMatrix link_matrix Scene load_scene save_scene",
     ),
     "Joints": (
         "Families of flexure joints, and joints of your own. All take a `Material`, and as `elements` or `orders` a mesh of "
@@ -42,6 +42,11 @@ REFERENCE = {
         "solve compare prepare Solver Configuration follow Path required_loads RequiredLoads rest_shape RestShape "
         "Mesh ModalBasis compile_scene Model "
         "doctor",
+    ),
+    "Moving": (
+        "Motion in time, and the functions of time that drives, loads and the base follow.",
+        "simulate History stepper Stepper MovingState Ramp Cycloid Trapezoid HalfSine Sine Step TimeTable Shake Event "
+        "Simulation",
     ),
     "Designing": (
         "Over strokes and designs: tables, gradients, optimum, tolerances.",

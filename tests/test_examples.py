@@ -1,5 +1,6 @@
 """Every script of examples/ runs, prints its answers, draws its picture, and its numbers are those of this table."""
 
+import cmath
 import math
 import runpy
 import sys
@@ -23,6 +24,23 @@ FOLDED = 0.5 / (40e-3**3 / (3 * EI(20e-3, 0.3e-3)) + 6 * 40e-3 / (5 * 200e9 / 2.
 HALF_EULER = math.pi * math.sqrt(0.5)
 SWAY = HALF_EULER**3 / 12 / (2 * math.tan(HALF_EULER / 2) - HALF_EULER)
 """Sideways stiffness of a clamped and guided beam under half of its buckling load, over that without load."""
+
+SWING = 2 * math.pi * 19.637
+"""Angular frequency [rad/s] of the payload of `pick_and_place`, leaf springs included."""
+
+
+def left_over(acceleration) -> float:
+    """Amplitude [m] of an oscillator on a carriage after a stroke of .1 s: the integral of a(t) e^(i w t) over w."""
+    t = [(k + 0.5) * 1e-5 for k in range(10_000)]
+    return abs(sum(acceleration(one) * cmath.exp(1j * SWING * one) for one in t)) * 1e-5 / SWING
+
+
+def off_after(t: float) -> float:
+    """Step response less one of an oscillator of 7.103 Hz with a ratio of .05."""
+    w, z = 2 * math.pi * 7.1028, 0.05
+    wd = w * math.sqrt(1 - z * z)
+    return math.exp(-z * w * t) * (math.cos(wd * t) + z / math.sqrt(1 - z * z) * math.sin(wd * t))
+
 
 NUMBERS = {
     "balanced_pivot": {
@@ -57,6 +75,23 @@ NUMBERS = {
         "rms": (math.sqrt(math.pi * 12.5e-6**2 / (4 * 0.2316 * 0.002)) / (2 * math.pi * 4.590), 2e-2, "one resonance"),
         # a short pulse is a change of speed
         "hit": (0.5 * 2 / math.pi * 11e-3 / (2 * math.pi * 4.590), 2e-2, "momentum"),
+    },
+    "settling": {
+        "overshoot": (math.exp(-math.pi * 0.05 / math.sqrt(1 - 0.05**2)), 2e-3, "one mass"),
+        "settled": (max(t for k in range(30_000) if abs(off_after(t := k * 1e-4)) > 0.01), 2e-3, "one mass"),
+    },
+    "pick_and_place": {
+        "cycloid": (left_over(lambda t: 2 * math.pi * 5 * math.sin(20 * math.pi * t)), 2e-2, "Fourier integral"),
+        "trapezoid": (left_over(lambda t: 22.5 * ((t < 0.1 / 3) - (t > 0.2 / 3))), 1e-2, "Fourier integral"),
+    },
+    "released_rod": {
+        "x": (1.049328, 1e-4, "finite elements, extrapolated"),
+        "y": (-0.332983, 5e-4, "finite elements, extrapolated"),
+        "kept": (1.0, 1e-4, "no damping"),
+    },
+    "controlled_guide": {
+        "end": (0.5e-3 * 7895.7 / (7895.7 + 0.5 * (2 * math.pi * 7.1028) ** 2), 1e-3, "stiffness of the loop"),
+        "overshoot": (math.exp(-math.pi * 0.4713 / math.sqrt(1 - 0.4713**2)), 2e-2, "one mass"),
     },
     "delta_stage": {
         # pivots of flexures shift: a milliradian

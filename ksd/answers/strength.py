@@ -8,6 +8,7 @@ differ by about 1.5 times the strain, so above one per cent of strain the law is
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,8 +101,14 @@ class Strength(PrintableAnswer):
 
 def strength(model: Model, motion: State, *, load_factor: float = 1.0) -> Strength | None:
     """Largest strain and stress of a state, and their ratios to the limits; None where there are no leaf springs."""
+    return strength_of(
+        model, stress_from_forces(model, section_forces(model, motion, load_factor=load_factor)).leaves
+    )
+
+
+def strength_of(model: Model, found: Mapping[str, LeafStress]) -> Strength | None:
+    """`strength` from the stress of all leaves."""
     leaves = scene_leaves(model)
-    found = stress_from_forces(model, section_forces(model, motion, load_factor=load_factor)).leaves
     if not found:
         return None
     strains = {name: _largest_strain(stress, leaves[name].material) for name, stress in found.items()}

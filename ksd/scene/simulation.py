@@ -36,7 +36,7 @@ from ksd.scene.functions_of_time import (
 from ksd.scene.toml_table import quantity
 from ksd.units import DIMENSIONS
 
-METHODS = ("generalised_alpha", "energy_momentum")
+METHODS = ("generalised_alpha",)
 STARTS = ("equilibrium", "undeformed")
 DEFAULT_ACCURACY = 1e-3
 """Error of places, relative to the largest stroke, where neither it nor a step is given."""

@@ -11,7 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ksd.answers.inertia_forces import moving_section_forces
 from ksd.answers.printing import NamedAnswers, PrintableAnswer, format_number, format_table
+from ksd.answers.strength import Strength, strength_of
+from ksd.answers.stress import Stress, stress_from_forces
 from ksd.checks import (
     clear_argument_errors_of_methods,
     names_of,
@@ -113,12 +116,30 @@ class Energies:
 class Instant(Configuration):
     """The mechanism at an instant t [s] of a motion: a `Configuration` that is no equilibrium.
 
-    velocity (nodes, 6) [m/s, rad/s]: of all nodes. Stress and strain energy are those of the moving leaf springs; stiffness,
-    frequencies and linear models are those about the place it is passing, as if it were held there.
+    velocity (nodes, 6) [m/s, rad/s]: of all nodes. Section forces, stress, strength and strain energy are those of the
+    moving leaf springs, their inertia included; stiffness, frequencies and linear models are those about the place it is
+    passing, as if it were held there. around: states `step` [s] before and after.
     """
 
     t: float = 0.0
     velocity: Any = None
+    around: Any = None
+    step: float = 0.0
+
+    def section_forces(self, *, points: int = 25) -> Any:
+        """As `Configuration.section_forces`, with the inertia of the leaf springs."""
+        return moving_section_forces(
+            self.model, self.around, self.step, points=whole_number(points, "points", least=2)
+        )
+
+    def stress(self, *, points: int = 25) -> Stress:
+        """As `Configuration.stress`, with the inertia of the leaf springs."""
+        return stress_from_forces(self.model, self.section_forces(points=points))
+
+    @cached_property
+    def strength(self) -> Strength | None:
+        """As `Configuration.strength`, with the inertia of the leaf springs."""
+        return strength_of(self.model, self.stress().leaves)
 
     @property
     def speeds(self) -> dict[str, Array]:
@@ -213,10 +234,33 @@ class History(PrintableAnswer):
         )  # fmt: skip
 
     def _instant(self, t: float) -> Instant:
-        """The pose at t: cubics in time through places and speeds, straight lines for forces."""
+        """The pose at t, and the states next to it from which accelerations follow."""
         trace, times = self.trace, self.t
         if not times[0] <= t <= times[-1]:
             raise SceneError(f"time {t:g} s is outside of the motion, {times[0]:g} to {times[-1]:g} s")
+        state, velocity, values = self._between(t)
+        k = int(np.clip(np.searchsorted(times, t, side="right") - 1, 0, max(len(times) - 2, 0)))
+        step = float(times[min(k + 1, len(times) - 1)] - times[k]) or 1.0
+        middle = (
+            float(np.clip(t, times[0] + step, times[-1] - step)) if times[-1] - times[0] >= 2.0 * step else t
+        )
+        ends = [float(np.clip(middle + side * step, times[0], times[-1])) for side in (-1.0, 0.0, 1.0)]
+        around = [self._between(one)[0] for one in ends]
+        if middle != t:
+            # at the ends of the motion the acceleration of the next instant
+            shift = state.inner - around[1].inner, state.x - around[1].x
+            around = [one._replace(inner=one.inner + shift[0], x=one.x + shift[1]) for one in around]
+        around[1] = state
+        return Instant(
+            trace.model, state, f"motion at t = {t:g} s", dict(zip(trace.model.drive_names, values.tolist(), strict=True)),
+            (Step("motion", trace.steps, 0.0, 0.0, Stop.MOVING),), negatives=0, expected_negatives=0, t=t, velocity=velocity,
+            around=tuple(around), step=step,
+        )  # fmt: skip
+
+    def _between(self, t: float) -> tuple[Any, Array, Array]:
+        """State, velocities of the nodes and values of drives at t: cubics in time through places and speeds, straight lines
+        for forces."""
+        trace, times = self.trace, self.t
         k = int(np.clip(np.searchsorted(times, t, side="right") - 1, 0, max(len(times) - 2, 0)))
         state, velocity = trace.state(trace.x[k]), trace.velocity[k]
         values = trace.drive_value[k]
@@ -236,10 +280,7 @@ class History(PrintableAnswer):
             values, _ = _hermite(
                 values, trace.drive_value[k + 1], trace.drive_rate[k], trace.drive_rate[k + 1], h, u
             )
-        return Instant(
-            trace.model, state, f"motion at t = {t:g} s", dict(zip(trace.model.drive_names, values.tolist(), strict=True)),
-            (Step("motion", trace.steps, 0.0, 0.0, Stop.MOVING),), negatives=0, expected_negatives=0, t=t, velocity=velocity,
-        )  # fmt: skip
+        return state, velocity, values
 
     def _slope(self, k: int) -> Any:
         """Rates of the numbers of a state at instant k, by the parabola through it and its neighbours."""
