@@ -1,7 +1,7 @@
 """Does a controller at 2 kHz hold a stage where it should be, and how far does it overshoot?
 
 The stage of `settling.py` without its damping; a controller reads its place every half millisecond and sets the force of the
-coil, which is constant in between. The loop is closed step by step, and compared with the oscillator that it makes of one mass.
+coil, which is constant in between. The loop is closed step by step, and compared with the oscillator of one mass.
 """
 
 import numpy as np

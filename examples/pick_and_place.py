@@ -1,7 +1,7 @@
 """Which way to move a carriage by 50 mm in .1 s lets its payload swing least?
 
-A payload of .2 kg hangs on two leaf springs from a carriage on a slide. The same stroke is made by a cycloid and by a trapezoid
-of speed; what swings afterwards is compared with the integral of the acceleration of the carriage over one oscillator.
+A payload of .2 kg hangs on two leaf springs from a carriage on a slide. The same stroke is made by a cycloid and by a
+trapezoid of speed; what swings afterwards is compared with the integral of the acceleration of the carriage over one oscillator.
 """
 
 import numpy as np
@@ -45,7 +45,8 @@ def picture(path=None):
 
 print(histories["trapezoid"])
 print(
-    f"payload at {frequency:.3g} Hz swings by {cycloid / mm:.3g} mm after a cycloid, {trapezoid / mm:.3g} mm after a trapezoid"
+    f"payload at {frequency:.3g} Hz swings by {cycloid / mm:.3g} mm after a cycloid, {trapezoid / mm:.3g} mm after a "
+    "trapezoid"
 )
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """How long until a stage stands still to 1 % after a step of its voice coil?
 
-A stage of .5 kg on two leaf springs, pushed by .5 N from one moment to the next; the leaf springs lose 5 % of critical damping
-(a layer of damping tape). The answer of an oscillator with one mass is drawn beside it.
+A stage of .5 kg on two leaf springs, pushed by .5 N from one moment to the next. A layer of damping tape on the leaf
+springs is worth 5 % of critical damping. The numbers are compared with an oscillator of one mass.
 """
 
 import numpy as np

@@ -81,7 +81,7 @@ NUMBERS = {
         "settled": (max(t for k in range(30_000) if abs(off_after(t := k * 1e-4)) > 0.01), 2e-3, "one mass"),
     },
     "pick_and_place": {
-        "cycloid": (left_over(lambda t: 2 * math.pi * 5 * math.sin(20 * math.pi * t)), 2e-2, "Fourier integral"),
+        "cycloid": (left_over(lambda t: 2 * math.pi * 5 * math.sin(20 * math.pi * t)), 6e-2, "Fourier integral"),
         "trapezoid": (left_over(lambda t: 22.5 * ((t < 0.1 / 3) - (t > 0.2 / 3))), 1e-2, "Fourier integral"),
     },
     "released_rod": {
