@@ -1,7 +1,7 @@
 """Which way to move a carriage by 50 mm in .1 s lets its payload swing least?
 
 A payload of .2 kg hangs on two leaf springs from a carriage on a slide. The same stroke is made by a cycloid and by a
-trapezoid of speed; what swings afterwards is compared with the integral of the acceleration of the carriage over one oscillator.
+trapezoid of speed; what swings afterwards is compared with an integral of the acceleration of the carriage.
 """
 
 import numpy as np

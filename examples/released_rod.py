@@ -1,7 +1,7 @@
 """Where is the end of a bent rod .3 s after it was let go, and is its energy still there?
 
-The rod of 1.11 m of Lan 2005, example 4.I.1, is bent by 7.187 N until its end is .41 m off. The force goes away within 40 ms,
-smoothly; the numbers are those of finite elements, extrapolated in step and mesh.
+The rod of 1.11 m of Lan 2005, example 4.I.1, is bent by 7.187 N until its end is .41 m off. The force goes away
+within 40 ms; the numbers are those of finite elements, extrapolated in step and mesh.
 """
 
 import numpy as np

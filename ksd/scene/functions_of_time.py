@@ -325,8 +325,8 @@ class HalfSine(FunctionOfTime):
     """A pulse amplitude * sin(pi t / duration) of `duration` [s] from the instant `delay` [s] on, zero before and after."""
 
     amplitude: float
-    duration: float
     _: KW_ONLY
+    duration: float
     delay: float = 0.0
 
     def __post_init__(self) -> None:
@@ -358,8 +358,8 @@ class Sine(FunctionOfTime):
     """offset + amplitude * sin(2 pi frequency_Hz t + phase), phase [rad]."""
 
     amplitude: float
-    frequency_Hz: float
     _: KW_ONLY
+    frequency_Hz: float
     phase: float = 0.0
     offset: float = 0.0
 

@@ -276,7 +276,7 @@ class Simulation:
                 )
         return said
 
-    def check_memory(self, steps: int, numbers: int) -> None:
+    def check_memory(self, steps: int, *, numbers: int) -> None:
         """Raise SceneError for a history of `steps` steps with so many `numbers` each that would not fit."""
         kept = -(-steps // self.every) + 1
         size = 8 * kept * numbers

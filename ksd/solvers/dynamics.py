@@ -764,7 +764,7 @@ def _runs(marcher: Marcher, dt: float, progress: bool) -> tuple[Run, float]:
     """The run of the step that was given, or of one small enough for the accuracy, and its estimated error."""
     moving, words = marcher.moving, marcher.words
     steps = sum(n for _, _, n in _segments(words, marcher.kicks, dt))
-    words.check_memory(steps, sum(f.size for f in moving.rest) + 24 * len(moving.rest.x) + SCALARS)
+    words.check_memory(steps, numbers=sum(f.size for f in moving.rest) + 24 * len(moving.rest.x) + SCALARS)
     links = np.array(list(range(1, moving.model.links)) or [0])
     with progress_bar(progress) as bar:
         task = bar.add_task("motion", total=steps if words.dt else 1.5 * steps)

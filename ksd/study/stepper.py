@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -18,8 +17,9 @@ from ksd.model.newton import CONVERGED
 from ksd.scene.functions_of_time import Step as Constant
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.scene import Scene
-from ksd.scene.simulation import Simulation
+from ksd.scene.simulation import Shake, Simulation
 from ksd.scene.toml_table import quantity
+from ksd.solvers.configuration import Configuration
 from ksd.solvers.dynamics import Motion, Run, Saved, begin_motion, trace_of_run
 from ksd.solvers.time_steps import generalised_alpha
 from ksd.study.history import DriveMotion, History, Instant
@@ -28,18 +28,17 @@ MAX_HALVINGS = 8
 """How often the part of a step is halved before the step is refused."""
 
 
-@dataclass(frozen=True, repr=False)
 class MovingState:
     """A mechanism in motion at t [s]. It is not changed by steps: any state can be gone on from, again and again.
 
-    history: the same as a `History` of this instant alone.
+    history: the same as a `History` of this instant alone; saved, inputs, part: what the next step goes on from.
     """
 
-    t: float
-    history: History
-    _saved: Any
-    _inputs: Mapping[str, float]
-    _part: float
+    def __init__(
+        self, t: float, *, history: History, saved: Saved, inputs: Mapping[str, float], part: float
+    ) -> None:
+        self.t, self.history = t, history
+        self._saved, self._inputs, self._part = saved, inputs, part
 
     def __repr__(self) -> str:
         read = ", ".join(f"{name} {value:.6g}" for name, value in self.sensors.items())
@@ -63,7 +62,10 @@ class MovingState:
 
 
 class Stepper:
-    """``state = step(state, inputs, dt)``, from ``step.start`` on. longest [s]: longest part of a step."""
+    """``state = step(state, inputs, dt)``, from ``step.start`` on; made by `ksd.stepper`.
+
+    scene: what moves; words: how; longest [s]: longest part of a step; mesh: of the leaf springs.
+    """
 
     def __init__(self, scene: Scene, words: Simulation, longest: float | None, mesh: Mesh | None) -> None:
         marcher, chosen, _, _ = begin_motion(scene, words, mesh)
@@ -79,7 +81,9 @@ class Stepper:
 
     def _state(self, run: Any, inputs: Mapping[str, float], part: float) -> MovingState:
         history = History(trace_of_run(self._marcher, run, math.nan), None)
-        return MovingState(float(self._motion.t), history, Saved(self._motion), inputs, part)
+        return MovingState(
+            float(self._motion.t), history=history, saved=Saved(self._motion), inputs=inputs, part=part
+        )
 
     def __call__(self, state: MovingState, inputs: Mapping[str, float], dt: float | str) -> MovingState:
         """The state `dt` [s] later. inputs: factors of loads, constant meanwhile; loads that are not named keep theirs.
@@ -135,19 +139,26 @@ def stepper(
     longest: float | str | None = None,
     drives: Mapping[str, Any] | None = None,
     loads: Mapping[str, Any] | None = None,
+    base: Shake | None = None,
+    start: str | Configuration = "equilibrium",
+    speeds: Mapping[str, Any] | None = None,
+    damping_at: float | str | None = None,
+    rho: float = 0.8,
     mesh: Mesh | None = None,
-    **words: Any,
 ) -> Stepper:
     """A callable ``step(state, inputs, dt)`` that moves a mechanism on in time; ``step.start`` is the first state.
 
     Inputs are factors of loads. longest [s]: longest part of a step, a hundredth of the longest free period when None.
-    drives, loads, start, speeds, base, damping_at, rho: as in `ksd.simulate`; drives that are None are let go. Raises as
-    that.
+    drives, loads, start, speeds, base, damping_at, rho, mesh: as in `ksd.simulate`; drives that are None are let go.
+    Raises SceneError for bad input, ConvergenceError where there is no equilibrium to start from.
     """
     scene = mechanism.scene() if isinstance(mechanism, Mechanism) else mechanism
     if not isinstance(scene, Scene):
         raise SceneError(f"stepper: {show(mechanism)} is no mechanism")
-    made = Simulation(until=1.0, drives=drives or {}, loads=loads or {}, **words)
+    made = Simulation(
+        until=1.0, drives=drives or {}, loads=loads or {}, base=base, start=start, speeds=speeds or {},
+        damping_at=damping_at, rho=rho,
+    )  # fmt: skip
     made.check(scene)
     part = (
         None

@@ -155,6 +155,8 @@ WRONG = {name: (lambda _, n=name, w=sizes: getattr(ksd, n)(STEEL, **w)) for name
     "train": lambda _: ksd.train("none of this name"),
     "find_record": lambda _: ksd.find_record("none of this name"),
     "read_result": lambda _: ksd.read_result(3),
+    "simulate": lambda _: ksd.simulate(ksd.Mechanism("m"), -1.0),
+    "stepper": lambda _: ksd.stepper(ksd.Mechanism("m")),
 }
 """A call with something wrong, by name; all but what the package makes and what cannot go wrong."""
 

@@ -41,7 +41,7 @@ class Pose:
 def test_what_is_understood():
     words = {
         "until": "1 s", "dt": "2 ms", "drives": {"push": ksd.Cycloid("5 mm", duration="50 ms")},
-        "loads": {"weight": [(0, 0), (0.1, 1)]}, "base": ksd.Shake("y", ksd.HalfSine("50 m/s^2", "11 ms")),
+        "loads": {"weight": [(0, 0), (0.1, 1)]}, "base": ksd.Shake("y", ksd.HalfSine("50 m/s^2", duration="11 ms")),
         "speeds": {"stage": (0.1, 0, 0)}, "stop": ksd.Event("push", above="4 mm"), "damping_at": "8.6 Hz",
     }  # fmt: skip
     made, said = checked_simulation(guide(LOSSY).scene(), **words)
@@ -81,8 +81,8 @@ def test_what_is_understood():
         ({"stop": "4 mm"}, "give ksd.Event"),
         ({"stop": ksd.Event("pull", above=1.0)}, "there is no drive or sensor 'pull'"),
         ({"base": 3.0}, "give ksd.Shake"),
-        ({"base": ksd.Shake("z", ksd.HalfSine(1.0, 0.01))}, "out of the plane xy"),
-        ({"base": ksd.Shake("y", ksd.HalfSine("1 mm", 0.01))}, "of dimension length"),
+        ({"base": ksd.Shake("z", ksd.HalfSine(1.0, duration=0.01))}, "out of the plane xy"),
+        ({"base": ksd.Shake("y", ksd.HalfSine("1 mm", duration=0.01))}, "of dimension length"),
         ({"start": "rest"}, "'equilibrium' or 'undeformed'"),
         ({"drives": {"push": ksd.Cycloid("5 deg", duration=0.1)}}, "of dimension angle, but must be in m"),
         ({"loads": {"weight": ksd.Cycloid("5 mm", duration=0.1)}}, "must be a plain factor"),
@@ -124,7 +124,7 @@ def test_what_is_said():
     _, said = checked_simulation(scene, until=1.0, drives={"push": table})
     assert [s.split("t = ")[1].split(";")[0] for s in said] == ["0 s", "0.1 s"]
     assert all("its speed jumps" in s for s in said)
-    _, said = checked_simulation(scene, until=1.0, drives={"push": ksd.Sine(1e-3, "5 Hz")})
+    _, said = checked_simulation(scene, until=1.0, drives={"push": ksd.Sine(1e-3, frequency_Hz="5 Hz")})
     assert len(said) == 1 and "jumps at t = 0 s" in said[0]
     _, said = checked_simulation(scene, until=1.0, dt=0.02, loads={"weight": [(0, 0), (0.01, 1)]})
     assert len(said) == 1 and "0.01 s apart, closer than dt = 0.02 s" in said[0]
@@ -133,10 +133,10 @@ def test_what_is_said():
 
 def test_a_history_that_would_not_fit():
     made = Simulation(until=1.0)
-    made.check_memory(1000, 1000)
+    made.check_memory(1000, numbers=1000)
     with pytest.raises(SceneError, match=r"would take 74.5 GiB .* every=10"):
-        made.check_memory(10_000_000, 1000)
-    Simulation(until=1.0, every=100).check_memory(10_000_000, 1000)
+        made.check_memory(10_000_000, numbers=1000)
+    Simulation(until=1.0, every=100).check_memory(10_000_000, numbers=1000)
 
 
 def test_no_function_of_python_and_no_pose_in_a_file():

@@ -161,7 +161,7 @@ def test_sensors_read_places_rates_and_accelerations(history):
 
 
 def test_absolute_sensors_add_the_base(trace, history):
-    shaken = History(trace, Shake("x", ksd.Sine(3.0, "7 Hz")))
+    shaken = History(trace, Shake("x", ksd.Sine(3.0, frequency_Hz="7 Hz")))
     more = shaken.sensors["shaken"] - history.sensors["shaken"]
     assert np.allclose(more, 3.0 * np.sin(2 * math.pi * 7 * history.t), atol=1e-12)
     assert np.array_equal(shaken.sensors["felt"], history.sensors["felt"])

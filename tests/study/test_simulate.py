@@ -73,7 +73,7 @@ acceleration = { half_sine = "2 m/s^2", duration = "8 ms" }
 WORDS = {
     "until": 0.04, "dt": 1e-3, "drives": {"push": None},
     "loads": {"hit": ksd.Ramp("10 ms") + ksd.Ramp("10 ms", end=-1, delay="20 ms")},
-    "base": ksd.Shake("x", ksd.HalfSine(2.0, "8 ms")),
+    "base": ksd.Shake("x", ksd.HalfSine(2.0, duration="8 ms")),
 }  # fmt: skip
 
 
