@@ -19,9 +19,9 @@ from ksd.joints.joint_poses import pose_from_polynomials
 from ksd.modal import ModalBasis, with_modal_bodies
 from ksd.modal.solid import block
 from ksd.modal.solid_basis import reduce_solid
-from ksd.model.assembly import skip_add_weight, skip_leaf_gravity, skip_set_gravity
+from ksd.model.assembly import skip_add_weight, skip_leaf_gravity, skip_rotate_gravity, skip_set_gravity
 from ksd.model.compile import compile_scene
-from ksd.model.newton import _skip_rotate_gravity, _skip_springs, _skip_step_correction
+from ksd.model.newton import _skip_bodies, _skip_step_correction
 from ksd.solvers import joint_tables
 from ksd.solvers.conventional import solve_conventional
 
@@ -171,6 +171,20 @@ def test_verification_of_a_curved_leaf():
     assert not ksd.solve(scene).verify().unclosed
 
 
+@pytest.mark.parametrize("plane", ["xy", None])
+def test_motions(plane):
+    steel = ksd.Material(E=200e9, nu=0.3, density=7800, loss_factor=0.01)
+    joint = ksd.ParallelGuide(steel, length=0.1, thickness=0.5e-3, width=0.03, spacing=0.06)
+    scene = ksd.Mechanism("guide", plane=plane)
+    stage = scene.link("stage", mass=0.5, inertia=(4e-4, 4e-4, 4e-4), at=(0.1, 0, 0))
+    scene.join(scene.ground, stage, joint, at=(0, 0, 0), axis="z", toward="x")
+    scene.load(stage, force=(0, 5, 0), at=(0.1, 0, 0), name="push")
+    scene.damper(scene.ground, stage, damping=2.0, along="y", at=(0.1, 0, 0))
+    scene.gravity = (0, -9.81, 0)
+    found = ksd.simulate(scene, until=4e-3, dt=1e-3, loads={"push": ksd.Ramp(2e-3)}, damping_at=10.0)
+    assert found.stop is None and found.energy.kinetic[-1] > 0
+
+
 def test_batches(monkeypatch):
     monkeypatch.setattr(joint_tables, "INITIAL_PIECES", 8)
     monkeypatch.setattr(joint_tables, "MAX_PIECES", 8)
@@ -213,16 +227,12 @@ def test_solids():
     assert ksd.solve(scene, basis={"blade": solid}, strict=False).converged
 
 
-def test_without_weight_or_springs_nothing_happens():
-    assert (
-        skip_set_gravity(None, None, None, None, None)
-        is skip_add_weight(None, None, None, None, None)
-        is None
-    )
-    assert skip_leaf_gravity(*[None] * 8) is None
-    assert _skip_rotate_gravity(None, None, None) is None
-    assert _skip_step_correction(*[None] * 8) is None
-    assert _skip_springs(*[None] * 12) == 0
+def test_without_weight_or_inertia_nothing_happens():
+    for skip, words in (
+        (skip_set_gravity, 9), (skip_add_weight, 12), (skip_leaf_gravity, 8), (skip_rotate_gravity, 8),
+        (_skip_bodies, 9), (_skip_step_correction, 8),
+    ):  # fmt: skip
+        assert skip(*[None] * words) is None
 
 
 def kernels():
