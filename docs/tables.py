@@ -63,12 +63,12 @@ REFERENCE = {
         "answers.link_forces.LinkForce answers.internal_stress.Misplaced answers.extent.Clearance "
         "answers.verify.Verification answers.doctor.Diagnosis answers.plant.Plant solvers.response.Response "
         "solvers.random_vibration.RandomVibration solvers.shock.Shock "
-        "study.frequency_curve.FrequencyCurve study.state_space.StateSpace",
+        "study.frequency_curve.FrequencyCurve study.state_space.StateSpace study.history.Spectrum",
     ),
     "Pictures": (
         "Drawn with matplotlib, without a display; `Configuration.plot`, `Table.plot` and `Configuration.view` call them.",
-        "view.plot_mechanism view.plot_mode view.plot_stroke view.animate_stroke view.animate_mode view.save_figure "
-        "view.show_mechanism view.write_vtu view.write_pvd view.write_page live",
+        "view.plot_mechanism view.plot_mode view.plot_stroke view.plot_over_time view.animate_stroke view.animate_mode "
+        "view.save_figure view.show_mechanism view.write_vtu view.write_pvd view.write_page live",
     ),
     "Exchange": (
         "Files of other programs: `Configuration.export`, `ksd export` and `ksd new --from` call them.",
@@ -232,6 +232,8 @@ def scene_tables() -> Iterator[tuple[str, schema.Schema, tuple[object, ...]]]:
     for kind, table in schema.MOTIONS.items():
         own = {key: said for key, said in table.items() if key != "kind"}
         yield f'[[joint.NAME.motion]], kind = "{kind}"', own, (ksd.Motion,)
+    yield "[simulate]", schema.SIMULATE, (ksd.Simulation,)
+    yield "[simulate.base]", {"along": "direction!", "acceleration": "any!"}, (ksd.Shake,)
     yield "[options]", {key: OPTION[kind] for key, kind in OPTIONS.items()}, ()
 
 

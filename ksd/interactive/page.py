@@ -39,8 +39,8 @@ max-width:220px;overflow:hidden;text-overflow:ellipsis}
 .ksd-scale i{width:130px;height:10px;display:inline-block;border-radius:2px}
 .ksd-view svg:focus{outline:none}
 .ksd-failed{position:absolute;inset:12px auto auto 12px;font-size:13px;color:#4b5563}
-.ksd-refused{position:absolute;left:12px;right:12px;top:10px;z-index:5;background:#fef2f2;border:1px solid #fca5a5;
-color:#7f1d1d;padding:6px 10px;border-radius:6px;font-size:13px;white-space:pre-wrap;max-height:45%;overflow:auto}
+.ksd-refused{position:absolute;left:12px;right:12px;top:10px;z-index:5;background:#eef0f4;border:1px solid #b91c1c;
+color:#b91c1c;padding:6px 10px;border-radius:6px;font-size:13px;white-space:pre-wrap;max-height:45%;overflow:auto}
 .ksd-numbers{font-size:13px;line-height:1.35} .ksd-numbers td{overflow-wrap:anywhere;padding:2px 0;vertical-align:top}
 .ksd-numbers td:first-child{padding-right:10px;min-width:104px} .ksd-numbers .old{color:#9aa3b2}
 .ksd-numbers .bad{color:#b91c1c;font-weight:500}
@@ -186,7 +186,7 @@ class Viewer:
         with (
             ui.row()
             .classes("w-full items-center no-wrap gap-2 q-px-md")
-            .style("height:44px;border-bottom:1px solid #e5e7eb")
+            .style("height:44px;border-bottom:1px solid #eceff4")
         ):
             self.title = (
                 ui.label(self.session.scene.name)
@@ -209,7 +209,7 @@ class Viewer:
                 self.left = ui.column().classes("w-full gap-1")
                 self.slider_box = ui.column().classes("w-full gap-1")
             with ui.element("div").style(
-                "position:relative;flex:1;height:100%;min-width:0;border:solid #e5e7eb;border-width:0 1px"
+                "position:relative;flex:1;height:100%;min-width:0;border:solid #eceff4;border-width:0 1px"
             ):
                 self.view = sheets_class()().style("width:100%;height:100%;display:block")
                 self.view._props["mode"] = "space"
@@ -417,7 +417,7 @@ def reachable_bar(slider: Slider) -> str:
     low, high = (100 * min(1.0, max(0.0, (end - slider.low) / wide)) for end in slider.reached)
     if low <= 0.0 and high >= 100.0:
         return "none"
-    return f"linear-gradient(to right,#fca5a5 {low:.4g}%,#86efac {low:.4g}%,#86efac {high:.4g}%,#fca5a5 {high:.4g}%)"
+    return f"linear-gradient(to right,#c3c9d4 {low:.4g}%,#6a9f58 {low:.4g}%,#6a9f58 {high:.4g}%,#c3c9d4 {high:.4g}%)"
 
 
 def numbers_html(update: Update) -> str:

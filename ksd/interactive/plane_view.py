@@ -25,7 +25,7 @@ Box = tuple[float, float, float, float]
 """Left, top, width and height of what is seen [mm], downwards as SVG has it."""
 PIXELS = 900
 """Width of the view for which sizes of text and marks are chosen."""
-REST, DEFORMED = "#9aa3b2", "#2563a8"
+REST, DEFORMED = "#9aa3b2", "#3b6ea5"
 """Colours of undeformed and deformed leaf springs."""
 EMPTY_BOX: Box = (-100.0, -110.0, 200.0, 150.0)
 
@@ -133,11 +133,11 @@ class _Picture:
             step *= 10
         for k in range(math.ceil(left / step), math.floor((left + wide) / step) + 1):
             self._line(
-                [(k * step, top), (k * step, top + tall)], "#d5dae3" if k % 10 == 0 else "#eef0f4", 1.0
+                [(k * step, top), (k * step, top + tall)], "#c3c9d4" if k % 10 == 0 else "#eef0f4", 1.0
             )
         for k in range(math.ceil(top / step), math.floor((top + tall) / step) + 1):
             self._line(
-                [(left, k * step), (left + wide, k * step)], "#d5dae3" if k % 10 == 0 else "#eef0f4", 1.0
+                [(left, k * step), (left + wide, k * step)], "#c3c9d4" if k % 10 == 0 else "#eef0f4", 1.0
             )
 
     # the mechanism
@@ -192,7 +192,7 @@ class _Picture:
                 size = math.hypot(*toward) or 1.0
                 end = at[0] + long * toward[0] / size, at[1] + long * toward[1] / size
                 self._arrow(at, end, DRIVE_COLOR, 2.4, name=f"drive/{driven.name}")
-            self._dot(at, 6.0, DRIVE_COLOR, "#fee2e2", name=f"drive/{driven.name}")
+            self._dot(at, 6.0, DRIVE_COLOR, "#eef0f4", name=f"drive/{driven.name}")
             self._label((at[0], at[1] + 22 * self.unit), driven.name, DRIVE_COLOR)
 
     def _statements(self) -> None:
@@ -234,7 +234,7 @@ class _Picture:
             )
             if placed is not None:
                 middle = self._in_plane(placed.leaf.section_at(0.5)[0])[0]
-                self._dot(middle, 4.0, REST, "#fff7ed", name=f"leaf/{row}/middle")
+                self._dot(middle, 4.0, REST, "#eef0f4", name=f"leaf/{row}/middle")
         for handle in self.drawing.handles():
             ground = handle.links == (GROUND,)
             at = self._at(handle.at)

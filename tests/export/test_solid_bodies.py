@@ -126,7 +126,7 @@ def test_pose_and_command(pose, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert pose.export("b.stl", points=5).stat().st_size > 1000
     assert pose.export("b.vtu").read_text().startswith("<?xml")
-    with pytest.raises(ksd.SceneError, match=r"'b.xyz': files end in .dxf, .vtu, .stl"):
+    with pytest.raises(ksd.SceneError, match=r"'b.xyz': files end in .dxf, .vtu, .inp, .stl"):
         pose.export("b.xyz")
     with pytest.raises(ksd.SceneError, match=r"export: deformed says nothing of a file .dxf"):
         pose.export("b.dxf", deformed=False)

@@ -407,7 +407,10 @@ def test_the_assembly_calls_nothing_for_what_is_absent(monkeypatch):
         arrays, rest, work = model.arrays, model.rest, make_workspace(model.arrays)
         newton._newton.py_func(
             newton.add_members,
-            *7 * [None],
+            *6 * [None],
+            newton._skip_bodies,
+            None,
+            lambda step: False,
             *arrays.flat,
             *rest,
             np.zeros(1),
