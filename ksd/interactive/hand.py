@@ -44,6 +44,7 @@ class Hand:
         self._from: Handle | None = None
         self._pressed: Point = (0.0, 0.0)
         self._drive: tuple[str, float, Point] | None = None
+        self._driven: float | None = None
 
     def snapped(self, at: Point, *, straight_from: Point | None = None, but: Handle | None = None) -> Point:
         """The point meant by a place: another point near by, or the next on the grid; on a multiple of 45 degrees."""
@@ -61,7 +62,7 @@ class Hand:
     def press(self, at: Point, name: str = "", *, shift: bool = False) -> None:
         """The button goes down at a place [m]; name: of what is under the mouse."""
         self._pressed, self._from = at, self.drawing.near(at, self.within)
-        self.line = self._held = self._drive = None
+        self.line = self._held = self._drive = self._driven = None
         if self.tool != "move":
             self.line = self.snapped(at), self.snapped(at)
             return
@@ -89,15 +90,17 @@ class Hand:
             self._held(at, shift)
 
     def release(self, at: Point, *, shift: bool = False) -> None:
-        """The button comes up: the action is done."""
+        """The button comes up: the action is done, at this place, also where the page had no time to tell the last move."""
+        if at != self._pressed:
+            self.move(at, shift=shift)
         line, drive, self._drive, self._held = self.line, self._drive, None, None
         self.line = None
         if line is not None:
             end = self.snapped(at, straight_from=line[0] if shift else None)
             self._draw(line[0], end)
         elif drive is not None:
-            slider = self.session.sliders[drive[0]]
-            self.drawing.set_drive(drive[0], slider.value, slider.unit)
+            if self._driven is not None:
+                self.drawing.set_drive(drive[0], self._driven, self.session.sliders[drive[0]].unit)
         else:
             self.drawing.end()
 
@@ -150,7 +153,8 @@ class Hand:
         value += by / term.coefficient
         # to what a hand can mean: a small part of how near points attract, hundredths of a degree
         step = 10.0 ** math.floor(math.log10(self.within / 20)) if term.kind == "translation" else 0.01 * deg
-        self.session.wish(name, round(value / step) * step)
+        self._driven = round(value / step) * step
+        self.session.wish(name, self._driven)
 
     def _pivot(self, term: Any) -> Point:
         """The place about which a driven rotation is dragged: its point, else the middle of where its link is held."""

@@ -121,13 +121,14 @@ class Session:
             self.scene = (
                 Scene("nothing yet", ("ground",)) if mechanism is None else build_scene(mechanism, {})
             )
+        self._changed, self._wish = threading.Condition(), 0
+        self._wished: dict[str, float] = {}
         self._take_scene(self.scene, self.targets)
         self._loaded: tuple[Scene, dict[str, float], Scene] = self.scene, {}, self.scene
         self._parameters: dict[str, float] = {}
         self.latest = Update(0, self.values)
         self.cost: dict[str, float] = {}
         self._viewers: list[Callable[[Update], None]] = []
-        self._changed, self._wish = threading.Condition(), 0
         self._tables: tuple[dict[str, Any], Path] | None = None
         self._solver: _SceneSolver | None = None
         self._last_good: dict[str, float] = {}
@@ -158,6 +159,7 @@ class Session:
             if name not in self.sliders:
                 raise SceneError(f"there is no slider '{name}'.")
             self.sliders[name].moved(value)
+            self._wished[name] = value
         self.refresh()
 
     def watch(self, link: str | None) -> None:
@@ -169,6 +171,7 @@ class Session:
         """Take the mechanism from the tables of a scene file, whose folder other files are in; returns at once."""
         with self._changed:
             self._tables = tables, file
+            self._wished.clear()
         self.refresh()
 
     def refresh(self) -> None:
@@ -300,7 +303,11 @@ class Session:
                 value = known.value if self.design is not None else slider.value
                 slider = replace(known, value=value, low=min(known.low, value), high=max(known.high, value))
             fresh[slider.name] = slider
-        self.scene, self.sliders = scene, fresh
+        with self._changed:
+            # what was wished while the tables were read is newer than they are
+            for name in fresh.keys() & self._wished.keys():
+                fresh[name].moved(self._wished[name])
+            self.scene, self.sliders = scene, fresh
 
     def _judge(self, solved: bool, values: Mapping[str, float]) -> None:
         """Mark the reachable part of the slider that moved since the last good pose."""

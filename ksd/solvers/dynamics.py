@@ -101,6 +101,7 @@ class Motion:
         self.past = np.zeros((2, *s.x.shape)), np.zeros((2, *s.R.shape)), np.zeros((2, len(s.inner)))
         self.known_past = 0
         self.multiplier = self.right_multiplier = s.multiplier.copy()
+        self.right_speeds = self.history[1]
         self._set_weight()
         self._read_places(self.history[0])
 
@@ -218,6 +219,7 @@ class Motion:
         lag = step.am - step.af
         beta = 0.25 * (step.gamma + 0.5) ** 2
         history[2] = history[3] + lag * dt * jerk
+        self.right_speeds = history[1].copy()
         history[1] += (1.0 / 6.0 - beta - 0.5 * lag) * dt**2 * jerk
 
     def push(self, step: Step, before: tuple[Array, Array], after: tuple[Array, Array]) -> None:
@@ -235,26 +237,28 @@ class Motion:
         self.history[3] += change
 
     def row(self) -> _Taken:
-        """The present instant as a row of what was taken."""
+        """The present instant as a row of what was taken, with speeds that are not shifted for the steps to come."""
         s, nodes, scalars = self.state, 12 * len(self.state.x), np.zeros((1, SCALARS))
+        history = self.history.copy()
+        history[1] = self.right_speeds
         measure(
             *self.arrays.flat,
             s.x,
             s.R,
             s.inner,
             self.moving.tau,
-            self.history,
+            history,
             self.work.flat,
             self.work.at,
             scalars[0],
         )
         return _Taken(
-            np.array([self.t]), flat_state(s)[None], self.history[1, None, :nodes].copy(),
-            self.history[3, None, :nodes].copy(), scalars,
+            np.array([self.t]), flat_state(s)[None], history[1, None, :nodes], history[3, None, :nodes], scalars,
         )  # fmt: skip
 
     def set_speeds(self, speeds: Mapping[str, tuple[float, ...]]) -> None:
-        """Give links speeds (6,); links that are not named and have mass stay at rest, all else follows as in statics."""
+        """Give links speeds (6,) of their centres of mass; links that are not named and have mass stay at rest, all else
+        follows as in statics."""
         model, start = self.moving.model, self.arrays.start
         w, active = len(self.arrays.active_dofs), self.arrays.active_dofs
         held = [
@@ -263,7 +267,9 @@ class Motion:
         ]
         velocity = np.zeros((len(start), 6))
         for name, own in speeds.items():
-            velocity[model.node_names.index(name)] = own
+            node = model.node_names.index(name)
+            arm = self.state.R[node] @ (model.rest.x[node] - centre_of_mass(model, name))
+            velocity[node] = *(np.asarray(own[:3]) + np.cross(own[3:], arm)), *own[3:]
         self._assemble()
         matrix = _dense(self.arrays.plan, self.work.matrix)
         given = np.concatenate([start[model.node_names.index(n)] + np.arange(w) for n in dict.fromkeys(held)])
@@ -470,8 +476,10 @@ class Marcher:
         """Say by how much speeds that were given contradict the constraints."""
         for name in self.words.speeds:
             own = 12 * self.moving.model.node_names.index(name)
-            off = float(np.abs(motion.history[1, own : own + 3] - before[own : own + 3]).max())
-            if off > 1e-3 * float(np.abs(before[own : own + 3]).max(initial=1e-12)):
+            given = before[own : own + 12]
+            off = float(np.abs(motion.right_speeds[own : own + 3] - given[:3]).max())
+            size = float(self.moving.arrays.size)
+            if off > 1e-3 * max(np.abs(given[:3]).max(), size * np.abs(given[3:]).max(), 1e-12):
                 self.notes.append(
                     f"speeds of '{name}' contradict what holds it, by {off:.3g} m/s; it starts with the nearest that do not"
                 )
@@ -854,6 +862,14 @@ def _leaves_plane(marcher: Marcher, run: Run, freed: tuple[str, ...]) -> bool:
         if space.imbalance(other.work)[0] > 1.0:
             return True
     return False
+
+
+def centre_of_mass(model: Model, link: str) -> Array:
+    """Centre (3,) of the masses of a link at rest; its reference point where it has none."""
+    masses = [m for m in model.scene.masses if m.link == link and m.mass]
+    if not masses:
+        return np.asarray(model.rest.x[model.node_names.index(link)])
+    return np.average([m.at for m in masses], axis=0, weights=[m.mass for m in masses])
 
 
 def leaf_share(model: Model) -> float:

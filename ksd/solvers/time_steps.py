@@ -415,6 +415,8 @@ def march(
     bmultiplier, bangle = multiplier.copy(), angle.copy()
     leaf, reason, done = allocate_leaf_scratch(ints), CONVERGED, 0
     target, sizes = np.empty(targets.shape[1]), np.zeros(6, np.int64)
+    # numbers of an array, as literals would have `newton_motion` compiled once more for each
+    tasks = np.array([[FULL_STEP, 0, 1], [SOLVE, 0, max_steps]])
     parts = (x.size, R.size, inner.size, multiplier.size, angle.size)
     for k in range(5):
         sizes[k + 1] = sizes[k] + parts[k]
@@ -444,16 +446,12 @@ def march(
                     past_inner,
                     known_past,
                 )
-            if keep == 0:
-                # a tiny step may be less than the tolerance of constraints
-                newton_motion(
-                    ints, floats, x, R, inner, multiplier, angle, target, flat, at, FULL_STEP, 0, 1, 1.0, rtol, 10.0, 0.5,
-                    math.inf,
+            # a tiny step may be less than the tolerance of constraints: a full one goes before it
+            for task in range(keep, 2):
+                reason, n, _, _, _ = newton_motion(
+                    ints, floats, x, R, inner, multiplier, angle, target, flat, at, tasks[task, 0], tasks[task, 1],
+                    tasks[task, 2], 1.0, rtol, 10.0, 0.5, math.inf,
                 )  # fmt: skip
-            reason, n, _, _, _ = newton_motion(
-                ints, floats, x, R, inner, multiplier, angle, target, flat, at, SOLVE, 0, max_steps, 1.0, rtol, 10.0, 0.5,
-                math.inf,
-            )  # fmt: skip
             iterations += n
             if reason == CONVERGED:
                 break

@@ -128,6 +128,42 @@ def test_an_escape_gives_back_what_was(drawn):
     assert session.settle().values["drive"] == 0.0
 
 
+def test_where_the_button_comes_up_counts_without_a_move_before(drawn):
+    """As from a page that had no time for the last move; a click changes nothing."""
+    drawing, session, hand = drawn
+    draw_fourbar(hand)
+    session.settle()
+    hand.tool, before = "move", copy.deepcopy(drawing.tables)
+    for name, at in (("drive/drive", (-30 * mm, 60 * mm)), ("", (-30 * mm, 0.0))):
+        hand.press(at, name)
+        hand.release(at)
+        assert drawing.tables == before
+    hand.press((-30 * mm, 60 * mm), "drive/drive")
+    hand.release((-26 * mm, 60 * mm))
+    assert drawing.tables["actuate"][0]["value"] == "4 mm"
+    assert session.settle().values["drive"] == pytest.approx(4 * mm)
+    hand.press((-30 * mm, 0.0))
+    hand.release((-45 * mm, 0.0))
+    assert drawing.tables["leaf"][0]["start"][0] == "-45 mm"
+
+
+def test_a_wish_while_a_drawing_is_read_is_kept(drawn, monkeypatch):
+    drawing, session, hand = drawn
+    draw_fourbar(hand)
+    session.settle()
+    read = scene_from_tables
+
+    def slowly(*words, **options):
+        found = read(*words, **options)
+        if session.values["drive"] == 0.0:
+            session.wish("drive", 2 * mm)
+        return found
+
+    monkeypatch.setattr("ksd.interactive.session.scene_from_tables", slowly)
+    drawing.tell()
+    assert session.settle().values["drive"] == 2 * mm
+
+
 def test_a_driven_link_follows_the_mouse(drawn):
     drawing, session, hand = drawn
     draw_fourbar(hand)

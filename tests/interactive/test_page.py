@@ -301,6 +301,6 @@ def test_a_fourbar_is_drawn_by_the_mouse_alone_and_its_file_solves_to_the_drawn_
             [sys.executable, "-m", "ksd", "solve", file], capture_output=True, text=True, check=True
         ).stdout
         line = next(one for one in said.splitlines() if re.match(r" *drive  .* mm ", one))
-        assert shown.split()[0] in line
+        assert shown.split()[0] in line and "4 mm" in file.read_text()
         # before its server ends
         page.close()

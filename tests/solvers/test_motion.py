@@ -274,7 +274,11 @@ def test_a_free_body_tumbles_as_eulers_equations_say():
         w = w + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
     off = []
     for dt in (2e-2, 1e-2, 5e-3):
-        trace = motion(scene, until, dt=dt, rho=0.8, start="undeformed", speeds={"body": (0, 0, 0, *w0)})
+        with warnings.catch_warnings():
+            # its centre of mass is held, so these speeds contradict nothing
+            warnings.simplefilter("error", ksd.SceneWarning)
+            trace = motion(scene, until, dt=dt, rho=0.8, start="undeformed", speeds={"body": (0, 0, 0, *w0)})
+        assert trace.velocity[0, trace.model.node_names.index("body"), 3:] == pytest.approx(w0, rel=1e-6)
         node = trace.model.node_names.index("body")
         off.append(np.abs(trace.rotation[-1, node] - R).max())
         spin = np.einsum("kij,ki->kj", trace.rotation[:, node], trace.velocity[:, node, 3:])
@@ -282,6 +286,30 @@ def test_a_free_body_tumbles_as_eulers_equations_say():
         drift = np.abs(momentum - momentum[0]).max() / np.linalg.norm(momentum[0])
     assert np.log2(off[1] / off[2]) == pytest.approx(2.0, abs=0.25)
     assert drift < 1e-3
+
+
+def test_speeds_that_contradict_a_pin_are_said_by_how_much():
+    scene = ksd.Mechanism("rod", plane="xy")
+    rod = scene.link("rod", mass=1.0, inertia=(1e-3, 1e-3, 1e-3), at=(0.1, 0, 0))
+    scene.pin(scene.ground, rod, at=(0, 0, 0))
+    fly = scene.link("fly")
+    scene.leaf(
+        rod,
+        fly,
+        start=(0.1, 0, 0),
+        end=(0.15, 0, 0),
+        section=ksd.rectangle(1e-3, 1e-2),
+        material=ksd.Material(E=2e11, nu=0.3, density=7800),
+        width_axis="z",
+    )
+    words = {"dt": 1e-3, "start": "undeformed"}
+    with pytest.warns(ksd.SceneWarning, match="speeds of 'rod' contradict what holds it, by 0."):
+        motion(scene, 5e-3, speeds={"rod": (0, 0, 0, 0, 0, 2.0)}, **words)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", ksd.SceneWarning)
+        trace = motion(scene, 5e-3, speeds={"rod": (0, 0.2, 0, 0, 0, 2.0)}, **words)
+    node = trace.model.node_names.index("rod")
+    assert trace.velocity[0, node, 5] == pytest.approx(2.0, rel=1e-9)
 
 
 def test_space_and_plane_agree_and_so_do_turned_scenes():
@@ -363,7 +391,7 @@ def random_motion(rng):
             ksd.Step(1.0),
             ksd.Step(1.0, delay=delay),
             ksd.Ramp(words["until"]),
-            ksd.HalfSine(1.0, delay + 1e-3),
+            ksd.HalfSine(1.0, duration=delay + 1e-3),
         ][kind]
     }
     words["rho"] = float(rng.choice([0.0, 0.5, 0.8, 1.0]))
