@@ -218,3 +218,11 @@ def assemble_inertia(
         )
     massless = {f.material.name or "unnamed" for f, _ in owner.values() if f.material.density is None}
     return Inertia(tuple(stacks), size, leaves, tuple(bubbles), tuple(sorted(massless)))
+
+
+def centre_of_mass(model: Model, link: str) -> Array:
+    """Centre (3,) of the masses of a link at rest; its reference point where it has none."""
+    masses = [m for m in model.scene.masses if m.link == link and m.mass]
+    if not masses:
+        return np.asarray(model.rest.x[model.node_names.index(link)])
+    return np.average([m.at for m in masses], axis=0, weights=[m.mass for m in masses])

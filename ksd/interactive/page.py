@@ -7,10 +7,12 @@ shows the sentence and leaves the page as it is.
 from __future__ import annotations
 
 import asyncio
+import base64
 import functools
 import html
 import inspect
 import ipaddress
+import logging
 import socket
 import time
 from collections.abc import Callable
@@ -27,6 +29,7 @@ from ksd.view.sheets import sheets_geometry, sheets_pose
 
 PORT, PORTS_TRIED = 8160, 50
 """First port, and how many after it are tried where it is in use."""
+_LOG = logging.getLogger("ksd")
 STEPS = 500
 """Steps of a slider."""
 MOVING = 0.6
@@ -58,10 +61,10 @@ def serve(
     check_host(host, shared)
     free = free_port(host, port)
     if port and free != port:
-        print(f"ksd live: port {port} is in use; this page is on {free}", flush=True)
+        _LOG.warning(f"ksd live: port {port} is in use; this page is on {free}")
     seen = host if host not in ("0.0.0.0", "::") else socket.gethostname()
     others = " (everyone who reaches this machine can see and change it)" if shared else ""
-    print(f"ksd live: http://{seen}:{free}{others}; end it with Ctrl-C", flush=True)
+    _LOG.warning(f"ksd live: http://{seen}:{free}{others}; end it with Ctrl-C")
     try:
         ui.run(
             lambda: Viewer(session, build), host=host, port=free, show=show, reload=False, title=f"{session.scene.name}",
@@ -252,8 +255,6 @@ class Viewer:
         if picture.startswith("<svg"):
             self.ui.download.content(picture, f"{self.session.scene.name}.svg")
         else:
-            import base64
-
             self.ui.download.content(
                 base64.b64decode(picture.partition(",")[2]), f"{self.session.scene.name}.png"
             )

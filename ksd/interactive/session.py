@@ -6,6 +6,7 @@ time between two pictures is answered by a second thread with a solver of its ow
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -33,6 +34,7 @@ from ksd.solvers.solver import MAX_RISES, Solver, checked_accuracy, prepare, sol
 from ksd.solvers.verdict import with_mesh_check
 from ksd.study.design_scene import build_scene
 
+_LOG = logging.getLogger("ksd")
 REST = 0.15
 """Time [s] without a wish after which the hand is taken to rest."""
 STATIONS, FEW_STATIONS, MANY_LEAVES = 17, 9, 60
@@ -231,7 +233,7 @@ class Session:
             try:
                 viewer(update)
             except Exception as reason:  # a viewer that fails must not end the session
-                print(f"ksd live: a viewer failed: {sentence_of(reason)}")
+                _LOG.warning(f"ksd live: a viewer failed: {sentence_of(reason)}")
 
     def _update(self, number: int, tables: tuple[dict[str, Any], Path] | None) -> Update:
         """Solve the present wish. Whatever goes wrong becomes a sentence, with the last good pose."""

@@ -115,6 +115,6 @@ def cache_folder() -> Path | None:
 CACHE_FOLDER: Path | None = cache_folder()
 
 
-def compiled_before() -> bool:
-    """Whether the cache already has compiled kernels of these sources."""
-    return CACHE_FOLDER is None or any(CACHE_FOLDER.rglob("*.nbi"))
+def compiled_before(kernel: str = "") -> bool:
+    """Whether the cache already has compiled kernels of these sources, or this one, "module.name"."""
+    return CACHE_FOLDER is None or any(CACHE_FOLDER.rglob(f"{kernel}*.nbi"))

@@ -30,6 +30,12 @@ if CACHE_FOLDER is not None:
         gc.set_threshold(_first and max(100_000, _first), *_others)
 
 
+def announce_compiling(last: str, what: str) -> None:
+    """Say that kernels are compiled, `what`, unless the last of them, "module.name", was compiled before."""
+    if not numba.config.DISABLE_JIT and not compiled_before(last):  # type: ignore[attr-defined]
+        logging.getLogger("ksd").warning(f"ksd: compiling {what} ...")
+
+
 def kernel(
     function: Callable[..., Any] | None = None, *, inline: Literal["never", "always", "late"] = "never"
 ) -> Any:

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from ksd.answers.forces import energy_of_one_spring
 from ksd.answers.frequencies import frequencies
+from ksd.answers.mass import centre_of_mass
 from ksd.answers.printing import progress_bar
 from ksd.errors import KinematicsError, SceneError
 from ksd.model.arrays import State, make_workspace
@@ -31,6 +32,7 @@ from ksd.model.newton import (
     take_step,
 )
 from ksd.model.plane import Plane
+from ksd.numerics.kernel import announce_compiling
 from ksd.scene.sensor import KINDS
 from ksd.scene.simulation import Simulation
 from ksd.solvers.configuration import Configuration
@@ -473,8 +475,8 @@ class Marcher:
             self._say_speeds(before, motion)
 
     def _say_speeds(self, before: Array, motion: Motion) -> None:
-        """Say by how much speeds that were given contradict the constraints."""
-        for name in self.words.speeds:
+        """Say by how much speeds that were given to links with mass contradict the constraints; others follow in any case."""
+        for name in self.words.speeds.keys() & {m.link for m in self.moving.model.scene.masses}:
             own = 12 * self.moving.model.node_names.index(name)
             given = before[own : own + 12]
             off = float(np.abs(motion.right_speeds[own : own + 3] - given[:3]).max())
@@ -738,6 +740,9 @@ def begin_motion(
     scene: Any, words: Simulation, mesh: Mesh | None = None
 ) -> tuple[Marcher, float, tuple[str, ...], tuple[str, ...]]:
     """What marches from the start of a motion, the step [s] to begin with, the drives that are let go, and notes."""
+    announce_compiling(
+        "time_steps.march", "the kernels of motion for this machine (once; one or two minutes)"
+    )
     if words.method != "generalised_alpha":
         raise SceneError(f"simulate: method '{words.method}' is not there yet; use 'generalised_alpha'")
     freed = tuple(n for n, f in words.drives.items() if f is None)
@@ -862,14 +867,6 @@ def _leaves_plane(marcher: Marcher, run: Run, freed: tuple[str, ...]) -> bool:
         if space.imbalance(other.work)[0] > 1.0:
             return True
     return False
-
-
-def centre_of_mass(model: Model, link: str) -> Array:
-    """Centre (3,) of the masses of a link at rest; its reference point where it has none."""
-    masses = [m for m in model.scene.masses if m.link == link and m.mass]
-    if not masses:
-        return np.asarray(model.rest.x[model.node_names.index(link)])
-    return np.average([m.at for m in masses], axis=0, weights=[m.mass for m in masses])
 
 
 def leaf_share(model: Model) -> float:

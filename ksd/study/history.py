@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ksd.answers.inertia_forces import moving_section_forces
+from ksd.answers.mass import centre_of_mass
 from ksd.answers.printing import NamedAnswers, PrintableAnswer, format_number, format_table
 from ksd.answers.strength import Strength, strength_of
 from ksd.answers.stress import Stress, stress_from_forces
@@ -143,8 +144,13 @@ class Instant(Configuration):
 
     @property
     def speeds(self) -> dict[str, Array]:
-        """Velocity (6,) [m/s, rad/s] of every link, as `ksd.simulate` takes them."""
-        return {name: self.velocity[i] for i, name in enumerate(self.model.scene.links) if name != GROUND}
+        """Velocity (6,) [m/s, rad/s] of every link, of its centre of mass, as `ksd.simulate` takes them."""
+        found = {}
+        for i, name in enumerate(self.model.scene.links):
+            arm = self.motion.R[i] @ (centre_of_mass(self.model, name) - self.model.rest.x[i])
+            v, w = np.split(self.velocity[i], 2)
+            found[name] = np.concatenate([v + np.cross(w, arm), w])
+        return {name: speed for name, speed in found.items() if name != GROUND}
 
     @property
     def stable(self) -> bool:

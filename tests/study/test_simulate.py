@@ -2,6 +2,7 @@
 
 import json
 import re
+import warnings
 
 import numpy as np
 import pytest
@@ -184,6 +185,20 @@ def test_a_motion_goes_on_from_an_instant():
     rest = ksd.simulate(guide(), 0.03, dt=2.5e-4, loads={"coil": 5.0}, start=whole[0.03])
     one, other = whole.sensors["tip"][-1], rest.sensors["tip"][-1]
     assert other == pytest.approx(one, abs=1e-4 * np.abs(whole.sensors["tip"]).max())
+
+
+def test_a_motion_of_a_link_off_its_centre_goes_on_from_an_instant():
+    m = ksd.Mechanism("arm", plane="xy")
+    arm, tip = m.link("arm", mass=1.0, inertia=(1e-3, 1e-3, 1e-3), at=(0.1, 0.05, 0)), m.link("tip")
+    m.pin(m.ground, arm, at=(0, 0, 0))
+    m.leaf(arm, tip, start=(0.1, 0, 0), end=(0.15, 0, 0), section=ksd.rectangle(1e-3, 1e-2), material=STEEL)
+    m.gravity, words = (0, -9.81, 0), {"dt": 2e-4, "start": "undeformed"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", ksd.SceneWarning)
+        whole = ksd.simulate(m, 0.2, **words)
+        rest = ksd.simulate(m, 0.1, **words | {"start": whole[0.1]})
+    place = whole["arm"].position
+    assert rest["arm"].position[-1] == pytest.approx(place[-1], abs=1e-4 * np.ptp(place, axis=0).max())
 
 
 def pushed(t):
