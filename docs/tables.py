@@ -67,7 +67,7 @@ REFERENCE = {
     ),
     "Pictures": (
         "Drawn with matplotlib, without a display; `Configuration.plot`, `Table.plot` and `Configuration.view` call them.",
-        "view.plot_mechanism view.plot_mode view.plot_stroke view.plot_over_time view.animate_stroke view.animate_mode "
+        "view.plot_mechanism view.plot_mode view.plot_stroke view.animate_stroke view.animate_mode "
         "view.save_figure view.show_mechanism view.write_vtu view.write_pvd view.write_page live",
     ),
     "Exchange": (

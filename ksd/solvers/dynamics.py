@@ -475,7 +475,7 @@ class Marcher:
             self._say_speeds(before, motion)
 
     def _say_speeds(self, before: Array, motion: Motion) -> None:
-        """Say by how much speeds that were given to links with mass contradict the constraints; others follow in any case."""
+        """Say by how much speeds given to links with mass contradict the constraints; others follow in any case."""
         for name in sorted(self.words.speeds.keys() & {m.link for m in self.moving.model.scene.masses}):
             own = 12 * self.moving.model.node_names.index(name)
             given = before[own : own + 12]

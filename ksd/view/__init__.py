@@ -10,7 +10,6 @@ from ksd.view.drawing import plot_mechanism
 from ksd.view.figure import save_figure
 from ksd.view.page import write_page
 from ksd.view.stroke_plot import plot_stroke
-from ksd.view.time_plot import plot_over_time
 from ksd.view.vtk import write_pvd, write_vtu
 from ksd.view.window import show_mechanism
 
@@ -19,7 +18,6 @@ __all__ = [
     "animate_stroke",
     "plot_mechanism",
     "plot_mode",
-    "plot_over_time",
     "plot_stroke",
     "save_figure",
     "show_mechanism",

@@ -280,6 +280,8 @@ def test_a_fourbar_is_drawn_by_the_mouse_alone_and_its_file_solves_to_the_drawn_
         plane.choose("drive")
         plane.drag((-30, 60), (0, 60))
         page.locator(".q-slider").wait_for()
+        # its first solve may compile
+        page.locator("tr", has_text="force of drive").wait_for(timeout=120_000)
         plane.choose("move")
         drawn, moves = plane.drag((30, 0), (30, -40), moves=8, follows=True)
         assert drawn >= 0.9 * moves
