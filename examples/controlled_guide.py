@@ -39,11 +39,15 @@ overshoot = max(place) / end - 1.0
 
 def picture(path=None):
     """Place and force over time."""
-    from ksd.view import plot_over_time, save_figure
+    from matplotlib.figure import Figure
 
-    curves = [("place", "mm", np.array(place) / mm), ("coil", "N", np.array(force))]
-    figure = plot_over_time(np.array(t), curves)
-    return figure if path is None else save_figure(figure, path)
+    figure = Figure(layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True)
+    above.plot(t, np.array(place) / mm)
+    above.set_ylabel("place [mm]")
+    below.plot(t, force)
+    below.set(xlabel="time [s]", ylabel="force of the coil [N]")
+    return figure if path is None else figure.savefig(path)
 
 
 print(state)
