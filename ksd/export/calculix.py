@@ -37,7 +37,7 @@ STIFF = 1e4
 """Young's modulus of tetrahedra over that of the stiffest leaf spring."""
 TETRAHEDRON = 0.02
 """Height of tetrahedra over the size of the mechanism."""
-MOST_TURN = 0.1
+MOST_TURN = 0.3
 """Largest rotation [rad] of a link, or displacement over the length of the shortest leaf, in one increment."""
 OFF_AXIS = 1e-4
 """Rotation [rad] normal to a moment from which on CalculiX means another moment than this package."""
@@ -54,7 +54,10 @@ class Mesh(NamedTuple):
     parts: int = 1
 
 
-COARSE = Mesh()
+COARSE, COARSER = Mesh(), Mesh(along=6, across=1, end=5.0)
+MANY_LEAVES = 6
+"""Number of leaf springs from which on the coarser mesh is taken: rigid bodies couple all of them, time grows faster than
+their number."""
 
 
 class Output(NamedTuple):
@@ -77,12 +80,15 @@ def write_deck(configuration: Drawable, path: str | os.PathLike[str]) -> Path:
     if target.suffix.lower() != ".inp":
         raise SceneError(f"'{target}': input of CalculiX ends in .inp")
     check_target(target, what="input of CalculiX")
-    return write_file(target, deck_of(configuration, COARSE).text, what="input of CalculiX")
+    return write_file(target, deck_of(configuration).text, what="input of CalculiX")
 
 
-def deck_of(configuration: Any, mesh: Mesh) -> Deck:
-    """The deck of a pose, its mesh as given, in as many increments as its rotations and displacements ask for."""
+def deck_of(configuration: Any, mesh: Mesh | None = None, *, parts: int = 1) -> Deck:
+    """The deck of a pose in as many increments as its rotations and displacements ask for. mesh: by default by the number of
+    leaf springs; each of its elements is divided into `parts` along and across."""
     model, motion = configuration.unreduced_state
+    chosen = mesh or (COARSE if len(model.member_names) < MANY_LEAVES else COARSER)
+    mesh = chosen._replace(parts=parts * chosen.parts)
     if model.solids:
         raise SceneError(
             f"CalculiX: reduced solids ({', '.join(model.solids)}) are not written; they are meshes already."

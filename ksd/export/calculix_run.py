@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ksd.checks import clear_argument_errors, whole_number
 from ksd.errors import ConvergenceError, SceneError
-from ksd.export.calculix import COARSE, Deck, Mesh, deck_of
+from ksd.export.calculix import Deck, Mesh, deck_of
 
 Array = NDArray[np.float64]
 LONGEST_RUN = 1800.0
@@ -50,13 +50,13 @@ class Confirmation:
 
 
 @clear_argument_errors
-def confirm(configuration: Any, *, refine: int = 1, mesh: Mesh = COARSE) -> Confirmation:
-    """Solve a pose again by CalculiX, each element of the mesh divided into `refine` parts along and across.
+def confirm(configuration: Any, *, refine: int = 1, mesh: Mesh | None = None) -> Confirmation:
+    """Solve a pose again by CalculiX; mesh: by default by the number of leaf springs; each of its elements is divided into
+    `refine` parts along and across.
 
     Raises SceneError where ccx is not installed or the deck cannot say the scene, ConvergenceError where ccx fails.
     """
-    parts = mesh.parts * whole_number(refine, "refine", owner="confirm")
-    deck = deck_of(configuration, mesh._replace(parts=parts))
+    deck = deck_of(configuration, mesh, parts=whole_number(refine, "refine", owner="confirm"))
     moved, held = run(deck)
     model, scene = configuration.unreduced_state[0], configuration.model.scene
     ours = configuration.forces
