@@ -104,7 +104,8 @@ class Buckling(PrintableAnswer):
 
     factor (k,): multiple of the load that is added (or factor of all stresses) at the loss of stability; negative: against
     its direction. shape (k, nodes, 6): displacement [m] and rotation [rad] of the nodes of `model`, with largest entry 1;
-    all zero where a leaf buckles between ends at rest. vector (k, size): all unknowns, inner ones included. mesh_error (k,):
+    all zero where a leaf buckles between ends at rest. vector (k, size): all unknowns, inner ones included. motion: the
+    state. mesh_error (k,):
     estimated relative mesh error of every factor; nan for chains of elements. unstable: number of directions in which the
     state itself is not a minimum. linear_up_to: largest magnitude of a factor for which linear theory is used, inf where all
     stresses grow. beyond: smallest factor that was left out for that, inf where there is none. conservative: False where
@@ -113,6 +114,7 @@ class Buckling(PrintableAnswer):
     """
 
     model: Model
+    motion: State
     factor: Array
     shape: Array
     vector: Array
@@ -167,6 +169,25 @@ class Buckling(PrintableAnswer):
         none = [self.reason[:1].upper() + self.reason[1:]] * bool(self.reason)
         title = "Critical load factors: times the load is added, or stresses grow, all else held; negative: reversed"
         return format_table(("factor", "mesh error", "<link that moves most"), rows, title, *none, *bad)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the shapes in pictures."""
+        return tuple(f"buckling_{k + 1}" for k in range(len(self.factor)))
+
+    def caption(self, row: int) -> str:
+        """What a shape is called in pictures: its critical load factor."""
+        return f"critical load factor {format_number(float(self.factor[row]), 4)}"
+
+    def moved(self, row: int, size: float) -> State:
+        """State of `model` displaced by `size` times the shape `row`, to first order, inner unknowns included."""
+        state, nodes = self.motion.copy(), self.model.arrays.plan.unknowns
+        inner = size * self.vector[row, nodes:]
+        for group in leaf_groups(self.model):
+            bends = group.inner_index[:, : group.modes]
+            state.inner[bends] += inner[bends]
+        move_nodes(self.model.arrays, state, size * self.vector[row, :nodes], 1.0)
+        return state
 
     @property
     def positive(self) -> float:
@@ -609,5 +630,5 @@ def buckling(
         count_unstable_directions(model, motion, load_factor, tangent.unstable + rows, freed=freed) - rows
     )
     return Buckling(
-        fine, factor, shape, vectors.T, mesh_error, unstable, linear_up_to, beyond, conservative, error
+        fine, state, factor, shape, vectors.T, mesh_error, unstable, linear_up_to, beyond, conservative, error
     )

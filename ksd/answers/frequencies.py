@@ -232,13 +232,9 @@ class Modes(PrintableAnswer):
             for leaf, (at, _) in zip(self.mass.leaves, self.mass.stacks, strict=False)
         ]
 
-    def largest_displacement(self, row: int) -> float:
-        """Largest displacement of nodes, and of leaf springs relative to their ends, in the mode `row`."""
-        inside = [
-            float(np.abs(leaf.parts.rho @ bent[:, None, :, None]).max())
-            for leaf, bent in zip(self.mass.leaves, self._bent(row), strict=True)
-        ]
-        return max(float(np.abs(self.shape[row, :, :3]).max()), *inside, 0.0)
+    def caption(self, row: int) -> str:
+        """What a mode is called in pictures: its number, name and frequency."""
+        return f"mode {row + 1}, {self.names[row]}: {self.frequency_Hz[row]:.4g} Hz"
 
     def static_response(self, loads: Array) -> Array:
         """Displacement (size, n) of all unknowns under loads (size, n), without the motions of 0 Hz."""

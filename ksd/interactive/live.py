@@ -8,7 +8,8 @@ from typing import Any
 
 from ksd.checks import clear_argument_errors
 from ksd.extras import live_package
-from ksd.interactive.page import PORT, serve
+from ksd.interactive.page import PORT, Viewer, serve
+from ksd.interactive.played import PlayedPanel
 from ksd.interactive.session import Session
 from ksd.interactive.tools import drawing_tools
 from ksd.scene.mechanism import Mechanism
@@ -41,7 +42,7 @@ def live(
     options = {"method": method, "accuracy": accuracy, "effects": effects}
     session = Session(mechanism, targets, ranges=ranges, options=options)
     session.refresh()
-    serve(session, host=host, port=port, show=show, shared=shared)
+    serve(session, PlayedPanel, host=host, port=port, show=show, shared=shared)
 
 
 def serve_file(
@@ -53,4 +54,9 @@ def serve_file(
     session.settle(600.0)
     for name, value in values.items():
         session.wish(name, value)
-    serve(session, build, **address)
+
+    def add_both(viewer: Viewer) -> None:
+        build(viewer)
+        PlayedPanel(viewer)
+
+    serve(session, add_both, **address)

@@ -52,7 +52,7 @@ color:#b91c1c;padding:6px 10px;border-radius:6px;font-size:13px;white-space:pre-
 
 
 def serve(
-    session: Session, build: Callable[[Viewer], None] | None = None, *, host: str = "127.0.0.1", port: int = PORT,
+    session: Session, build: Callable[[Viewer], Any] | None = None, *, host: str = "127.0.0.1", port: int = PORT,
     show: bool = True, shared: bool = False,
 ) -> None:  # fmt: skip
     """Serve the page of a session until Ctrl-C. build: adds the tools of drawing to each viewer's page. Raises SceneError
@@ -120,7 +120,7 @@ def sheets_class() -> Any:
 class Viewer:
     """One browser tab: its view, sliders and numbers, and what it was sent last."""
 
-    def __init__(self, session: Session, build: Callable[[Viewer], None] | None = None) -> None:
+    def __init__(self, session: Session, build: Callable[[Viewer], Any] | None = None) -> None:
         self.ui = live_package("nicegui").ui
         self.session, self.client = session, self.ui.context.client
         self.loop = asyncio.get_running_loop()
@@ -184,7 +184,7 @@ class Viewer:
 
     # layout
 
-    def _lay_out(self, build: Callable[[Viewer], None] | None) -> None:
+    def _lay_out(self, build: Callable[[Viewer], Any] | None) -> None:
         ui = self.ui
         with (
             ui.row()

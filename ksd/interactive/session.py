@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 
 from ksd.answers.doctor import doctor
-from ksd.answers.shape import Shape
 from ksd.errors import KsdError, SceneError
 from ksd.interactive.numbers import PARTS, Asked, Row, ask, parts_in_time, sentence_of, watched
 from ksd.interactive.sliders import Slider, design_sliders, scene_sliders, with_loads
@@ -63,7 +62,7 @@ class Update:
     times: Mapping[str, float] = field(default_factory=dict)
 
 
-class _SceneSolver:
+class SceneSolver:
     """Solvers of one scene, as `ksd.solve` would choose their meshes and by its options."""
 
     def __init__(self, scene: Scene, options: Mapping[str, Any]) -> None:
@@ -132,7 +131,7 @@ class Session:
         self.cost: dict[str, float] = {}
         self._viewers: list[Callable[[Update], None]] = []
         self._tables: tuple[dict[str, Any], Path] | None = None
-        self._solver: _SceneSolver | None = None
+        self._solver: SceneSolver | None = None
         self._last_good: dict[str, float] = {}
         self._closed, self._rest = False, 0
         self._questions: list[tuple[Callable[[Configuration], Any], Future[Any]]] = []
@@ -244,12 +243,14 @@ class Session:
             scene = self._present_scene(tables)
             values = self.values
             if self._solver is None or self._solver.scene is not scene:
-                self._solver = _SceneSolver(scene, self.options)
+                self._solver = SceneSolver(scene, self.options)
             times["model"] = clock() - start
             pose = self._solver({d.name: values.get(d.name, 0.0) for d in scene.drives})
             times["solve"] = clock() - start - times["model"]
             asked = Asked(
-                pose, self._shape(pose), *watched(pose, self.link if self.link in scene.links else None)
+                pose,
+                pose.shape(points=self.stations(pose)),
+                *watched(pose, self.link if self.link in scene.links else None),
             )
             times["shape"] = clock() - start - sum(times.values())
             rows, parts = dict(last.rows), parts_in_time(self.cost, sum(times.values()))
@@ -268,9 +269,10 @@ class Session:
                 last, number=number, values=values, refused=sentence, old=frozenset(last.rows), times=times
             )
 
-    def _shape(self, pose: Configuration) -> Shape:
-        many = len(pose.model.member_names) > MANY_LEAVES
-        return pose.shape(points=FEW_STATIONS if many else STATIONS)
+    @staticmethod
+    def stations(pose: Configuration) -> int:
+        """Stations per leaf that are drawn."""
+        return FEW_STATIONS if len(pose.model.member_names) > MANY_LEAVES else STATIONS
 
     def _learn(self, times: Mapping[str, float]) -> None:
         """Running means of what every part costs; a first time, which also loads kernels, does not count."""
@@ -325,7 +327,7 @@ class Session:
     # the thread that answers when the hand rests
 
     def _answer_at_rest(self) -> None:
-        solver: _SceneSolver | None = None
+        solver: SceneSolver | None = None
         while (update := self._rested()) is not None:
             if update.asked is None:
                 self._refuse_questions(update.refused)
@@ -333,7 +335,7 @@ class Session:
                 continue
             scene = update.asked.pose.model.original_scene
             if solver is None or solver.scene is not scene:
-                solver = _SceneSolver(scene, self.options)
+                solver = SceneSolver(scene, self.options)
             try:
                 pose = solver(update.asked.pose.targets)
             except Exception as reason:
@@ -397,7 +399,7 @@ class Session:
         while self._questions:
             self._questions.pop(0)[1].set_exception(SceneError(sentence or "there is no pose yet."))
 
-    def _find_end(self, update: Update, solver: _SceneSolver) -> None:
+    def _find_end(self, update: Update, solver: SceneSolver) -> None:
         """Find the end of the reachable part of the drive that is refused, between its last good value and that refused."""
         good = dict(self._last_good)
         moved = [n for n, v in update.values.items() if n in good and v != good[n]]

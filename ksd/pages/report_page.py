@@ -179,7 +179,9 @@ def _head(column: str) -> tuple[str, str]:
 
 
 def _error(pose: Any, compared: Sequence[ComparedSolve]) -> list[str]:
-    """The verification of the pose, and the same pose by other methods and meshes."""
+    """The verification of the pose, and the same pose by other methods and meshes where these are given."""
+    if not compared:
+        return _verification(pose)
     first = compared[0]
     rows: list[tuple[Any, ...]] = []
     for c in compared:

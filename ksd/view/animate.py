@@ -5,13 +5,11 @@ from __future__ import annotations
 import io
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ksd.answers.frequencies import Modes
 from ksd.errors import SceneError
 from ksd.files import check_target, write_file
 from ksd.view.bodies import edge_lines
@@ -19,6 +17,7 @@ from ksd.view.camera import Camera, View, camera_of
 from ksd.view.drawable import Drawable
 from ksd.view.drawing import mechanism_plane, plot_mechanism
 from ksd.view.figure import new_figure, without_math_text
+from ksd.view.swing import Shapes, row_of, swing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,7 +51,7 @@ def animate_mode(
     path: str | os.PathLike[str],
     *,
     mode: int | str = 1,
-    modes: Modes | None = None,
+    modes: Shapes | None = None,
     amplitude: float = 0.08,
     view: View | None = None,
     frames: int = 24,
@@ -60,10 +59,11 @@ def animate_mode(
 ) -> Path:
     """Write one swing of a mode of a `Configuration` about its deformed state as an animated GIF.
 
-    mode: its number, from 1, in the table that `modes` prints (`pose.frequencies()` with all drives released when None), or
-    its name there ("intended", "parasitic_1", see `Modes.names`). amplitude: largest displacement over the size of the
-    mechanism, for the eye only. view: as in `plot_mechanism`, in space where a planar one leaves its plane. frames: of one
-    swing; dpi: of the film. Returns the path. Raises SceneError as `animate_stroke`, and for a mode that is not there.
+    mode: its number, from 1, in the table that `modes` prints, or its name there ("intended", "parasitic_1", see
+    `Modes.names`). modes: frequencies or critical load factors (``pose.buckling()``) of the pose; all frequencies with
+    drives released when None. amplitude: largest displacement over the size of the mechanism, for the eye only. view: as in
+    `plot_mechanism`, in space where a planar one leaves its plane. frames: of one swing; dpi: of the film. Returns the path.
+    Raises SceneError as `animate_stroke`, and for a mode that is not there.
     """
     target = _gif_path(path)
     swing, view, title = _mode_swing(pose, mode, modes, amplitude, view)
@@ -75,7 +75,7 @@ def plot_mode(
     pose: Drawable,
     *,
     mode: int | str = 1,
-    modes: Modes | None = None,
+    modes: Shapes | None = None,
     amplitude: float = 0.08,
     axes: Axes | None = None,
     view: View | None = None,
@@ -90,39 +90,17 @@ def plot_mode(
 
 
 def _mode_swing(
-    pose: Drawable, mode: int | str, modes: Modes | None, amplitude: float, view: View | None
+    pose: Drawable, mode: int | str, modes: Shapes | None, amplitude: float, view: View | None
 ) -> tuple[Callable[[float], Drawable], View | None, str]:
     """A function from the share of the swing of a mode to the pose, the view, and the title."""
-    modes_found = pose.frequencies(freed=pose.model.drive_names) if modes is None else modes
-    row = _mode_row(modes_found, mode)
-    moved = np.abs(modes_found.shape[row, :, :3])
-    unit = (
-        amplitude * float(modes_found.model.arrays.size) / max(modes_found.largest_displacement(row), 1e-300)
-    )
+    shapes = pose.frequencies(freed=pose.model.drive_names) if modes is None else modes
+    row = row_of(shapes, mode)
     plane = mechanism_plane(pose)
-    if plane is not None:
+    if plane is not None and view is None:
         across = "xyz".index(({*"xyz"} - {*plane}).pop())
-        view = view or ("3d" if moved.max(axis=0).argmax() == across else plane)  # type: ignore[assignment]
-    still = replace(cast(Any, pose), model=modes_found.model, method_was_chosen=False)
-
-    def swing(share: float) -> Drawable:
-        """The pose displaced by `share` (-1 to 1) of the amplitude of the mode."""
-        return replace(still, motion=modes_found.moved(row, unit * share))
-
-    title = f"mode {row + 1}, {modes_found.names[row]}: {modes_found.frequency_Hz[row]:.4g} Hz, amplitude for the eye"
-    return swing, view, title
-
-
-def _mode_row(modes: Any, mode: int | str) -> int:
-    """Row of a mode given by its number in the table, from 1, or by its name. Raises SceneError."""
-    if mode in modes.names:
-        return int(modes.names.index(mode))
-    if isinstance(mode, bool) or not isinstance(mode, int | np.integer) or not 1 <= mode <= len(modes):
-        raise SceneError(
-            f"mode = {mode!r}: give the number of a mode as the table of frequencies counts them, 1 to {len(modes)}, or one "
-            f"of the names {', '.join(modes.names)}"
-        )
-    return int(mode) - 1
+        moved = np.abs(shapes.shape[row, :, :3])
+        view = "3d" if moved.max(axis=0).argmax() == across else plane  # type: ignore[assignment]
+    return swing(pose, shapes, row, amplitude), view, f"{shapes.caption(row)}, amplitude for the eye"
 
 
 def _gif_path(path: str | os.PathLike[str]) -> Path:

@@ -197,6 +197,29 @@ export class Sheets {
     this.later();
   }
 
+  // poses one after another, again and again; `seconds` for all of them
+  play(poses, seconds) {
+    this.stop();
+    if (!this.given || !poses.length) return;
+    const began = performance.now();
+    let shown = -1;
+    const step = (now) => {
+      const k = Math.floor((((now - began) / 1000 / seconds) % 1) * poses.length);
+      if (k !== shown) {
+        this.setPose(poses[Math.max(k, 0)]);
+        window.ksdPlayed = (window.ksdPlayed || 0) + 1;
+      }
+      shown = k;
+      this.playing = requestAnimationFrame(step);
+    };
+    this.playing = requestAnimationFrame(step);
+  }
+
+  stop() {
+    if (this.playing) cancelAnimationFrame(this.playing);
+    this.playing = 0;
+  }
+
   setRefused(refused) {
     if (!this.given) return;
     for (const body of this.bodies) body.material.color.copy(refused ? GREY : body.userData.color);
@@ -295,6 +318,7 @@ export class Sheets {
   }
 
   end() {
+    this.stop();
     this.resized.disconnect();
     cancelAnimationFrame(this.asked);
     if (this.given) this.release();
@@ -337,6 +361,7 @@ export default {
   methods: {
     // one update; the answer that it has been drawn lets the next one come
     update(sent) {
+      if (sent.pose || sent.geometry) this.sheets?.stop();
       if (sent.geometry) this.sheets?.setGeometry(sent.geometry);
       if (sent.pose) this.sheets?.setPose(sent.pose, sent.refused);
       else if (sent.refused) this.sheets?.setRefused(true);
@@ -353,7 +378,11 @@ export default {
         this.sheets.later();
       } else done();
     },
+    play(poses, seconds) {
+      this.sheets?.play(poses, seconds);
+    },
     colour(pose) {
+      if (this.sheets?.playing) return;
       this.sheets?.paint(floats(pose.stress), pose.most);
       this.sheets?.later();
     },
