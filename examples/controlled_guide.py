@@ -43,9 +43,9 @@ def picture(path=None):
 
     figure = Figure(layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
-    above.plot(t, np.array(place) / mm)
+    above.plot(t, np.array(place) / mm, color="black")
     above.set_ylabel("place [mm]")
-    below.plot(t, force)
+    below.plot(t, force, color="black")
     below.set(xlabel="time [s]", ylabel="force of the coil [N]")
     return figure if path is None else figure.savefig(path)
 
