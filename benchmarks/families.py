@@ -36,16 +36,6 @@ MAX_SIZE_FACTOR = 1.5
 """Largest factor on a size that a record does not depend on."""
 
 
-def single_joint(joint: Joint) -> ksd.Mechanism:
-    """The joint between ground and a link, every intended motion driven."""
-    scene = ksd.Mechanism(joint.family)
-    tip = scene.link("B")
-    placed = scene.join(scene.ground, tip, joint, at=(0, 0, 0), axis="z", toward="x", name="joint")
-    for motion in joint.motions:
-        scene.actuate_joint(placed, name=motion.name, motion=motion.name)
-    return scene
-
-
 def random_joint(name: str, rng: np.random.Generator | None) -> Joint:
     """The joint at a random shape of its trained range, or in the middle of it."""
     design = design_of(name)
@@ -99,7 +89,7 @@ def errors(
         joint = random_joint(name, rng)
         if other_sizes:
             joint = resized_joint(joint, rng)
-        solve = ksd.prepare(single_joint(joint), mesh=mesh)
+        solve = ksd.prepare(ksd.Mechanism.of_joint(joint), mesh=mesh)
         count = len(joint.motions)
         for share in (np.ones(count), -np.ones(count), *rng.uniform(-1, 1, (2, count))):
             values = {m.name: float(s * m.range[1]) for m, s in zip(joint.motions, share, strict=True)}
@@ -257,7 +247,9 @@ def picture(names: Iterable[str], path: Path) -> None:
     for name in names:
         joint = random_joint(name, None)
         values = {m.name: 0.8 * m.range[1] * (i == 0) for i, m in enumerate(joint.motions)}
-        panels.append((name.replace("_", " "), ksd.prepare(single_joint(joint))(values, method="full")))
+        panels.append(
+            (name.replace("_", " "), ksd.prepare(ksd.Mechanism.of_joint(joint))(values, method="full"))
+        )
     panels += [(name, constrained(joint, share)) for name, (joint, share) in CONSTRAINTS.items()]
     rows = -(-len(panels) // columns)
     figure = new_figure(2.2 * columns, 2.2 * rows)

@@ -1,10 +1,20 @@
-"""Docstrings of this package as reStructuredText: plain text in the sources, one line per parameter on the site."""
+"""Docstrings of this package as reStructuredText: plain text in the sources, one line per parameter on the site, and the
+pose at the end of an example drawn below it."""
 
 from __future__ import annotations
 
+import contextlib
+import doctest
 import inspect
+import io
 import re
+from pathlib import Path
 from typing import Any
+
+from figures import css_width
+
+START = "import numpy as np\nimport ksd\nfrom ksd.units import GPa, deg, mm\n"
+"""What every example begins after."""
 
 
 def escape(text: str) -> str:
@@ -34,6 +44,19 @@ def by_parameter(text: str, names: set[str]) -> list[str]:
     return [*lines, ""]
 
 
+def drawn_pose(path: Path, example: str) -> list[str]:
+    """The lines that show the picture of the `pose` an example makes, which is written to `path`."""
+    names: dict[str, Any] = {}
+    exec(START, names)
+    with contextlib.redirect_stdout(io.StringIO()):
+        for part in doctest.DocTestParser().get_examples(example):
+            exec(compile(part.source, path.stem, "single"), names)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    names["pose"].plot().savefig(path, dpi=110)
+    place = f"/_made/poses/{path.name}"
+    return [f".. image:: {place}", "   :alt: the pose of the example", f"   :width: {css_width(path)}", ""]
+
+
 def as_rst(app: Any, what: str, name: str, found: Any, options: Any, lines: list[str]) -> None:
     """Put the docstring `lines` of a public name into reStructuredText, in place."""
     try:
@@ -42,8 +65,10 @@ def as_rst(app: Any, what: str, name: str, found: Any, options: Any, lines: list
         names = set()
     made: list[str] = []
     for paragraph in "\n".join(lines).split("\n\n"):
-        if "::" in paragraph or paragraph.startswith("    "):
+        if "::" in paragraph or paragraph.startswith(("    ", ">>>")):
             made += [*paragraph.split("\n"), ""]
+            if paragraph.startswith(">>>") and ">>> pose = " in paragraph:
+                made += drawn_pose(Path(app.srcdir) / "_made" / "poses" / f"{name}.png", paragraph)
             continue
         text, raised, errors = " ".join(paragraph.split()).partition("Raises ")
         made += by_parameter(text.strip(), names) if text.strip() else []

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 
-from docstrings import by_parameter
+from docstrings import START, by_parameter
 from measured import write_measured
 from validated import write_validated
 
@@ -125,7 +125,8 @@ def reference(folder: Path) -> None:
         page = title.lower().replace(" ", "_")
         pages.append(page)
         body = "\n".join(directive(name) for name in names.split())
-        (folder / f"{page}.rst").write_text(f"{title}\n{'=' * len(title)}\n\n{about}\n\n{body}")
+        start = f"Examples begin after ``{START.strip().replace(chr(10), '; ')}``."
+        (folder / f"{page}.rst").write_text(f"{title}\n{'=' * len(title)}\n\n{about} {start}\n\n{body}")
     pages.append("units")
     factors = "\n".join(f"   ``{name}``, {value:g}" for name, value in unit_factors().items())
     (folder / "units.rst").write_text(
@@ -190,7 +191,7 @@ def keys(title: str, table: schema.Schema, *sources: object) -> list[str]:
     lines = [f"### {title}", ""]
     for source in sources:
         names = set(table) | set(inspect.signature(source).parameters)  # type: ignore[arg-type]
-        for paragraph in (inspect.getdoc(source) or "").split("\n\n"):
+        for paragraph in (inspect.getdoc(source) or "").partition("\n>>>")[0].split("\n\n"):
             said = " ".join(paragraph.split()).partition("Raises ")[0].strip()
             lines += by_parameter(said, names) if said else []
     rows = [f"| `{key}` | {kind_of(kind)} |" for key, kind in table.items()]

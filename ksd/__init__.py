@@ -1,6 +1,7 @@
 """ksd: reduced-order finite elements for flexure joints and compliant mechanisms.
 
 ``import ksd`` is light: the compiled solvers load on their first use. SI units inside; `ksd.units` outside.
+Examples in docstrings begin after ``import numpy as np``, ``import ksd`` and ``from ksd.units import GPa, deg, mm``.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Factors from the engineer's units to SI, and back: ``300*mm`` is 0.3, ``angle/deg`` is in degrees."""
+"""Factors from the engineer's units to SI, and back: ``300*mm`` is 0.3, ``angle/deg`` is in degrees.
+
+>>> print(f"{300 * ksd.units.mm:g} m, {0.5 / ksd.units.deg:.3f} deg")
+0.3 m, 28.648 deg
+"""
 
 from math import pi
 

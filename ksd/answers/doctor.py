@@ -180,6 +180,11 @@ def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
     """Find freedoms, redundant constraints and their releases of an undeformed mechanism (or Scene, or Model).
 
     Raises SceneError for a mechanism without links or with unknown names.
+
+    >>> guide, _, _ = ksd.load_scene("guide")
+    >>> found = ksd.doctor(guide)
+    >>> found.freedoms, found.held, len(found.redundant)
+    (1, 1, 1)
     """
     scene, simulated = with_middle_points(_scene_of(mechanism)), _simulated(mechanism)
     if scene.compliances:

@@ -122,6 +122,14 @@ def compare(
     reported_error_percent (estimates of the answer itself, of its method alone and with its mesh). A method that cannot
     solve this scene is a row whose `status` gives the reason. Raises SceneError for invalid arguments, ConvergenceError
     where the reference has no equilibrium.
+
+    >>> pivot = ksd.Mechanism.of_joint(ksd.CrossedPivot(
+    ...     ksd.Material(E=200 * GPa, nu=0.3), length=50 * mm, angle=45 * deg,
+    ...     thickness=0.3 * mm, width=15 * mm,
+    ... ))
+    >>> table = ksd.compare(pivot, angle=20 * deg, methods=["full"], repeats=1, progress=False)
+    >>> table["method"], table["angle_moment_Nm"].round(4)
+    (['full', 'full'], array([0.0961, 0.0962]))
     """
     check_solve_options(mesh=None, relinearisations=0, extrapolate=extrapolate, progress=progress)
     names = METHODS if methods is None else names_of(methods, "methods")

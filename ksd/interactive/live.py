@@ -37,6 +37,9 @@ def live(
     in SI or as texts with a unit, {"length": (50 * mm, 100 * mm)}. targets: drive values [m or rad] to begin with. host,
     port: address; other machines reach only a `shared` page. show: open the browser. method, accuracy, effects: as in
     `ksd.solve`. Raises SceneError, also without the extra `live`. From the command line: `ksd live SCENE.toml`.
+
+    >>> guide, stroke, _ = ksd.load_scene("guide")
+    >>> ksd.live(guide, targets=stroke)  # doctest: +SKIP
     """
     live_package("nicegui")
     options = {"method": method, "accuracy": accuracy, "effects": effects}

@@ -44,6 +44,10 @@ class Parameter:
     """A shape parameter: name, range `low` to `high` (SI), and the scale, "linear" or "log", of its map to [-1, 1].
 
     Raises SceneError for low > high (equal values are allowed), and a range that is not positive on a log scale.
+
+    >>> thickness = ksd.Parameter("thickness", 0.1 * mm, 1 * mm, scale="log")
+    >>> thickness.name, thickness.low, thickness.high
+    ('thickness', 0.0001, 0.001)
     """
 
     name: str
@@ -129,6 +133,10 @@ class Record:
     curvature modes (nx, ny, nz) of a leaf. design: the trained joint, SI numbers by name; samples: numbers of shapes, fitted
     and fresh. trained: date given to the trainer, ISO; version: of the trainer; history: one sentence per event; probes:
     states by which `ksd.train.check_probes` checks that the record agrees with this code, None in files of format 1.
+
+    >>> record = ksd.find_record("crossed_pivot")
+    >>> [motion.name for motion in record.motions], [p.name for p in record.parameters]
+    (['angle'], ['angle', 'ratio'])
     """
 
     family: str

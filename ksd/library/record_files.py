@@ -247,6 +247,10 @@ def find_record(family: str) -> Record:
     """The trained record of a joint family by its name, from the first of the `record_folders` that has one.
 
     Raises RecordError when there is none, or that one is damaged.
+
+    >>> record = ksd.find_record("cross_flexure")
+    >>> print(f"{record.motions[0].name} up to {record.motions[0].high / deg:.0f} degrees")
+    angle up to 75 degrees
     """
     found = find_record_file(family)
     if found is None:

@@ -120,6 +120,12 @@ def read_result(path: str | os.PathLike[str]) -> dict[str, Any]:
     """The content of a file written by `--json FILE` of the command line, without its checksum.
 
     path: the file. Raises RecordError when it is missing, no such answer, truncated or altered in any bit.
+
+    >>> from ksd.cli import main
+    >>> code = main(["doctor", "guide", "--json", "found.json"])
+    guide: 1 freedom before driving...
+    >>> ksd.read_result("found.json")["freedoms"]
+    1
     """
     content = read_file(path, what="result", error=RecordError, most=MAX_RESULT_BYTES)
     damaged = f"{path} is damaged or no ksd result (checksum); solve again or restore it."

@@ -28,6 +28,11 @@ class ModalBasis(metaclass=ClearArgumentErrors):
     (tangent basis), which then represents unintended loads fully. plane: derivatives of in-plane modes only: half the
     unknowns, but a wrong support stiffness out of the plane; for planar comparisons. cut: singular values below this
     fraction are dropped. Raises SceneError for values that are not possible.
+
+    >>> guide, stroke, _ = ksd.load_scene("guide")
+    >>> pose = ksd.solve(guide, stroke, method="modal", basis=ksd.ModalBasis(internal=2))
+    >>> print(f"{pose.forces['table']:.2f} N")
+    5.04 N
     """
 
     coordinates: str = "director"

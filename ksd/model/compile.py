@@ -64,6 +64,11 @@ class Model(NotebookTables):
     into parts; original_scene: the scene as the user described it. choice: the effects and their reasons, None when the
     scene was compiled as it is. bodies: reduced bodies in the place of leaf springs, by name (`ksd.model.reduced_bodies`);
     full: the model that they reduce, None without.
+
+    >>> guide, _, _ = ksd.load_scene("guide")
+    >>> model = ksd.compile_scene(guide)
+    >>> model.node_names, model.member_names, model.drive_names
+    (('ground', 'table'), ('left', 'right'), ('table',))
     """
 
     scene: Any
@@ -300,6 +305,11 @@ def compile_scene(
     mesh: of the leaf springs, `ksd.Mesh()` when None. effects: "auto", "all" or the names wanted; with_, without: single
     effects switched on or off, see `ksd.model.chosen_effects`. Raises SceneError where the scene cannot be compiled (see
     `Mechanism.validate`) or an effect is unknown.
+
+    >>> guide, _, _ = ksd.load_scene("guide")
+    >>> model = ksd.compile_scene(guide, mesh=ksd.Mesh("corotational", elements=2))
+    >>> model.member_names, len(model.node_names)
+    (('left', 'right'), 2)
     """
     scene = scene.scene() if hasattr(scene, "scene") else scene
     if not hasattr(scene, "fingerprint"):

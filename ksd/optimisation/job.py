@@ -160,6 +160,18 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     that is not stable at a pose has no answers.
 
     Raises SceneError for everything that is wrong before a solve.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> def pivot(thickness):
+    ...     return ksd.Mechanism.of_joint(ksd.CrossedPivot(
+    ...         steel, length=50 * mm, angle=45 * deg, thickness=thickness, width=15 * mm
+    ...     ))
+    >>> job = ksd.Job(
+    ...     pivot, angle=20 * deg, vary={"thickness": (0.2 * mm, 0.5 * mm)},
+    ...     maximise="support_worst_N_per_m", limits={"stress_MPa": 600},
+    ... )
+    >>> job.vary, job.limits
+    ({'thickness': (0.0002, 0.0005)}, {'stress_MPa': (-inf, 600.0)})
     """
 
     function: Callable[..., Any]

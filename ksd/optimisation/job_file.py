@@ -59,7 +59,12 @@ MAX_POSES = 1000
 
 
 class JobFile(NamedTuple):
-    """A job, and the keyword arguments `words` of `ksd.optimise` from the same file."""
+    """A job, and the keyword arguments `words` of `ksd.optimise` from the same file.
+
+    >>> file = ksd.load_job("pivot_job")
+    >>> file.job.vary["joint.cross.length"], file.words["starts"]
+    ((0.04, 0.08), 2)
+    """
 
     job: Job
     words: dict[str, Any]
@@ -123,8 +128,13 @@ class _Varied(NamedTuple):
 def load_job(path: str | os.PathLike[str], *, drives: Mapping[str, str] | None = None) -> JobFile:
     """Read a job file: a `ksd.Job`, and the keyword arguments for `ksd.optimise(job, **words)`.
 
-    drives: drive values by name that replace those of the file, as text such as "0deg:30deg:3". Raises SceneError with
+    path: of the file, or the name alone of a shipped job, where no file has it. drives: drive values by name that replace
+    those of the file, as text such as "0deg:30deg:3". Raises SceneError with
     file, table and key for what is wrong in the file, and what `ksd.Job` raises.
+
+    >>> job, words = ksd.load_job("pivot_job", drives={"turn": "0deg:30deg:3"})
+    >>> job.vary["joint.cross.length"], words["starts"]
+    ((0.04, 0.08), 2)
     """
     file = named_file(path, "job file")
     tables = read_tables(file)

@@ -110,6 +110,19 @@ def optimise(
 
     Raises SceneError for wrong arguments, ConvergenceError where no start leads to a design that meets the limits, with
     every evaluated design in its `.result`; Ctrl-C raises SweepInterrupted, with every evaluated design in its `.table`.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> def pivot(thickness):
+    ...     return ksd.Mechanism.of_joint(ksd.CrossedPivot(
+    ...         steel, length=50 * mm, angle=45 * deg, thickness=thickness, width=15 * mm
+    ...     ))
+    >>> job = ksd.Job(
+    ...     pivot, angle=20 * deg, vary={"thickness": (0.1 * mm, 0.5 * mm)},
+    ...     maximise="support_worst_N_per_m", limits={"stress_MPa": 600},
+    ... )
+    >>> best = ksd.optimise(job)
+    >>> print(f"{best.status}: {best.design['thickness'] / mm:.3f} mm, held by {list(best.held)}")
+    optimum: 0.500 mm, held by ['support_worst_N_per_m', 'thickness at its most']
     """
     check_job(job)
     if not isinstance(method, str) or method not in METHODS:

@@ -45,6 +45,19 @@ class Front(PrintableAnswer):
 
     job: the job without these limits; against: column of the limited answer; limits (n,): limit at each point, the widest
     first; points: optimum at each point, None where there is none; status: "ok" or why there is none.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> def pivot(thickness):
+    ...     return ksd.Mechanism.of_joint(ksd.CrossedPivot(
+    ...         steel, length=50 * mm, angle=45 * deg, thickness=thickness, width=15 * mm
+    ...     ))
+    >>> job = ksd.Job(
+    ...     pivot, angle=20 * deg, vary={"thickness": (0.1 * mm, 0.5 * mm)},
+    ...     maximise="support_worst_N_per_m", limits={"stress_MPa": 600},
+    ... )
+    >>> front = ksd.pareto(job, against="stress_MPa", points=2, span=(300, 500))
+    >>> print([f"{point.merit / 1e3:.1f} N/mm" for point in front.points])
+    ['1369.1 N/mm', '564.7 N/mm']
     """
 
     job: Job
@@ -132,6 +145,19 @@ def pareto(
 
     Ctrl-C raises SweepInterrupted, with every design in its `.table`. Raises SceneError for wrong arguments, and what the
     first optimum raises.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> def pivot(thickness):
+    ...     return ksd.Mechanism.of_joint(ksd.CrossedPivot(
+    ...         steel, length=50 * mm, angle=45 * deg, thickness=thickness, width=15 * mm
+    ...     ))
+    >>> job = ksd.Job(
+    ...     pivot, angle=20 * deg, vary={"thickness": (0.1 * mm, 0.5 * mm)},
+    ...     maximise="support_worst_N_per_m", limits={"stress_MPa": 600},
+    ... )
+    >>> front = ksd.pareto(job, against="angle_moment_Nm", points=2, span=(0.05, 0.1))
+    >>> front.limits, front.status
+    (array([0.1 , 0.05]), ('ok', 'ok'))
     """
     check_job(job)
     count = whole_number(points, "points", least=2)
@@ -241,6 +267,11 @@ class Choice(PrintableAnswer):
     """Optima of several jobs, as returned by `ksd.choose`.
 
     optima: by name of job, the best first, None where there is none; status: "ok" or why there is none, by name.
+
+    >>> job, _ = ksd.load_job("pivot_job", drives={"turn": "30deg"})
+    >>> choice = ksd.choose({"cross flexure": job})
+    >>> print(choice.status, f"{choice.optima['cross flexure'].merit:.2f}")
+    {'cross flexure': 'ok'} 0.50
     """
 
     optima: Mapping[str, Optimum | None]
@@ -298,6 +329,11 @@ def choose(
     status with the reason.
 
     Raises SceneError for what is no job. Ctrl-C raises SweepInterrupted, with a row for every job done in its `.table`.
+
+    >>> job, _ = ksd.load_job("pivot_job", drives={"turn": "30deg"})
+    >>> choice = ksd.choose({"cross flexure": job})
+    >>> print(choice.status, f"{choice.optima['cross flexure'].merit:.2f}")
+    {'cross flexure': 'ok'} 0.50
     """
     if not isinstance(jobs, Mapping) or not jobs or not all(isinstance(j, Job) for j in jobs.values()):
         raise SceneError(f"jobs = {show(jobs)}: give jobs by name, such as {{'cross': ksd.Job(...)}}")

@@ -33,6 +33,20 @@ class Tolerance(PrintableAnswer):
     deviations to the nearest limit. merits (samples,): worst target over its scale, nan for samples that failed and for
     jobs without targets;
     sign: -1 where targets are minimised, so that merits are minus the worst. table: all samples.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> def pivot(thickness):
+    ...     return ksd.Mechanism.of_joint(ksd.CrossedPivot(
+    ...         steel, length=50 * mm, angle=45 * deg, thickness=thickness, width=15 * mm
+    ...     ))
+    >>> job = ksd.Job(
+    ...     pivot, angle=20 * deg, vary={"thickness": (0.1 * mm, 0.5 * mm)},
+    ...     maximise="support_worst_N_per_m", limits={"stress_MPa": 600},
+    ... )
+    >>> spread = {"thickness": 4e-6}
+    >>> found = ksd.tolerance(job, {"thickness": 0.3 * mm}, spread=spread, samples=20)
+    >>> print(f"{found.yield_fraction:.0%} of the samples are within the limits")
+    100% of the samples are within the limits
     """
 
     names: tuple[str, ...]
@@ -98,6 +112,20 @@ def tolerance(
     Carlo samples by `seed`; they need not be within bounds, rules and trained ranges, which do not hold for manufactured
     parts. executor, resume, progress: as in `ksd.optimise`, Ctrl-C too. Raises SceneError for wrong arguments, KsdError
     where the design itself has no answers.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> def pivot(thickness):
+    ...     return ksd.Mechanism.of_joint(ksd.CrossedPivot(
+    ...         steel, length=50 * mm, angle=45 * deg, thickness=thickness, width=15 * mm
+    ...     ))
+    >>> job = ksd.Job(
+    ...     pivot, angle=20 * deg, vary={"thickness": (0.1 * mm, 0.5 * mm)},
+    ...     maximise="support_worst_N_per_m", limits={"stress_MPa": 600},
+    ... )
+    >>> spread = {"thickness": 4e-6}
+    >>> found = ksd.tolerance(job, {"thickness": 0.3 * mm}, spread=spread, samples=20)
+    >>> print([f"{s / 1e3:.2f} N/mm" for s in found.first_order[:1]])
+    ['12.06 N/mm']
     """
     check_job(job, target=False)
     x, sd = job.point(getattr(design, "design", design)), check_spread(job, spread)

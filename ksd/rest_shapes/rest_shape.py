@@ -99,6 +99,16 @@ def rest_shape(
 
     Raises SceneError for scenes and arguments without a rest shape, ConvergenceError beyond a fold, with the load fraction
     up to which there is a solution. Source: Lan (2005), chapter 5; extended by stretch, shear and weight of leaf springs.
+
+    >>> spring = ksd.Mechanism("spring", plane="xy")
+    >>> leaf = spring.leaf(
+    ...     "ground", spring.link("tip"), start=(0, 0, 0), end=(80 * mm, 0, 0),
+    ...     section=ksd.rectangle(0.5 * mm, 10 * mm), material=ksd.Material(E=200 * GPa, nu=0.3),
+    ... )
+    >>> load = spring.load("tip", force=(0, -2, 0), at=(80 * mm, 0, 0))
+    >>> pose = ksd.solve(ksd.rest_shape(spring))
+    >>> print(f"down by {-pose.links['tip'][0][1] / mm:.3f} mm, to where it was drawn")
+    down by 16.208 mm, to where it was drawn
     """
     scene = mechanism.scene() if isinstance(mechanism, Mechanism) else mechanism
     if not isinstance(scene, Scene):

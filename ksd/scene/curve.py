@@ -185,6 +185,10 @@ class Arc(Curve):
     """A circular arc of `radius` [m] and `angle` [rad], curved about e3 (width), towards e2 for positive angles.
 
     Raises SceneError for a radius that is not positive, and an angle that is zero or 2 pi or more.
+
+    >>> arc = ksd.Arc(radius=20 * mm, angle=90 * deg)
+    >>> print(f"length {arc.length / mm:.3f} mm, chord {arc.chord / mm:.3f} mm")
+    length 31.416 mm, chord 28.284 mm
     """
 
     radius: float
@@ -235,6 +239,10 @@ class FreeCurve(Curve):
     `sine`, `legendre` and `spline` make a curve from a few numbers, which scene files can hold and by which answers have
     gradients (`ksd.gradient`, `ksd.Job`); these bend about e3, positive towards e2. Raises SceneError for a length that is
     not positive, and unless function is callable.
+
+    >>> wave = ksd.FreeCurve.sine((0.5,), length=50 * mm)
+    >>> wave.curvatures([0, 0.25, 0.5])[:, 2].round(2)
+    array([ 62.83,   0.  , -62.83])
     """
 
     length: float

@@ -136,6 +136,12 @@ class LinkMatrix(metaclass=ClearArgumentErrors):
     points (2, 3) [m]: the interfaces, global, undeformed; stiffness (12, 12): forces and moments on both interfaces per
     displacement and rotation of them, in global axes, undeformed (N/m, N, Nm). Raises SceneError unless it is symmetric,
     has no negative eigenvalue and gives no force under the six rigid motions (to 1e-6 of its largest number).
+
+    >>> K = np.zeros((12, 12))
+    >>> K[np.ix_([0, 6], [0, 6])] = 1e5 * np.array([[1, -1], [-1, 1]])
+    >>> rod = ksd.LinkMatrix(((0, 0, 0), (0.1, 0, 0)), K.tolist())
+    >>> rod.stiffness[0][0], rod.stiffness[0][6]
+    (100000.0, -100000.0)
     """
 
     points: tuple[Vector, Vector]

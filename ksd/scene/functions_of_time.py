@@ -147,7 +147,12 @@ class Sum(FunctionOfTime):
 
 @dataclass(frozen=True)
 class Step(FunctionOfTime):
-    """`end` from the instant `delay` [s] on, `start` before it."""
+    """`end` from the instant `delay` [s] on, `start` before it.
+
+    >>> step = ksd.Step(2.0, delay=0.1)
+    >>> step(0.05), step(0.2)
+    (0.0, 2.0)
+    """
 
     end: float = 1.0
     _: KW_ONLY
@@ -215,7 +220,12 @@ class _Stroke(FunctionOfTime):
 
 @dataclass(frozen=True)
 class Ramp(_Stroke):
-    """A rise from `start` to `end` in `duration` [s] from the instant `delay` [s] on, by half a cosine, or straight."""
+    """A rise from `start` to `end` in `duration` [s] from the instant `delay` [s] on, by half a cosine, or straight.
+
+    >>> rise = ksd.Ramp(0.1, end=5 * mm)
+    >>> [round(rise(t) / mm, 3) for t in (0, 0.05, 0.1, 1.0)]
+    [0.0, 2.5, 5.0, 5.0]
+    """
 
     duration: float
     _: KW_ONLY
@@ -246,6 +256,10 @@ class Cycloid(_Stroke):
     """A stroke to `end` in `duration` [s] with accelerations of a whole sine, which are zero at both ends.
 
     start: value before it; delay [s]: instant at which it starts.
+
+    >>> stroke = ksd.Cycloid(5 * mm, duration=0.2)
+    >>> [round(stroke(t) / mm, 4) for t in (0, 0.05, 0.1, 0.2)]
+    [0.0, 0.4542, 2.5, 5.0]
     """
 
     end: float
@@ -270,6 +284,10 @@ class Trapezoid(_Stroke):
 
     rise: a third of the duration when None, at most half of it; start: value before it; delay [s]: instant at which it
     starts.
+
+    >>> stroke = ksd.Trapezoid(6 * mm, duration=0.3)
+    >>> [round(stroke(t) / mm, 3) for t in (0.1, 0.15, 0.3)]
+    [1.5, 3.0, 6.0]
     """
 
     end: float
@@ -322,7 +340,12 @@ class Trapezoid(_Stroke):
 
 @dataclass(frozen=True)
 class HalfSine(FunctionOfTime):
-    """A pulse amplitude * sin(pi t / duration) of `duration` [s] from the instant `delay` [s] on, zero before and after."""
+    """A pulse amplitude * sin(pi t / duration) of `duration` [s] from the instant `delay` [s] on, zero before and after.
+
+    >>> pulse = ksd.HalfSine(20.0, duration=10e-3)
+    >>> [round(pulse(t), 3) for t in (0, 5e-3, 20e-3)]
+    [0.0, 20.0, 0.0]
+    """
 
     amplitude: float
     _: KW_ONLY
@@ -355,7 +378,12 @@ class HalfSine(FunctionOfTime):
 
 @dataclass(frozen=True)
 class Sine(FunctionOfTime):
-    """offset + amplitude * sin(2 pi frequency_Hz t + phase), phase [rad]."""
+    """offset + amplitude * sin(2 pi frequency_Hz t + phase), phase [rad].
+
+    >>> wave = ksd.Sine(2 * mm, frequency_Hz=50)
+    >>> [round(wave(t) / mm, 3) for t in (0, 5e-3, 15e-3)]
+    [0.0, 2.0, -2.0]
+    """
 
     amplitude: float
     _: KW_ONLY
@@ -392,6 +420,10 @@ class TimeTable(FunctionOfTime):
 
     smooth: cubic splines instead, of steady speed and acceleration, at rest at both ends. held: the first value holds
     before and the last one after the table; otherwise it is zero there.
+
+    >>> stroke = ksd.TimeTable(((0, 0), (0.1, 5 * mm), (0.2, 5 * mm)))
+    >>> stroke(0.05) / mm, stroke(1.0) / mm
+    (2.5, 5.0)
     """
 
     points: tuple[tuple[float, float], ...]

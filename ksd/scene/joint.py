@@ -36,6 +36,10 @@ class Motion(metaclass=ClearArgumentErrors):
     axes; range (low, high): range it may be used in. point (3,) [m], undeformed, in joint axes: the point of B whose
     displacement a translation is, and on which its force acts; interface B when None. Raises SceneError for another kind, an
     axis without length, and a range that does not rise.
+
+    >>> turn = ksd.Motion("turn", "rotation", "z", (-10 * deg, 10 * deg))
+    >>> turn.kind, turn.axis, round(turn.range[1] / deg, 6)
+    ('rotation', (0.0, 0.0, 1.0), 10.0)
     """
 
     name: str
@@ -69,6 +73,15 @@ class Joint(metaclass=ClearArgumentErrors):
     its record is made dimensionless. `quantities`: dimension ("length", "angle") of its numeric parameters, for scene files.
     `windows`: leaf springs may cross, one through a window of the other. `held_by_others`: the joint is soft in other
     directions than its intended motions, as a single leaf is in torsion, and the mechanism around it constrains those.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> joint = ksd.CrossedPivot(
+    ...     steel, length=50 * mm, angle=45 * deg, thickness=0.3 * mm, width=15 * mm
+    ... )
+    >>> isinstance(joint, ksd.Joint), joint.family, round(joint.length_AB / mm, 2)
+    (True, 'crossed_pivot', 35.36)
+    >>> [motion.name for motion in joint.motions], [leaf.name for leaf in joint.leaves()]
+    (['angle'], ['rising', 'falling'])
     """
 
     family: ClassVar[str]
@@ -187,6 +200,19 @@ class DrawnJoint(Joint):
     other directions than its intended motions, and the mechanism around it constrains those. Raises SceneError when A
     or B is missing, a leaf is on an unknown block, a block is not connected to A, or leaf springs run through each
     other.
+
+    >>> steel, sheet = ksd.Material(E=200 * GPa, nu=0.3), ksd.rectangle(0.3 * mm, 10 * mm)
+    >>> leaf = ksd.Leaf(
+    ...     start=(0, 0, 0), end=(40 * mm, 0, 0), width_axis="z", section=sheet, material=steel
+    ... )
+    >>> turn = ksd.Motion("turn", "rotation", "z", (-10 * deg, 10 * deg))
+    >>> joint = ksd.DrawnJoint(
+    ...     "blade", blocks={"A": (0, 0, 0), "B": (40 * mm, 0, 0)}, leaves=[leaf],
+    ...     motions=[turn], held_by_others=True,
+    ... )
+    >>> pose = ksd.solve(ksd.Mechanism.of_joint(joint), turn=5 * deg)
+    >>> print(f"{pose.forces['turn']:.5f} Nm")
+    0.00982 Nm
     """
 
     name: str

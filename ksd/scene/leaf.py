@@ -70,6 +70,13 @@ class Leaf(metaclass=ClearArgumentErrors):
     set by the model from the heats and fits of a scene (`Mechanism.heat`, `Mechanism.fit`). Raises SceneError for a
     leaf without length, a width axis that is not perpendicular to it, a curve that does not fit between the ends, or numbers
     that are not finite.
+
+    >>> leaf = ksd.Leaf(
+    ...     start=(0, 0, 0), end=(60 * mm, 0, 0), width_axis="z",
+    ...     section=ksd.rectangle(0.3 * mm, 20 * mm), material=ksd.Material(E=200 * GPa, nu=0.3),
+    ... )
+    >>> print(f"{leaf.length / mm:.1f} mm, {leaf.material.E * leaf.section.Iz:.4f} N m^2")
+    60.0 mm, 0.0090 N m^2
     """
 
     start: Vector
@@ -203,7 +210,13 @@ def wire(
     profile: Profile | None = None,
     curve: Curve | None = None,
 ) -> Leaf:
-    """A leaf of circular section, `diameter` in m; other parameters as in `Leaf`. Raises SceneError."""
+    """A leaf of circular section, `diameter` in m; other parameters as in `Leaf`. Raises SceneError.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> leaf = ksd.wire(diameter=0.5 * mm, material=steel, start=(0, 0, 0), end=(50 * mm, 0, 0))
+    >>> print(f"{leaf.length / mm:.1f} mm, {leaf.section.name}")
+    50.0 mm, circle
+    """
     section = circle(positive(diameter, "diameter", owner=f"wire '{name}'", unit="m"))
     return Leaf(
         start=as_given(start), end=as_given(end), width_axis=as_given(width_axis), section=section, material=material,

@@ -66,6 +66,12 @@ def link_matrix(path: str | os.PathLike[str]) -> LinkMatrix:
     Its arrays: `points` (2, 3) [m], the interfaces, global, undeformed; `K` (12 + m, 12 + m), the stiffness (N/m, N, Nm)
     with the six displacements and rotations of each interface first and m internal modes last, which are condensed
     statically. Raises SceneError for a file that is missing, of another kind, damaged, or without these arrays.
+
+    >>> K = np.zeros((12, 12))
+    >>> K[np.ix_([0, 6], [0, 6])] = 1e5 * np.array([[1, -1], [-1, 1]])
+    >>> np.savez("rod.npz", points=[(0, 0, 0), (0.1, 0, 0)], K=K)
+    >>> ksd.link_matrix("rod.npz").stiffness[0][6]
+    -100000.0
     """
     file = named_file(path, "link matrix")
     read = READERS.get(file.suffix.lower())

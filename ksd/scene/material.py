@@ -20,6 +20,10 @@ class Material(metaclass=ClearArgumentErrors):
 
     Raises SceneError for a modulus, density or limit that is not positive and finite, nu outside (-1, 0.5], fewer than two
     of the three, or three that contradict each other by more than 1e-3.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3, density=7800, yield_stress=900e6)
+    >>> print(f"G = {steel.G / GPa:.2f} GPa")
+    G = 76.92 GPa
     """
 
     E: float

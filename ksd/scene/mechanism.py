@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Iterable, Sequence, Set
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 from numpy.typing import ArrayLike
 
@@ -98,6 +98,19 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
     name: of the mechanism. simulation: words of `ksd.simulate` that it takes where they are not given, None or a
     `ksd.Simulation`. plane: "xy", "xz" or "yz" for a planar mechanism: displacements normal to the plane and rotations
     out of it are fixed, pins turn about its normal, and leaf springs have their width along it.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> guide = ksd.Mechanism("guide")
+    >>> table, sheet = guide.link("table"), ksd.rectangle(0.3 * mm, 20 * mm)
+    >>> for x in (-30 * mm, 30 * mm):
+    ...     leaf = guide.leaf(
+    ...         "ground", table, start=(x, 0, 0), end=(x, 60 * mm, 0), width_axis="z",
+    ...         section=sheet, material=steel,
+    ...     )
+    >>> drive = guide.actuate(table, along="x", at=(0, 30 * mm, 0), name="push")
+    >>> pose = ksd.solve(guide, push=5 * mm)
+    >>> print(f"{pose.forces['push']:.3f} N")
+    5.036 N
     """
 
     name: str
@@ -133,6 +146,23 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
             _distances=[], _sensors=[], _dampers=[], _last=None, simulation=None,
         )  # fmt: skip
         self.name, self.plane = name, plane
+
+    @classmethod
+    def of_joint(cls, joint: Joint) -> Self:
+        """`joint` alone, in its joint axes, from the ground to the link "B", each intended motion driven by its name.
+
+        Raises SceneError for what is no joint.
+        """
+        mechanism = cls(getattr(joint, "family", "joint"))
+        tip = mechanism.link("B")
+        place: dict[str, Any] = {"at": (0, 0, 0), "axis": "z", "toward": "x", "name": "joint"}
+        if isinstance(joint, Joint) and not joint.motions:
+            mechanism.constrain(mechanism.ground, tip, joint, **place)
+            return mechanism
+        placed = mechanism.join(mechanism.ground, tip, joint, **place)
+        for motion in joint.motions:
+            mechanism.actuate_joint(placed, name=motion.name, motion=motion.name)
+        return mechanism
 
     def __setattr__(self, name: str, value: Any) -> None:
         # a misspelt attribute would be accepted, and the scene solved without it

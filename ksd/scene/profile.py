@@ -72,7 +72,12 @@ def _check_positive(profile: Profile, *lengths: str) -> None:
 @dataclass(frozen=True, kw_only=True)
 class Taper(_Rectangles):
     """Thickness and width [m], two numbers each, that vary linearly from start to end. Raises SceneError for lengths that
-    are not positive."""
+    are not positive.
+
+    >>> blade = ksd.Taper(thickness=(0.5 * mm, 0.3 * mm), width=(20 * mm, 10 * mm))
+    >>> round(blade.section(0.5).thickness / mm, 3), round(blade.section(0.5).width / mm, 3)
+    (0.4, 15.0)
+    """
 
     thickness: tuple[float, float]
     width: tuple[float, float]
@@ -97,6 +102,10 @@ class CircularNotch(_Rectangles):
 
     radius, minimum thickness, width [m]. A full semicircle; the leaf that carries it is 2 radius long. Source:
     Paros and Weisbord, Machine Design 37 (1965), the right circular hinge. Raises SceneError for lengths not positive.
+
+    >>> notch = ksd.CircularNotch(radius=5 * mm, minimum=0.3 * mm, width=10 * mm)
+    >>> [round(notch.section(s).thickness / mm, 3) for s in (0, 0.25, 0.5)]
+    [10.3, 1.64, 0.3]
     """
 
     radius: float
@@ -120,6 +129,12 @@ class FilletedNotch(_Rectangles):
     length [m] of leaf and both fillets together, radius of the fillets, minimum thickness, width [m].
     Source: Lobontiu et al., Journal of Mechanical Design 123 (2001), the corner-filleted hinge. Raises SceneError for
     lengths that are not positive, and fillets longer than the leaf.
+
+    >>> notch = ksd.FilletedNotch(
+    ...     length=10 * mm, radius=2 * mm, minimum=0.3 * mm, width=10 * mm
+    ... )
+    >>> [round(notch.section(s).thickness / mm, 3) for s in (0, 0.1, 0.5)]
+    [4.3, 0.836, 0.3]
     """
 
     length: float
@@ -146,7 +161,12 @@ class FilletedNotch(_Rectangles):
 @dataclass(frozen=True, kw_only=True)
 class StiffenedMiddle(_Rectangles):
     """A leaf of one `width` [m] with a thicker middle: `thickness` [m] at both ends, `middle` [m] over the middle `part`
-    (fraction of the length). Raises SceneError for lengths that are not positive, and unless 0 < part < 1."""
+    (fraction of the length). Raises SceneError for lengths that are not positive, and unless 0 < part < 1.
+
+    >>> blade = ksd.StiffenedMiddle(thickness=0.3 * mm, width=20 * mm, middle=2 * mm, part=0.5)
+    >>> [round(blade.section(s).thickness / mm, 3) for s in (0.1, 0.5)]
+    [0.3, 2.0]
+    """
 
     thickness: float
     width: float
@@ -169,6 +189,10 @@ class Varying(Profile):
     """Any profile: a `function` of s in [0, 1] that returns a `ksd.Section`, and `breaks`, the fractions of its kinks.
 
     Raises SceneError unless function is callable and breaks rise between 0 and 1.
+
+    >>> blade = ksd.Varying(lambda s: ksd.rectangle((0.3 + 0.2 * s) * mm, 10 * mm))
+    >>> round(blade.section(0.5).thickness / mm, 3)
+    0.4
     """
 
     function: Callable[[float], Section]

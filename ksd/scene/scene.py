@@ -110,6 +110,11 @@ class Scene(NotebookTables):
     `supports`; points: links that are points of leaf springs; distances: to be reported; sensors, dampers: see
     `ksd.scene.sensor`. Scenes with the same contents are equal, and have the same `fingerprint` in every process and on
     every machine.
+
+    >>> guide, _, _ = ksd.load_scene("guide")
+    >>> scene = guide.scene()
+    >>> scene.links, len(scene.leaves), scene == guide.scene()
+    (('ground', 'table'), 2, True)
     """
 
     name: str

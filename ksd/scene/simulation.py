@@ -51,6 +51,14 @@ class Shake:
     """Motion of the base: its acceleration along a direction, a function of time [m/s^2]; at rest before.
 
     Places and speeds of the answer are relative to the base.
+
+    >>> guide, _, _ = ksd.load_scene("guide")
+    >>> history = ksd.simulate(
+    ...     guide, until="20 ms", dt="0.5 ms", drives={"table": None},
+    ...     base=ksd.Shake("x", ksd.HalfSine(20.0, duration=10e-3)),
+    ... )
+    >>> print(f"back by {-min(history.drives['table'].value) / mm:.2f} mm")
+    back by 1.76 mm
     """
 
     along: Any
@@ -64,7 +72,16 @@ class Shake:
 
 @dataclass(frozen=True)
 class Event:
-    """The end of a motion: when a drive or a sensor rises above, or falls below, a value (SI, or text with a unit)."""
+    """The end of a motion: when a drive or a sensor rises above, or falls below, a value (SI, or text with a unit).
+
+    >>> guide, _, _ = ksd.load_scene("guide")
+    >>> history = ksd.simulate(
+    ...     guide, until="20 ms", dt="0.5 ms", drives={"table": ksd.Ramp(20e-3, end=5 * mm)},
+    ...     stop=ksd.Event("table", above="2 mm"),
+    ... )
+    >>> print(history.stop)
+    event: 'table' above 0.002 at t = 0.0087... s
+    """
 
     of: str
     above: Any = None
@@ -99,6 +116,11 @@ class Simulation:
     loads: factors by name; base; start: "equilibrium", "undeformed" or a pose; speeds (6,): of the centre of mass of a
     link, and of its rotation [m/s, rad/s], by name; stop: events that end the motion; damping_at [Hz]: frequency at which
     dashpots in the material take its loss factor; every: so many steps are made for each that is kept.
+
+    >>> guide, _, _ = ksd.load_scene("guide")
+    >>> guide.simulation = ksd.Simulation(until="20 ms", dt="0.5 ms", drives={"table": None})
+    >>> len(ksd.simulate(guide).t)
+    41
     """
 
     until: Any

@@ -71,9 +71,14 @@ LoadedScene = tuple[Mechanism, dict[str, float], dict[str, Any]]
 def load_scene(path: str | os.PathLike[str], *, option_names: Collection[str] | None = None) -> LoadedScene:
     """Read the scene file `path`: (mechanism, targets {drive: value in SI}, options as written).
 
-    option_names: the keys allowed in [options]; any when None. Raises SceneError for a file that cannot be read or is no
-    TOML, and SceneFileError, with file, line, table and key of every mistake, for missing and unknown keys and wrong types,
-    units or values. Warns once (SceneWarning) about plain numbers that are probably in another unit.
+    path: of the file, or the name alone of a shipped scene ("guide"), where no file has it. option_names: the keys allowed
+    in [options]; any when None. Raises SceneError for a file that cannot be read or is no TOML, and SceneFileError, with
+    file, line, table and key of every mistake, for missing and unknown keys and wrong types, units or values. Warns once
+    (SceneWarning) about plain numbers that are probably in another unit.
+
+    >>> guide, stroke, options = ksd.load_scene("guide")
+    >>> guide.name, stroke, options
+    ('guide', {'table': 0.005}, {})
     """
     file = named_file(path, "scene file")
     text = _read_text(file)
@@ -147,11 +152,11 @@ def shipped_scenes() -> dict[str, Traversable]:
 
 def _read_text(file: Path) -> str:
     """The text of a scene file. Raises SceneError."""
-    is_shipped = file.stem in shipped_scenes() and not os.path.lexists(file)
+    shipped = shipped_scenes().get(file.stem) if not os.path.lexists(file) else None
+    if shipped is not None and str(file) == file.stem:
+        return shipped.read_text(encoding="utf-8")
     hint = (
-        f"check the path; `ksd new NAME --like {file.stem}` writes the scene of that name"
-        if is_shipped
-        else ""
+        f"check the path; `ksd new NAME --like {file.stem}` writes the scene of that name" if shipped else ""
     )
     try:
         content = read_file(file, what="scene file", most=MAX_FILE_BYTES, hint=hint or "check the path")

@@ -57,6 +57,11 @@ def save_scene(
     mechanism: a mechanism or its scene; targets: {drive: value in SI}; options: contents of [options]. Raises SceneError for
     an incomplete scene, a leaf whose profile or curve, or a motion in time, is a function of Python, a joint of an unknown
     family, and a target without drive.
+
+    >>> guide, stroke, _ = ksd.load_scene("guide")
+    >>> ksd.save_scene(guide, "mine.toml", targets=stroke)
+    >>> ksd.load_scene("mine.toml")[0].scene() == guide.scene()
+    True
     """
     scene = mechanism.scene() if isinstance(mechanism, Mechanism) else mechanism
     if not isinstance(scene, Scene):

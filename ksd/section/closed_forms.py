@@ -68,6 +68,10 @@ def rectangle(
     Shear coefficients 5/6 (energy coefficient at nu = 0, both directions); `cowper=nu` uses Cowper's
     10 (1 + nu) / (12 + 11 nu) instead (J. Appl. Mech. 33, 1966, table 1). J by the exact series.
     Raises SceneError unless both lengths are positive and finite.
+
+    >>> sheet = ksd.rectangle(0.5 * mm, 20 * mm)
+    >>> print(f"A = {sheet.A:.3g} m^2, Iz = {sheet.Iz:.4g} m^4, J = {sheet.J:.4g} m^4")
+    A = 1e-05 m^2, Iz = 2.083e-13 m^4, J = 8.202e-13 m^4
     """
     if not isinstance(name, str):
         raise SceneError(f"rectangle: name = {show(name)} must be text.")
@@ -121,6 +125,10 @@ def circle(diameter: float, *, cowper: float | None = None, name: str = "circle"
 
     Shear coefficient 6/7 (energy coefficient at nu = 0); `cowper=nu`: 6 (1 + nu) / (7 + 6 nu).
     Raises SceneError unless the diameter is positive and finite.
+
+    >>> wire = ksd.circle(0.5 * mm)
+    >>> print(f"A = {wire.A:.4g} m^2, Iz = {wire.Iz:.4g} m^4")
+    A = 1.963e-07 m^2, Iz = 3.068e-15 m^4
     """
     d = positive(diameter, "diameter", owner=name, unit="m")
     nu = _check_poisson(cowper, name) or 0.0
@@ -137,6 +145,10 @@ def tube(outer: float, inner: float, *, cowper: float | None = None, name: str =
     Shear coefficient of Cowper at nu = 0, which is the energy coefficient there, or at `cowper=nu`:
     6 (1 + nu)(1 + m^2)^2 / ((7 + 6 nu)(1 + m^2)^2 + (20 + 12 nu) m^2), m = inner/outer.
     Raises SceneError unless 0 < inner < outer.
+
+    >>> rod = ksd.tube(10 * mm, 8 * mm)
+    >>> print(f"A = {rod.A / mm**2:.3f} mm^2, J = {rod.J / mm**4:.1f} mm^4")
+    A = 28.274 mm^2, J = 579.6 mm^4
     """
     D = positive(outer, "outer", owner=name, unit="m")
     d = positive(inner, "inner", owner=name, unit="m")

@@ -44,6 +44,10 @@ def polygon(
     loaded along its thin side has 5/6, at nu = 0.3 a 10:1 strip 0.18, so the default stays comparable with
     `rectangle`. Raises SceneError for fewer than three corners, numbers that are not finite, crossing edges,
     or a hole that leaves the outline.
+
+    >>> corner = ksd.polygon([(0, 0), (1 * mm, 0), (1 * mm, 8 * mm), (0, 8 * mm)])
+    >>> print(f"A = {corner.A / mm**2:.3f} mm^2, Iy = {corner.Iy / mm**4:.2f} mm^4")
+    A = 8.000 mm^2, Iy = 42.67 mm^4
     """
     nu = between(nu, "nu (Poisson's ratio)", -1.0, 0.500001, owner=name)
     if mesh_size is not None:

@@ -31,6 +31,10 @@ class Section:
     axes, the outer ring first, then holes; None for closed forms. shear_centre (y, z) [m] from the centroid.
     tilt [rad]: angle from the y axis the outline was drawn in to the principal y axis. Raises SceneError when
     a number is not finite or not positive.
+
+    >>> sheet = ksd.rectangle(0.5 * mm, 20 * mm)
+    >>> print(f"A = {sheet.A:.3g} m^2, Iz = {sheet.Iz:.4g} m^4, J = {sheet.J:.4g} m^4")
+    A = 1e-05 m^2, Iz = 2.083e-13 m^4, J = 8.202e-13 m^4
     """
 
     A: float
@@ -139,7 +143,12 @@ def numbers(
     shear_centre: Point = (0.0, 0.0),
     tilt: float = 0.0,
 ) -> Section:
-    """A section given directly by its numbers; meanings, units and errors as in `Section`."""
+    """A section given directly by its numbers; meanings, units and errors as in `Section`.
+
+    >>> beam = ksd.numbers(A=1e-5, J=2e-12, Iy=3e-10, Iz=1e-12)
+    >>> beam.A, beam.ky
+    (1e-05, 0.8333333333333334)
+    """
     place = {"outline": outline, "shear_centre": shear_centre, "tilt": tilt}
     return Section(
         A=A, J=J, Iy=Iy, Iz=Iz, ky=ky, kz=kz, Iw=Iw, width=width, thickness=thickness, name=name, **place

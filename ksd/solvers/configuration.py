@@ -108,6 +108,13 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
     the method for its estimated error. joints_near_intended: the solve has checked that every joint is near its intended
     motion. accuracy: the relative accuracy that was asked for. kernel_time [s]: thread time in which a first solve of this
     process loaded or compiled kernels, apart from the steps.
+
+    >>> guide, stroke, _ = ksd.load_scene("guide")
+    >>> pose = ksd.solve(guide, stroke)
+    >>> print(f"{pose.forces['table']:.3f} N, {pose.frequencies().frequency_Hz[0]:.2f} Hz")
+    5.036 N, 60.83 Hz
+    >>> print(f"{pose.stress().largest_Pa / 1e6:.1f} MPa")
+    250.7 MPa
     """
 
     model: Model

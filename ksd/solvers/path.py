@@ -63,6 +63,11 @@ class Path(PrintableAnswer):
 
     factor (k,): of the loads or of the drive motion; states: one configuration for each; turnings: limit points and
     bifurcations passed; stop: why the path ended, in words.
+
+    >>> guide, _, _ = ksd.load_scene("guide")
+    >>> path = ksd.follow(guide, table=5 * mm, control="drives", first=0.25)
+    >>> print(f"{path.factor[-1]:.1f} of the way: {path.states[-1].forces['table']:.3f} N")
+    1.0 of the way: 5.036 N
     """
 
     factor: Array
@@ -133,6 +138,15 @@ def follow(
     the default one; it stays as it is, where `ksd.solve` refines it; states for which it is too coarse carry a warning, and
     so does the path (`Path.warnings`). Raises SceneError for a path without a parameter (no load, no drive motion) and a
     start of another mechanism, ConvergenceError where the start is no equilibrium.
+
+    >>> column = ksd.Mechanism("column", plane="xy")
+    >>> leaf = column.leaf(
+    ...     "ground", column.link("top"), start=(0, 0, 0), end=(0, 100 * mm, 0),
+    ...     section=ksd.rectangle(1 * mm, 10 * mm), material=ksd.Material(E=200 * GPa, nu=0.3),
+    ... )
+    >>> load = column.load("top", force=(0, -50, 0), at=(0, 100 * mm, 0))
+    >>> [turning.kind for turning in ksd.follow(column).turnings]
+    ['bifurcation']
     """
     for value, name in ((until, "until"), (side, "side")):
         checked_number(value, name)

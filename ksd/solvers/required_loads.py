@@ -67,6 +67,11 @@ class RequiredLoads(PrintableAnswer):
     reference points of the links (3,) [m]. size [m]: by which moments are divided to compare them with forces. warnings:
     sentences about the strain and stress of the leaf springs in the poses; none by method "constant". refined: makes the
     same on a finer mesh, of exact leaf springs.
+
+    >>> guide, stroke, _ = ksd.load_scene("guide")
+    >>> held = ksd.required_loads(guide, ksd.solve(guide, stroke).links)
+    >>> round(held.forces["table"], 3)
+    5.036
     """
 
     loads: dict[str, Array]
@@ -150,6 +155,11 @@ def required_loads(
     a leaf spring can snap, the equilibrium found may differ from the one the poses were taken from. mesh: as in
     `ksd.solve`. The answer tells its error, computed when it is read or printed. Raises SceneError for poses that no leaf
     can take, ConvergenceError for poses that are not reached, TrustError where the equilibrium there is not stable.
+
+    >>> guide, stroke, _ = ksd.load_scene("guide")
+    >>> held = ksd.required_loads(guide, ksd.solve(guide, stroke).links)
+    >>> round(held.forces["table"], 3)
+    5.036
     """
     if method not in (None, "constant", "conventional"):
         raise SceneError(f"method = {show(method)}: give 'constant', or nothing for exact leaf springs")

@@ -97,6 +97,11 @@ def prepare(
     accuracy: for solves without an accuracy of their own. planar: False solves in space, by every method, even where the
     scene stays in its plane. basis: for method "modal", order: of loads and drives, see `solve`. Raises SceneError for a
     scene that cannot be compiled.
+
+    >>> guide, _, _ = ksd.load_scene("guide")
+    >>> solver = ksd.prepare(guide)
+    >>> [round(solver(table=x).forces["table"], 3) for x in (1 * mm, 2 * mm)]
+    [1.0, 2.002]
     """
     return Solver(
         mechanism, mesh=mesh, extrapolate=extrapolate, planar=planar, basis=basis, effects=effects, with_=with_,
@@ -153,6 +158,11 @@ def solve(
 
     Raises SceneError (bad input), RangeError (outside a trained range), RecordError (joint record missing or damaged),
     KinematicsError (indeterminate or over-driven), ConvergenceError (with the fraction reached).
+
+    >>> guide, _, _ = ksd.load_scene("guide")
+    >>> pose = ksd.solve(guide, table=5 * mm)
+    >>> print(f"{pose.forces['table']:.3f} N by the {pose.method} method")
+    5.036 N by the conventional method
     """
     values = given_values(targets, drives)
     for word, given in (
@@ -235,6 +245,11 @@ class Solver:
     record of a joint family by its name. A compiled `Model` has its mesh and effects already: SceneError where it is given
     with others. Threads that share a solver take turns, since all solves write into the same storage; make one for each
     thread to solve in parallel.
+
+    >>> guide, _, _ = ksd.load_scene("guide")
+    >>> solver = ksd.prepare(guide)
+    >>> [round(solver(table=x).forces["table"], 3) for x in (1 * mm, 2 * mm)]
+    [1.0, 2.002]
     """
 
     def __init__(

@@ -60,6 +60,14 @@ class Batch(PrintableAnswer):
     that was not answered. answers: of the questions, by column as in `ksd.sweep`, (D, N) each; text where the column is
     one. compliance (D, N, 6, 6): motion [m, rad] of the point of the questions per unit force and moment [N, Nm] on it,
     global axes (`PointStiffness`); None without the question "support_stiffness".
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> pivot = ksd.Mechanism.of_joint(ksd.CrossedPivot(
+    ...     steel, length=50 * mm, angle=45 * deg, thickness=0.3 * mm, width=15 * mm
+    ... ))
+    >>> found = ksd.batch(pivot, angle=[10 * deg, 20 * deg])
+    >>> found.status, found.forces["angle"].round(4)
+    (array([[0, 0]]), array([[0.0474, 0.0961]]))
     """
 
     links: tuple[str, ...]
@@ -156,6 +164,14 @@ def batch(
     executor: any concurrent.futures executor instead of threads; with processes, where Python works in parallel too,
     `mechanism` must be a function they can import. Raises SceneError for bad input; designs, poses and questions that
     fail are in the result.
+
+    >>> guide = ksd.Mechanism.of_joint(ksd.ParallelGuide(
+    ...     ksd.Material(E=200 * GPa, nu=0.3), length=60 * mm, thickness=0.3 * mm,
+    ...     width=20 * mm, spacing=60 * mm,
+    ... ))
+    >>> found = ksd.batch(guide, stroke=[2.5 * mm, 5 * mm], questions="stress")
+    >>> found.forces["stroke"].round(3), found.answers["stress_MPa"].round(1)
+    (array([[2.504, 5.036]]), array([[125.1, 250.7]]))
     """
     check_solve_options(
         mesh=mesh, relinearisations=relinearisations, method=method, methods=("reduced", "full"),

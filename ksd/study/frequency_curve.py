@@ -113,6 +113,11 @@ def frequency_curve(
     "parasitic_1", ... as numbered at rest and followed by MAC, which needs more solves. checks: fractions of the stroke at
     which the error is computed. held: values of the other drives [m or rad]; method: as in `ksd.solve`. Raises SceneError
     for wrong names, ConvergenceError where a configuration is not found.
+
+    >>> guide, _, _ = ksd.load_scene("guide")
+    >>> curve = ksd.frequency_curve(guide, "table", 5 * mm, method="conventional")
+    >>> print([f"{frequency:.2f} Hz" for frequency in curve.frequency_Hz])
+    ['140.20 Hz', '97.24 Hz', '60.83 Hz']
     """
     solver = mechanism if isinstance(mechanism, Solver) else Solver(mechanism)
     if drive not in solver.model.drive_names:

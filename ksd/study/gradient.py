@@ -81,6 +81,15 @@ class Gradient(PrintableAnswer):
     error_slopes: in the shape of `slopes`, the change to the derivative on a finer mesh, plus |g(h) - g(2h)| / 3 or, where
     there is a kink, the difference of the one-sided slopes; None without errors=True. heading: what the printed table holds.
     refused: by number of the pose, why `ksd.solve` would refuse it (strict=False).
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> def pivot(thickness):
+    ...     return ksd.Mechanism.of_joint(ksd.CrossedPivot(
+    ...         steel, length=50 * mm, angle=45 * deg, thickness=thickness, width=15 * mm
+    ...     ))
+    >>> found = ksd.gradient(pivot, {"thickness": 0.3 * mm}, angle=[20 * deg])
+    >>> found["angle_moment_Nm", "thickness"].round(0)
+    array([961.])
     """
 
     columns: tuple[str, ...]
@@ -209,6 +218,11 @@ def gradient(
     Raises SceneError for unknown names, a parameter that changes more than numbers, and reduced bodies; KsdError of the
     pose that fails; TrustError of a pose that `ksd.solve` would refuse, which strict=False differentiates all the same: then
     `Gradient.refused` has the reason.
+
+    >>> guide, stroke, _ = ksd.load_scene("guide")
+    >>> slopes = ksd.gradient(guide, questions="force", **stroke)
+    >>> slopes["table_force_N", "table"].round(1)
+    array([1021.6])
     """
     selected = replace(
         parse_questions(questions, link, at, freed, along=along, modes=modes, psd=psd, damping=damping),

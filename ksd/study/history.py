@@ -202,6 +202,13 @@ class History(PrintableAnswer):
     t (k,) [s]; drives, sensors (k,), energy: by name; error: estimated error of places relative to the largest stroke, nan
     where one step size alone was run; steps: number of steps; stop: why the motion ended early, None where it did not;
     notes: sentences on the run; trace: the plain numbers of all nodes.
+
+    >>> guide, _, _ = ksd.load_scene("guide")
+    >>> push = ksd.Cycloid(5 * mm, duration=20e-3)
+    >>> history = ksd.simulate(guide, until="20 ms", dt="0.5 ms", drives={"table": push})
+    >>> table, middle = history.drives["table"], len(history.t) // 2
+    >>> print(f"{table.value[middle] / mm:.2f} mm at {table.rate[middle]:.3f} m/s")
+    2.50 mm at 0.500 m/s
     """
 
     def __init__(self, trace: Trace, base: Shake | None = None) -> None:

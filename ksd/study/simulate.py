@@ -54,6 +54,12 @@ def simulate(
     Words that are not given are those of [simulate] of the file that the mechanism was loaded from. Raises SceneError for
     bad input, ConvergenceError where there is no equilibrium to start from; a motion that ends early returns what it has,
     with the reason in `History.stop`.
+
+    >>> guide, _, _ = ksd.load_scene("guide")
+    >>> push = ksd.Cycloid(5 * mm, duration=20e-3)
+    >>> history = ksd.simulate(guide, until="20 ms", dt="0.5 ms", drives={"table": push})
+    >>> print(f"at most {max(history.drives['table'].force):.1f} N")
+    at most 42.9 N
     """
     given = {
         "until": until, "dt": dt, "accuracy": accuracy, "method": method, "rho": rho, "drives": drives, "loads": loads,

@@ -109,6 +109,11 @@ def state_space(
     when None. drives: those released, also where inputs and outputs are None; those among inputs and outputs when None, and
     all where these are None, too; the others stay fixed. Raises SceneError for names, modes or damping out of range, for a
     scene without mass, and under loads that are not conservative; KinematicsError for an unstable pose.
+
+    >>> guide, stroke, _ = ksd.load_scene("guide")
+    >>> plant = ksd.state_space(ksd.solve(guide, stroke), modes=2)
+    >>> plant.A.shape, plant.frequency_Hz.round(1)
+    ((4, 4), array([ 7.1, 60.8]))
     """
     if not isinstance(pose, Configuration):
         raise SceneError(f"pose = {show(pose)} is no configuration; give what ksd.solve returns.")

@@ -32,6 +32,13 @@ class MovingState:
     """A mechanism in motion at t [s]. It is not changed by steps: any state can be gone on from, again and again.
 
     history: the same as a `History` of this instant alone; saved, inputs, part: what the next step goes on from.
+
+    >>> guide, _, _ = ksd.load_scene("guide")
+    >>> push = ksd.Cycloid(5 * mm, duration=20e-3)
+    >>> step = ksd.stepper(guide, longest="0.5 ms", drives={"table": push})
+    >>> state = step(step.start, {}, 10e-3)
+    >>> print(f"{state.t} s: {state.drives['table'].value[0] / mm:.2f} mm")
+    0.01 s: 2.50 mm
     """
 
     def __init__(
@@ -65,6 +72,15 @@ class Stepper:
     """``state = step(state, inputs, dt)``, from ``step.start`` on; made by `ksd.stepper`.
 
     scene: what moves; words: how; longest [s]: longest part of a step; mesh: of the leaf springs.
+
+    >>> guide, _, _ = ksd.load_scene("guide")
+    >>> push = ksd.Ramp(10e-3, end=2 * mm)
+    >>> step = ksd.stepper(guide, longest="0.5 ms", drives={"table": push})
+    >>> state = step.start
+    >>> for _ in range(3):
+    ...     state = step(state, {}, 5e-3)
+    >>> print(f"{state.t} s: {state.drives['table'].value[0] / mm:.2f} mm")
+    0.015 s: 2.00 mm
     """
 
     def __init__(self, scene: Scene, words: Simulation, longest: float | None, mesh: Mesh | None) -> None:
@@ -151,6 +167,13 @@ def stepper(
     Inputs are factors of loads. longest [s]: longest part of a step, a hundredth of the longest free period when None.
     drives, loads, start, speeds, base, damping_at, rho, mesh: as in `ksd.simulate`; drives that are None are let go.
     Raises SceneError for bad input, ConvergenceError where there is no equilibrium to start from.
+
+    >>> guide, _, _ = ksd.load_scene("guide")
+    >>> push = ksd.Cycloid(5 * mm, duration=20e-3)
+    >>> step = ksd.stepper(guide, longest="0.5 ms", drives={"table": push})
+    >>> state = step(step.start, {}, 10e-3)
+    >>> print(f"{state.t} s: {state.drives['table'].value[0] / mm:.2f} mm")
+    0.01 s: 2.50 mm
     """
     scene = mechanism.scene() if isinstance(mechanism, Mechanism) else mechanism
     if not isinstance(scene, Scene):

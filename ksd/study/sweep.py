@@ -62,7 +62,16 @@ MIN_POSES_FOR_PROCESSES = 200
 
 
 class SweepInterrupted(KeyboardInterrupt):
-    """Ctrl-C during a sweep: `table` holds all finished rows; the status of the others is that they were not reached."""
+    """Ctrl-C during a sweep: `table` holds all finished rows; the status of the others is that they were not reached.
+
+    >>> guide, _, _ = ksd.load_scene("guide")
+    >>> try:
+    ...     table = ksd.sweep(guide, table=[2.5 * mm, 5 * mm], questions="force", progress=False)
+    ... except ksd.SweepInterrupted as stop:  # Ctrl-C
+    ...     table = stop.table
+    >>> table["status"]
+    ['ok', 'ok']
+    """
 
     def __init__(self, message: str, table: Table, resume: Any = None) -> None:
         again = "" if resume is None else f"; call again with resume='{resume}' to go on"
@@ -126,6 +135,11 @@ def sweep(
     is answered, and its status still gives the reason.
 
     Raises SceneError for invalid input before any solve; SweepInterrupted (a KeyboardInterrupt with `.table`) on Ctrl-C.
+
+    >>> guide, _, _ = ksd.load_scene("guide")
+    >>> table = ksd.sweep(guide, table=[2.5 * mm, 5 * mm], questions="force", progress=False)
+    >>> table["table_force_N"].round(3)
+    array([2.504, 5.036])
     """
     recipe = Recipe(
         parse_questions(

@@ -54,6 +54,11 @@ class Table(NotebookTables):
     columns that identify a row: design parameters, load case, drives; moving: those that vary along a stroke. name: of the
     mechanism. facts: how the rows were computed, as text; "about": notes on the columns, "left_out": questions left out and
     why. leading: the columns that are printed, those of `LEADING_COLUMNS` when empty.
+
+    >>> guide, _, _ = ksd.load_scene("guide")
+    >>> table = ksd.sweep(guide, table=[2.5 * mm, 5 * mm], questions="force", progress=False)
+    >>> table["table_mm"], table["table_force_N"].round(3)
+    (array([2.5, 5. ]), array([2.504, 5.036]))
     """
 
     columns: Mapping[str, tuple[Any, ...]]

@@ -26,6 +26,16 @@ class Design:
     numbers: values held fixed, SI. meshes: those trained by default; tolerance_factor: factor on all wanted errors. others:
     further parameters of make, {name: values}, that must not matter: the record holds the evidence. idle: parameters
     found not to matter; they stay in the middle of their range while sampling.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> def draw(ratio):
+    ...     return ksd.CrossedPivot(
+    ...         steel, length=50 * mm, angle=45 * deg, thickness=0.3 * mm, width=15 * mm,
+    ...         ratio=ratio,
+    ...     )
+    >>> design = ksd.Design("my_pivot", (ksd.Parameter("ratio", 0.1, 0.3),), draw)
+    >>> design.make(ratio=0.2).family, design.parameters[0].name
+    ('crossed_pivot', 'ratio')
     """
 
     family: str

@@ -74,6 +74,14 @@ def train(
     Raises SceneError for unknown names and for joints that cannot be represented (see `ksd.training.sampling`; also
     where the functions miss the wanted errors by more than REFUSED_MISS times), RecordError when the record cannot be
     written. Warns (UserWarning) when the wanted errors are missed.
+
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> record = ksd.train(
+    ...     "circular_notch", shapes={"slenderness": (0.05, 0.06)}, meshes=(1,),
+    ...     out="notch.h5", executor=ThreadPoolExecutor(1), progress=False,
+    ... )
+    >>> record.family, record.parameters[0].high
+    ('circular_notch', 0.06)
     """
     design = design_of(family_or_joint, shapes)
     check_design(design)

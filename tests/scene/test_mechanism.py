@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import ksd
 from ksd.errors import SceneError
 from ksd.scene import CrossFlexure, Drive, DriveTerm, FoldedLeaf, FreeCurve, Material, Mechanism, Scene
 from ksd.section import rectangle
@@ -80,6 +81,16 @@ def test_default_names_of_drives():
     assert made.support("arm", along="z", at=(0, 0, 0)).name == "arm.held"
     assert made.load("arm", moment=(0, 0, 1)).name == "arm.load"
     assert made.load("arm", moment=(0, 0, 2)).name == "arm.load.2"
+
+
+def test_a_joint_alone():
+    guide = ksd.ParallelGuide(STEEL, length=60 * mm, thickness=0.3 * mm, width=20 * mm, spacing=60 * mm)
+    scene = ksd.Mechanism.of_joint(guide).scene()
+    assert scene.links == ("ground", "B") and [d.name for d in scene.drives] == ["stroke"]
+    wire = ksd.Mechanism.of_joint(ksd.WireFlexure(STEEL, length=60 * mm, diameter=1 * mm)).scene()
+    assert len(wire.leaves) == 1 and not wire.drives and not wire.joints
+    with pytest.raises(ksd.SceneError, match="is not a joint; make one"):
+        ksd.Mechanism.of_joint(3)
 
 
 def test_joint_drive_is_the_relative_angle():

@@ -849,6 +849,16 @@ def test_a_file_of_windows_editors_is_read(tmp_path):
     assert ksd.load_scene(file)[0].scene().links
 
 
+def test_a_shipped_scene_is_read_by_its_name_unless_a_file_has_it(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert ksd.load_scene("guide")[1] == {"table": 5e-3}
+    assert ksd.load_job("pivot_job").words["starts"] == 2
+    (tmp_path / "guide").write_text(GOOD)
+    assert ksd.load_scene("guide")[0].scene() == ksd.load_scene(tmp_path / "guide")[0].scene()
+    with pytest.raises(ksd.SceneError, match="`ksd new NAME --like guide`"):
+        ksd.load_scene("guide.toml")
+
+
 @pytest.mark.parametrize("name", ["pivot", "pivot.toml"])
 def test_a_shipped_scene_that_is_not_here_is_told_of(name, tmp_path):
     with pytest.raises(

@@ -33,19 +33,9 @@ THIN = {"length": 0.1, "thickness": 1e-4, "width": 0.04}
 SHAPED = [name for name, entry in FAMILY_DESIGNS.items() if entry.parameters]
 
 
-def alone(joint):
-    """A joint between ground and the link 'tip', every intended motion driven; joint axes are global axes."""
-    scene = ksd.Mechanism("one joint")
-    tip = scene.link("tip")
-    placed = scene.join(scene.ground, tip, joint, at=(0, 0, 0), axis="z", toward="x", name="joint")
-    for motion in joint.motions:
-        scene.actuate_joint(placed, name=motion.name, motion=motion.name)
-    return scene
-
-
 def driven(joint, value, **others):
     """Conventional solution of the joint alone at its first motion = value."""
-    model = ksd.compile_scene(alone(joint))
+    model = ksd.compile_scene(ksd.Mechanism.of_joint(joint))
     return solve_conventional(model, {joint.motions[0].name: value, **others})
 
 
@@ -224,7 +214,7 @@ def test_reduced_equals_conventional(name, mesh, rng):
     if mesh.leaf == "corotational" and mesh.elements not in find_record(name).functions:
         pytest.skip("not trained for this chain")
     for joint in random_joints(name, rng):
-        solver = ksd.prepare(alone(joint), mesh=mesh)
+        solver = ksd.prepare(ksd.Mechanism.of_joint(joint), mesh=mesh)
         for share in (-1.0, 1.0, *rng.uniform(-1, 1, (2, len(joint.motions)))):
             force, place, stable = errors(joint, solver, np.broadcast_to(share, len(joint.motions)))
             assert stable
@@ -241,7 +231,7 @@ def test_pivot_shift_of_the_record(name, rng):
     record = find_record(name)
     for _ in range(4 if design.parameters else 1):
         joint = design.make(**design.shape(rng.uniform(-1, 1, len(design.parameters))))
-        solver = ksd.prepare(alone(joint))
+        solver = ksd.prepare(ksd.Mechanism.of_joint(joint))
         assert record.worst("strain") < 1e-4
         for share in rng.uniform(-1, 1, 2):
             values = {m.name: share * m.range[1] for m in joint.motions}
@@ -262,14 +252,16 @@ def test_shapes_outside_the_range_are_refused(name):
             # an arc of 270 degrees is also the longest that there is
             with pytest.raises((RangeError, SceneError), match=parameter.name):
                 joint = design.make(**design.shape(places))
-                ksd.prepare(alone(joint))({m.name: 0.0 for m in joint.motions}, method="reduced")
+                ksd.prepare(ksd.Mechanism.of_joint(joint))(
+                    {m.name: 0.0 for m in joint.motions}, method="reduced"
+                )
 
 
 @pytest.mark.parametrize("name", list(FAMILY_DESIGNS))
 def test_motions_outside_the_range_are_refused(name):
     design = design_of(name)
     joint = design.make(**design.shape(np.zeros(len(design.parameters))))
-    solver = ksd.prepare(alone(joint))
+    solver = ksd.prepare(ksd.Mechanism.of_joint(joint))
     for motion in joint.motions:
         values = {m.name: 0.0 for m in joint.motions}
         for end in motion.range:
@@ -301,11 +293,13 @@ def test_a_chain_that_cannot_be_derived_is_refused():
     """Longer chains follow from the strain amplitudes for straight, uniform leaf springs alone."""
     arc = ArcHinge(STEEL, radius=0.05, angle=1.2, thickness=5e-4, width=0.02)
     with pytest.raises(RecordError, match="no chains of 12 elements"):
-        ksd.prepare(alone(arc), mesh=Mesh("corotational", elements=12))({"angle": 0.1}, method="reduced")
+        ksd.prepare(ksd.Mechanism.of_joint(arc), mesh=Mesh("corotational", elements=12))(
+            {"angle": 0.1}, method="reduced"
+        )
     joint = BalancedCrossedPivot(
         STEEL, length=0.1, thickness=5e-4, angle=0.7, inner_width=0.03, outer_width=0.02
     )
-    solver = ksd.prepare(alone(joint), mesh=Mesh("corotational", elements=12))
+    solver = ksd.prepare(ksd.Mechanism.of_joint(joint), mesh=Mesh("corotational", elements=12))
     exact = solver({"angle": 0.5}, method="conventional").forces["angle"]
     assert solver({"angle": 0.5}, method="reduced").forces["angle"] == pytest.approx(exact, rel=1e-4)
 
@@ -401,7 +395,7 @@ def test_constraints_in_scene_files(tmp_path):
 
 
 def test_the_one_of_two_motions_is_named():
-    scene = alone(UniversalJoint(STEEL, **THIN))
+    scene = ksd.Mechanism.of_joint(UniversalJoint(STEEL, **THIN))
     assert scene.scene().drives[1].terms[0].direction == (0.0, 1.0, 0.0)
     with pytest.raises(SceneError, match="'about_z', 'about_y'"):
         scene.actuate(joint="joint", motion="about_x")
@@ -410,7 +404,7 @@ def test_the_one_of_two_motions_is_named():
 @pytest.mark.parametrize("name", list(FAMILY_DESIGNS))
 def test_every_family_in_scene_files(name, tmp_path):
     design = design_of(name)
-    scene = alone(design.make(**design.shape(np.zeros(len(design.parameters)))))
+    scene = ksd.Mechanism.of_joint(design.make(**design.shape(np.zeros(len(design.parameters)))))
     ksd.save_scene(scene, tmp_path / "written.toml")
     again, _, _ = ksd.load_scene(tmp_path / "written.toml")
     assert again.scene().fingerprint() == scene.scene().fingerprint()

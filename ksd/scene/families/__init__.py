@@ -14,7 +14,12 @@ from ksd.scene.joint import Joint
 
 @cache
 def joint_families() -> dict[str, type[Joint]]:
-    """All joint families {name: class} in the modules of this package, in order of name."""
+    """All joint families {name: class} in the modules of this package, in order of name.
+
+    >>> families = ksd.joint_families()
+    >>> families["cross_flexure"].__name__
+    'CrossFlexure'
+    """
     families = {}
     for info in pkgutil.iter_modules(__path__):
         module = importlib.import_module(f"{__name__}.{info.name}")

@@ -36,6 +36,14 @@ class Cartwheel(InclinedLeaves):
 
     length L [m] of a whole leaf, through the hub; angle [rad] between leaf and the line AB, 0..90 degrees;
     thickness, width [m]. Raises SceneError naming the parameter out of bounds.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> joint = ksd.Cartwheel(
+    ...     steel, length=50 * mm, angle=45 * deg, thickness=0.3 * mm, width=15 * mm
+    ... )
+    >>> pose = ksd.solve(ksd.Mechanism.of_joint(joint), angle=15 * deg)
+    >>> print(f"{pose.forces['angle']:.4f} Nm")
+    0.2821 Nm
     """
 
     family: ClassVar[str] = "cartwheel"
@@ -94,6 +102,15 @@ class Butterfly(JointFamily):
 
     length L [m] of a leaf, inner radius, thickness, width [m]; half_angle [rad], 0..30 degrees. Raises
     SceneError naming the parameter out of bounds.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> joint = ksd.Butterfly(
+    ...     steel, length=20 * mm, inner=8 * mm, half_angle=20 * deg, thickness=0.3 * mm,
+    ...     width=15 * mm,
+    ... )
+    >>> pose = ksd.solve(ksd.Mechanism.of_joint(joint), angle=20 * deg)
+    >>> print(f"{pose.forces['angle']:.4f} Nm")
+    0.6233 Nm
     """
 
     family: ClassVar[str] = "butterfly"

@@ -23,6 +23,13 @@ class FoldedLeaf(JointFamily):
     fold line runs along z, like the widths of both leaf springs (van Eijk, On the design of plate-spring mechanisms, 1985).
 
     length L [m] of each of the two leaf springs; thickness, width [m]. Raises SceneError naming the parameter out of bounds.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> joint = ksd.FoldedLeaf(steel, length=40 * mm, thickness=0.3 * mm, width=20 * mm)
+    >>> pose = ksd.solve(ksd.Mechanism.of_joint(joint))
+    >>> held = pose.stiffness("B").matrix()[2, 2]
+    >>> print(f"{held:.4g} N/m along the fold line; by hand {joint.stiffness_at_rest():.4g}")
+    7.847e+05 N/m along the fold line; by hand 7.845e+05
     """
 
     family: ClassVar[str] = "folded_leaf"
@@ -73,6 +80,13 @@ class WireFlexure(JointFamily):
 
     Joint axes: A at the origin, B at (L, 0, 0). length L, diameter [m]. Raises SceneError naming the parameter out of
     bounds.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> joint = ksd.WireFlexure(steel, length=50 * mm, diameter=0.5 * mm)
+    >>> pose = ksd.solve(ksd.Mechanism.of_joint(joint))
+    >>> held = pose.stiffness("B").support("x")
+    >>> print(f"{held:.4g} N/m along the wire; by hand {joint.stiffness_at_rest():.4g}")
+    7.854e+05 N/m along the wire; by hand 7.854e+05
     """
 
     family: ClassVar[str] = "wire_flexure"

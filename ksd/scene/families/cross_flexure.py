@@ -31,6 +31,15 @@ class CrossFlexure(InclinedLeaves):
     widths (inner, outer) [m], the outer width being that of each outer leaf. gap [m]: free distance along z
     between inner and outer leaf springs, c = (inner + outer)/2 + gap; spacing [m] gives c itself instead. elements,
     orders: mesh of every leaf, see `Leaf`. Raises SceneError naming the parameter out of bounds.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> joint = ksd.CrossFlexure(
+    ...     steel, length=100 * mm, angle=45 * deg, thickness=1 * mm,
+    ...     widths=(40 * mm, 20 * mm),
+    ... )
+    >>> pose = ksd.solve(ksd.Mechanism.of_joint(joint), angle=45 * deg)
+    >>> print(f"{pose.forces['angle']:.3f} Nm")
+    11.448 Nm
     """
 
     family: ClassVar[str] = "cross_flexure"

@@ -42,6 +42,14 @@ class CrossedPivot(InclinedLeaves):
 
     length L [m] and thickness, width [m] of each leaf; angle [rad] between leaf and the line AB, 0..90
     degrees. Raises SceneError naming the parameter out of bounds.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> joint = ksd.CrossedPivot(
+    ...     steel, length=50 * mm, angle=45 * deg, thickness=0.3 * mm, width=15 * mm
+    ... )
+    >>> pose = ksd.solve(ksd.Mechanism.of_joint(joint), angle=20 * deg)
+    >>> print(f"{pose.forces['angle']:.4f} Nm")
+    0.0961 Nm
     """
 
     family: ClassVar[str] = "crossed_pivot"
@@ -86,6 +94,15 @@ class BalancedCrossedPivot(InclinedLeaves):
 
     inner_width, outer_width [m], the latter that of each outer leaf; gap [m] along z between inner
     and outer leaf springs; the others as in `CrossedPivot`. Raises SceneError naming the parameter out of bounds.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> joint = ksd.BalancedCrossedPivot(
+    ...     steel, length=50 * mm, angle=45 * deg, thickness=0.3 * mm,
+    ...     inner_width=20 * mm, outer_width=10 * mm, ratio=0.2,
+    ... )
+    >>> pose = ksd.solve(ksd.Mechanism.of_joint(joint), angle=20 * deg)
+    >>> print(f"{pose.forces['angle']:.4f} Nm")
+    0.2638 Nm
     """
 
     family: ClassVar[str] = "balanced_crossed_pivot"

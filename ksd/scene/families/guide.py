@@ -50,6 +50,14 @@ class ParallelGuide(_Guide):
 
     length L, thickness, width [m] of each leaf; spacing [m] of the leaf springs. Raises SceneError naming the
     parameter out of bounds.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> joint = ksd.ParallelGuide(
+    ...     steel, length=60 * mm, thickness=0.3 * mm, width=20 * mm, spacing=60 * mm
+    ... )
+    >>> pose = ksd.solve(ksd.Mechanism.of_joint(joint), stroke=5 * mm)
+    >>> print(f"{pose.forces['stroke']:.3f} N; linear {joint.stiffness_at_rest() * 5 * mm:.3f} N")
+    5.036 N; linear 5.000 N
     """
 
     family: ClassVar[str] = "parallel_guide"
@@ -88,6 +96,15 @@ class StiffenedGuide(_Guide):
 
     flexible: flexible length at each end over L, 0.05..0.45; the other parameters as in `ParallelGuide`.
     Raises SceneError naming the parameter out of bounds.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> joint = ksd.StiffenedGuide(
+    ...     steel, length=60 * mm, flexible=0.3, thickness=0.3 * mm, width=20 * mm,
+    ...     spacing=60 * mm,
+    ... )
+    >>> pose = ksd.solve(ksd.Mechanism.of_joint(joint), stroke=5 * mm)
+    >>> print(f"{pose.forces['stroke']:.3f} N")
+    5.378 N
     """
 
     family: ClassVar[str] = "stiffened_guide"

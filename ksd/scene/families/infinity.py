@@ -46,6 +46,12 @@ class InfinityHinge(JointFamily):
 
     length L, thickness, width [m]; reach 0.25..0.6 and strut 0.1..0.6, dimensionless. Raises SceneError
     naming the parameter out of bounds.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> joint = ksd.InfinityHinge(steel, length=60 * mm, thickness=0.3 * mm, width=15 * mm)
+    >>> pose = ksd.solve(ksd.Mechanism.of_joint(joint), angle=20 * deg)
+    >>> print(f"{pose.forces['angle']:.4f} Nm")
+    0.6903 Nm
     """
 
     family: ClassVar[str] = "infinity_hinge"
@@ -128,6 +134,12 @@ class TripleInfinityHinge(JointFamily):
     up to 0.19 of the area of a leaf (`ksd.training.stroke_checks.LeafWindows`; rigid blocks
     have no shape here and are not counted). length [m] scales all dimensions but thickness [m], which is free like the
     material. Raises SceneError naming the parameter out of bounds.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> joint = ksd.TripleInfinityHinge(steel)
+    >>> pose = ksd.solve(ksd.Mechanism.of_joint(joint), angle=30 * deg)
+    >>> print(f"{pose.forces['angle']:.3f} Nm")
+    2.062 Nm
     """
 
     family: ClassVar[str] = "triple_infinity_hinge"

@@ -35,6 +35,14 @@ class CircularNotchHinge(JointFamily):
     thick in y (Paros and Weisbord, Machine Design 37, 1965), width along z.
 
     radius R, minimum thickness and width [m]; minimum below R. Raises SceneError naming the parameter out of bounds.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> joint = ksd.CircularNotchHinge(
+    ...     steel, radius=5 * mm, minimum=0.3 * mm, width=10 * mm
+    ... )
+    >>> pose = ksd.solve(ksd.Mechanism.of_joint(joint), angle=2 * deg)
+    >>> print(f"{pose.forces['angle']:.4f} Nm")
+    0.1097 Nm
     """
 
     family: ClassVar[str] = "circular_notch"
@@ -96,6 +104,14 @@ class FilletedNotchHinge(JointFamily):
 
     length [m] with both fillets, radius of the fillets below half of it, minimum thickness, width [m]. Raises SceneError
     naming the parameter out of bounds.
+
+    >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
+    >>> joint = ksd.FilletedNotchHinge(
+    ...     steel, length=10 * mm, radius=2 * mm, minimum=0.3 * mm, width=10 * mm
+    ... )
+    >>> pose = ksd.solve(ksd.Mechanism.of_joint(joint), angle=3 * deg)
+    >>> print(f"{pose.forces['angle']:.4f} Nm")
+    0.0342 Nm
     """
 
     family: ClassVar[str] = "filleted_notch"
@@ -154,6 +170,14 @@ class ArcHinge(JointFamily):
 
     radius r [m] and angle [rad] of the arc, up to 270 degrees; thickness, width [m]. Raises SceneError naming the parameter
     out of bounds.
+
+    >>> plastic = ksd.Material(E=2.5 * GPa, nu=0.3)
+    >>> joint = ksd.ArcHinge(
+    ...     plastic, radius=4 * mm, angle=270 * deg, thickness=0.4 * mm, width=6 * mm
+    ... )
+    >>> pose = ksd.solve(ksd.Mechanism.of_joint(joint), angle=15 * deg)
+    >>> print(f"{pose.forces['angle']:.6f} Nm")
+    0.001111 Nm
     """
 
     family: ClassVar[str] = "arc_hinge"
