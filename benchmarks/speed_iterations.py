@@ -44,7 +44,7 @@ def systems() -> dict[str, System]:
         solver = ksd.prepare(fourbar(1), mesh=mesh)
         b = solver.five_steps.storage
         # steps 1 and 2
-        run_five_steps(b, TARGET, "kinematic", 0, CLOSURE_TOLERANCE)
+        run_five_steps(b, TARGET, "kinematic", 0, CLOSURE_TOLERANCE, solver.five_steps.limits)
         arrays, reduced = b.model.arrays, b.bodies.reduced
         found[f"full, {name}"] = System(arrays, b.model.rest.copy(), b.full_work, (1, 4))
         found[f"reduced, {name}"] = System(reduced, b.reduced_state.copy(), b.reduced_work, (0, 2))

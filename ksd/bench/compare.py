@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import statistics
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -23,14 +22,13 @@ from ksd.scene import Mechanism, Scene
 from ksd.solvers.answer import drive_kind
 from ksd.solvers.configuration import Configuration
 from ksd.solvers.conventional import solve_conventional
+from ksd.solvers.method_error import relative_error
 from ksd.solvers.solver import Solver, given_values, solve
 from ksd.solvers.steps import percent
 from ksd.study.arguments import check_solve_options
 from ksd.study.questions import EFFORT_SUFFIX
 from ksd.study.table import OK, STATUS, Table
 
-ESTIMATE = "error estimate"
-"""Name of the solver step that computes the error estimate."""
 MODAL_LEAVES = 30
 """Number of leaf springs above which modal bodies are compared on request only: a call takes many seconds."""
 METHODS = (
@@ -245,19 +243,20 @@ def measure_methods(
     report_error: also evaluate `MethodResult.reported_error`.
     """
     results: list[MethodResult | None] = [None] * len(methods)
-    poses: dict[int, list[Configuration]] = {}
+    poses: dict[int, tuple[Configuration, Configuration]] = {}
     with progress_bar(progress) as bar:
         task = bar.add_task(f"compare {name}", total=len(methods) + 1)
         for k, method in enumerate(methods):
             try:
                 # kernels are loaded in the first call
-                poses[k] = [method.solve(True) for _ in range(2)]
+                method.solve(True)
+                poses[k] = method.solve(False), method.solve(True)
             except POSE_ERRORS as reason:
                 failure = " ".join(str(reason).split()) or type(reason).__name__
                 results[k] = MethodResult(method.method, method.leaves, failure=failure)
             bar.advance(task)
         timed = {k: partial(methods[k].solve, False) for k in poses}
-        rounds = {k: round_count(1e6 * solved[1].time, repeats) for k, solved in poses.items()}
+        rounds = {k: round_count(1e6 * solved[0].time, repeats) for k, solved in poses.items()}
         calls, steps = time_in_turns(timed, rounds)
         for k, solved in poses.items():
             times = (calls[k], steps[k])
@@ -268,16 +267,21 @@ def measure_methods(
 
 def _result(
     method: ComparedMethod,
-    poses: Sequence[Configuration],
+    poses: tuple[Configuration, Configuration],
     times: tuple[list[float], list[float]],
     reference: Reference,
     *,
     report_error: bool,
 ) -> MethodResult:
-    """Result of a method from its configurations, and its times [us] of calls and of steps."""
-    pose = poses[-1]
+    """Result of a method from its configurations without and with the error estimate, whose Newton steps the second takes,
+    and its times [us] of calls and of steps."""
+    pose, told = poses
+    own_steps = {s.name for s in pose.steps}
     positions = pose.motion.x[: len(reference.positions)]
-    estimate_times = [sum(s.time for s in p.steps if s.name == ESTIMATE) for p in poses]
+    estimated = None
+    if told.method_error is not None:
+        taken = relative_error(pose.model, pose.motion, told.motion).relative
+        estimated = max(told.method_error.relative, taken)
     call_time, steps_time = (1e-6 * quartiles(own)[1] for own in times)
     difference = float(np.linalg.norm(positions - reference.positions, axis=1).max())
     largest = reference.largest_displacement
@@ -286,14 +290,16 @@ def _result(
         leaves=method.leaves,
         call_time=call_time,
         steps_time=steps_time,
-        estimate_time=statistics.median(estimate_times),
-        factorisations=sum(s.iterations for s in pose.steps if s.name != ESTIMATE),
+        estimate_time=sum(s.time for s in told.steps if s.name not in own_steps),
+        factorisations=pose.iterations,
         forces=pose.forces,
         largest_displacement=_largest_displacement(pose, positions),
         force_error=_force_error(pose, reference.forces),
         displacement_error=difference / largest if largest > 0.0 else math.nan,
-        estimated_error=None if pose.method_error is None else pose.method_error.relative,
-        reported_error=_reported_error(pose) if report_error else None,
+        estimated_error=estimated,
+        reported_error=_reported_error(replace(pose, method_error=told.method_error))
+        if report_error
+        else None,
         stable=bool(pose.stable),
     )
 

@@ -24,8 +24,8 @@ LOAD_FACTOR_EXPLANATION = (
     "buckles; negative ones with all stresses reversed."
 )
 CHEAPEST_EXPLANATION = (
-    "Each pose is solved with the cheapest method and number of relinearisation steps that is accurate enough; where "
-    "another one takes over, the estimated error jumps."
+    "Each pose is solved with the fastest method that is accurate enough; where another one takes over, the estimated error "
+    "jumps."
 )
 MODES, MODE_PICTURES = 6, 3
 """Number of modes in the table, and in pictures."""

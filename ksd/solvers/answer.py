@@ -48,7 +48,7 @@ SCHEMA: dict[str, str] = {
     "steps[].gap_m": "largest loop gap left by step 1; null in other steps",
     "steps[].stop": "stop reason, one word",
     "steps[].reason": "stop reason, a sentence",
-    "steps[].note": "remark of the step",
+    "steps[].note": "remark of the step; of the last one also why its method was chosen, where none was named",
     "drives.*.value_mm": "prescribed displacement",
     "drives.*.value_deg": "prescribed rotation",
     "drives.*.value": "prescribed sum of displacements [m] and rotations [rad]",
@@ -173,7 +173,7 @@ def _step(step: Any) -> dict[str, Any]:
         "gap_m": step.residual if closing else None,
         "stop": stop.name.lower(),
         "reason": step.reason,
-        "note": step.note,
+        "note": "; ".join(filter(None, [step.note, step.chosen])),
     }
 
 

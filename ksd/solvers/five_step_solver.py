@@ -26,12 +26,19 @@ from ksd.solvers.five_steps import (
     FiveStepsStorage,
     close_joints,
     kinematic_forces,
+    read_answer_motions,
     run_five_steps,
 )
 from ksd.solvers.joint_motions import stored_joint_motions
-from ksd.solvers.joint_range import is_far_off
+from ksd.solvers.joint_range import is_far_off, is_outside
 from ksd.solvers.loading_order import compression
-from ksd.solvers.method_error import error_to_stored_state, estimate_error, full_model_negatives
+from ksd.solvers.method_error import (
+    MAX_ONE_STEP_ERROR,
+    MAX_ONE_STEP_ERROR_RELINEARISED,
+    correct,
+    error_to_stored_state,
+    full_model_negatives,
+)
 from ksd.solvers.pose_batch import Judged
 from ksd.solvers.steps import Step, Stop, equilibrium_steps
 from ksd.solvers.verdict import MAX_HIGHEST_MODE_SHARE, MAX_TURN_PER_POINT, check_trained_range
@@ -49,7 +56,8 @@ class FiveStepSolver:
     """Solves one model by the five-step method; call it with drive values. Not for two threads at once.
 
     compatibility: how the intended motions of the joints fit together, checked here when None; where they do not fit
-    exactly, step 1 may leave a larger gap, which the leaf springs take up. storage: that of a design with the same
+    exactly, step 1 may leave a larger gap, which the leaf springs take up. limits (q, 2): motions in which
+    it solves. storage: that of a design with the same
     structure, taken over. Raises KinematicsError where drives and supports do not constrain every freedom once.
     """
 
@@ -63,6 +71,7 @@ class FiveStepSolver:
         self.storage = (
             FiveStepsStorage(model, bodies) if storage is None else storage.for_design(model, bodies)
         )
+        self.limits = self.storage.limits[:, :2] + ((-np.inf, np.inf) if extrapolate else 0.0)
         self._expected = len(model.drive_names) + len(model.support_names)
 
     def __call__(
@@ -73,9 +82,11 @@ class FiveStepSolver:
         method: str,
         relinearisations: int,
         estimate: bool,
+        accuracy: float | None = None,
     ) -> Configuration:
         """Solve at drive values by name and their right-hand sides target (c,); options as in `ksd.solve`.
 
+        accuracy: relative error of "reduced" above which the solve goes on as "full"; None where the method was named.
         Raises RangeError, ConvergenceError, KinematicsError.
         """
         if method == "kinematic" and self.compatibility.unmet_drives:
@@ -84,38 +95,41 @@ class FiveStepSolver:
                 "joints meets it, elasticity alone does; use method='reduced' or 'full'"
             )
         b = self.storage
-        steps, negatives = run_five_steps(b, target, method, relinearisations, self.gap)
+        way = target, method, relinearisations, self.gap, self.limits
+        steps, negatives = run_five_steps(b, *way)
         if steps[0].stop != 0 or not steps[0].residual < self.gap * b.bodies.reduced.size:
             closing = _close_along_drive(b, target, self.gap, steps[0])
-            steps, negatives = run_five_steps(b, target, method, relinearisations, self.gap, closed=True)
+            steps, negatives = run_five_steps(b, *way, closed=True)
             steps.insert(0, closing)
-        in_range, near_intended = b.checks.tolist()
-        converged = steps[-1].stop == 0
-        notes = (
-            [] if converged and in_range else check_trained_range(b, b.theta, extrapolate=self.extrapolate)
-        )
-        if not converged:
-            _require_convergence(steps)
+        notes = []
+        if is_outside(b.theta, b.limits, 0):
+            notes = check_trained_range(b, b.theta, extrapolate=self.extrapolate)
+        _require_convergence(steps)
         error = None
+        if estimate and method == "reduced":
+            enough = MAX_ONE_STEP_ERROR_RELINEARISED if relinearisations else MAX_ONE_STEP_ERROR
+            error, more, negatives = correct(b, target, accuracy=min(enough, accuracy or enough))
+            steps += more
+            if accuracy is not None and len(more) > 1:
+                method, error = "full", None
+        elif method == "reduced":
+            # condensed joints cannot buckle: the inertia is that of the full model at the recovered state
+            negatives = full_model_negatives(b, target)
+        read_answer_motions(b)
         joint_motions = stored_joint_motions(b)
         if method == "kinematic":
             clock = Stopwatch()
             kinematic_forces(b, target)
             steps[-1] = steps[-1]._replace(time=steps[-1].time + clock())
             negatives = len(target)
-        elif estimate and method == "reduced":
-            # condensed joints cannot buckle: the inertia is that of the full model at the recovered state
-            error, step, negatives = estimate_error(b, target, relinearised=relinearisations > 0)
-            steps.append(step)
-        elif method == "reduced":
-            negatives = full_model_negatives(b, target)
-        if method != "kinematic" and steps[-1].stop is Stop.CONVERGED:
+        elif steps[-1].stop is Stop.CONVERGED:
             negatives = count_unstable_directions(self.model, b.full_state, 1.0, negatives)
         doubts = slow_step_doubts(equilibrium_steps(steps))
         found = Configuration(
             self.model, b.full_state.copy(), method, dict(values), tuple(steps), negatives=negatives,
             expected_negatives=self._expected, joint_motions=joint_motions, method_error=error,
-            notes=(*notes, *self._assembly_note(steps[0].residual)), doubts=doubts, joints_near_intended=near_intended == 1,
+            notes=(*notes, *self._assembly_note(steps[0].residual)), doubts=doubts,
+            joints_near_intended=bool(b.checks[1] == 1),
         )  # fmt: skip
         return self._with_error(found, target) if estimate and method == "kinematic" else found
 

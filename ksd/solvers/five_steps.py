@@ -31,7 +31,7 @@ from ksd.model.compile import Model
 from ksd.model.newton import RTOL, assemble, solve_equilibrium, take_step
 from ksd.model.turns import copy_angles, node_rotations
 from ksd.numerics.kernel import kernel
-from ksd.solvers.joint_range import check_joints, motion_limits
+from ksd.solvers.joint_range import check_joints, is_outside, motion_limits
 from ksd.solvers.steps import MAX_TURN_PER_STEP, Step, Stop
 
 CONDENSED_SIZE = 54
@@ -261,19 +261,30 @@ def _reduce(
     return negatives, True
 
 
+def full_equilibrium_step(b: FiveStepsStorage, target: np.ndarray) -> tuple[Step, int]:
+    """Step 5 from the full state in storage, in place: the step, without its time, and the negative pivots."""
+    reason, count, worst, negatives, _ = solve_equilibrium(
+        b.model.arrays, b.full_state, target, 1.0, b.full_work, RTOL, MAX_FULL_ITERATIONS, MAX_TURN_PER_STEP, math.inf
+    )  # fmt: skip
+    return Step("5 full equilibrium", int(count), 0.0, worst, Stop(reason)), int(negatives)
+
+
 def run_five_steps(
     b: FiveStepsStorage,
     target: np.ndarray,
     method: str,
     relinearisations: int,
     gap: float,
+    limits: np.ndarray,
     *,
     closed: bool = False,
 ) -> tuple[list[Step], int]:
     """Take the steps of `method` at drive values target (c,): "kinematic" 1 and 2, "reduced" 1 to 4, "full" all five.
 
-    gap: largest loop gap over the size at which step 1 counts as closed; closed: the storage holds closed loops already.
-    Returns the steps taken, and the negative pivots of the last equilibrium.
+    gap: largest loop gap over the size at which step 1 counts as closed; closed: the storage holds closed loops already;
+    limits (q, ..): motions in its first two columns, beyond which no step is taken after the first.
+    Returns the steps taken, and the negative pivots of the last equilibrium. `read_answer_motions` reads the joints of the
+    state, which is in storage.
     """
     record = _Recorder()
     if not closed:
@@ -282,23 +293,14 @@ def run_five_steps(
         record.add("1 close loops", reason, count, open_gap, f"gap {open_gap:.1e} m")
         if reason != 0 or not open_gap < gap * b.bodies.reduced.size:
             return record.steps, 0
+    if is_outside(b.theta, limits, 0):
+        return record.steps, 0
     negatives, converged = _reduce(b, target, relinearisations, method == "kinematic", record)
     if not converged:
         return record.steps, negatives
     if method == "kinematic":
         assemble_full_state(b)
     if method == "full":
-        reason, count, worst, negatives, _ = solve_equilibrium(
-            b.model.arrays,
-            b.full_state,
-            target,
-            1.0,
-            b.full_work,
-            RTOL,
-            MAX_FULL_ITERATIONS,
-            MAX_TURN_PER_STEP,
-            math.inf,
-        )
-        record.add("5 full equilibrium", reason, count, worst)
-    read_answer_motions(b)
+        step, negatives = full_equilibrium_step(b, target)
+        record.add(step.name, step.stop, step.iterations, step.residual)
     return record.steps, negatives

@@ -1,46 +1,57 @@
-"""Error of a fast method, by corrector steps of the full model, and differences of two states as errors."""
+"""Error of a fast method, by Newton steps of the full model that are taken, and differences of two states as errors."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Generator
 
 import numpy as np
 
+from ksd.answers.derived import cached_per_model
 from ksd.model.arrays import State
 from ksd.model.compile import Model
 from ksd.model.newton import check_residual, take_step
 from ksd.numerics.stopwatch import Stopwatch
-from ksd.solvers.five_steps import FiveStepsStorage
+from ksd.solvers.five_steps import FiveStepsStorage, full_equilibrium_step
 from ksd.solvers.steps import ErrorEstimate, Step, Stop
 
 MAX_ONE_STEP_ERROR = 0.01
-"""Relative size of the first corrector step above which further ones are taken: it may be only part of the error."""
+"""Relative size of the first Newton step up to which it alone tells the error: a larger one may be only part of it."""
 MAX_ONE_STEP_ERROR_RELINEARISED = 1e-7
 """The same after relinearisation steps."""
-MAX_CONTRACTION = 0.5
-"""Size of a step over that of the one before up to which the following steps are assumed to shrink by the same factor."""
-MAX_CORRECTOR_STEPS = 5
 
 
-def estimate_error(
-    b: FiveStepsStorage, target: np.ndarray, *, relinearised: bool
-) -> tuple[ErrorEstimate, Step, int]:
-    """Error estimate of the full state in storage by one Newton step or a few, its step, and its negative pivots.
+def correct(
+    b: FiveStepsStorage, target: np.ndarray, *, accuracy: float
+) -> tuple[ErrorEstimate, list[Step], int]:
+    """Take the Newton step of the full model that tells the error of the state of the condensed joints in storage, in place;
+    where it is larger than `accuracy`, further ones to equilibrium.
 
-    relinearised: the joints were condensed anew at the state before, so that the forces have no error of first order and
-    one step does not measure it.
+    Returns the error, the steps taken, and the negative pivots. The error is the size of the one step, which is that of the
+    state before it: the state after it is better. At equilibrium it is 0. Where the step is not finite, or the further ones
+    end at no equilibrium, the state is left as it was, with an unknown error.
     """
     clock = Stopwatch()
     residual, negatives, status = check_residual(b.model.arrays, b.full_state, target, 1.0, b.full_work)
-    error, count = newton_step_error(b.model, b.full_state, b.full_work.rhs), 1
+    error = newton_step_error(b.model, b.full_state, b.full_work.rhs)
     stop = Stop.CONVERGED if status == 0 else (Stop.LOCAL_ANGLE if status == 1 else Stop.NOT_FINITE)
-    threshold = MAX_ONE_STEP_ERROR_RELINEARISED if relinearised else MAX_ONE_STEP_ERROR
-    if threshold < error.relative < math.inf and _has_moved(b):
-        steps = _further_steps(b, target)
-        error, count = _extrapolated_error(error, steps)
-        steps.close()
-    return error, Step("error estimate", count, clock(), residual, stop), negatives
+    step = Step("error estimate", 1, 0.0, residual, stop)
+    if stop is not Stop.CONVERGED or not math.isfinite(b.full_work.rhs @ b.full_work.rhs):
+        return error, [step._replace(time=clock())], negatives
+    is_enough = error.relative <= accuracy or not _has_moved(b)
+    before = b.full_state if is_enough else b.full_state.copy()
+    take_step(b.model.arrays, b.full_state, b.full_work.rhs, b.full_work, 1.0)
+    if is_enough:
+        return error, [step._replace(time=clock(), note="its step is taken: better than told")], negatives
+    step = step._replace(time=clock(), note="its step is taken, and goes on")
+    last, pivots = full_equilibrium_step(b, target)
+    if last.stop is not Stop.CONVERGED:
+        b.full_state.assign(before)
+        count = 1 + last.iterations
+        failed = f"no equilibrium next to this state: {last.stop.sentence}"
+        step = step._replace(iterations=count, time=step.time + clock(), note=failed)
+        return ErrorEstimate.unknown(len(error.force)), [step], negatives
+    exact = ErrorEstimate(np.zeros(len(error.force)), 0.0, 0.0, 0.0)
+    return exact, [step, last._replace(time=clock())], pivots
 
 
 def full_model_negatives(b: FiveStepsStorage, target: np.ndarray) -> int:
@@ -50,61 +61,24 @@ def full_model_negatives(b: FiveStepsStorage, target: np.ndarray) -> int:
     return int(negatives)
 
 
-Corrections = Generator[tuple[ErrorEstimate, ErrorEstimate], None, None]
-"""Corrector steps after the first: (the step, the sum of all steps)."""
-
-
 def _has_moved(b: FiveStepsStorage) -> bool:
     """Whether links have moved from rest by more than rounding."""
     shift = np.abs(b.full_state.x - b.model.rest.x)[: b.model.links]
     return bool(shift.max(initial=0.0) > 1e-9 * b.model.arrays.size)
 
 
-def _extrapolated_error(first: ErrorEstimate, steps: Corrections) -> tuple[ErrorEstimate, int]:
-    """Distance to the limit of the corrector steps, and the number of steps evaluated.
-
-    The limit is extrapolated by a geometric series once steps shrink; the error is unknown where they do not (Deuflhard,
-    Newton Methods for Nonlinear Problems, 2.1). A small first step may be followed by a larger one: the force made by
-    lateral errors grows with their square.
-    """
-    last, count = first, 1
-    for step, distance in steps:
-        count += 1
-        contraction = step.relative / max(last.relative, 1e-300)
-        reliable = count > 2 or step.relative > MAX_ONE_STEP_ERROR
-        if contraction < MAX_CONTRACTION or (reliable and contraction < 1.0):
-            return distance.plus(step, contraction / (1.0 - contraction)), count
-        if step.relative > MAX_ONE_STEP_ERROR or count == MAX_CORRECTOR_STEPS:
-            break
-        last = step
-    return ErrorEstimate.unknown(len(first.force)), count
-
-
-def _further_steps(b: FiveStepsStorage, target: np.ndarray) -> Corrections:
-    """Newton steps after the one in storage; restores the state in storage when closed."""
-    arrays, start, total = b.model.arrays, b.full_state.copy(), b.full_work.rhs.copy()
-    try:
-        while True:
-            take_step(arrays, b.full_state, b.full_work.rhs, b.full_work, 1.0)
-            check_residual(arrays, b.full_state, target, 1.0, b.full_work)
-            step = b.full_work.rhs
-            total += step
-            yield (
-                newton_step_error(b.model, b.full_state, step),
-                newton_step_error(b.model, b.full_state, total),
-            )
-    finally:
-        b.full_state.assign(start)
-
-
 def newton_step_error(model: Model, motion: State, step: np.ndarray) -> ErrorEstimate:
     """A Newton step (n,) as the error of the state from which it leads."""
-    arrays, links = model.arrays, model.links
-    force = np.abs(step[arrays.terms.start])
-    moves = step[arrays.start[1:links, None] + np.arange(6)]
-    shift = math.sqrt(np.square(moves[:, :3]).sum(axis=1).max(initial=0.0))
-    turn = math.sqrt(np.square(moves[:, 3:]).sum(axis=1).max(initial=0.0))
-    return _relative_to_state(model, motion, force[: len(model.drive_names)], shift, turn)
+    force = np.abs(step[model.arrays.terms.start[: len(model.drive_names)]])
+    moves = step[_link_unknowns(model)]
+    shift, turn = np.sqrt(np.einsum("kij,kij->ki", moves, moves).max(axis=0, initial=0.0)).tolist()
+    return _relative_to_state(model, motion, force, shift, turn)
+
+
+@cached_per_model
+def _link_unknowns(model: Model) -> np.ndarray:
+    """Unknowns of the displacement and the rotation of every link, (links - 1, 2, 3)."""
+    return (model.arrays.start[1 : model.links, None] + np.arange(6)).reshape(-1, 2, 3)
 
 
 def _relative_to_state(

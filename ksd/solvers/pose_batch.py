@@ -18,7 +18,13 @@ from ksd.joints.substructures import relative_poses
 from ksd.model.newton import CONVERGED, RTOL, solve_equilibrium
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import rotate, rotation_log
-from ksd.solvers.five_steps import CONDENSED_SIZE, FiveStepsStorage, close_joints, run_five_steps
+from ksd.solvers.five_steps import (
+    CONDENSED_SIZE,
+    FiveStepsStorage,
+    close_joints,
+    read_answer_motions,
+    run_five_steps,
+)
 from ksd.solvers.joint_range import is_outside
 from ksd.solvers.steps import Step, equilibrium_iterations
 
@@ -73,13 +79,14 @@ def solve_poses(
     """
     full, links = b.full_state, result.x.shape[1]
     for n, target in enumerate(targets):
-        steps, negatives = run_five_steps(b, target, method, relinearisations, gap)
+        steps, negatives = run_five_steps(b, target, method, relinearisations, gap, limits)
         status = int(steps[-1].stop)
         if steps[0].stop != 0 or not steps[0].residual < gap * b.bodies.reduced.size:
             status = LOCKED
         elif is_outside(b.theta, limits, 0):
             status = OUT_OF_RANGE
         elif status == 0:
+            read_answer_motions(b)
             status = judge(Judged(n, steps, equilibrium_iterations(steps), negatives))
         result.force[n], result.motion[n] = -full.multiplier, b.answer_theta
         result.x[n], result.R[n] = full.x[:links], full.R[:links]

@@ -1,7 +1,8 @@
-"""`solve` and `prepare`: one call for all methods, which chooses the cheapest that meets the requested accuracy."""
+"""`solve` and `prepare`: one call for all methods, which chooses the fastest that meets the requested accuracy."""
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Mapping
@@ -13,7 +14,7 @@ from typing import Any, Literal
 from numpy.typing import ArrayLike
 
 from ksd.checks import boolean, clear_argument_errors, name_hint, number, show, whole_number
-from ksd.errors import ConvergenceError, KinematicsError, RangeError, RecordError, SceneError
+from ksd.errors import ConvergenceError, KinematicsError, KsdError, RangeError, RecordError, SceneError
 from ksd.joints.joints import joint_bodies
 from ksd.library import Record, find_record
 from ksd.library.record_files import find_record_file
@@ -35,6 +36,15 @@ from ksd.solvers.five_step_solver import FiveStepSolver
 from ksd.solvers.full_bodies import error_indicator
 from ksd.solvers.joint_motions import JointMotionReader
 from ksd.solvers.loading_order import Order, check_order, settle_order, solve_in_order
+from ksd.solvers.method_choice import (
+    FEWEST_ITERATIONS,
+    FEWEST_ITERATIONS_IN_PLANE,
+    FIVE_STEPS,
+    ONE_STEP,
+    WORTH,
+    WORTH_IN_PLANE,
+    MethodChoice,
+)
 from ksd.solvers.method_error import relative_error
 from ksd.solvers.plate_stiffening import solve_with_secants
 from ksd.solvers.precompile import start_precompiling
@@ -49,6 +59,7 @@ from ksd.solvers.steps import DEFAULT_ACCURACY
 from ksd.solvers.storage import NewtonStorage
 from ksd.solvers.verdict import (
     compare_with_load_steps,
+    is_solved,
     needs_load_step_check,
     require_solved,
     solved_verdict,
@@ -63,8 +74,8 @@ MAX_REPEATED = 100
 """Iterations of a first solve up to which it is repeated to tell its times."""
 _LOADED: set[tuple[str, frozenset[int], bool]] = set()
 """Methods and kinds of members by which this process has solved, so that their kernels are loaded."""
-MAX_PLANAR_ITERATIONS = 10
-"""Newton iterations of the planar solve that is tried first, at most."""
+MAX_ONE_STEP_ITERATIONS = 10
+"""Newton iterations of a solve that is tried in one load step, at most."""
 MAX_RISES = 5
 """How often `solve` raises the orders of strain-mode leaves whose highest modes are not negligible, at most."""
 COMPILED_MODEL_MESSAGE = (
@@ -134,9 +145,10 @@ def solve(
     """Solve one configuration of a mechanism at drive values [m or rad] by name, as keywords or in a mapping, `targets`.
 
     method: "kinematic", "reduced", "full", "conventional", "constant" (leaf springs of constant stiffness, that at rest:
-    `ksd.model.constant_leaves`) or "modal" (leaf springs as modal bodies); when None, the cheapest whose estimated error is
+    `ksd.model.constant_leaves`) or "modal" (leaf springs as modal bodies); when None, the fastest whose estimated error is
     within `accuracy` (relative, 1e-3 by default). relinearisations: relinearisation steps of "reduced". estimate: False
-    leaves out the error estimate of a fast method, and its cost. mesh: leaf model; when None, strain-mode leaves of orders
+    leaves out the error estimate of a fast method, and its cost; that of "reduced" is a Newton step, which the answer then
+    lacks. mesh: leaf model; when None, strain-mode leaves of orders
     that suit `accuracy`, raised when their highest modes carry too much energy. extrapolate, planar: see `prepare`. strict:
     raise TrustError where the result is unstable or on a doubtful branch; False returns it with its verdicts (`trust`).
     start: a pose of this mechanism, solved or loaded, from which load steps continue on its mesh; they count whole turns on,
@@ -275,6 +287,7 @@ class Solver:
         self.model: Model = mechanism
         self.records, self.extrapolate, self.planar = records, extrapolate, boolean(planar, "planar")
         self.basis, self.accuracy, self.order = basis, checked_accuracy(accuracy), check_order(order)
+        self._choice: MethodChoice | None = None
         self._drives = frozenset(mechanism.drive_names)
         self._reduced: dict[bool, ReducedBodySolver] = {}
         self._joints = JointMotionReader(mechanism, records, extrapolate)
@@ -356,10 +369,12 @@ class Solver:
         """
         words = (values, method, accuracy, relinearisations, estimate, start)
         with self.lock:
-            clock = Stopwatch()
+            clock, known = Stopwatch(), self._choice
             found, first = self._answer(*words), clock()
             kind = (found.method, self.model.kinds, self.planar)
             if kind not in _LOADED and found.iterations <= MAX_REPEATED:
+                # times of the first solve tell nothing about the methods
+                self._choice = known
                 found = self._answer(*words)
                 found = replace(found, kernel_time=max(first - clock(), 0.0))
             _LOADED.add(kind)
@@ -500,7 +515,7 @@ class Solver:
         estimate: bool,
         start: Configuration | None,
     ) -> Configuration:
-        """Solve by a method, or when None by the cheapest one; target values and options as in `ksd.solve`."""
+        """Solve by a method, or when None by the fastest one; target values and options as in `ksd.solve`."""
         if start is not None and method in (None, "conventional"):
             return solve_conventional(
                 self.model,
@@ -511,7 +526,7 @@ class Solver:
                 joints=self._joints,
             )
         if method is None:
-            return self._cheapest(values, accuracy)
+            return self._fastest(values, accuracy)
         if method == "conventional":
             return self.by_load_steps(values)
         if method == "modal":
@@ -521,51 +536,91 @@ class Solver:
             values, target, method=method, relinearisations=relinearisations, estimate=estimate
         )
 
-    def _cheapest(self, values: Mapping[str, float], accuracy: float) -> Configuration:
-        """Solve by the first method, in the order of measured cost, that meets `accuracy`.
-
-        In the plane that is the conventional solver with three unknowns per node, if it converges in one step; in space
-        reduced, reduced with one relinearisation step, full, and the conventional solver last.
-        """
+    @cached_property
+    def _refused(self) -> str | None:
+        """Why there are no five steps, whatever the drive values; None where there are, empty without joints."""
         try:
-            if self.planar and isinstance(plane_of(self.model), Plane):
-                found = solve_conventional(
-                    self.model,
-                    values,
-                    planar=True,
-                    max_iterations=MAX_PLANAR_ITERATIONS,
-                    smallest_step=1.0,
-                    storage=self.storage,
-                    joints=self._joints,
-                )
-                if found.stable and not found.doubts:
-                    return found
-        except (ConvergenceError, SceneError):
-            # not in one step, or not in this plane: start from the kinematic pose instead
-            pass
-        target = self.model.targets(values)
-        try:
-            for relinearisations in range(2):
-                result = self.five_steps(
-                    values, target, method="reduced", relinearisations=relinearisations, estimate=True
-                )
-                error = result.method_error
-                if error is not None and error.relative <= accuracy and solved_verdict(result):
-                    return self._with_load_step_check(replace(result, method_was_chosen=True), values)
-            found = self.five_steps(values, target, method="full", relinearisations=1, estimate=False)
-            verdict = solved_verdict(found)
-            if verdict:
-                return self._with_load_step_check(found, values)
-            raise ConvergenceError(str(verdict))
+            self.five_steps  # noqa: B018
         except (RecordError, KinematicsError, ConvergenceError, RangeError) as reason:
-            if isinstance(reason, KinematicsError) and "same freedom" in str(reason):
+            if "same freedom" in str(reason):
                 raise
-            found = self.by_load_steps(values)
-            return replace(found, notes=(*found.notes, f"conventional solver used: {reason}"))
+            return str(reason)
         except SceneError:
             if self.model.scene.joints:
                 raise
-            return self.by_load_steps(values)
+            return ""
+        return None
+
+    @cached_property
+    def _is_planar(self) -> bool:
+        """Whether the conventional solver has three unknowns per node."""
+        return self.planar and isinstance(plane_of(self.model), Plane)
+
+    def _fastest(self, values: Mapping[str, float], accuracy: float) -> Configuration:
+        """Solve by the faster way (`ksd.solvers.method_choice`) to `accuracy`, by the other one where it fails, and by the
+        conventional solver last."""
+        if self._choice is None:
+            few = len(self.model.scene.joints) == 1 or self._is_planar
+            self._choice = MethodChoice(ONE_STEP if few else FIVE_STEPS)
+        way, why = self._choice.next
+        clock = Stopwatch()
+        if way == ONE_STEP and (self._is_planar or self._refused is None):
+            clock()
+            found = self._in_one_step(values)
+            if found is not None:
+                worth = WORTH_IN_PLANE if self._is_planar else WORTH
+                self._choice = self._choice.told(ONE_STEP, clock(), iterations=found.iterations, worth=worth)
+                return _with_reason(found, why)
+            self._choice = self._choice.told(ONE_STEP, math.inf)
+            why = "chosen because one load step failed"
+        if self._refused is not None:
+            reason: KsdError | str = self._refused
+        else:
+            clock()
+            try:
+                found = self._by_five_steps(values, accuracy)
+                time, iteration = clock(), [s.time for s in found.steps if s.name == "error estimate"]
+                worth = FEWEST_ITERATIONS_IN_PLANE if self._is_planar else FEWEST_ITERATIONS
+                iterations = time / iteration[0] if iteration else math.inf
+                self._choice = self._choice.told(FIVE_STEPS, time, iterations=iterations, worth=worth)
+                return _with_reason(found, why)
+            except (ConvergenceError, RangeError) as refused:
+                # the range is known after the first step, so that trying costs little
+                if not isinstance(refused, RangeError):
+                    self._choice = self._choice.told(FIVE_STEPS, math.inf)
+                reason = refused
+        found = self.by_load_steps(values)
+        return (
+            replace(found, notes=(*found.notes, f"conventional solver used: {reason}")) if reason else found
+        )
+
+    def _in_one_step(self, values: Mapping[str, float]) -> Configuration | None:
+        """The conventional result in one load step of few iterations; None where that does not end in a minimum."""
+        try:
+            found = solve_conventional(
+                self.model, values, planar=self.in_plane, max_iterations=MAX_ONE_STEP_ITERATIONS, smallest_step=1.0,
+                storage=self.storage, joints=self._joints,
+            )  # fmt: skip
+        except (ConvergenceError, SceneError):
+            return None
+        return found if found.stable and not found.doubts else None
+
+    def _by_five_steps(self, values: Mapping[str, float], accuracy: float) -> Configuration:
+        """The reduced result, corrected, or where its error is above `accuracy` the full one; or that of load steps where
+        loads are large and the two differ. Raises ConvergenceError, RangeError."""
+        target = self.model.targets(values)
+        found = self.five_steps(
+            values, target, method="reduced", relinearisations=0, estimate=True, accuracy=accuracy
+        )
+        error = found.method_error
+        if (error is not None and not error.relative <= accuracy) or not is_solved(found):
+            estimate = next(s for s in found.steps if s.name == "error estimate")
+            found = self.five_steps(values, target, method="full", relinearisations=1, estimate=False)
+            found = replace(found, steps=(estimate, *found.steps))
+            verdict = solved_verdict(found)
+            if not verdict:
+                raise ConvergenceError(str(verdict))
+        return self._with_load_step_check(replace(found, method_was_chosen=found.method == "reduced"), values)
 
     def _with_load_step_check(self, found: Configuration, values: Mapping[str, float]) -> Configuration:
         """The result of the five steps, or that of load steps where loads are large and the two differ."""
@@ -583,6 +638,11 @@ class Solver:
         return solve_in_order(
             self.model, values, order=self.order, storage=self.storage, planar=self.in_plane, joints=self._joints
         )  # fmt: skip
+
+
+def _with_reason(found: Configuration, why: str) -> Configuration:
+    """The result whose last step says why its method was chosen."""
+    return replace(found, steps=(*found.steps[:-1], found.steps[-1]._replace(chosen=why)))
 
 
 def _check_method(method: object, relinearisations: object) -> None:

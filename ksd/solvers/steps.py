@@ -54,7 +54,8 @@ class Step(NamedTuple):
     """One step of a solve.
 
     iterations: Newton iterations (factorisations); time: thread time [s]; residual: largest residual over its bound (of step
-    1: largest loop gap [m]); stop: stop reason; note: remark printed with the step.
+    1: largest loop gap [m]); stop: stop reason; note: remark printed with the step; chosen: of the last step, why the method
+    was chosen where none was named.
     """
 
     name: str
@@ -63,6 +64,7 @@ class Step(NamedTuple):
     residual: float
     stop: Stop
     note: str = ""
+    chosen: str = ""
 
     @property
     def reason(self) -> str:

@@ -124,7 +124,6 @@ class PreparedDesign:
                 node_of(model, self.questions.point(model.scene)[0])
         b = solver.storage
         self.tables = joint_tables(b) if tabulated else None
-        self._limits = b.limits[:, :2] + ((-np.inf, np.inf) if solver.extrapolate else 0.0)
 
     def __call__(self, values: Mapping[str, np.ndarray]) -> DesignResult:
         """Solve all poses, each from the undeformed configuration. Raises SceneError for unknown drives."""
@@ -152,11 +151,11 @@ class PreparedDesign:
             answer = (
                 None if self.questions is None else _QuestionsOfPoses(self, self.questions, targets, result)
             )
-            settings = self.method, self.relinearisations, gap, self._limits
+            settings = self.method, self.relinearisations, gap, self.solver.limits
             solve_poses(b, targets, *settings, arrays, judge, answer)
         else:
             t = self.tables
-            limits = np.column_stack([self._limits, t.limits])
+            limits = np.column_stack([self.solver.limits, t.limits])
             solve_tabulated_poses(b, t.cubic, t.table, targets, gap, limits, arrays, judge)
             self._judge_tabulated(targets, result)
         result.motion = motion * b.bodies.motion_scale

@@ -200,14 +200,15 @@ def test_condensed_joints_do_not_hide_a_buckled_state():
     assert last.states[-1].displacement("top") == pytest.approx(pose.displacement("top"), rel=0.05)
 
 
-def test_the_error_of_a_walked_answer_is_measured():
-    """At 700 N the estimate of `reduced` falls short by half; load steps are walked there anyway, so it is measured."""
+def test_a_reduced_answer_far_off_goes_on_to_equilibrium():
+    """At 700 N the first Newton step tells half of the error, which is large: the steps after it end where load steps do."""
     scene = fourbar()
     scene.load("top", force=(0, 0, 700), at=(0, 0.37, 0))
+    plain = ksd.prepare(scene)(top=0.3, method="reduced", estimate=False, strict=False)
     rough, exact = (ksd.solve(scene, top=0.3, method=m) for m in ("reduced", "conventional"))
-    off = abs(rough.forces["top"] - exact.forces["top"])
-    assert off <= rough.error.force[0] < 1.2 * off
-    assert rough.error.relative > 0.1
+    assert abs(plain.forces["top"] / exact.forces["top"] - 1) > 0.1
+    assert rough.forces["top"] == pytest.approx(exact.forces["top"], rel=1e-8)
+    assert rough.error.relative == pytest.approx(exact.error.relative, rel=1e-3)
 
 
 def facing_guides():
@@ -222,27 +223,20 @@ def facing_guides():
 
 
 @pytest.mark.parametrize("planar", [True, False])
-def test_an_error_that_one_corrector_step_does_not_see(planar):
+def test_an_error_that_one_newton_step_does_not_see(planar):
     solver = ksd.prepare(facing_guides(), planar=planar, mesh=ksd.Mesh(orders=(4, 3, 5)))
     # these modes are few for the boundary layers of leaf springs drawn out, which strict refuses
     with pytest.raises(ksd.TrustError, match=r"curvature modes .* are few"):
         solver(stroke=2e-3, method="reduced")
-    found = solver(stroke=2e-3, method="reduced", strict=False)
-    # 8 % off, told 6 % by the first step alone
+    found, plain = (solver(stroke=2e-3, method="reduced", strict=False, estimate=e) for e in (True, False))
+    # 8 % off, told 6 % by the first step alone, so that it is not the only one
     exact = solver(stroke=2e-3, method="full", strict=False).forces["stroke"]
-    off = abs(found.forces["stroke"] / exact - 1)
-    assert off < found.method_error.relative < 1.5 * off
-    # with modes enough it is the error alone that decides
+    assert 0.07 < abs(plain.forces["stroke"] / exact - 1) < 0.09
+    assert found.forces["stroke"] == pytest.approx(exact, rel=1e-8) and found.method_error.relative == 0.0
+    # with modes enough the corrector steps at first grow, and lead to equilibrium all the same
     solver = ksd.prepare(facing_guides(), planar=planar, mesh=ksd.Mesh(orders=(4, 3, 9), points=12))
-    assert solver(stroke=2e-3, method="reduced").method_error.relative > off
     exact = solver(stroke=5e-3, method="full").forces["stroke"]
-    with pytest.raises(ksd.TrustError, match="corrector steps of the full model grow"):
-        solver(stroke=5e-3, method="reduced")
-    lax = solver(stroke=5e-3, method="reduced", strict=False)
-    # 53 % off
-    assert lax.forces["stroke"] < 0.5 * exact and lax.error.relative == np.inf
-    assert np.all(lax.error.force == np.inf) and lax.error.displacement == np.inf
-    assert "not known" in str(lax) and lax.as_dict()["error"]["relative_percent"] is None
+    assert solver(stroke=5e-3, method="reduced").forces["stroke"] == pytest.approx(exact, rel=1e-8)
 
 
 def test_other_orders_are_followed_where_both_together_fail(monkeypatch):

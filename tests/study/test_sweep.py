@@ -261,11 +261,11 @@ def test_a_stroke_with_all_standard_questions(method):
 
 
 def test_error_figures_of_a_fast_method():
-    """Every question of `reduced`, with and without a relinearised pass, against `full`: the estimate is the error."""
+    """Every question of `reduced`, which its error estimate brings next to `full` or there, against that."""
     at = {"top": np.array([0.0, 0.15, 0.28])}
     exact = sweep(fourbar(), method="full", questions=ALL_QUESTIONS, **at, **QUIET)
     assert not [c for c in exact.columns if c.endswith("_error_percent")]
-    for relinearisations, least in ((0, 1e-3), (1, 1e-7)):
+    for relinearisations in (0, 1):
         fast = sweep(
             fourbar(),
             method="reduced",
@@ -283,13 +283,13 @@ def test_error_figures_of_a_fast_method():
             true = 100 * np.abs(fast[column] / np.where(exact[column] == 0, 1, exact[column]) - 1)
             assert told[0] == pytest.approx(0, abs=1e-6)
             # the worst of its columns, to first order
-            assert np.all(told[1:] > 0.6 * true[1:] - 1e-6) and told[2] > least * (question != "energy")
-            assert told[2] < 40
+            assert np.all(told[1:] > 0.6 * true[1:] - 1e-6)
+            assert (told[2] > 0 or question == "energy") and told[2] < 0.1
 
 
 def test_a_question_with_its_error_figure():
     solve = ksd.prepare(fourbar())
-    fast, exact = (solve(top=0.2, method=m) for m in ("reduced", "full"))
+    fast, exact = (solve(top=0.2, method=m, estimate=False) for m in ("reduced", "full"))
     value, error = fast.with_error(lambda pose: pose.drive_stiffness()["top"])
     assert error == pytest.approx(abs(value - exact.drive_stiffness()["top"]), rel=0.1)
     stresses, errors = fast.with_error(

@@ -24,15 +24,16 @@ def test_shipped_scenes(name, mesh):
     solve = ksd.prepare(mechanism, mesh=mesh)
     exact = solve(targets, method="conventional")
     full = solve(targets, method="full")
-    reduced = solve(targets, method="reduced")
+    plain, reduced = (solve(targets, method="reduced", estimate=e) for e in (False, True))
     size = max(abs(f) for f in exact.forces.values())
     for drive, force in exact.forces.items():
         assert full.forces[drive] == pytest.approx(force, rel=1e-6, abs=1e-7 * size)
     assert full.stable and exact.stable
     assert full.steps[-1].iterations <= 4
-    wrong = max(abs(reduced.forces[d] - f) for d, f in exact.forces.items())
-    assert wrong < 0.02 * size
-    assert max(reduced.method_error.force) == pytest.approx(wrong, rel=0.5, abs=1e-6 * size)
+    before, wrong = (max(abs(p.forces[d] - f) for d, f in exact.forces.items()) for p in (plain, reduced))
+    assert before < 0.02 * size and wrong <= max(0.1 * before, 1e-7 * size)
+    told = max(reduced.method_error.force)
+    assert told == 0.0 or told == pytest.approx(before, rel=0.5, abs=1e-6 * size)
 
 
 def test_delta_stage_hardly_turns():
