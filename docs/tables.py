@@ -158,7 +158,7 @@ KINDS = {
     "length": "length", "angle": "angle", "stress": "stress", "number": "number", "text": "text", "flag": "true or false",
     "direction": '`"x"`, `"-z"` or three numbers', "material": "name of a material", "section": "name of a section",
     "joint": "name of a joint", "any": "as said above", "value": "length or angle",
-    "terms": "a list of tables, see there", "parts": "tables of their own, see there",
+    "names": "a list of names", "terms": "a list of tables, see there", "parts": "tables of their own, see there",
 }  # fmt: skip
 """What a kind of `ksd.scene.toml_schema` is called."""
 
@@ -235,6 +235,7 @@ def scene_tables() -> Iterator[tuple[str, schema.Schema, tuple[object, ...]]]:
         yield f'[[joint.NAME.motion]], kind = "{kind}"', own, (ksd.Motion,)
     yield "[simulate]", schema.SIMULATE, (ksd.Simulation,)
     yield "[simulate.base]", {"along": "direction!", "acceleration": "any!"}, (ksd.Shake,)
+    yield "[report]", schema.REPORT, ()
     yield "[options]", {key: OPTION[kind] for key, kind in OPTIONS.items()}, ()
 
 

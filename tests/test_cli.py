@@ -1,5 +1,6 @@
 """The command line in process: results, files, exit codes, one sentence for everything that goes wrong."""
 
+import csv
 import json
 import os
 import shutil
@@ -474,6 +475,43 @@ def test_sweep_with_a_failing_pose_exits_3_and_keeps_the_others(record, capsys, 
     argv = ["sweep", FOURBAR, "--set", "top=300mm:360mm:2", "--method", "reduced", "--question", "force"]
     refused(capsys, [*argv, "--out", str(out), "--quiet"], 3, "1 of 2 poses")
     assert out.read_text().count(",ok") == 1
+
+
+def test_the_point_that_is_asked_about(capsys, scene, tmp_path):
+    """[report] of the file, then the options; a place said for one link is not that of another."""
+    path = scene('\n[report]\nlink = "tip"\nat = [0, 0, 0]\n')
+    out = tmp_path / "a.csv"
+
+    def stiffness(*words):
+        argv = [
+            "sweep",
+            path,
+            "--set",
+            "turn=0deg",
+            "--question",
+            "support_stiffness",
+            "--quiet",
+            "--out",
+            str(out),
+        ]
+        assert main([*argv, *words]) == 0
+        (row,) = csv.DictReader(out.open())
+        return float(row["support_y_N_per_m"])
+
+    there, _, _ = ksd.load_scene(path)
+    pose = ksd.solve(there, turn=0.0)
+    for words, at in (
+        ((), (0, 0, 0)),
+        (("--at", "100mm,0,0"), (0.1, 0, 0)),
+        (("--link", "tip"), None),
+        (("--link", "tip", "--at", "50 mm, 0, 0"), (0.05, 0, 0)),
+    ):
+        assert stiffness(*words) == pytest.approx(pose.stiffness("tip", at=at).support("y"), rel=1e-9)
+    capsys.readouterr()
+    refused(capsys, ["sweep", path, "--at", "0,1mm"], 2, "--at 0,1mm: write three numbers")
+    refused(capsys, ["sweep", path, "--at", "0,1deg,0"], 2, "--at", "a length is expected")
+    refused(capsys, ["sweep", path, "--along", "1,x,0"], 2, "--along")
+    refused(capsys, ["report", path, "--freed", "tun", "--set", "turn=1deg"], 2, "tun")
 
 
 NAME = "[bold red]x[/nope] :smile: $x_{$"

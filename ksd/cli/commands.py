@@ -66,6 +66,26 @@ def _add_shared(parser: argparse.ArgumentParser, *words: str, **changes: str) ->
         parser.add_argument(word, **{**_SHARED_OPTIONS[word], **changes})
 
 
+def _add_point(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say what is asked about, which [report] of a scene file may hold."""
+    for word, name, text in (
+        (
+            "--link",
+            "LINK",
+            "the link of support_stiffness and parasitic; that of the first drive if left out",
+        ),
+        ("--at", "X,Y,Z", "its point, undeformed, such as 0,80mm,0; its reference point if left out"),
+        (
+            "--along",
+            "DIRECTION",
+            "the wanted direction of parasitic, x, y, z or three numbers, such as 1,1,0",
+        ),
+    ):
+        parser.add_argument(word, metavar=name, help=text)
+    help_text = "a drive or support that is let go for frequencies (all drives); may be repeated"
+    parser.add_argument("--freed", metavar="DRIVE", action="append", default=[], help=help_text)
+
+
 def _add_demo(commands: Any) -> None:
     parser = commands.add_parser(
         "demo",
@@ -247,10 +267,7 @@ def _add_sweep(commands: Any) -> None:
         "or distance; may be repeated"
     )
     parser.add_argument("--question", action="append", default=[], metavar="Q", help=help_text)
-    help_text = "the link of support_stiffness and parasitic, at its reference point; that of the first drive if left out"
-    parser.add_argument("--link", metavar="LINK", help=help_text)
-    help_text = "the wanted direction of parasitic, x, y, z or three numbers, such as 1,1,0"
-    parser.add_argument("--along", metavar="DIRECTION", help=help_text)
+    _add_point(parser)
     _add_shared(parser, *_SOLVER_OPTIONS)
     parser.add_argument("--out", metavar="FILE", help="write the table: .csv, .h5 or .mat")
     _add_shared(parser, "--plot", help="write a picture of the answers (.png, .pdf, .svg)")
@@ -352,6 +369,7 @@ def _add_report(commands: Any) -> None:
     _add_shared(
         parser, "--set", help="a drive value at the end of the stroke, such as top=300mm; may be repeated"
     )
+    _add_point(parser)
     _add_shared(parser, "--method", "--effects", "--with", "--without", "--order")
     parser.add_argument(
         "--poses", type=int, default=DEFAULT_POSES, metavar="N", help=f"poses of the stroke ({DEFAULT_POSES})"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ksd.cli.output import console, interrupt_message, require_answers
-from ksd.cli.solve import effect_options, load_with_options, merged_options, solve_warm
+from ksd.cli.solve import effect_options, load_with_options, merged_options, point_options, solve_warm
 from ksd.errors import KsdError, SceneError
 from ksd.files import check_target, write_file
 from ksd.pages.report_page import ComparedSolve, report_page
@@ -42,18 +42,20 @@ def run(options: argparse.Namespace) -> int:
         **effect_options(settings),
     )  # fmt: skip
     pose = solver(targets, **method)
+    point = point_options(written, options)
+    freed = point.get("freed", pose.model.drive_names)
     share = np.linspace(-1.0 if options.both else 0.0, 1.0, options.poses)
     with interrupt_message("interrupted; no report was written"):
         table = sweep(
             scene, {n: v * share for n, v in targets.items()}, together=True, progress=not options.quiet,
             questions=_answerable_questions(scene, pose), extrapolate=extrapolate,
-            effects=solver.model.choice.present, order=solver.order, **method,
+            effects=solver.model.choice.present, order=solver.order, **method, **point,
         )  # fmt: skip
     compared = [
-        _compared_solve(f"{pose.method} (this report)", lambda: pose),
-        *_other_methods(solver, targets, pose),
+        _compared_solve(f"{pose.method} (this report)", lambda: pose, freed),
+        *_other_methods(solver, targets, pose, freed),
     ]
-    write_file(target, report_page(pose, table, compared), what="--out")
+    write_file(target, report_page(pose, table, compared, freed=freed), what="--out")
     console().print(
         f"{target}: {len(table)} poses, {len(table.failures)} without full answer", soft_wrap=True
     )
@@ -71,29 +73,28 @@ def _answerable_questions(scene: Any, pose: Any) -> tuple[str, ...]:
     return tuple(q for q in ALL_QUESTIONS if q not in missing)
 
 
-def _compared_solve(name: str, solve: Callable[[], Any]) -> ComparedSolve:
+def _compared_solve(name: str, solve: Callable[[], Any], freed: Sequence[str]) -> ComparedSolve:
     """First drive force [N or Nm], first parasitic frequency [Hz] and stress [MPa] of the pose that `solve` returns."""
     try:
         pose = solve()
         force = next(iter(pose.forces.values()), float("nan"))
-        return ComparedSolve(name, force, _first_parasitic(pose), 1e-6 * pose.stress().largest_Pa)
+        return ComparedSolve(name, force, _first_parasitic(pose, freed), 1e-6 * pose.stress().largest_Pa)
     except KsdError as reason:
         return ComparedSolve(name, failure=str(reason))
 
 
-def _first_parasitic(pose: Any) -> float:
-    """First parasitic frequency [Hz] with all drives released; nan without one, for example where nothing has mass."""
-    freed = pose.model.drive_names
+def _first_parasitic(pose: Any, freed: Sequence[str]) -> float:
+    """First parasitic frequency [Hz] with `freed` released; nan without one, for example where nothing has mass."""
     try:
         return float(pose.frequencies(count=2 + len(freed), freed=freed).first_parasitic_Hz)
     except SceneError:
         return float("nan")
 
 
-def _other_methods(solver: Any, targets: dict[str, float], pose: Any) -> list[Any]:
+def _other_methods(solver: Any, targets: dict[str, float], pose: Any, freed: Sequence[str]) -> list[Any]:
     """The same pose by the other methods, and with a finer mesh."""
     others = [
-        _compared_solve(m, partial(solver, targets, method=m, estimate=False))
+        _compared_solve(m, partial(solver, targets, method=m, estimate=False), freed)
         for m in ("reduced", "full", "conventional")
         if m != pose.method
     ]
@@ -114,5 +115,6 @@ def _other_methods(solver: Any, targets: dict[str, float], pose: Any) -> list[An
             lambda: prepare(solver.model.original_scene, mesh=fine, effects=solver.model.choice.present)(
                 targets, method="conventional"
             ),
+            freed,
         ),
     ]

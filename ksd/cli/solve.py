@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -50,7 +51,8 @@ def run(options: argparse.Namespace) -> int:
 def load_with_options(
     path: str, values: Sequence[str] = ()
 ) -> tuple[Scene, dict[str, float], dict[str, Any]]:
-    """The scene of a file, its drive values (SI) replaced by those of the command line, and its [options].
+    """The scene of a file, its drive values (SI) replaced by those of the command line, and its [options], with the words
+    of its [report] under "report".
 
     values: drive values as text, such as "top=300mm". Raises SceneError for these, for an option of a wrong type, and for a
     scene that is incomplete.
@@ -63,7 +65,35 @@ def load_with_options(
         if not fits or (isinstance(value, bool) and kind is not bool):
             raise SceneError(f"[options] {key} = {value!r}: {_TYPE_NAMES[kind]} is needed")
     scene = mechanism.scene()
+    written = written | {"report": mechanism.report or {}}
     return scene, targets | dict(drive_value(scene, text) for text in values), written
+
+
+def point_options(written: dict[str, Any], options: argparse.Namespace) -> dict[str, Any]:
+    """The words link, at, along and freed of `ksd.sweep`: those of the command line before those of [report] of the file.
+
+    Raises SceneError for texts that say none.
+    """
+    given = {
+        "link": options.link, "at": _three(options.at, "--at", "0,80mm,0", partial(quantity, dimension="length")),
+        "along": options.along, "freed": tuple(options.freed) or None,
+    }  # fmt: skip
+    if options.along is not None and "," in options.along:
+        given["along"] = _three(options.along, "--along", "1,1,0", partial(quantity, dimension="number"))
+    given = {key: value for key, value in given.items() if value is not None}
+    # a place belongs to the link it is said of
+    kept = {k: v for k, v in written["report"].items() if k != "at" or "link" not in given}
+    return kept | given
+
+
+def _three(text: str | None, option: str, example: str, read: Callable[..., float]) -> Any:
+    """Three numbers of an option, which commas separate, None without it. Raises SceneError."""
+    if text is None:
+        return None
+    parts = [number_or_text(part.strip()) for part in text.split(",")]
+    if len(parts) != 3 or "" in parts:
+        raise SceneError(f"{option} {text}: write three numbers, such as {option} {example}")
+    return tuple(read(part, what=option) for part in parts)
 
 
 def merged_options(written: dict[str, Any], options: argparse.Namespace) -> dict[str, Any]:

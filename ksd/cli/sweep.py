@@ -16,7 +16,14 @@ from ksd.cli.output import (
     require_answers,
     write_table,
 )
-from ksd.cli.solve import chosen_mesh, drive_value, effect_options, load_with_options, merged_options
+from ksd.cli.solve import (
+    chosen_mesh,
+    drive_value,
+    effect_options,
+    load_with_options,
+    merged_options,
+    point_options,
+)
 from ksd.errors import SceneError
 from ksd.study.sweep import sweep
 
@@ -39,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
     with interrupt_message(f"interrupted; no table was written, {again}"):
         table = sweep(
             scene, stroke, **effect_options(settings), questions=tuple(options.question) or None, together=not options.set,
-            order=settings["order"] or "loads", link=options.link, along=_direction(options.along),
+            order=settings["order"] or "loads", **point_options(written, options),
             mesh=chosen_mesh(settings), method=settings["method"], accuracy=settings["accuracy"],
             relinearisations=settings["relinearisations"] or 0,
             extrapolate=bool(settings["extrapolate"]), progress=not options.quiet, resume=options.resume,
@@ -50,16 +57,6 @@ def run(options: argparse.Namespace) -> int:
         table.plot(path=options.plot)
     require_answers(table)
     return 0
-
-
-def _direction(text: str | None) -> Any:
-    """The direction of the option --along; three numbers where it has commas. Raises SceneError."""
-    if text is None or "," not in text:
-        return text
-    try:
-        return [float(part) for part in text.split(",")]
-    except ValueError:
-        raise SceneError(f"--along {text}: write x, y, z or three numbers, such as 1,1,0") from None
 
 
 def stroke_value(scene: Any, text: str) -> tuple[str, Any]:

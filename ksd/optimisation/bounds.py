@@ -10,10 +10,12 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ksd.answers.printing import format_number
-from ksd.checks import number, show
+from ksd.checks import show
 from ksd.errors import SceneError
 from ksd.library import find_record
 from ksd.scene import Joint, Scene
+from ksd.scene.formula import si_value
+from ksd.scene.toml_table import written_unit
 from ksd.study.design_scene import build_scene
 
 Array = np.ndarray
@@ -33,13 +35,20 @@ def parse_bounds(vary: Any) -> dict[str, tuple[float, float]]:
     for name, given in vary.items():
         if isinstance(given, str) or not isinstance(given, Sequence | np.ndarray) or len(given) != 2:
             raise SceneError(f"vary: {name} = {show(given)}: give (least, most)")
-        low, high = (number(v, f"vary: {name}") for v in given)
+        low, high = (si_value(v, f"vary: {name}") for v in given)
         if not low < high:
             raise SceneError(
                 f"vary: {name} = {show(given)} holds no design: the least must be below the most"
             )
         bounds[str(name)] = (low, high)
     return bounds
+
+
+def bound_units(vary: Mapping[str, Any]) -> dict[str, tuple[str, float]]:
+    """Unit and its factor of the parameters whose bounds are text, such as "0.2 mm", by name."""
+    last = {str(name): tuple(given)[-1] for name, given in vary.items()}
+    found = {name: written_unit(text) for name, text in last.items() if isinstance(text, str)}
+    return {name: unit for name, unit in found.items() if unit is not None}
 
 
 def parameters_between(bounds: Bounds, fractions: Array) -> dict[str, float]:

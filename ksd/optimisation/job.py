@@ -39,6 +39,7 @@ from ksd.optimisation.bounds import (
     PROBE_FRACTION,
     TrainedBounds,
     TrainedRange,
+    bound_units,
     first_buildable,
     joints_between,
     parse_bounds,
@@ -145,7 +146,8 @@ class _LoadedSceneFunction:
 class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     """Parameters to vary, targets to maximise or minimise, and limits; see `ksd.optimise`.
 
-    function: of the parameters, returns a mechanism. vary: least and most of every parameter, SI. maximise or minimise:
+    function: of the parameters, returns a mechanism. vary: least and most of every parameter, SI, or text with the unit in
+    which it is printed, ("0.2 mm", "1 mm"). maximise or minimise:
     one column of `ksd.sweep`, or several with the scale that divides each; the worst of them over its scale, over all
     poses and load cases, is the merit; where forces, moments or parasitic motion are minimised, it is their absolute
     value. limits: the most by column, or (least, most), None for neither, in units of the column; a job with limits
@@ -178,6 +180,8 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     # `function` with a cache of scenes
     build: _CachedSceneFunction
     vary: Mapping[str, tuple[float, float]]
+    # in which parameters are printed, with their factors
+    units: Mapping[str, tuple[str, float]]
     answers: tuple[Answer, ...]
     rules: tuple[Rule, ...]
     # (P, 2), SI, within trained ranges
@@ -207,7 +211,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         self,
         function: Callable[..., Any],
         *,
-        vary: Mapping[str, tuple[float, float]],
+        vary: Mapping[str, tuple[float | str, float | str]],
         maximise: Targets = (),
         minimise: Targets = (),
         limits: Mapping[str, Any] | None = None,
@@ -245,7 +249,8 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         check_design_parameters(function, [given_bounds], "vary")
         self.__dict__.update(
             function=function, build=_CachedSceneFunction(function, 2 * len(given_bounds) + SPARE_SCENES),
-            vary=given_bounds, loads=loads, extrapolate=extrapolate, last_solved=None, method_note="", is_signed=False,
+            vary=given_bounds, units=bound_units(vary),
+            loads=loads, extrapolate=extrapolate, last_solved=None, method_note="", is_signed=False,
             drives=values, cases=load_cases(loads), rules=_check_rules(rules),
             paths=drive_paths(values, together=boolean(together, "together")),
             **({} if mesh is None else {"mesh": mesh}),
@@ -288,6 +293,10 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     def parameters(self) -> tuple[str, ...]:
         """Names of the varied parameters."""
         return tuple(self.vary)
+
+    def unit(self, parameter: str) -> tuple[str, float]:
+        """The unit in which a parameter is printed, and its factor to SI."""
+        return self.units.get(parameter, ("SI", 1.0))
 
     @property
     def names(self) -> tuple[str, ...]:

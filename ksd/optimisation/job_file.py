@@ -118,10 +118,11 @@ class FormulaRule:
 
 
 class _Varied(NamedTuple):
-    """Keys and bounds of the parameters by name, and keys and values of list items that [job.vary] fixes."""
+    """Keys, bounds (SI, and as written) of the parameters by name; keys and values of list items that [job.vary] fixes."""
 
     keys: dict[str, Keys]
     bounds: dict[str, tuple[float, float]]
+    written: dict[str, tuple[float | str, float | str]]
     fixed: list[tuple[Keys, float]]
 
 
@@ -175,7 +176,7 @@ def load_job(path: str | os.PathLike[str], *, drives: Mapping[str, str] | None =
         with error_location(job_table.where):
             words["psd"] = {name: _spectrum(knots, name) for name, knots in words["psd"].items()}
     with error_location(file.name):
-        job = Job(function, vary=varied.bounds, targets=values, **words)
+        job = Job(function, vary=varied.written, targets=values, **words)
     return JobFile(job, _optimise_words(optimise_table, varied.keys))
 
 
@@ -203,7 +204,7 @@ def _scene_tables(tables: dict[str, Any], file: Path, name: str | None) -> tuple
 
 def _parse_vary(vary: Table, tables: dict[str, Any]) -> _Varied:
     """The parameters of [job.vary]; tables: of the scene. Raises SceneError."""
-    varied = _Varied({}, {}, [])
+    varied = _Varied({}, {}, {}, [])
     for path, given in _values_with_paths(vary.values, ()):
         with error_location(vary.where):
             keys = _resolve_keys(tables, path)
@@ -211,6 +212,7 @@ def _parse_vary(vary: Table, tables: dict[str, Any]) -> _Varied:
             name = format_keys(keys)
             if not isinstance(value, list):
                 varied.keys[name], varied.bounds[name] = keys, _parse_range(given, name, value)
+                varied.written[name] = tuple(given)
                 continue
             if (
                 not isinstance(given, list)
@@ -226,6 +228,7 @@ def _parse_vary(vary: Table, tables: dict[str, Any]) -> _Varied:
                 name = format_keys(item_keys)
                 if isinstance(item, list):
                     varied.keys[name], varied.bounds[name] = item_keys, _parse_range(item, name, old)
+                    varied.written[name] = tuple(item)
                 else:
                     varied.fixed.append((item_keys, si_value(item, name)))
     if not varied.keys:

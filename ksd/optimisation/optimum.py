@@ -202,12 +202,21 @@ class Optimum(PrintableAnswer):
         return write_file(target, optimum_page(self), what="report")
 
     def _line(self) -> str:
-        design = ", ".join(f"{n} {v:.5g}" for n, v in self.design.items())
+        design = ", ".join(f"{n} {self._in_units(n, v, 5)}" for n, v in self.design.items())
         return f"{self.job.merit_spoken(self.merit, digits=7)} at {design}"
+
+    def _in_units(self, parameter: str, value: float, digits: int) -> str:
+        """A value of a parameter with its unit, a plain number in SI where the job has none for it."""
+        unit, factor = self.job.unit(parameter)
+        return f"{value / factor:.{digits}g}" + (f" {unit}" if parameter in self.job.units else "")
 
     def __str__(self) -> str:
         bounds = dict(zip(self.job.parameters, self.job.bounds.tolist(), strict=True))
-        rows = [(n, f"{v:.6g}", *(f"{b:.4g}" for b in bounds[n])) for n, v in self.design.items()]
+        rows = [
+            (n, self._in_units(n, v, 6), *(self._in_units(n, b, 4) for b in bounds[n]))
+            for n, v in self.design.items()
+        ]
+        value = "value" if self.job.units else "value [SI]"
         head = (
             f"{self.status.capitalize()} by {self.method}: {self.job.merit_spoken(self.merit, digits=7)}; "
             f"{self.agreed} of {len(self.starts)} starts end here; {self.evaluations} values, {self.gradients} gradients, "
@@ -217,7 +226,7 @@ class Optimum(PrintableAnswer):
             (n, format_number(self.answers[n], 6) if n in self.answers else "", format_number(w, 4))
             for n, w in self.held.items()
         ]
-        parts = [format_table(("parameter", "value [SI]", "least", "most"), rows, head)]
+        parts = [format_table(("parameter", value, "least", "most"), rows, head)]
         parts.append(format_table(("held by", "value", "worth [%/%]"), held) if held else NO_GRADIENT_TEXT)
         parts.append(self._proof_text())
         parts += [f"Start {k + 1}: {s.note}" for k, s in enumerate(self.starts) if s.note]

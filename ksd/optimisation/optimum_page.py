@@ -78,13 +78,21 @@ def _job(optimum: Optimum) -> str:
 
 def _search(optimum: Optimum) -> list[str]:
     """A picture of the convergence, and a table of the starts."""
-    heads: list[tuple[str, str]] = [("start", ""), *((n, "SI") for n in optimum.job.parameters)]
+    units = {name: optimum.job.unit(name) for name in optimum.job.parameters}
+    heads: list[tuple[str, str]] = [("start", ""), *((name, unit) for name, (unit, _) in units.items())]
     heads += [("worst target", ""), ("values", ""), ("gradients", ""), ("", "")]
     rows: list[tuple[Any, ...]] = []
     for k, s in enumerate(optimum.starts):
         reason = "" if s.status == OK else s.status
         rows.append(
-            (f"{k + 1}", *(f"{v:.4g}" for v in s.start.values()), s.merit, s.values, s.gradients, reason)
+            (
+                f"{k + 1}",
+                *(f"{v / units[n][1]:.4g}" for n, v in s.start.items()),
+                s.merit,
+                s.values,
+                s.gradients,
+                reason,
+            )
         )
     return [figure(plot_optimum(optimum), "Every design that was tried."), table(heads, rows)]
 

@@ -101,17 +101,22 @@ class Front(PrintableAnswer):
         return f"{len(good)} of {len(self.points)} points, {merits} against {self.against} {limits}"
 
     def __str__(self) -> str:
+        units = [self.job.unit(name) for name in self.job.parameters]
+        heads = [
+            f"{name} [{unit}]" if name in self.job.units else name
+            for name, (unit, _) in zip(self.job.parameters, units, strict=True)
+        ]
         rows = [
             (
                 format_number(limit),
                 format_number(merit, 5),
-                *map(format_number, x),
+                *(format_number(v / factor) for v, (_, factor) in zip(x, units, strict=True)),
                 proof if status == OK else status,
             )
             for limit, merit, *x, proof, status in (row.values() for row in self.table.rows())
         ]
         return format_table(
-            (f"most {self.against}", "worst target", *self.job.parameters, "<"),
+            (f"most {self.against}", "worst target", *heads, "<"),
             rows,
             f"Front: {self._line()}; {self.proven} points are proven optima",
         )

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ksd.answers.shape import scene_leaves
 from ksd.errors import KsdError
 from ksd.html import as_html
 from ksd.pages.page_parts import cards, document, escape, figure, format_cell, table
@@ -48,17 +49,20 @@ class ComparedSolve:
     failure: str = ""
 
 
-def report_page(pose: Any, stroke: Table, compared: Sequence[ComparedSolve]) -> str:
-    """The report as HTML text; pose: a Configuration; stroke: answers over its stroke; compared[0]: the pose itself."""
+def report_page(
+    pose: Any, stroke: Table, compared: Sequence[ComparedSolve], *, freed: Sequence[str] | None = None
+) -> str:
+    """The report as HTML text; pose: a Configuration; stroke: answers over its stroke; compared[0]: the pose itself; freed:
+    what is let go for its modes, all drives when None."""
     scene, facts = pose.model.scene, as_dict(pose)
     parts = [
         *(f'<p class="warn">{escape(w)}</p>' for w in _warnings(pose, facts, stroke)),
-        _cards(facts, stroke),
+        _cards(pose, facts, stroke),
         figure(pose.plot(color="stress"), "The mechanism at the pose below, over the undeformed one (grey)."),
         "<h2>The scene</h2>", as_html(str(scene)),
         "<h2>What was simulated, and what was left out</h2>", as_html(str(pose.model)),
         "<h2>The pose</h2>", as_html(str(pose)), as_html(str(pose.interface_forces())),
-        *_vibrations(pose),
+        *_vibrations(pose, pose.model.drive_names if freed is None else freed),
         "<h2>Over the stroke</h2>", *_stroke(stroke),
         "<h2>Convergence and error</h2>", *_error(pose, compared),
     ]  # fmt: skip
@@ -81,33 +85,55 @@ def _warnings(pose: Any, facts: dict[str, Any], stroke: Table) -> list[str]:
     return warnings
 
 
-def _cards(facts: dict[str, Any], stroke: Table) -> str:
-    """The main numbers: drive forces at the pose, and the worst answers over the stroke."""
-    numbers: list[tuple[str, str]] = []
+def _cards(pose: Any, facts: dict[str, Any], stroke: Table) -> str:
+    """The worst answer over the stroke to every kind of question, then the largest drive forces."""
+    numbers = [] if (share := _yield_share(pose, stroke)) is None else [share]
+    for column, caption, worst in (
+        ("stress_MPa", "largest stress", max),
+        ("first_parasitic_Hz", "lowest parasitic frequency", min),
+        ("support_worst_N_per_m", "least support stiffness", min),
+        ("support_worst_Nm_per_rad", "least support stiffness in rotation", min),
+        ("clearance_mm", "least clearance of leaf springs", min),
+    ):
+        values = _finite(stroke, column)
+        if values:
+            numbers.append(
+                (f"{format_cell(worst(values), 4)} {label_and_unit(column)[1]}", f"{caption} over the stroke")
+            )
+    factors = [v for c in BUCKLING for v in _finite(stroke, c)]
+    if factors:
+        smallest = min(factors, key=abs)
+        reversed_too = ", reversed" * (smallest < 0.0)
+        numbers.append(
+            (
+                f"{format_cell(abs(smallest), 3)} times",
+                f"all stresses{reversed_too}: the first buckling over the stroke",
+            )
+        )
     for name, row in facts["drives"].items():
         effort = next(k for k in row if k.startswith(("force_", "moment_", "effort")) and "error" not in k)
-        unit = label_and_unit(f"x_{effort}")[1]
-        numbers.append(
-            (f"{format_cell(row[effort])} {unit}", f"{name}: drive {effort.split('_')[0]} at the pose")
-        )
-    for column, caption, worst in (
-        ("stress_MPa", "largest stress over the stroke", max),
-        ("first_parasitic_Hz", "lowest parasitic frequency", min),
-    ):
-        values = [v for v in stroke.columns.get(column, ()) if math.isfinite(v)]
-        if values:
-            numbers.append((f"{format_cell(worst(values), 4)} {label_and_unit(column)[1]}", caption))
-    factors = [v for c in BUCKLING for v in stroke.columns.get(c, ()) if math.isfinite(v)]
-    if factors:
-        numbers.append(
-            (format_cell(min(factors, key=abs), 4), "smallest critical load factor on all stresses")
-        )
+        largest = max(abs(v) for v in (*_finite(stroke, f"{name}_{effort}"), row[effort]))
+        kind, unit = effort.split("_")[0], label_and_unit(f"x_{effort}")[1]
+        numbers.append((f"{format_cell(largest, 4)} {unit}", f"{name}: largest drive {kind} over the stroke"))
     return cards(numbers)
 
 
-def _vibrations(pose: Any) -> list[str]:
+def _finite(stroke: Table, column: str) -> list[float]:
+    """The numbers of a column that are finite; none where there is no such column."""
+    return [v for v in stroke.columns.get(column, ()) if math.isfinite(v)]
+
+
+def _yield_share(pose: Any, stroke: Table) -> tuple[str, str] | None:
+    """Largest stress over the stroke as a share of the yield stress of its leaf; None where that is not known."""
+    limits = {name: leaf.material.yield_stress for name, leaf in scene_leaves(pose.model).items()}
+    pairs = zip(stroke.columns.get("stress_MPa", ()), stroke.columns.get("stress_leaf", ()), strict=True)
+    shares = [1e6 * v / limits[leaf] for v, leaf in pairs if math.isfinite(v) and limits.get(leaf)]
+    return (f"{100 * max(shares):.3g} %", "of the yield stress at most, over the stroke") if shares else None
+
+
+def _vibrations(pose: Any, drives: Sequence[str]) -> list[str]:
     """Modes with effective masses and pictures of the first, and a Bode plot where there are sensors; () without mass."""
-    drives, scene = pose.model.drive_names, pose.model.scene
+    scene = pose.model.scene
     try:
         modes = pose.frequencies(count=MODES, freed=drives)
     except KsdError:

@@ -52,6 +52,7 @@ def json_schema(
         joint=_tables_by_name(_joint_schema()),
         options=_options_schema(options),
         simulate=_simulate_schema(),
+        report=_table_schema(schema.REPORT),
         **statements,
     )
     scenes = {

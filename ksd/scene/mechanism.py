@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal, Self
 
@@ -19,6 +19,7 @@ from ksd.checks import (
     clear_argument_errors_of_methods,
     direction,
     name_hint,
+    names_of,
     number,
     show,
     unused_name,
@@ -64,8 +65,10 @@ from ksd.scene.sensor import Damper, Sensor
 from ksd.scene.simulation import Simulation
 from ksd.section import Section
 
-SETTABLE_ATTRIBUTES = ("name", "plane", "gravity", "simulation")
+SETTABLE_ATTRIBUTES = ("name", "plane", "gravity", "simulation", "report")
 """Attributes of a mechanism that can be assigned; everything else is described by its methods."""
+REPORT_WORDS = ("link", "at", "along", "freed")
+"""Keys of `Mechanism.report`."""
 FUNCTIONS_OF_KSD = (
     "solve",
     "prepare",
@@ -96,8 +99,10 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
     displacement and parallel to the global axes. Each method checks its arguments at once and raises SceneError;
     `validate` checks the whole mechanism and `scene` freezes it. Links are given as the objects made by `link`, or by name.
     name: of the mechanism. simulation: words of `ksd.simulate` that it takes where they are not given, None or a
-    `ksd.Simulation`. plane: "xy", "xz" or "yz" for a planar mechanism: displacements normal to the plane and rotations
-    out of it are fixed, pins turn about its normal, and leaf springs have their width along it.
+    `ksd.Simulation`. report: what `ksd sweep` and `ksd report` ask about, None or a mapping of words of `ksd.sweep`,
+    {"link": "table", "at": (0, 0.08, 0), "along": "x", "freed": ["push"]}, of links and drives that are there.
+    plane: "xy", "xz" or "yz" for a planar mechanism: displacements normal to the plane and rotations out of it are fixed,
+    pins turn about its normal, and leaf springs have their width along it.
 
     >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
     >>> guide = ksd.Mechanism("guide")
@@ -116,6 +121,7 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
     name: str
     plane: str | None
     simulation: Simulation | None
+    report: Mapping[str, Any] | None
     ground: Link
     _links: dict[str, Link]
     _hinges: dict[str, tuple[Hinge, tuple[Drive, ...]]]
@@ -143,7 +149,7 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         self.__dict__.update(
             ground=ground, _links={GROUND: ground}, _hinges={}, _masses=[], _compliances={}, _gravity=None, _points=[],
             _joints=[], _leaves=[], _drives=[], _supports=[], _loads=[], _springs=[], _heats=[], _fits=[], _consider=(),
-            _distances=[], _sensors=[], _dampers=[], _last=None, simulation=None,
+            _distances=[], _sensors=[], _dampers=[], _last=None, simulation=None, report=None,
         )  # fmt: skip
         self.name, self.plane = name, plane
 
@@ -172,6 +178,8 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
             raise SceneError(
                 f"simulation = {show(value)}: give ksd.Simulation(until=...), or the words to ksd.simulate"
             )
+        if name == "report" and value is not None:
+            value = self._checked_report(value)
         if name == "plane":
             value = check_plane(value)
             for kind, drives in (("drive", self._drives), ("support", self._supports)):
@@ -274,6 +282,34 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
                 f"{owner}: link '{link}' does not exist{name_hint(link, self._links)}", kind="link", name=link
             )
         return link
+
+    def _checked_report(self, words: Any) -> dict[str, Any]:
+        """The words of `report`, SI. Raises SceneError."""
+        if not isinstance(words, Mapping):
+            raise SceneError(
+                f"report = {show(words)}: give a mapping, such as {{'link': 'table', 'at': (0, 0.08, 0)}}"
+            )
+        for key in words:
+            if key not in REPORT_WORDS:
+                raise SceneError(f"report: key '{key}' is unknown{name_hint(str(key), REPORT_WORDS)}")
+        checked = dict(words)
+        if "link" in words:
+            checked["link"] = self._checked_link(words["link"], "report")
+        if "at" in words:
+            checked["at"] = vector(words["at"], "at", owner="report", unit="m")
+        if "along" in words:
+            checked["along"] = direction(words["along"], "along", owner="report")
+        if "freed" in words:
+            checked["freed"] = names_of(words["freed"], "report: freed")
+            known = [drive.name for drive in (*self._drives, *self._supports)]
+            for name in checked["freed"]:
+                if name not in known:
+                    raise UnknownNameError(
+                        f"report: freed = '{name}': there is no drive or support of that name{name_hint(name, known)}",
+                        kind="drive",
+                        name=name,
+                    )
+        return checked
 
     def _position_or_default(self, link: str, at: ArrayLike | None) -> Any:
         """The position `at` as given; None gives the position of a link that is a point of a leaf, else None."""

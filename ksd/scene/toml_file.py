@@ -17,6 +17,7 @@
     [[distance]]       a, b, start, end, name (and along, turns_with): to be reported, such as the opening of a jaw
     [[compliance]]     link, section and material (hub, width_axis); or matrix = "file.npz" or "file.h5"
     [simulate]         words of `ksd.simulate`: until = "1 s", accuracy;  [simulate.drives.push]  cycloid = "5 mm", duration
+    [report]           link = "table", at, along, freed = ["push"]: what `ksd sweep` and `ksd report` ask about
     [options]          options of the solver, e.g. method = "reduced"
 
 Numbers are SI, or text with a unit ("100 mm", "45 deg", "3 N mm", "9.81 m/s^2"); files are read as UTF-8. All mistakes of a
@@ -101,11 +102,16 @@ def scene_from_tables(
     file_mistakes = FileMistakes()
     top = Table(tables, file.name, file_mistakes=file_mistakes)
     options = _read_options(top, option_names)
-    simulate = top.table("simulate")
+    simulate, report = top.table("simulate"), top.table("report")
     reader = _SceneReader(top, file)
     reader.state_all()
     if simulate.values or not simulate.is_valid:
         _state_simulation(reader.mechanism, simulate)
+    report_words = report.read(schema.REPORT)
+    report.note_unknown_keys()
+    if report_words and report.is_valid:
+        with report.collect_errors():
+            reader.mechanism.report = report_words
     if whole and not file_mistakes.mistakes:
         draft = reader.mechanism.draft()
         file_mistakes.mistakes += [f"{reader.location_of(rule)}: {rule}" for rule in broken_rules(draft)]

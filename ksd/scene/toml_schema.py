@@ -171,6 +171,9 @@ SIMULATE: Schema = {
 }  # fmt: skip
 """Keys of the table [simulate], the words of `ksd.Simulation`."""
 
+REPORT: Schema = {"link": "text", "at": "length[3]", "along": "direction", "freed": "names"}
+"""Keys of the table [report], the words of `Mechanism.report`."""
+
 LINK_KEYS = ("a", "b", "link", "relative_to", "turns_with")
 """Keys whose value is the name of a link."""
 

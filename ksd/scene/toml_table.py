@@ -149,6 +149,13 @@ def parse_quantity(text: str) -> tuple[float, str] | None:
     return float(match[1]) * DIMENSIONS[dimension][unit], dimension
 
 
+def written_unit(text: str) -> tuple[str, float] | None:
+    """The unit of text such as "100 mm", and its factor to SI; None for other text."""
+    match = _QUANTITY.fullmatch(plain_signs(text))
+    unit = find_unit(match[2]) if match else None
+    return None if unit is None else (unit, next(u[unit] for u in DIMENSIONS.values() if unit in u))
+
+
 @contextmanager
 def error_location(where: str) -> Iterator[None]:
     """Context that puts `where` (file and table) before the message of a SceneError."""

@@ -71,6 +71,8 @@ def save_scene(
     tree = _scene_tree(scene, dict(targets or {}))
     if isinstance(mechanism, Mechanism) and mechanism.simulation is not None:
         tree["simulate"] = table_of_simulation(mechanism.simulation)
+    if isinstance(mechanism, Mechanism) and mechanism.report:
+        tree["report"] = dict(mechanism.report)
     if options:
         tree["options"] = dict(options)
     text = "\n".join(toml_tree_lines(tree, ""))

@@ -4,6 +4,7 @@ import errno
 import json
 import multiprocessing
 import os
+import re
 import signal
 import sys
 import threading
@@ -68,6 +69,22 @@ def test_the_job_of_the_specification_from_five_random_starts():
     assert not best.flat and "5 of 5 starts end here" in str(best) and "worth" in str(best)
     assert "value [SI]" in str(best)
     assert best.mechanism.scene().name == "pivot"
+
+
+def test_parameters_are_printed_in_the_units_of_their_bounds():
+    """The same optimum, whatever the bounds are written in."""
+    plain = ksd.optimise(small())
+    vary = {"length": ("4 cm", "8 cm"), "thickness": (0.2 * mm, 1 * mm)}
+    best = ksd.optimise(small(vary=vary))
+    assert best.design == plain.design and best.job.vary == plain.job.vary
+    (line,) = re.findall(r"length +(.*)", str(best).split("held by")[0])
+    assert re.fullmatch(r"8 cm +4 cm +8 cm *", line)
+    assert re.search(r"thickness +0\.000", str(best)) and "value [SI]" not in str(best)
+    assert "length 8 cm" in repr(best)
+    with pytest.raises(
+        ksd.SceneError, match="vary: length = '4 cmm': give a number in SI, or text with a unit"
+    ):
+        small(vary={"length": ("4 cmm", 0.1)})
 
 
 def test_starts_that_end_as_near_as_limits_are_met_agree():

@@ -1,6 +1,7 @@
 """The builder: where things end up, default names, whole-scene rules, equality and fingerprint."""
 
 import math
+import re
 import subprocess
 import sys
 
@@ -91,6 +92,45 @@ def test_a_joint_alone():
     assert len(wire.leaves) == 1 and not wire.drives and not wire.joints
     with pytest.raises(ksd.SceneError, match="is not a joint; make one"):
         ksd.Mechanism.of_joint(3)
+
+
+@pytest.mark.parametrize(
+    "words, said",
+    [
+        (3, "report = 3: give a mapping"),
+        ({"lnk": "B"}, "report: key 'lnk' is unknown; did you mean \"link\""),
+        ({"link": "C"}, "report: link 'C' does not exist"),
+        ({"at": (0, 1)}, "report: at = "),
+        ({"along": "w"}, "report: along = 'w' is not a direction"),
+        (
+            {"freed": "anlge"},
+            "report: freed = 'anlge': there is no drive or support of that name; did you mean \"angle\"",
+        ),
+    ],
+)
+def test_what_a_report_is_about_is_checked(words, said):
+    scene = Mechanism.of_joint(CROSS)
+    with pytest.raises(SceneError, match=re.escape(said)):
+        scene.report = words
+    assert scene.report is None
+
+
+def test_what_a_report_is_about_is_written_back(tmp_path):
+    scene = Mechanism.of_joint(CROSS)
+    scene.report = {"link": scene.ground, "at": (0, 0.1, 0), "along": "-x", "freed": ["angle"]}
+    ksd.save_scene(scene, tmp_path / "a.toml")
+    again = ksd.load_scene(tmp_path / "a.toml")[0].report
+    assert (
+        again
+        == scene.report
+        == {"link": "ground", "at": (0, 0.1, 0), "along": (-1, 0, 0), "freed": ("angle",)}
+    )
+    text = (tmp_path / "a.toml").read_text()
+    (tmp_path / "b.toml").write_text(text.replace("freed =", "feed ="))
+    with pytest.raises(
+        ksd.SceneFileError, match=r"\[report\]: key 'feed' is unknown; did you mean \"freed\""
+    ):
+        ksd.load_scene(tmp_path / "b.toml")
 
 
 def test_joint_drive_is_the_relative_angle():

@@ -66,10 +66,44 @@ def test_page_holds_the_numbers(written):
         "0.78",
         "buckling negative",
         "-4.5072",
-        "<b>-4.507</b><span>smallest critical load factor on all stresses",
+        "<b>4.51 times</b><span>all stresses, reversed: the first buckling over the stroke",
     ):
         assert words in text, words
     assert "nan" not in re.sub(r"base64,[^\"]*", "", text)
+
+
+def cards(page):
+    """The main numbers of a page and what they are."""
+    return dict(re.findall(r"<b>([^<]*)</b><span>([^<]*)", page[page.index('class="cards"') :]))
+
+
+def test_the_headline_is_the_worst_answer_to_every_question(tmp_path):
+    """Bounds by hand: 250.7 MPa of 900 MPa; the stiffness is asked at the point that the scene names, which lies above."""
+    scene, targets, _ = ksd.load_scene("guide")
+    scene.report = {"link": "table", "at": (0, 80e-3, 0), "along": "x", "freed": []}
+    ksd.save_scene(scene, tmp_path / "guide.toml", targets=targets)
+    argv = [
+        "report",
+        str(tmp_path / "guide.toml"),
+        "--poses",
+        "3",
+        "--quiet",
+        "--out",
+        str(tmp_path / "a.html"),
+    ]
+    assert main(argv) == 0
+    found = cards((tmp_path / "a.html").read_text())
+    table = ksd.sweep(scene, table=np.linspace(0, 5e-3, 3), link="table", at=(0, 80e-3, 0), progress=False)
+    least = f"{min(table['support_worst_N_per_m']):.0f} N/m"
+    assert list(found.items())[:2] == [
+        ("27.9 %", "of the yield stress at most, over the stroke"),
+        ("250.7 MPa", "largest stress over the stroke"),
+    ]
+    assert found[least] == "least support stiffness over the stroke"
+    assert found["5.036 N"] == "table: largest drive force over the stroke"
+    # with the drive held, the first mode is another one
+    held = min(scene_pose.frequencies(freed=()).frequency_Hz[0] for scene_pose in [ksd.solve(scene, targets)])
+    assert f"{held:.4g}" in "".join(found)
 
 
 def test_several_drives_share_one_stroke(tmp_path):
