@@ -39,6 +39,8 @@ DIMENSIONS: dict[str, dict[str, float]] = {
         "Nm/rad": 1.0, "Nmm/rad": 1e-3, "mNm/rad": 1e-3, "Nm/deg": 1 / deg, "Nmm/deg": 1e-3 / deg,
         "lbf in/rad": lbf * inch, "in lbf/rad": lbf * inch, "lbf in/deg": lbf * inch / deg, "in lbf/deg": lbf * inch / deg,
     },
+    "softness": {"m/N": 1.0, "mm/N": mm, "um/N": um},
+    "torsional softness": {"rad/Nm": 1.0, "rad/Nmm": 1e3, "mrad/Nm": mrad, "deg/Nm": deg, "deg/Nmm": 1e3 * deg},
     "damping": {"N s/m": 1.0, "N s/mm": 1e3, "mN s/mm": 1.0},
     "torsional damping": {"Nm s/rad": 1.0, "Nmm s/rad": 1e-3, "mNm s/rad": 1e-3},
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},

@@ -35,6 +35,7 @@ from ksd.numerics.threads import small_matrices
 from ksd.scene.drive import GROUND
 from ksd.scene.hinges import PLANES
 from ksd.scene.mechanism import Mechanism
+from ksd.scene.obstacle import has_contacts, one_sided_sentences, without_contacts
 from ksd.scene.plausibility import plausibility_warnings
 from ksd.scene.rules import plane_hint
 from ksd.scene.scene import MECHANISM_HINT, PlacedLeaf, Scene
@@ -186,8 +187,9 @@ def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
     >>> found.freedoms, found.held, len(found.redundant)
     (1, 1, 1)
     """
-    scene, simulated = with_middle_points(_scene_of(mechanism)), _simulated(mechanism)
-    if scene.compliances:
+    whole, simulated = with_middle_points(_scene_of(mechanism)), _simulated(mechanism)
+    scene = without_contacts(whole)
+    if scene.compliances or has_contacts(whole):
         # elastic links count as rigid: the beams in them are no freedoms of the mechanism
         scene, mechanism = replace(scene, compliances=()), scene
     model = mechanism if isinstance(mechanism, Model) else compile_scene(scene)
@@ -216,7 +218,7 @@ def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
         singular_values=_singular_values(everything),
         unusual=plausibility_warnings(scene),
         hint=plane_hint(scene),
-        observed=(*_observed(scene, own, positions, size), *simulated),
+        observed=(*_observed(scene, own, positions, size), *one_sided_sentences(whole), *simulated),
     )
 
 

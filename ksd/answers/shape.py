@@ -142,6 +142,23 @@ class SensorShape:
 
 
 @dataclass(frozen=True)
+class CableShape:
+    """A cable: its deformed points (n, 3) [m] in order."""
+
+    name: str
+    points: Array
+
+
+@dataclass(frozen=True)
+class StopShape:
+    """A limit of an end stop: where the point meets it (3,) [m], and the direction (3,) in which the stop pushes."""
+
+    name: str
+    place: Array
+    direction: Array
+
+
+@dataclass(frozen=True)
 class Shape:
     """Everything that is drawn of a configuration; leaf springs and blocks in the order of the model."""
 
@@ -153,6 +170,8 @@ class Shape:
     springs: tuple[SpringShape, ...] = ()
     distances: tuple[DistanceShape, ...] = ()
     sensors: tuple[SensorShape, ...] = ()
+    cables: tuple[CableShape, ...] = ()
+    stops: tuple[StopShape, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -668,6 +687,9 @@ def _points_on_links(model: Model) -> Iterator[tuple[str, ArrayLike, str]]:
     for distance in scene.distances:
         yield distance.a, distance.start, distance.name
         yield distance.b, distance.end, distance.name
+    for cable in model.original_scene.cables:
+        for link, at in cable.points:
+            yield link, at, cable.name
 
 
 def _hinges(model: Model, motion: State) -> tuple[HingeShape, ...]:
@@ -739,6 +761,31 @@ def _sensors(model: Model, motion: State) -> tuple[SensorShape, ...]:
     return tuple(found)
 
 
+def _cables(model: Model, motion: State) -> tuple[CableShape, ...]:
+    index = {link: i for i, link in enumerate(model.scene.links)}
+    return tuple(
+        CableShape(
+            c.name, np.array([point_position(model, motion, index[link], at) for link, at in c.points])
+        )
+        for c in model.original_scene.cables
+    )
+
+
+def _stops(model: Model, motion: State) -> tuple[StopShape, ...]:
+    """Limits of stops of one displacement, those of the scene; others have no place."""
+    index, found = {link: i for i, link in enumerate(model.scene.links)}, []
+    for stop in model.original_scene.stops:
+        term = stop.terms[0]
+        if len(stop.terms) > 1 or term.kind == "rotation":
+            continue
+        base, direction = index[term.base], motion.R[index[term.base]] @ np.asarray(term.direction)
+        at_rest = point_position(model, motion, base, term.point)
+        for name, value in stop.limits.items():
+            inward = direction if name.endswith(".low") else -direction
+            found.append(StopShape(name, at_rest + value / term.coefficient * direction, inward))
+    return tuple(found)
+
+
 def point_position(model: Model, motion: State, node: int, at: ArrayLike) -> Array:
     """Deformed position (3,) [m] of the point of a node that is at `at` (3,) [m] at rest."""
     arm = np.asarray(at, float) - model.rest.x[node]
@@ -754,5 +801,5 @@ def mechanism_shape(
         tuple(_leaf_shapes(model, motion, points)), tuple(_blocks(model, motion)), _driven(model, motion),
         _hinges(model, motion),
         _loads(model, motion, factor=load_factor), _springs(model, motion), _distances(model, motion),
-        _sensors(model, motion),
+        _sensors(model, motion), _cables(model, motion), _stops(model, motion),
     )  # fmt: skip

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple, Self
 
@@ -31,6 +31,7 @@ from ksd.model.template import (
     state_of_design,
     template_of,
 )
+from ksd.scene.obstacle import has_contacts, refuse_contacts, without_contacts
 from ksd.scene.plausibility import drive_value_warnings
 from ksd.scene.scene import MECHANISM_HINT
 from ksd.version import __version__
@@ -299,12 +300,14 @@ def compile_scene(
     effects: str | Iterable[str] = "auto",
     with_: str | Iterable[str] = (),
     without: str | Iterable[str] = (),
+    one_sided: bool = False,
 ) -> Model:
     """The full model of a scene (a Mechanism or its frozen Scene) with the effects it mentions.
 
     mesh: of the leaf springs, `ksd.Mesh()` when None. effects: "auto", "all" or the names wanted; with_, without: single
-    effects switched on or off, see `ksd.model.chosen_effects`. Raises SceneError where the scene cannot be compiled (see
-    `Mechanism.validate`) or an effect is unknown.
+    effects switched on or off, see `ksd.model.chosen_effects`. one_sided: take a scene with stops or cables, which the
+    model does not have (`ksd.solvers.touching`), where they are refused else. Raises SceneError where the scene cannot be
+    compiled (see `Mechanism.validate`) or an effect is unknown.
 
     >>> guide, _, _ = ksd.load_scene("guide")
     >>> model = ksd.compile_scene(guide, mesh=ksd.Mesh("corotational", elements=2))
@@ -319,6 +322,11 @@ def compile_scene(
         raise SceneError(
             f"mesh = {show(mesh)}: give a ksd.Mesh, for example ksd.Mesh('corotational', elements=5)."
         )
+    if has_contacts(scene) and one_sided:
+        bare = without_contacts(scene)
+        model = compile_scene(bare, mesh=mesh, effects=effects, with_=with_, without=without)
+        return replace(model, original_scene=scene)
+    refuse_contacts(scene)
     return compile_with_effects(
         scene, mesh, choose_effects(scene, mesh, effects=effects, with_=with_, without=without)
     )

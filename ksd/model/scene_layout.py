@@ -32,6 +32,7 @@ from ksd.model.springs import matrix_member, spring_members
 from ksd.scene.drive import DriveTerm
 from ksd.scene.hinges import PLANES, plane_supports
 from ksd.scene.leaf import LeafCondition
+from ksd.scene.obstacle import refuse_contacts
 
 LEAF_NUMBERS, LEAF_E, LEAF_IZ = 20, 10, 15
 """Count of the numbers of a leaf: start, end, width axis (3 each), length, E, G, A, J, Iy, Iz, ky, kz, density, factor on
@@ -268,6 +269,7 @@ _AXES = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 def split_scene(scene: Any, mesh: Mesh) -> SplitScene:
     """Layout and numbers of a frozen scene with all its effects. Raises SceneError for leaves that have no model."""
+    refuse_contacts(scene)
     index = {link: i for i, link in enumerate(scene.links)}
     parts = _PartCollector(mesh, has_gravity(scene), {free.name for free in scene.leaves})
     known: dict[Any, int] = {}

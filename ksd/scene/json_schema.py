@@ -199,10 +199,17 @@ def _statement_schema(name: str) -> Tree:
     if name in ("leaf", "wire"):
         return _leaf_or_wire_schema(name, keys, about)
     more: Tree = {}
-    if name in ("actuate", "support"):
+    if name in ("actuate", "support", "stop"):
         more["terms"] = {"type": "array", "items": _table_schema(schema.TERM)}
     if name == "actuate":
         more["value"] = {"anyOf": [_value_schema("length"), _value_schema("angle")]}
+    if name == "stop":
+        kinds = schema.LIMITS.values()
+        more |= {
+            key: {"anyOf": [_value_schema(k[key]) for k in kinds]} for key in ("low", "high", "softness")
+        }
+    if name == "cable":
+        more["via"] = {"type": "array", "items": _table_schema(schema.VIA)}
     if name == "damper":
         more["damping"] = {"anyOf": [_value_schema("damping"), _value_schema("torsional damping")]}
     return _table_schema(keys, about=about, **more)

@@ -50,6 +50,17 @@ def _rows(scene: Any) -> Iterable[tuple[str, str, str, str]]:
     for d in scene.dampers:
         unit = "N s/m" if d.term.kind == "translation" else "Nm s/rad"
         yield "damper", d.name, f"{d.term.base} to {d.term.link}", f"{d.damping:.4g} {unit}, {_term(d.term)}"
+    for s in scene.stops:
+        limits = ", ".join(f"{name.rpartition('.')[2]} {value:.4g}" for name, value in s.limits.items())
+        yield "stop", s.name, s.terms[0].link, f"{limits}: {' + '.join(map(_term, s.terms))}"
+    for c in scene.cables:
+        stretch = "" if c.stiffness is None else f", {c.stiffness:.4g} N/m"
+        yield (
+            "cable",
+            c.name,
+            " to ".join(link for link, _ in c.points),
+            f"{1e3 * c.free_length:.4g} mm{stretch}",
+        )
     for s in scene.sensors:
         what = f"{s.kind}{', absolute' * s.absolute}"
         yield "sensor", s.name, s.term.link, f"{what}: {_term(s.term)}"

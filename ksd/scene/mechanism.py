@@ -49,6 +49,7 @@ from ksd.scene.link import Link, link_name
 from ksd.scene.link_matrix import link_matrix
 from ksd.scene.load import Load, PointMass
 from ksd.scene.material import Material
+from ksd.scene.obstacle import Cable, Stop
 from ksd.scene.profile import Profile
 from ksd.scene.rules import check_scene
 from ksd.scene.scene import (
@@ -87,6 +88,7 @@ SYNONYMS = {
     "force": "load", "moment": "load", "torque": "load", "connect": "join", "joint": "join", "hinge": "pin",
     "spherical": "ball", "cylinder": "cylindrical", "body": "link",
     "beam": "leaf", "flexure": "leaf", "temperature": "heat", "dashpot": "damper", "measure": "sensor", "probe": "sensor",
+    "limit": "stop", "end_stop": "stop", "tendon": "cable", "rope": "cable",
 }  # fmt: skip
 """Other words for methods of a mechanism."""
 
@@ -141,6 +143,8 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
     _distances: list[Distance]
     _sensors: list[Sensor]
     _dampers: list[Damper]
+    _stops: list[Stop]
+    _cables: list[Cable]
     _last: tuple[Scene, dict[str, Any]] | None
 
     def __init__(self, name: str = "mechanism", *, plane: str | None = None) -> None:
@@ -149,7 +153,7 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         self.__dict__.update(
             ground=ground, _links={GROUND: ground}, _hinges={}, _masses=[], _compliances={}, _gravity=None, _points=[],
             _joints=[], _leaves=[], _drives=[], _supports=[], _loads=[], _springs=[], _heats=[], _fits=[], _consider=(),
-            _distances=[], _sensors=[], _dampers=[], _last=None, simulation=None, report=None,
+            _distances=[], _sensors=[], _dampers=[], _stops=[], _cables=[], _last=None, simulation=None, report=None,
         )  # fmt: skip
         self.name, self.plane = name, plane
 
@@ -187,6 +191,8 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
             for kind, words in (("sensor", self._sensors), ("damper", self._dampers)):
                 for said in words:
                     check_drive_in_plane(Drive(said.name, (said.term,)), value, kind)
+            for stop in self._stops:
+                check_drive_in_plane(Drive(stop.name, stop.terms), value, "stop")
             hinges = {n: check_hinge_in_plane(h, value) for n, (h, _) in self._hinges.items()}
             self._hinges = {n: (h, h.supports(value)) for n, h in hinges.items()}
         super().__setattr__(name, word(value, "name", owner="Mechanism") if name == "name" else value)
@@ -831,7 +837,7 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
 
     def _drive_name(self, name: str | None, default: str, parts: tuple[DriveTerm, ...]) -> str:
         """A name that no drive or support has yet; a used default gets the suffix of its direction. Raises SceneError."""
-        used = {d.name for d in (*self._drives, *self._supports)}
+        used = {d.name for d in (*self._drives, *self._supports, *self._cables)}
         used |= {d.name for _, supports in self._hinges.values() for d in supports}
         suffix = direction_suffix(parts[0]) if default in used and len(parts) == 1 else ""
         return _free_name(name, f"{default}.{suffix}" if suffix else default, used, "drive")
@@ -1026,6 +1032,77 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
                 raise SceneError(f"consider: {show(effect)} is unknown{name_hint(effect, OPTIONAL_EFFECTS)}")
         self._consider = tuple(sorted({*self._consider, *effects}))
 
+    # One-sided parts, see `ksd.scene.obstacle`
+
+    def stop(
+        self,
+        link: Link | str | None = None,
+        *,
+        along: Axis | None = None,
+        about: Axis | None = None,
+        at: ArrayLike | None = None,
+        relative_to: Link | str | None = None,
+        low: float | None = None,
+        high: float | None = None,
+        softness: float = 0.0,
+        name: str | None = None,
+        joint: PlacedJoint | str | None = None,
+        motion: str | None = None,
+        terms: Sequence[DriveTerm] | DriveTerm | None = None,
+    ) -> Stop:
+        """End stops: a component of motion, given as in `actuate`, stays between `low` and `high` [m or rad], zero at rest.
+
+        Each pushes only, and one that is left out does not stop. softness [m/N, rad/Nm]: how far a stop gives way per unit
+        of force. A solve may move them: ksd.solve(scene, {"stop.high": 3e-3}). The default name is "link.stop". Raises
+        SceneError.
+        """
+        component = {"along": along, "about": about, "at": at, "relative_to": relative_to}
+        parts, default = self._drive_terms(link, **component, joint=joint, motion=motion, terms=terms)
+        label = _free_name(name, f"{default}.stop", self._one_sided(), "stop")
+        checked = check_drive_in_plane(Drive(label, parts), self.plane, "stop")
+        self._stops.append(Stop(label, checked.terms, low, high, softness))
+        return self._stops[-1]
+
+    def cable(
+        self,
+        a: Link | str,
+        b: Link | str,
+        *,
+        start: ArrayLike,
+        end: ArrayLike,
+        via: Sequence[tuple[Link | str, ArrayLike]] = (),
+        length: float | None = None,
+        stiffness: float | None = None,
+        friction: float = 0.0,
+        name: str | None = None,
+    ) -> Cable:
+        """Add a cable, which pulls only, from `start` (3,) [m] on link `a` through the points `via` to `end` on link `b`.
+
+        via: (link, point (3,) [m]) in order, which guide it without friction. length [m]: without tension, default that at
+        rest; stiffness [N/m]: of the whole cable, which cannot stretch when None. A solve shortens it by its name:
+        ksd.solve(scene, tendon=2e-3). The default name is "cable". Raises SceneError.
+        """
+        label = _free_name(name, "cable", self._one_sided(), "cable")
+        owner = f"cable '{label}'"
+        if number(friction, "friction", owner=owner):
+            raise SceneError(
+                f"{owner}: friction = {friction:g}: guides of a cable are without friction; leave it out."
+            )
+        if isinstance(via, str) or not all(isinstance(pair, tuple | list) and len(pair) == 2 for pair in via):
+            raise SceneError(f"{owner}: via = {show(via)} must be pairs (link, point) in a list.")
+        points = [(a, start), *via, (b, end)]
+        named = tuple((self._checked_link(link, owner), as_given(at)) for link, at in points)
+        if len({link for link, _ in named}) == 1:
+            raise SceneError(
+                f"{owner} connects link '{named[0][0]}' with itself; it needs two different links."
+            )
+        self._cables.append(Cable(label, named, length, stiffness))
+        return self._cables[-1]
+
+    def _one_sided(self) -> set[str]:
+        """Names of stops, cables and drives, which share the values of a solve."""
+        return {part.name for part in (*self._stops, *self._cables, *self._drives)}
+
     # Questions
 
     def distance(
@@ -1128,6 +1205,8 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
             "distances": tuple(self._distances),
             "sensors": tuple(self._sensors),
             "dampers": tuple(self._dampers),
+            "stops": tuple(self._stops),
+            "cables": tuple(self._cables),
             "compliances": tuple(self._compliances.values()),
             "heats": tuple(self._heats),
             "fits": tuple(self._fits),

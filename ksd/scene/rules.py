@@ -45,6 +45,7 @@ def broken_rules(scene: Scene) -> Iterator[str]:
         "joint or leaf": [*(j.name for j in scene.joints), *(f.name for f in scene.leaves), *inside],
         "drive or support": [d.name for d in (*scene.drives, *scene.supports)],
         "load": [load.name for load in scene.loads],
+        "stop, cable or drive": [p.name for p in (*scene.stops, *scene.cables, *scene.drives)],
     }
     messages = [message for kind, names in named.items() for message in _duplicate_names(kind, names)]
     messages += _unknown_links(scene)
@@ -55,6 +56,7 @@ def broken_rules(scene: Scene) -> Iterator[str]:
     yield from _duplicate_freedoms(scene)
     yield from _distant_hinges(scene)
     yield from _impossible_inertias(scene)
+    yield from _closed_stops(scene)
     if scene.heats or scene.fits:
         try:
             leaf_conditions(scene.leaf_names(), scene.heats, scene.fits)
@@ -90,6 +92,8 @@ def _unknown_links(scene: Scene) -> Iterator[str]:
         for link in (d.a, d.b, d.turns_with)
         if link is not None
     ]
+    references += [("stop", s.name, link) for s in scene.stops for t in s.terms for link in (t.base, t.link)]
+    references += [("cable", c.name, link) for c in scene.cables for link, _ in c.points]
     references += [("spring", s.name, link) for s in scene.springs for link in (s.a, s.b)]
     references += [(h.kind, h.name, link) for h in scene.hinges for link in (h.a, h.b)]
     references += [("compliance", "", c.link) for c in scene.compliances]
@@ -109,6 +113,23 @@ def _impossible_inertias(scene: Scene) -> Iterator[str]:
                 f"mass on '{mass.link}': inertia with the principal moments {least:.4g}, {middle:.4g} and {most:.4g} kg m^2 "
                 "is that of no body, in which none is more than the sum of the other two; correct it"
             )
+
+
+def _closed_stops(scene: Scene) -> Iterator[str]:
+    """A message for every end stop that the undeformed mechanism is beyond, unless an assembly error may take it there."""
+    for stop in scene.stops if not scene.fits else ():
+        for name, value in stop.limits.items():
+            key = name.rpartition(".")[2]
+            if value > 0.0 if key == "low" else value < 0.0:
+                unit, size = (
+                    ("rad", value)
+                    if Drive(stop.name, stop.terms).dimension == "angle"
+                    else ("mm", 1e3 * value)
+                )
+                yield (
+                    f"stop '{stop.name}' is closed at rest by {abs(size):.4g} {unit}, as {key} = {value:g}; draw it open, "
+                    f"and move it when solving: ksd.solve(scene, {{'{name}': {value:g}}})"
+                )
 
 
 def _unattached_links(scene: Scene) -> Iterator[str]:

@@ -14,6 +14,8 @@
     [[pin]]            a, b, at (and axis, where there is no plane);  [[slider]]  link, along, at
     [[ball]]           a, b, at;  [[cylindrical]]  a, b, at, axis
     [[actuate]]        link, about = "z", value = "30 deg"; or along and at; or joint; or terms = [{...}, ...]
+    [[stop]]           as [[actuate]], with low = "-2 mm", high = "3 mm" instead of value
+    [[cable]]          a, b, start, end, via = [{link, at}, ...], length, stiffness
     [[distance]]       a, b, start, end, name (and along, turns_with): to be reported, such as the opening of a jaw
     [[compliance]]     link, section and material (hub, width_axis); or matrix = "file.npz" or "file.h5"
     [simulate]         words of `ksd.simulate`: until = "1 s", accuracy;  [simulate.drives.push]  cycloid = "5 mm", duration
@@ -309,6 +311,11 @@ class _SceneReader:
         if statement == "actuate":
             self._state_drive(table, words)
             return
+        if statement == "stop":
+            words |= self._read_terms(table)
+            words |= self._read_limits(table, words)
+        elif statement == "cable":
+            words |= self._read_via(table)
         if "joint" in table and "joint" not in words and {"axis", "toward"} <= words.keys():
             # the joint has a mistake of its own, its placement may have others
             with table.collect_errors():
@@ -359,6 +366,22 @@ class _SceneReader:
         """The argument `terms` of a drive or support, if its table has it."""
         terms = make_each(self._make_term, table.tables("terms"))
         return {"terms": terms} if "terms" in table else {}
+
+    def _read_limits(self, table: Table, words: dict[str, Any]) -> dict[str, Any]:
+        """Limits and softness of a stop, in the unit of its motion."""
+        table.read(dict.fromkeys(schema.LIMITS["number"], "any"))
+        motion = {key: value for key, value in words.items() if key != "name"}
+        parts, _ = table.call(self._or_invalid(self.mechanism._drive_terms), motion)
+        return table.read(schema.LIMITS[Drive("stop", parts).dimension])
+
+    def _read_via(self, table: Table) -> dict[str, list[tuple[str, Any]]]:
+        """The argument `via` of a cable, if its table has it."""
+        read = [own.read(schema.VIA) for own in table.tables("via")]
+        return (
+            {"via": [(w["link"], w["at"]) for w in read if len(w) == len(schema.VIA)]}
+            if "via" in table
+            else {}
+        )
 
     def _make_term(self, table: Table) -> DriveTerm:
         """One term of a drive or support. Raises InvalidTable."""

@@ -118,6 +118,16 @@ _COMPONENT = {
 }
 _MOTION = _COMPONENT | {"name": "text", "joint": "text", "motion": "text"}
 
+VIA: Schema = {"link": "text!", "at": "length[3]!"}
+"""Keys of an item of the `via` of [[cable]]."""
+
+LIMITS: dict[str, Schema] = {
+    "length": {"low": "length", "high": "length", "softness": "softness"},
+    "angle": {"low": "angle", "high": "angle", "softness": "torsional softness"},
+    "number": {"low": "number", "high": "number", "softness": "number"},
+}
+"""Keys of [[stop]] besides those of its motion, by the dimension of that."""
+
 TERM: Schema = _COMPONENT | {"link": "text!", "coefficient": "number"}
 """Keys of an item of the `terms` of [[actuate]] or [[support]]."""
 
@@ -149,6 +159,11 @@ STATEMENTS: dict[str, Schema] = {
     "sensor": _COMPONENT | {"link": "text!", "kind": "text", "name": "text"},
     "damper": LINK_PAIR | {
         "along": "direction", "about": "direction", "at": "length[3]", "damping": "damping!", "name": "text",
+    },
+    "stop": _MOTION,
+    "cable": LINK_PAIR | {
+        "start": "length[3]!", "end": "length[3]!", "length": "length", "stiffness": "stiffness", "friction": "number",
+        "name": "text",
     },
     "joint_spring": {
         "joint": "text!", "stiffness": "torsional stiffness!", "rest_angle": "angle", "motion": "text", "name": "text",

@@ -22,6 +22,7 @@ from ksd.scene.joint import DrawnJoint, Joint
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
+from ksd.scene.obstacle import Cable, Stop
 from ksd.scene.scene import PlacedJoint, PlacedLeaf, Scene
 from ksd.scene.sensor import Damper, Sensor
 from ksd.scene.simulation import table_of_simulation
@@ -94,6 +95,8 @@ def _scene_tree(scene: Scene, targets: dict[str, float]) -> Tree:
         "cylindrical": [_hinge_tree(h) for h in scene.hinges if h.kind == "cylindrical"],
         "sensor": [_sensor_tree(s) for s in scene.sensors],
         "damper": [_damper_tree(d) for d in scene.dampers],
+        "stop": [_stop_tree(s) for s in scene.stops],
+        "cable": [_cable_tree(c, names) for c in scene.cables],
         "compliance": [_compliance_tree(c, names) for c in scene.compliances],
     }
     by_schema: dict[str, Iterable[Any]] = {
@@ -299,6 +302,19 @@ def _damper_tree(damper: Damper) -> Tree:
     del tree["link"]
     tree.pop("relative_to", None)
     return {"name": damper.name, "damping": damper.damping} | tree
+
+
+def _stop_tree(stop: Stop) -> Tree:
+    """The table [[stop]] of end stops."""
+    keys = ("low", "high", *(["softness"] if stop.softness else []))
+    limits = {key: value for key in keys if (value := getattr(stop, key)) is not None}
+    return _drive_tree(Drive(stop.name, stop.terms)) | limits
+
+
+def _cable_tree(cable: Cable, names: _PartNames) -> Tree:
+    """The table [[cable]] of a cable."""
+    via = [{"link": link, "at": at} for link, at in cable.via]
+    return _keys_tree(cable, STATEMENTS["cable"], names) | ({"via": via} if via else {})
 
 
 def toml_tree_lines(tree: Tree, path: str) -> list[str]:

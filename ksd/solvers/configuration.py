@@ -51,6 +51,7 @@ from ksd.scene.functions_of_time import HalfSine
 from ksd.scene.link import Link
 from ksd.scene.scene import PlacedJoint
 from ksd.solvers.answer import as_dict, drive_kind
+from ksd.solvers.contact_state import OneSidedPart, Touched, one_sided
 from ksd.solvers.error import (
     equilibrium_near,
     error_estimate,
@@ -107,7 +108,7 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
     function that computes them from the state; None where the joints have no known records. method_was_chosen: `solve` chose
     the method for its estimated error. joints_near_intended: the solve has checked that every joint is near its intended
     motion. accuracy: the relative accuracy that was asked for. kernel_time [s]: thread time in which a first solve of this
-    process loaded or compiled kernels, apart from the steps.
+    process loaded or compiled kernels, apart from the steps. touched: of stops and cables; None where the scene has none.
 
     >>> guide, stroke, _ = ksd.load_scene("guide")
     >>> pose = ksd.solve(guide, stroke)
@@ -134,6 +135,7 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
     joints_near_intended: bool = False
     accuracy: float = DEFAULT_ACCURACY
     kernel_time: float = 0.0
+    touched: Touched | None = None
 
     def __dir__(self) -> list[str]:
         return sorted(set(super().__dir__()) - INSIDE)
@@ -193,15 +195,31 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         """Verdicts `stable`, `branch`, `strength` and `trusted`, each yes or no with a sentence."""
         return trust_verdicts(self)
 
+    @property
+    def stops(self) -> Mapping[str, OneSidedPart]:
+        """Force [N] or moment [Nm] and gap of every end stop by name, "end.high"; prints as a table."""
+        return one_sided(self.touched, "stop")
+
+    @property
+    def cables(self) -> Mapping[str, OneSidedPart]:
+        """Tension [N], slack and length [m] of every cable by name; prints as a table."""
+        return one_sided(self.touched, "cable")
+
     @cached_property
     def error(self) -> ErrorEstimate | None:
-        """Estimated total error, that of the mesh included, computed when first read: `ksd.solvers.error.error_estimate`."""
+        """Estimated total error, that of the mesh included, computed when first read: `ksd.solvers.error.error_estimate`;
+        where stops or cables act it is not estimated."""
+        if self._acts:
+            return None
         return error_estimate(self)
 
     @cached_property
     def left_out(self) -> dict[str, dict[str, float]]:
         """Relative changes of "force", "displacement" and "support_stiffness" that plate stiffening and restrained warping
-        would make, by effect that is not in the model; computed when first read (`ksd.solvers.left_out`)."""
+        would make, by effect that is not in the model; computed when first read (`ksd.solvers.left_out`), empty where stops
+        or cables act."""
+        if self._acts:
+            return {}
         return left_out(self)
 
     @cached_property
@@ -250,7 +268,11 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
     def minimum(self) -> str:
         """Which of several minima this is, in a sentence, where the undeformed configuration is unstable under preload,
         heat, assembly errors or loads; empty elsewhere."""
-        return "" if self.model.solids else multiple_minima_note(*self.unreduced_state, self.stable)
+        return (
+            ""
+            if self.model.solids or self._acts
+            else multiple_minima_note(*self.unreduced_state, self.stable)
+        )
 
     @property
     def iterations(self) -> int:
@@ -359,6 +381,7 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
     def refinement_start(self) -> State:
         """State from which questions on a finer mesh take their Newton step: `equilibrium`, or `motion` where that step
         alone suffices."""
+        self._refuse_contact("stiffness, frequencies and buckling")
         if self.method_was_chosen and self.method in FAST_METHODS and refinement_step_suffices(self):
             return self.motion
         return self.equilibrium
@@ -367,6 +390,22 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
     def unreduced_equilibrium(self) -> tuple[Model, State]:
         """Model and `equilibrium` with modal bodies replaced as in `unreduced_state`: for stress, energy and forces."""
         return full_model_state(self.model, self.equilibrium)
+
+    @property
+    def _acts(self) -> bool:
+        """Whether a stop or cable acts here."""
+        return self.touched is not None and self.touched.closed
+
+    def _refuse_contact(self, question: str) -> None:
+        """Raise SceneError for a question that has no answer yet where a stop or cable acts."""
+        if self._acts:
+            name = next(
+                p.name for p, f in zip(self.touched.what.parts, self.touched.forces, strict=True) if f[0]
+            )  # type: ignore[union-attr]
+            raise SceneError(
+                f"{question}: '{name}' acts in this pose, and this question knows no stops and cables yet; prescribe what "
+                "it holds by mechanism.actuate, which answers it for a stop that stays closed"
+            )
 
     def _of_leaves(self, question: str) -> None:
         """Raise SceneError for a question that has no answer where leaf springs are reduced solids."""
@@ -619,6 +658,7 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         The error is that of method and mesh: the change to the answer at the equilibrium next to this state on a finer mesh.
         Raises ConvergenceError where that is not found.
         """
+        self._refuse_contact("an error by a finer mesh")
         return with_error(self, question)
 
     @small_matrices
@@ -630,6 +670,7 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         where nothing resists a motion.
         """
         self._of_leaves("verification")
+        self._refuse_contact("verification")
         if not self.converged:
             raise ConvergenceError(
                 f"only an equilibrium can be verified, and this is none: {self.trust.trusted.sentence}"
@@ -661,6 +702,7 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         Raises SceneError for unknown names and a load of zero, ConvergenceError where no neighbouring equilibrium is
         found.
         """
+        self._refuse_contact("sensitivity")
         return sensitivity(self, question, link, at=at, force=force, moment=moment)
 
     def gradient(
@@ -683,6 +725,7 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         `ksd.solvers.perturbed`.
         """
         checked_question(question)
+        self._refuse_contact("gradient")
         scene = self.model.original_scene
         parameters = parameters_of(
             scene, self.targets, size=self.model.arrays.size, design=design, at_design=at_design, by=by, sizes=sizes
@@ -700,6 +743,7 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         points: stations per leaf. Raises SceneError for unknown names, sizes that are not positive, and reduced solids.
         """
         self._of_leaves("internal stress")
+        self._refuse_contact("internal stress")
         return internal_stress(
             *self.unreduced_equilibrium, offset=offset, rotation=rotation, leaves=names_of(leaves, "leaves"),
             load_factor=self.load_factor, points=whole_number(points, "points"),
@@ -842,7 +886,7 @@ INSIDE = frozenset(
         "doubts", "equilibrium", "expected_negatives", "joint_motions", "joints_near_intended", "mesh_adequacy",
         "method_was_chosen", "negatives", "nonconservative_stability", "notes", "refinement_start", "reported_forces",
         "set_equilibrium",
-        "unreduced_equilibrium", "unreduced_state", "_joints", "_node", "_of_leaves",
+        "unreduced_equilibrium", "unreduced_state", "_acts", "_joints", "_node", "_of_leaves", "_refuse_contact", "touched",
     )
 )  # fmt: skip
 """Attributes of a configuration for other modules of the package only; `dir` leaves them out."""

@@ -26,6 +26,7 @@ _STOPS = {
     "diverged": "residual over eps_max",
     "not_finite": "numbers overflowed",
     "moving": "in motion",
+    "jammed": "contact jams",
 }
 NEGLIGIBLE_CHANGE = 1e-3
 """Change [%] below which an effect counts as changing nothing."""
@@ -157,7 +158,9 @@ def headline(d: dict[str, Any]) -> str:
 def error_sentence(d: dict[str, Any]) -> str:
     """The estimated error against the model in one sentence."""
     error = d["error"]
-    if error is None and (d["basis"] is not None or d["method"] in ("kinematic", "reduced", "modal")):
+    if error is None and (
+        d["converged"] or d["basis"] is not None or d["method"] in ("kinematic", "reduced", "modal")
+    ):
         return "Error: not estimated"
     if error is None:
         return "Error: not known, it is not solved"

@@ -27,9 +27,11 @@ from ksd.model.orders import mesh_for_accuracy, raise_order
 from ksd.model.plane import Plane, plane_of
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.scene.mechanism import Mechanism
+from ksd.scene.obstacle import contact_drives, has_contacts
 from ksd.scene.scene import Scene
 from ksd.solvers.actuation import Actuation, RequiredForces
 from ksd.solvers.configuration import Configuration
+from ksd.solvers.contact_solve import solve_with_contact, split_values, without_contact_forces
 from ksd.solvers.conventional import solve_conventional
 from ksd.solvers.either_side import take_side
 from ksd.solvers.five_step_solver import FiveStepSolver
@@ -201,7 +203,7 @@ def solve(
         )
     scene = mechanism.scene() if hasattr(mechanism, "scene") else mechanism
     if hasattr(scene, "drives"):
-        refuse_unknown_drives(drives, (d.name for d in scene.drives), solve)
+        refuse_unknown_drives(drives, (*(d.name for d in scene.drives), *contact_drives(scene)), solve)
     wanted = DEFAULT_ACCURACY if accuracy is None else checked_accuracy(accuracy)
     if mesh is None and isinstance(start, Configuration):
         mesh = start.model.mesh
@@ -281,14 +283,16 @@ class Solver:
     ) -> None:
         start_precompiling()
         if not isinstance(mechanism, Model):
-            mechanism = compile_scene(mechanism, mesh=mesh, effects=effects, with_=with_, without=without)
+            mechanism = compile_scene(
+                mechanism, mesh=mesh, effects=effects, with_=with_, without=without, one_sided=True
+            )  # fmt: skip
         elif mesh is not None or effects != "auto" or with_ or without:
             raise SceneError(COMPILED_MODEL_MESSAGE)
         self.model: Model = mechanism
         self.records, self.extrapolate, self.planar = records, extrapolate, boolean(planar, "planar")
         self.basis, self.accuracy, self.order = basis, checked_accuracy(accuracy), check_order(order)
         self._choice: MethodChoice | None = None
-        self._drives = frozenset(mechanism.drive_names)
+        self._drives = frozenset((*mechanism.drive_names, *contact_drives(mechanism.original_scene)))
         self._reduced: dict[bool, ReducedBodySolver] = {}
         self._joints = JointMotionReader(mechanism, records, extrapolate)
         self.lock = threading.RLock()
@@ -337,7 +341,7 @@ class Solver:
         TrustError, where `strict`, if a leaf is not resolved at all.
         """
         if not drives.keys() <= self._drives:
-            refuse_unknown_drives(drives, self.model.drive_names, self.__call__)
+            refuse_unknown_drives(drives, sorted(self._drives), self.__call__)
         values = drives if targets is None else given_values(targets, drives)
         boolean(strict, "strict")
         wanted = self.accuracy if accuracy is None else checked_accuracy(accuracy)
@@ -389,8 +393,46 @@ class Solver:
         estimate: bool,
         start: Configuration | None,
     ) -> Configuration:
+        _check_method(method, relinearisations)
+        if not has_contacts(self.model.original_scene):
+            return self._without_contacts(values, method, accuracy, relinearisations, estimate, start)
+        drives, own = split_values(self.model, values)
+        free: Configuration | None = None
+        reason: Exception | None = None
+        if start is None or start.touched is None or not start.touched.closed:
+            try:
+                found = self._without_contacts(drives, method, accuracy, relinearisations, estimate, start)
+                free = without_contact_forces(found, own)
+                if free is not None and free.stable and not free.doubts:
+                    return free
+            except (ConvergenceError, KinematicsError) as error:
+                reason = error
+        if method not in (None, "conventional") or self._has_bodies():
+            if free is not None:
+                return free
+            raise SceneError(
+                f"method = {show(method)}: a stop or cable acts here, which only load steps on all leaf springs know; give "
+                "no method, or 'conventional', and no reduced bodies."
+            ) from reason
         try:
-            _check_method(method, relinearisations)
+            held = solve_with_contact(self.model, drives, own, start=start, planar=self.planar)
+        except ConvergenceError:
+            if free is None:
+                raise
+            return free
+        return held if free is None or (held.touched is not None and held.touched.closed) else free
+
+    def _without_contacts(
+        self,
+        values: Mapping[str, float],
+        method: str | None,
+        accuracy: float,
+        relinearisations: int,
+        estimate: bool,
+        start: Configuration | None,
+    ) -> Configuration:
+        """Solve by a method, stops and cables left aside."""
+        try:
             self._check_turns(values, start)
             if method == "constant":
                 return self._by_constant_leaves(values, estimate, start)
@@ -427,7 +469,7 @@ class Solver:
 
     def settled(self, found: Configuration, start: Configuration | None) -> Configuration:
         """The result in which the loading order of this solver ends, see `settle_order`; a start has a path of its own."""
-        if start is not None:
+        if start is not None or (found.touched is not None and found.touched.closed):
             return found
         with self.lock:
             return settle_order(found, self.order, self._joints)

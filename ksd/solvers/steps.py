@@ -31,6 +31,7 @@ class Stop(IntEnum):
     DIVERGED = 4
     NOT_FINITE = 5
     MOVING = 6
+    JAMMED = 7
 
     @property
     def sentence(self) -> str:
@@ -46,6 +47,7 @@ _SENTENCES = {
     Stop.SINGULAR: "the stiffness matrix is singular: something can move without resistance at this state",
     Stop.DIVERGED: "the residual exceeded eps_max, so the step was given up",
     Stop.NOT_FINITE: "a number overflowed: the last step left the region where the equations make sense",
+    Stop.JAMMED: "no contact forces hold the mechanism there: stops, cables and drives contradict one another",
     Stop.MOVING: "this is an instant of a motion, and no equilibrium",
 }
 

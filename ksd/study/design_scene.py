@@ -14,6 +14,7 @@ from ksd.checks import show
 from ksd.errors import DESIGN_ERRORS, SceneError, reason_text
 from ksd.scene import Mechanism, Scene
 from ksd.scene.load import Load
+from ksd.scene.obstacle import refuse_contacts
 from ksd.scene.scene import MECHANISM_HINT
 from ksd.study.arguments import check_design_parameters
 
@@ -82,6 +83,7 @@ def build_scene(mechanism: Any, parameters: Mapping[str, Any]) -> Scene:
         raise NotAMechanism(
             f"{show(scene)} is not a mechanism: give a function returning a mechanism, or {MECHANISM_HINT}."
         )
+    refuse_contacts(scene)
     return scene
 
 

@@ -1,4 +1,4 @@
-"""Drives, forces, moments, masses, springs, sensors and distances, drawn at a legible size."""
+"""Drives, forces, moments, masses, springs, cables, stops, sensors and distances, drawn at a legible size."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from ksd.view.camera import Camera
 from ksd.view.drawable import Drawable
 from ksd.view.figure import (
     DRIVE_COLOR,
+    GROUND_COLOR,
     LABEL_BACKGROUND,
     LOAD_COLOR,
     SENSOR_COLOR,
@@ -192,6 +193,19 @@ def _label(axes: Any, text: str, tip: Array, color: str) -> None:
         zorder=7,
         bbox=LABEL_BACKGROUND,
     )
+
+
+def draw_one_sided(axes: Any, shape: Shape, camera: Camera, size: float) -> None:
+    """Draw cables as lines through their points, and stops as bars with the side from which they push open."""
+    for cable in shape.cables:
+        line = camera.flat(cable.points)
+        axes.plot(*line.T, color=TEXT_COLOR, linewidth=0.9, marker=".", markersize=4, zorder=4.5, gid="cable")
+    for stop in shape.stops:
+        toward = camera.flat(stop.direction)
+        across = np.array([-toward[1], toward[0]]) / max(float(np.linalg.norm(toward)), 1e-12)
+        place, half = camera.flat(stop.place), 1e3 * 2.0 * COIL_SIZE * size
+        line = place + half * np.array([-1.0, 1.0])[:, None] * across
+        axes.plot(*line.T, color=GROUND_COLOR, linewidth=2.5, zorder=4.5, gid="stop")
 
 
 def draw_springs(axes: Any, shape: Shape, camera: Camera, size: float) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ksd.answers.shape import Shape
 from ksd.model.plane import Plane, plane_of
-from ksd.view.arrows import draw_arrows, draw_distances, draw_sensors, draw_springs
+from ksd.view.arrows import draw_arrows, draw_distances, draw_one_sided, draw_sensors, draw_springs
 from ksd.view.bodies import (
     PAD_HALF_THICKNESS,
     Pad,
@@ -124,6 +124,7 @@ def plot_mechanism(
     draw_polygons(axes, drawn, camera)
     _draw_hinges(axes, shape, camera, size)
     draw_springs(axes, shape, camera, size)
+    draw_one_sided(axes, shape, camera, size)
     axes.set_aspect("equal")
     axes.margins(0.08, 0.08)
     busy = np.concatenate(

@@ -103,6 +103,11 @@ def _marks(shape: Shape, size: float, scene: Scene) -> list[tuple[str, str, str,
             )
     for d2 in shape.distances:
         marks.append(("line", "distance", d2.name, d2.ends[0], d2.ends[1] - d2.ends[0]))
+    for cable in shape.cables:
+        for a, b in zip(cable.points, cable.points[1:], strict=False):
+            marks.append(("line", "distance", cable.name, a, b - a))
+    for stop in shape.stops:
+        marks.append(("arrow", "hinge", stop.name, stop.place, 0.4 * long * stop.direction))
     for sensor in shape.sensors:
         figure = "turn" if sensor.turns else "arrow"
         marks.append((figure, "sensor", sensor.name, sensor.place, 0.6 * long * sensor.direction))

@@ -1,0 +1,168 @@
+"""End stops and cables: parts that act in one sense only, and the contact of surfaces."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+from ksd.checks import Vector, not_negative, number, positive, show, vector, word
+from ksd.errors import SceneError
+from ksd.scene.drive import Drive, DriveTerm
+
+
+@dataclass(frozen=True)
+class Stop:
+    """End stops of a sum of drive terms: low <= its value <= high [m or rad]; a limit that is None does not stop.
+
+    softness [m/N or rad/Nm]: how far a stop gives way under a unit force, 0 for a rigid one.
+    """
+
+    name: str
+    terms: tuple[DriveTerm, ...]
+    low: float | None = None
+    high: float | None = None
+    softness: float = 0.0
+
+    def __post_init__(self) -> None:
+        owner = f"stop '{word(self.name, 'name', owner='stop')}'"
+        object.__setattr__(self, "terms", Drive(self.name, self.terms).terms)
+        for key in ("low", "high"):
+            value = getattr(self, key)
+            object.__setattr__(
+                self, key, None if value is None else number(value, key, owner=owner, unit="m or rad")
+            )
+        object.__setattr__(
+            self, "softness", not_negative(self.softness, "softness", owner=owner, unit="m/N or rad/Nm")
+        )
+        if self.low is None and self.high is None:
+            raise SceneError(f"{owner}: give low=, high= or both, the values of the motion at its ends.")
+        check_limits(owner, self.low, self.high)
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """Its limits by the names under which a solve takes other values."""
+        both = {f"{self.name}.low": self.low, f"{self.name}.high": self.high}
+        return {name: value for name, value in both.items() if value is not None}
+
+
+def check_limits(owner: str, low: float | None, high: float | None) -> None:
+    """Raise SceneError where the lower limit is above the upper one."""
+    if low is not None and high is not None and low > high:
+        raise SceneError(f"{owner}: low = {low:g} is above high = {high:g}; exchange them.")
+
+
+@dataclass(frozen=True)
+class Cable:
+    """A cable that pulls only: from a point of a link through points of others, which guide it without friction, to its end.
+
+    points: link and point (3,) [m], global at rest, in order; length [m]: without tension, that at rest when None; stiffness
+    [N/m]: of the whole cable, None where it cannot stretch. Its drive, of the same name, winds up a part of it [m].
+    """
+
+    name: str
+    points: tuple[tuple[str, Vector], ...]
+    length: float | None = None
+    stiffness: float | None = None
+
+    def __post_init__(self) -> None:
+        owner = f"cable '{word(self.name, 'name', owner='cable')}'"
+        points = tuple((link, vector(at, "point", owner=owner, unit="m")) for link, at in self.points)
+        object.__setattr__(self, "points", points)
+        for (_, a), (_, b) in pairwise(points):
+            if a == b:
+                raise SceneError(
+                    f"{owner}: two of its points in order are both at {show(a)}; move one, or leave it out."
+                )
+        if self.length is not None:
+            object.__setattr__(self, "length", positive(self.length, "length", owner=owner, unit="m"))
+        if self.stiffness is not None:
+            object.__setattr__(
+                self, "stiffness", positive(self.stiffness, "stiffness", owner=owner, unit="N/m")
+            )
+        if self.stiffness is None and self.rest_length > self.free_length * (1.0 + 1e-9):
+            raise SceneError(
+                f"{owner}: length = {self.free_length:g} m is shorter than its way at rest, {self.rest_length:g} m, and it "
+                "cannot stretch; give a longer one, a stiffness=, or wind it up by its drive."
+            )
+
+    @property
+    def rest_length(self) -> float:
+        """Length [m] of its way at rest."""
+        places = [at for _, at in self.points]
+        return sum(math.dist(a, b) for a, b in pairwise(places))
+
+    @property
+    def free_length(self) -> float:
+        """Its length [m] without tension."""
+        return self.rest_length if self.length is None else self.length
+
+    @property
+    def a(self) -> str:
+        """Link of its start."""
+        return self.points[0][0]
+
+    @property
+    def b(self) -> str:
+        """Link of its end."""
+        return self.points[-1][0]
+
+    @property
+    def start(self) -> Vector:
+        """Its first point (3,) [m] at rest."""
+        return self.points[0][1]
+
+    @property
+    def end(self) -> Vector:
+        """Its last point (3,) [m] at rest."""
+        return self.points[-1][1]
+
+    @property
+    def via(self) -> tuple[tuple[str, Vector], ...]:
+        """Links and points (3,) [m] at rest between its ends."""
+        return self.points[1:-1]
+
+
+def contact_drives(scene: Any) -> dict[str, float]:
+    """Values that a solve may give besides those of the drives, by name, with those of the scene: limits of stops, and what
+    cables are shortened by."""
+    stops = {name: value for stop in scene.stops for name, value in stop.limits.items()}
+    return stops | {cable.name: 0.0 for cable in scene.cables}
+
+
+def has_contacts(scene: Any) -> bool:
+    """Whether a scene has parts that act in one sense only."""
+    return bool(scene.stops or scene.cables)
+
+
+def without_contacts(scene: Any) -> Any:
+    """The scene without them."""
+    return replace(scene, stops=(), cables=())
+
+
+def one_sided_sentences(scene: Any) -> Iterator[str]:
+    """A sentence about every stop and cable: what it holds, and by how much it is open at rest."""
+    for stop in scene.stops:
+        where = f"of '{stop.terms[0].link}'" + (" and others" if len(stop.terms) > 1 else "")
+        limits = " and ".join(
+            f"at {name.rpartition('.')[2]} = {value:.4g}" for name, value in stop.limits.items()
+        )
+        yield f"stop '{stop.name}' holds a motion {where} in one sense {limits}; it is counted as no constraint"
+    for cable in scene.cables:
+        slack = cable.free_length - cable.rest_length
+        state = "taut" if slack <= 1e-9 * cable.free_length else f"slack by {1e3 * slack:.4g} mm"
+        yield f"cable '{cable.name}' from '{cable.a}' to '{cable.b}' is {state} at rest; it is counted as no constraint"
+
+
+def refuse_contacts(scene: Any) -> None:
+    """Raise SceneError for a scene with parts that act in one sense only."""
+    if has_contacts(scene):
+        kind, part = next(
+            (k, p) for k, parts in (("stop", scene.stops), ("cable", scene.cables)) for p in parts
+        )
+        raise SceneError(
+            f"{kind} '{part.name}': stops and cables are known to ksd.solve and ksd.prepare so far, and not to this; leave "
+            "them out of the scene, or solve pose by pose."
+        )

@@ -1,0 +1,134 @@
+"""The stops and cables of a scene as tables for `ksd.model.gaps`, and arrays whose loads are the contact forces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ksd.answers.derived import cached_per_model
+from ksd.model.arrays import Arrays, State
+from ksd.model.compile import Model
+from ksd.model.gaps import CABLE, FIRST, LIMIT, OFFSET, TERM_SIZE
+from ksd.model.turns import node_rotations
+from ksd.scene.obstacle import contact_drives
+
+Array = NDArray[np.float64]
+
+
+class Pair(NamedTuple):
+    """A row of the table: the part of the scene it is made of, which end of it ("high", "low", or ""), and its kind."""
+
+    name: str
+    end: str
+    kind: str
+
+
+@dataclass(frozen=True)
+class Touching:
+    """What may touch in a model.
+
+    nodes (k,): of the bodies; pairs (m, 7), data, bodies: tables of `ksd.model.complementarity`; parts: of every pair;
+    values: by the name of a value that a solve may give, those of the scene; slots: where it enters the offset of a gap, and
+    its sign.
+    """
+
+    nodes: NDArray[np.int64]
+    pairs: NDArray[np.int64]
+    data: Array
+    bodies: NDArray[np.int64]
+    parts: tuple[Pair, ...]
+    values: Mapping[str, float]
+    slots: Mapping[str, tuple[int, float]]
+
+    def with_values(self, values: Array) -> Array:
+        """The numbers of all pairs with these values, in the order of `values`."""
+        data = self.data.copy()
+        for (at, sign), value in zip(self.slots.values(), values.tolist(), strict=True):
+            data[at] += sign * value
+        return data
+
+    def count_turns(self, data: Array, arrays: Arrays, motion: State) -> None:
+        """Write the counted angles of rotation terms at a state into `data`, in place."""
+        turned = node_rotations(arrays, motion)
+        for row in self.pairs[self.pairs[:, 0] == LIMIT]:
+            own = self.nodes[self.bodies[row[3] : row[3] + row[4]]]
+            for t in range(row[2]):
+                at = row[1] + FIRST + TERM_SIZE * t
+                if data[at + 1]:
+                    a, b = own[int(data[at + 2])], own[int(data[at + 3])]
+                    data[at + 13] = (motion.R[a] @ data[at + 4 : at + 7]) @ (turned[b] - turned[a])
+
+
+@cached_per_model
+def touching(model: Model) -> Touching:
+    """The tables of a model; stops and cables in the order of the scene."""
+    scene, index = model.original_scene, {link: i for i, link in enumerate(model.scene.links)}
+    nodes: list[int] = []
+    pairs: list[list[int]] = []
+    data: list[float] = []
+    bodies: list[int] = []
+    parts: list[Pair] = []
+    slots: dict[str, tuple[int, float]] = {}
+
+    def add(
+        kind: int, links: list[str], part: Pair, softness: float, offset: float, own: list[float], count: int
+    ) -> int:
+        names = list(dict.fromkeys(links))
+        numbers = [index[link] for link in names]
+        nodes.extend(n for n in numbers if n not in nodes)
+        pairs.append([kind, len(data), count, len(bodies), len(names), 0, 0])
+        bodies.extend(nodes.index(n) for n in numbers)
+        parts.append(part)
+        at = len(data) + OFFSET
+        data.extend([0.0, softness, offset, *own])
+        return at
+
+    for stop in scene.stops:
+        links = [link for t in stop.terms for link in (t.base, t.link)]
+        names = list(dict.fromkeys(links))
+        for end, sign in (("low", -1.0), ("high", 1.0)):
+            if f"{stop.name}.{end}" not in stop.limits:
+                continue
+            own: list[float] = []
+            for t in stop.terms:
+                arms = [np.asarray(t.point) - model.rest.x[index[link]] for link in (t.base, t.link)]
+                own += [
+                    sign * t.coefficient,
+                    float(t.kind == "rotation"),
+                    names.index(t.base),
+                    names.index(t.link),
+                ]
+                own += [*t.direction, *arms[0].tolist(), *arms[1].tolist(), 0.0]
+            at = add(LIMIT, links, Pair(stop.name, end, "stop"), stop.softness, 0.0, own, len(stop.terms))
+            slots[f"{stop.name}.{end}"] = at, sign
+    for cable in scene.cables:
+        links = [link for link, _ in cable.points]
+        names, own = list(dict.fromkeys(links)), []
+        for link, at_rest in cable.points:
+            own += [names.index(link), *(np.asarray(at_rest) - model.rest.x[index[link]]).tolist()]
+        soft = 0.0 if cable.stiffness is None else 1.0 / cable.stiffness
+        at = add(CABLE, links, Pair(cable.name, "", "cable"), soft, cable.free_length, own, len(cable.points))
+        slots[cable.name] = at, -1.0
+    values = contact_drives(scene)
+    return Touching(
+        np.array(nodes, np.int64), np.array(pairs, np.int64).reshape(-1, 7), np.array(data), np.array(bodies, np.int64),
+        tuple(parts), values, {name: slots[name] for name in values},
+    )  # fmt: skip
+
+
+@cached_per_model
+def contact_model(model: Model) -> Model:
+    """The model with one more dead load at the reference point of every moving body that may touch, in the order of
+    `Touching.nodes`: its contact forces."""
+    arrays, loads = model.arrays, model.arrays.loads
+    moving = touching(model).nodes
+    moving = moving[arrays.start[moving] >= 0]
+    block = arrays.plan.diagonal[np.searchsorted(arrays.plan.start, arrays.start[moving])]
+    none, count = np.zeros((len(moving), 3)), len(moving)
+    more = type(loads)(moving, none, none, none, np.zeros(count, np.int64), np.zeros(count, np.int64), block)
+    joined = type(loads)(*(np.concatenate([a, b]) for a, b in zip(loads, more, strict=True)))
+    return replace(model, arrays=arrays.replace(loads=joined))
