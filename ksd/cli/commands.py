@@ -351,7 +351,11 @@ def _add_simulate(commands: Any) -> None:
         parser, "--set", help="a drive value, or a word of [simulate], such as until=2s; may be repeated"
     )
     parser.add_argument("--out", metavar="FILE", help="write all signals: .csv, .h5 or .mat")
-    parser.add_argument("--film", metavar="FILE", help="write the motion as an animation: .gif")
+    parser.add_argument(
+        "--film",
+        metavar="FILE",
+        help="write the motion as an animation, .gif, or as a page to turn by hand, .html",
+    )
     _add_shared(parser, "--json")
     _add_shared(parser, "--plot", help="write a plot over time (.png, .pdf, .svg)")
     _add_shared(parser, "--quiet")

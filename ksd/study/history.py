@@ -35,7 +35,7 @@ from ksd.solvers.steps import Step, Stop
 from ksd.solvers.trace import Trace
 from ksd.study.questions import RMS_UNITS
 from ksd.study.table import Table
-from ksd.view import animate_stroke, save_figure
+from ksd.view import animate_stroke, save_figure, write_page
 from ksd.view.camera import View
 from ksd.view.time_plot import plot_over_time, plot_phase, plot_spectrum
 
@@ -437,9 +437,10 @@ class History(PrintableAnswer):
         view: View | None = None,
         dpi: int = 80,
     ) -> Path:
-        """Write the motion as an animated GIF. Returns the path.
+        """Write the motion as an animated GIF, or as a page (.html) to be turned by hand, with a slider for the time, see
+        `ksd.view.write_page`. Returns the path.
 
-        slower: factor on the duration; such that the film has 40 to 120 frames when None. view, dpi: as in
+        slower: factor on the duration; such that the film has 40 to 120 frames when None. view, dpi: of a GIF, as in
         `ksd.view.animate_stroke`. Raises SceneError for another file type.
         """
         length = float(self.t[-1] - self.t[0])
@@ -447,6 +448,8 @@ class History(PrintableAnswer):
         if slower is None:
             frames = float(np.clip(frames, LEAST_FRAMES, MOST_FRAMES))
         poses = self.poses(max(2, round(frames)))
+        if Path(path).suffix.lower() in (".html", ".htm"):
+            return write_page(poses, path, names=[f"{pose.t:.4g} s" for pose in poses])
         return animate_stroke(
             poses, path, view=view, frames_per_second=FRAMES_PER_SECOND, back=False, dpi=dpi
         )

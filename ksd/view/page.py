@@ -55,13 +55,18 @@ def scene_bundle() -> Path:
 
 
 def write_page(
-    poses: Drawable | Sequence[Drawable], path: str | os.PathLike[str], *, stations: int = 17
+    poses: Drawable | Sequence[Drawable],
+    path: str | os.PathLike[str],
+    *,
+    stations: int = 17,
+    names: Sequence[str] | None = None,
 ) -> Path:
     """Write one HTML file that shows a pose in three dimensions, or several of one mechanism with a slider; its path.
 
-    Leaf springs are coloured by von Mises stress, on one scale for all poses. stations: per leaf spring. The file loads
-    nothing: notebooks show it by ``IPython.display.IFrame(path, 800, 500)``. Raises SceneError for no poses, poses of
-    several mechanisms, another file type, and without the extra `live`.
+    Leaf springs are coloured by von Mises stress, on one scale for all poses. stations: per leaf spring; names: what the
+    slider says of every pose, its drive values when None. The file loads nothing: notebooks show it by
+    ``IPython.display.IFrame(path, 800, 500)``. Raises SceneError for no poses, another number of names, poses of several
+    mechanisms, another file type, and without the extra `live`.
     """
     target = Path(path)
     every: list[Any] = list(poses) if isinstance(poses, Sequence) else [poses]
@@ -69,6 +74,8 @@ def write_page(
         raise SceneError(f"page '{target}': write it as .html")
     if not every:
         raise SceneError(f"page '{target}': there are no poses to show")
+    if names is not None and len(names) != len(every):
+        raise SceneError(f"page '{target}': {len(names)} names for {len(every)} poses; give one for each")
     shapes = [pose.shape(points=stations) for pose in every]
     if any([leaf.name for leaf in s.leaves] != [leaf.name for leaf in shapes[0].leaves] for s in shapes):
         raise SceneError(f"page '{target}': its poses are of several mechanisms; write a page for each")
@@ -77,7 +84,7 @@ def write_page(
     shown = {
         "geometry": sheets_geometry(every[-1], shapes[-1]),
         "poses": [sheets_pose(*each, most=most) for each in zip(every, shapes, stresses, strict=True)],
-        "names": [", ".join(f"{n} = {v:.6g}" for n, v in pose.targets.items()) for pose in every],
+        "names": list(names or map(_drive_values, every)),
     }
     parts = {
         "three": scene_bundle().read_text("utf-8"),
@@ -93,6 +100,10 @@ def write_page(
         f'<input id="at" type="range" min="0"></div>\n{scripts}\n<script type="module">{START}</script></body></html>\n'
     )
     return write_file(target, text, what="page")
+
+
+def _drive_values(pose: Drawable) -> str:
+    return ", ".join(f"{n} = {v:.6g}" for n, v in pose.targets.items())
 
 
 def _inside(text: str) -> str:

@@ -302,3 +302,5 @@ def test_pictures(history, tmp_path):
     assert film.n_frames == 10 and film.info["duration"] == 40
     with pytest.raises(SceneError, match=r"write it as \.gif"):
         history.animate(tmp_path / "a.mp4")
+    page = history.animate(tmp_path / "a.html", slower=2.0).read_text()
+    assert f'"{history.t[-1]:.4g} s"' in page

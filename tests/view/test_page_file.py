@@ -48,5 +48,7 @@ def test_wrong_words(poses, tmp_path):
     for given, sentence in (([], "no poses"), ([poses[0], other], "several mechanisms")):
         with pytest.raises(SceneError, match=sentence):
             ksd.view.write_page(given, tmp_path / "a.html")
+    with pytest.raises(SceneError, match="1 names for 3 poses"):
+        ksd.view.write_page(poses, tmp_path / "a.html", names=["start"])
     with pytest.raises(SceneError, match=r"as \.html"):
         ksd.view.write_page(poses, tmp_path / "a.txt")
