@@ -43,9 +43,9 @@ def picture(path=None):
 
     figure = Figure(layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
-    above.plot(t, np.array(place) / mm, color="black")
+    above.plot(t, np.array(place) / mm, color="#1f2430")
     above.set_ylabel("place [mm]")
-    below.plot(t, force, color="black")
+    below.plot(t, force, color="#1f2430")
     below.set(xlabel="time [s]", ylabel="force of the coil [N]")
     return figure if path is None else figure.savefig(path)
 
