@@ -15,6 +15,8 @@ import ksd
 from ksd.view.figure import new_figure
 
 FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
+DRAWN_ANEW = ("speed.png", "families.png", "fig10_fourbar_force.png")
+"""Stored pictures that a test draws again; `benchmarks/pictures.py` draws all."""
 
 
 @pytest.fixture
@@ -107,29 +109,30 @@ def test_table_needs_its_markers(script, tmp_path):
     assert plain.read_text() == "no markers\n"
 
 
-def test_all_stored_pictures_by_one_command(script, tmp_path, monkeypatch):
-    """Drawn anew, each to be read, and each stored one shows the numbers that are stored; there are no others."""
+def test_stored_pictures_by_one_command(script, tmp_path, monkeypatch):
+    """Some drawn anew, each to be read; every stored one shows the numbers that are stored, and there are no others."""
     pictures, stamped = script("pictures"), script("common").png_with_digest
+    every = set(pictures.PICTURES)
 
     def read(figure, *words):
         assert_readable(figure)
         return stamped(figure, *words)
 
     monkeypatch.setattr(script("common"), "png_with_digest", read)
-    drawn = pictures.main(["--out", str(tmp_path)])
-    assert {p.name for p in drawn} == {"hero.png", *pictures.PICTURES}
+    monkeypatch.setattr(pictures, "PICTURES", {n: pictures.PICTURES[n] for n in DRAWN_ANEW})
+    drawn = {p.name: p for p in pictures.main(["--out", str(tmp_path)])}
+    assert drawn.keys() == {"hero.png", *DRAWN_ANEW}
     kept = [*(FOLDER.parent / "docs").glob("*.png"), *(FOLDER / "results").glob("*.png")]
-    assert {p.name for p in kept} == {p.name for p in drawn}
-    for path in drawn:
-        stored = (
-            FOLDER.parent / "docs" / path.name if path.name == "hero.png" else FOLDER / "results" / path.name
-        )
-        shown, then = (Image.open(p) for p in (path, stored))
+    assert {p.name for p in kept} == {"hero.png", *every}
+    for stored in kept:
+        then = Image.open(stored)
         name, digest = then.text["Numbers"].split()
         assert digest == hashlib.sha256((FOLDER / "results" / name).read_bytes()).hexdigest(), (
-            f"{path.name} is older than {name}: python benchmarks/pictures.py"
+            f"{stored.name} is older than {name}: python benchmarks/pictures.py"
         )
-        assert shown.text["Numbers"] == then.text["Numbers"] and shown.size == then.size
+        if stored.name in drawn:
+            shown = Image.open(drawn[stored.name])
+            assert shown.text["Numbers"] == then.text["Numbers"] and shown.size == then.size
 
 
 def test_the_front_of_a_work_precision_picture(script):

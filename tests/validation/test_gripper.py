@@ -411,13 +411,12 @@ def test_poses_beyond_a_dead_centre(monkeypatch):
         "follow_by_arc_length",
         lambda *a, **k: walks.append(follow_by_arc_length(*a, **k)) or walks[-1],
     )
-    for far in (most + 1e-4, 2 * most):
-        share = f"{100 * most / far:.3g} % of its way, 9.1"
-        with pytest.raises(
-            ksd.ConvergenceError,
-            match=rf"'slider' is led no further than {share}.* 'crank' and 'rod' are at a dead",
-        ):
-            ksd.required_loads(scene, {"slider": ((far, 0, 0), 0.0)})
+    share = f"{100 * most / (most + 1e-4):.3g} % of its way, 9.1"
+    with pytest.raises(
+        ksd.ConvergenceError,
+        match=rf"'slider' is led no further than {share}.* 'crank' and 'rod' are at a dead",
+    ):
+        ksd.required_loads(scene, {"slider": ((most + 1e-4, 0, 0), 0.0)})
     assert {walk.stop_reason for walk in walks if walk.singular_points} == {"it turns"}
     # the pose of the crank leads through it, and at rest nothing is needed
     through = ksd.required_loads(scene, {"crank": ((0, 0, 0), -1.2, (0, 0, 0))})
