@@ -23,6 +23,7 @@ import optimisers
 import paper1
 import paper2
 import paper3
+import pays
 import speed_report
 from common import RESULTS, parse_options
 
@@ -36,6 +37,7 @@ PICTURES: dict[str, DrawPicture] = {
     "optimise.png": optimise.picture,
     "optimisers.png": optimisers.picture,
     "paper3.png": paper3.picture,
+    "pays.png": pays.picture,
     **dict.fromkeys(paper1.PICTURES, paper1.picture),
     **dict.fromkeys(paper2.PICTURES, paper2.picture),
 }

@@ -270,3 +270,29 @@ def test_arm(script, tmp_path):
         # acceptance F asks for 2 and 2, 4 and 4 iterations of steps 3 and 5; issue: error of the force below 2 %
         assert widest["step 3"] <= 4 and widest["step 5"] <= 4 and widest["force_error"] < 0.02
         assert widest["plain"] > widest["mip"] > widest["step 5"]
+
+
+def test_where_a_record_pays(script, monkeypatch):
+    """Guides as they are trained, when a training is worth it, and errors of all methods of one scene (not timed here)."""
+    pays = script("pays")
+    assert [len(pays.drawn_guide(n).leaves()) for n in (2, 24)] == [2, 24]
+    row = {"us": {"conventional": 300.0, "reduced": 200.0}, "prepare_us": 1000.0}
+    assert pays.poses_until_it_pays(row, 2.0) == pytest.approx((2e6 + 1e3) / 100)
+    assert pays.poses_until_it_pays(row | {"us": {"conventional": 1.0, "reduced": 2.0}}, 2.0) == np.inf
+    found = pays.errors_over_time(*pays.open_arm([script("common").cross_flexure()] * 2, turn=0.2), repeats=1)
+    assert found["full"]["error"] < 1e-4 and found["conventional"]["error"] < 1e-4
+    assert found["reduced"]["error"] < 0.1 * found["reduced alone"]["error"] < 0.01
+    assert found["kinematic"]["error"] > found["reduced alone"]["error"]
+
+
+def test_the_verdict_on_the_chosen_method(script):
+    chosen = script("chosen")
+    rows = [{"us": {"chosen": t, "full": 100.0, "conventional": 120.0}} for t in (100.0, *(9 * [105.0]))]
+    found = chosen.verdict(rows)
+    assert found["share_within_10_percent"] == 1.0 and found["worst"] == 1.05 and not found["met"]
+    assert found["sum_us"] == {"chosen": 1045.0, "full": 1000.0, "conventional": 1200.0}
+    rows[0]["us"]["chosen"] = 160.0
+    found = chosen.verdict(rows)
+    assert (found["above_1.5"], found["share_within_10_percent"]) == (1, 0.9)
+    rows[0]["us"] = {"chosen": 100.0, "full": 300.0, "conventional": 250.0, "reduced": 95.0}
+    assert chosen.verdict(rows)["met"]

@@ -265,7 +265,8 @@ def test_info_of_an_unknown_family(capsys):
 def test_info_lists_the_record(record, capsys):
     assert main(["info"]) == 0
     out = capsys.readouterr().out
-    for word in ("cross_flexure", "-75 to 75 deg", "width_ratio", "sha256", "days ago", "strain"):
+    speed = ("about 8 such joints or more in space (3 leaf springs each)", "one joint, joints in a plane;")
+    for word in ("cross_flexure", "-75 to 75 deg", "width_ratio", "sha256", "days ago", "strain", *speed):
         assert word in out
 
 

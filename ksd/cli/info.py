@@ -19,6 +19,8 @@ from ksd.training import check_probes, design_of, known_designs
 from ksd.training.family_description import count_function_parities, describe_family
 
 _PER_RADIAN = 180 / math.pi
+PAYING_LEAVES = 24
+"""Leaf springs of a mechanism in space from which records pay by a fifth of the time or more (`benchmarks/pays.py`)."""
 _UNITS = {
     "interface": "rad and joint lengths",
     "blocks": "rad and joint lengths",
@@ -155,7 +157,22 @@ def _listing_rows(listing: Any) -> list[tuple[str, str]]:
             (f"error {group}", f"{worst:.2g} at most on fresh shapes, in {_UNITS.get(group, '1')}")
             for group, worst in listing.worst
         ],
+        *_speed_rows(listing),
         ("trained", f"{listing.trained}{age}, by ksd {listing.version}, format {listing.format}"),
+    ]
+
+
+def _speed_rows(listing: Any) -> list[tuple[str, str]]:
+    """(name, text) rows: where methods with this record are faster than `conventional`, and where not."""
+    if not listing.leaves:
+        return []
+    count, coarse = max(2, math.ceil(PAYING_LEAVES / listing.leaves)), dict(listing.worst)["interface"]
+    return [
+        ("fast", f"about {count} such joints or more in space ({listing.leaves} leaf springs each)"),
+        (
+            "not faster",
+            f"one joint, joints in a plane; to an accuracy below {coarse:.1g} the full model is solved at once",
+        ),
     ]
 
 

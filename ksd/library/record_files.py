@@ -281,7 +281,8 @@ class Listing:
     """Facts about one record file, as printed by `ksd info`.
 
     problem: the reason why it cannot be used; then only path, size and checksum are given. checksum: SHA-256 of the file;
-    size [bytes]; worst: (group, largest error on fresh shapes over all meshes); age [days], nan for an unknown date.
+    size [bytes]; worst: (group, largest error on fresh shapes over all meshes); age [days], nan for an unknown date; leaves:
+    number of leaf springs, 0 where only chains were trained.
     """
 
     family: str
@@ -296,6 +297,7 @@ class Listing:
     trained: str = ""
     age: float = math.nan
     version: str = ""
+    leaves: int = 0
     problem: str = ""
 
 
@@ -323,7 +325,9 @@ def _describe(path: Path, today: datetime.date) -> Listing:
         age = float((today - datetime.date.fromisoformat(record.trained)).days)
     except ValueError:
         age = math.nan
+    strain = record.functions.get("strain")
+    leaves = 0 if strain is None or strain.amplitudes is None else len(strain.amplitudes)
     return Listing(
         record.family, path, size, checksum, FORMAT, record.motions, record.parameters,
-        tuple(record.functions), worst, record.trained, age, record.version,
+        tuple(record.functions), worst, record.trained, age, record.version, leaves,
     )  # fmt: skip

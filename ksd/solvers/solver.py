@@ -43,6 +43,7 @@ from ksd.solvers.method_choice import (
     FEWEST_ITERATIONS_IN_PLANE,
     FIVE_STEPS,
     ONE_STEP,
+    TRIALS,
     WORTH,
     WORTH_IN_PLANE,
     MethodChoice,
@@ -594,6 +595,13 @@ class Solver:
         return None
 
     @cached_property
+    def _record_error(self) -> float:
+        """Largest error of fit of the interfaces of the joints [rad, or joint lengths], as their records tell."""
+        records = (self.records(family) for family in {p.joint.family for p in self.model.scene.joints})
+        errors = (r.fresh_max for record in records for r in record.residuals if r.group == "interface")
+        return max(errors, default=0.0)
+
+    @cached_property
     def _is_planar(self) -> bool:
         """Whether the conventional solver has three unknowns per node."""
         return self.planar and isinstance(plane_of(self.model), Plane)
@@ -603,7 +611,8 @@ class Solver:
         conventional solver last."""
         if self._choice is None:
             few = len(self.model.scene.joints) == 1 or self._is_planar
-            self._choice = MethodChoice(ONE_STEP if few else FIVE_STEPS)
+            coarse = self._refused is None and self._record_error > accuracy
+            self._choice = MethodChoice(ONE_STEP if few else FIVE_STEPS, rejected=TRIALS * coarse)
         way, why = self._choice.next
         clock = Stopwatch()
         if way == ONE_STEP and (self._is_planar or self._refused is None):
@@ -620,11 +629,14 @@ class Solver:
         else:
             clock()
             try:
-                found = self._by_five_steps(values, accuracy)
+                found = self._by_five_steps(values, accuracy, self._choice.needs_full)
                 time, iteration = clock(), [s.time for s in found.steps if s.name == "error estimate"]
                 worth = FEWEST_ITERATIONS_IN_PLANE if self._is_planar else FEWEST_ITERATIONS
                 iterations = time / iteration[0] if iteration else math.inf
-                self._choice = self._choice.told(FIVE_STEPS, time, iterations=iterations, worth=worth)
+                by_full = found.method != "reduced"
+                self._choice = self._choice.told(
+                    FIVE_STEPS, time, iterations=iterations, worth=worth, by_full=by_full
+                )
                 return _with_reason(found, why)
             except (ConvergenceError, RangeError) as refused:
                 # the range is known after the first step, so that trying costs little
@@ -647,22 +659,19 @@ class Solver:
             return None
         return found if found.stable and not found.doubts else None
 
-    def _by_five_steps(self, values: Mapping[str, float], accuracy: float) -> Configuration:
-        """The reduced result, corrected, or where its error is above `accuracy` the full one; or that of load steps where
-        loads are large and the two differ. Raises ConvergenceError, RangeError."""
-        target = self.model.targets(values)
-        found = self.five_steps(
-            values, target, method="reduced", relinearisations=0, estimate=True, accuracy=accuracy
-        )
+    def _by_five_steps(self, values: Mapping[str, float], accuracy: float, needs_full: bool) -> Configuration:
+        """The reduced result, corrected, or where its error is above `accuracy` the full one (needs_full: at once); or that
+        of load steps where loads are large and the two differ. Raises ConvergenceError, RangeError."""
+        target, method = self.model.targets(values), "full" if needs_full else "reduced"
+        words: dict[str, Any] = {"estimate": not needs_full, "accuracy": accuracy}
+        found = self.five_steps(values, target, method=method, relinearisations=0, **words)
         error = found.method_error
         if (error is not None and not error.relative <= accuracy) or not is_solved(found):
-            estimate = next(s for s in found.steps if s.name == "error estimate")
             found = self.five_steps(values, target, method="full", relinearisations=1, estimate=False)
-            found = replace(found, steps=(estimate, *found.steps))
             verdict = solved_verdict(found)
             if not verdict:
                 raise ConvergenceError(str(verdict))
-        return self._with_load_step_check(replace(found, method_was_chosen=found.method == "reduced"), values)
+        return self._with_load_step_check(found, values)
 
     def _with_load_step_check(self, found: Configuration, values: Mapping[str, float]) -> Configuration:
         """The result of the five steps, or that of load steps where loads are large and the two differ."""
@@ -683,8 +692,11 @@ class Solver:
 
 
 def _with_reason(found: Configuration, why: str) -> Configuration:
-    """The result whose last step says why its method was chosen."""
-    return replace(found, steps=(*found.steps[:-1], found.steps[-1]._replace(chosen=why)))
+    """The result that says it was chosen, and in its last step why."""
+    *before, last = found.steps
+    return replace(
+        found, steps=(*before, last._replace(chosen=why)), method_was_chosen=found.method == "reduced"
+    )
 
 
 def _check_method(method: object, relinearisations: object) -> None:

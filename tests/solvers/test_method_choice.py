@@ -48,6 +48,21 @@ def test_the_slower_way_is_tried_again_after_many_poses():
     assert told(later, (FIVE_STEPS, 0.5)).next[0] == FIVE_STEPS
 
 
+def test_full_at_once_where_the_reduced_state_was_too_far_off():
+    choice, asked = MethodChoice(FIVE_STEPS), []
+    for _ in range(25):
+        asked.append(choice.needs_full)
+        choice = choice.told(FIVE_STEPS, 1.0, by_full=True)
+    assert asked == [False, False, *(9 * [True]), False, *(9 * [True]), False, *(3 * [True])]
+    assert not choice.told(FIVE_STEPS, 1.0).needs_full
+    scene, targets = arm()
+    solver = ksd.prepare(scene, accuracy=1e-6)
+    solver._choice = told(choice, *(2 * [(ONE_STEP, 2.0)]))
+    found = solver(targets)
+    assert found.method == "full" and "error estimate" not in [s.name for s in found.steps]
+    assert found.forces == pytest.approx(solver(targets, method="full").forces, rel=1e-12)
+
+
 def test_a_way_that_fails_is_left():
     choice = told(MethodChoice(ONE_STEP), (ONE_STEP, 1.0), (FIVE_STEPS, 2.0), (ONE_STEP, math.inf))
     assert choice.times[ONE_STEP] == (math.inf,)
@@ -115,6 +130,15 @@ def test_the_first_method_is_by_size_and_the_answer_says_why():
     scene, targets = arm()
     assert ksd.prepare(scene)(targets).steps[-1].chosen == "chosen first, for joints in space"
     assert ksd.prepare(scene)(targets, method="full").steps[-1].chosen == ""
+
+
+def test_a_record_fitted_worse_than_the_accuracy_needs_the_full_model():
+    scene, targets = arm()
+    worst = ksd.find_record("cross_flexure").worst("strain")
+    assert 1e-9 < worst < 1e-4
+    for accuracy, names in ((1e-3, True), (1e-9, False)):
+        found = ksd.prepare(scene, accuracy=accuracy)(targets)
+        assert ("error estimate" in [s.name for s in found.steps]) == names
 
 
 def test_a_pose_outside_the_trained_range_is_solved_and_says_why():
