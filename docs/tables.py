@@ -39,7 +39,7 @@ REFERENCE = {
     ),
     "Solving": (
         "From a scene to its deformed configuration.",
-        "solve compare prepare Solver Configuration follow Path required_loads RequiredLoads rest_shape RestShape "
+        "solve compare prepare Solver Configuration follow Path walk Walk required_loads RequiredLoads rest_shape RestShape "
         "Mesh ModalBasis compile_scene Model "
         "doctor",
     ),

@@ -47,6 +47,7 @@ _HOMES = {
     "ksd.solvers.solver": ("Solver", "prepare", "solve"),
     "ksd.solvers.configuration": ("Configuration",),
     "ksd.solvers.path": ("Path", "follow"),
+    "ksd.solvers.walk": ("Walk", "walk"),
     "ksd.solvers.required_loads": ("RequiredLoads", "required_loads"),
     "ksd.answers.doctor": ("doctor",),
     "ksd.interactive.live": ("live",),
@@ -79,11 +80,11 @@ __all__ = [
     "ResumeError", "Scene", "SceneError", "SceneFileError", "SceneWarning", "Section", "Shake", "Simulation", "Sine",
     "Solver", "Step", "Stepper", "StiffenedGuide", "StiffenedMiddle", "SweepInterrupted", "Table", "Taper", "TimeTable",
     "Tolerance", "Trapezoid", "TripleInfinityHinge", "TrustError", "UniversalJoint", "UnknownNameError",
-    "UnknownWordError", "Varying", "WireFlexure", "batch", "choose", "circle", "compare", "compile_scene", "doctor",
+    "UnknownWordError", "Varying", "Walk", "WireFlexure", "batch", "choose", "circle", "compare", "compile_scene", "doctor",
     "errors", "find_record", "follow", "frequency_curve", "gradient", "joint_families", "link_matrix", "live",
     "load_job", "load_scene", "numbers", "optimise", "pareto", "polygon", "prepare", "read_result", "rectangle",
-    "required_loads", "rest_shape", "save_scene", "simulate", "solve", "state_space", "stepper", "sweep", "tolerance",
-    "train", "tube", "units", "wire",
+    "required_loads", "rest_shape", "save_scene", "simulate", "solve", "state_space", "stepper", "sweep",
+    "tolerance", "train", "tube", "units", "walk", "wire",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
@@ -145,6 +146,7 @@ if TYPE_CHECKING:
     from ksd.solvers.path import Path, follow
     from ksd.solvers.required_loads import RequiredLoads, required_loads
     from ksd.solvers.solver import Solver, prepare, solve
+    from ksd.solvers.walk import Walk, walk
     from ksd.study import Batch, SweepInterrupted, Table
     from ksd.study.batch import batch
     from ksd.study.frequency_curve import frequency_curve
@@ -176,6 +178,8 @@ _ROOMS = (
 
 
 def __getattr__(name: str) -> Any:
+    if name == "shapes":
+        return import_module("ksd.scene.shapes")
     if name in _ROOMS:
         return import_module(f"ksd.{name}")
     if name not in _HOME:

@@ -57,6 +57,10 @@ class LeafShape:
     is_round: bool = False
 
 
+OUTLINE_POINTS = 49
+"""Points of the outline of a disc."""
+
+
 @dataclass(frozen=True)
 class BlockShape:
     """Points of a rigid block (link, ground, or block inside a joint): clamps of leaf springs, points of action of drives,
@@ -150,6 +154,14 @@ class CableShape:
 
 
 @dataclass(frozen=True)
+class SurfaceShape:
+    """A surface that may touch: its deformed outline (n, 3) [m], closed but for a wall."""
+
+    name: str
+    outline: Array
+
+
+@dataclass(frozen=True)
 class StopShape:
     """A limit of an end stop: where the point meets it (3,) [m], and the direction (3,) in which the stop pushes."""
 
@@ -172,6 +184,7 @@ class Shape:
     sensors: tuple[SensorShape, ...] = ()
     cables: tuple[CableShape, ...] = ()
     stops: tuple[StopShape, ...] = ()
+    surfaces: tuple[SurfaceShape, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -690,6 +703,8 @@ def _points_on_links(model: Model) -> Iterator[tuple[str, ArrayLike, str]]:
     for cable in model.original_scene.cables:
         for link, at in cable.points:
             yield link, at, cable.name
+    for surface in model.original_scene.surfaces:
+        yield surface.link, surface.at, surface.name
 
 
 def _hinges(model: Model, motion: State) -> tuple[HingeShape, ...]:
@@ -786,6 +801,24 @@ def _stops(model: Model, motion: State) -> tuple[StopShape, ...]:
     return tuple(found)
 
 
+def _surfaces(model: Model, motion: State) -> tuple[SurfaceShape, ...]:
+    """Outlines of surfaces in their x and y, of a wall along its x."""
+    index, found = {link: i for i, link in enumerate(model.scene.links)}, []
+    turn = np.linspace(0.0, 2.0 * np.pi, OUTLINE_POINTS)
+    for s in model.original_scene.surfaces:
+        sizes = (*s.shape.sizes, 0.0)
+        semi = {"ellipse": sizes[:2]}.get(s.shape.kind, (sizes[0], sizes[0]))
+        flat = np.stack([semi[0] * np.cos(turn), semi[1] * np.sin(turn)], axis=1)
+        if s.shape.kind == "wall":
+            flat = np.array([[-0.2, 0.0], [0.2, 0.0]]) * model.arrays.size
+        if s.shape.points:
+            flat = np.array([*s.shape.points, s.shape.points[0]])
+        at_rest = np.asarray(s.at) + flat @ np.array(s.axes)[:2]
+        outline = [point_position(model, motion, index[s.link], p) for p in at_rest]
+        found.append(SurfaceShape(s.name, np.array(outline)))
+    return tuple(found)
+
+
 def point_position(model: Model, motion: State, node: int, at: ArrayLike) -> Array:
     """Deformed position (3,) [m] of the point of a node that is at `at` (3,) [m] at rest."""
     arm = np.asarray(at, float) - model.rest.x[node]
@@ -802,4 +835,5 @@ def mechanism_shape(
         _hinges(model, motion),
         _loads(model, motion, factor=load_factor), _springs(model, motion), _distances(model, motion),
         _sensors(model, motion), _cables(model, motion), _stops(model, motion),
+        _surfaces(model, motion),
     )  # fmt: skip

@@ -14,8 +14,9 @@ from ksd.model.loading import twist
 from ksd.numerics.kernel import kernel
 from ksd.numerics.rotations import nearest_turn
 
-LIMIT, CABLE = 0, 1
-"""Kinds of pairs: an end stop on a sum of drive terms, and a cable through points of bodies."""
+LIMIT, CABLE, BALL, OVAL = range(4)
+"""Kinds of pairs: an end stop on a sum of drive terms, a cable through points of bodies, a ball and any shape, and an
+ellipsoid and a wall."""
 KIND, DATA, PARTS, BODIES, BODY_COUNT, FRICTIONS, PLACES = range(7)
 """Columns of the table of pairs: kind, start of its numbers, number of its parts, start and number of its bodies, and its
 numbers of friction forces and of unknown places."""
@@ -24,9 +25,15 @@ FRICTION, SOFTNESS, OFFSET, FIRST = range(4)
 GAP, TANGENCY, SLIP, PLACE, NORMAL, SLIDE, WRENCH = 0, 1, 3, 5, 8, 11, 14
 """Positions in the output of `touch`: gap [m], distance from tangency (2,), slip (2,) [m] since the last equilibrium,
 place (3,) [m], normal (3,), first direction of friction (3,), and wrenches (bodies, 6, 3) of unit forces on every body."""
-TERM_SIZE, POINT_SIZE = 14, 4
+TERM_SIZE, POINT_SIZE, SURFACE = 14, 4, 18
 """Numbers of a term: coefficient, whether it is a rotation, base, link, direction, points on both, counted angle [rad]; of a
-point: body and point in its axes."""
+point: body and point in its axes; of a surface without corners."""
+ROUNDED, WALL, POLYGON, ELLIPSOID = range(4)
+"""Shapes: a box rounded by a ball, so also a ball, a capsule or a box; the half space below z = 0; a polygon in x and y; an
+ellipsoid, or an ellipse where its last semi-axis is 0."""
+SHAPE, SIZES, COUNT, CORNERS = 12, 13, 17, 18
+"""Numbers of a surface after its centre (3,) and axes (3, 3) in the axes of its body: shape, four sizes (radius and half
+sizes of the box, or semi-axes), number of corners, and these (n, 2)."""
 
 
 @kernel
@@ -40,6 +47,8 @@ def touch(pair, data, bodies, x, R, x_before, R_before, shift, out):
     at, own = pair[DATA] + FIRST, bodies[pair[BODIES] : pair[BODIES] + pair[BODY_COUNT]]
     if pair[KIND] == LIMIT:
         _limit(pair, data, at, own, x, R, out)
+    elif pair[KIND] >= BALL:
+        _surfaces(pair, data, at, own, x, R, x_before, R_before, out)
     else:
         _cable(pair, data, at, own, x, R, out)
     out[GAP] += data[pair[DATA] + OFFSET]
@@ -112,3 +121,183 @@ def _cable(pair, data, at, own, x, R, out):
                 out[WRENCH + 18 * b + 9 + 3 * r] -= arm[1, k] * um - arm[1, m] * uk
                 out[WRENCH + 18 * a + 9 + 3 * r] += arm[0, k] * um - arm[0, m] * uk
         at += POINT_SIZE
+
+
+@kernel
+def _frame(data, at, x, R, centre, axes):
+    """Centre (3,) [m] and axes (3, 3), columns, of the surface whose numbers begin at `at`, in space."""
+    for r in range(3):
+        centre[r] = x[r]
+        for c in range(3):
+            centre[r] += R[r, c] * data[at + c]
+            axes[r, c] = 0.0
+            for k in range(3):
+                axes[r, c] += R[r, k] * data[at + 3 + 3 * k + c]
+
+
+@kernel
+def _surfaces(pair, data, at, own, x, R, x_before, R_before, out):
+    """Two surfaces: a ball and any shape, or an ellipsoid over a wall; the normal goes from the first to the second."""
+    i, j, b = own[0], own[1], at + 3 + SURFACE
+    first, second, axes, other = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty((3, 3))
+    local, outward, n = np.empty(3), np.empty(3), np.empty(3)
+    _frame(data, at + 3, x[i], R[i], first, axes)
+    _frame(data, b, x[j], R[j], second, other)
+    if pair[KIND] == BALL:
+        for r in range(3):
+            local[r] = 0.0
+            for c in range(3):
+                local[r] += other[c, r] * (first[c] - second[c])
+        radius = data[at + 3 + SIZES]
+        out[GAP] += distance(data, b, local, outward) - radius
+        for r in range(3):
+            n[r] = 0.0
+            for c in range(3):
+                n[r] -= other[r, c] * outward[c]
+        for r in range(3):
+            first[r] += radius * n[r]
+    else:
+        for r in range(3):
+            n[r] = -other[r, 2]
+        _support(data, at + 3, first, axes, n, first)
+        for r in range(3):
+            out[GAP] -= n[r] * (first[r] - second[r])
+    _contact(i, j, 0, 1, first, n, data, at, x, R, x_before, R_before, out)
+
+
+@kernel
+def _support(data, at, centre, axes, direction, found):
+    """The point (3,) of an ellipsoid that is furthest along a direction (3,), into `found`."""
+    size, local = 0.0, np.empty(3)
+    for c in range(3):
+        along = axes[0, c] * direction[0] + axes[1, c] * direction[1] + axes[2, c] * direction[2]
+        local[c] = data[at + SIZES + c] ** 2 * along
+        size += (data[at + SIZES + c] * along) ** 2
+    size = math.sqrt(size)
+    for r in range(3):
+        found[r] = centre[r] + (axes[r, 0] * local[0] + axes[r, 1] * local[1] + axes[r, 2] * local[2]) / size
+
+
+@kernel
+def _contact(i, j, a, b, place, n, data, ref, x, R, x_before, R_before, out):
+    """Write slip, place, directions and wrenches of a contact with the normal n (3,) from body i to body j.
+
+    The forces N, T1, T2 act on body i along -n, t1 and t2, and against them on body j; t1 = n x reference, as in a plane
+    with its normal for reference. Slip: how far the point of j went past that of i since the last equilibrium.
+    """
+    t1, t2 = out[SLIDE : SLIDE + 3], np.empty(3)
+    for r in range(3):
+        k, m = (r + 1) % 3, (r + 2) % 3
+        t1[r] = n[k] * data[ref + m] - n[m] * data[ref + k]
+    size = math.sqrt(t1[0] ** 2 + t1[1] ** 2 + t1[2] ** 2)
+    for r in range(3):
+        t1[r] /= size
+        out[PLACE + r], out[NORMAL + r] = place[r], n[r]
+    for r in range(3):
+        k, m = (r + 1) % 3, (r + 2) % 3
+        t2[r] = n[k] * t1[m] - n[m] * t1[k]
+    past = np.zeros(3)
+    for side in range(2):
+        body, sign = (i, 1.0) if side == 0 else (j, -1.0)
+        for r in range(3):
+            past[r] += sign * x_before[body, r]
+            for c in range(3):
+                local = 0.0
+                for k in range(3):
+                    local += R[body, k, c] * (place[k] - x[body, k])
+                past[r] += sign * R_before[body, r, c] * local
+        own, at = (a, 1.0) if side == 0 else (b, -1.0)
+        for r in range(3):
+            k, m = (r + 1) % 3, (r + 2) % 3
+            yk, ym = place[k] - x[body, k], place[m] - x[body, m]
+            start = WRENCH + 18 * own + 3 * r
+            out[start], out[start + 1], out[start + 2] = -at * n[r], at * t1[r], at * t2[r]
+            out[start + 9] = -at * (yk * n[m] - ym * n[k])
+            out[start + 10] = at * (yk * t1[m] - ym * t1[k])
+            out[start + 11] = at * (yk * t2[m] - ym * t2[k])
+    out[SLIP] = t1[0] * past[0] + t1[1] * past[1] + t1[2] * past[2]
+    out[SLIP + 1] = t2[0] * past[0] + t2[1] * past[1] + t2[2] * past[2]
+
+
+@kernel
+def distance(data, at, p, outward):
+    """Signed distance [m] of a point p (3,) in the axes of a shape from it, and its outward normal there (3,)."""
+    kind, size = int(data[at + SHAPE]), at + SIZES
+    outward[:] = 0.0
+    if kind == WALL:
+        outward[2] = 1.0
+        return p[2]
+    if kind == POLYGON:
+        return _polygon_distance(data, at, p, outward)
+    if kind == ELLIPSOID:
+        return _ellipsoid_distance(data[size : size + 3], p, outward)
+    # ball, box or capsule: rounded by its last size about a box of the others
+    total, inside = 0.0, -math.inf
+    for r in range(3):
+        half = data[size + 1 + r]
+        q = abs(p[r]) - half
+        inside = max(inside, q)
+        outward[r] = math.copysign(max(q, 0.0), p[r])
+        total += max(q, 0.0) ** 2
+    total = math.sqrt(total)
+    for r in range(3):
+        if total > 0.0:
+            outward[r] /= total
+        else:
+            outward[r] = math.copysign(1.0, p[r]) if abs(p[r]) - data[size + 1 + r] == inside else 0.0
+    return (total if total > 0.0 else inside) - data[size]
+
+
+@kernel
+def _polygon_distance(data, at, p, outward):
+    """`distance` from a convex polygon, whose corners are anticlockwise."""
+    count, most, least = int(data[at + COUNT]), -math.inf, math.inf
+    for e in range(count):
+        k, m = at + CORNERS + 2 * e, at + CORNERS + 2 * ((e + 1) % count)
+        ux, uy = data[m] - data[k], data[m + 1] - data[k + 1]
+        long = math.sqrt(ux * ux + uy * uy)
+        ux, uy = ux / long, uy / long
+        px, py = p[0] - data[k], p[1] - data[k + 1]
+        beyond = px * uy - py * ux
+        if beyond > most:
+            most = beyond
+            if most <= 0.0:
+                outward[0], outward[1] = uy, -ux
+        along = min(max(px * ux + py * uy, 0.0), long)
+        dx, dy = px - along * ux, py - along * uy
+        apart = math.sqrt(dx * dx + dy * dy)
+        if beyond > 0.0 and apart < least:
+            least = apart
+            outward[0], outward[1] = (uy, -ux) if 0.0 < along < long else (dx / apart, dy / apart)
+    return least if most > 0.0 else most
+
+
+@kernel
+def _ellipsoid_distance(semi, p, outward):
+    """`distance` from an ellipsoid with these semi-axes (3,), an ellipse where the last is zero, by Newton on a multiplier.
+
+    Its nearest point is y = a^2 p / (a^2 + t), with t the largest root of sum (a p / (a^2 + t))^2 = 1.
+    """
+    t = -math.inf
+    for r in range(3):
+        t = max(t, semi[r] * abs(p[r]) - semi[r] ** 2 if semi[r] > 0.0 else -math.inf)
+    for _ in range(60):
+        value, slope = -1.0, 0.0
+        for r in range(3):
+            if semi[r] > 0.0:
+                share = semi[r] * p[r] / (semi[r] ** 2 + t)
+                value += share * share
+                slope -= 2.0 * share * share / (semi[r] ** 2 + t)
+        step = value / slope
+        t -= step
+        if abs(step) <= 1e-15 * (abs(t) + semi[0] ** 2):
+            break
+    size = 0.0
+    for r in range(3):
+        outward[r] = p[r] / (semi[r] ** 2 + t) if semi[r] > 0.0 else 0.0
+        size += outward[r] ** 2
+    size = math.sqrt(size)
+    for r in range(3):
+        outward[r] /= size
+    # p - y = t p / (a^2 + t)
+    return t * size

@@ -61,6 +61,10 @@ def _rows(scene: Any) -> Iterable[tuple[str, str, str, str]]:
             " to ".join(link for link, _ in c.points),
             f"{1e3 * c.free_length:.4g} mm{stretch}",
         )
+    for s in scene.surfaces:
+        yield "surface", s.name, s.link, f"{s.shape.kind} at {in_millimetres(s.at)}"
+    for c in scene.contacts:
+        yield "contact", c.name, f"{c.a} and {c.b}", f"friction {c.friction:.4g}"
     for s in scene.sensors:
         what = f"{s.kind}{', absolute' * s.absolute}"
         yield "sensor", s.name, s.term.link, f"{what}: {_term(s.term)}"

@@ -18,10 +18,13 @@ from ksd.checks import (
     as_given,
     clear_argument_errors_of_methods,
     direction,
+    dot,
+    made_perpendicular,
     name_hint,
     names_of,
     number,
     show,
+    unit,
     unused_name,
     vector,
     whole_checks_enabled,
@@ -49,7 +52,7 @@ from ksd.scene.link import Link, link_name
 from ksd.scene.link_matrix import link_matrix
 from ksd.scene.load import Load, PointMass
 from ksd.scene.material import Material
-from ksd.scene.obstacle import Cable, Stop
+from ksd.scene.obstacle import Cable, Contact, Stop, Surface, check_pair
 from ksd.scene.profile import Profile
 from ksd.scene.rules import check_scene
 from ksd.scene.scene import (
@@ -63,6 +66,7 @@ from ksd.scene.scene import (
     joint_rotation,
 )
 from ksd.scene.sensor import Damper, Sensor
+from ksd.scene.shapes import ContactShape
 from ksd.scene.simulation import Simulation
 from ksd.section import Section
 
@@ -145,6 +149,8 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
     _dampers: list[Damper]
     _stops: list[Stop]
     _cables: list[Cable]
+    _surfaces: list[Surface]
+    _contacts: list[Contact]
     _last: tuple[Scene, dict[str, Any]] | None
 
     def __init__(self, name: str = "mechanism", *, plane: str | None = None) -> None:
@@ -153,7 +159,8 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         self.__dict__.update(
             ground=ground, _links={GROUND: ground}, _hinges={}, _masses=[], _compliances={}, _gravity=None, _points=[],
             _joints=[], _leaves=[], _drives=[], _supports=[], _loads=[], _springs=[], _heats=[], _fits=[], _consider=(),
-            _distances=[], _sensors=[], _dampers=[], _stops=[], _cables=[], _last=None, simulation=None, report=None,
+            _distances=[], _sensors=[], _dampers=[], _stops=[], _cables=[], _surfaces=[], _contacts=[], _last=None,
+            simulation=None, report=None,
         )  # fmt: skip
         self.name, self.plane = name, plane
 
@@ -1099,6 +1106,102 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         self._cables.append(Cable(label, named, length, stiffness))
         return self._cables[-1]
 
+    def surface(
+        self,
+        link: Link | str,
+        shape: ContactShape,
+        *,
+        at: ArrayLike | None = None,
+        axis: Axis | None = None,
+        toward: Axis | None = None,
+        name: str | None = None,
+    ) -> Surface:
+        """Give a link a surface of a shape of `ksd.shapes`, which touches those that `contact` names with it.
+
+        at (3,) [m]: its centre, or a point of a wall, global at rest; default is the place of a link that is a point of a
+        leaf. axis: its z, for a wall the direction out of it, by default the normal of the plane; toward: its x. The default
+        name is "link.surface". Raises SceneError.
+        """
+        label = _free_name(name, f"{link_name(link)}.surface", {s.name for s in self._surfaces}, "surface")
+        owner = f"surface '{label}'"
+        known = self._checked_link(link, owner)
+        if not isinstance(shape, ContactShape):
+            hint = "ksd.shapes.disc(radius) and the like"
+            raise SceneError(
+                f"{owner}: {show(shape)} is no shape to touch; give one of {hint} (ksd.circle is a section)."
+            )
+        place = self._position_or_default(known, at)
+        if place is None:
+            raise SceneError(f"{owner}: 'at' is missing; give its centre (x, y, z) in m.")
+        if axis is None:
+            if shape.kind == "wall":
+                raise SceneError(f"{owner}: 'axis' is missing; give the direction out of the wall.")
+            axis = plane_normal(self.plane) if self.plane else "z"
+        z = direction(axis, "axis", owner=owner)
+        if shape.is_plane and self.plane is None:
+            raise SceneError(
+                f"{owner}: a {shape.kind} lives in a plane; say the plane of the mechanism, or give a ball."
+            )
+        if toward is None:
+            toward = next(e for e in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)) if abs(dot(e, z)) < 0.9)
+            toward = unit([c - dot(toward, z) * d for c, d in zip(toward, z, strict=True)])
+        x = made_perpendicular(direction(toward, "toward", owner=owner), z, "toward", owner)
+        if x is None:
+            raise SceneError(f"{owner}: toward must be across axis.")
+        if self.plane is not None:
+            normal = plane_normal(self.plane)
+            if shape.kind == "wall" and abs(dot(z, normal)) > PERPENDICULAR:
+                raise SceneError(
+                    f"{owner} leaves the plane {self.plane}: axis = {show(z)}; give a direction in it."
+                )
+            if shape.is_plane and abs(dot(z, normal)) < 1.0 - PERPENDICULAR:
+                raise SceneError(f"{owner} leaves the plane {self.plane}: axis = {show(z)}; leave it out.")
+            if not (shape.is_plane or shape.kind in ("wall", "point")):
+                raise SceneError(
+                    f"{owner}: a {shape.kind} in the plane {self.plane}; give a disc, ellipse or polygon."
+                )
+        at_rest = vector(as_given(place), "at", owner=owner, unit="m")
+        self._surfaces.append(Surface(label, known, shape, at_rest, z, x))
+        return self._surfaces[-1]
+
+    def contact(
+        self,
+        a: Surface | Link | str,
+        b: Surface | Link | str,
+        *,
+        friction: float = 0.0,
+        softness: float = 0.0,
+        name: str | None = None,
+    ) -> Contact:
+        """Let two surfaces touch, with Coulomb friction; each is a surface, its name, or a link that is a point of a leaf.
+
+        Only pairs that are named touch. softness [m/N]: how far they sink in per force. The default name is "a-b". Raises
+        SceneError.
+        """
+        first, second = (self._surface(part) for part in (a, b))
+        label = _free_name(name, f"{first.name}-{second.name}", {c.name for c in self._contacts}, "contact")
+        check_pair(f"contact '{label}'", first, second)
+        self._contacts.append(Contact(label, first.name, second.name, friction, softness))
+        return self._contacts[-1]
+
+    def _surface(self, part: Surface | Link | PlacedLeaf | str) -> Surface:
+        """A surface of this mechanism; a link that is a point of a leaf gets one. Raises SceneError."""
+        if isinstance(part, PlacedLeaf) or any(leaf.name == part for leaf in self._leaves):
+            raise SceneError(
+                f"contact: '{getattr(part, 'name', part)}' is a leaf spring, and contact along one is not known yet; "
+                "give points of it (mechanism.point), and ask pose.clearance for the distance of two leaf springs."
+            )
+        label = getattr(part, "name", part)
+        found = next((s for s in self._surfaces if s.name == label), None)
+        if found is not None:
+            return found
+        if isinstance(label, str) and label in self._links and self._links[label].at is not None:
+            return self.surface(label, ContactShape("point", (0.0,)), name=label)
+        raise SceneError(
+            f"contact: there is no surface {show(label)}{name_hint(label, [s.name for s in self._surfaces])}; say "
+            "mechanism.surface(link, shape, at=) first"
+        )
+
     def _one_sided(self) -> set[str]:
         """Names of stops, cables and drives, which share the values of a solve."""
         return {part.name for part in (*self._stops, *self._cables, *self._drives)}
@@ -1207,6 +1310,8 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
             "dampers": tuple(self._dampers),
             "stops": tuple(self._stops),
             "cables": tuple(self._cables),
+            "surfaces": tuple(self._surfaces),
+            "contacts": tuple(self._contacts),
             "compliances": tuple(self._compliances.values()),
             "heats": tuple(self._heats),
             "fits": tuple(self._fits),

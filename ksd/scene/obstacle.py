@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
-from ksd.checks import Vector, not_negative, number, positive, show, vector, word
+from ksd.checks import Vector, cross, not_negative, number, positive, show, vector, word
 from ksd.errors import SceneError
 from ksd.scene.drive import Drive, DriveTerm
+from ksd.scene.shapes import ContactShape
 
 
 @dataclass(frozen=True)
@@ -125,6 +126,58 @@ class Cable:
         return self.points[1:-1]
 
 
+@dataclass(frozen=True)
+class Surface:
+    """A convex shape on a link: its centre `at` (3,) [m], global at rest, its z along `axis` and its x along `toward`."""
+
+    name: str
+    link: str
+    shape: ContactShape
+    at: Vector
+    axis: Vector
+    toward: Vector
+
+    @property
+    def axes(self) -> tuple[Vector, Vector, Vector]:
+        """Its axes x, y and z at rest, global."""
+        return self.toward, cross(self.axis, self.toward), self.axis
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Two surfaces, by name, that may touch, with Coulomb friction.
+
+    friction: coefficient; softness [m/N]: how far they sink in per force, 0 for rigid ones.
+    """
+
+    name: str
+    a: str
+    b: str
+    friction: float = 0.0
+    softness: float = 0.0
+
+    def __post_init__(self) -> None:
+        owner = f"contact '{word(self.name, 'name', owner='contact')}'"
+        for key in ("friction", "softness"):
+            unit = "m/N" if key == "softness" else ""
+            object.__setattr__(self, key, not_negative(getattr(self, key), key, owner=owner, unit=unit))
+
+
+def check_pair(owner: str, a: Surface, b: Surface) -> None:
+    """Raise SceneError for two surfaces whose contact is not known."""
+    kinds = {a.shape.kind, b.shape.kind}
+    if a.link == b.link:
+        raise SceneError(
+            f"{owner}: both surfaces are on link '{a.link}', which cannot touch itself; name two links."
+        )
+    known = a.shape.is_ball or b.shape.is_ball or kinds <= {"polygon", "wall"} or kinds == {"ellipse", "wall"}
+    if not known or kinds == {"wall"} or kinds == {"point"}:
+        raise SceneError(
+            f"{owner}: a {a.shape.kind} and a {b.shape.kind} are not known to touch; one of them must be a disc, ball or "
+            "point, or they are two polygons, or a polygon or ellipse and a wall."
+        )
+
+
 def contact_drives(scene: Any) -> dict[str, float]:
     """Values that a solve may give besides those of the drives, by name, with those of the scene: limits of stops, and what
     cables are shortened by."""
@@ -134,12 +187,12 @@ def contact_drives(scene: Any) -> dict[str, float]:
 
 def has_contacts(scene: Any) -> bool:
     """Whether a scene has parts that act in one sense only."""
-    return bool(scene.stops or scene.cables)
+    return bool(scene.stops or scene.cables or scene.contacts)
 
 
 def without_contacts(scene: Any) -> Any:
     """The scene without them."""
-    return replace(scene, stops=(), cables=())
+    return replace(scene, stops=(), cables=(), surfaces=(), contacts=())
 
 
 def one_sided_sentences(scene: Any) -> Iterator[str]:
@@ -154,15 +207,19 @@ def one_sided_sentences(scene: Any) -> Iterator[str]:
         slack = cable.free_length - cable.rest_length
         state = "taut" if slack <= 1e-9 * cable.free_length else f"slack by {1e3 * slack:.4g} mm"
         yield f"cable '{cable.name}' from '{cable.a}' to '{cable.b}' is {state} at rest; it is counted as no constraint"
+    for c in scene.contacts:
+        yield f"contact '{c.name}' of '{c.a}' and '{c.b}', friction {c.friction:.4g}, is counted as no constraint"
 
 
 def refuse_contacts(scene: Any) -> None:
     """Raise SceneError for a scene with parts that act in one sense only."""
     if has_contacts(scene):
         kind, part = next(
-            (k, p) for k, parts in (("stop", scene.stops), ("cable", scene.cables)) for p in parts
+            (k, p)
+            for k, parts in (("stop", scene.stops), ("cable", scene.cables), ("contact", scene.contacts))
+            for p in parts
         )
         raise SceneError(
-            f"{kind} '{part.name}': stops and cables are known to ksd.solve and ksd.prepare so far, and not to this; leave "
-            "them out of the scene, or solve pose by pose."
+            f"{kind} '{part.name}': stops, cables and contacts are known to ksd.solve, ksd.prepare and ksd.walk so far, and "
+            "not to this; leave them out of the scene, or solve pose by pose."
         )

@@ -94,6 +94,7 @@ def _unknown_links(scene: Scene) -> Iterator[str]:
     ]
     references += [("stop", s.name, link) for s in scene.stops for t in s.terms for link in (t.base, t.link)]
     references += [("cable", c.name, link) for c in scene.cables for link, _ in c.points]
+    references += [("surface", s.name, s.link) for s in scene.surfaces]
     references += [("spring", s.name, link) for s in scene.springs for link in (s.a, s.b)]
     references += [(h.kind, h.name, link) for h in scene.hinges for link in (h.a, h.b)]
     references += [("compliance", "", c.link) for c in scene.compliances]
@@ -138,6 +139,9 @@ def _unattached_links(scene: Scene) -> Iterator[str]:
     Joints, leaf springs and supports connect links.
     """
     attached = {link for part in (*scene.hinges, *scene.springs) for link in (part.a, part.b)}
+    # what may touch rests on contacts, or on its drives
+    touched = {surface.link for surface in scene.surfaces}
+    attached |= touched
     neighbours = scene.neighbours()
     unattached = [
         link for link, others in neighbours.items() if not others and link not in (GROUND, *attached)
@@ -147,7 +151,7 @@ def _unattached_links(scene: Scene) -> Iterator[str]:
             f"link '{link}' is attached to nothing; connect it with mechanism.join or mechanism.leaf, or remove it."
         )
     connected = connected_links(scene.neighbours(supports=True) if scene.supports else neighbours)
-    unconnected = [link for link in scene.links if link not in (*connected, *unattached)]
+    unconnected = [link for link in scene.links if link not in (*connected, *unattached, *touched)]
     if unconnected:
         names = ", ".join(f"'{link}'" for link in unconnected)
         yield f"no chain of joints leads from {names} to ground; join one of them to ground."

@@ -25,7 +25,7 @@ from ksd.scene.joint import Joint, Motion, joint_leaves
 from ksd.scene.leaf import Leaf, LeafCondition
 from ksd.scene.listing import in_millimetres, printed_scene
 from ksd.scene.load import Load, PointMass
-from ksd.scene.obstacle import Cable, Stop
+from ksd.scene.obstacle import Cable, Contact, Stop, Surface
 from ksd.scene.profile import Profile
 from ksd.scene.sensor import Damper, Sensor
 
@@ -109,8 +109,8 @@ class Scene(NotebookTables):
     mentioned; springs, compliances, heats, fits: see `ksd.scene.effects`; consider: optional effects of the leaf springs to
     simulate. plane: "xy", "xz" or "yz" for a planar mechanism; hinges: those without stiffness, whose supports are among
     `supports`; points: links that are points of leaf springs; distances: to be reported; sensors, dampers: see
-    `ksd.scene.sensor`; stops, cables: see `ksd.scene.obstacle`. Scenes with the same contents are equal, and have the same
-    `fingerprint` in every process and on every machine.
+    `ksd.scene.sensor`; stops, cables, surfaces, contacts: see `ksd.scene.obstacle`. Scenes with the same contents are equal,
+    and have the same `fingerprint` in every process and on every machine.
 
     >>> guide, _, _ = ksd.load_scene("guide")
     >>> scene = guide.scene()
@@ -140,6 +140,8 @@ class Scene(NotebookTables):
     dampers: tuple[Damper, ...] = ()
     stops: tuple[Stop, ...] = ()
     cables: tuple[Cable, ...] = ()
+    surfaces: tuple[Surface, ...] = ()
+    contacts: tuple[Contact, ...] = ()
 
     def __str__(self) -> str:
         """The parts of the mechanism, one per line."""

@@ -16,6 +16,7 @@
     [[actuate]]        link, about = "z", value = "30 deg"; or along and at; or joint; or terms = [{...}, ...]
     [[stop]]           as [[actuate]], with low = "-2 mm", high = "3 mm" instead of value
     [[cable]]          a, b, start, end, via = [{link, at}, ...], length, stiffness
+    [[surface]]        link, shape = "disc", radius, at;  [[contact]]  a, b (surfaces), friction
     [[distance]]       a, b, start, end, name (and along, turns_with): to be reported, such as the opening of a jaw
     [[compliance]]     link, section and material (hub, width_axis); or matrix = "file.npz" or "file.h5"
     [simulate]         words of `ksd.simulate`: until = "1 s", accuracy;  [simulate.drives.push]  cycloid = "5 mm", duration
@@ -42,6 +43,7 @@ from ksd import section
 from ksd.checks import name_hint, show, similar_name_hint, warn_user
 from ksd.errors import SceneError, SceneFileError, SceneWarning, UnknownNameError
 from ksd.files import named_file, read_file
+from ksd.scene import shapes
 from ksd.scene import toml_schema as schema
 from ksd.scene.drive import Drive, DriveTerm
 from ksd.scene.effects import LinkMatrix
@@ -306,7 +308,11 @@ class _SceneReader:
         words = table.read(keys, self.parts)
         for key in schema.LINK_KEYS:
             with table.collect_errors():
-                if key in words and (statement, words[key]) != ("sensor", "absolute"):
+                if (
+                    key in words
+                    and (statement, words[key]) != ("sensor", "absolute")
+                    and statement != "contact"
+                ):
                     self._or_invalid(self.mechanism._checked_link)(link=words[key], owner=key)
         if statement == "actuate":
             self._state_drive(table, words)
@@ -316,6 +322,8 @@ class _SceneReader:
             words |= self._read_limits(table, words)
         elif statement == "cable":
             words |= self._read_via(table)
+        elif statement == "surface":
+            words = _surface_words(table, words)
         if "joint" in table and "joint" not in words and {"axis", "toward"} <= words.keys():
             # the joint has a mistake of its own, its placement may have others
             with table.collect_errors():
@@ -427,6 +435,23 @@ class _SceneReader:
         words = {"name": kind, "width_axis": None} | table.read(schema.LEAF, self.parts)
         words |= self._read_section(table, kind) | _read_shapes(table) | table.read(schema.BLOCKS)
         return table.call(make_wire if kind == "wire" else Leaf, words)
+
+
+def _surface_words(table: Table, words: dict[str, Any]) -> dict[str, Any]:
+    """Arguments of a surface, with its shape made of the sizes of its table. Raises InvalidTable."""
+    kind = _read_kind(table, "shape", schema.CONTACT_SHAPES, "shape")
+    wanted = schema.CONTACT_SHAPES[kind]
+    sizes = {key: words.pop(key) for key in ("radius", "semi_axes", "points") if key in words}
+
+    def make(**given: Any) -> Any:
+        if given.keys() != set(wanted):
+            raise SceneError(
+                f"a {kind} needs {' and '.join(wanted) or 'no sizes'}, and {', '.join(given) or 'none'} is given."
+            )
+        values = [v for value in given.values() for v in (value if kind == "ellipse" else [value])]
+        return getattr(shapes, kind)(*values)
+
+    return words | {"shape": table.call(make, sizes)}
 
 
 def _make_part(make: Callable[[Table, str], T], table: Table, name: str) -> T | None:

@@ -165,6 +165,11 @@ STATEMENTS: dict[str, Schema] = {
         "start": "length[3]!", "end": "length[3]!", "length": "length", "stiffness": "stiffness", "friction": "number",
         "name": "text",
     },
+    "surface": {
+        "link": "text!", "shape": "text!", "radius": "length", "semi_axes": "length[2]", "points": "length[]",
+        "at": "length[3]", "axis": "direction", "toward": "direction", "name": "text",
+    },
+    "contact": LINK_PAIR | {"friction": "number", "softness": "softness", "name": "text"},
     "joint_spring": {
         "joint": "text!", "stiffness": "torsional stiffness!", "rest_angle": "angle", "motion": "text", "name": "text",
     },
@@ -188,6 +193,11 @@ SIMULATE: Schema = {
 
 REPORT: Schema = {"link": "text", "at": "length[3]", "along": "direction", "freed": "names"}
 """Keys of the table [report], the words of `Mechanism.report`."""
+
+CONTACT_SHAPES = {
+    "point": (), "disc": ("radius",), "ball": ("radius",), "wall": (), "ellipse": ("semi_axes",), "polygon": ("points",),
+}  # fmt: skip
+"""Keys of the sizes of a [[surface]] by its `shape`."""
 
 LINK_KEYS = ("a", "b", "link", "relative_to", "turns_with")
 """Keys whose value is the name of a link."""

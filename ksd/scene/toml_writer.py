@@ -22,12 +22,13 @@ from ksd.scene.joint import DrawnJoint, Joint
 from ksd.scene.leaf import Leaf
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
-from ksd.scene.obstacle import Cable, Stop
+from ksd.scene.obstacle import Cable, Stop, Surface
 from ksd.scene.scene import PlacedJoint, PlacedLeaf, Scene
 from ksd.scene.sensor import Damper, Sensor
 from ksd.scene.simulation import table_of_simulation
 from ksd.scene.toml_schema import (
     BLOCKS,
+    CONTACT_SHAPES,
     DRAWN,
     LEAF,
     MATERIAL,
@@ -97,6 +98,7 @@ def _scene_tree(scene: Scene, targets: dict[str, float]) -> Tree:
         "damper": [_damper_tree(d) for d in scene.dampers],
         "stop": [_stop_tree(s) for s in scene.stops],
         "cable": [_cable_tree(c, names) for c in scene.cables],
+        "surface": [_surface_tree(s) for s in scene.surfaces],
         "compliance": [_compliance_tree(c, names) for c in scene.compliances],
     }
     by_schema: dict[str, Iterable[Any]] = {
@@ -104,6 +106,7 @@ def _scene_tree(scene: Scene, targets: dict[str, float]) -> Tree:
         "load": scene.loads,
         "mass": scene.masses,
         "distance": scene.distances,
+        "contact": scene.contacts,
         "spring": [s for s in scene.springs if isinstance(s, Spring)],
         "turn_spring": [s for s in scene.springs if isinstance(s, TurnSpring)],
         "heat": scene.heats,
@@ -309,6 +312,15 @@ def _stop_tree(stop: Stop) -> Tree:
     keys = ("low", "high", *(["softness"] if stop.softness else []))
     limits = {key: value for key in keys if (value := getattr(stop, key)) is not None}
     return _drive_tree(Drive(stop.name, stop.terms)) | limits
+
+
+def _surface_tree(surface: Surface) -> Tree:
+    """The table [[surface]] of a surface."""
+    shape = surface.shape
+    values = {"radius": shape.sizes[:1], "semi_axes": (shape.sizes,), "points": (shape.points,)}
+    sizes = {key: values[key][0] for key in CONTACT_SHAPES[shape.kind]}
+    tree = {"name": surface.name, "link": surface.link, "shape": shape.kind} | sizes
+    return tree | {"at": surface.at, "axis": surface.axis, "toward": surface.toward}
 
 
 def _cable_tree(cable: Cable, names: _PartNames) -> Tree:

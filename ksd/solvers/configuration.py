@@ -51,7 +51,7 @@ from ksd.scene.functions_of_time import HalfSine
 from ksd.scene.link import Link
 from ksd.scene.scene import PlacedJoint
 from ksd.solvers.answer import as_dict, drive_kind
-from ksd.solvers.contact_state import OneSidedPart, Touched, one_sided
+from ksd.solvers.contact_state import ContactPoint, OneSidedPart, Touched, contact_points, one_sided
 from ksd.solvers.error import (
     equilibrium_near,
     error_estimate,
@@ -199,6 +199,11 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
     def stops(self) -> Mapping[str, OneSidedPart]:
         """Force [N] or moment [Nm] and gap of every end stop by name, "end.high"; prints as a table."""
         return one_sided(self.touched, "stop")
+
+    @property
+    def contacts(self) -> Mapping[str, ContactPoint]:
+        """State, gap, place, forces and reserve of friction of every contact of surfaces by name; prints as a table."""
+        return contact_points(self.touched)
 
     @property
     def cables(self) -> Mapping[str, OneSidedPart]:

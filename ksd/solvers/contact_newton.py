@@ -106,7 +106,8 @@ class ContactNewton:
             )
             if not math.isfinite(worst):
                 return self._stop(Stop.NOT_FINITE, n, worst, begin)
-            if n > 0 and solved and has_converged(worst, previous, moved) and self._is_closed(size):
+            done = has_converged(worst, previous, moved) or self._is_rounding(moved)
+            if n > 0 and solved and done and self._is_closed(size):
                 negatives, pivot = factor_blocks(plan, work.matrix, work.scaled_rows, blocks)
                 reason = (Stop.CONVERGED, Stop.LOCAL_ANGLE, Stop.SINGULAR)[status]
                 return int(reason), n, worst, int(negatives + inside), float(pivot)
@@ -179,7 +180,7 @@ class ContactNewton:
                     unit[k : k + len(self.active)] += self.out[i, WRENCH + 18 * b + 3 * self.active]
             columns.append(unit)
             soft.append(self.data[row[1] + SOFTNESS])
-        return np.array(columns).reshape(-1, len(self.unknowns)).T, np.array(soft)
+        return np.array(columns).reshape(len(columns), len(self.unknowns)).T, np.array(soft)
 
     def _stiffness(self, motion: State) -> Array:
         """Stiffness (q, q) of the contact forces at constant size: minus the derivative of their wrenches by the motions."""
@@ -206,6 +207,14 @@ class ContactNewton:
         """The result of a failed try, after which the forces are those before it."""
         self.forces = begin
         return int(reason), n, worst, 0, 1.0
+
+    def _is_rounding(self, moved: float) -> bool:
+        """Whether the residual is rounding of the stiffest member, as on bodies without one, after a step of no size."""
+        stiffness = float(self.arrays.members.stiffness_scale.max(initial=0.0))
+        noise = ROUNDING_MULTIPLE * np.finfo(float).eps * stiffness * self.arrays.size
+        return moved <= 1.0 and bool(
+            np.abs(self.work.rhs).max(initial=0.0) <= noise * min(1.0, self.arrays.size)
+        )
 
     def _is_closed(self, size: float) -> bool:
         """Whether no pair overlaps, and closed ones touch, at the state last looked at."""

@@ -62,10 +62,9 @@ def without_contact_forces(found: Configuration, values: Mapping[str, float]) ->
     newton.data = what.with_values(np.array(list(values.values())))
     what.count_turns(newton.data, found.model.arrays, found.motion)
     newton.look(found.motion, newton.poses(found.motion))
-    gaps = newton.out[:, GAP].copy()
-    if (gaps < 0.0).any():
+    if (newton.out[:, GAP] < 0.0).any():
         return None
-    return replace(found, touched=Touched(what, values, np.zeros((len(gaps), 3)), gaps))
+    return replace(found, touched=Touched(what, values, np.zeros((len(newton.out), 3)), newton.out))
 
 
 def solve_with_contact(
@@ -138,7 +137,7 @@ def _pose(
         negatives = rows + newton.count_unstable(motion, path.target, factor)
         arrays.loads.force[newton.loads] = held.arrays.loads.force[newton.loads]
         arrays.loads.moment[newton.loads] = held.arrays.loads.moment[newton.loads]
-    touched = Touched(newton.what, dict(values), newton.forces.copy(), newton.out[:, GAP].copy())
+    touched = Touched(newton.what, dict(values), newton.forces.copy(), newton.out.copy())
     return Configuration(
         replace(held, arrays=arrays), motion, "conventional", dict(drives), (as_step(record, f"{how}, with contact", time),),
         negatives=negatives, expected_negatives=rows, load_factor=factor, touched=touched,

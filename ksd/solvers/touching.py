@@ -10,21 +10,44 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.answers.derived import cached_per_model
+from ksd.errors import SceneError
 from ksd.model.arrays import Arrays, State
 from ksd.model.compile import Model
-from ksd.model.gaps import CABLE, FIRST, LIMIT, OFFSET, TERM_SIZE
+from ksd.model.gaps import (
+    BALL,
+    CABLE,
+    ELLIPSOID,
+    FIRST,
+    FRICTION,
+    FRICTIONS,
+    GAP,
+    LIMIT,
+    NORMAL,
+    OFFSET,
+    OVAL,
+    POLYGON,
+    ROUNDED,
+    TERM_SIZE,
+    WALL,
+    WRENCH,
+    touch,
+)
 from ksd.model.turns import node_rotations
-from ksd.scene.obstacle import contact_drives
+from ksd.scene.hinges import plane_normal
+from ksd.scene.obstacle import Surface, contact_drives
+from ksd.scene.shapes import ContactShape
 
 Array = NDArray[np.float64]
 
 
 class Pair(NamedTuple):
-    """A row of the table: the part of the scene it is made of, which end of it ("high", "low", or ""), and its kind."""
+    """A row of the table: the part of the scene it is made of, which end of it ("high", "low", a corner, or ""), its kind,
+    and whether its surfaces are in the other order."""
 
     name: str
     end: str
     kind: str
+    swapped: bool = False
 
 
 @dataclass(frozen=True)
@@ -113,11 +136,86 @@ def touching(model: Model) -> Touching:
         soft = 0.0 if cable.stiffness is None else 1.0 / cable.stiffness
         at = add(CABLE, links, Pair(cable.name, "", "cable"), soft, cable.free_length, own, len(cable.points))
         slots[cable.name] = at, -1.0
+    surfaces = {s.name: s for s in scene.surfaces}
+    flat = scene.plane is not None
+    for contact in scene.contacts:
+        a, b = surfaces[contact.a], surfaces[contact.b]
+        for kind, first, second, end in _pairs_of(a, b):
+            own = [0.36, 0.48, 0.8]
+            own += _numbers(first, model.rest.x[index[first.link]]) + _numbers(
+                second, model.rest.x[index[second.link]]
+            )
+            at = add(
+                kind,
+                [first.link, second.link],
+                Pair(contact.name, end, "contact", first.name != a.name),
+                contact.softness,
+                0.0,
+                own,
+                0,
+            )
+            data[at - OFFSET + FRICTION] = contact.friction
+            pairs[-1][FRICTIONS] = (1 if flat else 2) if contact.friction else 0
     values = contact_drives(scene)
-    return Touching(
+    found = Touching(
         np.array(nodes, np.int64), np.array(pairs, np.int64).reshape(-1, 7), np.array(data), np.array(bodies, np.int64),
         tuple(parts), values, {name: slots[name] for name in values},
     )  # fmt: skip
+    _look_at_rest(model, found)
+    return found
+
+
+def _pairs_of(a: Surface, b: Surface) -> list[tuple[int, Surface, Surface, str]]:
+    """Kind, both surfaces, and corner, of every pair that a contact stands for; the first surface is a ball or an oval."""
+    if a.shape.is_ball or b.shape.is_ball:
+        return [(BALL, a, b, "")] if a.shape.is_ball else [(BALL, b, a, "")]
+    if "ellipse" in (a.shape.kind, b.shape.kind):
+        return [(OVAL, a, b, "")] if a.shape.kind == "ellipse" else [(OVAL, b, a, "")]
+    found = []
+    for own, other in ((a, b), (b, a)):
+        axes = np.array(own.axes)
+        for k, corner in enumerate(own.shape.points):
+            place = np.asarray(own.at) + corner[0] * axes[0] + corner[1] * axes[1]
+            tip = replace(own, shape=ContactShape("point", (0.0,)), at=tuple(place.tolist()))
+            found.append((BALL, tip, other, f"{own.name} corner {k + 1}"))
+    return found
+
+
+def _numbers(surface: Surface, origin: Array) -> list[float]:
+    """A surface as `ksd.model.gaps` reads it; origin (3,) [m]: of its body at rest."""
+    shape = surface.shape
+    code = {"wall": WALL, "polygon": POLYGON, "ellipse": ELLIPSOID}.get(shape.kind, ROUNDED)
+    sizes = [*shape.sizes, 0.0, 0.0, 0.0, 0.0][:4]
+    corners = [c for point in shape.points for c in point]
+    place = (np.asarray(surface.at) - origin).tolist()
+    return [*place, *np.array(surface.axes).T.ravel().tolist(), code, *sizes, len(shape.points), *corners]
+
+
+def _look_at_rest(model: Model, what: Touching) -> None:
+    """Choose the references of the directions of friction. Raises SceneError for surfaces that overlap at rest, or that are
+    at different heights over the plane of the mechanism."""
+    scene, size = model.original_scene, model.arrays.size
+    poses = model.rest.x[what.nodes], model.rest.R[what.nodes]
+    normal = None if scene.plane is None else np.asarray(plane_normal(scene.plane))
+    for row, part in zip(what.pairs, what.parts, strict=True):
+        if part.kind != "contact":
+            continue
+        out = np.zeros(WRENCH + 36)
+        touch(row, what.data, what.bodies, *poses, *poses, np.zeros(2), out)
+        n = out[NORMAL : NORMAL + 3]
+        what.data[row[1] + FIRST : row[1] + FIRST + 3] = (
+            np.eye(3)[np.argmin(np.abs(n))] if normal is None else normal
+        )
+        if normal is not None and abs(n @ normal) > 1e-6:
+            raise SceneError(
+                f"contact '{part.name}': its surfaces are at different heights over the plane {scene.plane}; give both "
+                "the same."
+            )
+        if out[GAP] < -1e-9 * size:
+            raise SceneError(
+                f"contact '{part.name}': its surfaces overlap at rest by {-1e3 * out[GAP]:.4g} mm; draw them apart, or let "
+                "them touch."
+            )
 
 
 @cached_per_model

@@ -196,10 +196,14 @@ def _label(axes: Any, text: str, tip: Array, color: str) -> None:
 
 
 def draw_one_sided(axes: Any, shape: Shape, camera: Camera, size: float) -> None:
-    """Draw cables as lines through their points, and stops as bars with the side from which they push open."""
+    """Draw cables as lines through their points, surfaces by their outlines, and stops as bars across their direction."""
     for cable in shape.cables:
         line = camera.flat(cable.points)
         axes.plot(*line.T, color=TEXT_COLOR, linewidth=0.9, marker=".", markersize=4, zorder=4.5, gid="cable")
+    for surface in shape.surfaces:
+        axes.plot(
+            *camera.flat(surface.outline).T, color=GROUND_COLOR, linewidth=1.3, zorder=4.4, gid="surface"
+        )
     for stop in shape.stops:
         toward = camera.flat(stop.direction)
         across = np.array([-toward[1], toward[0]]) / max(float(np.linalg.norm(toward)), 1e-12)

@@ -7,6 +7,7 @@ pose then is arrays of 32-bit floats in base 64: corners of all sheets, a 3 x 4 
 from __future__ import annotations
 
 import base64
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -106,6 +107,9 @@ def _marks(shape: Shape, size: float, scene: Scene) -> list[tuple[str, str, str,
     for cable in shape.cables:
         for a, b in zip(cable.points, cable.points[1:], strict=False):
             marks.append(("line", "distance", cable.name, a, b - a))
+    for surface in shape.surfaces:
+        for a, b in pairwise(surface.outline):
+            marks.append(("line", "hinge", surface.name, a, b - a))
     for stop in shape.stops:
         marks.append(("arrow", "hinge", stop.name, stop.place, 0.4 * long * stop.direction))
     for sensor in shape.sensors:

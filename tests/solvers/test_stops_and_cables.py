@@ -409,7 +409,7 @@ def test_calls_that_know_no_stops_are_refused(call):
     scene.actuate("stage", along="x", at=END, name="d")
     scene.stop("stage", along="y", at=END, high=3 * mm, name="end")
     with pytest.raises(
-        ksd.SceneError, match=r"stop 'end': stops and cables are known to ksd.solve and ksd.prepare"
+        ksd.SceneError, match=r"stop 'end': stops, cables and contacts are known to ksd.solve"
     ):
         call(scene)
 
