@@ -25,6 +25,7 @@ DIMENSIONS: dict[str, dict[str, float]] = {
     "angle": {"rad": rad, "mrad": mrad, "urad": urad, "deg": deg},
     "stress": {
         "Pa": Pa, "kPa": kPa, "MPa": MPa, "GPa": GPa, "N/m^2": 1.0, "N/mm^2": MPa, "kN/mm^2": GPa, "psi": psi, "ksi": ksi,
+        "bar": 1e5, "mbar": 1e2,
     },
     "force": {"N": N, "mN": mN, "kN": kN, "MN": MN, "lbf": lbf},
     "moment": {

@@ -191,6 +191,11 @@ NUMBERS = {
         "C_x": (-0.03552664e-3, 1e-5, SHOOTING),
         "C_y": (-2.440338e-3, 1e-5, SHOOTING),
     },
+    "strip_under_pressure": {
+        "small": (1, 2e-4, "p w L^4 / 8 EI"),
+        "push": (9.75142, 1e-5, SHOOTING),
+        "chord": (0.0975143, 1e-5, SHOOTING),
+    },
     "tip_tilt_piston": {
         "moment_share": (1, 3e-3, "stiffness of a point with the drives let go"),
         "force_share": (1, 3e-4, "stiffness of a point with the drives let go"),

@@ -54,7 +54,7 @@ def count_unstable_directions(
             # chains that cannot be divided
             pass
     assembled = assemble_tangent(model, motion, load_factor=factor)
-    skew = skew_tangent(assembled.arrays, motion, factor)
+    skew = skew_tangent(assembled.arrays, motion, factor, assembled.work)
     assert skew is not None
     return assembled.inner_negatives + count_negative_eigenvalues(
         assembled.arrays, assembled.matrix(freed), skew

@@ -27,7 +27,7 @@ from ksd.answers.tangent import exact_tangent_arrays, stored_matrix
 from ksd.checks import clear_argument_errors
 from ksd.errors import SceneError
 from ksd.model.arrays import make_workspace
-from ksd.model.chosen_effects import with_middle_points
+from ksd.model.chosen_effects import with_load_points, with_middle_points
 from ksd.model.compile import Model, compile_scene, reference_points
 from ksd.model.leaves import cut_leaves
 from ksd.model.newton import assemble
@@ -187,7 +187,7 @@ def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
     >>> found.freedoms, found.held, len(found.redundant)
     (1, 1, 1)
     """
-    whole, simulated = with_middle_points(_scene_of(mechanism)), _simulated(mechanism)
+    whole, simulated = with_load_points(with_middle_points(_scene_of(mechanism))), _simulated(mechanism)
     scene = without_contacts(whole)
     if scene.compliances or has_contacts(whole):
         # elastic links count as rigid: the beams in them are no freedoms of the mechanism

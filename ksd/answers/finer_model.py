@@ -19,6 +19,7 @@ import numpy as np
 
 from ksd.answers.derived import cached_per_model
 from ksd.answers.shape import member_ends, scene_leaves
+from ksd.elements.strain_values import strain_sizes
 from ksd.errors import SceneError
 from ksd.model.arrays import COROTATIONAL, SETTINGS, STRAIN, State, make_workspace
 from ksd.model.compile import Model, remesh_model
@@ -101,7 +102,8 @@ def pad_amplitudes(
         n = int(number[axis])
         finer[write : write + n] = inner[read : read + n]
         read, write = read + n, write + int(finer_number[axis])
-    finer[write : write + 6] = inner[read : read + 6]
+    # the wrench, and modes of pressure
+    finer[write:] = inner[read:]
 
 
 @lru_cache(maxsize=64)
@@ -113,7 +115,8 @@ def finer_inner_index(number: bytes, finer_number: bytes) -> np.ndarray:
         np.frombuffer(finer_number, np.int64).reshape(-1, SETTINGS),
         strict=True,
     ):
-        marks, padded = np.arange(1.0, coarse[:3].sum() + 7), np.zeros(int(fine[:3].sum()) + 6)
+        marks, padded = (np.zeros(strain_sizes(number)[0]) for number in (coarse, fine))
+        marks[:] = np.arange(1.0, len(marks) + 1.0)
         pad_amplitudes(coarse, marks, fine, padded)
         index.append(first + np.flatnonzero(padded))
         first += len(padded)

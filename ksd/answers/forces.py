@@ -2,11 +2,11 @@
 
 Section forces N, Vy, Vz [N], T, My, Mz [Nm] are positive on the section whose outward normal points along the leaf, in the
 axes of the deformed section. For both leaf models they follow from the leaf's end wrench (n, m) by equilibrium: force n and
-moment m + (r(L) - r(s)) x n, plus for a leaf with weight those of the weight beyond s, in the axes of the section. Other
-methods are less accurate where the stress is largest. In a strain-mode leaf the curvature series times the rigidity is
-accurate in the mean, not at the ends (7e-4 of the moment in a cross flexure turned by 45 degrees). In a chain the strains of
-Appendix A give bending moments, but shear only as their difference over an element whose two ends have different axes, which
-under twist mixes weak and strong bending.
+moment m + (r(L) - r(s)) x n, plus for a leaf with weight or other loads along it those of the loads beyond s, in the axes
+of the section. Other methods are less accurate where the stress is largest. In a strain-mode leaf the curvature series
+times the rigidity is accurate in the mean, not at the ends (7e-4 of the moment in a cross flexure turned by 45 degrees). In
+a chain the strains of Appendix A give bending moments, but shear only as their difference over an element whose two ends
+have different axes, which under twist mixes weak and strong bending.
 
 Interface forces are those that joints, free leaves and springs exert on the links they are clamped to, ground included. They
 are the wrenches at the ends of leaves; those of a joint are summed about its interface. On every link they balance loads,
@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ksd.answers.leaf_groups import LeafGroup, chain_groups, leaf_groups, local_gravity
+from ksd.answers.leaf_groups import LeafGroup, chain_groups, leaf_groups, local_loads
 from ksd.answers.printing import NamedAnswerTable, PrintableAnswer, format_number, format_table
 from ksd.answers.shape import (
     DEFAULT_STATIONS,
@@ -89,7 +89,7 @@ def section_forces(
 ) -> NamedAnswerTable[SectionForces]:
     """Section forces of all leaves by full name.
 
-    points: stations per strain-mode leaf; load_factor: factor of their weight.
+    points: stations per strain-mode leaf; load_factor: factor of the loads along them.
     """
     found = forces_of_members(model, motion, leaf_members(model), points, load_factor)
     title = "Section forces, the largest along every leaf"
@@ -104,13 +104,11 @@ def forces_of_members(
     parts: dict[int, tuple[Array, Array]] = {}
     wrenches = end_wrenches(model, motion, load_factor=load_factor)
     for group in (*leaf_groups(model), *chain_groups(model)):
-        gravity = local_gravity(model, motion, group, load_factor)
+        loads = local_loads(model, motion, group, load_factor)
         if model.arrays.members.kind[group.members[0]] == STRAIN:
-            results = strain_forces(
-                group.value, motion.inner[group.inner_index], group.number, points, gravity
-            )
+            results = strain_forces(group.value, motion.inner[group.inner_index], group.number, points, loads)
         else:
-            results = _chain_forces(model, motion, group, wrenches, gravity)
+            results = _chain_forces(model, motion, group, wrenches, loads)
         parts |= zip(group.members.tolist(), zip(*results, strict=True), strict=True)
     found = {}
     for name, members in lines.items():
@@ -144,30 +142,30 @@ def end_wrenches(model: Model, motion: State, *, load_factor: float = 1.0) -> Ar
 
 
 def strain_forces(
-    value: Array, inner: Array, number: NDArray[np.int64], points: int, gravity: Array | None = None
+    value: Array, inner: Array, number: NDArray[np.int64], points: int, loads: Array | None = None
 ) -> tuple[Array, Array]:
     """Stations (leaves, k) [m] and section forces (leaves, k, 6) of strain-mode leaves of one group.
 
-    value (leaves, v), inner: their constants and inner states; gravity (leaves, 3) [m/s^2]: in their frames p.
+    value (leaves, v), inner: their constants and inner states; loads (leaves, D): load modes in their frames p.
     """
-    s, r, R, *beyond = strain_curves(value, number, inner, points, gravity)
-    weight = () if gravity is None else (gravity[:, None], *beyond)
-    return s, forces_along(r, R, inner[:, None, int(number[:3].sum()) :], *weight)
+    s, r, R, *beyond = strain_curves(value, number, inner, points, loads)
+    given = () if loads is None else (loads, *beyond)
+    return s, forces_along(r, R, inner[:, None, int(number[:3].sum()) :], *given)
 
 
 def _chain_forces(
-    model: Model, motion: State, group: LeafGroup, wrenches: Array, gravity: Array | None
+    model: Model, motion: State, group: LeafGroup, wrenches: Array, loads: Array | None
 ) -> tuple[Array, Array]:
     """Stations (chains, k) [m] and section forces (chains, k, 6) at the nodes of the chains of a group.
 
-    wrenches (members, 6): on end q of all members; gravity (chains, 3) [m/s^2]: in their frames p.
+    wrenches (members, 6): on end q of all members; loads (chains, 3): gravity in their frames p.
     """
     _, r, axes = chain_lines(model, motion, group)
     count = int(group.number[0])
     s = np.zeros(r.shape[:2])
     np.cumsum(group.value[:, : 16 * count : 16], axis=1, out=s[:, 1:])
-    weight = () if gravity is None else (gravity[:, None], *_chain_masses(group.value, count, r))
-    return s, forces_along(r, axes, wrenches[group.members, None], *weight)
+    given = () if loads is None else (loads, *_chain_masses(group.value, count, r))
+    return s, forces_along(r, axes, wrenches[group.members, None], *given)
 
 
 def _solid_forces(model: Model, motion: State, i: int, wrenches: Array) -> tuple[Array, Array]:
@@ -179,7 +177,7 @@ def _solid_forces(model: Model, motion: State, i: int, wrenches: Array) -> tuple
 
 
 def _chain_masses(value: Array, count: int, r: Array) -> tuple[Array, Array]:
-    """Mass M (chains, k) [kg] beyond every node, and its first moment int M dr (chains, k, 3) [kg m] up to there."""
+    """Mass M (chains, k, 1) [kg] beyond every node, and its first moment int M dr (chains, k, 1, 3) [kg m] up to there."""
     lumps = value[:, 16 * count + 9 : 17 * count + 10]
     mass, first = np.zeros(r.shape[:2]), np.zeros_like(r)
     for k in reversed(range(count)):
@@ -187,20 +185,22 @@ def _chain_masses(value: Array, count: int, r: Array) -> tuple[Array, Array]:
         mass[:, k] = 2 * lumps[:, k + 1 :].sum(axis=1) - mass[:, k + 1]
     middle = 0.5 * (mass[:, 1:] + mass[:, :-1])[..., None]
     np.cumsum(middle * np.diff(r, axis=1), axis=1, out=first[:, 1:])
-    return mass, first
+    return mass[..., None], first[:, :, None]
 
 
-def forces_along(r: Array, R: Array, wrench: Array, *weight: Array) -> Array:
+def forces_along(r: Array, R: Array, wrench: Array, *given: Array) -> Array:
     """Section forces (leaves, k, 6) from positions r and axes R along leaves, and the wrench (leaves, 1, 6) on end q.
 
-    weight: gravity (leaves, 1, 3), mass M beyond every station (leaves, k), and int M dr up to there (leaves, k, 3).
+    given: load modes (leaves, D), their integrals Q beyond every station (leaves, k, modes), and int Q dr up to there
+    (leaves, k, modes, 3).
     """
     n = wrench[..., :3]
     moment, forces = wrench[..., 3:] + cross_rows(r[:, -1:] - r, n), np.broadcast_to(n, r.shape)
-    if weight:
-        gravity, mass, first = weight
-        forces = forces + mass[..., None] * gravity
-        moment = moment + cross_rows(first[:, -1:] - first, gravity)
+    if given:
+        loads, beyond, first = given
+        modes = loads.reshape(len(loads), 1, -1, 3)
+        forces = forces + (beyond[..., None] * modes).sum(axis=2)
+        moment = moment + np.cross(first[:, -1:] - first, modes).sum(axis=2)
     found: Array = np.concatenate([forces, moment], axis=2).reshape(*r.shape[:2], 2, 3) @ R
     return found.reshape(*r.shape[:2], 6)
 
@@ -285,7 +285,8 @@ class InterfaceForces(PrintableAnswer):
 
 
 def interface_forces(model: Model, motion: State, *, load_factor: float = 1.0) -> InterfaceForces:
-    """Forces of all joints, free leaves, springs, pins and sliders on their links; load_factor: factor of their weight."""
+    """Forces of all joints, free leaves, springs, pins and sliders on their links; load_factor: factor of the loads along
+    them."""
     ends = leaf_end_forces(model, motion, load_factor)
     rows = []
     for placed in model.scene.joints:
@@ -319,7 +320,7 @@ def leaf_end_forces(model: Model, motion: State, load_factor: float) -> list[Int
         n, m = wrenches[parts[0], :3], wrenches[parts[0], 3:]
         force, moment = n, m + np.cross(first.d, n)
         if np.abs(forces[name].start[:3] - n).max() > WEIGHTLESS_TOLERANCE * np.abs(n).max():
-            # a leaf with weight transmits it at its start
+            # a leaf with loads along it transmits them at its start
             force, moment = forces[name].start[:3], forces[name].start[3:]
         node = model.node_names[members.node[parts[0], 0]]
         found.append(InterfaceForce(name, node, first.start, first.frame @ force, first.frame @ moment))

@@ -129,7 +129,7 @@ class Modes(PrintableAnswer):
             )
             rows.append((str(k + 1), format_number(f, 5), ", ".join(words)))
         unsymmetric = (
-            "Loads that follow their link, or moments fixed in space, are not conservative: from the unsymmetric "
+            "Loads that follow their link, pressure, or moments fixed in space, are not conservative: from the unsymmetric "
             f"tangent; {self._growth()}"
         )
         growth = [unsymmetric] * (not self.conservative)
@@ -610,6 +610,6 @@ def frequencies(
         motion=state,
         tangent=tangent,
         rigid=rigid,
-        conservative=not fine.arrays.loads.skew.any(),
+        conservative=fine.arrays.conservative,
         backward_error=error,
     )

@@ -13,14 +13,15 @@ from scipy.sparse import coo_matrix
 
 from ksd.answers.derived import cached_per_model
 from ksd.answers.nonconservative import cross_matrix
+from ksd.elements.pressure import GIVEN_MODES
 from ksd.elements.strain_uncondensed import (
-    GravityDerivatives,
+    LoadDerivatives,
     UncondensedLeaves,
-    gravity_derivatives,
+    load_derivatives,
     strain_flexibility,
     uncondensed_leaves,
 )
-from ksd.elements.strain_values import strain_value_count
+from ksd.elements.strain_values import load_totals, strain_value_count
 from ksd.model.arrays import COROTATIONAL, STRAIN, State
 from ksd.model.compile import Model
 
@@ -32,14 +33,15 @@ class LeafGroup:
     """k leaf springs of the same layout.
 
     members (k,): their numbers; number (SETTINGS,): common settings; value (k, v): constants; inner_index (k, N + 6):
-    positions of their inner states in the flat inner state of the model; has_weight: they have weight.
+    positions of their inner states in the flat inner state of the model; has_loads: they have weight or other loads along
+    them.
     """
 
     members: NDArray[np.int64]
     number: NDArray[np.int64]
     value: Array
     inner_index: NDArray[np.int64]
-    has_weight: bool = False
+    has_loads: bool = False
 
     @property
     def modes(self) -> int:
@@ -55,28 +57,22 @@ def panel_table_slice(number: NDArray[np.int64]) -> slice:
     return slice(first, first + ng * (ng + 1))
 
 
-def _has_weight(model: Model) -> NDArray[np.bool_]:
-    """Whether each member (k,) has weight."""
-    has_weight = np.zeros(len(model.arrays.members.kind), bool)
-    has_weight[: len(model.arrays.weight)] = model.arrays.weight[:, 0] > 0.0
-    return has_weight
-
-
 @cached_per_model
 def leaf_groups(model: Model) -> tuple[LeafGroup, ...]:
     """Groups of all strain-mode members of a model, in order of first appearance."""
     members = model.arrays.members
     found: dict[tuple[bytes, bytes, bool], list[int]] = {}
-    has_weight = _has_weight(model)
+    has_loads = model.arrays.load_modes > 0
     for i in np.flatnonzero(members.kind == STRAIN).tolist():
         own = members.value[members.value_at[i] :]
         layout = members.number[i].tobytes(), own[panel_table_slice(members.number[i])].tobytes()
-        found.setdefault((*layout, bool(has_weight[i])), []).append(i)
+        found.setdefault((*layout, bool(has_loads[i])), []).append(i)
     groups = []
     for (*_, weighs), same in found.items():
         size = strain_value_count(members.number[same[0]], has_weight=weighs)
         value = np.stack([members.value[members.value_at[i] :][:size] for i in same])
-        inner_index = np.stack([np.arange(members.inner_at[i], members.inner_at[i + 1]) for i in same])
+        inner = int(members.number[same[0], :3].sum()) + 6
+        inner_index = np.stack([members.inner_at[i] + np.arange(inner) for i in same])
         groups.append(LeafGroup(np.array(same), members.number[same[0]], value, inner_index, weighs))
     return tuple(groups)
 
@@ -85,10 +81,10 @@ def leaf_groups(model: Model) -> tuple[LeafGroup, ...]:
 def chain_groups(model: Model) -> tuple[LeafGroup, ...]:
     """Groups of all chains of a model by number of elements; `value` has constants of elements, of the clamped end, and
     masses."""
-    members, has_weight = model.arrays.members, _has_weight(model)
+    members, has_loads = model.arrays.members, model.arrays.load_modes > 0
     found: dict[tuple[int, bool], list[int]] = {}
     for i in np.flatnonzero(members.kind == COROTATIONAL).tolist():
-        found.setdefault((int(members.number[i, 0]), bool(has_weight[i])), []).append(i)
+        found.setdefault((int(members.number[i, 0]), bool(has_loads[i])), []).append(i)
     groups = []
     for (count, weighs), same in found.items():
         size = 16 * count + 9 + weighs * (count + 1)
@@ -148,53 +144,65 @@ def end_jacobians(ends: EndFrames) -> tuple[Array, Array]:
     return own, relative
 
 
-def local_gravity(model: Model, motion: State, group: LeafGroup, load_factor: float) -> Array | None:
-    """Gravity (k, 3) [m/s^2] times the load factor, in the frames p of a group of leaf springs; None without weight."""
-    if not group.has_weight:
+def local_loads(model: Model, motion: State, group: LeafGroup, load_factor: float) -> Array | None:
+    """Load modes (k, D) of a group of leaf springs in their frames p (`ksd.elements.leaf_loads`), the given ones times the
+    load factor; None without any. For chains (k, 3): gravity."""
+    if not group.has_loads:
         return None
     members, weight = model.arrays.members, model.arrays.weight[group.members]
     frame = motion.R[members.node[group.members, 0]] @ members.frame[group.members, 0]
-    found: Array = load_factor * (weight[:, None, 1:] @ frame)[:, 0]
-    return found
+    modes = max(int(group.number[5]), 1) if members.kind[group.members[0]] == STRAIN else 1
+    given = weight[:, 1 : 1 + 3 * min(modes, GIVEN_MODES)].reshape(len(weight), -1, 3)
+    local = load_factor * (given @ frame).reshape(len(weight), -1)
+    follows = np.arange(1, 1 + 3 * max(modes - GIVEN_MODES, 0))
+    return np.concatenate([local, motion.inner[group.inner_index[:, -1:] + follows]], axis=1)
 
 
 def group_parts(model: Model, motion: State, group: LeafGroup, load_factor: float) -> UncondensedLeaves:
     """Tangent blocks and mode fields of all leaf springs of a group (k, ...), see `ksd.elements.strain_uncondensed`."""
-    gravity = local_gravity(model, motion, group, load_factor)
-    return uncondensed_leaves(group.value, group.number, motion.inner[group.inner_index], gravity)
+    loads = local_loads(model, motion, group, load_factor)
+    return uncondensed_leaves(group.value, group.number, motion.inner[group.inner_index], loads)
 
 
-@dataclass(frozen=True)
-class LeafWeight:
-    """Contribution of the weight of k leaves to their tangents.
-
-    derivatives: with respect to gravity in frame p; gravity_jacobian (k, 3, 12): derivative of gravity in frame p with
-    respect to the motions of both nodes; node_tangent (k, 12, 12): second derivatives of the potential of the weight at end
-    p with the first moment of the leaf.
-    """
-
-    derivatives: GravityDerivatives
-    gravity_jacobian: Array
-    node_tangent: Array
-
-
-def leaf_weight(model: Model, motion: State, group: LeafGroup, load_factor: float) -> LeafWeight | None:
-    """Contribution of the weight of a group of leaves to their tangents, see `ksd.elements.weight_assembly`; None without
-    weight."""
-    gravity = local_gravity(model, motion, group, load_factor)
-    if gravity is None:
-        return None
-    derivatives = gravity_derivatives(group.value, group.number, motion.inner[group.inner_index], gravity)
-    ends = end_frames(model, motion, group.members)
-    jacobian, tangent = np.zeros((len(gravity), 3, 12)), np.zeros((len(gravity), 12, 12))
-    jacobian[:, :, 3:6] = np.cross(gravity[:, None], ends.frame).swapaxes(1, 2)
-    weight = model.arrays.weight[group.members]
-    g = load_factor * weight[:, 1:]
-    first = weight[:, :1] * ends.arms[:, 0] + (ends.frame @ derivatives.s[..., None])[..., 0]
-    product = first[:, :, None] * g[:, None]
-    trace = np.einsum("kii->k", product)[:, None, None] * np.eye(3)
-    tangent[:, 3:6, 3:6] = trace - 0.5 * (product + product.swapaxes(1, 2))
-    return LeafWeight(derivatives, jacobian, tangent)
+def load_tangents(model: Model, motion: State, group: LeafGroup, load_factor: float) -> Array | float:
+    """What the distributed loads of a group of leaves add to their tangents (k, 18 + N, 18 + N) in (motions of both nodes,
+    a, lam), see `ksd.elements.leaf_loads`; symmetric but for pressure; zero without any."""
+    loads = local_loads(model, motion, group, load_factor)
+    if loads is None:
+        return 0.0
+    found: LoadDerivatives = load_derivatives(
+        group.value, group.number, motion.inner[group.inner_index], loads
+    )
+    ends, N, count = end_frames(model, motion, group.members), group.modes, len(loads)
+    weight, R, modes = model.arrays.weight[group.members], ends.frame, loads.shape[1] // 3
+    dead = min(modes, GIVEN_MODES)
+    total = weight[:, :1] if group.number[5] == 0 else load_totals(group.value, group.number)
+    local = loads.reshape(count, modes, 3)
+    # changes of the modes by (motions of nodes, a, lam), in frame p
+    df = np.zeros((count, modes, 3, 18 + N))
+    df[:, :dead, :, 3:6] = np.cross(local[:, :dead, None], R[:, None]).swapaxes(2, 3)
+    pressed = found.follows.reshape(count, modes, 3, N)
+    df[..., 12 : 12 + N] = load_factor * weight[:, 10, None, None, None] * pressed
+    df = df.reshape(count, -1, 18 + N)
+    ds = found.D @ df
+    ds[..., 12 : 12 + N] += found.eta
+    ds[..., 12 + N : 15 + N] += found.B.swapaxes(1, 2)
+    tangent = np.zeros((count, 18 + N, 18 + N))
+    tangent[:, 12 : 12 + N] -= found.eta.swapaxes(1, 2) @ df
+    tangent[:, 12 + N : 15 + N] -= found.B @ df
+    # of the forces and moments on node a, global
+    f, s, df, ds = (
+        np.einsum("kij,kmj...->kmi...", R, part.reshape(count, modes, 3, *part.shape[2:]))
+        for part in (loads, found.s, df, ds)
+    )
+    P = total[..., None] * ends.arms[:, None, 0] + s
+    turn = np.zeros((3, 18 + N))
+    turn[:, 3:6] = np.eye(3)
+    df, ds = df - cross_matrix(f) @ turn, ds - cross_matrix(P) @ turn
+    tangent[:, :3] -= np.einsum("km,kmic->kic", total, df)
+    tangent[:, 3:6] -= (cross_matrix(P) @ df - cross_matrix(f) @ ds).sum(axis=1)
+    tangent[:, 3:6, 3:6] -= 0.5 * cross_matrix(np.cross(P, f).sum(axis=1))
+    return tangent
 
 
 def node_unknowns(model: Model, nodes: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -40,10 +40,10 @@ MAX_TURN_PER_STEP = 0.35
 TURN_PER_STIFFNESS_RATIO_E = 1.5
 """Rotation [rad] that counts for a variation of the bending stiffness by a factor e."""
 MAX_GROWTH_PER_PART, MAX_GROWTHS_PER_PART_WITH_WEIGHT = 2.0, (8.0, 2.0)
-"""Exponent of the growth of perturbations by tension between two stations, without and with weight of the leaf.
+"""Exponent of the growth of perturbations by tension between two stations, without and with loads along the leaf.
 
-The tangent of a part neglects that its weight turns with its first station: leaves with weight get few parts, and more where
-the gaps of these do not close.
+The tangent of a part neglects that these turn with its first station: such leaves get few parts, and more where the gaps of
+these do not close.
 """
 MAX_TOTAL_TURN = 300.0
 """Upper limit of rotation and growth for which steps are provided."""
@@ -198,6 +198,8 @@ def _sample_sections(leaf: Any, mesh: Any, has_weight: bool, count: int) -> tupl
     rod[:, 3:6], rod[:, 6:9] = bending.T, soft.T
     if has_weight:
         rod[:, 9] = line_mass(leaf, s)
+    rod[:, 10] = s
+    rod[:, 11] = leaf.section.width if leaf.profile is None else leaf.profile.sections(s).width
     return leaf.length * share, rod.reshape(-1, len(NODES), ROD)
 
 
@@ -258,11 +260,11 @@ def cut_rods(model: Model, wrench: Array, max_growth_with_weight: float) -> RodP
 
     max_growth_with_weight: one of `MAX_GROWTHS_PER_PART_WITH_WEIGHT`.
     """
-    length, compliance, rest_turn, mass, min_steps = rod_sizes(model)
+    length, compliance, rest_turn, _, min_steps = rod_sizes(model)
     force, moment = np.sqrt((wrench * wrench).reshape(-1, 2, 3).sum(axis=2)).T
     growth = np.minimum(length * np.sqrt(force * compliance), MAX_TOTAL_TURN)
     turn = np.minimum(rest_turn + length * compliance * moment + growth, MAX_TOTAL_TURN)
-    max_growth = np.where(mass > 0.0, max_growth_with_weight, MAX_GROWTH_PER_PART)
+    max_growth = np.where(model.arrays.load_modes > 0, max_growth_with_weight, MAX_GROWTH_PER_PART)
     parts = np.maximum(1, np.ceil(growth / max_growth - 0.5)).astype(int)
     turn = np.maximum(turn, MAX_TURN_PER_STEP * np.where(parts > 1, parts, 0))
     # 1, 1.5, 2, 3, 4, 6 ... times the smallest number of steps, so that few divisions occur

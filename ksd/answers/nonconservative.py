@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import null_space
 
-from ksd.model.arrays import Arrays, State
+from ksd.elements.pressure import skew_at
+from ksd.model.arrays import Arrays, State, Workspace
 
 Array = NDArray[np.float64]
 MAX_DAMPED_SKEW_SHARE = 1e-3
@@ -42,15 +43,28 @@ def load_tangent(force: Array, moment: Array, lever: Array, *, following: bool) 
     return tangent
 
 
-def skew_tangent(arrays: Arrays, motion: State, load_factor: float) -> Array | None:
+def skew_tangent(
+    arrays: Arrays, motion: State, load_factor: float, work: Workspace | None = None
+) -> Array | None:
     """Skew part (n, n) of the tangent of the loads, see `ksd.model.follower_correction`.
 
-    None where there are no follower loads and no moments.
+    work: as assembled at the state, for that of leaves under pressure, which is left out without. None where all loads are
+    conservative.
     """
     loads = arrays.loads
-    if not loads.skew.any():
+    if arrays.conservative:
         return None
     skew = np.zeros((arrays.plan.unknowns,) * 2)
+    pressed = arrays.under_pressure.tolist()
+    for i in pressed if work is not None else ():
+        assert work is not None
+        at = skew_at(work.store[: arrays.members.store_at[i + 1]], arrays.members.number[i, 5])
+        own = work.store[at : at + 144].reshape(2, 6, 2, 6)
+        first = arrays.start[arrays.members.node[i]]
+        for a, u in enumerate(first):
+            for b, v in enumerate(first):
+                if u >= 0 and v >= 0:
+                    skew[u : u + 6, v : v + 6] += own[a, :, b]
     for i in np.flatnonzero(loads.skew):
         u, T, following = int(arrays.start[loads.node[i]]), motion.R[loads.node[i]], bool(loads.following[i])
         force, moment, turn = (

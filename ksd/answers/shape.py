@@ -8,7 +8,7 @@ nodes by cubics with the tangents of the nodes. Global axes, SI units.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -20,13 +20,14 @@ from numpy.typing import ArrayLike, NDArray
 from ksd.answers.derived import cached_per_model
 from ksd.answers.leaf_groups import EndFrames, LeafGroup, chain_groups, end_axes, end_frames, leaf_groups
 from ksd.elements.strain_centreline import integrate_centrelines
-from ksd.elements.strain_values import masses_beyond
+from ksd.elements.strain_values import loads_beyond
 from ksd.model.arrays import COROTATIONAL, SOLID, STRAIN, State
 from ksd.model.compile import Model
 from ksd.model.leaves import whole_leaf_name
 from ksd.numerics.rotations import make_rotations
 from ksd.scene.effects import Spring
 from ksd.scene.joint import joint_leaves
+from ksd.scene.line_load import SIDES, Pressure
 from ksd.scene.sensor import Damper
 from ksd.section.closed_forms import round_ratio
 from ksd.section.section import thickness_and_width
@@ -117,6 +118,17 @@ class LoadShape:
 
 
 @dataclass(frozen=True)
+class LineLoadShape:
+    """A load along a leaf: points (k, 3) [m] on its centreline, the force per length there (k, 3) [N/m], and its value as
+    text."""
+
+    name: str
+    place: Array
+    value: Array
+    text: str
+
+
+@dataclass(frozen=True)
 class SpringShape:
     """A coil spring with deformed ends (2, 3) [m], or a torsion spring with one point (1, 3)."""
 
@@ -185,6 +197,7 @@ class Shape:
     cables: tuple[CableShape, ...] = ()
     stops: tuple[StopShape, ...] = ()
     surfaces: tuple[SurfaceShape, ...] = ()
+    line_loads: tuple[LineLoadShape, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -292,20 +305,20 @@ MIN_INTEGRATION_STEPS = 8
 
 
 def strain_curves(
-    value: Array, number: NDArray[np.int64], inner: Array, points: int, gravity: Array | None = None
+    value: Array, number: NDArray[np.int64], inner: Array, points: int, loads: Array | None = None
 ) -> tuple[Array, ...]:
     """Stations (leaves, k) [m], positions (leaves, k, 3) [m] and orientations (leaves, k, 3, 3) along strain-mode leaves of
     one group, in frames p, from constants (leaves, v) and inner states (leaves, N + 6).
 
     There are `points` stations or a few more, as the edges of the panels of a leaf with a profile are stations too. With
-    gravity (leaves, 3) [m/s^2] in frames p, two more follow: the mass M (leaves, k) [kg] beyond every station and its first
-    moment up to there, int M dr (leaves, k, 3) [kg m].
+    load modes (leaves, D) in frames p, two more follow: the integrals Q (leaves, k, modes) of the modes beyond every
+    station and their first moments up to there, int Q dr (leaves, k, modes, 3).
     """
     total, L = int(number[:3].sum()), value[:, 0]
     tables, n = _unpacked(value, number, inner[:, :total]), inner[:, None, total : total + 3]
     R = np.broadcast_to(np.eye(3), (len(value), 1, 3, 3)).copy()
     s, r, axes = [np.zeros((len(value), 1))], [np.zeros((len(value), 1, 3))], [R]
-    weight, stations = _MassBeyond(value, number, gravity), [0]
+    weight, stations = _LoadsBeyond(value, number, loads), [0]
     for k, (a, b) in enumerate(pairwise(tables.edges)):
         steps = max(1, round((points - 1) * (b - a)))
         substeps = max(1, round(MIN_INTEGRATION_STEPS * (b - a) / steps))
@@ -328,38 +341,38 @@ def strain_curves(
     return found if len(stations) == found[0].shape[1] else tuple(along[:, stations] for along in found)
 
 
-class _MassBeyond:
-    """Accumulates, panel by panel, the mass beyond the stations of leaves with weight and its first moment.
+class _LoadsBeyond:
+    """Accumulates, panel by panel, the distributed loads beyond the stations of leaves, and their first moments.
 
-    Without gravity (leaf springs, 3) there are no results.
+    Without load modes (leaf springs, D) there are no results.
     """
 
-    def __init__(self, value: Array, number: NDArray[np.int64], gravity: Array | None) -> None:
-        self.gravity = gravity
-        if gravity is not None:
-            self.beyond = np.stack([masses_beyond(leaf, number) for leaf in value])[..., None]
-            self.mass: list[Array] = []
-            self.first = [np.zeros((len(value), 1, 3))]
+    def __init__(self, value: Array, number: NDArray[np.int64], loads: Array | None) -> None:
+        self.loads = None if loads is None else loads.reshape(len(value), -1, 3)
+        if loads is not None:
+            self.beyond = np.stack([loads_beyond(leaf, number) for leaf in value])
+            self.along: list[Array] = []
+            self.first = [np.zeros((len(value), 1, self.beyond.shape[2], 3))]
 
     def force(self, tables: _LeafTables, x: Array, k: int) -> Array | float:
-        """Weight (leaf springs, len(x), 3) [N] of the mass beyond x in panel k, frame p."""
-        if self.gravity is None:
+        """Force (leaf springs, len(x), 3) [N] of the loads beyond x in panel k, frame p."""
+        if self.loads is None:
             return 0.0
         self.here = _interpolated(tables, self.beyond, x, k)
-        self.mass.append(self.here[:, (0 if k == 0 else 2) :: 2, 0])
-        return self.here * self.gravity[:, None]
+        self.along.append(self.here[:, (0 if k == 0 else 2) :: 2])
+        return self.here @ self.loads
 
     def add(self, h: Array, v: Array) -> None:
-        """Add the first moment of the panel of the last call of `force` by Simpson's rule; v (leaf springs, len(x), 3) is
+        """Add the first moments of the panel of the last call of `force` by Simpson's rule; v (leaf springs, len(x), 3) is
         r'."""
-        if self.gravity is not None:
-            y = self.here * v
-            pieces = h / 3 * (y[:, :-2:2] + 4 * y[:, 1::2] + y[:, 2::2])
+        if self.loads is not None:
+            y = self.here[..., None] * v[:, :, None]
+            pieces = h[..., None] / 3 * (y[:, :-2:2] + 4 * y[:, 1::2] + y[:, 2::2])
             self.first.append(self.first[-1][:, -1:] + np.cumsum(pieces, axis=1))
 
     def results(self) -> tuple[Array, ...]:
-        """Mass (leaf springs, k) and first moment (leaf springs, k, 3), or nothing without gravity."""
-        both = (self.mass, self.first) if self.gravity is not None else ()
+        """Loads beyond (leaf springs, k, modes) and first moments (leaf springs, k, modes, 3), or nothing without loads."""
+        both = (self.along, self.first) if self.loads is not None else ()
         return tuple(np.concatenate(parts, axis=1) for parts in both)
 
 
@@ -736,6 +749,31 @@ def _loads(model: Model, motion: State, *, factor: float) -> tuple[LoadShape, ..
     return tuple(found)
 
 
+LINE_LOAD_ARROWS = 7
+"""Arrows of a load along a leaf."""
+
+
+def _line_loads(scene: Any, leaves: Sequence[LeafShape], factor: float) -> Iterator[LineLoadShape]:
+    """Loads along leaf springs times `factor`, at a few points."""
+    shapes = {leaf.name: leaf for leaf in leaves}
+    for load in scene.loads_along:
+        leaf = shapes[load.leaf]
+        s = np.linspace(load.start, leaf.s[-1] if load.end is None else load.end, LINE_LOAD_ARROWS)
+        place, side, width = (
+            np.array([np.interp(s, leaf.s, column) for column in part.reshape(len(leaf.s), -1).T]).T
+            for part in (leaf.place, leaf.axes[:, :, 1], leaf.width)
+        )
+        if isinstance(load, Pressure):
+            value = SIDES[load.side] * load.pressure * width * side
+            text = f"{1e-3 * factor * load.pressure:.4g} kPa"
+        else:
+            share = np.linspace(0.0, 1.0, LINE_LOAD_ARROWS)[:, None]
+            value = (1.0 - share) * np.asarray(load.force) + share * np.asarray(load.end_force)
+            ends = [f"{factor * np.linalg.norm(force):.4g}" for force in (load.force, load.end_force)]
+            text = f"{' to '.join(dict.fromkeys(ends))} N/m"
+        yield LineLoadShape(load.name, place, factor * value, text)
+
+
 def _springs(model: Model, motion: State) -> tuple[SpringShape, ...]:
     index, found = {link: i for i, link in enumerate(model.scene.links)}, []
     for spring in model.scene.springs:
@@ -830,10 +868,11 @@ def mechanism_shape(
     model: Model, motion: State, *, points: int = DEFAULT_STATIONS, load_factor: float = 1.0
 ) -> Shape:
     """Geometry of `model` at `motion`, with at least `points` stations per leaf and loads times load_factor."""
+    leaves = tuple(_leaf_shapes(model, motion, points))
     return Shape(
-        tuple(_leaf_shapes(model, motion, points)), tuple(_blocks(model, motion)), _driven(model, motion),
+        leaves, tuple(_blocks(model, motion)), _driven(model, motion),
         _hinges(model, motion),
         _loads(model, motion, factor=load_factor), _springs(model, motion), _distances(model, motion),
         _sensors(model, motion), _cables(model, motion), _stops(model, motion),
-        _surfaces(model, motion),
+        _surfaces(model, motion), tuple(_line_loads(model.scene, leaves, load_factor)),
     )  # fmt: skip

@@ -39,7 +39,10 @@ DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 """Rows and columns of all (6, 6) matrices here: three translations, three rotations."""
 UNITS, COMPLIANCE_UNITS = ("N/m",) * 3 + ("Nm/rad",) * 3, ("m/N",) * 3 + ("rad/Nm",) * 3
 """Units of a stiffness and of a compliance in each direction."""
-_UNSYMMETRIC = "Loads that follow their link, or moments fixed in space, are not conservative: the matrix is not symmetric"
+_UNSYMMETRIC = (
+    "Loads that follow their link, pressure, or moments fixed in space are not conservative: the matrix is not "
+    "symmetric"
+)
 MIN_RELATIVE_COMPLIANCE = 1e-13
 """Compliance, relative to the largest (rotations times the size of the model), below which it counts as zero."""
 MIN_RELATIVE_FREE = 1e-9
@@ -333,7 +336,7 @@ def batch_stiffness(
     if drives:
         loads[:, first:, topology.terms.start[:count]] = np.eye(count)
     response, valid, stable = batch_responses(fine, loads)
-    if topology.loads.skew.any():
+    if not topology.conservative:
         # not conservative: the tangent has a skew part, which is left out here
         valid[:] = False
     C = matrix = None

@@ -26,7 +26,7 @@ from ksd.answers.leaf_groups import (
     LeafGroup,
     elastic_stiffness,
     leaf_groups,
-    local_gravity,
+    local_loads,
     panel_table_slice,
 )
 from ksd.answers.printing import NamedAnswers, NamedAnswerTable, PrintableAnswer, format_number
@@ -40,7 +40,7 @@ from ksd.answers.shape import (
 )
 from ksd.answers.state_batch import StateBatch
 from ksd.elements import corotational
-from ksd.elements.strain_uncondensed import gravity_derivatives, stretch_shear_compliances
+from ksd.elements.strain_uncondensed import load_derivatives, stretch_shear_compliances
 from ksd.model.arrays import SOLID, State
 from ksd.model.compile import Model
 from ksd.scene.profile import Profile
@@ -332,7 +332,7 @@ def _batch_leaves(states: StateBatch, group: LeafGroup, *, profiles: bool = Fals
     """
     names = [states.models[0].member_names[i] for i in group.members.tolist()]
     leaves = scene_leaves(states.models[0])
-    if group.has_weight or any(n not in leaves or not (profiles or leaves[n].profile is None) for n in names):
+    if group.has_loads or any(n not in leaves or not (profiles or leaves[n].profile is None) for n in names):
         return None
     if any(_plate(leaves[n]) is not None for n in names):
         return None
@@ -560,14 +560,14 @@ def _strain_energies(model: Model, motion: State, group: LeafGroup, load_factor:
     amplitudes = inner[:, :N] - group.value[:, rest : rest + N]
     force = inner[:, N : N + 3]
     compliance = stretch_shear_compliances(group.value, group.number, inner)
-    gravity = local_gravity(model, motion, group, load_factor)
+    loads = local_loads(model, motion, group, load_factor)
     energy: Array = 0.5 * np.einsum("ki,kij,kj->k", amplitudes, elastic_stiffness(group), amplitudes)
     energy += 0.5 * np.einsum("ki,kij,kj->k", force, compliance, force)
-    if gravity is not None:
-        # n(s) = n + M(s) g
-        derivatives = gravity_derivatives(group.value, group.number, inner, gravity)
-        energy += np.einsum("ki,kij,kj->k", force, derivatives.B, gravity)
-        energy += 0.5 * np.einsum("ki,kij,kj->k", gravity, derivatives.D, gravity)
+    if loads is not None:
+        # n(s) = n + Q(s) f
+        derivatives = load_derivatives(group.value, group.number, inner, loads)
+        energy += np.einsum("ki,kij,kj->k", force, derivatives.B, loads)
+        energy += 0.5 * np.einsum("ki,kij,kj->k", loads, derivatives.D, loads)
     return energy
 
 

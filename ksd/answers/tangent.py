@@ -401,13 +401,14 @@ def assemble_tangent(
     work = make_workspace(arrays)
     held = np.zeros(len(arrays.terms.start)) if target is None else target
     _, _, inner_negatives, _ = assemble(arrays, motion, held, load_factor, work)
-    skew = skew_block(arrays, motion, load_factor)
+    skew = skew_block(arrays, motion, load_factor, work)
     return AssembledTangent(model, motion, arrays, work.matrix.copy(), int(inner_negatives), skew, work)
 
 
-def skew_block(arrays: Arrays, motion: State, load_factor: float) -> SkewBlock | None:
-    """Skew part of the tangent; None where all loads are conservative."""
-    skew = skew_tangent(arrays, motion, load_factor)
+def skew_block(arrays: Arrays, motion: State, load_factor: float, work: Workspace | None) -> SkewBlock | None:
+    """Skew part of the tangent assembled in `work` (without one that of loads on links only); None where all loads are
+    conservative."""
+    skew = skew_tangent(arrays, motion, load_factor, work)
     if skew is None:
         return None
     index = np.flatnonzero(skew.any(axis=1) | skew.any(axis=0))

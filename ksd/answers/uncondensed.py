@@ -23,7 +23,7 @@ from ksd.answers.leaf_groups import (
     group_parts,
     inner_unknowns,
     leaf_groups,
-    leaf_weight,
+    load_tangents,
 )
 from ksd.answers.nonconservative import skew_tangent
 from ksd.answers.tangent import release_rows, stored_matrix
@@ -63,6 +63,10 @@ def uncondensed_tangents(
         unknowns_of.append(np.hstack([unknowns[:, :12], nodes + group.inner_index]))
         blocks.append(leaf_tangents(model, motion, group, load_factor))
     size = nodes + int(arrays.members.inner_at[-1])
+    # modes of pressure follow from the amplitudes
+    left = np.setdiff1d(np.arange(nodes, size), np.concatenate([u[:, 12:].ravel() for u in unknowns_of[1:]]))
+    unknowns_of.append(left[:, None])
+    blocks.append((np.ones((len(left), 1, 1)),) * 2)
     with_stress, without = (assemble_blocks(unknowns_of, [b[k] for b in blocks], size) for k in range(2))
     return with_stress.tocsc(), without.tocsc()
 
@@ -129,16 +133,10 @@ def leaf_tangents(model: Model, motion: State, group: LeafGroup, load_factor: fl
     stressed[:, 12 + N :, 12 : 12 + N] = -parts.J
     stressed[:, 12 : 12 + N, 12 : 12 + N] = parts.W
     stressed[:, :12, :12] = _wrench_tangents(motion, group, ends)
-    weight = leaf_weight(model, motion, group, load_factor)
-    if weight is not None:
-        jacobian, derivatives = weight.gravity_jacobian, weight.derivatives
-        stressed[:, 12 : 12 + N, :12] -= derivatives.eta.swapaxes(1, 2) @ jacobian
-        stressed[:, 12 + N : 15 + N, :12] -= derivatives.B @ jacobian
-        stressed[:, :12, :12] += weight.node_tangent - jacobian.swapaxes(1, 2) @ derivatives.D @ jacobian
     for block in (stressed, unstressed):
         block[:, :12, 12:] = block[:, 12:, :12].swapaxes(1, 2)
         block[:, 12 : 12 + N, 12 + N :] = block[:, 12 + N :, 12 : 12 + N].swapaxes(1, 2)
-    return stressed, unstressed
+    return stressed + load_tangents(model, motion, group, load_factor), unstressed
 
 
 def _chain_tangent(model: Model, motion: State, rows: Iterable[int], load_factor: float) -> Array:

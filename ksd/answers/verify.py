@@ -24,15 +24,15 @@ from ksd.answers.leaf_rods import (
     MAX_GROWTHS_PER_PART_WITH_WEIGHT,
     RodParts,
     cut_rods,
-    rod_sizes,
     with_plate_moments,
 )
 from ksd.answers.printing import PrintableAnswer, format_number, format_table, render_text
 from ksd.answers.shape import cross_rows, poses_along
 from ksd.answers.tangent import AssembledTangent, assemble_tangent, factor_tangent, skew_block
-from ksd.elements.strain_values import GRAVITY_BLOCK_SIZE
+from ksd.elements.rod import ROD_LOADS
+from ksd.elements.strain_values import load_totals
 from ksd.errors import KinematicsError
-from ksd.model.arrays import State
+from ksd.model.arrays import STRAIN, State
 from ksd.model.compile import Model
 from ksd.model.newton import assemble_nodes, largest_rotation, move_nodes
 from ksd.model.rods import RodState, add_rods, move_rods
@@ -143,25 +143,28 @@ class Verification(PrintableAnswer):
         )
 
 
-def _wrenches(assembled: AssembledTangent, mass: Array, load_factor: float) -> tuple[EndFrames, Array, Array]:
-    """End frames of all leaves, wrenches (k, 6) of a state at ends p in their axes, and gravity (k, 3), global."""
+def _wrenches(assembled: AssembledTangent, load_factor: float) -> tuple[EndFrames, Array, Array]:
+    """End frames of all leaves, wrenches (k, 6) of a state at ends p in their axes, and their loads (k, ROD_LOADS),
+    global."""
     model, motion, arrays, work = assembled.model, assembled.motion, assembled.arrays, assembled.work
-    members, weight, count = arrays.members, arrays.weight, len(mass)
+    members, count = arrays.members, len(model.member_names)
     ends = end_frames(model, motion, slice(count))
-    at_p, gravity = work.lam[:count, :6].copy(), np.zeros((count, 3))
+    at_p, loads = work.lam[:count, :6].copy(), np.zeros((count, ROD_LOADS))
     at_p[:, 3:] += cross_rows(ends.d, at_p[:, :3])
-    heavy = np.flatnonzero(mass > 0.0)
-    if len(heavy):
-        gravity[heavy] = load_factor * weight[heavy, 1:]
-        own = (gravity[heavy, None] @ ends.frame[heavy])[:, 0]
-        first = members.store_at[heavy + 1] - GRAVITY_BLOCK_SIZE
-        pull = work.store[first[:, None] + np.arange(GRAVITY_BLOCK_SIZE)]
-        at_p[heavy] += np.hstack([mass[heavy, None] * own, cross_rows(pull[:, 3:6], own)])
-    return ends, at_p, gravity
+    for i in np.flatnonzero(arrays.load_modes):
+        D = 3 * int(arrays.load_modes[i])
+        loads[i] = load_factor * arrays.weight[i, 1:]
+        pull = work.store[: members.store_at[i + 1]][-D * (10 + D) :]
+        f, first = (pull[k : k + D].reshape(-1, 3) for k in (0, D))
+        total = arrays.weight[i, :1]
+        if members.kind[i] == STRAIN and members.number[i, 5]:
+            total = load_totals(members.value[None, members.value_at[i] :], members.number[i])[0]
+        at_p[i] += np.concatenate([total @ f, np.cross(first, f).sum(axis=0)])
+    return ends, at_p, loads
 
 
 def _initial_rod_state(
-    model: Model, motion: State, cut: RodParts, ends: EndFrames, at_p: Array, gravity: Array
+    model: Model, motion: State, cut: RodParts, ends: EndFrames, at_p: Array, loads: Array
 ) -> RodState:
     """Rods with wrenches `at_p` (k, 6) at ends p, and stations at those of the leaves of a state."""
     first, count = cut.rods.at_part[:-1], len(cut.leaf)
@@ -180,18 +183,21 @@ def _initial_rod_state(
                     model, motion, group, row[cut.leaf[own]], cut.share[own], points
                 )
         start, held = ends.start.copy(), ends.frame[:, None] @ at_p.reshape(-1, 2, 3, 1)
-        n, m = held[:, 0, :, 0], held[:, 1, :, 0]
+        n, m, axes_before = held[:, 0, :, 0], held[:, 1, :, 0], ends.frame.copy()
         for k in range(1, most):
-            # equilibrium from one station to the next, with the weight between them in the middle
+            # equilibrium from one station to the next, with the loads between them in the middle
             own = np.flatnonzero(parts > k)
             at = first[own] + k
-            weight = cut.mass[at - 1, None] * gravity[own]
+            middle = 0.5 * (cut.share[at - 1] + cut.share[at])[:, None]
+            line = loads[own, 3:6] + middle * loads[own, 6:9]
+            push = loads[own, 9:] * cut.rods.rod[cut.rods.at_step[at - 1], 0, 11:] * axes_before[own, :, 1]
+            weight = cut.mass[at - 1, None] * loads[own, :3] + cut.length[at - 1, None] * (line + push)
             n[own] -= weight
             m[own] += cross_rows(n[own] + 0.5 * weight, position[at] - start[own])
-            start[own] = position[at]
+            start[own], axes_before[own] = position[at], axes[at]
             wrench[at] = (np.stack([n[own], m[own]], axis=1) @ axes[at]).reshape(-1, 6)
     sizes = (6,), (6, 7), (6, 13), (6,)
-    return RodState(gravity, position, axes, wrench, *(np.zeros((count, *size)) for size in sizes))
+    return RodState(loads, position, axes, wrench, *(np.zeros((count, *size)) for size in sizes))
 
 
 class _RodMechanism:
@@ -210,10 +216,10 @@ class _RodMechanism:
     ) -> None:
         self.model, self.work, self.verified = assembled.model, assembled.work, verified
         self.target, self.load_factor = target, load_factor
-        ends, at_p, gravity = _wrenches(assembled, rod_sizes(self.model).mass, load_factor)
+        ends, at_p, loads = _wrenches(assembled, load_factor)
         self.motion = assembled.motion.copy()
         self.cut = with_plate_moments(self.model, self.motion, cut_rods(self.model, at_p, max_growth))
-        self.state = _initial_rod_state(self.model, self.motion, self.cut, ends, at_p, gravity)
+        self.state = _initial_rod_state(self.model, self.motion, self.cut, ends, at_p, loads)
         self._assemble()
 
     def _assemble(self) -> None:
@@ -231,7 +237,7 @@ class _RodMechanism:
     def _newton_step(self) -> Array:
         """Newton step (unknowns,) from the assembled residual and tangent."""
         arrays, motion, work = self.model.arrays, self.motion, self.work
-        skew = skew_block(arrays, motion, self.load_factor)
+        skew = skew_block(arrays, motion, self.load_factor, None)
         tangent = factor_tangent(AssembledTangent(self.model, motion, arrays, work.matrix, 0, skew, work))
         return tangent.solve(-work.rhs[:, None])[:, 0]
 
@@ -358,7 +364,7 @@ def verify(
         rods = _RodMechanism(assembled, target, load_factor, verified, max_growth)
         gaps = rods.gaps()
         closed = rods.close()
-        if closed or not rod_sizes(model).mass.any():
+        if closed or not model.arrays.load_modes.any():
             break
     return _verification(verified, rods.motion, gaps, () if closed else rods.unclosed())
 

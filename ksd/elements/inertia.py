@@ -52,16 +52,7 @@ def inertia_tables(
     points, weight (g,): places from 0 to 1 and lengths [m] of the quadrature; integral (g, g): those of the integrals from 0
     to every point; line_mass (g,) [kg/m]; radius (g,) [m]: of gyration across the width; counts: of force and couple modes.
     """
-    legendre = np.polynomial.legendre.legvander(2.0 * points - 1.0, max(counts) - 1)
-    basis = np.zeros_like(legendre)
-    for k, column in enumerate(legendre.T):
-        # orthogonal under the mass, twice against rounding
-        for _ in range(2):
-            for other in basis.T[:k]:
-                column = column - other * ((weight * line_mass * other) @ column) / (
-                    (weight * line_mass * other) @ other
-                )
-        basis[:, k] = column
+    basis = orthogonal_modes(points, weight * line_mass, max(counts))
     heavy = line_mass[:, None] * basis
     N, c = (weight[:, None] * heavy * basis).sum(axis=0), weight @ heavy
     forces, couples = (heavy[:, :n] for n in counts)
@@ -70,6 +61,20 @@ def inertia_tables(
         np.concatenate([own[: counts[0]], (own if own is N else 0.0 * own)[: counts[1]]]) for own in (c, N)
     ]
     return np.concatenate([Q.ravel(), *ends])
+
+
+def orthogonal_modes(points: np.ndarray, weight: np.ndarray, count: int) -> np.ndarray:
+    """Polynomials (g, count) that are orthogonal under `weight` (g,) at `points` (g,) from 0 to 1, from those of
+    Legendre."""
+    legendre = np.polynomial.legendre.legvander(2.0 * points - 1.0, count - 1)
+    basis = np.zeros_like(legendre)
+    for k, column in enumerate(legendre.T):
+        # twice against rounding
+        for _ in range(2):
+            for other in basis.T[:k]:
+                column = column - other * ((weight * other) @ column) / ((weight * other) @ other)
+        basis[:, k] = column
+    return basis
 
 
 @kernel

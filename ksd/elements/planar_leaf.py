@@ -29,7 +29,8 @@ from itertools import pairwise
 import numpy as np
 
 from ksd.elements.plate_energy import POINT_NUMBERS, plate_point
-from ksd.elements.strain_values import masses_beyond, mode_counts
+from ksd.elements.pressure import GIVEN_MODES, PRESSURE_STORE
+from ksd.elements.strain_values import mode_counts, strain_value_count
 from ksd.numerics.kernel import kernel
 
 TINY_PIVOT = 1e-15
@@ -402,16 +403,18 @@ def strain_energy(value, number, inner, store):
     return energy
 
 
-def store_size(nz: int, *, has_weight: bool = False, modes: int = 1) -> int:
-    """Length of the `store` of a leaf with nz modes of weak bending; has_weight: with weight or inertia in `modes` modes."""
-    return 8 * nz + nz * nz + 9 + has_weight * (4 * nz * modes + 3 * modes * (10 + 3 * modes))
+def store_size(nz: int, *, modes: int = 0) -> int:
+    """Length of the `store` of a leaf with nz modes of weak bending and so many modes of weight and other distributed
+    loads."""
+    pressure = (modes > GIVEN_MODES) * PRESSURE_STORE
+    return 8 * nz + nz * nz + 9 + 4 * nz * modes + 3 * modes * (10 + 3 * modes) + pressure
 
 
 def planar_values(
     value: np.ndarray, number: np.ndarray, *, has_weight: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     """Constants and settings (value, number) from those of the spatial leaf (`ksd.elements.strain_values`), which must be
-    undeformed in its plane; has_weight: with weight."""
+    undeformed in its plane; has_weight: with weight or other distributed loads."""
     nx, ny, nz, ng = (int(n) for n in number[:4])
     total, first = nx + ny + nz, nx + ny
     sizes = [1, nx * nx, ny * ny, nz * nz, total, ng, ng * ng, total * ng, 3 * ng, 3 * (ng + 1) * total]
@@ -424,5 +427,5 @@ def planar_values(
     if number[4]:
         flat.append(value[sum(sizes) :][: int(number[4]) * (POINT_NUMBERS + nz)])
     if has_weight:
-        flat.append(masses_beyond(value, number))
+        flat.append(value[strain_value_count(number) : strain_value_count(number, has_weight=True)])
     return np.concatenate(flat), np.array([nz, ng, first, total, *number[4:7]], np.int64)

@@ -3,7 +3,7 @@ discretisation.
 
 In the frame of end p, with R the axes of the section, n and m the force and moment of the part beyond on the part
 before, g gravity and mu the line mass: r' = R (e1 + C R^T n), R' = R [k]x with k = k0 + (R^T m) / (GJ, EIy, EIz), m' =
-n x r', n' = -mu g. Orientations are unit quaternions.
+n x r', n' = -mu g - q - p w R e2, with line load q, pressure p and width w. Orientations are unit quaternions.
 
 Source: Reissner's rod as in the note of the strain-mode leaf; Cooper and Verner, SIAM J. Numer. Anal. 9 (1972): order 8
 by 11 stages at the 5 Lobatto points of a step.
@@ -23,9 +23,10 @@ _R = math.sqrt(21.0)  # of the coefficients of Cooper and Verner
 NODES = np.array([0.0, 0.5 - _R / 14.0, 0.5, 0.5 + _R / 14.0, 1.0])
 """Points of a step, as fractions of it, at which numbers of the rod are needed."""
 WEIGHTS = np.array([9.0, 49.0, 64.0, 49.0, 9.0]) / 180.0
-ROD, STATE, VARIATIONS = 10, 13, 54
-"""Numbers of the rod at a point: k0 (3), 1/(GJ, EIy, EIz), 1/(EA, ky GA, kz GA), mu; of its state: r (3), quaternion w
-x y z, m (3), n (3); and of the derivatives of r, rotation and m by the wrench at end p (6, 9)."""
+ROD, STATE, VARIATIONS, ROD_LOADS = 12, 13, 54, 10
+"""Numbers of the rod at a point: k0 (3), 1/(GJ, EIy, EIz), 1/(EA, ky GA, kz GA), mu, fraction of the leaf, width; of its
+state: r (3), quaternion w x y z, m (3), n (3); and of the derivatives of r, rotation and m by the wrench at end p (6, 9);
+of its loads: gravity, line load at the start of the leaf and its change to the end (3 each), pressure."""
 STAGES = 11
 """Stages of a Runge-Kutta step; below, the node of each, the weights of earlier slopes in its state, and the weights of all
 slopes in the step."""
@@ -50,7 +51,7 @@ _STEP_WEIGHTS = np.array([9.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 49.0, 64.0, 49.0, 9
 
 
 @kernel
-def _slope(rod, gravity, y, out):
+def _slope(rod, loads, y, out):
     """Write out (STATE,): derivative of the state y by the length of the rod, whose numbers here are `rod` (ROD,)."""
     w, a, b, c = y[3], y[4], y[5], y[6]
     # rows of R
@@ -69,7 +70,10 @@ def _slope(rod, gravity, y, out):
     out[3], out[4] = -a * k0 - b * k1 - c * k2, w * k0 + b * k2 - c * k1
     out[5], out[6] = w * k1 + c * k0 - a * k2, w * k2 + a * k1 - b * k0
     out[7], out[8], out[9] = n1 * v2 - n2 * v1, n2 * v0 - n0 * v2, n0 * v1 - n1 * v0
-    out[10], out[11], out[12] = -rod[9] * gravity[0], -rod[9] * gravity[1], -rod[9] * gravity[2]
+    p = rod[11] * loads[9]
+    out[10] = -rod[9] * loads[0] - loads[3] - rod[10] * loads[6] - p * x1
+    out[11] = -rod[9] * loads[1] - loads[4] - rod[10] * loads[7] - p * y1
+    out[12] = -rod[9] * loads[2] - loads[5] - rod[10] * loads[8] - p * z1
 
 
 @kernel
@@ -120,7 +124,7 @@ def _rotation(y, R):
 
 
 @kernel
-def _integrate(first, last, step, rod, gravity, slope, at, y, R, S, A):
+def _integrate(first, last, step, rod, loads, slope, at, y, R, S, A):
     """Integrate the state y from end p to end q, in place: STATE numbers of the rod, then their derivatives
     (VARIATIONS)."""
     size = len(y)
@@ -135,7 +139,7 @@ def _integrate(first, last, step, rod, gravity, slope, at, y, R, S, A):
                     for r in range(size):
                         at[r] += weight * slope[k, r]
             here = rod[s, _STAGE_NODE[stage]]
-            _slope(here, gravity, at, slope[stage])
+            _slope(here, loads, at, slope[stage])
             _variation_slope(here, at, at[STATE:], slope[stage, STATE:], R, S, A)
         for k in range(STAGES):
             weight = h * _STEP_WEIGHTS[k]
@@ -170,11 +174,11 @@ def allocate_rod_scratch():
 
 
 @kernel
-def integrate_rod(first, last, step, rod, gravity, wrench, d, Q, gap, scratch):
+def integrate_rod(first, last, step, rod, loads, wrench, d, Q, gap, scratch):
     """Integrate a rod from wrench (6,) [N, Nm] at end p over the steps first to last.
 
-    step (s,) [m]: lengths of the steps; rod (s, 5, ROD): its numbers at their `NODES`; gravity (3,) in frame p; d (3,),
-    Q (3, 3): required pose of end q. Writes gap (6,): required pose relative to that reached [m, rad], inf where it is
+    step (s,) [m]: lengths of the steps; rod (s, 5, ROD): its numbers at their `NODES`; loads (ROD_LOADS,) in frame p; d
+    (3,), Q (3, 3): required pose of end q. Writes gap (6,): required pose relative to that reached [m, rad], inf where it is
     not finite, and scratch.y: the state of end q, then derivatives of its position, rotation (spatial) and moment by
     each component of the wrench (6, 9).
     """
@@ -184,7 +188,7 @@ def integrate_rod(first, last, step, rod, gravity, wrench, d, Q, gap, scratch):
         y[7 + r], y[10 + r] = wrench[3 + r], wrench[r]
         y[STATE + 9 * (3 + r) + 6 + r] = 1.0
     y[3] = 1.0
-    _integrate(first, last, step, rod, gravity, scratch.slope, scratch.at, y, R, scratch.S, scratch.A)
+    _integrate(first, last, step, rod, loads, scratch.slope, scratch.at, y, R, scratch.S, scratch.A)
     _rotation(y, R)
     for r in range(3):
         for c in range(3):
@@ -199,9 +203,9 @@ def integrate_rod(first, last, step, rod, gravity, wrench, d, Q, gap, scratch):
 @kernel
 def unloaded_rod_end(step, rod):
     """Position (3,) and axes (3, 3) of end q of an unloaded rod, see `integrate_rod`; frame p."""
-    scratch, gap, none = allocate_rod_scratch(), np.empty(6), np.zeros(6)
+    scratch, gap, none = allocate_rod_scratch(), np.empty(6), np.zeros(ROD_LOADS)
     position, axes = np.empty(3), np.eye(3)
-    integrate_rod(0, len(step), step, rod, none[:3], none, none[:3], axes, gap, scratch)
+    integrate_rod(0, len(step), step, rod, none, none[:6], none[:3], axes, gap, scratch)
     for r in range(3):
         position[r] = scratch.y[r]
     axes[:, :] = scratch.R

@@ -114,7 +114,7 @@ allocate_leaf_fields_compiled = kernel(inline="always")(allocate_leaf_fields)
 
 def leaf_fields(number: np.ndarray) -> LeafFields:
     """`LeafFields` for one leaf with settings `number`."""
-    return allocate_leaf_fields(int(number[:3].sum()), int(number[3]))
+    return allocate_leaf_fields(int(number[:3].sum()), int(number[3]), max(int(number[5:7].sum()), 1))
 
 
 @kernel(inline="late")

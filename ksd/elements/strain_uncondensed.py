@@ -1,4 +1,4 @@
-"""The strain-mode leaf before condensation: its tangent, mass, inner flexibility and derivatives by gravity.
+"""The strain-mode leaf before condensation: its tangent, mass, inner flexibility and derivatives by distributed loads.
 
 The velocity of the leaf is that of end p plus the mode fields (rho_i, psi_i) of `ksd.elements.strain` times the rates of
 the amplitudes; the stretch and shear that join it to end q (a velocity of 1/EA times the rate of the force) are spread
@@ -16,8 +16,10 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
+from ksd.elements.inertia import inertia_places
+from ksd.elements.pressure import GIVEN_MODES, PRESSURE_MODES
 from ksd.elements.strain import LeafFields, constant_offsets, fill_leaf_fields, leaf_fields, strain_tangent
-from ksd.elements.strain_values import masses_beyond
+from ksd.elements.strain_values import loads_beyond
 
 Array = NDArray[np.float64]
 BUBBLES = 3
@@ -57,37 +59,54 @@ def quadrature_points(value: Array, number: NDArray[np.int64]) -> Array:
 
 
 @dataclass(frozen=True)
-class GravityDerivatives:
-    """Dependence of the uncondensed leaf on gravity g in frame p, see `ksd.elements.weight`: first moment s (3,) [kg m] and
-    its derivatives eta (3, N) by a, B (3, 3) by n and D (3, 3) by g."""
+class LoadDerivatives:
+    """Dependence of k uncondensed leaves on the D components f of their load modes in frame p, see
+    `ksd.elements.leaf_loads`.
+
+    s (k, D): first moments, with their derivatives eta (k, D, N) by a, B (k, 3, D) by n and D (k, D, D) by f; follows (k,
+    D, N): derivatives by a of the modes of pressure, per unit of it, zero for all others.
+    """
 
     s: Array
     eta: Array
     B: Array
     D: Array
+    follows: Array
 
 
 def uncondensed_leaves(
-    value: Array, number: NDArray[np.int64], inner: Array, gravity: Array | None = None
+    value: Array, number: NDArray[np.int64], inner: Array, loads: Array | None = None
 ) -> UncondensedLeaves:
     """`UncondensedLeaves` from constants (k, v) and inner states (k, N + 6) of k leaf springs of equal settings
     `number`.
 
-    gravity (k, 3) [m/s^2] in frames p of leaves with weight.
+    loads (k, D): load modes in frames p, None without any.
     """
-    return _leaves_and_fields(value, number, inner, gravity)[0]
+    return _leaves_and_fields(value, number, inner, loads)[0]
 
 
-def gravity_derivatives(
-    value: Array, number: NDArray[np.int64], inner: Array, gravity: Array
-) -> GravityDerivatives:
-    """`GravityDerivatives` of k leaf springs with weight under gravity (k, 3) [m/s^2], frames p; arrays as in
-    `uncondensed_leaves`."""
-    leaves, v, S, eta = _leaves_and_fields(value, number, inner, gravity)
-    M = np.stack([masses_beyond(leaf, number) for leaf in value])
-    mass_weight = leaves.length[:, None] * leaves.weight * M
-    B, D = (np.einsum("kg,kgij->kij", a, S) for a in (mass_weight, mass_weight * M))
-    return GravityDerivatives(np.einsum("kg,kgi->ki", mass_weight, v), eta, B, D)
+def load_derivatives(value: Array, number: NDArray[np.int64], inner: Array, loads: Array) -> LoadDerivatives:
+    """`LoadDerivatives` of k leaf springs with load modes (k, D), frames p; arrays as in `uncondensed_leaves`."""
+    leaves, v, S, eta = _leaves_and_fields(value, number, inner, loads)
+    Q = np.stack([loads_beyond(leaf, number) for leaf in value])
+    weighted = (leaves.length[:, None] * leaves.weight)[..., None] * Q
+    count, D = loads.shape
+    follows = np.zeros((count, D, leaves.W.shape[-1]))
+    _, c_at = inertia_places(number, False)
+    if pressed := max(int(number[5]) - GIVEN_MODES, 0):
+        at = c_at + int(number[5])
+        table = value[:, at : at + int(number[3]) * PRESSURE_MODES].reshape(count, -1, PRESSURE_MODES)
+        turned = np.cross(leaves.psi, leaves.R[..., 1, None], axis=2)
+        follows[:, -3 * pressed :] = np.einsum("kgm,kgri->kmri", table, turned).reshape(
+            count, 3 * pressed, -1
+        )
+    return LoadDerivatives(
+        np.einsum("kgm,kgi->kmi", weighted, v).reshape(count, D),
+        eta,
+        np.einsum("kgm,kgij->kimj", weighted, S).reshape(count, 3, D),
+        np.einsum("kgm,kgn,kgij->kminj", weighted, Q, S).reshape(count, D, D),
+        follows,
+    )
 
 
 def _stacked_fields(
@@ -95,6 +114,8 @@ def _stacked_fields(
 ) -> LeafFields:
     """`LeafFields` of k leaf springs, every array with a leading axis (k,), with W and Y where `tangent`."""
     value, inner = np.ascontiguousarray(value), np.ascontiguousarray(inner)
+    if gravity.shape[1] == 0:
+        number = np.append(number[:5], [0, 0])
     stacked = LeafFields(*(np.empty((len(value), *part.shape)) for part in leaf_fields(number)))
     for i in range(len(value)):
         fields = LeafFields(*(part[i] for part in stacked))
@@ -115,15 +136,15 @@ def stretch_shear_compliances(value: Array, number: NDArray[np.int64], inner: Ar
 
 
 def _leaves_and_fields(
-    value: Array, number: NDArray[np.int64], inner: Array, gravity: Array | None
+    value: Array, number: NDArray[np.int64], inner: Array, loads: Array | None
 ) -> tuple[UncondensedLeaves, Array, Array, Array]:
-    """The leaves, and v (k, ng, 3), S (k, ng, 3, 3), eta (k, 3, N) of their `ksd.elements.strain.LeafFields`."""
+    """The leaves, and v (k, ng, 3), S (k, ng, 3, 3), eta (k, D, N) of their `ksd.elements.strain.LeafFields`."""
     _, at, _, _, _ = constant_offsets(number)
     k, ng = len(value), int(number[3])
     L, weight = value[:, 0], value[:, at : at + ng]
     integral = value[:, at + ng : at + ng + ng * ng].reshape(k, ng, ng)
-    given_gravity = np.zeros((k, 0)) if gravity is None else np.ascontiguousarray(gravity)
-    fields = _stacked_fields(value, number, inner, given_gravity, tangent=True)
+    given = np.zeros((k, 0)) if loads is None else np.ascontiguousarray(loads)
+    fields = _stacked_fields(value, number, inner, given, tangent=True)
     inside = L[:, None, None] * integral
     leaves = UncondensedLeaves(
         W=fields.W,

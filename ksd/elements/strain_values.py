@@ -4,7 +4,8 @@ Layout of the flat array (N = nx + ny + nz modes, ng points): L; stiffness block
 (1/m)^2]; stress-free amplitudes a0 (N); weights (ng), sum 1; integration matrix (ng, ng); modes (N, ng); compliances
 (ng, 3): 1/EA, 1/(ky GA), 1/(kz GA); moments of the modes over the intervals (ng+1, 3, N); for a leaf with plate
 stiffening the numbers and weak-bending modes of its plate points (k, 5 + nz, see `ksd.elements.plate_energy`); for a leaf
-with weight the mass beyond each point (ng) [kg], for one with inertia the tables of `ksd.elements.inertia`.
+with weight the mass beyond each point (ng) [kg], with line loads or pressure `load_tables`, for one with inertia the tables
+of `ksd.elements.inertia`.
 """
 
 from __future__ import annotations
@@ -16,7 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ksd.elements.inertia import orthogonal_modes
 from ksd.elements.plate_energy import POINT_NUMBERS
+from ksd.elements.pressure import GIVEN_MODES, PRESSURE_MODES, PRESSURE_STORE
 from ksd.numerics.kernel import kernel
 
 DEFAULT_ORDERS = (4, 3, 6)
@@ -174,20 +177,61 @@ def strain_values(
 
 
 def strain_sizes(number: np.ndarray, *, has_weight: bool = False) -> tuple[int, int]:
-    """Lengths of the inner state and of the `store` of one leaf; has_weight: with weight."""
-    total = int(number[0] + number[1] + number[2])
-    return total + 6, 8 * total + 42 + has_weight * (3 * total + GRAVITY_BLOCK_SIZE)
+    """Lengths of the inner state and of the `store` of one leaf; has_weight: with weight or other distributed loads."""
+    total, modes = int(number[0] + number[1] + number[2]), max(int(number[5]), int(has_weight))
+    pressure = max(modes - GIVEN_MODES, 0)
+    store = 8 * total + 42 + 3 * total * modes + 3 * modes * (10 + 3 * modes)
+    return total + 6 + 3 * pressure, store + (pressure > 0) * PRESSURE_STORE
 
 
 def strain_value_count(number: np.ndarray, *, has_weight: bool = False) -> int:
-    """Number of constants that `strain_values` makes."""
+    """Number of constants of a leaf; has_weight: with weight or other distributed loads."""
     nx, ny, nz, ng, plate = (int(n) for n in number[:5])
     N = nx + ny + nz
     own = 1 + nx * nx + ny * ny + nz * nz + N + ng * (1 + ng + N + 3)
-    return own + 3 * N * (ng + 1) + plate * (POINT_NUMBERS + nz) + has_weight * ng
+    own += 3 * N * (ng + 1) + plate * (POINT_NUMBERS + nz)
+    return own + has_weight * load_constants(ng, int(number[5]))
 
 
-def masses_beyond(value: np.ndarray, number: np.ndarray) -> np.ndarray:
-    """Mass (ng,) [kg] of a leaf with weight between every quadrature point and end q."""
-    at = strain_value_count(number)
-    return value[at : at + int(number[3])]
+def load_constants(points: int, modes: int) -> int:
+    """Number of the constants of the distributed loads of a leaf: of weight alone (no modes), or `load_tables`."""
+    return points if modes == 0 else (points + 1) * modes + points * max(modes - GIVEN_MODES, 0)
+
+
+def load_tables(
+    points: np.ndarray,
+    weight: np.ndarray,
+    integral: np.ndarray,
+    line_mass: np.ndarray,
+    width: np.ndarray | None,
+) -> np.ndarray:
+    """Constants of the distributed loads of a leaf, flat: Q (points, modes), the integrals of the modes from every point to
+    the end, c (modes,) those over the leaf, and, under pressure, the table (points, PRESSURE_MODES) of
+    `ksd.elements.pressure`.
+
+    points, weight (g,): places from 0 to 1 and lengths [m] of the quadrature; integral (g, g): those of the integrals from
+    0; line_mass (g,) [kg/m]; width (g,) [m] under pressure, else None.
+    """
+    shapes = [line_mass, np.ones(len(points)), points]
+    table = np.zeros((len(points), 0))
+    if width is not None:
+        P = orthogonal_modes(points, weight * width, PRESSURE_MODES)
+        shapes += list((width[:, None] * P).T)
+        table = (weight * width)[:, None] * P
+        table /= (table * P).sum(axis=0)
+    modes = np.array(shapes).T
+    return np.concatenate([((weight - integral) @ modes).ravel(), weight @ modes, table.ravel()])
+
+
+def load_totals(value: np.ndarray, number: np.ndarray) -> np.ndarray:
+    """Integrals (k, modes) of the distributed loads over k leaves with `load_tables`; value (k, v)."""
+    modes = int(number[5])
+    at = strain_value_count(number) + int(number[3]) * modes
+    return value[:, at : at + modes]
+
+
+def loads_beyond(value: np.ndarray, number: np.ndarray) -> np.ndarray:
+    """Integrals (ng, modes) of the distributed loads of a leaf between every quadrature point and end q: of weight its mass
+    [kg], of line loads and pressure see `load_tables`."""
+    at, modes = strain_value_count(number), max(int(number[5]), 1)
+    return value[at : at + int(number[3]) * modes].reshape(-1, modes)

@@ -16,7 +16,7 @@ index  meaning
 36:39  change of g by the step, set before `recover`
 =====  ======================================================================================
 
-The weight itself, mass times g, acts at end p with the moment s x g (`ksd.elements.weight_assembly`). This file: the inner
+The weight itself, mass times g, acts at end p with the moment s x g (`ksd.elements.leaf_loads`). This file: the inner
 nodes of Appendix A chains, which carry half the mass of both their elements. The elements' end moments g m L/12
 (work-equivalent to cubic deflection) cancel at the inner nodes of a uniform leaf; at both ends they act as the half
 masses' levers L/6.

@@ -397,6 +397,11 @@ def refuse(scene: Any) -> None:
                 f"load '{load.name}' turns with its link, loads of a rigid body do not",
                 "say following=False to compare",
             )
+    for line in scene.loads_along:
+        no(
+            f"the load '{line.name}' along leaf '{line.leaf}' is not written",
+            "leave it out to compare what remains",
+        )
     for drive in (*scene.drives, *scene.supports):
         _refuse_drive(drive, no)
     for name, leaf in scene.leaf_names().items():

@@ -24,6 +24,7 @@ from ksd.library import Record
 from ksd.model.arrays import (
     COROTATIONAL,
     LINEAR,
+    LOAD_NUMBERS,
     Arrays,
     State,
     angle_count,
@@ -226,7 +227,7 @@ class JointLayout:
         self.substructures = topology_arrays(1 + blocks + len(self.nodes), shapes, last=len(self.nodes))
         self.leaf = template.member_leaf[: len(shapes)]
         if scene_layout.has_gravity and template.leaf_has_weight[self.leaf].any():
-            self.substructures = self.substructures.replace(weight=np.zeros((len(shapes), 4)))
+            self.substructures = self.substructures.replace(weight=np.zeros((len(shapes), LOAD_NUMBERS)))
         same = len(shapes) == len(template.member_topologies)
         # without other members the constants are those of the full model
         self.substructure_packed = (
@@ -326,8 +327,10 @@ class JointLayout:
         self.reduced = topology_arrays(
             links, [*linear_bodies, *other_leaves], scene_layout.rows, loads, springs
         )
-        if scene_layout.has_gravity and template.leaf_has_weight[template.member_leaf[in_joints:]].any():
-            self.reduced = self.reduced.replace(weight=np.zeros((joints + len(other_leaves), 4)))
+        if len(template.pushed) or (
+            scene_layout.has_gravity and template.leaf_has_weight[template.member_leaf[in_joints:]].any()
+        ):
+            self.reduced = self.reduced.replace(weight=np.zeros((joints + len(other_leaves), LOAD_NUMBERS)))
         self.reduced_packed = LeafPacking(
             template.leaf_layouts, template.member_leaf[len(self.leaf) :], self.reduced.members, joints
         )
@@ -446,7 +449,7 @@ class JointLayout:
                 mass[:, self.joint_weights.load >= 0, None] * numbers.gravity[:, None]
             )
         if arrays.weight.size:
-            arrays.weight[:, : len(self.nodes), 1:] = numbers.gravity[:, None]
+            arrays.weight[:, : len(self.nodes), 1:4] = numbers.gravity[:, None]
             arrays.weight[:, len(self.nodes) :] = full.weight[:, in_joints:]
         copy_floats(full.terms, arrays.terms)
         copy_floats(full.springs, arrays.springs)

@@ -17,6 +17,7 @@ from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
 import numpy as np
 
+from ksd.elements.pressure import GIVEN_MODES
 from ksd.numerics.blocks import Blocks, unflatten_blocks
 from ksd.numerics.kernel import kernel
 
@@ -26,6 +27,8 @@ strain-mode leaf in a plane."""
 TRANSLATION, ROTATION, ALIGNMENT = 0, 1, 2
 """Kinds of terms of constraint rows; an alignment is zero where the node has not tilted about `direction`, however far it
 has turned about its axis."""
+LOAD_NUMBERS = 11
+"""Number of the distributed loads of a member in `Fields.weight`."""
 SETTINGS = 7
 """Number of the settings of a member."""
 Ints = Annotated[np.ndarray, np.int64]
@@ -114,10 +117,11 @@ class Fields(NamedTuple):
     is fixed. The last rows of the members are `springs`, elastic bodies without inner unknowns: COIL has the constants
     (stiffness [N/m], free length [m]), TORSION (stiffness [Nm/rad], rest angle [rad]) about e3 of end p, LINEAR those of
     `ksd.elements.linear`. active_dofs (w,): which of x, y, z, rx, ry, rz of every node are unknown: all six, or three in a
-    plane (`ksd.model.plane`). weight (m, 4): mass of every other member [kg], 0 without weight, and its gravity [m/s^2];
-    (0, 4) where no member has weight. carried (c, 2): nodes of long chains, each with the node that carries it. In a time
-    step (`ksd.solvers.time_steps`) members with inertia have weight, bodies are there, known (k, 12) are the known place and
-    orientation of every node, and rates (2,) are c0 [1/s^2] and c1 [1/s], which else are zero.
+    plane (`ksd.model.plane`). weight (m, 11): distributed loads of every other member (`ksd.elements.leaf_loads`): mass
+    [kg], 0 without weight, gravity [m/s^2], line load at its start and its change [N/m], pressure [Pa]; (0, 11) without
+    any. carried (c, 2): nodes of long chains, each with the node that carries it. In a time step (`ksd.solvers.time_steps`)
+    members with inertia have weight, bodies are there, known (k, 12) are the known place and orientation of every node, and
+    rates (2,) are c0 [1/s^2] and c1 [1/s], which else are zero.
     """
 
     size: Floats
@@ -126,7 +130,7 @@ class Fields(NamedTuple):
     members: Members
     terms: Terms
     loads: Loads
-    weight: Annotated[Floats, 4]
+    weight: Annotated[Floats, LOAD_NUMBERS]
     active_dofs: Ints
     carried: Annotated[Ints, 2]
     bodies: Bodies
@@ -275,6 +279,25 @@ class Arrays:
         return unflatten_blocks(self._view("plan"))
 
     @cached_property
+    def load_modes(self) -> np.ndarray:
+        """Numbers of load modes (m,) of the members before the springs of a single mechanism: one of weight alone."""
+        modes = self.members.number[:, 5] * np.isin(self.members.kind, (STRAIN, PLANAR))
+        return np.maximum(modes, self.weight[:, 0] > 0.0) if len(self.weight) else 0 * modes
+
+    @cached_property
+    def under_pressure(self) -> np.ndarray:
+        """Numbers of the members under pressure, in statics."""
+        if len(self.known):
+            return np.zeros(0, np.int64)
+        is_leaf = np.isin(self.members.kind, (STRAIN, PLANAR))
+        return np.flatnonzero(is_leaf & (self.members.number[:, 5] > GIVEN_MODES))
+
+    @property
+    def conservative(self) -> bool:
+        """Whether all loads have a potential: no follower load, no pressure, and no moment in space."""
+        return not (self.loads.skew.any() or len(self.under_pressure))
+
+    @cached_property
     def member_kinds(self) -> int:
         """LEAF_MEMBERS where all members are strain-mode leaves or linear bodies without weight, there are no springs, and
         no load has a skew tangent; ALL_MEMBERS where one is a modal body or a solid; MOVING_MEMBERS in a time step; else
@@ -287,7 +310,7 @@ class Arrays:
         if np.isin(kind, (MODAL, SOLID)).any():
             return ALL_MEMBERS
         all_leaves = np.isin(kind, (STRAIN, PLANAR, LINEAR)).all()
-        has_more = len(self.weight) or len(self.springs.kind) or self.loads.skew.any()
+        has_more = len(self.weight) or len(self.springs.kind) or not self.conservative
         return LEAF_MEMBERS if all_leaves and not has_more else BEAM_MEMBERS
 
     def replace(self, **fields: Any) -> Arrays:
@@ -436,7 +459,7 @@ def unflatten_workspace(flat, at):  # type: ignore[no-untyped-def]
     return Workspace(
         flat[: at[0]], flat[at[0] : at[1]], flat[at[1] : at[2]], flat[at[2] : at[3]],
         flat[at[3] : at[4]].reshape(-1, 12), flat[at[4] : at[5]].reshape(-1, 18), flat[at[5] : at[6]].reshape(-1, 2),
-        flat[at[6] : at[7]], at[9:], flat[at[7] : at[8]].reshape(-1, 4), flat, at,
+        flat[at[6] : at[7]], at[9:], flat[at[7] : at[8]].reshape(-1, 11), flat, at,
     )  # fmt: skip
 
 

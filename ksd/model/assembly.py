@@ -10,9 +10,11 @@ from ksd.elements import corotational, planar_leaf
 from ksd.elements.corotational_linearised import condense_linearised
 from ksd.elements.ends import member_norms, member_pose, member_tangent
 from ksd.elements.inertia import add_member_inertia, move_inertia_forces, set_inertia_forces
+from ksd.elements.leaf_loads import add_member_loads, move_member_loads, set_member_loads
 from ksd.elements.linear import linear_condense
 from ksd.elements.modal import modal_condense, modal_recover
 from ksd.elements.polynomial_solid import polynomial_condense
+from ksd.elements.pressure import GIVEN_MODES, pressure_in_plane, pressure_in_space
 from ksd.elements.spring import coil_condense, torsion_condense
 from ksd.elements.strain import (
     allocate_leaf_fields_compiled,
@@ -20,7 +22,6 @@ from ksd.elements.strain import (
     strain_gravity_block,
     strain_recover,
 )
-from ksd.elements.weight_assembly import add_member_weight, rotate_member_gravity, set_member_gravity
 from ksd.model.arrays import (
     AT,
     COIL,
@@ -84,7 +85,20 @@ def condense_linear(kind, value, number, state, store, linearisation, counted, d
 
 @kernel(inline="always")
 def set_leaf_gravity(kind, value, number, state, store, leaf, lam, K):
-    """Set the gravity block of a strain-mode leaf with weight or inertia, after it was condensed, in its store."""
+    """Set the gravity block of a strain-mode leaf with distributed loads, after it was condensed, in its store."""
+    if kind == STRAIN:
+        strain_gravity_block(value, number, state, store, leaf, lam, K)
+        if number[5] > GIVEN_MODES:
+            pressure_in_space(value, number, store, leaf, lam)
+    elif kind == PLANAR:
+        planar_leaf.gravity_block(value, number, state, store, lam)
+        if number[5] > GIVEN_MODES:
+            pressure_in_plane(value, number, state, store, lam, K)
+
+
+@kernel(inline="always")
+def set_leaf_inertia(kind, value, number, state, store, leaf, lam, K):
+    """`set_leaf_gravity` in a time step."""
     if kind == STRAIN:
         strain_gravity_block(value, number, state, store, leaf, lam, K)
     elif kind == PLANAR:
@@ -125,22 +139,23 @@ def recover_any(kind, value, number, state, store, xi, scale, step):
 
 @kernel(inline="always")
 def set_gravity(ints, kind, number, pose, weight, i, factor, state, store):
-    """Write gravity, in its frame p, into the gravity block of a member with weight."""
-    set_member_gravity(pose, weight, i, factor, store)
+    """Write the distributed loads of a member, in its frame p, into its gravity block."""
+    set_member_loads(number, kind == PLANAR, pose, weight[i], factor, state, store)
 
 
 @kernel(inline="always")
 def add_weight(ints, floats, kind, value, number, x, pose, state, store, mass, T, force):
-    """Add the weight of a condensed member to its tangent T (12, 12) and forces (12,) on both nodes, x (3,) the place of the
-    first. Returns as `ksd.elements.inertia.add_member_inertia`."""
-    add_member_weight(pose, store, mass, T, force)
-    return 0, 0.0, 0.0, 0
+    """Add the distributed loads of a condensed member to its tangent T (12, 12) and forces (12,) on both nodes, x (3,) the
+    place of the first. Returns as `ksd.elements.inertia.add_member_inertia`."""
+    change, heavy = add_member_loads(value, number, kind == PLANAR, pose, store, mass, T, force)
+    return 0, change, heavy, 0
 
 
 @kernel(inline="always")
-def rotate_gravity(ints, kind, number, pose, move, state, scale, store):
-    """Write the change of gravity in frame p, when the nodes of a member move by move (12,), into its gravity block."""
-    rotate_member_gravity(pose, move, store)
+def rotate_gravity(ints, kind, number, pose, move, xi, state, scale, store):
+    """Write the change of the distributed loads in frame p, when the nodes of a member move by move (12,) and its end q by
+    xi (6,) relative to end p, into its gravity block."""
+    move_member_loads(number, kind == PLANAR, pose, move, xi, state, scale, store)
 
 
 @kernel(inline="always")
@@ -155,7 +170,7 @@ def skip_add_weight(ints, floats, kind, value, number, x, pose, state, store, ma
 
 
 @kernel(inline="always")
-def skip_rotate_gravity(ints, kind, number, pose, move, state, scale, store):
+def skip_rotate_gravity(ints, kind, number, pose, move, xi, state, scale, store):
     """`rotate_gravity` for mechanisms without weight of members."""
 
 
@@ -175,7 +190,7 @@ def add_inertia(ints, floats, kind, value, number, x, pose, state, store, mass, 
 
 
 @kernel(inline="always")
-def move_inertia(ints, kind, number, pose, move, state, scale, store):
+def move_inertia(ints, kind, number, pose, move, xi, state, scale, store):
     """`rotate_gravity` in a time step."""
     move_inertia_forces(
         ints[ints[AT.active_dofs] :],
@@ -188,6 +203,12 @@ def move_inertia(ints, kind, number, pose, move, state, scale, store):
         scale,
         store,
     )
+
+
+@kernel(inline="always")
+def has_loads(weight, i, kind, number):
+    """Whether member i has distributed loads; weight, number: `Arrays.weight` and its settings."""
+    return i < len(weight) and (weight[i, 0] > 0.0 or (kind in (STRAIN, PLANAR) and number[5] > 0))
 
 
 @kernel(inline="late")
@@ -335,7 +356,8 @@ def add_members(
         for c in range(3):
             d[c] = pose[c] * pose[15] + pose[3 + c] * pose[16] + pose[6 + c] * pose[17]
         linearised = linearise == 1 and linearisation_at[i] < linearisation_at[i + 1]
-        has_weight = i < len(weight) and weight[i, 0] > 0.0
+        number = ints[number_at + SETTINGS * i : number_at + SETTINGS * (i + 1)]
+        has_weight = has_loads(weight, i, kind, number)
         inner_start, store_start = ints[inner_at + i], ints[store_at + i]
         # sizes of its inner state and store, and where those of the previous member start
         state_size, store_size = ints[inner_at + i + 1] - inner_start, ints[store_at + i + 1] - store_start
@@ -352,12 +374,11 @@ def add_members(
             )
         if has_weight:
             # gravity in the frame of the member is the same in equal frames
-            for r in range(4):
+            for r in range(weight.shape[1]):
                 is_equal = is_equal and weight[i - 1, r] == weight[i, r]
             for r in range(9):
                 is_equal = is_equal and poses[i - 1, r] == pose[r]
         state = inner[inner_start : inner_start + state_size]
-        number = ints[number_at + SETTINGS * i : number_at + SETTINGS * (i + 1)]
         if is_equal and kind != TORSION:
             _copy(store, store_previous, store_start, store_size)
             if linearised:

@@ -27,6 +27,7 @@ from ksd.model.warping_runs import run_torsion_factors
 from ksd.scene.effects import leaf_conditions
 from ksd.scene.hinges import plane_supports
 from ksd.scene.leaf import LeafCondition
+from ksd.scene.line_load import load_edges
 from ksd.scene.listing import vector_text
 from ksd.scene.scene import LeafPoint
 
@@ -253,7 +254,7 @@ def apply_effects(scene: Any, mesh: Mesh, choice: EffectChoice) -> tuple[Any, Me
         plain = replace(plain, supports=(*plain.supports, *holds))
     if scene.compliances:
         plain = with_elastic_links(plain) if "compliance" in present else replace(plain, compliances=())
-    plain = with_middle_points(plain)
+    plain = with_load_points(with_middle_points(plain))
     words: dict[str, Any] = {name: name in present for name in ("shear", "warping", "plate")}
     if any(getattr(mesh, name) != value for name, value in words.items()):
         mesh = replace(mesh, **words)
@@ -272,6 +273,21 @@ def with_middle_points(scene: Any) -> Any:
         return scene
     links = (*scene.links, *(p.name for p in middles))
     return replace(scene, links=links, points=(*scene.points, *middles))
+
+
+def with_load_points(scene: Any) -> Any:
+    """The scene with a point wherever a load along a leaf begins or ends inside it, so that every member is loaded all
+    along."""
+    added = []
+    for placed in scene.leaves if scene.line_loads or scene.pressures else ():
+        length, known = placed.leaf.length, [p.s for p in scene.points if p.leaf == placed.name]
+        for s in load_edges(scene, placed.name, length):
+            if all(abs(s - other) > 1e-9 * length for other in known):
+                added.append(LeafPoint(f"{placed.name} at {1e3 * s:.6g} mm", placed.name, s))
+                known.append(s)
+    if not added:
+        return scene
+    return replace(scene, links=(*scene.links, *(p.name for p in added)), points=(*scene.points, *added))
 
 
 def with_torsion(scene: Any, factors: Mapping[str, float]) -> Any:

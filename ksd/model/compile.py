@@ -138,8 +138,8 @@ class Model(NotebookTables):
 
     @cached_property
     def conservative(self) -> bool:
-        """Whether all loads have a potential: no follower load, and no moment in space."""
-        return not self.arrays.loads.skew.any()
+        """Whether all loads have a potential: no follower load, no pressure, and no moment in space."""
+        return self.arrays.conservative
 
     @cached_property
     def kinds(self) -> frozenset[int]:

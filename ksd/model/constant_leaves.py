@@ -79,9 +79,9 @@ def with_constant_leaves(model: Model) -> Model:
     reduced bodies.
     """
     if model.bodies or len(model.arrays.weight):
-        what = (
-            "reduced bodies" if model.bodies else "leaf springs with weight (without='gravity' leaves it out)"
-        )
+        what = "leaf springs with weight (without='gravity' leaves it out)"
+        if model.bodies or model.scene.line_loads or model.scene.pressures:
+            what = "reduced bodies" if model.bodies else "loads along leaf springs"
         raise SceneError(f"method = 'constant' knows no {what}; use another method")
     leaves = {f"{j.name}/{leaf.name}": leaf for j in model.scene.joints for leaf in j.leaves()}
     leaves |= {name: leaf for name, _, _, leaf in cut_leaves(model.scene)}

@@ -48,8 +48,12 @@ def description_lines(model: Any) -> list[tuple[str, str]]:
         lines.append(("loads", f"{len(arrays.loads.node)} on links{weights}"))
     lines += _constraint_lines(scene)
     lines += _present_lines(model)
-    if len(arrays.weight):
-        mass, pull = arrays.weight[:, 0].sum(), np.linalg.norm(arrays.weight[0, 1:])
+    if scene.loads_along:
+        own = (("line load", scene.line_loads), ("pressure", scene.pressures))
+        text = " and ".join(f"{len(x)} {n}{'s' * (len(x) > 1)}" for n, x in own if x)
+        lines.append(("loads along leaf springs", text))
+    if scene.gravity is not None and arrays.weight[:, 0].any():
+        mass, pull = arrays.weight[:, 0].sum(), np.linalg.norm(arrays.weight[0, 1:4])
         lines.append(("weight of the leaf springs", f"{mass:.3g} kg along them, {mass * pull:.3g} N"))
     plane = plane_of(model)
     if isinstance(plane, str):

@@ -19,9 +19,11 @@ from scipy.spatial.transform import Rotation
 
 from ksd.elements import corotational_values as chains
 from ksd.elements.plate_energy import POINT_NUMBERS, curl_loss, plate_point
+from ksd.elements.pressure import GIVEN_MODES
 from ksd.elements.strain import fill_leaf_fields, leaf_fields
 from ksd.elements.strain_values import (
     Modes,
+    load_tables,
     make_modes,
     strain_sizes,
     strain_values,
@@ -34,6 +36,7 @@ from ksd.model.pack import Member
 from ksd.model.warping_runs import clamped_torsion_factor
 from ksd.scene.curve import MAX_CURVE_MODES, Curve, CurvePart, cached_line, projection_error
 from ksd.scene.leaf import CHORD_FIT, LeafCondition
+from ksd.scene.line_load import loads_between
 from ksd.scene.profile import ProfilePart
 from ksd.section import Section
 from ksd.section.section import SectionArrays
@@ -347,7 +350,7 @@ def line_mass(leaf: Any, s: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=512)
-def _strain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
+def _strain_body(leaf: Any, mesh: Mesh, heavy: bool, load_modes: int = 0) -> _Body:
     # cached as the full model, the substructures and equal joints have the same leaf; arrays are copied when packed
     orders, points = leaf_orders(leaf, mesh)
     stiff, soft = rigidities(leaf.section, leaf, mesh)
@@ -365,14 +368,31 @@ def _strain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
         words["modes"] = modes = words.get("modes") or uniform_modes(orders, points)
         words["line_mass"] = line_mass(leaf, modes.s)
         mass = leaf.length * float(modes.weight @ words["line_mass"])
+    if load_modes:
+        line = words.pop("line_mass", None)
     value, number = strain_values(rigidity=stiff, compliance=soft, **words)
-    size, store = strain_sizes(number, has_weight=heavy)
+    if load_modes:
+        modes = words.get("modes") or uniform_modes(orders, points)
+        value = np.concatenate([value, _load_tables(leaf, modes, line, load_modes)])
+        number[5] = load_modes
+    size, store = strain_sizes(number, has_weight=heavy or load_modes > 0)
     inner = np.zeros(size)
     if leaf.curve is None:
         return _Body(STRAIN, value, number, inner, store, np.array([leaf.length, 0, 0]), np.eye(3), mass)
     inner[: len(words["amplitudes"])] = words["amplitudes"]
-    d, Q = _undeformed_end(value, number, inner)
+    # without loads
+    d, Q = _undeformed_end(value, np.append(number[:5], [0, 0]), inner[: sum(orders) + 6])
     return _Body(STRAIN, value, number, inner, store, d, Q, mass)
+
+
+def _load_tables(leaf: Any, modes: Modes, line_mass: np.ndarray | None, load_modes: int) -> np.ndarray:
+    """`ksd.elements.strain_values.load_tables` of a leaf with so many load modes."""
+    width, L = None, leaf.length
+    if load_modes > GIVEN_MODES:
+        width = leaf.section.width if leaf.profile is None else leaf.profile.sections(modes.s).width
+        width = np.broadcast_to(width, len(modes.s))
+    line = np.zeros(len(modes.s)) if line_mass is None else line_mass
+    return load_tables(modes.s, L * modes.weight, L * modes.integral, line, width)
 
 
 def _undeformed_end(
@@ -501,16 +521,24 @@ def _displaced_clamp(
     return tip, clamp
 
 
-def leaf_member(leaf: Any, mesh: Mesh, *, name: str, heavy: bool = False) -> Member:
-    """The member of a leaf with the given ends; heavy: with its weight, where its material has a density.
+def leaf_member(leaf: Any, mesh: Mesh, *, name: str, heavy: bool = False, load_modes: int = 0) -> Member:
+    """The member of a leaf with the given ends; heavy: with its weight, where its material has a density; load_modes: number
+    of modes of its distributed loads, where there are more than its weight.
 
     Orders and elements of the leaf itself take precedence over those of `mesh`.
     """
-    make_body = _strain_body if mesh.leaf == "strain" else _chain_body
-    described = make_body(leaf, mesh, heavy)
+
+    def make_body(leaf: Any) -> _Body:
+        return (
+            _strain_body(leaf, mesh, heavy, load_modes)
+            if mesh.leaf == "strain"
+            else _chain_body(leaf, mesh, heavy)
+        )
+
+    described = make_body(leaf)
     offset, frame = leaf_ends(leaf, described.d, described.Q, name)
     stress_free = stress_free_leaf(leaf)
-    body = described if stress_free is leaf else make_body(stress_free, mesh, heavy)
+    body = described if stress_free is leaf else make_body(stress_free)
     if leaf.condition is not None:
         strained = body is not described or any(leaf.condition.shift) or any(leaf.condition.turn)
         if body.kind == COROTATIONAL and strained:
@@ -602,6 +630,23 @@ def element_leaves(leaf: Any, elements: int) -> list[Any]:
         )
     cuts = [k / elements for k in range(1, elements)]
     return [replace(piece, elements=1) for piece in split_leaf(leaf, cuts)]
+
+
+def loads_of_pieces(scene: Any) -> dict[str, tuple[float, ...]]:
+    """Line load at the start and its change to the end (3 each) [N/m], and pressure [Pa], of the leaves and pieces of
+    `cut_leaves` that have loads along them, by name."""
+    found: dict[str, tuple[float, ...]] = {}
+    loaded = {load.leaf for load in scene.loads_along}
+    for placed in scene.leaves if loaded else ():
+        if placed.name not in loaded:
+            continue
+        own = [x for x in scene.loads_along if x.leaf == placed.name]
+        length, cuts = placed.leaf.length, sorted(p.s for p in scene.points if p.leaf == placed.name)
+        for k, (first, last) in enumerate(pairwise((0.0, *cuts, length))):
+            force, change, pressure = loads_between(own, length, first, last)
+            if any(force) or any(change) or pressure or any(x.start <= first for x in own):
+                found[piece_name(placed.name, k) if cuts else placed.name] = (*force, *change, pressure)
+    return found
 
 
 def cut_leaves(scene: Any) -> list[tuple[str, str, str, Any]]:

@@ -44,6 +44,7 @@ from ksd.model.assembly import (
     condense_any,
     condense_beam,
     condense_linear,
+    has_loads,
     move_inertia,
     recover_any,
     recover_beam,
@@ -52,6 +53,7 @@ from ksd.model.assembly import (
     set_gravity,
     set_inertia,
     set_leaf_gravity,
+    set_leaf_inertia,
     skip_add_weight,
     skip_leaf_gravity,
     skip_rotate_gravity,
@@ -285,8 +287,8 @@ def _take_step(
             inner[ints[inner_at] : ints[inner_at + 1]],
         )
         kind, settings = ints[ints[MEMBER.kind] + i], ints[number : number + SETTINGS]
-        if i < len(weight) and weight[i, 0] > 0.0:
-            rotate_gravity(ints, kind, settings, poses[i], move, state, scale, member_store)
+        if has_loads(weight, i, kind, settings):
+            rotate_gravity(ints, kind, settings, poses[i], move, xi, state, scale, member_store)
         recover(kind, floats[ints[MEMBER.value] + value :], settings, state, member_store, xi, scale, move)
     _move_nodes(ints, floats, x, R, multiplier, angle, step, scale)
     if ints[CARRIED_NODES] > 0:
@@ -379,7 +381,7 @@ def _newton(
             elif done and not extra_step:
                 reason = CONVERGED
             else:
-                correct_step(ints, floats, plan, R, matrix, spare, rhs, factor)
+                correct_step(ints, floats, plan, R, matrix, spare, rhs, factor, store)
                 if task == CHECK:
                     reason = status
         if reason == RUNNING:
@@ -435,7 +437,7 @@ def _skip_bodies(ints, floats, x, R, rtol, noise, matrix, rhs, scale):
 
 
 @kernel(inline="always")
-def _skip_step_correction(ints, floats, plan, R, matrix, spare, rhs, factor):
+def _skip_step_correction(ints, floats, plan, R, matrix, spare, rhs, factor, store):
     """`correct_newton_step` for mechanisms whose loads are conservative."""
 
 
@@ -495,7 +497,7 @@ def newton_motion(
 ):  # fmt: skip
     """`newton` for a time step (`ksd.elements.inertia`) of strain-mode leaves, linear bodies and springs."""
     return _newton(
-        add_members, condense_beam, set_inertia, set_leaf_gravity, add_inertia, recover_leaf,
+        add_members, condense_beam, set_inertia, set_leaf_inertia, add_inertia, recover_leaf,
         move_inertia, add_bodies, correct_newton_step, _settles,
         ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
         max_steps, factor, rtol, rounding, max_turn, divergence_limit,

@@ -15,6 +15,7 @@ import numpy as np
 
 from ksd.model.arrays import (
     LINEAR,
+    LOAD_NUMBERS,
     MEMBER,
     NO_BODIES,
     SETTINGS,
@@ -257,7 +258,8 @@ def topology_arrays(
     plan, places, start, row_start = number_unknowns(nodes, 6, pairs, len(rows), last)
     return arrays_of(
         size=0.0, plan=plan, start=start, members=_members(members, places), terms=_terms(rows, places, nodes, row_start),
-        loads=_loads(loads, places), springs=_members(springs, places), weight=np.zeros((0, 4)), active_dofs=np.arange(6),
+        loads=_loads(loads, places), springs=_members(springs, places), weight=np.zeros((0, LOAD_NUMBERS)),
+        active_dofs=np.arange(6),
         carried=_carried_nodes(nodes, members, rows), bodies=NO_BODIES, known=np.zeros((0, 12)), rates=np.zeros(2),
     )  # fmt: skip
 

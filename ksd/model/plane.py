@@ -20,7 +20,7 @@ import numpy as np
 
 from ksd.elements.planar_leaf import planar_values, store_size
 from ksd.elements.plate_energy import POINT_NUMBERS
-from ksd.elements.strain_values import masses_beyond, strain_values
+from ksd.elements.strain_values import load_constants, strain_value_count, strain_values
 from ksd.model.arrays import (
     COIL,
     COROTATIONAL,
@@ -128,9 +128,7 @@ def _planar_arrays(arrays: Arrays, axis: int, rows: np.ndarray) -> Arrays:
 
     Strain-mode leaves have their planar kernel.
     """
-    heavy = np.zeros(len(arrays.members.kind), bool)
-    if len(arrays.weight):
-        heavy[:] = arrays.weight[:, 0] > 0.0
+    heavy = arrays.load_modes > 0
     topology, leaves = _planar_topology(arrays.ints.tobytes(), axis, tuple(rows.tolist()), heavy.tobytes())
     value = arrays.members.value
     planar_values_of_leaves = [
@@ -154,9 +152,13 @@ def _planar_members(
         own = (members.kind == STRAIN) & np.all(constants == row, axis=1)
         _, _, planar, of, _ = _unit_leaf(tuple(settings))
         kind[own], number[own], value_at[own] = PLANAR, planar, end
-        store[own] = store_size(int(planar[0]), has_weight=bool(weighs))
+        store[own] = store_size(int(planar[0]), modes=max(settings[5], weighs))
         leaves.append((at, bool(weighs), tuple(settings)))
-        end += len(of) + planar[4] * (POINT_NUMBERS + settings[2]) + weighs * settings[3]
+        end += (
+            len(of)
+            + planar[4] * (POINT_NUMBERS + settings[2])
+            + weighs * load_constants(settings[3], settings[5])
+        )
     planar_members = members._replace(
         kind=kind,
         number=number,
@@ -174,14 +176,14 @@ def _unit_leaf(settings: tuple[int, ...]) -> tuple[slice, np.ndarray, np.ndarray
     Returns the slice of the mode tables among the spatial constants, these tables, the planar settings, and index and factor
     of the spatial constant that gives each planar constant, without those of plate stiffening.
     """
-    nx, ny, nz, ng, plate = settings[:5]
+    nx, ny, nz, ng = settings[:4]
     value, _ = strain_values(
         length=1.0, rigidity=np.ones(3), compliance=np.ones(3), orders=(nx, ny, nz), points=ng
     )
     total, first = nx + ny + nz, 1 + nx * nx + ny * ny
     tables = slice(first + nz * nz + total, first + nz * nz + total + ng * (1 + ng + total))
     multiple, planar = planar_values(value, np.array([nx, ny, nz, ng, 0, 0, 0]))
-    planar[4] = plate
+    planar[4:] = settings[4:7]
     of = np.zeros(len(multiple), np.int64)
     # bending stiffness, stress-free amplitudes, and 1/EA and 1/(ky GA) of each point are copied; all other constants are
     # proportional to the length, spatial constant 0
@@ -200,7 +202,9 @@ def _planar_constants(value: np.ndarray, weighs: bool, settings: tuple[int, ...]
     if settings[4] or not np.array_equal(value[tables], known):
         return planar_values(value, np.array(settings), has_weight=weighs)[0]
     constants = multiple * value[of]
-    return np.concatenate([constants, masses_beyond(value, np.array(settings))]) if weighs else constants
+    number = np.array(settings)
+    own = value[strain_value_count(number) : strain_value_count(number, has_weight=weighs)]
+    return np.concatenate([constants, own])
 
 
 def _normal_axis(arrays: Arrays) -> tuple[int, np.ndarray]:
@@ -329,9 +333,13 @@ def _out_of_plane_load(model: Model, k: np.ndarray) -> str:
             return f"{_load_name(model, i)} pushes along {vector_text(force)} N, {outside}"
         if np.linalg.norm(np.cross(moment, k)) > PARALLEL * np.linalg.norm(moment):
             return f"{_load_name(model, i)} turns about {vector_text(moment)} Nm, {outside}"
-    gravity = model.arrays.weight[:1, 1:].ravel()
+    gravity = model.arrays.weight[:1, 1:4].ravel()
     if len(gravity) and abs(gravity @ k) > PARALLEL * np.linalg.norm(gravity):
         return f"the weight of the leaf springs pulls along {vector_text(gravity)} m/s^2, {outside}"
+    for line in model.scene.line_loads:
+        for force in (line.force, line.end_force):
+            if abs(force @ k) > PARALLEL * np.linalg.norm(force):
+                return f"line load '{line.name}' pushes along {vector_text(force)} N/m, {outside}"
     return ""
 
 

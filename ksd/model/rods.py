@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ksd.elements.ends import member_tangent
-from ksd.elements.rod import STATE, allocate_rod_scratch, integrate_rod
+from ksd.elements.rod import ROD_LOADS, STATE, allocate_rod_scratch, integrate_rod
 from ksd.model.arrays import AT, DOFS_PER_NODE, MEMBER
 from ksd.model.assembly import scatter
 from ksd.numerics.elimination import solve_small
@@ -38,8 +38,8 @@ class Rods(NamedTuple):
 class RodState(NamedTuple):
     """State of rods.
 
-    gravity (k, 3) [m/s^2], global; position (p, 3), axes (p, 3, 3): stations at the start of every part but the first of a
-    rod, global; wrench (p, 6): at the start of every part, in its axes.
+    loads (k, ROD_LOADS): along the rods, global (`ksd.elements.rod`); position (p, 3), axes (p, 3, 3): stations at the
+    start of every part but the first of a rod, global; wrench (p, 6): at the start of every part, in its axes.
 
     From the last assembly: gap (p, 6): closure gap at the end of every part; wrench_change (p, 6, 7): change of the wrench
     per motion of the end (6 columns), and the one that closes the gap; elimination (p, 6, 13): minus the motion of a station
@@ -47,7 +47,7 @@ class RodState(NamedTuple):
     last step: closing (p, 6): motion by which every part had to close.
     """
 
-    gravity: np.ndarray
+    loads: np.ndarray
     position: np.ndarray
     axes: np.ndarray
     wrench: np.ndarray
@@ -124,7 +124,7 @@ def _close_part(y, gap, length, wrench_change, A, K, lam):
 
 @kernel
 def _weight_force(pose, y, wrench, wrench_change, force):
-    """Set the force on the start of a part with weight, which differs from that on its end, in force (12,)."""
+    """Set the force on the start of a part with loads along it, which differs from that on its end, in force (12,)."""
     n, m, arm = np.zeros(3), np.zeros(3), np.zeros(3)
     for r in range(3):
         arm[r] = pose[9 + r] - pose[15 + r]
@@ -172,26 +172,38 @@ def _eliminate_station(E, g, T, force, elimination, A):
 
 
 @kernel
-def _add_rods(ints, x, R, at_part, at_step, step, rod, offset, frame, gravity, position, axes, wrench, gap,
+def _add_rods(ints, x, R, at_part, at_step, step, rod, offset, frame, loads, position, axes, wrench, gap,
               wrench_change, elimination, matrix, rhs):  # fmt: skip
-    scratch, pose, Q, d, g0 = allocate_rod_scratch(), np.empty(18), np.empty((3, 3)), np.empty(3), np.empty(3)
+    scratch, pose, Q, d, g0 = (
+        allocate_rod_scratch(),
+        np.empty(18),
+        np.empty((3, 3)),
+        np.empty(3),
+        np.empty(ROD_LOADS),
+    )
     K, lam, A, M = np.empty((6, 6)), np.empty(12), np.empty((6, 6)), np.empty((6, 12))
     T, force, E, g = np.empty((12, 12)), np.empty(12), np.empty((12, 12)), np.empty(12)
     for i in range(len(at_part) - 1):
         node = ints[MEMBER.node] + 2 * i
         a, b, first, last = ints[node], ints[node + 1], at_part[i], at_part[i + 1]
-        has_weight = gravity[i, 0] != 0.0 or gravity[i, 1] != 0.0 or gravity[i, 2] != 0.0
+        has_loads = False
+        for c in range(ROD_LOADS):
+            has_loads = has_loads or loads[i, c] != 0.0
+        g0[9] = loads[i, 9]
         for j in range(first, last):
             _part_pose(a, b, i, j, first, last, x, R, offset, frame, position, axes, pose, Q, d)
             for c in range(3):
-                g0[c] = pose[c] * gravity[i, 0] + pose[3 + c] * gravity[i, 1] + pose[6 + c] * gravity[i, 2]
+                for k in range(0, 9, 3):
+                    g0[k + c] = (
+                        pose[c] * loads[i, k] + pose[3 + c] * loads[i, k + 1] + pose[6 + c] * loads[i, k + 2]
+                    )
             integrate_rod(at_step[j], at_step[j + 1], step, rod, g0, wrench[j], d, Q, gap[j], scratch)
             length = 0.0
             for s in range(at_step[j], at_step[j + 1]):
                 length += step[s]
             _close_part(scratch.y, gap[j], length, wrench_change[j], A, K, lam)
             member_tangent(pose, lam, K, T, force, A, M)
-            if has_weight:
+            if has_loads:
                 _weight_force(pose, scratch.y, wrench[j], wrench_change[j], force)
             if j == first:
                 E[:, :] = T

@@ -16,12 +16,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ksd.elements.pressure import GIVEN_MODES, PRESSURE_MODES
+from ksd.errors import SceneError
 from ksd.model.arrays import ALIGNMENT, COROTATIONAL, ROTATION, STRAIN, TRANSLATION
 from ksd.model.leaves import (
     cut_leaves,
     element_leaves,
     leaf_member,
     leaf_orders,
+    loads_of_pieces,
     piece_name,
     torsion_factor,
     whole_leaf_name,
@@ -39,6 +42,8 @@ LEAF_NUMBERS, LEAF_E, LEAF_IZ = 20, 10, 15
 GJ; and the columns of E and Iz."""
 SPRING_NUMBERS = 26
 """Count of the numbers of a spring before its constants: ends (2, 3), end frames (2, 3, 3), length, stiffness scale."""
+PUSH_NUMBERS = 7
+"""Count of the numbers of the loads along a leaf, see `ksd.model.leaves.loads_of_pieces`."""
 GEOMETRY_NUMBERS = 25
 """Count of the explicit numbers of a leaf before its constants or amplitudes: ends (2, 3), end frames (2, 3, 3), mass."""
 COMPARISON_PRECISION = 1e12
@@ -63,6 +68,11 @@ class LeafLayout(NamedTuple):
     group: int
     explicit: tuple[int, int] | None = None
     amplitudes: tuple[int, ...] = ()
+
+    @property
+    def load_modes(self) -> int:
+        """Number of the modes of its distributed loads, where there are more than its weight."""
+        return self.number[5] if self.kind == STRAIN and len(self.number) > 5 else 0
 
     @property
     def explicit_count(self) -> int:
@@ -116,7 +126,8 @@ class SceneNumbers(NamedTuple):
     origin (D, P, 3), rotation (D, P, 3, 3): of the P parts; length (D, U), interfaces (D, U, 2, 3): lengths and points A and
     B of the U distinct parts; point (D, B, 3): internal blocks; leaf (D, F, LEAF_NUMBERS); terms (D, T, 7): coefficient,
     direction, point; loads (D, L, 9): position, force, moment; gravity (D, 3); springs (D, ..): SPRING_NUMBERS and constants
-    of every spring; explicit (D, ..): explicit numbers of the leaves that have them.
+    of every spring; pushes (D, K, PUSH_NUMBERS): loads along the leaves that have any; explicit (D, ..): explicit numbers
+    of the leaves that have them.
     """
 
     origin: np.ndarray
@@ -129,6 +140,7 @@ class SceneNumbers(NamedTuple):
     loads: np.ndarray
     gravity: np.ndarray
     springs: np.ndarray
+    pushes: np.ndarray
     explicit: np.ndarray
 
 
@@ -139,6 +151,7 @@ def number_slices(layout: SceneLayout) -> tuple[tuple[slice, tuple[int, ...]], .
         (len(layout.parts), 3), (len(layout.parts), 3, 3), (len(layout.distinct_parts),), (len(layout.distinct_parts), 2, 3),
         (sum(len(p.blocks) for p in layout.distinct_parts), 3), (leaves, LEAF_NUMBERS), (sum(map(len, layout.rows)), 7),
         (len(layout.loads), 9), (3,), (sum(SPRING_NUMBERS + s[3] for s in layout.springs),),
+        (sum(leaf.load_modes > 0 for p in layout.distinct_parts for leaf in p.leaves), PUSH_NUMBERS),
     )  # fmt: skip
     slices, at = [], 0
     for shape in shapes:
@@ -160,6 +173,7 @@ class _PartCollector:
         self.leaf: list[float] = []
         self.explicit: list[float] = []
         self.groups: dict[Any, int] = {}
+        self.load_modes: dict[str, int] = {}
 
     def add(
         self, joint: Any, leaves: Iterable[tuple[str, Any]], before: str, ends: tuple[Any, Any], length: float
@@ -179,6 +193,7 @@ class _PartCollector:
             if not mesh.nodal:
                 layouts.append(self._leaf(leaf, mesh, (before, name), own, length))
                 continue
+            self._refuse_loads(name)
             # every element is a leaf of its own, its nodes are blocks
             pieces = element_leaves(leaf, leaf.elements or mesh.elements)
             between = [piece_name(name, k) for k in range(len(pieces) - 1)]
@@ -195,6 +210,14 @@ class _PartCollector:
         family = "" if joint is None else joint.family
         self.distinct.append(PartLayout(family, motions, tuple(names), tuple(layouts)))
 
+    def _refuse_loads(self, name: str) -> None:
+        """Raise SceneError for loads along a leaf that is divided into elements."""
+        if name in self.load_modes:
+            raise SceneError(
+                f"leaf '{name}' is a chain of elements, which takes no load along its length; leave mesh out, or "
+                "load its links"
+            )
+
     def _leaf(
         self, leaf: Any, mesh: Mesh, name: tuple[str, str], ends: tuple[str, str], length: float
     ) -> LeafLayout:
@@ -210,12 +233,16 @@ class _PartCollector:
         key: tuple[Any, ...] = (round(COMPARISON_PRECISION * long / length), length, size, has_weight)
         if torsion != 1.0:
             key += (round(COMPARISON_PRECISION * torsion),)
+        load_modes = self.load_modes.get(name[1], 0)
+        if mesh.leaf != "strain":
+            self._refuse_loads(name[1])
         if (
-            leaf.profile is not None
+            load_modes
+            or leaf.profile is not None
             or leaf.curve is not None
             or not (state is None or _has_constants_of_its_section(state))
         ):
-            member = leaf_member(leaf, mesh, name="".join(name), heavy=has_weight)
+            member = leaf_member(leaf, mesh, name="".join(name), heavy=has_weight, load_modes=load_modes)
             return self._explicit_leaf(
                 leaf, member, LeafLayout(name[1], ends, member.kind, (), has_weight, 0), key
             )
@@ -235,7 +262,7 @@ class _PartCollector:
         number = tuple(member.number.tolist())
         uniform = member.kind == STRAIN and leaf.profile is None and leaf.orders is None
         state = leaf.condition or LeafCondition()
-        if uniform and state.stretch == 1.0 and state.plate is None:
+        if uniform and state.stretch == 1.0 and state.plate is None and not self.load_modes.get(layout.name):
             amplitudes = member.inner[:-6].tolist()
             self.explicit += amplitudes
             group = self._group(*key, number, tuple(amplitudes))
@@ -272,6 +299,7 @@ def split_scene(scene: Any, mesh: Mesh) -> SplitScene:
     refuse_contacts(scene)
     index = {link: i for i, link in enumerate(scene.links)}
     parts = _PartCollector(mesh, has_gravity(scene), {free.name for free in scene.leaves})
+    pushes = loads_of_pieces(scene)
     known: dict[Any, int] = {}
     placed_parts: list[tuple[str, int, int, int]] = []
     places: list[float] = []
@@ -290,6 +318,10 @@ def split_scene(scene: Any, mesh: Mesh) -> SplitScene:
         places += placed.origin
         for row in placed.rotation:
             turns += row
+    pressed = {load.leaf for load in scene.pressures}
+    parts.load_modes = {
+        name: GIVEN_MODES + PRESSURE_MODES * (whole_leaf_name(name, parts.free) in pressed) for name in pushes
+    }
     for name, a, b, leaf in cut_leaves(scene):
         placed_parts.append(("", index[a], index[b], len(parts.distinct)))
         parts.add(None, ((name, leaf),), "", (leaf.start, leaf.end), leaf.length)
@@ -305,7 +337,7 @@ def split_scene(scene: Any, mesh: Mesh) -> SplitScene:
     )  # fmt: skip
     numbers = [
         *places, *turns, *parts.length, *parts.ends, *parts.point, *parts.leaf, *terms, *pushed,
-        *(scene.gravity or _STILL), *_spring_numbers(springs), *parts.explicit,
+        *(scene.gravity or _STILL), *_spring_numbers(springs), *(x for own in pushes.values() for x in own), *parts.explicit,
     ]  # fmt: skip
     return SplitScene(layout, numbers, tuple(joints))
 

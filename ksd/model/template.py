@@ -16,7 +16,7 @@ import numpy as np
 
 from ksd.elements import corotational_values as chains
 from ksd.elements.strain_values import strain_sizes, strain_value_count, strain_values
-from ksd.model.arrays import ALIGNMENT, STRAIN, Arrays, Members, State, angle_count, write
+from ksd.model.arrays import ALIGNMENT, LOAD_NUMBERS, STRAIN, Arrays, Members, State, angle_count, write
 from ksd.model.leaves import leaf_axes
 from ksd.model.mesh import Mesh
 from ksd.model.pack import MemberTopology, largest_extent, topology_arrays
@@ -81,7 +81,7 @@ def _unit_constants(kind: int, number: tuple[int, ...], heavy: bool) -> UnitCons
 
 def _sizes(leaf: LeafLayout) -> tuple[int, int, int]:
     """Counts of the constants, inner coordinates and stored numbers of a leaf."""
-    number = np.array(leaf.number, np.int64)
+    number = np.array([*leaf.number, 0, 0, 0], np.int64)
     if leaf.kind == STRAIN:
         inner, store = strain_sizes(number, has_weight=leaf.has_weight)
         constants = strain_value_count(number, has_weight=leaf.has_weight)
@@ -214,8 +214,11 @@ class Template:
         self.elements = np.array([float(w.number[0]) for w in self.leaf_layouts])
         self.identity = np.tile(np.eye(3), (len(self.node_names), 1, 1))
         self.explicit_leaves = [f for f, w in enumerate(self.leaf_layouts) if w.explicit_count]
-        if layout.has_gravity and self.leaf_has_weight.any():
-            self.topology = self.topology.replace(weight=np.zeros((len(self.member_leaf), 4)))
+        pushed = [f for f, w in enumerate(self.leaf_layouts) if w.load_modes]
+        # every free leaf is a part of its own, so a leaf with loads is one member
+        self.pushed = np.array([self.member_leaf.tolist().index(f) for f in pushed], int)
+        if pushed or (layout.has_gravity and self.leaf_has_weight.any()):
+            self.topology = self.topology.replace(weight=np.zeros((len(self.member_leaf), LOAD_NUMBERS)))
         self._attach()
         terms, loads = self.topology.terms, self.topology.loads
         self.term_nodes, self.load_nodes = terms.node, loads.node
@@ -330,10 +333,11 @@ class Template:
         arrays.floats[:, 0] = size
         self._fill_springs(arrays.springs, n, places)
         if len(topology.weight):
-            arrays.weight[..., 0], arrays.weight[..., 1:] = (
+            arrays.weight[..., 0], arrays.weight[..., 1:4] = (
                 leaves.mass[:, self.member_leaf],
                 n.gravity[:, None],
             )
+            arrays.weight[:, self.pushed, 4:] = n.pushes
         rotations = self.identity[None].repeat(count, axis=0)
         multipliers, angles = (
             np.zeros((count, n)) for n in (len(topology.terms.start), angle_count(topology))

@@ -66,6 +66,8 @@ UNSUPPORTED = {
     "compliances": "elastic links",
     "heats": "heat",
     "fits": "assembly errors and preloads",
+    "line_loads": "loads along leaf springs",
+    "pressures": "loads along leaf springs",
 }
 """Parts that a scene may not have, by its fields, in words for a message."""
 

@@ -42,6 +42,11 @@ def _rows(scene: Any) -> Iterable[tuple[str, str, str, str]]:
         force = [f"force {vector_text(p.force)} N"] * any(p.force)
         moment = [f"moment {vector_text(p.moment)} Nm"] * any(p.moment)
         yield "load", p.name, p.link, ", ".join(force + moment) + ", following" * p.following
+    for line in scene.line_loads:
+        to = "" if line.to is None else f" to {vector_text(line.to)}"
+        yield "line load", line.name, line.leaf, f"{vector_text(line.force)}{to} N/m, {_span(line)}"
+    for push in scene.pressures:
+        yield "pressure", push.name, push.leaf, f"{push.pressure:.4g} Pa along {push.side}, {_span(push)}"
     for m in scene.masses:
         yield "mass", "", m.link, f"{m.mass:.4g} kg at {in_millimetres(m.at)}"
     for s in scene.springs:
@@ -75,6 +80,14 @@ def _rows(scene: Any) -> Iterable[tuple[str, str, str, str]]:
     for kind, parts in (("heat", scene.heats), ("assembly error", scene.fits)):
         if parts:
             yield kind, "", "", f"{len(parts)} sentence{'s' * (len(parts) > 1)}"
+
+
+def _span(load: Any) -> str:
+    """The part of a leaf that a load covers, as text."""
+    end = "its end" if load.end is None else f"{1e3 * load.end:.4g} mm"
+    return (
+        "all along" if load.start == 0.0 and load.end is None else f"from {1e3 * load.start:.4g} mm to {end}"
+    )
 
 
 def _term(term: Any) -> str:

@@ -48,6 +48,7 @@ from ksd.scene.hinges import Hinge, check_drive_in_plane, check_hinge_in_plane, 
 from ksd.scene.joint import Joint
 from ksd.scene.leaf import Leaf
 from ksd.scene.leaf import wire as make_wire
+from ksd.scene.line_load import LineLoad, Pressure
 from ksd.scene.link import Link, link_name
 from ksd.scene.link_matrix import link_matrix
 from ksd.scene.load import Load, PointMass
@@ -69,6 +70,7 @@ from ksd.scene.sensor import Damper, Sensor
 from ksd.scene.shapes import ContactShape
 from ksd.scene.simulation import Simulation
 from ksd.section import Section
+from ksd.section.closed_forms import round_ratio
 
 SETTABLE_ATTRIBUTES = ("name", "plane", "gravity", "simulation", "report")
 """Attributes of a mechanism that can be assigned; everything else is described by its methods."""
@@ -89,7 +91,8 @@ FUNCTIONS_OF_KSD = (
 """Functions that take a mechanism, and are no methods of it."""
 SYNONYMS = {
     "drive": "actuate", "move": "actuate", "prescribe": "actuate", "fix": "support", "hold": "support", "clamp": "support",
-    "force": "load", "moment": "load", "torque": "load", "connect": "join", "joint": "join", "hinge": "pin",
+    "force": "load", "moment": "load", "torque": "load", "distributed_load": "line_load",
+    "uniform_load": "line_load", "connect": "join", "joint": "join", "hinge": "pin",
     "spherical": "ball", "cylinder": "cylindrical", "body": "link",
     "beam": "leaf", "flexure": "leaf", "temperature": "heat", "dashpot": "damper", "measure": "sensor", "probe": "sensor",
     "limit": "stop", "end_stop": "stop", "tendon": "cable", "rope": "cable",
@@ -140,6 +143,7 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
     _drives: list[Drive]
     _supports: list[Drive]
     _loads: list[Load]
+    _line_loads: list[LineLoad | Pressure]
     _springs: list[Spring | TurnSpring]
     _heats: list[Heat]
     _fits: list[Fit]
@@ -158,9 +162,9 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         # directly, without the checks of __setattr__: a design loop makes one for every design
         self.__dict__.update(
             ground=ground, _links={GROUND: ground}, _hinges={}, _masses=[], _compliances={}, _gravity=None, _points=[],
-            _joints=[], _leaves=[], _drives=[], _supports=[], _loads=[], _springs=[], _heats=[], _fits=[], _consider=(),
-            _distances=[], _sensors=[], _dampers=[], _stops=[], _cables=[], _surfaces=[], _contacts=[], _last=None,
-            simulation=None, report=None,
+            _joints=[], _leaves=[], _drives=[], _supports=[], _loads=[], _line_loads=[], _springs=[], _heats=[], _fits=[],
+            _consider=(), _distances=[], _sensors=[], _dampers=[], _stops=[], _cables=[], _surfaces=[], _contacts=[],
+            _last=None, simulation=None, report=None,
         )  # fmt: skip
         self.name, self.plane = name, plane
 
@@ -538,16 +542,8 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         It can be loaded, driven, supported, given a mass and pinned like any link; its position is the default of `at`. The
         leaf remains one leaf in stresses, pictures and names. The default name is "leaf point 1". Raises SceneError.
         """
-        label = leaf.name if isinstance(leaf, PlacedLeaf) else leaf
-        placed = next((f for f in self._leaves if f.name == label), None)
-        if placed is None:
-            known = [f.name for f in self._leaves]
-            raise UnknownNameError(
-                f"point: there is no free-form leaf {show(label)} (leaf springs of a joint are free-form by "
-                f"mechanism.constrain){name_hint(label, known)}",
-                kind="leaf",
-                name=str(label),
-            )
+        placed = self._free_leaf(leaf, "point")
+        label = placed.name
         length, at = placed.leaf.length, number(s, "s", owner=f"point of leaf '{label}'", unit="m")
         if not 1e-9 * length < at < (1 - 1e-9) * length:
             raise SceneError(
@@ -568,6 +564,25 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         self._points.append(added)
         link = self._links[added.name] = replace(self._links[added.name], at=tuple(position.tolist()))
         return link
+
+    def _free_leaf(self, leaf: Any, owner: str) -> PlacedLeaf:
+        """The free-form leaf of this name, or what `leaf` or `wire` returned. Raises UnknownNameError."""
+        label = leaf.name if isinstance(leaf, PlacedLeaf | Link) else leaf
+        placed = next((f for f in self._leaves if f.name == label), None)
+        if placed is None:
+            known = [f.name for f in self._leaves]
+            hint = name_hint(label, known) if isinstance(label, str) else ""
+            what = (
+                f"'{label}' is a link"
+                if label in self._links
+                else f"there is no free-form leaf {show(label)}"
+            )
+            raise UnknownNameError(
+                f"{owner}: {what} (leaf springs of a joint are free-form by mechanism.constrain){hint}",
+                kind="leaf",
+                name=str(label),
+            )
+        return placed
 
     # Hinges
 
@@ -865,7 +880,8 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
 
         following=True: both turn with the link (follower loads). The default name is "link.load". Raises SceneError.
         """
-        label = _free_name(name, f"{link_name(link)}.load", {load.name for load in self._loads}, "load")
+        used = {load.name for load in (*self._loads, *self._line_loads)}
+        label = _free_name(name, f"{link_name(link)}.load", used, "load")
         owner = f"load '{label}'"
         known = self._checked_link(link, owner)
         if force is None and moment is None:
@@ -884,6 +900,80 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         )
         self._loads.append(added)
         return added
+
+    def line_load(
+        self,
+        leaf: PlacedLeaf | str,
+        *,
+        force: ArrayLike,
+        to: ArrayLike | None = None,
+        start: float = 0.0,
+        end: float | None = None,
+        name: str | None = None,
+    ) -> LineLoad:
+        """Load a free-form leaf along its length: `force` (3,) [N/m] per undeformed length, in global axes, which keeps its
+        direction.
+
+        to (3,) [N/m]: the force per length at `end`, linear from `force` at `start`; None: `force` all along. start, end
+        [m]: arc lengths from the start of the leaf between which it acts, by default all of it. The default name is
+        "leaf.line_load". Example: mechanism.line_load(beam, force=(0, -2.0, 0), end=0.04). Raises SceneError.
+        """
+        placed, label = self._place_of_load(leaf, "line_load", name)
+        added = LineLoad(
+            label, placed.name, as_given(force), None if to is None else as_given(to), start, end
+        )
+        self._check_span(placed, added, f"line load '{label}'")
+        self._line_loads.append(added)
+        return added
+
+    def pressure(
+        self,
+        leaf: PlacedLeaf | str,
+        pressure: float,
+        *,
+        side: str = "+e2",
+        start: float = 0.0,
+        end: float | None = None,
+        name: str | None = None,
+    ) -> Pressure:
+        """Press on a face of a free-form leaf: `pressure` [Pa] over its width, normal to it in every state.
+
+        side: the direction of the push, "+e2" or "-e2"; e2 is the direction from the start of the leaf to its end, turned
+        left about its width axis. start, end [m]: as of `line_load`. The default name is "leaf.pressure". Raises SceneError.
+        """
+        placed, label = self._place_of_load(leaf, "pressure", name)
+        owner = f"pressure '{label}'"
+        if round_ratio(placed.leaf.section) is not None:
+            raise SceneError(
+                f"{owner}: '{placed.name}' has a round section, which has no face; give a line load, or a leaf of a "
+                "rectangular section."
+            )
+        if not placed.leaf.section.width > 0.0:
+            raise SceneError(
+                f"{owner}: the section of leaf '{placed.name}' has no width, so it has no face; give ksd.Section its width."
+            )
+        added = Pressure(label, placed.name, pressure, side, start, end)
+        self._check_span(placed, added, owner)
+        self._line_loads.append(added)
+        return added
+
+    def _place_of_load(self, leaf: Any, kind: str, name: str | None) -> tuple[PlacedLeaf, str]:
+        """The leaf of a load along it, and the name of the load."""
+        placed = self._free_leaf(leaf, kind.replace("_", " "))
+        used = {load.name for load in (*self._loads, *self._line_loads)}
+        return placed, _free_name(name, f"{placed.name}.{kind}", used, "load")
+
+    @staticmethod
+    def _check_span(placed: PlacedLeaf, load: LineLoad | Pressure, owner: str) -> None:
+        """Raise SceneError for a load that goes on beyond its leaf."""
+        length = placed.leaf.length
+        last = load.start if load.end is None else load.end
+        if last > length * (1.0 + 1e-9) or (load.end is None and not load.start < length):
+            key = "start" if load.end is None else "end"
+            raise SceneError(
+                f"{owner}: {key} = {last:g} m is beyond the end of leaf '{placed.name}', which is {length:g} m long; "
+                "give at most that, or leave it out."
+            )
 
     # Optional effects, see `ksd.scene.effects`
 
@@ -1300,6 +1390,8 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
             "drives": tuple(self._drives),
             "supports": (*self._supports, *(s for _, supports in hinges for s in supports)),
             "loads": tuple(self._loads),
+            "line_loads": tuple(x for x in self._line_loads if isinstance(x, LineLoad)),
+            "pressures": tuple(x for x in self._line_loads if isinstance(x, Pressure)),
             "masses": tuple(self._masses),
             "plane": self.plane,
             "hinges": tuple(hinge for hinge, _ in hinges),

@@ -66,7 +66,7 @@ def likely_unit(value: float, dimension: str, key: str) -> str:
         return "mm" if size > LENGTH_RANGE[1] else ""
     if dimension == "angle":
         return "deg" if size > 2 * math.pi else ""
-    if dimension == "stress" and 0.0 < size < MODULUS_RANGE[0]:
+    if dimension == "stress" and key != "pressure" and 0.0 < size < MODULUS_RANGE[0]:
         return "GPa" if size < 1e3 and key in ("E", "G") else "MPa"
     if dimension == "density":
         return "g/cm^3" if 0.0 < size < DENSITY_RANGE[0] else ""

@@ -44,7 +44,7 @@ def broken_rules(scene: Scene) -> Iterator[str]:
         "link": [*scene.links, *blocks],
         "joint or leaf": [*(j.name for j in scene.joints), *(f.name for f in scene.leaves), *inside],
         "drive or support": [d.name for d in (*scene.drives, *scene.supports)],
-        "load": [load.name for load in scene.loads],
+        "load": [*(x.name for x in scene.loads), *(x.name for x in scene.loads_along)],
         "stop, cable or drive": [p.name for p in (*scene.stops, *scene.cables, *scene.drives)],
     }
     messages = [message for kind, names in named.items() for message in _duplicate_names(kind, names)]

@@ -23,6 +23,7 @@ from ksd.scene.effects import Compliance, Distance, Fit, Heat, Spring, TurnSprin
 from ksd.scene.hinges import Hinge
 from ksd.scene.joint import Joint, Motion, joint_leaves
 from ksd.scene.leaf import Leaf, LeafCondition
+from ksd.scene.line_load import LineLoad, Pressure
 from ksd.scene.listing import in_millimetres, printed_scene
 from ksd.scene.load import Load, PointMass
 from ksd.scene.obstacle import Cable, Contact, Stop, Surface
@@ -109,8 +110,9 @@ class Scene(NotebookTables):
     mentioned; springs, compliances, heats, fits: see `ksd.scene.effects`; consider: optional effects of the leaf springs to
     simulate. plane: "xy", "xz" or "yz" for a planar mechanism; hinges: those without stiffness, whose supports are among
     `supports`; points: links that are points of leaf springs; distances: to be reported; sensors, dampers: see
-    `ksd.scene.sensor`; stops, cables, surfaces, contacts: see `ksd.scene.obstacle`. Scenes with the same contents are equal,
-    and have the same `fingerprint` in every process and on every machine.
+    `ksd.scene.sensor`; stops, cables, surfaces, contacts: see `ksd.scene.obstacle`; line_loads, pressures: along free-form
+    leaf springs. Scenes with the same contents are equal, and have the same `fingerprint` in every process and on every
+    machine.
 
     >>> guide, _, _ = ksd.load_scene("guide")
     >>> scene = guide.scene()
@@ -142,10 +144,17 @@ class Scene(NotebookTables):
     cables: tuple[Cable, ...] = ()
     surfaces: tuple[Surface, ...] = ()
     contacts: tuple[Contact, ...] = ()
+    line_loads: tuple[LineLoad, ...] = ()
+    pressures: tuple[Pressure, ...] = ()
 
     def __str__(self) -> str:
         """The parts of the mechanism, one per line."""
         return printed_scene(self)
+
+    @property
+    def loads_along(self) -> tuple[LineLoad | Pressure, ...]:
+        """Line loads and pressures."""
+        return (*self.line_loads, *self.pressures)
 
     def leaf_names(self) -> dict[str, Leaf]:
         """All leaf springs by full name: "joint/leaf" in joints, their own name for free-form ones."""

@@ -212,7 +212,7 @@ class Simulation:
         """Sentences to say about this motion of a scene. Raises SceneError for what it cannot do."""
         drives = {d.name: d for d in scene.drives}
         _known(self.drives, drives, "drive")
-        _known(self.loads, {load.name: load for load in scene.loads}, "load")
+        _known(self.loads, {load.name: load for load in (*scene.loads, *scene.line_loads)}, "load")
         _known(self.speeds, {n: n for n in scene.links if n != GROUND}, "link")
         _known({e.of: e for e in self.stop}, drives | {s.name: s for s in scene.sensors}, "drive or sensor")
         for name, f in self.drives.items():

@@ -216,7 +216,7 @@ _NAME_KINDS = {
     "point": ("link",),
 }
 """Kinds of names that a statement adds to a mechanism."""
-_NAMES_IN_RULES = {"join": "joint", "wire": "leaf", "actuate": "drive"}
+_NAMES_IN_RULES = {"join": "joint", "wire": "leaf", "actuate": "drive", "line_load": "line load"}
 """Words with which messages of `ksd.scene.rules` name the part of a statement, where it is not the statement's name."""
 
 

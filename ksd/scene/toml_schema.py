@@ -149,6 +149,12 @@ STATEMENTS: dict[str, Schema] = {
         "link": "text!", "force": "force[3]", "moment": "moment[3]", "at": "length[3]", "following": "flag",
         "name": "text",
     },
+    "line_load": {
+        "leaf": "text!", "force": "stiffness[3]!", "to": "stiffness[3]", "start": "length", "end": "length", "name": "text",
+    },
+    "pressure": {
+        "leaf": "text!", "pressure": "stress!", "side": "text", "start": "length", "end": "length", "name": "text",
+    },
     "mass": {"link": "text!", "mass": "mass!", "inertia": "inertia[]", "at": "length[3]"},
     "spring": LINK_PAIR | {
         "start": "length[3]!", "end": "length[3]!", "stiffness": "stiffness!", "free_length": "length", "name": "text",

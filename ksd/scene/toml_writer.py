@@ -104,6 +104,8 @@ def _scene_tree(scene: Scene, targets: dict[str, float]) -> Tree:
     by_schema: dict[str, Iterable[Any]] = {
         "point": scene.points,
         "load": scene.loads,
+        "line_load": scene.line_loads,
+        "pressure": scene.pressures,
         "mass": scene.masses,
         "distance": scene.distances,
         "contact": scene.contacts,

@@ -20,6 +20,7 @@ from ksd.answers.tangent import Tangent
 from ksd.errors import ConvergenceError
 from ksd.model.arrays import State, Workspace, make_workspace
 from ksd.model.compile import Model
+from ksd.model.load_rate import distributed_force
 from ksd.model.newton import (
     STALLED_RESIDUAL_LIMIT,
     assemble,
@@ -27,7 +28,6 @@ from ksd.model.newton import (
     largest_rotation,
     take_step,
 )
-from ksd.model.weight_load import weight_force
 from ksd.solvers.bordered import determinant_parity, path_tangent, solve_bordered
 from ksd.solvers.load_steps import SAME_STATE_TOLERANCE, LoadPath, state_difference
 from ksd.solvers.steps import Stop
@@ -88,7 +88,7 @@ def residual_rate(model: Model, motion: State, path: LoadPath, work: Workspace) 
         b[u : u + 3] -= factor_rate * force
         b[u + 3 : u + 6] -= factor_rate * moment
     if factor_rate and len(arrays.weight):
-        b += factor_rate * weight_force(arrays, work)
+        b += factor_rate * distributed_force(arrays, work)
     return b
 
 

@@ -38,7 +38,7 @@ def path_tangent(model: Model, motion: State, factor: float, work: Workspace, in
     inside: negative pivots inside the members.
     """
     arrays = model.arrays
-    skew = skew_block(arrays, motion, factor)
+    skew = skew_block(arrays, motion, factor, work)
     assembled = AssembledTangent(model, motion, arrays, work.matrix.copy(), inside, skew, work)
     if arrays.plan.unknowns > MAX_DENSE and model.kinds.isdisjoint((SOLID, LINEAR)):
         found, pivot = factor_released(assembled)

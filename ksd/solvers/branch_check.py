@@ -89,19 +89,22 @@ class _DeadLoads(NamedTuple):
 
 @cached_per_model
 def _dead_loads(model: Model) -> _DeadLoads:
-    """Loads and weight of a model; half the weight of a leaf at each end, as its centre moves about like their mean."""
+    """Loads of a model; half the weight of a leaf at each end, as its centre moves about like their mean; line loads
+    likewise."""
     loads, weight, members = model.arrays.loads, model.arrays.weight, model.arrays.members
     force, lever = np.zeros_like(model.rest.x), np.zeros_like(model.rest.R)
     np.add.at(force, loads.node, loads.force)
     np.add.at(lever, loads.node, loads.force[:, :, None] * loads.point[:, None])
     if len(weight):
-        half = 0.5 * weight[:, :1] * weight[:, 1:]
         for end in (0, 1):
+            line = members.length[:, None] * (weight[:, 4:7] / 2 + weight[:, 7:10] / (6 - 3 * end))
+            half = 0.5 * weight[:, :1] * weight[:, 1:4] + line
             np.add.at(force, members.node[:, end], half)
             np.add.at(lever, members.node[:, end], half[:, :, None] * members.offset[:, end, None])
     at_rest = float(np.vdot(force, model.rest.x) + np.trace(lever, axis1=1, axis2=2).sum())
     moments = tuple(np.flatnonzero(np.any(loads.moment, axis=1)).tolist())
-    return _DeadLoads(force, lever, at_rest, moments, bool(np.any(loads.following == 1)))
+    follow = bool(np.any(loads.following == 1) or len(model.arrays.under_pressure))
+    return _DeadLoads(force, lever, at_rest, moments, follow)
 
 
 def loads_dominate(model: Model, motion: State, target: np.ndarray, most_iterations: int) -> bool:

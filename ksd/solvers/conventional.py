@@ -88,7 +88,7 @@ def solve_without_loads(
 ) -> Configuration:
     """The equilibrium at `targets` without loads, with the model that has them and a load factor of 0. Raises
     ConvergenceError."""
-    scene = replace(model.scene, loads=(), gravity=None)
+    scene = replace(model.scene, loads=(), gravity=None, line_loads=(), pressures=())
     unloaded = replace(model, scene=scene, arrays=without_loads_arrays(model.arrays))
     return replace(solve_conventional(unloaded, targets, planar=planar), model=model, load_factor=0.0)
 

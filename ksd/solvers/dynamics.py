@@ -90,15 +90,17 @@ class Motion:
         scene = moving.model.scene
         self.drives = [words.drives.get(n, values[n]) for n in moving.model.drive_names]
         moved = [load for load in scene.loads if load.link != scene.links[0]]
-        self.factors = [words.loads.get(load.name) for load in moved]
+        self.factors = [words.loads.get(load.name) for load in (*moved, *scene.line_loads)]
         self.gravity = np.zeros(3) if scene.gravity is None else np.asarray(scene.gravity, float)
         self.arrays = moving.arrays.copy()
         self.loads = self.arrays.loads.force.copy(), self.arrays.loads.moment.copy()
+        self.lines: Array = np.zeros((2, len(scene.line_loads), 0))
         self.state = moving.moving_state(state)
         self.work = make_workspace(self.arrays)
         self.t, self.jump = 0.0, math.inf
         count = int(count_places(self.arrays.ints, moving.tau))
         self.history, self.known, self.q = np.zeros((4, count)), np.zeros((2, count)), np.zeros(count)
+        self.lines = self._place_lines(count)
         s = self.state
         self.past = np.zeros((2, *s.x.shape)), np.zeros((2, *s.R.shape)), np.zeros((2, len(s.inner)))
         self.known_past = 0
@@ -119,12 +121,24 @@ class Motion:
         self.arrays.rates[:] = 1.0, 0.0
         assemble(self.arrays, self.state, self.targets(np.zeros(1))[0], 1.0, self.work)
 
+    def _place_lines(self, count: int) -> Array:
+        """`MovingModel.lines` over the places (2, l, count)."""
+        found = np.zeros((2, self.lines.shape[1], count))
+        at, moving = 12 * len(self.state.x), self.moving
+        for i, (forces, modes) in enumerate(moving.modes.tolist()):
+            own = moving.lines[:, :, i, :forces]
+            found[..., at : at + 3 * forces] = own.reshape(*own.shape[:2], 3 * forces)
+            at += 3 * modes + (self._amplitudes(i) if moving.tau[i] > 0.0 else 0)
+        return found
+
     def _set_weight(self) -> None:
-        """Write the forces of gravity alone into the leaf springs."""
-        members, gravity = self.arrays.members, self.gravity
+        """Write the forces of gravity and line loads alone into the leaf springs."""
+        members, factors = self.arrays.members, self.load_factors(np.zeros(1), before=True)[0]
         for i in np.flatnonzero(self.moving.modes[:, 1]).tolist():
-            at = members.inner_at[i] + self._amplitudes(i) + 6
-            self.state.inner[at : at + 3] = gravity
+            at, own = members.inner_at[i] + self._amplitudes(i) + 6, self.moving.lines[0, :, i]
+            forces = np.einsum("l,lkr->kr", factors[len(self.loads[0]) :], own)[: self.moving.modes[i, 0]]
+            forces[0] += self.gravity
+            self.state.inner[at : at + forces.size] = forces.ravel()
 
     def _amplitudes(self, i: int) -> int:
         number = self.arrays.members.number[i]
@@ -146,9 +160,12 @@ class Motion:
         return found
 
     def load_factors(self, t: Array, *, before: bool = False) -> Array:
-        """Factors (k, l) of all loads at instants; before: just before them."""
-        found = np.ones((len(t), len(self.loads[0])))
-        for i, f in enumerate(self.factors):
+        """Factors (k, l) of all loads on links, weights of links, and line loads at instants; before: just before them."""
+        links = len(self.loads[0])
+        found = np.ones((len(t), links + self.lines.shape[1]))
+        # the weights of links come between, which have none
+        own = [*range(len(self.factors) - self.lines.shape[1]), *range(links, found.shape[1])]
+        for i, f in zip(own, self.factors, strict=True):
             if f is not None:
                 found[:, i] = [f.before(one) for one in t] if before else f(t)
         return found
@@ -173,12 +190,19 @@ class Motion:
         nodes = 12 * len(s.x)
         size = sum(field.size for field in s)
         speeds, accelerations = np.empty((count, nodes)), np.empty((count, nodes))
-        taken = _Taken(t, np.empty((count, size)), speeds, accelerations, np.empty((count, SCALARS)))
+        taken = _Taken(
+            t,
+            np.empty((count, size)),
+            speeds,
+            accelerations,
+            np.empty((count, SCALARS + self.lines.shape[1])),
+        )
         before = None if keep else s.copy()
         done, reason = march(
             *self.arrays.flat, *s, self.work.flat, self.work.at, self.history, self.known, self.q, moving.body,
             moving.tau, step.flat, *self.past, self.known_past if keep else 0,
-            self.targets(t), pushes, pulls, *self.loads, taken.states, speeds, accelerations, taken.scalars, int(keep),
+            self.targets(t), pushes, pulls, *self.loads, self.lines, taken.states, speeds,
+            accelerations, taken.scalars, int(keep),
             MAX_ITERATIONS, STEP_RTOL if keep else RTOL,
         )  # fmt: skip
         if before is not None:
@@ -240,7 +264,7 @@ class Motion:
 
     def row(self) -> _Taken:
         """The present instant as a row of what was taken, with speeds that are not shifted for the steps to come."""
-        s, nodes, scalars = self.state, 12 * len(self.state.x), np.zeros((1, SCALARS))
+        s, nodes, scalars = self.state, 12 * len(self.state.x), np.zeros((1, SCALARS + self.lines.shape[1]))
         history = self.history.copy()
         history[1] = self.right_speeds
         measure(
@@ -252,8 +276,9 @@ class Motion:
             history,
             self.work.flat,
             self.work.at,
-            scalars[0],
+            scalars[0, :SCALARS],
         )
+        scalars[0, SCALARS:] = self.lines[1] @ history[0]
         return _Taken(
             np.array([self.t]), flat_state(s)[None], history[1, None, :nodes], history[3, None, :nodes], scalars,
         )  # fmt: skip
@@ -599,6 +624,10 @@ def _work(motion: Motion, run: Run, rows: _Taken, x: Array, R: Array, values: Ar
             push = axes @ vector[i]
             mean = 0.5 * (after[:, i, None] * push[:-1] + before[:, i, None] * push[1:])
             done[1:] += (mean * moved).sum(axis=1)
+    own = slice(arrays.loads.node.size, None)
+    done[1:] += (0.5 * (after[:, own] + before[:, own]) * np.diff(rows.scalars[:, SCALARS:], axis=0)).sum(
+        axis=1
+    )
     if motion.words.base is not None:
         moment, pulled = (
             rows.scalars[:, 4:7],
@@ -715,8 +744,14 @@ def _start(
         push = (tuple(factor * f for f in load.force), tuple(factor * f for f in load.moment))
         if any(map(any, push)):
             moved.append(replace(load, force=push[0], moment=push[1]))
-    still = replace(scene, loads=tuple(moved))
-    if not any(values.values()) and not moved and (scene.gravity is None or not any(scene.gravity)):
+    lines = []
+    for line in scene.line_loads:
+        factor = words.loads[line.name].before(0.0) if line.name in words.loads else 1.0
+        ends = (tuple(factor * f for f in force) for force in (line.force, line.end_force))
+        lines.append(replace(line, **dict(zip(("force", "to"), ends, strict=True))))
+    still = replace(scene, loads=tuple(moved), line_loads=tuple(lines))
+    is_pushed = moved or any(any(line.force) or any(line.end_force) for line in lines)
+    if not any(values.values()) and not is_pushed and (scene.gravity is None or not any(scene.gravity)):
         work = make_workspace(model.arrays)
         if assemble(model.arrays, model.rest.copy(), model.targets(values), 0.0, work)[0] <= 1.0:
             return model, model.rest, values, ()

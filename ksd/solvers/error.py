@@ -258,7 +258,8 @@ def _initial_state(model: Model, motion: State, fine: Model, load_factor: float)
     for i, name in enumerate(model.member_names):
         if members.kind[i] == STRAIN:
             k, inner = index[name], motion.inner[members.inner_at[i] : members.inner_at[i + 1]]
-            pad_amplitudes(members.number[i], inner, more.number[k], state.inner[more.inner_at[k] :])
+            own = slice(more.inner_at[k], more.inner_at[k + 1])
+            pad_amplitudes(members.number[i], inner, more.number[k], state.inner[own])
         elif members.kind[i] == COROTATIONAL:
             chains.setdefault(whole_leaf_name(name, index), []).append(i)
     forces = forces_of_members(model, motion, chains, MOMENT_STATIONS, load_factor) if chains else {}

@@ -160,7 +160,7 @@ def take_load_steps(
 def _needs_pivoting(arrays: Arrays, reason: int, pivot: float) -> bool:
     """Whether pivoting may help: a pivot of rounding, or a step that failed under loads with a skew tangent."""
     failed = reason != Stop.CONVERGED
-    return reason == Stop.SINGULAR or pivot < WEAK_PIVOT or (failed and bool(arrays.loads.skew.any()))
+    return reason == Stop.SINGULAR or pivot < WEAK_PIVOT or (failed and not arrays.conservative)
 
 
 def take_path(

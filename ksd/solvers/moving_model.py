@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.answers.mass import member_leaves
-from ksd.elements.inertia import inertia_tables
+from ksd.elements.inertia import inertia_tables, orthogonal_modes
 from ksd.elements.plate_energy import POINT_NUMBERS
 from ksd.elements.strain_uncondensed import quadrature_points
 from ksd.elements.strain_values import strain_value_count
@@ -17,6 +17,7 @@ from ksd.errors import SceneError
 from ksd.model.arrays import (
     COROTATIONAL,
     LINEAR,
+    LOAD_NUMBERS,
     MODAL,
     PLANAR,
     ROTATION,
@@ -28,7 +29,7 @@ from ksd.model.arrays import (
     angle_count,
 )
 from ksd.model.compile import Model, compile_as_is
-from ksd.model.leaves import mass_density
+from ksd.model.leaves import loads_of_pieces, mass_density
 from ksd.model.pack import renumber
 from ksd.model.plane import Plane, plane_of
 
@@ -47,7 +48,8 @@ class MovingModel:
     (s,): positions of the inner state of statics in that of a time step. body (nodes, 21): of every node tr(J)/2 I - J, the
     inverse of J, and the centre of mass, unit numbers where it has no mass. modes (m, 2): of every member the numbers of
     force and of all modes; tau (m,) [s]: its loss factor over the angular frequency at which that holds.
-    leaf_mass (m,) [kg]; plane: of the motion, None in space.
+    leaf_mass (m,) [kg]; plane: of the motion, None in space. lines (2, l, m, modes, 3): accelerations [m/s^2] of the force
+    modes of every member by the line loads of the scene, and the forces [N] of these on the modes.
     """
 
     model: Model
@@ -60,6 +62,7 @@ class MovingModel:
     tau: Array
     leaf_mass: Array
     plane: Plane | None
+    lines: Array
 
     def moving_state(self, state: State) -> State:
         """The state of a time step at a state of statics: forces of inertia and known places are zero."""
@@ -94,6 +97,11 @@ def refuse_what_does_not_move(model: Model) -> None:
         SOLID: "a reduced solid",
         LINEAR: "a reduced body",
     }
+    for load in model.scene.pressures:
+        raise SceneError(
+            f"pressure '{load.name}' has no motion in time: simulate with a line load in its place, which keeps its "
+            "direction"
+        )
     for name, kind in zip(model.member_names, model.arrays.members.kind.tolist(), strict=True):
         if kind in kinds:
             raise SceneError(
@@ -133,8 +141,8 @@ def moving_model(
     """
     refuse_what_does_not_move(model)
     light = model
-    if model.scene.gravity is not None:
-        light = compile_as_is(replace(model.scene, gravity=None), model.mesh)
+    if model.scene.gravity is not None or model.scene.line_loads:
+        light = compile_as_is(replace(model.scene, gravity=None, line_loads=()), model.mesh)
     found = plane_of(model)
     plane = None if isinstance(found, str) or spatial else found
     arrays, rows = light.arrays, np.arange(len(model.arrays.terms.start))
@@ -161,8 +169,9 @@ def moving_model(
         model.rest.x, model.rest.R, np.zeros(size), np.zeros(len(has_row)), np.zeros(angle_count(arrays))
     )
     return MovingModel(
-        model, arrays, rest, has_row, inner, _node_bodies(bodies, len(arrays.start)), modes, tau, mass, plane
-    )
+        model, arrays, rest, has_row, inner, _node_bodies(bodies, len(arrays.start)), modes, tau, mass, plane,
+        _line_loads(model, light, modes[:, 0]),
+    )  # fmt: skip
 
 
 def _with_dashpots(model: Model, arrays: Arrays) -> Arrays:
@@ -268,10 +277,34 @@ def _with_leaf_inertia(
         number=number, value_at=value_at, value=np.concatenate(values), inner_at=padded,
         store_at=np.concatenate([[0], np.cumsum(store)]).astype(np.int64),
     )  # fmt: skip
-    weight_rows = np.zeros((count, 4))
+    weight_rows = np.zeros((count, LOAD_NUMBERS))
     weight_rows[:, 0] = mass
     positions = np.concatenate([np.zeros(0, np.int64), *inner]).astype(np.int64)
     return arrays.replace(members=moved, weight=weight_rows), positions, tau, mass, modes
+
+
+def _line_loads(model: Model, light: Model, modes: NDArray[np.int64]) -> Array:
+    """`MovingModel.lines`; modes (m,): numbers of force modes."""
+    scene, owner, members = model.scene, member_leaves(model), light.arrays.members
+    found = np.zeros((2, len(scene.line_loads), len(modes), int(modes.max(initial=0)), 3))
+    for j, load in enumerate(scene.line_loads):
+        pieces = loads_of_pieces(replace(scene, line_loads=(load,), pressures=()))
+        for name, numbers in pieces.items():
+            i = model.member_names.index(name)
+            leaf, line = owner[i]
+            if not modes[i]:
+                raise SceneError(
+                    f"line load '{load.name}': leaf '{load.leaf}' has no mass, so that in time nothing carries the load; "
+                    "give its material a density"
+                )
+            points, weight, _ = _quadrature(members.value[members.value_at[i] :], members.number[i])
+            mass = weight * mass_density(leaf) * line[:, 0]
+            P = orthogonal_modes(points, mass, int(modes[i]))
+            push = np.asarray(numbers[:3]) + points[:, None] * np.asarray(numbers[3:6])
+            force = (weight[:, None] * P).T @ push
+            found[0, j, i, : modes[i]] = force / (mass @ P**2)[:, None]
+            found[1, j, i, : modes[i]] = force
+    return found
 
 
 def _leaf_value_count(number: NDArray[np.int64], is_planar: bool) -> int:

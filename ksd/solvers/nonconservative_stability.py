@@ -32,7 +32,8 @@ LOWEST_MODES = 8
 
 def nonconservative_stability(model: Model, motion: State, load_factor: float) -> Verdict:
     """Flutter check of a state under non-conservative loads whose negative pivots show no divergence."""
-    loads = "loads follow" if model.arrays.loads.following.any() else "moments are not conservative"
+    follow = model.arrays.loads.following.any() or len(model.arrays.under_pressure)
+    loads = "loads follow" if follow else "moments are not conservative"
     try:
         tangent = assemble_and_factor(model, motion, load_factor=load_factor)
     except KinematicsError as reason:

@@ -139,6 +139,14 @@ def parameters_of(
                 magnitude = math.hypot(*getattr(load, kind)) or 1.0
                 loads.append(f"{load.name}_{kind}_{letter}")
                 add(loads[-1], value, magnitude, partial(_load_scene, scene, k, kind, axis))
+    for k, line in enumerate(scene.line_loads):
+        for axis, letter in enumerate(AXES):
+            loads.append(f"{line.name}_force_{letter}")
+            magnitude = math.hypot(*line.force, *line.end_force) or 1.0
+            add(loads[-1], line.force[axis], magnitude, partial(_line_load_scene, scene, k, axis))
+    for k, press in enumerate(scene.pressures):
+        loads.append(press.name)
+        add(press.name, press.pressure, abs(press.pressure) or 1.0, partial(_pressure_scene, scene, k))
     names = (by,) if isinstance(by, str) else by
     if names is None:
         names = [n for n in numbers if n not in counts] or drives
@@ -199,6 +207,24 @@ def _load_scene(scene: Any, k: int, kind: str, axis: int, value: float) -> Any:
     vector[axis] = value
     load = replace(scene.loads[k], **{kind: tuple(vector)})
     return replace(scene, loads=(*scene.loads[:k], load, *scene.loads[k + 1 :]))
+
+
+def _line_load_scene(scene: Any, k: int, axis: int, value: float) -> Any:
+    """The scene with another value of one component of line load k, at both ends by as much."""
+    line, ends = scene.line_loads[k], []
+    for force in (line.force, line.to):
+        vector = None if force is None else list(force)
+        if vector is not None:
+            vector[axis] += value - line.force[axis]
+        ends.append(None if vector is None else tuple(vector))
+    changed = replace(line, force=ends[0], to=ends[1])
+    return replace(scene, line_loads=(*scene.line_loads[:k], changed, *scene.line_loads[k + 1 :]))
+
+
+def _pressure_scene(scene: Any, k: int, value: float) -> Any:
+    """The scene with another value of pressure k."""
+    changed = replace(scene.pressures[k], pressure=value)
+    return replace(scene, pressures=(*scene.pressures[:k], changed, *scene.pressures[k + 1 :]))
 
 
 class PerturbedEquilibria:

@@ -66,7 +66,7 @@ def iterate_pivoted(arrays: Arrays, motion: State, *arguments: Any) -> tuple[int
             break
         if n > 0 and np.linalg.norm(work.rhs) > blow_up:
             return Stop.DIVERGED, n, worst, 0, condition
-        skew = skew_tangent(arrays, motion, factor)
+        skew = skew_tangent(arrays, motion, factor, work)
         step, condition = solve_scaled(K if skew is None else K + skew, -work.rhs[:, None], equilibration(K))
         if not condition > MIN_RECIPROCAL_CONDITION:
             return Stop.SINGULAR, n, worst, 0, condition

@@ -96,7 +96,15 @@ def _scale_loads(scene: Any, factor: float) -> Any:
         return tuple(factor * part for part in vector)
 
     loads = tuple(replace(x, force=times(x.force), moment=times(x.moment)) for x in scene.loads)
-    return replace(scene, loads=loads, gravity=None if scene.gravity is None else times(scene.gravity))
+    lines = tuple(replace(x, force=times(x.force), to=times(x.end_force)) for x in scene.line_loads)
+    pressures = tuple(replace(x, pressure=factor * x.pressure) for x in scene.pressures)
+    return replace(
+        scene,
+        loads=loads,
+        line_loads=lines,
+        pressures=pressures,
+        gravity=None if scene.gravity is None else times(scene.gravity),
+    )
 
 
 def _loaded_equilibrium(pose: Configuration, loaded: Model, state: State) -> Configuration:

@@ -128,8 +128,9 @@ def _modes_of(ints, i):
 
 
 @kernel
-def _write_known(ints, floats, inner, target, tau, gravity, step, history, known):
-    """Write the known places of a step, known (2, p) = q^ and those of dashpots, into the model; gravity (3,) [m/s^2]."""
+def _write_known(ints, floats, inner, target, tau, gravity, push, step, history, known):
+    """Write the known places of a step, known (2, p) = q^ and those of dashpots, into the model; gravity (3,) [m/s^2]; push
+    (p,) [m/s^2]: what line loads do to the modes of leaf springs."""
     c0, c1, count = step[0], step[1], history.shape[1]
     for p in range(count):
         for e in range(2):
@@ -156,8 +157,8 @@ def _write_known(ints, floats, inner, target, tau, gravity, step, history, known
             for u in range(w):
                 r = ints[active + u]
                 if r < 3:
-                    shift = gravity[r] / c0 if k == 0 else 0.0
-                    inner[place + 3 * k + r] = known[0, at + 3 * k + r] + shift
+                    shift = push[at + 3 * k + r] + (gravity[r] if k == 0 else 0.0)
+                    inner[place + 3 * k + r] = known[0, at + 3 * k + r] + shift / c0
         at += 3 * modes
         if modes > 0 and tau[i] > 0.0:
             inner[place + 3 * modes] = tau[i] * c1
@@ -171,7 +172,7 @@ def _write_known(ints, floats, inner, target, tau, gravity, step, history, known
 
 
 @kernel
-def _read_places(ints, floats, x, R, inner, angle, tau, gravity, step, known, q):
+def _read_places(ints, floats, x, R, inner, angle, tau, gravity, push, step, known, q):
     """Write the places q (p,) after a step; those of leaf modes follow from their forces."""
     c0, at = step[0], 12 * ints[NODES]
     for k in range(ints[NODES]):
@@ -183,7 +184,7 @@ def _read_places(ints, floats, x, R, inner, angle, tau, gravity, step, known, q)
         number, N = ints[MEMBER.number] + SETTINGS * i, _modes_of(ints, i)
         modes, start = ints[number + 5] + ints[number + 6], ints[ints[MEMBER.inner_at] + i]
         for k in range(3 * modes):
-            shift = gravity[k] if k < 3 else 0.0
+            shift = push[at + k] + (gravity[k] if k < 3 else 0.0)
             q[at + k] = known[0, at + k] + (shift - inner[start + N + 6 + k]) / c0
         at += 3 * modes
         if modes > 0 and tau[i] > 0.0:
@@ -201,7 +202,8 @@ def _read_places(ints, floats, x, R, inner, angle, tau, gravity, step, known, q)
 @kernel
 def start_places(ints, floats, x, R, inner, angle, tau, flat, at, q):
     """Write the places q (p,) of a state that was assembled."""
-    _read_places(ints, floats, x, R, inner, angle, tau, np.zeros(3), np.ones(1), np.zeros((1, len(q))), q)
+    none = np.zeros(max(3, len(q)))
+    _read_places(ints, floats, x, R, inner, angle, tau, none, none, np.ones(1), np.zeros((1, len(q))), q)
     store_at, pose_at, to = at[2], at[4], 12 * ints[NODES]
     # poses (m, 18) are before the last two parts of the workspace
     for i in range(ints[LEAF_COUNT]):
@@ -403,18 +405,22 @@ def _measure(ints, floats, x, R, inner, tau, history, flat, at, leaf, out):
 @kernel
 def march(
     ints, floats, x, R, inner, multiplier, angle, flat, at, history, known, q, body, tau, step, past_x, past_R, past_inner,
-    known_past, targets, factors, gravities, forces, moments, states, speeds, accelerations, scalars, keep, max_steps, rtol,
+    known_past, targets, factors, gravities, forces, moments, lines, states, speeds, accelerations, scalars, keep, max_steps,
+    rtol,
 ):  # fmt: skip
     """As many time steps as `targets` (n, c) has rows, from the state x, R, .. with its history (4, p), in place.
 
-    factors (n, l): of the loads forces, moments (l, 3); gravities (n, 3) [m/s^2]: at the ends of the steps. keep: 1 where
+    factors (n, l + m): of the loads forces, moments (l, 3), and of the line loads lines (2, m, p), accelerations [m/s^2] and
+    forces of the modes of leaf springs; gravities (n, 3) [m/s^2]: at the ends of the steps. keep: 1 where
     the steps are taken, 0 where only q (p,) and `known` of one step are wanted. states (n, s), speeds, accelerations (n, 12
-    k) of the nodes and scalars (n, SCALARS) are written. Returns (steps taken, reason of `newton` of the last one).
+    k) of the nodes and scalars (n, SCALARS + m), with
+    the forces of the line loads times places [J] last, are written. Returns (steps taken, reason of `newton` of the last
+    one).
     """
     bx, bR, binner = x.copy(), R.copy(), inner.copy()
     bmultiplier, bangle = multiplier.copy(), angle.copy()
     leaf, reason, done = allocate_leaf_scratch(ints), CONVERGED, 0
-    target, sizes = np.empty(targets.shape[1]), np.zeros(6, np.int64)
+    target, sizes, push = np.empty(targets.shape[1]), np.zeros(6, np.int64), np.empty(len(q))
     # numbers of an array, as literals would have `newton_motion` compiled once more for each
     tasks = np.array([[FULL_STEP, 0, 1], [SOLVE, 0, max_steps]])
     parts = (x.size, R.size, inner.size, multiplier.size, angle.size)
@@ -426,7 +432,11 @@ def march(
             for r in range(3):
                 floats[ints[LOAD.force] + 3 * i + r] = factors[done, i] * forces[i, r]
                 floats[ints[LOAD.moment] + 3 * i + r] = factors[done, i] * moments[i, r]
-        _write_known(ints, floats, inner, target, tau, gravities[done], step, history, known)
+        push[:] = 0.0
+        for i in range(lines.shape[1]):
+            for p in range(len(push)):
+                push[p] += factors[done, ints[LOADS] + i] * lines[0, i, p]
+        _write_known(ints, floats, inner, target, tau, gravities[done], push, step, history, known)
         bx[:], bR[:], binner[:] = x, R, inner
         bmultiplier[:], bangle[:] = multiplier, angle
         iterations = 0
@@ -458,7 +468,7 @@ def march(
             x[:], R[:], inner[:] = bx, bR, binner
             multiplier[:], angle[:] = bmultiplier, bangle
         if reason == CONVERGED:
-            _read_places(ints, floats, x, R, inner, angle, tau, gravities[done], step, known, q)
+            _read_places(ints, floats, x, R, inner, angle, tau, gravities[done], push, step, known, q)
             if keep == 1:
                 _update(ints, step, body, history, known, q)
                 past_x[1], past_R[1], past_inner[1] = past_x[0], past_R[0], past_inner[0]
@@ -472,6 +482,10 @@ def march(
                 accelerations[done] = history[3, : speeds.shape[1]]
                 _measure(ints, floats, x, R, inner, tau, history, flat, at, leaf, scalars[done])
                 scalars[done, 7] = iterations
+                for i in range(lines.shape[1]):
+                    scalars[done, SCALARS + i] = 0.0
+                    for p in range(len(push)):
+                        scalars[done, SCALARS + i] += lines[1, i, p] * q[p]
             done += 1
     return done, reason
 

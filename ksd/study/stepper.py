@@ -90,7 +90,7 @@ class Stepper:
         if words.speeds:
             self._motion.set_speeds(words.speeds)
         self.longest = chosen if longest is None else longest
-        self.loads = tuple(load.name for load in scene.loads)
+        self.loads = (*(x.name for x in scene.loads), *(x.name for x in scene.line_loads))
         self._factors = dict(zip(self.loads, self._motion.factors, strict=False))
         self._rho = words.rho
         self.start = self._state(Run([self._motion.row()], {}), {}, math.nan)

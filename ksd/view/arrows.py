@@ -22,6 +22,9 @@ from ksd.view.figure import (
 )
 
 MIN_DRIVE_ARROW, LOAD_ARROW, SENSOR_ARROW = 0.1, 0.13, 0.07
+LINE_LOAD_ARROW, MIN_LINE_LOAD_ARROW = 0.07, 0.05
+"""Length of the longest arrow of a load along a leaf, relative to the size of the mechanism, and of the shortest, relative
+to the longest."""
 """Shortest arrow of a drive, and lengths of the arrows of a load and of a sensor, relative to the size of the mechanism."""
 COIL_SIZE = 0.015
 """Half the width of a coil spring, and the length of one coil, relative to that size."""
@@ -72,7 +75,23 @@ def draw_arrows(
             text = f"{driven.name}: {value_with_unit(value, driven.kind)}, {amount}{against}"
             _label(axes, text, tip, DRIVE_COLOR)
     busy += [_draw_load(axes, load, camera, size, labels=labels) for load in shape.loads]
+    busy += [_draw_line_load(axes, load, camera, size, labels=labels) for load in shape.line_loads]
     return np.concatenate(busy)
+
+
+def _draw_line_load(axes: Any, load: Any, camera: Camera, size: float, *, labels: bool) -> Array:
+    """Draw a load along a leaf as a row of arrows that end on it, with a line along their tails; returns points no label
+    should cover."""
+    largest = float(np.linalg.norm(load.value, axis=1).max()) or 1.0
+    tails = load.place - LINE_LOAD_ARROW * size * load.value / largest
+    for tail, tip, value in zip(tails, load.place, load.value, strict=True):
+        if np.linalg.norm(value) > MIN_LINE_LOAD_ARROW * largest:
+            _draw_arrow_in_space(axes, camera, tail, tip, LOAD_COLOR)
+    line = np.array([camera.flat(tail) for tail in tails])
+    axes.plot(*line.T, color=LOAD_COLOR, linewidth=0.8, zorder=5)
+    if labels:
+        _label(axes, f"{load.name}: {load.text}", line[len(line) // 2], LOAD_COLOR)
+    return line
 
 
 def _draw_load(axes: Any, load: Any, camera: Camera, size: float, *, labels: bool) -> Array:

@@ -92,6 +92,10 @@ def _marks(shape: Shape, size: float, scene: Scene) -> list[tuple[str, str, str,
             continue
         vector = long * load.value / largest[load.kind]
         marks.append(("arrow" if load.kind == "force" else "turn", "load", load.name, load.place, vector))
+    for line in shape.line_loads:
+        most = float(np.linalg.norm(line.value, axis=1).max()) or 1.0
+        arrows = zip(line.place, 0.5 * long * line.value / most, strict=True)
+        marks += [("arrow", "load", line.name, place, vector) for place, vector in arrows]
     for h in shape.hinges:
         figure = {"pin": "pin", "slider": "box", "ball": "ball", "cylindrical": "pin"}[h.kind]
         marks.append((figure, "hinge", h.name, h.place, 0.2 * long * h.axis))

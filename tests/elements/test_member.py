@@ -5,10 +5,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from ksd.elements.ends import member_norms, member_tangent
+from ksd.elements.leaf_loads import add_member_loads, move_member_loads, set_member_loads
 from ksd.elements.linear import linear_condense
 from ksd.elements.spring import coil_condense
 from ksd.elements.strain_values import GRAVITY_BLOCK_SIZE
-from ksd.elements.weight_assembly import add_member_weight, rotate_member_gravity, set_member_gravity
 
 pytestmark = pytest.mark.plain
 
@@ -71,6 +71,10 @@ class Body:
         return np.concatenate([P.ravel(), end - self.x[0], end - self.x[1], end - start])
 
 
+PLAIN, NOTHING = np.zeros(7, np.int64), np.zeros(0)
+"""Settings and constants of a member with weight alone."""
+
+
 @pytest.mark.parametrize("weight", [False, True])
 def test_forces_and_tangent_on_both_nodes(weight, rng):
     """Forces take the predicted wrench and first moment, the tangent those of the present state."""
@@ -80,7 +84,9 @@ def test_forces_and_tangent_on_both_nodes(weight, rng):
         T, force, scratch = np.empty((12, 12)), np.empty(12), (np.empty((6, 6)), np.empty((6, 12)))
         wrench, store = body.F + weight * body.B @ g, rng.normal(size=GRAVITY_BLOCK_SIZE + 4)
         block = store[4:]
-        set_member_gravity(pose, np.array([[0.0, 0, 0, 0], [body.mass, *(body.g / 0.5)]]), 1, 0.5, store)
+        set_member_loads(
+            PLAIN, False, pose, np.array([body.mass, *(body.g / 0.5), *np.zeros(7)]), 0.5, NOTHING, store
+        )
         assert block[:3] == pytest.approx(g)
         block[9:27], block[27:36] = body.B.ravel(), body.D.ravel()
         for predicted in (True, False):
@@ -91,7 +97,7 @@ def test_forces_and_tangent_on_both_nodes(weight, rng):
             block[3 if predicted else 6 :][:3] = s
             member_tangent(pose, lam, body.K, T, force, *scratch)
             if weight:
-                add_member_weight(pose, store, body.mass, T, force)
+                add_member_loads(NOTHING, PLAIN, False, pose, store, body.mass, T, force)
             if predicted:
                 assert force == pytest.approx(
                     differences(lambda x, b=body: b.energy(x, weight=weight), 12, 0.01), abs=1e-6
@@ -105,7 +111,7 @@ def test_gravity_in_a_frame_that_turns(rng):
     pose, move = body.pose(), np.concatenate([rng.normal(size=3), 1e-4 * rng.normal(size=3)])
     P = pose[:9].reshape(3, 3)
     store[4:7] = P.T @ body.g
-    rotate_member_gravity(pose, move, store)
+    move_member_loads(PLAIN, False, pose, move, np.zeros(6), NOTHING, 1.0, store)
     once, back = ((exp(k * move[3:]) @ P).T @ body.g for k in (1, -1))
     assert store[-3:] == pytest.approx(0.5 * (once - back), rel=1e-6, abs=1e-10)
 

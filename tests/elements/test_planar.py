@@ -243,7 +243,7 @@ def heavy_pair():
     )
     inner, store = strain_sizes(number, has_weight=True)
     flat, settings = planar_leaf.planar_values(value, number, has_weight=True)
-    size = planar_leaf.store_size(6, has_weight=True)
+    size = planar_leaf.store_size(6, modes=1)
     return (
         Heavy(planar_leaf, flat, settings, np.zeros(inner), size, (L, 0, 0), L),
         Heavy(Spatial(number), value, number, np.zeros(inner), store, (L, 0, 0), L),

@@ -26,34 +26,45 @@ GRAVITY, WRENCH = np.array([0.5, -0.7, 0.4]), np.array([0.6, -0.5, 0.8, 0.4, 0.9
 def numbers(s):
     """Of a rod curved, tapered and heavy, at s along it: all of them vary, at different rates."""
     k0 = [0.5 + s, np.cos(2 * s), -0.4 + s**2]
-    return np.array([*k0, *(0.3 + 0.2 * np.sin(s + np.arange(6))), 0.6 + 0.3 * np.cos(s)])
+    return np.array([*k0, *(0.3 + 0.2 * np.sin(s + np.arange(6))), 0.6 + 0.3 * np.cos(s), s, 0.7 + 0.2 * s])
 
 
 def cross(v):
     return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
 
 
-def exact(wrench, *, gravity=GRAVITY):
+LOADS = np.array([*GRAVITY, 0.3, -0.2, 0.5, 0.1, 0.4, -0.3, 0.7])
+"""Gravity, line load at the start and its change, and pressure."""
+
+
+def exact(wrench, *, loads=LOADS):
     """Position, axes, moment of end q of a rod of unit length."""
 
     def slope(s, y):
         R, m, n, rod = y[3:12].reshape(3, 3), y[12:15], y[15:], numbers(s)
         v = R @ (np.array([1.0, 0, 0]) + rod[6:9] * (R.T @ n))
         k = rod[:3] + rod[3:6] * (R.T @ m)
-        return np.concatenate([v, (R @ cross(k)).ravel(), np.cross(n, v), -rod[9] * gravity])
+        return np.concatenate(
+            [
+                v,
+                (R @ cross(k)).ravel(),
+                np.cross(n, v),
+                -rod[9] * loads[:3] - loads[3:6] - s * loads[6:9] - loads[9] * rod[11] * R[:, 1],
+            ]
+        )
 
     start = np.concatenate([np.zeros(3), np.eye(3).ravel(), wrench[3:], wrench[:3]])
     end = solve_ivp(slope, (0, 1), start, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
     return end[:3], end[3:12].reshape(3, 3), end[12:15]
 
 
-def integrate(wrench, steps=8, *, d=None, Q=None):
+def integrate(wrench, steps=8, *, d=None, Q=None, loads=LOADS):
     edges = np.linspace(0, 1, steps + 1)
     rod = np.array([[numbers(a + (b - a) * x) for x in NODES] for a, b in itertools.pairwise(edges)])
     assert rod.shape == (steps, 5, ROD)
     gap, scratch = np.empty(6), allocate_rod_scratch()
     d, Q = np.zeros(3) if d is None else d, np.eye(3) if Q is None else Q
-    integrate_rod(0, steps, np.diff(edges), rod, GRAVITY, wrench, d, Q, gap, scratch)
+    integrate_rod(0, steps, np.diff(edges), rod, loads, wrench, d, Q, gap, scratch)
     return gap, scratch.y.copy(), scratch.R.copy(), (np.diff(edges), rod)
 
 
@@ -66,7 +77,7 @@ def test_a_rod_follows_its_equations():
     assert y[7:10] == pytest.approx(m, abs=1e-10)
     assert gap[:3] == pytest.approx(d - r, abs=1e-10)
     assert gap[3:] == pytest.approx(Rotation.from_matrix(Q @ axes.T).as_rotvec(), abs=1e-10)
-    r, axes, _ = exact(np.zeros(6), gravity=np.zeros(3))
+    r, axes, _ = exact(np.zeros(6), loads=np.zeros(10))
     position, end = unloaded_rod_end(step, rod)
     assert position == pytest.approx(r, abs=1e-10)
     assert end == pytest.approx(axes, abs=1e-10)
@@ -86,10 +97,11 @@ def test_its_error_is_of_eighth_order():
 
 
 def test_its_derivatives_are_differences(rng):
-    _, y, _R, _ = integrate(WRENCH)
-    h = 1e-4
+    # how pressure turns with the rod is left out of them
+    dead, h = np.append(LOADS[:9], 0.0), 1e-4
+    _, y, _R, _ = integrate(WRENCH, loads=dead)
     for c in range(6):
-        (up, Ru), (down, Rd) = (integrate(WRENCH + s * np.eye(6)[c])[1:3] for s in (h, -h))
+        (up, Ru), (down, Rd) = (integrate(WRENCH + s * np.eye(6)[c], loads=dead)[1:3] for s in (h, -h))
         turn = Rotation.from_matrix(Ru @ Rd.T).as_rotvec()
         found = np.concatenate([up[:3] - down[:3], turn, up[7:10] - down[7:10]]) / (2 * h)
         assert y[STATE + 9 * c : STATE + 9 * c + 9] == pytest.approx(found, abs=1e-7)

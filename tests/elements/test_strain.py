@@ -17,7 +17,7 @@ from ksd.elements.strain import (
 from ksd.elements.strain_flat import is_flat
 from ksd.elements.strain_uncondensed import (
     BUBBLES,
-    gravity_derivatives,
+    load_derivatives,
     quadrature_points,
     strain_flexibility,
     strain_mass_root,
@@ -245,13 +245,13 @@ def test_the_leaf_before_condensation(kind):
 
     def at(state, g=pull):
         found = uncondensed_leaves(leaf.value[None], number, state[None], g[None] if len(g) else None)
-        moment = gravity_derivatives(leaf.value[None], number, state[None], g[None]).s[0] if len(g) else 0.0
+        moment = load_derivatives(leaf.value[None], number, state[None], g[None]).s[0] if len(g) else 0.0
         return found, moment
 
     leaves, _ = at(inner)
     S, J, steps = np.zeros((6, 6)), leaves.J[0], [*[1e-3] * N, *[1.0] * 3]
     S[:3, :3] = leaves.S[0]
-    by_state = gravity_derivatives(leaf.value[None], number, inner[None], pull[None]) if len(pull) else None
+    by_state = load_derivatives(leaf.value[None], number, inner[None], pull[None]) if len(pull) else None
     for i, h in enumerate(steps):
         (up, s_up), (down, s_down) = (at(inner + k * h * np.eye(N + 6)[i]) for k in (1, -1))
         moved, end = (up.r - down.r)[0] / (2 * h), (up.end - down.end)[0] / (2 * h)

@@ -11,8 +11,8 @@ from ksd.elements.strain_values import (
     DEFAULT_ORDERS,
     DEFAULT_POINTS,
     GRAVITY_BLOCK_SIZE,
+    loads_beyond,
     make_modes,
-    masses_beyond,
     strain_sizes,
     strain_values,
 )
@@ -39,7 +39,7 @@ class Space:
             self.value, self.number = strain_values(
                 length=L, rigidity=rigidity, compliance=COMPLIANCE, modes=table, line_mass=np.full(7, MU)
             )
-            assert masses_beyond(self.value, self.number) == pytest.approx(MU * L * (1 - table.s))
+            assert loads_beyond(self.value, self.number)[:, 0] == pytest.approx(MU * L * (1 - table.s))
             inner, store = strain_sizes(self.number, has_weight=True)
             self.inner = np.zeros(inner)
             fields = strain.leaf_fields(self.number)
