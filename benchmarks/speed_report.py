@@ -145,8 +145,30 @@ def _start_up_table(cases: dict[str, Any]) -> list[str]:
     )
 
 
-def readme_table(found: dict[str, Any]) -> str:
-    """The table of the README: time and error of five methods for the fourbar of its script."""
+ARM_ROWS = {"mip_ms": "`conventional`", "full_ms": "`full`", "reduced_ms": "`reduced`"}
+"""Rows of the arm in the README: label by the time in arm.json."""
+
+
+def _arm_rows(arm: dict[str, Any]) -> list[list[str]]:
+    """The three-joint arm, whose tip is driven: mean times of a call, and the largest error of `reduced`."""
+    poses = list(arm["strain-mode leaves"]["location-case"].values())
+    rows = []
+    for key, method in ARM_ROWS.items():
+        error = max(p["force_error"] for p in poses) if key == "reduced_ms" else 0.0
+        mean = 1e3 * sum(p[key] for p in poses) / len(poses)
+        rows.append(
+            [
+                f"arm of three joints, 90 leaf springs, mean of {len(poses)} poses in space: {method}",
+                f"{mean:.0f}",
+                percent(error),
+            ]
+        )
+    return rows
+
+
+def readme_table(found: dict[str, Any], arm: dict[str, Any]) -> str:
+    """The table of the README: time and error of five methods for the fourbar of its script, where training does not pay,
+    and of three for the arm (results of arm.py), where it does."""
     rows = {(r["method"], r["elements"]): r for r in found["solves"]["1"]["rows"]}
     body = [
         [name, f"{rows[key]['call']['median_us']:.0f}", percent(rows[key]["force_error"])]
@@ -155,14 +177,16 @@ def readme_table(found: dict[str, Any]) -> str:
     return "\n".join(
         [
             *_table(
-                ["the fourbar above at 300 mm, prepared", "time of a call [µs]", "force error"], body, left=1
+                ["the fourbar above at 300 mm, prepared", "time of a call [µs]", "force error"],
+                body + _arm_rows(arm),
+                left=1,
             ),
             "",
             *_first_runs(found.get("start_up", {})),
             f"{machine_line(found['machine'])}; thread time, medians;",
-            "`python benchmarks/speed.py --readme README.md` renews it. Errors against finer leaves, orders (6, 5, 9).",
-            "[Methods at equal accuracy](benchmarks/results/bench.md); new designs, chains, optimisers and more: *Measured* "
-            "in the documentation.",
+            "`python benchmarks/speed.py --readme README.md` renews it. Errors against finer leaves, orders (6, 5, 9);",
+            "of the [arm](benchmarks/results/arm.md) on the same ones. [At equal accuracy](benchmarks/results/bench.md); "
+            "more: *Measured* in the documentation.",
         ]
     )
 
