@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -20,6 +21,7 @@ sys.path.insert(0, str(HERE))
 
 from blocks import show_blocks, with_blocks  # noqa: E402  (beside this file)
 from docstrings import as_rst, readable  # noqa: E402
+from offline import offline_settings  # noqa: E402
 from tables import write_tables  # noqa: E402
 
 project = "ksd"
@@ -42,6 +44,7 @@ exclude_patterns = [
 ]
 default_role = "code"
 html_theme = "furo"
+globals().update(offline_settings(HERE / "_made" / "static"))
 html_title = "ksd"
 html_show_sphinx = False
 html_copy_source = False
@@ -71,8 +74,23 @@ def scripts(kind: str, source: Path, header: str) -> str:
         (target / path.name).write_text('r"""\n' + f"{title}\n{'=' * len(title)}\n" + rest)
     for path in source.glob("*.toml"):
         shutil.copy(path, target)
-    (target / "GALLERY_HEADER.rst").write_text(header)
+    (target / "GALLERY_HEADER.rst").write_text(header + by_question(kind, source))
     return str(target)
+
+
+def by_question(folder: str, source: Path) -> str:
+    """A table of the scripts of a folder: the question each answers, and the joints it uses."""
+    rows = []
+    for path in sorted(source.glob("*.py")):
+        text = path.read_text()
+        title = text.split("\n", 1)[0].removeprefix('"""').removesuffix('"""')
+        names = {family.__name__ for family in ksd.joint_families().values()} & set(
+            re.findall(r"ksd\.(\w+)", text)
+        )
+        joints = ", ".join(sorted(names)) or "-"
+        rows.append(f"   * - :ref:`{title} <sphx_glr_{folder}_{path.name}>`\n     - {joints}\n")
+    head = "\n.. list-table::\n   :header-rows: 1\n   :widths: 70 30\n\n   * - question\n     - joints\n"
+    return head + "".join(rows) + "\n"
 
 
 HEADS = {

@@ -44,13 +44,19 @@ def by_parameter(text: str, names: set[str]) -> list[str]:
     return [*lines, ""]
 
 
-def drawn_pose(path: Path, example: str) -> list[str]:
-    """The lines that show the picture of the `pose` an example makes, which is written to `path`."""
+def run_example(example: str) -> dict[str, Any]:
+    """The names that an example has made at its end."""
     names: dict[str, Any] = {}
     exec(START, names)
     with contextlib.redirect_stdout(io.StringIO()):
         for part in doctest.DocTestParser().get_examples(example):
-            exec(compile(part.source, path.stem, "single"), names)
+            exec(compile(part.source, "example", "single"), names)
+    return names
+
+
+def drawn_pose(path: Path, example: str) -> list[str]:
+    """The lines that show the picture of the `pose` an example makes, which is written to `path`."""
+    names = run_example(example)
     path.parent.mkdir(parents=True, exist_ok=True)
     names["pose"].plot().savefig(path, dpi=110)
     place = f"/_made/poses/{path.name}"

@@ -11,12 +11,31 @@ from typing import Any
 
 BENCHMARKS = Path(__file__).resolve().parents[1] / "benchmarks"
 RESULTS = BENCHMARKS / "results"
+README = BENCHMARKS.parent / "README.md"
 CURVE = 12
 """Numbers in a row beyond which they are a curve, which the picture shows."""
 HEAD = """# Measured
 
-What the scripts in `benchmarks/` found, each with its date and machine. Times are thread CPU times unless said otherwise.
+What a user pays, and what for. Times are thread CPU times unless said otherwise.
 
+## A pose
+
+{readme}
+
+Where joints have many leaf springs or stand in series, a trained record pays ([arm](arm.md), [chain](chain.md)); for a
+planar loop of small joints `conventional` is faster without ([speed](speed.md)).
+
+## Everything else
+
+| what | where |
+|---|---|
+{rows}
+
+```{{toctree}}
+:hidden:
+
+{names}
+```
 """
 
 
@@ -27,7 +46,10 @@ def write_measured(folder: Path) -> None:
     names = sorted({path.stem for path in (*RESULTS.glob("*.md"), *RESULTS.glob("*.json"))})
     for name in names:
         (folder / f"{name}.md").write_text(page(name, shows.get(name, ""), folder))
-    (folder / "index.md").write_text(HEAD + "```{toctree}\n:maxdepth: 1\n\n" + "\n".join(names) + "\n```\n")
+    table = README.read_text().partition("<!-- measured:begin -->\n")[2].partition("\n\n")[0]
+    table = table.replace("the fourbar above", "the fourbar of *Getting started*")
+    rows = "\n".join(f"| {shows.get(name, 'parts of others')} | [{name}]({name}.md) |" for name in names)
+    (folder / "index.md").write_text(HEAD.format(readme=table, rows=rows, names="\n".join(names)))
 
 
 def page(name: str, shows: str, folder: Path) -> str:

@@ -9,7 +9,9 @@ from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 
-from docstrings import START, by_parameter
+import numpy as np
+from docstrings import START, by_parameter, run_example
+from figures import css_width
 from measured import write_measured
 from validated import write_validated
 
@@ -22,6 +24,7 @@ from ksd.optimisation import job_file
 from ksd.scene import toml_schema as schema
 from ksd.scene.toml_schema import SHAPE_CLASSES
 from ksd.solvers.configuration import INSIDE
+from ksd.training.family_description import closed_form, describe_family
 from ksd.units import DIMENSIONS
 
 REFERENCE = {
@@ -135,6 +138,41 @@ def reference(folder: Path) -> None:
     )
     listed = "\n".join(f"   {page}" for page in pages)
     (folder / "index.rst").write_text(f"Reference\n=========\n\n.. toctree::\n\n{listed}\n")
+
+
+def range_text(motion: ksd.Motion) -> str:
+    """The range of an intended motion of a joint in words."""
+    if motion.kind == "rotation":
+        low, high = np.degrees(motion.range)
+        return f"{motion.name}: {low:.3g} to {high:.3g} degrees"
+    return f"{motion.name}: {1e3 * motion.range[0]:.3g} to {1e3 * motion.range[1]:.3g} mm"
+
+
+def joints(folder: Path) -> None:
+    """The catalogue of joints: a picture of each, its closed-form stiffness beside the solved one, and its range."""
+    said = "Pictures, and numbers of the closed forms, are those of the examples in the [reference](reference/joints.rst)."
+    lines = ["# Joints", "", said, ""]
+    (folder / "joints").mkdir(exist_ok=True)
+    for family, kind in ksd.joint_families().items():
+        said = inspect.getdoc(kind) or ""
+        made = run_example(said[said.index(">>>") :])
+        joint, pose = made["joint"], made["pose"]
+        path = folder / "joints" / f"{family}.png"
+        pose.plot().savefig(path, dpi=110)
+        rows = [("range", range_text(motion)) for motion in joint.motions]
+        about = dict(describe_family(family)) | dict(closed_form(joint) if joint.motions else [])
+        rows += [(word, about[word]) for word in ("closed form", "typical ranges", "source") if word in about]
+        rows += [("shape", ", ".join(joint.shape())), ("in a scene file", f'`family = "{family}"`')]
+        lines += [f"## {kind.__name__}", "", " ".join(said.split("\n\n")[0].split()), ""]
+        lines += [
+            f"```{{image}} joints/{family}.png",
+            f":alt: {kind.__name__}",
+            f":width: {css_width(path)}",
+            "```",
+            "",
+        ]
+        lines += ["| | |", "|---|---|", *(f"| {label} | {text} |" for label, text in rows if text), ""]
+    (folder / "joints.md").write_text("\n".join(lines))
 
 
 def unit_factors() -> dict[str, float]:
@@ -268,4 +306,5 @@ def write_tables(folder: Path) -> None:
     scene_format(folder)
     write_measured(folder / "measured")
     reference(folder / "reference")
+    joints(folder)
     write_validated(folder / "validated.md")

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from readable import assert_readable
 
+import ksd
 from ksd.cli.commands import parser
 from ksd.cli.schema import schema_text
 from ksd.solvers.five_step_solver import LOOSE_CLOSURE_TOLERANCE
@@ -129,6 +130,19 @@ def test_a_block_that_fails_is_found_with_its_line():
     with pytest.raises(ZeroDivisionError) as caught:
         next(shown)
     assert caught.traceback[-1].lineno + 1 == 10
+
+
+@pytest.mark.parametrize("family", ["cross_flexure", "wire_flexure"])
+def test_the_catalogue_shows_picture_stiffness_and_range_of_a_joint(tmp_path, monkeypatch, family):
+    kind = ksd.joint_families()[family]
+    monkeypatch.setattr(ksd, "joint_families", lambda: {family: kind})
+    TABLES["joints"](tmp_path)
+    page = (tmp_path / "joints.md").read_text()
+    assert f"## {kind.__name__}\n" in page and "| closed form |" in page and f'`family = "{family}"`' in page
+    assert (tmp_path / "joints" / f"{family}.png").stat().st_size > 5000
+    assert ("| range | angle: -75 to 75 degrees |" in page and "E I / L" in page) == (
+        family == "cross_flexure"
+    )
 
 
 def test_every_public_name_is_on_a_page_of_the_reference():
