@@ -83,7 +83,7 @@ def by_question(folder: str, source: Path) -> str:
     rows = []
     for path in sorted(source.glob("*.py")):
         text = path.read_text()
-        title = text.split("\n", 1)[0].removeprefix('"""').removesuffix('"""')
+        title = text.split("\n", 1)[0].removeprefix('"""').removesuffix('"""').replace("`", "")
         names = {family.__name__ for family in ksd.joint_families().values()} & set(
             re.findall(r"ksd\.(\w+)", text)
         )

@@ -22,8 +22,7 @@ What a user pays, and what for. Times are thread CPU times unless said otherwise
 
 {readme}
 
-Where joints have many leaf springs or stand in series, a trained record pays ([arm](arm.md), [chain](chain.md)); for a
-planar loop of small joints `conventional` is faster without ([speed](speed.md)).
+{train}
 
 ## Everything else
 
@@ -49,7 +48,12 @@ def write_measured(folder: Path) -> None:
     table = README.read_text().partition("<!-- measured:begin -->\n")[2].partition("\n\n")[0]
     table = table.replace("the fourbar above", "the fourbar of *Getting started*")
     rows = "\n".join(f"| {shows.get(name, 'parts of others')} | [{name}]({name}.md) |" for name in names)
-    (folder / "index.md").write_text(HEAD.format(readme=table, rows=rows, names="\n".join(names)))
+    # the sentences of the README, which name files of benchmarks/results
+    train = README.read_text().partition("**When to train.** ")[2].partition("\n\n")[0]
+    train = train.replace("benchmarks/results/", "")
+    (folder / "index.md").write_text(
+        HEAD.format(readme=table, train=train, rows=rows, names="\n".join(names))
+    )
 
 
 def page(name: str, shows: str, folder: Path) -> str:
