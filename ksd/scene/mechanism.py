@@ -880,7 +880,7 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
 
         following=True: both turn with the link (follower loads). The default name is "link.load". Raises SceneError.
         """
-        used = {load.name for load in (*self._loads, *self._line_loads)}
+        used = {x.name for x in self._loads} | {x.name for x in self._line_loads}
         label = _free_name(name, f"{link_name(link)}.load", used, "load")
         owner = f"load '{label}'"
         known = self._checked_link(link, owner)
@@ -960,7 +960,7 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
     def _place_of_load(self, leaf: Any, kind: str, name: str | None) -> tuple[PlacedLeaf, str]:
         """The leaf of a load along it, and the name of the load."""
         placed = self._free_leaf(leaf, kind.replace("_", " "))
-        used = {load.name for load in (*self._loads, *self._line_loads)}
+        used = {x.name for x in self._loads} | {x.name for x in self._line_loads}
         return placed, _free_name(name, f"{placed.name}.{kind}", used, "load")
 
     @staticmethod
