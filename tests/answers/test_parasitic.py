@@ -8,7 +8,7 @@ from scenes import STEEL
 
 import ksd
 from ksd.cli import main
-from ksd.cli.sweep import _direction
+from ksd.cli.solve import _three
 from ksd.optimisation.job_file import load_job
 
 
@@ -176,5 +176,5 @@ def test_a_direction_that_is_none_is_refused(call):
 
 
 def test_a_direction_on_the_command_line_has_three_numbers():
-    with pytest.raises(ksd.SceneError, match="--along 1,a,0: write x, y, z or three numbers"):
-        _direction("1,a,0")
+    with pytest.raises(ksd.SceneError, match="--along 1,0: write three numbers, such as --along 1,1,0"):
+        _three("1,0", "--along", "1,1,0", float)
