@@ -859,7 +859,7 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
 
     def _drive_name(self, name: str | None, default: str, parts: tuple[DriveTerm, ...]) -> str:
         """A name that no drive or support has yet; a used default gets the suffix of its direction. Raises SceneError."""
-        used = {d.name for d in (*self._drives, *self._supports, *self._cables)}
+        used = {d.name for d in (*self._drives, *self._supports)} | {cable.name for cable in self._cables}
         used |= {d.name for _, supports in self._hinges.values() for d in supports}
         suffix = direction_suffix(parts[0]) if default in used and len(parts) == 1 else ""
         return _free_name(name, f"{default}.{suffix}" if suffix else default, used, "drive")
@@ -1294,7 +1294,8 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
 
     def _one_sided(self) -> set[str]:
         """Names of stops, cables and drives, which share the values of a solve."""
-        return {part.name for part in (*self._stops, *self._cables, *self._drives)}
+        cables = {cable.name for cable in self._cables}
+        return cables | {stop.name for stop in self._stops} | {drive.name for drive in self._drives}
 
     # Questions
 

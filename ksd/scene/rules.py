@@ -45,7 +45,9 @@ def broken_rules(scene: Scene) -> Iterator[str]:
         "joint or leaf": [*(j.name for j in scene.joints), *(f.name for f in scene.leaves), *inside],
         "drive or support": [d.name for d in (*scene.drives, *scene.supports)],
         "load": [*(x.name for x in scene.loads), *(x.name for x in scene.loads_along)],
-        "stop, cable or drive": [p.name for p in (*scene.stops, *scene.cables, *scene.drives)],
+        "stop, cable or drive": [
+            n for parts in (scene.stops, scene.cables, scene.drives) for n in (p.name for p in parts)
+        ],
     }
     messages = [message for kind, names in named.items() for message in _duplicate_names(kind, names)]
     messages += _unknown_links(scene)

@@ -441,7 +441,7 @@ def _surface_words(table: Table, words: dict[str, Any]) -> dict[str, Any]:
     """Arguments of a surface, with its shape made of the sizes of its table. Raises InvalidTable."""
     kind = _read_kind(table, "shape", schema.CONTACT_SHAPES, "shape")
     wanted = schema.CONTACT_SHAPES[kind]
-    sizes = {key: words.pop(key) for key in ("radius", "semi_axes", "points") if key in words}
+    sizes: dict[str, Any] = {key: words.pop(key) for key in ("radius", "semi_axes", "points") if key in words}
 
     def make(**given: Any) -> Any:
         if given.keys() != set(wanted):

@@ -403,10 +403,9 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
 
     def _refuse_contact(self, question: str) -> None:
         """Raise SceneError for a question that has no answer yet where a stop or cable acts."""
-        if self._acts:
-            name = next(
-                p.name for p, f in zip(self.touched.what.parts, self.touched.forces, strict=True) if f[0]
-            )  # type: ignore[union-attr]
+        touched = self.touched
+        if touched is not None and touched.closed:
+            name = next(p.name for p, f in zip(touched.what.parts, touched.forces, strict=True) if f[0])
             raise SceneError(
                 f"{question}: '{name}' acts in this pose, and this question knows no stops and cables yet; prescribe what "
                 "it holds by mechanism.actuate, which answers it for a stop that stays closed"

@@ -115,10 +115,10 @@ class ContactNewton:
                 break
             if n > 0 and np.linalg.norm(work.rhs) > limit:
                 return self._stop(Stop.DIVERGED, n, worst, begin)
-            step = self._step(motion, before, plan, blocks)
-            if step is None:
+            found = self._step(motion, before, plan, blocks)
+            if found is None:
                 return self._stop(Stop.SINGULAR, n, worst, begin)
-            step, solved = step
+            step, solved = found
             unsolved = 0 if solved else unsolved + 1
             if unsolved > 2:
                 return self._stop(Stop.JAMMED, n, worst, begin)
