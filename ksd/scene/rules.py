@@ -46,7 +46,9 @@ def broken_rules(scene: Scene) -> Iterator[str]:
         "drive or support": [d.name for d in (*scene.drives, *scene.supports)],
         "load": [*(x.name for x in scene.loads), *(x.name for x in scene.loads_along)],
         "stop, cable or drive": [
-            n for parts in (scene.stops, scene.cables, scene.drives) for n in (p.name for p in parts)
+            *(s.name for s in scene.stops),
+            *(c.name for c in scene.cables),
+            *(d.name for d in scene.drives),
         ],
     }
     messages = [message for kind, names in named.items() for message in _duplicate_names(kind, names)]
