@@ -5,6 +5,7 @@ many lines of kernels were run; without the variable the same solves run compile
 """
 
 import ast
+import inspect
 import os
 import sys
 from pathlib import Path
@@ -212,6 +213,53 @@ def test_joints_that_move_out_of_their_plane():
     assert place(at)[12:15] == pytest.approx(change[9:12], abs=1e-8)
 
 
+@pytest.mark.parametrize("planar", [True, False])
+def test_pressure(planar):
+    scene, _ = blade()
+    scene.pressure("blade", 200.0, name="air")
+    model = compile_scene(scene)
+    assert solve_conventional(model, {}, planar=planar).motion.x[1, 1] != 0.0
+
+
+SQUARE = ((-6e-3, -6e-3), (6e-3, -5e-3), (5e-3, 6e-3), (-5e-3, 5e-3))
+CONTACTS = {
+    "polygon on disc": ("xy", lambda: ksd.shapes.disc(4e-3), lambda: ksd.shapes.polygon(SQUARE)),
+    "ellipse on disc": ("xy", lambda: ksd.shapes.disc(4e-3), lambda: ksd.shapes.ellipse(8e-3, 5e-3)),
+    "ellipse on wall": ("xy", ksd.shapes.wall, lambda: ksd.shapes.ellipse(8e-3, 5e-3)),
+    "polygon on wall": ("xy", ksd.shapes.wall, lambda: ksd.shapes.polygon(SQUARE)),
+    "ball on wall": (None, ksd.shapes.wall, lambda: ksd.shapes.ball(5e-3)),
+}
+
+
+@pytest.mark.parametrize("which", CONTACTS)
+def test_contact(which):
+    """A shape on the tip of a strip under one that is driven down, with friction."""
+    plane, below, above = CONTACTS[which]
+    scene = ksd.Mechanism("strip", plane=plane)
+    tip, held = scene.links("tip", "held")
+    section = ksd.rectangle(0.5e-3, 0.02)
+    scene.leaf("ground", tip, start=(0, 0, 0), end=(0.1, 0, 0), section=section, material=STEEL)
+    for along in "xy":
+        scene.actuate(held, along=along, at=(0.1, 0.02, 0), name=along)
+    for about in "z" if plane else "xyz":
+        scene.support(held, about=about)
+    if plane is None:
+        scene.support(held, along="z", at=(0.1, 0.02, 0))
+    a = scene.surface(tip, below(), at=(0.1, 0, 0), axis="y" if below is ksd.shapes.wall else None)
+    b = scene.surface(held, above(), at=(0.1, 0.02, 0))
+    scene.contact(a, b, friction=0.3, name="c")
+    pose = ksd.solve(scene, x=0.0, y=-0.017)
+    assert sum(pair.N for pair in pose.contacts.values()) > 0.0
+
+
+def test_a_stop_and_a_cable():
+    scene, _ = blade(load=({"force": (0, 5.0, 0)},))
+    scene.stop("tip", along="y", at=(0.1, 0, 0), high=2e-3, name="end")
+    scene.cable("ground", "tip", start=(0.1, -0.05, 0), end=(0.1, 0, 0), length=0.0515, name="tie")
+    pose = ksd.solve(scene)
+    assert pose.cables["tie"].force > 0.0 == pose.stops["end.high"].force
+
+
 def test_modal_bodies():
     for basis in (ModalBasis(elements=3), ModalBasis(coordinates="angle", derivatives="tied", elements=3)):
         _, model = blade(load=({"force": (0, 0.05, 0)},), chain=True)
@@ -228,10 +276,10 @@ def test_solids():
 
 
 def test_without_weight_or_inertia_nothing_happens():
-    for skip, words in (
-        (skip_set_gravity, 9), (skip_add_weight, 12), (skip_leaf_gravity, 8), (skip_rotate_gravity, 8),
-        (_skip_bodies, 9), (_skip_step_correction, 8),
+    for skip in (
+        skip_set_gravity, skip_add_weight, skip_leaf_gravity, skip_rotate_gravity, _skip_bodies, _skip_step_correction,
     ):  # fmt: skip
+        words = len(inspect.signature(getattr(skip, "py_func", skip)).parameters)
         assert skip(*[None] * words) in (None, (0, 0.0, 0.0, 0))
 
 
