@@ -186,7 +186,8 @@ def test_an_arc_hinge_four_ways():
         off = abs(poses[way].forces["turn"] / exact - 1)
         assert off <= error
         if way in ("constant", "reduced"):
-            assert poses[way].error.relative >= 0.5 * off
+            # at equilibrium, to which `reduced` may lead, none is left but rounding
+            assert poses[way].error.relative >= 0.5 * off - 1e-9
 
 
 def test_required_loads_give_the_loads_back(paper):
