@@ -77,7 +77,7 @@ def walk(
     program: values by name [m or rad] of drives, limits of stops and cables, one mapping for each waypoint; a name that is
     left out keeps its value. The walk starts at rest, with all drives at zero. steps: equal steps to every waypoint; slip
     has the direction of the whole step, so its error falls with them. strict: raise ConvergenceError where the walk
-    stops, with the `Walk` so far as its result; False returns that.
+    stops, with the `Walk` so far as its result; False returns that. Raises SceneError for a program without values.
 
     >>> jaw = ksd.Mechanism("jaw", plane="xy")
     >>> finger, ball = jaw.links("finger", "object")
