@@ -261,6 +261,8 @@ def test_the_schema_holds_words_of_python_only():
         "support": set(),
         "leaf": {"thickness", "width"},
         "compliance": {"points", "stiffness"},
+        # sizes of its shape
+        "surface": {"radius", "semi_axes", "points"},
     }
     for sentence, keys in schema.STATEMENTS.items():
         words = {*inspect.signature(getattr(ksd.Mechanism, sentence)).parameters}
