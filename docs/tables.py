@@ -242,6 +242,8 @@ def scene_tables() -> Iterator[tuple[str, schema.Schema, tuple[object, ...]]]:
     # one way or the other
     sizes["leaf"] = {key: kind.rstrip("!") for key, kind in sizes["leaf"].items()}
     more = sizes | {"actuate": {"terms": "terms", "value": "value"}, "support": {"terms": "terms"}}
+    more["stop"] = {"terms": "terms", "low": "value", "high": "value", "softness": "softness"}
+    more["cable"] = {"via": "terms"}
     about = {"leaf": (ksd.Leaf,), "wire": (ksd.Leaf,), "support": (ksd.Mechanism.actuate,)}
     yield "Top of the file", schema.TOP, (ksd.Mechanism,)
     yield "[material.NAME]", schema.MATERIAL, (ksd.Material,)
@@ -261,8 +263,14 @@ def scene_tables() -> Iterator[tuple[str, schema.Schema, tuple[object, ...]]]:
                         own,
                         (SHAPE_CLASSES[key][kind][1],),
                     )
+        if word == "cable":
+            yield "[[cable.via]]", schema.VIA, ()
         if word == "support":
-            yield "[[actuate.terms]] or [[support.terms]]", schema.TERM, (ksd.Mechanism.displacement,)
+            yield (
+                "[[actuate.terms]] or [[support.terms]] or [[stop.terms]]",
+                schema.TERM,
+                (ksd.Mechanism.displacement,),
+            )
     for name, family in sorted(ksd.joint_families().items()):
         yield f'[joint.NAME], family = "{name}"', of_family(family), (family,)
     yield '[joint.NAME], family = "drawn"', schema.DRAWN | dict.fromkeys(PARTS, "parts"), (ksd.DrawnJoint,)

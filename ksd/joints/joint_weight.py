@@ -28,8 +28,8 @@ NO_JOINT_WEIGHTS = JointWeights(np.zeros(0, np.int64), np.zeros(0, np.int64))
 
 @kernel
 def gravity_in_joint_axes(owner, node, R, frame, given, weight):
-    """Rotate gravity of the substructures' members `given` (m, 4), global, into the axes of A of their joint: `weight`
-    (m, 4).
+    """Rotate gravity of the substructures' members `given`, global, into the axes of A of their joint: `weight`, both
+    tables of `Arrays.weight`.
 
     node (J, 2): links of the joints; R (k, 3, 3): their rotations; frame (J, 3, 3): joint axes at rest.
     """

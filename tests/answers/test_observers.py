@@ -7,6 +7,7 @@ import ksd
 from ksd.errors import SceneError
 from ksd.pages.report_page import _vibrations
 from ksd.units import mm
+from ksd.view.swing import swing
 
 
 def guide(plane="xy", inertia=(1e-3, 1e-3, 1e-3)):
@@ -88,12 +89,16 @@ def test_the_report_has_modes_and_what_sensors_see():
     scene = guide()
     scene.actuate("stage", along="x", at=(0, 0.06, 0), name="push")
     pose = ksd.solve(scene, push=0.0)
-    without = "".join(_vibrations(pose))
+    without = "".join(_vibrations(pose, ["push"]))
     assert "with push let go" in without and without.count("<img") == 3 and without.count("<tr>") == 7
     scene.sensor("stage", along="x", at=(0, 0.06, 0), name="tip")
     pose = ksd.solve(scene, push=0.0)
-    assert "".join(_vibrations(pose)).count("<img") == 4
+    assert "".join(_vibrations(pose, ["push"])).count("<img") == 4
     # a mode of the leaf springs is drawn by their own largest displacement
     modes = pose.frequencies(freed="push")
     leaf = next(k for k, what in enumerate(modes.movements) if "between the ends" in what)
-    assert modes.largest_displacement(leaf) > 10 * abs(modes.shape[leaf, :, :3]).max()
+    swung, still = (swing(pose, modes, leaf, 0.02)(share) for share in (0.01, 0.0))
+    places = zip(swung.shape().leaves, still.shape().leaves, strict=True)
+    largest = max(abs(one.place - other.place).max() for one, other in places)
+    assert largest == pytest.approx(2e-4 * pose.model.arrays.size, rel=1e-3)
+    assert largest > 10 * abs(swung.motion.x - still.motion.x).max()

@@ -103,7 +103,7 @@ def test_sweep_report_and_animation_say_the_same(pose, tmp_path, monkeypatch):
     assert row["first_parasitic_mode"] == modes.names[first] == "parasitic_1"
     for k in range(first + 2):
         assert row[f"{modes.names[k]}_Hz"] == pytest.approx(modes.frequency_Hz[k], rel=1e-9)
-    assert _first_parasitic(pose) == pytest.approx(modes.first_parasitic_Hz, rel=1e-9)
+    assert _first_parasitic(pose, pose.model.drive_names) == pytest.approx(modes.first_parasitic_Hz, rel=1e-9)
     said = []
     monkeypatch.setattr(animate, "_write_frames", lambda *a, title, **k: said.append(title))
     for mode in (1, first + 1, "parasitic_1"):

@@ -310,7 +310,7 @@ def test_blocks_and_weights_of_joints_in_the_mechanism(rng):
     gravity_in_joint_axes(weights.owner, loops.node, R, loops.frame, given, seen)
     assert seen[:, 0].tolist() == given[:, 0].tolist()
     for i, j in enumerate(weights.owner):
-        assert seen[i, 1:] == pytest.approx(interface(bodies, j, 0, x, R)[1].T @ given[i, 1:], abs=1e-13)
+        assert seen[i, 1:4] == pytest.approx(interface(bodies, j, 0, x, R)[1].T @ given[i, 1:4], abs=1e-13)
     members, m, anchor = bodies.substructures.members, len(weights.owner), rng.normal(size=(2, 2, 3))
     load, point = np.array([1, 0]), np.zeros((2, 3))
     pose, store = rng.normal(size=(m, 18)), rng.normal(size=int(members.store_at[-1]))
