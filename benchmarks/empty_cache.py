@@ -16,7 +16,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from ksd.numerics.cache import source_hash
+from ksd.numerics.cache import cache_name
 
 TESTS = Path(__file__).resolve().parents[1] / "tests"
 AHEAD = "from ksd.solvers.precompile import precompile_kernels; precompile_kernels()"
@@ -36,7 +36,7 @@ def mistakes(cache: Path) -> list[str]:
     """What goes wrong with the cache in this folder."""
     usual = os.environ | {"PYTHONPATH": os.pathsep.join([str(TESTS), *sys.path])}
     given = usual | {"KSD_CACHE_DIR": str(cache), "NUMBA_NUM_THREADS": "1", "NUMBA_DISABLE_JIT": "0"}
-    folder = cache / f"kernels-{source_hash()}"
+    folder = cache / cache_name()
 
     def compiled() -> list[str]:
         return [file.name for file in folder.rglob("*.nbc")]

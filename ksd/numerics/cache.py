@@ -1,10 +1,10 @@
-"""The cache folder of compiled kernels, which is named after a hash of their sources and shared by processes.
+"""The cache folder of compiled kernels: below it one folder per source, named after a hash of all it imports.
 
-The cache of numba does not notice a changed callee in another file. So the name of the folder contains a hash of all sources
-of this package with kernels, and a changed kernel means a new folder and a new compilation. The files in it are executed, so
-the folder must be private: mode 0700, and nobody else can replace it or a folder above it. `KSD_CACHE_DIR` is tried first,
-then the cache folder of the user, then one in the temporary folder; where none of them is private, kernels are compiled in
-memory at every start.
+The cache of numba does not notice a changed callee in another file. So the folder of a source is named after a hash of the
+source and of those of this package that it imports, in turn where these have kernels: a changed kernel means new folders,
+and compiling, for it and for those that call it. The files are executed, so the cache folder must be private: mode 0700, and
+nobody else can replace it or a folder above it. `KSD_CACHE_DIR` is tried first, then the cache folder of the user, then one
+in the temporary folder; where none of them is private, kernels are compiled in memory at every start.
 """
 
 from __future__ import annotations
@@ -12,24 +12,65 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
+import re
 import stat
 import sys
 import tempfile
+from functools import cache
 from pathlib import Path
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 
 
-def source_hash() -> str:
-    """Hash (16 hex digits) of all sources that contain kernels, the numba version and this Python."""
+_IMPORT = re.compile(rb"^(?:from (ksd[.\w]*) import (\([^)]*\)|.*)|import (ksd[.\w]*))", re.MULTILINE)
+
+
+def cache_name() -> str:
+    """Name of the cache folder, with the version of numba and of this Python."""
     import numba
 
-    digest = hashlib.sha256(f"{numba.__version__} {sys.version_info[:2]}".encode())
-    for path in sorted(_PACKAGE.rglob("*.py")):
-        text = path.read_bytes()
-        if b"@kernel" in text or b"kernel(" in text:
-            digest.update(path.relative_to(_PACKAGE).as_posix().encode() + b"\0" + text)
-    return digest.hexdigest()[:16]
+    return f"kernels-{numba.__version__}-{sys.version_info.major}.{sys.version_info.minor}"
+
+
+@cache
+def _imported(path: Path) -> frozenset[Path]:
+    """The sources of this package that a source imports itself."""
+    found = set()
+    for module, names, whole in _IMPORT.findall(path.read_bytes()):
+        place = _PACKAGE.parent.joinpath(*(module or whole).decode().split("."))
+        found |= {place.with_suffix(".py"), place / "__init__.py"}
+        found |= (
+            {place / f"{name}.py" for name in re.findall(r"\w+", names.decode())} if place.is_dir() else set()
+        )
+    return frozenset(found & _sources())
+
+
+@cache
+def _sources() -> frozenset[Path]:
+    """All sources of this package."""
+    return frozenset(_PACKAGE.rglob("*.py"))
+
+
+@cache
+def _leads_to_kernels(path: Path) -> bool:
+    return path.name == "__init__.py" or b"kernel(" in (text := path.read_bytes()) or b"@kernel" in text
+
+
+@cache
+def _digest(path: Path) -> bytes:
+    return hashlib.sha256(path.name.encode() + b"\0" + path.read_bytes()).digest()
+
+
+@cache
+def source_hash(path: Path) -> str:
+    """Hash (16 hex digits) of a source and of those of this package that it imports, in turn where these have kernels."""
+    known, new = set(), {path}
+    while new:
+        known |= new
+        new = {
+            found for one in new if one == path or _leads_to_kernels(one) for found in _imported(one)
+        } - known
+    return hashlib.sha256(b"".join(sorted(map(_digest, known)))).hexdigest()[:16]
 
 
 def _reason_not_private(folder: Path) -> str:
@@ -97,7 +138,7 @@ def cache_folder() -> Path | None:
 
     A warning is logged where the folder named by `KSD_CACHE_DIR` is not used, and where there is no cache.
     """
-    key, reasons, found = f"kernels-{source_hash()}", [], None
+    key, reasons, found = cache_name(), [], None
     for place in _candidates():
         reason = _reason_not_private(place / key)
         if not reason:
@@ -115,6 +156,12 @@ def cache_folder() -> Path | None:
 CACHE_FOLDER: Path | None = cache_folder()
 
 
-def compiled_before(kernel: str = "") -> bool:
-    """Whether the cache already has compiled kernels of these sources, or this one, "module.name"."""
-    return CACHE_FOLDER is None or any(CACHE_FOLDER.rglob(f"{kernel}*.nbi"))
+def kernel_folder(path: Path) -> Path | None:
+    """The folder of the kernels of a source; None where there is no cache."""
+    return None if CACHE_FOLDER is None else CACHE_FOLDER / source_hash(path)
+
+
+def compiled_before(module: str, kernel: str) -> bool:
+    """Whether the cache has a kernel, as it is in the sources, of the module `module` ("ksd.model.newton")."""
+    folder = kernel_folder(_PACKAGE.parent.joinpath(*module.split(".")).with_suffix(".py"))
+    return folder is None or any(folder.rglob(f"*{kernel}*.nbi"))

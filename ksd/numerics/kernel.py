@@ -5,34 +5,34 @@ from __future__ import annotations
 import gc
 import logging
 from collections.abc import Callable
+from functools import partial
 from multiprocessing import current_process
+from pathlib import Path
 from typing import Any, Literal
 
 import numba
 
-from ksd.numerics.cache import CACHE_FOLDER, compiled_before
+from ksd.numerics.cache import CACHE_FOLDER, compiled_before, kernel_folder
 
-COMPILES_KERNELS: bool = not compiled_before() and not numba.config.DISABLE_JIT  # type: ignore[attr-defined]
-"""Whether this process started with an empty cache and has to compile kernels."""
+COMPILES_KERNELS: bool = not (numba.config.DISABLE_JIT or compiled_before("ksd.model.newton", "newton"))  # type: ignore[attr-defined]
+"""Whether this process has to compile the kernels of every solve."""
 HAS_SPARE_CORE: bool = numba.config.NUMBA_NUM_THREADS > 1  # type: ignore[attr-defined]
 """Whether there is a second core, on which another process can compile at the same time."""
 
-if CACHE_FOLDER is not None:
-    numba.config.CACHE_DIR = str(CACHE_FOLDER)  # type: ignore[attr-defined]
-    if COMPILES_KERNELS:
-        # in processes started by this package the message has been given by the first one
-        if current_process().name == "MainProcess":
-            logging.getLogger("ksd").warning(
-                "ksd: compiling its kernels for this machine (once; about half a minute) ..."
-            )
-        # objects of the compiler are not freed; a garbage collection every 700 of them takes 10 % of the time
-        _first, *_others = gc.get_threshold()
-        gc.set_threshold(_first and max(100_000, _first), *_others)
+if COMPILES_KERNELS and CACHE_FOLDER is not None:
+    # in processes started by this package the message has been given by the first one
+    if current_process().name == "MainProcess":
+        logging.getLogger("ksd").warning(
+            "ksd: compiling its kernels for this machine (once; about half a minute) ..."
+        )
+    # objects of the compiler are not freed; a garbage collection every 700 of them takes 10 % of the time
+    _first, *_others = gc.get_threshold()
+    gc.set_threshold(_first and max(100_000, _first), *_others)
 
 
-def announce_compiling(last: str, what: str) -> None:
-    """Say that kernels are compiled, `what`, unless the last of them, "module.name", was compiled before."""
-    if not numba.config.DISABLE_JIT and not compiled_before(last):  # type: ignore[attr-defined]
+def announce_compiling(module: str, kernel: str, what: str) -> None:
+    """Say that kernels are compiled, `what`, unless the last of them, of a module ("ksd.model.newton"), was before."""
+    if not numba.config.DISABLE_JIT and not compiled_before(module, kernel):  # type: ignore[attr-defined]
         logging.getLogger("ksd").warning(f"ksd: compiling {what} ...")
 
 
@@ -52,9 +52,14 @@ def kernel(
     (`fastmath={"contract"}`), which saves a tenth of the time of a spatial leaf; the last digits differ between processors
     with and without that instruction. With NUMBA_DISABLE_JIT=1 the function is left as it is.
     """
+    if function is None:
+        return partial(kernel, inline=inline)
+    folder = kernel_folder(Path(function.__code__.co_filename))
+    if folder is not None:
+        # read by numba when the kernel is defined
+        numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
     python_inline: Literal["never", "always"] = "always" if inline == "always" else "never"
-    decorate = numba.njit(
-        cache=CACHE_FOLDER is not None, nogil=True, error_model="numpy", fastmath={"contract"}, inline=python_inline,
+    return numba.njit(
+        cache=folder is not None, nogil=True, error_model="numpy", fastmath={"contract"}, inline=python_inline,
         forceinline=inline == "late",
-    )  # fmt: skip
-    return decorate if function is None else decorate(function)
+    )(function)  # fmt: skip

@@ -776,7 +776,7 @@ def begin_motion(
 ) -> tuple[Marcher, float, tuple[str, ...], tuple[str, ...]]:
     """What marches from the start of a motion, the step [s] to begin with, the drives that are let go, and notes."""
     announce_compiling(
-        "time_steps.march", "the kernels of motion for this machine (once; one or two minutes)"
+        "ksd.solvers.time_steps", "march", "the kernels of motion for this machine (once; one or two minutes)"
     )
     if words.method != "generalised_alpha":
         raise SceneError(f"simulate: method '{words.method}' is not there yet; use 'generalised_alpha'")

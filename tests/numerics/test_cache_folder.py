@@ -1,16 +1,19 @@
 """Compiled kernels are kept only where nobody but the user can put something else in their place."""
 
 import os
+import shutil
 import stat
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
+from ksd.model import newton
 from ksd.numerics import cache
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="modes and owners of POSIX")
-KEY = f"kernels-{cache.source_hash()}"
+KEY = cache.cache_name()
 
 
 @pytest.fixture
@@ -149,8 +152,9 @@ def test_without_a_folder_kernels_are_compiled_in_memory(tmp_path):
 def test_the_process_that_compiles_looks_for_garbage_less_often(tmp_path, compiled):
     """Only with an empty cache; a collector that was switched off stays so."""
     if compiled:
-        (tmp_path / KEY).mkdir()
-        (tmp_path / KEY / "one.nbi").touch()
+        folder = tmp_path / KEY / cache.source_hash(Path(newton.__file__))
+        folder.mkdir(parents=True)
+        (folder / "newton.newton-1.nbi").touch()
     told = []
     for own in (700, 0):
         program = f"import gc; gc.set_threshold({own}, 10, 10); import ksd.numerics.kernel; print(*gc.get_threshold())"
@@ -160,3 +164,40 @@ def test_the_process_that_compiles_looks_for_garbage_less_often(tmp_path, compil
         )  # fmt: skip
         told.append(done.stdout.split())
     assert told == [["700" if compiled else "100000", "10", "10"], ["0", "10", "10"]]
+
+
+def test_a_changed_callee_or_number_gives_its_callers_another_folder(tmp_path):
+    """And nothing else: a kernel compiled before is not compiled again where it has nothing to do with the change."""
+    package = tmp_path / "ksd"
+    shutil.copytree(Path(cache.__file__).parents[1], package, ignore=shutil.ignore_patterns("__pycache__"))
+
+    def hashes():
+        program = (
+            "from pathlib import Path; import sys; from ksd.numerics import cache\n"
+            "print(*(cache.source_hash(Path(cache.__file__).parents[1] / p) for p in sys.argv[1:]))"
+        )
+        names = [
+            "numerics/rotations.py",
+            "elements/strain.py",
+            "numerics/blocks.py",
+            "joints/substructures.py",
+        ]
+        done = subprocess.run(
+            [sys.executable, "-c", program, *names], capture_output=True, text=True, check=True, cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        )  # fmt: skip
+        return dict(zip(names, done.stdout.split(), strict=True))
+
+    def changed_by(name, old, new):
+        before = hashes()
+        path = package / name
+        assert old in path.read_text()
+        path.write_text(path.read_text().replace(old, new, 1))
+        return [name for name, found in hashes().items() if found != before[name]]
+
+    assert changed_by("numerics/rotations.py", "@kernel", "@kernel  # changed") == [
+        "numerics/rotations.py", "elements/strain.py", "joints/substructures.py",
+    ]  # fmt: skip
+    # numbers that kernels take as they are come from sources without kernels too
+    assert changed_by("joints/joint_arrays.py", '"""', '"""Changed. ') == ["joints/substructures.py"]
+    assert changed_by("scene/mechanism.py", '"""', '"""Changed. ') == []
