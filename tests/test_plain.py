@@ -22,9 +22,12 @@ from ksd.modal.solid import block
 from ksd.modal.solid_basis import reduce_solid
 from ksd.model.assembly import skip_add_weight, skip_leaf_gravity, skip_rotate_gravity, skip_set_gravity
 from ksd.model.compile import compile_scene
+from ksd.model.complementarity import _sweep, solve_complementarity, unknown_count
+from ksd.model.gaps import WRENCH
 from ksd.model.newton import _skip_bodies, _skip_step_correction
 from ksd.solvers import joint_tables
 from ksd.solvers.conventional import solve_conventional
+from ksd.solvers.touching import touching
 
 pytestmark = pytest.mark.plain
 INTERPRETED = os.environ.get("NUMBA_DISABLE_JIT") == "1"
@@ -231,8 +234,7 @@ CONTACTS = {
 }
 
 
-@pytest.mark.parametrize("which", CONTACTS)
-def test_contact(which):
+def pressed(which):
     """A shape on the tip of a strip under one that is driven down, with friction."""
     plane, below, above = CONTACTS[which]
     scene = ksd.Mechanism("strip", plane=plane)
@@ -248,8 +250,43 @@ def test_contact(which):
     a = scene.surface(tip, below(), at=(0.1, 0, 0), axis="y" if below is ksd.shapes.wall else None)
     b = scene.surface(held, above(), at=(0.1, 0.02, 0))
     scene.contact(a, b, friction=0.3, name="c")
-    pose = ksd.solve(scene, x=0.0, y=-0.017)
+    return scene
+
+
+@pytest.mark.parametrize("which", CONTACTS)
+def test_contact(which):
+    """A shape on the tip of a strip under one that is driven down, with friction."""
+    pose = ksd.solve(pressed(which), x=0.0, y=-0.017)
     assert sum(pair.N for pair in pose.contacts.values()) > 0.0
+
+
+def test_sweeps_end_where_newton_does():
+    """A start for problems that others do not solve, here on one that they do: the tip moved up into a polygon."""
+    what = touching(model := compile_scene(pressed("polygon on wall"), one_sided=True))
+    poses, count = (model.rest.x[what.nodes], model.rest.R[what.nodes]), len(what.pairs)
+    e0, C, rho = np.array([2e-3, 0.018, 0.0]), np.diag([1e-3, 1e-3, 10.0]), np.full(count, 500.0)
+    out, w, ends = np.zeros((count, WRENCH + 36)), np.zeros(3), []
+    words = (
+        what.pairs,
+        what.data,
+        what.bodies,
+        np.where(what.nodes == 1, 0, -1),
+        np.array([0, 1, 5]),
+        *poses,
+        *poses,
+        e0,
+        C,
+    )
+    for sweeps in (False, True):
+        y = np.zeros(unknown_count(what.pairs, 3))
+        if sweeps:
+            moved = [np.empty_like(a) for a in poses]
+            _sweep(*words, rho, y, out, *moved, w, np.zeros((count, 3)))
+        else:
+            assert solve_complementarity(*words, np.zeros(3), rho, 0.1, y, out, w)[0]
+        ends.append(y)
+    assert (ends[0][3:] > 1.0).any()
+    assert ends[1] == pytest.approx(ends[0], rel=1e-4, abs=1e-7)
 
 
 def test_a_stop_and_a_cable():
