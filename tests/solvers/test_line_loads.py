@@ -342,6 +342,24 @@ def test_stiffness_is_the_derivative_of_the_answer():
         assert compliance[:3, k] == pytest.approx(found, abs=1e-5 * np.abs(compliance[:3, :3]).max())
 
 
+def test_frequencies_under_pressure():
+    """Of one leaf, whose vibration inside is not seen by the pressure, and of four of a quarter, where most of it is."""
+    steel, found = ksd.Material(E=E, nu=NU, density=7800.0), []
+    for count in (1, 4):
+        scene = ksd.Mechanism("strip", plane="xy")
+        names = ["ground", *(f"cut {k}" for k in range(1, count)), "tip"]
+        for k, (one, other) in enumerate(itertools.pairwise(names)):
+            scene.link(other)
+            at = [(L * j / count, 0, 0) for j in (k, k + 1)]
+            leaf = scene.leaf(one, other, start=at[0], end=at[1], section=STRIP, material=steel)
+            scene.pressure(leaf, 8e3)
+        pose = solved(scene)
+        assert pose.displacement("tip", at=(L, 0, 0))[1] > 0.4 * L
+        found.append(pose.frequencies(count=3).frequency_Hz)
+    assert found[0] == pytest.approx(found[1], rel=2e-3)
+    assert found[0][:2] == pytest.approx(found[1][:2], rel=5e-4)
+
+
 def test_joints_are_condensed_beside_it():
     guide = ksd.ParallelGuide(STEEL, length=0.06, thickness=0.3e-3, width=10e-3, spacing=0.04)
     scene = ksd.Mechanism("guide")
