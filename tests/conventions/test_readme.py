@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import ksd
 from ksd.cli.commands import parser
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -40,6 +41,11 @@ def test_the_two_commands_are_there():
 def test_pictures_exist():
     for path in re.findall(r"!\[.*?\]\((.*?)\)", TEXT):
         assert (ROOT / path).exists(), path
+
+
+def test_one_version():
+    for name, pattern in {"CITATION.cff": r"^version: (\S+)$", "CHANGELOG.md": r"^## (\S+) \("}.items():
+        assert re.findall(pattern, (ROOT / name).read_text(), re.M)[0] == ksd.__version__, name
 
 
 def test_every_command_line_named_exists():
