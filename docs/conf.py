@@ -45,6 +45,10 @@ exclude_patterns = [
 default_role = "code"
 html_theme = "furo"
 globals().update(offline_settings(HERE / "_made" / "static"))
+# poses to be turned by hand, written while the gallery is built
+EXTRA = HERE / "_made" / "extra"
+EXTRA.mkdir(parents=True, exist_ok=True)
+html_extra_path = [str(EXTRA)]
 html_title = "ksd"
 html_show_sphinx = False
 html_copy_source = False

@@ -1,4 +1,4 @@
-"""Which figures of an example or a tutorial the site shows, and how large."""
+"""Which figures of an example or a tutorial the site shows, how large, and what can be turned by hand."""
 
 from __future__ import annotations
 
@@ -8,6 +8,10 @@ from typing import Any
 
 from matplotlib.figure import Figure
 from PIL import Image
+
+import ksd
+from ksd.view import write_page
+from ksd.view.drawing import mechanism_plane
 
 
 def css_width(path: Path) -> str:
@@ -30,4 +34,21 @@ def of_block(block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any
         shutil.move(written, path)
     names["___"] = None
     place = Path(path).relative_to(gallery_conf["src_dir"]).as_posix()
-    return f".. image:: /{place}\n   :alt: what the lines above draw\n   :width: {css_width(path)}\n"
+    image = f".. image:: /{place}\n   :alt: what the lines above draw\n   :width: {css_width(path)}\n"
+    return image + to_turn(
+        names, Path(gallery_conf["src_dir"]) / "_made" / "extra" / "turn" / f"{Path(path).stem}.html"
+    )
+
+
+def to_turn(names: dict[str, Any], path: Path) -> str:
+    """The last pose in space among what a script has named, once, in three dimensions; nothing without one."""
+    poses = [v for v in names.values() if isinstance(v, ksd.Configuration) and mechanism_plane(v) is None]
+    if not poses or poses[-1] is names.get("___turned"):
+        return ""
+    names["___turned"] = poses[-1]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_page(poses[-1], path)
+    frame = (
+        f'<iframe src="../turn/{path.name}" title="the pose, to be turned by hand" loading="lazy"></iframe>'
+    )
+    return f"\n.. raw:: html\n\n   {frame}\n"

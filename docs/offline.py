@@ -9,6 +9,7 @@ from pathlib import Path
 STYLE = """
 /* code and prints are 80 to 125 characters wide; what is longer still goes on in the next line instead of being cut */
 .content { width: 66em; max-width: 100%; }
+.content iframe { width: 100%; height: 28em; border: 1px solid var(--color-background-border); }
 .content pre { white-space: pre-wrap; overflow-wrap: anywhere; }
 .highlight pre, .literal-block-wrapper pre { font-size: 0.8rem; }
 @media (max-width: 110em) { .toc-drawer { display: none; } }

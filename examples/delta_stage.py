@@ -41,7 +41,7 @@ off = float(max(abs(q - r) for q, r in zip(angles, rigid, strict=True)))
 
 def picture(path=None):
     """The moved stage over the one at rest."""
-    return pose.plot(path, labels=False)
+    return pose.plot(path)
 
 
 print("hinges turn by", *(f"{q / deg:.4f}" for q in angles), "degrees")

@@ -117,11 +117,11 @@ def blended(color: str, white: float) -> str:
 
 
 def color_map() -> Any:
-    """The colour map of all pictures, light (small) to dark (large), without the lightest end, which white paper hides."""
+    """The colour map of all pictures, light (small) to dark (large), without what white paper hides, and without black."""
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
 
-    return ListedColormap(colormaps["inferno_r"](np.linspace(0.1, 0.95, 256)), name="light to dark")
+    return ListedColormap(colormaps["inferno_r"](np.linspace(0.1, 0.8, 256)), name="light to dark")
 
 
 def ordered_colors(count: int) -> list[Any]:
