@@ -14,6 +14,7 @@ import os
 from collections import defaultdict
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -21,13 +22,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from ksd.checks import clear_argument_errors, show, unused_name
 from ksd.errors import SceneError
 from ksd.extras import cad_package
 from ksd.files import named_file, read_file
-from ksd.importing.dxf_entities import FLAT, Stroke, entities, handle_of, stroke_of, to_world, words_of
+from ksd.importing.dxf_entities import (
+    FLAT,
+    Stroke,
+    entities,
+    handle_of,
+    reach_of,
+    stroke_of,
+    to_world,
+    words_of,
+)
 from ksd.importing.scene_text import STEEL, Parts, scene_text
 from ksd.scene.toml_table import quantity
 from ksd.units import DIMENSIONS
@@ -39,7 +51,13 @@ LAYERS = ("leaf", "link", "pin")
 OWN_LAYERS = {"outline", "point", "sheet", "clamp", "hole", "text"}
 """Layers of the drawings that ksd writes which hold nothing to be read."""
 MAX_LEAVES = 2000
-"""Limit of the number of leaf springs."""
+"""Limit of the number of leaf springs, and of closed outlines."""
+MAX_LINES = {"leaf": MAX_LEAVES, "link": 20_000, "pin": MAX_LEAVES}
+"""Limits of the number of entities on layers that are read."""
+MAX_LISTED = 8
+"""Number of handles that a comment lists; it says how many there are."""
+MAX_ENTITIES = 120_000
+"""Limit of the number of entities, those of blocks at every place of them."""
 MAX_SIZE = 1e6
 """Largest coordinate [m]."""
 CURVE_POINTS = (9, 17, 33, 65)
@@ -103,9 +121,17 @@ def _document(file: Path) -> Any:
         document = ezdxf.readfile(file)
     except Exception as reason:
         # ezdxf raises whatever a damaged file makes it raise
-        said = " ".join(str(reason).split())[:150] or "it is empty"
-        raise SceneError(f"{file.name} cannot be read as DXF: {said}.") from None
+        raise SceneError(f"{file.name} cannot be read as DXF: {_said(reason, file)}.") from None
+    if b"$INSUNITS" not in content:
+        # without one ezdxf takes its own
+        document.header["$INSUNITS"] = 0
     return document
+
+
+def _said(reason: Exception, file: Path) -> str:
+    """What another package says of a damaged file, in one line."""
+    text = " ".join(str(reason).replace(str(file), file.name).split())
+    return text[:150].rstrip(".") or "it is damaged"
 
 
 class _Reader:
@@ -126,16 +152,30 @@ class _Reader:
         self.unread: dict[tuple[str, str], list[str]] = defaultdict(list)
         self.notes: list[str] = []
         self.strokes: dict[str, list[Stroke]] = {key: [] for key in LAYERS}
+        self.counts = dict.fromkeys(LAYERS, 0)
         self.labels: list[tuple[str, Array]] = []
         self.circles: list[tuple[str, Array, float, dict[str, Any]]] = []
         role = {given.casefold(): key for key, given in layers.items()}
-        for entity, layer in entities(document.modelspace(), "", 0):
-            own = role.get(layer.casefold())
-            if own is None:
-                if layer not in OWN_LAYERS:
-                    self.leave(entity, layer)
-                continue
-            self.read(entity, layer, own)
+        entity: Any = None
+        try:
+            for number, (entity, layer) in enumerate(entities(document.modelspace())):
+                if number >= MAX_ENTITIES:
+                    raise SceneError(
+                        f"{file.name} has more than {MAX_ENTITIES:,} entities, those of blocks included; save the centre "
+                        "lines and links alone."
+                    )
+                own = role.get(layer.casefold())
+                if own is None:
+                    if layer not in OWN_LAYERS:
+                        self.leave(entity, layer)
+                    continue
+                self.read(entity, layer, own)
+        except SceneError:
+            raise
+        except Exception as reason:
+            # ezdxf raises whatever a damaged entity makes it raise
+            at = f" at or after {entity.dxftype()} {handle_of(entity)}" if entity is not None else ""
+            raise SceneError(f"{file.name} cannot be read{at}: {_said(reason, file)}.") from None
         if not self.strokes["leaf"]:
             there = sorted({layer.dxf.name for layer in document.layers} - {"Defpoints"})
             raise SceneError(
@@ -150,6 +190,13 @@ class _Reader:
     def read(self, entity: Any, layer: str, role: str) -> None:
         """Add an entity on a layer that is read."""
         kind, words = entity.dxftype(), words_of(entity)
+        self.counts[role] += 1
+        if self.counts[role] > MAX_LINES[role]:
+            what = {"leaf": "leaf springs", "link": "outlines of links", "pin": "pins"}[role]
+            raise SceneError(
+                f"{self.file.name} has more than {MAX_LINES[role]} lines on layer '{layer}', which are no {what}; put "
+                f"the {'centre lines' if role == 'leaf' else what} alone on a layer."
+            )
         if role == "link" and kind in ("TEXT", "MTEXT"):
             text = entity.plain_text() if kind == "TEXT" else " ".join(entity.plain_text().split())
             self.labels.append((text.strip(), to_world(entity, [entity.dxf.insert])[0]))
@@ -161,21 +208,17 @@ class _Reader:
         stroke = stroke_of(entity, self.join) if role != "pin" else None
         if stroke is None:
             return self.leave(entity, layer)
-        if not np.abs(stroke.points).max() * DIMENSIONS["length"][self.unit] <= MAX_SIZE:
+        reach = reach_of(stroke)
+        if not reach * DIMENSIONS["length"][self.unit] <= MAX_SIZE:
             raise SceneError(
-                f"{self.file.name}: {stroke.name} reaches {np.abs(stroke.points).max():g} {self.unit}, which no mechanism "
-                "does; check the unit, and that the drawing lies near its origin."
+                f"{self.file.name}: {stroke.name} reaches {reach:g} {self.unit}, which no mechanism does; check the unit, "
+                "and that the drawing lies near its origin."
             )
         stroke.words = words
         height = np.ptp(stroke.points[:, 2])
         if height > FLAT * np.ptp(stroke.points, axis=0).max() and "leaf" not in words:
             return self.leave(entity, layer, "not parallel to the plane xy")
         self.strokes[role].append(stroke)
-        if len(self.strokes["leaf"]) > MAX_LEAVES:
-            raise SceneError(
-                f"{self.file.name} has more than {MAX_LEAVES} lines on layer '{layer}', which are no leaf springs; put the "
-                "centre lines alone on a layer."
-            )
 
     def leaves(self) -> list[_Leaf]:
         """The leaf springs on the layer of centre lines."""
@@ -243,27 +286,35 @@ class _Reader:
         self.notes.append(f"{stroke.name} is a free curve through {len(at)} of its points.")
         return {"kind": "spline", "points": [[self.length(v) for v in p] for p in points], **tree}
 
-    def outlines(self) -> list[tuple[str, Array]]:
+    def outlines(self) -> _Outlines:
         """Name and corners (k, 2) of every closed outline on the layer of links."""
-        rings: list[tuple[str, Array, str]] = []
+        rings: list[tuple[str, Array]] = []
         loose: list[Stroke] = []
         for stroke in self.strokes["link"]:
             if stroke.closed or np.linalg.norm(stroke.points[0] - stroke.points[-1]) <= self.join:
-                rings.append((str(stroke.words.get("link", "")), _flattened(stroke), stroke.name))
+                rings.append((str(stroke.words.get("link", "")), _flattened(stroke)))
             else:
                 loose.append(stroke)
         rings += self.chained(loose)
+        if len(rings) > MAX_LEAVES:
+            raise SceneError(
+                f"{self.file.name} has {len(rings)} closed outlines on layer '{self.layers['link']}', more than the "
+                f"{MAX_LEAVES} that are read; put those of the links alone on a layer."
+            )
+        unnamed, written = _Outlines((str(k), ring) for k, (_, ring) in enumerate(rings)), dict[str, str]()
+        for text, place in self.labels:
+            for number, _ in unnamed.around(place[:2], 0.0) if text else ():
+                written.setdefault(number, text)
         names: set[str] = set()
-        found = []
-        for name, ring, _ in rings:
-            written = next((text for text, place in self.labels if text and _holds(ring, place[:2], 0.0)), "")
-            own = name or written
+        found = _Outlines()
+        for k, (name, ring) in enumerate(rings):
+            own = name or written.get(str(k), "")
             own = own if own == "ground" else unused_name(own, names) if own else _numbered("link", names)
             names.add(own)
             found.append((own, ring))
         return found
 
-    def chained(self, loose: list[Stroke]) -> list[tuple[str, Array, str]]:
+    def chained(self, loose: list[Stroke]) -> list[tuple[str, Array]]:
         """Closed outlines made of strokes whose ends meet."""
         if not loose:
             return []
@@ -272,7 +323,7 @@ class _Reader:
         at = defaultdict(list)
         for k, group in enumerate(meets.tolist()):
             at[group].append(k)
-        rings, done = [], set()
+        rings, done, left = list[tuple[str, Array]](), set[int](), list[str]()
         for first in range(len(loose)):
             chain, end = [], 2 * first
             while end // 2 not in done:
@@ -287,14 +338,16 @@ class _Reader:
                 continue
             ring = np.concatenate(chain)
             if np.linalg.norm(ring[0] - ring[-1]) <= self.join and len(ring) > 3:
-                rings.append(("", ring, loose[first].name))
+                rings.append(("", ring))
             else:
-                self.notes.append(
-                    f"{loose[first].name} on the layer of links is no closed outline; it is left out."
-                )
+                left.append(loose[first].name)
+        if left:
+            self.notes.append(
+                f"What is no closed outline on the layer of links is left out: {_listed(left)}."
+            )
         return rings
 
-    def clamp(self, leaves: list[_Leaf], outlines: list[tuple[str, Array]]) -> list[str]:
+    def clamp(self, leaves: list[_Leaf], outlines: _Outlines) -> list[str]:
         """Find the links of all ends; returns the names of all links but ground."""
         ends = np.array([leaf.ends[e, :2] for leaf in leaves for e in (0, 1)])
         group = _meeting(ends, self.join)
@@ -302,7 +355,7 @@ class _Reader:
         names = dict.fromkeys(name for name, _ in outlines)
         for k, leaf in ((k, leaves[k // 2]) for k in range(len(ends))):
             own = leaf.words.get("leaf", {}).get("ab"[k % 2])
-            inside = [(abs(_area(ring)), name) for name, ring in outlines if _holds(ring, ends[k], self.join)]
+            inside = [(abs(_area(ring)), name) for name, ring in outlines.around(ends[k], self.join)]
             if own or inside:
                 link_of[k] = own or min(inside)[1]
                 names.setdefault(link_of[k])
@@ -332,29 +385,26 @@ class _Reader:
         used = {link for leaf in leaves for link in leaf.links}
         return [name for name in names if name != "ground" and (name in used or name in dict(outlines))]
 
-    def pins(
-        self, leaves: list[_Leaf], outlines: list[tuple[str, Array]], links: list[str]
-    ) -> list[dict[str, Any]]:
+    def pins(self, leaves: list[_Leaf], outlines: _Outlines, links: list[str]) -> list[dict[str, Any]]:
         """Tables of the pins: each joins the links whose outlines hold its middle, and those of the leaf springs that end in
         it."""
-        found = []
+        found, idle = [], list[str]()
+        ends = np.array([leaf.ends[e, :2] for leaf in leaves for e in (0, 1)])
         for handle, centre, radius, words in self.circles:
-            near = [name for name, ring in outlines if _holds(ring, centre[:2], self.join)]
-            near += [
-                leaf.links[e] for leaf in leaves for e in (0, 1)
-                if np.linalg.norm(leaf.ends[e, :2] - centre[:2]) <= radius
-            ]  # fmt: skip
+            near = [name for name, _ in outlines.around(centre[:2], self.join)]
+            ending = np.flatnonzero(np.linalg.norm(ends - centre[:2], axis=1) <= radius)
+            near += [leaves[k // 2].links[k % 2] for k in ending.tolist()]
             both = [words["a"], words["b"]] if "a" in words else list(dict.fromkeys(near))
             if len(both) == 1 and both[0] != "ground":
                 both = ["ground", *both]
             if len(both) < 2:
-                self.notes.append(
-                    f"CIRCLE {handle} joins no two links, so that it is no pin; it is left out."
-                )
+                idle.append(f"CIRCLE {handle}")
             for other in both[1:]:
                 name = {"name": words["name"]} if "name" in words else {}
                 found.append(name | {"a": both[0], "b": other, "at": self.point(centre), "axis": "z"})
                 links += [link for link in (both[0], other) if link not in (*links, "ground")]
+        if idle:
+            self.notes.append(f"What joins no two links is no pin, and left out: {_listed(idle)}.")
         return found
 
     def length(self, value: float) -> Any:
@@ -419,8 +469,7 @@ class _Reader:
             *self.notes,
         ]
         for (where, kind), handles in sorted(self.unread.items()):
-            shown = ", ".join(handles[:8]) + (", ..." if len(handles) > 8 else "")
-            lines.append(f"Not read, layer '{where}': {len(handles)} x {kind} (handles {shown})")
+            lines.append(f"Not read, layer '{where}': {len(handles)} x {kind} (handles {_listed(handles)})")
         body = next((link for link in links if "/" not in link), links[0] if links else "link")
         return [
             *lines, "", "Nothing is driven yet; for example:", "", "[[actuate]]", f'link = "{body}"', 'about = "z"',
@@ -448,13 +497,18 @@ def _numbered(word: str, names: Collection[str]) -> str:
     return next(name for k in count(1) if (name := f"{word} {k}") not in names)
 
 
+def _listed(names: list[str]) -> str:
+    """The first of many names, and how many more there are."""
+    more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
+    return ", ".join(names[:MAX_LISTED]) + more
+
+
 def _meeting(points: Array, distance: float) -> NDArray[np.int64]:
     """Number (k,) of the group of each point (k, 2): those within a distance of one another, also over others."""
-    group = np.arange(len(points))
-    for i, j in sorted(cKDTree(points).query_pairs(distance)):
-        a, b = group[i], group[j]
-        if a != b:
-            group[group == max(a, b)] = min(a, b)
+    places, at = np.unique(points, axis=0, return_inverse=True)
+    pairs = cKDTree(places).query_pairs(distance, output_type="ndarray")
+    near = coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(len(places), len(places)))
+    group: NDArray[np.int64] = connected_components(near, directed=False)[1][at.ravel()]
     return group
 
 
@@ -462,6 +516,21 @@ def _area(ring: Array) -> float:
     """Area of a closed ring (k, 2), positive counterclockwise."""
     x, y = ring.T
     return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+
+
+class _Outlines(list[tuple[str, Array]]):
+    """Names and corners (k, 2) of closed outlines."""
+
+    @cached_property
+    def boxes(self) -> Array:
+        """Lowest and highest coordinates (outlines, 2, 2); the list does not change after."""
+        return np.array([(ring.min(axis=0), ring.max(axis=0)) for _, ring in self]).reshape(-1, 2, 2)
+
+    def around(self, point: Array, distance: float) -> list[tuple[str, Array]]:
+        """The outlines that hold a point (2,), or are within a distance of it."""
+        low, high = self.boxes[:, 0] - distance, self.boxes[:, 1] + distance
+        near = np.flatnonzero(((low <= point) & (point <= high)).all(axis=1))
+        return [self[k] for k in near.tolist() if _holds(self[k][1], point, distance)]
 
 
 def _holds(ring: Array, point: Array, distance: float) -> bool:

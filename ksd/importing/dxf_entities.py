@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 APPLICATION = "KSD"
 """Name of the extended data that `ksd.export.dxf` writes."""
-MAX_DEPTH = 16
-"""Largest number of blocks inside one another."""
 FLAT = 1e-9
 """Largest slope out of the plane xy of what lies in it."""
 
@@ -46,18 +44,20 @@ def handle_of(entity: Any) -> str:
     return str(made.dxf.handle or "in a block")
 
 
-def entities(space: Any, layer: str, depth: int) -> Iterator[tuple[Any, str]]:
-    """All entities and their layers, those of blocks too; layer: that of the block they are in, which those on 0 take."""
+def entities(space: Any, layer: str = "", inside: tuple[str, ...] = ()) -> Iterator[tuple[Any, str]]:
+    """All entities and their layers, those of blocks too; layer: that of the block they are in, which those on 0 take;
+    inside: names of the blocks around. Raises ValueError for a block in itself, and whatever ezdxf raises."""
     for entity in space:
         own = entity.dxf.get("layer", "0")
         own = layer if own == "0" and layer else own
-        if entity.dxftype() == "INSERT" and depth < MAX_DEPTH:
-            yield from entities(entity.virtual_entities(), own, depth + 1)
-            for row in entity.multi_insert() if entity.mcount > 1 else ():
-                if row.dxf.insert != entity.dxf.insert:
-                    yield from entities(row.virtual_entities(), own, depth + 1)
-        else:
+        if entity.dxftype() != "INSERT":
             yield entity, own
+            continue
+        name = entity.dxf.get("name", "").casefold()
+        if name in inside:
+            raise ValueError(f"the block '{entity.dxf.name}' holds itself")
+        for row in entity.multi_insert() if entity.mcount > 1 else (entity,):
+            yield from entities(row.virtual_entities(), own, (*inside, name))
 
 
 def words_of(entity: Any) -> dict[str, Any]:
@@ -76,8 +76,19 @@ def to_world(entity: Any, points: Any) -> Array:
     return np.array([tuple(p) for p in entity.ocs().points_to_wcs([(*p, 0.0)[:3] for p in points])])
 
 
+def reach_of(stroke: Stroke) -> float:
+    """Largest coordinate of a stroke, or radius of an arc of more than half a turn; nan or infinite where one is."""
+    with np.errstate(all="ignore"):
+        chords = np.linalg.norm(np.diff(stroke.points, axis=0), axis=1)
+        radii = 0.5 * chords / np.abs(np.sin(0.5 * stroke.turns))
+        return float(
+            np.max([np.abs(stroke.points).max(), *np.where(np.abs(stroke.turns) <= math.pi, 0.0, radii)])
+        )
+
+
 def stroke_of(entity: Any, join: float) -> Stroke | None:
-    """The stroke of an entity; None for what is no line, or does not lie parallel to the plane xy."""
+    """The stroke of an entity; None for what is no line, or does not lie parallel to the plane xy. Raises whatever ezdxf
+    raises for a damaged one."""
     kind, name = entity.dxftype(), f"{entity.dxftype()} {handle_of(entity)}"
     if kind == "LINE":
         return Stroke(name, np.array([tuple(entity.dxf.start), tuple(entity.dxf.end)]), np.zeros(1))

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import io
 import os
+import struct
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -22,6 +24,8 @@ from ksd.importing.scene_text import Parts, scene_text
 
 Array = NDArray[np.float64]
 NAMES = ("nodes", "elements", "nprops", "eprops", "opt")
+COMPRESSED = 15
+"""Kind of a variable with a check sum in a MAT file of version 7."""
 AXES = ("x", "y", "z")
 NODE_WORDS = {
     "fix", "fix_pos", "fix_orien", "force", "force_initial", "moment", "moment_initial", "mass", "mominertia",
@@ -66,14 +70,14 @@ def _variables(file: Path) -> dict[str, Any]:
 
     content = read_file(file, what="SPACAR file")
     try:
+        _check_sums(content)
         found: dict[str, Any] = loadmat(io.BytesIO(content), struct_as_record=False, chars_as_strings=True)
-    except NotImplementedError:
-        raise SceneError(f"{file.name} is a MAT file of version 7.3; save it with `save -v7`.") from None
     except Exception as reason:
         # scipy raises whatever a damaged file makes it raise
         said = " ".join(str(reason).split())[:120] or type(reason).__name__
         raise SceneError(
-            f"{file.name} cannot be read as a MAT file ({said}); write it with `save -v7 FILE {' '.join(NAMES)}`."
+            f"{file.name} cannot be read as a MAT file of version 7 ({said}); write it with "
+            f"`save -v7 FILE {' '.join(NAMES)}`."
         ) from None
     missing = [key for key in ("nodes", "elements") if key not in found]
     if missing:
@@ -81,6 +85,22 @@ def _variables(file: Path) -> dict[str, Any]:
             f"{file.name} has no variable '{missing[0]}'; write it with `save -v7 FILE {' '.join(NAMES)}`."
         )
     return found
+
+
+def _check_sums(content: bytes) -> None:
+    """Raises ValueError or zlib.error for a MAT file of another version than 7, or whose variables fail their check sums:
+    scipy trusts the sizes in a file, and takes the process down where they are damaged."""
+    order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
+    version = int.from_bytes(content[124:126], "little" if order == "<" else "big")
+    if order is None or version != 0x100:
+        raise ValueError("it is one of version 7.3" if version == 0x200 else "it does not begin like one")
+    at = 128
+    while at < len(content):
+        kind, size = struct.unpack_from(f"{order}II", content.ljust(at + 8, b"\0"), at)
+        if kind != COMPRESSED:
+            raise ValueError("it is one of version 6, without check sums" if kind == 14 else "it is damaged")
+        zlib.decompress(content[at + 8 : at + 8 + size])
+        at += 8 + size
 
 
 def _records(value: Any) -> list[dict[str, Any]]:
@@ -92,6 +112,13 @@ def _records(value: Any) -> list[dict[str, Any]]:
         for one in np.asarray(value).ravel()
         if hasattr(one, "_fieldnames")
     ]
+
+
+def _real(value: Any) -> Array:
+    """An array of numbers; raises TypeError or ValueError for what are none, or complex ones."""
+    if np.iscomplexobj(value):
+        raise TypeError
+    return np.asarray(value, float)
 
 
 def _holds_all(words: dict[str, Any]) -> bool:
@@ -133,7 +160,7 @@ class _Reader:
     def numbers(self, value: Any, what: str, columns: int) -> Array:
         """A table (k, columns) of finite numbers."""
         try:
-            table = np.atleast_2d(np.asarray(value, float))
+            table = np.atleast_2d(_real(value))
         except (TypeError, ValueError):
             table = np.zeros((0, 0))
         if table.ndim != 2 or not len(table) or table.shape[1] != columns or not np.isfinite(table).all():
@@ -144,7 +171,7 @@ class _Reader:
             raise SceneError(
                 f"{self.file.name}: {what} has {len(table)} rows, more than the {MAX_NODES} that are read."
             )
-        if np.abs(table).max() > 1e6:
+        if what == "nodes" and np.abs(table).max() > 1e6:
             raise SceneError(
                 f"{self.file.name}: {what} has the number {np.abs(table).max():g}; lengths are in m."
             )
@@ -159,7 +186,7 @@ class _Reader:
     def row(self, words: dict[str, Any], key: str, owner: str, count: int | None = None) -> Array:
         """The numbers (count,) of a field."""
         try:
-            found = np.asarray(words[key], float).ravel()
+            found = _real(words[key]).ravel()
         except (KeyError, TypeError, ValueError):
             found = np.zeros(0)
         if not len(found) or not np.isfinite(found).all() or (count is not None and len(found) != count):

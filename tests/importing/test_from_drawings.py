@@ -299,6 +299,51 @@ def test_drawings_that_hold_nothing_to_read(tmp_path):
         read_dxf(tmp_path)
 
 
+def test_without_a_header_it_asks_for_the_unit(tmp_path):
+    """ezdxf would read metres."""
+    line = b"0\nSECTION\n2\nENTITIES\n0\nLINE\n8\nleaf\n10\n0\n20\n0\n11\n0\n21\n60\n0\nENDSEC\n0\nEOF\n"
+    assert "known unit it is drawn ($INSUNITS = 0)" in bad(line, tmp_path)
+    assert 'end = [0, "60 mm", 0]' in read_dxf(tmp_path / "bad.dxf", unit="mm")
+
+
+def loop(document, space):
+    block = document.blocks.new("loop")
+    for where in (block, space):
+        where.add_blockref("loop", (0, 0), dxfattribs=on("leaf"))
+
+
+DAMAGED = {
+    "at or after SPLINE 32": lambda document, space: space.add_spline(dxfattribs=on("leaf")),
+    "Singular": lambda document, space: space.add_spline([(0, 0), (1, math.nan), (2, 0)], dxfattribs=on("leaf")),
+    "the block 'loop' holds itself": loop,
+    '"none" does not exist': lambda document, space: space.add_blockref("none", (0, 0)),
+    "reaches nan mm": lambda document, space: space.add_lwpolyline(
+        [(0, 0, math.nan), (0, 9, 0)], format="xyb", dxfattribs=on("leaf")
+    ),
+    "reaches 2.25e+09 mm": lambda document, space: space.add_lwpolyline(
+        [(0, 0, 1e9), (0, 9, 0)], format="xyb", dxfattribs=on("leaf")
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("said", DAMAGED)
+def test_damaged_entities(said, tmp_path):
+    document, space = drawing()
+    space.add_line((0, 0), (0, 60), dxfattribs=on("leaf"))
+    DAMAGED[said](document, space)
+    document.saveas(tmp_path / "a.dxf")
+    text = bad((tmp_path / "a.dxf").read_bytes(), tmp_path)
+    assert said.replace("32", "") in text or said in text
+
+
+def test_rows_of_a_block(tmp_path):
+    document, space = drawing()
+    document.blocks.new("one").add_line((0, 0), (0, 60), dxfattribs=on("0"))
+    space.add_blockref("one", (5, 0), dxfattribs=on("leaf", column_count=3, column_spacing=20))
+    mechanism, _ = read(document, tmp_path)
+    assert sorted(p.leaf.start[0] for p in mechanism.scene().leaves) == pytest.approx([5e-3, 25e-3, 45e-3])
+
+
 def test_a_binary_and_an_old_drawing(tmp_path):
     for version, kind in (("R2010", "bin"), ("R12", "asc"), ("R2000", "asc")):
         document, space = drawing(4, version)
@@ -309,12 +354,14 @@ def test_a_binary_and_an_old_drawing(tmp_path):
         assert 'end = [0, "60 mm", 0]' in read_dxf(tmp_path / "old.dxf", **words)
 
 
-def test_a_hundred_thousand_entities(tmp_path):
-    lines = "".join(f"0\nLINE\n8\nleaf\n10\n{k}\n20\n0\n11\n{k}\n21\n9\n" for k in range(100_000))
+@pytest.mark.parametrize(
+    ("layer", "most", "what"), [("leaf", 2000, "leaf springs"), ("link", 20000, "outlines of links")]
+)
+def test_very_many_entities(layer, most, what, tmp_path):
+    lines = "".join(f"0\nLINE\n8\n{layer}\n10\n{k}\n20\n0\n11\n{k}\n21\n9\n" for k in range(most + 1))
     head = "0\nSECTION\n2\nHEADER\n9\n$INSUNITS\n70\n4\n0\nENDSEC\n0\nSECTION\n2\nENTITIES\n"
-    assert "more than 2000 lines on layer 'leaf'" in bad(
-        (head + lines + "0\nENDSEC\n0\nEOF\n").encode(), tmp_path
-    )
+    said = bad((head + lines + "0\nENDSEC\n0\nEOF\n").encode(), tmp_path)
+    assert f"more than {most} lines on layer '{layer}', which are no {what}" in said
 
 
 def test_without_the_package(tmp_path, monkeypatch):
