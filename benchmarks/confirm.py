@@ -63,12 +63,12 @@ def scene_of(case: Case) -> ksd.Mechanism:
     """The mechanism of a case, whose materials have its Poisson's ratio."""
     if case.scene == "cross flexure":
         return cross_flexure(case.nu)
-    path = shipped_scenes()[case.scene]
-    tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    path = Path(str(shipped_scenes()[case.scene]))
+    tables = tomllib.loads(path.read_text(encoding="utf-8"))
     for material in tables["material"].values():
         material.pop("G", None)
         material["nu"] = case.nu
-    return scene_from_tables(tables, Path(path))[0]
+    return scene_from_tables(tables, path)[0]
 
 
 def measure(case: Case, parts: int) -> dict[str, Any]:
