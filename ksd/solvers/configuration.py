@@ -59,6 +59,7 @@ from ksd.solvers.error import (
     refinement_step_suffices,
     with_error,
 )
+from ksd.solvers.held_contacts import hold_contacts
 from ksd.solvers.joint_motions import JointMotions
 from ksd.solvers.left_out import left_out
 from ksd.solvers.nonconservative_stability import nonconservative_stability
@@ -183,7 +184,8 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         """Flutter check where loads follow their links or are moments; None elsewhere, and where nothing converged."""
         if self.model.conservative or not self.converged:
             return None
-        return nonconservative_stability(*self.unreduced_state, self.load_factor)
+        held = self.with_contacts_held
+        return nonconservative_stability(*held.unreduced_state, self.load_factor)
 
     @cached_property
     def mesh_adequacy(self) -> ModeAdequacy:
@@ -386,7 +388,7 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
     def refinement_start(self) -> State:
         """State from which questions on a finer mesh take their Newton step: `equilibrium`, or `motion` where that step
         alone suffices."""
-        self._refuse_contact("stiffness, frequencies and buckling")
+        self._refuse_contact("a question about small motions")
         if self.method_was_chosen and self.method in FAST_METHODS and refinement_step_suffices(self):
             return self.motion
         return self.equilibrium
@@ -395,6 +397,12 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
     def unreduced_equilibrium(self) -> tuple[Model, State]:
         """Model and `equilibrium` with modal bodies replaced as in `unreduced_state`: for stress, energy and forces."""
         return full_model_state(self.model, self.equilibrium)
+
+    @cached_property
+    def with_contacts_held(self) -> Configuration:
+        """The pose for questions about small motions: itself, or where stops, cables or contacts act that with them held
+        (`ksd.solvers.held_contacts`). Raises SceneError where one of them cannot be held."""
+        return hold_contacts(self) if self._acts else self
 
     @property
     def _acts(self) -> bool:
@@ -407,8 +415,8 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         if touched is not None and touched.closed:
             name = next(p.name for p, f in zip(touched.what.parts, touched.forces, strict=True) if f[0])
             raise SceneError(
-                f"{question}: '{name}' acts in this pose, and this question knows no stops and cables yet; prescribe what "
-                "it holds by mechanism.actuate, which answers it for a stop that stays closed"
+                f"{question}: '{name}' acts in this pose, and this question knows no stops, cables and contacts; prescribe "
+                "what it holds by mechanism.actuate, which answers it for a stop that stays closed"
             )
 
     def _of_leaves(self, question: str) -> None:
@@ -442,9 +450,10 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         3). freed: drives and supports released, with their present force. Raises SceneError for unknown names,
         KinematicsError where nothing resists a motion.
         """
+        held = self.with_contacts_held
         return point_stiffness(
-            self.model,
-            self.refinement_start,
+            held.model,
+            held.refinement_start,
             link,
             at=at,
             axes=axes,
@@ -457,7 +466,8 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
 
         Raises SceneError for unknown names, KinematicsError where nothing resists a motion.
         """
-        return drive_stiffness(self.model, self.refinement_start, freed=freed, load_factor=self.load_factor)
+        held = self.with_contacts_held
+        return drive_stiffness(held.model, held.refinement_start, freed=freed, load_factor=self.load_factor)
 
     @small_matrices
     def frequencies(
@@ -475,8 +485,9 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         """
         self._of_leaves("frequencies")
         whole_number(count, "count")
+        held = self.with_contacts_held
         return frequencies(
-            *full_model_state(self.model, self.refinement_start),
+            *full_model_state(held.model, held.refinement_start),
             count=count,
             freed=freed,
             load_factor=self.load_factor,
@@ -503,8 +514,9 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         for what, given in (("inputs", inputs), ("outputs", outputs)):
             if given is not None and not names_of(given, what):
                 raise SceneError(f"{what} = {show(given)}: name one at least")
+        held = self.with_contacts_held
         return make_plant(
-            *full_model_state(self.model, self.refinement_start), inputs=inputs, outputs=outputs, damping=damping,
+            *full_model_state(held.model, held.refinement_start), inputs=inputs, outputs=outputs, damping=damping,
             modes=modes, freed=freed, up_to_Hz=up_to_Hz, load_factor=self.load_factor,
         )  # fmt: skip
 
@@ -636,8 +648,9 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         """
         self._of_leaves("buckling")
         whole_number(count, "count")
+        held = self.with_contacts_held
         return buckling(
-            *full_model_state(self.model, self.refinement_start), link, at=at, force=force, moment=moment,
+            *full_model_state(held.model, held.refinement_start), link, at=at, force=force, moment=moment,
             following=following, count=count, freed=freed, load_factor=self.load_factor,
         )  # fmt: skip
 
@@ -890,7 +903,8 @@ INSIDE = frozenset(
         "doubts", "equilibrium", "expected_negatives", "joint_motions", "joints_near_intended", "mesh_adequacy",
         "method_was_chosen", "negatives", "nonconservative_stability", "notes", "refinement_start", "reported_forces",
         "set_equilibrium",
-        "unreduced_equilibrium", "unreduced_state", "_acts", "_joints", "_node", "_of_leaves", "_refuse_contact", "touched",
+        "unreduced_equilibrium", "unreduced_state",
+        "with_contacts_held", "_acts", "_joints", "_node", "_of_leaves", "_refuse_contact", "touched",
     )
 )  # fmt: skip
 """Attributes of a configuration for other modules of the package only; `dir` leaves them out."""

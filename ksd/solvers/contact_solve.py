@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.answers.divergence import count_unstable_directions
 from ksd.checks import number, similar_name_hint
 from ksd.errors import ConvergenceError, SceneError
 from ksd.model.arrays import Arrays, State, make_workspace
@@ -138,10 +139,23 @@ def _pose(
         arrays.loads.force[newton.loads] = held.arrays.loads.force[newton.loads]
         arrays.loads.moment[newton.loads] = held.arrays.loads.moment[newton.loads]
     touched = Touched(newton.what, dict(values), newton.forces.copy(), newton.out.copy())
-    return Configuration(
+    found = Configuration(
         replace(held, arrays=arrays), motion, "conventional", dict(drives), (as_step(record, f"{how}, with contact", time),),
         negatives=negatives, expected_negatives=rows, load_factor=factor, touched=touched,
     )  # fmt: skip
+    return found if model.conservative or not found.converged else _with_divergences(found)
+
+
+def _with_divergences(found: Configuration) -> Configuration:
+    """The result under loads that are not conservative, whose unstable directions are counted with contacts held."""
+    try:
+        held = found.with_contacts_held
+    except SceneError as reason:
+        return replace(found, doubts=(*found.doubts, f"whether it is stable is not known: {reason}"))
+    rows, negatives = held.expected_negatives, found.negatives - found.expected_negatives
+    more = len(held.model.arrays.terms.start) - rows
+    counted = count_unstable_directions(held.model, held.motion, found.load_factor, rows + more + negatives)
+    return replace(found, negatives=counted - more)
 
 
 def _leaves_plane(what: Touching, model: Model, plane: Plane) -> bool:

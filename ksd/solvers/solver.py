@@ -421,7 +421,8 @@ class Solver:
             if free is None:
                 raise
             return free
-        return held if free is None or (held.touched is not None and held.touched.closed) else free
+        closed = held.touched is not None and held.touched.closed
+        return held if free is None or closed or (held.stable and not free.stable) else free
 
     def _without_contacts(
         self,
