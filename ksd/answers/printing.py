@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 TABLE_WIDTH = 100
 """Width of all tables [characters]."""
 AXES = "xyz"
+ROUNDING = 1e-9
+"""Percent and MPa up to which strain and stress are printed as 0."""
 ROTATION_LEVER = 0.25
 """Lever, relative to the size of the mechanism, by which rotations are compared with displacements."""
 MIN_AXIS_COSINE = 0.97

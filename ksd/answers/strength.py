@@ -15,7 +15,7 @@ import numpy as np
 
 from ksd.answers.derived import cached_per_model
 from ksd.answers.forces import section_forces
-from ksd.answers.printing import PrintableAnswer, format_number
+from ksd.answers.printing import ROUNDING, PrintableAnswer, format_number
 from ksd.answers.shape import scene_leaves
 from ksd.answers.stress import LeafStress, stress_from_forces
 from ksd.model.arrays import State
@@ -85,7 +85,8 @@ class Strength(PrintableAnswer):
 
     def __str__(self) -> str:
         shares = [
-            f"{format_number(100 * share, 3)} % of the {what}" + f" in '{leaf}'" * (leaf != self.stress_leaf)
+            f"{format_number(100 * share, 3, zero=ROUNDING)} % of the {what}"
+            + f" in '{leaf}'" * (leaf != self.stress_leaf)
             for share, leaf, what in (
                 (self.yield_share, self.yield_leaf, "yield stress"),
                 (self.fatigue_share, self.fatigue_leaf, "fatigue limit"),
@@ -95,8 +96,8 @@ class Strength(PrintableAnswer):
         limits = ", ".join(shares) or "the material gives no yield_stress or fatigue_limit"
         where = f"'{self.stress_leaf}' at s = {format_number(1e3 * self.s, 4, zero=1e-9)} mm, {self.point}"
         strained = "" if self.strain_leaf == self.stress_leaf else f" in '{self.strain_leaf}'"
-        stress = f"{format_number(1e-6 * self.stress_Pa, 4)} MPa in {where}"
-        return f"strain at most {format_number(100 * self.strain, 3)} %{strained}, stress {stress}: {limits}"
+        stress = f"{format_number(1e-6 * self.stress_Pa, 4, zero=ROUNDING)} MPa in {where}"
+        return f"strain at most {format_number(100 * self.strain, 3, zero=ROUNDING)} %{strained}, stress {stress}: {limits}"
 
 
 def strength(model: Model, motion: State, *, load_factor: float = 1.0) -> Strength | None:

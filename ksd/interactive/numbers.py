@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.answers.derived import cached_per_model
-from ksd.answers.printing import format_number
+from ksd.answers.printing import ROUNDING, format_number
 from ksd.answers.shape import Shape
 from ksd.checks import Vector
 from ksd.errors import KsdError, reason_text
@@ -82,11 +82,17 @@ def stress(asked: Asked) -> list[Row]:
     if not largest:
         return []
     leaf_name = max(largest, key=largest.__getitem__)
-    rows = [("largest stress", f"{format_number(largest[leaf_name] / MPa)} MPa in {leaf_name}", True)]
+    rows = [
+        (
+            "largest stress",
+            f"{format_number(largest[leaf_name] / MPa, zero=ROUNDING)} MPa in {leaf_name}",
+            True,
+        )
+    ]
     shares = {n: largest[n] / limit for n, limit in _yield_stresses(asked.pose.model).items() if n in largest}
     if shares:
         worst = max(shares, key=shares.__getitem__)
-        text = f"{format_number(100 * shares[worst], 3)} % in {worst}"
+        text = f"{format_number(100 * shares[worst], 3, zero=ROUNDING)} % in {worst}"
         rows.append(("share of yield stress", text, shares[worst] <= 1.0))
     return rows
 
