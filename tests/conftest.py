@@ -26,6 +26,22 @@ def pytest_configure(config):
         assert process.wait() == 0, "kernels.py does not run"
 
 
+# files whose tests take longest: were they the last, one worker would wait for the other
+LONGEST = (
+    "test_style.py",
+    "test_benchmarks.py",
+    "test_page.py",
+    "test_docs.py",
+    "test_examples.py",
+    "test_site.py",
+)
+
+
+def pytest_collection_modifyitems(items):
+    """The longest files first; the order of all others stays."""
+    items.sort(key=lambda item: item.path.name not in LONGEST)
+
+
 @pytest.fixture
 def rng():
     """A seeded random generator."""

@@ -21,6 +21,10 @@ def equilibrium():
     pose.stiffness("top")
     pose.frequencies(freed="top")
     pose.verify()
+    for plane in (None, "xy"):
+        scene, leaf = strip(plane)
+        scene.line_load(leaf, force=(0, 1.0, 0))
+        ksd.simulate(scene, 2e-3, dt=1e-3, progress=False)
 
 
 def joints():
@@ -30,6 +34,19 @@ def joints():
     for mesh in (None, CHAIN):
         for planar in (True, False):
             ksd.prepare(fourbar(), mesh=mesh, planar=planar)(top=0.1, method="full")
+    for plane in (None, "xy"):
+        scene, _ = strip(plane)
+        scene.stop("tip", along="y", at=(0.1, 0, 0), high=1e-3, name="end")
+        scene.load("tip", force=(0, 1.0, 0), at=(0.1, 0, 0))
+        ksd.solve(scene)
+
+
+def strip(plane):
+    """A strip from ground to a tip, and the leaf."""
+    scene = ksd.Mechanism("strip", plane=plane)
+    tip = scene.link("tip")
+    steel, section = ksd.Material(E=200e9, nu=0.3, density=7800.0), ksd.rectangle(1e-3, 0.01)
+    return scene, scene.leaf("ground", tip, start=(0, 0, 0), end=(0.1, 0, 0), section=section, material=steel)
 
 
 if __name__ == "__main__":
