@@ -35,6 +35,12 @@ POINT_KEYS = ("start", "end", "at")
 NEW_LINK = "a new link"
 LOAD_SCALE = 0.1 * N / mm
 """Force per length of its arrow in the drawing."""
+SIZED = {
+    "load": (("force", "force", "N"), ("moment", "moment", "Nm")),
+    "line_load": (("force", "stiffness", "N/m"), ("to", "stiffness", "N/m")),
+    "pressure": (("pressure", "stress", "kPa"),),
+}
+"""Keys of loads that grow with their size, with dimension and unit; a force per length has the units of a stiffness."""
 FIRST_TABLES: dict[str, Any] = {
     "plane": "xy", "links": [],
     "material": {"steel": {"E": "200 GPa", "nu": 0.3, "density": "7800 kg/m^3", "yield_stress": "900 MPa"}},
@@ -454,17 +460,32 @@ class Drawing:
                     self._redo.clear()
 
     def set_load(self, name: str, size: float) -> None:
-        """Write the size [N or Nm] of a load along its direction."""
+        """Write the size [N, Nm, N/m or Pa] of a load along its direction, see `ksd.interactive.sliders.load_size`."""
         for kind, _, table in self.rows():
-            if kind == "load" and (table.get("name") or f"{table.get('link')}.load") == name:
-                key, dimension, unit = (
-                    ("force", "force", "N") if "force" in table else ("moment", "moment", "Nm")
-                )
-                values = [self.number(v, dimension) for v in table[key]]
-                own = math.hypot(*values)
-                with self.action():
-                    table[key] = [in_unit_of(old, v * size / own, unit) if v else old
-                                  for old, v in zip(table[key], values, strict=True)]  # fmt: skip
+            own = table.get("name") or f"{table.get('leaf', table.get('link'))}.{kind}"
+            sized = [(key, *unit) for key, *unit in SIZED.get(kind, ()) if key in table]
+            if not sized or own != name:
+                continue
+            values = {
+                key: [self.number(v, dimension) for v in _listed(table[key])] for key, dimension, _ in sized
+            }
+            first = [math.hypot(*v) for v in values.values()]
+            known = max(first) if kind == "line_load" else first[0] or first[-1]
+            if kind == "pressure":
+                (known,) = values["pressure"]
+            if not known:
+                continue
+            with self.action():
+                for key, _, unit in sized:
+                    written = [
+                        in_unit_of(old, v * size / known, unit) if v else old
+                        for old, v in zip(_listed(table[key]), values[key], strict=True)
+                    ]
+                    table[key] = written if isinstance(table[key], list) else written[0]
+
+
+def _listed(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else [value]
 
 
 class _Action:

@@ -12,12 +12,15 @@ import numpy as np
 from ksd.checks import as_vector, show
 from ksd.errors import SceneError
 from ksd.scene.drive import Drive
+from ksd.scene.line_load import LineLoad, Pressure
 from ksd.scene.load import Load
 from ksd.scene.scene import Scene
 from ksd.scene.toml_table import parse_quantity, quantity
 from ksd.units import DIMENSIONS, deg
 
-SHOWN = {"length": "mm", "angle": "deg", "force": "N", "moment": "Nm", "number": ""}
+SHOWN = {
+    "length": "mm", "angle": "deg", "force": "N", "moment": "Nm", "stiffness": "N/m", "stress": "kPa", "number": "",
+}  # fmt: skip
 """Unit of a slider by dimension."""
 ANGLE = 30 * deg
 """End of the slider of a rotation that no record limits [rad]."""
@@ -104,11 +107,11 @@ def scene_sliders(scene: Scene, targets: Mapping[str, float]) -> list[Slider]:
     size = _size(scene)
     sliders = [_drive_slider(scene, d, float(targets.get(d.name, 0.0)), size) for d in scene.drives]
     used = {s.name for s in sliders}
-    for load in scene.loads:
+    for load in (*scene.loads, *scene.loads_along):
         size_of, kind = load_size(load)
         if size_of:
             name = load.name if load.name not in used else f"{load.name} (load)"
-            end = rounded_end(2 * size_of)
+            end = rounded_end(2 * abs(size_of))
             sliders.append(Slider(name, "load", kind, -end, end, size_of))
     return sliders
 
@@ -136,24 +139,32 @@ def _drive_slider(scene: Scene, drive: Drive, value: float, size: float) -> Slid
     return Slider(drive.name, "drive", drive.dimension, -end, end, value)
 
 
-def load_size(load: Load) -> tuple[float, str]:
-    """The size of a load [N or Nm], of its force where it has one, and its dimension."""
+def load_size(load: Load | LineLoad | Pressure) -> tuple[float, str]:
+    """The size of a load [N, Nm, N/m or Pa], of its force where it has one, and its dimension; a pressure has a sign."""
+    if isinstance(load, Pressure):
+        return load.pressure, "stress"
     force = math.hypot(*load.force)
+    if isinstance(load, LineLoad):
+        # a force per length has the units of a stiffness
+        return max(force, math.hypot(*load.end_force)), "stiffness"
     return (force, "force") if force else (math.hypot(*load.moment), "moment")
 
 
 def with_loads(scene: Scene, sizes: Mapping[str, float]) -> Scene:
     """The scene with loads of other sizes by the name of their slider, along the direction they have."""
-    changed = []
-    for load in scene.loads:
+
+    def resized(load: Any) -> Any:
         own, _ = load_size(load)
         size = sizes.get(load.name, sizes.get(f"{load.name} (load)"))
         if size is None or not own or size == own:
-            changed.append(load)
-            continue
-        force, moment = (as_vector(c * size / own for c in vector) for vector in (load.force, load.moment))
-        changed.append(replace(load, force=force, moment=moment))
-    return scene if changed == list(scene.loads) else replace(scene, loads=tuple(changed))
+            return load
+        keys = [key for key in ("force", "moment", "to", "pressure") if getattr(load, key, None) is not None]
+        values = {key: np.asarray(getattr(load, key)) * (size / own) for key in keys}
+        return replace(load, **{k: as_vector(v) if v.ndim else float(v) for k, v in values.items()})
+
+    changed = {key: tuple(map(resized, getattr(scene, key))) for key in ("loads", "line_loads", "pressures")}
+    same = all(new == getattr(scene, key) for key, new in changed.items())
+    return scene if same else replace(scene, **changed)
 
 
 def design_sliders(design: Callable[..., Any], ranges: Mapping[str, Any]) -> list[Slider]:

@@ -12,6 +12,7 @@ import ksd
 from ksd.cli import main
 from ksd.errors import SceneError
 from ksd.interactive import numbers
+from ksd.interactive.drawing import Drawing
 from ksd.interactive.numbers import BETWEEN_PICTURES, FOLLOWING, PARTS, parts_in_time
 from ksd.interactive.session import Session
 from ksd.interactive.sliders import Slider, design_sliders, rounded_end, scene_sliders, with_loads
@@ -233,6 +234,29 @@ def test_parts_follow_as_long_as_they_fit():
         "stress",
     )
     assert parts_in_time({}, 2 * BETWEEN_PICTURES) == ("forces",)
+
+
+def test_loads_along_leaf_springs_have_sliders_and_are_written_in_their_unit(tmp_path):
+    file = tmp_path / "guide.toml"
+    file.write_text(
+        GUIDE
+        + '[[line_load]]\nleaf = "left"\nforce = ["20 N/m", 0, 0]\nto = ["0.01 N/mm", 0, 0]\n'
+        + '[[pressure]]\nleaf = "right"\npressure = "-0.2 bar"\nname = "air"\n'
+    )
+    mechanism, targets, _ = ksd.load_scene(file)
+    scene = mechanism.scene()
+    line, air = scene_sliders(scene, targets)[-2:]
+    assert (line.name, line.value, line.high, line.unit) == ("left.line_load", 20.0, 40.0, "N/m")
+    assert (air.name, air.value, air.high) == ("air", pytest.approx(-2e4), pytest.approx(4e4))
+    changed = with_loads(scene, {line.name: 10.0, air.name: 5e3})
+    assert changed.line_loads[0].force == (10.0, 0.0, 0.0) and changed.line_loads[0].to == (5.0, 0.0, 0.0)
+    assert changed.pressures[0].pressure == 5e3 and with_loads(scene, {air.name: air.value}) is scene
+    drawing = Drawing(file)
+    drawing.set_load(line.name, 10.0)
+    drawing.set_load("air", 5e3)
+    assert drawing.tables["line_load"][0]["force"] == ["10 N/m", 0, 0]
+    assert drawing.tables["line_load"][0]["to"] == ["0.005 N/mm", 0, 0]
+    assert drawing.tables["pressure"][0]["pressure"] == "0.05 bar"
 
 
 def test_sliders_take_typed_values_and_say_what_is_wrong():
