@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.answers.divergence import count_unstable_directions
+from ksd.answers.mesh_adequacy import mode_adequacy
 from ksd.checks import number, similar_name_hint
 from ksd.errors import ConvergenceError, SceneError
-from ksd.model.arrays import Arrays, State, make_workspace
+from ksd.model.arrays import State
 from ksd.model.compile import Model
-from ksd.model.gaps import GAP
+from ksd.model.contact_step import look_at_gaps
 from ksd.model.plane import Plane, plane_of
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.scene.obstacle import check_limits
@@ -22,13 +23,18 @@ from ksd.solvers.contact_newton import ContactNewton
 from ksd.solvers.contact_state import Touched
 from ksd.solvers.load_steps import LoadPath, LoadStepRecord, as_step, take_load_steps
 from ksd.solvers.steps import Stop
+from ksd.solvers.storage import NewtonStorage, thread_storage
 from ksd.solvers.touching import Touching, contact_model, touching
 
 Array = NDArray[np.float64]
+NO_POSES = np.zeros((0, 3)), np.zeros((0, 3, 3))
+"""Poses at the last equilibrium where there is none but this."""
 
 
-def contact_values(what: Touching, given: Mapping[str, float]) -> dict[str, float]:
+def contact_values(what: Touching, given: Mapping[str, float]) -> Mapping[str, float]:
     """The values of stops and cables, those given before those of the scene. Raises SceneError for an impossible one."""
+    if what.values.keys().isdisjoint(given):
+        return what.values
     values = dict(what.values) | {
         name: number(given[name], f"'{name}'", unit="m or rad") for name in what.values if name in given
     }
@@ -40,7 +46,7 @@ def contact_values(what: Touching, given: Mapping[str, float]) -> dict[str, floa
     return values
 
 
-def split_values(model: Model, given: Mapping[str, float]) -> tuple[dict[str, float], dict[str, float]]:
+def split_values(model: Model, given: Mapping[str, float]) -> tuple[Mapping[str, float], Mapping[str, float]]:
     """Drive values, and values of stops and cables. Raises SceneError for an unknown name."""
     what = touching(model)
     for name in given:
@@ -50,22 +56,31 @@ def split_values(model: Model, given: Mapping[str, float]) -> tuple[dict[str, fl
             raise SceneError(
                 f"drive '{name}' is not in this mechanism; its drives are: {', '.join(known)}{hint}"
             )
-    drives = {name: value for name, value in given.items() if name in model.drive_names}
-    return drives, contact_values(what, given)
+    own = contact_values(what, given)
+    if own is what.values:
+        return given, own
+    return {name: value for name, value in given.items() if name in model.drive_names}, own
 
 
-def without_contact_forces(found: Configuration, values: Mapping[str, float]) -> Configuration | None:
+def without_contact_forces(
+    found: Configuration, values: Mapping[str, float], storage: NewtonStorage
+) -> Configuration | None:
     """The result of a solve without stops and cables where none of them acts on it, None elsewhere."""
     if not found.converged:
         return None
-    what = touching(found.model)
-    newton = ContactNewton(what, contact_model(found.model).arrays, make_workspace(found.model.arrays))
-    newton.data = what.with_values(np.array(list(values.values())))
-    what.count_turns(newton.data, found.model.arrays, found.motion)
-    newton.look(found.motion, newton.poses(found.motion))
-    if (newton.out[:, GAP] < 0.0).any():
+    model, motion = found.model, found.motion
+    newton = _spatial(model, storage)
+    what = newton.what
+    data = newton.rest_data
+    if values is not what.values or what.counts_turns:
+        data = what.with_values(np.array(list(values.values())))
+        what.count_turns(data, model.arrays, motion)
+    out, before = np.empty_like(newton.out), NO_POSES
+    if look_at_gaps(what.pairs, data, what.bodies, what.nodes, motion.x, motion.R, *before, out) < 0.0:
         return None
-    return replace(found, touched=Touched(what, values, np.zeros((len(newton.out), 3)), newton.out))
+    # the result is new, and no one else has it
+    found.__dict__["touched"] = Touched(what, values, newton.none, out, closed=False)
+    return found
 
 
 def solve_with_contact(
@@ -76,6 +91,7 @@ def solve_with_contact(
     start: Configuration | None = None,
     planar: bool = True,
     smallest_step: float = 1e-4,
+    storage: NewtonStorage | None = None,
 ) -> Configuration:
     """The equilibrium with stops and cables by load steps, from rest or from a pose; see `ksd.solvers.contact_newton`.
 
@@ -92,28 +108,18 @@ def solve_with_contact(
         forces = forces if start.touched is None else start.touched.forces.copy()
         factors = (start.load_factor, 1.0)
     path = LoadPath(rest, target, factors, smallest_step=smallest_step)
-    held = contact_model(model)
-    plane = plane_of(model) if planar else "planar = False"
-    ways: list[tuple[str, Arrays]] = [("spatial", held.arrays)]
-    if isinstance(plane, Plane) and not _leaves_plane(what, model, plane):
-        ways.insert(
-            0, ("planar, 3 unknowns per node", Plane(held.arrays, model.rest, plane.axis, plane.rows).arrays)
-        )
-    for how, arrays in ways:
-        newton, motion = ContactNewton(what, arrays, make_workspace(arrays)), begin.copy()
-        newton.forces = forces.copy()
+    ways, space, unstable = _ways(model, storage, planar), _spatial(model, storage), 0
+    for way in ways:
+        how, newton = way
+        motion = begin.copy()
+        newton.begin(forces)
         record = take_load_steps(motion, newton.newton, path, begin=begin)
-        space = newton
-        if arrays is not held.arrays and record.stop is Stop.CONVERGED:
-            space = ContactNewton(what, held.arrays, make_workspace(held.arrays))
+        if record.stop is Stop.CONVERGED:
             space.forces, space.data = newton.forces, newton.data
-            if space.residual(motion, path.target, path.factors[1], newton.before) > max(
-                1.0, 2.0 * record.residual
-            ):
-                continue
-        if record.stop is Stop.CONVERGED or how == ways[-1][0]:
-            break
-    found = _pose(model, held, space, motion, record, path, drives, values, how, clock())
+            residual, unstable = space.check(motion, path.target, path.factors[1], newton.before)
+            if residual <= max(1.0, 2.0 * record.residual):
+                break
+    found = _pose(model, newton, motion, record, unstable, path, drives, values, how, clock())
     if record.stop is not Stop.CONVERGED:
         raise ConvergenceError(
             f"the solver stopped at {100 * record.fraction_reached:.3g} % of the way, with contact: {record.stop.sentence}",
@@ -123,8 +129,34 @@ def solve_with_contact(
     return found
 
 
+def _ways(model: Model, storage: NewtonStorage | None, planar: bool) -> list[tuple[str, ContactNewton]]:
+    """How load steps may be taken, in words, best first."""
+    space, known = _spatial(model, storage), (storage or thread_storage(model)).contact
+    plane = plane_of(model) if planar else ""
+    if not isinstance(plane, Plane):
+        return [("spatial", space)]
+    if "planar" not in known:
+        arrays = Plane(contact_model(model).arrays, model.rest, plane.axis, plane.rows).arrays
+        known["planar"] = (
+            None if _leaves_plane(space.what, model, plane) else ContactNewton(space.what, arrays)
+        )
+    if known["planar"] is None:
+        return [("spatial", space)]
+    return [("planar, 3 unknowns per node", known["planar"]), ("spatial", space)]
+
+
+def _spatial(model: Model, storage: NewtonStorage | None) -> ContactNewton:
+    """The iteration in space, prepared once."""
+    if storage is None or storage.model is not model:
+        storage = thread_storage(model)
+    if "spatial" not in storage.contact:
+        storage.contact["spatial"] = ContactNewton(touching(model), contact_model(model).arrays.copy())
+    found: ContactNewton = storage.contact["spatial"]
+    return found
+
+
 def _pose(
-    model: Model, held: Model, newton: ContactNewton, motion: State, record: LoadStepRecord, path: LoadPath,
+    model: Model, newton: ContactNewton, motion: State, record: LoadStepRecord, unstable: int, path: LoadPath,
     drives: Mapping[str, float], values: Mapping[str, float], how: str, time: float,
 ) -> Configuration:  # fmt: skip
     """The result of load steps with contact; its model has the contact forces as loads."""
@@ -133,16 +165,23 @@ def _pose(
     if record.fraction_reached < 1.0:
         drives = dict(zip(model.drive_names, reached[:count].tolist(), strict=True))
         values = dict(zip(values, reached[rows:].tolist(), strict=True))
-    arrays, negatives = held.arrays.copy(), rows
+    held = contact_model(model)
+    arrays = held.arrays.copy()
     if record.stop is Stop.CONVERGED:
-        negatives = rows + newton.count_unstable(motion, path.target, factor)
-        arrays.loads.force[newton.loads] = held.arrays.loads.force[newton.loads]
-        arrays.loads.moment[newton.loads] = held.arrays.loads.moment[newton.loads]
-    touched = Touched(newton.what, dict(values), newton.forces.copy(), newton.out.copy())
+        # the views of these two fields alone
+        arrays._view("loads.force")[newton.loads] = newton.push
+        arrays._view("loads.moment")[newton.loads] = newton.turn
+    forces = newton.forces.copy()
+    touched = Touched(newton.what, dict(values), forces, newton.out.copy(), closed=bool(forces[:, 0].any()))
+    loaded = replace(held, arrays=arrays)
+    # known already, and asked by every pose
+    loaded.__dict__["conservative"] = model.conservative
     found = Configuration(
-        replace(held, arrays=arrays), motion, "conventional", dict(drives), (as_step(record, f"{how}, with contact", time),),
-        negatives=negatives, expected_negatives=rows, load_factor=factor, touched=touched,
+        loaded, motion, "conventional", dict(drives), (as_step(record, f"{how}, with contact", time),),
+        negatives=rows + unstable, expected_negatives=rows, load_factor=factor, touched=touched,
     )  # fmt: skip
+    # loads change nothing in it
+    found.__dict__["mesh_adequacy"] = mode_adequacy(model, motion)
     return found if model.conservative or not found.converged else _with_divergences(found)
 
 

@@ -26,11 +26,7 @@ class Touched:
     values: Mapping[str, float]
     forces: Array
     out: Array
-
-    @property
-    def closed(self) -> bool:
-        """Whether any contact force acts."""
-        return bool(self.forces[:, 0].any())
+    closed: bool
 
 
 class OneSidedPart(NamedTuple):

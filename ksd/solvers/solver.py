@@ -403,7 +403,7 @@ class Solver:
         if start is None or start.touched is None or not start.touched.closed:
             try:
                 found = self._without_contacts(drives, method, accuracy, relinearisations, estimate, start)
-                free = without_contact_forces(found, own)
+                free = without_contact_forces(found, own, self.storage)
                 if free is not None and free.stable and not free.doubts:
                     return free
             except (ConvergenceError, KinematicsError) as error:
@@ -416,7 +416,9 @@ class Solver:
                 "no method, or 'conventional', and no reduced bodies."
             ) from reason
         try:
-            held = solve_with_contact(self.model, drives, own, start=start, planar=self.planar)
+            held = solve_with_contact(
+                self.model, drives, own, start=start, planar=self.planar, storage=self.storage
+            )
         except ConvergenceError:
             if free is None:
                 raise

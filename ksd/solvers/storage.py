@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from typing import Any
 
 import numpy as np
 
@@ -13,10 +14,12 @@ from ksd.model.plane import Plane
 
 
 class NewtonStorage:
-    """Work arrays of the Newton iteration of one model, in space and in its plane; not for two threads at once."""
+    """Work arrays of the Newton iteration of one model, in space, in its plane, with contact; not for two threads."""
 
     def __init__(self, model: Model) -> None:
         self.model, self.work = model, make_workspace(model.arrays)
+        self.contact: dict[str, Any] = {}
+        """`ksd.solvers.contact_newton.ContactNewton`, "planar" (None where there is none) and "spatial"."""
         self._planar: Workspace | None = None
 
     def newton(

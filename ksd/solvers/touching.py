@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -67,6 +68,14 @@ class Touching:
     values: Mapping[str, float]
     slots: Mapping[str, tuple[int, float]]
 
+    @cached_property
+    def counts_turns(self) -> bool:
+        """Whether a stop is on a rotation, whose whole turns are counted."""
+        limits = self.pairs[self.pairs[:, 0] == LIMIT]
+        return any(
+            self.data[row[1] + FIRST + TERM_SIZE * t + 1] for row in limits.tolist() for t in range(row[2])
+        )
+
     def with_values(self, values: Array) -> Array:
         """The numbers of all pairs with these values, in the order of `values`."""
         data = self.data.copy()
@@ -76,6 +85,8 @@ class Touching:
 
     def count_turns(self, data: Array, arrays: Arrays, motion: State) -> None:
         """Write the counted angles of rotation terms at a state into `data`, in place."""
+        if not self.counts_turns:
+            return
         turned = node_rotations(arrays, motion)
         for row in self.pairs[self.pairs[:, 0] == LIMIT]:
             own = self.nodes[self.bodies[row[3] : row[3] + row[4]]]

@@ -114,7 +114,12 @@ def walk(
             drives, own = split_values(model, at)
             try:
                 pose = solve_with_contact(
-                    model, drives, own, start=poses[-1] if poses else None, planar=solver.planar
+                    model,
+                    drives,
+                    own,
+                    start=poses[-1] if poses else None,
+                    planar=solver.planar,
+                    storage=solver.storage,
                 )
             except ConvergenceError as error:
                 stop = f"pose {len(poses) + 1} of {whole * len(waypoints)} was not reached: {error}"

@@ -303,6 +303,6 @@ def test_surfaces_that_overlap_or_miss_the_plane_are_refused(at, message):
 
 def test_a_walk_that_stops_says_how_far_it_got():
     scene = jaw(0.0)
-    scene.stop("jaw", along="y", at=(0.07, 0, 0), low=-1 * mm)
+    scene.stop("object", along="y", at=(0.07, 0.02, 0), low=-1 * mm)
     with np.errstate(all="ignore"), pytest.raises(ksd.ConvergenceError, match="pose 2 of 2 was not reached"):
         ksd.walk(scene, [{"x": 0.0, "y": -0.5 * mm}, {"y": -3 * mm}])
