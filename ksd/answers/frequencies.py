@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import blas, cholesky, eig, eigh, lapack, null_space
+from scipy.linalg import blas, cholesky, eig, eigh, lapack, null_space, solve_triangular
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, eigsh
 
 from ksd.answers.finer_model import finer_state
@@ -524,6 +524,17 @@ def lowest_squares(
     return np.asarray(1.0 / values[np.argsort(-np.abs(values))] + 0j)
 
 
+def _unit_modal_mass(mass: Inertia, vectors: Array, orthogonal: bool) -> Array:
+    """Vectors (size, k) with unit modal mass; orthogonal: each also without what it has, by rounding, of those before it,
+    which in stiff modes is softer by many orders."""
+    rooted = mass.rooted(vectors)
+    vectors = vectors / np.sqrt(np.sum(rooted**2, axis=0))
+    if not orthogonal or not vectors.size:
+        return vectors
+    R = np.linalg.qr(rooted / np.sqrt(np.sum(rooted**2, axis=0)), mode="r")
+    return np.asarray(solve_triangular(R * np.sign(R.diagonal())[:, None], vectors.T, trans="T", lower=False).T)
+
+
 def _backward_error(tangent: Tangent, mass: Inertia, rigid: Array, squared: Array, vectors: Array) -> float:
     """Normwise backward error of modes: their change by one more inverse iteration, relative to the response of the softest.
 
@@ -574,7 +585,7 @@ def frequencies(
         most = MAX_DENSE_SKEW if all_needed else MAX_DENSE + MAX_DENSE_PER_MODE * wanted
         pairs = _dense_pairs if (massive <= most if dense is None else dense) else _iterated_pairs
         squared, vectors, grown = _order_modes(*pairs(tangent, mass, rigid, wanted), wanted)
-        vectors = vectors / np.sqrt(np.sum(mass.rooted(vectors) ** 2, axis=0))
+        vectors = _unit_modal_mass(mass, vectors, tangent.skew is None)
         moved = vectors[: len(own)].T @ own
         intended = intended_modes(moved @ balanced, squared, balanced.T @ compliance @ balanced)
         if len(intended) == balanced.shape[1]:
