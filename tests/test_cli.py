@@ -742,9 +742,32 @@ def test_respond_prints_writes_and_draws(tmp_path, capsys):
     assert "Random vibration, 1.000 to 50.00 Hz" in capsys.readouterr().out
 
 
+def test_vibration_over_a_stroke(tmp_path):
+    """Rms and settling time as columns, with Rayleigh damping as the response has it."""
+    import ksd
+
+    scene = tmp_path / "shaken.toml"
+    scene.write_text(SHAKEN)
+    argv = ["sweep", str(scene), "--set", "push=0mm:1mm:2", "--quiet", "--out", str(tmp_path / "a.csv")]
+    words = ["--psd", "base x=1:1e-3,50:1e-3", "--damping", "1:0.01,50:0.03"]
+    assert main([*argv, "--question", "vibration", *words]) == 0
+    lines = (line for line in (tmp_path / "a.csv").read_text().splitlines() if not line.startswith("#"))
+    table = list(csv.DictReader(lines))
+    pose = ksd.solve(ksd.load_scene(scene)[0], push=1e-3)
+    spectrum = {"base x": [(1, 1e-3), (50, 1e-3)]}
+    found = pose.random_vibration(spectrum, freed=["push"], damping=[(1, 0.01), (50, 0.03)])
+    assert float(table[1]["rms_tip_um"]) == pytest.approx(1e6 * found.rms[0], rel=1e-6)
+    assert float(table[1]["settling_s"]) > 0.0
+    assert main(["respond", str(scene), *words, "--freed", "push", "--json", str(tmp_path / "a.json")]) == 0
+    assert ksd.read_result(tmp_path / "a.json")["outputs"][0]["rms"] > 0.0
+    assert main([*argv, "--psd", "base q=1:1,2:1"]) == 2 == main([*argv, "--damping", "1"])
+
+
 @pytest.mark.parametrize(
     "words, sentence",
     [
+        (["--damping", "5:0.01"], "Rayleigh damping needs two pairs"),
+        (["--damping", "0.01,much"], "damping"),
         (["--frequencies", "1Hz"], "write FROM:TO or FROM:TO:POINTS"),
         (["--frequencies", "2Hz:1Hz"], "from above 0 up"),
         (["--frequencies", "1Hz:2mm"], "a frequency is expected"),

@@ -531,8 +531,10 @@ def _unit_modal_mass(mass: Inertia, vectors: Array, orthogonal: bool) -> Array:
     vectors = vectors / np.sqrt(np.sum(rooted**2, axis=0))
     if not orthogonal or not vectors.size:
         return vectors
-    R = np.linalg.qr(rooted / np.sqrt(np.sum(rooted**2, axis=0)), mode="r")
-    return np.asarray(solve_triangular(R * np.sign(R.diagonal())[:, None], vectors.T, trans="T", lower=False).T)
+    R = np.asarray(np.linalg.qr(rooted / np.sqrt(np.sum(rooted**2, axis=0)), mode="r"))
+    return np.asarray(
+        solve_triangular(R * np.sign(R.diagonal())[:, None], vectors.T, trans="T", lower=False).T
+    )
 
 
 def _backward_error(tangent: Tangent, mass: Inertia, rigid: Array, squared: Array, vectors: Array) -> float:

@@ -249,6 +249,14 @@ def _add_live(commands: Any) -> None:
     parser.add_argument("--no-browser", action="store_true", help="print the address only")
 
 
+def _add_vibration(parser: argparse.ArgumentParser) -> None:
+    """Words of random vibration and of damping."""
+    help_text = "a spectrum [unit^2/Hz], such as 'base y=1:1e-3,200:1e-3'; may be repeated"
+    parser.add_argument("--psd", metavar="INPUT=HZ:DENSITY,...", help=help_text, action="append", default=[])
+    help_text = "of all modes (0.01), of each (0.01,0.02), Rayleigh's (5:0.01,100:0.02, by Hz), or materials"
+    parser.add_argument("--damping", metavar="RATIO", help=help_text)
+
+
 def _add_sweep(commands: Any) -> None:
     parser = commands.add_parser(
         "sweep",
@@ -263,10 +271,11 @@ def _add_sweep(commands: Any) -> None:
     )
     _add_shared(parser, "--set", metavar="DRIVE=RANGE", help=help_text)
     help_text = (
-        "force, drive_stiffness, support_stiffness, frequencies, stress, parasitic, energy, buckling, size, clearance "
-        "or distance; may be repeated"
+        "force, drive_stiffness, support_stiffness, frequencies, vibration, stress, parasitic, energy, buckling, size, "
+        "clearance or distance; may be repeated"
     )
     parser.add_argument("--question", action="append", default=[], metavar="Q", help=help_text)
+    _add_vibration(parser)
     _add_point(parser)
     _add_shared(parser, *_SOLVER_OPTIONS)
     parser.add_argument("--out", metavar="FILE", help="write the table: .csv, .h5 or .mat")
@@ -327,12 +336,11 @@ def _add_respond(commands: Any) -> None:
         ("--base", "AXIS", "shake the base along x, y, z or about rx, ry, rz; may be repeated"),
         ("--output", "NAME", "a sensor or a drive; may be repeated"),
         ("--freed", "DRIVE", "a drive or support that is let go; may be repeated"),
-        ("--psd", "INPUT=HZ:DENSITY,...", "a spectrum [unit^2/Hz], such as 'base y=1:1e-3,200:1e-3'"),
     ):
         parser.add_argument(word, metavar=name, help=text, **repeated)
     help_text = "FROM:TO or FROM:TO:POINTS, such as 1Hz:2kHz:500; around the modes if left out"
     parser.add_argument("--frequencies", metavar="RANGE", help=help_text)
-    parser.add_argument("--damping", metavar="RATIO", help="of all modes, such as 0.01, or materials")
+    _add_vibration(parser)
     help_text = "number of modes; chosen by the frequencies if left out"
     parser.add_argument("--modes", type=int, metavar="N", help=help_text)
     parser.add_argument("--out", metavar="FILE", help="write gain, phase and error: .csv")

@@ -29,13 +29,12 @@ def run(options: argparse.Namespace) -> int:
     pose = solve_warm(scene, targets, merged_options(written, options))
     inputs = [*options.input, *(f"base {direction}" for direction in options.base)]
     words = {
-        "outputs": options.output or None, "damping": _damping(options.damping), "modes": options.modes,
+        "outputs": options.output or None, "damping": damping_value(options.damping), "modes": options.modes,
         "freed": options.freed or None,
     }  # fmt: skip
     screen = console()
     if options.psd:
-        spectra = dict(_spectrum(text) for text in options.psd)
-        found = pose.random_vibration(spectra, **words)
+        found = pose.random_vibration(spectra(options.psd), **words)
         numbers = _random_numbers(found)
     else:
         found = pose.response(_frequencies(options.frequencies), inputs=inputs or None, **words)
@@ -51,9 +50,15 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _damping(text: str | None) -> Any:
-    """The damping ratio, or "materials"; None where not given."""
-    return None if text is None else number_or_text(text)
+def damping_value(text: str | None) -> Any:
+    """The damping of "0.01", "0.01,0.02" (of each mode), "5:0.01,100:0.02" (pairs of frequency and ratio) or "materials";
+    None where not given."""
+    if text is None:
+        return None
+    parts = [tuple(map(number_or_text, part.split(":"))) for part in text.split(",")]
+    if len(parts) == 1 and len(parts[0]) == 1:
+        return parts[0][0]
+    return [part[0] if len(part) == 1 else part for part in parts]
 
 
 def _frequencies(text: str | None) -> Any:
@@ -70,8 +75,12 @@ def _frequencies(text: str | None) -> Any:
     return np.geomspace(low, high, points)
 
 
+def spectra(texts: list[str]) -> dict[str, list[tuple[float, float]]]:
+    """Knots, in Hz and unit^2/Hz, of the inputs in texts such as "base y=1:1e-3,200:1e-3". Raises SceneError."""
+    return dict(map(_spectrum, texts))
+
+
 def _spectrum(text: str) -> tuple[str, list[tuple[float, float]]]:
-    """Input and knots of "base y=1:1e-3,200:1e-3", in Hz and unit^2/Hz."""
     name, equals, knots = text.rpartition("=")
     try:
         rows = [tuple(float(v) for v in knot.split(":")) for knot in knots.split(",")]

@@ -16,6 +16,7 @@ from ksd.cli.output import (
     require_answers,
     write_table,
 )
+from ksd.cli.respond import damping_value, spectra
 from ksd.cli.solve import (
     chosen_mesh,
     drive_value,
@@ -50,6 +51,7 @@ def run(options: argparse.Namespace) -> int:
             mesh=chosen_mesh(settings), method=settings["method"], accuracy=settings["accuracy"],
             relinearisations=settings["relinearisations"] or 0,
             extrapolate=bool(settings["extrapolate"]), progress=not options.quiet, resume=options.resume,
+            psd=spectra(options.psd) or None, damping=damping_value(options.damping),
         )  # fmt: skip
     console().print(str(table), soft_wrap=True)
     write_table(table, options.out)
