@@ -25,7 +25,7 @@ from ksd.answers.mass import base_load
 from ksd.answers.material_damping import has_loss_factors
 from ksd.answers.nonconservative import MAX_DAMPED_SKEW_SHARE
 from ksd.answers.stiffness import DIRECTIONS, point_jacobian
-from ksd.answers.tangent import row_gradients
+from ksd.answers.tangent import row_gradients, row_numbers
 from ksd.checks import name_hint, names_of, number, show, whole_number
 from ksd.errors import KinematicsError, SceneError
 from ksd.model.arrays import State
@@ -399,9 +399,15 @@ def make_plant(
     sensors, loads = {s.name: s for s in scene.sensors}, {load.name: load for load in scene.loads}
     chosen = _choose_names("inputs", inputs, drives, (*drives, *loads, *BASE_INPUTS))
     seen = _choose_names("outputs", outputs, tuple(sensors) or drives, (*sensors, *drives))
+    both = next((name for name in seen if name in sensors and name in drives), None)
+    if both is not None and outputs is not None:
+        raise SceneError(f"outputs: '{both}' is a sensor and a drive; give the sensor another name")
     released = (
-        tuple(d for d in drives if d in chosen or d in seen) if freed is None else names_of(freed, "freed")
+        tuple(d for d in drives if d in chosen or (d in seen and d not in sensors))
+        if freed is None
+        else names_of(freed, "freed")
     )
+    row_numbers(model, released)
     for name in chosen:
         if name in drives and name not in released:
             raise SceneError(f"inputs: drive '{name}' is held, and its force moves nothing; name it in freed")

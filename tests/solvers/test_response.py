@@ -16,7 +16,9 @@ LOSSY = ksd.Material(E=STEEL.E, G=STEEL.G, density=STEEL.density, loss_factor=0.
 WEIGHTLESS = ksd.Material(E=STEEL.E, G=STEEL.G)
 
 
-def guide(*, material=LOSSY, held=False, gravity=None, damper=0.0, plane="xy", turn=None, drive=True, height=0.01):
+def guide(
+    *, material=LOSSY, held=False, gravity=None, damper=0.0, plane="xy", turn=None, drive=True, height=0.01
+):
     """A stage of 1 kg on two leaf springs, driven along x, with sensors on it; held: it moves along x only."""
     turn = np.eye(3) if turn is None else turn
     scene = ksd.Mechanism("guide", plane=plane)
@@ -255,6 +257,7 @@ def test_modes_of_base_loads_are_those_of_the_mass(pose):
         ({"damping": [0.01], "modes": 3}, "1 ratios for 3 modes"),
         ({"damping": "little"}, "give a ratio, ratios, pairs or 'materials'"),
         ({"freed": []}, "drive 'push' is held, and its force moves nothing"),
+        ({"freed": ["pusch"]}, "'pusch' cannot be freed"),
     ],
     ids=lambda v: "" if isinstance(v, dict) else v[:30],
 )
@@ -278,6 +281,26 @@ def test_wrong_spectra_are_refused(pose, psd, sentence):
     with pytest.raises(SceneError) as refused:
         pose.random_vibration(psd)
     assert sentence in str(refused.value)
+
+
+def test_loads_that_follow_their_link_and_names_of_two_things_are_refused():
+    """Small ones, of less than a thousandth in the stiffness, change no mode."""
+    scene = guide()
+    scene.sensor("stage", along="x", at=(0, 0.06, 0), name="push")
+    with pytest.raises(SceneError, match="'push' is a sensor and a drive; give the sensor another name"):
+        ksd.solve(scene, push=0.0).response([1.0], outputs="push")
+    scene = guide()
+    scene.load("stage", force=(0, 50.0, 0), at=(0, 0.06, 0), following=True)
+    pose = ksd.solve(scene, push=1 * mm)
+    for ask in (
+        lambda: pose.response([1.0], inputs="push"),
+        lambda: pose.random_vibration({"base x": [(1, 1e-3), (9, 1e-3)]}, freed=["push"]),
+        lambda: pose.shock([(0, 0), (0.01, 1), (0.02, 0)], source="base x", outputs="tip", freed=["push"]),
+        lambda: pose.transmissibility("x", outputs="tip", freed=["push"]),
+        lambda: ksd.state_space(pose, inputs="push", outputs="tip"),
+    ):
+        with pytest.raises(SceneError, match="the loads follow their link .* are no basis"):
+            ask()
 
 
 def test_turning_bases_and_unstable_poses_are_refused():
