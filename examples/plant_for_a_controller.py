@@ -1,7 +1,7 @@
 """How fast may a stage be controlled when the sensor is not where the force acts?
 
 A carriage on an air bearing carries a stage on leaf springs; a linear motor pushes the carriage, an interferometer sees the
-stage. The plant is a double integrator and a mode; the phase margin of a controller of one lead follows from its response.
+stage. The plant is a double integrator and a mode without which the loop would be stable: the controller has a notch there.
 """
 
 import numpy as np
@@ -22,15 +22,19 @@ scene.sensor(stage, along="x", at=(0, 45 * mm, 0), name="interferometer")
 pose = ksd.solve(scene, motor=0.0)
 plant = ksd.state_space(pose, modes=6, outputs=["motor", "interferometer"])
 
-# a lead around the crossover: -1/(w^2 m) has no phase of its own
-crossover, mass = 30.0, 4.0
+# a lead around the crossover, as -1/(w^2 m) has no phase of its own, and a notch at the mode
+crossover, mass, mode = 15.0, 4.0, float(plant.frequency_Hz[1])
+w, wn = 2 * np.pi * crossover, 2 * np.pi * mode
+zeta = float(pose.frequencies(freed=["motor"]).damping[1])
+numerator = np.polymul(mass * w**2 / 3 * np.array([3 / w, 1]), [1 / wn**2, 2 * zeta / wn, 1])
+denominator = np.polymul([1 / (3 * w), 1], [1 / wn**2, 0.6 / wn, 1])
 f = np.geomspace(1, 1000, 20000)
-s, w = 2j * np.pi * f, 2 * np.pi * crossover
-lead = mass * w**2 / 3 * (1 + 3 * s / w) / (1 + s / (3 * w))
-loop = lead * plant.response(f)[:, 1, 0]
-last = np.flatnonzero((np.abs(loop[:-1]) >= 1) & (np.abs(loop[1:]) < 1))
-margin = 180 + float(np.degrees(np.angle(loop))[last[0]])
-mode = float(plant.frequency_Hz[1])
+s = 2j * np.pi * f
+loop = np.polyval(numerator, s) / np.polyval(denominator, s) * plant.response(f)[:, 1, 0]
+crossed = np.flatnonzero((np.abs(loop[:-1]) >= 1) != (np.abs(loop[1:]) >= 1))
+margin = float((180 + np.degrees(np.angle(loop[crossed]))).min())
+turned = np.flatnonzero((np.diff(np.sign(loop.imag)) != 0) & (loop.real[1:] < 0))
+gain_margin = float(1 / np.abs(loop[turned]).max())
 
 
 def picture(path=None):
@@ -39,8 +43,18 @@ def picture(path=None):
 
 
 print(plant)
-print(f"crossover at {f[last[0]]:.1f} Hz with a phase margin of {margin:.1f} degrees")
-print(f"the mode at {mode:.1f} Hz reaches {np.abs(loop[f > 100]).max():.2f} of the loop gain 1")
+print(
+    f"crossover at {f[crossed[0]]:.1f} Hz, phase margin {margin:.1f} degrees, gain margin {gain_margin:.2f}"
+)
+try:
+    import control
+
+    system = control.ss(plant.A, plant.B, plant.C[1:], plant.D[1:]) * control.tf(numerator, denominator)
+    print(
+        "python-control: gain margin {:.2f}, phase margin {:.1f}".format(*control.stability_margins(system))
+    )
+except ImportError:
+    print("python-control is not installed (pip install 'ksd[control]'): its margins are left out")
 
 if __name__ == "__main__":
     picture("plant_for_a_controller.png")

@@ -33,7 +33,7 @@ GROWTH = 1.6
 """Growth from one element to the next at ends and edges."""
 FINEST = 1.0
 """Size [thicknesses] of the elements at ends and edges."""
-STIFF = 1e4
+STIFF = 1e3
 """Young's modulus of tetrahedra over that of the stiffest leaf spring."""
 TETRAHEDRON = 0.02
 """Height of tetrahedra over the size of the mechanism."""
@@ -345,7 +345,7 @@ class Deck:
         """Lines of the steps: loads first, with the drives at zero, then the drives."""
         # the usual residual is half a percent of the mean force
         head = ["*STEP, NLGEOM, INC=1000", "*STATIC", f"{1 / increments:.6g}, 1.0, 1e-6, {1 / increments:.6g}",
-                "*CONTROLS, PARAMETERS=FIELD", "1e-5, 1e-2", *INCREMENTATION]  # fmt: skip
+                "*CONTROLS, PARAMETERS=FIELD", "5e-5, 1e-2", *INCREMENTATION]  # fmt: skip
         tail = ["*NODE PRINT, NSET=OUT, FREQUENCY=1000, GLOBAL=YES", "U, RF", "*END STEP"]
         steps = [(loads, 0.0)] * bool(loads) + [([], 1.0)] * (bool(moved) or not loads)
         for lines, share in steps:

@@ -299,7 +299,7 @@ def test_loads_that_follow_their_link_and_names_of_two_things_are_refused():
         lambda: pose.transmissibility("x", outputs="tip", freed=["push"]),
         lambda: ksd.state_space(pose, inputs="push", outputs="tip"),
     ):
-        with pytest.raises(SceneError, match="the loads follow their link .* are no basis"):
+        with pytest.raises(SceneError, match=r"the loads follow their link .* are no basis"):
             ask()
 
 

@@ -206,6 +206,35 @@ def test_state_space_has_the_poles_and_the_static_gain_of_the_mechanism(tmp_path
     assert system.input_units == ("N",) and system.output_units == ("m",)
 
 
+def test_exports_of_a_state_space_come_back(tmp_path):
+    """MATLAB: every number to the bit, names not of ASCII; scipy: its responses are ours; numpy: the same formula."""
+    from scipy.io import loadmat
+    from scipy.signal import freqresp
+
+    scene = fourbar()
+    scene.sensor("top", along="y", at=(0, 0.4, 0), name="Höhe")
+    scene.sensor("top", along="x", at=(0, 0.4, 0), kind="acceleration", name="felt")
+    pose = ksd.solve(scene, top=0.1)
+    system = state_space(
+        pose, modes=4, inputs=["top", "base x"], outputs=["top", "Höhe", "felt"], damping=0.02
+    )
+    found = loadmat(system.to_mat(tmp_path / "a.mat"))
+    for key in "ABCD":
+        assert np.array_equal(found[key], getattr(system, key))
+    names = [str(n[0]) for n in found["outputs"].ravel()]
+    assert names == ["top", "Höhe", "felt"] and str(found["input_units"].ravel()[1][0]) == "m/s^2"
+    f = np.geomspace(0.5, 200, 7)
+    ours = system.response(f)
+    scipys = system.to_scipy()
+    for o in range(3):
+        for i in range(2):
+            one = (scipys.A, scipys.B[:, i : i + 1], scipys.C[o : o + 1], scipys.D[o : o + 1, i : i + 1])
+            assert freqresp(one, 2 * np.pi * f)[1] == pytest.approx(ours[:, o, i], rel=1e-5)
+    # without the term that grows with the square of the frequency, an acceleration is another one
+    expected = pose.response(f, inputs=system.inputs, outputs=system.outputs, damping=0.02, modes=4).value
+    assert ours[:, :2] == pytest.approx(expected[:, :2], rel=1e-9)
+
+
 def test_state_space_refuses_what_it_cannot():
     pose = ksd.solve(single_joint(cross_flexure()), turn=0.2, method="full")
     for how, words in (
