@@ -162,7 +162,9 @@ def with_loads(scene: Scene, sizes: Mapping[str, float]) -> Scene:
         values = {key: np.asarray(getattr(load, key)) * (size / own) for key in keys}
         return replace(load, **{k: as_vector(v) if v.ndim else float(v) for k, v in values.items()})
 
-    changed = {key: tuple(map(resized, getattr(scene, key))) for key in ("loads", "line_loads", "pressures")}
+    changed: dict[str, Any] = {
+        key: tuple(map(resized, getattr(scene, key))) for key in ("loads", "line_loads", "pressures")
+    }
     same = all(new == getattr(scene, key) for key, new in changed.items())
     return scene if same else replace(scene, **changed)
 
