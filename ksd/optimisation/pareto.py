@@ -103,7 +103,8 @@ class Front(PrintableAnswer):
     def __str__(self) -> str:
         units = [self.job.unit(name) for name in self.job.parameters]
         heads = [
-            f"{name} [{unit}]" if name in self.job.units else name
+            # names of scene files, broken at their dots
+            name.replace(".", ".\n") + (f"\n[{unit}]" if name in self.job.units else "")
             for name, (unit, _) in zip(self.job.parameters, units, strict=True)
         ]
         rows = [
