@@ -437,7 +437,7 @@ class Solver:
     ) -> Configuration:
         """Solve by a method, stops and cables left aside."""
         try:
-            self._check_turns(values, start)
+            self._check_turns(values, start, method)
             if method == "constant":
                 return self._by_constant_leaves(values, estimate, start)
             if self._has_bodies():
@@ -463,11 +463,18 @@ class Solver:
                 error.args = (f"{str(error).rstrip('.')}; {units}",)
             raise
 
-    def _check_turns(self, values: Mapping[str, float], start: Configuration | None) -> None:
+    def _check_turns(
+        self, values: Mapping[str, float], start: Configuration | None, method: str | None
+    ) -> None:
         """Raise SceneError for a start of another mechanism, and where a rotation drive turns too far in one solve."""
         begin = None
         if start is not None:
-            require_start_of(self.model, start)
+            if method == "modal" or self._has_bodies():
+                raise SceneError(
+                    "start: load steps of reduced bodies begin at rest; leave it out, or solve with method='conventional'"
+                )
+            constant = method == "constant" == getattr(start, "method", None)
+            require_start_of(self.constant[0] if constant else self.model, start)
             begin = self.model.targets(start.targets)
         self.model.refuse_turns(self.model.targets(values), begin)
 

@@ -85,6 +85,23 @@ def test_a_row_too_far_from_the_one_before_says_so():
     assert table["status"][:2] == ["ok", "ok"] and "starts at 170 deg" in table["status"][2]
 
 
+def test_turns_are_counted_beside_reduced_bodies_and_from_a_start():
+    """Where another part is a modal body, or of constant stiffness, too, and on from a pose that has turned."""
+    scene = pinned(None, rest_angle=-200 * deg)
+    tip = scene.link("tip")
+    section = ksd.rectangle(5e-4, 0.01)
+    scene.leaf("ground", tip, start=(0.1, 0, 0), end=(0.2, 0, 0), section=section, material=STEEL)
+    scene.load(tip, force=(0, 0.5, 0), at=(0.2, 0, 0))
+    pose = ksd.solve(scene, turn=160 * deg, method="modal", basis=ksd.ModalBasis())
+    assert pose.forces["turn"] == pytest.approx(0.01 * 360 * deg, rel=1e-9)
+    with pytest.raises(ksd.SceneError, match="load steps of reduced bodies begin at rest"):
+        ksd.solve(scene, turn=330 * deg, method="modal", basis=ksd.ModalBasis(), start=pose)
+    for method in ("conventional", "constant"):
+        before = ksd.solve(scene, turn=160 * deg, method=method)
+        pose = ksd.solve(scene, turn=330 * deg, start=before, method=method)
+        assert pose.forces["turn"] == pytest.approx(0.01 * 530 * deg, rel=1e-9)
+
+
 def test_a_start_is_a_pose_of_the_mechanism():
     pose = ksd.solve(pinned(), turn=0.1)
     other = pinned(drive=False)
