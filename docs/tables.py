@@ -42,8 +42,8 @@ REFERENCE = {
     ),
     "Solving": (
         "From a scene to its deformed configuration.",
-        "solve compare prepare Solver Configuration follow Path walk Walk required_loads RequiredLoads rest_shape RestShape "
-        "Mesh ModalBasis compile_scene Model "
+        "solve compare prepare Solver Configuration follow Path walk Walk pull_out required_loads "
+        "RequiredLoads rest_shape RestShape Mesh ModalBasis compile_scene Model "
         "doctor",
     ),
     "Moving": (
@@ -65,7 +65,7 @@ REFERENCE = {
         "answers.forces.InterfaceForces answers.forces.InterfaceForce answers.link_forces.LinkForces "
         "answers.link_forces.LinkForce answers.internal_stress.Misplaced answers.extent.Clearance "
         "answers.verify.Verification answers.doctor.Diagnosis answers.plant.Plant solvers.response.Response "
-        "solvers.random_vibration.RandomVibration solvers.shock.Shock "
+        "solvers.random_vibration.RandomVibration solvers.shock.Shock solvers.grasp.Grasp "
         "study.frequency_curve.FrequencyCurve study.state_space.StateSpace study.history.Spectrum",
     ),
     "Pictures": (

@@ -47,6 +47,7 @@ _HOMES = {
     "ksd.solvers.solver": ("Solver", "prepare", "solve"),
     "ksd.solvers.configuration": ("Configuration",),
     "ksd.solvers.path": ("Path", "follow"),
+    "ksd.solvers.pull_out": ("pull_out",),
     "ksd.solvers.walk": ("Walk", "walk"),
     "ksd.solvers.required_loads": ("RequiredLoads", "required_loads"),
     "ksd.answers.doctor": ("doctor",),
@@ -82,7 +83,7 @@ __all__ = [
     "Tolerance", "Trapezoid", "TripleInfinityHinge", "TrustError", "UniversalJoint", "UnknownNameError",
     "UnknownWordError", "Varying", "Walk", "WireFlexure", "batch", "choose", "circle", "compare", "compile_scene", "doctor",
     "errors", "find_record", "follow", "frequency_curve", "gradient", "joint_families", "link_matrix", "live",
-    "load_job", "load_scene", "numbers", "optimise", "pareto", "polygon", "prepare", "read_result", "rectangle",
+    "load_job", "load_scene", "numbers", "optimise", "pareto", "polygon", "prepare", "pull_out", "read_result", "rectangle",
     "required_loads", "rest_shape", "save_scene", "simulate", "solve", "state_space", "stepper", "sweep",
     "tolerance", "train", "tube", "units", "walk", "wire",
 ]  # fmt: skip
@@ -144,6 +145,7 @@ if TYPE_CHECKING:
     from ksd.section import Section, circle, numbers, polygon, rectangle, tube
     from ksd.solvers.configuration import Configuration
     from ksd.solvers.path import Path, follow
+    from ksd.solvers.pull_out import pull_out
     from ksd.solvers.required_loads import RequiredLoads, required_loads
     from ksd.solvers.solver import Solver, prepare, solve
     from ksd.solvers.walk import Walk, walk

@@ -14,13 +14,17 @@ import math
 import numpy as np
 
 from ksd.model.complementarity import move_bodies, pair_wrenches, solve_complementarity, unknown_count
-from ksd.model.gaps import BODIES, BODY_COUNT, DATA, FRICTIONS, GAP, PLACES, SOFTNESS, WRENCH, touch
+from ksd.model.gaps import BODIES, BODY_COUNT, DATA, FRICTION, FRICTIONS, GAP, PLACES, SOFTNESS, WRENCH, touch
 from ksd.model.newton import _largest
 from ksd.numerics.blocks import BLOCKS, factor_blocks, solve_blocks
 from ksd.numerics.kernel import kernel
 
 WEAK_TANGENT = 1e-9
 """Relative pivot below which the touched nodes get a stiffness."""
+HELD = 1e-12
+"""Compliance of a motion that supports hold, over the largest one, at most."""
+SLIPPING = 1e-9
+"""Share of the friction that is left, up to which a contact counts as slipping."""
 
 
 @kernel
@@ -187,32 +191,42 @@ def _pair_stiffness(pairs, bodies, first, active, C, out, rho):
 def stability_matrix(
     pairs, data, bodies, nodes, first, active, x, R, x_before, R_before, size, forces, out, spring, C
 ):  # fmt: skip
-    """The matrix (2 q + c,) of motions, of multipliers that tie them to the mechanism, and of the c closed contacts, whose
-    negative eigenvalues tell stability: see `ksd.solvers.contact_newton.ContactNewton.check`; and whether it is stable where
-    the tangent without contact forces is. C (q, q): compliance."""
-    count, q, width = 0, len(C), len(active)
+    """The matrix (2 q + c,) of motions, of multipliers that tie them to the mechanism, and of c directions held by contacts,
+    whose negative eigenvalues tell stability: see `ksd.solvers.contact_newton.ContactNewton.check`; and whether it is stable
+    where the tangent without contact forces is. C (q, q): compliance."""
+    count, q, width, held = 0, len(C), len(active), np.zeros(len(pairs), np.int64)
     for i in range(len(pairs)):
-        count += 1 if forces[i, 0] > 0.0 else 0
-    small, unit = np.zeros((2 * q + count, 2 * q + count)), np.ones(q)
+        friction, drag = data[pairs[i, DATA] + FRICTION] * forces[i, 0], 0.0
+        for c in range(pairs[i, FRICTIONS]):
+            drag += forces[i, 1 + c] ** 2
+        # one that sticks is held along its tangents too
+        held[i] = 1 if forces[i, 0] > 0.0 else 0
+        if friction > 0.0 and math.sqrt(drag) < (1.0 - SLIPPING) * friction:
+            held[i] += pairs[i, FRICTIONS]
+        count += held[i]
+    small, unit = np.zeros((2 * q + count, 2 * q + count)), np.empty(q)
+    # in units in which compliances are of the order of 1, those of held motions, which are rounding, below
+    largest = np.full(2, 1e-300)
     for k in range(q):
-        # so that compliances are of the order of 1
-        if C[k, k] != 0.0:
-            unit[k] = math.sqrt(abs(C[k, k]))
+        kind = 0 if active[k % width] < 3 else 1
+        largest[kind] = max(largest[kind], abs(C[k, k]))
+    for k in range(q):
+        unit[k] = math.sqrt(max(abs(C[k, k]), HELD * largest[0 if active[k % width] < 3 else 1]))
     row = 2 * q
     for i in range(len(pairs)):
-        if forces[i, 0] > 0.0:
+        for e in range(held[i]):
             norm = 1e-300
             for b in range(pairs[i, BODY_COUNT]):
                 k = first[bodies[pairs[i, BODIES] + b]]
                 if k >= 0:
                     for r in range(width):
-                        small[row, k + r] += unit[k + r] * out[i, WRENCH + 18 * b + 3 * active[r]]
+                        small[row, k + r] += unit[k + r] * out[i, WRENCH + 18 * b + 3 * active[r] + e]
             for k in range(q):
                 norm += small[row, k] ** 2
             for k in range(q):
                 small[row, k] /= math.sqrt(norm)
                 small[k, row] = small[row, k]
-            small[row, row] = -data[pairs[i, DATA] + SOFTNESS] / norm
+            small[row, row] = -data[pairs[i, DATA] + SOFTNESS] / norm if e == 0 else 0.0
             row += 1
     # stiffness of contact forces of constant size: minus the derivative of their wrenches by the motions
     trial, y, shift, w = np.empty_like(out), np.zeros(q), np.zeros(2), np.empty((2, q))

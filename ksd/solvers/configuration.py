@@ -59,6 +59,7 @@ from ksd.solvers.error import (
     refinement_step_suffices,
     with_error,
 )
+from ksd.solvers.grasp import Grasp, contacts_on, grasp
 from ksd.solvers.held_contacts import hold_contacts
 from ksd.solvers.joint_motions import JointMotions
 from ksd.solvers.left_out import left_out
@@ -460,6 +461,15 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
             freed=freed,
             load_factor=self.load_factor,
         )
+
+    def grasp(self, link: Link | str, *, at: ArrayLike | None = None) -> Grasp:
+        """How contacts hold a link: stiffness of its point at `at` (3,) [m, global] at rest, forces, and friction needed.
+
+        Raises SceneError where no closed contact is on it, KinematicsError where nothing resists a motion.
+        """
+        name = self.model.node_names[self._node(link)]
+        contacts_on(self, name)
+        return grasp(self, name, self.stiffness(name, at=at))
 
     def drive_stiffness(self, *, freed: Iterable[str] = ()) -> DriveStiffness:
         """Stiffness dF/dd (d, d) [N/m, Nm/rad, N/rad] between all drives except those in `freed`, which keep their force.

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.answers.printing import NamedAnswerTable, format_number
+from ksd.model.contact_step import SLIPPING
 from ksd.model.gaps import DATA, FRICTION, GAP, NORMAL, OFFSET, PLACE, SLIDE
 from ksd.solvers.touching import Touching
 
@@ -57,10 +58,6 @@ class ContactPoint(NamedTuple):
     T: Array
     force: Array
     reserve: float
-
-
-SLIPPING = 1e-9
-"""Share of the friction that is left, up to which a contact counts as slipping."""
 
 
 def contact_points(touched: Touched | None) -> NamedAnswerTable[ContactPoint]:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ksd.errors import SceneError
 from ksd.model.arrays import State
 from ksd.model.compile import Model, compile_as_is
+from ksd.model.contact_step import SLIPPING
 from ksd.model.gaps import (
     BODIES,
     CORNERS,
@@ -41,7 +42,7 @@ from ksd.model.turns import count_from_links, node_rotations
 from ksd.scene.drive import GROUND, Drive, DriveTerm
 from ksd.scene.effects import Spring
 from ksd.scene.load import Load
-from ksd.solvers.contact_state import SLIPPING, Touched
+from ksd.solvers.contact_state import Touched
 
 if TYPE_CHECKING:
     from ksd.solvers.configuration import Configuration

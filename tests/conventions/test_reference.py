@@ -126,6 +126,7 @@ WRONG = {name: (lambda _, n=name, w=sizes: getattr(ksd, n)(STEEL, **w)) for name
     "live": lambda _: ksd.live(guide(), {"length": (1, 2)}),
     "sweep": lambda _: ksd.sweep(guide(), pull=1),
     "walk": lambda _: ksd.walk(guide(), []),
+    "pull_out": lambda _: ksd.pull_out(ksd.solve(guide(), push=1e-3), "stage", along="x"),
     "batch": lambda _: ksd.batch(guide(), pull=1),
     "gradient": lambda _: ksd.gradient(guide(), pull=1),
     "Job": lambda _: ksd.Job(3, vary={}),

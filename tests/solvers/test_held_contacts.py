@@ -196,3 +196,62 @@ def test_a_stop_under_a_follower_force_that_makes_it_diverge():
     assert not (held.frequency_Hz > 0.0).any()
     with pytest.raises(ksd.TrustError, match="UNSTABLE"):
         ksd.solve(column("stop", "force", 110))
+
+
+def gripper(*, driven=False):
+    """Two jaws that are driven towards each other, with a disc of 15 mm between them that nothing else holds."""
+    scene = ksd.Mechanism("gripper", plane="xy")
+    disc = scene.link("disc")
+    for k, side in enumerate((-1, 1)):
+        jaw, base = scene.links(f"jaw{k}", f"base{k}")
+        for y in (20 * mm, 40 * mm):
+            start, end = (0, side * y, 0), (0.06, side * y, 0)
+            scene.leaf(base, jaw, start=start, end=end, section=BLADE, material=STEEL, name=f"l{k} {y}")
+        scene.actuate(base, along="y", at=(0, side * 15 * mm, 0), name=f"y{k}")
+        scene.support(base, along="x", at=(0, 0, 0))
+        scene.support(base, about="z")
+        face = scene.surface(jaw, ksd.shapes.wall(), at=(0.07, side * 15 * mm, 0), axis=(0, -side, 0))
+        outline = scene.surface(disc, ksd.shapes.disc(15 * mm), at=(0.07, 0, 0), name=f"outline{k}")
+        scene.contact(face, outline, friction=0.3, name=f"c{k}")
+    if driven:
+        scene.actuate(disc, along="x", at=(0.07, 0, 0), name="x")
+    return scene
+
+
+@pytest.fixture(scope="module")
+def held():
+    walk = ksd.walk(gripper(), [{"y0": 4 * mm, "y1": -4 * mm}], steps=4)
+    assert all(pose.stable for pose in walk)
+    return walk[-1]
+
+
+def test_a_free_disc_is_dragged_along_while_jaws_close_on_it(held):
+    """By the acceptance table .156 mm, since parasitic shortening moves the jaws."""
+    assert held.displacement("disc", (0.07, 0, 0))[0] == pytest.approx(-0.156e-3, rel=0.02)
+    assert [c.state for c in held.contacts.values()] == ["stick", "stick"] and held.stable
+    total = sum(c.force for c in held.contacts.values())
+    moment = sum(np.cross(c.place, c.force) for c in held.contacts.values())
+    assert np.abs(total).max() < 1e-9 and np.abs(moment).max() < 1e-10
+
+
+def test_grasp_of_a_free_disc(held):
+    found = held.grasp("disc", at=(0.07, 0, 0))
+    share = max(np.linalg.norm(c.T) / c.N for c in held.contacts.values())
+    assert found.needed == share and found.margin == pytest.approx(0.3 / share)
+    assert np.abs(found.forces.sum(axis=0)).max() < 1e-9 and "friction" in str(found)
+    # rolling between the jaws is softer than along them, by the stiffness of four leaf springs
+    assert 900 < found.stiffness.support("y") < 1100
+    with pytest.raises(ksd.SceneError, match="no closed contact is on link 'base0'"):
+        held.grasp("base0")
+
+
+def test_what_pulls_a_free_disc_out_and_what_a_driven_one_bears(held):
+    """Limits of the table for a free disc, and the force of a drive that moves a disc at the same place."""
+    limit = ksd.pull_out(held, "disc", along="x", at=(0.07, 0, 0))
+    assert limit == pytest.approx(1.22994, rel=5e-4)
+    x = held.displacement("disc", (0.07, 0, 0))[0]
+    program = [{"y0": 4 * mm, "y1": -4 * mm, "x": x}, {"x": x + 1e-6}, {"x": x - 2e-6}]
+    walk = ksd.walk(gripper(driven=True), program)
+    assert walk[1].forces["x"] == pytest.approx(limit, rel=2e-4)
+    # against the other limit of the table
+    assert walk[2].forces["x"] == pytest.approx(-1.17522, rel=5e-4)
