@@ -102,6 +102,11 @@ NUMBERS = {
         "second": (math.radians(-2.8373), 2e-2, "circles of rigid links"),
         "third": (math.radians(-4.3742), 5e-3, "circles of rigid links"),
     },
+    "disc_gripper": {
+        "drive": (1, 1e-3, "a drive in the place of the force"),
+        "balance": (1, 1e-8, "balance of the disc"),
+        "slips": (1, 1e-8, "Coulomb: |T| = mu N"),
+    },
     "folded_leaf_stage": {
         "x": (1.5 * FOLDED, 2e-3, "van Eijk 1985"),
         "rz": (3 * FOLDED * (60e-3 + 40e-3 / math.sqrt(2)) ** 2, 2e-3, "van Eijk 1985"),
@@ -124,6 +129,11 @@ NUMBERS = {
         "at_rest": (2 * 200e9 * 0.5e-3 * 20e-3 / 0.1, 1e-9, "2 EA/L"),
         "halfway": (1 / (0.1**3 / EI(0.5e-3, 20e-3) * (0.005**2 / 24 + 0.05**2 / 1400)), 1e-2, "Awtar 2007"),
         "at_end": (4938866.1, 1e-4, SHOOTING),
+    },
+    "guide_with_stops": {
+        "share": (1, 1e-3, "the push less 24 EI/L^3 times the distance of the stop"),
+        "bears": (40 - 24 * EI(0.4e-3, 25e-3) / 80e-3**3 * 3e-3, 1e-3, "24 EI/L^3"),
+        "within": (3 * 200e9 * 0.4e-3 * 3e-3 / 80e-3**2 / 1.2e9, 2e-2, "3 E t d/L^2"),
     },
     "heat_drift": {
         "grows": (12e-6 * 5 * 80e-3, 1e-9, "expansion"),
@@ -194,10 +204,19 @@ NUMBERS = {
         "C_x": (-0.03552664e-3, 1e-5, SHOOTING),
         "C_y": (-2.440338e-3, 1e-5, SHOOTING),
     },
+    "snap_fit": {
+        "inward": (1, 1e-6, "balance on the flank with friction"),
+        "outward": (1, 1e-6, "balance on the flank with friction"),
+        "beam": (1, 5e-2, "3 EI/L^3"),
+    },
     "strip_under_pressure": {
         "small": (1, 2e-4, "p w L^4 / 8 EI"),
         "push": (9.75142, 1e-5, SHOOTING),
         "chord": (0.0975143, 1e-5, SHOOTING),
+    },
+    "tendon_finger": {
+        "castigliano": (1, 1e-5, "change of the energy by the length"),
+        "alike": (2, 1e-6, "the same tension and arm in both flexures"),
     },
     "tip_tilt_piston": {
         "moment_share": (1, 3e-3, "stiffness of a point with the drives let go"),
