@@ -65,6 +65,10 @@ NUMBERS = {
         "moment": (1.4309743209, 1e-6, SHOOTING),
         "axial_at_rest": (2 * 200e9 * 0.5e-3 * 40e-3 / 100e-3 * 0.5, 1e-4, "EA/L cos^2"),
     },
+    "confirmed_by_solids": {
+        "force": (24 * EI(0.3e-3, 20e-3) / 60e-3**3 * 0.1e-3, 1e-3, "beam theory"),
+        "explained": (0.05, 0.3, "a plate of this width between clamps"),
+    },
     "plant_for_a_controller": {
         # two masses on one guide, leaf springs without mass
         "mode": (math.sqrt(24 * EI(1e-3, 30e-3) / 40e-3**3 * (1 / 3 + 1 / 1)) / (2 * math.pi), 2e-2, "k (1/M + 1/m)"),

@@ -7,7 +7,7 @@ import argparse
 from ksd.answers.printing import format_signed_percent
 from ksd.cli.output import console
 from ksd.cli.solve import load_with_options, merged_options, solve_warm
-from ksd.export.calculix_run import confirm
+from ksd.export.calculix_run import confirm, twist_text
 from ksd.model.description import curved_bar_text
 
 
@@ -38,7 +38,6 @@ def run(options: argparse.Namespace) -> int:
         say(
             f"explained by {effect}, which is left out: force {format_signed_percent(100.0 * changes.get('force', 0.0))} %"
         )
-    curved = curved_bar_text(scene)
-    if curved:
-        say(f"not modelled: {curved}")
+    for text in filter(None, (curved_bar_text(scene), twist_text(pose))):
+        say(f"not modelled: {text}")
     return 0

@@ -8,7 +8,7 @@ import pytest
 import ksd
 from ksd.cli import main
 from ksd.export import write_bodies
-from ksd.export.solids import bodies_of
+from ksd.export.solids import STEP_STATIONS, _step_solid, bodies_of
 from ksd.scene.toml_file import shipped_scenes
 from ksd.units import mm
 
@@ -84,10 +84,13 @@ def test_step_is_one_body_with_the_volume_that_was_fused(deformed, pose, tmp_pat
     gmsh.initialize([], False, False, False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
+        fused = _fused(gmsh.model.occ, bodies_of(pose, deformed, STEP_STATIONS))
+        gmsh.model.occ.remove(gmsh.model.occ.getEntities(3), recursive=True)
         solids = [tag for tag in gmsh.model.occ.importShapes(str(path)) if tag[0] == 3]
         volume = sum(gmsh.model.occ.getMass(*tag) for tag in solids)
     finally:
         gmsh.finalize()
+    assert volume == pytest.approx(fused, rel=1e-9)
     bodies = list(bodies_of(pose, deformed, 97))
     leaves = 1e9 * sum(b.volume for b in bodies if "idea" not in b.name)
     everything = 1e9 * sum(b.volume for b in bodies)
@@ -96,6 +99,12 @@ def test_step_is_one_body_with_the_volume_that_was_fused(deformed, pose, tmp_pat
     assert "sheet; wire; taper; arc; ground (its form is an idea)" in "".join(
         path.read_text().split("\n")[:9]
     )
+
+
+def _fused(occ, bodies):
+    """Volume of the bodies fused in memory [mm^3]."""
+    first, *others = [(3, _step_solid(occ, body)) for body in bodies]
+    return sum(occ.getMass(*tag) for tag in occ.fuse([first], others)[0])
 
 
 def _gmsh():
