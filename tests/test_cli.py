@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -789,3 +790,28 @@ def test_damping_of_a_torsional_dashpot_is_not_that_of_a_translation(tmp_path, c
     scene = tmp_path / "shaken.toml"
     scene.write_text(SHAKEN.replace("Nm s/rad", "N s/m"))
     refused(capsys, ["solve", str(scene)], 2, "a torsional damping is expected")
+
+
+def test_stops_and_cables_are_printed_written_and_set(tmp_path, capsys):
+    scene = ksd.Mechanism("strip", plane="xy")
+    steel = ksd.Material(E=200e9, nu=0.3)
+    section, tip = ksd.rectangle(1e-3, 0.01), (0.1, 0, 0)
+    scene.leaf("ground", scene.link("tip"), start=(0, 0, 0), end=tip, section=section, material=steel)
+    scene.load("tip", force=(0, 1.0, 0), at=tip)
+    scene.stop("tip", along="y", at=tip, high=3e-4, name="end")
+    scene.cable("ground", "tip", start=(0.1, -0.05, 0), end=tip, length=0.051, name="tie")
+    file, out = tmp_path / "strip.toml", tmp_path / "pose.json"
+    ksd.save_scene(scene, file)
+    assert main(["solve", str(file), "--json", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert re.search(r"end\.high +0\.8500 +0 ", printed) and re.search(r"tie +0 +0\.7000 ", printed)
+    found = json.loads(out.read_text())
+    assert found["stops"]["end.high"]["effort"] == pytest.approx(0.85, rel=1e-3)
+    assert found["cables"]["tie"] == pytest.approx(
+        {"tension_N": 0, "slack_mm": 0.7, "length_mm": 51}, abs=1e-6
+    )
+    assert main(["solve", str(file), "--set", "tie=2mm", "--set", "end.high=2mm"]) == 0
+    printed = capsys.readouterr().out
+    assert re.search(r"end\.high +0 ", printed) and re.search(r"tie +1\.500 ", printed)
+    assert main(["solve", str(file), "--set", "tye=2mm"]) == 2
+    assert "there is no drive 'tye'; did you mean \"tie\"?" in capsys.readouterr().err

@@ -13,6 +13,7 @@ from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.errors import SceneError, SceneWarning
 from ksd.model.mesh import Mesh
 from ksd.scene import Scene
+from ksd.scene.drive import Drive
 from ksd.scene.plausibility import likely_unit
 from ksd.scene.toml_file import load_scene
 from ksd.scene.toml_table import quantity
@@ -138,15 +139,19 @@ def effect_options(settings: dict[str, Any]) -> dict[str, Any]:
 
 
 def drive_value(scene: Any, text: str) -> tuple[str, float]:
-    """Name and value (SI) from "top=300mm"; plain numbers are SI. Raises SceneError for unknown drives and units."""
+    """Name and value (SI) of a drive, limit of a stop or cable from "top=300mm"; plain numbers are SI. Raises SceneError for
+    unknown names and units."""
     name, equals, value = (part.strip() for part in text.rpartition("="))
-    drives = {d.name: d for d in scene.drives}
+    dimensions = {drive.name: drive.dimension for drive in scene.drives}
+    # limits of end stops, and what is wound up of a cable
+    dimensions |= {limit: Drive(s.name, s.terms).dimension for s in scene.stops for limit in s.limits}
+    dimensions |= {cable.name: "length" for cable in scene.cables}
     if not equals or not name:
         raise SceneError(f"--set {text}: write it as DRIVE=VALUE, for example --set top=300mm")
-    if name not in drives:
-        raise SceneError(f"--set {text}: there is no drive '{name}'{name_hint(name, drives)}")
+    if name not in dimensions:
+        raise SceneError(f"--set {text}: there is no drive '{name}'{name_hint(name, dimensions)}")
     plain = number_or_text(value)
-    dimension = drives[name].dimension
+    dimension = dimensions[name]
     target = quantity(plain, dimension, f"--set {name}")
     unit = likely_unit(target, dimension, name) if isinstance(plain, float) else ""
     if unit:

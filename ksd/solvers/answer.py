@@ -1,9 +1,10 @@
 """A configuration as plain numbers with units in the keys: what the tables print and the JSON file holds.
 
 Layout of `as_dict` (every key is explained in SCHEMA): the head states which mechanism was solved how, and whether the
-result can be trusted; "steps" is the record of the solve; "drives", "supports", "links", "joints" and "leaves" are tables
-by name. A key ends with the unit of its number: mm, deg, um, mrad, N, Nm, us, percent. Vectors are lists of three in
-global axes unless stated otherwise. Numbers that are not finite are null, so the file is strict JSON.
+result can be trusted; "steps" is the record of the solve; "drives", "supports", "stops", "cables", "contacts", "links",
+"joints" and "leaves" are tables by name. A key ends with the unit of its number: mm, deg, um, mrad, N, Nm, us, percent.
+Vectors are lists of three in global axes unless stated otherwise. Numbers that are not finite are null, so the file is
+strict JSON.
 """
 
 from __future__ import annotations
@@ -61,6 +62,19 @@ SCHEMA: dict[str, str] = {
     "supports.*.force_N": "force the support exerts",
     "supports.*.moment_Nm": "moment the support exerts",
     "supports.*.effort": "force [N] or moment [Nm] of a support that is a sum of both kinds",
+    "stops.*.effort": "force [N] or moment [Nm] with which an end stop pushes, 0 where it is open",
+    "stops.*.gap": "to closing [m or rad]",
+    "stops.*.limit": "where it closes [m or rad]",
+    "cables.*.tension_N": "tension, 0 where it is slack",
+    "cables.*.slack_mm": "slack; negative by what it stretches",
+    "cables.*.length_mm": "length without tension",
+    "contacts.*.state": "open, closed, stick or slip",
+    "contacts.*.gap_mm": "gap of the surfaces",
+    "contacts.*.place_mm": "where they touch, or come closest",
+    "contacts.*.force_N": "force on the second surface; on the first it is the reverse",
+    "contacts.*.normal_N": "force that parts them",
+    "contacts.*.friction_N": "magnitude of the friction force",
+    "contacts.*.reserve_N": "largest friction less that",
     "error": "against the truth, that of the mesh included; null where no estimate was asked for, or nothing converged",
     "error.relative_percent": "larger of force error over force and displacement error over displacement; null: not known",
     "error.mesh_percent": "the same of the mesh alone; null where it is not known",
@@ -131,6 +145,7 @@ def as_dict(configuration: Configuration) -> dict[str, Any]:
             "steps": [_step(s) for s in c.steps],
             "drives": _drives(c),
             "supports": _supports(c),
+            **_one_sided(c),
             "error": _error(c),
             "uncertainty": _uncertainty(c),
             "basis": _basis(c),
@@ -142,6 +157,26 @@ def as_dict(configuration: Configuration) -> dict[str, Any]:
             "warnings": list(c.warnings),
         }
     )
+
+
+def _one_sided(c: Configuration) -> dict[str, Any]:
+    """Tables of stops, cables and contacts; none where the scene has none."""
+    found: dict[str, dict[str, Any]] = {
+        "stops": {n: {"effort": s.force, "gap": s.gap, "limit": s.value} for n, s in c.stops.items()},
+        "cables": {
+            name: {"tension_N": cable.force, "slack_mm": 1e3 * cable.gap, "length_mm": 1e3 * cable.value}
+            for name, cable in c.cables.items()
+        },
+        "contacts": {
+            name: {
+                "state": pair.state, "gap_mm": 1e3 * pair.gap, "place_mm": (1e3 * pair.place).tolist(),
+                "force_N": pair.force.tolist(), "normal_N": pair.N, "friction_N": float(np.linalg.norm(pair.T)),
+                "reserve_N": pair.reserve,
+            }
+            for name, pair in c.contacts.items()
+        },
+    }  # fmt: skip
+    return {kind: rows for kind, rows in found.items() if rows}
 
 
 def _trust(c: Configuration) -> dict[str, dict[str, Any]]:

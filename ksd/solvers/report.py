@@ -41,11 +41,14 @@ _UNITS = {
 
 
 def tables(configuration: Configuration) -> list[Any]:
-    """Rich renderables, no wider than WIDTH columns: head, steps, drives, joints, links, warnings."""
+    """Rich renderables, no wider than WIDTH columns: head, steps, drives, stops, cables, contacts,
+    joints, links, warnings."""
     from rich.text import Text
 
     d = as_dict(configuration)
     parts = [_head(d), _steps(d), *([_drives(d)] if d["drives"] or d["supports"] else [])]
+    one_sided = (configuration.stops, configuration.cables, configuration.contacts)
+    parts += [Text(str(table)) for table in one_sided if table]
     parts += [Text(line, style="" if is_good else "bold red") for line, is_good in verdict_lines(d)]
     if d["joints"]:
         parts += _joints(d)
