@@ -215,5 +215,5 @@ for swing in (0.1 * mm, 1 * mm):
     print(f"+-{swing / mm:.1f} mm: drive stiffness {ends[0]:.1f} to {ends[1]:.1f} N/m")
 
 # %%
-# Fast motion from one pose to another, spin-up and impact are not computed; the theory page on vibrations lists what to use
-# instead. `plant.to_mat("plant.mat")` writes the linear model for MATLAB.
+# Fast motion from one pose to another is a matter of `ksd.simulate`. `plant.to_mat("plant.mat")` writes the linear model for
+# MATLAB.

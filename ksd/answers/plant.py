@@ -86,6 +86,12 @@ class Plant:
     freed: tuple[str, ...]
 
     @property
+    def held_text(self) -> str:
+        """The drives that hold, as they change what is seen most: "; held: push"; empty where none does."""
+        held = [d.name for d in self.modes.model.scene.drives if d.name not in self.freed]
+        return f"; held: {', '.join(held)}" if held else ""
+
+    @property
     def frequency_Hz(self) -> Array:
         """Frequencies (k,) [Hz] of the modes."""
         return self.modes.frequency_Hz[: len(self.omega_squared)]

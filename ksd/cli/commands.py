@@ -335,7 +335,12 @@ def _add_respond(commands: Any) -> None:
         ("--input", "NAME", "a drive (its force) or a load of the scene; may be repeated"),
         ("--base", "AXIS", "shake the base along x, y, z or about rx, ry, rz; may be repeated"),
         ("--output", "NAME", "a sensor or a drive; may be repeated"),
-        ("--freed", "DRIVE", "a drive or support that is let go; may be repeated"),
+        (
+            "--freed",
+            "DRIVE",
+            "a drive or support that is let go, by default those of [report], else drives that are inputs or outputs; may "
+            "be repeated",
+        ),
     ):
         parser.add_argument(word, metavar=name, help=text, **repeated)
     help_text = "FROM:TO or FROM:TO:POINTS, such as 1Hz:2kHz:500; around the modes if left out"

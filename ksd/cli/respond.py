@@ -30,7 +30,7 @@ def run(options: argparse.Namespace) -> int:
     inputs = [*options.input, *(f"base {direction}" for direction in options.base)]
     words = {
         "outputs": options.output or None, "damping": damping_value(options.damping), "modes": options.modes,
-        "freed": options.freed or None,
+        "freed": options.freed or written["report"].get("freed"),
     }  # fmt: skip
     screen = console()
     if options.psd:

@@ -595,13 +595,15 @@ def function_of_table(table: Any, what: str) -> FunctionOfTime:
     `value = 1`, or a list of tables whose functions are added. Raises SceneError."""
     if isinstance(table, list) and table and all(isinstance(one, dict) for one in table):
         return Sum(tuple(function_of_table(one, what) for one in table))
+    let_go = ", or { let_go = true }" if what.startswith("drive") else ""
     if not isinstance(table, dict):
-        raise SceneError(f'{what} = {show(table)}: write a table such as {{ ramp = "20 ms" }}')
+        raise SceneError(f'{what} = {show(table)}: write a table such as {{ ramp = "20 ms" }}{let_go}')
     words = dict(table)
     kinds = [key for key in words if key in KINDS or key in ("formula", "value")]
     if len(kinds) != 1:
         raise SceneError(
-            f"{what}: write one of {', '.join((*KINDS, 'formula', 'value'))}, not {', '.join(kinds) or 'none'}"
+            f"{what}: write one of {', '.join((*KINDS, 'formula', 'value'))}{let_go}; there is "
+            + (" and ".join(kinds) or "none of them")
         )
     first = words.pop(kinds[0])
     if kinds[0] in KINDS:

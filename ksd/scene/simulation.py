@@ -112,7 +112,8 @@ class Event:
 class Simulation:
     """Words of `ksd.simulate`, checked as far as that is possible without the mechanism.
 
-    until, dt [s]; accuracy: relative, where no dt is given; drives: functions of time by name, None for one that is let go;
+    until, dt [s]; accuracy: relative, where no dt is given; drives: functions of time by name, None for one that is let go
+    (in files { let_go = true });
     loads: factors by name; base; start: "equilibrium", "undeformed" or a pose; speeds (6,): of the centre of mass of a
     link, and of its rotation [m/s, rad/s], by name; stop: events that end the motion; damping_at [Hz]: frequency at which
     dashpots in the material take its loss factor; every: so many steps are made for each that is kept.

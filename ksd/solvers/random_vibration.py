@@ -38,7 +38,7 @@ class RandomVibration(PrintableAnswer):
     outputs, units (o,): names and units; rms (o,); share (o, k + 1): of each mode in rms^2, and of the response of the modes
     left out, which sum to 1 (a share may be negative, where a mode works against others). frequency_Hz (k,): of the modes.
     range_Hz: of the spectra. stress_MPa: three times the rms of the von Mises stress by leaf spring, about the stress of the
-    pose. damping_text: what the damping is.
+    pose. damping_text: what the damping is, and which drives hold.
     """
 
     outputs: tuple[str, ...]
@@ -162,5 +162,5 @@ def vibrate(plant: Plant, psd: Mapping[str, Array], stress: ModalStress) -> Rand
     three_sigma = {name: 3e-6 * value for name, value in stress.rms(covariance).items()}
     return RandomVibration(
         plant.outputs, plant.output_units, np.sqrt(squared), np.column_stack([shares, rest]), plant.frequency_Hz,
-        (float(np.min(ends)), float(np.max(ends))), three_sigma, plant.damping_text,
+        (float(np.min(ends)), float(np.max(ends))), three_sigma, plant.damping_text + plant.held_text,
     )  # fmt: skip

@@ -107,7 +107,8 @@ class Response(PrintableAnswer):
             ("output", "<from", "<unit", f"gain at {low} Hz", "<peaks"),
             rows,
             f"Frequency response, {low} to {high} Hz; damping: {self.plant.damping_text}"
-            f"{_dashpots_text(self.plant)}; {len(self.plant.omega_squared)} modes, {self._error_text()}",
+            f"{_dashpots_text(self.plant)}; {len(self.plant.omega_squared)} modes, {self._error_text()}"
+            f"{self.plant.held_text}",
         )
 
     def _error_text(self) -> str:
