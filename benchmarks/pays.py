@@ -204,7 +204,7 @@ def table(found: Mapping[str, Any]) -> list[str]:
         "Guides of parallel leaf springs in series, every one driven by 4 mm; prepared solves [us]. `reduced` with its",
         "error, in brackets the ratio of `conventional` to it. The last columns: CPU time with `reduced` and a training of",
         "one's own, over that of `conventional`.", "",
-        "| leaf springs | joints | conventional | full | reduced | chosen | training [s] | pays from poses | "
+        "| leaf springs in each | joints | conventional | full | reduced | chosen | training [s] | pays from poses | "
         + " | ".join(f"{n:,} poses" for n in POSES) + " |",
         "|" + " ---: |" * (8 + len(POSES)),
     ]  # fmt: skip
