@@ -212,7 +212,11 @@ def machine() -> dict[str, Any]:
 def machine_line(found: Mapping[str, Any]) -> str:
     """Date, processor, versions, and the load of the machine where other programs ran, in one line."""
     versions = ", ".join(f"{name} {found[name]}" for name in ("ksd", "python", "numpy", "numba"))
-    load = f", beside other programs (load average {found['load_average']:g})" if found["load_average"] > 2.0 else ""
+    load = (
+        f", beside other programs (load average {found['load_average']:g})"
+        if found["load_average"] > 2.0
+        else ""
+    )
     return f"{found['date']}, one thread of {found['processor']}, {versions}{load}"
 
 

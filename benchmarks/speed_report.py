@@ -177,7 +177,11 @@ def readme_table(found: dict[str, Any], arm: dict[str, Any]) -> str:
     return "\n".join(
         [
             *_table(
-                ["the fourbar above at 300 mm, prepared", "time of a call [µs]", "force error of method and mesh"],
+                [
+                    "the fourbar above at 300 mm, prepared",
+                    "time of a call [µs]",
+                    "force error of method and mesh",
+                ],
                 body + _arm_rows(arm),
                 left=1,
             ),
@@ -186,8 +190,8 @@ def readme_table(found: dict[str, Any], arm: dict[str, Any]) -> str:
             f"{machine_line(found['machine'])}; thread time, medians;",
             "`python benchmarks/speed.py --readme README.md` renews it. Times without the error estimate; errors against",
             "finer leaves, orders (6, 5, 9), so without what the model leaves out (plate stiffening: 6.4 % at this pose);",
-            "of the [arm](benchmarks/results/arm.md), driven at its end, on the same ones. [At equal accuracy](benchmarks/results/bench.md); "
-            "more: *Measured* in the documentation.",
+            "of the [arm](benchmarks/results/arm.md), driven at its end, on the same ones. "
+            "[At equal accuracy](benchmarks/results/bench.md); more: *Measured* in the documentation.",
         ]
     )
 

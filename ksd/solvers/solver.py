@@ -460,7 +460,7 @@ class Solver:
             # the drive values were probably given in another unit
             units = "; ".join(self.model.far_drives(values))
             if units:
-                error.args = (f"{str(error).rstrip('.')}; {units}",)
+                error.args = (f"{units} As it is: {error}",)
             raise
 
     def _check_turns(

@@ -397,10 +397,12 @@ def refusal(c: Configuration) -> str:
     if verdict:
         return ""
     minimum = f"; {c.minimum}" * bool(c.minimum)
-    units = "".join(f"; {sentence}" for sentence in c.far_drives)
     hint = "strict=False (in Python) returns the state all the same"
+    if c.far_drives:
+        # the likely cause, instead of what follows from it
+        return f"{'; '.join(c.far_drives)} As it is, the pose is {verdict.sentence.partition(';')[0]}; {hint}"
     unusual = "" if c.stable else "".join(f"; {sentence}" for sentence in unusual_values(c.model))
-    return f"{verdict}{minimum}{_conflicting_drives(c)}{unusual}; {hint}{units}"
+    return f"{verdict}{minimum}{_conflicting_drives(c)}{unusual}; {hint}"
 
 
 def require_solved(c: Configuration) -> Configuration:

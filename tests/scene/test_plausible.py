@@ -244,7 +244,7 @@ def test_a_drive_value_in_another_unit_is_doubted_where_the_solve_stops_and_wher
     said = "push = 2 is 2 m and the mechanism 0.1 m large: did you mean 2 mm (2 * ksd.units.mm in Python)?"
     with pytest.raises(ksd.ConvergenceError) as caught:
         ksd.solve(guide(), push=2)
-    assert str(caught.value).endswith(said)
+    assert str(caught.value).startswith(said)
     assert said in ksd.solve(guide(), push=2, strict=False).warnings
     assert "did you mean" not in " ".join(ksd.solve(guide(), push=2e-3).warnings)
     assert drive_value_warnings(guide().scene(), {"push": 0.15}, 0.1) == ()
