@@ -28,6 +28,40 @@ def finger_and_wall(friction):
     return scene
 
 
+def passive_gripper(friction):
+    """A plastic finger with a wedge of 25 degrees at its end, and a disc of 8.9 mm that moves along it (Lan, 6.4, Ex. I)."""
+    L, tip, width, thickness = 0.057, (0.076, 0.0016, 0), 0.0095, 0.0032
+    # neither stretch nor shear
+    EI = 2.6e9 * width * thickness**3 / 12
+    stuff, area = ksd.Material(E=1e9, nu=0.3), 1e7 * EI / L**2 / 1e9
+    section = ksd.numbers(A=area, J=EI / 1e9, Iy=EI / 1e9, Iz=EI / 1e9, width=width, thickness=thickness)
+    scene = ksd.Mechanism("passive gripper", plane="xy")
+    jaw, held = scene.links("jaw", "object")
+    scene.leaf("ground", jaw, start=(0, 0, 0), end=(L, 0, 0), section=section, material=stuff)
+    scene.actuate(held, along="x", at=(0.079, 0.0105, 0), name="x")
+    scene.support(held, along="y", at=(0.079, 0.0105, 0))
+    scene.support(held, about="z")
+    beta = math.radians(25)
+    flank = scene.surface(jaw, ksd.shapes.wall(), at=tip, axis=(math.sin(beta), math.cos(beta), 0))
+    outline = scene.surface(held, ksd.shapes.disc(8.9e-3), at=(0.079, 0.0105, 0))
+    scene.contact(flank, outline, friction=friction, name="c")
+    return scene
+
+
+# forces and place in the acceptance table, without friction by two independent codes
+@pytest.mark.parametrize(
+    ("friction", "force", "place"),
+    [(0.0, (2.634660, 4.280069), 0.712298), (0.5, (7.472536, 4.699575), 0.707366)],
+)
+def test_the_passive_gripper_of_the_thesis(friction, force, place):
+    pose = ksd.solve(passive_gripper(friction), x=0.06781 - 0.079)
+    found, tip = pose.contacts["c"], np.array((0.076, 0.0016, 0))
+    assert found.force[:2] == pytest.approx(force, rel=1e-5)
+    along = np.linalg.norm(found.place - tip - pose.displacement("jaw", tip))
+    assert along / (0.019 / math.cos(math.radians(25))) == pytest.approx(place, abs=1e-6)
+    assert pose.steps[0].iterations <= 5 and pose.stable
+
+
 def jaw(friction, *, swapped=False, mirror=1.0, shape=None):
     """A jaw on a parallel guide, whose flat face is under a driven disc of 15 mm."""
     scene = ksd.Mechanism("jaw", plane="xy")
