@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ksd.model.arrays import Arrays, State, make_workspace
 from ksd.model.contact_step import contact_step, load_contacts, stability_matrix, touched_compliance
-from ksd.model.gaps import BODY_COUNT, WRENCH
+from ksd.model.gaps import BODY_COUNT, NORMAL, WRENCH
 from ksd.model.newton import (
     ROUNDING_MULTIPLE,
     NewtonResult,
@@ -109,12 +109,16 @@ class ContactNewton:
         worst, previous, moved, unsolved, solved = math.inf, math.inf, math.inf, 0, False
         for n in range(max_steps + 1):
             closed = self.look(motion, before, factor)
+            if n == 0:
+                normals = self.out[:, NORMAL : NORMAL + 3].copy()
             worst, _, _, status = assemble(
                 arrays, motion, target, factor, work, rtol, rounding=ROUNDING_MULTIPLE if n > 0 else 0.0
             )
             if not math.isfinite(worst):
                 return self._stop(Stop.NOT_FINITE, n, worst, begin)
             if solved and closed and (has_converged(worst, previous, moved) or self._is_rounding(moved)):
+                if what.have_passed(normals, self.out):
+                    return self._stop(Stop.PASSED, n, worst, begin)
                 # `check` counts negative pivots
                 return int((Stop.CONVERGED, Stop.LOCAL_ANGLE, Stop.SINGULAR)[status]), n, worst, 0, 1.0
             if n == max_steps:

@@ -32,6 +32,7 @@ class Stop(IntEnum):
     NOT_FINITE = 5
     MOVING = 6
     JAMMED = 7
+    PASSED = 8
 
     @property
     def sentence(self) -> str:
@@ -48,6 +49,7 @@ _SENTENCES = {
     Stop.DIVERGED: "the residual exceeded eps_max, so the step was given up",
     Stop.NOT_FINITE: "a number overflowed: the last step left the region where the equations make sense",
     Stop.JAMMED: "no contact forces hold the mechanism there: stops, cables and drives contradict one another",
+    Stop.PASSED: "surfaces in contact would pass through one another in one step",
     Stop.MOVING: "this is an instant of a motion, and no equilibrium",
 }
 

@@ -57,7 +57,7 @@ class Touching:
 
     nodes (k,): of the bodies; pairs (m, 7), data, bodies: tables of `ksd.model.complementarity`; parts: of every pair;
     values: by the name of a value that a solve may give, those of the scene; slots: where it enters the offset of a gap, and
-    its sign.
+    its sign; normals (m, 3): at rest, zero where a pair has none.
     """
 
     nodes: NDArray[np.int64]
@@ -67,6 +67,7 @@ class Touching:
     parts: tuple[Pair, ...]
     values: Mapping[str, float]
     slots: Mapping[str, tuple[int, float]]
+    normals: Array
 
     @cached_property
     def counts_turns(self) -> bool:
@@ -75,6 +76,13 @@ class Touching:
         return any(
             self.data[row[1] + FIRST + TERM_SIZE * t + 1] for row in limits.tolist() for t in range(row[2])
         )
+
+    def have_passed(self, normals: Array, out: Array) -> bool:
+        """Whether a normal has turned by more than a right angle from `normals` (m, 3), so that surfaces may have passed
+        through one another."""
+        if not self.normals.any():
+            return False
+        return bool((np.einsum("ij,ij->i", normals, out[:, NORMAL : NORMAL + 3]) < 0.0).any())
 
     def with_values(self, values: Array) -> Array:
         """The numbers of all pairs with these values, in the order of `values`."""
@@ -170,7 +178,7 @@ def touching(model: Model) -> Touching:
     values = contact_drives(scene)
     found = Touching(
         np.array(nodes, np.int64), np.array(pairs, np.int64).reshape(-1, 7), np.array(data), np.array(bodies, np.int64),
-        tuple(parts), values, {name: slots[name] for name in values},
+        tuple(parts), values, {name: slots[name] for name in values}, np.zeros((len(pairs), 3)),
     )  # fmt: skip
     _look_at_rest(model, found)
     return found
@@ -208,12 +216,12 @@ def _look_at_rest(model: Model, what: Touching) -> None:
     scene, size = model.original_scene, model.arrays.size
     poses = model.rest.x[what.nodes], model.rest.R[what.nodes]
     normal = None if scene.plane is None else np.asarray(plane_normal(scene.plane))
-    for row, part in zip(what.pairs, what.parts, strict=True):
+    for i, (row, part) in enumerate(zip(what.pairs, what.parts, strict=True)):
         if part.kind != "contact":
             continue
         out = np.zeros(WRENCH + 36)
         touch(row, what.data, what.bodies, *poses, *poses, np.zeros(2), out)
-        n = out[NORMAL : NORMAL + 3]
+        n = what.normals[i] = out[NORMAL : NORMAL + 3]
         what.data[row[1] + FIRST : row[1] + FIRST + 3] = (
             np.eye(3)[np.argmin(np.abs(n))] if normal is None else normal
         )

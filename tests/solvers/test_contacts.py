@@ -340,3 +340,24 @@ def test_a_walk_that_stops_says_how_far_it_got():
     scene.stop("object", along="y", at=(0.07, 0.02, 0), low=-1 * mm)
     with np.errstate(all="ignore"), pytest.raises(ksd.ConvergenceError, match="pose 2 of 2 was not reached"):
         ksd.walk(scene, [{"x": 0.0, "y": -0.5 * mm}, {"y": -3 * mm}])
+
+
+@pytest.mark.parametrize("push", [-3.0, -12.0])
+def test_surfaces_do_not_pass_through_one_another(push):
+    """A load that would carry an object round the disc below: it rests on it, or the snap is refused."""
+    scene, at = ksd.Mechanism("discs", plane="xy"), (0.0705, 0.0205, 0)
+    pad, held = scene.links("pad", "object")
+    blade = {"section": ksd.rectangle(0.3 * mm, 10 * mm), "material": STEEL}
+    for y in (0.0, -20 * mm):
+        scene.leaf("ground", pad, start=(0, y, 0), end=(0.06, y, 0), **blade)
+    scene.leaf("ground", held, start=(0.1205, 0.0205, 0), end=at, **blade)
+    scene.surface(pad, ksd.shapes.disc(4 * mm), at=(0.07, 0.01, 0), name="low")
+    scene.surface(held, ksd.shapes.disc(6 * mm), at=at, name="high")
+    scene.contact("low", "high", name="c")
+    scene.load(held, force=(0, push, 0), at=at)
+    if push == -12.0:
+        with pytest.raises(ksd.ConvergenceError, match="with contact"):
+            ksd.solve(scene)
+    else:
+        found = ksd.solve(scene).contacts["c"]
+        assert found.N > 2.0 and found.normal[1] > 0.5

@@ -56,7 +56,9 @@ def compliance_by_differences(pose, which, friction, push, *, size=2e-4):
 @pytest.mark.parametrize("which", PAIRS)
 def test_stiffness_with_frictionless_contacts(which):
     pose = ksd.solve(pad(which, 0.0))
-    assert "closed" in {c.state for c in pose.contacts.values()} and pose.stable
+    assert {c.normal[1] > 0.9 for c in pose.contacts.values() if c.state == "closed"} == {
+        True
+    } and pose.stable
     found = pose.stiffness("object", at=AT).compliance[:2, :2]
     other = compliance_by_differences(pose, which, 0.0, (0.0, 0.0))
     assert np.abs(found - other).max() < 1e-7 * np.abs(other).max()
@@ -69,12 +71,9 @@ def test_stiffness_with_frictionless_contacts(which):
     )
 
 
-@pytest.mark.parametrize(
-    ("which", "push"),
-    [("disc on wall", -0.1), ("disc on disc", 0.1), ("disc on polygon", -0.1), ("point on disc", 0.1)],
-)
-def test_stiffness_with_contacts_that_stick_and_roll(which, push):
-    slipping = ksd.solve(pad(which, 0.9))
+@pytest.mark.parametrize("which", ["disc on wall", "disc on disc", "disc on polygon", "point on disc"])
+def test_stiffness_with_contacts_that_stick_and_roll(which):
+    slipping, push = ksd.solve(pad(which, 0.9)), -0.1
     model = ksd.Solver(pad(which, 0.9, (push, 0.0))).model
     pose = solve_with_contact(model, {}, {}, start=slipping)
     assert "stick" in {c.state for c in pose.contacts.values()}
