@@ -226,6 +226,11 @@ class _Reader:
         names: set[str] = set()
 
         def add(preferred: str, *values: Any) -> None:
+            if len(found) >= MAX_LEAVES:
+                raise SceneError(
+                    f"{self.file.name} has more than {MAX_LEAVES} pieces of lines on layer '{self.layers['leaf']}'; draw "
+                    "arcs and splines in place of chords."
+                )
             name = unused_name(preferred, names) if preferred else _numbered("leaf", names)
             names.add(name)
             found.append(_Leaf(name, *values))
@@ -257,11 +262,6 @@ class _Reader:
                         self.notes.append(
                             f"A piece of {stroke.name} is shorter than that distance and is left out."
                         )
-        if len(found) > MAX_LEAVES:
-            raise SceneError(
-                f"{self.file.name} has {len(found)} pieces of lines on layer '{self.layers['leaf']}', more than "
-                f"the {MAX_LEAVES} that are read; draw arcs and splines in place of chords."
-            )
         return found
 
     def spline(self, stroke: Stroke) -> dict[str, Any]:

@@ -366,6 +366,13 @@ def test_very_many_entities(layer, most, what, tmp_path, monkeypatch):
     assert f"more than {most} lines on layer '{layer}', which are no {what}" in said
 
 
+def test_a_polyline_of_very_many_pieces(tmp_path):
+    document, space = drawing()
+    space.add_lwpolyline([(k, k % 2) for k in range(2002)], dxfattribs=on("leaf"))
+    with pytest.raises(ksd.SceneError, match="more than 2000 pieces of lines on layer 'leaf'; draw arcs"):
+        read(document, tmp_path)
+
+
 def test_without_the_package(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "ezdxf", None)
     with pytest.raises(ksd.SceneError, match=r"DXF needs the package ezdxf: pip install 'ksd\[cad\]'"):
