@@ -117,7 +117,7 @@ class ContactNewton:
             if not math.isfinite(worst):
                 return self._stop(Stop.NOT_FINITE, n, worst, begin)
             if solved and closed and (has_converged(worst, previous, moved) or self._is_rounding(moved)):
-                if what.have_passed(normals, self.out):
+                if what.have_passed(normals, self.out, self.data, before, self.poses(motion)):
                     return self._stop(Stop.PASSED, n, worst, begin)
                 # `check` counts negative pivots
                 return int((Stop.CONVERGED, Stop.LOCAL_ANGLE, Stop.SINGULAR)[status]), n, worst, 0, 1.0

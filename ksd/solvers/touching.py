@@ -14,6 +14,7 @@ from ksd.answers.derived import cached_per_model
 from ksd.errors import SceneError
 from ksd.model.arrays import Arrays, State
 from ksd.model.compile import Model
+from ksd.model.contact_step import look_at_gaps
 from ksd.model.gaps import (
     BALL,
     CABLE,
@@ -77,12 +78,24 @@ class Touching:
             self.data[row[1] + FIRST + TERM_SIZE * t + 1] for row in limits.tolist() for t in range(row[2])
         )
 
-    def have_passed(self, normals: Array, out: Array) -> bool:
-        """Whether a normal has turned by more than a right angle from `normals` (m, 3), so that surfaces may have passed
-        through one another."""
+    def have_passed(
+        self, normals: Array, out: Array, data: Array, before: tuple[Array, Array], now: tuple[Array, Array]
+    ) -> bool:
+        """Whether a normal has turned by more than a right angle from `normals` (m, 3), as of surfaces that have passed
+        through one another: they then overlap between the poses before and now, on straight lines."""
         if not self.normals.any():
             return False
-        return bool((np.einsum("ij,ij->i", normals, out[:, NORMAL : NORMAL + 3]) < 0.0).any())
+        turned = np.einsum("ij,ij->i", normals, out[:, NORMAL : NORMAL + 3]) < 0.0
+        if not turned.any():
+            return False
+        between, all_nodes = np.empty_like(out), np.arange(len(self.nodes))
+        for s in np.linspace(0.0, 1.0, 34)[1:-1]:
+            x, R = (a + s * (b - a) for a, b in zip(before, now, strict=True))
+            U, _, V = np.linalg.svd(R)
+            look_at_gaps(self.pairs, data, self.bodies, all_nodes, x, U @ V, x[:0], R[:0], between)
+            if (between[turned, GAP] < 0.0).any():
+                return True
+        return False
 
     def with_values(self, values: Array) -> Array:
         """The numbers of all pairs with these values, in the order of `values`."""
