@@ -117,7 +117,10 @@ class ContactNewton:
             if not math.isfinite(worst):
                 return self._stop(Stop.NOT_FINITE, n, worst, begin)
             if solved and closed and (has_converged(worst, previous, moved) or self._is_rounding(moved)):
-                if what.have_passed(normals, self.out, self.data, before, self.poses(motion)):
+                turned = what.turned(normals, self.out)
+                if turned is not None and what.overlap_between(
+                    turned, self.out, self.data, before, self.poses(motion)
+                ):
                     return self._stop(Stop.PASSED, n, worst, begin)
                 # `check` counts negative pivots
                 return int((Stop.CONVERGED, Stop.LOCAL_ANGLE, Stop.SINGULAR)[status]), n, worst, 0, 1.0

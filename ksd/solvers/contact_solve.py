@@ -78,7 +78,10 @@ def without_contact_forces(
     out, before = np.empty_like(newton.out), NO_POSES
     if look_at_gaps(what.pairs, data, what.bodies, what.nodes, motion.x, motion.R, *before, out) < 0.0:
         return None
-    if what.have_passed(what.normals, out, data, newton.poses(model.rest), newton.poses(motion)):
+    turned = what.turned(what.normals, out)
+    if turned is not None and what.overlap_between(
+        turned, out, data, newton.poses(model.rest), newton.poses(motion)
+    ):
         return None
     # the result is new, and no one else has it
     found.__dict__["touched"] = Touched(what, values, newton.none, out, closed=False)

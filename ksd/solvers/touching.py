@@ -78,16 +78,28 @@ class Touching:
             self.data[row[1] + FIRST + TERM_SIZE * t + 1] for row in limits.tolist() for t in range(row[2])
         )
 
-    def have_passed(
-        self, normals: Array, out: Array, data: Array, before: tuple[Array, Array], now: tuple[Array, Array]
+    @cached_property
+    def has_surfaces(self) -> bool:
+        """Whether a pair has a normal."""
+        return bool(self.normals.any())
+
+    def turned(self, normals: Array, out: Array) -> NDArray[np.bool_] | None:
+        """Which normals have turned by more than a right angle from `normals` (m, 3); None where none has."""
+        if not self.has_surfaces:
+            return None
+        found = np.einsum("ij,ij->i", normals, out[:, NORMAL : NORMAL + 3]) < 0.0
+        return found if found.any() else None
+
+    def overlap_between(
+        self,
+        turned: NDArray[np.bool_],
+        out: Array,
+        data: Array,
+        before: tuple[Array, Array],
+        now: tuple[Array, Array],
     ) -> bool:
-        """Whether a normal has turned by more than a right angle from `normals` (m, 3), as of surfaces that have passed
-        through one another: they then overlap between the poses before and now, on straight lines."""
-        if not self.normals.any():
-            return False
-        turned = np.einsum("ij,ij->i", normals, out[:, NORMAL : NORMAL + 3]) < 0.0
-        if not turned.any():
-            return False
+        """Whether surfaces whose normals have `turned` overlap between the poses before and now, on straight lines, so that
+        they have passed through one another."""
         between, all_nodes = np.empty_like(out), np.arange(len(self.nodes))
         for s in np.linspace(0.0, 1.0, 34)[1:-1]:
             x, R = (a + s * (b - a) for a, b in zip(before, now, strict=True))
