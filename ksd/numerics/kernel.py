@@ -2,37 +2,29 @@
 
 from __future__ import annotations
 
-import gc
 import logging
 from collections.abc import Callable
 from functools import partial
-from multiprocessing import current_process
 from pathlib import Path
 from typing import Any, Literal
 
 import numba
 
-from ksd.numerics.cache import CACHE_FOLDER, compiled_before, kernel_folder
+from ksd.numerics.cache import compiled_before, kernel_folder
 
-COMPILES_KERNELS: bool = not (numba.config.DISABLE_JIT or compiled_before("ksd.model.newton", "newton"))  # type: ignore[attr-defined]
-"""Whether this process has to compile the kernels of every solve."""
+
 HAS_SPARE_CORE: bool = numba.config.NUMBA_NUM_THREADS > 1  # type: ignore[attr-defined]
 """Whether there is a second core, on which another process can compile at the same time."""
 
-if COMPILES_KERNELS and CACHE_FOLDER is not None:
-    # in processes started by this package the message has been given by the first one
-    if current_process().name == "MainProcess":
-        logging.getLogger("ksd").warning(
-            "ksd: compiling its kernels for this machine (once; about half a minute) ..."
-        )
-    # objects of the compiler are not freed; a garbage collection every 700 of them takes 10 % of the time
-    _first, *_others = gc.get_threshold()
-    gc.set_threshold(_first and max(100_000, _first), *_others)
+
+def has_to_compile(module: str, kernel: str) -> bool:
+    """Whether a kernel of a module ("ksd.model.newton") is in no cache, and will be compiled."""
+    return not (numba.config.DISABLE_JIT or compiled_before(module, kernel))  # type: ignore[attr-defined]
 
 
 def announce_compiling(module: str, kernel: str, what: str) -> None:
-    """Say that kernels are compiled, `what`, unless the last of them, of a module ("ksd.model.newton"), was before."""
-    if not numba.config.DISABLE_JIT and not compiled_before(module, kernel):  # type: ignore[attr-defined]
+    """Say that kernels are compiled, `what`, unless the last of them, of a module, was before."""
+    if has_to_compile(module, kernel):
         logging.getLogger("ksd").warning(f"ksd: compiling {what} ...")
 
 

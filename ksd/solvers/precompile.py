@@ -8,6 +8,8 @@ result; one that is missing, because the second process was ended, is compiled a
 
 from __future__ import annotations
 
+import gc
+import logging
 import sys
 from contextlib import suppress
 from functools import cache
@@ -28,13 +30,26 @@ from ksd.model.compile import compile_scene
 from ksd.model.loading import add_loads, add_terms
 from ksd.model.newton import move_nodes
 from ksd.numerics.blocks import BLOCKS, factor_blocks, solve_blocks
-from ksd.numerics.kernel import COMPILES_KERNELS, HAS_SPARE_CORE
+from ksd.numerics.kernel import HAS_SPARE_CORE, has_to_compile
 from ksd.numerics.processes import end_with_parent, spawn_context
 from ksd.scene.families.cross_flexure import CrossFlexure
 from ksd.scene.material import Material
 from ksd.scene.mechanism import Mechanism
 from ksd.solvers.five_steps import FiveStepsStorage, assemble_full_state
 from ksd.solvers.joint_motions import JointMotionReader
+
+COMPILES_KERNELS: bool = has_to_compile(move_nodes.__module__, "newton")
+"""Whether this process has to compile the kernels of every solve."""
+
+if COMPILES_KERNELS:
+    # in processes started by this package the message has been given by the first one
+    if current_process().name == "MainProcess":
+        logging.getLogger("ksd").warning(
+            "ksd: compiling its kernels for this machine (once; about half a minute) ..."
+        )
+    # objects of the compiler are not freed; a garbage collection every 700 of them takes 10 % of the time
+    _first, *_others = gc.get_threshold()
+    gc.set_threshold(_first and max(100_000, _first), *_others)
 
 
 @cache

@@ -157,7 +157,7 @@ def test_the_process_that_compiles_looks_for_garbage_less_often(tmp_path, compil
         (folder / "newton.newton-1.nbi").touch()
     told = []
     for own in (700, 0):
-        program = f"import gc; gc.set_threshold({own}, 10, 10); import ksd.numerics.kernel; print(*gc.get_threshold())"
+        program = f"import gc; gc.set_threshold({own}, 10, 10); import ksd.solvers.precompile; print(*gc.get_threshold())"
         done = subprocess.run(
             [sys.executable, "-c", program], capture_output=True, text=True, check=True,
             env={**os.environ, "KSD_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"},

@@ -109,7 +109,7 @@ def test_nothing_is_compiled_in_the_interpreter_or_kept_without_a_folder(tmp_pat
     place = str(tmp_path if kept else tmp_path / "file")
     program = (
         f"import tempfile; tempfile.tempdir = {place!r}\n"
-        "from ksd.numerics.kernel import COMPILES_KERNELS, HAS_SPARE_CORE; print(COMPILES_KERNELS, HAS_SPARE_CORE)"
+        "from ksd.solvers.precompile import COMPILES_KERNELS, HAS_SPARE_CORE; print(COMPILES_KERNELS, HAS_SPARE_CORE)"
     )
     given = environment(
         KSD_CACHE_DIR=place, XDG_CACHE_HOME=place, NUMBA_DISABLE_JIT=interpreted, NUMBA_NUM_THREADS="1"
