@@ -12,7 +12,6 @@ import numba
 
 from ksd.numerics.cache import compiled_before, kernel_folder
 
-
 HAS_SPARE_CORE: bool = numba.config.NUMBA_NUM_THREADS > 1  # type: ignore[attr-defined]
 """Whether there is a second core, on which another process can compile at the same time."""
 
