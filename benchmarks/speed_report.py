@@ -15,7 +15,7 @@ BEGIN, END = "<!-- measured:begin -->", "<!-- measured:end -->"
 README_ROWS = {
     ("conventional, planar", 0): "`conventional` in the plane, what `ksd.solve` takes here",
     ("kinematic", 0): "`kinematic`",
-    ("reduced, 1 step", 0): "`reduced` with `relinearisations=1`, in space",
+    ("reduced, 1 step", 0): "`reduced` with `relinearisations=1` (joints condensed again at the pose found), in space",
     ("full", 0): "`full`, in space",
     ("plain Newton", 5): "the papers' conventional program: plain Newton on all nodes, 5 elements",
 }
@@ -189,7 +189,7 @@ def readme_table(found: dict[str, Any], arm: dict[str, Any]) -> str:
             *_first_runs(found.get("start_up", {})),
             f"{machine_line(found['machine'])}; thread time, medians;",
             "`python benchmarks/speed.py --readme README.md` renews it. Times without the error estimate; errors against",
-            "finer leaves, orders (6, 5, 9), so without what the model leaves out (plate stiffening: 6.4 % at this pose);",
+            "finer leaves, orders (curvature shapes) (6, 5, 9), so without what the model leaves out (plate stiffening: 6.4 % at this pose);",
             "of the [arm](benchmarks/results/arm.md), driven at its end, on the same ones. "
             "[At equal accuracy](benchmarks/results/bench.md); more: *Measured* in the documentation.",
         ]
