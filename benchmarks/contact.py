@@ -42,7 +42,7 @@ def jaws(count: int, *, friction: float = 0.0, touching: bool = True) -> ksd.Mec
     """Jaws on parallel guides in a row, and a driven block on a leaf spring with a disc over each, or without discs."""
     scene = ksd.Mechanism("jaws", plane="xy")
     block = scene.link("block")
-    blade = {"section": ksd.rectangle(0.3 * mm, 10 * mm), "material": STEEL}
+    blade: dict[str, Any] = {"section": ksd.rectangle(0.3 * mm, 10 * mm), "material": STEEL}
     scene.leaf("ground", block, start=(-0.1, 0.05, 0), end=(0, 0.05, 0), name="blade", **blade)
     scene.actuate(block, along="y", at=(0.07, 0.05, 0), name="y")
     for k in range(count):

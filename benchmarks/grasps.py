@@ -34,7 +34,10 @@ def grasp(seed: int) -> tuple[ksd.Mechanism, list[dict[str, float]]]:
     for k in range(int(rng.integers(1, 3))):
         side, finger = 2 * k - 1, scene.link(f"finger{k}")
         y = CENTRE[1] + side * (radius + 5e-3)
-        blade = {"section": ksd.rectangle(rng.uniform(0.2e-3, 0.6e-3), 0.01), "material": STEEL}
+        blade: dict[str, Any] = {
+            "section": ksd.rectangle(rng.uniform(0.2e-3, 0.6e-3), 0.01),
+            "material": STEEL,
+        }
         for d in (0.0, side * 20e-3)[: int(rng.integers(1, 3))]:
             scene.leaf("ground", finger, start=(0, y + d, 0), end=(0.06, y + d, 0), **blade)
         tilt = rng.uniform(-0.3, 0.3)
@@ -76,7 +79,7 @@ def errors(scene: Any, pose: Any) -> tuple[float, float, float]:
         F = sum((r[1] for r in rows if r[0] == link), none)
         M = sum((r[2] + np.cross(r[3] - at, r[1]) for r in rows if r[0] == link), none)
         worst = max(worst, np.abs(F).max() / largest, np.abs(M).max() / 0.1 / largest)
-    return worst, cone / largest, overlap
+    return float(worst), float(cone / largest), float(overlap)
 
 
 def main(argv: list[str] | None = None) -> dict[str, Any]:
@@ -96,7 +99,7 @@ def main(argv: list[str] | None = None) -> dict[str, Any]:
             worst = np.maximum(worst, errors(mechanism.scene(), pose))
         poses, whole = poses + len(walk), whole + (len(walk) == len(program))
         stops += [f"{seed}: {walk.stop}"] * bool(walk.stop)
-    found = {
+    found: dict[str, Any] = {
         "machine": machine(), "grasps": count, "walked to the end": whole, "poses": poses, "stops": stops,
         "worst": dict(zip(("balance", "cone and complementarity", "overlap_m"), worst.tolist(), strict=True)),
     }  # fmt: skip

@@ -15,7 +15,10 @@ BEGIN, END = "<!-- measured:begin -->", "<!-- measured:end -->"
 README_ROWS = {
     ("conventional, planar", 0): "`conventional` in the plane, what `ksd.solve` takes here",
     ("kinematic", 0): "`kinematic`",
-    ("reduced, 1 step", 0): "`reduced` with `relinearisations=1` (joints condensed again at the pose found), in space",
+    (
+        "reduced, 1 step",
+        0,
+    ): "`reduced` with `relinearisations=1` (joints condensed again at the pose found), in space",
     ("full", 0): "`full`, in space",
     ("plain Newton", 5): "the papers' conventional program: plain Newton on all nodes, 5 elements",
 }
