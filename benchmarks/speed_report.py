@@ -192,7 +192,8 @@ def readme_table(found: dict[str, Any], arm: dict[str, Any]) -> str:
             *_first_runs(found.get("start_up", {})),
             f"{machine_line(found['machine'])}; thread time, medians;",
             "`python benchmarks/speed.py --readme README.md` renews it. Times without the error estimate; errors against",
-            "finer leaves, orders (curvature shapes) (6, 5, 9), so without what the model leaves out (plate stiffening: 6.4 % at this pose);",
+            "finer leaves, orders (curvature shapes) (6, 5, 9), so without what the model leaves out (plate stiffening: "
+            "6.4 % at this pose);",
             "of the [arm](benchmarks/results/arm.md), driven at its end, on the same ones. "
             "[At equal accuracy](benchmarks/results/bench.md); more: *Measured* in the documentation.",
         ]
