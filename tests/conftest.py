@@ -26,15 +26,9 @@ def pytest_configure(config):
         assert process.wait() == 0, "kernels.py does not run"
 
 
-# files whose tests take longest: were they the last, one worker would wait for the other
-LONGEST = (
-    "test_style.py",
-    "test_benchmarks.py",
-    "test_page.py",
-    "test_docs.py",
-    "test_examples.py",
-    "test_site.py",
-)
+# files whose tests take longest: were they the last, one worker would wait for the other; those in a browser come later, when
+# what their servers need is compiled
+LONGEST = ("test_style.py", "test_benchmarks.py", "test_docs.py", "test_examples.py")
 
 
 def pytest_collection_modifyitems(items):
