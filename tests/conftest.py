@@ -26,8 +26,8 @@ def pytest_configure(config):
         assert process.wait() == 0, "kernels.py does not run"
 
 
-# files whose tests take longest: were they the last, one worker would wait for the other; those in a browser come later,
-# when what their servers need is compiled
+# files whose tests take longest: were they the last, one worker would wait for the other. Those in a browser come later,
+# when what their servers need is compiled.
 LONGEST = ("test_style.py", "test_benchmarks.py", "test_docs.py", "test_examples.py")
 
 
