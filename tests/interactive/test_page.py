@@ -114,7 +114,7 @@ def drag_slider(page, moves, *, release=True):
     before = updates(page)
     for k in range(moves):
         page.mouse.move(x - 2 * (k + 1), y)
-        page.wait_for_function("n => window.ksdUpdates >= n", arg=before + k + 1, timeout=3000)
+        page.wait_for_function("n => window.ksdUpdates >= n", arg=before + k + 1, timeout=20_000)
     drawn = updates(page)
     if release:
         page.mouse.up()
@@ -175,7 +175,7 @@ def test_a_shape_swings_and_the_stroke_is_drawn_and_played(opened, gripper):
     page.locator("tr", has_text="critical load factors").wait_for(timeout=60_000)
     page.get_by_label("swing in").click()
     page.get_by_role("option", name="critical load factor").first.click()
-    page.wait_for_function("window.ksdPlayed > 5")
+    page.wait_for_function("window.ksdPlayed > 5", timeout=120_000)
     page.get_by_text("over the stroke").click()
     play = page.locator("button:has(i:text-is('play_arrow'))")
     play.click()
@@ -189,7 +189,7 @@ def test_a_shape_swings_and_the_stroke_is_drawn_and_played(opened, gripper):
     page.wait_for_function("n => window.ksdUpdates > n", arg=updates(page) - 1)
     before = page.evaluate("window.ksdPlayed")
     play.click()
-    page.wait_for_function("n => window.ksdPlayed > n + 5", arg=before)
+    page.wait_for_function("n => window.ksdPlayed > n + 5", arg=before, timeout=120_000)
     with page.expect_download() as given:
         page.locator("button:has(i:text-is('table_view'))").click()
     assert given.value.path().read_text().startswith("crank_deg,crank_moment_Nm,")
