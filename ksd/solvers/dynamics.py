@@ -64,6 +64,8 @@ RATE_PART, FIRST_PART, PUSH_PART = 0.25, 0.025, 1e-3
 """Parts of a step from which the rates of accelerations after a jump, these, and speeds are found."""
 STEPS_PER_RAMP, STEPS_PER_PERIOD = 20.0, 100.0
 """Steps in the shortest part of a function of time, and in the longest period, of the first pair of runs."""
+MISSING_ENERGY = 0.01
+"""Energy missing in the balance, over the largest change of one of its parts, that is said."""
 MAX_PAIRS = 4
 """How often the step is made smaller for the accuracy."""
 FINE_ORDERS = (5, 4, 8)
@@ -657,6 +659,20 @@ def _energies(motion: Motion, run: Run, rows: _Taken, states: Array, trace_of: A
     }  # fmt: skip
 
 
+def _missing_energy(energy: Mapping[str, Array]) -> list[str]:
+    """A sentence where the balance of the energies lacks much of the kinetic energy, or of the largest change of another."""
+    most = max(float(np.ptp(part)) for name, part in energy.items() if name != "lost")
+    most = max(most, float(energy["kinetic"].max()))
+    level = max(float(np.abs(part).max()) for part in energy.values())
+    lost = float(np.abs(energy["lost"]).max())
+    if lost <= max(MISSING_ENERGY * most, 1e-9 * level):
+        return []
+    return [
+        f"{lost:.2g} J are missing in the balance of energies, {100.0 * lost / most:.2g} % of the largest: what dampers "
+        "took, or the motion itself, is followed no better than that; take a smaller dt"
+    ]
+
+
 def _unflatten(row: Array, like: State) -> State:
     """The state of a flat row."""
     parts = np.split(row, np.cumsum([field.size for field in like])[:-1])
@@ -696,6 +712,7 @@ def trace_of_run(marcher: Marcher, run: Run, error: float) -> Trace:
             ]
             forces[:, i] = 0.0
     energy = _energies(motion, run, rows, states, (model, values, forces, x, R))
+    marcher.notes += _missing_energy(energy)
     rates = np.gradient(values, rows.t, axis=0) if len(rows.t) > 1 else np.zeros_like(values)
     for i, f in enumerate(motion.drives):
         if callable(f):
