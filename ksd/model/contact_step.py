@@ -41,23 +41,8 @@ def look_at_gaps(pairs, data, bodies, nodes, x, R, x_before, R_before, out):
 
 @kernel
 def load_contacts(
-    pairs,
-    data,
-    bodies,
-    nodes,
-    first,
-    active,
-    x,
-    R,
-    x_before,
-    R_before,
-    factor,
-    tolerance,
-    forces,
-    out,
-    push,
-    turn,
-):
+    pairs, data, bodies, nodes, first, active, x, R, x_before, R_before, factor, tolerance, forces, out, push, turn
+):  # fmt: skip
     """`look_at_gaps`, and write the contact forces over `factor` into the loads push, turn (b, 3).
 
     Returns whether no pair overlaps and closed ones touch, within `tolerance` [m].
@@ -160,6 +145,7 @@ def contact_step(
             if more != 0.0:
                 for c in range(len(rhs)):
                     rhs[c] += more * X[k, c]
+    # no literals, for which numba would compile the function once more
     return regular, solved, _largest(ints, rhs, 3 + 0 * q), _largest(ints, rhs, 0 * q)
 
 

@@ -403,7 +403,11 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
     def with_contacts_held(self) -> Configuration:
         """The pose for questions about small motions: itself, or where stops, cables or contacts act that with them held
         (`ksd.solvers.held_contacts`). Raises SceneError where one of them cannot be held."""
-        return hold_contacts(self) if self._acts else self
+        touched = self.touched
+        if touched is None or not touched.closed:
+            return self
+        model, motion = hold_contacts(self.model, self.motion, touched)
+        return replace(self, model=model, motion=motion, touched=None, joint_motions=None)
 
     @property
     def _acts(self) -> bool:
@@ -468,8 +472,9 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         Raises SceneError where no closed contact is on it, KinematicsError where nothing resists a motion.
         """
         name = self.model.node_names[self._node(link)]
-        contacts_on(self, name)
-        return grasp(self, name, self.stiffness(name, at=at))
+        scene, points = self.model.original_scene, self.contacts
+        signs = contacts_on(name, scene, points)
+        return grasp(name, scene, points, signs, self.stiffness(name, at=at))
 
     def drive_stiffness(self, *, freed: Iterable[str] = ()) -> DriveStiffness:
         """Stiffness dF/dd (d, d) [N/m, Nm/rad, N/rad] between all drives except those in `freed`, which keep their force.

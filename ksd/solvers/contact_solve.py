@@ -173,9 +173,7 @@ def _pose(
     held = contact_model(model)
     arrays = held.arrays.copy()
     if record.stop is Stop.CONVERGED:
-        # the views of these two fields alone
-        arrays._view("loads.force")[newton.loads] = newton.push
-        arrays._view("loads.moment")[newton.loads] = newton.turn
+        arrays.loads.force[newton.loads], arrays.loads.moment[newton.loads] = newton.push, newton.turn
     forces = newton.forces.copy()
     touched = Touched(newton.what, dict(values), forces, newton.out.copy(), closed=bool(forces[:, 0].any()))
     loaded = replace(held, arrays=arrays)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ksd.answers.printing import PrintableAnswer, format_number
 from ksd.answers.stiffness import PointStiffness
 from ksd.errors import SceneError
-
-if TYPE_CHECKING:
-    from ksd.solvers.configuration import Configuration
+from ksd.scene.obstacle import Contact
+from ksd.scene.scene import Scene
+from ksd.solvers.contact_state import ContactPoint
 
 
 @dataclass(frozen=True, repr=False)
@@ -43,13 +43,17 @@ class Grasp(PrintableAnswer):
         return f"{self._line()}\n{self.stiffness}"
 
 
-def contacts_on(pose: Configuration, link: str) -> dict[str, float]:
+def _contact(scene: Scene, point: str) -> Contact:
+    """The contact of a scene that a point, of that name or "name, corner", belongs to."""
+    return next(c for c in scene.contacts if c.name == point or point.startswith(f"{c.name}, "))
+
+
+def contacts_on(link: str, scene: Scene, points: Mapping[str, ContactPoint]) -> dict[str, float]:
     """Closed contacts of a link, with 1 where it has the second surface and -1 where the first. Raises SceneError where
     there are none."""
-    scene, found = pose.model.original_scene, {}
-    owner = {surface.name: surface.link for surface in scene.surfaces}
-    for name, point in pose.contacts.items():
-        contact = next(c for c in scene.contacts if c.name == name or name.startswith(f"{c.name}, "))
+    owner, found = {surface.name: surface.link for surface in scene.surfaces}, {}
+    for name, point in points.items():
+        contact = _contact(scene, name)
         links = owner[contact.a], owner[contact.b]
         if link in links and point.N > 0.0:
             found[name] = 1.0 if links[1] == link else -1.0
@@ -60,18 +64,19 @@ def contacts_on(pose: Configuration, link: str) -> dict[str, float]:
     return found
 
 
-def grasp(pose: Configuration, link: str, stiffness: PointStiffness) -> Grasp:
-    """See `Grasp`."""
-    signs, scene = contacts_on(pose, link), pose.model.original_scene
+def grasp(
+    link: str,
+    scene: Scene,
+    points: Mapping[str, ContactPoint],
+    signs: Mapping[str, float],
+    stiffness: PointStiffness,
+) -> Grasp:
+    """See `Grasp`; signs: of `contacts_on`."""
     needed, margin = 0.0, math.inf
     for name in signs:
-        point = pose.contacts[name]
-        friction = next(
-            c.friction for c in scene.contacts if c.name == name or name.startswith(f"{c.name}, ")
-        )
-        share = float(np.linalg.norm(point.T)) / point.N
+        share = float(np.linalg.norm(points[name].T)) / points[name].N
         needed = max(needed, share)
         if share > 0.0:
-            margin = min(margin, friction / share)
-    forces = np.array([sign * pose.contacts[name].force for name, sign in signs.items()])
+            margin = min(margin, _contact(scene, name).friction / share)
+    forces = np.array([sign * points[name].force for name, sign in signs.items()])
     return Grasp(link, tuple(signs), forces, needed, margin, stiffness)

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,9 +43,6 @@ from ksd.scene.drive import GROUND, Drive, DriveTerm
 from ksd.scene.effects import Spring
 from ksd.scene.load import Load
 from ksd.solvers.contact_state import Touched
-
-if TYPE_CHECKING:
-    from ksd.solvers.configuration import Configuration
 
 Array = NDArray[np.float64]
 SOFT_SPRING = 1e-6
@@ -97,15 +94,12 @@ class _Collector:
             self.loads.append(Load(name, link, tuple(force.tolist()), (0.0, 0.0, 0.0), point))
 
 
-def hold_contacts(pose: Configuration) -> Configuration:
-    """The pose of the mechanism with its closed contacts held, see above.
+def hold_contacts(old: Model, motion: State, touched: Touched) -> tuple[Model, State]:
+    """Model and state of the mechanism with its closed contacts held, see above.
 
     Raises SceneError for one that cannot be held so: a soft stop or contact, and some that stick.
     """
-    touched, motion = pose.touched, pose.motion
-    assert touched is not None
-    old, bare = pose.model, pose.model.scene
-    found = _Collector(old, motion)
+    bare, found = old.scene, _Collector(old, motion)
     for i, part in enumerate(touched.what.parts):
         if touched.forces[i, 0] > 0.0:
             {"stop": _hold_stop, "cable": _hold_cable, "contact": _hold_contact}[part.kind](found, touched, i)
@@ -119,7 +113,7 @@ def hold_contacts(pose: Configuration) -> Configuration:
     multiplier = np.array([rows[name] for name in (*model.drive_names, *model.support_names)])
     state = State(motion.x, motion.R, motion.inner, multiplier, np.zeros_like(model.rest.angle)).copy()
     count_from_links(model.arrays, state, node_rotations(old.arrays, motion))
-    return replace(pose, model=model, motion=state, touched=None, joint_motions=None)
+    return model, state
 
 
 def _refuse_soft(name: str, softness: float, kind: str) -> None:

@@ -25,8 +25,8 @@ ENOUGH = 100.0
 
 @clear_argument_errors
 def pull_out(pose: Configuration, link: Link | str, *, along: Axis, at: ArrayLike | None = None) -> float:
-    """Dead force [N] along a direction at which all contacts of a link slip, or nothing holds it, when it grows from this
-    pose.
+    """Dead force [N] along a direction that grows from this pose until all contacts of a link slip, or until no equilibrium
+    is found beyond.
 
     along: "x", "-y", ... or a vector (3,); at (3,) [m, global]: its point at rest, the reference point of the link when
     None. inf where no force pulls the link out, as it hangs on springs as well. Raises SceneError where no closed contact is
@@ -52,7 +52,7 @@ def pull_out(pose: Configuration, link: Link | str, *, along: Axis, at: ArrayLik
     node = pose._node(link)
     name, axis = pose.model.node_names[node], np.array(direction(along, "along"))
     point = tuple(pose.model.rest.x[node].tolist()) if at is None else vector(at, "at", unit="m")
-    names = contacts_on(pose, name)
+    names = contacts_on(name, pose.model.original_scene, pose.contacts)
     total = sum(pose.contacts[contact].N for contact in names)
     base, touched = pose.model, pose.touched
     assert touched is not None

@@ -41,8 +41,8 @@ _UNITS = {
 
 
 def tables(configuration: Configuration) -> list[Any]:
-    """Rich renderables, no wider than WIDTH columns: head, steps, drives, stops, cables, contacts,
-    joints, links, warnings."""
+    """Rich renderables, no wider than WIDTH columns: head, steps, drives, stops, cables, contacts, verdicts, joints, links,
+    warnings."""
     from rich.text import Text
 
     d = as_dict(configuration)
