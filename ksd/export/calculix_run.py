@@ -75,7 +75,8 @@ def confirm(configuration: Any, *, refine: int = 1, mesh: Mesh | None = None) ->
 def twist_text(configuration: Any) -> str:
     """What twist adds to the torsional stiffness of solids, of the straight sheet in which it adds most; empty below 1e-3.
 
-    Twist stretches the edges: T = G J phi' + E t w^5 phi'^3 / 360 for a thin sheet that is free to shorten.
+    Twist stretches the edges: T = G J phi' + E t w^5 phi'^3 / 360 for a thin sheet that is free to shorten (Cullimore, The
+    shortening effect, 1949).
     """
     largest, which = 0.0, ""
     leaves = configuration.model.scene.leaf_names()
