@@ -94,7 +94,13 @@ def moment_at_the_clamp(width, length, nu, cells=4):
     fixed = [d.nodal[n] for d in (near, far) for n in ("u", "u_x", "u_y", "u_yy", "u_xy")]
     fixed += [middle.nodal["u_y"], middle.nodal["u_xy"], *(d.facet["u_n"] for d in (near, far, middle))]
     motions = np.zeros((2, basis.N))
-    motions[0, far.nodal["u_x"]] = motions[0, far.facet["u_n"]] = motions[1, far.nodal["u"]] = 1.0
+    motions[0, far.nodal["u_x"]] = motions[1, far.nodal["u"]] = 1.0
+    # a plane w = x, for the sense of its normals, which is another in each version of scikit-fem
+    plane = np.zeros(basis.N)
+    plane[basis.nodal_dofs[0]], plane[basis.nodal_dofs[1]] = mesh.p[0], 1.0
+    motions[0, far.facet["u_n"]] = solve(*condense(K, x=plane, D=np.ravel(basis.nodal_dofs)))[
+        far.facet["u_n"]
+    ]
     w = np.array([solve(*condense(K, x=u, D=np.unique(np.concatenate(fixed)))) for u in motions])
     (turn, both), (_, move) = w @ (K @ w.T)
     (node,) = np.flatnonzero((mesh.p[0] == 0.0) & (mesh.p[1] == 0.0))
