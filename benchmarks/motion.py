@@ -1,13 +1,12 @@
-"""Motion in time: cost of a step against a static solve of the same scene, and the robustness of random motions.
+"""Motion in time: cost of a step against a static solve of the same scene.
 
 Steps are those of a trace, without what is said about it; times are of one thread, medians of five, and their ratios.
-python benchmarks/motion.py [random]
+python benchmarks/motion.py
 """
 
 import statistics
 import sys
 import time
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +14,7 @@ import numpy as np
 
 import ksd
 
-sys.path[:0] = [
-    str(Path(__file__).parent.parent / "tests"),
-    str(Path(__file__).parent.parent / "tests" / "solvers"),
-]
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
 REPEATS, STEPS = 5, 60
 
@@ -82,27 +78,5 @@ def costs():
         )
 
 
-def robustness(count=200):
-    """Ends of random motions."""
-    from test_motion import motion, random_motion
-
-    ended, stopped, broken, halved = 0, 0, 0, 0
-    for seed in range(count):
-        scene, words = random_motion(np.random.default_rng(1000 + seed))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            trace = motion(scene, **words)
-        finite = all(np.isfinite(p).all() for p in (trace.x, trace.velocity, *trace.energy.values()))
-        ended += trace.at_end
-        stopped += not trace.at_end and bool(trace.stop)
-        broken += not finite or not (trace.at_end or trace.stop)
-        halved += trace.halved > 0
-        if trace.stop:
-            print(f"seed {seed}: {trace.stop}")
-    print(
-        f"{count} motions: {ended} ended, {stopped} stopped with a reason, {broken} broken; steps halved in {halved}"
-    )
-
-
 if __name__ == "__main__":
-    robustness() if "random" in sys.argv else costs()
+    costs()

@@ -29,6 +29,7 @@ from ksd.model.arrays import (
     MEMBER_COUNT,
     NODES,
     SETTINGS,
+    STRAIN,
     TERM,
     Arrays,
     State,
@@ -73,7 +74,8 @@ ROUNDING_MULTIPLE = 10.0
 STALLED_RESIDUAL_LIMIT = 1000.0
 """Largest residual over its bound that is accepted after a negligible step."""
 SETTLED_STEP = 30.0
-"""Newton step of a time step, over the negligible one, after which it has converged: 3e-5 rad, or 3e-6 of the size."""
+"""Newton step of a time step, over the negligible one, after which it has converged: 3e-5 rad, of the modes of leaf springs
+too, or 3e-6 of the size."""
 STALLED_RATIO = 0.1
 """Ratio of the residual after and before a step above which the step did not reduce it."""
 
@@ -297,11 +299,11 @@ def _take_step(
 
 @kernel(inline="always")
 def _newton(
-    members, condense, set_gravity, leaf_gravity, add_weight, recover, rotate_gravity, bodies, correct_step, settles,
+    members, condense, set_gravity, leaf_gravity, add_weight, recover, rotate_gravity, bodies, correct_step, keep, settles,
     ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
     max_steps, factor, rtol, rounding, max_turn, divergence_limit,
 ):  # fmt: skip
-    """See `newton`; the first ten arguments are the kernels for the kinds of members and loads of the mechanism.
+    """See `newton`; the first eleven arguments are the kernels for the kinds of members and loads of the mechanism.
 
     `members` is `add_members`, handed on because a call by its name would be inlined here once more in every variant.
     """
@@ -314,7 +316,7 @@ def _newton(
     move, xi = scratch.force, scratch.norms
     negatives, member_negatives, status, pivot = 0, 0, 0, 1.0
     worst, previous, step_size, gap = math.inf, math.inf, math.inf, 0.0
-    n, extra_step, reason, is_last = 0, False, RUNNING, False
+    n, extra_step, reason = 0, False, RUNNING
     # a single return: each one releases all arrays, which would be a third of the kernel
     while reason == RUNNING:
         done = False
@@ -400,16 +402,16 @@ def _newton(
                 shift = _largest(ints, rhs, 0 * n) / floats[0]
                 step_size = max(turned / 1e-6, shift / 1e-7)
                 n += 1
-                is_last = settles(step_size)
                 if task == FIXED_ROWS_STEP and (max(turned, shift) > max_turn or not pivot > SINGULAR_PIVOT):
                     rhs[:] = 0.0
                 if task != SOLVE:
                     reason, worst = status, step_size
+            before = keep(inner)
             _take_step(
                 recover, rotate_gravity, ints, floats, x, R, inner, multiplier, angle, rhs, store, poses, weight, move, xi,
                 scale,
             )  # fmt: skip
-            if is_last and task == SOLVE and pivot > 0.0:
+            if task == SOLVE and not extra_step and pivot > 0.0 and settles(ints, step_size, before, inner):
                 reason = CONVERGED
     if task == SOLVE and reason == CONVERGED:
         anchor_rotations(ints, R, angle)
@@ -420,15 +422,40 @@ def _newton(
 
 
 @kernel(inline="always")
-def _never_settles(step_size):
+def _keep_nothing(inner):
+    """`_keep_inner` in statics."""
+    return inner
+
+
+@kernel(inline="always")
+def _keep_inner(inner):
+    """The inner state before a step."""
+    return inner.copy()
+
+
+@kernel(inline="always")
+def _never_settles(ints, step_size, before, inner):
     """In statics the residual after a step is always looked at."""
     return False
 
 
-@kernel(inline="always")
-def _settles(step_size):
-    """Whether a Newton step of a time step is so small that what is left is of the order of its square."""
-    return step_size <= SETTLED_STEP
+@kernel
+def _settles(ints, step_size, before, inner):
+    """Whether a Newton step of a time step is so small that what is left is of the order of its square.
+
+    In leaf springs too: between ends that hardly move they may buckle, and stiff ones have to bend for it.
+    """
+    if step_size > SETTLED_STEP:
+        return False
+    largest = 0.0
+    for i in range(ints[LEAF_COUNT]):
+        first, number = ints[ints[MEMBER.inner_at] + i], ints[MEMBER.number] + SETTINGS * i
+        modes = ints[number + 3]
+        if ints[ints[MEMBER.kind] + i] == STRAIN:
+            modes = ints[number] + ints[number + 1] + ints[number + 2]
+        for k in range(first, first + modes):
+            largest = max(largest, abs(inner[k] - before[k]))
+    return largest <= 1e-6 * SETTLED_STEP
 
 
 @kernel(inline="always")
@@ -456,7 +483,7 @@ def newton(
     """
     return _newton(
         add_members, condense_linear, skip_set_gravity, skip_leaf_gravity, skip_add_weight, recover_leaf,
-        skip_rotate_gravity, _skip_bodies, _skip_step_correction, _never_settles,
+        skip_rotate_gravity, _skip_bodies, _skip_step_correction, _keep_nothing, _never_settles,
         ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
         max_steps, factor, rtol, rounding, max_turn, divergence_limit,
     )  # fmt: skip
@@ -470,7 +497,7 @@ def newton_beams(
     """`newton` also for chains, springs, weight of members, and loads that are not conservative."""
     return _newton(
         add_members, condense_beam, set_gravity, set_leaf_gravity, add_weight, recover_beam,
-        rotate_gravity, _skip_bodies, correct_newton_step, _never_settles,
+        rotate_gravity, _skip_bodies, correct_newton_step, _keep_nothing, _never_settles,
         ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
         max_steps, factor, rtol, rounding, max_turn, divergence_limit,
     )  # fmt: skip
@@ -484,7 +511,7 @@ def newton_any(
     """`newton_beams` for members of every kind."""
     return _newton(
         add_members, condense_any, set_gravity, set_leaf_gravity, add_weight, recover_any,
-        rotate_gravity, _skip_bodies, correct_newton_step, _never_settles,
+        rotate_gravity, _skip_bodies, correct_newton_step, _keep_nothing, _never_settles,
         ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
         max_steps, factor, rtol, rounding, max_turn, divergence_limit,
     )  # fmt: skip
@@ -498,7 +525,7 @@ def newton_motion(
     """`newton` for a time step (`ksd.elements.inertia`) of strain-mode leaves, linear bodies and springs."""
     return _newton(
         add_members, condense_beam, set_inertia, set_leaf_inertia, add_inertia, recover_leaf,
-        move_inertia, add_bodies, correct_newton_step, _settles,
+        move_inertia, add_bodies, correct_newton_step, _keep_inner, _settles,
         ints, floats, x, R, inner, multiplier, angle, target, flat, at, task, linearise,
         max_steps, factor, rtol, rounding, max_turn, divergence_limit,
     )  # fmt: skip

@@ -33,6 +33,7 @@ from ksd.scene.functions_of_time import (
     function_of_table,
     table_of_function,
 )
+from ksd.scene.sensor import KINDS
 from ksd.scene.toml_table import quantity
 from ksd.units import DIMENSIONS
 
@@ -215,7 +216,12 @@ class Simulation:
         _known(self.drives, drives, "drive")
         _known(self.loads, {load.name: load for load in (*scene.loads, *scene.line_loads)}, "load")
         _known(self.speeds, {n: n for n in scene.links if n != GROUND}, "link")
-        _known({e.of: e for e in self.stop}, drives | {s.name: s for s in scene.sensors}, "drive or sensor")
+        sensors = {s.name: s.kind for s in scene.sensors}
+        _known({e.of: e for e in self.stop}, drives | sensors, "drive or sensor")
+        for name in (e.of for e in self.stop if e.of not in drives and KINDS[sensors[e.of]]):
+            raise SceneError(
+                f"event of '{name}': an event is a place, not a {sensors[name]}; use a sensor of displacement or rotation"
+            )
         for name, f in self.drives.items():
             if f is not None:
                 _check_dimension(f, drives[name].dimension, f"drive '{name}'")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -33,7 +33,6 @@ from ksd.model.newton import (
 )
 from ksd.model.plane import Plane
 from ksd.numerics.kernel import announce_compiling
-from ksd.scene.sensor import KINDS
 from ksd.scene.simulation import Simulation
 from ksd.solvers.configuration import Configuration
 from ksd.solvers.moving_model import HEAVY_LEAVES, MovingModel, moving_model
@@ -60,8 +59,14 @@ MAX_HALVINGS = 12
 MAX_ITERATIONS = 12
 STEP_RTOL = 1e-6
 """Residual of a step, relative to the forces: places are 1e-8 of the stroke off, far less than by the step."""
-RATE_PART, FIRST_PART, PUSH_PART = 0.25, 0.025, 1e-3
-"""Parts of a step from which the rates of accelerations after a jump, these, and speeds are found."""
+RATE_PART, FIRST_PART, PUSH_PART = 0.5, 0.25, 1e-3
+"""Parts of a step from which the rates of accelerations after a jump, these, and speeds are found.
+
+The first two are no smaller, so that a jump does not excite motion too fast for the steps: with .25 and .025 it had up to
+770 times the energy of what a load does to a mass on a stiff spring.
+"""
+START_PARTS = (1.0, 0.25, 2.0**-4, 2.0**-6)
+"""Parts of a step with which accelerations after a jump are looked for, one after the other."""
 STEPS_PER_RAMP, STEPS_PER_PERIOD = 20.0, 100.0
 """Steps in the shortest part of a function of time, and in the longest period, of the first pair of runs."""
 MISSING_ENERGY = 0.01
@@ -216,19 +221,32 @@ class Motion:
         return _Taken(*(part[:done] for part in taken.parts)), reason
 
     def probe(self, step: Step, acting: tuple[Array, Array] | None = None) -> Array:
-        """q'' (p,) of one step that is not taken. Raises _Refused."""
+        """q'' (p,) of one step that is not taken. Raises Refused."""
         _, reason = self.take(step, 1, keep=False, acting=acting)
         if reason != CONVERGED:
-            raise _Refused
+            raise Refused
         return np.asarray(step.c0 * (self.q - self.known[0]))
+
+    def _with_shorter(self, step: Step, start: Callable[[Step], None]) -> None:
+        """Start with `step`, or with a shorter one where that finds no solution. Raises Refused."""
+        history = self.history.copy()
+        for shorter in START_PARTS:
+            try:
+                return start(generalised_alpha(shorter * step.dt, self.words.rho))
+            except Refused:
+                self.history[...] = history
+        raise Refused
 
     def restart(self, step: Step, *, is_pushed: bool) -> None:
         """Set the history to accelerations that fit places, speeds and loads just after t, before steps `step`.
 
-        is_pushed: the speeds of drives jump, or speeds were given: first make speeds fit the constraints. Raises _Refused.
+        is_pushed: the speeds of drives jump, or speeds were given: first make speeds fit the constraints. Raises Refused.
         """
-        dt, history = step.dt, self.history
         self.known_past = 0
+        self._with_shorter(step, lambda one: self._restart(one, is_pushed))
+
+    def _restart(self, step: Step, is_pushed: bool) -> None:
+        dt, history = step.dt, self.history
         if is_pushed:
             # linear in the length of the push, so two of them tell the speeds after none
             once, twice = impulse(PUSH_PART * dt), impulse(2.0 * PUSH_PART * dt)
@@ -254,8 +272,11 @@ class Motion:
         """Add to the accelerations what loads and base do that jump from `before` to `after` (see `acting`), before steps
         `step`.
 
-        They come from two tiny steps that differ in nothing else, so that jumps may follow one another. Raises _Refused.
+        They come from two small steps that differ in nothing else, so that jumps may follow one another. Raises Refused.
         """
+        self._with_shorter(step, lambda one: self._push(one, before, after))
+
+    def _push(self, step: Step, before: tuple[Array, Array], after: tuple[Array, Array]) -> None:
         lagging, tiny = self.history[2].copy(), first_acceleration(FIRST_PART * step.dt)
         self.history[2] = 0.0
         change = -self.probe(tiny, before)
@@ -342,7 +363,7 @@ def _dense(plan: Any, values: Array) -> Array:
     return found
 
 
-class _Refused(Exception):
+class Refused(Exception):
     """A step without which the motion cannot go on found no solution."""
 
 
@@ -440,15 +461,7 @@ class Marcher:
         f = self.words.drives.get(name, 0.0)
         if drive is not None and f is not None:
             return lambda row, t: float(f(t)) if callable(f) else self.values[name]
-        if drive is not None:
-            terms = drive.terms
-        else:
-            sensor = next(s for s in scene.sensors if s.name == name)
-            if KINDS[sensor.kind]:
-                raise SceneError(
-                    f"event of '{name}': an event is a place, not a {sensor.kind}; use a sensor of displacement or rotation"
-                )
-            terms = (sensor.term,)
+        terms = drive.terms if drive else tuple(s.term for s in scene.sensors if s.name == name)
 
         def read(row: Array, t: float) -> float:
             x, R = row[: 3 * nodes].reshape(-1, 3), row[3 * nodes : 12 * nodes].reshape(-1, 3, 3)
@@ -481,7 +494,7 @@ class Marcher:
                     break
         except KeyboardInterrupt:
             run.stop = f"interrupted at t = {motion.t:.6g} s"
-        except _Refused:
+        except Refused:
             run.stop = f"at t = {motion.t:.6g} s the accelerations after a jump were not found"
         if not run.parts:
             run.parts.append(motion.row())
@@ -659,13 +672,16 @@ def _energies(motion: Motion, run: Run, rows: _Taken, states: Array, trace_of: A
     }  # fmt: skip
 
 
-def _missing_energy(energy: Mapping[str, Array]) -> list[str]:
-    """A sentence where the balance of the energies lacks much of the kinetic energy, or of the largest change of another."""
+def _missing_energy(energy: Mapping[str, Array], rounding: float) -> list[str]:
+    """A sentence where the balance of the energies lacks much of the kinetic energy, or of the largest change of another.
+
+    rounding [J]: energy of speeds that are none.
+    """
     most = max(float(np.ptp(part)) for name, part in energy.items() if name != "lost")
     most = max(most, float(energy["kinetic"].max()))
     level = max(float(np.abs(part).max()) for part in energy.values())
     lost = float(np.abs(energy["lost"]).max())
-    if lost <= max(MISSING_ENERGY * most, 1e-9 * level):
+    if lost <= max(MISSING_ENERGY * most, 1e-9 * level, rounding):
         return []
     return [
         f"{lost:.2g} J are missing in the balance of energies, {100.0 * lost / most:.2g} % of the largest: what dampers "
@@ -712,7 +728,9 @@ def trace_of_run(marcher: Marcher, run: Run, error: float) -> Trace:
             ]
             forces[:, i] = 0.0
     energy = _energies(motion, run, rows, states, (model, values, forces, x, R))
-    marcher.notes += _missing_energy(energy)
+    mass = moving.leaf_mass.sum() + sum(m.mass for m in model.scene.masses)
+    rounding = 10.0 * np.finfo(float).eps * moving.arrays.size / np.diff(rows.t).min(initial=math.inf)
+    marcher.notes += _missing_energy(energy, float(mass * rounding**2))
     rates = np.gradient(values, rows.t, axis=0) if len(rows.t) > 1 else np.zeros_like(values)
     for i, f in enumerate(motion.drives):
         if callable(f):

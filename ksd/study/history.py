@@ -117,9 +117,9 @@ class Energies:
 class Instant(Configuration):
     """The mechanism at an instant t [s] of a motion: a `Configuration` that is no equilibrium.
 
-    velocity (nodes, 6) [m/s, rad/s]: of all nodes. Section forces, stress, strength and strain energy are those of the
-    moving leaf springs, their inertia included; stiffness, frequencies and linear models are those about the place it is
-    passing, as if it were held there. around: states `step` [s] before and after.
+    velocity (nodes, 6) [m/s, rad/s]: of all nodes. Section forces, stress and strength are those of the moving leaf springs,
+    their inertia included (strain energy too is in `History.energy`); stiffness, frequencies and linear models are those
+    about the place it is passing, as if it were held there. around: states `step` [s] before and after.
     """
 
     t: float = 0.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cached_property
 from typing import Any
 
@@ -20,7 +21,7 @@ from ksd.scene.scene import Scene
 from ksd.scene.simulation import Shake, Simulation
 from ksd.scene.toml_table import quantity
 from ksd.solvers.configuration import Configuration
-from ksd.solvers.dynamics import Motion, Run, Saved, begin_motion, trace_of_run
+from ksd.solvers.dynamics import Motion, Refused, Run, Saved, begin_motion, trace_of_run
 from ksd.solvers.time_steps import generalised_alpha
 from ksd.study.history import DriveMotion, History, Instant
 
@@ -127,13 +128,14 @@ class Stepper:
         for _ in range(MAX_HALVINGS):
             state._saved.restore(motion)
             step = generalised_alpha(whole / count, self._rho)
-            if math.isnan(state._part):
-                motion.restart(step, is_pushed=True)
-            elif given != state._inputs:
-                motion.push(step, before, after)
-            taken, reason = motion.take(step, count)
-            if reason == CONVERGED:
-                return self._state(Run([taken.last], {}), given, step.dt)
+            with suppress(Refused):
+                if math.isnan(state._part):
+                    motion.restart(step, is_pushed=True)
+                elif given != state._inputs:
+                    motion.push(step, before, after)
+                taken, reason = motion.take(step, count)
+                if reason == CONVERGED:
+                    return self._state(Run([taken.last], {}), given, step.dt)
             count *= 2
         raise ConvergenceError(
             f"step: no motion was found from t = {state.t:g} s on, with {count} parts of the step"
