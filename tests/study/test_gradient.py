@@ -94,6 +94,9 @@ def resolved(design, at_design, name, *, h=2e-3, **words):
         if not isinstance(first, float) or column == name:
             continue
         q = np.array([[row[column] for row in one] for one in rows])
+        # a factor or stiffness that is infinite has no slope
+        if not np.isfinite(q).all():
+            continue
         d = [(q[2 * k] - q[2 * k + 1]) / (2 * abs(shares[2 * k]) * value) for k in range(3)]
         four = (4 * d[1] - d[0]) / 3, (4 * d[2] - d[1]) / 3
         six = (16 * four[1] - four[0]) / 15
@@ -457,7 +460,8 @@ def test_the_error_figure_holds_the_mesh(plate):
     told, off = found.error_slopes[..., 0], np.abs(found.slopes - fine.slopes)[..., 0]
     size = np.abs(fine.slopes[..., 0])
     seen = off > 1e-5 * size
-    assert seen.sum() >= 5 and (off / size)[found.columns.index("parasitic_rx_mrad")].min() > 5e-4
+    row = found.columns.index("parasitic_rx_mrad")
+    assert seen.sum() >= 5 and np.all(off[row] > 5e-4 * size[row])
     if plate:
         own = [not c.endswith("_Hz") for c in found.columns]
         assert np.all((off <= 2 * told + 2e-5 * size)[own, 0])
