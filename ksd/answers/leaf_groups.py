@@ -94,6 +94,23 @@ def chain_groups(model: Model) -> tuple[LeafGroup, ...]:
     return tuple(groups)
 
 
+@cached_per_model
+def shape_scale(model: Model) -> Array:
+    """Factors (n,) on inner unknowns to the shape of leaf springs: their turn [rad], or place over length; 0 on others."""
+    found = np.zeros(len(model.rest.inner))
+    for group in leaf_groups(model):
+        found[group.inner_index[:, : group.modes]] = model.arrays.members.length[group.members, None]
+    for group in chain_groups(model):
+        places = group.inner_index.reshape(len(group.members), -1, 12)[..., :3]
+        found[places] = 1.0 / model.arrays.members.length[group.members, None, None]
+    return found
+
+
+def shape_difference(model: Model, one: Array, other: Array) -> float:
+    """Largest difference of two inner states (n,) in the shape of a leaf spring, see `shape_scale`."""
+    return float(np.abs(shape_scale(model) * (one - other)).max(initial=0.0))
+
+
 @dataclass(frozen=True)
 class EndFrames:
     """End frames of k members.

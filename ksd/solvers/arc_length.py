@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ksd.answers.divergence import count_unstable_directions
+from ksd.answers.leaf_groups import shape_difference
 from ksd.answers.tangent import Tangent
 from ksd.errors import ConvergenceError
 from ksd.model.arrays import State, Workspace, make_workspace
@@ -39,8 +40,12 @@ MAX_ANGLE = 0.5
 """Largest angle [rad] between the path tangents at both ends of a step."""
 MAX_CORRECTION = 0.15
 """Largest Newton correction of a step relative to its arc; a longer one may end on another path."""
-MIN_CHECKED_ARC = 1e-5
-"""Arc below which a step is accepted at any angle and correction."""
+MAX_BEND_CORRECTION, MIN_CHECKED_BEND = 0.3, 1e-4
+"""Largest Newton correction of the shape of a leaf spring relative to its change on a step, and that [rad] which is always
+accepted: a larger one may be that of a leaf spring that buckles between its ends, to another side than the path."""
+MIN_CHECKED_ARC, MIN_BEND_ARC = 1e-5, 1e-8
+"""Arcs below which a step is accepted at any angle and correction, and at any correction of the shape of leaf springs, which
+may buckle while nodes hardly move."""
 MIN_SINGULAR_SPACING = 1e-4
 """Arc, or parameter over its range, between singular points below which they are recorded as one."""
 MIN_SEPARATION = 3e-7
@@ -58,8 +63,9 @@ class ArcLengthPoint:
     f: path parameter, the fraction of the `LoadPath`; negatives: negative pivots, those inside members and one per
     constraint row included; changes: what changes at singular points, `negatives`, or under non-conservative loads the
     parity of the determinant; tangent: None for a point that is only kept; b (n,): derivative of the residual by f;
-    residual: over its bound; correction: arc length of the Newton steps after the predictor. local_angles_small: whether all
-    elements are within their range.
+    residual: over its bound; correction: arc length of the Newton steps after the predictor; bend_correction: what they
+    change of the shape of a leaf spring, see `shape_difference`. local_angles_small: whether all elements are within their
+    range.
     """
 
     motion: State
@@ -72,6 +78,7 @@ class ArcLengthPoint:
     local_angles_small: bool = True
     residual: float = 0.0
     correction: float = 0.0
+    bend_correction: float = 0.0
 
 
 def residual_rate(model: Model, motion: State, path: LoadPath, work: Workspace) -> Array:
@@ -141,7 +148,7 @@ class ArcLengthNewton:
         n = arrays.plan.unknowns
         c = np.append(np.zeros(n), 1.0) if normal is None else self.metric * normal
         moved = math.inf
-        step, corrections = predictor, np.zeros(n + 1)
+        step, corrections, predicted = predictor, np.zeros(n + 1), motion.inner
         for count in range(max_iterations + 1):
             worst, _, inside, status = assemble(arrays, motion, *self.path.values_at(f), work)
             if not math.isfinite(worst):
@@ -167,6 +174,7 @@ class ArcLengthNewton:
                         status == 0,
                         worst,
                         self.arc_length(corrections),
+                        shape_difference(self.model, motion.inner, predicted),
                     )
                 try:
                     step = solve_bordered(tangent, b, c, np.append(-work.rhs, 0.0))
@@ -178,7 +186,9 @@ class ArcLengthNewton:
             moved = max(turn / 1e-6, move / (1e-7 * arrays.size))
             take_step(arrays, motion, np.ascontiguousarray(step[:n]), work, 1.0)
             f += float(step[n])
-            if step is not predictor:
+            if step is predictor:
+                predicted = motion.inner.copy()
+            else:
                 corrections += step
             step = None
         return None
@@ -387,6 +397,7 @@ class PathContinuation:
         self.stop_reason = END_REACHED
         if at.f == until:
             return
+        rate: Array | None = None
         sign, max_arc = (1.0 if until >= at.f else -1.0), MAX_ARC * np.sqrt(len(self.model.node_names))
         for _ in range(max_steps):
             length, slope = min(arc, max_arc), float(direction[-1])
@@ -403,7 +414,12 @@ class PathContinuation:
                 continue
             onward = self.newton.direction(found, direction)
             angle = self.newton.angle(direction, onward)
-            if (angle > MAX_ANGLE or found.correction > MAX_CORRECTION * length) and length > MIN_CHECKED_ARC:
+            bend = shape_difference(self.model, found.motion.inner, at.motion.inner)
+            foretold = at.motion.inner if rate is None else at.motion.inner + length * rate
+            missed = min(found.bend_correction, shape_difference(self.model, found.motion.inner, foretold))
+            snaps = missed > MIN_CHECKED_BEND + MAX_BEND_CORRECTION * bend
+            turns = angle > MAX_ANGLE or found.correction > MAX_CORRECTION * length
+            if (snaps and length > MIN_BEND_ARC) or (turns and length > MIN_CHECKED_ARC):
                 # a sharp turn: smaller steps, lest a limit point and the next one both lie in one step
                 arc = 0.5 * length
                 continue
@@ -421,6 +437,7 @@ class PathContinuation:
             if self._returned(at, found):
                 self.stop_reason = RETURNED_TO_START
                 return
+            rate = (found.motion.inner - at.motion.inner) / length
             at, direction = found, onward
             if abs(at.f - until) <= 2e-6 * abs(until):
                 self._store(self.newton.correct(at.motion, until, None) or at)

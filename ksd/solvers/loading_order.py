@@ -19,11 +19,11 @@ from scipy.sparse.csgraph import connected_components
 
 from ksd.answers.derived import cached_per_model
 from ksd.answers.forces import end_wrenches
-from ksd.answers.leaf_groups import chain_groups, elastic_stiffness, end_frames, leaf_groups
+from ksd.answers.leaf_groups import chain_groups, elastic_stiffness, end_frames, leaf_groups, shape_difference
 from ksd.answers.printing import format_number
 from ksd.checks import show
 from ksd.errors import ConvergenceError, SceneError
-from ksd.model.arrays import COROTATIONAL, State, carries_load
+from ksd.model.arrays import State, carries_load
 from ksd.model.compile import Model
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.solvers.arc_length import END_REACHED, follow_by_arc_length
@@ -158,20 +158,22 @@ def follow_in_order(model: Model, target: Array, order: Order, *, past_singular:
     if key not in known:
         if any(values != key[0] for values, *_ in known):
             known.clear()
-        known[key] = _follow(model, target, order, np.inf if past_singular else 1.0)
+        known[key] = _follow(model, target, order, model.rest, np.inf if past_singular else 1.0)
     return known[key]
 
 
-def _follow(model: Model, target: Array, order: Order, max_singular_points: float) -> OrderedPath:
-    """See `follow_in_order`."""
+def _follow(
+    model: Model, target: Array, order: Order, state: State, max_singular_points: float, *, skipped: int = 0
+) -> OrderedPath:
+    """See `follow_in_order`; from a state that the first `skipped` legs have led to."""
     still, clock = np.zeros_like(target), Stopwatch()
     legs = {
         "loads": (("loads", LoadPath(still, still)), ("drives", LoadPath(still, target, (1.0, 1.0)))),
         "drives": (("drives", LoadPath(still, target, (0.0, 0.0))), ("loads", LoadPath(target, target))),
         "together": (("drives and loads", LoadPath(still, target)),),
     }[order]
-    state, negatives, count, obstacle = model.rest, 0, 0, ""
-    for name, path in legs:
+    negatives, count, obstacle = 0, 0, ""
+    for name, path in legs[skipped:]:
         if not target.any() and name == "drives":
             continue
         try:
@@ -277,9 +279,14 @@ def _braced(model: Model, target: Array, last: Configuration) -> Iterator[Config
     if target.any():
         try:
             driven = solve_conventional(model, last.targets, start=found)
+            yield replace(driven, steps=(*found.steps, *driven.steps), notes=(*last.notes, note))
         except ConvergenceError:
+            pass
+        path = _follow(model, target, "loads", state, np.inf, skipped=1)
+        if path.state is None:
             return
-        found = replace(driven, steps=(*found.steps, *driven.steps))
+        found = _end_of(path, replace(found, targets=last.targets))
+        note += f", past {path.obstacle}, {SNAPS}" if path.obstacle else ""
     yield replace(found, notes=(*last.notes, note))
 
 
@@ -338,16 +345,7 @@ def _is_same(found: Configuration, state: State) -> bool:
 
 def _difference(model: Model, one: State, other: State) -> float:
     """`state_difference`, and the largest difference of the shape of a leaf spring: its turn [rad], or place over length."""
-    largest, change = state_difference(model, one, other), np.abs(one.inner - other.inner)
-    for group in (*leaf_groups(model), *chain_groups(model)):
-        own = change[group.inner_index]
-        length = model.arrays.members.length[group.members, None]
-        if model.arrays.members.kind[group.members[0]] == COROTATIONAL:
-            parts = own.reshape(len(own), -1, 12)[..., :3].reshape(len(own), -1) / length
-        else:
-            parts = own[:, : group.modes] * length
-        largest = max(largest, float(parts.max(initial=0.0)))
-    return largest
+    return max(state_difference(model, one, other), shape_difference(model, one.inner, other.inner))
 
 
 def _apart(end: OrderedPath, other: OrderedPath, model: Model) -> str:

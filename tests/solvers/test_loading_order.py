@@ -47,7 +47,6 @@ def followed(scene, mesh, **drives):
     "lengths, mass, gravity, push",
     [
         ((0.092, 0.067, 0.095), 0.3, (9.81, 0, 0), 18.8e-3),
-        ((0.095, 0.063, 0.087), 0.1, (0, -9.81, 0), 10.7e-3),
         ((0.07, 0.094, 0.064), 0.1, (9.81, 0, 0), -13.4e-3),
     ],
 )
@@ -65,6 +64,16 @@ def test_the_order_that_is_asked_for_is_the_one_that_is_taken(lengths, mass, gra
         other = ORDERS[1 - ORDERS.index(order)]
         assert f"order='{other}'" in said and f"{right[other]['push']:.6g} instead of" in said
     assert by_default.forces == pytest.approx(right["loads"], rel=1e-7)
+
+
+def test_orders_that_end_alike_are_not_told_apart():
+    """Steps too long for a leaf spring that buckles between its ends went over to its other side, at 11.55029 N."""
+    scene = guide((0.095, 0.063, 0.087), mass=0.1, gravity=(0, -9.81, 0))
+    poses = [ksd.solve(scene, push=10.7e-3, order=order) for order in ORDERS]
+    short = ksd.follow(scene, push=10.7e-3, mesh=poses[0].model.mesh, first=1e-3).states[-1]
+    for pose in poses:
+        assert pose.trusted and pose.forces["push"] == pytest.approx(short.forces["push"], rel=1e-7)
+        assert not any("order" in w for w in pose.warnings)
 
 
 def test_a_sweep_and_the_command_line_take_the_order(tmp_path):

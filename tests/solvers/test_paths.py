@@ -130,3 +130,30 @@ def test_a_path_does_not_hang_on_its_first_step():
     ends = [ksd.follow(scene, {"top": 1e-4}, first=first).states[-1] for first in (0.02, 0.005)]
     assert ends[0].stable and ends[1].stable
     assert ends[0].displacement("top") == pytest.approx(ends[1].displacement("top"), rel=1e-6)
+
+
+@pytest.mark.parametrize("weight", [9.81, 0.5])
+def test_a_leaf_spring_buckles_to_the_side_that_its_weight_bends_it_to(weight):
+    """Between its ends, which the arc does not measure: some first steps led to the other side or onto the unstable path."""
+    scene = ksd.Mechanism("beam", plane="xy")
+    end = scene.link("end")
+    material = ksd.Material(E=200e9, nu=0.3, density=7800)
+    scene.leaf(
+        "ground",
+        end,
+        start=(0, 0, 0),
+        end=(0.1, 0, 0),
+        section=ksd.rectangle(0.5e-3, 10e-3),
+        material=material,
+    )
+    scene.gravity = (0, -weight, 0)
+    scene.actuate(end, along="x", at=(0.1, 0, 0), name="press")
+    scene.support(end, along="y", at=(0.1, 0, 0))
+    scene.support(end, about="z")
+    for first in (0.5, 0.06, 0.02):
+        path = ksd.follow(scene, press=-50e-6, control="drives", first=first)
+        assert path.ended and not path.turnings and path.states[-1].stable
+        height = path.states[-1].shape().leaves[0].place[:, 1]
+        # of the clamped Euler mode, beyond its strain
+        rise = 2 / np.pi * np.sqrt(0.1 * (50e-6 - np.pi**2 / 3 * 0.5e-3**2 / 0.1))
+        assert height.min() == pytest.approx(-rise, rel=0.02) and height.max() < 1e-9
