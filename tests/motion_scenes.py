@@ -144,6 +144,57 @@ def carried_payload():
     return scene
 
 
+def stage(gravity=0.0, loss_factor=None):
+    """.5 kg on two upright leaf springs of 60 x 20 x .2 mm, held aside by .01 N."""
+    scene = ksd.Mechanism("stage", plane="xy")
+    top = scene.link("stage", mass=0.5, inertia=(1e-4, 1e-4, 1e-4), at=(0, 0.06, 0))
+    stuff = ksd.Material(E=200e9, nu=0.3, density=7800, loss_factor=loss_factor)
+    for x in (-0.03, 0.03):
+        scene.leaf(
+            "ground", top, start=(x, 0, 0), end=(x, 0.06, 0), section=rectangle(2e-4, 0.02), material=stuff
+        )
+    scene.load(top, force=(0.01, 0, 0), at=(0, 0.06, 0), name="hold")
+    scene.sensor(top, along="x", at=(0, 0.06, 0), name="tip")
+    scene.gravity = (0, gravity, 0)
+    return scene
+
+
+def reaction_mass():
+    """Two stages of .5 kg above and below a free carriage of 2 kg, each pushed by 5 N, one to the left."""
+    scene = ksd.Mechanism("reaction", plane="xy")
+    carriage = scene.link("carriage", mass=2.0, inertia=(1e-2, 1e-2, 1e-2), at=(0, 0, 0))
+    scene.slider(carriage, along="x", at=(0, 0, 0))
+    for name, side in (("above", 1), ("below", -1)):
+        end = scene.link(name, mass=0.5, inertia=(1e-4, 1e-4, 1e-4), at=(0, 0.06 * side, 0))
+        for x in (-0.03, 0.03):
+            ends = {"start": (x, 0, 0), "end": (x, 0.06 * side, 0)}
+            scene.leaf(carriage, end, **ends, section=rectangle(3e-4, 0.02), material=STEEL)
+        scene.load(end, force=(5.0 * side, 0, 0), at=(0, 0.06 * side, 0), name=f"push {name}")
+    return scene
+
+
+def bistable_beam():
+    """Half of the curved beam of `examples/bistable.py`, of a density, on a shuttle of 10 g with a dashpot; force -500."""
+    span, t, w = 0.1, 5e-4, 8e-3
+    h = 6.0 * t
+    x, shape = np.linspace(0, span / 2, 4001), ((h / 2, 2 * np.pi / span), (0.03 * t / 2, 4 * np.pi / span))
+    slope = sum(a * b * np.sin(b * x) for a, b in shape)
+    arc = np.concatenate(([0], np.cumsum(np.diff(x) * np.sqrt(1 + ((slope[1:] + slope[:-1]) / 2) ** 2))))
+    bend = sum(a * b**2 * np.cos(b * x) for a, b in shape) / (1 + slope**2) ** 1.5
+    curve = ksd.FreeCurve(float(arc[-1]), lambda s: (0, 0, np.interp(s * arc[-1], arc, bend)))
+    end, scene = (span / 2, h, 0), ksd.Mechanism("bistable", plane="xy")
+    shuttle = scene.link("shuttle", mass=0.01, at=end)
+    stuff = ksd.Material(E=2e9, nu=0.35, density=1050)
+    scene.leaf(
+        "ground", shuttle, start=(0, 0, 0), end=end, curve=curve, section=rectangle(t, w), material=stuff
+    )
+    scene.slider(shuttle, along="y", at=end)
+    scene.damper("ground", shuttle, damping=1.0, along="y", at=end)
+    scene.load(shuttle, force=(0, -500 * 2e9 * w * t**3 / 12 * h / span**3, 0), at=end, name="push")
+    scene.sensor(shuttle, along="y", at=end, name="place")
+    return scene
+
+
 def spinning_beam():
     """A beam of 10 m on a hub whose angle is driven; 2.8e7 N, 1e7 N in shear, 1.4e4 N m^2, 1.2 kg/m, 6e-4 kg m."""
     scene = ksd.Mechanism("spinning", plane="xy")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from motion_scenes import (
     CASES,
+    bistable_beam,
     carried_payload,
     driven_mass,
     guide,
@@ -15,7 +16,9 @@ from motion_scenes import (
     motion,
     pivot,
     place,
+    reaction_mass,
     rod,
+    stage,
     strip,
     wire,
 )
@@ -169,6 +172,56 @@ def test_a_small_release_rings_at_the_frequency_and_decays_by_the_loss_factor():
     assert trace.energy["damped"][-1] == pytest.approx(
         trace.energy["strain"][0] - trace.energy["kinetic"][-1] - trace.energy["strain"][-1], rel=1e-2
     )
+
+
+@pytest.mark.parametrize("gravity", [-9.81, 9.81], ids=["standing", "hanging"])
+def test_weight_changes_the_damping_of_a_guide(gravity):
+    """The material resists bending only, weight takes or gives stiffness: 1.5 and .75 times half the loss factor."""
+    scene, eta = stage(gravity, loss_factor=0.02), 0.02
+    modes = ksd.solve(scene).frequencies(count=1)
+    f, zeta = float(modes.frequency_Hz[0]), float(modes.damping[0])
+    assert abs(zeta / (0.5 * eta) - 1.0) > 0.24
+    words = {"loads": {"hold": ksd.Step(0.0, start=1.0)}, "damping_at": f}
+    history = ksd.simulate(scene, 4.0 / f, dt=1.0 / f / 400, **words)
+    y = history.sensors["tip"]
+    down = np.flatnonzero((y[:-1] > 0) & (y[1:] <= 0))
+    energy = history.energy.kinetic[down]
+    decay = np.log(energy[0] / energy[-1]) / (4.0 * np.pi * (len(down) - 1))
+    assert decay == pytest.approx(zeta / np.sqrt(1 - zeta**2), rel=1e-3)
+
+
+def test_a_carriage_stays_between_two_stages_that_move_against_each_other():
+    scene, push = reaction_mass(), ksd.Ramp(0.02)
+    both = ksd.simulate(scene, 0.1, dt=1e-3, loads={"push above": push, "push below": push})
+    assert np.ptp(both["carriage"].position[:, 0]) < 1e-9 * np.ptp(both["above"].position[:, 0])
+    assert both["above"].displacement[:, 0] == pytest.approx(-both["below"].displacement[:, 0], abs=1e-9)
+    # pushed alone, all of it gains the impulse; leaf springs, 11 g in all, move with the mean of both ends
+    one = ksd.simulate(scene, 0.1, dt=1e-3, loads={"push above": push, "push below": 0.0})
+    speeds = {n: one[n].velocity[-1, 0] for n in ("carriage", "above", "below")}
+    leaf = 2 * 7800 * 0.06 * 3e-4 * 0.02
+    momentum = sum(
+        m * speeds[n]
+        for n, m in (("carriage", 2.0 + leaf), ("above", 0.5 + leaf / 2), ("below", 0.5 + leaf / 2))
+    )
+    assert momentum == pytest.approx(5.0 * (0.1 - 0.01), rel=1e-4)
+
+
+def test_a_bistable_beam_snaps_in_time():
+    """Pushed slowly beyond the force at which it snaps, it comes to rest on the other branch of equilibria."""
+    scene = bistable_beam()
+    path = ksd.follow(scene, until=0.78, first=0.01)
+    place = np.array([state.displacement("shuttle")[1] for state in path.states])
+    history = ksd.simulate(scene, 0.8, dt=1e-3, loads={"push": ksd.Ramp(0.4, end=0.75)})
+    pushed = ksd.Ramp(0.4, end=0.75)(history.t)
+    y = history.sensors["place"]
+    # it stands on the first branch, a little late, up to the limit point, and far from it soon after
+    limit = int(np.argmax(np.diff(path.factor) < 0.0)) + 1
+    before = pushed < 0.9 * path.limits[0]
+    assert y[before] == pytest.approx(np.interp(pushed[before], path.factor[:limit], place[:limit]), abs=1e-4)
+    snapped = y < 1.2 * place.min() / 2
+    assert not snapped[pushed <= path.limits[0]].any() and snapped[-300:].all()
+    far = (place < 0.8 * place.min()) & (path.factor > 0.7)
+    assert y[-1] == pytest.approx(np.interp(0.75, path.factor[far], place[far]), rel=1e-3)
 
 
 def test_a_dashpot_takes_its_share():
