@@ -514,6 +514,7 @@ def test_the_point_that_is_asked_about(capsys, scene, tmp_path):
     refused(capsys, ["sweep", path, "--at", "0,1deg,0"], 2, "--at", "a length is expected")
     refused(capsys, ["sweep", path, "--along", "1,x,0"], 2, "--along")
     refused(capsys, ["report", path, "--freed", "tun", "--set", "turn=1deg"], 2, "tun")
+    refused(capsys, ["report", path, "--set", "turn=0"], 2, "every drive is at 0")
 
 
 NAME = "[bold red]x[/nope] :smile: $x_{$"
