@@ -28,8 +28,8 @@ def run(options: argparse.Namespace) -> int:
     scene, targets, written = load_with_options(options.scene, options.set)
     if not any(targets.values()):
         raise SceneError(
-            f"{options.scene}: every drive is at 0, and a report goes along a stroke; give a drive a value (--set
-            DRIVE=VALUE), " "or ask for this pose alone (ksd solve)"
+            f"{options.scene}: every drive is at 0, and a report goes along a stroke; give a drive a value "
+            "(--set DRIVE=VALUE), or ask for this pose alone (ksd solve)"
         )
     settings = merged_options(written, options)
     target = Path(options.out or Path(options.scene).with_suffix(".html"))
