@@ -17,11 +17,10 @@ from ksd.cli.output import (
 )
 from ksd.cli.solve import number_or_text
 from ksd.errors import ConvergenceError, SceneError
-from ksd.files import check_target
+from ksd.files import check_target, write_file
 from ksd.optimisation.job_file import load_job
 from ksd.optimisation.optimise import optimise
 from ksd.scene.formula import si_value
-from ksd.scene.toml_file import save_scene
 from ksd.study.table import Table
 
 
@@ -64,7 +63,8 @@ def run(options: argparse.Namespace) -> int:
         best.report(options.report)
     if options.save:
         worst = job.poses[job.answers[job.names.index(best.worst)].pose or 0][1]
-        save_scene(best.mechanism, options.save, targets=worst)
+        text = job.function.written(best.design, worst)
+        write_file(options.save, text, what="scene file")
     return 0
 
 

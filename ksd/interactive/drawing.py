@@ -19,13 +19,13 @@ import numpy as np
 from ksd.checks import unused_name
 from ksd.errors import SceneError
 from ksd.files import write_file
-from ksd.interactive.scene_text import in_unit_of, python_text, rewritten
+from ksd.interactive.scene_text import python_text, rewritten
 from ksd.scene.drive import GROUND
 from ksd.scene.hinges import PLANES
 from ksd.scene.scene import Scene
 from ksd.scene.toml_file import read_tables, scene_from_tables
 from ksd.scene.toml_schema import STATEMENTS
-from ksd.scene.toml_table import quantity
+from ksd.scene.toml_table import in_unit_of, quantity
 from ksd.units import N, mm
 
 Point = tuple[float, float]

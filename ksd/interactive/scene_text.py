@@ -12,11 +12,8 @@ from ksd.errors import SceneError
 from ksd.extras import live_package
 from ksd.scene.families import joint_families
 from ksd.scene.toml_schema import STATEMENTS
-from ksd.scene.toml_table import find_unit, parse_quantity, plain_signs
+from ksd.scene.toml_table import find_unit, parse_quantity, plain_signs, rounded
 from ksd.units import DIMENSIONS
-
-DIGITS = 12
-"""Digits to which numbers are rounded when they are written."""
 
 
 def rewritten(text: str, tables: dict[str, Any]) -> str:
@@ -83,25 +80,6 @@ def _item(value: Any) -> Any:
             array.append(_item(row))
         return array
     return toml.item(value)
-
-
-def in_unit_of(old: Any, value: float, unit: str = "") -> str | float:
-    """A number [SI] as it is written in place of `old`: in the unit of a text, plain for a plain number, else in `unit`."""
-    if isinstance(old, str) and parse_quantity(old):
-        name = re.sub(r"^[-+.\deE ]+", "", plain_signs(old))
-        unit = find_unit(name) or ""
-        shown = name
-    elif (isinstance(old, int | float) and old != 0) or not unit:
-        return rounded(value)
-    else:
-        shown = unit
-    factor = next(units[unit] for units in DIMENSIONS.values() if unit in units)
-    return f"{rounded(value / factor):.{DIGITS}g} {shown}"
-
-
-def rounded(value: float) -> float:
-    """A number without the rounding of its last digits."""
-    return float(f"{value:.{DIGITS}g}") + 0.0
 
 
 _CLASSES = {"material": "ksd.Material", "rectangle": "ksd.section.rectangle", "circle": "ksd.section.circle",

@@ -44,7 +44,8 @@ from ksd.scene.formula import (
 )
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.toml_file import read_tables, scene_from_tables
-from ksd.scene.toml_table import Table, error_location, quantity
+from ksd.scene.toml_table import Table, error_location, in_unit_of, quantity
+from ksd.scene.toml_writer import toml_tree_lines
 
 JOB_KEYS = {
     "scene": "text", "link": "text", "at": "length[3]", "along": "direction", "maximise": "any", "minimise": "any",
@@ -54,6 +55,8 @@ JOB_KEYS = {
 """Keys of [job] with their kinds, without its tables vary, drives and loads."""
 OPTIMISE_KEYS = {"starts": "any", "method": "text", "robust": "number", "seed": "any"}
 """Keys of [optimise] with their kinds, without its tables start and spread."""
+DIGITS = 7
+"""Digits of numbers of an optimum that are written to a scene file."""
 MAX_POSES = 1000
 """Largest number of poses of a range FROM:TO:POSES."""
 
@@ -100,6 +103,20 @@ class VariedScene:
             for keys, value in [(k, evaluate_formula(v.lstrip()[1:], tables)) for k, v in formulas]:
                 _set_value(tables, keys, value)
         return tables
+
+    def written(self, parameters: Mapping[str, float], values: Mapping[str, float]) -> str:
+        """Text of a scene file with these parameters and drive values, in the units of what they replace; formulas stay."""
+        tables: dict[str, Any] = _copy_tables(self.tables)
+        for name, keys in self.varied:
+            _set_value(
+                tables, keys, in_unit_of(_value_or_none(tables, keys), parameters[name], digits=DIGITS)
+            )
+        drives = self(**parameters).scene().drives
+        for drive, table in zip(drives, tables.get("actuate", ()), strict=True):
+            if drive.name in values:
+                unit = {"length": "mm", "angle": "deg"}.get(drive.dimension, "")
+                table["value"] = in_unit_of(table.get("value"), values[drive.name], unit, digits=DIGITS)
+        return "\n".join(toml_tree_lines(tables, "")) + "\n"
 
 
 @dataclass(frozen=True, eq=False)

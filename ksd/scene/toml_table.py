@@ -386,3 +386,22 @@ def _value(value: Any, kind: str, key: str, parts: Parts) -> Any:
     if part is None:
         raise InvalidTable(f"the {kind} '{value}' has a mistake of its own")
     return part
+
+
+def in_unit_of(old: Any, value: float, unit: str = "", *, digits: int = 12) -> str | float:
+    """A number [SI] as it is written in place of `old`: in the unit of a text, plain for a plain number, else in `unit`."""
+    if isinstance(old, str) and parse_quantity(old):
+        name = re.sub(r"^[-+.\deE ]+", "", plain_signs(old))
+        unit = find_unit(name) or ""
+        shown = name
+    elif (isinstance(old, int | float) and old != 0) or not unit:
+        return rounded(value, digits)
+    else:
+        shown = unit
+    factor = next(units[unit] for units in DIMENSIONS.values() if unit in units)
+    return f"{rounded(value / factor, digits):.{digits}g} {shown}"
+
+
+def rounded(value: float, digits: int = 12) -> float:
+    """A number without the rounding of its last digits."""
+    return float(f"{value:.{digits}g}") + 0.0

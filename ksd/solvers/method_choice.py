@@ -54,10 +54,10 @@ class MethodChoice(NamedTuple):
         for way in (other, self.first):
             times = self.times[way]
             if len(times) < TRIALS and times != (math.inf,) and (times or way not in self.slower):
-                return way, "chosen to learn what it takes"
+                return way, "chosen to measure its time"
         slower = _other(self.faster)
         if self.poses >= RETRY and slower not in self.slower:
-            return slower, "chosen to learn again what it takes"
+            return slower, "chosen to measure its time again"
         return self.faster, "chosen as the fastest on the last poses"
 
     @property

@@ -43,7 +43,7 @@ def test_the_slower_way_is_tried_again_after_many_poses():
     start = told(MethodChoice(ONE_STEP), *(2 * [(ONE_STEP, 1.0)]), *(2 * [(FIVE_STEPS, 1.5)]))
     assert start.next[0] == ONE_STEP
     later = told(start, *(RETRY * [(ONE_STEP, 1.0)]))
-    assert later.next == (FIVE_STEPS, "chosen to learn again what it takes")
+    assert later.next == (FIVE_STEPS, "chosen to measure its time again")
     assert told(later, (FIVE_STEPS, 1.5)).next[0] == ONE_STEP
     assert told(later, (FIVE_STEPS, 0.5)).next[0] == FIVE_STEPS
 
