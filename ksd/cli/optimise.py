@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 from ksd.cli.output import (
     STDOUT,
@@ -63,8 +64,8 @@ def run(options: argparse.Namespace) -> int:
         best.report(options.report)
     if options.save:
         worst = job.poses[job.answers[job.names.index(best.worst)].pose or 0][1]
-        text = job.function.written(best.design, worst)
-        write_file(options.save, text, what="scene file")
+        of_file: Any = job.function
+        write_file(options.save, of_file.written(best.design, worst), what="scene file")
     return 0
 
 

@@ -105,12 +105,11 @@ class VariedScene:
         return tables
 
     def written(self, parameters: Mapping[str, float], values: Mapping[str, float]) -> str:
-        """Text of a scene file with these parameters and drive values, in the units of what they replace; formulas stay."""
-        tables: dict[str, Any] = _copy_tables(self.tables)
-        for name, keys in self.varied:
-            _set_value(
-                tables, keys, in_unit_of(_value_or_none(tables, keys), parameters[name], digits=DIGITS)
-            )
+        """Text of a scene file with these parameters and drive values, in the units of what they replace."""
+        tables = self.filled_tables(parameters)
+        for keys in (*self.formulas, *(keys for _, keys in self.varied)):
+            new = in_unit_of(_value_or_none(self.tables, keys), _value_or_none(tables, keys), digits=DIGITS)
+            _set_value(tables, keys, new)
         drives = self(**parameters).scene().drives
         for drive, table in zip(drives, tables.get("actuate", ()), strict=True):
             if drive.name in values:
@@ -300,8 +299,8 @@ def _parse_range(given: Any, name: str, old: Any) -> tuple[float, float]:
     return low, high
 
 
-def _set_value(tables: Any, keys: Keys, value: float) -> None:
-    """Set the number at keys, in place."""
+def _set_value(tables: Any, keys: Keys, value: float | str) -> None:
+    """Set the number at keys, or its text, in place."""
     parent = value_at(tables, keys[:-1], "")
     parent[index_of(parent, keys[-1])] = value
 
