@@ -7,6 +7,7 @@ checkers go down the layers as well and in no circle, but for the types in `NAME
 
 import ast
 import re
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -26,24 +27,24 @@ HOME = {
 NUMPY_ALONE = {"errors", "units", "checks", "files", "html", "scene"}
 
 
-def named_in(source: str, *, types: bool = False) -> set[str]:
+@cache
+def named_in(source: str, *, types: bool = False) -> frozenset[str]:
     """The full names a file imports, or gives as a string like "ksd.room.file" or "ksd.room.file:function".
 
     types: those for type checkers too.
     """
-    tree = ast.parse(source)
-    for node in ast.walk(tree):
-        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING" and not types:
-            node.body = []
-    names = set()
-    for node in ast.walk(tree):
+    names, nodes = set[str](), [ast.parse(source)]
+    while nodes:
+        node = nodes.pop()
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             names |= {f"{'.' * node.level}{node.module or ''}.{alias.name}" for alias in node.names}
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
             names |= set(re.findall(r"^(ksd(?:\.\w+)+)(?::\w+)?$", node.value))
-    return names
+        for_types = isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        nodes += node.orelse if for_types and not types else ast.iter_child_nodes(node)
+    return frozenset(names)
 
 
 def module_name(path: Path) -> str:
@@ -83,7 +84,7 @@ def circle(edges: set[tuple[str, str]]) -> list[str]:
     return []
 
 
-def edges_of(named: dict[str, set[str]]) -> set[tuple[str, str]]:
+def edges_of(named: dict[str, frozenset[str]]) -> set[tuple[str, str]]:
     return {
         (here, there)
         for here, names in named.items()
@@ -95,6 +96,12 @@ def edges_of(named: dict[str, set[str]]) -> set[tuple[str, str]]:
 EDGES = edges_of(NAMED)
 
 
+@cache
+def typed_edges() -> set[tuple[str, str]]:
+    """The edges of imports for type checkers too."""
+    return edges_of({m: named_in(s, types=True) for m, s in SOURCES.items()})
+
+
 def test_imports_go_down_and_in_no_circle():
     assert not [name for names in NAMED.values() for name in names if name.startswith(".")], "relative import"
     assert not sorted(filter(goes_up, EDGES))
@@ -102,7 +109,7 @@ def test_imports_go_down_and_in_no_circle():
 
 
 def test_types_come_from_the_layers_below_too():
-    assert not sorted(filter(goes_up, edges_of({m: named_in(s, types=True) for m, s in SOURCES.items()})))
+    assert not sorted(filter(goes_up, typed_edges()))
 
 
 NAMED_ABOVE = {"ksd.solvers.configuration", "ksd.model.compile", "ksd.optimisation.optimum"}
@@ -110,7 +117,7 @@ NAMED_ABOVE = {"ksd.solvers.configuration", "ksd.model.compile", "ksd.optimisati
 
 
 def test_types_are_in_no_circle():
-    typed = edges_of({m: named_in(s, types=True) for m, s in SOURCES.items()})
+    typed = typed_edges()
     for file in NAMED_ABOVE:
         others = NAMED_ABOVE - {file}
         assert circle({edge for edge in typed if edge in EDGES or edge[1] not in others}), (
