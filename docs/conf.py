@@ -23,6 +23,7 @@ from blocks import show_blocks, with_blocks  # noqa: E402  (beside this file)
 from docstrings import as_rst, readable  # noqa: E402
 from offline import offline_settings  # noqa: E402
 from tables import write_tables  # noqa: E402
+from validated import write_validated  # noqa: E402
 
 project = "ksd"
 author = "The ksd developers"
@@ -126,6 +127,8 @@ write_tables(HERE / "_made")
 
 def setup(app: Sphinx) -> None:
     """Below every Python block of a page stands what it printed and drew; docstrings and signatures are readable."""
+    # after the gallery, whose numbers it has
+    app.connect("builder-inited", lambda app: write_validated(HERE / "_made" / "validated.md"), priority=900)
     app.connect("env-get-outdated", with_blocks)
     app.connect("source-read", show_blocks)
     app.connect("autodoc-process-docstring", as_rst)

@@ -20,9 +20,13 @@ def css_width(path: Path) -> str:
     return f"{96 * picture.width / picture.info['dpi'][0]:.0f}px"
 
 
+SAID: dict[str, dict[str, Any]] = {}
+"""What every script of the gallery has named so far, by its name."""
+
+
 def of_block(block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:
     """The figure a block ends with, or the picture that an example wrote at its end."""
-    names = block_vars["example_globals"]
+    names = SAID[Path(block_vars["src_file"]).stem] = block_vars["example_globals"]
     found, written = names.get("___"), Path(block_vars["src_file"]).with_suffix(".png")
     if not isinstance(found, Figure) and not written.exists():
         return ""

@@ -13,7 +13,6 @@ import numpy as np
 from docstrings import START, by_parameter, run_example
 from figures import css_width
 from measured import write_measured
-from validated import write_validated
 
 import ksd
 import ksd.view
@@ -315,4 +314,3 @@ def write_tables(folder: Path) -> None:
     write_measured(folder / "measured")
     reference(folder / "reference")
     joints(folder)
-    write_validated(folder / "validated.md")

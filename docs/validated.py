@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import runpy
 import sys
 from functools import cache, partial
@@ -16,6 +14,7 @@ import ksd
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "tests" / "validation"), str(ROOT / "tests")]
 
+from figures import SAID  # noqa: E402  (beside this file)
 from hard_bank import CASES  # noqa: E402
 from motion_scenes import CASES as MOTIONS  # noqa: E402
 from published_bank import ROWS, Number  # noqa: E402
@@ -27,12 +26,11 @@ HEAD = (
 
 
 def of_examples() -> list[Number]:
-    """Numbers that the scripts of `examples/` end in, and that have a source of their own."""
+    """Numbers that the scripts of `examples/`, run for the gallery, end in, and that have a source of their own."""
     found = []
     for name, answers in runpy.run_path(str(ROOT / "tests" / "test_examples.py"))["NUMBERS"].items():
-        with contextlib.redirect_stdout(io.StringIO()):
-            own = runpy.run_path(str(ROOT / "examples" / f"{name}.py"))
-        title = own["__doc__"].splitlines()[0].rstrip(".")
+        own = SAID[name]
+        title = (ROOT / "examples" / f"{name}.py").read_text().splitlines()[0].strip('".')
         for answer, (value, within, source) in answers.items():
             said = float(own[answer])
             group = f"Example `{name}`: {title}"

@@ -23,7 +23,7 @@ from ksd.model.elastic_links import with_elastic_links
 from ksd.model.mesh import Mesh
 from ksd.model.plate_runs import has_width, plate_conditions
 from ksd.model.scene_layout import has_gravity
-from ksd.model.warping_runs import run_torsion_factors
+from ksd.model.warping_runs import run_twists
 from ksd.scene.effects import leaf_conditions
 from ksd.scene.hinges import plane_supports
 from ksd.scene.leaf import LeafCondition
@@ -246,7 +246,7 @@ def apply_effects(scene: Any, mesh: Mesh, choice: EffectChoice) -> tuple[Any, Me
     if heats or fits:
         plain = with_conditions(plain, leaf_conditions(scene.leaf_names(), heats, fits))
     if "warping" in present:
-        plain = with_torsion(plain, run_torsion_factors(scene))
+        plain = with_twists(plain)
     if "plate" in present:
         plain = with_conditions(plain, plate_conditions(plain))
     holds = plane_supports(plain)
@@ -290,12 +290,12 @@ def with_load_points(scene: Any) -> Any:
     return replace(scene, links=(*scene.links, *(p.name for p in added)), points=(*scene.points, *added))
 
 
-def with_torsion(scene: Any, factors: Mapping[str, float]) -> Any:
-    """The scene with the given factors on GJ, by full name of the leaf spring."""
+def with_twists(scene: Any) -> Any:
+    """The scene with the restrained warping of runs of leaf springs and of varying sections."""
     leaves = scene.leaf_names()
     conditions = {
-        name: replace(leaves[name].condition or LeafCondition(), torsion_factor=factor)
-        for name, factor in factors.items()
+        name: replace(leaves[name].condition or LeafCondition(), twist=twist)
+        for name, twist in run_twists(scene).items()
     }
     return with_conditions(scene, conditions)
 

@@ -10,11 +10,11 @@ from ksd.model.chosen_effects import EFFECT_MEANINGS, NOT_MENTIONED, Effect
 from ksd.model.plane import plane_of
 from ksd.model.plate_runs import plate_conditions
 from ksd.model.warping_runs import (
-    clamped_torsion_factor,
+    clamped_twist,
     folded_junctions,
     half_clamped_torsion_factor,
     in_line_junctions,
-    run_torsion_factors,
+    run_twists,
 )
 
 NEGLIGIBLE_CURVED_BAR = 1e-5
@@ -186,10 +186,14 @@ def curved_bar_text(scene: Any) -> str:
 
 def _warping_text(scene: Any) -> str:
     """The largest torsional stiffness that restrained warping adds to a leaf, alone or in its run."""
-    largest, which, factors = 0.0, "no leaf has warping", run_torsion_factors(scene)
+    largest, which, factors = (
+        0.0,
+        "no leaf has warping",
+        {name: twist.factor for name, twist in run_twists(scene).items()},
+    )
     for name, leaf in scene.leaf_names().items():
         if leaf.section.Iw > 0.0:
-            more = (factors[name] if name in factors else clamped_torsion_factor(leaf)) - 1.0
+            more = (factors[name] if name in factors else clamped_twist(leaf).factor) - 1.0
             if more > largest:
                 largest = more
                 which = f"leaf '{name}', L/w = {leaf.length / max(leaf.section.width, 1e-300):.3g}"
@@ -202,7 +206,7 @@ def _junction_text(scene: Any, run_factors: dict[str, float]) -> str:
     for one, two, block, warping_passes in in_line_junctions(scene):
         if not all(leaves[n].section.Iw > 0.0 for n in (one, two)):
             continue
-        alone = [f"{clamped_torsion_factor(leaves[n]):.3g}" for n in (one, two)]
+        alone = [f"{clamped_twist(leaves[n]).factor:.3g}" for n in (one, two)]
         if warping_passes:
             return (
                 f"; warping passes from leaf '{one}' to '{two}', as '{block}' carries nothing else: one run, "
@@ -216,7 +220,7 @@ def _junction_text(scene: Any, run_factors: dict[str, float]) -> str:
         if all(leaves[n].section.Iw > 0.0 for n in (one, two)):
             factors = [
                 " and ".join(f"{f(leaves[n]):.3g}" for n in (one, two))
-                for f in (clamped_torsion_factor, half_clamped_torsion_factor)
+                for f in (lambda leaf: clamped_twist(leaf).factor, half_clamped_torsion_factor)
             ]
             return (
                 f"; leaf springs '{one}' and '{two}' meet at an angle on '{block}', taken to hold their ends plane: their "

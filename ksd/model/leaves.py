@@ -33,17 +33,19 @@ from ksd.errors import SceneError
 from ksd.model.arrays import COROTATIONAL, STRAIN
 from ksd.model.mesh import Mesh
 from ksd.model.pack import Member
-from ksd.model.warping_runs import clamped_torsion_factor
+from ksd.model.warping_runs import clamped_twist
 from ksd.scene.curve import MAX_CURVE_MODES, Curve, CurvePart, cached_line, projection_error
 from ksd.scene.leaf import CHORD_FIT, LeafCondition
 from ksd.scene.line_load import loads_between
 from ksd.scene.profile import ProfilePart
 from ksd.section import Section
+from ksd.section.along_leaf import AlongLeaf
 from ksd.section.section import SectionArrays
+from ksd.section.warping import RestrainedTwist
 
-PLATE_DEGREE = 6
-"""Degree of the polynomial that represents the compliance of plate stiffening along a leaf; constant and linear moments
-need 2."""
+LOCAL_DEGREE = 6
+"""Degree of the polynomial that represents a compliance that clamps change along a leaf, on every mesh, which converges as
+for a smooth one; constant and linear moments need 2."""
 PLATE_POINTS = 16
 """Gauss points of the energy of plate stiffening of a uniform leaf; more where it has more than 14 modes."""
 SECANT_STEPS = 8
@@ -69,25 +71,22 @@ def leaf_axes(start: np.ndarray, end: np.ndarray, width: np.ndarray) -> np.ndarr
     return axes
 
 
-def torsion_factor(section: Any, leaf: Any, mesh: Mesh) -> float:
-    """Factor on GJ from restrained warping, for one section of a leaf."""
-    if not (mesh.warping and section.Iw > 0.0):
-        return 1.0
-    return (leaf.condition and leaf.condition.torsion_factor) or _own_torsion_factor(leaf)
+def restrained_twist(leaf: Any, mesh: Mesh) -> RestrainedTwist | None:
+    """Twist of a leaf with restrained warping; None where its mesh or its section has none."""
+    if not (mesh.warping and leaf.section.Iw > 0.0):
+        return None
+    return (leaf.condition and leaf.condition.twist) or _own_twist(leaf)
 
 
 def rigidities(section: Section | SectionArrays, leaf: Any, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     """(GJ, EIy, EIz) [N m^2] and (1/EA, 1/(ky GA), 1/(kz GA)) [1/N] of one section of a leaf; (3, k) each of many.
 
-    Without plate stiffening, which is not local to a section (`LeafCondition.plate`).
+    With the factor of restrained warping, without plate stiffening: how both vary along the leaf is not local to a section
+    (`LeafCondition`).
     """
     E, G = leaf.material.E, leaf.material.G
-    torsion: Any = 1.0
-    if isinstance(section, Section):
-        torsion = torsion_factor(section, leaf, mesh)
-    elif mesh.warping:
-        each = map(SectionArrays._make, zip(*section, strict=True))
-        torsion = np.array([torsion_factor(one, leaf, mesh) for one in each])
+    twist = restrained_twist(leaf, mesh)
+    torsion = 1.0 if twist is None else twist.factor
     stiff = np.array([torsion * G * section.J, E * section.Iy, E * section.Iz])
     shear = np.array([1.0 / (section.ky * G * section.A), 1.0 / (section.kz * G * section.A)])
     return stiff, np.concatenate([[1.0 / (E * section.A)], shear if mesh.shear else 0.0 * shear])
@@ -95,29 +94,31 @@ def rigidities(section: Section | SectionArrays, leaf: Any, mesh: Mesh) -> tuple
 
 def rod_compliances(leaf: Any, mesh: Mesh, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(1/GJ, 1/EIy, 1/EIz) [1/(N m^2)] and (1/EA, 1/(ky GA), 1/(kz GA)) [1/N] of a leaf at fractions s (k,), (3, k) or
-    (3, 1) each, with plate stiffening at small curvature."""
+    (3, 1) each, with restrained warping, and with plate stiffening at small curvature."""
     if leaf.profile is None:
         stiff, soft = (a[:, None] for a in rigidities(leaf.section, leaf, mesh))
     else:
         stiff, soft = rigidities(leaf.profile.sections(s), leaf, mesh)
-    bending = 1.0 / stiff
-    if leaf.condition is not None and leaf.condition.plate is not None:
-        bending = bending * np.stack([np.ones(len(s)), np.ones(len(s)), leaf.condition.plate(s).compliance])
+    bending, twist = 1.0 / stiff, restrained_twist(leaf, mesh)
+    plate = None if leaf.condition is None else leaf.condition.plate
+    if twist is not None or plate is not None:
+        bending = bending * np.stack([
+            np.ones(len(s)) if twist is None else twist.compliance(s), np.ones(len(s)),
+            np.ones(len(s)) if plate is None else plate(s).compliance,
+        ])  # fmt: skip
     return bending, soft
 
 
-@lru_cache(maxsize=256)
-def _cached_torsion_factor(leaf: Any) -> float:
-    return clamped_torsion_factor(leaf)
+_cached_twist = lru_cache(maxsize=256)(clamped_twist)
 
 
-def _own_torsion_factor(leaf: Any) -> float:
-    """Factor on GJ of a single leaf, cached because it is needed at every station along the leaf."""
+def _own_twist(leaf: Any) -> RestrainedTwist:
+    """Twist of a single leaf, cached because it is needed at every station along the leaf."""
     try:
-        return _cached_torsion_factor(leaf)
+        return _cached_twist(leaf)
     except TypeError:
         # a profile of the user may not be hashable
-        return clamped_torsion_factor(leaf)
+        return clamped_twist(leaf)
 
 
 @dataclass(frozen=True)
@@ -241,31 +242,47 @@ def leaf_modes(leaf: Any, mesh: Mesh) -> Modes:
     return make_modes(orders, max(6, max(orders) // 2), breaks=(0.0, *inner, 1.0), shape=softness)
 
 
-def _with_plate(modes: Modes, leaf: Any, mesh: Mesh, orders: tuple[int, int, int]) -> Modes:
+def _with_plate(modes: Modes, leaf: Any, mesh: Mesh) -> Modes:
     """Modes of a leaf with plate stiffening: those of the leaf with its own stiffness about e3, and its plate numbers.
 
-    At small curvature a moment sum m_j P_j bends the leaf by c(s) times its sum of modes. The amplitudes are those of the
-    modes with which moments have the same work, so that constant and linear moments bend the leaf exactly, however steep the
-    compliance c is near a clamp.
+    The amplitudes are those of the modes with which moments have the same work, so that constant and linear moments bend
+    the leaf exactly, however steep its compliance is near a clamp.
     """
-    plate, z = leaf.condition.plate, slice(orders[0] + orders[1], sum(orders))
-    cuts = np.unique([*plate.breaks, *(leaf.profile.breaks if leaf.profile is not None else ())])
+    own, soft = _soft_modes(leaf, mesh, 2, leaf.condition.plate, LOCAL_DEGREE)
+    energy = modes.energy.copy()
+    stiff = energy[own, own] @ np.linalg.solve(soft, energy[own, own])
+    energy[own, own] = 0.5 * (stiff + stiff.T)
+    return modes._replace(energy=energy, plate=_plate_numbers(modes, leaf, own))
+
+
+def _with_twist(modes: Modes, leaf: Any, mesh: Mesh, twist: RestrainedTwist) -> Modes:
+    """Modes of a leaf with restrained warping: the rates of twist by constant, linear, ... torques, as far as its modes have
+    these, so that smooth torques need few of them."""
+    # n modes have positive energies with moments to 2 (n - 1) of a compliance that vanishes at clamps
+    degree = max(LOCAL_DEGREE, 2 * leaf_orders(leaf, mesh)[0][0] - 2)
+    own, soft = _soft_modes(leaf, mesh, 0, twist, degree)
+    energy, basis, moments = modes.energy.copy(), modes.basis.copy(), modes.moments.copy()
+    share = np.linalg.solve(energy[own, own], soft).T
+    energy[own, own], basis[own], moments[..., own] = soft, share @ basis[own], moments[..., own] @ share.T
+    return modes._replace(energy=energy, basis=basis, moments=moments)
+
+
+def _soft_modes(leaf: Any, mesh: Mesh, axis: int, along: AlongLeaf, degree: int) -> tuple[slice, np.ndarray]:
+    """The modes about an axis, and the work (n, n) of their moments P_i on the curvatures c P_j; along: the compliance over
+    that of the section, its first row. Of c the moments up to a degree count, as if it were smooth."""
+    orders, _ = leaf_orders(leaf, mesh)
+    cuts = np.unique([*along.breaks, *(leaf.profile.breaks if leaf.profile is not None else ())])
     x, weight = np.polynomial.legendre.leggauss(12)
     s = (cuts[:-1, None] + np.diff(cuts)[:, None] * 0.5 * (1.0 + x)).ravel()
     weight = (np.diff(cuts)[:, None] * 0.5 * weight).ravel()
-    # the moments up to this degree of the compliance, on every mesh, which converges as for a smooth one
-    low = np.polynomial.legendre.legvander(2.0 * s - 1.0, PLATE_DEGREE)
-    weight = weight * (
-        low @ ((2 * np.arange(PLATE_DEGREE + 1) + 1) * (low.T @ (weight * plate(s).compliance)))
-    )
+    compliance = along.rows(s)[0]
     if leaf.profile is not None:
-        nominal = rigidities(leaf.section, leaf, mesh)[0][2]
-        weight *= nominal / rigidities(leaf.profile.sections(s), leaf, mesh)[0][2]
-    P = np.polynomial.legendre.legvander(2.0 * s - 1.0, orders[2] - 1).T
-    energy = modes.energy.copy()
-    stiff = energy[z, z] @ np.linalg.solve((weight * P) @ P.T, energy[z, z])
-    energy[z, z] = 0.5 * (stiff + stiff.T)
-    return modes._replace(energy=energy, plate=_plate_numbers(modes, leaf, z))
+        nominal = rigidities(leaf.section, leaf, mesh)[0][axis]
+        compliance = compliance * nominal / rigidities(leaf.profile.sections(s), leaf, mesh)[0][axis]
+    low = np.polynomial.legendre.legvander(2.0 * s - 1.0, degree)
+    weight = weight * (low @ ((2 * np.arange(degree + 1) + 1) * (low.T @ (weight * compliance))))
+    P = np.polynomial.legendre.legvander(2.0 * s - 1.0, orders[axis] - 1).T
+    return slice(sum(orders[:axis]), sum(orders[: axis + 1])), (weight * P) @ P.T
 
 
 def secant_compliances(
@@ -355,24 +372,23 @@ def _strain_body(leaf: Any, mesh: Mesh, heavy: bool, load_modes: int = 0) -> _Bo
     orders, points = leaf_orders(leaf, mesh)
     stiff, soft = rigidities(leaf.section, leaf, mesh)
     words: dict[str, Any] = {"length": leaf.length, "orders": orders, "points": points}
-    if leaf.profile is not None or leaf.curve is not None:
-        words["modes"] = modes = leaf_modes(leaf, mesh)
-        if leaf.profile is not None:
-            soft = rigidities(leaf.profile.sections(modes.s), leaf, mesh)[1].T
-        if leaf.curve is not None:
-            words["amplitudes"] = _curve_amplitudes(leaf, modes, orders)
+    modes = leaf_modes(leaf, mesh)
+    if leaf.profile is not None:
+        soft = rigidities(leaf.profile.sections(modes.s), leaf, mesh)[1].T
     if leaf.condition is not None and leaf.condition.plate is not None:
-        words["modes"] = _with_plate(words.get("modes") or uniform_modes(orders, points), leaf, mesh, orders)
+        modes = _with_plate(modes, leaf, mesh)
+    if (twist := restrained_twist(leaf, mesh)) is not None:
+        modes = _with_twist(modes, leaf, mesh, twist)
+    if leaf.curve is not None:
+        words["amplitudes"] = _curve_amplitudes(leaf, modes, orders)
     mass = 0.0
     if heavy:
-        words["modes"] = modes = words.get("modes") or uniform_modes(orders, points)
         words["line_mass"] = line_mass(leaf, modes.s)
         mass = leaf.length * float(modes.weight @ words["line_mass"])
     if load_modes:
         line = words.pop("line_mass", None)
-    value, number = strain_values(rigidity=stiff, compliance=soft, **words)
+    value, number = strain_values(rigidity=stiff, compliance=soft, modes=modes, **words)
     if load_modes:
-        modes = words.get("modes") or uniform_modes(orders, points)
         value = np.concatenate([value, _load_tables(leaf, modes, line, load_modes)])
         number[5] = load_modes
     size, store = strain_sizes(number, has_weight=heavy or load_modes > 0)
@@ -405,9 +421,9 @@ def _undeformed_end(
 
 
 def _element_section(
-    section: Section, leaf: Any, mesh: Mesh, compliance: float = 1.0
+    section: Section, leaf: Any, mesh: Mesh, compliance: float = 1.0, twist: float = 1.0
 ) -> chains.ElementSection:
-    """Section and material numbers of an element of a chain; compliance: of its plate stiffening."""
+    """Section and material numbers of an element of a chain; compliance, twist: of its plate stiffening and restraint."""
     E, G = leaf.material.E, leaf.material.G
     stiff, _ = rigidities(section, leaf, mesh)
     shear_factor = 1.0 if mesh.shear else math.inf
@@ -415,7 +431,7 @@ def _element_section(
         E,
         G,
         section.A,
-        stiff[0] / G,
+        stiff[0] / G / twist,
         section.Iy,
         stiff[2] / E / compliance,
         shear_factor * section.ky,
@@ -431,14 +447,16 @@ def _chain_body(leaf: Any, mesh: Mesh, heavy: bool) -> _Body:
         curve = np.array([place for place, _ in nodes]), np.array([axes for _, axes in nodes])
     value = chains.chain_values(_element_section(leaf.section, leaf, mesh), leaf.length, count, curve)
     plate = None if leaf.condition is None else leaf.condition.plate
-    soft = np.ones(count) if plate is None else plate.means(np.linspace(0.0, 1.0, count + 1)).compliance
-    if leaf.profile is not None or plate is not None:
+    cuts, twist = np.linspace(0.0, 1.0, count + 1), restrained_twist(leaf, mesh)
+    soft = np.ones(count) if plate is None else plate.means(cuts).compliance
+    turns = np.ones(count) if twist is None else twist.mean_rows(cuts)[0]
+    if leaf.profile is not None or plate is not None or twist is not None:
         for k in range(count):
             # each element has the section of its middle
             section = leaf.section if leaf.profile is None else leaf.profile.section((k + 0.5) / count)
             at = 16 * k
             value[at + 1 : at + 7] = chains.stiffness_numbers(
-                _element_section(section, leaf, mesh, soft[k]), value[at]
+                _element_section(section, leaf, mesh, soft[k], turns[k]), value[at]
             )
     number = np.array([count, int(mesh.mip)], np.int64)
     d, Q = chains.undeformed_end(value, number)
@@ -584,7 +602,7 @@ def split_leaf(leaf: Any, cuts: Sequence[float]) -> list[Any]:
         raise SceneError(
             f"leaf '{leaf.name}' is curved, has an assembly error (mechanism.fit) and points on it; leave one of them out"
         )
-    torsion = state.torsion_factor or (_own_torsion_factor(leaf) if leaf.section.Iw > 0.0 else 0.0)
+    twist = state.twist or (_own_twist(leaf) if leaf.section.Iw > 0.0 else None)
     marks = (0.0, *cuts, 1.0)
     sections = [leaf.section_at(s) for s in marks]
     pieces = []
@@ -599,7 +617,7 @@ def split_leaf(leaf: Any, cuts: Sequence[float]) -> list[Any]:
                 f"{last:.4g} mm, so that its width there cannot be said; move a point, or put one between"
             )
         plate = None if state.plate is None else state.plate.of_part(*part)
-        own = replace(state, torsion_factor=torsion, plate=plate)
+        own = replace(state, twist=None if twist is None else twist.of_part(*part), plate=plate)
         if misplaced and part[1] < 1.0:
             own = replace(own, shift=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0))
         pieces.append(
@@ -623,7 +641,7 @@ def element_leaves(leaf: Any, elements: int) -> list[Any]:
         raise SceneError(
             f"leaf '{leaf.name}': nodal meshes are for straight uniform leaf springs; leave nodal out"
         )
-    state = replace(leaf.condition or LeafCondition(), torsion_factor=0.0, plate=None)
+    state = replace(leaf.condition or LeafCondition(), twist=None, plate=None)
     if state != LeafCondition():
         raise SceneError(
             f"leaf '{leaf.name}': nodal meshes are for leaves without heat, prestress and assembly error; leave nodal out"

@@ -16,7 +16,8 @@ import numpy as np
 
 from ksd.model.warping_runs import free_ends, runs_of_leaves
 from ksd.scene.leaf import LeafCondition
-from ksd.section.plate import PlateStiffening, Strips, curl_along, curl_points, element_edges
+from ksd.section.along_leaf import element_edges, element_points
+from ksd.section.plate import PlateStiffening, Strips, curl_along
 
 Run = tuple[tuple[Any, bool], ...]
 """Leaves of a run in order, each with whether it points along the run."""
@@ -88,7 +89,7 @@ def _stiffening(run: Run, held: tuple[bool, bool]) -> tuple[PlateStiffening, ...
         first += len(edges) - 1
         rows = own if along else own[:, ::-1, ::-1]
         curls, unevens = (tuple(part.ravel().tolist()) for part in np.split(rows, [len(curling)]))
-        found.append(PlateStiffening(tuple(edges.tolist()), curls, unevens))
+        found.append(PlateStiffening(tuple(edges.tolist()), curls, uneven=unevens))
     return tuple(found)
 
 
@@ -97,7 +98,7 @@ _cached_stiffening = lru_cache(maxsize=512)(_stiffening)
 
 def _strips(leaf: Any, edges: np.ndarray) -> Strips:
     """The leaf at the Gauss points of its elements."""
-    s = edges[:-1, None] + np.diff(edges)[:, None] * curl_points()[0]
+    s = edges[:-1, None] + np.diff(edges)[:, None] * element_points()[0]
     section = leaf.section if leaf.profile is None else leaf.profile.sections(s.ravel())
     width, thickness, Iz = (
         np.broadcast_to(getattr(section, name), s.size).reshape(s.shape)

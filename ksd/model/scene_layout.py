@@ -2,8 +2,8 @@
 
 Scenes with equal layouts differ in numbers only and give models with the same unknowns (`ksd.model.template`). A part is a
 placed joint, or a free leaf between two links. Most constants of a leaf follow from its LEAF_NUMBERS. Curved leaves have the
-amplitudes of their undeformed shape among the explicit numbers; tapered, heated, prestressed and plate-stiffened
-leaves have all their constants there.
+amplitudes of their undeformed shape among the explicit numbers; tapered, heated and prestressed leaves, and those that
+clamps stiffen, have all their constants there.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from ksd.model.leaves import (
     leaf_orders,
     loads_of_pieces,
     piece_name,
-    torsion_factor,
+    restrained_twist,
     whole_leaf_name,
 )
 from ksd.model.mesh import Mesh
@@ -37,9 +37,9 @@ from ksd.scene.hinges import PLANES, plane_supports
 from ksd.scene.leaf import LeafCondition
 from ksd.scene.obstacle import refuse_contacts
 
-LEAF_NUMBERS, LEAF_E, LEAF_IZ = 20, 10, 15
-"""Count of the numbers of a leaf: start, end, width axis (3 each), length, E, G, A, J, Iy, Iz, ky, kz, density, factor on
-GJ; and the columns of E and Iz."""
+LEAF_NUMBERS, LEAF_E, LEAF_IZ = 19, 10, 15
+"""Count of the numbers of a leaf: start, end, width axis (3 each), length, E, G, A, J, Iy, Iz, ky, kz, density; and the
+columns of E and Iz."""
 SPRING_NUMBERS = 26
 """Count of the numbers of a spring before its constants: ends (2, 3), end frames (2, 3, 3), length, stiffness scale."""
 PUSH_NUMBERS = 7
@@ -223,16 +223,14 @@ class _PartCollector:
     ) -> LeafLayout:
         """Collect the numbers of a leaf and return its layout; name: (prefix, name in its part)."""
         section, material, state = leaf.section, leaf.material, leaf.condition
-        torsion = torsion_factor(section, leaf, mesh)
+        twist = restrained_twist(leaf, mesh)
         long, density = leaf.length, material.density or 0.0
         has_weight = self.heavy and density > 0.0
         size = (
             material.E, material.G, section.A, section.J, section.Iy, section.Iz, section.ky, section.kz, density,
         )  # fmt: skip
-        self.leaf += (*leaf.start, *leaf.end, *leaf.width_axis, long, *size, torsion)
+        self.leaf += (*leaf.start, *leaf.end, *leaf.width_axis, long, *size)
         key: tuple[Any, ...] = (round(COMPARISON_PRECISION * long / length), length, size, has_weight)
-        if torsion != 1.0:
-            key += (round(COMPARISON_PRECISION * torsion),)
         load_modes = self.load_modes.get(name[1], 0)
         if mesh.leaf != "strain":
             self._refuse_loads(name[1])
@@ -240,11 +238,12 @@ class _PartCollector:
             load_modes
             or leaf.profile is not None
             or leaf.curve is not None
+            or twist is not None
             or not (state is None or _has_constants_of_its_section(state))
         ):
             member = leaf_member(leaf, mesh, name="".join(name), heavy=has_weight, load_modes=load_modes)
             return self._explicit_leaf(
-                leaf, member, LeafLayout(name[1], ends, member.kind, (), has_weight, 0), key
+                leaf, member, LeafLayout(name[1], ends, member.kind, (), has_weight, 0), key, twist is None
             )
         number: tuple[int, ...]
         if mesh.leaf == "strain":
@@ -255,12 +254,13 @@ class _PartCollector:
         return LeafLayout(name[1], ends, kind, number, has_weight, self._group(*key, kind, number))
 
     def _explicit_leaf(
-        self, leaf: Any, member: Member, layout: LeafLayout, key: tuple[Any, ...]
+        self, leaf: Any, member: Member, layout: LeafLayout, key: tuple[Any, ...], warps: bool
     ) -> LeafLayout:
-        """Collect the explicit numbers of a leaf and return its layout; key: what its other constants depend on."""
+        """Collect the explicit numbers of a leaf and return its layout; key: what its other constants depend on; warps:
+        freely."""
         self.explicit += [*member.offset.ravel().tolist(), *member.frame.ravel().tolist(), member.mass]
         number = tuple(member.number.tolist())
-        uniform = member.kind == STRAIN and leaf.profile is None and leaf.orders is None
+        uniform = warps and member.kind == STRAIN and leaf.profile is None and leaf.orders is None
         state = leaf.condition or LeafCondition()
         if uniform and state.stretch == 1.0 and state.plate is None and not self.load_modes.get(layout.name):
             amplitudes = member.inner[:-6].tolist()

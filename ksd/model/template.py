@@ -349,13 +349,13 @@ class Template:
         """Geometry and scales of all distinct leaves."""
         leaf = n.leaf
         start, width, L = leaf[..., :3], leaf[..., 6:9], leaf[..., 9]
-        E, G, A, J, Iy, Iz, ky, kz, density, torsion = (leaf[..., k] for k in range(10, LEAF_NUMBERS))
+        E, G, A, J, Iy, Iz, ky, kz, density = (leaf[..., k] for k in range(10, LEAF_NUMBERS))
         axes = leaf_axes(start, leaf[..., 3:6], width)
         ends, frame = np.empty((*L.shape, 2, 3)), axes[:, :, None].repeat(2, axis=2)
         ends[:, :, 0], ends[:, :, 1] = start, start + L[..., None] * axes[..., 0]
         soft = 1.0 / (E * A)
         shear = [1.0 / (ky * G * A), 1.0 / (kz * G * A)] if self.mesh.shear else [0.0 * A, 0.0 * A]
-        stiff = torsion * G * J, E * Iy, E * Iz
+        stiff = G * J, E * Iy, E * Iz
         line = density * A
         scale = np.zeros((*L.shape, SCALES))
         scale[..., 0], scale[..., 1], scale[..., 18] = 1.0, L, 1.0 / L

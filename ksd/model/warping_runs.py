@@ -1,9 +1,9 @@
-"""Torsion factors of leaf springs with restrained warping, alone and in runs that warping passes through.
+"""Twist of leaf springs with restrained warping, alone and in runs that warping passes through.
 
 A leaf is clamped to blocks that keep its end sections plane. Where two straight leaves meet on a block that carries nothing
-else, the section between them is free to warp: warping and bimoment are continuous there. The torque is the same in all
-leaves of such a run, so this seventh unknown can be eliminated (`ksd.section.warping`): every leaf gets the factor on GJ
-with which it twists as it does in the run, whose warping is restrained at the two outer ends only.
+else, the section between them is free to warp: warping and bimoment are continuous there. The torque is linear along such a
+run, so this seventh unknown can be eliminated (`ksd.section.warping`): every leaf gets the compliance along it with which it
+twists as it does in the run, whose warping is restrained at the two outer ends only.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ksd.section.closed_forms import clamped_ends_factor
-from ksd.section.warping import SLICES_PER_PIECE, Slice, twist_factors, warping_decay
+from ksd.section.along_leaf import element_edges
+from ksd.section.warping import SLICES_PER_PIECE, Piece, RestrainedTwist, Slice, twist_along, warping_decay
 
 IN_LINE_COSINE = -1.0 + 1e-6
 """Cosine between the outward directions of two leaf ends below which the two leaves lie in one line."""
@@ -86,19 +86,17 @@ def _end_pairs(scene: Any) -> Iterator[tuple[str, _End, _End, bool]]:
                 yield block, a, b, alone
 
 
-def run_torsion_factors(scene: Any) -> dict[str, float]:
-    """Factor on GJ, by full name, of the leaves that are part of a run or have a varying section.
-
-    All others have the closed form of `ksd.section.restrained_warping_factor`.
-    """
+def run_twists(scene: Any) -> dict[str, RestrainedTwist]:
+    """How the leaves twist, by full name, that are part of a run or have a varying section; the others do so alone."""
     leaves = scene.leaf_names()
     warping = {name: leaf for name, leaf in leaves.items() if leaf.section.Iw > 0.0}
-    factors: dict[str, float] = {}
+    found: dict[str, RestrainedTwist] = {}
     for run in runs_of_leaves(scene, warping):
         if len(run) > 1 or leaves[run[0][0]].profile is not None:
-            pieces = [_slices(leaves[name])[:: 1 if along else -1] for name, along in run]
-            factors |= dict(zip((name for name, _ in run), twist_factors(pieces), strict=True))
-    return factors
+            twists = twist_along([_piece(leaves[name], along) for name, along in run])
+            for (name, along), twist in zip(run, twists, strict=True):
+                found[name] = twist if along else twist.turned()
+    return found
 
 
 def runs_of_leaves(scene: Any, leaves: Mapping[str, Any]) -> list[list[tuple[str, bool]]]:
@@ -128,12 +126,10 @@ def free_ends(scene: Any) -> set[tuple[str, bool]]:
     return {ends[0] for block, ends in on.items() if len(ends) == 1 and block not in loaded}
 
 
-def clamped_torsion_factor(leaf: Any) -> float:
-    """Factor on GJ of a single leaf whose warping is restrained at both ends."""
-    slices = _slices(leaf)
-    return (
-        clamped_ends_factor(slices[0].decay * leaf.length) if len(slices) == 1 else twist_factors([slices])[0]
-    )
+def clamped_twist(leaf: Any) -> RestrainedTwist:
+    """How a single leaf twists whose warping is restrained at both ends."""
+    (twist,) = twist_along([_piece(leaf, True)])
+    return twist
 
 
 def half_clamped_torsion_factor(leaf: Any) -> float:
@@ -141,25 +137,24 @@ def half_clamped_torsion_factor(leaf: Any) -> float:
 
     By symmetry this is the factor of the leaf joined to its mirror image.
     """
-    slices = _slices(leaf)
-    if len(slices) == 1:
-        return clamped_ends_factor(2.0 * slices[0].decay * leaf.length)
-    return twist_factors([slices + slices[::-1]])[0]
+    return twist_along([_piece(leaf, True), _piece(leaf, False)])[0].factor
 
 
-def _slices(leaf: Any) -> list[Slice]:
-    """The leaf as uniform slices, from its start to its end."""
-    m = leaf.material
-    if leaf.profile is None:
-        sections, cuts = [leaf.section], [0.0, 1.0]
+def _piece(leaf: Any, along: bool) -> Piece:
+    """The leaf as a piece of a run, from its start to its end, or backwards."""
+    m, profile = leaf.material, leaf.profile
+    edges = element_edges(leaf.length, leaf.section.width)
+    if profile is None:
+        slices = [Slice(leaf.length, m.G * leaf.section.J, warping_decay(leaf.section, m.E, m.nu, m.G))]
     else:
-        edges = sorted({*np.linspace(0.0, 1.0, SLICES_PER_PIECE + 1).tolist(), *leaf.profile.breaks})
-        sections = [leaf.profile.section(0.5 * (a + b)) for a, b in pairwise(edges)]
-        cuts = edges
-    return [
-        Slice((b - a) * leaf.length, m.G * q.J, warping_decay(q, m.E, m.nu, m.G))
-        for q, (a, b) in zip(sections, pairwise(cuts), strict=True)
-    ]
+        edges = np.unique([*edges, *profile.breaks])
+        slices = []
+        for a, b in pairwise(
+            sorted({*np.linspace(0.0, 1.0, SLICES_PER_PIECE + 1).tolist(), *profile.breaks})
+        ):
+            q = profile.section(0.5 * (a + b))
+            slices.append(Slice((b - a) * leaf.length, m.G * q.J, warping_decay(q, m.E, m.nu, m.G)))
+    return Piece(slices, edges) if along else Piece(slices[::-1], 1.0 - edges[::-1])
 
 
 def _leaf_ends(scene: Any) -> Iterator[tuple[str, Any, _End]]:

@@ -32,6 +32,7 @@ from ksd.scene.material import Material
 from ksd.scene.profile import Profile
 from ksd.section import Section, circle
 from ksd.section.plate import PlateStiffening
+from ksd.section.warping import RestrainedTwist
 
 CHORD_FIT = 1e-3
 """Largest difference of the chord of a curve and the distance of the ends of its leaf, over that distance."""
@@ -43,8 +44,8 @@ class LeafCondition:
 
     stretch: natural over drawn length; expansion: the part of it that is by heat, which adds no mass. natural_curvature
     [1/m]: about e3, added to the drawn one; shift (3,) [m] and turn (3,) [rad]: pose of the clamp of end q relative to the
-    drawn one, in leaf axes. torsion_factor: factor on GJ from restrained warping, 0 for that of the leaf alone; plate: its
-    plate stiffening, None without.
+    drawn one, in leaf axes. twist: with restrained warping, None for that of the leaf alone; plate: its plate stiffening,
+    None without.
     """
 
     stretch: float = 1.0
@@ -52,7 +53,7 @@ class LeafCondition:
     natural_curvature: float = 0.0
     shift: Vector = (0.0, 0.0, 0.0)
     turn: Vector = (0.0, 0.0, 0.0)
-    torsion_factor: float = 0.0
+    twist: RestrainedTwist | None = None
     plate: PlateStiffening | None = None
 
 

@@ -7,7 +7,7 @@ which would stretch the edges of a curled section (`plate_factor`, Ashwell's str
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
@@ -15,16 +15,12 @@ import numpy as np
 from numpy.polynomial.legendre import Legendre, leggauss
 
 from ksd.checks import between, positive
+from ksd.section.along_leaf import AlongLeaf, element_points
 
 Array = np.ndarray
 CURL_FUNCTIONS = 4
 """Even Legendre polynomials across the width, of degrees 2, 4, 6. Of the stiffening of guides by their clamps one function
 has 13 % too much, two 1.5 %, three .5 %."""
-CURL_POINTS = 4
-"""Gauss points of an element along the leaf."""
-FIRST_ELEMENT, ELEMENT_GROWTH, HALF_ELEMENTS = 0.06, 1.4, 8
-"""Length of the element at an end over the width, growth from one to the next, and number of elements in half a leaf at
-least."""
 TWIST_EDGES = 0.63
 """Part of J = w t^3/3 (1 - .63 t/w) that the edges of a rectangle take, over t/w."""
 SMALLEST_CURL = 1e-3
@@ -70,7 +66,7 @@ def free_curl(p: Array) -> Array:
 
 
 class Strips(NamedTuple):
-    """Strips that follow one another, at the Gauss points (n, CURL_POINTS) of their elements.
+    """Strips that follow one another, at the Gauss points (n, ELEMENT_POINTS) of their elements.
 
     width, thickness [m]; nu: Poisson's ratio, 0 where no curling is modelled; rigidity: E Iz [N m^2]; own: curvature at rest
     [1/m].
@@ -81,15 +77,6 @@ class Strips(NamedTuple):
     nu: Array
     rigidity: Array
     own: Array
-
-
-def element_edges(length: float, width: float) -> Array:
-    """Edges (n+1,) of the elements of a strip, in fractions of its length, finer towards its ends."""
-    longest, sizes = 0.5 * length / HALF_ELEMENTS, [FIRST_ELEMENT * width]
-    while sum(sizes) < 0.5 * length:
-        sizes.append(min(ELEMENT_GROWTH * sizes[-1], longest))
-    half = np.minimum(sizes, longest) if len(sizes) > HALF_ELEMENTS else np.ones(HALF_ELEMENTS)
-    return np.concatenate([[0.0], np.cumsum([*half, *half[::-1]]) / (2.0 * half.sum())])
 
 
 @lru_cache(maxsize=1)
@@ -107,17 +94,10 @@ def _curl_tables() -> tuple[Array, ...]:
 
 
 @lru_cache(maxsize=1)
-def curl_points() -> tuple[Array, Array]:
-    """Gauss points and weights (CURL_POINTS,) of an element, in fractions of it; the weights have the sum 1."""
-    x, weight = leggauss(CURL_POINTS)
-    return 0.5 * (1.0 + x), 0.5 * weight
-
-
-@lru_cache(maxsize=1)
 def _hermite_tables() -> Array:
     """Cubic Hermite functions (value, slope at the start, at the end) of an element of unit length at its Gauss points, and
-    their first and second derivatives, (3, 4, CURL_POINTS)."""
-    x, _ = curl_points()
+    their first and second derivatives, (3, 4, ELEMENT_POINTS)."""
+    x, _ = element_points()
     one, zero = np.ones(len(x)), 6 * x * (1 - x)
     return np.array(
         [
@@ -141,31 +121,21 @@ class Curling(NamedTuple):
 
 
 @dataclass(frozen=True)
-class PlateStiffening:
-    """Curling along a leaf or a part of one.
+class PlateStiffening(AlongLeaf):
+    """Curling along a leaf or a part of one: values of `Curling`.
 
-    edges (n+1,): of the elements of the whole leaf, in fractions of its length; values (3 n CURL_POINTS,): `Curling` at
-    their Gauss points, uneven ((1 + 2 CURL_FUNCTIONS) n CURL_POINTS,): `Uneven` there; part: fractions of the whole leaf
-    between which this leaf is.
+    uneven ((1 + 2 CURL_FUNCTIONS) n ELEMENT_POINTS,): `Uneven` at the Gauss points.
     """
 
-    edges: tuple[float, ...]
-    values: tuple[float, ...]
     uneven: tuple[float, ...] = ()
-    part: tuple[float, float] = (0.0, 1.0)
 
     def __call__(self, s: Array) -> Curling:
-        """Values (k,) at fractions s (k,) of the length, by cubic interpolation in every element."""
-        return Curling(*self._interpolated(self.values, s))
+        """Values (k,) at fractions s (k,) of the length."""
+        return Curling(*self.rows(s))
 
-    def _interpolated(self, values: tuple[float, ...], s: Array) -> Array:
-        """Rows of values at the Gauss points of the elements, at fractions s (k,) of the length."""
-        start, end = self.part
-        u, edges = start + np.asarray(s, float) * (end - start), np.array(self.edges)
-        e = np.clip(np.searchsorted(edges, u, side="right") - 1, 0, len(edges) - 2)
-        weights = _lagrange((u - edges[e]) / (edges[e + 1] - edges[e]))
-        table = np.reshape(values, (-1, len(edges) - 1, CURL_POINTS))
-        return np.asarray(np.einsum("kp,ckp->ck", weights, table[:, e]))
+    def means(self, cuts: Array) -> Curling:
+        """Mean values (k,) between fractions `cuts` (k+1,) of the length."""
+        return Curling(*self.mean_rows(cuts))
 
     def moment_across(self, s: Array, z: Array, moments: Array) -> Array:
         """What the moment per width times the width has more than the moment of the section (..., k, p), at fractions s (k,)
@@ -173,7 +143,7 @@ class PlateStiffening:
 
         moments (..., k): of the sections; the stress of a leaf that is loaded at its ends, at small curvature.
         """
-        x, *rows = self._interpolated(self.uneven, s)
+        x, *rows = self.interpolated(self.uneven, s)
         constant, linear = np.reshape(rows, (2, CURL_FUNCTIONS, -1))
         base = np.stack([np.ones(len(x)), x], axis=1)
         parts = moments @ np.linalg.pinv(base).T
@@ -182,45 +152,12 @@ class PlateStiffening:
         return np.asarray(np.einsum("...ks,ksp->...sp", amplitudes, f))
 
     @cached_property
-    def breaks(self) -> tuple[float, ...]:
-        """Fractions of the length between which the values are smooth, with both ends."""
-        start, end = self.part
-        inside = ((u - start) / (end - start) for u in self.edges)
-        return (0.0, *(s for s in inside if 1e-9 < s < 1.0 - 1e-9), 1.0)
-
-    def means(self, cuts: Array) -> Curling:
-        """Mean values (k,) between fractions `cuts` (k+1,) of the length."""
-        edges = np.unique([*self.breaks, *cuts])
-        edges = edges[(edges >= cuts[0]) & (edges <= cuts[-1])]
-        x, weight = curl_points()
-        values = np.array(self((edges[:-1, None] + np.diff(edges)[:, None] * x).ravel()))
-        sums = np.diff(edges) * (values.reshape(3, -1, len(x)) @ weight)
-        first = np.searchsorted(edges, cuts[:-1])
-        return Curling(*(np.add.reduceat(sums, first, axis=1) / np.diff(cuts)))
-
-    @cached_property
     def small_factors(self) -> tuple[float, float]:
         """Factors on the bending stiffness of a uniform leaf at small curvature: under a moment, and with parallel ends."""
-        cuts, (x, weight) = np.array(self.breaks), curl_points()
+        cuts, (x, weight) = np.array(self.breaks), element_points()
         s = (cuts[:-1, None] + np.diff(cuts)[:, None] * x).ravel()
         c = (np.diff(cuts)[:, None] * weight).ravel() * self(s).compliance
         return 1.0 / float(c.sum()), 1.0 / (3.0 * float(c @ (2.0 * s - 1.0) ** 2))
-
-    def of_part(self, first: float, last: float) -> PlateStiffening:
-        """Curling of the part between two fractions of the length."""
-        start, end = self.part
-        inside = (start + first * (end - start), start + last * (end - start))
-        return replace(self, part=inside)
-
-
-def _lagrange(x: Array) -> Array:
-    """Lagrange polynomials (k, CURL_POINTS) through the Gauss points of an element, at fractions x (k,) of it."""
-    nodes, _ = curl_points()
-    away = x[:, None] - nodes
-    others = [[j for j in range(len(nodes)) if j != i] for i in range(len(nodes))]
-    return np.stack(
-        [away[:, o].prod(axis=1) / (nodes[i] - nodes[o]).prod() for i, o in enumerate(others)], axis=1
-    )
 
 
 class Uneven(NamedTuple):
@@ -236,7 +173,7 @@ class Uneven(NamedTuple):
 
 
 def curl_along(edges: Array, strips: Strips, held: tuple[bool, bool]) -> tuple[Curling, Uneven]:
-    """`Curling` and `Uneven` at the Gauss points (n, CURL_POINTS) of the elements of strips.
+    """`Curling` and `Uneven` at the Gauss points (n, ELEMENT_POINTS) of the elements of strips.
 
     edges (n+1,) [m]: of the elements; held: whether clamps keep the first and the last section flat.
 
@@ -269,7 +206,7 @@ def _linear_share(edges: Array, strips: Strips, loss: Array, square: Array, bend
     square: of the curl, and bend: curvature, under a linear moment. The loss under a constant moment stays as it is.
     """
     length = edges[-1] - edges[0]
-    point, weight = curl_points()
+    point, weight = element_points()
     weight = (
         np.diff(edges)[:, None]
         * weight
@@ -305,7 +242,7 @@ def _solve_curl(
     one, and `Uneven`."""
     _, thickness, nu, rigidity, own = strips
     plate, source, local = rigidity / (1.0 - nu**2), _curl_source(strips), _curl_stiffness(strips)
-    point, weight = curl_points()
+    point, weight = element_points()
     weight = np.diff(edges)[:, None] * weight / rigidity
     x = (edges[:-1, None] + np.diff(edges)[:, None] * point - edges[0]) / (edges[-1] - edges[0])
     x = x - (weight * x).sum() / weight.sum()
@@ -340,13 +277,13 @@ def _solve_curl(
 class _CurlSystem:
     """Equations of the curl amplitudes -g along strips, by cubic Hermite elements of lengths h (n,) [m].
 
-    plate (n, CURL_POINTS): D w [N m^2]; unknowns of a node are the amplitudes and their slopes, times a width, in turn.
+    plate (n, ELEMENT_POINTS): D w [N m^2]; unknowns of a node are the amplitudes and their slopes, times a width, in turn.
     """
 
     def __init__(self, h: Array, strips: Strips, plate: Array, held: tuple[bool, bool]) -> None:
         plain, steep, _, mixed, _ = _curl_tables()
         scale, per_node = float(strips.width.mean()), 2 * CURL_FUNCTIONS
-        self.weight = h[:, None] * curl_points()[1]
+        self.weight = h[:, None] * element_points()[1]
         slopes = np.stack([np.ones(len(h)), h / scale] * 2, axis=1)
         value, slope, bend = (
             slopes[:, :, None] * table / h[:, None, None] ** n for n, table in enumerate(_hermite_tables())

@@ -17,10 +17,9 @@ from ksd.answers.stiffness import point_stiffness
 from ksd.answers.tangent import exact_tangent_arrays
 from ksd.errors import KsdError
 from ksd.model.arrays import SOLID, TRANSLATION, State
-from ksd.model.chosen_effects import with_conditions, with_torsion
+from ksd.model.chosen_effects import with_conditions, with_twists
 from ksd.model.compile import Model, compile_as_is
 from ksd.model.plate_runs import is_wide, plate_conditions
-from ksd.model.warping_runs import run_torsion_factors
 from ksd.solvers.error import find_equilibrium
 
 if TYPE_CHECKING:
@@ -96,9 +95,7 @@ def _with_warping(model: Model) -> Model:
     warps = [leaf.section.Iw > 0.0 for _, leaf in model.scene.leaf_names().items()]
     if model.mesh.warping or not any(warps):
         return model
-    return compile_as_is(
-        with_torsion(model.scene, run_torsion_factors(model.scene)), model.mesh.with_effect("warping")
-    )
+    return compile_as_is(with_twists(model.scene), model.mesh.with_effect("warping"))
 
 
 def _changes(

@@ -20,7 +20,7 @@ from ksd.model.arrays import STRAIN, State
 from ksd.model.chosen_effects import with_conditions
 from ksd.model.compile import Model, compile_as_is
 from ksd.model.leaves import rod_compliances, secant_compliances
-from ksd.section.plate import curl_points
+from ksd.section.along_leaf import element_points
 
 if TYPE_CHECKING:
     from ksd.solvers.configuration import Configuration
@@ -41,7 +41,7 @@ def secant_model(model: Model, bent: Model, motion: State) -> tuple[Model, float
             continue
         plate = leaf.condition.plate
         edges = np.array(plate.edges)
-        s = (edges[:-1, None] + np.diff(edges)[:, None] * curl_points()[0]).ravel()
+        s = (edges[:-1, None] + np.diff(edges)[:, None] * element_points()[0]).ravel()
         at, first = np.unique(forces[name].s / forces[name].s[-1], return_index=True)
         moments = CubicSpline(at, forces[name].values[first, 5])(s)
         own = np.zeros(len(s)) if leaf.curve is None else leaf.curve.curvatures(s)[:, 2]

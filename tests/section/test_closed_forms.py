@@ -11,7 +11,8 @@ import ksd.section as section
 from ksd.errors import SceneError
 from ksd.section import circle, numbers, rectangle, restrained_warping_factor, tube
 from ksd.section.closed_forms import clamped_ends_factor, rectangles
-from ksd.section.warping import Slice, twist_factors, warping_decay
+from ksd.section.along_leaf import element_edges
+from ksd.section.warping import Piece, Slice, twist_along, warping_decay
 
 
 def test_rectangle_moments_follow_the_stated_axes():
@@ -214,7 +215,25 @@ def test_pieces_of_a_run_twist_as_the_solutions_of_vlasov_joined(rng):
         twist = length / stiff + (a * np.sinh(k * length) + b * (np.cosh(k * length) - 1.0)) / k
         ends = np.cumsum([0, *counts])
         exact = [(length / stiff)[i:j].sum() / twist[i:j].sum() for i, j in itertools.pairwise(ends)]
-        assert twist_factors(run) == pytest.approx(exact, rel=1e-9)
+        pieces = [Piece(each, np.linspace(0.0, 1.0, 9)) for each in run]
+        assert [twist.factor for twist in twist_along(pieces)] == pytest.approx(exact, rel=1e-9)
+
+
+@pytest.mark.parametrize("x", [0.5, 5.0, 13.6, 50.0])
+def test_a_torque_that_changes_along_a_leaf(x):
+    """Vlasov's g'' - x^2 g = -x^2 T for T = 1 and 2 s - 1, GJ and the length 1, and its work."""
+    (twist,) = twist_along([Piece([Slice(1.0, 1.0, x)], element_edges(1.0, 4.3 / x))])
+    y, weight = np.polynomial.legendre.leggauss(12)
+    cuts = np.array(twist.edges)
+    s = (cuts[:-1, None] + np.diff(cuts)[:, None] * 0.5 * (1.0 + y)).ravel()
+    weight = (np.diff(cuts)[:, None] * 0.5 * weight).ravel()
+    rate, line = twist.compliance(s) / twist.factor, 2.0 * s - 1.0
+    constant = 1.0 - np.cosh(x * (s - 0.5)) / np.cosh(0.5 * x)
+    linear = line - np.sinh(x * (s - 0.5)) / np.sinh(0.5 * x)
+    assert weight @ rate == pytest.approx(weight @ constant, rel=1e-9)
+    assert weight @ (rate * line**2) == pytest.approx(weight @ (linear * line), rel=1e-4)
+    assert rate.min() > -2e-3
+    assert twist.turned().compliance(s) == pytest.approx(twist.compliance(1.0 - s), abs=1e-12)
 
 
 def test_decay_of_warping():

@@ -5,12 +5,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from ksd.elements.plate_energy import curl_loss, plate_point
+from ksd.section.along_leaf import element_edges, element_points
 from ksd.section.plate import (
     PlateStiffening,
     Strips,
     curl_along,
-    curl_points,
-    element_edges,
     free_curl,
     plate_factor,
 )
@@ -20,7 +19,7 @@ def curling(width, length, nu, *, own=0.0, held=(True, True), thickness=None):
     """(weights, x in -1..1, `Curling`) of a uniform strip, which is thin unless a thickness is given."""
     thickness = thickness or 1e-4 * width
     edges = element_edges(length, width) * length
-    x, weight = curl_points()
+    x, weight = element_points()
     at = edges[:-1, None] + np.diff(edges)[:, None] * x
     one = np.ones(at.shape)
     strips = Strips(width * one, thickness * one, nu * one, one, own * one)
@@ -119,7 +118,7 @@ def test_stress_across_the_width_at_a_clamp_is_that_of_a_plate(width, length, nu
     strips = Strips(width * one, 1e-4 * width * one, nu * one, one, 0 * one)
     found, uneven = curl_along(edges * length, strips, (True, True))
     values = (np.ravel(found), np.concatenate([np.ravel(u) for u in uneven]))
-    plate = PlateStiffening(tuple(edges), *(tuple(v) for v in values))
+    plate = PlateStiffening(tuple(edges), tuple(values[0]), uneven=tuple(values[1]))
     s, z = np.array([0.0, 0.5, 1.0]), np.zeros((3, 1))
     moments = np.stack([np.ones(3), 1.0 - 2.0 * s])
     more = plate.moment_across(s, z, moments)[..., 0]
