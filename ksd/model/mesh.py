@@ -21,7 +21,8 @@ class Mesh(metaclass=ClearArgumentErrors):
     extrapolated stresses (True) or plain Newton (False). nodal: every element node is a node of the model, as in
     the paper's own program, instead of being condensed inside its chain: the same equilibria by other Newton
     iterates. warping: torsion with warping restrained at clamped ends (`ksd.section.warping`); plate: bending about e3
-    with curling that clamps and curvature suppress (`ksd.section.plate`); shear: Timoshenko shear, False makes the leaf stiff in shear. The last three are
+    with curling that clamps and curvature suppress (`ksd.section.plate`); shear: Timoshenko shear, False makes the
+    leaf stiff in shear. The last three are
     chosen by the words of `ksd.model.chosen_effects`. Raises SceneError for numbers out of bounds: below orders (3, 2, 4)
     support stiffness is wrong by factors.
 
