@@ -10,8 +10,8 @@ import pytest
 import ksd.section as section
 from ksd.errors import SceneError
 from ksd.section import circle, numbers, rectangle, restrained_warping_factor, tube
-from ksd.section.closed_forms import clamped_ends_factor, rectangles
 from ksd.section.along_leaf import element_edges
+from ksd.section.closed_forms import clamped_ends_factor, rectangles
 from ksd.section.warping import Piece, Slice, twist_along, warping_decay
 
 

@@ -192,7 +192,10 @@ def test_condensed_joints_do_not_hide_a_buckled_state():
     )
     # a sixth of the displacement would go with restrained warping, which the model leaves out
     assert pose.trust.branch and pose.stable and finer.stable
-    assert not pose.trusted and "restrained warping (force +3.8 %, displacement -16 %" in pose.trust.trusted.sentence
+    assert (
+        not pose.trusted
+        and "restrained warping (force +3.8 %, displacement -16 %" in pose.trust.trusted.sentence
+    )
     assert pose.displacement("top") == pytest.approx(finer.displacement("top"), rel=1e-4)
     # with the drive moved first it is another stable one
     last = ksd.follow(scene, {"top": 1e-4}, mesh=finer.model.mesh)
