@@ -33,6 +33,7 @@ from ksd.model.newton import (
 )
 from ksd.model.plane import Plane
 from ksd.numerics.kernel import announce_compiling
+from ksd.scene.functions_of_time import FunctionOfTime
 from ksd.scene.simulation import Simulation
 from ksd.solvers.configuration import Configuration
 from ksd.solvers.moving_model import HEAVY_LEAVES, MovingModel, moving_model
@@ -162,7 +163,7 @@ class Motion:
         """Gravity less the acceleration of the base (k, 3) [m/s^2] at instants; before: just before them."""
         found, base = np.tile(self.gravity, (len(t), 1)), self.words.base
         if base is not None:
-            shaken = [base.acceleration.before(one) for one in t] if before else base.acceleration(t)
+            shaken = _before(base.acceleration, t) if before else base.acceleration(t)
             found -= np.asarray(shaken)[:, None] * np.asarray(base.along)
         return found
 
@@ -174,7 +175,7 @@ class Motion:
         own = [*range(len(self.factors) - self.lines.shape[1]), *range(links, found.shape[1])]
         for i, f in zip(own, self.factors, strict=True):
             if f is not None:
-                found[:, i] = [f.before(one) for one in t] if before else f(t)
+                found[:, i] = _before(f, t) if before else f(t)
         return found
 
     def acting(self, t: Array, *, before: bool = False) -> tuple[Array, Array]:
@@ -347,6 +348,14 @@ class Motion:
             self.history[1, 12 * k : 12 * k + 3] = v[:3]
             self.history[1, 12 * k + 3 : 12 * k + 12] = np.cross(v[3:], before.R[k].T).T.ravel()
         self.state.assign(before)
+
+
+def _before(f: FunctionOfTime, t: Array) -> Array:
+    """Values (k,) of a function just before instants (k,)."""
+    values = np.array(f(t), float)
+    for at in {at for at, order in f.jumps if order == 0}:
+        values[t == at] = f.before(at)
+    return values
 
 
 def _dense(plan: Any, values: Array) -> Array:
@@ -931,7 +940,7 @@ def _leaves_plane(marcher: Marcher, run: Run, freed: tuple[str, ...]) -> bool:
             )
         other.arrays.known[:] = (q[: 12 * nodes] - rows.accelerations[i]).reshape(nodes, 12)
         other.arrays.known[:, :3] += gravity
-        factors = other.load_factors(rows.t[i : i + 1])[0][:, None]
+        factors = other.load_factors(rows.t[i : i + 1])[0, : len(other.loads[0]), None]
         other.arrays.loads.force[:], other.arrays.loads.moment[:] = (factors * part for part in other.loads)
         other._assemble()
         if space.imbalance(other.work)[0] > 1.0:

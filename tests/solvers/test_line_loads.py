@@ -429,6 +429,12 @@ def test_motion():
     assert np.abs(history.energy.lost).max() < 2e-3 * history.energy.work.max()
     still = solved(partial).displacement("tip")[1]
     assert history["tip"].position[-1, 1] == pytest.approx(still, rel=0.1)
+    halves, leaf = cantilever(material=heavy)
+    for k in range(2):
+        halves.line_load(leaf, force=(0, -g * 7800 * STRIP.A, 0), start=0.05 * k, end=0.05 * (k + 1))
+    # the leaf is divided where they meet
+    off = np.abs(ksd.simulate(halves, **words)["tip"].position - one["tip"].position).max()
+    assert off < 1e-3 * np.ptp(one["tip"].position[:, 1])
 
 
 BAD = {
