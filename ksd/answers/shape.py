@@ -18,7 +18,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ksd.answers.derived import cached_per_model
-from ksd.answers.leaf_groups import EndFrames, LeafGroup, chain_groups, end_axes, end_frames, leaf_groups
+from ksd.answers.leaf_groups import (
+    EndFrames,
+    LeafGroup,
+    chain_groups,
+    end_axes,
+    end_frames,
+    leaf_groups,
+    local_loads,
+)
 from ksd.elements.strain_centreline import integrate_centrelines
 from ksd.elements.strain_values import loads_beyond
 from ksd.model.arrays import COROTATIONAL, SOLID, STRAIN, State
@@ -446,17 +454,25 @@ def _chain_curves(
 
 
 def centrelines(
-    model: Model, motion: State, group: LeafGroup, which: NDArray[np.int64] | slice, points: int
+    model: Model,
+    motion: State,
+    group: LeafGroup,
+    which: NDArray[np.int64] | slice,
+    points: int,
+    load_factor: float,
 ) -> tuple[Array, Array, Array]:
     """Stations (m, k) [m], positions (m, k, 3) and axes (m, k, 3, 3), global, along members `which` (m,) of a group of leaf
-    springs or chains.
+    springs or chains, which loads times load_factor along them stretch too.
 
     The curve of a state of a fast method ends a little off its clamp (its error); the gap is distributed along the leaf.
     """
     value, inner = group.value[which], motion.inner[group.inner_index[which]]
     ends = end_frames(model, motion, group.members[which])
     if model.arrays.members.kind[group.members[0]] == STRAIN:
-        s, r, R = strain_curves(value, group.number, inner, points)
+        loads = local_loads(model, motion, group, load_factor)
+        s, r, R, *_ = strain_curves(
+            value, group.number, inner, points, None if loads is None else loads[which]
+        )
         r = r + (s / s[:, -1:])[..., None] * (ends.d - r[:, -1])[:, None]
     else:
         Q = end_axes(model, motion, group.members[which], ends)
@@ -472,10 +488,16 @@ def _solid_line(model: Model, motion: State, i: int) -> tuple[Array, Array, Arra
 
 
 def poses_along(
-    model: Model, motion: State, group: LeafGroup, which: NDArray[np.int64], share: Array, points: int
+    model: Model,
+    motion: State,
+    group: LeafGroup,
+    which: NDArray[np.int64],
+    share: Array,
+    points: int,
+    load_factor: float,
 ) -> tuple[Array, Array]:
     """Positions (s, 3) and axes (s, 3, 3), global, at fractions `share` (s,) of the lengths of members `which` (s,) of a
-    group.
+    group, with loads times load_factor.
 
     They are interpolated between `points` stations of a strain-mode leaf, and by the cubics of `member_centreline` in
     chains.
@@ -483,7 +505,7 @@ def poses_along(
     if model.arrays.members.kind[group.members[0]] == COROTATIONAL:
         return _along_chains(model, motion, group, which, share)
     own, k = np.unique(which, return_inverse=True)
-    s, r, R = centrelines(model, motion, group, own, points)
+    s, r, R = centrelines(model, motion, group, own, points, load_factor)
     along = s / s[:, -1:]
     after = np.maximum((along[k] < share[:, None]).sum(axis=1), 1)
     low, high = along[k, after - 1, None], along[k, after, None]
@@ -578,7 +600,7 @@ def _stations(model: Model, points: int) -> _Stations:
             for group in (*leaf_groups(model), *chain_groups(model))
             for n in np.unique(count[group.members])
         ]
-        lines = _member_lines(model, model.rest, together)
+        lines = _member_lines(model, model.rest, together, 0.0)
         cache[points] = _Stations(
             together, [_leaf_at_rest(model, name, parts, lines) for name, parts in leaves.items()]
         )
@@ -586,13 +608,16 @@ def _stations(model: Model, points: int) -> _Stations:
 
 
 def _member_lines(
-    model: Model, motion: State, together: list[tuple[LeafGroup, NDArray[np.int64], int]]
+    model: Model,
+    motion: State,
+    together: list[tuple[LeafGroup, NDArray[np.int64], int]],
+    load_factor: float,
 ) -> dict[int, tuple[Array, Array, Array]]:
     """Stations (k,) [m], positions (k, 3) and axes (k, 3, 3), global, along every leaf spring, chain and solid by member."""
     kind = model.arrays.members.kind
     lines = {int(i): _solid_line(model, motion, int(i)) for i in np.flatnonzero(kind == SOLID)}
     for group, which, points in together:
-        each = centrelines(model, motion, group, which, points)
+        each = centrelines(model, motion, group, which, points, load_factor)
         lines |= dict(zip(group.members[which].tolist(), zip(*each, strict=True), strict=True))
     return lines
 
@@ -632,10 +657,10 @@ def _joined(
     return np.concatenate([lines[i][column][part] for i, part in zip(members, stations, strict=True)])
 
 
-def _leaf_shapes(model: Model, motion: State, points: int) -> Iterator[LeafShape]:
+def _leaf_shapes(model: Model, motion: State, points: int, load_factor: float) -> Iterator[LeafShape]:
     """Shapes of all leaves, each at `points` stations or a few more."""
     stations = _stations(model, points)
-    lines = _member_lines(model, motion, stations.together)
+    lines = _member_lines(model, motion, stations.together, load_factor)
     for members, own, fixed in stations.leaves:
         yield LeafShape(place=_joined(lines, members, own, 1), axes=_joined(lines, members, own, 2), **fixed)
 
@@ -868,7 +893,7 @@ def mechanism_shape(
     model: Model, motion: State, *, points: int = DEFAULT_STATIONS, load_factor: float = 1.0
 ) -> Shape:
     """Geometry of `model` at `motion`, with at least `points` stations per leaf and loads times load_factor."""
-    leaves = tuple(_leaf_shapes(model, motion, points))
+    leaves = tuple(_leaf_shapes(model, motion, points, load_factor))
     return Shape(
         leaves, tuple(_blocks(model, motion)), _driven(model, motion),
         _hinges(model, motion),

@@ -164,7 +164,7 @@ def _wrenches(assembled: AssembledTangent, load_factor: float) -> tuple[EndFrame
 
 
 def _initial_rod_state(
-    model: Model, motion: State, cut: RodParts, ends: EndFrames, at_p: Array, loads: Array
+    model: Model, motion: State, cut: RodParts, ends: EndFrames, at_p: Array, loads: Array, load_factor: float
 ) -> RodState:
     """Rods with wrenches `at_p` (k, 6) at ends p, and stations at those of the leaves of a state."""
     first, count = cut.rods.at_part[:-1], len(cut.leaf)
@@ -180,7 +180,7 @@ def _initial_rod_state(
             if len(own):
                 points = STATIONS_PER_PART * most
                 position[own], axes[own] = poses_along(
-                    model, motion, group, row[cut.leaf[own]], cut.share[own], points
+                    model, motion, group, row[cut.leaf[own]], cut.share[own], points, load_factor
                 )
         start, held = ends.start.copy(), ends.frame[:, None] @ at_p.reshape(-1, 2, 3, 1)
         n, m, axes_before = held[:, 0, :, 0], held[:, 1, :, 0], ends.frame.copy()
@@ -219,7 +219,7 @@ class _RodMechanism:
         ends, at_p, loads = _wrenches(assembled, load_factor)
         self.motion = assembled.motion.copy()
         self.cut = with_plate_moments(self.model, self.motion, cut_rods(self.model, at_p, max_growth))
-        self.state = _initial_rod_state(self.model, self.motion, self.cut, ends, at_p, loads)
+        self.state = _initial_rod_state(self.model, self.motion, self.cut, ends, at_p, loads, load_factor)
         self._assemble()
 
     def _assemble(self) -> None:

@@ -185,7 +185,7 @@ class _Drawing:
         """Centre lines, outlines, links, pins and points."""
         for placed in leaves:
             self.add_leaf(placed)
-        shape = mechanism_shape(model, model.rest)
+        shape = mechanism_shape(model, model.rest, load_factor=0.0)
         for block in shape.blocks:
             self.add_block(block, shape)
         for hinge in model.original_scene.hinges:

@@ -89,7 +89,7 @@ def write_bodies(
 def bodies_of(configuration: Drawable, deformed: bool, points: int) -> Iterator[Body]:
     """The bodies of all leaf springs and links of a configuration."""
     model = configuration.model
-    at_rest = mechanism_shape(model, model.rest, points=points)
+    at_rest = mechanism_shape(model, model.rest, points=points, load_factor=0.0)
     shape = configuration.shape(points=points) if deformed else at_rest
     for leaf in shape.leaves:
         yield _leaf_body(leaf)

@@ -156,8 +156,8 @@ def test_places_along_leaf_springs_are_those_of_their_lines(mesh):
     pose = ksd.solve(scene, turn=0.5, mesh=mesh)
     (group,) = (leaf_groups if mesh.leaf == "strain" else chain_groups)(pose.model)
     which, share = np.array([0, 1, 1]), np.array([0.25, 0.5, 0.7])
-    place, axes = poses_along(pose.model, pose.motion, group, which, share, 200)
-    lines = centrelines(pose.model, pose.motion, group, slice(None), 2401)
+    place, axes = poses_along(pose.model, pose.motion, group, which, share, 200, 1.0)
+    lines = centrelines(pose.model, pose.motion, group, slice(None), 2401, 1.0)
     for i, x, r, R in zip(which, share, place, axes, strict=True):
         s, line, turns = (along[i] for along in lines)
         k = int(np.argmin(np.abs(s - x * s[-1])))
@@ -219,6 +219,36 @@ def test_leaves_drawn_together_are_those_drawn_alone():
         for group in leaf_groups(pose.model):
             for k in np.flatnonzero(np.isin(group.members, own)):
                 points = 17 if len(own) == 1 else 9
-                lines.append(centrelines(pose.model, pose.motion, group, np.array([k]), points)[1][0])
+                lines.append(centrelines(pose.model, pose.motion, group, np.array([k]), points, 1.0)[1][0])
         assert np.array_equal(leaf.place, np.concatenate([lines[0], *(line[1:] for line in lines[1:])]))
         assert np.ptp(np.diff(leaf.s)) < 0.3 * leaf.s[-1] / 8
+
+
+def test_a_soft_leaf_spring_is_drawn_stretched_by_its_weight():
+    """Hanging: u = rho g (L s - s^2 / 2) / E; it was drawn stretched evenly. A cable under its weight is drawn alike on both
+    sides, and verified, which starts from that shape."""
+    rubber = ksd.Material(E=1e5, nu=0.5, density=1000)
+    scene = ksd.Mechanism("hanging", plane="xy")
+    scene.gravity = (0, -9.81, 0)
+    scene.leaf(
+        "ground",
+        scene.link("end"),
+        start=(0, 0, 0),
+        end=(0, -1, 0),
+        section=ksd.rectangle(0.02, 0.02),
+        material=rubber,
+    )
+    (leaf,) = ksd.solve(scene).shape().leaves
+    assert leaf.place[:, 1] == pytest.approx(-leaf.s - 1000 * 9.81 / 1e5 * (leaf.s - leaf.s**2 / 2), abs=1e-9)
+    scene = ksd.Mechanism("cable", plane="xz")
+    scene.gravity = (0, 0, -9.81)
+    end = scene.link("end")
+    section = ksd.circle(10 * mm)
+    scene.leaf("ground", end, start=(0, 0, 0), end=(1, 0, 0), section=section, material=rubber)
+    scene.actuate(end, along="x", at=(1, 0, 0), name="in")
+    scene.support(end, along="z", at=(1, 0, 0))
+    scene.support(end, about="y")
+    pose = ksd.solve(scene, {"in": -0.1})
+    (leaf,) = pose.shape().leaves
+    assert leaf.place[:, 2] == pytest.approx(leaf.place[::-1, 2], abs=1e-4)
+    assert pose.verify().relative < 1e-2
