@@ -50,7 +50,7 @@ from ksd.solvers.time_steps import (
     second_acceleration,
     start_places,
 )
-from ksd.solvers.trace import Trace, flat_state
+from ksd.solvers.trace import Trace, flat_state, with_load_factors
 
 Array = NDArray[np.float64]
 CHUNK = 64
@@ -752,7 +752,7 @@ def trace_of_run(marcher: Marcher, run: Run, error: float) -> Trace:
     return Trace(
         model, rows.t[kept], states[kept], x[kept], R[kept], speeds[kept], accelerations[kept], values[kept], rates[kept],
         forces[kept], {n: e[kept] for n, e in energy.items()}, error, run.steps, run.halved, run.stop,
-        run.stop is None or run.at_event, massless, tuple(marcher.notes),
+        run.stop is None or run.at_event, massless, tuple(marcher.notes), marcher.words.loads,
     )  # fmt: skip
 
 
@@ -778,23 +778,14 @@ def _start(
     if isinstance(words.start, Configuration):
         pose = words.start
         values |= {n: pose.targets[n] for n in names if words.drives.get(n) is None}
-        return pose.model, pose.motion, values, ()
+        return getattr(pose, "moving", None) or pose.model, pose.motion, values, ()
     model = compile_scene(scene, mesh=mesh)
     if words.start == "undeformed":
         return model, model.rest, values, ()
-    moved = []
-    for load in scene.loads:
-        factor = words.loads[load.name].before(0.0) if load.name in words.loads else 1.0
-        push = (tuple(factor * f for f in load.force), tuple(factor * f for f in load.moment))
-        if any(map(any, push)):
-            moved.append(replace(load, force=push[0], moment=push[1]))
-    lines = []
-    for line in scene.line_loads:
-        factor = words.loads[line.name].before(0.0) if line.name in words.loads else 1.0
-        ends = (tuple(factor * f for f in force) for force in (line.force, line.end_force))
-        lines.append(replace(line, **dict(zip(("force", "to"), ends, strict=True))))
-    still = replace(scene, loads=tuple(moved), line_loads=tuple(lines))
-    is_pushed = moved or any(any(line.force) or any(line.end_force) for line in lines)
+    still = with_load_factors(scene, {name: f.before(0.0) for name, f in words.loads.items()})
+    moved = tuple(load for load in still.loads if any(load.force) or any(load.moment))
+    still = replace(still, loads=moved)
+    is_pushed = moved or any(any(line.force) or any(line.end_force) for line in still.line_loads)
     if not any(values.values()) and not is_pushed and (scene.gravity is None or not any(scene.gravity)):
         work = make_workspace(model.arrays)
         if assemble(model.arrays, model.rest.copy(), model.targets(values), 0.0, work)[0] <= 1.0:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ksd.model.arrays import State
 from ksd.model.compile import Model
+from ksd.scene.functions_of_time import FunctionOfTime
 
 Array = NDArray[np.float64]
 
@@ -24,7 +26,8 @@ class Trace:
     [N or Nm]: positive along the drive, 0 of those let go. energy: kinetic, strain, gravity, work, damped, lost (k,) [J], by
     name. error: estimated error of places, relative to the largest stroke, nan where only one step size was run. steps:
     number of steps; halved: how often a step was halved. stop: why the motion ended early, None where it did not; at_end:
-    whether it got to its end. massless: names of links whose accelerations are algebra. notes: sentences on the run.
+    whether it got to its end. massless: names of links whose accelerations are algebra. notes: sentences on the run. loads:
+    factors of loads by name, 1 of others.
     """
 
     model: Model
@@ -45,6 +48,7 @@ class Trace:
     at_end: bool
     massless: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    loads: Mapping[str, FunctionOfTime] = field(default_factory=dict)
 
     def state(self, x: Array) -> State:
         """The state of a row of `x`, or of numbers between rows."""
@@ -58,3 +62,19 @@ class Trace:
 def flat_state(state: State) -> Array:
     """A state as one row of `Trace.x`."""
     return np.concatenate([part.ravel() for part in state])
+
+
+def with_load_factors(scene: Any, factors: Mapping[str, float]) -> Any:
+    """A frozen scene with loads and line loads times their factors, 1 of those not named."""
+
+    def times(vector: Any, factor: float) -> tuple[float, ...]:
+        return tuple(factor * v for v in vector)
+
+    loads, lines = [], []
+    for load in scene.loads:
+        factor = factors.get(load.name, 1.0)
+        loads.append(replace(load, force=times(load.force, factor), moment=times(load.moment, factor)))
+    for line in scene.line_loads:
+        factor = factors.get(line.name, 1.0)
+        lines.append(replace(line, force=times(line.force, factor), to=times(line.end_force, factor)))
+    return replace(scene, loads=tuple(loads), line_loads=tuple(lines))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,13 +26,14 @@ from ksd.checks import (
     whole_number,
 )
 from ksd.errors import SceneError, SceneWarning, UnknownNameError
+from ksd.model.compile import compile_as_is
 from ksd.scene.drive import GROUND, DriveTerm
 from ksd.scene.link import Link
 from ksd.scene.sensor import KINDS, Sensor
 from ksd.scene.simulation import Shake
 from ksd.solvers.configuration import Configuration
 from ksd.solvers.steps import Step, Stop
-from ksd.solvers.trace import Trace
+from ksd.solvers.trace import Trace, with_load_factors
 from ksd.study.questions import RMS_UNITS
 from ksd.study.table import Table
 from ksd.view import animate_stroke, save_figure, write_page
@@ -119,13 +120,15 @@ class Instant(Configuration):
 
     velocity (nodes, 6) [m/s, rad/s]: of all nodes. Section forces, stress and strength are those of the moving leaf springs,
     their inertia included (strain energy too is in `History.energy`); stiffness, frequencies and linear models are those
-    about the place it is passing, as if it were held there. around: states `step` [s] before and after.
+    about the place it is passing, as if it were held there, under the loads of this instant and, where a base shakes,
+    gravity less its acceleration. around: states `step` [s] before and after; moving: the model of the motion.
     """
 
     t: float = 0.0
     velocity: Any = None
     around: Any = None
     step: float = 0.0
+    moving: Any = None
 
     def section_forces(self, *, points: int = 25) -> Any:
         """As `Configuration.section_forces`, with the inertia of the leaf springs."""
@@ -213,6 +216,7 @@ class History(PrintableAnswer):
 
     def __init__(self, trace: Trace, base: Shake | None = None) -> None:
         self.trace, self._base = trace, base
+        self._models: dict[Any, Any] = {}
         self.t, self.error, self.steps = trace.t, trace.error, trace.steps
         self.stop, self.notes = trace.stop, trace.notes
         self.energy = Energies(**{name: trace.energy[name] for name in ENERGIES})
@@ -264,11 +268,29 @@ class History(PrintableAnswer):
             shift = state.inner - around[1].inner, state.x - around[1].x
             around = [one._replace(inner=one.inner + shift[0], x=one.x + shift[1]) for one in around]
         around[1] = state
+        targets = dict(zip(trace.model.drive_names, values.tolist(), strict=True))
         return Instant(
-            trace.model, state, f"motion at t = {t:g} s", dict(zip(trace.model.drive_names, values.tolist(), strict=True)),
+            self._model(t), state, f"motion at t = {t:g} s", targets,
             (Step("motion", trace.steps, 0.0, 0.0, Stop.MOVING),), negatives=0, expected_negatives=0, t=t, velocity=velocity,
-            around=tuple(around), step=step,
+            around=tuple(around), step=step, moving=trace.model,
         )  # fmt: skip
+
+    def _model(self, t: float) -> Any:
+        """The model under the loads at t, and where a base shakes under gravity less its acceleration."""
+        model = self.trace.model
+        factors = tuple(float(f(t)) for f in self.trace.loads.values())
+        base = 0.0 if self._base is None else float(self._base.acceleration(t))
+        if all(f == 1.0 for f in factors) and base == 0.0:
+            return model
+        if (factors, base) not in self._models:
+            scene = with_load_factors(model.scene, dict(zip(self.trace.loads, factors, strict=True)))
+            if self._base is not None:
+                gravity = np.zeros(3) if scene.gravity is None else np.asarray(scene.gravity, float)
+                scene = replace(
+                    scene, gravity=tuple((gravity - base * np.asarray(self._base.along)).tolist())
+                )
+            self._models[factors, base] = compile_as_is(scene, model.mesh)
+        return self._models[factors, base]
 
     def _between(self, t: float) -> tuple[Any, Array, Array]:
         """State, velocities of the nodes and values of drives at t: cubics in time through places and speeds, straight lines

@@ -201,6 +201,36 @@ def test_a_motion_of_a_link_off_its_centre_goes_on_from_an_instant():
     assert rest["arm"].position[-1] == pytest.approx(place[-1], abs=1e-4 * np.ptp(place, axis=0).max())
 
 
+def test_an_instant_is_under_the_loads_and_the_base_of_then():
+    """Half of a load with a lever, of a line load and of a shaken base, all slow, are statics under half of each."""
+
+    def scene(share):
+        m = ksd.Mechanism("arm", plane="xy")
+        tip = m.link("tip", mass=0.05, inertia=(1e-5, 1e-5, 1e-5), at=(0.1, 0, 0))
+        leaf = m.leaf(
+            m.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), material=STEEL, section=ksd.rectangle(4e-4, 1e-2)
+        )
+        m.load(tip, force=(share * 4.0, 0, 0), at=(0.1, 0.05, 0), name="pull")
+        m.line_load(leaf, force=(0, share * 3.0, 0), name="wind")
+        m.gravity = (0, share * 20.0, 0)
+        return m
+
+    still = ksd.solve(scene(0.5))
+    whole, slow = scene(1.0), ksd.Ramp(20.0)
+    whole.gravity = None
+    words = {"dt": 0.1, "loads": {"pull": slow, "wind": slow}}
+    shake = ksd.Shake("y", lambda t: -10.0 * (1.0 - np.cos(np.pi * t / 20.0)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ksd.SceneWarning)
+        pose = ksd.simulate(whole, 20.0, base=shake, **words)[10.0]
+    assert pose.displacement("tip") == pytest.approx(still.displacement("tip"), rel=1e-4, abs=1e-8)
+    own, other = (p.frequencies(count=1).frequency_Hz[0] for p in (pose, still))
+    assert own == pytest.approx(other, rel=1e-4)
+    forces = [p.section_forces(points=9)["leaf"].values for p in (pose, still)]
+    for column in range(6):
+        assert forces[0][:, column] == pytest.approx(forces[1][:, column], abs=1e-3 * np.abs(forces[1]).max())
+
+
 def pushed(t):
     return 3.0 * np.sin(0.3 * t)
 
