@@ -5,6 +5,7 @@ import json
 from importlib import import_module
 from itertools import combinations, pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -308,3 +309,17 @@ def test_the_verdict_on_the_chosen_method(script):
     assert (found["above_1.5"], found["share_within_10_percent"]) == (1, 0.9)
     rows[0]["us"] = {"chosen": 100.0, "full": 300.0, "conventional": 250.0, "reduced": 95.0}
     assert chosen.verdict(rows)["met"]
+
+
+def test_a_cable_hangs_in_its_catenary(script):
+    """That of cosseratbench with a soft cable, from the elastic catenary; the package itself need not be there."""
+    stuff = SimpleNamespace(youngs_modulus=1e5, shear_modulus=1e5 / 3, density=1000.0)
+    rod = SimpleNamespace(material=stuff, radius=0.005, length=1.0, loads=(), start=SimpleNamespace(name="PINNED"),
+                          centerline=((0.0, 0.0, 0.0), (0.8, 0.0, 0.0)))  # fmt: skip
+    statics = script("cosseratbench_statics")
+    scene, drives = statics.rod_of(SimpleNamespace(rods=(rod,), gravity=(0.0, 0.0, -9.81)))
+    pose = ksd.solve(scene, drives)
+    assert pose.iterations <= 100
+    assert statics.line(pose, 25)[:, 2].min() == pytest.approx(-0.295207, rel=1e-3)
+    curve = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0]])
+    assert statics.distance(np.array([[0.5, 0.2, 0.1], [2, 1, 0]]), curve) == pytest.approx(1.0)
