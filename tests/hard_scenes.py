@@ -1,5 +1,7 @@
 """Scenes of the hard cases: arches, frames, columns, beams that snap, roll up or buckle."""
 
+from itertools import pairwise
+
 import numpy as np
 from scenes import STEEL, cross_flexure
 
@@ -210,3 +212,35 @@ def right_angle(share, flaw=0.0):
     if flaw:
         scene.load(corner, force=(0, 0, flaw), at=(0, r, 0))
     return scene
+
+
+def bow(rng, share=1.0):
+    """A bow drawn straight, its string too short by `share` of 2 to 9 %: limbs of unequal length, thickness and slant, the
+    string off their middle, in one or two pieces, perhaps drawn at a nock. Returns it and drive values."""
+    length, thickness = rng.uniform(0.4, 0.7), rng.uniform(4e-3, 8e-3)
+    lengths = length, length * rng.uniform(0.7, 1.3)
+    offset, short = rng.uniform(-0.05, 0.05), rng.uniform(0.02, 0.09)
+    glass, string = ksd.Material(E=40e9, nu=0.3), ksd.Material(E=10e9, nu=0.3)
+    scene = ksd.Mechanism("bow", plane="xy")
+    up, down = scene.links("up", "down")
+    tips = (
+        np.array([offset, 0.1 + lengths[0], 0]),
+        np.array([offset * rng.uniform(0.5, 1.5), -0.1 - lengths[1], 0]),
+    )
+    for link, tip, thick in zip((up, down), tips, (1.0, rng.uniform(0.85, 1.15)), strict=True):
+        scene.leaf("ground", link, start=(0, np.sign(tip[1]) * 0.1, 0), end=tip, material=glass,
+                   section=rectangle(thick * thickness, 30e-3))  # fmt: skip
+    places, links, drives = [tips[1], tips[0]], [down, up], {}
+    if rng.random() < 0.6:
+        places.insert(1, tips[1] + rng.uniform(0.3, 0.7) * (tips[0] - tips[1]))
+        links.insert(1, scene.link("nock"))
+        if rng.random() < 0.6:
+            scene.actuate(links[1], along="x", at=places[1], name="draw")
+            drives["draw"] = float(rng.choice([-1, 1]) * rng.uniform(0.02, 0.15))
+    side = rng.choice([1e-3, 2e-3])
+    for k, (start, end) in enumerate(pairwise(places)):
+        piece = scene.leaf(
+            links[k], links[k + 1], start=start, end=end, material=string, section=rectangle(side, side)
+        )
+        scene.fit(piece, natural_length=(1 - share * short) * float(np.linalg.norm(end - start)))
+    return scene, drives

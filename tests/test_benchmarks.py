@@ -323,3 +323,9 @@ def test_a_cable_hangs_in_its_catenary(script):
     assert statics.line(pose, 25)[:, 2].min() == pytest.approx(-0.295207, rel=1e-3)
     curve = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0]])
     assert statics.distance(np.array([[0.5, 0.2, 0.1], [2, 1, 0]]), curve) == pytest.approx(1.0)
+
+
+def test_bows_are_braced_and_drawn(script, tmp_path):
+    found = script("bows").main(["--quick", "--out", str(tmp_path)])
+    assert all(row["solved"] and row["way exists"] for row in found["rows"])
+    assert found["apart"] < 1e-4 and (tmp_path / "bows.json").stat().st_size > 100

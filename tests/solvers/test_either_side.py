@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from hard_scenes import bow
 from scenes import STEEL
 from scipy.spatial.transform import Rotation
 
@@ -124,3 +125,14 @@ def test_a_bow_is_braced(seed):
     # either side of the straight one may be taken, as far out within .6 %
     fine = ksd.solve(scene, mesh=ksd.Mesh(orders=(8, 4, 12), points=20))
     assert abs(fine.displacement("up")[0]) == pytest.approx(abs(high[0]), rel=1e-2)
+
+
+def test_a_bow_whose_draw_snaps_on_its_way_is_found_beyond():
+    """Its limbs, of unequal length, give way one after the other; load steps from the braced pose stop there."""
+    scene, drives = bow(np.random.default_rng(6))
+    pose = ksd.solve(scene, drives, mesh=ksd.Mesh(orders=(4, 3, 14), points=17))
+    assert pose.stable and pose.negatives == pose.expected_negatives
+    assert "past a limit point at 32" in pose.notes[0] and "snaps or buckles" in pose.notes[0]
+    # by the way in sixty steps of benchmarks/bows.py, on a mesh of its own
+    assert pose.displacement("up")[:2] == pytest.approx([0.24882, -0.07027], abs=2e-3)
+    assert pose.forces["draw"] == pytest.approx(-66.14, rel=1e-2)
