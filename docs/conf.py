@@ -113,7 +113,7 @@ sphinx_gallery_conf = {
     "run_stale_examples": True,
     "within_subsection_order": "FileNameSortKey",
     "image_scrapers": ("figures.of_block",),
-    "ignore_repr_types": r".*Figure.*",
+    "ignore_repr_types": r".*(Figure|Path).*",
     "show_signature": False,
     "show_memory": False,
     "min_reported_time": 1e9,

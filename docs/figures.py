@@ -25,9 +25,14 @@ SAID: dict[str, dict[str, Any]] = {}
 
 
 def of_block(block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:
-    """The figure a block ends with, or the picture that an example wrote at its end."""
+    """The figure or film a block ends with, or the picture that an example wrote at its end."""
     names = SAID[Path(block_vars["src_file"]).stem] = block_vars["example_globals"]
     found, written = names.get("___"), Path(block_vars["src_file"]).with_suffix(".png")
+    if isinstance(found, Path) and found.suffix == ".gif":
+        film = Path(next(block_vars["image_path_iterator"])).with_suffix(".gif")
+        shutil.move(found, film)
+        names["___"] = None
+        return f".. image:: /{film.relative_to(gallery_conf['src_dir']).as_posix()}\n   :alt: the motion as a film\n"
     if not isinstance(found, Figure) and not written.exists():
         return ""
     path = next(block_vars["image_path_iterator"])

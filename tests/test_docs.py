@@ -104,6 +104,23 @@ def test_numbers_of_the_vibrations_tutorial(monkeypatch):
         assert stiffness == pytest.approx(expected, rel=2e-4)
 
 
+def test_numbers_of_the_motion_tutorial(monkeypatch):
+    """An oscillator: two beams clamped at both ends, their mass, and its response; a film of some frames."""
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    monkeypatch.setattr(ksd.History, "animate", lambda *_, **__: None)
+    found = runpy.run_path(str(DOCS / "tutorials" / "8_motion_of_a_guide.py"))
+    EI, L = 200e9 * 20e-3 * 0.3e-3**3 / 12, 60e-3
+    stiffness, mass = 24 * EI / L**3, 0.5 + 2 * 13 / 35 * 7800 * L * 20e-3 * 0.3e-3
+    assert found["frequency"] == pytest.approx(math.sqrt(stiffness / mass) / (2 * math.pi), rel=3e-4)
+    resisted = stiffness * (1 + 0.06j * 4 / found["frequency"]) - mass * (8 * math.pi) ** 2
+    assert found["linear"] == pytest.approx(1 / abs(resisted), rel=1.5e-3)
+    # the pose of the linear answer is 1 mm aside, where it is a little stiffer
+    assert found["amplitude"] == pytest.approx(found["linear"], rel=1.5e-3)
+    # 3/5 of the square of the stroke over the length, for small ones
+    assert found["sink"] == pytest.approx(0.6 * max(found["pushed"].sensors["place"]) ** 2 / L, rel=4e-2)
+    assert 1.0 < found["ring"] / found["frequency"] < 1.1 and found["pushed"].error < 1e-3
+
+
 def test_numbers_of_the_contact_pages():
     """The stop and the grip by superposition of small deflections: forces that close a gap over a compliance."""
     said = ""
