@@ -129,7 +129,7 @@ def _leaf_links(
     if unconnected:
         raise KinematicsError(
             f"link '{unconnected[0]}' is not connected to ground by joints or leaves, so the kinematic start cannot place "
-            "it; add a joint"
+            "it; hinges alone do not: use method='conventional'"
         )
     return tuple(links)
 
