@@ -185,7 +185,7 @@ def faults_of(scene: ksd.Mechanism, words: dict[str, Any], history: ksd.History)
                 f"strain energy at {trace.t[k]:g} s is off by {abs(own - energy.strain[k]) / level:.1e}"
             )
     lost = float(np.abs(energy.lost).max())
-    said = any("missing in the balance" in n for n in history.notes)
+    said = any("missing in the balance" in n or "came from nothing" in n for n in history.notes)
     if lost > 0.011 * level and not said:
         found.append(f"{lost / level:.2g} of the energy are lost and not said")
     return found

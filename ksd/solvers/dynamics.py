@@ -72,6 +72,8 @@ STEPS_PER_RAMP, STEPS_PER_PERIOD = 20.0, 100.0
 """Steps in the shortest part of a function of time, and in the longest period, of the first pair of runs."""
 MISSING_ENERGY = 0.01
 """Energy missing in the balance, over the largest change of one of its parts, that is said."""
+GROWN_ENERGY = 3.0
+"""Energy that came from nothing, over all that was put in, of a motion that is said to be unstable."""
 MAX_PAIRS = 4
 """How often the step is made smaller for the accuracy."""
 FINE_ORDERS = (5, 4, 8)
@@ -692,6 +694,15 @@ def _missing_energy(energy: Mapping[str, Array], rounding: float) -> list[str]:
     lost = float(np.abs(energy["lost"]).max())
     if lost <= max(MISSING_ENERGY * most, 1e-9 * level, rounding):
         return []
+    supplied = float(
+        np.ptp(energy["work"]) + np.ptp(energy["gravity"]) + energy["kinetic"][0] + energy["strain"][0]
+    )
+    grown = float(-energy["lost"].min())
+    if grown > GROWN_ENERGY * supplied:
+        return [
+            f"{grown:.2g} J came from nothing, {grown / max(supplied, 1e-300):.2g} times what was put in: the motion is "
+            "unstable with steps of this length; take a smaller dt"
+        ]
     return [
         f"{lost:.2g} J are missing in the balance of energies, {100.0 * lost / most:.2g} % of the largest: what dampers "
         "took, or the motion itself, is followed no better than that; take a smaller dt"

@@ -65,7 +65,7 @@ def test_free_flight_keeps_momentum_and_energy():
 def test_a_released_rod_keeps_its_energy():
     words = {"dt": 1e-3, "loads": {"pull": ksd.Ramp(0.04, end=0.0, start=1.0)}}
     for rho in (1.0, 0.8):
-        trace = motion(rod(), 0.5, rho=rho, **words)
+        trace = motion(rod(), 2.0, rho=rho, **words)
         total = trace.energy["kinetic"] + trace.energy["strain"]
         late = total[trace.t > 0.05]
         assert late == pytest.approx(late[0], rel=5e-5)
@@ -117,12 +117,12 @@ def test_a_jump_does_not_excite_motion_too_fast_for_the_steps():
 @pytest.mark.parametrize("rho", [0.5, 0.8, 1.0])
 def test_the_force_on_a_driven_mass_is_mass_times_acceleration(rho):
     T, stroke, off = 0.1, 0.1, []
-    for n in (40, 80):
+    for n in (40, 80, 160):
         trace = motion(driven_mass(), T, dt=T / n, rho=rho, drives={"push": ksd.Cycloid(stroke, duration=T)})
         wanted = 2.1 * stroke * 2 * np.pi / T**2 * np.sin(2 * np.pi * trace.t / T)
         off.append(np.abs(trace.drive_force[:, 0] - wanted)[1:-1].max() / wanted.max())
     assert off[1] < 3e-3
-    assert np.log2(off[0] / off[1]) == pytest.approx(2.0, abs=0.3 if rho == 1.0 else 0.2)
+    assert np.log2(off[1] / off[2]) == pytest.approx(2.0, abs=0.1)
 
 
 def test_the_force_of_a_trapezoid_of_speed_is_exact_between_its_jumps():
@@ -271,7 +271,7 @@ def test_a_shaken_base_is_a_moving_one():
         own = shaken.position[:, shaken.model.node_names.index("stage"), 1]
         off.append(np.abs((relative - relative[0]) - (own - own[0])).max())
     assert off[1] < 2e-3 * stroke
-    assert off[0] / off[1] == pytest.approx(4.0, rel=0.25)
+    assert off[0] / off[1] == pytest.approx(4.0, rel=0.1)
 
 
 def test_a_free_body_tumbles_as_eulers_equations_say():
@@ -319,7 +319,7 @@ def test_a_free_body_tumbles_as_eulers_equations_say():
         spin = np.einsum("kij,ki->kj", trace.rotation[:, node], trace.velocity[:, node, 3:])
         momentum = np.einsum("kij,kj->ki", trace.rotation[:, node], spin * J)
         drift = np.abs(momentum - momentum[0]).max() / np.linalg.norm(momentum[0])
-    assert np.log2(off[1] / off[2]) == pytest.approx(2.0, abs=0.25)
+    assert np.log2(off[1] / off[2]) == pytest.approx(2.0, abs=0.1)
     assert drift < 1e-3
 
 
@@ -420,6 +420,15 @@ def test_what_does_not_move_is_refused():
         motion(guide(), 0.01, dt=1e-3, mesh=ksd.Mesh("corotational", elements=3))
     with pytest.raises(ksd.SceneError, match="energy_momentum"):
         motion(guide(), 0.01, dt=1e-3, method="energy_momentum")
+
+
+def test_a_motion_that_steps_make_unstable_is_said():
+    """A wire that swings back through its straight state, without damping by the method, in long steps."""
+    with pytest.warns(ksd.SceneWarning, match=r"J came from nothing, .* unstable with steps of this length"):
+        trace = motion(wire(), 1.2, dt=0.0142, rho=1.0, start="undeformed")
+    fine = motion(wire(), 1.2, dt=2e-3, rho=1.0, start="undeformed")
+    assert np.abs(fine.energy["lost"]).max() < 1e-3 * fine.energy["kinetic"].max()
+    assert np.isfinite(trace.x).all() and trace.energy["kinetic"].max() > 3.0 * fine.energy["kinetic"].max()
 
 
 @pytest.mark.parametrize(("dt", "is_said"), [(2e-2, True), (1e-4, False)])
