@@ -292,8 +292,9 @@ def solve_complementarity(
             )  # fmt: skip
         rises = 0
         for _ in range(MAX_STEPS):
+            # comparisons, as literals would have `_rows` compiled once more for each
             norm = _rows(
-                pairs, data, bodies, first, active, x, R, x_before, R_before, e0, C, S, rho, size, True,
+                pairs, data, bodies, first, active, x, R, x_before, R_before, e0, C, S, rho, size, n > 0,
                 y, out, moved, turned, F, J, M, w, trial, forces,
             )  # fmt: skip
             if norm <= TOLERANCE * size:
@@ -311,7 +312,7 @@ def solve_complementarity(
                 for k in range(n):
                     y[k] = best[k] + scale * step[k]
                 new = _rows(
-                    pairs, data, bodies, first, active, x, R, x_before, R_before, e0, C, S, rho, size, False,
+                    pairs, data, bodies, first, active, x, R, x_before, R_before, e0, C, S, rho, size, n < 0,
                     y, out, moved, turned, F, J, M, w, trial, forces,
                 )  # fmt: skip
                 if new < least:
@@ -328,7 +329,7 @@ def solve_complementarity(
                 # rounding: the better of both
                 y[:] = best if least >= norm else y
                 norm = _rows(
-                    pairs, data, bodies, first, active, x, R, x_before, R_before, e0, C, S, rho, size, False,
+                    pairs, data, bodies, first, active, x, R, x_before, R_before, e0, C, S, rho, size, n < 0,
                     y, out, moved, turned, F, J, M, w, trial, forces,
                 )  # fmt: skip
                 return True, norm, steps

@@ -22,9 +22,8 @@ class Mesh(metaclass=ClearArgumentErrors):
     the paper's own program, instead of being condensed inside its chain: the same equilibria by other Newton
     iterates. warping: torsion with warping restrained at clamped ends (`ksd.section.warping`); plate: bending about e3
     with curling that clamps and curvature suppress (`ksd.section.plate`); shear: Timoshenko shear, False makes the
-    leaf stiff in shear. The last three are
-    chosen by the words of `ksd.model.chosen_effects`. Raises SceneError for numbers out of bounds: below orders (3, 2, 4)
-    support stiffness is wrong by factors.
+    leaf stiff in shear. The last three are chosen by the words of `ksd.model.chosen_effects`. Raises SceneError for numbers
+    out of bounds: below orders (3, 2, 4) support stiffness is wrong by factors.
 
     >>> guide, stroke, _ = ksd.load_scene("guide")
     >>> chain = ksd.Mesh("corotational", elements=8)
