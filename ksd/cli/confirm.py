@@ -20,12 +20,15 @@ def run(options: argparse.Namespace) -> int:
     def say(line: str) -> None:
         screen.print(line, soft_wrap=True)
 
+    units = {d.name: {"length": " N", "angle": " Nm"}.get(d.dimension, "") for d in pose.model.scene.drives}
     found = [confirm(pose, refine=k) for k in ((1, 2) if options.refine else (1,))]
     for each in found:
         say(f"{scene.name}: ksd beside {each.elements} solids (C3D20R) of CalculiX")
         for drive, (ours, solids) in each.forces.items():
             percent = format_signed_percent(100.0 * each.relative_force(drive))
-            say(f"force of {drive}: {ours:.6g}, solids {solids:.6g} ({percent} %)")
+            say(
+                f"force of {drive}: {ours:.6g}{units[drive]}, solids {solids:.6g}{units[drive]} ({percent} %)"
+            )
         for link in each.displacements:
             off = each.distance(link)
             share = format_signed_percent(100.0 * off / each.stroke) if each.stroke else "0"
