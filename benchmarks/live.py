@@ -134,11 +134,10 @@ def memory(*, updates: int = 10_000, tabs: int = 200) -> dict[str, float]:
         file = Path(folder) / "fourbar.toml"
         file.write_text(shipped_scenes()["fourbar"].read_text())
         command = [sys.executable, "-m", "ksd", "live", str(file), "--no-browser", "--port", "0"]
-        server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        assert server.stdout is not None
-        address = next(word for word in server.stdout.readline().split() if word.startswith("http")).rstrip(
-            ";"
-        )
+        server = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        assert server.stderr is not None
+        said = (line.split() for line in server.stderr)
+        address = next(word for line in said for word in line if word.startswith("http")).rstrip(";")
         time.sleep(3)
         with sync_playwright() as started:
             flags = [
