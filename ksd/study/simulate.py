@@ -59,7 +59,7 @@ def simulate(
     >>> push = ksd.Cycloid(5 * mm, duration=20e-3)
     >>> history = ksd.simulate(guide, until="20 ms", dt="0.5 ms", drives={"table": push})
     >>> print(f"at most {max(history.drives['table'].force):.1f} N")
-    at most 42.9 N
+    at most 42.4 N
     """
     given = {
         "until": until, "dt": dt, "accuracy": accuracy, "method": method, "rho": rho, "drives": drives, "loads": loads,
