@@ -136,7 +136,7 @@ class Diagnosis(PrintableAnswer):
         lines = [
             f"{self.mechanism}: {self.freedoms} freedom{'s' * (self.freedoms != 1)} before driving, {self.held} held by "
             f"drives; {self.constraints} constraints, {self.independent} of them independent",
-            "exactly constrained"
+            "exactly constrained" + ", apart from the inside of joints" * bool(self.redundant)
             if self.exact
             else f"{len(self.free)} under-constrained motion{'s' * (len(self.free) != 1)}, {len(own)} redundant "
             f"constraint{'s' * (len(own) != 1)}",
@@ -150,7 +150,7 @@ class Diagnosis(PrintableAnswer):
         if own:
             lines.append("with all of these released the mechanism would be exactly constrained")
         if self.redundant:
-            lines.append("overconstrained mechanisms are solved as well: the leaf springs deform elastically")
+            lines.append("redundant constraints are solved as well: the leaf springs deform elastically")
         lines += [*self.observed, *(f"unusual: {sentence}" for sentence in self.unusual)]
         return "\n".join(lines)
 

@@ -1186,7 +1186,9 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
                 f"{owner}: friction = {friction:g}: guides of a cable are without friction; leave it out."
             )
         if isinstance(via, str) or not all(isinstance(pair, tuple | list) and len(pair) == 2 for pair in via):
-            raise SceneError(f"{owner}: via = {show(via)} must be pairs (link, point) in a list.")
+            raise SceneError(
+                f"{owner}: via = {show(via)} must be pairs (link, point) in a list, via=[('ground', (0, 0, 0))]."
+            )
         points = [(a, start), *via, (b, end)]
         named = tuple((self._checked_link(link, owner), as_given(at)) for link, at in points)
         if len({link for link, _ in named}) == 1:
