@@ -175,6 +175,17 @@ def test_wrong_words():
         guide().simulation = {"until": 1.0}
 
 
+def test_what_is_wrong_with_an_event_is_said_before_damping_at_is_asked_for():
+    m = ksd.Mechanism("lossy", plane="xy")
+    tip, tape = m.link("tip", mass=0.1), ksd.Material(E=200e9, nu=0.3, density=7800, loss_factor=0.1)
+    m.leaf(m.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(5e-4, 1e-2), material=tape)
+    m.sensor(tip, along="y", at=(0.1, 0, 0), kind="velocity", name="speed")
+    with pytest.raises(SceneError, match="an event is a place, not a velocity"):
+        ksd.simulate(m, 1.0, stop=ksd.Event("speed", above=1.0))
+    with pytest.raises(SceneError, match="say damping_at="):
+        ksd.simulate(m, 1.0)
+
+
 def test_a_long_step_is_warned_of():
     with pytest.warns(ksd.SceneWarning, match="more than a tenth of the longest free period"):
         ksd.simulate(guide(), 0.1, dt=0.02, loads={"coil": ksd.Ramp("50 ms")})
