@@ -38,7 +38,8 @@ STEPS = 60
 
 def judge(seed: int, steps: int = STEPS) -> tuple[Any, str]:
     """The stable end of the way in small steps, None without one; and what the way met."""
-    pose, said = None, ""
+    pose: Any = None
+    said = ""
     for k in range(1, steps + 1):
         scene, drives = bow(np.random.default_rng(seed), share=k / steps)
         model, still = ksd.compile_scene(scene, mesh=MESH), dict.fromkeys(drives, 0.0)

@@ -84,7 +84,8 @@ def measure(*, others: bool) -> list[dict[str, Any]]:
     from cosseratbench.variations import variants
 
     rows: list[dict[str, Any]] = []
-    for experiment in map(load_experiment, ("cantilever", "catenary")):
+    experiments: list[Any] = [load_experiment(name) for name in ("cantilever", "catenary")]
+    for experiment in experiments:
         for variant in variants(experiment, [p.name for p in experiment.parameters]):
             scenario = experiment.build(
                 **{p.name: p.default for p in experiment.parameters} | dict(variant.parameters)
