@@ -177,7 +177,10 @@ def test_wrong_words():
 
 def test_what_is_wrong_with_an_event_is_said_before_damping_at_is_asked_for():
     m = ksd.Mechanism("lossy", plane="xy")
-    tip, tape = m.link("tip", mass=0.1), ksd.Material(E=200e9, nu=0.3, density=7800, loss_factor=0.1)
+    tip, tape = (
+        m.link("tip", mass=0.1, at=(0.1, 0, 0)),
+        ksd.Material(E=200e9, nu=0.3, density=7800, loss_factor=0.1),
+    )
     m.leaf(m.ground, tip, start=(0, 0, 0), end=(0.1, 0, 0), section=ksd.rectangle(5e-4, 1e-2), material=tape)
     m.sensor(tip, along="y", at=(0.1, 0, 0), kind="velocity", name="speed")
     with pytest.raises(SceneError, match="an event is a place, not a velocity"):
