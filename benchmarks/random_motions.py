@@ -3,8 +3,10 @@ more energy than it says.
 
 A scene is a chain of up to four bodies on random leaf springs, hinges, second leaf springs back to ground, springs and
 dampers, or one with known values; loads jump, ramp and swing, drives move or are let go, the base shakes, bodies start with
-speeds; steps of 1e-5 to 1e-1 s. Energies are compared with those of the bodies' speeds, of the leaf springs' poses and with
-the work of dead loads. python benchmarks/random_motions.py [number of motions] [first seed]
+speeds; steps of 1e-5 to 1e-1 s. Kinetic energies are compared with those of the bodies' speeds, strain energies with those
+of poses where springs have no mass; the work of loads is that of the balance.
+
+    python benchmarks/random_motions.py [number of motions] [first seed]
 """
 
 import sys
