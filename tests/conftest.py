@@ -1,13 +1,19 @@
 """Fixtures shared by all tests; the scenes are in `scenes.py`."""
 
 import os
+import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 # before numpy is loaded: last digits of the steps of scipy's SLSQP hang on how many threads its linear algebra finds free,
 # and what threads and processes find is compared bit for bit
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# a shell's job in the background ignores interrupts, and so would all that it starts
+if threading.current_thread() is threading.main_thread():
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 import numpy as np
 import pytest

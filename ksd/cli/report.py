@@ -26,12 +26,12 @@ def run(options: argparse.Namespace) -> int:
     if not 2 <= options.poses <= 10_000:
         raise SceneError(f"--poses {options.poses}: between 2 and 10000 poses are possible")
     scene, targets, written = load_with_options(options.scene, options.set)
+    settings = merged_options(written, options)
     if not any(targets.values()):
         raise SceneError(
             f"{options.scene}: every drive is at 0, and a report goes along a stroke; give a drive a value "
             "(--set DRIVE=VALUE), or ask for this pose alone (ksd solve)"
         )
-    settings = merged_options(written, options)
     target = Path(options.out or Path(options.scene).with_suffix(".html"))
     check_target(target, what="--out")
     # a first solve raises the curvature modes where they are too few, and loads kernels, which the shown times exclude

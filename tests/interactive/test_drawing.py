@@ -14,10 +14,11 @@ from ksd.interactive.drawing import LIBRARY, NEW_LINK, Drawing
 from ksd.interactive.hand import TOOLS, Hand
 from ksd.interactive.numbers import Asked
 from ksd.interactive.plane_view import EMPTY_BOX, fitted_box, plane_svg
-from ksd.interactive.scene_text import in_unit_of, python_text, rewritten
+from ksd.interactive.scene_text import python_text, rewritten
 from ksd.interactive.session import Session
 from ksd.interactive.tools import drawing_tools
 from ksd.scene.toml_file import scene_from_tables, shipped_scenes
+from ksd.scene.toml_table import in_unit_of
 from ksd.units import deg, mm
 
 pytest.importorskip("tomlkit", reason="the extra `live` is not installed")

@@ -409,7 +409,7 @@ def test_the_assembly_calls_nothing_for_what_is_absent(monkeypatch):
             newton.add_members,
             *6 * [None],
             newton._skip_bodies,
-            None,
+            *2 * [None],
             lambda step: False,
             *arrays.flat,
             *rest,
