@@ -186,11 +186,8 @@ def curved_bar_text(scene: Any) -> str:
 
 def _warping_text(scene: Any) -> str:
     """The largest torsional stiffness that restrained warping adds to a leaf, alone or in its run."""
-    largest, which, factors = (
-        0.0,
-        "no leaf has warping",
-        {name: twist.factor for name, twist in run_twists(scene).items()},
-    )
+    factors = {name: twist.factor for name, twist in run_twists(scene).items()}
+    largest, which = 0.0, "no leaf has warping"
     for name, leaf in scene.leaf_names().items():
         if leaf.section.Iw > 0.0:
             more = (factors[name] if name in factors else clamped_twist(leaf).factor) - 1.0

@@ -73,9 +73,9 @@ ROUNDING_MULTIPLE = 10.0
 """Factor on the rounding error of stiffness times position in the residual bounds."""
 STALLED_RESIDUAL_LIMIT = 1000.0
 """Largest residual over its bound that is accepted after a negligible step."""
-SETTLED_STEP = 30.0
-"""Newton step of a time step, over the negligible one, after which it has converged: 3e-5 rad, of the modes of leaf springs
-too, or 3e-6 of the size."""
+SETTLED_STEP, SETTLED_BEND = 30.0, 1e-6
+"""Newton step of a time step, over the negligible one, after which it has converged: 3e-5 rad, or 3e-6 of the size; and that
+of the modes of leaf springs [rad]."""
 STALLED_RATIO = 0.1
 """Ratio of the residual after and before a step above which the step did not reduce it."""
 
@@ -411,7 +411,12 @@ def _newton(
                 recover, rotate_gravity, ints, floats, x, R, inner, multiplier, angle, rhs, store, poses, weight, move, xi,
                 scale,
             )  # fmt: skip
-            if task == SOLVE and not extra_step and pivot > 0.0 and settles(ints, step_size, before, inner):
+            if (
+                task == SOLVE
+                and not extra_step
+                and pivot > 0.0
+                and settles(ints, floats, step_size, before, inner)
+            ):
                 reason = CONVERGED
     if task == SOLVE and reason == CONVERGED:
         anchor_rotations(ints, R, angle)
@@ -434,13 +439,13 @@ def _keep_inner(inner):
 
 
 @kernel(inline="always")
-def _never_settles(ints, step_size, before, inner):
+def _never_settles(ints, floats, step_size, before, inner):
     """In statics the residual after a step is always looked at."""
     return False
 
 
 @kernel
-def _settles(ints, step_size, before, inner):
+def _settles(ints, floats, step_size, before, inner):
     """Whether a Newton step of a time step is so small that what is left is of the order of its square.
 
     In leaf springs too: between ends that hardly move they may buckle, and stiff ones have to bend for it.
@@ -454,8 +459,8 @@ def _settles(ints, step_size, before, inner):
         if ints[ints[MEMBER.kind] + i] == STRAIN:
             modes = ints[number] + ints[number + 1] + ints[number + 2]
         for k in range(first, first + modes):
-            largest = max(largest, abs(inner[k] - before[k]))
-    return largest <= 1e-6 * SETTLED_STEP
+            largest = max(largest, floats[ints[MEMBER.length] + i] * abs(inner[k] - before[k]))
+    return largest <= SETTLED_BEND
 
 
 @kernel(inline="always")

@@ -254,13 +254,13 @@ class _PartCollector:
         return LeafLayout(name[1], ends, kind, number, has_weight, self._group(*key, kind, number))
 
     def _explicit_leaf(
-        self, leaf: Any, member: Member, layout: LeafLayout, key: tuple[Any, ...], warps: bool
+        self, leaf: Any, member: Member, layout: LeafLayout, key: tuple[Any, ...], warps_freely: bool
     ) -> LeafLayout:
-        """Collect the explicit numbers of a leaf and return its layout; key: what its other constants depend on; warps:
-        freely."""
+        """Collect the explicit numbers of a leaf and return its layout; key: what its other constants depend on;
+        warps_freely: whether they follow from the section."""
         self.explicit += [*member.offset.ravel().tolist(), *member.frame.ravel().tolist(), member.mass]
         number = tuple(member.number.tolist())
-        uniform = warps and member.kind == STRAIN and leaf.profile is None and leaf.orders is None
+        uniform = warps_freely and member.kind == STRAIN and leaf.profile is None and leaf.orders is None
         state = leaf.condition or LeafCondition()
         if uniform and state.stretch == 1.0 and state.plate is None and not self.load_modes.get(layout.name):
             amplitudes = member.inner[:-6].tolist()

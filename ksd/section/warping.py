@@ -23,7 +23,8 @@ from ksd.section.section import Section
 SLICES_PER_PIECE = 128
 """Number of uniform slices that approximate a piece of varying section."""
 POWERS = 1.0, 30.0
-"""Bounds of the power of `_local_rate`: near 1 for long leaf springs, 6 for the shortest."""
+"""Bounds of the power of `_local_rate`: near 1 for long leaf springs, 6 for the shortest, more in runs of unlike pieces.
+Once one of them is met, a linear torque has its own work only roughly."""
 
 
 class Slice(NamedTuple):
@@ -46,7 +47,7 @@ class RestrainedTwist(AlongLeaf):
     """Twist along a leaf whose warping is restrained, or a part of one: its rate over that with GJ times `factor`.
 
     factor: on GJ of the whole leaf under a constant torque. The rate is local to a section, and equivalent for torques that
-    are linear along the run.
+    are linear along the run, as far as `POWERS` allow.
     """
 
     factor: float = 1.0
@@ -72,8 +73,9 @@ def twist_along(run: Sequence[Piece]) -> list[RestrainedTwist]:
     # a torque that is constant along the run, and one that is linear
     torques = np.stack([np.ones(len(ends)), 2.0 * ends / ends[-1] - 1.0], axis=1)
     rates = _rates_at_ends(length, stiff, decay, torques)
-    own, next_ = torques[:-1] / stiff[:, None], torques[1:] / stiff[:, None]
-    layers = np.tanh(0.5 * decay * length) / decay * (rates[:-1] + rates[1:] - own - next_)[:, 0]
+    # without restraint, at the start and the end of every slice
+    free, free_end = torques[:-1] / stiff[:, None], torques[1:] / stiff[:, None]
+    layers = np.tanh(0.5 * decay * length) / decay * (rates[:-1] + rates[1:] - free - free_end)[:, 0]
     twists = [float((length / stiff + layers)[a:b].sum()) for a, b in pairwise(cuts)]
     points, weights, slices = [], [], []
     for piece, (a, b) in zip(run, pairwise(cuts), strict=True):
@@ -86,8 +88,8 @@ def twist_along(run: Sequence[Piece]) -> list[RestrainedTwist]:
     x = 2.0 * at / ends[-1] - 1.0
     near, far = _layer(decay[k], ends[k + 1] - at, length[k]), _layer(decay[k], at - ends[k], length[k])
     rate, linear = (
-        own[k] + (next_[k] - own[k]) * ((at - ends[k]) / length[k])[:, None]
-        + near[:, None] * (rates[k] - own[k]) + far[:, None] * (rates[k + 1] - next_[k])
+        free[k] + (free_end[k] - free[k]) * ((at - ends[k]) / length[k])[:, None]
+        + near[:, None] * (rates[k] - free[k]) + far[:, None] * (rates[k + 1] - free_end[k])
     ).T  # fmt: skip
     rate = _local_rate(x, weight, stiff[k], rate, linear)
     found, first = [], 0
@@ -143,5 +145,6 @@ def _local_rate(x: Array, weight: Array, stiff: Array, rate: Array, linear: Arra
         return float(local @ (x - middle) ** 2 / local.sum() - work)
 
     low, high = POWERS
-    power = brentq(lacking, low, high) if lacking(low) > 0.0 > lacking(high) else low
+    inside = lacking(low) > 0.0 > lacking(high)
+    power = brentq(lacking, low, high) if inside else high if lacking(high) >= 0.0 else low
     return np.asarray(share**power / stiff)

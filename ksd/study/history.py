@@ -216,7 +216,7 @@ class History(PrintableAnswer):
 
     def __init__(self, trace: Trace, base: Shake | None = None) -> None:
         self.trace, self._base = trace, base
-        self._models: dict[Any, Any] = {}
+        self._last_model: tuple[Any, Any] = (None, None)
         self.t, self.error, self.steps = trace.t, trace.error, trace.steps
         self.stop, self.notes = trace.stop, trace.notes
         self.energy = Energies(**{name: trace.energy[name] for name in ENERGIES})
@@ -276,21 +276,21 @@ class History(PrintableAnswer):
         )  # fmt: skip
 
     def _model(self, t: float) -> Any:
-        """The model under the loads at t, and where a base shakes under gravity less its acceleration."""
+        """The model under the loads at t, and where a base shakes under gravity less its acceleration; the last is kept."""
         model = self.trace.model
         factors = tuple(float(f(t)) for f in self.trace.loads.values())
         base = 0.0 if self._base is None else float(self._base.acceleration(t))
         if all(f == 1.0 for f in factors) and base == 0.0:
             return model
-        if (factors, base) not in self._models:
+        if self._last_model[0] != (factors, base):
             scene = with_load_factors(model.scene, dict(zip(self.trace.loads, factors, strict=True)))
             if self._base is not None:
                 gravity = np.zeros(3) if scene.gravity is None else np.asarray(scene.gravity, float)
                 scene = replace(
                     scene, gravity=tuple((gravity - base * np.asarray(self._base.along)).tolist())
                 )
-            self._models[factors, base] = compile_as_is(scene, model.mesh)
-        return self._models[factors, base]
+            self._last_model = ((factors, base), compile_as_is(scene, model.mesh))
+        return self._last_model[1]
 
     def _between(self, t: float) -> tuple[Any, Array, Array]:
         """State, velocities of the nodes and values of drives at t: cubics in time through places and speeds, straight lines
