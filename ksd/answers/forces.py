@@ -29,6 +29,7 @@ from ksd.answers.shape import (
     DEFAULT_STATIONS,
     chain_lines,
     cross_rows,
+    group_curves,
     leaf_members,
     member_arrays,
     member_ends,
@@ -106,7 +107,9 @@ def forces_of_members(
     for group in (*leaf_groups(model), *chain_groups(model)):
         loads = local_loads(model, motion, group, load_factor)
         if model.arrays.members.kind[group.members[0]] == STRAIN:
-            results = strain_forces(group.value, motion.inner[group.inner_index], group.number, points, loads)
+            curves = group_curves(model, motion, group, points, load_factor)
+            wrench = motion.inner[group.inner_index[:, group.modes : group.modes + 6]]
+            results = _forces_of_curves(curves, wrench, loads)
         else:
             results = _chain_forces(model, motion, group, wrenches, loads)
         parts |= zip(group.members.tolist(), zip(*results, strict=True), strict=True)
@@ -148,9 +151,15 @@ def strain_forces(
 
     value (leaves, v), inner: their constants and inner states; loads (leaves, D): load modes in their frames p.
     """
-    s, r, R, *beyond = strain_curves(value, number, inner, points, loads)
+    modes = int(number[:3].sum())
+    return _forces_of_curves(strain_curves(value, number, inner, points, loads), inner[:, modes:], loads)
+
+
+def _forces_of_curves(curves: tuple[Array, ...], wrench: Array, loads: Array | None) -> tuple[Array, Array]:
+    """`strain_forces` from curves as `strain_curves` gives them and the wrenches (leaves, 6) on ends q."""
+    s, r, R, *beyond = curves
     given = () if loads is None else (loads, *beyond)
-    return s, forces_along(r, R, inner[:, None, int(number[:3].sum()) :], *given)
+    return s, forces_along(r, R, wrench[:, None], *given)
 
 
 def _chain_forces(

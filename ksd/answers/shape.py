@@ -349,6 +349,39 @@ def strain_curves(
     return found if len(stations) == found[0].shape[1] else tuple(along[:, stations] for along in found)
 
 
+def group_curves(
+    model: Model,
+    motion: State,
+    group: LeafGroup,
+    points: int,
+    load_factor: float,
+    which: NDArray[np.int64] | slice = slice(None),
+) -> tuple[Array, ...]:
+    """`strain_curves` of leaf springs `which` of a group, integrated once for several questions about a state; read-only."""
+    inner, loads = motion.inner[group.inner_index[which]], local_loads(model, motion, group, load_factor)
+    loads = None if loads is None else loads[which]
+    asked = (
+        points,
+        group.members[which].tobytes(),
+        inner.tobytes(),
+        None if loads is None else loads.tobytes(),
+    )
+    last, first = _last_curves(model), int(group.members[0])
+    known = last.get(first)
+    if known is None or known[0] != asked:
+        found = strain_curves(group.value[which], group.number, inner, points, loads)
+        for along in found:
+            along.flags.writeable = False
+        known = last[first] = asked, found
+    return known[1]
+
+
+@cached_per_model
+def _last_curves(model: Model) -> dict[int, tuple[tuple[Any, ...], tuple[Array, ...]]]:
+    """The last curves of every group, by its first member, after what they were asked for."""
+    return {}
+
+
 class _LoadsBeyond:
     """Accumulates, panel by panel, the distributed loads beyond the stations of leaves, and their first moments.
 
@@ -466,17 +499,13 @@ def centrelines(
 
     The curve of a state of a fast method ends a little off its clamp (its error); the gap is distributed along the leaf.
     """
-    value, inner = group.value[which], motion.inner[group.inner_index[which]]
     ends = end_frames(model, motion, group.members[which])
     if model.arrays.members.kind[group.members[0]] == STRAIN:
-        loads = local_loads(model, motion, group, load_factor)
-        s, r, R, *_ = strain_curves(
-            value, group.number, inner, points, None if loads is None else loads[which]
-        )
+        s, r, R, *_ = group_curves(model, motion, group, points, load_factor, which)
         r = r + (s / s[:, -1:])[..., None] * (ends.d - r[:, -1])[:, None]
     else:
-        Q = end_axes(model, motion, group.members[which], ends)
-        s, r, R = _chain_curves(value, group.number, inner, ends.d, Q, points)
+        Q, inner = end_axes(model, motion, group.members[which], ends), motion.inner[group.inner_index[which]]
+        s, r, R = _chain_curves(group.value[which], group.number, inner, ends.d, Q, points)
     return s, ends.start[:, None] + r @ ends.frame.swapaxes(1, 2), ends.frame[:, None] @ R
 
 

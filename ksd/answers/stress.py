@@ -205,6 +205,16 @@ def _section_tables(sections: tuple[Any, ...]) -> tuple[Array, ...]:
     return y, z, *sizes, *(np.moveaxis(v, 2, 0)[:, None] for v in shear)
 
 
+@lru_cache(maxsize=1024)
+def _point_names(sections: tuple[Any, ...]) -> tuple[str, ...]:
+    """Names of the points of a leaf with these sections; those of one point in sections of several kinds are joined."""
+    kinds = list(dict.fromkeys(stress_points(q).names for q in sections))
+    return tuple(
+        " or ".join(dict.fromkeys(own[min(p, len(own) - 1)] for own in kinds))
+        for p in range(max(map(len, kinds)))
+    )
+
+
 def _weaker_section(profile: Profile, s: float) -> Section:
     """Section at fraction s; at a step, that with the smaller section modulus in bending."""
     return min(profile.sides(s), key=lambda q: q.Iz / thickness_and_width(q)[0])
@@ -236,14 +246,9 @@ def _leaf_stresses(forces: list[SectionForces], leaf: Any) -> list[LeafStress]:
     uneven = _uneven_moments(values, s, leaf, stations[1])
     *parts, bending, axial, twist, transverse = _stresses(values, stations, outlined=outlined, uneven=uneven)
     parts += [np.abs(bending).max(axis=2), axial[..., 0]]
-    parts += [np.hypot(*shear).max(axis=2) for shear in (twist, transverse)]
+    parts += [_size(shear).max(axis=2) for shear in (twist, transverse)]
     positions = [np.broadcast_to(v, (len(s), v.shape[1])) for v in stations[:2]]
-    # where sections are of several kinds, the names of a point are joined
-    kinds = list(dict.fromkeys(stress_points(q).names for q in sections))
-    names = tuple(
-        " or ".join(dict.fromkeys(own[min(p, len(own) - 1)] for own in kinds))
-        for p in range(max(map(len, kinds)))
-    )
+    names = _point_names(sections)
     return [LeafStress(f.name, f.s, names, *positions, *(v[k] for v in parts)) for k, f in enumerate(forces)]
 
 
@@ -278,13 +283,18 @@ def _stresses(
     bending = My * z / Iy - (Mz + uneven) * y / Iz
     twist, transverse = T * torsion, Vy * along_y + Vz * along_z
     shear = (
-        np.abs(twist).sum(axis=0) + np.abs(transverse).sum(axis=0)
-        if outlined
-        else np.hypot(*(twist + transverse))
+        np.abs(twist).sum(axis=0) + np.abs(transverse).sum(axis=0) if outlined else _size(twist + transverse)
     )
     normal = axial + bending
     mises = np.sqrt(normal**2 + 3 * shear**2)
     return normal, shear, mises, bending, axial, twist, transverse
+
+
+def _size(shear: Array) -> Array:
+    """Magnitude of shear stress with components (2, ...); the time of `np.hypot` is several times as long."""
+    y, z = shear
+    size: Array = np.sqrt(y * y + z * z)
+    return size
 
 
 class PeakStress(NamedTuple):

@@ -201,8 +201,7 @@ def station_stress(pose: Drawable, shape: Shape) -> tuple[Array, dict[str, float
     for leaf in shape.leaves:
         own = found[leaf.name]
         most = own.von_mises_Pa.max(axis=1)
-        same = len(own.s) == len(leaf.s) and bool((own.s == leaf.s).all())
-        along.append(most if same else np.interp(leaf.s, own.s, most))
+        along.append(most if np.array_equal(own.s, leaf.s) else np.interp(leaf.s, own.s, most))
         largest[leaf.name] = float(most.max())
     return np.concatenate(along), largest
 

@@ -160,3 +160,24 @@ def test_a_leaf_under_its_own_weight(mesh):
     left, weight = 1 - found.s / LENGTH, 7800 * 5 * mm * 20 * mm * LENGTH * 9.81
     assert found.values[:, 1] == pytest.approx(-weight * left, abs=1e-4 * weight)
     assert found.values[:, 5] == pytest.approx(-0.5 * weight * LENGTH * left**2, abs=2e-3 * weight * LENGTH)
+
+
+def test_questions_about_states_in_any_order_give_each_its_own():
+    """Curves that are integrated once serve several questions: never those of another state, mesh of stations or load."""
+    scene = ksd.Mechanism("leaf")
+    tip = scene.link("tip")
+    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=(LENGTH, 0, 0), width_axis="z", section=SECTION,
+               material=STEEL, name="blade")  # fmt: skip
+    scene.actuate(tip, name="push", along="y", at=(LENGTH, 0, 0))
+    scene.gravity = (0.0, -9.81, 0.0)
+    alone = []
+    for value in (0.5 * mm, 2 * mm):
+        c = solve_conventional(compile_scene(scene), {"push": value})
+        alone.append([section_forces(c.model, c.motion, points=p)["blade"].values for p in (9, 25)])
+    prepared = ksd.prepare(scene)
+    poses = [prepared(push=value) for value in (0.5 * mm, 2 * mm)]
+    for k, p, points in ((0, 0, 9), (1, 0, 9), (1, 1, 25), (0, 1, 25), (0, 0, 9)):
+        drawn = poses[k].shape(points=points).leaves[0]
+        again = poses[k].section_forces(points=points)["blade"]
+        assert again.values == pytest.approx(alone[k][p], rel=1e-7, abs=1e-9 * np.abs(alone[k][p]).max())
+        assert drawn.place[-1, 1] == pytest.approx((0.5 * mm, 2 * mm)[k], abs=1e-12)
