@@ -740,7 +740,7 @@ def test_respond_prints_writes_and_draws(tmp_path, capsys):
     pose = ksd.solve(ksd.load_scene(scene)[0], push=0.0)
     response = pose.response(np.geomspace(1, 100, 20), inputs="base x", outputs="tip", freed=["push"])
     assert found["gain"] == pytest.approx(response.gain[:, 0, 0].tolist(), rel=1e-12)
-    assert main(["respond", str(scene), "--psd", "base x=1:1e-3,50:1e-3", "--freed", "push"]) == 0
+    assert main(["respond", str(scene), "--psd", "base x=1Hz:1e-3,.05 kHz:1e-3", "--freed", "push"]) == 0
     assert "Random vibration, 1.000 to 50.00 Hz" in capsys.readouterr().out
 
 
@@ -775,6 +775,8 @@ def test_vibration_over_a_stroke(tmp_path):
         (["--frequencies", "1Hz:2mm"], "a frequency is expected"),
         (["--psd", "base x"], "write INPUT=HZ:DENSITY"),
         (["--psd", "base x=1:1e-3"], "one point is no spectrum"),
+        (["--psd", "base x=1Hz:a,2:1"], "density in the unit"),
+        (["--psd", "base x=1kg:1,2:1"], "1kg"),
         (["--psd", "base x=1:1,2:1", "--plot", "a.png"], "leave --psd out"),
         (["--base", "q"], "a base moves along or about an axis"),
         (["--out", "a.txt"], "the ending must be .csv"),

@@ -82,15 +82,13 @@ def spectra(texts: list[str]) -> dict[str, list[tuple[float, float]]]:
 
 def _spectrum(text: str) -> tuple[str, list[tuple[float, float]]]:
     name, equals, knots = text.rpartition("=")
-    try:
-        rows = [tuple(float(v) for v in knot.split(":")) for knot in knots.split(",")]
-    except ValueError:
-        rows = []
-    if not equals or not rows or any(len(row) != 2 for row in rows):
+    rows = [tuple(number_or_text(word.strip()) for word in knot.split(":")) for knot in knots.split(",")]
+    if not equals or any(len(row) != 2 or isinstance(row[1], str) for row in rows):
         raise SceneError(
-            f"--psd {text}: write INPUT=HZ:DENSITY,HZ:DENSITY, such as --psd 'base y=1:1e-3,200:1e-3'"
+            f"--psd {text}: write INPUT=HZ:DENSITY,HZ:DENSITY, such as --psd 'base y=1:1e-3,200:1e-3', density in the unit"
+            " of the input squared per Hz"
         )
-    return name.strip(), [(f, s) for f, s in rows]
+    return name.strip(), [(quantity(hz, "frequency", f"--psd {text}"), density) for hz, density in rows]
 
 
 def _response_numbers(found: Any) -> dict[str, Any]:

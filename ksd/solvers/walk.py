@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +18,7 @@ from ksd.scene.scene import Scene
 from ksd.solvers.configuration import Configuration
 from ksd.solvers.contact_solve import solve_with_contact, split_values
 from ksd.solvers.solver import Solver
+from ksd.units import mm
 
 
 @dataclass(frozen=True, repr=False)
@@ -52,16 +54,25 @@ class Walk(PrintableAnswer):
         return f"{len(self)} poses" + (f"; {self.stop}" if self.stop else "")
 
     def __str__(self) -> str:
-        names = list(self.values[0])
-        contacts = list(self.poses[0].contacts)
+        first = self.poses[0]
+        turning = {d.name for d in first.model.scene.drives if d.terms[0].kind == "rotation"}
+        turning |= {s.name for s in first.model.original_scene.stops if s.terms[0].kind == "rotation"}
+        # values of a stop have its name and that of its limit
+        turns = {n: n in turning or n.rpartition(".")[0] in turning for n in self.values[0]}
         rows = [
             (
-                *(format_number(v[n]) for n in names),
-                *(f"{p.contacts[c].state} {format_number(p.contacts[c].N)}" for c in contacts),
+                *(format_number(math.degrees(v[n]) if turns[n] else v[n] / mm, zero=1e-12) for n in turns),
+                *(f"{p.contacts[c].state} {format_number(p.contacts[c].N)}" for c in first.contacts),
+                *(format_number(p.stops[s].force) for s in first.stops),
+                *(format_number(p.cables[c].force) for c in first.cables),
             )
             for v, p in zip(self.values, self.poses, strict=True)
         ]  # fmt: skip
-        return format_table((*names, *(f"<{c}, N" for c in contacts)), rows, self._line())
+        heads = [f"{n} [{'deg' if turns[n] else 'mm'}]" for n in turns]
+        heads += [f"<{c}, N [N]" for c in first.contacts]
+        heads += [f"{s} [{'Nm' if s.rpartition('.')[0] in turning else 'N'}]" for s in first.stops]
+        heads += [f"{c} [N]" for c in first.cables]
+        return format_table(heads, rows, self._line())
 
 
 @clear_argument_errors

@@ -240,6 +240,27 @@ def test_a_stop_may_be_moved_and_a_pose_continued():
     assert again.stops["end.high"] == moved.stops["end.high"]
 
 
+def test_a_walk_prints_units_and_what_stops_push_with():
+    scene = ksd.Mechanism("blade", plane="xy")
+    tip = scene.link("tip")
+    scene.leaf("ground", tip, start=(0, 0, 0), end=END, section=SECTION, material=STEEL)
+    scene.actuate(tip, along="y", at=END, name="push")
+    scene.stop(tip, about="z", high=3 * deg, name="end")
+    walk = ksd.walk(scene, [{"push": 1 * mm}, {"push": 6 * mm}])
+    head, *rows = (line.split("  ") for line in str(walk).splitlines() if line.strip(" ─"))
+    assert [word.strip() for word in rows.pop(0) if word] == [
+        "push [mm]",
+        "end.high [deg]",
+        "end.high [Nm]",
+    ], head
+    pushed = walk[-1].stops["end.high"].force
+    assert [[float(word) for word in row if word] for row in rows] == [
+        [1.0, 3.0, 0.0],
+        [6.0, 3.0, pytest.approx(pushed, rel=1e-3)],
+    ]
+    assert pushed > 0.0
+
+
 def test_a_link_that_hangs_on_a_cable_alone():
     """Nothing but a cable and a hinge holds the lever: the tension follows from the moment about the pin."""
     scene = ksd.Mechanism("lever", plane="xy")
