@@ -88,7 +88,9 @@ def _spectrum(text: str) -> tuple[str, list[tuple[float, float]]]:
             f"--psd {text}: write INPUT=HZ:DENSITY,HZ:DENSITY, such as --psd 'base y=1:1e-3,200:1e-3', density in the unit"
             " of the input squared per Hz"
         )
-    return name.strip(), [(quantity(hz, "frequency", f"--psd {text}"), density) for hz, density in rows]
+    return name.strip(), [
+        (quantity(hz, "frequency", f"--psd {text}"), float(density)) for hz, density in rows
+    ]
 
 
 def _response_numbers(found: Any) -> dict[str, Any]:
