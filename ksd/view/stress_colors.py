@@ -12,6 +12,8 @@ from ksd.view.drawable import Drawable
 from ksd.view.figure import Array, color_map
 
 STRESS_LABEL = "von Mises stress [MPa]"
+EVEN, EVEN_SCALE = 0.8, 1.5
+"""Least stress over the largest from which stress counts as even, and the end of its scale over the largest."""
 
 
 def stress_along(configuration: Drawable, shape: Shape) -> dict[str, Array]:
@@ -30,8 +32,9 @@ class StressColors:
         from matplotlib.colors import Normalize
 
         self.values = stress_along(configuration, shape)
-        most = max(float(v.max()) for v in self.values.values())
-        self.norm = Normalize(0.0, most or 1.0)
+        least, most = (end(float(end(v)) for v in self.values.values()) for end in (min, max))
+        # leaf springs of the same stress everywhere have a colour of the middle, not the dark end of the scale
+        self.norm = Normalize(0.0, (EVEN_SCALE if least > EVEN * most else 1.0) * most or 1.0)
         self.map = color_map()
 
     def between(self, name: str) -> Array:

@@ -555,6 +555,19 @@ def test_leaves_coloured_by_stress(bent, tmp_path):
         plot_mechanism(bent, color="heat")
 
 
+def test_leaves_of_the_same_stress_are_not_dark():
+    """A strip bent to an arc has the same stress all along: a colour of the middle of the scale, whose end is beyond it."""
+    scene = ksd.Mechanism("strip")
+    tip = scene.link("tip")
+    scene.leaf("ground", tip, start=(0, 0, 0), end=(0.1, 0, 0), width_axis="z", section=ksd.rectangle(2e-4, 0.01),
+               material=ksd.Material(E=200e9, nu=0.3), name="strip")  # fmt: skip
+    scene.actuate(tip, about="z", name="turn")
+    pose = ksd.solve(scene, turn=0.5)
+    heat = stress_colors(pose, pose.shape(), "stress")
+    assert heat.values["strip"] == pytest.approx(1e-6 * pose.stress().largest_Pa, rel=1e-6)
+    assert np.asarray(heat.norm(heat.values["strip"])) == pytest.approx(2 / 3, rel=1e-6)
+
+
 def test_a_window_rendered_without_a_display(bent, tmp_path):
     """In a process of its own, which VTK may end where there is no way to render at all."""
     pytest.importorskip("pyvista")
