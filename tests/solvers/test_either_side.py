@@ -1,5 +1,7 @@
 """Symmetric states are refused with what to do, and a side of them is taken."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hard_scenes import bow
@@ -8,7 +10,9 @@ from scipy.spatial.transform import Rotation
 
 import ksd
 from ksd.cli import main
+from ksd.solvers.conventional import solve_conventional
 from ksd.solvers.either_side import nearby_minimum, take_side
+from ksd.solvers.loading_order import _down_the_energy
 from ksd.solvers.undeformed_stability import unstable_shape
 from ksd.units import mm
 
@@ -136,3 +140,19 @@ def test_a_bow_whose_draw_snaps_on_its_way_is_found_beyond():
     # by the way in sixty steps of benchmarks/bows.py, on a mesh of its own
     assert pose.displacement("up")[:2] == pytest.approx([0.24882, -0.07027], abs=2e-3)
     assert pose.forces["draw"] == pytest.approx(-66.14, rel=1e-2)
+
+
+def test_a_bow_that_does_not_go_down_the_energy_at_once_is_braced_in_steps():
+    """Its string buckles on the way down. The minimum is that of a string made shorter bit by bit."""
+    scene, drives = bow(np.random.default_rng(4))
+    model, still = ksd.compile_scene(scene), dict.fromkeys(drives, 0.0)
+    rest = solve_conventional(ksd.compile_scene(bow(np.random.default_rng(4), share=0.0)[0]), still)
+    rest = replace(rest, model=model)
+    assert nearby_minimum(model, rest, np.zeros((len(model.node_names), 6)))[0] is None
+    found, _ = _down_the_energy(model, rest)
+    way = rest
+    for k in range(1, 31):
+        own = ksd.compile_scene(bow(np.random.default_rng(4), share=k / 30)[0])
+        way = solve_conventional(own, still, start=replace(way, model=own))
+    assert way.stable
+    assert found.x == pytest.approx(way.motion.x, abs=1e-6 * model.arrays.size)
