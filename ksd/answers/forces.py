@@ -16,6 +16,7 @@ drives, supports and weight.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -293,10 +294,16 @@ class InterfaceForces(PrintableAnswer):
         return np.concatenate([sum(r.force for r in mine), sum(moments)])
 
 
-def interface_forces(model: Model, motion: State, *, load_factor: float = 1.0) -> InterfaceForces:
+def interface_forces(
+    model: Model,
+    motion: State,
+    *,
+    load_factor: float = 1.0,
+    sections: Mapping[str, SectionForces] | None = None,
+) -> InterfaceForces:
     """Forces of all joints, free leaves, springs, pins and sliders on their links; load_factor: factor of the loads along
-    them."""
-    ends = leaf_end_forces(model, motion, load_factor)
+    them; sections: section forces of the leaves, of statics when None."""
+    ends = leaf_end_forces(model, motion, load_factor, sections)
     rows = []
     for placed in model.scene.joints:
         mine = [e for e in ends if e.name.startswith(f"{placed.name}/")]
@@ -319,10 +326,12 @@ def interface_forces(model: Model, motion: State, *, load_factor: float = 1.0) -
     return InterfaceForces(tuple(rows), model.arrays.size)
 
 
-def leaf_end_forces(model: Model, motion: State, load_factor: float) -> list[InterfaceForce]:
+def leaf_end_forces(
+    model: Model, motion: State, load_factor: float, sections: Mapping[str, SectionForces] | None
+) -> list[InterfaceForce]:
     """Forces of every leaf on the nodes at its start and at its end, two rows per leaf."""
     found, members = [], model.arrays.members
-    forces = section_forces(model, motion, load_factor=load_factor)
+    forces = section_forces(model, motion, load_factor=load_factor) if sections is None else sections
     wrenches = end_wrenches(model, motion, load_factor=load_factor)
     for name, parts in leaf_members(model).items():
         first, last = member_ends(model, motion, parts[0]), member_ends(model, motion, parts[-1])

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.answers.forces import ROUNDING_TOLERANCE, InterfaceForce, interface_forces, leaf_end_forces
+from ksd.answers.forces import (
+    ROUNDING_TOLERANCE,
+    InterfaceForce,
+    SectionForces,
+    interface_forces,
+    leaf_end_forces,
+)
 from ksd.answers.printing import PrintableAnswer, format_number, format_table
 from ksd.errors import SceneError
 from ksd.files import write_csv
@@ -93,15 +100,21 @@ class LinkForces(PrintableAnswer):
         return write_csv(path, COLUMNS, rows)
 
 
-def link_forces(model: Model, motion: State, *, load_factor: float = 1.0) -> LinkForces:
-    """Forces inside all leaves and on all links of `model` at `motion`; load_factor: factor of their weight."""
+def link_forces(
+    model: Model,
+    motion: State,
+    *,
+    load_factor: float = 1.0,
+    sections: Mapping[str, SectionForces] | None = None,
+) -> LinkForces:
+    """Forces inside all leaves and on all links of `model` at `motion`; load_factor, sections: as in `interface_forces`."""
     rows = []
-    for k, end in enumerate(leaf_end_forces(model, motion, load_factor)):
+    for k, end in enumerate(leaf_end_forces(model, motion, load_factor, sections)):
         # the force on the node is the inner force at the start of a leaf, and its opposite at the end
         sign, word = (1.0, "start") if k % 2 == 0 else (-1.0, "end")
         at = f"{word}, at '{end.link}'"
         rows.append(LinkForce("inside", end.name, at, sign * end.force, sign * end.moment, end.point))
-    found = interface_forces(model, motion, load_factor=load_factor)
+    found = interface_forces(model, motion, load_factor=load_factor, sections=sections)
     for link in model.scene.links:
         mine = [r for r in found.rows if r.link == link]
         if not mine:

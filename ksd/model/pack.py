@@ -145,7 +145,8 @@ def renumber(
     node, first = terms.node.tolist(), terms.first.tolist()
     own = [[(0, a, b) for a, b in node[first[row] : first[row + 1]]] for row in rows]
     ends = [m.node.tolist() for m in (arrays.members, arrays.springs)]
-    coupled = [*ends[0], *ends[1], *(node[first[row]] for row in dashpots)]
+    pulls = [t for row in dashpots for t in range(first[row], first[row + 1])]
+    coupled = [*ends[0], *ends[1], *(node[t] for t in pulls)]
     plan, places, start, start_of_rows = number_unknowns(
         nodes, len(active), coupled_blocks(nodes, coupled, own), len(rows)
     )
@@ -155,8 +156,7 @@ def renumber(
     for i, row in enumerate(rows):
         for t in range(first[row], first[row + 1]):
             block[t], flip[t] = places.term(nodes - 1 + i, *node[t])
-    for row in dashpots:
-        t = first[row]
+    for t in pulls:
         block[t, 2:4] = [places.diagonal(n) for n in node[t]]
         block[t, 4], flip[t] = places.coupling(*node[t])
     member_block, spring_block = (

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from abc import ABCMeta, abstractmethod
 from collections.abc import Callable
-from dataclasses import KW_ONLY, dataclass, fields
+from dataclasses import KW_ONLY, dataclass, fields, replace
 from functools import cached_property
 from itertools import pairwise
 from numbers import Real
@@ -28,6 +28,9 @@ Rates = tuple[float, float, float]
 Jumps = tuple[tuple[float, int], ...]
 DIFFERENCE_STEP = 1e-4
 """Step [s] of the differences that stand for the derivatives of formulas and functions of the user."""
+JUMP_INTERVALS, MOST_JUMPS, KINK_HALVINGS = 256, 16, 12
+"""Intervals among which jumps of functions of the user are looked for, the most of them, and how often one of the slope is
+closed in by half."""
 _DIFFERENCES = np.linalg.solve(
     np.vander(np.arange(6.0), increasing=True).T, np.diag([1.0, 1, 2, 6, 24, 120])
 )[:, 1:4]
@@ -68,6 +71,10 @@ class FunctionOfTime(metaclass=_Kind):
     def shortest(self) -> float:
         """Shortest duration [s] of a part, inf where there is none."""
         return math.inf
+
+    def within(self, until: float) -> FunctionOfTime:
+        """The function with its jumps up to the instant `until` [s]."""
+        return self
 
     def before(self, t: float) -> float:
         """Value just before an instant: a step at t = 0 is not yet made when motion starts."""
@@ -523,11 +530,12 @@ class TimeTable(FunctionOfTime):
 
 @dataclass(frozen=True)
 class OfUser(FunctionOfTime):
-    """A function of the user, or a formula; its derivatives are differences just after t, and its jumps are not known."""
+    """A function of the user, or a formula; its derivatives are differences just after t, its jumps are looked for."""
 
     function: Callable[[float], float]
     what: str = "function of time"
     formula: str = ""
+    found: Jumps = ()
 
     def _values(self, t: Array) -> Array:
         return np.asarray([self._value(float(one)) for one in t.flat]).reshape(t.shape)
@@ -544,12 +552,67 @@ class OfUser(FunctionOfTime):
             ) from reason
         return number(value, f"{self.what} at t = {t:g} s")
 
+    @property
+    def jumps(self) -> Jumps:
+        return self.found
+
+    def within(self, until: float) -> OfUser:
+        t = np.linspace(0.0, until, JUMP_INTERVALS + 1)
+        values = self._values(t)
+        found: dict[float, int] = {}
+        for order, narrow in enumerate((self._jump, self._kink)):
+            size = np.abs(np.diff(values, n=order + 1))
+            for k in np.argsort(-size)[:MOST_JUMPS].tolist():
+                if size[k] > 1e-9 * np.ptp(values):
+                    at = narrow(float(t[k]), float(t[k + order + 1]))
+                    if at is not None and all(abs(at - other) > 1e-6 * until for other in found):
+                        found[at] = order
+        return replace(self, found=tuple(sorted(found.items())))
+
+    def _jump(self, a: float, b: float) -> float | None:
+        """The first instant after a jump of the value between a and b, None where most of the change is steady."""
+        first, last = self._value(a), self._value(b)
+        least = 0.5 * abs(last - first)
+        while a < (middle := 0.5 * (a + b)) < b:
+            value = self._value(middle)
+            if abs(value - first) > abs(last - value):
+                b, last = middle, value
+            else:
+                a, first = middle, value
+            if abs(last - first) < least:
+                return None
+        return b
+
+    def _kink(self, a: float, b: float) -> float | None:
+        """The instant between a and b at which the slope jumps, None where it changes steadily.
+
+        Half the distance leaves a quarter of the second difference where it does, and half of it at a jump.
+        """
+        whole, known = b - a, 0.0
+        for _ in range(KINK_HALVINGS):
+            at = np.linspace(a, b, 5)
+            change = np.abs(np.diff(self._values(at), n=2))
+            k = int(np.argmax(change))
+            a, b = float(at[k]), float(at[k + 2])
+            known = known or float(change[k])
+            if change[k] < 0.8 * known * (b - a) / whole:
+                return None
+        return 0.5 * (a + b)
+
     def rates(self, t: float) -> Rates:
         values = np.array([self._value(t + k * DIFFERENCE_STEP) for k in range(6)])
         first, second, third = (
             float(values @ w) / DIFFERENCE_STEP**k for k, w in enumerate(_DIFFERENCES.T, 1)
         )
         return first, second, third
+
+
+def refuse_change(function: FunctionOfTime, what: str, t: float) -> None:
+    """Raise SceneError for a function that returns another value when it is called again."""
+    if function(t) != function(t):
+        raise SceneError(
+            f"{what}: it returns another value each time it is called with t = {t:g}; give a function of t alone"
+        )
 
 
 def as_function_of_time(given: Any, what: str) -> FunctionOfTime:
@@ -563,10 +626,7 @@ def as_function_of_time(given: Any, what: str) -> FunctionOfTime:
         return given
     if callable(given):
         checked = OfUser(given, what)
-        if checked(0.0) != checked(0.0):
-            raise SceneError(
-                f"{what}: it returns another value each time it is called with t = 0; give a function of t alone"
-            )
+        refuse_change(checked, what, 0.0)
         return checked
     if isinstance(given, list | tuple | np.ndarray):
         return TimeTable(given)  # type: ignore[arg-type]

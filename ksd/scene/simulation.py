@@ -27,10 +27,12 @@ from ksd.scene.drive import GROUND
 from ksd.scene.formula import si_value
 from ksd.scene.functions_of_time import (
     FunctionOfTime,
+    Ramp,
     Sum,
     TimeTable,
     as_function_of_time,
     function_of_table,
+    refuse_change,
     table_of_function,
 )
 from ksd.scene.sensor import KINDS
@@ -117,7 +119,8 @@ class Simulation:
     (in files { let_go = true });
     loads: factors by name; base; start: "equilibrium", "undeformed" or a pose; speeds (6,): of the centre of mass of a
     link, and of its rotation [m/s, rad/s], by name; stop: events that end the motion; damping_at [Hz]: frequency at which
-    dashpots in the material take its loss factor; every: so many steps are made for each that is kept.
+    dashpots in the material take its loss factor; release: a `Ramp` from 1 to 0, factor on the force of drives that are let
+    go, given as its duration [s], None where it is gone at once; every: so many steps are made for each that is kept.
 
     >>> guide, _, _ = ksd.load_scene("guide")
     >>> guide.simulation = ksd.Simulation(until="20 ms", dt="0.5 ms", drives={"table": None})
@@ -137,6 +140,7 @@ class Simulation:
     speeds: Mapping[str, Any] = field(default_factory=dict)
     stop: Any = ()
     damping_at: Any = None
+    release: Any = None
     every: int = 1
 
     def __post_init__(self) -> None:
@@ -170,13 +174,24 @@ class Simulation:
             loads={n: as_function_of_time(f, f"load '{n}'") for n, f in _named(self.loads, "loads")},
             speeds={n: _speeds(v, n) for n, v in _named(self.speeds, "speeds")},
         )
+        if self.release is not None and not isinstance(self.release, Ramp):
+            if None not in self.drives.values():
+                raise SceneError(
+                    "simulate: release is that of drives that are let go; let one go by drives={'push': None}"
+                )
+            duration = positive(_time(self.release, "release"), "release", owner="simulate", unit="s")
+            self._set(release=Ramp(duration, start=1.0, end=0.0))
         if self.base is not None and not isinstance(self.base, Shake):
             raise SceneError(
                 f'simulate: base = {show(self.base)}: give ksd.Shake(along="y", acceleration=...)'
             )
-        for function in self.functions().values():
-            function(0.5 * self.until)
-            function(self.until)
+        for what, function in self.functions().items():
+            for t in (0.5 * self.until, self.until):
+                refuse_change(function, what, t)
+        self._set(
+            drives={n: f if f is None else f.within(self.until) for n, f in self.drives.items()},
+            loads={n: f.within(self.until) for n, f in self.loads.items()},
+        )
         if isinstance(self.start, str) and self.start not in STARTS:
             raise SceneError(
                 f"simulate: start = {show(self.start)}: {' or '.join(map(repr, STARTS))}, or a pose that ksd.solve returned"
@@ -199,6 +214,7 @@ class Simulation:
         """All functions of time, by what follows them."""
         found = {f"drive '{n}'": f for n, f in self.drives.items() if f is not None}
         found |= {f"load '{n}'": f for n, f in self.loads.items()}
+        found |= {"release": self.release} if isinstance(self.release, Ramp) else {}
         return found | ({} if self.base is None else {"the base": self.base.acceleration})
 
     @property
@@ -306,13 +322,14 @@ class Simulation:
         return said
 
     def check_memory(self, steps: int, *, numbers: int) -> None:
-        """Raise SceneError for a history of `steps` steps with so many `numbers` each that would not fit."""
-        kept = -(-steps // self.every) + 1
-        size = 8 * kept * numbers
+        """Raise SceneError for a history of `steps` steps with so many `numbers` each that would not fit: all of them are
+        there until the energies are known."""
+        size = 8 * (steps + 1) * numbers
         if size > MAX_HISTORY_BYTES:
             raise SceneError(
-                f"simulate: the history would take {size / 2**30:.3g} GiB ({kept} instants of {8 * numbers / 2**10:.3g} "
-                f"KiB), more than {MAX_HISTORY_BYTES >> 30} GiB; keep every tenth step by every=10, or take a larger dt"
+                f"simulate: the history would take {size / 2**30:.3g} GiB ({steps + 1} instants of "
+                f"{8 * numbers / 2**10:.3g} KiB), more than {MAX_HISTORY_BYTES >> 30} GiB; take a larger dt, or simulate in "
+                "parts, each from start=history[t] of the one before"
             )
 
 
@@ -403,6 +420,8 @@ def table_of_simulation(s: Simulation) -> dict[str, Any]:
     }
     default = Simulation(until=1.0)
     table = {k: v for k, v in plain.items() if v is not None and (k == "until" or v != getattr(default, k))}
+    if s.release is not None:
+        table["release"] = s.release.duration
     if s.drives:
         table["drives"] = {
             n: {"let_go": True} if f is None else table_of_function(f, f"drive '{n}'")

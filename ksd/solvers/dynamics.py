@@ -16,7 +16,7 @@ from ksd.answers.forces import energy_of_one_spring
 from ksd.answers.frequencies import frequencies
 from ksd.answers.mass import centre_of_mass
 from ksd.answers.printing import progress_bar
-from ksd.errors import KinematicsError, SceneError
+from ksd.errors import ConvergenceError, KinematicsError, SceneError
 from ksd.model.arrays import State, make_workspace
 from ksd.model.compile import Model, compile_scene
 from ksd.model.leaves import mass_density
@@ -70,6 +70,8 @@ START_PARTS = (1.0, 0.25, 2.0**-4, 2.0**-6)
 """Parts of a step with which accelerations after a jump are looked for, one after the other."""
 STEPS_PER_RAMP, STEPS_PER_PERIOD = 20.0, 100.0
 """Steps in the shortest part of a function of time, and in the longest period, of the first pair of runs."""
+SINGULAR_SIZE = 1e-14
+"""Smallest singular value of the scaled tangent of a step below which something moves freely and without mass."""
 MISSING_ENERGY = 0.01
 """Energy missing in the balance, over the largest change of one of its parts, that is said."""
 GROWN_ENERGY = 3.0
@@ -98,6 +100,7 @@ class Motion:
         """values: of the drives that do not move."""
         self.moving, self.words = moving, words
         scene = moving.model.scene
+        self.pull = state.multiplier[: len(moving.model.drive_names)].copy()
         self.drives = [words.drives.get(n, values[n]) for n in moving.model.drive_names]
         moved = [load for load in scene.loads if load.link != scene.links[0]]
         self.factors = [words.loads.get(load.name) for load in (*moved, *scene.line_loads)]
@@ -122,13 +125,14 @@ class Motion:
     def _read_places(self, q: Array) -> None:
         """Write the places q (p,) of the present state."""
         s = self.state
-        self._assemble()
+        self.assemble()
         start_places(
             *self.arrays.flat, s.x, s.R, s.inner, s.angle, self.moving.tau, self.work.flat, self.work.at, q
         )
 
-    def _assemble(self) -> None:
-        self.arrays.rates[:] = 1.0, 0.0
+    def assemble(self, c0: float = 1.0, c1: float = 0.0) -> None:
+        """Residual and tangent at the present state, in a step with these c0 and c1."""
+        self.arrays.rates[:] = c0, c1
         assemble(self.arrays, self.state, self.targets(np.zeros(1))[0], 1.0, self.work)
 
     def _place_lines(self, count: int) -> Array:
@@ -155,11 +159,16 @@ class Motion:
         return int(number[3] if self.moving.plane is not None else number[:3].sum())
 
     def targets(self, t: Array) -> Array:
-        """Right-hand sides (k, c) of all rows at instants; those of drives that are let go are zero."""
+        """Right-hand sides (k, c) of all rows at instants; of drives that are let go the multipliers that are left."""
         found = np.zeros((len(t), len(self.moving.rows)))
         for i, f in enumerate(self.drives):
-            found[:, i] = 0.0 if f is None else f(t) if callable(f) else f
+            found[:, i] = self.released(i, t) if f is None else f(t) if callable(f) else f
         return found
+
+    def released(self, i: int, t: Array) -> Array:
+        """What is left at instants of the multiplier of drive i, which is let go."""
+        ramp = self.words.release
+        return np.zeros(len(t)) if ramp is None else self.pull[i] * ramp(t)
 
     def gravities(self, t: Array, *, before: bool = False) -> Array:
         """Gravity less the acceleration of the base (k, 3) [m/s^2] at instants; before: just before them."""
@@ -323,7 +332,7 @@ class Motion:
             node = model.node_names.index(name)
             arm = self.state.R[node] @ (model.rest.x[node] - centre_of_mass(model, name))
             velocity[node] = *(np.asarray(own[:3]) + np.cross(own[3:], arm)), *own[3:]
-        self._assemble()
+        self.assemble()
         matrix = _dense(self.arrays.plan, self.work.matrix)
         given = np.concatenate([start[model.node_names.index(n)] + np.arange(w) for n in dict.fromkeys(held)])
         step = np.zeros(len(matrix))
@@ -637,8 +646,9 @@ def _work(motion: Motion, run: Run, rows: _Taken, x: Array, R: Array, values: Ar
     if len(rows.t) < 2:
         return done
     right = forces.copy()
+    held = np.array([f is not None for f in motion.drives], bool)
     for i, multiplier in run.right.items():
-        right[i] = -multiplier[: forces.shape[1]]
+        right[i, held] = -multiplier[: forces.shape[1]][held]
     done[1:] += (0.5 * (right[:-1] + forces[1:]) * np.diff(values, axis=0)).sum(axis=1)
     arrays = motion.arrays
     after, before = motion.load_factors(rows.t[:-1]), motion.load_factors(rows.t[1:], before=True)
@@ -741,12 +751,13 @@ def trace_of_run(marcher: Marcher, run: Run, error: float) -> Trace:
     forces = -rows.states[:, at : at + drives]
     for i, name in enumerate(model.drive_names):
         if marcher.words.drives.get(name, 0.0) is None:
+            forces[:, i] = -values[:, i]
+            states[:, at - len(moving.rest.inner) + len(model.rest.inner) + i] = values[:, i]
             terms = model.scene.drives[i].terms
             values[:, i] = [
                 sum(t.coefficient * _term_value(model, t, *pair) for t in terms)
                 for pair in zip(x, R, strict=True)
             ]
-            forces[:, i] = 0.0
     energy = _energies(motion, run, rows, states, (model, values, forces, x, R))
     mass = moving.leaf_mass.sum() + sum(m.mass for m in model.scene.masses)
     rounding = 10.0 * np.finfo(float).eps * moving.arrays.size / np.diff(rows.t).min(initial=math.inf)
@@ -817,6 +828,36 @@ def _first_step(moving: MovingModel, start: State, words: Simulation, freed: Ite
     return min(ramp, 1.0 / (lowest * STEPS_PER_PERIOD), words.until / STEPS_PER_PERIOD)
 
 
+def _moving(model: Model, freed: Iterable[str], words: Simulation, *, spatial: bool = False) -> MovingModel:
+    released = words.release is not None
+    return moving_model(
+        model, tuple(freed), damping_at=words.damping_at, is_released=released, spatial=spatial
+    )
+
+
+def _refuse_free_motions(motion: Motion, step: Step) -> None:
+    """Raise SceneError where a link can move with neither mass nor stiffness against it, under the loads before t = 0."""
+    arrays = motion.arrays
+    factors = motion.load_factors(np.zeros(1), before=True)[0, : len(motion.loads[0]), None]
+    arrays.loads.force[:], arrays.loads.moment[:] = (factors * part for part in motion.loads)
+    motion.assemble(step.c0, step.c1)
+    matrix = _dense(arrays.plan, motion.work.matrix)
+    scale = 1.0 / np.sqrt(np.linalg.norm(matrix, axis=1).clip(1e-300))
+    _, sizes, motions = np.linalg.svd(scale[:, None] * matrix * scale)
+    if sizes[-1] > SINGULAR_SIZE:
+        return
+    free = scale * motions[-1]
+    found = (0.0, "", "")
+    for k, name in enumerate(motion.moving.model.node_names):
+        for r, dof in enumerate(arrays.active_dofs.tolist() if arrays.start[k] >= 0 else ()):
+            size = abs(free[arrays.start[k] + r]) * (1.0 if dof < 3 else arrays.size)
+            found = max(found, (size, name, f"{'along' if dof < 3 else 'about'} {'xyz'[dof % 3]}"))
+    raise SceneError(
+        f"simulate: link '{found[1]}' is free to move {found[2]} and has no mass against it: give it a mass and an inertia, "
+        "or hold it by a support, a drive or a spring"
+    )
+
+
 def begin_motion(
     scene: Any, words: Simulation, mesh: Mesh | None = None
 ) -> tuple[Marcher, float, tuple[str, ...], tuple[str, ...]]:
@@ -824,16 +865,20 @@ def begin_motion(
     announce_compiling(
         "ksd.solvers.time_steps", "march", "the kernels of motion for this machine (once; one or two minutes)"
     )
-    if words.method != "generalised_alpha":
-        raise SceneError(f"simulate: method '{words.method}' is not there yet; use 'generalised_alpha'")
     freed = tuple(n for n, f in words.drives.items() if f is None)
     grid = DEFAULT_MESH if mesh is None else mesh
     if mesh is None and leaf_share(compile_scene(scene, mesh=grid)) > HEAVY_LEAVES:
         grid = replace(grid, orders=FINE_ORDERS, points=FINE_ORDERS[2] + 1)
-    model, start, values, notes = _start(scene, words, grid)
-    moving = moving_model(model, freed, damping_at=words.damping_at)
+    try:
+        model, start, values, notes = _start(scene, words, grid)
+    except ConvergenceError:
+        model = compile_scene(scene, mesh=grid)
+        still = Motion(_moving(model, freed, words), words, model.rest, dict.fromkeys(model.drive_names, 0.0))
+        _refuse_free_motions(still, generalised_alpha(words.until, words.rho))
+        raise
+    moving = _moving(model, freed, words)
     if _starts_out_of_plane(moving, start, words):
-        moving = moving_model(model, freed, damping_at=words.damping_at, spatial=True)
+        moving = _moving(model, freed, words, spatial=True)
     dt = words.dt or _first_step(moving, start, words, freed)
     marcher = Marcher(moving, words, start, values, freed)
     return marcher, dt, freed, notes
@@ -846,8 +891,11 @@ def trace_motion(scene: Any, words: Simulation, *, mesh: Mesh | None = None, pro
     """
     marcher, dt, freed, notes = begin_motion(scene, words, mesh)
     run, error = _runs(marcher, dt, progress)
+    if run.stop is not None and not run.at_event:
+        still = Motion(marcher.moving, words, marcher.start, marcher.values)
+        _refuse_free_motions(still, generalised_alpha(dt, words.rho))
     if _leaves_plane(marcher, run, freed):
-        moving = moving_model(marcher.moving.model, freed, damping_at=words.damping_at, spatial=True)
+        moving = _moving(marcher.moving.model, freed, words, spatial=True)
         marcher = Marcher(moving, words, marcher.start, marcher.values, freed)
         run, error = _runs(marcher, dt, progress)
     marcher.notes += notes
@@ -858,7 +906,8 @@ def _runs(marcher: Marcher, dt: float, progress: bool) -> tuple[Run, float]:
     """The run of the step that was given, or of one small enough for the accuracy, and its estimated error."""
     moving, words = marcher.moving, marcher.words
     steps = sum(n for _, _, n in _segments(words, marcher.kicks, dt))
-    words.check_memory(steps, numbers=sum(f.size for f in moving.rest) + 24 * len(moving.rest.x) + SCALARS)
+    numbers = sum(f.size for f in moving.rest) + 24 * len(moving.rest.x) + SCALARS
+    words.check_memory(steps, numbers=numbers)
     links = np.array(list(range(1, moving.model.links)) or [0])
     with progress_bar(progress) as bar:
         task = bar.add_task("motion", total=steps if words.dt else 1.5 * steps)
@@ -880,6 +929,11 @@ def _runs(marcher: Marcher, dt: float, progress: bool) -> tuple[Run, float]:
             else:
                 wanted = 2 if made == 1 else math.ceil(math.sqrt(error / (0.8 * words.accuracy)))
                 finer = made * min(max(wanted, 2), 8)
+            try:
+                words.check_memory(finer * steps // 2, numbers=numbers)
+            except SceneError as reason:
+                marcher.notes.append(str(reason))
+                break
             expected += 0.5 * finer * steps
             bar.update(task, total=expected)
             other = marcher.run(whole, finer, advance)
@@ -915,7 +969,7 @@ def _leaves_plane(marcher: Marcher, run: Run, freed: tuple[str, ...]) -> bool:
     plane = flat.plane
     if plane is None or len(rows.t) < 2:
         return False
-    moving = moving_model(flat.model, freed, damping_at=marcher.words.damping_at, spatial=True)
+    moving = _moving(flat.model, freed, marcher.words, spatial=True)
     space = Plane(moving.arrays, moving.rest, plane.axis, plane.rows)
     nodes = len(moving.rest.x)
     strongest = int(np.argmax(np.abs(rows.accelerations[1:, :]).max(axis=1))) + 1
@@ -944,7 +998,7 @@ def _leaves_plane(marcher: Marcher, run: Run, freed: tuple[str, ...]) -> bool:
         other.arrays.known[:, :3] += gravity
         factors = other.load_factors(rows.t[i : i + 1])[0, : len(other.loads[0]), None]
         other.arrays.loads.force[:], other.arrays.loads.moment[:] = (factors * part for part in other.loads)
-        other._assemble()
+        other.assemble()
         if space.imbalance(other.work)[0] > 1.0:
             return True
     return False

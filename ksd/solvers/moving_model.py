@@ -36,6 +36,8 @@ from ksd.model.plane import Plane, plane_of
 Array = NDArray[np.float64]
 HEAVY_LEAVES = 0.2
 """Share of the leaf springs in the moving mass above which they have HEAVY_MODES force modes instead of FORCE_MODES."""
+WEAK_DASHPOT = 1e-30
+"""Dashpot [N s/m or Nm s] by which the force of a drive that is let go acts on."""
 FORCE_MODES, HEAVY_MODES, COUPLE_MODES = 4, 6, 3
 """Modes of the inertia of a leaf: forces, and in space couples about the axes of its width."""
 
@@ -132,11 +134,17 @@ def rigid_bodies(model: Model) -> dict[int, tuple[float, Array, Array]]:
 
 
 def moving_model(
-    model: Model, freed: Collection[str] = (), *, damping_at: float | None = None, spatial: bool = False
+    model: Model,
+    freed: Collection[str] = (),
+    *,
+    damping_at: float | None = None,
+    is_released: bool = False,
+    spatial: bool = False,
 ) -> MovingModel:
     """The model of a time step of a static `model`; freed: drives that are let go.
 
-    damping_at [Hz]: frequency at which the materials have their loss factors. spatial: six unknowns per node in any case.
+    damping_at [Hz]: frequency at which the materials have their loss factors. is_released: the drives that are let go pull
+    on for a while. spatial: six unknowns per node in any case.
     Raises SceneError where something in it cannot move in time, and where nothing has mass.
     """
     refuse_what_does_not_move(model)
@@ -151,7 +159,11 @@ def moving_model(
     names = (*model.drive_names, *model.support_names)
     kept = [int(r) for r in rows if names[r] not in freed]
     arrays = _with_dashpots(model, arrays)
-    dashpots = range(len(names), len(arrays.terms.start))
+    dashpots = list(range(len(names), len(arrays.terms.start)))
+    if is_released:
+        released = [names.index(name) for name in freed]
+        arrays.terms.damping[released] = WEAK_DASHPOT
+        dashpots += [r for r in released if r in rows]
     bodies = rigid_bodies(model)
     arrays = arrays.replace(bodies=_packed_bodies(bodies))
     arrays = arrays.replace(**renumber(arrays, arrays.active_dofs, kept, dashpots))
@@ -175,10 +187,10 @@ def moving_model(
 
 
 def _with_dashpots(model: Model, arrays: Arrays) -> Arrays:
-    """The arrays with a row of one term for every damper of the scene."""
+    """A copy of the arrays with a row of one term for every damper of the scene."""
     dampers, links, terms = model.scene.dampers, model.scene.links, arrays.terms
     if not dampers:
-        return arrays
+        return arrays.copy()
     count, nodes = (
         len(dampers),
         np.array([[links.index(d.term.base), links.index(d.term.link)] for d in dampers]),

@@ -167,7 +167,9 @@ def _write_known(ints, floats, inner, target, tau, gravity, push, step, history,
             at += N
     for i in range(ints[ROWS]):
         if ints[ints[TERM.start] + i] < 0:
-            target[i] = known[1, at]
+            # the multiplier of a drive that is let go pulls as a weak dashpot from far away
+            far, weak = target[i], c1 * floats[ints[TERM.damping] + i]
+            target[i] = known[1, at] - (far / weak if weak > 0.0 else 0.0)
             at += 1
 
 

@@ -36,7 +36,7 @@ from ksd.scene.rules import plane_hint
 from ksd.solvers.branch_check import loads_dominate
 from ksd.solvers.joint_range import MAX_UNINTENDED_DISPLACEMENT, MAX_UNINTENDED_ROTATION
 from ksd.solvers.load_steps import state_difference
-from ksd.solvers.steps import EITHER_SIDE, ErrorEstimate, Verdict, equilibrium_iterations, percent
+from ksd.solvers.steps import EITHER_SIDE, ErrorEstimate, Stop, Verdict, equilibrium_iterations, percent
 
 if TYPE_CHECKING:
     from ksd.solvers.configuration import Configuration
@@ -91,6 +91,8 @@ def stability_verdict(c: Configuration) -> Verdict:
 
 def stability_sentence(c: Configuration) -> str:
     """Whether the state is stable, and why, in one sentence."""
+    if _is_moving(c):
+        return "in motion, no equilibrium"
     surplus = c.negatives - c.expected_negatives
     flutter_check = c.nonconservative_stability
     if flutter_check is not None and (surplus == 0 or (surplus > 0 and not flutter_check)):
@@ -108,6 +110,10 @@ def stability_sentence(c: Configuration) -> str:
         f"NOT CERTAIN: {c.negatives} negative pivots where the drives and supports explain {c.expected_negatives}; "
         f"two of them may prescribe the same freedom{hint}"
     )
+
+
+def _is_moving(c: Configuration) -> bool:
+    return c.steps[-1].stop is Stop.MOVING
 
 
 def _over_rolled_leaf(c: Configuration) -> str:
@@ -135,6 +141,8 @@ def branch_verdict(c: Configuration) -> Verdict:
     """Whether the state is on the branch that leads from rest by the intended motions of the joints."""
     if c.doubts:
         return Verdict(False, "another branch is possible: " + "; ".join(c.doubts))
+    if _is_moving(c):
+        return Verdict(True, "that of the motion")
     name, share, shift, turn = _joint_furthest_off(c)
     turned = format_number(float(np.rad2deg(turn)), 3, zero=1e-9)
     off = f"joint '{name}' is {1e3 * shift:.3g} mm and {turned} degrees off its intended motion"
@@ -305,7 +313,7 @@ def _exceeds_result(c: Configuration, e: ErrorEstimate) -> bool:
 
 def strength_verdict(c: Configuration) -> Verdict:
     """Whether a linear elastic beam can be in this state."""
-    found = c.strength if c.converged else None
+    found = c.strength if c.converged or _is_moving(c) else None
     if found is None:
         return Verdict(True, "strain and stress are not known")
     return Verdict(not found.beyond, "; ".join(filter(None, [str(found), found.beyond])))

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ksd.answers.forces import InterfaceForces, interface_forces
 from ksd.answers.inertia_forces import moving_section_forces
+from ksd.answers.link_forces import LinkForces, link_forces
 from ksd.answers.mass import centre_of_mass
 from ksd.answers.printing import NamedAnswers, PrintableAnswer, format_number, format_table
 from ksd.answers.strength import Strength, strength_of
@@ -118,10 +120,11 @@ class Energies:
 class Instant(Configuration):
     """The mechanism at an instant t [s] of a motion: a `Configuration` that is no equilibrium.
 
-    velocity (nodes, 6) [m/s, rad/s]: of all nodes. Section forces, stress and strength are those of the moving leaf springs,
-    their inertia included (strain energy too is in `History.energy`); stiffness, frequencies and linear models are those
-    about the place it is passing, as if it were held there, under the loads of this instant and, where a base shakes,
-    gravity less its acceleration. around: states `step` [s] before and after; moving: the model of the motion.
+    velocity (nodes, 6) [m/s, rad/s]: of all nodes. Section forces, stress, strength, and forces on interfaces and links are
+    those of the moving leaf springs, their inertia included (strain energy too is in `History.energy`); stiffness,
+    frequencies and linear models are those about the place it is passing, as if it were held there, under the loads of this
+    instant and, where a base shakes, gravity less its acceleration. around: states `step` [s] before and after; moving: the
+    model of the motion.
     """
 
     t: float = 0.0
@@ -139,6 +142,15 @@ class Instant(Configuration):
     def stress(self, *, points: int = 25) -> Stress:
         """As `Configuration.stress`, with the inertia of the leaf springs."""
         return stress_from_forces(self.model, self.section_forces(points=points))
+
+    def interface_forces(self) -> InterfaceForces:
+        """As `Configuration.interface_forces`, with the inertia of the leaf springs."""
+        return interface_forces(self.model, self.motion, sections=self.section_forces(points=2))
+
+    def link_forces(self) -> LinkForces:
+        """As `Configuration.link_forces`, with the inertia of the leaf springs; that of a link is in what is applied to
+        it."""
+        return link_forces(self.model, self.motion, sections=self.section_forces(points=2))
 
     @cached_property
     def strength(self) -> Strength | None:
@@ -416,7 +428,8 @@ class History(PrintableAnswer):
         if not names:
             links = [n for n, (_, unit) in self.signals.items() if unit == "m"]
             names = links[:6]
-        energies = [f"{e} energy" for e in ENERGIES if np.abs(getattr(self.energy, e)).max(initial=0.0) > 0.0]
+        most = {e: float(np.abs(getattr(self.energy, e)).max(initial=0.0)) for e in ENERGIES}
+        energies = [f"{e} energy" for e, value in most.items() if value > 1e-20 * max(most.values())]
         return (*names, *energies)
 
     def phase_plot(self, name: str, path: str | os.PathLike[str] | None = None) -> Figure:

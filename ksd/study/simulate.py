@@ -36,6 +36,7 @@ def simulate(
     speeds: Mapping[str, Any] | None = None,
     stop: Event | Sequence[Event] | None = None,
     damping_at: float | str | None = None,
+    release: float | str | None = None,
     every: int | None = None,
     mesh: Mesh | None = None,
     progress: bool = False,
@@ -48,7 +49,8 @@ def simulate(
     is not named keeps its value, one that is None is let go. base: `ksd.Shake`. start: "equilibrium" of all that acts just
     before t = 0, "undeformed" (weight and loads act from t = 0 on), or a pose that `ksd.solve` returned or a history has at
     an instant. speeds: (vx, vy, vz, wx, wy, wz) [m/s, rad/s] by link. stop: `ksd.Event` that ends the motion. damping_at
-    [Hz]: frequency at which the loss factors of materials hold. rho: 0 to 1, spectral radius of the method at infinite
+    [Hz]: frequency at which the loss factors of materials hold. release [s]: time in which the force of drives that are let
+    go falls by half a cosine, at once when None. rho: 0 to 1, spectral radius of the method at infinite
     frequency (0.8). every: steps per kept instant. mesh: of the leaf springs. progress: shows a bar.
 
     Words that are not given are those of [simulate] of the file that the mechanism was loaded from. Raises SceneError for
@@ -63,7 +65,8 @@ def simulate(
     """
     given = {
         "until": until, "dt": dt, "accuracy": accuracy, "method": method, "rho": rho, "drives": drives, "loads": loads,
-        "base": base, "start": start, "speeds": speeds, "stop": stop, "damping_at": damping_at, "every": every,
+        "base": base, "start": start, "speeds": speeds, "stop": stop, "damping_at": damping_at, "release": release,
+        "every": every,
     }  # fmt: skip
     words = _words(mechanism, {name: value for name, value in given.items() if value is not None})
     scene = mechanism.scene() if isinstance(mechanism, Mechanism) else mechanism
