@@ -260,6 +260,21 @@ def test_contact(which):
     assert sum(pair.N for pair in pose.contacts.values()) > 0.0
 
 
+@pytest.mark.parametrize(("plane", "shape"), [(None, ("ball", 0.02)), ("xy", ("ellipse", 0.03, 0.02))])
+def test_contact_along_a_leaf(plane, shape):
+    scene = ksd.Mechanism("strip", plane=plane)
+    tip, held = scene.links("tip", "held")
+    section, at = ksd.rectangle(0.5e-3, 0.02), (0.06, 0.02025, 0)
+    scene.leaf("ground", tip, start=(0, 0, 0), end=(0.1, 0, 0), section=section, material=STEEL, name="leaf")
+    for along in "xy" if plane else "xyz":
+        scene.actuate(held, along=along, at=at, name=along)
+    for about in "z" if plane else "xyz":
+        scene.support(held, about=about)
+    scene.contact("leaf", scene.surface(held, getattr(ksd.shapes, shape[0])(*shape[1:]), at=at), name="c")
+    pose = ksd.solve(scene, {"x": 0.0, "y": -0.005} | ({} if plane else {"z": 0.0}))
+    assert pose.contacts["c"].N > 0.0
+
+
 def test_sweeps_end_where_newton_does():
     """A start for problems that others do not solve, here on one that they do: the tip moved up into a polygon."""
     what = touching(model := compile_scene(pressed("polygon on wall"), one_sided=True))

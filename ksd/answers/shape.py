@@ -293,12 +293,39 @@ def _interpolated(tables: _LeafTables, values: Array, x: Array, k: int) -> Array
     return interpolated
 
 
-def curvature(value: Array, number: NDArray[np.int64], inner: Array, s: Array) -> Array:
-    """Curvature (len(s), 3) [1/m] about e1, e2, e3 of a strain-mode leaf at fractions s in 0..1 of its length."""
+def strains_along(value: Array, number: NDArray[np.int64], inner: Array, s: Array) -> tuple[Array, Array]:
+    """Curvature (n, 3) [1/m] about e1, e2, e3, and compliance (n, 3) [1/N] of stretch and shear, of a strain-mode leaf at
+    fractions s (n,) in 0..1 of its length."""
     tables = _unpacked(value[None], number, inner[None, : int(number[:3].sum())])
     panel = np.clip(np.searchsorted(tables.edges, s, side="right") - 1, 0, len(tables.panel) - 1)
-    return np.array(
-        [_interpolated(tables, tables.kappa, np.array([x]), k)[0, 0] for x, k in zip(s, panel, strict=True)]
+    found = np.empty((2, len(s), 3))
+    for k in np.unique(panel).tolist():
+        own = panel == k
+        found[:, own] = [_interpolated(tables, v, s[own], k)[0] for v in (tables.kappa, tables.soft)]
+    return found[0], found[1]
+
+
+def curvature(value: Array, number: NDArray[np.int64], inner: Array, s: Array) -> Array:
+    """Curvature of `strains_along`."""
+    return strains_along(value, number, inner, s)[0]
+
+
+def quadrature_points(value: Array, number: NDArray[np.int64]) -> Array:
+    """Fractions (ng,) of the length of a strain-mode leaf at which its modes are known."""
+    return _unpacked(value[None], number, np.zeros((1, int(number[:3].sum())))).s
+
+
+def fitted_amplitudes(value: Array, number: NDArray[np.int64], kappa: Array) -> Array:
+    """Amplitudes (N,) of a strain-mode leaf whose curvature is nearest to kappa (ng, 3) [1/m] at its `quadrature_points`."""
+    nx, ny, nz, ng = (int(n) for n in number[:4])
+    total = nx + ny + nz
+    at = 1 + nx * nx + ny * ny + nz * nz + total + ng * (1 + ng)
+    basis, cuts = (
+        value[at : at + total * ng].reshape(total, ng),
+        (slice(0, nx), slice(nx, nx + ny), slice(nx + ny, total)),
+    )
+    return np.concatenate(
+        [np.linalg.lstsq(basis[c].T, kappa[:, k], rcond=None)[0] for k, c in enumerate(cuts)]
     )
 
 

@@ -1,11 +1,10 @@
 """A small complementarity problem: contact forces between a few bodies whose compliance is known.
 
-Unknown are the motions z of the bodies, and of every pair its force N, its friction forces T and the shift of its place:
+Unknown are the motions z of the bodies, and of every pair its force N and its friction forces T:
 
     motion    z - e0 - C (w + S z) = 0, w: all contact forces on the bodies at their moved poses
     normal    N >= 0, g + c N >= 0, and one of them is zero:  N - max(0, N - rho (g + c N)) = 0
     friction  T - P(T + rho s) = 0, P: onto |T| <= mu N+, N+ = max(0, N - rho (g + c N)); s: slip since the last equilibrium
-    place     distance from tangency = 0
 
 e0: motion without contact, C: compliance, c: softness; S: stiffness that was added to bodies that nothing but contacts
 holds, so that they have a compliance, and that is taken away here. It is solved by semismooth Newton with backtracking; rows
@@ -25,10 +24,8 @@ from ksd.model.gaps import (
     FRICTION,
     FRICTIONS,
     GAP,
-    PLACES,
     SLIP,
     SOFTNESS,
-    TANGENCY,
     WRENCH,
     touch,
 )
@@ -57,7 +54,7 @@ def unknown_count(pairs, motions):
     """Number of unknowns of a problem with so many motions of bodies."""
     count = motions
     for i in range(len(pairs)):
-        count += 1 + pairs[i, FRICTIONS] + pairs[i, PLACES]
+        count += 1 + pairs[i, FRICTIONS]
     return count
 
 
@@ -99,22 +96,19 @@ def _rows(
     motions, n, width = len(e0), len(y), len(active)
     move_bodies(first, active, x, R, y, moved, turned)
     w[:] = 0.0
-    u, shift = motions, np.zeros(2)
+    u = motions
     for i in range(len(pairs)):
         for c in range(3):
             forces[i, c] = y[u + c] if c <= pairs[i, FRICTIONS] else 0.0
         u += 1 + pairs[i, FRICTIONS]
-        for p in range(2):
-            shift[p] = y[u + p] if p < pairs[i, PLACES] else 0.0
-        u += pairs[i, PLACES]
-        touch(pairs[i], data, bodies, moved, turned, x_before, R_before, shift, out[i])
+        touch(pairs[i], data, bodies, moved, turned, x_before, R_before, out[i])
     pair_wrenches(pairs, bodies, first, active, forces, out, w)
     if with_jacobian:
         J[:, :] = 0.0
         M[:, :] = 0.0
     u = motions
     for i in range(len(pairs)):
-        frictions, places, own = pairs[i, FRICTIONS], pairs[i, PLACES], out[i]
+        frictions, own = pairs[i, FRICTIONS], out[i]
         mu, soft = data[pairs[i, DATA] + FRICTION], data[pairs[i, DATA] + SOFTNESS]
         gap = own[GAP] + soft * forces[i, 0]
         push = forces[i, 0] - rho[i] * gap
@@ -130,8 +124,6 @@ def _rows(
         for c in range(frictions):
             along = slip[c] / length if length > 0.0 else 0.0
             F[u + 1 + c] = -own[SLIP + c] if sticks else (forces[i, 1 + c] - most * along) / rho[i]
-        for p in range(places):
-            F[u + 1 + frictions + p] = own[TANGENCY + p]
         if with_jacobian:
             # wrenches and normal row by the forces
             for b in range(pairs[i, BODY_COUNT]):
@@ -150,29 +142,18 @@ def _rows(
                     for d in range(frictions if frictions > 1 else 0):
                         across = ((1.0 if c == d else 0.0) - along * slip[d] / length) * most / length
                         J[u + 1 + c, u + 1 + d] -= across / rho[i]
-            # by motions of the bodies and places, as differences
-            for e in range(width * pairs[i, BODY_COUNT] + places):
-                b = e // width
-                shift[:] = 0.0
-                for p in range(places):
-                    shift[p] = y[u + 1 + frictions + p]
-                if b < pairs[i, BODY_COUNT]:
-                    body = bodies[pairs[i, BODIES] + b]
-                    if first[body] < 0:
-                        continue
-                    r = active[e % width]
-                    column, h = first[body] + e % width, DIFFERENCE * (size if r < 3 else 1.0)
-                    y[column] += h
-                    keep_x, keep_R = moved[body].copy(), turned[body].copy()
-                    _move_body(first[body], active, x[body], R[body], y, moved[body], turned[body])
-                    touch(pairs[i], data, bodies, moved, turned, x_before, R_before, shift, trial)
-                    moved[body], turned[body] = keep_x, keep_R
-                    y[column] -= h
-                else:
-                    p = e - width * pairs[i, BODY_COUNT]
-                    column, h = u + 1 + frictions + p, DIFFERENCE * size
-                    shift[p] += h
-                    touch(pairs[i], data, bodies, moved, turned, x_before, R_before, shift, trial)
+            # by motions of the bodies, as differences
+            for e in range(width * pairs[i, BODY_COUNT]):
+                body = bodies[pairs[i, BODIES] + e // width]
+                if first[body] < 0:
+                    continue
+                column, h = first[body] + e % width, DIFFERENCE * (size if active[e % width] < 3 else 1.0)
+                y[column] += h
+                keep_x, keep_R = moved[body].copy(), turned[body].copy()
+                _move_body(first[body], active, x[body], R[body], y, moved[body], turned[body])
+                touch(pairs[i], data, bodies, moved, turned, x_before, R_before, trial)
+                moved[body], turned[body] = keep_x, keep_R
+                y[column] -= h
                 for k in range(len(own)):
                     trial[k] = (trial[k] - own[k]) / h
                 if closed:
@@ -187,8 +168,6 @@ def _rows(
                         for d in range(frictions if frictions > 1 else 0):
                             across = ((1.0 if c == d else 0.0) - along * slip[d] / length) * most / length
                             J[u + 1 + c, column] -= across * trial[SLIP + d]
-                for p in range(places):
-                    J[u + 1 + frictions + p, column] += trial[TANGENCY + p]
                 for b2 in range(pairs[i, BODY_COUNT]):
                     k = first[bodies[pairs[i, BODIES] + b2]]
                     if k >= 0:
@@ -196,7 +175,7 @@ def _rows(
                             at = WRENCH + 18 * b2 + 3 * active[r]
                             for c in range(1 + frictions):
                                 M[k + r, column] += trial[at + c] * forces[i, c]
-        u += 1 + frictions + places
+        u += 1 + frictions
     total = 0.0
     for k in range(motions):
         scale = size if active[k % width] >= 3 else 1.0
@@ -342,14 +321,14 @@ def _sweep(
     pairs, data, bodies, first, active, x, R, x_before, R_before, e0, C, rho, y, out, moved, turned, w, forces
 ):  # fmt: skip
     """Projected Gauss-Seidel: forces of one pair after the other by its own compliance, as another start for Newton."""
-    motions, shift = len(e0), np.zeros(2)
+    motions = len(e0)
     y[:motions] = e0
     for _ in range(SWEEPS):
         u = motions
         for i in range(len(pairs)):
             frictions = pairs[i, FRICTIONS]
             move_bodies(first, active, x, R, y, moved, turned)
-            touch(pairs[i], data, bodies, moved, turned, x_before, R_before, shift, out[i])
+            touch(pairs[i], data, bodies, moved, turned, x_before, R_before, out[i])
             gap = out[i, GAP] + data[pairs[i, DATA] + SOFTNESS] * y[u]
             y[u] = max(0.0, y[u] - rho[i] * gap)
             most, length = data[pairs[i, DATA] + FRICTION] * y[u], 0.0
@@ -367,4 +346,4 @@ def _sweep(
                 y[k] = e0[k]
                 for q in range(motions):
                     y[k] += C[k, q] * w[q]
-            u += 1 + frictions + pairs[i, PLACES]
+            u += 1 + frictions

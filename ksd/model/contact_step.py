@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from ksd.model.complementarity import move_bodies, pair_wrenches, solve_complementarity, unknown_count
-from ksd.model.gaps import BODIES, BODY_COUNT, DATA, FRICTION, FRICTIONS, GAP, PLACES, SOFTNESS, WRENCH, touch
+from ksd.model.gaps import BODIES, BODY_COUNT, DATA, FRICTION, FRICTIONS, GAP, SOFTNESS, WRENCH, touch
 from ksd.model.newton import _largest
 from ksd.numerics.blocks import BLOCKS, factor_blocks, solve_blocks
 from ksd.numerics.kernel import kernel
@@ -31,10 +31,10 @@ SLIPPING = 1e-9
 def look_at_gaps(pairs, data, bodies, nodes, x, R, x_before, R_before, out):
     """Evaluate all pairs at the poses of the nodes; returns the smallest gap [m]. x_before, R_before: at the last
     equilibrium, which is this state where they are empty."""
-    x_now, R_now, shift, least = x[nodes], R[nodes], np.zeros(2), math.inf
+    x_now, R_now, least = x[nodes], R[nodes], math.inf
     x_last, R_last = (x_before, R_before) if len(x_before) > 0 else (x_now, R_now)
     for i in range(len(pairs)):
-        touch(pairs[i], data, bodies, x_now, R_now, x_last, R_last, shift, out[i])
+        touch(pairs[i], data, bodies, x_now, R_now, x_last, R_last, out[i])
         least = min(least, out[i, GAP])
     return least
 
@@ -127,7 +127,7 @@ def contact_step(
         for i in range(m):
             for c in range(1 + pairs[i, FRICTIONS]):
                 y[u + c] = forces[i, c]
-            u += 1 + pairs[i, FRICTIONS] + pairs[i, PLACES]
+            u += 1 + pairs[i, FRICTIONS]
         solved, _, _ = solve_complementarity(
             pairs, data, bodies, first, active, x[nodes], R[nodes], x_before, R_before, e0, C, spring, rho, size, y, out, w
         )  # fmt: skip
@@ -139,7 +139,7 @@ def contact_step(
             if y[u] - rho[i] * gap > 0.0:
                 for c in range(1 + pairs[i, FRICTIONS]):
                     forces[i, c] = y[u + c]
-            u += 1 + pairs[i, FRICTIONS] + pairs[i, PLACES]
+            u += 1 + pairs[i, FRICTIONS]
         for k in range(q):
             more = w[k] + spring[k] * y[k] - w_before[k]
             if more != 0.0:
@@ -215,7 +215,7 @@ def stability_matrix(
             small[row, row] = -data[pairs[i, DATA] + SOFTNESS] / norm if e == 0 else 0.0
             row += 1
     # stiffness of contact forces of constant size: minus the derivative of their wrenches by the motions
-    trial, y, shift, w = np.empty_like(out), np.zeros(q), np.zeros(2), np.empty((2, q))
+    trial, y, w = np.empty_like(out), np.zeros(q), np.empty((2, q))
     x_now, R_now = x[nodes], R[nodes]
     moved, turned = x_now.copy(), R_now.copy()
     for k in range(q):
@@ -226,7 +226,7 @@ def stability_matrix(
             for i in range(len(pairs)):
                 trial[i] = 0.0
                 if forces[i, 0] > 0.0:
-                    touch(pairs[i], data, bodies, moved, turned, x_before, R_before, shift, trial[i])
+                    touch(pairs[i], data, bodies, moved, turned, x_before, R_before, trial[i])
             w[side] = 0.0
             pair_wrenches(pairs, bodies, first, active, forces, trial, w[side])
         y[k] = 0.0

@@ -12,36 +12,40 @@ import numpy as np
 
 from ksd.model.loading import twist
 from ksd.numerics.kernel import kernel
-from ksd.numerics.rotations import nearest_turn
+from ksd.numerics.rotations import nearest_turn, rotation_factors
 
 LIMIT, CABLE, BALL, OVAL = range(4)
 """Kinds of pairs: an end stop on a sum of drive terms, a cable through points of bodies, a ball and any shape, and an
-ellipsoid and a wall."""
-KIND, DATA, PARTS, BODIES, BODY_COUNT, FRICTIONS, PLACES = range(7)
+ellipsoid over a wall or strip."""
+KIND, DATA, PARTS, BODIES, BODY_COUNT, FRICTIONS = range(6)
 """Columns of the table of pairs: kind, start of its numbers, number of its parts, start and number of its bodies, and its
-numbers of friction forces and of unknown places."""
+number of friction forces."""
 FRICTION, SOFTNESS, OFFSET, FIRST = range(4)
 """Numbers of every pair: coefficient of friction, softness [m/N], offset of the gap, and where its own numbers begin."""
-GAP, TANGENCY, SLIP, PLACE, NORMAL, SLIDE, WRENCH = 0, 1, 3, 5, 8, 11, 14
-"""Positions in the output of `touch`: gap [m], distance from tangency (2,), slip (2,) [m] since the last equilibrium,
-place (3,) [m], normal (3,), first direction of friction (3,), and wrenches (bodies, 6, 3) of unit forces on every body."""
+GAP, SHIFT, SLIP, PLACE, NORMAL, SLIDE, WRENCH = 0, 1, 3, 5, 8, 11, 14
+"""Positions in the output of `touch`: gap [m], where on a strip along and across it (2,) [m], slip (2,) [m] since the last
+equilibrium, place (3,) [m], normal (3,), first direction of friction (3,), and wrenches (bodies, 6, 3) of unit forces on
+every body."""
 TERM_SIZE, POINT_SIZE, SURFACE = 14, 4, 18
 """Numbers of a term: coefficient, whether it is a rotation, base, link, direction, points on both, counted angle [rad]; of a
 point: body and point in its axes; of a surface without corners."""
-ROUNDED, WALL, POLYGON, ELLIPSOID = range(4)
+ROUNDED, WALL, POLYGON, ELLIPSOID, STRIP = range(5)
 """Shapes: a box rounded by a ball, so also a ball, a capsule or a box; the half space below z = 0; a polygon in x and y; an
-ellipsoid, or an ellipse where its last semi-axis is 0."""
+ellipsoid, or an ellipse where its last semi-axis is 0; the surface y > 0 of a leaf spring around a section of it."""
 SHAPE, SIZES, COUNT, CORNERS = 12, 13, 17, 18
 """Numbers of a surface after its centre (3,) and axes (3, 3) in the axes of its body: shape, four sizes (radius and half
-sizes of the box, or semi-axes), number of corners, and these (n, 2)."""
+sizes of the box, or semi-axes; of a strip half thickness, its change along the strip, and half width), number of corners,
+and these (n, 2), of a strip its curvature (3,) [1/m] in its axes and where it begins and ends from the section [m]."""
+STRIP_STEPS = 30
+"""Newton steps to the place on a strip."""
 
 
 @kernel
-def touch(pair, data, bodies, x, R, x_before, R_before, shift, out):
+def touch(pair, data, bodies, x, R, x_before, R_before, out):
     """Write gap, slip and unit wrenches of a pair into `out`, see GAP to WRENCH.
 
     pair: its row of the table; bodies: numbers of the bodies of all pairs; x (k, 3), R (k, 3, 3): poses of all bodies, and
-    those at the last equilibrium; shift (2,) [m]: of the place on a body where that is unknown.
+    those at the last equilibrium.
     """
     out[:] = 0.0
     at, own = pair[DATA] + FIRST, bodies[pair[BODIES] : pair[BODIES] + pair[BODY_COUNT]]
@@ -137,13 +141,16 @@ def _frame(data, at, x, R, centre, axes):
 
 @kernel
 def _surfaces(pair, data, at, own, x, R, x_before, R_before, out):
-    """Two surfaces: a ball and any shape, or an ellipsoid over a wall; the normal goes from the first to the second."""
+    """Two surfaces: a ball and any shape, or an ellipsoid over a wall or strip; the normal goes from the first to the
+    second."""
     i, j, b = own[0], own[1], at + 3 + SURFACE
     first, second, axes, other = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty((3, 3))
     local, outward, n = np.empty(3), np.empty(3), np.empty(3)
     _frame(data, at + 3, x[i], R[i], first, axes)
     _frame(data, b, x[j], R[j], second, other)
-    if pair[KIND] == BALL:
+    if data[b + SHAPE] == STRIP:
+        out[GAP] += _strip(data, at + 3, first, axes, b, second, other, n, out)
+    elif pair[KIND] == BALL:
         for r in range(3):
             local[r] = 0.0
             for c in range(3):
@@ -176,6 +183,135 @@ def _support(data, at, centre, axes, direction, found):
     size = math.sqrt(size)
     for r in range(3):
         found[r] = centre[r] + (axes[r, 0] * local[0] + axes[r, 1] * local[1] + axes[r, 2] * local[2]) / size
+
+
+@kernel
+def _arc(kappa, s, r, E):
+    """Place r (3,) and axes E (3, 3) at the arc length s of a line of constant curvature kappa (3,), whose axes at 0 are the
+    identity."""
+    t2 = s * s * (kappa[0] ** 2 + kappa[1] ** 2 + kappa[2] ** 2)
+    a, b = rotation_factors(t2)
+    c = (1.0 - a) / t2 if t2 > 0.01 else 1.0 / 6.0 - t2 * (1.0 / 120.0 - t2 * (1.0 / 5040.0 - t2 / 362880.0))
+    once, twice = np.zeros((3, 3)), np.zeros((3, 3))
+    for i in range(3):
+        k, m = (i + 1) % 3, (i + 2) % 3
+        once[m, k], once[k, m] = s * kappa[i], -s * kappa[i]
+        for j in range(3):
+            twice[i, j] = s * s * kappa[i] * kappa[j] - (t2 if i == j else 0.0)
+    for i in range(3):
+        for j in range(3):
+            E[i, j] = (1.0 if i == j else 0.0) + a * once[i, j] + b * twice[i, j]
+        r[i] = s * ((1.0 if i == 0 else 0.0) + b * once[i, 0] + c * twice[i, 0])
+
+
+@kernel
+def _osculating_ball(data, at, centre, axes, direction, found):
+    """Radius [m] of the ball that fits a ball or ellipse where it is furthest along a direction (3,); its centre into
+    `found`."""
+    if int(data[at + SHAPE]) != ELLIPSOID:
+        found[:] = centre
+        return data[at + SIZES]
+    _support(data, at, centre, axes, direction, found)
+    square = 0.0
+    for c in range(2):
+        along = axes[0, c] * direction[0] + axes[1, c] * direction[1] + axes[2, c] * direction[2]
+        square += (data[at + SIZES + c] * along) ** 2
+    radius = (data[at + SIZES] * data[at + SIZES + 1]) ** 2 / (square * math.sqrt(square))
+    for r in range(3):
+        found[r] -= radius * direction[r]
+    return radius
+
+
+@kernel
+def _strip(data, at, first, axes, b, middle, other, n, out):
+    """Gap [m] of a ball or ellipse, at `first` with `axes`, and a strip at `middle` with the axes `other`; writes where it
+    is on the strip into `out`, the place into `first`, and the normal n (3,) to the strip.
+
+    Around its section the strip is an arc of constant curvature, straight across. It is touched where the line from the
+    centre of the ball is normal to it, on an edge where that is beside it, and at an end of the strip where that is beyond.
+    """
+    kappa, h, slope, half = (
+        data[b + CORNERS : b + CORNERS + 3],
+        data[b + SIZES],
+        data[b + SIZES + 1],
+        data[b + SIZES + 2],
+    )
+    low, high = data[b + CORNERS + 3], data[b + CORNERS + 4]
+    r, E, p, v, tangent, up = (
+        np.empty(3),
+        np.empty((3, 3)),
+        np.empty(3),
+        np.empty(3),
+        np.empty(3),
+        np.empty(3),
+    )
+    ball, down, s, across, radius, F, size = (
+        np.empty(3),
+        np.empty(3),
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        math.sqrt(1.0 + slope * slope),
+    )
+    for _ in range(STRIP_STEPS):
+        _arc(kappa, s, r, E)
+        for i in range(3):
+            tangent[i], up[i] = E[i, 0] + slope * E[i, 1], (E[i, 1] - slope * E[i, 0]) / size
+        for i in range(3):
+            down[i] = -(other[i, 0] * up[0] + other[i, 1] * up[1] + other[i, 2] * up[2])
+        radius = _osculating_ball(data, at, first, axes, down, ball)
+        across = 0.0
+        for i in range(3):
+            v[i] = -r[i] - (h + slope * s) * E[i, 1]
+            for c in range(3):
+                v[i] += other[c, i] * (ball[c] - middle[c])
+        for i in range(3):
+            across += v[i] * E[i, 2]
+        across = min(max(across, -half), half)
+        F, rate = 0.0, 0.0
+        for i in range(3):
+            k, m = (i + 1) % 3, (i + 2) % 3
+            v[i] -= across * E[i, 2]
+            F += v[i] * tangent[i]
+            rate += v[i] * (kappa[k] * tangent[m] - kappa[m] * tangent[k])
+            side = (h + slope * s) * (kappa[k] * E[m, 1] - kappa[m] * E[k, 1])
+            side += across * (kappa[k] * E[m, 2] - kappa[m] * E[k, 2])
+            rate -= (tangent[i] + side) * tangent[i]
+        new = min(max(s + F / max(-rate, 0.1), low), high)
+        if abs(new - s) <= 1e-15 * (high - low):
+            break
+        s = new
+    out[SHIFT], out[SHIFT + 1] = s, across
+    for i in range(3):
+        p[i] = middle[i]
+        for c in range(3):
+            p[i] += other[i, c] * (r[c] + (h + slope * s) * E[c, 1] + across * E[c, 2])
+    if (s == low and F < 0.0) or (s == high and F > 0.0):
+        # beyond an end
+        for i in range(3):
+            v[i] = 0.0
+            for c in range(3):
+                v[i] += axes[c, i] * (p[c] - first[c])
+        gap = distance(data, at, v, up)
+        for i in range(3):
+            n[i] = axes[i, 0] * up[0] + axes[i, 1] * up[1] + axes[i, 2] * up[2]
+    else:
+        gap, beside = 0.0, 0.0
+        for i in range(3):
+            gap += v[i] * up[i]
+            beside += v[i] * E[i, 2]
+        if abs(across) == half and beside != 0.0:
+            gap = max(gap, 0.0)
+            apart = math.sqrt(gap * gap + beside * beside)
+            for i in range(3):
+                up[i] = (gap * up[i] + beside * E[i, 2]) / apart
+            gap = apart
+        gap -= radius
+        for i in range(3):
+            n[i] = -(other[i, 0] * up[0] + other[i, 1] * up[1] + other[i, 2] * up[2])
+    first[:] = p
+    return gap
 
 
 @kernel

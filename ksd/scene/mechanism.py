@@ -53,7 +53,7 @@ from ksd.scene.link import Link, link_name
 from ksd.scene.link_matrix import link_matrix
 from ksd.scene.load import Load, PointMass
 from ksd.scene.material import Material
-from ksd.scene.obstacle import Cable, Contact, Stop, Surface, check_pair
+from ksd.scene.obstacle import Cable, Contact, Stop, Surface, check_leaf_pair, check_pair
 from ksd.scene.profile import Profile
 from ksd.scene.rules import check_scene
 from ksd.scene.scene import (
@@ -1258,8 +1258,8 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
 
     def contact(
         self,
-        a: Surface | Link | str,
-        b: Surface | Link | str,
+        a: Surface | Link | PlacedLeaf | str,
+        b: Surface | Link | PlacedLeaf | str,
         *,
         friction: float = 0.0,
         softness: float = 0.0,
@@ -1267,24 +1267,42 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
     ) -> Contact:
         """Let two surfaces touch, with Coulomb friction; each is a surface, its name, or a link that is a point of a leaf.
 
-        Only pairs that are named touch. softness [m/N]: how far they sink in per force. The default name is "a-b". Raises
-        SceneError.
+        One of them may be a free-form leaf, whose surface, half a thickness from its centreline and as wide as it, a disc,
+        ball, ellipse or point touches anywhere. Only pairs that are named touch. softness [m/N]: how far they sink in per
+        force. The default name is "a-b". Raises SceneError.
         """
         first, second = (self._surface(part) for part in (a, b))
         label = _free_name(name, f"{first.name}-{second.name}", {c.name for c in self._contacts}, "contact")
-        check_pair(f"contact '{label}'", first, second)
+        owner = f"contact '{label}'"
+        if isinstance(first, Surface) and isinstance(second, Surface):
+            check_pair(owner, first, second)
+        elif isinstance(first, PlacedLeaf) and isinstance(second, PlacedLeaf):
+            raise SceneError(
+                f"{owner}: contact of two leaf springs, or of one with itself, is not known; ask pose.clearance for their "
+                "distance, or put a surface on a link in the place of one."
+            )
+        else:
+            placed, surface = (first, second) if isinstance(first, PlacedLeaf) else (second, first)
+            assert isinstance(placed, PlacedLeaf) and isinstance(surface, Surface)
+            section = placed.leaf.section
+            check_leaf_pair(
+                owner,
+                placed.name,
+                surface,
+                flat=self.plane is not None,
+                is_round=round_ratio(section) is not None,
+            )
         self._contacts.append(Contact(label, first.name, second.name, friction, softness))
         return self._contacts[-1]
 
-    def _surface(self, part: Surface | Link | PlacedLeaf | str) -> Surface:
-        """A surface of this mechanism; a link that is a point of a leaf gets one. Raises SceneError."""
-        if isinstance(part, PlacedLeaf) or any(leaf.name == part for leaf in self._leaves):
-            raise SceneError(
-                f"contact: '{getattr(part, 'name', part)}' is a leaf spring, and contact along one is not known yet; "
-                "give points of it (mechanism.point), and ask pose.clearance for the distance of two leaf springs."
-            )
+    def _surface(self, part: Surface | Link | PlacedLeaf | str) -> Surface | PlacedLeaf:
+        """A surface or leaf of this mechanism; a link that is a point of a leaf gets a surface. Raises SceneError."""
         label = getattr(part, "name", part)
-        found = next((s for s in self._surfaces if s.name == label), None)
+        known: list[Surface | PlacedLeaf] = [
+            *([] if isinstance(part, PlacedLeaf) else self._surfaces),
+            *self._leaves,
+        ]
+        found = next((s for s in known if s.name == label), None)
         if found is not None:
             return found
         if isinstance(label, str) and label in self._links and self._links[label].at is not None:

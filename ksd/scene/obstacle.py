@@ -147,7 +147,7 @@ class Surface:
 class Contact:
     """Two surfaces, by name, that may touch, with Coulomb friction.
 
-    friction: coefficient; softness [m/N]: how far they sink in per force, 0 for rigid ones.
+    friction: coefficient; softness [m/N]: how far they sink in per force, 0 for rigid ones. One of them may be a leaf.
     """
 
     name: str
@@ -161,6 +161,20 @@ class Contact:
         for key in ("friction", "softness"):
             unit = "m/N" if key == "softness" else ""
             object.__setattr__(self, key, not_negative(getattr(self, key), key, owner=owner, unit=unit))
+
+
+def check_leaf_pair(owner: str, leaf: str, surface: Surface, *, flat: bool, is_round: bool) -> None:
+    """Raise SceneError for a surface whose contact along a leaf is not known; flat: in a plane."""
+    kind = surface.shape.kind
+    if not surface.shape.is_ball and kind != "ellipse":
+        raise SceneError(
+            f"{owner}: a {kind} and leaf spring '{leaf}' are not known to touch; give its corners by ksd.shapes.point, or a "
+            "disc, ball or ellipse, and a wall a point of the leaf (mechanism.point) or its end."
+        )
+    if is_round and not flat:
+        raise SceneError(
+            f"{owner}: '{leaf}' is round and has no side in space; touch points of it (mechanism.point) with balls."
+        )
 
 
 def check_pair(owner: str, a: Surface, b: Surface) -> None:

@@ -8,19 +8,22 @@ the unknowns of the touched nodes:
     step = d0 + X (w - w before)
 
 So contacts open, close, stick and slip inside one iteration, and geometry of contact needs no tangent. A node that nothing
-but contacts holds gets a stiffness S, which the small problem takes away again.
+but contacts holds gets a stiffness S, which the small problem takes away again. A leaf that is touched is cut anew after
+iterations that converge, until it is cut where it is touched (`ksd.solvers.leaf_contact`).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ksd.model.arrays import Arrays, State, make_workspace
+from ksd.model.compile import Model
 from ksd.model.contact_step import contact_step, load_contacts, stability_matrix, touched_compliance
-from ksd.model.gaps import BODY_COUNT, NORMAL, WRENCH
+from ksd.model.gaps import BODY_COUNT, CORNERS, NORMAL, SHIFT, WRENCH
 from ksd.model.newton import (
     ROUNDING_MULTIPLE,
     NewtonResult,
@@ -28,22 +31,31 @@ from ksd.model.newton import (
     has_converged,
     take_step,
 )
+from ksd.solvers.leaf_contact import cut_at, cut_places, cut_state, node_poses, places_of, strips
 from ksd.solvers.steps import Stop
 from ksd.solvers.touching import Touching
 
 Array = NDArray[np.float64]
 SAME_GAP = 1e-11
 """Largest gap of a closed contact, over the size of the mechanism."""
+MAX_CUTS = 12
+"""How often a leaf is cut in one load step at most."""
+SAME_PLACE, SAME_OPEN_PLACE = 1e-8, 1e-3
+"""How far from the place where it is touched, or comes nearest, a leaf may be cut, over its length; forces are off by the
+square of it."""
 
 
 class ContactNewton:
     """Newton with contact on arrays whose last loads are the contact forces (`ksd.solvers.touching.contact_model`), with its
     storage: not for two threads at once.
 
-    forces (m, 3) [N]: of the pairs in the last state found. out (m, ...): outputs of `ksd.model.gaps.touch` there.
+    make: the arrays of a model. model: as it is cut. forces (m, 3) [N]: of the pairs in the last state found. out (m, ...):
+    outputs of `ksd.model.gaps.touch` there.
     """
 
-    def __init__(self, what: Touching, arrays: Arrays) -> None:
+    def __init__(self, what: Touching, model: Model, make: Callable[[Model], Arrays]) -> None:
+        self.make, self.model = make, model
+        arrays = make(model)
         self.what, self.arrays, self.work = what, arrays, make_workspace(arrays)
         self.active = arrays.active_dofs
         moving, width = arrays.start[what.nodes] >= 0, len(self.active)
@@ -68,6 +80,15 @@ class ContactNewton:
         self.forces, self.spring = forces.copy(), np.zeros(len(self.unknowns))
         self.data = self.what.data
         self.before = np.zeros((0, 3)), np.zeros((0, 3, 3))
+
+    def cut(self, model: Model, motion: State) -> None:
+        """Go over to a model cut elsewhere, at a state of it."""
+        if model is not self.model:
+            self.model = model
+            self.arrays.floats[:] = self.make(model).floats
+        if self.what.strips:
+            what = self.what = self.what.on_strips(model, motion)
+            self.data, self.rest_data = what.data, what.with_values(np.array(list(what.values.values())))
 
     def poses(self, motion: State) -> tuple[Array, Array]:
         """Positions (k, 3) and rotations (k, 3, 3) of the bodies that may touch."""
@@ -97,6 +118,54 @@ class ContactNewton:
 
         values: those of drives and supports, then those of `Touching.values`.
         """
+        words = values, factor, rtol, max_steps, max_turn, limit
+        before = self.before = self.poses(motion)
+        if not self.what.strips:
+            return self._iterate(motion, before, *words)
+        model, forces, begin, total = self.model, self.forces.copy(), motion.copy(), 0
+        for _ in range(MAX_CUTS):
+            reason, count, worst, negatives, pivot = self._iterate(motion, before, *words)
+            total += count
+            moved = self.better_cut(motion) if reason == Stop.CONVERGED else {}
+            if not moved:
+                break
+            cut = cut_at(self.model, moved)
+            motion.assign(cut_state(self.model, motion, cut))
+            poses = node_poses(model, begin, moved)
+            for k, node in enumerate(self.what.nodes.tolist()):
+                if (name := cut.node_names[node]) in poses:
+                    before[0][k], before[1][k] = poses[name]
+            self.cut(cut, motion)
+        else:
+            reason = int(Stop.NO_PLACE)
+        if reason != Stop.CONVERGED:
+            self.cut(model, begin)
+            self.forces = forces
+        return reason, total, worst, negatives, pivot
+
+    def better_cut(self, motion: State) -> dict[str, float]:
+        """Where leaves are to be cut [m] by the name of the node, empty where they are cut there."""
+        now, far = places_of(self.model), False
+        own = {s.contact: s for s in strips(self.model)}
+        pairs = [(i, own[part.name]) for i, part in enumerate(self.what.parts) if part.name in own]
+        wanted = {strip.node: now[strip.node] + float(self.out[i, SHIFT]) for i, strip in pairs}
+        wanted = cut_places(self.model, wanted)
+        for i, strip in pairs:
+            tolerance = SAME_PLACE if self.forces[i, 0] > 0.0 else SAME_OPEN_PLACE
+            apart = abs(self.out[i, SHIFT])
+            far = far or abs(wanted[strip.node] - now[strip.node]) > tolerance * strip.leaf.length
+            if not far and apart > tolerance * strip.leaf.length:
+                # beside an end or another node, where the strip has to have the curvature of the leaf
+                at = self.what.strips[strip.node] + CORNERS
+                bend = self.what.on_strips(self.model, motion).data[at : at + 3] - self.what.data[at : at + 3]
+                far = float(np.abs(bend).max()) * apart > tolerance
+        return wanted if far else {}
+
+    def _iterate(
+        self, motion: State, before: tuple[Array, Array], values: Array, factor: float, rtol: float, max_steps: int,
+        max_turn: float, limit: float,
+    ) -> NewtonResult:  # fmt: skip
+        """`newton` with leaf springs cut where they are; before: poses of the bodies at the last equilibrium."""
         arrays, work, what = self.arrays, self.work, self.what
         rows, size = len(arrays.terms.start), self.size
         # the symmetric tangent alone is used, so that steps under follower loads shrink by a factor only
@@ -104,7 +173,6 @@ class ContactNewton:
         target = np.ascontiguousarray(values[:rows])
         self.data = what.with_values(values[rows:])
         what.count_turns(self.data, arrays, motion)
-        before = self.before = self.poses(motion)
         begin = self.forces.copy()
         worst, previous, moved, unsolved, solved = math.inf, math.inf, math.inf, 0, False
         for n in range(max_steps + 1):

@@ -12,19 +12,20 @@ from ksd.answers.divergence import count_unstable_directions
 from ksd.answers.mesh_adequacy import mode_adequacy
 from ksd.checks import number, similar_name_hint
 from ksd.errors import ConvergenceError, SceneError
-from ksd.model.arrays import State
+from ksd.model.arrays import Arrays, State
 from ksd.model.compile import Model
 from ksd.model.contact_step import look_at_gaps
 from ksd.model.plane import Plane, plane_of
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.scene.obstacle import check_limits
 from ksd.solvers.configuration import Configuration
-from ksd.solvers.contact_newton import ContactNewton
+from ksd.solvers.contact_newton import MAX_CUTS, ContactNewton
 from ksd.solvers.contact_state import Touched
+from ksd.solvers.leaf_contact import cut_at, cut_state, places_of
 from ksd.solvers.load_steps import LoadPath, LoadStepRecord, as_step, take_load_steps
 from ksd.solvers.steps import Stop
 from ksd.solvers.storage import NewtonStorage, thread_storage
-from ksd.solvers.touching import Touching, contact_model, touching
+from ksd.solvers.touching import Touching, contact_model, cut_model, touching
 
 Array = NDArray[np.float64]
 NO_POSES = np.zeros((0, 3)), np.zeros((0, 3, 3))
@@ -70,6 +71,8 @@ def without_contact_forces(
         return None
     model, motion = found.model, found.motion
     newton = _spatial(model, storage)
+    if newton.what.strips:
+        model, motion = _nearest_cut(newton, found)
     what = newton.what
     data = newton.rest_data
     if values is not what.values or what.counts_turns:
@@ -88,6 +91,21 @@ def without_contact_forces(
     return found
 
 
+def _nearest_cut(newton: ContactNewton, found: Configuration) -> tuple[Model, State]:
+    """Model and state of a pose with its leaf springs cut where surfaces are nearest to them; `newton` knows them."""
+    cut = cut_model(found.model)
+    for _ in range(MAX_CUTS):
+        motion = cut_state(found.model, found.motion, cut)
+        newton.begin(newton.none)
+        newton.cut(cut, motion)
+        newton.look(motion, NO_POSES, 1.0)
+        moved = newton.better_cut(motion)
+        if not moved:
+            break
+        cut = cut_at(cut, moved)
+    return cut, motion
+
+
 def solve_with_contact(
     model: Model,
     drives: Mapping[str, float],
@@ -102,14 +120,17 @@ def solve_with_contact(
 
     Raises ConvergenceError with how far the path was taken.
     """
-    what, clock = touching(model), Stopwatch()
+    what, clock, cut = touching(model), Stopwatch(), cut_model(model)
     target = np.concatenate([model.targets(drives), list(values.values())])
     rest = np.concatenate([np.zeros(len(model.arrays.terms.start)), list(what.values.values())])
-    forces, begin = np.zeros((len(what.parts), 3)), model.rest
+    forces, begin = np.zeros((len(what.parts), 3)), cut.rest
     factors = (0.0, 1.0)
     if start is not None:
         began = contact_values(what, {} if start.touched is None else start.touched.values)
         rest, begin = np.concatenate([model.targets(start.targets), list(began.values())]), start.motion
+        if what.strips:
+            cut = cut_at(cut, places_of(start.model) or places_of(cut))
+            begin = cut_state(start.model, start.motion, cut)
         forces = forces if start.touched is None else start.touched.forces.copy()
         factors = (start.load_factor, 1.0)
     path = LoadPath(rest, target, factors, smallest_step=smallest_step)
@@ -118,13 +139,26 @@ def solve_with_contact(
         how, newton = way
         motion = begin.copy()
         newton.begin(forces)
+        newton.cut(cut, begin)
         record = take_load_steps(motion, newton.newton, path, begin=begin)
         if record.stop is Stop.CONVERGED:
+            space.cut(newton.model, motion)
             space.forces, space.data = newton.forces, newton.data
             residual, unstable = space.check(motion, path.target, path.factors[1], newton.before)
             if residual <= max(1.0, 2.0 * record.residual):
                 break
-    found = _pose(model, newton, motion, record, unstable, path, drives, values, how, clock())
+    found = _pose(
+        newton.model if what.strips else model,
+        newton,
+        motion,
+        record,
+        unstable,
+        path,
+        drives,
+        values,
+        how,
+        clock(),
+    )
     if record.stop is not Stop.CONVERGED:
         raise ConvergenceError(
             f"the solver stopped at {100 * record.fraction_reached:.3g} % of the way, with contact: {record.stop.sentence}",
@@ -141,9 +175,15 @@ def _ways(model: Model, storage: NewtonStorage | None, planar: bool) -> list[tup
     if not isinstance(plane, Plane):
         return [("spatial", space)]
     if "planar" not in known:
-        arrays = Plane(contact_model(model).arrays, model.rest, plane.axis, plane.rows).arrays
+        nodes, axis, rows = space.what.nodes, plane.axis, plane.rows
+
+        def planar_arrays(model: Model) -> Arrays:
+            return Plane(contact_model(model, nodes).arrays, model.rest, axis, rows).arrays
+
         known["planar"] = (
-            None if _leaves_plane(space.what, model, plane) else ContactNewton(space.what, arrays)
+            None
+            if _leaves_plane(space.what, model, plane)
+            else ContactNewton(space.what, cut_model(model), planar_arrays)
         )
     if known["planar"] is None:
         return [("spatial", space)]
@@ -155,7 +195,10 @@ def _spatial(model: Model, storage: NewtonStorage | None) -> ContactNewton:
     if storage is None or storage.model is not model:
         storage = thread_storage(model)
     if "spatial" not in storage.contact:
-        storage.contact["spatial"] = ContactNewton(touching(model), contact_model(model).arrays.copy())
+        what = touching(model)
+        storage.contact["spatial"] = ContactNewton(
+            what, cut_model(model), lambda model: contact_model(model, what.nodes).arrays.copy()
+        )
     found: ContactNewton = storage.contact["spatial"]
     return found
 
@@ -170,7 +213,7 @@ def _pose(
     if record.fraction_reached < 1.0:
         drives = dict(zip(model.drive_names, reached[:count].tolist(), strict=True))
         values = dict(zip(values, reached[rows:].tolist(), strict=True))
-    held = contact_model(model)
+    held = contact_model(model, newton.what.nodes)
     arrays = held.arrays.copy()
     if record.stop is Stop.CONVERGED:
         arrays.loads.force[newton.loads], arrays.loads.moment[newton.loads] = newton.push, newton.turn

@@ -35,6 +35,7 @@ from ksd.model.gaps import (
     SHAPE,
     SIZES,
     SLIDE,
+    STRIP,
     SURFACE,
     WALL,
 )
@@ -163,11 +164,20 @@ def _hold_contact(found: _Collector, touched: Touched, i: int) -> None:
     other = _radius(what.data, at + 3 + SURFACE, found.motion.R[b], found.motion.x[b], -n, place)
     centre = place - own * n
     along = found.term(b, a, n, centre)
+    flat = found.model.original_scene.plane is not None
+    shapes = {int(what.data[at + 3 + SHAPE]), int(what.data[at + 3 + SURFACE + SHAPE])}
+    if STRIP in shapes and not flat:
+        raise SceneError(
+            f"contact '{name}' along a leaf spring acts here, and how its place moves in space is not known to stiffness, "
+            "frequencies and the like; ask them in the plane of the mechanism (plane=), or of a point of the leaf."
+        )
     if math.isinf(other):
         found.support(f"{name} normal", (along,), N)
     else:
         found.support(f"{name} normal", (along,), 0.0)
-        found.constant_force(f"{name} force", a, b, centre, place + other * n, -N)
+        # a hollow surface has its centre beyond that of the first
+        sign = 1.0 if own + other > 0.0 else -1.0
+        found.constant_force(f"{name} force", a, b, centre, place + other * n, -sign * N)
     friction, drag = contact.friction * N, T1 * t1 + T2 * np.cross(n, t1)
     if not friction:
         return
@@ -175,8 +185,6 @@ def _hold_contact(found: _Collector, touched: Touched, i: int) -> None:
         found.dead_load(f"{name} friction on {found.model.node_names[a]}", a, drag, place)
         found.dead_load(f"{name} friction on {found.model.node_names[b]}", b, -drag, place)
         return
-    flat = found.model.original_scene.plane is not None
-    shapes = {int(what.data[at + 3 + SHAPE]), int(what.data[at + 3 + SURFACE + SHAPE])}
     if ELLIPSOID in shapes or (own > 0.0 and not flat):
         raise SceneError(
             f"contact '{name}' sticks here, and how {'an ellipse' if flat else 'a ball'} rolls on what it sticks to is not "
@@ -193,11 +201,19 @@ def _hold_contact(found: _Collector, touched: Touched, i: int) -> None:
 
 
 def _radius(data: Array, at: int, R: Array, x: Array, outward: Array, place: Array) -> float:
-    """Radius of curvature [m] of a surface in the plane of the contact, inf where it is flat."""
+    """Radius of curvature [m] of a surface in the plane of the contact, inf where flat, negative where hollow."""
     kind, axes = int(data[at + SHAPE]), R @ data[at + 3 : at + 12].reshape(3, 3)
     local = axes.T @ (place - x - R @ data[at : at + 3])
     if kind == WALL:
         return math.inf
+    if kind == STRIP:
+        h, slope, kappa = float(data[at + SIZES]), float(data[at + SIZES + 1]), float(data[at + CORNERS + 2])
+        size, up = math.hypot(1.0, slope), axes.T @ outward
+        if up[1] - slope * up[0] < (1.0 - 1e-9) * size:
+            # at an end of the leaf
+            return 0.0
+        along = (1.0 - h * kappa + slope * slope) / size
+        return math.inf if abs(kappa) < 1e-6 else -along / kappa
     if kind == ELLIPSOID:
         a, b = data[at + SIZES : at + SIZES + 2].tolist()
         return float((a * b) ** 2 * ((local[0] / a**2) ** 2 + (local[1] / b**2) ** 2) ** 1.5)

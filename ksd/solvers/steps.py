@@ -33,6 +33,7 @@ class Stop(IntEnum):
     MOVING = 6
     JAMMED = 7
     PASSED = 8
+    NO_PLACE = 9
 
     @property
     def sentence(self) -> str:
@@ -50,6 +51,7 @@ _SENTENCES = {
     Stop.NOT_FINITE: "a number overflowed: the last step left the region where the equations make sense",
     Stop.JAMMED: "no contact forces hold the mechanism there: stops, cables and drives contradict one another",
     Stop.PASSED: "surfaces in contact would pass through one another in one step",
+    Stop.NO_PLACE: "the place where a surface touches a leaf spring was not found",
     Stop.MOVING: "this is an instant of a motion, and no equilibrium",
 }
 

@@ -29,6 +29,9 @@ from ksd.model.gaps import (
     OVAL,
     POLYGON,
     ROUNDED,
+    SHIFT,
+    STRIP,
+    SURFACE,
     TERM_SIZE,
     WALL,
     WRENCH,
@@ -38,8 +41,20 @@ from ksd.model.turns import node_rotations
 from ksd.scene.hinges import plane_normal
 from ksd.scene.obstacle import Surface, contact_drives
 from ksd.scene.shapes import ContactShape
+from ksd.solvers.leaf_contact import (
+    curvatures,
+    cut_at,
+    cut_places,
+    nearest_station,
+    places_of,
+    rest_curvature,
+    strip_surface,
+    strips,
+)
 
 Array = NDArray[np.float64]
+REST_STEPS = 50
+"""Newton steps to the place of a leaf at rest that is nearest to a surface."""
 
 
 class Pair(NamedTuple):
@@ -56,9 +71,10 @@ class Pair(NamedTuple):
 class Touching:
     """What may touch in a model.
 
-    nodes (k,): of the bodies; pairs (m, 7), data, bodies: tables of `ksd.model.complementarity`; parts: of every pair;
+    nodes (k,): of the bodies; pairs (m, 6), data, bodies: tables of `ksd.model.complementarity`; parts: of every pair;
     values: by the name of a value that a solve may give, those of the scene; slots: where it enters the offset of a gap, and
-    its sign; normals (m, 3): at rest, zero where a pair has none.
+    its sign; normals (m, 3): at rest, zero where a pair has none; strips: where the numbers of a strip of a leaf begin, by
+    the name of its node.
     """
 
     nodes: NDArray[np.int64]
@@ -69,6 +85,7 @@ class Touching:
     values: Mapping[str, float]
     slots: Mapping[str, tuple[int, float]]
     normals: Array
+    strips: Mapping[str, int]
 
     @cached_property
     def counts_turns(self) -> bool:
@@ -116,6 +133,20 @@ class Touching:
             data[at] += sign * value
         return data
 
+    def on_strips(self, model: Model, motion: State) -> Touching:
+        """The same with the strips of a model cut elsewhere, at a state of it."""
+        if not self.strips:
+            return self
+        data, places = self.data.copy(), places_of(model)
+        for strip in strips(model):
+            s = places[strip.node]
+            numbers = _numbers(
+                strip_surface(strip, s, curvatures(model, motion, strip.leaf, np.array([s]))[0]),
+                model.rest.x[model.node_names.index(strip.node)],
+            )
+            data[self.strips[strip.node] :][: len(numbers)] = numbers
+        return replace(self, data=data)
+
     def count_turns(self, data: Array, arrays: Arrays, motion: State) -> None:
         """Write the counted angles of rotation terms at a state into `data`, in place."""
         if not self.counts_turns:
@@ -132,7 +163,8 @@ class Touching:
 
 @cached_per_model
 def touching(model: Model) -> Touching:
-    """The tables of a model; stops and cables in the order of the scene."""
+    """The tables of a model; stops and cables in the order of the scene. Leaf springs are cut where they touch at rest."""
+    model = cut_model(model)
     scene, index = model.original_scene, {link: i for i, link in enumerate(model.scene.links)}
     nodes: list[int] = []
     pairs: list[list[int]] = []
@@ -147,7 +179,7 @@ def touching(model: Model) -> Touching:
         names = list(dict.fromkeys(links))
         numbers = [index[link] for link in names]
         nodes.extend(n for n in numbers if n not in nodes)
-        pairs.append([kind, len(data), count, len(bodies), len(names), 0, 0])
+        pairs.append([kind, len(data), count, len(bodies), len(names), 0])
         bodies.extend(nodes.index(n) for n in numbers)
         parts.append(part)
         at = len(data) + OFFSET
@@ -181,8 +213,14 @@ def touching(model: Model) -> Touching:
         at = add(CABLE, links, Pair(cable.name, "", "cable"), soft, cable.free_length, own, len(cable.points))
         slots[cable.name] = at, -1.0
     surfaces = {s.name: s for s in scene.surfaces}
+    on_leaf, places, cut = {strip.contact: strip for strip in strips(model)}, places_of(model), {}
     flat = scene.plane is not None
     for contact in scene.contacts:
+        if strip := on_leaf.get(contact.name):
+            s = places[strip.node]
+            surfaces[strip.leaf.name] = strip_surface(
+                strip, s, curvatures(model, model.rest, strip.leaf, np.array([s]))[0]
+            )
         a, b = surfaces[contact.a], surfaces[contact.b]
         for kind, first, second, end in _pairs_of(a, b):
             own = [0.36, 0.48, 0.8]
@@ -199,14 +237,38 @@ def touching(model: Model) -> Touching:
                 0,
             )
             data[at - OFFSET + FRICTION] = contact.friction
+            if strip:
+                cut[strip.node] = at - OFFSET + FIRST + 3 + SURFACE
             pairs[-1][FRICTIONS] = (1 if flat else 2) if contact.friction else 0
     values = contact_drives(scene)
     found = Touching(
-        np.array(nodes, np.int64), np.array(pairs, np.int64).reshape(-1, 7), np.array(data), np.array(bodies, np.int64),
-        tuple(parts), values, {name: slots[name] for name in values}, np.zeros((len(pairs), 3)),
+        np.array(nodes, np.int64), np.array(pairs, np.int64).reshape(-1, 6), np.array(data), np.array(bodies, np.int64),
+        tuple(parts), values, {name: slots[name] for name in values}, np.zeros((len(pairs), 3)), cut,
     )  # fmt: skip
     _look_at_rest(model, found)
     return found
+
+
+@cached_per_model
+def cut_model(model: Model) -> Model:
+    """The model with its leaf springs cut where surfaces are nearest to them at rest, or as they are cut already."""
+    if not strips(model) or places_of(model):
+        return model
+    places = {}
+    for strip in strips(model):
+        s, leaf, out = nearest_station(strip.leaf, strip.surface), strip.leaf, np.zeros(WRENCH + 36)
+        (kind, *both, _), *_ = _pairs_of(strip.surface, strip_surface(strip, 0.5 * leaf.length, np.zeros(3)))
+        for _ in range(REST_STEPS):
+            on_leaf = _numbers(strip_surface(strip, s, rest_curvature(leaf, s)), np.zeros(3))
+            numbers = [*[0.0] * FIRST, 0.36, 0.48, 0.8, *_numbers(both[0], np.zeros(3)), *on_leaf]
+            row, data = np.array([kind, 0, 0, 0, 2, 0]), np.array(numbers)
+            poses = np.zeros((2, 3)), np.array([np.eye(3)] * 2)
+            touch(row, data, np.array([0, 1]), *poses, *poses, out)
+            s += float(out[SHIFT])
+            if abs(out[SHIFT]) <= 1e-12 * leaf.length:
+                break
+        places[strip.node] = s
+    return cut_at(model, cut_places(model, places))
 
 
 def _pairs_of(a: Surface, b: Surface) -> list[tuple[int, Surface, Surface, str]]:
@@ -228,7 +290,7 @@ def _pairs_of(a: Surface, b: Surface) -> list[tuple[int, Surface, Surface, str]]
 def _numbers(surface: Surface, origin: Array) -> list[float]:
     """A surface as `ksd.model.gaps` reads it; origin (3,) [m]: of its body at rest."""
     shape = surface.shape
-    code = {"wall": WALL, "polygon": POLYGON, "ellipse": ELLIPSOID}.get(shape.kind, ROUNDED)
+    code = {"wall": WALL, "polygon": POLYGON, "ellipse": ELLIPSOID, "strip": STRIP}.get(shape.kind, ROUNDED)
     sizes = [*shape.sizes, 0.0, 0.0, 0.0, 0.0][:4]
     corners = [c for point in shape.points for c in point]
     place = (np.asarray(surface.at) - origin).tolist()
@@ -245,7 +307,7 @@ def _look_at_rest(model: Model, what: Touching) -> None:
         if part.kind != "contact":
             continue
         out = np.zeros(WRENCH + 36)
-        touch(row, what.data, what.bodies, *poses, *poses, np.zeros(2), out)
+        touch(row, what.data, what.bodies, *poses, *poses, out)
         n = what.normals[i] = out[NORMAL : NORMAL + 3]
         what.data[row[1] + FIRST : row[1] + FIRST + 3] = (
             np.eye(3)[np.argmin(np.abs(n))] if normal is None else normal
@@ -262,13 +324,11 @@ def _look_at_rest(model: Model, what: Touching) -> None:
             )
 
 
-@cached_per_model
-def contact_model(model: Model) -> Model:
-    """The model with one more dead load at the reference point of every moving body that may touch, in the order of
-    `Touching.nodes`: its contact forces."""
+def contact_model(model: Model, nodes: NDArray[np.int64]) -> Model:
+    """The model with one more dead load at the reference point of every moving body that may touch, of these `nodes`
+    (`Touching.nodes`): its contact forces."""
     arrays, loads = model.arrays, model.arrays.loads
-    moving = touching(model).nodes
-    moving = moving[arrays.start[moving] >= 0]
+    moving = nodes[arrays.start[nodes] >= 0]
     block = arrays.plan.diagonal[np.searchsorted(arrays.plan.start, arrays.start[moving])]
     none, count = np.zeros((len(moving), 3)), len(moving)
     more = type(loads)(moving, none, none, none, np.zeros(count, np.int64), np.zeros(count, np.int64), block)

@@ -286,10 +286,6 @@ def scene_with_surfaces():
 CASES = [
     (lambda s: s.contact("jaw.surface", "knob"), "both surfaces are on link 'jaw'"),
     (lambda s: s.contact("jaw.surface", "object.surface", friction=-0.1), "friction = -0.1"),
-    (
-        lambda s: s.contact("leaf", "object.surface"),
-        "'leaf' is a leaf spring, and contact along one is not known yet",
-    ),
     (lambda s: s.contact("nose", "object.surface"), "there is no surface 'nose'"),
     (
         lambda s: s.contact("oval", s.surface("jaw", ksd.shapes.ellipse(1e-3, 1e-3), at=(0, 0, 0))),
