@@ -4,18 +4,21 @@ Jobs of all joint families and of drawn leaf springs at sizes from 1/30 to 3, wi
 random targets, limits, scales and rules. Every optimum is compared with `--near` designs near it, all with `--far` designs
 within the bounds; its limits are checked by the conventional method. Written: how many are proven (status "optimum"), how
 many of these have a better neighbour by more than .1 %, how many exceed a limit, how often each method finds the best of
-all; values and CPU time per optimum for 1 to 20 parameters. trust-constr, COBYLA, and the worth of the limit worth most
-against optima with it moved by half a percent, are tried at every fifth job. Each job is added to optima.jsonl when it is
-done, and not computed again: the run may be stopped and continued.
+all. Worths of limits, and of the bound worth most, are compared with optima where it is moved by half a percent, at every
+second job; trust-constr and COBYLA are tried at every tenth. Each job is added to optima.jsonl when it is done, and not
+computed again: the run may be stopped and continued. Then: jobs of kinds that once ended beside their optimum, in several
+units; fronts of six of the jobs; values and CPU time per optimum for 1 to 20 parameters.
 Run: python benchmarks/optima.py [--quick] [--jobs N] [--first SEED] [--near N] [--far N] [--minutes M]
 """
 
 from __future__ import annotations
 
 import json
+import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,8 +36,11 @@ SAME_MERIT = 1e-3
 MET = 1e-6
 """Relative excess of a limit in another solve that does not count."""
 DRAWN = ("guide", "chain", "pivot")
-EVERY = 5
-"""Jobs of which one is tried by the other methods, and has its worths compared."""
+EVERY = 10
+"""Jobs of which one is tried by the other methods."""
+
+FRONTS = 6
+"""Number of fronts."""
 
 
 class FamilyDesign:
@@ -212,6 +218,9 @@ def _trial(rng: np.random.Generator) -> ksd.Job | None:
         return {"effort": effort, "drive_stiffness": stiffness}.get(word, word)
 
     role, target = TARGETS[rng.integers(len(TARGETS))]
+    if target == "buckling_positive" and poses > 1:
+        # a gradient by six parameters at four poses takes seconds
+        drives, poses = {n: v[-1:] for n, v in drives.items()}, 1
     words: dict[str, Any] = {"vary": vary, **({} if len(drives) == 1 else {"together": True}), **drives}
     if rng.random() < 0.3:
         words["method"] = "conventional"
@@ -314,6 +323,120 @@ class Chain:
         )  # fmt: skip
 
 
+def springs(
+    length: float, thickness: float, size: float, material: ksd.Material = STEEL, width: float = 15 * mm
+) -> ksd.Mechanism:
+    """Two parallel leaf springs, driven along y at the stage; size: of width and spacing."""
+    scene = ksd.Mechanism("springs")
+    stage = scene.link("stage")
+    section = ksd.rectangle(thickness, width * size)
+    for y in (0, 30 * mm * size):
+        scene.leaf("ground", stage, start=(0, y, 0), end=(length, y, 0), section=section, material=material)
+    scene.actuate(stage, along="y", at=(length, 15 * mm * size, 0), name="drive")
+    return scene
+
+
+def crossed(angle: float, thickness: float, size: float) -> ksd.Mechanism:
+    """A crossed pivot with a mass on its arm."""
+    scene = ksd.Mechanism("crossed")
+    arm = scene.link("arm")
+    L = 60 * mm * size
+    joint = ksd.CrossedPivot(STEEL, length=L, angle=angle, thickness=thickness, width=20 * mm * size)
+    placed = scene.join(scene.ground, arm, joint, at=(0, 0, 0), axis="z", toward="x", name="hinge")
+    scene.mass(arm, mass=0.3 * size**3, at=(L, 0, 0), inertia=(1e-4 * size**5,) * 3)
+    scene.actuate_joint(placed, name="turn")
+    return scene
+
+
+def example(kind: str, size: float, load: float, unit: float) -> ksd.Job:
+    """A job of which an answer or rule is infinite, small, or ranges over orders.
+
+    size: of the mechanism; load: factor of limit or stroke; unit: of the target, the rule and the thickness.
+    """
+    t = mm * size / unit
+    if kind == "infinite":
+        return ksd.Job(
+            lambda thickness: springs(60 * mm * size, thickness * unit, size), vary={"thickness": (0.2 * t, 0.5 * t)},
+            maximise={"support_worst_N_per_m": unit}, limits={"stress_MPa": 1e5}, drive=load * mm * size,
+        )  # fmt: skip
+    if kind == "frequency":
+        return ksd.Job(
+            lambda angle, thickness: crossed(angle, thickness * unit, size), maximise={"intended_Hz": unit},
+            vary={"angle": (0.55, 1.02), "thickness": (0.2 * t, 0.9 * t)}, limits={"stress_MPa": 223 * load},
+            turn=[0, 0.12, 0.25],
+        )  # fmt: skip
+    if kind == "small":
+        silicon = ksd.Material(E=160e9, nu=0.22, density=2330)
+        return ksd.Job(
+            lambda length, thickness: springs(length * unit, thickness * unit, size, silicon),
+            vary={"length": (50 * t, 90 * t), "thickness": (0.2 * t, 0.5 * t)}, minimise={"strain_energy_J": unit},
+            limits={"support_z_N_per_m": (3e4 * size * load, None)}, drive=load * mm * size,
+        )  # fmt: skip
+
+    def euler_margin(p: Mapping[str, float]) -> float:
+        inertia = 10 * mm * size * (p["thickness"] * unit) ** 3 / 12
+        return unit * (np.pi**2 * STEEL.E * inertia / (0.2 * size) ** 2 - 0.05 * load * size**2)
+
+    return ksd.Job(
+        lambda thickness: springs(100 * mm * size, thickness * unit, size, width=10 * mm),
+        vary={"thickness": (0.02 * t, 2 * t)}, minimise={"drive_force_N": unit}, rules=[euler_margin], drive=mm * size,
+    )  # fmt: skip
+
+
+def examples() -> list[dict[str, Any]]:
+    """Jobs that once ended beside their optimum, at six sizes, limits and units each: the end of one start against those of
+    four and designs near it, and the largest relative difference of the design in units of 1e-6 and 1e6."""
+    rows = []
+    for kind in ("infinite", "frequency", "small", "rule"):
+        for size, load in ((1.0, 1.0), (0.005, 0.7), (0.05, 1.3), (0.3, 1.57), (4.0, 0.9), (20.0, 1.1)):
+            job = example(kind, size, load, 1.0)
+            best = ksd.optimise(job)
+            top = ksd.optimise(job, starts=4).merit
+            near = float(np.nanmax(designs_around(job, best, 50, 0)[0], initial=-np.inf))
+            off = 0.0
+            for unit in (1e-6, 1e6):
+                other = ksd.optimise(example(kind, size, load, unit)).design
+                off = max(
+                    off,
+                    *(abs(other[n] * (1 if n == "angle" else unit) / v - 1) for n, v in best.design.items()),
+                )
+            rows.append({
+                "kind": kind, "size": size, "load": load, "status": best.status, "merit": best.merit,
+                "of four starts": better_by(top, best.merit), "near": better_by(near, best.merit), "unit": off,
+            })  # fmt: skip
+            print(rows[-1], flush=True)
+    return rows
+
+
+def fronts(seeds: Iterable[int]) -> list[dict[str, Any]]:
+    """Fronts of random jobs against a limit of theirs: points proven, and by how much four starts at a point are better."""
+    rows: list[dict[str, Any]] = []
+    for seed in seeds:
+        if len(rows) == FRONTS:
+            break
+        job = random_job(seed)
+        against = next(
+            (c for c, (_, high) in job.limits.items() if np.isfinite(high) and "size" not in c), None
+        )
+        if against is None:
+            continue
+        high = job.limits[against][1]
+        front = ksd.pareto(job, against=against, points=4, span=(high / 2, high))
+        gains = []
+        for limit, merit in zip(front.limits.tolist(), front.merits.tolist(), strict=True):
+            try:
+                gains.append(
+                    better_by(ksd.optimise(job.limited(against, limit), starts=4, seed=9).merit, merit)
+                )
+            except KsdError:
+                gains.append(np.nan)
+        rows.append(
+            {"seed": seed, "against": against, "proven": front.proven, "status": front.status, "gains": gains}
+        )
+        print(rows[-1], flush=True)
+    return rows
+
+
 def costs() -> list[dict[str, Any]]:
     """Values, gradients and CPU time per optimum, and value with gradient over a value, by number of parameters."""
     rows = []
@@ -378,44 +501,68 @@ def better_by(merit: float, other: float) -> float:
     return (merit - other) / (abs(other) or 1.0)
 
 
-def compare_worth(job: ksd.Job, best: ksd.Optimum) -> dict[str, Any] | None:
-    """The worth of the limit that is worth most against optima with it moved by half a percent either way."""
-    worth: dict[str, float] = {}
+def _column(name: str) -> str:
+    """The limit or parameter that the name of something active is about."""
+    column = name.split(" at ")[0].split("[")[0]
+    return "size_mm" if column.startswith("size_") else column
+
+
+def compare_worths(job: ksd.Job, best: ksd.Optimum) -> list[dict[str, Any]]:
+    """Worths of all limits that hold an optimum, and of the bound worth most, against optima with it moved by half a
+    percent either way."""
+    worth: dict[tuple[str, str], float] = {}
+    bounds: dict[tuple[str, str], float] = {}
     for name, w in best.held.items():
-        column = name.split(" at ")[0].split("[")[0]
-        if column in (job.arguments["limits"] or {}) and not column.startswith("size"):
-            worth[column] = worth.get(column, 0.0) + w
-    if not worth:
-        return None
-    column = max(worth, key=lambda c: worth[c])
-    merits = []
-    for factor in (1.005, 0.995):
-        given = dict(job.arguments["limits"])
-        v = given[column]
-        is_low = isinstance(v, tuple) and v[1] is None
-        scale = 1 / factor if is_low else factor
-        given[column] = (
-            tuple(None if e is None else e * scale for e in v) if isinstance(v, tuple) else v * scale
-        )
-        try:
-            moved = ksd.Job(job.function, **{**job.arguments, "limits": given, "mesh": job.mesh})
-            merits.append(ksd.optimise(moved, start=best.design).merit)
-        except KsdError:
-            return None
-    own = float(np.log(merits[0] / merits[1]) / np.log(1.005 / 0.995)) * (-1 if best.merit < 0 else 1)
-    off = abs(own - worth[column]) / max(abs(own), 1e-3)
-    return {
-        "limit": column,
-        "worth": worth[column],
-        "re-optimised": own,
-        "off": off,
-        "kink": bool(best.proof.kinks),
-    }
+        column = _column(name)
+        if column in (job.arguments["limits"] or {}):
+            worth[column, ""] = worth.get((column, ""), 0.0) + w
+        elif name.endswith((" at its least", " at its most")) and column in job.vary:
+            bounds[column, name.rsplit(" ", 1)[1]] = w
+    if bounds:
+        most = max(bounds, key=lambda own: bounds[own])
+        worth[most] = bounds[most]
+    found = []
+    for (column, side), w in worth.items():
+        merits = []
+        for factor in (1.005, 0.995):
+            words = {**job.arguments, "mesh": job.mesh}
+            if side:
+                end = int(side == "most")
+                ends = list(job.vary[column])
+                if not ends[end]:
+                    break
+                ends[end] *= factor if (ends[end] > 0.0) == bool(end) else 1 / factor
+                words["vary"] = {**job.vary, column: tuple(ends)}
+            else:
+                v = words["limits"][column]
+                is_low = isinstance(v, tuple) and v[1] is None and v[0] is not None and column != "size_mm"
+                scale = 1 / factor if is_low else factor
+                moved = (
+                    tuple(None if e is None else e * scale for e in v) if isinstance(v, tuple) else v * scale
+                )
+                words["limits"] = {**words["limits"], column: moved}
+            start = {n: float(np.clip(v, *words["vary"][n])) for n, v in best.design.items()}
+            try:
+                merits.append(ksd.optimise(ksd.Job(job.function, **words), start=start).merit)
+            except KsdError as reason:
+                print("  worth of", column, side, "not compared:", str(reason)[:100])
+                break
+        if len(merits) < 2:
+            continue
+        one_sided = [np.log(m / best.merit) / np.log(f) for m, f in zip(merits, (1.005, 0.995), strict=True)]
+        own = float(np.log(merits[0] / merits[1]) / np.log(1.005 / 0.995))
+        own, *one_sided = (float(v) * (-1 if best.merit < 0 else 1) for v in (own, *one_sided))
+        is_kink = any(_column(k) == column for k in best.proof.kinks)
+        found.append({
+            "limit": " ".join((column, side)).strip(), "worth": w, "re-optimised": own, "one-sided": one_sided,
+            "off": abs(own - w) / max(abs(own), 1e-3), "kink": is_kink,
+        })  # fmt: skip
+    return found
 
 
 WAYS: dict[str, dict[str, Any]] = {
-    "gradient, 4 starts": {"starts": 4},
     "gradient": {},
+    "gradient, 4 starts": {"starts": 4},
     "trust-constr": {"method": "trust-constr"},
     "cobyla": {"method": "cobyla"},
 }
@@ -432,7 +579,11 @@ def one_job(seed: int, near: int, far: int) -> dict[str, Any]:
         "seed": seed, "family": getattr(job.function, "family", ""), "parameters": len(job.vary),
         "poses": len(job.poses), "job": job._line(), "random": float(np.nanmax(merits, initial=-np.inf)), "ways": {},
     }  # fmt: skip
+    scratch = tempfile.TemporaryDirectory()
     for way, words in list(WAYS.items())[: 2 if seed % EVERY else None]:
+        if "gradient" in way:
+            # the first of four starts is the only one of the way before
+            words = {**words, "resume": Path(scratch.name) / "designs.jsonl"}
         begin = time.process_time()
         try:
             best = ksd.optimise(job, **words)
@@ -441,6 +592,8 @@ def one_job(seed: int, near: int, far: int) -> dict[str, Any]:
             row["ways"][way] = {"status": "failed", "why": str(reason)[:200], "CPU_s": spent}
             continue
         spent = time.process_time() - begin
+        if way == "gradient, 4 starts":
+            spent += row["ways"]["gradient"]["CPU_s"]
         same = [r for r in row["ways"].values() if r.get("design") == best.design]
         around = [same[0]["near_merit"]] if same else designs_around(job, best, near, 0)[0]
         merit, margin = single_merit(best.job, best.design)
@@ -451,8 +604,9 @@ def one_job(seed: int, near: int, far: int) -> dict[str, Any]:
             "near": better_by(near_merit, best.merit), "near_merit": near_merit, "held": dict(best.held),
             "single_difference": better_by(merit, best.merit), "single_margin": margin,
         }  # fmt: skip
-        if way == "gradient" and seed % EVERY == 0:
-            row["worth"] = compare_worth(job, best)
+        if way == "gradient" and not seed % 2:
+            row["worths"] = compare_worths(job, best)
+    scratch.cleanup()
     return row
 
 
@@ -480,7 +634,7 @@ def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
             "best of all": found, "values": float(np.mean([w["values"] for _, w in good])),
             "CPU_s": float(np.mean([w["CPU_s"] for _, w in good])),
         }  # fmt: skip
-    worths = [r["worth"] for r in rows if r.get("worth")]
+    worths = [w for r in rows for w in r.get("worths", ())]
     table["worths"] = {
         "compared": len(worths), "within 5 %": sum(w["off"] <= 0.05 for w in worths),
         "named as kinks": sum(w["off"] > 0.05 and w["kink"] for w in worths),
@@ -511,10 +665,19 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
             w: f"{r['status']} {r.get('merit', np.nan):.6g} near {r.get('near', np.nan):+.1e}"
             for w, r in row.get("ways", {}).items()
         }
-        print(seed, row.get("family"), row.get("job", "")[:50], said, row.get("worth"), flush=True)
+        print(
+            seed,
+            row.get("family"),
+            row.get("job", "")[:50],
+            said,
+            [f"{w['limit']} {w['worth']:.3g} {w['re-optimised']:.3g}" for w in row.get("worths", ())],
+            flush=True,
+        )
     found: dict[str, Any] = {
         "machine": machine(),
         "summary": summary(rows),
+        "examples": [] if asked.quick else examples(),
+        "fronts": [] if asked.quick else fronts(r["seed"] for r in rows if r.get("family")),
         "cost": [] if asked.quick else costs(),
         "jobs": rows,
     }

@@ -110,6 +110,12 @@ class DesignLog:
         row = self.file.entries[key][0]
         return DesignAnswers(np.array([[row[n] for n in self.job.names]]), (str(row.get("status", "")),))
 
+    def refuse(self, x: Array, reason: str, *, by: str = "") -> None:
+        """Add a row for a design x (P,) that is not solved, as a rule has no value there; not to the file, whose entries are
+        independent of rules."""
+        missing = dict.fromkeys(self.job.names, np.nan)
+        self.rows.setdefault(self._key(x), {**self.job.design_at(x), **missing, "by": by, "status": reason})
+
     def _add(self, key: str, x: Array, values: Array, status: str, by: str) -> None:
         row = {**self.job.design_at(x), **dict(zip(self.job.names, values.tolist(), strict=True))}
         self.file.add(key, [row | {"by": by, "status": status}])
@@ -121,14 +127,14 @@ class DesignLog:
         self.rows.setdefault(key, row)
         return row
 
-    def add_from_worker(self, entries: Mapping[Any, list[Row]]) -> None:
-        """Add designs and slopes from the log of a worker, as if they had been computed here."""
+    def add_from_worker(self, entries: Mapping[Any, list[Row]], rows: Mapping[str, Row]) -> None:
+        """Add the entries of the file and the rows of the log of a worker, as if they had been computed here."""
         self.file.read_again()
-        for key, rows in entries.items():
+        for key, own in entries.items():
             if key not in self.file.entries:
-                self.file.add(key, rows)
-            if not key.startswith(NO_DESIGN):
-                self._requested_row(key)
+                self.file.add(key, own)
+        for key, row in rows.items():
+            self.rows.setdefault(key, row)
 
     def add_from_file(self, known: Collection[str]) -> None:
         """Add the designs that workers have written to the file, but those with the keys `known`."""

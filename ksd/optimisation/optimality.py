@@ -145,7 +145,7 @@ def worths(problem: ScaledProblem, y: Array, active: Active) -> dict[str, float]
         elif len(problem.sides) <= i < count:
             k = i - len(problem.sides)
             w *= problem.rule_scales[k] / problem.rule_sizes[k]
-        held[name] = held.get(name, 0.0) + w
+        held[name] = held.get(name, 0.0) + float(w)
     return held
 
 

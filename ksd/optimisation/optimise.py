@@ -31,6 +31,7 @@ from ksd.optimisation.optimum import Optimum, StartResult
 from ksd.optimisation.scaled_problem import DesignFailed, ScaledProblem
 from ksd.optimisation.tolerance import check_spread, first_order
 from ksd.study.arguments import check_executor, submit_task
+from ksd.study.questions import Row
 from ksd.study.resume import ResumeFile
 from ksd.study.table import OK
 
@@ -66,7 +67,7 @@ class _StartRun(NamedTuple):
 class _WorkerRun(NamedTuple):
     """A `_StartRun` as a worker process returns it: without the problem itself, but with all that it found.
 
-    state: `ScaledProblem.state`; entries: designs and slopes of the log that are new.
+    state: `ScaledProblem.state`; entries: designs and slopes of the log that are new; rows: those of the log.
     """
 
     result: StartResult
@@ -74,6 +75,7 @@ class _WorkerRun(NamedTuple):
     seconds: float
     state: dict[str, Any]
     entries: dict[Any, Any]
+    rows: dict[str, Row]
 
 
 ProgressCallback = Callable[[ScaledProblem, int], None]
@@ -333,13 +335,13 @@ def _run_start_in_worker(job: Job, x: Array, method: str, label: str, file: Resu
         log.file.path = None
     run = _run_start(ScaledProblem(job, log, label), x, method, time.thread_time)
     entries = {k: rows for k, rows in log.file.entries.items() if k in log.rows or k not in known}
-    return _WorkerRun(run.result, run.y, run.seconds, run.problem.state, entries)
+    return _WorkerRun(run.result, run.y, run.seconds, run.problem.state, entries, log.rows)
 
 
 def _collect(job: Job, future: Future[_WorkerRun], log: DesignLog, label: str) -> _StartRun:
     """The run of a worker, with its designs added to the log."""
     run = future.result()
-    log.add_from_worker(run.entries)
+    log.add_from_worker(run.entries, run.rows)
     problem = ScaledProblem(job, log, label)
     problem.state = run.state
     return _StartRun(run.result, run.y, problem, run.seconds)

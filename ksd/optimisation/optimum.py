@@ -173,7 +173,7 @@ class Optimum(PrintableAnswer):
         values = np.array([[row[n] for n in self.job.names] for row in rows])
         problem = ScaledProblem(self.job, DesignLog(self.job), "")
         pairs = zip(X, values, strict=True)
-        exceeded = [problem.violation(problem.margins_from(v, problem.rules_or_nan(x))) for x, v in pairs]
+        exceeded = [problem.violation(problem.margins_from(v, problem.rules(x)[0])) for x, v in pairs]
         return TriedDesigns(
             tuple(row["by"] for row in rows), X, np.array([self.job.merit(v) for v in values]),
             np.array(exceeded),

@@ -165,47 +165,51 @@ class ScaledProblem:
     def designs(self, Y: list[Array], *, by: str = "") -> list[EvaluatedDesign | None]:
         """Answers and rules at several y, solved together; None where there are none. by: label in place of that of the
         problem."""
-        new = [y for y in Y if y.tobytes() not in self.evaluated]
+        by = by or self.label
+        new: list[tuple[Array, Array, Array]] = []
+        for y in Y:
+            if y.tobytes() not in self.evaluated:
+                x = self.unscaled(y)
+                rules, reason = self.rules(x)
+                if reason:
+                    self.log.refuse(x, reason, by=by)
+                else:
+                    new.append((y, x, rules))
         if new:
-            X = [self.unscaled(y) for y in new]
-            for y, x, values, status in zip(new, X, *self.log.batch(X, by=by or self.label), strict=True):
+            found = self.log.batch([x for _, x, _ in new], by=by)
+            for (y, _, rules), values, status in zip(new, *found, strict=True):
                 if status == OK and not np.isnan(values).any():
-                    self._add(y, x, values)
+                    self._add(y, values, rules)
             self.on_new_design(self)
         return [self.evaluated.get(y.tobytes()) for y in Y]
 
-    def _add(self, y: Array, x: Array, values: Array) -> None:
-        rules = self.rules_or_nan(x)
-        if np.isnan(rules).any() or np.isneginf(rules).any():
-            return
+    def _add(self, y: Array, values: Array, rules: Array) -> None:
         found = EvaluatedDesign(y.copy(), values, rules, self.job.merit(values))
         self.evaluated[y.tobytes()] = found
         is_better = self.best_feasible is None or found.merit > self.best_feasible.merit
         if is_better and np.isfinite(found.merit) and self.is_feasible(self.margins_from(values, rules)):
             self.best_feasible = found
 
-    def rules_or_nan(self, x: Array, *, shapes: bool = True) -> Array:
-        """Rule values (R,) at x as by `Job.rule_values`, nan where a rule has none."""
+    def rules(self, x: Array, *, shapes: bool = True) -> tuple[Array, str]:
+        """Rule values (R,) at x as by `Job.rule_values`, nan where a rule fails; and why one has no value that counts, empty
+        where all have."""
         try:
-            return self.job.rule_values(x, shapes=shapes)
-        except SceneError:
-            return np.full(len(self.job.rule_names) if shapes else len(self.job.rules), np.nan)
+            rules = self.job.rule_values(x, shapes=shapes)
+        except SceneError as reason:
+            return np.full(len(self.job.rule_names if shapes else self.job.rules), np.nan), str(reason)
+        bad = np.flatnonzero(np.isnan(rules) | np.isneginf(rules))
+        return rules, f"rule {self.job.rule_names[bad[0]]} is {rules[bad[0]]:g}" if len(bad) else ""
 
     def _failure(self, y: Array) -> str:
         """Why there are no answers at y."""
         x = self.unscaled(y)
+        reason = self.rules(x)[1]
+        if reason:
+            return reason
         values, status = self.log.batch(x, by=self.label)
         if status[0] != OK:
             return status[0]
-        missing = np.isnan(values[0])
-        if missing.any():
-            return f"there is no {self.job.names[int(np.argmax(missing))]}"
-        try:
-            rules = self.job.rule_values(x)
-        except SceneError as reason:
-            return str(reason)
-        bad = int(np.argmax(np.isnan(rules) | np.isneginf(rules)))
-        return f"rule {self.job.rule_names[bad]} is {rules[bad]:g}"
+        return f"there is no {self.job.names[int(np.argmax(np.isnan(values[0])))]}"
 
     # ---- margins ---------------------------------------------------------------------------------------------------------
 
@@ -308,7 +312,7 @@ class ScaledProblem:
             step = h * (np.arange(len(y)) == i)
             # a parameter at its bound, or where a rule has no value beyond, gets a one-sided difference
             ends = [np.clip(y + s * step, *self.bounds.T) for s in (1, -1)]
-            values = [self.rules_or_nan(self.unscaled(e), shapes=False) for e in ends]
+            values = [self.rules(self.unscaled(e), shapes=False)[0] for e in ends]
             for k in range(2):
                 if np.isnan(values[k]).any():
                     ends[k], values[k] = y, self.design(y).rules[:count]
