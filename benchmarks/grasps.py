@@ -1,9 +1,12 @@
-"""Random grasps in the plane: balance, complementarity and friction by a check that shares no code with the solver.
+"""Random grasps in the plane and in space: balance, complementarity and friction by a check that shares no code with the
+solver.
 
-An object (disc or polygon) is driven along random paths of 12 poses against one or two fingers on random leaf springs with
-flat faces or polygons, friction 0 to .8; contacts open, close, stick, slip and reverse. At every pose the forces of
-contacts, leaf springs and drives must balance, forces must be within the cone, and outlines may not overlap.
-Run: python benchmarks/grasps.py [--count N]
+In the plane an object (disc or polygon) is driven along random paths of 12 poses against one or two fingers on random leaf
+springs with flat faces or polygons, friction 0 to .8; in space a ball, or a block with four feet, along paths of 6 against
+one to four fingers with flat pads, knobs, or the surfaces of their own leaf springs. Contacts open, close, stick, slip and
+reverse. At every pose the forces of contacts, leaf springs and drives must balance, forces must be within the cone, and
+outlines may not overlap.
+Run: python benchmarks/grasps.py [--count N] [--space N]
 """
 
 from __future__ import annotations
@@ -59,53 +62,124 @@ def grasp(seed: int) -> tuple[ksd.Mechanism, list[dict[str, float]]]:
     return scene, program
 
 
-def errors(scene: Any, pose: Any) -> tuple[float, float, float]:
-    """Largest imbalance of force and of moment over 0.1 m, and of the cone, over the largest force; and overlap [m]."""
-    owner = {s.name: s.link for s in scene.surfaces}
-    rows = [(r.link, r.force, r.moment, r.point) for r in pose.interface_forces().rows]
-    forces = pose.forces
+def grasp_in_space(seed: int) -> tuple[ksd.Mechanism, list[dict[str, float]]]:
+    """A random scene in space and a random path of its object: a ball, or a block on four feet over one pad."""
+    rng = np.random.default_rng(1000 + seed)
+    scene, count = ksd.Mechanism("grasp in space"), int(rng.integers(1, 5))
+    friction, held = rng.uniform(0, 0.8) if seed % 4 else 0.0, scene.link("object")
+    radius, is_block = rng.uniform(6e-3, 12e-3), seed % 3 == 0
+    for k in range(1 if is_block else count):
+        # fingers around the object, along x, each with its surface towards it
+        angle = 2 * np.pi * (k + rng.uniform(-0.1, 0.1)) / count
+        out, finger = np.array([0.0, np.cos(angle), np.sin(angle)]), scene.link(f"finger{k}")
+        kind = 0 if is_block else int(rng.integers(3))
+        gap = rng.uniform(0.4e-3, 1.5e-3)
+        section = ksd.rectangle(rng.uniform(0.3e-3, 0.8e-3), 0.01)
+        words: dict[str, Any] = {
+            "section": section,
+            "material": STEEL,
+            "width_axis": np.cross((1, 0, 0), out),
+        }
+        height = (2e-3, 3e-3, 0.5 * section.thickness)[kind]
+        base = CENTRE - np.array([0.06, 0, 0]) - (radius + gap + height) * out
+        tip = base + np.array([0.09 if kind == 2 else 0.05, 0, 0])
+        leaf = scene.leaf("ground", finger, start=base, end=tip, name=f"blade{k}", **words)
+        own: Any = leaf
+        if kind == 0:
+            tilt = out + np.array([0.0 if is_block else rng.uniform(-0.2, 0.2), 0, 0])
+            own = scene.surface(
+                finger, ksd.shapes.wall(), at=base + np.array([0.06, 0, 0]) + 2e-3 * out, axis=tilt
+            )
+        elif kind == 1:
+            own = scene.surface(finger, ksd.shapes.ball(3e-3), at=base + np.array([0.06, 0, 0]))
+        if is_block:
+            across = np.cross((1, 0, 0), out)
+            for j, (a, b) in enumerate(((-1, -1), (1, -1), (1, 1), (-1, 1))):
+                foot = CENTRE + 6e-3 * a * np.array([1.0, 0, 0]) + 6e-3 * b * across - radius * out
+                point = scene.surface(held, ksd.shapes.point(), at=foot, name=f"foot{j}")
+                scene.contact(own, point, friction=friction, name=f"c{j}")
+        else:
+            outline = scene.surface(held, ksd.shapes.ball(radius), at=CENTRE, name=f"outline{k}")
+            scene.contact(own, outline, friction=friction, name=f"c{k}")
+    for along in "xyz":
+        scene.actuate(held, along=along, at=CENTRE, name=along)
+        scene.support(held, about=along)
+    # first against the finger that was made last
+    program, place = [], -3e-3 * out
+    for _ in range(6):
+        place = place + rng.uniform(-1, 1, 3) * (1.5e-3, 4e-3, 4e-3)
+        program.append(dict(zip("xyz", place.tolist(), strict=True)))
+    return scene, program
+
+
+def errors(scene: Any, pose: Any) -> tuple[float, float, float, float]:
+    """Largest imbalance of force, and of moment over 0.1 m, and of the cone [N]; overlap [m]; and the largest force [N]."""
+    interfaces, forces, none = pose.interface_forces().rows, pose.forces, np.zeros(3)
+    rows = [(r.link, r.force, r.moment, r.point) for r in interfaces]
+    # what acts on a leaf spring: its ends, and contact along it
+    rows += [(r.name, -r.force, -r.moment, r.point) for r in interfaces]
     at = pose.displacement("object", CENTRE) + CENTRE
-    rows.append(("object", np.array([forces["x"], forces["y"], 0.0]), np.array([0, 0, forces["turn"]]), at))
-    cone, overlap, none = 0.0, 0.0, np.zeros(3)
+    push = np.array([forces["x"], forces["y"], forces.get("z", 0.0)])
+    rows.append(("object", push, np.array([0, 0, forces.get("turn", 0.0)]), at))
+    owner = {leaf.name: leaf.name for leaf in scene.leaves} | {s.name: s.link for s in scene.surfaces}
+    cone, overlap = 0.0, 0.0
     for name, c in pose.contacts.items():
         contact = next(x for x in scene.contacts if name.split(",")[0] == x.name)
         rows += [(owner[contact.b], c.force, none, c.place), (owner[contact.a], -c.force, none, c.place)]
         cone = max(cone, np.linalg.norm(c.T) - contact.friction * c.N, -c.N, abs(c.N * c.gap) / 1e-2)
         overlap = max(overlap, -c.gap)
-    largest = max((np.linalg.norm(c.force) for c in pose.contacts.values()), default=0.0)
-    largest = max(largest, *(np.linalg.norm(r[1]) for r in rows), 1e-6)
     worst = 0.0
-    for link in scene.links[1:]:
-        F = sum((r[1] for r in rows if r[0] == link), none)
-        M = sum((r[2] + np.cross(r[3] - at, r[1]) for r in rows if r[0] == link), none)
-        worst = max(worst, np.abs(F).max() / largest, np.abs(M).max() / 0.1 / largest)
-    return float(worst), float(cone / largest), float(overlap)
+    for body in (*scene.links[1:], *(leaf.name for leaf in scene.leaves)):
+        F = sum((r[1] for r in rows if r[0] == body), none)
+        M = sum((r[2] + np.cross(r[3] - at, r[1]) for r in rows if r[0] == body), none)
+        # supports hold rotations of the object in space
+        turns = 0.0 if scene.plane is None and body == "object" else np.abs(M).max()
+        worst = max(worst, np.abs(F).max(), turns / 0.1)
+    return float(worst), float(cone), float(overlap), max(float(np.linalg.norm(r[1])) for r in rows)
 
 
-def main(argv: list[str] | None = None) -> dict[str, Any]:
-    """Walk, check, print and write the counts."""
-    options = parse_options(__doc__ or "", argv, lambda p: p.add_argument("--count", type=int, default=300))
-    count = 10 if options.quick else options.count
+def walks(make: Any, count: int) -> dict[str, Any]:
+    """Walk `count` scenes, check every pose, and count."""
     poses, whole, stops, worst = 0, 0, [], np.zeros(3)
     for seed in range(count):
-        mechanism, program = grasp(seed)
+        mechanism, program = make(seed)
         try:
             with np.errstate(all="ignore"):
                 walk = ksd.walk(mechanism, program, strict=False)
         except ksd.KsdError as error:
             stops.append(f"{seed}: {error}")
             continue
-        for pose in walk:
-            worst = np.maximum(worst, errors(mechanism.scene(), pose))
+        found = np.array([errors(mechanism.scene(), pose) for pose in walk]).max(axis=0)
+        worst = np.maximum(worst, found[:3] / (max(found[3], 1e-6), max(found[3], 1e-6), 1.0))
         poses, whole = poses + len(walk), whole + (len(walk) == len(program))
         stops += [f"{seed}: {walk.stop}"] * bool(walk.stop)
-    found: dict[str, Any] = {
-        "machine": machine(), "grasps": count, "walked to the end": whole, "poses": poses, "stops": stops,
-        "worst": dict(zip(("balance", "cone and complementarity", "overlap_m"), worst.tolist(), strict=True)),
-    }  # fmt: skip
-    write_json(found, options.out / "grasps.json")
+    worst_by_name = dict(
+        zip(("balance", "cone and complementarity", "overlap_m"), worst.tolist(), strict=True)
+    )
+    print(f"{whole} of {count} walked to the end, {poses} poses; worst {worst_by_name}", *stops, sep="\n")
+    return {
+        "grasps": count,
+        "walked to the end": whole,
+        "poses": poses,
+        "stops": stops,
+        "worst": worst_by_name,
+    }
+
+
+def main(argv: list[str] | None = None) -> dict[str, Any]:
+    """Walk, check, print and write the counts."""
+
+    def more(parser: Any) -> None:
+        parser.add_argument("--count", type=int, default=300)
+        parser.add_argument("--space", type=int, default=100)
+
+    options = parse_options(__doc__ or "", argv, more)
+    counts = (10, 5) if options.quick else (options.count, options.space)
+    found: dict[str, Any] = {"machine": machine()}
     print(machine_line(found["machine"]))
-    print(f"{whole} of {count} walked to the end, {poses} poses; worst {found['worst']}", *stops, sep="\n")
+    for where, make, count in (("plane", grasp, counts[0]), ("space", grasp_in_space, counts[1])):
+        found[where] = walks(make, count)
+    write_json(found, options.out / "grasps.json")
     return found
 
 

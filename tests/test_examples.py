@@ -100,6 +100,11 @@ NUMBERS = {
         "end": (0.5e-3 * 7895.7 / (7895.7 + 0.5 * (2 * math.pi * 7.1028) ** 2), 1e-3, "stiffness of the loop"),
         "overshoot": (math.exp(-math.pi * 0.4713 / math.sqrt(1 - 0.4713**2)), 2e-2, "one mass"),
     },
+    "ball_in_three_fingers": {
+        "beam": (1, 1e-3, "24 EI/L^3"),
+        "held": (1, 2e-2, "3 mu N"),
+        "drive": (1, 2e-4, "a drive in the place of the weight"),
+    },
     "delta_stage": {
         # pivots of flexures shift: a milliradian
         "first": (math.radians(-1.3680), 6e-2, "circles of rigid links"),
@@ -110,6 +115,12 @@ NUMBERS = {
         "drive": (1, 1e-3, "a drive in the place of the force"),
         "balance": (1, 1e-8, "balance of the disc"),
         "slips": (1, 1e-8, "Coulomb: |T| = mu N"),
+    },
+    "finger_around_ellipse": {
+        "smooth": (40.66054, 3e-6, SHOOTING),
+        "along": (47.33721, 3e-6, SHOOTING),
+        "back": (34.77059, 3e-6, SHOOTING),
+        "where": (0.08853318, 3e-6, SHOOTING),
     },
     "folded_leaf_stage": {
         "x": (1.5 * FOLDED, 2e-3, "van Eijk 1985"),
@@ -212,6 +223,13 @@ NUMBERS = {
         "inward": (1, 1e-6, "balance on the flank with friction"),
         "outward": (1, 1e-6, "balance on the flank with friction"),
         "beam": (1, 5e-2, "3 EI/L^3"),
+    },
+    "passive_gripper": {
+        # without stretch and shear; the thesis has a figure
+        "paper_x": (2.634660, 5e-3, SHOOTING),
+        "paper_y": (4.280069, 5e-3, SHOOTING),
+        "inward": (1, 1e-6, "balance on the flank with friction"),
+        "outward": (1, 1e-6, "balance on the flank with friction"),
     },
     "strip_under_pressure": {
         "small": (1, 2e-4, "p w L^4 / 8 EI"),

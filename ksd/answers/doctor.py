@@ -216,7 +216,7 @@ def doctor(mechanism: Mechanism | Scene | Model) -> Diagnosis:
         free=tuple(free),
         redundant=(*redundant, *_redundant_inside_joints(scene)),
         singular_values=_singular_values(everything),
-        unusual=plausibility_warnings(scene),
+        unusual=plausibility_warnings(whole),
         hint=plane_hint(scene),
         observed=(*_observed(scene, own, positions, size), *one_sided_sentences(whole), *simulated),
     )

@@ -1307,6 +1307,11 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
             return found
         if isinstance(label, str) and label in self._links and self._links[label].at is not None:
             return self.surface(label, ContactShape("point", (0.0,)), name=label)
+        if isinstance(label, str) and any(label.startswith(f"{joint.name}/") for joint in self._joints):
+            raise SceneError(
+                f"contact: '{label}' is a leaf spring of a joint, whose record knows no contact along it; make the joint "
+                "free-form (mechanism.constrain), or touch its links."
+            )
         raise SceneError(
             f"contact: there is no surface {show(label)}{name_hint(label, [s.name for s in self._surfaces])}; say "
             "mechanism.surface(link, shape, at=) first"

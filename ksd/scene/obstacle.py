@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
 from ksd.checks import Vector, cross, not_negative, number, positive, show, vector, word
 from ksd.errors import SceneError
-from ksd.scene.drive import Drive, DriveTerm
+from ksd.scene.drive import GROUND, Drive, DriveTerm
 from ksd.scene.shapes import ContactShape
 
 
@@ -207,6 +207,28 @@ def has_contacts(scene: Any) -> bool:
 def without_contacts(scene: Any) -> Any:
     """The scene without them."""
     return replace(scene, stops=(), cables=(), surfaces=(), contacts=())
+
+
+def free_objects(scene: Any) -> list[str]:
+    """Links that nothing but contacts holds."""
+    held = {link for spring in scene.springs for link in (spring.a, spring.b)}
+    held |= {link for drive in scene.drives for t in drive.terms for link in (t.base, t.link)}
+    held |= {link for cable in scene.cables for link, _ in cable.points}
+    held |= {link for stop in scene.stops for t in stop.terms for link in (t.base, t.link)}
+    others = scene.neighbours(hinges=True, supports=True)
+    touched = dict.fromkeys(surface.link for surface in scene.surfaces)
+    return [link for link in touched if link != GROUND and link not in held and not others[link]]
+
+
+def refuse_loose(scene: Any, closed: Collection[str]) -> None:
+    """Raise SceneError for a free object on which none of the contacts `closed` is."""
+    owner = {surface.name: surface.link for surface in scene.surfaces}
+    for link in free_objects(scene):
+        if not any(link in (owner.get(c.a), owner.get(c.b)) for c in scene.contacts if c.name in closed):
+            raise SceneError(
+                f"link '{link}' is held by nothing here: no contact on it is closed, and it is on no spring, drive or "
+                "support; close its contacts step by step (ksd.walk), or hold it by one of these."
+            )
 
 
 def one_sided_sentences(scene: Any) -> Iterator[str]:

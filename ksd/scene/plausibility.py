@@ -57,6 +57,8 @@ MAX_ACCELERATION, MAX_MASS = 1e3, 100.0
 """Usual limits of accelerations [m/s^2] (a hundred g) and masses [kg]; larger plain numbers are probably in another unit."""
 STRENGTH_RATIO_RANGE = (1e-5, 0.5)
 """Usual yield stresses and fatigue limits over Young's modulus."""
+MOST_FRICTION = 3.0
+"""Coefficient of friction above which a warning is given."""
 
 
 def likely_unit(value: float, dimension: str, key: str) -> str:
@@ -104,6 +106,11 @@ def plausibility_warnings(scene: Scene) -> tuple[str, ...]:
     for leaf_warning in (_length_warning, _exchange_warning, _thickness_warning, _width_warning):
         warnings += _grouped_warnings(leaves, leaf_warning)
     warnings += _curve_warnings(scene, leaves)
+    warnings += [
+        f"contact '{c.name}': friction = {c.friction:g} is that of no dry surfaces; rubber on concrete has about 1"
+        for c in scene.contacts
+        if c.friction > MOST_FRICTION
+    ]
     return (*warnings, *_size_warnings(scene), *_plane_warnings(scene))
 
 

@@ -27,7 +27,7 @@ from ksd.model.orders import mesh_for_accuracy, raise_order
 from ksd.model.plane import Plane, plane_of
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.scene.mechanism import Mechanism
-from ksd.scene.obstacle import contact_drives, has_contacts
+from ksd.scene.obstacle import contact_drives, has_contacts, refuse_loose
 from ksd.scene.scene import Scene
 from ksd.solvers.actuation import Actuation, RequiredForces
 from ksd.solvers.configuration import Configuration
@@ -419,12 +419,16 @@ class Solver:
             held = solve_with_contact(
                 self.model, drives, own, start=start, planar=self.planar, storage=self.storage
             )
-        except ConvergenceError:
+        except ConvergenceError as error:
+            _refuse_loose(error.result)
             if free is None:
                 raise
             return free
         closed = held.touched is not None and held.touched.closed
-        return held if free is None or closed or (held.stable and not free.stable) else free
+        found = held if free is None or closed or (held.stable and not free.stable) else free
+        if not found.stable:
+            _refuse_loose(found)
+        return found
 
     def _without_contacts(
         self,
@@ -709,6 +713,12 @@ def _with_reason(found: Configuration, why: str) -> Configuration:
     return replace(
         found, steps=(*before, last._replace(chosen=why)), method_was_chosen=found.method == "reduced"
     )
+
+
+def _refuse_loose(found: Configuration) -> None:
+    """Raise SceneError where nothing holds an object in a pose."""
+    closed = [name.split(",")[0] for name, c in found.contacts.items() if c.N > 0.0]
+    refuse_loose(found.model.original_scene, closed)
 
 
 def _check_method(method: object, relinearisations: object) -> None:

@@ -51,7 +51,10 @@ class Walk(PrintableAnswer):
         return np.array([question(pose) for pose in self.poses])
 
     def _line(self) -> str:
-        return f"{len(self)} poses" + (f"; {self.stop}" if self.stop else "")
+        names = self.poses[0].contacts if self.poses else ()
+        never = [name for name in names if not any(pose.contacts[name].N for pose in self.poses)]
+        remark = f"; never touched: {', '.join(never)}" if never else ""
+        return f"{len(self)} poses" + remark + (f"; {self.stop}" if self.stop else "")
 
     def __str__(self) -> str:
         first = self.poses[0]

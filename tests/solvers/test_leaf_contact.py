@@ -312,6 +312,14 @@ def test_what_does_not_know_contact_along_leaf_springs_refuses_it():
         scene.contact("wire", ball)
     with pytest.raises(ksd.SceneError, match="is known on strain-mode leaves only"):
         ksd.solve(finger(DISC), mesh=ksd.Mesh("corotational", elements=4), x=0.0, y=-1 * mm)
+    jointed = ksd.Mechanism("jointed")
+    joint = ksd.ParallelGuide(STEEL, length=80 * mm, thickness=0.4 * mm, width=25 * mm, spacing=60 * mm)
+    jointed.join("ground", jointed.link("stage"), joint, at=(0, 0, 0), axis="z", toward="x", name="guide")
+    ball = jointed.surface("ground", ksd.shapes.ball(5 * mm), at=(0.05, 0.1, 0))
+    with pytest.raises(
+        ksd.SceneError, match="'guide/low' is a leaf spring of a joint, whose record knows no contact"
+    ):
+        jointed.contact("guide/low", ball)
     inside = finger(ksd.shapes.disc(20 * mm))
     other = inside.surface("object", ksd.shapes.disc(19 * mm), at=(60 * mm, 18 * mm, 0), name="low")
     inside.contact("leaf", other)
