@@ -420,7 +420,8 @@ class Solver:
                 self.model, drives, own, start=start, planar=self.planar, storage=self.storage
             )
         except ConvergenceError as error:
-            _refuse_loose(error.result)
+            if isinstance(error.result, Configuration):
+                _refuse_loose(error.result)
             if free is None:
                 raise
             return free
