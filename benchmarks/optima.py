@@ -27,6 +27,7 @@ from common import STEEL, machine, parse_options, write_json
 import ksd
 from ksd.errors import KsdError
 from ksd.optimisation.design_log import DesignLog
+from ksd.optimisation.optimality import relative_gain
 from ksd.optimisation.scaled_problem import ScaledProblem
 from ksd.training.catalogue import FAMILY_DESIGNS, design_of
 from ksd.units import mm
@@ -402,7 +403,7 @@ def examples() -> list[dict[str, Any]]:
                 )
             rows.append({
                 "kind": kind, "size": size, "load": load, "status": best.status, "merit": best.merit,
-                "of four starts": better_by(top, best.merit), "near": better_by(near, best.merit), "unit": off,
+                "of four starts": relative_gain(top, best.merit), "near": relative_gain(near, best.merit), "unit": off,
             })  # fmt: skip
             print(rows[-1], flush=True)
     return rows
@@ -426,7 +427,7 @@ def fronts(seeds: Iterable[int]) -> list[dict[str, Any]]:
         for limit, merit in zip(front.limits.tolist(), front.merits.tolist(), strict=True):
             try:
                 gains.append(
-                    better_by(ksd.optimise(job.limited(against, limit), starts=4, seed=9).merit, merit)
+                    relative_gain(ksd.optimise(job.limited(against, limit), starts=4, seed=9).merit, merit)
                 )
             except KsdError:
                 gains.append(np.nan)
@@ -494,11 +495,6 @@ def single_merit(job: ksd.Job, design: Mapping[str, float]) -> tuple[float, floa
     if status != "ok":
         return np.nan, np.nan
     return fresh.merit(values), float(np.min(fresh.margins(values), initial=np.inf))
-
-
-def better_by(merit: float, other: float) -> float:
-    """By how much a merit is better than another, relative to it."""
-    return (merit - other) / (abs(other) or 1.0)
 
 
 def _column(name: str) -> str:
@@ -601,8 +597,8 @@ def one_job(seed: int, near: int, far: int) -> dict[str, Any]:
         row["ways"][way] = {
             "status": best.status, "merit": best.merit, "values": best.evaluations, "gradients": best.gradients,
             "designs": len(best.table), "CPU_s": spent, "remainder": best.proof.remainder, "design": best.design,
-            "near": better_by(near_merit, best.merit), "near_merit": near_merit, "held": dict(best.held),
-            "single_difference": better_by(merit, best.merit), "single_margin": margin,
+            "near": relative_gain(near_merit, best.merit), "near_merit": near_merit, "held": dict(best.held),
+            "single_difference": relative_gain(merit, best.merit), "single_margin": margin,
         }  # fmt: skip
         if way == "gradient" and not seed % 2:
             row["worths"] = compare_worths(job, best)
@@ -623,7 +619,7 @@ def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
         found = 0
         for r, w in good:
             top = max([v["merit"] for v in r["ways"].values() if "merit" in v] + [r["random"]])
-            found += better_by(top, w["merit"]) <= SAME_MERIT
+            found += relative_gain(top, w["merit"]) <= SAME_MERIT
         table[way] = {
             "jobs": len(pairs), "failed": len(pairs) - len(good),
             "optimum": sum(w["status"] == "optimum" for _, w in good),
@@ -650,11 +646,13 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
             parser.add_argument(f"--{name}", type=int, default=default)
 
     asked = parse_options(__doc__, argv, more)
-    count, near, far = (1, 4, 4) if asked.quick else (asked.jobs, asked.near, asked.far)
+    first, count, near, far = (
+        (6, 1, 4, 4) if asked.quick else (asked.first, asked.jobs, asked.near, asked.far)
+    )
     end, file = time.monotonic() + 60 * asked.minutes, asked.out / "optima.jsonl"
     rows = [json.loads(line) for line in file.read_text().splitlines()] if file.is_file() else []
     done = {row["seed"] for row in rows}
-    for seed in range(asked.first, asked.first + count):
+    for seed in range(first, first + count):
         if seed in done or time.monotonic() > end:
             continue
         row = one_job(seed, near, far)

@@ -77,6 +77,11 @@ class Active(NamedTuple):
     multipliers: Array
 
 
+def relative_gain(merit: float, other: float) -> float:
+    """By how much a merit is better than another, relative to it."""
+    return (merit - other) / (abs(other) or 1.0)
+
+
 def linear_gain(problem: ScaledProblem, y: Array, radius: float, moved: Array | None = None) -> float:
     """The most by which the level grows within a radius, to first order, without leaving limits farther than at y.
 
@@ -219,7 +224,7 @@ def prove(problem: ScaledProblem, y: Array) -> tuple[Proof, Active | None, Array
         if problem.is_feasible(problem.margins_from(f.values, f.rules)) and np.isfinite(f.merit)
     ]
     best = max(met, key=lambda f: f.merit, default=None)
-    gain = np.nan if best is None else (best.merit - merit) / (abs(merit) or 1.0)
+    gain = np.nan if best is None else relative_gain(best.merit, merit)
     better = best.y if best is not None and gain > BETTER_SHARE else None
     try:
         active, left = active_constraints(problem, y), remainder(problem, y)
@@ -248,7 +253,7 @@ def on_finer_mesh(problem: ScaledProblem, y: Array, proof: Proof) -> Proof:
         return proof
     found = problem.design(y)
     margins = problem.margins_from(values[0], found.rules)
-    change = (job.merit(values[0]) - found.merit) / (abs(found.merit) or 1.0)
+    change = relative_gain(job.merit(values[0]), found.merit)
     return replace(proof, mesh_change=change, mesh_violation=problem.violation(margins))
 
 

@@ -19,7 +19,7 @@ from ksd.errors import KsdError, ResumeError, SceneError
 from ksd.numerics.threads import small_matrices
 from ksd.optimisation.design_log import DesignLog
 from ksd.optimisation.job import Job, check_job
-from ksd.optimisation.optimality import BETTER_SHARE, OPTIMUM
+from ksd.optimisation.optimality import BETTER_SHARE, OPTIMUM, relative_gain
 from ksd.optimisation.optimise import answering_start, optimise, optimise_from, progress_text
 from ksd.optimisation.optimum import Optimum
 from ksd.optimisation.scaled_problem import ScaledProblem
@@ -217,7 +217,7 @@ def pareto(
         def improve(k: int, X: list[Array]) -> bool:
             """Search point k again from starts X; whether it is better then."""
             found, own = point(k, X)[0], optima[k]
-            if found is None or (own is not None and _gain(found.merit, own.merit) <= BETTER_SHARE):
+            if found is None or (own is not None and relative_gain(found.merit, own.merit) <= BETTER_SHARE):
                 return False
             optima[k], status[k] = found, OK
             return True
@@ -235,7 +235,9 @@ def pareto(
         # a tighter limit gives no better optimum: where it seems to, the wider one is searched again from there
         for k in reversed(range(count - 1)):
             own, tighter = optima[k], optima[k + 1]
-            if tighter is not None and (own is None or _gain(tighter.merit, own.merit) > BETTER_SHARE):
+            if tighter is not None and (
+                own is None or relative_gain(tighter.merit, own.merit) > BETTER_SHARE
+            ):
                 improve(k, [np.array(list(tighter.design.values()))])
         # and where a point is better than before, so may be those beyond it
         for k in range(1, count):
@@ -243,11 +245,6 @@ def pareto(
             if wider is not None and (own is None or own.status != OPTIMUM):
                 improve(k, [np.array(list(wider.design.values()))])
     return Front(told, against, limits, tuple(optima), tuple(status))
-
-
-def _gain(merit: float, other: float) -> float:
-    """By how much a merit is better than another, relative to it."""
-    return (merit - other) / (abs(other) or 1.0)
 
 
 def _next_start(problem: ScaledProblem, optima: list[Optimum | None]) -> Array:
