@@ -1,4 +1,4 @@
-"""Motion in time: cost of a step against a static solve of the same scene.
+"""Motion in time: cost of a step against a static solve of the same scene, and in arms of 3 to 100 joints.
 
 Steps are those of a trace, without what is said about it; times are of one thread, medians of five, and their ratios.
 python benchmarks/motion.py
@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 REPEATS, STEPS = 5, 60
 
 
-def step_time(scene, dt, freed=(), **words):
+def step_time(scene, dt, freed=(), spatial=False, **words):
     """Thread time [s] of a step of `dt`, and its Newton iterations."""
     from ksd.scene.simulation import Simulation
     from ksd.solvers.dynamics import Motion
@@ -27,7 +27,7 @@ def step_time(scene, dt, freed=(), **words):
     from ksd.solvers.time_steps import generalised_alpha
 
     model, step, times = ksd.compile_scene(scene.scene()), generalised_alpha(dt, 0.8), []
-    moving = moving_model(model, freed)
+    moving = moving_model(model, freed, spatial=spatial)
     motion = Motion(
         moving, Simulation(until=1.0, dt=dt, **words), model.rest, dict.fromkeys(model.drive_names, 0.0)
     )
@@ -39,13 +39,13 @@ def step_time(scene, dt, freed=(), **words):
     return statistics.median(times), float(taken.scalars[:, 7].mean())
 
 
-def solve_time(scene, freed=()):
+def solve_time(scene, freed=(), spatial=False):
     """Thread time [s] of a static kernel solve from a near state in which the loads differ by 1 %."""
     from ksd.model.arrays import make_workspace
     from ksd.model.newton import solve_equilibrium
     from ksd.solvers.moving_model import moving_model
 
-    moving = moving_model(ksd.compile_scene(scene.scene()), freed)
+    moving = moving_model(ksd.compile_scene(scene.scene()), freed, spatial=spatial)
     plane, model, times = moving.plane, moving.model, []
     arrays, rest = (model.arrays, model.rest) if plane is None else (plane.arrays, model.rest)
     state, work, target = rest.copy(), make_workspace(arrays), np.zeros(len(rest.multiplier))
@@ -64,19 +64,57 @@ def costs():
     from motion_scenes import four_hinges, guide, strip
 
     cases: tuple[Any, ...] = (
-        ("parallel guide", guide(), (), {"loads": {"push": ksd.Ramp(0.02)}}),
-        ("fourbar", four_hinges(), ("top",), {"loads": {"push": ksd.Ramp(0.1)}, "drives": {"top": None}}),
-        ("strip in space", strip(), (), {}),
+        ("parallel guide", guide(), (), False, {"loads": {"push": ksd.Ramp(0.02)}}),
+        (
+            "fourbar",
+            four_hinges(),
+            ("top",),
+            False,
+            {"loads": {"push": ksd.Ramp(0.1)}, "drives": {"top": None}},
+        ),
+        ("strip in space", strip(), (), True, {}),
+        (
+            "fourbar in space",
+            four_hinges(),
+            ("top",),
+            True,
+            {"loads": {"push": ksd.Ramp(0.1)}, "drives": {"top": None}},
+        ),
     )
     print("| scene | step [us] | iterations | static solve [us] | ratio | simulated time / CPU |")
     print("|---|---|---|---|---|---|")
-    for name, scene, freed, words in cases:
-        step, iterations = step_time(scene, 1e-3, freed, **words)
-        still = solve_time(scene)
+    for name, scene, freed, spatial, words in cases:
+        step, iterations = step_time(scene, 1e-3, freed, spatial, **words)
+        still = solve_time(scene, spatial=spatial)
         print(
             f"| {name} | {1e6 * step:.0f} | {iterations:.2f} | {1e6 * still:.0f} | {step / still:.2f} | {1e-3 / step:.0f} |"
         )
 
 
+def arm(joints):
+    """An arm of cross flexures in the plane, with a force across at its end."""
+    scene = ksd.Mechanism("arm", plane="xy")
+    before, steel = scene.ground, ksd.Material(E=200e9, nu=0.3, density=7800)
+    for k in range(joints):
+        link = scene.link(f"l{k}", mass=0.05, inertia=(1e-5, 1e-5, 1e-5), at=(0.1 * k + 0.08, 0, 0))
+        for y in (-0.02, 0.02):
+            start, end, section = (0.1 * k, y, 0), (0.1 * k + 0.04, -y, 0), ksd.rectangle(3e-4, 1e-2)
+            scene.leaf(before, link, start=start, end=end, section=section, material=steel)
+        before = link
+    scene.load(before, force=(0, 0.05, 0), at=(0.1 * joints, 0, 0), name="push")
+    return scene
+
+
+def lengths():
+    """A table of the cost of a step for each leaf spring and iteration."""
+    print("\n| joints | step [us] | iterations | per leaf spring and iteration [us] |\n|---:|---:|---:|---:|")
+    for joints in (3, 10, 30, 100):
+        step, iterations = step_time(arm(joints), 1e-3, loads={"push": ksd.Ramp(0.02)})
+        print(
+            f"| {joints} | {1e6 * step:.0f} | {iterations:.2f} | {1e6 * step / iterations / joints / 2:.1f} |"
+        )
+
+
 if __name__ == "__main__":
     costs()
+    lengths()

@@ -35,6 +35,10 @@ def left_over(acceleration) -> float:
     return abs(sum(acceleration(one) * cmath.exp(1j * SWING * one) for one in t)) * 1e-5 / SWING
 
 
+NOD = 2 * math.pi * math.radians(2) / 12e-3**2
+"""Largest angular acceleration [rad/s^2] of `steering_mirror`."""
+
+
 def off_after(t: float) -> float:
     """Step response less one of an oscillator of 7.103 Hz with a ratio of .05."""
     w, z = 2 * math.pi * 7.1028, 0.05
@@ -95,6 +99,13 @@ NUMBERS = {
         "x": (1.049328, 1e-4, "finite elements, extrapolated"),
         "y": (-0.332983, 5e-4, "finite elements, extrapolated"),
         "kept": (1.0, 1e-4, "no damping"),
+    },
+    "steering_mirror": {
+        "quarter": (
+            (1e-5 + 0.04 * 8e-3**2) * NOD + EI(0.1e-3, 10e-3) / 15e-3 * math.radians(2) * (1 / 4 - 1 / (2 * math.pi)),
+            2e-3, "rigid body on a hinge",
+        ),
+        "shake": (-0.04 * 8e-3 * NOD, 2e-2, "m r alpha"),
     },
     "controlled_guide": {
         "end": (0.5e-3 * 7895.7 / (7895.7 + 0.5 * (2 * math.pi * 7.1028) ** 2), 1e-3, "stiffness of the loop"),

@@ -484,8 +484,8 @@ class Marcher:
         terms = drive.terms if drive else tuple(s.term for s in scene.sensors if s.name == name)
 
         def read(row: Array, t: float) -> float:
-            x, R = row[: 3 * nodes].reshape(-1, 3), row[3 * nodes : 12 * nodes].reshape(-1, 3, 3)
-            return sum(one.coefficient * _term_value(model, one, x, R) for one in terms)
+            x, R = row[: 3 * nodes].reshape(1, -1, 3), row[3 * nodes : 12 * nodes].reshape(1, -1, 3, 3)
+            return float(sum(one.coefficient * _term_values(model, one, x, R)[0] for one in terms))
 
         return read
 
@@ -630,14 +630,16 @@ class Saved:
             part[...] = own
 
 
-def _term_value(model: Model, term: Any, x: Array, R: Array) -> float:
-    """Displacement [m] or rotation [rad], up to whole turns, of a component of motion."""
+def _term_values(model: Model, term: Any, x: Array, R: Array) -> Array:
+    """Displacement [m] or rotation [rad], up to whole turns, of a component of motion, at places x (k, nodes, 3) and
+    orientations R (k, nodes, 3, 3)."""
     base, link = (model.node_names.index(n) for n in (term.base, term.link))
     along, rest = np.asarray(term.direction), model.rest.x
     if term.kind == "rotation":
-        return float(Rotation.from_matrix(R[base].T @ R[link]).as_rotvec() @ along)
-    a, b = (x[k] + R[k] @ (np.asarray(term.point) - rest[k]) for k in (base, link))
-    return float(along @ (R[base].T @ (b - a)))
+        turned = Rotation.from_matrix(R[:, base].swapaxes(1, 2) @ R[:, link]).as_rotvec()
+        return np.asarray(turned @ along)
+    a, b = (x[:, k] + R[:, k] @ (np.asarray(term.point) - rest[k]) for k in (base, link))
+    return np.asarray(((R[:, base] @ along) * (b - a)).sum(axis=1))
 
 
 def _work(motion: Motion, run: Run, rows: _Taken, x: Array, R: Array, values: Array, forces: Array) -> Array:
@@ -754,10 +756,7 @@ def trace_of_run(marcher: Marcher, run: Run, error: float) -> Trace:
             forces[:, i] = -values[:, i]
             states[:, at - len(moving.rest.inner) + len(model.rest.inner) + i] = values[:, i]
             terms = model.scene.drives[i].terms
-            values[:, i] = [
-                sum(t.coefficient * _term_value(model, t, *pair) for t in terms)
-                for pair in zip(x, R, strict=True)
-            ]
+            values[:, i] = sum(t.coefficient * _term_values(model, t, x, R) for t in terms)
     energy = _energies(motion, run, rows, states, (model, values, forces, x, R))
     mass = moving.leaf_mass.sum() + sum(m.mass for m in model.scene.masses)
     rounding = 10.0 * np.finfo(float).eps * moving.arrays.size / np.diff(rows.t).min(initial=math.inf)

@@ -273,10 +273,12 @@ def _with_leaf_inertia(
             D, loaded = 3 * sum(counts), int(number[i, 0] if is_planar else N)
             line, (points, weight, integral) = lines[i]
             old = members.value[members.value_at[i] :][: _leaf_value_count(number[i], is_planar)]
-            radius = np.sqrt(line[:, 2] / line[:, 0])
-            new = np.concatenate([old, inertia_tables(points, weight, integral, line[:, 0], radius, counts)])
-            at = groups.setdefault(new.tobytes(), end)
+            at = groups.setdefault(old.tobytes() + line.tobytes(), end)
             if at == end:
+                radius = np.sqrt(line[:, 2] / line[:, 0])
+                new = np.concatenate(
+                    [old, inertia_tables(points, weight, integral, line[:, 0], radius, counts)]
+                )
                 values.append(new)
                 end += len(new)
             value_at[i], number[i, 5:7], modes[i] = at, counts, (counts[0], sum(counts))

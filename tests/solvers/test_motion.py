@@ -206,6 +206,30 @@ def test_a_carriage_stays_between_two_stages_that_move_against_each_other():
     assert momentum == pytest.approx(5.0 * (0.1 - 0.01), rel=1e-4)
 
 
+def test_the_intermediate_body_of_folded_beams_is_free():
+    """A stage hangs by two beams from a body that hangs by two beams from ground: two masses on two springs, pushed at
+    once."""
+    scene, L, masses = ksd.Mechanism("folded", plane="xy"), 0.06, np.array([0.1, 0.3])
+    words = {"section": rectangle(3e-4, 0.02), "material": ksd.Material(E=200e9, nu=0.3)}
+    names = ("intermediate", "stage")
+    middle, stage = (
+        scene.link(n, mass=m, inertia=(1e-3, 1e-3, 1e-3), at=(0, y, 0))
+        for n, m, y in zip(names, masses, (L, 0), strict=True)
+    )
+    for x in (-0.05, 0.05):
+        scene.leaf("ground", middle, start=(x, 0, 0), end=(x, L, 0), **words)
+        scene.leaf(middle, stage, start=(0.6 * x, L, 0), end=(0.6 * x, 0, 0), **words)
+    scene.load(stage, force=(0.1, 0, 0), at=(0, 0, 0), name="push")
+    history = ksd.simulate(scene, 0.6, dt=5e-4, loads={"push": ksd.Step()})
+    k = 2.0 * 12.0 * 200e9 * 0.02 * 3e-4**3 / 12.0 / L**3
+    w2, modes = np.linalg.eigh(np.array([[2 * k, -k], [-k, k]]) / np.sqrt(np.outer(masses, masses)))
+    share = modes[1] * 0.1 / np.sqrt(masses[1]) / w2
+    swing = share * (1.0 - np.cos(np.sqrt(w2) * history.t[:, None]))
+    known = swing @ (modes / np.sqrt(masses)[:, None]).T
+    for n, own in zip(names, known.T, strict=True):
+        assert history[n].displacement[:, 0] == pytest.approx(own, abs=5e-3 * np.abs(own).max())
+
+
 def test_a_bistable_beam_snaps_in_time():
     """Pushed slowly beyond the force at which it snaps, it comes to rest on the other branch of equilibria."""
     scene = bistable_beam()
