@@ -132,9 +132,8 @@ def main() -> None:
             {"loads": {"push": ksd.Ramp(0.1)}, "drives": {"top": None}},
         ),
     )  # fmt: skip
-    print(
-        "| scene | program | mesh and step | error | first second [s] | ratio | next [s] | ratio |\n|---|---|---|---:|---:|---:|---:|---:|"
-    )
+    print("| scene | program | mesh and step | error | first second [s] | ratio | next [s] | ratio |")
+    print("|---|---|---|---:|---:|---:|---:|---:|")
     for name, scene, link, at, force, ramp, until, words in cases:
         exact = ksd.simulate(scene, until, dt=until / 3200, **words)
         y = exact[link].at(at).displacement[:, int(np.argmax(np.abs(force)))]
