@@ -61,8 +61,11 @@ class NotAMechanism(SceneError):
     """The object given is neither a mechanism nor a function that returns one."""
 
 
-def build_scene(mechanism: Any, parameters: Mapping[str, Any]) -> Scene:
-    """The scene of a design. Raises SceneError where it cannot be built, NotAMechanism for other objects."""
+def build_scene(mechanism: Any, parameters: Mapping[str, Any], *, contacts: bool = False) -> Scene:
+    """The scene of a design. Raises SceneError where it cannot be built, NotAMechanism for other objects.
+
+    contacts: whether it may have stops, cables and contacts.
+    """
     if not callable(mechanism):
         scene = mechanism.scene() if isinstance(mechanism, Mechanism) else mechanism
     elif not parameters and _needs_arguments(mechanism):
@@ -83,14 +86,20 @@ def build_scene(mechanism: Any, parameters: Mapping[str, Any]) -> Scene:
         raise NotAMechanism(
             f"{show(scene)} is not a mechanism: give a function returning a mechanism, or {MECHANISM_HINT}."
         )
-    refuse_contacts(scene)
+    if not contacts:
+        refuse_contacts(scene)
     return scene
 
 
-def scene_or_reason(mechanism: Any, parameters: Mapping[str, Any]) -> tuple[Scene | None, str]:
-    """The scene of a design, or None and the reason why its function cannot build it. Raises SceneError otherwise."""
+def scene_or_reason(
+    mechanism: Any, parameters: Mapping[str, Any], *, contacts: bool = False
+) -> tuple[Scene | None, str]:
+    """The scene of a design, or None and the reason why its function cannot build it. Raises SceneError otherwise.
+
+    contacts: as in `build_scene`.
+    """
     try:
-        return build_scene(mechanism, parameters), ""
+        return build_scene(mechanism, parameters, contacts=contacts), ""
     except NotAMechanism:
         raise
     except SceneError as reason:

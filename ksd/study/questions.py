@@ -281,6 +281,19 @@ def _force(pose: Any, questions: Questions) -> Row:
     return row
 
 
+def contact_row(pose: Any) -> Row:
+    """Force of every end stop, tension of every cable, normal and friction force of every contact; none without them."""
+    row = Row()
+    stops = {stop.name: stop for stop in pose.model.original_scene.stops}
+    for name, part in pose.stops.items():
+        turns = stops[name.rpartition(".")[0]].terms[0].kind == "rotation"
+        row[f"{name}_{'moment_Nm' if turns else 'force_N'}"] = part.force
+    row |= {f"{name}_tension_N": part.force for name, part in pose.cables.items()}
+    for name, part in pose.contacts.items():
+        row |= {f"{name}_normal_N": part.N, f"{name}_friction_N": float(np.linalg.norm(part.T))}
+    return row
+
+
 SUPPORT_COLUMNS = tuple(f"support_{d}_{'N_per_m' if len(d) == 1 else 'Nm_per_rad'}" for d in DIRECTIONS)
 WORST_SUPPORT_COLUMNS = ("support_worst_N_per_m", "support_worst_Nm_per_rad")
 """Columns of the least principal stiffness of a point."""

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,6 +36,7 @@ from ksd.study.questions import (
     Questions,
     answer_batch,
     answer_questions,
+    contact_row,
     drive_columns,
 )
 from ksd.study.table import OK, STATUS
@@ -333,12 +334,14 @@ def run_path(
         last = path_solver.previous
         if poses is not None:
             poses += solved
+        held = [_with_contacts_held(pose, recipe.questions) for pose in solved]
         # with error figures, every question is answered by itself
         batch_answers = iter(
             [NOT_ANSWERED] * len(solved)
             if recipe.questions.errors
-            else answer_batch(solved, recipe.questions)
+            else answer_batch([each.pose for each in held], recipe.questions)
         )
+        held_poses = iter(held)
         for values, result in zip(path.drive_values[first:], results, strict=False):
             row = row_labels(path, values)
             if isinstance(result, str):
@@ -355,16 +358,36 @@ def run_path(
                 continue
             batch_rows = next(batch_answers).rows
             path_solver.continue_from(pose)
-            analysis = PoseAnalysis(pose, previous if recipe.with_verdict else PreviousPose())
-            answers = answer_questions(analysis, recipe.questions, batch_rows)
+            here = next(held_poses)
+            analysis = PoseAnalysis(here.pose, previous if recipe.with_verdict else PreviousPose())
+            answers = answer_questions(analysis, here.questions, batch_rows)
             previous = answers.previous
             failures = [f"{name}: {error_sentence(why)}" for name, why in answers.failures.items()]
-            status = "; ".join(filter(None, [refused, *failures])) or OK
+            status = "; ".join(filter(None, [refused, here.why_not, *failures])) or OK
+            row |= contact_row(pose) if "force" in here.questions.names else {}
             rows.append(row | answers.row | verdict | {STATUS: status})
         path_solver.continue_from(last)
         if ends:
             break
     return path_solver.solver
+
+
+class _HeldPose(NamedTuple):
+    """A pose with its contacts held, the questions that it answers, and why it does not answer others."""
+
+    pose: Configuration
+    questions: Questions
+    why_not: str = ""
+
+
+def _with_contacts_held(pose: Configuration, questions: Questions) -> _HeldPose:
+    """The pose for all questions, or for that for forces alone where its contacts cannot be held."""
+    try:
+        return _HeldPose(pose.with_contacts_held, questions)
+    except SceneError as reason:
+        forces = tuple(name for name in questions.names if name == "force")
+        why_not = str(reason) if forces != questions.names else ""
+        return _HeldPose(pose, replace(questions, names=forces), why_not)
 
 
 def _pose_or_reason(path_solver: PathSolver, values: Mapping[str, float]) -> tuple[Configuration, str] | str:

@@ -1,0 +1,88 @@
+"""Sweeps of mechanisms with stops, cables and contacts: every row is that of `ksd.solve`."""
+
+import numpy as np
+import pytest
+
+import ksd
+from ksd.units import GPa, deg, mm
+
+STEEL = ksd.Material(E=200 * GPa, nu=0.3, density=7800)
+LENGTH = 60 * mm
+
+
+def blade(**stop):
+    """A leaf spring along x with its end driven across, and what stops the turn of that."""
+    scene = ksd.Mechanism("blade", plane="xy")
+    tip = scene.link("tip")
+    scene.leaf(
+        "ground",
+        tip,
+        start=(0, 0, 0),
+        end=(LENGTH, 0, 0),
+        section=ksd.rectangle(0.3 * mm, 10 * mm),
+        material=STEEL,
+    )
+    scene.actuate(tip, along="y", at=(LENGTH, 0, 0), name="push")
+    scene.mass(tip, mass=0.1, at=(LENGTH, 0, 0))
+    scene.stop(tip, about="z", name="end", **stop)
+    return scene
+
+
+def test_rows_are_those_of_single_solves_with_what_the_stop_holds():
+    scene, strokes = blade(high=1 * deg), [0.2 * mm, 1 * mm, 2 * mm]
+    asked = ("force", "stress", "support_stiffness", "frequencies", "energy")
+    table = ksd.sweep(scene, push=strokes, questions=asked, freed="push", progress=False)
+    assert set(table["status"]) == {"ok"}
+    assert table["end.high_moment_Nm"][0] == 0.0 and (table["end.high_moment_Nm"][1:] > 0.0).all()
+    for k, stroke in enumerate(strokes):
+        pose = ksd.solve(scene, push=stroke)
+        assert table["push_force_N"][k] == pytest.approx(pose.forces["push"], rel=1e-9)
+        assert table["end.high_moment_Nm"][k] == pytest.approx(pose.stops["end.high"].force, rel=1e-9)
+        assert table["stress_MPa"][k] == pytest.approx(1e-6 * pose.stress().largest_Pa, rel=1e-9)
+        assert table["support_x_N_per_m"][k] == pytest.approx(
+            pose.stiffness("tip", at=(LENGTH, 0, 0)).supports["x"], rel=1e-6
+        )
+        assert table["intended_Hz"][k] == pytest.approx(
+            pose.frequencies(freed="push").frequency_Hz[0], rel=1e-6
+        )
+    # a clamped beam, its end free to turn and held: 3 and 12 EI/L^3
+    bending = STEEL.E * ksd.rectangle(0.3 * mm, 10 * mm).Iz
+    ratio = (table["intended_Hz"][2] / table["intended_Hz"][0]) ** 2
+    assert ratio == pytest.approx(4.0, rel=2e-2)
+    assert table["push_force_N"][0] == pytest.approx(3 * bending / LENGTH**3 * strokes[0], rel=1e-3)
+
+
+def test_a_soft_stop_answers_forces_and_says_why_nothing_else():
+    scene = blade(high=1 * deg, softness=1e-3)
+    table = ksd.sweep(scene, push=[0.2 * mm, 2 * mm], questions=("force", "stress"), progress=False)
+    assert table["status"][0] == "ok" and "'end' acts here and is soft" in table["status"][1]
+    pose = ksd.solve(scene, push=2 * mm)
+    assert table["end.high_moment_Nm"][1] == pytest.approx(pose.stops["end.high"].force, rel=1e-9)
+    assert np.isnan(table["stress_MPa"][1])
+    assert set(ksd.sweep(scene, push=[2 * mm], questions="force", progress=False)["status"]) == {"ok"}
+
+
+def test_cables_and_contacts_have_columns():
+    scene = ksd.Mechanism("finger", plane="xy")
+    tip = scene.link("tip")
+    scene.leaf(
+        "ground",
+        tip,
+        start=(0, 0, 0),
+        end=(LENGTH, 0, 0),
+        section=ksd.rectangle(0.3 * mm, 10 * mm),
+        material=STEEL,
+    )
+    scene.actuate(tip, along="y", at=(LENGTH, 0, 0), name="push")
+    scene.cable("ground", tip, start=(0, 40 * mm, 0), end=(LENGTH, 0, 0), stiffness=1e3, name="tendon")
+    pad = scene.surface(tip, ksd.shapes.disc(2 * mm), at=(LENGTH, 0, 0))
+    wall = scene.surface("ground", ksd.shapes.wall(), at=(LENGTH, 8 * mm, 0), axis=(0, -1, 0))
+    scene.contact(pad, wall, friction=0.2, name="grip")
+    table = ksd.sweep(scene, push=[-2 * mm, 2 * mm, 5 * mm], questions="force", progress=False)
+    for k, stroke in enumerate((-2 * mm, 2 * mm, 5 * mm)):
+        pose = ksd.solve(scene, push=stroke)
+        assert table["tendon_tension_N"][k] == pytest.approx(pose.cables["tendon"].force, rel=1e-9)
+        grip = pose.contacts["grip"]
+        found = [table[f"grip_{kind}_N"][k] for kind in ("normal", "friction")]
+        assert found == pytest.approx([grip.N, np.linalg.norm(grip.T)], rel=1e-9, abs=1e-12)
+    assert table["tendon_tension_N"][0] > 0.0 == table["tendon_tension_N"][1]
