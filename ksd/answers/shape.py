@@ -37,6 +37,7 @@ from ksd.scene.effects import Spring
 from ksd.scene.joint import joint_leaves
 from ksd.scene.line_load import SIDES, Pressure
 from ksd.scene.sensor import Damper
+from ksd.scene.shapes import ContactShape
 from ksd.section.closed_forms import round_ratio
 from ksd.section.section import thickness_and_width
 
@@ -925,17 +926,30 @@ def _surfaces(model: Model, motion: State) -> tuple[SurfaceShape, ...]:
     index, found = {link: i for i, link in enumerate(model.scene.links)}, []
     turn = np.linspace(0.0, 2.0 * np.pi, OUTLINE_POINTS)
     for s in model.original_scene.surfaces:
-        sizes = (*s.shape.sizes, 0.0)
-        semi = {"ellipse": sizes[:2]}.get(s.shape.kind, (sizes[0], sizes[0]))
-        flat = np.stack([semi[0] * np.cos(turn), semi[1] * np.sin(turn)], axis=1)
-        if s.shape.kind == "wall":
-            flat = np.array([[-0.2, 0.0], [0.2, 0.0]]) * model.arrays.size
-        if s.shape.points:
-            flat = np.array([*s.shape.points, s.shape.points[0]])
-        at_rest = np.asarray(s.at) + flat @ np.array(s.axes)[:2]
+        at_rest = np.asarray(s.at) + _outline(s.shape, turn, model.arrays.size) @ np.array(s.axes)
         outline = [point_position(model, motion, index[s.link], p) for p in at_rest]
         found.append(SurfaceShape(s.name, np.array(outline)))
     return tuple(found)
+
+
+def _outline(shape: ContactShape, turn: Array, size: float) -> Array:
+    """Points (n, 3) [m] of one line that shows a shape, in its axes; turn (m,) [rad]: of circles; size [m]: of a wall."""
+    c, o, flat = np.cos(turn), np.sin(turn), 0.0 * turn
+    if shape.kind == "wall":
+        return np.array([[-0.2 * size, 0.0, 0.0], [0.2 * size, 0.0, 0.0]])
+    if shape.kind == "box":
+        # all edges
+        return np.array(shape.tips)[[0, 1, 2, 3, 0, 4, 5, 1, 5, 6, 2, 6, 7, 3, 7, 4]]
+    if shape.kind == "capsule":
+        r, z = shape.sizes[0], shape.sizes[0] * o + 0.5 * shape.sizes[1] * np.sign(o)
+        return np.concatenate([np.stack([r * c, flat, z], axis=1), np.stack([r * c, r * o, flat], axis=1)])
+    if shape.points:
+        return np.array([*shape.tips, shape.tips[0]])
+    a, b, *more = shape.sizes if len(shape.sizes) > 1 else 3 * shape.sizes
+    round_z = np.stack([a * c, b * o, flat], axis=1)
+    if shape.is_plane:
+        return round_z
+    return np.concatenate([round_z, np.stack([a * c, flat, more[0] * o], axis=1)])
 
 
 def point_position(model: Model, motion: State, node: int, at: ArrayLike) -> Array:

@@ -1232,7 +1232,8 @@ class Mechanism(NotebookTables, metaclass=ClearArgumentErrors):
         z = direction(axis, "axis", owner=owner)
         if shape.is_plane and self.plane is None:
             raise SceneError(
-                f"{owner}: a {shape.kind} lives in a plane; say the plane of the mechanism, or give a ball."
+                f"{owner}: a {shape.kind} lives in a plane; say the plane of the mechanism, or give a ball, box, capsule or "
+                "ellipsoid."
             )
         if toward is None:
             toward = next(e for e in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)) if abs(dot(e, z)) < 0.9)

@@ -184,11 +184,12 @@ def check_pair(owner: str, a: Surface, b: Surface) -> None:
         raise SceneError(
             f"{owner}: both surfaces are on link '{a.link}', which cannot touch itself; name two links."
         )
-    known = a.shape.is_ball or b.shape.is_ball or kinds <= {"polygon", "wall"} or kinds == {"ellipse", "wall"}
+    bodies = {"ellipse", "ellipsoid", "box", "capsule"}
+    known = a.shape.is_ball or b.shape.is_ball or kinds <= {"polygon", "wall"} or kinds - bodies == {"wall"}
     if not known or kinds == {"wall"} or kinds == {"point"}:
         raise SceneError(
             f"{owner}: a {a.shape.kind} and a {b.shape.kind} are not known to touch; one of them must be a disc, ball or "
-            "point, or they are two polygons, or a polygon or ellipse and a wall."
+            "point, or a wall, or they are two polygons."
         )
 
 

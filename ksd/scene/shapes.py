@@ -37,11 +37,22 @@ class ContactShape:
         return self.kind in ("point", "disc", "ball")
 
     @property
-    def reach(self) -> float:
-        """Largest distance [m] of its points from its centre, inf of a wall."""
-        if self.kind == "wall":
-            return math.inf
-        return max((math.hypot(*p) for p in self.points), default=max(self.sizes, default=0.0))
+    def tips(self) -> Points:
+        """Centres (x, y, z) [m] of the balls, of radius `tip_radius`, that its surface is spanned by: corners, and the ends
+        of a capsule; none of other shapes."""
+        if self.kind == "box":
+            x, y, z = (0.5 * size for size in self.sizes)
+            return tuple(
+                (i * x, j * y, k * z) for k in (-1, 1) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+            )
+        if self.kind == "capsule":
+            return ((0.0, 0.0, -0.5 * self.sizes[1]), (0.0, 0.0, 0.5 * self.sizes[1]))
+        return tuple((*corner, 0.0) for corner in self.points)
+
+    @property
+    def tip_radius(self) -> float:
+        """Radius [m] of its `tips`."""
+        return self.sizes[0] if self.kind == "capsule" else 0.0
 
 
 def point() -> ContactShape:
@@ -57,6 +68,24 @@ def disc(radius: float) -> ContactShape:
 def ball(radius: float) -> ContactShape:
     """A ball of `radius` [m]."""
     return ContactShape("ball", (positive(radius, "radius", owner="ball", unit="m"),))
+
+
+def box(x: float, y: float, z: float) -> ContactShape:
+    """A box of the sizes x, y, z [m] along its axes."""
+    sizes = zip("xyz", (x, y, z), strict=True)
+    return ContactShape("box", tuple(positive(v, n, owner="box", unit="m") for n, v in sizes))
+
+
+def capsule(radius: float, length: float) -> ContactShape:
+    """A capsule: all within `radius` [m] of a line of `length` [m] along its z."""
+    sizes = (("radius", radius), ("length", length))
+    return ContactShape("capsule", tuple(positive(v, n, owner="capsule", unit="m") for n, v in sizes))
+
+
+def ellipsoid(a: float, b: float, c: float) -> ContactShape:
+    """An ellipsoid with the semi-axes a, b, c [m] along its axes."""
+    sizes = zip("abc", (a, b, c), strict=True)
+    return ContactShape("ellipsoid", tuple(positive(v, n, owner="ellipsoid", unit="m") for n, v in sizes))
 
 
 def wall() -> ContactShape:

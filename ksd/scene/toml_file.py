@@ -441,14 +441,17 @@ def _surface_words(table: Table, words: dict[str, Any]) -> dict[str, Any]:
     """Arguments of a surface, with its shape made of the sizes of its table. Raises InvalidTable."""
     kind = _read_kind(table, "shape", schema.CONTACT_SHAPES, "shape")
     wanted = schema.CONTACT_SHAPES[kind]
-    sizes: dict[str, Any] = {key: words.pop(key) for key in ("radius", "semi_axes", "points") if key in words}
+    sizes: dict[str, Any] = {key: words.pop(key) for key in schema.SHAPE_SIZES if key in words}
 
     def make(**given: Any) -> Any:
         if given.keys() != set(wanted):
             raise SceneError(
                 f"a {kind} needs {' and '.join(wanted) or 'no sizes'}, and {', '.join(given) or 'none'} is given."
             )
-        values = [v for value in given.values() for v in (value if kind == "ellipse" else [value])]
+        spread = "semi_axes" in wanted or "size" in wanted
+        if "semi_axes" in wanted and len(given["semi_axes"]) != (2 if kind == "ellipse" else 3):
+            raise SceneError(f"an {kind} has {'two' if kind == 'ellipse' else 'three'} semi_axes.")
+        values = [v for value in given.values() for v in (value if spread else [value])]
         return getattr(shapes, kind)(*values)
 
     return words | {"shape": table.call(make, sizes)}

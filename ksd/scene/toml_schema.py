@@ -172,8 +172,9 @@ STATEMENTS: dict[str, Schema] = {
         "name": "text",
     },
     "surface": {
-        "link": "text!", "shape": "text!", "radius": "length", "semi_axes": "length[2]", "points": "length[]",
-        "at": "length[3]", "axis": "direction", "toward": "direction", "name": "text",
+        "link": "text!", "shape": "text!", "radius": "length", "semi_axes": "length[]", "size": "length[3]",
+        "length": "length", "points": "length[]", "at": "length[3]", "axis": "direction", "toward": "direction",
+        "name": "text",
     },
     "contact": LINK_PAIR | {"friction": "number", "softness": "softness", "name": "text"},
     "joint_spring": {
@@ -203,8 +204,11 @@ REPORT: Schema = {"link": "text", "at": "length[3]", "along": "direction", "free
 
 CONTACT_SHAPES = {
     "point": (), "disc": ("radius",), "ball": ("radius",), "wall": (), "ellipse": ("semi_axes",), "polygon": ("points",),
+    "box": ("size",), "capsule": ("radius", "length"), "ellipsoid": ("semi_axes",),
 }  # fmt: skip
 """Keys of the sizes of a [[surface]] by its `shape`."""
+SHAPE_SIZES = ("radius", "semi_axes", "size", "length", "points")
+"""All of them, in the order of the arguments of `ksd.shapes`."""
 
 LINK_KEYS = ("a", "b", "link", "relative_to", "turns_with")
 """Keys whose value is the name of a link."""

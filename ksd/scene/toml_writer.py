@@ -319,8 +319,11 @@ def _stop_tree(stop: Stop) -> Tree:
 def _surface_tree(surface: Surface) -> Tree:
     """The table [[surface]] of a surface."""
     shape = surface.shape
-    values = {"radius": shape.sizes[:1], "semi_axes": (shape.sizes,), "points": (shape.points,)}
-    sizes = {key: values[key][0] for key in CONTACT_SHAPES[shape.kind]}
+    keys, sizes = CONTACT_SHAPES[shape.kind], dict[str, Any]()
+    if "radius" in keys:
+        sizes = dict(zip(keys, shape.sizes, strict=True))
+    elif keys:
+        sizes = {keys[0]: shape.points or shape.sizes}
     tree = {"name": surface.name, "link": surface.link, "shape": shape.kind} | sizes
     return tree | {"at": surface.at, "axis": surface.axis, "toward": surface.toward}
 

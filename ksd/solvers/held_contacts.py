@@ -32,6 +32,7 @@ from ksd.model.gaps import (
     NORMAL,
     PLACE,
     POLYGON,
+    ROUNDED,
     SHAPE,
     SIZES,
     SLIDE,
@@ -206,6 +207,13 @@ def _radius(data: Array, at: int, R: Array, x: Array, outward: Array, place: Arr
     local = axes.T @ (place - x - R @ data[at : at + 3])
     if kind == WALL:
         return math.inf
+    if (kind == ELLIPSOID and data[at + SIZES + 2]) or (
+        kind == ROUNDED and data[at + SIZES + 1 : at + SIZES + 4].any()
+    ):
+        raise SceneError(
+            "a box, capsule or ellipsoid is touched here, and how its place moves is not known to stiffness, frequencies "
+            "and the like; they know balls, points and walls in space."
+        )
     if kind == STRIP:
         h, slope, kappa = float(data[at + SIZES]), float(data[at + SIZES + 1]), float(data[at + CORNERS + 2])
         size, up = math.hypot(1.0, slope), axes.T @ outward

@@ -275,23 +275,26 @@ def _pairs_of(a: Surface, b: Surface) -> list[tuple[int, Surface, Surface, str]]
     """Kind, both surfaces, and corner, of every pair that a contact stands for; the first surface is a ball or an oval."""
     if a.shape.is_ball or b.shape.is_ball:
         return [(BALL, a, b, "")] if a.shape.is_ball else [(BALL, b, a, "")]
-    if "ellipse" in (a.shape.kind, b.shape.kind):
-        return [(OVAL, a, b, "")] if a.shape.kind == "ellipse" else [(OVAL, b, a, "")]
+    oval = {"ellipse", "ellipsoid"}
+    if a.shape.kind in oval or b.shape.kind in oval:
+        return [(OVAL, a, b, "")] if a.shape.kind in oval else [(OVAL, b, a, "")]
     found = []
     for own, other in ((a, b), (b, a)):
-        axes = np.array(own.axes)
-        for k, corner in enumerate(own.shape.points):
-            place = np.asarray(own.at) + corner[0] * axes[0] + corner[1] * axes[1]
-            tip = replace(own, shape=ContactShape("point", (0.0,)), at=tuple(place.tolist()))
-            found.append((BALL, tip, other, f"{own.name} corner {k + 1}"))
+        ball = ContactShape("ball", (own.shape.tip_radius,))
+        for k, tip in enumerate(own.shape.tips):
+            place = np.asarray(own.at) + np.array(tip) @ np.array(own.axes)
+            end = f"{own.name} {'end' if own.shape.tip_radius else 'corner'} {k + 1}"
+            found.append((BALL, replace(own, shape=ball, at=tuple(place.tolist())), other, end))
     return found
 
 
 def _numbers(surface: Surface, origin: Array) -> list[float]:
     """A surface as `ksd.model.gaps` reads it; origin (3,) [m]: of its body at rest."""
     shape = surface.shape
-    code = {"wall": WALL, "polygon": POLYGON, "ellipse": ELLIPSOID, "strip": STRIP}.get(shape.kind, ROUNDED)
-    sizes = [*shape.sizes, 0.0, 0.0, 0.0, 0.0][:4]
+    codes = {"wall": WALL, "polygon": POLYGON, "ellipse": ELLIPSOID, "ellipsoid": ELLIPSOID, "strip": STRIP}
+    code, sizes = codes.get(shape.kind, ROUNDED), [*shape.sizes, 0.0, 0.0, 0.0, 0.0][:4]
+    if shape.kind in ("box", "capsule"):
+        sizes = [shape.tip_radius, *np.max(shape.tips, axis=0).tolist()]
     corners = [c for point in shape.points for c in point]
     place = (np.asarray(surface.at) - origin).tolist()
     return [*place, *np.array(surface.axes).T.ravel().tolist(), code, *sizes, len(shape.points), *corners]
