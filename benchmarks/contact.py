@@ -1,8 +1,8 @@
 """Cost of stops, cables and contacts: prepared solves with closed and open ones over the solve without.
 
 Compared are a guide under a force with an end stop, and jaws under the discs of a driven block, each with the same mechanism
-without them. Asked: one closed part at most 2.5 times the solve without, four at most 6, open ones 2 % and 2 us more. Thread
-time, all cases in turns.
+without them. Asked: one closed part at most 2.5 times the solve without, along a leaf 3.5, four at most 6, open ones 2 %
+and 2 us more. Thread time, all cases in turns.
 Run: python benchmarks/contact.py
 """
 
@@ -56,6 +56,20 @@ def jaws(count: int, *, friction: float = 0.0, touching: bool = True) -> ksd.Mec
     return scene
 
 
+def finger(*, touching: bool = True) -> ksd.Mechanism:
+    """A leaf spring under a driven disc, or alone."""
+    scene = ksd.Mechanism("finger", plane="xy")
+    tip, held = scene.links("tip", "held")
+    blade: dict[str, Any] = {"section": ksd.rectangle(0.5 * mm, 10 * mm), "material": STEEL}
+    scene.leaf("ground", tip, start=(0, 0, 0), end=(0.1, 0, 0), name="leaf", **blade)
+    scene.leaf("ground", held, start=(0, 0.1, 0), end=(0.06, 0.1, 0), name="other", **blade)
+    scene.actuate(held, along="y", at=(0.06, 20.25 * mm, 0), name="y")
+    if touching:
+        disc = scene.surface(held, ksd.shapes.disc(20 * mm), at=(0.06, 20.25 * mm, 0))
+        scene.contact("leaf", disc, name="c")
+    return scene
+
+
 def main(argv: list[str] | None = None) -> dict[str, Any]:
     """Measure, print and write the ratios."""
     options = parse_options(__doc__ or "", argv)
@@ -80,6 +94,7 @@ def main(argv: list[str] | None = None) -> dict[str, Any]:
         pressed,
     )
     add("four closed contacts", jaws(4), jaws(4, touching=False), pressed)
+    add("one closed contact along a leaf", finger(), finger(touching=False), {"y": -2 * mm})
     add("an open stop", guide("stop", high=50 * mm), guide())
     add("four open contacts", jaws(4), jaws(4, touching=False), away)
     rounds = 20 if options.quick else REPEATS

@@ -21,7 +21,7 @@ from ksd.scene.obstacle import check_limits
 from ksd.solvers.configuration import Configuration
 from ksd.solvers.contact_newton import MAX_CUTS, ContactNewton
 from ksd.solvers.contact_state import Touched
-from ksd.solvers.leaf_contact import cut_at, cut_state, places_of
+from ksd.solvers.leaf_contact import cut_at, cut_state, places_of, strips
 from ksd.solvers.load_steps import LoadPath, LoadStepRecord, as_step, take_load_steps
 from ksd.solvers.steps import Stop
 from ksd.solvers.storage import NewtonStorage, thread_storage
@@ -222,6 +222,7 @@ def _pose(
     loaded = replace(held, arrays=arrays)
     # known already, and asked by every pose
     loaded.__dict__["conservative"] = model.conservative
+    loaded.derived["strips"] = strips(model)
     found = Configuration(
         loaded, motion, "conventional", dict(drives), (as_step(record, f"{how}, with contact", time),),
         negatives=rows + unstable, expected_negatives=rows, load_factor=factor, touched=touched,

@@ -104,7 +104,7 @@ class Touching:
         """Which normals have turned by more than a right angle from `normals` (m, 3); None where none has."""
         if not self.has_surfaces:
             return None
-        found = np.einsum("ij,ij->i", normals, out[:, NORMAL : NORMAL + 3]) < 0.0
+        found = np.add.reduce(normals * out[:, NORMAL : NORMAL + 3], axis=1) < 0.0
         return found if found.any() else None
 
     def overlap_between(
@@ -329,7 +329,14 @@ def _look_at_rest(model: Model, what: Touching) -> None:
 
 def contact_model(model: Model, nodes: NDArray[np.int64]) -> Model:
     """The model with one more dead load at the reference point of every moving body that may touch, of these `nodes`
-    (`Touching.nodes`): its contact forces."""
+    (`Touching.nodes`): its contact forces. Cached with the model."""
+    if "contact" not in model.derived:
+        model.derived["contact"] = _with_contact_loads(model, nodes)
+    found: Model = model.derived["contact"]
+    return found
+
+
+def _with_contact_loads(model: Model, nodes: NDArray[np.int64]) -> Model:
     arrays, loads = model.arrays, model.arrays.loads
     moving = nodes[arrays.start[nodes] >= 0]
     block = arrays.plan.diagonal[np.searchsorted(arrays.plan.start, arrays.start[moving])]
