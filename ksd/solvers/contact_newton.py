@@ -33,7 +33,7 @@ from ksd.model.newton import (
 )
 from ksd.solvers.leaf_contact import cut_at, cut_places, cut_state, node_poses, places_of, strips
 from ksd.solvers.steps import Stop
-from ksd.solvers.touching import Touching
+from ksd.solvers.touching import Touching, contact_model
 
 Array = NDArray[np.float64]
 SAME_GAP = 1e-11
@@ -55,7 +55,7 @@ class ContactNewton:
 
     def __init__(self, what: Touching, model: Model, make: Callable[[Model], Arrays]) -> None:
         self.make, self.model = make, model
-        arrays = make(model)
+        arrays = make(contact_model(model, what.nodes))
         self.what, self.arrays, self.work = what, arrays, make_workspace(arrays)
         self.active = arrays.active_dofs
         moving, width = arrays.start[what.nodes] >= 0, len(self.active)
@@ -85,7 +85,11 @@ class ContactNewton:
         """Go over to a model cut elsewhere, at a state of it."""
         if model is not self.model:
             self.model = model
-            self.arrays.floats[:] = self.make(model).floats
+            own, made = self.arrays, self.make(model)
+            # nothing else depends on where leaf springs are cut
+            for name in ("offset", "frame", "value", "length", "stiffness_scale"):
+                getattr(own.members, name)[:] = getattr(made.members, name)
+            own.weight[:] = made.weight
         if self.what.strips:
             what = self.what = self.what.on_strips(model, motion)
             self.data, self.rest_data = what.data, what.with_values(np.array(list(what.values.values())))

@@ -175,10 +175,10 @@ def _ways(model: Model, storage: NewtonStorage | None, planar: bool) -> list[tup
     if not isinstance(plane, Plane):
         return [("spatial", space)]
     if "planar" not in known:
-        nodes, axis, rows = space.what.nodes, plane.axis, plane.rows
+        axis, rows = plane.axis, plane.rows
 
         def planar_arrays(model: Model) -> Arrays:
-            return Plane(contact_model(model, nodes).arrays, model.rest, axis, rows).arrays
+            return Plane(model.arrays, model.rest, axis, rows).arrays
 
         known["planar"] = (
             None
@@ -196,9 +196,7 @@ def _spatial(model: Model, storage: NewtonStorage | None) -> ContactNewton:
         storage = thread_storage(model)
     if "spatial" not in storage.contact:
         what = touching(model)
-        storage.contact["spatial"] = ContactNewton(
-            what, cut_model(model), lambda model: contact_model(model, what.nodes).arrays.copy()
-        )
+        storage.contact["spatial"] = ContactNewton(what, cut_model(model), lambda model: model.arrays.copy())
     found: ContactNewton = storage.contact["spatial"]
     return found
 

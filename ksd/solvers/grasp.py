@@ -54,7 +54,7 @@ def contacts_on(link: str, scene: Scene, points: Mapping[str, ContactPoint]) -> 
     owner, found = {surface.name: surface.link for surface in scene.surfaces}, {}
     for name, point in points.items():
         contact = _contact(scene, name)
-        links = owner[contact.a], owner[contact.b]
+        links = owner.get(contact.a), owner.get(contact.b)
         if link in links and point.N > 0.0:
             found[name] = 1.0 if links[1] == link else -1.0
     if not found:

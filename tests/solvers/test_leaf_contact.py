@@ -325,3 +325,23 @@ def test_what_does_not_know_contact_along_leaf_springs_refuses_it():
     inside.contact("leaf", other)
     with pytest.raises(ksd.SceneError, match=r"overlap at rest by 1.25 mm"):
         ksd.solve(inside, x=0.0, y=0.0)
+
+
+def test_a_free_disc_between_two_fingers():
+    scene, at = ksd.Mechanism("fingers", plane="xy"), (70 * mm, 15.25 * mm, 0)
+    disc = scene.link("disc")
+    for y, name in ((0.0, "low"), (30.5 * mm, "high")):
+        base, tip = scene.links(f"{name} base", f"{name} tip")
+        scene.leaf(base, tip, start=(0, y, 0), end=(0.1, y, 0), section=STRIP, material=STEEL, name=name)
+        scene.actuate(base, along="y", at=(0, y, 0), name=f"{name} y")
+        scene.support(base, along="x", at=(0, y, 0))
+        scene.support(base, about="z")
+        outline = scene.surface(disc, ksd.shapes.disc(15 * mm), at=at, name=f"{name} side")
+        scene.contact(name, outline, friction=0.3, name=f"{name} grip")
+    pose = ksd.walk(scene, [{"low y": 2 * mm, "high y": -2 * mm}], steps=2)[-1]
+    assert [c.state for c in pose.contacts.values()] == ["stick", "stick"] and pose.stable
+    found = pose.grasp(disc, at=at)
+    assert np.abs(found.forces.sum(axis=0)).max() < 1e-10 and found.names == ("low grip", "high grip")
+    # by the strips of leaf springs at rest between root and disc, in one line
+    c = pose.contacts["low grip"]
+    assert c.N == pytest.approx(3 * 200e9 * STRIP.Iz / (70 * mm) ** 3 * 2 * mm, rel=0.03)
