@@ -118,8 +118,8 @@ def sweep(
     name, numbers or arrays: ``top=np.linspace(0, 0.3, 31)``. All combinations are solved, the array named last along the
     stroke (conventional poses start from the previous one; modes keep the names of the first pose); together=True varies all
     arrays together. designs: {"thickness": [...], ...} for all combinations, or a list of such mappings. loads: cases by
-    name, each a list of dict(link=, force=, moment=, at=) added to the scene's own. questions: of "force",
-    "drive_stiffness", "support_stiffness", "frequencies", "stress", "parasitic", "energy", "buckling", "size", "clearance",
+    name, each a list of dict(link=, force=, moment=, at=) added to the scene's own. questions: of "force" (those of stops,
+    cables and contacts too), "drive_stiffness", "support_stiffness", "frequencies", "stress", "parasitic", "energy", "buckling", "size", "clearance",
     "distance" (those of `Mechanism.distance`), "vibration"; when None all that the mechanism has an answer to, as `ksd
     report` shows. link, at: the point of "support_stiffness" and "parasitic", link and point of the first drive when None
     (`Configuration.stiffness` takes the reference point of the link). along: direction of the wanted displacement, which
