@@ -106,13 +106,11 @@ def arm(joints):
 
 
 def lengths():
-    """A table of the cost of a step for each leaf spring and iteration."""
-    print("\n| joints | step [us] | iterations | per leaf spring and iteration [us] |\n|---:|---:|---:|---:|")
+    """A table of the cost of a step for each leaf spring."""
+    print("\n| joints | step [us] | iterations | per leaf spring [us] |\n|---:|---:|---:|---:|")
     for joints in (3, 10, 30, 100):
         step, iterations = step_time(arm(joints), 1e-3, loads={"push": ksd.Ramp(0.02)})
-        print(
-            f"| {joints} | {1e6 * step:.0f} | {iterations:.2f} | {1e6 * step / iterations / joints / 2:.1f} |"
-        )
+        print(f"| {joints} | {1e6 * step:.0f} | {iterations:.2f} | {1e6 * step / joints / 2:.1f} |")
 
 
 if __name__ == "__main__":
