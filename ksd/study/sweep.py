@@ -120,8 +120,9 @@ def sweep(
     arrays together. designs: {"thickness": [...], ...} for all combinations, or a list of such mappings. loads: cases by
     name, each a list of dict(link=, force=, moment=, at=) added to the scene's own. questions: of "force" (those of stops,
     cables and contacts too), "drive_stiffness", "support_stiffness", "frequencies", "stress", "parasitic", "energy",
-    "buckling", "size", "clearance", "distance" (those of `Mechanism.distance`), "vibration"; when None all that the mechanism has an answer to, as `ksd
-    report` shows. link, at: the point of "support_stiffness" and "parasitic", link and point of the first drive when None
+    "buckling", "size", "clearance", "distance" (those of `Mechanism.distance`), "vibration"; when None all that the
+    mechanism has an answer to, as `ksd report` shows. link, at: the point of "support_stiffness" and "parasitic", link and
+    point of the first drive when None
     (`Configuration.stiffness` takes the reference point of the link). along: direction of the wanted displacement, which
     alone is removed for "parasitic" then (`Configuration.parasitic`). freed: drives released for frequencies (all when
     None), modes: how many are followed in addition to the intended ones, more where modes cross. errors: a column per
