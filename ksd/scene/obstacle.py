@@ -257,6 +257,6 @@ def refuse_contacts(scene: Any) -> None:
             for p in parts
         )
         raise SceneError(
-            f"{kind} '{part.name}': stops, cables and contacts are known to ksd.solve, ksd.prepare, ksd.sweep and "
-            "ksd.walk so far, and not to this; leave them out of the scene, or solve pose by pose."
+            f"{kind} '{part.name}': stops, cables and contacts are known to ksd.solve, ksd.prepare, ksd.sweep, "
+            "ksd.gradient and ksd.walk so far, and not to this; leave them out of the scene, or solve pose by pose."
         )

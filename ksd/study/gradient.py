@@ -28,6 +28,7 @@ from ksd.model.mesh import Mesh
 from ksd.numerics.rotations import rotation_log
 from ksd.numerics.threads import small_matrices
 from ksd.scene.link import Link
+from ksd.scene.obstacle import has_contacts
 from ksd.solvers.configuration import Configuration
 from ksd.solvers.error import refined_configuration
 from ksd.solvers.perturbed import (
@@ -40,6 +41,7 @@ from ksd.solvers.perturbed import (
 from ksd.solvers.random_vibration import Spectrum
 from ksd.solvers.solver import Method
 from ksd.study.arguments import drive_value_arrays
+from ksd.study.contact_gradient import CONTACT_STEP, ContactEquilibria
 from ksd.study.design_scene import MechanismLike
 from ksd.study.questions import (
     ANSWER_FUNCTIONS,
@@ -51,6 +53,7 @@ from ksd.study.questions import (
     Questions,
     Row,
     answer_group,
+    contact_row,
     frequency_row,
     parse_questions,
 )
@@ -213,7 +216,8 @@ def gradient(
     differences of fourth order with the error of each, that of the mesh included, at several times the cost. The other
     arguments, and drive values [m or rad] by name, are those of `ksd.sweep`. Values and derivatives are those of the
     equilibrium for every `method`; modes, orders and effects are fixed when a parameter is perturbed. Modes are numbered
-    at every pose from the lowest.
+    at every pose from the lowest. In a scene with stops, cables or contacts every difference is one of solves from rest, of
+    fourth order.
 
     Raises SceneError for unknown names, a parameter that changes more than numbers, and reduced bodies; KsdError of the
     pose that fails; TrustError of a pose that `ksd.solve` would refuse, which strict=False differentiates all the same: then
@@ -236,7 +240,7 @@ def gradient(
     values = drive_value_arrays(targets, drives, gradient)
     designs = None if at_design is None else [at_design]
     paths, _ = sweep_paths(
-        design, values, designs, loads, together=boolean(together, "together"), call=gradient
+        design, values, designs, loads, together=boolean(together, "together"), call=gradient, contacts=True
     )
 
     reasons: list[str] = []
@@ -323,15 +327,18 @@ def _gradient_by_differences(
     errors: bool,
 ) -> Gradient:
     """`gradient_at`; the error slopes are those of the differences on the mesh of the poses."""
-    step = FOURTH_ORDER_STEP if errors else RELATIVE_STEP
-    offsets = (step, -step, 2 * step, -2 * step) if errors else (step, -step)
+    cases = list(solved)
+    contacts = any(has_contacts(case.scene) for case in cases)
+    step = CONTACT_STEP if contacts else FOURTH_ORDER_STEP if errors else RELATIVE_STEP
+    offsets = (step, -step, 2 * step, -2 * step) if errors or contacts else (step, -step)
     # of every pose: the pose itself, then those at the offsets of every parameter
     poses: list[list[Configuration]] = []
     labels: list[Mapping[str, Any]] = []
     parameters: tuple[GradientParameter, ...] = ()
     steps: list[list[float]] = []
-    for scene, scene_poses, scene_labels in solved:
-        perturb, parameters = PerturbedEquilibria(offsets), ()
+    for scene, scene_poses, scene_labels in cases:
+        parameters = ()
+        perturb = ContactEquilibria(offsets) if contacts else PerturbedEquilibria(offsets)
         for pose in scene_poses:
             # between poses of a scene only the values of drives change
             if not parameters or any(p.scene is None for p in parameters):
@@ -343,7 +350,11 @@ def _gradient_by_differences(
             poses.append([unperturbed, *chain(*perturbed)])
             steps.append([p.scale * step for p in parameters])
         labels += scene_labels
-    rows = _answer_rows(poses, questions, len(offsets))
+    held = [[pose.with_contacts_held for pose in own] for own in poses]
+    rows = _answer_rows(held, questions, len(offsets))
+    if "force" in questions.names:
+        for row, pose in zip(chain(*rows), chain(*poses), strict=True):
+            row |= contact_row(pose)
     numeric = dict.fromkeys(c for own in rows for c, v in own[0].items() if isinstance(v, float))
     columns = tuple(c for c in numeric if not any(part in c for part in EXCLUDED_COLUMNS))
     names, h = tuple(p.name for p in parameters), np.array(steps)[..., None]

@@ -418,7 +418,6 @@ CALLS = [
     lambda s: ksd.batch(s, d=[0.0, 1e-3]),
     ksd.follow,
     lambda s: ksd.simulate(s, until=0.1),
-    lambda s: ksd.gradient(s, questions="energy"),
     ksd.compile_scene,
 ]
 

@@ -1,4 +1,4 @@
-"""Sweeps of mechanisms with stops, cables and contacts: every row is that of `ksd.solve`."""
+"""Sweeps and gradients of mechanisms with stops, cables and contacts: every row is that of `ksd.solve`."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ STEEL = ksd.Material(E=200 * GPa, nu=0.3, density=7800)
 LENGTH = 60 * mm
 
 
-def blade(**stop):
+def blade(*, E=STEEL.E, **stop):
     """A leaf spring along x with its end driven across, and what stops the turn of that."""
     scene = ksd.Mechanism("blade", plane="xy")
     tip = scene.link("tip")
@@ -20,7 +20,7 @@ def blade(**stop):
         start=(0, 0, 0),
         end=(LENGTH, 0, 0),
         section=ksd.rectangle(0.3 * mm, 10 * mm),
-        material=STEEL,
+        material=ksd.Material(E=E, nu=0.3, density=7800),
     )
     scene.actuate(tip, along="y", at=(LENGTH, 0, 0), name="push")
     scene.mass(tip, mass=0.1, at=(LENGTH, 0, 0))
@@ -62,7 +62,8 @@ def test_a_soft_stop_answers_forces_and_says_why_nothing_else():
     assert set(ksd.sweep(scene, push=[2 * mm], questions="force", progress=False)["status"]) == {"ok"}
 
 
-def test_cables_and_contacts_have_columns():
+def finger(*, E=STEEL.E):
+    """A leaf spring pulled by a tendon on one side, and with a pad that rubs on a wall on the other."""
     scene = ksd.Mechanism("finger", plane="xy")
     tip = scene.link("tip")
     scene.leaf(
@@ -71,13 +72,18 @@ def test_cables_and_contacts_have_columns():
         start=(0, 0, 0),
         end=(LENGTH, 0, 0),
         section=ksd.rectangle(0.3 * mm, 10 * mm),
-        material=STEEL,
+        material=ksd.Material(E=E, nu=0.3, density=7800),
     )
     scene.actuate(tip, along="y", at=(LENGTH, 0, 0), name="push")
     scene.cable("ground", tip, start=(0, 40 * mm, 0), end=(LENGTH, 0, 0), stiffness=1e3, name="tendon")
-    pad = scene.surface(tip, ksd.shapes.disc(2 * mm), at=(LENGTH, 0, 0))
+    pad = scene.surface(tip, ksd.shapes.disc(2 * mm), at=(LENGTH + 10 * mm, 0, 0))
     wall = scene.surface("ground", ksd.shapes.wall(), at=(LENGTH, 8 * mm, 0), axis=(0, -1, 0))
     scene.contact(pad, wall, friction=0.2, name="grip")
+    return scene
+
+
+def test_cables_and_contacts_have_columns():
+    scene = finger()
     table = ksd.sweep(scene, push=[-2 * mm, 2 * mm, 5 * mm], questions="force", progress=False)
     for k, stroke in enumerate((-2 * mm, 2 * mm, 5 * mm)):
         pose = ksd.solve(scene, push=stroke)
@@ -86,3 +92,31 @@ def test_cables_and_contacts_have_columns():
         found = [table[f"grip_{kind}_N"][k] for kind in ("normal", "friction")]
         assert found == pytest.approx([grip.N, np.linalg.norm(grip.T)], rel=1e-9, abs=1e-12)
     assert table["tendon_tension_N"][0] > 0.0 == table["tendon_tension_N"][1]
+
+
+def test_forces_are_proportional_to_the_modulus_and_their_slope_by_a_drive_is_its_stiffness():
+    """Under prescribed motions every force of a mechanism of one material is: of stops, of contacts that slip too."""
+    found = ksd.gradient(lambda E: blade(E=E, high=1 * deg), {"E": STEEL.E}, questions="force", push=2 * mm)
+    for column in ("push_force_N", "end.high_moment_Nm"):
+        assert STEEL.E * found[column, "E"] == pytest.approx(found.values[column], rel=1e-6)
+    scene = blade(high=1 * deg)
+    by_drive = ksd.gradient(scene, questions=("force", "stress"), push=2 * mm)
+    pose = ksd.solve(scene, push=2 * mm)
+    assert by_drive["push_force_N", "push"] == pytest.approx(pose.drive_stiffness()["push"], rel=1e-6)
+    assert by_drive["stress_MPa", "push"][0] > 0.0
+    rubbing = ksd.gradient(lambda E: finger(E=E), {"E": STEEL.E}, questions="force", push=5 * mm)
+    for column in ("grip_normal_N", "grip_friction_N"):
+        assert rubbing.values[column][0] > 0.0
+        assert STEEL.E * rubbing[column, "E"] == pytest.approx(rubbing.values[column], rel=1e-5)
+
+
+def test_a_stop_that_closes_within_the_difference_has_no_gradient():
+    scene, touch = blade(high=1 * deg), 0.0
+    low, high = 0.2 * mm, 2 * mm
+    while high - low > 1e-6 * mm:
+        touch = 0.5 * (low + high)
+        low, high = (
+            (touch, high) if ksd.solve(scene, push=touch).stops["end.high"].force == 0.0 else (low, touch)
+        )
+    with pytest.raises(ksd.ConvergenceError, match=r"no gradient by 'push': 'end\.high' opens, closes"):
+        ksd.gradient(scene, questions="force", push=touch)
