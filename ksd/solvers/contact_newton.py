@@ -54,9 +54,24 @@ class ContactNewton:
     """
 
     def __init__(self, what: Touching, model: Model, make: Callable[[Model], Arrays]) -> None:
-        self.make, self.model = make, model
-        arrays = make(contact_model(model, what.nodes))
-        self.what, self.arrays, self.work = what, arrays, make_workspace(arrays)
+        self.what, self.make = what, make
+        self._build(model)
+        arrays = self.arrays
+        most = int(what.pairs[:, BODY_COUNT].max(initial=0))
+        self.out = np.zeros((len(what.pairs), WRENCH + 18 * most))
+        self.size = arrays.size
+        stiffest = float(arrays.members.stiffness_scale.max(initial=0.0))
+        self.stiff = 1e-4 * (stiffest or 1.0)
+        self.noise = ROUNDING_MULTIPLE * np.finfo(float).eps * stiffest * arrays.size * min(1.0, arrays.size)
+        self.rest_data = what.with_values(np.array(list(what.values.values())))
+        self.none = np.zeros((len(what.pairs), 3))
+        self.begin(self.none)
+
+    def _build(self, model: Model) -> None:
+        """Arrays of a model, and where they have the bodies and contact forces."""
+        what, self.model, self.links = self.what, model, model.arrays.ints
+        arrays = self.make(contact_model(model, what.nodes))
+        self.arrays, self.work, self.plan = arrays, make_workspace(arrays), arrays.plan.ints
         self.active = arrays.active_dofs
         moving, width = arrays.start[what.nodes] >= 0, len(self.active)
         self.first = np.where(moving, width * (np.cumsum(moving) - 1), -1)
@@ -65,15 +80,6 @@ class ContactNewton:
         self.push, self.turn, self.block = (
             getattr(arrays.loads, name)[self.loads] for name in ("force", "moment", "block")
         )
-        most = int(what.pairs[:, BODY_COUNT].max(initial=0))
-        self.out = np.zeros((len(what.pairs), WRENCH + 18 * most))
-        self.plan, self.size = arrays.plan.ints, arrays.size
-        stiffest = float(arrays.members.stiffness_scale.max(initial=0.0))
-        self.stiff = 1e-4 * (stiffest or 1.0)
-        self.noise = ROUNDING_MULTIPLE * np.finfo(float).eps * stiffest * arrays.size * min(1.0, arrays.size)
-        self.rest_data = what.with_values(np.array(list(what.values.values())))
-        self.none = np.zeros((len(what.pairs), 3))
-        self.begin(self.none)
 
     def begin(self, forces: Array) -> None:
         """Forget the solve before, and start from these contact forces (m, 3)."""
@@ -84,8 +90,10 @@ class ContactNewton:
     def cut(self, model: Model, motion: State) -> None:
         """Go over to a model cut elsewhere, at a state of it."""
         if model is not self.model:
-            self.model = model
-            own, made = self.arrays, self.make(model)
+            if not np.array_equal(model.arrays.ints, self.links):
+                # a leaf is cut beyond another node of it
+                self._build(model)
+            own, made, self.model = self.arrays, self.make(model), model
             # nothing else depends on where leaf springs are cut
             for name in ("offset", "frame", "value", "length", "stiffness_scale"):
                 getattr(own.members, name)[:] = getattr(made.members, name)

@@ -20,6 +20,7 @@ from ksd.elements.strain_centreline import integrate_centrelines
 from ksd.errors import SceneError
 from ksd.model.arrays import State
 from ksd.model.compile import Model, compile_as_is
+from ksd.model.leaves import leaf_orders
 from ksd.scene.leaf import Leaf
 from ksd.scene.obstacle import Surface
 from ksd.scene.scene import LeafPoint, Scene
@@ -27,7 +28,7 @@ from ksd.scene.shapes import ContactShape
 from ksd.section.section import thickness_and_width
 
 Array = NDArray[np.float64]
-SHORTEST = 5e-3
+SHORTEST = 1e-3
 """Shortest piece of a leaf, over its length."""
 SAMPLES = 12
 """Steps of the integration along a part of a piece."""
@@ -105,24 +106,20 @@ def _sizes(leaf: Leaf, s: float) -> tuple[float, float]:
 
 
 def cut_places(model: Model, wanted: Mapping[str, float]) -> dict[str, float]:
-    """Where leaves are cut [m] for the places wanted, by the name of the node: not too near to ends and other nodes."""
-    found = dict(wanted)
+    """Where leaves are cut [m] for the places wanted, by the name of the node: not too near to ends and other nodes, beside
+    which a node stays on its side."""
+    found, now = dict(wanted), places_of(model)
     for strip in strips(model):
-        least, own = (
-            SHORTEST * strip.leaf.length,
-            {s.node for s in strips(model) if s.leaf.name == strip.leaf.name},
-        )
-        fixed = [p.s for p in model.scene.points if p.leaf == strip.leaf.name and p.name not in found]
-        marks = sorted([(found[node], node) for node in own] + [(s, "") for s in fixed])
-        end = 0.0
-        for s, node in marks:
-            end = max(s, end + least) if node else s
-            found[node] = end
-        end = strip.leaf.length
-        for _, node in reversed(marks):
-            end = min(found[node], end - least)
-            found[node] = end
-    found.pop("", None)
+        node, least = strip.node, SHORTEST * strip.leaf.length
+        others = [p.s for p in model.scene.points if p.leaf == strip.leaf.name and p.name not in found]
+        for other in strips(model):
+            if other.node == node:
+                break
+            others += [found[other.node]] * (other.leaf.name == strip.leaf.name)
+        for other_s in others:
+            if abs(found[node] - other_s) < least:
+                found[node] = other_s + (least if now.get(node, found[node]) >= other_s else -least)
+        found[node] = min(max(found[node], least), strip.leaf.length - least)
     return found
 
 
@@ -133,8 +130,18 @@ def cut_at(model: Model, places: Mapping[str, float]) -> Model:
     points = tuple(p for p in scene.points if p.name not in places)
     points += tuple(LeafPoint(name, leaf[name], s) for name, s in places.items())
     links = (*(link for link in scene.links if link not in places), *places)
+    # pieces of a curved leaf keep their modes wherever it is cut
+    leaves = tuple(
+        replace(f, leaf=replace(f.leaf, orders=leaf_orders(f.leaf, model.mesh)[0]))
+        if f.name in leaf.values() and f.leaf.curve is not None and f.leaf.orders is None
+        else f
+        for f in scene.leaves
+    )
     made = compile_as_is(
-        replace(scene, links=links, points=points), model.mesh, model.original_scene, model.choice
+        replace(scene, links=links, points=points, leaves=leaves),
+        model.mesh,
+        model.original_scene,
+        model.choice,
     )
     made.derived["strips"] = strips(model)
     return made
@@ -221,7 +228,7 @@ def cut_state(old: Model, motion: State, new: Model) -> State:
             value, number, inner = member_arrays(new, state, i)
             source = next(p for p in _pieces(old, leaf) if 0.5 * (start + end) <= p[2])[0]
             given, n = motion.inner[own[old.member_names[source]]], int(number[:3].sum())
-            inner[n:] = given[n:]
+            inner[n:] = given[len(given) + n - len(inner) :]
             at = start + (end - start) * quadrature_points(value, number)
             inner[:n] = fitted_amplitudes(value, number, curvatures(old, motion, leaf, at))
     return state
