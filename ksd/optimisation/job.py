@@ -49,6 +49,7 @@ from ksd.optimisation.goals import SIGNED_QUESTIONS, Answer, parse_goals
 from ksd.scene import Mechanism, Scene
 from ksd.scene.link import Link
 from ksd.scene.load import Load
+from ksd.scene.obstacle import has_contacts
 from ksd.solvers.configuration import Configuration
 from ksd.solvers.perturbed import RELATIVE_STEP
 from ksd.solvers.random_vibration import Spectrum
@@ -136,7 +137,7 @@ class _LoadedSceneFunction:
     loads: tuple[Any, ...]
 
     def __call__(self, **parameters: Any) -> Scene:
-        scene, failure = add_loads(build_scene(self.function, parameters), self.loads)
+        scene, failure = add_loads(build_scene(self.function, parameters, contacts=True), self.loads)
         if scene is None:
             raise SceneError(failure)
         return scene
@@ -393,8 +394,9 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         return labels
 
     def _default_method(self, scene: Scene, mesh: Mesh) -> Literal["full", "conventional"]:
-        """ "full" where links are rigid and all joints match their records at two designs, else "conventional"."""
-        if not scene.joints or scene.compliances:
+        """ "full" where links are rigid, nothing touches and all joints match their records at two designs, else
+        "conventional"."""
+        if not scene.joints or scene.compliances or has_contacts(scene):
             return "conventional"
         other_joints = joints_between(self.build, self.vary, np.full(len(self.vary), PROBE_FRACTION))
         try:
@@ -510,7 +512,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         ranges[np.isneginf(ranges)] = 0.0
         if self.coupled_ranges and (ranges <= -1.0).all():
             try:
-                build_scene(self.build, self.design_at(x))
+                build_scene(self.build, self.design_at(x), contacts=True)
             except SceneError as reason:
                 raise SceneError(
                     f"no design within the bounds and rules could be built; the last one: {reason}"
@@ -521,7 +523,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
 
     def _can_be_built(self, x: Array) -> bool:
         try:
-            build_scene(self.build, self.design_at(x))
+            build_scene(self.build, self.design_at(x), contacts=True)
         except SceneError:
             return False
         return True
@@ -558,7 +560,9 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     def _range_margins(self, parameters: Mapping[str, float]) -> list[float]:
         """Margins of a design to the trained ranges that depend on several parameters."""
         try:
-            shapes = [placed.joint.shape() for placed in build_scene(self.build, parameters).joints]
+            shapes = [
+                placed.joint.shape() for placed in build_scene(self.build, parameters, contacts=True).joints
+            ]
         except SceneError:
             shapes = []
         return [r.margin(shapes) for r in self.coupled_ranges]
@@ -764,11 +768,13 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     @cached_property
     def _example_scene(self) -> Scene:
         """The scene in the middle of the bounds, or of another design within them."""
-        return first_buildable(lambda **parameters: build_scene(self.build, parameters), self.vary)
+        return first_buildable(
+            lambda **parameters: build_scene(self.build, parameters, contacts=True), self.vary
+        )
 
     def far_drives(self) -> tuple[str, ...]:
         """A sentence for every drive value that was probably meant in another unit."""
-        model = compile_scene(self._example_scene, mesh=self.mesh)
+        model = compile_scene(self._example_scene, mesh=self.mesh, one_sided=True)
         return tuple(dict.fromkeys(hint for _, values in self.poses for hint in model.far_drives(values)))
 
     def margins(self, values: ArrayLike) -> Array:
@@ -830,7 +836,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         scenes, failures = [], []
         for x in self.random(2):
             try:
-                scenes.append(build_scene(self.build, self.design_at(x)))
+                scenes.append(build_scene(self.build, self.design_at(x), contacts=True))
             except SceneError as reason:
                 failures.append(str(reason))
         contents = (
@@ -893,7 +899,7 @@ def _solve_conventionally(
     for design in designs:
         rows: list[Row] = []
         poses: list[Configuration] = []
-        solver, (scene, failure) = None, scene_or_reason(function, design)
+        solver, (scene, failure) = None, scene_or_reason(function, design, contacts=True)
         for k, drive_values in enumerate(paths):
             path = SweepPath(k, {}, scene, drive_values, failure)
             solver = run_path(path, recipe, solver, rows, poses if keep_poses else None)

@@ -258,5 +258,5 @@ def refuse_contacts(scene: Any) -> None:
         )
         raise SceneError(
             f"{kind} '{part.name}': stops, cables and contacts are known to ksd.solve, ksd.prepare, ksd.sweep, "
-            "ksd.gradient and ksd.walk so far, and not to this; leave them out of the scene, or solve pose by pose."
+            "ksd.gradient, ksd.Job and ksd.walk so far, and not to this; leave them out of the scene, or solve pose by pose."
         )

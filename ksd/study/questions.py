@@ -213,6 +213,9 @@ def column_questions(scene: Any, modes: int, freed: Collection[str] | None = Non
         columns[f"{drive.name}_{EFFORT_SUFFIX[drive_kind(drive)]}"] = "force"
         unit = "Nm_per_rad" if drive.terms[0].kind == "rotation" else "N_per_m"
         columns[f"{drive.name}_stiffness_{unit}"] = "drive_stiffness"
+    columns |= dict.fromkeys(_stop_columns(scene).values(), "force")
+    columns |= {f"{cable.name}_tension_N": "force" for cable in scene.cables}
+    columns |= {f"{c.name}_{kind}_N": "force" for c in scene.contacts for kind in ("normal", "friction")}
     for d in (*DIRECTIONS, "worst"):
         columns |= {f"support_{d}_N_per_m": "support_stiffness"} if len(d) != 2 else {}
         columns |= {f"support_{d}_Nm_per_rad": "support_stiffness"} if len(d) != 1 else {}
@@ -283,15 +286,17 @@ def _force(pose: Any, questions: Questions) -> Row:
 
 def contact_row(pose: Any) -> Row:
     """Force of every end stop, tension of every cable, normal and friction force of every contact; none without them."""
-    row = Row()
-    stops = {stop.name: stop for stop in pose.model.original_scene.stops}
-    for name, part in pose.stops.items():
-        turns = stops[name.rpartition(".")[0]].terms[0].kind == "rotation"
-        row[f"{name}_{'moment_Nm' if turns else 'force_N'}"] = part.force
-    row |= {f"{name}_tension_N": part.force for name, part in pose.cables.items()}
+    stops, found = _stop_columns(pose.model.original_scene), Row()
+    found |= {stops[name]: part.force for name, part in pose.stops.items()}
+    found |= {f"{name}_tension_N": part.force for name, part in pose.cables.items()}
     for name, part in pose.contacts.items():
-        row |= {f"{name}_normal_N": part.N, f"{name}_friction_N": float(np.linalg.norm(part.T))}
-    return row
+        found |= {f"{name}_normal_N": part.N, f"{name}_friction_N": float(np.linalg.norm(part.T))}
+    return found
+
+
+def _stop_columns(scene: Any) -> dict[str, str]:
+    """Column of the force of every limit of an end stop, such as "end.high_force_N", by the name of the limit."""
+    return {name: f"{name}_{EFFORT_SUFFIX[drive_kind(stop)]}" for stop in scene.stops for name in stop.limits}
 
 
 SUPPORT_COLUMNS = tuple(f"support_{d}_{'N_per_m' if len(d) == 1 else 'Nm_per_rad'}" for d in DIRECTIONS)

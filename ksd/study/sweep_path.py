@@ -21,6 +21,7 @@ from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.model.orders import raise_order
 from ksd.model.turns import node_rotations, relative_angles
 from ksd.numerics.threads import small_matrices
+from ksd.scene.obstacle import has_contacts
 from ksd.solvers.configuration import Configuration
 from ksd.solvers.conventional import solve_conventional
 from ksd.solvers.plate_stiffening import solve_with_secants
@@ -157,7 +158,9 @@ class PathSolver:
 
     def solve(self, values: Mapping[str, float]) -> Configuration:
         """The configuration at drive values by name [m or rad]. Raises what `ksd.solve` raises."""
-        conventional = self.recipe.method == "conventional"
+        conventional = self.recipe.method == "conventional" and not has_contacts(
+            self.solver.model.original_scene
+        )
         self.previous = self._solve_conventional(values) if conventional else self._solve_or_continue(values)
         return self.previous
 

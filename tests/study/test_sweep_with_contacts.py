@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import ksd
 from ksd.units import GPa, deg, mm
@@ -10,7 +11,7 @@ STEEL = ksd.Material(E=200 * GPa, nu=0.3, density=7800)
 LENGTH = 60 * mm
 
 
-def blade(*, E=STEEL.E, **stop):
+def blade(*, E=STEEL.E, thickness=0.3 * mm, **stop):
     """A leaf spring along x with its end driven across, and what stops the turn of that."""
     scene = ksd.Mechanism("blade", plane="xy")
     tip = scene.link("tip")
@@ -19,7 +20,7 @@ def blade(*, E=STEEL.E, **stop):
         tip,
         start=(0, 0, 0),
         end=(LENGTH, 0, 0),
-        section=ksd.rectangle(0.3 * mm, 10 * mm),
+        section=ksd.rectangle(thickness, 10 * mm),
         material=ksd.Material(E=E, nu=0.3, density=7800),
     )
     scene.actuate(tip, along="y", at=(LENGTH, 0, 0), name="push")
@@ -32,6 +33,8 @@ def test_rows_are_those_of_single_solves_with_what_the_stop_holds():
     scene, strokes = blade(high=1 * deg), [0.2 * mm, 1 * mm, 2 * mm]
     asked = ("force", "stress", "support_stiffness", "frequencies", "energy")
     table = ksd.sweep(scene, push=strokes, questions=asked, freed="push", progress=False)
+    conventional = ksd.sweep(scene, push=strokes, questions="force", method="conventional", progress=False)
+    assert conventional["end.high_moment_Nm"] == pytest.approx(table["end.high_moment_Nm"], rel=1e-9)
     assert set(table["status"]) == {"ok"}
     assert table["end.high_moment_Nm"][0] == 0.0 and (table["end.high_moment_Nm"][1:] > 0.0).all()
     for k, stroke in enumerate(strokes):
@@ -120,3 +123,21 @@ def test_a_stop_that_closes_within_the_difference_has_no_gradient():
         )
     with pytest.raises(ksd.ConvergenceError, match=r"no gradient by 'push': 'end\.high' opens, closes"):
         ksd.gradient(scene, questions="force", push=touch)
+
+
+def test_a_job_knows_what_a_stop_pushes_with():
+    """The moment grows with the cube of the thickness, the stress with the thickness, so that its limit is active."""
+
+    def design(thickness):
+        return blade(high=1 * deg, thickness=thickness)
+
+    job = ksd.Job(design, push=2 * mm, vary={"thickness": (0.2 * mm, 0.8 * mm)}, maximise="end.high_moment_Nm",
+                  limits={"stress_MPa": 150})  # fmt: skip
+    best = ksd.optimise(job, progress=False)
+    at = brentq(
+        lambda t: 1e-6 * ksd.solve(design(t), push=2 * mm).stress().largest_Pa - 150, 0.2 * mm, 0.8 * mm
+    )
+    assert best.status == "optimum" and best.design["thickness"] == pytest.approx(at, rel=1e-5)
+    assert sum(w for name, w in best.held.items() if name.startswith("stress")) == pytest.approx(
+        3.0, rel=0.02
+    )
