@@ -262,7 +262,7 @@ def test_the_schema_holds_words_of_python_only():
         "leaf": {"thickness", "width"},
         "compliance": {"points", "stiffness"},
         # sizes of its shape
-        "surface": {"radius", "semi_axes", "points"},
+        "surface": {"radius", "semi_axes", "points", "size", "length"},
     }
     for sentence, keys in schema.STATEMENTS.items():
         words = {*inspect.signature(getattr(ksd.Mechanism, sentence)).parameters}
