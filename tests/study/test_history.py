@@ -298,8 +298,8 @@ def test_pictures(history, tmp_path):
     assert (tmp_path / "b.svg").exists()
     from PIL import Image
 
-    film = Image.open(history.animate(tmp_path / "a.gif", slower=2.0, dpi=30))
-    assert film.n_frames == 10 and film.info["duration"] == 40
+    with Image.open(history.animate(tmp_path / "a.gif", slower=2.0, dpi=30)) as film:
+        assert film.n_frames == 10 and film.info["duration"] == 40
     with pytest.raises(SceneError, match=r"write it as \.gif"):
         history.animate(tmp_path / "a.mp4")
     page = history.animate(tmp_path / "a.html", slower=2.0).read_text()

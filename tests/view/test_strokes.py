@@ -160,7 +160,8 @@ def test_designs_are_told_apart_by_style(tmp_path):
     figure = table.plot("force", path=tmp_path / "a.png")
     assert [line.get_linestyle() for line in figure.axes[0].lines] == ["-", "--"]
     assert key(figure) == ["thickness 0.8 mm", "thickness 1 mm"]
-    assert Image.open(tmp_path / "a.png").size[0] > 400
+    with Image.open(tmp_path / "a.png") as picture:
+        assert picture.size[0] > 400
 
 
 def test_what_cannot_be_drawn_is_refused(table):
