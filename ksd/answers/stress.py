@@ -291,7 +291,7 @@ def _stresses(
 
 
 def _size(shear: Array) -> Array:
-    """Magnitude of shear stress with components (2, ...); the time of `np.hypot` is several times as long."""
+    """Magnitude of shear stress with components (2, ...); `np.hypot` takes nearly three times as long."""
     y, z = shear
     size: Array = np.sqrt(y * y + z * z)
     return size

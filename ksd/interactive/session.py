@@ -25,6 +25,7 @@ from ksd.interactive.sliders import Slider, design_sliders, scene_sliders, with_
 from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.model.orders import mesh_for_accuracy
 from ksd.scene.mechanism import Mechanism
+from ksd.scene.obstacle import refuse_contacts
 from ksd.scene.rules import check_scene
 from ksd.scene.scene import Scene
 from ksd.scene.toml_file import scene_from_tables
@@ -298,7 +299,8 @@ class Session:
         return self._loaded[2]
 
     def _take_scene(self, scene: Scene, targets: Mapping[str, float]) -> None:
-        """Take a scene and make its sliders; those that are there keep range and value."""
+        """Take a scene and make its sliders; those that are there keep range and value. Raises SceneError for contacts."""
+        refuse_contacts(scene)
         fresh = {s.name: s for s in self.sliders.values() if s.kind == "design"}
         for slider in scene_sliders(scene, targets):
             known = self.sliders.get(slider.name)

@@ -79,10 +79,7 @@ def first_buildable(function: Callable[..., Any], bounds: Bounds) -> Any:
 def joints_between(function: Callable[..., Any], bounds: Bounds, fractions: Array) -> list[Joint]:
     """Joints of the design at fractions (P,) in 0..1 of the bounds; none where it cannot be built."""
     try:
-        return [
-            p.joint
-            for p in build_scene(function, parameters_between(bounds, fractions), contacts=True).joints
-        ]
+        return [p.joint for p in build_scene(function, parameters_between(bounds, fractions)).joints]
     except SceneError:
         return []
 

@@ -137,7 +137,7 @@ class _LoadedSceneFunction:
     loads: tuple[Any, ...]
 
     def __call__(self, **parameters: Any) -> Scene:
-        scene, failure = add_loads(build_scene(self.function, parameters, contacts=True), self.loads)
+        scene, failure = add_loads(build_scene(self.function, parameters), self.loads)
         if scene is None:
             raise SceneError(failure)
         return scene
@@ -512,7 +512,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         ranges[np.isneginf(ranges)] = 0.0
         if self.coupled_ranges and (ranges <= -1.0).all():
             try:
-                build_scene(self.build, self.design_at(x), contacts=True)
+                build_scene(self.build, self.design_at(x))
             except SceneError as reason:
                 raise SceneError(
                     f"no design within the bounds and rules could be built; the last one: {reason}"
@@ -523,7 +523,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
 
     def _can_be_built(self, x: Array) -> bool:
         try:
-            build_scene(self.build, self.design_at(x), contacts=True)
+            build_scene(self.build, self.design_at(x))
         except SceneError:
             return False
         return True
@@ -560,9 +560,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     def _range_margins(self, parameters: Mapping[str, float]) -> list[float]:
         """Margins of a design to the trained ranges that depend on several parameters."""
         try:
-            shapes = [
-                placed.joint.shape() for placed in build_scene(self.build, parameters, contacts=True).joints
-            ]
+            shapes = [placed.joint.shape() for placed in build_scene(self.build, parameters).joints]
         except SceneError:
             shapes = []
         return [r.margin(shapes) for r in self.coupled_ranges]
@@ -768,9 +766,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     @cached_property
     def _example_scene(self) -> Scene:
         """The scene in the middle of the bounds, or of another design within them."""
-        return first_buildable(
-            lambda **parameters: build_scene(self.build, parameters, contacts=True), self.vary
-        )
+        return first_buildable(lambda **parameters: build_scene(self.build, parameters), self.vary)
 
     def far_drives(self) -> tuple[str, ...]:
         """A sentence for every drive value that was probably meant in another unit."""
@@ -836,7 +832,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         scenes, failures = [], []
         for x in self.random(2):
             try:
-                scenes.append(build_scene(self.build, self.design_at(x), contacts=True))
+                scenes.append(build_scene(self.build, self.design_at(x)))
             except SceneError as reason:
                 failures.append(str(reason))
         contents = (
@@ -899,7 +895,7 @@ def _solve_conventionally(
     for design in designs:
         rows: list[Row] = []
         poses: list[Configuration] = []
-        solver, (scene, failure) = None, scene_or_reason(function, design, contacts=True)
+        solver, (scene, failure) = None, scene_or_reason(function, design)
         for k, drive_values in enumerate(paths):
             path = SweepPath(k, {}, scene, drive_values, failure)
             solver = run_path(path, recipe, solver, rows, poses if keep_poses else None)

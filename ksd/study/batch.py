@@ -26,12 +26,11 @@ from ksd.scene.link import Link
 from ksd.solvers.pose_batch import REFUSED, UNANSWERED
 from ksd.solvers.random_vibration import Spectrum
 from ksd.study.arguments import check_drives, check_executor, check_solve_options, drive_value_arrays
-from ksd.study.batch_solver import BatchSolver, scene_factories
+from ksd.study.batch_solver import BatchSolver, scene_factories, scene_for_batch
 from ksd.study.design_scene import (
     CANNOT_BE_BUILT,
     DesignsLike,
     MechanismLike,
-    build_scene,
     design_parameters,
     scene_or_reason,
 )
@@ -198,7 +197,7 @@ def batch(
     }
     points = design_parameters(mechanism, designs)
     if designs is None:
-        check_drives(build_scene(mechanism, {}), tuple(values), batch)
+        check_drives(scene_for_batch(mechanism, {}), tuple(values), batch)
     if mesh is None:
         recipe = Recipe(parsed, method=method, relinearisations=relinearisations, extrapolate=extrapolate)
         mesh = adequate_mesh([_farthest_pose(mechanism, points[0], values)], recipe)

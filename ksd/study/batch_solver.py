@@ -26,6 +26,7 @@ from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.model.scene_layout import SplitScene, split_scene
 from ksd.model.template import Template, template_of
 from ksd.scene import Scene
+from ksd.scene.obstacle import refuse_contacts
 from ksd.solvers.five_step_solver import FiveStepSolver
 from ksd.study.arguments import submit_task
 from ksd.study.design_scene import build_scene
@@ -198,9 +199,16 @@ def run_in_blocks(
     return [value for future in futures for value in future.result()]
 
 
+def scene_for_batch(mechanism: Any, parameters: Mapping[str, Any]) -> Scene:
+    """`build_scene` of a design, without stops, cables and contacts, which batches do not know. Raises SceneError."""
+    scene = build_scene(mechanism, parameters)
+    refuse_contacts(scene)
+    return scene
+
+
 def scene_factories(mechanism: Any, designs: Sequence[Mapping[str, Any]]) -> list[SceneFactory]:
     """Functions without arguments that return the scene of each design."""
-    return [lambda d=d: build_scene(mechanism, d) for d in designs]  # type: ignore[misc]
+    return [lambda d=d: scene_for_batch(mechanism, d) for d in designs]  # type: ignore[misc]
 
 
 def _solve_in_worker(

@@ -12,9 +12,10 @@ from ksd.scene.scene import Scene
 from ksd.solvers.configuration import Configuration
 from ksd.solvers.perturbed import GradientParameter
 from ksd.solvers.solver import Solver
+from ksd.solvers.verdict import refusal
 
 CONTACT_STEP = 1e-3
-"""Relative step of differences of fourth order: what equilibria in contact leave open is 1e-10 of the forces."""
+"""Relative step of differences of fourth order, large beside what equilibria in contact leave open."""
 
 
 class ContactEquilibria:
@@ -27,7 +28,7 @@ class ContactEquilibria:
         self, pose: Configuration, parameters: Sequence[GradientParameter]
     ) -> tuple[Configuration, list[list[Configuration]]]:
         """The pose itself, and the perturbed ones by parameter and step. Raises ConvergenceError where there is none, and
-        where a contact opens, closes, sticks or slips between them."""
+        where a contact opens, closes, sticks or slips between them, or where one is not to be trusted."""
         state, same = _contact_state(pose), Solver(_with_effects_of(pose.model, pose.model.original_scene))
         sides: list[list[Configuration]] = []
         for parameter in parameters:
@@ -38,15 +39,13 @@ class ContactEquilibria:
                 values = p.targets_at(pose.targets, value)
                 found = solver(values, strict=False, estimate=False)
                 changed = {n for n, s in _contact_state(found).items() if state.get(n) != s}
-                if changed or not found.converged:
-                    what = (
-                        f"'{min(changed)}' opens, closes, sticks or slips"
-                        if changed
-                        else "there is no equilibrium"
-                    )
+                if changed:
                     raise ConvergenceError(
-                        f"no gradient by '{p.name}': {what} between {p.value:.6g} and {value:.6g}; ask on one side of that"
+                        f"no gradient by '{p.name}': '{min(changed)}' opens, closes, sticks or slips between {p.value:.6g} "
+                        f"and {value:.6g}; ask on one side of that"
                     )
+                if (reason := refusal(found)) and not refusal(pose):
+                    raise ConvergenceError(f"no gradient by '{p.name}': at {value:.6g} {reason}")
                 own.append(found)
             sides.append(own)
         return pose, sides

@@ -14,7 +14,6 @@ from ksd.checks import show
 from ksd.errors import DESIGN_ERRORS, SceneError, reason_text
 from ksd.scene import Mechanism, Scene
 from ksd.scene.load import Load
-from ksd.scene.obstacle import refuse_contacts
 from ksd.scene.scene import MECHANISM_HINT
 from ksd.study.arguments import check_design_parameters
 
@@ -61,11 +60,8 @@ class NotAMechanism(SceneError):
     """The object given is neither a mechanism nor a function that returns one."""
 
 
-def build_scene(mechanism: Any, parameters: Mapping[str, Any], *, contacts: bool = False) -> Scene:
-    """The scene of a design. Raises SceneError where it cannot be built, NotAMechanism for other objects.
-
-    contacts: whether it may have stops, cables and contacts.
-    """
+def build_scene(mechanism: Any, parameters: Mapping[str, Any]) -> Scene:
+    """The scene of a design. Raises SceneError where it cannot be built, NotAMechanism for other objects."""
     if not callable(mechanism):
         scene = mechanism.scene() if isinstance(mechanism, Mechanism) else mechanism
     elif not parameters and _needs_arguments(mechanism):
@@ -86,20 +82,13 @@ def build_scene(mechanism: Any, parameters: Mapping[str, Any], *, contacts: bool
         raise NotAMechanism(
             f"{show(scene)} is not a mechanism: give a function returning a mechanism, or {MECHANISM_HINT}."
         )
-    if not contacts:
-        refuse_contacts(scene)
     return scene
 
 
-def scene_or_reason(
-    mechanism: Any, parameters: Mapping[str, Any], *, contacts: bool = False
-) -> tuple[Scene | None, str]:
-    """The scene of a design, or None and the reason why its function cannot build it. Raises SceneError otherwise.
-
-    contacts: as in `build_scene`.
-    """
+def scene_or_reason(mechanism: Any, parameters: Mapping[str, Any]) -> tuple[Scene | None, str]:
+    """The scene of a design, or None and the reason why its function cannot build it. Raises SceneError otherwise."""
     try:
-        return build_scene(mechanism, parameters, contacts=contacts), ""
+        return build_scene(mechanism, parameters), ""
     except NotAMechanism:
         raise
     except SceneError as reason:

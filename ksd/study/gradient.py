@@ -240,7 +240,7 @@ def gradient(
     values = drive_value_arrays(targets, drives, gradient)
     designs = None if at_design is None else [at_design]
     paths, _ = sweep_paths(
-        design, values, designs, loads, together=boolean(together, "together"), call=gradient, contacts=True
+        design, values, designs, loads, together=boolean(together, "together"), call=gradient
     )
 
     reasons: list[str] = []

@@ -154,7 +154,7 @@ def sweep(
     boolean(together, "together")
     boolean(progress, "progress")
     values = drive_value_arrays(targets, drives, sweep)
-    paths, name = sweep_paths(mechanism, values, designs, loads, together=together, call=sweep, contacts=True)
+    paths, name = sweep_paths(mechanism, values, designs, loads, together=together, call=sweep)
     scene = next((path.scene for path in paths if path.scene is not None), None)
     if scene is not None:
         check_questions(recipe.questions, scene)
@@ -178,20 +178,18 @@ def _order_option(order: Order) -> tuple[tuple[str, Any], ...]:
 
 
 def sweep_paths(
-    mechanism: Any, values: Mapping[str, np.ndarray], designs: Any, loads: Any, *, together: bool, call: Any,
-    contacts: bool = False,
-) -> tuple[list[SweepPath], str]:  # fmt: skip
+    mechanism: Any, values: Mapping[str, np.ndarray], designs: Any, loads: Any, *, together: bool, call: Any
+) -> tuple[list[SweepPath], str]:
     """All paths of a sweep, and the name of the mechanism.
 
-    call: the public function whose parameter names are suggested for a misspelt drive; contacts: whether there may be stops,
-    cables and contacts. Raises SceneError.
+    call: the public function whose parameter names are suggested for a misspelt drive. Raises SceneError.
     """
     drives = drive_paths(values, together=together)
     cases = load_cases(loads)
     paths: list[SweepPath] = []
     name = ""
     for parameters in design_parameters(mechanism, designs):
-        scene, failure = scene_or_reason(mechanism, parameters, contacts=contacts)
+        scene, failure = scene_or_reason(mechanism, parameters)
         name = name or getattr(scene, "name", "")
         if scene is not None and designs is None:
             check_drives(scene, tuple(values), call)

@@ -9,8 +9,8 @@ import ksd
 STEEL = ksd.Material(E=200e9, G=200e9 / 2.6)
 
 
-def pad(shape, at, *, friction=0.0):
-    """A leaf spring along x with a rigid plane on its tip, 1 mm above its centreline, under a driven body."""
+def beam_under_a_body(at):
+    """A leaf spring along x whose tip gets a surface, and a driven body: the mechanism and both."""
     scene = ksd.Mechanism("pad")
     tip, body = scene.links("tip", "object")
     section = ksd.rectangle(0.5e-3, 0.01)
@@ -20,6 +20,12 @@ def pad(shape, at, *, friction=0.0):
     for along in "xyz":
         scene.actuate(body, along=along, at=at, name=along)
         scene.support(body, about=along)
+    return scene, tip, body
+
+
+def pad(shape, at, *, friction=0.0):
+    """A leaf spring along x with a rigid plane on its tip, 1 mm above its centreline, under a driven body."""
+    scene, tip, body = beam_under_a_body(at)
     face = scene.surface(tip, ksd.shapes.wall(), at=(0.1, 1e-3, 0), axis="y")
     scene.contact(face, scene.surface(body, shape, at=at), friction=friction, name="c")
     return scene
@@ -65,15 +71,7 @@ def test_a_ball_that_slides_over_a_pad_with_friction():
 def pressed(shape, *, axis=None, toward=None, below=None, height=0.021):
     """Contacts of a shape at 21 mm over the tip, pressed down by 10 mm on the pad or a shape in its place."""
     at = (0.1, height, 0.0)
-    scene = ksd.Mechanism("pad")
-    tip, body = scene.links("tip", "object")
-    section = ksd.rectangle(0.5e-3, 0.01)
-    scene.leaf(
-        "ground", tip, start=(0, 0, 0), end=(0.1, 0, 0), section=section, material=STEEL, width_axis="z"
-    )
-    for along in "xyz":
-        scene.actuate(body, along=along, at=at, name=along)
-        scene.support(body, about=along)
+    scene, tip, body = beam_under_a_body(at)
     if below is None:
         face = scene.surface(tip, ksd.shapes.wall(), at=(0.1, 1e-3, 0), axis="y")
     else:

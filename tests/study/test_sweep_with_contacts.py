@@ -11,19 +11,19 @@ STEEL = ksd.Material(E=200 * GPa, nu=0.3, density=7800)
 LENGTH = 60 * mm
 
 
-def blade(*, E=STEEL.E, thickness=0.3 * mm, **stop):
-    """A leaf spring along x with its end driven across, and what stops the turn of that."""
-    scene = ksd.Mechanism("blade", plane="xy")
+def cantilever(E=STEEL.E, thickness=0.3 * mm):
+    """A leaf spring along x with its end driven across: the mechanism and the link at its end."""
+    scene = ksd.Mechanism("cantilever", plane="xy")
     tip = scene.link("tip")
-    scene.leaf(
-        "ground",
-        tip,
-        start=(0, 0, 0),
-        end=(LENGTH, 0, 0),
-        section=ksd.rectangle(thickness, 10 * mm),
-        material=ksd.Material(E=E, nu=0.3, density=7800),
-    )
+    section, material = ksd.rectangle(thickness, 10 * mm), ksd.Material(E=E, nu=0.3, density=7800)
+    scene.leaf("ground", tip, start=(0, 0, 0), end=(LENGTH, 0, 0), section=section, material=material)
     scene.actuate(tip, along="y", at=(LENGTH, 0, 0), name="push")
+    return scene, tip
+
+
+def blade(*, E=STEEL.E, thickness=0.3 * mm, **stop):
+    """A leaf spring with a mass on its end, and what stops the turn of that."""
+    scene, tip = cantilever(E, thickness)
     scene.mass(tip, mass=0.1, at=(LENGTH, 0, 0))
     scene.stop(tip, about="z", name="end", **stop)
     return scene
@@ -67,17 +67,7 @@ def test_a_soft_stop_answers_forces_and_says_why_nothing_else():
 
 def finger(*, E=STEEL.E):
     """A leaf spring pulled by a tendon on one side, and with a pad that rubs on a wall on the other."""
-    scene = ksd.Mechanism("finger", plane="xy")
-    tip = scene.link("tip")
-    scene.leaf(
-        "ground",
-        tip,
-        start=(0, 0, 0),
-        end=(LENGTH, 0, 0),
-        section=ksd.rectangle(0.3 * mm, 10 * mm),
-        material=ksd.Material(E=E, nu=0.3, density=7800),
-    )
-    scene.actuate(tip, along="y", at=(LENGTH, 0, 0), name="push")
+    scene, tip = cantilever(E)
     scene.cable("ground", tip, start=(0, 40 * mm, 0), end=(LENGTH, 0, 0), stiffness=1e3, name="tendon")
     pad = scene.surface(tip, ksd.shapes.disc(2 * mm), at=(LENGTH + 10 * mm, 0, 0))
     wall = scene.surface("ground", ksd.shapes.wall(), at=(LENGTH, 8 * mm, 0), axis=(0, -1, 0))
