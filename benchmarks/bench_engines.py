@@ -30,7 +30,7 @@ from ksd.errors import SceneError
 from ksd.model.arrays import TRANSLATION, Members
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.model.plane import Plane, plane_of
+from ksd.model.plane import Plane
 
 LINK_STIFFNESS_FACTORS = (1e3, 1e6)
 """Stiffness of links over that of the stiffest leaf, in stretch and in bending."""
@@ -75,7 +75,7 @@ class EngineRow:
 
 def frame_of(scene: Any, targets: Mapping[str, float], elements: int) -> Frame:
     """The planar frame of a scene. Raises SceneError for one that is not planar or not driven along one axis."""
-    plane = plane_of(compile_scene(scene, mesh=Mesh("corotational", elements=elements)))
+    plane = compile_scene(scene, mesh=Mesh("corotational", elements=elements)).plane
     if not isinstance(plane, Plane):
         raise SceneError(f"other engines are given planar scenes; {scene.name}: {plane}")
     arrays, axes = plane.arrays, plane.arrays.active_dofs[:2]

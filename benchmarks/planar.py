@@ -18,7 +18,7 @@ from ksd.model.arrays import State, make_workspace
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.model.newton import NewtonResult, solve_equilibrium
-from ksd.model.plane import Plane, plane_of
+from ksd.model.plane import Plane
 from ksd.solvers.conventional import solve_conventional
 from ksd.solvers.load_steps import LoadPath, take_load_steps
 from ksd.solvers.storage import NewtonStorage
@@ -55,7 +55,7 @@ def main(rounds: int = 200) -> None:
     )
     for name, mesh in MESHES.items():
         model = compile_scene(fourbar(), mesh=mesh)
-        plane = plane_of(model)
+        plane = model.plane
         assert isinstance(plane, Plane)
         room = NewtonStorage(model)
         whole = [

@@ -18,11 +18,11 @@ from ksd.errors import RecordError, SceneError
 from ksd.html import NotebookTables, PrintedText
 from ksd.model.arrays import FIELDS, LINEAR, MODAL, ROTATION, SOLID, Arrays, State
 from ksd.model.chosen_effects import EffectChoice, apply_effects, choose_effects
-from ksd.model.description import description_lines
+from ksd.model.description import constraint_lines, curved_bar_text, effect_lines, shape_text
 from ksd.model.leaves import cut_leaves
 from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.model.pack import replace_constants
-from ksd.model.plane import refuse_plane
+from ksd.model.plane import Plane, find_plane
 from ksd.model.scene_layout import SceneNumbers, SplitScene, split_scene
 from ksd.model.template import (
     DesignArrays,
@@ -128,8 +128,81 @@ class Model(NotebookTables):
 
     def __str__(self) -> str:
         """What is simulated, and what is left out for which reason, in a few lines."""
-        lines = description_lines(self)
+        lines = self._description()
         return PrintedText("\n".join(f"{heading}: {text}" for heading, text in lines), [lines])
+
+    def _description(self) -> list[tuple[str, str]]:
+        """(heading, text) of every line: sizes, effects that are present or left out with the reason, what is made on
+        demand."""
+        scene, arrays, choice = self.scene, self.arrays, self.choice
+        rows = len(self.drive_names) + len(self.support_names)
+        present, absent = effect_lines(choice, self.mesh, self.original_scene)
+        elastic = "other " if any(heading == "with compliance" for heading, _ in present) else ""
+        lines = [
+            (
+                scene.name,
+                f"{len(scene.links) - 1} links, {len(scene.joints)} joints, {len(self.member_names)} leaf springs as "
+                f"{self.leaf_models}",
+            ),
+            (
+                "unknowns",
+                f"{arrays.plan.unknowns - rows} at nodes, {rows} multiplier{'s' * (rows != 1)}, "
+                f"{arrays.members.inner_at[-1]} condensed inside the leaf springs",
+            ),
+            (
+                "simulated",
+                f"bending, torsion and stretch of the leaf springs{shape_text(scene)}; {elastic}links and blocks are rigid "
+                "and eliminated",
+            ),
+        ]
+        if len(arrays.loads.node):
+            weights = ", gravity among them" if scene.gravity else ""
+            lines.append(("loads", f"{len(arrays.loads.node)} on links{weights}"))
+        lines += [*constraint_lines(scene), *present]
+        if scene.loads_along:
+            own = (("line load", scene.line_loads), ("pressure", scene.pressures))
+            text = " and ".join(f"{len(x)} {n}{'s' * (len(x) > 1)}" for n, x in own if x)
+            lines.append(("loads along leaf springs", text))
+        if scene.gravity is not None and arrays.weight[:, 0].any():
+            mass, pull = arrays.weight[:, 0].sum(), np.linalg.norm(arrays.weight[0, 1:4])
+            lines.append(("weight of the leaf springs", f"{mass:.3g} kg along them, {mass * pull:.3g} N"))
+        if isinstance(self.plane, str):
+            lines.append(("with spatial", f"six unknowns per node, since {self.plane}"))
+        else:
+            lines.append(
+                (
+                    "without spatial",
+                    "it lies in a plane: three unknowns per node, the answer checked in space",
+                )
+            )
+        lines += absent
+        curved = curved_bar_text(scene)
+        if curved:
+            lines.append(("not modelled", curved))
+        lines.append(
+            ("computed on request", "mass (frequencies, state space), spatial stiffness, stress, buckling")
+        )
+        return lines
+
+    @property
+    def plane(self) -> Plane | str:
+        """The plane of the model, or the reason why it is not planar or is to be solved in space (`ksd.model.plane`)."""
+        plane: Plane | str | None = self.derived.get("plane")
+        if plane is None:
+            plane = self.derived["plane"] = self._find_plane()
+        return plane
+
+    def _find_plane(self) -> Plane | str:
+        if self.choice is not None and self.choice["spatial"].present:
+            return f"six unknowns per node are wanted: {self.choice['spatial'].reason}"
+        return find_plane(
+            self.arrays, self.rest, self.scene, members=self.member_names, springs=self.spring_names,
+            drives=self.drive_names, supports=self.support_names,
+        )  # fmt: skip
+
+    def refuse_plane(self, reason: str) -> None:
+        """Take the model as not planar for this reason, because its out-of-plane forces do not balance."""
+        self.derived["plane"] = reason
 
     @property
     def links(self) -> int:
@@ -268,8 +341,6 @@ def model_of_design(
         template.node_names, template.member_names, template.joint_members, layout.drives, layout.supports,
         template.spring_names, scene if original_scene is None else original_scene, choice,
     )  # fmt: skip
-    if choice is not None and choice["spatial"].present:
-        refuse_plane(model, f"six unknowns per node are wanted: {choice['spatial'].reason}")
     leaves = LeafGeometry(*(a[d : d + 1] for a in packed.leaves))
     model.derived["leaves"] = template, leaves, numbers.explicit[d : d + 1]
     return model

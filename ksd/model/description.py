@@ -1,4 +1,4 @@
-"""The text of print(model) and of the report: what a model simulates, and what it leaves out."""
+"""The words of print(model) and of the report: which effects a model simulates, and which it leaves out."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ksd.model.chosen_effects import EFFECT_MEANINGS, NOT_MENTIONED, Effect
-from ksd.model.plane import plane_of
+from ksd.model.chosen_effects import EFFECT_MEANINGS, NOT_MENTIONED, Effect, EffectChoice
+from ksd.model.mesh import Mesh
 from ksd.model.plate_runs import plate_conditions
 from ksd.model.warping_runs import (
     clamped_twist,
@@ -22,57 +22,7 @@ NEGLIGIBLE_CURVED_BAR = 1e-5
 _CURVE_STATIONS = np.linspace(0.0, 1.0, 33)
 
 
-def description_lines(model: Any) -> list[tuple[str, str]]:
-    """(heading, text) of every line: sizes, effects that are present or left out with the reason, what is made on demand."""
-    scene, arrays = model.scene, model.arrays
-    rows = len(model.drive_names) + len(model.support_names)
-    inner = arrays.members.inner_at[-1]
-    lines = [
-        (
-            scene.name,
-            f"{len(scene.links) - 1} links, {len(scene.joints)} joints, {len(model.member_names)} leaf springs as "
-            f"{model.leaf_models}",
-        ),
-        (
-            "unknowns",
-            f"{arrays.plan.unknowns - rows} at nodes, {rows} multiplier{'s' * (rows != 1)}, "
-            f"{inner} condensed inside the leaf springs",
-        ),
-        (
-            "simulated",
-            f"bending, torsion and stretch of the leaf springs{_shape_text(model)}; {_rigid_text(model)}",
-        ),
-    ]
-    if len(arrays.loads.node):
-        weights = ", gravity among them" if scene.gravity else ""
-        lines.append(("loads", f"{len(arrays.loads.node)} on links{weights}"))
-    lines += _constraint_lines(scene)
-    lines += _present_lines(model)
-    if scene.loads_along:
-        own = (("line load", scene.line_loads), ("pressure", scene.pressures))
-        text = " and ".join(f"{len(x)} {n}{'s' * (len(x) > 1)}" for n, x in own if x)
-        lines.append(("loads along leaf springs", text))
-    if scene.gravity is not None and arrays.weight[:, 0].any():
-        mass, pull = arrays.weight[:, 0].sum(), np.linalg.norm(arrays.weight[0, 1:4])
-        lines.append(("weight of the leaf springs", f"{mass:.3g} kg along them, {mass * pull:.3g} N"))
-    plane = plane_of(model)
-    if isinstance(plane, str):
-        lines.append(("with spatial", f"six unknowns per node, since {plane}"))
-    else:
-        lines.append(
-            ("without spatial", "it lies in a plane: three unknowns per node, the answer checked in space")
-        )
-    lines += _absent_lines(model)
-    curved = curved_bar_text(scene)
-    if curved:
-        lines.append(("not modelled", curved))
-    lines.append(
-        ("computed on request", "mass (frequencies, state space), spatial stiffness, stress, buckling")
-    )
-    return lines
-
-
-def _constraint_lines(scene: Any) -> list[tuple[str, str]]:
+def constraint_lines(scene: Any) -> list[tuple[str, str]]:
     """Lines on the plane, the pins and sliders, and the points of leaf springs of a scene."""
     lines = []
     if scene.plane is not None:
@@ -86,10 +36,10 @@ def _constraint_lines(scene: Any) -> list[tuple[str, str]]:
     return lines
 
 
-def _shape_text(model: Any) -> str:
+def shape_text(scene: Any) -> str:
     """Counts of curved, tapered, notched and stiffened leaf springs, whose shape is no effect that can be switched."""
     counts: dict[str, int] = {}
-    for leaf in model.scene.leaf_names().values():
+    for leaf in scene.leaf_names().values():
         for part, words in ((leaf.curve, "curved at rest"), (leaf.profile, "")):
             if part is not None:
                 shape = words or _PROFILES.get(type(part).__name__, "of varying section")
@@ -105,42 +55,29 @@ _PROFILES = {
 }
 
 
-def _rigid_text(model: Any) -> str:
-    elastic = "other " if "compliance" in _names(model, present=True) else ""
-    return f"{elastic}links and blocks are rigid and eliminated"
+def effect_lines(
+    choice: EffectChoice | None, mesh: Mesh, scene: Any
+) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+    """(heading, text) of the effects that are present, and of those that are left out; scene: as the user described it.
 
-
-def _names(model: Any, *, present: bool) -> tuple[str, ...]:
-    """Names of the effects that are simulated (`present`), or of those that are left out."""
-    if model.choice is None:
-        return tuple(n for n in ("shear", "warping", "plate") if getattr(model.mesh, n) is present)
-    return tuple(model.choice.present if present else model.choice.absent)
-
-
-def _present_lines(model: Any) -> list[tuple[str, str]]:
-    if model.choice is None:
-        return [(f"with {n}", "as the mesh says") for n in _names(model, present=True)]
-    return [
-        (f"with {e.name}", effect_reason(e, model.original_scene))
-        for e in model.choice.effects
-        if e.present and e.name != "spatial"
-    ]
-
-
-def _absent_lines(model: Any) -> list[tuple[str, str]]:
-    if model.choice is None:
-        return [(f"without {n}", "as the mesh says") for n in _names(model, present=False)]
-    lines = [
-        (f"without {e.name}", effect_reason(e, model.original_scene))
-        for e in model.choice.effects
-        if not e.present and e.name != "spatial" and e.reason != NOT_MENTIONED
-    ]
-    silent = [
-        EFFECT_MEANINGS[e.name] for e in model.choice.effects if not e.present and e.reason == NOT_MENTIONED
-    ]
+    choice: None where the scene was compiled as it is, with the effects of its mesh.
+    """
+    lines: dict[bool, list[tuple[str, str]]] = {True: [], False: []}
+    if choice is None:
+        for name in ("shear", "warping", "plate"):
+            is_present = getattr(mesh, name)
+            lines[is_present].append((f"{'with' if is_present else 'without'} {name}", "as the mesh says"))
+        return lines[True], lines[False]
+    silent = []
+    for effect in choice.effects:
+        if not effect.present and effect.reason == NOT_MENTIONED:
+            silent.append(EFFECT_MEANINGS[effect.name])
+        elif effect.name != "spatial":
+            heading = f"{'with' if effect.present else 'without'} {effect.name}"
+            lines[effect.present].append((heading, effect_reason(effect, scene)))
     if silent:
-        lines.append(("left out", f"{', '.join(silent)}: {NOT_MENTIONED.removesuffix('it')}them"))
-    return lines
+        lines[False].append(("left out", f"{', '.join(silent)}: {NOT_MENTIONED.removesuffix('it')}them"))
+    return lines[True], lines[False]
 
 
 def effect_reason(effect: Effect, scene: Any) -> str:

@@ -12,9 +12,10 @@ in the angle (`ksd.elements.planar_leaf`). An oblique plane is solved in space.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,13 +36,12 @@ from ksd.model.arrays import (
     Arrays,
     Members,
     State,
+    Terms,
     Workspace,
 )
 from ksd.model.pack import renumber, replace_constants
 from ksd.scene.listing import vector_text
-
-if TYPE_CHECKING:
-    from ksd.model.compile import Model
+from ksd.scene.scene import Scene
 
 PARALLEL = 1e-9
 """Sine of the angle below which two directions count as parallel."""
@@ -215,22 +215,23 @@ def _normal_axis(arrays: Arrays) -> tuple[int, np.ndarray]:
     return axis, k if k[axis] > 0.0 else -k
 
 
-def _out_of_plane_member(model: Model, k: np.ndarray) -> str:
-    """Why the first member that is not in the plane normal to k (3,) is not; empty when all are."""
-    members = model.arrays.members
+def _out_of_plane_member(members: Members, inner: np.ndarray, names: Sequence[str], k: np.ndarray) -> str:
+    """Why the first member that is not in the plane normal to k (3,) is not; empty when all are.
+
+    inner: the inner states of the members at rest; names: theirs.
+    """
     e3, kind = members.frame[..., 2], members.kind
     off = e3 - (e3 @ k)[..., None] * k
     tilt = np.sqrt((off * off).sum(axis=-1))
     outside = tilt.max(axis=1) > PARALLEL
-    if not model.kinds <= {STRAIN, COROTATIONAL}:
+    kinds = set(kind.tolist())
+    if not kinds <= {STRAIN, COROTATIONAL}:
         linear = np.flatnonzero(kind == LINEAR)
         outside |= (kind == MODAL) | (kind == SOLID)
-        outside[linear] |= np.array(
-            [_is_coupled(model.rest.inner[members.inner_at[i] :]) for i in linear], bool
-        )
+        outside[linear] |= np.array([_is_coupled(inner[members.inner_at[i] :]) for i in linear], bool)
     # a leaf with undeformed amplitudes of zero is straight
-    all_straight = model.kinds == {STRAIN} and not model.rest.inner.any()
-    if not all_straight and LINEAR not in model.kinds and not outside.any():
+    all_straight = kinds == {STRAIN} and not inner.any()
+    if not all_straight and LINEAR not in kinds and not outside.any():
         # members of one group have the same constants
         group, first = np.unique(members.value_at, return_index=True)
         bent = [at for at, i in zip(group, first, strict=True) if not _is_planar_leaf(members, int(i))]
@@ -238,7 +239,7 @@ def _out_of_plane_member(model: Model, k: np.ndarray) -> str:
     if not outside.any():
         return ""
     i = int(np.argmax(outside))
-    name = model.member_names[i]
+    name = names[i]
     if members.kind[i] == LINEAR:
         return f"'{name}' couples motions in the plane with motions out of it"
     if members.kind[i] in (MODAL, SOLID):
@@ -261,10 +262,12 @@ def _is_planar_leaf(members: Members, i: int) -> bool:
     return not np.any(value[start : start + nx + ny])
 
 
-def _out_of_plane_spring(model: Model, k: np.ndarray) -> str:
-    """Why the first spring that is not in the plane normal to k (3,) is not; empty when all are."""
-    springs, rest = model.arrays.springs, model.rest.x
-    for i, name in enumerate(model.spring_names):
+def _out_of_plane_spring(springs: Members, rest: np.ndarray, names: Sequence[str], k: np.ndarray) -> str:
+    """Why the first spring that is not in the plane normal to k (3,) is not; empty when all are.
+
+    rest: places (nodes, 3) [m] of the nodes at rest.
+    """
+    for i, name in enumerate(names):
         node, kind = springs.node[i], springs.kind[i]
         if kind == COIL:
             ends = rest[node] + springs.offset[i]
@@ -287,12 +290,13 @@ def _is_coupled(value: np.ndarray) -> bool:
     return bool(coupling > PARALLEL or np.abs(F[list(OUT_OF_PLANE)]).max() > 0.0)
 
 
-def _planar_rows(model: Model, k: np.ndarray) -> np.ndarray | str:
+def _planar_rows(
+    terms: Terms, drives: Sequence[str], supports: Sequence[str], k: np.ndarray
+) -> np.ndarray | str:
     """Constraint rows (r,) that act in the plane normal to k (3,), or why the first other one does not.
 
     Supports that only hold the mechanism in the plane are left out.
     """
-    terms, drives = model.arrays.terms, len(model.drive_names)
     if not len(terms.start):
         return np.zeros(0, np.int64)
     is_rotation, d = terms.kind != TRANSLATION, terms.direction @ k
@@ -306,73 +310,65 @@ def _planar_rows(model: Model, k: np.ndarray) -> np.ndarray | str:
     outside = np.where(is_rotation, along, across) <= PARALLEL
     leaving = ~within
     # supports that only hold the mechanism in the plane are allowed
-    leaving[drives:] &= ~np.logical_and.reduceat(outside, first)[drives:]
+    leaving[len(drives) :] &= ~np.logical_and.reduceat(outside, first)[len(drives) :]
     if not leaving.any():
         return within.nonzero()[0]
     i = int(np.argmax(leaving))
     t = first[i] + int(np.argmin(inside[first[i] : terms.first[i + 1]]))
     what = "rotates about" if is_rotation[t] else "moves along"
-    word, name = "drive" if i < drives else "support", (*model.drive_names, *model.support_names)[i]
+    word, name = "drive" if i < len(drives) else "support", (*drives, *supports)[i]
     return f"{word} '{name}' {what} {vector_text(terms.direction[t])}, out of the plane normal to {vector_text(k)}"
 
 
-def _load_name(model: Model, i: int) -> str:
-    """Name of load i of the model: loads on moving links in the order of the scene, then weights."""
-    names = [f"load '{load.name}'" for load in model.scene.loads if load.link != model.scene.links[0]]
-    names += [f"the weight of link '{mass.link}'" for mass in model.scene.masses]
+def _load_name(scene: Scene, i: int) -> str:
+    """Name of load i: loads on moving links in the order of the scene, then weights."""
+    names = [f"load '{load.name}'" for load in scene.loads if load.link != scene.links[0]]
+    names += [f"the weight of link '{mass.link}'" for mass in scene.masses]
     return names[i] if i < len(names) else f"load {i + 1}"
 
 
-def _out_of_plane_load(model: Model, k: np.ndarray) -> str:
+def _out_of_plane_load(arrays: Arrays, scene: Scene, k: np.ndarray) -> str:
     """Why the first load that acts out of the plane normal to k (3,) does; empty when none does."""
-    loads = model.arrays.loads
+    loads = arrays.loads
     outside = f"out of the plane normal to {vector_text(k)}"
     for i in range(len(loads.node)):
         force, moment = loads.force[i], loads.moment[i]
         if abs(force @ k) > PARALLEL * np.linalg.norm(force):
-            return f"{_load_name(model, i)} pushes along {vector_text(force)} N, {outside}"
+            return f"{_load_name(scene, i)} pushes along {vector_text(force)} N, {outside}"
         if np.linalg.norm(np.cross(moment, k)) > PARALLEL * np.linalg.norm(moment):
-            return f"{_load_name(model, i)} turns about {vector_text(moment)} Nm, {outside}"
-    gravity = model.arrays.weight[:1, 1:4].ravel()
+            return f"{_load_name(scene, i)} turns about {vector_text(moment)} Nm, {outside}"
+    gravity = arrays.weight[:1, 1:4].ravel()
     if len(gravity) and abs(gravity @ k) > PARALLEL * np.linalg.norm(gravity):
         return f"the weight of the leaf springs pulls along {vector_text(gravity)} m/s^2, {outside}"
-    for line in model.scene.line_loads:
+    for line in scene.line_loads:
         for force in (line.force, line.end_force):
             if abs(force @ k) > PARALLEL * np.linalg.norm(force):
                 return f"line load '{line.name}' pushes along {vector_text(force)} N/m, {outside}"
     return ""
 
 
-def _find_plane(model: Model) -> Plane | str:
-    """`plane_of` without its cache."""
-    if not len(model.arrays.members.kind):
-        return "it has no leaf springs to show a plane"
-    axis, k = _normal_axis(model.arrays)
-    if reason := _out_of_plane_member(model, k):
-        return reason
-    rows = _planar_rows(model, k)
-    if isinstance(rows, str):
-        return rows
-    if reason := _out_of_plane_load(model, k) or _out_of_plane_spring(model, k):
-        return reason
-    if max(abs(k[axis - 1]), abs(k[axis - 2])) > PARALLEL:
-        return f"its plane, normal to {vector_text(k)}, is normal to none of the global axes"
-    return Plane(model.arrays, model.rest, axis, rows)
-
-
-def plane_of(model: Model) -> Plane | str:
-    """The plane of the model, or the reason why it is not planar, a clause that names a leaf, drive, support or load.
+def find_plane(
+    arrays: Arrays, rest: State, scene: Scene, *, members: Sequence[str], springs: Sequence[str], drives: Sequence[str],
+    supports: Sequence[str],
+) -> Plane | str:  # fmt: skip
+    """The plane of a model, or the reason why it is not planar, a clause that names a leaf, drive, support or load.
 
     A model is planar if the widths e3 of all leaves are parallel to one direction k, translations of drives and supports and
     all forces are normal to k, rotations and moments are about k. Supports that hold the mechanism in the plane are allowed
-    and left out. The result is cached with the model.
+    and left out. members, springs, drives, supports: their names.
     """
-    plane: Plane | str | None = model.derived.get("plane")
-    if plane is None:
-        plane = model.derived["plane"] = _find_plane(model)
-    return plane
-
-
-def refuse_plane(model: Model, reason: str) -> None:
-    """Mark `model` as not planar for this reason, because its out-of-plane forces do not balance or it is to be spatial."""
-    model.derived["plane"] = reason
+    if not len(arrays.members.kind):
+        return "it has no leaf springs to show a plane"
+    axis, k = _normal_axis(arrays)
+    if reason := _out_of_plane_member(arrays.members, rest.inner, members, k):
+        return reason
+    rows = _planar_rows(arrays.terms, drives, supports, k)
+    if isinstance(rows, str):
+        return rows
+    if reason := _out_of_plane_load(arrays, scene, k) or _out_of_plane_spring(
+        arrays.springs, rest.x, springs, k
+    ):
+        return reason
+    if max(abs(k[axis - 1]), abs(k[axis - 2])) > PARALLEL:
+        return f"its plane, normal to {vector_text(k)}, is normal to none of the global axes"
+    return Plane(arrays, rest, axis, rows)

@@ -15,7 +15,7 @@ from ksd.errors import ConvergenceError, SceneError
 from ksd.model.arrays import Arrays, State
 from ksd.model.compile import Model
 from ksd.model.contact_step import look_at_gaps
-from ksd.model.plane import Plane, plane_of
+from ksd.model.plane import Plane
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.scene.obstacle import check_limits
 from ksd.solvers.configuration import Configuration
@@ -171,7 +171,7 @@ def solve_with_contact(
 def _ways(model: Model, storage: NewtonStorage | None, planar: bool) -> list[tuple[str, ContactNewton]]:
     """How load steps may be taken, in words, best first."""
     space, known = _spatial(model, storage), (storage or thread_storage(model)).contact
-    plane = plane_of(model) if planar else ""
+    plane = model.plane if planar else ""
     if not isinstance(plane, Plane):
         return [("spatial", space)]
     if "planar" not in known:

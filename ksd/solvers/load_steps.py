@@ -27,7 +27,7 @@ from ksd.model.newton import (
     check_residual,
     solve_equilibrium,
 )
-from ksd.model.plane import Plane, plane_of, refuse_plane
+from ksd.model.plane import Plane
 from ksd.model.turns import relative_angles
 from ksd.scene.hinges import plane_supports
 from ksd.solvers.pivoted_newton import WEAK_PIVOT, iterate_pivoted, moves_freely
@@ -178,7 +178,7 @@ def take_path(
     """
     reason = ""
     if planar is not False:
-        plane = plane_of(storage.model)
+        plane = storage.model.plane
         found = (
             plane
             if isinstance(plane, str)
@@ -265,7 +265,7 @@ def _take_path_in_plane(
                 f"its leaf springs and loads do not balance out of the plane: {force:.3g} N along its normal and "
                 f"{moment:.3g} Nm across it are left on '{model.node_names[node]}'"
             )
-            refuse_plane(model, reason)
+            model.refuse_plane(reason)
             return reason
     if record.stop is not Stop.CONVERGED:
         return record, motion

@@ -31,7 +31,7 @@ from ksd.model.arrays import (
 from ksd.model.compile import Model, compile_as_is
 from ksd.model.leaves import loads_of_pieces, mass_density
 from ksd.model.pack import renumber
-from ksd.model.plane import Plane, plane_of
+from ksd.model.plane import Plane
 
 Array = NDArray[np.float64]
 HEAVY_LEAVES = 0.2
@@ -151,7 +151,7 @@ def moving_model(
     light = model
     if model.scene.gravity is not None or model.scene.line_loads:
         light = compile_as_is(replace(model.scene, gravity=None, line_loads=()), model.mesh)
-    found = plane_of(model)
+    found = model.plane
     plane = None if isinstance(found, str) or spatial else found
     arrays, rows = light.arrays, np.arange(len(model.arrays.terms.start))
     if plane is not None:

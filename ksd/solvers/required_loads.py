@@ -26,7 +26,7 @@ from ksd.model.arrays import TORSION, State
 from ksd.model.compile import Model, compile_as_is, compile_with_effects
 from ksd.model.mesh import Mesh
 from ksd.model.orders import raise_order
-from ksd.model.plane import Plane, plane_of
+from ksd.model.plane import Plane
 from ksd.model.turns import count_from_links, node_rotations, relative_angles
 from ksd.numerics.rotations import rotation_exp, rotation_log
 from ksd.numerics.threads import small_matrices
@@ -460,7 +460,7 @@ def _dead_centre(model: Model, state: State) -> tuple[str, ...]:
 
 def _pose_solver(solver: Solver, model: Model, poses_by_node: LinkPoses) -> tuple[Solver, dict[str, float]]:
     """A solver of the mechanism with drives that prescribe these poses, and the drive values."""
-    scene, found = model.original_scene, plane_of(model)
+    scene, found = model.original_scene, model.plane
     axis = found.axis if isinstance(found, Plane) else None
     names = {model.node_names[i] for i in poses_by_node} | {GROUND}
     drives, targets = [], {}

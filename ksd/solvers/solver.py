@@ -24,7 +24,7 @@ from ksd.model.compile import Model, compile_scene
 from ksd.model.constant_leaves import with_constant_leaves
 from ksd.model.mesh import DEFAULT_MESH, Mesh
 from ksd.model.orders import mesh_for_accuracy, raise_order
-from ksd.model.plane import Plane, plane_of
+from ksd.model.plane import Plane
 from ksd.numerics.stopwatch import Stopwatch
 from ksd.scene.mechanism import Mechanism
 from ksd.scene.obstacle import contact_drives, has_contacts, refuse_loose
@@ -621,7 +621,7 @@ class Solver:
     @cached_property
     def _is_planar(self) -> bool:
         """Whether the conventional solver has three unknowns per node."""
-        return self.planar and isinstance(plane_of(self.model), Plane)
+        return self.planar and isinstance(self.model.plane, Plane)
 
     def _fastest(self, values: Mapping[str, float], accuracy: float) -> Configuration:
         """Solve by the faster way (`ksd.solvers.method_choice`) to `accuracy`, by the other one where it fails, and by the

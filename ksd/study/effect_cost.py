@@ -21,7 +21,6 @@ from ksd.model.arrays import PLANAR
 from ksd.model.chosen_effects import INTRINSIC_EFFECTS, EffectChoice, choose_effects, mentioned_effects
 from ksd.model.compile import Model
 from ksd.model.mesh import Mesh
-from ksd.model.plane import plane_of
 from ksd.solvers.solver import Solver
 
 TIMED_SOLVES = 9
@@ -56,7 +55,7 @@ class EffectCost:
 
 def unknown_count(model: Model) -> int:
     """Number of unknowns of a model, those condensed inside its leaves included; of its planar model where it has one."""
-    plane = plane_of(model)
+    plane = model.plane
     arrays = model.arrays if isinstance(plane, str) else plane.arrays
     members = arrays.members
     inner = np.diff(members.inner_at)

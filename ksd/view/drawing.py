@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ksd.answers.shape import Shape
-from ksd.model.plane import Plane, plane_of
+from ksd.model.plane import Plane
 from ksd.view.arrows import draw_arrows, draw_distances, draw_one_sided, draw_sensors, draw_springs
 from ksd.view.bodies import (
     PAD_HALF_THICKNESS,
@@ -74,7 +74,7 @@ MAX_VISIBLE_TURN = np.deg2rad(6.0)
 
 def mechanism_plane(configuration: Drawable) -> str | None:
     """The coordinate plane of a planar mechanism, else None."""
-    found = plane_of(configuration.model)
+    found = configuration.model.plane
     plane: str | None = configuration.model.scene.plane
     return plane or (("yz", "xz", "xy")[found.axis] if isinstance(found, Plane) else None)
 

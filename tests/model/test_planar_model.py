@@ -9,7 +9,7 @@ from ksd.model.arrays import make_workspace
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.model.newton import assemble, move_nodes, take_step
-from ksd.model.plane import Plane, plane_of
+from ksd.model.plane import Plane
 from ksd.solvers.conventional import solve_conventional
 from ksd.units import deg, mm
 
@@ -74,7 +74,7 @@ def test_tangent_is_the_derivative_of_the_residual(mesh, weight, rng):
     scene = loaded_fourbar(weight)
     model = compile_scene(scene, mesh=MESHES[mesh])
     # of its own: integers are shared by models of the same words
-    arrays = plane_of(model).arrays.replace()
+    arrays = model.plane.arrays.replace()
     # a following load has an unsymmetric tangent, whose symmetric half is what is added
     arrays.loads.following[:] = 0
     target = np.zeros(2)
@@ -91,10 +91,10 @@ def test_tangent_is_the_derivative_of_the_residual(mesh, weight, rng):
 
 def test_unknowns_are_half():
     for model in (compile_scene(fourbar()), compile_scene(fourbar(), mesh=MESHES["nodal"])):
-        plane = plane_of(model)
+        plane = model.plane
         rows = len(model.drive_names)
         assert plane.arrays.plan.unknowns - rows == (model.arrays.plan.unknowns - rows) // 2
-    assert plane_of(model) is plane_of(model)
+    assert model.plane is model.plane
 
 
 @pytest.mark.parametrize("weight", WEIGHTS)
@@ -102,7 +102,7 @@ def test_unknowns_are_half():
 def test_residual_and_tangent_are_those_of_space_in_the_plane(mesh, weight, rng):
     """Off an equilibrium: what is kept of the spatial residual and matrix."""
     model = compile_scene(loaded_fourbar(weight), mesh=MESHES[mesh])
-    plane = plane_of(model)
+    plane = model.plane
     found = []
     state = solve_conventional(model, dict.fromkeys(model.drive_names, 2e-3)).motion
     state.x[1:, :2] += 1e-5 * rng.normal(size=(len(state.x) - 1, 2))
@@ -149,7 +149,7 @@ SAID = {
 def test_what_leaves_the_plane_is_named(case):
     scene, words = SAID[case]
     model = compile_scene(scene)
-    reason = plane_of(model)
+    reason = model.plane
     assert isinstance(reason, str)
     assert words in reason
     assert "out of the plane normal to (0, 0, 1)" in reason
@@ -164,7 +164,7 @@ def test_a_leaf_across_the_others_is_named():
         scene.ground, "stage", start=(0, 0, 0.1), end=(0.1, 0, 0.1), section=ksd.rectangle(1 * mm, 10 * mm),
         material=STEEL, width_axis=(0, 1, 0), name="odd",
     )  # fmt: skip
-    assert "the width of leaf 'odd' is along (0, 1, 0)" in plane_of(compile_scene(scene))
+    assert "the width of leaf 'odd' is along (0, 1, 0)" in compile_scene(scene).plane
 
 
 def test_supports_that_hold_the_mechanism_in_its_plane_are_left_out():
@@ -172,7 +172,7 @@ def test_supports_that_hold_the_mechanism_in_its_plane_are_left_out():
     scene.support("tip", along="z", at=(0.05, 0, 0))
     scene.support("tip", about="x", name="no roll")
     model = compile_scene(scene)
-    plane = plane_of(model)
+    plane = model.plane
     assert isinstance(plane, Plane)
     assert plane.arrays.plan.unknowns == 4
     found = solve_conventional(model, {"turn": 20 * deg}, planar=True)
@@ -212,7 +212,7 @@ def test_a_spring_is_in_the_plane_where_its_ends_are_level(apart):
         free_length=0.1,
         name="coil",
     )
-    plane = plane_of(compile_scene(scene))
+    plane = compile_scene(scene).plane
     if apart:
         assert "spring 'coil' pulls out of the plane, its ends being 10 mm apart" in plane
     else:

@@ -14,7 +14,6 @@ from ksd.model.arrays import make_workspace
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.model.newton import assemble, take_step
-from ksd.model.plane import plane_of
 from ksd.solvers.conventional import solve_conventional
 from ksd.units import mm
 
@@ -216,7 +215,7 @@ def test_plane_and_space_agree_on_a_mechanism(mesh):
 
 def test_gravity_out_of_the_plane_is_named():
     model = compile_scene(blade((0, -1.0, 1.0)))
-    assert "the weight of the leaf springs pulls along (0, -1, 1) m/s^2" in plane_of(model)
+    assert "the weight of the leaf springs pulls along (0, -1, 1) m/s^2" in model.plane
 
 
 @pytest.mark.parametrize("mesh", ["modes", "chain"])

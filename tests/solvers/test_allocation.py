@@ -10,7 +10,6 @@ from scenes import fourbar, single_joint
 from ksd.model.arrays import make_workspace
 from ksd.model.compile import compile_scene
 from ksd.model.newton import solve_equilibrium
-from ksd.model.plane import plane_of
 from ksd.solvers.conventional import solve_conventional
 from ksd.solvers.storage import MAX_STORAGES, thread_storage
 
@@ -19,7 +18,7 @@ TARGET = np.array([0.05])
 
 def newton(space, model):
     """The compiled Newton of a model and what it takes, in space or in its plane: call(iterations)."""
-    arrays = model.arrays if space else plane_of(model).arrays
+    arrays = model.arrays if space else model.plane.arrays
     work = make_workspace(arrays)
 
     def call(most):

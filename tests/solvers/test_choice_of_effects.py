@@ -15,7 +15,6 @@ from ksd.model import compile as compiling
 from ksd.model import leaves, newton
 from ksd.model.arrays import make_workspace
 from ksd.model.chosen_effects import choose_effects
-from ksd.model.plane import plane_of
 from ksd.model.warping_runs import (
     _piece,
     clamped_twist,
@@ -321,7 +320,7 @@ def test_single_words_and_lists():
         assert model.choice.present == ("shear", "gravity")
     model = ksd.compile_scene(scene, effects="all")
     assert model.choice.present == ("spatial", "shear", "warping", "plate", "gravity")
-    assert isinstance(plane_of(model), str)
+    assert isinstance(model.plane, str)
     assert ksd.compile_scene(scene, mesh=ksd.Mesh(warping=True)).mesh.warping
 
 
@@ -433,7 +432,7 @@ def size(arrays):
 
 def test_an_absent_effect_allocates_nothing():
     plain = ksd.compile_scene(fourbar())
-    assert len(plain.arrays.springs.kind) == len(plane_of(plain).arrays.springs.kind) == 0
+    assert len(plain.arrays.springs.kind) == len(plain.plane.arrays.springs.kind) == 0
     for _, mention in COUNTED.values():
         scene = fourbar()
         mention(scene)

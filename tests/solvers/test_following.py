@@ -11,7 +11,6 @@ from ksd.answers.tangent import stored_matrix
 from ksd.model.arrays import make_workspace
 from ksd.model.compile import compile_scene
 from ksd.model.newton import ROUNDING_MULTIPLE, assemble, solve_equilibrium, take_step
-from ksd.model.plane import plane_of
 from ksd.numerics.blocks import factor_blocks
 from ksd.section import rectangle
 from ksd.solvers.conventional import solve_conventional
@@ -59,7 +58,7 @@ def test_the_step_is_that_of_the_unsymmetric_tangent():
 
 def test_the_step_in_the_plane_is_that_in_space():
     model = cantilever((0.3, 2.0, 0.0))
-    plane = plane_of(model)
+    plane = model.plane
     found = []
     for arrays in (plane.arrays, model.arrays):
         motion, work = model.rest.copy(), make_workspace(arrays)

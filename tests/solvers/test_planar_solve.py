@@ -10,7 +10,6 @@ from scenes import STEEL, fourbar, single_joint
 import ksd
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
-from ksd.model.plane import plane_of
 from ksd.solvers.conventional import solve_conventional
 from ksd.units import deg, mm
 
@@ -87,7 +86,7 @@ def test_parallel_guide_in_any_plane(mesh):
         same(*pair)
         forces.append(pair[0].forces["stroke"])
     oblique = compile_scene(guide(tilt=Rotation.random(random_state=3).as_matrix()), mesh=MESHES[mesh])
-    assert "none of the global axes" in plane_of(oblique)
+    assert "none of the global axes" in oblique.plane
     forces.append(solve_conventional(oblique, {"stroke": 15 * mm}).forces["stroke"])
     assert forces == pytest.approx([forces[0]] * 4, rel=1e-9)
 
@@ -118,7 +117,7 @@ def test_leaves_that_do_not_balance_across_the_plane_are_solved_in_space():
     assert found.motion.x == pytest.approx(
         solve_conventional(model, {"stroke": 5 * mm}, planar=False).motion.x
     )
-    assert "do not balance" in plane_of(model)
+    assert "do not balance" in model.plane
     with pytest.raises(
         ksd.SceneError,
         match=r"not planar: its leaf springs and loads .* 'stage'; use planar = 'auto' or False",

@@ -16,7 +16,7 @@ from ksd.errors import TrustError
 from ksd.model.arrays import make_workspace
 from ksd.model.constant_leaves import rest_stiffness
 from ksd.model.newton import assemble, take_step
-from ksd.model.plane import Plane, plane_of
+from ksd.model.plane import Plane
 from ksd.solvers import branch_check, load_steps
 from ksd.solvers.arc_length import follow_by_arc_length
 from ksd.solvers.steps import percent
@@ -87,7 +87,7 @@ def test_tangent_of_the_model(paper):
     """Symmetric to rounding, and the derivative of the residual, at a bent state of leaf springs of constant stiffness."""
     solver = ksd.prepare(paper.gripper(4e-3, (-0.05, 0.02)))
     pose = solver(method="constant", estimate=False)
-    plane = plane_of(pose.model)
+    plane = pose.model.plane
     assert isinstance(plane, Plane)
     arrays, nothing = plane.arrays, np.zeros(0)
     rows = np.zeros(len(arrays.terms.start))
