@@ -25,7 +25,7 @@ from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, eigsh
 
 from ksd.answers.finer_model import finer_state
 from ksd.answers.leaf_groups import leaf_groups
-from ksd.answers.mass import Inertia, assemble_inertia, base_load, stack_nodes
+from ksd.answers.mass import Inertia, assemble_inertia, base_load, centre_of_mass, stack_nodes
 from ksd.answers.material_damping import material_stiffness, member_loss_factors
 from ksd.answers.printing import (
     PrintableAnswer,
@@ -158,8 +158,8 @@ class Modes(PrintableAnswer):
     def movements(self) -> tuple[str, ...]:
         """Dominant motion of every mode in words.
 
-        It is that of a link; or of the leaf springs, where more than half of the kinetic energy is in their motion between
-        ends at rest, or where an internal block moves most.
+        It is that of the centre of mass of a link; or of the leaf springs, where more than half of the kinetic energy is in
+        their motion between ends at rest, or where an internal block moves most.
         """
         between_ends, energy = self._between_ends(), self._energy_of_nodes()
         leaves = np.array(list(self.model.member_names), dtype=object)
@@ -174,8 +174,14 @@ class Modes(PrintableAnswer):
             active = energy[:, k] > MIN_ENERGY_SHARE * energy[:, k].max()
             active = active & is_body if np.any(active & is_body) else active
             node = int(np.argmax(np.where(active, node_travel(self.model, shape), -1.0)))
-            descriptions.append(_describe_dominant_body(self.model, node, shape[node], bool(is_body[node])))
+            at_centre = self._at_centre(node, shape[node]) if is_body[node] else shape[node]
+            descriptions.append(_describe_dominant_body(self.model, node, at_centre, bool(is_body[node])))
         return tuple(descriptions)
+
+    def _at_centre(self, node: int, shape: Array) -> Array:
+        """Motion (6,) of the centre of mass of a link with the motion `shape` (6,) of its reference point."""
+        arm = centre_of_mass(self.model, self.model.node_names[node]) - self.model.rest.x[node]
+        return np.concatenate([shape[:3] + np.cross(shape[3:], self.motion.R[node] @ arm), shape[3:]])
 
     def _energy_of_nodes(self) -> Array:
         """Kinetic energy (nodes, k) of the point mass of every node and of the leaves that end there.

@@ -74,7 +74,7 @@ def _print_family(family: str, *, check: bool) -> int:
         raise RecordError(listing.problem)
     record = read_record(listing.path)
     signs = ", ".join(f"{n} {word}" for word, n in count_function_parities(record).items())
-    rows.append(("so its functions", f"in the (first) motion {signs}"))
+    rows.append(("functions", f"in the (first) motion {signs}"))
     fitted, fresh = record.samples
     rows.append(("shapes", f"{fitted} fitted, {fresh} others to check the fit"))
     rows += [("history", sentence) for sentence in record.history]
@@ -150,7 +150,7 @@ def _listing_rows(listing: Any) -> list[tuple[str, str]]:
     age = "" if math.isnan(listing.age) else f", {listing.age:.0f} days ago"
     return [
         *file,
-        *[(f"motion {m.name}", _format_stroke(m)) for m in listing.motions],
+        *[(f"motion {m.name}", m.range_text) for m in listing.motions],
         *[(f"shape {p.name}", _format_range(p)) for p in listing.parameters],
         ("meshes", ", ".join(str(m) for m in listing.meshes) + " (numbers: Appendix A elements per leaf)"),
         *[
@@ -168,18 +168,15 @@ def _speed_rows(listing: Any) -> list[tuple[str, str]]:
         return []
     count, coarse = max(2, math.ceil(PAYING_LEAVES / listing.leaves)), dict(listing.worst)["interface"]
     return [
-        ("fast", f"about {count} such joints or more in space ({listing.leaves} leaf springs each)"),
+        (
+            "fast",
+            f"about {count} such joints or more in space ({listing.leaves} leaf spring{'s' * (listing.leaves > 1)} each)",
+        ),
         (
             "not faster",
             f"one joint, joints in a plane; to an accuracy below {coarse:.1g} the full model is solved at once",
         ),
     ]
-
-
-def _format_stroke(motion: Any) -> str:
-    if motion.kind == "rotation":
-        return f"{motion.low * _PER_RADIAN:.4g} to {motion.high * _PER_RADIAN:.4g} deg"
-    return f"{motion.low:.4g} to {motion.high:.4g} joint lengths"
 
 
 def _format_range(parameter: Any) -> str:

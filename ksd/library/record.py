@@ -38,6 +38,12 @@ class Stroke:
         """The largest trained magnitude, by which the motion is divided in the monomials."""
         return max(abs(self.low), abs(self.high))
 
+    @property
+    def range_text(self) -> str:
+        """The range in degrees or joint lengths."""
+        factor, unit = (np.rad2deg(1.0), "deg") if self.kind == "rotation" else (1.0, "joint lengths")
+        return f"{self.low * factor:.4g} to {self.high * factor:.4g} {unit}"
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -157,8 +163,9 @@ class Record:
     probes: Probes | None = None
 
     def __repr__(self) -> str:
-        motions = ", ".join(f"{m.name} {m.low:.4g} to {m.high:.4g}" for m in self.motions)
-        shape = f"shape by {', '.join(p.name for p in self.parameters) or 'nothing'}"
+        motions = ", ".join(f"{m.name} {m.range_text}" for m in self.motions)
+        names = ", ".join(p.name for p in self.parameters)
+        shape = f"shape by {names}" if names else "one shape"
         return f"<Record of {self.family}: {motions}; {shape}; {len(self.powers)} polynomials>"
 
     @property

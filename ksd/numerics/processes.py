@@ -24,6 +24,8 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, TypeVar
 
+from ksd.errors import KsdError
+
 T = TypeVar("T")
 
 
@@ -165,7 +167,8 @@ def _run_tasks(pipe: Connection) -> None:
             function, arguments = pickle.loads(task)
             answer = pickle.dumps((function(*arguments), None))
         except Exception as error:
-            error.add_note(f"in a worker process:\n{traceback.format_exc()}")
+            if not isinstance(error, KsdError):  # its sentence says it all
+                error.add_note(f"in a worker process:\n{traceback.format_exc()}")
             answer = pickle.dumps((None, error))
         pipe.send_bytes(answer)
 

@@ -347,7 +347,9 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
                 for s in ("least", "most")
                 if (name, s) in self.bound_reasons
             )
-            lines.append(f"  {name}: {format_number(low)} to {format_number(high)}{reasons}")
+            unit, factor = self.unit(name)
+            ends = " to ".join(format_number(v / factor) for v in (low, high))
+            lines.append(f"  {name}: {ends}{f' {unit}' if name in self.units else ''}{reasons}")
         for column, (low, high) in self.limits.items():
             least, most = (f"{side} {format_number(v)}" for side, v in (("at least", low), ("at most", high)))
             lines.append(

@@ -93,7 +93,7 @@ def contact_points(touched: Touched | None) -> NamedAnswerTable[ContactPoint]:
         place = " ".join(format_number(v, 4, zero=1e-9) for v in 1e3 * c.place)
         return (c.state, *(format_number(v, zero=1e-12) for v in numbers), place)
 
-    columns = ("contact", "<state", "gap mm", "N", "|T| N", "reserve N", "<place mm")
+    columns = ("contact", "<state", "gap [mm]", "N [N]", "|T| [N]", "reserve [N]", "<place [mm]")
     return NamedAnswerTable(found, "contacts", columns, cells)
 
 
@@ -112,8 +112,8 @@ def one_sided(touched: Touched | None, kind: str) -> NamedAnswerTable[OneSidedPa
                     -offset if part.end == "low" else offset,
                 )
     columns = {
-        "stop": ("stop", "force N, Nm", "gap mm, mrad", "limit mm, mrad"),
-        "cable": ("cable", "tension N", "slack mm", "length mm"),
+        "stop": ("stop", "force [N, Nm]", "gap [mm, mrad]", "limit [mm, mrad]"),
+        "cable": ("cable", "tension [N]", "slack [mm]", "length [mm]"),
     }
 
     def row(part: OneSidedPart) -> tuple[str, ...]:

@@ -35,7 +35,7 @@ class Grasp(PrintableAnswer):
 
     def _line(self) -> str:
         least = (
-            f"friction {format_number(self.needed)} needed, {format_number(self.margin)} times that is there"
+            f"friction {format_number(self.needed)} needed, {format_number(self.margin)} times as much is there"
         )
         return f"'{self.link}' in {len(self.names)} contacts: {least}"
 

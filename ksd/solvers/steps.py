@@ -49,7 +49,8 @@ _SENTENCES = {
     Stop.SINGULAR: "the stiffness matrix is singular: something can move without resistance at this state",
     Stop.DIVERGED: "the residual exceeded eps_max, so the step was given up",
     Stop.NOT_FINITE: "a number overflowed: the last step left the region where the equations make sense",
-    Stop.JAMMED: "no contact forces hold the mechanism there: stops, cables and drives contradict one another",
+    Stop.JAMMED: "no contact forces hold the mechanism there: an object slides out of its contacts, or stops, cables and "
+    "drives contradict one another",
     Stop.PASSED: "surfaces in contact would pass through one another in one step",
     Stop.NO_PLACE: "the place where a surface touches a leaf spring was not found",
     Stop.MOVING: "this is an instant of a motion, and no equilibrium",

@@ -150,9 +150,8 @@ def branch_verdict(c: Configuration) -> Verdict:
         return Verdict(False, f"{off}: too far to be the state its record describes")
     if name:
         return Verdict(True, f"the branch of the intended motions: at most, {off}")
-    return Verdict(
-        True, f"reached from where it started ({c.steps[-1].note or c.method}), nothing speaks against it"
-    )
+    way = c.steps[-1].note.split(",")[0] or c.method
+    return Verdict(True, f"reached from where it started ({way}), nothing speaks against it")
 
 
 def _joint_furthest_off(c: Configuration) -> tuple[str, float, float, float]:

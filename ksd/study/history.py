@@ -282,7 +282,7 @@ class History(PrintableAnswer):
         around[1] = state
         targets = dict(zip(trace.model.drive_names, values.tolist(), strict=True))
         return Instant(
-            self._model(t), state, f"motion at t = {t:g} s", targets,
+            self._model(t), state, f"motion at t = {t:.4g} s", targets,
             (Step("motion", trace.steps, 0.0, 0.0, Stop.MOVING),), negatives=0, expected_negatives=0, t=t, velocity=velocity,
             around=tuple(around), step=step, moving=trace.model,
         )  # fmt: skip

@@ -17,6 +17,7 @@ from ksd.view.camera import Camera, View, camera_of
 from ksd.view.drawable import Drawable
 from ksd.view.drawing import mechanism_plane, plot_mechanism
 from ksd.view.figure import new_figure, without_math_text
+from ksd.view.labels import separate_labels
 from ksd.view.swing import Shapes, row_of, swing
 
 if TYPE_CHECKING:
@@ -132,14 +133,25 @@ def _write_frames(
     figure = new_figure(7.0, float(np.clip(6.2 * tall / wide + 0.9, 2.8, 7.0)), dpi=dpi)
     axes = figure.add_subplot()
     canvas: Any = figure.canvas  # that of `new_figure`, which has a buffer
-    frames = []
-    for c in order:
+    frames: list[Any] = []
+    offsets: list[Any] = []
+    for c, shape in zip(order, shapes, strict=True):
         axes.clear()
         options: dict[str, Any] = {} if title is None else {"title": title, "labels": False}
         plot_mechanism(c, axes=axes, view=camera, **options)
         axes.set_xlim(low[0], high[0])
         axes.set_ylim(low[1], high[1])
         without_math_text(figure)
+        if not frames:
+            lines = len(axes.lines)
+            driven = camera.flat(np.array([p for d in shape.driven for p in (d.rest, d.place)]).reshape(-1, 3))
+            separate_labels(axes, driven, camera.flat(np.concatenate([leaf.place for leaf in shape.leaves])))
+            offsets = [text.get_position() for text in axes.texts]
+            for leader in axes.lines[lines:]:
+                leader.remove()
+        # labels that are placed anew in every frame hop
+        for text, offset in zip(axes.texts, offsets, strict=False):
+            text.set_position(offset)
         canvas.draw()
         frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB"))
     content = io.BytesIO()

@@ -64,7 +64,8 @@ def draw_designs(
         ends = ((low, -0.03, "top"), (high, 1.03, "bottom"))
         for value, place, side in ends:
             text = parameter_with_unit(name, value, most=high, digits=3)
-            axes.annotate(text, (k, place), ha="center", va=side, color=TEXT_COLOR, fontsize=7)
+            words = axes.annotate(text, (k, place), ha="center", va=side, color=TEXT_COLOR, fontsize=7)
+            words.set_bbox({"color": "white", "pad": 1.0})
     slanted = max(map(len, names)) > MAX_STRAIGHT_LABEL and len(names) > 2
     axes.set_xticks(
         range(len(names)), names, fontsize=8, **({"rotation": 20, "ha": "right"} if slanted else {})
