@@ -74,7 +74,12 @@ def _add_point(parser: argparse.ArgumentParser) -> None:
             "LINK",
             "the link of support_stiffness and parasitic; that of the first drive if left out",
         ),
-        ("--at", "X,Y,Z", "its point, undeformed, such as 0,80mm,0; its reference point if left out"),
+        (
+            "--at",
+            "X,Y,Z",
+            "its point, undeformed, such as 0,80mm,0; if left out the reference point of LINK, without --link "
+            "the place of the first drive",
+        ),
         (
             "--along",
             "DIRECTION",

@@ -118,7 +118,9 @@ def run(deck: Deck) -> tuple[dict[int, Array], dict[int, Array]]:
     # it stops without a word of failure in its exit code, between increments
     if "Job finished" not in done.stdout or "forces (fx,fy,fz)" not in text:
         if done.returncode < 0:
-            raise ConvergenceError(f"CalculiX was ended from outside (signal {-done.returncode}); run it again.")
+            raise ConvergenceError(
+                f"CalculiX was ended from outside (signal {-done.returncode}); run it again."
+            )
         reason = next((line.strip() for line in done.stdout.splitlines() if "*ERROR" in line), "")
         raise ConvergenceError(f"CalculiX gave no answer{f' ({reason})' if reason else ''}; drive less far.")
     return _last_block(text, "displacements (vx,vy,vz)"), _last_block(text, "forces (fx,fy,fz)")

@@ -201,7 +201,8 @@ class _Drawing:
         for name, place in named:
             at = self.seen(place)
             self.space.add_point(at, dxfattribs={"layer": "point"})
-            self.add_text(name, at)
+            if name not in model.original_scene.links:  # its link has the name already
+                self.add_text(name, at)
 
     def add_leaf(self, placed: PlacedLeaf) -> None:
         """Centre line with its words, and outline."""

@@ -365,7 +365,8 @@ def _toml_value(value: Any, key: str) -> str:
     if isinstance(value, str):
         return toml_string(value)
     if isinstance(value, int | float):
-        return repr(value)
+        # 7800 and 2e+11, where that is the same number
+        return min(repr(value), f"{value:g}", key=lambda text: (float(text) != value, len(text)))
     if isinstance(value, tuple | list):
         return f"[{', '.join(_toml_value(v, key) for v in value)}]"
     raise SceneError(f"'{key}' = {show(value)} cannot be written to a scene file.")

@@ -34,9 +34,7 @@ class Grasp(PrintableAnswer):
     stiffness: PointStiffness
 
     def _line(self) -> str:
-        least = (
-            f"friction {format_number(self.needed)} needed, {format_number(self.margin)} times as much is there"
-        )
+        least = f"friction {format_number(self.needed)} needed, {format_number(self.margin)} times as much is there"
         return f"'{self.link}' in {len(self.names)} contacts: {least}"
 
     def __str__(self) -> str:

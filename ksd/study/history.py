@@ -423,8 +423,10 @@ class History(PrintableAnswer):
         return figure if path is None else save_figure(figure, path)
 
     def _main_signals(self) -> tuple[str, ...]:
-        """Drives and their forces, sensors (displacements of links where there is neither), and energies but zero."""
-        names = [n for d in self.drives for n in (d, f"{d} force")] + [*self.sensors]
+        """Drives and their forces, sensors (displacements of links where there is neither), and energies; no forces and
+        energies of zero."""
+        forces = {d: [f"{d} force"] * bool(np.any(motion.force)) for d, motion in self.drives.items()}
+        names = [n for d, force in forces.items() for n in (d, *force)] + [*self.sensors]
         if not names:
             links = [n for n, (_, unit) in self.signals.items() if unit == "m"]
             names = links[:6]

@@ -144,7 +144,9 @@ def _write_frames(
         without_math_text(figure)
         if not frames:
             lines = len(axes.lines)
-            driven = camera.flat(np.array([p for d in shape.driven for p in (d.rest, d.place)]).reshape(-1, 3))
+            driven = camera.flat(
+                np.array([p for d in shape.driven for p in (d.rest, d.place)]).reshape(-1, 3)
+            )
             separate_labels(axes, driven, camera.flat(np.concatenate([leaf.place for leaf in shape.leaves])))
             offsets = [text.get_position() for text in axes.texts]
             for leader in axes.lines[lines:]:

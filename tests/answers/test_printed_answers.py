@@ -26,6 +26,22 @@ def test_frequencies_say_what_moves(pose):
     assert repr(modes).startswith("<Modes: 4 modes, ") and "\n" not in repr(modes)
 
 
+def test_a_mode_is_named_by_what_the_centre_of_mass_does():
+    """Not by the ends of its leaf springs, 30 mm away, which swing across where it turns."""
+    guide = ksd.ParallelGuide(STEEL, length=0.06, thickness=0.4e-3, width=0.01, spacing=0.05)
+    scene = ksd.Mechanism("guide")
+    carriage = scene.link("carriage", mass=0.3, inertia=(1e-4, 1e-4, 1e-4), at=(0.03, 0, 0))
+    scene.join(scene.ground, carriage, guide, at=(0, 0, 0), axis="z", toward="x")
+    scene.actuate(carriage, along="y", at=(0.03, 0, 0), name="d")
+    pose = ksd.solve(scene, d=3e-3)
+    modes, at = pose.frequencies(freed=["d"], count=4), pose.stiffness(carriage, at=(0.03, 0, 0))
+    said = {"z": "moves along z", "ry": "turns about y", "rx": "turns about x"}
+    by_hand = {d: np.sqrt(at.support(d) / (0.3 if d == "z" else 1e-4)) / (2 * np.pi) for d in said}
+    order = sorted(said, key=lambda d: by_hand[d])
+    assert modes.movements[1:] == tuple(f"'carriage' {said[d]}" for d in order)
+    assert modes.frequency_Hz[1:] == pytest.approx([by_hand[d] for d in order], rel=0.02)
+
+
 def test_leaves_that_vibrate_between_still_ends_are_named():
     scene = ksd.Mechanism("heavy")
     block = scene.link("block")

@@ -85,6 +85,21 @@ def test_restrained_warping_where_the_torque_changes():
     assert solids[2] == pytest.approx(ours, rel=0.01) and plain / ours > 1.35
 
 
+def test_a_program_that_is_ended_or_gives_no_answer_is_named(tmp_path, monkeypatch):
+    program = tmp_path / "ccx"
+    monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
+    pose = ksd.solve(guide(), d=1 * mm)
+    cases = {
+        "kill -9 $$": "ended from outside .signal 9.",
+        "echo '*ERROR no'": "no answer .*ERROR no.; drive",
+    }
+    for does, said in cases.items():
+        program.write_text(f"#!/bin/sh\n{does}\n")
+        program.chmod(0o755)
+        with pytest.raises(ksd.ConvergenceError, match=said):
+            confirm(pose)
+
+
 @needs_ccx
 def test_the_command_prints_both(tmp_path, capsys):
     ksd.save_scene(guide(), tmp_path / "g.toml", targets={"d": 1 * mm})

@@ -80,6 +80,9 @@ def test_gripper_out_and_in_again(tmp_path):
     arcs = document.modelspace().query('ARC[layer=="leaf"]')
     assert [arc.dxf.radius for arc in arcs] == pytest.approx([4.0] * 4)
     assert [(arc.dxf.end_angle - arc.dxf.start_angle) % 360 for arc in arcs] == pytest.approx([270.0] * 4)
+    # a drive is not named again where its link is
+    texts = [text.dxf.text for text in document.modelspace().query('TEXT[layer=="text"]')]
+    assert texts.count("crank") == 1
     # the outline of an arc: two arcs 0.4 mm apart, of which the area is exact
     ring = document.modelspace().query('LWPOLYLINE[layer=="outline"]')[0]
     bulges = [row[2] for row in ring.get_points("xyb")]

@@ -2,6 +2,7 @@
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -28,6 +29,11 @@ def direct(record, table, shape, motion):
             factor *= legval(place, np.eye(degree + 1)[degree])
         total += table[..., i] * factor
     return total
+
+
+def test_a_record_names_its_range_in_degrees_and_its_shape(record):
+    assert repr(record).startswith("<Record of toy: angle -68.75 to 68.75 deg; shape by angle, ratio; ")
+    assert "deg; one shape; " in repr(replace(record, parameters=()))
 
 
 @pytest.mark.parametrize("mesh", ["strain", 2])

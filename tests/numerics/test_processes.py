@@ -14,6 +14,7 @@ from multiprocessing import active_children
 
 import pytest
 
+import ksd
 from ksd.numerics.processes import process_pool, spawn_context
 
 PLAIN = """
@@ -113,6 +114,9 @@ def test_what_a_process_answers_instead_of_a_result():
         with pytest.raises(ValueError, match="math domain error") as told:
             pool.submit(math.sqrt, -1.0).result()
         assert "_run_tasks" in told.value.__notes__[0]
+        with pytest.raises(ksd.SceneError, match="scene file 'no' cannot be read") as told:
+            pool.submit(ksd.load_scene, "no").result()
+        assert not hasattr(told.value, "__notes__")
         with pytest.raises(TypeError, match=r"cannot pickle '_thread\.lock'"):
             pool.submit(threading.Lock).result()
         with pytest.raises((AttributeError, pickle.PicklingError), match="local object"):

@@ -38,6 +38,8 @@ def test_limits_alone_are_enough_and_say_the_same_as_beside_a_target():
     assert found.nominal == pytest.approx(asked.nominal[k])
     assert found.first_order == pytest.approx(asked.first_order[k])
     assert str(alone).startswith("Job: limits alone by length, ")
+    named = job(**words, vary={**VARY, "length": ("40 mm", "80 mm")})
+    assert "length: 40.00 to 80.00 mm\n" in str(named) and "length: 0.0400" in str(alone)
     assert np.isnan(found.merits).all() and found._line().endswith("of 16 samples hold every limit")
     # what has no answer is no worst target
     missing = np.where(np.arange(len(both.answers)) == 1, np.nan, both.values(both.point(BEST)))

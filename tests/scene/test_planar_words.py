@@ -405,13 +405,13 @@ def test_a_curve_that_waves_too_often_says_where_points_help():
 
 MISTAKES = [
     (
-        "[0.03, 0.04, 0.0]\na =",
+        "[0.03, 0.04, 0]\na =",
         "[30, 40, 0]\na =",
         r"line \d+, \[\[pin\]\] 2: pin 'A' does not meet .* if that was in mm",
     ),
-    ("along = [1.0", "along = [0.0", r"line \d+, \[\[slider\]\] 1.* no direction"),
+    ("along = [1", "along = [0", r"line \d+, \[\[slider\]\] 1.* no direction"),
     ("s = 0.05", 's = "150 mm"', r"line \d+, \[\[point\]\] 1: .* give 0 < s < 0\.126491"),
-    ("about = [0.0, 0.0, 1.0]", 'about = "x"', r'line \d+, \[\[actuate\]\] 1: .* about="z"'),
+    ("about = [0, 0, 1]", 'about = "x"', r'line \d+, \[\[actuate\]\] 1: .* about="z"'),
     ('plane = "xy"', 'plane = "xw"', r"line \d+: plane = 'xw' must be"),
 ]
 

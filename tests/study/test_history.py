@@ -250,6 +250,12 @@ def test_text(history):
     assert repr(history) == "<History: 'guide', 0.2 s in 100 steps>"
 
 
+def test_the_force_of_a_drive_that_is_let_go_is_not_shown(history):
+    guide, _, _ = ksd.load_scene("guide")
+    assert "push force" in str(history)
+    assert "table force" not in str(ksd.simulate(guide, "2 ms", dt="1 ms", drives={"table": None}))
+
+
 def test_spectrum_finds_the_frequency(history):
     longer = turning(np.linspace(0, 20, 4001)).spectrum("head y", since=1.0)
     assert longer.peaks[0][0] == pytest.approx(3.0 / (2 * math.pi), abs=2e-3)

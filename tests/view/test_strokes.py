@@ -9,6 +9,7 @@ from scenes import cross_flexure, fourbar, single_joint
 
 import ksd
 from ksd.study.table import Table
+from ksd.units import mm
 from ksd.view import animate_mode, animate_stroke, plot_mode
 from ksd.view.effect_cost_plot import plot_effect_cost
 from ksd.view.figure import new_figure
@@ -182,6 +183,18 @@ def test_animation_of_the_stroke(tmp_path):
     for path, words in ((tmp_path / "a.mp4", "gif"), (tmp_path / "no" / "a.gif", "folder")):
         with pytest.raises(ksd.SceneError, match=words):
             animate_stroke(poses, path)
+
+
+def test_labels_of_a_film_do_not_lie_on_one_another(tmp_path, monkeypatch):
+    guide, _, _ = ksd.load_scene("guide")
+    for name in ("sum", "coil"):
+        guide.load("table", force=(2, 0, 0), at=(0, 30 * mm, 0), name=name)
+    made = []
+    monkeypatch.setattr(
+        "ksd.view.animate.new_figure", lambda *a, **k: made.append(new_figure(*a, **k)) or made[-1]
+    )
+    animate_stroke([ksd.solve(guide, table=d) for d in (0.0, 2 * mm)], tmp_path / "a.gif", back=False)
+    assert_readable(made[0])
 
 
 def test_animation_of_a_mode(tmp_path):
