@@ -11,7 +11,8 @@ ends, and its derivative underestimates the stiffness.
 The tangent is then linear in the stress but for one term, mu^2 K'' phi: stretch and shear of a leaf are measured along its
 turned sections, so that an axial force P shears it by P/(GA) per rotation and a column buckles at P (1 + P/(GA) - P/(EA)) =
 P_Euler (Haringx 1948; -.05 % at a length of 30 thicknesses, -.4 % at 10, -4.4 % at 3). Factors of the linear problem are
-corrected for it one by one, by inverse iteration. Chains, whose stresses follow from their nodes, are without this term.
+corrected for it one by one, by inverse iteration. Chains, whose stresses follow from their nodes, are without this term; the
+stretch of their elements at a factor is its size.
 
 Follower loads, and moments fixed in space, make K and K' unsymmetric. Factors are then the real ones at which the tangent
 becomes singular (divergence). A state may flutter before it diverges (Beck's column does, and has no factor), which no
@@ -55,7 +56,13 @@ from ksd.answers.tangent import (
     factor_tangent,
     row_numbers,
 )
-from ksd.answers.uncondensed import chain_tangent_with_stresses, leaf_tangents, uncondensed_tangents
+from ksd.answers.uncondensed import (
+    chain_tangent_with_stresses,
+    element_stiffnesses,
+    leaf_tangents,
+    strain_matrix,
+    uncondensed_tangents,
+)
 from ksd.checks import names_of, wrench_of
 from ksd.errors import ConvergenceError, SceneError
 from ksd.model.arrays import STRAIN, TRANSLATION, State
@@ -105,12 +112,13 @@ class Buckling(PrintableAnswer):
     factor (k,): multiple of the load that is added (or factor of all stresses) at the loss of stability; negative: against
     its direction. shape (k, nodes, 6): displacement [m] and rotation [rad] of the nodes of `model`, with largest entry 1;
     all zero where a leaf buckles between ends at rest. vector (k, size): all unknowns, inner ones included. motion: the
-    state. mesh_error (k,):
-    estimated relative mesh error of every factor; nan for chains of elements. unstable: number of directions in which the
-    state itself is not a minimum. linear_up_to: largest magnitude of a factor for which linear theory is used, inf where all
-    stresses grow. beyond: smallest factor that was left out for that, inf where there is none. conservative: False where
-    loads follow their link or moments are fixed in space; factors and `unstable` are then those of divergence.
-    backward_error: largest residual of (K + mu K') phi relative to its terms; at most 1e-6.
+    state. mesh_error (k,): estimated relative mesh error of every factor; nan for chains of elements. stretch (k,): largest
+    stretch of an element of chains at the factor, by about which it is off; 0 for leaf springs, which know it.
+    unstable: number of directions in which the state itself is not a minimum. linear_up_to: largest magnitude of a
+    factor for which linear theory is used, inf where all stresses grow. beyond: smallest factor that was left out for
+    that, inf where there is none. conservative: False where loads follow their link or moments are fixed in space;
+    factors and `unstable` are then those of divergence. backward_error: largest residual of (K + mu K') phi relative to
+    its terms; at most 1e-6.
     """
 
     model: Model
@@ -119,6 +127,7 @@ class Buckling(PrintableAnswer):
     shape: Array
     vector: Array
     mesh_error: Array
+    stretch: Array
     unstable: int
     linear_up_to: float = np.inf
     beyond: float = np.inf
@@ -167,6 +176,12 @@ class Buckling(PrintableAnswer):
         bad = [f"The state itself {what}"] * bool(self.unstable)
         bad += [self.criterion[:1].upper() + self.criterion[1:]] * (not self.conservative)
         none = [self.reason[:1].upper() + self.reason[1:]] * bool(self.reason)
+        stretch = float(self.stretch[0]) if len(self.stretch) else 0.0
+        if stretch >= MIN_MESH_ERROR:
+            none.append(
+                f"Chains of elements leave out what their stretch does to a factor: about "
+                f"{format_number(100.0 * stretch, 1)} % of the first, more of higher ones"
+            )
         title = "Critical load factors: times the load is added, or stresses grow, all else held; negative: reversed"
         return format_table(("factor", "mesh error", "<link that moves most"), rows, title, *none, *bad)
 
@@ -214,13 +229,15 @@ def _format_mesh_error(error: float) -> str:
 class _Pencil(NamedTuple):
     """Matrices K, K' and K'' of (K + mu K' + mu^2 K'') phi = 0, scipy CSC.
 
-    curvature: K''; linear_up_to: factor at which the load moves a link by LINEAR_RANGE.
+    curvature: K''; linear_up_to: factor at which the load moves a link by LINEAR_RANGE; stretch: of the element of
+    chains with the largest one, at a factor of 1.
     """
 
     K: Any
     change: Any
     curvature: Any
     linear_up_to: float
+    stretch: float = 0.0
 
     def in_units(self, unit: Array) -> _Pencil:
         """The same with unknowns in units (n,)."""
@@ -228,7 +245,7 @@ class _Pencil(NamedTuple):
         K, change, curvature = (
             (scale @ part @ scale).tocsc() for part in (self.K, self.change, self.curvature)
         )
-        return _Pencil(K, change, curvature, self.linear_up_to)
+        return self._replace(K=K, change=change, curvature=curvature)
 
     def about(self, mu: float) -> tuple[Any, Any]:
         """Matrices A, B with A + m B = K + m K' + m^2 K'' to first order about m = mu."""
@@ -323,10 +340,22 @@ def _tangent_derivative(tangent: Tangent, loads: Array, rows: list[int], load_fa
     links = arrays.start[: model.links]
     largest = float(moves[np.isin(starts, links[links >= 0])].max(initial=0.0))
     change = (tangents[0] - tangents[1]) / (2 * step)
+    linear_up_to = LINEAR_RANGE / max(largest, 1e-300)
     if chains:
-        return _Pencil(K, change, csc_matrix(K.shape), LINEAR_RANGE / max(largest, 1e-300))
-    curvature = _stress_curvature(model, motion, inner, load_factor)
-    return _Pencil(K, change, curvature, LINEAR_RANGE / max(largest, 1e-300))
+        return _Pencil(K, change, csc_matrix(K.shape), linear_up_to, _largest_stretch(model, motion, nodes))
+    return _Pencil(K, change, _stress_curvature(model, motion, inner, load_factor), linear_up_to)
+
+
+def _largest_stretch(model: Model, motion: State, nodes: Array | None) -> float:
+    """Largest stretch of an element of chains where the nodes move by `nodes` (n,), or by the own stresses (None)."""
+    members = model.arrays.members
+    count = len(members.kind)
+    if nodes is None:
+        stresses = motion.inner[members.inner_at[1 : count + 1] - 6]
+        longer = stresses / element_stiffnesses(model)[:, 0, 0]
+    else:
+        longer = (strain_matrix(model, motion, len(nodes)) @ nodes)[::6]
+    return float(np.abs(longer / members.value[members.value_at[:count]]).max(initial=0.0))
 
 
 class CriticalFactors(NamedTuple):
@@ -523,18 +552,15 @@ def _buckling_matrices(
     if load is None:
         stressed, K = uncondensed_tangents(exact, state, rows=rows, load_factor=load_factor)
         curvature = _stress_curvature(exact, state, state.inner, load_factor, weight_grows=True)
-        return _Pencil(K, stressed - K - curvature, curvature, np.inf).in_units(
+        stretch = 0.0 if STRAIN in model.kinds else _largest_stretch(exact, state, None)
+        return _Pencil(K, stressed - K - curvature, curvature, np.inf, stretch).in_units(
             _natural_units(model, K.shape[0])
         )
     loads, load_tangent_block = _added_load(tangent, *load)
-    K, change, curvature, linear_up_to = _tangent_derivative(
-        replace(tangent, model=exact), loads, rows, load_factor
-    )
-    start = tangent.unknowns(node_of(model, load[0])).start
-    load_change = assemble_blocks([start + np.arange(6)[None]], [load_tangent_block[None]], K.shape[0])
-    return _Pencil(K, change + load_change, curvature, linear_up_to).in_units(
-        _natural_units(model, K.shape[0])
-    )
+    pencil = _tangent_derivative(replace(tangent, model=exact), loads, rows, load_factor)
+    start, size = tangent.unknowns(node_of(model, load[0])).start, pencil.K.shape[0]
+    own_change = assemble_blocks([start + np.arange(6)[None]], [load_tangent_block[None]], size)
+    return pencil._replace(change=pencil.change + own_change).in_units(_natural_units(model, size))
 
 
 def twice_finer_state(model: Model, motion: State, load_factor: float = 1.0) -> tuple[Model, State]:
@@ -621,6 +647,7 @@ def buckling(
     within = np.abs(factor) <= linear_up_to
     beyond = float(min(factor[~within], key=abs, default=np.inf))
     factor, vectors, mesh_error = factor[within], vectors[:, within], mesh_error[within]
+    stretch = pencil.stretch * np.abs(factor)
     shape = np.zeros((len(factor), len(fine.node_names), 6))
     for k in range(1, len(fine.node_names)):
         shape[:, k] = vectors[tangent.unknowns(k)].T
@@ -630,5 +657,16 @@ def buckling(
         count_unstable_directions(model, motion, load_factor, tangent.unstable + rows, freed=freed) - rows
     )
     return Buckling(
-        fine, state, factor, shape, vectors.T, mesh_error, unstable, linear_up_to, beyond, conservative, error
+        fine,
+        state,
+        factor,
+        shape,
+        vectors.T,
+        mesh_error,
+        stretch,
+        unstable,
+        linear_up_to,
+        beyond,
+        conservative,
+        error,
     )

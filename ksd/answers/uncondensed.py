@@ -169,14 +169,18 @@ def chain_tangent_with_stresses(model: Model, motion: State, K: Any) -> Any:
     only one of the two factors at a time and underestimates the stiffness: a fourbar at mid-stroke would buckle under a
     quarter of its load.
     """
-    S, rates = element_stiffnesses(model), strain_rates(model, motion)
+    S, B = element_stiffnesses(model), strain_matrix(model, motion, K.shape[0])
+    stiffness = B.T @ block_diag(S, format="csr") @ B
+    return bmat([[K - stiffness, B.T], [B, -block_diag(np.linalg.inv(S))]], format="csc")
+
+
+def strain_matrix(model: Model, motion: State, size: int) -> Any:
+    """Strains of all elements of chains, six each, per unknown of the model (`size`); scipy CSR."""
     first = model.arrays.start[model.arrays.members.node]
     columns = np.repeat(first[..., None] + np.arange(6), 6, axis=0).reshape(-1, 12)
     own = np.repeat(np.repeat(first >= 0, 6, axis=1), 6, axis=0)
     at = np.nonzero(own)[0], columns[own]
-    B = coo_matrix((rates.reshape(-1, 12)[own], at), shape=(len(own), K.shape[0])).tocsr()
-    stiffness = B.T @ block_diag(S, format="csr") @ B
-    return bmat([[K - stiffness, B.T], [B, -block_diag(np.linalg.inv(S))]], format="csc")
+    return coo_matrix((strain_rates(model, motion).reshape(-1, 12)[own], at), shape=(len(own), size)).tocsr()
 
 
 def element_stiffnesses(model: Model) -> Array:

@@ -87,6 +87,23 @@ def test_shear_lowers_critical_loads(slenderness):
         assert (state.negatives == state.expected_negatives) == stable
 
 
+def test_chains_say_what_their_stretch_leaves_out():
+    """Critical loads of a short column in 12 elements are off by about the stretch there, which the answer says."""
+    scene, thick = ksd.Mechanism("column", plane="xy"), rectangle(5e-3, 0.02)
+    at, tip = (0.015, 0, 0), scene.link("tip")
+    scene.leaf(scene.ground, tip, start=(0, 0, 0), end=at, section=thick, material=STEEL)
+    critical = haringx(np.pi**2 / 4 * STEEL.E * thick.Iz / 0.015**2, thick)
+    chain = ksd.Mesh("corotational", elements=12)
+    rest = ksd.solve(scene, mesh=chain).buckling("tip", force=(-critical, 0, 0), at=at, count=1)
+    assert abs(rest.factor[0] - 1) == pytest.approx(rest.stretch[0], rel=0.2)
+    assert rest.stretch[0] == pytest.approx(critical / (STEEL.E * thick.A), rel=0.05)
+    assert "their stretch does to a factor: about 2 % of the first" in " ".join(str(rest).split())
+    scene.load(tip, force=(-0.01 * critical, 0, 0), at=at)
+    loaded = ksd.solve(scene, mesh=chain).buckling(count=1)
+    assert abs(0.01 * loaded.factor[0] - 1) == pytest.approx(loaded.stretch[0], rel=0.2)
+    assert not ksd.solve(scene).buckling(count=1).stretch.any()
+
+
 def test_dense_and_iterated_factors_of_a_short_wide_guide_agree(monkeypatch):
     """Its matrices have many entries of one size; rounding among them once cost the dense eigensolution its digits."""
     import ksd.answers.buckling as module
