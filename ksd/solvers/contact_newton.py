@@ -203,7 +203,8 @@ class ContactNewton:
                 ):
                     return self._stop(Stop.PASSED, n, worst, begin)
                 # `check` counts negative pivots
-                return int((Stop.CONVERGED, Stop.LOCAL_ANGLE, Stop.SINGULAR)[status]), n, worst, 0, 1.0
+                stop = (Stop.CONVERGED, Stop.LOCAL_ANGLE, Stop.SINGULAR)[status]
+                return int(stop), n, self._over_bound(worst), 0, 1.0
             if n == max_steps:
                 break
             if n > 0 and limit < math.inf and np.linalg.norm(work.rhs) > limit:
@@ -240,6 +241,7 @@ class ContactNewton:
         worst, _, inside, _ = assemble(arrays, motion, target, factor, work)
         if not math.isfinite(worst):
             return worst, 0
+        worst = self._over_bound(worst)
         X, C = np.empty((q, len(work.rhs))), np.empty((q, q))
         self.spring[:] = 0.0
         own, _ = touched_compliance(
@@ -263,4 +265,13 @@ class ContactNewton:
 
     def _is_rounding(self, moved: float) -> bool:
         """Whether the residual is rounding of the stiffest member, as on bodies without one, after a step of no size."""
-        return moved <= 1.0 and bool(np.abs(self.work.rhs).max(initial=0.0) <= self.noise)
+        return moved <= 1.0 and self._rounding() <= 1.0
+
+    def _over_bound(self, worst: float) -> float:
+        """The residual over its bound, which is that of rounding where bodies without leaf springs have none of their own."""
+        rounding = self._rounding()
+        return rounding if rounding <= 1.0 < worst else worst
+
+    def _rounding(self) -> float:
+        """The largest residual over what rounding leaves of the stiffest member."""
+        return float(np.abs(self.work.rhs).max(initial=0.0)) / self.noise
