@@ -268,7 +268,7 @@ class ContactNewton:
         return moved <= 1.0 and self._rounding() <= 1.0
 
     def _over_bound(self, worst: float) -> float:
-        """The residual over its bound, which is that of rounding where bodies without leaf springs have none of their own."""
+        """The residual over its bound; rounding is the bound of bodies without leaf springs."""
         rounding = self._rounding()
         return rounding if rounding <= 1.0 < worst else worst
 

@@ -229,7 +229,9 @@ def test_a_free_disc_is_dragged_along_while_jaws_close_on_it(held):
     assert held.displacement("disc", (0.07, 0, 0))[0] == pytest.approx(-0.156e-3, rel=0.02)
     assert [c.state for c in held.contacts.values()] == ["stick", "stick"] and held.stable
     # the disc has no leaf springs, so rounding is its bound
-    assert held.steps[-1].residual < 1.0 and "every residual is within its bound" in held.trust.trusted.sentence
+    assert (
+        held.steps[-1].residual < 1.0 and "every residual is within its bound" in held.trust.trusted.sentence
+    )
     total = sum(c.force for c in held.contacts.values())
     moment = sum(np.cross(c.place, c.force) for c in held.contacts.values())
     assert np.abs(total).max() < 1e-9 and np.abs(moment).max() < 1e-10
