@@ -5,10 +5,12 @@ random targets, limits, scales and rules. Every optimum is compared with `--near
 within the bounds; its limits are checked by the conventional method. Written: how many are proven (status "optimum"), how
 many of these have a better neighbour by more than .1 %, how many exceed a limit, how often each method finds the best of
 all. Worths of limits, and of the bound worth most, are compared with optima where it is moved by half a percent, at every
-second job; trust-constr and COBYLA are tried at every tenth. Each job is added to optima.jsonl when it is done, and not
-computed again: the run may be stopped and continued. Then: jobs of kinds that once ended beside their optimum, in several
+fourth job; trust-constr, COBYLA and evolution are tried at every tenth. Where a design costs more than `COSTLY`, a quarter
+of the random ones must do, and the other methods wait for the next job; where it costs more than `--cost`, the job is left
+for a longer run. Each job is added to optima.jsonl when it is done,
+and not computed again: the run may be stopped and continued. Then: jobs of kinds that once ended beside their optimum, in several
 units; fronts of six of the jobs; values and CPU time per optimum for 1 to 20 parameters.
-Run: python benchmarks/optima.py [--quick] [--jobs N] [--first SEED] [--near N] [--far N] [--minutes M]
+Run: python benchmarks/optima.py [--quick] [--jobs N] [--first SEED] [--near N] [--far N] [--minutes M] [--cost S]
 """
 
 from __future__ import annotations
@@ -39,6 +41,8 @@ MET = 1e-6
 DRAWN = ("guide", "chain", "pivot")
 EVERY = 10
 """Jobs of which one is tried by the other methods."""
+COSTLY = 0.05
+"""CPU time [s] of a design above which fewer of them judge an optimum."""
 
 FRONTS = 6
 """Number of fronts."""
@@ -561,22 +565,36 @@ WAYS: dict[str, dict[str, Any]] = {
     "gradient, 4 starts": {"starts": 4},
     "trust-constr": {"method": "trust-constr"},
     "cobyla": {"method": "cobyla"},
+    "cma": {"method": "cma"},
 }
 
 
-def one_job(seed: int, near: int, far: int) -> dict[str, Any]:
-    """Every way on one random job, each optimum against designs near it, and the best of all against random ones."""
+def one_job(seed: int, near: int, far: int, most: float, *, others: bool) -> dict[str, Any]:
+    """Every way on one random job, each optimum against designs near it, and the best of all against random ones.
+
+    most: CPU time [s] of a design above which the job is left; others: whether methods other than the default are tried, if
+    the job is not costly.
+    """
     try:
         job = random_job(seed)
     except RuntimeError:
         return {"seed": seed}
-    _, merits = designs_around(job, None, 0, far)
+    begin = time.process_time()
+    merits, count = designs_around(job, None, 0, far // 4)[1], far // 4
+    cost = (time.process_time() - begin) / count
+    if cost > most:
+        return {"seed": seed, "left": f"a design takes {cost:.2g} s"}
+    if cost > COSTLY:
+        near, others = near // 2, False
+    else:
+        merits, count = designs_around(job, None, 0, far)[1], far
     row: dict[str, Any] = {
         "seed": seed, "family": getattr(job.function, "family", ""), "parameters": len(job.vary),
-        "poses": len(job.poses), "job": job._line(), "random": float(np.nanmax(merits, initial=-np.inf)), "ways": {},
+        "poses": len(job.poses), "job": job._line(), "random": float(np.nanmax(merits, initial=-np.inf)),
+        "random designs": count, "near designs": near, "ways": {},
     }  # fmt: skip
     scratch = tempfile.TemporaryDirectory()
-    for way, words in list(WAYS.items())[: 2 if seed % EVERY else None]:
+    for way, words in list(WAYS.items())[: None if others else 2]:
         if "gradient" in way:
             # the first of four starts is the only one of the way before
             words = {**words, "resume": Path(scratch.name) / "designs.jsonl"}
@@ -600,7 +618,7 @@ def one_job(seed: int, near: int, far: int) -> dict[str, Any]:
             "near": relative_gain(near_merit, best.merit), "near_merit": near_merit, "held": dict(best.held),
             "single_difference": relative_gain(merit, best.merit), "single_margin": margin,
         }  # fmt: skip
-        if way == "gradient" and not seed % 2:
+        if way == "gradient" and not seed % 4:
             row["worths"] = compare_worths(job, best)
     scratch.cleanup()
     return row
@@ -642,8 +660,9 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Run, print, write; returns what was found."""
 
     def more(parser: Any) -> None:
-        for name, default in (("jobs", 200), ("first", 0), ("near", 50), ("far", 200), ("minutes", 600)):
+        for name, default in (("jobs", 200), ("first", 0), ("near", 30), ("far", 100), ("minutes", 600)):
             parser.add_argument(f"--{name}", type=int, default=default)
+        parser.add_argument("--cost", type=float, default=np.inf)
 
     asked = parse_options(__doc__, argv, more)
     first, count, near, far = (
@@ -652,10 +671,17 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     end, file = time.monotonic() + 60 * asked.minutes, asked.out / "optima.jsonl"
     rows = [json.loads(line) for line in file.read_text().splitlines()] if file.is_file() else []
     done = {row["seed"] for row in rows}
+    # jobs since the other methods were tried
+    waited = EVERY
     for seed in range(first, first + count):
+        waited += 1
         if seed in done or time.monotonic() > end:
             continue
-        row = one_job(seed, near, far)
+        row = one_job(seed, near, far, asked.cost, others=waited > EVERY)
+        if "left" in row:
+            print(seed, row["left"], flush=True)
+            continue
+        waited = 0 if len(row.get("ways", {})) > 2 else waited
         rows.append(row)
         with file.open("a") as stream:
             stream.write(json.dumps(row) + "\n")

@@ -7,6 +7,7 @@ both is subtracted. A leaf of round section is its centreline less half the diam
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -58,9 +59,9 @@ class Clearance(PrintableAnswer):
         return f"Smallest clearance: {self._line()}"
 
 
-def extent(model: Model, motion: State) -> Array:
-    """Smallest and largest coordinates (2, 3) [m, global] of all leaf springs, width and thickness included."""
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+def leaf_extents(model: Model, motion: State) -> dict[str, Array]:
+    """Smallest and largest coordinates (2, 3) [m, global] of every leaf spring, width and thickness included."""
+    found = {}
     for leaf in mechanism_shape(model, motion).leaves:
         # half extent of the sections along the global axes
         second, third = (
@@ -68,9 +69,19 @@ def extent(model: Model, motion: State) -> Array:
             np.abs(leaf.axes[:, :, 2]).T * leaf.width,
         )
         half = 0.5 * (np.hypot(second, third) if leaf.is_round else second + third)
-        low = np.minimum(low, (leaf.place - half.T).min(axis=0))
-        high = np.maximum(high, (leaf.place + half.T).max(axis=0))
-    return np.array([low, high])
+        found[leaf.name] = np.array([(leaf.place - half.T).min(axis=0), (leaf.place + half.T).max(axis=0)])
+    return found
+
+
+def extent(model: Model, motion: State) -> Array:
+    """Smallest and largest coordinates (2, 3) [m, global] of all leaf springs."""
+    return common_extent(leaf_extents(model, motion))
+
+
+def common_extent(extents: Mapping[str, Array]) -> Array:
+    """Smallest and largest coordinates (2, 3) of several extents (2, 3) by name."""
+    ends = np.array(list(extents.values())).reshape(-1, 2, 3)
+    return np.array([ends[:, 0].min(axis=0, initial=np.inf), ends[:, 1].max(axis=0, initial=-np.inf)])
 
 
 def clearance(model: Model, motion: State) -> Clearance:

@@ -14,6 +14,8 @@ from ksd.study.questions import other_principal_columns
 
 VALUE_IF_NAN = {"buckling_positive": np.inf, "buckling_negative": -np.inf}
 """Value of an answer that is nan, by the beginning of its column: nothing buckles."""
+SIZE_ENDS = ("highest", "lowest")
+"""Ends of a size, in the columns of coordinates and in those of sizes of which one end is that of a named leaf spring."""
 SIGNED_QUESTIONS = {"force", "parasitic"}
 """Questions whose answers have a sign: where they are minimised, it is their absolute value."""
 
@@ -37,6 +39,11 @@ class Answer:
     is_absolute: bool = False
 
     @property
+    def is_size(self) -> bool:
+        """Whether it is a size along an axis, over all poses."""
+        return self.column.startswith("size_")
+
+    @property
     def value_if_nan(self) -> float:
         """Value of the answer where its column is nan."""
         return next((v for begin, v in VALUE_IF_NAN.items() if self.column.startswith(begin)), np.nan)
@@ -54,16 +61,20 @@ class Answer:
         return margins + ([(self.high - value) / (abs(self.high) or 1.0)] if np.isfinite(self.high) else [])
 
     def smooth_parts(self, leaves: Sequence[str]) -> list[Answer]:
-        """The answers without kinks that replace this one.
+        """The answers without kinks that replace this one; leaves: names of the leaf springs.
 
-        The worst of several values has kinks. Where all of them must be on one side, each becomes an answer: stresses
-        (columns `leaves`) below, principal stiffnesses above. Otherwise the answer stays.
+        The worst of several values has kinks. Where all of them must be on one side, each becomes an answer: stresses and
+        sizes, by the leaf spring at either end of them, below, principal stiffnesses above. Otherwise the answer stays.
         """
         above = self.role == "maximise" or np.isfinite(self.low)
-        if self.column == "stress_MPa":
-            below = self.role == "minimise" or np.isfinite(self.high)
-            every = [replace(self, column=c, low=-np.inf) for c in leaves if below]
-            return [*every, replace(self, high=np.inf)] if above else every
+        below = self.role == "minimise" or np.isfinite(self.high)
+        if self.is_size:
+            columns = [f"{self.column}[{leaf} {end}]" for end in SIZE_ENDS for leaf in leaves]
+        else:
+            columns = [f"stress_MPa[{leaf}]" for leaf in leaves if self.column == "stress_MPa"]
+        if columns:
+            every = [replace(self, column=c, low=-np.inf) for c in columns if below]
+            return [replace(self, high=np.inf), *every] if above or self.is_size else every
         return [
             self,
             *(replace(self, column=c, high=np.inf) for c in other_principal_columns(self.column) if above),

@@ -1,8 +1,8 @@
 """`ksd.Job`: the targets, limits and rules of a design as numbers for any optimiser.
 
 Targets and limits are columns of `ksd.sweep` at every pose and load case, of which the worst counts. Stresses are answers
-for every leaf, and the worst support stiffness is with all principal ones, because the worst of several has kinks; sizes are
-over all poses together. Values and derivatives are of the same equilibria on the same mesh. Designs are solved in batches
+for every leaf, sizes too, and the worst support stiffness is with all principal ones, because the worst of several has
+kinks; sizes are over all poses together. Values and derivatives are of the same equilibria on the same mesh. Designs are solved in batches
 (`ksd.study.batch_solver`).
 """
 
@@ -45,7 +45,7 @@ from ksd.optimisation.bounds import (
     parse_bounds,
     trained_bounds,
 )
-from ksd.optimisation.goals import SIGNED_QUESTIONS, Answer, parse_goals
+from ksd.optimisation.goals import SIGNED_QUESTIONS, SIZE_ENDS, Answer, parse_goals
 from ksd.scene import Mechanism, Scene
 from ksd.scene.link import Link
 from ksd.scene.load import Load
@@ -362,11 +362,11 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
 
         signed: columns of which the absolute value is minimised. A limit of such a column has a name of its own.
         """
-        answers, labels = [], self._pose_labels(scene)
-        leaves = [f"stress_MPa[{name}]" for name in scene.leaf_names()]
+        answers, labels = list[Answer](), self._pose_labels(scene)
+        leaves = list(scene.leaf_names())
         for goal in goals:
-            if goal.column.startswith("size_"):
-                answers.append(goal)
+            if goal.is_size:
+                answers += [replace(part, name=part.column) for part in goal.smooth_parts(leaves)]
                 continue
             is_absolute = goal.role == "minimise" and goal.column in signed
             absolute_names = {a.name for a in answers if a.is_absolute}
@@ -620,15 +620,14 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         return answers, solved if has_all_answers else []
 
     def _other_leaves(self, rows: Sequence[Row]) -> str:
-        """Why a design with these rows has other stresses than the job asks for; "ok" where it has the same."""
-        known = {a.column for a in self.answers if a.column.startswith("stress_MPa[")}
-        own = {c for c in rows[0] if c.startswith("stress_MPa[")}
-        if not known or own == known:
+        """Why a design with these rows has other leaf springs than the job asks about; "ok" where it has the same."""
+        own = {c.partition("[")[2][:-1] for c in rows[0] if c.startswith(("stress_MPa[", "size_x_mm["))}
+        if not own or own == self._leaves:
             return OK
-        column = min(known ^ own)
+        name = min(self._leaves ^ own)
         return (
-            f"it has {'no' if column in known else 'an additional'} leaf spring '{column[len('stress_MPa[') : -1]}': the "
-            "stress of every leaf spring counts, so all designs of the job need the same ones"
+            f"it has {'no' if name in self._leaves else 'an additional'} leaf spring '{name}': the stress and size of every "
+            "leaf spring count, so all designs of the job need the same ones"
         )
 
     def _solve_case(
@@ -672,17 +671,26 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         values = np.empty(len(self.answers))
         for k, a in enumerate(self.answers):
             if a.pose is None:
-                highest, lowest = (
-                    [row.get(a.column.replace("size", end), np.nan) for row in rows]
-                    for end in ("highest", "lowest")
-                )
-                values[k] = np.max(highest) - np.min(lowest)
+                (highest, m), (lowest, n) = self._size_ends(a.column, rows)
+                values[k] = rows[m].get(highest, np.nan) - rows[n].get(lowest, np.nan)
             else:
                 row = rows[a.pose]
                 value = row.get(a.column, np.nan)
                 value = abs(value) if a.is_absolute and not self.is_signed else value
                 values[k] = a.value_if_nan if a.column in row and np.isnan(value) else value
         return values
+
+    def _size_ends(self, size: str, rows: Sequence[Row]) -> list[tuple[str, int]]:
+        """Column and pose of the highest and the lowest end that make a size over all poses, so that its slopes are those of
+        these ends; size: column, with the name of the leaf spring at one end or without."""
+        axis, found = size.split("_")[1], []
+        leaf, _, of = size.partition("[")[2][:-1].rpartition(" ")
+        for end, sign in zip(SIZE_ENDS, (1.0, -1.0), strict=True):
+            columns = [f"{end}_{axis}_mm[{name}]" for name in ([leaf] if end == of else sorted(self._leaves))]
+            places = sign * np.array([[row.get(c, np.nan) for row in rows] for c in columns])
+            k, pose = np.unravel_index(places.argmax(), places.shape)
+            found.append((columns[k], int(pose)))
+        return found
 
     def jacobian(self, x: ArrayLike) -> Array:
         """Derivatives (answers, P) of the answers by the parameters, as by `ksd.gradient`; raises what `slopes` raises."""
@@ -703,12 +711,11 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         gradient = gradient_at(solved, self.questions, self.build, self.design_at(x), sizes=self._step_sizes)
         index = {c: i for i, c in enumerate(gradient.columns)}
         rows = [{c: float(gradient.values[c][n]) for c in index} for n in range(len(self.poses))]
-        slopes = np.zeros((len(self.answers), len(self.vary)))
+        slopes = np.full((len(self.answers), len(self.vary)), np.nan)
         for k, a in enumerate(self.answers):
             if a.pose is None:
-                highest, lowest = (a.column.replace("size", end) for end in ("highest", "lowest"))
-                slopes[k] = gradient.slopes[index[highest], :, np.argmax(gradient.values[highest])]
-                slopes[k] -= gradient.slopes[index[lowest], :, np.argmin(gradient.values[lowest])]
+                (highest, m), (lowest, n) = self._size_ends(a.column, rows)
+                slopes[k] = gradient.slopes[index[highest], :, m] - gradient.slopes[index[lowest], :, n]
             elif a.column in index:
                 slopes[k] = gradient.slopes[index[a.column], :, a.pose]
                 slopes[k] *= np.sign(rows[a.pose][a.column]) if a.is_absolute and not self.is_signed else 1.0
@@ -764,6 +771,11 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
     def scene_at(self, design: Mapping[str, float], case: str) -> Scene:
         """The scene of a design with the loads of a case of `poses`. Raises SceneError where it cannot be built."""
         return _LoadedSceneFunction(self.build, self.cases[case])(**design)
+
+    @cached_property
+    def _leaves(self) -> frozenset[str]:
+        """Names of the leaf springs."""
+        return frozenset(self._example_scene.leaf_names())
 
     @cached_property
     def _example_scene(self) -> Scene:

@@ -161,8 +161,7 @@ def _fails_alone(problem: ScaledProblem, y: Array, step: Array) -> Array:
 def _minimise_in_box(problem: ScaledProblem, y: Array, box: Array, method: str) -> Array:
     """The end (P,) of SLSQP, trust-constr or COBYLA from y within a box (P, 2); variables z are y and the level t."""
     is_target = problem.is_target.astype(float)
-    # a little inside limits and rules, so that they are met in spite of rounding
-    moved_in = BACKOFF * (1.0 - is_target)
+    moved_in = BACKOFF * (1.0 - is_target) if method == "cobyla" else backoff(problem, y)
 
     def gap(z: Array) -> Array:
         return problem.margins(clipped(z[:-1], box)) - is_target * z[-1] - moved_in
@@ -223,6 +222,13 @@ def _minimise_in_box(problem: ScaledProblem, y: Array, box: Array, method: str) 
     return clipped(found.x[:-1], box)
 
 
+def backoff(problem: ScaledProblem, y: Array) -> Array:
+    """What a search from y keeps to the margins (m,): a little to limits and rules, so that they are met in spite of
+    rounding; nothing where no parameter moves one by as much, as the size of a leaf spring that is not varied."""
+    moves = np.abs(problem.slopes(y)) @ np.diff(problem.bounds)[:, 0]
+    return BACKOFF * (~problem.is_target & (moves > BACKOFF))
+
+
 def _descend_by_linear_programs(problem: ScaledProblem, y: Array) -> Array:
     """The end (P,) of steps from y, each the best of the linearised problem within a trust region that shrinks by a quarter
     where the design at its end is not better."""
@@ -263,7 +269,7 @@ def linear_step(
     ends = np.column_stack(
         [np.maximum(problem.edges[:, 0] - y, -radius), np.minimum(problem.edges[:, 1] - y, radius)]
     )
-    limits = margins - BACKOFF * ~is_target
+    limits = margins - backoff(problem, y)
     found = linprog(cost, A_ub=rows, b_ub=limits, bounds=[*ends.tolist(), (None, None), (0.0, None)])
     return None if found.x is None else np.asarray(found.x[:count])
 

@@ -183,8 +183,9 @@ def kinks(problem: ScaledProblem, y: Array, active: Active) -> tuple[str, ...]:
         ends = [
             (linear_gain(problem, y, radius, s * moved) - reference) * s / WORTH_STEP for s in (1.0, -1.0)
         ]
-        size = max(abs(w), *np.abs(ends))
-        if not np.isfinite(size) or (size > 1e-3 and max(abs(e - w) for e in ends) > WORTH_TOLERANCE * size):
+        # nan where no design is left
+        size = float(np.abs([w, *ends]).max())
+        if np.isnan(size) or (size > 1e-3 and max(abs(e - w) for e in ends) > WORTH_TOLERANCE * size):
             found.append(name)
     return tuple(found)
 

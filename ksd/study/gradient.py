@@ -65,8 +65,8 @@ BATCH_LEAVES = 4096
 """Leaf springs, in all states together, whose stresses are evaluated at once: some 30 MB."""
 TRACKED_QUESTIONS = ("stress", "frequencies")
 """Questions whose answers select a point or mode at the unperturbed pose."""
-EXCLUDED_COLUMNS = ("error", "_s_mm", "mac", "stable")
-"""Parts of the names of columns that have no derivatives."""
+EXCLUDED_COLUMNS = ("mac", "error_percent")
+"""Columns that have no derivatives."""
 NO_SUCH_ANSWER = "this pose has no such answer"
 KINK_TOLERANCE = 1e-3
 """Difference of the one-sided slopes, relative to the slope or to the answer over the parameter, that counts as a kink."""
@@ -77,7 +77,7 @@ class Gradient(PrintableAnswer):
     """Derivatives of answers at poses: ``gradient[column, parameter]`` (poses,), in units of the column per SI unit of
     the parameter.
 
-    columns: those of `ksd.sweep`, and "stress_MPa[leaf]" of every leaf; parameters: names; slopes (columns, parameters,
+    columns: those of `ksd.sweep`, and "stress_MPa[leaf]" and sizes of every leaf; parameters: names; slopes (columns, parameters,
     poses): the derivatives. at_design: parameters by name, SI; values: answers (poses,) of the same equilibria by column;
     poses: drive values and load case of each. point: derivative of the displacement [m] and rotation [rad] (poses, 6) of
     the point of the questions, by parameter. reasons: why there is no gradient, by column and pose; the slope is nan there.
@@ -356,7 +356,7 @@ def _gradient_by_differences(
         for row, pose in zip(chain(*rows), chain(*poses), strict=True):
             row |= contact_row(pose)
     numeric = dict.fromkeys(c for own in rows for c, v in own[0].items() if isinstance(v, float))
-    columns = tuple(c for c in numeric if not any(part in c for part in EXCLUDED_COLUMNS))
+    columns = tuple(c for c in numeric if c not in EXCLUDED_COLUMNS)
     names, h = tuple(p.name for p in parameters), np.array(steps)[..., None]
     answers = np.array([[[row.get(c, np.nan) for c in columns] for row in own] for own in rows])
     values = answers[:, :1]

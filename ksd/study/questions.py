@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ksd.answers.extent import clearance, extent, why_no_clearance
+from ksd.answers.extent import clearance, common_extent, leaf_extents, why_no_clearance
 from ksd.answers.frequencies import Modes, frequencies
 from ksd.answers.parasitic import default_point, parasitic
 from ksd.answers.plant import BASE_INPUTS, check_damping, make_plant
@@ -392,10 +392,15 @@ def _finite_load_factor(factor: float) -> float:
 
 def _size(pose: Any, questions: Questions) -> Row:
     """Extent of the leaf springs and its ends: the extent over several poses is the highest end less the lowest."""
-    low, high = 1e3 * extent(*pose.unreduced_state)
+    leaves = leaf_extents(*pose.unreduced_state)
+    extents = {"": common_extent(leaves)}
+    if questions.detailed:
+        extents |= {f"[{name}]": ends for name, ends in leaves.items()}
     row: Row = {}
-    for a, lowest, highest in zip("xyz", low.tolist(), high.tolist(), strict=True):
-        row |= {f"size_{a}_mm": highest - lowest, f"lowest_{a}_mm": lowest, f"highest_{a}_mm": highest}
+    for name, ends in extents.items():
+        for a, lowest, highest in zip("xyz", *(1e3 * ends).tolist(), strict=True):
+            row |= {f"size_{a}_mm{name}": highest - lowest}
+            row |= {f"lowest_{a}_mm{name}": lowest, f"highest_{a}_mm{name}": highest}
     return row
 
 

@@ -344,6 +344,27 @@ def test_2_every_leaf_has_its_stress_where_two_are_equal():
         )
 
 
+def test_names_with_the_words_of_other_columns_have_gradients():
+    """Answers of what is named "machined" or "stable_error" had none, and a job took its slopes as zero."""
+
+    def machined(thickness):
+        scene = ksd.Mechanism("machined")
+        stage = scene.link("stage")
+        scene.leaf("ground", stage, start=(0, 0, 0), end=(60 * mm, 0, 0), material=STEEL, name="machined",
+                   section=ksd.rectangle(thickness, 10 * mm))  # fmt: skip
+        scene.actuate(stage, along="y", at=(60 * mm, 0, 0), name="stable_error")
+        return scene
+
+    found = ksd.gradient(
+        machined, {"thickness": 0.3 * mm}, stable_error=0.1 * mm, questions=("force", "stress")
+    )
+    assert {"stable_error_force_N", "stress_MPa[machined]"} <= set(found.columns)
+    # of small motions
+    slopes = found.relative
+    assert slopes["stable_error_force_N", "thickness"] == pytest.approx(3.0, rel=1e-3)
+    assert slopes["stress_MPa[machined]", "thickness"] == pytest.approx(1.0, rel=1e-2)
+
+
 def test_3_equal_frequencies_each_have_a_slope():
     """Frequencies of two reeds meet where they are equal; sorted they would kink there."""
 
