@@ -7,9 +7,9 @@ many of these have a better neighbour by more than .1 %, how many exceed a limit
 all. Worths of limits, and of the bound worth most, are compared with optima where it is moved by half a percent, at every
 fourth job; trust-constr, COBYLA and evolution are tried at every tenth. Where a design costs more than `COSTLY`, a quarter
 of the random ones must do, and the other methods wait for the next job; where it costs more than `--cost`, the job is left
-for a longer run. Each job is added to optima.jsonl when it is done,
-and not computed again: the run may be stopped and continued. Then: jobs of kinds that once ended beside their optimum, in several
-units; fronts of six of the jobs; values and CPU time per optimum for 1 to 20 parameters.
+for a longer run. Each job is added to optima.jsonl when it is done, and not computed again: the run may be stopped and
+continued. Then: jobs of kinds that once ended beside their optimum, in several units; fronts of six of the jobs; values and
+CPU time per optimum for 1 to 20 parameters.
 Run: python benchmarks/optima.py [--quick] [--jobs N] [--first SEED] [--near N] [--far N] [--minutes M] [--cost S]
 """
 

@@ -39,6 +39,11 @@ class Answer:
     is_absolute: bool = False
 
     @property
+    def asked(self) -> str:
+        """The column as it was asked for: "stress_MPa" of "stress_MPa[leaf]"."""
+        return self.column.split("[")[0]
+
+    @property
     def is_size(self) -> bool:
         """Whether it is a size along an axis, over all poses."""
         return self.column.startswith("size_")

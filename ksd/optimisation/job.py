@@ -2,8 +2,8 @@
 
 Targets and limits are columns of `ksd.sweep` at every pose and load case, of which the worst counts. Stresses are answers
 for every leaf, sizes too, and the worst support stiffness is with all principal ones, because the worst of several has
-kinks; sizes are over all poses together. Values and derivatives are of the same equilibria on the same mesh. Designs are solved in batches
-(`ksd.study.batch_solver`).
+kinks; sizes are over all poses together. Values and derivatives are of the same equilibria on the same mesh. Designs are
+solved in batches (`ksd.study.batch_solver`).
 """
 
 from __future__ import annotations
@@ -299,6 +299,15 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         """The unit in which a parameter is printed, and its factor to SI."""
         return self.units.get(parameter, ("SI", 1.0))
 
+    def in_units(self, parameter: str, value: float, digits: int = 5) -> str:
+        """A value of a parameter with its unit, a plain number in SI where the job has none for it."""
+        unit, factor = self.unit(parameter)
+        return f"{value / factor:.{digits}g}" + (f" {unit}" if parameter in self.units else "")
+
+    def design_text(self, x: ArrayLike) -> str:
+        """The parameters x (P,) of a design as text."""
+        return ", ".join(f"{n} {self.in_units(n, v)}" for n, v in self.design_at(x).items())
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the answers."""
@@ -328,13 +337,12 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         """Least and most by column, infinite where there is none."""
         limits: dict[str, tuple[float, float]] = {}
         for a in (a for a in self.answers if a.role == "limit"):
-            column = a.column.split("[")[0]
-            low, high = limits.get(column, (-np.inf, np.inf))
-            limits[column] = max(low, a.low), min(high, a.high)
+            low, high = limits.get(a.asked, (-np.inf, np.inf))
+            limits[a.asked] = max(low, a.low), min(high, a.high)
         return limits
 
     def _line(self) -> str:
-        goals = {a.column.split("[")[0]: a.role for a in self.answers if a.role != "limit"}
+        goals = {a.asked: a.role for a in self.answers if a.role != "limit"}
         targets = ", ".join(f"{role} {column}" for column, role in goals.items()) or "limits alone"
         poses = "one pose" if len(self.poses) == 1 else f"{len(self.poses)} poses"
         return f"{targets} by {', '.join(self.parameters)} at {poses}"
@@ -446,19 +454,15 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         """The same job by the conventional method, with a note of the reason; None where the method was given."""
         if self.method == "conventional" or self.arguments["method"] is not None:
             return None
-        job = Job(self.function, **{**self.arguments, "method": "conventional"})
-        job.__dict__.update(
-            answers=self.answers,
-            is_signed=self.is_signed,
-            method_note=f"Solved by the conventional method, as the start is beyond what the joint records hold: {reason}",
+        said = (
+            f"Solved by the conventional method, as the start is beyond what the joint records hold: {reason}"
         )
-        return job
+        job = Job(self.function, **{**self.arguments, "method": "conventional"})
+        return job._changed(answers=self.answers, is_signed=self.is_signed, method_note=said)
 
     def with_signs(self, is_signed: bool = True) -> Job:
         """The same job whose answers have their signs also where their absolute values are minimised, or not."""
-        job = copy(self)
-        job.__dict__["is_signed"] = is_signed
-        return job
+        return self._changed(is_signed=is_signed)
 
     def as_told(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Answers by name without the signs of those whose absolute values are minimised; other entries unchanged."""
@@ -467,11 +471,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
 
     def on_finer_mesh(self) -> Job:
         """The same job by the conventional method on the reference mesh for errors, see `Mesh.refined`."""
-        job = copy(self)
-        for name in ("_solvers", "mesh"):
-            job.__dict__.pop(name, None)
-        job.__dict__.update(method="conventional", mesh=self.mesh.refined(), last_solved=None)
-        return job
+        return self._changed(method="conventional", mesh=self.mesh.refined())
 
     def random(self, count: int, *, seed: int = 0) -> Array:
         """Designs (count, P) within bounds and rules, as far as they can be built; the first is in the middle if possible.
@@ -762,8 +762,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         goals = [a for a in self.answers if a.role != "limit"]
         if any(a.scale != 1.0 for a in goals):
             return "worst target over its scale"
-        # "support_worst_N_per_m[2]" is one of "support_worst_N_per_m"
-        columns = {a.column.split("[")[0] for a in goals}
+        columns = {a.asked for a in goals}
         if len(columns) > 1:
             return "worst target"
         return f"worst {columns.pop()}"
@@ -800,45 +799,36 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         in logarithms.
         """
         at = np.full(len(by), np.nan) if at is None else at
-        return self._with_answers(
-            tuple(a.moved(*own) for a, *own in zip(self.answers, by.tolist(), at.tolist(), strict=True))
-        )
+        pairs = zip(self.answers, by.tolist(), at.tolist(), strict=True)
+        return self._changed(answers=tuple(a.moved(*own) for a, *own in pairs))
 
     def limited(self, column: str, high: float) -> Job:
         """The same job with a column limited from above, by `high` or by a smaller limit that it has. Raises SceneError for
         an unknown column."""
-        is_limit = [
-            a.role == "limit" and a.column.split("[")[0] == column and np.isfinite(a.high)
-            for a in self.answers
-        ]
+        is_limit = [a.role == "limit" and a.asked == column and np.isfinite(a.high) for a in self.answers]
         if any(is_limit):
-            return self._with_answers(
-                tuple(
-                    replace(a, high=min(a.high, high)) if own else a
-                    for a, own in zip(self.answers, is_limit, strict=True)
-                )
+            pairs = zip(self.answers, is_limit, strict=True)
+            return self._changed(
+                answers=tuple(replace(a, high=min(a.high, high)) if own else a for a, own in pairs)
             )
         low = self.limits.get(column, (-np.inf, np.inf))[0]
         ends = (low if np.isfinite(low) else None, min(high, MAX_MAGNITUDE))
         limits = {**(self.arguments["limits"] or {}), column: ends}
         job = Job(self.function, **{**self.arguments, "method": self.method, "limits": limits})
-        job.__dict__.update(
+        return job._changed(
             is_signed=self.is_signed,
             method_note=self.method_note,
             arguments={**self.arguments, "limits": limits},
         )
-        return job
 
     def beyond_ranges(self) -> Job:
         """The same job, which also solves designs outside the trained ranges; its answers within them are the same."""
-        job = copy(self)
-        job.__dict__["extrapolate"] = True
-        return job
+        return self._changed(extrapolate=True)
 
-    def _with_answers(self, answers: tuple[Answer, ...]) -> Job:
-        """The same job with other limits or factors of its answers."""
+    def _changed(self, **fields: Any) -> Job:
+        """The same job with other fields, without the solvers and the last design of this one."""
         job = copy(self)
-        job.__dict__["answers"] = answers
+        job.__dict__.update(fields)
         return job
 
     def fingerprint(self) -> str:

@@ -10,12 +10,12 @@ answers is halved; no value is substituted.
 from __future__ import annotations
 
 import warnings
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import BFGS, Bounds, NonlinearConstraint, linprog, minimize
+from scipy.optimize import BFGS, Bounds, NonlinearConstraint, minimize
 
-from ksd.optimisation.optimality import STATIONARY, remainder
+from ksd.optimisation.optimality import STATIONARY, linear_program, remainder
 from ksd.optimisation.scaled_problem import BACKOFF, DesignFailed, ScaledProblem
 
 Array = np.ndarray
@@ -49,6 +49,23 @@ FIRST_TRUST_RADIUS = 0.05
 """Largest step, in scaled parameters, of the first linear program."""
 MAX_LINEAR_PROGRAMS = 12
 """Largest number of linear programs in a row."""
+
+
+class StartResult(NamedTuple):
+    """Result of one start.
+
+    start, design: its first and last design by parameter; merit: worst target over its scale at the last one; values,
+    gradients: number of evaluations; status: "ok" or why it is no optimum; note: where the search began elsewhere, or ended
+    for want of a gradient.
+    """
+
+    start: dict[str, float]
+    design: dict[str, float]
+    merit: float
+    values: int
+    gradients: int
+    status: str
+    note: str = ""
 
 
 class _Converged(Exception):
@@ -261,17 +278,10 @@ def linear_step(
 ) -> Array | None:
     """The step (P,) within a radius that raises the level most to first order, violations not counted less than by
     `fitness`; None where the linear program has no answer. margins (m,): in place of those at y."""
-    slopes, margins = problem.slopes(y), problem.margins(y) if margins is None else margins
-    count, is_target = len(y), problem.is_target
-    # unknowns: step, level, largest violation
-    cost = np.concatenate([np.zeros(count), [-1.0, 100.0]])
-    rows = np.column_stack([-slopes, is_target.astype(float), -(~is_target).astype(float)])
-    ends = np.column_stack(
-        [np.maximum(problem.edges[:, 0] - y, -radius), np.minimum(problem.edges[:, 1] - y, radius)]
-    )
-    limits = margins - backoff(problem, y)
-    found = linprog(cost, A_ub=rows, b_ub=limits, bounds=[*ends.tolist(), (None, None), (0.0, None)])
-    return None if found.x is None else np.asarray(found.x[:count])
+    ends = np.clip(problem.edges - y[:, None], -radius, radius)
+    room = (problem.margins(y) if margins is None else margins) - backoff(problem, y)
+    found = linear_program(problem, y, room, ends, most_violation=np.inf)
+    return None if found is None else found[0]
 
 
 def clipped(y: Array, box: Array) -> Array:

@@ -82,26 +82,40 @@ def relative_gain(merit: float, other: float) -> float:
     return (merit - other) / (abs(other) or 1.0)
 
 
+def linear_program(
+    problem: ScaledProblem, y: Array, room: Array, ends: Array, *, most_violation: float = 0.0
+) -> tuple[Array, float] | None:
+    """The step (P,) from y that raises the level most to first order, and the level; None where there is none.
+
+    room (m,): margins without a step; ends (P, 2): of the steps. Limits may be exceeded by most_violation, each at a hundred
+    times the level.
+    """
+    is_target, count = problem.is_target, len(y)
+    # unknowns: step, level, largest violation
+    found = linprog(
+        np.concatenate([np.zeros(count), [-1.0, 100.0]]), b_ub=room,
+        A_ub=np.column_stack([-problem.slopes(y), is_target.astype(float), -(~is_target).astype(float)]),
+        bounds=[*ends.tolist(), (None, None), (0.0, most_violation)],
+    )  # fmt: skip
+    return None if found.x is None else (np.asarray(found.x[:count]), float(found.x[count]))
+
+
 def linear_gain(problem: ScaledProblem, y: Array, radius: float, moved: Array | None = None) -> float:
     """The most by which the level grows within a radius, to first order, without leaving limits farther than at y.
 
     moved (m + 2P,): amounts by which margins, and then lower and upper bounds, are moved out.
     """
-    margins, slopes, is_target = problem.margins(y), problem.slopes(y), problem.is_target
-    count, level = len(y), problem.level(margins)
+    margins, is_target, count = problem.margins(y), problem.is_target, len(y)
     moved = np.zeros(len(margins) + 2 * count) if moved is None else moved
-    room = np.where(is_target, margins - level, np.maximum(margins, 0.0)) + moved[: len(margins)]
+    room = np.where(is_target, margins - problem.level(margins), np.maximum(margins, 0.0))
     low, high = problem.edges[:, 0] - y, problem.edges[:, 1] - y
     low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
     low, high = low - moved[len(margins) :][:count], high + moved[len(margins) + count :]
     ends = np.column_stack(
         [np.minimum(np.maximum(low, -radius), high), np.maximum(np.minimum(high, radius), low)]
     )
-    found = linprog(
-        np.append(np.zeros(count), -1.0), A_ub=np.column_stack([-slopes, is_target.astype(float)]), b_ub=room,
-        bounds=[*ends.tolist(), (None, None)],
-    )  # fmt: skip
-    return float(-found.fun) if found.fun is not None else np.nan
+    found = linear_program(problem, y, room + moved[: len(margins)], ends)
+    return np.nan if found is None else found[1]
 
 
 def remainder(problem: ScaledProblem, y: Array) -> float:
@@ -168,11 +182,10 @@ def kinks(problem: ScaledProblem, y: Array, active: Active) -> tuple[str, ...]:
         if i < len(sides):
             if problem.is_target[i]:
                 continue
-            column, sign = answers[sides[i].answer].column.split("[")[0], sides[i].sign
+            column, sign = answers[sides[i].answer].asked, sides[i].sign
             name = column
             own[: len(sides)] = [
-                not s.is_target and s.sign == sign and answers[s.answer].column.split("[")[0] == column
-                for s in sides
+                not s.is_target and s.sign == sign and answers[s.answer].asked == column for s in sides
             ]
         groups[name] = groups.get(name, own) | own
         worth[name] = worth.get(name, 0.0) + w

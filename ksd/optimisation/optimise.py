@@ -25,9 +25,9 @@ from ksd.errors import ConvergenceError, SceneError
 from ksd.numerics.threads import small_matrices
 from ksd.optimisation.design_log import DesignLog
 from ksd.optimisation.job import Job, check_job
-from ksd.optimisation.local_search import clipped, descend
+from ksd.optimisation.local_search import StartResult, clipped, descend
 from ksd.optimisation.optimality import flat_direction, on_finer_mesh, prove, worths
-from ksd.optimisation.optimum import Optimum, StartResult
+from ksd.optimisation.optimum import Optimum
 from ksd.optimisation.scaled_problem import DesignFailed, ScaledProblem
 from ksd.optimisation.tolerance import check_spread, first_order
 from ksd.study.arguments import check_executor, submit_task
@@ -259,8 +259,7 @@ def _best_feasible_text(job: Job, runs: list[_StartRun]) -> str:
     if not feasible:
         return ""
     x = runs[0].problem.unscaled(max(feasible, key=lambda found: found.merit).y)
-    design = ", ".join(f"{n} {v:.5g}" for n, v in job.design_at(x).items())
-    return f"an optimum, the best design that meets the limits is {design}"
+    return f"an optimum, the best design that meets the limits is {job.design_text(x)}"
 
 
 def _parameter_deviations(job: Job, robust: float, spread: Mapping[str, float] | None) -> Array:
@@ -396,9 +395,7 @@ def _with_answers(problem: ScaledProblem, y: Array) -> tuple[Array, str]:
     for k in range(0, len(points), 8):
         for found in problem.designs(points[k : k + 8]):
             if found is not None and np.isfinite(found.merit):
-                design = ", ".join(
-                    f"{n} {v:.5g}" for n, v in job.design_at(problem.unscaled(found.y)).items()
-                )
+                design = job.design_text(problem.unscaled(found.y))
                 return found.y, f"the start has no answers ({reason}); the search began at {design}"
     raise reason
 

@@ -13,12 +13,13 @@ import numpy as np
 
 from ksd.answers.printing import PrintableAnswer, format_number, format_table
 from ksd.checks import name_hint
-from ksd.errors import SceneError
+from ksd.errors import KsdError, SceneError
 from ksd.files import check_target, write_file
 from ksd.html import join_printed
 from ksd.library.result_files import json_object
 from ksd.optimisation.design_log import DesignLog
 from ksd.optimisation.job import Job
+from ksd.optimisation.local_search import StartResult
 from ksd.optimisation.optimality import MESH_SHARE, NEIGHBOURS, STOPPED, Proof
 from ksd.optimisation.optimum_page import optimum_page
 from ksd.optimisation.scaled_problem import FEASIBLE_MARGIN, ScaledProblem
@@ -35,23 +36,6 @@ Array = np.ndarray
 AGREEMENT = 1e-4
 """Relative difference of merits up to which starts end at the same optimum."""
 NO_GRADIENT_TEXT = "What holds it is not known: there is no gradient at this design"
-
-
-class StartResult(NamedTuple):
-    """Result of one start.
-
-    start, design: its first and last design by parameter; merit: worst target over its scale at the last one; values,
-    gradients: number of evaluations; status: "ok" or why it is no optimum; note: where the search began elsewhere, or ended
-    for want of a gradient.
-    """
-
-    start: dict[str, float]
-    design: dict[str, float]
-    merit: float
-    values: int
-    gradients: int
-    status: str
-    note: str = ""
 
 
 class TriedDesigns(NamedTuple):
@@ -198,22 +182,33 @@ class Optimum(PrintableAnswer):
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write an HTML page that needs no network: job, optimum, active constraints, worst pose, search and answers.
         Returns the path."""
-        target = check_target(Path(path), what="report")
-        return write_file(target, optimum_page(self), what="report")
+        target, job = check_target(Path(path), what="report"), self.job
+        numbers = (
+            (job.merit_sign * self.merit, job.merit_name),
+            (self.status, "status"),
+            (f"{self.agreed} of {len(self.starts)}", "starts end here"),
+            (f"{self.evaluations} + {self.gradients}", "values and gradients"),
+            (f"{self.seconds:.3g} s", "CPU time"),
+        )
+        worst_pose: Figure | str
+        try:
+            worst_pose = self.pose().plot(color="stress")
+        except KsdError as why:
+            worst_pose = str(why)
+        page = optimum_page(
+            job, str(getattr(self.mechanism, "name", "") or "mechanism"), numbers, str(self), self.worst, worst_pose,
+            self.starts, self.plot(), self.answers,
+        )  # fmt: skip
+        return write_file(target, page, what="report")
 
     def _line(self) -> str:
-        design = ", ".join(f"{n} {self._in_units(n, v, 5)}" for n, v in self.design.items())
+        design = self.job.design_text(list(self.design.values()))
         return f"{self.job.merit_spoken(self.merit, digits=7)} at {design}"
-
-    def _in_units(self, parameter: str, value: float, digits: int) -> str:
-        """A value of a parameter with its unit, a plain number in SI where the job has none for it."""
-        unit, factor = self.job.unit(parameter)
-        return f"{value / factor:.{digits}g}" + (f" {unit}" if parameter in self.job.units else "")
 
     def __str__(self) -> str:
         bounds = dict(zip(self.job.parameters, self.job.bounds.tolist(), strict=True))
         rows = [
-            (n, self._in_units(n, v, 6), *(self._in_units(n, b, 4) for b in bounds[n]))
+            (n, self.job.in_units(n, v, 6), *(self.job.in_units(n, b, 4) for b in bounds[n]))
             for n, v in self.design.items()
         ]
         value = "value" if self.job.units else "value [SI]"

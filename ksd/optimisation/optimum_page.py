@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ksd.errors import KsdError
 from ksd.html import as_html
+from ksd.optimisation.job import Job
+from ksd.optimisation.local_search import StartResult
 from ksd.pages.page_parts import cards, document, escape, figure, format_cell, table
 from ksd.study.table import OK
-from ksd.view.optimum_plot import plot_optimum
 
 if TYPE_CHECKING:
-    from ksd.optimisation.optimum import Optimum
+    from matplotlib.figure import Figure
 
 WORTH_EXPLANATION = (
     "Worth: percent by which the worst target grows per percent that a limit or bound is moved; of targets the share "
@@ -22,51 +23,46 @@ WORTH_EXPLANATION = (
 )
 
 
-def optimum_page(optimum: Optimum) -> str:
-    """The page as HTML text."""
-    name = str(getattr(optimum.mechanism, "name", "") or "mechanism")
+def optimum_page(
+    job: Job,
+    name: str,
+    numbers: Sequence[tuple[float | str, str]],
+    printed: str,
+    worst: str,
+    worst_pose: Figure | str,
+    starts: Sequence[StartResult],
+    search: Figure,
+    answers: Mapping[str, float],
+) -> str:
+    """The page as HTML text.
+
+    name: of the mechanism; numbers: the main ones, each with its name; printed: the optimum as text; worst: name of the
+    worst target, worst_pose: picture at its pose, or why there is none; starts and search: result of each start and picture
+    of all; answers: by name.
+    """
+    pose = (
+        f'<p class="warn">The pose of {escape(worst)} was not solved again: {escape(worst_pose)}</p>'
+        if isinstance(worst_pose, str)
+        else figure(
+            worst_pose,
+            f"The optimum at its worst pose, over the undeformed one (grey): {worst} is the worst target.",
+        )
+    )
     parts = [
-        cards(_cards(optimum)),
-        *_worst_pose(optimum),
-        "<h2>The job</h2>", as_html(str(optimum.job)), _job(optimum),
-        "<h2>The optimum and what holds it</h2>", as_html(str(optimum)), f"<p>{WORTH_EXPLANATION}</p>",
-        "<h2>How it was found</h2>", *_search(optimum),
-        "<h2>Answers</h2>", _answers(optimum),
+        cards([(format_cell(value, 6), what) for value, what in numbers]),
+        pose,
+        "<h2>The job</h2>", as_html(str(job)), _job(job),
+        "<h2>The optimum and what holds it</h2>", as_html(printed), f"<p>{WORTH_EXPLANATION}</p>",
+        "<h2>How it was found</h2>", figure(search, "Every design that was tried."), _starts(job, starts),
+        "<h2>Answers</h2>", _answers(job, answers),
     ]  # fmt: skip
     return document(name, "optimum report", parts)
 
 
-def _cards(optimum: Optimum) -> list[tuple[str, str]]:
-    """The main numbers, each with its name."""
-    starts = f"{optimum.agreed} of {len(optimum.starts)}"
-    return [
-        (format_cell(optimum.job.merit_sign * optimum.merit, 6), optimum.job.merit_name),
-        (optimum.status, "status"),
-        (starts, "starts end here"),
-        (f"{optimum.evaluations} + {optimum.gradients}", "values and gradients"),
-        (f"{format_cell(optimum.seconds, 3)} s", "CPU time"),
-    ]
-
-
-def _worst_pose(optimum: Optimum) -> list[str]:
-    """A picture of the optimum at the pose of its worst target, or why there is none."""
-    try:
-        picture = optimum.pose().plot(color="stress")
-    except KsdError as why:
-        return [
-            f'<p class="warn">The pose of {escape(optimum.worst)} was not solved again: {escape(why)}</p>'
-        ]
-    caption = (
-        f"The optimum at its worst pose, over the undeformed one (grey): {optimum.worst} is the worst target."
-    )
-    return [figure(picture, caption)]
-
-
-def _job(optimum: Optimum) -> str:
+def _job(job: Job) -> str:
     """A table of targets, rules, drive values and load cases."""
-    job = optimum.job
     rows: list[tuple[str, str]] = []
-    for column, a in {a.column.split("[")[0]: a for a in job.answers if a.role != "limit"}.items():
+    for column, a in {a.asked: a for a in job.answers if a.role != "limit"}.items():
         rows.append((a.role, f"{column} over {format_cell(a.scale)}"))
     rows += [("rule", n) for n in job.rule_names]
     for name, values in job.drives.items():
@@ -76,13 +72,13 @@ def _job(optimum: Optimum) -> str:
     return table((("", ""), ("", "")), rows)
 
 
-def _search(optimum: Optimum) -> list[str]:
-    """A picture of the convergence, and a table of the starts."""
-    units = {name: optimum.job.unit(name) for name in optimum.job.parameters}
+def _starts(job: Job, starts: Sequence[StartResult]) -> str:
+    """A table of the starts."""
+    units = {name: job.unit(name) for name in job.parameters}
     heads: list[tuple[str, str]] = [("start", ""), *((name, unit) for name, (unit, _) in units.items())]
     heads += [("worst target", ""), ("values", ""), ("gradients", ""), ("", "")]
     rows: list[tuple[Any, ...]] = []
-    for k, s in enumerate(optimum.starts):
+    for k, s in enumerate(starts):
         reason = "" if s.status == OK else s.status
         rows.append(
             (
@@ -94,14 +90,14 @@ def _search(optimum: Optimum) -> list[str]:
                 reason,
             )
         )
-    return [figure(plot_optimum(optimum), "Every design that was tried."), table(heads, rows)]
+    return table(heads, rows)
 
 
-def _answers(optimum: Optimum) -> str:
+def _answers(job: Job, answers: Mapping[str, float]) -> str:
     """Every target and limit at every pose."""
     heads = [("answer", ""), ("role", ""), ("value", ""), ("least", ""), ("most", "")]
     rows = []
-    for a in optimum.job.answers:
+    for a in job.answers:
         ends = [v if np.isfinite(v) else "" for v in (a.low, a.high)]
-        rows.append((a.name, a.role, optimum.answers[a.name], *ends))
+        rows.append((a.name, a.role, answers[a.name], *ends))
     return table(heads, rows)

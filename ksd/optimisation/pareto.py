@@ -195,7 +195,7 @@ def pareto(
         if span is None:
             most = max(
                 first.answers[a.name] for a in widest.answers
-                if a.role == "limit" and a.column.split("[")[0] == against and np.isfinite(a.high)
+                if a.role == "limit" and a.asked == against and np.isfinite(a.high)
             )  # fmt: skip
             if most <= 0.0:
                 raise SceneError(

@@ -222,7 +222,7 @@ class ScaledProblem:
         before = np.concatenate([[self.target_size], self.zero_sizes, self.rule_sizes])
         if np.isfinite(found.merit) and found.merit != 0.0:
             self.target_size = abs(found.merit)
-        columns = [a.column.split("[")[0] for a in self.job.answers]
+        columns = [a.asked for a in self.job.answers]
         for k, side in enumerate(self.sides):
             if side.reference == 0.0:
                 same = [

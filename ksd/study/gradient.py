@@ -77,13 +77,13 @@ class Gradient(PrintableAnswer):
     """Derivatives of answers at poses: ``gradient[column, parameter]`` (poses,), in units of the column per SI unit of
     the parameter.
 
-    columns: those of `ksd.sweep`, and "stress_MPa[leaf]" and sizes of every leaf; parameters: names; slopes (columns, parameters,
-    poses): the derivatives. at_design: parameters by name, SI; values: answers (poses,) of the same equilibria by column;
-    poses: drive values and load case of each. point: derivative of the displacement [m] and rotation [rad] (poses, 6) of
-    the point of the questions, by parameter. reasons: why there is no gradient, by column and pose; the slope is nan there.
-    error_slopes: in the shape of `slopes`, the change to the derivative on a finer mesh, plus |g(h) - g(2h)| / 3 or, where
-    there is a kink, the difference of the one-sided slopes; None without errors=True. heading: what the printed table holds.
-    refused: by number of the pose, why `ksd.solve` would refuse it (strict=False).
+    columns: those of `ksd.sweep`, and "stress_MPa[leaf]" and sizes of every leaf; parameters: names; slopes (columns,
+    parameters, poses): the derivatives. at_design: parameters by name, SI; values: answers (poses,) of the same equilibria
+    by column; poses: drive values and load case of each. point: derivative of the displacement [m] and rotation [rad]
+    (poses, 6) of the point of the questions, by parameter. reasons: why there is no gradient, by column and pose; the slope
+    is nan there. error_slopes: in the shape of `slopes`, the change to the derivative on a finer mesh, plus |g(h) - g(2h)| /
+    3 or, where there is a kink, the difference of the one-sided slopes; None without errors=True. heading: what the printed
+    table holds. refused: by number of the pose, why `ksd.solve` would refuse it (strict=False).
 
     >>> steel = ksd.Material(E=200 * GPa, nu=0.3)
     >>> def pivot(thickness):
