@@ -299,7 +299,7 @@ class Job(PrintableAnswer, metaclass=ClearArgumentErrors):
         """The unit in which a parameter is printed, and its factor to SI."""
         return self.units.get(parameter, ("SI", 1.0))
 
-    def in_units(self, parameter: str, value: float, digits: int = 5) -> str:
+    def in_units(self, parameter: str, value: float, *, digits: int = 5) -> str:
         """A value of a parameter with its unit, a plain number in SI where the job has none for it."""
         unit, factor = self.unit(parameter)
         return f"{value / factor:.{digits}g}" + (f" {unit}" if parameter in self.units else "")

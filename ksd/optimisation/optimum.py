@@ -208,7 +208,7 @@ class Optimum(PrintableAnswer):
     def __str__(self) -> str:
         bounds = dict(zip(self.job.parameters, self.job.bounds.tolist(), strict=True))
         rows = [
-            (n, self.job.in_units(n, v, 6), *(self.job.in_units(n, b, 4) for b in bounds[n]))
+            (n, self.job.in_units(n, v, digits=6), *(self.job.in_units(n, b, digits=4) for b in bounds[n]))
             for n, v in self.design.items()
         ]
         value = "value" if self.job.units else "value [SI]"

@@ -110,8 +110,7 @@ def test_a_scene_in_a_file_of_its_own_loads_and_free_sides(tmp_path):
     job, words = ksd.load_job(written(tmp_path, text))
     assert job.parameters == ("joint.cross.widths[0]", "join[1].at[0]") and words == {}
     assert dict(job.poses[0][1]) == {"lever": pytest.approx(np.pi / 4)} and job.poses[0][0] == "laden"
-    limit = {a.column: (a.low, a.high) for a in job.answers if a.role == "limit"}
-    assert limit == {"support_z_N_per_m": (1e5, np.inf), "size_y_mm": (-np.inf, 90)}
+    assert job.limits == {"support_z_N_per_m": (1e5, np.inf), "size_y_mm": (-np.inf, 90)}
     drawn = job.function(**{"joint.cross.widths[0]": 0.03, "join[1].at[0]": -0.05}).scene()
     assert drawn.joints[0].origin[0] == -0.05 and drawn.joints[0].joint.widths == (0.03, 0.02)
 
