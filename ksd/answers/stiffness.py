@@ -225,15 +225,25 @@ def support_stiffness(compliance: Array, size: Any) -> Array:
     return np.where(held, np.inf, unit / np.where(held, 1.0, diagonal))
 
 
-def principal_stiffness(compliance: Array, size: Any) -> Array:
-    """`PointStiffness.principal` (..., 2, 3) for compliances (..., 6, 6) of mechanisms of size (...)."""
+def principal_stiffness(compliance: Array, size: Any, reference: NDArray[np.int64] | None = None) -> Array:
+    """`PointStiffness.principal` (..., 2, 3) for compliances (..., 6, 6) of mechanisms of size (...).
+
+    reference (D,): of D states next to each other, of which each has the stiffness along the principal axes of another, in
+    the order there: for finite differences, as the principal ones in their own order have kinks where two are equal.
+    """
     C = _scaled(compliance, size)
     threshold = _zero_threshold(C)
     C = 0.5 * (C + C.swapaxes(-1, -2))
-    values = np.linalg.eigvalsh(np.stack([C[..., :3, :3], C[..., 3:, 3:]], axis=-3))[..., ::-1]
+    blocks = np.stack([C[..., :3, :3], C[..., 3:, 3:]], axis=-3)
+    values, axes = np.linalg.eigh(blocks)
+    if reference is not None:
+        axes = axes[reference]
+        values = (axes * (blocks @ axes)).sum(axis=-2)
     is_free = np.abs(values) > threshold[..., None, None]
     unit = np.stack([np.ones(np.shape(size)), np.asarray(size) ** 2], axis=-1)[..., None]
-    return np.sort(np.where(is_free, unit / np.where(is_free, values, 1.0), np.inf), axis=-1)
+    stiffness = np.where(is_free, unit / np.where(is_free, values, 1.0), np.inf)
+    order = np.argsort(stiffness if reference is None else stiffness[reference], axis=-1)
+    return np.take_along_axis(stiffness, order, axis=-1)
 
 
 def _direction_index(direction: str) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ksd.checks import number, show, similar_name_hint
 from ksd.errors import SceneError
-from ksd.study.questions import other_principal_columns
+from ksd.study.questions import columns_above
 
 VALUE_IF_NAN = {"buckling_positive": np.inf, "buckling_negative": -np.inf}
 """Value of an answer that is nan, by the beginning of its column: nothing buckles."""
@@ -69,7 +69,8 @@ class Answer:
         """The answers without kinks that replace this one; leaves: names of the leaf springs.
 
         The worst of several values has kinks. Where all of them must be on one side, each becomes an answer: stresses and
-        sizes, by the leaf spring at either end of them, below, principal stiffnesses above. Otherwise the answer stays.
+        sizes, by the leaf spring at either end of them, below; principal stiffnesses and parasitic frequencies above.
+        Otherwise the answer stays.
         """
         above = self.role == "maximise" or np.isfinite(self.low)
         below = self.role == "minimise" or np.isfinite(self.high)
@@ -82,7 +83,7 @@ class Answer:
             return [replace(self, high=np.inf), *every] if above or self.is_size else every
         return [
             self,
-            *(replace(self, column=c, high=np.inf) for c in other_principal_columns(self.column) if above),
+            *(replace(self, column=c, high=np.inf) for c in columns_above(self.column) if above),
         ]
 
     def moved(self, by: float, value: float) -> Answer:

@@ -2,8 +2,9 @@
 
 Columns and units are those of `ksd.sweep`, parameters are in SI units; the perturbed equilibria are those of
 `ksd.solvers.perturbed`. A quantity that is selected at every pose is selected once, at the unperturbed pose, and tracked at
-the perturbed ones: the leaf, station and point of the largest stress (envelope theorem), and modes by their MAC. Critical
-load factors mu are differentiated as 1/mu, because mu passes through infinity where there is no stress.
+the perturbed ones: the leaf, station and point of the largest stress (envelope theorem), principal axes of stiffness by
+those there, and modes by their MAC. Critical load factors mu are differentiated as 1/mu, because mu passes through infinity
+where there is no stress.
 """
 
 from __future__ import annotations
@@ -56,6 +57,7 @@ from ksd.study.questions import (
     contact_row,
     frequency_row,
     parse_questions,
+    second_parasitic_row,
 )
 from ksd.study.sweep import sweep_paths
 from ksd.study.sweep_path import Recipe, adequate_solver
@@ -441,8 +443,13 @@ def _answer_rows_of_batch(
     all_poses = list(chain(*poses))
     groups = _groups_of_same_layout(all_poses) if BATCH_QUESTIONS & set(questions.names) else []
     batch_answers = [NOT_ANSWERED] * len(all_poses)
+    starts = np.cumsum([0, *(len(own) for own in poses)])
+    unperturbed = np.repeat(starts[:-1], np.diff(starts))
     for numbers, states in groups if BATCH_QUESTIONS & set(untracked.names) else []:
-        for n, answer in zip(numbers, answer_group(states, untracked), strict=True):
+        position = {n: k for k, n in enumerate(numbers)}
+        at = [position.get(int(unperturbed[n])) for n in numbers]
+        reference = None if None in at else np.array(at)
+        for n, answer in zip(numbers, answer_group(states, untracked, reference), strict=True):
             batch_answers[n] = answer
     # all rows are made before stresses and frequencies are added
     own_rows = iter(
@@ -518,14 +525,14 @@ def _add_frequencies(
     """
     row, tracks = frequency_row(PoseAnalysis(poses[0]), questions)
     rows[0] |= row
-    previous, first_parasitic = tracks, tracks.first_parasitic
+    previous, first_parasitic, second_parasitic = tracks, tracks.first_parasitic, tracks.second_parasitic
     for k, (pose, target_row) in enumerate(zip(poses[1:], rows[1:], strict=True)):
         previous = previous if k % offset_count else tracks
         row, previous = frequency_row(PoseAnalysis(pose, PreviousPose(tracks=previous)), questions)
         row["first_parasitic_Hz"] = (
             np.nan if first_parasitic is None else previous.frequency_Hz(first_parasitic)
         )
-        target_row |= row
+        target_row |= row | second_parasitic_row(previous, second_parasitic)
 
 
 def _point_differences(

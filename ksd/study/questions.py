@@ -325,14 +325,17 @@ def _support_stiffness_rows(supports: np.ndarray, principal: np.ndarray, questio
     """Rows of D states: stiffness in every direction (D, 6) and the principal ones (D, 2, 3), ascending."""
     names, count = SUPPORT_COLUMNS, 3 if questions.detailed else 1
     for column in WORST_SUPPORT_COLUMNS:
-        names = (*names, column, *other_principal_columns(column)[: count - 1])
+        names = (*names, column, *columns_above(column)[: count - 1])
     values = np.concatenate([supports, principal[:, :, :count].reshape(len(supports), -1)], axis=1)
     return [dict(zip(names, own, strict=True)) for own in values.tolist()]
 
 
-def other_principal_columns(column: str) -> tuple[str, ...]:
-    """Columns of the principal stiffnesses above the least one, which has a kink where two are equal; () for others."""
-    return (f"{column}[2]", f"{column}[3]") if column in WORST_SUPPORT_COLUMNS else ()
+def columns_above(column: str) -> tuple[str, ...]:
+    """Columns of the principal stiffnesses above the least one, and of the parasitic frequency above the lowest, which have
+    kinks where two are equal; () for others."""
+    if column in WORST_SUPPORT_COLUMNS:
+        return f"{column}[2]", f"{column}[3]"
+    return (f"{column}[2]",) if column == "first_parasitic_Hz" else ()
 
 
 def _stress(pose: Any, questions: Questions) -> Row:
@@ -507,6 +510,12 @@ def _intermediate_modes(pose: PoseAnalysis, questions: Questions) -> Intermediat
     return modes_at
 
 
+def second_parasitic_row(tracks: Tracks, second: int | None) -> Row:
+    """Frequency [Hz] of the track of the second parasitic mode; inf where there is none."""
+    (column,) = columns_above("first_parasitic_Hz")
+    return {column: np.inf if second is None else tracks.frequency_Hz(second)}
+
+
 def frequency_row(pose: PoseAnalysis, questions: Questions) -> tuple[Row, Tracks]:
     """Frequencies [Hz] of the followed modes, and the tracks for the next pose."""
     modes = _pose_modes(pose, questions)
@@ -517,6 +526,8 @@ def frequency_row(pose: PoseAnalysis, questions: Questions) -> tuple[Row, Tracks
     first = tracks.first_parasitic
     row["first_parasitic_Hz"] = float("nan") if first is None else tracks.frequency_Hz(first)
     row["first_parasitic_mode"] = "" if first is None else tracks.names[first]
+    if questions.detailed:
+        row |= second_parasitic_row(tracks, tracks.second_parasitic)
     if pose.previous.solve is not None:
         # along a path alone; elsewhere modes are numbered at every pose, and followed from none
         row["mac"] = min(a for a, k in zip(tracks.mac, tracks.rank, strict=True) if k >= 0)
@@ -558,8 +569,10 @@ def answer_batch(poses: Sequence[Any], questions: Questions) -> list[BatchAnswer
     return answers
 
 
-def answer_group(states: StateBatch, questions: Questions) -> list[BatchAnswer]:
-    """`answer_batch` of states of the same layout."""
+def answer_group(
+    states: StateBatch, questions: Questions, reference: np.ndarray | None = None
+) -> list[BatchAnswer]:
+    """`answer_batch` of states of the same layout; reference: as in `principal_stiffness`."""
     rows: list[dict[str, Row]] = [{} for _ in states.model_index]
     compliance: Any = None
     stable = np.zeros(len(rows), bool)
@@ -571,7 +584,7 @@ def answer_group(states: StateBatch, questions: Questions) -> list[BatchAnswer]:
             points = [questions.point(model.scene) for model in states.models] if point else [(None, None)]
             stiff = batch_stiffness(states, points[0][0], at=[at for _, at in points], drives=drives)
             compliance, stable = stiff.compliance, stiff.valid & stiff.stable
-            _add_stiffness_rows(rows, stiff, states, questions)
+            _add_stiffness_rows(rows, stiff, states, questions, reference)
     if "stress" in questions.names:
         for row, peaks in zip(rows, batch_peak_stress(states, points=questions.points) or (), strict=False):
             row["stress"] = _stress_row(peaks, questions)
@@ -582,13 +595,17 @@ def answer_group(states: StateBatch, questions: Questions) -> list[BatchAnswer]:
 
 
 def _add_stiffness_rows(
-    rows: list[dict[str, Row]], stiff: BatchStiffness, states: StateBatch, questions: Questions
+    rows: list[dict[str, Row]],
+    stiff: BatchStiffness,
+    states: StateBatch,
+    questions: Questions,
+    reference: np.ndarray | None,
 ) -> None:
     """Add the answers about stiffness to `rows` (by question) of the states that have one."""
     valid = np.flatnonzero(stiff.valid).tolist()
     if stiff.compliance is not None:
         supports = support_stiffness(stiff.compliance, states.sizes)
-        principal = principal_stiffness(stiff.compliance, states.sizes)
+        principal = principal_stiffness(stiff.compliance, states.sizes, reference)
         support_rows = _support_stiffness_rows(supports, principal, questions)
         for n in valid:
             rows[n]["support_stiffness"] = support_rows[n]

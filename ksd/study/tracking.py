@@ -58,6 +58,12 @@ class Tracks:
         first = self.modes.first_parasitic
         return self.rank.index(first) if first in self.rank else None
 
+    @property
+    def second_parasitic(self) -> int | None:
+        """The track of the lowest mode but one that is not intended."""
+        ranks = sorted(k for k in self.rank if k >= 0 and k not in self.modes.intended)
+        return self.rank.index(ranks[1]) if len(ranks) > 1 else None
+
 
 def start_tracks(modes: Modes, count: int) -> Tracks:
     """Tracks of the intended motions and of the `count` lowest other modes, named as in `Modes.names`."""

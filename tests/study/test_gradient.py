@@ -365,6 +365,23 @@ def test_names_with_the_words_of_other_columns_have_gradients():
     assert slopes["stress_MPa[machined]", "thickness"] == pytest.approx(1.0, rel=1e-2)
 
 
+def test_3_equal_principal_stiffnesses_each_have_a_slope():
+    """Of a square rod one grows with the width, one with its cube; in their own order both had the mean of these."""
+
+    def rod(width, thickness=2 * mm):
+        scene = ksd.Mechanism("rod")
+        stage = scene.link("stage")
+        scene.leaf("ground", stage, start=(0, 0, 0), end=(60 * mm, 0, 0), material=STEEL,
+                   section=ksd.rectangle(thickness, width))  # fmt: skip
+        scene.actuate(stage, about="x", name="twist")
+        return scene
+
+    found = ksd.gradient(rod, {"width": 2 * mm}, twist=0.0, questions="support_stiffness").relative
+    for column in ("support_worst_N_per_m", "support_worst_Nm_per_rad"):
+        two = [float(found[c, "width"][0]) for c in (column, f"{column}[2]")]
+        assert sorted(two) == pytest.approx([1.0, 3.0], rel=2e-2)
+
+
 def test_3_equal_frequencies_each_have_a_slope():
     """Frequencies of two reeds meet where they are equal; sorted they would kink there."""
 
