@@ -112,8 +112,8 @@ def test_types_come_from_the_layers_below_too():
     assert not sorted(filter(goes_up, typed_edges()))
 
 
-NAMED_ABOVE = {"ksd.solvers.configuration", "ksd.optimisation.optimum"}
-"""Files with a type that files below them name: `Configuration` and `Optimum`, which answer or print by them."""
+NAMED_ABOVE = {"ksd.solvers.configuration"}
+"""Files with a type that files below them name: `Configuration`, which answers by them."""
 
 
 def test_types_are_in_no_circle():
