@@ -223,7 +223,8 @@ def _parse_vary(vary: Table, tables: dict[str, Any]) -> _Varied:
     varied = _Varied({}, {}, {}, [])
     for path, given in _values_with_paths(vary.values, ()):
         with error_location(vary.where):
-            keys = _resolve_keys(tables, path)
+            # a quoted key with dots is meant as without quotation marks: no table of a scene has dots
+            keys = _resolve_keys(tables, [*path[0].split("."), *path[1:]])
             value = _value_or_none(tables, keys)
             name = format_keys(keys)
             if not isinstance(value, list):

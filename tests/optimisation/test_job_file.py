@@ -98,7 +98,7 @@ def test_a_scene_in_a_file_of_its_own_loads_and_free_sides(tmp_path):
     minimise = "strain_energy_J"
     limits = {support_z_N_per_m = [1e5, inf], size_mm = [inf, 90, inf]}
     [job.vary]
-    joint.cross.widths = [["20 mm", "60 mm"], "20 mm"]
+    "joint.cross.widths" = [["20 mm", "60 mm"], "20 mm"]
     join.1.at = [["-60 mm", "-20 mm"], 0, 0]
     [[job.loads.laden]]
     link = "lever"
