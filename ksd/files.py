@@ -160,5 +160,6 @@ def write_csv(path: str | os.PathLike[str], header: Iterable[str], rows: Iterabl
     text = io.StringIO(newline="")
     writer = csv.writer(text)
     writer.writerow(header)
-    writer.writerows(rows)
+    # -0.0 is 0.0 in a table
+    writer.writerows([v + 0.0 if isinstance(v, float) else v for v in row] for row in rows)
     return write_file(path, text.getvalue(), what="table")

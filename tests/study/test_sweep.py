@@ -14,6 +14,7 @@ from processes import environment
 from scenes import cross_flexure, fourbar, single_joint
 
 import ksd
+from ksd.files import write_csv
 from ksd.library.result_files import read_columns
 from ksd.solvers.verdict import refusal
 from ksd.study import sweep_path
@@ -230,6 +231,8 @@ def test_exports(stroke, tmp_path):
     with open(stroke.to_csv(tmp_path / "a.csv"), newline="") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 11 and float(rows[-1]["top_force_N"]) == stroke["top_force_N"][-1]
+    assert "-0.0" not in {value for row in rows for value in row.values()}
+    assert write_csv(tmp_path / "b.csv", "ab", [(-0.0, "-0.0")]).read_text().split() == ["a,b", "0.0,-0.0"]
     columns, about = read_columns(stroke.to_hdf5(tmp_path / "a.h5"))
     assert list(columns) == list(stroke.columns) and about["name"] == "fourbar"
     assert np.array_equal(columns["support_z_N_per_m"], stroke["support_z_N_per_m"])
