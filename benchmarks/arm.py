@@ -45,7 +45,7 @@ SLOW_REPEATS = {"plain": 1, "mip_nodes": 1, "mip": 2, "mip_free": 1}
 REPEATS = 5
 SHORT_CALL_MS, CALLS_IN_A_ROW = 3.0, 5
 """Of calls shorter than SHORT_CALL_MS the mean of CALLS_IN_A_ROW is taken, after one that is not timed: as in a loop over
-one mechanism, the cache of the processor is then filled by the method itself, as in `ksd bench`."""
+one mechanism, the cache of the processor is then filled by the method itself, as in `bench.py`."""
 BATCH_SIZE = 1000
 """Configurations of the batch with tabulated joints."""
 

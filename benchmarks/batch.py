@@ -19,11 +19,11 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from bench_scenes import TIP, arm_by_joints, arm_by_location
 from common import linkage, machine, parse_options, time_in_turns, write_json
 from floor import one_pass
 
 import ksd
-from ksd.bench.suite import TIP, arm_by_joints, arm_by_location
 from ksd.solvers.solver import Solver
 from ksd.study.batch import NOT_BUILT
 from ksd.study.prepared_design import PreparedDesign

@@ -1,6 +1,6 @@
-"""Every method on the scenes of `ksd bench`: requirements, other engines, the picture, and the tables.
+"""Every method on the scenes of `bench_scenes.py`: requirements, other engines, the picture, and the tables.
 
-Writes bench.json: what `ksd bench --json` writes, and per case "engines" (engine, elements, us, iterations, force_error,
+Writes bench.json: the measurements of every case, and per case "engines" (engine, elements, us, iterations, force_error,
 said) and "one_pass" (by leaf springs, operations and bytes of one pass over all leaf springs, in words); the tables as
 bench.md; and bench.png.
 """
@@ -14,14 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from bench_engines import measure_engines
+from bench_measure import CaseResult, json_results, measure, summary
+from bench_scenes import SUITE, Case, leaf_label, leaf_meshes
 from bench_tables import ExtendedCase, benchmark_page, engine_sentences, requirement_table
 from common import parse_options, save_picture, write_json
 from floor import one_pass
 from front import Mark, Panel, draw_fronts
 
-from ksd.bench import SUITE, Case, CaseResult, measure
-from ksd.bench.measure import json_results, summary
-from ksd.bench.suite import leaf_label, leaf_meshes
 from ksd.model.compile import compile_scene
 from ksd.view.figure import new_figure
 

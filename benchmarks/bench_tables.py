@@ -7,8 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from bench_engines import EngineRow
+from bench_measure import CaseResult, Measurement, is_accurate
 
-from ksd.bench.measure import CaseResult, Measurement, is_accurate, machine_facts
+from ksd.cli.bench import machine_facts
 from ksd.solvers.steps import percent
 
 
@@ -248,7 +249,7 @@ def benchmark_page(results: Sequence[ExtendedCase]) -> str:
             f"Cheapest setting of every method within 0.1 % of the drive force and 1 % of the support stiffness: thread "
             f"time of a whole call [µs] (orders, or elements per leaf; force error). {m['date']}, one thread of "
             f"{m['processor']}; load average {m['load_average']}; `python benchmarks/bench.py` renews it. Methods and "
-            "leaf springs that reach it nowhere, with up to 8 elements, are left out; `ksd bench` prints every scene.",
+            "leaf springs that reach it nowhere, with up to 8 elements, are left out; `bench.json` has every scene.",
             "",
             equal_accuracy(shown),
             "",

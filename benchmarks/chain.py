@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from bench_scenes import chain
 from common import machine, parse_options, time_in_turns, write_json
 
 import ksd
-from ksd.bench.suite import chain
 from ksd.solvers.solver import Solver
 from ksd.study.prepared_design import PreparedDesign
 

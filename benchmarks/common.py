@@ -20,11 +20,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from bench_scenes import EPS_MAX_VALUES, STEEL
 
 import ksd
-from ksd.bench import suite
-from ksd.bench.measure import machine_facts
-from ksd.bench.suite import EPS_MAX_VALUES
+from ksd.cli.bench import machine_facts
 from ksd.files import write_file
 from ksd.model.mesh import Mesh
 from ksd.solvers.conventional import solve_conventional
@@ -33,7 +32,6 @@ from ksd.units import deg, mm
 from ksd.view.figure import new_figure, plain_axes
 
 RESULTS = Path(__file__).resolve().parent / "results"
-STEEL, REFERENCE_MESH = suite.STEEL, suite.REFERENCE_MESH
 STROKE = 0.3
 """Largest displacement d [m] of the fourbar's top link."""
 READINGS = {1: "H between joint centres", 2: "H is the side link"}

@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from bench_scenes import TIP, chain
 from common import (
-    REFERENCE_MESH,
     STEEL,
     cross_flexure,
     linkage,
@@ -34,7 +34,7 @@ from common import (
 from gradients import arm
 
 import ksd
-from ksd.bench.suite import TIP, chain
+from ksd.study.compare import REFERENCE_MESH
 from ksd.units import deg, mm
 
 TARGET_MS = {

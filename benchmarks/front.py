@@ -7,8 +7,8 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+from bench_measure import pareto_indices
 
-from ksd.bench.measure import pareto_indices
 from ksd.view.cost_plot import shared_label_rows
 from ksd.view.figure import (
     GROUND_COLOR,

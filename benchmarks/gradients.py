@@ -18,10 +18,10 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from bench_scenes import TIP
 from common import STEEL, linkage, machine, parse_options, time_in_turns, write_json
 
 import ksd
-from ksd.bench.suite import TIP
 from ksd.errors import KsdError
 from ksd.study.questions import ALL_QUESTIONS
 from ksd.units import deg, mm

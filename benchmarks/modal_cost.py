@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 from common import (
-    REFERENCE_MESH,
     STEEL,
     fourbar,
     hinge,
@@ -42,6 +41,7 @@ from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
 from ksd.solvers.configuration import Configuration
 from ksd.solvers.conventional import solve_conventional
+from ksd.study.compare import REFERENCE_MESH
 
 LENGTH, STROKE = 0.1, np.deg2rad(45.0)
 DIRECTIONS = ("x", "y", "z", "rx", "ry")

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from common import (
-    REFERENCE_MESH,
     bending_stiffness,
     cross_flexure,
     element_mesh,
@@ -22,6 +21,7 @@ from common import (
 
 import ksd
 from ksd.solvers.conventional import solve_conventional
+from ksd.study.compare import REFERENCE_MESH
 from ksd.units import deg, mm
 from ksd.view.figure import FAINT_COLOR, TEXT_COLOR, ordered_colors
 

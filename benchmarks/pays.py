@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 from common import (
-    REFERENCE_MESH,
     STEEL,
     cross_flexure,
     figure_grid,
@@ -38,6 +37,7 @@ from common import (
 import ksd
 from ksd.errors import KsdError
 from ksd.solvers.method_error import relative_error
+from ksd.study.compare import REFERENCE_MESH
 from ksd.units import mm
 from ksd.view.figure import LINE_COLORS
 

@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from common import (
-    REFERENCE_MESH,
     STROKE,
     PlainNewton,
     element_mesh,
@@ -35,6 +34,7 @@ from start_up import start_up
 
 import ksd
 from ksd.solvers.conventional import solve_conventional
+from ksd.study.compare import REFERENCE_MESH
 
 TARGETS = {"top": STROKE}
 WARM_UP_ROUNDS = 2

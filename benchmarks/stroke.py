@@ -13,9 +13,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from common import REFERENCE_MESH, STROKE, fourbar, machine, parse_options, time_in_turns, write_json
+from common import STROKE, fourbar, machine, parse_options, time_in_turns, write_json
 
 import ksd
+from ksd.study.compare import REFERENCE_MESH
 
 QUESTIONS = (
     "force", "drive_stiffness", "support_stiffness", "frequencies", "stress", "parasitic", "energy", "buckling",

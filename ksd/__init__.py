@@ -58,7 +58,7 @@ _HOMES = {
     "ksd.study.simulate": ("simulate",),
     "ksd.study.stepper": ("MovingState", "Stepper", "stepper"),
     "ksd.study": ("Batch", "SweepInterrupted", "Table", "batch", "frequency_curve", "state_space", "sweep"),
-    "ksd.bench.compare": ("compare",),
+    "ksd.study.compare": ("compare",),
     "ksd.study.gradient": ("Gradient", "gradient"),
     "ksd.optimisation.job": ("Job",),
     "ksd.optimisation.job_file": ("JobFile", "load_job"),
@@ -90,7 +90,6 @@ __all__ = [
 
 if TYPE_CHECKING:
     from ksd.answers.doctor import doctor
-    from ksd.bench.compare import compare
     from ksd.interactive.live import live
     from ksd.library import Parameter, Record, find_record, read_result
     from ksd.modal.choices import ModalBasis
@@ -151,6 +150,7 @@ if TYPE_CHECKING:
     from ksd.solvers.walk import Walk, walk
     from ksd.study import Batch, SweepInterrupted, Table
     from ksd.study.batch import batch
+    from ksd.study.compare import compare
     from ksd.study.frequency_curve import frequency_curve
     from ksd.study.gradient import Gradient, gradient
     from ksd.study.history import History

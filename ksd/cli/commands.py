@@ -437,10 +437,10 @@ def _add_bench(commands: Any) -> None:
     parser = commands.add_parser(
         "bench",
         help="measure time and error of every method",
-        description="Measure every method and leaf model on the same scenes, interleaved, in thread CPU time.",
+        description="Compare every method on the shipped scenes, interleaved, each as `ksd compare` does.",
     )
-    parser.add_argument("--quick", action="store_true", help="one mesh of each leaf model; under a minute")
-    parser.add_argument("--case", metavar="WORD", action="append", help="only cases whose name holds WORD")
+    parser.add_argument("--quick", action="store_true", help="fewer calls of each method")
+    parser.add_argument("--case", metavar="WORD", action="append", help="only scenes whose name holds WORD")
     _add_shared(parser, "--json")
 
 

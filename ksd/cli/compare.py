@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 import math
 
-from ksd.bench.compare import compare
 from ksd.cli.output import check_plot, check_table, console, write_table
 from ksd.cli.solve import effect_options, load_with_options
 from ksd.errors import SceneError
+from ksd.study.compare import compare
 from ksd.study.table import Table
 from ksd.view.cost_plot import Mark, plot_cost
 from ksd.view.figure import new_figure, save_figure

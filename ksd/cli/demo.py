@@ -18,7 +18,6 @@ from rich.table import Table
 from rich.text import Text
 
 from ksd.answers.printing import format_number
-from ksd.bench.compare import MethodResult, Reference, compared_methods, measure_methods, reference_from
 from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
@@ -26,6 +25,7 @@ from ksd.numerics.processes import process_pool, spawn_context
 from ksd.scene.toml_file import load_scene
 from ksd.solvers.conventional import solve_conventional
 from ksd.solvers.solver import solve
+from ksd.study.compare import MethodResult, Reference, compared_methods, measure_methods, reference_from
 from ksd.view import plot_mechanism, save_figure
 from ksd.view.cost_plot import Mark, plot_cost
 from ksd.view.figure import new_figure

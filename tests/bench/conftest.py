@@ -1,8 +1,14 @@
 """The fourbar measured once for all tests of the benchmark."""
 
+import sys
+from pathlib import Path
+
 import pytest
 
-from ksd.bench import SUITE, measure
+sys.path.append(str(Path(__file__).resolve().parents[2] / "benchmarks"))
+
+from bench_measure import measure
+from bench_scenes import SUITE
 
 
 @pytest.fixture(scope="session")

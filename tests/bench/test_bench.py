@@ -4,21 +4,24 @@ import json
 import math
 
 import pytest
-
-import ksd
-from ksd.answers.printing import render_text
-from ksd.bench import SUITE, Case, Measurement, measure
-from ksd.bench.measure import (
+from bench_measure import (
+    Measurement,
     fastest_accurate,
     is_accurate,
     json_results,
+    measure,
     pareto_indices,
     pareto_rows,
     summary,
     table,
 )
+from bench_scenes import SUITE, Case
+
+import ksd
+from ksd.answers.printing import render_text
 from ksd.cli import main
 from ksd.model.compile import compile_scene
+from ksd.study.compare import METHODS
 
 
 def row(method, call, force, stiffness=0.0, stable=True):
@@ -93,10 +96,14 @@ def test_the_table_of_a_file_or_pipe_is_not_cut(fourbar):
 
 
 def test_command(tmp_path, capsys):
+    """One scene by every method; its rows are those of `ksd.compare`."""
     path = tmp_path / "bench.json"
     assert main(["bench", "--quick", "--case", "guide", "--json", str(path)]) == 0
-    assert "parallel guide" in capsys.readouterr().out
-    assert list(json.loads(path.read_text())["cases"]) == ["parallel guide, 20 mm"]
+    assert "guide" in capsys.readouterr().out
+    found = json.loads(path.read_text())
+    (rows,) = (case["rows"] for case in found["cases"].values())
+    assert list(found["cases"]) == ["guide"] and found["machine"]["numba"]
+    assert {row["method"] for row in rows} == set(METHODS) and all(row["status"] for row in rows)
     assert main(["bench", "--case", "rocket"]) == 2
     assert "rocket" in capsys.readouterr().err
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bench_scenes import FOURBAR_STROKE, chain
+from bench_scenes import fourbar as fourbar_scene
 
-from ksd.bench.suite import FOURBAR_STROKE, chain
-from ksd.bench.suite import fourbar as fourbar_scene
 from ksd.model.compile import compile_scene
 from ksd.numerics.blocks import plan_blocks
 

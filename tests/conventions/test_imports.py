@@ -18,7 +18,7 @@ LAYER = {
     "errors": 0, "units": 0, "checks": 0, "files": 0, "hdf5": 0, "html": 0, "version": 0, "extras": 0, "numerics": 1,
     "section": 2, "elements": 2, "scene": 3, "model": 4, "library": 4, "importing": 4, "joints": 5, "modal": 5,
     "answers": 5, "view": 6, "export": 7, "solvers": 8, "training": 9, "study": 9, "rest_shapes": 9, "pages": 10,
-    "bench": 10, "optimisation": 11, "interactive": 11, "cli": 12, "__main__": 13,
+    "optimisation": 11, "interactive": 11, "cli": 12, "__main__": 13,
 }  # fmt: skip
 HOME = {
     "h5py": {"hdf5", "library"}, "skfem": {"section", "modal"}, "matplotlib": {"view"}, "pyvista": {"view"}, "vtk": {"view"},

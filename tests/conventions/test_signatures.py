@@ -11,7 +11,7 @@ import ksd
 from ksd.solvers.configuration import Configuration
 from ksd.solvers.solver import Solver
 
-ROOMS = ("bench", "library", "modal", "scene", "section", "study", "training", "view")
+ROOMS = ("library", "modal", "scene", "section", "study", "training", "view")
 BY_NAME = {"drives", "labels", "parameters"}
 """What may stand for words of the user's own: drive values, columns of a table, parameters of a joint family."""
 

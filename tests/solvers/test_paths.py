@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from scenes import fourbar
+from scenes import STEEL, fourbar
 
 import ksd
 import ksd.solvers.arc_length as arc
-from ksd.bench.suite import STEEL
 from ksd.solvers.arc_length import _another_path_crosses
 
 

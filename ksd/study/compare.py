@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import statistics
+import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -11,10 +13,8 @@ from typing import Any
 import numpy as np
 
 from ksd.answers.printing import progress_bar
-from ksd.bench.measure import quartiles, reference_configuration, round_count, time_in_turns
-from ksd.bench.suite import REFERENCE_MESH, raise_not_run
 from ksd.checks import clear_argument_errors, name_hint, names_of, show, whole_number
-from ksd.errors import KsdError, SceneError
+from ksd.errors import ConvergenceError, KsdError, SceneError
 from ksd.modal.choices import ModalBasis
 from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
@@ -35,6 +35,16 @@ METHODS = (
     "constant", "kinematic", "reduced", "relinearised once", "full", "modal", "conventional", "conventional, Newton",
 )  # fmt: skip
 """Names of the methods that are compared; the last one uses plain Newton iterations, as in Appendix B of paper 1."""
+REFERENCE_MESH = Mesh(orders=(6, 5, 9), points=14)
+"""Leaf model of the reference that errors are relative to."""
+WARM_UP_ROUNDS = 2
+"""Rounds that are not counted."""
+SLOW_CALL, MAX_TOTAL_TIME = 2e4, 1e6
+"""Time [us] of a first call above which a method is timed fewer times: at least three, and not longer than MAX_TOTAL_TIME
+[us] in total."""
+SHORT_CALL, CALLS_IN_A_ROW = 2e3, 5
+"""Of calls shorter than SHORT_CALL [us] the mean of CALLS_IN_A_ROW is taken, after one that is not timed: as in a loop over
+one mechanism, the cache of the processor is then filled by the method itself. Longer calls fill it in any case."""
 POSE_ERRORS = (KsdError, ArithmeticError, np.linalg.LinAlgError)
 """Errors of a method that cannot solve a scene."""
 
@@ -157,6 +167,16 @@ def compare(
     return as_table(model, reference, results)
 
 
+def reference_configuration(
+    model: Model, targets: Mapping[str, float], *, extrapolate: bool
+) -> Configuration:
+    """The configuration that errors are relative to: conventional, or full where that does not converge."""
+    try:
+        return solve_conventional(model, targets)
+    except ConvergenceError:
+        return Solver(model, extrapolate=extrapolate)(targets, method="full", relinearisations=1)
+
+
 def finest_reference(
     mechanism: Any, targets: Mapping[str, float], *, extrapolate: bool, **effect_options: Any
 ) -> tuple[Reference, Model]:
@@ -227,6 +247,52 @@ def compared_methods(
             "conventional, Newton", coarse, lambda _: solve_conventional(solver(nodal).model, targets)
         ),
     ]
+
+
+def raise_not_run(reason: str) -> Configuration:
+    """Raise ConvergenceError with the reason why a variant is not run, in place of its solution."""
+    raise ConvergenceError(reason)
+
+
+def quartiles(times: Sequence[float]) -> tuple[float, float, float]:
+    """Lower quartile, median, upper quartile."""
+    if len(times) < 2:
+        return (times[0],) * 3
+    low, median, high = statistics.quantiles(times, n=4, method="inclusive")
+    return low, median, high
+
+
+def round_count(first_call: float, repeats: int) -> int:
+    """Number of timed rounds of a method from the time [us] of its first call, which may include compilation."""
+    return repeats if first_call <= SLOW_CALL else max(3, min(repeats, int(MAX_TOTAL_TIME / first_call)))
+
+
+def time_in_turns(
+    calls: Mapping[int, Callable[[], Configuration]], rounds: Mapping[int, int]
+) -> tuple[dict[int, list[float]], dict[int, list[float]]]:
+    """Thread times [us] of the calls and of their steps; call k is timed rounds[k] times after the warm-up."""
+    calls_in_a_row = dict.fromkeys(calls, CALLS_IN_A_ROW)
+    call_times: dict[int, list[float]] = {k: [] for k in calls}
+    step_times: dict[int, list[float]] = {k: [] for k in calls}
+    for turn in range(WARM_UP_ROUNDS + max(rounds.values(), default=0)):
+        for k, call in calls.items():
+            # slow ones need no warm-up
+            warm_up = WARM_UP_ROUNDS if rounds[k] > 3 else 0
+            if turn >= warm_up + rounds[k]:
+                continue
+            count = calls_in_a_row[k]
+            if turn >= warm_up and count > 1:
+                call()
+            step_time = 0.0
+            begin = time.thread_time_ns()
+            for _ in range(count):
+                step_time += call().time
+            call_time = 1e-3 * (time.thread_time_ns() - begin) / count
+            calls_in_a_row[k] = CALLS_IN_A_ROW if call_time < SHORT_CALL else 1
+            if turn >= warm_up:
+                call_times[k].append(call_time)
+                step_times[k].append(1e6 * (step_time / count))
+    return call_times, step_times
 
 
 def measure_methods(

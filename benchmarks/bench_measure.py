@@ -3,41 +3,30 @@
 from __future__ import annotations
 
 import math
-import os
-import platform
-import statistics
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from datetime import date
-from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from bench_scenes import Case, Variant, case_variants
 from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from ksd.bench.suite import REFERENCE_MESH, Case, Variant, case_variants
-from ksd.errors import ConvergenceError, KsdError
+from ksd.cli.bench import machine_facts
+from ksd.errors import KsdError
 from ksd.library.result_files import json_object
-from ksd.model.compile import Model, compile_scene
+from ksd.model.compile import compile_scene
 from ksd.solvers.configuration import Configuration
-from ksd.solvers.conventional import solve_conventional
-from ksd.solvers.solver import Solver
 from ksd.solvers.steps import percent
-from ksd.version import __version__
-
-WARM_UP_ROUNDS = 2
-"""Rounds that are not counted."""
-SLOW_CALL, MAX_TOTAL_TIME = 2e4, 1e6
-"""Time [us] of a first call above which a method is timed fewer times: at least three, and not longer than MAX_TOTAL_TIME
-[us] in total."""
-SHORT_CALL, CALLS_IN_A_ROW = 2e3, 5
-"""Of calls shorter than SHORT_CALL [us] the mean of CALLS_IN_A_ROW is taken, after one that is not timed: as in a loop over
-one mechanism, the cache of the processor is then filled by the method itself. Longer calls fill it in any case."""
-
+from ksd.study.compare import (
+    REFERENCE_MESH,
+    quartiles,
+    reference_configuration,
+    round_count,
+    time_in_turns,
+)
 
 ERROR_LABELS = {
     "force_error": "drive force",
@@ -87,14 +76,6 @@ class CaseResult:
     forces: Mapping[str, float]
 
 
-def quartiles(times: Sequence[float]) -> tuple[float, float, float]:
-    """Lower quartile, median, upper quartile."""
-    if len(times) < 2:
-        return (times[0],) * 3
-    low, median, high = statistics.quantiles(times, n=4, method="inclusive")
-    return low, median, high
-
-
 def measure(case: Case, *, quick: bool = False, repeats: int = 15) -> CaseResult:
     """Measure every method with every leaf model on `case`, in turns after WARM_UP_ROUNDS rounds.
 
@@ -120,49 +101,6 @@ def measure(case: Case, *, quick: bool = False, repeats: int = 15) -> CaseResult
         times = (quartiles(calls[k]), quartiles(steps[k]), first[k])
         rows[k] = _measurement(variants[k], pose, times, reference, reference_stiffness, case)
     return CaseResult(case.name, repeats, tuple(r for r in rows if r is not None), dict(reference.forces))
-
-
-def reference_configuration(
-    model: Model, targets: Mapping[str, float], *, extrapolate: bool
-) -> Configuration:
-    """The configuration that errors are relative to: conventional, or full where that does not converge."""
-    try:
-        return solve_conventional(model, targets)
-    except ConvergenceError:
-        return Solver(model, extrapolate=extrapolate)(targets, method="full", relinearisations=1)
-
-
-def round_count(first_call: float, repeats: int) -> int:
-    """Number of timed rounds of a method from the time [us] of its first call, which may include compilation."""
-    return repeats if first_call <= SLOW_CALL else max(3, min(repeats, int(MAX_TOTAL_TIME / first_call)))
-
-
-def time_in_turns(
-    calls: Mapping[int, Callable[[], Configuration]], rounds: Mapping[int, int]
-) -> tuple[dict[int, list[float]], dict[int, list[float]]]:
-    """Thread times [us] of the calls and of their steps; call k is timed rounds[k] times after the warm-up."""
-    calls_in_a_row = dict.fromkeys(calls, CALLS_IN_A_ROW)
-    call_times: dict[int, list[float]] = {k: [] for k in calls}
-    step_times: dict[int, list[float]] = {k: [] for k in calls}
-    for turn in range(WARM_UP_ROUNDS + max(rounds.values(), default=0)):
-        for k, solve in calls.items():
-            # slow ones need no warm-up
-            warm_up = WARM_UP_ROUNDS if rounds[k] > 3 else 0
-            if turn >= warm_up + rounds[k]:
-                continue
-            count = calls_in_a_row[k]
-            if turn >= warm_up and count > 1:
-                solve()
-            step_time = 0.0
-            begin = time.thread_time_ns()
-            for _ in range(count):
-                step_time += solve().time
-            call_time = 1e-3 * (time.thread_time_ns() - begin) / count
-            calls_in_a_row[k] = CALLS_IN_A_ROW if call_time < SHORT_CALL else 1
-            if turn >= warm_up:
-                call_times[k].append(call_time)
-                step_times[k].append(1e6 * (step_time / count))
-    return call_times, step_times
 
 
 def _support_stiffness(pose: Configuration, case: Case) -> np.ndarray:
@@ -220,29 +158,6 @@ def _failed(variant: Variant, reason: str) -> Measurement:
         variant.method, variant.leaves, variant.size, 0, unknown, unknown, math.nan, *unknown, False,
         variant.note, reason,
     )  # fmt: skip
-
-
-def machine_facts() -> dict[str, Any]:
-    """Date, processor and versions, without anything that identifies the computer."""
-    return {
-        "date": date.today().isoformat(),
-        "processor": _processor(),
-        "logical_cores": os.cpu_count(),
-        "load_average": round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None,
-        "python": platform.python_version(),
-        "ksd": __version__,
-        **{package: version(package) for package in ("numpy", "numba")},
-    }
-
-
-def _processor() -> str:
-    """Name of the processor, that of the machine type where it is unknown."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return platform.processor() or platform.machine()
-    names = [s.split(":", 1)[1].strip() for s in lines if s.startswith("model name")]
-    return names[0] if names else platform.machine()
 
 
 def is_accurate(row: Measurement) -> bool:

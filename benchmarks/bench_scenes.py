@@ -26,6 +26,7 @@ from ksd.solvers.configuration import Configuration
 from ksd.solvers.conventional import solve_conventional
 from ksd.solvers.solver import Method, Solver
 from ksd.solvers.storage import NewtonStorage
+from ksd.study.compare import raise_not_run
 from ksd.units import GPa, deg, mm
 
 Targets = dict[str, float]
@@ -187,15 +188,13 @@ SUITE: tuple[Case, ...] = (
         baseline=(), quick=2, no_modal=MODAL_TOO_SLOW,
     ),
 )  # fmt: skip
-"""All scenes of `ksd bench`."""
+"""All scenes of `bench.py`."""
 
 
 EPS_MAX_VALUES = (1e4, 1e5, 3e5, 1e6, 3e6, 1e7, 3e7, 1e8, 3e8, 1e9, math.inf)
 """Residual thresholds tried for plain Newton; the paper does not print its own."""
 ORDERS = (((3, 2, 4), 5), ((4, 2, 5), 6), ((4, 3, 6), 7), ((5, 3, 6), 8))
 """Strain-mode leaves compared: curvature modes about x, y, z, and points."""
-REFERENCE_MESH = Mesh(orders=(6, 5, 9), points=14)
-"""Leaf model of the reference that errors are relative to."""
 
 
 @dataclass(frozen=True)
@@ -311,11 +310,6 @@ def modal_variant(scene: Any, targets: Mapping[str, float], basis: Any, *, extra
     return Variant(
         "modal", label, basis.order, lambda: solver(targets, method="modal", estimate=False, strict=False)
     )
-
-
-def raise_not_run(reason: str) -> Configuration:
-    """Raise ConvergenceError with the reason why a variant is not run, in place of its solution."""
-    raise ConvergenceError(reason)
 
 
 def case_variants(case: Case, *, quick: bool) -> Iterator[Variant]:

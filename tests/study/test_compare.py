@@ -8,11 +8,10 @@ import pytest
 from scenes import STEEL, fourbar, single_joint
 
 import ksd
-from ksd.bench.compare import METHODS, compared_methods
-from ksd.bench.suite import REFERENCE_MESH
 from ksd.cli import main
 from ksd.errors import SceneError
 from ksd.model.mesh import Mesh
+from ksd.study.compare import METHODS, REFERENCE_MESH, compared_methods
 
 QUIET = {"progress": False, "repeats": 3}
 
@@ -97,7 +96,7 @@ def test_without_drives_the_way_of_the_links_is_the_answer():
 
 
 def test_modal_bodies_of_many_leaf_springs_wait_until_they_are_named(monkeypatch):
-    monkeypatch.setattr("ksd.bench.compare.MODAL_LEAVES", 2)
+    monkeypatch.setattr("ksd.study.compare.MODAL_LEAVES", 2)
     words = {"methods": None, **QUIET}
     table = ksd.compare(single_joint(), turn=0.2, **words)
     assert "name it in methods to wait for it" in row(table, "modal")["status"]
