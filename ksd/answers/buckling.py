@@ -65,7 +65,7 @@ from ksd.answers.uncondensed import (
 )
 from ksd.checks import names_of, wrench_of
 from ksd.errors import ConvergenceError, SceneError
-from ksd.model.arrays import STRAIN, TRANSLATION, State
+from ksd.model.arrays import TRANSLATION, State
 from ksd.model.compile import Model
 from ksd.model.newton import move_nodes
 
@@ -319,7 +319,7 @@ def _tangent_derivative(tangent: Tangent, loads: Array, rows: list[int], load_fa
     """
     model, motion = tangent.model, tangent.motion
     arrays = model.arrays
-    chains = not np.any(arrays.members.kind == STRAIN)
+    chains = not model.strain_leaves
 
     def at_state(state: State) -> Any:
         K = uncondensed_tangents(model, state, rows=rows, load_factor=load_factor)[0]
@@ -552,7 +552,7 @@ def _buckling_matrices(
     if load is None:
         stressed, K = uncondensed_tangents(exact, state, rows=rows, load_factor=load_factor)
         curvature = _stress_curvature(exact, state, state.inner, load_factor, weight_grows=True)
-        stretch = 0.0 if STRAIN in model.kinds else _largest_stretch(exact, state, None)
+        stretch = 0.0 if model.strain_leaves else _largest_stretch(exact, state, None)
         return _Pencil(K, stressed - K - curvature, curvature, np.inf, stretch).in_units(
             _natural_units(model, K.shape[0])
         )
@@ -631,7 +631,7 @@ def buckling(
     if link is None and largest <= rounding:
         raise SceneError("this state carries no stress, so nothing buckles; name a link and a load")
     mesh_error = np.full(len(factor), np.nan)
-    if conservative and STRAIN in fine.kinds:
+    if conservative and fine.strain_leaves:
         mesh_error = _mesh_error(fine, pencil, factor, vectors)
     elif len(factor):
         finer, finer_motion = twice_finer_state(fine, state, load_factor)

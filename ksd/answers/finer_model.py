@@ -21,7 +21,7 @@ from ksd.answers.derived import cached_per_model
 from ksd.answers.shape import member_ends, scene_leaves
 from ksd.elements.strain_values import strain_sizes
 from ksd.errors import SceneError
-from ksd.model.arrays import COROTATIONAL, SETTINGS, STRAIN, State, make_workspace
+from ksd.model.arrays import SETTINGS, State, make_workspace
 from ksd.model.compile import Model, remesh_model
 from ksd.model.leaves import piece_name
 from ksd.model.mesh import MAX_ORDER, Mesh, MixedMesh
@@ -40,7 +40,7 @@ error of a drive stiffness from a half to .3 to 2 %.
 @cached_per_model
 def finer_model(model: Model) -> Model:
     """The model with all nodes of chains as its own and one more mode per axis in strain-mode leaves."""
-    if COROTATIONAL in model.kinds:
+    if model.chains:
         _check_chains_are_straight(model)
     mesh = finer_mesh(model)
     if mesh == model.mesh:
@@ -51,7 +51,7 @@ def finer_model(model: Model) -> Model:
 
 def finer_mesh(model: Model) -> Mesh:
     """Mesh of `finer_model`."""
-    return _finer_mesh(model.mesh, STRAIN in model.kinds)
+    return _finer_mesh(model.mesh, bool(model.strain_leaves))
 
 
 def _check_chains_are_straight(model: Model) -> None:
@@ -85,7 +85,7 @@ def finer_state(model: Model, motion: State, *, load_factor: float = 1.0) -> tup
     if fine is model:
         return model, motion
     state = _expand_state(model, motion, fine)
-    if STRAIN in model.kinds:
+    if model.strain_leaves:
         take_step_at_fixed_rows(fine.arrays, state, load_factor, make_workspace(fine.arrays), MAX_STEP)
     return fine, state
 
@@ -127,7 +127,7 @@ def _expand_state(model: Model, motion: State, fine: Model) -> State:
     """State in the unknowns of the finer model: padded amplitudes, and the inner nodes and stresses of chains."""
     members, finer = model.arrays.members, fine.arrays.members
     state = fine.rest.copy()
-    if model.member_names == fine.member_names and model.kinds <= {STRAIN}:
+    if model.member_names == fine.member_names and model.has_strain_leaves_only:
         state.inner[finer_inner_index(members.number.tobytes(), finer.number.tobytes())] = motion.inner
         return motion.copy()._replace(inner=state.inner)
     index = {name: k for k, name in enumerate(fine.node_names)}
@@ -140,7 +140,7 @@ def _expand_state(model: Model, motion: State, fine: Model) -> State:
         inner = motion.inner[members.inner_at[i] : members.inner_at[i + 1]]
         if name in member:
             own = state.inner[finer.inner_at[member[name]] : finer.inner_at[member[name] + 1]]
-            if members.kind[i] == STRAIN:
+            if i in model.strain_leaves:
                 pad_amplitudes(members.number[i], inner, finer.number[member[name]], own)
             else:
                 own[:] = inner

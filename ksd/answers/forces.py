@@ -39,7 +39,7 @@ from ksd.answers.shape import (
 )
 from ksd.elements.ends import member_pose
 from ksd.errors import SceneError
-from ksd.model.arrays import COIL, STRAIN, TORSION, State, Workspace, make_workspace
+from ksd.model.arrays import COIL, TORSION, State, Workspace, make_workspace
 from ksd.model.compile import Model
 from ksd.model.newton import assemble, assemble_nodes
 from ksd.numerics.rotations import nearest_turn
@@ -107,7 +107,7 @@ def forces_of_members(
     wrenches = end_wrenches(model, motion, load_factor=load_factor)
     for group in (*leaf_groups(model), *chain_groups(model)):
         loads = local_loads(model, motion, group, load_factor)
-        if model.arrays.members.kind[group.members[0]] == STRAIN:
+        if not group.is_chain:
             curves = group_curves(model, motion, group, points, load_factor)
             wrench = motion.inner[group.inner_index[:, group.modes : group.modes + 6]]
             results = _forces_of_curves(curves, wrench, loads)
@@ -135,7 +135,7 @@ def _largest_components(forces: SectionForces) -> list[str]:
 def end_wrenches(model: Model, motion: State, *, load_factor: float = 1.0) -> Array:
     """Force and moment (members, 6) [N, Nm] on end q of every member, in its frame p."""
     found = np.empty((len(model.member_names), 6))
-    if model.kinds - {STRAIN}:
+    if not model.has_strain_leaves_only:
         # the assembly condenses the inner unknowns and stores the end wrenches
         held, work = np.zeros(len(motion.multiplier)), make_workspace(model.arrays)
         assemble(model.arrays, motion, held, load_factor, work)
@@ -145,15 +145,13 @@ def end_wrenches(model: Model, motion: State, *, load_factor: float = 1.0) -> Ar
     return found
 
 
-def strain_forces(
-    value: Array, inner: Array, number: NDArray[np.int64], points: int, loads: Array | None = None
-) -> tuple[Array, Array]:
-    """Stations (leaves, k) [m] and section forces (leaves, k, 6) of strain-mode leaves of one group.
+def strain_forces(value: Array, inner: Array, number: NDArray[np.int64], points: int) -> tuple[Array, Array]:
+    """Stations (leaves, k) [m], section forces (leaves, k, 6) of strain-mode leaves of one group, without loads along them.
 
-    value (leaves, v), inner: their constants and inner states; loads (leaves, D): load modes in their frames p.
+    value (leaves, v), inner: their constants and inner states.
     """
     modes = int(number[:3].sum())
-    return _forces_of_curves(strain_curves(value, number, inner, points, loads), inner[:, modes:], loads)
+    return _forces_of_curves(strain_curves(value, number, inner, points), inner[:, modes:], None)
 
 
 def _forces_of_curves(curves: tuple[Array, ...], wrench: Array, loads: Array | None) -> tuple[Array, Array]:

@@ -23,7 +23,7 @@ from ksd.answers.stress import stress_from_forces
 from ksd.answers.tangent import Tangent, assemble_and_factor, exact_tangent_arrays, row_values
 from ksd.checks import positive, show
 from ksd.errors import SceneError
-from ksd.model.arrays import STRAIN, State, make_workspace
+from ksd.model.arrays import State, make_workspace
 from ksd.model.compile import Model
 from ksd.model.newton import take_newton_step
 
@@ -106,7 +106,7 @@ def internal_stress(
                 f"leaf {show(name)} is not part of this mechanism; its leaf springs are {', '.join(names)}"
             )
     offset, rotation = positive(offset, "offset", unit="m"), positive(rotation, "rotation", unit="rad")
-    forces = (_strain_mode_change if model.kinds <= {STRAIN} else _chain_change)(
+    forces = (_strain_mode_change if model.has_strain_leaves_only else _chain_change)(
         model, motion, load_factor, points
     )
     largest, worst_leaf = _Misplacements(), _Misplacements()

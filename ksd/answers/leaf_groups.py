@@ -22,7 +22,7 @@ from ksd.elements.strain_uncondensed import (
     uncondensed_leaves,
 )
 from ksd.elements.strain_values import load_totals, strain_value_count
-from ksd.model.arrays import COROTATIONAL, STRAIN, State
+from ksd.model.arrays import State
 from ksd.model.compile import Model
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ class LeafGroup:
 
     members (k,): their numbers; number (SETTINGS,): common settings; value (k, v): constants; inner_index (k, N + 6):
     positions of their inner states in the flat inner state of the model; has_loads: they have weight or other loads along
-    them.
+    them; is_chain: they are chains of elements.
     """
 
     members: NDArray[np.int64]
@@ -42,6 +42,7 @@ class LeafGroup:
     value: Array
     inner_index: NDArray[np.int64]
     has_loads: bool = False
+    is_chain: bool = False
 
     @property
     def modes(self) -> int:
@@ -63,7 +64,7 @@ def leaf_groups(model: Model) -> tuple[LeafGroup, ...]:
     members = model.arrays.members
     found: dict[tuple[bytes, bytes, bool], list[int]] = {}
     has_loads = model.arrays.load_modes > 0
-    for i in np.flatnonzero(members.kind == STRAIN).tolist():
+    for i in model.strain_leaves:
         own = members.value[members.value_at[i] :]
         layout = members.number[i].tobytes(), own[panel_table_slice(members.number[i])].tobytes()
         found.setdefault((*layout, bool(has_loads[i])), []).append(i)
@@ -83,14 +84,16 @@ def chain_groups(model: Model) -> tuple[LeafGroup, ...]:
     masses."""
     members, has_loads = model.arrays.members, model.arrays.load_modes > 0
     found: dict[tuple[int, bool], list[int]] = {}
-    for i in np.flatnonzero(members.kind == COROTATIONAL).tolist():
+    for i in model.chains:
         found.setdefault((int(members.number[i, 0]), bool(has_loads[i])), []).append(i)
     groups = []
     for (count, weighs), same in found.items():
         size = 16 * count + 9 + weighs * (count + 1)
         value = np.stack([members.value[members.value_at[i] :][:size] for i in same])
         inner_index = members.inner_at[same][:, None] + np.arange(12 * (count - 1))
-        groups.append(LeafGroup(np.array(same), members.number[same[0]], value, inner_index, weighs))
+        groups.append(
+            LeafGroup(np.array(same), members.number[same[0]], value, inner_index, weighs, is_chain=True)
+        )
     return tuple(groups)
 
 
@@ -168,7 +171,7 @@ def local_loads(model: Model, motion: State, group: LeafGroup, load_factor: floa
         return None
     members, weight = model.arrays.members, model.arrays.weight[group.members]
     frame = motion.R[members.node[group.members, 0]] @ members.frame[group.members, 0]
-    modes = max(int(group.number[5]), 1) if members.kind[group.members[0]] == STRAIN else 1
+    modes = 1 if group.is_chain else max(int(group.number[5]), 1)
     given = weight[:, 1 : 1 + 3 * min(modes, GIVEN_MODES)].reshape(len(weight), -1, 3)
     local = load_factor * (given @ frame).reshape(len(weight), -1)
     follows = np.arange(1, 1 + 3 * max(modes - GIVEN_MODES, 0))

@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 from ksd.answers.derived import cached_per_model
 from ksd.answers.forces import forces_of_members
 from ksd.elements.rod import NODES, ROD, WEIGHTS, unloaded_rod_end
-from ksd.model.arrays import STRAIN, State
+from ksd.model.arrays import State
 from ksd.model.compile import Model
 from ksd.model.leaves import (
     cut_leaves,
@@ -214,7 +214,7 @@ def with_plate_moments(model: Model, motion: State, cut: RodParts) -> RodParts:
     for i, name in enumerate(model.member_names):
         leaf, _ = _leaf_and_mesh(model, name)
         plate = None if leaf.condition is None else leaf.condition.plate
-        if plate is None or model.arrays.members.kind[i] != STRAIN:
+        if plate is None or i not in model.strain_leaves:
             continue
         own = slice(*rods.at_step[rods.at_part[[i, i + 1]]])
         along = np.cumsum(rods.step[own]) - rods.step[own]

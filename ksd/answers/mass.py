@@ -31,7 +31,7 @@ from ksd.answers.shape import leaf_members, member_arrays, member_ends, scene_le
 from ksd.elements.corotational_values import ElementSection, element_mass, shear_ratios
 from ksd.elements.strain_uncondensed import BUBBLES, bubble_flexibility, quadrature_points, strain_mass_root
 from ksd.errors import SceneError
-from ksd.model.arrays import STRAIN, State
+from ksd.model.arrays import State
 from ksd.model.compile import Model
 from ksd.model.leaves import mass_density
 
@@ -126,7 +126,7 @@ def member_leaves(model: Model) -> dict[int, tuple[Any, Array]]:
         ends = np.cumsum([0.0, *members.length[numbers]]) / members.length[numbers].sum()
         for i, (first, last) in zip(numbers, pairwise(ends), strict=True):
             at = np.array([0.5])
-            if members.kind[i] == STRAIN:
+            if i in model.strain_leaves:
                 at = quadrature_points(members.value[members.value_at[i] :], members.number[i])
             at = first + (last - first) * at
             found[i] = leaves[name], leaf_line_mass(leaves[name], at)
@@ -155,7 +155,7 @@ def stack_nodes(model: Model) -> list[NDArray[np.int64]]:
     """Nodes (k, 2), or (k, 1) of point masses, of every stack of `Inertia`."""
     members = model.arrays.members
     leaves = [members.node[group.members] for group in leaf_groups(model)]
-    chains = [members.node[i][None] for i in np.flatnonzero(members.kind != STRAIN).tolist()]
+    chains = [members.node[i][None] for i in model.chains]
     masses = [np.array([[model.scene.links.index(m.link)]]) for m in model.scene.masses]
     return [*leaves, *chains, *masses]
 
@@ -205,7 +205,7 @@ def assemble_inertia(
             size, unknowns = size + own.size, np.hstack([unknowns, own])
             bubbles.append((own, bubble_flexibility(leaf.parts)))
         stacks.append((unknowns, root[:, :, : unknowns.shape[1]]))
-    for i in np.flatnonzero(members.kind != STRAIN).tolist():
+    for i in model.chains:
         root = _square_root(_chain_element(model, motion, i, owner[i][0], line_of(i)[0]))
         stacks.append((node_unknowns(model, members.node[i][None]), root))
     for mass in model.scene.masses:

@@ -14,7 +14,7 @@ from ksd.answers.leaf_groups import elastic_stiffness, leaf_groups, node_unknown
 from ksd.answers.mass import Inertia, member_leaves
 from ksd.answers.uncondensed import element_stiffnesses, strain_rates
 from ksd.errors import SceneError
-from ksd.model.arrays import STRAIN, State
+from ksd.model.arrays import State
 from ksd.model.compile import Model
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ def material_stiffness(model: Model, motion: State, mass: Inertia, vectors: Arra
 
     Raises SceneError for chains beside strain-mode leaf springs.
     """
-    kinds, found = model.arrays.members.kind, np.zeros((len(model.member_names), len(vectors)))
+    found = np.zeros((len(model.member_names), len(vectors)))
     padded = np.vstack([vectors.T, np.zeros((1, len(vectors)))])
     for group, leaf, (own, Z) in zip(leaf_groups(model), mass.leaves, mass.bubbles, strict=True):
         nodes = padded[node_unknowns(model, model.arrays.members.node[group.members])]
@@ -47,9 +47,9 @@ def material_stiffness(model: Model, motion: State, mass: Inertia, vectors: Arra
         longer = moved[:, :3] - leaf.parts.J[:, :3] @ bent
         for change, stiff in ((longer, np.linalg.pinv(leaf.parts.S)), (padded[own], np.linalg.inv(Z))):
             found[group.members] += np.einsum("kim,kij,kjm->km", change, stiff, change)
-    if (kinds == STRAIN).all():
+    if model.has_strain_leaves_only:
         return found
-    if (kinds == STRAIN).any():
+    if model.strain_leaves:
         raise SceneError("loss factors: some leaf springs are chains of elements; use one leaf model for all")
     strain = strain_rates(model, motion) @ padded[node_unknowns(model, model.arrays.members.node)]
     found[:] = np.einsum("kim,kij,kjm->km", strain, element_stiffnesses(model), strain)

@@ -85,7 +85,7 @@ class ModeAdequacy(NamedTuple):
 
 def mode_adequacy(model: Model, motion: State) -> ModeAdequacy:
     """Adequacy of the modes and quadrature points of the strain-mode leaves of a state."""
-    if STRAIN not in model.kinds:
+    if not model.strain_leaves:
         return ModeAdequacy(0.0, "", 0, 0.0)
     m = model.arrays.members
     share, member, axis, turn = _worst_leaf(

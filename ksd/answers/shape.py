@@ -29,7 +29,7 @@ from ksd.answers.leaf_groups import (
 )
 from ksd.elements.strain_centreline import integrate_centrelines
 from ksd.elements.strain_values import loads_beyond
-from ksd.model.arrays import COROTATIONAL, SOLID, STRAIN, State
+from ksd.model.arrays import SOLID, State
 from ksd.model.compile import Model
 from ksd.model.leaves import whole_leaf_name
 from ksd.numerics.rotations import make_rotations
@@ -528,7 +528,7 @@ def centrelines(
     The curve of a state of a fast method ends a little off its clamp (its error); the gap is distributed along the leaf.
     """
     ends = end_frames(model, motion, group.members[which])
-    if model.arrays.members.kind[group.members[0]] == STRAIN:
+    if not group.is_chain:
         s, r, R, *_ = group_curves(model, motion, group, points, load_factor, which)
         r = r + (s / s[:, -1:])[..., None] * (ends.d - r[:, -1])[:, None]
     else:
@@ -559,7 +559,7 @@ def poses_along(
     They are interpolated between `points` stations of a strain-mode leaf, and by the cubics of `member_centreline` in
     chains.
     """
-    if model.arrays.members.kind[group.members[0]] == COROTATIONAL:
+    if group.is_chain:
         return _along_chains(model, motion, group, which, share)
     own, k = np.unique(which, return_inverse=True)
     s, r, R = centrelines(model, motion, group, own, points, load_factor)

@@ -31,7 +31,7 @@ from ksd.answers.tangent import (
 )
 from ksd.checks import names_of
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import STRAIN, TRANSLATION, State
+from ksd.model.arrays import TRANSLATION, State
 from ksd.model.compile import Model
 
 Array = NDArray[np.float64]
@@ -367,7 +367,7 @@ def finer_tangent(
     See `ksd.answers.finer_model`; models with chains stay as they are. Motions that only the drives and supports in
     `freed` hold are its `free`.
     """
-    if model.kinds <= {STRAIN}:
+    if model.has_strain_leaves_only:
         model, motion = finer_state(model, motion, load_factor=load_factor)
     return assemble_and_factor(model, motion, freed=freed, load_factor=load_factor, free_motions=True)
 

@@ -21,7 +21,7 @@ from ksd.answers.nonconservative import skew_tangent
 from ksd.answers.state_batch import StateBatch
 from ksd.checks import names_of
 from ksd.errors import KinematicsError, SceneError
-from ksd.model.arrays import COROTATIONAL, LINEAR, SOLID, Arrays, State, Workspace, make_workspace
+from ksd.model.arrays import LINEAR, SOLID, Arrays, State, Workspace, make_workspace
 from ksd.model.compile import Model
 from ksd.model.loading import term_slope
 from ksd.model.newton import SINGULAR_PIVOT, assemble, assemble_nodes
@@ -49,10 +49,10 @@ def exact_tangent_arrays(model: Model) -> Arrays:
     """Arrays of a model with the stresses of Appendix A chains taken from the state instead of extrapolated, as the exact
     tangent requires."""
     arrays = model.arrays
-    if COROTATIONAL not in model.kinds:
+    if not model.chains:
         return arrays
     number = arrays.members.number.copy()
-    number[arrays.members.kind == COROTATIONAL, 1] = 0
+    number[list(model.chains), 1] = 0
     return arrays.replace(members=arrays.members._replace(number=number))
 
 

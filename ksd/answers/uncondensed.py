@@ -28,7 +28,7 @@ from ksd.answers.leaf_groups import (
 from ksd.answers.nonconservative import skew_tangent
 from ksd.answers.tangent import release_rows, stored_matrix
 from ksd.elements.ends import geometric_tangent
-from ksd.model.arrays import COIL, STRAIN, TORSION, State, make_workspace
+from ksd.model.arrays import COIL, TORSION, State, make_workspace
 from ksd.model.compile import Model
 from ksd.model.loading import twist
 from ksd.model.newton import assemble, assemble_nodes
@@ -47,14 +47,14 @@ def uncondensed_tangents(
     model (no inner nodes); the results are then the node tangents.
     """
     arrays, skew = model.arrays, skew_tangent(model.arrays, motion, load_factor)
-    if np.any(arrays.members.kind == STRAIN):
+    if model.strain_leaves:
         stressed = _node_tangent(model, motion, rows, load_factor)
         unstressed = _node_tangent(_with_relaxed_springs(model, motion), _without_forces(motion), rows, 0.0)
     else:
         stressed = _chain_tangent(model, motion, rows, load_factor)
         unstressed = _unstressed_chains(model, motion, rows)
     stressed = stressed if skew is None else stressed + skew
-    if not np.any(arrays.members.kind == STRAIN):
+    if not model.strain_leaves:
         return csc_matrix(stressed), csc_matrix(unstressed)
     nodes = arrays.plan.unknowns
     every = np.arange(nodes)

@@ -32,7 +32,7 @@ from ksd.answers.tangent import AssembledTangent, assemble_tangent, factor_tange
 from ksd.elements.rod import ROD_LOADS
 from ksd.elements.strain_values import load_totals
 from ksd.errors import KinematicsError
-from ksd.model.arrays import STRAIN, State
+from ksd.model.arrays import State
 from ksd.model.compile import Model
 from ksd.model.newton import assemble_nodes, largest_rotation, move_nodes
 from ksd.model.rods import RodState, add_rods, move_rods
@@ -157,7 +157,7 @@ def _wrenches(assembled: AssembledTangent, load_factor: float) -> tuple[EndFrame
         pull = work.store[: members.store_at[i + 1]][-D * (10 + D) :]
         f, first = (pull[k : k + D].reshape(-1, 3) for k in (0, D))
         total = arrays.weight[i, :1]
-        if members.kind[i] == STRAIN and members.number[i, 5]:
+        if i in model.strain_leaves and members.number[i, 5]:
             total = load_totals(members.value[None, members.value_at[i] :], members.number[i])[0]
         at_p[i] += np.concatenate([total @ f, np.cross(first, f).sum(axis=0)])
     return ends, at_p, loads

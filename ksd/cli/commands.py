@@ -54,6 +54,7 @@ _SHARED_OPTIONS: dict[str, dict[str, Any]] = {
     "--json": {"metavar": "FILE", "help": "write every number; - is stdout, without tables"},
     "--plot": {"metavar": "FILE", "help": "write a picture (.png, .pdf, .svg) or a ParaView file (.vtu)"},
     "--quiet": {"action": "store_true", "help": "no progress bar"},
+    "--out": {"metavar": "FILE", "help": "write the table: .csv, .h5 or .mat"},
 }
 """Options that several commands share, with the arguments of `add_argument`."""
 _SOLVER_OPTIONS = tuple(_SHARED_OPTIONS)[2:11]
@@ -66,9 +67,19 @@ def _add_shared(parser: argparse.ArgumentParser, *words: str, **changes: str) ->
         parser.add_argument(word, **{**_SHARED_OPTIONS[word], **changes})
 
 
+def _add_texts(parser: argparse.ArgumentParser, *options: tuple[str, str, str], **words: Any) -> None:
+    """Add options that take a text: word, metavar and help of each; words: arguments of `add_argument` for all."""
+    for word, name, text in options:
+        parser.add_argument(word, metavar=name, help=text, **words)
+
+
+_REPEATED: dict[str, Any] = {"action": "append", "default": []}
+
+
 def _add_point(parser: argparse.ArgumentParser) -> None:
     """Add the options that say what is asked about, which [report] of a scene file may hold."""
-    for word, name, text in (
+    _add_texts(
+        parser,
         (
             "--link",
             "LINK",
@@ -85,10 +96,9 @@ def _add_point(parser: argparse.ArgumentParser) -> None:
             "DIRECTION",
             "the wanted direction of parasitic, x, y, z or three numbers, such as 1,1,0",
         ),
-    ):
-        parser.add_argument(word, metavar=name, help=text)
+    )
     help_text = "a drive or support that is let go for frequencies (all drives); may be repeated"
-    parser.add_argument("--freed", metavar="DRIVE", action="append", default=[], help=help_text)
+    _add_texts(parser, ("--freed", "DRIVE", help_text), **_REPEATED)
 
 
 def _add_demo(commands: Any) -> None:
@@ -135,7 +145,8 @@ def _add_new(commands: Any) -> None:
     )
     help_text = "centre lines of a drawing (.dxf), or input of SPACAR Light (.mat)"
     parser.add_argument("--from", dest="from_", metavar="FILE", help=help_text)
-    for word, name, text in (
+    _add_texts(
+        parser,
         (
             "--layers",
             "leaf=NAME,...",
@@ -145,8 +156,7 @@ def _add_new(commands: Any) -> None:
         ("--join", "LENGTH", "distance within which ends in the drawing meet (0.05mm)"),
         ("--thickness", "LENGTH", "of leaf springs of which the drawing does not tell it (0.5mm)"),
         ("--width", "LENGTH", "the same (10mm)"),
-    ):
-        parser.add_argument(word, metavar=name, help=text)
+    )
 
 
 def _add_export(commands: Any) -> None:
@@ -162,13 +172,13 @@ def _add_export(commands: Any) -> None:
     )
     parser.add_argument("--out", metavar="FILE", help="the file; beside the scene when left out")
     parser.add_argument("--undeformed", action="store_true", help="bodies as they are at rest")
-    for word, name, text in (
+    _add_texts(
+        parser,
         ("--view", "PLANE", "of the drawing: xy, xz or yz"),
         ("--margin", "LENGTH", "by which sheets go on in their clamps (10mm)"),
         ("--hole", "LENGTH", "diameter of holes in the margins (none)"),
         ("--tolerance", "LENGTH", "largest distance of a free curve from its polyline (0.001mm)"),
-    ):
-        parser.add_argument(word, metavar=name, help=text)
+    )
     _add_shared(parser, "--set", *_SOLVER_OPTIONS)
 
 
@@ -206,8 +216,7 @@ def _add_compare(commands: Any) -> None:
     _add_shared(parser, "scene", "--set")
     parser.add_argument("--method", action="append", metavar="M", help="only this one; may be repeated")
     _add_shared(parser, "--elements", help="elements per leaf in the rows that have such (5)")
-    _add_shared(parser, "--extrapolate", "--effects", "--with", "--without")
-    parser.add_argument("--out", metavar="FILE", help="write the table: .csv, .h5 or .mat")
+    _add_shared(parser, "--extrapolate", "--effects", "--with", "--without", "--out")
     _add_shared(parser, "--plot", help="write time against error (.png, .pdf, .svg)")
     _add_shared(parser, "--quiet")
 
@@ -257,7 +266,7 @@ def _add_live(commands: Any) -> None:
 def _add_vibration(parser: argparse.ArgumentParser) -> None:
     """Words of random vibration and of damping."""
     help_text = "a spectrum [unit^2/Hz], such as 'base y=1:1e-3,200:1e-3'; may be repeated"
-    parser.add_argument("--psd", metavar="INPUT=HZ:DENSITY,...", help=help_text, action="append", default=[])
+    _add_texts(parser, ("--psd", "INPUT=HZ:DENSITY,...", help_text), **_REPEATED)
     help_text = "of all modes (0.01), of each (0.01,0.02), Rayleigh's (5:0.01,100:0.02, by Hz), or materials"
     parser.add_argument("--damping", metavar="RATIO", help=help_text)
 
@@ -279,11 +288,10 @@ def _add_sweep(commands: Any) -> None:
         "force, drive_stiffness, support_stiffness, frequencies, vibration, stress, parasitic, energy, buckling, size, "
         "clearance or distance; may be repeated"
     )
-    parser.add_argument("--question", action="append", default=[], metavar="Q", help=help_text)
+    _add_texts(parser, ("--question", "Q", help_text), **_REPEATED)
     _add_vibration(parser)
     _add_point(parser)
-    _add_shared(parser, *_SOLVER_OPTIONS)
-    parser.add_argument("--out", metavar="FILE", help="write the table: .csv, .h5 or .mat")
+    _add_shared(parser, *_SOLVER_OPTIONS, "--out")
     _add_shared(parser, "--plot", help="write a picture of the answers (.png, .pdf, .svg)")
     parser.add_argument(
         "--resume", metavar="FILE", help="save finished poses in this file; run again with it to continue"
@@ -319,7 +327,7 @@ def _add_optimise(commands: Any) -> None:
     parser.add_argument(
         "--resume", metavar="FILE", help="save every design in this file; run again with it to continue"
     )
-    parser.add_argument("--out", metavar="FILE", help="write every design that was tried: .csv, .h5 or .mat")
+    _add_shared(parser, "--out", help="write every design that was tried: .csv, .h5 or .mat")
     _add_shared(parser, "--json")
     _add_shared(parser, "--plot", help="write a picture of the search (.png, .pdf, .svg)")
     parser.add_argument("--report", metavar="FILE", help="write an HTML page")
@@ -335,25 +343,21 @@ def _add_respond(commands: Any) -> None:
         "motions; with --psd root mean squares under random vibration.",
     )
     _add_shared(parser, "scene", "--set", *_SOLVER_OPTIONS)
-    repeated: dict[str, Any] = {"action": "append", "default": []}
-    for word, name, text in (
+    freed = "a drive or support that is let go, by default those of [report], else drives that are inputs or outputs"
+    _add_texts(
+        parser,
         ("--input", "NAME", "a drive (its force) or a load of the scene; may be repeated"),
         ("--base", "AXIS", "shake the base along x, y, z or about rx, ry, rz; may be repeated"),
         ("--output", "NAME", "a sensor or a drive; may be repeated"),
-        (
-            "--freed",
-            "DRIVE",
-            "a drive or support that is let go, by default those of [report], else drives that are inputs or outputs; may "
-            "be repeated",
-        ),
-    ):
-        parser.add_argument(word, metavar=name, help=text, **repeated)
+        ("--freed", "DRIVE", f"{freed}; may be repeated"),
+        **_REPEATED,
+    )
     help_text = "FROM:TO or FROM:TO:POINTS, such as 1Hz:2kHz:500; around the modes if left out"
     parser.add_argument("--frequencies", metavar="RANGE", help=help_text)
     _add_vibration(parser)
     help_text = "number of modes; chosen by the frequencies if left out"
     parser.add_argument("--modes", type=int, metavar="N", help=help_text)
-    parser.add_argument("--out", metavar="FILE", help="write gain, phase and error: .csv")
+    _add_shared(parser, "--out", help="write gain, phase and error: .csv")
     _add_shared(parser, "--json")
     _add_shared(parser, "--plot", help="write a Bode plot (.png, .pdf, .svg)")
 
@@ -368,7 +372,7 @@ def _add_simulate(commands: Any) -> None:
     _add_shared(
         parser, "--set", help="a drive value, or a word of [simulate], such as until=2s; may be repeated"
     )
-    parser.add_argument("--out", metavar="FILE", help="write all signals: .csv, .h5 or .mat")
+    _add_shared(parser, "--out", help="write all signals: .csv, .h5 or .mat")
     parser.add_argument(
         "--film",
         metavar="FILE",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from ksd.answers.doctor import doctor
-from ksd.cli.output import STDOUT, check_json, console, write_json
+from ksd.cli.output import check_json, show
 from ksd.scene.toml_file import load_scene
 
 
@@ -14,8 +14,5 @@ def run(options: argparse.Namespace) -> int:
     check_json(options.json)
     mechanism = load_scene(options.scene)[0]
     diagnosis = doctor(mechanism)
-    if options.json:
-        write_json(diagnosis.as_dict(), options.json)
-    if options.json != STDOUT:
-        console().print(str(diagnosis), markup=False, soft_wrap=True)
+    show(options.json, diagnosis.as_dict, str(diagnosis))
     return 0

@@ -7,7 +7,7 @@ import contextlib
 from pathlib import Path
 from typing import Any
 
-from ksd.cli.solve import OPTIONS, chosen_mesh, drive_value, effect_options, merged_options
+from ksd.cli.solve import OPTIONS, drive_value, merged_options, solver_options
 from ksd.errors import SceneError, SceneFileError
 from ksd.extras import live_package
 from ksd.interactive.live import serve_file
@@ -18,7 +18,7 @@ def run(options: argparse.Namespace) -> int:
     """Serve the page until Ctrl-C. A file with mistakes opens with them."""
     live_package("nicegui")
     file = Path(options.scene)
-    settings: dict[str, Any] = {}
+    settings: dict[str, Any] = dict.fromkeys(OPTIONS)
     values: dict[str, float] = {}
     if file.exists():
         with contextlib.suppress(SceneFileError):
@@ -29,16 +29,10 @@ def run(options: argparse.Namespace) -> int:
                 values = dict(drive_value(scene, text) for text in options.set)
     elif options.set:
         raise SceneError(f"--set: {file} is not there yet, so it has no drives.")
-    words = {
-        "method": settings.get("method"), "accuracy": settings.get("accuracy"),
-        "mesh": chosen_mesh(settings) if settings.get("elements") else None,
-        "relinearisations": settings.get("relinearisations") or 0, "extrapolate": bool(settings.get("extrapolate")),
-        "order": settings.get("order") or "loads", **effect_options(settings),
-    }  # fmt: skip
     serve_file(
         file,
         values,
-        options=words,
+        options=solver_options(settings),
         host=options.host,
         port=options.port,
         show=not options.no_browser,

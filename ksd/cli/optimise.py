@@ -7,13 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from ksd.cli.output import (
-    STDOUT,
     check_json,
     check_plot,
     check_table,
-    console,
     interrupt_message,
-    write_json,
+    show,
     write_table,
 )
 from ksd.cli.solve import number_or_text
@@ -41,22 +39,14 @@ def run(options: argparse.Namespace) -> int:
     if not words.get("robust", 0.0):
         # the file may hold the scatter of a robust optimum that is not asked for now
         words = {k: v for k, v in words.items() if k not in ("robust", "spread")}
-    again = (
-        "with --resume FILE the designs done are kept"
-        if options.resume is None
-        else f"the designs done are in {options.resume}, give the same command again to go on"
-    )
-    with interrupt_message(f"interrupted; nothing more was written, {again}"):
+    with interrupt_message("interrupted; nothing more was written", "the designs done", options.resume):
         try:
             best = optimise(job, **words, resume=options.resume, progress=not options.quiet)
         except ConvergenceError as failed:
             if isinstance(failed.result, Table):
                 write_table(failed.result, options.out)
             raise
-    if options.json:
-        write_json(best.as_dict(), options.json)
-    if options.json != STDOUT:
-        console().print(str(best), soft_wrap=True)
+    show(options.json, best.as_dict, str(best))
     write_table(best.table, options.out)
     if options.plot:
         best.plot(options.plot)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from ksd.view.figure import check_picture
 
 STDOUT = "-"
 TABLE_WRITERS = {".csv": "to_csv", ".h5": "to_hdf5", ".hdf5": "to_hdf5", ".mat": "to_mat"}
-"""Method of `ksd.Table` that writes a file, by its ending."""
+"""Method of `ksd.Table` and `ksd.History` that writes a file, by its ending."""
 
 
 def console() -> Any:
@@ -38,8 +38,12 @@ def console() -> Any:
 
 
 @contextmanager
-def interrupt_message(sentence: str) -> Iterator[None]:
-    """Context in which Ctrl-C ends the command with this sentence."""
+def interrupt_message(sentence: str, kept: str = "", resume: str | None = None) -> Iterator[None]:
+    """Context in which Ctrl-C ends the command with this sentence; kept: what the file `resume` holds, or would hold."""
+    if kept and resume is None:
+        sentence += f", with --resume FILE {kept} are kept"
+    elif kept:
+        sentence += f", {kept} are in {resume}, give the same command again to go on"
     try:
         yield
     except KeyboardInterrupt:
@@ -72,7 +76,7 @@ def check_table(path: str | None) -> None:
 
 
 def write_table(table: Any, path: str | None) -> None:
-    """Write a `ksd.Table` to `path`, if there is one."""
+    """Write a `ksd.Table` or `ksd.History` to `path`, if there is one."""
     if path is not None:
         getattr(table, TABLE_WRITERS[Path(path).suffix.lower()])(path)
 
@@ -85,6 +89,18 @@ def require_answers(table: Any) -> None:
         raise ConvergenceError(
             f"{len(failures)} of {len(table)} poses have no full answer; the first: {first}"
         )
+
+
+def show(
+    path: str | None, numbers: Callable[[], dict[str, Any]], *parts: Any, soft_wrap: bool = True
+) -> None:
+    """Write the numbers as JSON to `path`, if there is one, and print the parts unless stdout has the JSON."""
+    if path:
+        write_json(numbers(), path)
+    if path != STDOUT:
+        screen = console()
+        for part in parts:
+            screen.print(part, soft_wrap=soft_wrap)
 
 
 def write_json(numbers: dict[str, Any], path: str) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ksd.cli.output import console, interrupt_message, require_answers
-from ksd.cli.solve import effect_options, load_with_options, merged_options, point_options, solve_warm
+from ksd.cli.solve import load_with_options, merged_options, point_options, solve_warm, solver_options
 from ksd.errors import KsdError, SceneError
 from ksd.files import check_target, write_file
 from ksd.pages.report_page import ComparedSolve, report_page
@@ -36,16 +36,9 @@ def run(options: argparse.Namespace) -> int:
     check_target(target, what="--out")
     # a first solve raises the curvature modes where they are too few, and loads kernels, which the shown times exclude
     mesh = solve_warm(scene, targets, settings).model.mesh
-    method = {
-        "method": settings["method"],
-        "accuracy": settings["accuracy"],
-        "relinearisations": settings["relinearisations"] or 0,
-    }
-    extrapolate = bool(settings["extrapolate"])
-    solver = prepare(
-        scene, mesh=mesh, extrapolate=extrapolate, accuracy=settings["accuracy"], order=settings["order"] or "loads",
-        **effect_options(settings),
-    )  # fmt: skip
+    words = solver_options(settings) | {"mesh": mesh}
+    method = {key: words[key] for key in ("method", "accuracy", "relinearisations")}
+    solver = prepare(scene, **{k: v for k, v in words.items() if k not in ("method", "relinearisations")})
     pose = solver(targets, **method)
     point = point_options(written, options)
     freed = point.get("freed", pose.model.drive_names)
@@ -53,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
     with interrupt_message("interrupted; no report was written"):
         table = sweep(
             scene, {n: v * share for n, v in targets.items()}, together=True, progress=not options.quiet,
-            questions=_answerable_questions(scene, pose), extrapolate=extrapolate,
+            questions=_answerable_questions(scene, pose), extrapolate=solver.extrapolate,
             effects=solver.model.choice.present, order=solver.order, **method, **point,
         )  # fmt: skip
     compared = [

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
+from ksd.cli.output import check_json, check_plot, show
 from ksd.cli.solve import load_with_options, merged_options, number_or_text, solve_warm
 from ksd.errors import SceneError
 from ksd.files import check_target
@@ -32,21 +32,15 @@ def run(options: argparse.Namespace) -> int:
         "outputs": options.output or None, "damping": damping_value(options.damping), "modes": options.modes,
         "freed": options.freed or written["report"].get("freed"),
     }  # fmt: skip
-    screen = console()
     if options.psd:
         found = pose.random_vibration(spectra(options.psd), **words)
-        numbers = _random_numbers(found)
     else:
         found = pose.response(_frequencies(options.frequencies), inputs=inputs or None, **words)
-        numbers = _response_numbers(found)
         if options.out:
             found.to_csv(options.out)
         if options.plot:
             found.plot(options.plot)
-    if options.json:
-        write_json(numbers, options.json)
-    if options.json != STDOUT:
-        screen.print(str(found), soft_wrap=True)
+    show(options.json, lambda: (_random_numbers if options.psd else _response_numbers)(found), str(found))
     return 0
 
 

@@ -3,30 +3,24 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import Any
 
-from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
+from ksd.cli.output import check_json, check_plot, check_table, show, write_table
 from ksd.cli.solve import drive_value, number_or_text
 from ksd.errors import SceneError
 from ksd.files import check_target
 from ksd.library.result_files import json_object
 from ksd.scene.toml_file import load_scene
 from ksd.scene.toml_schema import SIMULATE
+from ksd.study.history import History
 from ksd.study.simulate import simulate
-
-WRITERS = {".csv": "to_csv", ".h5": "to_hdf5", ".hdf5": "to_hdf5", ".mat": "to_mat"}
-"""Method of `History` that writes the file of --out, by its ending."""
 
 
 def run(options: argparse.Namespace) -> int:
     """Simulate, print, write. Errors as in `ksd.load_scene` and `ksd.simulate`."""
     check_json(options.json)
     check_plot(options.plot)
-    if options.out is not None:
-        if Path(options.out).suffix.lower() not in WRITERS:
-            raise SceneError(f"--out {options.out}: the ending must be one of {', '.join(WRITERS)}")
-        check_target(options.out, what="--out")
+    check_table(options.out)
     if options.film is not None:
         check_target(options.film, what="--film")
     mechanism, targets, _ = load_scene(options.scene)
@@ -40,24 +34,20 @@ def run(options: argparse.Namespace) -> int:
     own = mechanism.simulation
     words["drives"] = {**targets, **({} if own is None else own.drives)}
     history = simulate(mechanism, **words, progress=not options.quiet)
-    if options.out:
-        getattr(history, WRITERS[Path(options.out).suffix.lower()])(options.out)
+    write_table(history, options.out)
     if options.plot:
         history.plot(path=options.plot)
     if options.film:
         history.animate(options.film)
-    if options.json:
-        columns = history.table().columns
-        write_json(
-            json_object(
-                {"steps": history.steps, "error": history.error, "stop": history.stop, "notes": history.notes}
-            )
-            | {"columns": {name: list(values) for name, values in columns.items() if name != "status"}},
-            options.json,
-        )
-    if options.json != STDOUT:
-        console().print(str(history), markup=False, soft_wrap=True)
+    show(options.json, lambda: _numbers(history), str(history))
     return 0
+
+
+def _numbers(history: History) -> dict[str, Any]:
+    """A history for JSON."""
+    facts = {"steps": history.steps, "error": history.error, "stop": history.stop, "notes": history.notes}
+    columns = history.table().columns
+    return json_object(facts) | {"columns": {n: list(v) for n, v in columns.items() if n != "status"}}
 
 
 def _word(name: str, value: str) -> Any:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ksd.checks import name_hint, warn_user
-from ksd.cli.output import STDOUT, check_json, check_plot, console, write_json
+from ksd.cli.output import check_json, check_plot, show
 from ksd.errors import SceneError, SceneWarning
 from ksd.model.mesh import Mesh
 from ksd.scene import Scene
@@ -36,12 +36,7 @@ def run(options: argparse.Namespace) -> int:
     scene, targets, written = load_with_options(options.scene, options.set)
     settings = merged_options(written, options)
     result = solve_warm(scene, targets, settings)
-    if options.json:
-        write_json(result.as_dict(), options.json)
-    if options.json != STDOUT:
-        screen = console()
-        for part in result.tables():
-            screen.print(part)
+    show(options.json, result.as_dict, *result.tables(), soft_wrap=False)
     if options.plot:
         result.view(options.plot) if Path(options.plot).suffix.lower() == ".vtu" else result.plot(
             options.plot
@@ -171,18 +166,19 @@ def number_or_text(value: str) -> float | str:
         return value
 
 
+def solver_options(settings: dict[str, Any]) -> dict[str, Any]:
+    """The arguments that `ksd.solve` and `ksd.sweep` share; mesh: of `elements` per leaf, None for strain-mode leaves."""
+    count = settings["elements"]
+    return {
+        "method": settings["method"], "accuracy": settings["accuracy"],
+        "mesh": None if count is None else Mesh(leaf="corotational", elements=count),
+        "relinearisations": settings["relinearisations"] or 0, "extrapolate": bool(settings["extrapolate"]),
+        "order": settings["order"] or "loads", **effect_options(settings),
+    }  # fmt: skip
+
+
 def solve_warm(scene: Any, targets: dict[str, float], settings: dict[str, Any]) -> Any:
     """The configuration by `ksd.solve`, repeated if quick, so that its times exclude the loading of kernels."""
-    options = {
-        "method": settings["method"], "accuracy": settings["accuracy"], "mesh": chosen_mesh(settings),
-        "relinearisations": settings["relinearisations"] or 0, "extrapolate": bool(settings["extrapolate"]),
-        "order": settings["order"] or "loads", "side": settings["side"] or 0.0, **effect_options(settings),
-    }  # fmt: skip
+    options = solver_options(settings) | {"side": settings["side"] or 0.0}
     result = solve(scene, targets, **options)
     return solve(scene, targets, **options) if result.time < MAX_REPEATED_SOLVE else result
-
-
-def chosen_mesh(settings: dict[str, Any]) -> Any:
-    """The mesh of `elements` per leaf; None for strain-mode leaves."""
-    count = settings["elements"]
-    return None if count is None else Mesh(leaf="corotational", elements=count)

@@ -17,14 +17,7 @@ from ksd.cli.output import (
     write_table,
 )
 from ksd.cli.respond import damping_value, spectra
-from ksd.cli.solve import (
-    chosen_mesh,
-    drive_value,
-    effect_options,
-    load_with_options,
-    merged_options,
-    point_options,
-)
+from ksd.cli.solve import drive_value, load_with_options, merged_options, point_options, solver_options
 from ksd.errors import SceneError
 from ksd.study.sweep import sweep
 
@@ -39,18 +32,10 @@ def run(options: argparse.Namespace) -> int:
     if not varied:  # the values of the file are the end of the stroke
         varied = {n: np.linspace(0.0, v, DEFAULT_POSES) for n, v in targets.items()}
     stroke = {n: v for n, v in targets.items() if n not in varied} | varied
-    again = (
-        "with --resume FILE a sweep keeps its finished lines"
-        if options.resume is None
-        else f"finished lines are in {options.resume}, give the same command again to go on"
-    )
-    with interrupt_message(f"interrupted; no table was written, {again}"):
+    with interrupt_message("interrupted; no table was written", "finished lines", options.resume):
         table = sweep(
-            scene, stroke, **effect_options(settings), questions=tuple(options.question) or None, together=not options.set,
-            order=settings["order"] or "loads", **point_options(written, options),
-            mesh=chosen_mesh(settings), method=settings["method"], accuracy=settings["accuracy"],
-            relinearisations=settings["relinearisations"] or 0,
-            extrapolate=bool(settings["extrapolate"]), progress=not options.quiet, resume=options.resume,
+            scene, stroke, **solver_options(settings), questions=tuple(options.question) or None, together=not options.set,
+            **point_options(written, options), progress=not options.quiet, resume=options.resume,
             psd=spectra(options.psd) or None, damping=damping_value(options.damping),
         )  # fmt: skip
     console().print(str(table), soft_wrap=True)

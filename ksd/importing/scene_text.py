@@ -12,8 +12,6 @@ from ksd.errors import SceneError
 from ksd.scene.toml_file import scene_from_tables
 from ksd.scene.toml_writer import toml_tree_lines
 
-WIDTH = 110
-"""Largest length of a line of comments."""
 STEEL = {"E": "210 GPa", "nu": 0.3, "density": "7800 kg/m^3"}
 """The material of leaf springs of which a file says nothing."""
 

@@ -6,7 +6,7 @@ follow in their order as long as all of them together fit the time between two p
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -183,10 +183,10 @@ def sentence_of(reason: BaseException) -> str:
     )
 
 
-def parts_in_time(cost: dict[str, float], base: float, parts: Iterable[str] = FOLLOWING) -> tuple[str, ...]:
+def parts_in_time(cost: dict[str, float], base: float) -> tuple[str, ...]:
     """The following parts that fit between two pictures after `base` [s], by what each has cost [s]; forces always."""
     kept, total = [], base
-    for part in parts:
+    for part in FOLLOWING:
         total += cost.get(part, 0.0)
         if part != "forces" and total > BETWEEN_PICTURES:
             break

@@ -14,7 +14,7 @@ from ksd.elements.corotational_values import sizes as chain_sizes
 from ksd.errors import SceneError
 from ksd.modal.choices import ModalBasis
 from ksd.modal.leaf_basis import LeafBasis, LeafShape, chain_element_constants, make_basis, undeformed_basis
-from ksd.model.arrays import COROTATIONAL, State
+from ksd.model.arrays import State
 from ksd.model.compile import Model, compile_as_is
 from ksd.model.constant_leaves import equilibrate_bent_leaves, is_constant
 from ksd.model.mesh import Mesh, MixedMesh
@@ -93,7 +93,7 @@ def _member_index(model: Model, names: Collection[str]) -> Callable[[str], int]:
             raise SceneError(f"there is no leaf '{name}' to reduce; the leaf springs are: {', '.join(index)}")
         i = index[name]
         count = int(members.number[i, 0])
-        if members.kind[i] != COROTATIONAL or count < 2:
+        if i not in model.chains or count < 2:
             raise SceneError(
                 f"leaf '{name}' is not a chain of elements: compile with Mesh('corotational', elements=10)"
             )

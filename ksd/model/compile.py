@@ -16,7 +16,7 @@ import numpy as np
 from ksd.checks import MAX_MAGNITUDE, clear_argument_errors, number, show, similar_name_hint
 from ksd.errors import RecordError, SceneError
 from ksd.html import NotebookTables, PrintedText
-from ksd.model.arrays import FIELDS, LINEAR, MODAL, ROTATION, SOLID, Arrays, State
+from ksd.model.arrays import COROTATIONAL, FIELDS, LINEAR, MODAL, ROTATION, SOLID, STRAIN, Arrays, State
 from ksd.model.chosen_effects import EffectChoice, apply_effects, choose_effects
 from ksd.model.description import constraint_lines, curved_bar_text, effect_lines, shape_text
 from ksd.model.leaves import cut_leaves
@@ -218,6 +218,21 @@ class Model(NotebookTables):
     def kinds(self) -> frozenset[int]:
         """The kinds of its members: STRAIN, COROTATIONAL, ... of `ksd.model.arrays`."""
         return frozenset(self.arrays.members.kind.tolist())
+
+    @cached_property
+    def strain_leaves(self) -> tuple[int, ...]:
+        """Numbers of the members that are strain-mode leaf springs."""
+        return tuple(np.flatnonzero(self.arrays.members.kind == STRAIN).tolist())
+
+    @cached_property
+    def chains(self) -> tuple[int, ...]:
+        """Numbers of the members that are chains of Appendix A elements."""
+        return tuple(np.flatnonzero(self.arrays.members.kind == COROTATIONAL).tolist())
+
+    @property
+    def has_strain_leaves_only(self) -> bool:
+        """Whether every member is a strain-mode leaf spring."""
+        return len(self.strain_leaves) == len(self.member_names)
 
     def far_drives(self, values: Mapping[str, float]) -> tuple[str, ...]:
         """One sentence per drive value [m or rad] that was probably meant in another unit."""

@@ -19,7 +19,6 @@ from ksd.answers.printing import format_number
 from ksd.checks import boolean, clear_argument_errors, name_hint, show
 from ksd.checks import number as checked_number
 from ksd.errors import ConvergenceError, KsdError, SceneError
-from ksd.model.arrays import STRAIN
 from ksd.model.leaves import cut_leaves
 from ksd.model.mesh import Mesh
 from ksd.numerics.rotations import rotation_log
@@ -173,7 +172,7 @@ def _drawn_in_wanted_shape(
             f"rest_shape: the wanted pose is one of another mechanism, '{model.scene.name}'; give one of '{scene.name}' "
             "itself, or of one with its links, leaf springs and points by the same names."
         )
-    if (model.arrays.members.kind != STRAIN).any():
+    if not model.has_strain_leaves_only:
         raise SceneError(
             "rest_shape: the wanted pose is one of chains or reduced bodies; solve it without mesh= and basis=."
         )

@@ -12,7 +12,6 @@ import numpy as np
 from ksd.checks import (
     Vector,
     between,
-    clear_argument_errors,
     direction,
     name_hint,
     not_negative,
@@ -222,10 +221,6 @@ class Simulation:
         """Shortest duration [s] of a part of a function of time, inf where there is none."""
         return min((f.shortest for f in self.functions().values()), default=math.inf)
 
-    def relaxation_time(self, loss_factor: float) -> float:
-        """Ratio tau [s] of damping and stiffness of a material: eta / (2 pi f)."""
-        return loss_factor / (2.0 * math.pi * self.damping_at) if loss_factor else 0.0
-
     def check(self, scene: Any) -> tuple[str, ...]:
         """Sentences to say about this motion of a scene. Raises SceneError for what it cannot do."""
         drives = {d.name: d for d in scene.drives}
@@ -331,13 +326,6 @@ class Simulation:
                 f"{8 * numbers / 2**10:.3g} KiB), more than {MAX_HISTORY_BYTES >> 30} GiB; take a larger dt, or simulate in "
                 "parts, each from start=history[t] of the one before"
             )
-
-
-@clear_argument_errors
-def checked_simulation(scene: Any, **words: Any) -> tuple[Simulation, tuple[str, ...]]:
-    """The words of a motion of a scene, and sentences to say about them. Raises SceneError."""
-    simulation = Simulation(**words)
-    return simulation, simulation.check(scene)
 
 
 def _time(value: Any, what: str) -> float:

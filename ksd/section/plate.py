@@ -1,12 +1,11 @@
 """Plate stiffening: a wide leaf bends stiffer than a beam, where its cross-section cannot curl.
 
 Two things keep it from curling: clamps, which hold the end sections flat (`curl_along`), and bending to a large curvature,
-which would stretch the edges of a curled section (`plate_factor`, Ashwell's strip). `ksd.elements.plate_energy` has both.
+which would stretch the edges of a curled section (`free_curl`, Ashwell's strip). `ksd.elements.plate_energy` has both.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import NamedTuple
@@ -14,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial.legendre import Legendre, leggauss
 
-from ksd.checks import between, positive
 from ksd.section.along_leaf import AlongLeaf, element_points
 
 Array = np.ndarray
@@ -29,35 +27,12 @@ SHARE_LIMITS = 0.2, 2.0
 """Bounds of the factor by which the loss under linear moments changes that under constant ones."""
 
 
-def plate_factor(width: float, thickness: float, curvature: float, nu: float) -> float:
-    """Factor on E Iz of a strip bent to `curvature` [1/m]: 1 for a beam, 1/(1 - nu^2) for a wide plate.
-
-    M R / (E I) = [1 - nu^2 (3/(2p) (cosh p - cos p)/(sinh p + sin p) + sinh p sin p / (sinh p + sin p)^2)] / (1 - nu^2)
-    with p^2 = sqrt(3 (1 - nu^2)) w^2 |curvature| / t, Searle's parameter times a constant. Source: D. G. Ashwell, The
-    anticlastic curvature of rectangular beams and plates, J. Royal Aeronautical Society 54 (1950) 708-715. The cross-section
-    of the strip is free to curl, so the ends of a short leaf, where clamps hold it flat, are not modelled. Lengths in m, nu
-    Poisson's ratio. Raises SceneError for lengths that are not positive.
-    """
-    w = positive(width, "width", owner="plate factor", unit="m")
-    t = positive(thickness, "thickness", owner="plate factor", unit="m")
-    nu = between(nu, "nu", -1.0, 0.500001, owner="plate factor")
-    square = math.sqrt(3 * (1 - nu * nu)) * w * w * abs(curvature) / t
-    p = math.sqrt(square)
-    if p < 0.05:
-        # series of the inner bracket, without the cancellation of the closed form
-        bracket = 1.0 - square * square / 90.0
-    elif p > 300.0:
-        bracket = 1.5 / p
-    else:
-        edge = math.sinh(p) * math.sin(p) / (math.sinh(p) + math.sin(p)) ** 2
-        bracket = 0.75 * float(free_curl(np.array(p))) + edge
-    return (1.0 - nu * nu * bracket) / (1.0 - nu * nu)
-
-
 def free_curl(p: Array) -> Array:
-    """Mean curling of a bent strip over that of a narrow one, 2/p (cosh p - cos p)/(sinh p + sin p); p: of `plate_factor`.
+    """Mean curling of a bent strip over that of a narrow one, 2/p (cosh p - cos p)/(sinh p + sin p).
 
-    The energy of the strip is 1/2 D w kappa^2 (1 - nu^2 times this).
+    p^2 = sqrt(3 (1 - nu^2)) w^2 |kappa| / t, Searle's parameter times a constant. The energy of the strip is 1/2 D w kappa^2
+    (1 - nu^2 times this). Source: D. G. Ashwell, The anticlastic curvature of rectangular beams and plates, J. Royal
+    Aeronautical Society 54 (1950) 708-715.
     """
     q = np.clip(p, 0.05, 300.0)
     # in a very wide strip two free edges, each a layer of its own; in a narrow one a series without cancellation

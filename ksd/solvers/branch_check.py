@@ -17,7 +17,7 @@ import numpy as np
 
 from ksd.answers.derived import cached_per_model
 from ksd.errors import ConvergenceError
-from ksd.model.arrays import COROTATIONAL, State, carries_load
+from ksd.model.arrays import State, carries_load
 from ksd.model.compile import Model
 from ksd.model.newton import MAX_PREDICTOR_TURN, check_residual, largest_rotation
 from ksd.model.turns import counted_rotation, node_rotations, relative_angles
@@ -273,7 +273,7 @@ def _predicts_nothing(storage: NewtonStorage, begin: State, path: LoadPath) -> b
     """Whether a step over the whole path is cut, see `ksd.model.newton.MAX_PREDICTOR_TURN`, under loads that are weight."""
     model = storage.model
     # under loads without a potential the inertia is no verdict, nor is that of chains, whose stresses are extrapolated
-    if not len(model.arrays.weight) or not model.conservative or COROTATIONAL in model.kinds:
+    if not len(model.arrays.weight) or not model.conservative or model.chains:
         return False
     check_residual(model.arrays, begin.copy(), *path.values_at(1.0), storage.work, path.rtol)
     return largest_rotation(model.arrays, storage.work.rhs) > MAX_PREDICTOR_TURN

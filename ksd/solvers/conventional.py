@@ -83,14 +83,12 @@ def solve_conventional(
     return result
 
 
-def solve_without_loads(
-    model: Model, targets: Mapping[str, float], *, planar: bool | Literal["auto"] = "auto"
-) -> Configuration:
+def solve_without_loads(model: Model, targets: Mapping[str, float]) -> Configuration:
     """The equilibrium at `targets` without loads, with the model that has them and a load factor of 0. Raises
     ConvergenceError."""
     scene = replace(model.scene, loads=(), gravity=None, line_loads=(), pressures=())
     unloaded = replace(model, scene=scene, arrays=without_loads_arrays(model.arrays))
-    return replace(solve_conventional(unloaded, targets, planar=planar), model=model, load_factor=0.0)
+    return replace(solve_conventional(unloaded, targets), model=model, load_factor=0.0)
 
 
 def without_loads_arrays(arrays: Arrays) -> Arrays:

@@ -33,7 +33,7 @@ from ksd.answers.leaf_groups import (
 )
 from ksd.answers.tangent import exact_tangent_arrays
 from ksd.errors import ConvergenceError
-from ksd.model.arrays import COROTATIONAL, STRAIN, Arrays, State, Workspace, make_workspace
+from ksd.model.arrays import Arrays, State, Workspace, make_workspace
 from ksd.model.compile import Model, compile_as_is
 from ksd.model.leaves import whole_leaf_name
 from ksd.model.newton import RTOL, check_residual, solve_equilibrium, take_step
@@ -200,7 +200,7 @@ def refinement_step_suffices(pose: Configuration) -> bool:
     return (
         own is not None
         and own.relative <= NEGLIGIBLE_METHOD_ERROR
-        and model.kinds <= {STRAIN}
+        and model.has_strain_leaves_only
         and finer_model(model) is not model
     )
 
@@ -256,11 +256,11 @@ def _initial_state(model: Model, motion: State, fine: Model, load_factor: float)
     index = {name: k for k, name in enumerate(fine.member_names)}
     chains: dict[str, list[int]] = {}
     for i, name in enumerate(model.member_names):
-        if members.kind[i] == STRAIN:
+        if i in model.strain_leaves:
             k, inner = index[name], motion.inner[members.inner_at[i] : members.inner_at[i + 1]]
             own = slice(more.inner_at[k], more.inner_at[k + 1])
             pad_amplitudes(members.number[i], inner, more.number[k], state.inner[own])
-        elif members.kind[i] == COROTATIONAL:
+        elif i in model.chains:
             chains.setdefault(whole_leaf_name(name, index), []).append(i)
     forces = forces_of_members(model, motion, chains, MOMENT_STATIONS, load_factor) if chains else {}
     for group in leaf_groups(fine):

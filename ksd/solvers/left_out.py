@@ -16,7 +16,7 @@ from ksd.answers.printing import NamedAnswerTable, format_signed_percent
 from ksd.answers.stiffness import point_stiffness
 from ksd.answers.tangent import exact_tangent_arrays
 from ksd.errors import KsdError
-from ksd.model.arrays import SOLID, TRANSLATION, State
+from ksd.model.arrays import TRANSLATION, State
 from ksd.model.chosen_effects import with_conditions, with_twists
 from ksd.model.compile import Model, compile_as_is
 from ksd.model.plate_runs import is_wide, plate_conditions
@@ -62,7 +62,7 @@ def left_out(pose: Configuration) -> LeftOut:
     rounding, as those of an unloaded mechanism, the change is 0. Empty where nothing converged, and with solids.
     """
     model, motion = pose.unreduced_state
-    if not pose.converged or SOLID in model.kinds:
+    if not pose.converged or model.solids:
         return LeftOut({})
     target, factor = model.targets(pose.targets), pose.load_factor
     own = find_equilibrium(exact_tangent_arrays(model), motion.copy(), target, factor)

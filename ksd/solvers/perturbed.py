@@ -21,7 +21,7 @@ import numpy as np
 from ksd.answers.tangent import exact_tangent_arrays
 from ksd.checks import name_hint, number, show, without_whole_checks
 from ksd.errors import DESIGN_ERRORS, ConvergenceError, SceneError, reason_text
-from ksd.model.arrays import STRAIN, State, make_workspace
+from ksd.model.arrays import State, make_workspace
 from ksd.model.chosen_effects import apply_effects, with_conditions
 from ksd.model.compile import Model, model_of_design
 from ksd.model.mesh import Mesh, MixedMesh
@@ -274,7 +274,7 @@ class PerturbedEquilibria:
             for step, model in zip(self.steps, own_models, strict=True):
                 values = parameter.targets_at(here.targets, parameter.value + step * parameter.scale)
                 # steps come in pairs of opposite sign: the second one starts opposite to the first, a Newton step closer
-                opposite = len(own) % 2 == 1 and model.kinds <= {STRAIN} and parameter.is_central
+                opposite = len(own) % 2 == 1 and model.has_strain_leaves_only and parameter.is_central
                 start = _opposite_state(here.motion, own[-1].motion) if opposite else here.motion
                 found, first = self._equilibrium(here, model, start, values, parameter.name, first * opposite)
                 own.append(found)
@@ -350,7 +350,7 @@ def _compile_scenes(model: Model, mesh: Mesh, scenes: Sequence[Any]) -> list[Mod
     groups: dict[Template, list[tuple[int, Any, list[float]]]] = {}
     for k, scene in enumerate(scenes):
         plain = scene if model.choice is None else apply_effects(scene, mesh, model.choice)[0]
-        if mesh.plate and not model.kinds <= {STRAIN}:
+        if mesh.plate and not model.has_strain_leaves_only:
             plain = _with_secants(plain, model)
         drawing = split_scene(plain, mesh)
         groups.setdefault(template_of(drawing.layout, mesh), []).append((k, plain, drawing.numbers))
@@ -400,7 +400,7 @@ def _fixed_orders_mesh(model: Model) -> Mesh:
     options = {f.name: getattr(model.mesh, f.name) for f in fields(Mesh)}
     members = model.arrays.members
     names: dict[tuple[int, ...], list[str]] = {}
-    for i in np.flatnonzero(members.kind == STRAIN).tolist():
+    for i in model.strain_leaves:
         names.setdefault(tuple(members.number[i].tolist()), []).append(model.member_names[i])
     fixed = tuple(
         (_FixedOrdersMesh(**{**options, "orders": own[:3], "points": own[3]}), tuple(of))

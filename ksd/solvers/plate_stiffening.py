@@ -16,7 +16,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ksd.answers.forces import section_forces
-from ksd.model.arrays import STRAIN, State
+from ksd.model.arrays import State
 from ksd.model.chosen_effects import with_conditions
 from ksd.model.compile import Model, compile_as_is
 from ksd.model.leaves import rod_compliances, secant_compliances
@@ -65,7 +65,7 @@ def solve_with_secants(
     strain-mode leaves, or without plate stiffening, is solved once; `solver` is not changed.
     """
     found, own = solve(solver), solver
-    if not solver.model.mesh.plate or (not modal and solver.model.kinds <= {STRAIN}):
+    if not solver.model.mesh.plate or (not modal and solver.model.has_strain_leaves_only):
         return found, own
     for _ in range(MAX_ROUNDS):
         model, change = secant_model(solver.model, *found.unreduced_state)

@@ -153,15 +153,17 @@ def _dashpots_text(plant: Plant) -> str:
     return f", and {count} damper{'s' * (count > 1)}" * bool(count)
 
 
-def frequency_grid(frequency_Hz: Any, what: str = "frequency_Hz") -> Array:
+def frequency_grid(frequency_Hz: Any) -> Array:
     """Frequencies (n,) [Hz] given by the user, ascending; raises SceneError."""
     given = np.atleast_1d(np.asarray(frequency_Hz, dtype=object)).ravel()
     if not len(given):
-        raise SceneError(f"{what} is empty; give frequencies in Hz")
-    values = np.array([number(f, what, unit="Hz") for f in given.tolist()])
+        raise SceneError("frequency_Hz is empty; give frequencies in Hz")
+    values = np.array([number(f, "frequency_Hz", unit="Hz") for f in given.tolist()])
     if not np.all(values > 0.0):
         wrong = values[values <= 0.0][0]
-        raise SceneError(f"{what}: {wrong:g} Hz is not positive; the gain at 0 Hz is the static compliance")
+        raise SceneError(
+            f"frequency_Hz: {wrong:g} Hz is not positive; the gain at 0 Hz is the static compliance"
+        )
     return np.unique(values)
 
 

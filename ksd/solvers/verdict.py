@@ -30,7 +30,7 @@ from ksd.answers.doctor import doctor
 from ksd.answers.printing import format_number, format_signed_percent
 from ksd.answers.strength import unusual_values
 from ksd.errors import ConvergenceError, RangeError, TrustError
-from ksd.model.arrays import STRAIN, carries_load
+from ksd.model.arrays import carries_load
 from ksd.model.mesh import MAX_ORDER
 from ksd.scene.rules import plane_hint
 from ksd.solvers.branch_check import loads_dominate
@@ -124,7 +124,7 @@ def _over_rolled_leaf(c: Configuration) -> str:
     if c.mesh_adequacy.turn_per_point < MAX_TURN_PER_POINT:
         return ""
     members, inner, worst = c.model.arrays.members, c.motion.inner, ("", 0.0, 1)
-    for i in np.flatnonzero(members.kind == STRAIN).tolist():
+    for i in c.model.strain_leaves:
         nx, ny, _, points = members.number[i, :4].tolist()
         constant = inner[members.inner_at[i] + np.array([0, nx, nx + ny])]
         turn = float(np.linalg.norm(constant) * members.length[i])

@@ -15,7 +15,7 @@ from ksd.elements.corotational_values import ELEMENT_RECORD_SIZE, NODE_RECORD_SI
 from ksd.errors import ConvergenceError, SceneError
 from ksd.library.chains import element_axes, rotation_vectors
 from ksd.library.functions import Array, Mesh
-from ksd.model.arrays import COROTATIONAL, State
+from ksd.model.arrays import State
 from ksd.model.compile import Model, compile_as_is
 from ksd.model.mesh import Mesh as LeafMesh
 from ksd.model.reduced_bodies import relative_end_pose
@@ -154,7 +154,7 @@ def _read_groups(joint: Joint, model: Model, configurations: list[Configuration]
         "interface": block_poses(model, states, 1, np.asarray(joint.pose_B, float), joint.length),
         "blocks": np.stack(blocks, axis=1) if blocks else np.zeros((len(states), 0, 6)),
     }
-    if model.arrays.members.kind[0] == COROTATIONAL:
+    if model.chains:
         leaves = [_chain_rotations(model, states, i) for i in range(len(joint.leaves()))]
         return {**groups, "rotations": np.stack(leaves, axis=1)}
     pairs = [_strain_state(leaf, model, states, i) for i, leaf in enumerate(joint.leaves())]

@@ -14,12 +14,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def plot_bode(
-    frequency_Hz: Array, value: Any, labels: Sequence[str], units: Sequence[str], *, peaks: Any = None
-) -> Figure:
+def plot_bode(frequency_Hz: Array, value: Any, labels: Sequence[str], units: Sequence[str]) -> Figure:
     """Gain and phase of responses value (n, k) at frequencies (n,) [Hz]; curves of one unit share a panel of gains.
 
-    labels, units (k,): of the curves; peaks (k,): frequencies [Hz] that are marked.
+    labels, units (k,): of the curves.
     """
     panels = list(dict.fromkeys(units))
     figure = new_figure(7.0, 1.9 + 2.1 * len(panels))
@@ -34,8 +32,6 @@ def plot_bode(
             frequency_Hz, np.where(gain > 0.0, gain, np.nan), color=color, label=label, linewidth=1.4
         )
         below.semilogx(frequency_Hz, phase_in_degrees(value[:, k]), color=color, linewidth=1.4)
-        for f in () if peaks is None else peaks[k]:
-            above.axvline(f, color=color, linewidth=0.6, alpha=0.5, linestyle=":")
     for panel, unit in zip(axes[:-1, 0], panels, strict=True):
         label_axes(panel, "", y=f"gain [{unit}]")
         panel.legend(fontsize=7, loc="best")

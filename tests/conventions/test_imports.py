@@ -1,7 +1,7 @@
 """Imports go down the layers of the house, in no circle; heavy packages have one home each.
 
 Counted are imports anywhere in a file, inside functions too, and modules named in strings to be loaded later. Those for type
-checkers go down the layers as well and in no circle, but for the types in `NAMED_ABOVE`. The package itself
+checkers go down the layers as well and in no circle. The package itself
 (`ksd/__init__.py`) loads everything on its first use and is left out.
 """
 

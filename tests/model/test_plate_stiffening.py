@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from ashwell import plate_factor
 
 import ksd
 from ksd.errors import SceneError
-from ksd.section.plate import plate_factor
 from ksd.units import deg, mm
 
 STEEL = ksd.Material(E=200e9, nu=0.3)

@@ -11,10 +11,18 @@ from test_json_schema import SCHEMA, fits
 from test_toml import GOOD
 
 import ksd
+from ksd.checks import clear_argument_errors
 from ksd.errors import SceneError
 from ksd.scene.functions_of_time import as_function_of_time
-from ksd.scene.simulation import Simulation, checked_simulation, simulation_of_table, table_of_simulation
+from ksd.scene.simulation import Simulation, simulation_of_table, table_of_simulation
 from ksd.units import mm
+
+
+@clear_argument_errors
+def checked_simulation(scene, **words):
+    """The words of a motion, and what is said about them."""
+    simulation = Simulation(**words)
+    return simulation, simulation.check(scene)
 
 
 def guide(material=STEEL, mass=0.5, plane="xy"):
@@ -52,7 +60,6 @@ def test_what_is_understood():
     made, said = checked_simulation(guide(LOSSY).scene(), **words)
     assert made.until == 1.0 and made.dt == 2e-3 and made.accuracy is None and not said
     assert made.shortest == pytest.approx(0.011) and made.speeds["stage"] == (0.1, 0, 0, 0, 0, 0)
-    assert made.relaxation_time(0.02) == pytest.approx(0.02 / (2 * math.pi * 8.6))
     assert made.stop[0].excess(5e-3) == pytest.approx(1e-3) and made.stop[0].excess(0.0) < 0
     assert Simulation(until=1.0).accuracy == 1e-3
     again = simulation_of_table(table_of_simulation(made))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from ashwell import plate_factor
 from numpy.testing import assert_allclose
 
 from ksd.elements.plate_energy import curl_loss, plate_point
@@ -11,7 +12,6 @@ from ksd.section.plate import (
     Strips,
     curl_along,
     free_curl,
-    plate_factor,
 )
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from ashwell import plate_factor
 from effect_scenes import free_beam
 from published_effects import (
     ALPHA,
@@ -23,7 +24,6 @@ from scenes import cross_flexure
 import ksd
 from ksd.model.compile import compile_as_is
 from ksd.section import restrained_warping_factor
-from ksd.section.plate import plate_factor
 from ksd.solvers.conventional import solve_conventional
 
 MESHES = {"strain": ksd.Mesh(), "chain": ksd.Mesh("corotational", elements=8)}
