@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
+from ksd.answers.centrelines import leaf_members
 from ksd.answers.derived import cached_per_model
 from ksd.answers.printing import PrintableAnswer, format_number
-from ksd.answers.shape import LeafShape, leaf_members, mechanism_shape
+from ksd.answers.shape import LeafShape, mechanism_shape
 from ksd.errors import SceneError
 from ksd.model.arrays import State
 from ksd.model.compile import Model

@@ -17,8 +17,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from ksd.answers.centrelines import member_ends, scene_leaves
 from ksd.answers.derived import cached_per_model
-from ksd.answers.shape import member_ends, scene_leaves
 from ksd.elements.strain_values import strain_sizes
 from ksd.errors import SceneError
 from ksd.model.arrays import SETTINGS, State, make_workspace

@@ -24,9 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ksd.answers.leaf_groups import LeafGroup, chain_groups, leaf_groups, local_loads
-from ksd.answers.printing import NamedAnswerTable, PrintableAnswer, format_number, format_table
-from ksd.answers.shape import (
+from ksd.answers.centrelines import (
     DEFAULT_STATIONS,
     chain_lines,
     cross_rows,
@@ -34,10 +32,12 @@ from ksd.answers.shape import (
     leaf_members,
     member_arrays,
     member_ends,
-    point_position,
     strain_curves,
+    table_ends,
 )
-from ksd.elements.ends import member_pose
+from ksd.answers.leaf_groups import LeafGroup, chain_groups, leaf_groups, local_loads
+from ksd.answers.printing import NamedAnswerTable, PrintableAnswer, format_number, format_table
+from ksd.answers.shape import point_position
 from ksd.errors import SceneError
 from ksd.model.arrays import COIL, TORSION, State, Workspace, make_workspace
 from ksd.model.compile import Model
@@ -341,8 +341,8 @@ def leaf_end_forces(
         node = model.node_names[members.node[parts[0], 0]]
         found.append(InterfaceForce(name, node, first.start, first.frame @ force, first.frame @ moment))
         n, m = wrenches[parts[-1], :3], wrenches[parts[-1], 3:]
-        node, end = model.node_names[members.node[parts[-1], 1]], last.start + last.frame @ last.d
-        found.append(InterfaceForce(name, node, end, -(last.frame @ n), -(last.frame @ m)))
+        node = model.node_names[members.node[parts[-1], 1]]
+        found.append(InterfaceForce(name, node, last.end, -(last.frame @ n), -(last.frame @ m)))
     return found
 
 
@@ -368,15 +368,12 @@ def _hinge_forces(model: Model, motion: State, hinge: Any) -> list[InterfaceForc
 
 def _spring_forces(model: Model, motion: State, i: int, work: Workspace) -> list[InterfaceForce]:
     """Forces of spring or elastic link `i` on the nodes at its ends, from the assembled `work`."""
-    springs, R = model.arrays.springs, motion.R
-    a, b = springs.node[i].tolist()
-    start, end = (motion.x[n] + R[n] @ springs.offset[i, e] for e, n in enumerate((a, b)))
-    frame = R[a] @ springs.frame[i, 0]
-    n, m = work.lam[len(model.member_names) + i, :6].reshape(2, 3) @ frame.T
-    name = model.spring_names[i]
+    springs, name = model.arrays.springs, model.spring_names[i]
+    ends, (a, b) = table_ends(springs, motion, i), springs.node[i].tolist()
+    n, m = work.lam[len(model.member_names) + i, :6].reshape(2, 3) @ ends.frame.T
     return [
-        InterfaceForce(name, model.node_names[a], start, n, m + np.cross(end - start, n)),
-        InterfaceForce(name, model.node_names[b], end, -n, -m),
+        InterfaceForce(name, model.node_names[a], ends.start, n, m + np.cross(ends.end - ends.start, n)),
+        InterfaceForce(name, model.node_names[b], ends.end, -n, -m),
     ]
 
 
@@ -388,10 +385,8 @@ def spring_energy(model: Model, motion: State) -> dict[str, float]:
 def energy_of_one_spring(model: Model, motion: State, i: int) -> float:
     """Energy [J] of spring i: k (l - l0)^2 / 2, k (angle - rest)^2 / 2, or W xi + xi K xi / 2."""
     springs = model.arrays.springs
-    value, pose, Q = springs.value[springs.value_at[i] :], np.empty(18), np.empty((3, 3))
-    offset, frame = springs.offset[i].ravel(), springs.frame[i].ravel()
-    member_pose(springs.node[i], 0, offset, 0, frame, 0, motion.x, motion.R, pose, Q)
-    d = pose[:9].reshape(3, 3).T @ pose[15:]
+    value, ends = springs.value[springs.value_at[i] :], table_ends(springs, motion, i)
+    d, Q = ends.d, ends.Q
     if springs.kind[i] == COIL:
         return 0.5 * float(value[0]) * (math.sqrt(float(d @ d)) - float(value[1])) ** 2
     if springs.kind[i] == TORSION:

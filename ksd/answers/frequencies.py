@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from scipy.linalg import blas, cholesky, eig, eigh, lapack, null_space, solve_triangular
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, eigsh
 
+from ksd.answers.centrelines import scene_leaves
 from ksd.answers.finer_model import finer_state
 from ksd.answers.leaf_groups import leaf_groups
 from ksd.answers.mass import Inertia, assemble_inertia, base_load, centre_of_mass, stack_nodes
@@ -35,7 +36,6 @@ from ksd.answers.printing import (
     node_travel,
     released_text,
 )
-from ksd.answers.shape import scene_leaves
 from ksd.answers.stiffness import DIRECTIONS
 from ksd.answers.tangent import (
     Tangent,

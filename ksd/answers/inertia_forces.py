@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.answers.centrelines import cross_rows, leaf_members, strain_curves
 from ksd.answers.forces import SectionForces, section_forces
 from ksd.answers.leaf_groups import end_frames, leaf_groups
 from ksd.answers.mass import leaf_line_mass, member_leaves
 from ksd.answers.printing import NamedAnswerTable
-from ksd.answers.shape import cross_rows, leaf_members, strain_curves
 from ksd.model.arrays import State
 from ksd.model.compile import Model
 from ksd.model.leaves import mass_density

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from ksd.answers.centrelines import leaf_members, member_ends
 from ksd.answers.forces import SectionForces, section_forces
 from ksd.answers.leaf_groups import LeafFlexibility, inner_unknowns, leaf_flexibilities, leaf_groups
 from ksd.answers.printing import PrintableAnswer
-from ksd.answers.shape import leaf_members, member_ends
 from ksd.answers.stress import stress_from_forces
 from ksd.answers.tangent import Tangent, assemble_and_factor, exact_tangent_arrays, row_values
 from ksd.checks import positive, show

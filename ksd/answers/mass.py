@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.answers.centrelines import leaf_members, member_arrays, member_ends, scene_leaves
 from ksd.answers.derived import cached_per_model
 from ksd.answers.leaf_groups import (
     LeafFlexibility,
@@ -27,7 +28,6 @@ from ksd.answers.leaf_groups import (
     node_unknowns,
 )
 from ksd.answers.nonconservative import cross_matrix
-from ksd.answers.shape import leaf_members, member_arrays, member_ends, scene_leaves
 from ksd.elements.corotational_values import ElementSection, element_mass, shear_ratios
 from ksd.elements.strain_uncondensed import BUBBLES, bubble_flexibility, quadrature_points, strain_mass_root
 from ksd.errors import SceneError

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.answers.centrelines import curvature, leaf_members, scene_leaves
 from ksd.answers.forces import SectionForces, section_forces
 from ksd.answers.frequencies import Modes
 from ksd.answers.leaf_groups import leaf_groups, node_unknowns
-from ksd.answers.shape import curvature, leaf_members, scene_leaves
 from ksd.answers.stress import signed_stress
 from ksd.model.leaves import rigidities
 from ksd.model.newton import move_nodes

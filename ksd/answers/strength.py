@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ksd.answers.centrelines import scene_leaves
 from ksd.answers.derived import cached_per_model
 from ksd.answers.forces import section_forces
 from ksd.answers.printing import ROUNDING, PrintableAnswer, format_number
-from ksd.answers.shape import scene_leaves
 from ksd.answers.stress import LeafStress, stress_from_forces
 from ksd.model.arrays import State
 from ksd.model.compile import Model

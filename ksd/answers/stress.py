@@ -21,6 +21,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.answers.centrelines import (
+    DEFAULT_STATIONS,
+    leaf_members,
+    member_arrays,
+    member_ends,
+    scene_leaves,
+    strain_curves,
+)
 from ksd.answers.forces import SectionForces, forces_along, section_forces, spring_energy, strain_forces
 from ksd.answers.leaf_groups import (
     LeafGroup,
@@ -30,14 +38,6 @@ from ksd.answers.leaf_groups import (
     panel_table_slice,
 )
 from ksd.answers.printing import NamedAnswers, NamedAnswerTable, PrintableAnswer, format_number
-from ksd.answers.shape import (
-    DEFAULT_STATIONS,
-    leaf_members,
-    member_arrays,
-    member_ends,
-    scene_leaves,
-    strain_curves,
-)
 from ksd.answers.state_batch import StateBatch
 from ksd.elements import corotational
 from ksd.elements.strain_uncondensed import load_derivatives, stretch_shear_compliances

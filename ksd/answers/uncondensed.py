@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import block_diag, bmat, coo_matrix, csc_matrix
 
+from ksd.answers.centrelines import table_ends
 from ksd.answers.leaf_groups import (
     EndFrames,
     LeafGroup,
@@ -87,18 +88,15 @@ def _with_relaxed_springs(model: Model, motion: State) -> Model:
     arrays = model.arrays.copy()
     springs = arrays.springs
     for i, (a, b) in enumerate(springs.node.tolist()):
-        here, R = springs.value[springs.value_at[i] :], motion.R
-        frame = R[a] @ springs.frame[i, 0]
-        ends = [motion.x[n] + R[n] @ springs.offset[i, e] for e, n in enumerate((a, b))]
-        d = frame.T @ (ends[1] - ends[0])
+        here, R, ends = springs.value[springs.value_at[i] :], motion.R, table_ends(springs, motion, i)
         if springs.kind[i] == COIL:
-            here[1] = np.linalg.norm(d)
+            here[1] = np.linalg.norm(ends.d)
         elif springs.kind[i] == TORSION:
-            angle, _ = twist(R[a], R[b], frame[:, 2].copy(), np.zeros(3), np.zeros(3), np.zeros((3, 3)))
+            angle, _ = twist(R[a], R[b], ends.frame[:, 2].copy(), np.zeros(3), np.zeros(3), np.zeros((3, 3)))
             here[1] = nearest_turn(angle, motion.angle[len(model.arrays.terms.node) + i])
         else:
             # position and rotation at rest, then the wrench there
-            here[:3], here[3:12] = d, (frame.T @ R[b] @ springs.frame[i, 1]).ravel()
+            here[:3], here[3:12] = ends.d, ends.Q.ravel()
             here[12:18] = 0.0
     return replace(model, arrays=arrays)
 

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ksd.answers.centrelines import cross_rows, poses_along
 from ksd.answers.leaf_groups import EndFrames, chain_groups, end_frames, leaf_groups
 from ksd.answers.leaf_rods import (
     MAX_GROWTHS_PER_PART_WITH_WEIGHT,
@@ -27,7 +28,6 @@ from ksd.answers.leaf_rods import (
     with_plate_moments,
 )
 from ksd.answers.printing import PrintableAnswer, format_number, format_table, render_text
-from ksd.answers.shape import cross_rows, poses_along
 from ksd.answers.tangent import AssembledTangent, assemble_tangent, factor_tangent, skew_block
 from ksd.elements.rod import ROD_LOADS
 from ksd.elements.strain_values import load_totals

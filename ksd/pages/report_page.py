@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ksd.answers.shape import scene_leaves
+from ksd.answers.centrelines import scene_leaves
 from ksd.errors import KsdError
 from ksd.html import as_html
 from ksd.pages.page_parts import cards, document, escape, figure, format_cell, table

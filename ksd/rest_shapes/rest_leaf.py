@@ -17,7 +17,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from ksd.answers.shape import curvature, member_arrays, member_ends
+from ksd.answers.centrelines import curvature, member_arrays, member_ends
 from ksd.errors import SceneError
 from ksd.model.arrays import State
 from ksd.model.compile import Model

@@ -15,7 +15,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ksd.answers.shape import fitted_amplitudes, member_arrays, member_ends, quadrature_points, strains_along
+from ksd.answers.centrelines import (
+    fitted_amplitudes,
+    member_arrays,
+    member_ends,
+    quadrature_points,
+    strains_along,
+)
 from ksd.elements.strain_centreline import integrate_centrelines
 from ksd.errors import SceneError
 from ksd.model.arrays import State

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ksd.answers.shape import scene_leaves
+from ksd.answers.centrelines import scene_leaves
 from ksd.errors import SceneError
 from ksd.modal.leaf_bodies import with_modal_bodies
 from ksd.modal.solid_basis import SolidBasis, with_solids

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import ksd
+from ksd.answers.centrelines import curvature, member_arrays, member_ends
 from ksd.answers.forces import COMPONENTS, section_forces
-from ksd.answers.shape import curvature, member_arrays, member_ends
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.solvers.conventional import solve_conventional

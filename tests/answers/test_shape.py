@@ -5,16 +5,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import ksd
-from ksd.answers.leaf_groups import chain_groups, leaf_groups
-from ksd.answers.shape import (
+from ksd.answers.centrelines import (
     centrelines,
     curvature,
-    mechanism_shape,
     member_arrays,
     member_ends,
     poses_along,
     strain_curves,
 )
+from ksd.answers.leaf_groups import chain_groups, leaf_groups
+from ksd.answers.shape import mechanism_shape
 from ksd.model.compile import compile_scene
 from ksd.model.mesh import Mesh
 from ksd.solvers.conventional import solve_conventional

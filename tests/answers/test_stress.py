@@ -8,7 +8,7 @@ from scenes import STEEL, fourbar, single_joint
 
 import ksd
 from ksd.answers import stress as stresses
-from ksd.answers.shape import scene_leaves
+from ksd.answers.centrelines import scene_leaves
 from ksd.answers.state_batch import group_states
 from ksd.answers.stress import stress_points, torsion_factors
 from ksd.model.compile import compile_scene

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import ksd
 from ksd.answers import leaf_rods
-from ksd.answers.shape import member_ends
+from ksd.answers.centrelines import member_ends
 from ksd.answers.verify import verify
 from ksd.errors import ConvergenceError, SceneError
 from ksd.modal.solid import block

@@ -207,7 +207,7 @@ def test_animation_of_a_mode(tmp_path):
     moved = modes.moved(1, size)
     assert (moved.x - modes.motion.x) / size == pytest.approx(modes.shape[1, :, :3], abs=1e-9)
     # a leaf drawn from its own curvature ends where its link is, but for its stretch
-    from ksd.answers.shape import member_arrays, member_ends, strain_curves
+    from ksd.answers.centrelines import member_arrays, member_ends, strain_curves
 
     for i in range(len(modes.model.arrays.members.kind)):
         ends = [member_ends(modes.model, m, i).d for m in (modes.motion, moved)]
