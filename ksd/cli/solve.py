@@ -13,7 +13,6 @@ from ksd.cli.output import check_json, check_plot, show
 from ksd.errors import SceneError, SceneWarning
 from ksd.model.mesh import Mesh
 from ksd.scene import Scene
-from ksd.scene.drive import Drive
 from ksd.scene.plausibility import likely_unit
 from ksd.scene.toml_file import load_scene
 from ksd.scene.toml_table import quantity
@@ -139,7 +138,7 @@ def drive_value(scene: Any, text: str) -> tuple[str, float]:
     name, equals, value = (part.strip() for part in text.rpartition("="))
     dimensions = {drive.name: drive.dimension for drive in scene.drives}
     # limits of end stops, and what is wound up of a cable
-    dimensions |= {limit: Drive(s.name, s.terms).dimension for s in scene.stops for limit in s.limits}
+    dimensions |= {limit: s.dimension for s in scene.stops for limit in s.limits}
     dimensions |= {cable.name: "length" for cable in scene.cables}
     if not equals or not name:
         raise SceneError(f"--set {text}: write it as DRIVE=VALUE, for example --set top=300mm")

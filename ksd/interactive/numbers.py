@@ -20,7 +20,6 @@ from ksd.checks import Vector
 from ksd.errors import KsdError, reason_text
 from ksd.model.compile import Model
 from ksd.scene.drive import GROUND
-from ksd.solvers.answer import drive_kind
 from ksd.solvers.configuration import Configuration
 from ksd.solvers.report import verdict_lines
 from ksd.units import MPa, mm
@@ -64,7 +63,7 @@ def watched(pose: Configuration, link: str | None = None) -> tuple[str | None, V
 def forces(asked: Asked) -> list[Row]:
     """Drive forces, reactions, distances and stability."""
     pose, scene = asked.pose, asked.pose.model.scene
-    units = {d.name: "N" if drive_kind(d) == "translation" else "Nm" for d in scene.drives}
+    units = {d.name: "N" if d.dimension == "length" else "Nm" for d in scene.drives}
     rows = [
         (f"{'force' if units[n] == 'N' else 'moment'} of {n}", f"{format_number(v, 6)} {units[n]}", True)
         for n, v in pose.reported_forces.items()

@@ -65,6 +65,12 @@ class DriveTerm:
         return (self, -other)
 
 
+def dimension_of(terms: tuple[DriveTerm, ...]) -> str:
+    """Dimension of a sum of terms: "length", "angle", or "number" for terms of both kinds."""
+    kinds = {term.kind for term in terms}
+    return {"translation": "length", "rotation": "angle"}[kinds.pop()] if len(kinds) == 1 else "number"
+
+
 @dataclass(frozen=True)
 class Drive:
     """A prescribed sum of terms, sum_i coefficient_i * component_i; a support is a drive fixed at zero."""
@@ -82,9 +88,8 @@ class Drive:
 
     @property
     def dimension(self) -> str:
-        """Dimension of the drive value: "length", "angle", or "number" for terms of both kinds."""
-        kinds = {term.kind for term in self.terms}
-        return {"translation": "length", "rotation": "angle"}[kinds.pop()] if len(kinds) == 1 else "number"
+        """`dimension_of` its terms."""
+        return dimension_of(self.terms)
 
     def freedom(self) -> tuple[Any, ...]:
         """The prescribed component without its scale, sign and name; equal for two drives of one freedom."""

@@ -10,7 +10,7 @@ from typing import Any
 
 from ksd.checks import Vector, cross, not_negative, number, positive, show, vector, word
 from ksd.errors import SceneError
-from ksd.scene.drive import GROUND, Drive, DriveTerm
+from ksd.scene.drive import GROUND, Drive, DriveTerm, dimension_of
 from ksd.scene.shapes import ContactShape
 
 
@@ -41,6 +41,11 @@ class Stop:
         if self.low is None and self.high is None:
             raise SceneError(f"{owner}: give low=, high= or both, the values of the motion at its ends.")
         check_limits(owner, self.low, self.high)
+
+    @property
+    def dimension(self) -> str:
+        """Dimension of its limits, see `Drive.dimension`."""
+        return dimension_of(self.terms)
 
     @property
     def limits(self) -> dict[str, float]:

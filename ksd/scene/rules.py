@@ -126,11 +126,7 @@ def _closed_stops(scene: Scene) -> Iterator[str]:
         for name, value in stop.limits.items():
             key = name.rpartition(".")[2]
             if value > 0.0 if key == "low" else value < 0.0:
-                unit, size = (
-                    ("rad", value)
-                    if Drive(stop.name, stop.terms).dimension == "angle"
-                    else ("mm", 1e3 * value)
-                )
+                unit, size = ("rad", value) if stop.dimension == "angle" else ("mm", 1e3 * value)
                 yield (
                     f"stop '{stop.name}' is closed at rest by {abs(size):.4g} {unit}, as {key} = {value:g}; draw it open, "
                     f"and move it when solving: ksd.solve(scene, {{'{name}': {value:g}}})"

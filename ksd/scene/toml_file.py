@@ -45,7 +45,7 @@ from ksd.errors import SceneError, SceneFileError, SceneWarning, UnknownNameErro
 from ksd.files import named_file, read_file
 from ksd.scene import shapes
 from ksd.scene import toml_schema as schema
-from ksd.scene.drive import Drive, DriveTerm
+from ksd.scene.drive import Drive, DriveTerm, dimension_of
 from ksd.scene.effects import LinkMatrix
 from ksd.scene.families import joint_families, make_joint
 from ksd.scene.joint import DrawnJoint, Joint, Motion
@@ -380,7 +380,7 @@ class _SceneReader:
         table.read(dict.fromkeys(schema.LIMITS["number"], "any"))
         motion = {key: value for key, value in words.items() if key != "name"}
         parts, _ = table.call(self._or_invalid(self.mechanism._drive_terms), motion)
-        return table.read(schema.LIMITS[Drive("stop", parts).dimension])
+        return table.read(schema.LIMITS[dimension_of(parts)])
 
     def _read_via(self, table: Table) -> dict[str, list[tuple[str, Any]]]:
         """The argument `via` of a cable, if its table has it."""

@@ -184,15 +184,9 @@ def _trust(c: Configuration) -> dict[str, dict[str, Any]]:
     return {name: {"yes": bool(v.yes), "sentence": v.sentence} for name, v in vars(trust).items()}
 
 
-def drive_kind(drive: Any) -> str:
-    """ "translation", "rotation", or "mixed" for a sum of both."""
-    kinds = {term.kind for term in drive.terms}
-    return kinds.pop() if len(kinds) == 1 else "mixed"
-
-
-_EFFORT = {"translation": "force_N", "rotation": "moment_Nm", "mixed": "effort"}
-_EFFORT_ERROR = {"translation": "force_error_N", "rotation": "moment_error_Nm", "mixed": "effort_error"}
-_VALUE = {"translation": ("value_mm", 1e3), "rotation": ("value_deg", 180 / math.pi), "mixed": ("value", 1.0)}
+_EFFORT = {"length": "force_N", "angle": "moment_Nm", "number": "effort"}
+_EFFORT_ERROR = {"length": "force_error_N", "angle": "moment_error_Nm", "number": "effort_error"}
+_VALUE = {"length": ("value_mm", 1e3), "angle": ("value_deg", 180 / math.pi), "number": ("value", 1.0)}
 
 
 def _step(step: Any) -> dict[str, Any]:
@@ -215,13 +209,12 @@ def _step(step: Any) -> dict[str, Any]:
 def _drives(c: Configuration) -> dict[str, dict[str, float | None]]:
     drives, forces = {}, c.forces
     for i, drive in enumerate(c.model.scene.drives):
-        kind = drive_kind(drive)
-        key, factor = _VALUE[kind]
+        key, factor = _VALUE[drive.dimension]
         error = None if c.error is None else c.error.force[i]
         drives[drive.name] = {
             key: factor * c.targets[drive.name],
-            _EFFORT[kind]: forces[drive.name],
-            _EFFORT_ERROR[kind]: error,
+            _EFFORT[drive.dimension]: forces[drive.name],
+            _EFFORT_ERROR[drive.dimension]: error,
         }
     return drives
 
@@ -229,7 +222,7 @@ def _drives(c: Configuration) -> dict[str, dict[str, float | None]]:
 def _supports(c: Configuration) -> dict[str, dict[str, float | None]]:
     reactions = c.reactions
     return {
-        s.name: {_EFFORT[drive_kind(s)]: reactions[s.name]}
+        s.name: {_EFFORT[s.dimension]: reactions[s.name]}
         for s in c.model.scene.supports
         if s.name in reactions
     }

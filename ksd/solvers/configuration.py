@@ -50,7 +50,7 @@ from ksd.numerics.threads import small_matrices
 from ksd.scene.functions_of_time import HalfSine
 from ksd.scene.link import Link
 from ksd.scene.scene import PlacedJoint
-from ksd.solvers.answer import as_dict, drive_kind
+from ksd.solvers.answer import as_dict
 from ksd.solvers.contact_state import ContactPoint, OneSidedPart, Touched, contact_points, one_sided
 from ksd.solvers.error import (
     equilibrium_near,
@@ -307,7 +307,7 @@ class Configuration(NotebookTables, metaclass=_WithoutInside):
         farthest = max(float(arrays.size), float(np.abs(self.motion.x).max()))
         stiffness = float(arrays.members.stiffness_scale.max(initial=0.0))
         rounding = ROUNDING_MULTIPLE * np.finfo(float).eps * farthest * stiffness
-        rotations = {d.name for d in drives if drive_kind(d) != "translation"}
+        rotations = {d.name for d in drives if d.dimension != "length"}
         least = {n: rounding * (float(arrays.size) if n in rotations else 1.0) for n in self.forces}
         return {n: v if abs(v) > least[n] else 0.0 for n, v in self.forces.items()}
 

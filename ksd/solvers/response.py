@@ -197,9 +197,9 @@ def _peaks(frequency_Hz: Array, gain: Array) -> list[tuple[float, float]]:
     return found
 
 
-def respond(plant: Plant, frequency_Hz: Any = None) -> Response:
-    """Response of a plant at frequencies [Hz]; around its modes where None."""
-    grid = default_grid(plant) if frequency_Hz is None else frequency_grid(frequency_Hz)
+def respond(plant: Plant, grid: Array | None = None) -> Response:
+    """Response of a plant at frequencies (n,) [Hz] of `frequency_grid`; around its modes where None."""
+    grid = default_grid(plant) if grid is None else grid
     units = tuple(
         tuple(o if i == "1" else f"{o} per {i}" for i in plant.input_units) for o in plant.output_units
     )

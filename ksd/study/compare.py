@@ -19,7 +19,6 @@ from ksd.modal.choices import ModalBasis
 from ksd.model.compile import Model, compile_scene
 from ksd.model.mesh import Mesh
 from ksd.scene import Mechanism, Scene
-from ksd.solvers.answer import drive_kind
 from ksd.solvers.configuration import Configuration
 from ksd.solvers.conventional import solve_conventional
 from ksd.solvers.method_error import relative_error
@@ -374,7 +373,7 @@ def _force_error(pose: Configuration, forces: Mapping[str, float]) -> float:
     """Largest error of a drive force or moment over the largest of its kind; nan without drives, or where all are zero."""
     kinds: dict[str, list[str]] = {}
     for drive in pose.model.scene.drives:
-        kinds.setdefault(drive_kind(drive), []).append(drive.name)
+        kinds.setdefault(drive.dimension, []).append(drive.name)
     worst = math.nan
     for names in kinds.values():
         largest = max(abs(forces[n]) for n in names)
@@ -394,7 +393,7 @@ def _reported_error(pose: Configuration) -> float | None:
 
 def as_table(model: Model, reference: Reference, results: Sequence[MethodResult]) -> Table:
     """The results as a table; see `compare` for its columns."""
-    efforts = {d.name: f"{d.name}_{EFFORT_SUFFIX[drive_kind(d)]}" for d in model.original_scene.drives}
+    efforts = {d.name: f"{d.name}_{EFFORT_SUFFIX[d.dimension]}" for d in model.original_scene.drives}
     facts = {
         "about": "Times: median thread time of a call with all prepared; the error figure of fast methods (estimate_us) "
         "comes on top. Errors: the larger of force and displacement error, mesh included, against "

@@ -42,19 +42,18 @@ from ksd.checks import (
 )
 from ksd.errors import ConvergenceError, KsdError, SceneError
 from ksd.modal.leaf_bodies import full_model_state
-from ksd.solvers.answer import drive_kind
 from ksd.solvers.error import refined_configuration
 from ksd.solvers.random_vibration import check_spectra, rms_values
 from ksd.study.table import label_and_unit
 from ksd.study.tracking import SPARE_MODES, IntermediateModes, Tracks, follow_with_bisection
 
 Row = dict[str, Any]
-DRIVE_VALUE_UNITS = {"translation": ("mm", 1e3), "rotation": ("deg", 180 / np.pi), "mixed": ("SI", 1.0)}
-"""Unit of the column of a drive value and the factor to it from SI, by kind of drive."""
+DRIVE_VALUE_UNITS = {"length": ("mm", 1e3), "angle": ("deg", 180 / np.pi), "number": ("SI", 1.0)}
+"""Unit of the column of a drive value and the factor to it from SI, by its dimension."""
 POINT_QUESTIONS = ("support_stiffness", "parasitic")
 """Questions about a point of a link."""
-EFFORT_SUFFIX = {"translation": "force_N", "rotation": "moment_Nm", "mixed": "effort_SI"}
-"""End of the column name of a drive force or moment, by kind of drive."""
+EFFORT_SUFFIX = {"length": "force_N", "angle": "moment_Nm", "number": "effort_SI"}
+"""End of the column name of a drive force or moment, by dimension of the drive."""
 
 
 @dataclass(frozen=True)
@@ -201,7 +200,7 @@ def drive_columns(scene: Any) -> dict[str, tuple[str, float]]:
     """Column, such as "top_mm" or "hinge_deg", and factor (column = factor * SI) by drive name."""
     columns = {}
     for drive in scene.drives:
-        unit, factor = DRIVE_VALUE_UNITS[drive_kind(drive)]
+        unit, factor = DRIVE_VALUE_UNITS[drive.dimension]
         columns[drive.name] = f"{drive.name}_{unit}", factor
     return columns
 
@@ -210,7 +209,7 @@ def column_questions(scene: Any, modes: int, freed: Collection[str] | None = Non
     """Question by column, for all columns that a target or limit of a job can name; freed: drives, all when None."""
     columns: dict[str, str] = {}
     for drive in scene.drives:
-        columns[f"{drive.name}_{EFFORT_SUFFIX[drive_kind(drive)]}"] = "force"
+        columns[f"{drive.name}_{EFFORT_SUFFIX[drive.dimension]}"] = "force"
         unit = "Nm_per_rad" if drive.terms[0].kind == "rotation" else "N_per_m"
         columns[f"{drive.name}_stiffness_{unit}"] = "drive_stiffness"
     columns |= dict.fromkeys(_stop_columns(scene).values(), "force")
@@ -275,7 +274,7 @@ def _force(pose: Any, questions: Questions) -> Row:
     """Force or moment of every drive, with error columns where the method has an error estimate."""
     row, has_error = Row(), pose.method_error is not None
     for i, (drive, force) in enumerate(zip(pose.model.scene.drives, pose.forces.values(), strict=True)):
-        effort = EFFORT_SUFFIX[drive_kind(drive)]
+        effort = EFFORT_SUFFIX[drive.dimension]
         row[f"{drive.name}_{effort}"] = force
         if has_error:
             row[f"{drive.name}_error_{effort.rsplit('_', 1)[1]}"] = float(pose.error.force[i])
@@ -296,7 +295,7 @@ def contact_row(pose: Any) -> Row:
 
 def _stop_columns(scene: Any) -> dict[str, str]:
     """Column of the force of every limit of an end stop, such as "end.high_force_N", by the name of the limit."""
-    return {name: f"{name}_{EFFORT_SUFFIX[drive_kind(stop)]}" for stop in scene.stops for name in stop.limits}
+    return {name: f"{name}_{EFFORT_SUFFIX[stop.dimension]}" for stop in scene.stops for name in stop.limits}
 
 
 SUPPORT_COLUMNS = tuple(f"support_{d}_{'N_per_m' if len(d) == 1 else 'Nm_per_rad'}" for d in DIRECTIONS)

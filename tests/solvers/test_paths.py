@@ -1,5 +1,7 @@
 """Paths beside bifurcations that an imperfection has taken apart: none is left for another one that passes closely."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scenes import STEEL, fourbar
@@ -20,6 +22,12 @@ def arch(side, *, push=40.0):
     return scene
 
 
+@cache
+def perfect():
+    """The path of the arch that nothing pushes aside."""
+    return ksd.follow(arch(0.0))
+
+
 def sunk(path):
     return path.states[-1].displacement("top")[1]
 
@@ -28,13 +36,12 @@ def sunk(path):
 def test_an_arch_pushed_beside_its_middle_snaps_through(side):
     """The path of the arch turns sharply where that of the symmetric one has bifurcations; it went over to the symmetric one
     and back, and round until its steps were used."""
-    perfect = ksd.follow(arch(0.0))
     paths = [ksd.follow(arch(side), first=first) for first in (0.02, 0.005)]
     for path in paths:
         assert path.ended, path.stop
         assert path.limits == pytest.approx(paths[0].limits, rel=2e-3)
         # the arch hangs: what pushed it aside hardly matters
-        assert sunk(path) == pytest.approx(sunk(perfect), rel=2e-4)
+        assert sunk(path) == pytest.approx(sunk(perfect()), rel=2e-4)
     # every state is one step from the last
     for one, other in zip(paths[0].states, paths[0].states[1:], strict=False):
         assert np.abs(other.motion.x - one.motion.x).max() < 2 * arc.MAX_ARC * one.model.arrays.size
@@ -99,8 +106,7 @@ def test_a_path_that_comes_back_to_its_start_stops_there():
         assert path.factor[-1] > 0.0 and path.states[-1].stable
         assert np.abs(path.factor).max() < 1.0
     # another state without load is no way back
-    perfect = ksd.follow(arch(0.0))
-    assert perfect.ended and (np.diff(np.sign(perfect.factor[1:])) != 0).sum() == 2
+    assert perfect().ended and (np.diff(np.sign(perfect().factor[1:])) != 0).sum() == 2
 
 
 def test_a_double_bifurcation_is_told():

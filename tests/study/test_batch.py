@@ -112,7 +112,8 @@ def test_joints_with_weight_in_one_storage_answer_as_alone():
         scene.gravity = (0, -9.81 * share, 0)
         return scene
 
-    shares = [1.0, 30.0, 0.5, 10.0]
+    # none so heavy that its poses are walked in load steps
+    shares = [1.0, 12.0, 0.5, 10.0]
     found = ksd.batch(heavy, designs=[{"share": s} for s in shares], top=[0.05, 0.1], threads=1)
     for d, share in enumerate(shares):
         alone = PreparedDesign(Solver(heavy(share)).five_steps)({"top": np.array([0.05, 0.1])})
